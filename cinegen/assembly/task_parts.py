@@ -289,8 +289,8 @@ class TaskParts:
         return (LoopKind.BALL if motions.rotations == 3 else LoopKind.REVOLUTE), normal, translations
 
     def _related(self, used: set[str]) -> list[Coupling]:
-        """Return the couplings that relate joints of the parts to each other: none if other joints fulfil them, as
-        those of motors, whatever the values of the used ones."""
+        """Return the couplings that relate joints of the parts to each other: none if other joints, such as those that
+        drive them, fulfil them whatever the values of the used ones."""
         mechanism = self.mechanism
         couplings = [coupling for coupling in mechanism.couplings if used & coupling.terms.keys()]
         others = sorted({name for coupling in couplings for name in coupling.terms} - used - set(self._locked))
