@@ -29,6 +29,7 @@ _RANK = 1e-6  # singular values below this part of the largest are zeros: closin
 _NOTHING = 1e-9  # and below this, in any case: loops that no joint can open
 _WALK = 0.3  # rad or lengths: step between the random closed configurations
 _SAMPLES = 5  # random closed configurations on which the generic rank is counted
+_WALKS = 8  # to as many, if the rank is not clear there
 
 
 class LoopSystem(Protocol):
@@ -163,12 +164,12 @@ def close_within(system: LoopSystem, closed: Array, lower: Array, upper: Array) 
     return closed
 
 
-def rank(jacobian: Array) -> int:
-    """Return the number of independent rows of a Jacobian, from its singular values."""
+def rank(jacobian: Array, threshold: float = _RANK) -> int:
+    """Return the number of independent rows of a Jacobian: of singular values above this part of the largest."""
     if 0 in jacobian.shape:
         return 0
     s = np.linalg.svd(jacobian, compute_uv=False)
-    return int(np.count_nonzero(s > max(_RANK * s[0], _NOTHING)))
+    return int(np.count_nonzero(s > max(threshold * s[0], _NOTHING)))
 
 
 def closed_walk(system: LoopSystem, q: Array, samples: int, seed: int = 0) -> Iterator[Array]:
@@ -198,14 +199,21 @@ def closed_walk(system: LoopSystem, q: Array, samples: int, seed: int = 0) -> It
 def generic_rank(system: LoopSystem, q: Array) -> tuple[int, Array]:
     """Return the generic rank of the loops, and a closed configuration (nq,) where it is reached.
 
-    It is the largest rank on random closed configurations around the closed q, which may be singular itself. The
-    mobility is the number of degrees of freedom less this rank.
+    It is the largest rank on random closed configurations around the closed q, which may be singular itself. Where
+    branches of closed configurations meet at q, many walks end near q and near a singularity; further ones are made
+    then. The mobility is the number of degrees of freedom less this rank.
     """
     found, where = rank(system.evaluate(q)[1]), q
-    for there in closed_walk(system, q, _SAMPLES):
-        count = rank(system.evaluate(there)[1])
-        if count > found:
-            found, where = count, there
+    for walk in range(_WALKS):
+        is_clear = True
+        for there in closed_walk(system, q, _SAMPLES, walk):
+            jacobian = system.evaluate(there)[1]
+            count = rank(jacobian)
+            if count > found:
+                found, where = count, there
+            is_clear = is_clear and rank(jacobian, 1e-2 * _RANK) == rank(jacobian, 1e2 * _RANK)
+        if is_clear:
+            break
     return found, where
 
 

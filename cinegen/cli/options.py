@@ -75,6 +75,10 @@ class RobotOptions:
     )
     ignore_loops: bool = IGNORE_LOOPS
     ignore: list[str] = IGNORE
+    relax: bool | None = option(
+        "", "loops that are nearly redundant: use weaker joints (--no-relax: keep them; default: heal)", None,
+        "--relax/--no-relax",
+    )  # fmt: skip
     units: Literal["m", "mm"] = UNITS
 
     def load(self, files: Iterable[Path]) -> dict[str, tuple[Mechanism, Path]]:
@@ -95,7 +99,7 @@ class RobotOptions:
         for file in files:
             wanted = robots(file) if self.robot is None else [self.robot]
             for robot in wanted:
-                mechanism = load(file, robot, loops, self.ignore_loops, self.ignore)
+                mechanism = load(file, robot, loops, self.ignore_loops, self.ignore, self.relax)
                 stem = stem_of(file).encode(errors="replace").decode()  # a file's name need not be UTF-8
                 name = stem if len(wanted) == 1 else f"{stem}.{mechanism.name}"
                 while name in found:

@@ -13,16 +13,26 @@ from numpy.typing import ArrayLike, NDArray
 
 from cinegen.errors import CinegenError
 from cinegen.exception_log import ExceptionLog
-from cinegen.ik._kernels.memory import MOST_FLAGS, SolverMemory
+from cinegen.ik._kernels.memory import MOST_FLAGS, STATUS, SolverMemory
 from cinegen.ik._kernels.tick import tick
 from cinegen.ik.barrier import Barrier, Bounds
+from cinegen.ik.bifurcation import regular_neighbour
 from cinegen.ik.blend import Blend
 from cinegen.ik.equations import task_rank
 from cinegen.ik.objectives import Objective, State
 from cinegen.ik.setup import make_room_for_barriers, set_up_solver, set_up_solver_tasks
 from cinegen.ik.step import Layout, Step
 from cinegen.ik.task import FrameTask
-from cinegen.ik.thresholds import BEGIN, CLEARANCE_NEEDED, DONE, ERROR_CAP, PROPOSED, RANK_NEEDED, STEP_CAP
+from cinegen.ik.thresholds import (
+    BEGIN,
+    CLEARANCE_NEEDED,
+    DONE,
+    ERROR_CAP,
+    PROPOSED,
+    RANK_NEEDED,
+    REFUSED,
+    STEP_CAP,
+)
 from cinegen.jit.compiled import is_cached
 from cinegen.jit.foreign import SE3_DISTANCE
 from cinegen.jit.starting import InterpretedKernel, start
@@ -110,6 +120,7 @@ class Solver:
         self._earlier: Array | None = None  # records of the last two ticks: they tell how fast targets move
         self._latest: Array | None = None
         self.linearisation = Linearisation(np.zeros((0, 0)), np.zeros((0, 0)), np.zeros((0, 0)), 0)
+        self._refused_at = np.zeros(0)
         self.q = mechanism.q_home if q is None else q
 
     @property
@@ -618,12 +629,31 @@ class Solver:
             request = self._tick(self._handle)
         if keeps:  # nothing was proposed
             self.linearisation = self._linearise()
+        if self._memory.report[STATUS] == REFUSED and self._leave_bifurcation():
+            return self.step()
         record = self._record.copy()
         self._earlier, self._latest = self._latest, record
         if self._caught:
             caught, self._caught = self._caught, ()
             return Step(record, self._layout, caught)
         return Step(record, self._layout)
+
+    def _leave_bifurcation(self) -> bool:
+        """Move to a branch of closed configurations if several meet where a tick was refused; return whether it did."""
+        q, memory = self._q.copy(), self._memory
+        if self.mechanism.loops and not self._barriers and not np.array_equal(q, self._refused_at):
+            self._refused_at = q
+            is_number = memory.q_index >= 0
+            at = memory.q_index[is_number]
+            reach = (memory.longest_step * memory.scale)[is_number]
+            lower, upper = np.full(len(q), -np.inf), np.full(len(q), np.inf)
+            lower[at] = np.minimum(q[at], np.maximum(memory.lower[is_number], q[at] - reach))
+            upper[at] = np.maximum(q[at], np.minimum(memory.upper[is_number], q[at] + reach))
+            near = regular_neighbour(self.mechanism, q, lower, upper)
+            if near is not None:
+                self.q = near
+                return True
+        return False
 
 
 def tick_is_compiled() -> bool:

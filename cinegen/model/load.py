@@ -19,6 +19,7 @@ from cinegen.loops.closed_loops import ClosedLoops, LoopConstraint
 from cinegen.loops.clusters import subsystems
 from cinegen.model.limits import Limits
 from cinegen.model.mechanism import Mechanism, MechanismSource
+from cinegen.model.near_redundant import made_exact
 from cinegen.model.urdf import completed, kinematics, simple
 from raff2urdf import closure, readers
 from raff2urdf.analysis import loop_kind
@@ -43,6 +44,7 @@ def load(
     loops: Mapping[str, str] | None = None,
     ignore_loops: bool = False,
     ignore: Sequence[str] = (),
+    relax: bool | None = None,
 ) -> Mechanism:
     """Load a mechanism and close its loops.
 
@@ -56,6 +58,10 @@ def load(
             and one warning lists what was left out.
         ignore: loops and couplings to be left out, by name or by element, such as "pin" or "loop_joint"; or files next
             to a URDF, such as "robot.yaml".
+        relax: what is done with loops that are nearly redundant, because numbers are rounded. None: their geometry is
+            healed, by changes as small as rounding (`cinegen.model.healing`); where that fails, they are closed by
+            weaker joints. True: weaker joints are tried first; they may add to mobility. One warning tells what was
+            done. False: they stay as written; then they can't be closed, or hardly move.
 
     Raises:
         raff2urdf.RaffError: the RAFF file, or the constraints, are wrong: where and why.
@@ -70,7 +76,7 @@ def load(
             f"{path}: a kind is given for loop '{next(iter(loops))}', but all are to be ignored: leave one out"
         )
     if readers.holds_xml(path):
-        return _load_xml(path, robot, loops, ignore_loops, ignore)
+        return _load_xml(path, robot, loops, ignore_loops, ignore, relax)
     from raff2urdf.conversion import describe
     from raff2urdf.reader import parse as parse_raff
     from raff2urdf.reader import read
@@ -99,7 +105,7 @@ def load(
     urdf, constraints = describe(document, chosen, path.parent, loops)
     if ignore_loops and (open_loops or open_couplings):
         constraints = without_loops(constraints)
-    return build(urdf, constraints, name=str(path))
+    return build(urdf, constraints, name=str(path), relax=relax)
 
 
 def robots(path: str | Path) -> list[str | None]:
@@ -115,7 +121,12 @@ def robots(path: str | Path) -> list[str | None]:
 
 
 def _load_xml(
-    path: Path, robot: str | None, loops: Mapping[str, str] | None, ignore_loops: bool, ignore: Sequence[str]
+    path: Path,
+    robot: str | None,
+    loops: Mapping[str, str] | None,
+    ignore_loops: bool,
+    ignore: Sequence[str],
+    relax: bool | None,
 ) -> Mechanism:
     """Load a URDF with its sidecar file, an SDF or an MJCF."""
     try:
@@ -128,7 +139,7 @@ def _load_xml(
         if name not in entries:
             raise UnknownNameError("loop", name, tuple(entries))
         entries[name]["kind"] = loop_kind(kind).name.lower()
-    mechanism = build(found.urdf, constraints, str(path.parent), str(path), found.dialects, found.notes)
+    mechanism = build(found.urdf, constraints, str(path.parent), str(path), found.dialects, found.notes, relax)
     if constraints and not loops:
         _check_stated(mechanism, constraints, constraints_of(path))
     return mechanism
@@ -159,6 +170,7 @@ def build(
     name: str = "URDF",
     dialects: tuple[str, ...] = (),
     notes: tuple[str, ...] = (),
+    relax: bool | None = False,
 ) -> Mechanism:
     """Build a mechanism from a URDF's text and everything that a URDF cannot express.
 
@@ -171,6 +183,7 @@ def build(
         name: the file's, for errors.
         dialects: in which loops and couplings were declared.
         notes: about what was read.
+        relax: see `load`.
 
     Raises:
         LoadError: no URDF, or it lacks what the constraints name.
@@ -198,6 +211,9 @@ def build(
     if loops or couplings:
         gap = max(closure.gaps(system, q))
         q, limits = _followed(system, q), Limits(model, tuple(actuated))
+        exact = made_exact(urdf, given, system, q, relax is True, name) if given and relax is not False else None
+        if exact is not None:
+            return build(*exact, folder, name, dialects, notes)
         drawn = not any("home" in joint for joint in (given or {}).get("joints", []))
         ranks, determined, moved = _close(system, q, limits, actuated, drawn, f"{name}: robot '{constraints['robot']}'")
         notes += ("all joints at 0 is singular: home is a configuration near it",) if moved else ()

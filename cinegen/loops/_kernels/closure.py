@@ -180,6 +180,8 @@ def _factor_cluster(memory: LoopMemory, cluster: ClusterMemory, exact: bool) -> 
     _copy_unlocked(memory, cluster)
     u, b, square = cluster.left_vectors, cluster.right_vectors, cluster.squared_sigma
     decompose(f, rows, n, u, b, square, False)
+    if not exact:  # other rows are independent only by rounding, or because loops are open
+        square[rank:rows] = 0.0
     if free == n and rank > 0:  # reflections along the right singular vectors, for the null space
         cluster.sigma = math.sqrt(square[rank - 1])
         for i in range(rank):
