@@ -213,6 +213,56 @@ def pin_rotation(roll, pitch, yaw):
     return pin.rpy.rpyToMatrix(roll, pitch, yaw)
 
 
+# --- joints and plugins for Gazebo ---------------------------------------------------------------------------------
+
+
+def test_the_axis_of_a_gazebo_joint_is_in_its_own_frame_unless_told_otherwise(write):
+    """The joint's frame is rotated by 90 degrees about x: the normal of the plane is its y."""
+    joint = f'<joint name="pin" type="revolute">{SDF_ENDS}<pose>{ON_ROCKER} {np.pi / 2} 0 0</pose><axis>'
+    for axis in (
+        "<xyz>0 1 0</xyz>",
+        "<xyz>0 0 1</xyz><use_parent_model_frame>1</use_parent_model_frame>",
+        '<xyz expressed_in="ground">0 0 1</xyz>',
+        '<xyz expressed_in="__model__">0 0 1</xyz>',
+    ):
+        mechanism = cinegen.load(write(f"<gazebo>{joint}{axis}</axis></joint></gazebo>"))
+        assert mechanism.mobility == 1
+        assert mechanism.gap_as_written < 1e-15
+    mechanism = cinegen.load(write(f"<gazebo>{joint}<xyz>0 0 1</xyz></axis></joint></gazebo>"))
+    assert mechanism.mobility == 0  # a hinge in the plane
+
+
+def test_the_pose_of_a_gazebo_joint_may_be_relative_to_a_link(write):
+    pose = '<pose relative_to="ground">2 1 0 0 0 0</pose>'
+    joint = f'<joint name="pin" type="ball">{SDF_ENDS}{pose}</joint>'
+    mechanism = cinegen.load(write(f"<gazebo>{joint}</gazebo>"))
+    assert mechanism.gap_as_written < 1e-15
+    assert dragged(mechanism, 60)[0] <= 1e-10
+
+
+def test_a_gazebo_joint_to_the_world_ends_at_the_base(write):
+    joints = (
+        '<joint name="a" type="fixed"><parent>world</parent><child>ground</child></joint>'
+        '<joint name="b" type="revolute"><parent>world</parent><child>bars::coupler</child></joint>'
+    )
+    mechanism = cinegen.load(write(f"<gazebo>{joints}</gazebo>"))
+    assert [(loop.first, loop.second) for loop in mechanism.loops] == [("ground", "coupler")]
+    assert mechanism.mobility == 2  # the coupler rotates about its end, and the rocker; the crank stays
+
+
+def test_the_closed_loop_plugin_is_a_hinge_about_y(write):
+    upright = BARS.replace('xyz="0 0 1"', 'xyz="0 1 0"').replace('<origin xyz="0 1 0"/>', '<origin xyz="0 0 1"/>')
+    for place in ("<position>-0.5 0 1</position><rotation>0 0 0.7</rotation>", "<position>-0.5 0 1</position>"):
+        plugin = (
+            '<gazebo><plugin name="Closed" filename="libpegasus_gazebo_closed_loop_plugin.so">'
+            f"<joint>pin</joint>{SDF_ENDS}{place}</plugin></gazebo>"
+        )
+        mechanism = cinegen.load(write(plugin, upright))
+        assert [(loop.name, loop.kind.name) for loop in mechanism.loops] == [("pin", "REVOLUTE")]
+        assert mechanism.mobility == 1
+        assert mechanism.source.dialects == ("Gazebo plugins",)
+
+
 # --- real robots -------------------------------------------------------------------------------------------------
 
 
