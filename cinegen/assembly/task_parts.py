@@ -296,10 +296,8 @@ class TaskParts:
         others = sorted({name for coupling in couplings for name in coupling.terms} - used - set(self._locked))
         values = {name: float(self.start[mechanism.q_index(name)]) for name in mechanism.joints}
         slopes = [coupling.evaluate(values)[1] for coupling in couplings]
-        matrix = np.array([[slope.get(name, 0.0) for name in others] for slope in slopes]).reshape(
-            len(couplings), len(others)
-        )
-        if closure.rank(matrix) == len(couplings):
+        matrix = np.array([[slope.get(name, 0.0) for name in (*others, *sorted(used))] for slope in slopes])
+        if not couplings or closure.rank(matrix) == closure.rank(matrix[:, : len(others)]):
             return []
         if others or self._locked:
             names = ", ".join(f"'{coupling.name}'" for coupling in couplings)

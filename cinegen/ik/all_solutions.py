@@ -256,7 +256,7 @@ class _Assembly:
         coupled = {name for coupling in self._mechanism.couplings for name in coupling.terms}
         still = [name for name in parts.idle if name not in coupled]
         if still:
-            remarks.append(f"; {', '.join(still)} stay where they are, as they do not move it")
+            remarks.append(f"; joints that do not move it stay where they are: {', '.join(still)}")
         tests = [modes.trace_test for modes in found if modes.trace_test is not None]
         trace_test = all(tests) and not wrong if tests else None
         return self._result(
