@@ -92,13 +92,19 @@ def null_space(rank: int, tau: Array, h: Array, out: Array) -> None:
 @compiled
 def shortest_solution(f: Array, rank: int, order: Table, tau: Array, h: Array, right: Array, out: Array) -> None:
     """Write the shortest x (n,) with J x = right (rows,) on the rows with a nonzero pivot."""
+    solve_rows(f, rank, order, tau, right, out)
+    out[rank:] = 0.0
+    reflect(out, rank, tau, h)
+
+
+@compiled
+def solve_rows(f: Array, rank: int, order: Table, tau: Array, right: Array, out: Array) -> None:
+    """Solve L y = right (rows,) on the rows with a nonzero pivot; the first numbers of out become y (rank,)."""
     for i in range(rank):
         if tau[i] == 0.0:
             out[i] = 0.0
             continue
         out[i] = (right[order[i]] - inner(f[i], out, i)) / f[i, i]
-    out[rank:] = 0.0
-    reflect(out, rank, tau, h)
 
 
 @compiled

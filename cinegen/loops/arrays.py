@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import TypeVar
 
 import numpy as np
@@ -26,6 +26,10 @@ _KINDS = {
 }
 """Joints that the kernels move, by Pinocchio's names."""
 
+_LARGE = 64
+"""DoF of a cluster beyond which it is factored block by block."""
+
+Indices = NDArray[np.intp]
 AnyMemory = TypeVar("AnyMemory", bound=LoopMemory)
 
 
@@ -69,9 +73,15 @@ def set_up(memory: AnyMemory, system: ClosedLoops, ranks: Sequence[int], fixed: 
 def _set_up_clusters(memory: LoopMemory, system: ClosedLoops, ranks: Sequence[int]) -> None:
     found = []
     for cluster, rank in zip(clusters(system), ranks, strict=True):
-        dof = cluster.columns[cluster.columns >= memory.fixed] - memory.fixed
+        members = [*cluster.loops, *(len(system.loops) + i for i in cluster.couplings)]
+        columns = {i: system.columns[i][system.columns[i] >= memory.fixed] - memory.fixed for i in members}
+        dof = np.unique(np.concatenate(list(columns.values())))
         one = ClusterMemory(n=len(dof), rows=len(cluster.rows), rank=rank, mobility=max(len(dof) - rank, 0))
-        one.dof[:], one.row[:] = dof, cluster.rows
+        if len(dof) <= _LARGE:
+            one.resize(basis=one.mobility)
+            one.dof[:], one.row[:] = dof, cluster.rows
+        else:
+            _set_up_blocks(one, columns, system.constraint_rows)
         found.append(one)
     memory.cluster_memories = found
     memory.cluster_handles[:] = [one.handle for one in found]
@@ -80,13 +90,51 @@ def _set_up_clusters(memory: LoopMemory, system: ClosedLoops, ranks: Sequence[in
     memory.idle_dof[:] = idle
 
 
+def _set_up_blocks(one: ClusterMemory, columns: Mapping[int, Indices], rows: Sequence[Indices]) -> None:
+    """Order a large cluster so that loops that share joints are neighbours, and joints as they first occur."""
+    members = _chained(columns)
+    dof = np.array(list(dict.fromkeys(k for i in members for k in columns[i].tolist())), dtype=int)
+    place = {k: j for j, k in enumerate(dof.tolist())}
+    reached = [[place[k] for k in columns[i].tolist()] or [0] for i in members]
+    heights = [len(rows[i]) for i in members]
+    one.resize(blocks=len(members), block_ends=len(members) + 1, kept=one.rank)
+    one.dof[:], one.row[:] = dof, np.concatenate([rows[i] for i in members])
+    one.block_row[:], one.block_end[:] = np.cumsum([0, *heights]), [max(places) + 1 for places in reached]
+    one.row_first[:] = np.repeat([min(places) for places in reached], heights)
+
+
+def _chained(columns: Mapping[int, Indices]) -> list[int]:
+    """Return the keys so that those that share columns are near each other: breadth first, from one as far out as
+    possible (E. Cuthill and J. McKee, "Reducing the bandwidth of sparse symmetric matrices", 1969)."""
+    users: dict[int, list[int]] = {}
+    for key, own in columns.items():
+        for k in own.tolist():
+            users.setdefault(k, []).append(key)
+
+    def outwards(start: int) -> list[int]:
+        found, queue = {start}, [start]
+        for key in queue:
+            for other in [other for k in columns[key].tolist() for other in users[k]]:
+                if other not in found:
+                    found.add(other)
+                    queue.append(other)
+        return queue
+
+    return outwards(outwards(next(iter(columns)))[-1])
+
+
 def null_space(memory: LoopMemory) -> NDArray[np.float64]:
     """Return the null space of all loops, a basis of motions that keep them closed: (mobility, n), dimensionless. First
     those of the clusters, then the joints that are in none."""
     found: list[NDArray[np.float64]] = []
     for one in memory.cluster_memories:
+        own = one.null_space if not one.blocks else np.eye(one.n)[one.rank :]
+        for t in range(one.kept - 1, -1, -1):
+            at = slice(t, one.kept_reach[t])
+            h = one.kept_reflectors[t, at]
+            own[:, at] -= one.kept_tau[t] * np.outer(own[:, at] @ h, h)
         found.append(np.zeros((one.mobility, memory.n)))
-        found[-1][:, one.dof] = one.null_space
+        found[-1][:, one.dof] = own
     return np.vstack([*found, np.eye(memory.n)[memory.idle_dof]])
 
 

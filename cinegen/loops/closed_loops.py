@@ -76,6 +76,7 @@ class ClosedLoops:
             joints that only drive others, see `raff2urdf.coupling.coupled_scales`.
         anchors: for each loop, of its two ends: the joint that carries it (index), and its placement on that joint.
         kinds: of the loops.
+        constraint_rows: for each loop, and then each coupling, indices of its equations.
         columns: for each loop, and then each coupling, indices of the velocities that change it.
         sizes: for each loop, of these velocities: `scale` where they move its second end, -`scale` where its first.
         rows: number of equations.
@@ -103,6 +104,8 @@ class ClosedLoops:
         signs = [supporting_columns(model, anchor[2]) - supporting_columns(model, anchor[0]) for anchor in self.anchors]
         coupled = [[self._coupled[name].idx_v for name in coupling.terms] for coupling in self.couplings]
         self.columns = [np.array(columns, dtype=np.intp) for columns in [*map(np.flatnonzero, signs), *coupled]]
+        heights = [*(loop.rows for loop in self.loops), *[1] * len(self.couplings)]
+        self.constraint_rows = np.split(np.arange(self.rows), np.cumsum(heights, dtype=int)[:-1]) if heights else []
         self.sizes = [sign[sign != 0.0] * self.scale[sign != 0.0] for sign in signs]
 
     def _scales_of(self, names: Iterable[str]) -> dict[str, float]:

@@ -34,14 +34,12 @@ class LoopCluster:
 def clusters(system: ClosedLoops) -> list[LoopCluster]:
     """Return the clusters of a mechanism, in the order of their first equations; no equation and no column is in
     two."""
-    heights = [*(loop.rows for loop in system.loops), *[1] * len(system.couplings)]
-    rows = np.split(np.arange(system.rows), np.cumsum(heights)[:-1])
     count = len(system.loops)
     return [
         LoopCluster(
             tuple(i for i in members if i < count),
             tuple(i - count for i in members if i >= count),
-            np.concatenate([rows[i] for i in members]),
+            np.concatenate([system.constraint_rows[i] for i in members]),
             columns,
         )
         for members, columns in linked(system.columns)

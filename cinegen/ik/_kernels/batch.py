@@ -11,7 +11,7 @@ from cinegen.jit.se3 import compose, cross, dot
 from cinegen.jit.smallest import smallest_singular_value
 from cinegen.jit.svd import COLD_SWEEPS, orthogonalise
 from cinegen.jit.vectors import add_multiple, copy, inner, swap
-from cinegen.loops._kernels.closure import factor_loops, find_null_space
+from cinegen.loops._kernels.closure import factor_loops, find_null_space, from_motions
 from cinegen.loops._kernels.follow import go_on, set_out
 from cinegen.loops._kernels.kinematics import evaluate
 from cinegen.loops._kernels.memory import NOWHERE, cluster_at
@@ -112,9 +112,11 @@ def _find_null_space(memory: BatchMemory) -> bool:
     at = 0
     for c in range(memory.clusters):
         cluster = cluster_at(memory.cluster_handles[c])
+        unit = memory.correction[: cluster.mobility]
         for i in range(cluster.mobility):
-            for k in range(cluster.n):
-                memory.null_space[at + i, cluster.dof[k]] = cluster.null_space[i, k]
+            unit[:] = 0.0
+            unit[i] = 1.0
+            from_motions(cluster, unit, memory.null_space[at + i])
         at += cluster.mobility
     for i in range(memory.idle):
         memory.null_space[at + i, memory.idle_dof[i]] = 1.0

@@ -10,6 +10,7 @@ from cinegen.jit.compiled import Array, compiled
 from cinegen.jit.factor import factor, null_space
 from cinegen.jit.svd import decompose, straighten
 from cinegen.jit.vectors import add_multiple, copy, inner
+from cinegen.loops._kernels.closure import from_motions, to_motions
 from cinegen.loops._kernels.memory import cluster_at
 
 _LOST = 1e-12  # directions of singular values below this fraction of the largest are undetermined
@@ -25,11 +26,7 @@ def to_free(memory: SolverMemory, x: Array, y: Array) -> None:
     at = 0
     for c in range(memory.clusters):
         cluster = cluster_at(memory.cluster_handles[c])
-        part = cluster.part
-        for k in range(cluster.n):
-            part[k] = x[cluster.dof[k]]
-        for i in range(cluster.mobility):
-            y[at + i] = inner(cluster.null_space[i], part, cluster.n)
+        to_motions(cluster, x, y[at:])
         at += cluster.mobility
     for i in range(memory.idle):
         y[at + i] = x[memory.idle_dof[i]]
@@ -44,12 +41,7 @@ def to_joints(memory: SolverMemory, y: Array, x: Array) -> None:
     at = 0
     for c in range(memory.clusters):
         cluster = cluster_at(memory.cluster_handles[c])
-        part = cluster.part
-        part[: cluster.n] = 0.0
-        for i in range(cluster.mobility):
-            add_multiple(y[at + i], cluster.null_space[i], part, cluster.n)
-        for k in range(cluster.n):
-            x[cluster.dof[k]] = part[k]
+        from_motions(cluster, y[at:], x)
         at += cluster.mobility
     for i in range(memory.idle):
         x[memory.idle_dof[i]] = y[at + i]

@@ -13,6 +13,8 @@ from __future__ import annotations
 
 import math
 
+from cinegen.jit import banded
+from cinegen.jit.banded import factor_blocks
 from cinegen.jit.compiled import Array, compiled, entry
 from cinegen.jit.factor import damped_solution, factor, null_space, shortest_solution
 from cinegen.jit.svd import decompose
@@ -167,6 +169,16 @@ def _factor_cluster(memory: LoopMemory, cluster: ClusterMemory, exact: bool) -> 
     rank = min(cluster.rank, free)
     cluster.factored_rank = rank
     cluster.is_singular = 0
+    if cluster.blocks > 0:
+        sine = factor_blocks(
+            f, rank, cluster.block_row, cluster.block_end, cluster.row_first, order, cluster.row_left, cluster.row_size,
+            cluster.row_applied, tau, h, cluster.reach,
+        )  # fmt: skip
+        for t in range(rank, cluster.rank):
+            tau[t], cluster.reach[t] = 0.0, t
+        if free == n:
+            cluster.sigma = sine if sine < HEALTHY else 1.0
+        return
     clear = factor(f, rank, order, cluster.row_left, tau, h) >= HEALTHY
     if exact:
         nothing = NOTHING_ADDED * NOTHING_ADDED * f[0, 0] * f[0, 0] if rank > 0 else 0.0
@@ -208,7 +220,44 @@ def find_null_space(memory: LoopMemory) -> None:
     """Compute the null space of each cluster from its factors."""
     for c in range(memory.clusters):
         cluster = cluster_at(memory.cluster_handles[c])
-        null_space(cluster.rank, cluster.tau, cluster.reflectors, cluster.null_space)
+        if cluster.blocks == 0:
+            null_space(cluster.rank, cluster.tau, cluster.reflectors, cluster.null_space)
+            continue
+        for t in range(cluster.kept):  # the loops may be factored again while these motions are used
+            cluster.kept_tau[t], cluster.kept_reach[t] = cluster.tau[t], cluster.reach[t]
+            copy(cluster.reflectors[t, t:], cluster.kept_reflectors[t, t:], cluster.reach[t] - t)
+
+
+@compiled
+def to_motions(cluster: ClusterMemory, x: Array, y: Array) -> None:
+    """Write the coordinates y (mobility,) in a cluster's null space of a step x (n,) of the mechanism."""
+    part = cluster.part
+    for k in range(cluster.n):
+        part[k] = x[cluster.dof[k]]
+    if cluster.blocks == 0:
+        for i in range(cluster.mobility):
+            y[i] = inner(cluster.null_space[i], part, cluster.n)
+        return
+    banded.to_motions(part, cluster.kept, cluster.kept_tau, cluster.kept_reflectors, cluster.kept_reach)
+    for i in range(cluster.mobility):
+        y[i] = part[cluster.rank + i]
+
+
+@compiled
+def from_motions(cluster: ClusterMemory, y: Array, x: Array) -> None:
+    """Write the step of a cluster's joints, in x (n,) of the mechanism, with coordinates y (mobility,) in its null
+    space."""
+    part = cluster.part
+    part[: cluster.n] = 0.0
+    if cluster.blocks == 0:
+        for i in range(cluster.mobility):
+            add_multiple(y[i], cluster.null_space[i], part, cluster.n)
+    else:
+        for i in range(cluster.mobility):
+            part[cluster.rank + i] = y[i]
+        banded.from_motions(part, cluster.kept, cluster.kept_tau, cluster.kept_reflectors, cluster.kept_reach)
+    for k in range(cluster.n):
+        x[cluster.dof[k]] = part[k]
 
 
 @compiled
@@ -230,6 +279,9 @@ def _cluster_correction(cluster: ClusterMemory, damping: float) -> None:
     """Set `part` to the step of a cluster's joints that removes the residual -`right`."""
     f, tau, h, order, rank = cluster.factors, cluster.tau, cluster.reflectors, cluster.row_order, cluster.factored_rank
     right, out = cluster.right, cluster.part
+    if cluster.blocks > 0:
+        banded.newton_step(f, rank, order, tau, h, cluster.reach, right, damping, out)
+        return
     if cluster.is_singular == 0:
         if rank == 0 or damping <= NEGLIGIBLE * f[rank - 1, rank - 1] * f[rank - 1, rank - 1]:
             shortest_solution(f, rank, order, tau, h, right, out)

@@ -155,7 +155,8 @@ def _is_on_branch(memory: LoopMemory) -> bool:
 @compiled
 def _side(memory: LoopMemory, cluster: ClusterMemory) -> float:
     """Return the sign of the determinant of a cluster's Jacobian J by its passive joints, or of det(J_q^T J) if there
-    are more rows than joints. 0 if the actuated joints do not determine the others.
+    are more rows than joints. 0 if the actuated joints do not determine the others,
+    and for large clusters, for which it is not computed.
 
     The determinant is 0 between two branches, so its sign separates them.
     """
@@ -164,7 +165,7 @@ def _side(memory: LoopMemory, cluster: ClusterMemory) -> float:
     for k in range(cluster.n):
         if locked[dof[k]] == 0.0:
             free += 1
-    if free > cluster.rank:
+    if free > cluster.rank or cluster.blocks > 0:
         return 0.0
     a, j = cluster.determinant, 0
     for k in range(cluster.n):

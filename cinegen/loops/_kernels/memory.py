@@ -34,7 +34,22 @@ class ClusterMemory(Memory):
     is_singular: int = state(0)  # the factors are singular vectors
     factored_rank: int = state(0)
     sigma: float = state(1.0)  # the smallest singular value, or 1 where it is not small
-    null_space: Array = array("mobility", "n")  # an orthonormal basis of motions that keep the loops closed
+    null_space: Array = array("basis", "n")  # an orthonormal basis of motions that keep the loops closed
+    basis: int = parameter(0)  # mobility, or 0 for a large cluster
+
+    # a large cluster is factored block by block (`cinegen.jit.banded`); reflections stand for its null space
+    blocks: int = parameter(0)  # loops and couplings, or 0 for a small cluster
+    block_ends: int = parameter(0)  # blocks + 1, or 0
+    kept: int = parameter(0)  # rank, or 0
+    block_row: Table = array("block_ends", dtype=int)
+    block_end: Table = array("blocks", dtype=int)
+    row_first: Table = array("rows", dtype=int)  # first column that a row reaches
+    row_size: Array = array("rows")
+    row_applied: Table = array("rows", dtype=int)
+    reach: Table = array("rows", dtype=int)
+    kept_tau: Array = array("kept")
+    kept_reflectors: Array = array("kept", "n")
+    kept_reach: Table = array("kept", dtype=int)
 
     # closing
     is_open: int = state(0)
