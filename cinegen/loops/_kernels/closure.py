@@ -263,12 +263,16 @@ def from_motions(cluster: ClusterMemory, y: Array, x: Array) -> None:
 @compiled
 def loop_correction(memory: LoopMemory, is_damped: bool, out: Array) -> None:
     """Write the shortest step (n,) that removes the residual: Newton's, or Levenberg's and Marquardt's if damped."""
-    out[: memory.n] = 0.0
+    for i in range(memory.idle):
+        out[memory.idle_dof[i]] = 0.0
     for c in range(memory.clusters):
         cluster = cluster_at(memory.cluster_handles[c])
-        damping = cluster.mu * _squared_residual(memory, cluster) if is_damped else 0.0
+        squared = 0.0
         for i in range(cluster.rows):
-            cluster.right[i] = -memory.residual[cluster.row[i]]
+            residual = memory.residual[cluster.row[i]]
+            cluster.right[i] = -residual
+            squared += residual * residual
+        damping = cluster.mu * squared if is_damped else 0.0
         _cluster_correction(cluster, damping)
         for k in range(cluster.n):
             out[cluster.dof[k]] = cluster.part[k]
