@@ -145,12 +145,13 @@ def joined_links(element: Any) -> tuple[str, str] | None:
 
 def _of_joint(joint: Any) -> Any:
     def read(tree: UrdfTree) -> LoopJoint:
-        parent, child = ends(joint)
+        own = f"joint '{joint.get('name')}'"
+        parent, child = (tree.link(joint, link, own) for link in ends(joint))
         kind, placed = kind_of(tree, joint, joint.get("type")), origin(joint, tree.name)
         if kind == "universal":  # Drake's: rotations about the joint's x, then y
             one, other = along(placed, np.array([1.0, 0.0, 0.0])), along(np.eye(4), np.array([0.0, 1.0, 0.0]))
         else:
-            axis = np.array([0.0, 0.0, 1.0]) if kind in ("rigid", "ball") else tree.axis(joint)
+            axis = np.array([0.0, 0.0, 1.0]) if kind in ("rigid", "ball") else tree.vector(joint.find("axis"))
             one, other = along(placed, axis), along(np.eye(4), axis)
         return LoopJoint(kind, parent, child, (one, other))
 

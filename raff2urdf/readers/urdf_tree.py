@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from raff2urdf.errors import RaffError, did_you_mean
 from raff2urdf.placement import roll_pitch_yaw, with_z
 from raff2urdf.readers.successive import Step
-from raff2urdf.readers.urdf import axis, ends, joints, links, origin, three
+from raff2urdf.readers.urdf import ends, joints, links, origin, three
 from raff2urdf.readers.xml_file import error_at
 
 Array = NDArray[np.float64]
@@ -114,11 +114,6 @@ class UrdfTree:
         found = np.array(three(element, word, self.name, default))
         if np.linalg.norm(found) <= 1e-9:
             raise self.error(element, f"the axis of <{element.tag}> must not be 0 0 0")
-        return np.asarray(found / np.linalg.norm(found))
-
-    def axis(self, joint: Any) -> Array:
-        """Return the unit axis (3,) of a joint, in its frame."""
-        found = axis(joint, self.name)
         return np.asarray(found / np.linalg.norm(found))
 
     def free_name(self, name: str) -> str:

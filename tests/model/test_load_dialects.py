@@ -9,17 +9,23 @@ Three revolute joints about z move in the plane. A pin at P takes two degrees of
 
 from __future__ import annotations
 
+import contextlib
+import copy
+import random
 import warnings
 from pathlib import Path
 
 import numpy as np
 import pytest
 from dragging import dragged
+from lxml import etree
 
 import cinegen
 from cinegen import CinegenError
 from raff2urdf import readers
 from raff2urdf.errors import RaffError, RaffWarning
+from raff2urdf.readers.ignored import ignored
+from raff2urdf.readers.xml_file import parse_xml
 
 DATA = Path(__file__).parent / "data"
 
@@ -665,3 +671,35 @@ def test_loops_that_make_no_sense_are_refused(loop, says, write):
         readers.read(path)
     with pytest.warns(RaffWarning, match="left out, as requested"):
         readers.read(path, ignore_loops=True)
+
+
+VALUES = ("", "x", "nan", "1e400", "1 2", "0 0 0", "crank", "ground", "world", "1e300 0 0", "pin", "fixed", "-1", "  ")
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_damaged_files_are_read_or_refused_and_nothing_else(seed, write):
+    rng = random.Random(seed)
+    texts = [(BARS, added) for added, *_ in LOOPS.values()]
+    texts += [(ARM.format(*mimics), added) for *mimics, added, _, _ in COUPLINGS.values()]
+    for _ in range(100):
+        base, added = rng.choice(texts)
+        root = parse_xml(f"{base}{added}{rng.choice(texts)[1] * rng.randint(0, 1)}</robot>", "x")
+        for element in rng.sample(list(root.iter("*"))[1:], 3):
+            kind = rng.randrange(5) if element.attrib else 4
+            if kind == 0:
+                element.getparent().remove(element)
+            elif kind == 1:
+                element.getparent().append(copy.deepcopy(element))
+            elif kind == 2:
+                del element.attrib[rng.choice(list(element.attrib))]
+            elif kind == 3:
+                element.set(rng.choice(list(element.attrib)), rng.choice(VALUES))
+            else:
+                element.text = rng.choice(VALUES)
+        path = write("", etree.tostring(root, encoding="unicode").removesuffix("</robot>"))
+        for ignore_loops in (False, True):
+            with warnings.catch_warnings(), contextlib.suppress(RaffError):
+                warnings.simplefilter("ignore")
+                readers.read(path, ignore_loops=ignore_loops)
+        with contextlib.suppress(RaffError):
+            ignored(path)
