@@ -10,7 +10,7 @@ from __future__ import annotations
 import builtins
 import math
 from collections.abc import Callable
-from functools import cache
+from threading import RLock
 from types import FunctionType, ModuleType, SimpleNamespace
 from typing import Any
 
@@ -18,16 +18,18 @@ import numpy as np
 from numba.core.dispatcher import Dispatcher
 
 
-@cache
 def interpreted(kernel: Any) -> Callable[..., Any]:
     """Return a kernel as a Python function, in which all kernels that it calls are Python functions, too.
 
     Division by zero gives infinity, as in machine code. It takes memories, not their handles.
     """
-    function = kernel.py_func
-    known = function.__globals__
-    names = {name: _in_python(known[name]) for name in function.__code__.co_names if name in known}
-    return FunctionType(function.__code__, {**_BUILTINS, **names}, function.__name__, function.__defaults__)
+    with _lock:
+        if kernel not in _made:
+            function, names = kernel.py_func, dict[str, Any](_BUILTINS)
+            _made[kernel] = FunctionType(function.__code__, names, function.__name__, function.__defaults__)
+            known = function.__globals__  # co_names are attributes, too: they may have the kernel's own name
+            names.update({name: _in_python(known[name]) for name in function.__code__.co_names if name in known})
+        return _made[kernel]
 
 
 def _in_python(value: Any) -> Any:
@@ -60,5 +62,8 @@ _MATH = SimpleNamespace(
     isfinite=math.isfinite,
     **{name: _quiet(getattr(math, name)) for name in ("sqrt", "sin", "cos", "tan", "atan2")},
 )
+
+_made: dict[Any, FunctionType] = {}
+_lock = RLock()
 
 _BUILTINS = {"__builtins__": {**vars(builtins), "float": np.float64}}
