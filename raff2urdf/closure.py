@@ -8,7 +8,7 @@ by the characteristic length, and so is the variable of a prismatic joint. The a
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from typing import NamedTuple, Protocol
 
 import numpy as np
@@ -139,7 +139,9 @@ def close_from_afar(system: LoopSystem, q: Array) -> Closing:
     return best
 
 
-def close_within(system: LoopSystem, closed: Array, lower: Array, upper: Array) -> Array:
+def close_within(
+    system: LoopSystem, closed: Array, lower: Array, upper: Array, columns: Mapping[int, int] | None = None
+) -> Array:
     """Return a closed configuration within the limits, or `closed` itself where none is found.
 
     Joints beyond a limit are put on it and kept there while the others close the loops. That may lead others beyond
@@ -147,16 +149,17 @@ def close_within(system: LoopSystem, closed: Array, lower: Array, upper: Array) 
 
     Args:
         system: the loops.
-        closed: (nq,) a closed configuration; its last nv numbers are joints, any before them a free base.
+        closed: (nq,) a closed configuration.
         lower: (nq,) least values; -inf where there is none.
         upper: (nq,) greatest values; inf where there is none.
+        columns: of each index in q that has limits the index in v; the same unless given.
     """
     q, free = closed, np.ones(system.evaluate(closed)[1].shape[1], dtype=bool)
     for _ in range(3):
         outside = (q < lower) | (q > upper)
         if not outside.any():
             return q
-        free[np.flatnonzero(outside) - (len(q) - len(free))] = False
+        free[[i if columns is None else columns[i] for i in np.flatnonzero(outside).tolist()]] = False
         closing = close(system, np.clip(q, lower, upper), free)
         if not closing.closed:
             break

@@ -477,7 +477,7 @@ def _check_joints(mechanism: Mechanism) -> None:
         if joint.nv > 1 and joint.idx_v >= 0 and not (mechanism.floating and joint.nv == 6):
             raise ModesError(
                 f"{mechanism.name}: joint '{name}' has {joint.nv} DoF; assembly modes are computed for revolute and "
-                "prismatic joints: write a ball joint as three revolute joints"
+                "prismatic joints, and for ball joints of a RAFF file"
             )
 
 

@@ -50,6 +50,12 @@ def assembly_modes(
     """
     if method not in _METHODS:
         raise ModesError(f"method '{method}': there are 'auto' and 'monodromy'")
+    if mechanism.spherical is not None:
+        to = mechanism.spherical.from_successive
+        found = assembly_modes(mechanism.successive, _values(mechanism, actuated), method, report, effort)
+        nearest = found.closest and replace(found.closest, q=to(found.closest.q))
+        modes = tuple(map(to, found.configurations))
+        return replace(found, mechanism=mechanism, configurations=modes, closest=nearest)
     solver = mechanism.derived(_METHODS[method])
     with solver.lock:
         return solver.modes(mechanism, _values(mechanism, actuated), report, effort)

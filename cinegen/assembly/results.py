@@ -94,7 +94,6 @@ class AssemblyModes(Sequence[Array]):
 
     def as_dict(self) -> dict[str, Any]:
         """Return what JSON shows: rad and m, and the end's placements."""
-        indices = {name: self.mechanism.q_index(name) for name in self.mechanism.joints}
         return {
             "robot": self.mechanism.name,
             "actuated": dict(zip(self.mechanism.actuated, map(float, self.actuated), strict=True)),
@@ -105,7 +104,7 @@ class AssemblyModes(Sequence[Array]):
             "end": self.mechanism.end,
             "modes": [
                 {
-                    "joints": {name: float(q[index]) for name, index in indices.items()},
+                    "joints": self.mechanism.values(q),
                     "position": placement.translation.tolist(),
                     "rotation": placement.rotation.tolist(),
                     "coincident": count,

@@ -39,12 +39,16 @@ def _ignored(file: Path) -> list[dict[str, Any]]:
 
 
 def _text(report: Mapping[str, Any]) -> str:
-    actuated, joints, loops, couplings = (report[key] for key in ("actuated", "joints", "loops", "couplings"))
+    actuated, joints, balls, loops, couplings = (
+        report[key] for key in ("actuated", "joints", "balls", "loops", "couplings")
+    )
     uncontrolled = f" ({report['uncontrolled_dof']} of them uncontrolled)" if report["uncontrolled_dof"] else ""
-    wide = max([12, *(len(joint["name"]) + 2 for joint in joints)])
+    wide = max([12, *(len(joint["name"]) + 2 for joint in joints), *(len(ball) + 2 for ball in balls)])
     lines = [
         f"{report['name']}: robot '{report['robot']}', mobility {report['mobility']}{uncontrolled}, "
-        f"{count(joints, 'joint')} ({len(actuated)} actuated), {count(loops, 'loop')}"
+        f"{count(joints, 'joint')} ({len(actuated)} actuated), "
+        + (f"{count(balls, 'ball joint')}, " if balls else "")
+        + count(loops, "loop")
         + (f", {count(couplings, 'coupling')}" if couplings else ""),
         "",
         f"  {'joint':<{wide}}{'type':<11}{'home':>10}{'lower':>10}{'upper':>10}{'velocity':>10}",
@@ -55,6 +59,7 @@ def _text(report: Mapping[str, Any]) -> str:
         cells = "".join(f"{'-' if value is None else f'{_rounded(scale * value):.4g}':>10}" for value in numbers)
         actuation = "   actuated" if joint["actuated"] else ""
         lines.append(f"  {joint['name']:<{wide}}{joint['type']:<11}{cells}   {unit}, {unit}/s{actuation}")
+    lines += [f"  {ball:<{wide}}ball" for ball in balls]
     if loops or couplings:
         what = " and ".join(["loops"] * bool(loops) + ["couplings (rad, m)"] * bool(couplings))
         lines += ["", f"  {what}: {report['loop_rows']} rows of rank {report['loop_rank']}"]

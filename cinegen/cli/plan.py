@@ -244,7 +244,6 @@ def _motion(found: Plan) -> str:
 def _document(found: Plan) -> dict[str, Any]:
     """Return the plan for JSON: m and rad, null for the distance to nothing."""
     scene, mechanism = found.scene, found.scene.mechanism
-    columns = [mechanism.q_index(name) for name in mechanism.joints]
     return {
         "scene": scene.name,
         "robot": mechanism.name,
@@ -272,7 +271,7 @@ def _document(found: Plan) -> dict[str, Any]:
             }
             for one in found.attempts
         ],
-        "path": [dict(zip(mechanism.joints, q[columns].tolist(), strict=True)) for q in found.path],
+        "path": [mechanism.values(q) for q in found.path],
         "trace": found.trace.tolist(),
         "clearances": [_finite(distance) for distance in found.clearances.tolist()],
         **({"base": found.path[:, :7].tolist()} if mechanism.floating else {}),

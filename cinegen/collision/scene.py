@@ -123,7 +123,7 @@ class Scene:
         return found
 
     def _start_keys(self) -> dict[str, Any]:
-        values = {name: float(self.start[self.mechanism.q_index(name)]) for name in self.mechanism.joints}
+        values = self.mechanism.values(self.start)
         if self.mobile is not None:
             return {"point": [values[X], values[Y]]}
         return {"joints": values} | (pose_keys(pin.XYZQUATToSE3(self.start[:7])) if self.mechanism.floating else {})

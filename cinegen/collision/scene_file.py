@@ -24,7 +24,7 @@ from cinegen.model.plausible import FAR, ImplausibleError, check_joint, check_le
 from cinegen.tolerances import AT_LIMIT
 from raff2urdf.errors import RaffError, did_you_mean
 from raff2urdf.files import STANDARD, stem_of
-from raff2urdf.quantities import ANGLE, LENGTH, shown
+from raff2urdf.quantities import ANGLE, LENGTH, NUMBER, shown
 from raff2urdf.readers.xml_file import read_text
 from raff2urdf.shipped import find_scene
 
@@ -231,9 +231,10 @@ def _mobile_start(table: SceneTable) -> Array:
 def _start(table: SceneTable, mechanism: Mechanism) -> Array:
     """Return the start configuration (nq,), loops closed, within all limits.
 
-    `joints` are names and values; the other joints are at home. A floating base is placed by `point` and
-    `rpy`. With loops, actuated joints have the given values, and the others follow the motion of these from home;
-    unless a passive joint is named, too: the values are then the guess from which the loops are closed.
+    `joints` are names and values, of ball joints quaternions (x y z w); the other joints are at home. A floating base
+    is placed by `point` and `rpy`. With loops, actuated joints have the given values, and the others follow the motion
+    of these from home; unless a passive joint is named, too: the values are then the guess from which the loops are
+    closed.
 
     Raises:
         SceneError: a joint is unknown or beyond its limits, or the loops can't be closed.
@@ -262,13 +263,16 @@ def _start(table: SceneTable, mechanism: Mechanism) -> Array:
     return q
 
 
-def _joint_values(table: SceneTable, mechanism: Mechanism) -> dict[str, float]:
+def _joint_values(table: SceneTable, mechanism: Mechanism) -> dict[str, float | Array]:
+    known, values = (*mechanism.joints, *mechanism.balls), dict[str, float | Array]()
     for name in table:
-        if name not in mechanism.joints:
-            near = did_you_mean(name, mechanism.joints)
-            raise table.error(f"'{name}'", f"is not a joint of {mechanism.name}{near}")
-    values = {name: table.number(name, LENGTH if mechanism.is_prismatic(name) else ANGLE) for name in table}
-    for name, value in values.items():
+        if name not in known:
+            raise table.error(f"'{name}'", f"is not a joint of {mechanism.name}{did_you_mean(name, known)}")
+    for name in table:
+        if name in mechanism.balls:
+            values[name] = table.vector(name, 4, dimension=NUMBER)
+            continue
+        values[name] = value = table.number(name, LENGTH if mechanism.is_prismatic(name) else ANGLE)
         try:
             check_joint(mechanism, name, [value])
         except ImplausibleError as error:

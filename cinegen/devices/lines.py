@@ -91,7 +91,7 @@ def _template(mechanism: Mechanism) -> tuple[str, list[int]]:
     """Return the format of an answer, and the indices of its numbers in q."""
     parts: list[str] = []
     picked: list[int] = []
-    for name in mechanism.joints:
+    for name in (*mechanism.joints, *mechanism.balls):
         joint = mechanism.model.joints[mechanism.model.getJointId(name)]
         numbers = ", ".join(["%r"] * joint.nq)
         parts.append(json.dumps(name).replace("%", "%%") + ": " + (numbers if joint.nq == 1 else f"[{numbers}]"))

@@ -27,7 +27,7 @@ class Branch:
     are interpolated, and the loops closed.
 
     Args:
-        mechanism: mechanism whose joints each have one number.
+        mechanism: mechanism whose joints each have one number; ball joints have a quaternion.
     """
 
     def __init__(self, mechanism: Mechanism) -> None:
@@ -83,7 +83,7 @@ class Branch:
 
     def _interpolate_all(self, first: Array, second: Array, along: Array) -> Array:
         step = self.mechanism.distance(first, second)
-        middle = [first + x * (second - first) for x in (0.25, 0.5, 0.75)]
+        middle = [self.mechanism.normalized(first + x * (second - first)) for x in (0.25, 0.5, 0.75)]
         found = []
         for q in [*middle, *along]:
             try:

@@ -29,7 +29,7 @@ class Trajectory:
 
     Attributes:
         name: name of the robot in the recording.
-        mechanism: mechanism whose joints each have one number.
+        mechanism: mechanism whose joints each have one number; ball joints, which are passive, have a quaternion.
         rate: samples per second.
         times: (n,) times k / rate, s; the motion ends with the last one or within the period before.
         q: (n, nq) configurations with closed loops, rad and m.
@@ -95,11 +95,11 @@ def resampled(recording: Recording, robot: str | None = None, rate: float = 125.
     if not len(recording.times):
         raise MissionError(f"{recording.path}: nothing was recorded")
     mechanism = recording.mechanism(name)
-    if mechanism.model.nq != len(mechanism.joints):
+    if mechanism.model.nq != len(mechanism.joints) + 4 * len(mechanism.balls):
         what = "its base is floating" if mechanism.floating else "it has joints of more than one number"
         raise MissionError(f"{name} can't be exported: {what}, which a joint trajectory does not contain")
     branch = Branch(mechanism)
-    times, knots = recording.times, recording.q[name].copy()
+    times, knots = recording.times, _continuous(mechanism, recording.q[name])
     for i, q in enumerate(knots):
         try:
             knots[i] = branch.closed(q)
@@ -107,9 +107,12 @@ def resampled(recording: Recording, robot: str | None = None, rate: float = 125.
             raise MissionError(f"{name} can't be exported: at {times[i]:.3f} s {error}") from None
     passes, q, speeds = _timed(branch, (times - times[0]) / speed, times, knots, rate, name)
     v = np.zeros((len(q), mechanism.model.nv))
-    v[1:-1] = (q[2:] - q[:-2]) * (0.5 * rate)
-    actuated = [mechanism.q_index(joint) for joint in mechanism.actuated]
-    v[1:-1, actuated] = speeds[1:-1, actuated]
+    at_q, at_v = mechanism.scalar_joints
+    v[1:-1, at_v] = (q[2:, at_q] - q[:-2, at_q]) * (0.5 * rate)
+    for k in range(1, len(q) - 1) if mechanism.balls else ():
+        v[k] = mechanism.difference(q[k - 1], q[k + 1]) * (0.5 * rate)
+    actuated = [[of(joint) for joint in mechanism.actuated] for of in (mechanism.q_index, mechanism.v_index)]
+    v[1:-1, actuated[1]] = speeds[1:-1, actuated[0]]
     return Trajectory(name, mechanism, rate, np.arange(len(q)) / rate, q, v, np.column_stack([passes, times]))
 
 
@@ -121,6 +124,16 @@ def _chosen(recording: Recording, robot: str | None) -> str:
     if name not in recording.robots:
         raise UnknownNameError("robot", name, recording.robots)
     return name
+
+
+def _continuous(mechanism: Mechanism, recorded: Array) -> Array:
+    """Return recorded configurations (k, nq) in which a quaternion does not change to its negative."""
+    q = recorded.copy()
+    for ball in mechanism.balls:
+        part = slice(mechanism.q_index(ball), mechanism.q_index(ball) + 4)
+        turns = np.einsum("ki,ki->k", q[1:, part], q[:-1, part]) < 0.0
+        q[1:, part] *= np.where(np.cumsum(turns) % 2, -1.0, 1.0)[:, None]
+    return q
 
 
 def _timed(
@@ -140,11 +153,12 @@ def _timed(
         Times of the recorded samples (k,), new samples (n, nq) and velocities of the curve (n, nq).
     """
     mechanism = branch.mechanism
-    limits = mechanism.limits.velocity  # each joint is one number: q's order is v's
-    guided = np.ones(len(limits), dtype=bool)
-    if mechanism.is_constrained:
-        guided[mechanism.passive_columns] = False
-    passes = slowed(begin, knots, np.where(guided, limits, np.inf))
+    at_q, at_v = mechanism.scalar_joints
+    limits, guided = np.full((2, mechanism.model.nq), np.inf)  # of all joints, and of those that the curve moves
+    limits[at_q] = mechanism.limits.velocity[at_v]
+    free = np.isin(at_v, mechanism.passive_columns, invert=True) | (not mechanism.is_constrained)
+    guided[at_q[free]] = limits[at_q[free]]
+    passes = slowed(begin, knots, guided)
     for _ in range(_ROUNDS):
         count = math.ceil(passes[-1] * rate - _ROUNDING) + 1
         if not count <= _MOST:
@@ -161,13 +175,15 @@ def _timed(
             first = max(0, int(np.searchsorted(passes, times[k], side="right")) - 1)
             last = int(np.searchsorted(passes, times[k + 1], side="left"))
             stretch[first:last] = np.maximum(stretch[first:last], over[k] / _AIM)
-        passes = slowed(np.concatenate([[0.0], np.cumsum(lengths * stretch)]), knots, np.where(guided, limits, np.inf))
+        passes = slowed(np.concatenate([[0.0], np.cumsum(lengths * stretch)]), knots, guided)
     raise MissionError(f"{name} can't be exported: a passive joint is too fast however slow the actuated joints are")
 
 
 def _interpolated(branch: Branch, curve: JointCurve, times: Array, recorded: Array, name: str) -> Array:
     """Return all joints (n, nq) at times (n,): those of a curve, on the branch."""
     along = curve.at(times)
+    if branch.mechanism.balls:
+        along = np.array([branch.mechanism.normalized(q) for q in along]).reshape(along.shape)
     if not branch.mechanism.is_constrained:
         return along
     knots, passes = curve.points, curve.times

@@ -87,6 +87,7 @@ def describe(mechanism: Mechanism) -> dict[str, Any]:
         "notes": list(mechanism.source.notes),
         "nodes": list(mechanism.nodes),
         "joints": [to_builtins(describe_joint(mechanism, joint)) for joint in mechanism.joints],
+        "balls": list(mechanism.balls),
         "loops": [to_builtins(describe_loop(loop)) for loop in mechanism.loops],
         "couplings": [to_builtins(describe_coupling(coupling)) for coupling in mechanism.couplings],
         "loop_rows": mechanism.system.rows,

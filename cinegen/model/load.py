@@ -14,12 +14,13 @@ from numpy.typing import NDArray
 
 import raff2urdf
 from cinegen.errors import ClosureError, LoadError, UnknownNameError, warn
-from cinegen.joints import kinematic_data
+from cinegen.joints import kinematic_data, scalar_joints
 from cinegen.loops.closed_loops import ClosedLoops, LoopConstraint
 from cinegen.loops.clusters import subsystems
 from cinegen.model.limits import Limits
 from cinegen.model.mechanism import Mechanism, MechanismSource
 from cinegen.model.near_redundant import made_exact
+from cinegen.model.spherical import SphericalJoints
 from cinegen.model.urdf import completed, kinematics, simple
 from raff2urdf import closure, readers
 from raff2urdf.analysis import loop_kind
@@ -199,12 +200,17 @@ def build(
         model = pin.buildModelFromXML(kinematics(tree))
     except (ValueError, RuntimeError) as error:
         raise LoadError(f"{name}: Pinocchio can't read it: {error}") from None
-    _set_limits(model, constraints)
     q, gap = _written(model, constraints), 0.0
+    spherical, entries = None, constraints["joints"]
+    if balls := _balls(constraints):
+        spherical, replaced = SphericalJoints(model, balls), {joint for joints in balls.values() for joint in joints}
+        model, q = spherical.model, spherical.from_successive(q)
+        entries = [entry for entry in entries if entry["name"] not in replaced]
+    _set_limits(model, entries)
     loops = tuple(_loop(entry) for entry in constraints["loops"])
     length = _length(model, constraints["nodes"], q)
     stated = any("actuated" in joint for joint in constraints["joints"])
-    actuated = {joint["name"]: joint.get("actuated", True if stated else None) for joint in constraints["joints"]}
+    actuated = {joint["name"]: joint.get("actuated", True if stated else None) for joint in entries}
     ranks, determined = list[int](), set[str]()
     couplings = tuple(map(coupling_of, constraints.get("couplings", [])))
     system = ClosedLoops(model, loops, length, couplings)
@@ -227,6 +233,7 @@ def build(
         loops=loops,
         couplings=couplings,
         length=length,
+        spherical=spherical,
         floating=constraints.get("floating") is not None,
         q_home=q,
         cluster_ranks=tuple(ranks),
@@ -255,6 +262,21 @@ def _stated(
     return {**constraints, **computed, **({"joints": joints} if "joints" in constraints else {})}
 
 
+def _balls(constraints: Mapping[str, Any]) -> dict[str, list[str]]:
+    """Return the ball joints that can be spherical joints, each with the three joints that stand for it: they have no
+    limits, are not actuated, and no coupling names them."""
+    coupled = {term["joint"] for coupling in constraints.get("couplings", []) for term in coupling["terms"]}
+    stated = any("actuated" in joint for joint in constraints["joints"])
+    default = True if stated or not (constraints["loops"] or coupled) else None  # in a tree every joint is actuated
+    plain = {
+        entry["name"]
+        for entry in constraints["joints"]
+        if not (entry["limits"] or entry["velocity"] or entry.get("actuated", default) or entry["name"] in coupled)
+    }
+    balls = {entry["name"]: entry["joints"] for entry in constraints.get("balls", [])}
+    return {name: joints for name, joints in balls.items() if plain.issuperset(joints)}
+
+
 def _determined(system: ClosedLoops, q: Array, actuated: Mapping[str, bool | None]) -> set[str]:
     """Return the joints that the others determine: first joints that are not actuated, then those that follow others in
     couplings, then those furthest from the base. What remains are the joints nearest the base that suffice to determine
@@ -273,14 +295,16 @@ def _determined(system: ClosedLoops, q: Array, actuated: Mapping[str, bool | Non
     followers = {coupling.follower for coupling in system.couplings}
     order = sorted(joints, key=lambda name: (actuated[name] is not False, name not in followers, -depth[name]))
     columns = {int(joints[name].idx_v): name for name in order}
-    return {columns[column] for column in closure.passive(system.evaluate(q)[1], list(columns))}
+    balls = [column for joint in model.joints if joint.nv == 3 for column in range(joint.idx_v, joint.idx_v + 3)]
+    determined = closure.passive(system.evaluate(q)[1], [*balls, *columns])
+    return {columns[column] for column in determined if column in columns}
 
 
-def _set_limits(model: pin.Model, constraints: Mapping[str, Any]) -> None:
+def _set_limits(model: pin.Model, joints: Sequence[Mapping[str, Any]]) -> None:
     """Set the limits of a model: infinite where there are none."""
     lower, upper = np.full(model.nq, -np.inf), np.full(model.nq, np.inf)
     fastest = np.full(model.nv, np.inf)
-    for entry in constraints["joints"]:
+    for entry in joints:
         joint = model.joints[model.getJointId(entry["name"])]
         lower[joint.idx_q], upper[joint.idx_q] = entry["limits"] or (-np.inf, np.inf)
         fastest[joint.idx_v] = entry["velocity"] or np.inf
@@ -351,11 +375,13 @@ def _close(
             names = [*(loop.name for loop in own.loops), *(coupling.name for coupling in own.couplings)]
             problems.append(closure.why_open(own, names, q[at], closing))
             continue
-        q[at] = closure.close_within(own, closing.q, limits.lower[at], limits.upper[at])
+        columns = dict(zip(*map(np.ndarray.tolist, scalar_joints(own.model)), strict=True))
+        q[at] = closure.close_within(own, closing.q, limits.lower[at], limits.upper[at], columns)
         rank, generic = closure.generic_rank(own, q[at])
         ranks.append(rank)
         if drawn and closure.rank(own.evaluate(q[at])[1]) < rank:
-            q[at] = closure.close_within(own, _regular(own, q[at], rank), limits.lower[at], limits.upper[at])
+            regular = _regular(own, q[at], rank)
+            q[at] = closure.close_within(own, regular, limits.lower[at], limits.upper[at], columns)
             moved = True
         if None in actuated.values():
             determined |= _determined(own, generic, actuated)

@@ -21,6 +21,7 @@ from cinegen.loops.clusters import subsystems
 from cinegen.model.jacobian import COMPONENTS, ExtendedJacobian
 from cinegen.model.limits import Limits
 from cinegen.model.shapes import collision_shapes, shapes
+from cinegen.model.spherical import SphericalJoints
 from raff2urdf import closure
 from raff2urdf.coupling import Coupling
 
@@ -61,13 +62,15 @@ class Mechanism:
     Attributes:
         name: of the robot.
         model: the tree as a Pinocchio model. Each joint is one number of q (rad, m), RAFF's theta or r; a free base is
-            seven. Find joints by name, since Pinocchio orders them its own way.
+            seven; a ball joint of `balls` is four, a quaternion x y z w. Find joints by name, since Pinocchio orders
+            them its own way.
         nodes: names of base, links and frames: base first, in file order.
-        joints: names of all joints that move, in file order (not of a free base).
+        joints: names of all joints that move, in file order (not of a free base and `balls`).
         actuated: names of the actuated joints, in file order.
         loops: the joints that were cut.
         couplings: equations between joints, such as those of gears.
         length: characteristic length, m, which makes translations commensurable with angles.
+        spherical: the ball joints that are one spherical joint of the model each, with a quaternion in q; None without.
         floating: whether the base can move; then q begins with its seven numbers.
         q_home: (nq,) the configuration as written, moved to where all loops are closed; read-only.
         cluster_ranks: number of independent equations (generic rank) of each cluster of loops and couplings, see
@@ -97,6 +100,7 @@ class Mechanism:
     sensor_constraints: tuple[tuple[str, tuple[int, ...]], ...]
     source: MechanismSource
     couplings: tuple[Coupling, ...] = ()
+    spherical: SphericalJoints | None = None
     _scratch: threading.local = field(init=False, default_factory=threading.local)
     _masks: dict[tuple[str, ...], Array] = field(init=False, default_factory=dict)
     _derived: dict[Callable[[Mechanism], Any], Any] = field(init=False, default_factory=dict)
@@ -119,9 +123,11 @@ class Mechanism:
             f"{len(of)} {what}{'s' * (len(of) != 1)}"
             for of, what in ((self.nodes, "node"), (self.joints, "joint"), (self.loops, "loop"))
         )
+        joints += f" ({len(self.actuated)} actuated)"
+        joints += f", {len(self.balls)} ball joint{'s' * (len(self.balls) != 1)}" if self.balls else ""
         coupled = len(self.couplings)
         loops += f", {coupled} coupling{'s' * (coupled != 1)}" if coupled else ""
-        return f"{nodes}, {joints} ({len(self.actuated)} actuated), {loops}, mobility {self.mobility}"
+        return f"{nodes}, {joints}, {loops}, mobility {self.mobility}"
 
     def _repr_html_(self) -> str:
         rows = []
@@ -146,6 +152,29 @@ class Mechanism:
     def loop_rank(self) -> int:
         """Number of independent equations of all loops and couplings (generic rank)."""
         return sum(self.cluster_ranks)
+
+    @property
+    def balls(self) -> tuple[str, ...]:
+        """Names of the ball joints that have a quaternion in q; they are passive."""
+        return () if self.spherical is None else self.spherical.names
+
+    @cached_property
+    def successive(self) -> Mechanism:
+        """The same mechanism with three revolute joints for each of `balls`; itself without any."""
+        if self.spherical is None:
+            return self
+        from cinegen.model.load import build
+
+        constraints = dict(self.source.constraints or {})
+        home = self.spherical.to_successive(self.q_home)
+        joints = self.spherical.successive.joints
+        index = {n: j.idx_q for n, j in zip(self.spherical.successive.names, joints, strict=True) if j.nq == 1}
+        written = {joint["name"]: joint for joint in constraints.get("joints", [])} or {name: {} for name in index}
+        entries = [
+            {**joint, "name": name, "home": float(home[index[name]]), "actuated": name in self.actuated}
+            for name, joint in written.items()
+        ]
+        return build(*self.source._replace(constraints={**constraints, "joints": entries, "balls": []}))
 
     @property
     def mobility(self) -> int:
@@ -272,17 +301,19 @@ class Mechanism:
 
     @cached_property
     def columns(self) -> tuple[str, ...]:
-        """For each column of a Jacobian the joint it belongs to; a free base has six, `joint0.x` and so on."""
+        """For each column of a Jacobian the joint it belongs to; a free base has six, `joint0.x` and so on, a ball
+        joint three, such as `joint5.rx`."""
         names = [""] * self.model.nv
         for name, joint in zip(self.model.names, self.model.joints, strict=True):
             for i in range(joint.nv if name != "universe" else 0):
-                names[joint.idx_v + i] = name if joint.nv == 1 else f"{name}.{COMPONENTS[i]}"
+                first = 3 if joint.nv == 3 and not translations(joint) else 0
+                names[joint.idx_v + i] = name if joint.nv == 1 else f"{name}.{COMPONENTS[first + i]}"
         return tuple(names)
 
     @cached_property
     def passive_columns(self) -> NDArray[np.intp]:
         """The columns of the passive joints (not actuated) in a Jacobian; never those of a free base."""
-        passive = [self._joint(name) for name in self.joints if name not in self.actuated]
+        passive = [self._joint(name) for name in (*self.joints, *self.balls) if name not in self.actuated]
         return np.array([joint.idx_v + i for joint in passive for i in range(joint.nv)], dtype=np.intp)
 
     @cached_property
@@ -294,21 +325,36 @@ class Mechanism:
 
     # --- configurations ------------------------------------------------------------------------------------------
 
-    def configuration(self, values: Mapping[str, float], q: ArrayLike | None = None) -> Array:
+    def configuration(self, values: Mapping[str, ArrayLike], q: ArrayLike | None = None) -> Array:
         """Return a configuration with some joints set by name.
 
         Args:
-            values: joint name -> value, rad or m.
+            values: joint name -> value, rad or m; of a ball joint a quaternion x y z w of any size but 0, of a free
+                base its position and quaternion.
             q: (nq,) that gives the other joints; home unless given.
 
         Raises:
             UnknownNameError: no such joint.
-            ConfigurationError: a number that is not finite, or q of the wrong shape.
+            ConfigurationError: a number that is not finite, too few or too many of them, or q of the wrong shape.
         """
         full = self.checked(self.q_home if q is None else q).copy()
         for name, value in values.items():
-            full[self.q_index(name)] = value
-        return self.checked(full)
+            joint = self._joint(name)
+            if joint.nq == 1:
+                full[joint.idx_q] = value
+                continue
+            numbers = np.asarray(value, dtype=float)
+            if numbers.shape != (joint.nq,) or not numbers.any():
+                raise ConfigurationError(f"joint '{name}' of {self.name} takes {joint.nq} numbers, not {value!r:.60}")
+            full[joint.idx_q : joint.idx_q + joint.nq] = numbers
+        return self.normalized(self.checked(full))
+
+    def values(self, q: Array) -> dict[str, float | list[float]]:
+        """Return the values of all joints in q (nq,) by name, rad or m; of ball joints the quaternion x y z w."""
+        found: dict[str, float | list[float]] = {name: float(q[self.q_index(name)]) for name in self.joints}
+        for name in self.balls:
+            found[name] = [float(x) for x in q[self.q_index(name) : self.q_index(name) + 4]]
+        return found
 
     def checked(self, q: ArrayLike) -> Array:
         """Return q as an array (nq,) of finite numbers.
@@ -322,6 +368,10 @@ class Mechanism:
         if not np.isfinite(full).all():
             raise ConfigurationError(f"a configuration of {self.name} has numbers that are not finite")
         return full
+
+    def normalized(self, q: Array) -> Array:
+        """Return q (nq,) with the quaternions of ball joints of length 1."""
+        return np.asarray(pin.normalize(self.model, q)) if self.balls else q
 
     def difference(self, start: ArrayLike, end: ArrayLike) -> Array:
         """Return the velocity (nv,) that leads from one configuration (nq,) to another in 1 s; rad/s and m/s."""

@@ -40,10 +40,11 @@ def simple(tree: Any, name: str) -> Constraints:
         name: the file's, for errors.
 
     Returns:
-        constraints as `raff2urdf.constraints` describes: nodes, joints, floating, and no loops.
+        constraints as `raff2urdf.constraints` describes: nodes, joints, ball joints, floating, and no loops.
     """
     nodes = root_first(tree)
-    successive.replace_compound(tree, name, keep_root=True)
+    spherical = {joint.get("name") for joint in joints(tree) if joint.get("type") == "spherical"}
+    replaced = successive.replace_compound(tree, name, keep_root=True)
     _warn_of_assumptions(tree, name)
     floating, entries = None, []
     for joint in joints(tree):
@@ -68,6 +69,7 @@ def simple(tree: Any, name: str) -> Constraints:
         "nodes": nodes,
         "floating": floating,
         "joints": entries,
+        "balls": [{"name": joint, "joints": names} for joint, names in replaced.items() if joint in spherical],
         "loops": [],
     }
 

@@ -117,7 +117,8 @@ class SamplingSpace:
     lengths.
 
     Joints are bounded by their limits. A revolute joint without limits has one revolution to either side, so that a
-    goal can be reached both ways around; a prismatic one, and a floating base, the extent of the scene and a margin.
+    goal can be reached both ways around; a prismatic one, and a floating base, the extent of the scene and a margin;
+    the rotations of a ball joint and of a floating base, half a revolution.
 
     Args:
         scene: scene.
@@ -141,8 +142,9 @@ class SamplingSpace:
             if not mechanism.is_prismatic(name):
                 begin[k], end[k] = -_REVOLUTION, _REVOLUTION
                 self._unlimited[k] = np.isinf(low[k]) and np.isinf(high[k])
-        if mechanism.floating:  # three translations, then three rotations
-            begin[3:6], end[3:6] = -np.pi, np.pi
+        rotations = [3] * mechanism.floating + [mechanism.v_index(ball) for ball in mechanism.balls]
+        for k in rotations:  # those of a floating base follow its three translations
+            begin[k : k + 3], end[k : k + 3] = -np.pi, np.pi
         self.low = np.minimum(np.where(np.isinf(low), begin, low), 0.0) / self._scale
         self.high = np.maximum(np.where(np.isinf(high), end, high), 0.0) / self._scale + _THINNEST
 

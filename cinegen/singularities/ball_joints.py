@@ -62,13 +62,14 @@ def balls(mechanism: Mechanism) -> tuple[tuple[str, ...], ...]:
 
 def _balls(mechanism: Mechanism) -> tuple[tuple[str, ...], ...]:
     try:
-        linkage = Linkage(mechanism)
+        linkage = Linkage(mechanism.successive)
     except ModesError:
         return ()
     # a joint of the tree is fixed in the body that it moves; a cut one in another's
     threes = [sorted(j.carrier - 1 for j in centre.joints) for centre in linkage.bodies.centres]
     names = linkage.joint_names
-    return tuple(tuple(names[k] for k in ks) for ks in threes if len(ks) == len(set(ks)) == 3 and ks[0] >= 0)
+    found = [tuple(names[k] for k in ks) for ks in threes if len(ks) == len(set(ks)) == 3 and ks[0] >= 0]
+    return tuple(joints for joints in found if joints[0] in mechanism.joints)  # others are spherical joints
 
 
 def counted(mechanism: Mechanism, q: Array, node: str) -> CountedJacobians:

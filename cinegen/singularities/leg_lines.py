@@ -32,8 +32,11 @@ def leg_lines(mechanism: Mechanism, q: Array) -> tuple[PlueckerLine, ...]:
     Returns:
         none if the mechanism belongs to neither family.
     """
+    q = mechanism.checked(q)
+    if mechanism.spherical is not None:
+        return leg_lines(mechanism.successive, mechanism.spherical.to_successive(q))
     legs = mechanism.derived(_legs)
-    mechanism.system.evaluate(mechanism.checked(q))
+    mechanism.system.evaluate(q)
     placements = mechanism.system.data.oMi
     return tuple(PlueckerLine.through(*(placements[end.joint].act(end.local) for end in leg)) for leg in legs)
 

@@ -317,7 +317,7 @@ def _checked_quantities(spec: MapSpecification) -> tuple[str, ...]:
         from cinegen.assembly.linkage import Linkage, ModesError
 
         try:
-            Linkage(mechanism)
+            Linkage(mechanism.successive)
         except ModesError as error:
             raise MapError(f"its assembly modes can't be counted: {error}. Leave 'solutions' out") from None
     if "solutions" in wanted and not spec.over_joints and spec.dof > spec.rank:

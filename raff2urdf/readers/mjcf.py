@@ -195,6 +195,9 @@ class _Reader:
             urdf.add_fixed(self.floating, parent, child, placed, "floating")
             return
         joints = [joint for j in numbers for joint in self.successive(j)]
+        for j in numbers:
+            if model.jnt_type[j] == int(self.mujoco.mjtJoint.mjJNT_BALL) and not model.jnt_limited[j]:
+                urdf.add_ball(self.joint_names[j], [f"{self.joint_names[j]}_{letter}" for letter in "XYZ"])
         for joint in joints:
             placed = placed @ translation(joint.anchor)
             link = child

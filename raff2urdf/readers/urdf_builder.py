@@ -49,6 +49,7 @@ class UrdfBuilder:
         self._entries: list[dict[str, Any]] = []
         self._loops: list[dict[str, Any]] = []
         self._couplings: list[dict[str, Any]] = []
+        self._balls: list[dict[str, Any]] = []
 
     def free_name(self, name: str) -> str:
         """Return a name for something without a name in the file."""
@@ -103,6 +104,10 @@ class UrdfBuilder:
         self._robot.joints.append(joint)
         self._entries.append({"name": name, "home": home, **({} if actuated is None else {"actuated": actuated})})
 
+    def add_ball(self, name: str, joints: Sequence[str]) -> None:
+        """Declare that three successive revolute joints, added already, are a ball joint."""
+        self._balls.append({"name": name, "joints": list(joints)})
+
     def add_loop(self, name: str, kind: str, first: tuple[str, ArrayLike], second: tuple[str, ArrayLike]) -> None:
         """Add a loop between two ends: nodes, and placements (4, 4) on them."""
         (one, at), (other, there) = first, second
@@ -121,6 +126,8 @@ class UrdfBuilder:
             "joints": self._entries,
             "loops": self._loops,
         }
+        if self._balls:
+            values["balls"] = self._balls
         if self._couplings:
             values["couplings"] = self._couplings
         return dumps(self._robot), values

@@ -115,7 +115,8 @@ def test_connect_and_weld_become_loops_that_mujoco_finds_closed(write):
     data = mujoco.MjData(model)
     loose = pin.SE3(turned(np.radians([5, 6, 7])), np.array([2.0, 0.0, 1.0]))
     for q in [mechanism.q_home, *mechanism.random_closed(4)]:
-        at = {joint: q[mechanism.q_index(joint)] for joint in mechanism.joints}
+        successive, angles = mechanism.successive, mechanism.spherical.to_successive(q)
+        at = {joint: angles[successive.q_index(joint)] for joint in successive.joints}
         ball = turned([at[f"ball_{x}"] for x in "XYZ"])
         about, along = turned([at[f"free_{x}"] for x in "XYZ"]), np.array([at[f"free_T{x}"] for x in "XYZ"])
         there = loose * pin.SE3(about, along)
@@ -139,7 +140,8 @@ def test_motors_are_what_actuators_drive_and_home_is_the_key_frame(write):
     home = {joint: mechanism.q_home[mechanism.q_index(joint)] for joint in mechanism.joints}
     assert home["turn"] == pytest.approx(0.1)
     assert home["slide"] == pytest.approx(0.3)
-    assert home["ball_X"] == pytest.approx(np.pi / 4)
+    assert mechanism.balls == ("ball",)
+    assert mechanism.values(mechanism.q_home)["ball"] == pytest.approx([np.sin(np.pi / 8), 0.0, 0.0, np.cos(np.pi / 8)])
     assert (home["bent"], home["other"]) == pytest.approx((0.4, 0.5))
 
 

@@ -269,6 +269,8 @@ class _SdfToUrdf:
                 self._add_coupling(f"{translation}-{rotation}", {translation: 1.0, rotation: -joint.lead})
         if reversed_ends:
             steps.reverse()
+        if joint.kind == "ball":
+            self.urdf.add_ball(joint.name, [name for name, _, _ in steps])
         at = joint.placement.copy()
         arms = [np.cross(axis.direction, self.placements[child][:3, 3] - at[:3, 3]) for _, axis, _ in steps]
         on_axis = joint.kind == "prismatic" or all(np.abs(arm).max() <= _ON_AXIS for arm in arms)

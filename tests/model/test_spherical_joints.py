@@ -1,0 +1,301 @@
+"""Ball joints of RAFF as spherical joints: no gimbal lock, and everything else as with three revolute joints."""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+import pickle
+
+import numpy as np
+import pinocchio as pin
+import pytest
+
+import cinegen
+import raff2urdf
+from cinegen.errors import ConfigurationError, LoadError
+from cinegen.ik import Solver, Status
+from cinegen.ik.global_ik import inverse_kinematics
+from cinegen.ik.singular import passive_singular_values
+from cinegen.mission import MissionRecorder, Recording, RobotSample, check, resampled
+from cinegen.model import ForwardKinematics
+from cinegen.model.load import build
+from cinegen.singularities import SingularityType, leg_lines, singularity
+from raff2urdf.document import CompoundKind, JointType, Parameters, RaffLink, RaffVariable
+from raff2urdf.kleinfinger import parameters, transform
+from raff2urdf.tree import kleinfinger
+
+CHAIN = """
+RAFF Chain
+robot chain {
+  link 1 { parameters { d 100 alpha 20 theta 15 } joint ball pred 0 variable y { home 40 } }
+  link 2 { parameters { d 200 alpha 10 } type 2 pred 1 limits { -60 60 } }
+  link 3 { parameters { d 100 r 30 gamma 70 } joint ball pred 2 }
+}
+"""
+
+RSSR = """
+RAFF RSSR
+robot rssr {
+  link 1 { parameters { theta 40 } type 2 pred 0 actuated 1 }
+  frame 10 { parameters { d 100 alpha 70 theta 10 } pred 1 }
+  link 2 { parameters { TURN } joint ball pred 10 }
+  frame 11 { parameters { BACK } pred 2 }
+  link 3 { parameters { gamma 20 d 300 alpha 80 theta 85 epsilon 30 } type 2 pred 0 }
+  frame 4 { parameters { d 320 } pred 11 }
+  frame 5 { parameters { d 200 } pred 3 }
+  constraint { frame 4 frame 5 type 3 }
+}
+"""
+
+
+@pytest.fixture(scope="module")
+def chain(tmp_path_factory):
+    return load(tmp_path_factory, CHAIN)
+
+
+@pytest.fixture(scope="module")
+def rssr(tmp_path_factory):
+    return load(tmp_path_factory, RSSR.replace("TURN", "").replace("BACK", ""))
+
+
+@pytest.fixture(scope="module")
+def gough(tmp_path_factory):
+    """Gough's platform with a ball joint for the links 4, 5 and 6, without limits of passive joints. The middle angle
+    of the ball joint is 90 degrees at home."""
+    document = raff2urdf.load("gough")
+    robot = document.robot()
+    links = {part.number: part for part in robot.parts}
+    placed = np.eye(4)
+    for number in (4, 5, 6):
+        placed = placed @ transform(kleinfinger(document, links[number].parameters))
+    placed[:3, :3] = placed[:3, :3] @ turned([0.0, -np.pi / 2, 0.0])
+    at_lock = (RaffVariable("y", home=90.0),)
+    gamma, epsilon, alpha, d, theta, r = parameters(placed)
+    angles = {"gamma": gamma, "alpha": alpha, "theta": theta}
+    lengths = {"epsilon": epsilon, "d": d, "r": r}
+    own = Parameters(**{k: float(np.degrees(x)) for k, x in angles.items()}, **{k: 1e3 * x for k, x in lengths.items()})
+    links[6] = RaffLink(6, own, JointType.FIXED, 3, compound=CompoundKind.BALL, variables=at_lock, name=links[6].name)
+    parts = []
+    for part in (link for number, link in links.items() if number not in (4, 5)):
+        if isinstance(part, RaffLink):
+            wide = {JointType.REVOLUTE: None, JointType.PRISMATIC: (100.0, 3000.0)}.get(part.type)
+            part = dataclasses.replace(part, limits=wide, velocity=None)
+        parts.append(part)
+    changed = dataclasses.replace(document, robots=(dataclasses.replace(robot, parts=tuple(parts)),))
+    return load(tmp_path_factory, raff2urdf.dumps(changed))
+
+
+def load(tmp_path_factory, text):
+    file = tmp_path_factory.mktemp("balls") / "robot.raff"
+    file.write_text(text)
+    return cinegen.load(file)
+
+
+def turned(angle):
+    return pin.exp3(np.array(angle))
+
+
+# --- the model -------------------------------------------------------------------------------------------------------
+
+
+def test_a_ball_joint_is_a_quaternion_in_q(chain):
+    assert chain.balls == ("joint1", "joint3")
+    assert chain.joints == ("joint2",)
+    assert (chain.model.nq, chain.model.nv) == (9, 7)
+    assert chain.actuated == ("joint2",)
+    assert chain.mobility == 7
+    assert chain.columns == (
+        "joint1.rx", "joint1.ry", "joint1.rz", "joint2", "joint3.rx", "joint3.ry", "joint3.rz",
+    )  # fmt: skip
+    assert chain.nodes == ("base", "link1", "link2", "link3")
+    assert "1 joint (1 actuated), 2 ball joints, " in repr(chain)
+    at = chain.q_index("joint1")
+    assert chain.q_home[at : at + 4] == pytest.approx([0.0, np.sin(np.radians(20.0)), 0.0, np.cos(np.radians(20.0))])
+    assert chain.limits.lower[chain.q_index("joint2")] == pytest.approx(np.radians(-60.0))
+    again = pickle.loads(pickle.dumps(chain))
+    assert again.q_home.tolist() == chain.q_home.tolist()
+
+
+def test_successive_joints_move_alike_and_are_found_again(chain):
+    successive = chain.successive
+    assert successive.joints == ("joint1_X", "joint1_Y", "joint1_Z", "joint2", "joint3_X", "joint3_Y", "joint3_Z")
+    assert successive.mobility == chain.mobility
+    rng = np.random.default_rng(0)
+    for k in range(40):
+        angles = 3.0 * rng.normal(size=7)
+        if k % 4 == 0:
+            angles[[1, 5]] = np.pi / 2, -np.pi / 2  # gimbal lock
+        q = chain.spherical.from_successive(angles)
+        back = chain.spherical.to_successive(q)
+        for node in chain.nodes:
+            expected = successive.placement(angles, node).homogeneous
+            assert np.abs(chain.placement(q, node).homogeneous - expected).max() < 1e-12
+            assert np.abs(successive.placement(back, node).homogeneous - expected).max() < 1e-7 * (k % 4 == 0) + 1e-12
+
+
+def test_shapes_are_where_those_of_the_successive_joints_are(rssr):
+    placed = []
+    for mechanism in (rssr, rssr.successive):
+        data = mechanism.visual.createData()
+        pin.updateGeometryPlacements(mechanism.model, mechanism.model.createData(), mechanism.visual, data,
+                                     mechanism.q_home)  # fmt: skip
+        placed.append([at.homogeneous for at in data.oMg])
+    assert np.abs(np.array(placed[0]) - np.array(placed[1])).max() < 1e-10
+
+
+def test_values_by_name(chain):
+    quaternion = np.array([0.1, -0.2, 0.3, 0.4])
+    q = chain.configuration({"joint1": 3.0 * quaternion, "joint2": 0.3})
+    assert chain.values(q)["joint1"] == pytest.approx(quaternion / np.linalg.norm(quaternion))
+    assert chain.values(q)["joint2"] == 0.3
+    assert chain.configuration(chain.values(q)) == pytest.approx(q)
+    for wrong in (0.3, [1.0, 2.0], [0.0] * 4):
+        with pytest.raises(ConfigurationError, match="joint 'joint1' of chain takes 4 numbers"):
+            chain.configuration({"joint1": wrong})
+
+
+@pytest.mark.parametrize("change", ["limits", "velocity", "actuated", "coupling", "axes"])
+def test_what_is_no_free_ball_joint_stays_three_joints(chain, change):
+    urdf, constraints, *_ = chain.source
+    entries = [dict(joint) for joint in constraints["joints"]]
+    given = {**constraints, "joints": entries}
+    first = next(joint for joint in entries if joint["name"] == "joint1_X")
+    if change == "axes":
+        given["balls"] = [{"name": "wrong", "joints": ["joint1_X", "joint1_Y", "joint2"]}]
+        entries[3] |= {"limits": None, "actuated": False}
+        with pytest.raises(LoadError, match="ball joint 'wrong': the joints joint1_X, joint1_Y, joint2 are not succ"):
+            build(urdf, given)
+        return
+    if change == "coupling":
+        terms = [{"joint": name, "coefficients": [1.0]} for name in ("joint1_X", "joint2")]
+        given["couplings"] = [{"name": "gear", "terms": terms, "constant": 0.0}]
+    else:
+        first[change] = {"limits": [-1.0, 1.0], "velocity": 2.0, "actuated": True}[change]
+    for key in ("mobility", "loop_rows", "loop_rank"):
+        given.pop(key, None)
+    found = build(urdf, given)
+    assert found.balls == ("joint3",)
+    assert "joint1_X" in found.joints
+
+
+def test_a_floating_base_limits_and_loops_together(tmp_path):
+    limited = "pred 0 limits { 100 170 } }\n  frame 4"
+    text = RSSR.replace("TURN", "").replace("BACK", "").replace("pred 0 }\n  frame 4", limited)
+    text = text.replace("  constraint {", "  constraint { base sensor ( 0 1 ) }\n  constraint {")
+    file = tmp_path / "rover.raff"
+    file.write_text(text + 'sensor 1 { port "/dev/ttyS0" }')
+    with pytest.warns(raff2urdf.RaffWarning, match="home 85 of link 3 is outside"):
+        mechanism = cinegen.load(file)
+    assert mechanism.floating
+    assert mechanism.closure(mechanism.q_home) < 1e-10
+    assert mechanism.limits.exceeded(mechanism.q_home, 1e-9) == {}
+
+
+# --- no gimbal lock --------------------------------------------------------------------------------------------------
+
+
+def test_singular_values_do_not_depend_on_the_axes_of_the_ball_joint(rssr, tmp_path_factory):
+    expected = None
+    for gamma, alpha, theta in ((0, 0, 0), (40, 35, 25), (0, 90, 0), (-70, 110, 10)):
+        turn = f"gamma {gamma} alpha {alpha} theta {theta}"
+        mechanism = load(tmp_path_factory, RSSR.replace("TURN", turn).replace(
+            "BACK", f"gamma {-theta} alpha {-alpha} theta {-gamma}"))  # fmt: skip
+        values = []
+        motion = ForwardKinematics(mechanism)
+        for angle in np.linspace(-1.0, 1.0, 7):
+            q = motion.move({"joint1": np.radians(40.0) + angle})
+            values.append(np.linalg.svd(mechanism.system.evaluate(q)[1], compute_uv=False))
+        expected = values if expected is None else expected
+        assert np.abs(np.array(values) - np.array(expected)).max() < 1e-8
+
+
+def test_a_rod_between_ball_joints_rotates_about_itself_through_gimbal_lock(rssr, tmp_path_factory):
+    """Its axis is the ball joint's y axis: the middle angle of three revolute joints passes 90 degrees."""
+    frame, rod = (rssr.placement(rssr.q_home, node) for node in ("frame10", "link2"))
+    gamma, _, alpha, _, theta, _ = np.degrees(parameters((frame.inverse() * rod).homogeneous))
+    turn = f"gamma {float(gamma)!r} alpha {float(alpha)!r} theta {float(theta) - 90.0!r}"
+    text = RSSR.replace("TURN", turn).replace("BACK", "theta 90")
+    for joint, written in (("joint1", "theta 40"), ("joint3", "theta 85")):
+        text = text.replace(written, f"theta {float(np.degrees(rssr.values(rssr.q_home)[joint]))!r}")
+    mechanism = load(tmp_path_factory, text)
+    home, successive = passive_singular_values(mechanism, mechanism.q_home), mechanism.successive
+    start = mechanism.placement(mechanism.q_home, "link2")
+    solver = Solver(mechanism, 0.01)
+    task = solver.add_task("link2", translation=0, rotation=3)
+    passed = 0
+    for angle in np.linspace(0.0, 4.0 * np.pi, 200):
+        task.target = pin.SE3(start.rotation @ turned([0.0, angle, 0.0]), start.translation)
+        step = solver.step()
+        assert step.closure <= 1e-10
+        assert step.status is Status.FOLLOWING
+        assert step.passive_singular_values == pytest.approx(home, abs=1e-6)
+        three = passive_singular_values(successive, mechanism.spherical.to_successive(step.q))
+        passed += three[-1] < 0.1 * home[-1]
+    assert step.errors[0][1] < 0.1
+    assert passed >= 4
+
+
+def test_a_platform_is_dragged_from_gimbal_lock_on(gough):
+    """Its ball joint is written such that three revolute joints are singular at home."""
+    successive = gough.successive
+    assert passive_singular_values(successive, successive.q_home)[-1] < 1e-6
+    assert passive_singular_values(gough, gough.q_home)[-1] > 0.1
+    assert singularity(gough, gough.q_home).near is SingularityType.NONE
+    solver, rng = Solver(gough, 0.01), np.random.default_rng(0)
+    task, start = solver.add_task(gough.end), gough.placement(gough.q_home, gough.end)
+    for _ in range(20):
+        shift, turn = 0.03 * rng.normal(size=3), 0.1 * rng.normal(size=3)
+        task.target = pin.SE3(turned(turn) @ start.rotation, start.translation + shift)
+        for _ in range(40):
+            step = solver.step()
+            assert step.closure <= 1e-10
+            assert step.status is Status.FOLLOWING
+        assert max(step.errors[0]) < 1e-6
+
+
+# --- everything else -------------------------------------------------------------------------------------------------
+
+
+def test_assembly_modes_and_lines_are_those_of_the_successive_joints(gough, robot):
+    modes = cinegen.assembly_modes(gough)
+    assert modes.mechanism is gough
+    assert modes.complete
+    expected = cinegen.assembly_modes(robot("gough"))
+    assert len(modes) == len(expected)
+    for q, there in zip(modes, expected, strict=True):
+        assert gough.closure(q) < 1e-11
+        placed = robot("gough").placement(there, "platform")
+        assert np.abs(gough.placement(q, "platform").homogeneous - placed.homogeneous).max() < 1e-8
+    json.dumps(modes.as_dict())
+    lines = [line.coordinates for line in leg_lines(gough, gough.q_home)]
+    same = [line.coordinates for line in leg_lines(robot("gough"), robot("gough").q_home)]
+    assert np.abs(np.array(lines) - np.array(same)).max() < 1e-8
+    found, of_three = singularity(gough, gough.q_home), singularity(gough.successive, gough.successive.q_home)
+    assert found.second == pytest.approx(of_three.second, abs=1e-7)
+
+
+def test_recordings_are_resampled_and_checked(rssr, tmp_path):
+    motion = ForwardKinematics(rssr)
+    times = np.linspace(0.0, 2.0, 41)
+    with MissionRecorder(tmp_path / "run.jsonl", {"robot": rssr}) as recorder:
+        for time in times:
+            q = motion.move({"joint1": np.radians(40.0) + np.sin(2.0 * time)})
+            flipped = q.copy()
+            at = rssr.q_index("joint2")
+            flipped[at : at + 4] *= -1.0 if 0.5 < time < 1.0 else 1.0  # the same orientation
+            recorder.write(time, {"robot": RobotSample(flipped, "FOLLOWING")})
+    recording = Recording.load(tmp_path / "run.jsonl")
+    assert recording.mechanism("robot").balls == ("joint2",)
+    trajectory = resampled(recording, rate=100.0)
+    assert trajectory.v.shape == (len(trajectory.q), rssr.model.nv)
+    assert max(rssr.closure(q) for q in trajectory.q) < 1e-9
+    for k in range(1, len(trajectory.q) - 1, 10):
+        expected = rssr.difference(trajectory.q[k - 1], trajectory.q[k + 1]) * 50.0
+        assert trajectory.v[k] == pytest.approx(expected, abs=0.05)
+    assert not check(trajectory).serious
+
+
+def test_inverse_kinematics_finds_a_pose(gough):
+    target = gough.placement(gough.random_closed(1, 4)[0], gough.end)
+    found = inverse_kinematics(gough, {gough.end: target})
+    assert gough.placement(found.q, gough.end).isApprox(target, 1e-6)
