@@ -119,7 +119,6 @@ class IKSolutions(Sequence[Array]):
 
     def as_dict(self) -> dict[str, Any]:
         """Return what JSON shows: rad and m."""
-        indices = {name: self.mechanism.q_index(name) for name in self.mechanism.joints}
         target = self.task.target
         return {
             "robot": self.mechanism.name,
@@ -133,7 +132,7 @@ class IKSolutions(Sequence[Array]):
             "counts": vars(self.counts),
             "solutions": [
                 {
-                    "joints": {name: float(q[index]) for name, index in indices.items()},
+                    "joints": self.mechanism.values(q),
                     "within_limits": not beyond,
                     "outside": beyond,
                     "coincident": count,
@@ -145,7 +144,7 @@ class IKSolutions(Sequence[Array]):
             "closest": None
             if self.closest is None
             else {
-                "joints": {name: float(self.closest[index]) for name, index in indices.items()},
+                "joints": self.mechanism.values(self.closest),
                 "error": list(self.task.distances(self.mechanism, self.closest)),
             },
         }
@@ -156,6 +155,14 @@ def all_solutions(
     report: Callable[[str], None] | None, effort: float,
 ) -> IKSolutions:  # fmt: skip
     """Compute all isolated configurations that bring a node to a pose; see `inverse_kinematics`."""
+    if mechanism.spherical is not None:
+        joints = mechanism.spherical
+        found = all_solutions(mechanism.successive, task, joints.to_successive(q), locked, report, effort)
+        closest = None if found.closest is None else joints.from_successive(found.closest)
+        return replace(
+            found, mechanism=mechanism, start=mechanism.configuration(locked, q), closest=closest,
+            configurations=tuple(map(joints.from_successive, found.configurations)),
+        )  # fmt: skip
     start = mechanism.configuration(locked, q)
     try:
         parts, lock = mechanism.derived(_Kept).parts(mechanism, _node_task(mechanism, task), locked)

@@ -353,9 +353,8 @@ def test_couplings_are_mujocos(write, name):
     data = mujoco.MjData(model)
     ranks = []
     for q in [mechanism.q_home, *mechanism.random_closed(5)]:
-        at = {joint: q[mechanism.q_index(joint)] for joint in mechanism.joints}
-        x, y, z, w = pin.Quaternion(np.array(pin.utils.rotate("x", at["ball_X"]) @ pin.utils.rotate("y", at["ball_Y"])
-                                             @ pin.utils.rotate("z", at["ball_Z"]))).coeffs()  # fmt: skip
+        at = mechanism.values(q)
+        x, y, z, w = at["ball"]
         data.qpos[:] = [at["x"], at["y"], at["z"], w, x, y, z, at["w"]]
         mujoco.mj_forward(model, data)
         rows = data.efc_type[: data.nefc] == mujoco.mjtConstraint.mjCNSTR_EQUALITY
