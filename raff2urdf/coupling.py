@@ -16,7 +16,8 @@ the distance, in rad or characteristic lengths, to the nearest joint values that
 from __future__ import annotations
 
 import math
-from collections.abc import Collection, Iterable, Mapping, Sequence
+from collections import Counter
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -108,15 +109,28 @@ def coupled_scales(
 
 
 def followed(couplings: Iterable[Coupling], values: Mapping[str, float]) -> dict[str, float]:
-    """Return joint values (rad, m) in which the follower of each coupling, one after another, is where the other joints
-    lead it; where powers of its variable occur, it stays."""
+    """Return joint values (rad, m) in which the follower of each coupling is where the other joints lead it.
+
+    Leaders that follow others themselves move first. A follower of whose variable powers occur stays.
+    """
     moved = dict(values)
-    for coupling in couplings:
+    for coupling in _leaders_first(couplings):
         (own, *powers), follower = coupling.terms[coupling.follower], coupling.follower
         lack, _ = coupling.evaluate(moved)
         if not powers and abs(lack) > _EXACT * abs(own):
             moved[follower] -= lack / own
     return moved
+
+
+def _leaders_first(couplings: Iterable[Coupling]) -> Iterator[Coupling]:
+    """Yield couplings, each behind those whose followers lead in it; in file order where they lead each other."""
+    pending = list(couplings)
+    while pending:
+        following = Counter(coupling.follower for coupling in pending)
+        ready = [one for one in pending if all(not following[joint] for joint in one.terms if joint != one.follower)]
+        first = ready or pending[:1]
+        yield from first
+        pending = [one for one in pending if not any(one is other for other in first)]
 
 
 def coupling_entry(name: str, terms: Mapping[str, Sequence[float]], constant: float = 0.0) -> dict[str, Any]:

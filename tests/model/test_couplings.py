@@ -150,6 +150,7 @@ robot any {
 def test_followers_move_first_and_chains_follow():
     couplings = [Coupling("a", {"y": (1.0,), "x": (-2.0,)}, 3.0), Coupling("b", {"z": (2.0,), "y": (1.0, 1.0)}, 0.0)]
     assert followed(couplings, {"x": 1.0, "y": 0.0, "z": 9.0}) == {"x": 1.0, "y": 5.0, "z": -15.0}
+    assert followed(couplings[::-1], {"x": 1.0, "y": 0.0, "z": 9.0}) == {"x": 1.0, "y": 5.0, "z": -15.0}
     bent = Coupling("c", {"y": (0.0, 1.0), "x": (-1.0,)})
     assert followed([bent], {"x": 4.0, "y": 1.0}) == {"x": 4.0, "y": 1.0}  # closing decides between 2 and -2
 
