@@ -17,8 +17,9 @@ print(cassie, f"closed to {cassie.closure(cassie.q_home):.0e}")
 for loop in cassie.loops:
     print(f"  {loop.name}: {loop.kind.name.lower()}, between {loop.first} and {loop.second}")
 
-panda = raff2urdf.to_raff(robots / "panda_description/urdf/panda.urdf", units="mm", free_mimic=True)
+panda = raff2urdf.to_raff(robots / "panda_description/urdf/panda.urdf", units="mm")
 print("panda in RAFF, mm and degrees:")
 for link in panda.document.robot().links:
     p = link.parameters
     print(f"  {link.node:<18} theta {p.theta:6.1f}  r {p.r:6.1f}  d {p.d:6.1f}  alpha {p.alpha:6.1f}")
+print("one finger follows the other:", cinegen.load(robots / "panda_description/urdf/panda.urdf").couplings[0])
