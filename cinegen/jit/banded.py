@@ -21,7 +21,7 @@ _LEAST = 1e-7  # sine below which a row is no pivot
 @compiled
 def factor_blocks(
     f: Array, rank: int, block_row: Table, block_end: Table, first: Table, order: Table, left: Array, size: Array,
-    applied: Table, tau: Array, h: Array, reach: Table,
+    applied: Table, filled: Table, tau: Array, h: Array, reach: Table,
 ) -> float:  # fmt: skip
     """Factor f (rows, n) in place.
 
@@ -35,6 +35,8 @@ def factor_blocks(
         left: (rows,) becomes the squared remainder of each row without a pivot.
         size: (rows,) scratch: squared lengths.
         applied: (rows,) scratch: reflections applied to a row.
+        filled: (rows, 2) becomes the first column of each row of f that may not be zero, and the column behind the
+            last.
         tau: (rank,) and
         h: (rank, n) become the reflections 1 - tau h h^T. Where a pivot is zero, tau and the diagonal are 0.
         reach: (rank,) becomes the column behind the last that a reflection changes.
@@ -44,10 +46,11 @@ def factor_blocks(
     """
     rows, n = f.shape
     longest, shortest, t, end = 0.0, 1.0, 0, 0
-    for i in range(rows):
-        order[i] = i
-        size[i] = inner(f[i], f[i], n)
-        longest = max(longest, size[i])
+    for b in range(len(block_end)):
+        for i in range(block_row[b], block_row[b + 1]):
+            order[i] = i
+            size[i] = inner(f[i, first[i] :], f[i, first[i] :], block_end[b] - first[i])
+            longest = max(longest, size[i])
     nothing = _NOTHING * _NOTHING * longest
     for b in range(len(block_end)):
         start, stop = block_row[b], block_row[b + 1]
@@ -58,6 +61,7 @@ def factor_blocks(
                 u -= 1
             _apply(f[i], u, t, tau, h, reach)
             left[i] = inner(f[i, t:], f[i, t:], max(end - t, 0))
+            filled[i, 0], filled[i, 1] = min(first[i], u), end
         while t < rank:
             p = -1
             for i in range(max(t, start), stop):
@@ -66,7 +70,7 @@ def factor_blocks(
             if p < 0 or left[p] <= nothing or left[p] <= _CLEAR * _CLEAR * size[order[p]]:
                 break
             shortest = min(shortest, math.sqrt(left[p] / size[order[p]]))
-            _take(f, t, p, end, order, left, tau, h, reach)
+            _take(f, t, p, end, order, left, filled, tau, h, reach)
             for i in range(max(t + 1, start), stop):
                 if order[i] >= start:
                     _apply(f[i], t, t + 1, tau, h, reach)
@@ -78,6 +82,7 @@ def factor_blocks(
     if t < rank:
         for i in range(t, rows):
             if left[i] > nothing:
+                filled[i, 0], filled[i, 1] = 0, n
                 _apply(f[i], applied[order[i]], t, tau, h, reach)
                 left[i] = inner(f[i, t:], f[i, t:], n - t)
     while t < rank:
@@ -90,7 +95,7 @@ def factor_blocks(
                 tau[i], reach[i], f[i, i] = 0.0, i, 0.0
             return 0.0
         shortest = min(shortest, math.sqrt(left[p] / size[order[p]]))
-        _take(f, t, p, n, order, left, tau, h, reach)
+        _take(f, t, p, n, order, left, filled, tau, h, reach)
         for i in range(t + 1, rows):
             if left[i] > nothing:
                 _apply(f[i], t, t + 1, tau, h, reach)
@@ -101,13 +106,14 @@ def factor_blocks(
 
 @compiled
 def _take(
-    f: Array, t: int, p: int, end: int, order: Table, left: Array, tau: Array, h: Array, reach: Table
-) -> None:  # fmt: skip
+    f: Array, t: int, p: int, end: int, order: Table, left: Array, filled: Table, tau: Array, h: Array, reach: Table
+) -> None:
     """Make row p pivot t: swap them, and make the reflection that leaves it nothing behind column t."""
     if p != t:
         swap(f[t], f[p], f.shape[1])
         order[t], order[p] = order[p], order[t]
         left[t], left[p] = left[p], left[t]
+        swap(filled[t], filled[p], 2)
     length = math.sqrt(inner(f[t, t:], f[t, t:], end - t))
     diagonal = -length if f[t, t] > 0.0 else length
     copy(f[t, t:], h[t, t:], end - t)

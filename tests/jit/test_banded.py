@@ -34,8 +34,8 @@ def blocks(seed: int, dependent: bool) -> tuple[np.ndarray, dict, int]:
     return f, {
         "block_row": np.cumsum([0, *heights]), "block_end": np.array(last), "first": np.array(first),
         "order": np.zeros(size, dtype=int), "left": np.zeros(size), "size": np.zeros(size),
-        "applied": np.zeros(size, dtype=int), "tau": np.zeros(size), "h": np.zeros(f.shape),
-        "reach": np.zeros(size, dtype=int),
+        "applied": np.zeros(size, dtype=int), "filled": np.zeros((size, 2), dtype=int), "tau": np.zeros(size),
+        "h": np.zeros(f.shape), "reach": np.zeros(size, dtype=int),
     }, rank  # fmt: skip
 
 
@@ -47,6 +47,9 @@ def test_motions_and_steps_are_those_of_the_whole_matrix(seed, dependent, scale)
     f, n = j.copy(), j.shape[1]
     sine = banded.factor_blocks(f, rank, *tables.values())
     assert 0.0 < sine <= 1.0
+    for row, (begin, end) in zip(f, tables["filled"], strict=True):
+        assert not row[:begin].any()
+        assert not row[end:].any()
     q = np.eye(n)
     for row in q:
         banded.from_motions(row, rank, tables["tau"], tables["h"], tables["reach"])

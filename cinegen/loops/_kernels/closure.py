@@ -172,7 +172,7 @@ def _factor_cluster(memory: LoopMemory, cluster: ClusterMemory, exact: bool) -> 
     if cluster.blocks > 0:
         sine = factor_blocks(
             f, rank, cluster.block_row, cluster.block_end, cluster.row_first, order, cluster.row_left, cluster.row_size,
-            cluster.row_applied, tau, h, cluster.reach,
+            cluster.row_applied, cluster.row_filled, tau, h, cluster.reach,
         )  # fmt: skip
         for t in range(rank, cluster.rank):
             tau[t], cluster.reach[t] = 0.0, t
@@ -205,10 +205,17 @@ def _factor_cluster(memory: LoopMemory, cluster: ClusterMemory, exact: bool) -> 
 
 @compiled
 def _copy_unlocked(memory: LoopMemory, cluster: ClusterMemory) -> None:
-    for i in range(cluster.rows):
-        equation, f = memory.jacobian[cluster.row[i]], cluster.factors[i]
-        for k in range(cluster.n):
-            f[k] = equation[cluster.dof[k]]
+    if cluster.blocks == 0:
+        for i in range(cluster.rows):
+            equation, f = memory.jacobian[cluster.row[i]], cluster.factors[i]
+            for k in range(cluster.n):
+                f[k] = equation[cluster.dof[k]]
+    for b in range(cluster.blocks):
+        for i in range(cluster.block_row[b], cluster.block_row[b + 1]):
+            equation, f = memory.jacobian[cluster.row[i]], cluster.factors[i]
+            f[cluster.row_filled[i, 0] : cluster.row_filled[i, 1]] = 0.0
+            for k in range(cluster.row_first[i], cluster.block_end[b]):
+                f[k] = equation[cluster.dof[k]]
     for k in range(cluster.n):
         if memory.locked[cluster.dof[k]] != 0.0:
             for i in range(cluster.rows):

@@ -46,6 +46,7 @@ class ClusterMemory(Memory):
     row_first: Table = array("rows", dtype=int)  # first column that a row reaches
     row_size: Array = array("rows")
     row_applied: Table = array("rows", dtype=int)
+    row_filled: Table = array("rows", 2, dtype=int)  # columns of the factors that may not be zero
     reach: Table = array("rows", dtype=int)
     kept_tau: Array = array("kept")
     kept_reflectors: Array = array("kept", "n")
