@@ -53,7 +53,7 @@ export class Footer {
   #show({ robots = {}, rate, clients, compilation }) {
     const gaps = this.session.robots.map((robot) => [robots[robot.name]?.closure ?? 0, robot.length]);
     const [gap, length] = gaps.reduce((one, other) => (other[0] > one[0] ? other : one), [0, 1]);
-    const none = !this.session.robots.some((robot) => robot.loops.length > 0);
+    const none = !this.session.robots.some((robot) => robot.loops.length + robot.couplings.length > 0);
     write(
       byId("gap"),
       none ? "no loops" : gap < CLOSED ? units.length(0) : `${units.length(gap * length)} (${gap.toExponential(0)})`,

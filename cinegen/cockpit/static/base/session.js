@@ -119,9 +119,10 @@ export class Session extends Events {
     this.#robots.clear();
     for (const robot of hello.robots ?? []) {
       const nodes = robot.nodes ?? [];
-      const joints = robot.joints ?? [];
+      const { joints = [], loops = [], couplings = [] } = robot;
       const byName = new Map(nodes.map((node) => [node.name, node]));
-      this.#robots.set(robot.name, { ...robot, nodes, joints, loops: robot.loops ?? [], obstacle: false, byName });
+      const parts = { nodes, joints, loops, couplings, byName };
+      this.#robots.set(robot.name, { ...robot, ...parts, obstacle: false });
     }
     for (const obstacle of hello.obstacles ?? []) this.#robots.set(obstacle.name, asRobot(obstacle));
     this.emit("hello", hello);

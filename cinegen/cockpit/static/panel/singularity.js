@@ -27,7 +27,7 @@ const KINDS = [
   {
     kind: "type2",
     title: "Uncontrolled DoF",
-    none: "no loops: can't happen",
+    none: "no loops or couplings: can't happen",
     hint: "Type 2: near 0 the robot can move while its actuated joints are locked. Full and green is good.",
   },
 ];
@@ -92,7 +92,7 @@ export class Singularity {
         const near = found?.threshold ?? 0;
         const known = Number.isFinite(sigma);
         if (one === undefined) continue;
-        const none = kind === "type2" && robot.loops.length > 0 ? "not known" : one.none;
+        const none = kind === "type2" && robot.loops.length + robot.couplings.length > 0 ? "not known" : one.none;
         one.bar.style.transform = `scaleX(${known ? share(sigma) : 0})`;
         one.mark.hidden = !known || !(near > 0);
         if (!one.mark.hidden) one.mark.style.left = `${(100 * share(near)).toFixed(1)}%`;
