@@ -1,4 +1,4 @@
-"""Inverse kinematics at once, with and without loops: the leg lengths of a Gough platform, and poses it can't reach."""
+"""Inverse kinematics: the leg lengths of a Gough platform, poses it can't reach, and all configurations of an arm."""
 
 import numpy as np
 import pinocchio as pin
@@ -17,3 +17,9 @@ for tilt in (0, 10, 20, 30, 40, 50):
         print(f"tilted by {tilt} degrees, legs of", " ".join(f"{leg:.0f}" for leg in legs), "mm")
     else:
         print(f"not by {tilt} degrees: {', '.join(reached.saturated)} are as long or short as they can be")
+
+arm = cinegen.load("rx90")
+solutions = cinegen.inverse_kinematics(arm, {"tool": arm.placement(arm.q_home, "tool")}, all=True)
+print(f"{solutions}: {solutions.method}")
+for q in solutions:
+    print(" ".join(f"{np.degrees(q[arm.q_index(joint)]):8.2f}" for joint in arm.actuated))

@@ -459,6 +459,7 @@ def solve_from(
     for k in range(len(solutions)):
         x = solutions[k]
         ends[k] = LOST
+        settled = False
         _go_to(path, 0.0, scratch)
         for _ in range(60):
             _equations(tables, x, path.algebraic, scratch)
@@ -475,7 +476,9 @@ def solve_from(
             if size < 1e-11:
                 if gap < _CLOSED:
                     ends[k] = ARRIVED if pivot > _SINGULAR else SINGULAR
-                break
+                if gap < _CLOSED or settled:  # the gap is that before the step
+                    break
+                settled = True
 
 
 @entry

@@ -30,7 +30,11 @@ Array = NDArray[np.float64]
 _OFF = 1e-6  # rad, characteristic lengths: a pose this near to those that can be reached is one of them
 _POLISHED = 1e-13  # rad, characteristic lengths
 _WRONG = 1e-6  # rad, characteristic lengths: what is off by more after polishing is no solution
-_STEPS = 8  # of Newton's method
+_SINGULAR = 1e-4  # part of the largest singular value: a direction in which a singular solution may move
+_STEP = 0.05  # rad, characteristic lengths: to see whether it does
+_PATIENCE, _WEAK = 60, 0.01  # steps of Newton's method, which is slow there; directions that it does not go back along
+_ON_CURVE = 1e-9  # rad, characteristic lengths
+_CURVE = "a curve of configurations"
 _MOST = 10_000  # solutions
 _KEPT = 8  # tasks of a mechanism whose parts are kept
 
@@ -163,7 +167,10 @@ def all_solutions(
             found, mechanism=mechanism, start=mechanism.configuration(locked, q), closest=closest,
             configurations=tuple(map(joints.from_successive, found.configurations)),
         )  # fmt: skip
-    start = mechanism.configuration(locked, q)
+    try:
+        start = mechanism.close(mechanism.configuration(locked, q), tuple(locked))
+    except ClosureError as error:
+        raise IKError(f"no closed configuration near the start: {error}") from None
     try:
         parts, lock = mechanism.derived(_Kept).parts(mechanism, _node_task(mechanism, task), locked)
         with lock:
@@ -260,10 +267,15 @@ class _Assembly:
         if task.rotation < 3 and not partial and parts.motions.rotations < 3 and not parts.every:
             remarks.append("; modes of operation in which it rotates otherwise are not among them")
             complete = False
+        if not any(_CURVE in modes.method for modes in found) and any(map(self._can_move, configurations)):
+            remarks.append(f"; solutions are singular: {_CURVE} is not excluded")
+            complete = False
         coupled = {name for coupling in self._mechanism.couplings for name in coupling.terms}
         still = [name for name in parts.idle if name not in coupled]
         if still:
             remarks.append(f"; joints that do not move it stay where they are: {', '.join(still)}")
+        if self._mechanism.floating:
+            remarks.append("; the base stays where it is")
         tests = [modes.trace_test for modes in found if modes.trace_test is not None]
         trace_test = all(tests) and not wrong if tests else None
         return self._result(
@@ -306,6 +318,24 @@ class _Assembly:
             )
         return True
 
+    def _can_move(self, q: Array) -> bool:
+        """Return whether a singular solution (nq,) may lie on a curve of solutions, along which joints move that
+        distinguish solutions: whether Newton's method ends away from it when it starts a step aside. With two singular
+        directions or more it may."""
+        jacobian = self._equations(q)[1]
+        _, values, rows = np.linalg.svd(jacobian)
+        free = rows[int((values > _SINGULAR * values.max(initial=0.0)).sum()) :]
+        distinct = [name for part in self._parts.parts for name in part.distinct]
+        at = [self._moving.index(name) for name in distinct]
+        free = free[np.abs(free[:, at]).max(axis=1, initial=0.0) > _SINGULAR]
+        if len(free) != 1:
+            return len(free) > 1
+        step, scale = np.zeros(self._mechanism.model.nv), self._mechanism.scale
+        step[self._columns] = _STEP * free[0] / np.abs(free[0, at]).max()
+        there = self._polished(self._mechanism.integrate(q, step * scale), _PATIENCE, _WEAK)
+        moved = (self._mechanism.difference(q, there) / scale)[self._columns][at]
+        return self._error(there) < _ON_CURVE and bool(np.abs(moved).max() > 0.5 * _STEP)
+
     # --- one solution ---------------------------------------------------------------------------------------------
 
     def _equations(self, q: Array) -> tuple[Array, Array]:
@@ -322,14 +352,15 @@ class _Assembly:
     def _error(self, q: Array) -> float:
         return float(np.abs(self._equations(q)[0]).max(initial=0.0))
 
-    def _polished(self, q: Array) -> Array:
-        """Return the configuration (nq,) that Newton's method reaches from q."""
-        for _ in range(_STEPS):
+    def _polished(self, q: Array, steps: int = 8, weakest: float = 1e-9) -> Array:
+        """Return the configuration (nq,) that Newton's method reaches from q, without moving along directions whose
+        singular values are below a part of the largest."""
+        for _ in range(steps):
             missing, jacobian = self._equations(q)
             if np.abs(missing).max(initial=0.0) < _POLISHED:
                 break
             step = np.zeros(self._mechanism.model.nv)
-            step[self._columns] = np.linalg.lstsq(jacobian, missing, rcond=1e-9)[0]
+            step[self._columns] = np.linalg.lstsq(jacobian, missing, rcond=weakest)[0]
             better = self._mechanism.integrate(q, step * self._mechanism.scale)
             if not self._error(better) < np.abs(missing).max():
                 break

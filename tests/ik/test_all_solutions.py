@@ -304,6 +304,19 @@ def test_a_wrist_whose_axes_are_in_line_leaves_a_curve(robot):
     assert "a curve of configurations" in found.method
 
 
+def test_a_curve_is_not_excluded_where_shoulder_and_wrist_are_singular_at_once():
+    q = np.array([math.pi, math.pi, RIGHT, RIGHT, math.pi, 0.0])
+    found = solved(PUMA, PUMA.placement(q, "tool"))
+    assert not found.complete
+    assert "a curve of configurations is not excluded" in found.method
+
+
+def test_a_stretched_elbow_is_one_solution_in_which_two_coincide(robot):
+    arm = robot("planar_3r")
+    found = solved(arm, arm.placement(arm.configuration({"joint2": 0.0}), "tool"))
+    assert (len(found), found.coincident, found.complete) == (1, (2,), True)
+
+
 def test_a_free_rotation_and_a_free_orientation():
     """Five joints and a free axis; three joints and a ball."""
     rng = np.random.default_rng(4)
@@ -360,6 +373,40 @@ def test_what_is_not_computed_is_an_error(robot):
         solved(arm, pose, rotation=1)
     with pytest.raises(IKError, match="with a position"):
         solved(arm, pose, translation=0)
+
+
+def test_a_start_with_open_loops_is_closed_first(robot):
+    delta = robot("delta4")
+    pose = delta.placement(delta.q_home, "platform")
+    rough = delta.q_home + np.random.default_rng(0).normal(scale=1e-3, size=delta.model.nq)
+    found = cinegen.inverse_kinematics(delta, {"platform": pose}, rough, all=True)
+    assert delta.closure(found.start) < 1e-12
+    assert len(found) == 8
+    assert delta.distance(delta.q_home, found[0]) < 1e-9
+
+
+def test_a_free_base_stays_where_it_is(robot):
+    """Even where a wrist's axes are in line, which leaves a curve."""
+    urdf = robot("rx90").source.urdf.replace(
+        '<link name="base"',
+        '<link name="earth"/><joint name="free" type="floating"><parent link="earth"/><child link="base"/></joint>'
+        '<link name="base"',
+        1,
+    )
+    arm = build(urdf, None)
+    assert arm.floating
+    wrist = arm.q_home.copy()  # all zeros: its axes are in line
+    found = cinegen.inverse_kinematics(arm, {"tool": arm.placement(wrist, "tool")}, wrist, all=True)
+    assert not found.complete
+    assert "a curve of configurations" in found.method
+    q = np.concatenate(
+        [pin.SE3ToXYZQUAT(pin.SE3(pin.exp3(np.array([0.3, 0.2, 0.1])), np.ones(3))), robot("rx90").q_home]
+    )
+    found = cinegen.inverse_kinematics(arm, {"tool": arm.placement(q, "tool")}, q, all=True)
+    assert (len(found), found.complete) == (8, True)
+    assert all(np.array_equal(one[:7], q[:7]) for one in found)
+    assert max(map(max, found.errors)) < 1e-12
+    assert "the base stays where it is" in found.method
 
 
 def test_the_result_as_text_and_json(robot):
