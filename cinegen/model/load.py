@@ -201,18 +201,20 @@ def build(
     except (ValueError, RuntimeError) as error:
         raise LoadError(f"{name}: Pinocchio can't read it: {error}") from None
     q, gap = _written(model, constraints), 0.0
-    spherical, entries = None, constraints["joints"]
+    loops = tuple(_loop(entry) for entry in constraints["loops"])
+    length = _length(model, constraints["nodes"], q)
+    couplings = tuple(map(coupling_of, constraints.get("couplings", [])))
+    spherical, entries, near = None, constraints["joints"], None
+    _set_limits(model, entries)
     if balls := _balls(constraints):
+        near = _near_successive(ClosedLoops(model, loops, length, couplings), q)
         spherical, replaced = SphericalJoints(model, balls), {joint for joints in balls.values() for joint in joints}
         model, q = spherical.model, spherical.from_successive(q)
         entries = [entry for entry in entries if entry["name"] not in replaced]
-    _set_limits(model, entries)
-    loops = tuple(_loop(entry) for entry in constraints["loops"])
-    length = _length(model, constraints["nodes"], q)
+        _set_limits(model, entries)
     stated = any("actuated" in joint for joint in constraints["joints"])
     actuated = {joint["name"]: joint.get("actuated", True if stated else None) for joint in entries}
     ranks, determined = list[int](), set[str]()
-    couplings = tuple(map(coupling_of, constraints.get("couplings", [])))
     system = ClosedLoops(model, loops, length, couplings)
     if loops or couplings:
         gap = max(closure.gaps(system, q))
@@ -220,6 +222,7 @@ def build(
         exact = made_exact(urdf, given, system, q, relax is True, name) if given and relax is not False else None
         if exact is not None:
             return build(*exact, folder, name, dialects, notes)
+        q = q if spherical is None or near is None else spherical.from_successive(near)
         drawn = not any("home" in joint for joint in (given or {}).get("joints", []))
         ranks, determined, moved = _close(system, q, limits, actuated, drawn, f"{name}: robot '{constraints['robot']}'")
         notes += ("all joints at 0 is singular: home is a configuration near it",) if moved else ()
@@ -275,6 +278,20 @@ def _balls(constraints: Mapping[str, Any]) -> dict[str, list[str]]:
     }
     balls = {entry["name"]: entry["joints"] for entry in constraints.get("balls", [])}
     return {name: joints for name, joints in balls.items() if plain.issuperset(joints)}
+
+
+def _near_successive(system: ClosedLoops, written: Array) -> Array | None:
+    """Return the configuration (nq,) in which the loops are closed if ball joints are three revolute joints, as
+    raff2urdf closes them for files in other formats; None if that fails."""
+    q = _followed(system, written)
+    for own, at in subsystems(system) if system.rows else ():
+        closing = closure.close_from_afar(own, q[at])
+        if not closing.closed:
+            return None
+        columns = dict(zip(*map(np.ndarray.tolist, scalar_joints(own.model)), strict=True))
+        q[at] = closure.close_within(own, closing.q, system.model.lowerPositionLimit[at],
+                                     system.model.upperPositionLimit[at], columns)  # fmt: skip
+    return q
 
 
 def _determined(system: ClosedLoops, q: Array, actuated: Mapping[str, bool | None]) -> set[str]:

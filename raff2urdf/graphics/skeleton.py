@@ -2,7 +2,8 @@
 
 Each node gets bars to its children: along the three straight parts of the path to a joint (epsilon along its z, d
 along the common perpendicular, r along the child's z), straight to what is fixed to it. A marker shows its own joint:
-a cylinder about the axis of a revolute one; a box, and a rod that slides in its parent's tube, for a prismatic one.
+a cylinder about the axis of a revolute one; a box, and a rod that slides in its parent's tube, for a prismatic one; a
+ball for a ball, universal or planar one.
 """
 
 from __future__ import annotations
@@ -58,6 +59,9 @@ class SkeletonDrawing:
 
     def _joint(self, node: RaffNode, style: _Style) -> Iterator[UrdfVisual]:
         marker = _Style(style.radius, _JOINT)
+        if isinstance(node, RaffLink) and node.own_joint is not None and node.type is not JointType.PRISMATIC:
+            yield _ball(np.zeros(3), 2.0, marker)  # a joint of several variables
+            return
         if not isinstance(node, RaffLink) or node.type is JointType.FIXED:
             return
         if node.type is JointType.REVOLUTE:

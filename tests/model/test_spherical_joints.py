@@ -191,6 +191,19 @@ def test_a_floating_base_limits_and_loops_together(tmp_path):
     assert mechanism.limits.exceeded(mechanism.q_home, 1e-9) == {}
 
 
+@pytest.mark.parametrize(("format", "ending"), [("urdf", "urdf"), ("sdf", "sdf"), ("mjcf", "xml")])
+def test_other_formats_begin_at_the_same_home(rssr, tmp_path, format, ending):
+    file = tmp_path / "rssr.raff"
+    file.write_text(RSSR.replace("TURN", "").replace("BACK", ""))
+    raff2urdf.convert(file, tmp_path, format=format)
+    read = cinegen.load(tmp_path / f"rssr.{ending}")
+    assert read.mobility == rssr.mobility
+    assert read.actuated == rssr.actuated
+    for node in ("link1", "link2", "link3"):
+        there = read.placement(read.q_home, node).homogeneous
+        assert np.abs(there - rssr.placement(rssr.q_home, node).homogeneous).max() < 1e-9
+
+
 # --- no gimbal lock --------------------------------------------------------------------------------------------------
 
 
