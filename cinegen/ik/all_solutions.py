@@ -164,7 +164,7 @@ def all_solutions(
         found = all_solutions(mechanism.successive, task, joints.to_successive(q), locked, report, effort)
         closest = None if found.closest is None else joints.from_successive(found.closest)
         return replace(
-            found, mechanism=mechanism, start=mechanism.configuration(locked, q), closest=closest,
+            found, mechanism=mechanism, start=joints.from_successive(found.start), closest=closest,
             configurations=tuple(map(joints.from_successive, found.configurations)),
         )  # fmt: skip
     try:
