@@ -74,9 +74,7 @@ def test_what_the_packages_import_is_declared():
 
 
 def test_what_the_tests_import_is_declared():
-    local = {"tests"} | {
-        path.stem for folder in ("tests", "examples", "benchmarks") for path in (ROOT / folder).rglob("*.py")
-    }
+    local = {path.stem for folder in ("tests", "examples", "benchmarks") for path in (ROOT / folder).rglob("*.py")}
     found = {package: files for package, files in imports("tests").items() if package not in local}
     assert undeclared(found, required() | optional("test", *EXTRAS)) == {}
 

@@ -6,13 +6,12 @@ import mujoco
 import numpy as np
 import pinocchio as pin
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
+from loop_like_names import names
 
 import cinegen
 from raff2urdf.readers import mjcf, sdf
-from tests.raff2urdf.readers.test_ignored import names
-from tests.raff2urdf.strategies import examples
 
 # --- SDF ---------------------------------------------------------------------------------------------------------
 
@@ -242,7 +241,7 @@ def test_a_coupling_that_has_no_meaning_is_an_error_with_its_line(write, text, s
 ENDS = "<parent>input</parent><child>output</child>"
 
 
-@examples(150)
+@settings(max_examples=150)
 @given(names(), st.integers(0, 6), st.sampled_from(["", "gz:", "my:"]))
 def test_no_element_that_sounds_like_a_loop_is_dropped_in_silence(tmp_path_factory, name, form, prefix):
     """It is refused at its line, unless it is left out by name."""

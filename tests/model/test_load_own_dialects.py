@@ -12,7 +12,8 @@ import numpy as np
 import pinocchio as pin
 import pytest
 import yourdfpy
-from hypothesis import given
+from coupled_robots import random_text, seeds
+from hypothesis import given, settings
 from hypothesis import strategies as st
 from lxml import etree
 
@@ -20,8 +21,6 @@ import cinegen
 import raff2urdf
 from raff2urdf.conversion import convert
 from raff2urdf.writers import DIALECTS
-from tests.model.test_couplings import random_text, seeds
-from tests.raff2urdf.strategies import examples
 
 ROBOTS = Path(__file__).resolve().parents[2] / "robots"
 FILES = [(path, robot.name) for path in sorted(ROBOTS.glob("*.raff")) for robot in raff2urdf.load(path).robots]
@@ -170,7 +169,7 @@ def test_other_programs_ignore_what_they_do_not_know(robot, tmp_path):
         assert yourdfpy.URDF.load(str(urdf), load_meshes=False, build_scene_graph=False).robot.joints
 
 
-@examples(25)
+@settings(max_examples=25)
 @given(seeds, st.sampled_from(DIALECTS))
 def test_random_couplings_come_back_in_every_dialect(tmp_path_factory, seed, dialect):
     folder = tmp_path_factory.mktemp("any")
@@ -183,7 +182,7 @@ def test_random_couplings_come_back_in_every_dialect(tmp_path_factory, seed, dia
     assert_same(cinegen.load(urdf), there)
 
 
-@examples(60)
+@settings(max_examples=60)
 @given(seeds)
 def test_mujoco_finds_random_couplings_fulfilled(tmp_path_factory, seed):
     folder = tmp_path_factory.mktemp("any")

@@ -9,6 +9,7 @@ from pathlib import Path
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from loop_like_names import names
 
 from raff2urdf import readers
 from raff2urdf.errors import RaffError
@@ -87,19 +88,6 @@ def test_the_command_lists_them(tmp_path, capsys):
 
 
 # --- nothing that looks like a loop is dropped in silence --------------------------------------------------------
-
-STEMS = ["loop", "closure", "closed", "closing", "constraint", "coupling", "coupler", "equality", "bushing", "mimic"]
-STEMS += ["gear", "tendon", "weld", "pulley", "belt", "cut_joint", "cutjoint"]
-AFFIXES = ["", "_", "-", "joint", "_joint", "Joint", "kinematic_", "robot", "x", "2", "list", "s"]
-
-
-@st.composite
-def names(draw):
-    stem = draw(st.sampled_from(STEMS))
-    stem = draw(st.sampled_from([stem, stem.upper(), stem.capitalize()]))
-    before, after = (draw(st.sampled_from(AFFIXES)) for _ in range(2))
-    name = f"{before}{stem}{after}".lstrip("-2")
-    return name
 
 
 @given(name=names(), form=st.integers(0, 5), prefix=st.sampled_from(["", "drake:", "gz:", "my:"]))
