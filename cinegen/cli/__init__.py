@@ -14,6 +14,7 @@ from cinegen.cli import (
     demo,
     drive,
     export,
+    heal,
     ik,
     info,
     map,
@@ -34,7 +35,23 @@ app = new_app(
     help="Kinematics of serial, tree and closed-loop mechanisms described in RAFF, URDF, SDF or MJCF.",
     epilog="Exit codes: 0 done; 1 the input is bad, or the answer is no; 2 a wrong call.",
 )
-for _command in (demo, info, ik, modes, singular, map, compare, plan, drive, replay, export, close, sensors, compile):
+for _command in (
+    demo,
+    info,
+    ik,
+    modes,
+    singular,
+    map,
+    compare,
+    plan,
+    drive,
+    replay,
+    export,
+    close,
+    heal,
+    sensors,
+    compile,
+):
     app.command(_command.__name__.rpartition(".")[2], cls=NumberLists)(expand(_command.run))
 
 

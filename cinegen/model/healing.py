@@ -17,7 +17,7 @@ in characteristic lengths.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -25,7 +25,7 @@ import pinocchio as pin
 from numpy.typing import NDArray
 
 from cinegen.loops.closed_loops import ClosedLoops
-from cinegen.model.intended import errors, relations
+from cinegen.model.intended import Relation, errors, relations
 from raff2urdf.near_redundancy import NearRedundancy, settle
 from raff2urdf.residual import loop_residual
 
@@ -36,6 +36,7 @@ LARGEST_CHANGE = 5e-3
 
 _ITERATIONS = 15
 _HEALED = 2e-14  # gap below which nothing but rounding is left
+_WEAK = 1e-5  # singular values below this part of the largest are directions in which hardly anything changes
 
 
 def twists_of(system: ClosedLoops) -> int:
@@ -68,21 +69,36 @@ def by_geometry(system: ClosedLoops) -> Array:
     return derivative
 
 
-def heal(found: NearRedundancy, make: Callable[[Array], ClosedLoops], directions: Array) -> tuple[Array, float]:
+def in_bodies(system: ClosedLoops, twists: Array, inverse: bool = False) -> Array:
+    """Return twists (6 twists, n) in the frames of the bodies that carry joints and ends, instead of their own; or the
+    other way round. Bodies' frames stay where they are when a file's numbers change a little; others may turn at once,
+    where a file gives only an axis."""
+    model = system.model
+    frames = [*(model.jointPlacements[j] for j in range(1, model.njoints)), *[pin.SE3.Identity()] * (model.njoints - 1)]
+    frames += [anchor[1] for anchor in system.anchors] + [anchor[3] for anchor in system.anchors]
+    unit, found = np.repeat([system.length, 1.0], 3)[:, None], np.empty_like(twists)
+    for i, frame in enumerate(frames):
+        rows = slice(6 * i, 6 * i + 6)
+        found[rows] = (frame.inverse() if inverse else frame).action @ (twists[rows] * unit) / unit
+    return found
+
+
+def heal(
+    found: Sequence[NearRedundancy], make: Callable[[Array], Sequence[ClosedLoops]], directions: Sequence[Array]
+) -> tuple[Array, float]:
     """Return the smallest change of a description that makes its loops exactly redundant, and the remaining gap.
 
     Args:
-        found: the near redundancy of the loops.
-        make: returns the loops of a description that is changed by (n,) dimensionless numbers.
-        directions: (6 twists, n) the change of the geometry with these numbers.
+        found: the near redundancy of each cluster of loops.
+        make: returns these clusters in a description that is changed by (n,) dimensionless numbers.
+        directions: of each cluster, (6 twists, n) the change of the geometry with these numbers, in bodies' frames.
     """
-    change, gap = np.zeros(directions.shape[1]), np.inf
-    best, wanted = change, relations(make(change))
+    change, gap = np.zeros(directions[0].shape[1]), np.inf
+    best, wanted = change, [relations(system) for system in make(change)]
     for _ in range(_ITERATIONS):
-        system = make(change)
-        open_by, by_change = _equations(system, found, directions)
-        untrue, by_twists = errors(system, wanted, twists_of(system))
-        open_by, by_change = np.append(open_by, untrue), np.vstack([by_change, by_twists @ directions])
+        parts = zip(make(change), found, directions, wanted, strict=True)
+        values, rows = zip(*(_equations(*part) for part in parts), strict=True)
+        open_by, by_change = np.concatenate(values), np.vstack(rows)
         now = float(np.abs(open_by).max(initial=0.0)) if len(open_by) else np.inf
         if not now < 0.5 * gap and gap < 1e-9:
             break
@@ -90,21 +106,26 @@ def heal(found: NearRedundancy, make: Callable[[Array], ClosedLoops], directions
         if gap <= _HEALED or not np.isfinite(gap):
             break
         # directions that matter only because the geometry is not yet healed have singular values as small as the gap
-        noise = min(max(30.0 * gap, 1e-9), 1e-2)
+        noise = min(max(30.0 * gap, _WEAK), 1e-2)
         change = np.linalg.pinv(by_change, rcond=noise) @ (by_change @ change - open_by)
     return best, gap
 
 
-def _equations(system: ClosedLoops, found: NearRedundancy, directions: Array) -> tuple[Array, Array]:
-    """Return U^T c and its derivative by the change of the description, at all configurations."""
-    gaps, derivatives = [np.zeros(0)], [np.zeros((0, directions.shape[1]))]
+def _equations(
+    system: ClosedLoops, found: NearRedundancy, directions: Array, wanted: list[Relation]
+) -> tuple[Array, Array]:
+    """Return U^T c at all configurations and the errors of relations, and their derivative by the change of the
+    description."""
+    directions = in_bodies(system, directions, inverse=True)
+    untrue, by_twists = errors(system, wanted, twists_of(system))
+    values, rows = [untrue], [by_twists @ directions]
     for q in found.samples:
         settled = settle(system, q, found.small)
         if settled is not None and settled.rank == found.rank:
             system.evaluate(settled.q)
-            gaps.append(settled.left.T @ settled.c)
-            derivatives.append(settled.left.T @ by_geometry(system) @ directions)
-    return np.concatenate(gaps), np.concatenate(derivatives)
+            values.append(settled.left.T @ settled.c)
+            rows.append(settled.left.T @ by_geometry(system) @ directions)
+    return np.concatenate(values), np.vstack(rows)
 
 
 def moved(system: ClosedLoops, twists: Array) -> ClosedLoops:

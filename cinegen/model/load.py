@@ -6,7 +6,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import pinocchio as pin
@@ -164,6 +164,62 @@ def _degrees_of_freedom(system: ClosedLoops, rank: int) -> dict[str, int]:
     return {"loop_rows": system.rows, "loop_rank": rank, "mobility": system.model.nv - rank}
 
 
+class WrittenRobot(NamedTuple):
+    """A robot as it is written: loops may be open.
+
+    Attributes:
+        system: its loops and couplings.
+        q: (nq,) the configuration as written.
+        declared: everything that its files declare.
+        joints: the entries of its joints, without those that ball joints replace.
+        spherical: its ball joints; None without any.
+        near: what `_near_successive` returns; None without ball joints.
+    """
+
+    system: ClosedLoops
+    q: Array
+    declared: Mapping[str, Any]
+    joints: Sequence[Mapping[str, Any]]
+    spherical: SphericalJoints | None
+    near: Array | None
+
+
+def written_loops(urdf: str, constraints: Mapping[str, Any] | None, name: str) -> WrittenRobot:
+    """Return a robot whose loops are not yet closed.
+
+    Args:
+        urdf: its text.
+        constraints: see `build`.
+        name: the file's, for errors.
+
+    Raises:
+        LoadError: no URDF, or it lacks what the constraints name.
+    """
+    try:
+        tree = parse(urdf, name)
+        declared = completed(simple(tree, name), constraints, name)
+    except raff2urdf.RaffError as error:
+        raise LoadError(str(error)) from None
+    try:
+        model = pin.buildModelFromXML(kinematics(tree))
+    except (ValueError, RuntimeError) as error:
+        raise LoadError(f"{name}: Pinocchio can't read it: {error}") from None
+    q = _written(model, declared)
+    loops = tuple(_loop(entry) for entry in declared["loops"])
+    length = _length(model, declared["nodes"], q)
+    couplings = tuple(map(coupling_of, declared.get("couplings", [])))
+    spherical, entries, near = None, declared["joints"], None
+    _set_limits(model, entries)
+    if balls := _balls(declared):
+        near = _near_successive(ClosedLoops(model, loops, length, couplings), q)
+        spherical, replaced = SphericalJoints(model, balls), {joint for joints in balls.values() for joint in joints}
+        model, q = spherical.model, spherical.from_successive(q)
+        entries = [entry for entry in entries if entry["name"] not in replaced]
+        _set_limits(model, entries)
+    system = ClosedLoops(model, loops, length, couplings)
+    return WrittenRobot(system, q, declared, entries, spherical, near)
+
+
 def build(
     urdf: str,
     constraints: Mapping[str, Any] | None,
@@ -191,31 +247,11 @@ def build(
         ClosureError: the loops can't be closed.
     """
     given = constraints
-    try:
-        tree = parse(urdf, name)
-        constraints = completed(simple(tree, name), given, name)
-    except raff2urdf.RaffError as error:
-        raise LoadError(str(error)) from None
-    try:
-        model = pin.buildModelFromXML(kinematics(tree))
-    except (ValueError, RuntimeError) as error:
-        raise LoadError(f"{name}: Pinocchio can't read it: {error}") from None
-    q, gap = _written(model, constraints), 0.0
-    loops = tuple(_loop(entry) for entry in constraints["loops"])
-    length = _length(model, constraints["nodes"], q)
-    couplings = tuple(map(coupling_of, constraints.get("couplings", [])))
-    spherical, entries, near = None, constraints["joints"], None
-    _set_limits(model, entries)
-    if balls := _balls(constraints):
-        near = _near_successive(ClosedLoops(model, loops, length, couplings), q)
-        spherical, replaced = SphericalJoints(model, balls), {joint for joints in balls.values() for joint in joints}
-        model, q = spherical.model, spherical.from_successive(q)
-        entries = [entry for entry in entries if entry["name"] not in replaced]
-        _set_limits(model, entries)
+    system, q, constraints, entries, spherical, near = written_loops(urdf, given, name)
+    gap, model, loops, couplings = 0.0, system.model, system.loops, system.couplings
     stated = any("actuated" in joint for joint in constraints["joints"])
     actuated = {joint["name"]: joint.get("actuated", True if stated else None) for joint in entries}
     ranks, determined = list[int](), set[str]()
-    system = ClosedLoops(model, loops, length, couplings)
     if loops or couplings:
         gap = max(closure.gaps(system, q))
         q, limits = _followed(system, q), Limits(model, tuple(actuated))
@@ -235,7 +271,7 @@ def build(
         actuated=chosen,
         loops=loops,
         couplings=couplings,
-        length=length,
+        length=system.length,
         spherical=spherical,
         floating=constraints.get("floating") is not None,
         q_home=q,

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from cinegen.errors import warn
 from cinegen.loops.closed_loops import ClosedLoops
 from cinegen.loops.clusters import subsystems
-from cinegen.model.healing import LARGEST_CHANGE, heal, moved
+from cinegen.model.healing import LARGEST_CHANGE, heal, in_bodies, moved
 from raff2urdf import closure
 from raff2urdf.document import LoopKind
 from raff2urdf.near_redundancy import NearRedundancy, near_redundancy
@@ -67,7 +67,9 @@ def made_exact(
             done += f", which adds {more} degree{'s' * (more != 1)} of freedom" if more else ""
         else:
             done = "kept: neither small changes of the geometry nor weaker joints close it"
-        texts.append(f"{_gaps(own, found)}: {done}")
+        gaps, kind = loop_gaps(own, found), {loop.name: loop.kind.name.lower() for loop in own.loops}
+        listed = ", ".join(f"loop '{key}' ({kind[key]}) by {_millimetres(*gap)}" for key, gap in gaps.items())
+        texts.append(f"{listed}: {done}")
     if not texts:
         return None
     message = (
@@ -106,23 +108,25 @@ def _moved_end(end: Mapping[str, Any], step: Array | None) -> Mapping[str, Any]:
     return end if step is None else {**end, "placement": (np.array(end["placement"]) @ step).tolist()}
 
 
-def _gaps(system: ClosedLoops, found: NearRedundancy) -> str:
-    """Return the loops with the gaps that near redundancy leaves, in mm and degrees."""
-    texts, row = [], 0
+def loop_gaps(system: ClosedLoops, found: NearRedundancy) -> dict[str, tuple[float, float]]:
+    """Return by how much loops are open where their clearly independent equations are solved, by name: (m, rad)."""
+    gaps, row = {}, 0
     for loop in system.loops:
-        gaps = found.gaps[row : row + loop.rows]
-        lengths = math.hypot(*(g for g, word in zip(gaps, loop.components, strict=True) if len(word) == 1))
-        angles = math.hypot(*(g for g, word in zip(gaps, loop.components, strict=True) if len(word) == 2))
-        size = f"{lengths * system.length * 1e3:.2g} mm and {math.degrees(angles):.2g} degrees"
-        texts.append(f"loop '{loop.name}' ({loop.kind.name.lower()}) by {size}")
+        own = list(zip(found.gaps[row : row + loop.rows].tolist(), loop.components, strict=True))
+        lengths, angles = ([gap for gap, word in own if len(word) == size] for size in (1, 2))
+        gaps[loop.name] = math.hypot(*lengths) * system.length, math.hypot(*angles)
         row += loop.rows
-    return ", ".join(texts)
+    return gaps
 
 
 def _size(system: ClosedLoops, twists: Array) -> str:
     """Return the largest length, in mm, and the largest angle, in degrees, of twists (n, 6)."""
     lengths, angles = np.linalg.norm(twists[:, :3], axis=1), np.linalg.norm(twists[:, 3:], axis=1)
-    return f"{lengths.max() * system.length * 1e3:.2g} mm and {math.degrees(angles.max()):.2g} degrees"
+    return _millimetres(lengths.max() * system.length, angles.max())
+
+
+def _millimetres(length: float, angle: float) -> str:
+    return f"{1e3 * length:.2g} mm and {math.degrees(angle):.2g} degrees"
 
 
 def _relaxed(system: ClosedLoops, start: Array) -> list[LoopKind] | None:
@@ -150,7 +154,7 @@ def _healed(
     keys += [(end, loop.name) for end in ("first", "second") for loop in system.loops]
     chosen = [i for i, (what, key) in enumerate(keys) if what != "behind" and (what != "joint" or key in names)]
     directions = np.eye(6 * len(keys))[:, np.add.outer(6 * np.array(chosen), np.arange(6)).ravel()]
-    change, _ = heal(found, lambda x: moved(system, directions @ x), directions)
+    change, _ = heal([found], lambda x: [moved(system, directions @ x)], [in_bodies(system, directions)])
     healed = moved(system, directions @ change)
     closing = closure.close_from_afar(healed, start)
     if np.abs(change).max() > LARGEST_CHANGE or not closing.closed or near_redundancy(healed, closing.q) is not None:

@@ -97,6 +97,12 @@ def test_ik(root, printed):
     check(root, printed("ik", "planar_3r.raff", "--at", "x=9,rz=20", "--all", code=1), "ik")
 
 
+def test_heal(root, printed, tmp_path):
+    text = (root / "robots/four_bar.raff").read_text(encoding="utf-8")
+    (tmp_path / "tilted").write_text(text.replace("d 120.0 }", "d 120.0 alpha 0.003 }"), encoding="utf-8")
+    check(root, printed("heal", "tilted", "healed"), "heal")
+
+
 def test_modes(root, printed):
     check(root, printed("modes", "four_bar.raff"), "modes")
     check(root, printed("modes", "gough.raff", "--values", "0.1,2,0.1,2,0.1,2", code=1), "modes")

@@ -1,0 +1,76 @@
+"""`cinegen heal`: a file whose numbers make its loops exact, and nothing else in it changed."""
+
+from __future__ import annotations
+
+import json
+import math
+import re
+
+import numpy as np
+import pytest
+
+import cinegen
+from cinegen.cli import main
+
+TILTED = 0.003  # degrees
+
+
+@pytest.fixture
+def tilted(root, tmp_path):
+    """A four-bar whose coupler's axis is tilted by a little."""
+    text = (root / "robots/four_bar.raff").read_text(encoding="utf-8")
+    path = tmp_path / "tilted.raff"
+    path.write_text(text.replace("d 120.0 }", f"d 120.0 alpha {TILTED} }}"), encoding="utf-8")
+    return path
+
+
+def test_only_numbers_change_and_each_is_listed(tilted, tmp_path, capsys):
+    out = tmp_path / "healed.raff"
+    with pytest.warns(cinegen.CinegenWarning, match="nearly redundant"):
+        cinegen.load(tilted)
+    assert main(["heal", str(tilted), str(out)]) == 0
+    said = capsys.readouterr().out
+    assert f"tilted.raff:25: link 2 alpha: {TILTED} -> 0.0 (-0.003 degrees)" in said
+    before, after = tilted.read_bytes(), out.read_bytes()
+    number = re.compile(rb"-?\d+(\.\d+)?(e-?\d+)?")
+    assert number.sub(b"#", before) == number.sub(b"#", after)
+    changed = sum(old != new for old, new in zip(number.finditer(before), number.finditer(after), strict=True))
+    assert changed >= said.count(" -> ") >= 1
+    healed = cinegen.load(out)  # without a warning
+    assert healed.mobility == 1
+    assert healed.closure(healed.q_home) < 1e-12
+
+
+def test_its_json(tilted, tmp_path, capsys):
+    assert main(["heal", str(tilted), str(tmp_path / "healed.raff"), "--json"]) == 0
+    document = json.loads(capsys.readouterr().out)
+    (number,) = [one for one in document["numbers"] if one["name"] == "link 2 alpha"]
+    assert (number["old"], number["new"], number["line"], number["unit"]) == (TILTED, 0.0, 25, "rad")
+    np.testing.assert_allclose(number["change"], -math.radians(TILTED))
+    assert document["loops"][0]["name"] == "frame4-frame5"
+
+
+def test_nothing_to_heal(root, tmp_path, capsys):
+    for robot in ("four_bar", "arm7"):
+        assert main(["heal", str(root / f"robots/{robot}.raff"), str(tmp_path / "out.raff")]) == 1
+        assert "there is nothing to heal" in capsys.readouterr().err
+        assert not (tmp_path / "out.raff").exists()
+
+
+def test_what_is_no_rounding_is_not_healed(root, tmp_path, capsys):
+    path = tmp_path / "bent.raff"
+    text = (root / "robots/four_bar.raff").read_text(encoding="utf-8")
+    path.write_text(text.replace("d 120.0 }", "d 120.0 alpha 5.0 }"), encoding="utf-8")
+    assert main(["heal", str(path), str(tmp_path / "out.raff")]) == 1
+    assert "cinegen: " in capsys.readouterr().err
+
+
+def test_existing_files_and_other_formats_are_refused(tilted, tmp_path, capsys):
+    assert main(["heal", str(tilted), str(tmp_path / "healed.urdf")]) == 1
+    assert "keeps the format" in capsys.readouterr().err
+    out = tmp_path / "healed.raff"
+    out.write_text("mine")
+    assert main(["heal", str(tilted), str(out)]) == 1
+    assert out.read_text() == "mine"
+    assert main(["heal", str(tilted), str(out), "--force"]) == 0
+    assert out.read_text().startswith("RAFF")
