@@ -116,6 +116,8 @@ def settle(system: LoopSystem, q: Array, small: float) -> _Settled | None:
     """
     for _ in range(40):
         c, jacobian = system.evaluate(q)
+        if 0 in jacobian.shape or not jacobian.any():
+            return None  # no joint can open the loops
         u, s, vt = np.linalg.svd(jacobian)
         rank = int(np.count_nonzero(s > small * s[0]))
         along = u[:, :rank].T @ c

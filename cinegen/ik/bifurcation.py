@@ -36,10 +36,12 @@ def regular_neighbour(mechanism: Mechanism, q: Array, lower: Array, upper: Array
     """
     found, moved = q.copy(), False
     for (own, at), rank in zip(subsystems(mechanism.own_system()), mechanism.cluster_ranks, strict=True):
+        if rank == 0:
+            continue
         here = q[at]
         s, vt = np.linalg.svd(own.evaluate(here)[1])[1:]
         free = vt[np.count_nonzero(s > _SINGULAR * s[0]) :]
-        if rank == 0 or s[rank - 1] > _SINGULAR * s[0]:
+        if s[rank - 1] > _SINGULAR * s[0]:
             continue
         rng, clearest = np.random.default_rng(0), max(2.0 * float(s[rank - 1]), 1e-6 * float(s[0]))
         for size in np.repeat(_STEPS, _TRIES):

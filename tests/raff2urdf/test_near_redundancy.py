@@ -174,3 +174,15 @@ def test_derivatives_by_the_geometry_are_those_of_differences(name):
     wanted = relations(system)
     change = (errors(ahead, wanted, twists)[0] - errors(back, wanted, twists)[0]) / 2.0
     np.testing.assert_allclose(errors(system, wanted, twists)[1] @ step.ravel(), change, atol=1e-11)
+
+
+def test_loops_that_no_joint_can_open_are_not_nearly_redundant():
+    class Rigid:
+        def evaluate(self, q):
+            return np.zeros(6), np.zeros((6, len(q)))
+
+        def integrate(self, q, step):
+            return q + step
+
+    assert near_redundancy(Rigid(), np.zeros(0)) is None
+    assert near_redundancy(Rigid(), np.zeros(2)) is None
