@@ -27,6 +27,9 @@ Array = NDArray[np.float64]
 LARGEST_GAP = 5e-3
 """rad, or characteristic lengths: equations that remain open by more are not meant to be dependent."""
 
+MOST_ROWS = 300
+"""Equations of a cluster: larger ones are not examined, since dense singular values would take longer than loading."""
+
 _SMALL = (1e-6, 1e-4, 3e-3)  # singular values below such a part of the largest may be zeros, but for rounding
 _CLEAR = 3.0  # and those above so many times that part are not
 _CERTAIN = 1e6  # ratio of singular values that are not zero to those that are: above it, no other part is tried

@@ -17,7 +17,7 @@ from cinegen.loops.clusters import subsystems
 from cinegen.model.healing import LARGEST_CHANGE, heal, in_bodies, moved
 from raff2urdf import closure
 from raff2urdf.document import LoopKind
-from raff2urdf.near_redundancy import NearRedundancy, near_redundancy
+from raff2urdf.near_redundancy import MOST_ROWS, NearRedundancy, near_redundancy
 from raff2urdf.placement import roll_pitch_yaw
 from raff2urdf.readers.urdf import joints, origin, parse
 from raff2urdf.residual import ROWS
@@ -49,6 +49,8 @@ def made_exact(
     twists: dict[tuple[str, str], Array] = {}
     texts, names = [], {joint.get("name") for joint in joints(tree)}
     for own, at in subsystems(system):
+        if own.rows > MOST_ROWS:
+            continue
         start = closure.close(own, q[at]).q
         found = near_redundancy(own, start, q[at])
         if found is None:
