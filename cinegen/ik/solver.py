@@ -629,9 +629,9 @@ class Solver:
             request = self._tick(self._handle)
         if keeps:  # nothing was proposed
             self.linearisation = self._linearise()
-        if self._memory.report[STATUS] == REFUSED and self._leave_bifurcation():
+        record = self._record.copy()  # the report is its beginning
+        if self.mechanism.loops and record[STATUS] == REFUSED and self._leave_bifurcation():
             return self.step()
-        record = self._record.copy()
         self._earlier, self._latest = self._latest, record
         if self._caught:
             caught, self._caught = self._caught, ()
@@ -641,7 +641,7 @@ class Solver:
     def _leave_bifurcation(self) -> bool:
         """Move to a branch of closed configurations if several meet where a tick was refused; return whether it did."""
         q, memory = self._q.copy(), self._memory
-        if self.mechanism.loops and not self._barriers and not np.array_equal(q, self._refused_at):
+        if not self._barriers and not np.array_equal(q, self._refused_at):
             self._refused_at = q
             is_number = memory.q_index >= 0
             at = memory.q_index[is_number]
