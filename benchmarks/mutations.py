@@ -34,7 +34,7 @@ import pytest
 ROOT = Path(__file__).resolve().parent.parent
 
 CORE = """
-raff2urdf/[cdkprt]*.py raff2urdf/reader.py raff2urdf/writer.py raff2urdf/writers/{urdf,inertia,tree_at_home}.py
+raff2urdf/[cdprt]*.py raff2urdf/raff/[crkw]*.py raff2urdf/writers/{urdf,inertia,tree_at_home}.py
 cinegen/{joints,tolerances}.py cinegen/{model,loops,ik,singularities,toolpath,realtime,planning,assembly,workspace}/*.py
 cinegen/session/{undo,motion}.py
 cinegen/devices/{magellan,spaceball,serial_mouse,json_socket,reading_json,lines,mouse_events,spacenav}.py

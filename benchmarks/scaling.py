@@ -27,7 +27,7 @@ import pinocchio as pin
 from numpy.typing import NDArray
 
 import cinegen
-from raff2urdf.kleinfinger import parameters
+from raff2urdf.raff.kleinfinger import parameters
 
 CHAINS = (5, 10, 20, 50, 100, 200)
 LOOPS = range(1, 11)

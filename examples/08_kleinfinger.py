@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 
-from raff2urdf.kleinfinger import Kleinfinger, parameters, transform
+from raff2urdf.raff.kleinfinger import Kleinfinger, parameters, transform
 
 np.set_printoptions(precision=4, suppress=True)
 

@@ -13,18 +13,18 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from raff2urdf.check import check as check  # now: the module of this name would hide it later
 from raff2urdf.lazy import lazy_names
 
 if TYPE_CHECKING:
     from raff2urdf.conversion import convert as convert
-    from raff2urdf.document import Document as Document
     from raff2urdf.errors import RaffClosureError as RaffClosureError
     from raff2urdf.errors import RaffError as RaffError
     from raff2urdf.errors import RaffWarning as RaffWarning
-    from raff2urdf.reader import load as load
-    from raff2urdf.reader import loads as loads
+    from raff2urdf.raff.check import check as check
+    from raff2urdf.raff.document import Document as Document
+    from raff2urdf.raff.reader import load as load
+    from raff2urdf.raff.reader import loads as loads
+    from raff2urdf.raff.writer import dumps as dumps
     from raff2urdf.urdf2raff.conversion import to_raff as to_raff
-    from raff2urdf.writer import dumps as dumps
 
 __all__, __getattr__, __dir__ = lazy_names(__name__)

@@ -8,11 +8,11 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from raff2urdf.check import check_sizes
 from raff2urdf.closure import close_from_afar, close_within, gaps, generic_rank, passive, why_open
-from raff2urdf.compound import expanded
-from raff2urdf.document import Document, JointType, LoopKind, RaffRobot
 from raff2urdf.errors import Problem, RaffClosureError, RaffError, did_you_mean
+from raff2urdf.raff.check import check_sizes
+from raff2urdf.raff.compound import expanded
+from raff2urdf.raff.document import Document, JointType, LoopKind, RaffRobot
 from raff2urdf.tree import Cluster, characteristic_length, clusters, home, limits, placements
 
 Array = NDArray[np.float64]

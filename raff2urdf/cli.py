@@ -175,9 +175,9 @@ def counted(number: int, plural: str) -> str:
 
 
 def _check(name: str, robot: str | None) -> list[dict[str, Any]]:
-    from raff2urdf.check import check
-    from raff2urdf.compound import expanded
-    from raff2urdf.reader import parse, read
+    from raff2urdf.raff.check import check
+    from raff2urdf.raff.compound import expanded
+    from raff2urdf.raff.reader import parse, read
     from raff2urdf.shipped import find_robot
 
     document = parse(read(find_robot(name)), name)

@@ -14,7 +14,7 @@ from typing import NamedTuple, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from raff2urdf.document import LoopKind
+from raff2urdf.raff.document import LoopKind
 from raff2urdf.residual import ROWS
 
 Array = NDArray[np.float64]

@@ -15,11 +15,11 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from raff2urdf.analysis import Analysis, declared_actuated, loop_kinds
-from raff2urdf.compound import expanded, spherical_joints
 from raff2urdf.coupling import coupling_entry
-from raff2urdf.document import Document, JointType, RaffRobot
 from raff2urdf.errors import RaffError, did_you_mean, limits_reversed
 from raff2urdf.json_lines import line_of, repeated_key
+from raff2urdf.raff.compound import expanded, spherical_joints
+from raff2urdf.raff.document import Document, JointType, RaffRobot
 from raff2urdf.readers.urdf import LARGEST
 from raff2urdf.readers.xml_file import read_text
 from raff2urdf.tree import BASE_JOINT, coupling_of, home, limits, velocity

@@ -11,14 +11,14 @@ from pathlib import Path
 from typing import Any
 
 from raff2urdf.analysis import Analysis, analyse
-from raff2urdf.check import check, check_sizes
-from raff2urdf.compound import expanded
 from raff2urdf.constraints import Constraints, constraints
-from raff2urdf.document import Document, RaffRobot
 from raff2urdf.errors import RaffError, RaffWarning
 from raff2urdf.files import GENERATED, check_new, is_stream, read_bytes, stem_of, write_all
 from raff2urdf.graphics.meshes import Graphics
-from raff2urdf.reader import parse, read
+from raff2urdf.raff.check import check, check_sizes
+from raff2urdf.raff.compound import expanded
+from raff2urdf.raff.document import Document, RaffRobot
+from raff2urdf.raff.reader import parse, read
 from raff2urdf.shipped import find_robot
 from raff2urdf.tree import limits
 from raff2urdf.urdf_model import UrdfRobot
@@ -31,7 +31,7 @@ class Translation:
     """A robot as the tree of a URDF, and everything for which a URDF has no element, in memory.
 
     Attributes:
-        robot: that was translated, with one variable at most for each link (`raff2urdf.compound`).
+        robot: that was translated, with one variable at most for each link (`raff2urdf.raff.compound`).
         model: its tree; meshes are named relative to `out`.
         constraints: the contents of its constraints file.
         analysis: mobility, actuated joints, rows and rank of the loops.

@@ -32,7 +32,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from raff2urdf.document import LoopKind
+from raff2urdf.raff.document import LoopKind
 
 Array = NDArray[np.float64]
 

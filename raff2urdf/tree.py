@@ -12,9 +12,10 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from raff2urdf.compound import expanded
 from raff2urdf.coupling import Coupling, coupled_scales, followed
-from raff2urdf.document import (
+from raff2urdf.placement import inverse
+from raff2urdf.raff.compound import expanded
+from raff2urdf.raff.document import (
     Document,
     DriveKind,
     JointType,
@@ -25,8 +26,7 @@ from raff2urdf.document import (
     RaffPart,
     RaffRobot,
 )
-from raff2urdf.kleinfinger import Kleinfinger, transform
-from raff2urdf.placement import inverse
+from raff2urdf.raff.kleinfinger import Kleinfinger, transform
 from raff2urdf.residual import loop_residual
 
 WORLD = "world"

@@ -15,9 +15,9 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from raff2urdf.document import UNITS_PER_METRE
 from raff2urdf.errors import RaffError
 from raff2urdf.files import read_bytes
+from raff2urdf.raff.document import UNITS_PER_METRE
 from raff2urdf.readers import holds_xml
 from raff2urdf.readers.sidecar import constraints_of
 from raff2urdf.readers.xml_file import read_text

@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 from cinegen.assembly._kernels import COLUMN, IS_PRISMATIC, PARENT
 from cinegen.jit.compiled import Table
 from cinegen.joints import common_point
-from raff2urdf.document import LoopKind
+from raff2urdf.raff.document import LoopKind
 
 Array = NDArray[np.float64]
 

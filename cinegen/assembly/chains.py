@@ -26,7 +26,7 @@ from cinegen.assembly.bodies import LinkageBodies, LinkageJoint
 from cinegen.assembly.families import Family, RigidGroups, recognise
 from cinegen.assembly.linkage import Linkage
 from cinegen.joints import common_point
-from raff2urdf.document import LoopKind
+from raff2urdf.raff.document import LoopKind
 
 Array = NDArray[np.float64]
 

@@ -27,7 +27,7 @@ from numpy.typing import NDArray
 from cinegen.assembly._kernels import COLUMN, PARENT
 from cinegen.assembly.bodies import JointCentre, LinkageBodies, LinkageJoint
 from cinegen.assembly.linkage import Linkage
-from raff2urdf.document import LoopKind
+from raff2urdf.raff.document import LoopKind
 
 Array = NDArray[np.float64]
 

@@ -14,7 +14,7 @@ from cinegen.assembly.bodies import CutJoint
 from cinegen.assembly.families import RigidGroups, Rod
 from cinegen.assembly.linkage import ACCURACY, Linkage, attached, scratch_of
 from raff2urdf.closure import rank
-from raff2urdf.document import LoopKind
+from raff2urdf.raff.document import LoopKind
 
 Array = NDArray[np.float64]
 

@@ -24,7 +24,7 @@ from cinegen.joints import axis
 from cinegen.model import Mechanism
 from raff2urdf import closure
 from raff2urdf.coupling import Coupling, followed
-from raff2urdf.document import LoopKind
+from raff2urdf.raff.document import LoopKind
 
 Array = NDArray[np.float64]
 

@@ -30,7 +30,7 @@ from cinegen.model import Mechanism
 from cinegen.model.mechanism import MechanismSource
 from raff2urdf import closure
 from raff2urdf.coupling import Coupling
-from raff2urdf.document import LoopKind
+from raff2urdf.raff.document import LoopKind
 
 Array = NDArray[np.float64]
 

@@ -177,7 +177,7 @@ def _sweep(name: str, spec: MapSpecification, file: Path, robots: RobotOptions, 
     """Map all variants and print their table."""
     from cinegen.plotting.sweep import check_drawable, draw_sweep
     from cinegen.workspace.sweep import Variation, WantedBox, sweep
-    from raff2urdf.reader import load as load_document
+    from raff2urdf.raff.reader import load as load_document
     from raff2urdf.shipped import find_robot
 
     for other, value in {

@@ -19,7 +19,7 @@ from cinegen.collision.body import Body, Pairs, geometry_model
 from cinegen.ik.local_ik import LocalIK
 from cinegen.joints import kinematic_data, translations
 from cinegen.model.mechanism import Mechanism
-from raff2urdf.document import LoopKind
+from raff2urdf.raff.document import LoopKind
 
 Array = NDArray[np.float64]
 

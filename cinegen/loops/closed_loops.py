@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from cinegen.joints import kinematic_data, step_scale, supporting_columns
 from raff2urdf.coupling import Coupling, coupled_scales
-from raff2urdf.document import LoopKind
+from raff2urdf.raff.document import LoopKind
 from raff2urdf.residual import ROWS, loop_residual
 
 Array = NDArray[np.float64]

@@ -23,7 +23,7 @@ from raff2urdf import closure, readers
 from raff2urdf.conversion import describe
 from raff2urdf.files import STANDARD
 from raff2urdf.near_redundancy import NearRedundancy, near_redundancy
-from raff2urdf.reader import parse, read
+from raff2urdf.raff.reader import parse, read
 from raff2urdf.written_numbers import Adjustable, WrittenNumber, adjustables, rewritten
 
 Array = NDArray[np.float64]

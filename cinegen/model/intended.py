@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from cinegen.joints import axis
 from cinegen.loops.closed_loops import ClosedLoops
-from raff2urdf.document import LoopKind
+from raff2urdf.raff.document import LoopKind
 from raff2urdf.residual import skew
 
 Array = NDArray[np.float64]

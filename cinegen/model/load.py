@@ -79,8 +79,8 @@ def load(
     if readers.holds_xml(path):
         return _load_xml(path, robot, loops, ignore_loops, ignore, relax)
     from raff2urdf.conversion import describe
-    from raff2urdf.reader import parse as parse_raff
-    from raff2urdf.reader import read
+    from raff2urdf.raff.reader import parse as parse_raff
+    from raff2urdf.raff.reader import read
 
     document = parse_raff(read(path), str(path))
     raff2urdf.check(document)

@@ -16,9 +16,9 @@ from cinegen.loops.closed_loops import ClosedLoops
 from cinegen.loops.clusters import subsystems
 from cinegen.model.healing import LARGEST_CHANGE, heal, in_bodies, moved
 from raff2urdf import closure
-from raff2urdf.document import LoopKind
 from raff2urdf.near_redundancy import MOST_ROWS, NearRedundancy, near_redundancy
 from raff2urdf.placement import roll_pitch_yaw
+from raff2urdf.raff.document import LoopKind
 from raff2urdf.readers.urdf import joints, origin, parse
 from raff2urdf.residual import ROWS
 

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from cinegen.joints import kinematic_data
 from cinegen.model import Mechanism
-from raff2urdf.document import LoopKind
+from raff2urdf.raff.document import LoopKind
 
 Array = NDArray[np.float64]
 

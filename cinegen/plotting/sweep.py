@@ -12,7 +12,7 @@ from cinegen.plotting.modes import DrawingError
 from cinegen.plotting.sheet import BLUE, FAINT, GREEN, INK, LABEL, SKY, VERMILLION, finish, label, sheet
 from cinegen.plotting.units import raised
 from cinegen.workspace.sweep import SweepResult, VariantResult, Variation
-from raff2urdf.writer import number
+from raff2urdf.raff.writer import number
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

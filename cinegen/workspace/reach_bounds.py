@@ -19,7 +19,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from cinegen.joints import axis, translations
 from cinegen.model import Mechanism
-from raff2urdf.document import LoopKind
+from raff2urdf.raff.document import LoopKind
 
 Array = NDArray[np.float64]
 

@@ -20,10 +20,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from raff2urdf.document import RaffNode, RaffRobot
 from raff2urdf.errors import RaffError
 from raff2urdf.extras import check_mesh_reader, needs
 from raff2urdf.files import write_all
+from raff2urdf.raff.document import RaffNode, RaffRobot
 from raff2urdf.urdf_model import UrdfGeometry, UrdfMaterial, UrdfMesh, UrdfVisual
 
 if TYPE_CHECKING:  # slow to import, and only needed where there are graphics

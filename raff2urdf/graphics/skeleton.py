@@ -15,8 +15,8 @@ from statistics import median
 
 import numpy as np
 
-from raff2urdf.document import Document, JointType, RaffFrame, RaffLink, RaffNode, RaffPart, RaffRobot
-from raff2urdf.kleinfinger import Kleinfinger
+from raff2urdf.raff.document import Document, JointType, RaffFrame, RaffLink, RaffNode, RaffPart, RaffRobot
+from raff2urdf.raff.kleinfinger import Kleinfinger
 from raff2urdf.tree import home, kleinfinger
 from raff2urdf.urdf_model import UrdfBox, UrdfCylinder, UrdfGeometry, UrdfMaterial, UrdfSphere, UrdfVisual
 

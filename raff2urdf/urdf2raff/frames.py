@@ -16,8 +16,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from raff2urdf.kleinfinger import Kleinfinger, completed, parameters, transform
 from raff2urdf.placement import inverse, with_z
+from raff2urdf.raff.kleinfinger import Kleinfinger, completed, parameters, transform
 from raff2urdf.readers.urdf import axis, ends, joints, origin
 
 Array = NDArray[np.float64]

@@ -17,12 +17,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from raff2urdf.document import UNITS_PER_METRE, Document, RaffRobot
 from raff2urdf.errors import RaffError
 from raff2urdf.extras import check_mesh_reader
 from raff2urdf.graphics.meshes import CONVERTED, SHOWN
 from raff2urdf.graphics.names import find
 from raff2urdf.graphics.skeleton import SkeletonDrawing
+from raff2urdf.raff.document import UNITS_PER_METRE, Document, RaffRobot
 from raff2urdf.readers.urdf import links, numbers, origin, three
 from raff2urdf.readers.xml_file import error_at
 from raff2urdf.writers.tree_at_home import SIZES, shape_of

@@ -20,10 +20,12 @@ from numpy.polynomial import Polynomial
 from numpy.typing import NDArray
 
 from raff2urdf.analysis import loop_kind
-from raff2urdf.check import RESERVED, is_xml_name
 from raff2urdf.constraints import Constraints
 from raff2urdf.coupling import Coupling, coupling_of
-from raff2urdf.document import (
+from raff2urdf.errors import RaffError, did_you_mean
+from raff2urdf.placement import inverse
+from raff2urdf.raff.check import RESERVED, is_xml_name
+from raff2urdf.raff.document import (
     UNITS_PER_METRE,
     Document,
     DriveKind,
@@ -40,9 +42,7 @@ from raff2urdf.document import (
     RaffSensor,
     SensorConstraint,
 )
-from raff2urdf.errors import RaffError, did_you_mean
-from raff2urdf.kleinfinger import Kleinfinger, transform
-from raff2urdf.placement import inverse
+from raff2urdf.raff.kleinfinger import Kleinfinger, transform
 from raff2urdf.readers import successive
 from raff2urdf.readers.urdf import default_value, ends, joints, limits, links, origin, root_first, velocity
 from raff2urdf.readers.urdf_builder import leave_out

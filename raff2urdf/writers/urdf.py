@@ -18,12 +18,12 @@ import numpy as np
 from lxml import etree
 
 from raff2urdf import constraints as constraints_file
-from raff2urdf.document import Document, JointType, RaffLink, RaffNode, RaffPart, RaffRobot
 from raff2urdf.errors import RaffWarning
 from raff2urdf.files import GENERATED
 from raff2urdf.graphics.meshes import Graphics
 from raff2urdf.graphics.skeleton import SkeletonDrawing
-from raff2urdf.kleinfinger import transform
+from raff2urdf.raff.document import Document, JointType, RaffLink, RaffNode, RaffPart, RaffRobot
+from raff2urdf.raff.kleinfinger import transform
 from raff2urdf.readers.declared_loops import note
 from raff2urdf.readers.sidecar import ENDING
 from raff2urdf.readers.urdf import UNLIMITED

@@ -11,8 +11,8 @@ import pytest
 
 import cinegen
 import raff2urdf
-from raff2urdf.document import Parameters, RaffFrame
-from raff2urdf.kleinfinger import transform
+from raff2urdf.raff.document import Parameters, RaffFrame
+from raff2urdf.raff.kleinfinger import transform
 from raff2urdf.tree import kleinfinger
 
 ROBOTS = Path(__file__).resolve().parents[2] / "robots"

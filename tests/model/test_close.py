@@ -15,7 +15,7 @@ import cinegen
 from cinegen.loops.closed_loops import ClosedLoops
 from cinegen.model import ForwardKinematics, LoopConstraint
 from raff2urdf import closure
-from raff2urdf.document import LoopKind
+from raff2urdf.raff.document import LoopKind
 
 CLOSED = (
     "delta4", "delta4_linear", "five_bar", "four_bar", "gough", "hybrid", "planar_hybrid", "sr400", "tssm",

@@ -20,8 +20,8 @@ from cinegen.mission import MissionRecorder, Recording, RobotSample, check, resa
 from cinegen.model import ForwardKinematics
 from cinegen.model.load import build
 from cinegen.singularities import SingularityType, leg_lines, singularity
-from raff2urdf.document import CompoundKind, JointType, Parameters, RaffLink, RaffVariable
-from raff2urdf.kleinfinger import parameters, transform
+from raff2urdf.raff.document import CompoundKind, JointType, Parameters, RaffLink, RaffVariable
+from raff2urdf.raff.kleinfinger import parameters, transform
 from raff2urdf.tree import kleinfinger
 
 CHAIN = """

@@ -13,11 +13,11 @@ from mechanisms import CLOSED_CHAINS, KNOWN
 from numpy.typing import NDArray
 
 from raff2urdf import loads
-from raff2urdf.check import check
 from raff2urdf.conversion import Translation, translate
-from raff2urdf.document import Document
 from raff2urdf.errors import RaffWarning
-from raff2urdf.reader import parse, read
+from raff2urdf.raff.check import check
+from raff2urdf.raff.document import Document
+from raff2urdf.raff.reader import parse, read
 from raff2urdf.tree import characteristic_length, placements
 from raff2urdf.writers import WriteOptions, files
 from raff2urdf.writers.inertia import Inertias, inertias

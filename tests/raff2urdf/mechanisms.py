@@ -14,8 +14,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from raff2urdf import loads
-from raff2urdf.document import Document
-from raff2urdf.kleinfinger import parameters
+from raff2urdf.raff.document import Document
+from raff2urdf.raff.kleinfinger import parameters
 from raff2urdf.tree import Cluster, characteristic_length, clusters, placements
 
 Matrix = NDArray[np.float64]

@@ -9,8 +9,8 @@ from typing import Any
 from hypothesis import HealthCheck, settings
 from hypothesis import strategies as st
 
-from raff2urdf.compound import VARIABLES
-from raff2urdf.document import (
+from raff2urdf.raff.compound import VARIABLES
+from raff2urdf.raff.document import (
     CompoundKind,
     Document,
     DriveKind,

@@ -39,7 +39,7 @@ import raff2urdf
 from raff2urdf import RaffError, loads
 from raff2urdf.analysis import Analysis, analyse, loop_kinds
 from raff2urdf.closure import gaps
-from raff2urdf.document import UNITS_PER_METRE, Document, LoopKind, Parameters
+from raff2urdf.raff.document import UNITS_PER_METRE, Document, LoopKind, Parameters
 from raff2urdf.tree import clusters
 
 FEW = examples(5)

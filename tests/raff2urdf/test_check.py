@@ -11,9 +11,9 @@ from strategies import documents, examples
 
 import raff2urdf
 from raff2urdf import RaffError, RaffWarning
-from raff2urdf.document import Document, JointType, Parameters, RaffFrame, RaffLink, RaffRobot
 from raff2urdf.errors import Problem
-from raff2urdf.reader import parse
+from raff2urdf.raff.document import Document, JointType, Parameters, RaffFrame, RaffLink, RaffRobot
+from raff2urdf.raff.reader import parse
 
 
 def text_of(body: str, after: str = "") -> str:

@@ -35,8 +35,8 @@ from strategies import documents, examples
 from raff2urdf import loads
 from raff2urdf.analysis import analyse
 from raff2urdf.closure import close, close_from_afar, closed_walk, generic_rank, passive, rank
-from raff2urdf.document import Document, LoopKind
 from raff2urdf.errors import RaffClosureError
+from raff2urdf.raff.document import Document, LoopKind
 from raff2urdf.tree import Cluster, placements
 
 MET = 1e-11  # m or rad: CLOSED, times the size of these mechanisms and some rounding

@@ -9,10 +9,10 @@ import pytest
 
 import cinegen
 import raff2urdf
-from raff2urdf.compound import VARIABLES, expanded
 from raff2urdf.constraints import constraints
-from raff2urdf.document import CompoundKind, Parameters
-from raff2urdf.kleinfinger import transform
+from raff2urdf.raff.compound import VARIABLES, expanded
+from raff2urdf.raff.document import CompoundKind, Parameters
+from raff2urdf.raff.kleinfinger import transform
 from raff2urdf.tree import home, kleinfinger, placements
 
 FILE = """

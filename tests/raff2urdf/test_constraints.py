@@ -19,9 +19,9 @@ from strategies import EXTREME, UNITS, documents, examples
 
 from raff2urdf import RaffError, constraints, loads
 from raff2urdf.analysis import analyse, loop_kind
-from raff2urdf.check import LARGEST
 from raff2urdf.conversion import translate
-from raff2urdf.document import Document, JointType, LoopKind, Parameters, RaffLink, RaffRobot
+from raff2urdf.raff.check import LARGEST
+from raff2urdf.raff.document import Document, JointType, LoopKind, Parameters, RaffLink, RaffRobot
 
 SCHEMA = json.loads(files("raff2urdf").joinpath("constraints.schema.json").read_text(encoding="utf-8"))
 

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from mechanisms import Matrix, shift, turn
 from strategies import examples
 
-from raff2urdf.kleinfinger import Kleinfinger, parameters, transform
+from raff2urdf.raff.kleinfinger import Kleinfinger, parameters, transform
 
 EXACT = 1e-12  # m and rad, for lengths up to some metres: a few thousand roundings
 SKEWED = 3e-8

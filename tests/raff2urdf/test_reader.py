@@ -11,7 +11,8 @@ from strategies import documents, examples
 
 import raff2urdf
 from raff2urdf import RaffError
-from raff2urdf.document import (
+from raff2urdf.errors import Problem
+from raff2urdf.raff.document import (
     Document,
     JointType,
     LoopKind,
@@ -24,7 +25,6 @@ from raff2urdf.document import (
     RaffSensor,
     SensorConstraint,
 )
-from raff2urdf.errors import Problem
 
 # Figure 5, as printed, of L. Flückiger, L. Piguet, C. Baur: "Generic robotic kinematic generator for virtual
 # environment interfaces". Two slips of the printer are in it: `alphah`, and a brace that closes link 2 too early.

@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from mechanisms import Matrix, shift, turn
 from strategies import examples
 
-from raff2urdf.document import LoopKind
+from raff2urdf.raff.document import LoopKind
 from raff2urdf.residual import ROWS, log, log_derivative, loop_residual, skew
 
 STEP = 1e-6

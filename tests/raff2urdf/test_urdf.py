@@ -23,9 +23,9 @@ from strategies import ANGLES, EXTREME, UNITS, documents, examples
 import raff2urdf
 from raff2urdf import RaffError, RaffWarning, loads
 from raff2urdf.conversion import Translation, translate
-from raff2urdf.document import Document, JointType, Parameters, RaffLink, RaffRobot
-from raff2urdf.kleinfinger import Kleinfinger
 from raff2urdf.placement import roll_pitch_yaw
+from raff2urdf.raff.document import Document, JointType, Parameters, RaffLink, RaffRobot
+from raff2urdf.raff.kleinfinger import Kleinfinger
 from raff2urdf.tree import placements
 from raff2urdf.writers.urdf import UNLIMITED
 

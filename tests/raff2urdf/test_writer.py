@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from strategies import documents, examples, layouts
 
 import raff2urdf
-from raff2urdf.document import Document, JointType, Parameters, RaffLink, RaffRobot, RaffSensor, SensorConstraint
+from raff2urdf.raff.document import Document, JointType, Parameters, RaffLink, RaffRobot, RaffSensor, SensorConstraint
 
 
 @given(documents())

@@ -15,7 +15,7 @@ from pathlib import Path
 import numpy as np
 
 import raff2urdf
-from raff2urdf.document import Document, JointType, RaffBase, RaffFrame, RaffLink, RaffRobot
+from raff2urdf.raff.document import Document, JointType, RaffBase, RaffFrame, RaffLink, RaffRobot
 
 ROBOTS = Path(__file__).resolve().parents[2] / "robots"
 

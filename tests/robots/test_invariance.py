@@ -30,7 +30,7 @@ from making import (
 
 import cinegen
 import raff2urdf
-from raff2urdf.document import Document, DriveKind, JointType, Parameters, RaffLink
+from raff2urdf.raff.document import Document, DriveKind, JointType, Parameters, RaffLink
 
 DT = 1 / 60
 FILES = sorted(path.stem for path in ROBOTS.glob("*.raff"))

@@ -15,7 +15,7 @@ from cinegen.singularities.singularity import SingularityType
 from cinegen.workspace.extent import Extent
 from cinegen.workspace.sweep.box import Dexterity, Regularity, WantedBox
 from raff2urdf.quantities import shown_unit
-from raff2urdf.writer import number
+from raff2urdf.raff.writer import number
 
 
 @dataclass(frozen=True)

@@ -23,11 +23,11 @@ from cinegen.workspace.specification import MapSpecification
 from cinegen.workspace.sweep.box import BoxConfigurations, WantedBox, dexterity, regularity
 from cinegen.workspace.sweep.result import SweepResult, VariantResult
 from cinegen.workspace.sweep.variants import Variation, variants
-from raff2urdf.document import Document, RaffRobot
 from raff2urdf.files import write_all
-from raff2urdf.reader import parse, read
+from raff2urdf.raff.document import Document, RaffRobot
+from raff2urdf.raff.reader import parse, read
+from raff2urdf.raff.writer import dumps
 from raff2urdf.shipped import find_robot
-from raff2urdf.writer import dumps
 
 _KIND, _VERSION = "cinegen sweep", 2
 _LONGEST = 200  # bytes of a folder's name

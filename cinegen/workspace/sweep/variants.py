@@ -13,8 +13,6 @@ from typing import Any
 import numpy as np
 
 from cinegen.workspace.errors import MapError
-from raff2urdf.check import check_sizes, check_tree
-from raff2urdf.document import UNITS_PER_METRE, Document, JointType, Parameters, RaffBase, RaffLink, RaffNode, RaffRobot
 from raff2urdf.errors import RaffError, did_you_mean
 from raff2urdf.quantities import (
     ANGLE,
@@ -27,7 +25,18 @@ from raff2urdf.quantities import (
     parse_range,
     shown,
 )  # fmt: skip
-from raff2urdf.writer import dumps, number
+from raff2urdf.raff.check import check_sizes, check_tree
+from raff2urdf.raff.document import (
+    UNITS_PER_METRE,
+    Document,
+    JointType,
+    Parameters,
+    RaffBase,
+    RaffLink,
+    RaffNode,
+    RaffRobot,
+)
+from raff2urdf.raff.writer import dumps, number
 
 KLEINFINGER = tuple(Parameters.__dataclass_fields__)
 NAMES = (*KLEINFINGER, "limits.low", "limits.high", "velocity")

@@ -17,7 +17,7 @@ import raff2urdf
 from raff2urdf import tree as raff_tree
 from raff2urdf.conversion import translate
 from raff2urdf.coupling import Coupling, coupling_entry
-from raff2urdf.reader import parse as parse_raff
+from raff2urdf.raff.reader import parse as parse_raff
 from raff2urdf.readers.urdf import joints, parse
 from raff2urdf.urdf2raff.frames import tidy
 from raff2urdf.urdf2raff.robot import import_tree
@@ -96,7 +96,7 @@ def test_gamma_and_epsilon_are_said_only_where_a_link_branches(text):
 
     def body(number):
         """What a node is fixed on: a link that moves, or the base."""
-        moves = raff2urdf.document.RaffLink
+        moves = raff2urdf.raff.document.RaffLink
         while number and not (isinstance(robot.nodes[number], moves) and robot.nodes[number].type):
             number = robot.nodes[number].pred
         return number

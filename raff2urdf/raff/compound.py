@@ -19,7 +19,7 @@ from collections.abc import Iterator, Mapping
 from dataclasses import replace
 from itertools import count
 
-from raff2urdf.document import CompoundKind, JointType, Parameters, RaffLink, RaffPart, RaffRobot, RaffVariable
+from raff2urdf.raff.document import CompoundKind, JointType, Parameters, RaffLink, RaffPart, RaffRobot, RaffVariable
 
 VARIABLES: Mapping[CompoundKind, Mapping[str, str | None]] = {
     CompoundKind.BALL: {"x": None, "y": None, "z": None},

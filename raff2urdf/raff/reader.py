@@ -8,12 +8,12 @@ from enum import IntEnum
 from pathlib import Path
 from typing import Any, NoReturn
 
-from raff2urdf.check import check_tree
-from raff2urdf.document import Document, JointType, LoopKind, SourceText
 from raff2urdf.errors import Problem, RaffError, SourceLocation, did_you_mean
 from raff2urdf.files import read_bytes
+from raff2urdf.raff.check import check_tree
+from raff2urdf.raff.document import Document, JointType, LoopKind, SourceText
+from raff2urdf.raff.syntax import STATEMENTS, Block, Token, tokens
 from raff2urdf.shipped import find_robot
-from raff2urdf.syntax import STATEMENTS, Block, Token, tokens
 
 LONGEST_LINE = 10_000  # characters: no person writes such a line, and no error could show it
 MOST_PROBLEMS = 100  # a file with more is not RAFF
@@ -72,7 +72,7 @@ def loads(text: str, name: str = "<text>") -> Document:
 def parse(text: str, name: str = "<text>") -> Document:
     """Return the document of a text.
 
-    Each block is checked by itself; `raff2urdf.check` checks the whole.
+    Each block is checked by itself; `raff2urdf.raff.check` checks the whole.
 
     Args:
         text: of a RAFF file.

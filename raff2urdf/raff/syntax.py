@@ -16,7 +16,8 @@ from dataclasses import dataclass, field, replace
 from enum import IntEnum
 from typing import Any, NamedTuple
 
-from raff2urdf.document import (
+from raff2urdf.errors import SourceLocation, did_you_mean
+from raff2urdf.raff.document import (
     UNITS_PER_METRE,
     CompoundKind,
     DriveKind,
@@ -34,7 +35,6 @@ from raff2urdf.document import (
     RaffVariable,
     SensorConstraint,
 )
-from raff2urdf.errors import SourceLocation, did_you_mean
 
 # --- tokens -------------------------------------------------------------------------------------------------------
 

@@ -6,7 +6,8 @@ import math
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
-from raff2urdf.document import (
+from raff2urdf.errors import RaffError
+from raff2urdf.raff.document import (
     LEAST_SIZE,
     Document,
     DriveKind,
@@ -18,7 +19,6 @@ from raff2urdf.document import (
     RaffSensor,
     RaffVariable,
 )
-from raff2urdf.errors import RaffError
 
 
 def dumps(document: Document, head: Sequence[str] = (), notes: Mapping[int, str] | None = None) -> str:

@@ -103,7 +103,7 @@ class RaffBase:
 
 @dataclass(frozen=True, slots=True)
 class RaffVariable:
-    """A variable of a joint that has several: see `raff2urdf.compound`. Lengths, or degrees.
+    """A variable of a joint that has several: see `raff2urdf.raff.compound`. Lengths, or degrees.
 
     Attributes:
         name: x, y or z, a rotation about that axis; tx, ty or tz, a translation along it.

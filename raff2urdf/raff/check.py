@@ -11,8 +11,17 @@ import re
 import warnings
 from collections.abc import Iterable, Iterator, Mapping
 
-from raff2urdf.compound import VARIABLES, intermediate_names
-from raff2urdf.document import (
+from raff2urdf.errors import (
+    Problem,
+    RaffError,
+    RaffWarning,
+    defined_twice,
+    did_you_mean,
+    duplicates,
+    limits_reversed,
+)
+from raff2urdf.raff.compound import VARIABLES, intermediate_names
+from raff2urdf.raff.document import (
     LEAST_SIZE,
     Document,
     DriveKind,
@@ -24,16 +33,7 @@ from raff2urdf.document import (
     RaffSensor,
     RaffVariable,
 )
-from raff2urdf.errors import (
-    Problem,
-    RaffError,
-    RaffWarning,
-    defined_twice,
-    did_you_mean,
-    duplicates,
-    limits_reversed,
-)
-from raff2urdf.writer import number as shown
+from raff2urdf.raff.writer import number as shown
 
 # XML 1.0 (fifth edition), production [5] Name, without the colon, which belongs to namespaces.
 _START = (
