@@ -92,7 +92,7 @@ def measure(name: str) -> None:
     mechanism = cinegen.load(ROBOTS / f"{name}.raff")
     path = fit_path(mechanism, mechanism.nodes[-1])
     solver = cinegen.Solver(mechanism, 1.0 / 240.0)
-    task = solver.add_task(path.node, path.home, rotation=path.rotation)
+    task = solver.add_task(path.node, mechanism.placement(mechanism.q_home, path.node), rotation=path.rotation)
     matrix = np.asarray(mechanism.extended_jacobian(mechanism.q_home, path.node))
     targets = [path.target(i / 240.0) for i in range(ROUNDS * TICKS)]
     memory, tick = solver._memory, solver._tick

@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from cinegen.errors import CinegenError
 from cinegen.exception_log import ExceptionLog
-from cinegen.ik._kernels.memory import MOST_FLAGS, STATUS, SolverMemory
+from cinegen.ik._kernels.memory import MOST_FLAGS, SolverMemory
 from cinegen.ik._kernels.tick import tick
 from cinegen.ik.barrier import Barrier, Bounds
 from cinegen.ik.bifurcation import regular_neighbour
@@ -30,7 +30,6 @@ from cinegen.ik.thresholds import (
     ERROR_CAP,
     PROPOSED,
     RANK_NEEDED,
-    REFUSED,
     STEP_CAP,
 )
 from cinegen.jit.compiled import is_cached
@@ -626,12 +625,14 @@ class Solver:
                 self._rank()
             elif request == PROPOSED:
                 self.linearisation, keeps = self._linearise(), False
+            elif self.mechanism.loops and self._leave_bifurcation():
+                return self.step()
+            else:
+                break
             request = self._tick(self._handle)
         if keeps:  # nothing was proposed
             self.linearisation = self._linearise()
-        record = self._record.copy()  # the report is its beginning
-        if self.mechanism.loops and record[STATUS] == REFUSED and self._leave_bifurcation():
-            return self.step()
+        record = self._record.copy()
         self._earlier, self._latest = self._latest, record
         if self._caught:
             caught, self._caught = self._caught, ()

@@ -1,6 +1,6 @@
 """Requests, statuses and phases of a tick as numbers, and its thresholds."""
 
-DONE, RANK_NEEDED, CLEARANCE_NEEDED, PROPOSED = range(4)
+DONE, RANK_NEEDED, CLEARANCE_NEEDED, PROPOSED, REJECTED = range(5)
 """Requests of a tick."""
 
 BAD_TARGET, REFUSED, AT_LIMIT, SINGULAR, OUT_OF_REACH, FOLLOWING, IDLE, DETOUR, BARRED = range(9)

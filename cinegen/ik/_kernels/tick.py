@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from cinegen.ik._kernels.memory import SolverMemory
+from cinegen.ik._kernels.memory import STATUS, SolverMemory
 from cinegen.ik._kernels.proposal import is_sure, propose
 from cinegen.ik._kernels.record import finish
 from cinegen.ik._kernels.tasks import read_tasks
 from cinegen.ik._kernels.trial import guard, set_out, try_step
-from cinegen.ik.thresholds import BEGIN, DONE, GUARD, PROPOSED, RANK_NEEDED
+from cinegen.ik.thresholds import BEGIN, DONE, GUARD, PROPOSED, RANK_NEEDED, REFUSED, REJECTED
 from cinegen.jit.compiled import compiled, entry
 from cinegen.loops._kernels.kinematics import evaluate
 
@@ -17,9 +17,16 @@ def tick(memory: SolverMemory) -> int:
     """Begin or continue a tick.
 
     Returns:
-        DONE, or what is needed before the next call: RANK_NEEDED, `task_rank` of the tasks in `signature`;
-        CLEARANCE_NEEDED, `clear_part` of the path to `trial`; PROPOSED, nothing: the step may be inspected.
+        DONE; REJECTED if it is done and its status is REFUSED; or what is needed before the next call: RANK_NEEDED,
+        `task_rank` of the tasks in `signature`; CLEARANCE_NEEDED, `clear_part` of the path to `trial`; PROPOSED,
+        nothing: the step may be inspected.
     """
+    request = _continue(memory)
+    return REJECTED if request == DONE and memory.report[STATUS] == REFUSED else request
+
+
+@compiled
+def _continue(memory: SolverMemory) -> int:
     if memory.phase == BEGIN:
         if not read_tasks(memory):
             return RANK_NEEDED

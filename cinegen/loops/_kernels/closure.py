@@ -96,25 +96,26 @@ def close(memory: LoopMemory, tolerance: float, most: int, exact: bool) -> None:
 @compiled
 def _stop(memory: LoopMemory, cluster: ClusterMemory) -> None:
     """Remove the motion of a cluster's joints from `delta`."""
+    delta, dof = memory.delta, cluster.dof
     for k in range(cluster.n):
-        memory.delta[cluster.dof[k]] = 0.0
+        delta[dof[k]] = 0.0
 
 
 @compiled
 def _gap(memory: LoopMemory, cluster: ClusterMemory) -> float:
     """Return a cluster's largest residual."""
-    largest = 0.0
+    largest, residual, row = 0.0, memory.residual, cluster.row
     for i in range(cluster.rows):
-        largest = max(largest, abs(memory.residual[cluster.row[i]]))
+        largest = max(largest, abs(residual[row[i]]))
     return largest
 
 
 @compiled
 def _squared_residual(memory: LoopMemory, cluster: ClusterMemory) -> float:
     """Return c^T c of a cluster's residual c."""
-    s = 0.0
+    s, residual, row = 0.0, memory.residual, cluster.row
     for i in range(cluster.rows):
-        s += memory.residual[cluster.row[i]] * memory.residual[cluster.row[i]]
+        s += residual[row[i]] * residual[row[i]]
     return s
 
 
@@ -161,9 +162,9 @@ def factor_loops(memory: LoopMemory, exact: bool) -> None:
 @compiled
 def _factor_cluster(memory: LoopMemory, cluster: ClusterMemory, exact: bool) -> None:
     f, tau, h, order = cluster.factors, cluster.tau, cluster.reflectors, cluster.row_order
-    rows, n, free = cluster.rows, cluster.n, 0
+    rows, n, free, locked, dof = cluster.rows, cluster.n, 0, memory.locked, cluster.dof
     for k in range(n):
-        if memory.locked[cluster.dof[k]] == 0.0:
+        if locked[dof[k]] == 0.0:
             free += 1
     _copy_unlocked(memory, cluster)
     rank = min(cluster.rank, free)
@@ -205,21 +206,26 @@ def _factor_cluster(memory: LoopMemory, cluster: ClusterMemory, exact: bool) -> 
 
 @compiled
 def _copy_unlocked(memory: LoopMemory, cluster: ClusterMemory) -> None:
+    rows, n, row, dof, factors, jacobian = (
+        cluster.rows, cluster.n, cluster.row, cluster.dof, cluster.factors, memory.jacobian
+    )  # fmt: skip
+    locked = memory.locked
     if cluster.blocks == 0:
-        for i in range(cluster.rows):
-            equation, f = memory.jacobian[cluster.row[i]], cluster.factors[i]
-            for k in range(cluster.n):
-                f[k] = equation[cluster.dof[k]]
+        for i in range(rows):
+            equation, f = jacobian[row[i]], factors[i]
+            for k in range(n):
+                f[k] = 0.0 if locked[dof[k]] != 0.0 else equation[dof[k]]
+        return
     for b in range(cluster.blocks):
         for i in range(cluster.block_row[b], cluster.block_row[b + 1]):
-            equation, f = memory.jacobian[cluster.row[i]], cluster.factors[i]
+            equation, f = jacobian[row[i]], factors[i]
             f[cluster.row_filled[i, 0] : cluster.row_filled[i, 1]] = 0.0
             for k in range(cluster.row_first[i], cluster.block_end[b]):
-                f[k] = equation[cluster.dof[k]]
-    for k in range(cluster.n):
-        if memory.locked[cluster.dof[k]] != 0.0:
-            for i in range(cluster.rows):
-                cluster.factors[i, k] = 0.0
+                f[k] = equation[dof[k]]
+    for k in range(n):
+        if locked[dof[k]] != 0.0:
+            for i in range(rows):
+                factors[i, k] = 0.0
 
 
 @compiled
@@ -238,12 +244,13 @@ def find_null_space(memory: LoopMemory) -> None:
 @compiled
 def to_motions(cluster: ClusterMemory, x: Array, y: Array) -> None:
     """Write the coordinates y (mobility,) in a cluster's null space of a step x (n,) of the mechanism."""
-    part = cluster.part
-    for k in range(cluster.n):
-        part[k] = x[cluster.dof[k]]
+    part, dof, n = cluster.part, cluster.dof, cluster.n
+    for k in range(n):
+        part[k] = x[dof[k]]
     if cluster.blocks == 0:
+        basis = cluster.null_space
         for i in range(cluster.mobility):
-            y[i] = inner(cluster.null_space[i], part, cluster.n)
+            y[i] = inner(basis[i], part, n)
         return
     banded.to_motions(part, cluster.kept, cluster.kept_tau, cluster.kept_reflectors, cluster.kept_reach)
     for i in range(cluster.mobility):
@@ -254,17 +261,19 @@ def to_motions(cluster: ClusterMemory, x: Array, y: Array) -> None:
 def from_motions(cluster: ClusterMemory, y: Array, x: Array) -> None:
     """Write the step of a cluster's joints, in x (n,) of the mechanism, with coordinates y (mobility,) in its null
     space."""
-    part = cluster.part
-    part[: cluster.n] = 0.0
+    part, dof, n = cluster.part, cluster.dof, cluster.n
+    for k in range(n):
+        part[k] = 0.0
     if cluster.blocks == 0:
+        basis = cluster.null_space
         for i in range(cluster.mobility):
-            add_multiple(y[i], cluster.null_space[i], part, cluster.n)
+            add_multiple(y[i], basis[i], part, n)
     else:
         for i in range(cluster.mobility):
             part[cluster.rank + i] = y[i]
         banded.from_motions(part, cluster.kept, cluster.kept_tau, cluster.kept_reflectors, cluster.kept_reach)
-    for k in range(cluster.n):
-        x[cluster.dof[k]] = part[k]
+    for k in range(n):
+        x[dof[k]] = part[k]
 
 
 @compiled
@@ -274,15 +283,16 @@ def loop_correction(memory: LoopMemory, is_damped: bool, out: Array) -> None:
         out[memory.idle_dof[i]] = 0.0
     for c in range(memory.clusters):
         cluster = cluster_at(memory.cluster_handles[c])
-        squared = 0.0
+        squared, row, right, residual = 0.0, cluster.row, cluster.right, memory.residual
         for i in range(cluster.rows):
-            residual = memory.residual[cluster.row[i]]
-            cluster.right[i] = -residual
-            squared += residual * residual
+            lack = residual[row[i]]
+            right[i] = -lack
+            squared += lack * lack
         damping = cluster.mu * squared if is_damped else 0.0
         _cluster_correction(cluster, damping)
+        dof, part = cluster.dof, cluster.part
         for k in range(cluster.n):
-            out[cluster.dof[k]] = cluster.part[k]
+            out[dof[k]] = part[k]
 
 
 @compiled
