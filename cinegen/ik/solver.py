@@ -13,6 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from cinegen.errors import CinegenError
 from cinegen.exception_log import ExceptionLog
+from cinegen.ik._kernels import memory as m
 from cinegen.ik._kernels.memory import MOST_FLAGS, SolverMemory
 from cinegen.ik._kernels.tick import tick
 from cinegen.ik.barrier import Barrier, Bounds
@@ -30,6 +31,7 @@ from cinegen.ik.thresholds import (
     ERROR_CAP,
     PROPOSED,
     RANK_NEEDED,
+    SINGULAR,
     STEP_CAP,
 )
 from cinegen.jit.compiled import is_cached
@@ -625,9 +627,8 @@ class Solver:
                 self._rank()
             elif request == PROPOSED:
                 self.linearisation, keeps = self._linearise(), False
-            elif self.mechanism.loops and self._leave_bifurcation():
-                return self.step()
-            else:
+            else:  # it is done, and refused
+                self._leave_bifurcation()
                 break
             request = self._tick(self._handle)
         if keeps:  # nothing was proposed
@@ -639,22 +640,25 @@ class Solver:
             return Step(record, self._layout, caught)
         return Step(record, self._layout)
 
-    def _leave_bifurcation(self) -> bool:
-        """Move to a branch of closed configurations if several meet where a tick was refused; return whether it did."""
+    def _leave_bifurcation(self) -> None:
+        """Replace a refused tick by a motion along a branch of closed configurations if several meet at q. It is at
+        most as long as a tick may be."""
         q, memory = self._q.copy(), self._memory
-        if not self._barriers and not np.array_equal(q, self._refused_at):
-            self._refused_at = q
-            is_number = memory.q_index >= 0
-            at = memory.q_index[is_number]
-            reach = (memory.longest_step * memory.scale)[is_number]
-            lower, upper = np.full(len(q), -np.inf), np.full(len(q), np.inf)
-            lower[at] = np.minimum(q[at], np.maximum(memory.lower[is_number], q[at] - reach))
-            upper[at] = np.maximum(q[at], np.minimum(memory.upper[is_number], q[at] + reach))
-            near = regular_neighbour(self.mechanism, q, lower, upper)
-            if near is not None:
-                self.q = near
-                return True
-        return False
+        if not self.mechanism.loops or self._barriers or np.array_equal(q, self._refused_at):
+            return
+        self._refused_at = q
+        is_number = memory.q_index >= 0
+        at = memory.q_index[is_number]
+        reach = (memory.longest_step * memory.scale)[is_number]
+        lower, upper = np.full(len(q), -np.inf), np.full(len(q), np.inf)
+        lower[at] = np.minimum(q[at], np.maximum(memory.lower[is_number], q[at] - reach))
+        upper[at] = np.maximum(q[at], np.minimum(memory.upper[is_number], q[at] + reach))
+        near = regular_neighbour(self.mechanism, q, lower, upper)
+        if near is not None:
+            self.q = near
+            memory.record_q[:], memory.record_v[:] = near, self.mechanism.difference(q, near) / self.dt
+            memory.report[m.STATUS], memory.report[m.CLOSURE] = SINGULAR, memory.closure
+            memory.report[m.ERRORS_KNOWN] = 0.0  # they are computed on access
 
 
 def tick_is_compiled() -> bool:
