@@ -8,16 +8,20 @@ LEAST ?= 30
 # How many faults `make mutations` makes, and the seed of their choice.
 SAMPLE ?= 300
 SEED ?= 19
+# How long `make campaign` takes.
+HOURS ?= 1
 
 BIN := .venv/bin
 # The base interpreter's pip installs into .venv, which has none of its own: some systems cannot put one there.
 PIP := $(PYTHON) -m pip --python $(BIN)/python
-INSTALL := $(PIP) install --quiet --no-deps
+# A locked package is installed only if its file has one of the hashes in the lock; nothing else comes along.
+LOCKED := install --quiet --no-deps --require-hashes
+INSTALL := $(PIP) $(LOCKED)
 # Other people's packages on PYTHONPATH (a ROS installation, say) must not stand in for the locked ones.
 unexport PYTHONPATH
 export PIP_DISABLE_PIP_VERSION_CHECK := 1
 
-.PHONY: help demo test coverage mutations check bounds javascript kernels bench generated clean lock FORCE
+.PHONY: help demo test slow coverage mutations campaign check bounds javascript kernels bench generated sbom audit clean lock FORCE
 .DEFAULT_GOAL := help
 
 help: ## list the targets
@@ -26,9 +30,14 @@ help: ## list the targets
 demo: .venv/core-installed ## install the core, and drive a robot in the browser
 	$(BIN)/cinegen demo
 
-test: check javascript kernels ## run every check, then the tests
+test: check javascript kernels ## run every check, then the tests but for those of `make slow`
 	@.ci/chromium
 	$(BIN)/pytest -n $(WORKERS)
+
+# Most repeat what other tests prove, with other numbers or robots.
+slow: .venv/test-installed kernels ## run the tests that `make test` leaves out
+	@.ci/chromium
+	$(BIN)/pytest -n $(WORKERS) -m slow
 
 # The table is printed where tests fail too, least covered files first; what fails is still an error.
 coverage: .venv/test-installed kernels ## measure which lines the tests run, and list the least covered files
@@ -40,6 +49,10 @@ mutations: export OMP_NUM_THREADS := 1
 mutations: export OPENBLAS_NUM_THREADS := 1
 mutations: .venv/test-installed build/cosmic-ray/installed kernels ## put SAMPLE random faults into the core, and list those that no test notices
 	@nice $(BIN)/python benchmarks/mutations.py --sample $(SAMPLE) --seed $(SEED)
+
+# The campaign is a package of the tests.
+campaign: .venv/test-installed kernels ## attack readers, solver, page and commands for HOURS on all cores; build/campaign/report.md
+	@PYTHONPATH=tests $(BIN)/python -m campaign all --hours $(HOURS)
 
 check: .venv/test-installed ## run the linters of the Python code only
 	$(BIN)/ruff check .
@@ -112,7 +125,7 @@ endif
 	@test "$(VENV_OK)" || $(PYTHON) -m venv --without-pip .venv
 	@echo "installing into .venv: the locked packages and cinegen itself (the first time takes minutes) ..."
 	@$(INSTALL) -r requirements/core.txt
-	@$(INSTALL) --no-build-isolation --editable .
+	@$(PIP) install --quiet --no-deps --no-build-isolation --editable .
 	@echo '$(CURDIR)' >$@ && rm .venv/unfinished
 
 .venv/test-installed: requirements/test.txt .venv/core-installed
@@ -122,21 +135,27 @@ endif
 	@$(INSTALL) -r requirements/test.txt
 	@echo '$(CURDIR)' >$@ && rm .venv/unfinished
 
-# The peers that `make bench` compares us with bring their own Pinocchio: they live apart. bench.txt holds what
-# `pip install placo pin-pink mink daqp proxsuite quadprog` gives in an empty environment.
+# The peers that `make bench` compares us with bring their own Pinocchio: they live apart.
 .venv-bench/installed: requirements/bench.txt
 	@$(PYTHON) -c "$$CHECK_PYTHON"
 	@rm -rf .venv-bench
 	@$(PYTHON) -m venv --without-pip .venv-bench
 	@echo "installing into .venv-bench: placo, pink, mink and what they need (the first time takes minutes) ..."
-	@$(PYTHON) -m pip --python .venv-bench/bin/python install --quiet --no-deps -r requirements/bench.txt
+	@$(PYTHON) -m pip --python .venv-bench/bin/python $(LOCKED) -r requirements/bench.txt
 	@touch $@
 
-# It never meets the tests: a folder of its own keeps its versions of other packages from them. mutations.txt holds what
-# `pip install cosmic-ray` gives in an empty environment.
+# It never meets the tests: a folder of its own keeps its versions of other packages from them.
 build/cosmic-ray/installed: requirements/mutations.txt .venv/core-installed
 	@rm -rf build/cosmic-ray
-	@$(PIP) install --quiet --no-deps --target build/cosmic-ray -r requirements/mutations.txt
+	@$(INSTALL) --target build/cosmic-ray -r requirements/mutations.txt
+	@touch $@
+
+# What looks at the locks and makes them: uv, pip-audit, cyclonedx-py.
+build/tools/installed: requirements/tools.txt
+	@$(PYTHON) -c "$$CHECK_PYTHON"
+	@rm -rf build/tools
+	@$(PYTHON) -m venv --without-pip build/tools
+	@$(PYTHON) -m pip --python build/tools/bin/python $(LOCKED) -r requirements/tools.txt
 	@touch $@
 
 define CHECK_PYTHON
@@ -152,22 +171,35 @@ endef
 export CHECK_PYTHON
 
 # --- The locks ---------------------------------------------------------------------------------------------------
-# Fresh pins for all that pyproject.toml asks for, and all that asks for in turn: core.txt for what `pip install cinegen`
-# installs, test.txt for what all extras and the tests need besides. The build backend is pinned too. embreex is left
-# out: yourdfpy, with which the tests read URDFs, only gets faster by it, and it does not exist for every machine. Run
-# this with the oldest Python we support, so that every pin exists for it.
-lock: ## pin the newest versions of all dependencies in requirements/
-	@$(PYTHON) -c "$$CHECK_PYTHON"
-	@set -eu; tmp=$$(mktemp -d); trap 'rm -rf "$$tmp"' EXIT; export LC_ALL=C; \
+# Pins with hashes for all that pyproject.toml asks for, and all that asks for in turn: core.txt for what `pip install
+# cinegen` installs, and the build backend; test.txt for what all extras and the tests need besides. embreex is left out:
+# yourdfpy, with which the tests read URDFs, only gets faster by it, and it does not exist for every machine. The locks are
+# for the oldest Python we support, so that every pin exists for it. What is pinned stays pinned unless UPGRADE=1.
+lock: build/tools/installed ## pin what pyproject.toml asks for in requirements/, and with UPGRADE=1 the newest versions of it
+	@set -eu; tmp=$$(mktemp -d); trap 'rm -rf "$$tmp"' EXIT; \
 	pins() { \
-		venv=$$1; shift; $(PYTHON) -m venv --without-pip "$$tmp/$$venv"; \
-		pip="$(PYTHON) -m pip --python $$tmp/$$venv/bin/python"; \
-		$$pip install --quiet hatchling "$$@"; \
-		$$pip freeze --all --exclude cinegen --exclude embreex >"$$tmp/frozen"; \
-		awk -F== '{ n = tolower($$1); gsub(/[-_.]+/, "-", n); print n "==" $$2 }' "$$tmp/frozen" | sort >"$$tmp/$$venv.txt"; \
+		lock=$$1; shift; touch "$$tmp/$$lock.txt"; \
+		build/tools/bin/uv pip compile --quiet --no-config --python-version 3.11 --generate-hashes --no-header --no-annotate \
+			--no-emit-package cinegen --no-emit-package embreex $(if $(UPGRADE),--upgrade) -o "$$tmp/$$lock.txt" "$$@"; \
 	}; \
-	pins all --editable '.[test]'; \
-	pins core --editable . --constraint "$$tmp/all.txt"; \
-	comm -23 "$$tmp/all.txt" "$$tmp/core.txt" >requirements/test.txt; \
-	cp "$$tmp/core.txt" requirements/core.txt
-	@wc -l requirements/*.txt
+	cp requirements/*.txt "$$tmp"; cat requirements/core.txt requirements/test.txt >"$$tmp/all.txt"; \
+	echo hatchling | pins all pyproject.toml --extra test -; \
+	echo hatchling | pins core pyproject.toml - --constraint "$$tmp/all.txt"; \
+	awk '/^[a-z]/ { keep = !($$1 in core); if (NR == FNR) core[$$1] } NR > FNR && keep' \
+		"$$tmp/core.txt" "$$tmp/all.txt" >"$$tmp/test.txt"; \
+	printf '%s\n' placo pin-pink mink daqp proxsuite quadprog | pins bench -; \
+	echo cosmic-ray | pins mutations -; \
+	printf '%s\n' uv pip-audit cyclonedx-bom | pins tools -; \
+	for lock in core test bench mutations tools; do cp "$$tmp/$$lock.txt" requirements; done
+	@grep -c == requirements/*.txt
+
+sbom: .venv/test-installed build/tools/installed ## list all packages in .venv, and the page's libraries, in build/sbom.json (CycloneDX)
+	@build/tools/bin/python .ci/sbom $(BIN)/python build/sbom.json
+
+# pip-audit passes over packages that its database does not know, or does not answer for, unless it is strict.
+audit: build/tools/installed ## look for known vulnerabilities of locked packages; needs the advisory database of pypi.org
+	@status=0; build/tools/bin/pip-audit --strict --disable-pip --require-hashes --progress-spinner off \
+		$(patsubst %,-r requirements/%.txt,core test bench mutations tools) >build/audit.txt 2>build/audit.log || status=$$?; \
+	if grep -E '^(No|Found [0-9]+) known vulnerabilit' build/audit.log; then cat build/audit.txt; exit $$status; fi; \
+	tail -n 1 build/audit.log >&2; \
+	echo "*** NOT AUDITED: the advisory database does not answer for every package (build/audit.log)." >&2; exit 1

@@ -7,10 +7,11 @@ distance and look at the same distances; so none of them collides, and what diff
 
     none        nothing turns: the same attempts as vortex, held clear, and that is all
     literal     De Medio and Oriolo's paper as it reads: folding (mobile: the shorter way), one attempt
-    vortex 1    the first attempt of `cinegen plan`
-    vortex      `cinegen plan`: other ways round, and postures at the goal, are tried in turn
+    vortex 1    the first attempt of `cinegen plan --planner vortex`
+    vortex      `cinegen plan --planner vortex`: other ways round, and postures at the goal, are tried in turn
     firas, spherical, elliptical    potentials instead of vortices, by steepest descent with a line search
     rrtconnect  RRT-Connect (OMPL), 10 s, shortened; does not count as local
+    plan        `cinegen plan`: vortex, then rrtconnect, 10 s together, shortened
 
 What is printed, of those scenes that any of them solves (how many is said above each table):
 
@@ -37,13 +38,13 @@ from typing import NamedTuple
 import numpy as np
 from random_scenes import FAMILIES
 
-from cinegen.planning import plan, rrt_connect
+from cinegen.planning import plan
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "examples" / "papers"))
 from enclosing_potentials import FIELDS
 from literal_vortices import plan_literally
 
-METHODS = ("none", "literal", "vortex 1", "vortex", "firas", "spherical", "elliptical", "rrtconnect")
+METHODS = ("none", "literal", "vortex 1", "vortex", "firas", "spherical", "elliptical", "rrtconnect", "plan")
 
 
 class Result(NamedTuple):
@@ -63,13 +64,15 @@ def result(family: str, number: int, method: str) -> Result:
     scene = FAMILIES[family](number)
     begin = time.perf_counter()
     if method == "rrtconnect":
-        found = rrt_connect(scene, seconds=10.0)
+        found = plan(scene, planner="rrtconnect")
+    elif method == "plan":
+        found = plan(scene)
     elif method == "literal":
         found = plan_literally(scene)
     elif method == "vortex 1":
-        found = plan(scene, attempts=1)
+        found = plan(scene, planner="vortex", attempts=1, shorten=False, seconds=60.0)
     else:
-        found = plan(scene, field=FIELDS.get(method, method))
+        found = plan(scene, field=FIELDS.get(method, method), planner="vortex", shorten=False, seconds=60.0)
     spent = time.perf_counter() - begin
     steps = sum(len(attempt.path) for attempt in found.attempts)
     straight = float(np.linalg.norm(found.trace[-1] - found.trace[0]))

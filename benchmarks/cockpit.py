@@ -31,7 +31,7 @@ FLAGS = ("--no-sandbox", "--use-angle=swiftshader", "--enable-unsafe-swiftshader
 
 async def look(url: str, seconds: float) -> int:
     """A browser that takes every state at once; how many it got."""
-    socket = await tornado.websocket.websocket_connect(url.replace("http:", "ws:") + "session")
+    socket = await tornado.websocket.websocket_connect(url)
     count, begin = 0, time.perf_counter()
     while time.perf_counter() < begin + seconds:
         said = json.loads(await socket.read_message())
@@ -52,7 +52,7 @@ def watchers(url: str, seconds: float, answers: Any) -> None:
 
 async def drag(url: str, robot: str, node: str, count: int) -> list[float]:
     """Drags a node to and fro; s from each message to the first state in which the target is there."""
-    socket = await tornado.websocket.websocket_connect(url.replace("http:", "ws:") + "session")
+    socket = await tornado.websocket.websocket_connect(url)
     socket.protocol.set_nodelay(True)  # as browsers do
 
     async def state() -> dict[str, Any]:
@@ -144,13 +144,13 @@ def main() -> None:
     context = multiprocessing.get_context("spawn")
     with Cockpit(arrange({"robot": mechanism}, follow="circle"), port=7900) as cockpit:
         receiver, sender = context.Pipe(duplex=False)
-        process = context.Process(target=watchers, args=(cockpit.url, options.seconds, sender))
+        process = context.Process(target=watchers, args=(cockpit.session_url, options.seconds, sender))
         process.start()
         counts = receiver.recv()
         process.join()
         print(f"{CLIENTS} browsers: {', '.join(f'{count / options.seconds:.1f}' for count in counts)} states a second")
         print(f"the solver meanwhile:\n{cockpit.runner.report()}")
-        print(f"a user waits: {told(asyncio.run(drag(cockpit.url, 'robot', mechanism.end, 200)))}")
+        print(f"a user waits: {told(asyncio.run(drag(cockpit.session_url, 'robot', mechanism.end, 200)))}")
         if options.browser:
             waited = in_a_browser(cockpit.url, 30)
             print(f"in a browser, from the pointer's event to the state applied: {told(waited)}")

@@ -24,7 +24,7 @@ from random_scenes import clear_posture, clearance, posture, robot, scene
 from cinegen.collision import Scene, clearance_of
 from cinegen.ik import Solver
 from cinegen.planning import AvoidingSolver
-from cinegen.planning.clearance_barrier import ClearanceBarrier, approach_fraction
+from cinegen.planning.clearance_barrier import ClearanceBarrier
 
 DT, NODE = 1e-3, "tool"
 DRAG, TICKS = 1000, 8000
@@ -61,7 +61,7 @@ def dragged(given: Scene, way: str) -> tuple[bool, float, list[float]]:
     else:
         solver = Solver(given.mechanism, DT, given.start)
         if way == "damper":
-            solver.barriers = (ClearanceBarrier(near, given.safety, approach_fraction(DT)),)
+            solver.barriers = (ClearanceBarrier(near, given.safety),)
     solver.gain = GAIN
     task = solver.add_task(NODE, translation=3, rotation=0)
     begin, times, least = task.target.copy(), [], np.inf

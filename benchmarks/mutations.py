@@ -436,8 +436,8 @@ class Runner:
                 "--tb=line",
                 "-p",
                 "no:cacheprovider",
-                "-p",
-                "no:xdist",
+                "-n",
+                "0",
                 f"--basetemp={self.work}/tmp",
             ]
             try:

@@ -53,6 +53,12 @@ def clearance(mechanism: Mechanism, obstacles: list[Entry]) -> Clearance:
     return clearance_of(scene(mechanism, "looked at", obstacles, {}, np.zeros(3)))
 
 
+def is_clear(near: Clearance, q: Array) -> bool:
+    """Whether obstacles are at least as far as starts and goals need, and links keep half of it from each other."""
+    needed = np.where(near.pairs[:, 1] < len(near.links), 0.5 * CLEAR, CLEAR)
+    return bool((near.distances(q) > needed).all())
+
+
 def posture(mechanism: Mechanism, q: Array) -> Entry:
     """A start."""
     return {"joints": {name: float(q[mechanism.q_index(name)]) for name in mechanism.actuated}}
@@ -140,7 +146,7 @@ def arm(number: int) -> Scene:
                 kind = {"kind": "box", "size": size, "angle": rng.uniform(0.0, np.pi)}
             obstacles.append({"name": f"o{i + 1}", "point": place, **kind})
         near = clearance(mechanism, obstacles)
-        ends = [q for q in (anywhere(mechanism, rng) for _ in range(200)) if near.least(q) > CLEAR][:2]
+        ends = [q for q in (anywhere(mechanism, rng) for _ in range(200)) if is_clear(near, q)][:2]
         if len(ends) < 2:
             continue
         begin, end = (mechanism.placement(q, "tool").translation for q in ends)
@@ -206,7 +212,7 @@ def clear_posture(
     local = LocalIK(mechanism, (FrameTask(node, target, 3, 0, axes="world"),))
     local.tasks[0].target = target
     for _ in range(5):
-        if local.solve(local.random_start(rng), 1e-10) and near.least(local.best) > CLEAR:
+        if local.solve(local.random_start(rng), 1e-10) and is_clear(near, local.best):
             return local.best
     return None
 
@@ -229,7 +235,7 @@ def delta(number: int) -> Scene:
             reached = cinegen.inverse_kinematics(
                 mechanism, [FrameTask(node, pin.SE3(np.eye(3), home + way), 3, 0)], mechanism.q_home
             )
-            if reached and near.least(reached.q) > CLEAR:
+            if reached and is_clear(near, reached.q):
                 ends.append(reached.q)
         if len(ends) == 2:
             goal = mechanism.placement(ends[1], node).translation

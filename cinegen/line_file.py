@@ -13,6 +13,7 @@ from cinegen.errors import CinegenError
 from raff2urdf.errors import RaffError
 from raff2urdf.files import is_stream, open_stream, read_bytes, write_all
 
+_LARGEST = 4_000_000_000  # bytes of a recording that is read
 _FULL = (errno.ENOSPC, errno.EDQUOT)
 _H = TypeVar("_H")
 _L = TypeVar("_L")
@@ -98,7 +99,7 @@ def read_lines(
         failure: the file can't be read, or a line is wrong; names the line.
     """
     try:
-        first, *lines = read_bytes(path).split(b"\n")
+        first, *lines = read_bytes(path, largest=_LARGEST).split(b"\n")
     except RaffError as error:
         raise failure(str(error)) from None
     try:

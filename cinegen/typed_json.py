@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 from typing import Annotated, Any, TypeVar, get_origin
 
 import msgspec
@@ -50,7 +51,7 @@ def _encoded(value: Any) -> Any:
 def _decoded(kind: Any, value: Any) -> Any:
     if kind is pin.SE3:
         numbers = _converted(value, Vector7)
-        if not abs(float(np.linalg.norm(numbers[3:])) - 1.0) < _UNIT:
+        if not abs(math.hypot(*numbers[3:]) - 1.0) < _UNIT:
             raise ValueError("Expected a quaternion of length 1")
         return pin.XYZQUATToSE3(numbers)
     if get_origin(kind) is np.ndarray:

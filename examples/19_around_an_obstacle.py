@@ -7,7 +7,7 @@ import cinegen
 from cinegen.collision import scene_of
 from cinegen.mission import Recording
 from cinegen.mission.results import record_plan
-from cinegen.planning import plan, rrt_connect
+from cinegen.planning import plan
 from cinegen.plotting import draw_plan
 
 scene = scene_of(
@@ -31,5 +31,5 @@ draw_plan(path).savefig(folder / "wall.png")
 record_plan(path, folder / "wall.jsonl")  # for `cinegen replay` and `cinegen export`
 print(f"{Recording.load(folder / 'wall.jsonl').seconds:.1f} s at the largest joint speeds")
 
-other = rrt_connect(scene, seconds=5)  # on the same distances; needs the extra `sampling`
+other = plan(scene, seconds=5, planner="rrtconnect")  # on the same distances; needs the extra `sampling`
 print(f"RRT-Connect: {other}, joints move by {other.motion:.1f} rad instead of {path.motion:.1f}")

@@ -13,7 +13,7 @@ from raff2urdf.errors import Problem, RaffClosureError, RaffError, did_you_mean
 from raff2urdf.raff.check import check_sizes
 from raff2urdf.raff.compound import expanded
 from raff2urdf.raff.document import Document, JointType, LoopKind, RaffRobot
-from raff2urdf.tree import Cluster, characteristic_length, clusters, home, limits, placements
+from raff2urdf.tree import Cluster, clusters, home, length_of, limits
 
 Array = NDArray[np.float64]
 
@@ -29,9 +29,11 @@ class Analysis:
         rank: number of independent ones.
         actuated: names of the actuated joints, in file order.
         gap: largest gap of a loop at the configuration as written (rad or characteristic lengths).
+        closure: likewise, at home.
         kinds: of all loops.
         home: the value of each joint (rad, m) by name, in file order: as written, moved to where all loops are closed,
             within the limits if possible.
+        length: characteristic length at home, m.
     """
 
     mobility: int
@@ -39,8 +41,10 @@ class Analysis:
     rank: int
     actuated: tuple[str, ...]
     gap: float
+    closure: float
     kinds: tuple[LoopKind, ...]
     home: Mapping[str, float]
+    length: float
 
 
 def loop_kinds(robot: RaffRobot, replaced: Mapping[str, str] | None = None) -> dict[int, LoopKind]:
@@ -97,15 +101,12 @@ def analyse(document: Document, robot: RaffRobot, loops: Mapping[str, str] | Non
     kinds, written = loop_kinds(robot, loops), robot
     robot = expanded(robot)
     joints = [link for link in robot.links if link.type is not JointType.FIXED]
-    rows = rank = 0
-    gap = 0.0
+    rows, rank, gap, closure, length = 0, 0, 0.0, 0.0, length_of(document, written, kinds)
     determined: set[str] = set()  # joints that the others move
     problems: list[Problem] = []
     values = {joint.joint: home(document, joint) for joint in joints}
     if robot.loops or robot.couplings:
-        placed = placements(document, robot)
-        origins = np.array([placed[number][:3, 3] for number in written.nodes])
-        for cluster in clusters(document, robot, kinds, characteristic_length(origins)):
+        for cluster in clusters(document, robot, kinds, length):
             gap = max(gap, *gaps(cluster, cluster.home))
             closing = close_from_afar(cluster, cluster.start)
             if not closing.closed:
@@ -114,6 +115,7 @@ def analyse(document: Document, robot: RaffRobot, loops: Mapping[str, str] | Non
                 continue
             bounds = np.array([limits(document, joint) for joint in cluster.joints]).reshape(-1, 2)
             inside = close_within(cluster, closing.q, *bounds.T)
+            closure = max(closure, *gaps(cluster, inside))
             values.update(zip((joint.joint for joint in cluster.joints), inside.tolist(), strict=True))
             count, q = generic_rank(cluster, closing.q)
             jacobian = cluster.evaluate(q)[1]
@@ -125,7 +127,10 @@ def analyse(document: Document, robot: RaffRobot, loops: Mapping[str, str] | Non
     declared = declared_actuated(robot)
     actuated = [joint for joint, has in declared.items() if has or (has is None and joint not in determined)]
     mobility = len(joints) + (6 if robot.movable else 0) - rank
-    return Analysis(mobility, rows, rank, tuple(actuated), gap, tuple(kinds.values()), values)
+    if rows:
+        length = length_of(document, written, kinds, values)
+    kinds_of = tuple(kinds.values())
+    return Analysis(mobility, rows, rank, tuple(actuated), gap, closure, kinds_of, values, length)
 
 
 def _outermost_first(cluster: Cluster) -> Sequence[int]:

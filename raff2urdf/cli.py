@@ -20,6 +20,7 @@ from raff2urdf.quantities import DENSITY as DENSITY_DIMENSION
 from raff2urdf.writers import DENSITY, FORMATS
 
 if TYPE_CHECKING:
+    from raff2urdf.analysis import Analysis
     from raff2urdf.conversion import Conversion
 
 app = new_app()
@@ -75,7 +76,7 @@ def raff2urdf(
     robot: Annotated[str | None, Option(metavar="NAME", help="convert only the robot of this name")] = None,
     loop: Loops = None,
     check: Annotated[
-        bool, Option("--check", help="only read and check the files: write nothing, close no loops")
+        bool, Option("--check", help="only check the files and whether the loops can be closed: write nothing")
     ] = False,
     json: Json = False,
     version: Version = False,
@@ -90,7 +91,7 @@ def raff2urdf(
 
     def process(name: str) -> list[dict[str, Any]]:
         if check:
-            return _check(name, robot)
+            return _check(name, robot, parse_loops(loop))
         loops = parse_loops(loop)
         found = convert(
             name, out, robot, loops, format=format, density=density, dialect=dialect,
@@ -174,7 +175,9 @@ def counted(number: int, plural: str) -> str:
     return f"{number} {plural[:-1] if number == 1 else plural}"
 
 
-def _check(name: str, robot: str | None) -> list[dict[str, Any]]:
+def _check(name: str, robot: str | None, loops: dict[str, str]) -> list[dict[str, Any]]:
+    from raff2urdf.analysis import analyse
+    from raff2urdf.conversion import warn_outside_limits
     from raff2urdf.raff.check import check
     from raff2urdf.raff.compound import expanded
     from raff2urdf.raff.reader import parse, read
@@ -182,32 +185,35 @@ def _check(name: str, robot: str | None) -> list[dict[str, Any]]:
 
     document = parse(read(find_robot(name)), name)
     check(document)
-    robots = [document.robot(robot)] if robot is not None else document.robots
-    return [
-        {
-            "file": name,
-            "robot": one.name,
-            "links": len(one.links),
-            "joints": sum(link.type != 0 for link in expanded(one).links),
-            "loops": len(one.loops),
-        }
-        for one in robots
-    ]
+    reports = []
+    for one in [document.robot(robot)] if robot is not None else document.robots:
+        analysis, links = analyse(document, one, loops), expanded(one).links
+        warn_outside_limits(document, one.name, links, analysis)
+        joints = sum(link.type != 0 for link in links)
+        counts = {"links": len(one.links), "joints": joints, "loops": len(one.loops)}
+        reports.append({"file": name, "robot": one.name, **counts, **_of_loops(analysis)})
+    return reports
+
+
+def _of_loops(analysis: Analysis) -> dict[str, Any]:
+    return {
+        "loop_rows": analysis.rows,
+        "loop_rank": analysis.rank,
+        "mobility": analysis.mobility,
+        "actuated": list(analysis.actuated),
+        "gap_as_written": analysis.gap,
+        "closure_at_home": analysis.closure,
+    }
 
 
 def _report(name: str, format: str, conversion: Conversion) -> dict[str, Any]:
-    analysis = conversion.analysis
     return {
         "file": name,
         "robot": conversion.robot,
         "links": conversion.links,
         "joints": conversion.joints,
         "loops": conversion.loops,
-        "loop_rows": analysis.rows,
-        "loop_rank": analysis.rank,
-        "mobility": analysis.mobility,
-        "actuated": list(analysis.actuated),
-        "gap_as_written": analysis.gap,
+        **_of_loops(conversion.analysis),
         format: str(conversion.file),
         **({} if conversion.constraints is None else {"constraints": str(conversion.constraints)}),
         "files": [str(file) for file in conversion.files],
@@ -217,10 +223,12 @@ def _report(name: str, format: str, conversion: Conversion) -> dict[str, Any]:
 def _summary(report: dict[str, Any]) -> str:
     counts = ", ".join(counted(report[word], word) for word in ("links", "joints", "loops"))
     text = f"{report['file']}: robot '{report['robot']}': {counts}"
-    if "mobility" not in report:
-        return f"{text}: correct"
-    if report["loops"]:
+    if report["loop_rows"]:
         text += f" ({report['loop_rows']} rows of rank {report['loop_rank']}, open by {report['gap_as_written']:.2g}"
         text += " as written)"
+    text += f", mobility {report['mobility']}"
+    if "files" not in report:
+        closed = f", loops close to {report['closure_at_home']:.0e} at home" if report["loop_rows"] else ""
+        return f"{text}: syntax and structure are valid{closed}"
     main = [report[word] for word in (*FORMATS, "constraints") if word in report]
-    return f"{text}, mobility {report['mobility']}\n  -> {', '.join(main)}"
+    return f"{text}\n  -> {', '.join(main)}"

@@ -1,4 +1,6 @@
-"""The constraints file of a URDF, `<name>.constraints.json`: everything about a robot for which URDF has no element."""
+"""The constraints file of a URDF, `<name>.constraints.json`: everything about a robot for which URDF has no element.
+
+What a URDF has elements for, such as limits, is in the URDF alone."""
 
 from __future__ import annotations
 
@@ -9,29 +11,42 @@ from functools import cache
 from importlib.resources import files
 from itertools import chain
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from raff2urdf.analysis import Analysis, declared_actuated, loop_kinds
 from raff2urdf.coupling import coupling_entry
-from raff2urdf.errors import RaffError, did_you_mean, limits_reversed
+from raff2urdf.errors import RaffError, did_you_mean
 from raff2urdf.json_lines import line_of, repeated_key
 from raff2urdf.raff.compound import expanded, spherical_joints
 from raff2urdf.raff.document import Document, JointType, RaffRobot
-from raff2urdf.readers.urdf import LARGEST
+from raff2urdf.readers.urdf import LARGEST, MovingJoint
 from raff2urdf.readers.xml_file import read_text
-from raff2urdf.tree import BASE_JOINT, coupling_of, home, limits, velocity
+from raff2urdf.tree import BASE_JOINT, coupling_of, home
 
-FORMAT, VERSION = "raff2urdf constraints", 1
+FORMAT, VERSION = "raff2urdf constraints", 2
+
+HASH = "urdf_sha256"
+"""Key of the hash of the URDF's links and joints, see `raff2urdf.readers.urdf.hash_of`."""
 
 Constraints = dict[str, Any]
 
 IDENTITY = np.eye(4)
 
-Known = tuple[Sequence[str], Sequence[str]]
-"""Names of a URDF's links, and of its joints."""
+
+class UrdfSummary(NamedTuple):
+    """Links and joints of a URDF, with which its constraints file must agree.
+
+    Attributes:
+        links: names of the URDF's links.
+        joints: its joints that move, by name.
+    """
+
+    links: Sequence[str]
+    joints: Mapping[str, MovingJoint]
+
 
 _Problems = Iterator[tuple[Sequence[str | int], str]]
 """Paths to wrong values, and the errors."""
@@ -61,15 +76,11 @@ def constraints(
         actuated = {joint: joint in analysis.actuated for joint in actuated}
     joints = []
     for link in (link for link in links if link.type is not JointType.FIXED):
-        low, high = limits(document, link)
-        speed = velocity(document, link)
         joints.append(
             {
                 "name": link.joint,
                 "type": link.type.name.lower(),
                 "home": home(document, link),
-                "limits": None if math.isinf(low) else [low, high],
-                "velocity": None if math.isinf(speed) else speed,
                 "actuated": actuated[link.joint],
             }
         )
@@ -106,6 +117,16 @@ def constraints(
     }
 
 
+def for_urdf(values: Constraints, urdf_sha256: str) -> Constraints:
+    """Return constraints that name their URDF by its hash, behind the robot's name."""
+    found: Constraints = {}
+    for key, value in values.items():
+        found[key] = value
+        if key == "robot":
+            found[HASH] = urdf_sha256
+    return found
+
+
 def loop_entry(
     name: str, kind: str, first: str, second: str, placements: Sequence[ArrayLike] = (IDENTITY, IDENTITY)
 ) -> dict[str, Any]:
@@ -122,16 +143,16 @@ def dumps(values: Constraints) -> str:
     return json.dumps(values, indent=1, ensure_ascii=False, allow_nan=False) + "\n"
 
 
-def loads(
-    text: str, name: str = "<constraints>", known: Known | None = None, types: Mapping[str, str] | None = None
-) -> Constraints:
+def loads(text: str, name: str = "<constraints>", urdf: UrdfSummary | None = None) -> Constraints:
     """Read and check the text of a constraints file.
 
     Args:
         text: of the file.
         name: of the file, in errors.
-        known: links and joints of the URDF; any names are accepted if None.
-        types: of the URDF's joints, revolute or prismatic, by name.
+        urdf: with which the file must agree; any names are accepted if None.
+
+    Returns:
+        the contents, without limits, which files of version 1 repeat from the URDF.
 
     Raises:
         RaffError: invalid JSON, or values that do not match the schema, name something unknown, or contradict each
@@ -150,21 +171,43 @@ def loads(
     for at, why in chain(
         _unreadable(values),
         _mismatches(values),
-        _unknown_names(values, known),
-        _contradictions(values, types or {}),
+        _unknown_names(values, urdf),
+        _contradictions(values),
+        _other_joints(values, {} if urdf is None else urdf.joints),
         _wrong_placements(values),
     ):
         raise RaffError(f"{name}:{line_of(text, at)}: at {_shown(at)}: {why}")
+    values["joints"] = [
+        {key: value for key, value in joint.items() if key not in _IN_URDF} for joint in values["joints"]
+    ]
     return dict(values)
 
 
-def load(path: Path, known: Known | None = None, types: Mapping[str, str] | None = None) -> Constraints:
+_IN_URDF = ("limits", "velocity")
+"""Keys of joints in version 1, for which URDF has elements."""
+
+
+def check_values(values: Constraints, name: str) -> None:
+    """Check that constraints, of any format, do not contradict themselves, and that their numbers are not too large.
+
+    Args:
+        values: the constraints.
+        name: of the file, in errors.
+
+    Raises:
+        RaffError: they do.
+    """
+    for at, why in chain(_contradictions(values), _wrong_placements(values)):
+        raise RaffError(f"{name}: at {_shown(at)}: {why}")
+
+
+def load(path: Path, urdf: UrdfSummary | None = None) -> Constraints:
     """Read and check a constraints file; see `loads`.
 
     Raises:
         RaffError: as `loads`, or the file can't be read.
     """
-    return loads(read_text(path), str(path), known, types)
+    return loads(read_text(path), str(path), urdf)
 
 
 def without_loops(values: Constraints) -> Constraints:
@@ -199,6 +242,8 @@ def _unreadable(values: Any) -> _Problems:
             yield path, "this is not a finite number: the largest is 1.8e308"
         elif isinstance(value, str) and any("\ud800" <= letter <= "\udfff" for letter in value):
             yield path, "this text holds half a character (a lone surrogate): remove it"
+        elif isinstance(value, str) and not value.isprintable() and path[:1] not in (["name"], ["sensors"]):
+            yield path, "this text holds a character that can't be printed, such as a line break: remove it"
 
 
 @cache
@@ -218,7 +263,7 @@ def _mismatches(values: Any) -> _Problems:
         yield list(worst.absolute_path), worst.message[:300]
 
 
-def _unknown_names(values: Constraints, known: Known | None) -> _Problems:
+def _unknown_names(values: Constraints, urdf: UrdfSummary | None) -> _Problems:
     nodes: Sequence[str] = values["nodes"]
     for i, loop in enumerate(values["loops"]):
         for end in ("first", "second"):
@@ -241,23 +286,40 @@ def _unknown_names(values: Constraints, known: Known | None) -> _Problems:
         if (node := entry["node"]) not in nodes:
             near = did_you_mean(node, nodes)
             yield ["sensor_constraints", i, "node"], f"a sensor constraint names '{node}', which is not a node{near}"
-    if known is None:
+    if urdf is None:
         return
-    links, joints = known
+    links, joints = urdf
     for i, node in enumerate(nodes):
         if node not in links:
             yield ["nodes", i], f"the URDF has no link '{node}'{did_you_mean(node, links)}"
     listed = [joint["name"] for joint in values["joints"]]
     for i, name in enumerate(listed):
         if name not in joints:
-            yield ["joints", i, "name"], f"the URDF has no joint '{name}'{did_you_mean(name, joints)}"
+            yield ["joints", i, "name"], f"the URDF has no joint '{name}'{did_you_mean(name, list(joints))}"
     for name in joints:
         if name not in listed:
             yield ["joints"], f"joint '{name}' of the URDF is missing: add an entry for it"
 
 
-def _contradictions(values: Constraints, types: Mapping[str, str]) -> _Problems:
-    """Yield values that contradict another one, or the URDF."""
+def _other_joints(values: Constraints, joints: Mapping[str, MovingJoint]) -> _Problems:
+    """Yield types and limits of joints that are not those of the URDF."""
+    for i, entry in enumerate(values["joints"]):
+        own = joints.get(entry["name"])
+        if own is None:
+            continue
+        if entry.get("type", own.type) != own.type:
+            why = f"its type is {entry['type']} here and {own.type} in the URDF: correct one of them"
+            yield ["joints", i, "type"], f"joint '{entry['name']}': {why}"
+        for key, there in (("limits", own.limits), ("velocity", own.velocity)):
+            pair = [[] if value is None else np.atleast_1d(value).tolist() for value in (entry.get(key, there), there)]
+            if len(pair[0]) != len(pair[1]) or not np.allclose(pair[0], pair[1], 1e-12, 0.0):
+                shown = [", ".join(map(str, value)) or "none" for value in pair]
+                what = f"{key.removesuffix('s')} {shown[0]} of joint '{entry['name']}' is {shown[1]} in the URDF"
+                yield ["joints", i, key], f"{what}, where limits belong: remove this key"
+
+
+def _contradictions(values: Constraints) -> _Problems:
+    """Yield values that contradict another one."""
     for key in ("joints", "balls", "loops", "couplings", "sensors"):
         word = "number" if key == "sensors" else "name"
         first: dict[str, int] = {}
@@ -265,34 +327,34 @@ def _contradictions(values: Constraints, types: Mapping[str, str]) -> _Problems:
             j = first.setdefault(entry[word], i)
             if j != i:
                 yield [key, i, word], f"'{entry[word]}' is listed twice, also in {_shown([key, j])}: remove one of them"
+    listed = {0, *(sensor["number"] for sensor in values.get("sensors", []))}
+    for i, entry in enumerate(values.get("sensor_constraints", [])):
+        for j, number in enumerate(entry["sensors"]):
+            if number not in listed:
+                yield ["sensor_constraints", i, "sensors", j], f"sensor {number} is not listed in sensors: add it there"
     for i, joint in enumerate(values["joints"]):
         name = f"joint '{joint['name']}'"
-        if not abs(joint["home"]) <= LARGEST:
+        if not abs(joint.get("home", 0.0)) <= LARGEST:
             yield (
                 ["joints", i, "home"],
                 f"the home of {name} is {joint['home']:g}, beyond {LARGEST:g}: check its unit (rad, m)",
             )
-        low, high = joint.get("limits") or (0.0, 0.0)
-        if low > high:
-            yield ["joints", i, "limits"], limits_reversed(name, low, high)
-        actual = types.get(joint["name"], joint.get("type"))
-        if joint.get("type", actual) != actual:
-            why = f"its type is {joint['type']} here and {actual} in the URDF: correct one of them"
-            yield ["joints", i, "type"], f"{name}: {why}"
     names = {loop["name"]: i for i, loop in enumerate(values["loops"])}
     for i, coupling in enumerate(values.get("couplings", [])):
         if coupling["name"] in names:
             there = _shown(["loops", names[coupling["name"]]])
             yield ["couplings", i, "name"], f"'{coupling['name']}' is also the name of {there}: rename one of them"
+        if not abs(coupling["constant"]) <= LARGEST:
+            why = f"coupling '{coupling['name']}': its constant is beyond {LARGEST:g}: check its unit (rad, m)"
+            yield ["couplings", i, "constant"], why
         met: dict[str, int] = {}
         for j, term in enumerate(coupling["terms"]):
             if met.setdefault(term["joint"], j) != j:
                 why = f"coupling '{coupling['name']}' lists '{term['joint']}' twice: join the two terms"
                 yield ["couplings", i, "terms", j, "joint"], why
-            if not any(term["coefficients"]) or not max(map(abs, term["coefficients"])) <= LARGEST:
-                why = (
-                    f"coupling '{coupling['name']}': the coefficients of '{term['joint']}' are 0, or beyond {LARGEST:g}"
-                )
+            if not 1.0 / LARGEST <= max(map(abs, term["coefficients"])) <= LARGEST:
+                size = f"below {1.0 / LARGEST:g} or beyond {LARGEST:g}"
+                why = f"coupling '{coupling['name']}': the coefficients of '{term['joint']}' are {size}"
                 yield ["couplings", i, "terms", j, "coefficients"], why
     for i, loop in enumerate(values["loops"]):
         node = loop["first"]["node"]

@@ -4,21 +4,23 @@ from __future__ import annotations
 
 import os
 import warnings
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
 from typing import Any
 
 from raff2urdf.analysis import Analysis, analyse
-from raff2urdf.constraints import Constraints, constraints
+from raff2urdf.constraints import Constraints, check_values, constraints, for_urdf
 from raff2urdf.errors import RaffError, RaffWarning
 from raff2urdf.files import GENERATED, check_new, is_stream, read_bytes, stem_of, write_all
 from raff2urdf.graphics.meshes import Graphics
 from raff2urdf.raff.check import check, check_sizes
 from raff2urdf.raff.compound import expanded
-from raff2urdf.raff.document import Document, RaffRobot
+from raff2urdf.raff.document import Document, RaffLink, RaffRobot
 from raff2urdf.raff.reader import parse, read
+from raff2urdf.readers.urdf import hash_of
+from raff2urdf.readers.urdf import parse as parse_urdf
 from raff2urdf.shipped import find_robot
 from raff2urdf.tree import limits
 from raff2urdf.urdf_model import UrdfRobot
@@ -127,6 +129,7 @@ def translate(
         RaffClosureError: the loops can't be closed.
         RaffError: `loops` names what does not exist.
     """
+    check_values(constraints(document, robot, None, loops), f"{document.source.name}: robot '{robot.name}'")
     analysis, links = analyse(document, robot, loops), expanded(robot)
     graphics = Graphics(links, folder, meshes)
     model, missing = _tree(document, links, graphics, out)
@@ -154,7 +157,9 @@ def describe(
     check_sizes(document, robot)
     links = expanded(robot)
     model, _ = _tree(document, links, Graphics(links, folder))
-    return dumps(model), constraints(document, robot, None, loops)
+    urdf, values = dumps(model), constraints(document, robot, None, loops)
+    check_values(values, f"{document.source.name}: robot '{robot.name}'")
+    return urdf, for_urdf(values, hash_of(parse_urdf(urdf, robot.name), robot.name))
 
 
 def _tree(
@@ -218,7 +223,7 @@ def convert(
         name = name if file is None else Path(file).stem
         made = translate(document, one, path.parent, out, loops, None if streamed else out / "meshes" / name)
         if format != "urdf":
-            _warn_outside_limits(document, made)
+            warn_outside_limits(document, one.name, made.robot.links, made.analysis)
         own, *others = files(format, made, name, options).items()
         constrained = made.constraints["loops"] or made.constraints.get("couplings")
         if streamed and constrained and others and dialect in ("json", "robot.yaml"):
@@ -262,13 +267,13 @@ def _is_stream(path: Path) -> bool:
         return False
 
 
-def _warn_outside_limits(document: Document, made: Translation) -> None:
-    """Warn of joints that a simulation would start beyond a limit."""
+def warn_outside_limits(document: Document, name: str, links: Iterable[RaffLink], analysis: Analysis) -> None:
+    """Warn of joints of the robot of that name whose limits its closed home exceeds."""
     beyond = []
-    for link in made.robot.links:
+    for link in links:
         low, high = limits(document, link)
-        if not low <= made.analysis.home.get(link.joint, low) <= high:
+        if not low <= analysis.home.get(link.joint, low) <= high:
             beyond.append(link.joint)
     if beyond:
         message = f"with loops closed, home is outside the limits of {', '.join(beyond)}: change them"
-        warnings.warn(f"robot '{made.robot.name}': {message}", RaffWarning, stacklevel=3)
+        warnings.warn(f"robot '{name}': {message}", RaffWarning, stacklevel=3)

@@ -27,17 +27,21 @@ def _run(module: str) -> NoReturn:
     """Run `main` of a module.
 
     Before and after, nothing needs to be completed: Ctrl-C then ends the process by the signal itself, without a
-    traceback.
+    traceback; command interpreters report 130, too. In between, `main` handles it; in the moments when it begins and
+    ends, the exit code is 130.
     """
     handled = signal.getsignal(signal.SIGINT) is signal.default_int_handler  # it is ignored in background jobs of sh
     if handled:
         signal.signal(signal.SIGINT, signal.SIG_DFL)
     main = import_module(module).main
-    if handled:
-        signal.signal(signal.SIGINT, signal.default_int_handler)
     try:
-        code = main()
-    finally:
         if handled:
-            signal.signal(signal.SIGINT, signal.SIG_DFL)
+            signal.signal(signal.SIGINT, signal.default_int_handler)
+        try:
+            code = main()
+        finally:
+            if handled:
+                signal.signal(signal.SIGINT, signal.SIG_DFL)
+    except KeyboardInterrupt:
+        code = 128 + signal.SIGINT
     sys.exit(code)

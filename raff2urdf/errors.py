@@ -19,6 +19,9 @@ class SourceLocation:
     length: int = 1
 
 
+_MOST_CHARACTERS = 4000  # of a message
+
+
 @dataclass(frozen=True, slots=True)
 class Problem:
     """A problem in a text: what is wrong, where, and the likely remedy."""
@@ -29,14 +32,20 @@ class Problem:
     text: str = ""  # the line of the location, without its end
 
     def __str__(self) -> str:
+        message = self.message
+        if len(message) > _MOST_CHARACTERS:  # it quotes the file
+            message = f"{message[: _MOST_CHARACTERS // 2]} ... {message[-_MOST_CHARACTERS // 2 :]}"
         if self.location is None:
-            return f"{self.source}: {self.message}" if self.source else self.message
-        head = f"{self.source}:{self.location.line}:{self.location.column}: {self.message}"
+            return f"{self.source}: {message}" if self.source else message
+        head = f"{self.source}:{self.location.line}:{self.location.column}: {message}"
         if not self.text:
             return head
         shown, column = _excerpt(self.text, self.location.column)
         length = max(1, min(self.location.length, len(shown) - column + 1))
         return f"{head}\n    {shown}\n    {' ' * (column - 1)}{'^' * length}"
+
+
+_SHOWN = 20  # problems in the text of an error
 
 
 class RaffError(Exception):
@@ -52,7 +61,11 @@ class RaffError(Exception):
         if isinstance(problems, Problem):
             problems = [problems]
         self.problems = tuple(sorted(problems, key=lambda problem: problem.location or SourceLocation(0, 0)))
-        super().__init__("\n".join(map(str, self.problems)))
+        shown = [
+            *map(str, self.problems[:_SHOWN]),
+            *([f"and {more} more"] if (more := len(self.problems) - _SHOWN) > 0 else []),
+        ]
+        super().__init__("\n".join(shown))
 
     def __reduce__(self) -> tuple[type[RaffError], tuple[tuple[Problem, ...]]]:
         return type(self), (self.problems,)
@@ -66,12 +79,16 @@ class RaffWarning(UserWarning):
     """Input that is valid but probably not intended."""
 
 
+_LONGEST, _MOST = 100, 1000  # length and number of words that are compared
+
+
 def did_you_mean(word: str, known: Sequence[str]) -> str:
     """Return `": did you mean 'alpha'?"`, or a list of the known words if none is similar."""
-    near = difflib.get_close_matches(word, known, n=1, cutoff=0.6)
+    short = [one for one in known if len(one) <= _LONGEST]  # the time to compare words grows with their squares
+    near = difflib.get_close_matches(word, short[:_MOST], n=1, cutoff=0.6) if len(word) <= _LONGEST else []
     if near:
         return f": did you mean '{near[0]}'?"
-    shown = list(known[:12])
+    shown = [one[:_LONGEST] for one in known[:12]]
     return f" (known: {', '.join(shown)}{', ...' if len(known) > len(shown) else ''})" if shown else ""
 
 

@@ -4,10 +4,13 @@ from __future__ import annotations
 
 import contextlib
 import os
+import select
 import signal
 import sys
 import threading
+import traceback
 from collections.abc import Callable, Iterator
+from pathlib import Path
 from typing import Any, TextIO
 
 STOPPED = 130
@@ -18,6 +21,13 @@ TERMINATED = 143
 
 NO_READER = 141
 """Exit code if the reader of standard output has gone (`| head -1`): 128 + SIGPIPE, by the same convention."""
+
+
+DEFECT = 70
+"""Exit code after an error that the command did not expect: EX_SOFTWARE of sysexits.h."""
+
+TRACEBACK = "CINEGEN_TRACEBACK"
+"""Environment variable: if it is set, unexpected errors are raised, so that Python prints their traceback."""
 
 
 class OutputLostError(Exception):
@@ -35,12 +45,16 @@ def run(program: str, command: Callable[[], int]) -> int:
     Ctrl-C raises KeyboardInterrupt in the command, SIGTERM SystemExit, so that files are completed and devices closed;
     the exit code is `STOPPED` or `TERMINATED`.
 
+    What the system refuses (memory, processes, open files) is reported in a line; the exit code is 1. So is an error
+    that the command did not expect; the exit code is `DEFECT`.
+
     Args:
         program: its name, for messages.
         command: what to run.
 
     Raises:
         SystemExit: the command did.
+        Exception: the command raised it, and `TRACEBACK` is set.
     """
     _open_closed()
     output, errors = _Stream(sys.stdout), _Stream(sys.stderr)
@@ -55,9 +69,12 @@ def run(program: str, command: Callable[[], int]) -> int:
             code = STOPPED
         except OutputLostError:
             code = 0 if output.failure else NO_READER
-        except Exception:
+        except Exception as error:
             if not _stopping:  # else some library made it of the signal's exception
-                raise
+                if os.environ.get(TRACEBACK):
+                    raise
+                code = 1 if isinstance(error, (OSError, MemoryError)) else DEFECT
+                sys.stderr.write(f"{program}: {_unexpected(error)}\n")
         if _stopping:
             code, end = 128 + _stopping[-1], None
         if code == STOPPED:
@@ -74,6 +91,23 @@ def run(program: str, command: Callable[[], int]) -> int:
     if output.failure is None:
         return code
     return code or (NO_READER if isinstance(output.failure, BrokenPipeError) else 1)
+
+
+def _unexpected(error: Exception) -> str:
+    """Return a line about an error that no command reports itself."""
+    if isinstance(error, MemoryError):
+        return "out of memory: the system, or `ulimit -v`, grants no more"
+    if isinstance(error, OSError):
+        place = f"{error.filename}: " if error.filename is not None else ""
+        return f"{place}{error.strerror or error}"
+    frames = traceback.extract_tb(error.__traceback__)
+    packages = Path(__file__).parent, Path(__file__).parents[1] / "cinegen"
+    own = [frame for frame in frames if any(map(Path(frame.filename).is_relative_to, packages))] or frames
+    text = " ".join(f"{type(error).__name__}: {error}".split())
+    return (
+        f"internal error, please report it: {text[:500]} ({Path(own[-1].filename).name}:{own[-1].lineno}; "
+        f"{TRACEBACK}=1 shows the traceback)"
+    )
 
 
 @contextlib.contextmanager
@@ -140,6 +174,15 @@ def write_at_once(text: str) -> None:
     sys.stdout.flush()
     if isinstance(sys.stdout, _Stream) and sys.stdout.failure is not None:
         raise OutputLostError
+
+
+def reader_has_gone() -> bool:
+    """Return whether standard output is a pipe that nothing reads any more."""
+    if not hasattr(select, "poll"):
+        return False
+    asked = select.poll()
+    asked.register(1, 0)
+    return any(event & select.POLLERR for _, event in asked.poll(0))
 
 
 class _Stream:

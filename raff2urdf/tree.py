@@ -13,8 +13,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from raff2urdf.coupling import Coupling, coupled_scales, followed
+from raff2urdf.length import characteristic_length, cut_screws
 from raff2urdf.placement import inverse
-from raff2urdf.raff.compound import expanded
+from raff2urdf.raff.compound import expanded, spherical_joints
 from raff2urdf.raff.document import (
     Document,
     DriveKind,
@@ -34,8 +35,6 @@ WORLD = "world"
 
 BASE_JOINT = "joint0"
 """The joint that places the base in the world, if the base is not simply at the world's origin."""
-
-_POINT = 1e-15  # m: a robot no larger than this is a point
 
 Array = NDArray[np.float64]
 
@@ -105,14 +104,39 @@ def moved(part: RaffPart, parameters: Kleinfinger, value: float) -> Kleinfinger:
     return parameters._replace(r=value) if kind is JointType.PRISMATIC else parameters
 
 
-def characteristic_length(origins: Array) -> float:
-    """Return the length (m) that makes translations commensurable with angles: the radius of a robot's nodes.
+def length_of(
+    document: Document, robot: RaffRobot, kinds: Mapping[int, LoopKind], q: Mapping[str, float] | None = None
+) -> float:
+    """Return a robot's characteristic length, m.
 
-    The largest distance of a node from their centroid at home, (n, 3) in metres; 1 if they all coincide. It scales
-    with the unit, and depends neither on the base pose nor on the numbers of the links.
+    Args:
+        document: that holds the robot.
+        robot: the robot, not `expanded`.
+        kinds: of its loops.
+        q: joint values (rad, m), by name; as written unless given.
     """
-    radius = float(np.sqrt(((origins - origins.mean(axis=0)) ** 2).sum(axis=1).max())) if len(origins) else 0.0
-    return radius if radius > _POINT else 1.0
+    rotations = {joint: i for joints in spherical_joints(robot).values() for i, joint in enumerate(joints)}
+    nodes, robot = robot.nodes, expanded(robot)
+    placed = placements(document, robot, q)
+    screws, moving = [np.zeros((6, 0))], []
+    for link in robot.links:
+        if link.type is not JointType.FIXED:
+            kind = LoopKind.PRISMATIC if link.type is JointType.PRISMATIC else LoopKind.REVOLUTE
+            screw = cut_screws(kind, placed[link.number])
+            if link.joint in rotations:  # one of three about a point
+                screw = cut_screws(LoopKind.BALL, placed[link.number])[:, [rotations[link.joint]]]
+            screws.append(screw)
+            moving.append(link.number)
+    screws += [cut_screws(kinds[i], placed[loop.first]) for i, loop in enumerate(robot.loops)]
+    together = np.hstack(screws)
+    columns = {number: column for column, number in enumerate(moving)}
+    carried = {0: np.zeros(together.shape[1], dtype=bool)}
+    for part in robot.outward:
+        row = carried[part.number] = carried[part.pred].copy()
+        if part.number in columns:
+            row[columns[part.number]] = True
+    points = np.array([placed[number][:3, 3] for number in nodes])
+    return characteristic_length(together, points, np.array([carried[number] for number in nodes]))
 
 
 class Cluster:

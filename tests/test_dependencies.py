@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ast
+import json
 import re
 import sys
 import tomllib
@@ -75,6 +76,7 @@ def test_what_the_packages_import_is_declared():
 
 def test_what_the_tests_import_is_declared():
     local = {path.stem for folder in ("tests", "examples", "benchmarks") for path in (ROOT / folder).rglob("*.py")}
+    local |= {path.parent.name for path in (ROOT / "tests").rglob("__init__.py")}
     found = {package: files for package, files in imports("tests").items() if package not in local}
     assert undeclared(found, required() | optional("test", *EXTRAS)) == {}
 
@@ -95,9 +97,34 @@ def test_the_extra_all_is_every_extra():
     assert set(project()["optional-dependencies"]) == {*EXTRAS, "all", "test"}
 
 
+def pinned(*locks: str) -> set[str]:
+    text = "\n".join((ROOT / "requirements" / f"{lock}.txt").read_text(encoding="utf-8") for lock in locks)
+    return {normal(line) for line in text.splitlines() if "==" in line}
+
+
 def test_what_is_declared_is_pinned():
-    pinned = {normal(line) for line in (ROOT / "requirements/core.txt").read_text(encoding="utf-8").split()}
-    assert required() - pinned == set()
+    assert required() | {"hatchling"} <= pinned("core")
+    assert optional("test", *EXTRAS) <= pinned("core", "test")
+    assert pinned("core") & pinned("test") == set()
+
+
+@pytest.mark.parametrize("lock", sorted((ROOT / "requirements").iterdir()), ids=lambda path: path.name)
+def test_every_pin_has_hashes_and_none_names_where_it_comes_from(lock):
+    text = lock.read_text(encoding="utf-8").replace(" \\\n", "")
+    assert all(re.fullmatch(r"[a-z0-9-]+==[\w.]+( +--hash=sha256:[0-9a-f]{64})+", line) for line in text.splitlines())
+
+
+def test_locked_packages_are_installed_by_their_hashes():
+    makefile = (ROOT / "Makefile").read_text(encoding="utf-8")
+    assert re.search(r"^LOCKED := .*--require-hashes", makefile, re.MULTILINE)
+    installing = [line for line in makefile.splitlines() if "-r requirements/" in line and "audit" not in line]
+    assert len(installing) >= 5
+    assert all("$(LOCKED)" in line or "$(INSTALL)" in line for line in installing if "patsubst" not in line)
+
+
+def test_the_lock_of_the_javascript_has_hashes_too():
+    packages = json.loads((ROOT / "package-lock.json").read_text(encoding="utf-8"))["packages"]
+    assert all("integrity" in package and "resolved" not in package for name, package in packages.items() if name)
 
 
 @pytest.mark.parametrize("package", ["lxml", "coal", "umsgpack", "google_crc32c", "filelock"])

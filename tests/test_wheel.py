@@ -91,9 +91,10 @@ def test_the_source_distribution_is_the_whole_project(built):
     with tarfile.open(built[1]) as archive:
         names = {name.partition("/")[2] for name in archive.getnames()}
     assert {
-        "Makefile", "CHANGELOG.md", "CITATION.cff", "CONTRIBUTING.md", "LICENSE", "README.md", "pyproject.toml",
-        "requirements/core.txt", "requirements/test.txt", "robots/delta4.raff", "generated/delta4.urdf",
-        "examples/01_load_and_close.py", "docs/tutorial.md", "tests/test_wheel.py", "benchmarks/tick.py", ".ci/run",
+        "Makefile", "CHANGELOG.md", "CITATION.cff", "CONTRIBUTING.md", "LICENSE", "README.md", "SECURITY.md",
+        "pyproject.toml", "requirements/core.txt", "requirements/test.txt", "robots/delta4.raff",
+        "generated/delta4.urdf", "examples/01_load_and_close.py", "docs/tutorial.md", "tests/test_wheel.py",
+        "benchmarks/tick.py", ".ci/run",
     } <= names  # fmt: skip
     assert not [name for name in names if name.startswith((".venv", "node_modules", ".git/", "build/", "dist/"))]
 

@@ -2,6 +2,6 @@
 
 from cinegen.assembly.linkage import ModesError
 from cinegen.assembly.modes import assembly_modes
-from cinegen.assembly.results import AssemblyModes, NearestConfiguration
+from cinegen.assembly.results import AssemblyModes, NearestConfiguration, SelfMotion
 
-__all__ = ["AssemblyModes", "ModesError", "NearestConfiguration", "assembly_modes"]
+__all__ = ["AssemblyModes", "ModesError", "NearestConfiguration", "SelfMotion", "assembly_modes"]

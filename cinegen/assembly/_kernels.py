@@ -467,6 +467,9 @@ def solve_from(
             for i in range(len(scratch.residual)):
                 gap = max(gap, abs(scratch.residual[i]))
             pivot = solve(scratch.matrix, len(x), scratch.residual, tables.rank, scratch.order, step)
+            if gap < _CLOSED and not pivot > _SINGULAR:  # a step would be as long as rounding makes it
+                ends[k] = SINGULAR
+                break
             for i in range(len(x)):
                 size = max(size, abs(step[i]))
             if pivot == 0.0 or not size < 1e9:
@@ -475,7 +478,7 @@ def solve_from(
             add_multiple(-part, step, x, len(x))
             if size < 1e-11:
                 if gap < _CLOSED:
-                    ends[k] = ARRIVED if pivot > _SINGULAR else SINGULAR
+                    ends[k] = ARRIVED
                 if gap < _CLOSED or settled:  # the gap is that before the step
                     break
                 settled = True

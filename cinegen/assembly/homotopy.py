@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
@@ -13,6 +14,7 @@ from cinegen.assembly.families import Family
 from cinegen.assembly.linkage import SAME, Array, Linkage
 from cinegen.assembly.monodromy import Fibre, Monodromy
 from cinegen.assembly.results import AssemblyModes, NearestConfiguration
+from cinegen.assembly.self_motions import STARTS, SelfMotions
 from cinegen.hexapod import SolutionCounts
 from raff2urdf.closure import CLOSED
 
@@ -22,11 +24,12 @@ _GUESSES = 8  # complex solutions whose real parts may be nearest
 
 
 class _Mode(NamedTuple):
-    """A configuration (nq,), its features (3 f,), and how many solutions are there."""
+    """A configuration (nq,), its features (3 f,), how many solutions are there, and whether one of them is singular."""
 
     q: Array
     features: Complex
     times: int
+    singular: bool
 
 
 class Homotopy:
@@ -48,20 +51,39 @@ class Homotopy:
         found = self._path_ends(fibre, locked)
         curve = any(linkage.can_move(solution, locked) for solution in found.solutions[found.ends == SINGULAR])
         modes, lost = self._real(found, locked, curve)
-        real, infinite, lost = sum(mode.times for mode in modes), found.count(INFINITE), lost + found.count(LOST)
-        complex_ = len(found.ends) - real - infinite - lost
-        counts = SolutionCounts(real, complex_, infinite, found.count(SINGULAR), lost)
-        complete, trace_test, method = self._status(fibre, counts, curve)
-        configurations, times, closest = tuple(m.q for m in modes), tuple(m.times for m in modes), None
-        if not modes:
-            closest = self._closest(found, locked)
-            if closest.gap <= CLOSED:  # a point of a curve, whose paths ended in complex points
-                configurations, times, complete, closest = (closest.q,), (1,), False, None
+        infinite, lost, multiple = found.count(INFINITE), lost + found.count(LOST), found.count(SINGULAR)
+        real = sum(mode.times for mode in modes)
+        counts = SolutionCounts(real, len(found.ends) - real - infinite - lost, infinite, multiple, lost)
+        complete, trace_test, remarks = self._status(fibre, counts, curve)
+        closest = None if modes else self._closest(found, locked)
+        if closest is not None and closest.gap <= CLOSED:  # a point of a curve, whose paths ended in complex points
+            features = linkage.features(linkage.unknowns(closest.q)[None], locked)[0]
+            modes, complete, closest = [_Mode(closest.q, features, 1, True)], False, None
+            counts = replace(counts, real=1, complex=max(counts.complex - 1, 0))
+            trace_test = None if trace_test is None else False
+        search, by_bound = SelfMotions(linkage, locked), self._is_bound_reached(fibre)
+        points = [linkage.unknowns(mode.q) for mode in modes if mode.singular]
+        if not complete and (curve or not by_bound):
+            regular, singular = search.random_solutions()
+            points += list(singular)
+            if new := [_Mode(q, its, 1, False) for q, its in search.new(regular, [mode.features for mode in modes])]:
+                modes, closest, counts = modes + new, None, replace(counts, real=counts.real + len(new))
+                remarks.append(f"{len(new)} of these modes only random starts found")
                 trace_test = None if trace_test is None else False
-        values = linkage.actuated_values(asked)
+        self_motions = search.through(points)
+        if self_motions:
+            remarks.append(f"{len(self_motions)} self-motion{'s' * (len(self_motions) > 1)} found")
+        if not complete and not by_bound:
+            remarks.append(f"not excluded: modes and self-motions that neither paths nor {STARTS} random starts met")
+        isolated = [not mode.singular or not search.dimension(linkage.unknowns(mode.q)) for mode in modes]
         return AssemblyModes(
-            linkage.mechanism, values, configurations, times, complete, method, counts, closest, trace_test
-        )
+            linkage.mechanism, linkage.actuated_values(asked), tuple(mode.q for mode in modes),
+            tuple(mode.times for mode in modes), complete and not self_motions, "; ".join(remarks), counts, closest,
+            trace_test, self_motions, tuple(isolated),
+        )  # fmt: skip
+
+    def _is_bound_reached(self, fibre: Fibre) -> bool:
+        return self._family is not None and len(fibre.solutions) >= self._family.bound
 
     def _known(self, report: Callable[[str], None] | None, effort: float) -> Fibre:
         """Return the fibre, found once; again if more may be done than when it was given up."""
@@ -102,48 +124,49 @@ class Homotopy:
                 continue
             known = [k for k, mode in enumerate(modes) if np.abs(mode.features - features).max(initial=0.0) < SAME]
             if known:
-                modes[known[0]] = modes[known[0]]._replace(times=modes[known[0]].times + 1)
+                mode = modes[known[0]]
+                modes[known[0]] = mode._replace(times=mode.times + 1, singular=mode.singular or end == SINGULAR)
                 continue
             q = linkage.closed(linkage.configuration(solution, locked))
             if q is None:
                 continue
             there = linkage.features(linkage.unknowns(q)[None], locked)[0]
             if np.abs(there - features).max(initial=0.0) < _FAR or (curve and end == SINGULAR):
-                modes.append(_Mode(q, features, 1))
+                modes.append(_Mode(q, features, 1, end == SINGULAR))
             else:
                 lost += 1
         return modes, lost
 
     # --- remarks ------------------------------------------------------------------------------------------------------
 
-    def _status(self, fibre: Fibre, counts: SolutionCounts, curve: bool) -> tuple[bool, bool | None, str]:
-        """Return whether it is proved that these are all modes, the result of the trace test, and a message.
+    def _status(self, fibre: Fibre, counts: SolutionCounts, curve: bool) -> tuple[bool, bool | None, list[str]]:
+        """Return whether it is proved that these are all modes, the result of the trace test, and remarks.
 
         A family's bound proves it if as many solutions end at isolated points. With solutions at infinity it does so
         for two bodies only, where the solutions are those of a quadratic equation.
         """
         count, family = len(fibre.solutions), self._family
         followed = counts.lost == 0 and not curve
-        remarks = [f"; {counts.lost} of {count} paths were lost"] if counts.lost else []
+        remarks = [f"{counts.lost} of {count} paths were lost"] if counts.lost else []
         if curve:
-            remarks.append("; these values leave it a curve of configurations, of which some points are listed")
+            remarks.append("these values leave it a curve of configurations, of which some points are listed")
         if fibre.loose:
-            remarks.append("; there are other configurations too, in which its actuated joints don't determine it")
-        if family is not None and count >= family.bound:
+            remarks.append("there are other configurations too, in which its actuated joints don't determine it")
+        if family is not None and self._is_bound_reached(fibre):
             if not family.everywhere:
-                method = f"{count} modes, proved; modes in which it has rotated are not among them"
-                return False, None, f"{family.description}: {method}{''.join(remarks)}"
+                method = f"{count} modes, proved" if followed else f"{count} complex solutions"
+                others = "modes in which it has rotated are not among them"
+                return False, None, [f"{family.description}: {method}; {others}", *remarks]
             if counts.infinite and family.name != "dyad":
-                remarks.append(f"; {counts.infinite} are at infinity, and curves of configurations are not excluded")
+                remarks.append(f"{counts.infinite} are at infinity, and curves of configurations are not excluded")
                 followed = False
-            method = f"{count} complex solutions, as many as there can be"
-            return followed and not fibre.loose, None, f"{family.description}: {method}{''.join(remarks)}"
-        remark = "".join(remarks)
+            method = f"{family.description}: {count} complex solutions, as many as there can be"
+            return followed and not fibre.loose, None, [method, *remarks]
         if not self._linkage.passive:
-            return True, None, "there are no passive joints in its loops"
+            return True, None, ["there are no passive joints in its loops"]
         if not self._linkage.driving.any():
             start = f"no actuated joint moves its loops: {count} solutions, from {fibre.hits} random starts"
-            return False, None, start + remark
+            return False, None, [start, *remarks]
         apart = f" in {fibre.parts} sets that no closed path has joined" if fibre.parts > 1 else ""
         done = [f"monodromy: {count} complex solutions{apart}"]
         if fibre.quiet:
@@ -152,8 +175,7 @@ class Homotopy:
             done.append(f"trace test satisfied to {fibre.traced.deviation:.0e} (degree {fibre.traced.degree})")
         else:
             done.append("given up after the work that effort allows" if fibre.spent else "the trace test did not close")
-        done.append("not excluded: solutions on curves that nothing met, and branches of free motion")
-        return False, fibre.traced.complete and followed, "; ".join(done) + remark
+        return False, fibre.traced.complete and followed, [*done, *remarks]
 
     def _closest(self, found: PathEnds, locked: Array) -> NearestConfiguration:
         linkage = self._linkage

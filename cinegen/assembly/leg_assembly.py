@@ -81,7 +81,7 @@ class LegAssembly:
         for q in mechanism.samples:  # the rank: a rod may rotate about itself
             solution = self._linkage.unknowns(q)
             values = self._values(solution, self._linkage.locked_values(q))
-            kernel.evaluate(tables, _fixed(values[others]), np.append(solution[columns], 0.0), scratch)
+            self._linkage.kernel.evaluate(tables, _fixed(values[others]), np.append(solution[columns], 0.0), scratch)
             found = max(found, rank(scratch.matrix[: len(columns), :-1].real))
         return _Leg(columns, others, tables._replace(rank=found + 1), scratch)
 

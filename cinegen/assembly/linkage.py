@@ -6,6 +6,7 @@ import os
 from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from functools import cached_property
+from types import ModuleType
 from typing import NamedTuple
 
 import numpy as np
@@ -17,9 +18,11 @@ from scipy.linalg import qr
 from cinegen.assembly import _kernels as kernel
 from cinegen.assembly._kernels import Complex, LinkageScratch, LinkageTables, ParameterPath
 from cinegen.assembly.bodies import CutJoint, Feature, LinkageBodies
+from cinegen.assembly.certify import BodyFeature
 from cinegen.assembly.results import NearestConfiguration
 from cinegen.errors import CinegenError, ClosureError
 from cinegen.jit.compiled import Table, prepare, together
+from cinegen.jit.interpreted import interpreted
 from cinegen.joints import axis
 from cinegen.model import Mechanism
 from raff2urdf import closure
@@ -153,7 +156,6 @@ class Linkage:
         self.cuts = self._cuts()
         self.tables = self._tables()
         self.scratch = scratch_of(self.tables, len(self.passive))
-        self._prepare()
         if not as_built:
             self._check_idle()
 
@@ -213,8 +215,9 @@ class Linkage:
             self._joint_table, self._axes, len(self.passive), self.cuts, placements, self.end, distinct
         )
 
-    def _prepare(self) -> None:
-        """Compile what is not yet compiled."""
+    @cached_property
+    def kernel(self) -> ModuleType:
+        """The kernels, compiled at the first access: a linkage of which only the structure is asked needs none."""
         path = typeof(self.fixed(self.locked_values(self.mechanism.q_home)))
         tables, scratch, given = typeof(self.tables), typeof(self.scratch), complex128[:, ::1]
         with together():
@@ -222,17 +225,21 @@ class Linkage:
             prepare(kernel.solve_from, tables, path, given, int64[::1], scratch)
             prepare(kernel.write_features, tables, path, given, complex128[:, :, ::1], scratch)
             prepare(kernel.evaluate, tables, path, complex128[::1], scratch)
+        return kernel
 
     def _check_idle(self) -> None:
         """Refuse a mechanism whose locked joints don't determine its features: a general combination of them, which the
         slice selects, moves where any of them does."""
         cut = np.append(np.random.default_rng(0).normal(size=3 * self.tables.features), [0.0, 0.0]).astype(complex)
+        evaluate = interpreted(kernel.evaluate)  # a few times: not worth a compilation
         for q in self.mechanism.samples if self.idle else ():
-            kernel.evaluate(
+            evaluate(
                 self.tables, self.fixed(self.locked_values(q))._replace(slices=np.array([cut, cut])), self.unknowns(q),
                 self.scratch,
             )  # fmt: skip
             matrix = self.scratch.matrix[: len(self.passive)].real.T
+            if closure.rank(matrix[:-1]) < self._rank:
+                continue  # a special configuration: there it may move, without doing so elsewhere
             motions = np.linalg.svd(matrix[:-1])[2][self._rank :].T
             if np.abs(matrix[-1] @ motions).max(initial=0.0) > _IDLE:
                 raise FreeMotionError(
@@ -244,7 +251,7 @@ class Linkage:
 
     def jacobian(self, solution: Complex, locked: Complex | Array) -> Complex:
         """Return the derivatives (rows, k) of all loops by the passive joints, at a solution (k + 1,)."""
-        kernel.evaluate(self.tables, self.fixed(locked), solution, self.scratch)
+        self.kernel.evaluate(self.tables, self.fixed(locked), solution, self.scratch)
         return np.asarray(self.scratch.matrix[: len(self.passive), :-1].T.copy())
 
     # --- values -------------------------------------------------------------------------------------------------------
@@ -304,6 +311,16 @@ class Linkage:
         unit = f"(rad, or lengths of {mechanism.length:.4g} m)"
         return NearestConfiguration(best.q, best.gap, message or f"open stay {listed} {unit}")
 
+    @property
+    def body_features(self) -> tuple[BodyFeature, ...]:
+        """The features with the joints that move their bodies, m."""
+        units = {True: 1.0, False: self.mechanism.length}
+        return tuple(
+            BodyFeature(self.joint_names[f.body - 1], f.is_direction, tuple((f.local * units[f.is_direction]).tolist()))
+            for f in self.bodies.features
+            if f.body > 0
+        )
+
     # --- paths --------------------------------------------------------------------------------------------------------
 
     def fixed(self, locked: Complex | Array) -> ParameterPath:
@@ -329,46 +346,56 @@ class Linkage:
         rows, columns = len(self.scratch.residual), len(self.passive) + 1
         return float(rows * columns * (columns + 20) + 3000)
 
-    def track(self, solutions: Complex, path: ParameterPath) -> Tracked:
-        """Continue solutions (count, k + 1) along a path."""
+    def track(self, solutions: Complex, path: ParameterPath, rank: int | None = None) -> Tracked:
+        """Continue solutions (count, k + 1) along a path, with a rank of the loops unless it is the general one."""
+        tables = self._of_rank(rank)
         found = np.array(solutions, dtype=complex, order="C").reshape(-1, len(self.passive) + 1)
         ends, records = np.zeros(len(found), dtype=np.int64), np.zeros((len(found), 2))
+        track = self.kernel.track
         if len(found) < _MANY or _CORES == 1:
-            kernel.track(self.tables, path, found, ends, records, self.scratch)
+            track(tables, path, found, ends, records, self.scratch)
         else:
             shares = [slice(k, k + _SHARE) for k in range(0, len(found), _SHARE)]
 
             def follow(share: slice) -> None:
                 scratch = scratch_of(self.tables, len(self.passive))
-                kernel.track(self.tables, path, found[share], ends[share], records[share], scratch)
+                track(tables, path, found[share], ends[share], records[share], scratch)
 
             with ThreadPoolExecutor(_CORES) as threads:  # the kernel does without Python's lock
                 list(threads.map(follow, shares))
         self.work += float(records[:, 1].sum()) * self._step_work
         return Tracked(found, ends, records[:, 0])
 
-    def random_solutions(self, rng: np.random.Generator, count: int, path: ParameterPath) -> tuple[Complex, int]:
-        """Return the regular solutions (n, k + 1) at a path's beginning that Newton's method reaches from random
-        unknowns, so many times; and how many times it ended in others, of which there is a curve."""
+    def random_unknowns(self, rng: np.random.Generator, count: int, imaginary: float) -> Complex:
+        """Return random unknowns (count, k + 1), and t = 0; with imaginary parts of a standard deviation."""
         shape = count, len(self.passive) + 1
-        there = np.pi * rng.uniform(-1.0, 1.0, size=shape) + 0.5j * rng.normal(size=shape)
-        there[:, -1] = 0.0
-        ends = np.zeros(count, dtype=np.int64)
-        kernel.solve_from(self.tables, path, there, ends, self.scratch)
+        guesses = np.pi * rng.uniform(-1.0, 1.0, size=shape) + 1j * imaginary * rng.normal(size=shape)
+        guesses[:, -1] = 0.0
+        return np.asarray(guesses)
+
+    def newton(
+        self, guesses: Complex, where: Complex | Array | ParameterPath, rank: int | None = None
+    ) -> tuple[Complex, NDArray[np.int64]]:
+        """Apply Newton's method to guesses (count, k + 1) at values (locked,) or at a path's beginning, with a rank of
+        the loops unless it is the general one. Return where it ends, and how: ARRIVED, SINGULAR or LOST."""
+        path = where if isinstance(where, ParameterPath) else self.fixed(where)
+        there, ends = np.array(guesses, dtype=complex, order="C"), np.zeros(len(guesses), dtype=np.int64)
+        self.kernel.solve_from(self._of_rank(rank), path, there, ends, self.scratch)
         self.work += _NEWTON_WORK * len(there) * self._step_work
-        return there[ends == kernel.ARRIVED], int((ends == kernel.SINGULAR).sum())
+        return there, ends
+
+    def _of_rank(self, rank: int | None) -> LinkageTables:
+        return self.tables if rank is None else self.tables._replace(rank=rank + 1)
 
     def can_move(self, solution: Complex, locked: Array) -> bool:
         """Return whether a singular solution (k + 1,) lies on a curve of solutions on which features move: whether it
         can move farther than infinitesimally."""
         _, sigma, vh = np.linalg.svd(self.jacobian(solution, locked))
         own = int((sigma > _SINGULAR * sigma[0]).sum())
-        fewer, path = self.tables._replace(rank=own + 1), self.fixed(locked)
         for direction in vh[own:].conj():
             ahead = solution.copy()
             ahead[:-1] += _STEP * direction / np.abs(direction).max()
-            there, ends = ahead[None].copy(), np.zeros(1, dtype=np.int64)
-            kernel.solve_from(fewer, path, there, ends, self.scratch)
+            there, ends = self.newton(ahead[None], locked, own)
             here, meant, moved = self.features(np.array([solution, ahead, there[0]]), locked)
             far = float(np.abs(meant - here).max(initial=0.0))
             if ends[0] != kernel.LOST and far > _IDLE and np.abs(moved - here).max(initial=0.0) > 0.5 * far:
@@ -381,7 +408,7 @@ class Linkage:
         path = where if isinstance(where, ParameterPath) else self.fixed(where)
         given = np.array(solutions, dtype=complex, order="C").reshape(-1, len(self.passive) + 1)
         out = np.zeros((len(given), self.tables.features, 3), dtype=complex)
-        kernel.write_features(self.tables, path, given, out, self.scratch)
+        self.kernel.write_features(self.tables, path, given, out, self.scratch)
         return out.reshape(len(given), 3 * self.tables.features)
 
 

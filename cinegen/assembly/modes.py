@@ -10,6 +10,7 @@ from functools import partial
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from cinegen.assembly.certify import BodyFeature, Unknowns
 from cinegen.assembly.families import Family, recognise
 from cinegen.assembly.homotopy import Homotopy
 from cinegen.assembly.linkage import Linkage, ModesError
@@ -55,7 +56,8 @@ def assembly_modes(
         found = assembly_modes(mechanism.successive, _values(mechanism, actuated), method, report, effort)
         nearest = found.closest and replace(found.closest, q=to(found.closest.q))
         modes = tuple(map(to, found.configurations))
-        return replace(found, mechanism=mechanism, configurations=modes, closest=nearest)
+        self_motions = tuple(motion.with_ball_joints(mechanism.spherical) for motion in found.self_motions)
+        return replace(found, mechanism=mechanism, configurations=modes, closest=nearest, self_motions=self_motions)
     solver = mechanism.derived(_METHODS[method])
     with solver.lock:
         return solver.modes(mechanism, _values(mechanism, actuated), report, effort)
@@ -119,7 +121,14 @@ class ModesSolver:
             found = _matching(self._linkage, found, asked, self._virtual)
         home = self.features(mechanism.q_home)
         far = [round(float(np.abs(self.features(q) - home).sum()), 9) for q in found]
-        return _selected(found, np.argsort(far, kind="stable").tolist())
+        passive = tuple(name for name in mechanism.joints if name not in mechanism.actuated)
+        unknowns = Unknowns(passive, mechanism.passive_rank, self.body_features)
+        return replace(_selected(found, np.argsort(far, kind="stable").tolist()), unknowns=unknowns)
+
+    @property
+    def body_features(self) -> tuple[BodyFeature, ...]:
+        """The points and directions that distinguish modes."""
+        return self._linkage.body_features
 
     def features(self, q: Array) -> NDArray[np.complex128]:
         """Return the points and directions (3 f,) that distinguish modes, in the configuration q (nq,)."""
@@ -147,8 +156,8 @@ def _check_rods(mechanism: Mechanism) -> None:
 
 def _selected(found: AssemblyModes, which: list[int]) -> AssemblyModes:
     """Return some of the modes, in this order."""
-    coincident = tuple(found.coincident[k] for k in which)
-    return replace(found, configurations=tuple(found[k] for k in which), coincident=coincident)
+    coincident, isolated = tuple(found.coincident[k] for k in which), tuple(found.isolated[k] for k in which)
+    return replace(found, configurations=tuple(found[k] for k in which), coincident=coincident, isolated=isolated)
 
 
 def _matching(linkage: Linkage, found: AssemblyModes, asked: Array, virtual: bool) -> AssemblyModes:

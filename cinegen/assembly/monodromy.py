@@ -16,7 +16,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from cinegen.assembly._kernels import ARRIVED, Complex
+from cinegen.assembly._kernels import ARRIVED, SINGULAR, Complex
 from cinegen.assembly.linkage import DistinctSolutions, Linkage
 from cinegen.assembly.trace_test import TraceResult, TraceTest
 
@@ -165,8 +165,9 @@ class Monodromy:
         """Apply Newton's method from random starts, until it finds nothing new; return how many are new."""
         linkage, before, silent = self._linkage, len(found), 0
         while silent < _SILENT and not (self._enough(found) or self._spent()):
-            guessed, loose = linkage.random_solutions(self._rng, _STARTS, linkage.fixed(self._locked))
-            self._hits, self._loose = self._hits + len(guessed), self._loose + loose
+            there, ends = linkage.newton(linkage.random_unknowns(self._rng, _STARTS, 0.5), self._locked)
+            guessed, self._loose = there[ends == ARRIVED], self._loose + int((ends == SINGULAR).sum())
+            self._hits += len(guessed)
             silent = 0 if found.add(guessed) else silent + 1
             self._full = len(found) > _MOST
         return len(found) - before

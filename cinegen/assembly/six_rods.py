@@ -7,10 +7,12 @@ from typing import Protocol
 
 import numpy as np
 
+from cinegen.assembly._kernels import Complex
 from cinegen.assembly.families import Family, RigidGroups, SixLegs
 from cinegen.assembly.leg_assembly import LegAssembly, is_out_of_reach
 from cinegen.assembly.linkage import Array, Linkage, ModesError
-from cinegen.assembly.results import AssemblyModes, NearestConfiguration
+from cinegen.assembly.results import AssemblyModes, NearestConfiguration, SelfMotion
+from cinegen.assembly.self_motions import SelfMotions
 from cinegen.hexapod import TSSM, Hexapod, HexapodError, NearestPlacement, PlatformModes, SolutionCounts
 from raff2urdf.closure import CLOSED
 
@@ -58,7 +60,7 @@ class SixRods:
         linkage, mechanism, locked = self._linkage, self._linkage.mechanism, self._linkage.locked_values(asked)
         legs = self._family.legs(self._groups, locked)
         try:
-            found = self._solver(legs).modes(legs.lengths * mechanism.length)
+            found = self._platform_modes(legs, legs.lengths * mechanism.length)
         except HexapodError as error:
             raise ModesError(f"{mechanism.name}: {error}") from None
         placements = found.placements.copy()
@@ -90,8 +92,38 @@ class SixRods:
             if closest.gap <= CLOSED:  # on a curve of configurations, which no root shows
                 method += "; one was found by descent"
                 configurations, coincident, complete, closest = [closest.q], [1], False, None
-        values, modes = linkage.actuated_values(asked), tuple(configurations)
-        return AssemblyModes(mechanism, values, modes, tuple(coincident), complete, method, counts, closest)
+        self_motions, isolated = tuple[SelfMotion, ...](), [True] * len(configurations)
+        if not found.complete or not complete:
+            search = SelfMotions(linkage, locked)
+            dimensions = [search.dimension(linkage.unknowns(q)) for q in configurations]
+            isolated = [dimension == 0 for dimension in dimensions]
+            on = [q for q, dimension in zip(configurations, dimensions, strict=True) if dimension]
+            regular, starts = search.random_solutions()
+            if new := search.new(regular, [self._features(q, locked) for q in configurations]):
+                method += f"; {len(new)} of these modes only random starts found"
+                configurations += [q for q, _ in new]
+                coincident += [1] * len(new)
+                isolated += [True] * len(new)
+                closest, counts = None, replace(counts, real=counts.real + len(new))
+            self_motions = search.through([*(linkage.unknowns(q) for q in on), *starts])
+        return AssemblyModes(
+            mechanism, linkage.actuated_values(asked), tuple(configurations), tuple(coincident),
+            complete and not self_motions, method, counts, closest, None, self_motions, tuple(isolated),
+        )  # fmt: skip
+
+    def _platform_modes(self, legs: SixLegs, lengths: Array) -> PlatformModes:
+        """Return the platform's modes for lengths (6,) of the rods, m: by homotopy where elimination finds no root, as
+        for a determinant that vanishes identically; isolated modes exist besides a curve, too."""
+        solver = self._solver(legs)
+        found = solver.modes(lengths)
+        if found.complete or len(found.placements) or isinstance(solver, Hexapod):
+            return found
+        length = self._linkage.mechanism.length
+        others = Hexapod(length * legs.base, length * legs.platform).modes(lengths)
+        return replace(others, complete=False, method=f"{found.method}; {others.method}")
+
+    def _features(self, q: Array, locked: Array) -> Complex:
+        return np.asarray(self._linkage.features(self._linkage.unknowns(q)[None], locked)[0])
 
     def _is_out_of_reach(self, placement: Array, locked: Array) -> bool:
         platform = self._family.platform
@@ -151,4 +183,5 @@ class _Inverted:
         closest = found.closest
         if closest is not None:
             closest = replace(closest, placement=np.asarray(np.linalg.inv(closest.placement), dtype=float))
-        return replace(found, placements=np.asarray(np.linalg.inv(found.placements), dtype=float), closest=closest)
+        placements = np.asarray(np.linalg.inv(found.placements), dtype=float)
+        return replace(found, placements=placements, closest=closest, legs=None)

@@ -26,22 +26,25 @@ def run(
     robot: str | None = option("NAME", "robot of the recording, if it has several"),
     rate: float = quantity_option("HZ", "samples per second (Hz)", FREQUENCY, 125.0),
     speed: float = SPEED,
+    acceleration: float | None = option("A", "limit of the joints' acceleration, rad/s^2 and m/s^2 (default: 10, 2.5)"),
+    jerk: float | None = option("J", "limit of their jerk, rad/s^3 and m/s^3 (default: none)"),
     all_joints: bool = flag("--all-joints", "write passive joints too"),
     unsafe: bool = flag("--unsafe", "write the motion even if its check fails"),
     force: bool = FORCE,
 ) -> int:
     """Export a recorded motion as CSV, NPZ, a ROS 2 goal or URScript.
 
-    The motion is resampled at a fixed rate within the velocity limits of the robot, checked again (loops, limits,
-    singularities between the samples too) and written.
+    The motion is resampled at a fixed rate within limits of velocity, acceleration and jerk, checked again (loops,
+    limits, singularities between the samples too) and written.
     """
     from cinegen.mission import export, report_text
     from cinegen.mission.formats import format_of
 
-    path = recording.with_name(f"{stem_of(recording)}{format_of(to).suffix}")
+    path = recording.parent / f"{stem_of(recording)}{format_of(to).suffix}"
     path = output_path(output, path.name) if output else path
     check_outputs(path, force=force or path == recording, remakeable=False)
     print(report_text(export(
-        recording, to, output=path, robot=robot, rate=rate, speed=speed, all_joints=all_joints, unsafe=unsafe
+        recording, to, output=path, robot=robot, rate=rate, speed=speed, all_joints=all_joints, unsafe=unsafe,
+        acceleration=acceleration, jerk=jerk,
     )))  # fmt: skip
     return 0

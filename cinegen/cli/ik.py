@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import textwrap
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -18,6 +19,7 @@ if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import NDArray
 
+    from cinegen.assembly import SelfMotion
     from cinegen.ik import FrameTask, IKSolutions
     from cinegen.model import Mechanism
 
@@ -28,6 +30,7 @@ TYPED = 1e-4
 """m and rad: poses are typed with some digits only."""
 
 _WIDTH = 98  # columns of text
+_JOINED = "\xa0"  # a blank at which no line is broken
 
 
 def run(
@@ -130,6 +133,22 @@ def limits_text(mechanism: Mechanism, q: NDArray[np.float64]) -> str:
     return text + (f", {len(beyond) - 1} more" if len(beyond) > 1 else "")
 
 
+def self_motion_lines(
+    mechanism: Mechanism, motions: Sequence[SelfMotion], heading: str, joints: Sequence[str]
+) -> list[str]:
+    """Return a heading and lines for each self-motion: the joints that move, and joint values of a configuration; none
+    if there is none."""
+    from cinegen.plotting.units import value_text
+
+    lines = list[str]()
+    for motion in motions:
+        at = [float(motion.configuration[mechanism.q_index(joint)]) for joint in joints]
+        values = [f"{joint} {value_text(mechanism, joint, value)}" for joint, value in zip(joints, at, strict=True)]
+        text = f"{motion.description}, such as {', '.join(value.replace(' ', _JOINED) for value in values)}"
+        lines += textwrap.wrap(text, _WIDTH, initial_indent="  ", subsequent_indent="    ")
+    return [heading, *(line.replace(_JOINED, " ") for line in lines), ""] if lines else []
+
+
 def _lines(name: str, found: IKSolutions, every: bool) -> list[str]:
     mechanism, number = found.mechanism, count(found, "inverse solution") if len(found) else "no inverse solution"
     within = f", {len(found.within_limits)} within the limits" if every and len(found) else ""
@@ -140,6 +159,8 @@ def _lines(name: str, found: IKSolutions, every: bool) -> list[str]:
     elif found.closest is not None:
         missed = missed_text(found.task, found.task.distances(mechanism, found.closest))
         lines.append(f"The closest configuration that was found misses it by {missed}.")
+    heading = f"With {found.task.node} there it also moves, in infinitely many configurations (self-motions):"
+    lines += self_motion_lines(mechanism, found.self_motions, heading, mechanism.joints)
     if not every:
         found_one = "There may be others: --all lists all." if len(found) else "None was found within the limits."
         return [*lines, found_one]
@@ -148,7 +169,8 @@ def _lines(name: str, found: IKSolutions, every: bool) -> list[str]:
         (False, True): "There may be more.", (False, False): "None was found.",
     }[found.complete, len(found) > 0]  # fmt: skip
     method = found.method.removesuffix(".")
-    return lines + textwrap.wrap(f"{proof} {method[:1].upper()}{method[1:]}.", _WIDTH)
+    lines += textwrap.wrap(f"{proof} {method[:1].upper()}{method[1:]}.", _WIDTH)
+    return lines + textwrap.wrap(found.certification, _WIDTH)
 
 
 def _table(found: IKSolutions) -> list[str]:

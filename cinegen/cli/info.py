@@ -15,6 +15,7 @@ def run(
     options: RobotOptions,
     files: list[Path] = FILE,
     ignored: bool = flag("--ignored", "also list the elements of a URDF, SDF or MJCF that are not read"),
+    collision: bool = flag("--collision", "also list the shapes of links, and why each pair is checked, or not"),
     json: bool = JSON,
 ) -> int:
     """Print joints, limits, loops, couplings, mobility and singular values."""
@@ -22,7 +23,11 @@ def run(
 
     reports = []
     for name, (mechanism, file) in options.load(files).items():
-        more = {"ignored": _ignored(file)} if ignored else {}
+        more: dict[str, Any] = {"ignored": _ignored(file)} if ignored else {}
+        if collision:
+            from cinegen.collision.report import collision_report
+
+            more["collision"] = collision_report(mechanism)
         reports.append({"name": name, **describe(mechanism), **more})
     print_result(reports, "\n\n".join(map(_text, reports)), json)
     return 0
@@ -67,7 +72,7 @@ def _text(report: Mapping[str, Any]) -> str:
         lines += [f"    {one['name']}: {one['equation']}" for one in couplings]
         gaps = report["gap_as_written"], report["closure_at_home"]
         lines.append("    open by {:.2g} as written, by {:.2g} at home".format(*gaps))
-        lines.append(f"    singular values at home: {_values(report['loop_singular_values'])}")
+        lines.append(f"    singular values at home, cut joints included: {_values(report['loop_singular_values'])}")
         lines += [f"    declared by: {', '.join(report['dialects'])}"] * bool(report["dialects"])
     lines += [f"  note: {note}" for note in report["notes"]]
     lines += ["", f"  {report['end']} at home: singular values {_values(report['end_singular_values'])}"]
@@ -80,7 +85,23 @@ def _text(report: Mapping[str, Any]) -> str:
         more = ", ..." if one["number"] > len(one["lines"]) else ""
         where = f"line{'s' * (one['number'] > 1)} {', '.join(map(str, one['lines']))}{more}"
         lines.append(f"    {one['number']} <{element}> in <{around}>, {where}")
+    if "collision" in report:
+        lines += _collision(report["collision"])
     return "\n".join(lines)
+
+
+def _collision(report: Mapping[str, Any]) -> list[str]:
+    """Return the lines about shapes and pairs."""
+    lines = ["", "  shapes, measured exactly where they are near:"]
+    for one in report["shapes"]:
+        around = f", in a convex {one['around']} further away" if one["around"] else ""
+        lines.append(f"    {one['link']}: {one['shape']}{around}")
+    lines += ["", "  pairs:"]
+    for pair in report["pairs"]:
+        depth = pair.get("depth_at_home")
+        contact = "" if depth is None else f"; in contact at home, {shown(depth, LENGTH, 3)} deep at most"
+        lines.append(f"    {' - '.join(pair['links'])}: {pair['reason']}{contact}")
+    return lines
 
 
 def _values(sigma: Sequence[float]) -> str:

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
 from cinegen.cli.files import check_outputs, count, print_result, write_figure
-from cinegen.cli.ik import TYPED, limits_text, missed_text, pose_task, pose_text
+from cinegen.cli.ik import TYPED, limits_text, missed_text, pose_task, pose_text, self_motion_lines
 from cinegen.cli.numbers import UNITS, parts, values
 from cinegen.cli.options import FILE, JSON, NODE, PLOT, VIEW, RobotOptions, exclude, option
 from cinegen.cli.page import PageOptions
@@ -158,6 +158,9 @@ def _lines(name: str, modes: AssemblyModes, node: str | None, asked: FrameTask |
     wrapped = textwrap.wrap(f"actuated: {', '.join(given)}", _WIDTH, initial_indent="  ", subsequent_indent="    ")
     lines = [heading, *(line.replace(_JOINED, " ") for line in wrapped), ""]
     lines += [*_table(modes, node, asked), ""] if len(modes) else []
+    passive = [joint for joint in mechanism.joints if joint not in mechanism.actuated]
+    more = "With its actuated joints locked it also moves, in infinitely many configurations (self-motions):"
+    lines += self_motion_lines(mechanism, modes.self_motions, more, passive)
     if modes.closest is not None:
         lines += textwrap.wrap(f"The closest configuration: {modes.closest.message}.", _WIDTH - 2)
     proof = {
@@ -165,7 +168,8 @@ def _lines(name: str, modes: AssemblyModes, node: str | None, asked: FrameTask |
         (False, True): "There may be more.", (False, False): "None was found.",
     }[modes.complete, len(modes) > 0]  # fmt: skip
     method = modes.method.removesuffix(".")
-    return lines + textwrap.wrap(f"{proof} {method[:1].upper()}{method[1:]}.", _WIDTH - 2)
+    lines += textwrap.wrap(f"{proof} {method[:1].upper()}{method[1:]}.", _WIDTH - 2)
+    return lines + textwrap.wrap(modes.certification, _WIDTH - 2)
 
 
 def _table(modes: AssemblyModes, node: str, asked: FrameTask | None) -> list[str]:
@@ -190,7 +194,8 @@ def _table(modes: AssemblyModes, node: str, asked: FrameTask | None) -> list[str
         cells = "".join(
             f"{rounded(row[c], digits):11.{digits}f}" if c < 3 else f"{rounded(row[c], 2):9.2f}" for c in columns
         )
-        note = "; ".join(filter(None, [f"{number} solutions coincide" if number > 1 else "", notes[k]]))
+        coincide = f"{number} solutions coincide" if number > 1 else ""
+        note = "; ".join(filter(None, [coincide, "" if modes.isolated[k] else "on a self-motion", notes[k]]))
         lines.append(f"  {k + 1:>4}{'*' if marks[k] else ' '}{cells}   {note}".rstrip())
     return [*lines, "", "  * the pose of --at"] if any(marks) else lines
 

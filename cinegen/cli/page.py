@@ -32,10 +32,12 @@ class PageOptions:
 
     seconds: float | None = SECONDS
     port: int = option("PORT", "first port to try", 7000, min=1, max=65535, **_PANEL)
-    host: str = option(
-        "ADDRESS", "address to listen on; other machines need the token that is printed", "127.0.0.1", **_PANEL
-    )
-    token: str | None = option("TEXT", "token that browsers must send (default: a random one)", **_PANEL)
+    host: str = option("ADDRESS", "address to listen on, for other machines", "127.0.0.1", **_PANEL)
+    token: str | None = option(
+        "TEXT", "token that browsers must send (default: a random one); the environment hides it from other users",
+        envvar="CINEGEN_TOKEN", **_PANEL,
+    )  # fmt: skip
+    no_token: bool = flag("--no-token", "let all users of this machine open the page", **_PANEL)
     no_browser: bool = flag("--no-browser", "only print the address of the page", **_PANEL)
     realtime: bool = flag(
         "--realtime", f"run the session in the real-time class SCHED_FIFO, priority {_REALTIME}, if the system permits "
@@ -60,8 +62,11 @@ class PageOptions:
             CinegenError: the page can't be served or filmed, or the recording ended early.
         """
         from cinegen.cockpit import Cockpit
+        from cinegen.cockpit.server import is_local
         from cinegen.session import SessionError
 
+        if self.no_token and self.token:
+            raise UsageError("--no-token and --token exclude each other")
         if self.realtime:
             setup = replace(setup, priority=_REALTIME)
         if self.video:
@@ -71,8 +76,12 @@ class PageOptions:
         if seconds is None and not (sys.stdin is not None and sys.stdin.isatty()):
             seconds, snapshot = _UNATTENDED, snapshot or Path(f"{stem}.html")
             check_outputs(snapshot, force=self.force)
-        with Cockpit(setup, host=self.host, port=self.port, token=self.token) as cockpit:
+        with Cockpit(
+            setup, host=self.host, port=self.port, token="" if self.no_token else self.token or None
+        ) as cockpit:
             self._announce(cockpit, seconds)
+            if not is_local(self.host):
+                print("      whoever has this address can drive; the line is not encrypted", flush=True)
             with until_stopped():
                 _wait(cockpit, seconds)
             state = cockpit.state
@@ -93,8 +102,6 @@ class PageOptions:
         print(f"page: {cockpit.url}", "- Ctrl-C ends" if seconds is None else f"- for {seconds:g} s", flush=True)
         if self.realtime:
             _report_scheduling(cockpit.runner.report().scheduling)
-        if cockpit.server.token is not None and not self.token:
-            print("      whoever has this address can drive; the line is not encrypted", flush=True)
         if not self.no_browser and _has_screen():
             webbrowser.open(cockpit.server.local_url)
 
@@ -135,11 +142,12 @@ def _report_scheduling(scheduling: str) -> None:
     if scheduling.startswith("SCHED_FIFO"):
         print(f"real-time scheduling: {scheduling}", flush=True)
     else:
-        print(
-            f"warning: --realtime: {scheduling}. To permit it, run `ulimit -r {_REALTIME}` as root before, or set "
-            "rtprio in /etc/security/limits.conf",
-            file=sys.stderr,
+        hint = (
+            f". To permit it, run `ulimit -r {_REALTIME}` as root before, or set rtprio in /etc/security/limits.conf"
+            if "permitted" in scheduling
+            else ""
         )
+        print(f"warning: --realtime: {scheduling}{hint}", file=sys.stderr)
 
 
 def _has_screen() -> bool:

@@ -11,11 +11,13 @@ from typing import TYPE_CHECKING, Any, Literal
 import typer
 
 from cinegen.cli.files import check_outputs, count, empty, print_result, write_figure
+from cinegen.cli.mode_change import change_advice, change_document, change_lines, goal_text, mode_index
 from cinegen.cli.options import IGNORE, IGNORE_LOOPS, JSON, PLOT, UNITS, VIEW, exclude, option
 from cinegen.cli.page import PageOptions
 from cinegen.cli.progress import Progress
 from cinegen.errors import CinegenError
-from raff2urdf.files import output_path, stem_of
+from raff2urdf.files import STANDARD, output_path, stem_of
+from raff2urdf.output import OutputLostError, reader_has_gone
 from raff2urdf.quantities import ANGLE, LENGTH, NUMBER, shown, shown_scale
 
 if TYPE_CHECKING:
@@ -23,7 +25,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from cinegen.collision import Scene
-    from cinegen.planning import Plan
+    from cinegen.planning import ModeChange, Plan
 
 _SHOWN = 4.0  # s: a shorter motion is shown slower
 _WIDTH = 100  # columns
@@ -35,11 +37,17 @@ def run(
     field: Literal["vortex", "firas"] = option(
         None, "field around obstacles; for comparison: firas, a repulsive potential", "vortex"
     ),
-    timeout: float = option("S", "time for the search of rrtconnect, s", 10.0, min=0, max=10_000_000),
-    planner: Literal["vortex", "rrtconnect"] = option(
+    timeout: float = option("S", "time limit, s", 10.0, min=0, max=10_000_000),
+    planner: Literal["auto", "vortex", "rrtconnect"] = option(
         None,
-        "rrtconnect samples configurations, for --timeout at most; it finds paths that no field finds",
-        "vortex",
+        "auto follows the field, then samples configurations (rrtconnect) where that does not reach the goal",
+        "auto",
+    ),
+    modes: str = option(
+        "any|N", "go to any other assembly mode, or to mode N of `cinegen modes`; a pose as goal does not count", ""
+    ),
+    singular: Literal["avoid", "cross"] = option(
+        None, "with --modes: cross allows a path through a singularity of type 2, if none is found around", "avoid"
     ),
     ignore_loops: bool = IGNORE_LOOPS,
     ignore: list[str] = IGNORE,
@@ -51,7 +59,7 @@ def run(
     view: bool = VIEW,
     units: Literal["m", "mm"] = UNITS,
 ) -> int:
-    """Plan a path to a goal around obstacles, by vortex fields or by sampling.
+    """Plan a path to a goal around obstacles, by vortex fields, then by sampling.
 
     Plans a path from the start of a scene to its goal that keeps the safety distance of the scene. The exit code is 1
     if the goal is not reached.
@@ -59,23 +67,30 @@ def run(
     from cinegen.collision import load_scene
 
     exclude(json=json, view=view)
-    if planner != "vortex" and field != "vortex":
+    if planner == "rrtconnect" and field != "vortex":
         raise CinegenError(f"--field {field}: --planner {planner} follows no field; leave one out")
+    mode = mode_index(modes, singular, field)
     recording = output_path(output, f"{stem_of(scene)}.jsonl") if output else None
     check_outputs(plot, force=page.force, json=json)
     check_outputs(recording, force=page.force, json=json, remakeable=False)
     loaded = load_scene(scene, ignore_loops, ignore)
     if not json:
-        print("\n".join(_task(loaded)), flush=True)
+        print("\n".join(_task(loaded, goal_text(mode, loaded) if modes else None)), flush=True)
+    change: ModeChange | None = None
     with Progress() as progress:
-        from cinegen.planning import plan, rrt_connect
+        from cinegen.planning import change_mode, plan
 
-        if planner == "rrtconnect":
-            found = rrt_connect(loaded, seconds=timeout, report=progress.text)
+        if modes:
+            change = change_mode(loaded, mode=mode, singular=singular, seconds=timeout, report=progress.text)
+            found = change.plan
         else:
-            found = plan(loaded, field=field, report=progress.text)
+            found = plan(loaded, seconds=timeout, planner=planner, field=field, report=progress.text)
     if json:
-        print_result({"file": str(scene), "planner": planner, **_document(found)}, None, json)
+        document = _document(found) | ({"mode_change": change_document(change)} if change is not None else {})
+        print_result({"file": str(scene), "planner": None if modes else planner, **document}, None, json)
+    elif change is not None:
+        advice = textwrap.wrap(change_advice(change, singular, timeout), _WIDTH)
+        print("\n".join(["", *change_lines(change), *_result(found)[1:], "", *advice]).rstrip(), flush=True)
     else:
         advice = [] if found else textwrap.wrap(_advice(found, field, timeout), _WIDTH)
         print("\n".join(["", *_result(found), "", *advice]).rstrip(), flush=True)
@@ -96,8 +111,8 @@ def run(
 # --- the result --------------------------------------------------------------------------------------------------
 
 
-def _task(scene: Scene) -> list[str]:
-    """Return lines about the robot, its goal and the obstacles."""
+def _task(scene: Scene, goal: str | None) -> list[str]:
+    """Return lines about the robot, its goal (by default that of the scene) and the obstacles."""
     mechanism = scene.mechanism
     if scene.mobile is None:
         robot = f"robot '{mechanism.name}', {count(mechanism.joints, 'joint')}"
@@ -105,15 +120,48 @@ def _task(scene: Scene) -> list[str]:
     else:
         robot = f"mobile robot, radius {_length_text(scene.mobile)}" if scene.mobile else "mobile robot, a point"
     orientation = {0: "", 1: ", with its rotation about z", 3: ", with its orientation"}[scene.rotation]
-    goal = _point(scene.goal.translation[: scene.translation])
+    reached = f"{scene.node} to {_point(scene.goal.translation[: scene.translation])}{orientation}"
+    if scene.tolerance is not None:
+        reached += f", within {' x '.join(_length_text(size) for size in scene.tolerance)}"
+    if scene.cone is not None:
+        reached += f", in a cone of {shown(scene.cone, ANGLE, 3)}"
+    if scene.goal_configuration is not None:
+        reached = f"to {_joint_values(scene)}"
     obstacles = ", ".join(f"{one.name} ({one.kind})" if one.name != one.kind else one.name for one in scene.obstacles)
     return [
-        f"{scene.name}: {robot}; {scene.node} to {goal}{orientation}",
+        *textwrap.wrap(f"{scene.name}: {robot}; {goal or reached}", _WIDTH, subsequent_indent="  "),
+        *([f"  locked: {', '.join(scene.locked)}"] if scene.locked else []),
+        *([f"  {scene.node} {_path_constraints(scene)} all along the path"] if scene.path_constraints else []),
         *textwrap.wrap(
             f"{count(scene.obstacles, 'obstacle')}{': ' * bool(obstacles)}{obstacles}", _WIDTH,
             initial_indent="  ", subsequent_indent="    ",
         ),
     ]  # fmt: skip
+
+
+def _path_constraints(scene: Scene) -> str:
+    """Return the constraints along the path as text."""
+    upright, line, plane = scene.path_constraints
+    found = ["upright"] if upright else []
+    if line is not None:
+        found.append("on a line along " + ", ".join(f"{x:.3g}" for x in line))
+    if plane is not None:
+        found.append("in a plane with normal " + ", ".join(f"{x:.3g}" for x in plane))
+    return " and ".join(found)
+
+
+def _joint_values(scene: Scene) -> str:
+    """Return the joint values of a goal as text."""
+    mechanism, end = scene.mechanism, scene.goal_configuration
+    assert end is not None
+    found = []
+    for name in scene.goal_joints:
+        value = mechanism.values(end)[name]
+        if isinstance(value, list):
+            found.append(f"{name} {value}")
+        else:
+            found.append(f"{name} {shown(value, LENGTH if mechanism.is_prismatic(name) else ANGLE, 4)}")
+    return ", ".join(found)
 
 
 def _result(found: Plan) -> list[str]:
@@ -145,7 +193,7 @@ def _status(found: Plan) -> str:
 
     scene = found.scene
     if found:
-        return f"{found.status.value}: {scene.node} is at its goal"
+        return f"{found.status.value}: {'joints are at their' if scene.goal_joints else f'{scene.node} is at its'} goal"
     if not found.attempts or found.status is PlanStatus.TIME_LIMIT:
         return str(found)
     here = found.trace[-1][: scene.translation]
@@ -200,13 +248,10 @@ def _advice(found: Plan, field: str, seconds: float) -> str:
         case PlanStatus.TIME_LIMIT:
             return f"Try --timeout {6.0 * seconds:g}, or a smaller safety distance (safety): there may be no path."
         case _ if field != "vortex":
-            return (
-                "Try --field vortex, or --planner rrtconnect: it samples configurations instead of following a field."
-            )
+            return "Try --field vortex: where it does not reach the goal, configurations are sampled."
         case _:
             return (
-                "Try --planner rrtconnect: it samples configurations instead of following a field, keeps the same "
-                "distances, and leaves local minima."
+                "Try --planner auto: it also samples configurations, keeps the same distances, and leaves local minima."
             )
 
 
@@ -248,6 +293,7 @@ def _document(found: Plan) -> dict[str, Any]:
         "scene": scene.name,
         "robot": mechanism.name,
         "field": found.field,
+        "locked": list(scene.locked),
         "status": found.status.value,
         "reason": found.reason,
         "node": scene.node,
@@ -286,15 +332,28 @@ def _finite(number: float) -> float | None:
 
 
 def _record(found: Plan, path: Path) -> str:
-    """Record the robot alone, as exports expect; return a message."""
+    """Record the robot alone, as exports expect; return a message.
+
+    Raises:
+        MissionError: the file can't be written.
+        OutputLostError: the reader of standard output has gone.
+    """
+    from cinegen.mission import MissionError
     from cinegen.mission.results import record_plan
     from cinegen.session import scene_setup
 
     setup = scene_setup(found.scene)
     name = next(iter(setup.robots))
     empty(path)
-    times = record_plan(found, path, name, setup.robots[name])
-    return f"recorded: {path}, {times[-1]:.1f} s" + ("" if found else ", up to where the path ends")
+    try:
+        motion = record_plan(found, path, name, setup.robots[name])
+    except MissionError:
+        if path == STANDARD and reader_has_gone():
+            raise OutputLostError from None
+        raise
+    text = f"recorded: {path}, {motion.times[-1]:.1f} s" + ("" if found else ", up to where the path ends")
+    text += "; it stops at each step of the path, to keep the clearance" if motion.follows else ""
+    return text + (f"\nassumed: {motion.limits}" if str(motion.limits) else "")
 
 
 def _view(found: Plan, page: PageOptions) -> None:
@@ -306,5 +365,5 @@ def _view(found: Plan, page: PageOptions) -> None:
     with tempfile.TemporaryDirectory(prefix="cinegen-") as folder:
         recording = Path(folder) / f"{found.scene.name}.jsonl"
         ((name, mechanism),) = setup.robots.items()
-        times = record_plan(found, recording, name, mechanism, setup.obstacles)
-        page.show(replay_setup(recording, min(1.0, max(0.01, float(times[-1]) / _SHOWN))), found.scene.name)
+        motion = record_plan(found, recording, name, mechanism, setup.obstacles)
+        page.show(replay_setup(recording, min(1.0, max(0.01, float(motion.times[-1]) / _SHOWN))), found.scene.name)

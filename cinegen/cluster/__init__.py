@@ -20,6 +20,7 @@ if TYPE_CHECKING:
 _QUEUED = 3  # unfinished tasks for each process
 _PATIENCE = 20.0  # s, in which a scheduler must answer
 _COUNT = 3.0  # s between two counts of the processes of a cluster, which come and go
+_ALWAYS, _EACH_CORE = 8, 2  # processes on this machine that may be asked for: so many, or so many for each core
 _SUSPICIOUS = 10  # deaths of processes that worked on the same task, before it is given up
 _SETTINGS = {
     "distributed.admin.tick.interval": "1s",  # the default, 50 times a second, would take time from those who compute
@@ -34,6 +35,22 @@ Task = TypeVar("Task")
 
 class ClusterError(CinegenError):
     """A cluster that does not answer, can't be started, or can't do a task."""
+
+
+def check_workers(workers: int | None, scheduler: str | None) -> None:
+    """Check a number of processes that is asked for, before anything is written or started.
+
+    Args:
+        workers: the number, on this machine; None leaves it open.
+        scheduler: address of a Dask scheduler, whose workers are not counted here.
+
+    Raises:
+        ClusterError: there must be at least one, and no more than this machine can use.
+    """
+    cores = os.cpu_count() or 1
+    most = max(_ALWAYS, _EACH_CORE * cores)
+    if workers is not None and not 1 <= workers <= (most if scheduler is None else workers):
+        raise ClusterError(f"workers ({workers}) must be 1 to {most} on this machine, which has {cores} cores")
 
 
 def processes(workers: int | None, scheduler: str | None, worth: int) -> int:
@@ -71,7 +88,8 @@ def connected(scheduler: str | None, workers: int) -> Iterator[Client]:
     A client of a given scheduler listens on no port.
 
     Raises:
-        ClusterError: no scheduler answers there; or processes can't be started.
+        ClusterError: no scheduler answers there, or Dask's configuration names no certificate for one with TLS; or
+            processes can't be started.
         MissingExtraError: Dask is not installed.
     """
     _check_installed()
@@ -86,6 +104,11 @@ def connected(scheduler: str | None, workers: int) -> Iterator[Client]:
             with local_cluster(workers) as client:
                 yield client
             return
+        if scheduler.startswith("tls://") and not dask.config.get("distributed.comm.tls.ca-file"):
+            raise ClusterError(
+                f"{scheduler}: TLS needs certificates: name them in Dask's configuration (distributed.comm.tls), "
+                "see docs/cluster.md"
+            )
         try:
             client = Client(scheduler, timeout=_PATIENCE, set_as_default=False)
         except (OSError, ValueError) as error:

@@ -3,6 +3,9 @@
 Dask runs any function that a connection asks for, and its TCP transport has no authentication: any user of the machine
 could run code in these processes. So they use TLS, and both ends of a connection must present a certificate that was
 made for this cluster. Workers receive it and its key through their standard input.
+
+Dask's servers also put a working folder in front of `sys.path`, and create it in a folder of a fixed name that all
+users of the machine share: who made that one first could replace modules. So they get a private folder.
 """
 
 from __future__ import annotations
@@ -16,7 +19,7 @@ import time
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from functools import cache
-from tempfile import TemporaryFile
+from tempfile import TemporaryDirectory, TemporaryFile
 from typing import IO, Any
 
 import dask
@@ -70,9 +73,10 @@ def local_cluster(workers: int) -> Iterator[Client]:
     """
     options = {"host": HOST, "port": 0, "protocol": "tls", "dashboard": False}
     with (
-        dask.config.set(_certificate()),
+        TemporaryDirectory(prefix="cinegen-", ignore_cleanup_errors=True) as folder,
+        dask.config.set(settings := _certificate() | {"temporary-directory": folder}),
         SpecCluster(scheduler={"cls": LocalScheduler, "options": options}, silence_logs=False) as cluster,
-        _Workers(cluster.scheduler_address, workers) as processes,
+        _Workers(cluster.scheduler_address, workers, settings) as processes,
         Client(cluster.scheduler_address, set_as_default=False) as client,
     ):
         processes.wait_for(client)
@@ -91,8 +95,8 @@ def _certificate() -> dict[str, str]:
 class _Workers:
     """Worker processes, one thread each, replaced when they die."""
 
-    def __init__(self, address: str, count: int) -> None:
-        self._address, self._count = address, count
+    def __init__(self, address: str, count: int, settings: dict[str, str]) -> None:
+        self._address, self._count, self._settings = address, count, settings
         self._output: IO[bytes] = TemporaryFile()  # noqa: SIM115
         self._running: list[subprocess.Popen[bytes]] = []
         self._deaths, self._ends = 0, threading.Event()
@@ -137,7 +141,7 @@ class _Workers:
         )  # fmt: skip
         with suppress(BrokenPipeError):  # it has ended already, and will be replaced
             if process.stdin is not None:
-                process.stdin.write(json.dumps(_certificate()).encode() + b"\n")
+                process.stdin.write(json.dumps(self._settings).encode() + b"\n")
                 process.stdin.flush()
         return process
 

@@ -28,7 +28,7 @@ from cinegen.jit.starting import COMPILATION
 from cinegen.joints import kinematic_data
 from cinegen.model import Mechanism
 from cinegen.model.description import describe_coupling, describe_joint, describe_loop
-from cinegen.session import RobotReport, SessionState, Setup
+from cinegen.session import RobotReport, SessionState, Setup, agreed_status
 from cinegen.session.commands import CommandFrame
 from cinegen.session.state import PlaybackStatus, SessionInfo, TaskInfo, TaskState
 
@@ -116,12 +116,13 @@ class NodePoses:
         return {node: pin.updateFramePlacement(model, data, frame) for node, frame in frames.items()}
 
 
-def state_message(state: SessionState, poses: NodePoses) -> StateMessage:
+def state_message(state: SessionState, poses: NodePoses, reports: Mapping[str, RobotReport]) -> StateMessage:
     """Build a state, without its number, the client that has control, and a report.
 
     Args:
         state: state of the session.
         poses: poses of the same robots.
+        reports: last reports on its robots that are shown, with which their statuses must agree.
     """
     placed: dict[str, list[float]] = {}
     tasks: list[TaskMessage] = []
@@ -132,7 +133,7 @@ def state_message(state: SessionState, poses: NodePoses) -> StateMessage:
     for name, obstacle in state.obstacles.items():
         tasks += [_task(name, task, obstacle.pose, task.target) for task in obstacle.tasks]
     obstacles = {name: tuple(pin.SE3ToXYZQUAT(one.pose).tolist()) for name, one in state.obstacles.items()}
-    statuses = {name: robot.status for name, robot in state.robots.items()}
+    statuses = {name: agreed_status(robot.status, reports.get(name)) for name, robot in state.robots.items()}
     statuses |= {name: obstacle.status for name, obstacle in state.obstacles.items()}
     return StateMessage(round(state.time, 3), placed, obstacles, tuple(tasks), statuses)
 
@@ -145,20 +146,20 @@ def _task(robot: str, task: TaskState, node: pin.SE3, target: pin.SE3) -> TaskMe
 
 
 def report_message(
-    state: SessionState, robots: Mapping[str, RobotReport], rate: tuple[float, float], clients: int
+    state: SessionState, robots: Mapping[str, RobotReport], rate: TickRate, clients: int
 ) -> ReportMessage:
     """Build a report.
 
     Args:
         state: state of the session.
         robots: reports on its robots.
-        rate: ticks per second, and the delay that 99 % of them don't exceed (ms).
+        rate: timing of the ticks.
         clients: number of clients.
     """
     return ReportMessage(
         robots=dict(robots),
         switches=tuple(NodeSensor(robot, node, sensor) for (robot, node), sensor in state.switches.items()),
-        rate=TickRate(*rate),
+        rate=rate,
         clients=clients,
         compilation=None if state.compiled else COMPILATION.fraction,
         **_fields(SessionInfo, state),

@@ -14,12 +14,13 @@ from numpy.typing import NDArray
 
 from cinegen.cockpit.build_messages import NodePoses, hello_message, report_message, state_message
 from cinegen.cockpit.hub import Hub
-from cinegen.cockpit.messages import HelloMessage
+from cinegen.cockpit.messages import HelloMessage, ReportMessage, StateMessage, TickRate
 from cinegen.cockpit.page import Page
 from cinegen.cockpit.scene import RobotScene
 from cinegen.cockpit.served_map import ServedMap
 from cinegen.cockpit.server import Server
 from cinegen.errors import CinegenError
+from cinegen.realtime.timing import RecentTiming
 from cinegen.session import Reporter, RobotReport, SessionRunner, SessionState, Setup
 
 FRAMES = 60
@@ -29,6 +30,7 @@ REPORTS = 10
 """Reports per second; fewer if they take long."""
 
 _SHARE = 0.15  # of a core for the reports
+_UNWATCHED = 4.0  # looks at the session per second while there are no pages
 
 
 class Cockpit:
@@ -38,9 +40,9 @@ class Cockpit:
     Args:
         setup: setup of the session.
         title: title of the page; the robots' names unless given.
-        host: address to listen on; one that other machines reach needs a token.
+        host: address to listen on.
         port: first port to try.
-        token: token that browsers need then; generated unless given.
+        token: token that browsers need; generated unless given. Empty: none, then every user of this machine can drive.
         own_process: run the session in a process of its own, which this one doesn't delay.
         framed: let any other page show this one in a frame, as notebooks do.
         height: height of the page in a notebook's cell, pixels.
@@ -66,9 +68,11 @@ class Cockpit:
         self.scene = draw(self.page, setup)
         self.map = None if setup.map is None else ServedMap(setup.map)
         self.runner = SessionRunner(setup, own_process)
-        self.hub = Hub(setup, self.runner.send, self._hello)
+        self.hub = Hub(setup, self.runner.send, self._hello, self._watch, lambda: self.runner.waiting)
         self.server = Server(self.page, self.hub, self.snapshot, host, token, framed, self.map)
-        self._over = threading.Event()
+        self._over, self._awake, self._shown = threading.Event(), threading.Event(), threading.Event()
+        self._shown.set()
+        self._state: SessionState | None = None  # newest that `_feed` has seen
         self._reports: dict[str, RobotReport] = {}
         self._reported = 0
         self.error: BaseException | None = None
@@ -96,6 +100,11 @@ class Cockpit:
     def url(self) -> str:
         """Address of the page."""
         return self.server.url
+
+    @property
+    def session_url(self) -> str:
+        """Address of the websocket for programs on this machine."""
+        return self.server.session_url
 
     @property
     def state(self) -> SessionState:
@@ -135,6 +144,7 @@ class Cockpit:
     def close(self) -> None:
         """End the session and the server."""
         self._over.set()
+        self._awake.set()
         for thread in self._threads:
             thread.join(5.0)
         self.server.stop()
@@ -151,51 +161,71 @@ class Cockpit:
     def _hello(self, client: int) -> HelloMessage:
         return hello_message(self.setup, self.title, client, self.state.playback)
 
+    def _watch(self, on: bool) -> None:
+        """Adapt to whether there are pages."""
+        self.runner.watch(on)
+        self._awake.set()
+
     def _feed(self) -> None:
-        """Send states to all clients."""
-        poses = NodePoses(self.setup.robots)
+        """Send states to all clients. While there are none, or the server is busy, none are built."""
+        poses, timing = NodePoses(self.setup.robots), RecentTiming()
         reported, noticed, shown = 0, 0, None
+        reports: dict[str, RobotReport] = {}  # that pages show
         next_time = time.monotonic()
         while not self._over.is_set():
+            self._awake.clear()
             try:
-                state = self.runner.state
+                state = self._state = self.runner.state
             except BaseException as error:
                 self.error = error
                 self.server.call(self.hub.notify_all, f"the session has ended: {error}", True)
                 self._over.set()
                 return
-            if state is not None and state is not shown:
+            if not self.hub.clients:
+                reported, reports = self._reported, {}
+                timing.add(self.runner.report())
+            elif state is not None and state is not shown and self._shown.is_set():
                 shown = state
                 report = None
                 if self._reported > reported:
-                    reported = self._reported
-                    report = report_message(state, self._reports, self._rate(), len(self.hub.clients))
-                self.server.call(self.hub.show, state_message(state, poses), report)
-                for notice in state.notices:
-                    if notice.number > noticed:
-                        noticed = notice.number
-                        self.server.call(self.hub.notify_all, notice.text, notice.warning)
-            next_time = max(next_time + 1.0 / FRAMES, time.monotonic())
-            self._over.wait(next_time - time.monotonic())
+                    reported, reports = self._reported, dict(self._reports)
+                    rate = self._rate(timing, state.at_rest)
+                    report = report_message(state, reports, rate, len(self.hub.clients))
+                self._shown.clear()
+                self.server.call(self._show, state_message(state, poses, reports), report)
+            for notice in () if state is None else state.notices:
+                if notice.number > noticed:
+                    noticed = notice.number
+                    self.server.call(self.hub.notify_all, notice.text, notice.warning)
+            next_time = max(next_time + 1.0 / (FRAMES if self.hub.clients else _UNWATCHED), time.monotonic())
+            if self._awake.wait(next_time - time.monotonic()):
+                next_time = time.monotonic()
+
+    def _show(self, state: StateMessage, report: ReportMessage | None) -> None:
+        self.hub.show(state, report)
+        self._shown.set()
 
     def _report(self) -> None:
-        """Report on all robots."""
+        """Report on all robots, as long as they move and are watched."""
         reporters = {name: Reporter(one) for name, one in self.setup.robots.items()}
+        rested = False  # whether the last reports are of robots at rest
         while not self._over.is_set():
-            begin = time.monotonic()
-            state = self.runner.state if self.error is None else None
+            begin, state = time.monotonic(), self._state
             if state is not None and (self.hub.clients or not self._reports):
-                for name, reporter in reporters.items():
-                    with contextlib.suppress(CinegenError, np.linalg.LinAlgError):  # the last report stays
-                        self._reports[name] = reporter.report(state.robots[name], state.time)
+                if not (rested and state.at_rest):
+                    rested = state.at_rest
+                    for name, reporter in reporters.items():
+                        with contextlib.suppress(CinegenError, np.linalg.LinAlgError):  # the last report stays
+                            self._reports[name] = reporter.report(state.robots[name], state.time)
                 self._reported += 1
             spent = time.monotonic() - begin
             self._over.wait(max(1.0 / REPORTS - spent, spent * (1.0 / _SHARE - 1.0)))
 
-    def _rate(self) -> tuple[float, float]:
-        """Return the ticks per second, and the delay that 99 % of them don't exceed (ms)."""
+    def _rate(self, timing: RecentTiming, at_rest: bool) -> TickRate:
         report = self.runner.report()
-        return (1.0 / report.mean if report.mean > 0.0 else 0.0), 1e3 * report.late.p99
+        ticks, missed = timing.add(report)
+        late = 1e3 * report.late.p99
+        return TickRate(ticks, missed, report.skipped + report.pending, late, at_rest)
 
 
 def title_of(setup: Setup) -> str:

@@ -18,11 +18,11 @@ from typing import Any
 from cinegen.cockpit.build_messages import NodePoses, hello_message, report_message, state_message
 from cinegen.cockpit.cockpit import draw, title_of
 from cinegen.cockpit.hub import Hub
-from cinegen.cockpit.messages import ReportMessage, StateMessage
+from cinegen.cockpit.messages import ReportMessage, StateMessage, TickRate
 from cinegen.cockpit.page import Page
 from cinegen.cockpit.server import Server
 from cinegen.errors import CinegenError
-from cinegen.session import Reporter, SessionRunner, SessionState, Setup
+from cinegen.session import Reporter, RobotReport, SessionRunner, SessionState, Setup
 from raff2urdf.extras import install, needs
 from raff2urdf.files import write_all
 
@@ -104,7 +104,7 @@ def _draw_frames(
                 raise FilmError(f"films need a browser: install chromium ({str(error).splitlines()[0]})") from None
             view: Any = {"width": size[0], "height": size[1]}
             tab = chromium.new_page(viewport=view, bypass_csp=True)  # for the functions below
-            tab.goto(f"{server.url}?camera=1{'&aids=1' if aids else ''}")
+            tab.goto(f"{server.url}&camera=1{'&aids=1' if aids else ''}")
             for number, (frame, frame_report) in enumerate(_messages(setup, states, aids), 1):
                 server.call(hub.show, frame, frame_report)
                 tab.wait_for_function(_SHOWN, arg=number, timeout=_PATIENCE, polling=5)
@@ -139,12 +139,13 @@ def _messages(
     """Yield the state of each frame, and the report of some."""
     poses = NodePoses(setup.robots)
     reporters = {name: Reporter(one) for name, one in setup.robots.items()}
+    found: dict[str, RobotReport] = {}
     for number, state in enumerate(states):
         report = None
         if aids and number % _REPORTED == 0:
             found = {name: one.report(state.robots[name], state.time) for name, one in reporters.items()}
-            report = report_message(state, found, (setup.rate, 0.0), 1)
-        yield state_message(state, poses), report
+            report = report_message(state, found, TickRate(setup.rate, 0, 0, 0.0, False), 1)
+        yield state_message(state, poses, found), report
 
 
 def _encoded(folder: Path, path: Path, ffmpeg: str) -> bytes:

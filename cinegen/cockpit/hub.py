@@ -28,6 +28,13 @@ MOST = 100
 FASTEST = 400
 """Messages per second that a client may send."""
 
+BUDGET = 2000
+"""Messages per second of all clients. Beyond it each gets an equal share, and those that send more must wait. Whoever
+has control need not, up to the rate of one client: clients that take control in turn gain nothing."""
+
+QUEUE = 100
+"""Commands that wait for the session; while there are more, no messages are read."""
+
 PATIENCE = 30.0
 """Time that a client has to acknowledge a state, s."""
 
@@ -45,6 +52,24 @@ class Connection(Protocol):
         """Close the connection."""
 
 
+class TokenBucket:
+    """Limits a rate.
+
+    Args:
+        burst: largest number of tokens, and the number at the start.
+    """
+
+    def __init__(self, burst: float) -> None:
+        self._burst, self._tokens, self._last = burst, float(burst), time.monotonic()
+
+    def take(self, rate: float) -> float:
+        """Take a token, of which `rate` are added per second; return how many are left, negative if there was none."""
+        now = time.monotonic()
+        self._tokens = max(-rate, min(self._burst, self._tokens + (now - self._last) * rate) - 1.0)
+        self._last = now
+        return self._tokens
+
+
 class Client:
     """A client: a page, or a program.
 
@@ -59,18 +84,15 @@ class Client:
         self.sent = 0  # number of the last state
         self.reported = 0  # number of the last report
         self.frames = 0  # number of acknowledged states
-        self._allowed, self._last = float(FASTEST), time.monotonic()
+        self._rate = TokenBucket(FASTEST)
+        self.share = TokenBucket(BUDGET / MOST)  # used while all together send too much
 
     def __repr__(self) -> str:
         return f"<Client {self.number}: {self.frames} states>"
 
     def exceeds_rate(self) -> bool:
         """Return whether it sends too many messages; called for each of them."""
-        now = time.monotonic()
-        self._allowed = min(FASTEST, self._allowed + (now - self._last) * FASTEST)
-        self._last = now
-        self._allowed -= 1.0
-        return self._allowed < 0.0
+        return self._rate.take(FASTEST) < 0.0
 
 
 class Hub:
@@ -80,13 +102,25 @@ class Hub:
         setup: setup of the session.
         send: takes commands.
         hello: returns the first message to a client, by its number.
+        watch: called with whether there are clients, when that changes.
+        waiting: returns the number of commands that were sent and not begun yet.
     """
 
-    def __init__(self, setup: Setup, send: Callable[[Command], None], hello: Callable[[int], HelloMessage]) -> None:
+    def __init__(
+        self,
+        setup: Setup,
+        send: Callable[[Command], None],
+        hello: Callable[[int], HelloMessage],
+        watch: Callable[[bool], None] = lambda on: None,
+        waiting: Callable[[], int] = lambda: 0,
+    ) -> None:
         self.clients: dict[int, Client] = {}
         self.controller: int | None = None
-        self._setup, self._send, self._hello = setup, send, hello
+        self._setup, self._send, self._hello, self._watch = setup, send, hello, watch
+        self._waiting = waiting
         self._count = 0
+        self._budget = TokenBucket(BUDGET)
+        self._control = TokenBucket(FASTEST)
         self._state: tuple[int, StateMessage | None] = (0, None)
         self._report: tuple[int, ReportMessage | None] = (0, None)
         self._texts: dict[bool, str] = {}  # of the newest state, with the report and without
@@ -101,14 +135,21 @@ class Hub:
         self._count += 1
         client = Client(self._count, connection)
         self.clients[client.number] = client
+        if len(self.clients) == 1:
+            self._watch(True)
         connection.send(encode(self._hello(client.number)).decode())
         self._feed(client)
         return client
 
     def leave(self, client: Client) -> None:
         """Remove a client that has gone; its control ends."""
-        if self.clients.pop(client.number, None) is not None and self.controller == client.number:
+        if self.clients.pop(client.number, None) is None:
+            return
+        if self.controller == client.number:
             self._end_control()
+        if not self.clients:
+            self._state, self._report = (self._state[0], None), (self._report[0], None)  # they grow old
+            self._watch(False)
 
     def drop(self, client: Client, reason: str) -> None:
         """Disconnect a client, with a reason."""
@@ -135,6 +176,19 @@ class Hub:
                 self._command(client, message)
         except CommandError as error:
             self.drop(client, str(error))
+
+    def pause(self, client: Client) -> float:
+        """Return the time until the next message of a client is read, s; called after each of them."""
+        if self._budget.take(BUDGET) >= 0.0 or (
+            client.number == self.controller and self._control.take(FASTEST) >= 0.0
+        ):
+            return 0.0
+        share = BUDGET / max(1, len(self.clients))
+        return max(0.0, -client.share.take(share)) / share
+
+    def queue_is_full(self) -> bool:
+        """Return whether the next message must wait for commands that are carried out slowly."""
+        return self._waiting() > QUEUE
 
     def _acknowledged(self, client: Client, frame: int) -> None:
         if client.unacknowledged is not None and client.unacknowledged[0] == frame:

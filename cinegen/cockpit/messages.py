@@ -179,12 +179,18 @@ class TickRate(Struct, frozen=True):
     """Timing of the session's ticks.
 
     Attributes:
-        ticks: ticks per second.
-        late: delay (ms) that 99 % of them don't exceed.
+        ticks: ticks in the last second.
+        missed: deadlines in the last second at which there was no tick.
+        missed_in_all: the same since the session began.
+        late: delay (ms) that 99 % of all ticks since then don't exceed.
+        at_rest: whether nothing moves, so that few ticks are needed.
     """
 
     ticks: float
+    missed: int
+    missed_in_all: int
     late: float
+    at_rest: bool
 
 
 class ReportMessage(SessionInfo, frozen=True, kw_only=True):

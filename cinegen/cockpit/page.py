@@ -10,6 +10,7 @@ import base64
 import html
 import threading
 from collections.abc import Callable, Mapping
+from functools import cache
 from importlib.resources import files
 from typing import Any
 
@@ -115,6 +116,7 @@ class Page:
         return dict(sorted(self._kept.items(), key=lambda item: item[0][1] != "set_object"))
 
 
+@cache
 def viewer() -> str:
     """Return meshcat's viewer, a script."""
     return files("cinegen.cockpit").joinpath("static/vendor/meshcat-0.3.2/main.min.js").read_text(encoding="utf-8")

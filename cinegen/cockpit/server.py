@@ -13,20 +13,23 @@ import hashlib
 import hmac
 import html
 import ipaddress
+import re
 import secrets
 import socket
 import threading
-from collections.abc import Callable
-from functools import partial
+import time
+from collections.abc import AsyncIterator, Callable
+from functools import cache, partial
 from importlib.resources import files
 from typing import Any
-from urllib.parse import urlsplit
+from urllib.parse import urlencode, urlsplit
 
 import tornado.httpserver
 import tornado.web
 import tornado.websocket
+from tornado.iostream import IOStream
 
-from cinegen.cockpit.hub import Client, Hub
+from cinegen.cockpit.hub import FASTEST, MOST, Client, Hub, TokenBucket
 from cinegen.cockpit.page import Page, viewer
 from cinegen.cockpit.served_map import ServedMap
 from cinegen.errors import CinegenError
@@ -34,13 +37,27 @@ from cinegen.errors import CinegenError
 LARGEST = 8192
 """Bytes of a message from a browser; a longer one ends its connection."""
 
+CONNECTIONS = 200
+"""Connections for requests at a time; further ones are closed. Websockets are not among them."""
+
+REQUESTS = 100
+"""Requests per second of all browsers, beyond bursts of 200; further ones wait for their turn."""
+
+_SLOW = 20.0  # s that a browser may take to send a request, and that a connection may be idle
+_TURN = 0.02  # s from one costly request to the next
+_FRESH = 1.0  # s in which a snapshot is not made again
 _ALL = ("", "0.0.0.0", "::")  # addresses that stand for all of this machine
 _PING = 10.0  # s between two questions whether a browser is still there
 _REASON = 123  # bytes of the reason in a close frame (RFC 6455: 125 of a control frame, 2 for the code)
 _NEARBY = "'self' http://localhost:* http://127.0.0.1:* https://localhost:* https://127.0.0.1:*"
 _POLICY = (
-    "default-src 'self'; script-src 'self' 'sha256-{}'; style-src 'self' 'unsafe-inline'; img-src 'self' data: blob:; "
-    "connect-src 'self' ws: wss: data: blob:; object-src 'none'; frame-ancestors {}"
+    "default-src 'self'; script-src 'self' 'sha256-{digest}'; style-src 'self' 'unsafe-inline'; "
+    "img-src 'self' data: blob:; connect-src 'self'{sockets}; object-src 'none'; base-uri 'none'; form-action 'none'; "
+    "frame-ancestors {framed}"
+)
+_SNAPSHOT_POLICY = (
+    "default-src 'none'; script-src 'unsafe-inline'; style-src 'unsafe-inline'; img-src data: blob:; "
+    "frame-ancestors 'none'; sandbox allow-scripts allow-downloads"
 )
 
 
@@ -55,10 +72,13 @@ class Server:
         page: scene that is drawn.
         hub: clients of the session.
         snapshot: returns the page as one file that needs no server.
-        host: address to listen on; one that other machines reach needs a token.
-        token: token that browsers need then; generated unless given.
+        host: address to listen on.
+        token: token that browsers need; generated unless given. Empty: none, then every user of this machine can drive.
         framed: let any other page show this one in a frame, as notebooks do; otherwise only pages of this machine.
         served_map: map that is drawn; None: none.
+
+    Raises:
+        ServerError: no token, and an address that other machines reach.
     """
 
     def __init__(
@@ -73,9 +93,12 @@ class Server:
     ) -> None:
         self.page, self.hub, self.snapshot, self.host, self.framed = page, hub, snapshot, host, framed
         self.map = served_map
-        self.token = token or (None if is_local(host) else secrets.token_urlsafe(16))
+        self.token = secrets.token_urlsafe(16) if token is None else token or None
+        if self.token is None and not is_local(host):
+            raise ServerError(f"other machines reach {host}: a page there needs a token")
         self.port = 0
         self.scenes: set[_Scene] = set()
+        self._snapshot: tuple[float, str] | None = None
         self._loop: asyncio.AbstractEventLoop | None = None
         self._thread: threading.Thread | None = None
 
@@ -89,9 +112,15 @@ class Server:
         """Address of the page on this machine."""
         return self._url("127.0.0.1" if self.host in _ALL else self.host)
 
-    def _url(self, host: str) -> str:
+    @property
+    def session_url(self) -> str:
+        """Address of the websocket of the session, on this machine."""
+        return self._url("127.0.0.1" if self.host in _ALL else self.host, "ws", "session")
+
+    def _url(self, host: str, scheme: str = "http", path: str = "") -> str:
         host = f"[{host}]" if ":" in host else host
-        return f"http://{host}:{self.port}/" + (f"?token={self.token}" if self.token else "")
+        query = f"?{urlencode({'token': self.token})}" if self.token else ""
+        return f"{scheme}://{host}:{self.port}/{path}{query}"
 
     def start(self, port: int = 7000, tries: int = 100) -> None:
         """Start to serve.
@@ -139,7 +168,8 @@ class Server:
     def _run(self, sockets: list[Any], ready: threading.Event) -> None:
         async def run() -> None:
             self._loop = asyncio.get_running_loop()
-            self._over = asyncio.Event()
+            self._over, self.turns, self.queue = asyncio.Event(), asyncio.Lock(), asyncio.Lock()
+            self.requests = TokenBucket(2 * REQUESTS)
             self.page.wake = self._wake
             routes: list[Any] = [
                 ("/", _Index),
@@ -152,9 +182,12 @@ class Server:
             ]
             application = tornado.web.Application(
                 routes, server=self, websocket_ping_interval=_PING, websocket_max_message_size=LARGEST,
-                log_function=_no_log,
+                log_function=_no_log, default_handler_class=_Unknown,
             )  # fmt: skip
-            server = tornado.httpserver.HTTPServer(application, max_header_size=1 << 14, max_body_size=1 << 14)
+            server = _HttpServer(
+                application, max_header_size=1 << 14, max_body_size=1 << 14, idle_connection_timeout=_SLOW,
+                body_timeout=_SLOW,
+            )  # fmt: skip
             server.add_sockets(sockets)
             ready.set()
             await self._over.wait()
@@ -163,10 +196,34 @@ class Server:
 
         asyncio.run(run())
 
+    async def fresh_snapshot(self) -> str:
+        """Return the scene as one file, as it was in the last second; called by one request at a time."""
+        if self._snapshot is None or time.monotonic() - self._snapshot[0] > _FRESH:
+            text = await asyncio.get_running_loop().run_in_executor(None, self.snapshot)
+            self._snapshot = time.monotonic(), text
+        return self._snapshot[1]
+
     def _wake(self) -> None:
         """Wake all connections that draw."""
         for scene in tuple(self.scenes):
             self.call(scene.wake.set)
+
+
+class _HttpServer(tornado.httpserver.HTTPServer):
+    """Closes connections beyond `CONNECTIONS`."""
+
+    _open = 0
+
+    def handle_stream(self, stream: IOStream, address: tuple[Any, ...]) -> None:
+        if self._open >= CONNECTIONS:
+            stream.close()
+            return
+        self._open += 1
+        super().handle_stream(stream, address)
+
+    def on_close(self, server_conn: object) -> None:
+        self._open -= 1
+        super().on_close(server_conn)
 
 
 def _listening_sockets(port: int, host: str) -> list[socket.socket]:
@@ -213,6 +270,17 @@ def _no_log(handler: tornado.web.RequestHandler) -> None:
     """Disable request logging."""
 
 
+_HEADERS = {
+    "X-Content-Type-Options": "nosniff",
+    "Referrer-Policy": "no-referrer",
+    "Cache-Control": "no-store",
+    "Cross-Origin-Opener-Policy": "same-origin",
+    "Cross-Origin-Resource-Policy": "same-origin",
+    "Permissions-Policy": "camera=(), geolocation=(), microphone=()",
+    "Content-Security-Policy": "default-src 'none'; frame-ancestors 'none'",
+}
+
+
 class _Guarded(tornado.web.RequestHandler):
     """Base of the handlers. It accepts requests to a name of this machine, so that a foreign page can't rebind its own
     name to it, or requests with the token."""
@@ -223,8 +291,12 @@ class _Guarded(tornado.web.RequestHandler):
         server: Server = self.settings["server"]
         return server
 
-    def prepare(self) -> None:
-        """Refuse other requests."""
+    async def prepare(self) -> None:
+        """Refuse other requests, and let those beyond the budget wait."""
+        if self.server.requests.take(REQUESTS) < 0.0:
+            async with self.server.queue:
+                if not self._has_gone():
+                    await asyncio.sleep(1.0 / REQUESTS)
         if self.server.token is None:
             if not is_local(_hostname(self.request.host)):
                 raise tornado.web.HTTPError(403, reason="Served to this machine only")
@@ -237,23 +309,62 @@ class _Guarded(tornado.web.RequestHandler):
         given = self.get_query_argument("token", "")
         return hmac.compare_digest(given.encode(), str(self.server.token).encode())
 
+    def log_exception(self, kind: Any, error: Any, trace: Any) -> None:
+        """Log errors of this program; those of a request are sent to the browser."""
+        if not isinstance(error, tornado.web.HTTPError):
+            super().log_exception(kind, error, trace)
+
     def set_default_headers(self) -> None:
-        self.set_header("X-Content-Type-Options", "nosniff")
-        self.set_header("Referrer-Policy", "no-referrer")
-        self.set_header("Cache-Control", "no-store")
+        for name, value in _HEADERS.items():
+            self.set_header(name, value)
+        self.clear_header("Server")
+
+    @contextlib.asynccontextmanager
+    async def turn(self) -> AsyncIterator[None]:
+        """Wait until all costly requests that came before are answered.
+
+        Raises:
+            HTTPError: the browser has gone meanwhile.
+        """
+        async with self.server.turns:
+            if self._has_gone():
+                raise tornado.web.HTTPError(408)
+            yield
+            await asyncio.sleep(_TURN)
+
+    def _has_gone(self) -> bool:
+        stream = getattr(self.request.connection, "stream", None)
+        return stream is not None and stream.closed()
+
+
+class _Unknown(_Guarded):
+    """Addresses at which there is nothing."""
+
+    is_private = False
+
+    async def prepare(self) -> None:
+        await super().prepare()
+        raise tornado.web.HTTPError(404)
 
 
 class _Index(_Guarded):
     """The page."""
 
     def get(self) -> None:
-        text = files("cinegen.cockpit").joinpath("static/index.html").read_text(encoding="utf-8")
+        text = _index()
         inline = text.partition('<script type="importmap">')[2].partition("</script>")[0]  # the only one
         digest = base64.b64encode(hashlib.sha256(inline.encode()).digest()).decode()
-        self.set_header(
-            "Content-Security-Policy", _POLICY.format(digest, "* vscode-webview:" if self.server.framed else _NEARBY)
-        )
+        host = self.request.host  # 'self' does not stand for websockets in all browsers
+        sockets = f" ws://{host} wss://{host}" if re.fullmatch(r"[\w.:\[\]-]+", host, re.ASCII) else ""
+        framed = "* vscode-webview:" if self.server.framed else _NEARBY
+        policy = _POLICY.format(digest=digest, sockets=sockets, framed=framed)
+        self.set_header("Content-Security-Policy", policy)
         self.write(text.replace("{{title}}", html.escape(self.server.page.title)))
+
+
+@cache
+def _index() -> str:
+    return files("cinegen.cockpit").joinpath("static/index.html").read_text(encoding="utf-8")
 
 
 class _Viewer(_Guarded):
@@ -261,18 +372,20 @@ class _Viewer(_Guarded):
 
     is_private = False
 
-    def get(self) -> None:
+    async def get(self) -> None:
         self.set_header("Content-Type", "text/javascript; charset=utf-8")
-        self.write(viewer())
+        async with self.turn():
+            self.write(viewer())
 
 
 class _Snapshot(_Guarded):
     """The present scene as one file."""
 
     async def get(self) -> None:
-        text = await asyncio.get_running_loop().run_in_executor(None, self.server.snapshot)
         self.set_header("Content-Disposition", 'inline; filename="snapshot.html"')
-        self.write(text)
+        self.set_header("Content-Security-Policy", _SNAPSHOT_POLICY)
+        async with self.turn():
+            self.write(await self.server.fresh_snapshot())
 
 
 class _Static(_Guarded, tornado.web.StaticFileHandler):
@@ -295,7 +408,8 @@ class _Map(_Guarded):
         read = {"about.json": served.about, "cells.bin": served.block}.get(name)
         loop = asyncio.get_running_loop()
         try:
-            answer = await loop.run_in_executor(None, read or partial(served.cell, int(name.removeprefix("cell/"))))
+            async with self.turn():
+                answer = await loop.run_in_executor(None, read or partial(served.cell, int(name.removeprefix("cell/"))))
         except (CinegenError, OSError, ValueError) as error:  # it was removed
             raise tornado.web.HTTPError(404, reason="The map can't be read any more") from error
         if answer is None:
@@ -308,8 +422,11 @@ class _Map(_Guarded):
 class _Socket(tornado.websocket.WebSocketHandler, _Guarded):  # tornado's own check_origin refuses foreign pages
     """A websocket."""
 
-    def prepare(self) -> None:
-        super().prepare()
+    def initialize(self) -> None:
+        self._pings = TokenBucket(FASTEST)
+
+    async def prepare(self) -> None:
+        await super().prepare()
         try:
             urlsplit(self.request.headers.get("Origin", ""))  # as tornado does, where it raises
         except ValueError:
@@ -321,24 +438,32 @@ class _Socket(tornado.websocket.WebSocketHandler, _Guarded):  # tornado's own ch
             reason = reason.encode(errors="backslashreplace")[:_REASON].decode(errors="ignore")
         super().close(code, reason)
 
+    def on_ping(self, data: bytes) -> None:
+        if self._pings.take(FASTEST) < 0.0:
+            self.close(1008, f"more than {FASTEST} pings per second")
+
 
 class _Scene(_Socket):
     """Drawing commands, the newest only: each browser gets them as fast as it accepts them."""
 
     def open(self, *_: str, **__: str) -> None:
+        if len(self.server.scenes) >= MOST:
+            self.close(1013, f"this session has {MOST} clients already")
+            return
         self.wake = asyncio.Event()
-        self.wake.set()
         self.feed = self.server.page.feed()
         self.server.scenes.add(self)
         self.task = asyncio.ensure_future(self._send())
 
     async def _send(self) -> None:
         with contextlib.suppress(tornado.websocket.WebSocketClosedError):
+            async with self.server.turns:  # the whole scene
+                await asyncio.sleep(_TURN)
             while True:
-                await self.wake.wait()
                 self.wake.clear()
                 for message in self.feed.take():
                     await self.write_message(message, binary=True)
+                await self.wake.wait()
 
     def on_message(self, message: str | bytes) -> None:
         self.close(1008, "this connection takes no messages")
@@ -354,6 +479,7 @@ class _Session(_Socket):
     """Messages to and from a client."""
 
     client: Client | None = None
+    _sending: asyncio.Future[None] | None = None  # the last message
 
     def open(self, *_: str, **__: str) -> None:
         self.set_nodelay(True)
@@ -362,11 +488,21 @@ class _Session(_Socket):
     def send(self, text: str) -> None:
         """See `Connection`."""
         with contextlib.suppress(tornado.websocket.WebSocketClosedError):
-            self.write_message(text).add_done_callback(_sent)
+            self._sending = self.write_message(text)
+            self._sending.add_done_callback(_sent)
 
-    def on_message(self, message: str | bytes) -> None:
-        if self.client is not None:
-            self.server.hub.receive(self.client, message)
+    async def on_message(self, message: str | bytes) -> None:
+        """Pass on a message. The next is read when the client has taken what was sent to it, and it is its turn."""
+        if self.client is None:
+            return
+        self.server.hub.receive(self.client, message)
+        if self._sending is not None and not self._sending.done():
+            await asyncio.wait((self._sending,))
+        pause = self.server.hub.pause(self.client)
+        if pause > 0.0:
+            await asyncio.sleep(pause)
+        while self.server.hub.queue_is_full():
+            await asyncio.sleep(_TURN)
 
     def on_close(self) -> None:
         if self.client is not None:

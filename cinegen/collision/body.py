@@ -22,10 +22,10 @@ Pairs = Sequence[tuple[int, int]]
 
 
 class PlacedShape(NamedTuple):
-    """A convex shape (m) and its pose in some frame."""
+    """A shape (m) and its pose in some frame."""
 
     placement: pin.SE3
-    shape: coal.ShapeBase
+    shape: coal.CollisionGeometry
 
 
 @dataclass(frozen=True, eq=False)
@@ -37,12 +37,22 @@ class Body:
         joint: Pinocchio's index of the joint; 0 is the world.
         placement: pose of the shape in the frame of that joint.
         shape: coal's shape, m. `Clearance` takes convex ones: sphere, box, capsule, hull ...
+        exact: the shape of the description where `shape` only contains it, placed in the frame of `shape`: a mesh that
+            is not convex, a box in a capsule ...; None where `shape` is exact.
     """
 
     name: str
     joint: int
     placement: pin.SE3
     shape: coal.CollisionGeometry
+    exact: PlacedShape | None = None
+
+    @cached_property
+    def as_described(self) -> Body:
+        """The same body with its exact shape."""
+        if self.exact is None:
+            return self
+        return Body(self.name, self.joint, self.placement * self.exact.placement, self.exact.shape)
 
     @cached_property
     def centre(self) -> Array:

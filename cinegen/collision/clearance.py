@@ -4,6 +4,7 @@ motion."""
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from typing import Any, NamedTuple
 
 import coal
@@ -14,20 +15,32 @@ from numpy.typing import NDArray
 
 from cinegen.collision._kernels.memory import ClearanceMemory
 from cinegen.collision._kernels.near import approach
-from cinegen.collision._kernels.sweep import sweep
-from cinegen.collision.body import Body, geometry_model
+from cinegen.collision._kernels.sweep import advance, sweep
+from cinegen.collision.body import Body, bounding_box_corners, geometry_model
 from cinegen.collision.errors import PlanningError
-from cinegen.collision.links import link_bodies
+from cinegen.collision.exact_distances import ExactDistances
 from cinegen.collision.obstacle import Obstacle
 from cinegen.collision.scene import Scene
-from cinegen.collision.self_collision import collision_pairs
+from cinegen.collision.self_collision import PairReason, link_pairs
 from cinegen.jit.compiled import prepare
-from cinegen.jit.foreign import DISTANCE, FIRST_POINT, NORMAL, SECOND_POINT, DistanceResults, JointKinematics
+from cinegen.jit.foreign import (
+    DISTANCE,
+    FIRST_POINT,
+    NORMAL,
+    RESULT_WIDTH,
+    SECOND_POINT,
+    DistanceResults,
+    JointKinematics,
+)
 from cinegen.joints import kinematic_data, supporting_columns
 from cinegen.model import Mechanism
 
 Array = NDArray[np.float64]
 Table = NDArray[np.int64]
+
+
+EXACT_WITHIN = 0.02
+"""Of the characteristic length: default of `Clearance.exact_within`."""
 
 
 class NearPairs(NamedTuple):
@@ -48,11 +61,20 @@ class NearPairs(NamedTuple):
 class Clearance:
     """Distances of a mechanism among obstacles. It has Pinocchio data of its own: one thread at a time.
 
+    Distances are those of the convex bodies; where these are nearer to each other than `exact_within`, those of the
+    exact shapes that they contain, up to a few times as far. So no distance is overestimated, and those below
+    `exact_within` are exact. Where meshes overlap, the distance is the negative penetration depth of the convex bodies,
+    which is at least as deep.
+
     Args:
         mechanism: robot.
         links: bodies of its links.
         obstacles: obstacles in the world.
         pairs: pairs of links that may collide, indices into `links`.
+        exact_within: distance (with offset) of convex bodies below which exact shapes are measured, m; above any safety
+            distance. By default 0.02 characteristic lengths.
+        self_offset: difference between the clearances from obstacles and between links, m. It is added to distances
+            between links that do not touch, so that a single safety distance applies to all pairs.
 
     Attributes:
         mechanism: as given.
@@ -62,6 +84,7 @@ class Clearance:
         pairs: (pairs, 2) indices into `bodies`: pairs of links first, then each moving link with each piece.
         groups: (pairs,) index of the obstacle of each pair; beyond these, a number for each pair of joints whose links
             may collide.
+        every_pair: (pairs,) indices of all pairs.
 
     Raises:
         PlanningError: a moving link is a half-space.
@@ -73,6 +96,8 @@ class Clearance:
         links: Sequence[Body],
         obstacles: Sequence[Obstacle] = (),
         pairs: Sequence[tuple[int, int]] = (),
+        exact_within: float | None = None,
+        self_offset: float = 0.0,
     ) -> None:
         self.mechanism, self.links, self.obstacles = mechanism, tuple(links), tuple(obstacles)
         pieces = [piece for obstacle in obstacles for piece in obstacle.bodies]
@@ -87,6 +112,9 @@ class Clearance:
         self.pairs = np.array(found, dtype=np.int64).reshape(-1, 2)
         self.groups = _groups(self.pairs, self.links, self.obstacles)
         self.results = DistanceResults(self._geometry.createData())
+        self._exact = ExactDistances(self.bodies, self.pairs)
+        self.exact_within = EXACT_WITHIN * mechanism.length if exact_within is None else exact_within
+        self._offsets = np.where((self.pairs < len(self.links)).all(axis=1), self_offset, 0.0)
         self._kinematics = JointKinematics(self._data)
         ends, radii = _capsule_ends(self.bodies)
         most = len(found) + 2 * int((radii[self.pairs] >= 0.0).sum())  # rows, if all pairs are near
@@ -96,12 +124,14 @@ class Clearance:
         memory.pair[:], memory.joint[:] = self.pairs, [body.joint for body in self.bodies]
         memory.ends[:], memory.radius[:] = ends, radii
         memory.ball[:] = np.reshape([[*body.centre, body.radius] for body in self.bodies], (-1, 4))
+        memory.box[:] = np.reshape([_bounding_box(body) for body in self.bodies], (-1, 5, 3))
         memory.moved_by[:] = [supporting_columns(model, joint) for joint in range(model.njoints)]
         memory.point_at("results", self.results.table)
         memory.point_at("frames", self._kinematics.frames)
         memory.point_at("screws", self._kinematics.screws)
         self.joints, self.moved_by = memory.joint, memory.moved_by
-        self._approach, self._sweep = prepare_clearance()
+        self._approach, self._sweep, self._advance = prepare_clearance()
+        self.every_pair = np.arange(len(self.pairs))
         self._at: Array | None = None
 
     # --- distances -----------------------------------------------------------------------------------------------
@@ -110,7 +140,10 @@ class Clearance:
         """Move an obstacle, by its index, to another pose in the world."""
         first = len(self.links) + sum(len(one.pieces) for one in self.obstacles[:obstacle])
         for i, piece in enumerate(self.obstacles[obstacle].pieces, first):
-            self._geometry.geometryObjects[i].placement = placement * piece.placement
+            moved = replace(piece, placement=placement * piece.placement)
+            self._geometry.geometryObjects[i].placement = moved.placement
+            self._exact.move(i, moved.as_described.placement)
+            self.memory.ball[i, :3], self.memory.box[i] = moved.centre, _bounding_box(moved)
         self._at = None
 
     def update(self, q: Array) -> None:
@@ -123,6 +156,11 @@ class Clearance:
             pin.updateGeometryPlacements(self._model, self._data, self._geometry, self.results.shapes)
             pin.computeDistances(self._geometry, self.results.shapes)
             self.results.read()
+            table = self.results.table
+            convex = table[:, DISTANCE].copy()
+            self._exact.refine(table, np.maximum(self.exact_within - self._offsets, 0.0), self._data.oMi)
+            table[:, DISTANCE] += np.where(table[:, DISTANCE] > 0.0, self._offsets, 0.0)
+            self.memory.excess[:] = table[:, DISTANCE] - convex
             self.memory.point_at("results", self.results.table)
         self._kinematics.read()
         self._at = q.copy()
@@ -143,6 +181,14 @@ class Clearance:
         row = self.results.table[pair]
         first, second = row[FIRST_POINT : FIRST_POINT + 3], row[SECOND_POINT : SECOND_POINT + 3]
         return first.copy(), second.copy(), row[NORMAL : NORMAL + 3].copy()
+
+    def offset(self, pair: int) -> float:
+        """Return how much is added to the distance of a pair that does not touch, m."""
+        return float(self._offsets[pair])
+
+    def placement(self, body: int) -> pin.SE3:
+        """Return the pose of a body's shape in the world, by its index in `bodies`, at the last update."""
+        return self.results.shapes.oMg[body]
 
     def names(self, pair: int) -> tuple[str, str]:
         """Return the names of the two bodies of a pair."""
@@ -173,18 +219,69 @@ class Clearance:
             self._sweep(self.memory.handle)
         return self.memory.before, self.memory.bounds
 
+    def uncertain(self, q: Array, motion: Array, safety: float, pairs: Table) -> Table | None:
+        """Return the pairs that may come nearer than a distance on a straight motion about a configuration.
 
-def clearance_of(scene: Scene) -> Clearance:
-    """Return the clearance of a scene's robot among its obstacles, without the pairs that the scene allows to
-    collide."""
-    links, pairs = scene.mechanism.derived(links_of) if scene.bodies is None else (scene.bodies, ())
-    return Clearance(scene.mechanism, links, scene.obstacles, scene.checked_pairs(links, pairs))
+        Distances are measured only where bounding volumes do not decide.
+
+        Args:
+            q: (nq,) configuration.
+            motion: (nv,) by how much each joint moves at most from q, rad and m.
+            safety: the distance, m.
+            pairs: pairs that are tested, such as `every_pair`.
+
+        Returns:
+            pairs whose distance at q is not above `safety` by more than its change; None if one of them is nearer at q.
+        """
+        if not len(pairs):
+            return pairs
+        pin.computeJointJacobians(self._model, self._data, q)
+        self._kinematics.read()
+        self._at, memory = None, self.memory
+        memory.motion[:], memory.asked[: len(pairs)] = motion, pairs
+        left = memory.asked[: self._advance(memory.handle, len(pairs), safety)]
+        if not len(left):
+            return left.copy()
+        pin.updateGeometryPlacements(self._model, self._data, self._geometry, self.results.shapes)
+        found = []
+        for pair in left.tolist():
+            row = np.zeros(RESULT_WIDTH)
+            row[DISTANCE] = pin.computeDistance(self._geometry, self.results.shapes, pair).min_distance
+            within = max(self.exact_within - self._offsets[pair], 0.0)
+            self._exact.refine_pair(pair, row, within, self._data.oMi, {})
+            distance = row[DISTANCE] + self._offsets[pair] * (row[DISTANCE] > 0.0)
+            if distance < safety:
+                return None
+            if distance - memory.bounds[pair] < safety:
+                found.append(pair)
+        return np.array(found, dtype=np.int64)
+
+
+def clearance_of(scene: Scene, is_exact: bool = False) -> Clearance:
+    """Return the clearance of a scene's robot among its obstacles, without the pairs that the scene allows to collide.
+
+    Args:
+        scene: scene.
+        is_exact: whether exact shapes are measured at all distances, without an offset between links, for maps and
+            reports. Otherwise the offset is `safety` - `self_clearance`: for motion.
+    """
+    mechanism = scene.mechanism
+    links, pairs = links_of(mechanism) if scene.bodies is None else (scene.bodies, ())
+    within = 1.5 * scene.safety + 2e-3 * mechanism.length  # above the distances at which motions stop
+    return Clearance(
+        mechanism,
+        links,
+        scene.obstacles,
+        scene.checked_pairs(links, pairs),
+        np.inf if is_exact else within,
+        0.0 if is_exact else scene.safety - scene.self_clearance,
+    )
 
 
 def links_of(mechanism: Mechanism) -> tuple[tuple[Body, ...], tuple[tuple[int, int], ...]]:
     """Return a mechanism's bodies, and the pairs of them that may collide."""
-    bodies = link_bodies(mechanism)
-    return bodies, collision_pairs(mechanism, bodies)
+    links = mechanism.derived(link_pairs)
+    return links.bodies, links.of(PairReason.CHECKED)
 
 
 def _groups(pairs: Table, links: Sequence[Body], obstacles: Sequence[Obstacle]) -> Table:
@@ -209,6 +306,21 @@ def _capsule_ends(bodies: Sequence[Body]) -> tuple[Array, Array]:
     return ends, radii
 
 
+def _bounding_box(body: Body) -> Array:
+    """Return the bounding box (5, 3) of a body in the frame of its joint: three axes, the centre, and half of the size
+    along them, m; infinite for a half-space."""
+    axes = body.placement.rotation.T
+    if not np.isfinite(body.radius):
+        return np.vstack([axes, np.zeros(3), np.full(3, np.inf)])
+    corners = bounding_box_corners(body.shape)
+    low, high = corners.min(axis=0), corners.max(axis=0)
+    return np.vstack([axes, body.placement.act((low + high) / 2.0), (high - low) / 2.0])
+
+
 def prepare_clearance() -> tuple[Callable[..., Any], ...]:
     """Compile the kernels, or load them from disk."""
-    return prepare(approach, ClearanceMemory, types.float64), prepare(sweep, ClearanceMemory)
+    return (
+        prepare(approach, ClearanceMemory, types.float64),
+        prepare(sweep, ClearanceMemory),
+        prepare(advance, ClearanceMemory, types.int64, types.float64),
+    )

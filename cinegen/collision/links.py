@@ -1,13 +1,15 @@
 """The links of a mechanism as convex bodies, made once, between which distances are fast.
 
 Distances between capsules are ten times as fast as between hulls, and need no iteration: a capsule is used where it is
-nearly as tight as the convex hull.
+nearly as tight as the convex hull. Each body keeps the shape of the description, too, where it only contains that:
+`Clearance` measures it where bodies are near.
 """
 
 from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Sequence
+from dataclasses import replace
 
 import coal
 import numpy as np
@@ -17,6 +19,7 @@ from numpy.typing import NDArray
 from cinegen.collision.body import Body, PlacedShape, bounding_box_corners, rounded_hull
 from cinegen.collision.capsule import BoundingCapsule, bounding_capsule
 from cinegen.collision.convex_hull import hull, simplified
+from cinegen.collision.triangle_mesh import TriangleMesh
 from cinegen.model.mechanism import Mechanism
 
 Array = NDArray[np.float64]
@@ -26,6 +29,7 @@ TIGHT = 1.75
 (1.7), as does a cylinder as wide as it is long (1.7); a cube does not."""
 
 _SAME = 1e-9  # m
+_SOLID = (coal.Sphere, coal.Capsule, coal.Box, coal.Cylinder, coal.Convex)  # outer shapes of `is_inside`
 
 
 def link_bodies(mechanism: Mechanism) -> tuple[Body, ...]:
@@ -33,8 +37,7 @@ def link_bodies(mechanism: Mechanism) -> tuple[Body, ...]:
 
     They contain the shapes with which the links collide (`Mechanism.collision`): those that a URDF gives for
     collisions; for a link without any, its visual shapes; where there are none either, the bars of the stick figure.
-    Each shape has a body of its own, see `convex_shape`; a body inside another one on the same joint is left out,
-    whichever link it belongs to.
+    Each shape has a body of its own, see `convex_shape`; a shape inside a convex one of the same link is left out.
 
     Returns:
         bodies in the order of the mechanism's nodes, each named after its node. m, in the frames of the joints.
@@ -48,18 +51,47 @@ def link_bodies(mechanism: Mechanism) -> tuple[Body, ...]:
         mechanism.collision.geometryObjects,
         key=lambda shape: rank.get(frames[shape.parentFrame].name, len(rank)),
     )
-    found = [
-        Body(frames[one.parentFrame].name, one.parentJoint, *convex_shape(one.geometry, one.placement)) for one in drawn
-    ]
-    return tuple(_outermost(found))
+    found = [_body(frames[one.parentFrame].name, one.parentJoint, one.geometry, one.placement) for one in drawn]
+    return tuple(_outermost([_with_round_ends(body, found) for body in found]))
+
+
+def _body(name: str, joint: int, drawn: coal.CollisionGeometry, placement: pin.SE3) -> Body:
+    """Return the body of a shape, with the shape itself where the body only contains it."""
+    enclosing, exact = convex_shape(drawn, placement), drawn
+    if isinstance(drawn, coal.BVHModelOBBRSS) and TriangleMesh(drawn).is_convex:
+        exact = hull(np.array(drawn.vertices())).shape
+    if exact is enclosing.shape or _is_same_hull(exact, enclosing.shape):
+        return Body(name, joint, *enclosing)
+    return Body(name, joint, *enclosing, PlacedShape(enclosing.placement.actInv(placement), exact))
+
+
+def _is_same_hull(exact: coal.CollisionGeometry, enclosing: coal.ShapeBase) -> bool:
+    """Return whether a convex hull was not simplified."""
+    both = isinstance(exact, coal.Convex) and isinstance(enclosing, coal.Convex)
+    return both and bool(exact.num_points == enclosing.num_points)
+
+
+def _with_round_ends(body: Body, others: Sequence[Body]) -> Body:
+    """Return the body itself; for a capsule around a cylinder between two balls, as URDFs describe one, the capsule."""
+    if body.exact is None or not (isinstance(body.exact.shape, coal.Cylinder) and isinstance(body.shape, coal.Capsule)):
+        return body
+    ends = [pin.SE3(np.eye(3), np.array([0.0, 0.0, z * body.shape.halfLength])) for z in (-1.0, 1.0)]
+    balls = [PlacedShape(body.placement * end, coal.Sphere(body.shape.radius)) for end in ends]
+    own = [other for other in others if other.joint == body.joint and isinstance(other.shape, coal.Sphere)]
+    return replace(body, exact=None) if all(any(is_inside(ball, one) for one in own) for ball in balls) else body
 
 
 def _outermost(bodies: Sequence[Body]) -> Iterator[Body]:
-    """Yield the bodies that are not inside another one on their joint; of several equal ones, the first."""
-    for i, inner in enumerate(bodies):
-        others = [j for j, other in enumerate(bodies) if j != i and other.joint == inner.joint]
-        if not any(is_inside(inner, bodies[j]) and not (i < j and is_inside(bodies[j], inner)) for j in others):
-            yield inner
+    """Yield the bodies whose shapes are not inside a convex one of their link; of several equal ones, the first."""
+    exact = [body.as_described for body in bodies]
+    for i, inner in enumerate(exact):
+        others = [j for j, other in enumerate(exact) if j != i and other.name == inner.name]
+        if not any(_holds(exact[j], inner) and not (i < j and _holds(inner, exact[j])) for j in others):
+            yield bodies[i]
+
+
+def _holds(outer: Body, inner: Body) -> bool:
+    return isinstance(outer.shape, _SOLID) and is_inside(inner, outer)
 
 
 # --- the tightest convex shape -----------------------------------------------------------------------------------
@@ -109,7 +141,8 @@ def _on_axis(radius: float, half: float, axis: int) -> BoundingCapsule:
 def is_inside(inner: PlacedShape | Body, outer: PlacedShape | Body) -> bool:
     """Return whether a convex shape is inside another in the same frame, to 1e-9 m.
 
-    Each is a sphere, capsule, box, cylinder or hull; the inner cylinder counts as the prism of 32 sides around it.
+    The outer one is a sphere, capsule, box, cylinder or hull, the inner one any that `rounded_hull` takes: a cylinder
+    counts as the prism of 32 sides around it, a mesh as its hull.
     """
     points, radius = rounded_hull(inner.shape)
     points = points @ inner.placement.rotation.T + inner.placement.translation

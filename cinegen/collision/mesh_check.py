@@ -1,7 +1,7 @@
 """`MeshCheck`: contact between the shapes of a mechanism as its description gives them, along a path.
 
-Planners measure distances between convex solids around the links, and leave out pairs of these that overlap in every
-configuration. This check is independent of both: it takes the meshes themselves, by coal's bounding volume hierarchies.
+Planners keep distances between links by `Clearance`, which measures convex bodies first. This check is independent of
+these: it takes only the meshes themselves, by coal's bounding volume hierarchies.
 """
 
 from __future__ import annotations
@@ -14,16 +14,16 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import NDArray
 
-from cinegen.collision.body import Body, geometry_model
+from cinegen.collision.body import Body, Pairs, geometry_model
 from cinegen.collision.scene import Scene
-from cinegen.collision.self_collision import classified_pairs
+from cinegen.collision.self_collision import PairReason, link_pairs
 from cinegen.errors import ClosureError
 from cinegen.joints import kinematic_data
 from cinegen.model import Mechanism
 
 Array = NDArray[np.float64]
 
-STEP = 1e-3
+STEP = 1e-2
 """Of the characteristic length: by how much a shape moves at most from one checked configuration to the next."""
 
 
@@ -44,7 +44,7 @@ class MeshCheck:
     """Checks a scene's robot for contact with itself and with the obstacles.
 
     Pairs of links are left out where they are adjacent by structure, where their meshes touch in every sampled
-    configuration (`classified_pairs`), and where the scene allows their collision.
+    configuration (`pair_reasons`), and where the scene allows their collision.
 
     Args:
         scene: with the robot; a mobile robot is checked as the disc that it is.
@@ -57,7 +57,7 @@ class MeshCheck:
     def __init__(self, scene: Scene) -> None:
         mechanism = self._mechanism = scene.mechanism
         if scene.bodies is None:
-            self._bodies, pairs, always = mechanism.derived(_meshes_of)
+            self._bodies, pairs, always = meshes_of(mechanism)
         else:
             self._bodies, pairs, always = scene.bodies, (), ()
         obstacles = [body for obstacle in scene.obstacles for body in obstacle.bodies]
@@ -122,13 +122,8 @@ class MeshCheck:
         return [self._data.oMi[body.joint].copy() for body in self._bodies]
 
 
-def _meshes_of(
-    mechanism: Mechanism,
-) -> tuple[tuple[Body, ...], tuple[tuple[int, int], ...], tuple[tuple[int, int], ...]]:
-    """Return the shapes that a mechanism collides with, unchanged, the pairs to check, and those that always touch."""
-    frames = mechanism.model.frames
-    bodies = tuple(
-        Body(frames[piece.parentFrame].name, piece.parentJoint, piece.placement, piece.geometry)
-        for piece in mechanism.collision.geometryObjects
-    )
-    return bodies, *classified_pairs(mechanism, bodies)
+def meshes_of(mechanism: Mechanism) -> tuple[tuple[Body, ...], Pairs, Pairs]:
+    """Return the shapes that a mechanism collides with, the pairs to check, and those that always touch."""
+    links = mechanism.derived(link_pairs)
+    bodies = tuple(body.as_described for body in links.bodies)
+    return bodies, links.of(PairReason.CHECKED), links.of(PairReason.ALWAYS)

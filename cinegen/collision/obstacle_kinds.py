@@ -15,10 +15,15 @@ import pinocchio as pin
 
 from cinegen.collision.body import PlacedShape
 from cinegen.collision.convex_hull import hull, prism
+from cinegen.collision.links import link_bodies
 from cinegen.collision.polygon import convex_pieces, polygon_error
 from cinegen.collision.scene_table import FURTHEST, LEAST, SceneTable
-from raff2urdf.errors import did_you_mean
+from cinegen.errors import CinegenError, ClosureError
+from cinegen.joints import kinematic_data
+from cinegen.model import load
+from raff2urdf.errors import RaffError, did_you_mean
 from raff2urdf.graphics.meshes import CONVERTED, SHOWN, converted
+from raff2urdf.quantities import ANGLE, LENGTH
 
 if TYPE_CHECKING:
     import trimesh
@@ -104,6 +109,34 @@ def _mesh(table: SceneTable, folder: Path) -> list[PlacedShape]:
     return [_mesh_part(table, part, take_hull, label) for part, label in zip(parts, labels, strict=True)]
 
 
+def _robot(table: SceneTable, folder: Path) -> list[PlacedShape]:
+    """Another robot that stands still: `file`, and `joints`, the values of some of its joints, the others at home. With
+    loops, the named joints keep their values, and the others follow. Its links are convex bodies (`link_bodies`)."""
+    path = table.file("file", folder)
+    try:
+        mechanism = load(path)
+        bodies = link_bodies(mechanism)
+    except (CinegenError, RaffError, OSError) as error:
+        raise table.error("file", f"can't be loaded: {error}") from None
+    q = np.array(mechanism.q_home)
+    if "joints" in table:
+        joints = table.table("joints")
+        joints.know(*mechanism.joints)
+        joints.finish()
+        values = {
+            name: joints.number(name, LENGTH if mechanism.is_prismatic(name) else ANGLE)
+            for name in mechanism.joints
+            if name in joints
+        }
+        try:
+            q = mechanism.close(mechanism.configuration(values), locked=values)
+        except ClosureError as error:
+            raise table.error("joints", f"do not allow closed loops: {error}") from None
+    data = kinematic_data(mechanism.model)
+    pin.forwardKinematics(mechanism.model, data, q)
+    return [PlacedShape(data.oMi[body.joint] * body.placement, body.shape) for body in bodies]
+
+
 KINDS: Mapping[str, Callable[[SceneTable, Path], list[PlacedShape]]] = {
     "sphere": _sphere,
     "box": _box,
@@ -114,6 +147,7 @@ KINDS: Mapping[str, Callable[[SceneTable, Path], list[PlacedShape]]] = {
     "disc": _disc,
     "polygon": _polygon,
     "mesh": _mesh,
+    "robot": _robot,
 }
 
 

@@ -8,7 +8,7 @@ from copy import deepcopy
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import pinocchio as pin
@@ -19,9 +19,31 @@ from cinegen.collision.mobile_robot import X, Y, mobile_body
 from cinegen.collision.obstacle import Obstacle
 from cinegen.collision.scene_table import pose_keys
 from cinegen.html import table
+from cinegen.joints import supporting_columns
+from cinegen.loops.closed_loops import linked
 from cinegen.model import Mechanism
 
 Array = NDArray[np.float64]
+
+
+class PathConstraints(NamedTuple):
+    """Constraints that a node satisfies all along a path, relative to its pose at the start.
+
+    Attributes:
+        upright: it rotates about the vertical only.
+        line: (3,) unit direction of the line through its position at the start, on which it stays; None for none.
+        plane: (3,) unit normal of the plane through its position at the start, in which it stays; None for none.
+    """
+
+    upright: bool = False
+    line: Array | None = None
+    plane: Array | None = None
+
+    def __bool__(self) -> bool:
+        return self.upright or self.line is not None or self.plane is not None
+
+
+UNCONSTRAINED = PathConstraints()
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -41,14 +63,23 @@ class Scene:
         obstacles: each with a unique name.
         start: (nq,) configuration within all limits, loops closed.
         node: node that is to reach the goal.
-        goal: goal pose of that node.
+        goal: goal pose of that node; that in the goal configuration, if joint values are the goal.
         translation: number of translations of the goal that count, along the world's axes: 3 all, 2 only x and y.
         rotation: number of rotations of the goal that count: 3 all, 1 only the rotation about the world's z axis, 0
             none.
         safety: safety distance, to be kept from obstacles.
+        self_clearance: distance to be kept between the robot's links, at most `safety`.
         influence: distance at which fields start to act (the paper's range of influence); None: chosen by the planner.
         up: (3,) unit vector upward, for paths over and under obstacles; None: along z.
         allowed_collisions: pairs of the robot's nodes that are not checked against each other.
+        goal_joints: names of the joints whose values are the goal, instead of a pose; none if a pose is.
+        goal_configuration: (nq,) configuration within all limits, loops closed, with these values; None for a pose.
+        locked: names of joints that keep their values of the start along a path.
+        tolerance: (3,) of a region as goal: largest differences of the node's position along the world's axes; None
+            for a point.
+        cone: of a region as goal: largest angle of the node's z axis with that of the goal pose, the rotation about it
+            free; None for an orientation.
+        path_constraints: constraints of the node along the path.
     """
 
     name: str
@@ -67,6 +98,13 @@ class Scene:
     influence: float | None
     up: Array | None
     allowed_collisions: tuple[tuple[str, str], ...] = ()
+    goal_joints: tuple[str, ...] = ()
+    goal_configuration: Array | None = None
+    locked: tuple[str, ...] = ()
+    tolerance: Array | None = None
+    cone: float | None = None
+    path_constraints: PathConstraints = UNCONSTRAINED
+    self_clearance: float = 0.0
 
     def __repr__(self) -> str:
         count = len(self.obstacles)
@@ -74,14 +112,16 @@ class Scene:
 
     def _repr_html_(self) -> str:
         point = ", ".join(f"{x:.6g}" for x in self.goal.translation[: self.translation])
+        goal = f"joints {', '.join(self.goal_joints)}" if self.goal_joints else f"{self.node} to ({point}) m"
         return table(
             f"Scene {self.name}",
             ("property", "value"),
             [
                 ("robot", self.mechanism.name if self.mobile is None else f"mobile robot, radius {self.mobile:g} m"),
                 ("obstacles", ", ".join(one.name for one in self.obstacles) or "none"),
-                ("goal", f"{self.node} to ({point}) m"),
+                ("goal", goal),
                 ("safety distance", f"{self.safety:g} m"),
+                ("self-clearance", f"{self.self_clearance:g} m"),
             ],
         )
 
@@ -110,13 +150,21 @@ class Scene:
             found["mobile"] = {"radius": self.mobile}
         elif self.robot is not None:
             found["robot"] = deepcopy(self.robot)
-        found |= {"node": self.node, "safety": self.safety}
+        found |= {"node": self.node, "safety": self.safety, "self_clearance": self.self_clearance}
         if self.influence is not None:
             found["influence"] = self.influence
         if self.up is not None:
             found["up"] = self.up.tolist()
         if self.allowed_collisions:
             found["allowed_collisions"] = [list(pair) for pair in self.allowed_collisions]
+        if self.locked != unmoving_joints(self.mechanism, self.node, self.goal_joints):
+            found["locked"] = list(self.locked)
+        if self.path_constraints:
+            constraints = self.path_constraints
+            found["path"] = {"upright": True} if constraints.upright else {}
+            for key, direction in (("line", constraints.line), ("plane", constraints.plane)):
+                if direction is not None:
+                    found["path"][key] = direction.tolist()
         found["start"] = self._start_keys()
         found["goal"] = self._goal_keys()
         found["obstacle"] = [obstacle.document() for obstacle in self.obstacles]
@@ -129,12 +177,35 @@ class Scene:
         return {"joints": values} | (pose_keys(pin.XYZQUATToSE3(self.start[:7])) if self.mechanism.floating else {})
 
     def _goal_keys(self) -> dict[str, Any]:
+        if self.goal_configuration is not None:
+            values = self.mechanism.values(self.goal_configuration)
+            return {"joints": {name: values[name] for name in self.goal_joints}}
         found: dict[str, Any] = {"point": self.goal.translation[: self.translation].tolist()}
         if self.rotation == 3:
             found["rpy"] = pin.rpy.matrixToRpy(self.goal.rotation).tolist()
         elif self.rotation == 1:
             found["angle"] = heading(self.goal)
+        if self.tolerance is not None:
+            found["tolerance"] = self.tolerance.tolist()
+        if self.cone is not None:
+            found["cone"] = self.cone
         return found
+
+
+def unmoving_joints(mechanism: Mechanism, node: str, goal: Sequence[str]) -> tuple[str, ...]:
+    """Return the joints that neither move a node nor are part of the goal, which are locked by default. Loops and
+    couplings that a joint shares with one of these make it move, too.
+
+    Args:
+        mechanism: robot.
+        node: its node.
+        goal: names of joints whose values are the goal.
+    """
+    moves = supporting_columns(mechanism.model, mechanism.model.frames[mechanism.frame_id(node)].parentJoint)
+    moves[[mechanism.v_index(name) for name in goal]] = 1.0
+    for _, columns in linked(mechanism.system.columns):
+        moves[columns] = moves[columns].max()
+    return tuple(name for name in mechanism.joints if not moves[mechanism.v_index(name)])
 
 
 def heading(placement: pin.SE3) -> float:

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from cinegen.collision.errors import SceneError
 from cinegen.collision.mobile_robot import X, Y, mobile_robot
 from cinegen.collision.obstacle import Obstacle, read_obstacle
-from cinegen.collision.scene import Scene, heading
+from cinegen.collision.scene import UNCONSTRAINED, PathConstraints, Scene, heading, unmoving_joints
 from cinegen.collision.scene_table import LEAST, SceneTable, about_z
 from cinegen.errors import CinegenError, ClosureError
 from cinegen.model import Mechanism, load
@@ -32,6 +32,9 @@ Array = NDArray[np.float64]
 
 SAFETY = 0.01
 """Default safety distance, m."""
+
+SELF_CLEARANCE = 1e-3
+"""Default distance between links, m; or the safety distance, if that is less."""
 
 _STEP = 0.1  # rad or characteristic lengths: largest step of the actuated joints from home to the start
 
@@ -90,6 +93,9 @@ def _scene(
     safety = table.number("safety") if "safety" in table else SAFETY
     if safety < 0.0:
         raise table.error("safety", f"must not be below 0, not {safety:g}")
+    own = table.number("self_clearance") if "self_clearance" in table else min(SELF_CLEARANCE, safety)
+    if not 0.0 <= own <= safety:
+        raise table.error("self_clearance", f"must be from 0 to the safety distance, {safety:g} m, not {own:g}")
     influence = table.size("influence") if "influence" in table else None
     if influence is not None and influence <= safety:
         raise table.error("influence", f"must be above the safety distance, {safety:g} m, not {influence:g}")
@@ -99,7 +105,7 @@ def _scene(
         raise table.error("goal", "is missing: write the goal of the robot, as goal = { point = [x, y, z] }")
     start = table.table("start") if "start" in table else SceneTable({}, f"{table.where}: start")
     goal = table.table("goal")
-    table.know("node", "robot", "mobile", "allowed_collisions")
+    table.know("node", "robot", "mobile", "allowed_collisions", "locked", "path")
     table.finish()  # before the robot is loaded, which may take a while
 
     mechanism, written, radius = _robot(table, folder, given, ignored)
@@ -109,12 +115,27 @@ def _scene(
     allowed = _allowed(table, mechanism)
     if radius is None:
         _check_lengths(table, mechanism, safety, influence, obstacles)
-    q = _mobile_start(start) if radius is not None else _start(start, mechanism)
+    q = _mobile_start(start) if radius is not None else _configuration(start, mechanism, np.array(mechanism.q_home))
     q.flags.writeable = False
-    aim = _goal(goal, mechanism if radius is None else None, mechanism.placement(q, node))
+    joints, end, region = tuple[str, ...](), None, _Region(None, None)
+    if "path" in table and radius is not None:
+        raise table.error("path", "is for robots: a mobile robot has no constraints along its path")
+    constraints = _path_constraints(table.table("path")) if "path" in table else UNCONSTRAINED
+    if "joints" in goal:
+        joints = tuple(goal.table("joints"))
+        if not joints:
+            raise goal.error("joints", "is empty: name the joints whose values are the goal")
+        end = _configuration(goal, mechanism, q.copy())
+        end.flags.writeable = False
+        aim = mechanism.placement(end, node), 3, 3
+    else:
+        region = _region(goal)
+        aim = _goal(goal, mechanism if radius is None else None, mechanism.placement(q, node))
+    locked = _locked(table, mechanism, joints) if "locked" in table else unmoving_joints(mechanism, node, joints)
     return Scene(
-        name, path, folder, mechanism, written, radius, obstacles, q, node, *aim, safety, influence, up, allowed
-    )
+        name, path, folder, mechanism, written, radius, obstacles, q, node, *aim, safety, influence, up, allowed,
+        joints, end, locked, *region, constraints, own,
+    )  # fmt: skip
 
 
 def _obstacles(table: SceneTable, folder: Path) -> tuple[Obstacle, ...]:
@@ -139,6 +160,18 @@ def _allowed(table: SceneTable, mechanism: Mechanism) -> tuple[tuple[str, str], 
             raise table.error("allowed_collisions", f"names '{one}' twice in one pair: name two nodes")
         found.append((one, other))
     return tuple(found)
+
+
+def _locked(table: SceneTable, mechanism: Mechanism, goal: Sequence[str]) -> tuple[str, ...]:
+    """Return the joints that keep their values of the start."""
+    names = table.names("locked")
+    for name in names:
+        if name not in mechanism.joints:
+            near = did_you_mean(name, mechanism.joints)
+            raise table.error("locked", f"'{name}' is not a joint of {mechanism.name}{near}")
+        if name in goal:
+            raise table.error("locked", f"'{name}' is also a joint of the goal: remove it from one of them")
+    return tuple(names)
 
 
 # --- the robot ---------------------------------------------------------------------------------------------------
@@ -228,19 +261,18 @@ def _mobile_start(table: SceneTable) -> Array:
     return mobile_robot().configuration({X: x, Y: y})
 
 
-def _start(table: SceneTable, mechanism: Mechanism) -> Array:
-    """Return the start configuration (nq,), loops closed, within all limits.
+def _configuration(table: SceneTable, mechanism: Mechanism, home: Array) -> Array:
+    """Return the configuration (nq,) of a start or a goal, loops closed, within all limits.
 
-    `joints` are names and values, of ball joints quaternions (x y z w); the other joints are at home. A floating base
-    is placed by `point` and `rpy`. With loops, actuated joints have the given values, and the others follow the motion
-    of these from home; unless a passive joint is named, too: the values are then the guess from which the loops are
-    closed.
+    `joints` are names and values, of ball joints quaternions (x y z w); the other joints are as in `home` (nq,): a
+    start's at home, a goal's at the start. A floating base is placed by `point` and `rpy`. With loops, actuated joints
+    have the given values, and the others follow the motion of these from `home`; unless a passive joint is named, too:
+    the values are then the guess from which the loops are closed.
 
     Raises:
         SceneError: a joint is unknown or beyond its limits, or the loops can't be closed.
     """
     values = _joint_values(table.table("joints"), mechanism) if "joints" in table else {}
-    home = np.array(mechanism.q_home)
     if mechanism.floating and ("point" in table or "rpy" in table or "angle" in table):
         home[:7] = pin.SE3ToXYZQUAT(table.pose())
     table.finish()
@@ -319,6 +351,38 @@ def _goal(table: SceneTable, robot: Mechanism | None, node: pin.SE3) -> tuple[pi
         rotation = about_z(table.number("angle", ANGLE) - heading(node)) @ node.rotation
     table.finish()
     return pin.SE3(rotation, point), len(given), count
+
+
+class _Region(NamedTuple):
+    """`Scene.tolerance` and `Scene.cone`."""
+
+    tolerance: Array | None
+    cone: float | None
+
+
+def _region(table: SceneTable) -> _Region:
+    """Return `tolerance`, half of the size of a box about the goal's point, m; and `cone`, rad."""
+    tolerance = table.vector("tolerance", 3) if "tolerance" in table else None
+    if tolerance is not None and (tolerance < 0.0).any():
+        raise table.error("tolerance", f"must not be below 0, not {tolerance.tolist()}")
+    cone = table.number("cone", ANGLE) if "cone" in table else None
+    if cone is not None and not 0.0 <= cone <= np.pi:
+        raise table.error("cone", f"must be an angle from 0 to 180 deg, not {shown(cone, ANGLE, 6)}")
+    if cone is not None and "rpy" not in table:
+        raise table.error("cone", "needs rpy: its axis is z of the goal's orientation")
+    if (tolerance is not None or cone is not None) and "angle" in table:
+        raise table.error("angle", "cannot be combined with a region: write rpy, and cone, or leave it out")
+    return _Region(tolerance, cone)
+
+
+def _path_constraints(table: SceneTable) -> PathConstraints:
+    """Return `upright`, and the direction of a `line` or the normal of a `plane`."""
+    upright = table.flag("upright") if "upright" in table else False
+    line, plane = (table.direction(key, 3) if key in table else None for key in ("line", "plane"))
+    if line is not None and plane is not None:
+        raise table.error("plane", "cannot be combined with line: remove one of them")
+    table.finish()
+    return PathConstraints(upright, line, plane)
 
 
 # --- TOML and JSON -----------------------------------------------------------------------------------------------

@@ -89,6 +89,13 @@ class SceneTable:
             return default
         return self._keep(key, self._size(key, self._value(key)))
 
+    def flag(self, key: str) -> bool:
+        """Return true or false."""
+        value = self._value(key)
+        if not isinstance(value, bool):
+            raise self.error(key, f"must be true or false, not {_shown(value)}")
+        return self._keep(key, value)
+
     def text(self, key: str) -> str:
         """Return a string that is not blank."""
         value = self._value(key)
@@ -135,6 +142,14 @@ class SceneTable:
             raise self.error(key, f"must be a list of points, not {_shown(value)}")
         found = [self._numbers(f"{key}: point {i}", point, lengths) for i, point in enumerate(value, 1)]
         return [np.array(point) for point in self._keep(key, found)]
+
+    def names(self, key: str) -> list[str]:
+        """Return a list of names; a single one may be a string."""
+        value = self._value(key)
+        found = [value] if isinstance(value, str) else value
+        if not _is_list(found) or not all(isinstance(name, str) for name in found):
+            raise self.error(key, f"must be a list of names, not {_shown(value)}")
+        return self._keep(key, list(found))
 
     def pairs(self, key: str) -> list[list[str]]:
         """Return a list of pairs of names."""

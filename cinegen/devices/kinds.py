@@ -6,6 +6,7 @@ import re
 import warnings
 from collections.abc import Callable, Iterable, Mapping
 from ipaddress import ip_address
+from os.path import realpath
 from pathlib import Path as File
 
 import numpy as np
@@ -127,7 +128,29 @@ def _named(url: str, number: int | None) -> str:
     return f"'{url}'" if number is None else f"sensor {number}, '{url}'"
 
 
-def listens_for_others(url: str) -> bool:
+def refusal(url: str) -> str:
+    """Return why a sensor is not opened if only a robot's file names it; empty if it is opened.
+
+    A file from elsewhere must not make a program read or write other files, connect to a server, or listen to other
+    machines. So it may name serial ports, the spacenav daemon, scripts, the browser's gamepad, and programs on this
+    machine that connect to a loopback port.
+    """
+    kind = scheme(url)
+    if kind in ("gamepad", "path", "hwgrep", "loop") or url == "spnav:":
+        return ""
+    if kind == "tcp":
+        return "would let other machines drive the robot" if _listens_for_others(url) else ""
+    if kind == "" and any(re.fullmatch(_SERIAL_PORT, name) and ".." not in name for name in (url, realpath(url))):
+        return ""
+    if kind == "":
+        return "is not the name of a serial port"
+    return "would connect to a server" if kind in ("socket", "rfc2217", "spnav") else "would open a file"
+
+
+_SERIAL_PORT = r"(?:/dev/(?:tty|cu\.|rfcomm|pts/|serial/)[\w.:/+-]*|(?:\\\\\.\\)?(?i:COM)\d+)"
+
+
+def _listens_for_others(url: str) -> bool:
     """Return whether a sensor's URL opens a port that other machines reach."""
     found = re.match(r"tcp://(\[[^\]]*\]|[^:/]*)", url, re.IGNORECASE)
     host = found[1].strip("[]") if found is not None else ""

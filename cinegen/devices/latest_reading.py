@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import time
 from collections import deque
+from collections.abc import Callable
 
 import pinocchio as pin
 
@@ -18,11 +19,15 @@ class LatestReading:
     """Newest reading, and all presses of buttons (the last 64) that were not read yet.
 
     Assignments and operations on a deque's ends are atomic in Python, so no lock is needed.
+
+    Attributes:
+        wake: called after each new reading, by the thread that writes; neither waits nor raises.
     """
 
     def __init__(self) -> None:
         self.last = _NOTHING
         self.count = 0
+        self.wake: Callable[[], object] | None = None
         self._seen = _NOTHING
         self._pressed: deque[int] = deque(maxlen=_MOST)
 
@@ -31,17 +36,22 @@ class LatestReading:
     ) -> None:
         """Replace the reading. Buttons are unchanged unless given."""
         self.count += 1
-        self.last = Reading(time.monotonic(), twist, target, self._down(buttons))
+        self._set(Reading(time.monotonic(), twist, target, self._down(buttons)))
 
     def press(self, buttons: frozenset[int]) -> None:
         """Set the buttons that are down; the motion and its time are unchanged."""
         self.count += 1
-        self.last = self.last._replace(time=self.last.time or time.monotonic(), buttons=self._down(buttons))
+        self._set(self.last._replace(time=self.last.time or time.monotonic(), buttons=self._down(buttons)))
 
     def end(self) -> None:
         """Set the reading to rest, without counting it; unread presses are kept."""
         if self.last.twist is not None or self.last.target is not None or self.last.buttons:
-            self.last = Reading(time.monotonic())
+            self._set(Reading(time.monotonic()))
+
+    def _set(self, reading: Reading) -> None:
+        self.last = reading
+        if self.wake is not None:
+            self.wake()
 
     def _down(self, buttons: frozenset[int] | None) -> frozenset[int]:
         down = self.last.buttons

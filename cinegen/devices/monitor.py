@@ -10,7 +10,7 @@ from typing import Any
 
 from serial.tools import list_ports
 
-from cinegen.devices.kinds import KINDS, open_sensor, overrides, scheme, what_is, why_missing
+from cinegen.devices.kinds import KINDS, open_sensor, overrides, refusal, scheme, what_is, why_missing
 from cinegen.devices.reading_json import encode_header, encode_recorded
 from cinegen.devices.spacenav import socket_path
 from cinegen.errors import UnknownNameError
@@ -81,7 +81,8 @@ def named(
         for number, sensor in mechanism.sensors.items():
             url = ports.get(number, sensor["port"])
             entry = found.setdefault(number, {**sensor, "port": url, "nodes": [], "kind": what_is(url)})
-            entry["missing"] = why_missing(url, number)
+            reason = "" if number in ports else refusal(url)
+            entry["missing"] = f"sensor {number}: not opened: it {reason}" if reason else why_missing(url, number)
             for node, numbers in mechanism.sensor_constraints:
                 if number in numbers:
                     entry["nodes"].append(node if len(mechanisms) == 1 else f"{mechanism.name}.{node}")

@@ -78,7 +78,7 @@ def _decoded(line: bytes, timeout: float, before: Reading | None) -> Reading:
 def _timeout(first: bytes) -> float:
     try:
         header = _HEADER.decode(first)
-    except (msgspec.MsgspecError, RecursionError) as error:
+    except (msgspec.MsgspecError, RecursionError, UnicodeError) as error:
         example = '{"cinegen": "readings", ...}'
         raise RecordError(f"not a recording of readings (its first line would be {example}): {error}") from None
     if header.version != VERSION:

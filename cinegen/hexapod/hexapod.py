@@ -12,6 +12,8 @@ and Computation 29, 1989).
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
@@ -81,8 +83,9 @@ class Hexapod:
         Raises:
             HexapodError: wrong shape, not finite or not positive.
         """
-        asked = checked_lengths(lengths) / self._unit
-        return self._account(asked, *self._paths(asked))
+        given = checked_lengths(lengths)
+        asked = given / self._unit
+        return replace(self._account(asked, *self._paths(asked)), legs=(self.base, self.platform, given))
 
     # --- paths --------------------------------------------------------------------------------------------------------
 

@@ -3,9 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
+
+from cinegen.hexapod.certify import certificates
+from cinegen.krawczyk import Certificate
 
 Array = NDArray[np.float64]
 
@@ -61,6 +65,7 @@ class PlatformModes:
             possible.
         method: how they were computed, and what is not excluded.
         closest: if there is no mode, the nearest placement.
+        legs: points of base and platform (6, 3) and lengths (6,) that certificates are computed of.
     """
 
     placements: Array
@@ -69,3 +74,20 @@ class PlatformModes:
     complete: bool
     method: str
     closest: NearestPlacement | None = None
+    legs: tuple[Array, Array, Array] | None = None
+
+    def __repr__(self) -> str:
+        return f"<PlatformModes: {len(self.placements)}{', proved to be all' * self.complete}>"
+
+    @cached_property
+    def certificates(self) -> tuple[Certificate | None, ...]:
+        """Proofs, of each placement, that it exists, is real, is the only one near it, and differs from the others;
+        None where there is none. Lengths are divided by the longest leg's, not by a characteristic length."""
+        if self.legs is None:
+            return (None,) * len(self.placements)
+        return certificates(*self.legs, self.placements, self.coincident)
+
+    @property
+    def certified(self) -> int:
+        """Number of placements with a certificate."""
+        return sum(certificate is not None for certificate in self.certificates)

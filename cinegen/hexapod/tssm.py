@@ -23,8 +23,10 @@ _FLAT = 1e-12  # of the base's size: height of points that are in one plane
 _THIN = 1e-9  # of their size: points in a line, or coincident
 _MEETS = 1e-14  # of the squared length: a squared radius above minus this is one that rounding made negative
 _LEAST = 1e-15  # ... and is increased to this, which lengthens legs that lie in a line by less than rounding
+_NEARLY_REAL = 1e-2  # | |w|^2 - 1 | of a root that rounding of the lengths may have made complex
 _EXACT = 2e-14  # of the longest leg: length error below which a placement is not refined
 _OFF = 1e-12  # of the longest leg: length error above which a placement is none
+_AGAIN = ((_OFF, 1e-4), (_OFF, 0.0), (_OFF, 1e-4), (_OFF, 0.0), (_OFF, 1e-4))  # errors that are refined, and cutoffs
 _LEVEL = 1e-9  # of the longest leg: coordinates closer than this are equal where placements are sorted
 _COINCIDENT = 1e-5  # of the longest leg: modes this close are reported as coincident
 _NEAR = 1e-6  # of the manipulator's size: a point on an axis
@@ -157,7 +159,8 @@ class TSSM:
             method += "; platform points are on others' axes, so that a curve of configurations is not excluded"
         counts = SolutionCounts(real, complex_, infinite, int(solved.times[coincident > 1].sum()), lost)
         closest = self._closest(asked) if complete and not len(found) else None
-        return PlatformModes(found, coincident, counts, complete, method, closest)
+        legs = self.base, self.platform[self.legs], asked
+        return PlatformModes(found, coincident, counts, complete, method, closest, legs)
 
     def batch(self, lengths: ArrayLike) -> tuple[Array, Integers]:
         """Return all placements for many sets of lengths.
@@ -265,28 +268,57 @@ class TSSM:
         m, longest, each = len(lengths), lengths.max(axis=1), 2 if self.plane else 1
         of, which = np.nonzero(np.arange(SOLUTIONS + 1) < counts[:, kernel.KNOWN, None])
         w, times = roots[of, which], times[of, which]
-        real = (np.abs(w.real**2 + w.imag**2 - 1.0) < 2.0 * kernel.ON_CIRCLE).all(axis=1)
-        complex_ = np.where(meets, np.bincount(of[~real], each * times[~real], m), SOLUTIONS)
-        of, w, times = of[real], w[real], times[real]
+        off = np.abs(w.real**2 + w.imag**2 - 1.0).max(axis=1, initial=0.0)
+        maybe = off < _NEARLY_REAL
+        complex_ = np.where(meets, np.bincount(of[~maybe], each * times[~maybe], m), SOLUTIONS)
+        of, w, times, sure = of[maybe], w[maybe], times[maybe], off[maybe] < 2.0 * kernel.ON_CIRCLE
+        w = np.where(sure[:, None], w, w / np.abs(w))
         symmetric = (2.0 * circles.radius[of] * np.abs(w.imag)).max(axis=1, initial=0.0) <= kernel.SAME * longest[of]
         times = np.where(symmetric, each, 1) * times
         mirrored = ~symmetric & self.plane
-        of, times = np.concatenate([of, of[mirrored]]), np.concatenate([times, times[mirrored]])
+        of, times, sure = (np.concatenate([part, part[mirrored]]) for part in (of, times, sure))
         w = np.concatenate([w, w[mirrored].conj()])
         points, placements, error = np.empty((len(of), 3, 3)), np.empty((len(of), 4, 4)), np.empty(len(of))
         write_placements(w, of, circles, lengths, *self._arrays, points, placements, error)
-        rough = error > _EXACT
-        if rough.any():
-            legs = self.base, self.platform[self.legs], lengths[of[rough]]
-            placements[rough] = refine(*legs, placements[rough], np.zeros(int(rough.sum())))[0]
-            error[rough] = np.abs(self.lengths(placements[rough]) - legs[2]).max(axis=1) / longest[of[rough]]
+        self._refine(placements, error, lengths[of], longest[of])
         good = error <= _OFF
+        if not sure.all():
+            complex_ = complex_ + np.bincount(of[~good & ~sure], times[~good & ~sure], m)
+            good, times = self._merged(good, sure, placements, of, times, longest)
         lost = np.where(counts[:, kernel.OUTCOME] == kernel.SOLVED, each * counts[:, kernel.LOST], SOLUTIONS)
-        lost = lost + np.bincount(of[~good], times[~good], m)
+        lost = lost + np.bincount(of[~good & sure], times[~good & sure], m)
         account = np.bincount(of[good], times[good], m), complex_, each * counts[:, kernel.INFINITE], lost
         order = np.flatnonzero(good)[self._order(points[good], of[good], longest)]
         found = placements[order], of[order], times[order], np.stack(account, axis=1).astype(np.int64)
         return _Solved(*found, counts[:, kernel.OUTCOME], circles)
+
+    def _merged(
+        self, good: NDArray[np.bool_], sure: NDArray[np.bool_], placements: Array, of: Integers, times: Integers,
+        longest: Array,
+    ) -> tuple[NDArray[np.bool_], Integers]:  # fmt: skip
+        """Return which placements are kept, and how many solutions each stands for, if those that are not surely real
+        but have the lengths asked for are one with others next to them."""
+        good, times, points = good.copy(), times.copy(), _points(self.platform, placements)
+        for k in np.flatnonzero(good & ~sure):
+            others = np.flatnonzero(good & (of == of[k]) & (sure | (np.arange(len(good)) < k)))
+            apart = np.abs(points[others] - points[k]).max(axis=(1, 2), initial=0.0)
+            if len(others) and apart.min() <= _COINCIDENT * longest[of[k]]:
+                times[others[apart.argmin()]] += times[k]
+                good[k] = False
+        return good, times
+
+    def _refine(self, placements: Array, error: Array, lengths: Array, longest: Array) -> None:
+        """Refine placements whose length errors are above rounding, in place. Where modes coincide Newton's method
+        converges slowly: it is applied again, also along those directions alone that the legs constrain."""
+        for limit, cutoff in ((_EXACT, 0.0), *_AGAIN):
+            rough = np.flatnonzero(error > limit)
+            if not len(rough):
+                break
+            legs = self.base, self.platform[self.legs], lengths[rough]
+            there = refine(*legs, placements[rough], np.full(len(rough), cutoff))[0]
+            found = np.abs(self.lengths(there) - legs[2]).max(axis=1) / longest[rough]
+            better = found < error[rough]
+            placements[rough[better]], error[rough[better]] = there[better], found[better]
 
     def _order(self, points: Array, of: Integers, longest: Array) -> Integers:
         """Return the order of placements by set, then as `modes` has them."""

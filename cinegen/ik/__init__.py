@@ -8,7 +8,7 @@ from cinegen.ik.look_ahead import LookAhead, forecast_motion
 from cinegen.ik.objectives import LimitMargin, Manipulability, Objective, Posture, State
 from cinegen.ik.persistent import PersistentSolver
 from cinegen.ik.singular import LostDoF, UncontrolledDoF
-from cinegen.ik.solver import Solver, tick_is_compiled
+from cinegen.ik.solver import Solver
 from cinegen.ik.step import Status, Step
 from cinegen.ik.task import FrameTask
 
@@ -36,5 +36,4 @@ __all__ = [
     "evaluate",
     "forecast_motion",
     "inverse_kinematics",
-    "tick_is_compiled",
 ]

@@ -5,22 +5,24 @@ from __future__ import annotations
 import itertools
 import math
 from collections import Counter, OrderedDict
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from threading import Lock
-from typing import Any, overload
+from typing import Any
 
 import numpy as np
 import pinocchio as pin
 from numpy.typing import NDArray
 
-from cinegen.assembly import AssemblyModes, ModesError
-from cinegen.assembly.task_parts import NodeTask, TaskParts
+from cinegen.assembly import AssemblyModes, ModesError, SelfMotion
+from cinegen.assembly.certify import EndEquations, LoopEquations, Unknowns
+from cinegen.assembly.results import SolutionSet
 from cinegen.errors import CinegenError, ClosureError
 from cinegen.hexapod import SolutionCounts
 from cinegen.html import table
 from cinegen.ik.task import FrameTask
+from cinegen.inverse.task_parts import NodeTask, TaskParts
 from cinegen.model import Mechanism
 from cinegen.tolerances import AT_LIMIT
 from raff2urdf.coupling import followed
@@ -44,7 +46,7 @@ class IKError(CinegenError):
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class IKSolutions(Sequence[Array]):
+class IKSolutions(SolutionSet):
     """All isolated configurations q (nq,) that bring a node to a pose; a sequence, nearest to the start first.
 
     Configurations are the same if they place all links alike: angles count modulo 2 pi. Where a whole number of
@@ -64,6 +66,8 @@ class IKSolutions(Sequence[Array]):
         trace_test: whether nothing is missing on the curves of configurations that were met, see `AssemblyModes`; None
             if no trace test was needed.
         closest: if there is no solution, a configuration (nq,) near the pose, if one is known.
+        self_motions: components of positive dimension that were found: the mechanism moves with the node at the pose.
+        unknowns: of the certified equations; None for solutions of a local search.
     """
 
     mechanism: Mechanism
@@ -78,16 +82,8 @@ class IKSolutions(Sequence[Array]):
     counts: SolutionCounts
     trace_test: bool | None = None
     closest: Array | None = None
-
-    @overload
-    def __getitem__(self, index: int) -> Array: ...
-    @overload
-    def __getitem__(self, index: slice) -> tuple[Array, ...]: ...
-    def __getitem__(self, index: int | slice) -> Array | tuple[Array, ...]:
-        return self.configurations[index]
-
-    def __len__(self) -> int:
-        return len(self.configurations)
+    self_motions: tuple[SelfMotion, ...] = ()
+    unknowns: Unknowns | None = None
 
     def __repr__(self) -> str:
         worth = "proved to be all" if self.complete else "not proved to be all"
@@ -101,7 +97,7 @@ class IKSolutions(Sequence[Array]):
             values = [float(q[self.mechanism.q_index(name)]) for name in self.mechanism.actuated]
             rows.append([number, *(f"{value:.4f}" for value in values), ", ".join(beyond)])
         header = ["solution", *(f"{name} (rad, m)" for name in self.mechanism.actuated), "outside limits"]
-        return table(f"{self!r}: {self.task.node}. {self.method}", header, rows)
+        return table(f"{self!r}: {self.task.node}. {self.method}. {self.certification}", header, rows)
 
     @cached_property
     def within_limits(self) -> tuple[Array, ...]:
@@ -121,6 +117,17 @@ class IKSolutions(Sequence[Array]):
         """
         return [self.mechanism.placement(q, node or self.task.node) for q in self]
 
+    def _equations(self, unknowns: Unknowns) -> LoopEquations:
+        mechanism, task = self.mechanism.successive, self.task
+        joints = self.mechanism.spherical
+        start = self.start if joints is None else joints.to_successive(self.start)
+        linear, angular = (tuple(np.flatnonzero(part > 0.0).tolist()) for part in np.split(task.weights, 2))
+        about = {1: angular[:1], 2: tuple({0, 1, 2}.difference(angular))}.get(len(angular), (2,))
+        constrained = EndEquations(linear, len(angular), *about)
+        return LoopEquations(
+            mechanism, unknowns, start, self._triples, (task.node, task.offset, task.target, constrained)
+        )
+
     def as_dict(self) -> dict[str, Any]:
         """Return what JSON shows: rad and m."""
         target = self.task.target
@@ -134,6 +141,7 @@ class IKSolutions(Sequence[Array]):
             "trace_test": self.trace_test,
             "method": self.method,
             "counts": vars(self.counts),
+            "certified": self.certified,
             "solutions": [
                 {
                     "joints": self.mechanism.values(q),
@@ -142,9 +150,13 @@ class IKSolutions(Sequence[Array]):
                     "coincident": count,
                     "error": list(error),
                     "closure": self.mechanism.closure(q),
+                    "certificate": certificate,
                 }
-                for q, beyond, count, error in zip(self, self.outside, self.coincident, self.errors, strict=True)
+                for q, beyond, count, error, certificate in zip(
+                    self, self.outside, self.coincident, self.errors, self._certificates_as_dicts(), strict=True
+                )
             ],
+            "self_motions": [motion.as_dict(self.mechanism) for motion in self.self_motions],
             "closest": None
             if self.closest is None
             else {
@@ -166,6 +178,7 @@ def all_solutions(
         return replace(
             found, mechanism=mechanism, start=joints.from_successive(found.start), closest=closest,
             configurations=tuple(map(joints.from_successive, found.configurations)),
+            self_motions=tuple(motion.with_ball_joints(joints) for motion in found.self_motions),
         )  # fmt: skip
     try:
         start = mechanism.close(mechanism.configuration(locked, q), tuple(locked))
@@ -278,9 +291,24 @@ class _Assembly:
             remarks.append("; the base stays where it is")
         tests = [modes.trace_test for modes in found if modes.trace_test is not None]
         trace_test = all(tests) and not wrong if tests else None
-        return self._result(
-            configurations, times, complete and not wrong, trace_test, _method(found) + "".join(remarks), counts
-        )
+        method = _method(found) + "".join(remarks)
+        result = self._result(configurations, times, complete and not wrong, trace_test, method, counts)
+        return replace(result, self_motions=tuple(self._self_motions(found, chosen)))
+
+    def _self_motions(
+        self, found: Sequence[AssemblyModes], chosen: Sequence[Sequence[Mapping[str, float]]]
+    ) -> Iterator[SelfMotion]:
+        """Yield the self-motions of each part, with a solution of each other part, if all have one."""
+        for k, (part, modes) in enumerate(zip(self._parts.parts, found, strict=True)):
+            others = [some for j, some in enumerate(chosen) if j != k]
+            for motion in modes.self_motions if all(others) else ():
+                values = [*(some[0] for some in others), part.values(motion.configuration)]
+                q = self._mechanism.configuration({k: v for some in values for k, v in some.items()}, self._start)
+                there = self._coupled(self._unwound(self._polished(q)))
+                if there is not None and self._error(there) < _WRONG:
+                    yield replace(
+                        motion, configuration=there, moving=tuple(n for n in motion.moving if n in part.joints)
+                    )
 
     def _result(
         self, configurations: list[Array], times: list[int], complete: bool, trace_test: bool | None, method: str,
@@ -294,6 +322,7 @@ class _Assembly:
             tuple(configurations[k] for k in order),
             tuple(limits.exceeded(configurations[k], AT_LIMIT) for k in order),
             tuple(times[k] for k in order), complete, method, counts, trace_test,
+            unknowns=self._parts.unknowns if configurations else None,
         )  # fmt: skip
 
     def _is_planar(self) -> bool:

@@ -15,7 +15,7 @@ from cinegen.ik._kernels.memory import BatchMemory
 from cinegen.jit.compiled import prepare
 from cinegen.jit.foreign import frame_of
 from cinegen.joints import supporting_columns
-from cinegen.loops.arrays import actuate, set_up
+from cinegen.loops.arrays import actuate, set_up, set_up_screws
 from cinegen.loops.thresholds import CORRECTION
 from cinegen.model import Mechanism
 
@@ -38,7 +38,7 @@ class Evaluations:
         singular_values: (count, .) dimensionless singular values of the task in the null space of the loops, largest
             first (type 1).
         closure: (count,) largest loop residual, rad or characteristic lengths.
-        passive_sigma: (count,) smallest dimensionless singular value of the passive joints in the loops' Jacobian
+        passive_sigma: (count,) smallest dimensionless singular value of the passive joints in the loops' screw matrix
             (type 2); NaN unless a `BatchEvaluator` computes it.
     """
 
@@ -48,6 +48,9 @@ class Evaluations:
     singular_values: Array
     closure: Array
     passive_sigma: Array
+
+    def __repr__(self) -> str:
+        return f"<Evaluations: {len(self.q)} configurations, {int(np.isfinite(self.closure).sum())} closed>"
 
 
 def evaluate(
@@ -118,7 +121,11 @@ class BatchEvaluator:
         memory.tolerance, memory.longest_stride, memory.most_added = _TOLERANCE, _STRIDE, CORRECTION
         mobility = memory.n - memory.rank
         columns = mechanism.passive_columns
-        passive = columns if passive_sigma and 0 < mechanism.passive_rank == len(columns) else columns[:0]
+        if passive_sigma and 0 < mechanism.passive_rank == len(columns):
+            set_up_screws(memory, mechanism.screws, len(mechanism.couplings))
+            passive = mechanism.passive_screws
+        else:
+            passive = columns[:0]
         memory.resize(
             mobility=mobility, wide=max(memory.n, 6), wide_system=mobility + 6, passive=len(passive), balls=len(balls),
             width=min(translation + rotation, mobility),
@@ -126,7 +133,7 @@ class BatchEvaluator:
         memory.translation, memory.rotation, memory.is_whole = translation, rotation, int(whole)
         memory.joint, memory.node_offset[:] = frame.parentJoint, frame_of(frame.placement)
         memory.moved_by[:] = supporting_columns(model, frame.parentJoint)[fixed:]
-        memory.passive_dof[:] = passive - fixed
+        memory.passive_column[:] = passive - fixed
         memory.ball_dof[:] = np.reshape([mechanism.v_index(name) - fixed for three in balls for name in three], (-1, 3))
 
     def follow(self, values: Array, start: Array | None = None) -> Evaluations:

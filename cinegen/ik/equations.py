@@ -1,4 +1,4 @@
-"""Equations of the tasks and motions in the null space of the loops, in plain numpy.
+"""Equations of the tasks, in plain numpy.
 
 The kernels compute the same in each tick, and are tested against this; it serves where speed does not matter.
 """
@@ -15,41 +15,11 @@ from numpy.typing import NDArray
 from cinegen.ik.task import FrameTask
 from cinegen.ik.thresholds import ERROR_CAP
 from cinegen.loops.closed_loops import ClosedLoops
-from cinegen.loops.clusters import linked
+from cinegen.loops.motions import motions_of
 from cinegen.model import Mechanism
 from raff2urdf.closure import rank
 
 Array = NDArray[np.float64]
-
-_LARGE = 100  # columns of a Jacobian that is decomposed block by block
-
-
-def free_motions(loops: Array, rank: int) -> tuple[Array, Array]:
-    """Return an orthonormal basis of the motions that keep all loops closed, (nv, nv - rank), and the loops' singular
-    values.
-
-    The width is the generic mobility: near a type 2 singularity, where the loops lose a rank, it stays the same.
-    """
-    if rank == 0:
-        return np.eye(loops.shape[1]), np.zeros(0)
-    if loops.shape[1] <= _LARGE:
-        _, sigma, vt = np.linalg.svd(loops, full_matrices=True)
-        return vt[rank:].T, sigma[:rank]
-    blocks = [(columns, *np.linalg.svd(loops[rows][:, columns])[1:]) for rows, columns in _blocks(loops)]
-    sigma = np.concatenate([own for _, own, _ in blocks])
-    largest = np.argsort(-sigma, kind="stable")[:rank]
-    owner = np.repeat(np.arange(len(blocks)), [len(own) for _, own, _ in blocks])
-    ranks = np.bincount(owner[largest], minlength=len(blocks))
-    motions = [np.delete(np.eye(loops.shape[1]), np.concatenate([columns for columns, _, _ in blocks]), axis=0)]
-    for (columns, _, vt), own_rank in zip(blocks, ranks, strict=True):
-        motions.append(np.zeros((len(vt) - own_rank, loops.shape[1])))
-        motions[-1][:, columns] = vt[own_rank:]
-    return np.vstack(motions).T, sigma[largest]
-
-
-def _blocks(matrix: Array) -> list[tuple[list[int], NDArray[np.intp]]]:
-    """Return the blocks of a matrix, by their rows and columns: it is zero outside them."""
-    return linked([np.flatnonzero(row) for row in matrix])
 
 
 def axes_of(task: FrameTask, mechanism: Mechanism, system: ClosedLoops) -> Array:
@@ -112,8 +82,7 @@ def task_rank(mechanism: Mechanism, system: ClosedLoops, tasks: Sequence[FrameTa
     """
     highest = 0
     for q in mechanism.samples:
-        _, loops = system.evaluate(q)
-        motions, _ = free_motions(loops[:, moving], mechanism.loop_rank)
+        motions = motions_of(system, q, mechanism.loop_rank, moving)
         with_axes = [(task, axes_of(task, mechanism, system)) for task in tasks]
         highest = max(highest, rank(equations(mechanism, system, with_axes, weighted=False)[1][:, moving] @ motions))
     return highest

@@ -110,7 +110,8 @@ class Rollout:
         statuses: (ticks + 1,) of the tick after each q.
         tasks: (ticks + 1, rows, n) Jacobian of the tasks at each q in the null space of the loops.
         task_rank: its generic rank.
-        passive: (ticks + 1, rows, passive joints) Jacobian of the loops with respect to the passive joints.
+        passive: (ticks + 1, rows, .) columns of the passive joints, and of those that were cut, in the screw matrix of
+            the loops.
     """
 
     mechanism: Mechanism
@@ -141,7 +142,7 @@ def forecast_of(rollout: Rollout, threshold: float, passive_threshold: float) ->
     sigmas = []
     for kind, jacobians, rank, limit in (
         (EventKind.TYPE_1, rollout.tasks, rollout.task_rank, threshold),
-        (EventKind.TYPE_2, rollout.passive, rollout.mechanism.passive_rank, passive_threshold),
+        (EventKind.TYPE_2, rollout.passive, _passive_rank(rollout.mechanism), passive_threshold),
     ):
         signed = _signed(jacobians, rank)
         sigmas.append(np.abs(signed))
@@ -156,6 +157,10 @@ def forecast_of(rollout: Rollout, threshold: float, passive_threshold: float) ->
     events.sort(key=lambda event: event.time)
     times = rollout.dt * np.arange(len(rollout.q), dtype=np.float64)
     return Forecast(times, rollout.q, sigmas[0], sigmas[1], tuple(events))
+
+
+def _passive_rank(mechanism: Mechanism) -> int:
+    return mechanism.passive_rank + mechanism.screws.cut if mechanism.passive_rank else 0
 
 
 def _signed(matrices: Array, rank: int) -> Array:

@@ -11,11 +11,10 @@ from numpy.typing import NDArray
 
 from cinegen.errors import CinegenError
 from cinegen.ik.forecast import Forecast, Rollout, forecast_of
-from cinegen.ik.singular import NEAR_PASSIVE
 from cinegen.ik.solver import Solver
 from cinegen.ik.task import FrameTask
-from cinegen.ik.thresholds import NEAR
 from cinegen.model import Mechanism
+from cinegen.tolerances import NEAR_SINGULAR
 
 Array = NDArray[np.float64]
 
@@ -26,8 +25,8 @@ def forecast_motion(
     solver: Solver,
     seconds: float,
     dt: float | None = None,
-    threshold: float = NEAR,
-    passive_threshold: float = NEAR_PASSIVE,
+    threshold: float = NEAR_SINGULAR,
+    passive_threshold: float = NEAR_SINGULAR,
     moving: bool = True,
 ) -> Forecast:
     """Predict the motion of a solver: singularities, joint limits and the end of reach. The solver does not change.
@@ -97,7 +96,9 @@ class LookAhead:
         self.solver.q = q
         return self.solver.step().q
 
-    def forecast(self, seconds: float, threshold: float = NEAR, passive_threshold: float = NEAR_PASSIVE) -> Forecast:
+    def forecast(
+        self, seconds: float, threshold: float = NEAR_SINGULAR, passive_threshold: float = NEAR_SINGULAR
+    ) -> Forecast:
         """Predict the motion from the present state on; the state is then that at the end.
 
         Args:
@@ -129,7 +130,7 @@ class LookAhead:
             np.array([getattr(each, name) for each in jacobians]) for name in ("tasks", "motions", "passive")
         )
         if mechanism.loop_rank:
-            tasks = tasks @ motions.transpose(0, 2, 1) @ motions
+            tasks = tasks @ motions[:, :, : tasks.shape[2]].transpose(0, 2, 1) @ motions
         return Rollout(
             mechanism,
             solver.dt,

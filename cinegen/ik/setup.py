@@ -58,12 +58,19 @@ def set_up_solver(memory: SolverMemory, mechanism: Mechanism, fixed: int) -> Non
     mobility = max(mechanism.mobility - fixed, 0)
     memory.resize(nv=mechanism.model.nv, mobility=mobility, most_active=mobility + 1)
     make_room_for_barriers(memory, memory.barrier_capacity)
-    at_v = mechanism.scalar_joints[1]
     memory.longest_step[:] = memory.longest_change[:] = np.inf
-    limits = mechanism.limits.velocity[at_v] * memory.dt / mechanism.scale[at_v]
-    memory.longest_step[at_v - fixed] = np.minimum(limits, STEP_CAP)
+    set_velocity_limits(memory, mechanism)
+    if memory.is_watched:
+        loops.set_up_screws(memory, mechanism.screws, len(mechanism.couplings))
     memory.second_derivative = np.inf if memory.callback_address else _second_derivative(mechanism)
     memory.is_at_q = 0
+
+
+def set_velocity_limits(memory: SolverMemory, mechanism: Mechanism) -> None:
+    """Fill a solver's memory with the limits of velocity, for its period."""
+    at_v = mechanism.scalar_joints[1]
+    limits = mechanism.limits.velocity[at_v] * memory.dt / mechanism.scale[at_v]
+    memory.longest_step[at_v - memory.fixed] = np.minimum(limits, STEP_CAP)
 
 
 def set_up_solver_tasks(memory: SolverMemory, mechanism: Mechanism, tasks: Sequence[FrameTask]) -> None:

@@ -14,20 +14,18 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import NDArray
 
-from cinegen.ik.equations import equations, free_motions, units
+from cinegen.ik.equations import equations, units
 from cinegen.ik.task import FrameTask
 from cinegen.loops.closed_loops import ClosedLoops
+from cinegen.loops.motions import motions_of
 from cinegen.model import Mechanism
 
 Array = NDArray[np.float64]
 
-NEAR_PASSIVE = 0.05
-"""A singular value (dimensionless) of the passive joints below this is near a type 2 singularity."""
-
 _EVER = 1e-6  # relative singular value below which no configuration moves the tasks along a direction
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class LostDoF:
     """Direction that the tasks follow worst; the DoF is lost where `sigma` is 0.
 
@@ -35,30 +33,41 @@ class LostDoF:
 
     Attributes:
         sigma: smallest singular value, dimensionless.
-        joints: (nv,) joint direction, rad and m: a unit vector once lengths are divided by the characteristic length.
+        joints: (nv,) joint direction, rad and m: a unit vector, together with the motions of the joints that were cut,
+            once lengths are divided by the characteristic length.
         twists: (tasks, 6) Cartesian direction: for each task, in the order in which they were added, the twist of its
             node in world axes, linear (m) above angular (rad). All tasks together are a unit vector once lengths are
             divided by the characteristic length and each task is multiplied by its weight over the largest. 0 for a
             task that was left out.
+        values: all singular values, largest first, the last `sigma`: several small ones are as many DoF.
     """
 
     sigma: float
     joints: Array
     twists: Array
+    values: Array
+
+    def __repr__(self) -> str:
+        return f"<LostDoF: smallest singular value {self.sigma:.3g}, tasks: {len(self.twists)}>"
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class UncontrolledDoF:
     """Motion that the actuated joints control least; it is uncontrolled where `sigma` is 0.
 
     Attributes:
         sigma: smallest singular value of the passive joints, dimensionless: how fast the motion would open the loops.
-        joints: (nv,) the motion, rad and m: a unit vector once lengths are divided by the characteristic length; 0 for
-            actuated joints.
+        joints: (nv,) the motion, rad and m: a unit vector, together with the motions of the joints that were cut, once
+            lengths are divided by the characteristic length; 0 for actuated joints.
+        values: all singular values, largest first, the last `sigma`: several small ones are as many DoF.
     """
 
     sigma: float
     joints: Array
+    values: Array
+
+    def __repr__(self) -> str:
+        return f"<UncontrolledDoF: smallest singular value {self.sigma:.3g}>"
 
 
 def lost(
@@ -91,14 +100,19 @@ def lost(
     joints = np.concatenate([np.zeros(resting), motions @ wt[rank - 1]])
     sign = _sign(joints)
     twists = sign * _twists(mechanism, system, tasks, ever @ u[:, rank - 1])
-    return LostDoF(float(sigma[rank - 1]), sign * joints * mechanism.scale, twists)
+    return LostDoF(float(sigma[rank - 1]), sign * joints * mechanism.scale, twists, sigma[:rank])
 
 
 def passive_singular_values(mechanism: Mechanism, q: Array) -> Array:
-    """Return the singular values of the passive joints' columns in the loops' Jacobian at q (nq,), dimensionless,
-    largest first, as many as their generic rank. The mechanism is at a type 2 singularity where the last is 0."""
-    passive = mechanism.system.evaluate(q)[1][:, mechanism.passive_columns]
-    return np.asarray(np.linalg.svd(passive, compute_uv=False)[: mechanism.passive_rank])
+    """Return the singular values of the passive joints' columns in the loops' screw matrix at q (nq,), dimensionless,
+    largest first, as many as their generic rank. The mechanism is at a type 2 singularity where the last is 0.
+
+    The joints that were cut are passive, too (`cinegen.loops.screws`).
+    """
+    if mechanism.passive_rank == 0:
+        return np.zeros(0)
+    matrix = mechanism.screw_matrix(q)[:, mechanism.passive_screws]
+    return np.asarray(np.linalg.svd(matrix, compute_uv=False)[: mechanism.passive_rank + mechanism.screws.cut])
 
 
 def gained(mechanism: Mechanism, q: Array, system: ClosedLoops | None = None) -> UncontrolledDoF | None:
@@ -109,21 +123,19 @@ def gained(mechanism: Mechanism, q: Array, system: ClosedLoops | None = None) ->
     rank = mechanism.passive_rank
     if rank == 0:
         return None
-    system = mechanism.system if system is None else system
-    passive = system.evaluate(q)[1][:, mechanism.passive_columns]
+    passive, columns = mechanism.screw_matrix(q, system)[:, mechanism.passive_screws], mechanism.passive_columns
     _, sigma, vt = np.linalg.svd(passive, full_matrices=False)
-    joints = np.zeros(mechanism.model.nv)
-    joints[mechanism.passive_columns] = vt[rank - 1]
-    return UncontrolledDoF(float(sigma[rank - 1]), _sign(joints) * joints * mechanism.scale)
+    last, joints = rank + mechanism.screws.cut - 1, np.zeros(mechanism.model.nv)
+    joints[columns] = vt[last, : len(columns)]
+    return UncontrolledDoF(float(sigma[last]), _sign(joints) * joints * mechanism.scale, sigma[: last + 1])
 
 
 def _on_free_motions(
     mechanism: Mechanism, system: ClosedLoops, q: Array, tasks: Sequence[tuple[FrameTask, Array]], resting: int
 ) -> tuple[Array, Array]:
     """Return the rows of all tasks (rows, n) and a basis of the loops' null space (n, k), at q."""
-    loops = system.evaluate(q)[1][:, resting:]
-    rows = equations(mechanism, system, tasks)[1][:, resting:]
-    return rows, free_motions(loops, mechanism.loop_rank)[0]
+    motions = motions_of(system, q, mechanism.loop_rank, slice(resting, None))
+    return equations(mechanism, system, tasks)[1][:, resting:], motions
 
 
 def _ever(

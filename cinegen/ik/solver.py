@@ -21,7 +21,7 @@ from cinegen.ik.bifurcation import regular_neighbour
 from cinegen.ik.blend import Blend
 from cinegen.ik.equations import task_rank
 from cinegen.ik.objectives import Objective, State
-from cinegen.ik.setup import make_room_for_barriers, set_up_solver, set_up_solver_tasks
+from cinegen.ik.setup import make_room_for_barriers, set_up_solver, set_up_solver_tasks, set_velocity_limits
 from cinegen.ik.step import Layout, Step
 from cinegen.ik.task import FrameTask
 from cinegen.ik.thresholds import (
@@ -34,10 +34,9 @@ from cinegen.ik.thresholds import (
     SINGULAR,
     STEP_CAP,
 )
-from cinegen.jit.compiled import is_cached
 from cinegen.jit.foreign import SE3_DISTANCE
 from cinegen.jit.starting import InterpretedKernel, start
-from cinegen.loops.arrays import null_space
+from cinegen.loops.arrays import null_space, set_up_screws
 from cinegen.model import Mechanism
 from cinegen.tolerances import CLOSURE
 from raff2urdf.residual import log
@@ -52,8 +51,9 @@ class Linearisation(NamedTuple):
 
     Attributes:
         tasks: (rows, n) of the tasks.
-        motions: (k, n) orthonormal basis of the motions that all loops allow.
-        passive: (., passive joints) of the loops with respect to the passive joints.
+        motions: (k, n + .) orthonormal basis of the motions that all loops allow, those of the cut joints last.
+        passive: (., passive joints) columns of the passive joints, and of those that were cut, in the screw matrix of
+            the loops (`Mechanism.screw_matrix`).
         task_rank: generic rank of the tasks.
     """
 
@@ -94,10 +94,8 @@ class Solver:
         gain: float = math.inf,
         acceleration: float | Mapping[str, float] | None = None,
     ) -> None:
-        if not (np.isfinite(dt) and dt > 0.0):
-            raise CinegenError(f"dt must be a positive time in seconds, not {dt}")
         self._tick = start(tick, SolverMemory, install=partial(setattr, self, "_tick"))
-        self.mechanism, self.dt = mechanism, dt
+        self.mechanism = mechanism
         self._model = mechanism.model
         self._tasks: list[FrameTask] = []
         self._blends: list[Blend] = []
@@ -109,7 +107,7 @@ class Solver:
         self._caught: tuple[Exception, ...] = ()  # in this tick
         self._ranks: dict[tuple[object, ...], int] = {}
         self._memory = SolverMemory()
-        self._memory.dt = dt
+        self._dt = self._memory.dt = _checked_period(dt)
         self._handle = self._memory.handle
         self._accelerations: Array | None = None
         self._keeps_linearisation = False
@@ -123,6 +121,35 @@ class Solver:
         self.linearisation = Linearisation(np.zeros((0, 0)), np.zeros((0, 0)), np.zeros((0, 0)), 0)
         self._refused_at = np.zeros(0)
         self.q = mechanism.q_home if q is None else q
+
+    def __repr__(self) -> str:
+        tasks = ", ".join(task.node for task in self.tasks) or "none"
+        return f"<Solver of {self.mechanism.name}: dt {self.dt:g} s, tasks: {tasks}>"
+
+    @property
+    def dt(self) -> float:
+        """Period of a tick, s; may be set at any time. Velocities continue: the step of the last tick, and what limits
+        the next one, are scaled.
+
+        Raises:
+            CinegenError: set to a time that is not positive and finite.
+        """
+        return self._dt
+
+    @dt.setter
+    def dt(self, dt: float) -> None:
+        if dt == self._dt:
+            return
+        memory, ratio = self._memory, _checked_period(dt) / self._dt
+        self._dt = memory.dt = dt
+        self.gain = self._gain
+        for steps in (memory.last, memory.drift, memory.secondary):
+            steps *= ratio
+        memory.longest_change *= ratio * ratio
+        lifted = np.isinf(memory.longest_step)
+        set_velocity_limits(memory, self.mechanism)
+        memory.longest_step[lifted] = np.inf
+        self._earlier = None
 
     @property
     def gain(self) -> float:
@@ -187,7 +214,7 @@ class Solver:
         memory = self._memory
         memory.q[:], memory.closure, memory.is_at_q, memory.phase = full, closure, 0, BEGIN
         memory.last[:] = memory.drift[:] = memory.secondary[:] = 0.0
-        memory.secondary_scale = 1.0
+        memory.secondary_scale = memory.turn_scale = 1.0
         if not self._changed:  # tasks forget what they followed
             for task in self._tasks:
                 task.memory.is_followed = 0
@@ -213,7 +240,7 @@ class Solver:
             if not limit > 0.0:
                 raise CinegenError(f"the acceleration of '{joint}' must be positive, not {limit}")
             column = mechanism.v_index(joint)
-            limits[column] = limit * self.dt * self.dt / mechanism.scale[column]
+            limits[column] = limit / mechanism.scale[column]
         self._memory.has_acceleration_limits = 1
 
     # --- tasks ---------------------------------------------------------------------------------------------------
@@ -345,7 +372,7 @@ class Solver:
         if memory.joints == 0 or memory.fixed != fixed:  # it is not set up, or for another base
             set_up_solver(memory, self.mechanism, fixed)
             if self._accelerations is not None:
-                memory.longest_change[:] = self._accelerations[fixed:]
+                memory.longest_change[:] = self._accelerations[fixed:] * (self.dt * self.dt)
         set_up_solver_tasks(memory, self.mechanism, self._tasks)
         tasks = tuple((task.node, task.axes, task.offset) for task in self._tasks)
         self._record, fields = memory.block("record")
@@ -455,13 +482,15 @@ class Solver:
     @keeps_linearisation.setter
     def keeps_linearisation(self, keeps: bool) -> None:
         self._keeps_linearisation, self._memory.is_watched = keeps, int(keeps)
+        if keeps:
+            set_up_screws(self._memory, self.mechanism.screws, len(self.mechanism.couplings))
 
     def _linearise(self) -> Linearisation:
         """Return the Jacobians with which the tick began; a trial overwrites those of the loops."""
         memory = self._memory
         tasks = memory.task_jacobian[: memory.active_rows]
         rank = min(memory.task_rank, len(tasks), memory.mobility)
-        passive = memory.jacobian[:, self.mechanism.passive_columns - memory.fixed]
+        passive = memory.screw_matrix[:, self.mechanism.passive_screws - memory.fixed]
         return Linearisation(tasks.copy(), null_space(memory), passive, rank)
 
     # --- redundancy ----------------------------------------------------------------------------------------------
@@ -600,7 +629,7 @@ class Solver:
     @property
     def is_compiled(self) -> bool:
         """True if ticks run as machine code; False while that is being compiled, and Python computes the same."""
-        return not isinstance(self._tick, InterpretedKernel)
+        return not isinstance(self._tick, InterpretedKernel) or self._tick.machine_code is not None
 
     # --- one tick ------------------------------------------------------------------------------------------------
 
@@ -661,9 +690,10 @@ class Solver:
             memory.report[m.ERRORS_KNOWN] = 0.0  # they are computed on access
 
 
-def tick_is_compiled() -> bool:
-    """Return whether the kernel of a tick is compiled on this machine; if not, solvers begin in Python."""
-    return is_cached(tick, SolverMemory)
+def _checked_period(dt: float) -> float:
+    if not (np.isfinite(dt) and dt > 0.0):
+        raise CinegenError(f"dt must be a positive time in seconds, not {dt}")
+    return dt
 
 
 def _checked(bounds: Bounds, nv: int) -> Bounds:

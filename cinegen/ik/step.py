@@ -13,10 +13,11 @@ from numpy.typing import NDArray
 
 from cinegen.html import table
 from cinegen.ik._kernels import memory as m
-from cinegen.ik.equations import equations, free_motions
+from cinegen.ik.equations import equations
 from cinegen.ik.singular import LostDoF, UncontrolledDoF, gained, lost, passive_singular_values
 from cinegen.ik.task import FrameTask
 from cinegen.loops.closed_loops import ClosedLoops
+from cinegen.loops.motions import motions_of
 from cinegen.model import Mechanism
 
 Array = NDArray[np.float64]
@@ -24,7 +25,8 @@ Array = NDArray[np.float64]
 
 class Status(Enum):
     """Outcome of a tick. The first that applies is reported, in this order: BAD_TARGET, IDLE, REFUSED, FOLLOWING (all
-    targets reached), DETOUR, BARRED, AT_LIMIT, OUT_OF_REACH, SINGULAR, FOLLOWING (moving towards them)."""
+    targets reached), DETOUR, BARRED, AT_LIMIT, OUT_OF_REACH, SINGULAR, FOLLOWING (moving towards them). IN_COLLISION
+    and UNAVOIDABLE, of `AvoidingSolver` only, come before all others."""
 
     BAD_TARGET = "a task has an invalid target, weight or count: it is left out"
     REFUSED = "the loops could not be closed after any fraction of the step: the configuration is unchanged"
@@ -35,9 +37,11 @@ class Status(Enum):
     IDLE = "there is no task"
     DETOUR = "moving to the targets by another configuration"
     BARRED = "a barrier restricts the motion"
+    UNAVOIDABLE = "a collision can't be avoided: braking to a stop"
+    IN_COLLISION = "two bodies are in contact"
 
 
-STATUSES = tuple(Status)  # in the kernel's order
+STATUSES = tuple(Status)  # in the kernel's order, which knows the first nine
 
 
 @dataclass(frozen=True)
@@ -74,6 +78,12 @@ class Step:
     def __repr__(self) -> str:
         errors = ", ".join(f"{left:.3g} m {angle:.3g} rad" for left, angle in self.errors)
         return f"<Step {self.status.name}: errors ({errors}), closure {self.closure:.1g}>"
+
+    def with_status(self, status: Status) -> Step:
+        """Return the same step with another status."""
+        record = self._record.copy()
+        record[m.STATUS] = STATUSES.index(status)
+        return Step(record, self._layout, self._exceptions)
 
     def _repr_html_(self) -> str:
         tasks = zip(self._layout.tasks, self.errors, strict=True)
@@ -134,25 +144,20 @@ class Step:
             return self._layout.get(self._record, "record_sigma")[:count]
         mechanism, resting = self._layout.mechanism, self._layout.resting
         system = mechanism.system
-        loops = system.evaluate(self.q)[1][:, resting:]
+        motions = motions_of(system, self.q, mechanism.loop_rank, slice(resting, None))
         rows = equations(mechanism, system, self._wanted())[1][:, resting:]
-        motions, _ = free_motions(loops, mechanism.loop_rank)
         return np.asarray(np.linalg.svd(rows @ motions, compute_uv=False)[:count])
 
     @property
     def loop_singular_values(self) -> Array:
-        """Dimensionless singular values of all loops at q, largest first, as many as their generic rank. Computed on
+        """Dimensionless singular values of all loops at q, largest first: `Mechanism.loop_singular_values`. Computed on
         access."""
-        mechanism = self._layout.mechanism
-        if not mechanism.is_constrained or mechanism.loop_rank == 0:
-            return np.zeros(0)
-        rows = mechanism.system.evaluate(self.q)[1][:, self._layout.resting :]
-        return np.asarray(np.linalg.svd(rows, compute_uv=False)[: mechanism.loop_rank])
+        return self._layout.mechanism.loop_singular_values(self.q)
 
     @property
     def passive_singular_values(self) -> Array:
-        """Dimensionless singular values of the passive joints' columns in the loops' Jacobian at q, largest first, as
-        many as their generic rank. At a type 2 singularity the last is 0. Computed on access."""
+        """Dimensionless singular values of the passive joints' columns in the loops' screw matrix at q, largest first,
+        as many as their generic rank. At a type 2 singularity the last is 0. Computed on access."""
         return passive_singular_values(self._layout.mechanism, self.q)
 
     @property

@@ -13,6 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 from cinegen.errors import CinegenError
 from cinegen.ik._kernels.memory import TaskMemory
 from cinegen.ik._kernels.tasks import FURTHEST
+from cinegen.ik.thresholds import ROTATION
 from cinegen.jit.foreign import SE3_DISTANCE, address, frame_of
 from cinegen.model import Mechanism
 from raff2urdf.residual import log, log_derivative, swing
@@ -259,7 +260,12 @@ class FrameTask:
 
     def is_valid(self) -> bool:
         """Return whether the target and all other values can be followed."""
-        return bool(self.memory.is_valid) and bool(np.isfinite(self.target.homogeneous).all())
+        if not self.memory.is_valid or not np.isfinite(self.target.homogeneous).all():
+            return False
+        rotation = self.target.rotation
+        if not np.abs(rotation).max() < 2.0:  # no square overflows
+            return False
+        return bool(np.abs(rotation.T @ rotation - np.eye(3)).max() <= ROTATION and np.linalg.det(rotation) > 0.0)
 
     # --- the equations, in plain form ------------------------------------------------------------------------------
 

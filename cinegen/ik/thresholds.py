@@ -9,11 +9,8 @@ BAD_TARGET, REFUSED, AT_LIMIT, SINGULAR, OUT_OF_REACH, FOLLOWING, IDLE, DETOUR, 
 BEGIN, GUARD = 0, 1
 """Phases of a tick: besides PROPOSED, it begins, or waits for the clearance of its trial."""
 
-NEAR = 0.05
-"""Dimensionless singular value below which motion is damped, smoothly."""
-
 RESTING = 6.25e-4
-"""NEAR^2 / 4: least damping of a squared singular value of 0.
+"""NEAR_SINGULAR^2 / 4: least damping of a squared singular value of 0.
 
 With much less, a robot at its limits would make large null-space motions for a negligible gain.
 """
@@ -27,8 +24,8 @@ ERROR_CAP = 0.2
 ARMIJO = 0.1
 """Fraction of the first-order reduction that a step must reach; the best step reaches half of it."""
 
-NEAR_TYPE_2 = 1e-3
-"""A singular value of the loops below this is near a type 2 singularity."""
+ROTATION = 1e-3
+"""Largest error of the products of a rotation's columns: a target with larger ones has no orientation."""
 
 ARRIVED = 1e-6
 """A task this near to its target has reached it, rad or lengths."""

@@ -92,6 +92,11 @@ class Compilation:
         """True while kernels are being compiled."""
         return self._thread is not None and self._thread.is_alive()
 
+    @property
+    def is_awaited(self) -> bool:
+        """True while kernels of this process are interpreted until their machine code is loaded."""
+        return bool(self._waiting)
+
     def add(self, kernel: InterpretedKernel) -> None:
         """Load a kernel as soon as it is compiled; start the process if there is none."""
         with self._lock:
@@ -139,9 +144,10 @@ class Compilation:
     def _load(self) -> None:
         with self._lock:
             ready = [kernel for kernel in self._waiting if is_cached(kernel.function, *kernel.arguments)]
-            self._waiting = [kernel for kernel in self._waiting if kernel not in ready]
         for kernel in ready:
             kernel.machine_code = prepare(kernel.function, *kernel.arguments)
+        with self._lock:
+            self._waiting = [kernel for kernel in self._waiting if kernel.machine_code is None]
 
 
 COMPILATION = Compilation()

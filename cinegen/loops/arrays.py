@@ -14,9 +14,10 @@ from cinegen.jit.foreign import frame_of
 from cinegen.joints import axis
 from cinegen.loops._kernels import kinematics, residual
 from cinegen.loops._kernels.memory import NOWHERE, ClusterMemory, LoopMemory
-from cinegen.loops.closed_loops import ClosedLoops
+from cinegen.loops.closed_loops import LARGE, ClosedLoops
 from cinegen.loops.clusters import clusters
 from cinegen.loops.pinocchio_joints import kinematics_callback
+from cinegen.loops.screws import LoopScrews
 
 _KINDS = {
     **dict.fromkeys(("RX", "RY", "RZ", "RevoluteUnaligned"), kinematics.REVOLUTE),
@@ -25,9 +26,6 @@ _KINDS = {
     "FreeFlyer": kinematics.FREE_FLYER,
 }
 """Joints that the kernels move, by Pinocchio's names."""
-
-_LARGE = 64
-"""DoF of a cluster beyond which it is factored block by block."""
 
 Indices = NDArray[np.intp]
 AnyMemory = TypeVar("AnyMemory", bound=LoopMemory)
@@ -46,7 +44,7 @@ def set_up(memory: AnyMemory, system: ClosedLoops, ranks: Sequence[int], fixed: 
     memory.resize(
         nq=model.nq, n=model.nv - fixed, fixed=fixed, joints=model.njoints, loops=len(system.loops), rows=system.rows,
         rank=sum(ranks), couplings=len(system.couplings), coupled=model.nq if system.couplings else 0,
-        clusters=len(ranks), steps=sum(map(len, system.columns[: len(system.loops)])),
+        clusters=len(ranks), cut=sum(system.cut_dof), steps=sum(map(len, system.columns[: len(system.loops)])),
     )  # fmt: skip
     memory.length = system.length
     memory.scale[:] = system.scale[fixed:]
@@ -56,15 +54,15 @@ def set_up(memory: AnyMemory, system: ClosedLoops, ranks: Sequence[int], fixed: 
     if not all([_set_up_joint(memory, model, j, fixed) for j in range(1, model.njoints)]):
         memory.callback = kinematics_callback(memory, model)
         memory.callback_address = address_of(memory.callback)
-    row = step = 0
+    row = step = cut = 0
     for i, (loop, anchor) in enumerate(zip(system.loops, system.anchors, strict=True)):
         joints, offsets, columns = anchor[::2], anchor[1::2], system.columns[i]
-        memory.loop_kind[i], memory.loop_row[i] = getattr(residual, loop.kind.name), row
+        memory.loop_kind[i], memory.loop_row[i], memory.loop_cut[i] = getattr(residual, loop.kind.name), row, cut
         memory.loop_joints[i], memory.loop_offsets[i] = joints, [frame_of(offset) for offset in offsets]
         sizes, columns = system.sizes[i][columns >= fixed], columns[columns >= fixed] - fixed
         end = step + len(columns)
         memory.loop_steps[i], memory.step_dof[step:end], memory.step_size[step:end] = (step, end), columns, sizes
-        row, step = row + loop.rows, end
+        row, step, cut = row + loop.rows, end, cut + system.cut_dof[i]
     _set_up_couplings(memory, system)
     _set_up_clusters(memory, system, ranks)
     return memory
@@ -77,8 +75,12 @@ def _set_up_clusters(memory: LoopMemory, system: ClosedLoops, ranks: Sequence[in
         columns = {i: system.columns[i][system.columns[i] >= memory.fixed] - memory.fixed for i in members}
         dof = np.unique(np.concatenate(list(columns.values())))
         one = ClusterMemory(n=len(dof), rows=len(cluster.rows), rank=rank, mobility=max(len(dof) - rank, 0))
-        if len(dof) <= _LARGE:
-            one.resize(basis=one.mobility)
+        if len(dof) <= LARGE:
+            owner = np.repeat(np.arange(len(system.loops)), system.cut_dof)
+            cut = np.flatnonzero(np.isin(owner, cluster.loops))
+            if len(cut):
+                one.cut_first = int(cut[0])
+            one.resize(basis=one.mobility, cut=int(cut[-1] + 1 - cut[0]) if len(cut) else 0)
             one.dof[:], one.row[:] = dof, cluster.rows
         else:
             _set_up_blocks(one, columns, system.constraint_rows)
@@ -123,9 +125,30 @@ def _chained(columns: Mapping[int, Indices]) -> list[int]:
     return outwards(outwards(next(iter(columns)))[-1])
 
 
+def set_up_screws(memory: LoopMemory, screws: LoopScrews, couplings: int) -> None:
+    """Prepare the kernels that compute the screw matrix of a memory that is set up.
+
+    Args:
+        memory: of the mechanism.
+        screws: of the mechanism.
+        couplings: their number.
+    """
+    points = [(c, point) for c, own in enumerate(screws.points) for point in own]
+    memory.resize(
+        screwed=memory.loops, screw_rows=6 * memory.loops + couplings, screw_columns=memory.n + screws.cut,
+        screw_clusters=len(screws.lengths), axis_points=len(points),
+    )  # fmt: skip
+    memory.screw_mix[:], memory.screw_cluster[:], memory.screw_length[:] = (
+        screws.mix, screws.cluster_of, screws.lengths,
+    )  # fmt: skip
+    for a, (c, (joint, at, share)) in enumerate(points):
+        memory.axis_cluster[a], memory.axis_joint[a], memory.axis_point[a], memory.axis_share[a] = c, joint, at, share
+
+
 def null_space(memory: LoopMemory) -> NDArray[np.float64]:
-    """Return the null space of all loops, a basis of motions that keep them closed: (mobility, n), dimensionless. First
-    those of the clusters, then the joints that are in none."""
+    """Return a basis of motions that keep all loops closed, dimensionless: (mobility, n + cut), orthonormal together
+    with those of the joints that were cut, the last columns, which are 0 for large clusters. First those of the
+    clusters, then the joints that are in none."""
     found: list[NDArray[np.float64]] = []
     for one in memory.cluster_memories:
         own = one.null_space if not one.blocks else np.eye(one.n)[one.rank :]
@@ -133,9 +156,11 @@ def null_space(memory: LoopMemory) -> NDArray[np.float64]:
             at = slice(t, one.kept_reach[t])
             h = one.kept_reflectors[t, at]
             own[:, at] -= one.kept_tau[t] * np.outer(own[:, at] @ h, h)
-        found.append(np.zeros((one.mobility, memory.n)))
+        found.append(np.zeros((one.mobility, memory.n + memory.cut)))
         found[-1][:, one.dof] = own
-    return np.vstack([*found, np.eye(memory.n)[memory.idle_dof]])
+        cut = slice(one.cut_first, one.cut_first + one.cut)
+        found[-1][:, memory.n :][:, cut] = own @ memory.cut_rates[one.dof, cut]
+    return np.vstack([*found, np.eye(memory.n + memory.cut)[memory.idle_dof]])
 
 
 def _set_up_couplings(memory: LoopMemory, system: ClosedLoops) -> None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 import pinocchio as pin
@@ -11,10 +12,15 @@ from numpy.typing import NDArray
 
 from cinegen.joints import kinematic_data, step_scale, supporting_columns
 from raff2urdf.coupling import Coupling, coupled_scales
+from raff2urdf.length import cut_screws, moments
 from raff2urdf.raff.document import LoopKind
 from raff2urdf.residual import ROWS, loop_residual
 
 Array = NDArray[np.float64]
+Indices = NDArray[np.intp]
+
+LARGE = 64
+"""Velocities of a cluster of loops (`cinegen.loops.clusters`) beyond which it is factored block by block."""
 
 _COMPONENTS = {
     LoopKind.RIGID: ("x", "y", "z", "rx", "ry", "rz"),
@@ -76,9 +82,11 @@ class ClosedLoops:
             joints that only drive others, see `raff2urdf.coupling.coupled_scales`.
         anchors: for each loop, of its two ends: the joint that carries it (index), and its placement on that joint.
         kinds: of the loops.
+        cut_dof: for each loop, degrees of freedom of the joint that was cut.
         constraint_rows: for each loop, and then each coupling, indices of its equations.
         columns: for each loop, and then each coupling, indices of the velocities that change it.
-        sizes: for each loop, of these velocities: `scale` where they move its second end, -`scale` where its first.
+        signs: for each loop (nv,) 1 for velocities that move its second end, -1 for those that move its first, else 0.
+        sizes: for each loop, of the velocities that change it: these signs times `scale`.
         rows: number of equations.
         data: Pinocchio's, with the placements and Jacobians of the joints at the last evaluated q.
     """
@@ -94,6 +102,7 @@ class ClosedLoops:
         ]
         self.data = kinematic_data(model)
         self.kinds = [loop.kind for loop in self.loops]
+        self.cut_dof = [6 - loop.rows for loop in self.loops]
         self.rows = sum(loop.rows for loop in self.loops) + len(self.couplings)
         names = dict.fromkeys(joint for coupling in self.couplings for joint in coupling.terms)
         self._coupled = {name: model.joints[model.getJointId(name)] for name in names}
@@ -101,7 +110,8 @@ class ClosedLoops:
         for name, joint in self._coupled.items():
             self.scale[joint.idx_v] = scales[name]
         self.coupling_sizes = [coupling.size(scales) for coupling in self.couplings]
-        signs = [supporting_columns(model, anchor[2]) - supporting_columns(model, anchor[0]) for anchor in self.anchors]
+        supports = [[supporting_columns(model, joint) for joint in anchor[::2]] for anchor in self.anchors]
+        self.signs = signs = [second - first for first, second in supports]
         coupled = [[self._coupled[name].idx_v for name in coupling.terms] for coupling in self.couplings]
         self.columns = [np.array(columns, dtype=np.intp) for columns in [*map(np.flatnonzero, signs), *coupled]]
         heights = [*(loop.rows for loop in self.loops), *[1] * len(self.couplings)]
@@ -134,6 +144,36 @@ class ClosedLoops:
             pin.computeJointJacobians(self.model, self.data, q)
         return self.evaluate_placed(q)
 
+    def screws(self) -> Array:
+        """Return the unit twists (6, nv + .) of all velocities, and then of the joints that were cut, for what is in
+        `data`: the velocity of the point at the world's origin above the angular velocity; m and rad."""
+        cut = [
+            cut_screws(loop.kind, (self.data.oMi[anchor[0]] * anchor[1]).homogeneous)
+            for loop, anchor in zip(self.loops, self.anchors, strict=True)
+        ]
+        return np.hstack([np.asarray(self.data.J).reshape(6, -1), *cut])
+
+    def cut_rates(self) -> Array:
+        """Return the velocities (., nv) of the joints that were cut, by the dimensionless step, for what is in `data`;
+        dimensionless. Loops of clusters with more than `LARGE` velocities are left out."""
+        columns, found = np.asarray(self.data.J).reshape(6, -1), [np.zeros((0, self.model.nv))]
+        for i in self._measured:
+            loop, (joint, placement, *_) = self.loops[i], self.anchors[i]
+            screws = cut_screws(loop.kind, (self.data.oMi[joint] * placement).homogeneous)
+            twists = columns * (self.signs[i] * self.scale)
+            if loop.kind is LoopKind.PRISMATIC:
+                point = (self.data.oMi[joint] * placement).translation
+                found.append(screws[:3].T @ moments(twists, point) / self.length)
+            else:
+                found.append(screws[3:].T @ twists[3:])
+        return np.vstack(found)
+
+    @cached_property
+    def _measured(self) -> list[int]:
+        """Loops whose cut joints' velocities are measured, too."""
+        groups = linked(self.columns)
+        return [i for members, columns in groups if len(columns) <= LARGE for i in members if i < len(self.loops)]
+
     def evaluate_placed(self, q: Array) -> tuple[Array, Array]:
         """Return the same for the placements and the Jacobians of the joints at q that are in `data`."""
         residual, jacobian, row = np.empty(self.rows), np.zeros((self.rows, self.model.nv)), 0
@@ -161,3 +201,24 @@ class ClosedLoops:
 def _anchor(model: pin.Model, node: str, placement: pin.SE3) -> tuple[int, pin.SE3]:
     frame = model.frames[model.getFrameId(node, pin.FrameType.BODY)]
     return frame.parentJoint, frame.placement * placement
+
+
+def linked(constraints: Sequence[Indices]) -> list[tuple[list[int], Indices]]:
+    """Return constraints, by their indices, and columns in groups: those of two groups share no column.
+
+    Args:
+        constraints: columns of each.
+    """
+    groups: list[tuple[list[int], set[int]]] = []
+    for i, columns in enumerate(constraints):
+        members, together, apart = [i], set(columns.tolist()), []
+        for group in groups:
+            if group[1].isdisjoint(together):
+                apart.append(group)
+            else:
+                members, together = group[0] + members, group[1] | together
+        groups = [*apart, (sorted(members), together)]
+    return [
+        (members, np.array(sorted(columns), dtype=np.intp))
+        for members, columns in sorted(groups, key=lambda group: group[0])
+    ]

@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 import pinocchio as pin
 from numpy.typing import NDArray
 
-from cinegen.loops.closed_loops import ClosedLoops
+from cinegen.loops.closed_loops import ClosedLoops, linked
 
 Indices = NDArray[np.intp]
 
@@ -43,27 +42,6 @@ def clusters(system: ClosedLoops) -> list[LoopCluster]:
             columns,
         )
         for members, columns in linked(system.columns)
-    ]
-
-
-def linked(constraints: Sequence[Indices]) -> list[tuple[list[int], Indices]]:
-    """Return constraints, by their indices, and columns in groups: those of two groups share no column.
-
-    Args:
-        constraints: columns of each.
-    """
-    groups: list[tuple[list[int], set[int]]] = []
-    for i, columns in enumerate(constraints):
-        members, together, apart = [i], set(columns.tolist()), []
-        for group in groups:
-            if group[1].isdisjoint(together):
-                apart.append(group)
-            else:
-                members, together = group[0] + members, group[1] | together
-        groups = [*apart, (sorted(members), together)]
-    return [
-        (members, np.array(sorted(columns), dtype=np.intp))
-        for members, columns in sorted(groups, key=lambda group: group[0])
     ]
 
 

@@ -13,6 +13,13 @@ CORRECTION = 0.5
 HEALTHY = 2e-2
 """Singular vectors are used if a pivot of the loops is below this fraction of the first."""
 
+NEAR_SINGULAR = 0.05
+"""Singular value (dimensionless) below which a configuration is near a singularity, of either type, in all of cinegen:
+the solver damps motion there, and reports, forecasts, checks of paths and the cockpit show it."""
+
+AT_SINGULAR = 1e-3
+"""Singular value below which a motion that is known at its ticks or samples passes through a singularity."""
+
 NEGLIGIBLE = 1e-8
 """Damping below this fraction of the smallest squared pivot is neglected."""
 

@@ -11,13 +11,12 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from cinegen.ik.singular import NEAR_PASSIVE, gained
-from cinegen.ik.thresholds import NEAR, NEAR_TYPE_2
+from cinegen.ik.singular import gained
 from cinegen.mission.recording import between
 from cinegen.mission.trajectory import Trajectory
 from cinegen.model import Mechanism
 from cinegen.singularities.crossing import Rows, crossings, of_end, of_passive_joints
-from cinegen.tolerances import CLOSURE
+from cinegen.tolerances import AT_SINGULAR, CLOSURE, NEAR_SINGULAR
 from raff2urdf.quantities import ANGLE, ANGULAR_SPEED, LENGTH, SPEED, shown
 
 Array = NDArray[np.float64]
@@ -26,7 +25,7 @@ Mask = NDArray[np.bool_]
 _AWAY = 1.2  # times a threshold, above which a singular value has left it
 _ACTUATED = 1e-9  # rad or lengths: rounding at a limit
 _PASSIVE = 1e-3  # rad or lengths that an interpolated passive joint may be beyond a limit
-_SPEED = 1e-6  # relative to a velocity limit
+_RATE = 1e-6  # relative to a limit of velocity or acceleration
 _SAME = 1e-6  # of a period: distance of two crossings that are one
 _AT_ONCE = 1000  # matrices at once
 
@@ -37,17 +36,19 @@ class FindingKind(Enum):
     OPEN = "loops are open"
     LIMIT = "a joint is beyond a limit"
     SPEED = "a joint exceeds its velocity limit"
+    ACCELERATION = "a joint exceeds its acceleration limit"
     TYPE_2 = "a type 2 singularity is passed or reached: the actuated joints lose control"
     NEAR_TYPE_2 = "a type 2 singularity is near"
     TYPE_1 = "a type 1 singularity is passed: the end loses a DoF"
     NEAR_TYPE_1 = "a type 1 singularity is near"
-    NO_SPEED_LIMIT = "an actuated joint has no velocity limit"
     UNCONTROLLED = "joints may move while all actuated joints are locked"
 
     @property
     def serious(self) -> bool:
         """True for findings with which the trajectory must not be sent to a robot."""
-        return self in (FindingKind.OPEN, FindingKind.LIMIT, FindingKind.SPEED, FindingKind.TYPE_2)
+        return self in (
+            FindingKind.OPEN, FindingKind.LIMIT, FindingKind.SPEED, FindingKind.ACCELERATION, FindingKind.TYPE_2
+        )  # fmt: skip
 
 
 @dataclass(frozen=True, eq=False)
@@ -69,6 +70,9 @@ class Finding:
     message: str
     q: Array
     sigma: float | None = None
+
+    def __repr__(self) -> str:
+        return f"<Finding: {self}>"
 
     def __str__(self) -> str:
         same = abs(self.time - self.recorded) < 5e-4
@@ -104,7 +108,9 @@ class Findings:
         return len(self.all)
 
 
-def check(trajectory: Trajectory, threshold: float = NEAR, passive_threshold: float = NEAR_PASSIVE) -> Findings:
+def check(
+    trajectory: Trajectory, threshold: float = NEAR_SINGULAR, passive_threshold: float = NEAR_SINGULAR
+) -> Findings:
     """Check a trajectory.
 
     Args:
@@ -113,12 +119,12 @@ def check(trajectory: Trajectory, threshold: float = NEAR, passive_threshold: fl
         passive_threshold: singular value of the passive joints below which a type 2 singularity is near.
 
     Returns:
-        At the samples: loops open by more than 1e-10 (rad or characteristic lengths), violated limits of position and
-        velocity. At the samples and between them: singularities.
+        At the samples: loops open by more than 1e-10 (rad or characteristic lengths), violated limits of position,
+        velocity and acceleration (`Trajectory.limits`). At the samples and between them: singularities.
     """
     mechanism, q = trajectory.mechanism, trajectory.q
     gaps = _of_each(q, lambda one: np.array(mechanism.closure(one)))
-    found = [*_uncontrolled(trajectory), *_open(trajectory, gaps), *_limits(trajectory), *_speeds(trajectory)]
+    found = [*_uncontrolled(trajectory), *_open(trajectory, gaps), *_limits(trajectory), *_rates(trajectory)]
     end, passive = of_end(mechanism), of_passive_joints(mechanism) if mechanism.passive_rank else None
     kinds = (FindingKind.TYPE_1, FindingKind.NEAR_TYPE_1)
     sigma = _singular(trajectory, end, threshold, kinds, found) if end.rank else np.full(len(q), np.inf)
@@ -186,27 +192,23 @@ def _limits(trajectory: Trajectory) -> Iterator[Finding]:
                 yield _at(trajectory, FindingKind.LIMIT, part.start, message)
 
 
-def _speeds(trajectory: Trajectory) -> Iterator[Finding]:
-    mechanism, times = trajectory.mechanism, trajectory.times
-    if len(times) < 2:
-        return
-    steps = np.abs(np.diff(trajectory.q, axis=0)) / np.diff(times)[:, None]
-    unlimited: list[tuple[float, str]] = []
-    for joint, (_, _, limit, _) in mechanism.limits.items():
-        speed, dimension = steps[:, mechanism.q_index(joint)], SPEED if mechanism.is_prismatic(joint) else ANGULAR_SPEED
-        for part in _intervals(~(speed <= limit * (1.0 + _SPEED))):
-            most = shown(float(speed[part].max()), dimension)
-            message = f"{joint} moves at {most}, its limit is {shown(limit, dimension)}"
+def _rates(trajectory: Trajectory) -> Iterator[Finding]:
+    """Yield the joints whose finite differences exceed their limits of velocity or acceleration."""
+    mechanism, limits, rate = trajectory.mechanism, trajectory.limits, trajectory.rate
+    steps = np.diff(trajectory.q, axis=0)
+    changes = np.diff(np.pad(steps, ((1, 1), (0, 0))), axis=0)  # at rest before and after
+    for joint in mechanism.joints:
+        i, j, prismatic = mechanism.q_index(joint), mechanism.v_index(joint), mechanism.is_prismatic(joint)
+        unit = "m" if prismatic else "rad"
+        for part in _intervals(~(np.abs(steps[:, i]) * rate <= limits.velocity[j] * (1.0 + _RATE))):
+            dimension = SPEED if prismatic else ANGULAR_SPEED
+            most, limit = (float(np.abs(steps[part, i]).max()) * rate, float(limits.velocity[j]))
+            message = f"{joint} moves at {shown(most, dimension)}, its limit is {shown(limit, dimension)}"
             yield _at(trajectory, FindingKind.SPEED, part.start, message)
-        if joint in mechanism.actuated and not np.isfinite(limit):
-            unlimited.append((float(speed.max() / mechanism.scale[mechanism.v_index(joint)]), joint))
-    if unlimited:
-        _, joint = max(unlimited)
-        speed = steps[:, mechanism.q_index(joint)]
-        k = int(speed.argmax())
-        dimension = SPEED if mechanism.is_prismatic(joint) else ANGULAR_SPEED
-        message = f"{joint}, which has no velocity limit, moves at {shown(float(speed[k]), dimension, 3)}"
-        yield _at(trajectory, FindingKind.NO_SPEED_LIMIT, k, message)
+        for part in _intervals(~(np.abs(changes[:, i]) * rate * rate <= limits.acceleration[j] * (1.0 + _RATE))):
+            most, limit = (float(np.abs(changes[part, i]).max()) * rate * rate, float(limits.acceleration[j]))
+            message = f"{joint} accelerates at {most:.4g} {unit}/s^2, its limit is {limit:.4g} {unit}/s^2"
+            yield _at(trajectory, FindingKind.ACCELERATION, part.start, message)
 
 
 # --- singularities ---------------------------------------------------------------------------------------------------
@@ -236,7 +238,7 @@ def _singular(
         if through[max(0, part.start - 1) : part.stop + 1].any():
             continue
         k = part.start + int(sigma[part].argmin())
-        at_it = passed is FindingKind.TYPE_2 and sigma[k] < NEAR_TYPE_2
+        at_it = passed is FindingKind.TYPE_2 and sigma[k] < AT_SINGULAR
         described = _description(mechanism, passed, rows, q[k])
         message = f"it is at a {described}" if at_it else f"it is near a {described}; singular value {sigma[k]:.2g}"
         found.append(_finding(trajectory, passed if at_it else near, float(times[k]), message, q[k], float(sigma[k])))

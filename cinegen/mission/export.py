@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -48,6 +49,8 @@ def export(
     speed: float = 1.0,
     all_joints: bool = False,
     unsafe: bool = False,
+    acceleration: float | Mapping[str, float] | None = None,
+    jerk: float | Mapping[str, float] | None = None,
 ) -> ExportReport:
     """Write a robot's recorded motion to a file, completely or not at all. An existing file is replaced.
 
@@ -60,18 +63,22 @@ def export(
         speed: speed relative to the recording, as far as limits allow.
         all_joints: write passive joints, too.
         unsafe: write the motion even if its check has serious findings.
+        acceleration: limits of acceleration, rad/s^2 and m/s^2: one number, or by joint name; defaults unless given.
+        jerk: limits of jerk, rad/s^3 and m/s^3, likewise; unlimited unless given.
 
     Raises:
         MissionError: the recording can't be read or exported; its motion leaves loops open, violates limits or passes a
             type 2 singularity (with the time); the format can't express it; or the file can't be written.
-        UnknownNameError: no such format, or no such robot.
+        UnknownNameError: no such format, robot or joint.
+        CinegenError: a limit is not positive.
+        MissingExtraError: toppra is not installed.
     """
     source, form = Path(recording_path), format_of(to)
     path = source.with_suffix(form.suffix) if output is None else Path(output)
     if os.path.realpath(path) == os.path.realpath(source):
         raise MissionError(f"{path}: is the recording itself; name another file (-o FILE)")
     recording = Recording.load(source)
-    trajectory = resampled(recording, robot, rate, speed)
+    trajectory = resampled(recording, robot, rate, speed, acceleration, jerk)
     joints = trajectory.mechanism.joints if all_joints else trajectory.mechanism.actuated
     content = form.write(trajectory, joints)
     findings = check(trajectory)
@@ -110,7 +117,9 @@ def report_text(report: ExportReport) -> str:
     ]
     slower = float(trajectory.passes[-1, 0]) - report.recorded
     if slower > 1e-3:
-        lines.append(f"slowed down by {slower:.3f} s, for velocity limits")
+        lines.append(f"slowed down by {slower:.3f} s, for limits of velocity and acceleration")
+    if assumed := str(trajectory.limits):
+        lines.append(f"assumed: {assumed}")
     if not findings.serious:
         closed = passed = ""
         if trajectory.mechanism.is_constrained:

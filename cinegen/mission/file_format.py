@@ -153,7 +153,7 @@ class _FileKind(Struct):
 _FILE_KIND = decoder(_FileKind, _FileKind)
 _HEADER = decoder(MissionHeader, MissionHeader)
 _MOMENT = decoder(Moment, Moment)
-_NOT_DECODED = (msgspec.MsgspecError, RecursionError)
+_NOT_DECODED = (msgspec.MsgspecError, RecursionError, UnicodeError)
 
 
 def encode_header(

@@ -115,6 +115,11 @@ class MissionRecorder:
         except Exception:  # any invalid value: the control loop goes on
             self._refused += 1
 
+    @property
+    def finished(self) -> bool:
+        """True when all moments are on the disk, or will never be."""
+        return not self._thread.is_alive()
+
     def close(self, wait: bool = True) -> None:
         """End the recording. May be called again.
 

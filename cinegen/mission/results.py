@@ -3,25 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from itertools import pairwise
 from pathlib import Path
 
-import numpy as np
 import pinocchio as pin
-from numpy.typing import NDArray
 
 from cinegen.assembly import AssemblyModes
-from cinegen.joints import step_scale
 from cinegen.mission.drawn_obstacle import DrawnObstacle
 from cinegen.mission.file_format import MissionError, RecordedTask, RobotSample
 from cinegen.mission.recorder import MissionRecorder
 from cinegen.model import Mechanism
 from cinegen.planning import Plan
-
-Array = NDArray[np.float64]
-
-ANGULAR_SPEED, LINEAR_SPEED = 1.0, 0.25
-"""rad/s and m/s: of joints without a velocity limit, and of a floating base."""
+from cinegen.planning.timed_path import TimedPath, timed_path
 
 _INSTANT = 1e-6  # s: shortest time between two moments
 
@@ -32,11 +24,11 @@ def record_plan(
     name: str | None = None,
     mechanism: Mechanism | None = None,
     obstacles: Mapping[str, DrawnObstacle] | None = None,
-) -> Array:
-    """Record the path of a plan, timed so that at any time one joint moves at its velocity limit.
+) -> TimedPath:
+    """Record a motion along the path of a plan within the limits of its robot: see `timed_path`.
 
-    A recording is interpolated between its moments as the path is, so it keeps the same clearance. The goal of the node
-    is recorded as its task.
+    A recording is interpolated between its moments as the clearance of the motion is bounded, so it keeps it. The goal
+    of the node is recorded as its task.
 
     Args:
         plan: plan whose path has two configurations at least.
@@ -46,41 +38,24 @@ def record_plan(
         obstacles: obstacles of the recording by name; none unless given.
 
     Returns:
-        (steps + 1,) time of each configuration, s.
+        The motion.
 
     Raises:
         MissionError: the path has no length, or the file can't be written.
+        MissingExtraError: toppra is not installed.
+        TimingError: there is no such motion.
     """
     scene = plan.scene
     name = name or scene.mechanism.name
-    times = passes(scene.mechanism, plan.path)
-    if times[-1] < _INSTANT:
+    if (plan.path == plan.path[0]).all():
         raise MissionError(f"{scene.name}: there is no path to record: {plan}")
+    motion = timed_path(plan)
     task = RecordedTask(scene.node, "plan", pin.SE3.Identity(), scene.goal, scene.translation, scene.rotation)
     with MissionRecorder(path, {name: mechanism or scene.mechanism}, obstacles=obstacles) as recorder:
-        last = -np.inf
-        for time, q in zip(times.tolist(), plan.path, strict=True):
-            if time - last >= _INSTANT:
-                recorder.write(time, {name: RobotSample(q, "FOLLOWING", (task,))})
-                last = time
+        for time, q in zip(motion.times.tolist(), motion.q, strict=True):
+            recorder.write(time, {name: RobotSample(q, "FOLLOWING", (task,))})
     _check_written(recorder)
-    return times
-
-
-def passes(mechanism: Mechanism, path: Array) -> Array:
-    """Return the time of each configuration of a path (n, nq), s (n,), if at any time one joint moves at its velocity
-    limit. Passive joints count only if they have a limit of their own."""
-    limits = _velocity_limits(mechanism)
-    steps = (np.abs(mechanism.difference(a, b)) / limits for a, b in pairwise(path))
-    return np.concatenate([[0.0], np.cumsum([step.max(initial=0.0) for step in steps])])
-
-
-def _velocity_limits(mechanism: Mechanism) -> Array:
-    """Return the velocity limits (nv,), rad/s and m/s."""
-    default = ANGULAR_SPEED * step_scale(mechanism.model, LINEAR_SPEED / ANGULAR_SPEED)
-    if mechanism.is_constrained:
-        default[mechanism.passive_columns] = np.inf
-    return np.where(np.isfinite(mechanism.limits.velocity), mechanism.limits.velocity, default)
+    return motion
 
 
 def record_modes(modes: AssemblyModes, path: str | Path, name: str | None = None) -> None:

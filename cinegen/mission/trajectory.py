@@ -1,26 +1,31 @@
-"""Joint trajectory of one robot, sampled at a fixed rate, within its velocity limits."""
+"""Joint trajectory of one robot, sampled at a fixed rate, within limits of velocity, acceleration and jerk."""
 
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.interpolate import CubicHermiteSpline, PchipInterpolator, PPoly
 
 from cinegen.errors import ClosureError, UnknownNameError
 from cinegen.mission.branch import Branch
-from cinegen.mission.curve import JointCurve, slowed
+from cinegen.mission.curve import curve_through
 from cinegen.mission.file_format import MissionError
 from cinegen.mission.recording import Recording
 from cinegen.model import Mechanism
+from cinegen.model.motion_limits import MotionLimits, motion_limits
+from cinegen.planning.timing import TimeLaw, averaged, averaging_window, excess, grid_of, time_law
 
 Array = NDArray[np.float64]
 
 _ROUNDING = 1e-9
-_AIM = 0.999  # fraction of a limit to which fast steps are slowed
+_SLOWER = 1.001  # more than needed, so that few rounds suffice
 _ROUNDS = 60
 _MOST = 5_000_000  # most samples
+_PART = 0.02  # rad or lengths: longest motion of an interval of the time law
 
 
 @dataclass(frozen=True, eq=False)
@@ -35,6 +40,7 @@ class Trajectory:
         q: (n, nq) configurations with closed loops, rad and m.
         v: (n, nv) velocities, rad/s and m/s.
         passes: (k, 2) times of the recorded samples, in the trajectory and in the recording, s.
+        limits: limits that the samples obey.
     """
 
     name: str
@@ -44,6 +50,10 @@ class Trajectory:
     q: Array
     v: Array
     passes: Array
+    limits: MotionLimits
+
+    def __repr__(self) -> str:
+        return f"<Trajectory of {self.name}: {self.seconds:.3f} s, {len(self.times)} samples>"
 
     @property
     def seconds(self) -> float:
@@ -71,22 +81,35 @@ class Trajectory:
         return float(np.interp(time, self.passes[:, 0], self.passes[:, 1]))
 
 
-def resampled(recording: Recording, robot: str | None = None, rate: float = 125.0, speed: float = 1.0) -> Trajectory:
-    """Return a robot's recorded motion as a trajectory.
+def resampled(
+    recording: Recording,
+    robot: str | None = None,
+    rate: float = 125.0,
+    speed: float = 1.0,
+    acceleration: float | Mapping[str, float] | None = None,
+    jerk: float | Mapping[str, float] | None = None,
+) -> Trajectory:
+    """Return a robot's recorded motion as a trajectory within limits (`motion_limits`).
 
     The actuated joints pass all recorded positions on a smooth curve without overshoot; the other joints follow on the
-    branch of the recording. If a joint would exceed its velocity limit, the motion is slowed down as far as needed.
+    branch of the recording. Where a joint would exceed a limit, the motion is slower than recorded, as little as
+    possible (`time_law`). Where jerks are limited, positions are averaged over a short window, so that corners between
+    recorded positions are cut.
 
     Args:
         recording: recording of the robot.
         robot: name of the robot in the recording; the only one unless given.
         rate: samples per second, 0.1 to 1e5.
         speed: speed relative to the recording, 0.01 to 100, as far as limits allow.
+        acceleration: limits of acceleration, rad/s^2 and m/s^2: one number, or by joint name; defaults unless given.
+        jerk: limits of jerk, rad/s^3 and m/s^3, likewise; unlimited unless given.
 
     Raises:
         MissionError: the recording is empty, has several robots of which none is named, a floating base, open loops, or
             a jump to another branch (with its time); or rate or speed is out of range.
-        UnknownNameError: no such robot.
+        UnknownNameError: no such robot, or no such joint.
+        CinegenError: a limit is not positive.
+        MissingExtraError: toppra is not installed.
     """
     name = _chosen(recording, robot)
     for what, value, low, high in (("rate", rate, 0.1, 1e5), ("speed", speed, 0.01, 100.0)):
@@ -98,22 +121,20 @@ def resampled(recording: Recording, robot: str | None = None, rate: float = 125.
     if mechanism.model.nq != len(mechanism.joints) + 4 * len(mechanism.balls):
         what = "its base is floating" if mechanism.floating else "it has joints of more than one number"
         raise MissionError(f"{name} can't be exported: {what}, which a joint trajectory does not contain")
-    branch = Branch(mechanism)
+    branch, limits = Branch(mechanism), motion_limits(mechanism, acceleration, jerk)
     times, knots = recording.times, _continuous(mechanism, recording.q[name])
     for i, q in enumerate(knots):
         try:
             knots[i] = branch.closed(q)
         except ClosureError as error:
             raise MissionError(f"{name} can't be exported: at {times[i]:.3f} s {error}") from None
-    passes, q, speeds = _timed(branch, (times - times[0]) / speed, times, knots, rate, name)
+    passes, q = _timed(branch, limits, (times - times[0]) / speed, times, knots, rate, name)
     v = np.zeros((len(q), mechanism.model.nv))
     at_q, at_v = mechanism.scalar_joints
     v[1:-1, at_v] = (q[2:, at_q] - q[:-2, at_q]) * (0.5 * rate)
     for k in range(1, len(q) - 1) if mechanism.balls else ():
         v[k] = mechanism.difference(q[k - 1], q[k + 1]) * (0.5 * rate)
-    actuated = [[of(joint) for joint in mechanism.actuated] for of in (mechanism.q_index, mechanism.v_index)]
-    v[1:-1, actuated[1]] = speeds[1:-1, actuated[0]]
-    return Trajectory(name, mechanism, rate, np.arange(len(q)) / rate, q, v, np.column_stack([passes, times]))
+    return Trajectory(name, mechanism, rate, np.arange(len(q)) / rate, q, v, np.column_stack([passes, times]), limits)
 
 
 def _chosen(recording: Recording, robot: str | None) -> str:
@@ -137,67 +158,109 @@ def _continuous(mechanism: Mechanism, recorded: Array) -> Array:
 
 
 def _timed(
-    branch: Branch, begin: Array, recorded: Array, knots: Array, rate: float, name: str
-) -> tuple[Array, Array, Array]:
-    """Stretch a motion until all its steps obey all velocity limits.
+    branch: Branch, limits: MotionLimits, begin: Array, recorded: Array, knots: Array, rate: float, name: str
+) -> tuple[Array, Array]:
+    """Return the times of the recorded samples (k,), s, and new samples (n, nq) that obey all limits.
 
     Args:
         branch: interpolation on the branch.
+        limits: limits of all joints.
         begin: (k,) desired times of the recorded samples, s.
         recorded: (k,) their times in the recording, s.
         knots: (k, nq) recorded samples.
         rate: samples per second.
         name: name of the robot.
-
-    Returns:
-        Times of the recorded samples (k,), new samples (n, nq) and velocities of the curve (n, nq).
     """
     mechanism = branch.mechanism
     at_q, at_v = mechanism.scalar_joints
-    limits, guided = np.full((2, mechanism.model.nq), np.inf)  # of all joints, and of those that the curve moves
-    limits[at_q] = mechanism.limits.velocity[at_v]
-    free = np.isin(at_v, mechanism.passive_columns, invert=True) | (not mechanism.is_constrained)
-    guided[at_q[free]] = limits[at_q[free]]
-    passes = slowed(begin, knots, guided)
+    velocity, acceleration = np.full((2, mechanism.model.nq), np.inf)
+    velocity[at_q], acceleration[at_q] = limits.velocity[at_v], limits.acceleration[at_v]
+    steps, scale = np.abs(np.diff(knots, axis=0)), np.ones(mechanism.model.nq)
+    scale[at_q] = mechanism.scale[at_v]
+    if not steps.any():  # it stays where it is
+        passes = begin if len(begin) > 1 else np.zeros(1)
+        return passes, np.repeat(knots[:1], _count(passes[-1], rate, name), axis=0)
+    s = np.concatenate([[0.0], np.cumsum(np.maximum(np.diff(begin), (steps / velocity).max(axis=1)))])
+    curve = curve_through(s, knots)
+    counts = np.ceil((steps / scale).max(axis=1) / _PART).astype(np.int64)
+    law = _law(branch, curve, knots, grid_of(s, counts), recorded, velocity, acceleration, name)
+    window = averaging_window(limits, rate)
     for _ in range(_ROUNDS):
-        count = math.ceil(passes[-1] * rate - _ROUNDING) + 1
-        if not count <= _MOST:
-            raise MissionError(f"{name} can't be exported: {count:.3g} samples at {rate:g} a second are too many")
-        curve = JointCurve(passes, knots)
-        times = np.minimum(np.arange(count) / rate, passes[-1])
-        q = _interpolated(branch, curve, times, recorded, name)
-        over = (np.abs(np.diff(q, axis=0)) * rate / limits).max(axis=1, initial=0.0)
-        if (over <= 1.0 + _ROUNDING).all():
-            return passes, q, curve.speeds(times)
-        lengths = np.diff(passes)
-        stretch = np.ones(len(lengths))
-        for k in np.flatnonzero(over > 1.0):
-            first = max(0, int(np.searchsorted(passes, times[k], side="right")) - 1)
-            last = int(np.searchsorted(passes, times[k + 1], side="left"))
-            stretch[first:last] = np.maximum(stretch[first:last], over[k] / _AIM)
-        passes = slowed(np.concatenate([[0.0], np.cumsum(lengths * stretch)]), knots, guided)
+        passes = np.interp(s, law.s, law.times)
+        times = np.minimum(np.arange(_count(passes[-1], rate, name)) / rate, passes[-1])
+        along = curve(law.at(times)[0])
+        along[-1] = knots[-1]
+        along, delay = averaged(along, window), 0.5 * (window - 1) / rate
+        ends = np.searchsorted(np.arange(len(along)) / rate - delay, passes)
+        q = _closed(branch, knots, along, ends, recorded, name)
+        slower = excess(mechanism, limits, q, rate)
+        if slower <= 1.0 + _ROUNDING:
+            return passes + delay, q
+        law = law.slowed(slower * _SLOWER)
     raise MissionError(f"{name} can't be exported: a passive joint is too fast however slow the actuated joints are")
 
 
-def _interpolated(branch: Branch, curve: JointCurve, times: Array, recorded: Array, name: str) -> Array:
-    """Return all joints (n, nq) at times (n,): those of a curve, on the branch."""
-    along = curve.at(times)
+def _count(seconds: float, rate: float, name: str) -> int:
+    """Return the number of samples of a motion."""
+    count = math.ceil(seconds * rate - _ROUNDING) + 1
+    if not count <= _MOST:
+        raise MissionError(f"{name} can't be exported: {count:.3g} samples at {rate:g} a second are too many")
+    return count
+
+
+def _law(
+    branch: Branch,
+    curve: PPoly,
+    knots: Array,
+    grid: Array,
+    recorded: Array,
+    velocity: Array,
+    acceleration: Array,
+    name: str,
+) -> TimeLaw:
+    """Return the time law of a curve of all joints (nq,), at most as fast as its parameter.
+
+    The passive joints of loops are not on the curve, but on a branch: where they have limits, a curve through their
+    positions on the grid stands for them.
+    """
+    mechanism = branch.mechanism
+    at_q, at_v = mechanism.scalar_joints
+    passive = at_q[np.isin(at_v, mechanism.passive_columns)] if mechanism.is_constrained else at_q[:0]
+    passive = passive[np.isfinite(velocity[passive]) | np.isfinite(acceleration[passive])]
+    guided = np.setdiff1d(np.flatnonzero(np.isfinite(velocity) | np.isfinite(acceleration)), passive)
+    values, slopes = curve(grid), curve(grid, 1)
+    if len(passive):
+        found = _closed(branch, knots, values, np.searchsorted(grid, curve.x), recorded, name)
+        values[:, passive] = found[:, passive]
+        slopes[:, passive] = PchipInterpolator(grid, found[:, passive])(grid, 1)
+    joints = np.concatenate([guided, passive])
+    whole = CubicHermiteSpline(grid, values[:, joints], slopes[:, joints])
+    return time_law(whole, velocity[joints], acceleration[joints], grid, 1.0)
+
+
+def _closed(branch: Branch, knots: Array, along: Array, ends: NDArray[np.intp], recorded: Array, name: str) -> Array:
+    """Return configurations (n, nq) on the branch, with the actuated joints of others.
+
+    Args:
+        branch: interpolation on the branch.
+        knots: (k, nq) recorded samples.
+        along: (n, nq) configurations near them.
+        ends: (k,) number of configurations before each recorded sample.
+        recorded: (k,) times of the recorded samples in the recording, s.
+        name: name of the robot.
+    """
     if branch.mechanism.balls:
         along = np.array([branch.mechanism.normalized(q) for q in along]).reshape(along.shape)
     if not branch.mechanism.is_constrained:
         return along
-    knots, passes = curve.points, curve.times
-    ends = np.searchsorted(times, passes, side="left")  # most samples before each knot
-    ends[-1] = len(times)
-    for i in range(len(knots) - 1):
-        part = slice(ends[i], ends[i + 1])
-        if np.array_equal(knots[i], knots[i + 1]):
-            along[part] = knots[i]
+    found = along.copy()
+    for i, part in enumerate(map(slice, [0, *ends[1:-1]], [*ends[1:-1], len(along)])):
+        if (along[part] == knots[i]).all():
             continue
         try:
-            along[part] = branch.interpolate(knots[i], knots[i + 1], along[part])
+            found[part] = branch.interpolate(knots[i], knots[i + 1], along[part])
         except MissionError as error:
             when = f"between {recorded[i]:.3f} and {recorded[i + 1]:.3f} s of the recording"
             raise MissionError(f"{name} can't be exported: {when} it {error}") from None
-    along[-1] = knots[-1]
-    return along
+    found[-1] = knots[-1]
+    return found

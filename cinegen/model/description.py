@@ -8,6 +8,7 @@ import numpy as np
 from msgspec import Struct, to_builtins
 
 from cinegen.loops.closed_loops import LoopConstraint
+from cinegen.loops.motions import motions_of
 from cinegen.model.mechanism import Mechanism
 from raff2urdf.coupling import Coupling
 
@@ -73,12 +74,8 @@ def describe(mechanism: Mechanism) -> dict[str, Any]:
     couplings are as many as their generic rank. Those of the end (`Mechanism.end`) are of its Jacobian in their null
     space.
     """
-    model, q = mechanism.model, mechanism.q_home
-    motions, loop_sigma = np.eye(model.nv), np.zeros(0)
-    if mechanism.is_constrained:
-        _, loop_sigma, vt = np.linalg.svd(mechanism.system.evaluate(q)[1])
-        motions = vt[mechanism.loop_rank :].T
-    end = mechanism.end
+    q, end = mechanism.q_home, mechanism.end
+    motions = motions_of(mechanism.system, q, mechanism.loop_rank)
     units = np.array([mechanism.length] * 3 + [1.0] * 3)[:, None]
     end_sigma = np.linalg.svd(mechanism.jacobian(q, end) * mechanism.scale @ motions / units, compute_uv=False)
     return {
@@ -98,7 +95,7 @@ def describe(mechanism: Mechanism) -> dict[str, Any]:
         "characteristic_length": mechanism.length,
         "gap_as_written": mechanism.gap_as_written,
         "closure_at_home": mechanism.closure(q),
-        "loop_singular_values": loop_sigma[: mechanism.loop_rank].tolist(),
+        "loop_singular_values": mechanism.loop_singular_values(q).tolist(),
         "end": end,
         "end_singular_values": end_sigma.tolist(),
     }

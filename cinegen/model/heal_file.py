@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import warnings
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -20,10 +21,14 @@ from cinegen.model.healing import LARGEST_CHANGE, heal, in_bodies
 from cinegen.model.load import written_loops
 from cinegen.model.near_redundant import loop_gaps
 from raff2urdf import closure, readers
+from raff2urdf.constraints import HASH
 from raff2urdf.conversion import describe
 from raff2urdf.files import STANDARD
 from raff2urdf.near_redundancy import NearRedundancy, near_redundancy
 from raff2urdf.raff.reader import parse, read
+from raff2urdf.readers.sidecar import constraints_of
+from raff2urdf.readers.urdf import hash_of
+from raff2urdf.readers.urdf import parse as parse_urdf
 from raff2urdf.written_numbers import Adjustable, WrittenNumber, adjustables, rewritten
 
 Array = NDArray[np.float64]
@@ -171,7 +176,16 @@ class _Files:
         numbers = [number for group in self.groups for number in group.numbers]
         flat = [value for group in values for value in group]
         healed = [HealedNumber(n, v) for n, v in zip(numbers, flat, strict=True) if v != n.value]
-        return Healing(rewritten(numbers, flat), tuple(healed), self.gaps)
+        return Healing(self._with_hash(rewritten(numbers, flat)), tuple(healed), self.gaps)
+
+    def _with_hash(self, contents: dict[Path, bytes]) -> dict[Path, bytes]:
+        """Return files whose constraints name the healed URDF."""
+        sidecar, urdf = constraints_of(self.path), contents.get(self.path)
+        if sidecar not in contents or urdf is None:
+            return contents
+        found = hash_of(parse_urdf(urdf.decode(), str(self.path)), str(self.path))
+        named = re.sub(rb'("%s"\s*:\s*")[^"]*' % HASH.encode(), rb"\g<1>" + found.encode(), contents[sidecar])
+        return contents | {sidecar: named}
 
     def _hopeless(self) -> CinegenError:
         loops = ", ".join(f"'{name}'" for name in self.gaps)

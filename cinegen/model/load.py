@@ -3,7 +3,7 @@ file and its conversion are the same mechanism, bit for bit."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 import raff2urdf
 from cinegen.errors import ClosureError, LoadError, UnknownNameError, warn
-from cinegen.joints import kinematic_data, scalar_joints
+from cinegen.joints import scalar_joints, supporting_columns
 from cinegen.loops.closed_loops import ClosedLoops, LoopConstraint
 from cinegen.loops.clusters import subsystems
 from cinegen.model.limits import Limits
@@ -27,12 +27,13 @@ from raff2urdf.analysis import loop_kind
 from raff2urdf.constraints import Constraints, without_loops
 from raff2urdf.coupling import coupling_of, followed
 from raff2urdf.json_lines import line_of
+from raff2urdf.length import characteristic_length, cut_screws
+from raff2urdf.raff.document import LoopKind
 from raff2urdf.readers.declaration import IgnoreList
 from raff2urdf.readers.sidecar import constraints_of
 from raff2urdf.readers.urdf import UNLIMITED, parse
 from raff2urdf.readers.xml_file import read_text
 from raff2urdf.shipped import find_robot
-from raff2urdf.tree import characteristic_length
 
 Array = NDArray[np.float64]
 
@@ -142,21 +143,24 @@ def _load_xml(
         entries[name]["kind"] = loop_kind(kind).name.lower()
     mechanism = build(found.urdf, constraints, str(path.parent), str(path), found.dialects, found.notes, relax)
     if constraints and not loops:
-        _check_stated(mechanism, constraints, constraints_of(path))
+        _check_stated(mechanism, constraints, path)
     return mechanism
 
 
-def _check_stated(mechanism: Mechanism, constraints: Constraints, file: Path) -> None:
-    """Compare the degrees of freedom that a constraints file states with those of the mechanism.
+def _check_stated(mechanism: Mechanism, constraints: Constraints, path: Path) -> None:
+    """Compare the degrees of freedom that a URDF's constraints state with those of the mechanism.
 
     Raises:
         LoadError: they differ.
     """
     for key, value in _degrees_of_freedom(mechanism.system, mechanism.loop_rank).items():
         if constraints.get(key, value) != value:
-            where = f"{file}:{line_of(read_text(file), [key])}: at $.{key}"
+            file = constraints_of(path)
+            where = f"{file}:{line_of(read_text(file), [key])}" if file.is_file() else f"{path}: raff:robot"
             why = f"{constraints[key]} is stated, but the URDF with these loops has {value}"
-            raise LoadError(f"{where}: {why}: correct the number, or restore the joints and loops it was counted for")
+            raise LoadError(
+                f"{where}: at $.{key}: {why}: correct the number, or restore the joints and loops it was counted for"
+            )
 
 
 def _degrees_of_freedom(system: ClosedLoops, rank: int) -> dict[str, int]:
@@ -206,11 +210,12 @@ def written_loops(urdf: str, constraints: Mapping[str, Any] | None, name: str) -
         raise LoadError(f"{name}: Pinocchio can't read it: {error}") from None
     q = _written(model, declared)
     loops = tuple(_loop(entry) for entry in declared["loops"])
-    length = _length(model, declared["nodes"], q)
+    balls = _balls(declared)
+    length = _length(ClosedLoops(model, loops, 1.0), q, declared["nodes"], balls.values())
     couplings = tuple(map(coupling_of, declared.get("couplings", [])))
     spherical, entries, near = None, declared["joints"], None
     _set_limits(model, entries)
-    if balls := _balls(declared):
+    if balls:
         near = _near_successive(ClosedLoops(model, loops, length, couplings), q)
         spherical, replaced = SphericalJoints(model, balls), {joint for joints in balls.values() for joint in joints}
         model, q = spherical.model, spherical.from_successive(q)
@@ -261,6 +266,8 @@ def build(
         q = q if spherical is None or near is None else spherical.from_successive(near)
         drawn = not any("home" in joint for joint in (given or {}).get("joints", []))
         ranks, determined, moved = _close(system, q, limits, actuated, drawn, f"{name}: robot '{constraints['robot']}'")
+        if not moved:  # else home is a random one
+            system = ClosedLoops(model, loops, _length(system, q, constraints["nodes"]), couplings)
         notes += ("all joints at 0 is singular: home is a configuration near it",) if moved else ()
     chosen = tuple(joint for joint, has in actuated.items() if has or (has is None and joint not in determined))
     return Mechanism(
@@ -277,7 +284,14 @@ def build(
         q_home=q,
         cluster_ranks=tuple(ranks),
         gap_as_written=gap,
-        sensors={sensor["number"]: sensor for sensor in constraints.get("sensors", [])},
+        sensors={
+            sensor["number"]: {
+                **sensor,
+                "translation": sensor.get("translation", 3),
+                "rotation": sensor.get("rotation", 3),
+            }
+            for sensor in constraints.get("sensors", [])
+        },
         sensor_constraints=tuple(
             (entry["node"], tuple(entry["sensors"])) for entry in constraints.get("sensor_constraints", [])
         ),
@@ -386,12 +400,30 @@ def _followed(system: ClosedLoops, q: Array) -> Array:
     return moved
 
 
-def _length(model: pin.Model, nodes: Sequence[str], q: Array) -> float:
-    """Return the characteristic length, m."""
-    data = kinematic_data(model)
-    pin.framesForwardKinematics(model, data, q)
-    frames = (model.getFrameId(node, pin.FrameType.BODY) for node in nodes)
-    return characteristic_length(np.array([data.oMf[frame].translation for frame in frames]))
+def _length(system: ClosedLoops, q: Array, nodes: Sequence[str], balls: Iterable[Sequence[str]] = ()) -> float:
+    """Return the characteristic length of a mechanism at q (nq,), m.
+
+    Args:
+        system: its loops.
+        q: (nq,).
+        nodes: their names.
+        balls: joints, by threes, that are a ball joint each.
+    """
+    model, data = system.model, system.data
+    system.evaluate(q)
+    screws = system.screws()
+    for joint in model.joints:
+        if joint.nv == 6:  # where the robot is
+            screws[:, joint.idx_v : joint.idx_v + 6] = 0.0
+    for joints in balls:
+        columns = [model.joints[model.getJointId(joint)].idx_v for joint in joints]
+        screws[:, columns] = cut_screws(LoopKind.BALL, data.oMi[model.getJointId(joints[0])].homogeneous)
+    frames = [model.frames[model.getFrameId(node, pin.FrameType.BODY)] for node in nodes]
+    points = np.array([(data.oMi[frame.parentJoint] * frame.placement).translation for frame in frames])
+    moves = np.zeros((len(nodes), screws.shape[1]), dtype=bool)
+    for row, frame in zip(moves, frames, strict=True):
+        row[: model.nv] = supporting_columns(model, frame.parentJoint) > 0.0
+    return characteristic_length(screws, points, moves)
 
 
 def _loop(entry: Mapping[str, Any]) -> LoopConstraint:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import threading
 from collections.abc import Callable, Iterable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any, NamedTuple, TypeVar
 
@@ -16,8 +16,9 @@ from cinegen.errors import CinegenError, ClosureError, ConfigurationError, Unkno
 from cinegen.html import table
 from cinegen.joints import scalar_joints, translations
 from cinegen.loops.close import Closer
-from cinegen.loops.closed_loops import ClosedLoops, LoopConstraint
+from cinegen.loops.closed_loops import ClosedLoops, LoopConstraint, linked
 from cinegen.loops.clusters import subsystems
+from cinegen.loops.screws import LoopScrews
 from cinegen.model.jacobian import COMPONENTS, ExtendedJacobian
 from cinegen.model.limits import Limits
 from cinegen.model.shapes import collision_shapes, shapes
@@ -174,7 +175,11 @@ class Mechanism:
             {**joint, "name": name, "home": float(home[index[name]]), "actuated": name in self.actuated}
             for name, joint in written.items()
         ]
-        return build(*self.source._replace(constraints={**constraints, "joints": entries, "balls": []}))
+        made = build(*self.source._replace(constraints={**constraints, "joints": entries, "balls": []}))
+        made = replace(made, length=self.length)
+        threes = [entry["joints"] for entry in constraints.get("balls", []) if entry["name"] in self.balls]
+        made.__dict__["screws"] = LoopScrews(made.own_system(), made.q_home, threes)
+        return made
 
     @property
     def mobility(self) -> int:
@@ -220,6 +225,37 @@ class Mechanism:
             self._derived.setdefault(compute, compute(self))
         result: _Result = self._derived[compute]
         return result
+
+    def with_locked(self, values: Mapping[str, float], *unaffected: Callable[[Mechanism], Any]) -> Mechanism:
+        """Return the same mechanism with some joints locked: both of their limits are the same value. Loops and
+        couplings that no other joint moves are left out.
+
+        Args:
+            values: joint name -> value, rad or m; loops and couplings that are left out are closed there.
+            unaffected: functions whose results (see `derived`) do not depend on limits: they are kept.
+
+        Raises:
+            UnknownNameError: no such joint.
+        """
+        model = pin.Model(self.model)
+        at = [self.q_index(name) for name in values]
+        for limit in ("lowerPositionLimit", "upperPositionLimit"):
+            limits = np.array(getattr(model, limit))
+            limits[at] = list(values.values())
+            setattr(model, limit, limits)
+        locked = {self.v_index(name) for name in values}
+        groups = zip(linked(self.system.columns), self.cluster_ranks, strict=True)
+        left = [(members, rank) for (members, columns), rank in groups if not locked.issuperset(columns.tolist())]
+        kept = {i for members, _ in left for i in members}
+        found = replace(
+            self,
+            model=model,
+            loops=tuple(loop for i, loop in enumerate(self.loops) if i in kept),
+            couplings=tuple(one for i, one in enumerate(self.couplings, len(self.loops)) if i in kept),
+            cluster_ranks=tuple(rank for _, rank in left),
+        )
+        found._derived.update({compute: self.derived(compute) for compute in unaffected})
+        return found
 
     @cached_property
     def visual(self) -> pin.GeometryModel:
@@ -322,6 +358,12 @@ class Mechanism:
         actuated joints nor loops determine."""
         found = (closure.rank(self.system.evaluate(q)[1][:, self.passive_columns]) for q in self.samples)
         return max(found) if self.is_constrained else 0
+
+    @cached_property
+    def passive_screws(self) -> NDArray[np.intp]:
+        """The columns of the passive joints in `screw_matrix`: `passive_columns`, and the joints that were cut."""
+        nv = self.model.nv
+        return np.concatenate([self.passive_columns, np.arange(nv, nv + self.screws.cut)])
 
     # --- configurations ------------------------------------------------------------------------------------------
 
@@ -466,6 +508,30 @@ class Mechanism:
             rows += [(coupling.name, "q") for coupling in self.couplings]
         matrix = np.vstack(blocks) if blocks else np.zeros((0, self.model.nv))
         return ExtendedJacobian(matrix, tuple(rows), self.columns)
+
+    @cached_property
+    def screws(self) -> LoopScrews:
+        """The data with which `screw_matrix` is computed."""
+        return LoopScrews(self.own_system(), self.q_home)
+
+    def screw_matrix(self, q: Array, system: ClosedLoops | None = None) -> Array:
+        """Return the screw matrix of all loops and couplings, (rows, nv + cut joints' velocities), dimensionless: its
+        singular values do not depend on which joints were cut, see `cinegen.loops.screws`.
+
+        Args:
+            q: (nq,) with closed loops.
+            system: the loops, if not the mechanism's own: their data is that at q afterwards.
+        """
+        system = self.system if system is None else system
+        return self.screws.matrix(system, system.evaluate(q)[1])
+
+    def loop_singular_values(self, q: ArrayLike) -> Array:
+        """Return the singular values of `screw_matrix` at q (nq,), dimensionless, largest first, as many as its generic
+        rank: `loop_rank`, and one for each degree of freedom of the joints that were cut."""
+        if self.loop_rank == 0:
+            return np.zeros(0)
+        sigma = np.linalg.svd(self.screw_matrix(self.checked(q)), compute_uv=False)
+        return np.asarray(sigma[: self.loop_rank + self.screws.cut])
 
     # --- loops ---------------------------------------------------------------------------------------------------
 

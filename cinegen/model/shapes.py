@@ -89,10 +89,13 @@ def _read(tree: Any, model: pin.Model, folder: str | None, name: str) -> pin.Geo
 
 
 def _bars(figure: pin.GeometryModel) -> pin.GeometryModel:
-    """Return a stick figure without the drums that mark its joints' axes, except those of links without bars."""
+    """Return a stick figure without the drums that mark its joints' axes, except those of links without bars; with
+    round ends, because distances between capsules are fast."""
     kept, barred = pin.GeometryModel(), {s.parentJoint for s in figure.geometryObjects if s.name.startswith("bar ")}
     for solid in figure.geometryObjects:
         if solid.name.startswith("bar ") or solid.parentJoint not in barred:
+            if isinstance(solid.geometry, coal.Cylinder):
+                solid.geometry = coal.Capsule(solid.geometry.radius, 2.0 * solid.geometry.halfLength)
             kept.addGeometryObject(solid)
     return kept
 

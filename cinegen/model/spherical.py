@@ -9,7 +9,7 @@ between configurations and every call of Pinocchio would need exceptions.)
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 
 import numpy as np
 import pinocchio as pin
@@ -75,6 +75,16 @@ class SphericalJoints:
             for old, new in number.items()
             if old > 0 and old not in last
         ]
+
+    def merged(self, names: Iterable[str]) -> tuple[str, ...]:
+        """Return names of joints of the successive model with the ball joints in place of those that they replace."""
+        ball = {self.successive.names[j]: name for name, one in self._balls.items() for j in one.joints}
+        return tuple(dict.fromkeys(ball.get(name, name) for name in names))
+
+    @property
+    def triples(self) -> list[list[str]]:
+        """Names of the three successive joints that each ball joint replaces."""
+        return [[self.successive.names[joint] for joint in ball.joints] for ball in self._balls.values()]
 
     def _add_frames(self, number: Mapping[int, int], names: Mapping[int, str]) -> None:
         """Add the frames of the successive model; joint frames of ball joints have their names."""

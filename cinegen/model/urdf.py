@@ -7,6 +7,7 @@ import warnings
 from collections.abc import Mapping
 from typing import Any
 
+import numpy as np
 from lxml import etree
 
 from cinegen.errors import LoadError, warn
@@ -97,7 +98,7 @@ def kinematics(tree: Any) -> str:
     robot = etree.Element("robot", name=tree.get("name") or "robot")
     for link in links(tree):
         kept = etree.SubElement(robot, "link", name=link.get("name"))
-        kept.extend(copy.deepcopy(inertial) for inertial in link.iterchildren("inertial"))
+        kept.extend(copy.deepcopy(inertial) for inertial in link.iterchildren("inertial") if _lacks(inertial) is None)
     for joint in joints(tree):
         kept = etree.SubElement(robot, "joint", name=joint.get("name"), type=joint.get("type"))
         for word in ("parent", "child", "origin", "axis", "limit"):
@@ -137,11 +138,43 @@ def completed(declared: Constraints, sidecar: Mapping[str, Any] | None, name: st
     for node in sidecar.get("nodes", []):
         if node not in declared["nodes"]:
             raise LoadError(f"{name}: the constraints name '{node}', which is no link of the URDF")
-    return {**declared, **sidecar, "joints": [{**known[entry["name"]], **entry} for entry in entries]}
+    return {**declared, **sidecar, "joints": [_completed(known[entry["name"]], entry, name) for entry in entries]}
+
+
+def _completed(declared: Mapping[str, Any], entry: Mapping[str, Any], name: str) -> dict[str, Any]:
+    """Return the entry of a joint with everything that the URDF declares: type and limits are the URDF's.
+
+    Raises:
+        LoadError: the entry gives other limits.
+    """
+    for key in ("limits", "velocity"):
+        here, there = (None if one is None else np.atleast_1d(one).tolist() for one in (entry.get(key), declared[key]))
+        if key in entry and here != there:
+            what = (
+                f"{key} of joint '{entry['name']}' are {here or 'none'} in the constraints and {there or 'none'} in the"
+            )
+            raise LoadError(f"{name}: {what} URDF, where they belong: remove them from the constraints")
+    return {**entry, **declared, "home": entry.get("home", declared["home"])}
+
+
+def _lacks(inertial: Any) -> str | None:
+    """Return an element or attribute that the mass and inertia of a link lack; None if they are complete."""
+    for tag, words in (("mass", ("value",)), ("inertia", ("ixx", "ixy", "ixz", "iyy", "iyz", "izz"))):
+        found = inertial.find(tag)
+        missing = [tag] if found is None else [f"{word} of <{tag}>" for word in words if found.get(word) is None]
+        if missing:
+            return missing[0]
+    return None
 
 
 def _warn_of_assumptions(tree: Any, name: str) -> None:
-    """Warn of joints whose limits are left out."""
+    """Warn of joints whose limits are left out, and of incomplete masses."""
+    partial = [inertial for link in links(tree) for inertial in link.iterchildren("inertial") if _lacks(inertial)]
+    if partial:
+        more = f" (and {len(partial) - 1} more like it)" if len(partial) > 1 else ""
+        link = partial[0].getparent().get("name")
+        where = f"{name}:{partial[0].sourceline}: the <inertial> of link '{link}'"
+        warn(f"{where} has no {_lacks(partial[0])}: its mass is left out{more}")
     left_out = [joint for joint in joints(tree) if lacks_limits(joint)]
     if left_out:
         warn(f"{listed(left_out, name)}: no lower and upper limit are given; taken as unlimited")

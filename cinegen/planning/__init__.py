@@ -8,9 +8,14 @@ from raff2urdf.lazy import lazy_names
 
 if TYPE_CHECKING:
     from cinegen.planning.attempt import PlanStatus as PlanStatus
+    from cinegen.planning.mode_changes import CrossedSingularity as CrossedSingularity
+    from cinegen.planning.mode_changes import ModeChange as ModeChange
+    from cinegen.planning.mode_changes import SingularPaths as SingularPaths
+    from cinegen.planning.mode_changes import change_mode as change_mode
     from cinegen.planning.planner import Plan as Plan
+    from cinegen.planning.planner import Planner as Planner
     from cinegen.planning.planner import plan as plan
-    from cinegen.planning.rrt_planner import rrt_connect as rrt_connect
+    from cinegen.planning.planner import rrt_connect as rrt_connect
     from cinegen.planning.safe_drag import AvoidingSolver as AvoidingSolver
 
 __all__, __getattr__, __dir__ = lazy_names(__name__)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+import time
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from enum import Enum
@@ -46,7 +48,7 @@ class Attempt:
 
     Attributes:
         strategy: what was followed.
-        status: REACHED, IN_COLLISION, STUCK, CIRCLED, JOINT_LIMIT or STEP_LIMIT; of RRT-Connect, TIME_LIMIT.
+        status: REACHED, IN_COLLISION, STUCK, CIRCLED, JOINT_LIMIT, STEP_LIMIT or TIME_LIMIT.
         path: (steps + 1, nq) configurations, the start first.
         blocked_by: names of the pairs of bodies that restricted the last step, nearest first.
         reason: why the attempt ended.
@@ -72,6 +74,7 @@ def attempt(
     most: int,
     strategy: str,
     repelled: bool = False,
+    deadline: float = math.inf,
 ) -> Attempt:
     """Follow an objective until it arrives or makes no progress. The safety distance is kept everywhere.
 
@@ -85,10 +88,11 @@ def attempt(
         most: largest number of steps.
         strategy: description for reports.
         repelled: whether the objective contains a repulsion.
+        deadline: value of `time.monotonic` at which the attempt ends, s.
     """
     mechanism = clearance.mechanism
     solver = Solver(mechanism, 1.0, start)
-    barrier = ClearanceBarrier(clearance, safety)
+    barrier = ClearanceBarrier(clearance, safety, approach=math.log(2.0))  # half of the remaining distance in a step
     solver.barriers, solver.objectives = (barrier,), (objective,)
     path, nearest, since, still = [solver.q], np.inf, 0, 0
 
@@ -98,6 +102,8 @@ def attempt(
     while not arrived(path[-1]):
         if len(path) > most:
             return ended(PlanStatus.STEP_LIMIT, f"the goal is not reached in {most} steps")
+        if time.monotonic() >= deadline:
+            return ended(PlanStatus.TIME_LIMIT, f"the goal is not reached in {len(path) - 1} steps")
         path.append(solver.step().q)
         still = still + 1 if mechanism.distance(path[-2], path[-1]) < _REST else 0
         distance = remaining(path[-1])
@@ -137,7 +143,7 @@ def _why_stopped(clearance: Clearance, barrier: ClearanceBarrier, q: Array, repe
     blocked, limits = _blocked_by(clearance, barrier, q), []
     for name, (lower, upper, *_) in mechanism.limits.items():
         value, near = q[mechanism.q_index(name)], _AT_LIMIT * mechanism.scale[mechanism.v_index(name)]
-        if not lower + near <= value <= upper - near:
+        if lower < upper and not lower + near <= value <= upper - near:
             limits.append(name)
     at_limits = f"{', '.join(limits)} at the limit" if limits else ""
     if blocked:

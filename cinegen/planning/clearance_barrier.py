@@ -22,17 +22,11 @@ STOP = 1.25
 step is smaller than the rest."""
 
 _LEAST_MARGIN = 1e-3  # characteristic lengths between the stop distance and the safety distance, at least
-_APPROACH = 60.0  # 1/s: rate at which the remaining distance may be used up in interactive motion
+_APPROACH = 60.0  # 1/s: rate of approach in interactive motion
 _RANGE = 0.25  # characteristic lengths beyond the stop distance: pairs further apart have no bound
 _MOST_CHECKS = 64  # configurations on the motion of one step
 _MOST_HALVINGS = 12  # of a segment of a path
 _RETREAT = 0.5  # fraction of a missing distance that a tick restores
-
-
-def approach_fraction(dt: float) -> float:
-    """Return the fraction of the remaining distance that a link may use up in a tick of dt (s), for interactive
-    motion."""
-    return -math.expm1(-_APPROACH * dt)
 
 
 def stop_distance(mechanism: Mechanism, safety: float) -> float:
@@ -55,22 +49,23 @@ class ClearanceBarrier:
     Args:
         clearance: distances of the mechanism.
         safety: safety distance, m.
-        fraction: fraction of the remaining distance that a tick may use up, above 0 and at most 1.
+        approach: rate at which the remaining distance may be used up, 1/s: a tick of dt may use up the fraction
+            1 - exp(-approach dt).
 
     Attributes:
         stop: distance at which the damper stops links, m.
         pairs: pair of each row of the last bounds.
 
     Raises:
-        PlanningError: the safety distance or the fraction is invalid.
+        PlanningError: the safety distance or the rate is invalid.
     """
 
-    def __init__(self, clearance: Clearance, safety: float, fraction: float = 0.5) -> None:
+    def __init__(self, clearance: Clearance, safety: float, approach: float = _APPROACH) -> None:
         if not 0.0 <= safety < np.inf:
             raise PlanningError(f"the safety distance is {safety!r}; give a finite number of m, 0 or more")
-        if not 0.0 < fraction <= 1.0:
-            raise PlanningError(f"the fraction of the remaining distance is {fraction!r}; give one above 0, 1 at most")
-        self.clearance, self.safety, self.fraction = clearance, safety, fraction
+        if not approach > 0.0:
+            raise PlanningError(f"the rate of approach is {approach!r}; give one above 0 (1/s)")
+        self.clearance, self.safety, self.approach = clearance, safety, approach
         self.stop = stop_distance(clearance.mechanism, safety)
         self.pairs: NDArray[np.int64] = np.zeros(0, dtype=np.int64)
 
@@ -78,7 +73,7 @@ class ClearanceBarrier:
         """Return the bounds of the next tick's velocities."""
         near = self.clearance.near(state.q, self.stop + _RANGE * self.clearance.mechanism.length)
         remaining = near.distances - self.stop
-        fraction = np.where(remaining < 0.0, _RETREAT, self.fraction)
+        fraction = np.where(remaining < 0.0, _RETREAT, -math.expm1(-self.approach * state.dt))
         self.pairs = near.pairs.copy()
         return Bounds(near.rows, fraction * np.maximum(remaining, -self.stop) / state.dt)
 

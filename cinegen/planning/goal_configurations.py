@@ -2,19 +2,24 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from typing import NamedTuple
 
 import numpy as np
+import pinocchio as pin
 from numpy.typing import NDArray
 
 from cinegen.collision.clearance import Clearance
 from cinegen.collision.mesh_check import MeshCheck
 from cinegen.collision.scene import Scene
+from cinegen.collision.scene_table import about_z
+from cinegen.errors import ClosureError
 from cinegen.ik.local_ik import LocalIK
 from cinegen.ik.task import FrameTask
 from cinegen.model import Mechanism
 from cinegen.planning.attempt import PlanStatus
+from cinegen.planning.attraction import TaskAttraction
+from cinegen.planning.path_constraints import path_tasks, projection
 from cinegen.tolerances import CLOSURE
 from raff2urdf.quantities import LENGTH, shown
 
@@ -69,27 +74,15 @@ def free_goals(
 
 
 def _search(scene: Scene, clearance: Clearance) -> tuple[list[Array], list[tuple[float, int]]]:
-    """Search closed configurations within all limits in which the node is at the goal.
-
-    The search starts at the scene's start, then at configurations sampled over the whole range of motion: an empty
-    result means that none of these leads to the goal.
+    """Search closed configurations within all limits at the goal.
 
     Returns:
         configurations (nq,) with all distances above the safety distance, the one nearest to the start first, then
         always the one that differs most from those before; and of others the smallest distance, m, and its pair.
     """
-    mechanism, rng = scene.mechanism, np.random.default_rng(0)
-    task = FrameTask(scene.node, scene.goal, scene.translation, scene.rotation, axes="world")
-    local = LocalIK(mechanism, (task,))
-    starts = [scene.start]
-    if mechanism.is_constrained:
-        starts += list(LocalIK(mechanism).samples(_SAMPLES, rng))
+    mechanism = scene.mechanism
     free, blocked = list[Array](), list[tuple[float, int]]()
-    for count in range(_STARTS):
-        start = starts[count] if count < len(starts) else local.random_start(rng)
-        if not local.solve(start, 1e-10) or local.closure > CLOSURE:
-            continue
-        q = local.best
+    for q in _with_joint_values(scene) if scene.goal_joints else _with_pose(scene):
         if any(mechanism.distance(q, other) < _DISTINCT for other in free):
             continue
         if clearance.least(q) < scene.safety:
@@ -100,6 +93,105 @@ def _search(scene: Scene, clearance: Clearance) -> tuple[list[Array], list[tuple
         if len(free) == _ENOUGH:
             break
     return _varied(mechanism, scene.start, free), blocked[:_ENOUGH]
+
+
+def _with_pose(scene: Scene) -> Iterator[Array]:
+    """Yield configurations in which the node is at its goal, and on which the path's constraints are satisfied.
+
+    The search starts at the scene's start, then at configurations sampled over the whole range of motion: an empty
+    result means that none of these leads to the goal.
+    """
+    mechanism, rng, poses = scene.mechanism, np.random.default_rng(0), goal_poses(scene)
+    task = FrameTask(scene.node, scene.goal, scene.translation, scene.rotation, axes="world")
+    local = LocalIK(mechanism, (task, *path_tasks(scene)))
+    starts = [scene.start]
+    if mechanism.is_constrained:
+        starts += list(LocalIK(mechanism).samples(_SAMPLES, rng))
+    for count in range(_STARTS):
+        local.tasks[0].target = next(poses)
+        start = starts[count] if count < len(starts) else local.random_start(rng)
+        if local.solve(start, 1e-10) and local.closure <= CLOSURE:
+            yield local.best
+
+
+def goal_poses(scene: Scene) -> Iterator[pin.SE3]:
+    """Yield poses of the goal: of a region the one nearest to the node at the start, then random ones; else always the
+    goal pose."""
+    goal, rng = scene.goal, np.random.default_rng(1)
+    tolerance = np.zeros(3) if scene.tolerance is None else scene.tolerance
+    here = scene.mechanism.placement(scene.start, scene.node)
+    rotation = goal.rotation
+    if scene.cone is not None:
+        across = np.cross(here.rotation[:, 2], goal.rotation[:, 2])
+        angle, size = _angle(here.rotation[:, 2], goal.rotation[:, 2]), float(np.linalg.norm(across))
+        axis = across / size if size > 1e-9 else here.rotation[:, 0]
+        rotation = pin.exp3(max(angle - scene.cone, 0.0) * axis) @ here.rotation
+    yield pin.SE3(rotation, np.clip(here.translation, goal.translation - tolerance, goal.translation + tolerance))
+    while True:
+        point = goal.translation + tolerance * rng.uniform(-1.0, 1.0, 3)
+        if scene.cone is not None:
+            yaw, spin = rng.uniform(-np.pi, np.pi, 2)
+            tilt = [about_z(yaw), pin.exp3(np.array([0.0, scene.cone * rng.random() ** 0.5, 0.0])), about_z(spin)]
+            rotation = goal.rotation @ tilt[0] @ tilt[1] @ tilt[2]
+        yield pin.SE3(rotation, point)
+
+
+def _angle(one: Array, other: Array) -> float:
+    """Return the angle between two unit vectors (3,), rad."""
+    return float(np.arctan2(np.linalg.norm(np.cross(one, other)), one @ other))
+
+
+def _with_joint_values(scene: Scene) -> Iterator[Array]:
+    """Yield configurations in which the joints of the goal have their values: first that of the scene, then with other
+    values of the joints that are free."""
+    mechanism, rng, end = scene.mechanism, np.random.default_rng(0), scene.goal_configuration
+    assert end is not None
+    if _satisfies(scene, end):
+        yield end
+    fixed = {*scene.goal_joints, *scene.locked}
+    if fixed.issuperset(mechanism.actuated):
+        return
+    local = LocalIK(mechanism)
+    values = {name: value for name, value in mechanism.values(end).items() if name in fixed}
+    for _ in range(_STARTS):
+        q = mechanism.configuration(values, local.random_start(rng))
+        try:
+            q = mechanism.close(q, locked=[name for name in mechanism.joints if name in fixed])
+        except ClosureError:
+            continue
+        if mechanism.limits.within(q) and _satisfies(scene, q):
+            yield q
+
+
+def _satisfies(scene: Scene, q: Array) -> bool:
+    """Return whether the path's constraints are satisfied at q (nq,)."""
+    project = projection(scene)
+    near = q if project is None else project(q)
+    return near is not None and scene.mechanism.distance(q, near) < TOLERANCE
+
+
+def goal_distance(scene: Scene) -> Callable[[Array], float]:
+    """Return a function of q (nq,): the distance from the goal, rad or characteristic lengths."""
+    mechanism, end = scene.mechanism, scene.goal_configuration
+    if end is None and scene.tolerance is None and scene.cone is None:
+        return TaskAttraction(mechanism, scene.node, scene.goal, scene.translation, scene.rotation).remaining
+    if end is None:
+        return lambda q: _outside_region(scene, mechanism.placement(q, scene.node))
+    starts = [mechanism.model.joints[mechanism.model.getJointId(name)] for name in scene.goal_joints]
+    columns = np.concatenate([np.arange(joint.idx_v, joint.idx_v + joint.nv) for joint in starts])
+    return lambda q: float(np.abs(mechanism.scaled_difference(q, end)[columns]).max())
+
+
+def _outside_region(scene: Scene, pose: pin.SE3) -> float:
+    """Return how far a pose is from a region, rad or characteristic lengths."""
+    tolerance = np.zeros(3) if scene.tolerance is None else scene.tolerance
+    beyond = np.maximum(np.abs(pose.translation - scene.goal.translation) - tolerance, 0.0)[: scene.translation]
+    angle = 0.0
+    if scene.cone is not None:
+        angle = max(_angle(pose.rotation[:, 2], scene.goal.rotation[:, 2]) - scene.cone, 0.0)
+    elif scene.rotation == 3:
+        angle = float(np.linalg.norm(pin.log3(scene.goal.rotation.T @ pose.rotation)))
+    return float(np.hypot(np.linalg.norm(beyond) / scene.mechanism.length, angle))
 
 
 def _varied(mechanism: Mechanism, start: Array, found: list[Array]) -> list[Array]:
@@ -114,12 +206,14 @@ def _varied(mechanism: Mechanism, start: Array, found: list[Array]) -> list[Arra
 
 
 def _too_near(clearance: Clearance, scene: Scene, pair: int, distance: float) -> str:
-    one, other = clearance.names(pair)
+    (one, other), own = clearance.names(pair), clearance.pairs[pair].max() < len(clearance.links)
     if distance <= 0.0:
-        reason = f"'{one}' penetrates '{other}' by {shown(-distance, LENGTH, 3)}"
+        enclosed = any(clearance.bodies[i].exact is not None for i in clearance.pairs[pair])
+        reason = f"'{one}' penetrates '{other}' by {shown(-distance, LENGTH, 3)}{' at most' * enclosed}"
     else:
-        kept = f"the safety distance of {shown(scene.safety, LENGTH, 3)}"
-        reason = f"'{one}' is {shown(distance, LENGTH, 3)} from '{other}', below {kept}"
-    if clearance.pairs[pair].max() >= len(clearance.links):
+        kept = ("self-clearance", scene.self_clearance) if own else ("safety distance", scene.safety)
+        reason = f"'{one}' is {shown(distance - clearance.offset(pair), LENGTH, 3)} from '{other}', "
+        reason += f"below the {kept[0]} of {shown(kept[1], LENGTH, 3)}"
+    if not own:
         return reason
-    return f'{reason}, as convex bodies; if these links may touch, add allowed_collisions = [["{one}", "{other}"]]'
+    return f'{reason}; if these links may touch, add allowed_collisions = [["{one}", "{other}"]]'

@@ -14,7 +14,6 @@ Array = NDArray[np.float64]
 Free = Callable[[Array, Array], bool]
 Close = Callable[[Array], Array | None]
 
-_SHORTCUTS = 40  # attempts, and attempts without success
 _STRIDE = 0.4  # between projected points of a motion
 _CLOSED = 1e-8
 
@@ -30,7 +29,7 @@ def connect(
     seed: int,
     close: Close | None = None,
     equations: int = 0,
-) -> list[Array]:
+) -> Array | None:
     """Grow two trees in a box towards each other, one from the start and one from the goals (J. J. Kuffner and S. M.
     LaValle, "RRT-Connect: an efficient approach to single-query path planning", ICRA 2000).
 
@@ -41,7 +40,7 @@ def connect(
         goals: (n,) each.
         free: whether the straight motion between two points is free.
         longest: longest motion to a new point.
-        seconds: time limit; shortening the path takes a little longer.
+        seconds: time limit.
         seed: seed from 0: the same seed finds the same path, if there is time.
         close: if points have to satisfy equations: returns a point (n,) near a given one that does, or None. Random
             targets, and the motions to them, are projected by it (Z. Kingston, M. Moll and L. E. Kavraki, "Exploring
@@ -49,8 +48,7 @@ def connect(
         equations: number of independent equations.
 
     Returns:
-        paths to one of the goals, (m, n) each, free from point to point: the shortened one, then the one as it was
-        found; none if the time was too short.
+        path (m, n) to one of the goals, free from point to point; None if the time was too short.
     """
     level = ou.getLogLevel()
     ou.setLogLevel(ou.LogLevel.LOG_NONE)
@@ -93,14 +91,7 @@ def connect(
         planner.setProblemDefinition(problem)
         planner.setup()
         planner.solve(float(seconds))
-        if not problem.hasExactSolution():
-            return []
-        path = problem.getSolutionPath()
-        found = _points(path, count)
-        shorter = og.PathSimplifier(information)
-        shorter.reduceVertices(path, _SHORTCUTS, _SHORTCUTS)
-        shorter.partialShortcutPath(path, _SHORTCUTS, _SHORTCUTS)
-        return [_points(path, count), found]
+        return _points(problem.getSolutionPath(), count) if problem.hasExactSolution() else None
     finally:
         ou.setLogLevel(level)
 

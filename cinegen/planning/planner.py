@@ -1,16 +1,23 @@
-"""`plan`: a path to a goal around obstacles, by vortices or another field."""
+"""`plan`: a path to a goal around obstacles, by vortices, and by sampling where these do not reach it."""
 
 from __future__ import annotations
 
+import itertools
+import math
+import time
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from enum import Enum
 from functools import cached_property
+from importlib.util import find_spec
 from itertools import pairwise, product
+from typing import NoReturn
 
 import numpy as np
 from numpy.typing import NDArray
 
 from cinegen.collision.clearance import Clearance, clearance_of
+from cinegen.collision.errors import PlanningError
 from cinegen.collision.mesh_check import MeshCheck
 from cinegen.collision.scene import Scene
 from cinegen.errors import ClosureError
@@ -20,10 +27,17 @@ from cinegen.model import Mechanism
 from cinegen.model.motion_plane import motion_plane
 from cinegen.planning.attempt import Attempt, PlanStatus, attempt, checked
 from cinegen.planning.attraction import Attraction, ConfigurationAttraction, DeflectedAttraction, TaskAttraction
+from cinegen.planning.clear_motion import clear_motion
 from cinegen.planning.clearance_barrier import path_clearance
 from cinegen.planning.descent import AvoidanceField, Descent, Potential
-from cinegen.planning.goal_configurations import TOLERANCE, Refusal, free_goals
+from cinegen.planning.goal_configurations import TOLERANCE, Refusal, free_goals, goal_distance, goal_poses
+from cinegen.planning.locked_joints import with_joints_locked
+from cinegen.planning.path_constraints import Projection, projection
+from cinegen.planning.rrt_planner import sampled_path
+from cinegen.planning.shortcuts import path_length, shortened
 from cinegen.planning.vortices import STRENGTH, DetourDirection, Vortices
+from raff2urdf.extras import install
+from raff2urdf.quantities import TIME, shown
 
 Array = NDArray[np.float64]
 FieldFunction = Callable[[Scene, Clearance, float], Objective]
@@ -35,6 +49,11 @@ STEPS = 3000
 _REACH = 0.5  # characteristic lengths: default reach of fields
 _CONFIGURATIONS = 6  # goal configurations that are tried
 _FINE = 0.03  # rad or characteristic lengths
+_NEAR = 1e-3  # rad or characteristic lengths
+_SHARE = 0.03  # of the time, for vortices before RRT-Connect; and for further runs of that
+_RUNS = 4  # of RRT-Connect, of which the shortest path is taken
+_LEAST = 0.05  # of the time, for RRT-Connect at least
+RRT_CONNECT, DIRECT = "RRT-Connect", "all joints straight to the goal"
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -108,79 +127,225 @@ class Plan:
     @property
     def motion(self) -> float:
         """Length of the path in joint space, rad and characteristic lengths."""
-        steps = (self.scene.mechanism.scaled_difference(a, b) for a, b in pairwise(self.path))
-        return float(sum(np.linalg.norm(step) for step in steps))
+        return path_length(self.scene.mechanism, self.path)
+
+
+class Planner(Enum):
+    """Method of `plan`."""
+
+    AUTO = "auto"
+    """Straight motions and vortices first, then RRT-Connect."""
+    VORTEX = "vortex"
+    """Attempts along a field only."""
+    RRT_CONNECT = "rrtconnect"
+    """RRT-Connect only."""
+
+    @classmethod
+    def _missing_(cls, value: object) -> NoReturn:
+        raise PlanningError(f"unknown planner {value!r}; use one of {', '.join(one.value for one in cls)}")
 
 
 def plan(
     scene: Scene,
     *,
+    seconds: float = 10.0,
+    planner: Planner | str = Planner.AUTO,
     field: AvoidanceField | str | FieldFunction = AvoidanceField.VORTEX,
     steps: int = STEPS,
     attempts: int = 40,
+    shorten: bool = True,
+    seed: int = 0,
     report: Callable[[str], None] = lambda text: None,
 ) -> Plan:
-    """Plan a path to a scene's goal by vortex fields (C. De Medio and G. Oriolo, 1991).
+    """Plan a path to a scene's goal, within a time limit.
 
-    Goal and start are tested first. Then the node moves straight to the goal, deflected by vortices toward the base or
-    along the shorter side (for a mobile robot, only that). If that does not reach the goal, all joints move straight to
-    configurations at the goal: the one nearest to the start, then those that differ most. Then all of that is repeated
-    with the other detour directions. All attempts are in the plan.
+    Goal and start are tested first. Then there are up to three kinds of attempts, all of which are in the plan:
 
-    Other fields serve for comparison, with the same safety distance: FIRAS makes one attempt.
+    - All joints move straight to configurations at the goal.
+    - Vortex fields (C. De Medio and G. Oriolo, 1991), for a bounded share of the time: the node moves straight to the
+      goal, deflected by vortices toward the base or along the shorter side (for a mobile robot, only that). If that
+      does not reach the goal, all joints move straight to configurations at the goal: the one nearest to the start,
+      then those that differ most. Then all of that is repeated with the other detour directions.
+    - RRT-Connect, in the rest of the time (`sampled_path`); once it has found a path, up to three more times for a
+      bounded share of the time, and the shortest path is taken.
+
+    Paths that reach the goal are shortened, see `shortened`, and checked against the meshes.
+
+    With constraints along the path, vortices are left out. Other fields serve for comparison, with the same safety
+    distance and without RRT-Connect: FIRAS makes one attempt.
 
     Args:
         scene: scene.
+        seconds: time limit, s; the final check against the meshes may take longer.
+        planner: one of `Planner` or its value.
         field: one of `AvoidanceField` or its value; or a function that makes the objective of another field, for one
             attempt.
-        steps: largest number of steps of an attempt.
-        attempts: largest number of attempts.
+        steps: largest number of steps of an attempt along a field.
+        attempts: largest number of attempts along a field.
+        shorten: whether the path is shortened.
+        seed: seed of random samples, from 0: the same seed finds the same path, if no share of the time ends before.
         report: called with a text about what is tried.
 
     Raises:
-        PlanningError: unknown field.
+        PlanningError: unknown planner or field; seconds or seed is invalid.
+        MissingExtraError: `planner` is RRT_CONNECT, and OMPL is not installed.
     """
-    if isinstance(field, str):
-        field = AvoidanceField(field)
+    if not (math.isfinite(seconds) and seconds > 0.0):
+        raise PlanningError(f"seconds must be above 0, not {seconds}")
+    if seed < 0:
+        raise PlanningError(f"seed must be 0 or above, not {seed}")
+    deadline, planner = time.monotonic() + seconds, Planner(planner)
+    field = AvoidanceField(field) if isinstance(field, str) else field
     name = field.value if isinstance(field, AvoidanceField) else getattr(field, "__name__", "custom")
-    clearance, check = clearance_of(scene), MeshCheck(scene)
-    goals = free_goals(scene, clearance, check, report)
+    missing = ""
+    if planner is Planner.AUTO and field is not AvoidanceField.VORTEX:
+        planner = Planner.VORTEX
+    elif planner is Planner.AUTO and not find_spec("ompl"):
+        planner, missing = Planner.VORTEX, f"; {RRT_CONNECT} was not tried: {install('sampling')}"
+    if scene.path_constraints and planner is Planner.VORTEX:
+        raise PlanningError(f"constraints along a path need {RRT_CONNECT}, not a field: {install('sampling')}")
+    task = with_joints_locked(scene)
+    clearance, check = clearance_of(task), MeshCheck(task)
+    goals = free_goals(task, clearance, check, report)
+    used = None if planner is Planner.RRT_CONNECT else name
     if isinstance(goals, Refusal):
-        return Plan(scene, goals.status, scene.start[None].copy(), (), goals.reason, clearance, check, name)
-    made: list[Attempt] = []
-    task = TaskAttraction(scene.mechanism, scene.node, scene.goal, scene.translation, scene.rotation)
-    for strategy, objective, remaining in _strategies(scene, field, clearance, task, goals):
-        if len(made) == attempts:
-            break
-        report(f"attempt {len(made) + 1}: {strategy}")
-        made.append(
-            attempt(
-                clearance, scene.start, objective, remaining, lambda q: task.remaining(q) < TOLERANCE, scene.safety,
-                steps, strategy, isinstance(objective, Descent),
-            )
-        )  # fmt: skip
-        if made[-1].status is PlanStatus.REACHED:
-            report(f"attempt {len(made)}: checking its path against the meshes")
-            made[-1] = checked(made[-1], check)
-        if made[-1].status is PlanStatus.REACHED:
-            break
-    if made[-1].status is not PlanStatus.REACHED:
+        return Plan(scene, goals.status, scene.start[None].copy(), (), goals.reason, clearance, check, used)
+    search = _Search(task, clearance, goals, seconds, deadline, seed, shorten, report, projection(task))
+    parts = list[Iterator[Attempt]]()
+    if planner is Planner.AUTO:
+        parts.append(search.straight())
+    if planner is not Planner.RRT_CONNECT and not scene.path_constraints:
+        ends = time.monotonic() + _SHARE * seconds if planner is Planner.AUTO else deadline
+        parts.append(search.along(field, steps, attempts, ends))
+    if planner is not Planner.VORTEX:
+        parts.append(search.sampled())
+    made = list[Attempt]()
+    for found in itertools.chain(*parts):
+        made.append(found)
+        if found.status is PlanStatus.REACHED:
+            report(f"{found.strategy}: checking the path")
+            made[-1] = checked(found, check)
+            if made[-1].status is PlanStatus.REACHED:
+                break
+    if made[-1].status not in (PlanStatus.REACHED, PlanStatus.IN_COLLISION):
         made[-1] = checked(made[-1], check)
     last = made[-1]
     reason = f"{last.reason} (the last of {len(made)} attempts)" if len(made) > 1 else last.reason
-    reason = "" if last.status is PlanStatus.REACHED else reason
-    return Plan(scene, last.status, last.path, tuple(made), reason, clearance, check, name)
+    reason = "" if last.status is PlanStatus.REACHED else reason + missing
+    used = None if last.strategy in (DIRECT, RRT_CONNECT) else name
+    return Plan(scene, last.status, last.path, tuple(made), reason, clearance, check, used)
+
+
+def rrt_connect(
+    scene: Scene, *, seconds: float = 10.0, seed: int = 0, report: Callable[[str], None] = lambda text: None
+) -> Plan:
+    """Plan a path by RRT-Connect only: see `plan`."""
+    return plan(scene, seconds=seconds, planner=Planner.RRT_CONNECT, seed=seed, report=report)
+
+
+@dataclass(frozen=True)
+class _Search:
+    """Attempts of `plan`, each made when it is asked for.
+
+    Attributes:
+        scene: scene, its locked joints without motion.
+        clearance: distances of its robot.
+        goals: (nq,) each, free of collisions.
+        seconds: time limit, s.
+        deadline: value of `time.monotonic` at which it ends, s.
+        seed: seed of random samples.
+        shorten: whether paths are shortened.
+        report: called with a text about what is tried.
+        project: projection onto the constraints along the path; None without any.
+    """
+
+    scene: Scene
+    clearance: Clearance
+    goals: tuple[Array, ...]
+    seconds: float
+    deadline: float
+    seed: int
+    shorten: bool
+    report: Callable[[str], None]
+    project: Projection | None
+
+    def straight(self) -> Iterator[Attempt]:
+        """Yield straight motions to goals, as far as they are clear."""
+        for q in self.goals[:_CONFIGURATIONS]:
+            motion = clear_motion(self.clearance, self.scene.start, q, self.scene.safety, project=self.project)
+            if motion is not None:
+                yield Attempt(DIRECT, PlanStatus.REACHED, self._fine(motion), (), "")
+
+    def along(self, field: AvoidanceField | FieldFunction, steps: int, attempts: int, ends: float) -> Iterator[Attempt]:
+        """Yield attempts along a field; no further one after a value of `time.monotonic`."""
+        distance, safety = goal_distance(self.scene), self.scene.safety
+        strategies = _strategies(self.scene, field, self.clearance, self.goals)
+        for number, (strategy, objective, remaining) in enumerate(itertools.islice(strategies, attempts), 1):
+            if number > 1 and time.monotonic() >= ends:
+                break
+            self.report(f"attempt {number}: {strategy}")
+            found = attempt(
+                self.clearance, self.scene.start, objective, remaining, lambda q: distance(q) < TOLERANCE, safety,
+                steps, strategy, isinstance(objective, Descent), ends,
+            )  # fmt: skip
+            if found.status is PlanStatus.REACHED and self.shorten:
+                path = self._shortened(self._to_goal(found.path), self.seed)
+                found = replace(found, path=self._fine(path))
+            yield found
+
+    def sampled(self) -> Iterator[Attempt]:
+        """Yield the shortest of some paths of RRT-Connect, found one after the other in a share of the time."""
+        left = max(self.deadline - time.monotonic(), _LEAST * self.seconds)
+        self.report(f"{RRT_CONNECT}, {shown(left, TIME, 2)} at most")
+        seeds = range(_RUNS * self.seed, _RUNS * (self.seed + 1))
+        path, ends = sampled_path(self.scene, self.clearance, self.goals, left, seeds[0]), time.monotonic()
+        if path is None:
+            reason = f"{RRT_CONNECT} found no path in {self.seconds:g} s"
+            yield Attempt(RRT_CONNECT, PlanStatus.TIME_LIMIT, self.scene.start[None].copy(), (), reason)
+            return
+        if self.shorten:
+            self.report(f"{RRT_CONNECT}: shortening the path")
+            ends = min(ends + _SHARE * self.seconds, self.deadline)
+            path = self._shortened(path, self.seed)
+            for seed in seeds[1:]:
+                if (left := ends - time.monotonic()) <= 0.0:
+                    break
+                other = sampled_path(self.scene, self.clearance, self.goals, left, seed)
+                if other is not None:
+                    path = min(path, self._shortened(other, seed), key=self._length)
+        yield Attempt(RRT_CONNECT, PlanStatus.REACHED, self._fine(path), (), "")
+
+    def _to_goal(self, path: Array) -> Array:
+        """Return a path that ends in a goal configuration if its end is near to one, instead of within tolerance."""
+        mechanism = self.scene.mechanism
+        q = min(self.goals, key=lambda q: mechanism.distance(path[-1], q))
+        if mechanism.distance(path[-1], q) > _NEAR or np.array_equal(path[-1], q):
+            return path
+        motion = clear_motion(self.clearance, path[-1], q, self.scene.safety)
+        return path if motion is None else np.vstack([path, motion[1:]])
+
+    def _shortened(self, path: Array, seed: int) -> Array:
+        shorter = shortened(self.clearance, path, self.scene.safety, seed, self.deadline, self.project)
+        return path if shorter is None else shorter
+
+    def _length(self, path: Array) -> float:
+        return path_length(self.scene.mechanism, path)
+
+    def _fine(self, path: Array) -> Array:
+        """Return a path with configurations inserted; with loops or constraints, `clear_motion` has done so."""
+        is_curved = self.scene.mechanism.is_constrained or self.project is not None
+        return path if is_curved else refined(self.scene.mechanism, path)
 
 
 def _strategies(
     scene: Scene,
     field: AvoidanceField | FieldFunction,
     clearance: Clearance,
-    task: TaskAttraction,
     goals: tuple[Array, ...],
 ) -> Iterator[tuple[str, Objective, Callable[[Array], float]]]:
     """Yield what is followed, in order: a description, an objective, and the distance from the goal."""
     reach = scene.influence or _REACH * scene.mechanism.length
+    task = TaskAttraction(scene.mechanism, scene.node, next(goal_poses(scene)), scene.translation, scene.rotation)
     if field in (AvoidanceField.VORTEX, AvoidanceField.NONE):
         for attraction, direction in _detours(scene, field, task, goals):
             strength = 0.0 if direction is None else STRENGTH
@@ -202,7 +367,7 @@ def _detours(
     scene: Scene, field: AvoidanceField, task: TaskAttraction, goals: tuple[Array, ...]
 ) -> Iterator[tuple[Attraction, DetourDirection | None]]:
     """Yield attractions with detour directions, in the order in which they are tried."""
-    attractions: list[Attraction] = [task]
+    attractions: list[Attraction] = [] if scene.goal_joints else [task]
     if scene.mobile is None:
         attractions += [
             ConfigurationAttraction(scene.mechanism, q, f"all joints to configuration {i} at the goal")

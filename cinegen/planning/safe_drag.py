@@ -4,7 +4,7 @@ them."""
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -12,10 +12,14 @@ import pinocchio as pin
 from numpy.typing import ArrayLike, NDArray
 
 from cinegen.collision.clearance import Clearance
-from cinegen.ik import FrameTask, LookAhead, Solver, Step
+from cinegen.ik import FrameTask, LookAhead, Solver, Status, Step
 from cinegen.ik.local_ik import LocalIK
 from cinegen.ik.objectives import State
-from cinegen.planning.clearance_barrier import ClearanceBarrier, approach_fraction
+from cinegen.ik.thresholds import SECONDARY_TRIES, TRIES
+from cinegen.loops.arrays import null_space
+from cinegen.model.motion_limits import motion_limits
+from cinegen.planning.braking import BrakingBarrier, Threat
+from cinegen.planning.clearance_barrier import ClearanceBarrier
 from cinegen.planning.vortices import DetourDirection, Vortices
 from cinegen.tolerances import CLOSURE
 
@@ -58,21 +62,31 @@ class AvoidingSolver(Solver):
 
     What the tasks would come too near to is found by a prediction, a little in each tick.
 
+    With limits of acceleration, obstacles that move are expected to go on at the velocity between their last two poses,
+    and evaded along the line between the nearest points (`BrakingBarrier`). Where that does not avoid a collision, the
+    status is UNAVOIDABLE, and IN_COLLISION in contact: the mechanism brakes to a stop, and goes on when the obstacle
+    has stopped or gone. The estimate is local: a collision may also come without UNAVOIDABLE before it.
+
     Args:
         clearance: distances of the mechanism among its obstacles.
         dt: period of a tick, s.
         safety: safety distance, m.
         reach: distance at which vortices start to act, m; half a characteristic length unless given.
         q: (nq,) initial configuration; home unless given.
+        acceleration: limits of the joint accelerations, rad/s^2 and m/s^2: one number for all actuated joints, or by
+            joint name, with the defaults of `motion_limits` for joints that are left out; unlimited unless given.
 
     Attributes:
         clearance: as given.
         barrier: barrier that keeps the safety distance.
+        threat: collision at the last tick, or the one that can't be avoided; None without one, and without limits of
+            acceleration.
         vortices: vortices around obstacles.
 
     Raises:
         ConfigurationError: q is not a configuration.
-        CinegenError: q leaves loops open, or dt is invalid.
+        UnknownNameError: `acceleration` names a joint that does not exist.
+        CinegenError: q leaves loops open, or dt or an acceleration is invalid.
     """
 
     def __init__(
@@ -82,12 +96,20 @@ class AvoidingSolver(Solver):
         safety: float,
         reach: float | None = None,
         q: ArrayLike | None = None,
+        acceleration: float | Mapping[str, float] | None = None,
     ) -> None:
         mechanism = clearance.mechanism
         self._still = 0  # ticks at rest
-        super().__init__(mechanism, dt, q=q)
+        limits = motion_limits(mechanism, acceleration).acceleration
+        columns = {joint: mechanism.v_index(joint) for joint in mechanism.joints}
+        limited = {joint: float(limits[j]) for joint, j in columns.items() if math.isfinite(limits[j])}
+        super().__init__(mechanism, dt, q=q, acceleration=None if acceleration is None else limited)
         self.clearance = clearance
-        self.barrier = ClearanceBarrier(clearance, safety, approach_fraction(dt))
+        known = np.full(mechanism.model.nv, np.inf)
+        known[[columns[joint] for joint in limited]] = list(limited.values())
+        self._braking = None if acceleration is None else BrakingBarrier(clearance, safety, known)
+        self.barrier = self._braking or ClearanceBarrier(clearance, safety)
+        self.threat: Threat | None = None
         self.barriers = (self.barrier,)
         self.vortices = Vortices(clearance, 0.5 * mechanism.length if reach is None else reach, safety)
         self._known: dict[int, pin.SE3] = {}  # poses of obstacles
@@ -103,6 +125,8 @@ class AvoidingSolver(Solver):
             placement: its pose in the mechanism's world.
         """
         self.clearance.move(obstacle, placement)
+        if self._braking is not None:
+            self._braking.move(obstacle, placement, self.dt)
         moved = self._known.setdefault(obstacle, placement.copy()).actInv(placement)
         angle = float(np.linalg.norm(pin.log3(moved.rotation)))
         if max(float(np.linalg.norm(moved.translation)) / self.mechanism.length, angle) > _MOVED:
@@ -112,16 +136,48 @@ class AvoidingSolver(Solver):
 
     def step(self) -> Step:
         """Compute one tick of dt. Never raises: the status reports what happened."""
+        suspended, stops = bool(self._memory.tasks_are_suspended), False
         try:
-            self._guide()
+            stops = self._must_stop()
+            if not stops:
+                self._guide()
         except Exception as error:  # the loop must go on; the barrier keeps the mechanism clear
             self._restart()
             self._catch(f"the search for a path around obstacles of {self.mechanism.name}", error)
+        if stops:
+            self._suspend_tasks(True)
+            self._detour = (_Motion(np.zeros(self._model.nv)),)
         step = super().step()
         self._detour = None
+        if stops:
+            self._suspend_tasks(suspended)
+        if self._braking is not None:
+            self._braking.tick += 1
+        if self.threat is not None:
+            step = step.with_status(Status.IN_COLLISION if self.threat.happens else Status.UNAVOIDABLE)
         slow = float(np.abs(step.v / self.mechanism.scale).max(initial=0.0)) < _REST
         self._still = self._still + 1 if slow else 0
         return step
+
+    def _must_stop(self) -> bool:
+        """Look for a collision; return whether the mechanism has to stop, and release the barrier then."""
+        barrier, memory = self._braking, self._memory
+        if barrier is None:
+            return False
+        barrier.v = self.v
+        if self.mechanism.is_constrained and memory.mobility:
+            basis = null_space(memory)[:, : memory.n] * self.mechanism.scale[memory.fixed :]
+            barrier.basis = np.hstack([np.zeros((len(basis), memory.fixed)), basis])
+        self.threat = barrier.threat(self.state)
+        barrier.is_released = self.threat is not None and self.threat.moves
+        return barrier.is_released
+
+    def _clear(self) -> float:
+        """Return the fraction of the step to the trial configuration that barriers allow; where accelerations are
+        limited, braking is always allowed."""
+        clear = super()._clear()
+        last = TRIES + (SECONDARY_TRIES if self._memory.has_secondary else 0) - 1
+        return 1.0 if self._braking is not None and self._memory.tries >= last else clear
 
     # --- around obstacles ----------------------------------------------------------------------------------------
 
@@ -161,7 +217,7 @@ class AvoidingSolver(Solver):
         configuration = self._strategies[0].configuration
         self._predict(q, tasks, configuration)
         if configuration is None:
-            self._unobstructed.solver.gain = self.gain
+            self._unobstructed.solver.dt, self._unobstructed.solver.gain = self.dt, self.gain
             motion = self.mechanism.difference(q, self._unobstructed.step(q, tasks))
         else:
             motion = self._step_towards(q, configuration)
@@ -183,7 +239,7 @@ class AvoidingSolver(Solver):
             return True
         length = self.mechanism.length
         return any(
-            np.linalg.norm(now[:3, 3] - then[:3, 3]) > _MOVED * length
+            math.dist(now[:3, 3], then[:3, 3]) > _MOVED * length  # of any size: squares may overflow
             or float(np.abs(now[:3, :3] - then[:3, :3]).max()) > _MOVED
             for now, then in zip(targets, self._targets, strict=True)
         )

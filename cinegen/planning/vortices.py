@@ -13,8 +13,8 @@ from numpy.typing import ArrayLike, NDArray
 from cinegen.collision._kernels.memory import ClearanceMemory
 from cinegen.collision.clearance import Clearance
 from cinegen.collision.errors import PlanningError
-from cinegen.ik.equations import free_motions
 from cinegen.jit.compiled import prepare
+from cinegen.loops.motions import free_motions
 from cinegen.model.motion_plane import motion_plane
 from cinegen.planning._kernels.memory import VortexMemory
 from cinegen.planning._kernels.vortex import ACTIVE, AXIS, deflect

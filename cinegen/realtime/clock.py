@@ -10,6 +10,8 @@ from contextlib import contextmanager
 from types import TracebackType
 from typing import Any, NamedTuple, Self
 
+import numpy as np
+
 from cinegen.realtime import scheduling
 from cinegen.realtime.channel import Channel, ClockError
 from cinegen.realtime.timing import TimingReport
@@ -24,7 +26,7 @@ class Tick(NamedTuple):
 
     Attributes:
         number: index of its deadline, from 0; indices of skipped deadlines are missing.
-        time: time of its deadline since the first one, s: `number` periods, without jitter.
+        time: time of its deadline since the first one, s: `number` periods, unless they changed; without jitter.
         late: delay of its start after its deadline, s.
         skipped: number of deadlines that were skipped before it.
         command: newest value of `Clock.command`; None before the first.
@@ -56,8 +58,9 @@ class Clock:
             affect the period. It occupies that fraction of a core, and of the interpreter lock if other threads run.
             By default a fifth of the period, at most 0.2 ms.
         priority: priority of the real-time class SCHED_FIFO, 1 to 99, where the system permits it; 0, the default,
-            leaves the scheduling unchanged. `TimingReport.scheduling` reports the result. A real-time tick blocks all
-            other programs on its core while it runs; several such loops can make a machine unusable.
+            leaves the scheduling unchanged. A real-time tick blocks all other programs on its core while it runs, so
+            one core remains for them: as many loops as there are other cores can be in real time on a machine.
+            `TimingReport.scheduling` reports the result.
         cores: cores on which the loop may run; all if empty.
 
     Raises:
@@ -67,23 +70,43 @@ class Clock:
     def __init__(
         self, period: float = 0.001, *, spin: float | None = None, priority: int = 0, cores: Iterable[int] = ()
     ) -> None:
-        if not (math.isfinite(period) and period > 0.0):
-            raise ClockError(f"a clock's period must be a positive time in seconds, not {period}")
-        if spin is None:
-            spin = min(_SPIN, 0.2 * period)
-        if not 0.0 <= spin <= period:
-            raise ClockError(f"a clock's spin must be from 0 to its period of {period} s, not {spin}")
+        self._spin = spin
+        self.period = period
         if priority not in range(100):
             raise ClockError(f"a clock's priority must be from 0 to 99, not {priority}")
-        self.period, self.spin, self.priority, self.cores = period, spin, priority, frozenset(cores)
+        self.priority, self.cores = priority, frozenset(cores)
         self._command: Any = None
         self._channel: Channel = Channel.local(period)
         self._worker: LoopWorker | None = None
         self._looping = False
         self._scheduling = ""
+        self._rest: Callable[[], object] | None = None
 
     def __repr__(self) -> str:
         return f"<Clock of {1e3 * self.period:g} ms, {'running' if self.running else 'stopped'}>"
+
+    @property
+    def period(self) -> float:
+        """Time between two deadlines, s. The loop's function may set it, by `tick.clock.period = ...`: the next
+        deadline is a new period after that of the present tick.
+
+        Raises:
+            ClockError: set to a time that is not positive and finite, or shorter than `spin`.
+        """
+        return self._period
+
+    @period.setter
+    def period(self, period: float) -> None:
+        if not (math.isfinite(period) and period > 0.0):
+            raise ClockError(f"a clock's period must be a positive time in seconds, not {period}")
+        if self._spin is not None and not 0.0 <= self._spin <= period:
+            raise ClockError(f"a clock's spin must be from 0 to its period of {period} s, not {self._spin}")
+        self._period = period
+
+    @property
+    def spin(self) -> float:
+        """Time before a deadline at which the loop wakes and waits busily, s."""
+        return min(_SPIN, 0.2 * self._period) if self._spin is None else self._spin
 
     # --- loops ---------------------------------------------------------------------------------------------------
 
@@ -153,7 +176,7 @@ class Clock:
             Exception: exception of the factory.
         """
         count = self._begin(seconds, Channel.shared(self.period))
-        settings = {"period": self.period, "spin": self.spin, "priority": self.priority, "cores": self.cores}
+        settings = {"period": self.period, "spin": self._spin, "priority": self.priority, "cores": self.cores}
         worker = LoopProcess(_serve_there, settings, self._channel, count, factory, arguments)
         self._worker, self._scheduling = worker, worker.scheduling
         return self
@@ -190,6 +213,15 @@ class Clock:
             return False
         self._raise_error()
         return True
+
+    def rest(self, wait: Callable[[], object]) -> None:
+        """Call wait() after the present tick, which calls this. The loop has nothing to do until wait() returns, after
+        any time: deadlines that pass meanwhile are neither late nor skipped. The next tick starts at once.
+
+        Args:
+            wait: returns when there is something to do, or after some time.
+        """
+        self._rest = wait
 
     def __enter__(self) -> Self:
         return self
@@ -289,17 +321,36 @@ class Clock:
         """Iterate over the ticks of `count` deadlines."""
         channel, period, now = self._channel, self.period, time.perf_counter
         record = channel.record
-        begin, due = now(), 0
-        while due < count and self._wait(channel, begin + due * period):
-            start = now()
-            number = int(min(max(due, (start - begin) // period), count - 1))
-            skipped, late = number - due, start - (begin + number * period)
-            record.begun(start, late + skipped * period, skipped)
-            due = number + 1
-            try:
-                yield Tick(number, number * period, late, skipped, channel.command.read(), self)
-            finally:
-                record.ended(now(), begin + due * period)
+        begin, since, first = now(), 0.0, 0  # of the deadline since which the period is the same: when, and its number
+        due, rested = 0, False
+        try:
+            while due < count and self._wait(channel, begin + (due - first) * period):
+                start = now()
+                passed = first + (start - begin) // period
+                if rested:
+                    due = max(due, int(passed))
+                number = int(min(max(due, passed), count - 1))
+                after = (number - first) * period
+                skipped, late = number - due, 0.0 if rested else start - (begin + after)
+                record.begun(start, late + skipped * period, skipped)
+                due = number + 1
+                try:
+                    yield Tick(number, since + after, late, skipped, channel.command.read(), self)
+                finally:
+                    if self.period != period:
+                        begin, since, first = begin + after, since + after, number
+                        count = number + float(np.ceil((count - number) * period / self.period - 1e-6))
+                        period = record.period = self.period
+                    record.ended(now(), begin + (due - first) * period)
+                rest, self._rest = self._rest, None
+                rested = rest is not None
+                if rest is not None:
+                    record.rest()
+                    scheduling.asleep()
+                    rest()
+                    scheduling.awake()
+        finally:
+            record.rest()
 
     def _wait(self, channel: Channel, deadline: float) -> bool:
         """Wait until a deadline (s); return False if the loop is to end."""

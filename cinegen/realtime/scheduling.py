@@ -6,12 +6,14 @@ a loop sleeps and long during a tick: the loop gets the lock soon, and waiting t
 garbage collection takes tens of milliseconds once a robot is loaded: existing objects are frozen out of collections.
 
 Operating system: a thread in the real-time class SCHED_FIFO runs as soon as it wakes, whatever other load there is.
+For other programs to run too, there are fewer such loops on a machine than cores; further ones are scheduled as usual.
 """
 
 from __future__ import annotations
 
 import gc
 import os
+import socket
 import sys
 import threading
 from collections.abc import Iterator
@@ -21,6 +23,7 @@ from cinegen.realtime.channel import ClockError
 
 _SHORT = 1e-4  # s: switch interval while a loop sleeps
 _LONG = 1e-3  # s: during a tick, also for a tick that released the lock and wants it back
+_RESERVED = "\0cinegen real-time loop "  # names of reservations, each with its number
 
 _lock = threading.Lock()
 _loops = 0
@@ -66,7 +69,8 @@ def scheduled(priority: int, cores: frozenset[int]) -> Iterator[str]:
     """Schedule the calling thread in real time, where that is permitted; yield a description of the result.
 
     Args:
-        priority: priority of SCHED_FIFO; 0 leaves the scheduling unchanged.
+        priority: priority of SCHED_FIFO; 0 leaves the scheduling unchanged, and so do other loops in real time on all
+            cores but one.
         cores: cores on which the thread may run; all if empty.
 
     Raises:
@@ -82,23 +86,45 @@ def scheduled(priority: int, cores: frozenset[int]) -> Iterator[str]:
             os.sched_setaffinity(0, cores)
         except (OSError, OverflowError, ValueError) as error:
             raise ClockError(f"a clock can't run on cores {_listed(cores)}; allowed are {_listed(allowed)}") from error
+    reservation = _reservation(len(allowed)) if priority else None
     try:
-        if priority:
+        if priority and reservation is None:
+            scheduling += f" (no real time: one of {len(allowed)} cores must remain for other programs)"
+        elif reservation is not None:
             try:  # threads and processes that a tick starts are scheduled as usual
                 fifo = os.SCHED_FIFO | os.SCHED_RESET_ON_FORK
                 os.sched_setscheduler(0, fifo, os.sched_param(priority))
                 scheduling = f"SCHED_FIFO {priority}"
             except OSError as error:
                 scheduling += f" (no real time: {(error.strerror or str(error)).lower()})"
+                reservation.close()
         yield scheduling + (f", on cores {_listed(cores)}" if cores else "")
     finally:
         for reset in (0, os.SCHED_RESET_ON_FORK):  # this flag may be permitted to be set, but not to be cleared
             with suppress(OSError):
                 os.sched_setscheduler(0, policy | reset, parameters)
                 break
+        if reservation is not None:
+            reservation.close()
         if cores:
             with suppress(OSError):
                 os.sched_setaffinity(0, allowed)
+
+
+def _reservation(cores: int) -> socket.socket | None:
+    """Reserve one of `cores` for real time; return None if only one is left.
+
+    A reservation is a name among Linux's abstract sockets: all programs on a machine share them, and it vanishes with
+    its process. Nothing listens there.
+    """
+    for number in range(cores - 1):
+        name = socket.socket(socket.AF_UNIX, socket.SOCK_STREAM)
+        try:
+            name.bind(f"{_RESERVED}{number}")
+            return name
+        except OSError:
+            name.close()
+    return None
 
 
 def _listed(cores: frozenset[int] | set[int]) -> str:

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import math
+import time
+from collections import deque
 from dataclasses import dataclass
 from typing import Any
 
@@ -39,7 +41,7 @@ class TimingReport:
     """Timing of a clock's ticks, in seconds. Quantities that need more ticks than there were are NaN.
 
     Attributes:
-        period: requested period.
+        period: requested period, at present if it was changed.
         ticks: number of completed ticks.
         skipped: number of deadlines without a tick, because they had passed.
         seconds: time from the start of the first tick to the start of the last.
@@ -52,6 +54,8 @@ class TimingReport:
         overruns: number of ticks that ended after the next deadline, or started so late that deadlines were skipped.
         longest: longest overrun.
         scheduling: scheduling of the loop that was obtained from the operating system.
+        resting: whether no tick is due at present: the loop is at rest (`Clock.rest`), or does not run.
+        pending: number of deadlines that have passed since the last tick began, which is still running or is late.
     """
 
     period: float
@@ -67,6 +71,8 @@ class TimingReport:
     overruns: int
     longest: float
     scheduling: str
+    resting: bool = True
+    pending: int = 0
 
     def __str__(self) -> str:
         if not self.ticks:
@@ -113,9 +119,11 @@ class Histogram:
 # Indices of the numbers that are kept.
 _TICKS, _SKIPPED, _OVERRUNS, _LONGEST = range(4)
 _FIRST, _LAST, _ENDED, _DUE, _WORKED = range(4, 9)  # starts of the first and last tick, its end, next deadline
-_PERIODS, _MEAN, _SQUARES = range(9, 12)  # mean and summed squares of the periods' deviations
+_PERIODS, _MEAN, _SQUARES = range(9, 12)  # mean and summed squares of the periods' deviations from the first
 _MAX_ERROR, _MAX_LATE, _MAX_WORK = range(12, 15)
-_BYTES_OF_NUMBERS = 8 * 15
+_ACTIVE = 15  # 1 from the start of a tick until the loop rests or ends
+_PERIOD = 16  # requested at present
+_BYTES_OF_NUMBERS = 8 * 17
 _BYTES_OF_COUNTS = 8 * BINS
 
 
@@ -124,21 +132,32 @@ class TimingRecord:
     the memory is shared. Nothing is locked, so one number may be a tick older than another.
 
     Args:
-        period: requested period, s.
+        period: requested period at first, s.
         memory: `SIZE` bytes, initially 0; allocated unless given.
     """
 
     SIZE = _BYTES_OF_NUMBERS + 3 * _BYTES_OF_COUNTS
 
     def __init__(self, period: float, memory: Any = None) -> None:
-        self.period, self._memory = period, bytearray(self.SIZE) if memory is None else memory
+        self._first, self._memory = period, bytearray(self.SIZE) if memory is None else memory
         whole = memoryview(self._memory).cast("B")
         self._numbers = whole[:_BYTES_OF_NUMBERS].cast("d")
         ends = range(_BYTES_OF_NUMBERS, self.SIZE, _BYTES_OF_COUNTS)
+        if not self._numbers[_PERIOD]:
+            self._numbers[_PERIOD] = period
         self._error, self._late, self._work = (Histogram(whole[end : end + _BYTES_OF_COUNTS].cast("q")) for end in ends)
 
     def __reduce__(self) -> tuple[type[TimingRecord], tuple[float, Any]]:
-        return TimingRecord, (self.period, self._memory)
+        return TimingRecord, (self._first, self._memory)
+
+    @property
+    def period(self) -> float:
+        """Requested period, s; it may be set between two ticks."""
+        return float(self._numbers[_PERIOD])
+
+    @period.setter
+    def period(self, period: float) -> None:
+        self._numbers[_PERIOD] = period
 
     def begun(self, start: float, late: float, skipped: int) -> None:
         """Record the start of a tick.
@@ -149,18 +168,19 @@ class TimingRecord:
             skipped: number of skipped deadlines.
         """
         n = self._numbers
-        if n[_TICKS]:
-            off = start - n[_LAST] - self.period
+        if n[_ACTIVE]:
+            period = start - n[_LAST]
+            off = period - self._first
             n[_PERIODS] += 1.0
             delta = off - n[_MEAN]  # B. P. Welford, Technometrics 4, 1962
             n[_MEAN] += delta / n[_PERIODS]
             n[_SQUARES] += delta * (off - n[_MEAN])
-            error = abs(off)
+            error = abs(period - n[_PERIOD])
             self._error.add(error)
             n[_MAX_ERROR] = max(n[_MAX_ERROR], error)
-        else:
+        elif not n[_TICKS]:
             n[_FIRST] = start
-        n[_LAST] = start
+        n[_LAST], n[_ACTIVE] = start, 1.0
         self._late.add(late)
         n[_MAX_LATE] = max(n[_MAX_LATE], late)
         n[_SKIPPED] += skipped
@@ -187,6 +207,10 @@ class TimingRecord:
             n[_OVERRUNS] += 1.0
             n[_LONGEST] = max(n[_LONGEST], end - due)
 
+    def rest(self) -> None:
+        """Record that no tick is due until the next one begins."""
+        self._numbers[_ACTIVE] = 0.0
+
     def report(self, scheduling: str = "") -> TimingReport:
         """Return the statistics up to now.
 
@@ -194,13 +218,14 @@ class TimingRecord:
             scheduling: description of the loop's scheduling, for the report.
         """
         n = self._numbers.tolist()
-        ticks, periods = int(n[_TICKS]), n[_PERIODS]
+        ticks, periods, active = int(n[_TICKS]), n[_PERIODS], bool(n[_ACTIVE])
+        passed = int((time.perf_counter() - n[_LAST]) / self.period) if active else 0
         return TimingReport(
             period=self.period,
             ticks=ticks,
             skipped=int(n[_SKIPPED]),
             seconds=n[_LAST] - n[_FIRST],
-            mean=self.period + n[_MEAN] if periods else math.nan,
+            mean=self._first + n[_MEAN] if periods else math.nan,
             jitter=math.sqrt(n[_SQUARES] / periods) if periods else math.nan,
             error=_percentiles(self._error, n[_MAX_ERROR]),
             late=_percentiles(self._late, n[_MAX_LATE]),
@@ -209,7 +234,27 @@ class TimingRecord:
             overruns=int(n[_OVERRUNS]),
             longest=n[_LONGEST],
             scheduling=scheduling,
+            resting=not active,
+            pending=max(0, passed - 1),
         )
+
+
+class RecentTiming:
+    """Ticks and missed deadlines of the last second, from successive reports."""
+
+    def __init__(self) -> None:
+        self._counts = deque([(time.monotonic(), 0, 0)])  # time, ticks, missed deadlines
+
+    def add(self, report: TimingReport) -> tuple[float, int]:
+        """Return the ticks per second, and the deadlines without a tick per second, both in the last second up to the
+        present report; in a longer time if there was no report for longer."""
+        now, counts = time.monotonic(), self._counts
+        counts.append((now, report.ticks, report.skipped + report.pending))
+        while len(counts) > 2 and counts[1][0] <= now - 1.0:
+            counts.popleft()
+        then, ticks, missed = counts[0]
+        seconds = max(1e-3, now - then)
+        return (report.ticks - ticks) / seconds, max(0, round((counts[-1][2] - missed) / max(1.0, seconds)))
 
 
 def _percentiles(histogram: Histogram, largest: float) -> Percentiles:

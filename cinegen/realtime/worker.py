@@ -12,7 +12,11 @@ import sys
 import threading
 import time
 import traceback
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, suppress
+from multiprocessing import resource_tracker
+from multiprocessing.heap import Arena
+from multiprocessing.reduction import ForkingPickler
 from typing import Any
 
 from cinegen.realtime.channel import ClockError
@@ -101,10 +105,11 @@ class LoopProcess(LoopWorker):
         context = multiprocessing.get_context("spawn")
         self._answers, answers = context.Pipe(duplex=False)
         self._process = context.Process(
-            target=_run, args=(answers, serve, arguments), name="cinegen clock", daemon=True
+            target=_run, args=(answers, _Parcel((serve, arguments))), name="cinegen clock", daemon=True
         )
         try:
-            self._process.start()
+            with _interrupts_blocked():
+                self._process.start()
         except (pickle.PicklingError, AttributeError, TypeError) as error:
             raise ClockError(
                 f"arguments can't be sent to a clock's process: {error}. The factory must be a function at the "
@@ -155,10 +160,43 @@ class LoopProcess(LoopWorker):
             super()._exit()
 
 
-def _run(
-    answers: multiprocessing.connection.Connection, serve: Callable[..., None], arguments: tuple[Any, ...]
-) -> None:
+class _Parcel:
+    """A value for a new process, which gets it from shared memory. So the value is complete when the process begins:
+    without this, a process whose parent is killed while it writes prints a traceback.
+    """
+
+    def __init__(self, value: Any) -> None:
+        self._value = value
+        self._memory: Arena | None = None  # kept until the process has begun
+
+    def __reduce__(self) -> tuple[Callable[..., Any], tuple[Arena, int]]:
+        data = ForkingPickler.dumps(self._value)
+        self._memory = Arena(len(data))
+        self._memory.buffer[: len(data)] = data
+        return _opened, (self._memory, len(data))
+
+
+def _opened(memory: Arena, size: int) -> Any:
+    return pickle.loads(memory.buffer[:size])
+
+
+@contextmanager
+def _interrupts_blocked() -> Iterator[None]:
+    """Start processes that no Ctrl-C reaches before they ignore it."""
+    if not hasattr(signal, "pthread_sigmask"):
+        yield
+        return
+    resource_tracker.ensure_running()  # it is started with the first process, and unblocks what was blocked before
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, (signal.SIGINT,))
+    try:
+        yield
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)
+
+
+def _run(answers: multiprocessing.connection.Connection, parcel: tuple[Callable[..., None], tuple[Any, ...]]) -> None:
     """Run the process."""
+    serve, arguments = parcel
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C reaches all processes; the parent decides
     threading.Thread(target=_end_with_parent, daemon=True).start()
     error: BaseException | None = None
@@ -166,7 +204,8 @@ def _run(
         serve(*arguments, lambda scheduling: answers.send((True, scheduling)))
     except BaseException as caught:
         error = _portable(caught)
-    answers.send((False, error))
+    with suppress(OSError):  # the parent has ended
+        answers.send((False, error))
 
 
 def _end_with_parent() -> None:

@@ -2,7 +2,7 @@
 
 from cinegen.session.commands import Command, CommandError, decode_command
 from cinegen.session.map_setup import map_setup
-from cinegen.session.report import Reporter, RobotReport
+from cinegen.session.report import Reporter, RobotReport, agreed_status
 from cinegen.session.runner import SessionError, SessionRunner
 from cinegen.session.scene_setup import scene_setup
 from cinegen.session.session import Session
@@ -20,6 +20,7 @@ __all__ = [
     "SessionState",
     "Setup",
     "SetupError",
+    "agreed_status",
     "arrange",
     "decode_command",
     "map_setup",

@@ -16,7 +16,7 @@ from cinegen.ik import Solver
 from cinegen.mission.drawn_obstacle import DrawnObstacle
 from cinegen.model import Mechanism
 from cinegen.model.mechanism import MechanismSource
-from cinegen.planning.clearance_barrier import ClearanceBarrier, approach_fraction, is_clear
+from cinegen.planning.clearance_barrier import ClearanceBarrier, is_clear
 from cinegen.session.avoiding import AvoidingRobot
 from cinegen.session.robot import DrivenRobot, UserTask
 from cinegen.session.state import ObstacleState, RobotStatus
@@ -49,7 +49,6 @@ class DrivenObstacle(DrivenRobot):
     def __init__(self, name: str, drawn: DrawnObstacle, dt: float) -> None:
         super().__init__(name, Solver(_free_body(name, drawn.dof), dt))
         self.base = drawn.placement.copy()
-        self._dt = dt
         self._meets: tuple[int, AvoidingRobot, Clearance, ClearanceBarrier] | None = None
 
     def meet(self, robot: AvoidingRobot, number: int, obstacle: Obstacle) -> None:
@@ -64,7 +63,7 @@ class DrivenObstacle(DrivenRobot):
         own = [replace(piece, joint=joint) for piece in obstacle.pieces]
         links = [Obstacle(body.name, (replace(body, joint=0, placement=pin.SE3.Identity()),)) for body in robot.bodies]
         clearance = Clearance(self.mechanism, own, links)
-        barrier = ClearanceBarrier(clearance, _NEAREST * robot.safety, approach_fraction(self._dt))
+        barrier = ClearanceBarrier(clearance, _NEAREST * robot.safety)
         self.solver.barriers = (barrier,)
         self._meets = number, robot, clearance, barrier
 

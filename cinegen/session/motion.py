@@ -261,6 +261,7 @@ class LineMotion:
             q = self._rest.advance(dt)
             self.problem = self._rest.problem if q is None else ""
             return q
+        self._solver.dt = self._dt = dt
         self._task.target = self._target(eased(min(self._time / self._seconds, 1.0)))
         metres, angle = self._solver.step().errors[0]
         if max(metres / self._mechanism.length, angle) > _LAG:

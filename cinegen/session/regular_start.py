@@ -6,8 +6,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cinegen.ik.local_ik import LocalIK
-from cinegen.ik.thresholds import NEAR
 from cinegen.model import Mechanism
+from cinegen.tolerances import NEAR_SINGULAR
 
 Array = NDArray[np.float64]
 
@@ -26,7 +26,7 @@ def regular_start(mechanism: Mechanism) -> Array:
     samples = LocalIK(mechanism).samples(_SAMPLES, np.random.default_rng(0))
     sigma = np.array([_singular_values(mechanism, q) for q in samples])
     dof = int(np.count_nonzero(np.median(sigma, axis=0) > _ZERO))
-    if dof == 0 or _singular_values(mechanism, home)[dof - 1] >= NEAR:
+    if dof == 0 or _singular_values(mechanism, home)[dof - 1] >= NEAR_SINGULAR:
         return home
     return np.asarray(samples[sigma[:, dof - 1].argmax()])
 

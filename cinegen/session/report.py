@@ -8,22 +8,21 @@ from __future__ import annotations
 import numpy as np
 import pinocchio as pin
 from msgspec import Struct
+from msgspec.structs import replace
 from numpy.typing import NDArray
 
 from cinegen.ik import Event, EventKind, FrameTask, LookAhead, Step
-from cinegen.ik.equations import free_motions
-from cinegen.ik.singular import NEAR_PASSIVE, gained
+from cinegen.ik.singular import gained
+from cinegen.loops.motions import motions_of
 from cinegen.model import Mechanism
-from cinegen.session.state import RobotState
+from cinegen.session.state import RobotState, RobotStatus
 from cinegen.singularities.ball_joints import CountedLoops, balls
+from cinegen.tolerances import NEAR_SINGULAR
 
 Array = NDArray[np.float64]
 
 HORIZON = 1.5
 """Duration of the forecast, s."""
-
-NEAR = 0.05
-"""Singular value of the tasks (dimensionless) below which a type 1 singularity is near."""
 
 _DT = 1.0 / 60.0  # s: period of the look-ahead solver
 _REACH = 0.2  # rad or lengths: motion of the joints for the ellipsoid
@@ -51,6 +50,15 @@ class SingularityReport(Struct, frozen=True):
     node: str
     position: Array
     twist: Array
+
+    @property
+    def is_near(self) -> bool:
+        """True below the threshold."""
+        return self.sigma < self.threshold
+
+
+_WORSE = ("BAD_TARGET", "TOUCHING", "REFUSED")
+_OBSTRUCTED = ("BARRED", "PUSHED", "AT_LIMIT", "OUT_OF_REACH")
 
 
 class Ellipsoid(Struct, frozen=True):
@@ -117,6 +125,31 @@ class RobotReport(Struct, frozen=True):
     forecast: ForecastReport
 
 
+def agreed_status(status: RobotStatus, report: RobotReport | None) -> RobotStatus:
+    """Return the status of a robot in agreement with the singular values in a report on it.
+
+    The first that applies is returned: BAD_TARGET, TOUCHING, REFUSED; UNCONTROLLED, near a type 2 singularity; BARRED,
+    PUSHED, AT_LIMIT, OUT_OF_REACH; SINGULAR, near a type 1 singularity; DAMPED, slowed down by damping elsewhere; the
+    status itself.
+
+    Args:
+        status: status in the session.
+        report: last report; None: there is none yet, and the status stays.
+    """
+    if report is None or status.name in _WORSE:
+        return status
+    if report.type2 is not None and report.type2.is_near:
+        return RobotStatus("UNCONTROLLED", "near a singularity: uncontrolled DoF", report.type2.text)
+    near = report.type1 is not None and report.type1.is_near
+    if status.name in _OBSTRUCTED:
+        return replace(status, label=f"{status.label}, near a singularity") if near else status
+    if report.type1 is not None and near:
+        return RobotStatus("SINGULAR", "near a singularity: lost DoF", report.type1.text)
+    if status.name == "SINGULAR":
+        return RobotStatus("DAMPED", "motion is damped", "the damping threshold is above the singular value")
+    return status
+
+
 class Reporter:
     """Reports on one robot. For one thread at a time.
 
@@ -158,11 +191,13 @@ class Reporter:
         if lost is not None:
             which = int(np.argmax(np.linalg.norm(lost.twists, axis=1)))
             own = tasks[which]
-            type1 = self._singularity(lost.sigma, NEAR, own.node, own.offset, lost.twists[which], robot, "lost")
+            type1 = self._singularity(
+                lost.values, NEAR_SINGULAR, own.node, own.offset, lost.twists[which], robot, "lost"
+            )
         if uncontrolled is not None:
             moving, twist = self._moved_most(uncontrolled.joints)
             unit = pin.SE3.Identity()
-            type2 = self._singularity(uncontrolled.sigma, NEAR_PASSIVE, moving, unit, twist, robot, "gained")
+            type2 = self._singularity(uncontrolled.values, NEAR_SINGULAR, moving, unit, twist, robot, "gained")
         path, events = self._forecast(robot, node, at)
         ellipsoid = self._ellipsoid(q, node, at)
         if ellipsoid is not None:
@@ -213,13 +248,14 @@ class Reporter:
     # --- singularities -------------------------------------------------------------------------------------------
 
     def _singularity(
-        self, sigma: float, near: float, node: str, at: pin.SE3, twist: Array, robot: RobotState, what: str
+        self, values: Array, near: float, node: str, at: pin.SE3, twist: Array, robot: RobotState, what: str
     ) -> SingularityReport:
         """
         Args:
-            twist: (6,) in the axes of the robot's own world.
+            values: singular values, largest first.
+            twist: (6,) of the last one, in the axes of the robot's own world.
         """
-        length = self.mechanism.length
+        length, sigma = self.mechanism.length, float(values[-1])
         unit = np.concatenate([twist[:3] / length, twist[3:]])
         size = float(np.linalg.norm(unit))
         unit = unit / size if size > 0.0 else unit
@@ -230,6 +266,9 @@ class Reporter:
             words = f"hardly any motion {direction}" if close else f"hardest to move {direction}"
         else:
             words = f"the actuated joints hardly control it {direction}" if close else f"controlled least {direction}"
+        others = int((values < near).sum()) - 1
+        if others > 0:
+            words += f", and {others} more DoF"
         world = robot.base.rotation
         turned = np.concatenate([world @ unit[:3], world @ unit[3:]])
         return SingularityReport(sigma, near, words, node, robot.base.act(place.translation), turned)
@@ -269,7 +308,7 @@ class Reporter:
     def _ellipsoid(self, q: Array, node: str, at: pin.SE3) -> Array | None:
         """Return the half axes as rows (3, 3), m, in the axes of the robot's own world."""
         mechanism = self.mechanism
-        motions = free_motions(self._loops.evaluate(q)[1], mechanism.loop_rank)[0]
+        motions = motions_of(self._loops, q, mechanism.loop_rank)
         if motions.shape[1] == 0:
             return None
         own = at.toActionMatrixInverse() @ self._jacobian(node, pin.ReferenceFrame.LOCAL)
@@ -297,7 +336,7 @@ class Reporter:
             return np.zeros((0, 3)), ()
         for own, task in zip(self._solver.tasks, robot.tasks, strict=True):
             own.target = task.target
-        forecast = self._look_ahead.forecast(HORIZON, NEAR)
+        forecast = self._look_ahead.forecast(HORIZON, NEAR_SINGULAR)
         every = max(1, len(forecast.q) // _POINTS)
         path = np.array([(mechanism.placement(q, node) * at).translation for q in forecast.q[::every]])
         if np.ptp(path, axis=0).max() < 1e-4 * mechanism.length:
@@ -320,6 +359,6 @@ class Reporter:
             return False
         if event.kind is EventKind.TYPE_1:
             found = self._step_at(event.q).lost_dof_in(self._loops)
-            return found is not None and found.sigma > NEAR + _ROUGH
+            return found is not None and found.sigma > NEAR_SINGULAR + _ROUGH
         weakest = gained(self.mechanism, event.q, self._loops)
-        return weakest is not None and weakest.sigma > NEAR_PASSIVE + _ROUGH
+        return weakest is not None and weakest.sigma > NEAR_SINGULAR + _ROUGH

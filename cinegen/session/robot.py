@@ -148,6 +148,7 @@ class DrivenRobot:
 
     def tick(self, dt: float) -> str:
         """Move by one tick of dt (s). Return a message for people; mostly an empty one."""
+        self.solver.dt = dt
         problem = self._advance(dt)
         messages = self.solver.exception_log.messages
         if len(messages) == self._reported:
@@ -182,6 +183,11 @@ class DrivenRobot:
             for one in self.tasks:
                 one.task.target = self.mechanism.placement(q, one.task.node) * one.task.offset
         self.step = self.solver.step()
+
+    def moving_parts(self) -> Array:
+        """Return the numbers that change when it moves: configuration, base pose and targets, rad and m."""
+        poses = [self.base, *(one.task.target for one in self.tasks)]
+        return np.concatenate([self.q, *(part for pose in poses for part in (pose.translation, pose.rotation.ravel()))])
 
     # --- state ---------------------------------------------------------------------------------------------------
 

@@ -3,16 +3,20 @@
 from __future__ import annotations
 
 import contextlib
+import ctypes
 import multiprocessing
 import multiprocessing.connection
+import threading
+import time
 import warnings
 from collections import deque
 from collections.abc import Callable
-from dataclasses import replace
+from dataclasses import dataclass
+from functools import partial
 from typing import Self
 
 from cinegen.errors import CinegenError, CinegenWarning
-from cinegen.ik import tick_is_compiled
+from cinegen.jit.starting import COMPILATION
 from cinegen.realtime import Clock, Tick, TimingReport
 from cinegen.session.commands import Command
 from cinegen.session.session import Session
@@ -23,9 +27,14 @@ FRAMES = 120
 """States per second."""
 
 INTERPRETED_RATE = 60.0
-"""Highest rate, ticks per second, of a session that begins before its kernels are compiled."""
+"""Highest rate of a session, ticks per second, while its kernels are not compiled."""
 
-_MOST = 100  # commands that are carried out in a tick
+AT_REST = 4.0
+"""Ticks per second of a session at rest without clients."""
+
+_WATCHED = 60.0  # ticks per second of a session at rest with clients
+_FASTER = 1.03  # factor from a tick's rate to the next: the lag behind targets depends on the rate, and must not jump
+_LONGEST = 0.005  # s in which commands are carried out before a tick; the others wait
 _PATIENCE = 10.0  # s that a session has to end
 
 
@@ -33,43 +42,107 @@ class SessionError(CinegenError):
     """Something went wrong in a session that has ended."""
 
 
+@dataclass(frozen=True)
+class _Watch:
+    """Message about clients: there are some, or none."""
+
+    on: bool
+
+
 class _End:
     """The last command."""
 
 
+class _Inbox:
+    """Commands for a session, and what wakes it at rest.
+
+    Args:
+        taken: number of commands that were taken.
+    """
+
+    def __init__(self, taken: ctypes.c_longlong) -> None:
+        self._taken = taken
+        self._commands: deque[Command | _Watch | _End] = deque()
+        self._woken = threading.Event()
+
+    def put(self, command: Command | _Watch | _End) -> None:
+        """Add a command."""
+        self._commands.append(command)
+        self._woken.set()
+
+    def take(self) -> Command | _Watch | _End | None:
+        """Return the next command; None if there is none."""
+        self._woken.clear()
+        if not self._commands:
+            return None
+        self._taken.value += 1
+        return self._commands.popleft()
+
+    def wake(self) -> None:
+        """End `wait`."""
+        self._woken.set()
+
+    def wait(self, seconds: float) -> None:
+        """Wait for a command or a call of `wake` since the last `take`, at most for some time (s)."""
+        self._woken.wait(seconds)
+
+    def receive(self, connection: multiprocessing.connection.Connection) -> None:
+        """Take commands from a connection until it ends, which ends the session."""
+        with contextlib.suppress(EOFError, OSError):
+            while True:
+                self.put(connection.recv())
+        self.put(_End())
+
+
 class SessionRunner:
-    """Runs a session.
+    """Runs a session at its rate, or at `INTERPRETED_RATE` while its kernels are being compiled. When it is at rest,
+    ticks are few until a command or a reading of a sensor comes.
 
     Args:
         setup: setup of the session.
         own_process: run it in a process of its own; otherwise in a thread, which other Python code delays.
 
     Attributes:
-        setup: as given; with a rate of at most `INTERPRETED_RATE` if kernels are not compiled yet.
+        setup: as given.
 
     Raises:
         CinegenError: the session can't be constructed, or its process not started.
     """
 
     def __init__(self, setup: Setup, own_process: bool = True) -> None:
-        if not tick_is_compiled():
-            setup = replace(setup, rate=min(setup.rate, INTERPRETED_RATE))
         self.setup = setup
+        self._sent = 0
         self._clock = Clock(1.0 / setup.rate, priority=setup.priority)
         if own_process:
-            inbox, outbox = multiprocessing.get_context("spawn").Pipe(duplex=False)
-            self._clock.spawn(_in_process, setup, inbox)
+            context = multiprocessing.get_context("spawn")
+            inbox, outbox = context.Pipe(duplex=False)
+            self._taken = context.RawValue(ctypes.c_longlong)
+            self._clock.spawn(_in_process, setup, inbox, self._taken)
             inbox.close()
-            self._send: Callable[[Command | _End], None] = outbox.send
+            self._send: Callable[[Command | _Watch | _End], None] = outbox.send
         else:
-            commands: deque[Command | _End] = deque()
-            self._send = commands.append
-            self._clock.start(_ticks(Session(setup), lambda: commands.popleft() if commands else None))
+            self._taken = ctypes.c_longlong()
+            own = _Inbox(self._taken)
+            self._send = own.put
+            self._clock.start(_ticks(Session(setup), own))
 
-    def send(self, command: Command | _End) -> None:
+    def send(self, command: Command) -> None:
         """Send a command. Commands are carried out in their order, before the next tick."""
+        self._try(command)
+
+    def watch(self, on: bool) -> None:
+        """Set whether there are clients: if so, there are 60 states per second at rest too."""
+        self._try(_Watch(on))
+
+    def _try(self, command: Command | _Watch | _End) -> None:
         with contextlib.suppress(OSError):  # the process has ended: `state` raises the reason
             self._send(command)
+            self._sent += 1
+
+    @property
+    def waiting(self) -> int:
+        """Number of commands that were sent and not begun yet."""
+        return self._sent - int(self._taken.value)
 
     @property
     def state(self) -> SessionState | None:
@@ -91,7 +164,7 @@ class SessionRunner:
         Raises:
             Exception: the exception that ended the session before.
         """
-        self.send(_End())
+        self._try(_End())
         self._clock.join(_PATIENCE)
         self._clock.stop()
 
@@ -103,39 +176,54 @@ class SessionRunner:
 
 
 def _in_process(
-    setup: Setup, connection: multiprocessing.connection.Connection
+    setup: Setup, connection: multiprocessing.connection.Connection, taken: ctypes.c_longlong
 ) -> Callable[[Tick], SessionState | None]:
-    def take() -> Command | _End | None:
-        try:
-            command: Command | _End | None = connection.recv() if connection.poll() else None
-        except (EOFError, OSError):  # the other process has ended; the clock ends this one
-            return None
-        return command
-
+    inbox = _Inbox(taken)
+    threading.Thread(target=inbox.receive, args=(connection,), name="cinegen commands", daemon=True).start()
     with warnings.catch_warnings():  # issued when the setup was made
         warnings.simplefilter("ignore", CinegenWarning)
         session = Session(setup)
-    return _ticks(session, take)
+    return _ticks(session, inbox)
 
 
-def _ticks(session: Session, take: Callable[[], Command | _End | None]) -> Callable[[Tick], SessionState | None]:
+def _ticks(session: Session, inbox: _Inbox) -> Callable[[Tick], SessionState | None]:
     """Return the function that the clock calls."""
-    every = max(1, round(session.setup.rate / FRAMES))
-    count = 0
+    session.wake = inbox.wake
+    due, watched, rested, last = 0, False, False, 0.0
 
     def tick(tick: Tick) -> SessionState | None:
-        nonlocal count
-        for _ in range(_MOST):
-            command = take()
-            if command is None:
-                break
+        nonlocal due, watched, rested, last
+        session.dt = tick.clock.period
+        if rested:
+            session.pass_time(max(0.0, tick.time - last - session.dt))
+        last = tick.time
+        began = time.perf_counter()
+        while (command := inbox.take()) is not None:
             if isinstance(command, _End):
                 session.close()
                 tick.clock.stop()
                 return None
-            session.obey(command)
+            if isinstance(command, _Watch):
+                watched = command.on
+            else:
+                session.obey(command)
+            if time.perf_counter() - began > _LONGEST:
+                break
         session.tick()
-        count += 1
-        return session.state() if count % every == 1 or every == 1 else None
+        tick.clock.period = _next_period(session.setup.rate, session.dt)
+        rested = session.at_rest
+        if rested:
+            tick.clock.rest(partial(inbox.wait, 1.0 / (_WATCHED if watched else AT_REST)))
+        if not rested and tick.number < due:
+            return None
+        due = tick.number + max(1, round(1.0 / (FRAMES * session.dt)))
+        return session.state()
 
     return tick
+
+
+def _next_period(rate: float, dt: float) -> float:
+    """Return the period (s) of the next tick, for the rate that is asked for and the period before."""
+    if COMPILATION.is_awaited:
+        return 1.0 / min(rate, INTERPRETED_RATE)
+    return max(1.0 / rate, dt / _FASTER)

@@ -10,7 +10,8 @@ from numpy.typing import NDArray
 
 from cinegen.devices import Gamepad, ScriptedSensor, Sensor, Teleoperation, TwistMapping, open_sensor
 from cinegen.devices.kinds import scheme
-from cinegen.sensor import Reading, Twist
+from cinegen.devices.latest_reading import DeviceSensor
+from cinegen.sensor import Reading, SensorState, Twist
 from cinegen.session.robot import SENSOR, DrivenRobot, UserTask
 from cinegen.session.setup import Device, Setup
 from cinegen.session.state import SensorReport, Settings
@@ -28,6 +29,7 @@ class SessionSensors:
         setup: setup of the session.
         robots: robots of the session.
         new_id: returns the id of the next task.
+        wake: called when a device has a new reading, by its own thread.
 
     Attributes:
         selected: sensor that each node follows, by robot and node; None: no sensor.
@@ -37,8 +39,10 @@ class SessionSensors:
         CinegenError: a sensor does not exist.
     """
 
-    def __init__(self, setup: Setup, robots: dict[str, DrivenRobot], new_id: Callable[[], int]) -> None:
-        self.robots, self._new_id = robots, new_id
+    def __init__(
+        self, setup: Setup, robots: dict[str, DrivenRobot], new_id: Callable[[], int], wake: Callable[[], object]
+    ) -> None:
+        self.robots, self._new_id, self._wake = robots, new_id, wake
         self.selected: dict[tuple[str, str], str | None] = {(one.robot, one.node): None for one in setup.switches}
         self.view = np.eye(3)
         self._devices = {device.name: device for device in setup.devices}
@@ -66,6 +70,8 @@ class SessionSensors:
             if scheme(sensor.url) in _SCRIPTS:
                 sensor.close()  # it starts anew
             sensor.start()
+            if isinstance(sensor, DeviceSensor):
+                sensor.newest.wake = self._wake
             self._connect(robot, node, self._devices[name])
 
     def suspend(self, robot: str, node: str) -> None:
@@ -93,6 +99,11 @@ class SessionSensors:
                 self._disconnect(owner, node)
                 self.selected[owner, node] = None
                 self._sensors[name].close()
+
+    def scripts_run(self) -> bool:
+        """Return whether a node follows a script that has not ended."""
+        sensors = (self._sensors[name] for name in self.selected.values() if name is not None)
+        return any(scheme(one.url) in _SCRIPTS and one.status.state is SensorState.LIVE for one in sensors)
 
     def put_gamepad(self, twist: Twist, buttons: frozenset[int]) -> None:
         """Give the state of a browser's gamepad to the sensors that stand for it."""

@@ -8,6 +8,7 @@ from __future__ import annotations
 import contextlib
 import time
 from collections import deque
+from collections.abc import Callable
 from pathlib import Path
 
 import msgspec
@@ -35,6 +36,10 @@ MOST_TASKS = 64
 
 _NOTICES = 8  # that are kept
 
+_REST = 1.0  # s without motion, after which a session is at rest
+_SAMPLED = 1.0 / 60.0  # s between two looks whether anything moves
+_STILL = 1e-8  # rad or m: larger differences between two looks are motion
+
 
 class Session:
     """Robots that are driven. For one thread at a time. Neither `obey` nor `tick` raises.
@@ -42,23 +47,29 @@ class Session:
     Args:
         setup: robots, sensors and recordings of the session.
 
+    Attributes:
+        dt: period of the next tick, s; it may be set between two ticks.
+        wake: called when a sensor has a new reading, by a thread of the sensor.
+
     Raises:
         CinegenError: a sensor or a recording does not exist.
     """
 
     def __init__(self, setup: Setup) -> None:
         self.setup = setup
+        self.wake: Callable[[], object] = lambda: None
         self.dt = 1.0 / setup.rate
         self.robots = _robots(setup, self.dt)
         self.obstacles = {name: DrivenObstacle(name, drawn, self.dt) for name, drawn in setup.obstacles.items()}
         self._driven: dict[str, DrivenRobot] = {**self.robots, **self.obstacles}
         self._count = 0
-        self.sensors = SessionSensors(setup, self.robots, self._new_id)
+        self.sensors = SessionSensors(setup, self.robots, self._new_id, lambda: self.wake())
         self.time, self.paused = 0.0, False
+        self._looked, self._still, self._moved = 0.0, 0.0, np.zeros(0)  # when, how long, where: for `at_rest`
         self._carried = [name for name in setup.order() if setup.base(name).robot is not None]
         self._drag: tuple[DrivenRobot, UserTask] | None = None
         self._dragged_pin: RecordedTask | None = None  # pin of the node that is dragged
-        self._history = UndoHistory(self._driven, self.sensors, setup.rate, self._new_id)
+        self._history = UndoHistory(self._driven, self.sensors, self._new_id)
         self._notices: deque[Notice] = deque(maxlen=_NOTICES)
         self._noticed = self._answered = self._ticks = 0
         self.settings = Settings(100.0, 0.05, default_speed(self.robots), 0.5, "world")
@@ -99,6 +110,7 @@ class Session:
     def obey(self, command: c.Command) -> None:
         """Carry out a command (by the method of its `type`) as far as possible; otherwise a notice gives the reason."""
         self._answered += 1
+        self._still = 0.0
         if (self._player is not None) != isinstance(command, c.ControlPlayback) and not isinstance(command, c.SetView):
             if self._player is not None:
                 self._notice("a recording is being replayed: it can't be driven", warning=True)
@@ -125,10 +137,39 @@ class Session:
                     self._move(robot)
         if self._carried:
             self._carry()
-        self._history.tick(self._drag is not None)
-        if self._recorder is not None and self._ticks % max(1, round(self.setup.rate / SAMPLES)) == 0:
+        self._history.tick(self.dt, self._drag is not None)
+        if self._recorder is not None and self._ticks % max(1, round(1.0 / (SAMPLES * self.dt))) == 0:
             samples = {name: robot.sample() for name, robot in self.robots.items()}
             self._recorder.write(self.time, samples, {name: one.pose for name, one in self.obstacles.items()})
+        if self.at_rest or self.time - self._looked >= _SAMPLED:
+            self._look()
+
+    @property
+    def at_rest(self) -> bool:
+        """True after a second without commands, in which nothing has moved. Then ticks change nothing, and fewer are
+        needed until a command or a reading of a sensor comes."""
+        return self._still >= _REST
+
+    def pass_time(self, seconds: float) -> None:
+        """Advance the time (s) of a session at rest."""
+        self.time += seconds
+
+    def _look(self) -> None:
+        """Find out whether anything has moved."""
+        parts = [robot.moving_parts() for robot in self._driven.values()]
+        before, self._moved = self._moved, np.concatenate(parts)
+        busy = (
+            self._recorder is not None
+            or (self._player is not None and self._player.playing)
+            or (not self.paused and self._acts())
+        )
+        same = len(before) == len(self._moved) and np.abs(self._moved - before).max() <= _STILL
+        self._still = self._still + self.time - self._looked if same and not busy else 0.0
+        self._looked = self.time
+
+    def _acts(self) -> bool:
+        """Return whether a motion or a script is in progress."""
+        return any(robot.motion is not None for robot in self._driven.values()) or self.sensors.scripts_run()
 
     def _move(self, robot: DrivenRobot) -> None:
         try:
@@ -308,6 +349,7 @@ class Session:
 
     def _record(self, path: str) -> None:
         setup = self.setup
+        self._recorded = [one for one in self._recorded if not one.finished]
         self._recorder = MissionRecorder(Path(path), setup.robots, setup.bases, obstacles=setup.obstacles)
 
     def _control_playback(self, command: c.ControlPlayback) -> None:
@@ -345,6 +387,7 @@ class Session:
             compiled=all(robot.solver.is_compiled for robot in self._driven.values()),
             notices=tuple(self._notices),
             answered=self._answered,
+            at_rest=self.at_rest,
         )
 
     def _new_id(self) -> int:

@@ -17,7 +17,7 @@ from msgspec import Struct
 from numpy.typing import NDArray
 
 from cinegen.collision import Scene
-from cinegen.devices.kinds import listens_for_others, overrides, why_missing
+from cinegen.devices.kinds import overrides, refusal, why_missing
 from cinegen.errors import CinegenError, CinegenWarning, UnknownNameError
 from cinegen.mission import BasePose, Recording
 from cinegen.mission.drawn_obstacle import DrawnObstacle
@@ -266,10 +266,11 @@ def arrange(
                     continue
                 used.add(number)
                 url = numbered.get(number, entry["port"])
-                if number not in numbered and listens_for_others(url):
+                reason = "" if number in numbered else refusal(url)
+                if reason:
                     raise SetupError(
-                        f"{name}: the file's sensor {number}, '{url}', would let other machines drive the robot. "
-                        f"If that is wanted, give --sensor {number}={url}; else --sensor {number}=tcp://127.0.0.1:7070"
+                        f"{name}: the file's sensor {number}, {url!r}, {reason}. If that is wanted, give --sensor "
+                        f"{number}={url}; else name another one, such as --sensor {number}=tcp://127.0.0.1:7070"
                     )
                 devices.setdefault(label, _device(label, url, number, entry["translation"], entry["rotation"]))
                 choices_of.setdefault(follower, []).append(label)

@@ -57,7 +57,7 @@ class RobotStatus(Struct, frozen=True):
 
     Attributes:
         name: name of a `cinegen.Status`; TOUCHING or PUSHED among obstacles; JOINTS, HOME, MOVE_TO, UNDO or REDO during
-            such a motion.
+            such a motion; in the page, UNCONTROLLED near a type 2 singularity, and DAMPED.
         label: a few words for people, with names and amounts.
         description: a sentence for people.
     """
@@ -221,6 +221,7 @@ class SessionState(SessionInfo, frozen=True, kw_only=True):
         switches: sensor that each node follows, by robot and node; None: no sensor.
         notices: the last few notices.
         answered: number of commands that were carried out.
+        at_rest: whether nothing has moved, and no command has come, for a second.
     """
 
     time: float
@@ -229,3 +230,4 @@ class SessionState(SessionInfo, frozen=True, kw_only=True):
     switches: dict[tuple[str, str], str | None]
     notices: tuple[Notice, ...]
     answered: int
+    at_rest: bool = False

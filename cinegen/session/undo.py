@@ -89,15 +89,11 @@ class UndoHistory:
     Args:
         robots: robots of the session.
         sensors: sensors, which release a robot that is moved.
-        rate: ticks per second.
         new_id: returns the id of the next task.
     """
 
-    def __init__(
-        self, robots: Mapping[str, DrivenRobot], sensors: SessionSensors, rate: float, new_id: Callable[[], int]
-    ) -> None:
+    def __init__(self, robots: Mapping[str, DrivenRobot], sensors: SessionSensors, new_id: Callable[[], int]) -> None:
         self._robots, self._sensors, self._new_id = robots, sensors, new_id
-        self._every = max(1, round(rate / _RATE))
         self._ticks = 0
         self._done: deque[UndoStep] = deque(maxlen=_MOST)
         self._undone: deque[UndoStep] = deque()
@@ -131,11 +127,11 @@ class UndoHistory:
             trace.note(self._robots)
             self._open = Snapshot.of(self._robots), trace
 
-    def tick(self, dragging: bool) -> None:
-        """Advance by a tick; `dragging` says whether something is dragged."""
+    def tick(self, dt: float, dragging: bool) -> None:
+        """Advance by a tick of dt (s); `dragging` says whether something is dragged."""
         self._ticks += 1
         moving = any(robot.motion for robot in self._robots.values())
-        if self._open is not None and self._ticks % self._every == 0:
+        if self._open is not None and self._ticks % max(1, round(1.0 / (_RATE * dt))) == 0:
             self._open[1].note(self._robots)
         if self._open is not None and not dragging and not moving:
             self._close()

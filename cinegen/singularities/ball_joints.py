@@ -14,7 +14,7 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import NDArray
 
-from cinegen.assembly.linkage import Linkage, ModesError
+from cinegen.assembly.linkage import FreeMotionError, Linkage, ModesError
 from cinegen.joints import common_point
 from cinegen.loops.closed_loops import ClosedLoops
 from cinegen.model import Mechanism
@@ -46,11 +46,15 @@ class CountedJacobians(NamedTuple):
 
     Attributes:
         loops: (rows, nv) of all loops.
+        screws: (., nv + cut joints' velocities) screw matrix of all loops (`Mechanism.screw_matrix`).
+        cut_rates: velocities of the joints that were cut (`ClosedLoops.cut_rates`).
         node: (6, nv) of a node in the world's axes at its own origin, linear above angular.
         joints: (nv, nv) the joints' own velocities, by those that the columns above belong to.
     """
 
     loops: Array
+    screws: Array
+    cut_rates: Array
     node: Array
     joints: Array
 
@@ -61,9 +65,8 @@ def balls(mechanism: Mechanism) -> tuple[tuple[str, ...], ...]:
 
 
 def _balls(mechanism: Mechanism) -> tuple[tuple[str, ...], ...]:
-    try:
-        linkage = Linkage(mechanism.successive)
-    except ModesError:
+    linkage = linkage_of(mechanism.successive)
+    if linkage is None:
         return ()
     # a joint of the tree is fixed in the body that it moves; a cut one in another's
     threes = [sorted(j.carrier - 1 for j in centre.joints) for centre in linkage.bodies.centres]
@@ -72,11 +75,22 @@ def _balls(mechanism: Mechanism) -> tuple[tuple[str, ...], ...]:
     return tuple(joints for joints in found if joints[0] in mechanism.joints)  # others are spherical joints
 
 
+def linkage_of(mechanism: Mechanism) -> Linkage | None:
+    """Return the linkage of a mechanism, free to move with all actuated joints locked or not; None without one."""
+    try:
+        return Linkage(mechanism)
+    except FreeMotionError:
+        return None if mechanism.couplings else Linkage(mechanism, as_built=True)
+    except ModesError:
+        return None
+
+
 def counted(mechanism: Mechanism, q: Array, node: str) -> CountedJacobians:
     """Return the Jacobians at q (nq,), loops closed."""
     model, frame = mechanism.model, mechanism.frame_id(node)
     if model.nv == 0:  # Pinocchio would crash
-        return CountedJacobians(np.zeros((0, 0)), np.zeros((6, 0)), np.zeros((0, 0)))
+        nothing = np.zeros((0, 0))
+        return CountedJacobians(nothing, nothing, nothing, np.zeros((6, 0)), nothing)
     written, joints = _count(mechanism, mechanism.system.data, q), np.eye(model.nv)
     for columns, axes in written:
         joints[np.ix_(columns, columns)] = np.linalg.pinv(axes, rcond=1e-9)
@@ -84,13 +98,15 @@ def counted(mechanism: Mechanism, q: Array, node: str) -> CountedJacobians:
     pin.updateFramePlacement(model, data, frame)
     of_node = pin.getFrameJacobian(model, data, frame, aligned).reshape(6, -1) * mechanism.scale
     of_node[:3] /= mechanism.length
-    return CountedJacobians(mechanism.system.evaluate_placed(q)[1], of_node, joints)
+    system = mechanism.system
+    loops = system.evaluate_placed(q)[1]
+    return CountedJacobians(loops, mechanism.screws.matrix(system, loops), system.cut_rates(), of_node, joints)
 
 
-def counted_loops(mechanism: Mechanism, q: Array) -> Array:
-    """Return the Jacobian (rows, nv) of all loops and couplings at q (nq,), dimensionless."""
+def counted_screws(mechanism: Mechanism, q: Array) -> Array:
+    """Return the screw matrix of all loops and couplings at q (nq,), see `Mechanism.screw_matrix`."""
     _count(mechanism, mechanism.system.data, q)
-    return mechanism.system.evaluate_placed(q)[1]
+    return mechanism.screws.matrix(mechanism.system, mechanism.system.evaluate_placed(q)[1])
 
 
 def _count(mechanism: Mechanism, data: pin.Data, q: Array) -> list[tuple[list[int], Array]]:

@@ -57,6 +57,9 @@ class SingularCurve:
     q: Array
     border: bool
 
+    def __repr__(self) -> str:
+        return f"<SingularCurve: {self.kind.value}, {len(self.points)} points{', a border' * self.border}>"
+
 
 class SingularityGrid:
     """Configurations on a grid, and the singularities on the edges between them. Points are numbered with the second

@@ -9,9 +9,9 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import NDArray
 
-from cinegen.ik.equations import free_motions
+from cinegen.loops.motions import free_motions, orthonormal
 from cinegen.model import Mechanism
-from cinegen.singularities.ball_joints import counted_loops
+from cinegen.singularities.ball_joints import counted_screws
 from raff2urdf.closure import rank
 
 Array = NDArray[np.float64]
@@ -47,10 +47,10 @@ class Crossing(NamedTuple):
 
 
 def of_passive_joints(mechanism: Mechanism) -> Rows:
-    """Return the passive joints' columns in the loops' Jacobian, a ball joint as one: singular at type 2, where the
+    """Return the passive joints' columns in the loops' screw matrix, a ball joint as one: singular at type 2, where the
     actuated joints lose control."""
-    columns = mechanism.passive_columns
-    return Rows(lambda q: counted_loops(mechanism, q)[:, columns], mechanism.passive_rank)
+    columns, cut = mechanism.passive_screws, mechanism.screws.cut if mechanism.passive_rank else 0
+    return Rows(lambda q: counted_screws(mechanism, q)[:, columns], mechanism.passive_rank + cut)
 
 
 def of_end(mechanism: Mechanism) -> Rows:
@@ -78,8 +78,10 @@ def of_node(mechanism: Mechanism, node: str, count: int) -> Callable[[Array], Ar
         rows[:, :fixed] = 0.0
         if not mechanism.loop_rank:
             return rows
-        motions = free_motions(loops, mechanism.loop_rank)[0]
-        return np.asarray(rows @ motions @ motions.T)  # the basis may jump from one q to the next, this does not
+        cut = system.cut_rates()
+        motions = orthonormal(free_motions(loops, mechanism.loop_rank)[0], cut)
+        whole = np.vstack([motions, cut @ motions])  # orthonormal
+        return np.asarray(rows @ motions @ whole.T)  # the basis may jump from one q to the next, this does not
 
     return moved
 

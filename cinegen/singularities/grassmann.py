@@ -12,6 +12,7 @@ reciprocal complement W add up to (3, 3), on W. With a set of r + 1 lines of whi
 
     rank 1: the form vanishes on V                            one line
     rank 2: ... too, as three of its vectors are lines        flat pencil
+            (1, 1) on V                                       two skew lines
     rank 3: (2, 1) or (1, 2) on V                             regulus
             (1, 1) and one 0                                  two flat pencils that share a line
             0 on V                                            bundle, or plane: incidence decides
@@ -36,13 +37,14 @@ from dataclasses import dataclass, replace
 from enum import Enum
 from itertools import combinations
 from math import comb
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from cinegen.singularities import reason
 from cinegen.singularities.pluecker import (
+    KLEIN,
     AnyLine,
     LineFrame,
     LinePlane,
@@ -54,6 +56,7 @@ from cinegen.singularities.pluecker import (
     fit_point,
     sense,
 )
+from cinegen.singularities.screw_system import ScrewSystem
 
 Array = NDArray[np.float64]
 
@@ -63,20 +66,17 @@ DEPENDENT = 1e-7
 Circuit = tuple[int, ...]
 """Lines that are dependent while no fewer of them are, counted from 0, in order."""
 
-KLEIN = np.kron([[0.0, 1.0], [1.0, 0.0]], np.eye(3))
-"""(6, 6) K, with x.K.y the mutual moment of x and y."""
-KLEIN.setflags(write=False)
-
 _NEW = 1e-6  # how much of a unit dependence must be no sum of others
 _MARGIN = 10.0  # lines may each be off by some multiple of their singular value
 _UNKNOWN = 1e-2  # inaccuracy of a span above which it is not known
 
 
 class GrassmannClass(Enum):
-    """A class of varieties by its number in Merlet's paper. (2a, two skew lines, contains no third line: no lines are
-    dependent in it.)"""
+    """A class of varieties by its number in Merlet's paper. A pair of skew lines (2a) contains no third line: lines are
+    dependent in it only if two of them are one."""
 
     ONE_LINE = "1"
+    SKEW_LINES = "2a"
     FLAT_PENCIL = "2b"
     REGULUS = "3a"
     TWO_PENCILS = "3b"
@@ -100,7 +100,13 @@ class GrassmannClass(Enum):
         return f"{self.name.lower().replace('_', ' ')} ({self.value})"
 
 
-@dataclass(frozen=True, eq=False)
+_CONGRUENCES = (
+    GrassmannClass.ELLIPTIC_CONGRUENCE, GrassmannClass.PARABOLIC_CONGRUENCE, GrassmannClass.HYPERBOLIC_CONGRUENCE
+)  # fmt: skip
+"""Congruences that are not degenerate, by their number of directors."""
+
+
+@dataclass(frozen=True, eq=False, repr=False)
 class DependentSet:
     """Lines that span a variety too small for them. Lines are counted from 0.
 
@@ -133,8 +139,11 @@ class DependentSet:
     screw: Screw | None
     directions: int
 
+    def __repr__(self) -> str:
+        return f"<DependentSet of lines {', '.join(map(str, self.lines))} (from 0): {self.grassmann_class.title}>"
 
-@dataclass(frozen=True, eq=False)
+
+@dataclass(frozen=True, eq=False, repr=False)
 class Dependence:
     """The reason why lines are dependent.
 
@@ -146,8 +155,8 @@ class Dependence:
         count: number of lines.
         sets: the sets that are dependent while no fewer of their lines are: all of the smallest size, then larger ones
             until the rank is explained. Those that span the same count as one.
-        uncontrolled: screws that span all that is reciprocal to all lines: the motions that they leave free. One if the
-            rank is 5.
+        class_of_all: the class of the variety that all lines span together.
+        forces: all wrenches that the lines can support together, of order `rank`.
         length: the characteristic length.
         nearly: whether the lines are only near to it.
     """
@@ -156,9 +165,23 @@ class Dependence:
     sigma: float
     count: int
     sets: tuple[DependentSet, ...]
-    uncontrolled: tuple[Screw, ...]
+    class_of_all: GrassmannClass
+    forces: ScrewSystem
     length: float
     nearly: bool = False
+
+    def __repr__(self) -> str:
+        return f"<Dependence of {self.count} lines of rank {self.rank}, {self.class_of_all.title}: {self.text()}>"
+
+    @property
+    def motions(self) -> ScrewSystem:
+        """All twists that the lines leave free: those on which forces along them do no work."""
+        return self.forces.reciprocal
+
+    @property
+    def uncontrolled(self) -> tuple[Screw, ...]:
+        """A basis of `motions`. One screw if the rank is 5."""
+        return self.motions.screws
 
     @property
     def lines(self) -> tuple[int, ...]:
@@ -174,6 +197,26 @@ class Dependence:
         """Return the reason as a text about legs, lengths in a unit such as "mm" or without one."""
         reasons = "; ".join(reason.text(some, self.count, unit, self.length) for some in self.sets)
         return f"nearly: {reasons}" if self.nearly else reasons
+
+    def as_dict(self) -> dict[str, Any]:
+        """Return what JSON shows: m and rad, legs counted from 1."""
+        sets = [
+            {
+                "class": some.grassmann_class.title,
+                "legs": [i + 1 for i in some.lines],
+                "text": reason.text(some, self.count, "m", self.length),
+            }
+            for some in self.sets
+        ]
+        return {
+            "rank": self.rank,
+            "sigma": self.sigma,
+            "near": self.nearly,
+            "class_of_all": self.class_of_all.title,
+            "forces": self.forces.as_dict(),
+            "motions": self.motions.as_dict(),
+            "sets": sets,
+        }
 
 
 def classify(lines: Sequence[PlueckerLine], length: float, tolerance: float = DEPENDENT) -> Dependence | None:
@@ -201,9 +244,12 @@ def classify(lines: Sequence[PlueckerLine], length: float, tolerance: float = DE
     rank = int((sigma > tolerance).sum())
     whole = span(vectors, rank)
     accuracy = max(tolerance, _MARGIN * whole.vanishing)
-    screws = (frame.screw(s, whole.known(accuracy), whole.contains_line(s, accuracy)) for s in whole.reciprocal)
-    sets = (_named(frame, vectors, circuits, tolerance) for circuits in _reasons(vectors, rank, tolerance))
-    return Dependence(rank, float(sigma[-1]), len(lines), tuple(sets), tuple(screws), frame.length)
+    sets = tuple(_named(frame, vectors, circuits, tolerance) for circuits in _reasons(vectors, rank, tolerance))
+    largest = next((some.grassmann_class for some in sets if some.grassmann_class.rank == rank), None)
+    return Dependence(
+        rank, float(sigma[-1]), len(lines), sets, largest or class_of_span(whole, accuracy),
+        ScrewSystem(whole.basis, frame, whole.known(accuracy), wrenches=True), frame.length,
+    )  # fmt: skip
 
 
 def near(
@@ -365,6 +411,56 @@ def span(vectors: Array, rank: int) -> KleinSpan:
     return KleinSpan(vt[:rank], sigma[:rank], vanishing, vt[rank:] @ KLEIN)
 
 
+def class_of_lines(lines: Sequence[PlueckerLine], length: float, tolerance: float = DEPENDENT) -> GrassmannClass | None:
+    """Return the class of the variety that lines span together, dependent or not; None for all lines of space, rank 6.
+
+    Args:
+        lines: one or more.
+        length: the characteristic length, as the platform's radius.
+        tolerance: how accurate the lines are.
+
+    Raises:
+        PlueckerError: no lines; the length is not positive.
+    """
+    vectors = LineFrame.of(lines, length).coordinates(lines)
+    rank = int((np.linalg.svd(vectors, compute_uv=False) > tolerance).sum())
+    whole = span(vectors, rank)
+    return class_of_span(whole, max(tolerance, _MARGIN * whole.vanishing)) if rank < 6 else None
+
+
+def class_of_wrenches(wrenches: ScrewSystem) -> GrassmannClass | None:
+    """Return the class of the lines along which forces span a system of wrenches; None if forces alone do not span it,
+    and for all wrenches or none."""
+    if not 1 <= wrenches.order <= 5 or np.abs(wrenches.vectors[:, :3]).max() <= wrenches.known:
+        return None
+    spanned = span(wrenches.vectors, wrenches.order)
+    values = np.linalg.eigvalsh(spanned.basis @ KLEIN @ spanned.basis.T)
+    signs = np.sign(values[np.abs(values) > 2.0 * wrenches.known])
+    # forms that vanish, or have both signs, have lines that span them; others at most those of their radical
+    return class_of_span(spanned, wrenches.known) if len(signs) == 0 or len(set(signs)) == 2 else None
+
+
+def class_of_span(spanned: KleinSpan, accuracy: float) -> GrassmannClass:
+    """Return the class of a span of rank 1 to 5 of lines that are known to `accuracy`, by the Klein form."""
+    rank = len(spanned.basis)
+    values = np.linalg.eigvalsh(spanned.basis @ KLEIN @ spanned.basis.T)
+    zeros = int((np.abs(values) <= 2.0 * spanned.known(accuracy)).sum())
+    if rank == 1:
+        return GrassmannClass.ONE_LINE
+    if rank == 2:
+        return GrassmannClass.FLAT_PENCIL if zeros == 2 else GrassmannClass.SKEW_LINES
+    if rank == 3:
+        if zeros == 3:
+            meet = fit_point(spanned.basis).residual <= fit_plane(spanned.basis).residual
+            return GrassmannClass.BUNDLE if meet else GrassmannClass.PLANE
+        return GrassmannClass.TWO_PENCILS if zeros else GrassmannClass.REGULUS
+    if rank == 4:
+        directors = spanned.directors(accuracy)
+        return GrassmannClass.DEGENERATE_CONGRUENCE if directors is None else _CONGRUENCES[len(directors)]
+    special = spanned.contains_line(spanned.reciprocal[0], accuracy)
+    return GrassmannClass.SPECIAL_COMPLEX if special else GrassmannClass.GENERAL_COMPLEX
+
+
 # --- varieties --------------------------------------------------------------------------------------------------------
 
 
@@ -439,10 +535,7 @@ def _of_four(lines: Array, accuracy: float) -> LineVariety:
     if found is None:  # W is next to a flat pencil, but no three lines show it
         found = spanned.directors(0.0)
     directors = () if found is None else tuple(found)
-    classes = (
-        GrassmannClass.ELLIPTIC_CONGRUENCE, GrassmannClass.PARABOLIC_CONGRUENCE, GrassmannClass.HYPERBOLIC_CONGRUENCE
-    )  # fmt: skip
-    return LineVariety(classes[len(directors)], directors=directors)
+    return LineVariety(_CONGRUENCES[len(directors)], directors=directors)
 
 
 def _degenerate(lines: Array) -> Iterator[tuple[float, LineVariety]]:

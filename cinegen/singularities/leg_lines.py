@@ -8,8 +8,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cinegen.assembly.families import Rod, recognise
-from cinegen.assembly.linkage import Linkage, ModesError
+from cinegen.assembly.linkage import Linkage
 from cinegen.model import Mechanism
+from cinegen.singularities.ball_joints import linkage_of
 from cinegen.singularities.pluecker import PlueckerLine
 
 Array = NDArray[np.float64]
@@ -43,9 +44,8 @@ def leg_lines(mechanism: Mechanism, q: Array) -> tuple[PlueckerLine, ...]:
 
 def _legs(mechanism: Mechanism) -> tuple[tuple[LegEnd, LegEnd], ...]:
     """Return the ends of each leg, on the base and on the platform."""
-    try:
-        linkage = Linkage(mechanism)
-    except ModesError:
+    linkage = linkage_of(mechanism)
+    if linkage is None:
         return ()
     family = recognise(linkage)
     if family is None or (family.name, family.bound) not in (("hexapod", 40), ("triad", 6)):

@@ -22,12 +22,16 @@ from cinegen.errors import CinegenError
 
 Array = NDArray[np.float64]
 
+KLEIN = np.kron([[0.0, 1.0], [1.0, 0.0]], np.eye(3))
+"""(6, 6) K, with x.K.y the mutual moment of two lines x and y, or the power of the wrench x on the twist y."""
+KLEIN.setflags(write=False)
+
 
 class PlueckerError(CinegenError):
     """Points, directions or lines from which the result can't be made; the message names the reason."""
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class PlueckerLine:
     """A directed line; made by `PlueckerLine.through` or `PlueckerLine.along`.
 
@@ -68,6 +72,9 @@ class PlueckerLine:
         along /= np.linalg.norm(along)
         return cls(along, np.cross(start, along), start)
 
+    def __repr__(self) -> str:
+        return f"<PlueckerLine through {_shown(self.point)} along {_shown(self.direction)}>"
+
     @property
     def coordinates(self) -> Array:
         """(6,) the Pluecker vector (direction, moment)."""
@@ -79,7 +86,7 @@ class PlueckerLine:
         return np.asarray(q + np.cross(self.direction, self.moment - np.cross(q, self.direction)))
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class LineAtInfinity:
     """The line that all planes with one normal share. It meets exactly the lines that are parallel to these planes; to
     rotate about it is to translate along the normal. Its Pluecker vector is (0, normal).
@@ -90,6 +97,9 @@ class LineAtInfinity:
 
     normal: Array
 
+    def __repr__(self) -> str:
+        return f"<LineAtInfinity of planes with normal {_shown(self.normal)}>"
+
     @property
     def coordinates(self) -> Array:
         """(6,) the Pluecker vector (0, normal)."""
@@ -99,7 +109,7 @@ class LineAtInfinity:
 AnyLine = PlueckerLine | LineAtInfinity
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Screw:
     """A twist or a wrench: a rotation about an axis and `pitch` along it per radian.
 
@@ -111,6 +121,9 @@ class Screw:
     axis: AnyLine
     pitch: float
 
+    def __repr__(self) -> str:
+        return f"<Screw of pitch {self.pitch:.4g} about {self.axis!r}>"
+
     @property
     def coordinates(self) -> Array:
         """(6,) (w, v), w a unit vector and v = p x w + h w the origin's velocity; (0, normal) for a translation."""
@@ -120,7 +133,7 @@ class Screw:
         return screw
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class ProjectivePoint:
     """A point, perhaps at infinity.
 
@@ -132,8 +145,11 @@ class ProjectivePoint:
     xyz: Array
     at_infinity: bool = False
 
+    def __repr__(self) -> str:
+        return f"<ProjectivePoint {'at infinity, towards' if self.at_infinity else 'at'} {_shown(self.xyz)}>"
 
-@dataclass(frozen=True, eq=False)
+
+@dataclass(frozen=True, eq=False, repr=False)
 class LinePlane:
     """The points x with normal.x = offset.
 
@@ -144,6 +160,9 @@ class LinePlane:
 
     normal: Array
     offset: float
+
+    def __repr__(self) -> str:
+        return f"<LinePlane with normal {_shown(self.normal)} at {self.offset:.4g} from the origin>"
 
 
 @dataclass(frozen=True, eq=False)
@@ -245,6 +264,10 @@ def sense(vector: Array) -> float:
     """Return 1 or -1, whichever makes the largest component of a vector positive, for a vector and its opposite that
     mean the same."""
     return -1.0 if vector[np.argmax(np.abs(vector))] < 0.0 else 1.0
+
+
+def _shown(vector: Array) -> str:
+    return f"({', '.join(f'{value:.4g}' for value in vector + 0.0)})"
 
 
 def _vector(name: str, given: ArrayLike) -> Array:

@@ -30,8 +30,8 @@ def text(some: DependentSet, count: int, unit: str, length: float) -> str:
         unit: of length, or nothing.
         length: the characteristic length: it determines the number of digits.
     """
-    write = _Writer(count, unit, length)
-    lines, directors, points, planes = write.lines(some.lines), some.directors, some.points, some.planes
+    write = GeometryWriter(unit, length)
+    lines, directors, points, planes = legs(some.lines, count), some.directors, some.points, some.planes
     name = some.grassmann_class.name
     if name == "ONE_LINE":
         return f"{lines} are one line, {write.line(directors[0])}"
@@ -45,7 +45,7 @@ def text(some: DependentSet, count: int, unit: str, length: float) -> str:
         quadric = "hyperbolic paraboloid" if some.directions == 2 else "hyperboloid of one sheet"
         return f"{lines} are lines of one family of a {quadric} (a regulus)"
     if name == "TWO_PENCILS":
-        first, second = (f"{write.lines(g)} {write.meeting(p)}" for g, p in zip(some.groups, points, strict=True))
+        first, second = (f"{legs(g, count)} {write.meeting(p)}" for g, p in zip(some.groups, points, strict=True))
         shared = f"the planes of both pairs contain {write.line(directors[0])}, on which these points lie"
         return f"{first}, {second}, and {shared} (two flat pencils with a common line)"
     if name == "ELLIPTIC_CONGRUENCE":
@@ -61,33 +61,39 @@ def text(some: DependentSet, count: int, unit: str, length: float) -> str:
         twist = "rotate from one such plane to the next" if far_away else "twist around it"
         return f"{lines} {write.met(directors[0])}, and {twist} as if they met it twice (a parabolic congruence)"
     if name == "DEGENERATE_CONGRUENCE":
-        through, inside = (write.lines(group) for group in some.groups)
+        through, inside = (legs(group, count) for group in some.groups)
         where = "parallel to them" if points[0].at_infinity else "through it"
         return f"{through} {write.meeting(points[0])}, and {inside} lie in one plane {where}, {write.plane(planes[0])}"
     if name == "SPECIAL_COMPLEX":
         return f"{lines} {write.met(directors[0])}"
     assert some.screw is not None
-    pitch = f"{write.length(some.screw.pitch)}{write.per_radian}"
-    return f"{lines} belong to one linear complex, of pitch {pitch} about {write.line(some.screw.axis)}"
+    screw = f"pitch {write.pitch(some.screw.pitch)} about {write.line(some.screw.axis)}"
+    return f"{lines} belong to one linear complex, of {screw}"
 
 
-class _Writer:
-    """Writes lines, points and numbers."""
+def legs(which: Sequence[int], count: int) -> str:
+    """Return the names of some legs, counted from 0, out of `count`: "legs 1, 2 and 3", "all six legs"."""
+    if len(which) == count > 2:
+        return f"all {_NUMBERS[len(which)]} legs"
+    named = [str(line + 1) for line in which]
+    if len(named) == 1:
+        return f"leg {named[0]}"
+    return f"legs {', '.join(named[:-1])} and {named[-1]}"
 
-    def __init__(self, count: int, unit: str, length: float) -> None:
+
+class GeometryWriter:
+    """Writes points, lines, planes and pitches.
+
+    Args:
+        unit: of length: "m" for the unit that the user has chosen, another one as it is, or nothing.
+        length: the characteristic length: it determines the number of digits.
+    """
+
+    def __init__(self, unit: str, length: float) -> None:
         self._scale, unit = shown_scale(LENGTH) if unit == "m" else (1.0, unit)
-        self._count, self._length = count, self._scale * length
+        self._length = self._scale * length
         self._unit = f" {unit}" if unit else ""
-        self.per_radian = f" {unit}/rad" if unit else " per rad"
-
-    def lines(self, which: Sequence[int]) -> str:
-        """ "legs 1, 2 and 3"; "all six legs"."""
-        if len(which) == self._count > 2:
-            return f"all {_NUMBERS[len(which)]} legs"
-        named = [str(line + 1) for line in which]
-        if len(named) == 1:
-            return f"leg {named[0]}"
-        return f"legs {', '.join(named[:-1])} and {named[-1]}"
+        self._per_radian = f" {unit}/rad" if unit else " per rad"
 
     def length(self, value: float) -> str:
         """A length, with as many digits as the characteristic length justifies."""
@@ -96,10 +102,16 @@ class _Writer:
             return f"{value:.{_DIGITS}g}"
         return _number(value, _DIGITS - 1 - math.floor(math.log10(self._length)))
 
+    def pitch(self, value: float, wrench: bool = False) -> str:
+        """The pitch of a twist, in length per radian, or of a wrench, in length."""
+        return f"{self.length(value)}{self._unit if wrench else self._per_radian}"
+
     def position(self, xyz: Array) -> str:
+        """ "(0, 0, 1) mm"."""
         return f"({', '.join(self.length(value) for value in xyz)}){self._unit}"
 
     def along(self, direction: Array) -> str:
+        """ "(0, 0, 1)"."""
         return f"({', '.join(_number(value, _DIGITS) for value in direction)})"
 
     def line(self, line: AnyLine) -> str:
@@ -115,11 +127,13 @@ class _Writer:
         return f"meet {self.line(line)}"
 
     def meeting(self, point: ProjectivePoint) -> str:
+        """ "meet in one point, (0, 0, 1) mm"."""
         if point.at_infinity:
             return f"are parallel, along {self.along(point.xyz)}"
         return f"meet in one point, {self.position(point.xyz)}"
 
     def plane(self, plane: LinePlane) -> str:
+        """ "with normal (0, 0, 1) at 3 mm from the origin"."""
         return f"with normal {self.along(plane.normal)} at {self.length(plane.offset)}{self._unit} from the origin"
 
 

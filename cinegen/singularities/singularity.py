@@ -18,25 +18,25 @@ from numpy.typing import ArrayLike, NDArray
 
 from cinegen.errors import ClosureError
 from cinegen.html import table
-from cinegen.ik.equations import free_motions
+from cinegen.loops.motions import free_motions, orthonormal
 from cinegen.model import Mechanism
 from cinegen.singularities.ball_joints import CountedJacobians, counted
-from cinegen.singularities.grassmann import Dependence, classify, near
+from cinegen.singularities.grassmann import Dependence, GrassmannClass, class_of_wrenches, classify, near
 from cinegen.singularities.leg_lines import leg_lines
-from cinegen.singularities.pluecker import LineAtInfinity, LineFrame, PlueckerLine, Screw
+from cinegen.singularities.pluecker import LineFrame, PlueckerLine, Screw, sense
+from cinegen.singularities.screw_system import ScrewSystem
+from cinegen.tolerances import NEAR_SINGULAR
 from raff2urdf.closure import rank
-from raff2urdf.quantities import LENGTH, shown_scale
 
 Array = NDArray[np.float64]
 
 SINGULAR = 1e-6
 """A singular value (dimensionless) up to this is 0."""
 
-NEAR = 0.02
-"""... and up to this it is near."""
-
 _EVER = 1e-6  # a direction in which the end moves less than this part of the best is none
 _OPEN = 1e-9  # rad or characteristic lengths
+_MARGIN = 10.0  # singular vectors may each be off by some multiple of their singular value
+_UNKNOWN = 1e-2  # rad: largest inaccuracy that counts
 
 
 class SingularityType(Enum):
@@ -57,21 +57,26 @@ class SingularityType(Enum):
 class Singularity:
     """The singularities at a configuration, or near it.
 
-    Screws are in the world, m and rad; which wrench belongs to which motion depends on the characteristic length by
-    which metres are compared with radians, at the node's origin.
+    Screws are in the world, m and rad. If several singular values vanish, all motions and wrenches that belong to them
+    are listed; if none does, those that are near 0; else the one that belongs to the smallest. A lost motion is a
+    representative: motions that differ by a possible one are lost together. So is an unsupported wrench, up to
+    supported ones. Both are normal to these at the node's origin, with metres compared with radians by the
+    characteristic length; what is uncontrolled, and what the structure supports, does not depend on that.
 
     Attributes:
         kind: the type, up to the tolerance.
         near: the type that is near, or reached.
         node: whose motion is analysed.
         first: singular values of the node's motion in the free motions, dimensionless, largest first (type 1).
-        second: singular values of the passive joints in the loops, likewise (type 2).
-        lost_dof: the motion that the node loses, or is nearest to lose; None if it can't move at all.
-        supported_wrench: the wrench that the structure supports there without the actuated joints.
-        uncontrolled_dof: the motion of the node that the actuated joints don't control, or control least; None if there
-            are no passive joints, or the node does not move in it.
-        unsupported_wrench: the wrench on the node that the actuated joints can't support, or support worst.
-        motion: (nv,) the uncontrolled motion of all joints, rad and m; None as `uncontrolled_dof`.
+        second: singular values of the passive joints in the loops, likewise, and 0 for each motion of the node that the
+            actuated joints control nowhere (type 2).
+        lost: the motions that the node loses, or is nearest to lose; of order 0 if it can't move at all.
+        supported: the wrenches that the structure supports there without the actuated joints.
+        uncontrolled: the motions of the node that the actuated joints don't control, or control least; of order 0 if
+            there are no passive joints, or the node does not move in them.
+        unsupported: the wrenches on the node that the actuated joints can't support, or support worst.
+        motions: (n, nv) uncontrolled motions of all joints, rad and m, one for each screw of `uncontrolled`; those of
+            the joints alone if the node does not move.
         legs: the lines of the legs, if the mechanism is a platform on legs that are lines.
         dependence: why they are dependent, or nearly so; None if they are not.
     """
@@ -81,11 +86,11 @@ class Singularity:
     node: str
     first: Array
     second: Array
-    lost_dof: Screw | None
-    supported_wrench: Screw | None
-    uncontrolled_dof: Screw | None
-    unsupported_wrench: Screw | None
-    motion: Array | None
+    lost: ScrewSystem
+    supported: ScrewSystem
+    uncontrolled: ScrewSystem
+    unsupported: ScrewSystem
+    motions: Array
     legs: tuple[PlueckerLine, ...]
     dependence: Dependence | None
 
@@ -94,7 +99,7 @@ class Singularity:
         return self.kind is not SingularityType.NONE
 
     def __repr__(self) -> str:
-        return f"<Singularity: {self._status}, of {self.node[:80]}>"
+        return f"<Singularity: {self.message}; of {self.node[:80]}>"
 
     def _repr_html_(self) -> str:
         title, *rows = self.message.split("; ")
@@ -107,6 +112,39 @@ class Singularity:
         return smallest[0], smallest[1]
 
     @property
+    def lost_dof(self) -> Screw | None:
+        """The first screw of `lost`."""
+        return _first_of(self.lost)
+
+    @property
+    def supported_wrench(self) -> Screw | None:
+        """The first screw of `supported`."""
+        return _first_of(self.supported)
+
+    @property
+    def uncontrolled_dof(self) -> Screw | None:
+        """The first screw of `uncontrolled`."""
+        return _first_of(self.uncontrolled)
+
+    @property
+    def unsupported_wrench(self) -> Screw | None:
+        """The first screw of `unsupported`."""
+        return _first_of(self.unsupported)
+
+    @property
+    def motion(self) -> Array | None:
+        """(nv,) the first of `motions`; None if there are no passive joints."""
+        return self.motions[0] if len(self.motions) else None
+
+    @property
+    def grassmann_class(self) -> GrassmannClass | None:
+        """Class of all forces on the node that are supported with all actuated joints locked, of any mechanism; None
+        away from type 2, and if couples are supported that no forces make up."""
+        if self.near in (SingularityType.NONE, SingularityType.TYPE_1):
+            return None
+        return class_of_wrenches(self.uncontrolled.reciprocal)
+
+    @property
     def _status(self) -> str:
         values = zip(self.sigma, ("type 1", "type 2"), strict=True)
         listed = ", ".join(f"{value:.2g} of {name}" for value, name in values if value < np.inf) or "none"
@@ -116,37 +154,61 @@ class Singularity:
     @property
     def message(self) -> str:
         """The result as a text."""
-        parts, both = [self._status], SingularityType.BOTH
-        if self.near in (SingularityType.TYPE_1, both) and self.lost_dof and self.supported_wrench:
-            parts.append(f"{self.node} loses, or nearly, {screw_text(self.lost_dof)}")
-            wrench = screw_text(self.supported_wrench, wrench=True)
-            parts.append(f"the structure supports {wrench} without its actuated joints")
-        if self.near in (SingularityType.TYPE_2, both) and self.uncontrolled_dof and self.unsupported_wrench:
-            parts.append(f"with all actuated joints locked {self.node} can make {screw_text(self.uncontrolled_dof)}")
-            wrench = screw_text(self.unsupported_wrench, wrench=True)
-            parts.append(f"the actuated joints can't support {wrench}")
+        parts, both, node = [self._status], SingularityType.BOTH, self.node
+        if self.near in (SingularityType.TYPE_1, both) and self.lost.order:
+            lost, supported = self.lost.text(), self.supported.text()
+            if self.lost.order > 1:
+                lost = f"{self.lost.order} DoF: {self.supported.complement_text()}"
+            parts.append(f"{node} loses, or nearly, {lost}")
+            parts.append(f"the structure supports {supported} without its actuated joints")
+        if self.near in (SingularityType.TYPE_2, both) and self.uncontrolled.order:
+            moves, unsupported = self.uncontrolled.text(), self.unsupported.text()
+            if self.uncontrolled.order > 1:
+                moves += f" ({self.uncontrolled.order} uncontrolled DoF)"
+                only = self.uncontrolled.reciprocal.text()
+                unsupported = f"{self.uncontrolled.complement_text()}: they support {only}, and no other wrench"
+            can = "can" if self.kind in (SingularityType.TYPE_2, both) else "can nearly"
+            parts.append(f"with all actuated joints locked {node} {can} make {moves}")
+            parts.append(f"the actuated joints can't support {unsupported}")
         if self.dependence is not None:
-            parts.append(f"{self.dependence.grassmann_class.title}: {self.dependence.text(unit='m')}")
+            reason = self.dependence
+            parts.append(f"{reason.grassmann_class.title}: {reason.text(unit='m')}")
+            parts.append(f"the lines of all legs have rank {reason.rank}: {reason.class_of_all.title}")
         return "; ".join(parts)
 
     def as_dict(self) -> dict[str, Any]:
         """Return what JSON shows: m and rad."""
-        names = "lost_dof", "supported_wrench", "uncontrolled_dof", "unsupported_wrench"
-        screws = {name: getattr(self, name) for name in names}
+        systems = {name: getattr(self, name) for name in ("lost", "supported", "uncontrolled", "unsupported")}
+        names = {"lost": "dof", "supported": "wrench", "uncontrolled": "dof", "unsupported": "wrench"}
+        reason = self.dependence
         return {
             "kind": self.kind.value,
             "near": self.near.value,
             "node": self.node,
             "singular_values": {"type 1": self.first.tolist(), "type 2": self.second.tolist()},
-            **{name: None if screw is None else screw.coordinates.tolist() for name, screw in screws.items()},
-            "class": None if self.dependence is None else self.dependence.grassmann_class.title,
-            "legs": None if self.dependence is None else [[i + 1 for i in one.lines] for one in self.dependence.sets],
+            **{
+                f"{name}_{names[name]}": system.coordinates[0].tolist() if system.order else None
+                for name, system in systems.items()
+            },
+            **{name: system.as_dict() for name, system in systems.items()},
+            "grassmann_class": self.grassmann_class and self.grassmann_class.title,
+            "class": None if reason is None else reason.grassmann_class.title,
+            "legs": None if reason is None else [[i + 1 for i in one.lines] for one in reason.sets],
+            "dependence": None if reason is None else reason.as_dict(),
             "message": self.message,
         }
 
 
+def _first_of(system: ScrewSystem) -> Screw | None:
+    return system.screws[0] if system.order else None
+
+
 def singularity(
-    mechanism: Mechanism, q: ArrayLike, node: str | None = None, tolerance: float = SINGULAR, within: float = NEAR
+    mechanism: Mechanism,
+    q: ArrayLike,
+    node: str | None = None,
+    tolerance: float = SINGULAR,
+    within: float = NEAR_SINGULAR,
 ) -> Singularity:
     """Analyse the singularities of a mechanism at a configuration: type, motions, wrenches, geometric reason.
 
@@ -168,23 +230,24 @@ def singularity(
         raise ClosureError(f"{mechanism.name}: loops are open by {gap:.2g} (rad or lengths): close(q) first")
     frame = LineFrame(mechanism.placement(here, name).translation, mechanism.length)
     jacobians = counted(mechanism, here, name)
-    first, direction = _first(mechanism, jacobians, name)
-    second, weakest = _second(mechanism, jacobians)
-    none: tuple[Screw | None, Screw | None] = (None, None)
-    lost, uncontrolled, motion = none if direction is None else _screws(frame, direction), none, None
-    if weakest is not None:
-        motion = jacobians.joints @ weakest * mechanism.scale
-        twist = jacobians.node @ weakest
-        size = float(np.linalg.norm(twist))
-        if size > _EVER:
-            uncontrolled = _screws(frame, twist / size)
+    first, lost, known = _first(mechanism, jacobians, name, tolerance, within)
+    lost_twists, supported = _systems(frame, lost, known)
+    second, motions, known = _second(mechanism, jacobians, name, tolerance, within)
+    images = motions @ jacobians.node.T
+    moves = np.linalg.svd(images, full_matrices=False)
+    accuracy = max(known, _EVER)
+    uncontrolled, unsupported = _systems(frame, moves[2][moves[1] > accuracy], known)
+    if uncontrolled.order:
+        motions = np.roll(uncontrolled.vectors, 3, axis=1) @ np.linalg.pinv(images, rcond=accuracy) @ motions
+        motions /= np.linalg.norm(motions, axis=1, keepdims=True)
+    motions = motions @ jacobians.joints.T * mechanism.scale
     legs, dependence = leg_lines(mechanism, here), None
     if legs:
         exact = classify(legs, mechanism.length, tolerance)
         dependence = exact or near(legs, mechanism.length, within, tolerance)
     return Singularity(
-        _kind(first, second, tolerance), _kind(first, second, within), name, first, second, lost[0], lost[1],
-        uncontrolled[0], uncontrolled[1], motion, legs, dependence,
+        _kind(first, second, tolerance), _kind(first, second, within), name, first, second, lost_twists, supported,
+        uncontrolled, unsupported, motions, legs, dependence,
     )  # fmt: skip
 
 
@@ -194,11 +257,14 @@ def _kind(first: Array, second: Array, threshold: float) -> SingularityType:
 
 def _images(mechanism: Mechanism, jacobians: CountedJacobians) -> Array:
     """Return the node's motions (6, k) in the free motions, in the world, dimensionless."""
-    return np.asarray(jacobians.node @ free_motions(jacobians.loops, mechanism.loop_rank)[0])
+    motions = free_motions(jacobians.loops, mechanism.loop_rank)[0]
+    return np.asarray(jacobians.node @ orthonormal(motions, jacobians.cut_rates))
 
 
-def _first(mechanism: Mechanism, jacobians: CountedJacobians, node: str) -> tuple[Array, Array | None]:
-    """Return the singular values of type 1, and the direction (6,) of the smallest, dimensionless.
+def _first(
+    mechanism: Mechanism, jacobians: CountedJacobians, node: str, tolerance: float, within: float
+) -> tuple[Array, Array, float]:
+    """Return the singular values of type 1, the directions (n, 6) that are lost, dimensionless, and their accuracy.
 
     Rotations count if they don't follow from the translations. A direction that the node never has is not lost.
     """
@@ -206,47 +272,67 @@ def _first(mechanism: Mechanism, jacobians: CountedJacobians, node: str) -> tupl
     here = _images(mechanism, jacobians)
     ranks = [max(rank(images[:count]) for images in everywhere) for count in (3, 6)]
     count = 6 if ranks[1] > ranks[0] else 3
-    generic = max(ranks)
-    if generic == 0:
-        return np.zeros(0), None
+    if max(ranks) == 0:
+        return np.zeros(0), np.zeros((0, 6)), _EVER
     u, sigma, _ = np.linalg.svd(np.hstack([*everywhere, here])[:count], full_matrices=False)
     ever = u[:, sigma > _EVER * sigma[0]]
     directions, values, _ = np.linalg.svd(ever.T @ here[:count], full_matrices=False)
-    generic = min(generic, len(values))
-    lost = np.zeros(6)
-    lost[:count] = ever @ directions[:, generic - 1]
-    return values[:generic], lost
+    values = values[: max(ranks)]
+    weakest, known = _weakest(values, tolerance, within)
+    lost = np.zeros((len(values) - weakest, 6))
+    lost[:, :count] = (ever @ directions[:, weakest : len(values)]).T
+    return values, lost, known
 
 
-def _second(mechanism: Mechanism, jacobians: CountedJacobians) -> tuple[Array, Array | None]:
-    """Return the singular values of type 2, and the motion (nv,) that actuated joints control least, dimensionless."""
-    if mechanism.passive_rank == 0:
-        return np.zeros(0), None
-    columns = mechanism.passive_columns
-    _, sigma, vt = np.linalg.svd(jacobians.loops[:, columns], full_matrices=False)
-    weakest = np.zeros(mechanism.model.nv)
-    weakest[columns] = vt[mechanism.passive_rank - 1]
-    sign = -1.0 if weakest[np.argmax(np.abs(weakest))] < 0.0 else 1.0
-    return sigma[: mechanism.passive_rank], sign * weakest
+def _second(
+    mechanism: Mechanism, jacobians: CountedJacobians, node: str, tolerance: float, within: float
+) -> tuple[Array, Array, float]:
+    """Return the singular values of type 2, the motions (n, nv) that the actuated joints control least, dimensionless,
+    and their accuracy. Motions that are controlled nowhere count if they move the node."""
+    columns, rank_of_passive = mechanism.passive_columns, mechanism.passive_rank
+    nowhere = controlled_nowhere(mechanism, node)
+    if not rank_of_passive + nowhere:
+        return np.zeros(0), np.zeros((0, mechanism.model.nv)), _EVER
+    count = rank_of_passive + mechanism.screws.cut
+    _, sigma, vt = np.linalg.svd(jacobians.screws[:, mechanism.passive_screws])
+    values = sigma[:count]
+    weakest, known = _weakest(np.append(values, np.zeros(nowhere)), tolerance, within)
+    singular = bool(nowhere) or values[-1] <= tolerance  # not distinguishable from DoF that are controlled nowhere
+    chosen = vt[weakest:] if singular else vt[weakest:count]
+    motions = np.zeros((len(chosen), mechanism.model.nv))
+    motions[:, columns] = chosen[:, : len(columns)]
+    return np.append(values, np.zeros(nowhere)), motions * [[sense(motion)] for motion in motions], known
 
 
-def _screws(frame: LineFrame, twist: Array) -> tuple[Screw, Screw]:
-    """Return the screw of a twist (6,), linear above angular, dimensionless, at the frame's origin, and that of the
-    wrench that does work on it and has the same numbers: force and couple change places."""
-    return frame.screw(np.roll(twist, 3), _EVER), frame.screw(twist, _EVER)
+def controlled_nowhere(mechanism: Mechanism, node: str) -> int:
+    """Return in how many independent ways a node moves in every configuration while all actuated joints are locked: by
+    passive joints outside loops, or of a platform that is singular everywhere."""
+    columns, count = mechanism.passive_columns, mechanism.passive_rank
+    if len(columns) == count:
+        return 0
+    found = []
+    for q in mechanism.samples:
+        jacobians = counted(mechanism, q, node)
+        motions = np.linalg.svd(jacobians.loops[:, columns])[2][count:].T
+        found.append(rank(jacobians.node[:, columns] @ motions))
+    return max(found)
 
 
-def screw_text(screw: Screw, wrench: bool = False) -> str:
-    """Return a text for a twist, or a wrench, in the user's unit of length."""
-    if isinstance(screw.axis, LineAtInfinity):
-        return f"a {'couple about' if wrench else 'translation along'} {_vector(screw.axis.normal)}"
-    scale, unit = shown_scale(LENGTH)
-    where = f"through {_vector(scale * screw.axis.nearest(np.zeros(3)))} {unit} along {_vector(screw.axis.direction)}"
-    if abs(screw.pitch) < 1e-9:
-        return f"a force {where}" if wrench else f"a rotation about the axis {where}"
-    pitch = f"{scale * screw.pitch:.4g} {unit}{'' if wrench else '/rad'}"
-    return f"a {'wrench' if wrench else 'screw'} of pitch {pitch} about the axis {where}"
+def _weakest(values: Array, tolerance: float, within: float) -> tuple[int, float]:
+    """Return from which singular value on, largest first, all are 0; if none is, are near 0; else are the last; and the
+    accuracy of the space that belongs to these, rad."""
+    for threshold in (tolerance, within):
+        count = int((values <= threshold).sum())
+        if count:
+            break
+    weakest = len(values) - max(count, 1)
+    if count < 2 or not weakest:
+        return weakest, _EVER
+    noise = max(tolerance, _MARGIN * float(values[weakest]))
+    return weakest, float(min(noise / values[weakest - 1], _UNKNOWN))
 
 
-def _vector(vector: Array) -> str:
-    return "(" + ", ".join(f"{value:.4g}" for value in np.where(np.abs(vector) < 1e-9, 0.0, vector)) + ")"
+def _systems(frame: LineFrame, vectors: Array, known: float) -> tuple[ScrewSystem, ScrewSystem]:
+    """Return the system of twists (n, 6), linear above angular, dimensionless, at the frame's origin; and that of the
+    wrenches that do work on them and have the same numbers: force and couple change places."""
+    return ScrewSystem(np.roll(vectors, 3, axis=1), frame, known), ScrewSystem(vectors, frame, known, wrenches=True)

@@ -12,7 +12,7 @@ import pinocchio as pin
 from numpy.typing import NDArray
 
 from cinegen.errors import CinegenError, ClosureError
-from cinegen.ik.equations import free_motions
+from cinegen.loops.motions import motions_of
 from cinegen.model import Mechanism
 from cinegen.singularities.branch import BranchTracker
 from cinegen.singularities.crossing import of_end
@@ -102,8 +102,7 @@ class Coordinates:
     def _rates(self, q: Array, names: list[str]) -> Array:
         """Return the derivatives of coordinates along the free motions, dimensionless."""
         rows = self._rows(q, self.mechanism.placement(q, self.node))[1][[POSE.index(name) for name in names]]
-        loops = self.mechanism.system.evaluate(q)[1]
-        return np.asarray(rows @ free_motions(loops, self.mechanism.loop_rank)[0])
+        return np.asarray(rows @ motions_of(self.mechanism.system, q, self.mechanism.loop_rank))
 
     def coordinates(self, q: Array) -> dict[str, float]:
         """Return all coordinates at q (nq,), m and rad."""

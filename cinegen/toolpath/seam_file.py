@@ -23,7 +23,8 @@ from cinegen.model.plausible import ImplausibleError, check_lengths
 from cinegen.sensor import SensorError
 from cinegen.toolpath.curve import PointError
 from cinegen.toolpath.seam import AGAIN, Seam
-from raff2urdf.errors import did_you_mean
+from raff2urdf.errors import RaffError, did_you_mean
+from raff2urdf.files import read_bytes
 from raff2urdf.quantities import (
     ANGLE,
     ANGULAR_SPEED,
@@ -90,9 +91,9 @@ def read_points(path: str | Path) -> tuple[Array, Array, list[int]]:
         SensorError: the file can't be read, or is wrong; gives the line.
     """
     try:
-        text = Path(path).read_text(encoding="utf-8-sig")
-    except OSError as error:
-        raise SensorError(f"{path}: can't be read: {(error.strerror or str(error)).lower()}") from None
+        text = read_bytes(path).decode("utf-8-sig")
+    except RaffError as error:
+        raise SensorError(str(error)) from None
     except UnicodeDecodeError:
         raise SensorError(f"{path}: is not UTF-8 text") from None
     where, units, width = list[int](), list[str](), 0  # positions of the columns, and their units

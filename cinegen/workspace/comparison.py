@@ -225,7 +225,7 @@ def _common(one: MapSpecification, other: MapSpecification) -> Region:
 def _looked_up(dataset: xarray.Dataset, common: Region) -> xarray.Dataset:
     """Return a map's values on a common grid: in each cell those of the map's cell that its middle is in."""
     middles = {axis.name: axis.middles() for axis in common.axes}
-    found: xarray.Dataset = dataset.drop_vars("configuration").transpose(*common.names)
+    found: xarray.Dataset = dataset.drop_dims("joint").transpose(*common.names)
     return found.sel(middles, method="nearest").load()
 
 

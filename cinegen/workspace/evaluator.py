@@ -62,8 +62,11 @@ class ChunkEvaluator:
         return {**found, "configuration": cells.evaluations.q, "reachable": reachable, "status": cells.status}
 
     def _complete_sigma_2(self, cells: Cells) -> None:
-        """Compute sigma_2 where the batch evaluator can't: axes of a ball joint in a plane, dependent columns."""
+        """Compute sigma_2 where the batch evaluator can't: axes of a ball joint in a plane, dependent columns, a node
+        that nothing controls."""
         q, sigma = cells.evaluations.q, cells.evaluations.passive_sigma
+        if self.spec.is_uncontrolled:
+            sigma[np.isfinite(q[:, 0])] = 0.0
         left = np.flatnonzero(np.isfinite(q[:, 0]) & ~np.isfinite(sigma))
         if len(left):
             rows = of_passive_joints(self.spec.mechanism)

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from cinegen.cluster import connected, each, processes
+from cinegen.cluster import check_workers, connected, each, processes
 from cinegen.workspace.chunks import chunk_shape
 from cinegen.workspace.errors import MapError
 from cinegen.workspace.evaluator import ChunkEvaluator
@@ -75,8 +75,9 @@ def make_map(
 
     where = Path(path).absolute()
     usual = OVER_JOINTS if spec.over_joints else OVER_POSES
-    if min(workers or 1, most or 1) < 1 or 0 in (workers, most):
-        raise MapError(f"workers ({workers}) and cells of a chunk ({most}) must be 1 or more")
+    check_workers(workers, scheduler)
+    if most is not None and most < 1:
+        raise MapError(f"cells of a chunk ({most}) must be 1 or more")
     chunks = chunk_shape(spec.region.shape, most or chunk_size(spec.region.size, usual), cube=not spec.over_joints)
     with open_for_writing(where, spec, chunks) as store:
         if store.text != spec.text:

@@ -24,29 +24,44 @@ Values = NDArray[Any]
 
 _UNIT_LIMIT = 1.0  # rad/s, m/s, N m or N: of actuated joints whose speed or effort is not limited
 _SINGULAR = 1e12  # condition numbers beyond are rounding
+_UNBOUNDED = 1e10  # a dimensionless Jacobian beyond is rounding: the actuated joints do not control the node
 _NO_EFFORT = 1e-12  # N m or N for 1 N: less is rounding
 
 
+def _dimensionless(cells: Cells) -> Array:
+    """Return the node's Jacobians (n, 6, actuated) by the actuated joints, dimensionless."""
+    mechanism = cells.spec.mechanism
+    scale = mechanism.scale[[mechanism.v_index(name) for name in mechanism.actuated]]
+    units = np.repeat([1.0 / mechanism.length, 1.0], 3)[:, None] * scale
+    return np.asarray(cells.evaluations.jacobians * units)
+
+
 def _actuated_singular_values(cells: Cells) -> Array:
-    """Return the singular values (n, rank), largest first, of the node's motions by the actuated joints."""
+    """Return the singular values (n, rank), largest first, of the node's motions by the actuated joints; NaN where
+    these do not determine them."""
     spec, mechanism, done = cells.spec, cells.spec.mechanism, cells.evaluations
     if not mechanism.is_constrained and len(mechanism.actuated) == mechanism.model.nv:
         return done.singular_values[:, : spec.rank]
-    scale = mechanism.scale[[mechanism.v_index(name) for name in mechanism.actuated]]
-    units = np.repeat([1.0 / mechanism.length, 1.0], 3)[:, None] * scale
-    matrices = (done.jacobians * units)[:, : sum(spec.counted)]
+    matrices = _dimensionless(cells)[:, : sum(spec.counted)]
     found = np.full((len(matrices), min(matrices.shape[1:])), np.nan)
-    finite = np.isfinite(matrices).all(axis=(1, 2))
-    if finite.any():
-        found[finite] = np.linalg.svd(matrices[finite], compute_uv=False)
+    determined = _determined(matrices)
+    if determined.any():
+        found[determined] = np.linalg.svd(matrices[determined], compute_uv=False)
     return found[:, : spec.rank]
+
+
+def _determined(matrices: Array) -> NDArray[np.bool_]:
+    """Return (n,) true where a dimensionless Jacobian (n, ., .) is known: not at singularities of type 2."""
+    with np.errstate(invalid="ignore"):
+        return np.asarray((np.abs(matrices) < _UNBOUNDED).all(axis=(1, 2)))
 
 
 def _condition(cells: Cells) -> Values:
     values = _actuated_singular_values(cells)
     with np.errstate(divide="ignore", invalid="ignore"):
         found = np.asarray(values[:, 0] / values[:, -1])
-    return np.where(found > _SINGULAR, np.inf, found)
+        unbounded = (np.abs(_dimensionless(cells)) >= _UNBOUNDED).any(axis=(1, 2))
+    return np.where(unbounded | (found > _SINGULAR), np.inf, found)
 
 
 def _margin(cells: Cells) -> Values:
@@ -102,7 +117,7 @@ def _projections(cells: Cells) -> Array:
     along = cells.evaluations.placements[:, :3, :3].transpose(0, 2, 1) @ np.asarray(spec.along)  # in the node's axes
     with np.errstate(invalid="ignore"):
         found = np.abs((jacobians.transpose(0, 2, 1) @ along[:, :, None])[:, :, 0])
-    return np.where(np.isfinite(found).all(axis=1, keepdims=True), found, np.nan)
+    return np.where(_determined(_dimensionless(cells))[:, None], found, np.nan)
 
 
 def _actuated(spec: MapSpecification, limits: Array) -> Array:
@@ -123,7 +138,7 @@ def _clearance_of(spec: MapSpecification) -> Clearance:
     from cinegen.collision import clearance_of, scene_of
 
     assert spec.scene is not None
-    return clearance_of(scene_of(dict(spec.scene), spec.folder, mechanism=spec.mechanism))
+    return clearance_of(scene_of(dict(spec.scene), spec.folder, mechanism=spec.mechanism), is_exact=True)
 
 
 class Quantity(NamedTuple):

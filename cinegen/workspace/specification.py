@@ -13,22 +13,24 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import NDArray
 
+from cinegen.errors import CinegenError
 from cinegen.model import Mechanism
 from cinegen.model.fingerprint import fingerprint
 from cinegen.model.urdf import kinematics_of
+from cinegen.singularities.singularity import controlled_nowhere
 from cinegen.singularities.slice import POSE
 from cinegen.workspace.errors import MapError
 from cinegen.workspace.quantities import DIRECTED, QUANTITIES
 from cinegen.workspace.region import Region
 from raff2urdf.closure import rank
-from raff2urdf.errors import did_you_mean
+from raff2urdf.errors import RaffError, did_you_mean
 
 if TYPE_CHECKING:
     import xarray
 
 Array = NDArray[np.float64]
 
-VERSION = 5
+VERSION = 6
 """Version of a map's folder: changes when its layout changes, or when the same specification gives other numbers."""
 
 STARTS = 6
@@ -36,7 +38,7 @@ STARTS = 6
 
 _ROUNDING = 1e-12  # by which the length of a unit vector may differ from 1
 _MOVES = 1e-9  # rad or characteristic lengths for each: less is rounding
-_RESERVED = (*QUANTITIES, "configuration", "reachable", "status", "joint")
+_RESERVED = (*QUANTITIES, "configuration", "reachable", "status", "joint", "joint_unit")
 _SETTINGS = ("node", "quantities", "limits", "starts", "directions", "along", "scene")
 
 
@@ -166,6 +168,11 @@ class MapSpecification:
         return (3, rotations) if rotations and self._rank(3 + rotations) > self._rank(3) else (3, 0)
 
     @cached_property
+    def is_uncontrolled(self) -> bool:
+        """True if the node moves in every configuration while all actuated joints are locked."""
+        return bool(controlled_nowhere(self.mechanism, self.node))
+
+    @cached_property
     def rank(self) -> int:
         """Generic rank of these motions."""
         return self._rank(sum(self.counted))
@@ -228,9 +235,9 @@ class MapSpecification:
         """Return the specification that `attributes` wrote; the robot is built once for equal attributes.
 
         Raises:
-            KeyError, TypeError, ValueError: they are something else.
-            LoadError: the robot can't be built.
-            MapError: another version wrote them; or robot and specification don't belong together.
+            KeyError: one is missing.
+            MapError: another version wrote them; they are invalid; the robot can't be built; or robot and specification
+                don't belong together.
         """
         return _parsed(*(str(attributes[name]) for name in ("specification", "source", "folder")))
 
@@ -239,14 +246,27 @@ class MapSpecification:
 def _parsed(text: str, source: str, folder: str) -> MapSpecification:
     from cinegen.model.load import build
 
-    document = json.loads(text)
-    if document.get("version") != VERSION:
-        raise MapError(f"the map has version {document.get('version')}; this program reads version {VERSION}")
-    settings = {name: document[name] for name in _SETTINGS}
-    settings |= {name: tuple(document[name]) for name in ("quantities", "along")}
-    spec = MapSpecification(
-        build(**json.loads(source)), Region.of_document(document["region"]), folder=folder, **settings
-    )
+    try:
+        document, robot = json.loads(text), json.loads(source)
+        if document.get("version") != VERSION:
+            raise MapError(f"the map has version {document.get('version')}; this program reads version {VERSION}")
+        settings = {name: document[name] for name in _SETTINGS}
+        settings |= {name: tuple(document[name]) for name in ("quantities", "along")}
+        region = Region.of_document(document["region"])
+        spec = MapSpecification(build(**robot), region, folder=folder, **settings)
+    except MapError:
+        raise
+    except (
+        ArithmeticError,
+        AttributeError,
+        CinegenError,
+        LookupError,
+        RaffError,
+        RuntimeError,
+        TypeError,
+        ValueError,
+    ) as error:
+        raise MapError(f"the map is damaged: its description is invalid ({error})") from None
     if spec.text != text:
         raise MapError("its robot and its specification do not belong together")
     return spec
@@ -307,8 +327,8 @@ def _checked_quantities(spec: MapSpecification) -> tuple[str, ...]:
     for name in spec.quantities:
         if name not in QUANTITIES:
             raise MapError(f"unknown quantity '{name}'{did_you_mean(name, tuple(QUANTITIES))}")
-    if not mechanism.passive_rank:
-        wanted.discard("sigma_2")  # without passive joints in loops there are no singularities of type 2
+    if "sigma_2" in wanted and not mechanism.passive_rank and not spec.is_uncontrolled:
+        wanted.discard("sigma_2")  # without passive joints there are no singularities of type 2
     if "clearance" in wanted:
         _check_scene(spec)
     if "solid_angle" in wanted and (spec.over_joints or spec.rotation):

@@ -14,6 +14,7 @@ import hashlib
 import math
 import os
 import shutil
+import warnings
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from functools import lru_cache
@@ -44,11 +45,13 @@ if TYPE_CHECKING:
 Values = np.ndarray[Any, np.dtype[Any]]
 
 KIND = "cinegen map"
+JOINT, UNIT = "joint", "joint_unit"
 LAST = "status"
 """The array that is written last in each chunk."""
 
 _ADVICE = "Give another path, or delete it"
-_ERRORS = (KeyError, OSError, RecursionError, RuntimeError, TypeError, ValueError)  # of zarr, for damaged files
+_ERRORS = (ArithmeticError, KeyError, OSError, RecursionError, RuntimeError, TypeError, ValueError)
+"""Errors of zarr, for damaged files."""
 _CRC = 4  # bytes, at the end of a chunk's file
 _CONFIG: Any = {"write_empty_chunks": True}  # a chunk is complete where its file exists
 _ENCODING: dict[str, Any] = {
@@ -84,7 +87,7 @@ class MapStore:
             raise MapError(f"{self.path}: {error}") from None
         except _ERRORS as error:
             raise MapError(f"{self.path} is damaged: its description is invalid ({error}). {_ADVICE}") from None
-        for name in self.spec.region.names:
+        for name in _coordinates(self.spec):
             self._checked(name, group, expected)
         self._arrays = {name: self._checked(name, group, expected) for name in _data_arrays(self.spec)}
 
@@ -96,7 +99,7 @@ class MapStore:
             one, other = (array.metadata.to_dict() | {"attributes": {}} for array in (found, expected[name]))
             if one == other:
                 problem = f"the values of {name} are missing or wrong"
-                if name not in self.spec.region.names or np.array_equal(found[:], expected[name][:]):
+                if name not in _coordinates(self.spec) or np.array_equal(found[:], expected[name][:]):
                     return found.with_config(_CONFIG)
         except _ERRORS:
             pass
@@ -306,7 +309,7 @@ def _open_group(path: Path) -> zarr.Group:
     if not path.is_dir():
         raise MapError(f"{path} is a file, not a map: maps are folders. Give another path")
     try:
-        group = zarr.open_group(path, mode="r+", zarr_format=3)
+        group = zarr.open_group(path, mode="r+", zarr_format=3, use_consolidated=False)
         kind = group.attrs.get("kind")
     except PermissionError as error:
         raise MapError(f"{path} can't be read: {error.strerror}") from None
@@ -325,6 +328,7 @@ def _create(store: LocalStore | MemoryStore, spec: MapSpecification, chunk_shape
     """
     mechanism, region = spec.mechanism, spec.region
     group = zarr.create_group(store, attributes={
+        "Conventions": "CF-1.11",
         "kind": KIND,
         "title": f"{mechanism.name} over {', '.join(region.names)}",
         "robot": mechanism.name,
@@ -336,18 +340,21 @@ def _create(store: LocalStore | MemoryStore, spec: MapSpecification, chunk_shape
         "chunks": list(chunk_shape),
         **spec.attributes,
     })  # fmt: skip
-    for axis, unit in zip(region.axes, region.units(mechanism), strict=True):
+    for name, (values, attributes) in _coordinates(spec).items():
         group.create_array(
-            axis.name, data=axis.middles(), chunks=(axis.count,), dimension_names=(axis.name,),
-            attributes={"units": unit, "cell_width": axis.width}, **_ENCODING,
+            name, data=values, chunks=values.shape, attributes=attributes, **_ENCODING,
+            dimension_names=(name if name in region.names else JOINT,),
         )  # fmt: skip
     for name, (dtype, attributes) in _data_arrays(spec).items():
         joints = (mechanism.model.nq,) if name == "configuration" else ()
         group.create_array(
             name, shape=(*region.shape, *joints), chunks=(*chunk_shape, *joints), dtype=dtype,
             fill_value=math.nan if dtype.startswith("float") else 0, attributes=attributes,
-            dimension_names=(*region.names, *("joint" for _ in joints)), **_ENCODING,
+            dimension_names=(*region.names, *(JOINT for _ in joints)), **_ENCODING,
         )  # fmt: skip
+    with warnings.catch_warnings():  # xarray reads it, whether or not zarr's specification has it
+        warnings.simplefilter("ignore", zarr.errors.ZarrUserWarning)
+        zarr.consolidate_metadata(store)
     return group
 
 
@@ -357,22 +364,34 @@ def _template(spec: MapSpecification, chunk_shape: tuple[int, ...]) -> zarr.Grou
     return _create(MemoryStore(), spec, chunk_shape)
 
 
+def _coordinates(spec: MapSpecification) -> dict[str, tuple[Values, dict[str, Any]]]:
+    """Return the values and the attributes of each coordinate, by name."""
+    mechanism, region = spec.mechanism, spec.region
+    found: dict[str, tuple[Values, dict[str, Any]]] = {}
+    for axis, unit in zip(region.axes, region.units(mechanism), strict=True):
+        of = "actuated joint" if spec.over_joints else f"of {spec.node}"
+        found[axis.name] = axis.middles(), {
+            "units": unit, "long_name": f"{axis.name} {of}", "cell_width": axis.width
+        }  # fmt: skip
+    names, units = list[str](), list[str]()
+    for name, joint in zip(mechanism.model.names[1:], mechanism.model.joints[1:], strict=True):
+        names += [name] if joint.nq == 1 else [f"{name}.{k}" for k in range(joint.nq)]
+        positions = 3 if joint.nq == 7 else 0  # then a unit quaternion
+        single = "m" if name in mechanism.joints and mechanism.is_prismatic(name) else "rad"
+        units += [single] if joint.nq == 1 else ["m"] * positions + ["1"] * (joint.nq - positions)
+    text = np.dtypes.StringDType()
+    found[JOINT] = np.array(names, dtype=text), {"long_name": "joint variable"}
+    found[UNIT] = np.array(units, dtype=text), {"long_name": "unit of the joint variable"}
+    return found
+
+
 def _data_arrays(spec: MapSpecification) -> dict[str, tuple[str, dict[str, Any]]]:
     """Return the type and the attributes of each array of cells, by name, in the order in which they are written."""
-    model = spec.mechanism.model
     found: dict[str, tuple[str, dict[str, Any]]] = {}
     for name in spec.quantities:
         quantity = QUANTITIES[name]
         found[name] = quantity.dtype, {"units": quantity.unit, "long_name": quantity.description}
-    joints = [
-        name if joint.nq == 1 else f"{name}.{k}"
-        for name, joint in zip(model.names[1:], model.joints[1:], strict=True)
-        for k in range(joint.nq)
-    ]
-    found["configuration"] = (
-        "float64",
-        {"units": "rad or m", "long_name": "configuration, loops closed", "joints": joints},
-    )
+    found["configuration"] = "float64", {"long_name": "configuration, loops closed", "coordinates": UNIT}
     found["reachable"] = "bool", {"units": "1", "long_name": "whether there is a configuration"}
     found[LAST] = "uint8", {
         "units": "1", "long_name": "status of the cell",

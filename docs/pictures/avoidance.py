@@ -25,7 +25,8 @@ WALL = {
 
 def way(name, field="vortex"):
     """A figure of the paper: what becomes of a scene."""
-    return draw_plan(plan(load_scene(ROBOTS / "scenes" / f"{name}.toml"), field=field))
+    scene = load_scene(ROBOTS / "scenes" / f"{name}.toml")
+    return draw_plan(plan(scene, field=field, planner="vortex", shorten=False))
 
 
 def wall():

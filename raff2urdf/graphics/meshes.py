@@ -23,6 +23,7 @@ import numpy as np
 from raff2urdf.errors import RaffError
 from raff2urdf.extras import check_mesh_reader, needs
 from raff2urdf.files import write_all
+from raff2urdf.graphics.names import check_mesh
 from raff2urdf.raff.document import RaffNode, RaffRobot
 from raff2urdf.urdf_model import UrdfGeometry, UrdfMaterial, UrdfMesh, UrdfVisual
 
@@ -79,9 +80,11 @@ class Graphics:
         reasons = []
         for name in node.filenames or ():
             try:
-                path = self.folder / Path(self.robot.path or "").expanduser() / Path(name).expanduser()
+                root = self.folder / Path(self.robot.path or "").expanduser()
+                path = root / Path(name).expanduser()
+                root = root if path.is_relative_to(root) and ".." not in path.parts else path.parent
                 if path not in self._found:
-                    self._found[path] = self._read(path)
+                    self._found[path] = self._read(path, root)
                 found, reason = self._found[path]
             except RuntimeError as error:  # "~nobody"
                 found, reason = [], str(error)
@@ -90,12 +93,15 @@ class Graphics:
                 reasons.append(f"{name} ({reason})")
         return drawings, reasons
 
-    def _read(self, path: Path) -> tuple[list[Drawing], str | None]:
+    def _read(self, path: Path, root: Path) -> tuple[list[Drawing], str | None]:
         try:
             if not path.is_file():
                 return [], "not found"
+            check_mesh(path, root, "it")
         except OSError as error:
             return [], str(error.strerror)
+        except RaffError as error:
+            return [], str(error)
         try:
             with warnings.catch_warnings():
                 warnings.simplefilter("ignore")  # of the readers, such as an overflow, which is checked here

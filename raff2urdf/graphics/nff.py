@@ -237,7 +237,7 @@ class _Reader:
 
 def _is_number(word: str) -> bool:
     try:
-        return math.isfinite(float(word)) and "_" not in word  # not 1_000, as in Python
+        return math.isfinite(float(word)) and word.isascii() and "_" not in word  # not 1_000 or ٣, as in Python
     except ValueError:
         return False
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import zipfile
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -9,7 +10,9 @@ from typing import Any
 import numpy as np
 import trimesh
 
+from raff2urdf.errors import RaffError
 from raff2urdf.extras import check_mesh_reader
+from raff2urdf.graphics.names import LARGEST_MESH
 from raff2urdf.graphics.surface import Colour, ColouredSurface, solid
 
 
@@ -17,9 +20,15 @@ def read(path: str | Path) -> list[ColouredSurface]:
     """Return the surfaces of a file, one for each mesh and colour; of a texture, the colour below it.
 
     Raises:
+        RaffError: it is larger than a mesh may be when it is unpacked.
         Exception: of any type, depending on the reader.
     """
     check_mesh_reader(Path(path).suffix.lower())
+    if zipfile.is_zipfile(path):  # a short 3MF may unpack to more than any memory holds
+        with zipfile.ZipFile(path) as archive:
+            size = sum(part.file_size for part in archive.infolist())
+        if size > LARGEST_MESH:
+            raise RaffError(f"holds {size / 1e6:.0f} MB when unpacked: the most is {LARGEST_MESH / 1e6:.0f} MB")
     scene: Any = trimesh.load_scene(path)
     found: list[ColouredSurface] = []
     for mesh in scene.dump():

@@ -7,6 +7,7 @@ the lengths.
 
 from __future__ import annotations
 
+import math
 import re
 import warnings
 from collections.abc import Iterable, Iterator, Mapping
@@ -34,6 +35,7 @@ from raff2urdf.raff.document import (
     RaffVariable,
 )
 from raff2urdf.raff.writer import number as shown
+from raff2urdf.readers.urdf import LEAST_SPEED, TOO_SLOW
 
 # XML 1.0 (fifth edition), production [5] Name, without the colon, which belongs to namespaces.
 _START = (
@@ -146,8 +148,8 @@ def _tree_problems(document: Document, robot: RaffRobot) -> Iterator[Problem]:
 def _limit_problems(document: Document, what: str, of: RaffLink | RaffVariable) -> Iterator[Problem]:
     if of.limits and not of.limits[0] <= of.limits[1]:
         yield document.source.problem(limits_reversed(what, *of.limits), of.locations.get("limits"))
-    if of.velocity is not None and not of.velocity > 0:
-        message = f"the velocity limit of {what} is {of.velocity:g}: it must be above 0"
+    if of.velocity is not None and not min(document.metres(of.velocity), math.radians(of.velocity)) > LEAST_SPEED:
+        message = f"the velocity limit of {what} is {of.velocity:g}: {TOO_SLOW}"
         yield document.source.problem(message, of.locations.get("velocity"))
 
 

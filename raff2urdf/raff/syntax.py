@@ -40,7 +40,7 @@ from raff2urdf.raff.document import (
 
 _TOKEN = re.compile(
     r"""[ \t\f\r]+|//.*
-    |(?P<NUMBER>[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?(?![^\s{}()"/]))  # ends where a word ends: `5mm` is a word
+    |(?P<NUMBER>(?a:[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?)(?![^\s{}()"/]))  # ends where a word ends: `5mm` is a word
     |(?P<STRING>"[^"]*")
     |(?P<WORD>[^\s{}()"/]+)
     |(?P<MARK>[{}()])

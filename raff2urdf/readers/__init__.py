@@ -64,6 +64,7 @@ def read(path: Path, robot: str | None = None, ignore_loops: bool = False, ignor
         RaffError: the file, or its sidecar file, can't be read or is wrong: where and why. A file declares a loop or a
             coupling that can't be read, and that is not ignored. `ignore` names none.
     """
+    from raff2urdf.constraints import check_values
     from raff2urdf.readers import xacro_file
     from raff2urdf.readers.declaration import IgnoreList
 
@@ -78,6 +79,8 @@ def read(path: Path, robot: str | None = None, ignore_loops: bool = False, ignor
         raise error_at(str(path), root, f"its first element is <{kind}>: {why}")
     words = IgnoreList(ignore)
     found = _without(READERS[kind](text, path, robot, ignore_loops, words), words, ignore_loops)
+    if found.constraints is not None:
+        check_values(found.constraints, str(path))
     if not ignore_loops:
         words.check(str(path))
     if found.left_out:

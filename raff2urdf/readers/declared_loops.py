@@ -85,10 +85,10 @@ def refusal(lost: Sequence[Declaration], urdf: Path) -> str:
 
 def note(file: str, loops: int, couplings: int = 0) -> Any:
     """Return the comment that names the file with a URDF's loops and couplings."""
-    counts = [
-        f"{count} {word}{'s' * (count != 1)}" for count, word in ((loops, "loop"), (couplings, "coupling")) if count
-    ]
-    text = f" {NOTE} {file} ({' and '.join(counts)}) "
+    words = [("loop", loops)] * (loops > 0 or couplings == 0) + [("coupling", couplings)] * (couplings > 0)
+    counts = [f"{count} {word}{'s' * (count != 1)}" for word, count in words]
+    shown = "".join(letter if letter.isprintable() else "?" for letter in file)  # XML has not all characters
+    text = f" {NOTE} {shown} ({' and '.join(counts)}) "
     while "--" in text:
         text = text.replace("--", "- -")
     return etree.Comment(text)

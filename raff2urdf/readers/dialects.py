@@ -72,7 +72,7 @@ def read(text: str, path: Path, ignore: IgnoreList, ignore_loops: bool) -> Descr
     left_out = [one for one in declared if ignore_loops or ignore.takes(*one.words)]
     kept = [one for one in declared if not any(one is other for other in left_out)]
     if ignore_loops:
-        shown = [one for one in left_out if one.certain]
+        shown = [one for one in left_out if one.certain and one.also != ("0",)]
         shown = shown if files.values is None else [one for one in shown if one.dialect != declared_loops.COMMENT]
         return Description(files.text, files.values, (), (), ((listed(shown),) if shown else ()) + files.left_out)
     names = tuple(f"{one.label} (line {one.line})" for one in left_out)
@@ -88,7 +88,10 @@ def read(text: str, path: Path, ignore: IgnoreList, ignore_loops: bool) -> Descr
         composed.notes += [f"{one.label} (line {one.line}): replaced by {loop_closures.FILE}" for one in following]
         composed.add_all([one for one in closures.declared if not ignore.takes(*one.words)])
     composed.add_all([one for one in kept if one.read is not None])
-    _check_unread([one for one in kept if one.read is None], composed, root, path)
+    unread = [one for one in kept if one.read is None]
+    _check_unread(unread, composed, root, path)
+    if files.values is None and not files.left_out:
+        _warn_of_missing(unread, path)
     if not left_out and not composed.closed and not composed.coupled:
         _warn_of_passive(root, name)
     return composed.result(names + files.left_out)
@@ -103,6 +106,15 @@ def _check_unread(unread: Sequence[Declaration], composed: _Composed, root: Any,
     if lost:
         also = f". Also not read: {listed(lost[1:], 3)}" if lost[1:] else ""
         warnings.warn(f"{path}:{lost[0].line}: {lost[0].text}{also}", RaffWarning, stacklevel=6)
+
+
+def _warn_of_missing(unread: Sequence[Declaration], path: Path) -> None:
+    """Warn of a constraints file that a comment names and that is not there, though no loop is lost."""
+    for one in unread:
+        if one.dialect == declared_loops.COMMENT:
+            why = f"names {one.name}, which is not there: home and actuated joints are the defaults"
+            remedy = "Restore that file, or remove the comment"
+            warnings.warn(f"{path}:{one.line}: this comment {why}. {remedy}", RaffWarning, stacklevel=6)
 
 
 def _warn_of_passive(root: Any, name: str) -> None:
@@ -142,6 +154,9 @@ class _Files:
         if embedded is not None and not self.dialect.endswith(".json"):
             self.checked = self.values["loops"] if self.values is not None else []
             self.text, self.values, self.dialect = text, embedded, "raff:robot"
+        if self.values is not None and not ignore_loops and self.dialect.endswith(("raff:robot", ".json")):
+            holder = self.dialect if embedded is not None else sidecar.constraints_of(path).name
+            sidecar.check_hash(self.values, holder, path, parse(self.text, str(path)))
         own_closures = loop_closures.sidecar_of(path, UrdfTree(parse(self.text, str(path)), str(path)))
         if own_closures is not None and ignore.takes(own_closures.name):
             self.left_out += (own_closures.name,)

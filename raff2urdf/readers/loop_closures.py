@@ -21,15 +21,15 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
-import yaml
 from numpy.typing import NDArray
 
 from raff2urdf.errors import RaffError, did_you_mean
 from raff2urdf.placement import inverse, translation
 from raff2urdf.readers.declaration import Declaration
 from raff2urdf.readers.loop_joint import LoopJoint
+from raff2urdf.readers.urdf import LARGEST, SIZE
 from raff2urdf.readers.urdf_tree import UrdfTree, along
-from raff2urdf.readers.xml_file import read_text
+from raff2urdf.readers.yaml_file import values_of
 
 Array = NDArray[np.float64]
 
@@ -81,9 +81,9 @@ def read(path: Path, tree: UrdfTree) -> LoopClosures:
             raise RaffError(f"{path}: unknown key '{key}'{did_you_mean(str(key), [*_JSK, *_ROBONEX])}")
     for key in ("dependent", "independent", "ball_upgrades", "actuated_joints"):
         for joint in _list(path, values, key):
-            if joint not in tree.joints:
+            if str(joint) not in tree.joints:
                 near = did_you_mean(str(joint), list(tree.joints))
-                raise RaffError(f"{path}: {key} names '{joint}', which is not a joint{near}")
+                raise RaffError(f"{path}: {key} names '{str(joint)[:60]}', which is not a joint{near}")
     declared = [_hinge(path, tree, entry) for entry in _list(path, values, "closures")]
     for key, kind in (("pin_loops", "revolute"), ("ball_loops", "ball")):
         declared += [_pair(path, tree, entry, kind) for entry in _list(path, values, key)]
@@ -119,9 +119,9 @@ def _links(path: Path, tree: UrdfTree, entry: Any, words: Sequence[str]) -> tupl
     found = []
     for word in words:
         link = entry.get(word) if isinstance(entry, dict) else None
-        if link not in tree.links:
+        if str(link) not in tree.links:
             near = did_you_mean(str(link), list(tree.links))
-            raise RaffError(f"{path}: {word} of a loop must be a link of the URDF, not '{link}'{near}")
+            raise RaffError(f"{path}: {word} of a loop must be a link of the URDF, not '{str(link)[:60]}'{near}")
         found.append(str(link))
     if tree.body(found[0])[0] == tree.body(found[1])[0]:
         raise RaffError(f"{path}: a loop joins '{found[0]}' to '{found[1]}', which are one rigid body")
@@ -131,10 +131,10 @@ def _links(path: Path, tree: UrdfTree, entry: Any, words: Sequence[str]) -> tupl
 def _vector(path: Path, entry: Any, word: str) -> Array:
     try:
         found = np.array(entry.get(word), dtype=float)
-    except (TypeError, ValueError):
+    except (TypeError, ValueError, OverflowError):
         found = np.zeros(0)
-    if found.shape != (3,) or not np.all(np.isfinite(found)):
-        raise RaffError(f"{path}: {word} of a loop must be three numbers, not {entry.get(word)!r}")
+    if found.shape != (3,) or not np.all(np.abs(found) <= LARGEST):
+        raise RaffError(f"{path}: {word} of a loop must be three numbers{SIZE}, not {str(entry.get(word))[:60]}")
     return found
 
 
@@ -153,11 +153,7 @@ def _list(path: Path, values: Any, key: str) -> list[Any]:
 
 
 def _values(path: Path) -> Any:
-    try:
-        values = yaml.safe_load(read_text(path))
-    except (yaml.YAMLError, RecursionError) as error:
-        line = getattr(getattr(error, "problem_mark", None), "line", 0) + 1
-        raise RaffError(f"{path}:{line}: invalid YAML: {getattr(error, 'problem', error)}") from None
+    values = values_of(path)
     return values if isinstance(values, dict) else {}
 
 

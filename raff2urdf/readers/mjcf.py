@@ -9,6 +9,7 @@ configuration.
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Collection, Iterator, Sequence
 from itertools import zip_longest
 from pathlib import Path
@@ -21,9 +22,11 @@ from numpy.typing import NDArray
 from raff2urdf.constraints import Constraints
 from raff2urdf.errors import RaffError
 from raff2urdf.extras import needs
+from raff2urdf.graphics.names import check_mesh, home_of
 from raff2urdf.placement import from_quaternion, roll_pitch_yaw, translation
 from raff2urdf.readers.urdf import LARGEST
 from raff2urdf.readers.urdf_builder import UNBOUNDED, Shape, UrdfBuilder, leave_out, material, shapes
+from raff2urdf.readers.xml_file import parse_xml, read_text
 from raff2urdf.tree import WORLD
 from raff2urdf.urdf_model import UrdfVisual
 
@@ -47,24 +50,54 @@ def read(path: Path, ignore: Collection[str] = ()) -> tuple[str, Constraints, li
     """
     with needs("mjcf", f"{path}: MJCF files"):
         import mujoco
+    _check_includes(path)
     before = mujoco.get_mju_user_warning()
     mujoco.set_mju_user_warning(lambda _: None)  # its warnings concern simulation; it would write them to a file
     try:
-        spec = mujoco.MjSpec.from_file(str(path))
-        soft = _remove_flexes(spec, str(path), ignore)
-        meshes = _remove_meshes(mujoco, spec)
-        model = spec.compile()
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")  # likewise
+            spec = mujoco.MjSpec.from_file(str(path))
+            soft = _remove_flexes(spec, str(path), ignore)
+            meshes = _remove_meshes(mujoco, spec)
+            model = spec.compile()
     except (ValueError, OSError, RuntimeError) as error:
         raise RaffError(f"{path}: MuJoCo can't read it: {' '.join(str(error).split())}") from None
     finally:
         mujoco.set_mju_user_warning(before)
     placed = {"body": model.body_pos, "joint": model.jnt_pos, "equality": model.eq_data, "keyframe": model.key_qpos}
+    placed |= {"site": model.site_pos, "geom": model.geom_pos, "joint's ref": model.qpos0, "tendon": model.wrap_prm}
     for what, numbers in placed.items():
         if not np.abs(numbers).max(initial=0.0) <= LARGEST:
             raise RaffError(f"{path}: a number of a {what} is beyond {LARGEST:g}: check its unit (m, rad)")
+    turned = {"body": model.body_quat, "site": model.site_quat, "geom": model.geom_quat, "joint": model.jnt_axis}
+    for what, vectors in turned.items():
+        if not np.abs(np.linalg.norm(vectors, axis=1) - 1.0).max(initial=0.0) <= 1e-6:
+            raise RaffError(f"{path}: the orientation of a {what} is not a rotation: its numbers are 0 or too large")
     reader = _Reader(mujoco, model, spec.modelname or path.stem, meshes, str(path))
     urdf, constraints = reader.read(ignore)
     return urdf, constraints, [*soft, *reader.ignored]
+
+
+def _check_includes(path: Path) -> None:
+    """Check the files that a file includes or attaches, before MuJoCo reads them: they must be near it.
+
+    Raises:
+        RaffError: one is no regular file, or leads out of the folders that may be read; or it is no XML.
+    """
+    folder, pending, met = path.absolute().parent, [path], {path.absolute()}
+    while pending:
+        inner = pending.pop()
+        root = parse_xml(read_text(inner), str(inner))
+        places = [folder, *(folder / e.get("assetdir") for e in root.iter("compiler") if e.get("assetdir"))]
+        for element in root.iter("include", "model"):
+            for file in (place / element.get("file", "") for place in places):
+                if file.exists() and not file.is_dir() and file.absolute() not in met:
+                    label = f"{inner}:{element.sourceline}: the file '{element.get('file')}'"
+                    if not file.is_file():
+                        raise RaffError(f"{label} is not a regular file")
+                    check_mesh(file, home_of(folder), label)
+                    met.add(file.absolute())
+                    pending += [file] if file.suffix.lower() in ("", ".xml", ".mjcf", ".urdf") else []
 
 
 def _remove_flexes(spec: Any, name: str, ignore: Collection[str]) -> list[str]:
@@ -265,6 +298,9 @@ class _Reader:
         elif connect:
             placements = [translation(data[0:3]), translation(data[3:6])]
         else:
+            if not np.linalg.norm(data[6:10]) > 1e-9:
+                what = f"the relpose of the equality constraint '{name}' has the quaternion 0, which is no rotation"
+                raise RaffError(f"{self.name}: {what}: {leave_out(name)}")
             placements = [from_quaternion(data[3:6], data[6:10]), translation(data[0:3])]
         first, second = ((self.bodies[o], placement) for o, placement in zip(owners, placements, strict=True))
         kind = "revolute" if name in self.hinges else "ball" if connect or data[10] == 0.0 else "rigid"

@@ -25,9 +25,9 @@ from raff2urdf.constraints import Constraints, loop_entry
 from raff2urdf.errors import RaffError, RaffWarning, did_you_mean
 from raff2urdf.graphics.names import find
 from raff2urdf.readers import successive
-from raff2urdf.readers.sidecar import plain
+from raff2urdf.readers.sidecar import content_of, plain
 from raff2urdf.readers.urdf import ends, joints, parse, remove, root_first
-from raff2urdf.readers.xml_file import read_text
+from raff2urdf.readers.yaml_file import nodes_of
 
 _KEYS = ("closed_loop", "type", "name_mot", "joint_name", "joint_type")
 _DISTINCTIVE = ("closed_loop", "name_mot", "joint_name")
@@ -40,7 +40,7 @@ def sidecar_of(path: Path) -> Path | None:
     Other programs write a `<stem>.yaml` of their own: it must contain one of the keys that only this format has.
     """
     own, shared = plain(path).with_suffix(".yaml"), path.with_name("robot.yaml")
-    if own.is_file() and (own == shared or any(key.encode() in own.read_bytes() for key in _DISTINCTIVE)):
+    if own.is_file() and (own == shared or any(key.encode() in content_of(own) for key in _DISTINCTIVE)):
         return own
     return shared if shared.is_file() else None
 
@@ -149,14 +149,7 @@ class _Lists:
 
     def __init__(self, path: Path) -> None:
         self.path = path
-        try:
-            root = yaml.compose(read_text(path), yaml.SafeLoader)
-        except RecursionError:
-            raise RaffError(f"{path}:1: its lists are nested too deeply") from None
-        except yaml.YAMLError as error:
-            line = getattr(getattr(error, "problem_mark", None), "line", 0) + 1
-            problem = " ".join(str(getattr(error, "problem", error)).split())
-            raise RaffError(f"{path}:{line}: invalid YAML: {problem}") from None
+        root = nodes_of(path)
         self.values: dict[str, Any] = {}
         if not isinstance(root, yaml.MappingNode):
             raise RaffError(f"{path}:1: it must hold closed_loop, type and name_mot, each with a list")
@@ -164,8 +157,6 @@ class _Lists:
             self.check_scalars(key)
             if key.value not in _KEYS:
                 raise self.error(key, f"unknown key '{key.value}'", list(_KEYS))
-            if key.value in self.values:
-                raise self.error(key, f"the key '{key.value}' is repeated: remove one of them")
             self.values[key.value] = value
 
     def entries(self, key: str) -> list[Any]:

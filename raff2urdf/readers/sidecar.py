@@ -6,20 +6,21 @@ from __future__ import annotations
 import json
 import os
 import re
+import warnings
 from collections.abc import Collection
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
-from raff2urdf.constraints import Constraints, Known, load, loads
-from raff2urdf.errors import RaffError
+from raff2urdf.constraints import HASH, Constraints, UrdfSummary, load, loads
+from raff2urdf.errors import RaffError, RaffWarning
 from raff2urdf.readers.successive import moving
-from raff2urdf.readers.urdf import IGNORE, parse, root_first
+from raff2urdf.readers.urdf import IGNORE, hash_of, parse, root_first
 
 ENDING = ".constraints.json"
 OWN_ELEMENT = "{urn:raff2urdf}robot"
 """Element of a URDF with the contents of its constraints file as text."""
 
-_LARGEST = 16_000_000  # bytes of a file that is searched
+_LARGEST = 4_000_000  # bytes of a file that is searched or read
 
 
 class Misplaced(NamedTuple):
@@ -55,7 +56,13 @@ def loops_of(urdf: Path, text: str) -> tuple[str, Constraints] | None:
         RaffError: the file is wrong, or contradicts the URDF.
     """
     own = constraints_of(urdf)
-    return (text, load(own, *_known(urdf, text))) if own.exists() else None
+    if not own.exists():
+        return None
+    if not own.is_file():
+        raise RaffError(f"{own}: is not a file: remove it, or leave it out with --ignore {own.name}")
+    if own.stat().st_size > _LARGEST:
+        raise RaffError(f"{own}: is not read: it is larger than {_LARGEST / 1e6:.0f} MB")
+    return text, load(own, _summary(urdf, text))
 
 
 def embedded(urdf: Path, text: str) -> Constraints | None:
@@ -68,7 +75,7 @@ def embedded(urdf: Path, text: str) -> Constraints | None:
     if found is None:
         return None
     name = f"{urdf}:{found.sourceline}: raff:robot"
-    values = loads(found.text or "", name, *_known(urdf, text))
+    values = loads(found.text or "", name, _summary(urdf, text))
     file = loops_of(urdf, text)
     if file is not None and file[1] != values:
         other = constraints_of(urdf).name
@@ -76,10 +83,31 @@ def embedded(urdf: Path, text: str) -> Constraints | None:
     return values
 
 
-def _known(urdf: Path, text: str) -> tuple[Known, dict[str, str]]:
-    """Return the names of a URDF's links and moving joints, and the types of these."""
-    types = moving(text, str(urdf))
-    return (root_first(parse(text, str(urdf))), list(types)), types
+def _summary(urdf: Path, text: str) -> UrdfSummary:
+    return UrdfSummary(root_first(parse(text, str(urdf))), moving(text, str(urdf)))
+
+
+def check_hash(values: Constraints, holder: str, urdf: Path, root: Any) -> None:
+    """Warn if constraints do not name their URDF by its hash, or name another one.
+
+    Args:
+        values: the constraints.
+        holder: of them: a file's name, or the element.
+        urdf: path of the URDF.
+        root: its root element.
+    """
+    found = hash_of(root, str(urdf))
+    entry = f'"{HASH}": "{found}"'
+    if HASH not in values:
+        what = f"{holder} does not name its URDF, so that a change of either is not noticed: add {entry}"
+    elif values[HASH] != found:
+        what = (
+            f"the links or joints (names, types, origins or axes) are not those for which {holder} was written: its "
+            f"loops and home may not fit. Restore the URDF, or write both again; or, if it was meant, put {entry} there"
+        )
+    else:
+        return
+    warnings.warn(f"{urdf}: {what}", RaffWarning, stacklevel=7)
 
 
 def misplaced(urdf: Path, text: str) -> Misplaced | None:
@@ -102,11 +130,13 @@ def misplaced(urdf: Path, text: str) -> Misplaced | None:
             why = _broken(path) or (f"differs only in case: rename it to {own.name}" if name != own.name else "")
         elif lower in (f"{urdf.stem}.yaml".lower(), f"{urdf.stem}.yml".lower(), "robot.yaml", "robot.yml"):
             why = _broken(path)
-            if not why and b"closed_loop" in _content(path):
+            if not why and b"closed_loop" in content_of(path):
                 stem = "robot" if lower.startswith("robot.") else urdf.stem
                 why = f"is not read under this name: rename it to {stem}.yaml"
         elif _is_candidate(name, urdf, there) and _fits(path, robot, names, joints):
             why = f"fits this URDF and no other one here: rename it to {own.name}"
+        elif lower.endswith(".json") and _written_for(path, hash_of(tree, str(urdf))):
+            why = f"was written for the same links and joints: copy it to {own.name}"
         if why:
             return Misplaced(name, why)
     return None
@@ -131,7 +161,7 @@ def _is_candidate(name: str, urdf: Path, there: Collection[str]) -> bool:
 def _fits(path: Path, robot: str, links: Collection[str], joints: Collection[str]) -> bool:
     """Return whether a file holds constraints that a URDF can have: its joints, and loops between its links."""
     try:
-        values = json.loads(_content(path))
+        values = json.loads(content_of(path))
         listed = {joint["name"] for joint in values["joints"]}
         ends = {loop[end]["node"] for loop in values["loops"] for end in ("first", "second")}
         same = listed == set(joints) or values["robot"] == robot
@@ -140,7 +170,19 @@ def _fits(path: Path, robot: str, links: Collection[str], joints: Collection[str
         return False
 
 
-def _content(path: Path) -> bytes:
+def _written_for(path: Path, urdf_sha256: str) -> bool:
+    """Return whether a file holds constraints with loops or couplings for a URDF with this hash."""
+    content = content_of(path)
+    if urdf_sha256.encode() not in content:
+        return False
+    try:
+        values = json.loads(content)
+        return values[HASH] == urdf_sha256 and bool(values["loops"] or values.get("couplings"))
+    except (ValueError, KeyError, TypeError, AttributeError, RecursionError):
+        return False
+
+
+def content_of(path: Path) -> bytes:
     """Return the bytes of a file; none where it can't be read or is too large to be a sidecar."""
     try:
         return path.read_bytes() if path.is_file() and path.stat().st_size <= _LARGEST else b""

@@ -18,7 +18,7 @@ import numpy as np
 from lxml import etree
 
 from raff2urdf.placement import with_z
-from raff2urdf.readers.urdf import axis, joints, links, parse, remove
+from raff2urdf.readers.urdf import MovingJoint, axis, joints, limits, links, parse, remove, velocity
 from raff2urdf.readers.xml_file import error_at
 
 Step = tuple[str, str, Sequence[float]]
@@ -32,8 +32,8 @@ SPHERICAL: tuple[Step, ...] = tuple(ROTATIONS.values())
 _FAR = "1e9"  # limit of a prismatic joint without limits in a URDF
 
 
-def moving(text: str, name: str) -> dict[str, str]:
-    """Return the types, revolute or prismatic, of the moving joints of a URDF by name, once each has one variable.
+def moving(text: str, name: str) -> dict[str, MovingJoint]:
+    """Return the moving joints of a URDF by name, once each has one variable.
 
     Raises:
         RaffError: not a URDF.
@@ -41,7 +41,9 @@ def moving(text: str, name: str) -> dict[str, str]:
     tree = parse(text, name)
     replace_compound(tree, name, keep_root=True)
     return {
-        str(joint.get("name")): "prismatic" if joint.get("type") == "prismatic" else "revolute"
+        str(joint.get("name")): MovingJoint(
+            "prismatic" if joint.get("type") == "prismatic" else "revolute", limits(joint), velocity(joint)
+        )
         for joint in joints(tree)
         if joint.get("type") not in ("fixed", "floating")
     }

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import hashlib
+import json
 import math
 from collections.abc import Sequence
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from lxml import etree
@@ -22,11 +24,24 @@ LARGEST = 1e13
 
 SIZE = f" (none beyond {LARGEST:g})"
 
+LEAST_SPEED = 1e-12
+"""A velocity limit (rad/s, m/s) is greater."""
+
+TOO_SLOW = f"it must be above 0, and not as slow as {LEAST_SPEED:g} rad/s or m/s; or left out"
+
 IGNORE = "--ignore-loops (in Python ignore_loops=True)"
 """The option that leaves all loops open."""
 
 KINDS = ("revolute", "continuous", "prismatic", "fixed", "floating", "planar", "spherical")
 """Types of joints. `spherical` is not in URDF's specification, but some programs write it."""
+
+
+class MovingJoint(NamedTuple):
+    """A joint of a URDF: revolute or prismatic, its limits (rad, m), and its velocity limit (rad/s, m/s) if any."""
+
+    type: str
+    limits: tuple[float, float] | None = None
+    velocity: float | None = None
 
 
 def parse(text: str, name: str) -> Any:
@@ -50,6 +65,9 @@ def parse(text: str, name: str) -> Any:
         for joint in joints(tree):
             _check_joint(joint, name)
         _check_tree(tree, name)
+        for link in links(tree):
+            _check_inertial(link, name)
+            _check_shapes(link, name)
     except RaffError as error:
         raise RaffError(f"{error}{xacro_hint(tree, name)}") from None
     return tree
@@ -78,6 +96,29 @@ def root_first(tree: Any) -> list[str]:
     """Return the names of the links of a URDF: the root, then the others in file order."""
     children = {ends(joint)[1] for joint in joints(tree)}
     return sorted((str(link.get("name")) for link in links(tree)), key=children.__contains__)
+
+
+def hash_of(tree: Any, name: str) -> str:
+    """Return the SHA-256 of a URDF's links and joints in hexadecimal: of their names, and of types, ends, origins and
+    axes of joints.
+
+    It does not depend on limits, shapes, masses, other elements, comments, order and white space, nor on how a number
+    is written. A continuous joint counts as revolute.
+
+    Args:
+        tree: the root element.
+        name: of the file, in errors.
+    """
+    rows: list[list[str | float]] = []
+    for joint in joints(tree):
+        kind = str(joint.get("type")).replace("continuous", "revolute")
+        placed = joint.find("origin")
+        numbers = [] if placed is None else [*three(placed, "xyz", name), *three(placed, "rpy", name)]
+        numbers = numbers or [0.0] * 6
+        numbers += axis(joint, name).tolist() if kind in ("revolute", "prismatic", "planar") else []
+        rows.append([str(joint.get("name")), kind, *ends(joint), *(number + 0.0 for number in numbers)])  # no -0.0
+    values = [sorted(str(link.get("name")) for link in links(tree)), sorted(rows, key=lambda row: str(row[0]))]
+    return hashlib.sha256(json.dumps(values).encode()).hexdigest()
 
 
 def listed(found: Sequence[Any], name: str) -> str:
@@ -175,7 +216,7 @@ def velocity(joint: Any) -> float | None:
     """Return the velocity limit (rad/s or m/s) of a joint; None without one, or for 0, which exporters write."""
     limit = joint.find("limit")
     fastest = 0.0 if limit is None else number(limit.get("velocity", "0"))
-    return fastest if 1e-12 < fastest < UNLIMITED else None
+    return fastest if LEAST_SPEED < fastest < UNLIMITED else None
 
 
 def lacks_limits(joint: Any) -> bool:
@@ -206,6 +247,8 @@ def limit_value(element: Any, text: str, word: str, label: str, name: str) -> fl
     value = number(text)
     if math.isnan(value):
         raise error_at(name, element, f"the {word} limit '{text}' of {label} is not a number")
+    if word == "velocity" and 0.0 < value <= LEAST_SPEED:
+        raise error_at(name, element, f"the velocity limit of {label} is {value:g}: {TOO_SLOW}")
     if word in ("velocity", "effort") and value < 0.0:
         raise error_at(name, element, f"the {word} limit of {label} is {value:g}: it must not be negative")
     return value
@@ -231,6 +274,45 @@ def _check_joint(joint: Any, name: str) -> None:
     low, high = values.get("lower", 0.0), values.get("upper", 0.0)
     if kind in ("revolute", "prismatic") and low > high:
         raise error_at(name, limit, limits_reversed(_label(joint), low, high))
+
+
+def _check_inertial(link: Any, name: str) -> None:
+    """Check that the numbers of a link's mass and inertia are numbers; those that are left out are not missed."""
+    for inertial in link.iterchildren("inertial"):
+        origin(inertial, name)
+        for tag, words in (("mass", ("value",)), ("inertia", ("ixx", "ixy", "ixz", "iyy", "iyz", "izz"))):
+            for element in inertial.iterchildren(tag):
+                for word in words:
+                    text = element.get(word)
+                    if text is not None and not abs(number(text)) <= LARGEST:
+                        what = f"{word}=\"{text[:60]}\" of <{tag}> in link '{link.get('name')}'"
+                        raise error_at(name, element, f"{what} must be a number{SIZE}")
+
+
+_SHAPES = {
+    "box": (("size", 3),),
+    "sphere": (("radius", 1),),
+    "cylinder": (("radius", 1), ("length", 1)),
+    "capsule": (("radius", 1), ("length", 1)),
+    "mesh": (("scale", 3),),
+}
+"""Elements of a geometry, their attributes, and how many numbers each of these has."""
+
+
+def _check_shapes(link: Any, name: str) -> None:
+    """Check the numbers of a link's shapes, which other readers of a URDF would leave out or take for 0."""
+    for geometry in link.iterfind("*/geometry"):
+        origin(geometry.getparent(), name)
+        for shape in geometry.iterchildren(*_SHAPES):
+            for word, count in _SHAPES[shape.tag]:
+                text = shape.get(word)
+                if text is None and shape.tag == "mesh":
+                    continue
+                found = numbers(text or "")
+                if found is None or len(found) != count:
+                    what = f"{word}=\"{(text or '')[:60]}\" of <{shape.tag}> in link '{link.get('name')}'"
+                    plural = "a number" if count == 1 else f"{count} numbers"
+                    raise error_at(name, shape, f"{what} must be {plural}{SIZE}")
 
 
 def _check_tree(tree: Any, name: str) -> None:
@@ -284,6 +366,9 @@ def by_name(elements: Sequence[Any], name: str, prefix: str = "") -> dict[str, A
     for element in elements:
         if not element.get("name"):
             raise error_at(name, element, f"this {element.tag} has no name: give it one")
+        if not element.get("name").isprintable():
+            what = f"the name {ascii(element.get('name'))[:100]} of this {element.tag}"
+            raise error_at(name, element, f"{what} holds a character that can't be printed: change it")
     for first, element in duplicates(elements, lambda element: element.get("name")):
         what = f"{element.tag} '{prefix}{element.get('name')}'"
         raise error_at(name, element, defined_twice(what, first.sourceline))

@@ -38,7 +38,10 @@ class UrdfTree:
         self.base = next(link for link in self.links if link not in self._above)
         self.zero = {self.base: np.eye(4)}
         for link in self.links:
-            path = [joint for joint in self.above(link) if ends(joint)[1] not in self.zero]
+            path = []
+            while link not in self.zero:
+                path.append(self._above[link])
+                link = ends(path[-1])[0]
             for joint in reversed(path):
                 parent, child = ends(joint)
                 self.zero[child] = self.zero[parent] @ origin(joint, name)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import io
+import warnings
 from pathlib import Path
 from typing import Any
 
@@ -11,7 +12,7 @@ from lxml import etree
 
 from raff2urdf.errors import RaffError
 from raff2urdf.extras import needs
-from raff2urdf.files import STANDARD
+from raff2urdf.files import LARGEST_FILE, STANDARD
 
 ENDING = ".xacro"
 
@@ -34,10 +35,14 @@ def expanded(path: Path) -> str:
     with needs("xacro", f"{path}: files in xacro"):
         import xacro
     try:
-        with contextlib.redirect_stderr(io.StringIO()):  # its own traces
-            return str(xacro.process_file(str(path)).toprettyxml(indent="  "))
+        with contextlib.redirect_stderr(io.StringIO()), warnings.catch_warnings():  # its own traces
+            warnings.simplefilter("ignore")  # of expressions in the file
+            text = str(xacro.process_file(str(path)).toprettyxml(indent="  "))
+        if len(text) > LARGEST_FILE:
+            raise MemoryError(f"its result is larger than {LARGEST_FILE / 1e6:.0f} MB")
+        return text
     except Exception as error:  # of xacro, of expressions in the file, of XML
-        why = " ".join(str(error).split())
+        why = " ".join(str(error).split())[:500] or type(error).__name__
         if "ament_index" in why:
             why = "$(find PACKAGE) needs ROS (its package ament_index_python): load the output of `xacro` there"
         raise RaffError(f"{path}: xacro: {why}") from None

@@ -72,10 +72,10 @@ def parse_xml(text: str, name: str) -> Any:
     for found in tree.iter(etree.Entity, _INCLUDE):
         what = f"the entity '{found.name}'" if found.tag is etree.Entity else f"'{found.get('href')}' by XInclude"
         raise error_at(name, found, f"{what} is not read: write its content into the file")
-    own = etree.QName(tree).namespace
-    if own is not None:
-        for element in tree.iter(f"{{{own}}}*"):
-            element.tag = etree.QName(element).localname
+    if tree.tag.startswith("{"):
+        own = tree.tag[: tree.tag.index("}") + 1]
+        for element in tree.iter(f"{own}*"):
+            element.tag = element.tag.removeprefix(own)
     return tree
 
 

@@ -251,11 +251,9 @@ class _Import:
         return float(np.abs(self.placed[number] - there).max()) <= 10.0 * EXACT * max(self.length, 1.0)
 
     def motion(self, joint: Any) -> tuple[float, tuple[float, float] | None, float | None]:
-        """Return home, limits and velocity limit of a joint (rad, m), from the URDF or its constraints file."""
+        """Return home, limits and velocity limit of a joint (rad, m)."""
         entry = self.entries.get(joint.get("name"), {})
-        allowed, fastest = limits(joint), entry.get("velocity", velocity(joint))
-        if "limits" in entry:
-            allowed = None if entry["limits"] is None else (entry["limits"][0], entry["limits"][1])
+        allowed, fastest = limits(joint), velocity(joint)
         home = 0.0 if self.constraints.get("loops") else default_value(allowed)
         return entry.get("home", home), allowed, fastest
 

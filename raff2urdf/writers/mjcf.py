@@ -30,7 +30,7 @@ from raff2urdf.coupling import Coupling
 from raff2urdf.errors import RaffError, RaffWarning
 from raff2urdf.placement import inverse, translation
 from raff2urdf.readers.urdf import UNLIMITED
-from raff2urdf.tree import BASE_JOINT, WORLD, characteristic_length
+from raff2urdf.tree import BASE_JOINT, WORLD
 from raff2urdf.urdf_model import UrdfJoint, UrdfLink
 from raff2urdf.writers.inertia import Inertia, Inertias, inertias, sum_of
 from raff2urdf.writers.tree_at_home import TreeAtHome, shape_of, unique_name
@@ -70,7 +70,7 @@ def files(translation: Translation, stem: str, options: WriteOptions) -> dict[st
     """Return the robot, and those of its meshes that MuJoCo can't read as they are, as binary STL."""
     tree, meshes = TreeAtHome(translation), _MeshAssets(translation, stem)
     masses = inertias(translation.model, options.density, translation.surface, tree.moving)
-    text = text_of(_Writer(tree, masses, meshes).root())
+    text = text_of(_Writer(tree, masses, meshes, translation.analysis.length).root())
     meshes.warn()
     return {f"{stem}.xml": text.encode(), **meshes.converted}
 
@@ -80,10 +80,10 @@ class _Writer:
     tree: TreeAtHome
     inertias: Inertias
     meshes: _MeshAssets
+    length: float
 
     def __post_init__(self) -> None:
         self.inertia = dict(self.inertias.links)
-        self.length = characteristic_length(np.array([m[:3, 3] for m in self.tree.world.values()]))
         self.fall = math.sqrt(self.length / GRAVITY)  # s
         self.names = {*self.tree.link, *(joint.name for joint in self.tree.order)}
         self.element: dict[str, etree._Element] = {}

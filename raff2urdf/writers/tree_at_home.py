@@ -8,15 +8,16 @@ from __future__ import annotations
 
 from collections.abc import Collection, Mapping
 from functools import cached_property
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from raff2urdf.coupling import Coupling, coupling_of
 from raff2urdf.placement import joint_motion
+from raff2urdf.readers.urdf import UNLIMITED
 from raff2urdf.tree import WORLD
-from raff2urdf.urdf_model import UrdfGeometry, UrdfJoint, UrdfLink
+from raff2urdf.urdf_model import UrdfGeometry, UrdfJoint, UrdfLimit, UrdfLink
 
 if TYPE_CHECKING:
     from raff2urdf.conversion import Translation
@@ -33,7 +34,7 @@ class TreeAtHome:
     Attributes:
         model: the tree of its URDF.
         home: the joint values at closed home, by name (rad, m), of the joints that move.
-        entries: of these joints in the constraints file, by name.
+        entries: of these joints in the constraints file, by name, with their `limits` and `velocity`; None without any.
         loops: its entries of the loops.
         couplings: its couplings.
         link: links by name.
@@ -45,7 +46,8 @@ class TreeAtHome:
 
     def __init__(self, translation: Translation) -> None:
         self.model, self.home = translation.model, translation.analysis.home
-        self.entries = {entry["name"]: entry for entry in translation.constraints["joints"]}
+        bounds = {joint.name: _bounds(joint.limit) for joint in self.model.joints if joint.limit is not None}
+        self.entries = {entry["name"]: entry | bounds[entry["name"]] for entry in translation.constraints["joints"]}
         self.loops = translation.constraints["loops"]
         self.couplings: list[Coupling] = [coupling_of(one) for one in translation.constraints.get("couplings", [])]
         self.link: dict[str, UrdfLink] = {link.name: link for link in self.model.links}
@@ -93,6 +95,16 @@ class TreeAtHome:
         """The bodies of `rigid` that can move."""
         fixed = {self.root, *(joint.child for joint in self.order if joint.type == "fixed")}
         return {carrier: parts for carrier, parts in self.rigid.items() if carrier not in fixed}
+
+
+def _bounds(limit: UrdfLimit) -> dict[str, Any]:
+    """Return limits and velocity limit of a joint; None where it has none."""
+    low, high = limit.lower, limit.upper
+    unlimited = low is None or high is None or (low <= -UNLIMITED and high >= UNLIMITED)
+    return {
+        "limits": None if unlimited else [low, high],
+        "velocity": limit.velocity if limit.velocity < UNLIMITED else None,
+    }
 
 
 SIZES = {"box": ["size"], "cylinder": ["radius", "length"], "sphere": ["radius"], "mesh": ["scale"]}

@@ -10,6 +10,7 @@ Loops and couplings are in the constraints file, and on request in the URDF too:
 from __future__ import annotations
 
 import math
+import re
 import warnings
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -25,9 +26,9 @@ from raff2urdf.graphics.skeleton import SkeletonDrawing
 from raff2urdf.raff.document import Document, JointType, RaffLink, RaffNode, RaffPart, RaffRobot
 from raff2urdf.raff.kleinfinger import transform
 from raff2urdf.readers.declared_loops import note
-from raff2urdf.readers.sidecar import ENDING
-from raff2urdf.readers.urdf import UNLIMITED
-from raff2urdf.tree import BASE_JOINT, WORLD, characteristic_length, kleinfinger, limits, moved, velocity
+from raff2urdf.readers.sidecar import ENDING, OWN_ELEMENT
+from raff2urdf.readers.urdf import UNLIMITED, hash_of
+from raff2urdf.tree import BASE_JOINT, WORLD, kleinfinger, limits, moved, velocity
 from raff2urdf.urdf_model import UrdfJoint, UrdfLimit, UrdfLink, UrdfRobot, to_xml
 from raff2urdf.writers.xml_text import text_of
 
@@ -38,27 +39,25 @@ if TYPE_CHECKING:
 
 def files(translation: Translation, stem: str, options: WriteOptions) -> dict[str, bytes]:
     """Return the URDF and the constraints file; of the dialect robot.yaml, that file too."""
-    values, sidecar = translation.constraints, f"{stem}{ENDING}"
-    text, more = translation.urdf, dict[str, bytes]()
-    loops, couplings = len(values["loops"]), len(values.get("couplings", []))
-    if loops or couplings or options.dialect != "json":
-        root = etree.fromstring(text.encode(), etree.XMLParser(remove_blank_text=True))
-        if loops or couplings:
-            root.insert(0, note(sidecar, loops, couplings))
-        if options.dialect != "json":
-            more = _add_dialect(root, translation, stem, options.dialect)
-        text = text_of(root)
-    return {f"{stem}.urdf": text.encode(), sidecar: constraints_file.dumps(values).encode(), **more}
+    values, sidecar, more = translation.constraints, f"{stem}{ENDING}", dict[str, bytes]()
+    root = etree.fromstring(translation.urdf.encode(), etree.XMLParser(remove_blank_text=True))
+    root.insert(0, note(sidecar, len(values["loops"]), len(values.get("couplings", []))))
+    if options.dialect != "json":
+        more = _add_dialect(root, translation, stem, options.dialect)
+    values = constraints_file.for_urdf(values, hash_of(root, f"{stem}.urdf"))
+    if options.dialect != "json":
+        own = etree.SubElement(root, OWN_ELEMENT, nsmap={"raff": etree.QName(OWN_ELEMENT).namespace})
+        text = re.sub("[\ufffe\uffff]", lambda found: f"\\u{ord(found[0]):04x}", constraints_file.dumps(values))
+        own.text = etree.CDATA("\n" + text)  # XML has not all characters
+    return {f"{stem}.urdf": text_of(root).encode(), sidecar: constraints_file.dumps(values).encode(), **more}
 
 
 def _add_dialect(root: etree._Element, translation: Translation, stem: str, dialect: str) -> dict[str, bytes]:
     """Add loops and couplings in a dialect; return the content of the file that it needs, by name."""
-    from raff2urdf.writers.tree_at_home import TreeAtHome
     from raff2urdf.writers.urdf_dialects import UrdfDialectWriter
 
-    origins = np.array([placed[:3, 3] for placed in TreeAtHome(translation).world.values()])
     joints = translation.model.joints
-    writer = UrdfDialectWriter(root, joints, translation.constraints, characteristic_length(origins))
+    writer = UrdfDialectWriter(root, joints, translation.constraints, translation.analysis.length)
     writer.write(dialect)
     if writer.lost:
         what = f"{dialect} has no notation for {', '.join(writer.lost)}: only cinegen reads them, from raff:robot"

@@ -26,10 +26,8 @@ from lxml import etree
 from numpy.typing import NDArray
 
 from raff2urdf.constraints import Constraints
-from raff2urdf.constraints import dumps as constraints_text
 from raff2urdf.coupling import Coupling, coupling_of
 from raff2urdf.placement import roll_pitch_yaw, translation
-from raff2urdf.readers.sidecar import OWN_ELEMENT
 from raff2urdf.urdf_model import UrdfJoint
 from raff2urdf.writers.xml_text import numeral, numerals
 
@@ -82,11 +80,6 @@ class UrdfDialectWriter:
             self.lost += [f"loop '{loop['name']}'" for loop in loops]
         if dialect in ("closing-frames", "robot.yaml", "mimic"):
             self.lost += [f"coupling '{one.name}'" for one in self.couplings if not self._mimic(one)]
-        self._add_own()
-
-    def _add_own(self) -> None:
-        own = etree.SubElement(self.root, OWN_ELEMENT, nsmap={"raff": etree.QName(OWN_ELEMENT).namespace})
-        own.text = etree.CDATA("\n" + constraints_text(self.values))
 
     # --- elements -----------------------------------------------------------------------------------------------
 

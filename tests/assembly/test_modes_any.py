@@ -11,7 +11,7 @@ from dataclasses import replace
 import making
 import numpy as np
 import pytest
-from assembled import alike, apart, home, nothing_beside, places, sound, traced
+from assembled import alike, home, nothing_beside, places, sound, traced
 from linkages import (
     Z,
     five_bar,
@@ -149,7 +149,11 @@ def test_a_base_that_can_move_changes_no_mode(built, raff):
     sound(one, ["tool"])
     assert len(one) > 1
     assert np.array(two)[:, :7] == pytest.approx(np.tile(free.q_home[:7], (len(one), 1)), abs=0)
-    assert np.array(two)[:, 7:] == pytest.approx(np.array(one), abs=1e-9)
+    assert one.coincident == two.coincident
+    assert 1 in one.coincident
+    for there, expected, times in zip(two, one, one.coincident, strict=True):
+        exact = 1e-9 if times == 1 else 1e-6  # loops closed to 1e-12 determine a double mode to the square root of that
+        assert there[7:] == pytest.approx(expected, abs=exact)
 
 
 # --- motors that are too many -------------------------------------------------------------------------------------
@@ -241,21 +245,6 @@ def test_a_platform_as_its_base_moves_on_equal_legs(built):
     nothing_beside(other, ["tool"])
 
 
-def test_a_branch_of_free_motion_that_nothing_met_is_not_excluded(root):
-    """With the corners of its rhombus on one point a Peaucellier linkage's end swings freely about it, at any crank."""
-    m = cinegen.load(root / "tests/robots/data/peaucellier.raff")
-    q, joints = m.q_home.copy(), [m.q_index(name) for name in m.joints]
-    _, ca, cb, oa, ob, ad, bd = joints
-    q[cb], q[ob] = q[ca], q[oa]
-    for swung in (-1.0, 0.3, 2.0):
-        q[ad] = q[bd] = swung
-        assert m.closure(q) < 1e-12
-    modes = assembly_modes(m)
-    sound(modes, count=4)
-    traced(modes)
-    assert apart(places(m, q), [places(m, mode) for mode in modes]) > 0.1  # m: there are others indeed
-
-
 @pytest.mark.parametrize("seed", range(6))
 def test_a_platform_that_turns_about_a_line_has_a_mode_though_no_root_tells(built, seed):
     """Two of the points in which its rods meet are on the line through the feet of the third pair."""
@@ -277,7 +266,8 @@ def test_no_claim_is_made_where_solutions_went_to_infinity_or_random_starts_met_
     assert homotopy._status(fibre, SolutionCounts(real=2, complex=4), False)[0]
     infinite = SolutionCounts(real=2, complex=3, infinite=1)
     for counts, there in ((infinite, fibre), (SolutionCounts(real=6), replace(fibre, loose=1))):
-        complete, trace_test, words = homotopy._status(there, counts, False)
+        complete, trace_test, remarks = homotopy._status(there, counts, False)
+        words = "; ".join(remarks)
         assert (complete, trace_test) == (False, None)
         assert "curves of configurations are not excluded" in words or "don't determine it" in words
 

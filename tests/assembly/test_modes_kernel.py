@@ -13,9 +13,10 @@ from linkages import hinge, ring, slide
 import cinegen
 from cinegen.assembly._kernels import ARRIVED, SINGULAR, ParameterPath, evaluate, solve
 from cinegen.assembly.endgame import path_ends
-from cinegen.assembly.linkage import ACCURACY, DistinctSolutions, Linkage
+from cinegen.assembly.linkage import ACCURACY, DistinctSolutions, FreeMotionError, Linkage
 from cinegen.assembly.monodromy import Monodromy
 from cinegen.assembly.trace_test import TraceTest
+from cinegen.singularities.ball_joints import linkage_of
 
 ROBOTS = ("five_bar", "hybrid", "gough", "delta4", "delta4_linear", "sr400")
 
@@ -26,6 +27,21 @@ def hybrid(root):
     mechanism = cinegen.load(root / "robots" / "hybrid.raff")
     linkage = Linkage(mechanism)
     return mechanism, linkage, Monodromy(linkage).fibre()
+
+
+def test_what_a_linkage_is_made_of_is_known_without_machine_code(monkeypatch, robot, built):
+    def refuse(kernel, *_):
+        raise AssertionError(f"{kernel.__name__} would be compiled")
+
+    monkeypatch.setattr("cinegen.assembly.linkage.prepare", refuse)
+    assert len(linkage_of(robot("gough")).bodies.centres) == 12
+    p = np.random.default_rng(0).uniform(-1.0, 1.0, (5, 2))
+    moves = built(ring([hinge(p[0], motor=True), *map(hinge, p[1:])]))
+    with pytest.raises(FreeMotionError):
+        Linkage(moves)
+    assert linkage_of(moves).idle == 1
+    with pytest.raises(AssertionError, match="track would be compiled"):
+        Linkage(robot("gough")).newton(np.zeros((1, 13)), np.zeros(6))
 
 
 @pytest.mark.parametrize("name", ROBOTS)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import io
 import json
 import select
 import signal
@@ -24,8 +25,8 @@ def start(root, tmp_path):
     """`start("delta4.raff", ...)`: the command as a process, with pipes."""
     running = []
 
-    def begin(file: str, *options: str, folder=root / "robots") -> subprocess.Popen:
-        command = [sys.executable, "-m", "cinegen", "close", str(folder / file), *options]
+    def begin(file: str, *options: str) -> subprocess.Popen:
+        command = [sys.executable, "-m", "cinegen", "close", str(root / "robots" / file), *options]
         pipe = subprocess.PIPE
         running.append(subprocess.Popen(command, cwd=tmp_path, stdin=pipe, stdout=pipe, stderr=pipe, text=True))
         return running[-1]
@@ -39,11 +40,19 @@ def start(root, tmp_path):
                 pipe.close()
 
 
-def filtered(process: subprocess.Popen, text: str) -> list[dict]:
-    """All answers to a text."""
-    out, err = process.communicate(text, timeout=120)
-    assert (process.returncode, err) == (0, "")
-    return [json.loads(line) for line in out.splitlines()]
+@pytest.fixture
+def filtered(root, monkeypatch, capsys):
+    """`filtered(text, "delta4.raff", ...)`: all answers to a text, without a process of its own."""
+
+    def answers(text: str | bytes, file: str, *options: str, folder=root / "robots") -> list[dict]:
+        given = text if isinstance(text, bytes) else text.encode()
+        monkeypatch.setattr(sys, "stdin", io.TextIOWrapper(io.BytesIO(given)))
+        code = main(["close", str(folder / file), *options])
+        out, err = capsys.readouterr()
+        assert (code, err) == (0, "")
+        return [json.loads(line) for line in out.splitlines()]
+
+    return answers
 
 
 def ask(process: subprocess.Popen, line: str, seconds: float = 60.0) -> dict:
@@ -55,10 +64,10 @@ def ask(process: subprocess.Popen, line: str, seconds: float = 60.0) -> dict:
     return json.loads(process.stdout.readline())
 
 
-def test_each_line_is_answered_by_all_joints_loops_closed(robot, start):
+def test_each_line_is_answered_by_all_joints_loops_closed(robot, filtered):
     delta = robot("delta4")
     given = [{"joint1": 0.1, "joint6": -0.2}, {"joint12": 0.05}, {}, {"joint1": 0.1}]
-    said = filtered(start("delta4.raff"), "".join(json.dumps(line) + "\n" for line in given))
+    said = filtered("".join(json.dumps(line) + "\n" for line in given), "delta4.raff")
     motion = ForwardKinematics(delta)
     assert len(said) == 4
     for line, answer in zip(given, said, strict=True):
@@ -114,11 +123,11 @@ WRONG = (
 )
 
 
-def test_a_line_that_makes_no_sense_is_answered_in_its_place_and_moves_nothing(start):
+def test_a_line_that_makes_no_sense_is_answered_in_its_place_and_moves_nothing(filtered):
     lines = ['{"joint1": 0.1}']
     for wrong, _ in WRONG:
         lines += [wrong, "{}"]
-    said = filtered(start("delta4.raff"), "\n".join([*lines, "", "   ", '\t{"joint1":0.1}\r']))
+    said = filtered("\n".join([*lines, "", "   ", '\t{"joint1":0.1}\r']), "delta4.raff")
     assert len(said) == 2 * len(WRONG) + 4
     for i, (_, says) in enumerate(WRONG):
         assert list(said[2 * i + 1]) == ["error"]
@@ -127,14 +136,11 @@ def test_a_line_that_makes_no_sense_is_answered_in_its_place_and_moves_nothing(s
     assert said[-1] == said[-2] == said[-3] == said[0]  # blank lines move nothing either
 
 
-def test_bytes_that_are_no_text_are_answered_too(root, tmp_path):
-    command = [sys.executable, "-m", "cinegen", "close", str(root / "robots/four_bar.raff")]
+def test_bytes_that_are_no_text_are_answered_too(filtered):
     given = b'\xff\xfe\n{"joint1": 0.5}\n\0\n{"j\xc3\xb6int": 1}\n'
-    said = subprocess.run(command, cwd=tmp_path, input=given, capture_output=True, timeout=60, check=True)
-    answers = [json.loads(line) for line in said.stdout.splitlines()]
+    answers = filtered(given, "four_bar.raff")
     assert ["error" in answer for answer in answers] == [True, False, True, True]
     assert "jöint" in answers[3]["error"]
-    assert said.stderr == b""
 
 
 def test_many_lines_at_once(robot, start):
@@ -160,26 +166,25 @@ def test_many_lines_at_once(robot, start):
         assert hybrid.closure(hybrid.configuration(answer)) <= 1e-12
 
 
-def test_it_goes_on_where_it_was_left(robot, start, tmp_path):
-    last = filtered(start("delta4.raff"), '{"joint1": 0.3, "joint6": -0.1}\n')[-1]
+def test_it_goes_on_where_it_was_left(filtered, tmp_path):
+    last = filtered('{"joint1": 0.3, "joint6": -0.1}\n', "delta4.raff")[-1]
     (tmp_path / "last.json").write_text(json.dumps(last))
-    process = start("delta4.raff", "--start", "last.json")
-    assert filtered(process, "\n") == [last]
+    assert filtered("\n", "delta4.raff", "--start", str(tmp_path / "last.json")) == [last]
 
 
-def test_a_base_that_can_move_stays_and_a_tree_is_no_exception(start, tmp_path):
+def test_a_base_that_can_move_stays_and_a_tree_is_no_exception(filtered, tmp_path):
     (tmp_path / "walker.raff").write_text(
         'RAFF walker\nsensor 1 { port "x" translation 3 rotation 3 }\nrobot r { base { }\n'
         "link 1 { type 2 pred 0 } link 2 { type 1 pred 1 }\nconstraint { base sensor ( 0 1 ) } }\n"
     )
     assert cinegen.load(tmp_path / "walker.raff").floating
-    said = filtered(start("walker.raff", folder=tmp_path), '{"joint2": 0.25}\n{"joint1": -1}\n')
+    said = filtered('{"joint2": 0.25}\n{"joint1": -1}\n', "walker.raff", folder=tmp_path)
     assert said == [{"joint1": 0.0, "joint2": 0.25}, {"joint1": -1.0, "joint2": 0.25}]
 
 
-def test_which_robot_and_which_loops(start):
-    assert filtered(start("two_arms.raff", "--robot", "right"), "{}\n")[0].keys() == {f"joint{i}" for i in range(1, 5)}
-    said = filtered(start("four_bar.raff", "--loop", "frame4-frame5=ball"), '{"joint1": 1.0}\n')
+def test_which_robot_and_which_loops(filtered):
+    assert filtered("{}\n", "two_arms.raff", "--robot", "right")[0].keys() == {f"joint{i}" for i in range(1, 5)}
+    said = filtered('{"joint1": 1.0}\n', "four_bar.raff", "--loop", "frame4-frame5=ball")
     assert said[0]["joint1"] == 1.0
 
 

@@ -13,9 +13,11 @@ import subprocess
 import sys
 import time
 import urllib.request
+from itertools import product
 
 import pytest
 import typer
+from variants import slow
 
 import cinegen
 from cinegen.cli import app, main
@@ -28,9 +30,16 @@ def _cinegen(*arguments, cwd, **options):
     )
 
 
-def test_info_says_what_a_mechanism_is(root, tmp_path):
-    said = _cinegen("info", root / "robots/delta4.raff", cwd=tmp_path)
-    assert said.returncode == 0
+@pytest.fixture
+def here(tmp_path, monkeypatch, capsys):
+    """`here("info", ...)`: exit code, standard output and standard error, without a process of its own."""
+    monkeypatch.chdir(tmp_path)
+    return lambda *arguments: (main(list(map(str, arguments))), *capsys.readouterr())
+
+
+def test_info_says_what_a_mechanism_is(root, here):
+    code, said, _ = here("info", root / "robots/delta4.raff")
+    assert code == 0
     for words in (
         "mobility 3",
         "15 joints (3 actuated)",
@@ -38,13 +47,13 @@ def test_info_says_what_a_mechanism_is(root, tmp_path):
         "link5-link17: rigid",
         "platform at home",
     ):
-        assert words in said.stdout
-    assert re.search(r"joint6 +revolute +\S+ +-85 +80 .*actuated", said.stdout)
+        assert words in said
+    assert re.search(r"joint6 +revolute +\S+ +-85 +80 .*actuated", said)
 
 
-def test_info_as_json_agrees_with_the_mechanism(root, robot, tmp_path):
-    said = _cinegen("info", root / "robots/two_arms.raff", root / "robots/delta4.raff", "--json", cwd=tmp_path)
-    reports = json.loads(said.stdout)
+def test_info_as_json_agrees_with_the_mechanism(root, robot, here):
+    _, said, _ = here("info", root / "robots/two_arms.raff", root / "robots/delta4.raff", "--json")
+    reports = json.loads(said)
     assert [report["name"] for report in reports] == ["two_arms.left", "two_arms.right", "delta4"]
     delta = robot("delta4")
     assert reports[2]["mobility"] == 3
@@ -55,14 +64,15 @@ def test_info_as_json_agrees_with_the_mechanism(root, robot, tmp_path):
     ]
 
 
-def test_a_snapshot_is_written_at_once_without_a_server(root, tmp_path):
-    said = _cinegen("drive", root / "robots/gough.raff", "--snapshot", "out/gough.html", cwd=tmp_path)
-    assert said.returncode == 0
-    assert str(tmp_path / "out/gough.html") in said.stdout
-    assert "http:" not in said.stdout
+def test_a_snapshot_is_written_at_once_without_a_server(root, tmp_path, here):
+    code, said, _ = here("drive", root / "robots/gough.raff", "--snapshot", "out/gough.html")
+    assert code == 0
+    assert str(tmp_path / "out/gough.html") in said
+    assert "http:" not in said
     assert "MeshCat.Viewer" in (tmp_path / "out/gough.html").read_text()
 
 
+@pytest.mark.slow
 def test_where_nobody_can_press_ctrl_c_it_moves_ten_seconds_and_leaves_a_page(root, tmp_path):
     began = time.monotonic()
     said = _cinegen("drive", root / "robots/delta4.raff", "--port", "7500", cwd=tmp_path)
@@ -73,7 +83,7 @@ def test_where_nobody_can_press_ctrl_c_it_moves_ten_seconds_and_leaves_a_page(ro
     assert (tmp_path / "delta4.html").exists()
 
 
-@pytest.mark.parametrize("shape", ["figure8", "line"])
+@pytest.mark.parametrize("shape", ["figure8", *slow("line")])
 def test_several_robots_follow_a_shape_for_as_long_as_said(root, tmp_path, shape):
     files = [root / "robots/two_arms.raff", root / "robots/four_bar.raff"]
     said = _cinegen("drive", *files, "--follow", shape, "--seconds", "1", "--port", "7600", cwd=tmp_path)
@@ -134,30 +144,30 @@ def _until(master, said, words):
         (["drive", "good.raff", "--snapshot", "good.raff/x.html"], "can't be written"),
     ],
 )
-def test_what_is_wrong_is_one_clear_error_and_exit_code_1(arguments, says, tmp_path):
+def test_what_is_wrong_is_one_clear_error_and_exit_code_1(arguments, says, tmp_path, here):
     (tmp_path / "good.raff").write_text("RAFF good\nrobot a { base { } link 1 { type 2 pred 0 } }\n")
     (tmp_path / "bad.raff").write_text(
         "RAFF bad\nrobot a { link 1 { type 2 pred 0 } link 1 { type 2 pred 0 } base { } }\n".replace(
             "link 1 {", "link 1{"
         )
     )
-    said = _cinegen(*arguments, cwd=tmp_path)
-    assert said.returncode == 1
-    assert says.split(":2:")[0] in said.stderr
-    assert says.split(": ")[-1] in said.stderr
-    assert "Traceback" not in said.stderr
+    code, _, said = here(*arguments)
+    assert code == 1
+    assert says.split(":2:")[0] in said
+    assert says.split(": ")[-1] in said
+    assert "Traceback" not in said
 
 
-def test_a_loop_that_cant_be_closed_says_what_to_type(tmp_path):
+def test_a_loop_that_cant_be_closed_says_what_to_type(tmp_path, here):
     (tmp_path / "bent.raff").write_text(
         "RAFF bent\nrobot r { base { } link 1 { type 2 pred 0 } link 2 { parameters { d 200 alpha 30 theta 60 } type 2"
         " pred 1 } link 3 { parameters { d 301 alpha 50 theta 70 } type 2 pred 2 } link 4 { parameters { d 200 alpha 30"
         " theta 50 } type 2 pred 3 } frame 5 { parameters { d 303 alpha 58 } pred 4 } constraint { base frame 5 } }\n"
     )
-    said = _cinegen("info", "bent.raff", cwd=tmp_path)
-    assert said.returncode == 1
-    assert '"base-frame5": "ball"' in said.stderr
-    assert _cinegen("info", "bent.raff", "--loop", "base-frame5=ball", cwd=tmp_path).returncode == 0
+    code, _, said = here("info", "bent.raff")
+    assert code == 1
+    assert '"base-frame5": "ball"' in said
+    assert here("info", "bent.raff", "--loop", "base-frame5=ball")[0] == 0
 
 
 def test_the_public_face_is_short():
@@ -198,8 +208,11 @@ def test_errors_are_red_at_a_terminal(monkeypatch, no_color):
     assert stream.getvalue().startswith("cinegen: " if no_color else "\x1b[1;31mcinegen: \x1b[0mnone.raff: ")
 
 
-@pytest.mark.parametrize("shell", ["bash", "zsh", "fish"])
-@pytest.mark.parametrize("program", ["cinegen", "raff2urdf", "urdf2raff"])
+ONE_OF_EACH = (("cinegen", "bash"), ("raff2urdf", "zsh"), ("urdf2raff", "fish"))
+OTHERS = [pair for pair in product(*zip(*ONE_OF_EACH, strict=True)) if pair not in ONE_OF_EACH]
+
+
+@pytest.mark.parametrize(("program", "shell"), [*ONE_OF_EACH, *slow(*OTHERS)])
 def test_each_shell_gets_its_completion(root, program, shell):
     module = {"cinegen": "cinegen.cli", "raff2urdf": "raff2urdf.cli", "urdf2raff": "raff2urdf.urdf2raff.cli"}[program]
     variable = f"_{program.upper()}_COMPLETE"

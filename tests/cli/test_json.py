@@ -110,6 +110,7 @@ def test_modes(root, printed):
 
 def test_singular(root, printed):
     check(root, printed("singular", "five_bar.raff"), "singular")
+    check(root, printed("singular", "tssm.raff", "--at", "rx=0,ry=0,rz=90"), "singular")
 
 
 def test_singular_of_a_recording(root, robot, printed, tmp_path):

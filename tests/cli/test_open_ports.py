@@ -5,14 +5,20 @@ from __future__ import annotations
 import json
 import os
 import socket
+import stat
 import subprocess
 import sys
+import tempfile
 import time
+from pathlib import Path
 
 import psutil
 import pytest
+import typer
 from distributed import Client
+from variants import slow
 
+import cinegen.cli
 from cinegen import cluster
 
 PATIENCE = 120.0  # s, on a busy machine
@@ -34,6 +40,9 @@ def sockets(pid):
             for one in process.net_connections("inet"):
                 if one.laddr and (one.status == psutil.CONN_LISTEN or one.type == socket.SOCK_DGRAM):
                     found.add((process.pid, one.laddr.ip, one.laddr.port))
+            for one in process.net_connections("unix"):  # without a name nobody else reaches it
+                if one.laddr:
+                    found.add((process.pid, one.laddr, 0))
         except (psutil.NoSuchProcess, psutil.ZombieProcess):
             continue
     return found
@@ -82,6 +91,10 @@ def watched(root, tmp_path):
     return run
 
 
+def sys_path():
+    return sys.path
+
+
 def beyond(found):
     """Those sockets that other machines reach."""
     return {(address, port) for _, address, port in found if not address.startswith(LOOPBACK)}
@@ -105,11 +118,59 @@ def test_pages_and_sensors_listen_on_this_machine_only(watched):
     assert beyond(elsewhere)  # a page for other machines is seen here
 
 
-def test_processes_that_share_a_map_listen_on_this_machine_only_and_serve_no_http(watched):
-    for found in watched(("map", *MAP, "--workers", "2"), ("map", *VARY, "--workers", "2")):
-        assert len({pid for pid, *_ in found}) == 3  # the scheduler and both workers
-        assert len(found) == 3  # one socket each: another one would be an HTTP server's
-        assert not beyond(found)
+@pytest.mark.parametrize("wanted", [MAP, *slow((VARY,))], ids=["map", "maps of variants"])
+def test_processes_that_share_a_map_listen_on_this_machine_only_and_serve_no_http(watched, wanted):
+    (found,) = watched(("map", *wanted, "--workers", "2"))
+    assert len({pid for pid, *_ in found}) == 3  # the scheduler and both workers
+    assert len(found) == 3  # one socket each: another one would be an HTTP server's
+    assert not beyond(found)
+
+
+QUIET = (
+    ("demo", "--list"),
+    ("info", "robots/four_bar.raff"),
+    ("ik", "robots/planar_3r.raff", "--at", "0.5,0.1,0"),
+    ("modes", "robots/four_bar.raff"),
+    ("singular", "robots/planar_3r.raff"),
+    ("map", "robots/planar_3r.raff", "--over", "xy", "--grid", "4", "--workers", "1", "-o", "a.zarr"),
+    ("compare", "a.zarr", "a.zarr"),
+    ("plan", "robots/scenes/disc.toml", "-o", "run.jsonl"),
+    ("export", "run.jsonl", "--to", "csv"),
+    ("close", "robots/four_bar.raff"),
+    ("sensors", "robots/four_bar.raff"),
+    ("drive", "robots/four_bar.raff", "--snapshot", "page.html"),
+    ("compile",),
+)
+PAGES_AND_SENSORS = {"replay"}  # tested above
+OTHERS = {"heal"}  # which writes files, and starts no process
+
+
+def test_all_other_commands_listen_nowhere(watched):
+    assert watched(*QUIET) == [set()] * len(QUIET)
+
+
+def test_every_command_is_watched():
+    commands = typer.main.get_command(cinegen.cli.app).commands
+    assert set(commands) == {call[0] for call in QUIET} | PAGES_AND_SENSORS | OTHERS
+
+
+@pytest.mark.skipif(not hasattr(os, "getuid"), reason="permissions of POSIX")
+def test_processes_that_share_a_map_keep_their_files_to_themselves(tmp_path, monkeypatch):
+    """Dask puts its working folder in front of `sys.path`: nobody else may have made it, or write into it."""
+    (tmp_path / "dask-scratch-space").mkdir(mode=0o777)  # a stranger was here before
+    monkeypatch.setattr(tempfile, "tempdir", str(tmp_path))
+    monkeypatch.setenv("TMPDIR", str(tmp_path))
+    with cluster.connected(None, 1) as client:
+        (worker,) = client.scheduler_info(n_workers=-1)["workers"].values()
+        here = [path for path in sys.path if "scratch" in path]
+        there = client.submit(sys_path).result()
+        for path in (*here, worker["local_directory"], there[0]):
+            parents = [Path(path), *Path(path).parents]
+            assert tmp_path / "dask-scratch-space" not in parents
+            private = parents[parents.index(tmp_path) - 1]
+            assert stat.S_IMODE(private.stat().st_mode) == 0o700
+            assert private.stat().st_uid == os.getuid()
+    assert [path.name for path in tmp_path.iterdir()] == ["dask-scratch-space"]
 
 
 def test_who_makes_a_map_on_a_cluster_listens_nowhere(watched):

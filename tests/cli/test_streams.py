@@ -14,9 +14,10 @@ import sys
 import time
 
 import pytest
+from variants import slow
 
 import raff2urdf.cli
-from raff2urdf.output import NO_READER, TERMINATED, OutputLostError, run, write_at_once
+from raff2urdf.output import DEFECT, NO_READER, TERMINATED, TRACEBACK, OutputLostError, run, write_at_once
 
 FULL = "standard output can't be written: No space left on device"
 
@@ -37,6 +38,12 @@ COMMANDS = {
     "urdf2raff": [*_entry("raff2urdf.urdf2raff.cli"), "arm.urdf", "-o", "arm.raff"],
     "python -m raff2urdf.urdf2raff": ["-m", "raff2urdf.urdf2raff", "--help"],
 }
+
+
+ONE_OF_EACH = ("cinegen --help", "cinegen close", "raff2urdf", "python -m raff2urdf.urdf2raff")
+every_command = pytest.mark.parametrize(
+    "name", [*ONE_OF_EACH, *slow(*(name for name in COMMANDS if name not in ONE_OF_EACH))]
+)
 
 
 @pytest.fixture
@@ -64,13 +71,13 @@ def no_reader():
     os.close(writing)
 
 
-@pytest.mark.parametrize("name", COMMANDS)
+@every_command
 def test_a_reader_that_has_gone(start, no_reader, name):
     done = start(name, stdout=no_reader)
     assert (done.returncode, done.stderr) == (NO_READER, "")
 
 
-@pytest.mark.parametrize("name", COMMANDS)
+@every_command
 def test_standard_output_that_is_full(start, device, name):
     full = device("full")
     with full.open("wb") as out:
@@ -81,7 +88,7 @@ def test_standard_output_that_is_full(start, device, name):
     assert stat.S_ISCHR(full.lstat().st_mode)
 
 
-@pytest.mark.parametrize("name", COMMANDS)
+@every_command
 def test_standard_output_that_is_closed(start, name):
     done = start(name, ">&-")
     assert (done.returncode, done.stderr) == (0, "")
@@ -127,6 +134,16 @@ def test_a_recording_is_written_though_nobody_reads_what_is_said(root, no_reader
     done = subprocess.run(command, cwd=tmp_path, env=environment, stdout=no_reader, stderr=subprocess.PIPE, timeout=120)
     assert (done.returncode, done.stderr) == (NO_READER, b"")
     assert len((tmp_path / "way.jsonl").read_text().splitlines()) > 10
+
+
+def test_a_recording_whose_reader_has_gone_ends_as_if_by_the_signal(root, no_reader, tmp_path):
+    command = [sys.executable, "-m", "cinegen", "plan", str(root / "robots/scenes/disc.toml"), "-o", "-"]
+    environment = os.environ | {"PYTHONPATH": str(root)}
+    done = subprocess.run(
+        command, cwd=tmp_path, env=environment, stdout=no_reader, stderr=subprocess.PIPE, text=True, timeout=120
+    )
+    assert done.returncode == NO_READER
+    assert "can't be written" not in done.stderr
 
 
 def test_what_only_streams_ends_with_its_reader(root, tmp_path):
@@ -199,6 +216,27 @@ def test_ctrl_c_while_a_command_starts_is_no_traceback(root, seconds):
         process.send_signal(signal.SIGINT)
         assert process.wait(30) in (-signal.SIGINT, 130, 0)
         assert "Traceback" not in process.stderr.read()
+
+
+def test_a_command_handles_ctrl_c_after_few_imports(root):
+    """Before, Python prints a traceback: when it starts, and imports what every program does."""
+    program = "import sys; sys.path.insert(0, sys.argv[1]); import raff2urdf.entry; print(*sys.modules)"
+    done = subprocess.run(
+        [sys.executable, "-I", "-S", "-c", program, str(root)], capture_output=True, text=True, check=True
+    )
+    assert not {"ast", "inspect", "pathlib", "tempfile", "tokenize", "typer"} & set(done.stdout.split())
+
+
+@pytest.mark.parametrize(("when", "code"), [("while it is imported", -signal.SIGINT), ("before it handles it", 130)])
+def test_ctrl_c_at_the_beginning_of_a_command_is_no_traceback(root, tmp_path, when, code):
+    interrupt = "signal.raise_signal(signal.SIGINT)"
+    (tmp_path / "some_command.py").write_text(
+        f"import signal\ndef main():\n {interrupt}\n{interrupt if code < 0 else ''}\n", encoding="utf-8"
+    )
+    program = "from raff2urdf import entry; entry._run('some_command')"
+    environment = os.environ | {"PYTHONPATH": f"{root}:{tmp_path}"}
+    done = subprocess.run([sys.executable, "-c", program], env=environment, capture_output=True, text=True, check=False)
+    assert (done.returncode, done.stderr) == (code, "")
 
 
 def test_an_exception_that_a_library_swallows_is_raised_again(capsys):
@@ -274,5 +312,51 @@ def test_other_errors_are_not_taken_for_those_of_the_streams(capsys):
     def command():
         raise BrokenPipeError(32, "of something else")
 
-    with pytest.raises(BrokenPipeError):
+    assert run("thing", command) == 1
+    assert capsys.readouterr().err == "thing: of something else\n"
+
+
+# --- errors that no command reports itself ---------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("error", "code", "says"),
+    [
+        (MemoryError(), 1, "thing: out of memory: "),
+        (OSError(24, "Too many open files"), 1, "thing: Too many open files"),
+        (OSError(28, "No space left on device", "a/b"), 1, "thing: a/b: No space left on device"),
+        (ValueError("jont1\n2"), DEFECT, "thing: internal error, please report it: ValueError: jont1 2 (output.py:"),
+    ],
+)
+def test_an_unexpected_error_is_one_line(capsys, monkeypatch, error, code, says):
+    def command():
+        raise error
+
+    monkeypatch.delenv(TRACEBACK, raising=False)
+    assert run("thing", command) == code
+    said = capsys.readouterr().err
+    assert said.startswith(says)
+    assert said.count("\n") == 1
+    monkeypatch.setenv(TRACEBACK, "1")
+    with pytest.raises(type(error)):
         run("thing", command)
+
+
+@pytest.mark.parametrize(
+    ("limit", "words", "says"),
+    [
+        ("-f 0", "drive robots/planar_3r.raff --seconds 0.2 --no-browser", "cinegen: File too large"),
+        ("-f 0", "map robots/planar_3r.raff --over x,y --grid 3 --workers 1 -o m", "can't be written: File too large"),
+        ("-v 500000", "info robots/planar_3r.raff", "cinegen: out of memory"),
+    ],
+)
+def test_limits_of_the_system_are_reported_in_a_line(root, tmp_path, limit, words, says):
+    words = words.replace("robots/", f"{root}/robots/")
+    done = subprocess.run(
+        ["/bin/sh", "-c", f"ulimit {limit}; exec {sys.executable} -m cinegen {words}"],
+        cwd=tmp_path, env=os.environ | {"PYTHONPATH": str(root)}, stdin=subprocess.DEVNULL, capture_output=True,
+        text=True, timeout=120,
+    )  # fmt: skip
+    assert done.returncode == 1
+    assert says in done.stderr.splitlines()[-1]
+    assert "Traceback" not in done.stderr

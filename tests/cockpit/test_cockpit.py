@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import http.client
 import socket
+import time
 from urllib.parse import urlsplit
 
 import numpy as np
@@ -14,6 +16,7 @@ from cinegen.cockpit import Cockpit
 from cinegen.cockpit.hub import MOST
 from cinegen.cockpit.server import LARGEST, ServerError
 from cinegen.session import Session, arrange
+from cinegen.tolerances import NEAR_SINGULAR
 
 pytestmark = pytest.mark.filterwarnings("ignore:.*no such port:cinegen.CinegenWarning")
 
@@ -162,7 +165,7 @@ def test_a_silent_connection_and_a_lazy_browser_hold_up_nobody(cockpit):
 
 
 def test_foreign_pages_and_names_are_refused(cockpit):
-    one = cockpit("planar_3r")
+    one = cockpit("planar_3r", token="")
     assert get(one.url)[0] == 200
     assert get(one.url, host="evil.example:8100")[0] == 403
     assert get(one.url, host="127.0.0.1.evil.example")[0] == 403
@@ -179,8 +182,9 @@ def test_only_the_pages_own_files_are_served(cockpit, path):
     assert get(cockpit("planar_3r").url, path)[0] in (403, 404)
 
 
-def test_other_machines_need_the_token(cockpit):
-    one = cockpit("planar_3r", host="0.0.0.0")
+@pytest.mark.parametrize("host", ["127.0.0.1", "0.0.0.0"])
+def test_nobody_gets_in_without_the_token(cockpit, host):
+    one = cockpit("planar_3r", host=host)
     token = one.server.token
     assert token
     assert token in one.url
@@ -196,6 +200,11 @@ def test_other_machines_need_the_token(cockpit):
         Browser(local)
     browser = Browser(f"{local}?token={token}")
     assert becomes(lambda: browser.state is not None)
+
+
+def test_only_this_machine_may_do_without_a_token(robot):
+    with pytest.raises(ServerError, match="needs a token"):
+        Cockpit(arrange({"r": robot("planar_3r")}), host="0.0.0.0", token="", own_process=False)
 
 
 def test_the_snapshot_shows_everything_as_it_is(cockpit):
@@ -260,3 +269,81 @@ def test_an_objective_that_raises_is_told_in_the_page_once_and_the_session_goes_
     assert "ValueError: the objective is wrong" in notice["text"]
     (record,) = [record for record in caplog.records if record.name == "cinegen"]
     assert record.exc_info[0] is ValueError
+
+
+def test_the_status_never_contradicts_the_meters(cockpit):
+    """From the first report on, in every state that a page is sent."""
+    one = cockpit("gough")
+    shown = []
+    show = one.hub.show
+
+    def look(state, report=None):
+        shown.append((state, report))
+        show(state, report)
+
+    one.hub.show = look
+    browser = Browser(one.url)
+    assert becomes(lambda: browser.report is not None)
+    mechanism = one.setup.robots["gough"]
+    place = mechanism.placement(mechanism.q_home, mechanism.end).translation
+    away = 2.0 * mechanism.length * np.random.default_rng(2).normal(size=3)  # through a singularity
+    browser.say("start_drag", robot="gough", node=mechanism.end, point=[0, 0, 0])
+    for part in np.linspace(0.0, 1.0, 200):
+        browser.say("move_drag", position=(place + part * away).tolist())
+        time.sleep(0.01)
+    assert becomes(lambda: browser.report["robots"]["gough"]["type2"]["sigma"] < NEAR_SINGULAR)
+    found, near = set(), None
+    for state, report in shown:
+        if report is not None:
+            near = report.robots["gough"].type2.is_near
+        if near is not None:
+            found.add(near)
+            assert (state.statuses["gough"].name == "UNCONTROLLED") == near
+    assert found == {True, False}
+
+
+def test_a_stall_is_shown_at_once(cockpit, monkeypatch):
+    one = cockpit("planar_3r", follow="circle")
+    browser = Browser(one.url)
+    assert becomes(lambda: browser.report is not None and browser.report["rate"]["ticks"] > 30)
+    before = browser.report["rate"]["missed_in_all"]
+    own = Session.tick
+    monkeypatch.setattr(Session, "tick", lambda self: (time.sleep(0.1), own(self)))
+    assert becomes(lambda: browser.report["rate"]["ticks"] < 20 and browser.report["rate"]["missed"] > 30)
+    monkeypatch.setattr(Session, "tick", own)
+    assert becomes(lambda: browser.report["rate"]["ticks"] > 30)
+    assert browser.report["rate"]["missed_in_all"] > before + 30
+
+
+@pytest.mark.parametrize("host", ["127.0.0.1", "0.0.0.0"])
+def test_every_answer_has_the_headers_that_protect_it(cockpit, host):
+    one = cockpit("planar_3r", host=host)
+    address = urlsplit(one.server.local_url)
+    for path in ("", "viewer.js", "snapshot.html", "static/cockpit.js", "static/none.js", "none", "map/about.json"):
+        connection = http.client.HTTPConnection(address.netloc, timeout=10)
+        connection.request("GET", f"/{path}?{address.query}")
+        headers = connection.getresponse().headers
+        policy = dict(part.split(maxsplit=1) for part in headers["Content-Security-Policy"].split(";") if part.strip())
+        assert headers["X-Content-Type-Options"] == "nosniff"
+        assert headers["Referrer-Policy"] == "no-referrer"
+        assert headers["Cross-Origin-Opener-Policy"] == "same-origin"
+        assert headers["Cross-Origin-Resource-Policy"] == "same-origin"
+        assert "frame-ancestors" in policy
+        assert "Server" not in headers
+        if path == "":
+            here = f"127.0.0.1:{address.port}"
+            assert policy["connect-src"] == f"'self' ws://{here} wss://{here}"
+            assert "*" not in policy["default-src"]
+        else:
+            assert policy["default-src"] == "'none'"
+
+
+def test_the_token_is_not_logged_and_is_compared_in_constant_time(cockpit, caplog, monkeypatch, capfd):
+    compared = []
+    monkeypatch.setattr("hmac.compare_digest", lambda one, two: compared.append(two) or one == two)
+    one = cockpit("planar_3r", host="0.0.0.0")
+    for path in ("", "none", "snapshot.html", "static/none.js", "../x"):
+        get(one.server.local_url, path)
+    assert {two.decode() for two in compared} == {one.server.token}
+    out, err = capfd.readouterr()
+    assert one.server.token not in caplog.text + out + err

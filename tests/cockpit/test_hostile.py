@@ -29,9 +29,9 @@ def page(robot, caplog):
     caplog.set_level(logging.WARNING)
     opened = []
 
-    def open_page(**options):
+    def open_page(host="127.0.0.1"):
         setup = arrange({"delta4": robot("delta4")}, follow="circle")
-        opened.append(Cockpit(setup, port=8150, own_process=False, **options))
+        opened.append(Cockpit(setup, host=host, port=8150, token=None if host == "0.0.0.0" else "", own_process=False))
         return opened[-1]
 
     yield open_page

@@ -20,8 +20,8 @@ START = {"type": "start_drag", "robot": "delta", "node": "link5", "point": [0, 0
 MOVE = {"type": "move_drag", "position": [0, 0, 0]}
 HELLO = HelloMessage(PROTOCOL, 1, "", (), (), (), (), (), None, (), None)
 REPORT = ReportMessage(
-    robots={}, switches=(), rate=TickRate(1000.0, 0.1), clients=1, sensors=(), undo=0, redo=0, paused=False,
-    settings=Settings(100.0, 0.05, 0.1, 0.5, "world"), moving=None, recording=None, playback=None,
+    robots={}, switches=(), rate=TickRate(1000.0, 0, 0, 0.1, False), clients=1, sensors=(), undo=0, redo=0,
+    paused=False, settings=Settings(100.0, 0.05, 0.1, 0.5, "world"), moving=None, recording=None, playback=None,
 )  # fmt: skip
 
 
@@ -97,7 +97,9 @@ def test_who_comes_late_sees_the_newest_at_once_with_its_report(hub):
     hub.show(state())
     _, line = join(hub)
     assert line.told[1]["frame"] == 2
-    assert line.told[1]["report"]["rate"] == {"ticks": 1000.0, "late": 0.1}
+    assert line.told[1]["report"]["rate"] == {
+        "ticks": 1000.0, "missed": 0, "missed_in_all": 0, "late": 0.1, "at_rest": False,
+    }  # fmt: skip
 
 
 def test_a_report_is_told_once_however_many_frames_are_left_out(hub):
@@ -193,3 +195,72 @@ def test_who_takes_no_frame_for_long_is_given_up(hub, monkeypatch):
     hub.show(state())
     assert line.closed[0] == 1001
     assert not hub.clients
+
+
+def test_messages_beyond_the_budget_of_all_wait_but_not_those_of_who_has_control_or_sends_little(hub, monkeypatch):
+    monkeypatch.setattr(hubs.time, "monotonic", lambda: now)
+    now = 100.0
+    hub = Hub(SETUP, lambda command: None, lambda number: replace(HELLO, client=number))
+    greedy = [join(hub)[0] for _ in range(20)]
+    modest, driver = join(hub)[0], join(hub)[0]
+    hub.receive(driver, json.dumps({"type": "request_control", "on": True}))
+    read = dict.fromkeys(greedy, 0)
+    free = dict.fromkeys(greedy, now)
+    waited = 0.0
+    for step in range(5000):
+        now = 100.0 + 1e-3 * step
+        for client in greedy:
+            if now >= free[client]:
+                free[client] = now + max(0.0025, hub.pause(client))
+                read[client] += 1
+        if step % 17 == 0:
+            waited = max(waited, hub.pause(modest))
+        if step % 3 == 0:  # a client sends at most 400 per second
+            assert hub.pause(driver) == 0.0
+    assert waited == 0.0
+    assert sum(read.values()) < 1.2 * 5.0 * hubs.BUDGET
+    assert max(read.values()) < 1.1 * min(read.values())
+    calm = Hub(SETUP, lambda command: None, lambda number: replace(HELLO, client=number))
+    client, _ = join(calm)
+    assert not any(calm.pause(client) for _ in range(hubs.FASTEST))
+
+
+def test_clients_that_take_control_in_turns_gain_nothing(hub, monkeypatch):
+    monkeypatch.setattr(hubs.time, "monotonic", lambda: now)
+    now = 100.0
+    hub = Hub(SETUP, lambda command: None, lambda number: replace(HELLO, client=number))
+    read = 0
+    while now < 105.0:
+        client, _ = join(hub)
+        hub.receive(client, json.dumps({"type": "request_control", "on": True}))
+        for _ in range(hubs.FASTEST):
+            now += 1e-4 + hub.pause(client)
+            read += 1
+        hub.leave(client)
+    assert read < 1.2 * 5.0 * (hubs.BUDGET + hubs.FASTEST)
+
+
+def test_messages_wait_while_the_session_has_many_commands(hub):
+    hub = Hub(SETUP, lambda command: None, lambda number: replace(HELLO, client=number), waiting=lambda: waiting)
+    waiting = hubs.QUEUE
+    assert not hub.queue_is_full()
+    waiting += 1
+    assert hub.queue_is_full()
+
+
+def test_it_receives_whether_anybody_watches(hub):
+    watched = []
+    hub = Hub(SETUP, lambda command: None, lambda number: replace(HELLO, client=number), watched.append)
+    first, second = join(hub)[0], join(hub)[0]
+    hub.show(state(1.0), REPORT)
+    hub.leave(first)
+    assert watched == [True]
+    hub.leave(second)
+    hub.leave(second)
+    assert watched == [True, False]
+    _, late = join(hub)
+    assert watched == [True, False, True]
+    assert late.frames() == []  # none that has grown old
+    hub.show(state(2.0))
+    assert late.frames() == [2]
+    assert "report" not in late.told[-1]

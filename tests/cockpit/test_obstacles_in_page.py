@@ -53,10 +53,10 @@ def test_the_page_is_told_what_is_an_obstacle_and_its_title_names_robots_only(se
     assert {one.name: one.mobility for one in hello.obstacles} == {"pole": 6, "floor": 0}
     assert hello.obstacles[0].length == hello.robots[0].length  # marks on it are as large as on the robot
     session = Session(setup)
-    said = state_message(session.state(), NodePoses(setup.robots))
+    message = state_message(session.state(), NodePoses(setup.robots), {})
     session.close()
-    assert said.obstacles["pole"][:3] == pytest.approx([0.45, 0.25, 0.5])
-    assert said.statuses["pole"].name == "IDLE"
+    assert message.obstacles["pole"][:3] == pytest.approx([0.45, 0.25, 0.5])
+    assert message.statuses["pole"].name == "IDLE"
 
 
 def test_robot_obstacles_and_goal_are_in_the_page_where_the_scene_has_them(root):

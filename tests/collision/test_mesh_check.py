@@ -147,9 +147,10 @@ def test_links_whose_solids_always_overlap_are_checked_by_their_meshes():
     given = scene(talos(), {}, talos().q_home)
     clearance = clearance_of(given)
     both = frozenset(("arm_left_3_link", "arm_left_5_link"))
-    assert both not in {frozenset(clearance.names(pair)) for pair in range(len(clearance.pairs))}
+    (pair,) = [pair for pair in range(len(clearance.pairs)) if both == set(clearance.names(pair))]
+    assert clearance.distances(talos().q_home)[pair] > 0.0
     check = MeshCheck(given)
-    assert check.unchecked == ()
+    assert both not in map(frozenset, check.unchecked)
     free = LocalIK(talos()).samples(50, np.random.default_rng(3))
     beyond = np.random.default_rng(0).uniform(-np.pi, np.pi, size=(100, talos().model.nq))  # limits apart
     named = [[both <= set(check.contact(q).split("'")) for q in some] for some in (free, beyond)]
@@ -215,7 +216,7 @@ def test_a_path_with_contact_is_never_reported_as_reached(monkeypatch):
     """Even if no pair of links were kept clear while planning."""
     bodies = cinegen.collision.clearance.links_of(panda())[0]
     monkeypatch.setattr(cinegen.collision.clearance, "links_of", lambda mechanism: (bodies, ()))
-    found = plan(scene(panda(), READY, panda().configuration(FOLDED)), attempts=2)
+    found = plan(scene(panda(), READY, panda().configuration(FOLDED)), attempts=2, planner="vortex", shorten=False)
     assert [one.status for one in found.attempts] == [PlanStatus.IN_COLLISION] * 2
     assert not found
     assert "check against the meshes" in found.reason
@@ -226,7 +227,7 @@ def test_a_path_that_does_not_reach_is_checked_too_when_no_attempts_are_left(mon
     """What is recorded, or reported as without contact, was checked."""
     bodies = cinegen.collision.clearance.links_of(panda())[0]
     monkeypatch.setattr(cinegen.collision.clearance, "links_of", lambda mechanism: (bodies, ()))
-    found = plan(scene(panda(), READY, panda().configuration(FOLDED)), attempts=1, steps=40)
+    found = plan(scene(panda(), READY, panda().configuration(FOLDED)), attempts=1, steps=40, planner="vortex")
     assert found.status is PlanStatus.IN_COLLISION
     assert not meshes().touch_along(found.path)
 

@@ -6,6 +6,7 @@ import json
 import math
 from dataclasses import replace
 
+import coal
 import numpy as np
 import pinocchio as pin
 import pytest
@@ -14,7 +15,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scenes_of_tables import refused, scene_with, to_point
 
-from cinegen.collision import SceneError, scene_of
+import cinegen
+from cinegen.collision import Clearance, Obstacle, SceneError, scene_of
+from cinegen.collision.body import Body
+from cinegen.collision.links import link_bodies
 from cinegen.collision.obstacle_kinds import HEIGHT, KINDS
 
 seeds = st.integers(0, 2**32 - 1)
@@ -99,7 +103,7 @@ def test_points_are_as_far_from_an_obstacle_as_geometry_says(case, seed):
 
 def test_every_kind_is_tried():
     tried = {case.split()[0] for case in SHAPES}
-    assert tried | {"mesh"} == set(KINDS)
+    assert tried | {"mesh", "robot"} == set(KINDS)
 
 
 @given(seeds)
@@ -312,3 +316,46 @@ def _close(a, b):
     if isinstance(a, list):
         return len(a) == len(b) and all(map(_close, a, b))
     return a == b or (isinstance(a, float) and abs(a - b) < 1e-9)
+
+
+# --- another robot -----------------------------------------------------------------------------------------------
+
+
+def test_another_robot_is_an_obstacle_at_its_joint_values_and_base_pose(root):
+    """Its convex bodies are as far from a ball as the robot itself is, moved there."""
+    other = cinegen.load(root / "robots/planar_3r.raff")
+    values = {"joint1": 0.7, "joint3": -0.4}
+    table = {"name": "other", "kind": "robot", "file": "robots/planar_3r.raff", "joints": values, "point": [1, 0.5, 0]}
+    made = scene_of({"mobile": {"radius": 0.1}, "goal": {"point": [3, 0]}, "obstacle": [table]}, root)
+    (obstacle,) = made.obstacles
+    q, ball = other.configuration(values), np.array([0.9, 0.9, 0.3])
+    near = Obstacle("ball", (Body("ball", 0, pin.SE3(np.eye(3), ball - [1, 0.5, 0]), coal.Sphere(0.05)),))
+    bodies = link_bodies(other)
+    expected = Clearance(other, bodies, [near]).least(q)
+    moving = [body for body, link in zip(obstacle.bodies, bodies, strict=True) if link.joint]
+    found = [
+        coal.distance(
+            body.shape, coal.Transform3s(body.placement.rotation, body.placement.translation),
+            coal.Sphere(0.05), coal.Transform3s(np.eye(3), ball), coal.DistanceRequest(), coal.DistanceResult(),
+        )
+        for body in moving
+    ]  # fmt: skip
+    assert min(found) == pytest.approx(expected, abs=1e-6)
+    (again,) = scene_of(made.document(), root).obstacles
+    assert [one.placement for one in again.bodies] == [one.placement for one in obstacle.bodies]
+
+
+@pytest.mark.parametrize(
+    ("values", "reason"),
+    [
+        ({}, "file is missing"),
+        ({"file": "robots/none.raff"}, "does not exist"),
+        ({"file": "robots/planar_3r.raff", "joints": {"jiont1": 0.1}}, "did you mean 'joint1'"),
+        ({"file": "README.md"}, "can't be loaded"),
+    ],
+)
+def test_another_robot_that_makes_no_sense_is_refused(root, values, reason):
+    with pytest.raises(SceneError, match=reason):
+        scene_of(
+            {"mobile": {"radius": 0.1}, "goal": {"point": [3, 0]}, "obstacle": [{"kind": "robot", **values}]}, root
+        )

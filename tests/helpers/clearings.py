@@ -13,6 +13,7 @@ import pinocchio as pin
 import cinegen
 from cinegen.collision import Clearance, Obstacle
 from cinegen.collision.body import Body
+from cinegen.collision.exact_distances import UP_TO
 from cinegen.collision.links import link_bodies
 from cinegen.collision.mobile_robot import mobile_body, mobile_robot
 from cinegen.collision.self_collision import collision_pairs
@@ -83,19 +84,28 @@ def around(name: str, seed: int, count: int = 4, near: float = 0.4) -> list[Body
 
 
 def measured(clearance: Clearance, q) -> np.ndarray:
-    """(pairs,) distances by coal itself, each body placed by Pinocchio's kinematics of its own."""
+    """(pairs,) distances by coal itself, each body placed by Pinocchio's kinematics of its own: of convex bodies, and
+    where these are near, of the shapes inside; meshes that overlap count as deep as the convex bodies around them. The
+    offset is added between links."""
     model = clearance.mechanism.model
     data = model.createData()
     pin.forwardKinematics(model, data, q)
+
+    def distance(pair) -> float:
+        places = [data.oMi[one.joint] * one.placement for one in pair]
+        first, second = (coal.Transform3s(place.rotation, place.translation) for place in places)
+        request, result = coal.DistanceRequest(), coal.DistanceResult()
+        return float(coal.distance(pair[0].shape, first, pair[1].shape, second, request, result))
+
     found = []
-    for pair in clearance.pairs:
-        shapes, places = [], []
-        for one in (clearance.bodies[int(i)] for i in pair):
-            place = data.oMi[one.joint] * one.placement
-            shapes.append(one.shape)
-            places.append(coal.Transform3s(place.rotation, place.translation))
-        result = coal.DistanceResult()
-        found.append(coal.distance(shapes[0], places[0], shapes[1], places[1], coal.DistanceRequest(), result))
+    for number, pair in enumerate(clearance.pairs):
+        bodies, offset = [clearance.bodies[int(i)] for i in pair], clearance.offset(number)
+        exact, least, within = [body.as_described for body in bodies], distance(bodies), clearance.exact_within - offset
+        if exact != bodies and least < within:
+            inner = distance(exact)
+            if inner > 0.0 or not any(isinstance(body.shape, coal.BVHModelOBBRSS) for body in exact):
+                least = min(inner, UP_TO * within)
+        found.append(least + offset if least > 0.0 else least)
     return np.array(found)
 
 

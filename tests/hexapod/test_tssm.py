@@ -185,11 +185,24 @@ def test_a_flat_pose_is_eight_solutions_in_one(rng):
         assert modes.counts.real >= 8
 
 
-def test_hardly_any_flat_pose_is_missed_and_none_without_a_word():
-    found = [flat_pose(np.random.default_rng(seed)) for seed in range(400)]
-    missed = [modes for modes, far in found if not len(far) or far.min() > 1e-4]
-    assert len(missed) <= 4
-    assert not any(modes.complete for modes in missed)
+WHERE_A_CIRCLE_IS_SMALL = (1803, 2268, 2852, 5547, 7082, 7092, 9412, 9475, 10950, 11972, 13179, 17339, 19276, 23726)
+"""Seeds of flat poses at which rounding of the lengths makes the roots of a small circle complex."""
+
+WHERE_NEWTON_IS_SLOW = (1841, 2834, 2989, 3551, 5367, 6379, 13196)
+
+
+@pytest.mark.parametrize("seed", [*range(400), *WHERE_A_CIRCLE_IS_SMALL, *WHERE_NEWTON_IS_SLOW])
+def test_no_flat_pose_is_missed(seed):
+    _, far = flat_pose(np.random.default_rng(seed))
+    assert far.min(initial=np.inf) <= 1e-4
+
+
+@given(seeds)
+def test_where_rounding_decides_no_mode_is_listed_twice(rng):
+    modes, _ = flat_pose(rng)
+    points = [placement[:3, 3] for placement in modes.placements]
+    assert modes.counts.total == 16
+    assert modes.counts.real >= len(points)
 
 
 @given(seeds)

@@ -9,15 +9,16 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import nnls
 
-from cinegen.ik.equations import free_motions
-from cinegen.ik.thresholds import NEAR, RESTING
+from cinegen.ik.thresholds import RESTING
+from cinegen.loops.motions import free_motions, orthonormal
+from cinegen.tolerances import NEAR_SINGULAR
 
 Array = NDArray[np.float64]
 
 _TOUCH = 1e-12  # rad: a step that ends this little beyond a bound ends on it
 
 
-def damping(sigma: Array, error: float, near: float = NEAR) -> Array:
+def damping(sigma: Array, error: float, near: float = NEAR_SINGULAR) -> Array:
     """Return what is added to each squared singular value, (k,): exactly 0 from `near` on.
 
     (1 - (sigma / near)^2)^2 (near^2 / 4 + error) below: only singular directions that are about to be lost are damped
@@ -51,7 +52,16 @@ class Resolution:
     frozen: tuple[int, ...]
 
 
-def resolve(loops: Array, rank: int, tasks: Array, task_rank: int, error: Array, low: Array, high: Array) -> Resolution:
+def resolve(
+    loops: Array,
+    rank: int,
+    tasks: Array,
+    task_rank: int,
+    error: Array,
+    low: Array,
+    high: Array,
+    cut_rates: Array | None = None,
+) -> Resolution:
     """Return the step that does most for the tasks while every loop stays closed and every joint within its bounds.
 
     In the coordinates y of the free motions V, with the SVD A = tasks V = U S W^T, the step minimises
@@ -70,8 +80,11 @@ def resolve(loops: Array, rank: int, tasks: Array, task_rank: int, error: Array,
         error: (k,) desired motion.
         low: (nv,) lowest step of each joint, at most 0.
         high: (nv,) highest, at least 0.
+        cut_rates: (., nv) velocities of the joints that were cut: together with them, V is orthonormal.
     """
     motions, loop_sigma = free_motions(loops, rank)
+    if cut_rates is not None:
+        motions = orthonormal(motions, cut_rates)
     width = motions.shape[1]
     if width == 0 or len(error) == 0:
         return Resolution(np.zeros(len(low)), np.zeros(0), loop_sigma, ())

@@ -302,6 +302,12 @@ def test_a_wrist_whose_axes_are_in_line_leaves_a_curve(robot):
     found = solved(arm, arm.placement(q, "tool"))
     assert not found.complete
     assert "a curve of configurations" in found.method
+    assert len(found.self_motions) == 2  # shoulder to the front and to the back
+    for motion in found.self_motions:
+        assert (motion.dimension, motion.moving) == (1, ("joint4", "joint6"))
+        assert max(found.task.distances(arm, motion.configuration)) < 1e-9
+        assert abs(motion.configuration[arm.q_index("joint5")]) < 1e-6
+    assert found.as_dict()["self_motions"][0]["moving"] == ["joint4", "joint6"]
 
 
 def test_a_curve_is_not_excluded_where_shoulder_and_wrist_are_singular_at_once():
@@ -399,11 +405,14 @@ def test_a_free_base_stays_where_it_is(robot):
     found = cinegen.inverse_kinematics(arm, {"tool": arm.placement(wrist, "tool")}, wrist, all=True)
     assert not found.complete
     assert "a curve of configurations" in found.method
+    bend = arm.q_index("joint5")
+    for one, certificate in zip(found, found.certificates, strict=True):
+        assert certificate is None or abs(math.sin(one[bend])) > 1e-3  # a point of the curve is not certified
     q = np.concatenate(
         [pin.SE3ToXYZQUAT(pin.SE3(pin.exp3(np.array([0.3, 0.2, 0.1])), np.ones(3))), robot("rx90").q_home]
     )
     found = cinegen.inverse_kinematics(arm, {"tool": arm.placement(q, "tool")}, q, all=True)
-    assert (len(found), found.complete) == (8, True)
+    assert (len(found), found.complete, found.certified) == (8, True, 8)
     assert all(np.array_equal(one[:7], q[:7]) for one in found)
     assert max(map(max, found.errors)) < 1e-12
     assert "the base stays where it is" in found.method

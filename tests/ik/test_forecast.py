@@ -9,13 +9,13 @@ import pinocchio as pin
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from loop_openings import pin_screws
 from planar import TWO_R, root, singular_values, two_r
 
 from cinegen import CinegenError, Solver, forecast_motion
 from cinegen.ik import EventKind, LimitMargin, LookAhead, Posture
 from cinegen.ik.forecast import _interpolated
-from cinegen.ik.singular import NEAR_PASSIVE, passive_singular_values
-from cinegen.ik.thresholds import NEAR
+from cinegen.tolerances import NEAR_SINGULAR
 
 DT = 0.01
 A, B = 0.4, 0.3
@@ -63,14 +63,14 @@ def test_when_an_arm_is_stretched(raff, how, dt):
         return singular_values(two_r(A, B, 0.0, elbow(time)) / arm.length)[1]
 
     stretched = (A + B - here) / speed
-    near = root(lambda time: NEAR - sigma(time), 0.0, stretched)
+    near = root(lambda time: NEAR_SINGULAR - sigma(time), 0.0, stretched)
     event = _first(forecast, EventKind.TYPE_1)
     assert event.time == pytest.approx(near, abs=0.2 * (dt or 0.03))
-    assert event.sigma == NEAR
+    assert event.sigma == NEAR_SINGULAR
     assert event.q[1] == pytest.approx(elbow(near), abs=2e-2)
     before = forecast.times < near
     assert forecast.sigma_min[before] == pytest.approx([sigma(time) for time in forecast.times[before]], abs=4e-3)
-    assert forecast.sigma_min[-1] < 0.2 * NEAR
+    assert forecast.sigma_min[-1] < 0.2 * NEAR_SINGULAR
     assert np.isinf(forecast.passive_sigma_min).all()
     assert _kinds(forecast_motion(solver, 0.9 * near)) == []
     assert _kinds(forecast_motion(solver, 3.0, moving=False)) == (
@@ -111,36 +111,39 @@ ROCKER = """
     constraint { frame 4 frame 5 type 2 } }"""
 
 
-def _rocker_singular(crank, side):
-    """Of a crank (0.12 m) and its coupler (0.36 m), whose end is 0.24 m from (0.4, 0): two circles meet."""
+def _pins(crank, side):
+    """(4, 2) of a four-bar: of its crank (0.12 m) at the base, of the coupler (0.36 m) at both ends, and of the rocker
+    (0.24 m) at the base, (0.4, 0). Two circles meet."""
     end = 0.12 * np.array([math.cos(crank), math.sin(crank)])
-    way = np.array([0.4, 0.0]) - end
-    far = float(np.linalg.norm(way))
+    apart = np.array([0.4, 0.0]) - end
+    far = float(np.linalg.norm(apart))
     along = (0.36**2 - 0.24**2 + far**2) / (2.0 * far)
     across = side * math.sqrt(0.36**2 - along**2)
-    met = end + (along * way + across * np.array([-way[1], way[0]])) / far
-    rods = [met, met - end]
-    columns = np.column_stack([[-rod[1], rod[0]] for rod in rods])
-    return singular_values(columns), float(np.linalg.det(columns))
+    return np.array([[0.0, 0.0], end, end + (along * apart + across * np.array([-apart[1], apart[0]])) / far, [0.4, 0]])
 
 
 @pytest.mark.parametrize("dt", [DT, 0.05])
 def test_when_a_four_bar_meets_its_dead_point(raff, dt):
-    """Its crank is turned evenly; its motor is on the rocker. A dead point is passed, not only approached: it is
-    found however low the threshold."""
+    """The rocker is actuated, and the crank rotates evenly. A dead point is passed, not only approached: it is found
+    however low the threshold."""
     bar = raff(ROCKER)
     solver = Solver(bar, DT)
     task = solver.add_task("link1", translation=0, rotation=1)
     task.twist = [0.0, 0.0, 0.0, 0.0, 0.0, 1.0]  # rad/s
     start = bar.q_home[bar.q_index("joint1")]
-    values = passive_singular_values(bar, bar.q_home)
-    side = next(s for s in (1.0, -1.0) if _rocker_singular(start, s)[0][1] / bar.length == pytest.approx(values[1]))
-    sign = math.copysign(1.0, _rocker_singular(start, side)[1])
-    for threshold in (NEAR_PASSIVE, 1e-3, 1e-9):
+    met = bar.placement(bar.q_home, "frame4").translation[:2]
+    side = next(s for s in (1.0, -1.0) if _pins(start, s)[2] == pytest.approx(met))
+
+    def sigma(time):
+        """Smallest singular value of the three passive pins, with the sign of the area between them."""
+        passive = pin_screws(_pins(start + time, side), _pins(start, side))[:, :3]
+        return math.copysign(np.linalg.svd(passive, compute_uv=False)[2], np.linalg.det(passive))
+
+    sign = math.copysign(1.0, sigma(0.0))
+    for threshold in (NEAR_SINGULAR, 1e-3, 1e-9):
 
         def left(time, threshold=threshold):
-            (_, smaller), area = _rocker_singular(start + time, side)
-            return threshold - sign * math.copysign(smaller, area) / bar.length
+            return threshold - sign * sigma(time)
 
         time = root(left, 0.0, 2.0)
         assert left(time) == pytest.approx(0.0, abs=1e-9)  # there is one

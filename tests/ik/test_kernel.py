@@ -22,12 +22,13 @@ from cinegen import Solver
 from cinegen.ik._kernels import bounds, tasks
 from cinegen.ik._kernels.memory import SolverMemory
 from cinegen.ik.equations import axes_of, equations, task_rank
-from cinegen.ik.thresholds import FULL, NEAR, REST
+from cinegen.ik.thresholds import FULL, REST
 from cinegen.jit import compiled, factor, svd
 from cinegen.loops._kernels import kinematics, residual
 from cinegen.loops._kernels.memory import LoopMemory
 from cinegen.loops.arrays import set_up
 from cinegen.loops.thresholds import HEALTHY
+from cinegen.tolerances import NEAR_SINGULAR
 from raff2urdf.residual import loop_residual
 
 ROBOTS = Path(__file__).resolve().parents[2] / "robots"
@@ -166,19 +167,20 @@ def expected_step(solver: Solver, low: np.ndarray, high: np.ndarray, longest: np
     slowed, bent and damped at once; or bent where a direction is lost altogether, and what is redundant instead is
     anyone's choice."""
     mechanism = solver.mechanism
-    loops = mechanism.system.evaluate(solver.q)[1]
+    loops, cut_rates = mechanism.system.evaluate(solver.q)[1], mechanism.system.cut_rates()
     error, rows = plain_equations(solver)
     rank, of_tasks = mechanism.loop_rank, task_rank(mechanism, mechanism.system, solver.tasks, slice(None))
     infinite = np.full(len(low), np.inf)
-    found = resolve(loops, rank, rows, of_tasks, error, -infinite, infinite)
+    found = resolve(loops, rank, rows, of_tasks, error, -infinite, infinite, cut_rates)
     pace = min(1.0, FULL / float((np.abs(found.step) / longest).max(initial=1e-9)))
     step = pace * found.step
     if (step <= high).all() and (step >= low).all():
         return step
     lost = found.sigma[of_tasks - 1]
-    if (pace < 1.0 and lost < NEAR) or lost < 1e-9:
+    if (pace < 1.0 and lost < NEAR_SINGULAR) or lost < 1e-9:
         return None
-    return resolve(loops, rank, rows, of_tasks, pace * error, np.maximum(low, -longest), np.minimum(high, longest)).step
+    low, high = np.maximum(low, -longest), np.minimum(high, longest)
+    return resolve(loops, rank, rows, of_tasks, pace * error, low, high, cut_rates).step
 
 
 def steps_agree(solver: Solver, rng: np.random.Generator, tight: float) -> str:
@@ -237,7 +239,7 @@ def test_near_singularities_too(name, which, bent):
         for _ in range(6):
             solver = Solver(mechanism, 1.0, q=q)
             solver.add_task("tool", near(mechanism, mechanism.placement(q, "tool"), rng, 0.01), 3, rotation)
-            damped += solver.step().singular_values[-1] < NEAR
+            damped += solver.step().singular_values[-1] < NEAR_SINGULAR
             solver.q = q
             seen.append(steps_agree(solver, rng, float(rng.choice([1e-3, 100.0]))))
     assert damped

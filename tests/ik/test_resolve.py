@@ -9,8 +9,9 @@ from hypothesis import strategies as st
 from reference_tick import damping, resolve
 from scipy.optimize import LinearConstraint, minimize
 
-from cinegen.ik.equations import free_motions
-from cinegen.ik.thresholds import NEAR, RESTING
+from cinegen.ik.thresholds import RESTING
+from cinegen.loops.motions import free_motions
+from cinegen.tolerances import NEAR_SINGULAR
 
 seeds = st.integers(0, 2**32 - 1)
 
@@ -44,7 +45,7 @@ def test_without_bounds_the_pulls_are_met_by_the_shortest_step(seed):
     loops, tasks, error = _loops(rng, 5, 9, 3), rng.normal(size=(3, 9)), rng.normal(size=3)
     free = np.full(9, np.inf)
     found = resolve(loops, 3, tasks, 3, error, -free, free)
-    if found.sigma[-1] < NEAR:
+    if found.sigma[-1] < NEAR_SINGULAR:
         return
     # an independent statement: the least-norm solution of both together
     shortest = np.linalg.lstsq(np.vstack([loops, tasks]), np.concatenate([np.zeros(5), error]), rcond=1e-10)[0]
@@ -95,8 +96,8 @@ def test_the_free_motions_keep_their_width_where_the_loops_lose_a_rank():
 
 
 def test_damping_is_exactly_none_away_from_singularities_and_smooth_up_to_them():
-    assert not damping(np.array([10.0, 1.0, NEAR]), 0.1).any()
-    sigma = np.linspace(0.0, 2 * NEAR, 4001)
+    assert not damping(np.array([10.0, 1.0, NEAR_SINGULAR]), 0.1).any()
+    sigma = np.linspace(0.0, 2 * NEAR_SINGULAR, 4001)
     values = damping(sigma, 0.05)
     assert values[0] == RESTING + 0.05
     assert (np.diff(values) <= 0.0).all()

@@ -9,6 +9,7 @@ import pinocchio as pin
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from loop_openings import Openings, pin_screws
 from planar import TWO_R, singular_values, two_r
 
 from cinegen import Solver
@@ -88,7 +89,9 @@ def test_along_the_weakest_joint_direction_pulls_move_by_sigma(robot, seed, name
     lost, unit = step.lost_dof, _unit(mechanism)
     jacobian = _world(mechanism, step.q, mechanism.end)
     assert jacobian @ lost.joints / unit == pytest.approx(lost.sigma * lost.twists[0] / unit, abs=1e-9)
-    assert np.linalg.norm(lost.joints / mechanism.scale) == pytest.approx(1.0)
+    mechanism.system.evaluate(step.q)
+    cut = mechanism.system.cut_rates() @ (lost.joints / mechanism.scale)
+    assert np.linalg.norm([*(lost.joints / mechanism.scale), *cut]) == pytest.approx(1.0)
     assert np.linalg.norm(lost.twists[0] / unit) == pytest.approx(1.0)
     if mechanism.is_constrained:
         assert mechanism.loop_jacobian(step.q) @ lost.joints == pytest.approx(0.0, abs=1e-9)
@@ -151,11 +154,9 @@ def test_a_base_that_rests_has_no_part_in_it(raff):
 # --- type 2 ----------------------------------------------------------------------------------------------------------
 
 
-def _rods(mechanism, q, first, second):
-    """(2, 2) what a four-bar's passive joints do to its cut pin: rods from the nodes' origins to it."""
-    pin_at = mechanism.placement(q, "frame4").translation
-    rods = [pin_at - mechanism.placement(q, node).translation for node in (first, second)]
-    return np.column_stack([[-rod[1], rod[0]] for rod in rods]) * np.array([1.0, -1.0])
+def _pins(mechanism, q):
+    """(4, 2) where a four-bar's pins are; the first is actuated."""
+    return np.array([mechanism.placement(q, node).translation[:2] for node in ("link1", "link2", "link3", "frame4")])
 
 
 def test_a_four_bar_gains_a_motion_as_its_closed_form_says(robot):
@@ -163,9 +164,9 @@ def test_a_four_bar_gains_a_motion_as_its_closed_form_says(robot):
     for q in bar.random_closed(20, seed=1):
         solver = Solver(bar, DT, q=q)
         step = solver.step()
-        expected = singular_values(_rods(bar, q, "link2", "link3") / bar.length)
+        expected = np.linalg.svd(pin_screws(_pins(bar, q), _pins(bar, bar.q_home))[:, 1:], compute_uv=False)
         assert step.passive_singular_values == pytest.approx(expected, abs=1e-12)
-        assert step.uncontrolled_dof.sigma == pytest.approx(expected[1], abs=1e-12)
+        assert step.uncontrolled_dof.sigma == pytest.approx(expected[2], abs=1e-12)
 
 
 ROCKER = """
@@ -191,7 +192,7 @@ def test_a_four_bar_driven_by_its_rocker_has_a_dead_point(raff):
     assert gained.sigma < 1e-6  # closing leaves the square root of rounding
     # crank and coupler buckle, the rocker stands: the pin stays where it is to first order
     expected = {"joint1": b, "joint2": -(a + b), "joint3": 0.0}
-    size = math.hypot(*expected.values())
+    size = math.hypot(*expected.values(), a)  # and the cut pin's
     for joint, value in expected.items():
         assert abs(gained.joints[bar.v_index(joint)]) == pytest.approx(abs(value) / size, abs=1e-6)
     assert gained.joints[bar.v_index("joint1")] * gained.joints[bar.v_index("joint2")] < 0.0
@@ -208,14 +209,19 @@ def test_along_the_gained_motion_loops_open_by_sigma(robot, seed, name):
     gained = step.uncontrolled_dof
     motors = [mechanism.v_index(joint) for joint in mechanism.actuated]
     assert not gained.joints[motors].any()
-    assert np.linalg.norm(gained.joints / mechanism.scale) == pytest.approx(1.0)
     assert gained.sigma == pytest.approx(step.passive_singular_values[-1])
-    assert len(step.passive_singular_values) == mechanism.loop_rank  # of these robots: motors determine all
-    h = 1e-6
-    ahead, behind = (pin.integrate(mechanism.model, q, side * h * gained.joints) for side in (1.0, -1.0))
-    units = np.array([1.0 if "r" in part else mechanism.length for loop in mechanism.loops for part in loop.components])
-    opened = (mechanism.loop_residual(ahead) - mechanism.loop_residual(behind)) / (2.0 * h) / units
-    assert np.linalg.norm(opened) == pytest.approx(gained.sigma, abs=1e-7)
+    opened = Openings(mechanism).matrix(q)
+    cut = opened.shape[1] - mechanism.model.nv
+    assert len(step.passive_singular_values) == mechanism.loop_rank + cut  # the actuated joints determine all
+    passive = np.delete(opened, motors, axis=1)
+    values = np.linalg.svd(passive, compute_uv=False)
+    assert step.passive_singular_values == pytest.approx(values[: mechanism.loop_rank + cut], abs=1e-7)
+    of_joints, of_cut = np.split(opened, [mechanism.model.nv], axis=1)
+    joints = gained.joints / mechanism.scale
+    # the cut joints follow so that |K x| = sigma |x| is least
+    follow = -np.linalg.solve(of_cut.T @ of_cut - gained.sigma**2 * np.eye(cut), of_cut.T @ of_joints @ joints)
+    assert np.linalg.norm([*joints, *follow]) == pytest.approx(1.0)
+    assert np.linalg.norm(of_joints @ joints + of_cut @ follow) == pytest.approx(gained.sigma, abs=1e-7)
 
 
 def test_without_loops_nothing_is_gained(robot):
@@ -231,8 +237,7 @@ def test_a_joint_that_no_motor_determines_is_no_singularity(raff):
     assert len(idle.passive_columns) == 3
     assert idle.passive_rank == 2
     q = Solver(idle, DT).step()
-    ratio = idle.length / bar.length
-    assert ratio * q.passive_singular_values == pytest.approx(Solver(bar, DT).step().passive_singular_values)
+    assert q.passive_singular_values == pytest.approx(Solver(bar, DT).step().passive_singular_values)
     assert q.uncontrolled_dof.joints[idle.v_index("joint6")] == pytest.approx(0.0, abs=1e-12)
 
 

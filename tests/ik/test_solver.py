@@ -212,6 +212,21 @@ def test_targets_that_are_no_numbers_give_a_status_and_leave_the_rest_alone(robo
     assert np.isfinite(solver.step().q).all()
 
 
+@pytest.mark.parametrize("matrix", [np.zeros((3, 3)), -np.eye(3), 2.0 * np.eye(3), np.diag([1e308, 1.0, 1.0])])
+def test_targets_that_are_no_rotations_give_a_status(robot, matrix):
+    solver = Solver(robot("arm7"), DT)
+    task = solver.add_task("tool")
+    near = np.eye(4)
+    near[:3, :3] = task.target.rotation + 1e-5
+    near[:3, 3] = task.target.translation
+    solver.remove_task(task)
+    for target, known in ((pin.SE3(near), True), (pin.SE3(matrix, np.zeros(3)), False)):
+        task = solver.add_task("tool", target)
+        assert (solver.step().status is not Status.BAD_TARGET) == known
+        assert task.is_valid() == known
+        solver.remove_task(task)
+
+
 def test_the_approach_of_a_singularity_shows_and_the_width_does_not_flicker(robot):
     arm = robot("planar_3r")
     solver = Solver(arm, DT)

@@ -5,6 +5,7 @@ import "./browser.js";
 
 const { share, tone } = await import("../../cinegen/cockpit/static/panel/singularity.js");
 const { summary } = await import("../../cinegen/cockpit/static/bar/status.js");
+const { ticking } = await import("../../cinegen/cockpit/static/bar/footer.js");
 const { fill } = await import("../../cinegen/cockpit/static/panel/slider.js");
 const { Changes } = await import("../../cinegen/cockpit/static/aids/changes.js");
 const { AIDS, Aids } = await import("../../cinegen/cockpit/static/aids/aids.js");
@@ -77,4 +78,22 @@ test("aids that were chosen are remembered, and none is shown where none is wish
   assert.deepEqual([again.shows("ellipsoid"), again.shows("ghost"), again.bodies], [true, false, "skeleton"]);
   assert.equal(new Aids(true).shows("ellipsoid"), false);
   assert.equal(again.shows("unknown"), false);
+});
+
+test("paused or moving, the chip still reports a singularity that a meter shows in red", () => {
+  const near = { arm: { name: "UNCONTROLLED", label: "near a singularity: x" } };
+  const { label, tone: colour } = summary(near, { paused: true, moving: null }, false);
+  assert.deepEqual([label, colour], ["paused, near a singularity: x", "bad"]);
+  const lost = { arm: { name: "SINGULAR", label: "near a singularity: y" } };
+  assert.equal(summary(lost, { paused: false, moving: "home" }, false).label, "moving home, near a singularity: y");
+});
+
+test("the footer shows the ticks and the missed deadlines of the last second", () => {
+  const rate = { ticks: 998.6, missed: 0, missed_in_all: 7, late: 0.21, at_rest: false };
+  assert.equal(ticking(rate).text, "999 /s");
+  assert.equal(ticking(rate).late, false);
+  assert.match(ticking(rate).title, /999 ticks, 0 missed. Since the start: 7 missed, 99 % begin 0.21 ms late/);
+  assert.deepEqual([ticking({ ...rate, missed: 3 }).text, ticking({ ...rate, missed: 3 }).late], ["999 /s, 3 missed", true]);
+  assert.equal(ticking({ ...rate, ticks: 60, at_rest: true }).text, "at rest");
+  assert.equal(ticking(undefined).text, "–");
 });

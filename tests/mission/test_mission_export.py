@@ -164,7 +164,7 @@ def test_what_must_not_be_sent_is_not_written(forbidden):
     with pytest.raises(MissionError) as refused:
         export(forbidden, "csv")
     words = str(refused.value)
-    assert re.search(r"at 0\.\d+ s joint1 is 28\.6 deg beyond its upper limit", words)
+    assert re.search(r"at 0\.\d+ s \(0\.\d+ s of the recording\) joint1 is 28\.6 deg beyond its upper limit", words)
     assert "record another motion" in words
     assert "--unsafe" in words
     assert [one.name for one in forbidden.parent.iterdir()] == ["run.jsonl"]
@@ -180,13 +180,15 @@ def test_unless_that_is_asked_for(forbidden):
 
 def test_what_is_told(robot, tmp_path, recording):
     text = report_text(export(recording("delta4", 1.5), "csv"))
-    assert re.search(r"run\.csv: 3 joints of delta4, 189 samples in 1\.504 s, 125 a second\n", text)
+    assert re.search(r"run\.csv: 3 joints of delta4, \d+ samples in 1\.\d+ s, 125 a second\n", text)
+    assert "assumed: acceleration limit of joint1, joint12, joint6: 10 rad/s^2, 2.5 m/s^2\n" in text
     assert re.search(r"checked: loops closed to \d+e-\d+, joints within their limits, no type 2 singularity", text)
     arm = robot("planar_3r")
     record(tmp_path / "leap.jsonl", arm, [0.0, 0.01], [[0.0, 0.5, 0.0], [1.0, 0.5, 0.0]])
     text = report_text(export(tmp_path / "leap.jsonl", "csv", all_joints=True))
-    slower = float(re.search(r"slowed down by ([\d.]+) s, for velocity limits", text)[1])
-    assert slower == pytest.approx(1.5 / arm.model.upperVelocityLimit[0] - 0.01, rel=3e-3)
+    slower = float(re.search(r"slowed down by ([\d.]+) s, for limits of velocity and acceleration", text)[1])
+    fastest = arm.model.upperVelocityLimit[0]
+    assert slower == pytest.approx(1.0 / fastest + fastest / 10.0 - 0.01, rel=0.05)  # ramps of 10 rad/s^2
     assert "loops" not in text
 
 
@@ -213,8 +215,7 @@ def test_one_of_several_robots(robot, tmp_path):
 def test_faster_and_slower(recording):
     path = recording("planar_3r", 2.0)
     once, slow = export(path, "csv"), export(path, "csv", speed=0.5)
-    assert slow.trajectory.seconds == 2.0 * once.trajectory.seconds
-    assert "slowed down" not in report_text(slow)
+    assert 4.0 <= slow.trajectory.seconds <= 2.0 * once.trajectory.seconds + 0.01
     assert export(path, "csv", speed=100.0).trajectory.seconds > 0.05
     with pytest.raises(MissionError, match=r"speed must be from 0\.01 to 100, not 0"):
         export(path, "csv", speed=0.0)

@@ -278,14 +278,19 @@ def test_what_makes_no_sense_is_left_out(robot, tmp_path):
 
 
 def test_a_loop_closes_without_waiting(robot, tmp_path):
-    arm, path = robot("planar_3r"), tmp_path / "run.jsonl"
-    recorder = MissionRecorder(path, {"arm": arm})
-    for i in range(100):
-        recorder.write(i / 100, {"arm": RobotSample(np.full(3, float(i)), "IDLE")})
-    begin = time.perf_counter()
-    recorder.close(wait=False)
-    assert time.perf_counter() - begin < 0.02
-    assert recorder.error == "closed"
+    times = []
+    for k in range(5):
+        path = tmp_path / f"run{k}.jsonl"
+        recorder = MissionRecorder(path, {"arm": robot("planar_3r")})
+        for i in range(100):
+            recorder.write(i / 100, {"arm": RobotSample(np.full(3, float(i)), "IDLE")})
+        begin = time.perf_counter()
+        recorder.close(wait=False)
+        times.append(time.perf_counter() - begin)
+        assert recorder.error == "closed"
+        if times[-1] < 0.02:  # else another program may have had the processor
+            break
+    assert min(times) < 0.02
     recorder.write(9.0, {"arm": RobotSample(np.zeros(3), "IDLE")})
     recorder.close()
     assert (recorder.lost, len(Recording.load(path).times)) == (0, 100)
@@ -355,6 +360,8 @@ def test_places_of_robots_that_are_not_there(robot, tmp_path):
     [
         (lambda lines: [b"", *lines], "not a mission"),
         (lambda lines: [b"[]"], "not a mission"),
+        (lambda lines: [lines[0].replace(b'"created":"', b'"created":"\xff', 1)], "run.jsonl: line 1: .*utf-8"),
+        (lambda lines: [*lines, b'{"t":9,"robots":{"\xff":{"q":[1],"status":"X"}}}'], ":5: .*utf-8"),
         (lambda lines: [b'{"cinegen":"readings","version":1}'], "It is a recording of sensor readings"),
         (lambda lines: [lines[0].replace(b'"version":3', b'"version":7', 1)], "version 7; only version 3"),
         (lambda lines: [b'{"cinegen":"mission","version":3,"robots":{}}'], "Object missing required field `created`"),
@@ -383,6 +390,14 @@ def test_places_of_robots_that_are_not_there(robot, tmp_path):
         (
             lambda lines: [*lines, b'{"t":9,"robots":{"robot":{"q":[1,2,3],"status":"X","tasks":[3]}}}'],
             r"tasks\[0\]`",
+        ),
+        (
+            lambda lines: [
+                *lines,
+                b'{"t":9,"robots":{"robot":{"q":[1,2,3],"status":"X","tasks":[{"node":"n","source":"pin","target":null,'
+                b'"offset":[0,0,0,1e308,1e308,0,0]}]}}}',
+            ],
+            ":5: Expected a quaternion of length 1",
         ),
     ],
 )

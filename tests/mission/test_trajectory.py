@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import re
 from functools import partial
 
 import numpy as np
@@ -11,8 +10,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from recorded import dragged, record, swung
+from scipy.interpolate import CubicSpline
 
-from cinegen.errors import UnknownNameError
+from cinegen.errors import CinegenError, UnknownNameError
 from cinegen.mission import (
     FindingKind,
     MissionError,
@@ -23,9 +23,10 @@ from cinegen.mission import (
     check,
     resampled,
 )
-from cinegen.mission.curve import JointCurve, slowed
+from cinegen.mission.curve import curve_through
 from cinegen.mission.recording import between
 from cinegen.model import ForwardKinematics
+from cinegen.model.motion_limits import DEFAULT_ACCELERATION, motion_limits
 from cinegen.singularities.crossing import Rows, crossings, of_passive_joints
 
 ROBOTS = ["planar_3r", "rx90", "four_bar", "five_bar", "delta4", "gough", "hybrid", "sr400"]
@@ -38,8 +39,12 @@ def _steps(trajectory: Trajectory):
     return np.abs(np.diff(trajectory.q, axis=0)) * trajectory.rate / limits
 
 
-def _motors(trajectory: Trajectory):
-    return trajectory.positions(trajectory.mechanism.actuated)
+def _accelerations(trajectory: Trajectory):
+    """Second finite differences of the actuated joints, at rest before and after, relative to the default."""
+    mechanism, (angular, linear) = trajectory.mechanism, DEFAULT_ACCELERATION
+    q = trajectory.positions(mechanism.actuated)
+    found = np.diff(np.vstack([q[:1], q, q[-1:]]), n=2, axis=0) * trajectory.rate**2
+    return np.abs(found) / [linear if mechanism.is_prismatic(joint) else angular for joint in mechanism.actuated]
 
 
 def _kinds(findings):
@@ -52,37 +57,16 @@ def _kinds(findings):
 @given(seeds, st.integers(2, 12), st.integers(1, 3))
 def test_a_curve_passes_its_points_overshoots_nowhere_and_rests_at_its_ends(seed, count, width):
     rng = np.random.default_rng(seed)
-    times = np.cumsum(rng.uniform(0.3, 2.0, count))
+    s = np.cumsum(rng.uniform(0.3, 2.0, count))
     points = np.round(rng.normal(size=(count, width)), 1)  # some are equal
-    curve = JointCurve(times, points)
-    assert (curve.at(times) == points).all()
-    dense = np.linspace(times[0], times[-1], 4001)
-    values, speeds = curve.at(dense), curve.speeds(dense)
-    i = np.clip(np.searchsorted(times, dense, side="right") - 1, 0, count - 2)
+    curve = curve_through(s, points)
+    assert curve(s) == pytest.approx(points, abs=1e-12)
+    dense = np.linspace(s[0], s[-1], 4001)
+    values, slopes = curve(dense), curve(dense, 1)
+    i = np.clip(np.searchsorted(s, dense, side="right") - 1, 0, count - 2)
     assert (values >= np.minimum(points[i], points[i + 1]) - 1e-12).all()
     assert (values <= np.maximum(points[i], points[i + 1]) + 1e-12).all()
-    assert (speeds[[0, -1]] == 0.0).all()
-    found = np.diff(values, axis=0) / np.diff(dense)[:, None]
-    assert np.abs(found - 0.5 * (speeds[1:] + speeds[:-1])).max() <= 5e-2 * np.abs(speeds).max() + 1e-9
-    for k in range(count - 1):
-        fastest = np.abs(curve.speeds(np.linspace(times[k], times[k + 1], 801))).max(axis=0)
-        assert (fastest <= curve.fastest[k] + 1e-9).all()
-        assert (fastest >= 0.999 * curve.fastest[k] - 1e-9).all()
-
-
-@given(seeds, st.integers(2, 40))
-def test_a_curve_is_slowed_as_far_as_needed(seed, count):
-    rng = np.random.default_rng(seed)
-    times = np.cumsum(rng.uniform(0.01, 1.0, count))
-    points, limits = rng.normal(size=(count, 2)), np.array([rng.uniform(0.05, 20.0), math.inf])
-    passes = slowed(times, points, limits)
-    before, after = np.diff(times), np.diff(passes)
-    assert passes[0] == 0.0
-    assert (after >= before - 1e-9).all()
-    assert (JointCurve(passes, points).fastest[:, 0] <= limits[0] * (1 + 1e-9)).all()
-    mean = np.abs(np.diff(points[:, 0])) / limits[0]
-    assert (after <= np.maximum(before, 3.01 * mean) + 1e-9).all()
-    assert slowed(times, points, np.array([math.inf, math.inf])) == pytest.approx(times - times[0])
+    assert slopes[[0, -1]] == pytest.approx(0.0, abs=1e-9)
 
 
 # --- laws ------------------------------------------------------------------------------------------------------------
@@ -95,7 +79,8 @@ def test_it_obeys_all_limits_and_stays_closed(robot, tmp_path_factory, name, see
     times, q = swung(mechanism, 0.6, rate=50.0, seed=seed)
     recording = record(tmp_path_factory.mktemp("mission") / "run.jsonl", mechanism, times, q)
     motion = resampled(recording, rate=rate, speed=speed)
-    assert (_steps(motion) <= 1.0 + 1e-9).all()
+    assert (_steps(motion) <= 1.0 + 1e-6).all()
+    assert (_accelerations(motion) <= 1.0 + 1e-6).all()
     assert max(map(mechanism.closure, motion.q)) <= 1e-10
     motors = [mechanism.v_index(joint) for joint in mechanism.actuated]
     limits = mechanism.model.upperVelocityLimit
@@ -109,9 +94,8 @@ def test_it_obeys_all_limits_and_stays_closed(robot, tmp_path_factory, name, see
     # it passes all recorded positions in their order, at the times that it says
     assert (motion.passes[:, 1] == recording.times).all()
     assert (np.diff(motion.passes[:, 0]) >= np.diff(times) / speed - 1e-9).all()
-    curve = JointCurve(motion.passes[:, 0], q[:, [mechanism.q_index(joint) for joint in mechanism.actuated]])
-    assert (curve.at(motion.passes[:, 0]) == curve.points).all()
-    assert _motors(motion) == pytest.approx(curve.at(np.minimum(motion.times, motion.passes[-1, 0])), abs=1e-12)
+    near = np.minimum(np.round(motion.passes[:, 0] * rate).astype(int), len(motion.q) - 1)
+    assert (np.abs(motion.q[near] - q)[:, motors] <= limits[motors] / rate).all()
     findings = check(motion)
     assert not findings.serious, [str(finding) for finding in findings]
     assert findings.closure <= 1e-10
@@ -121,11 +105,14 @@ def test_it_obeys_all_limits_and_stays_closed(robot, tmp_path_factory, name, see
 def test_it_is_near_what_was_recorded(robot, tmp_path, name):
     mechanism = robot(name)
     times, q = swung(mechanism, 2.0, rate=50.0)
-    motion = resampled(record(tmp_path / "run.jsonl", mechanism, times, q), rate=400.0)
-    assert motion.passes[:, 0] == pytest.approx(times)
-    exact = np.array([motion.q[round(400 * time)] for time in times])
-    assert exact == pytest.approx(q, abs=1e-9)
-    assert motion.v[1:-1] == pytest.approx((motion.q[2:] - motion.q[:-2]) * 200.0, abs=0.1)
+    recording = record(tmp_path / "run.jsonl", mechanism, times, q)
+    motion = resampled(recording, rate=400.0, acceleration=200.0)
+    seconds = np.diff(motion.passes[:, 0])
+    assert (seconds >= np.diff(times) - 1e-9).all()
+    assert seconds[20:-20] == pytest.approx(np.diff(times)[20:-20], rel=1e-3)  # as recorded, but for start and end
+    exact = CubicSpline(motion.times, motion.q)(motion.passes[:, 0])
+    assert exact == pytest.approx(q, abs=2e-5)
+    assert motion.v[1:-1] == pytest.approx((motion.q[2:] - motion.q[:-2]) * 200.0, abs=1e-9)
 
 
 @pytest.mark.parametrize("name", ["planar_3r", "five_bar"])
@@ -133,10 +120,10 @@ def test_half_as_fast_takes_twice_as_long(robot, tmp_path, name):
     mechanism = robot(name)
     times, q = swung(mechanism, 2.0)
     recording = record(tmp_path / "run.jsonl", mechanism, times, q)
-    once, twice = resampled(recording), resampled(recording, speed=0.5)
-    assert (twice.passes[:, 0] == 2.0 * once.passes[:, 0]).all()
-    assert twice.q[::2] == pytest.approx(once.q, abs=1e-9)
-    assert twice.recorded(1.0) == once.recorded(0.5) == pytest.approx(0.5)
+    once, twice = (resampled(recording, speed=speed, acceleration=200.0) for speed in (1.0, 0.5))
+    assert 4.0 <= twice.passes[-1, 0] <= 2.0 * once.passes[-1, 0] + 1e-3
+    middle = slice(40, -40)  # limits act at start and end
+    assert np.diff(twice.passes[:, 0])[middle] == pytest.approx(2.0 * np.diff(once.passes[:, 0])[middle], rel=1e-3)
 
 
 @settings(max_examples=10)
@@ -146,7 +133,7 @@ def test_any_positions_of_a_serial_robot_are_passed_in_order(robot, tmp_path_fac
     low, high = arm.model.lowerPositionLimit, arm.model.upperPositionLimit
     q = rng.uniform(low, high, (count, 6))
     motion = resampled(record(tmp_path_factory.mktemp("mission") / "run.jsonl", arm, np.arange(count) / 100, q))
-    assert (_steps(motion) <= 1.0 + 1e-9).all()
+    assert (_steps(motion) <= 1.0 + 1e-6).all()
     assert not check(motion).serious
     reached = 0
     for k in range(count):  # the sample next to the time at which it is passed is at most a step away
@@ -166,8 +153,10 @@ def test_a_leap_becomes_a_motion_at_the_limit(robot, tmp_path):
     q = [still] * 50 + [there] * 50
     motion = resampled(record(tmp_path / "run.jsonl", arm, np.arange(100) / 100, q))
     fastest = arm.model.upperVelocityLimit[1]
-    assert motion.passes[-1, 0] == pytest.approx(0.98 + 1.5 / fastest, rel=2e-3)  # from rest to rest, a cubic
-    assert _steps(motion).max() == pytest.approx(1.0, abs=5e-3)
+    angular = DEFAULT_ACCELERATION[0]  # from rest to rest, at the limits of acceleration and velocity
+    ramps = fastest / angular + 1.0 / fastest if fastest**2 < angular else 2.0 / math.sqrt(angular)
+    assert motion.passes[-1, 0] == pytest.approx(0.98 + ramps, rel=0.05)
+    assert _accelerations(motion).max() == pytest.approx(1.0, abs=0.05)
     assert np.diff(motion.q[:, 1]).min() >= 0.0
     assert motion.recorded(motion.passes[60, 0]) == pytest.approx(0.6)
 
@@ -179,7 +168,7 @@ def test_a_leap_of_a_closed_robot_stays_on_its_branch(robot, tmp_path):
     there = forward.move({name: home[delta.q_index(name)] + 0.5 for name in delta.actuated})
     motion = resampled(record(tmp_path / "run.jsonl", delta, [0.0, 0.01, 0.02], [home, there, home]))
     assert motion.seconds > 0.4
-    assert (_steps(motion) <= 1.0 + 1e-9).all()
+    assert (_steps(motion) <= 1.0 + 1e-6).all()
     assert not check(motion).serious
     assert motion.q[-1] == pytest.approx(home, abs=1e-9)
 
@@ -205,7 +194,7 @@ def test_joints_without_motors_obey_their_limits_too(raff, tmp_path, rate):
     q = [forward.move({"joint1": begin + 2.0 * math.pi * time}) for time in times]
     motion = resampled(record(tmp_path / "run.jsonl", slow, times, q), rate=rate)
     taken = _steps(motion)[:, slow.v_index("joint3")]
-    assert taken.max() <= 1.0 + 1e-9
+    assert taken.max() <= 1.0 + 1e-6
     assert taken.max() > 0.95
     assert motion.seconds < 2.0 * 2.0 * np.abs(np.diff([one[2] for one in q])).sum() / math.radians(20.0)
     assert not check(motion).serious
@@ -339,7 +328,7 @@ def test_a_type_2_singularity_between_two_samples_is_found(robot, tmp_path, step
     assert found in findings.serious
     # the motion goes on on the branch that was recorded
     assert motion.q[-1] == pytest.approx(q[-1], abs=1e-9)
-    assert _motors(motion)[-1] == pytest.approx(q[-1][[0, 2]], abs=1e-12)
+    assert motion.positions(mechanism.actuated)[-1] == pytest.approx(q[-1][[0, 2]], abs=1e-12)
 
 
 @pytest.fixture
@@ -364,7 +353,7 @@ def test_dead_points_of_a_rocker_that_drives_a_crank(robot, rocker, tmp_path, st
     q = [forward.move({"joint1": begin + 2.0 * math.pi * time}) for time in times]
     findings = check(resampled(record(tmp_path / "run.jsonl", mechanism, times, q)))
     found = [one.recorded for one in findings if one.kind is FindingKind.TYPE_2]
-    assert found == pytest.approx(sorted((dead - begin) % (2.0 * math.pi) / (2.0 * math.pi)), abs=0.03 * step)
+    assert found == pytest.approx(sorted((dead - begin) % (2.0 * math.pi) / (2.0 * math.pi)), abs=0.05 * step)
     assert FindingKind.TYPE_1 not in _kinds(findings)
     assert not check(resampled(record(tmp_path / "run.jsonl", crank, times, q))).serious
 
@@ -403,7 +392,7 @@ def test_a_motion_near_a_type_2_singularity_is_noted_where_it_is_nearest(robot, 
     q = [_five_bar(mechanism, 0.0, 0.58 + 0.015 * math.sin(math.pi * time)) for time in times]
     findings = check(resampled(record(tmp_path / "run.jsonl", mechanism, times, q)))
     (near,) = (one for one in findings if one.kind is FindingKind.NEAR_TYPE_2)
-    assert near.time == pytest.approx(0.5, abs=0.01)
+    assert near.recorded == pytest.approx(0.5, abs=0.01)
     assert near.sigma == findings.passive_sigma < 0.05
     assert near not in findings.serious
     assert FindingKind.TYPE_2 not in _kinds(findings)
@@ -444,10 +433,13 @@ def test_what_a_solver_did_can_be_sent(robot, tmp_path, name):
 # --- what a check finds ----------------------------------------------------------------------------------------------
 
 
-def _made(mechanism, q, rate=100.0):
+def _made(mechanism, q, rate=100.0, accelerates=False):
     q = np.array(q)
     times = np.arange(len(q)) / rate
-    return Trajectory("made", mechanism, rate, times, q, np.zeros_like(q), np.column_stack([times, times]))
+    limits = motion_limits(mechanism)
+    if not accelerates:
+        limits = limits._replace(acceleration=np.full(mechanism.model.nv, np.inf))
+    return Trajectory("made", mechanism, rate, times, q, np.zeros_like(q), np.column_stack([times, times]), limits)
 
 
 def test_what_is_open_beyond_a_limit_or_too_fast_is_found(robot):
@@ -470,6 +462,10 @@ def test_what_is_open_beyond_a_limit_or_too_fast_is_found(robot):
     q[:, 0] = np.arange(9) * fastest[0] / 100
     assert not check(_made(arm, q)).serious
     assert check(_made(arm, 1.01 * q)).serious
+    findings = check(_made(arm, q, accelerates=True))  # at once at full speed, and stopped at once
+    assert [one.time for one in findings.serious] == pytest.approx([0.0, 0.08])
+    assert _kinds(findings.serious) == {FindingKind.ACCELERATION}
+    assert f"joint1 accelerates at {100 * fastest[0]:.4g} rad/s^2, its limit is 10 rad/s^2" in str(findings.serious[0])
 
 
 @pytest.mark.parametrize(("motors", "noted"), [("joint1 joint2 joint3", False), ("joint3", True)])
@@ -492,11 +488,35 @@ def test_motors_in_excess_and_motors_that_are_missing(robot, raff, root, tmp_pat
     assert motion.q[[0, -1]] == pytest.approx(q[[0, -1]], abs=1e-12)
 
 
-def test_motors_without_a_velocity_limit_are_noted(raff, tmp_path):
-    arm = raff("robot r {\n base { }\n link 1 { type 2 pred 0 }\n link 2 { parameters { d 300 } type 2 pred 1 }\n}\n")
+def test_joints_without_limits_obey_stated_defaults(raff, tmp_path):
+    arm = raff("robot r {\n base { }\n link 1 { type 2 pred 0 }\n link 2 { parameters { d 300 } type 1 pred 1 }\n}\n")
     times = np.arange(51) / 50
-    recording = record(tmp_path / "run.jsonl", arm, times, np.column_stack([times, 1.0 - np.cos(2.0 * np.pi * times)]))
-    findings = check(resampled(recording))
-    (found,) = (one for one in findings if one.kind is FindingKind.NO_SPEED_LIMIT)
-    assert re.search(r"joint2, which has no velocity limit, moves at 3[56]\d deg/s", found.message)
-    assert not findings.serious
+    recording = record(tmp_path / "run.jsonl", arm, times, np.column_stack([4.0 * times, 1.0 - np.cos(6.0 * times)]))
+    motion = resampled(recording)
+    assert str(motion.limits) == (
+        "velocity limit of joint1, joint2: 1 rad/s, 0.25 m/s; "
+        "acceleration limit of joint1, joint2: 10 rad/s^2, 2.5 m/s^2"
+    )
+    assert (np.abs(np.diff(motion.q, axis=0)) * motion.rate <= np.array([1.0, 0.25]) * (1.0 + 1e-6)).all()
+    assert (_accelerations(motion) <= 1.0 + 1e-6).all()
+    assert not check(motion).serious
+
+
+@pytest.mark.parametrize("name", ["planar_3r", "delta4"])
+def test_limits_of_acceleration_and_jerk_that_are_given(robot, tmp_path, name):
+    mechanism = robot(name)
+    times, q = swung(mechanism, 1.0)
+    recording = record(tmp_path / "run.jsonl", mechanism, times, q)
+    joints = mechanism.actuated
+    motion = resampled(recording, rate=250.0, acceleration=dict.fromkeys(joints, 4.0), jerk=50.0)
+    at = motion.positions(joints)
+    still = np.vstack([*[at[:1]] * 3, at, *[at[-1:]] * 3])
+    for order, limit in ((2, 4.0), (3, 50.0)):
+        assert np.abs(np.diff(still, n=order, axis=0)).max() * 250.0**order <= limit * (1.0 + 1e-6)
+    assert max(map(mechanism.closure, motion.q)) <= 1e-10
+    assert motion.q[[0, -1]] == pytest.approx(q[[0, -1]], abs=1e-9)
+    assert "acceleration" not in str(motion.limits)
+    with pytest.raises(CinegenError, match="the jerk limit is -1"):
+        resampled(recording, jerk=-1.0)
+    with pytest.raises(UnknownNameError, match="no joint 'jonit1'"):
+        resampled(recording, acceleration={"jonit1": 1.0})

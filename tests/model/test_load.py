@@ -55,7 +55,8 @@ def test_a_raff_file_and_its_conversion_are_the_same_mechanism_bit_for_bit(root,
 def test_a_urdf_without_constraints_is_a_tree_whose_joints_all_have_motors(root, tmp_path):
     raff2urdf.convert(root / "robots" / "rx90.raff", tmp_path)
     (tmp_path / "rx90.constraints.json").unlink()
-    mechanism = cinegen.load(tmp_path / "rx90.urdf")
+    with pytest.warns(raff2urdf.RaffWarning, match=r"rx90\.urdf:4: this comment names rx90\.constraints\.json"):
+        mechanism = cinegen.load(tmp_path / "rx90.urdf")
     assert mechanism.loops == ()
     assert mechanism.actuated == mechanism.joints
     assert mechanism.nodes[0] == "base"
@@ -202,7 +203,7 @@ def test_constraints_that_dont_fit_their_urdf_are_refused(root, tmp_path):
     for change, says in [
         ({"nodes": [*good["nodes"], "nowhere"]}, "'nowhere'"),
         ({"joints": [{"name": "joint99", "home": 0.0}]}, "'joint99'"),
-        ({"version": 2}, "version"),
+        ({"version": 3}, "version"),
         ({"mobility": "one"}, "mobility"),
     ]:
         path.write_text(json.dumps({**good, **change}))
@@ -317,11 +318,12 @@ def test_what_no_motion_depends_on_may_be_wrong(tmp_path):
     path = tmp_path / "arm.urdf"
     red = '<material name="red"><color rgba="1 0 0 1"/></material>'
     shape = '<visual><geometry><sphere radius="1"/></geometry><material name="red"/></visual>'
-    mass = '<inertial><mass value="heavy"/></inertial>'
+    mass = '<inertial><mass value="1"/></inertial>'
     path.write_text(
         arm('<limit lower="-1"/>', f'{red}{red}<link name="a">{mass}</link><link name="b">{shape}</link>', "")
     )
-    mechanism = cinegen.load(path)
+    with pytest.warns(cinegen.CinegenWarning, match="<inertial> of link 'a' has no inertia: its mass is left out"):
+        mechanism = cinegen.load(path)
     assert mechanism.name == "robot"
     (ball,) = mechanism.visual.geometryObjects
     assert ball.meshColor.tolist() == [1.0, 0.0, 0.0, 1.0]

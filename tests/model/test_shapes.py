@@ -2,15 +2,14 @@
 
 from __future__ import annotations
 
-import subprocess
-import sys
-
 import numpy as np
 import pytest
 import trimesh
 
 import cinegen
+from cinegen.cli import main
 from cinegen.cockpit import make_page
+from cinegen.model.motion_plane import motion_plane
 from cinegen.model.shapes import _where
 from cinegen.model.stick import stick_figure
 
@@ -67,7 +66,7 @@ def test_a_mesh_is_found_by_its_path_or_its_package(write, name):
         ("ftp://somewhere/x.stl", "'ftp://' can't be read"),
     ],
 )
-def test_what_is_wrong_with_a_mesh_is_told_by_its_line_when_it_is_shown(write, name, says, tmp_path):
+def test_what_is_wrong_with_a_mesh_is_told_by_its_line_when_it_is_shown(write, name, says, tmp_path, capsys):
     meshes = tmp_path / "arm_description/meshes"
     (meshes / "cut.stl").write_bytes((meshes / "part.stl").read_bytes()[:200])
     (meshes / "part.step").write_text("ISO-10303-21;")
@@ -78,14 +77,10 @@ def test_what_is_wrong_with_a_mesh_is_told_by_its_line_when_it_is_shown(write, n
     with pytest.raises(cinegen.CinegenError, match=rf"arm.urdf:3: .*{says}"):
         _ = mechanism.visual
     page = tmp_path / "page.html"
-    run = subprocess.run(
-        [sys.executable, "-m", "cinegen", "drive", path, "--snapshot", page, "--no-browser"],
-        capture_output=True,
-        text=True,
-    )
-    assert run.returncode == 1
-    assert f"{path}:3: " in run.stderr
-    assert "Traceback" not in run.stderr
+    assert main(["drive", str(path), "--snapshot", str(page), "--no-browser"]) == 1
+    said = capsys.readouterr().err
+    assert f"{path}:3: " in said
+    assert "Traceback" not in said
     assert not page.exists()
 
 
@@ -103,11 +98,30 @@ def test_what_pinocchio_does_not_read_or_browsers_is_converted(write, tmp_path, 
         assert np.allclose(shape.meshColor, [1.0, 0.0, 0.0, 1.0])
 
 
-def test_a_link_to_a_folder_elsewhere_is_the_owners_own_doing(write, tmp_path):
-    elsewhere = tmp_path / "elsewhere"
-    (tmp_path / "arm_description/meshes").rename(elsewhere)
-    (tmp_path / "arm_description/meshes").symlink_to(elsewhere)
-    assert len(cinegen.load(write(VISUAL.format("../meshes/part.stl"))).visual.geometryObjects) == 1
+@pytest.mark.parametrize("what", ["meshes", "meshes/part.stl"])
+@pytest.mark.parametrize("name", ["../meshes/part.stl", "package://arm_description/meshes/part.stl"])
+def test_a_link_out_of_its_folder_is_refused_unless_that_is_allowed(write, tmp_path, monkeypatch, what, name):
+    elsewhere, link = tmp_path / "elsewhere", tmp_path / "arm_description" / what
+    elsewhere.mkdir()
+    moved = link.rename(elsewhere / link.name)
+    link.symlink_to(moved)
+    path = write(VISUAL.format(name))
+    with pytest.raises(cinegen.CinegenError, match=rf"arm.urdf:2: mesh '{name}' leads out of .*, to {elsewhere}"):
+        _ = cinegen.load(path).visual
+    monkeypatch.setenv("RAFF2URDF_MESH_PATH", f"/nowhere:{elsewhere}")
+    assert len(cinegen.load(path).visual.geometryObjects) == 1
+
+
+def test_a_link_within_its_folder_is_followed(write, tmp_path):
+    (tmp_path / "arm_description/meshes/link.stl").symlink_to("part.stl")
+    assert len(cinegen.load(write(VISUAL.format("../meshes/link.stl"))).visual.geometryObjects) == 1
+
+
+def test_a_mesh_of_gigabytes_is_refused(write, tmp_path):
+    with open(tmp_path / "arm_description/meshes/huge.stl", "wb") as file:
+        file.truncate(600_000_000)  # a sparse file
+    with pytest.raises(cinegen.CinegenError, match=r"mesh '../meshes/huge.stl' has 600 MB, and is not read"):
+        _ = cinegen.load(write(VISUAL.format("../meshes/huge.stl"))).visual
 
 
 def test_without_shapes_a_stick_figure_stands_in(write):
@@ -153,3 +167,27 @@ def test_one_body_alone_has_nothing_to_draw(tmp_path):
     path = tmp_path / "one.urdf"
     path.write_text('<robot name="one"><link name="base"/></robot>')
     assert len(cinegen.load(path).visual.geometryObjects) == 0
+
+
+@pytest.mark.parametrize(
+    ("shape", "says"),
+    [
+        ('<box size="1 1"/>', "size=\"1 1\" of <box> in link 'base' must be 3 numbers"),
+        ('<cylinder radius="1,5" length="1"/>', 'radius="1,5" of <cylinder> in link'),
+        ('<sphere radius="1e308"/>', 'radius="1e308" of <sphere> in link'),
+        ('<mesh filename="../meshes/part.stl" scale="nan 1 1"/>', 'scale="nan 1 1" of <mesh> in link'),
+    ],
+)
+def test_sizes_of_shapes_are_numbers(write, shape, says, capfd):
+    path = write(f"<visual><geometry>{shape}</geometry></visual>")
+    with pytest.raises(cinegen.CinegenError, match=rf"arm.urdf:2: {says}"):
+        _ = cinegen.load(path).visual
+    assert capfd.readouterr() == ("", "")
+
+
+def test_a_robot_of_one_joint_has_a_plane(tmp_path):
+    """Pinocchio returns its Jacobian as a vector."""
+    links = '<link name="a"/><link name="b"/>'
+    joint = '<joint name="j" type="continuous"><parent link="a"/><child link="b"/><axis xyz="0 0 1"/></joint>'
+    (tmp_path / "one.urdf").write_text(f'<robot name="one">{links}{joint}</robot>')
+    assert np.allclose(motion_plane(cinegen.load(tmp_path / "one.urdf")), [0.0, 0.0, 1.0])

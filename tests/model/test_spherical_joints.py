@@ -5,10 +5,12 @@ from __future__ import annotations
 import dataclasses
 import json
 import pickle
+from dataclasses import replace
 
 import numpy as np
 import pinocchio as pin
 import pytest
+from lxml import etree
 
 import cinegen
 import raff2urdf
@@ -116,6 +118,11 @@ def test_a_ball_joint_is_a_quaternion_in_q(chain):
     assert again.q_home.tolist() == chain.q_home.tolist()
 
 
+def test_joints_that_a_ball_joint_replaces_have_its_name(chain):
+    assert len(chain.successive.joints) == 7
+    assert chain.spherical.merged(chain.successive.joints) == ("joint1", "joint2", "joint3")
+
+
 def test_successive_joints_move_alike_and_are_found_again(chain):
     successive = chain.successive
     assert successive.joints == ("joint1_X", "joint1_Y", "joint1_Z", "joint2", "joint3_X", "joint3_Y", "joint3_Z")
@@ -154,6 +161,16 @@ def test_values_by_name(chain):
             chain.configuration({"joint1": wrong})
 
 
+def with_limit(urdf, name, attributes):
+    """Return a URDF in which a revolute joint has only these limits."""
+    root = etree.fromstring(urdf.encode())
+    (joint,) = (joint for joint in root.findall("joint") if joint.get("name") == name)
+    joint.remove(joint.find("limit"))
+    joint.set("type", "revolute" if "lower" in attributes else "continuous")
+    etree.SubElement(joint, "limit", attributes)
+    return etree.tostring(root, encoding="unicode")
+
+
 @pytest.mark.parametrize("change", ["limits", "velocity", "actuated", "coupling", "axes"])
 def test_what_is_no_free_ball_joint_stays_three_joints(chain, change):
     urdf, constraints, *_ = chain.source
@@ -162,15 +179,24 @@ def test_what_is_no_free_ball_joint_stays_three_joints(chain, change):
     first = next(joint for joint in entries if joint["name"] == "joint1_X")
     if change == "axes":
         given["balls"] = [{"name": "wrong", "joints": ["joint1_X", "joint1_Y", "joint2"]}]
-        entries[3] |= {"limits": None, "actuated": False}
+        entries[3] |= {"actuated": False}
+        urdf = with_limit(urdf, "joint2", {"effort": "1"})
         with pytest.raises(LoadError, match="ball joint 'wrong': the joints joint1_X, joint1_Y, joint2 are not succ"):
             build(urdf, given)
         return
     if change == "coupling":
         terms = [{"joint": name, "coefficients": [1.0]} for name in ("joint1_X", "joint2")]
         given["couplings"] = [{"name": "gear", "terms": terms, "constant": 0.0}]
+    elif change == "actuated":
+        first["actuated"] = True
     else:
-        first[change] = {"limits": [-1.0, 1.0], "velocity": 2.0, "actuated": True}[change]
+        value = [-1.0, 1.0] if change == "limits" else 2.0
+        wrong = [{**joint, change: value} if joint is first else joint for joint in entries]
+        says = f"{change} of joint 'joint1_X' are .* in the constraints and none in the URDF"
+        with pytest.raises(LoadError, match=says):
+            build(urdf, {**given, "joints": wrong})
+        bounds = {"lower": "-1", "upper": "1"} if change == "limits" else {"velocity": "2"}
+        urdf = with_limit(urdf, "joint1_X", {"effort": "1"} | bounds)
     for key in ("mobility", "loop_rows", "loop_rank"):
         given.pop(key, None)
     found = build(urdf, given)
@@ -213,6 +239,7 @@ def test_singular_values_do_not_depend_on_the_axes_of_the_ball_joint(rssr, tmp_p
         turn = f"gamma {gamma} alpha {alpha} theta {theta}"
         mechanism = load(tmp_path_factory, RSSR.replace("TURN", turn).replace(
             "BACK", f"gamma {-theta} alpha {-alpha} theta {-gamma}"))  # fmt: skip
+        mechanism = replace(mechanism, length=rssr.length)  # their homes differ by the gap as written
         values = []
         motion = ForwardKinematics(mechanism)
         for angle in np.linspace(-1.0, 1.0, 7):
@@ -312,3 +339,14 @@ def test_inverse_kinematics_finds_a_pose(gough):
     target = gough.placement(gough.random_closed(1, 4)[0], gough.end)
     found = inverse_kinematics(gough, {gough.end: target})
     assert gough.placement(found.q, gough.end).isApprox(target, 1e-6)
+
+
+def test_a_mode_with_a_ball_joint_at_gimbal_lock_is_certified(gough):
+    """A ball joint is not singular there: only its three angles are."""
+    modes = cinegen.assembly_modes(gough)
+    middle = gough.successive.q_index("joint6_Y")
+    assert any(abs(gough.spherical.to_successive(q)[middle] - np.pi / 2) < 1e-6 for q in modes)
+    assert modes.certified == len(modes) == 8
+    home = {gough.end: gough.placement(gough.q_home, gough.end)}
+    solutions = cinegen.inverse_kinematics(gough, home, all=True)
+    assert solutions.certified == len(solutions) > 0

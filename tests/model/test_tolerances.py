@@ -11,7 +11,7 @@ import cinegen
 from cinegen.devices.lines import start_from
 from cinegen.mission.branch import Branch
 from cinegen.model import ForwardKinematics
-from cinegen.planning.rrt_planner import _is_valid
+from cinegen.planning.clear_motion import _is_valid
 from cinegen.session.motion import LineMotion
 from cinegen.tolerances import CLOSED, CLOSURE
 

@@ -270,7 +270,7 @@ def test_links_that_stand_too_near_for_ever_hold_nothing_up():
     one = clearance.bodies[base]
     axis = clearance._data.oMi[1].act(one.centre)
     lower = axis * (0.0, 0.0, 1.0)
-    clearance.move(0, at(*(lower - [0.0, 0.0, 0.1 + one.radius + 0.005])))
+    clearance.move(0, at(*(lower - [0.0, 0.0, 0.1 + one.as_described.shape.halfLength + 0.005])))
     near = clearance.near(mechanism.q_home, 0.02)
     solver = kept(clearance, 0.02)
     task = solver.add_task("tool", rotation=0)
@@ -368,10 +368,10 @@ def test_a_safety_distance_that_is_none_is_refused(safety):
         ClearanceBarrier(point_among([]), safety)
 
 
-@pytest.mark.parametrize("part", [0.0, -1.0, 1.1, np.nan])
-def test_a_part_that_is_none_is_refused(part):
-    with pytest.raises(PlanningError, match="the fraction of the remaining distance"):
-        ClearanceBarrier(point_among([]), 0.1, part)
+@pytest.mark.parametrize("rate", [0.0, -1.0, np.nan])
+def test_a_rate_that_is_none_is_refused(rate):
+    with pytest.raises(PlanningError, match="the rate of approach"):
+        ClearanceBarrier(point_among([]), 0.1, rate)
 
 
 def test_what_held_is_told_by_pair_and_stays_when_somebody_looks_elsewhere():

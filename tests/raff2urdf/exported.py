@@ -18,7 +18,7 @@ from raff2urdf.errors import RaffWarning
 from raff2urdf.raff.check import check
 from raff2urdf.raff.document import Document
 from raff2urdf.raff.reader import parse, read
-from raff2urdf.tree import characteristic_length, placements
+from raff2urdf.tree import placements
 from raff2urdf.writers import WriteOptions, files
 from raff2urdf.writers.inertia import Inertias, inertias
 from raff2urdf.writers.tree_at_home import TreeAtHome
@@ -110,8 +110,7 @@ class Exported:
 
     @property
     def length(self) -> float:
-        placed = placements(self.document, self.made.robot)
-        return characteristic_length(np.array([m[:3, 3] for m in placed.values()]))
+        return self.made.analysis.length
 
     def placed(self, q: dict[str, float]) -> dict[str, Matrix]:
         """Placement in the world of every node by its name, at joint values by name."""

@@ -16,7 +16,7 @@ from numpy.typing import ArrayLike, NDArray
 from raff2urdf import loads
 from raff2urdf.raff.document import Document
 from raff2urdf.raff.kleinfinger import parameters
-from raff2urdf.tree import Cluster, characteristic_length, clusters, placements
+from raff2urdf.tree import Cluster, clusters, length_of
 
 Matrix = NDArray[np.float64]
 
@@ -308,9 +308,8 @@ CLOSED_CHAINS = [name for name, (text, _) in KNOWN.items() if "constraint" in te
 def clusters_of(document: Document) -> list[Cluster]:
     """The first robot's loops as systems of equations, as the converter makes them."""
     robot = document.robot()
-    origins = np.array([placed[:3, 3] for placed in placements(document, robot).values()])
     kinds = {i: loop.kind for i, loop in enumerate(robot.loops)}
-    return list(clusters(document, robot, kinds, characteristic_length(origins)))
+    return list(clusters(document, robot, kinds, length_of(document, robot, kinds)))
 
 
 def cluster_of(text: str) -> Cluster:

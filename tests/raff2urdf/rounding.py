@@ -8,7 +8,7 @@ import numpy as np
 from lxml import etree
 
 from raff2urdf.placement import from_origin, inverse, roll_pitch_yaw
-from raff2urdf.readers.urdf import joints, origin, root_first
+from raff2urdf.readers.urdf import hash_of, joints, origin, root_first
 
 
 def rounded(urdf: str, constraints: dict, digits: int, seed: int) -> tuple[str, dict]:
@@ -41,6 +41,7 @@ def rounded(urdf: str, constraints: dict, digits: int, seed: int) -> tuple[str, 
             placement = np.array(end["placement"])
             written = numbers(turned @ placement if end["node"] == root else placement)
             end["placement"] = from_origin(written[:3], written[3:]).tolist()
+    values["urdf_sha256"] = hash_of(tree, "")
     return etree.tostring(tree, encoding="unicode"), values
 
 

@@ -91,7 +91,7 @@ def documents(
         least_robots: at least so many robots.
         most_parts: at most so many links and frames in each.
     """
-    lengths, angles, least_speed = (LENGTHS, ANGLES, 1e-3) if moderate else (EXTREME, EXTREME, 0.0)
+    lengths, angles, least_speed = (LENGTHS, ANGLES, 1e-3) if moderate else (EXTREME, EXTREME, 1e-5)
     numbers = draw(st.lists(st.integers(1, 10**6), unique=True, max_size=3))
     counts = st.integers(0, 3)
     sensors = [RaffSensor(number, draw(TEXTS), translation=draw(counts), rotation=draw(counts)) for number in numbers]

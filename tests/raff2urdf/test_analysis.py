@@ -40,7 +40,7 @@ from raff2urdf import RaffError, loads
 from raff2urdf.analysis import Analysis, analyse, loop_kinds
 from raff2urdf.closure import gaps
 from raff2urdf.raff.document import UNITS_PER_METRE, Document, LoopKind, Parameters
-from raff2urdf.tree import clusters
+from raff2urdf.tree import clusters, placements
 
 FEW = examples(5)
 
@@ -65,7 +65,8 @@ def test_the_mobility_of_known_mechanisms_is_found(name: str) -> None:
 def test_a_serial_arm_has_the_mobility_of_its_joints(n: int) -> None:
     joints = tuple(f"joint{i}" for i in range(1, n + 1))
     home = {joint: 0.01 if i % 2 else 0.0 for i, joint in enumerate(joints)}  # slides, of r 10, and turns
-    assert analysis_of(serial(n)) == Analysis(n, 0, 0, joints, 0.0, (), home)
+    found = analysis_of(serial(n))
+    assert found == Analysis(n, 0, 0, joints, 0.0, 0.0, (), home, found.length)
 
 
 @pytest.mark.parametrize(
@@ -357,14 +358,15 @@ def test_the_gap_as_written_is_that_of_the_rounded_values() -> None:
     assert analysis_of(delta(3501.2345)).gap < 1e-12
 
 
-def test_the_gap_is_a_part_of_the_mechanisms_radius() -> None:
-    """Ends 4 mm apart, over the largest distance of a node from the nodes' centre."""
+def test_the_gap_is_a_part_of_the_characteristic_length() -> None:
+    """Ends 4 mm apart, over the root of 3 times the mean square distance of the axes from their centre."""
     corners = [(math.cos(a), math.sin(a), 0.0) for a in (0.1, 1.6, 3.3, 4.9)]
-    x, y, z = corners[3]
-    nodes = np.array([(0.0, 0.0, 0.0), *corners, (x + 0.004, y, z)])  # base, three links, both ends
-    radius = np.linalg.norm(nodes - nodes.mean(axis=0), axis=1).max()
-    gap = analysis_of(ring([axis_at(corner) for corner in corners], off=shift("x", 0.004))).gap
-    assert gap == pytest.approx(0.004 / radius, rel=1e-9)
+    text = ring([axis_at(corner) for corner in corners], off=shift("x", 0.004))
+    loop = loads(text).robot().loops[0]
+    placed = placements(loads(text), loads(text).robot())
+    axes = np.array([*corners[:3], placed[loop.first][:3, 3]])
+    radius = math.sqrt(((axes - axes.mean(axis=0)) ** 2).sum() * 3.0 / 4.0)
+    assert analysis_of(text).gap == pytest.approx(0.004 / radius, rel=1e-9)
 
 
 def test_a_loop_may_be_closed_by_another_kind_than_the_file_says() -> None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import cProfile
 import json
+import os
 import pstats
 import re
 import warnings
@@ -18,6 +19,7 @@ from command import Run
 from lxml import etree
 from mechanisms import delta, four_bar, skew_four_bar
 
+import cinegen
 import raff2urdf
 from raff2urdf import RaffError, constraints
 from raff2urdf.cli import main
@@ -236,6 +238,7 @@ def test_each_kind_of_loop_has_the_proposals_word(kind: str, word: str, axes: in
 def test_what_was_found_may_be_had_as_json(folder: Path, command: Run) -> None:
     (report,) = json.loads(command("delta4.raff", "--json").out)
     assert report.pop("gap_as_written") < 1e-12
+    assert report.pop("closure_at_home") < 1e-12
     assert report == {
         "file": "delta4.raff",
         "robot": "r1",
@@ -266,11 +269,29 @@ def test_errors_are_in_the_json_and_on_stderr(folder: Path, run: Run) -> None:
     assert arm["mobility"] == 2
 
 
-def test_a_check_writes_nothing_and_closes_no_loops(folder: Path, run: Run) -> None:
-    done = run("--check", "arm.raff", "two.raff", "skew.raff")
+def test_a_check_writes_nothing(folder: Path, run: Run) -> None:
+    done = run("--check", "arm.raff", "two.raff", "delta4.raff")
     assert (done.code, done.err) == (0, "")
-    assert len(done.out.splitlines()) == 4  # one for each robot
+    lines = done.out.splitlines()
+    assert len(lines) == 4  # one for each robot
+    assert lines[0].endswith(": 2 links, 2 joints, 0 loops, mobility 2: syntax and structure are valid")
+    assert re.fullmatch(r".*, mobility 3: syntax and structure are valid, loops close to \de-1\d at home", lines[-1])
     assert not (folder / "generated").exists()
+
+
+def test_a_check_refuses_loops_that_cannot_be_closed(folder: Path, run: Run) -> None:
+    done = run("--check", "arm.raff", "skew.raff")
+    assert done.code == 1
+    assert "'link5-frame6'" in done.err
+    assert "skew.raff: robot" not in done.out
+    assert run("--check", "skew.raff", "--loop", "link5-frame6=ball").code == 0
+
+
+def test_a_check_reports_a_home_beyond_limits(folder: Path, run: Run) -> None:
+    text = (folder / "delta4.raff").read_text()
+    (folder / "tight.raff").write_text(text.replace("limits { 185 355 }", "limits { 300 301 }"))
+    done = run("--check", "tight.raff")
+    assert "with loops closed, home is outside the limits of joint" in done.err
 
 
 def test_a_check_finds_what_is_wrong(folder: Path, run: Run) -> None:
@@ -549,3 +570,16 @@ def test_the_library_raises_what_the_command_says(folder: Path) -> None:
     with pytest.raises(RaffError, match="can't be closed"):
         raff2urdf.convert(folder / "skew.raff", folder / "generated")
     assert not (folder / "generated").exists()
+
+
+@pytest.mark.parametrize("dialect", ["json", "mimic"])
+@pytest.mark.parametrize(("stem", "name"), [(b"c\xff", "c"), (b"d\x01--", "d"), (b"e", "a]]>b"), (b"f", "a\ufffeb")])
+def test_names_that_xml_has_no_characters_for(folder: Path, stem: bytes, name: str, dialect: str) -> None:
+    path = folder / f"{os.fsdecode(stem)}.raff"
+    path.write_text(ARM.replace("RAFF arm", f'RAFF "{name}"', 1), encoding="utf-8")
+    assert name in path.read_text(encoding="utf-8")
+    (conversion,) = raff2urdf.convert(path, folder / "made", dialect=dialect)
+    if dialect == "mimic":
+        assert conversion.constraints is not None
+        conversion.constraints.unlink()
+    assert cinegen.load(conversion.file).mobility == 2

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -10,9 +11,11 @@ import pytest
 import cinegen
 import raff2urdf
 from raff2urdf.constraints import constraints
+from raff2urdf.conversion import describe
 from raff2urdf.raff.compound import VARIABLES, expanded
 from raff2urdf.raff.document import CompoundKind, Parameters
 from raff2urdf.raff.kleinfinger import transform
+from raff2urdf.readers.successive import moving
 from raff2urdf.tree import home, kleinfinger, placements
 
 FILE = """
@@ -100,11 +103,11 @@ def test_limits_velocity_and_actuated_are_of_a_variable() -> None:
     words = "variable tz { limits { 0 90 } velocity 10 actuated 1 } variable z { actuated 0 }"
     document = raff2urdf.loads(text("cylindrical", words))
     rotation, translation = constraints(document, document.robot(), None)["joints"]
-    assert rotation["limits"] is None
+    hinge, slide = moving(describe(document, document.robot(), Path())[0], "").values()
+    assert (hinge.limits, hinge.velocity) == (None, None)
     assert rotation["actuated"] is False
     assert rotation["home"] == np.radians(15.0)
-    assert translation["limits"] == [0.0, 0.09]
-    assert translation["velocity"] == 0.01
+    assert (slide.limits, slide.velocity) == ((0.0, 0.09), 0.01)
     assert translation["actuated"]
     assert translation["home"] == 0.07
 

@@ -34,7 +34,8 @@ def check_numbers(path, healing, digits):
     assert max(abs(one.change) for one in healing.numbers) < 4.0 * 10.0**-digits
     for file, content in healing.contents.items():
         before, after = file.read_bytes().split(b"\n"), content.split(b"\n")
-        lines = {k for k, (old, new) in enumerate(zip(before, after, strict=True), 1) if old != new}
+        pairs = enumerate(zip(before, after, strict=True), 1)
+        lines = {k for k, (old, new) in pairs if old != new and b'"urdf_sha256"' not in new}
         assert lines == {one.number.line for one in healing.numbers if one.number.file == file}
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import stat
 import warnings
+import zipfile
 from pathlib import Path
 from typing import Any
 
@@ -374,3 +375,37 @@ def test_a_translation_says_what_is_still_to_be_written(workshop: Path, cache: P
     kept = translate(document, document.robot(), workshop)
     assert kept.meshes == {}
     assert [path.read_bytes() for path in cache.iterdir()] == list(made.meshes.values())
+
+
+def test_a_link_out_of_the_folder_is_not_followed_unless_that_is_allowed(
+    workshop: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (workshop / "elsewhere").mkdir()
+    (workshop / "parts" / "bar.stl").rename(workshop / "elsewhere" / "bar.stl")
+    (workshop / "parts" / "bar.stl").symlink_to(workshop / "elsewhere" / "bar.stl")
+    robot = 'base { filename { "bar.stl" } }'
+    assert f"bar.stl (it leads out of {workshop}/parts, to {workshop}/elsewhere" in convert(workshop, robot)[1][0]
+    monkeypatch.setenv("RAFF2URDF_MESH_PATH", str(workshop / "elsewhere"))
+    assert convert(workshop, robot)[1] == []
+    monkeypatch.delenv("RAFF2URDF_MESH_PATH")
+    assert convert(workshop, 'base { filename { "../elsewhere/bar.stl" } }')[1] == []
+
+
+def test_an_archive_that_unpacks_to_gigabytes_is_not_read(workshop: Path) -> None:
+    with zipfile.ZipFile(workshop / "parts" / "bomb.3mf", "w", zipfile.ZIP_DEFLATED) as archive:
+        for i in range(6):
+            archive.writestr(f"3D/{i}.model", bytes(100_000_000))
+    (warning,) = convert(workshop, 'base { filename { "bomb.3mf" } }')[1]
+    assert "bomb.3mf (holds 600 MB when unpacked: the most is 512 MB)" in warning
+
+
+@pytest.mark.parametrize("name", ["cut.dxf", "cut.stl"])
+def test_libraries_log_nothing_about_damaged_files(
+    workshop: Path, name: str, capfd: pytest.CaptureFixture[str]
+) -> None:
+    (workshop / "parts" / "cut.dxf").write_text(
+        "  0\nSECTION\n  2\nENTITIES\n  0\nENDSEC\n  0\nLINE\n  8\n0\n  0\nEOF\n"
+    )
+    (workshop / "parts" / "cut.stl").write_text("solid x\nfacet normal 0 0 --1\nouter loop\nvertex 0 0 0\nendsolid\n")
+    convert(workshop, f'base {{ filename {{ "{name}" }} }}')
+    assert capfd.readouterr() == ("", "")

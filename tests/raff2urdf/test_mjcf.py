@@ -19,6 +19,7 @@ from mechanisms import KNOWN
 from raff2urdf import RaffWarning, convert, loads
 from raff2urdf.conversion import translate
 from raff2urdf.writers.mjcf import quaternion
+from raff2urdf.writers.tree_at_home import TreeAtHome
 
 EXACT = 1e-9  # m and rad
 STAY = 1e-3  # of the characteristic length: how far loops may open in a simulation
@@ -159,7 +160,7 @@ def test_servos_hold_home(folder: Path) -> None:
 
 def test_limits_are_the_robots_own(robot: Exported) -> None:
     model, _ = read(robot)
-    for entry in robot.made.constraints["joints"]:
+    for entry in TreeAtHome(robot.made).entries.values():
         joint = model.joint(entry["name"])
         if entry["limits"] is None:
             assert not joint.limited[0]

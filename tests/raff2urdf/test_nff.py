@@ -190,6 +190,7 @@ def test_a_file_that_ends_too_early_is_refused(line: int) -> None:
         ("2 0 2", "2 0 inf", 14, "'inf' is not a number"),
         ("2 0 2", "2 0 1e300", 14, "'1e300' is not a number up to 1e+37"),
         ("2 0 2", "2 0 1_0", 14, "'1_0' is not a number"),
+        ("2 0 2", "2 0 \u0663", 14, "'\u0663' is not a number"),
         ("norm 0 0 1", "norm 0 0", 8, "'uv' is not a number"),
         ("uv 0 1", "uv 0", 8, "'uv' needs 2 numbers"),
         ("4 3 2 1 0 0xf00", "4 3 2 1 8 0xf00", 18, "'8' is not a vertex of this object (0 to 7)"),

@@ -361,6 +361,10 @@ WRONG = [
     (f"{LINK}type 2 pred 0 parameters {{ d -1e400 }}{END}", 4, 34, "'-1e400' too large"),
     (f"{LINK}type 2 pred 0 parameters {{ d 5mm }}{END}", 4, 34, "'d' needs a number '5mm' units"),
     (f"{LINK}type 2 pred 0 parameters {{ d 1,5 }}{END}", 4, 34, "'d' needs a number '1,5'"),
+    (f"{LINK}type 2 pred 0 parameters {{ d \u0663\u0660 }}{END}", 4, 34, "'d' needs a number '\u0663\u0660'"),  # Arabic
+    (f"{LINK}type 2 pred 0 parameters {{ d 1.\uff15 }}{END}", 4, 34, "'d' needs a number '1.\uff15'"),  # full width
+    (f"{LINK}type \u0662 pred 0{END}", 4, 10, "'type' needs a number '\u0662' 2 revolute"),
+    ("RAFF t\nrobot r {\n  link \u0967 { type 2 pred 0 }\n}", 3, 8, "'link' needs a number '\u0967'"),  # Devanagari
     (f"{LINK}type 2 pred 0 limits {{ nan 1 }}{END}", 4, 28, "'limits' needs a number 'nan'"),
     (f"{LINK}type 2 pred 0 limits {{ 1 }}{END}", 4, 30, "'limits' needs two numbers"),
     (f"{LINK}type 2 pred 0 limits {{ 1 2 3 }}{END}", 4, 32, "'3' limits"),

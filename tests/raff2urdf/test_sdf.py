@@ -21,6 +21,7 @@ from raff2urdf import convert
 from raff2urdf.residual import loop_residual
 from raff2urdf.writers import WriteOptions, files
 from raff2urdf.writers.sdf import NAMESPACE
+from raff2urdf.writers.tree_at_home import TreeAtHome
 
 Matrix = NDArray[np.float64]
 EXACT = 1e-9  # m and rad
@@ -178,7 +179,7 @@ def test_joints_join_links_of_which_each_hangs_on_one(robot: Exported) -> None:
 
 def test_limits_are_shifted_by_home(robot: Exported) -> None:
     model = Model(robot.text("sdf"))
-    for entry in robot.made.constraints["joints"]:
+    for entry in TreeAtHome(robot.made).entries.values():
         limit, own = model.joints[entry["name"]].find("axis/limit"), model.own[entry["name"]]
         ends = [float(limit.findtext(word)) for word in ("lower", "upper")]
         home = float(own.get("home"))

@@ -55,7 +55,10 @@ def test_every_number_reads_back_to_the_same_double(document: Document) -> None:
 
 @pytest.mark.parametrize("value", [5e-324, 2.2250738585072014e-308, 1.7976931348623157e308, 0.1, 211.21, 1e22, 1 / 3])
 def test_hard_doubles_survive(value: float) -> None:
-    link = RaffLink(1, Parameters(theta=value, r=-value), JointType.REVOLUTE, 0, limits=(-value, value), velocity=value)
+    velocity = value if value > 1e-9 else None  # slower ones are refused
+    link = RaffLink(
+        1, Parameters(theta=value, r=-value), JointType.REVOLUTE, 0, limits=(-value, value), velocity=velocity
+    )
     document = Document("x", (RaffRobot("r", parts=(link,)),))
     assert raff2urdf.loads(raff2urdf.dumps(document)).robots[0].parts == (link,)
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import functools
 import gc
 import json
@@ -12,6 +13,7 @@ import subprocess
 import sys
 import threading
 import time
+from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
@@ -23,7 +25,7 @@ from hypothesis import strategies as st
 import cinegen
 from cinegen.realtime import Clock, ClockError, Tick, scheduling
 from cinegen.realtime.channel import LARGEST, Channel, Mailbox
-from cinegen.realtime.timing import BINS, WIDTH, Histogram, TimingRecord
+from cinegen.realtime.timing import BINS, WIDTH, Histogram, RecentTiming, TimingRecord
 
 TIMES = st.floats(1e-9, 99.0)
 
@@ -125,6 +127,36 @@ def test_ticks_that_always_take_too_long_follow_each_other_at_once(scene):
     assert report.mean == pytest.approx(0.026, rel=1e-6)
 
 
+def test_a_period_that_a_tick_changes_counts_from_its_deadline(scene):
+    clock, begun, begin = Clock(0.01), [], scene.now
+    for tick in clock.ticks(0.06):
+        begun.append((tick.number, tick.skipped, round(tick.time, 9), round(scene.now - begin, 6)))
+        scene.work(0.002)
+        if tick.number == 1:
+            tick.clock.period = 0.004
+        elif tick.number == 4:
+            tick.clock.period = 0.02
+            scene.work(0.025)
+        assert tick.clock.spin <= 0.2 * tick.clock.period
+    assert begun == [
+        (0, 0, 0.0, 0.0), (1, 0, 0.01, 0.01), (2, 0, 0.014, 0.014), (3, 0, 0.018, 0.018), (4, 0, 0.022, 0.022),
+        (5, 0, 0.042, 0.049),
+    ]  # fmt: skip
+    report = clock.report()
+    assert report.period == 0.02
+    assert (report.ticks, report.skipped, report.overruns) == (6, 0, 1)
+    assert report.mean == pytest.approx(0.049 / 5, rel=1e-5)
+    assert report.error.max == pytest.approx(0.007, abs=1e-6)  # of the period that was asked for then
+
+
+@pytest.mark.parametrize("period", [0.0, -1.0, math.nan, math.inf, 1e-4])
+def test_a_period_that_makes_no_sense_is_refused_while_the_loop_runs(scene, period):
+    for tick in Clock(0.01, spin=0.001).ticks(0.01):
+        with pytest.raises(ClockError, match=r"a clock's (period|spin) must be"):
+            tick.clock.period = period
+        assert tick.clock.period == 0.01
+
+
 def test_a_slow_function_is_told_of(robot):
     slow = iter([False] * 10 + [True])  # the eleventh tick; on a busy machine its number may be another
     report = Clock(0.001).run(lambda tick: time.sleep(0.005 if next(slow, False) else 0.0), seconds=0.05)
@@ -189,7 +221,7 @@ def test_a_record_takes_no_more_memory_as_it_grows():
     for i in range(1000):
         record.begun(0.001 * i, 1e-5 * i, 0)
         record.ended(0.001 * i + 1e-4, 0.001 * (i + 1))
-    assert TimingRecord(0.001, memory).report() == record.report()  # all of it is there
+    assert replace(TimingRecord(0.001, memory).report(), pending=0) == replace(record.report(), pending=0)  # all of it
     assert TimingRecord.SIZE < 20_000
 
 
@@ -454,6 +486,8 @@ def test_a_program_that_freezes_its_garbage_itself_keeps_it(monkeypatch):
 def test_the_report_says_how_the_loop_was_scheduled(monkeypatch):
     assert Clock().run(lambda tick: None, 0.001).scheduling == "ordinary scheduling"  # unless it is asked for
     asked = []
+    monkeypatch.setattr(os, "sched_getaffinity", lambda _: {0, 1})
+    monkeypatch.setattr("cinegen.realtime.scheduling._RESERVED", f"\0cinegen test {os.getpid()} ")
     monkeypatch.setattr(os, "sched_setscheduler", lambda *arguments: asked.append(arguments))
     assert Clock(priority=7).run(lambda tick: None, 0.001).scheduling == "SCHED_FIFO 7"
     assert asked[0][1] & os.SCHED_FIFO
@@ -740,3 +774,72 @@ def _lives(process):
     except ProcessLookupError:
         return False
     return True
+
+
+# --- at rest ----------------------------------------------------------------------------------------------------------
+
+
+def test_deadlines_at_rest_are_neither_late_nor_skipped():
+    clock, times = Clock(0.01), []
+
+    def tick(tick):
+        times.append(tick.time)
+        if len(times) == 5:
+            tick.clock.rest(lambda: time.sleep(0.2))
+        if len(times) == 10:
+            tick.clock.stop()
+
+    report = clock.run(tick)
+    assert report.ticks == 10
+    assert times[5] - times[4] == pytest.approx(0.2, abs=0.15)
+    assert report.skipped < 15  # a busy machine may be late by itself
+    assert report.mean < 0.05
+    assert report.resting
+
+
+def test_a_present_stall_is_seen_while_it_lasts_and_a_rest_is_none():
+    clock, recent, going, resting = Clock(0.001), RecentTiming(), threading.Event(), threading.Event()
+
+    def tick(tick):
+        if tick.number >= 20 and not going.is_set():
+            going.wait(5.0)
+        if resting.is_set():
+            tick.clock.rest(lambda: time.sleep(0.05))
+
+    with clock.start(tick):
+        time.sleep(1.2)
+        report = clock.report()
+        rate, missed = recent.add(report)
+        assert report.pending > 500
+        assert not report.resting
+        assert missed > 500
+        assert rate < 100.0
+        time.sleep(1.1)
+        assert recent.add(clock.report())[0] == 0.0  # not the mean since the start
+        going.set()
+        time.sleep(0.2)
+        resting.set()
+        time.sleep(0.5)
+        before = recent.add(clock.report())
+        time.sleep(1.1)
+        report = clock.report()
+        assert report.resting
+        assert report.pending == 0
+        assert recent.add(report)[1] <= before[1]
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="real-time loops are counted on Linux")
+def test_a_core_remains_for_other_programs(monkeypatch):
+    """Of three loops on three cores, two are in real time; one on its only core is not."""
+    monkeypatch.setattr(os, "sched_setscheduler", lambda *_: None)
+    monkeypatch.setattr(os, "sched_getaffinity", lambda _: {0, 1, 2})
+    monkeypatch.setattr(scheduling, "_RESERVED", f"\0cinegen test {os.getpid()} ")
+    with contextlib.ExitStack() as loops:
+        found = [loops.enter_context(scheduling.scheduled(7, frozenset())) for _ in range(3)]
+    none = "ordinary scheduling (no real time: one of {} cores must remain for other programs)"
+    assert found == ["SCHED_FIFO 7", "SCHED_FIFO 7", none.format(3)]
+    with scheduling.scheduled(7, frozenset()) as again:
+        assert again == "SCHED_FIFO 7"
+    monkeypatch.setattr(os, "sched_getaffinity", lambda _: {0})
+    with scheduling.scheduled(7, frozenset()) as only:
+        assert only == none.format(1)

@@ -1,4 +1,5 @@
-"""Dragged about by a wild hand no robot tears, crosses a limit, jumps, or raises: 10,000 ticks for each."""
+"""Dragged about by a wild hand no robot tears, crosses a limit, jumps, or raises: 2,000 ticks for each, and 8,000 more
+by `make slow`."""
 
 from __future__ import annotations
 
@@ -11,6 +12,7 @@ import pytest
 from elementary import ROBOTS, document
 from hand import DT, Hand, check
 from scipy.optimize import linprog
+from variants import slow
 
 import cinegen
 from cinegen import Status
@@ -27,7 +29,7 @@ def load(name: str, which: str) -> cinegen.Mechanism:
 
 
 @every_robot
-@pytest.mark.parametrize("seed", range(SEEDS))
+@pytest.mark.parametrize("seed", [0, *slow(*range(1, SEEDS))])
 def test_a_wild_hand_neither_tears_a_robot_nor_drives_it_over_a_limit(name, which, seed):
     mechanism = load(name, which)
     solver = cinegen.Solver(mechanism, DT)
@@ -148,8 +150,8 @@ def test_let_go_it_rests_and_pulled_to_where_it_is_it_stays(name, which):
 
 # --- against its limits ------------------------------------------------------------------------------------------
 
-HARD = {  # seeds at which an active set that never lets a joint go trembles, or rests too early
-    "arm7": (1002,),
+HARD = {  # seeds at which it trembles if steps are only halved or an active set lets no joint go, or rests too early
+    "arm7": (1002, 1009),
     "delta4_linear": (1007,),
     "five_bar": (1027,),
     "gough": (1002, 1017, 1027),

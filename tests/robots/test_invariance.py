@@ -27,6 +27,7 @@ from making import (
     sarrus,
     somewhere,
 )
+from variants import slow
 
 import cinegen
 import raff2urdf
@@ -176,7 +177,10 @@ def tool_path(mechanism: cinegen.Mechanism, poses: list[pin.SE3], task: tuple[in
     return np.array(path), smallest
 
 
-@pytest.mark.parametrize("name", RINGS)
+CUT = ("four-bar", "Bennett", "seven-bar")  # in a plane, overconstrained, in space
+
+
+@pytest.mark.parametrize("name", [*CUT, *slow(*(name for name in RINGS if name not in CUT))])
 @settings(max_examples=3, deadline=None, derandomize=True, database=None)
 @given(seed=st.integers(0, 2**32 - 1))
 def test_where_a_loop_is_cut_does_not_matter(name, seed):
@@ -256,7 +260,7 @@ def cut_at(mechanism: Mechanism, number: int) -> Mechanism:
 def test_where_the_loop_of_a_file_is_cut_does_not_matter(name):
     mechanism, task, rng = as_it_is(name), CUTS[name], np.random.default_rng(1)
     one = exactly(mechanism)
-    poses = poses_along(one, rng, 0.2)
+    poses = poses_along(one, rng, 0.1 if name == "four_bar" else 0.2)  # the four-bar's tool is near its turning point
     assert poses is not None
     expected, smallest = tool_path(one, poses, task)
     assert smallest > 0.05

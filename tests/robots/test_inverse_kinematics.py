@@ -213,7 +213,7 @@ def test_the_same_question_has_the_same_answer() -> None:
 def test_what_was_asked_before_makes_no_difference() -> None:
     """Not even where starts at random are needed."""
     mechanism = mechanism_of("panda")
-    poses = [mechanism.placement(q, "panda_hand") for q in configurations(mechanism, 200, seed=11)]
+    poses = [mechanism.placement(q, "panda_hand") for q in configurations(mechanism, 200, seed=12)]
     first = [cinegen.inverse_kinematics(mechanism, {"panda_hand": pose}, seed=3) for pose in poses]
     assert max(reached.starts for reached in first) > 9
     for pose, before in reversed(list(zip(poses, first, strict=True))):

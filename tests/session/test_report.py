@@ -8,11 +8,14 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
+import cinegen
 from cinegen.ik.singular import gained
+from cinegen.loops.motions import orthonormal
 from cinegen.model import ForwardKinematics
-from cinegen.session import Reporter, Session, arrange
+from cinegen.session import Reporter, RobotReport, Session, agreed_status, arrange
 from cinegen.session import commands as c
-from cinegen.session.report import HORIZON
+from cinegen.session.report import HORIZON, ForecastReport, SingularityReport
+from cinegen.session.state import RobotStatus
 from cinegen.singularities import singularity
 from cinegen.singularities.ball_joints import counted
 
@@ -60,6 +63,18 @@ def test_a_stretched_arm_loses_the_motion_along_itself(session):
     assert found.text.startswith("hardest to move")
 
 
+def test_several_lost_motions_are_counted(session):
+    """An arm with all its joints straight."""
+    one = session("arm7")
+    arm = one.setup.robots["arm7"]
+    put(one, "arm7", (0.0,) * 7)
+    found = report(one, "arm7").type1
+    lost = cinegen.singularity(arm, one.robots["arm7"].q).lost.order
+    assert lost == 3
+    assert found.sigma < 1e-9
+    assert found.text.endswith(", and 2 more DoF")
+
+
 def test_outer_links_in_line_do_not_hold_the_motion_across_them(session):
     """A five-bar's motors are led apart until its outer links are in line, as nearly as they can be."""
     one = session("five_bar")
@@ -98,7 +113,8 @@ def test_the_ellipsoid_is_as_far_as_the_joints_lead_the_node(session, name):
     jacobians = counted(mechanism, q, end)
     motions = np.eye(mechanism.model.nv)
     if mechanism.is_constrained:
-        motions = jacobians.joints @ np.linalg.svd(jacobians.loops)[2][mechanism.loop_rank :].T
+        free = np.linalg.svd(jacobians.loops)[2][mechanism.loop_rank :].T
+        motions = jacobians.joints @ orthonormal(free, jacobians.cut_rates)
     step = 1e-6
     moved = [
         (
@@ -194,3 +210,41 @@ def test_joints_near_a_limit_are_named(session):
     for _ in range(2000):
         one.tick()
     assert "joint1" in report(one, "five_bar").near_limit
+
+
+# --- status ----------------------------------------------------------------------------------------------------------
+
+
+def report_of(type1=None, type2=None):
+    found = [
+        None if sigma is None else SingularityReport(sigma, 0.05, f"text of {sigma}", "tool", np.zeros(3), np.zeros(6))
+        for sigma in (type1, type2)
+    ]
+    return RobotReport(np.zeros(1), (), (), 0.0, *found, None, ForecastReport(np.zeros((0, 3)), ()))
+
+
+@pytest.mark.parametrize(
+    ("name", "report", "agreed"),
+    [
+        ("IDLE", None, "IDLE"),
+        ("IDLE", report_of(), "IDLE"),
+        ("IDLE", report_of(0.2, 0.035), "UNCONTROLLED"),
+        ("FOLLOWING", report_of(0.2, 0.035), "UNCONTROLLED"),
+        ("FOLLOWING", report_of(0.035, 0.2), "SINGULAR"),
+        ("FOLLOWING", report_of(0.06, 0.06), "FOLLOWING"),
+        ("HOME", report_of(0.01, 0.01), "UNCONTROLLED"),
+        ("REFUSED", report_of(0.01, 0.01), "REFUSED"),
+        ("BAD_TARGET", report_of(0.01, 0.01), "BAD_TARGET"),
+        ("AT_LIMIT", report_of(0.2, 0.01), "UNCONTROLLED"),
+        ("AT_LIMIT", report_of(0.01, 0.2), "AT_LIMIT"),
+        ("OUT_OF_REACH", report_of(0.2, 0.2), "OUT_OF_REACH"),
+        ("SINGULAR", report_of(0.2, 0.2), "DAMPED"),
+        ("SINGULAR", report_of(0.01, 0.2), "SINGULAR"),
+    ],
+)
+def test_the_status_agrees_with_the_meters(name, report, agreed):
+    found = agreed_status(RobotStatus(name, "as it is", "a sentence"), report)
+    assert found.name == agreed
+    near = report is not None and any(one is not None and one.is_near for one in (report.type1, report.type2))
+    assert ("near a singularity" in found.label) == (near and agreed not in ("REFUSED", "BAD_TARGET"))
+    assert agreed != name or near or found.label == "as it is"

@@ -98,7 +98,7 @@ def test_out_of_reach_is_said_with_how_far(session):
 
 def test_a_joint_that_its_limit_stops_is_named(raff):
     """A link of 500 mm, limited to 30 degrees, and a target at 90 degrees."""
-    arm = raff("""sensor 1 { port "x" translation 3 rotation 3 }
+    arm = raff("""sensor 1 { port "spnav:" translation 3 rotation 3 }
       robot r { base { } link 1 { type 2 pred 0 limits { -30 30 } velocity 90 }
         frame 2 { parameters { d 500 } pred 1 name "tool" } constraint { frame 2 sensor ( 0 1 ) } }""")
     one = Session(arrange({"arm": arm}))

@@ -49,7 +49,7 @@ class Measured:
 
     def __init__(self, session, name, shapes):
         self.mechanism, self.name, self.shapes = session.setup.robots[name], name, shapes
-        self.links = [body for body in link_bodies(self.mechanism) if body.joint]
+        self.links = [body.as_described for body in link_bodies(self.mechanism) if body.joint]
         self.setup, self.data = session.setup, self.mechanism.model.createData()
 
     def __call__(self, state):

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import re
+import warnings
+
 import numpy as np
 import pinocchio as pin
 import pytest
@@ -118,3 +121,42 @@ def test_a_file_can_not_open_a_port_to_other_machines_but_the_command_line_can(r
     assert [device.url for device in asked.devices if device.name == "1"] == [url]
     for own in ("tcp://127.0.0.1:7070", "tcp://[::1]:7070", "tcp://localhost:7070", "tcp://:7070"):
         assert arrange({"r": raff(text % own)}).devices
+
+
+@pytest.mark.parametrize(
+    ("url", "why"),
+    [
+        ("spy:///dev/ttyUSB0?file=/tmp/written", "would open a file"),
+        ("SPY://loop://?file=/tmp/written", "would open a file"),
+        ("replay:/etc/passwd", "would open a file"),
+        ("seam:/dev/zero?speed=1m/s", "would open a file"),
+        ("socket://10.0.0.1:22", "would connect to a server"),
+        ("rfc2217://127.0.0.1:22", "would connect to a server"),
+        ("spnav:/var/run/docker.sock", "would connect to a server"),
+        ("/etc/passwd", "is not the name of a serial port"),
+        ("/dev/tty/../../etc/passwd", "is not the name of a serial port"),
+        ("/dev/watchdog", "is not the name of a serial port"),
+        ("notes.txt", "is not the name of a serial port"),
+        ("a://x", "is not the name of a serial port"),
+    ],
+)
+def test_a_file_opens_no_other_file_or_connection_unless_the_command_line_allows_it(raff, url, why):
+    text = f"""robot r {{ base {{ }} link 1 {{ type 2 pred 0 }} frame 2 {{ parameters {{ d 100 }} pred 1 }}
+      constraint {{ frame 2 sensor ( 0 1 ) }} }} sensor 1 {{ port "{url}" }}"""
+    with pytest.raises(SetupError, match=rf"the file's sensor 1, '{re.escape(url)}', {why}\. If that is wanted, give"):
+        arrange({"r": raff(text)})
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        assert arrange({"r": raff(text)}, sensors=[f"1={url}"]).devices
+
+
+@pytest.mark.filterwarnings("ignore::cinegen.CinegenWarning")
+@pytest.mark.parametrize(
+    "url",
+    ["/dev/ttyUSB0", "/dev/ttyd2", "/dev/serial/by-id/usb-3Dconnexion_SpaceMouse-if00", "/dev/cu.usbserial-1", "COM3",
+     r"\\.\COM12", "hwgrep://3Dconnexion", "spnav:", "path:circle", "gamepad:"],
+)  # fmt: skip
+def test_a_file_opens_the_usual_sensors(raff, url):
+    text = f"""robot r {{ base {{ }} link 1 {{ type 2 pred 0 }} frame 2 {{ parameters {{ d 100 }} pred 1 }}
+      constraint {{ frame 2 sensor ( 0 1 ) }} }} sensor 1 {{ port "{url}" }}"""
+    assert [device.url for device in arrange({"r": raff(text)}).devices if device.name == "1"] == [url]

@@ -10,8 +10,9 @@ import varieties
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from cinegen.singularities.grassmann import GrassmannClass, classify, near
-from cinegen.singularities.pluecker import LineAtInfinity, PlueckerError, PlueckerLine
+from cinegen.singularities.grassmann import GrassmannClass, class_of_lines, class_of_wrenches, classify, near
+from cinegen.singularities.pluecker import LineAtInfinity, LineFrame, PlueckerError, PlueckerLine
+from cinegen.singularities.screw_system import ScrewSystem
 
 seeds = st.integers(0, 2**32 - 1)
 HOME, X, Y, Z = np.zeros(3), *np.eye(3)
@@ -152,6 +153,85 @@ def test_the_klein_form_has_the_signature_of_the_variety(maker):
     values = np.linalg.eigvalsh(basis @ np.roll(np.eye(6), 3, axis=0) @ basis.T)
     counts = (int((values > 1e-9).sum()), int((values < -1e-9).sum()), int((np.abs(values) <= 1e-9).sum()))
     assert counts in SIGNATURES[built.grassmann_class]
+
+
+# --- all lines together ---------------------------------------------------------------------------------------------
+
+
+def _sixes(maker, rng, noise=0.0):
+    """As many lines of a variety as can be made, moved and scaled; and the length."""
+    while True:
+        try:
+            built = maker(rng, 6)
+        except TypeError:
+            built = maker(rng)
+        length, turn, shift = 10.0 ** rng.uniform(-3.0, 3.0), varieties.rotation(rng), rng.normal(size=3)
+        segments = [[end + noise * rng.normal(size=3) for end in ends] for ends in built.segments]
+        lines = [PlueckerLine.through(*(length * (turn @ end + shift) for end in ends)) for ends in segments]
+        vectors = varieties.LineFrame.of(lines, length).coordinates(lines)
+        if np.linalg.svd(vectors, compute_uv=False)[built.grassmann_class.rank - 1] > 0.1:
+            return built, lines, length
+
+
+@makers
+@pytest.mark.parametrize("seed", range(5))
+@pytest.mark.parametrize("noise", [0.0, 1e-9])
+def test_the_class_of_all_lines_is_that_of_their_variety(maker, seed, noise):
+    built, lines, length = _sixes(maker, np.random.default_rng(seed), noise)
+    found, rank = classify(lines, length), built.grassmann_class.rank
+    assert found.class_of_all is built.grassmann_class
+    assert found.rank == found.forces.order == rank
+    assert found.motions.order == 6 - rank
+    assert class_of_lines(lines, length) is built.grassmann_class
+    assert class_of_wrenches(found.forces) is built.grassmann_class
+    assert found.as_dict()["class_of_all"] == built.grassmann_class.title
+
+
+@pytest.mark.parametrize("maker", varieties.ALL[1:])  # lines next to one are all next to one complex, by 1e-8
+@pytest.mark.parametrize("seed", range(3))
+def test_all_lines_beside_a_variety_are_near_it(maker, seed):
+    built, lines, length = _sixes(maker, np.random.default_rng(40 + seed), 1e-4)
+    assert classify(lines, length) is None or len(lines) > built.grassmann_class.rank + 1
+    found = near(lines, length, 3e-3)
+    assert found.class_of_all is built.grassmann_class
+    assert found.rank == built.grassmann_class.rank
+    assert found.text().startswith("nearly: ")
+    assert found.as_dict()["near"]
+
+
+def test_two_lines_that_do_not_meet_are_skew():
+    rng = np.random.default_rng(0)
+    for _ in range(20):
+        lines = [PlueckerLine.through(*rng.normal(size=(2, 3))) for _ in range(2)]
+        assert class_of_lines(lines, 1.0) is GrassmannClass.SKEW_LINES
+        assert class_of_lines([*lines, *lines], 1.0) is GrassmannClass.SKEW_LINES
+    assert GrassmannClass.SKEW_LINES.title == "skew lines (2a)"
+    assert class_of_lines([PlueckerLine.through(*rng.normal(size=(2, 3))) for _ in range(6)], 1.0) is None
+
+
+@pytest.mark.parametrize("pitches", [(0.3,), (0.3, 0.5), (0.3, 0.5, 0.7), (0.0, 0.2)])
+def test_wrenches_that_no_forces_make_up_have_no_class(pitches):
+    rows = np.array([[*axis, *(h * axis)] for axis, h in zip(np.eye(3), pitches, strict=False)])
+    couples = np.hstack([np.zeros((len(rows), 3)), rows[:, :3]])
+    for vectors in (rows, couples):
+        assert class_of_wrenches(ScrewSystem(vectors, LineFrame(HOME, 1.0), 1e-9, wrenches=True)) is None
+
+
+def test_the_smallest_set_and_all_lines_may_be_of_different_classes():
+    """Three of six lines that meet two lines are a flat pencil."""
+    found = classify(
+        [PlueckerLine.through(s * X, Z + t * Y) for s, t in ((1, 1), (1, 2), (1, -1), (2, 3), (-1, 2), (-2, -3))], 1.0
+    )
+    assert found.grassmann_class is GrassmannClass.FLAT_PENCIL
+    assert found.class_of_all is GrassmannClass.HYPERBOLIC_CONGRUENCE
+    assert found.motions.text() == (
+        "any combination of a rotation about the axis through (0, 0, 1) m along (0, 1, 0) and a rotation about the "
+        "axis through (0, 0, 0) m along (1, 0, 0)"
+    )
+    bundle = [PlueckerLine.along(HOME, direction) for direction in (X, Y, Z, X + Y + Z)]
+    found = classify([*bundle, PlueckerLine.along(X, Y), PlueckerLine.along(2 * Y, Y + X)], 1.0)
+    assert found.grassmann_class is GrassmannClass.BUNDLE
+    assert found.class_of_all is GrassmannClass.DEGENERATE_CONGRUENCE
 
 
 # --- none, several, larger -------------------------------------------------------------------------------------------

@@ -4,11 +4,15 @@ from __future__ import annotations
 
 import math
 
+import linkages
 import numpy as np
 import pinocchio as pin
 import pytest
+import varieties
 from hypothesis import given
 from hypothesis import strategies as st
+from scipy.linalg import null_space
+from scipy.optimize import minimize_scalar
 
 import cinegen
 from cinegen.singularities import SingularityType, leg_lines, singularity
@@ -103,6 +107,7 @@ def test_type_2_of_a_five_bar_is_where_its_outer_bars_are_in_line(robot):
     found = singularity(mechanism, q)
     assert found.kind is SingularityType.TYPE_2
     assert found.sigma[1] < 1e-12
+    assert found.grassmann_class is GrassmannClass.SPECIAL_COMPLEX
     # the tool turns about the elbows, which are in one place
     assert found.uncontrolled_dof.pitch == pytest.approx(0.0, abs=1e-12)
     assert np.allclose(found.uncontrolled_dof.axis.nearest(np.zeros(3)), elbow_at, atol=1e-9)
@@ -231,13 +236,195 @@ def test_hunts_singularity(robot):
     assert "special complex (5b): all six legs meet the line through" in found.message
 
 
+# --- several motions at once -------------------------------------------------------------------------------------
+
+
+def circle(radius, turn, height):
+    """(6, 3) points in pairs on a circle."""
+    around = turn + np.repeat(2.0 * math.pi * np.arange(3) / 3.0, 2) + np.tile([-0.3, 0.3], 3)
+    return np.c_[radius * np.cos(around), radius * np.sin(around), np.full(6, height)]
+
+
+def concurrent(rng, point):
+    """Feet and heads of six legs whose lines meet in a point."""
+    feet = linkages.points(rng)[0] - [0.0, 0.0, 0.5]
+    return feet, point + rng.uniform(0.35, 0.6, (6, 1)) * (feet - point)
+
+
+def assert_motions_keep_leg_lengths(mechanism, q, found, feet, heads):
+    """Moved by a screw's twist, legs change their length by the square of the motion only."""
+    for screw in found.uncontrolled.screws:
+        w, v = np.split(screw.coordinates, 2)
+        step = 1e-4 / (np.linalg.norm(w) + np.linalg.norm(v))
+        changes = []
+        for size in (step, 2.0 * step):
+            motion = pin.exp6(pin.Motion(size * v, size * w))
+            ends = [motion.act(head) for head in heads]
+            changes.append(np.linalg.norm(ends - feet, axis=1) - np.linalg.norm(heads - feet, axis=1))
+        assert np.abs(changes[0]).max() < 1e-7
+        assert changes[1] == pytest.approx(4.0 * changes[0], abs=1e-10)
+    # ... and the joints close the loops to second order
+    for motion in found.motions:
+        step = 1e-5 / np.abs(motion).max()
+        gaps = [mechanism.closure(pin.integrate(mechanism.model, q, s * step * motion)) for s in (1.0, 2.0)]
+        assert gaps[0] < 1e-9
+        assert gaps[1] < 5.0 * gaps[0] + 1e-12
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_legs_that_meet_in_one_point_leave_all_rotations_about_it(raff, seed):
+    rng, point = np.random.default_rng(seed), np.array([0.1, 0.0, 0.3])
+    feet, heads = concurrent(rng, point)
+    mechanism = raff(linkages.hexapod(rng, feet=feet, heads=heads).text(joint_digits=None))
+    found = singularity(mechanism, mechanism.q_home)
+    assert found.kind is SingularityType.TYPE_2
+    assert (found.second <= 1e-6).sum() == 3
+    assert found.dependence.rank == 3
+    assert found.dependence.grassmann_class is found.dependence.class_of_all is GrassmannClass.BUNDLE
+    assert found.uncontrolled.order == found.unsupported.order == len(found.motions) == 3
+    assert found.uncontrolled.type == "IIA"
+    assert "tool can make any rotation about the point (0.1, 0, 0.3) m (3 uncontrolled DoF)" in repr(found)
+    assert "can't support any couple: they support any force through the point (0.1, 0, 0.3) m" in repr(found)
+    assert_motions_keep_leg_lengths(mechanism, mechanism.q_home, found, feet, heads)
+    # no combination of unsupported wrenches is one of forces along the legs
+    legs = np.array([line.coordinates for line in found.legs])
+    together = np.vstack([legs, found.unsupported.coordinates])
+    assert np.linalg.matrix_rank(together, tol=1e-6) == 6
+    shown = found.as_dict()
+    assert shown["class"] == "bundle (3c)"
+    assert [len(shown[name]["screws"]) for name in ("uncontrolled", "unsupported")] == [3, 3]
+    assert shown["uncontrolled"]["text"] == "any rotation about the point (0.1, 0, 0.3) m"
+    assert shown["dependence"]["rank"] == 3
+
+
+SIX_LINES = [
+    varieties.flat_pencil, varieties.parallels_in_plane, varieties.hyperboloid, varieties.paraboloid, varieties.bundle,
+    varieties.parallels, varieties.plane, varieties.elliptic, varieties.hyperbolic, varieties.hyperbolic_one_far,
+    varieties.parabolic, varieties.parabolic_far, varieties.general_complex, varieties.special_complex,
+    varieties.special_complex_far,
+]  # fmt: skip
+
+
+@pytest.mark.parametrize("maker", SIX_LINES)
+def test_legs_in_any_variety_leave_six_motions_minus_their_rank(raff, maker):
+    rng = np.random.default_rng(0)
+    built, turn, shift = maker(rng, 6), varieties.rotation(rng), rng.normal(size=3)
+    feet, heads = (np.array([turn @ ends[k] + shift for ends in built.segments]) for k in (0, 1))
+    mechanism = raff(linkages.hexapod(rng, feet=feet, heads=heads).text(joint_digits=None))
+    found = singularity(mechanism, mechanism.q_home)
+    assert found.kind is SingularityType.TYPE_2
+    assert found.dependence.class_of_all is built.grassmann_class
+    assert found.dependence.rank == built.grassmann_class.rank == 6 - found.uncontrolled.order
+    assert found.dependence.motions.type == found.uncontrolled.type
+    assert found.grassmann_class is built.grassmann_class
+    assert_motions_keep_leg_lengths(mechanism, mechanism.q_home, found, feet, heads)
+
+
+def test_similar_hexagons_rotated_by_90_degrees_leave_three_screws(raff):
+    """Similar hexagons are singular wherever they are; here the legs are lines of one regulus."""
+    feet, heads = circle(1.0, 0.0, 0.0), circle(0.5, math.pi / 2.0, 1.0)
+    mechanism = raff(linkages.hexapod(np.random.default_rng(1), feet=feet, heads=heads).text(joint_digits=None))
+    found = singularity(mechanism, mechanism.q_home)
+    assert found.kind is SingularityType.TYPE_2
+    assert len(found.legs) == 6
+    assert found.dependence.rank == 3
+    assert found.dependence.class_of_all is GrassmannClass.REGULUS
+    assert found.uncontrolled.text() == (
+        "any combination of a screw of pitch -0.5 m/rad about the axis through (0, 0, 0) m along (0, 0, 1) and a screw "
+        "of pitch 0.4 m/rad about an axis through the point (0, 0, 0.8) m in the plane normal to (0, 0, 1)"
+    )
+    assert_motions_keep_leg_lengths(mechanism, mechanism.q_home, found, feet, heads)
+    legs = np.array([line.coordinates for line in found.legs])
+    free = null_space(np.roll(legs, 3, axis=1), rcond=1e-9)
+    assert free.shape[1] == found.uncontrolled.order == 3
+    assert np.linalg.matrix_rank(np.vstack([free.T, found.uncontrolled.coordinates]), tol=1e-6) == 3
+
+
+def test_a_platform_that_is_singular_everywhere_is_singular(raff):
+    """Similar hexagons, level or not."""
+    feet, heads = circle(1.0, 0.0, 0.0), circle(0.5, 0.7, 0.0) @ pin.exp3(np.array([0.3, -0.2, 0.1])) + [0.1, 0.2, 1.0]
+    mechanism = raff(linkages.hexapod(np.random.default_rng(1), feet=feet, heads=heads).text(joint_digits=None))
+    found = singularity(mechanism, mechanism.q_home)
+    assert found.kind is SingularityType.TYPE_2
+    assert found.sigma[1] == 0.0
+    assert found.uncontrolled.order == 1
+    assert found.dependence.rank == 5
+    assert_motions_keep_leg_lengths(mechanism, mechanism.q_home, found, feet, heads)
+
+
+def test_legs_that_nearly_meet_in_one_point_nearly_leave_all_rotations(raff):
+    rng, point = np.random.default_rng(0), np.array([0.1, 0.0, 0.3])
+    feet, heads = concurrent(rng, point)
+    heads = heads + 1e-4 * rng.normal(size=heads.shape)
+    mechanism = raff(linkages.hexapod(rng, feet=feet, heads=heads).text(joint_digits=None))
+    found = singularity(mechanism, mechanism.q_home)
+    assert not found
+    assert found.near is SingularityType.TYPE_2
+    assert found.uncontrolled.order == 3
+    assert found.uncontrolled.type == "IIA"
+    assert "tool can nearly make any rotation about the point" in found.message
+    assert found.dependence.nearly
+    assert found.dependence.class_of_all is GrassmannClass.BUNDLE
+
+
+@pytest.mark.parametrize(("straight", "lost"), [((), 0), (("joint5",), 1), (("joint3", "joint5"), 2)])
+def test_an_arm_loses_what_numpy_finds(robot, straight, lost):
+    """rx90: its wrist straight, and its elbow too."""
+    mechanism = robot("rx90")
+    q = mechanism.configuration({"joint2": 0.3, "joint4": 0.4, "joint3": 1.2, "joint5": 0.8, "joint6": 0.2})
+    units = np.repeat([1.0 / mechanism.length, 1.0], 3)[:, None] * mechanism.scale
+    if "joint3" in straight:
+
+        def smallest(angle):
+            return np.linalg.svd(mechanism.jacobian(mechanism.configuration({"joint3": angle}, q), "link4")[:3])[1][2]
+
+        grid = np.linspace(0.5, 2.6, 400)
+        best = min(grid, key=smallest)
+        q = mechanism.configuration(
+            {"joint3": minimize_scalar(smallest, bounds=(best - 0.01, best + 0.01), options={"xatol": 1e-13}).x}, q
+        )
+    if "joint5" in straight:
+        q = mechanism.configuration({"joint5": 0.0}, q)
+    found = singularity(mechanism, q)
+    placement = mechanism.placement(q, mechanism.end)
+    turn = np.kron(np.eye(2), placement.rotation)
+    jacobian = turn @ (units * mechanism.jacobian(q, mechanism.end))
+    assert int((np.linalg.svd(jacobian)[1] <= 1e-6).sum()) == lost
+    assert bool(found) == bool(lost)
+    assert found.lost.order == found.supported.order == max(lost, 1)
+    if lost:  # wrenches do no work on what the joints can do
+        units = np.repeat([1.0, 1.0 / mechanism.length], 3)
+        wrenches = found.supported.coordinates * units
+        p = placement.translation
+        twists = np.hstack([jacobian[3:].T, jacobian[:3].T + np.cross(p / mechanism.length, jacobian[3:].T)])
+        assert twists @ np.roll(wrenches, 3, axis=1).T == pytest.approx(np.zeros((6, lost)), abs=1e-6)
+        assert np.linalg.matrix_rank(wrenches, tol=1e-6) == lost
+        assert ("2 DoF" in found.message) == (lost == 2)
+
+
+def test_a_five_bar_with_both_arms_stretched_loses_all_it_has(robot):
+    mechanism = robot("five_bar")
+    q = mechanism.close(mechanism.configuration({"joint2": 0.0, "joint4": 0.0}), ["joint2", "joint4"])
+    found = singularity(mechanism, q)
+    assert found.kind is SingularityType.TYPE_1
+    y = mechanism.placement(q, "tool").translation[1]
+    assert found.lost.type == "IIC"
+    assert repr(found.supported) == (
+        "<ScrewSystem of order 2, type IIA: any force along a line through the point "
+        f"(0, {y:.4f}, 0) m in the plane normal to (0, 0, 1)>"
+    )
+    assert "loses, or nearly, 2 DoF: any translation normal to (0, 0, 1); the structure supports any" in found.message
+
+
 @pytest.mark.parametrize("name", ["tssm", "gough"])
 def test_a_ball_joint_in_gimbal_lock_is_no_singularity(robot, name):
     mechanism = robot(name)
     q = mechanism.close(mechanism.configuration({"joint5": 0.0}), ["joint5"])
     passive = mechanism.system.evaluate(q)[1][:, mechanism.passive_columns]
     assert np.linalg.svd(passive, compute_uv=False)[-1] < 1e-12
-    assert singularity(mechanism, q).near is SingularityType.NONE
+    found = singularity(mechanism, q)
+    assert found.kind is SingularityType.NONE
+    assert found.sigma[1] > 0.02
 
 
 @pytest.mark.parametrize("name", ["tssm", "gough", "hybrid"])

@@ -129,8 +129,8 @@ def test_files_that_are_none(weld, tmp_path):
     for url, why in (
         ("seam:", r"'seam:': write seam:FILE.csv"),
         ("seam:?speed=2", "write seam:FILE.csv"),
-        ("seam:none.csv", "none.csv: can't be read: no such file"),
-        (f"seam:{tmp_path}", "can't be read: is a directory"),
+        ("seam:none.csv", "none.csv: can't be read: No such file"),
+        (f"seam:{tmp_path}", "can't be read: Is a directory"),
     ):
         with pytest.raises(SensorError, match=why):
             open_sensor(url)

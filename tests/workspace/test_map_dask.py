@@ -12,6 +12,7 @@ from pathlib import Path
 
 import pytest
 from folders import digest, files, of_delta, over_joints
+from variants import slow
 
 from cinegen import cluster
 from cinegen.cluster import ClusterError
@@ -201,29 +202,26 @@ make_map(over_joints(cinegen.load(sys.argv[1]), 6), sys.argv[2], workers=2, most
 """
 
 
-def test_a_script_without_a_guard_that_is_stopped_takes_its_processes_along(spec, whole, address, tmp_path, root):
-    script, robot = tmp_path / "script.py", root / "robots/planar_3r.raff"
+@pytest.mark.parametrize("how", [signal.SIGKILL, *slow(signal.SIGINT)])
+def test_a_script_without_a_guard_that_is_stopped_takes_its_processes_along(how, spec, whole, address, tmp_path, root):
+    script, robot, path = tmp_path / "script.py", root / "robots/planar_3r.raff", tmp_path / "map.zarr"
     script.write_text(SCRIPT)
-    running = {}
-    for how in (signal.SIGKILL, signal.SIGINT):
-        command = [sys.executable, str(script), str(robot), str(tmp_path / f"{how}.zarr")]
-        running[how] = subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.PIPE)
-    for how, process in running.items():
-        path = tmp_path / f"{how}.zarr"
-        assert process.stdout.readline() == b"0\n"
-        assert int(process.stdout.readline()) > 0
-        others = [pid for pid in children(process.pid) if alive(pid)]
-        assert len(others) == 2
-        process.send_signal(how)
-        said = process.communicate()[1].decode()
-        until(lambda others=others: not any(map(alive, others)))
-        assert process.returncode == -how
-        assert said.count("Traceback") == (how == signal.SIGINT)  # Python's own
-        assert said.rstrip().endswith("KeyboardInterrupt" if how == signal.SIGINT else "")
-        done = MapStore(path).done
-        assert 0 < done < spec.region.size
-        before = files(path / "status")
-        make_map(spec, path, scheduler=address)
-        assert digest(path) == digest(whole)
-        assert before.items() <= files(path / "status").items()
-    assert set(os.listdir(tmp_path)) == {"script.py", f"{signal.SIGKILL}.zarr", f"{signal.SIGINT}.zarr"}
+    command = [sys.executable, str(script), str(robot), str(path)]
+    process = subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.PIPE)
+    assert process.stdout.readline() == b"0\n"
+    assert int(process.stdout.readline()) > 0
+    others = [pid for pid in children(process.pid) if alive(pid)]
+    assert len(others) == 2
+    process.send_signal(how)
+    said = process.communicate()[1].decode()
+    until(lambda: not any(map(alive, others)))
+    assert process.returncode == -how
+    assert said.count("Traceback") == (how == signal.SIGINT)  # Python's own
+    assert said.rstrip().endswith("KeyboardInterrupt" if how == signal.SIGINT else "")
+    done = MapStore(path).done
+    assert 0 < done < spec.region.size
+    before = files(path / "status")
+    make_map(spec, path, scheduler=address)
+    assert digest(path) == digest(whole)
+    assert before.items() <= files(path / "status").items()
+    assert set(os.listdir(tmp_path)) == {"script.py", "map.zarr"}

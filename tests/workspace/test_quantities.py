@@ -183,6 +183,22 @@ def test_speeds_and_forces_are_those_of_linear_programmes(robot, name):
         assert values["force"] == pytest.approx(greatest_force(mechanism, q, spec.node, along), rel=1e-4)
 
 
+@pytest.mark.parametrize("name", ["belt_five_bar", "planetary_gear", "differential_wrist", "scara", "delta4_linear"])
+def test_speeds_and_forces_through_couplings_are_those_of_linear_programmes(robot, name):
+    mechanism = robot(name)
+    homes = [(joint, mechanism.q_home[mechanism.q_index(joint)]) for joint in mechanism.actuated]
+    axes = ((joint, home - 0.05, home + 0.05, 2) for joint, home in homes)
+    along = np.array([1.0, 0.0, 0.0] if name == "planetary_gear" else [0.48, 0.6, 0.64])
+    spec = MapSpecification(mechanism, over(*axes), ("velocity", "force"), along=tuple(along), limits=False)
+    found = mapped(spec)
+    reached = found["reachable"]
+    rows = [found[key][reached] for key in ("configuration", "velocity", "force")]
+    assert reached.sum() >= 2
+    for q, speed, force in zip(*rows, strict=True):
+        assert speed == pytest.approx(greatest_speed(mechanism, q, spec.node, along), rel=1e-4)
+        assert force == pytest.approx(greatest_force(mechanism, q, spec.node, along), rel=1e-4)
+
+
 BAR = "parameters { theta 40 } type 2 pred 0 limits { 5 85 } velocity 30"
 FOOT = "parameters { gamma 90 alpha 90 r 306.418 } type 1 pred 0 velocity 50"
 SCISSOR = """
@@ -215,6 +231,65 @@ def test_a_scissor_lift_rises_as_fast_as_finite_differences_say(raff, motor, low
         assert values["velocity"] == pytest.approx(rate * speed, rel=1e-4)
         assert values["velocity"] > 0.005
         assert values["force"] == pytest.approx(1.0 / rate, rel=1e-4)
+
+
+def table_lift(actuated):
+    """Two bars of 600 mm pinned at their middles, upright; the table is pinned to one and slides on the other."""
+    across, words = 600.0 * math.cos(math.radians(35.0)), ["actuated 0"] * 6
+    words[actuated] = f"actuated 1 velocity {30 if actuated in (1, 3) else 100}"
+    return f"""robot lift {{
+      base {{ parameters {{ alpha 90 }} }}
+      link 1 {{ parameters {{ theta 35 }} type 2 pred 0 {words[1]} }}
+      link 2 {{ parameters {{ gamma 90 alpha 90 r {across!r} }} type 1 pred 0 {words[2]} }}
+      link 3 {{ parameters {{ alpha -90 theta 55 }} type 2 pred 2 {words[3]} }}
+      link 4 {{ name "table" parameters {{ d 600 theta -145 }} type 2 pred 3 {words[4]} }}
+      link 5 {{ parameters {{ gamma 90 alpha 90 r {across!r} }} type 1 pred 4 {words[5]} }}
+      frame 6 {{ parameters {{ d 300 }} pred 1 }}
+      frame 7 {{ parameters {{ d 300 }} pred 3 }}
+      frame 8 {{ parameters {{ d 600 }} pred 1 }}
+      frame 9 {{ parameters {{ alpha -90 }} pred 5 }}
+      constraint {{ frame 6 frame 7 type 2 }}
+      constraint {{ frame 8 frame 9 type 2 }}
+      frame 10 {{ name "corner" parameters {{ d 300 }} pred 4 }}
+    }}"""
+
+
+@pytest.mark.parametrize("actuated", [1, 2, 3])
+def test_a_lift_with_a_table_rises_as_fast_as_its_height_changes(raff, actuated):
+    """Closed form: the height is 600 sin(angle), the foot at 600 cos(angle); along z by default."""
+    lift = raff(table_lift(actuated))
+    spec = MapSpecification(lift, over(("z", 0.15, 0.5, 6)), ("velocity", "force"))
+    assert spec.along == (0.0, 0.0, 1.0)
+    for q, values in cells(spec):
+        height = lift.placement(q, "corner").translation[2]
+        width = math.sqrt(0.36 - height**2)  # change of the height, m/rad or m/m
+        rate = width / height if actuated == 2 else width
+        speed = 0.1 if actuated == 2 else math.radians(30.0)
+        assert values["velocity"] == pytest.approx(rate * speed, rel=1e-4)
+        assert values["velocity"] == pytest.approx(greatest_speed(lift, q, "corner", spec.along), rel=1e-4)
+        assert values["force"] == pytest.approx(1.0 / rate, rel=1e-4)
+        assert values["force"] == pytest.approx(greatest_force(lift, q, "corner", spec.along), rel=1e-4)
+
+
+def test_where_the_actuated_joints_control_nothing_there_is_no_speed_and_no_force(robot):
+    """A five-bar with its elbows in one point: the linear programme has no bound, and rounding is no figure."""
+    five_bar, elbow = robot("five_bar"), math.atan2(-200.0, 150.0)
+    axes = [(name, at - 1e-3, at + 1e-3, 1) for name, at in (("joint1", elbow), ("joint3", math.pi - elbow))]
+    names = ("sigma_2", "condition", "manipulability", "velocity", "force")
+    found = mapped(MapSpecification(five_bar, over(*axes), names, limits=False))
+    assert found["reachable"].all()
+    assert found["sigma_2"].item() < 1e-7
+    assert found["condition"].item() == math.inf
+    for name in ("manipulability", "velocity", "force"):
+        assert math.isnan(found[name].item())
+
+
+def test_sigma_2_is_0_where_a_passive_joint_outside_loops_moves_the_node(raff):
+    arm = raff(TWO_BARS.replace("type 2 pred 1 velocity 180.0", "type 2 pred 1 actuated 0"))
+    found = mapped(MapSpecification(arm, over(("joint1", 0.0, 1.0, 3)), ("sigma_1", "sigma_2")))
+    assert (found["sigma_2"] == 0.0).all()
+    for q in found["configuration"]:
+        assert singularity(arm, q).sigma[1] == 0.0
 
 
 def test_no_motors_at_random_are_faster_and_some_are_as_fast(robot):
@@ -295,6 +370,7 @@ def test_clearance_is_what_coal_measures_between_shapes(robot):
     from cinegen.collision.clearance import links_of
 
     bodies, links = links_of(mechanism)
+    bodies = tuple(body.as_described for body in bodies)
     for q, values in cells(spec):
         pin.forwardKinematics(mechanism.model, data := mechanism.model.createData(), q)
         places = [data.oMi[body.joint] * body.placement for body in bodies]

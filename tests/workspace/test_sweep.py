@@ -13,6 +13,7 @@ from hypothesis import strategies as st
 
 import cinegen
 import raff2urdf
+from cinegen.cluster import ClusterError
 from cinegen.plotting import DrawingError
 from cinegen.plotting.sweep import check_drawable, draw_sweep
 from cinegen.singularities.singularity import SingularityType
@@ -515,10 +516,11 @@ def test_what_makes_no_sense_is_said_before_anything_is_written(arm, tmp_path):
         (lambda: sweep(arm, over, square(0.7, 6), out, quantities=("sigma_3",)), "unknown quantity 'sigma_3'"),
         (lambda: sweep(arm, over, square(0.7, 6), out, box=WantedBox({"x": (0.0, 2.0)})), "goes beyond the maps"),
         (lambda: sweep(arm, over, square(0.7, 6), out, workers=0), "workers"),
+        (lambda: sweep(arm, over, square(0.7, 6), out, workers=10**20), "workers"),
         (lambda: sweep(arm, parse("link9.d=1..2:2"), square(0.7, 6), out), "no link or frame 'link9'"),
         (lambda: sweep(arm, over, Region((GridAxis("z", 0.0, 1.0, 3),)), out), "can't move along z"),
     ):
-        with pytest.raises(MapError, match=words):
+        with pytest.raises((MapError, ClusterError), match=words):
             call()
     assert not out.exists()
 

@@ -21,9 +21,11 @@ class ClearanceMemory(Memory):
     ends: Array = array("bodies", 2, 3)  # centres of a capsule's ends, relative to its joint
     radius: Array = array("bodies")  # of capsules, m; below 0 for others
     ball: Array = array("bodies", 4)  # centre, relative to the joint, and radius of a bounding sphere
+    box: Array = array("bodies", 5, 3)  # axes, centre and half of the size of a bounding box, relative to the joint
     moved_by: Array = array("joints", "nv")  # 1 for columns that move a joint
 
     results: Array = foreign("pairs", RESULT_WIDTH)  # Coal's
+    excess: Array = array("pairs")  # of the distances over those of the convex bodies, m
     frames: Array = foreign("joints", 4, 3)  # of the joints, Pinocchio's
     screws: Array = foreign("nv", 6)  # Jacobian of all joints, Pinocchio's
 
@@ -36,5 +38,7 @@ class ClearanceMemory(Memory):
     motion: Array = array("nv")  # rad and m
     before: Array = array("pairs")  # distances, m
     bounds: Array = array("pairs")  # of the change along the motion, m
+
+    asked: Table = array("pairs", dtype=int)  # pairs that `advance` is asked about; those that remain
 
     vectors: Array = array(3, 3)  # scratch

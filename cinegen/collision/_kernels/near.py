@@ -47,6 +47,7 @@ def approach(memory: ClearanceMemory, within: float) -> int:
 
     A pair adds a row for its nearest points, and one for each other end of a capsule, by how far that is from the plane
     that separates the two: the nearest point of a link along a wall jumps from one end to the other, its ends do not.
+    A capsule around an exact shape counts as much further away as the exact shape is.
 
     Args:
         memory: `which`, `room` and `rows` are the results.
@@ -75,7 +76,7 @@ def approach(memory: ClearanceMemory, within: float) -> int:
                 if count == memory.most:
                     break
                 in_world(memory.frames[memory.joint[body]], memory.ends[body, end], centre)
-                gap, off = -radius, 0.0
+                gap, off = memory.excess[p] - radius, 0.0
                 for i in range(3):
                     towards = normal[i] if side == 0 else -normal[i]
                     met = one[i] if side else other[i]

@@ -16,6 +16,7 @@ from cinegen.loops._kernels.follow import go_on, set_out
 from cinegen.loops._kernels.kinematics import evaluate
 from cinegen.loops._kernels.memory import NOWHERE, cluster_at
 from cinegen.loops._kernels.residual import evaluate_loops
+from cinegen.loops._kernels.screws import find_screws
 
 _GIMBAL = 1e-4  # below this volume, the axes of a spherical joint are in a plane
 
@@ -106,6 +107,8 @@ def _find_null_space(memory: BatchMemory) -> bool:
     """Compute the null space (mobility, n) of the loops; return as `_count_balls`."""
     memory.locked[: memory.n] = 0.0
     evaluate_loops(memory, True)
+    if memory.passive > 0:
+        find_screws(memory)
     right = _count_balls(memory)
     factor_loops(memory, False)
     find_null_space(memory)
@@ -127,8 +130,8 @@ def _find_null_space(memory: BatchMemory) -> bool:
 
 @compiled
 def _count_balls(memory: BatchMemory) -> bool:
-    """Treat three revolute joints that model a spherical joint as one: their columns in the loops, and in the node's
-    rows, become those of rotations about the world's axes.
+    """Treat three revolute joints that model a spherical joint as one: their columns in the loops' matrices, and in the
+    node's rows, become those of rotations about the world's axes.
 
     They are linear in the axes, L a1, L a2, L a3 with the same L, which is computed. Return False if these are in a
     plane.
@@ -144,23 +147,29 @@ def _count_balls(memory: BatchMemory) -> bool:
         if abs(volume) < _GIMBAL:
             right = False
             continue
-        for a in (memory.jacobian, memory.node_rows):
+        for a in (memory.jacobian, memory.screw_matrix, memory.node_rows):
             for i in range(a.shape[0]):  # rows of the inverse of (u v w) are the cross products
                 c0, c1, c2 = a[i, one] / volume, a[i, two] / volume, a[i, three] / volume
                 a[i, one] = c0 * inverse[0, 0] + c1 * inverse[1, 0] + c2 * inverse[2, 0]
                 a[i, two] = c0 * inverse[0, 1] + c1 * inverse[1, 1] + c2 * inverse[2, 1]
                 a[i, three] = c0 * inverse[0, 2] + c1 * inverse[1, 2] + c2 * inverse[2, 2]
+        rates = memory.cut_rates
+        for i in range(memory.cut):
+            c0, c1, c2 = rates[one, i] / volume, rates[two, i] / volume, rates[three, i] / volume
+            rates[one, i] = c0 * inverse[0, 0] + c1 * inverse[1, 0] + c2 * inverse[2, 0]
+            rates[two, i] = c0 * inverse[0, 1] + c1 * inverse[1, 1] + c2 * inverse[2, 1]
+            rates[three, i] = c0 * inverse[0, 2] + c1 * inverse[1, 2] + c2 * inverse[2, 2]
     return right
 
 
 @compiled
 def _find_passive_sigma(memory: BatchMemory) -> float:
-    """Return the smallest singular value of the passive joints' columns in the loops, whose rows are up to date."""
+    """Return the smallest singular value of the passive joints' columns in the screw matrix, which is up to date."""
     a = memory.passive_columns
     for j in range(memory.passive):
-        for i in range(memory.rows):
-            a[i, j] = memory.jacobian[i, memory.passive_dof[j]]
-    return smallest_singular_value(a, memory.rows, memory.passive, memory.passive_work[0], memory.passive_work[1])
+        for i in range(memory.screw_rows):
+            a[i, j] = memory.screw_matrix[i, memory.passive_column[j]]
+    return smallest_singular_value(a, memory.screw_rows, memory.passive, memory.passive_work[0], memory.passive_work[1])
 
 
 @compiled

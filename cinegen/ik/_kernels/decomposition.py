@@ -10,7 +10,7 @@ from cinegen.jit.compiled import Array, compiled
 from cinegen.jit.factor import factor, null_space
 from cinegen.jit.svd import decompose, straighten
 from cinegen.jit.vectors import add_multiple, copy, inner
-from cinegen.loops._kernels.closure import from_motions, to_motions
+from cinegen.loops._kernels.closure import from_motions, from_orthonormal, to_motions, to_orthonormal
 from cinegen.loops._kernels.memory import cluster_at
 
 _LOST = 1e-12  # directions of singular values below this fraction of the largest are undetermined
@@ -18,7 +18,7 @@ _LOST = 1e-12  # directions of singular values below this fraction of the larges
 
 @compiled
 def to_free(memory: SolverMemory, x: Array, y: Array) -> None:
-    """Write the coordinates y (mobility,) of a joint step x (n,) in the null space of the loops: those of its clusters,
+    """Write the products y (mobility,) of a row x (n,) with the basis of the loops' null space: those of its clusters,
     then those of joints in none."""
     if memory.clusters == 0:
         copy(x, y, memory.n)
@@ -30,6 +30,31 @@ def to_free(memory: SolverMemory, x: Array, y: Array) -> None:
         at += cluster.mobility
     for i in range(memory.idle):
         y[at + i] = x[memory.idle_dof[i]]
+
+
+@compiled
+def project_step(memory: SolverMemory, x: Array, y: Array, free_of_tasks: bool) -> None:
+    """Write the coordinates y (mobility,) of the step in the null space of the loops, and of the tasks if requested,
+    that is nearest to a joint step x (n,): as the joints of the model move, whatever cut joints do."""
+    to_free(memory, x, y)
+    _to_orthonormal(memory, y)
+    if free_of_tasks:
+        _leave_tasks_alone(memory, y)
+    at = 0
+    for c in range(memory.clusters):
+        cluster = cluster_at(memory.cluster_handles[c])
+        from_orthonormal(cluster, y[at:])
+        at += cluster.mobility
+
+
+@compiled
+def _to_orthonormal(memory: SolverMemory, y: Array) -> None:
+    """Replace the products y (mobility,) of a row with the basis by those with an orthonormal basis."""
+    at = 0
+    for c in range(memory.clusters):
+        cluster = cluster_at(memory.cluster_handles[c])
+        to_orthonormal(cluster, y[at:])
+        at += cluster.mobility
 
 
 @compiled
@@ -225,20 +250,23 @@ def find_axes(memory: SolverMemory) -> int:
 
 
 @compiled
-def leave_tasks_alone(memory: SolverMemory, y: Array) -> None:
-    """Remove from y (mobility,) all motion of the tasks."""
-    p, k = memory.active_rows, memory.mobility
+def _leave_tasks_alone(memory: SolverMemory, y: Array) -> None:
+    """Remove from y (mobility,), in the orthonormal basis, all motion of the tasks; `axes` is used."""
+    p, k, rows, known = memory.active_rows, memory.mobility, memory.axes, 0
     for i in range(min(memory.task_rank, p, k)):
-        s, length = 0.0, 1.0
-        if memory.found_by == SVD and p <= k:
-            length = memory.squares[i]
-            if length <= _LOST * _LOST * memory.squares[0]:
-                continue
+        if memory.found_by == SVD and p <= k and memory.squares[i] <= _LOST * _LOST * memory.squares[0]:
+            continue
+        row = rows[known]
         for j in range(k):
-            s += _direction(memory, i, j) * y[j]
-        s /= length
+            row[j] = _direction(memory, i, j)
+        _to_orthonormal(memory, row)
+        for c in range(known):
+            add_multiple(-inner(rows[c], row, k), rows[c], row, k)
+        s = 1.0 / _norm(row, k)
         for j in range(k):
-            y[j] -= s * _direction(memory, i, j)
+            row[j] *= s
+        add_multiple(-inner(row, y, k), row, y, k)
+        known += 1
 
 
 @compiled

@@ -7,7 +7,7 @@ import math
 import numpy as np
 
 from cinegen.ik._kernels.bounds import TOUCH, keeps_bounds, nearest, reduce_barriers
-from cinegen.ik._kernels.decomposition import find_axes, to_free, to_joints
+from cinegen.ik._kernels.decomposition import find_axes, project_step, to_joints
 from cinegen.ik._kernels.memory import LIMITING_DOF, SPEED_SCALE, SolverMemory
 from cinegen.ik._kernels.secondary import add_secondary
 from cinegen.ik.thresholds import FULL
@@ -140,12 +140,17 @@ def _bend(memory: SolverMemory) -> None:
                 break
     if not found and memory.has_acceleration_limits != 0:
         # positions and velocities count more; within these, as near to braking as can be
-        to_free(memory, memory.braking, memory.free_step)
+        project_step(memory, memory.braking, memory.free_step, False)
         _bound_positions(memory)
         _bound_speeds(memory)
+        for b in range(memory.barriers):  # a barrier asks for no more than braking does
+            ceiling[n + b] = max(ceiling[n + b], inner(memory.barrier_rows[b], memory.braking, n))
         found = _find_bounded(memory)
     if not found:
-        step[:n] = 0.0
+        for j in range(n):
+            step[j] = memory.braking[j] if memory.has_acceleration_limits != 0 else 0.0
+            if memory.rank == 0:  # each joint moves alone
+                step[j] = min(max(step[j], floor[j]), ceiling[j])
     part = 1.0  # of the step that is within all bounds, to rounding
     for j in range(n):
         if step[j] > ceiling[j] + TOUCH and ceiling[j] >= 0.0:

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import math
 
-from cinegen.ik.thresholds import NEAR
 from cinegen.jit.compiled import Array, Table
 from cinegen.jit.memory import Memory, array, foreign, parameter, state, view
 from cinegen.loops._kernels.memory import LoopMemory
+from cinegen.loops.thresholds import NEAR_SINGULAR
 
 OF_TARGET, OF_WORLD, OF_NODE = range(3)
 """Frame whose axes a task's rows are expressed in."""
@@ -97,11 +97,11 @@ class BatchMemory(LoopMemory):
     joint: int = parameter(0)  # that carries the node
     translation: int = parameter(3)  # translations that its singular values include, in its own axes
     rotation: int = parameter(3)
-    passive: int = parameter(0)  # passive joints, if their smallest singular value is computed, else 0
+    passive: int = parameter(0)  # passive and cut joints' DoF if their smallest singular value is computed, else 0
     balls: int = parameter(0)  # spherical joints that are modelled as three revolute joints each
     node_offset: Array = array(4, 3)  # the node, relative to the joint
     moved_by: Array = array("n")  # 1 for DoF that move it, else 0
-    passive_dof: Table = array("passive", dtype=int)
+    passive_column: Table = array("passive", dtype=int)  # of the screw matrix
     ball_dof: Table = array("balls", 3, dtype=int)
 
     # input
@@ -133,7 +133,7 @@ class BatchMemory(LoopMemory):
     tall_rows: Array = array("wide", 6)
     triangle: Array = array(6, 6)
     squares: Array = array(2, 6)
-    passive_columns: Array = array("rows", "passive")
+    passive_columns: Array = array("screw_rows", "passive")
     passive_work: Array = array(2, "passive")
 
 
@@ -160,7 +160,7 @@ class SolverMemory(TasksMemory):
 
     # set by Python
     task_rank: int = parameter(0)  # generic, of the active tasks
-    damping_threshold: float = parameter(NEAR)
+    damping_threshold: float = parameter(NEAR_SINGULAR)
     second_derivative: float = parameter(math.inf)  # bound of that of any placement by the joints, lengths/rad^2
     has_acceleration_limits: int = parameter(0)
     tasks_are_suspended: int = parameter(0)
@@ -191,6 +191,7 @@ class SolverMemory(TasksMemory):
     promised: float = state(0.0)  # predicted reduction
     lack: float = state(0.0)  # last remaining error of the refined tasks
     secondary_scale: float = state(1.0)  # step scale of the null-space velocity
+    turn_scale: float = state(1.0)  # step scale where steps turn back
 
     # directions of the tasks
     coordinates: Array = array("mobility")  # scratch

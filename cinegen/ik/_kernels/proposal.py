@@ -16,7 +16,7 @@ from cinegen.ik._kernels.limits import keep_limits, must_go_back
 from cinegen.ik._kernels.memory import LIMITING_DOF, SPEED_SCALE, SVD, SolverMemory, task_at
 from cinegen.ik._kernels.secondary import project_secondary
 from cinegen.ik._kernels.tasks import aim_tasks, tasks_left
-from cinegen.ik.thresholds import ARRIVED, ERROR_CAP, NOISE, REST
+from cinegen.ik.thresholds import ARRIVED, ERROR_CAP, LEAST_SCALE, NOISE, REST
 from cinegen.jit.compiled import Array, compiled
 from cinegen.jit.vectors import copy
 from cinegen.loops._kernels.closure import factor_loops, find_null_space
@@ -61,11 +61,12 @@ def propose(memory: SolverMemory) -> bool:
         return False
     memory.factors_gap = largest
     scale = memory.report[SPEED_SCALE]
-    if still and memory.is_nudged == 0 and _turns_back(memory) and not must_go_back(memory):  # no oscillation
-        scale *= 0.5
+    _scale_turns(memory, still)
+    if memory.turn_scale < 1.0:
+        scale *= memory.turn_scale
         for j in range(n):
-            step[j] = memory.braking[j] + 0.5 * (step[j] - memory.braking[j])
-            memory.secondary[j] *= 0.5
+            step[j] = memory.braking[j] + memory.turn_scale * (step[j] - memory.braking[j])
+            memory.secondary[j] *= memory.turn_scale
     copy(step, memory.attempted, n)
     predict_gain(memory)
     if memory.is_nudged != 0:
@@ -151,6 +152,22 @@ def is_sure(memory: SolverMemory) -> bool:
     bent = 0.5 * memory.second_derivative * total * total
     small = memory.tasks * bent * bent < 0.01 * memory.gain * memory.promised
     return bool(small and largest >= 10.0 * REST * memory.gain)
+
+
+@compiled
+def _scale_turns(memory: SolverMemory, still: bool) -> None:
+    """Set the scale of a step towards targets at rest, so that it does not oscillate: half the last one if the step
+    turns back, else twice that, up to 1.
+
+    Let the whole step be r times as long as the way to the optimum, r > 1. The scale ends alternating between s and
+    s / 2 with 1 < s r <= 2; together, these two steps leave (s r - 1) (1 - s r / 2) <= 1/8 of the way.
+    """
+    if not still or memory.is_nudged != 0 or must_go_back(memory):
+        memory.turn_scale = 1.0
+    elif _turns_back(memory):
+        memory.turn_scale = max(0.5 * memory.turn_scale, LEAST_SCALE)
+    else:
+        memory.turn_scale = min(2.0 * memory.turn_scale, 1.0)
 
 
 @compiled

@@ -16,7 +16,6 @@ from cinegen.ik.thresholds import (
     DETOUR,
     FOLLOWING,
     IDLE,
-    NEAR_TYPE_2,
     OUT_OF_REACH,
     REFUSED,
     REST,
@@ -24,6 +23,7 @@ from cinegen.ik.thresholds import (
     TRIES,
 )
 from cinegen.jit.compiled import compiled
+from cinegen.loops.thresholds import AT_SINGULAR
 
 
 @compiled
@@ -54,7 +54,7 @@ def finish(memory: SolverMemory, accepted: bool, is_sure: bool) -> None:
         status = AT_LIMIT
     elif fastest < REST * memory.gain:
         status = OUT_OF_REACH
-    elif smallest < memory.damping_threshold or memory.sigma < NEAR_TYPE_2:
+    elif smallest < memory.damping_threshold or memory.sigma < AT_SINGULAR:
         status = SINGULAR
     else:
         status = FOLLOWING

@@ -8,8 +8,10 @@ inequality task", 2011).
 
 from __future__ import annotations
 
+import math
+
 from cinegen.ik._kernels.bounds import keeps_bounds, nearest, reduce_barriers
-from cinegen.ik._kernels.decomposition import find_axes, leave_tasks_alone, to_free, to_joints
+from cinegen.ik._kernels.decomposition import find_axes, project_step, to_joints
 from cinegen.ik._kernels.memory import SolverMemory
 from cinegen.ik.thresholds import IDLE_SECONDARY, LEAST_SCALE, SCALE_GROWS, SPARE_SPEED
 from cinegen.jit.compiled import compiled
@@ -22,8 +24,7 @@ def project_secondary(memory: SolverMemory) -> bool:
     `secondary` as joints. Return False if it is negligible. If it reverses, half of it is used, so that it does not
     oscillate."""
     free, fresh, secondary = memory.secondary_free, memory.fresh, memory.secondary
-    to_free(memory, memory.secondary_wanted, free)
-    leave_tasks_alone(memory, free)
+    project_step(memory, memory.secondary_wanted, free, True)
     to_joints(memory, free, fresh)
     along, largest = 0.0, 0.0
     for j in range(memory.n):
@@ -75,16 +76,21 @@ def add_secondary(memory: SolverMemory, whole: bool) -> bool:
 @compiled
 def _bound_secondary(memory: SolverMemory) -> bool:
     """Set `secondary` to the nearest motion within `room`. Return False if there is none, or only one that is much
-    faster than it and the last tick."""
+    faster than it and the last tick.
+
+    Nearest as the joints of the model move: the gradient of an objective is that of their motions, so that what bounds
+    leave of it descends, too.
+    """
     first, axes, room, x, g = find_axes(memory), memory.axes, memory.room, memory.wanted_point, memory.normals
     width = memory.mobility - first
     if width <= 0:
         return False
     for i in range(width):
-        x[i] = inner(axes[first + i], memory.secondary_free, memory.mobility)
         to_joints(memory, axes[first + i], memory.fresh)
+        _write_orthonormal(memory, i)
+        x[i] = 0.0
         for c in range(memory.n):
-            g[c, i] = memory.fresh[c]
+            x[i] += g[c, i] * memory.secondary[c]
     reduce_barriers(memory, width)
     if not nearest(memory, room[0], room[1], room[2], width):
         return False
@@ -98,3 +104,19 @@ def _bound_secondary(memory: SolverMemory) -> bool:
         return False
     copy(room[2], memory.secondary, memory.n)
     return True
+
+
+@compiled
+def _write_orthonormal(memory: SolverMemory, i: int) -> None:
+    """Write the part of `fresh` that is orthogonal to the columns of `normals` before the i-th, with length 1, into
+    that column."""
+    n, g, fresh = memory.n, memory.normals, memory.fresh
+    for column in range(i):
+        s = 0.0
+        for c in range(n):
+            s += g[c, column] * fresh[c]
+        for c in range(n):
+            fresh[c] -= s * g[c, column]
+    size = math.sqrt(inner(fresh, fresh, n))
+    for c in range(n):
+        g[c, i] = fresh[c] / size

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 
 from cinegen.ik._kernels.memory import OF_NODE, OF_WORLD, TaskMemory, TasksMemory, task_at
-from cinegen.ik.thresholds import ERROR_CAP
+from cinegen.ik.thresholds import ERROR_CAP, ROTATION
 from cinegen.jit import se3
 from cinegen.jit.compiled import Array, compiled
 from cinegen.jit.foreign import frame_at
@@ -13,6 +13,18 @@ from cinegen.jit.se3 import combine, compose, dot
 from cinegen.jit.vectors import copy
 
 FURTHEST = 1e100  # m: targets are clipped to this, so that no square overflows
+
+
+@compiled
+def is_rotation(target: Array) -> bool:
+    """Return whether the first three rows of a frame (4, 3) are right-handed, orthogonal and of length 1."""
+    x, y, z = target[0], target[1], target[2]
+    for i in range(3):
+        for j in range(i + 1):
+            if not abs(dot(target[i], target[j]) - (1.0 if i == j else 0.0)) <= ROTATION:
+                return False
+    across = (x[1] * y[2] - x[2] * y[1]) * z[0] + (x[2] * y[0] - x[0] * y[2]) * z[1]
+    return bool(across + (x[0] * y[1] - x[1] * y[0]) * z[2] > 0.0)
 
 
 @compiled
@@ -28,6 +40,7 @@ def read_tasks(memory: TasksMemory) -> bool:
             for c in range(4):
                 for k in range(3):
                     good = good and math.isfinite(target[c, k])
+            good = good and is_rotation(target)
         task.is_active = 1 if good else 0
         if good:
             signature |= 1 << (i % 62)

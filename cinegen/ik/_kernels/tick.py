@@ -10,6 +10,7 @@ from cinegen.ik._kernels.trial import guard, set_out, try_step
 from cinegen.ik.thresholds import BEGIN, DONE, GUARD, PROPOSED, RANK_NEEDED, REFUSED, REJECTED
 from cinegen.jit.compiled import compiled, entry
 from cinegen.loops._kernels.kinematics import evaluate
+from cinegen.loops._kernels.screws import find_screws
 
 
 @entry
@@ -34,7 +35,10 @@ def _continue(memory: SolverMemory) -> int:
         if memory.is_at_q == 0:
             evaluate(memory, memory.q)
             memory.is_at_q = 1
-        if not propose(memory):
+        has_step = propose(memory)
+        if memory.is_watched != 0 and memory.screw_rows > 0:
+            find_screws(memory)
+        if not has_step:
             finish(memory, False, False)
             return DONE
         if memory.is_watched != 0:

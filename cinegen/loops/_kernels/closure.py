@@ -230,11 +230,14 @@ def _copy_unlocked(memory: LoopMemory, cluster: ClusterMemory) -> None:
 
 @compiled
 def find_null_space(memory: LoopMemory) -> None:
-    """Compute the null space of each cluster from its factors."""
+    """Compute the null space of each cluster from its factors: a basis that is orthonormal together with the motions of
+    the joints that were cut, as `cinegen.loops.motions.orthonormal`; of large clusters without them."""
     for c in range(memory.clusters):
         cluster = cluster_at(memory.cluster_handles[c])
         if cluster.blocks == 0:
             null_space(cluster.rank, cluster.tau, cluster.reflectors, cluster.null_space)
+            if cluster.cut > 0:
+                _count_cut_joints(memory, cluster)
             continue
         for t in range(cluster.kept):  # the loops may be factored again while these motions are used
             cluster.kept_tau[t], cluster.kept_reach[t] = cluster.tau[t], cluster.reach[t]
@@ -242,8 +245,47 @@ def find_null_space(memory: LoopMemory) -> None:
 
 
 @compiled
+def _count_cut_joints(memory: LoopMemory, cluster: ClusterMemory) -> None:
+    """Make an orthonormal basis N orthonormal together with the motions of the joints that were cut: it becomes R^-1 N,
+    where R R^T is the Cholesky factorisation of 1 + N C^T C N^T."""
+    basis, moved, r, dof = cluster.null_space, cluster.cut_motions, cluster.metric, cluster.dof
+    n, width, first = cluster.n, cluster.cut, cluster.cut_first
+    for i in range(cluster.mobility):
+        moved[i, :width] = 0.0
+        for k in range(n):
+            add_multiple(basis[i, k], memory.cut_rates[dof[k], first:], moved[i], width)
+        for j in range(i):
+            r[i, j] = (inner(moved[i], moved[j], width) - inner(r[i], r[j], j)) / r[j, j]
+            add_multiple(-r[i, j], basis[j], basis[i], n)
+        r[i, i] = math.sqrt(1.0 + inner(moved[i], moved[i], width) - inner(r[i], r[i], i))
+        s = 1.0 / r[i, i]
+        for k in range(n):
+            basis[i, k] *= s
+
+
+@compiled
+def to_orthonormal(cluster: ClusterMemory, y: Array) -> None:
+    """Replace products y (mobility,) of a row with the basis R^-1 N by R y, those with the orthonormal N."""
+    if cluster.cut > 0:
+        for i in range(cluster.mobility - 1, -1, -1):
+            y[i] = inner(cluster.metric[i], y, i + 1)
+
+
+@compiled
+def from_orthonormal(cluster: ClusterMemory, y: Array) -> None:
+    """Replace the coordinates y (mobility,) of a motion in the orthonormal basis N by those in the cluster's basis
+    R^-1 N: R^T y."""
+    if cluster.cut > 0:
+        for i in range(cluster.mobility):
+            s = 0.0
+            for j in range(i, cluster.mobility):
+                s += cluster.metric[j, i] * y[j]
+            y[i] = s
+
+
+@compiled
 def to_motions(cluster: ClusterMemory, x: Array, y: Array) -> None:
-    """Write the coordinates y (mobility,) in a cluster's null space of a step x (n,) of the mechanism."""
+    """Write the products y (mobility,) of a row x (n,) of the mechanism with the basis of a cluster's null space."""
     part, dof, n = cluster.part, cluster.dof, cluster.n
     for k in range(n):
         part[k] = x[dof[k]]

@@ -67,12 +67,13 @@ def go_on(memory: LoopMemory) -> bool:
 @compiled
 def _find_tangent(memory: LoopMemory) -> None:
     """Compute `tangent`, the path to the goal to first order: the passive joints compensate the motion of the actuated
-    ones in the loops."""
+    ones in the loops, and close what is open at the start."""
     tangent, delta = memory.tangent, memory.delta
-    is_new = memory.factored_at == NOWHERE
+    is_new, is_open = memory.factored_at == NOWHERE, False
     if is_new:  # otherwise they are of a configuration near by, which suffices
         evaluate(memory, memory.q)
         memory.gap = evaluate_loops(memory, True)
+        is_open = memory.gap > memory.tolerance
         factor_loops(memory, False)
         memory.factored_at = AT_Q
     delta[: memory.n] = 0.0
@@ -85,7 +86,7 @@ def _find_tangent(memory: LoopMemory) -> None:
         if is_new:
             cluster.side = _side(memory, cluster)
         for i in range(cluster.rows):
-            s = 0.0
+            s = memory.residual[cluster.row[i]] if is_open else 0.0
             for k in range(cluster.n):
                 s += cluster.jacobian_at_q[i, k] * delta[cluster.dof[k]]
             memory.residual[cluster.row[i]] = s

@@ -34,8 +34,14 @@ class ClusterMemory(Memory):
     is_singular: int = state(0)  # the factors are singular vectors
     factored_rank: int = state(0)
     sigma: float = state(1.0)  # the smallest singular value, or 1 where it is not small
-    null_space: Array = array("basis", "n")  # an orthonormal basis of motions that keep the loops closed
+    null_space: Array = array("basis", "n")  # a basis of motions that keep the loops closed
     basis: int = parameter(0)  # mobility, or 0 for a large cluster
+
+    # the joints that were cut: together with their motions the basis is orthonormal
+    cut_first: int = parameter(0)  # first column of `cut_rates`
+    cut: int = parameter(0)  # columns from there on; those of other clusters are 0. None for a large cluster
+    cut_motions: Array = array("basis", "cut")  # scratch
+    metric: Array = array("basis", "basis")  # Cholesky factor by which an orthonormal basis was divided
 
     # a large cluster is factored block by block (`cinegen.jit.banded`); reflections stand for its null space
     blocks: int = parameter(0)  # loops and couplings, or 0 for a small cluster
@@ -85,6 +91,7 @@ class LoopMemory(Memory):
     coupled: int = parameter(0)  # nq if there are couplings, else 0
     rows: int = parameter(0)  # of all loops, and then of all couplings
     rank: int = parameter(0)  # of these rows: generic
+    cut: int = parameter(0)  # DoF of the joints that were cut
     clusters: int = parameter(0)
     idle: int = parameter(0)  # DoF in no cluster
     actuated: int = parameter(0)
@@ -115,6 +122,7 @@ class LoopMemory(Memory):
     loop_joints: Table = array("loops", 2, dtype=int)  # the joints that carry its ends
     loop_offsets: Array = array("loops", 2, 4, 3)  # its ends, relative to these joints
     loop_row: Table = array("loops", dtype=int)  # its first row
+    loop_cut: Table = array("loops", dtype=int)  # its first column of `cut_rates`
     loop_steps: Table = array("loops", 2, dtype=int)  # range of its entries in the two lists below
     step_dof: Table = array("steps", dtype=int)  # DoF that move its ends relative to each other
     step_size: Array = array("steps")  # `scale` of a DoF that moves the second end, -`scale` if it moves the first
@@ -127,6 +135,23 @@ class LoopMemory(Memory):
 
     residual: Array = array("rows")
     jacobian: Array = array("rows", "n")
+    cut_rates: Array = array("n", "cut")  # velocities of the joints that were cut, by each DoF, dimensionless
+
+    # their screw matrix (`cinegen.loops.screws`), where it is needed
+    screwed: int = parameter(0)  # loops, or 0 where it is not needed
+    screw_rows: int = parameter(0)
+    screw_columns: int = parameter(0)  # n + cut
+    screw_clusters: int = parameter(0)
+    axis_points: int = parameter(0)
+    screw_mix: Array = array("screwed", "screwed")
+    screw_cluster: Table = array("screwed", dtype=int)
+    screw_length: Array = array("screw_clusters")
+    screw_centre: Array = array("screw_clusters", 3)
+    axis_joint: Table = array("axis_points", dtype=int)
+    axis_cluster: Table = array("axis_points", dtype=int)
+    axis_point: Array = array("axis_points", 3)
+    axis_share: Array = array("axis_points")
+    screw_matrix: Array = array("screw_rows", "screw_columns")
 
     # clusters of them, and their factors
     cluster_memories: Any = ()  # keeps what `cluster_handles` are the handles of

@@ -14,7 +14,8 @@ RIGID, PRISMATIC, REVOLUTE, BALL = range(4)
 
 @compiled
 def evaluate_loops(memory: LoopMemory, with_jacobian: bool) -> float:
-    """Compute `residual`, and `jacobian` if requested, from the joints' frames; return the largest residual.
+    """Compute `residual`, and `jacobian` and `cut_rates` if requested, from the joints' frames; return the largest
+    residual.
 
     Entries of DoF that do not change an equation are never written: they remain zero.
     """
@@ -57,7 +58,9 @@ def _evaluate_loop(memory: LoopMemory, loop: int, with_jacobian: bool) -> None:
         se3.log_derivative(turned, by)
     for i in range(angular):
         combine(by[i], first, seen[i])
-    p, jacobian, screws = second[3], memory.jacobian, memory.screws
+    p, jacobian, screws, rates, cut = (
+        second[3], memory.jacobian, memory.screws, memory.cut_rates, memory.loop_cut[loop]
+    )  # fmt: skip
     for step in range(memory.loop_steps[loop, 0], memory.loop_steps[loop, 1]):
         k, s = memory.step_dof[step], memory.step_size[step]
         velocity, omega = screws[k], screws[k, 3:6]
@@ -68,6 +71,13 @@ def _evaluate_loop(memory: LoopMemory, loop: int, with_jacobian: bool) -> None:
             jacobian[row + i, k] = s / length * (first[i, 0] * x + first[i, 1] * y + first[i, 2] * z)
         for i in range(angular):
             jacobian[row + linear + i, k] = s * dot(seen[i], omega)
+        if kind == REVOLUTE:
+            rates[k, cut] = s * dot(first[2], omega)
+        elif kind == PRISMATIC:
+            rates[k, cut] = s / length * (first[2, 0] * x + first[2, 1] * y + first[2, 2] * z)
+        elif kind == BALL:
+            for i in range(3):
+                rates[k, cut + i] = s * omega[i]
 
 
 @compiled

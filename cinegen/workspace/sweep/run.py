@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 import raff2urdf
-from cinegen.cluster import connected, each, processes
+from cinegen.cluster import check_workers, connected, each, processes
 from cinegen.errors import ClosureError
 from cinegen.model.load import load
 from cinegen.workspace.errors import MapError
@@ -76,8 +76,7 @@ def sweep(
         ClusterError: the cluster does not answer.
         UnknownNameError: no such node.
     """
-    if workers is not None and workers < 1:
-        raise MapError(f"workers ({workers}) must be 1 or more")
+    check_workers(workers, scheduler)
     source, here = find_robot(path), Path(out).absolute()
     document = parse(read(source), str(source))
     raff2urdf.check(document)

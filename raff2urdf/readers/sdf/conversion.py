@@ -127,6 +127,8 @@ def _unread(name: str, element: Any, model: SdfModel, ignore: Collection[str]) -
         likely, plugin = bool(LOOP_LIKE.search(word)), word == "plugin" and LOOP_LIKE.search(own_words(one))
         in_place = parent in ("model", "world", "joint") or one is element
         elsewhere = word == "joint" and parent != "model" and len(one) > 0
+        two_ends = one.tag != "joint" and one.find("parent") is not None and one.find("child") is not None
+        likely, in_place = likely or two_ends, in_place or two_ends
         read = parent in _READ.get(word, ()) or NAMESPACE in str(one.tag)
         if not read and (likely or plugin or elsewhere) and ((likely and in_place) or len(named_in(one, names)) > 1):
             label, own = label_of(one), one.get("name") or tag_of(one)
@@ -144,6 +146,10 @@ _READ = {
     "must_be_loop_joint": ("simbody",),
 }  # fmt: skip
 """Elements of SDF that sound like loops or couplings, and those around them."""
+
+_OWN_NAMES = ("joint", "loop", "coupling")
+_OWN = tuple(f"{{{NAMESPACE}}}{word}" for word in _OWN_NAMES)
+"""Elements in `raff:robot`."""
 
 _SOLID = ("visual", "collision", "inertial", "light", "sensor", "audio_source")  # parts of links
 
@@ -180,7 +186,12 @@ class _SdfToUrdf:
         self.placements = {**model.placements, WORLD: np.eye(4)}
         names = [*model.links, *model.frames, *(joint.name for joint in model.joints)]
         self.urdf = UrdfBuilder(model.name, names)
-        self.own = {} if model.own is None else {e.get("name"): e for e in model.own if isinstance(e.tag, str)}
+        self.own = {}
+        for element in () if model.own is None else model.own.iterchildren("*"):
+            if element.tag not in _OWN:
+                what = f"<{tag_of(element)}> is unknown in raff:robot{did_you_mean(local(element), _OWN_NAMES)}"
+                raise error_at(name, element, what)
+            self.own[element.get("name")] = element
         self.axes: dict[str, list[str]] = {}  # by joint: the joint of the URDF for each axis
         self.homes: dict[str, float] = {}  # of joints of the URDF: to be added to SDF's values, rad or m
         self.carried: dict[str, _Step] = {}

@@ -244,6 +244,11 @@ def test_a_urdf_of_ours_without_its_constraints_is_refused(elements, root, tmp_p
     assert readers.read(urdf)[1] is None  # nothing in it tells of a loop
 
 
-def test_a_urdf_of_ours_without_loops_has_no_note(root, tmp_path):
+def test_a_urdf_of_ours_without_loops_names_its_constraints_too(root, tmp_path):
+    """They have its home and its sensors."""
     raff2urdf.convert(root / "robots" / "arm7.raff", tmp_path)
-    assert "raff2urdf constraints" not in (tmp_path / "arm7.urdf").read_text()
+    urdf = tmp_path / "arm7.urdf"
+    assert "<!-- raff2urdf constraints: arm7.constraints.json (0 loops) -->" in urdf.read_text()
+    (tmp_path / "arm7.constraints.json").unlink()
+    with pytest.warns(raff2urdf.RaffWarning, match=r"arm7\.urdf:4: this comment names arm7\.constraints\.json"):
+        assert readers.read(urdf)[1] is None

@@ -9,6 +9,7 @@ import warnings
 
 import pytest
 
+import cinegen
 import raff2urdf
 from raff2urdf import readers
 from raff2urdf.errors import RaffError, RaffWarning
@@ -23,8 +24,8 @@ def five_bar(root, tmp_path):
     return tmp_path
 
 
-def refused(path, says):
-    with pytest.raises(RaffError, match=says) as caught:
+def refused(path, message):
+    with pytest.raises(RaffError, match=message) as caught:
         readers.read(path)
     assert "--ignore-loops (in Python ignore_loops=True)" in str(caught.value)
     with pytest.warns(RaffWarning, match="left out, as requested"):
@@ -79,6 +80,89 @@ def test_a_urdf_to_which_a_tool_has_added_links_still_fits(five_bar):
     refused(five_bar / "r.urdf", "five_bar.constraints.json fits")
 
 
+def test_a_copy_of_a_urdf_without_its_constraints(five_bar):
+    """They name the URDF by its hash, though they belong to another one by their name."""
+    shutil.copy(five_bar / "five_bar.urdf", five_bar / "r.urdf")
+    message = "five_bar.constraints.json was written for the same links and joints: copy it to r.constraints.json"
+    refused(five_bar / "r.urdf", message)
+    (five_bar / "five_bar.constraints.json").rename(five_bar / "any.json")
+    (five_bar / "five_bar.urdf").unlink()
+    refused(five_bar / "r.urdf", message.replace("five_bar.constraints.json", "any.json"))
+
+
+# --- constraints name their URDF ---------------------------------------------------------------------------------
+
+
+def edited(folder, old, new):
+    urdf = folder / "five_bar.urdf"
+    text = urdf.read_text()
+    assert old in text
+    urdf.write_text(text.replace(old, new, 1))
+    return urdf
+
+
+def test_an_edited_urdf_is_warned_of_until_its_hash_is_there(five_bar):
+    path = edited(five_bar, 'length="0.25"', 'length="0.26"')
+    assert quiet(path) is not None  # of a shape
+    path = edited(five_bar, '<origin xyz="-0.15 0.0 0.0"', '<origin xyz="-0.16 0.0 0.0"')
+    with pytest.warns(RaffWarning, match="are not those for which five_bar.constraints.json was written") as caught:
+        assert len(readers.read(path)[1]["loops"]) == 1
+    (entry,) = re.findall(r'"urdf_sha256": "(\w+)"', str(caught[0].message))
+    sidecar = five_bar / "five_bar.constraints.json"
+    sidecar.write_text(re.sub(r'(?<="urdf_sha256": ")\w+', entry, sidecar.read_text()))
+    quiet(path)
+
+
+@pytest.mark.parametrize(
+    ("old", "new"),
+    [
+        ('name="joint1" type="revolute"', 'name="joint1" type="continuous"'),
+        ('lower="1.0471975511965976"', 'lower="1.1"'),
+        ("\n", "\r\n"),
+        ("<robot", "<!-- edited --><robot"),
+        ('xyz="0.25 0.0 0.0" rpy="0.0 0.0 0.0"', 'rpy="0 -0.0 0" xyz=" 25e-2  0 0"'),
+        ("<visual>", '<inertial><mass value="1"/></inertial><visual>'),
+    ],
+)
+def test_changes_without_effect_on_the_loops_are_no_others(five_bar, old, new):
+    quiet(edited(five_bar, old, new))
+
+
+@pytest.mark.parametrize(
+    ("old", "new"),
+    [
+        ('<axis xyz="0.0 0.0 1.0"/>', '<axis xyz="0.0 0.0 -1.0"/>'),
+        ('<link name="tool"/>', '<link name="tool"/><link name="camera"/><joint name="c" type="fixed">'
+         '<parent link="tool"/><child link="camera"/></joint>'),
+    ],
+)  # fmt: skip
+def test_other_changes_are_reported(five_bar, old, new):
+    with pytest.warns(RaffWarning, match=r'put "urdf_sha256": "\w{64}" there'):
+        readers.read(edited(five_bar, old, new))
+
+
+def test_an_error_of_constraints_without_a_hash_states_what_to_add(five_bar):
+    sidecar = five_bar / "five_bar.constraints.json"
+    text = sidecar.read_text()
+    (entry,) = re.findall(r'"urdf_sha256": "\w{64}"', text)
+    sidecar.write_text(text.replace(f" {entry},\n", "").replace('"version": 2', '"version": 1'))
+    with pytest.warns(
+        RaffWarning, match=f"does not name its URDF, so that a change of either is not noticed: add {entry}"
+    ):
+        readers.read(five_bar / "five_bar.urdf")
+
+
+def test_a_limit_that_is_edited_in_the_urdf_holds(five_bar):
+    path = edited(five_bar, 'lower="1.0471975511965976"', 'lower="1.1"')
+    assert cinegen.load(path).limits["joint1"].lower == 1.1
+    sidecar = five_bar / "five_bar.constraints.json"
+    values = json.loads(sidecar.read_text())
+    values["joints"][0]["limits"] = [1.0471975511965976, 3.490658503988659]
+    sidecar.write_text(json.dumps(values))
+    with pytest.raises(cinegen.CinegenError, match=r"limit 1.0471975511965976, 3.49.* of joint 'joint1' is 1.1, 3.49"):
+        cinegen.load(path)
+
+
 # --- no false alarms ---------------------------------------------------------------------------------------------
 
 
@@ -94,12 +178,15 @@ def test_constraints_of_another_robot(five_bar, root):
     raff2urdf.convert(root / "robots" / "planar_3r.raff", five_bar)
     (five_bar / "planar_3r.constraints.json").unlink()
     (five_bar / "four_bar.urdf").unlink()
-    assert quiet(five_bar / "planar_3r.urdf") is None
+    urdf = five_bar / "planar_3r.urdf"
+    urdf.write_text(re.sub("  <!--.*-->\n", "", urdf.read_text()))
+    assert quiet(urdf) is None
 
 
 def test_constraints_that_belong_to_another_urdf(five_bar):
-    shutil.copy(five_bar / "five_bar.urdf", five_bar / "r.urdf")
-    assert quiet(five_bar / "r.urdf") is None
+    urdf = five_bar / "r.urdf"
+    urdf.write_text((five_bar / "five_bar.urdf").read_text().replace('xyz="0.25 0.0 0.0"', 'xyz="0.3 0.0 0.0"'))
+    assert quiet(urdf) is None
 
 
 @pytest.mark.parametrize(

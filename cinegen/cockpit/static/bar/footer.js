@@ -60,13 +60,32 @@ export class Footer {
     );
     byId("gap").classList.toggle("bad", gap >= CLOSED);
     const interpreted = typeof compilation === "number" ? ` in Python, compiling ${Math.round(100 * compilation)} %` : "";
-    write(byId("rate"), Number.isFinite(rate?.ticks) ? `${Math.round(rate.ticks)} /s${interpreted}` : "–");
-    byId("rate").classList.toggle("warn", interpreted !== "");
-    if (Number.isFinite(rate?.late)) byId("rate").title = `99 % begin ${fixed(rate.late, 2)} ms late at most`;
+    const { text, late, title } = ticking(rate);
+    write(byId("rate"), `${text}${interpreted}`);
+    byId("rate").classList.toggle("bad", interpreted !== "" || late);
+    byId("rate").title = title;
     write(byId("delay"), this.#delay === null ? "–" : `${fixed(this.#delay, 0)} ms`);
     write(byId("pictures"), this.view.resolution.mean === null ? "–" : `${fixed(this.view.resolution.mean, 0)} ms`);
     const others = clients > 1 ? ` · ${clients} browsers` : "";
     const labels = { mine: "you have control", other: "another browser has control", free: "no browser has control" };
     write(byId("control"), `${labels[this.session.control]}${others}`);
   }
+}
+
+/**
+ * Return the text of the solver's rate, whether deadlines were missed in the last second, and the hint.
+ *
+ * @param {import("../base/messages").TickRate | undefined} rate
+ */
+export function ticking(rate) {
+  if (rate === undefined || rate === null) return { text: "–", late: false, title: "" };
+  const { ticks, missed, missed_in_all: all, late, at_rest: resting } = rate;
+  const missing = missed > 0 ? `, ${missed} missed` : "";
+  return {
+    text: resting && missed === 0 ? "at rest" : `${Math.round(ticks)} /s${missing}`,
+    late: missed > 0,
+    title:
+      `In the last second: ${Math.round(ticks)} ticks, ${missed} missed. Since the start: ${all} missed` +
+      (Number.isFinite(late) ? `, 99 % begin ${fixed(late, 2)} ms late at most` : ""),
+  };
 }

@@ -14,10 +14,13 @@ const TONES = {
   TOUCHING: "bad",
   AT_LIMIT: "warn",
   SINGULAR: "warn",
+  UNCONTROLLED: "bad",
+  DAMPED: "warn",
   OUT_OF_REACH: "warn",
   REFUSED: "bad",
   BAD_TARGET: "bad",
 };
+const NEAR = ["SINGULAR", "UNCONTROLLED"]; // a meter is red: this is always reported
 const SEVERITY = ["none", "good", "warn", "bad"];
 /** @type {Record<string, string>} */
 const MOVING = { home: "moving home", move_to: "moving to a configuration", undo: "undoing", redo: "redoing" };
@@ -59,9 +62,11 @@ export function summary(statuses, report, several) {
   const worst = all.reduce((one, other) => (SEVERITY.indexOf(other.tone) > SEVERITY.indexOf(one.tone) ? other : one));
   let label = several && worst.tone !== "none" ? `${worst.robot}: ${worst.label}` : worst.label;
   let { tone } = worst;
-  const moving = MOVING[report?.moving ?? ""];
-  if (report?.paused) [label, tone] = ["paused", "none"];
-  else if (moving !== undefined) [label, tone] = [moving, "good"];
+  const session = report?.paused ? "paused" : MOVING[report?.moving ?? ""];
+  if (session !== undefined) {
+    if (NEAR.includes(worst.name)) label = `${session}, ${label}`;
+    else [label, tone] = [session, report?.paused ? "none" : "good"];
+  }
   const title = all.map((one) => `${one.robot}: ${one.label}${one.description ? ` (${one.description})` : ""}`).join("\n");
   return { label, tone, name: worst.name, title };
 }

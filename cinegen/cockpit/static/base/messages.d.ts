@@ -328,7 +328,10 @@ export interface NodeSensor {
 
 export interface TickRate {
   ticks: number;
+  missed: number;
+  missed_in_all: number;
   late: number;
+  at_rest: boolean;
 }
 
 export interface NoticeMessage {

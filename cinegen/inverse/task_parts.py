@@ -18,11 +18,12 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import NDArray
 
+from cinegen.assembly.certify import Unknowns
 from cinegen.assembly.chains import recognise_part
 from cinegen.assembly.linkage import FreeMotionError, ModesError
 from cinegen.assembly.modes import ModesSolver
-from cinegen.assembly.motion_group import MotionGroup, generated
 from cinegen.errors import ClosureError
+from cinegen.inverse.motion_group import MotionGroup, generated
 from cinegen.joints import kinematic_data
 from cinegen.loops.closed_loops import ClosedLoops, LoopConstraint
 from cinegen.loops.clusters import subsystems
@@ -168,6 +169,22 @@ class TaskParts:
         """
         return [self._part(joints, cuts) for joints, cuts in self._parts]
 
+    @cached_property
+    def unknowns(self) -> Unknowns:
+        """The unknowns of solutions: the joints of all parts, and those that couplings relate to them."""
+        mechanism, parts = self.mechanism, self.parts
+        moving = {name for part in parts for name in part.joints}
+        moving.update(name for coupling in mechanism.couplings for name in coupling.terms)
+        names = tuple(name for name in mechanism.joints if name in moving and name not in self._locked)
+        columns, units = [mechanism.v_index(name) for name in names], np.repeat([[mechanism.length], [1.0]], 3, axis=0)
+        ranks = []
+        for q in self._samples:
+            task, loops = self._task_rows(q) * mechanism.scale, mechanism.system.evaluate(q)[1]
+            ranks.append(closure.rank(np.vstack([task / units[: len(task)], loops])[:, columns]))
+        features = {feature: None for part in parts for feature in part.solver.body_features}
+        own = tuple(feature for feature in features if not feature.joint.startswith(_VIRTUAL))
+        return Unknowns(names, max(ranks), own)
+
     # --- the mechanism --------------------------------------------------------------------------------------------
 
     def _configuration(self, locked: Mapping[str, float]) -> Array:
@@ -221,14 +238,16 @@ class TaskParts:
         mechanism, moved = self.mechanism, np.zeros(self.mechanism.model.nv)
         equations = sum(loop.rows for loop in mechanism.loops)
         for q in self._samples:
-            rows = [mechanism.loop_jacobian(q)[:equations]] if mechanism.loops else []
-            placement = self._relative(q)
-            linear, angular = np.split(placement.toActionMatrixInverse() @ self._twists(q), 2)
-            rows.append(linear)
-            if self.task.rotation:
-                rows.append(angular if self.task.rotation == 3 else pin.skew(np.array(self.task.free_axis)) @ angular)
-            moved = np.maximum(moved, np.abs(np.vstack(rows) * mechanism.scale).max(axis=0))
+            rows = np.vstack([mechanism.loop_jacobian(q)[:equations], self._task_rows(q)])
+            moved = np.maximum(moved, np.abs(rows * mechanism.scale).max(axis=0))
         return [name for name in mechanism.joints if moved[mechanism.v_index(name)] < _STILL]
+
+    def _task_rows(self, q: Array) -> Array:
+        """Return the derivatives (rows, nv) of the task's equations at q (nq,), if q fulfils them; m and rad."""
+        linear, angular = np.split(self._relative(q).toActionMatrixInverse() @ self._twists(q), 2)
+        if self.task.rotation == 2:
+            angular = pin.skew(np.array(self.task.free_axis)) @ angular
+        return np.vstack([linear, angular]) if self.task.rotation else np.asarray(linear)
 
     def _relative(self, q: Array) -> pin.SE3:
         """Return the frame's placement in the root at q (nq,)."""

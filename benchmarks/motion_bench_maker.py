@@ -1,0 +1,248 @@
+"""MotionBenchMaker's problems of the panda (C. Chamzas et al., RA-L 7(2), 2022): `plan` against plain OMPL.
+
+    python benchmarks/motion_bench_maker.py FOLDER [--seconds S] [--first NUMBER] [--count N] [--safety M]
+
+A folder has pairs of files `requestNNNN.yaml`, a MoveIt motion plan request, and `sceneNNNN.yaml`, a planning scene.
+The robot is the stock panda of example-robot-data, its goals exact joint values; fingers are as in the request, within
+their limits.
+
+    plan    `cinegen.planning.plan`, one time limit
+    ompl    RRT-Connect of OMPL in its default settings, then its `simplifySolution`; a configuration is valid where
+            `Clearance.least` is at least the safety distance, tested at OMPL's default resolution
+
+Paths of both are judged by coal's bounding volume hierarchies of the meshes, built here: pairs of links that MoveIt's
+scene allows to touch are left out, and configurations are tested every 2 mrad. Printed are CPU seconds of this process.
+"""
+
+from __future__ import annotations
+
+import argparse
+import itertools
+import sysconfig
+import time
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from functools import cache
+from pathlib import Path
+from statistics import median
+from typing import Any
+
+import coal
+import numpy as np
+import pinocchio as pin
+import yaml
+
+import cinegen
+from cinegen.collision import Scene, clearance_of, scene_of
+from cinegen.planning import plan
+
+DESCRIPTION = Path(sysconfig.get_path("purelib")) / "cmeel.prefix/share/example-robot-data/robots/panda_description"
+URDF = DESCRIPTION / "urdf/panda.urdf"
+STEP = 2e-3  # rad: between configurations that are judged
+
+Array = np.ndarray
+
+
+@cache
+def panda() -> cinegen.Mechanism:
+    return cinegen.load(URDF)
+
+
+def read(request: Path, scene: Path, safety: float) -> Scene:
+    """Return the problem of a MoveIt request and its scene."""
+    asked, world = (yaml.safe_load(path.read_text()) for path in (request, scene))
+    state = asked["start_state"]["joint_state"]
+    limits = panda().limits
+    start = {
+        name: float(np.clip(value, *limits[name][:2]))
+        for name, value in zip(state["name"], state["position"], strict=True)
+    }
+    goal = {each["joint_name"]: each["position"] for each in asked["goal_constraints"][0]["joint_constraints"]}
+    return scene_of(
+        {
+            "name": request.stem.replace("request", f"{request.parent.name} "), "node": "panda_hand", "safety": safety,
+            "start": {"joints": start}, "goal": {"joints": goal}, "obstacle": list(obstacles(world)),
+        },
+        mechanism=panda(),
+    )  # fmt: skip
+
+
+def obstacles(world: dict[str, Any]) -> Iterator[dict[str, Any]]:
+    """Yield the obstacles of a planning scene as a scene of cinegen has them."""
+    for thing in world["world"]["collision_objects"]:
+        for i, (shape, pose) in enumerate(zip(thing["primitives"], thing["primitive_poses"], strict=True)):
+            size, turn = shape["dimensions"], pin.Quaternion(np.array(pose["orientation"], dtype=float))
+            rpy = pin.rpy.matrixToRpy(turn.toRotationMatrix()).tolist()
+            placed = {"name": f"{thing['id']} {i}", "kind": shape["type"], "point": pose["position"], "rpy": rpy}
+            match shape["type"]:
+                case "box":
+                    yield placed | {"size": size}
+                case "sphere":
+                    yield placed | {"radius": size[0]}
+                case "cylinder":
+                    yield placed | {"length": size[0], "radius": size[1]}
+                case kind:
+                    raise ValueError(f"{thing['id']}: a shape of type {kind} is not known")
+
+
+# --- the judge ----------------------------------------------------------------------------------------------------
+
+
+class Judge:
+    """Contact of the panda's meshes with the obstacles of a MoveIt scene and with each other."""
+
+    def __init__(self, scene: Path) -> None:
+        world = yaml.safe_load(scene.read_text())
+        self._model = pin.buildModelFromUrdf(str(URDF))
+        folder = str(DESCRIPTION.parents[2])
+        geometry = pin.buildGeomFromUrdf(self._model, str(URDF), pin.GeometryType.COLLISION, package_dirs=[folder])
+        matrix = world["allowed_collision_matrix"]
+        allowed = {
+            frozenset((one, other))
+            for one, row in zip(matrix["entry_names"], matrix["entry_values"], strict=True)
+            for other, free in zip(matrix["entry_names"], row, strict=True)
+            if free
+        }
+        links = list(geometry.geometryObjects)
+        names = [self._model.frames[link.parentFrame].name for link in links]
+        pairs = itertools.combinations(range(len(links)), 2)
+        for i, k in pairs:
+            if names[i] != names[k] and frozenset((names[i], names[k])) not in allowed:
+                geometry.addCollisionPair(pin.CollisionPair(i, k))
+        for thing in world["world"]["collision_objects"]:
+            for shape, pose in zip(thing["primitives"], thing["primitive_poses"], strict=True):
+                size = shape["dimensions"]
+                solid = {
+                    "box": lambda size=size: coal.Box(*size),
+                    "cylinder": lambda size=size: coal.Cylinder(size[1], size[0]),
+                    "sphere": lambda size=size: coal.Sphere(size[0]),
+                }[shape["type"]]()
+                placed = pin.XYZQUATToSE3(np.array([*pose["position"], *pose["orientation"]], dtype=float))
+                k = geometry.addGeometryObject(pin.GeometryObject(f"{thing['id']} {len(links)}", 0, placed, solid))
+                for i, link in enumerate(links):
+                    if link.parentJoint:
+                        geometry.addCollisionPair(pin.CollisionPair(i, k))
+        self._geometry, self._data, self._shapes = geometry, self._model.createData(), geometry.createData()
+
+    def is_free(self, path: Array) -> bool:
+        """Return whether nothing touches on a path (n, nq)."""
+        for begin, end in itertools.pairwise(path):
+            count = max(1, int(np.ceil(np.abs(end - begin).max() / STEP)))
+            for part in np.linspace(0.0, 1.0, count + 1):
+                q = begin + part * (end - begin)
+                if pin.computeCollisions(self._model, self._data, self._geometry, self._shapes, q, True):
+                    return False
+        return True
+
+
+# --- plain OMPL ---------------------------------------------------------------------------------------------------
+
+
+def ompl_path(scene: Scene, seconds: float, seed: int = 1) -> Array | None:
+    """Return the path of OMPL's RRT-Connect in its default settings, simplified by OMPL."""
+    import ompl.base as ob
+    import ompl.geometric as og
+    import ompl.util as ou
+
+    ou.setLogLevel(ou.LogLevel.LOG_NONE)
+    ou.RNG.setSeed(seed)
+    mechanism, clearance = scene.mechanism, clearance_of(scene)
+    at = [mechanism.q_index(name) for name in scene.goal_joints]
+    assert scene.goal_configuration is not None
+
+    def configuration(state: Any) -> Array:
+        q = scene.start.copy()
+        q[at] = [state[i] for i in range(len(at))]
+        return q
+
+    class Validity(ob.StateValidityChecker):
+        def isValid(self, state: Any) -> bool:
+            return clearance.least(configuration(state)) >= scene.safety
+
+    box = ob.RealVectorBounds(len(at))
+    for i, k in enumerate(at):
+        box.setLow(i, float(mechanism.limits.lower[k]))
+        box.setHigh(i, float(mechanism.limits.upper[k]))
+    space = ob.RealVectorStateSpace(len(at))
+    space.setBounds(box)
+    information = ob.SpaceInformation(space)
+    checker = Validity(information)
+    information.setStateValidityChecker(checker)
+    information.setup()
+    problem = ob.ProblemDefinition(information)
+    ends = []
+    for q in (scene.start, scene.goal_configuration):
+        state = space.allocState()
+        state[0 : len(at)] = q[at].tolist()
+        ends.append(state)
+    problem.setStartAndGoalStates(*ends)
+    planner = og.RRTConnect(information)
+    planner.setProblemDefinition(problem)
+    planner.setup()
+    planner.solve(seconds)
+    if not problem.hasExactSolution():
+        return None
+    path = problem.getSolutionPath()
+    og.PathSimplifier(information).simplifyMax(path)
+    return np.array([configuration(state) for state in path.getStates()])
+
+
+# --- the comparison -----------------------------------------------------------------------------------------------
+
+
+@dataclass
+class Results:
+    """Of one method: problem -> length, CPU seconds; whether the path is free."""
+
+    lengths: dict[str, float] = field(default_factory=dict)
+    times: dict[str, float] = field(default_factory=dict)
+    touching: list[str] = field(default_factory=list)
+
+    def add(self, name: str, path: Array | None, spent: float, judge: Judge) -> None:
+        """Add the path of a problem, and judge it."""
+        self.times[name] = spent
+        if path is not None:
+            self.lengths[name] = float(np.linalg.norm(np.diff(path, axis=0), axis=1).sum())
+            if not judge.is_free(path):
+                self.touching.append(name)
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("folder", type=Path)
+    parser.add_argument("--seconds", type=float, default=10.0)
+    parser.add_argument("--first", type=int, default=1)
+    parser.add_argument("--count", type=int, default=1000)
+    parser.add_argument("--safety", type=float, default=1e-3, help="safety distance, m")
+    options = parser.parse_args()
+    found = {"plan": Results(), "ompl": Results()}
+    requests = sorted(options.folder.glob("request*.yaml"))[options.first - 1 :][: options.count]
+    for request in requests:
+        file = request.with_name(request.name.replace("request", "scene"))
+        scene, judge = read(request, file, options.safety), Judge(file)
+        clearance_of(scene)  # its bodies are made once for the mechanism
+        begin = time.process_time()
+        made = plan(scene, seconds=options.seconds)
+        found["plan"].add(request.stem, made.path if made else None, time.process_time() - begin, judge)
+        begin = time.process_time()
+        path = ompl_path(scene, options.seconds)
+        found["ompl"].add(request.stem, path, time.process_time() - begin, judge)
+        lengths = "  ".join(
+            f"{name} {one.times[request.stem]:6.2f} s, {one.lengths.get(request.stem, np.nan):6.2f} rad"
+            for name, one in found.items()
+        )
+        last = made.attempts[-1].strategy if made.attempts else made.reason
+        print(f"{request.stem}  {lengths}  {made.status.value}: {last}", flush=True)
+    for name, one in found.items():
+        print(
+            f"{name}: {len(one.lengths)} of {len(requests)} solved, {len(one.touching)} in contact {one.touching}, "
+            f"median {median(one.times.values()):.2f} s, length {median(one.lengths.values() or [np.nan]):.2f} rad"
+        )
+    both = found["plan"].lengths.keys() & found["ompl"].lengths.keys()
+    if both:
+        ratios = [found["plan"].lengths[name] / found["ompl"].lengths[name] for name in both]
+        print(f"length, plan by ompl: median {median(ratios):.3f}, mean {np.mean(ratios):.3f} of {len(both)}")
+
+
+if __name__ == "__main__":
+    main()

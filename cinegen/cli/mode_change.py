@@ -1,0 +1,79 @@
+"""`cinegen plan --modes`: its options, and what is printed of a change of assembly mode."""
+
+from __future__ import annotations
+
+import textwrap
+from typing import TYPE_CHECKING, Any
+
+from cinegen.errors import CinegenError
+
+if TYPE_CHECKING:
+    from cinegen.collision import Scene
+    from cinegen.planning import ModeChange
+
+_WIDTH = 100  # columns
+
+
+def mode_index(modes: str, singular: str, field: str) -> int | None:
+    """Return the index of the assembly mode that `--modes` names, counted from 1 there; None for any.
+
+    Args:
+        modes: value of `--modes`; empty without the option.
+        singular: value of `--singular`.
+        field: value of `--field`.
+
+    Raises:
+        CinegenError: the mode is neither a number from 1 nor `any`; or the options do not fit together.
+    """
+    if not modes and singular != "avoid":
+        raise CinegenError(f"--singular {singular} needs --modes any, or --modes with the number of a mode")
+    if modes and field != "vortex":
+        raise CinegenError(f"--field {field}: --modes follows no field; leave one out")
+    if modes in ("", "any"):
+        return None
+    if not modes.isdecimal() or int(modes) < 1:
+        raise CinegenError(f"--modes {modes}: give any, or the number of a mode as `cinegen modes` lists them")
+    return int(modes) - 1
+
+
+def goal_text(index: int | None, scene: Scene) -> str:
+    """Return a text for the goal: a mode, or None for any other one, of a scene."""
+    which = "another assembly mode" if index is None else f"assembly mode {index + 1}"
+    return f"to {which} with the {'goal' if scene.goal_joints else 'start'}'s values of the actuated joints"
+
+
+def change_lines(change: ModeChange) -> list[str]:
+    """Return lines about the status, the mode that is reached, and the singularities on the path."""
+    lines = textwrap.wrap(str(change), _WIDTH, subsequent_indent="  ")
+    if change.mode is not None and not change.crossed:
+        lines.append(f"  sigma      {change.sigma_bound:.3g} at least along the path, of type 2")
+    return lines + [f"  singular   after step {one.segment}: sigma {one.sigma:.2g} of type 2" for one in change.crossed]
+
+
+def change_advice(change: ModeChange, singular: str, seconds: float) -> str:
+    """Return what a path through a singularity needs, or what may help to find a path."""
+    from cinegen.planning import PlanStatus
+
+    if change.crossed:
+        return (
+            "At a singularity of type 2 the actuated joints lose control: only momentum or gravity moves a real "
+            "mechanism through it."
+        )
+    if change.plan.status is not PlanStatus.TIME_LIMIT:
+        return ""
+    return f"Try --timeout {6.0 * seconds:g}" + (", or --singular cross." if singular == "avoid" else ".")
+
+
+def change_document(change: ModeChange) -> dict[str, Any]:
+    """Return the change for JSON: m and rad."""
+    mechanism = change.modes.mechanism
+    return {
+        "mode": None if change.mode is None else change.mode + 1,
+        "modes": len(change.modes),
+        "complete": change.modes.complete,
+        "sigma": change.sigma,
+        "sigma_bound": change.sigma_bound,
+        "crossed": [
+            {"segment": one.segment, "sigma": one.sigma, "joints": mechanism.values(one.q)} for one in change.crossed
+        ],
+    }

@@ -1,0 +1,63 @@
+"""Triangle meshes of coal as arrays: whether one is convex, and whether a point is inside of it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import coal
+import numpy as np
+from numpy.typing import NDArray
+
+from cinegen.collision.convex_hull import hull
+
+Array = NDArray[np.float64]
+
+_FLAT = 1e-4  # of the size: depth of dents that count as convex
+_FULL = 1e-3  # of the volume of the hull: a convex mesh may lack that much
+
+
+@dataclass(frozen=True, eq=False)
+class TriangleMesh:
+    """A surface of triangles, closed or not.
+
+    Args:
+        mesh: coal's.
+    """
+
+    mesh: coal.BVHModelOBBRSS
+
+    @cached_property
+    def corners(self) -> Array:
+        """(triangles, 3, 3) the corners of each triangle, m."""
+        vertices, count = np.array(self.mesh.vertices()), self.mesh.num_tris
+        indices = np.array([[triangle[i] for i in range(3)] for triangle in map(self.mesh.tri_indices, range(count))])
+        return np.asarray(vertices[indices.reshape(-1, 3)])
+
+    @cached_property
+    def is_convex(self) -> bool:
+        """True if it is closed, and no dent is deeper than 1e-4 of its size."""
+        exact = hull(np.array(self.mesh.vertices()))
+        corners = self.corners - exact.corners.mean(axis=0)
+        areas = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+        volume = abs(float(np.einsum("ij,ij->", corners[:, 0], areas))) / 6.0
+        if volume < (1.0 - _FULL) * exact.volume:
+            return False
+        flat = _FLAT * float(np.linalg.norm(np.ptp(exact.corners, axis=0)))
+        middles = corners.mean(axis=1)
+        depth = (exact.offsets - exact.normals @ exact.corners.mean(axis=0))[:, None] - exact.normals @ middles.T
+        return bool((depth.min(axis=0) <= flat).all())
+
+    def contains(self, point: Array) -> bool:
+        """Return whether a point (3,), in the frame of the mesh, is inside: the surface winds around it.
+
+        The generalized winding number of A. Jacobson, L. Kavan and O. Sorkine-Hornung, "Robust inside-outside
+        segmentation using generalized winding numbers", ACM Transactions on Graphics 32(4), 2013: small holes of the
+        surface do not matter.
+        """
+        a, b, c = np.moveaxis(self.corners - point, 1, 0)
+        long_a, long_b, long_c = (np.linalg.norm(each, axis=1) for each in (a, b, c))
+        volume = np.einsum("ij,ij->i", a, np.cross(b, c))
+        dots = [np.einsum("ij,ij->i", first, second) for first, second in ((a, b), (b, c), (c, a))]
+        below = long_a * long_b * long_c + dots[0] * long_c + dots[1] * long_a + dots[2] * long_b
+        return abs(float(np.arctan2(volume, below).sum())) > np.pi  # half of the 2 pi of a point inside

@@ -1,0 +1,262 @@
+"""Time-optimal motion along a path within limits of velocity and acceleration: TOPP-RA (H. Pham and Q.-C. Pham, "A New
+Approach to Time-Optimal Path Parameterization Based on Reachability Analysis", IEEE Trans. Robotics 34, 2018)."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from itertools import pairwise
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from scipy.interpolate import PPoly
+
+from cinegen.errors import CinegenError
+from cinegen.model import Mechanism
+from cinegen.model.motion_limits import MotionLimits
+from raff2urdf.extras import needs
+
+Array = NDArray[np.float64]
+
+_EXTRA = "sampling"
+_INSIDE = 1.0 - 1e-9  # of a limit
+_MOST = 50.0  # times the usual rate, where nothing limits it
+_INTERVALS = 64  # of a whole grid, at least
+
+
+class TimingError(CinegenError):
+    """A path can't be timed."""
+
+
+@dataclass(frozen=True, eq=False)
+class TimeLaw:
+    """Parameter s of a path as a function of time; its second derivative is constant between two knots.
+
+    Attributes:
+        times: (n,) time of each knot, s, ascending from 0.
+        s: (n,) parameter at each knot.
+        rates: (n,) its derivative at each knot, 1/s.
+    """
+
+    times: Array
+    s: Array
+    rates: Array
+
+    @property
+    def seconds(self) -> float:
+        """Duration, s."""
+        return float(self.times[-1])
+
+    def at(self, times: Array) -> tuple[Array, Array]:
+        """Return the parameter (k,) and its derivative (k,) at times (k,), s; at rest beyond both ends."""
+        if len(self.times) == 1:
+            return np.full(len(times), self.s[0]), np.zeros(len(times))
+        i = np.clip(np.searchsorted(self.times, times, side="right") - 1, 0, len(self.times) - 2)
+        lengths, rates = np.diff(self.times), np.diff(self.rates)
+        after = np.clip(times - self.times[i], 0.0, lengths[i])
+        growth = rates[i] / lengths[i]
+        s = np.minimum(self.s[i] + (self.rates[i] + 0.5 * growth * after) * after, self.s[i + 1])
+        moves = (times >= 0.0) & (times < self.times[-1])
+        return np.where(times >= self.times[-1], self.s[-1], s), np.where(moves, self.rates[i] + growth * after, 0.0)
+
+    def slowed(self, factor: float) -> TimeLaw:
+        """Return the same motion, slower by a factor."""
+        return TimeLaw(self.times * factor, self.s, self.rates / factor)
+
+
+def time_law(
+    curve: PPoly, velocity: Array, acceleration: Array, grid: Array | None = None, fastest: float = np.inf
+) -> TimeLaw:
+    """Return the fastest motion along a curve within limits, from rest to rest.
+
+    TOPP-RA bounds accelerations at both ends and in the middle of each interval of the grid. Their exact maxima in
+    between are then computed in closed form, and the whole motion is slowed down by what they exceed a limit: nowhere
+    on the curve is a velocity or an acceleration above its limit.
+
+    Args:
+        curve: cubic curve of (m,) values with continuous slopes.
+        velocity: (m,) limits of velocity; infinite where there is none.
+        acceleration: (m,) limits of acceleration; likewise.
+        grid: (n,) ascending parameters between which the acceleration of the parameter is constant, among them all
+            breakpoints of the curve; `grid_of(curve.x)` unless given.
+        fastest: limit of the parameter's rate, 1/s.
+
+    Raises:
+        MissingExtraError: toppra is not installed.
+        TimingError: toppra finds no motion.
+    """
+    s = grid_of(curve.x) if grid is None else grid
+    tangents, bends = _derivatives(curve, s)
+    rates = _fastest_rates(s, tangents, bends, velocity, acceleration, fastest)
+    times = np.concatenate([[0.0], np.cumsum(2.0 * np.diff(s) / (rates[1:] + rates[:-1]))])
+    law = TimeLaw(times, s, rates)
+    return law.slowed(_excess(law, tangents, bends, velocity, acceleration) / _INSIDE)
+
+
+def grid_of(s: Array, counts: ArrayLike = 1) -> Array:
+    """Return a grid (n,): each interval of s (k,) cut into a number of equal parts (k - 1,), or into more where these
+    would be few altogether."""
+    parts = np.broadcast_to(np.maximum(counts, math.ceil(_INTERVALS / (len(s) - 1))), len(s) - 1)
+    cut = [begin + (end - begin) * np.arange(n) / n for begin, end, n in zip(s[:-1], s[1:], parts, strict=True)]
+    return np.concatenate([*cut, s[-1:]])
+
+
+def _derivatives(curve: PPoly, s: Array) -> tuple[Array, Array]:
+    """Return the first and second derivatives (3, n - 1, m) at the beginning, in the middle and at the end of each
+    interval, with the polynomial of that interval."""
+    inner = 0.5 * (s[1:] + s[:-1])
+    piece = np.clip(np.searchsorted(curve.x, inner, side="right") - 1, 0, len(curve.x) - 2)
+    coefficients = curve.c[:, piece]
+    order = len(coefficients) - 1
+    first, second = [], []
+    for points in (s[:-1], inner, s[1:]):
+        t = (points - curve.x[piece])[:, None]
+        first.append(sum((order - k) * coefficients[k] * t ** (order - k - 1) for k in range(order)))
+        second.append(
+            sum((order - k) * (order - k - 1) * coefficients[k] * t ** (order - k - 2) for k in range(order - 1))
+        )
+    return np.array(first), np.array(second)
+
+
+def _fastest_rates(
+    s: Array, tangents: Array, bends: Array, velocity: Array, acceleration: Array, fastest: float
+) -> Array:
+    """Return the rate (n,) at each parameter by TOPP-RA."""
+    with needs(_EXTRA, "times of a motion"):
+        from toppra.algorithm import TOPPRA
+        from toppra.constraint import LinearConstraint
+
+    at_knots = np.abs(np.vstack([tangents[0], tangents[2][-1:]]))
+    with np.errstate(divide="ignore", invalid="ignore"):
+        most = np.where(at_knots > 0.0, velocity / at_knots, np.inf).min(axis=1, initial=fastest)
+        middle = np.where(tangents[1] != 0.0, velocity / np.abs(tangents[1]), np.inf).min(axis=1, initial=fastest)
+    most[:-1], most[1:] = np.minimum(most[:-1], middle), np.minimum(most[1:], middle)
+    known = most[np.isfinite(most)]
+    unit = (
+        float(np.median(known)) if len(known) else 1.0
+    )  # rates relative to it are near 1, as toppra's numbers should be
+    s, tangents, bends, most = s / unit, unit * tangents, unit**2 * bends, np.minimum(most / unit, _MOST)
+    limited = np.isfinite(acceleration)
+    step = np.diff(s)[:, None]
+    first, second = (one[:, :, limited] / acceleration[limited] for one in (tangents, bends))
+    by_growth = np.hstack([first[k] + k * step * second[k] for k in range(3)])
+    by_square = np.hstack(list(second))
+    squares = np.column_stack([np.zeros(len(s)), most**2])
+    width = by_growth.shape[1]
+
+    class Limits(LinearConstraint):  # type: ignore[misc]
+        """Accelerations at three points of each interval, relative to their limits, and the rate itself."""
+
+        def __init__(self) -> None:
+            super().__init__()
+            self.identical = True
+
+        def get_dof(self) -> int:
+            return int(tangents.shape[2])
+
+        def compute_constraint_params(self, path: Any, gridpoints: Array, *_: Any) -> tuple[Any, ...]:
+            last = np.vstack([by_growth, by_growth[-1:]]), np.vstack([by_square, by_square[-1:]])
+            both = np.vstack([np.eye(width), -np.eye(width)])
+            return (*last, np.zeros((len(s), width)), both, np.ones(2 * width), None, squares)
+
+    class Path:
+        """A path as TOPP-RA takes it: the interval of its parameter, and its size."""
+
+        path_interval = np.array([s[0], s[-1]])
+        dof = int(tangents.shape[2])
+
+    search = TOPPRA([Limits()], Path(), gridpoints=s, solver_wrapper="seidel", parametrizer="ParametrizeConstAccel")
+    ends = [_rate_at_end(tangents[0][0], bends[0][0], acceleration, most[0])]
+    ends.append(_rate_at_end(tangents[2][-1], bends[2][-1], acceleration, most[-1]))
+    for scale in (1.0, 0.5, 0.0):
+        _, rates, _ = search.compute_parameterization(scale * ends[0], scale * ends[1])
+        if rates is not None and np.isfinite(rates).all() and (rates[1:] + rates[:-1] > 0.0).all():
+            return np.asarray(unit * rates)
+    raise TimingError("no motion along the path is within the limits of velocity and acceleration")
+
+
+def _rate_at_end(tangent: Array, bend: Array, acceleration: Array, most: float) -> float:
+    """Return the largest rate at an end where the motion is at rest: 0, unless the curve itself is at rest there."""
+    if np.abs(tangent).max(initial=0.0) > 0.0:
+        return 0.0
+    with np.errstate(divide="ignore", invalid="ignore"):
+        squares = np.where(bend != 0.0, acceleration / np.abs(bend), np.inf)
+    return 0.99 * min(most, float(np.sqrt(squares.min(initial=np.inf))))
+
+
+def _excess(law: TimeLaw, tangents: Array, bends: Array, velocity: Array, acceleration: Array) -> float:
+    """Return the factor by which a motion must be slowed down, at least 1: its exact largest velocities and
+    accelerations relative to their limits.
+
+    In an interval of x in [0, 1] the acceleration is quadratic in x, and the velocity extreme where that is 0.
+    """
+    step = np.diff(law.s)[:, None]
+    squares = law.rates**2
+    growth = (np.diff(squares)[:, None]) / (2.0 * step)
+    start = squares[:-1, None]
+    # tangent(x) = t0 + t1 x + t2 x^2, bend(x) = b0 + b1 x
+    t0, middle, end = tangents
+    t2 = 2.0 * (end + t0 - 2.0 * middle)
+    t1 = end - t0 - t2
+    b0, b1 = bends[0], bends[2] - bends[0]
+    rise = 2.0 * step * growth
+    c0 = t0 * growth + b0 * start
+    c1 = t1 * growth + b1 * start + b0 * rise
+    c2 = t2 * growth + b1 * rise
+    with np.errstate(divide="ignore", invalid="ignore"):
+        turning = np.clip(np.nan_to_num(-c1 / (2.0 * c2), posinf=0.0, neginf=0.0), 0.0, 1.0)
+        root = np.sqrt(np.maximum(c1 * c1 - 4.0 * c2 * c0, 0.0))
+        q = -0.5 * (c1 + np.where(c1 < 0.0, -root, root))
+        roots = [np.clip(np.nan_to_num(r, posinf=0.0, neginf=0.0), 0.0, 1.0) for r in (q / c2, c0 / q)]
+        largest = max(
+            float((np.abs((c2 * x + c1) * x + c0) / acceleration).max(initial=0.0))
+            for x in (np.zeros_like(c0), turning, np.ones_like(c0))
+        )
+        speed = max(
+            float(
+                (np.abs((t2 * x + t1) * x + t0) * np.sqrt(np.maximum(start + rise * x, 0.0)) / velocity).max(
+                    initial=0.0
+                )
+            )
+            for x in (np.zeros_like(c0), *roots, np.ones_like(c0))
+        )
+    return max(1.0, speed, float(np.sqrt(largest)))
+
+
+def averaged(samples: Array, count: int) -> Array:
+    """Return moving averages (n + count - 1, m) of samples (n, m) of a motion from rest to rest.
+
+    Velocities and accelerations are averages, too, hence within the same limits. The jerk is at most twice the largest
+    acceleration over the duration of `count` samples (L. Biagiotti and C. Melchiorri, "FIR filters for online
+    trajectory planning with time- and frequency-domain specifications", Control Engineering Practice 20, 2012).
+    """
+    if count == 1:
+        return samples
+    begin, end = (np.repeat(one, count - 1, axis=0) for one in (samples[:1], samples[-1:]))
+    sums = np.cumsum(np.vstack([np.zeros_like(samples[:1]), begin, samples, end]), axis=0)
+    return np.asarray((sums[count:] - sums[:-count]) / count)
+
+
+def averaging_window(limits: MotionLimits, rate: float) -> int:
+    """Return the number of samples at a rate (1/s) whose average keeps jerks within their limits; 1 without limits."""
+    limited = np.isfinite(limits.jerk) & np.isfinite(limits.acceleration)
+    seconds = float((2.0 * limits.acceleration[limited] / limits.jerk[limited]).max(initial=0.0))
+    return max(1, math.ceil(seconds * rate - 1e-9))
+
+
+def excess(mechanism: Mechanism, limits: MotionLimits, q: Array, rate: float) -> float:
+    """Return the factor by which samples (n, nq) of a motion from rest to rest, `rate` a second, must be slower so that
+    their finite differences obey all limits; at most 1 if they do."""
+    at_q, at_v = mechanism.scalar_joints
+    steps = np.zeros((max(len(q) - 1, 0), mechanism.model.nv))
+    if len(at_v) < mechanism.model.nv:
+        for i, (a, b) in enumerate(pairwise(q)):
+            steps[i] = mechanism.difference(a, b)
+    steps[:, at_v] = np.diff(q[:, at_q], axis=0)
+    rest, found = np.zeros((1, steps.shape[1])), 0.0
+    for order, limit in enumerate((limits.velocity, limits.acceleration, limits.jerk), 1):
+        most = float((np.abs(steps) * rate**order / limit).max(initial=0.0))
+        found = max(found, most ** (1.0 / order))
+        steps = np.diff(np.vstack([rest, steps, rest]), axis=0)
+    return found

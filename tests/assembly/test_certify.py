@@ -1,0 +1,346 @@
+"""Certificates of assembly modes: against closed forms, and against Newton's method at 50 digits."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import mpmath
+import numpy as np
+import pinocchio as pin
+import pytest
+from assembled import closings, home, places
+from flint import arb, ctx
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+from linkages import delta, five_bar, hexapod, hinge, ring, three_legs, tripod
+from making import bennett, sarrus
+from mpmath import mp
+from numpy.random import default_rng as rng
+
+from cinegen.assembly import assembly_modes
+from cinegen.assembly.certify import EndEquations, LoopEquations, Unknowns
+from cinegen.joints import axis
+from raff2urdf.raff.document import LoopKind
+
+DIGITS = 50
+
+
+# --- the yardstick: Newton's method in mpmath ---------------------------------------------------------------------
+
+
+def orthonormal(placement: pin.SE3):
+    """(4, 4) with a rotation that is exactly one: z, and then x, as the certificates' documentation has it."""
+    x, _, z = (mp.matrix(column.tolist()) for column in placement.rotation.T)
+    z = z / mp.norm(z)
+    x = x - (x.T * z)[0] * z
+    x = x / mp.norm(x)
+    y = cross(z, x)
+    made = mp.eye(4)
+    for i in range(3):
+        made[i, 0], made[i, 1], made[i, 2], made[i, 3] = x[i], y[i], z[i], mp.mpf(float(placement.translation[i]))
+    return made
+
+
+def cross(a, b):
+    return mp.matrix([a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]])
+
+
+def moved(joint, value):
+    """(4, 4) the displacement of a joint."""
+    made, along = mp.eye(4), mp.matrix(axis(joint).tolist())
+    along = along / mp.norm(along)
+    if joint.shortname().startswith("JointModelP"):
+        for i in range(3):
+            made[i, 3] = along[i] * value
+        return made
+    x, y, z = along
+    k = mp.matrix([[0, -z, y], [z, 0, -x], [-y, x, 0]])
+    rotation = mp.eye(3) + mp.sin(value) * k + (1 - mp.cos(value)) * (k * k)
+    for i in range(3):
+        for j in range(3):
+            made[i, j] = rotation[i, j]
+    return made
+
+
+def residual(mechanism, values):
+    """All equations of all loops at the joints' values, by name: many more than are independent."""
+    model, known = mechanism.model, {0: mp.eye(4)}
+    for j in range(1, model.njoints):
+        here = known[int(model.parents[j])] * orthonormal(model.jointPlacements[j])
+        known[j] = here * moved(model.joints[j], values[model.names[j]])
+    rows = []
+    for loop in mechanism.loops:
+        first, second = (
+            known[int(frame.parentJoint)] * orthonormal(frame.placement) * orthonormal(placement)
+            for frame, placement in (
+                (model.frames[mechanism.frame_id(loop.first)], loop.first_placement),
+                (model.frames[mechanism.frame_id(loop.second)], loop.second_placement),
+            )
+        )
+        relative = first**-1 * second
+        columns = {LoopKind.BALL: (), LoopKind.REVOLUTE: (2,)}.get(loop.kind, (0, 1, 2))
+        rows += [relative[i, j] - int(i == j) for j in columns for i in range(3)]
+        rows += [relative[i, 3] for i in range(2 if loop.kind is LoopKind.PRISMATIC else 3)]
+    for coupling in mechanism.couplings:
+        terms = (c * values[name] ** k for name, cs in coupling.terms.items() for k, c in enumerate(cs, 1))
+        rows.append(sum(terms) - coupling.constant)
+    return mp.matrix(rows)
+
+
+def refined(mechanism, actuated, q):
+    """Values of the passive joints near q, to 50 digits, and what is left of the equations there."""
+    values = {name: mp.mpf(float(q[mechanism.q_index(name)])) for name in mechanism.joints}
+    values |= {name: mp.mpf(float(value)) for name, value in zip(mechanism.actuated, actuated, strict=True)}
+    passive = [name for name in mechanism.joints if name not in mechanism.actuated]
+    tiny = mp.mpf(10) ** -25
+    for _ in range(4):
+        here = residual(mechanism, values)
+        jacobian = mp.matrix(len(here), len(passive))
+        for k, name in enumerate(passive):
+            column = (residual(mechanism, {**values, name: values[name] + tiny}) - here) / tiny
+            for i in range(len(here)):
+                jacobian[i, k] = column[i]
+        step = mp.lu_solve(jacobian, -here)
+        for k, name in enumerate(passive):
+            values[name] += step[k]
+    return values, max(abs(row) for row in residual(mechanism, values))
+
+
+def assert_enclosed(modes):
+    """Assert that a true solution is in the box of each certificate, and that no other mode is. Where equations are
+    only bounded they are those across a plane: what solves the others solves them as well as may be."""
+    m = modes.mechanism
+    with mpmath.workdps(DIGITS):
+        for q, certificate in zip(modes, modes.certificates, strict=True):
+            if certificate is None:
+                continue
+            values, left = refined(m, modes.actuated, q)
+            assert left <= max(1e-40, 2.0 * certificate.gap)
+            assert distance(m, q, values) <= certificate.error < certificate.radius
+            for other in modes:
+                if other is not q:
+                    assert distance(m, other, values) > certificate.error
+
+
+def distance(m, q, values):
+    """The largest distance of a passive joint, rad or characteristic lengths; angles modulo 2 pi."""
+    worst = mp.mpf(0)
+    for name in set(m.joints).difference(m.actuated):
+        gap = mp.mpf(float(q[m.q_index(name)])) - values[name]
+        gap = gap / m.length if m.is_prismatic(name) else (gap + mp.pi) % (2 * mp.pi) - mp.pi
+        worst = max(worst, abs(gap))
+    return worst
+
+
+def closed_as(kind):
+    """Mechanisms whose loops are closed by joints of a kind, and rigidly."""
+    return {
+        LoopKind.RIGID: five_bar, LoopKind.REVOLUTE: lambda r: five_bar(r, "joint"), LoopKind.BALL: tripod,
+        LoopKind.PRISMATIC: lambda r: three_legs(r, "rRP", "joint"),
+    }[kind]  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    "pose", [EndEquations(), EndEquations((0, 1), 1, 2), EndEquations((1, 2), 2, 1), EndEquations((0, 1, 2), 0)]
+)
+@pytest.mark.parametrize("kind", list(LoopKind))
+def test_derivatives_are_those_of_the_equations(built, kind, pose):
+    """At open configurations, by differences in balls of 200 bits."""
+    m = built(closed_as(kind)(rng(0)))
+    q = m.q_home + rng(1).normal(size=m.model.nq)
+    frame, target = (pin.exp6(rng(k).normal(size=6)) for k in range(2))
+    equations = LoopEquations(m, Unknowns(tuple(m.joints), 1, ()), q, pose=(m.end, frame, target, pose))
+    with ctx.workprec(200):
+        point, step = [arb(float(q[m.q_index(name)])) for name in m.joints], arb(10) ** -25
+        here = equations.evaluate(point, True)
+        for k in range(len(point)):
+            there = equations.evaluate([x + step if i == k else x for i, x in enumerate(point)], False)
+            for before, after, row in zip(here.residual, there.residual, here.jacobian, strict=True):
+                assert abs(float((after - before) / step - row[k])) < 1e-15
+
+
+# --- what is certified ----------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    "name", ["five_bar", "four_bar", "delta4", "delta4_linear", "sr400", "planar_hybrid", "belt_five_bar"]
+)
+def test_modes_of_our_robots_are_certified_as_a_whole(robot, name):
+    modes = assembly_modes(robot(name))
+    assert modes.certified == len(modes) > 0
+    assert all((one.others, one.gap) == (0, 0.0) for one in modes.certificates)
+    assert_enclosed(modes)
+
+
+@pytest.mark.parametrize("name", ["gough", "tssm", "hybrid"])
+def test_all_modes_of_platforms_are_certified(robot, name):
+    modes = assembly_modes(robot(name))
+    assert modes.certified == len(modes) > 1
+    assert max(one.error for one in modes.certificates) < 1e-12
+    assert min(one.radius for one in modes.certificates) >= 1e-8
+
+
+MADE = {
+    "five-bar": five_bar, "3-RPR": lambda r: three_legs(r, "RpR"), "3-RRR": lambda r: three_legs(r, "rRR"),
+    "tripod": tripod, "delta": lambda r: delta(r)[0],
+}  # fmt: skip
+
+
+@settings(max_examples=16, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@given(st.sampled_from(sorted(MADE)), st.integers(0, 10**6))
+def test_the_solution_is_in_the_box(built, made, seed):
+    """Of random mechanisms at random values of their actuated joints, near home."""
+    m = built(MADE[made](rng(seed)))
+    modes = assembly_modes(m, home(m) + 0.01 * rng(seed).normal(size=len(m.actuated)))
+    assert modes.certified <= sum(count == 1 for count in modes.coincident)
+    assert all(one.gap < 1e-15 for one in modes.certificates if one)  # links are at heights that round differently
+    assert_enclosed(modes)
+
+
+@pytest.mark.parametrize("made", sorted(MADE))
+def test_modes_of_random_mechanisms_are_certified(built, made):
+    for seed in range(3):
+        modes = assembly_modes(built(MADE[made](rng(seed))))
+        assert modes.certified == sum(count == 1 for count in modes.coincident) > 0
+
+
+def test_a_rod_that_rotates_about_itself_stays_where_it_is(built):
+    """UpS legs have no such rotation, SpS legs have one each: fixed, it leaves isolated solutions."""
+    m = built(hexapod(rng(0), "SpS"))
+    modes = assembly_modes(m)
+    assert modes.certified == len(modes) > 0
+    assert modes.unknowns.rank == len(modes.unknowns.joints) - 6
+
+
+@pytest.mark.parametrize("axes", [bennett, sarrus])
+def test_equations_that_depend_by_design_are_bounded_and_counted(built, axes):
+    """A Bennett linkage closes for the sake of its proportions, which rounded numbers do not quite have: nobody can
+    prove that it closes. That is reported."""
+    joints = [hinge(at[:3, 3], at[:3, 2], motor=k == 0) for k, at in enumerate(axes(rng(1)))]
+    m = built(ring(joints))
+    modes = assembly_modes(m)
+    assert modes.certified == len(modes) > 0
+    for one in modes.certificates:
+        assert one.equations == len(joints) - 2
+        assert one.equations + one.others <= 5
+        assert one.others > 0
+        assert 0.0 < one.gap < 1e-12
+    assert "independent equations" in modes.certification
+
+
+def test_closed_forms_are_in_the_boxes(robot):
+    """Where the circles about both knees of a five-bar meet, in mpmath."""
+    m = robot("five_bar")
+    for actuated in ([2.0, 1.0], [2.5, 0.3], [1.8, 1.4]):
+        modes = assembly_modes(m, actuated)
+        assert modes.certified == len(modes) == 2
+        with mpmath.workdps(DIGITS):
+            first, third = map(mp.mpf, actuated)
+            feet, near, far = [mp.mpf(-0.15), mp.mpf(0.15)], mp.mpf(0.25), mp.mpf(0.4)
+            a, b = (mp.mpc(foot) + near * mp.expj(angle) for foot, angle in zip(feet, (first, third), strict=True))
+            height = mp.sqrt(far**2 - abs(b - a) ** 2 / 4) * (b - a) / abs(b - a)
+            expected = []
+            for side in (1j, -1j):
+                tip = (a + b) / 2 + side * height
+                second, fourth = mp.arg(tip - a) - first, mp.arg(tip - b) - third
+                expected.append({"joint2": second, "joint4": fourth, "joint5": first + second - third - fourth})
+            for q, certificate in zip(modes, modes.certificates, strict=True):
+                assert min(distance(m, q, one) for one in expected) <= certificate.error
+
+
+# --- what is not ----------------------------------------------------------------------------------------------------
+
+
+def test_nearly_double_modes_are_distinguished_or_not_certified_and_never_wrong(robot):
+    """At (pi, 0) both elbows of the five-bar coincide; the modes there are about 0.8 e apart at (pi - e, 0)."""
+    m = robot("five_bar")
+    for exponent in range(1, 17):
+        actuated = [math.pi - 10.0**-exponent, 0.0]
+        modes = assembly_modes(m, actuated)
+        assert modes.certified in (0, 2)
+        assert modes.certified == 2 or exponent > 4
+        assert_enclosed(modes)
+        if modes.certified == 2:
+            with mpmath.workdps(DIGITS):
+                one, two = (refined(m, modes.actuated, q)[0] for q in modes)
+                assert max(abs(one[name] - two[name]) for name in one) > 10.0 ** -(exponent + 1)
+
+
+def test_a_double_mode_is_never_certified(robot):
+    m = robot("five_bar")
+    modes = assembly_modes(m, [math.pi, 0.0])
+    assert modes.certified == 0
+    single = replace(modes, coincident=(1,) * len(modes))
+    assert single.certified == 0
+    assert "certified: singular or nearly so" in single.certification
+
+
+def test_modes_that_have_just_become_complex_are_not_certified(built):
+    """Between two neighbouring doubles a pair of modes becomes complex, with an imaginary part of about 1e-8: closed to
+    1e-12 it looks real."""
+    m = built(five_bar(rng(3)))
+    real, away = home(m), np.array([1.0, 0.0])
+    assert len(assembly_modes(m, real)) == 2
+    step = next(s for s in np.linspace(0.1, 3.0, 30) if not len(assembly_modes(m, real + s * away)))
+    below, beyond = 0.0, float(step)
+    last = assembly_modes(m, real)
+    while beyond - below > 1e-16 and below < (middle := 0.5 * (below + beyond)) < beyond:
+        found = assembly_modes(m, real + middle * away)
+        if len(found):
+            below, last = middle, found
+        else:
+            beyond = middle
+    for steps in range(60):
+        actuated = real + beyond * (1.0 + 2.2e-16 * steps) * away
+        fake = replace(last, actuated=actuated, coincident=(1,) * len(last))
+        with mpmath.workdps(DIGITS):
+            for q, certificate in zip(fake, fake.certificates, strict=True):
+                if certificate is not None:  # then it is real
+                    assert refined(m, actuated, q)[1] < 1e-40
+
+
+def test_what_is_no_mode_is_not_certified(robot):
+    for name in ("five_bar", "delta4", "gough"):
+        m = robot(name)
+        modes = assembly_modes(m)
+        passive = [m.q_index(joint) for joint in m.joints if joint not in m.actuated]
+        for seed in range(5):
+            off = np.zeros(m.model.nq)
+            off[passive] = 1e-3 * rng(seed).normal(size=len(passive))
+            assert replace(modes, configurations=tuple(q + off for q in modes)).certified == 0
+            assert replace(modes, configurations=tuple(q + 1e3 * off for q in modes)).certified == 0
+        assert replace(modes, actuated=modes.actuated + 1e-3).certified == 0
+
+
+def test_a_mode_that_is_listed_twice_counts_once(robot):
+    m = robot("gough")
+    modes = assembly_modes(m)
+    q = modes[0]
+    twice = replace(modes, configurations=(q, q), coincident=(1, 1))
+    assert twice.certified == 1
+    # the same platform, with universal joints and balls written by other angles
+    there = places(m, q, [m.end])
+    others = [o for o in closings(modes, 200) if np.abs(places(m, o, [m.end]) - there).max() < 1e-9]
+    others = [o for o in others if m.distance(o, q) > 0.1]
+    assert others
+    for other in others:
+        assert replace(modes, configurations=(q, other), coincident=(1, 1)).certified == 1
+
+
+def test_turned_ends_are_no_solution(robot):
+    """A rigid loop is not closed by a rotation through pi, where its equations are 0 too."""
+    m = robot("five_bar")
+    modes = assembly_modes(m)
+    k = m.q_index("joint5")
+    flipped = tuple(q + math.pi * (np.arange(m.model.nq) == k) for q in modes)
+    assert replace(modes, configurations=flipped).certified == 0
+
+
+def test_certificates_are_in_json_and_words(robot):
+    modes = assembly_modes(robot("five_bar"))
+    entry = modes.as_dict()
+    assert entry["certified"] == 2
+    assert set(entry["modes"][0]["certificate"]) == {"radius", "error", "equations", "others", "gap"}
+    assert modes.certification == ("2 of 2 are certified: real, and unique within 1e-08 (rad, characteristic lengths).")
+    assert modes.certificates is modes.certificates  # computed once

@@ -1,0 +1,208 @@
+"""Self-motions that the literature knows: each is found, is the one that is known, and nothing is called complete."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from assembled import apart, closings, places, sound
+from linkages import MOTOR, direction, hexapod, hinge, ring
+from making import REVOLUTE, TOOL, Body, Mechanism, axis
+from numpy.random import default_rng as rng
+from test_self_motions import moves, on_self_motions, unlisted
+from variants import slow
+
+import cinegen
+from cinegen.assembly import ModesError, assembly_modes
+
+HALF_TURN = np.diag([-1.0, -1.0, 1.0])  # about z
+
+
+def moved(m: cinegen.Mechanism, q: np.ndarray) -> np.ndarray:
+    """(4, 4) the displacement of the tool from home to q, in the world."""
+    return (m.placement(q, "tool") * m.placement(m.q_home, "tool").inverse()).homogeneous
+
+
+def elsewhere(mechanism: Mechanism, m: cinegen.Mechanism, step: float) -> Mechanism:
+    """The same mechanism in another closed configuration, its actuated joint moved by a step from home."""
+    r, (motor,) = rng(5), m.actuated
+    while True:
+        values = dict(zip(m.joints, r.uniform(-math.pi, math.pi, len(m.joints)), strict=True))
+        try:
+            q = m.close(m.configuration(values | {motor: m.q_home[m.q_index(motor)] + step}), locked=motor)
+            break
+        except cinegen.ClosureError:
+            continue
+    bodies = []
+    for body in mechanism.bodies:
+        node = "tool" if body.number == TOOL else f"{'frame' if body.kind is None else 'link'}{body.number}"
+        bodies.append(replace(body, place=m.placement(q, node).homogeneous))
+    return replace(mechanism, bodies=tuple(bodies))
+
+
+# --- platforms on six legs ------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("word", ["UpS", *slow("SpS")])
+@pytest.mark.parametrize("seed", [0, *slow(1, 2)])
+def test_a_platform_moves_as_the_half_turn_of_its_base_about_a_line(built, seed, word):
+    """E. Borel and R. Bricard, "Mémoire sur les déplacements à trajectoires sphériques", 1908 and 1906; M. Gallet,
+    G. Nawratil, J. Schicho, J. Selig, "Mobile icosapods", 2017. A half-turn about any line brings M as near to m as m
+    to M: three pairs of legs constrain its line, of four parameters, three times."""
+    r = rng(seed)
+    base, platform = r.uniform(-1.0, 1.0, (2, 3, 3))
+    platform[:, 2] += 1.0
+    feet, heads = np.vstack([base, platform]), np.vstack([platform, base]) @ HALF_TURN
+    m = built(hexapod(rng(1), word, feet, heads))
+    modes = assembly_modes(m)
+    assert moves(modes) == [(1, 12)]
+    assert not modes.complete
+    turned = moved(m, modes.self_motions[0].configuration) @ np.diag([-1.0, -1.0, 1.0, 1.0])
+    assert turned @ turned == pytest.approx(np.eye(4), abs=1e-9)
+    assert np.trace(turned) == pytest.approx(0.0, abs=1e-9)  # a half-turn about another line
+    assert np.abs(turned - np.diag([-1.0, -1.0, 1.0, 1.0])).max() > 0.01
+
+
+@pytest.mark.parametrize("seed", [0, *slow(1, 2)])
+@pytest.mark.parametrize("symmetry", ["line", "plane"])
+def test_bricards_octahedra_are_flexible(built, symmetry, seed):
+    """R. Bricard, "Mémoire sur la théorie de l'octaèdre articulé", J. math. pures et appliquées 3, 1897. One face is
+    the base, the opposite one the platform, and Merlet's determinant vanishes."""
+    r = rng(seed)
+    base = r.uniform(-1.0, 1.0, (3, 3))
+    platform = base @ HALF_TURN
+    if symmetry == "plane":  # two pairs of vertices are mirrored, and two vertices are in the plane
+        base[2, 0] = 0.0
+        platform = np.vstack([base[:2] * [-1.0, 1.0, 1.0], [0.0, *r.uniform(-1.0, 1.0, 2)]])
+    pairs = [(i, j) for i in range(3) for j in range(3) if i != j]
+    m = built(hexapod(rng(1), "UpS", np.array([base[i] for i, _ in pairs]), np.array([platform[j] for _, j in pairs])))
+    modes = assembly_modes(m)
+    assert moves(modes) == [(1, 12)]
+    assert not modes.complete
+    known = [places(m, q, ["tool"]) for q in modes]  # the isolated ones, too, though no root shows them
+    assert on_self_motions(modes, [q for q in closings(modes, 25) if apart(places(m, q, ["tool"]), known) > 1e-5])
+    there = moved(m, modes.self_motions[0].configuration)
+    here = platform @ there[:3, :3].T + there[:3, 3]
+    assert np.abs(here - platform).max() > 0.01
+    middle, across = 0.5 * (base + here), here - base
+    if symmetry == "line":
+        along = np.cross(across[0], across[1]) / np.linalg.norm(np.cross(across[0], across[1]))
+        assert across @ along == pytest.approx(np.zeros(3), abs=1e-9)
+        assert np.cross(middle[1:] - middle[0], along) == pytest.approx(np.zeros((2, 3)), abs=1e-9)
+    else:
+        normal = across[0] / np.linalg.norm(across[0])
+        assert np.cross(across[1], normal) == pytest.approx(np.zeros(3), abs=1e-9)
+        in_plane = np.array([middle[1], base[2], here[2]]) - middle[0]
+        assert in_plane @ normal == pytest.approx(np.zeros(3), abs=1e-9)
+
+
+def test_a_platform_that_mirrors_its_base_translates_on_a_circle(built):
+    """G. Nawratil, "On equiform Stewart Gough platforms with self-motions", J. for Geometry and Graphics 17, 2013: all
+    feet less their heads are on one line, so that the platform moves about it without rotating."""
+    feet = rng(3).uniform(-1.0, 1.0, (6, 3))
+    m = built(hexapod(rng(1), "UpS", feet, feet * [1.0, 1.0, -1.0] + [0.4, 0.3, 1.2]))
+    modes = assembly_modes(m)
+    assert moves(modes) == [(1, 2)]
+    assert not modes.complete
+    there = moved(m, modes.self_motions[0].configuration)
+    assert there[:3, :3] == pytest.approx(np.eye(3), abs=1e-9)
+    assert np.hypot(*(there[:2, 3] + [0.4, 0.3])) == pytest.approx(0.5)
+    assert there[2, 3] == pytest.approx(0.0, abs=1e-9)
+
+
+@pytest.mark.parametrize("scale", [1.0, *slow(0.5)])
+def test_a_wren_platform_is_refused(built, scale):
+    """Parallel equal legs from a circle to a circle, or to a smaller one: it moves with legs of any lengths."""
+    around = np.array([0.0, 0.7, 2.1, 2.8, 4.2, 4.9])
+    base = np.c_[np.cos(around), np.sin(around), np.zeros(6)]
+    with pytest.raises(ModesError, match=r"architecturally singular.*there is a curve of configurations"):
+        assembly_modes(built(hexapod(rng(1), "UpS", base, scale * base + [0.0, 0.0, 1.0])))
+
+
+# --- rings ------------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("seed", [0, *slow(1)])
+def test_bricards_line_symmetric_loop_moves_at_one_value_of_a_seventh_joint(built, seed):
+    """R. Bricard, "Leçons de cinématique" II, 1927: six axes, three of them half-turns of the others. A seventh, which
+    is actuated, is in one of its links; at other values six axes are general and the modes are isolated."""
+    r, cut, step = rng(seed), 3, 0.4
+    axes = [(r.uniform(-1.0, 1.0, 3), direction(r)) for _ in range(3)]
+    axes += [(HALF_TURN @ point, HALF_TURN @ along) for point, along in axes]
+    joints = [hinge(point, along) for point, along in axes]
+    joints.insert(1, hinge(r.uniform(-1.0, 1.0, 3), direction(r), True))
+    linkage = ring(joints, cut)
+    with pytest.raises(ModesError, match="with its actuated joints locked it still moves, with 1 DoF"):
+        assembly_modes(built(linkage))  # whose home is on this motion
+    m = built(elsewhere(linkage, built(linkage), step))
+    (motor,) = m.actuated
+    value = m.q_home[m.q_index(motor)]
+    modes = assembly_modes(m, [value - step])
+    assert moves(modes) == [(1, 12)]
+    assert not modes.complete
+    for q in [motion.configuration for motion in modes.self_motions]:
+        nodes = ["link1", "link3", "frame7", "link6", "link5", "link4"]
+        z = np.array([m.placement(q, node).rotation[:, 2] for node in nodes])
+        for k in range(3):  # opposite angles are equal
+            assert z[k] @ z[k + 2] == pytest.approx(z[k + 3] @ z[(k + 5) % 6], abs=1e-9)
+    for other in (0.0, -0.399):
+        modes = assembly_modes(m, [value + other])
+        assert moves(modes) == []
+        assert len(modes)
+        assert all(modes.isolated)
+
+
+# --- in a plane -------------------------------------------------------------------------------------------------------
+
+
+def hart(corners: np.ndarray, crank: np.ndarray) -> Mechanism:
+    """Hart's inversor: bars AB, BC, CD, DA (4, 2); AB pivots at 0.4 AB, and a crank from a point (2,) leads 0.4 AD."""
+    a, b, c, d = corners
+    places = [axis([*point, 0.0]) for point in (a + 0.4 * (b - a), a, b, d, crank, c, a + 0.4 * (d - a))]
+    o, a, b, d, e, c, p = places
+    bodies = [Body(k, pred, place) for k, pred, place in ((1, 0, o), (2, 1, a), (3, 1, b), (4, 2, d))]
+    bodies.append(Body(5, 0, e, REVOLUTE, MOTOR))
+    bodies += [Body(k, pred, place, None) for k, pred, place in ((6, 4, c), (7, 3, c), (8, 5, p), (9, 2, p))]
+    bodies.append(Body(TOOL, 3, c, None, 'name "tool"'))
+    return Mechanism(tuple(bodies), ((6, 7, REVOLUTE), (8, 9, REVOLUTE)))
+
+
+def crank_at(m: cinegen.Mechanism, distance: float) -> list[float]:
+    """The crank's two values at which its end is at a distance from the pivot of AB, as far from its own as that is."""
+    o, e, p = (m.placement(m.q_home, node).translation[:2] for node in ("link1", "link5", "frame8"))
+    to_pivot, now = (math.atan2(*(point - e)[::-1]) for point in (o, p))
+    swing = 2.0 * math.asin(0.5 * distance / np.linalg.norm(o - e))
+    return [m.q_home[m.q_index("joint5")] + to_pivot - now + side * swing for side in (1.0, -1.0)]
+
+
+def test_harts_inversor_has_no_self_motion(built):
+    """H. Hart, 1874. A is at its distances from both pivots, on one of two sides; C is where it makes a parallelogram
+    or an antiparallelogram: four modes, and no crank lets both pivots meet. Flat, all four meet."""
+    p, s, h = 0.3, 0.5, 0.4
+    m = built(hart(np.array([[-p, 0.0], [s, h], [p, 0.0], [-s, h]]), np.array([-0.18, -0.44])))
+    long, short = math.hypot(p + s, h), math.hypot(s - p, h)
+    modes = assembly_modes(m)
+    sound(modes, count=4)
+    assert moves(modes) == []
+    assert not unlisted(modes)
+    for diagonal in (long - short, long + short):
+        for crank in crank_at(m, 0.4 * diagonal):
+            modes = assembly_modes(m, [crank])
+            assert moves(modes) == []
+            assert all(modes.isolated)
+            flat = places(m, modes[0])
+            assert all(apart(places(m, q), [flat]) < 1e-3 for q in modes)
+    assert len(assembly_modes(m, crank_at(m, 0.0)[:1])) == 0
+
+
+def test_harts_linkage_of_equal_bars_swings_where_its_pivots_meet(built):
+    """Both A, about the pivots, and C, about B and D, which are one point."""
+    m = built(hart(np.array([[0.0, 0.0], [0.6, 0.3], [1.2, 0.0], [0.6, -0.3]]), np.array([-0.4, 0.0])))
+    modes = assembly_modes(m, crank_at(m, 0.0)[:1])
+    assert moves(modes) == [(2, None)]
+    assert not modes.complete
+    q = modes.self_motions[0].configuration
+    b, d = (m.placement(q, node).translation for node in ("link3", "link4"))
+    assert b == pytest.approx(d, abs=1e-9)

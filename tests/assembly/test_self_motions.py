@@ -1,0 +1,231 @@
+"""Mechanisms that move with their actuated joints locked: the components are found, and nothing is called complete."""
+
+from __future__ import annotations
+
+import math
+
+import making
+import numpy as np
+import pytest
+from assembled import apart, closings, home, places, sound
+from linkages import delta, five_bar, hexapod, hinge, legged, ring, slide, spherical_legs, three_legs, universal
+from numpy.random import default_rng as rng
+
+import cinegen
+from cinegen.assembly import AssemblyModes, assembly_modes
+from cinegen.assembly.linkage import Linkage
+from cinegen.assembly.self_motions import SelfMotions
+
+STARTS = 25
+
+
+def moves(modes: AssemblyModes) -> list[tuple[int, int | None]]:
+    """Dimension and degree of each self-motion; asserts that each is a closed configuration, and moves on."""
+    m = modes.mechanism
+    linkage = Linkage(m)
+    for motion in modes.self_motions:
+        q = motion.configuration
+        assert m.closure(q) <= 1e-12
+        assert np.allclose([q[m.q_index(name)] for name in m.actuated], modes.actuated, rtol=0.0, atol=1e-15)
+        assert SelfMotions(linkage, linkage.locked_values(q)).dimension(linkage.unknowns(q)) == motion.dimension
+        assert motion.moving
+        assert not set(motion.moving) & set(m.actuated)
+    return [(motion.dimension, motion.degree) for motion in modes.self_motions]
+
+
+def unlisted(modes: AssemblyModes) -> list[np.ndarray]:
+    """Configurations that random closings find and that are not listed."""
+    known = [places(modes.mechanism, q) for q in modes]
+    return [q for q in closings(modes, STARTS) if apart(places(modes.mechanism, q), known) > 1e-5]
+
+
+def on_self_motions(modes: AssemblyModes, found: list[np.ndarray]) -> bool:
+    """Whether configurations lie on self-motions."""
+    linkage = Linkage(modes.mechanism)
+    search = SelfMotions(linkage, linkage.locked_values(modes[0] if len(modes) else found[0]))
+    return all(search.dimension(linkage.unknowns(q)) > 0 for q in found)
+
+
+def four_bar(crank, coupler, rocker, ground):
+    """A four-bar on the x axis, its crank at 1 rad at home."""
+    a, d = crank * np.array([math.cos(1.0), math.sin(1.0)]), np.array([ground, 0.0])
+    way = d - a
+    far = math.hypot(*way)
+    along = (coupler**2 - rocker**2 + far**2) / (2.0 * far)
+    b = a + along * way / far + math.sqrt(coupler**2 - along**2) * np.array([-way[1], way[0]]) / far
+    return ring([hinge([0.0, 0.0], motor=True), hinge(a), hinge(b), hinge(d)])
+
+
+# --- in a plane -----------------------------------------------------------------------------------------------------
+
+
+def test_the_end_of_a_peaucellier_linkage_swings_where_the_corners_of_its_rhombus_meet(root):
+    """At any crank: both corners are at one of the two points at their distances from the two pivots, and the end is on
+    a circle about them."""
+    m = cinegen.load(root / "tests/robots/data/peaucellier.raff")
+    q, joints = m.q_home.copy(), [m.q_index(name) for name in m.joints]
+    _, ca, cb, oa, ob, ad, bd = joints
+    q[cb], q[ob] = q[ca], q[oa]
+    for swung in (-1.0, 0.3, 2.0):
+        q[ad] = q[bd] = swung
+        assert m.closure(q) < 1e-12
+    for crank in (0.0, 0.2):
+        modes = assembly_modes(m, home(m) + crank)
+        sound(modes, count=4)
+        assert all(modes.isolated)
+        assert moves(modes) == [(1, 2), (1, 2)]
+        assert {motion.moving for motion in modes.self_motions} == {("joint6", "joint7")}
+        assert (modes.complete, modes.trace_test) == (False, True)
+        assert "not excluded" in modes.method
+        corners = [q[oa] for q in (motion.configuration for motion in modes.self_motions)]
+        assert abs(corners[0] - corners[1]) > 0.1
+        others = unlisted(modes)
+        assert others
+        assert on_self_motions(modes, others)
+
+
+def test_curves_are_found_whole_whichever_planes_are_drawn(root):
+    """Planes far from a curve, in relation to its extent, would seldom permute its points."""
+    m = cinegen.load(root / "tests/robots/data/peaucellier.raff")
+    linkage = Linkage(m)
+    for seed in range(10):
+        search = SelfMotions(linkage, linkage.locked_values(m.q_home))
+        search._rng = rng(seed)
+        assert [(found.dimension, found.degree) for found in search.through(list(search.random_solutions()[1]))] == [
+            (1, 2)
+        ] * 2
+
+
+@pytest.mark.parametrize("lengths", [(1.0, 0.7, 0.7, 1.0), (1.0, 1.0, 1.0, 1.0)])
+def test_a_folded_kite_swings(built, lengths):
+    """Its crank lies along the ground, and coupler and rocker are one rod about one point."""
+    m = built(four_bar(*lengths))
+    folded = assembly_modes(m, home(m) - 1.0)
+    assert moves(folded) == [(1, 2)]
+    assert not folded.complete
+    assert not any(folded.isolated)
+    assert on_self_motions(folded, unlisted(folded))
+    open_ = assembly_modes(m, home(m) - 0.99)
+    sound(open_, count=2)
+    assert (open_.complete, moves(open_)) == (True, [])
+    assert not unlisted(open_)
+
+
+def test_a_flat_parallelogram_is_a_double_mode_and_moves_only_infinitesimally(built):
+    m = built(four_bar(0.5, 1.0, 0.5, 1.0))
+    flat = assembly_modes(m, home(m) - 1.0)
+    sound(flat, count=1)
+    assert (flat.coincident, flat.isolated, flat.complete, moves(flat)) == ((2,), (True,), True, [])
+    assert not unlisted(flat)
+
+
+def test_knees_that_meet_let_a_five_bar_swing(built):
+    q = np.array([[0.0, 0.0], [0.0, 0.5], [0.5, 1.2], [1.0, 0.5], [1.0, 0.0]])
+    legs = [[hinge(q[0], motor=True), hinge(q[1]), hinge(q[2])], [hinge(q[4], motor=True), hinge(q[3])]]
+    m = built(legged(legs))
+    modes = assembly_modes(m, home(m) + np.array([-0.5, 0.5]) * np.pi)
+    assert moves(modes) == [(1, 2)]
+    assert not modes.complete
+
+
+def test_a_platform_like_its_base_translates_on_equal_legs_and_has_isolated_modes_too(built):
+    """3-RPR with one triangle as base and platform: a circular translation."""
+    p, along = np.array([[0.0, 0.0], [1.0, 0.0], [0.4, 0.8]]), np.array([0.3, 0.6])
+    m = built(legged([[hinge(f), slide(f + 0.5 * along, along, True), hinge(f + along)] for f in p]))
+    modes = assembly_modes(m)
+    assert moves(modes) == [(1, 2)]
+    assert len(modes.self_motions[0].moving) == 6
+    assert not modes.complete
+    kept = [q for q, alone in zip(modes, modes.isolated, strict=True) if alone]
+    others = [q for q in unlisted(modes) if apart(places(m, q), [places(m, one) for one in kept]) > 1e-5]
+    assert on_self_motions(modes, others)
+
+
+# --- in space -------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("word", ["SpS", "UpS"])
+def test_a_hexapod_with_a_platform_like_its_base_translates_on_equal_legs(built, word):
+    """On a sphere: two DoF, though its loops leave three motions to first order. Its points lie on two cylinders of
+    revolution: it also rotates by a about the axis of each and moves along it, p^2 = l^2 - 2 r^2 (1 - cos a)."""
+    around = np.array([0.0, 0.7, 2.1, 2.8, 4.2, 4.9])
+    base = np.c_[np.cos(around), np.sin(around), [0.0, 0.1, -0.1, 0.2, 0.0, 0.1]]
+    modes = assembly_modes(built(hexapod(rng(1), word, base, base + np.array([0.3, 0.2, 1.0]))))
+    assert moves(modes) == [(1, 4), (1, 4), (2, None)]
+    assert not modes.complete
+    assert not any(modes.isolated)
+
+
+def test_a_delta_with_a_platform_like_its_base_moves_on_a_sphere(built):
+    legs = []
+    for around in 2.0 * math.pi * np.arange(3) / 3.0:
+        out = np.array([math.cos(around), math.sin(around), 0.0])
+        side, knee, along = np.array([-out[1], out[0], 0.0]), 0.8 * out, np.array([0.1, 0.0, -1.0])
+        across = np.cross(side, along)
+        legs.append(
+            [hinge(0.5 * out, side, True), *universal(knee, side, across), *universal(knee + along, across, side)]
+        )
+    modes = assembly_modes(built(legged(legs)))
+    assert moves(modes) == [(2, None)]
+    assert not modes.complete
+
+
+def test_a_platform_about_the_axis_of_two_of_its_points_rotates(built):
+    """Merlet's elimination sees no root of it."""
+    r = rng(3)
+    feet, heads = r.uniform(-1.0, 1.0, (6, 3)), r.uniform(-1.0, 1.0, (3, 3))
+    heads[:, 2] += 1.0
+    heads[:2] = feet[4] + r.uniform(-1.0, 1.0, (2, 1)) * (feet[5] - feet[4])
+    modes = assembly_modes(built(hexapod(rng(1), "UpS", feet, heads[[0, 0, 1, 1, 2, 2]], cut="ball")))
+    assert (1, 2) in moves(modes)
+    assert not modes.complete
+
+
+def test_a_bennett_linkage_has_one_mode_and_no_self_motion(built):
+    """G. Bennett, "A new mechanism", 1903: it moves, but not with its crank locked."""
+    alpha, beta, t = 0.6, 1.1, 1.0
+    u = 2.0 * math.atan(math.sin(0.5 * (beta + alpha)) / math.sin(0.5 * (beta - alpha)) / math.tan(0.5 * t))
+    a, b, here, axes = 1.0, math.sin(beta) / math.sin(alpha), np.eye(4), []
+    for theta, twist, length in ((t, alpha, a), (u, beta, b), (-t, alpha, a), (-u, beta, b)):
+        axes.append((here[:3, 3].copy(), here[:3, 2].copy()))
+        here = here @ making.turn("z", theta) @ making.shift("x", length) @ making.turn("x", twist)
+    assert np.allclose(here, np.eye(4), atol=1e-9)
+    modes = assembly_modes(built(ring([hinge(p, z, k == 0) for k, (p, z) in enumerate(axes)], 2)))
+    sound(modes, count=1)
+    assert moves(modes) == []
+    assert not unlisted(modes)
+
+
+# --- claims -----------------------------------------------------------------------------------------------------------
+
+
+def special(r, kind):
+    """Mechanisms whose dimensions are drawn from few numbers, so that many are special."""
+    if kind == "four-bar":
+        lengths = r.choice([0.5, 1.0], 4) if r.random() < 0.7 else r.uniform(0.6, 1.0, 4)
+        return four_bar(*lengths) if abs(lengths[1] - lengths[2]) < 0.5 else four_bar(1.0, 0.7, 0.7, 1.0)
+    if kind == "five-bar":
+        return five_bar(r)
+    if kind == "platform":
+        return three_legs(r, str(r.choice(["RpR", "rRR"])))
+    if kind == "spherical":
+        return ring([hinge(d, d, k == 0) for k, d in enumerate(spherical_legs(r, [4])[0])])
+    return delta(r)[0]
+
+
+@pytest.mark.parametrize("kind", ["four-bar", "five-bar", "platform", "spherical", "delta"])
+@pytest.mark.parametrize("seed", range(3))
+def test_what_is_called_complete_leaves_nothing_to_random_closings(built, kind, seed):
+    r = rng(seed)
+    m = built(special(r, kind))
+    for _ in range(4):
+        steps = np.array(
+            [r.uniform(-0.5, 0.5) if m.is_prismatic(n) else r.choice([-1.0, 0.0, r.normal()]) for n in m.actuated]
+        )
+        modes = assembly_modes(m, home(m) + (0.2 * steps if kind == "delta" else steps))
+        if modes.complete:
+            assert not modes.self_motions
+            assert all(modes.isolated)
+            assert not unlisted(modes)
+        elif not modes.trace_test and modes.self_motions:
+            assert on_self_motions(modes, [q for q, alone in zip(modes, modes.isolated, strict=True) if not alone])

@@ -1,0 +1,10 @@
+"""The command of the campaign."""
+
+import os
+
+for _name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "NUMBA_NUM_THREADS"):
+    os.environ.setdefault(_name, "1")
+
+from campaign.cli import main  # noqa: E402 (threads are counted when numpy is imported)
+
+main()

@@ -1,0 +1,88 @@
+"""Write what campaigns did: `report.json`, its table `report.md`, and the files of each finding."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import os
+import platform
+import time
+from pathlib import Path
+from typing import Any
+
+from campaign.workers import Result
+from raff2urdf.version import __version__
+
+UNITS = {
+    "files": "files",
+    "ticks": "ticks",
+    "messages": "messages",
+    "kills": "kills",
+    "commands": "commands",
+    "soak": "s",
+}
+
+
+def write(folder: Path, what: str, result: Result, command: str) -> None:
+    """Add a campaign's result to the report in a folder; replace an earlier one of the same campaign."""
+    folder.mkdir(parents=True, exist_ok=True)
+    path = folder / "report.json"
+    report: dict[str, Any] = json.loads(path.read_text()) if path.exists() else {}
+    report[what] = {
+        "command": command,
+        "version": __version__,
+        "machine": f"{platform.machine()}, {os.cpu_count()} cores, Python {platform.python_version()}",
+        "finished": time.strftime("%Y-%m-%d %H:%M:%S"),
+        "seconds": round(result.seconds, 1),
+        "workers": result.workers,
+        "counts": dict(sorted(result.counts.items())),
+        "worst": dict(sorted(result.worst.items())),
+        "causes": {key: {"number": n, "case": _first(result, key)} for key, n in result.causes.most_common()},
+    }
+    path.write_text(json.dumps(report, indent=1, default=str) + "\n")
+    (folder / "report.md").write_text(table(report))
+    for one in result.findings:
+        name = f"{one.case.replace(':', '-')}-{hashlib.sha1(one.key.encode()).hexdigest()[:6]}"
+        for file, data in one.files.items():
+            target = folder / "findings" / name / file
+            target.parent.mkdir(parents=True, exist_ok=True)
+            target.write_bytes(data)
+        (folder / "findings" / f"{name}.txt").parent.mkdir(parents=True, exist_ok=True)
+        (folder / "findings" / f"{name}.txt").write_text(f"{one.key}\n\n{one.detail}\n", errors="replace")
+
+
+def _first(result: Result, key: str) -> str:
+    return next(one.case for one in result.findings if one.key == key)
+
+
+def table(report: dict[str, Any]) -> str:
+    """Return the report as Markdown."""
+    lines = [
+        "| campaign | done | rate a core | worst | causes of findings | command |",
+        "| --- | --- | --- | --- | --- | --- |",
+    ]
+    for what, one in report.items():
+        unit = UNITS.get(what, "cases")
+        done = one["counts"].get(unit, one["counts"].get("cases", 0))
+        rate = done / max(one["seconds"], 1e-9) / one["workers"]
+        worst = "; ".join(f"{name} {shown(value)}" for name, value in one["worst"].items())
+        cells = (
+            what,
+            f"{done:,} {unit} in {one['seconds']:.0f} s",
+            f"{rate:,.0f}/s",
+            worst,
+            str(len(one["causes"])),
+            f"`{one['command']}`",
+        )
+        lines.append(f"| {' | '.join(cells)} |")
+    for what, one in report.items():
+        lines += ["", f"**{what}**: " + ", ".join(f"{name} {n:,}" for name, n in one["counts"].items())]
+        lines += ["", *(f"- {cause['number']:,} x {key} (`{cause['case']}`)" for key, cause in one["causes"].items())]
+    return "\n".join(lines) + "\n"
+
+
+def shown(value: Any) -> str:
+    """Return a measured value: a number, or a list that begins with it and goes on with its cause."""
+    if isinstance(value, (list, tuple)):
+        return f"{shown(value[0])} ({', '.join(map(str, value[1:]))})"
+    return f"{value:.3g}" if isinstance(value, float) else str(value)

@@ -1,0 +1,212 @@
+"""The campaign finds planted faults, names them and makes them small; and a slice of it finds none in the package."""
+
+import os
+import time
+import warnings
+from copy import copy
+
+import numpy as np
+import pytest
+from variants import slow
+
+from campaign import messages, mutation, workers
+from campaign.cli import minimised
+from campaign.kills import Kills
+from campaign.readers import READERS, Files, Reader, Seed
+from campaign.shrink import least
+from campaign.ticks import Session, Ticks
+from cinegen.errors import CinegenError
+from raff2urdf.errors import RaffError
+
+TEXT = b'<robot name="r">\n' + b'  <link name="a"/>\n' * 20 + b"</robot>\n"
+
+
+def reader(read, **more):
+    """A reader of one file, which behaves as a test specifies."""
+    return Reader("planted", lambda _: [Seed({"r.xml": TEXT}, "r.xml", "r.xml")], read, mutation.XML, **more)
+
+
+def found(read, tmp_path, cases=300, wall=600.0, **more):
+    files = Files(tmp_path, 0, [reader(read, **more)])
+    files.limit = 1.0
+    return files, workers.run(files, cases, workers=1, wall=wall)
+
+
+def causes(read, tmp_path, cases=300, **more):
+    return {cause.partition(": ")[0] for cause in found(read, tmp_path, cases, **more)[1].causes}
+
+
+def with_a_number(path):
+    data = path.read_bytes()
+    return data if b"1e3" in data else None
+
+
+def test_a_reader_that_is_right_has_no_findings(tmp_path):
+    def read(path):
+        if b"link" not in path.read_bytes():
+            raise RaffError(f"{path}: has no link: add one")
+        return 1
+
+    assert causes(read, tmp_path) == set()
+
+
+def test_an_exception_of_another_kind_is_found_and_its_file_minimised(tmp_path):
+    def read(path):
+        if b'""' in path.read_bytes():
+            raise KeyError("x")
+
+    files, result = found(read, tmp_path)
+    assert set(result.causes) == {"planted exception: KeyError"}
+    files.begin(9)
+    assert minimised(files, int(result.findings[0].case.partition(":")[2])) == b'""'
+
+
+def test_an_error_that_does_not_name_its_file_is_found(tmp_path):
+    def read(path):
+        raise CinegenError("wrong")
+
+    assert causes(read, tmp_path, 3) == {"planted unnamed file"}
+
+
+def test_a_warning_and_a_print_of_a_library_are_found(tmp_path):
+    def read(path):
+        warnings.warn("overflow", RuntimeWarning, stacklevel=1)
+        os.write(2, b"error of a library\n")
+
+    assert causes(read, tmp_path, 3) == {"planted warning", "planted printed"}
+
+
+def test_a_result_that_is_not_finite_is_found(tmp_path):
+    assert causes(lambda path: np.nan, tmp_path, 3, checks=lambda q: [] if np.isfinite(q) else ["not finite"]) == {
+        "planted invariant"
+    }
+
+
+def test_a_hang_a_crash_and_too_much_memory_are_found_and_the_others_go_on(tmp_path):
+    def read(path):
+        data = path.read_bytes()
+        if b"name" not in data:
+            while True:
+                pass
+        if b"robot>" not in data:
+            os.abort()
+        if len(data) > len(TEXT) + 500:
+            bytearray(2 * workers.MEMORY)
+
+    result = found(read, tmp_path)[1]
+    assert {cause.partition(": ")[0] for cause in result.causes} == {
+        "planted hang", "planted abort or deadlock", "planted memory",
+    }  # fmt: skip
+    assert result.counts["cases"] == 300
+
+
+def test_a_deadlock_is_found(tmp_path):
+    assert causes(lambda path: time.sleep(1000), tmp_path, 1, wall=2.0) == {"planted abort or deadlock"}
+
+
+def test_a_loop_that_is_lost_in_silence_is_found(tmp_path):
+    """The reader takes only elements that it knows, and reports nothing of others."""
+
+    def meaning(path):
+        loops = [("loop", "ball")] * path.read_bytes().count(b"<link ")
+        return (), 0, 0, loops, 0, (), []
+
+    assert "planted silent loss" in causes(meaning, tmp_path, summary=lambda value: value)
+
+
+def test_a_meaning_that_depends_on_blanks_is_found(tmp_path):
+    def meaning(path):
+        return (), 0, 0, [], len(path.read_bytes()), (), []
+
+    assert "planted layout matters" in causes(meaning, tmp_path, summary=lambda value: value)
+
+
+def test_a_case_is_made_from_its_number_alone(tmp_path):
+    one, other = (Files(tmp_path / name, 7, [reader(with_a_number)]) for name in "ab")
+    assert [one.case(i).data for i in range(50)] == [other.case(i).data for i in reversed(range(50))][::-1]
+    assert len({one.case(i).data for i in range(50)}) > 40
+
+
+def test_the_least_list_that_breaks():
+    assert least(range(100), lambda kept: {3, 77} <= set(kept)) == [3, 77]
+
+
+def test_mutations_of_a_tree_leave_a_tree(root):
+    """So they reach what is behind the parser."""
+    from random import Random
+
+    from lxml import etree
+
+    data = (root / "generated/four_bar.urdf").read_bytes()
+    made = {mutation.change_xml(Random(i), data, ("loop", "joint")) for i in range(200)}
+    assert len(made) > 150
+    for one in made:
+        etree.fromstring(one)
+
+
+@pytest.mark.parametrize(
+    ("plant", "kind"),
+    [
+        (lambda records, at: records.__setitem__((slice(None), at("record_q").start), np.nan), "not finite"),
+        (lambda records, at: records.__setitem__((slice(None), at("record_q")), 50.0), "limit crossed"),
+        (lambda records, at: records.__setitem__((slice(None), at("record_v")), 1e9), "too far"),
+        (lambda records, at: records.__setitem__((slice(None), 0), 77.0), "status"),
+    ],
+)
+def test_a_tick_that_breaks_a_promise_is_found(plant, kind):
+    campaign = Ticks(0, ("planar_3r",))
+    session = next(
+        session for i in range(99) if (session := _session(campaign, i)).name == "arm" and session.ticks > 999
+    )
+    session.ticks = 300
+    session.run()
+    _, layout, records = session.records[-1]
+    plant(records, lambda name: layout.fields[name][0])
+    session.check()
+    assert kind in {broken[0] for broken in session.broken}
+
+
+def _session(campaign, number) -> Session:
+    from random import Random
+
+    return campaign._session(Random(f"0/ticks:{number}"), number)
+
+
+# --- a slice of the campaign: about a minute of one core ------------------------------------------------------------
+
+
+def assert_nothing(result):
+    assert {key: next(one for one in result.findings if one.key == key) for key in result.causes} == {}
+
+
+@pytest.fixture(scope="module")
+def every_reader(tmp_path_factory):
+    """Files of all formats, made once."""
+    return Files(tmp_path_factory.mktemp("files"), 0)
+
+
+@pytest.mark.parametrize("name", READERS)
+def test_a_slice_of_the_files(name, every_reader):
+    files = copy(every_reader)
+    files.readers = (READERS[name],)
+    assert_nothing(workers.run(files, 100, workers=1))
+
+
+@pytest.mark.parametrize("sessions", [40, *slow(60)])
+def test_a_slice_of_the_ticks(sessions):
+    result = workers.run(Ticks(), sessions, workers=1)
+    assert_nothing(result)
+    assert result.counts["ticks"] > 100_000
+
+
+def test_a_slice_of_the_messages():
+    result = workers.run(messages.Messages(), 60, workers=1)
+    assert_nothing(result)
+    assert result.counts["messages"] > 3000
+    assert result.counts["honest states"] > 10
+
+
+def test_a_slice_of_the_kills(tmp_path):
+    result = workers.run(Kills(tmp_path, 0, ("raff2urdf", "map")), 4, workers=1)
+    assert_nothing(result)
+    assert result.counts["kills"] >= 3

@@ -1,0 +1,151 @@
+"""Every argument and option of every command, with values that make no sense: a sentence, never a traceback.
+
+The commands and their options are those that the command lines declare, so that a new option is tested, too. Each gets
+a few values of a fixed, random choice, in this process.
+"""
+
+from __future__ import annotations
+
+import io
+import os
+import random
+import shutil
+import sys
+from collections.abc import Iterator
+
+import pytest
+import typer
+
+import cinegen.cli
+import raff2urdf.cli
+import raff2urdf.urdf2raff.cli
+from cinegen.cli.page import PageOptions
+
+# A call of each command that is right and quick; each value that is tried is written in place of one of its arguments,
+# or behind them.
+CALLS = {
+    "cinegen demo": "planar_3r",
+    "cinegen info": "four_bar.raff",
+    "cinegen ik": "planar_3r.raff --at 0.5,0.1,0",
+    "cinegen modes": "four_bar.raff",
+    "cinegen singular": "planar_3r.raff",
+    "cinegen map": "planar_3r.raff --over x,y --grid 2 --workers 1 -o out.zarr",
+    "cinegen compare": "map.zarr map.zarr",
+    "cinegen plan": "unreachable.toml",
+    "cinegen drive": "four_bar.raff",
+    "cinegen replay": "run.jsonl",
+    "cinegen export": "run.jsonl --to csv -o out.csv",
+    "cinegen close": "four_bar.raff",
+    "cinegen heal": "four_bar.raff out.raff",
+    "cinegen sensors": "four_bar.raff --seconds 0.01",  # else it waits for a device to be plugged in
+    "cinegen compile": "",
+    "raff2urdf": "four_bar.raff -o out/",
+    "urdf2raff": "arm.urdf -o out.raff",
+}
+PROGRAMS = {"cinegen": cinegen.cli, "raff2urdf": raff2urdf.cli, "urdf2raff": raff2urdf.urdf2raff.cli}
+
+NAMES = (
+    "",
+    "jont1",
+    "nowhere/x",
+    "folder",
+    "empty",
+    "binary",
+    "text.toml",
+    "a b",
+    "-x",
+    "--",
+    "\udcff",
+    "ä",
+    "%s",
+    "{}",
+)
+NUMBERS = ("nan", "inf", "-1", "0", "1e400", "1e-300", "1e308", "9" * 20, "1,2,3", "nan,nan,nan", "1e308,0,0", "1e9m")
+PAIRS = (
+    "jont1=10",
+    "joint1=nan",
+    "joint1=1e300",
+    "x=nan",
+    "x=nan..1",
+    "x=0..1e308",
+    "x=0..0:0",
+    "a=b=c",
+    "=",
+    ",",
+    "..",
+)
+PLACES = ("/dev/full", "/dev/zero", "tcp://x", "file:///x", "[]")
+EACH = 5  # values for each argument and option
+
+
+def parameters(command: str) -> list[object]:
+    """Those of a command that take a value."""
+    program, *names = command.split()
+    found = typer.main.get_command(PROGRAMS[program].app)
+    for name in names:
+        found = found.commands[name]
+    left_out = {"help", "version", "install_completion", "show_completion"}
+    return [one for one in found.params if one.name not in left_out and not getattr(one, "is_flag", False)]
+
+
+def mistaken(command: str) -> Iterator[list[str]]:
+    """Calls of a command in which one argument or option is wrong."""
+    call, chosen = CALLS[command].split(), random.Random(command)
+    arguments = [one for one in parameters(command) if one.param_type_name == "argument"]
+    for one in parameters(command):
+        values = [chosen.choice(kind) for kind in (NAMES, NUMBERS, PAIRS, PLACES)]
+        values += chosen.sample(NAMES + NUMBERS + PAIRS, EACH - len(values))
+        for value in values:
+            if one in arguments:
+                place = arguments.index(one)
+                yield [*call[:place], value, *call[place + 1 :]]
+            else:
+                yield [*call, one.opts[0], value]
+
+
+@pytest.fixture(scope="module")
+def inputs(root, tmp_path_factory):
+    """A folder with a file of each kind."""
+    folder = tmp_path_factory.mktemp("inputs")
+    for name in ("four_bar", "planar_3r"):
+        shutil.copy(root / "robots" / f"{name}.raff", folder)
+    for name, content in {"empty": b"", "binary": bytes(range(256)), "text.toml": b"hello = 1\n"}.items():
+        (folder / name).write_bytes(content)
+    (folder / "folder").mkdir()
+    (folder / "unreachable.toml").write_text("robot = 'planar_3r.raff'\ngoal = { point = [0.9, 0.9] }\n")
+    scene = (root / "robots/scenes/disc.toml").read_text().replace("../", "")
+    (folder / "disc.toml").write_text(scene)
+    with pytest.MonkeyPatch.context() as patch:
+        patch.chdir(folder)
+        assert cinegen.cli.main(["plan", "disc.toml", "-o", "run.jsonl"]) == 0
+        cells = ["--over", "x,y", "--grid", "3", "--workers", "1"]
+        assert cinegen.cli.main(["map", "planar_3r.raff", *cells, "-o", "map.zarr"]) == 0
+        assert raff2urdf.cli.main(["planar_3r.raff", "-o", "arm.urdf"]) == 0
+    return folder
+
+
+def test_every_command_is_tried():
+    commands = typer.main.get_command(cinegen.cli.app).commands
+    assert {f"cinegen {name}" for name in commands} | {"raff2urdf", "urdf2raff"} == set(CALLS)
+
+
+@pytest.mark.parametrize("command", CALLS)
+def test_what_makes_no_sense_is_answered_by_a_sentence(inputs, tmp_path, monkeypatch, capfd, command):
+    monkeypatch.setattr(PageOptions, "show", lambda *_: 0)  # values that are right would serve a page
+    program, *names = command.split()
+    for call in mistaken(command):
+        here = tmp_path / "here"
+        shutil.copytree(inputs, here)
+        monkeypatch.chdir(here)
+        monkeypatch.setattr(sys, "stdin", io.TextIOWrapper(io.BytesIO()))
+        code = PROGRAMS[program].main([*names, *call])
+        out, err = capfd.readouterr()
+        assert code in (0, 1, 2), (call, code, err)
+        assert "Traceback" not in err, (call, err)
+        assert "RuntimeWarning" not in err, (call, err)
+        assert code == 0 or err or out, call  # `plan` and `ik` print that there is no answer
+        assert code != 2 or f"Try '{program}" in err, (call, err)
+        assert len(err.splitlines()) <= 4, (call, err)
+        assert (here / "run.jsonl").read_bytes() == (inputs / "run.jsonl").read_bytes(), call
+        monkeypatch.chdir(os.sep)
+        shutil.rmtree(here)

@@ -1,0 +1,196 @@
+"""Distances of links are those of their meshes, judged by coal's trees over meshes that trimesh reads."""
+
+from __future__ import annotations
+
+import sysconfig
+import warnings
+from functools import cache
+from pathlib import Path
+
+import coal
+import numpy as np
+import pinocchio as pin
+import pytest
+import trimesh
+from mesh_contact import MeshContact, tree_of
+
+import cinegen
+from cinegen.collision import Clearance, scene_of
+from cinegen.collision.body import Body, PlacedShape
+from cinegen.collision.clearance import clearance_of
+from cinegen.collision.mobile_robot import mobile_robot
+from cinegen.collision.self_collision import PairReason, link_pairs
+from cinegen.collision.triangle_mesh import TriangleMesh
+
+SHARE = Path(sysconfig.get_path("purelib")) / "cmeel.prefix/share/example-robot-data/robots"
+PANDA, UR5 = "panda_description/urdf/panda.urdf", "ur_description/urdf/ur5_robot.urdf"
+
+
+@cache
+def load(name):
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        return cinegen.load(SHARE / name)
+
+
+def configurations(mechanism, count, seed):
+    low, high = mechanism.model.lowerPositionLimit, mechanism.model.upperPositionLimit
+    rng = np.random.default_rng(seed)
+    return rng.uniform(np.maximum(low, -np.pi), np.minimum(high, np.pi), size=(count, len(low)))
+
+
+def clearance_among_links(mechanism, within=None):
+    links = mechanism.derived(link_pairs)
+    return Clearance(mechanism, links.bodies, (), links.of(PairReason.CHECKED), within)
+
+
+@pytest.mark.parametrize(
+    "name", [PANDA, UR5, "xarm_description/urdf/xarm7.urdf", "talos_data/robots/talos_left_arm.urdf"]
+)
+def test_a_configuration_is_clear_by_a_margin_exactly_where_the_meshes_are(name):
+    mechanism, margin = load(name), 2e-3
+    meshes = MeshContact(mechanism, configurations(mechanism, 100, 1))
+    clearance = clearance_among_links(mechanism, 3e-3)
+    touching = 0
+    for q in configurations(mechanism, 150, 2):
+        least = clearance.least(q)
+        touching += bool(meshes.touching(q, first=True))
+        assert (least <= 0.0) == bool(meshes.touching(q, first=True))
+        if least < margin - 1e-5:
+            assert meshes.touching(q, margin, first=True)
+        elif least > margin + 1e-5:
+            assert not meshes.touching(q, margin, first=True)
+    assert 5 < touching < 100
+
+
+def test_a_ur5_is_refused_no_more_than_its_meshes_require():
+    """One capsule around each link refused 138 of 150 such configurations."""
+    mechanism = load(UR5)
+    meshes = MeshContact(mechanism, configurations(mechanism, 100, 1))
+    clearance = clearance_among_links(mechanism)
+    free = [q for q in configurations(mechanism, 200, 3) if not meshes.touching(q, 1e-3, first=True)]
+    assert len(free) > 80
+    assert all(clearance.least(q) >= 1e-3 - 1e-6 for q in free)
+
+
+@pytest.mark.parametrize("name", [PANDA, UR5])
+def test_rows_of_exact_distances_are_how_they_change(name):
+    mechanism, checked, step = load(name), 0, 1e-4
+    clearance = clearance_among_links(mechanism)
+    for q in configurations(mechanism, 40, 5):
+        near = clearance.near(q, 0.1)
+        first = {int(pair): i for i, pair in reversed(list(enumerate(near.pairs)))}
+        distances, rows, excess = near.distances.copy(), near.rows.copy(), clearance.memory.excess.copy()
+        for pair, i in first.items():
+            if excess[pair] == 0.0 or not 1e-3 < distances[i] < 2.9 * clearance.exact_within:
+                continue
+            slopes, jumps = np.zeros(len(q)), np.zeros(len(q))
+            for j, column in enumerate(step * np.eye(len(q))):
+                ahead, behind = (clearance.distances(q + side * column)[pair] for side in (1.0, -1.0))
+                slopes[j] = (ahead - behind) / (2.0 * step)
+                jumps[j] = abs(ahead + behind - 2.0 * distances[i]) / step
+            if jumps.max() < 1e-2:  # the nearest points stay on the same triangles
+                assert rows[i] == pytest.approx(-slopes, abs=5e-3)
+                checked += 1
+    assert checked > 8
+
+
+# --- bodies inside of meshes ---------------------------------------------------------------------------------------
+
+
+def point_robot(radius):
+    """A ball that moves in the plane."""
+    mechanism = mobile_robot()
+    return mechanism, Body("ball", mechanism.model.getJointId("y"), pin.SE3.Identity(), coal.Sphere(radius))
+
+
+def obstacle_of(mesh):
+    """A mesh in its hull."""
+    found = tree_of(mesh.vertices, mesh.faces)
+    corners = coal.StdVec_Vec3s()
+    corners.extend(list(np.asarray(mesh.convex_hull.vertices)))
+    shape = coal.Convex.convexHull(corners, True, "Qt")
+    return Body("mesh", 0, pin.SE3.Identity(), shape, PlacedShape(pin.SE3.Identity(), found))
+
+
+def test_a_ball_is_in_collision_inside_of_a_bar_of_an_angle_and_free_in_its_corner():
+    sides = [
+        trimesh.creation.box(bounds=[[0, 0, -0.2], [1, 0.3, 0.2]]),
+        trimesh.creation.box(bounds=[[0, 0, -0.2], [0.3, 1, 0.2]]),
+    ]
+    angle = trimesh.boolean.union(sides)
+    assert angle.is_watertight
+    mechanism, body = point_robot(0.02)
+    clearance = Clearance(mechanism, [body], [cinegen.collision.Obstacle("angle", (obstacle_of(angle),))], (), 0.05)
+    inside, corner, near = np.array([0.7, 0.15]), np.array([0.45, 0.45]), np.array([0.5, 0.33])
+    assert clearance.least(inside) < 0.0
+    assert clearance.least(near) == pytest.approx(0.01, abs=1e-6)
+    assert clearance.least(corner) == pytest.approx(0.13, abs=1e-6)
+    rng = np.random.default_rng(0)
+    for q in rng.uniform(-0.1, 1.1, (300, 2)):
+        point = np.array([[*q, 0.0]])
+        depth = float(trimesh.proximity.signed_distance(angle, point)[0])  # above 0 inside
+        assert (clearance.least(q) <= 0.0) == (depth >= -0.02)
+
+
+def test_winding_numbers_tell_inside_from_outside():
+    mesh = trimesh.creation.torus(0.3, 0.1)
+    points = np.random.default_rng(0).uniform(-0.45, 0.45, (300, 3)) * (1.0, 1.0, 0.3)
+    found = TriangleMesh(tree_of(mesh.vertices, mesh.faces))
+    assert [found.contains(point) for point in points] == mesh.contains(points).tolist()
+
+
+@pytest.mark.parametrize(
+    ("mesh", "convex"),
+    [
+        (trimesh.creation.icosphere(subdivisions=3), True),
+        (trimesh.creation.box((0.1, 0.5, 1.0)), True),
+        (trimesh.creation.torus(0.3, 0.1), False),
+        (trimesh.creation.icosphere(subdivisions=3).slice_plane([0, 0, 0], [0, 0, 1]), False),  # open
+        (trimesh.creation.annulus(0.1, 0.3, 0.2), False),
+    ],
+)
+def test_only_closed_meshes_without_dents_are_convex(mesh, convex):
+    assert TriangleMesh(tree_of(mesh.vertices, mesh.faces)).is_convex == convex
+
+
+# --- self-clearance ------------------------------------------------------------------------------------------------
+
+READY = dict(zip([f"panda_joint{i}" for i in range(1, 8)], [0, -0.785, 0, -2.356, 0, 1.571, -0.785], strict=True))
+
+
+def grasping(gap, **more):
+    """A panda whose fingers are a gap apart, m."""
+    start = READY | {"panda_finger_joint1": gap / 2.0, "panda_finger_joint2": gap / 2.0}
+    goal = {"point": load(PANDA).placement(load(PANDA).configuration(start), "panda_hand").translation.tolist()}
+    return scene_of({"start": {"joints": start}, "goal": goal, "node": "panda_hand", **more}, mechanism=load(PANDA))
+
+
+def test_a_gripper_may_be_almost_closed_while_obstacles_are_kept_away():
+    given = grasping(2e-3)
+    assert (given.safety, given.self_clearance) == (0.01, 1e-3)
+    assert clearance_of(given).least(given.start) >= given.safety
+    nearer = grasping(0.5e-3)
+    assert clearance_of(nearer).least(nearer.start) < nearer.safety
+    strict = grasping(2e-3, self_clearance=5e-3)
+    assert clearance_of(strict).least(strict.start) < strict.safety
+    closed = grasping(0.0)  # the pads overlap by 0.04 mm
+    assert clearance_of(closed).least(closed.start) <= 0.0
+
+
+def test_an_obstacle_is_kept_at_the_safety_distance_whatever_the_self_clearance():
+    hand = np.array(grasping(0.05).goal.translation)
+    ball = {"kind": "sphere", "radius": 0.05, "point": (hand + np.array([0.25, 0.0, 0.0])).tolist()}
+    found = []
+    for own in (0.0, 0.01):
+        given = grasping(0.05, self_clearance=own, obstacle=[ball])
+        clearance = clearance_of(given)
+        found.append(clearance.distances(given.start)[clearance.pairs[:, 1] >= len(clearance.links)])
+        assert clearance.offset(len(clearance.pairs) - 1) == 0.0
+    assert found[0] == pytest.approx(found[1])
+
+
+def test_a_self_clearance_beyond_the_safety_distance_is_refused():
+    with pytest.raises(cinegen.CinegenError, match="self_clearance"):
+        grasping(0.05, self_clearance=0.02)
+    assert grasping(0.05, self_clearance=0.0).document()["self_clearance"] == 0.0

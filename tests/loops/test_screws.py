@@ -1,0 +1,222 @@
+"""Characteristic length and singular values belong to the mechanism: not to frames, cuts, the base, or the order."""
+
+from __future__ import annotations
+
+from collections import deque
+from typing import NamedTuple
+
+import numpy as np
+import pinocchio as pin
+import pytest
+
+from cinegen.joints import supporting_columns
+from cinegen.loops.closed_loops import ClosedLoops, LoopConstraint
+from cinegen.loops.motions import motions_of
+from cinegen.loops.screws import LoopScrews
+from raff2urdf.closure import close, rank
+from raff2urdf.length import characteristic_length
+from raff2urdf.raff.document import LoopKind
+
+KINDS = {
+    LoopKind.REVOLUTE: pin.JointModelRZ,
+    LoopKind.PRISMATIC: pin.JointModelPZ,
+    LoopKind.BALL: pin.JointModelSpherical,
+}
+
+
+class Joint(NamedTuple):
+    """Of a mechanism: two bodies, and where it is in the world at home."""
+
+    kind: LoopKind
+    one: int
+    other: int
+    place: pin.SE3
+
+
+class Form(NamedTuple):
+    """A description of a mechanism: its loops, and the carrier of each body."""
+
+    system: ClosedLoops
+    carriers: dict[int, int]
+    q: np.ndarray
+
+    @property
+    def length(self) -> float:
+        self.system.evaluate(self.q)
+        points = np.array([one.translation for one in self.system.data.oMi])
+        model, screws = self.system.model, self.system.screws()
+        moves = np.zeros((len(points), screws.shape[1]), dtype=bool)
+        for j in range(1, model.njoints):
+            moves[j, : model.nv] = supporting_columns(model, j) > 0.0
+        return characteristic_length(screws, points, moves)
+
+    def loops(self, q: np.ndarray) -> np.ndarray:
+        matrix = LoopScrews(self.system, self.q).matrix(self.system, self.system.evaluate(q)[1])
+        return np.linalg.svd(matrix, compute_uv=False)
+
+    def task(self, q: np.ndarray, body: int, on: int, point: np.ndarray) -> np.ndarray:
+        """Singular values of a body's motion relative to another one, of a point."""
+        motions = motions_of(self.system, q, rank(self.system.evaluate(q)[1]))
+        model, columns = self.system.model, np.asarray(self.system.data.J)
+        of = [supporting_columns(model, self.carriers[b]) for b in (body, on)]
+        twist = columns * (of[0] - of[1]) * self.system.scale
+        twist[:3] += np.cross(twist[3:], point[:, None], axis=0)
+        twist[:3] /= self.system.length
+        return np.linalg.svd(twist @ motions, compute_uv=False)
+
+
+def described(
+    joints: list[Joint], root: int, order: list[int], rng: np.random.Generator, length: float = 1.0, size: float = 1.0
+) -> Form:
+    """A tree from a root, which takes joints in an order; all others are cut. Frames lie anywhere along axes."""
+    model, carriers, places, loops = pin.Model(), {root: 0}, [pin.SE3.Identity()], []
+    drawn = []
+    for joint in joints:
+        slide = pin.SE3(pin.utils.rotate("z", rng.uniform(-3.0, 3.0)), np.array([0.0, 0.0, size * rng.normal()]))
+        turn = pin.SE3(pin.Quaternion(rng.normal(size=4)).normalized().matrix(), np.zeros(3))
+        drawn.append(joint.place * (turn if joint.kind is LoopKind.BALL else slide))
+    pending, used = deque([root]), set()
+    while pending:
+        body = pending.popleft()
+        for i in order:
+            kind, one, other, _ = joints[i]
+            far = other if one == body else one
+            if i in used or body not in (one, other) or far in carriers:
+                continue
+            used.add(i)
+            parent = carriers[body]
+            carriers[far] = model.addJoint(parent, KINDS[kind](), places[parent].actInv(drawn[i]), f"joint{i}")
+            places.append(drawn[i])
+            pending.append(far)
+    for body, carrier in carriers.items():
+        model.addFrame(pin.Frame(f"body{body}", carrier, 0, pin.SE3.Identity(), pin.FrameType.BODY))
+    for i in order:
+        if i not in used:
+            kind, one, other, _ = joints[i]
+            ends = [places[carriers[body]].actInv(drawn[i]) for body in (one, other)]
+            loops.append(LoopConstraint(f"loop{i}", kind, f"body{one}", f"body{other}", *ends))
+    return Form(ClosedLoops(model, loops, length), carriers, pin.neutral(model))
+
+
+def random_mechanism(rng: np.random.Generator, size: float = 1.0) -> list[Joint]:
+    """A chain of bodies with some more joints between them."""
+    bodies, kinds = int(rng.integers(4, 8)), list(KINDS)
+    pairs = [(i, i + 1) for i in range(bodies - 1)] + [(0, bodies - 1)]
+    pairs += [tuple(rng.choice(bodies, 2, replace=False).tolist()) for _ in range(int(rng.integers(0, 3)))]
+    turning = [LoopKind.REVOLUTE, LoopKind.BALL, LoopKind.REVOLUTE]  # else nothing but nodes gives a scale
+    return [
+        Joint(turning[i] if i < 3 else kinds[rng.choice(3, p=[0.6, 0.2, 0.2])], one, other,
+              pin.SE3(pin.Quaternion(rng.normal(size=4)).normalized().matrix(), size * rng.normal(size=3)))
+        for i, (one, other) in enumerate(pairs)
+    ]  # fmt: skip
+
+
+def planar_mechanism(rng: np.random.Generator) -> list[Joint]:
+    """Two closed chains that share a body, of mobility 2: axes along z."""
+    pairs = [(0, 1), (1, 2), (2, 3), (3, 4), (4, 0), (2, 5), (5, 6), (6, 0)]
+    return [Joint(LoopKind.REVOLUTE, *pair, pin.SE3(np.eye(3), np.array([*rng.normal(size=2), 0.0]))) for pair in pairs]
+
+
+@pytest.mark.parametrize("seed", range(25))
+def test_they_do_not_depend_on_frames_cuts_base_and_order(seed):
+    rng = np.random.default_rng(seed)
+    joints = random_mechanism(rng)
+    bodies = 1 + max(max(joint.one, joint.other) for joint in joints)
+    point, length = rng.normal(size=3), described(joints, 0, list(range(len(joints))), rng).length
+    expected = None
+    for root in [0, *rng.integers(bodies, size=4).tolist()]:
+        form = described(joints, root, rng.permutation(len(joints)).tolist(), rng, length)
+        assert form.length == pytest.approx(length, rel=1e-9)
+        found = form.loops(form.q), form.task(form.q, bodies - 2, 0, point)
+        if expected is None:
+            expected = found
+        for own, first in zip(found, expected, strict=True):
+            nonzero = min(np.count_nonzero(own > 1e-7), np.count_nonzero(first > 1e-7))
+            assert own[:nonzero] == pytest.approx(first[:nonzero], abs=1e-9)
+            assert max(own[nonzero:].max(initial=0.0), first[nonzero:].max(initial=0.0)) < 1e-7
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_they_do_not_depend_on_cuts_in_other_configurations_either(seed):
+    """Joint values of one form are found from where the bodies are in the other one."""
+    rng = np.random.default_rng(seed)
+    joints = planar_mechanism(rng)
+    forms = [described(joints, root, rng.permutation(len(joints)).tolist(), rng) for root in (0, 0, 3, 5)]
+    lengths = [form.length for form in forms]
+    assert lengths == pytest.approx([lengths[0]] * 4, rel=1e-12)
+    first = forms[0]
+    motion = motions_of(first.system, first.q, rank(first.system.evaluate(first.q)[1])) @ np.array([0.2, -0.1])
+    q = close(first.system, pin.integrate(first.system.model, first.q, motion)).q
+    angle = {}
+    first.system.evaluate(q)
+    for body, carrier in first.carriers.items():
+        rotation = first.system.data.oMi[carrier].rotation @ placed(first, carrier).rotation.T
+        angle[body] = float(np.arctan2(rotation[1, 0], rotation[0, 0]))
+    expected = None
+    for form in forms:
+        values = pin.neutral(form.system.model)
+        for body, carrier in form.carriers.items():
+            parent = form.system.model.parents[carrier]
+            on = next(b for b, c in form.carriers.items() if c == parent)
+            if carrier:
+                values[form.system.model.joints[carrier].idx_q] = angle[body] - angle[on]
+        closed = close(form.system, values)
+        assert closed.gap < 1e-12
+        assert np.abs(closed.q - values).max() < 1e-9
+        found = form.loops(closed.q)
+        expected = found if expected is None else expected
+        assert found == pytest.approx(expected, abs=1e-9)
+
+
+def placed(form: Form, carrier: int) -> pin.SE3:
+    data = form.system.model.createData()
+    pin.forwardKinematics(form.system.model, data, form.q)
+    return data.oMi[carrier].copy()
+
+
+@pytest.mark.parametrize("size", [1e-6, 1e-3, 1e3])
+def test_the_length_is_proportional_to_size_and_singular_values_are_not(size):
+    small, large = (random_mechanism(np.random.default_rng(3), s) for s in (1.0, size))
+    order = list(range(len(small)))
+    one, other = (
+        described(joints, 0, order, np.random.default_rng(1), 1.0, s) for joints, s in ((small, 1.0), (large, size))
+    )
+    assert other.length == pytest.approx(size * one.length, rel=1e-9)
+    forms = [
+        described(joints, 0, order, np.random.default_rng(1), form.length, s)
+        for joints, form, s in ((small, one, 1.0), (large, other, size))
+    ]
+    assert forms[0].loops(forms[0].q) == pytest.approx(forms[1].loops(forms[1].q), abs=1e-9)
+
+
+def test_axes_that_nearly_meet_give_no_scale_and_small_changes_change_little():
+    """A wrist: its tool is the scale, whether axes miss each other by 10 micrometres or not."""
+    places = [pin.SE3(pin.utils.rotate(axis, 0.5 * np.pi), np.zeros(3)) for axis in "xyz"]
+    tool = np.array([0.0, 0.0, 0.1])
+
+    def length(off: float) -> float:
+        screws = []
+        for k, place in enumerate(places):
+            axis, point = place.rotation[:, 2], off * np.eye(3)[(k + 1) % 3]
+            screws.append(np.concatenate([np.cross(point, axis), axis]))
+        return characteristic_length(
+            np.array(screws).T, np.array([np.zeros(3), tool]), np.array([[0, 0, 0], [1, 1, 1]]) > 0
+        )
+
+    assert length(0.0) == pytest.approx(0.1)
+    assert length(1e-5) == pytest.approx(0.1, rel=1e-3)
+    offsets = np.geomspace(1e-6, 0.1, 200)
+    found = np.array([length(off) for off in offsets])
+    assert (np.abs(np.diff(np.log(found))) < 3.0 * np.diff(np.log(offsets))).all()
+    assert found[-1] < 0.3
+
+
+@pytest.mark.parametrize("tilt", [0.0, 1e-12, 1e-8, 1e-5, 1e-3])
+def test_axes_that_are_nearly_parallel_have_the_length_of_parallel_ones(tilt):
+    rng = np.random.default_rng(0)
+    points, directions = rng.normal(size=(5, 3)), tilt * rng.normal(size=(5, 3)) + [0.0, 0.0, 1.0]
+    directions /= np.linalg.norm(directions, axis=1, keepdims=True)
+    screws = np.vstack([np.cross(points, directions).T, directions.T])
+    exact = np.sqrt(3.0 * ((points[:, :2] - points[:, :2].mean(axis=0)) ** 2).sum() / 5.0)
+    found = characteristic_length(screws, points, np.zeros((5, 5), dtype=bool))
+    assert found == pytest.approx(exact, rel=10.0 * tilt + 1e-9)

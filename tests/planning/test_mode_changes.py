@@ -1,0 +1,190 @@
+"""Changes of assembly mode, judged by the closed form of a planar 3-RPR: poses, leg lengths, and the determinant of the
+legs' lines, whose sign distinguishes the two sides of its singularities."""
+
+from __future__ import annotations
+
+import itertools
+import re
+
+import numpy as np
+import pinocchio as pin
+import pytest
+from cusp_platform import LEGS, LENGTHS, configuration, determinant, legs, pose_of, scene
+
+from cinegen.collision import PlanningError, load_scene, scene_of
+from cinegen.planning import PlanStatus, change_mode, rrt_connect
+from cinegen.tolerances import NEAR_SINGULAR
+
+SECONDS = 240.0  # of a search that takes some seconds on an idle machine
+MODES = {  # x and y (10 mm), angle (deg) of the six modes, and the sign of the determinant
+    (-5.4957, -13.9355, -2.712): 1.0,
+    (-8.7266, 12.1757, -56.549): -1.0,
+    (-13.4199, -6.6562, 33.557): -1.0,
+    (14.6739, -3.0126, 122.206): 1.0,
+    (-14.8961, 1.5830, 14.055): 1.0,
+    (14.9201, -1.3379, 57.413): -1.0,
+}
+
+
+def dense(mechanism, path, step=0.005):
+    """Configurations along a path, loops closed, no further apart than a step (rad and characteristic lengths)."""
+    for begin, end in itertools.pairwise(path):
+        count = max(1, int(np.ceil(mechanism.distance(begin, end) / step)))
+        for k in range(count):
+            yield mechanism.close(pin.interpolate(mechanism.model, begin, end, k / count))
+    yield path[-1]
+
+
+def open_by(mechanism, q):
+    """How far legs 2 and 3 are from the platform at q, m, by Pinocchio."""
+    pairs = ("frame20", "frame22"), ("frame21", "frame23")
+    ends = [[mechanism.placement(q, node).translation for node in pair] for pair in pairs]
+    return max(float(np.linalg.norm(a - b)) for a, b in ends)
+
+
+def check_path(found, mechanism, sides):
+    """Assert what holds for every path: it begins at the start, ends in the mode that is reported, has no jump, is
+    closed, and its determinant is positive and negative as `sides`; return the determinants (n,)."""
+    path = found.plan.path
+    assert np.array_equal(path[0], found.plan.scene.start)
+    index = [mechanism.q_index(name) for name in LEGS]
+    assert path[-1][index] == pytest.approx(LENGTHS, abs=1e-8)
+    reached = pose_of(mechanism, found.modes[found.mode])
+    assert pose_of(mechanism, path[-1]) == pytest.approx(reached, abs=1e-8)
+    assert np.abs(pose_of(mechanism, path[0]) - reached).max() > 0.1
+    along = list(dense(mechanism, path))
+    assert max(mechanism.distance(a, b) for a, b in itertools.pairwise(along)) < 0.05
+    for q in along:
+        assert open_by(mechanism, q) < 1e-10
+        assert q[index] == pytest.approx(np.linalg.norm(legs(pose_of(mechanism, q))[0], axis=1), abs=1e-8)
+        assert mechanism.limits.within(q)
+    found_sides = np.array([determinant(mechanism, q) for q in along])
+    assert set(np.sign(found_sides)) == sides
+    return found_sides
+
+
+def test_the_modes_are_those_of_the_closed_form(root):
+    """Of numbers of the literature (robots/cusp_3rpr.raff), to the digits that the table has."""
+    robot = scene(root).mechanism
+    for (x, y, angle), sign in MODES.items():
+        pose = np.array([x / 100.0, y / 100.0, np.radians(angle)])
+        assert np.linalg.norm(legs(pose)[0], axis=1) == pytest.approx(LENGTHS, abs=1e-5)
+        assert np.sign(determinant(robot, configuration(robot, pose))) == sign
+
+
+@pytest.mark.parametrize("seed", [0, 1])
+def test_a_mode_is_changed_without_a_singularity(root, seed):
+    mechanism = (task := scene(root)).mechanism
+    found = change_mode(task, seconds=SECONDS, seed=seed)
+    assert found.plan.status is PlanStatus.REACHED
+    assert found
+    sides = check_path(found, mechanism, {1.0})
+    assert sides.min() > 0.1 * determinant(mechanism, mechanism.q_home)
+    assert found.crossed == ()
+    columns, rank = mechanism.passive_screws, mechanism.passive_rank + mechanism.screws.cut
+    sigmas = [
+        np.linalg.svd(mechanism.screw_matrix(q)[:, columns], compute_uv=False)[rank - 1]
+        for q in dense(mechanism, found.plan.path)
+    ]
+    assert 0.5 * NEAR_SINGULAR < found.sigma_bound <= min(sigmas)
+    assert found.sigma >= NEAR_SINGULAR
+    assert str(found) == f"reached: assembly mode {found.mode + 1} of 6, without a singularity of type 2"
+
+
+def test_a_mode_is_changed_with_a_leg_locked(root):
+    """As in the sections of joint space that the literature draws."""
+    mechanism = (task := scene(root)).mechanism
+    found = change_mode(task, locked=[LEGS[0]], seconds=SECONDS)
+    assert found
+    check_path(found, mechanism, {1.0})
+    assert np.ptp(found.plan.path[:, mechanism.q_index(LEGS[0])]) < 1e-12
+
+
+def test_a_mode_of_other_joint_values_is_reached(root):
+    """Those of the scene's goal."""
+    lengths = [0.16, 0.15, 0.13]
+    task = scene(root, goal={"joints": dict(zip(LEGS, lengths, strict=True))})
+    mechanism = task.mechanism
+    found = change_mode(task, seconds=SECONDS)
+    assert found
+    path = found.plan.path
+    assert np.linalg.norm(legs(pose_of(mechanism, path[-1]))[0], axis=1) == pytest.approx(lengths, abs=1e-8)
+    assert {np.sign(determinant(mechanism, q)) for q in dense(mechanism, path)} == {1.0}
+
+
+def test_a_mode_on_the_other_side_is_reached_through_a_singularity_that_is_reported(root):
+    mechanism = (task := scene(root)).mechanism
+    other = next(k for k, q in enumerate(change_mode(task, seconds=1e-3).modes) if determinant(mechanism, q) < 0.0)
+    found = change_mode(task, mode=other, singular="cross", seconds=4.0)
+    assert found.mode == other
+    assert [attempt.status for attempt in found.plan.attempts] == [PlanStatus.TIME_LIMIT, PlanStatus.REACHED]
+    sides = check_path(found, mechanism, {1.0, -1.0})
+    changes = np.count_nonzero(np.diff(np.sign(sides)))
+    assert len(found.crossed) == changes
+    assert found.sigma_bound == 0.0
+    for crossed in found.crossed:
+        assert crossed.sigma < 1e-6
+        assert abs(determinant(mechanism, crossed.q)) < 1e-6 * np.abs(sides).max()
+        begin, end = found.plan.path[crossed.segment : crossed.segment + 2]
+        assert determinant(mechanism, begin) * determinant(mechanism, end) < 0.0
+    assert re.search(r"through (a singularity|\d+ singularities) of type 2", str(found))
+
+
+def test_a_mode_on_the_other_side_is_not_reached_around_singularities(root):
+    mechanism = (task := scene(root)).mechanism
+    modes = change_mode(task, seconds=1e-3).modes
+    other = next(k for k, q in enumerate(modes) if determinant(mechanism, q) < 0.0)
+    found = change_mode(task, mode=other, seconds=3.0)
+    assert not found
+    assert found.plan.status is PlanStatus.TIME_LIMIT
+    assert found.mode is None
+    assert len(found.plan.path) == 1
+    assert "no proof" in found.plan.reason
+
+
+@pytest.mark.parametrize("goal", [(-0.02, -0.16, 0.3), (-0.09, -0.12, -0.1), (0.05, -0.15, -0.4)])
+def test_a_plan_to_a_pose_keeps_to_its_side_of_the_singularities(root, goal):
+    """What RRT-Connect does by default."""
+    task = scene(root, goal={"point": goal[:2], "angle": goal[2]})
+    mechanism = task.mechanism
+    found = rrt_connect(task, seconds=SECONDS)
+    assert found
+    assert pose_of(mechanism, found.path[-1]) == pytest.approx(goal, abs=1e-4)
+    side = np.sign(determinant(mechanism, task.start))
+    assert all(np.sign(determinant(mechanism, q)) == side for q in dense(mechanism, found.path))
+
+
+@pytest.mark.parametrize("mode", [mode for mode, sign in MODES.items() if sign < 0.0])
+def test_a_plan_does_not_reach_a_pose_on_the_other_side(root, mode):
+    x, y, angle = mode
+    found = rrt_connect(scene(root, goal={"point": [x / 100, y / 100], "angle": np.radians(angle)}), seconds=4.0)
+    assert found.status is PlanStatus.TIME_LIMIT
+
+
+def test_modes_outside_limits_are_no_goals(root):
+    """The five-bar's other mode has its elbows on the other side, beyond their limits."""
+    found = change_mode(scene_of({"robot": str(root / "robots/five_bar.raff"), "goal": {"point": [0.0, 0.4]}}))
+    assert found.plan.status is PlanStatus.OUT_OF_REACH
+    assert len(found.modes) == 2
+    assert "within limits" in found.plan.reason
+
+
+@pytest.mark.parametrize(
+    ("wrong", "message"),
+    [
+        ({"singular": "maybe"}, "singular must be one of 'avoid', 'cross', not 'maybe'"),
+        ({"margin": 0.0}, "margin must be above 0"),
+        ({"margin": 5.0}, "the start is singular up to sigma .*, below the margin of 5"),
+        ({"seconds": 0.0}, "seconds must be above 0"),
+        ({"seed": -1}, "seed must be 0 or above"),
+        ({"mode": 6}, "there is no assembly mode 7: there are 6"),
+    ],
+)
+def test_wrong_arguments_are_refused(root, wrong, message):
+    with pytest.raises(PlanningError, match=message):
+        change_mode(scene(root), **wrong)
+
+
+def test_a_robot_without_loops_has_no_modes(root):
+    with pytest.raises(Exception, match="loops"):
+        change_mode(load_scene(root / "robots/scenes/rod.toml"))

@@ -1,0 +1,266 @@
+"""`plan`: one entry with one time limit; goals of joints, locked joints, and paths that are shortened."""
+
+from __future__ import annotations
+
+import itertools
+import math
+import sysconfig
+import time
+from pathlib import Path
+
+import numpy as np
+import pinocchio as pin
+import pytest
+
+import cinegen
+from cinegen.collision import PlanningError, SceneError, clearance_of, load_scene, scene_of
+from cinegen.planning import PlanStatus, plan
+from cinegen.planning.clear_motion import clear_motion
+from cinegen.planning.locked_joints import with_joints_locked
+from cinegen.planning.shortcuts import shortened
+
+READY = {f"panda_joint{i}": value for i, value in enumerate((0.0, -0.785, 0.0, -2.356, 0.0, 1.571, 0.785), 1)}
+AIM = {**READY, "panda_joint1": 1.9, "panda_joint4": -1.6}
+POST = {"name": "post", "kind": "cylinder", "radius": 0.05, "length": 0.8, "point": [0.25, 0.25, 0.4]}
+
+
+@pytest.fixture(scope="module")
+def panda():
+    robots = Path(sysconfig.get_path("purelib")) / "cmeel.prefix/share/example-robot-data/robots"
+    return cinegen.load(robots / "panda_description/urdf/panda.urdf")
+
+
+@pytest.fixture(scope="module")
+def around_post(panda):
+    """A scene whose goal are the values of seven joints; fingers are partly open."""
+    start = {**READY, "panda_finger_joint1": 0.02, "panda_finger_joint2": 0.02}
+    values = {"node": "panda_hand", "start": {"joints": start}, "goal": {"joints": AIM}, "obstacle": [POST]}
+    return scene_of(values, mechanism=panda)
+
+
+def trap(**more):
+    """A mobile robot in a U, open to the side away from its goal."""
+    walls = [([1.0, 0.0], [0.1, 2.1]), ([0.0, 1.0], [2.0, 0.1]), ([0.0, -1.0], [2.0, 0.1])]
+    boxes = [{"kind": "box", "size": size, "point": point} for point, size in walls]
+    return scene_of({"mobile": {"radius": 0.1}, "goal": {"point": [2.0, 0.0]}, "obstacle": boxes, **more})
+
+
+def length(scene, path):
+    return float(np.linalg.norm(np.diff(path, axis=0) / scene.mechanism.scale, axis=1).sum())
+
+
+# --- one entry, one time limit ------------------------------------------------------------------------------------
+
+
+def test_a_trap_that_stops_vortices_is_left_by_sampling_without_being_asked():
+    scene = trap()
+    assert not plan(scene, planner="vortex")
+    texts = []
+    found = plan(scene, report=texts.append)
+    assert found.status is PlanStatus.REACHED
+    assert found.attempts[-1].strategy == "RRT-Connect"
+    assert any(text.startswith("RRT-Connect, ") for text in texts)
+    assert found.clearance >= scene.safety
+    # a rope around the U, whose walls end at x = -1 and 1.05 and y = 1.05, 0.11 m from it
+    corners = [
+        (0.0, 0.0),
+        (-1.0, 0.84),
+        (-1.11, 0.95),
+        (-1.11, 1.05),
+        (-1.0, 1.16),
+        (1.05, 1.16),
+        (1.16, 1.05),
+        (2.0, 0.0),
+    ]
+    rope = sum(math.dist(*ends) for ends in itertools.pairwise(corners))
+    assert found.length < 1.05 * rope
+
+
+@pytest.mark.parametrize("planner", ["auto", "vortex", "rrtconnect"])
+def test_the_time_limit_is_for_everything(planner):
+    cell = [{"kind": "box", "size": size, "point": point} for point, size in (
+        ([0.0, 1.0], [2.1, 0.1]), ([0.0, -1.0], [2.1, 0.1]), ([1.0, 0.0], [0.1, 2.1]), ([-1.0, 0.0], [0.1, 2.1])
+    )]  # fmt: skip
+    scene = scene_of({"mobile": {"radius": 0.1}, "goal": {"point": [2.0, 0.0]}, "obstacle": cell})
+    plan(scene, seconds=0.1, planner=planner)  # kernels are loaded
+    begin = time.monotonic()
+    found = plan(scene, seconds=1.0, planner=planner)
+    assert time.monotonic() - begin < 2.0
+    assert not found
+    if planner != "vortex":
+        assert found.status is PlanStatus.TIME_LIMIT
+        assert "RRT-Connect found no path in 1 s" in found.reason
+
+
+def test_where_nothing_is_in_between_joints_move_straight(panda):
+    scene = scene_of({"node": "panda_hand", "start": {"joints": READY}, "goal": {"joints": AIM}}, mechanism=panda)
+    found = plan(scene)
+    assert [one.strategy for one in found.attempts] == ["all joints straight to the goal"]
+    assert found.field is None
+    straight = found.path[0] + np.linspace(0.0, 1.0, len(found.path))[:, None] * (found.path[-1] - found.path[0])
+    assert found.path == pytest.approx(straight, abs=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("keys", "reason"),
+    [({"seconds": 0.0}, "seconds"), ({"seconds": math.nan}, "seconds"), ({"seed": -1}, "seed"),
+     ({"planner": "magic"}, "auto, vortex, rrtconnect")],
+)  # fmt: skip
+def test_what_makes_no_sense_is_refused(keys, reason):
+    with pytest.raises(PlanningError, match=reason):
+        plan(trap(), **keys)
+
+
+def test_without_ompl_the_reason_names_what_was_not_tried(monkeypatch):
+    monkeypatch.setattr("cinegen.planning.planner.find_spec", lambda name: None)
+    found = plan(trap())
+    assert not found
+    assert "RRT-Connect was not tried: " in found.reason
+    assert 'install "cinegen[sampling]"' in found.reason
+
+
+# --- joint values -------------------------------------------------------------------------------------------------
+
+
+def test_joint_values_are_reached_exactly_around_a_post_and_fingers_do_not_move(around_post):
+    mechanism = around_post.mechanism
+    found = plan(around_post)
+    assert found.status is PlanStatus.REACHED
+    assert found.attempts[-1].strategy != "all joints straight to the goal"
+    assert mechanism.values(found.path[-1]) == pytest.approx(
+        {**AIM, "panda_finger_joint1": 0.02, "panda_finger_joint2": 0.02}, abs=1e-9
+    )
+    fingers = found.path[:, [mechanism.q_index(f"panda_finger_joint{i}") for i in (1, 2)]]
+    assert (fingers == 0.02).all()
+    assert found.clearance >= around_post.safety
+    assert (found.clearances >= found.clearance).all()
+
+
+def test_joints_that_do_not_move_the_node_are_locked_by_default(panda, root):
+    assert scene_of({"node": "panda_hand", "goal": {"point": [0.5, 0, 0.5]}}, mechanism=panda).locked == (
+        "panda_finger_joint1", "panda_finger_joint2",
+    )  # fmt: skip
+    tip = scene_of({"node": "panda_leftfinger", "goal": {"point": [0.5, 0, 0.5]}}, mechanism=panda)
+    assert tip.locked == ()  # the fingers are coupled
+    free = scene_of({"node": "panda_hand", "locked": [], "goal": {"point": [0.5, 0, 0.5]}}, mechanism=panda)
+    assert free.locked == ()
+    assert scene_of(free.document(), mechanism=panda).locked == ()
+    goal = scene_of({"node": "panda_hand", "goal": {"joints": {"panda_finger_joint1": 0.01}}}, mechanism=panda)
+    assert goal.locked == ()
+
+
+def test_a_scene_with_joint_values_is_the_same_when_it_is_read_again(around_post, panda):
+    again = scene_of(around_post.document(), mechanism=panda)
+    assert again.goal_joints == around_post.goal_joints
+    assert again.goal_configuration == pytest.approx(around_post.goal_configuration, abs=1e-12)
+    assert again.goal.isApprox(around_post.goal, 1e-9)
+    assert again.locked == around_post.locked
+
+
+def test_some_joint_values_leave_the_others_free(root):
+    """At the start's value of joint1 the arm would be inside a disc at the goal."""
+    post = {"kind": "disc", "radius": 0.1, "point": [0.6, 0.55]}
+    values = {"node": "tool", "start": {"joints": {"joint1": 0.0}}, "goal": {"joints": {"joint3": 1.0}}}
+    scene = scene_of(values | {"robot": "robots/planar_3r.raff", "obstacle": [post]}, root)
+    found = plan(scene)
+    assert found.status is PlanStatus.REACHED
+    assert scene.mechanism.values(found.path[-1])["joint3"] == pytest.approx(1.0, abs=1e-4)
+
+
+def test_user_locked_joints_keep_their_values(root):
+    scene = load_scene(root / "robots/scenes/rod.toml")
+    free = scene_of({"node": "tool", "goal": {"point": [0.5, 0.3]}}, mechanism=scene.mechanism)
+    locked = scene_of({**free.document(), "locked": ["joint2"]}, mechanism=scene.mechanism)
+    found = plan(locked)
+    assert found.status is PlanStatus.REACHED
+    assert np.ptp(found.path[:, scene.mechanism.q_index("joint2")]) == 0.0
+    assert found.trace[-1][:2] == pytest.approx([0.5, 0.3], abs=1e-4)
+
+
+def test_links_that_cannot_separate_are_no_collision(panda):
+    """A closed gripper: its fingers are nearer to each other than the safety distance, and stay so."""
+    closed = {**READY, "panda_finger_joint1": 0.0, "panda_finger_joint2": 0.0}
+    values = {"node": "panda_hand", "start": {"joints": closed}, "goal": {"joints": AIM}}
+    assert clearance_of(scene_of(values, mechanism=panda)).least(panda.configuration(closed)) < 0.01
+    found = plan(scene_of(values, mechanism=panda))
+    assert found.status is PlanStatus.REACHED
+
+
+def test_locked_joints_leave_out_the_loops_that_nothing_moves(around_post):
+    scene = with_joints_locked(around_post)
+    assert not scene.mechanism.is_constrained
+    assert around_post.mechanism.is_constrained  # by the coupling of the fingers
+    assert scene.mechanism.limits["panda_finger_joint1"][:2] == (0.02, 0.02)
+    q = scene.mechanism.configuration(AIM, scene.start)
+    assert scene.mechanism.placement(q, "panda_hand").isApprox(around_post.goal, 1e-12)
+
+
+@pytest.mark.parametrize(
+    ("values", "reason"),
+    [
+        ({"goal": {"joints": {}}}, "joints is empty"),
+        ({"goal": {"joints": {"panda_joint9": 0.0}}}, "'panda_joint9' is not a joint"),
+        ({"goal": {"joints": {"panda_joint4": 1.0}}}, "its limits are"),
+        ({"goal": {"joints": READY}, "locked": ["panda_joint1"]}, "also a joint of the goal"),
+        ({"goal": {"joints": READY}, "locked": ["panda_jiont1"]}, "did you mean 'panda_joint1'"),
+        ({"goal": {"joints": READY}, "locked": 5}, "list of names"),
+        ({"goal": {"joints": READY, "point": [0, 0, 0]}}, "unknown key 'point'"),
+    ],
+)
+def test_goals_and_locks_that_make_no_sense_are_refused(panda, values, reason):
+    with pytest.raises(SceneError, match=reason):
+        scene_of({"node": "panda_hand", "start": {"joints": READY}, **values}, mechanism=panda)
+
+
+# --- shortcuts ----------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("name", ["rod", "disc", "discs", "generic"])
+def test_paths_of_vortices_become_shorter_and_stay_clear(root, name):
+    scene = load_scene(root / f"robots/scenes/{name}.toml")
+    raw, short = (plan(scene, planner="vortex", shorten=shorten, seconds=60.0) for shorten in (False, True))
+    assert raw
+    assert short
+    assert length(scene, short.path) < length(scene, raw.path)
+    assert np.array_equal(short.path[0], raw.path[0])
+    assert short.path[-1] == pytest.approx(raw.path[-1], abs=1e-3)
+    clearance = clearance_of(scene)
+    assert min(clearance.least(q) for q in densely(short.path, 2e-3)) >= scene.safety
+    assert short.clearance >= scene.safety
+
+
+def densely(path, step):
+    for begin, end in itertools.pairwise(path):
+        count = max(1, math.ceil(float(np.abs(end - begin).max()) / step))
+        yield from (begin + k / count * (end - begin) for k in range(count))
+    yield path[-1]
+
+
+def test_a_path_along_two_sides_of_a_triangle_becomes_the_third_side():
+    scene = scene_of({"mobile": {"radius": 0.0}, "goal": {"point": [1.0, 0.0]}})
+    path = np.array([[0.0, 0.0], [0.5, 5.0], [1.0, 0.0]])
+    assert np.array_equal(shortened(clearance_of(scene), path, 0.01), path[[0, 2]])
+
+
+def test_a_path_through_an_obstacle_is_not_shortened():
+    disc = {"kind": "disc", "radius": 0.1, "point": [0.5, 0.5]}
+    scene = scene_of({"mobile": {"radius": 0.0}, "goal": {"point": [1.0, 0.0]}, "obstacle": [disc]})
+    assert shortened(clearance_of(scene), np.array([[0.0, 0.5], [1.0, 0.5]]), 0.01) is None
+
+
+def test_motions_are_clear_exactly_where_dense_samples_are(around_post):
+    """Bounding volumes decide most pairs: they must never pass what is too near."""
+    scene = with_joints_locked(around_post)
+    clearance, rng, count = clearance_of(scene), np.random.default_rng(0), {True: 0, False: 0}
+    model = pin.Model(scene.mechanism.model)
+    for _ in range(40):
+        begin = pin.randomConfiguration(model)
+        end = begin + rng.normal(scale=0.3, size=len(begin)) * (model.upperPositionLimit > model.lowerPositionLimit)
+        if not scene.mechanism.limits.within(end):
+            continue
+        least = min(clearance.least(q) for q in densely(np.array([begin, end]), 5e-3))
+        motion = clear_motion(clearance, begin, end, scene.safety)
+        count[motion is not None] += 1
+        assert motion is None or least >= scene.safety
+        assert motion is not None or least < scene.safety + 2e-3
+    assert min(count.values()) >= 5

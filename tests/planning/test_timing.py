@@ -1,0 +1,127 @@
+"""Time-optimal motions along paths: no finite difference of their samples exceeds a limit, and they are fast."""
+
+from __future__ import annotations
+
+import math
+from itertools import pairwise
+
+import numpy as np
+import pinocchio as pin
+import pytest
+from clearings import load, measured
+from scipy.interpolate import CubicHermiteSpline
+
+from cinegen.collision import load_scene, scene_of
+from cinegen.planning import plan
+from cinegen.planning.attempt import PlanStatus
+from cinegen.planning.planner import Plan
+from cinegen.planning.timed_path import timed_path
+from cinegen.planning.timing import averaged, grid_of, time_law
+
+
+def dense(curve, law, count=20001):
+    """Velocities and accelerations of a motion by finite differences, at rest before and after."""
+    times = np.linspace(0.0, law.seconds, count)
+    q = curve(law.at(times)[0])
+    q = np.vstack([q[:1], q, q[-1:]])
+    return np.diff(q, axis=0) / times[1], np.diff(q, n=2, axis=0) / times[1] ** 2
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_nowhere_on_a_random_curve_is_a_limit_exceeded_and_nearly_always_one_is_reached(seed):
+    rng = np.random.default_rng(seed)
+    count, width = int(rng.integers(2, 12)), int(rng.integers(1, 7))
+    points, slopes = rng.normal(size=(2, count, width))
+    s = np.cumsum(rng.uniform(0.5, 2.0, count))
+    velocity, acceleration = rng.uniform(0.5, 3.0, width), rng.uniform(2.0, 20.0, width)
+    curve = CubicHermiteSpline(s, points, slopes)
+    law = time_law(curve, velocity, acceleration, grid_of(s, 20))
+    v, a = dense(curve, law)
+    v, a = np.abs(v) / velocity, np.abs(a) / acceleration
+    assert v.max() <= 1.0 + 1e-6
+    assert a.max() <= 1.0 + 1e-6
+    assert np.mean(np.maximum(v[1:], a).max(axis=1) > 0.8) > 0.8
+
+
+@pytest.mark.parametrize("distance", [0.05, 0.4, 3.0])
+def test_a_straight_line_takes_as_long_as_ramps_of_constant_acceleration_do(distance):
+    velocity, acceleration = 1.5, 6.0
+    curve = CubicHermiteSpline([0.0, 1.0], [[0.0], [distance]], [[distance], [distance]])
+    law = time_law(curve, np.array([velocity]), np.array([acceleration]))
+    full = distance >= velocity**2 / acceleration
+    exact = distance / velocity + velocity / acceleration if full else 2.0 * math.sqrt(distance / acceleration)
+    assert exact - 1e-9 <= law.seconds <= 1.03 * exact
+
+
+def test_averages_keep_velocities_and_accelerations_and_limit_the_jerk():
+    t = np.linspace(0.0, 1.0, 201)[:, None]
+    q = np.where(t < 0.5, 2.0 * t * t, 1.0 - 2.0 * (1.0 - t) ** 2)
+    for count in (2, 7, 40):
+        found = averaged(q, count)
+        assert len(found) == len(q) + count - 1
+        assert found[[0, -1]] == pytest.approx(q[[0, -1]], abs=1e-12)
+        still = np.vstack([*[found[:1]] * 3, found, *[found[-1:]] * 3])
+        assert np.abs(np.diff(still, axis=0)).max() * 200 <= 2.0
+        assert np.abs(np.diff(still, n=2, axis=0)).max() * 200**2 <= 4.0 * (1 + 1e-9)
+        assert np.abs(np.diff(still, n=3, axis=0)).max() * 200**3 <= 2.0 * 4.0 / (count / 200) * (1 + 1e-9)
+
+
+def law_abiding(found, scene, acceleration=10.0, prismatic=2.5):
+    """Check a timed path by finite differences, and by distances of coal itself."""
+    mechanism, rate = scene.mechanism, 1.0 / found.times[1]
+    steps = np.array([pin.difference(mechanism.model, a, b) for a, b in pairwise(found.q)])
+    columns = [mechanism.v_index(joint) for joint in mechanism.actuated]
+    v, steps = mechanism.model.upperVelocityLimit[columns], steps[:, columns]
+    slides = np.array([mechanism.is_prismatic(joint) for joint in mechanism.actuated])
+    v = np.where(np.isfinite(v), v, np.where(slides, 0.25, 1.0))
+    assert (np.abs(steps) * rate <= v * (1.0 + 1e-6)).all()
+    changes = np.diff(np.pad(steps, ((1, 1), (0, 0))), axis=0) * rate**2
+    assert (np.abs(changes) <= np.where(slides, prismatic, acceleration) * (1.0 + 1e-6)).all()
+    assert max(map(mechanism.closure, found.q)) <= 1e-9
+    return np.abs(changes).max() / acceleration
+
+
+@pytest.mark.parametrize("name", ["rod", "disc"])
+def test_plans_of_the_paper(root, name):
+    scene = load_scene(root / f"robots/scenes/{name}.toml")
+    found = plan(scene)
+    motion = timed_path(found)
+    assert not motion.follows
+    assert law_abiding(motion, scene) > 0.9  # it is fast, too
+    assert motion.q[[0, -1]] == pytest.approx(found.path[[0, -1]], abs=1e-9)
+    assert min(measured(found._clearance, q).min() for q in motion.q) >= scene.safety - 3e-6
+    slower = timed_path(found, acceleration=2.0, jerk=40.0)
+    law_abiding(slower, scene, 2.0)
+    jerks = np.diff(np.vstack([*[slower.q[:1]] * 3, slower.q, *[slower.q[-1:]] * 3]), n=3, axis=0) * 100.0**3
+    assert np.abs(jerks).max() <= 40.0 * (1.0 + 1e-6)
+
+
+def test_a_path_of_a_closed_robot():
+    mechanism = load("delta4")
+    scene = scene_of({"start": {}, "goal": {"point": [0.0, 0.0, 0.0]}}, mechanism=mechanism)
+    there = mechanism.configuration({joint: mechanism.q_home[mechanism.q_index(joint)] + 0.3 for joint in ("joint1",)})
+    path = np.array([mechanism.q_home, mechanism.close(there, locked=mechanism.actuated), mechanism.q_home])
+    found = made(scene, path)
+    motion = timed_path(found)
+    law_abiding(motion, scene)
+
+
+def test_where_a_corner_can_not_be_cut_it_stops_there():
+    """A point goes around a corner of a box at exactly the safety distance."""
+    box = {"name": "box", "kind": "box", "size": [0.5, 0.5], "point": [0.25, 0.25]}
+    scene = scene_of(
+        {"mobile": {"radius": 0.0}, "safety": 0.1, "start": {"point": [-0.1, 0.4]}, "goal": {"point": [0.4, -0.1]},
+         "obstacle": [box]}
+    )  # fmt: skip
+    found = made(scene, np.array([[-0.1, 0.4], [-0.1, -0.1], [0.4, -0.1]]))
+    motion = timed_path(found)
+    law_abiding(motion, scene)
+    assert min(measured(found._clearance, q).min() for q in motion.q) >= 0.1 - 3e-6
+
+
+def made(scene, path):
+    """A plan with a path of our own."""
+    from cinegen.collision import clearance_of
+    from cinegen.collision.mesh_check import MeshCheck
+
+    return Plan(scene, PlanStatus.REACHED, path, (), "", clearance_of(scene), MeshCheck(scene))

@@ -1,0 +1,286 @@
+"""Files that are made to break a reader: each is refused with a message, at once, and without a word of others."""
+
+from __future__ import annotations
+
+import json
+import os
+import warnings
+from pathlib import Path
+
+import pytest
+
+import cinegen
+from cinegen.errors import CinegenError
+from raff2urdf import RaffError
+from raff2urdf.errors import did_you_mean
+from raff2urdf.readers import read
+
+URDF = """<robot name="r">
+<link name="a"/><link name="b"/><link name="c"/>
+<joint name="j" type="continuous"><parent link="a"/><child link="b"/>{0}</joint>
+<joint name="k" type="continuous"><parent link="b"/><child link="c"/></joint>
+{1}</robot>"""
+BODY = '<mujoco><worldbody><body name="a" {0}><joint name="j" {1}/><geom size="1"/></body></worldbody></mujoco>'
+SDF = """<sdf version="1.9"><model name="m"><link name="a"/><link name="b">{0}</link>
+<joint name="j" type="revolute"><parent>a</parent><child>b</child><axis><xyz>0 0 1</xyz></axis></joint>
+{1}</model></sdf>"""
+PIN = "pin_loops: [{{name: l, parent: a, child: c, parent_xyz: [{0}, 0, 0], child_xyz: [0, 0, 0], axis: [0, 0, {1}]}}]"
+HINGE = "closures: [{link_a: a, link_b: c, point: [0, 0, 0], axis: [0, 0, 1]}]\n"
+
+
+def refused(folder: Path, message: str, **files: str) -> None:
+    """Write files, the first of which is the robot's, and check the error."""
+    for name, text in files.items():
+        (folder / name.replace("__", ".")).write_text(text, encoding="utf-8")
+    path = folder / next(iter(files)).replace("__", ".")
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        with pytest.raises((RaffError, cinegen.CinegenError), match=message):
+            cinegen.load(path)
+
+
+# --- numbers -----------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("number", ["1e308", "-1e308", "1e309", ".inf", ".nan", "9" * 400])
+def test_numbers_of_loop_closures_yaml(tmp_path: Path, number: str) -> None:
+    for text in (PIN.format(number, 1), PIN.format(0, number)):
+        refused(tmp_path, "must be three numbers", r__urdf=URDF.format("", ""), loop_closures__yaml=text)
+
+
+@pytest.mark.parametrize(
+    ("attributes", "message"),
+    [
+        (('quat="1e308 0 0 1e308"', ""), "the orientation of a body is not a rotation"),
+        (('quat="1 1e308 0 0"', ""), "the orientation of a body is not a rotation"),
+        (('pos="1e308 0 0"', ""), "a number of a body is beyond"),
+        (("", 'axis="0 1e308 1e308"'), "the orientation of a joint is not a rotation"),
+        (("", 'pos="0 0 1e308"'), "a number of a joint is beyond"),
+    ],
+)
+def test_numbers_of_mjcf(tmp_path: Path, attributes: tuple[str, str], message: str) -> None:
+    pytest.importorskip("mujoco")
+    refused(tmp_path, message, r__xml=BODY.format(*attributes))
+
+
+def test_numbers_of_couplings_in_raff(tmp_path: Path) -> None:
+    coupling = 'coupling { name "c" link 2 link 1 ratio -1e308 }'
+    text = f"RAFF x\nrobot r {{ base {{ }} link 1 {{ type 2 pred 0 }} link 2 {{ type 2 pred 1 }}\n{coupling} }}"
+    refused(tmp_path, r"coupling 'c': the coefficients of 'joint1' are below 1e-13 or beyond 1e\+13", r__raff=text)
+
+
+@pytest.mark.parametrize("number", ["4e-324", "1e-14", "1e14"])
+def test_coefficients_of_couplings(tmp_path: Path, number: str) -> None:
+    text = URDF.format(f'<mimic joint="k" multiplier="{number}"/>', "")
+    refused(tmp_path, r"coefficients of 'k' are below 1e-13 or beyond 1e\+13|must be|number", r__urdf=text)
+
+
+def test_a_velocity_limit_that_would_be_taken_for_none(tmp_path: Path) -> None:
+    urdf = URDF.format('<limit effort="1" velocity="1e-13"/>', "")
+    message = "velocity limit of {0} is 1e-13: it must be above 0, and not as slow as 1e-12 rad/s or m/s"
+    refused(tmp_path, message.format("joint 'j'"), r__urdf=urdf)
+    raff = "RAFF x\nrobot r { base { } link 1 { type 2 pred 0 velocity 1e-13 } }"
+    refused(tmp_path, message.format("link 1"), r__raff=raff)
+
+
+@pytest.mark.parametrize(
+    ("shape", "message"),
+    [
+        ('<box size="1 1"/>', "size=\"1 1\" of <box> in link 'b' must be 3 numbers"),
+        ("<box/>", "size=\"\" of <box> in link 'b' must be 3 numbers"),
+        ('<sphere radius="1e308"/>', "radius=\"1e308\" of <sphere> in link 'b' must be a number"),
+        ('<cylinder radius="1"/>', "length=\"\" of <cylinder> in link 'b' must be a number"),
+        ('<mesh filename="x.stl" scale="1"/>', "scale=\"1\" of <mesh> in link 'b' must be 3 numbers"),
+    ],
+)
+def test_shapes(tmp_path: Path, shape: str, message: str, capfd: pytest.CaptureFixture[str]) -> None:
+    """URDF's own parser prints an error, and leaves them out."""
+    text = URDF.format("", "").replace(
+        '<link name="b"/>', f'<link name="b"><visual>\n<geometry>{shape}</geometry></visual></link>'
+    )
+    refused(tmp_path, message, r__urdf=text)
+    assert capfd.readouterr() == ("", "")
+
+
+@pytest.mark.parametrize("value", ["1,5", "1e308", "nan", ""])
+def test_masses(tmp_path: Path, value: str, capfd: pytest.CaptureFixture[str]) -> None:
+    """URDF's own parser prints an error, and goes on."""
+    text = URDF.format("", "").replace(
+        '<link name="b"/>', f'<link name="b"><inertial>\n<mass value="{value}"/></inertial></link>'
+    )
+    refused(tmp_path, rf"r.urdf:3: value=\"{value}\" of <mass> in link 'b' must be a number", r__urdf=text)
+    assert capfd.readouterr() == ("", "")
+
+
+@pytest.mark.parametrize(
+    ("inertial", "lacks"),
+    [
+        ('<mass value="1"/>', "inertia"),
+        ('<inertia ixx="1" ixy="0" ixz="0" iyy="1" iyz="0" izz="1"/>', "mass"),
+        ('<mass value="1"/><inertia ixx="1" ixy="0" ixz="0" iyy="1" iyz="0"/>', "izz of <inertia>"),
+    ],
+)
+def test_an_incomplete_mass_is_reported(
+    tmp_path: Path, inertial: str, lacks: str, capfd: pytest.CaptureFixture[str]
+) -> None:
+    path = tmp_path / "r.urdf"
+    given = f'<link name="b"><inertial>{inertial}</inertial></link>'
+    path.write_text(URDF.format("", "").replace('<link name="b"/>', given))
+    with pytest.warns(
+        cinegen.CinegenWarning, match=rf"r.urdf:2: the <inertial> of link 'b' has no {lacks}: its mass is"
+    ):
+        cinegen.load(path)
+    assert capfd.readouterr() == ("", "")
+
+
+# --- structure ---------------------------------------------------------------------------------------------------
+
+ENTITIES = "".join(f'<!ENTITY {chr(98 + i)} "{f"&{chr(97 + i)};" * 10}">' for i in range(9))
+LAUGHS = f'<!DOCTYPE l [<!ENTITY a "aaaaaaaaaa">{ENTITIES}]>'
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        (LAUGHS + '<robot name="r"><link name="&j;"/></robot>', "amplification factor exceeded"),
+        (LAUGHS + '<robot name="r"><link name="a">&j;</link></robot>', "amplification factor exceeded|is not read"),
+        ("<robot>" + 5000 * "<a>" + 5000 * "</a>" + "</robot>", "Excessive depth"),
+        ('<: e=""/>', "its first element is <:>: this is not a robot"),
+        ('<xacro:robot name="r"/>', "its first element is <xacro:robot>: this is not a robot"),
+        (URDF.format("", "").replace('"b"', '"b&#10;x"'), r"'b\\nx' of this link holds a character that can't be"),
+        (URDF.format("", "").replace('"j"', '"j&#x202e;"'), r"of this joint holds a character that can't be printed"),
+    ],
+)
+def test_xml(tmp_path: Path, text: str, message: str) -> None:
+    refused(tmp_path, message, r__urdf=text)
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("a: &a [a, c]\n" + "".join(f"b{i}: &b{i} [*a, *a]\n" for i in range(9)), r":2: .*aliases are not read"),
+        ("closures: &a [*a, a, c]\n", r":1: .*aliases are not read"),
+        (HINGE + "closures: []\n", r":2: .*the key 'closures' is repeated"),
+        (HINGE.replace("axis: ", "point: [1, 0, 0], axis: "), r":1: .*the key 'point' is repeated"),
+        ("closures: " + 5000 * "[", r":1: its values are nested too deeply"),
+        (HINGE.replace("0, 0, 1", "2001-99-99, 0, 1"), "month must be in"),
+        (HINGE.replace("0, 0, 1", "9" * 5000 + ", 0, 1"), "Exceeds the limit"),
+        (HINGE.replace("[0, 0, 1]", "!!python/object/apply:os.getcwd []"), "could not determine a constructor"),
+        ("# a c\n" * 400_000, "is larger than 2 MB"),
+        ("closures: [{link_a: [a], link_b: c, point: a}]\n", "must be a link of the URDF, not '\\['a'\\]'"),
+    ],
+)
+def test_yaml(tmp_path: Path, text: str, message: str) -> None:
+    refused(tmp_path, message, r__urdf=URDF.format("", ""), loop_closures__yaml=text)
+
+
+def test_robot_yaml_without_aliases_too(tmp_path: Path) -> None:
+    text = "closed_loop: &a [[a, c]]\ntype: *a\n"
+    refused(tmp_path, r"robot.yaml:2: .*aliases are not read", r__urdf=URDF.format("", ""), robot__yaml=text)
+
+
+def test_a_joint_of_sdf_that_is_misspelt_is_no_loss(tmp_path: Path) -> None:
+    text = SDF.format("", '<joiint name="k" type="revolute"><parent>a</parent><child>b</child></joiint>')
+    refused(tmp_path, "<joiint> 'k' seems to declare a loop or a coupling, which can't be read", r__sdf=text)
+
+
+def sidecar(**values: object) -> str:
+    joints = [{"name": "j", "home": 0}, {"name": "k", "home": 0}]
+    given = {"format": "raff2urdf constraints", "version": 2, "robot": "r", "nodes": ["a", "b", "c"]}
+    return json.dumps(given | {"joints": joints, "loops": [], "mobility": 2} | values)
+
+
+@pytest.mark.parametrize(
+    ("values", "message"),
+    [
+        ({"robot": "\x1b[2J"}, r"\$.robot: this text holds a character that can't be printed"),
+        (
+            {"sensor_constraints": [{"node": "c", "sensors": [0, 7]}]},
+            r"sensors\[1\]: sensor 7 is not listed in sensors",
+        ),
+        ({"loops": json.loads(900 * "[" + 900 * "]")}, r"\$.loops\[0\]: "),
+        ({"nodes": [f"{i:04}" for i in range(600_000)]}, "constraints.json: is not read: it is larger than 4 MB"),
+    ],
+)
+def test_constraints(tmp_path: Path, values: dict[str, object], message: str) -> None:
+    refused(tmp_path, message, r__urdf=URDF.format("", ""), r__constraints__json=sidecar(**values))
+
+
+def test_stated_mobility_in_the_urdf_names_the_urdf(root: Path, tmp_path: Path) -> None:
+    import raff2urdf
+
+    (conversion,) = raff2urdf.convert(root / "robots" / "four_bar.raff", tmp_path, dialect="constraint")
+    (tmp_path / "four_bar.constraints.json").unlink()
+    text = conversion.file.read_text().replace('"mobility": 1', '"mobility": 2')
+    refused(tmp_path, r"four_bar.urdf: raff:robot: at \$.mobility: 2 is stated, but", four_bar__urdf=text)
+
+
+def test_words_of_any_length_are_compared_at_once() -> None:
+    assert did_you_mean("a" * 1_000_000, ["b" * 1_000_000]) == f" (known: {'b' * 100})"
+    assert did_you_mean("alpah", ["alpha"] * 100_000) == ": did you mean 'alpha'?"
+
+
+# --- files that are none -----------------------------------------------------------------------------------------
+
+
+def test_devices_and_pipes_next_to_a_urdf(tmp_path: Path) -> None:
+    (tmp_path / "r.urdf").write_text(URDF.format("", ""))
+    for name in ("r.constraints.json", "robot.yaml", "loop_closures.yaml"):
+        os.mkfifo(tmp_path / name)
+        if name == "r.constraints.json":
+            refused(tmp_path, "r.constraints.json: is not a file", r__urdf=URDF.format("", ""))
+        else:
+            assert read(tmp_path / "r.urdf").constraints is None
+        (tmp_path / name).unlink()
+
+
+@pytest.mark.skipif(not Path("/dev/zero").exists(), reason="no /dev/zero")
+@pytest.mark.parametrize("name", ["r.urdf", "r.raff", "r.sdf", "r.xml"])
+def test_a_file_without_an_end(tmp_path: Path, name: str) -> None:
+    (tmp_path / name).symlink_to("/dev/zero")
+    with pytest.raises((RaffError, cinegen.CinegenError), match="this is a device, not a file"):
+        cinegen.load(tmp_path / name)
+
+
+def test_a_file_of_gigabytes(tmp_path: Path) -> None:
+    with open(tmp_path / "r.urdf", "wb") as file:
+        file.truncate(300_000_000)
+    with pytest.raises(cinegen.CinegenError, match=r"r\.urdf: is not read: it is larger than 256 MB"):
+        cinegen.load(tmp_path / "r.urdf")
+
+
+@pytest.mark.parametrize("element", ["<include file='{0}'/>", "<asset><model name='x' file='{0}'/></asset>"])
+def test_mjcf_includes_files_near_it_only(tmp_path: Path, element: str) -> None:
+    pytest.importorskip("mujoco")
+    folder = tmp_path / "some" / "robot"
+    folder.mkdir(parents=True)
+    (tmp_path / "secret.xml").write_text("<mujocoinclude/>")
+    (folder / "link.xml").symlink_to(tmp_path / "secret.xml")
+    os.mkfifo(folder / "pipe.xml")
+    body = BODY.format("", "").removeprefix("<mujoco>")
+    for file in ("../../secret.xml", str(tmp_path / "secret.xml"), "link.xml"):
+        refused(folder, rf"r.xml:1: the file '{file}' leads out of", r__xml="<mujoco>" + element.format(file) + body)
+    refused(folder, "'pipe.xml' is not a regular file", r__xml="<mujoco>" + element.format("pipe.xml") + body)
+
+
+def test_an_error_lists_twenty_problems(tmp_path: Path) -> None:
+    links = "\n".join(f"link {i} {{ type 7 pred 0 }}" for i in range(1, 100))
+    (tmp_path / "r.raff").write_text(f"RAFF x\nrobot r {{ base {{ }}\n{links}\n}}")
+    with pytest.raises(RaffError, match=r"and 79 more$") as caught:
+        cinegen.load(tmp_path / "r.raff")
+    assert len(caught.value.problems) == 99
+
+
+def test_warnings_of_expressions_in_xacro(tmp_path: Path) -> None:
+    pytest.importorskip("xacro")
+    xacro = '<robot name="r" xmlns:xacro="http://ros.org/wiki/xacro"><link name="${1inf}"/></robot>'
+    refused(tmp_path, "xacro: invalid syntax", r__xacro=xacro)
+
+
+def test_an_error_quotes_some_of_a_long_text(tmp_path: Path) -> None:
+    text = URDF.format(f'<limit velocity="1e{"a" * 1_000_000}"/>', "")
+    path = tmp_path / "r.urdf"
+    path.write_text(text, encoding="utf-8")
+    with pytest.raises(CinegenError, match="is not a number") as error:
+        cinegen.load(path)
+    assert len(str(error.value)) < 5000

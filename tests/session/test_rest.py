@@ -1,0 +1,159 @@
+"""A session at rest: few ticks, which cost next to nothing, until something is to be done."""
+
+from __future__ import annotations
+
+import json
+import os
+import socket
+import time
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from cinegen.collision import load_scene
+from cinegen.session import Session, SessionRunner, arrange, scene_setup
+from cinegen.session import commands as c
+from cinegen.session.runner import AT_REST
+
+pytestmark = pytest.mark.filterwarnings("ignore:.*no such port:cinegen.CinegenWarning")
+ROBOTS = sorted(path.stem for path in (Path(__file__).parents[2] / "robots").glob("*.raff"))
+
+
+def ticks(session, seconds):
+    for _ in range(round(seconds / session.dt)):
+        session.tick()
+
+
+def becomes(condition, seconds=20.0):
+    end = time.monotonic() + seconds
+    while not condition():
+        if time.monotonic() > end:
+            return False
+        time.sleep(0.001)
+    return True
+
+
+@pytest.mark.parametrize("name", ROBOTS)
+def test_every_robot_comes_to_rest_with_and_without_a_pin(robot, name):
+    session = Session(arrange({name: robot(name)}, rate=100.0))
+    ticks(session, 0.5)
+    assert not session.at_rest
+    ticks(session, 1.0)
+    assert session.at_rest
+    session.obey(c.Pin(name, session.robots[name].mechanism.end))
+    assert not session.at_rest
+    ticks(session, 1.5)
+    assert session.at_rest
+
+
+def test_what_moves_is_not_at_rest(robot):
+    session = Session(arrange({"arm": robot("planar_3r")}, rate=100.0))
+    ticks(session, 1.5)
+    here = session.robots["arm"].placement("tool").translation
+    session.obey(c.StartDrag("arm", "tool", (0.0, 0.0, 0.0)))
+    for k in range(300):
+        session.obey(c.MoveDrag(tuple(here - np.array([1e-4 * k, 0.0, 0.0]))))
+        session.tick()
+        assert not session.at_rest
+    ticks(session, 1.5)
+    assert session.at_rest  # though a part is held
+    session.obey(c.MoveHome())
+    while session.robots["arm"].motion is not None:
+        session.tick()
+        assert not session.at_rest
+    session.obey(c.SetRecording(False))
+    ticks(session, 1.5)
+    assert session.at_rest
+
+
+def test_a_script_or_a_recording_is_not_at_rest_until_the_session_is_paused_or_it_ends(robot, tmp_path):
+    session = Session(arrange({"arm": robot("planar_3r")}, rate=100.0, follow="circle"))
+    ticks(session, 2.0)
+    assert not session.at_rest
+    session.obey(c.Pause(True))
+    ticks(session, 1.5)
+    assert session.at_rest
+    session.close()
+    session = Session(arrange({"arm": robot("planar_3r")}, rate=100.0, record=str(tmp_path / "run.jsonl")))
+    ticks(session, 2.0)
+    assert not session.at_rest
+    session.close()
+
+
+def test_an_obstacle_that_is_dragged_wakes_the_session(root):
+    session = Session(scene_setup(load_scene(root / "robots/scenes/disc.toml"), rate=100.0))
+    ticks(session, 1.5)
+    assert session.at_rest
+    name, obstacle = next((name, one) for name, one in session.obstacles.items() if one.mechanism.mobility)
+    here = obstacle.pose.translation
+    session.obey(c.StartDrag(name, name, (0.0, 0.0, 0.0)))
+    session.obey(c.MoveDrag(tuple(here + np.array([0.05, 0.0, 0.0]))))
+    session.tick()
+    assert not session.at_rest
+    assert np.linalg.norm(obstacle.pose.translation - here) > 1e-4
+
+
+@pytest.mark.parametrize("own_process", [False, True])
+def test_ticks_are_few_at_rest_and_time_goes_on(robot, own_process):
+    with SessionRunner(arrange({"arm": robot("planar_3r")}), own_process) as runner:
+        assert becomes(lambda: runner.state is not None and runner.state.at_rest)
+        before, time_before, begin = runner.report(), runner.state.time, time.monotonic()
+        time.sleep(2.0)
+        after, passed = runner.report(), time.monotonic() - begin
+        assert after.ticks - before.ticks <= AT_REST * passed + 1
+        assert after.skipped == before.skipped
+        assert after.pending == 0
+        assert runner.state.time - time_before == pytest.approx(passed, abs=2.0 / AT_REST)
+        runner.watch(True)
+        time.sleep(1.0)
+        assert 20 <= runner.report().ticks - after.ticks <= 62
+
+
+@pytest.mark.parametrize("own_process", [False, True])
+def test_a_command_is_carried_out_at_once(robot, own_process):
+    """Far sooner than the next tick at rest, also on a busy machine; the robot moves."""
+    with SessionRunner(arrange({"arm": robot("planar_3r")}), own_process) as runner:
+        assert becomes(lambda: runner.state is not None and runner.state.at_rest)
+        q = runner.state.robots["arm"].q
+        delays = []
+        for value in (0.3, -0.3, 0.3, -0.3, 0.3):
+            answered, begin = runner.state.answered, time.monotonic()
+            runner.send(c.MoveJoint("arm", "joint1", value))
+            assert becomes(lambda answered=answered: runner.state.answered > answered)
+            delays.append(time.monotonic() - begin)
+            runner.send(c.EndJointMotion())
+            assert becomes(lambda: runner.state.at_rest)
+        assert min(delays) < 0.05 < 1.0 / AT_REST
+        assert np.abs(runner.state.robots["arm"].q - q).max() > 0.1
+
+
+def test_a_reading_of_a_sensor_wakes_the_session(robot):
+    with socket.create_server(("127.0.0.1", 0)) as free:
+        port = free.getsockname()[1]
+    setup = arrange({"arm": robot("planar_3r")}, sensors=[f"tool=tcp://127.0.0.1:{port}"])
+    with SessionRunner(setup, own_process=False) as runner:
+        assert becomes(lambda: runner.state is not None and runner.state.at_rest)
+        with socket.create_connection(("127.0.0.1", port)) as program:
+            time.sleep(0.5)
+            ticks_before = runner.report().ticks
+            program.sendall(json.dumps({"twist": [-1, 0, 0, 0, 0, 0]}).encode() + b"\n")
+            assert becomes(lambda: not runner.state.at_rest, 1.0)
+            assert becomes(lambda: runner.report().ticks - ticks_before > 100, 5.0)
+
+
+@pytest.mark.skipif(not Path("/proc/self/stat").exists(), reason="processor time is read in /proc")
+def test_a_session_at_rest_costs_next_to_nothing(robot):
+    """Its own process; 2 % of a core at most, of which a fraction is used."""
+    with SessionRunner(arrange({"delta4": robot("delta4")})) as runner:
+        assert becomes(lambda: runner.state is not None and runner.state.at_rest)
+        time.sleep(1.0)
+        pid = runner._clock._worker._process.pid
+
+        def used():
+            fields = Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()
+            return (int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK")
+
+        before = used()
+        time.sleep(5.0)
+        assert (used() - before) / 5.0 < 0.02

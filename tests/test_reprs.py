@@ -1,0 +1,66 @@
+"""What a user gets back prints as words, never as a dump of arrays."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+import cinegen
+from cinegen.hexapod import Hexapod
+from cinegen.singularities.grassmann import classify
+from cinegen.singularities.loci import singular_loci
+from cinegen.singularities.pluecker import LineAtInfinity, LinePlane, PlueckerLine, ProjectivePoint
+from cinegen.singularities.slice import Slice, about_home
+
+
+def results(robot):
+    five_bar, tssm = robot("five_bar"), robot("tssm")
+    yield five_bar
+    yield five_bar.limits
+    yield cinegen.assembly_modes(five_bar)
+    target = five_bar.placement(five_bar.q_home, five_bar.end)
+    yield cinegen.inverse_kinematics(five_bar, {five_bar.end: target})
+    yield cinegen.evaluate(five_bar, five_bar.end, [[1.0, 2.0]])
+    solver = cinegen.Solver(five_bar, 0.01)
+    yield solver.add_task(five_bar.end)
+    yield solver
+    step = solver.step()
+    yield from (step, step.lost_dof, step.uncontrolled_dof)
+    found = cinegen.singularity(tssm, tssm.q_home)
+    yield from (found, found.lost, found.lost_dof, found.legs[0])
+    lines = [PlueckerLine.along(np.zeros(3), axis) for axis in (*np.eye(3), np.ones(3))]
+    dependence = classify(lines, 1.0)
+    yield from (dependence, *dependence.sets, dependence.motions, *dependence.sets[0].points)
+    yield from (LineAtInfinity(np.eye(3)[0]), LinePlane(np.eye(3)[1], 0.5), ProjectivePoint(np.eye(3)[2], True))
+    loci = singular_loci(Slice(five_bar, (about_home(five_bar, "x"), about_home(five_bar, "y")), {}), 9)
+    yield from (loci, loci.curves[0])
+    base, platform = np.random.default_rng(4).normal(size=(2, 6, 3))
+    yield Hexapod(base, platform).modes(np.full(6, 3.0))
+
+
+def test_results_print_as_words(robot):
+    for result in results(robot):
+        text = repr(result)
+        assert text.startswith(f"<{type(result).__name__}") or text.startswith("<"), text
+        assert "array(" not in text, text
+        assert " object at 0x" not in text, text
+        assert "\n" not in text, text
+        assert len(text) < 500, text
+
+
+def test_a_singularity_prints_its_description(robot):
+    found = cinegen.singularity(robot("planar_3r"), np.zeros(3))
+    assert repr(found) == f"<Singularity: {found.message}; of tool>"
+    assert "tool loses, or nearly, a translation along (1, 0, 0)" in repr(found)
+
+
+@pytest.mark.parametrize(
+    ("thing", "text"),
+    [
+        (PlueckerLine.along([0, 0, 1], [1, 0, 0]), "<PlueckerLine through (0, 0, 1) along (1, 0, 0)>"),
+        (ProjectivePoint(np.array([0.0, 0.0, 1.0]), True), "<ProjectivePoint at infinity, towards (0, 0, 1)>"),
+        (LinePlane(np.array([0.0, -0.0, 1.0]), 0.25), "<LinePlane with normal (0, 0, 1) at 0.25 from the origin>"),
+    ],
+)
+def test_geometry_prints_its_numbers(thing, text):
+    assert repr(thing) == text
