@@ -15,11 +15,9 @@ from raff2urdf.constraints import HASH, Constraints, UrdfSummary, load, loads
 from raff2urdf.errors import RaffError, RaffWarning
 from raff2urdf.readers.successive import moving
 from raff2urdf.readers.urdf import IGNORE, hash_of, parse, root_first
+from raff2urdf.readers.xml_file import own_element
 
 ENDING = ".constraints.json"
-OWN_ELEMENT = "{urn:raff2urdf}robot"
-"""Element of a URDF with the contents of its constraints file as text."""
-
 _LARGEST = 4_000_000  # bytes of a file that is searched or read
 
 
@@ -66,12 +64,12 @@ def loops_of(urdf: Path, text: str) -> tuple[str, Constraints] | None:
 
 
 def embedded(urdf: Path, text: str) -> Constraints | None:
-    """Return the constraints in the element `raff:robot` of a URDF; None if it has none.
+    """Return the constraints in the element `raff:robot` of a URDF, which are JSON; None if it has none.
 
     Raises:
         RaffError: they are wrong, or contradict the URDF or its constraints file.
     """
-    found = parse(text, str(urdf)).find(OWN_ELEMENT)
+    found = own_element(parse(text, str(urdf)), str(urdf))
     if found is None:
         return None
     name = f"{urdf}:{found.sourceline}: raff:robot"

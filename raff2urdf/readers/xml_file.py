@@ -21,6 +21,9 @@ _HARMLESS = (
 )
 """Violations that programs which read robots ignore."""
 
+NAMESPACE = "urn:raff2urdf"
+"""Namespace of the elements with which raff2urdf writes what a format has no notation for; its prefix is raff."""
+
 _INCLUDE = "{http://www.w3.org/2001/XInclude}include"
 _MARKS = ((codecs.BOM_UTF8, "utf-8-sig"), (codecs.BOM_UTF16_LE, "utf-16"), (codecs.BOM_UTF16_BE, "utf-16"))
 
@@ -77,6 +80,32 @@ def parse_xml(text: str, name: str) -> Any:
         for element in tree.iter(f"{own}*"):
             element.tag = element.tag.removeprefix(own)
     return tree
+
+
+def own_element(parent: Any, name: str) -> Any | None:
+    """Return the element `raff:robot` in a robot or a model; None if it has none.
+
+    Args:
+        parent: the robot or the model.
+        name: of the file, in errors.
+
+    Raises:
+        RaffError: another element of raff2urdf would not be read, because of its place or its namespace.
+    """
+    found = parent.find(f"{{{NAMESPACE}}}robot")
+    for one in parent.getroottree().iter("*"):
+        space, _, tag = one.tag.removeprefix("{").rpartition("}")
+        if space != NAMESPACE and one.prefix != "raff" and not tag.startswith("raff:"):
+            continue
+        around = list(one.iterancestors())
+        if one is found or found in around:
+            continue
+        if parent in around or not any(other.tag == "model" for other in around):
+            own, twice = tag.removeprefix("raff:"), found is not None and tag == "robot"
+            place = "there is one already" if twice else f"only the element <raff:robot> of the <{parent.tag}> is read"
+            space = "" if space == NAMESPACE else f', with the namespace xmlns:raff="{NAMESPACE}"'
+            raise error_at(name, one, f"<raff:{own}> would be lost: {place}{space}")
+    return found
 
 
 def error_at(name: str, element: Any, message: str) -> RaffError:

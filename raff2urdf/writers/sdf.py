@@ -33,6 +33,7 @@ from numpy.typing import NDArray
 from raff2urdf.coupling import Coupling
 from raff2urdf.errors import RaffWarning
 from raff2urdf.placement import roll_pitch_yaw, translation
+from raff2urdf.readers.xml_file import NAMESPACE
 from raff2urdf.tree import BASE_JOINT, WORLD
 from raff2urdf.urdf_model import UrdfJoint
 from raff2urdf.writers.inertia import Inertia, Inertias, inertias, sum_of
@@ -46,9 +47,6 @@ if TYPE_CHECKING:
 Array = NDArray[np.float64]
 
 VERSION, MIMIC_VERSION = "1.7", "1.11"
-
-NAMESPACE = "urn:raff2urdf"
-"""Namespace of the elements that are not SDF's."""
 
 _LOOP_TYPES = {"rigid": "fixed", "prismatic": "prismatic", "revolute": "revolute", "ball": "ball"}
 _UNLIMITED = 1e16  # SDF's limit of a joint without limits

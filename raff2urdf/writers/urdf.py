@@ -26,8 +26,9 @@ from raff2urdf.graphics.skeleton import SkeletonDrawing
 from raff2urdf.raff.document import Document, JointType, RaffLink, RaffNode, RaffPart, RaffRobot
 from raff2urdf.raff.kleinfinger import transform
 from raff2urdf.readers.declared_loops import note
-from raff2urdf.readers.sidecar import ENDING, OWN_ELEMENT
+from raff2urdf.readers.sidecar import ENDING
 from raff2urdf.readers.urdf import UNLIMITED, hash_of
+from raff2urdf.readers.xml_file import NAMESPACE
 from raff2urdf.tree import BASE_JOINT, WORLD, kleinfinger, limits, moved, velocity
 from raff2urdf.urdf_model import UrdfJoint, UrdfLimit, UrdfLink, UrdfRobot, to_xml
 from raff2urdf.writers.xml_text import text_of
@@ -46,7 +47,7 @@ def files(translation: Translation, stem: str, options: WriteOptions) -> dict[st
         more = _add_dialect(root, translation, stem, options.dialect)
     values = constraints_file.for_urdf(values, hash_of(root, f"{stem}.urdf"))
     if options.dialect != "json":
-        own = etree.SubElement(root, OWN_ELEMENT, nsmap={"raff": etree.QName(OWN_ELEMENT).namespace})
+        own = etree.SubElement(root, f"{{{NAMESPACE}}}robot", nsmap={"raff": NAMESPACE})
         text = re.sub("[\ufffe\uffff]", lambda found: f"\\u{ord(found[0]):04x}", constraints_file.dumps(values))
         own.text = etree.CDATA("\n" + text)  # XML has not all characters
     return {f"{stem}.urdf": text_of(root).encode(), sidecar: constraints_file.dumps(values).encode(), **more}

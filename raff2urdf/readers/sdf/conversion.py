@@ -41,10 +41,9 @@ from raff2urdf.readers.sdf.model import (
 from raff2urdf.readers.urdf import numbers, parse
 from raff2urdf.readers.urdf_builder import Shape, UrdfBuilder, leave_out, material, shapes
 from raff2urdf.readers.urdf_tree import UrdfTree
-from raff2urdf.readers.xml_file import error_at, parse_xml
+from raff2urdf.readers.xml_file import NAMESPACE, error_at, parse_xml
 from raff2urdf.tree import BASE_JOINT, WORLD
 from raff2urdf.urdf_model import UrdfMaterial, UrdfVisual
-from raff2urdf.writers.sdf import NAMESPACE
 from raff2urdf.writers.tree_at_home import SIZES
 
 Array = NDArray[np.float64]

@@ -16,9 +16,8 @@ from raff2urdf.errors import RaffError, did_you_mean, limits_reversed
 from raff2urdf.placement import from_origin, from_quaternion, inverse
 from raff2urdf.readers.urdf import SIZE, UNLIMITED, by_name, direction, limit_value, number, numbers
 from raff2urdf.readers.urdf_builder import UNBOUNDED
-from raff2urdf.readers.xml_file import error_at
+from raff2urdf.readers.xml_file import error_at, own_element
 from raff2urdf.tree import WORLD
-from raff2urdf.writers.sdf import NAMESPACE
 
 Array = NDArray[np.float64]
 
@@ -119,7 +118,7 @@ class SdfModelReader:
         if element.get("canonical_link") is not None:
             found.root = poses.canonical()
         found.static = element.findtext("static", "").strip() in ("1", "true")
-        found.own = element.find(f"{{{NAMESPACE}}}robot")
+        found.own = own_element(element, self.name)
         return found
 
     def _error(self, element: Any, message: str) -> RaffError:

@@ -11,7 +11,7 @@ import pytest
 
 import cinegen
 from cinegen.errors import CinegenError
-from raff2urdf import RaffError
+from raff2urdf import RaffError, RaffWarning
 from raff2urdf.errors import did_you_mean
 from raff2urdf.readers import read
 
@@ -213,6 +213,40 @@ def test_stated_mobility_in_the_urdf_names_the_urdf(root: Path, tmp_path: Path) 
     (tmp_path / "four_bar.constraints.json").unlink()
     text = conversion.file.read_text().replace('"mobility": 1', '"mobility": 2')
     refused(tmp_path, r"four_bar.urdf: raff:robot: at \$.mobility: 2 is stated, but", four_bar__urdf=text)
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "why"),
+    [
+        ("raff:robot", "orbot", r"<raff:joint> would be lost: only the element <raff:robot> of the <model> is read"),
+        (
+            "raff:robot",
+            "raff:orbot",
+            "<raff:orbot> would be lost: only the element <raff:robot>",
+        ),
+        ("urn:raff2urdf", "urn:raff", '<raff:robot> would be lost: .* with the namespace xmlns:raff="urn:raff2urdf"'),
+        ("xmlns:raff", "xmlns:raf", '<raff:robot> would be lost: .* with the namespace xmlns:raff="urn:raff2urdf"'),
+        ("</model>", "<raff:robot/></model>", "<raff:robot> would be lost: there is one already"),
+        ("</model>", "</model><raff:robot/>", "<raff:robot> would be lost: there is one already"),
+        ("</link>", "<raff:coupling/></link>", "<raff:coupling> would be lost: only the element <raff:robot>"),
+    ],
+)
+def test_own_elements_are_read_or_refused(root: Path, tmp_path: Path, old: str, new: str, why: str) -> None:
+    import raff2urdf
+
+    with pytest.warns(RaffWarning, match="SDF has no notation for screw"):
+        (conversion,) = raff2urdf.convert(root / "robots" / "scara.raff", tmp_path, format="sdf")
+    text = conversion.file.read_text()
+    refused(tmp_path, rf"scara.sdf:\d+: {why}", scara__sdf=text.replace(old, new))
+
+
+def test_own_elements_of_a_urdf_are_read_or_refused(root: Path, tmp_path: Path) -> None:
+    import raff2urdf
+
+    (conversion,) = raff2urdf.convert(root / "robots" / "four_bar.raff", tmp_path, dialect="constraint")
+    (tmp_path / "four_bar.constraints.json").unlink()
+    text = conversion.file.read_text().replace("raff:robot", "raff:orbot")
+    refused(tmp_path, r"four_bar.urdf:\d+: <raff:orbot> would be lost", four_bar__urdf=text)
 
 
 def test_words_of_any_length_are_compared_at_once() -> None:
