@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Literal
 
 from cinegen.cli.files import check_outputs, count, empty
 from cinegen.cli.numbers import quantity_option
-from cinegen.cli.options import FILES, RobotOptions, exclude, option
+from cinegen.cli.options import FILES, SELF_CLEARANCE, RobotOptions, exclude, option
 from cinegen.cli.page import PageOptions, write_page
 from raff2urdf.command_line import UsageError
 from raff2urdf.files import stem_of
@@ -35,6 +35,7 @@ def run(
     ),
     record: Path | None = option("FILE.jsonl", "record the motion, for `cinegen replay` and `export`"),
     snapshot: Path | None = option("FILE.html", "write a page that needs no server: now, or after --seconds"),
+    self_clearance: float | None = SELF_CLEARANCE,
     rate: float = quantity_option("HZ", "ticks per second (Hz)", FREQUENCY, 1000.0, least=10.0, most=1e4),
 ) -> int:
     """Drive robots in a page: drag any part, move actuated joints, plug in sensors.
@@ -48,6 +49,8 @@ def run(
     if scene is None:
         if not files:
             raise UsageError("nothing to drive: name a file of a robot, or a scene with --scene SCENE.toml")
+        if self_clearance is not None:
+            raise UsageError("--self-clearance is kept in a scene: name one with --scene SCENE.toml")
         from cinegen.session import arrange
 
         loaded = robots.load(files)
@@ -65,7 +68,7 @@ def run(
         from cinegen.collision import load_scene
         from cinegen.session import scene_setup
 
-        loaded_scene = load_scene(scene, robots.ignore_loops, robots.ignore)
+        loaded_scene = load_scene(scene, robots.ignore_loops, robots.ignore, robots.srdf, self_clearance)
         recorded = str(record) if record else None
         setup = scene_setup(loaded_scene, sensor, _shape(follow or "still"), node, rate, recorded)
     if record:

@@ -14,7 +14,7 @@ from cinegen.errors import CinegenError
 from raff2urdf.command_line import UsageError
 from raff2urdf.extras import needs
 from raff2urdf.files import stem_of
-from raff2urdf.quantities import TIME, show_lengths_in
+from raff2urdf.quantities import LENGTH, TIME, show_lengths_in
 
 if TYPE_CHECKING:
     from cinegen.model import Mechanism
@@ -61,6 +61,8 @@ JSON = flag("--json", "print JSON: m, rad and s; docs/commands.md lists the keys
 NODE = option("NAME", "node whose pose is meant (default: the last of the file)")
 PLOT = option("FILE", "draw a picture: .png, .svg or .pdf", callback=_check_drawable)
 SECONDS = quantity_option("S", "stop after this time (s; default: at Ctrl-C)", TIME)
+SELF_CLEARANCE = quantity_option("LENGTH", "distance between links of the robot (default: the scene's)", LENGTH)
+SRDF = option("FILE", "SRDF with pairs of links that may collide (default: the one next to a URDF)")
 UNITS = option(None, "unit of lengths in text and pictures; angles are in degrees", "m", callback=_show_units)
 VIEW = flag("--view", "show the result in the page")
 
@@ -79,6 +81,7 @@ class RobotOptions:
         "", "loops that are nearly redundant: use weaker joints (--no-relax: keep them; default: heal)", None,
         "--relax/--no-relax",
     )  # fmt: skip
+    srdf: Path | None = SRDF
     units: Literal["m", "mm"] = UNITS
 
     def load(self, files: Iterable[Path]) -> dict[str, tuple[Mechanism, Path]]:
@@ -99,7 +102,7 @@ class RobotOptions:
         for file in files:
             wanted = robots(file) if self.robot is None else [self.robot]
             for robot in wanted:
-                mechanism = load(file, robot, loops, self.ignore_loops, self.ignore, self.relax)
+                mechanism = load(file, robot, loops, self.ignore_loops, self.ignore, self.relax, self.srdf)
                 stem = stem_of(file).encode(errors="replace").decode()  # a file's name need not be UTF-8
                 name = stem if len(wanted) == 1 else f"{stem}.{mechanism.name}"
                 while name in found:

@@ -12,7 +12,7 @@ import typer
 
 from cinegen.cli.files import check_outputs, count, empty, print_result, write_figure
 from cinegen.cli.mode_change import change_advice, change_document, change_lines, goal_text, mode_index
-from cinegen.cli.options import IGNORE, IGNORE_LOOPS, JSON, PLOT, UNITS, VIEW, exclude, option
+from cinegen.cli.options import IGNORE, IGNORE_LOOPS, JSON, PLOT, SELF_CLEARANCE, SRDF, UNITS, VIEW, exclude, option
 from cinegen.cli.page import PageOptions
 from cinegen.cli.progress import Progress
 from cinegen.errors import CinegenError
@@ -51,6 +51,8 @@ def run(
     ),
     ignore_loops: bool = IGNORE_LOOPS,
     ignore: list[str] = IGNORE,
+    srdf: Path | None = SRDF,
+    self_clearance: float | None = SELF_CLEARANCE,
     output: str | None = option(
         "FILE.jsonl", "record the path, for `cinegen replay` and `export`", None, "-o", "--output"
     ),
@@ -73,7 +75,7 @@ def run(
     recording = output_path(output, f"{stem_of(scene)}.jsonl") if output else None
     check_outputs(plot, force=page.force, json=json)
     check_outputs(recording, force=page.force, json=json, remakeable=False)
-    loaded = load_scene(scene, ignore_loops, ignore)
+    loaded = load_scene(scene, ignore_loops, ignore, srdf, self_clearance)
     if not json:
         print("\n".join(_task(loaded, goal_text(mode, loaded) if modes else None)), flush=True)
     change: ModeChange | None = None

@@ -8,7 +8,7 @@ import coal
 
 from cinegen.collision.body import Body
 from cinegen.collision.clearance import Clearance
-from cinegen.collision.self_collision import LinkPairs, PairReason, link_pairs
+from cinegen.collision.self_collision import LinkPairs, PairReason, disabled_by_srdf, link_pairs
 from cinegen.model import Mechanism
 
 
@@ -23,9 +23,13 @@ def collision_report(mechanism: Mechanism) -> dict[str, Any]:
     links: LinkPairs = mechanism.derived(link_pairs)
     clearance = Clearance(mechanism, links.bodies, (), links.of(PairReason.CHECKED))
     depths = dict(zip(links.of(PairReason.CHECKED), (-clearance.distances(mechanism.q_home)).tolist(), strict=True))
+    srdf, disabled = mechanism.source.srdf, disabled_by_srdf(mechanism)
     pairs = []
     for pair, reason in links.reasons.items():
-        found = {"links": [links.bodies[i].name for i in pair], "reason": reason.value}
+        names = [links.bodies[i].name for i in pair]
+        found: dict[str, Any] = {"links": names, "reason": reason.value}
+        if srdf is not None and reason is PairReason.SRDF:
+            found["reason"] = f"disabled by {srdf['file']}: {disabled[frozenset(names)] or 'no reason given'}"
         if depths.get(pair, -1.0) >= 0.0:
             found["depth_at_home"] = depths[pair]
         pairs.append(found)

@@ -7,6 +7,7 @@ import re
 import tomllib
 from collections.abc import Mapping, Sequence
 from pathlib import Path
+from types import MappingProxyType
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -39,13 +40,21 @@ SELF_CLEARANCE = 1e-3
 _STEP = 0.1  # rad or characteristic lengths: largest step of the actuated joints from home to the start
 
 
-def load_scene(path: str | Path, ignore_loops: bool = False, ignore: Sequence[str] = ()) -> Scene:
+def load_scene(
+    path: str | Path,
+    ignore_loops: bool = False,
+    ignore: Sequence[str] = (),
+    srdf: str | Path | None = None,
+    self_clearance: float | None = None,
+) -> Scene:
     """Return the scene of a file; numbers without a unit are in m and degrees.
 
     Args:
         path: a .toml or .json file, or the name of a shipped scene, such as "disc"; `-` is standard input.
         ignore_loops: as for `cinegen.load`, for the robot of the scene.
         ignore: likewise.
+        srdf: likewise; in place of the scene's.
+        self_clearance: distance between links, m, in place of the scene's.
 
     Raises:
         SceneError: the file can't be read, or a value is invalid; the message names the file and the key.
@@ -63,8 +72,11 @@ def load_scene(path: str | Path, ignore_loops: bool = False, ignore: Sequence[st
         raise SceneError(str(error)) from None
     if parse is None:
         parse = _json if text.lstrip().startswith("{") else _toml
-    table = SceneTable(*_angles(parse(text, path), str(path), "deg"))
-    return _scene(table, stem_of(path), path, path.parent, None, (ignore_loops, ignore))
+    values, where, unit = _angles(parse(text, path), str(path), "deg")
+    if self_clearance is not None and isinstance(values, Mapping):
+        values = {**values, "self_clearance": self_clearance}
+    settings = {"ignore_loops": ignore_loops, "ignore": ignore} | ({} if srdf is None else {"srdf": srdf})
+    return _scene(SceneTable(values, where, unit), stem_of(path), path, path.parent, None, settings)
 
 
 def scene_of(values: Mapping[str, Any], folder: str | Path = ".", mechanism: Mechanism | None = None) -> Scene:
@@ -87,7 +99,7 @@ def _scene(
     path: Path | None,
     folder: Path,
     given: Mechanism | None,
-    ignored: _Ignored = (False, ()),
+    settings: _Settings = MappingProxyType({}),
 ) -> Scene:
     name = table.text("name") if "name" in table else name
     safety = table.number("safety") if "safety" in table else SAFETY
@@ -108,7 +120,7 @@ def _scene(
     table.know("node", "robot", "mobile", "allowed_collisions", "locked", "path")
     table.finish()  # before the robot is loaded, which may take a while
 
-    mechanism, written, radius = _robot(table, folder, given, ignored)
+    mechanism, written, radius = _robot(table, folder, given, settings)
     node = table.text("node") if "node" in table else mechanism.end
     if node not in mechanism.nodes:
         raise table.error("node", f"'{node}' is not a node of {mechanism.name}{did_you_mean(node, mechanism.nodes)}")
@@ -177,8 +189,8 @@ def _locked(table: SceneTable, mechanism: Mechanism, goal: Sequence[str]) -> tup
 # --- the robot ---------------------------------------------------------------------------------------------------
 
 
-_Ignored = tuple[bool, Sequence[str]]
-"""`ignore_loops` and `ignore`, as for `cinegen.load`."""
+_Settings = Mapping[str, Any]
+"""Arguments of `cinegen.load`."""
 
 
 class _Robot(NamedTuple):
@@ -189,15 +201,17 @@ class _Robot(NamedTuple):
     radius: float | None
 
 
-def _robot(table: SceneTable, folder: Path, mechanism: Mechanism | None, ignored: _Ignored) -> _Robot:
+def _robot(table: SceneTable, folder: Path, mechanism: Mechanism | None, settings: _Settings) -> _Robot:
     """Return the robot of a scene.
 
     It is given by `robot`, a file that `cinegen.load` reads, or for a file with several robots a table with its `file`
-    and a `name`; or by `mobile`, a table with the `radius` of a disc, m, 0 for a point.
+    and a `name`, or with the file of an `srdf`; or by `mobile`, a table with the `radius` of a disc, m, 0 for a point.
     """
     if "mobile" in table:
         if "robot" in table or mechanism is not None:
             raise table.error("mobile", "cannot be combined with a robot: remove one of them")
+        if "srdf" in settings:
+            raise table.error("mobile", "is a robot of one link, for which there is no SRDF: leave it out")
         inner = table.table("mobile")
         radius = inner.number("radius")
         if radius != 0.0:
@@ -210,18 +224,21 @@ def _robot(table: SceneTable, folder: Path, mechanism: Mechanism | None, ignored
         return _Robot(mechanism, None, None)
     if not table.has_table("robot"):
         text = table.text("robot")
-        return _Robot(mechanism or _load(table, "robot", folder, None, ignored), text, None)
+        return _Robot(mechanism or _load(table, "robot", folder, settings), text, None)
     inner = table.table("robot")
     inner.text("file")
-    name = inner.text("name") if "name" in inner else None
+    if "name" in inner:
+        settings = {**settings, "robot": inner.text("name")}
+    if "srdf" in inner:
+        settings = {"srdf": inner.file("srdf", folder), **settings}
     inner.finish()
-    return _Robot(mechanism or _load(inner, "file", folder, name, ignored), inner.read, None)
+    return _Robot(mechanism or _load(inner, "file", folder, settings), inner.read, None)
 
 
-def _load(table: SceneTable, key: str, folder: Path, name: str | None, ignored: _Ignored) -> Mechanism:
+def _load(table: SceneTable, key: str, folder: Path, settings: _Settings) -> Mechanism:
     path = table.file(key, folder)
     try:
-        return load(path, robot=name, ignore_loops=ignored[0], ignore=ignored[1])
+        return load(path, **settings)
     except (CinegenError, RaffError, OSError) as error:
         raise table.error(key, f"can't be loaded: {error}") from None
 

@@ -1,8 +1,8 @@
 """Which links of a mechanism may collide with each other.
 
-An SRDF lists such pairs, written by hand or found by sampling (S. Chitta, I. Sucan and S. Cousins, "MoveIt!", IEEE
-Robotics and Automation Magazine 19(1), 2012: adjacent links, links in collision by default, always, or never). Here
-they are computed for any mechanism.
+An SRDF lists pairs that may not, written by hand or found by sampling (S. Chitta, I. Sucan and S. Cousins, "MoveIt!",
+IEEE Robotics and Automation Magazine 19(1), 2012: adjacent links, links in collision by default, always, or never). It
+is obeyed if there is one. Other pairs are left out only for reasons that are verified, for any mechanism.
 """
 
 from __future__ import annotations
@@ -48,6 +48,7 @@ class PairReason(Enum):
 
     CHECKED = "checked"
     ADJACENT = "adjacent: connected by a joint or a loop, or at a common point"
+    SRDF = "disabled by the SRDF"
     ALWAYS = "in contact in all sampled configurations"
     RIGID = "no relative motion, or only about a common axis"
 
@@ -88,6 +89,7 @@ def pair_reasons(mechanism: Mechanism, bodies: Sequence[Body]) -> dict[tuple[int
     - The joints are adjacent by structure (see `adjacent_joints`). Where the description has shapes for collisions,
       only links that a joint or a loop connects are adjacent: those with a common point, and those that are fixed to
       them, may collide. Drawings meet at common points.
+    - The SRDF of the mechanism disables the pair of links.
     - The bodies touch in every one of 2000 configurations sampled within the limits, loops closed. Contact in one
       configuration, such as home, is no reason. If 2000 of 2000 are in contact, more than 99.8 % of all are, with 95 %
       confidence (`FREE_AT_MOST`).
@@ -105,13 +107,15 @@ def pair_reasons(mechanism: Mechanism, bodies: Sequence[Body]) -> dict[tuple[int
     adjacent = adjacent_joints(mechanism, common_points=is_drawn)
     apart = set() if is_drawn else _unconnected(mechanism, bodies)
     all_pairs = [pair for pair in combinations(range(len(bodies)), 2) if joints[pair[0]] != joints[pair[1]]]
-    candidates = [
-        (i, k)
-        for i, k in all_pairs
-        if _ordered(joints[i], joints[k]) not in adjacent or frozenset((bodies[i].name, bodies[k].name)) in apart
+    named = {(i, k): frozenset((bodies[i].name, bodies[k].name)) for i, k in all_pairs}
+    distant = [
+        pair for pair in all_pairs if _ordered(joints[pair[0]], joints[pair[1]]) not in adjacent or named[pair] in apart
     ]
+    disabled = disabled_by_srdf(mechanism)
+    candidates = [pair for pair in distant if named[pair] not in disabled]
+    known = dict.fromkeys(all_pairs, PairReason.ADJACENT) | dict.fromkeys(distant, PairReason.SRDF)
     if not candidates:
-        return dict.fromkeys(all_pairs, PairReason.ADJACENT)
+        return known
     local, rng = LocalIK(mechanism), np.random.default_rng(0)
     samples = local.samples(_FIRST_SAMPLES, rng)
     always = _always_touching(mechanism, bodies, candidates, samples)
@@ -126,8 +130,13 @@ def pair_reasons(mechanism: Mechanism, bodies: Sequence[Body]) -> dict[tuple[int
         first, second = pair
         return PairReason.RIGID if _rigid(points[first], points[second], length) else PairReason.CHECKED
 
-    known = set(candidates)
-    return {pair: reason(pair) if pair in known else PairReason.ADJACENT for pair in all_pairs}
+    return known | {pair: reason(pair) for pair in candidates}
+
+
+def disabled_by_srdf(mechanism: Mechanism) -> dict[frozenset[str], str]:
+    """Return the pairs of links that the SRDF of a mechanism disables, and the reason it gives; none without one."""
+    srdf = mechanism.source.srdf
+    return {} if srdf is None else {frozenset((one, other)): reason for one, other, reason in srdf["disabled"]}
 
 
 def _unconnected(mechanism: Mechanism, bodies: Sequence[Body]) -> set[frozenset[str]]:

@@ -26,11 +26,13 @@ from raff2urdf import closure, readers
 from raff2urdf.analysis import loop_kind
 from raff2urdf.constraints import Constraints, without_loops
 from raff2urdf.coupling import coupling_of, followed
+from raff2urdf.errors import RaffError
 from raff2urdf.json_lines import line_of
 from raff2urdf.length import characteristic_length, cut_screws
 from raff2urdf.raff.document import LoopKind
 from raff2urdf.readers.declaration import IgnoreList
 from raff2urdf.readers.sidecar import constraints_of
+from raff2urdf.readers.srdf import Srdf, read_srdf, srdf_of
 from raff2urdf.readers.urdf import UNLIMITED, parse
 from raff2urdf.readers.xml_file import read_text
 from raff2urdf.shipped import find_robot
@@ -47,6 +49,7 @@ def load(
     ignore_loops: bool = False,
     ignore: Sequence[str] = (),
     relax: bool | None = None,
+    srdf: str | Path | None = None,
 ) -> Mechanism:
     """Load a mechanism and close its loops.
 
@@ -64,21 +67,23 @@ def load(
             healed, by changes as small as rounding (`cinegen.model.healing`); where that fails, they are closed by
             weaker joints. True: weaker joints are tried first; they may add to mobility. One warning tells what was
             done. False: they stay as written; then they can't be closed, or hardly move.
+        srdf: an SRDF, which names pairs of links that are not checked against each other. By default the one next to a
+            URDF, `<stem>.srdf`, unless `ignore` names it.
 
     Raises:
         raff2urdf.RaffError: the RAFF file, or the constraints, are wrong: where and why.
         ClosureError: the loops can't be closed; names them, their gaps, and what would close them.
         LoadError: the URDF, SDF, MJCF or robot.yaml is wrong: where and why. It declares a loop or a coupling that
-            can't be read, and that is not ignored.
+            can't be read, and that is not ignored. An SRDF is wrong, or names links that the robot does not have.
         UnknownNameError: no such loop.
     """
-    path = find_robot(path)
+    path, described = find_robot(path), None if srdf is None else Path(srdf)
     if loops and ignore_loops:
         raise LoadError(
             f"{path}: a kind is given for loop '{next(iter(loops))}', but all are to be ignored: leave one out"
         )
     if readers.holds_xml(path):
-        return _load_xml(path, robot, loops, ignore_loops, ignore, relax)
+        return _load_xml(path, robot, loops, ignore_loops, ignore, relax, described)
     from raff2urdf.conversion import describe
     from raff2urdf.raff.reader import parse as parse_raff
     from raff2urdf.raff.reader import read
@@ -107,7 +112,7 @@ def load(
     urdf, constraints = describe(document, chosen, path.parent, loops)
     if ignore_loops and (open_loops or open_couplings):
         constraints = without_loops(constraints)
-    return build(urdf, constraints, name=str(path), relax=relax)
+    return build(urdf, constraints, name=str(path), srdf=_read_srdf(described, urdf, str(path)), relax=relax)
 
 
 def robots(path: str | Path) -> list[str | None]:
@@ -129,8 +134,12 @@ def _load_xml(
     ignore_loops: bool,
     ignore: Sequence[str],
     relax: bool | None,
+    srdf: Path | None,
 ) -> Mechanism:
-    """Load a URDF with its sidecar file, an SDF or an MJCF."""
+    """Load a URDF with its sidecar files, an SDF or an MJCF."""
+    beside = srdf_of(path)
+    if beside is not None and (left_out := beside.name) in ignore:
+        beside, ignore = None, [word for word in ignore if word != left_out]
     try:
         found = readers.read(path, robot, ignore_loops, ignore)
     except raff2urdf.RaffError as error:
@@ -141,10 +150,29 @@ def _load_xml(
         if name not in entries:
             raise UnknownNameError("loop", name, tuple(entries))
         entries[name]["kind"] = loop_kind(kind).name.lower()
-    mechanism = build(found.urdf, constraints, str(path.parent), str(path), found.dialects, found.notes, relax)
+    disabled = _read_srdf(srdf or beside, found.urdf, str(path))
+    mechanism = build(
+        found.urdf, constraints, str(path.parent), str(path), found.dialects, found.notes, disabled, relax
+    )
     if constraints and not loops:
         _check_stated(mechanism, constraints, path)
     return mechanism
+
+
+def _read_srdf(path: Path | None, urdf: str, name: str) -> Srdf | None:
+    """Return what an SRDF disables among the links of a URDF.
+
+    Raises:
+        LoadError: it can't be read, or names other links.
+    """
+    if path is None:
+        return None
+    try:
+        tree = parse(urdf, name)
+        links = [str(link.get("name")) for link in tree.iter("link")]
+        return read_srdf(path, links, f"robot '{tree.get('name', '')}'")
+    except RaffError as error:
+        raise LoadError(str(error)) from None
 
 
 def _check_stated(mechanism: Mechanism, constraints: Constraints, path: Path) -> None:
@@ -232,6 +260,7 @@ def build(
     name: str = "URDF",
     dialects: tuple[str, ...] = (),
     notes: tuple[str, ...] = (),
+    srdf: Srdf | None = None,
     relax: bool | None = False,
 ) -> Mechanism:
     """Build a mechanism from a URDF's text and everything that a URDF cannot express.
@@ -245,6 +274,7 @@ def build(
         name: the file's, for errors.
         dialects: in which loops and couplings were declared.
         notes: about what was read.
+        srdf: pairs of links that an SRDF disables.
         relax: see `load`.
 
     Raises:
@@ -262,7 +292,7 @@ def build(
         q, limits = _followed(system, q), Limits(model, tuple(actuated))
         exact = made_exact(urdf, given, system, q, relax is True, name) if given and relax is not False else None
         if exact is not None:
-            return build(*exact, folder, name, dialects, notes)
+            return build(*exact, folder, name, dialects, notes, srdf)
         q = q if spherical is None or near is None else spherical.from_successive(near)
         drawn = not any("home" in joint for joint in (given or {}).get("joints", []))
         ranks, determined, moved = _close(system, q, limits, actuated, drawn, f"{name}: robot '{constraints['robot']}'")
@@ -296,7 +326,7 @@ def build(
             (entry["node"], tuple(entry["sensors"])) for entry in constraints.get("sensor_constraints", [])
         ),
         source=MechanismSource(
-            urdf, _stated(given, _degrees_of_freedom(system, sum(ranks)), chosen), folder, name, dialects, notes
+            urdf, _stated(given, _degrees_of_freedom(system, sum(ranks)), chosen), folder, name, dialects, notes, srdf
         ),
     )
 

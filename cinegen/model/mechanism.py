@@ -25,6 +25,7 @@ from cinegen.model.shapes import collision_shapes, shapes
 from cinegen.model.spherical import SphericalJoints
 from raff2urdf import closure
 from raff2urdf.coupling import Coupling
+from raff2urdf.readers.srdf import Srdf
 
 Array = NDArray[np.float64]
 
@@ -43,6 +44,7 @@ class MechanismSource(NamedTuple):
         name: the file's, for errors.
         dialects: in which loops and couplings are declared, such as "URDF+" or "mimic".
         notes: about what was read.
+        srdf: the pairs of links that an SRDF disables; None without one.
     """
 
     urdf: str
@@ -51,6 +53,7 @@ class MechanismSource(NamedTuple):
     name: str
     dialects: tuple[str, ...] = ()
     notes: tuple[str, ...] = ()
+    srdf: Srdf | None = None
 
 
 @dataclass(frozen=True, eq=False, repr=False, kw_only=True)

@@ -66,5 +66,5 @@ def _drawable(mechanism: Mechanism) -> Mechanism:
         for shape in list(urdf.iter("visual", "collision")):
             shape.getparent().remove(shape)
         sidecar = None if source.constraints is None else dict(source.constraints)
-        return build(etree.tostring(urdf, encoding="unicode"), sidecar, None, source.name)
+        return build(etree.tostring(urdf, encoding="unicode"), sidecar, None, source.name, srdf=source.srdf)
     return mechanism

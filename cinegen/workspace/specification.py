@@ -194,7 +194,10 @@ class MapSpecification:
 
     def document(self) -> dict[str, Any]:
         """Return the specification as JSON values; with a scene, the robot includes its shapes."""
-        shapes = {} if self.scene is None else {"urdf": self.mechanism.source.urdf}
+        source = self.mechanism.source
+        shapes: dict[str, Any] = {} if self.scene is None else {"urdf": source.urdf}
+        if self.scene is not None and source.srdf is not None:
+            shapes["srdf"] = source.srdf
         return {
             "version": VERSION,
             "robot": {**self._kinematics, **shapes},
@@ -227,7 +230,8 @@ class MapSpecification:
     def attributes(self) -> dict[str, str]:
         """Attributes of a map that `of_attributes` reads: the text, and where the robot and the scene are here."""
         source = self.mechanism.source
-        robot = {"urdf": source.urdf, "constraints": source.constraints, "folder": source.folder, "name": source.name}
+        names = ("urdf", "constraints", "folder", "name", *(("srdf",) if source.srdf else ()))
+        robot = {name: getattr(source, name) for name in names}
         return {"specification": self.text, "source": _json(robot), "folder": self.folder}
 
     @classmethod
