@@ -105,6 +105,9 @@ def kinematics(tree: Any) -> str:
             found = joint.find(word)
             if found is not None:
                 kept.append(copy.deepcopy(found))
+    for element in robot.iter("origin", "mass", "inertia", "axis", "limit"):
+        for word, value in element.items():
+            element.set(word, " ".join(value.split()))  # urdfdom refuses "3.3 "
     text: str = etree.tostring(robot, encoding="unicode")
     return text
 

@@ -355,10 +355,13 @@ class _Reader:
             if model.geom_group[g] >= _HIDDEN or body == 0:
                 continue
             own = int(model.geom_matid[g])
-            look = material(model.mat_rgba[own] if own >= 0 else model.geom_rgba[g])
+            rgba = model.mat_rgba[own] if own >= 0 else model.geom_rgba[g]
+            if not np.isfinite(rgba).all():
+                label = f"geom '{self.name_of('geom', g)}' of body '{self.name_of('body', body)}'"
+                raise RaffError(f"{self.name}: {label}: its rgba must be four numbers, not {rgba.tolist()}")
             placed = from_quaternion(model.geom_pos[g], model.geom_quat[g])
             for shape, offset in self.shapes_of(g):
-                yield UrdfVisual(origin=placed @ offset, geometry=shape, material=look)
+                yield UrdfVisual(origin=placed @ offset, geometry=shape, material=material(rgba))
 
     def shapes_of(self, geom: int) -> Iterator[Shape]:
         """Yield the shapes of a geom that URDF has; an ellipsoid becomes the box around it."""

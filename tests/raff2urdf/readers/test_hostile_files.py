@@ -56,6 +56,10 @@ def test_numbers_of_loop_closures_yaml(tmp_path: Path, number: str) -> None:
         (('pos="1e308 0 0"', ""), "a number of a body is beyond"),
         (("", 'axis="0 1e308 1e308"'), "the orientation of a joint is not a rotation"),
         (("", 'pos="0 0 1e308"'), "a number of a joint is beyond"),
+        (
+            ("", '/><geom rgba="nan 0 0 1" size="1"'),
+            "geom 'geom0' of body 'a': its rgba must be four numbers, not .nan",
+        ),
     ],
 )
 def test_numbers_of_mjcf(tmp_path: Path, attributes: tuple[str, str], message: str) -> None:
