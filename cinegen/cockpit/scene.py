@@ -18,6 +18,7 @@ from cinegen.cockpit import drawing
 from cinegen.cockpit.drawing import Json, SceneNode, mesh, triad
 from cinegen.cockpit.page import Page
 from cinegen.collision.body import bounding_box_corners
+from cinegen.collision.triangle_mesh import TriangleMesh
 from cinegen.mission.drawn_obstacle import DrawnObstacle
 from cinegen.model import Mechanism
 from cinegen.model.motion_plane import motion_plane
@@ -242,6 +243,9 @@ def _drawn(solid: pin.GeometryObject) -> Iterator[tuple[Json, Json, Array]]:
         yield drawing.sphere(float(geometry.radius)), material, extra
     elif isinstance(geometry, coal.Convex):
         yield drawing.triangles(*_triangles(geometry)), material, extra
+    elif isinstance(geometry, coal.BVHModelOBBRSS):
+        points = TriangleMesh(geometry).corners.reshape(-1, 3)
+        yield drawing.triangles(points, np.arange(len(points)).reshape(-1, 3)), material, extra
     elif isinstance(geometry, coal.Capsule):
         yield drawing.triangles(*_capsule(geometry)), material, extra
     elif isinstance(geometry, coal.Cylinder):

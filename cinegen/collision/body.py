@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import product
@@ -28,6 +28,29 @@ class PlacedShape(NamedTuple):
     shape: coal.CollisionGeometry
 
 
+class Interior(NamedTuple):
+    """Facts about the inside of a mesh that is not one closed surface.
+
+    Attributes:
+        contains: returns whether a point (3,), in the frame of the mesh, is inside.
+        parts: (n, 3) a point of each connected part, in the frame of the mesh, m.
+        thickness: lower bound of the distance between two parallel planes that enclose a part, m.
+    """
+
+    contains: Callable[[Array], bool]
+    parts: Array
+    thickness: float
+
+
+class Piece(NamedTuple):
+    """A part of an obstacle: see the attributes of `Body`."""
+
+    placement: pin.SE3
+    shape: coal.CollisionGeometry
+    exact: PlacedShape | None
+    interior: Interior | None = None
+
+
 @dataclass(frozen=True, eq=False)
 class Body:
     """A shape that moves with a joint.
@@ -39,6 +62,7 @@ class Body:
         shape: coal's shape, m. `Clearance` takes convex ones: sphere, box, capsule, hull ...
         exact: the shape of the description where `shape` only contains it, placed in the frame of `shape`: a mesh that
             is not convex, a box in a capsule ...; None where `shape` is exact.
+        interior: of an exact mesh; None where it is a single closed surface.
     """
 
     name: str
@@ -46,13 +70,15 @@ class Body:
     placement: pin.SE3
     shape: coal.CollisionGeometry
     exact: PlacedShape | None = None
+    interior: Interior | None = None
 
     @cached_property
     def as_described(self) -> Body:
         """The same body with its exact shape."""
         if self.exact is None:
             return self
-        return Body(self.name, self.joint, self.placement * self.exact.placement, self.exact.shape)
+        placement = self.placement * self.exact.placement
+        return Body(self.name, self.joint, placement, self.exact.shape, interior=self.interior)
 
     @cached_property
     def centre(self) -> Array:

@@ -53,7 +53,7 @@ class Hull:
 
 def hull(points: Array) -> Hull:
     """Return the convex hull of points (n, 3), m. Points on a plane or a line are given a small thickness."""
-    found = ConvexHull(_thick(points) if _is_thin(points) else points)
+    found = ConvexHull(_thick(points) if is_flat(points) else points)
     corners = found.points[found.vertices]
     normals = found.equations[:, :3]
     return Hull(corners, normals, (corners @ normals.T).max(axis=0), float(found.volume))
@@ -96,7 +96,7 @@ def _principal(points: Array) -> tuple[Array, Array]:
     return axes, np.ptp(centred @ axes, axis=0)
 
 
-def _is_thin(points: Array) -> bool:
+def is_flat(points: Array) -> bool:
     """Return whether points (n, 3) have almost no extent in some direction: Qhull would refuse them, or coal crash."""
     extents = _principal(points)[1]
     return bool(extents.min() <= _THIN * extents.max())

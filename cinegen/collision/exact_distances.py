@@ -23,7 +23,7 @@ class ExactDistances:
 
     A mesh is a surface: a body inside of a closed one does not touch it. The convex bodies then overlap by at least the
     thickness of the body inside, and the hull of the mesh holds two distant points of it; where that is so, one of the
-    points is tested.
+    points is tested. Of a body with an `Interior`, a point of each part is.
 
     Args:
         bodies: bodies with exact shapes, or without.
@@ -39,8 +39,16 @@ class ExactDistances:
         self._placements = {i: body.placement for i, body in exact.items()}
         self._meshes = {i: TriangleMesh(body.shape) for i, body in exact.items() if isinstance(body.shape, _MESH)}
         self._hulls = {i: hull(np.array(mesh.mesh.vertices())) for i, mesh in self._meshes.items()}
-        self._points = {i: _distant_points(body.shape) for i, body in exact.items()}
-        self._thickness = {i: _thickness(body.shape) for i, body in exact.items()}
+        self._interiors = {i: body.interior for i, body in exact.items() if body.interior is not None}
+        self._contains = {
+            i: self._interiors[i].contains if i in self._interiors else mesh.contains
+            for i, mesh in self._meshes.items()
+        }
+        self._points = {i: _distant_points(body.shape) for i, body in exact.items() if i not in self._interiors}
+        self._thickness = {
+            i: self._interiors[i].thickness if i in self._interiors else _thickness(body.shape)
+            for i, body in exact.items()
+        }
         self._measure = {
             pair: coal.ComputeDistance(exact[first].shape, exact[second].shape)
             for pair, (first, second) in enumerate(self._pairs)
@@ -109,8 +117,12 @@ class ExactDistances:
             if outer not in self._meshes or overlap < self._thickness[inner]:
                 continue
             moved, holds = placed[outer].actInv(placed[inner]), self._hulls[outer]
-            points = self._points[inner] @ moved.rotation.T + moved.translation
-            if (points @ holds.normals.T <= holds.offsets).all() and self._meshes[outer].contains(points[0]):
+            parts = self._interiors[inner].parts if inner in self._interiors else self._points[inner]
+            points = parts @ moved.rotation.T + moved.translation
+            held = points[(points @ holds.normals.T <= holds.offsets).all(axis=1)]
+            if inner not in self._interiors:  # connected: one point decides
+                held = held[:1] if len(held) == len(points) else held[:0]
+            if any(self._contains[outer](point) for point in held):
                 return True
         return False
 

@@ -60,7 +60,7 @@ class MeshCheck:
             self._bodies, pairs, always = meshes_of(mechanism)
         else:
             self._bodies, pairs, always = scene.bodies, (), ()
-        obstacles = [body for obstacle in scene.obstacles for body in obstacle.bodies]
+        obstacles = [body.as_described for obstacle in scene.obstacles for body in obstacle.bodies]
         self._names = [body.name for body in (*self._bodies, *obstacles)]
         self.unchecked = tuple(dict.fromkeys((self._names[i], self._names[k]) for i, k in always))
         self.step = STEP * mechanism.length

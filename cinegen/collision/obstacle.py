@@ -1,4 +1,4 @@
-"""`Obstacle`: a rigid object that a robot must not touch, made of convex pieces, which can be moved as a whole."""
+"""`Obstacle`: a rigid object that a robot must not touch, made of pieces, which can be moved as a whole."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ class Obstacle:
 
     Attributes:
         name: unique in a scene.
-        pieces: convex shapes, in the frame of the obstacle.
+        pieces: convex shapes, some of which contain an exact one, in the frame of the obstacle.
         placement: pose of the obstacle in the world.
         kind: one of `cinegen.collision.obstacle_kinds.KINDS`, if it was read from a table.
         written: the keys of its kind and shape as they were read, as JSON can hold them.
@@ -36,7 +36,7 @@ class Obstacle:
 
     def __repr__(self) -> str:
         count = len(self.pieces)
-        return f"<Obstacle {self.name}: {self.kind or 'bodies'}, {count} convex piece{'s' * (count != 1)}>"
+        return f"<Obstacle {self.name}: {self.kind or 'bodies'}, {count} piece{'s' * (count != 1)}>"
 
     @cached_property
     def bodies(self) -> tuple[Body, ...]:

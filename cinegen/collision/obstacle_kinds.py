@@ -1,21 +1,23 @@
-"""The kinds of obstacles: for each, a function that reads its keys and returns its convex pieces.
+"""The kinds of obstacles: for each, a function that reads its keys and returns its pieces.
 
 A new kind is a function here and a line in `KINDS`. The pieces are in the frame of the obstacle. Lengths are in m.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import coal
 import numpy as np
 import pinocchio as pin
+from numpy.typing import NDArray
 
-from cinegen.collision.body import PlacedShape
-from cinegen.collision.convex_hull import hull, prism
+from cinegen.collision.body import Piece, PlacedShape
+from cinegen.collision.convex_hull import hull, is_flat, prism
 from cinegen.collision.links import link_bodies
+from cinegen.collision.obstacle_meshes import MOST_VOXELS, WIDEST, mesh_pieces, voxel_pieces, voxels_of
 from cinegen.collision.polygon import convex_pieces, polygon_error
 from cinegen.collision.scene_table import FURTHEST, LEAST, SceneTable
 from cinegen.errors import CinegenError, ClosureError
@@ -28,15 +30,21 @@ from raff2urdf.quantities import ANGLE, LENGTH
 if TYPE_CHECKING:
     import trimesh
 
+Array = NDArray[np.float64]
+
 HEIGHT = 4.0
 """Height of obstacles that are given in the plane, m: half above it, half below. Distances between much taller shapes
 lose digits."""
 
-_FULL = 0.999  # of its hull's volume, for a convex mesh: files have rounded numbers, and the hull is what is measured
+VOXEL = 0.02
+"""Default size of the cubes around points, m."""
+
+POINT_FILES = (".npy", ".ply", ".txt", ".xyz")
+"""Suffixes of files of points."""
 
 
-def pieces_of(kind: str, table: SceneTable, folder: Path) -> list[PlacedShape]:
-    """Return the convex pieces of the obstacle of a table.
+def pieces_of(kind: str, table: SceneTable, folder: Path) -> Sequence[PlacedShape | Piece]:
+    """Return the pieces of the obstacle of a table.
 
     Args:
         kind: one of `KINDS`.
@@ -96,22 +104,50 @@ def _polygon(table: SceneTable, folder: Path) -> list[PlacedShape]:
     return [_centred(prism(corners, height).shape) for corners in convex_pieces(points)]
 
 
-def _mesh(table: SceneTable, folder: Path) -> list[PlacedShape]:
-    """Mesh: `file`, and `scale`, m in its unit of length. It must be convex, or consist of disconnected convex parts;
-    `convex = "hull"` replaces it by its convex hull."""
+def _mesh(table: SceneTable, folder: Path) -> list[Piece]:
+    """Mesh, convex or not: `file`, and `scale`, m in its unit of length; or `vertices` and `triangles`, three indices
+    each. Closed parts are solid, open ones surfaces. `convex = "hull"` replaces it by its convex hull."""
     scale = table.size("scale", 1.0)
     take_hull = "convex" in table
     if take_hull and table.text("convex") != "hull":
         raise table.error("convex", f"can only be 'hull', not '{table.read['convex']}'")
-    mesh = _read_mesh(table, table.file("file", folder), scale)
-    parts = [mesh] if take_hull else list(mesh.split(only_watertight=False, repair=False)) or [mesh]
-    labels = ["it"] if len(parts) == 1 else [f"part {i} of {len(parts)}" for i in range(1, len(parts) + 1)]
-    return [_mesh_part(table, part, take_hull, label) for part, label in zip(parts, labels, strict=True)]
+    if "vertices" in table:
+        key, mesh = "vertices", _mesh_of(table, scale)
+    else:
+        key, mesh = "file", _read_mesh(table, table.file("file", folder), scale)
+    if not take_hull:
+        return mesh_pieces(mesh)
+    if is_flat(np.asarray(mesh.vertices, dtype=float)):
+        raise table.error(key, "has no volume, it is flat: leave out convex = 'hull'")
+    return [Piece(pin.SE3.Identity(), hull(np.asarray(mesh.vertices, dtype=float)).shape, None)]
 
 
-def _robot(table: SceneTable, folder: Path) -> list[PlacedShape]:
+def _points(table: SceneTable, folder: Path) -> list[Piece]:
+    """Point cloud: `file`, and `scale`, m in its unit of length; or `points`. Each cube of a grid, of the size `voxel`
+    (0.02 m), that contains a point is solid: distances are never overestimated, and underestimated by a diagonal of
+    the cube at most."""
+    size, scale = table.size("voxel", VOXEL), table.size("scale", 1.0)
+    if "points" in table:
+        key, points = "points", scale * table.array("points", 3)
+    else:
+        key, points = "file", scale * _read_points(table, table.file("file", folder))
+    bad = int((~np.isfinite(points)).any(axis=1).sum())
+    if bad:
+        raise table.error(key, f"has {bad} points that are not finite: remove them")
+    if not len(points) or np.abs(points).max() > FURTHEST:
+        raise table.error(key, f"is empty, or has coordinates beyond {FURTHEST:g} m")
+    remedy = f"make voxel larger than {size:g} m"
+    if np.abs(points).max() > WIDEST * size:
+        raise table.error(key, f"has coordinates beyond {WIDEST} voxels; {remedy}")
+    voxels = voxels_of(points, size)
+    if len(voxels) > MOST_VOXELS:
+        raise table.error(key, f"fills {len(voxels)} voxels, the largest number is {MOST_VOXELS}; {remedy}")
+    return voxel_pieces(voxels, size)
+
+
+def _robot(table: SceneTable, folder: Path) -> list[Piece]:
     """Another robot that stands still: `file`, and `joints`, the values of some of its joints, the others at home. With
-    loops, the named joints keep their values, and the others follow. Its links are convex bodies (`link_bodies`)."""
+    loops, the named joints keep their values, and the others follow."""
     path = table.file("file", folder)
     try:
         mechanism = load(path)
@@ -134,10 +170,10 @@ def _robot(table: SceneTable, folder: Path) -> list[PlacedShape]:
             raise table.error("joints", f"do not allow closed loops: {error}") from None
     data = kinematic_data(mechanism.model)
     pin.forwardKinematics(mechanism.model, data, q)
-    return [PlacedShape(data.oMi[body.joint] * body.placement, body.shape) for body in bodies]
+    return [Piece(data.oMi[body.joint] * body.placement, body.shape, body.exact) for body in bodies]
 
 
-KINDS: Mapping[str, Callable[[SceneTable, Path], list[PlacedShape]]] = {
+KINDS: Mapping[str, Callable[[SceneTable, Path], Sequence[PlacedShape | Piece]]] = {
     "sphere": _sphere,
     "box": _box,
     "cylinder": _cylinder,
@@ -147,6 +183,7 @@ KINDS: Mapping[str, Callable[[SceneTable, Path], list[PlacedShape]]] = {
     "disc": _disc,
     "polygon": _polygon,
     "mesh": _mesh,
+    "points": _points,
     "robot": _robot,
 }
 
@@ -195,10 +232,7 @@ def _read_mesh(table: SceneTable, path: Path, scale: float) -> trimesh.Trimesh:
     if not len(triangles) or not np.abs(triangles).max() <= FURTHEST:  # NaN too
         raise table.error("file", f"'{path}' can't be used: it is empty, or has coordinates beyond {FURTHEST:g} m")
     corners = triangles.reshape(-1, 3)
-    mesh = trimesh.Trimesh(corners, np.arange(len(corners)).reshape(-1, 3), process=False)
-    mesh.merge_vertices(digits_vertex=9)
-    mesh.update_faces(mesh.nondegenerate_faces())
-    return mesh
+    return _merged(table, "file", trimesh.Trimesh(corners, np.arange(len(corners)).reshape(-1, 3), process=False))
 
 
 def _triangles(path: Path) -> Any:
@@ -209,23 +243,50 @@ def _triangles(path: Path) -> Any:
     return corners[np.array([[face[0], face[1], face[2]] for face in faces], dtype=int).reshape(-1, 3)]
 
 
-def _mesh_part(table: SceneTable, part: trimesh.Trimesh, take_hull: bool, label: str) -> PlacedShape:
-    """Return the hull of a connected part.
+def _mesh_of(table: SceneTable, scale: float) -> trimesh.Trimesh:
+    """Return the triangles of `vertices` and `triangles`, m."""
+    import trimesh
 
-    Raises:
-        SceneError: the part has no volume, or is not convex.
-    """
-    name, remedy = table.read["file"], "write convex = 'hull' to use its hull instead, or cut it into convex parts"
-    points = np.asarray(part.vertices, dtype=float)
-    extents = np.linalg.svd(points - points.mean(axis=0), compute_uv=False) / np.sqrt(len(points))
-    if len(points) < 4 or extents[2] < max(LEAST, 1e-9 * extents[0]):
-        raise table.error("file", f"'{name}': {label} has no volume: it is flat")
-    whole = _centred(hull(points).shape)
-    if take_hull:
-        return whole
-    if not (part.is_watertight and part.is_winding_consistent):
-        raise table.error("file", f"'{name}': {label} is not a closed surface; {remedy}")
-    full = abs(part.volume) / whole.shape.computeVolume()
-    if full < _FULL:
-        raise table.error("file", f"'{name}': {label} is not convex, it fills {full:.1%} of its hull; {remedy}")
-    return whole
+    vertices, triangles = scale * table.array("vertices", 3), table.array("triangles", 3)
+    indices = triangles.astype(np.int64)
+    if not len(indices) or (indices != triangles).any() or indices.min() < 0 or indices.max() >= len(vertices):
+        raise table.error(
+            "triangles", f"must be indices of vertices, from 0 to {len(vertices) - 1}, at least one triple"
+        )
+    return _merged(table, "vertices", trimesh.Trimesh(vertices, indices, process=False))
+
+
+def _merged(table: SceneTable, key: str, mesh: trimesh.Trimesh) -> trimesh.Trimesh:
+    """Return a mesh with equal corners merged, without triangles that have no area."""
+    mesh.merge_vertices(digits_vertex=9)
+    mesh.update_faces(mesh.nondegenerate_faces())
+    if not len(mesh.faces):
+        raise table.error(key, "has no triangle with an area")
+    mesh.remove_unreferenced_vertices()
+    return mesh
+
+
+def _read_points(table: SceneTable, path: Path) -> Array:
+    """Return the points (n, 3) of a file, in its unit."""
+    import trimesh
+
+    suffix = path.suffix.lower()
+    if suffix not in POINT_FILES:
+        raise table.error("file", f"'{path}' has an unknown format: use {', '.join(POINT_FILES)}")
+    try:
+        if suffix == ".npy":
+            points = np.load(path, allow_pickle=False)
+        elif suffix == ".txt":
+            points = np.loadtxt(path, ndmin=2)
+        else:
+            cloud: Any = trimesh.load(path, process=False)
+            if len(getattr(cloud, "faces", ())):
+                raise ValueError("it has triangles: write kind = 'mesh'")
+            points = cloud.vertices
+        points = np.asarray(points, dtype=float)
+        if points.ndim != 2 or points.shape[1] < 3:
+            raise ValueError(f"three numbers a point are needed, its shape is {points.shape}")
+    except Exception as error:  # every reader has errors of its own
+        text = " ".join((str(error) or type(error).__name__).split())
+        raise table.error("file", f"'{path}' can't be read: {text[:200]}") from None
+    return points[:, :3]

@@ -143,6 +143,18 @@ class SceneTable:
         found = [self._numbers(f"{key}: point {i}", point, lengths) for i, point in enumerate(value, 1)]
         return [np.array(point) for point in self._keep(key, found)]
 
+    def array(self, key: str, columns: int) -> Array:
+        """Return rows of numbers (n, columns), which may be many and not finite, m."""
+        value = self._value(key)
+        try:
+            found = np.asarray(value, dtype=float)
+        except (TypeError, ValueError):
+            found = np.zeros(0)
+        if found.ndim != 2 or found.shape[1] != columns:
+            raise self.error(key, f"must be a list of rows of {columns} numbers, not {_shown(value)}")
+        self._keep(key, found.tolist())
+        return found
+
     def names(self, key: str) -> list[str]:
         """Return a list of names; a single one may be a string."""
         value = self._value(key)

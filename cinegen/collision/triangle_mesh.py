@@ -61,3 +61,18 @@ class TriangleMesh:
         dots = [np.einsum("ij,ij->i", first, second) for first, second in ((a, b), (b, c), (c, a))]
         below = long_a * long_b * long_c + dots[0] * long_c + dots[1] * long_a + dots[2] * long_b
         return abs(float(np.arctan2(volume, below).sum())) > np.pi  # half of the 2 pi of a point inside
+
+
+def tree_of(vertices: Array, triangles: NDArray[np.int64]) -> coal.BVHModelOBBRSS:
+    """Return coal's tree of boxes over triangles.
+
+    Args:
+        vertices: (n, 3) m.
+        triangles: (m, 3) indices into these.
+    """
+    found = coal.BVHModelOBBRSS()
+    found.beginModel(len(triangles), len(vertices))
+    found.addVertices(np.asarray(vertices, dtype=float))
+    found.addTriangles(np.asarray(triangles, dtype=np.int64))
+    found.endModel()
+    return found

@@ -217,6 +217,8 @@ class Potential:
     def __init__(self, scene: Scene, links: Sequence[Body], reach: float, fading: float = FADING) -> None:
         mechanism, half = scene.mechanism, 0.5 * reach
         bodies = [body for obstacle in scene.obstacles for body in obstacle.bodies]
+        if hollow := [obstacle.name for obstacle in scene.obstacles if any(one.interior for one in obstacle.pieces)]:
+            raise PlanningError(f"repulsive potentials need convex obstacles: '{hollow[0]}' is not; use field='vortex'")
         self.goal, self._links, self._fading = GoalPotential(scene), LinkPoints(mechanism, links, bodies), fading
         self.firas = Firas(STRENGTH / mechanism.length * half**2 / (1.0 / half - 1.0 / reach), reach)
 

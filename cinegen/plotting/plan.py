@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from cinegen.collision.body import Body, rounded_hull
 from cinegen.collision.clearance import clearance_of
 from cinegen.collision.scene import Scene
+from cinegen.collision.triangle_mesh import TriangleMesh
 from cinegen.joints import kinematic_data
 from cinegen.model.motion_plane import motion_plane
 from cinegen.planning.planner import Plan, refined
@@ -187,11 +188,14 @@ def _paint(axes: Any, layout: _Layout, view: Projection, margin: bool) -> None:
 def _obstacles(axes: Any, scene: Scene, view: Array, shown: Array, margin: bool) -> None:
     """Draw obstacles into the part of a view (2, 3) between two corners (2, 2), m.
 
-    All edges are below all faces: no line shows where bodies of an obstacle meet.
+    All edges are below all faces: no line shows where bodies of an obstacle meet. Meshes that are not convex are drawn
+    without their safety distance.
     """
+    from matplotlib.collections import PolyCollection
     from matplotlib.patches import Polygon
 
-    bodies = [body for obstacle in scene.obstacles for body in obstacle.bodies]
+    bodies = [body for obstacle in scene.obstacles for body in obstacle.bodies if body.interior is None]
+    meshes = [body.as_described for obstacle in scene.obstacles for body in obstacle.bodies if body.interior]
     layers: list[tuple[float, str, dict[str, Any], str, float]] = [
         (0.0, OBSTACLE, {"edgecolor": INK, "linewidth": 1.8}, "obstacle", 1.2)
     ]
@@ -204,8 +208,19 @@ def _obstacles(axes: Any, scene: Scene, view: Array, shown: Array, margin: bool)
         for corners in covered:
             axes.add_patch(Polygon(corners, facecolor="none", **line, zorder=order))
             axes.add_patch(Polygon(corners, facecolor=colour, edgecolor=colour, linewidth=0.5, zorder=order + 0.1))
-        if covered:  # an invisible one for the legend
+        triangles = [_triangles(body, view) for body in meshes] if colour == OBSTACLE else []
+        for corners in triangles:
+            axes.add_collection(
+                PolyCollection(list(corners), facecolor=colour, edgecolor=colour, linewidth=0.5, zorder=1.3)
+            )
+        if covered or triangles:  # an invisible one for the legend
             axes.add_patch(Polygon(np.full((3, 2), np.nan), facecolor=colour, label=text, **line))
+
+
+def _triangles(body: Body, view: Array) -> Array:
+    """Return the corners (n, 3, 2) of the triangles of a mesh in a view."""
+    corners = TriangleMesh(body.shape).corners
+    return np.asarray((corners @ body.placement.rotation.T + body.placement.translation) @ view.T)
 
 
 def _covered(body: Body, view: Array, shown: Array, growth: float) -> Array:

@@ -27,6 +27,7 @@ _FLAT = 0.25  # characteristic lengths
 _THIN = 0.02  # of a half-space's width
 _WIDE = 1.3  # times as wide as everything in the scene
 _POINT = 0.015  # of the scene's radius: the ball that a point is drawn as
+_MOST_TRIANGLES = 50_000  # of an obstacle, which else is drawn as the convex shapes around its pieces
 _BLUE = "0.34 0.71 0.91 1"  # Okabe and Ito's sky blue: a mobile robot
 
 
@@ -115,8 +116,12 @@ class SceneAppearance:
         return f"<visual><geometry>{shape}</geometry>{colour}</visual>"
 
     def _shapes(self, obstacle: Obstacle) -> Iterator[PlacedShape]:
+        meshes = [piece.as_described.shape for piece in obstacle.pieces if piece.interior is not None]
+        is_small = sum(mesh.num_tris for mesh in meshes) <= _MOST_TRIANGLES
         for piece in obstacle.pieces:
-            if isinstance(piece.shape, coal.Halfspace):
+            if piece.interior is not None and is_small:
+                yield PlacedShape(piece.as_described.placement, piece.as_described.shape)
+            elif isinstance(piece.shape, coal.Halfspace):
                 yield self._slab(piece.shape, obstacle.placement * piece.placement, piece.placement)
             else:
                 shape = piece.shape if self.height is None else _flattened(piece.shape, self.height)

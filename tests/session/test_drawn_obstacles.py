@@ -13,6 +13,7 @@ from cinegen.collision import scene_of
 from cinegen.collision.body import PlacedShape
 from cinegen.collision.convex_hull import hull
 from cinegen.collision.obstacle_kinds import HEIGHT
+from cinegen.collision.triangle_mesh import tree_of
 from cinegen.mission import MissionError, MissionRecorder, Recording, RobotSample
 from cinegen.mission.drawn_obstacle import DrawnObstacle, DrawnShape
 from cinegen.session import Setup, SetupError, scene_setup
@@ -28,6 +29,7 @@ shapes = st.one_of(
     st.tuples(sizes, sizes).map(lambda numbers: coal.Cylinder(*numbers)),
     st.tuples(sizes, sizes).map(lambda numbers: coal.Capsule(*numbers)),
     seeds.map(lambda seed: hull(np.random.default_rng(seed).normal(size=(12, 3))).shape),
+    seeds.map(lambda seed: tree_of(np.random.default_rng(seed).normal(size=(9, 3)), np.arange(9).reshape(3, 3))),
 )
 
 
