@@ -92,15 +92,26 @@ def _text(report: Mapping[str, Any]) -> str:
 
 def _collision(report: Mapping[str, Any]) -> list[str]:
     """Return the lines about shapes and pairs."""
-    lines = ["", "  shapes, measured exactly where they are near:"]
+    within = shown(report["exact_within"], LENGTH, 3)
+    lines = [
+        "",
+        f"  shapes; those in convex ones are measured where these are nearer than {within}:",
+    ]
     for one in report["shapes"]:
-        around = f", in a convex {one['around']} further away" if one["around"] else ""
-        lines.append(f"    {one['link']}: {one['shape']}{around}")
+        exceeds = f", exceeds it by up to {shown(one['excess'], LENGTH, 3)}"
+        lines.append(f"    {one['link']}: {one['shape']}" + (f"; {one['around']}{exceeds}" if one["around"] else ""))
     lines += ["", "  pairs:"]
+    touching = []
     for pair in report["pairs"]:
-        depth = pair.get("depth_at_home")
-        contact = "" if depth is None else f"; in contact at home, {shown(depth, LENGTH, 3)} deep at most"
+        contact = ""
+        if "depth_at_home" in pair:
+            touching.append("[{}]".format(", ".join(f'"{name}"' for name in pair["links"])))
+            bounds = (shown(pair[key], LENGTH, 3) for key in ("depth_at_home_at_least", "depth_at_home"))
+            contact = "; in contact at home, {} to {} deep".format(*bounds)
         lines.append(f"    {' - '.join(pair['links'])}: {pair['reason']}{contact}")
+    if touching:
+        lines += ["", "  no motion starts at home while these are checked; if they may touch, write in the scene:"]
+        lines.append(f"    allowed_collisions = [{', '.join(dict.fromkeys(touching))}]")
     return lines
 
 

@@ -5,24 +5,39 @@ from __future__ import annotations
 from typing import Any
 
 import coal
+import numpy as np
+import pinocchio as pin
+from numpy.typing import NDArray
 
-from cinegen.collision.body import Body
+from cinegen.collision.body import Body, rounded_hull
 from cinegen.collision.clearance import Clearance
+from cinegen.collision.convex_hull import hull
 from cinegen.collision.self_collision import LinkPairs, PairReason, disabled_by_srdf, link_pairs
+from cinegen.collision.triangle_mesh import TriangleMesh
 from cinegen.model import Mechanism
+
+Array = NDArray[np.float64]
+
+_MESH = coal.BVHModelOBBRSS
+_SIDES = 32  # of the polyhedron in a capsule
+_POINTS = 1000  # of a surface, at least, whose distances are measured
+_MOST = 200  # points of a mesh whose depth in another one is measured
 
 
 def collision_report(mechanism: Mechanism) -> dict[str, Any]:
     """Return the shapes with which a mechanism's links collide, and why each pair is checked, or not.
 
     Returns:
-        `shapes`: the link of each, its exact shape, and the convex shape around it; `pairs`: two links, the reason, and
-        for checked ones in contact at home, `depth_at_home`: by how much the convex shapes overlap, m, at most that
-        deep are the exact ones.
+        `shapes`: the link of each, its exact shape, the convex shape around it, and `excess`, see there.
+            `exact_within`: default distance of convex shapes, m, below which exact shapes are measured; further away a
+            distance is too short by the excess of both shapes at most. `pairs`: two links, the reason, and for checked
+            ones in contact at home the bounds `depth_at_home_at_least` and `depth_at_home` of their depth, m: by how
+            much one of them would have to move.
     """
     links: LinkPairs = mechanism.derived(link_pairs)
-    clearance = Clearance(mechanism, links.bodies, (), links.of(PairReason.CHECKED))
-    depths = dict(zip(links.of(PairReason.CHECKED), (-clearance.distances(mechanism.q_home)).tolist(), strict=True))
+    checked = links.of(PairReason.CHECKED)
+    clearance = Clearance(mechanism, links.bodies, (), checked)
+    depths = -clearance.distances(mechanism.q_home)
     srdf, disabled = mechanism.source.srdf, disabled_by_srdf(mechanism)
     pairs = []
     for pair, reason in links.reasons.items():
@@ -30,19 +45,111 @@ def collision_report(mechanism: Mechanism) -> dict[str, Any]:
         found: dict[str, Any] = {"links": names, "reason": reason.value}
         if srdf is not None and reason is PairReason.SRDF:
             found["reason"] = f"disabled by {srdf['file']}: {disabled[frozenset(names)] or 'no reason given'}"
-        if depths.get(pair, -1.0) >= 0.0:
-            found["depth_at_home"] = depths[pair]
+        if reason is PairReason.CHECKED and (depth := depths[checked.index(pair)]) >= 0.0:
+            bodies = [links.bodies[i].as_described for i in pair]
+            poses = [clearance.joint_pose(body.joint) * body.placement for body in bodies]
+            found["depth_at_home"] = depth
+            found["depth_at_home_at_least"] = min(depth_at_least(bodies, poses, depth), depth)
         pairs.append(found)
     shapes = [
-        {"link": body.name, "shape": _text(body.as_described), "around": _text(body) if body.exact else None}
+        {
+            "link": body.name,
+            "shape": _text(body.as_described),
+            "around": _text(body) if body.exact else None,
+            "excess": excess(body),
+        }
         for body in links.bodies
     ]
-    return {"shapes": shapes, "pairs": pairs}
+    return {"shapes": shapes, "exact_within": clearance.exact_within, "pairs": pairs}
 
 
 def _text(body: Body) -> str:
-    if isinstance(body.shape, coal.BVHModelOBBRSS):
+    if isinstance(body.shape, _MESH):
         return f"mesh of {body.shape.num_tris} triangles"
     if isinstance(body.shape, coal.Convex):
         return f"hull of {body.shape.num_points} corners"
     return type(body.shape).__name__.lower()
+
+
+# --- how much convex shapes exceed exact ones --------------------------------------------------------------------
+
+
+def excess(body: Body) -> float:
+    """Return the largest distance of the surface of a body's convex shape from its exact shape, m; measured at more
+    than a thousand points of the surface."""
+    if body.exact is None:
+        return 0.0
+    triangles = np.array(_surface(body.shape).triangles)
+    while len(triangles) < _POINTS:
+        triangles = _quartered(triangles)
+    points = np.concatenate([triangles.mean(axis=1), np.unique(triangles.reshape(-1, 3), axis=0)])
+    return float(_distances(points, body.exact.shape, body.exact.placement).max())
+
+
+def _surface(shape: coal.CollisionGeometry) -> Any:  # a mesh of trimesh
+    """Return the surface of a convex shape; a polyhedron in it where it is round."""
+    import trimesh  # takes 0.5 s
+
+    if isinstance(shape, coal.Sphere):
+        return trimesh.creation.icosphere(subdivisions=3, radius=shape.radius)
+    if isinstance(shape, coal.Capsule):
+        found = trimesh.creation.capsule(height=2.0 * shape.halfLength, radius=shape.radius, count=[_SIDES, _SIDES])
+        found.apply_translation(-found.bounds.mean(axis=0))
+        return found
+    return trimesh.convex.convex_hull(rounded_hull(shape)[0])
+
+
+def _distances(points: Array, shape: coal.CollisionGeometry, placement: pin.SE3) -> Array:
+    """Return the distances (n,) of points (n, 3) from a shape, m; those of points inside of convex shapes are
+    negative."""
+    measure, request = coal.ComputeDistance(coal.Sphere(0.0), shape), coal.DistanceRequest()
+    there = coal.Transform3s(placement.rotation, placement.translation)
+    places = (coal.Transform3s(np.eye(3), point) for point in points)
+    return np.array([measure(place, there, request, coal.DistanceResult()) for place in places])
+
+
+def _quartered(triangles: Array) -> Array:
+    """Return the four quarters of each triangle (n, 3, 3)."""
+    a, b, c = np.moveaxis(triangles, 1, 0)
+    ab, bc, ca = (a + b) / 2.0, (b + c) / 2.0, (c + a) / 2.0
+    quarters = ((a, ab, ca), (ab, b, bc), (ca, bc, c), (ab, bc, ca))
+    return np.concatenate([np.stack(quarter, axis=1) for quarter in quarters])
+
+
+# --- how deep meshes overlap -------------------------------------------------------------------------------------
+
+
+def depth_at_least(bodies: list[Body], poses: list[pin.SE3], depth: float) -> float:
+    """Return a lower bound of the depth by which the exact shapes of two bodies overlap, m: the depth of the deepest
+    measured corner of one of them inside the other; 0 if none is inside.
+
+    Args:
+        bodies: two.
+        poses: of their shapes in the world.
+        depth: that of convex shapes around them; it is that of the exact shapes, too, where these are convex.
+    """
+    if not any(isinstance(body.shape, _MESH) for body in bodies):
+        return depth
+    found = 0.0
+    for inner, outer in ((0, 1), (1, 0)):
+        if isinstance(bodies[inner].shape, _MESH | coal.Convex | coal.Box):
+            move = poses[outer].actInv(poses[inner])
+            corners = np.unique(rounded_hull(bodies[inner].shape)[0], axis=0) @ move.rotation.T + move.translation
+            found = max(found, _deepest(corners, bodies[outer].shape))
+    return found
+
+
+def _deepest(points: Array, shape: coal.CollisionGeometry) -> float:
+    """Return how deep the deepest of some points (n, 3), in the frame of a shape, is inside of it, m; 0 if none is."""
+    is_mesh = isinstance(shape, _MESH)
+    around = hull(rounded_hull(shape)[0]) if is_mesh else None
+    if around is not None:
+        points = points[(points @ around.normals.T <= around.offsets).all(axis=1)]
+    points = points[np.linspace(0, len(points) - 1, min(len(points), _MOST)).astype(int)]
+    distances = _distances(points, shape, pin.SE3.Identity())
+    if not is_mesh:
+        return float(-distances.min(initial=0.0))
+    for deepest in np.argsort(-distances):
+        if TriangleMesh(shape).contains(points[deepest]):
+            return float(distances[deepest])
+    return 0.0

@@ -21,6 +21,7 @@ from cinegen.collision.clearance import clearance_of
 from cinegen.collision.mobile_robot import mobile_robot
 from cinegen.collision.self_collision import PairReason, link_pairs
 from cinegen.collision.triangle_mesh import TriangleMesh
+from cinegen.planning.locked_joints import with_joints_locked
 
 SHARE = Path(sysconfig.get_path("purelib")) / "cmeel.prefix/share/example-robot-data/robots"
 PANDA, UR5 = "panda_description/urdf/panda.urdf", "ur_description/urdf/ur5_robot.urdf"
@@ -194,3 +195,12 @@ def test_a_self_clearance_beyond_the_safety_distance_is_refused():
     with pytest.raises(cinegen.CinegenError, match="self_clearance"):
         grasping(0.05, self_clearance=0.02)
     assert grasping(0.05, self_clearance=0.0).document()["self_clearance"] == 0.0
+
+
+def test_a_gripper_that_is_locked_closed_does_not_keep_an_arm_from_planning():
+    """The pads overlap by 0.04 mm, and no path could separate them."""
+    closed = grasping(0.0)
+    assert set(closed.locked) == {"panda_finger_joint1", "panda_finger_joint2"}
+    assert clearance_of(with_joints_locked(closed)).least(closed.start) >= closed.safety
+    opening = grasping(0.0, locked=[])
+    assert clearance_of(with_joints_locked(opening)).least(opening.start) <= 0.0
