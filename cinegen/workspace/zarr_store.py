@@ -87,9 +87,10 @@ class MapStore:
             raise MapError(f"{self.path}: {error}") from None
         except _ERRORS as error:
             raise MapError(f"{self.path} is damaged: its description is invalid ({error}). {_ADVICE}") from None
-        for name in _coordinates(self.spec):
-            self._checked(name, group, expected)
-        self._arrays = {name: self._checked(name, group, expected) for name in _data_arrays(self.spec)}
+        with np.errstate(over="ignore"):  # a fill value that is too large becomes infinite, which is found
+            for name in _coordinates(self.spec):
+                self._checked(name, group, expected)
+            self._arrays = {name: self._checked(name, group, expected) for name in _data_arrays(self.spec)}
 
     def _checked(self, name: str, group: Any, expected: Any) -> Any:
         """Return an array of the group, once its type, shape and encoding and a coordinate's values are as expected."""

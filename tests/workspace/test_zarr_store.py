@@ -355,6 +355,10 @@ WRONG = {
         lambda p: (p / "sigma_1/zarr.json").write_text((p / "sigma_1/zarr.json").read_text().replace("little", "big")),
         "sigma_1 is missing, or its description is wrong",
     ),
+    "the fill value is too large for its type": (
+        lambda p: edit(p / "sigma_1/zarr.json", lambda d: d.update(fill_value=1e308)),
+        "sigma_1 is missing, or its description is wrong",
+    ),
     "a coordinate is cut": (lambda p: cut(p / "joint1/c.0"), "the values of joint1 are missing or wrong"),
     "it is another's group": (
         lambda p: edit(p / "zarr.json", lambda d: d.update(attributes={})),
@@ -371,6 +375,7 @@ def _version(attributes):
     attributes["specification"] = json.dumps({**json.loads(attributes["specification"]), "version": 0})
 
 
+@pytest.mark.filterwarnings("error")
 @pytest.mark.parametrize("what", WRONG)
 def test_what_is_no_map_or_no_longer_one_is_left_as_it_is(spec, copied, what):
     spoil, said = WRONG[what]
