@@ -169,6 +169,8 @@ def _obstacles(mechanism: Mechanism, file: Path, robots: RobotOptions) -> dict[s
     values: dict[str, Any] = {"name": scene.name, "goal": {"point": home}}
     if scene.allowed_collisions:
         values["allowed_collisions"] = [list(pair) for pair in scene.allowed_collisions]
+    if scene.attached:
+        values["attached"] = [one.document() for one in scene.attached]
     values["obstacle"] = [obstacle.document() for obstacle in scene.obstacles]
     return values
 

@@ -129,10 +129,14 @@ def _task(scene: Scene, goal: str | None) -> list[str]:
         reached += f", in a cone of {shown(scene.cone, ANGLE, 3)}"
     if scene.goal_configuration is not None:
         reached = f"to {_joint_values(scene)}"
+    held = ", ".join(f"{one.name} to {one.node}" for one in scene.attached)
+    weights = ", ".join(f"{name} {weight:g}" for name, weight in scene.weights.items())
     obstacles = ", ".join(f"{one.name} ({one.kind})" if one.name != one.kind else one.name for one in scene.obstacles)
     return [
         *textwrap.wrap(f"{scene.name}: {robot}; {goal or reached}", _WIDTH, subsequent_indent="  "),
         *([f"  locked: {', '.join(scene.locked)}"] if scene.locked else []),
+        *([f"  attached: {held}"] if held else []),
+        *([f"  weights: {weights}"] if weights else []),
         *([f"  {scene.node} {_path_constraints(scene)} all along the path"] if scene.path_constraints else []),
         *textwrap.wrap(
             f"{count(scene.obstacles, 'obstacle')}{': ' * bool(obstacles)}{obstacles}", _WIDTH,

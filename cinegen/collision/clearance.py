@@ -273,12 +273,13 @@ def clearance_of(scene: Scene, is_exact: bool = False) -> Clearance:
     """
     mechanism = scene.mechanism
     links, pairs = links_of(mechanism) if scene.bodies is None else (scene.bodies, ())
+    bodies, checked = scene.with_attached(links, scene.checked_pairs(links, pairs))
     within = 1.5 * scene.safety + 2e-3 * mechanism.length  # above the distances at which motions stop
     return Clearance(
         mechanism,
-        links,
+        bodies,
         scene.obstacles,
-        scene.checked_pairs(links, pairs),
+        checked,
         np.inf if is_exact else within,
         0.0 if is_exact else scene.safety - scene.self_clearance,
     )

@@ -61,11 +61,12 @@ class MeshCheck:
         else:
             self._bodies, pairs, always = scene.bodies, (), ()
         obstacles = [body.as_described for obstacle in scene.obstacles for body in obstacle.bodies]
+        links, own = scene.with_attached(self._bodies, scene.checked_pairs(self._bodies, pairs))
+        self._bodies = tuple(body.as_described for body in links)
         self._names = [body.name for body in (*self._bodies, *obstacles)]
         self.unchecked = tuple(dict.fromkeys((self._names[i], self._names[k]) for i, k in always))
         self.step = STEP * mechanism.length
         self._model, self._data = mechanism.model, kinematic_data(mechanism.model)
-        own = scene.checked_pairs(self._bodies, pairs)
         self._geometry = geometry_model(mechanism, self._bodies, obstacles, own)
         self._shapes = self._geometry.createData()
         self._centres = np.array([body.centre for body in self._bodies]).reshape(-1, 3)

@@ -52,19 +52,20 @@ class Obstacle:
         return {"name": self.name, **deepcopy(dict(self.written)), **pose_keys(self.placement)}
 
 
-def read_obstacle(table: SceneTable, number: int, folder: Path) -> Obstacle:
+def read_obstacle(table: SceneTable, number: int, folder: Path, label: str = "") -> Obstacle:
     """Return the obstacle of a table.
 
     Args:
         table: `kind`, the keys of that kind, and optionally `name`, and `point`, `rpy` or `angle` of the pose.
         number: number of the obstacle, from 1, for its default name.
         folder: folder of the files that the table names.
+        label: first word of that name, instead of the kind.
 
     Raises:
         SceneError: a value is invalid.
     """
     kind = table.text("kind")
-    name = table.text("name") if "name" in table else f"{kind} {number}"
+    name = table.text("name") if "name" in table else f"{label or kind} {number}"
     placement, shapes = table.pose(), pieces_of(kind, table, folder)
     table.finish()
     pieces = tuple(Body(name if len(shapes) == 1 else f"{name}/{i}", 0, *shape) for i, shape in enumerate(shapes, 1))

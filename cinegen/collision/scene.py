@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Mapping, Sequence
 from copy import deepcopy
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -14,6 +14,7 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import NDArray
 
+from cinegen.collision.attached import Attached, attached_pairs
 from cinegen.collision.body import Body
 from cinegen.collision.mobile_robot import X, Y, mobile_body
 from cinegen.collision.obstacle import Obstacle
@@ -80,6 +81,8 @@ class Scene:
         cone: of a region as goal: largest angle of the node's z axis with that of the goal pose, the rotation about it
             free; None for an orientation.
         path_constraints: constraints of the node along the path.
+        attached: objects that the robot holds; each name is unique, also among obstacles.
+        weights: weights of joints, by name, in the length of paths, above 0; 1 for others.
     """
 
     name: str
@@ -105,6 +108,8 @@ class Scene:
     cone: float | None = None
     path_constraints: PathConstraints = UNCONSTRAINED
     self_clearance: float = 0.0
+    attached: tuple[Attached, ...] = ()
+    weights: Mapping[str, float] = field(default_factory=dict)
 
     def __repr__(self) -> str:
         count = len(self.obstacles)
@@ -119,6 +124,7 @@ class Scene:
             [
                 ("robot", self.mechanism.name if self.mobile is None else f"mobile robot, radius {self.mobile:g} m"),
                 ("obstacles", ", ".join(one.name for one in self.obstacles) or "none"),
+                *([("attached", ", ".join(one.name for one in self.attached))] if self.attached else []),
                 ("goal", goal),
                 ("safety distance", f"{self.safety:g} m"),
                 ("self-clearance", f"{self.self_clearance:g} m"),
@@ -140,6 +146,27 @@ class Scene:
         allowed = {frozenset(pair) for pair in self.allowed_collisions}
         return [(i, k) for i, k in pairs if frozenset((bodies[i].name, bodies[k].name)) not in allowed]
 
+    def with_attached(
+        self, links: Sequence[Body], pairs: Iterable[tuple[int, int]]
+    ) -> tuple[tuple[Body, ...], list[tuple[int, int]]]:
+        """Return the robot's bodies and the attached objects behind them, and the pairs of all that are checked.
+
+        Args:
+            links: bodies of the robot.
+            pairs: pairs of these, as of `checked_pairs`.
+        """
+        held = [body for one in self.attached for body in one.bodies(self.mechanism)]
+        return (*links, *held), [*pairs, *attached_pairs(self.attached, self.mechanism, links)]
+
+    @cached_property
+    def metric(self) -> Array:
+        """(nv,) motion of each joint that has length 1 in the planner's metric, rad and m: the mechanism's `scale`,
+        divided by `weights`."""
+        found = self.mechanism.scale.copy()
+        for name, weight in self.weights.items():
+            found[self.mechanism.v_index(name)] /= weight
+        return found
+
     # --- as keys and values --------------------------------------------------------------------------------------
 
     def document(self) -> dict[str, Any]:
@@ -159,6 +186,10 @@ class Scene:
             found["allowed_collisions"] = [list(pair) for pair in self.allowed_collisions]
         if self.locked != unmoving_joints(self.mechanism, self.node, self.goal_joints):
             found["locked"] = list(self.locked)
+        if self.weights:
+            found["weights"] = dict(self.weights)
+        if self.attached:
+            found["attached"] = [one.document() for one in self.attached]
         if self.path_constraints:
             constraints = self.path_constraints
             found["path"] = {"upright": True} if constraints.upright else {}

@@ -14,6 +14,7 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import NDArray
 
+from cinegen.collision.attached import Attached, read_attached
 from cinegen.collision.errors import SceneError
 from cinegen.collision.mobile_robot import X, Y, mobile_robot
 from cinegen.collision.obstacle import Obstacle, read_obstacle
@@ -117,7 +118,7 @@ def _scene(
         raise table.error("goal", "is missing: write the goal of the robot, as goal = { point = [x, y, z] }")
     start = table.table("start") if "start" in table else SceneTable({}, f"{table.where}: start")
     goal = table.table("goal")
-    table.know("node", "robot", "mobile", "allowed_collisions", "locked", "path")
+    table.know("node", "robot", "mobile", "allowed_collisions", "locked", "path", "weights", "attached")
     table.finish()  # before the robot is loaded, which may take a while
 
     mechanism, written, radius = _robot(table, folder, given, settings)
@@ -144,9 +145,13 @@ def _scene(
         region = _region(goal)
         aim = _goal(goal, mechanism if radius is None else None, mechanism.placement(q, node))
     locked = _locked(table, mechanism, joints) if "locked" in table else unmoving_joints(mechanism, node, joints)
+    attached = _attached(table, folder, mechanism, node, obstacles) if "attached" in table else ()
+    if attached and radius is not None:
+        raise table.error("attached", "is for robots: nothing is attached to a mobile robot")
+    weights = _weights(table.table("weights"), mechanism) if "weights" in table else {}
     return Scene(
         name, path, folder, mechanism, written, radius, obstacles, q, node, *aim, safety, influence, up, allowed,
-        joints, end, locked, *region, constraints, own,
+        joints, end, locked, *region, constraints, own, attached, weights,
     )  # fmt: skip
 
 
@@ -158,6 +163,32 @@ def _obstacles(table: SceneTable, folder: Path) -> tuple[Obstacle, ...]:
             raise each.error("name", f"'{obstacle.name}' is used by another obstacle")
         found[obstacle.name] = obstacle
     return tuple(found.values())
+
+
+def _attached(
+    table: SceneTable, folder: Path, mechanism: Mechanism, node: str, obstacles: Sequence[Obstacle]
+) -> tuple[Attached, ...]:
+    """Return the objects that the robot holds, by default at the node that is to reach the goal."""
+    found, names = list[Attached](), {obstacle.name for obstacle in obstacles} | set(mechanism.nodes)
+    for number, each in enumerate(table.tables("attached"), 1):
+        one = read_attached(each, number, folder, mechanism, node)
+        if one.name in names:
+            raise each.error("name", f"'{one.name}' is used by another object or node")
+        names.add(one.name)
+        found.append(one)
+    return tuple(found)
+
+
+def _weights(table: SceneTable, mechanism: Mechanism) -> dict[str, float]:
+    """Return weights above 0, by the names of joints."""
+    for name in table:
+        if name not in mechanism.joints:
+            raise table.error(f"'{name}'", f"is not a joint of {mechanism.name}{did_you_mean(name, mechanism.joints)}")
+    found = {name: table.number(name, NUMBER) for name in mechanism.joints if name in table}
+    for name, weight in found.items():
+        if not 1e-2 <= weight <= 1e2:
+            raise table.error(name, f"must be a weight from 0.01 to 100, not {weight:g}")
+    return found
 
 
 def _allowed(table: SceneTable, mechanism: Mechanism) -> tuple[tuple[str, str], ...]:

@@ -16,7 +16,6 @@ from cinegen.collision.scene_table import about_z
 from cinegen.errors import ClosureError
 from cinegen.ik.local_ik import LocalIK
 from cinegen.ik.task import FrameTask
-from cinegen.model import Mechanism
 from cinegen.planning.attempt import PlanStatus
 from cinegen.planning.attraction import TaskAttraction
 from cinegen.planning.path_constraints import path_tasks, projection
@@ -92,7 +91,7 @@ def _search(scene: Scene, clearance: Clearance) -> tuple[list[Array], list[tuple
         free.append(q)
         if len(free) == _ENOUGH:
             break
-    return _varied(mechanism, scene.start, free), blocked[:_ENOUGH]
+    return _varied(scene, free), blocked[:_ENOUGH]
 
 
 def _with_pose(scene: Scene) -> Iterator[Array]:
@@ -194,13 +193,18 @@ def _outside_region(scene: Scene, pose: pin.SE3) -> float:
     return float(np.hypot(np.linalg.norm(beyond) / scene.mechanism.length, angle))
 
 
-def _varied(mechanism: Mechanism, start: Array, found: list[Array]) -> list[Array]:
-    """Return the configurations, sorted: the one nearest to the start, then always the furthest from all before."""
-    left = sorted(found, key=lambda q: mechanism.distance(start, q))
+def _varied(scene: Scene, found: list[Array]) -> list[Array]:
+    """Return the configurations, sorted: the one nearest to the start, then always the furthest from all before, by the
+    largest motion of a joint in the scene's metric."""
+
+    def distance(begin: Array, end: Array) -> float:
+        return float(np.abs(scene.mechanism.difference(begin, end) / scene.metric).max(initial=0.0))
+
+    left = sorted(found, key=lambda q: distance(scene.start, q))
     chosen = left[:1]
     left = left[1:]
     while left:
-        at = int(np.argmax([min(mechanism.distance(q, other) for other in chosen) for q in left]))
+        at = int(np.argmax([min(distance(q, other) for other in chosen) for q in left]))
         chosen.append(left.pop(at))
     return chosen
 
@@ -216,4 +220,8 @@ def _too_near(clearance: Clearance, scene: Scene, pair: int, distance: float) ->
         reason += f"below the {kept[0]} of {shown(kept[1], LENGTH, 3)}"
     if not own:
         return reason
+    held = {body.name: each.name for each in scene.attached for body in each.bodies(scene.mechanism)}
+    for body, link in ((one, other), (other, one)):
+        if body in held:
+            return f"{reason}; if they may touch, add '{link}' to touches of '{held[body]}'"
     return f'{reason}; if these links may touch, add allowed_collisions = [["{one}", "{other}"]]'

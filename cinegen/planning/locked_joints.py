@@ -30,8 +30,16 @@ def with_joints_locked(scene: Scene) -> Scene:
         for (one, first), (other, second) in combinations(zip(mechanism.nodes, moved, strict=True), 2)
         if first == second
     ]
+    fixed = {frozenset(pair) for pair in rigid}
+    attached = [
+        replace(
+            one, touches=(*one.touches, *(name for name in mechanism.nodes if frozenset((name, one.node)) in fixed))
+        )
+        for one in scene.attached
+    ]
     return replace(
         scene,
+        attached=tuple(attached),
         mechanism=mechanism.with_locked(values, link_pairs),
         allowed_collisions=(*scene.allowed_collisions, *rigid),
     )

@@ -129,6 +129,11 @@ class Plan:
         """Length of the path in joint space, rad and characteristic lengths."""
         return path_length(self.scene.mechanism, self.path)
 
+    @property
+    def weighted_motion(self) -> float:
+        """Length of the path in joint space, each joint's motion multiplied by its weight; `motion` without weights."""
+        return path_length(self.scene.mechanism, self.path, self.scene.metric)
+
 
 class Planner(Enum):
     """Method of `plan`."""
@@ -325,11 +330,12 @@ class _Search:
         return path if motion is None else np.vstack([path, motion[1:]])
 
     def _shortened(self, path: Array, seed: int) -> Array:
-        shorter = shortened(self.clearance, path, self.scene.safety, seed, self.deadline, self.project)
+        metric = self.scene.metric
+        shorter = shortened(self.clearance, path, self.scene.safety, seed, self.deadline, self.project, metric)
         return path if shorter is None else shorter
 
     def _length(self, path: Array) -> float:
-        return path_length(self.scene.mechanism, path)
+        return path_length(self.scene.mechanism, path, self.scene.metric)
 
     def _fine(self, path: Array) -> Array:
         """Return a path with configurations inserted; with loops or constraints, `clear_motion` has done so."""

@@ -90,8 +90,8 @@ def sampled_path(scene: Scene, clearance: Clearance, goals: Sequence[Array], sec
 
 
 class SamplingSpace:
-    """Configurations as points x (n,) of a box: the difference of each joint from the start, rad or characteristic
-    lengths.
+    """Configurations as points x (n,) of a box: the difference of each joint from the start, in the scene's metric: rad
+    or characteristic lengths, multiplied by `weights`.
 
     Joints are bounded by their limits. A revolute joint without limits has one revolution to either side, so that a
     goal can be reached both ways around; a prismatic one, and a floating base, the extent of the scene and a margin;
@@ -108,7 +108,7 @@ class SamplingSpace:
 
     def __init__(self, scene: Scene, clearance: Clearance) -> None:
         self._start, mechanism = scene.start, scene.mechanism
-        self._mechanism, self._scale = mechanism, mechanism.scale
+        self._mechanism, self._scale = mechanism, scene.metric
         low, high = np.full(mechanism.model.nv, -np.inf), np.full(mechanism.model.nv, np.inf)
         first, last = _room(scene, clearance)
         begin, end = (np.resize(far, mechanism.model.nv) for far in (first, last))
@@ -134,14 +134,16 @@ class SamplingSpace:
 
     def point(self, q: Array) -> Array:
         """Return the point (n,) of a configuration (nq,)."""
-        return self._mechanism.scaled_difference(self._start, q)[self._columns]
+        return np.asarray((self._mechanism.difference(self._start, q) / self._scale)[self._columns])
 
     def points(self, q: Array) -> list[Array]:
         """Return the points (n,) inside the box of a configuration (nq,), also with whole revolutions; the nearest to
         the start first."""
         x, unlimited = self.point(q), self._unlimited[self._columns]
-        x[unlimited] = np.remainder(x[unlimited] + np.pi, _REVOLUTION) - np.pi
-        wound = [(value, value - np.copysign(_REVOLUTION, value)) for value in x[unlimited].tolist()]
+        scale = self._scale[self._columns][unlimited]
+        angles = np.remainder(x[unlimited] * scale + np.pi, _REVOLUTION) - np.pi
+        x[unlimited] = angles / scale
+        wound = np.column_stack([angles, angles - np.copysign(_REVOLUTION, angles)]) / scale[:, None]
         found = []
         for values in itertools.islice(itertools.product(*wound), _MOST_WINDINGS):
             point = x.copy()

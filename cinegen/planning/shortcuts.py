@@ -31,6 +31,7 @@ def shortened(
     seed: int = 0,
     deadline: float = math.inf,
     project: Projection | None = None,
+    metric: Array | None = None,
 ) -> Array | None:
     """Return a shorter path between the same ends, by shortcuts: joints straight, or with loops as `clear_motion` moves
     them.
@@ -46,12 +47,14 @@ def shortened(
         seed: seed of the random points.
         deadline: value of `time.monotonic` at which no further shortcut is tried, s.
         project: projection onto constraints along the path, as of `clear_motion`.
+        metric: (nv,) motion of each joint that has length 1; the mechanism's `scale` by default.
 
     Returns:
         (m, nq), joints straight in between; with loops or constraints, as fine as `clear_motion` returns motions. None
         if a part of the path itself does not keep the distance.
     """
     mechanism = clearance.mechanism
+    metric = mechanism.scale if metric is None else metric
     is_curved = mechanism.is_constrained or project is not None
 
     def clear(begin: Array, end: Array) -> Array | None:
@@ -66,7 +69,7 @@ def shortened(
         if failures == _PATIENCE or time.monotonic() >= deadline:
             break
         failures += 1
-        lengths = np.array([_distance(mechanism, *ends) for ends in pairwise(found)])
+        lengths = np.array([_distance(mechanism, *ends, metric) for ends in pairwise(found)])
         bounds = np.concatenate([[0.0], np.cumsum(lengths)])
         parts = bounds[-1] * np.sort(rng.random(2))
         if trial % 2:  # about a corner
@@ -74,10 +77,10 @@ def shortened(
             parts = np.clip(bounds[rng.integers(len(bounds))] + width * [-1.0, 1.0], 0.0, bounds[-1])
         (first, begin), (last, end) = (_at(mechanism, found, bounds, part, is_curved) for part in parts)
         longest = (1.0 - _GAIN) * (parts[1] - parts[0])
-        if first == last or _distance(mechanism, begin, end) > longest:
+        if first == last or _distance(mechanism, begin, end, metric) > longest:
             continue
         motion = clear(begin, end)
-        if motion is None or path_length(mechanism, motion) > longest:
+        if motion is None or path_length(mechanism, motion, metric) > longest:
             continue
         found, failures = _distinct(mechanism, np.vstack([found[: first + 1], motion, found[last + 1 :]])), 0
     return found
@@ -116,18 +119,20 @@ def _at(mechanism: Mechanism, path: Array, bounds: Array, length: float, is_curv
 
 def _distinct(mechanism: Mechanism, path: Array) -> Array:
     """Return a path without configurations that coincide with the one before, or with its end."""
-    different = [_distance(mechanism, *ends) > _SAME for ends in pairwise(path[:-1])]
+    different = [_distance(mechanism, *ends, mechanism.scale) > _SAME for ends in pairwise(path[:-1])]
     kept = [i for i, is_new in enumerate([True, *different]) if is_new]
-    while len(kept) > 1 and _distance(mechanism, path[kept[-1]], path[-1]) <= _SAME:
+    while len(kept) > 1 and _distance(mechanism, path[kept[-1]], path[-1], mechanism.scale) <= _SAME:
         kept.pop()
     return path[[*kept, len(path) - 1]]
 
 
-def path_length(mechanism: Mechanism, path: Array) -> float:
-    """Return the length of a path (n, nq), joints straight in between, rad and characteristic lengths."""
-    return sum(_distance(mechanism, *ends) for ends in pairwise(path))
+def path_length(mechanism: Mechanism, path: Array, metric: Array | None = None) -> float:
+    """Return the length of a path (n, nq), joints straight in between: in a metric as of `shortened`, or in rad and
+    characteristic lengths."""
+    metric = mechanism.scale if metric is None else metric
+    return sum(_distance(mechanism, *ends, metric) for ends in pairwise(path))
 
 
-def _distance(mechanism: Mechanism, begin: Array, end: Array) -> float:
-    """Return the length of a straight motion between two configurations, rad and characteristic lengths."""
-    return float(np.linalg.norm(mechanism.scaled_difference(begin, end)))
+def _distance(mechanism: Mechanism, begin: Array, end: Array, metric: Array) -> float:
+    """Return the length of a straight motion between two configurations in a metric."""
+    return float(np.linalg.norm(mechanism.difference(begin, end) / metric))

@@ -1,0 +1,64 @@
+"""Weights of joints in the length of paths."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+import cinegen
+from cinegen.collision import SceneError, clearance_of, scene_of
+from cinegen.planning import plan
+from cinegen.planning.rrt_planner import SamplingSpace
+
+
+@pytest.fixture(scope="module")
+def arm():
+    return cinegen.load("arm7")
+
+
+def scene(arm, **more):
+    values = {"start": {"joints": {"joint1": -0.6, "joint2": 0.9}}, "goal": {"point": [0.5, 0.35, 0.3]}}
+    return scene_of(values | more, mechanism=arm)
+
+
+@pytest.mark.parametrize("planner", ["auto", "rrtconnect"])
+def test_a_heavy_joint_moves_less(planner):
+    robot, moved = cinegen.load("planar_3r"), []
+    for weights in ({"joint1": 50.0}, {"joint3": 50.0}):
+        values = {"goal": {"point": [0.3, 0.35]}, "start": {"joints": {"joint2": 0.9}}, "weights": weights}
+        found = plan(scene_of(values, mechanism=robot), planner=planner, seconds=20.0)
+        assert found
+        steps = np.diff(found.path, axis=0)
+        moved.append(np.abs(steps).sum(axis=0))
+        factors = np.array([weights.get(name, 1.0) for name in robot.joints])
+        assert found.weighted_motion == pytest.approx(np.linalg.norm(steps * factors, axis=1).sum())
+        assert found.motion == pytest.approx(np.linalg.norm(steps, axis=1).sum())
+    assert moved[0][0] < moved[1][0]
+    assert moved[1][2] < moved[0][2]
+
+
+def test_points_of_the_sampled_box_are_configurations_and_back(arm):
+    robot = cinegen.load("planar_3r")
+    made = scene_of({"goal": {"point": [0.3, 0.3]}, "weights": {"joint1": 4.0, "joint3": 0.25}}, mechanism=robot)
+    space, rng = SamplingSpace(made, clearance_of(made)), np.random.default_rng(0)
+    for _ in range(20):
+        x = rng.uniform(space.low, space.high)
+        assert space.point(space.at(x)) == pytest.approx(x, abs=1e-9)
+        q = space.at(x)
+        for point in space.points(q):  # with whole revolutions, the same configuration
+            assert np.cos(space.at(point) - q) == pytest.approx(np.ones(len(q)))
+            assert (point >= space.low - 1e-9).all()
+            assert (point <= space.high + 1e-9).all()
+
+
+def test_weights_are_written_and_read_again_and_wrong_ones_reported(arm):
+    made = scene(arm, weights={"joint2": 3.0})
+    assert scene_of(made.document(), mechanism=arm).weights == {"joint2": 3.0}
+    assert made.metric[arm.v_index("joint2")] == pytest.approx(arm.scale[arm.v_index("joint2")] / 3.0)
+    for weights, message in [
+        ({"elbow": 1.0}, "weights: 'elbow' is not a joint of"),
+        ({"joint2": 0.0}, "weights: joint2 must be a weight from 0.01 to 100, not 0"),
+        ({"joint2": "heavy"}, "joint2 must be a number"),
+    ]:
+        with pytest.raises(SceneError, match=message):
+            scene(arm, weights=weights)
