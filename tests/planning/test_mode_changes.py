@@ -91,6 +91,42 @@ def test_a_mode_is_changed_without_a_singularity(root, seed):
     assert str(found) == f"reached: assembly mode {found.mode + 1} of 6, without a singularity of type 2"
 
 
+def to_bars(pose, point):
+    """The distance of a point (2,) from the middle lines of the legs and of the platform's sides, m."""
+    vectors, arms = legs(pose)
+    corners = np.array(pose[:2]) + arms
+    bars = [(corner - vector, corner) for corner, vector in zip(corners, vectors, strict=True)]
+    bars += list(itertools.combinations(corners, 2))
+    found = []
+    for begin, end in bars:
+        part = np.clip((point - begin) @ (end - begin) / ((end - begin) @ (end - begin)), 0.0, 1.0)
+        found.append(np.linalg.norm(begin + part * (end - begin) - point))
+    return min(found)
+
+
+def test_a_mode_is_changed_around_an_obstacle(root):
+    """A disc where the path without obstacles leads is kept clear of, by the lines of legs and platform alone."""
+    free = scene(root)
+    mechanism, radius = free.mechanism, 0.004
+    before = change_mode(free, seconds=SECONDS)
+    along = list(dense(mechanism, before.plan.path))
+    ends = [pose_of(mechanism, q) for q in (along[0], along[-1])]
+    corners = [pose[:2] + arm for pose in map(lambda q: pose_of(mechanism, q), along[::10]) for arm in legs(pose)[1]]
+    point = max(corners, key=lambda corner: min(to_bars(end, corner) for end in ends))
+    assert min(to_bars(pose_of(mechanism, q), point) for q in along) < radius
+    disc = {"kind": "disc", "radius": radius, "point": point.tolist()}
+    task = scene(root, obstacle=[disc], safety=1e-3)
+    found = change_mode(task, seconds=SECONDS)
+    assert found
+    assert min(to_bars(pose_of(mechanism, q), point) for q in dense(mechanism, found.plan.path)) > radius + 1e-3
+    assert found.plan.clearance >= 1e-3
+
+
+def test_constraints_along_the_path_are_refused(root):
+    with pytest.raises(PlanningError, match=r"keeps no constraints along the path: remove them \(path\)"):
+        change_mode(scene(root, path={"line": [1, 0, 0]}))
+
+
 def test_a_mode_is_changed_with_a_leg_locked(root):
     """As in the sections of joint space that the literature draws."""
     mechanism = (task := scene(root)).mechanism
