@@ -60,6 +60,7 @@ IGNORE_LOOPS = flag("--ignore-loops", "leave out all loops and couplings: every 
 JSON = flag("--json", "print JSON: m, rad and s; docs/commands.md lists the keys")
 NODE = option("NAME", "node whose pose is meant (default: the last of the file)")
 PLOT = option("FILE", "draw a picture: .png, .svg or .pdf", callback=_check_drawable)
+PLOT_JOINTS = option("FILE", "draw the joints over time: .png, .svg or .pdf", callback=_check_drawable)
 SECONDS = quantity_option("S", "stop after this time (s; default: at Ctrl-C)", TIME)
 SELF_CLEARANCE = quantity_option("LENGTH", "distance between links of the robot (default: the scene's)", LENGTH)
 SRDF = option("FILE", "SRDF with pairs of links that may collide (default: the one next to a URDF)")

@@ -12,7 +12,19 @@ import typer
 
 from cinegen.cli.files import check_outputs, count, empty, print_result, write_figure
 from cinegen.cli.mode_change import change_advice, change_document, change_lines, goal_text, mode_index
-from cinegen.cli.options import IGNORE, IGNORE_LOOPS, JSON, PLOT, SELF_CLEARANCE, SRDF, UNITS, VIEW, exclude, option
+from cinegen.cli.options import (
+    IGNORE,
+    IGNORE_LOOPS,
+    JSON,
+    PLOT,
+    PLOT_JOINTS,
+    SELF_CLEARANCE,
+    SRDF,
+    UNITS,
+    VIEW,
+    exclude,
+    option,
+)
 from cinegen.cli.page import PageOptions
 from cinegen.cli.progress import Progress
 from cinegen.errors import CinegenError
@@ -57,6 +69,7 @@ def run(
         "FILE.jsonl", "record the path, for `cinegen replay` and `export`", None, "-o", "--output"
     ),
     plot: Path | None = PLOT,
+    plot_joints: Path | None = PLOT_JOINTS,
     json: bool = JSON,
     view: bool = VIEW,
     units: Literal["m", "mm"] = UNITS,
@@ -73,7 +86,7 @@ def run(
         raise CinegenError(f"--field {field}: --planner {planner} follows no field; leave one out")
     mode = mode_index(modes, singular, field)
     recording = output_path(output, f"{stem_of(scene)}.jsonl") if output else None
-    check_outputs(plot, force=page.force, json=json)
+    check_outputs(plot, plot_joints, force=page.force, json=json)
     check_outputs(recording, force=page.force, json=json, remakeable=False)
     loaded = load_scene(scene, ignore_loops, ignore, srdf, self_clearance)
     if not json:
@@ -101,6 +114,12 @@ def run(
 
         write_figure(plot, draw_plan(found), quiet=json)
     moves = bool((found.path[1:] != found.path[0]).any())
+    if plot_joints and moves:
+        from cinegen.plotting import draw_joints
+
+        write_figure(plot_joints, draw_joints(found), quiet=json)
+    elif plot_joints and not json:
+        print(f"there is no path: {plot_joints} is not written")
     if recording:
         message = _record(found, recording) if moves else f"there is no path: {recording} is not written"
         if not json:
@@ -300,6 +319,7 @@ def _document(found: Plan) -> dict[str, Any]:
         "robot": mechanism.name,
         "field": found.field,
         "locked": list(scene.locked),
+        "attached": [one.name for one in scene.attached],
         "status": found.status.value,
         "reason": found.reason,
         "node": scene.node,
@@ -313,6 +333,7 @@ def _document(found: Plan) -> dict[str, Any]:
         },
         "length": _length(found),
         "motion": found.motion,
+        "weighted_motion": found.weighted_motion,
         "attempts": [
             {
                 "strategy": one.strategy,

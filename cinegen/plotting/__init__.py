@@ -1,5 +1,6 @@
 """Pictures on paper: mechanisms, maps, singular curves, fields and paths. Needs matplotlib, loaded when used."""
 
+from cinegen.plotting.joints import draw_joints
 from cinegen.plotting.modes import DrawingError, draw_modes
 from cinegen.plotting.plan import draw_plan
 from cinegen.plotting.skeleton import Skeleton
@@ -9,6 +10,7 @@ __all__ = [
     "DrawingError",
     "Projection",
     "Skeleton",
+    "draw_joints",
     "draw_modes",
     "draw_plan",
     "views",
