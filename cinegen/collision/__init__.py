@@ -9,6 +9,7 @@ from raff2urdf.lazy import lazy_names
 if TYPE_CHECKING:
     from cinegen.collision.clearance import Clearance as Clearance
     from cinegen.collision.clearance import clearance_of as clearance_of
+    from cinegen.collision.direct_scene import scene_for as scene_for
     from cinegen.collision.errors import PlanningError as PlanningError
     from cinegen.collision.errors import SceneError as SceneError
     from cinegen.collision.obstacle import Obstacle as Obstacle

@@ -5,20 +5,22 @@ from __future__ import annotations
 import itertools
 import math
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from enum import Enum
 from functools import cached_property
 from importlib.util import find_spec
 from itertools import pairwise, product
-from typing import NoReturn
+from typing import Any, NoReturn
 
 import numpy as np
 from numpy.typing import NDArray
 
 from cinegen.collision.clearance import Clearance, clearance_of
-from cinegen.collision.errors import PlanningError
+from cinegen.collision.direct_scene import Goal, scene_for
+from cinegen.collision.errors import PlanningError, SceneError
 from cinegen.collision.mesh_check import MeshCheck
+from cinegen.collision.obstacle import Obstacle
 from cinegen.collision.scene import Scene
 from cinegen.errors import ClosureError
 from cinegen.html import table
@@ -151,8 +153,12 @@ class Planner(Enum):
 
 
 def plan(
-    scene: Scene,
+    scene: Scene | Mechanism,
+    goal: Goal | None = None,
     *,
+    start: Array | Sequence[float] | Mapping[str, float] | None = None,
+    obstacles: Iterable[Mapping[str, Any] | Obstacle] = (),
+    node: str | None = None,
     seconds: float = 10.0,
     planner: Planner | str = Planner.AUTO,
     field: AvoidanceField | str | FieldFunction = AvoidanceField.VORTEX,
@@ -162,7 +168,10 @@ def plan(
     seed: int = 0,
     report: Callable[[str], None] = lambda text: None,
 ) -> Plan:
-    """Plan a path to a scene's goal, within a time limit.
+    """Plan a path to a goal that keeps clear of obstacles, within a time limit.
+
+    `plan(mechanism, goal)` plans from home, or from `start`; `plan(scene)` the task of a scene, which can have more:
+    locked joints, constraints along the path, attached objects ...
 
     Goal and start are tested first. Then there are up to three kinds of attempts, all of which are in the plan:
 
@@ -180,7 +189,12 @@ def plan(
     distance and without RRT-Connect: FIRAS makes one attempt.
 
     Args:
-        scene: scene.
+        scene: a scene; or a mechanism, for which `scene_for` makes one.
+        goal: of a mechanism: a pose (`pin.SE3`) or a point (3,) of its end, m, in the world; or a mapping from joint
+            names to values, rad and m.
+        start: of a mechanism: (nq,) configuration, or values of joints, the others at home.
+        obstacles: around a mechanism: each an `Obstacle` or its keys and values.
+        node: of a mechanism: the node that is to reach the goal, its end by default.
         seconds: time limit, s; the final check against the meshes may take longer.
         planner: one of `Planner` or its value.
         field: one of `AvoidanceField` or its value; or a function that makes the objective of another field, for one
@@ -193,8 +207,10 @@ def plan(
 
     Raises:
         PlanningError: unknown planner or field; seconds or seed is invalid.
+        SceneError: a mechanism has no goal, or a scene has two; or a value is invalid.
         MissingExtraError: `planner` is RRT_CONNECT, and OMPL is not installed.
     """
+    scene = _scene_of(scene, goal, start, tuple(obstacles), node)
     if not (math.isfinite(seconds) and seconds > 0.0):
         raise PlanningError(f"seconds must be above 0, not {seconds}")
     if seed < 0:
@@ -239,6 +255,27 @@ def plan(
     reason = "" if last.status is PlanStatus.REACHED else reason + missing
     used = None if last.strategy in (DIRECT, RRT_CONNECT) else name
     return Plan(scene, last.status, last.path, tuple(made), reason, clearance, check, used)
+
+
+def _scene_of(
+    given: Scene | Mechanism,
+    goal: Goal | None,
+    start: Array | Sequence[float] | Mapping[str, float] | None,
+    obstacles: tuple[Mapping[str, Any] | Obstacle, ...],
+    node: str | None,
+) -> Scene:
+    """Return the scene of `plan`.
+
+    Raises:
+        SceneError: see `plan`.
+    """
+    if isinstance(given, Scene):
+        if goal is not None or start is not None or obstacles or node is not None:
+            raise SceneError("a scene has a goal, a start, obstacles and a node: give them only with a mechanism")
+        return given
+    if goal is None:
+        raise SceneError(f"goal is missing: write plan(mechanism, goal), such as a point of '{given.end}'")
+    return scene_for(given, goal, start=start, obstacles=obstacles, **({} if node is None else {"node": node}))
 
 
 def rrt_connect(
