@@ -77,11 +77,14 @@ def judged(path: Path, count: int, margin: float) -> str:
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("names", nargs="*", help="parts of the files' names; all by default")
+    parser.add_argument("--after", default="", help="only robots behind this one in the listing")
     parser.add_argument("--count", type=int, default=10000)
     parser.add_argument("--margin", type=float, default=1e-3, help="m")
     given = parser.parse_args()
     print(f"{'robot':<40}{'touching':>8} {'missed':>7} {'free':>7} {'refused':>7}            update")
-    for path in sorted(ROBOTS.rglob("*.urdf")):
+    paths = sorted(ROBOTS.rglob("*.urdf"))
+    behind = max((i + 1 for i, path in enumerate(paths) if path.stem == given.after), default=0)
+    for path in paths[behind:]:
         if given.names and not any(name in path.name for name in given.names):
             continue
         try:

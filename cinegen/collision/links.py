@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Sequence
+from contextlib import suppress
 from dataclasses import replace
 
 import coal
@@ -59,7 +60,8 @@ def _body(name: str, joint: int, drawn: coal.CollisionGeometry, placement: pin.S
     """Return the body of a shape, with the shape itself where the body only contains it."""
     enclosing, exact = convex_shape(drawn, placement), drawn
     if isinstance(drawn, coal.BVHModelOBBRSS) and TriangleMesh(drawn).is_convex:
-        exact = hull(np.array(drawn.vertices())).shape
+        with suppress(RuntimeError):  # a corner has more neighbours than coal counts: the mesh remains
+            exact = hull(np.array(drawn.vertices())).shape
     if exact is enclosing.shape or _is_same_hull(exact, enclosing.shape):
         return Body(name, joint, *enclosing)
     return Body(name, joint, *enclosing, PlacedShape(enclosing.placement.actInv(placement), exact))
