@@ -153,13 +153,37 @@ def _unconnected(mechanism: Mechanism, bodies: Sequence[Body]) -> set[frozenset[
         if (parent, j) in looped or j not in frames:
             continue
         joint = frames[j]
-        before = {model.frames[model.frames[joint].parentFrame].name}
-        after = {
-            frame.name for frame in model.frames if frame.type == pin.FrameType.BODY and frame.parentFrame == joint
-        }
         on_parent, on_joint = names.get(parent, set()), names.get(j, set())
-        connected = product(before & on_parent or on_parent, after & on_joint or on_joint)
+        before = _with_shapes(mechanism, model.frames[model.frames[joint].parentFrame].name, on_parent)
+        after = _with_shapes(mechanism, _link_behind(mechanism, joint), on_joint)
+        connected = product(before or on_parent, after or on_joint)
         found |= set(map(frozenset, product(on_parent, on_joint))) - set(map(frozenset, connected))
+    return found
+
+
+def _link_behind(mechanism: Mechanism, joint: int) -> str:
+    """Return the link that the joint of a frame, by its index, moves."""
+    frames = mechanism.model.frames
+    return next(str(one.name) for one in frames if one.type == pin.FrameType.BODY and one.parentFrame == joint)
+
+
+def _with_shapes(mechanism: Mechanism, link: str, shaped: set[str]) -> set[str]:
+    """Return a link if it has shapes, else the nearest links with shapes that are fixed to it, by way of others."""
+    frames, fixed = mechanism.model.frames, dict[str, list[str]]()
+    for i, frame in enumerate(frames):
+        if frame.type == pin.FrameType.FIXED_JOINT:
+            ends = frames[frame.parentFrame].name, _link_behind(mechanism, i)
+            for one, other in (ends, ends[::-1]):
+                fixed.setdefault(one, []).append(other)
+    found, visited, left = set[str](), {link}, [link]
+    while left:
+        one = left.pop()
+        if one in shaped:
+            found.add(one)
+            continue
+        new = set(fixed.get(one, ())) - visited
+        visited |= new
+        left += new
     return found
 
 

@@ -7,6 +7,7 @@ from itertools import combinations
 
 import numpy as np
 
+from cinegen.collision.mesh_pairs import mesh_pairs
 from cinegen.collision.scene import Scene
 from cinegen.collision.self_collision import link_pairs
 from cinegen.joints import supporting_columns
@@ -40,6 +41,6 @@ def with_joints_locked(scene: Scene) -> Scene:
     return replace(
         scene,
         attached=tuple(attached),
-        mechanism=mechanism.with_locked(values, link_pairs),
+        mechanism=mechanism.with_locked(values, link_pairs, mesh_pairs),
         allowed_collisions=(*scene.allowed_collisions, *rigid),
     )
