@@ -1,0 +1,313 @@
+"""How many random scenes `plan` solves of those that OMPL's RRT-Connect solves with the same checker.
+
+    python benchmarks/solved_by_ompl.py [COUNT] [FAMILY ...] [--first NUMBER] [--seconds S] [--slower FACTOR]
+
+Families, by default all:
+
+    table-ROBOT    among boxes on a table (ur5, ur10, panda, z1), from one random configuration to another
+    bin-ROBOT      from above into a bin of five boards, to the configuration at a random point inside
+    columns-delta4, columns-gough    a platform among columns, from one pose to another of the same assembly mode
+
+Start and goal are joint values that keep twice the safety distance. Whether there is a path is not known.
+
+    plan    `cinegen.planning.plan`
+    ompl    RRT-Connect of OMPL in its default settings; a configuration is valid where `Clearance.least` is at least
+            the safety distance, motions at OMPL's default resolution. With loops: RRT-Connect on
+            OMPL's projected state space with the mechanism's closing of loops, motions tested every 0.05 rad or
+            characteristic lengths
+
+Limits are CPU seconds of this process, the same for both: on a busy machine `plan`, which counts seconds of the clock,
+gets `--slower` times as many, and counts as solved only if it took less CPU time than the limit. Paths of `plan` are
+clear everywhere; those of OMPL are clear where it tested them: what it solves may be too much.
+"""
+
+from __future__ import annotations
+
+import argparse
+import sysconfig
+import time
+import warnings
+from collections.abc import Callable, Mapping
+from functools import cache, partial
+from pathlib import Path
+from statistics import median
+from typing import Any
+
+import numpy as np
+import ompl.base as ob
+import ompl.geometric as og
+import ompl.util as ou
+import pinocchio as pin
+
+import cinegen
+from cinegen.collision import Clearance, Scene, clearance_of, scene_for
+from cinegen.collision.scene import unmoving_joints
+from cinegen.errors import ClosureError
+from cinegen.ik import FrameTask
+from cinegen.ik.local_ik import LocalIK
+from cinegen.model import Mechanism
+from cinegen.planning import plan
+from cinegen.planning.locked_joints import with_joints_locked
+from cinegen.planning.ompl_trees import connect
+from cinegen.planning.rrt_planner import SamplingSpace
+
+Array = np.ndarray
+Entry = dict[str, Any]
+
+SAFETY = 0.005  # m
+DELTA = 0.05  # rad or characteristic lengths: between tested configurations of robots with loops
+LONGEST = 0.8  # rad or characteristic lengths: of a motion of robots with loops
+SHARE = Path(sysconfig.get_path("purelib")) / "cmeel.prefix/share/example-robot-data/robots"
+ARMS = {  # file, node, reach (m)
+    "ur5": ("ur_description/urdf/ur5_robot.urdf", "tool0", 0.85),
+    "ur10": ("ur_description/urdf/ur10_robot.urdf", "tool0", 1.3),
+    "panda": ("panda_description/urdf/panda.urdf", "panda_hand", 0.85),
+    "z1": ("z1_description/urdf/z1.urdf", "link06", 0.65),
+}
+
+
+@cache
+def arm(name: str) -> Mechanism:
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        return cinegen.load(SHARE / ARMS[name][0])
+
+
+@cache
+def shipped(name: str) -> Mechanism:
+    return cinegen.load(name)
+
+
+def box(name: str, size: Array, point: Array, angle: float = 0.0) -> Entry:
+    return {"name": name, "kind": "box", "size": np.asarray(size).tolist(), "point": list(point), "angle": angle}
+
+
+def task(mechanism: Mechanism, node: str, obstacles: list[Entry], start: Array, goal: Array) -> Scene:
+    """A scene from one configuration to another."""
+    moving = [name for name in mechanism.actuated if name not in unmoving_joints(mechanism, node, ())]
+    end = {name: float(goal[mechanism.q_index(name)]) for name in moving}
+    first = {name: float(start[mechanism.q_index(name)]) for name in mechanism.actuated}
+    return scene_for(mechanism, end, start=first, obstacles=obstacles, node=node, safety=SAFETY)
+
+
+def among(mechanism: Mechanism, node: str, obstacles: list[Entry]) -> Clearance:
+    home = {name: float(mechanism.q_home[mechanism.q_index(name)]) for name in mechanism.actuated}
+    return clearance_of(scene_for(mechanism, home, obstacles=obstacles, node=node, safety=SAFETY))
+
+
+def is_clear(near: Clearance, q: Array) -> bool:
+    """Whether obstacles are twice as far as the safety distance, and links as far from each other as they must be."""
+    own = near.pairs[:, 1] < len(near.links)
+    return bool((near.distances(q) > np.where(own, SAFETY, 2.0 * SAFETY)).all())
+
+
+def posture(mechanism: Mechanism, node: str, point: Array, near: Clearance, rng: np.random.Generator) -> Array | None:
+    """A clear configuration with the node at a point; None if 20 tries don't find one."""
+    target = pin.SE3(np.eye(3), np.asarray(point, dtype=float))
+    local = LocalIK(mechanism, (FrameTask(node, target, 3, 0, axes="world"),))
+    for _ in range(20):
+        if local.solve(local.random_start(rng), 1e-10) and is_clear(near, local.best):
+            return np.array(local.best)
+    return None
+
+
+# --- scenes ------------------------------------------------------------------------------------------------------
+
+
+def table(name: str, number: int) -> Scene:
+    rng, mechanism, (_, node, reach) = np.random.default_rng(number), arm(name), ARMS[name]
+    obstacles = [box("top", [3.0 * reach, 3.0 * reach, 0.02], [0.0, 0.0, -0.06])]
+    for i in range(5):
+        size = rng.uniform([0.1, 0.1, 0.15], [0.25, 0.25, 0.5]) * reach
+        turn, far = rng.uniform(-1.5, 1.5), rng.uniform(0.45, 0.8) * reach
+        point = [far * np.cos(turn), far * np.sin(turn), size[2] / 2.0 - 0.05]
+        obstacles.append(box(f"box{i}", size, point, rng.uniform(0.0, np.pi)))
+    near, ends = among(mechanism, node, obstacles), list[Array]()
+    while len(ends) < 2:
+        turn, far = rng.uniform(-1.5, 1.5), rng.uniform(0.4, 0.85) * reach
+        point = np.array([far * np.cos(turn), far * np.sin(turn), rng.uniform(0.08, 0.4) * reach])
+        q = posture(mechanism, node, point, near, rng)
+        if q is not None:
+            ends.append(q)
+    return task(mechanism, node, obstacles, *ends)
+
+
+def container(name: str, number: int) -> Scene:
+    rng, mechanism, (_, node, reach) = np.random.default_rng(number), arm(name), ARMS[name]
+    wide, long, high, wall = *(rng.uniform([0.35, 0.35, 0.2], [0.5, 0.6, 0.35]) * reach), 0.02
+    centre = np.array([rng.uniform(0.5, 0.6) * reach, rng.uniform(-0.3, 0.3) * reach, 0.0])
+    obstacles = [box("floor", [wide, long, wall], centre)]
+    for i, side in enumerate((-1.0, 1.0)):
+        obstacles.append(box(f"x{i}", [wall, long, high], centre + np.array([side * wide / 2.0, 0.0, high / 2.0])))
+        obstacles.append(box(f"y{i}", [wide, wall, high], centre + np.array([0.0, side * long / 2.0, high / 2.0])))
+    near, end, start = among(mechanism, node, obstacles), None, None
+    while end is None or start is None:
+        inside = centre + rng.uniform([-0.3, -0.3, 0.4], [0.3, 0.3, 0.9]) * [wide, long, high]
+        outside = [rng.uniform(-0.2, 0.6) * reach, rng.choice([-1.0, 1.0]) * 0.5 * reach, rng.uniform(0.2, 0.5) * reach]
+        end = posture(mechanism, node, inside, near, rng) if end is None else end
+        start = posture(mechanism, node, np.array(outside), near, rng) if start is None else start
+    return task(mechanism, node, obstacles, start, end)
+
+
+def columns(name: str, number: int) -> Scene:
+    """Three columns that stand where the legs of a delta, or of a Gough platform, and the platform may hit them."""
+    rng, mechanism = np.random.default_rng(number), shipped(name)
+    node, far = mechanism.end, {"delta4": 1.0, "gough": 0.12}[name]
+    home = mechanism.placement(mechanism.q_home, node)
+    while True:
+        obstacles = []
+        for i in range(3):
+            turn, r = rng.uniform(-np.pi, np.pi), rng.uniform(*((0.2, 1.0) if name == "delta4" else (0.5, 2.5))) * far
+            top = rng.uniform(-0.35, -0.1) if name == "delta4" else rng.uniform(-0.5, -0.05)
+            point = home.translation + np.array([r * np.cos(turn), r * np.sin(turn), top - 0.5])
+            post = {"name": f"post{i}", "kind": "cylinder", "length": 1.0, "point": point.tolist()}
+            obstacles.append(post | {"radius": rng.uniform(0.01, 0.05) * (2.0 if name == "delta4" else 1.0)})
+        near, ends = among(mechanism, node, obstacles), list[Array]()
+        for turn in rng.uniform(-np.pi, np.pi) + np.array([0.0, np.pi]):
+            move = far * np.array([np.cos(turn), np.sin(turn), rng.uniform(-0.4, -0.1)])
+            there = pin.SE3(home.rotation, home.translation + move)
+            reached = cinegen.inverse_kinematics(mechanism, [FrameTask(node, there, 3, 0)], mechanism.q_home)
+            if reached and mechanism.limits.within(reached.q) and is_clear(near, reached.q):
+                ends.append(reached.q)
+        if len(ends) == 2:
+            try:
+                made = task(mechanism, node, obstacles, *ends)
+            except cinegen.CinegenError:  # the joint values lead to another assembly mode
+                continue
+            if is_clear(near, made.start) and is_clear(near, made.goal_configuration):
+                return made
+
+
+FAMILIES: Mapping[str, Callable[[int], Scene]] = {
+    **{f"table-{name}": partial(table, name) for name in ARMS},
+    **{f"bin-{name}": partial(container, name) for name in ARMS},
+    **{f"columns-{name}": partial(columns, name) for name in ("delta4", "gough")},
+}
+
+
+# --- OMPL --------------------------------------------------------------------------------------------------------
+
+
+def is_solved_by_ompl(given: Scene, seconds: float, slower: float) -> bool:
+    """Whether OMPL finds a path within CPU seconds, on a machine on which one takes `slower` seconds of the clock."""
+    ou.setLogLevel(ou.LogLevel.LOG_NONE)
+    ou.RNG.setSeed(1)
+    scene = with_joints_locked(given)
+    mechanism, clearance = scene.mechanism, clearance_of(scene)
+    box_ = SamplingSpace(scene, clearance)
+    count = len(box_.low)
+
+    def point(state: Any) -> Array:
+        return np.array([state[i] for i in range(count)])
+
+    class Validity(ob.StateValidityChecker):
+        def isValid(self, state: Any) -> bool:
+            q = box_.at(point(state))
+            return bool(mechanism.limits.within(q)) and clearance.least(q) >= scene.safety
+
+    if mechanism.loop_rank:
+        return _is_solved_by_projection(scene, clearance, box_, slower * seconds)
+    bounds = ob.RealVectorBounds(count)
+    for i in range(count):
+        bounds.setLow(i, float(box_.low[i]))
+        bounds.setHigh(i, float(box_.high[i]))
+    space = ob.RealVectorStateSpace(count)
+    space.setBounds(bounds)
+    information = ob.SpaceInformation(space)
+    checker = Validity(information)
+    information.setStateValidityChecker(checker)
+    information.setup()
+    problem = ob.ProblemDefinition(information)
+
+    def state_of(values: Array) -> Any:
+        state = space.allocState()
+        state[0:count] = values.tolist()
+        return state
+
+    problem.addStartState(state_of(box_.point(scene.start)))
+    goals = ob.GoalStates(information)
+    for values in box_.points(scene.goal_configuration):
+        goals.addState(state_of(values))
+    problem.setGoal(goals)
+    planner = og.RRTConnect(information)
+    planner.setProblemDefinition(problem)
+    planner.setup()
+    ends = time.process_time() + seconds
+    planner.solve(ob.PlannerTerminationCondition(lambda: time.process_time() > ends))
+    return bool(problem.hasExactSolution())
+
+
+def _is_solved_by_projection(scene: Scene, clearance: Clearance, box_: SamplingSpace, seconds: float) -> bool:
+    """The same for a robot with loops, in seconds of the clock: motions are tested at projected samples."""
+    mechanism = scene.mechanism
+
+    def closed(x: Array) -> Array | None:
+        try:
+            return mechanism.close(box_.at(x), locked=scene.locked)
+        except ClosureError:
+            return None
+
+    def close(x: Array) -> Array | None:
+        q = closed(x)
+        return None if q is None else box_.point(q)
+
+    def free(begin: Array, end: Array) -> bool:
+        count = int(np.ceil(np.linalg.norm(end - begin) / DELTA))
+        before = begin
+        for part in np.linspace(0.0, 1.0, count + 1):
+            q = closed(begin + part * (end - begin))
+            if q is None or not mechanism.limits.within(q) or clearance.least(q) < scene.safety:
+                return False
+            x = box_.point(q)
+            if np.linalg.norm(x - before) > 2.0 * DELTA:  # a jump to another assembly mode
+                return False
+            before = x
+        return True
+
+    goals = box_.points(scene.goal_configuration)
+    path = connect(
+        box_.low, box_.high, box_.point(scene.start), goals, free, LONGEST, seconds, 1, close, mechanism.loop_rank
+    )
+    return path is not None
+
+
+# --- the comparison ----------------------------------------------------------------------------------------------
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("count", nargs="?", type=int, default=10)
+    parser.add_argument("families", nargs="*", default=list(FAMILIES), metavar="FAMILY")
+    parser.add_argument("--first", type=int, default=0, metavar="NUMBER")
+    parser.add_argument("--seconds", type=float, default=10.0)
+    parser.add_argument("--slower", type=float, default=1.0, help="clock seconds of a CPU second on this machine")
+    options = parser.parse_args()
+    for family in options.families:
+        solved: dict[str, list[int]] = {"plan": [], "ompl": []}
+        times: dict[str, list[float]] = {"plan": [], "ompl": []}
+        for number in range(options.first, options.first + options.count):
+            scene = FAMILIES[family](number)
+            begin = time.process_time()
+            found = plan(scene, seconds=options.slower * options.seconds)
+            times["plan"].append(time.process_time() - begin)
+            if found and times["plan"][-1] <= options.seconds:
+                solved["plan"].append(number)
+            begin = time.process_time()
+            is_solved = is_solved_by_ompl(scene, options.seconds, options.slower)
+            times["ompl"].append(time.process_time() - begin)
+            if is_solved and times["ompl"][-1] <= options.seconds:
+                solved["ompl"].append(number)
+            last = found.attempts[-1].strategy if found.attempts else found.reason
+            spent = ", ".join(f"{name} {times[name][-1]:.2f} s" for name in times)
+            print(f"{family} {number}: {found.status.value} ({last}); {spent}", flush=True)
+        plan_, ompl = (set(solved[name]) for name in ("plan", "ompl"))
+        spent = ", ".join(f"{name} {median(one):.2f} s" for name, one in times.items())
+        print(
+            f"{family}: of {options.count}, plan solved {len(plan_)}, ompl {len(ompl)}, both {len(plan_ & ompl)}; "
+            f"only ompl: {sorted(ompl - plan_)}; median CPU time {spent}",
+            flush=True,
+        )
+
+
+if __name__ == "__main__":
+    main()
