@@ -135,7 +135,8 @@ def state_message(state: SessionState, poses: NodePoses, reports: Mapping[str, R
     obstacles = {name: tuple(pin.SE3ToXYZQUAT(one.pose).tolist()) for name, one in state.obstacles.items()}
     statuses = {name: agreed_status(robot.status, reports.get(name)) for name, robot in state.robots.items()}
     statuses |= {name: obstacle.status for name, obstacle in state.obstacles.items()}
-    return StateMessage(round(state.time, 3), placed, obstacles, tuple(tasks), statuses)
+    stopped = {name: robot.obstruction for name, robot in state.robots.items() if robot.obstruction is not None}
+    return StateMessage(round(state.time, 3), placed, obstacles, tuple(tasks), statuses, stopped)
 
 
 def _task(robot: str, task: TaskState, node: pin.SE3, target: pin.SE3) -> TaskMessage:

@@ -15,7 +15,7 @@ from cinegen.model.description import CouplingDescription, JointDescription, Loo
 from cinegen.session.commands import Command, CommandFrame, TypedMessage
 from cinegen.session.report import RobotReport
 from cinegen.session.setup import SensorSwitch
-from cinegen.session.state import PlaybackStatus, RobotStatus, SessionInfo, TaskInfo
+from cinegen.session.state import Obstruction, PlaybackStatus, RobotStatus, SessionInfo, TaskInfo
 from cinegen.typed_json import Vector7
 
 PROTOCOL = 3
@@ -221,6 +221,7 @@ class StateMessage(TypedMessage, frozen=True):
         obstacles: pose of each obstacle in the world.
         tasks: tasks of all robots and obstacles.
         statuses: status of each robot and obstacle.
+        obstructions: what stops robots among obstacles, by robot; only of those that something stops.
         frame: number of the state.
         controller: number of the client that has control, or null.
         report: in some of the states.
@@ -231,6 +232,7 @@ class StateMessage(TypedMessage, frozen=True):
     obstacles: dict[str, Vector7]
     tasks: tuple[TaskMessage, ...]
     statuses: dict[str, RobotStatus]
+    obstructions: dict[str, Obstruction]
     frame: int = 0
     controller: int | None = None
     report: ReportMessage | UnsetType = UNSET

@@ -1,123 +1,54 @@
-"""`BrakingBarrier`: keeps a safety distance with joints that can neither stop nor evade at once, from obstacles that
-move."""
+"""`BrakingBarrier`: keeps a safety distance with joints that can neither stop nor evade at once."""
 
 from __future__ import annotations
 
-from typing import NamedTuple
-
-import coal
 import numpy as np
-import pinocchio as pin
 from numpy.typing import NDArray
 
-from cinegen.collision.clearance import Clearance, NearPairs
+from cinegen.collision.clearance import Clearance
 from cinegen.ik.barrier import Bounds
 from cinegen.ik.objectives import State
-from cinegen.planning.clearance_barrier import ClearanceBarrier, is_clear
+from cinegen.planning.clearance_barrier import ClearanceBarrier
+from cinegen.planning.evasion import Evasion
 
 Array = NDArray[np.float64]
 
-_RANGE = 0.25  # characteristic lengths beyond the stop distance, and
-_AHEAD = 0.3  # s of all motion: pairs further apart have no bound
+_RANGE = 0.25  # characteristic lengths beyond the stop distance: pairs further apart have no bound
 _CAPACITY = 0.5  # of the acceleration by which joints can separate a pair: other tasks and bounds need the rest
 _RETREAT = 0.5  # fraction of a missing distance that a tick restores
 _USABLE = 0.98  # of a limit of acceleration
-_HORIZON = 1.0  # s: collisions that are further away are not predicted
-_INSTANTS = 40  # of the prediction
-_REACHED = 0.9  # of that acceleration, at best
-_SOON = 0.1  # s to a contact: only the direction away from the obstacle counts from then on
-_IMMINENT = 0.04  # s to a contact: from then on nothing but the present velocities counts
-_TELEPORT = 10.0  # m/s: an obstacle that is faster was put somewhere else
-_PARTS = 4  # of a braking motion, each straight
-
-
-class Threat(NamedTuple):
-    """A collision, or one that can't be avoided.
-
-    Attributes:
-        pair: names of the two bodies.
-        points: (2, 3) their nearest points in the world, m.
-        distance: m; negative where they overlap.
-        happens: whether they are in contact; else they will be.
-        moves: whether the obstacle comes nearer.
-    """
-
-    pair: tuple[str, str]
-    points: Array
-    distance: float
-    happens: bool
-    moves: bool
-
-
-class ObstacleMotion:
-    """Estimate of the velocity of an obstacle, constant between its last two poses.
-
-    Args:
-        placement: first pose.
-        tick: number of the tick at which it has this pose.
-    """
-
-    def __init__(self, placement: pin.SE3, tick: int) -> None:
-        self._pose, self._tick, self._interval = placement.copy(), tick, 1
-        self._linear = self._angular = np.zeros(3)
-
-    def update(self, placement: pin.SE3, tick: int, dt: float) -> None:
-        """Take over the pose at a tick of dt (s)."""
-        if tick > self._tick:
-            seconds, self._interval = (tick - self._tick) * dt, tick - self._tick
-            self._linear = (placement.translation - self._pose.translation) / seconds
-            self._angular = pin.log3(placement.rotation @ self._pose.rotation.T) / seconds
-            if not np.abs(self._linear).max() < _TELEPORT:
-                self._linear = self._angular = np.zeros(3)
-        self._pose, self._tick = placement.copy(), tick
-
-    def speed(self, tick: int) -> float:
-        """Return the speed of the obstacle's origin at a tick, m/s."""
-        return float(np.linalg.norm(self.velocity(self._pose.translation, tick)))
-
-    def velocity(self, point: Array, tick: int) -> Array:
-        """Return the velocity (3,) of a point (3,) of the obstacle at a tick, m/s; 0 if it has stopped."""
-        if tick - self._tick > self._interval + 1:
-            return np.zeros(3)
-        (a, b, c), (x, y, z) = self._angular, point - self._pose.translation
-        return np.asarray(self._linear + np.array([b * z - c * y, c * x - a * z, a * y - b * x]))
+_PARTS = 3  # of a braking motion, each straight
+_HALVINGS = 3  # of each of them: what is not known to be clear then, is refused
+_REFUSED = 0.2  # fraction of a step that is tried if the whole is not clear
 
 
 class BrakingBarrier(ClearanceBarrier):
-    """Barrier of a solver whose joints have limits of acceleration, among obstacles that move.
+    """Barrier of a solver whose joints have limits of acceleration.
 
-    Links approach at most as fast as they can still brake, less the velocity of the obstacle. After each step, the
-    mechanism can stop on a motion that is clear (of obstacles at rest): a step that would not leave one is replaced by
-    the beginning of the braking motion that the step before left. An obstacle that moves into that motion is evaded.
+    Links approach at most as fast as they can still brake. After each step, the mechanism can stop on a motion that is
+    clear, also of obstacles that go on at constant velocity: a step that would not leave one is replaced by the
+    beginning of the braking motion that the step before left. Passive joints, which can't brake by themselves, come
+    near their limits at most as fast as actuated ones can stop them.
 
     Args:
         clearance: distances of the mechanism.
         safety: safety distance, m.
         acceleration: (nv,) limits, rad/s^2 and m/s^2; infinite where there is none.
+        evasion: prediction of obstacles that move.
 
     Attributes:
         v: (nv,) velocity of the last tick, rad/s and m/s.
-        tick: number of the tick.
-        motions: motion of each obstacle that was moved, by its index.
         basis: (k, nv) motions that the loops allow; None without loops.
-        is_released: whether there are no bounds, so that the mechanism may come to a stop wherever it does.
+        is_released: whether there are no bounds: it evades an obstacle, or comes to a stop wherever it does.
     """
 
-    def __init__(self, clearance: Clearance, safety: float, acceleration: Array) -> None:
+    def __init__(self, clearance: Clearance, safety: float, acceleration: Array, evasion: Evasion) -> None:
         super().__init__(clearance, safety)
-        self.acceleration = acceleration
+        self.acceleration, self._evasion = acceleration, evasion
         self.v = np.zeros(clearance.mechanism.model.nv)
-        self.tick = 0
-        self.motions: dict[int, ObstacleMotion] = {}
         self.basis: Array | None = None
         self.is_released = False
-
-    def move(self, obstacle: int, placement: pin.SE3, dt: float) -> None:
-        """Take over the pose of an obstacle, by its index, for a tick of dt (s)."""
-        if obstacle in self.motions:
-            self.motions[obstacle].update(placement, self.tick, dt)
-        else:
-            self.motions[obstacle] = ObstacleMotion(placement, self.tick)
+        self._distances = np.zeros(0)
 
     # --- bounds --------------------------------------------------------------------------------------------------
 
@@ -126,80 +57,58 @@ class BrakingBarrier(ClearanceBarrier):
         if self.is_released:
             self.pairs = np.zeros(0, dtype=np.int64)
             return Bounds(np.zeros((0, len(self.v))), np.zeros(0))
-        near = self._near(state.q)
-        rows, self.pairs = near.rows.copy(), near.pairs.copy()
-        remaining = near.distances - self.stop
-        room = np.abs(remaining)
-        capacity = _CAPACITY * self._separations(rows)
-        damped = np.where(remaining < 0.0, _RETREAT, -np.expm1(-self.approach * state.dt)) * room / state.dt
-        change = capacity * state.dt
-        braked = np.sqrt(0.25 * change * change + 2.0 * capacity * room) - 0.5 * change
+        self._distances = self.clearance.distances(state.q)
+        near = self.clearance.near(state.q, self.stop + _RANGE * self.clearance.mechanism.length)
+        low, high = self._box(state)
+        most = self._allowed(near.rows, near.distances - self.stop, state.dt)
         with np.errstate(invalid="ignore"):
-            allowed = np.sign(remaining) * np.fmin(damped, np.where(np.isfinite(braked), braked, np.inf))
-        most = allowed - np.maximum(self._approaches(self.pairs), 0.0)
-        return Bounds(rows, np.maximum(most, rows @ self._evasion(state, rows, most) + 1e-9))
+            fastest = np.where(near.rows == 0.0, 0.0, near.rows * np.where(near.rows > 0.0, high, low)).sum(axis=1)
+        matters = most < fastest
+        rows, most, self.pairs = near.rows[matters], most[matters], near.pairs[matters]
+        if self.basis is not None:
+            own = self._passive_limits(state)
+            rows, most = np.vstack([rows, own.rows]), np.concatenate([most, own.most])
+        if not len(rows):
+            return Bounds(rows, most)
+        return Bounds(rows, np.maximum(most, rows @ self._retreat(state.dt, rows, most, low, high) + 1e-9))
 
-    def _near(self, q: Array) -> NearPairs:
-        """Return the pairs that may come near soon."""
-        fastest = max((motion.speed(self.tick) for motion in self.motions.values()), default=0.0)
-        return self.clearance.near(q, self.stop + _RANGE * self.clearance.mechanism.length + _AHEAD * fastest)
+    def _allowed(self, rows: Array, remaining: Array, dt: float) -> Array:
+        """Return the largest rates (m,) at which the joints may use up what remains (m,) of what rows (m, nv) give."""
+        room, capacity = np.abs(remaining), _CAPACITY * self._separations(rows)
+        damped = np.where(remaining < 0.0, _RETREAT, -np.expm1(-self.approach * dt)) * room / dt
+        change = capacity * dt
+        with np.errstate(invalid="ignore"):
+            braked = np.sqrt(0.25 * change * change + 2.0 * capacity * room) - 0.5 * change
+            return np.asarray(np.sign(remaining) * np.fmin(damped, np.where(np.isfinite(braked), braked, np.inf)))
 
-    def _approaches(self, pairs: NDArray[np.int64]) -> Array:
-        """Return the velocity (m,) at which the obstacle of each pair comes nearer by itself, m/s."""
-        found = np.zeros(len(pairs))
-        moving = {i: motion for i, motion in self.motions.items() if motion.speed(self.tick) > 0.0}
-        known: dict[int, float] = {}
-        for i, pair in enumerate(pairs.tolist() if moving else ()):
-            motion = moving.get(int(self.clearance.groups[pair]))
-            if motion is not None and pair not in known:
-                _, point, normal = self.clearance.nearest_points(pair)
-                meets = self._may_meet(pair, motion)
-                known[pair] = -float(normal @ motion.velocity(point, self.tick)) if meets else 0.0
-            found[i] = known.get(pair, 0.0)
-        return found
+    def _passive_limits(self, state: State) -> Bounds:
+        """Return the bounds by which passive joints stay within their limits of position."""
+        mechanism = self.clearance.mechanism
+        limits, (at_q, at_v) = mechanism.limits, mechanism.scalar_joints
+        rows, room = [], []
+        for i, j in zip(at_q.tolist(), at_v.tolist(), strict=True):
+            towards = 1.0 if self.v[j] > 0.0 else -1.0
+            left = limits.upper[i] - state.q[i] if towards > 0.0 else state.q[i] - limits.lower[i]
+            if self.v[j] != 0.0 and np.isinf(self.acceleration[j]) and left < abs(self.v[j]):  # s
+                rows.append(towards * np.eye(1, len(self.v), j)[0])
+                room.append(max(left, 0.0))
+        found = np.array(rows).reshape(-1, len(self.v))
+        return Bounds(mechanism.length * found, mechanism.length * self._allowed(found, np.array(room), state.dt))
 
-    def _may_meet(self, pair: int, motion: ObstacleMotion) -> bool:
-        """Return whether the bounding ball of an obstacle that goes on straight meets that of a link, enlarged by the
-        stop distance."""
-        balls = []
-        for i in self.clearance.pairs[pair].tolist():
-            body, now = self.clearance.bodies[i], self.clearance.placement(i)
-            balls.append((now.act(body.placement.actInv(np.asarray(body.centre))), body.radius))
-        (link, first), (obstacle, second) = balls
-        away, u = link - obstacle, motion.velocity(obstacle, self.tick)
-        nearest = away - u * max(0.0, float(away @ u) / max(float(u @ u), 1e-12))
-        return bool(np.linalg.norm(nearest) < first + second + self.stop)
-
-    def _swept(self, pair: int, times: Array) -> Array:
-        """Return the distances (n,) of a pair at times (n,) from now, s, if the link stays and the obstacle goes on."""
-        first, second = self.clearance.pairs[pair].tolist()
-        motion = self.motions[int(self.clearance.groups[pair])]
-        link, obstacle = (self.clearance.placement(i) for i in (first, second))
-        shapes = [self.clearance.bodies[i].shape for i in (first, second)]
-        u = motion.velocity(obstacle.translation, self.tick)
-        found = []
-        for t in times.tolist():
-            there = coal.Transform3s(obstacle.rotation, obstacle.translation + u * t)
-            here = coal.Transform3s(link.rotation, link.translation)
-            found.append(
-                coal.distance(shapes[0], here, shapes[1], there, coal.DistanceRequest(), coal.DistanceResult())
-            )
-        return np.array(found)
-
-    def _separations(self, rows: Array, limits: Array | None = None) -> Array:
-        """Return the largest rate (m,) at which joints within limits (nv,), of acceleration unless given, can change
-        what rows (m, nv) give."""
-        limits = self.acceleration if limits is None else limits
+    def _separations(self, rows: Array) -> Array:
+        """Return the largest rate (m,) at which joints within their limits of acceleration can change what rows (m, nv)
+        give."""
+        limits = self.acceleration
         if self.basis is not None:
             limited = np.isfinite(limits)
             rows, limits = rows @ self.basis.T @ np.linalg.pinv(self.basis[:, limited].T, rcond=1e-3), limits[limited]
         with np.errstate(invalid="ignore"):
             return np.asarray(np.where(rows == 0.0, 0.0, np.abs(rows) * limits).sum(axis=1))
 
-    def _evasion(self, state: State, rows: Array, most: Array) -> Array:
+    def _retreat(self, dt: float, rows: Array, most: Array, low: Array, high: Array) -> Array:
         """Return a velocity (nv,) within the limits of acceleration: the braked one, changed towards bounds that it
         violates. What it does not reach, no bound asks for."""
-        braked = self._braked(state.dt)
+        braked = self._braked(dt)
         violated = rows @ braked > most
         if not violated.any():
             return braked
@@ -208,11 +117,9 @@ class BrakingBarrier(ClearanceBarrier):
             active = active @ self.basis.T
         gram = active @ active.T
         change = active.T @ np.linalg.solve(gram + (1e-6 * np.trace(gram) + 1e-12) * np.eye(len(gram)), lack)
-        if self.basis is not None:
-            change = self.basis.T @ change
-        low, high = self._box(state)
         if self.basis is None:
             return np.clip(braked + change, np.minimum(low, braked), np.maximum(high, braked))
+        change = self.basis.T @ change
         with np.errstate(divide="ignore", invalid="ignore"):
             room = np.where(change == 0.0, np.inf, (np.where(change > 0.0, high, low) - braked) / change)
         return np.asarray(braked + change * max(0.0, min(1.0, float(room.min(initial=1.0)))))
@@ -240,30 +147,54 @@ class BrakingBarrier(ClearanceBarrier):
     # --- steps ---------------------------------------------------------------------------------------------------
 
     def clear(self, state: State, q: Array) -> float:
-        """Return 1 if the motion from the state to q (nq,) is clear, and so is a braking motion after it, at a few
-        instants, or it comes less near than braking at once does; else a smaller fraction."""
+        """Return 1 if the motion from the state to q (nq,) is clear, and so is a braking motion after it; else a
+        smaller fraction."""
         if self.is_released:
             return 1.0
-        mechanism = self.clearance.mechanism
-        v = mechanism.difference(state.q, q) / state.dt
+        v = self.clearance.mechanism.difference(state.q, q) / state.dt
         path = [state.q, q, *self._stop(q, v, state.dt)]
-        first, change = self.clearance.motion_bounds(state.q, path[-1])
-        if (first - change >= self.safety).all():  # each joint moves in one direction: that bounds the whole path
-            return 1.0
-        if not is_clear(self.clearance, state.q, q, self.safety):
-            return 0.3
-        least = min(map(self.clearance.least, path[1:]))
-        if least >= self.safety:
-            return 1.0
-        now = min(map(self.clearance.least, (state.q, *self._stop(state.q, self.v, state.dt))))
-        return 1.0 if least >= now else 0.3
+        return 1.0 if self._is_clear(path) and self._evasion.stays_clear(q, v) else _REFUSED
+
+    def _is_clear(self, path: list[Array]) -> bool:
+        """Return whether a path on which no joint reverses keeps the safety distance everywhere; pairs that are nearer
+        at its beginning must not be nearer at its configurations."""
+        clearance, first = self.clearance, self._distances
+        pairs, near = np.flatnonzero(first >= self.safety), np.flatnonzero(first < self.safety)
+        if len(near) and any((clearance.distances(q)[near] < first[near] - 1e-9).any() for q in (path[1], path[-1])):
+            return False
+        # no joint reverses: all of a part is between its ends, but need not pass their middle
+        parts = [(0, len(path) - 1, pairs)] if len(pairs) else []
+        segments = []
+        while parts:
+            i, k, pairs = parts.pop()
+            if k == i + 1:
+                segments.append((path[i], path[k], pairs, 0))
+                continue
+            found = clearance.uncertain(*self._middle(path[i], path[k]), self.safety, pairs)
+            if found is None or len(found):
+                left = pairs if found is None else found
+                parts += [(i, (i + k) // 2, left), ((i + k) // 2, k, left)]
+        while segments:
+            begin, end, pairs, depth = segments.pop()
+            middle, half = self._middle(begin, end)
+            found = clearance.uncertain(middle, half, self.safety, pairs)
+            if found is None or (len(found) and depth == _HALVINGS):
+                return False
+            if len(found):
+                segments += [(begin, middle, found, depth + 1), (middle, end, found, depth + 1)]
+        return True
+
+    def _middle(self, begin: Array, end: Array) -> tuple[Array, Array]:
+        """Return the middle (nq,) of a straight motion, and the largest differences (nv,) of joints from it."""
+        middle = self.clearance.mechanism.interpolate(begin, end, 0.5)
+        return middle, np.abs(self.clearance.mechanism.difference(middle, end))
 
     def _stop(self, q: Array, v: Array, dt: float) -> list[Array]:
         """Return configurations on the motion of braking from q (nq,) and v (nv,) to rest; the last is at rest."""
         seconds = self._braking_time(v)
         ticks = int(np.ceil(seconds / dt - 1e-9))
         found = []
-        for count in sorted({int(np.ceil(ticks * part / _PARTS)) for part in range(1, _PARTS + 1)} - {0}):
+        for count in sorted({-(-ticks * part // _PARTS) for part in range(1, _PARTS + 1)} - {0}):
             if self.basis is None:  # each joint as fast as it can
                 change = self.acceleration * dt
                 own = np.minimum(count, np.floor(np.abs(v) / change + 1e-9))
@@ -274,63 +205,3 @@ class BrakingBarrier(ClearanceBarrier):
                 moved = v * seconds * (part - 0.5 * part * part)
             found.append(self.clearance.mechanism.integrate(q, moved))
         return found
-
-    # --- prediction ----------------------------------------------------------------------------------------------
-
-    def threat(self, state: State) -> Threat | None:
-        """Return the collision at a state, or the nearest one that can't be avoided; None without one.
-
-        A collision can't be avoided if the pair meets within a second though the obstacle goes on at constant velocity,
-        and all joints move the link away at their limits of acceleration and velocity.
-        """
-        near = self._near(state.q)
-        if not len(near.pairs):
-            return None
-        rows, pairs, distances = near.rows.copy(), near.pairs.copy(), near.distances.copy()
-        i = int(distances.argmin())
-        comes = np.maximum(self._approaches(pairs), 0.0)
-        if distances[i] <= 0.0:
-            return self._named(pairs, i, distances[i], True, bool(comes[i] > 1e-3))
-        closing = rows @ self.v + comes
-        meets = (closing > 1e-3) & (distances < closing * _HORIZON) & (comes > 1e-3)
-        if not meets.any():
-            return None
-        fastest = np.where(np.isfinite(self.acceleration), state.mechanism.limits.velocity, np.inf)
-        times = np.linspace(0.0, _HORIZON, _INSTANTS)
-        own, soon = rows @ self.v, distances < closing * _SOON
-        capacity, retreats = self._separations(rows), self._separations(rows, fastest)
-        order = np.argsort(np.where(meets, distances / np.maximum(closing, 1e-9), np.inf))[: int(meets.sum())]
-        for i in order.tolist():
-            pair = int(pairs[i])
-            change, retreat = capacity[i], retreats[i]
-            if distances[i] < closing[i] * _IMMINENT:  # at the present velocities
-                change, retreat = 0.0, -own[i]
-            elif not soon[i]:  # it may still move aside
-                change, retreat = self._evasions(pair, self.acceleration), self._evasions(pair, fastest)
-            away = np.cumsum(np.minimum(min(_REACHED * change, 1e9) * times - own[i], min(retreat, 1e9))) * times[1]
-            if distances[i] + (away - comes[i] * times).min() > 0.0:
-                continue  # even if it came straight
-            if (self._swept(pair, times) + away).min() <= 0.0:
-                return self._named(pairs, i, distances[i], False, True)
-        return None
-
-    def _evasions(self, pair: int, limits: Array) -> float:
-        """Return a bound of the rate by which joints within limits (nv,) can move the link of a pair, at its nearest
-        point, in any direction."""
-        clearance = self.clearance
-        point, _, _ = clearance.nearest_points(pair)
-        jacobian = clearance.jacobian * clearance.moved_by[clearance.bodies[clearance.pairs[pair, 0]].joint]
-        rows = jacobian[:3] - pin.skew(point) @ jacobian[3:]
-        limited = np.isfinite(limits)
-        if self.basis is not None:
-            rows = rows @ self.basis.T @ np.linalg.pinv(self.basis[:, limited].T, rcond=1e-3)
-        elif np.abs(rows[:, ~limited]).max(initial=0.0) > 0.0:
-            return float("inf")
-        else:
-            rows = rows[:, limited]
-        return float(np.linalg.norm(rows, axis=0) @ limits[limited])
-
-    def _named(self, pairs: NDArray[np.int64], i: int, distance: float, happens: bool, moves: bool) -> Threat:
-        pair = int(pairs[i])
-        first, second, _ = self.clearance.nearest_points(pair)
-        return Threat(self.clearance.names(pair), np.array([first, second]), float(distance), happens, moves)

@@ -18,14 +18,16 @@ from cinegen.ik.objectives import State
 from cinegen.ik.thresholds import SECONDARY_TRIES, TRIES
 from cinegen.loops.arrays import null_space
 from cinegen.model.motion_limits import motion_limits
-from cinegen.planning.braking import BrakingBarrier, Threat
+from cinegen.planning.braking import BrakingBarrier
 from cinegen.planning.clearance_barrier import ClearanceBarrier
+from cinegen.planning.evasion import Evasion, Threat, driven_motions
 from cinegen.planning.vortices import DetourDirection, Vortices
 from cinegen.tolerances import CLOSURE
 
 Array = NDArray[np.float64]
 
 _PREDICTION_GAIN = -math.log1p(-0.2)  # 1/tick: a prediction arrives within a few ticks
+_PREDICTION_PERIOD = 4e-3  # s between two ticks of the prediction, at least
 _ARRIVED = 1e-4  # rad or m in a predicted step
 _TASKS_PATIENCE = 0.25  # s without progress until the tasks are suspended
 _STRATEGY_PATIENCE = 0.6  # s without progress until the next strategy is tried
@@ -34,6 +36,7 @@ _REST = 2e-3  # rad/s or characteristic lengths/s
 _PROGRESS = 0.02  # fraction of the remaining distance
 _QUIET = 0.02  # s without an active vortex until the tasks are resumed
 _MOVED = 0.02  # characteristic lengths or rad: a target or an obstacle that moved further is a new situation
+_REFUSALS = 3  # of a step, before it is replaced by braking
 _STARTS = 40  # start configurations of the search, one in a tick
 _CONFIGURATIONS = 3  # that are tried
 _STRIDE = 0.02  # rad or characteristic lengths: largest step towards a configuration
@@ -62,10 +65,10 @@ class AvoidingSolver(Solver):
 
     What the tasks would come too near to is found by a prediction, a little in each tick.
 
-    With limits of acceleration, obstacles that move are expected to go on at the velocity between their last two poses,
-    and evaded along the line between the nearest points (`BrakingBarrier`). Where that does not avoid a collision, the
-    status is UNAVOIDABLE, and IN_COLLISION in contact: the mechanism brakes to a stop, and goes on when the obstacle
-    has stopped or gone. The estimate is local: a collision may also come without UNAVOIDABLE before it.
+    Limits of acceleration are obeyed. Obstacles that move are expected to go on at the velocity between their last two
+    poses, and evaded (`Evasion`); the status is DETOUR while tasks wait for that. Where no motion within the limits is
+    found that avoids a collision, the status is UNAVOIDABLE, and IN_COLLISION in contact: the mechanism brakes to a
+    stop, and goes on when the obstacle has stopped or gone.
 
     Args:
         clearance: distances of the mechanism among its obstacles.
@@ -74,13 +77,15 @@ class AvoidingSolver(Solver):
         reach: distance at which vortices start to act, m; half a characteristic length unless given.
         q: (nq,) initial configuration; home unless given.
         acceleration: limits of the joint accelerations, rad/s^2 and m/s^2: one number for all actuated joints, or by
-            joint name, with the defaults of `motion_limits` for joints that are left out; unlimited unless given.
+            joint name, with the defaults of `motion_limits` for joints that are left out, by default all; `math.inf`
+            for unlimited accelerations: obstacles then push the mechanism at any rate, and nothing is predicted.
 
     Attributes:
         clearance: as given.
         barrier: barrier that keeps the safety distance.
         threat: collision at the last tick, or the one that can't be avoided; None without one, and without limits of
             acceleration.
+        evaded: index of the obstacle that the last tick evaded; None without one.
         vortices: vortices around obstacles.
 
     Raises:
@@ -99,17 +104,23 @@ class AvoidingSolver(Solver):
         acceleration: float | Mapping[str, float] | None = None,
     ) -> None:
         mechanism = clearance.mechanism
-        self._still = 0  # ticks at rest
-        limits = motion_limits(mechanism, acceleration).acceleration
+        self._still, self._unpredicted = 0, math.inf  # ticks at rest, and s since the last tick of the prediction
+        is_limited = isinstance(acceleration, Mapping) or acceleration is None or not math.isinf(acceleration)
+        limits = motion_limits(mechanism, acceleration if is_limited else None).acceleration
         columns = {joint: mechanism.v_index(joint) for joint in mechanism.joints}
         limited = {joint: float(limits[j]) for joint, j in columns.items() if math.isfinite(limits[j])}
-        super().__init__(mechanism, dt, q=q, acceleration=None if acceleration is None else limited)
+        super().__init__(mechanism, dt, q=q, acceleration=limited if is_limited else None)
         self.clearance = clearance
-        known = np.full(mechanism.model.nv, np.inf)
-        known[[columns[joint] for joint in limited]] = list(limited.values())
-        self._braking = None if acceleration is None else BrakingBarrier(clearance, safety, known)
+        self._evasion: Evasion | None = None
+        self._braking: BrakingBarrier | None = None
+        if is_limited:
+            known = np.full(mechanism.model.nv, np.inf)
+            known[[columns[joint] for joint in limited]] = list(limited.values())
+            self._evasion = Evasion(clearance, safety, known)
+            self._braking = BrakingBarrier(clearance, safety, known, self._evasion)
         self.barrier = self._braking or ClearanceBarrier(clearance, safety)
         self.threat: Threat | None = None
+        self.evaded: int | None = None
         self.barriers = (self.barrier,)
         self.vortices = Vortices(clearance, 0.5 * mechanism.length if reach is None else reach, safety)
         self._known: dict[int, pin.SE3] = {}  # poses of obstacles
@@ -125,8 +136,8 @@ class AvoidingSolver(Solver):
             placement: its pose in the mechanism's world.
         """
         self.clearance.move(obstacle, placement)
-        if self._braking is not None:
-            self._braking.move(obstacle, placement, self.dt)
+        if self._evasion is not None:
+            self._evasion.move(obstacle, placement, self.dt)
         moved = self._known.setdefault(obstacle, placement.copy()).actInv(placement)
         angle = float(np.linalg.norm(pin.log3(moved.rotation)))
         if max(float(np.linalg.norm(moved.translation)) / self.mechanism.length, angle) > _MOVED:
@@ -136,48 +147,64 @@ class AvoidingSolver(Solver):
 
     def step(self) -> Step:
         """Compute one tick of dt. Never raises: the status reports what happened."""
-        suspended, stops = bool(self._memory.tasks_are_suspended), False
+        suspended, reaction = bool(self._memory.tasks_are_suspended), None
         try:
-            stops = self._must_stop()
-            if not stops:
+            reaction = self._react()
+            if reaction is None:
                 self._guide()
         except Exception as error:  # the loop must go on; the barrier keeps the mechanism clear
             self._restart()
             self._catch(f"the search for a path around obstacles of {self.mechanism.name}", error)
-        if stops:
+        if reaction is not None:
             self._suspend_tasks(True)
-            self._detour = (_Motion(np.zeros(self._model.nv)),)
+            self._detour = (_Motion(reaction * self.dt),)
+            self._memory.secondary[:], self._memory.secondary_scale = 0.0, 1.0  # it may reverse
         step = super().step()
         self._detour = None
-        if stops:
+        if reaction is not None:
             self._suspend_tasks(suspended)
-        if self._braking is not None:
-            self._braking.tick += 1
+        if self._evasion is not None:
+            self._evasion.tick += 1
         if self.threat is not None:
             step = step.with_status(Status.IN_COLLISION if self.threat.happens else Status.UNAVOIDABLE)
         slow = float(np.abs(step.v / self.mechanism.scale).max(initial=0.0)) < _REST
         self._still = self._still + 1 if slow else 0
         return step
 
-    def _must_stop(self) -> bool:
-        """Look for a collision; return whether the mechanism has to stop, and release the barrier then."""
-        barrier, memory = self._braking, self._memory
-        if barrier is None:
-            return False
-        barrier.v = self.v
+    def _react(self) -> Array | None:
+        """Return the velocity (nv,) by which to evade an obstacle that moves, or to stop; None if neither is needed."""
+        barrier, evasion, memory = self._braking, self._evasion, self._memory
+        if barrier is None or evasion is None:
+            return None
+        barrier.v, q = self.v, self._q
         if self.mechanism.is_constrained and memory.mobility:
             basis = null_space(memory)[:, : memory.n] * self.mechanism.scale[memory.fixed :]
             barrier.basis = np.hstack([np.zeros((len(basis), memory.fixed)), basis])
-        self.threat = barrier.threat(self.state)
-        barrier.is_released = self.threat is not None and self.threat.moves
-        return barrier.is_released
+        velocity = evasion.react(q, barrier.v, self.dt)
+        self.threat = evasion.contact(q) or evasion.threat
+        barrier.is_released = velocity is not None or (self.threat is not None and self.threat.moves)
+        self.evaded = evasion.obstacle if velocity is not None and self.threat is None else None
+        if not barrier.is_released:
+            return None
+        found = np.zeros(self._model.nv)
+        if velocity is not None and self.threat is None:
+            if self.mechanism.is_constrained:
+                return driven_motions(self.mechanism, q, evasion.columns) @ velocity
+            found[evasion.columns] = velocity
+        return found
 
     def _clear(self) -> float:
         """Return the fraction of the step to the trial configuration that barriers allow; where accelerations are
-        limited, braking is always allowed."""
-        clear = super()._clear()
-        last = TRIES + (SECONDARY_TRIES if self._memory.has_secondary else 0) - 1
-        return 1.0 if self._braking is not None and self._memory.tries >= last else clear
+        limited, a step that is refused a few times is replaced by braking, which is always allowed."""
+        clear, memory = super()._clear(), self._memory
+        if self._braking is None:
+            return clear
+        last = TRIES + (SECONDARY_TRIES if memory.has_secondary else 0) - 1
+        if memory.tries >= last:
+            return 1.0
+        if clear < 1.0 and memory.tries >= _REFUSALS:
+            memory.tries = last - 1
+        return clear
 
     # --- around obstacles ----------------------------------------------------------------------------------------
 
@@ -246,6 +273,10 @@ class AvoidingSolver(Solver):
 
     def _predict(self, q: Array, tasks: Sequence[FrameTask], configuration: Array | None) -> None:
         """Advance the prediction; it restarts where it comes too near to something, or arrives."""
+        self._unpredicted += self.dt
+        if self._unpredicted < 0.999 * _PREDICTION_PERIOD:
+            return
+        self._unpredicted = 0.0
         before = q if self._predicted is None else self._predicted
         if configuration is None:
             predicted = self._prediction.step(before, tasks)

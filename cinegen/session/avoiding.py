@@ -11,20 +11,22 @@ from numpy.typing import NDArray
 from cinegen.collision.body import Body
 from cinegen.collision.clearance import clearance_of
 from cinegen.collision.scene import Scene
+from cinegen.ik import Status
 from cinegen.joints import kinematic_data
 from cinegen.planning import AvoidingSolver
 from cinegen.planning.clearance_barrier import is_clear
 from cinegen.session.robot import DrivenRobot
-from cinegen.session.state import RobotStatus
+from cinegen.session.state import Obstruction, RobotStatus
 
 Array = NDArray[np.float64]
 
+_AT_REST = 1e-3  # rad/s and m/s
 _NAMED = 2  # in a status, at most
 
 
 class AvoidingRobot(DrivenRobot):
-    """The robot of a scene. Tasks guide it around obstacles or up to them; obstacles that come near push it away; other
-    motions stop before a collision.
+    """The robot of a scene. Tasks guide it around obstacles or up to them, and obstacles that come near push it away,
+    within the limits of acceleration of `motion_limits`; other motions stop before a collision.
 
     Args:
         name: name in the session.
@@ -70,6 +72,14 @@ class AvoidingRobot(DrivenRobot):
             return RobotStatus("TOUCHING", label, "a link touches an obstacle or another link")
         if self.motion is not None:
             return status
+        if status.name == "UNAVOIDABLE":
+            what = self._threatening()
+            stands = float(np.abs(self.step.v).max(initial=0.0)) < _AT_REST
+            label = f"stopped: can't avoid {what}" if stands else f"stopping: can't avoid {what}"
+            return RobotStatus(status.name, label, status.description)
+        if self._avoiding.evaded is not None:
+            what = repr(self._obstacles[self._avoiding.evaded])
+            return RobotStatus("PUSHED", f"pushed by {what}", "an obstacle moves the robot")
         if status.name == "BARRED":
             return RobotStatus(status.name, f"barred by {self._listed(self._barring())}", status.description)
         if status.name == "IDLE" and self.step.active_barriers:
@@ -79,12 +89,40 @@ class AvoidingRobot(DrivenRobot):
             return RobotStatus(status.name, f"detour around {self._listed(map(repr, around))}", status.description)
         return status
 
+    def obstruction(self) -> Obstruction | None:
+        """See `DrivenRobot`."""
+        threat, pair = self._avoiding.threat, -1
+        if self.motion is not None:
+            return None
+        if threat is not None:
+            return self._obstruction(threat.pair, threat.points)
+        distances = self._clearance.distances(self.q)
+        if len(distances) and distances.min() <= 0.0:
+            pair = int(distances.argmin())
+        elif self.step.status is Status.BARRED:
+            held = self._avoiding.barrier.pairs
+            pair = next((int(held[row]) for row in self.step.active_barriers if row < len(held)), -1)
+        if pair < 0:
+            return None
+        first, second, _ = self._clearance.nearest_points(pair)
+        return self._obstruction(self._clearance.names(pair), np.array([first, second]))
+
     # --- names ---------------------------------------------------------------------------------------------------
 
     def _barring(self) -> list[str]:
         """Return names of what restricts the last step."""
         held = self._avoiding.barrier.pairs
         return [self._what(int(held[row])) for row in self.step.active_barriers if row < len(held)]
+
+    def _obstruction(self, names: tuple[str, str], points: Array) -> Obstruction:
+        """Return the obstruction of two bodies, by their nearest points (2, 3) in the robot's own world (m)."""
+        first, second = (self.base.act(point).tolist() for point in points)
+        return Obstruction(f"{names[0]} – {names[1]}", ((*first,), (*second,)))
+
+    def _threatening(self) -> str:
+        """Return what the collision is with that can't be avoided."""
+        assert self._avoiding.threat is not None
+        return f"'{self._avoiding.threat.pair[1]}'"
 
     def _what(self, pair: int) -> str:
         """Return what a link meets in a pair."""

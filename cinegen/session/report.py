@@ -57,7 +57,7 @@ class SingularityReport(Struct, frozen=True):
         return self.sigma < self.threshold
 
 
-_WORSE = ("BAD_TARGET", "TOUCHING", "REFUSED")
+_WORSE = ("BAD_TARGET", "TOUCHING", "UNAVOIDABLE", "REFUSED")
 _OBSTRUCTED = ("BARRED", "PUSHED", "AT_LIMIT", "OUT_OF_REACH")
 
 
@@ -128,9 +128,9 @@ class RobotReport(Struct, frozen=True):
 def agreed_status(status: RobotStatus, report: RobotReport | None) -> RobotStatus:
     """Return the status of a robot in agreement with the singular values in a report on it.
 
-    The first that applies is returned: BAD_TARGET, TOUCHING, REFUSED; UNCONTROLLED, near a type 2 singularity; BARRED,
-    PUSHED, AT_LIMIT, OUT_OF_REACH; SINGULAR, near a type 1 singularity; DAMPED, slowed down by damping elsewhere; the
-    status itself.
+    The first that applies is returned: BAD_TARGET, TOUCHING, UNAVOIDABLE, REFUSED; UNCONTROLLED, near a type 2
+    singularity; BARRED, PUSHED, AT_LIMIT, OUT_OF_REACH; SINGULAR, near a type 1 singularity; DAMPED, slowed down by
+    damping elsewhere; the status itself.
 
     Args:
         status: status in the session.

@@ -14,7 +14,7 @@ from cinegen.ik import FrameTask, Solver, Status, Step
 from cinegen.mission import RecordedTask, RobotSample
 from cinegen.model import Mechanism
 from cinegen.session.motion import RobotMotion
-from cinegen.session.state import RobotState, RobotStatus, TaskState
+from cinegen.session.state import Obstruction, RobotState, RobotStatus, TaskState
 
 Array = NDArray[np.float64]
 
@@ -218,7 +218,14 @@ class DrivenRobot:
             )
             for one, t, error in zip(self.tasks, (one.task for one in self.tasks), errors, strict=True)
         )  # fmt: skip
-        return RobotState(self.q, self.base.copy(), tasks, self.status(), self.step.saturated, self.step.closure)
+        step = self.step
+        return RobotState(
+            self.q, self.base.copy(), tasks, self.status(), step.saturated, step.closure, self.obstruction()
+        )
+
+    def obstruction(self) -> Obstruction | None:
+        """Return what stops it among obstacles; None where nothing does."""
+        return None
 
     def sample(self) -> RobotSample:
         """Return what a mission records."""

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from cinegen.sensor import SensorState
 from cinegen.session.commands import CommandFrame
-from cinegen.typed_json import DoF, Vector6
+from cinegen.typed_json import DoF, Vector3, Vector6
 
 Array = NDArray[np.float64]
 
@@ -67,6 +67,18 @@ class RobotStatus(Struct, frozen=True):
     description: str
 
 
+class Obstruction(Struct, frozen=True):
+    """What stops a robot, and where.
+
+    Attributes:
+        label: names of the two bodies.
+        points: their nearest points in the session's world, m: on the robot, and on what stops it.
+    """
+
+    label: str
+    points: tuple[Vector3, Vector3]
+
+
 class RobotState(Struct, frozen=True):
     """A robot.
 
@@ -77,6 +89,7 @@ class RobotState(Struct, frozen=True):
         status: of the last tick.
         saturated: joints whose limit restricts the motion.
         closure: largest loop residual, rad or characteristic lengths.
+        obstruction: what stops it among obstacles; None where nothing does.
     """
 
     q: Array
@@ -85,6 +98,7 @@ class RobotState(Struct, frozen=True):
     status: RobotStatus
     saturated: tuple[str, ...]
     closure: float
+    obstruction: Obstruction | None = None
 
 
 class ObstacleState(Struct, frozen=True):

@@ -24,9 +24,9 @@ def scene(name, *obstacles, **more):
     return scene_of(document, mechanism=mechanism)
 
 
-def hand(scene_, dt=1e-3):
+def hand(scene_, dt=1e-3, acceleration=None):
     clearance = clearance_of(scene_)
-    return AvoidingSolver(clearance, dt, scene_.safety, q=scene_.start), clearance
+    return AvoidingSolver(clearance, dt, scene_.safety, q=scene_.start, acceleration=acceleration), clearance
 
 
 def pole(x, y):
@@ -50,16 +50,16 @@ def balls_about(name, node, rng):
     return found
 
 
-@pytest.mark.parametrize("dt", [1e-3, 0.05])
+@pytest.mark.parametrize(("dt", "acceleration"), [(1e-3, np.inf), (0.05, np.inf), (0.01, None)])
 @pytest.mark.parametrize(("name", "node"), [("arm7", "tool"), ("planar_3r", "tool"), ("delta4", "platform")])
 @pytest.mark.parametrize("seed", [0, *slow(1, 2)])
-def test_however_it_is_pulled_it_stays_clear_all_along(name, node, dt, seed):
+def test_however_it_is_pulled_it_stays_clear_all_along(name, node, dt, acceleration, seed):
     """Dragged into one ball after another, no step comes nearer than the safety distance, anywhere on it, by distances
     of coal itself; loops stay closed. Something is held off each time: no drag is harmless."""
     mechanism = load(name)
     rng = np.random.default_rng(seed)
     balls = balls_about(name, node, rng)
-    solver, clearance = hand(scene(name, *balls), dt)
+    solver, clearance = hand(scene(name, *balls), dt, acceleration)
     task = solver.add_task(node, translation=3, rotation=0, axes="world")
     before, barred = solver.q, 0
     for tick in range(240):
@@ -173,7 +173,7 @@ def test_objectives_wait_and_are_kept():
 
 def test_a_fault_of_its_own_is_reported_and_it_stays_clear(monkeypatch, caplog):
     """What goes wrong in looking for a path is no secret: it is in the step, and in the log once."""
-    solver, clearance = hand(scene("arm7", pole(0.45, 0.0)))
+    solver, clearance = hand(scene("arm7", pole(0.45, 0.0)), acceleration=np.inf)  # from too near: away at once
     task = solver.add_task("tool", rotation=0)
     x, y, z = task.target.translation
     moved(task, [x, -y - 0.6, z])

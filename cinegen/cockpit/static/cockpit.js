@@ -10,6 +10,7 @@ import { Forecasts } from "./aids/forecast.js";
 import { Ghosts } from "./aids/ghost.js";
 import { SingularMotions } from "./aids/singular_motions.js";
 import { Marks } from "./aids/marks.js";
+import { Obstructions } from "./aids/obstructions.js";
 import { Trails } from "./aids/trail.js";
 import { Commands } from "./bar/commands.js";
 import { Footer } from "./bar/footer.js";
@@ -73,7 +74,7 @@ const labels = new Labels(view);
 const tint = new Tint(view, session);
 const aids = new Aids(!withAids);
 const shown = { view, session, labels, aids, tint };
-for (const Aid of [Ghosts, SingularMotions, Ellipsoids, Forecasts, Trails, Marks]) new Aid(shown);
+for (const Aid of [Ghosts, SingularMotions, Ellipsoids, Forecasts, Trails, Marks, Obstructions]) new Aid(shown);
 
 const pick = new Pick(view, session);
 new Skeleton({ ...shown, pick });

@@ -14,6 +14,7 @@ from cinegen.ik.thresholds import FULL
 from cinegen.jit.compiled import compiled
 from cinegen.jit.vectors import inner
 
+_SPARE = 0.02  # of an acceleration limit, where closing loops adds to steps
 _EASED = 6  # number of times that barriers are relaxed if they contradict each other
 
 
@@ -190,19 +191,20 @@ def _bound_accelerations(memory: SolverMemory) -> None:
     looped, last, drift, braking = memory.rank > 0, memory.last, memory.drift, memory.braking
     floor, ceiling = memory.floor, memory.ceiling
     goes_on = 0.0  # part of the last step
+    usable = 1.0 - _SPARE if looped else FULL
     for j in range(memory.n):
-        if abs(last[j]) > memory.longest_change[j]:
-            goes_on = max(goes_on, 1.0 - FULL * memory.longest_change[j] / abs(last[j]))
+        if abs(last[j]) > usable * memory.longest_change[j]:
+            goes_on = max(goes_on, 1.0 - usable * memory.longest_change[j] / abs(last[j]))
     for j in range(memory.n):
         limit = memory.longest_change[j]
         if looped:
             braking[j] = goes_on * last[j] - drift[j]
         else:
-            least = max(0.0, abs(last[j]) - FULL * limit)
+            least = max(0.0, abs(last[j]) - usable * limit)
             braking[j] = least if last[j] > 0.0 else -least
         if limit == math.inf:
             continue
-        most = FULL * limit
+        most = usable * limit
         down, up = last[j] - most - drift[j], last[j] + most - drift[j]
         up = min(up, _stopping(ceiling[j], most))
         down = max(down, -_stopping(-floor[j], most))

@@ -115,13 +115,21 @@ def _judge(memory: SolverMemory) -> int:
         size = max(size, abs(memory.attempted[j]))
     if excess > 1.0:  # closing the loops added a little
         return _shorten(memory, 0.98 / excess)
+    last_try = memory.tries == _most_tries(memory) - 1
+    if memory.has_acceleration_limits != 0 and not last_try and _is_abrupt(memory):
+        if not refined:
+            return _shorten(memory, 0.5)
+        memory.is_refined = 0  # the corrections of the tasks do not know the limits
+        if memory.factored_at == AT_TRIAL:
+            memory.factored_at = NOWHERE
+        set_out(memory)
+        return _AGAIN
     if added > CORRECTION * size + CLOSURE:
         return _shorten(memory, 0.5)
     memory.closes = 1
     won, promised, noise = memory.task_distance - distance, memory.promised, NOISE
     if refined and seconds:  # errors that are small enough do not count
         noise += 10.0 * EXACT * (10.0 * EXACT + math.sqrt(2.0 * memory.task_distance))
-    last_try = memory.tries == _most_tries(memory) - 1
     forced = memory.has_acceleration_limits != 0 and (promised <= 0.0 or last_try)  # it can't stop immediately
     forced = forced or (promised <= 0.0 and must_go_back(memory))  # at a cost for the tasks
     if memory.active_rows > 0 and not forced and won < ARMIJO * promised - noise:
@@ -131,6 +139,15 @@ def _judge(memory: SolverMemory) -> int:
         return CLEARANCE_NEEDED
     finish(memory, True, False)
     return DONE
+
+
+@compiled
+def _is_abrupt(memory: SolverMemory) -> bool:
+    """Return whether the motion to the trial exceeds a limit of acceleration."""
+    abrupt = False
+    for j in range(memory.n):
+        abrupt = abrupt or abs(memory.moved[j] - memory.last[j]) > memory.longest_change[j] + TOUCH
+    return abrupt
 
 
 @compiled

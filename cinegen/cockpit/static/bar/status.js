@@ -12,6 +12,8 @@ const TONES = {
   BARRED: "warn",
   PUSHED: "warn",
   TOUCHING: "bad",
+  IN_COLLISION: "bad",
+  UNAVOIDABLE: "bad",
   AT_LIMIT: "warn",
   SINGULAR: "warn",
   UNCONTROLLED: "bad",

@@ -218,6 +218,7 @@ export interface StateMessage {
   obstacles: Record<string, [number, number, number, number, number, number, number]>;
   tasks: TaskMessage[];
   statuses: Record<string, RobotStatus>;
+  obstructions: Record<string, Obstruction>;
   frame?: number;
   controller?: number | null;
   report?: ReportMessage;
@@ -241,6 +242,11 @@ export interface RobotStatus {
   name: string;
   label: string;
   description: string;
+}
+
+export interface Obstruction {
+  label: string;
+  points: [[number, number, number], [number, number, number]];
 }
 
 export interface ReportMessage {
