@@ -5,7 +5,9 @@ Neither side ever waits for the other: only the newest command and the newest st
 
 from __future__ import annotations
 
+import copyreg
 import ctypes
+import io
 import multiprocessing
 import pickle
 import struct
@@ -13,6 +15,9 @@ import threading
 import zlib
 from dataclasses import dataclass
 from typing import Any, Self
+
+import numpy as np
+from numpy.typing import NDArray
 
 from cinegen.errors import CinegenError
 from cinegen.realtime.timing import TimingRecord
@@ -23,6 +28,25 @@ LARGEST = 1 << 16
 _SLOTS = 4  # a reader has the time of this many messages to copy one
 _TRIES = 8
 _HEAD = struct.Struct("=QII")  # number, length, checksum
+
+
+def _array_of(data: bytes, kind: str, shape: tuple[int, ...]) -> NDArray[Any]:
+    return np.frombuffer(data, kind).reshape(shape).copy()
+
+
+def _reduce(array: NDArray[Any]) -> Any:
+    """Return what makes an array again, with numpy's own object for its type.
+
+    Usual pickles make a new one for each array, and eigenpy 3.13, which converts arrays to Eigen's matrices, never
+    frees the type of an array: each message with a `pin.SE3` would cost 129 bytes.
+    """
+    if array.dtype.kind not in "biufc":
+        return array.__reduce_ex__(pickle.HIGHEST_PROTOCOL)
+    return _array_of, (array.tobytes(), array.dtype.str, array.shape)
+
+
+class _Pickler(pickle.Pickler):
+    dispatch_table = copyreg.dispatch_table | {np.ndarray: _reduce}
 
 
 class ClockError(CinegenError):
@@ -74,7 +98,9 @@ class Mailbox:
             ClockError: the value can't be pickled, or its pickle is larger than `LARGEST`.
         """
         try:
-            message = pickle.dumps(value, pickle.HIGHEST_PROTOCOL)
+            with io.BytesIO() as file:
+                _Pickler(file, pickle.HIGHEST_PROTOCOL).dump(value)
+                message = file.getvalue()
         except Exception as error:
             kind = type(value).__name__
             raise ClockError(f"a {what} for another process must be picklable, {kind} is not: {error}") from error
