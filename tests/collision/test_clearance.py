@@ -228,7 +228,9 @@ def test_rows_of_nearest_points_are_how_distances_change(name):
             assert pairs[i] == pair
             assert distances[i] == here[pair]
             shapes = {type(clearance.bodies[int(b)].shape) for b in clearance.pairs[pair]}
-            if clearance.memory.excess[pair] != 0.0:  # not of these shapes: see test_exact_distances
+            if (
+                clearance.memory.excess[pair] != 0.0
+            ):  # not of these shapes: in test_exact_distances, to the same tolerance
                 continue
             if here[pair] < 1e-3 or curved[pair] > 0.01 or not shapes <= {coal.Capsule, coal.Sphere, coal.Box}:
                 continue
