@@ -101,7 +101,8 @@ def kinematics(tree: Any) -> str:
         kept.extend(copy.deepcopy(inertial) for inertial in link.iterchildren("inertial") if _lacks(inertial) is None)
     for joint in joints(tree):
         kept = etree.SubElement(robot, "joint", name=joint.get("name"), type=joint.get("type"))
-        for word in ("parent", "child", "origin", "axis", "limit"):
+        moves = joint.get("type") in ("revolute", "continuous", "prismatic")
+        for word in ("parent", "child", "origin", *(("axis", "limit") if moves else ())):
             found = joint.find(word)
             if found is not None:
                 kept.append(copy.deepcopy(found))

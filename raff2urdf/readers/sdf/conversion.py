@@ -397,17 +397,23 @@ class _SdfToUrdf:
 
     def _add_own_coupling(self, element: Any) -> None:
         """Add a coupling that SDF has no element for, of the robot's own values."""
-        name, terms = element.get("name", ""), {}
+        name, terms = element.get("name", ""), dict[str, list[float]]()
         if name in self.ignore:
             self.ignored.append(f"raff:coupling '{name}' (line {element.sourceline})")
             return
         constant = numbers(element.get("constant", "0")) or []
-        for term in element.iterchildren():
+        if element.find("*") is None:
+            raise error_at(self.name, element, f"raff:coupling '{name}' has no terms: give raff:term elements")
+        for term in element.iterchildren("*"):
             joint, coefficients = term.get("joint", ""), numbers(term.get("coefficients", ""))
             if joint not in self.homes or not coefficients or len(constant) != 1:
                 near = did_you_mean(joint, [*self.homes])
                 what = f"raff:coupling '{name}' must have numbers, and names of joints that move"
                 raise error_at(self.name, term, f"{what}; '{joint}'{near}")
+            if joint in terms:
+                raise error_at(self.name, term, f"raff:coupling '{name}' lists '{joint}' twice: join the two terms")
+            if not any(coefficients):
+                raise error_at(self.name, term, f"raff:coupling '{name}': the coefficients of '{joint}' are 0")
             terms[joint] = coefficients
         self.urdf.add_coupling(name, terms, constant[0])
 

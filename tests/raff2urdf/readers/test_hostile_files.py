@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import re
 import warnings
 from pathlib import Path
 
@@ -242,6 +243,25 @@ def test_own_elements_are_read_or_refused(root: Path, tmp_path: Path, old: str, 
         (conversion,) = raff2urdf.convert(root / "robots" / "scara.raff", tmp_path, format="sdf")
     text = conversion.file.read_text()
     refused(tmp_path, rf"scara.sdf:\d+: {why}", scara__sdf=text.replace(old, new))
+
+
+@pytest.mark.parametrize(
+    ("terms", "why"),
+    [
+        ("", "'screw' has no terms: give raff:term elements"),
+        ('<raff:term joint="joint4" coefficients="0 0"/>', "'screw': the coefficients of 'joint4' are 0"),
+        (2 * '<raff:term joint="joint4" coefficients="1"/>', "'screw' lists 'joint4' twice: join the two terms"),
+        ('<raff:term joint="joint4" coefficients="a"/>', "'screw' must have numbers, and names of joints that move"),
+        ('<raff:term joint="oint4" coefficients="1"/>', "'screw' must have numbers, .* did you mean 'joint4'"),
+    ],
+)
+def test_own_couplings_of_an_sdf(root: Path, tmp_path: Path, terms: str, why: str) -> None:
+    import raff2urdf
+
+    with pytest.warns(RaffWarning, match="SDF has no notation for screw"):
+        (conversion,) = raff2urdf.convert(root / "robots" / "scara.raff", tmp_path, format="sdf")
+    text = re.sub("<raff:term.*(?=</raff:coupling>)", f"<!-- -->{terms}", conversion.file.read_text(), flags=re.DOTALL)
+    refused(tmp_path, rf"scara.sdf:\d+: raff:coupling {why}", scara__sdf=text)
 
 
 def test_own_elements_of_a_urdf_are_read_or_refused(root: Path, tmp_path: Path) -> None:
