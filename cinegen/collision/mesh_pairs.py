@@ -35,7 +35,7 @@ _FAR = np.full(3, np.nan)  # a point that coincides with none
 
 
 class _Connection(Enum):
-    """How two links are connected."""
+    """Connection of two links."""
 
     FIXED = 0
     TURNING = 1  # about a point of both

@@ -68,7 +68,7 @@ class RobotStatus(Struct, frozen=True):
 
 
 class Obstruction(Struct, frozen=True):
-    """What stops a robot, and where.
+    """An obstacle, or another link, that stops a robot.
 
     Attributes:
         label: names of the two bodies.

@@ -26,7 +26,7 @@ REPORT = ReportMessage(
 
 
 def state(time=0.0):
-    return StateMessage(time, {}, {}, (), {})
+    return StateMessage(time, {}, {}, (), {}, {})
 
 
 class Line:

@@ -63,14 +63,13 @@ def test_a_robot_starts_no_faster_than_its_acceleration_allows(robot, name):
 
 
 @pytest.mark.parametrize("name", CLOSED)
-def test_so_does_a_closed_one_but_for_what_closes_its_loops_again(robot, name):
-    """The bounds are those of the linear step and of what corrected the last one; what is left is of third order."""
+def test_so_does_a_closed_one_with_a_reserve_for_what_closes_its_loops_again(robot, name):
     mechanism, rng = robot(name), np.random.default_rng(0)
     node = mechanism.nodes[-1]
     for _ in range(10):
         solver = Solver(mechanism, DT, acceleration=allowed(mechanism, 3.0))
         solver.add_task(node, away(mechanism, node, rng, 3.0), rotation=0)
-        assert 0.98 < worst_acceleration(solver, mechanism, 3.0, 20) <= 1.005
+        assert 0.975 < worst_acceleration(solver, mechanism, 3.0, 20) <= ROUNDING
 
 
 def test_a_joint_stops_at_its_target_within_its_acceleration(raff):

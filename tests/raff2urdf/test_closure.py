@@ -273,13 +273,13 @@ def test_joints_that_move_both_ends_of_a_loop_alike_are_no_part_of_it() -> None:
 
 @st.composite
 def matrices(draw: st.DrawFn) -> tuple[np.ndarray, int]:
-    """A matrix of known rank, of any scale, with columns that are multiples of others."""
+    """A matrix of known rank, with columns that are multiples of others. What is below 1e-9 opens no loop."""
     rows, inner = draw(st.integers(1, 8)), draw(st.integers(0, 8))
     picked = draw(st.lists(st.integers(0, 7), min_size=1, max_size=8))
     rng = np.random.default_rng(draw(seeds))
     columns = rng.normal(size=(rows, inner)) @ rng.normal(size=(inner, 8))
     matrix = columns[:, picked] * rng.uniform(0.5, 2.0, size=len(picked))
-    return matrix * 10.0 ** draw(st.integers(-9, 9)), min(rows, inner, len(set(picked)))
+    return matrix * 10.0 ** draw(st.integers(-6, 9)), min(rows, inner, len(set(picked)))
 
 
 @given(matrices())
@@ -299,7 +299,6 @@ def test_passive_joints_are_the_first_in_order_that_depend_on_none_before_them(
     made: tuple[np.ndarray, int], random: Random
 ) -> None:
     matrix, expected = made
-    assume(expected == 0 or np.abs(matrix).max() > 1e-8)  # what is below 1e-9 opens no loop
     order = list(range(matrix.shape[1]))
     random.shuffle(order)
     size = np.abs(matrix).max() or 1.0
