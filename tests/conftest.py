@@ -33,8 +33,6 @@ EXAMPLES = float(os.environ.get("CINEGEN_EXAMPLES", "0.25"))
 
 
 def pytest_collection_modifyitems(items):
-    # pyserial waits by select(), for file descriptors below 1024: its tests come before those that open many
-    items.sort(key=lambda item: "/tests/devices/" not in str(item.path))
     for function in {item.obj.__func__ if hasattr(item.obj, "__func__") else item.obj for item in _laws(items)}:
         own = getattr(function, "_hypothesis_internal_use_settings", None) or settings.default
         count = max(3, round(EXAMPLES * own.max_examples))

@@ -16,7 +16,7 @@ def tried(request, root, monkeypatch):
 
     def run(law, part):
         monkeypatch.setattr(shared, "EXAMPLES", part)
-        shared.pytest_collection_modifyitems([SimpleNamespace(obj=law, path=request.path)])
+        shared.pytest_collection_modifyitems([SimpleNamespace(obj=law)])
         law()
 
     return run

@@ -1,4 +1,4 @@
-"""Browsers that draw nothing: what they say and are told, from a thread of its own."""
+"""Browsers that draw nothing: what they say and are told, in one thread."""
 
 from __future__ import annotations
 
@@ -8,6 +8,7 @@ import http.client
 import json
 import threading
 import time
+from functools import cache
 from urllib.parse import urlsplit
 
 import tornado.websocket
@@ -17,14 +18,21 @@ PLAIN = {"undo", "redo", "end_drag"}
 """Types of messages without fields that tests send."""
 
 
+@cache
+def _loop():
+    """The event loop of all browsers, in a thread that never ends."""
+    loop = asyncio.new_event_loop()
+    threading.Thread(target=loop.run_forever, daemon=True).start()
+    return loop
+
+
 class Browser:
     """One on a session. Acknowledges frames at once unless it is `lazy`."""
 
     def __init__(self, url, lazy=False, path="session", **headers):
         self.lazy, self.told, self.state, self.report, self.closed = lazy, [], None, None, None
         self.frames = 0
-        self.loop = asyncio.new_event_loop()
-        threading.Thread(target=self.loop.run_forever, daemon=True).start()
+        self.loop = _loop()
         address = urlsplit(url)
         query = f"?{address.query}" if address.query else ""
         request = HTTPRequest(f"ws://{address.netloc}/{path}{query}", headers=headers)
