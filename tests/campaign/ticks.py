@@ -106,7 +106,10 @@ class Ticks:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")
             if kind < 0.03:
-                return Session(_among_obstacles(rng), rng, GUARDED_TICKS)
+                free = rng.choice((None, math.inf))
+                session = Session(_among_obstacles(rng, free), rng, GUARDED_TICKS)
+                session.brakes = free is None
+                return session
             name = rng.choice(list(self._robots))
             if kind < 0.6:
                 if name not in self._loaded:
@@ -163,13 +166,14 @@ def _with_limits(rng: Random, text: str) -> str:
     return " pred ".join(parts)
 
 
-def _among_obstacles(rng: Random) -> Solver:
+def _among_obstacles(rng: Random, acceleration: float | None) -> Solver:
     from cinegen.collision import clearance_of
     from cinegen.collision.scene_file import load_scene
     from cinegen.planning.safe_drag import AvoidingSolver
 
     scene = load_scene(ROOT / f"robots/scenes/{rng.choice(_SCENES)}.toml")
-    return AvoidingSolver(clearance_of(scene), rng.choice((1e-3, 1e-2)), scene.safety, q=scene.start)
+    dt = rng.choice((1e-3, 1e-2))
+    return AvoidingSolver(clearance_of(scene), dt, scene.safety, q=scene.start, acceleration=acceleration)
 
 
 class _Raises:
