@@ -11,6 +11,7 @@ import argparse
 import json
 import secrets
 import shutil
+import signal
 import sys
 import tempfile
 from pathlib import Path
@@ -47,6 +48,8 @@ def main() -> None:
         "-o", "--output", type=Path, default=Path("build/campaign"), help="folder of the report [build/campaign]"
     )
     options = parser.parse_args()
+    if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:  # begun in the background of a shell: commands would ignore it
+        signal.signal(signal.SIGINT, signal.default_int_handler)
     folder = Path(tempfile.mkdtemp(prefix="campaign", dir=HERE))
     try:
         if options.what in ("replay", "minimise"):
