@@ -48,7 +48,7 @@ def main() -> None:
         "-o", "--output", type=Path, default=Path("build/campaign"), help="folder of the report [build/campaign]"
     )
     options = parser.parse_args()
-    if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:  # begun in the background of a shell: commands would ignore it
+    if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:  # a shell began it in the background
         signal.signal(signal.SIGINT, signal.default_int_handler)
     folder = Path(tempfile.mkdtemp(prefix="campaign", dir=HERE))
     try:
