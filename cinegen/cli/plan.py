@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any, Literal
 
 import typer
 
-from cinegen.cli.files import check_outputs, count, empty, print_result, write_figure
+from cinegen.cli.files import check_outputs, count, print_result, write_figure
 from cinegen.cli.mode_change import change_advice, change_document, change_lines, goal_text, mode_index
 from cinegen.cli.options import (
     IGNORE,
@@ -28,8 +28,7 @@ from cinegen.cli.options import (
 from cinegen.cli.page import PageOptions
 from cinegen.cli.progress import Progress
 from cinegen.errors import CinegenError
-from raff2urdf.files import STANDARD, output_path, stem_of
-from raff2urdf.output import OutputLostError, reader_has_gone
+from raff2urdf.files import output_path, stem_of, write_all
 from raff2urdf.quantities import ANGLE, LENGTH, NUMBER, shown, shown_scale
 
 if TYPE_CHECKING:
@@ -359,25 +358,26 @@ def _finite(number: float) -> float | None:
 
 
 def _record(found: Plan, path: Path) -> str:
-    """Record the robot alone, as exports expect; return a message.
+    """Record the robot alone, as exports expect, when all of it is known; return a message.
 
     Raises:
         MissionError: the file can't be written.
         OutputLostError: the reader of standard output has gone.
     """
+    from cinegen.line_file import reason
     from cinegen.mission import MissionError
     from cinegen.mission.results import record_plan
     from cinegen.session import scene_setup
 
     setup = scene_setup(found.scene)
     name = next(iter(setup.robots))
-    empty(path)
-    try:
-        motion = record_plan(found, path, name, setup.robots[name])
-    except MissionError:
-        if path == STANDARD and reader_has_gone():
-            raise OutputLostError from None
-        raise
+    with tempfile.TemporaryDirectory(prefix="cinegen-") as folder:
+        complete = Path(folder) / "plan.jsonl"
+        motion = record_plan(found, complete, name, setup.robots[name])
+        try:
+            write_all({path: complete.read_bytes()})
+        except OSError as error:
+            raise MissionError(f"{path}: can't be written: {reason(error)}") from None
     text = f"recorded: {path}, {motion.times[-1]:.1f} s" + ("" if found else ", up to where the path ends")
     text += "; it stops at each step of the path, to keep the clearance" if motion.follows else ""
     return text + (f"\nassumed: {motion.limits}" if str(motion.limits) else "")

@@ -11,7 +11,7 @@ import typer
 
 from cinegen.cli import app, main
 from cinegen.collision import load_scene
-from cinegen.mission import Recording
+from cinegen.mission import MissionError, Recording
 from cinegen.planning import plan
 from cinegen.planning.descent import AvoidanceField
 
@@ -315,3 +315,17 @@ def test_the_page_of_what_got_stuck_leaves_the_exit_code(typed, monkeypatch, tmp
     monkeypatch.chdir(tmp_path)
     options = ["--field", "firas", "--view", "--seconds", "0.2", "--port", "7950", "--no-browser"]
     assert "page: http://127.0.0.1:" in typed("rod", *options, code=1)
+
+
+def test_a_recording_replaces_another_when_it_is_complete(typed, tmp_path, monkeypatch):
+    def fail(_):
+        raise MissionError("the motion fails")
+
+    path = tmp_path / "out.jsonl"
+    path.write_text("old")
+    monkeypatch.setattr("cinegen.mission.results.timed_path", fail)
+    assert "the motion fails" in typed("rod", "-o", path, "--force", code=1, err=True)
+    assert path.read_text() == "old"
+    monkeypatch.undo()
+    typed("rod", "-o", path, "--force")
+    assert len(Recording.load(path).times) > 2
