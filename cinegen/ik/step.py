@@ -37,7 +37,7 @@ class Status(Enum):
     IDLE = "there is no task"
     DETOUR = "moving to the targets by another configuration"
     BARRED = "a barrier restricts the motion"
-    UNAVOIDABLE = "a collision can't be avoided: braking to a stop"
+    UNAVOIDABLE = "no motion was found that avoids a collision: braking to a stop"
     IN_COLLISION = "two bodies are in contact"
 
 

@@ -46,7 +46,7 @@ def driven_motions(mechanism: Mechanism, q: Array, columns: NDArray[np.intp]) ->
 
 
 class Threat(NamedTuple):
-    """A collision, or one that can't be avoided.
+    """A collision, or one that no motion was found to avoid.
 
     Attributes:
         pair: names of the two bodies.
@@ -146,9 +146,9 @@ class Evasion:
 
     A mechanism that could brake to rest without being hit does not need to react. Otherwise motions are rolled out that
     accelerate at constant rates and brake then: away from the obstacle, across its path, and in random directions; the
-    first one that keeps the safety distance is made, as long as braking is not enough. Collisions that none of them
-    avoids are inevitable as far as is known (T. Fraichard and H. Asama, "Inevitable collision states: a step towards
-    safer robots?", Advanced Robotics 18, 2004). A search is spread over several ticks.
+    first one that keeps the safety distance is made, as long as braking is not enough. A collision that none of them
+    avoids is a threat; that it is inevitable is not proved (T. Fraichard and H. Asama, "Inevitable collision states: a
+    step towards safer robots?", Advanced Robotics 18, 2004). A search is spread over several ticks.
 
     Args:
         clearance: distances of the mechanism.
@@ -158,7 +158,7 @@ class Evasion:
     Attributes:
         motions: motion of each obstacle that was moved, by its index.
         tick: number of the tick.
-        threat: the collision that can't be avoided; None without one.
+        threat: the collision that no motion was found to avoid; None without one.
         manoeuvre: motion that is made to evade; None without one.
         obstacle: index of the obstacle that would hit if the mechanism only braked.
     """

@@ -83,8 +83,8 @@ class AvoidingSolver(Solver):
     Attributes:
         clearance: as given.
         barrier: barrier that keeps the safety distance.
-        threat: collision at the last tick, or the one that can't be avoided; None without one, and without limits of
-            acceleration.
+        threat: collision at the last tick, or the one that no motion was found to avoid; None without one, and without
+            limits of acceleration.
         evaded: index of the obstacle that the last tick evaded; None without one.
         vortices: vortices around obstacles.
 

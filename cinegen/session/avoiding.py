@@ -75,7 +75,7 @@ class AvoidingRobot(DrivenRobot):
         if status.name == "UNAVOIDABLE":
             what = self._threatening()
             stands = float(np.abs(self.step.v).max(initial=0.0)) < _AT_REST
-            label = f"stopped: can't avoid {what}" if stands else f"stopping: can't avoid {what}"
+            label = f"{'stopped' if stands else 'stopping'}: found no motion that avoids {what}"
             return RobotStatus(status.name, label, status.description)
         if self._avoiding.evaded is not None:
             what = repr(self._obstacles[self._avoiding.evaded])
@@ -120,7 +120,7 @@ class AvoidingRobot(DrivenRobot):
         return Obstruction(f"{names[0]} – {names[1]}", ((*first,), (*second,)))
 
     def _threatening(self) -> str:
-        """Return what the collision is with that can't be avoided."""
+        """Return what the collision is with that no motion was found to avoid."""
         assert self._avoiding.threat is not None
         return f"'{self._avoiding.threat.pair[1]}'"
 
