@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
-from cinegen.cli.files import check_outputs, count, empty
+from cinegen.cli.files import check_outputs, count
 from cinegen.cli.numbers import quantity_option
 from cinegen.cli.options import FILES, SELF_CLEARANCE, RobotOptions, exclude, option
 from cinegen.cli.page import PageOptions, write_page
@@ -71,9 +72,7 @@ def run(
         loaded_scene = load_scene(scene, robots.ignore_loops, robots.ignore, robots.srdf, self_clearance)
         recorded = str(record) if record else None
         setup = scene_setup(loaded_scene, sensor, _shape(follow or "still"), node, rate, recorded)
-    if record:
-        empty(record)
-    return serve(setup, page, stem_of(scene or [*files, Path()][0]), snapshot)
+    return serve(replace(setup, overwrite=page.force), page, stem_of(scene or [*files, Path()][0]), snapshot)
 
 
 def serve(setup: Setup, page: PageOptions, stem: str, snapshot: Path | None = None) -> int:

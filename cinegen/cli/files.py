@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import io
 import json
-import os
 import sys
 from collections.abc import Sized
 from pathlib import Path
@@ -12,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 from cinegen.errors import CinegenError
 from raff2urdf.command_line import UsageError
-from raff2urdf.files import GENERATED, STANDARD, check_new, is_stream, read_bytes, write_all
+from raff2urdf.files import GENERATED, STANDARD, check_new, read_bytes, write_all
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -57,19 +56,6 @@ def write(path: Path, content: str | bytes) -> None:
     """
     try:
         write_all({path: content.encode(errors="backslashreplace") if isinstance(content, str) else content})
-    except OSError as error:
-        raise CinegenError(f"{path}: can't be written: {error.strerror}") from None
-
-
-def empty(path: Path) -> None:
-    """Empty a recording that `check_outputs` allowed to replace: recorders replace no other.
-
-    Raises:
-        CinegenError: it can't be written.
-    """
-    try:
-        if path.is_file() and not is_stream(path):
-            os.truncate(path, 0)
     except OSError as error:
         raise CinegenError(f"{path}: can't be written: {error.strerror}") from None
 

@@ -46,7 +46,7 @@ class MissionRecorder:
         mechanisms: robots, by the names that `write` uses.
         bases: base poses of those that are not fixed in the origin, by name.
         obstacles: obstacles by name.
-        overwrite: whether an existing mission is overwritten. A file of another kind never is.
+        overwrite: whether an existing file is replaced, when the first line is on the disk.
 
     Attributes:
         path: path of the file.
@@ -68,7 +68,8 @@ class MissionRecorder:
         self.error: str | None = None
         self._refused = self._invalid = 0  # moments lost in `write`, and in the thread
         header = encode_header(mechanisms, bases or {}, obstacles or {})
-        _check_free(self.path, overwrite)
+        if not overwrite:
+            _check_free(self.path)
         self._file = LineFile(self.path, header, MissionError)
         self._queue: deque[tuple[float, _Samples, _Poses]] = deque()  # its ends are atomic: no lock
         self._end = threading.Event()
@@ -232,7 +233,7 @@ def _checked(sample: RobotSample, nq: int) -> RobotSample:
     return RobotSample(q, str(sample.status), tuple(tasks))
 
 
-def _check_free(path: Path, overwrite: bool) -> None:
+def _check_free(path: Path) -> None:
     try:
         if is_stream(path) or not path.exists() or path.stat().st_size == 0:
             return
@@ -240,7 +241,5 @@ def _check_free(path: Path, overwrite: bool) -> None:
             mission = is_mission(file.readline())
     except OSError as error:
         raise MissionError(f"{path}: can't be written: {reason(error)}") from None
-    if not mission:
-        raise MissionError(f"{path}: exists, and is not a mission: it is not overwritten")
-    if not overwrite:
-        raise MissionError(f"{path}: exists, and is a mission: name another file, or remove it first")
+    kind = "a mission" if mission else "not a mission"
+    raise MissionError(f"{path}: exists, and is {kind}: name another file, or remove it first")

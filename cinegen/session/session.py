@@ -96,7 +96,7 @@ class Session:
                 if switch.first is not None:
                     self.sensors.select(switch.robot, switch.node, switch.first)
         if setup.record is not None:
-            self._record(setup.record)
+            self._record(setup.record, setup.overwrite)
 
     def close(self) -> None:
         """Close the sensors and the recording."""
@@ -347,10 +347,10 @@ class Session:
             self._recorded.append(recorder)
             self._notice(f"recorded {recorder.seconds:.1f} s in {recorder.path}")
 
-    def _record(self, path: str) -> None:
+    def _record(self, path: str, overwrite: bool = False) -> None:
         setup = self.setup
         self._recorded = [one for one in self._recorded if not one.finished]
-        self._recorder = MissionRecorder(Path(path), setup.robots, setup.bases, obstacles=setup.obstacles)
+        self._recorder = MissionRecorder(Path(path), setup.robots, setup.bases, overwrite, setup.obstacles)
 
     def _control_playback(self, command: c.ControlPlayback) -> None:
         if self._player is None:

@@ -125,6 +125,7 @@ class Setup:
         switches: nodes that may follow them.
         rate: ticks per second.
         record: file in which the session is recorded from its start.
+        overwrite: whether that file may exist; it is replaced then.
         replay: recording that is replayed; nothing can be driven then.
         playback_speed: 1 is real time.
         stops: times of the recording (s) to jump to, each with a name; it is paused at the first.
@@ -147,6 +148,7 @@ class Setup:
     priority: int = 0
     obstacles: Mapping[str, DrawnObstacle] = field(default_factory=dict)
     starts: Mapping[str, Array] = field(default_factory=dict)
+    overwrite: bool = False
 
     def __post_init__(self) -> None:
         if not self.robots:

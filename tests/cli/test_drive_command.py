@@ -234,9 +234,13 @@ def test_a_mission_is_recorded_replayed_and_exported(run, tmp_path):
     code, _, err = run("replay", "none.jsonl")
     assert code == 1
     assert "none.jsonl: can't be read" in err
-    code, _, err = run("drive", "robots/five_bar.raff", "--record", "run.jsonl", "--no-browser", "--seconds", "0.2")
+    again = ("drive", "robots/five_bar.raff", "--record", "run.jsonl", "--no-browser", "--seconds", "0.2")
+    code, _, err = run(*again)
     assert code == 1
     assert "exists already" in err
+    code, _, err = run(*again, "--force", "--port", "8450")
+    assert code == 0
+    assert Recording.load("run.jsonl").seconds < 1.0
 
 
 def test_a_scene_is_driven_recorded_and_shown_again(run, tmp_path):

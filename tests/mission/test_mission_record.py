@@ -326,10 +326,12 @@ def test_it_takes_no_time(robot, tmp_path):
 def test_nothing_that_is_there_is_lost(robot, tmp_path):
     arm, path = robot("planar_3r"), tmp_path / "run.jsonl"
     path.write_text("my notes\n")
-    for overwrite in (False, True):
-        with pytest.raises(MissionError, match="exists, and is not a mission"):
-            MissionRecorder(path, {"arm": arm}, overwrite=overwrite)
+    with pytest.raises(MissionError, match="exists, and is not a mission: name another"):
+        MissionRecorder(path, {"arm": arm})
     assert path.read_text() == "my notes\n"
+    with pytest.raises(MissionError, match="no robot"):
+        MissionRecorder(path, {"arm": arm}, {"other": BasePose()}, overwrite=True)
+    assert path.read_text() == "my notes\n"  # a recording that does not begin replaces nothing
     path.unlink()
     record(path, arm, [0.0, 1.0], np.zeros((2, 3)))
     before = path.read_bytes()
