@@ -156,6 +156,9 @@ def _load_xml(
     )
     if constraints and not loops:
         _check_stated(mechanism, constraints, path)
+    for link, why in list(mechanism.unphysical.items())[:1]:  # a RAFF file is checked by raff2urdf
+        more = f" (and {len(mechanism.unphysical) - 1} more links)" if len(mechanism.unphysical) > 1 else ""
+        warn(f"{path}: link '{link}' has an inertia that no body can have: {why}; no forces can be computed{more}")
     return mechanism
 
 

@@ -21,6 +21,7 @@ from cinegen.loops.clusters import subsystems
 from cinegen.loops.screws import LoopScrews
 from cinegen.model.jacobian import COMPONENTS, ExtendedJacobian
 from cinegen.model.limits import Limits
+from cinegen.model.masses import massless, unphysical
 from cinegen.model.shapes import collision_shapes, shapes
 from cinegen.model.spherical import SphericalJoints
 from raff2urdf import closure
@@ -277,6 +278,20 @@ class Mechanism:
             LoadError: a mesh can't be read.
         """
         return collision_shapes(self.model, self.source.urdf, self.source.folder, self.source.name)
+
+    @cached_property
+    def massless(self) -> tuple[str, ...]:
+        """The moving bodies whose mass is unknown: for each, the first of its links in `nodes`.
+
+        A mass of 0 that the file states, such as that of the cross of a universal joint, is known. A body that a rigid
+        loop joins to one with a mass is the same body, which was cut there.
+        """
+        return massless(self)
+
+    @cached_property
+    def unphysical(self) -> Mapping[str, str]:
+        """The links whose stated inertia no body can have, each with the reason, see `Inertia.why_unphysical`."""
+        return unphysical(self)
 
     @property
     def end(self) -> str:

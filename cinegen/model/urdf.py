@@ -18,6 +18,7 @@ from raff2urdf.readers.urdf import (
     UNLIMITED,
     default_value,
     joints,
+    lacks,
     lacks_limits,
     limits,
     links,
@@ -98,7 +99,7 @@ def kinematics(tree: Any) -> str:
     robot = etree.Element("robot", name=tree.get("name") or "robot")
     for link in links(tree):
         kept = etree.SubElement(robot, "link", name=link.get("name"))
-        kept.extend(copy.deepcopy(inertial) for inertial in link.iterchildren("inertial") if _lacks(inertial) is None)
+        kept.extend(copy.deepcopy(inertial) for inertial in link.iterchildren("inertial") if lacks(inertial) is None)
     for joint in joints(tree):
         kept = etree.SubElement(robot, "joint", name=joint.get("name"), type=joint.get("type"))
         moves = joint.get("type") in ("revolute", "continuous", "prismatic")
@@ -161,24 +162,14 @@ def _completed(declared: Mapping[str, Any], entry: Mapping[str, Any], name: str)
     return {**entry, **declared, "home": entry.get("home", declared["home"])}
 
 
-def _lacks(inertial: Any) -> str | None:
-    """Return an element or attribute that the mass and inertia of a link lack; None if they are complete."""
-    for tag, words in (("mass", ("value",)), ("inertia", ("ixx", "ixy", "ixz", "iyy", "iyz", "izz"))):
-        found = inertial.find(tag)
-        missing = [tag] if found is None else [f"{word} of <{tag}>" for word in words if found.get(word) is None]
-        if missing:
-            return missing[0]
-    return None
-
-
 def _warn_of_assumptions(tree: Any, name: str) -> None:
     """Warn of joints whose limits are left out, and of incomplete masses."""
-    partial = [inertial for link in links(tree) for inertial in link.iterchildren("inertial") if _lacks(inertial)]
+    partial = [inertial for link in links(tree) for inertial in link.iterchildren("inertial") if lacks(inertial)]
     if partial:
         more = f" (and {len(partial) - 1} more like it)" if len(partial) > 1 else ""
         link = partial[0].getparent().get("name")
         where = f"{name}:{partial[0].sourceline}: the <inertial> of link '{link}'"
-        warn(f"{where} has no {_lacks(partial[0])}: its mass is left out{more}")
+        warn(f"{where} has no {lacks(partial[0])}: its mass is left out{more}")
     left_out = [joint for joint in joints(tree) if lacks_limits(joint)]
     if left_out:
         warn(f"{listed(left_out, name)}: no lower and upper limit are given; taken as unlimited")

@@ -13,6 +13,7 @@ from lxml import etree
 from numpy.typing import NDArray
 
 from raff2urdf.errors import RaffError, defined_twice, did_you_mean, duplicates, limits_reversed
+from raff2urdf.inertia import Inertia
 from raff2urdf.placement import from_origin
 from raff2urdf.readers.xml_file import error_at, parse_xml
 
@@ -254,6 +255,35 @@ def limit_value(element: Any, text: str, word: str, label: str, name: str) -> fl
     return value
 
 
+def negative_mass(label: str, mass: float) -> str:
+    """Return the error of a mass (kg) below 0."""
+    return f"the mass of {label} is {mass:g} kg: it must not be negative"
+
+
+def lacks(inertial: Any) -> str | None:
+    """Return an element or attribute that an <inertial> lacks; None if it is complete."""
+    for tag, words in (("mass", ("value",)), ("inertia", _MOMENTS)):
+        found = inertial.find(tag)
+        missing = [tag] if found is None else [f"{word} of <{tag}>" for word in words if found.get(word) is None]
+        if missing:
+            return missing[0]
+    return None
+
+
+def inertia(link: Any, name: str) -> Inertia | None:
+    """Return the inertia of a link in its own axes: that of the first complete <inertial>; None without one."""
+    for inertial in link.iterchildren("inertial"):
+        if lacks(inertial) is None:
+            xx, xy, xz, yy, yz, zz = (number(inertial.find("inertia").get(word)) for word in _MOMENTS)
+            placed, matrix = origin(inertial, name), np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
+            found = Inertia(number(inertial.find("mass").get("value")), np.zeros(3), matrix)
+            return found.in_frame(placed)
+    return None
+
+
+_MOMENTS = ("ixx", "ixy", "ixz", "iyy", "iyz", "izz")
+
+
 def _label(joint: Any) -> str:
     return f"joint '{joint.get('name', '')}'"
 
@@ -277,16 +307,19 @@ def _check_joint(joint: Any, name: str) -> None:
 
 
 def _check_inertial(link: Any, name: str) -> None:
-    """Check that the numbers of a link's mass and inertia are numbers; those that are left out are not missed."""
+    """Check that the numbers of a link's mass and inertia are numbers, and the mass is not negative; those that are
+    left out are not missed."""
     for inertial in link.iterchildren("inertial"):
         origin(inertial, name)
-        for tag, words in (("mass", ("value",)), ("inertia", ("ixx", "ixy", "ixz", "iyy", "iyz", "izz"))):
+        for tag, words in (("mass", ("value",)), ("inertia", _MOMENTS)):
             for element in inertial.iterchildren(tag):
                 for word in words:
                     text = element.get(word)
                     if text is not None and not abs(number(text)) <= LARGEST:
                         what = f"{word}=\"{text[:60]}\" of <{tag}> in link '{link.get('name')}'"
                         raise error_at(name, element, f"{what} must be a number{SIZE}")
+                    if word == "value" and text is not None and number(text) < 0.0:
+                        raise error_at(name, element, negative_mass(f"link '{link.get('name')}'", number(text)))
 
 
 _SHAPES = {

@@ -3,15 +3,12 @@
 A link is treated as solid, of one density, in the shape of its graphics. Boxes, cylinders and balls are exact; a mesh
 that encloses a volume is exact too, any other one counts as its convex hull. Where shapes of one link overlap, their
 intersection counts twice.
-
-Moments are kept as second moments of mass, S = integral of x x^T dm about the centre: every S without negative
-eigenvalues is the inertia of some body. The inertia matrix is tr(S) - S.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from functools import cache
 from io import BytesIO
 from pathlib import Path
@@ -23,6 +20,7 @@ from numpy.typing import NDArray
 from raff2urdf.errors import RaffError
 from raff2urdf.extras import check_mesh_reader
 from raff2urdf.files import read_bytes
+from raff2urdf.inertia import Inertia, sum_of
 from raff2urdf.urdf_model import UrdfGeometry, UrdfRobot
 from raff2urdf.writers import DENSITY
 from raff2urdf.writers.tree_at_home import shape_of
@@ -37,60 +35,6 @@ LEAST_MOMENT = 1e-13
 
 Reader = Callable[[str], Any]
 """Returns the surface of a mesh by its name, in the mesh's own unit: a trimesh.Trimesh."""
-
-
-@dataclass(frozen=True)
-class Inertia:
-    """Mass, centre and second moments of a body, in the body's own axes.
-
-    Attributes:
-        mass: kg.
-        centre: (3,) of mass, m.
-        second: (3, 3) second moments of mass about the centre, kg m2.
-    """
-
-    mass: float = 0.0
-    centre: Array = field(default_factory=lambda: np.zeros(3))
-    second: Array = field(default_factory=lambda: np.zeros((3, 3)))
-
-    @property
-    def matrix(self) -> Array:
-        """Inertia matrix (3, 3) about the centre, kg m2."""
-        return np.asarray(np.trace(self.second) * np.eye(3) - self.second)
-
-    @classmethod
-    def from_matrix(cls, mass: float, centre: Array, matrix: Array) -> Inertia:
-        """Return the inertia of a body from its inertia matrix (3, 3) about the centre."""
-        return cls(mass, centre, 0.5 * np.trace(matrix) * np.eye(3) - matrix)
-
-    def in_frame(self, placement: Array) -> Inertia:
-        """Return the inertia in another frame, in which the body's own is at `placement` (4, 4)."""
-        rotation = placement[:3, :3]
-        second = rotation @ self.second @ rotation.T
-        return Inertia(self.mass, rotation @ self.centre + placement[:3, 3], (second + second.T) / 2.0)
-
-    def __add__(self, other: Inertia) -> Inertia:
-        """Return the inertia of both bodies together, by the parallel axes theorem."""
-        mass = self.mass + other.mass
-        if mass <= 0.0:
-            return self
-        apart = other.centre - self.centre
-        shared = self.mass * other.mass / mass
-        return Inertia(
-            mass,
-            self.centre + other.mass / mass * apart,
-            self.second + other.second + shared * np.outer(apart, apart),
-        )
-
-    def share(self, part: float) -> Inertia:
-        """Return the inertia of a part of the body with the same distribution of mass."""
-        return Inertia(part * self.mass, self.centre, part * self.second)
-
-    def at_least(self, mass: float, moment: float) -> Inertia:
-        """Return the inertia with at least this mass (kg) and moment about every axis through the centre (kg m2)."""
-        lacking = moment - float(np.linalg.eigvalsh(self.matrix)[0])
-        second = self.second + max(0.0, lacking) / 2.0 * np.eye(3)
-        return Inertia(max(self.mass, mass), self.centre, second)
 
 
 @dataclass(frozen=True)
@@ -145,7 +89,7 @@ def inertias(
 
     def least(name: str, body: Inertia) -> Inertia:
         enough = body.at_least(LEAST_MASS, LEAST_MOMENT)
-        if enough.mass <= body.mass and np.trace(enough.second) <= np.trace(body.second):
+        if enough.mass <= body.mass and np.trace(enough.matrix) <= np.trace(body.matrix):
             return body
         raised[name] = None
         return enough
@@ -157,17 +101,9 @@ def inertias(
         own, whole = found[carrier], sum_of(found[name].in_frame(placement) for name, placement in parts)
         enough = least(carrier, whole)
         if enough is not whole:
-            second = own.second + enough.second - whole.second
-            found[carrier] = Inertia(own.mass + enough.mass - whole.mass, own.centre, second)
+            matrix = own.matrix + enough.matrix - whole.matrix
+            found[carrier] = Inertia(own.mass + enough.mass - whole.mass, own.centre, matrix)
     return Inertias(found, density, tuple(raised))
-
-
-def sum_of(bodies: Iterable[Inertia]) -> Inertia:
-    """Return the inertia of several bodies together."""
-    total = Inertia()
-    for body in bodies:
-        total = body + total if total.mass <= 0.0 else total + body
-    return total
 
 
 def of_geometry(geometry: UrdfGeometry, density: float, surface: Reader | None = None) -> Inertia:
@@ -177,13 +113,14 @@ def of_geometry(geometry: UrdfGeometry, density: float, surface: Reader | None =
         return of_surface((surface or load_surface)(file), density, size)
     if kind == "box":
         mass = density * float(np.prod(size))
-        return Inertia(mass, np.zeros(3), mass / 12.0 * np.diag(size**2))
+        return Inertia.from_second(mass, np.zeros(3), mass / 12.0 * np.diag(size**2))
     radius = float(size[0])
     if kind == "cylinder":
         mass = density * np.pi * radius**2 * float(size[1])
-        return Inertia(mass, np.zeros(3), mass * np.diag([radius**2 / 4.0, radius**2 / 4.0, size[1] ** 2 / 12.0]))
+        second = mass * np.diag([radius**2 / 4.0, radius**2 / 4.0, size[1] ** 2 / 12.0])
+        return Inertia.from_second(mass, np.zeros(3), second)
     mass = density * 4.0 / 3.0 * np.pi * radius**3
-    return Inertia(mass, np.zeros(3), mass * radius**2 / 5.0 * np.eye(3))
+    return Inertia(mass, np.zeros(3), 0.4 * mass * radius**2 * np.eye(3))
 
 
 def of_surface(mesh: Any, density: float, scale: Any = 1.0) -> Inertia:
@@ -202,9 +139,9 @@ def of_surface(mesh: Any, density: float, scale: Any = 1.0) -> Inertia:
     if not (np.isfinite(mass) and mass > 0.0):
         return Inertia()
     mesh.density = density
-    body = Inertia.from_matrix(mass, np.array(mesh.center_mass), np.array(mesh.moment_inertia))
+    body = Inertia(mass, np.array(mesh.center_mass), np.array(mesh.moment_inertia))
     values, axes = np.linalg.eigh((body.second + body.second.T) / 2.0)
-    return Inertia(mass, body.centre, axes @ np.diag(np.maximum(values, 0.0)) @ axes.T)  # rounding
+    return Inertia.from_second(mass, body.centre, axes @ np.diag(np.maximum(values, 0.0)) @ axes.T)  # rounding
 
 
 def load_surface(path: str | Path, content: bytes | None = None) -> Any:

@@ -32,11 +32,12 @@ from numpy.typing import NDArray
 
 from raff2urdf.coupling import Coupling
 from raff2urdf.errors import RaffWarning
+from raff2urdf.inertia import Inertia, sum_of
 from raff2urdf.placement import roll_pitch_yaw, translation
 from raff2urdf.readers.xml_file import NAMESPACE
 from raff2urdf.tree import BASE_JOINT, WORLD
 from raff2urdf.urdf_model import UrdfJoint
-from raff2urdf.writers.inertia import Inertia, Inertias, inertias, sum_of
+from raff2urdf.writers.inertia import Inertias, inertias
 from raff2urdf.writers.tree_at_home import TreeAtHome, shape_of, unique_name
 from raff2urdf.writers.xml_text import comment, numeral, numerals, text_of
 

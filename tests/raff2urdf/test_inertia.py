@@ -15,7 +15,8 @@ from strategies import examples
 from yourdfpy import Box, Cylinder, Geometry, Mesh, Sphere, Visual
 
 from raff2urdf import RaffError
-from raff2urdf.writers.inertia import LEAST_MASS, LEAST_MOMENT, Inertia, inertias, of_geometry, of_surface, sum_of
+from raff2urdf.inertia import Inertia, sum_of
+from raff2urdf.writers.inertia import LEAST_MASS, LEAST_MOMENT, inertias, of_geometry, of_surface
 
 RHO = 700.0  # kg/m3
 SIZES = st.floats(1e-3, 2.0)
@@ -159,7 +160,7 @@ def test_a_dumbbell_is_what_its_mesh_is() -> None:
     together = trimesh.util.concatenate(meshes)
     together.density = RHO
     body = sum_of(of_surface(mesh, RHO) for mesh in meshes)
-    assert_same(body, Inertia.from_matrix(together.mass, together.center_mass, together.moment_inertia))
+    assert_same(body, Inertia(together.mass, together.center_mass, together.moment_inertia))
 
 
 def test_nothing_added_changes_nothing() -> None:
