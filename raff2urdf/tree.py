@@ -75,6 +75,11 @@ def velocity(document: Document, link: RaffLink) -> float:
     return math.inf if link.velocity is None else joint_units(document, link, link.velocity)
 
 
+def effort(link: RaffLink) -> float:
+    """Return the limit of the torque (N m) or force (N) of a joint's actuator; infinite if the file gives none."""
+    return math.inf if link.effort is None else link.effort
+
+
 def placements(document: Document, robot: RaffRobot, q: Mapping[str, float] | None = None) -> dict[int, Array]:
     """Return the world placement (4, 4) of every node, by number, as written or at joint values `q` (rad, m)."""
     base, robot = transform(kleinfinger(document, robot.base.parameters)), expanded(robot)

@@ -23,6 +23,7 @@ class JointDescription(Struct, frozen=True):
         lower: lower limit, rad or m.
         upper: upper limit, rad or m.
         velocity: velocity limit, rad/s or m/s.
+        effort: limit of the torque or force of its actuator, N m or N.
         actuated: whether it is actuated.
     """
 
@@ -32,6 +33,7 @@ class JointDescription(Struct, frozen=True):
     lower: float | None
     upper: float | None
     velocity: float | None
+    effort: float | None
     actuated: bool
 
 
@@ -113,7 +115,7 @@ def describe_coupling(coupling: Coupling) -> CouplingDescription:
 
 def describe_joint(mechanism: Mechanism, joint: str) -> JointDescription:
     """Describe a joint."""
-    lower, upper, velocity = (bound if np.isfinite(bound) else None for bound in mechanism.limits[joint][:3])
+    lower, upper, velocity, effort = (bound if np.isfinite(bound) else None for bound in mechanism.limits[joint])
     kind: Literal["prismatic", "revolute"] = "prismatic" if mechanism.is_prismatic(joint) else "revolute"
     home = float(mechanism.q_home[mechanism.q_index(joint)])
-    return JointDescription(joint, kind, home, lower, upper, velocity, joint in mechanism.actuated)
+    return JointDescription(joint, kind, home, lower, upper, velocity, effort, joint in mechanism.actuated)

@@ -136,11 +136,12 @@ class Mechanism:
 
     def _repr_html_(self) -> str:
         rows = []
-        for name, (lower, upper, velocity, _) in self.limits.items():
+        for name, bounds in self.limits.items():
             kind = "prismatic" if self.is_prismatic(name) else "revolute"
-            numbers = (f"{value:.4g}" for value in (self.q_home[self.q_index(name)], lower, upper, velocity))
+            numbers = (f"{value:.4g}" for value in (self.q_home[self.q_index(name)], *bounds))
             rows.append([name, kind, *numbers, "yes" if name in self.actuated else ""])
-        headings = ("joint", "type", "home (rad, m)", "lower", "upper", "velocity (rad/s, m/s)", "actuated")
+        limits = ("lower", "upper", "velocity (rad/s, m/s)", "effort (N m, N)")
+        headings = ("joint", "type", "home (rad, m)", *limits, "actuated")
         joints = table(f"{self.name}: {self._summary}", headings, rows)
         ends = [(loop.name, loop.kind.name.lower(), loop.first, loop.second) for loop in self.loops]
         equations = [(coupling.name, str(coupling)) for coupling in self.couplings]

@@ -24,6 +24,7 @@ from raff2urdf.errors import (
 from raff2urdf.raff.compound import VARIABLES, intermediate_names
 from raff2urdf.raff.document import (
     LEAST_SIZE,
+    CompoundKind,
     Document,
     DriveKind,
     JointType,
@@ -151,6 +152,9 @@ def _limit_problems(document: Document, what: str, of: RaffLink | RaffVariable) 
     if of.velocity is not None and not min(document.metres(of.velocity), math.radians(of.velocity)) > LEAST_SPEED:
         message = f"the velocity limit of {what} is {of.velocity:g}: {TOO_SLOW}"
         yield document.source.problem(message, of.locations.get("velocity"))
+    if of.effort is not None and not of.effort > 0.0:
+        message = f"the effort limit of {what} is {of.effort:g}: it must be above 0 (N m or N), or left out"
+        yield document.source.problem(message, of.locations.get("effort"))
 
 
 def _variable_problems(document: Document, link: RaffLink, names: Mapping[str, RaffPart]) -> Iterator[Problem]:
@@ -163,7 +167,7 @@ def _variable_problems(document: Document, link: RaffLink, names: Mapping[str, R
     if link.type is not JointType.FIXED or "type" in at:
         yield problem(f"{what} has both 'type' and 'joint': remove one of them", at.get("type"))
     known = VARIABLES[link.compound]
-    for word in ("limits", "velocity", "actuated"):
+    for word in ("limits", "velocity", "effort", "actuated"):
         if getattr(link, word) is not None:
             message = f"the {link.compound} joint of {what} has several variables: write '{word}' for one of them, in "
             yield problem(f"{message}'variable {next(iter(known))} {{ }}'", at.get(word))
@@ -294,8 +298,9 @@ def _oddities(document: Document, robot: RaffRobot) -> Iterator[Problem]:
     problem = document.source.problem
     for link in robot.links:
         yield from _variables_outside_limits(document, link)
+        yield from _useless_efforts(document, link)
         if link.type is JointType.FIXED and not link.compound:
-            for word in ("limits", "velocity", "actuated"):
+            for word in ("limits", "velocity", "effort", "actuated"):
                 if getattr(link, word):
                     message = f"link {link.number} is fixed, so '{word}' has no effect: remove it"
                     yield problem(message, link.locations.get(word))
@@ -307,6 +312,16 @@ def _oddities(document: Document, robot: RaffRobot) -> Iterator[Problem]:
                     f"home {shown(home)} of link {link.number} is outside its limits {low} to {high}: change either"
                 )
                 yield problem(message, link.locations.get("limits"))
+
+
+def _useless_efforts(document: Document, link: RaffLink) -> Iterator[Problem]:
+    ball = link.compound is CompoundKind.BALL
+    for what, of in [(f"link {link.number}", link)] + [
+        (f"variable {variable.name} of link {link.number}", variable) for variable in link.variables
+    ]:
+        if of.effort is not None and (of.actuated is False or (ball and not of.actuated)):
+            message = f"the joint of {what} is passive, so 'effort' has no effect: remove it, or write 'actuated 1'"
+            yield document.source.problem(message, of.locations.get("effort"))
 
 
 def _variables_outside_limits(document: Document, link: RaffLink) -> Iterator[Problem]:

@@ -81,6 +81,7 @@ def _successive(link: RaffLink, numbers: Iterator[int]) -> list[RaffLink]:
             pred=found[-1].number if found else link.pred,
             limits=own.limits,
             velocity=own.velocity,
+            effort=own.effort,
             actuated=passive,
             own_joint=joint,
             name=link.name if last else f"link{link.number}_{name.upper() or 0}",

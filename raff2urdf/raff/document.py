@@ -110,6 +110,7 @@ class RaffVariable:
         home: its value as written, unless `theta` or `r` of the link's parameters is.
         limits: lower and upper limit.
         velocity: velocity limit, 1/s.
+        effort: limit of its actuator's torque or force, N m or N.
         actuated: whether it is actuated; None: not in the file.
     """
 
@@ -117,6 +118,7 @@ class RaffVariable:
     home: float = 0.0
     limits: tuple[float, float] | None = None
     velocity: float | None = None
+    effort: float | None = None
     actuated: bool | None = None
     locations: Locations = field(default_factory=_no_locations, compare=False, repr=False)
 
@@ -136,6 +138,7 @@ class RaffLink(_Named):
     pred: int
     limits: tuple[float, float] | None = None  # of theta (degrees) or r
     velocity: float | None = None  # degrees or lengths per second
+    effort: float | None = None  # N m or N
     actuated: bool | None = None  # None: not in the file
     compound: CompoundKind | None = None
     variables: tuple[RaffVariable, ...] = ()

@@ -324,12 +324,19 @@ STATEMENTS: dict[str, dict[str, Statement]] = {
         "pred": _PRED,  # the number of the parent
         "limits": _LIMITS,
         "velocity": _NUMBER,  # velocity limit, degrees or lengths per second
+        "effort": _NUMBER,  # limit of the torque or force of its actuator, N m or N
         "actuated": _ACTUATED,
         "name": _TEXT,
         "filename": _FILES,
     },
     "frame": {"parameters": _PARAMETERS, "pred": _PRED, "name": _TEXT, "filename": _FILES},
-    "variable": {"home": _NUMBER, "limits": _LIMITS, "velocity": _NUMBER, "actuated": _ACTUATED},
+    "variable": {
+        "home": _NUMBER,
+        "limits": _LIMITS,
+        "velocity": _NUMBER,
+        "effort": _NUMBER,
+        "actuated": _ACTUATED,
+    },
     "parameters": dict.fromkeys(["theta", "r", "d", "alpha", "gamma", "epsilon"], _NUMBER),
     "constraint": {
         "link": _NODE,

@@ -70,7 +70,7 @@ def _robot(robot: RaffRobot, notes: Mapping[int, str]) -> Iterator[str]:
 
 
 _OF_SENSORS = ("port", "translation", "rotation")
-_OF_JOINT = ("limits", "velocity", "actuated")
+_OF_JOINT = ("limits", "velocity", "effort", "actuated")
 _OF_VARIABLES = ("home", *_OF_JOINT)
 _WORDS = ("name", "parameters", "filenames", "type", "compound", "pred", *_OF_JOINT, "variables", *_OF_SENSORS)
 

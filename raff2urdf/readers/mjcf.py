@@ -9,6 +9,7 @@ configuration.
 
 from __future__ import annotations
 
+import math
 import warnings
 from collections.abc import Collection, Iterator, Sequence
 from itertools import zip_longest
@@ -161,7 +162,7 @@ class _Joint(NamedTuple):
     prismatic: bool
     axis: Array
     anchor: Array  # in the body's frame
-    values: dict[str, Any]  # zero, home, limits, actuated
+    values: dict[str, Any]  # zero, home, limits, effort, actuated
 
 
 class _Reader:
@@ -259,7 +260,33 @@ class _Reader:
             return
         low, high = map(float, model.jnt_range[j]) if model.jnt_limited[j] else UNBOUNDED
         values = {"zero": float(model.qpos0[at]), "home": float(self.home[at]), "limits": (low, high), **actuated}
+        values["effort"] = self.effort(j)
         yield _Joint(name, kind == kinds.mjJNT_SLIDE, model.jnt_axis[j], np.array(model.jnt_pos[j]), values)
+
+    def effort(self, j: int) -> float:
+        """Return the limit of the torque (N m) or force (N) of a joint's actuators: the least of the joint's range and
+        the sum of theirs, in the weaker direction unless that is 0. Infinite without one."""
+        model, transmission = self.model, self.mujoco.mjtTrn
+        kinds = (int(transmission.mjTRN_JOINT), int(transmission.mjTRN_JOINTINPARENT))
+        own = [i for i in range(model.nu) if model.actuator_trntype[i] in kinds and model.actuator_trnid[i, 0] == j]
+        found = [np.sum([self.force_range(i) for i in own], axis=0)] if own else []
+        found += [model.jnt_actfrcrange[j]] if model.jnt_actfrclimited[j] else []
+        strengths = [np.abs(one) for one in found]
+        return min((float(one.min() or one.max()) for one in strengths), default=math.inf)
+
+    def force_range(self, i: int) -> Array:
+        """Return the least and greatest force (2,) of an actuator on its joint; infinite without a limit."""
+        model, ends = self.model, np.array(UNBOUNDED)
+        motor = model.actuator_gaintype[i] == int(self.mujoco.mjtGain.mjGAIN_FIXED) and (
+            model.actuator_biastype[i] == int(self.mujoco.mjtBias.mjBIAS_NONE)
+            and model.actuator_dyntype[i] == int(self.mujoco.mjtDyn.mjDYN_NONE)
+        )
+        if motor and model.actuator_ctrllimited[i] and model.actuator_gainprm[i, 0] != 0.0:
+            ends = np.sort(model.actuator_gainprm[i, 0] * model.actuator_ctrlrange[i])
+        if model.actuator_forcelimited[i]:
+            ends = np.clip(ends, *model.actuator_forcerange[i])
+        gear = float(model.actuator_gear[i, 0])
+        return np.sort(gear * ends) if gear else np.zeros(2)
 
     # --- equality constraints -----------------------------------------------------------------------------------
 

@@ -18,7 +18,7 @@ import numpy as np
 from lxml import etree
 
 from raff2urdf.placement import with_z
-from raff2urdf.readers.urdf import MovingJoint, axis, joints, limits, links, parse, remove, velocity
+from raff2urdf.readers.urdf import MovingJoint, axis, effort, joints, limits, links, parse, remove, velocity
 from raff2urdf.readers.xml_file import error_at
 
 Step = tuple[str, str, Sequence[float]]
@@ -42,7 +42,10 @@ def moving(text: str, name: str) -> dict[str, MovingJoint]:
     replace_compound(tree, name, keep_root=True)
     return {
         str(joint.get("name")): MovingJoint(
-            "prismatic" if joint.get("type") == "prismatic" else "revolute", limits(joint), velocity(joint)
+            "prismatic" if joint.get("type") == "prismatic" else "revolute",
+            limits(joint),
+            velocity(joint),
+            effort(joint),
         )
         for joint in joints(tree)
         if joint.get("type") not in ("fixed", "floating")

@@ -38,11 +38,13 @@ KINDS = ("revolute", "continuous", "prismatic", "fixed", "floating", "planar", "
 
 
 class MovingJoint(NamedTuple):
-    """A joint of a URDF: revolute or prismatic, its limits (rad, m), and its velocity limit (rad/s, m/s) if any."""
+    """A joint of a URDF: revolute or prismatic, its limits (rad, m), velocity limit (rad/s, m/s) and effort limit
+    (N m, N), if any."""
 
     type: str
     limits: tuple[float, float] | None = None
     velocity: float | None = None
+    effort: float | None = None
 
 
 def parse(text: str, name: str) -> Any:
@@ -218,6 +220,13 @@ def velocity(joint: Any) -> float | None:
     limit = joint.find("limit")
     fastest = 0.0 if limit is None else number(limit.get("velocity", "0"))
     return fastest if LEAST_SPEED < fastest < UNLIMITED else None
+
+
+def effort(joint: Any) -> float | None:
+    """Return the effort limit (N m or N) of a joint; None without one, or for 0, which exporters write."""
+    limit = joint.find("limit")
+    most = 0.0 if limit is None else number(limit.get("effort", "0"))
+    return most if 0.0 < most < UNLIMITED else None
 
 
 def lacks_limits(joint: Any) -> bool:

@@ -78,6 +78,7 @@ class UrdfBuilder:
         home: float = 0.0,
         limits: tuple[float, float] = UNBOUNDED,
         velocity: float = math.inf,
+        effort: float = math.inf,
         actuated: bool | None = None,
     ) -> None:
         """Add a joint that moves.
@@ -92,11 +93,12 @@ class UrdfBuilder:
             home: value at home, rad or m.
             limits: low and high, rad or m; infinite without limits.
             velocity: limit, rad/s or m/s; infinite without a limit.
+            effort: limit, N m or N; infinite without a limit.
             actuated: whether it is actuated; None if the file does not say.
         """
         axis = np.array(axis, dtype=float)
         kind = "prismatic" if prismatic else "continuous" if limits == UNBOUNDED else "revolute"
-        limit = UrdfLimit(effort=UNLIMITED, velocity=min(velocity, UNLIMITED))
+        limit = UrdfLimit(min(effort, UNLIMITED), min(velocity, UNLIMITED))
         if kind != "continuous":
             limit.lower, limit.upper = max(limits[0], -UNLIMITED), min(limits[1], UNLIMITED)
         origin = placed @ inverse(joint_motion(prismatic, axis / np.linalg.norm(axis), zero))

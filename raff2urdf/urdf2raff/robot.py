@@ -44,7 +44,7 @@ from raff2urdf.raff.document import (
 )
 from raff2urdf.raff.kleinfinger import Kleinfinger, transform
 from raff2urdf.readers import successive
-from raff2urdf.readers.urdf import default_value, ends, joints, limits, links, origin, root_first, velocity
+from raff2urdf.readers.urdf import default_value, effort, ends, joints, limits, links, origin, root_first, velocity
 from raff2urdf.readers.urdf_builder import leave_out
 from raff2urdf.readers.xml_file import error_at
 from raff2urdf.tree import BASE_JOINT, WORLD, joint_units, kleinfinger
@@ -177,6 +177,7 @@ class _Import:
             pred=pred,
             limits=None if allowed is None else self.shifted(allowed, offset, prismatic),
             velocity=None if fastest is None else self.tidied(fastest, prismatic, LIMIT_TOLERANCE),
+            effort=effort(joint),
             name=self.names.new(same, f"{body.links[0][0]}_axis", f"link{number}"),
         )
         self.parts.append((position, link))

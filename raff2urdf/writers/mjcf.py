@@ -187,7 +187,10 @@ class _Writer:
         if entry is not None:
             kind = "slide" if joint.type == "prismatic" else "hinge"
             ref = numeral(self.tree.home[joint.name])
-            etree.SubElement(body, "joint", name=joint.name, type=kind, axis="0 0 1", ref=ref, **limit("range", entry))
+            values = limit("range", entry)
+            if entry["effort"] is not None:
+                values["actuatorfrcrange"] = numerals((-entry["effort"], entry["effort"]))
+            etree.SubElement(body, "joint", name=joint.name, type=kind, axis="0 0 1", ref=ref, **values)
         elif joint.type == "floating":
             etree.SubElement(body, "freejoint", name=joint.name)
 

@@ -127,8 +127,9 @@ class _Writer:
             return
         home, (low, high) = self.tree.home[joint.name], entry["limits"] or (-math.inf, math.inf)
         limit = add_axis(element, low - home, high - home)
-        if entry["velocity"] is not None:
-            etree.SubElement(limit, "velocity").text = numeral(entry["velocity"])
+        for word in ("effort", "velocity"):
+            if entry[word] is not None:
+                etree.SubElement(limit, word).text = numeral(entry[word])
         self.axis[joint.name] = element[-1]
         self.add_own("joint", element, joint.name, home=numeral(home), actuated=str(entry["actuated"]).lower())
 

@@ -98,12 +98,13 @@ class TreeAtHome:
 
 
 def _bounds(limit: UrdfLimit) -> dict[str, Any]:
-    """Return limits and velocity limit of a joint; None where it has none."""
+    """Return limits, velocity limit and effort limit of a joint; None where it has none."""
     low, high = limit.lower, limit.upper
     unlimited = low is None or high is None or (low <= -UNLIMITED and high >= UNLIMITED)
     return {
         "limits": None if unlimited else [low, high],
         "velocity": limit.velocity if limit.velocity < UNLIMITED else None,
+        "effort": limit.effort if 0.0 < limit.effort < UNLIMITED else None,
     }
 
 

@@ -29,7 +29,7 @@ from raff2urdf.readers.declared_loops import note
 from raff2urdf.readers.sidecar import ENDING
 from raff2urdf.readers.urdf import UNLIMITED, hash_of
 from raff2urdf.readers.xml_file import NAMESPACE
-from raff2urdf.tree import BASE_JOINT, WORLD, kleinfinger, limits, moved, velocity
+from raff2urdf.tree import BASE_JOINT, WORLD, effort, kleinfinger, limits, moved, velocity
 from raff2urdf.urdf_model import UrdfJoint, UrdfLimit, UrdfLink, UrdfRobot, to_xml
 from raff2urdf.writers.xml_text import text_of
 
@@ -121,7 +121,7 @@ def _joint(document: Document, robot: RaffRobot, part: RaffPart) -> UrdfJoint:
     if isinstance(part, RaffLink) and part.type is not JointType.FIXED:
         joint.axis = np.array([0.0, 0.0, 1.0])
         low, high = limits(document, part)
-        joint.limit = UrdfLimit(effort=UNLIMITED, velocity=min(velocity(document, part), UNLIMITED))
+        joint.limit = UrdfLimit(min(effort(part), UNLIMITED), min(velocity(document, part), UNLIMITED))
         joint.type = part.type.name.lower()
         if part.type is JointType.REVOLUTE and math.isinf(low):
             joint.type = "continuous"

@@ -229,3 +229,40 @@ def test_a_body_that_is_tied_to_the_world_is_turned_into_raff(write, free):
     assert len(mechanism.loops) == 1
     assert mechanism.mobility == cinegen.load(path).mobility == (4 if free else 1)
     assert mechanism.placement(mechanism.q_home, found.nodes["hull"]).translation.tolist() == [0.0, 0.0, 1.0]
+
+
+EFFORTS = """<mujoco>
+  <worldbody>
+    <body><geom size="0.1"/><joint name="own" actuatorfrcrange="-3 4"/>
+      <body><geom size="0.1"/><joint name="servo"/>
+        <body><geom size="0.1"/><joint name="geared"/>
+          <body><geom size="0.1"/><joint name="pulled"/>
+            <body><geom size="0.1"/><joint name="both" actuatorfrcrange="-9 9"/>
+              <body><geom size="0.1"/><joint name="free"/></body></body></body></body></body></body>
+  </worldbody>
+  <actuator>
+    <position joint="servo" forcerange="-87 87"/>
+    <motor joint="geared" gear="-50" ctrlrange="-1 0.4"/>
+    <motor joint="pulled" forcerange="0 6"/>
+    <motor joint="both" forcerange="-5 5"/> <motor joint="both" forcerange="-2 2" gear="3"/>
+    <motor joint="free"/>
+  </actuator>
+</mujoco>"""
+
+
+def test_effort_limits_are_those_that_mujoco_enforces(write):
+    mechanism = cinegen.load(write(text=EFFORTS))
+    assert {name: mechanism.limits[name].effort for name in mechanism.joints} == {
+        "own": 3.0, "servo": 87.0, "geared": 20.0, "pulled": 6.0, "both": 9.0, "free": np.inf,
+    }  # fmt: skip
+    model = mujoco.MjModel.from_xml_string(EFFORTS)
+    data = mujoco.MjData(model)
+    for sign in (1.0, -1.0):
+        data.ctrl[:] = [sign * 1e9] * model.nu
+        mujoco.mj_forward(model, data)
+        for name, limit in mechanism.limits.items():
+            j = model.joint(name).dofadr[0]
+            if name in ("servo", "both"):
+                assert data.qfrc_actuator[j] == sign * limit.effort
+            elif name != "free":
+                assert abs(data.qfrc_actuator[j]) in (0.0, limit.effort, 4.0, 50.0)

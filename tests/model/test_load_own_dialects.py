@@ -100,7 +100,7 @@ def assert_same(back, there):
     assert list(map(str, back.couplings)) == list(map(str, there.couplings))
     assert [one.name for one in back.couplings] == [one.name for one in there.couplings]
     assert (back.sensors, back.sensor_constraints) == (there.sensors, there.sensor_constraints)
-    for word in ("lowerPositionLimit", "upperPositionLimit", "upperVelocityLimit"):
+    for word in ("lowerPositionLimit", "upperPositionLimit", "upperVelocityLimit", "upperEffortLimit"):
         assert np.array_equal(getattr(back.model, word), getattr(there.model, word))
 
 

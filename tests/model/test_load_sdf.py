@@ -20,7 +20,7 @@ PARALLELOGRAM = """<?xml version="1.0"?>
       <link name="rocker"><pose degrees="true">0 0.4 0 0 0 0</pose></link>
       <joint name="world_joint" type="fixed"><parent>world</parent><child>ground</child></joint>
       <joint name="drive" type="revolute"><parent>ground</parent><child>crank</child>
-        <axis><xyz>0 0 1</xyz><limit><lower>-2</lower><upper>2</upper><velocity>3</velocity></limit></axis></joint>
+        <axis><limit><lower>-2</lower><upper>2</upper><velocity>3</velocity><effort>7</effort></limit></axis></joint>
       <joint name="elbow" type="revolute"><parent>crank</parent><child>coupler</child>
         <axis><xyz>0 0 1</xyz></axis></joint>
       <joint name="swing" type="revolute"><parent>ground</parent><child>rocker</child>
@@ -77,7 +77,10 @@ def test_limits_and_shapes_are_read(write):
     i, j = mechanism.q_index("drive"), mechanism.v_index("drive")
     model = mechanism.model
     assert (model.lowerPositionLimit[i], model.upperPositionLimit[i], model.upperVelocityLimit[j]) == (-2.0, 2.0, 3.0)
+    assert model.upperEffortLimit[j] == 7.0
     assert np.isinf(model.upperPositionLimit[mechanism.q_index("elbow")])
+    text = PARALLELOGRAM.format(kind="ball").replace("<effort>7</effort>", "<effort>-1</effort>")
+    assert np.isinf(cinegen.load(write(text)).model.upperEffortLimit[j])
     (shape,) = mechanism.visual.geometryObjects
     assert np.allclose(shape.meshColor, [0.0, 0.0, 1.0, 1.0])
 

@@ -30,7 +30,7 @@ ROBOTS = Path(__file__).resolve().parents[2] / "robots"
 FLOATING = """RAFF rover
 robot rover {
   base { parameters { d 200 gamma 30 epsilon 50 alpha 20 } }
-  link 1 { parameters { d 200 alpha 90 theta 20 } type 2 pred 0 limits { -60 80 } velocity 90 }
+  link 1 { parameters { d 200 alpha 90 theta 20 } type 2 pred 0 limits { -60 80 } velocity 90 effort 40 }
   link 2 { parameters { d 150 r 40 } type 1 pred 1 }
   frame 3 { name "gripper" parameters { d 300 } pred 2 }
   constraint { base sensor ( 0 1 ) }

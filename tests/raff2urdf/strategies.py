@@ -62,8 +62,8 @@ KEYWORDS = st.sampled_from(
     re.findall(
         r"\w+",
         "RAFF robot sensor units path base link frame constraint parameters type joint ball variable home pred limits "
-        "velocity actuated name filename theta r d alpha gamma epsilon port translation rotation mm coupling ratio "
-        "lead radius polynomial offset",
+        "velocity effort actuated name filename theta r d alpha gamma epsilon port translation rotation mm coupling "
+        "ratio lead radius polynomial offset",
     )
 )
 
@@ -159,6 +159,7 @@ def _robots(
             type=draw(st.sampled_from(JointType)),
             limits=draw(st.none() | pair),
             velocity=draw(st.none() | speed),
+            effort=draw(st.none() | speed),
             actuated=draw(st.sampled_from([None, None, True, False])),
         )
         parts.append(link)
@@ -188,6 +189,7 @@ def _compounds(draw: st.DrawFn, common: dict[str, Any], values: Any, pair: Any, 
             home=0.0 if written else draw(st.just(0.0) | values),
             limits=draw(st.none() | pair),
             velocity=draw(st.none() | speed),
+            effort=draw(st.none() | speed),
             actuated=draw(st.sampled_from([None, None, True, False])),
         )
         for name, written in VARIABLES[kind].items()

@@ -83,6 +83,8 @@ WRONG = [
     ("link 1 { type 2 pred 0 limits { 80 -85 } }", 3, 33, "lower limit 80 link 1 above upper limit -85 swap"),
     ("link 1 { type 2 pred 0 velocity 0 }", 3, 33, "velocity link 1 above 0"),
     ("link 1 { type 1 pred 0 velocity -5 }", 3, 33, "velocity link 1 above 0"),
+    ("link 1 { type 1 pred 0 effort 0 }", 3, 31, "effort link 1 is 0 above 0 (N m or N)"),
+    ("link 1 { joint ball pred 0 effort 2 }", 3, 35, "ball joint link 1 several variables 'effort' 'variable x { }'"),
     # loops
     (f"{ONE}\nconstraint {{ link 1 link 11 }}", 4, 26, "loop 'r' 11 does not exist"),
     (f"{ONE}\nconstraint {{ link 11 base }}", 4, 19, "loop 'r' 11 does not exist"),
@@ -189,6 +191,9 @@ def test_a_document_made_by_hand_is_checked_too() -> None:
         ("type 0 pred 0 limits { 0 90 }", 33, "link 1 is fixed limits"),
         ("type 0 pred 0 velocity 90", 33, "link 1 is fixed velocity"),
         ("type 0 pred 0 actuated 1", 33, "link 1 is fixed actuate"),
+        ("type 0 pred 0 effort 5", 31, "link 1 is fixed effort"),
+        ("type 2 pred 0 effort 5 actuated 0", 31, "link 1 is passive effort 'actuated 1'"),
+        ("joint ball pred 0 variable y { effort 5 }", 48, "variable y of link 1 is passive effort"),
         ("parameters { theta 95 } type 2 pred 0 limits { 0 90 }", 57, "link 1 95 outside limits"),
         ("parameters { r -9 } type 1 pred 0 limits { 0 90 }", 53, "link 1 -9 outside limits"),
     ],

@@ -171,7 +171,7 @@ def test_a_frame_is_a_link_held_by_a_fixed_joint() -> None:
 def test_limits_are_in_radians_metres_and_seconds() -> None:
     text = text_of(
         """
-        link 1 { type 2 pred 0 limits { -85 80 } velocity 90 }
+        link 1 { type 2 pred 0 limits { -85 80 } velocity 90 effort 12.5 }
         link 2 { parameters { r 30 } type 1 pred 1 limits { 20 211.21 } velocity 500 }
         """
     )
@@ -179,6 +179,7 @@ def test_limits_are_in_radians_metres_and_seconds() -> None:
     assert model.lowerPositionLimit.tolist() == [math.radians(-85), 0.02]
     assert model.upperPositionLimit.tolist() == [math.radians(80), 0.21121]
     assert model.velocityLimit.tolist() == [math.radians(90), 0.5]
+    assert model.effortLimit.tolist() == [12.5, UNLIMITED]
 
 
 def test_a_joint_without_limits_has_none_that_matter() -> None:

@@ -295,7 +295,8 @@ class _SdfToUrdf:
                 self.urdf.add_link(link)
             self.urdf.add_joint(
                 name, prismatic, (parent, link), inverse(before) @ at, sign * (at[:3, :3].T @ axis.direction),
-                zero=home, home=home, limits=(low + home, high + home), velocity=axis.velocity, actuated=actuated,
+                zero=home, home=home, limits=(low + home, high + home), velocity=axis.velocity, effort=axis.effort,
+                actuated=actuated,
             )  # fmt: skip
             self.carried[link] = _Step(parent, "" if prismatic else name, sign * axis.direction)
             parent, before = link, at

@@ -49,12 +49,13 @@ class SdfMimic(NamedTuple):
 
 
 class SdfAxis(NamedTuple):
-    """An axis of a joint: its direction (3,) in the outermost model's frame, limits, velocity limit, and what it
-    mimics."""
+    """An axis of a joint: its direction (3,) in the outermost model's frame, limits, velocity limit, effort limit, and
+    what it mimics."""
 
     direction: Array
     limits: tuple[float, float] = UNBOUNDED
     velocity: float = math.inf
+    effort: float = math.inf
     mimic: SdfMimic | None = None
 
 
@@ -218,17 +219,18 @@ class SdfModelReader:
         if low > high:
             raise self._error(element.find("limit"), limits_reversed(label, low, high))
         limits = (low if low > -UNLIMITED else -math.inf), (high if high < UNLIMITED else math.inf)
-        velocity, mimic = self._number(element, "limit/velocity", label, math.inf), element.find("mimic")
+        velocity, effort = (self._number(element, f"limit/{word}", label, math.inf) for word in ("velocity", "effort"))
+        mimic = element.find("mimic")
         mimicked = None if mimic is None else self._mimic(mimic, label, poses)
-        return SdfAxis(axis / np.linalg.norm(axis), limits, velocity, mimicked)
+        return SdfAxis(axis / np.linalg.norm(axis), limits, velocity, effort, mimicked)
 
     def _number(self, axis: Any, path: str, label: str, default: float) -> float:
-        """Return a limit; -1, or nothing, is SDF's notation for no limit of velocity."""
+        """Return a limit; -1, or nothing, is SDF's notation for no limit of velocity or effort."""
         element = axis.find(path)
         if element is None or not (element.text or "").strip():
             return default
         text, word = element.text.strip(), path.rpartition("/")[2]
-        unlimited = word == "velocity" and number(text) == -1.0
+        unlimited = word in ("velocity", "effort") and number(text) == -1.0
         return math.inf if unlimited else limit_value(element, text, word, label, self.name)
 
 

@@ -150,6 +150,7 @@ def test_a_chain_reads_as_the_textbook_has_it():
     low, high = (math.degrees(x + found.offsets["joint1"]) for x in (-1, 2))
     assert links[1].limits == pytest.approx((low, high), abs=1e-8)
     assert links[1].velocity == pytest.approx(math.degrees(3), abs=1e-8)
+    assert (links[1].effort, links[2].effort) == (1.0, None)
     assert found.nodes == {"base_link": "base_link", "shoulder": "shoulder", "elbow": "elbow", "tool": "tool"}
     assert found.joints == {"lift": "joint1", "bend": "joint2"}
     assert largest_difference(CHAIN, found) < 1e-12

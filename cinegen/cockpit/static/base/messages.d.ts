@@ -167,6 +167,7 @@ export interface JointDescription {
   lower: number | null;
   upper: number | null;
   velocity: number | null;
+  effort: number | null;
   actuated: boolean;
 }
 
