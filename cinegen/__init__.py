@@ -12,6 +12,8 @@ from raff2urdf.lazy import lazy_names
 if TYPE_CHECKING:
     from cinegen.assembly import assembly_modes as assembly_modes
     from cinegen.cockpit import show as show
+    from cinegen.dynamics import InverseDynamics as InverseDynamics
+    from cinegen.dynamics import Payload as Payload
     from cinegen.errors import CinegenError as CinegenError
     from cinegen.errors import CinegenWarning as CinegenWarning
     from cinegen.errors import ClosureError as ClosureError

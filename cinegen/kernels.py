@@ -10,6 +10,8 @@ import numpy as np
 
 from cinegen.assembly import assembly_modes
 from cinegen.collision.clearance import prepare_clearance
+from cinegen.dynamics._kernels.memory import DynamicsMemory
+from cinegen.dynamics._kernels.torques import find_torques
 from cinegen.hexapod import TSSM, Hexapod
 from cinegen.ik._kernels.batch import measure_all
 from cinegen.ik._kernels.local_ik import solve
@@ -39,12 +41,13 @@ _KERNELS: dict[str, Callable[[], object]] = {
     "tick": lambda: prepare(tick, SolverMemory),
     "solve": lambda: prepare(solve, LocalIKMemory),
     "measure": lambda: prepare(measure_all, BatchMemory),
+    "torques": lambda: prepare(find_torques, DynamicsMemory),
     "clearance": prepare_clearance,
     "vortices": prepare_vortices,
     "modes": _assembly_modes,
     "platforms": _platforms,
 }
-_TOGETHER = 5  # of them, which share helpers
+_TOGETHER = 6  # of them, which share helpers
 
 
 def compile_kernels() -> Iterator[tuple[str, int, int]]:

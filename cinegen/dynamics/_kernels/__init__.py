@@ -1,0 +1,1 @@
+"""Kernels of inverse dynamics; the plain form is `cinegen.dynamics.plain`."""

@@ -1,0 +1,60 @@
+"""Memory of the kernel of inverse dynamics: SI units, except where fields are called dimensionless."""
+
+from __future__ import annotations
+
+from cinegen.jit.compiled import Array, Table
+from cinegen.jit.memory import array, foreign, parameter, state
+from cinegen.loops._kernels.memory import LoopMemory
+
+
+class DynamicsMemory(LoopMemory):
+    """A mechanism, its loads, and the torques of its actuated joints at many configurations."""
+
+    # bodies: a joint's, with its payloads
+    mass: Array = array("joints")
+    centre: Array = array("joints", 3)  # of mass, in the joint's frame
+    inertia: Array = array("joints", 3, 3)  # about it, in the joint's axes
+    gravity: Array = array(3)
+    loads: int = parameter(0)
+    load_joint: Table = array("loads", dtype=int)  # that carries the node
+    load_offset: Array = array("loads", 4, 3)  # the node's frame, relative to that joint
+    load_turns: Table = array("loads", dtype=int)  # not 0: in the node's axes, else in the world's
+    load: Array = array("loads", 6)  # force and moment on the node, at its origin
+
+    # what is asked
+    count: int = parameter(0)
+    moves: int = parameter(0)  # velocities and accelerations are given, else 0
+    completes: int = parameter(0)  # ... only those of the actuated joints
+    given_q: Array = foreign("count", "nq")
+    nv: int = parameter(0)  # n, and 6 of a held base: its twist in its own axes, linear, then angular
+    given_v: Array = foreign("count", "nv")
+    given_a: Array = foreign("count", "nv")
+
+    # results
+    torques: Array = foreign("count", "actuated")
+    found: Table = foreign("count", dtype=int)  # HELD, OPEN, ...
+    gaps: Array = foreign("count", 3)  # dimensionless: of the loops, of their velocities, of their accelerations
+    now: int = state(0)  # index of the configuration
+
+    # spatial vectors at the world's origin, in its axes: linear, then angular
+    relative: Array = array("joints", 6)  # velocity of a joint
+    velocity: Array = array("joints", 6)
+    bias: Array = array("joints", 6)  # acceleration of a joint at no acceleration of its variables
+    acceleration: Array = array("joints", 6)
+    wrench: Array = array("joints", 6)  # force and moment that a joint transmits to its body
+    v: Array = array("n")
+    a: Array = array("n")
+    tau: Array = array("n")  # of all joints, loops open
+
+    # motions that keep the loops closed, dimensionless, and those of the actuated joints among them
+    mobility: int = parameter(0)
+    null_space: Array = array("mobility", "n")
+    step: Array = array("actuated")  # size of one dimensionless step: torques and forces are compared by it
+    factors: Array = array("mobility", "actuated")
+    order: Table = array("mobility", dtype=int)
+    left: Array = array("mobility")
+    tau_of: Array = array("mobility")
+    reflectors: Array = array("mobility", "actuated")
+    coordinates: Array = array("mobility")
+    effort: Array = array("actuated")
+    inconsistent: float = state(0.0)

@@ -1,0 +1,343 @@
+"""`InverseDynamics`: the torques that actuated joints must give, for one configuration or many."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from functools import partial
+from typing import Any
+
+import numpy as np
+import pinocchio as pin
+from numpy.typing import ArrayLike, NDArray
+
+from cinegen.dynamics import plain
+from cinegen.dynamics._kernels.memory import DynamicsMemory
+from cinegen.dynamics._kernels.torques import HELD, OPEN, find_torques
+from cinegen.dynamics.errors import MotionError
+from cinegen.dynamics.loads import GRAVITY, LoadedTree
+from cinegen.dynamics.payload import Payload
+from cinegen.errors import CinegenError, ClosureError, ConfigurationError, UnknownNameError
+from cinegen.jit.foreign import frame_of
+from cinegen.jit.starting import start
+from cinegen.loops.arrays import set_up
+from cinegen.model import Mechanism
+from cinegen.tolerances import CLOSURE
+
+Array = NDArray[np.float64]
+Motion = ArrayLike | Mapping[str, float]
+"""Velocity or acceleration (nv,) of all joints; or those of actuated joints by name, 0 for the others."""
+
+_CONSISTENT = 1e-6
+"""Velocities that open a loop faster than this fraction of the fastest joint's, dimensionless, are refused."""
+
+
+class InverseDynamics:
+    """Inverse dynamics of a mechanism, with or without loops.
+
+    For one thread at a time; the mechanism may be shared.
+
+    A floating base is held: it moves as v and a say, whatever force that takes.
+
+    Args:
+        mechanism: any; its model has the masses of its links.
+        payloads: bodies on nodes, and wrenches.
+        gravity: (3,) acceleration, m/s^2, in the world.
+        massless: whether links without mass count as having none; else they are refused where masses are needed.
+
+    Attributes:
+        mechanism: as given.
+        tree: its tree, with the loads.
+
+    Raises:
+        UnknownNameError: no such node.
+        PayloadError: gravity is no acceleration.
+        MassError: there is gravity, and links have no mass, or an inertia that no body can have.
+        CinegenError: an actuated joint has more than one variable.
+    """
+
+    def __init__(
+        self,
+        mechanism: Mechanism,
+        payloads: Sequence[Payload] = (),
+        gravity: ArrayLike = GRAVITY,
+        massless: bool = False,
+    ) -> None:
+        self.mechanism, self.tree = mechanism, LoadedTree(mechanism, payloads, gravity)
+        self._counts_massless = massless
+        for name in mechanism.actuated:
+            if mechanism.model.joints[mechanism.model.getJointId(name)].nv != 1:
+                raise CinegenError(
+                    f"joint '{name}' of {mechanism.name} has more than one variable: its torque can't be computed"
+                )
+        if self.tree.gravity.any():
+            self.tree.check_masses(massless)
+        self._names = {name: mechanism.v_index(name) for name in mechanism.actuated}
+        self._rest = np.zeros(mechanism.model.nv)
+        self._one, self._many = _set_up(self.tree), _set_up(self.tree)
+        self._single = {
+            name: np.zeros(self._one.shape(name), self._one.fields[name].dtype)
+            for name, field in self._one.fields.items()
+            if field.is_foreign
+        }
+        for name, values in self._single.items():
+            self._one.point_at(name, values)
+        self._is_compiled = not self._one.callback_address and bool(mechanism.model.nv)
+        self._find: Callable[[int], None] = start(
+            find_torques, DynamicsMemory, install=partial(setattr, self, "_find")
+        )  # fmt: skip
+
+    def __repr__(self) -> str:
+        carried = f", {len(self.tree.payloads)} payloads" if self.tree.payloads else ""
+        return f"<InverseDynamics of {self.mechanism.name[:60]}{carried}>"
+
+    def torques(self, q: ArrayLike, v: Motion | None = None, a: Motion | None = None) -> Array:
+        """Return the torques and forces (actuated,) of the actuated joints, N m and N, in the order of
+        `mechanism.actuated`: the shortest ones where actuation is redundant, NaN where none hold the load.
+
+        Forces are compared with torques by the characteristic length. `forces` explains the result.
+
+        Args:
+            q: (nq,) loops closed.
+            v: (nv,) velocity, or that of actuated joints by name; 0 unless given.
+            a: acceleration, likewise.
+
+        Raises:
+            ConfigurationError: q, v or a is no array of that shape.
+            ClosureError: loops are open at q.
+            MotionError: v or a open loops, or those of actuated joints contradict each other.
+            MassError: links have no mass, and there are velocities or accelerations.
+            UnknownNameError: no such actuated joint.
+        """
+        full = self.mechanism.checked(q)
+        all_v, all_a, completes = self._motion(v, a)
+        memory, single = self._one, self._single
+        if self._is_compiled:
+            memory.moves, memory.completes = int(all_v is not None), int(completes)
+            single["given_q"][0] = full
+            if all_v is not None and all_a is not None:
+                single["given_v"][0], single["given_a"][0] = all_v, all_a
+            self._find(memory.handle)
+            found = int(single["found"][0])
+            if found == HELD:
+                self._check_gaps(single["gaps"][0], completes)
+                return np.array(single["torques"][0])
+            if found == OPEN:
+                raise self.open_loops(single["gaps"][0, 0])
+        return self._plain(full, all_v, all_a, completes)
+
+    def torques_of(
+        self, q: ArrayLike, v: ArrayLike | None = None, a: ArrayLike | None = None, actuated: bool = False
+    ) -> Array:
+        """Return the torques and forces (count, actuated) at many configurations, as `torques` does; NaN where loops
+        are open, too.
+
+        Args:
+            q: (count, nq).
+            v: (count, nv) velocities; 0 unless given.
+            a: (count, nv) accelerations; 0 unless given.
+            actuated: whether v and a are (count, actuated), those of the actuated joints alone.
+
+        Raises:
+            ConfigurationError: q, v or a has a wrong shape, or numbers that are not finite.
+            MotionError: v or a open loops somewhere, or contradict each other.
+            MassError: links have no mass, and there are velocities or accelerations.
+        """
+        configurations = self._rows("q", q, self.mechanism.model.nq)
+        count = len(configurations)
+        found = np.full((count, len(self._names)), np.nan)
+        moves = v is not None or a is not None
+        if moves:
+            self._need_masses()
+        all_v, all_a = (self._all(what, given, count, actuated) for what, given in (("v", v), ("a", a)))
+        completes = actuated and moves
+        results, gaps = np.full(count, -1), np.zeros((count, 3))
+        if self._is_compiled and count:
+            memory = self._many
+            memory.count, memory.moves, memory.completes = count, int(moves), int(completes)
+            arrays = {
+                "given_q": configurations, "given_v": all_v, "given_a": all_a,
+                "torques": found, "found": results, "gaps": gaps,
+            }  # fmt: skip
+            for name, values in arrays.items():
+                memory.point_at(name, values)
+            self._find(memory.handle)
+        for i in np.flatnonzero((results != HELD) & (results != OPEN)).tolist():
+            if self.mechanism.closure(configurations[i]) <= CLOSURE:
+                v_i, a_i = (all_v[i], all_a[i]) if moves else (None, None)
+                found[i] = self._plain(configurations[i], v_i, a_i, completes)
+        for i in np.flatnonzero((results == HELD) & (gaps[:, 1:].max(axis=1) > _CONSISTENT)).tolist():
+            self._check_gaps(gaps[i], completes)
+        return found
+
+    def motion(self, q: ArrayLike, v: Motion | None = None, a: Motion | None = None) -> tuple[Array, Array]:
+        """Return the velocity and the acceleration (nv,) of all joints of the closed mechanism, given those of all or
+        of the actuated ones, as `torques` takes them.
+
+        Raises:
+            ConfigurationError, ClosureError, MotionError, UnknownNameError: as `torques`.
+        """
+        full = self.mechanism.checked(q)
+        all_v, all_a, completes = self._motion(v, a, needs_masses=False)
+        if all_v is None or all_a is None:
+            return self._rest.copy(), self._rest.copy()
+        self.check_closed(full)
+        motions = plain.motions_at(self.tree, full)
+        return self._closed_motion(full, all_v, all_a, completes, motions)
+
+    def balance(self, q: Array, v: Array, a: Array) -> plain.Balance:
+        """Return the balance in plain numpy, for v and a (nv,) that keep the loops closed (see `motion`)."""
+        return plain.balance(self.tree, q, v, a)
+
+    def mass_matrix(self, q: ArrayLike) -> Array:
+        """Return the inertia (actuated, actuated) seen at the actuated joints, kg m^2, kg m and kg: the torques that
+        accelerate the closed mechanism from rest, by the accelerations of its actuated joints.
+
+        Raises:
+            ConfigurationError: q is no configuration.
+            ClosureError: loops are open at q.
+            MotionError: the actuated joints do not determine the motion at q, or depend on each other.
+            MassError: links have no mass.
+        """
+        full = self.mechanism.checked(q)
+        self.check_closed(full)
+        self._need_masses()
+        motions, columns = plain.motions_at(self.tree, full), plain.actuated_columns(self.mechanism)
+        count, mobility = motions.actuated.shape
+        if len(motions.uncontrolled) or count != mobility:
+            more = "do not determine the motion" if len(motions.uncontrolled) else "depend on each other"
+            raise MotionError(f"{self.mechanism.name}: the actuated joints {more} there: they have no mass matrix")
+        moving = plain.columns_of(self.mechanism)
+        tree = pin.crba(self.tree.model, self.tree.data, full)
+        scaled = motions.basis * self.mechanism.scale[moving, None]
+        by_joint = scaled @ np.linalg.inv(motions.actuated) / self.tree.step[columns]
+        full_matrix = np.triu(tree) + np.triu(tree, 1).T
+        return np.asarray(by_joint.T @ full_matrix[moving, moving] @ by_joint)
+
+    # --- errors -------------------------------------------------------------------------------------------------------
+
+    def check_closed(self, q: Array) -> None:
+        """Raise a `ClosureError` if loops are open at q (nq,)."""
+        gap = self.mechanism.closure(q)
+        if gap > CLOSURE:
+            raise self.open_loops(gap)
+
+    def open_loops(self, gap: float) -> ClosureError:
+        """Return the error for loops that are open by a gap."""
+        return ClosureError(
+            f"{self.mechanism.name}: loops are open by {gap:.2g} (rad or characteristic lengths): close(q) first"
+        )
+
+    def _check_gaps(self, gaps: Array, completes: bool) -> None:
+        for gap, what in zip(gaps[1:], ("velocities", "accelerations"), strict=True):
+            if gap > _CONSISTENT:
+                raise self._inconsistent(what, gap, completes)
+
+    def _inconsistent(self, what: str, gap: float, completes: bool) -> MotionError:
+        name = self.mechanism.name
+        if completes:
+            return MotionError(
+                f"{name}: the {what} of the actuated joints contradict each other by {gap:.2g} of the largest: they "
+                "are more than the mobility, and not independent"
+            )
+        return MotionError(
+            f"{name}: these {what} open loops, at {gap:.2g} of the fastest joint's: give those of the actuated joints "
+            "only, by name, and the others follow"
+        )
+
+    def _need_masses(self) -> None:
+        self.tree.check_masses(self._counts_massless)
+
+    # --- motions ------------------------------------------------------------------------------------------------------
+
+    def _motion(
+        self, v: Motion | None, a: Motion | None, needs_masses: bool = True
+    ) -> tuple[Array | None, Array | None, bool]:
+        """Return velocities and accelerations (nv,), None for none; and whether they are those of actuated joints."""
+        if v is None and a is None:
+            return None, None, False
+        if needs_masses:
+            self._need_masses()
+        by_name = [isinstance(given, Mapping) for given in (v, a) if given is not None]
+        if any(by_name) != all(by_name):
+            raise ConfigurationError("give v and a both by name, or both for all joints")
+        return self._joint_rates("v", v), self._joint_rates("a", a), all(by_name)
+
+    def _joint_rates(self, what: str, given: Motion | None) -> Array:
+        if given is None:
+            return self._rest
+        if isinstance(given, Mapping):
+            found = self._rest.copy()
+            for name, value in given.items():
+                if name not in self._names:
+                    raise UnknownNameError("actuated joint", name, self.mechanism.actuated)
+                found[self._names[name]] = value
+        else:
+            found = np.asarray(given, dtype=float)
+        if found.shape != self._rest.shape:
+            raise ConfigurationError(
+                f"{what} of {self.mechanism.name} has {len(self._rest)} numbers, not {found.shape}"
+            )
+        if not np.isfinite(found).all():
+            raise ConfigurationError(f"{what} of {self.mechanism.name} has numbers that are not finite")
+        return found
+
+    def _rows(self, what: str, given: ArrayLike, width: int) -> Array:
+        found = np.ascontiguousarray(given, dtype=float)
+        if found.ndim != 2 or found.shape[1] != width:
+            raise ConfigurationError(f"{what} must be (count, {width}) for {self.mechanism.name}, not {found.shape}")
+        if not np.isfinite(found).all():
+            raise ConfigurationError(f"{what} has numbers that are not finite")
+        return found
+
+    def _all(self, what: str, given: ArrayLike | None, count: int, actuated: bool) -> Array:
+        """Return rates (count, nv)."""
+        if given is None:
+            return np.zeros((count, len(self._rest)))
+        rates = self._rows(what, given, len(self._names) if actuated else len(self._rest))
+        if len(rates) != count:
+            raise ConfigurationError(f"{what} has {len(rates)} rows, q has {count}")
+        if not actuated:
+            return rates
+        found = np.zeros((count, len(self._rest)))
+        found[:, list(self._names.values())] = rates
+        return found
+
+    def _closed_motion(
+        self, q: Array, v: Array, a: Array, completes: bool, motions: plain.Motions
+    ) -> tuple[Array, Array]:
+        if completes:
+            v, a, *gaps = plain.complete(self.tree, q, v, a, motions)
+        else:
+            gaps = list(plain.openings(self.tree, q, v, a, motions))
+        self._check_gaps(np.array([0.0, *gaps]), completes)
+        return v, a
+
+    def _plain(self, q: Array, v: Array | None, a: Array | None, completes: bool) -> Array:
+        self.check_closed(q)
+        motions = plain.motions_at(self.tree, q)
+        if v is None or a is None:
+            v = a = self._rest
+        else:
+            v, a = self._closed_motion(q, v, a, completes, motions)
+        found = plain.balance(self.tree, q, v, a, motions)
+        if not found.is_held:
+            return np.full(len(self._names), np.nan)
+        return np.asarray(found.efforts / self.tree.step[list(self._names.values())])
+
+
+def _set_up(tree: LoadedTree) -> DynamicsMemory:
+    """Return the kernel's memory."""
+    mechanism, model = tree.mechanism, tree.model
+    fixed = plain.columns_of(mechanism).start
+    memory = set_up(DynamicsMemory(count=1), mechanism.system, mechanism.cluster_ranks, fixed)
+    columns = plain.actuated_columns(mechanism)
+    memory.resize(nv=model.nv, actuated=len(columns), loads=len(tree.loads), mobility=memory.n - memory.rank)
+    memory.actuated_dof[:], memory.step[:] = np.array(columns, dtype=int) - fixed, tree.step[columns]
+    for j in range(1, model.njoints):
+        body: Any = model.inertias[j]
+        memory.mass[j], memory.centre[j], memory.inertia[j] = body.mass, body.lever, body.inertia
+    memory.gravity[:] = tree.gravity
+    for i, (payload, joint, placement) in enumerate(tree.loads):
+        memory.load_joint[i], memory.load_offset[i] = joint, frame_of(placement)
+        memory.load_turns[i], memory.load[i] = payload.axes == "node", payload.wrench
+    return memory

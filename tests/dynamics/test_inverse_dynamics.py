@@ -1,0 +1,360 @@
+"""Torques of actuated joints against Pinocchio's and MuJoCo's dynamics, the plain form, and each other."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pinocchio as pin
+import pytest
+import scipy.linalg
+from random_masses import forward_dynamics, free_motions, massive, random_motion
+from variants import slow
+
+import cinegen
+import raff2urdf
+from cinegen.dynamics import InverseDynamics, Payload
+from cinegen.dynamics._kernels.torques import HELD
+from cinegen.dynamics.errors import MassError, MotionError, PayloadError
+from cinegen.errors import CinegenError, ClosureError, ConfigurationError, UnknownNameError
+from raff2urdf.raff.document import LoopKind
+
+ROBOTS = Path(__file__).resolve().parents[2] / "robots"
+EVERY = [(path.stem, robot.name) for path in sorted(ROBOTS.glob("*.raff")) for robot in raff2urdf.load(path).robots]
+FIRST = ("arm7", "delta4", "differential_wrist", "five_bar", "planetary_gear", "tssm")
+FEW = [one for one in EVERY if one[0] in FIRST] + slow(*[one for one in EVERY if one[0] not in FIRST])
+LOAD = (3.0, -1.0, 4.0, 0.1, 0.5, -0.9)
+
+
+@pytest.fixture(scope="module")
+def heavy():
+    """`heavy("gough")`: a shipped robot with random masses."""
+    made = {}
+
+    def get(name: str, which: str | None = None) -> cinegen.Mechanism:
+        if (name, which) not in made:
+            made[name, which] = massive(cinegen.load(ROBOTS / f"{name}.raff", which))
+        return made[name, which]
+
+    return get
+
+
+def load_cases(mechanism):
+    body = np.diag([0.02, 0.03, 0.04])
+    return (
+        Payload(mechanism.end, 2.0, (0.1, -0.05, 0.02), body, LOAD),
+        Payload(mechanism.nodes[1], 0.3, wrench=LOAD[::-1], axes="node"),
+    )
+
+
+def loaded_model(mechanism, payloads):
+    """The model with the payloads' masses."""
+    model = pin.Model(mechanism.model)
+    for payload in payloads:
+        frame = model.frames[mechanism.frame_id(payload.node)]
+        inertia = np.zeros((3, 3)) if payload.inertia is None else payload.inertia
+        body = pin.Inertia(payload.mass, np.array(payload.centre), np.array(inertia))
+        model.inertias[frame.parentJoint] = model.inertias[frame.parentJoint] + frame.placement.act(body)
+    return model
+
+
+def work_of_wrenches(mechanism, q, payloads):
+    """Generalised forces (nv,) of the payloads' wrenches."""
+    total = np.zeros(mechanism.model.nv)
+    for payload in payloads:
+        jacobian = mechanism.jacobian(q, payload.node)
+        rotation = np.eye(3) if payload.axes == "node" else mechanism.placement(q, payload.node).rotation
+        force, moment = np.array(payload.wrench[:3]), np.array(payload.wrench[3:])
+        total += jacobian.T @ np.concatenate([rotation.T @ force, rotation.T @ moment])
+    return total
+
+
+@pytest.mark.parametrize(("name", "which"), EVERY)
+def test_virtual_work_of_every_robot(heavy, name, which):
+    """On each motion that keeps loops closed, the actuated joints do the work of the tree's inertias and loads."""
+    mechanism = heavy(name, which)
+    payloads, rng = load_cases(mechanism), np.random.default_rng(2)
+    dynamics, model = InverseDynamics(mechanism, payloads, (1.0, 2.0, -9.0)), loaded_model(mechanism, payloads)
+    model.gravity = pin.Motion(np.array([1.0, 2.0, -9.0]), np.zeros(3))
+    data, columns = model.createData(), [mechanism.v_index(joint) for joint in mechanism.actuated]
+    for q in mechanism.random_closed(3):
+        v, a = random_motion(mechanism, q, rng)
+        for rates in ((np.zeros(model.nv),) * 2, (v, a)):
+            needed = np.array(pin.rnea(model, data, q, *rates)) - work_of_wrenches(mechanism, q, payloads)
+            given = np.zeros(model.nv)
+            torques = dynamics.torques(q, *rates)
+            assert dynamics._single["found"][0] == HELD  # by the kernel
+            given[columns] = torques
+            free = free_motions(mechanism, q)
+            assert free.T @ given == pytest.approx(free.T @ needed, abs=1e-9 * max(1.0, np.abs(needed).max()))
+
+
+@pytest.mark.parametrize(("name", "which"), FEW)
+def test_forward_dynamics_gives_the_acceleration_back(heavy, name, which):
+    mechanism, rng = heavy(name, which), np.random.default_rng(3)
+    dynamics = InverseDynamics(mechanism)
+    for q in mechanism.random_closed(2, seed=5):
+        moving = random_motion(mechanism, q, rng)
+        wanted = [{joint: rates[mechanism.v_index(joint)] for joint in mechanism.actuated} for rates in moving]
+        v, a = dynamics.motion(q, *wanted)
+        assert v == pytest.approx(moving[0], abs=1e-9)
+        assert a == pytest.approx(moving[1], abs=1e-7)  # limited by the central difference
+        got = forward_dynamics(mechanism, q, v, dynamics.torques(q, *wanted))
+        assert got == pytest.approx(a, abs=1e-8 * max(1.0, np.abs(a).max()))
+
+
+def constraints_of(mechanism):
+    """Pinocchio's constraints: a rigid loop is one, a ball one point, a revolute joint two points on its axis."""
+    found, system, length = pin.StdVec_RigidConstraintModel(), mechanism.system, mechanism.length
+    for loop, (first, on_first, second, on_second) in zip(system.loops, system.anchors, strict=True):
+        kind = pin.ContactType.CONTACT_6D if loop.kind is LoopKind.RIGID else pin.ContactType.CONTACT_3D
+        for z in (0.0, length) if loop.kind is LoopKind.REVOLUTE else (0.0,):
+            along = pin.SE3(np.eye(3), np.array([0.0, 0.0, z]))
+            ends = (first, on_first * along, second, on_second * along)
+            found.append(pin.RigidConstraintModel(kind, mechanism.model, *ends, pin.ReferenceFrame.LOCAL))
+    return found
+
+
+@pytest.mark.parametrize("name", ["delta4", "gough", "five_bar", *slow("four_bar", "sr400", "tssm", "cusp_3rpr")])
+def test_pinocchios_constraint_dynamics(heavy, name):
+    mechanism, rng = heavy(name), np.random.default_rng(4)
+    assert {loop.kind for loop in mechanism.loops} <= {LoopKind.RIGID, LoopKind.REVOLUTE, LoopKind.BALL}
+    dynamics, models = InverseDynamics(mechanism), constraints_of(mechanism)
+    for q in mechanism.random_closed(2, seed=6):
+        wanted = {joint: float(rng.normal()) for joint in mechanism.actuated}
+        v, a = dynamics.motion(q, wanted, wanted)
+        data, datas = mechanism.model.createData(), pin.StdVec_RigidConstraintData()
+        for model in models:
+            datas.append(model.createData())
+        pin.initConstraintDynamics(mechanism.model, data, models, datas)
+        effort = np.zeros(mechanism.model.nv)
+        effort[[mechanism.v_index(joint) for joint in mechanism.actuated]] = dynamics.torques(q, v, a)
+        settings = pin.ProximalSettings(1e-14, 1e-8, 100)
+        got = pin.constraintDynamics(mechanism.model, data, q, v, effort, models, datas, settings)
+        assert got == pytest.approx(a, abs=1e-8 * max(1.0, np.abs(a).max()))
+
+
+@pytest.mark.parametrize("name", ["delta4", "arm7", *slow("gough", "tssm", "sr400", "scara", "hybrid")])
+def test_mujocos_inverse_dynamics(heavy, name):
+    """MuJoCo's torques for the tree do the same work on the motions that keep loops closed."""
+    mujoco = pytest.importorskip("mujoco")
+    mechanism, rng = heavy(name), np.random.default_rng(5)
+    model, spec = mechanism.model, mujoco.MjSpec()
+    spec.option.gravity = [0.0, 0.0, -9.81]
+    spec.compiler.balanceinertia = False
+    bodies = [spec.worldbody]
+    for j in range(1, model.njoints):
+        placement, joint, body = model.jointPlacements[j], model.joints[j], model.inertias[j]
+        x, y, z, w = pin.Quaternion(placement.rotation).coeffs()
+        full = body.inertia[[0, 1, 2, 0, 0, 1], [0, 1, 2, 1, 2, 2]]
+        made = bodies[model.parents[j]].add_body(
+            name=f"b{j}", pos=placement.translation, quat=[w, x, y, z], mass=body.mass, ipos=body.lever,
+            fullinertia=full, explicitinertial=True,
+        )  # fmt: skip
+        kind = "HINGE" if not mechanism.is_prismatic(model.names[j]) else "SLIDE"
+        motion = joint.createData()
+        joint.calc(motion, np.zeros(model.nq))
+        axis = np.array(motion.S).ravel()[:3] if kind == "SLIDE" else np.array(motion.S).ravel()[3:]
+        made.add_joint(name=f"j{j}", type=getattr(mujoco.mjtJoint, f"mjJNT_{kind}"), axis=axis)
+        bodies.append(made)
+    theirs = spec.compile()
+    state, dynamics = mujoco.MjData(theirs), InverseDynamics(mechanism)
+    columns = [mechanism.v_index(joint) for joint in mechanism.actuated]
+    for q in mechanism.random_closed(2):
+        v, a = random_motion(mechanism, q, rng)
+        for j in range(1, model.njoints):
+            at, dof = theirs.joint(f"j{j}").qposadr[0], theirs.joint(f"j{j}").dofadr[0]
+            k, joint = model.joints[j].idx_v, model.joints[j]
+            state.qpos[at], state.qvel[dof], state.qacc[dof] = q[joint.idx_q], v[k], a[k]
+        mujoco.mj_inverse(theirs, state)
+        needed, given = np.zeros(model.nv), np.zeros(model.nv)
+        for j in range(1, model.njoints):
+            needed[model.joints[j].idx_v] = state.qfrc_inverse[theirs.joint(f"j{j}").dofadr[0]]
+        given[columns] = dynamics.torques(q, v, a)
+        free = free_motions(mechanism, q)
+        assert free.T @ given == pytest.approx(free.T @ needed, abs=1e-9 * np.abs(needed).max())
+
+
+@pytest.mark.parametrize(("name", "which"), FEW)
+def test_kernel_and_plain_form_agree(heavy, name, which, monkeypatch):
+    mechanism, rng = heavy(name, which), np.random.default_rng(6)
+    dynamics = InverseDynamics(mechanism, load_cases(mechanism))
+    determined = mechanism.mobility == len(mechanism.actuated)
+    for q in mechanism.random_closed(2, seed=8):
+        cases = [(None, None), random_motion(mechanism, q, rng)]
+        if determined:
+            cases.append(tuple({name: float(rng.normal()) for name in mechanism.actuated} for _ in range(2)))
+        for v, a in cases:
+            fast = dynamics.torques(q, v, a)
+            assert dynamics._single["found"][0] == HELD
+            with monkeypatch.context() as context:
+                context.setattr(dynamics, "_is_compiled", False)
+                assert fast == pytest.approx(dynamics.torques(q, v, a), rel=1e-9, abs=1e-8)
+
+
+def test_many_configurations(heavy):
+    mechanism = heavy("gough")
+    dynamics, rng = InverseDynamics(mechanism, load_cases(mechanism)), np.random.default_rng(7)
+    q = np.array(mechanism.random_closed(6))
+    rates = rng.normal(size=(2, len(q), 6))
+    by_name = [[dict(zip(mechanism.actuated, row, strict=True)) for row in one] for one in rates]
+    found = dynamics.torques_of(q, *rates, actuated=True)
+    assert found == pytest.approx(np.array([dynamics.torques(*one) for one in zip(q, *by_name, strict=True)]))
+    motions = [dynamics.motion(*one) for one in zip(q, *by_name, strict=True)]
+    v, a = (np.array([motion[i] for motion in motions]) for i in (0, 1))
+    assert dynamics.torques_of(q, v, a) == pytest.approx(found)
+    opened = q.copy()
+    opened[2, 0] += 0.1
+    still = dynamics.torques_of(opened)
+    assert np.isnan(still).all(axis=1).tolist() == [False, False, True, False, False, False]
+    assert dynamics.torques_of(q[:0]).shape == (0, 6)
+
+
+RSUR = """
+robot rsur {
+  base { parameters { d 40 alpha 15 } }
+  link 1 { parameters { theta 40 } type 2 pred 0 actuated 1 }
+  frame 10 { parameters { d 100 alpha 70 theta 10 } pred 1 }
+  link 2 { joint ball pred 10 }
+  link 3 { parameters { gamma 20 d 300 alpha 80 theta 85 epsilon 30 } type 2 pred 0 }
+  link 6 { parameters { d 200 alpha 90 theta 20 } type 2 pred 3 }
+  frame 4 { parameters { d 320 } pred 2 }
+  frame 5 { parameters { alpha 90 } pred 6 }
+  constraint { frame 4 frame 5 type 2 }
+  FLOATS
+}
+sensor 1 { port "/dev/null" }
+"""
+"""A loop with a spherical joint whose mobility is 1."""
+
+
+@pytest.mark.parametrize("floats", [False, True])
+def test_spherical_joints_and_a_base_that_floats(raff, floats):
+    """A floating base is held: on all other motions, the actuated joint does the work of the moving tree."""
+    mechanism = massive(raff(RSUR.replace("FLOATS", "constraint { base sensor ( 0 1 ) }" if floats else "")))
+    assert (mechanism.balls, mechanism.floating) == (("joint2",), floats)
+    dynamics, rng, data = InverseDynamics(mechanism), np.random.default_rng(8), mechanism.model.createData()
+    many, torques = [], []
+    for q in mechanism.random_closed(3):
+        v, a = random_motion(mechanism, q, rng)
+        free = free_motions(mechanism, q)
+        if floats:
+            free = free @ scipy.linalg.null_space(free[:6])
+        given = np.zeros(mechanism.model.nv)
+        given[mechanism.v_index("joint1")] = dynamics.torques(q, v, a)[0]
+        assert dynamics._single["found"][0] == HELD
+        assert free.T @ given == pytest.approx(free.T @ np.array(pin.rnea(mechanism.model, data, q, v, a)))
+        many.append((q, v, a))
+        torques.append(dynamics.torques(q, v, a))
+    assert dynamics.torques_of(*map(np.array, zip(*many, strict=True))) == pytest.approx(np.array(torques))
+
+
+def test_a_load_that_no_actuated_joint_holds_has_no_torques(raff):
+    """The rod of an RSSR linkage rotates about itself, unless its centre of mass is on its axis."""
+    text = RSUR.replace("link 6 { parameters { d 200 alpha 90 theta 20 } type 2 pred 3 }", "").replace("FLOATS", "")
+    text = text.replace("parameters { alpha 90 } pred 6", "parameters { d 200 } pred 3").replace(
+        "4 frame 5 type 2", "4 frame 5 type 3"
+    )
+    mechanism = massive(raff(text))
+    q = mechanism.q_home
+    assert (mechanism.mobility, len(mechanism.actuated)) == (2, 1)
+    assert np.isnan(InverseDynamics(mechanism).torques(q)).all()
+    assert np.isnan(InverseDynamics(mechanism).torques_of([q, q])).all()
+    rod = mechanism.model.getJointId("joint2")
+    mechanism.model.inertias[rod] = pin.Inertia(2.0, np.array([0.1, 0.0, 0.0]), np.zeros((3, 3)))
+    torque = InverseDynamics(mechanism).torques(q)
+    model, given = mechanism.model, np.zeros(mechanism.model.nv)
+    given[mechanism.v_index("joint1")] = torque[0]
+    free = free_motions(mechanism, q)
+    gravity = np.array(pin.computeGeneralizedGravity(model, model.createData(), q))
+    assert free.T @ given == pytest.approx(free.T @ gravity, abs=1e-9)
+
+
+def test_mass_matrix_is_what_accelerates_from_rest(heavy):
+    mechanism = heavy("delta4")
+    q, none = mechanism.random_closed(1)[0], InverseDynamics(mechanism, gravity=(0, 0, 0))
+    matrix = none.mass_matrix(q)
+    assert matrix == pytest.approx(matrix.T)
+    for joint, column in zip(mechanism.actuated, matrix.T, strict=True):
+        assert none.torques(q, {}, {joint: 1.0}) == pytest.approx(column)
+
+
+# --- wrong input ------------------------------------------------------------------------------------------------------
+
+
+def test_links_without_mass_are_named():
+    delta = cinegen.load(ROBOTS / "delta4.raff")
+    with pytest.raises(MassError, match=r"r1: .*no mass: .*massless=True"):
+        InverseDynamics(delta)
+    weightless = InverseDynamics(delta, [Payload(delta.end, wrench=LOAD)], gravity=(0, 0, 0))
+    assert np.isfinite(weightless.torques(delta.q_home)).all()
+    with pytest.raises(MassError, match="no mass"):
+        weightless.torques(delta.q_home, a={delta.actuated[0]: 1.0})
+    with pytest.raises(MassError, match="no mass"):
+        weightless.mass_matrix(delta.q_home)
+    counted = InverseDynamics(delta, [Payload(delta.end, 2.0)], massless=True)
+    force = InverseDynamics(delta, [Payload(delta.end, wrench=(0, 0, -2 * 9.81, 0, 0, 0))], gravity=(0, 0, 0))
+    assert counted.torques(delta.q_home) == pytest.approx(force.torques(delta.q_home))
+
+
+def test_wrong_input(heavy):
+    mechanism = heavy("delta4")
+    dynamics, q = InverseDynamics(mechanism), mechanism.q_home
+    v = np.zeros(mechanism.model.nv)
+    opened = q.copy()
+    opened[0] += 0.3
+    with pytest.raises(ClosureError, match=r"open by 0\.\d+"):
+        dynamics.torques(opened)
+    with pytest.raises(ConfigurationError, match="15 numbers"):
+        dynamics.torques(q, v[1:], v)
+    with pytest.raises(ConfigurationError, match="not finite"):
+        dynamics.torques(q, v + np.nan)
+    with pytest.raises(ConfigurationError, match="both by name"):
+        dynamics.torques(q, {}, v)
+    with pytest.raises(UnknownNameError, match="no actuated joint 'elbow'"):
+        dynamics.torques(q, {"elbow": 1.0})
+    with pytest.raises(MotionError, match=r"velocities open loops, at 0?\.?\d+"):
+        dynamics.torques(q, v + np.eye(len(v))[0])
+    with pytest.raises(MotionError, match="accelerations open loops"):
+        dynamics.torques_of([q], [v], [v + np.eye(len(v))[0]])
+    with pytest.raises(ConfigurationError, match=r"\(count, 15\)"):
+        dynamics.torques_of(q)
+    with pytest.raises(ConfigurationError, match="1 rows, q has 2"):
+        dynamics.torques_of([q, q], [v])
+    with pytest.raises(UnknownNameError, match="no node 'hand'"):
+        InverseDynamics(mechanism, [Payload("hand", 1.0)])
+    with pytest.raises(PayloadError, match="gravity"):
+        InverseDynamics(mechanism, gravity=(0, 1))
+    assert issubclass(PayloadError, CinegenError)
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        ({"mass": -1.0}, "negative mass"),
+        ({"mass": np.nan}, "the mass .* a finite number"),
+        ({"centre": (1, 2)}, "the centre .* 3 finite numbers"),
+        ({"wrench": (1, 2, 3)}, "the wrench .* 6 finite numbers"),
+        ({"mass": 1.0, "inertia": np.diag([1.0, 1.0, 3.0])}, r"principal moments 1, 1, 3"),
+        ({"mass": 1.0, "inertia": np.diag([-1.0, 1.0, 1.0])}, "no body"),
+        ({"inertia": np.eye(3)}, "none is there without mass"),
+        ({"mass": 1.0, "inertia": [[1, 0.2, 0], [0, 1, 0], [0, 0, 1]]}, "not symmetric"),
+        ({"axes": "body"}, "'world' or 'node'"),
+    ],
+)
+def test_payloads_that_no_body_can_be(options, message):
+    with pytest.raises(PayloadError, match=message):
+        Payload("tool", **options)
+
+
+def test_an_inertia_that_no_body_can_have_is_refused(tmp_path):
+    file = tmp_path / "bad.urdf"
+    file.write_text(
+        '<robot name="bad"><link name="a"/><link name="b"><inertial><mass value="1"/><inertia ixx="1" iyy="1" izz="3" '
+        'ixy="0" ixz="0" iyz="0"/></inertial></link><joint name="j" type="revolute"><parent link="a"/>'
+        '<child link="b"/><limit lower="-1" upper="1" velocity="1" effort="1"/></joint></robot>'
+    )
+    with pytest.warns(cinegen.CinegenWarning, match="no body can have"):
+        mechanism = cinegen.load(file)
+    with pytest.raises(MassError, match="link 'b' has an inertia that no body can have"):
+        InverseDynamics(mechanism)
