@@ -14,6 +14,7 @@ if TYPE_CHECKING:
     from cinegen.cockpit import show as show
     from cinegen.dynamics import InverseDynamics as InverseDynamics
     from cinegen.dynamics import Payload as Payload
+    from cinegen.dynamics import forces as forces
     from cinegen.errors import CinegenError as CinegenError
     from cinegen.errors import CinegenWarning as CinegenWarning
     from cinegen.errors import ClosureError as ClosureError

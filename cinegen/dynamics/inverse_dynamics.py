@@ -63,7 +63,7 @@ class InverseDynamics:
         massless: bool = False,
     ) -> None:
         self.mechanism, self.tree = mechanism, LoadedTree(mechanism, payloads, gravity)
-        self._counts_massless = massless
+        self.counts_massless = massless
         for name in mechanism.actuated:
             if mechanism.model.joints[mechanism.model.getJointId(name)].nv != 1:
                 raise CinegenError(
@@ -245,7 +245,7 @@ class InverseDynamics:
         )
 
     def _need_masses(self) -> None:
-        self.tree.check_masses(self._counts_massless)
+        self.tree.check_masses(self.counts_massless)
 
     # --- motions ------------------------------------------------------------------------------------------------------
 

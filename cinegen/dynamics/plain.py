@@ -42,12 +42,14 @@ class Motions:
 
     Attributes:
         jacobian: (rows, n) J of all loops and couplings, without the columns of a floating base, which is held.
+        inverse: (n, rows) its pseudoinverse; singular values that count as 0 are left out.
         basis: (n, mobility) N; a singular configuration has more than the mechanism's mobility.
         stresses: (rows, rows - rank) multipliers that no joint notices: a basis of the null space of J^T.
         actuated: (actuated, mobility) S N, for the actuated joints' steps of `LoadedTree.step`.
     """
 
     jacobian: Array
+    inverse: Array
     basis: Array
     stresses: Array
     actuated: Array
@@ -121,15 +123,16 @@ def motions_at(tree: LoadedTree, q: Array) -> Motions:
     mechanism = tree.mechanism
     system, moving = mechanism.system, columns_of(mechanism)
     jacobian = system.evaluate(q)[1][:, moving]
-    u, _, vt = np.linalg.svd(jacobian)
+    u, sigma, vt = np.linalg.svd(jacobian)
     count = rank(jacobian)
+    inverse = (vt[:count].T / sigma[:count]) @ u[:, :count].T
     basis = vt[count:].T
     if count:
         basis = orthonormal(basis, system.cut_rates()[:, moving])
     columns = actuated_columns(mechanism)
     actuated = np.zeros((len(columns), mechanism.model.nv))
     actuated[np.arange(len(columns)), columns] = (system.scale / tree.step)[columns]
-    return Motions(jacobian, basis, u[:, count:], actuated[:, moving] @ basis)
+    return Motions(jacobian, inverse, basis, u[:, count:], actuated[:, moving] @ basis)
 
 
 def balance(tree: LoadedTree, q: Array, v: Array, a: Array, motions: Motions | None = None) -> Balance:
@@ -152,7 +155,7 @@ def multipliers(mechanism: Mechanism, found: Balance, step: Array) -> Array:
     columns, rest = actuated_columns(mechanism), np.zeros(mechanism.model.nv)
     rest[columns_of(mechanism)] = found.tau
     rest[columns] -= found.efforts * (mechanism.scale / step)[columns]
-    return np.asarray(np.linalg.lstsq(found.motions.jacobian.T, rest[columns_of(mechanism)], rcond=None)[0])
+    return np.asarray(found.motions.inverse.T @ rest[columns_of(mechanism)])
 
 
 def drift(system: ClosedLoops, q: Array, v: Array) -> Array:
@@ -195,8 +198,7 @@ def complete(tree: LoadedTree, q: Array, v: Array, a: Array, motions: Motions) -
     y, gap_v = motions.coordinates((v / tree.step)[columns])
     all_v[moving] = scale[moving] * (motions.basis @ y)
     particular = np.zeros(len(v))
-    lack = drift(mechanism.system, q, all_v)
-    particular[moving] = np.linalg.lstsq(motions.jacobian, -lack, rcond=None)[0] * scale[moving]
+    particular[moving] = -motions.inverse @ drift(mechanism.system, q, all_v) * scale[moving]
     y, gap_a = motions.coordinates(((a - particular) / tree.step)[columns])
     all_a[moving] = particular[moving] + scale[moving] * (motions.basis @ y)
     return all_v, all_a, gap_v, gap_a

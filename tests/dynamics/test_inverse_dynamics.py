@@ -13,7 +13,7 @@ from variants import slow
 
 import cinegen
 import raff2urdf
-from cinegen.dynamics import InverseDynamics, Payload
+from cinegen.dynamics import InverseDynamics, Payload, forces
 from cinegen.dynamics._kernels.torques import HELD
 from cinegen.dynamics.errors import MassError, MotionError, PayloadError
 from cinegen.errors import CinegenError, ClosureError, ConfigurationError, UnknownNameError
@@ -260,6 +260,9 @@ def test_a_load_that_no_actuated_joint_holds_has_no_torques(raff):
     assert (mechanism.mobility, len(mechanism.actuated)) == (2, 1)
     assert np.isnan(InverseDynamics(mechanism).torques(q)).all()
     assert np.isnan(InverseDynamics(mechanism).torques_of([q, q])).all()
+    found = forces(mechanism, q)
+    assert "no torques of the actuated joints hold the load" in found.message
+    assert "joint2.r" in found.message
     rod = mechanism.model.getJointId("joint2")
     mechanism.model.inertias[rod] = pin.Inertia(2.0, np.array([0.1, 0.0, 0.0]), np.zeros((3, 3)))
     torque = InverseDynamics(mechanism).torques(q)

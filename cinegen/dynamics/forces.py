@@ -1,0 +1,237 @@
+"""`forces`: what the actuated joints must give, what the joints must bear, and which of it statics determines."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from cinegen.dynamics import plain
+from cinegen.dynamics.inverse_dynamics import InverseDynamics, Motion
+from cinegen.dynamics.loads import GRAVITY
+from cinegen.dynamics.payload import Payload
+from cinegen.dynamics.reactions import Reaction, coupling_torques, reactions
+from cinegen.errors import UnknownNameError
+from cinegen.html import table
+from cinegen.ik.singular import passive_singular_values
+from cinegen.model import Mechanism
+from cinegen.singularities import Singularity, singularity
+from cinegen.singularities.singularity import SINGULAR
+from cinegen.tolerances import NEAR_SINGULAR
+
+Array = NDArray[np.float64]
+
+_MOVES = 0.1
+"""A joint whose part in a motion is larger, as a fraction of the largest, is named."""
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Forces:
+    """The forces in a mechanism at a configuration and motion.
+
+    Attributes:
+        mechanism: as given.
+        q: (nq,) configuration.
+        v: (nv,) velocity.
+        a: (nv,) acceleration.
+        torques: (actuated,) of the actuated joints, N m and N, in the order of `mechanism.actuated`: the shortest ones
+            where actuation is redundant (forces are compared with torques by the characteristic length); NaN if none
+            hold the load.
+        prestress: (k, actuated) independent torques, N m and N, that do no work on any motion of the mechanism: any
+            multiple may be added to `torques`, and only stresses the mechanism. Each is of length 1 once forces are
+            multiplied by the characteristic length.
+        reactions: of all joints, then of all loops, for these torques.
+        couplings: torque (N m) or force (N) of each coupling on each of its joints; NaN where undetermined.
+        redundant: number of loop and coupling equations that depend on others.
+        singular_value: smallest singular value of the passive joints, dimensionless (type 2); infinite without any.
+        singularity: the analysis of the singularity that is near, or of what no torques hold; else None.
+    """
+
+    mechanism: Mechanism
+    q: Array
+    v: Array
+    a: Array
+    torques: Array
+    prestress: Array
+    reactions: tuple[Reaction, ...]
+    couplings: dict[str, dict[str, float]]
+    redundant: int
+    singular_value: float
+    singularity: Singularity | None
+
+    @property
+    def is_held(self) -> bool:
+        """True if some torques of the actuated joints hold the load."""
+        return bool(np.isfinite(self.torques).all())
+
+    @property
+    def power(self) -> float:
+        """What the actuated joints do, W."""
+        return float(self.torques @ self.v[plain.actuated_columns(self.mechanism)])
+
+    @property
+    def used(self) -> Array:
+        """(actuated,) torques as a fraction of the effort limits; 0 for joints without one."""
+        return np.asarray(np.abs(self.torques) / self.mechanism.limits.effort[plain.actuated_columns(self.mechanism)])
+
+    @cached_property
+    def undetermined(self) -> tuple[str, ...]:
+        """Names of the joints, loops and couplings of whose reactions statics does not determine all components."""
+        free = [name for name, one in self.couplings.items() if self.is_held and np.isnan(list(one.values())).any()]
+        return (*(one.name for one in self.reactions if one.stresses.any()), *free)
+
+    def __repr__(self) -> str:
+        return f"<Forces in {self.mechanism.name[:60]}: {self.message[:200]}>"
+
+    def _repr_html_(self) -> str:
+        rows = [
+            [name, *(f"{x:.4g}" for x in pair), self.unit_of(name)]
+            for name, *pair in zip(self.mechanism.actuated, self.torques, self.used, strict=True)
+        ]
+        return table(self.message, ("actuated joint", "torque or force", "part of its limit", "unit"), rows)
+
+    def reaction(self, name: str) -> Reaction:
+        """Return the reaction of a joint or loop.
+
+        Raises:
+            UnknownNameError: there is none of that name.
+        """
+        found = {one.name: one for one in self.reactions}
+        if name not in found:
+            raise UnknownNameError("joint or loop", name, tuple(found))
+        return found[name]
+
+    def unit_of(self, joint: str) -> str:
+        """Return "N" for a prismatic joint, else "N m"."""
+        return "N" if self.mechanism.is_prismatic(joint) else "N m"
+
+    @property
+    def message(self) -> str:
+        """What is found, but for the numbers, as a text."""
+        parts = [self._holding]
+        if len(self.prestress):
+            more = f"{len(self.prestress)} independent combination{'s' * (len(self.prestress) > 1)} of torques"
+            does = "do" if len(self.prestress) > 1 else "does"
+            parts.append(
+                f"actuation is redundant: {more} {does} no work and only stress{'es' * (len(self.prestress) == 1)} the "
+                "mechanism (pre-stress); the torques are the shortest that hold the load"
+            )
+        if self.undetermined:
+            parts.append(
+                f"the mechanism is over-constrained: {self.redundant} of its "
+                f"{self.mechanism.system.rows} equations of loops and couplings depend on the others, and statics does "
+                f"not determine all reactions of {len(self.undetermined)} joints, loops and couplings: they depend on "
+                "elasticity and on errors of manufacture"
+            )
+        return "; ".join(parts)
+
+    @property
+    def _holding(self) -> str:
+        if self.singularity is None:
+            return "the actuated joints hold the load"
+        near, value = self.singularity, f"smallest singular value {self.singular_value:.2g}"
+        moves, is_at = near.uncontrolled, not self.is_held or self.singular_value <= SINGULAR
+        can = "can" if is_at else "can nearly"
+        if not moves.order:
+            motion = np.abs(near.motions).max(axis=0, initial=0.0)
+            names = [name for name, x in zip(self.mechanism.columns, motion, strict=True) if x > _MOVES * motion.max()]
+            why = f"{', '.join(names)} {can} move with all actuated joints locked"
+        else:
+            why = (
+                f"with all actuated joints locked {near.node} {can} make {moves.text()}, and they can't support "
+                f"{near.unsupported.text() if moves.order == 1 else moves.complement_text()}"
+            )
+        if self.is_held:
+            where = "at" if is_at else "near"
+            return f"the actuated joints hold the load, but {where} a type 2 singularity ({value}): {why}"
+        return f"no torques of the actuated joints hold the load: {why} ({value})"
+
+    def as_dict(self) -> dict[str, Any]:
+        """Return what JSON shows: N, N m, W, m and rad; null where there is no number."""
+
+        def number(value: float) -> float | None:
+            return float(value) if np.isfinite(value) else None
+
+        names = self.mechanism.actuated
+        limits = self.mechanism.limits
+        return {
+            "held": self.is_held,
+            "message": self.message,
+            "torques": [
+                {
+                    "joint": name, "value": number(torque), "unit": self.unit_of(name),
+                    "limit": number(limits[name].effort), "part_of_limit": number(part),
+                }
+                for name, torque, part in zip(names, self.torques, self.used, strict=True)
+            ],
+            "power": number(self.power),
+            "prestress": self.prestress.tolist(),
+            "reactions": [one.as_dict() for one in self.reactions],
+            "couplings": {name: {j: number(x) for j, x in one.items()} for name, one in self.couplings.items()},
+            "redundant_equations": self.redundant,
+            "undetermined": list(self.undetermined),
+            "singular_value": number(self.singular_value),
+        }  # fmt: skip
+
+
+def forces(
+    mechanism: Mechanism,
+    q: ArrayLike,
+    v: Motion | None = None,
+    a: Motion | None = None,
+    payloads: Sequence[Payload] = (),
+    gravity: ArrayLike = GRAVITY,
+    node: str | None = None,
+    massless: bool = False,
+) -> Forces:
+    """Return the forces in a mechanism: torques of its actuated joints, reactions of its joints, and what of that is
+    determined. For many configurations, or in a control loop, see `InverseDynamics`.
+
+    Args:
+        mechanism: any.
+        q: (nq,) loops closed.
+        v: (nv,) velocity, or that of actuated joints by name; 0 unless given.
+        a: acceleration, likewise.
+        payloads: bodies on nodes, and wrenches on them.
+        gravity: (3,) acceleration, m/s^2, in the world.
+        node: by whose motion singularities are described; the mechanism's end by default.
+        massless: whether links without mass count as having none.
+
+    Raises:
+        ConfigurationError: q, v or a is no array of that shape.
+        ClosureError: loops are open at q.
+        MotionError: v or a open loops, or those of actuated joints contradict each other.
+        MassError: links have no mass where one is needed, or an inertia that no body can have.
+        UnknownNameError: no such node or actuated joint.
+        PayloadError: gravity is no acceleration.
+    """
+    return forces_at(InverseDynamics(mechanism, payloads, gravity, massless), q, v, a, node)
+
+
+def forces_at(
+    dynamics: InverseDynamics, q: ArrayLike, v: Motion | None = None, a: Motion | None = None, node: str | None = None
+) -> Forces:
+    """Return the forces at a configuration, as `forces` does."""
+    mechanism, tree = dynamics.mechanism, dynamics.tree
+    name = mechanism.end if node is None else node
+    mechanism.frame_id(name)
+    here = mechanism.checked(q)
+    dynamics.check_closed(here)
+    if v is not None or a is not None:
+        tree.check_masses(dynamics.counts_massless)
+    all_v, all_a = dynamics.motion(here, v, a)
+    found = plain.balance(tree, here, all_v, all_a)
+    columns = plain.actuated_columns(mechanism)
+    torques = found.efforts / tree.step[columns] if found.is_held else np.full(len(columns), np.nan)
+    values = passive_singular_values(mechanism, here) if mechanism.passive_rank else np.zeros(0)
+    least = float(values[-1]) if len(values) else np.inf
+    is_near = least <= NEAR_SINGULAR or not found.is_held
+    return Forces(
+        mechanism, here.copy(), all_v, all_a, torques, found.motions.prestress / tree.step[columns],
+        reactions(tree, found), coupling_torques(tree, found), found.motions.stresses.shape[1], least,
+        singularity(mechanism, here, name) if is_near else None,
+    )  # fmt: skip
