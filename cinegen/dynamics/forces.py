@@ -19,7 +19,7 @@ from cinegen.errors import UnknownNameError
 from cinegen.html import table
 from cinegen.ik.singular import passive_singular_values
 from cinegen.model import Mechanism
-from cinegen.singularities import Singularity, singularity
+from cinegen.singularities import Singularity, SingularityType, singularity
 from cinegen.singularities.singularity import SINGULAR
 from cinegen.tolerances import NEAR_SINGULAR
 
@@ -46,6 +46,7 @@ class Forces:
             multiplied by the characteristic length.
         reactions: of all joints, then of all loops, for these torques.
         couplings: torque (N m) or force (N) of each coupling on each of its joints; NaN where undetermined.
+        uncontrolled: (k, nv) independent motions, m and rad, with all actuated joints locked.
         redundant: number of loop and coupling equations that depend on others.
         singular_value: smallest singular value of the passive joints, dimensionless (type 2); infinite without any.
         singularity: the analysis of the singularity that is near, or of what no torques hold; else None.
@@ -59,6 +60,7 @@ class Forces:
     prestress: Array
     reactions: tuple[Reaction, ...]
     couplings: dict[str, dict[str, float]]
+    uncontrolled: Array
     redundant: int
     singular_value: float
     singularity: Singularity | None
@@ -136,8 +138,9 @@ class Forces:
         near, value = self.singularity, f"smallest singular value {self.singular_value:.2g}"
         moves, is_at = near.uncontrolled, not self.is_held or self.singular_value <= SINGULAR
         can = "can" if is_at else "can nearly"
-        if not moves.order:
-            motion = np.abs(near.motions).max(axis=0, initial=0.0)
+        if not moves.order or near.near in (SingularityType.NONE, SingularityType.TYPE_1):
+            motions = self.uncontrolled if len(self.uncontrolled) else near.motions
+            motion = np.abs(motions).max(axis=0, initial=0.0) / self.mechanism.scale
             names = [name for name, x in zip(self.mechanism.columns, motion, strict=True) if x > _MOVES * motion.max()]
             why = f"{', '.join(names)} {can} move with all actuated joints locked"
         else:
@@ -230,8 +233,11 @@ def forces_at(
     values = passive_singular_values(mechanism, here) if mechanism.passive_rank else np.zeros(0)
     least = float(values[-1]) if len(values) else np.inf
     is_near = least <= NEAR_SINGULAR or not found.is_held
+    uncontrolled = np.zeros((len(found.motions.uncontrolled), mechanism.model.nv))
+    uncontrolled[:, plain.columns_of(mechanism)] = found.motions.uncontrolled
     return Forces(
         mechanism, here.copy(), all_v, all_a, torques, found.motions.prestress / tree.step[columns],
-        reactions(tree, found), coupling_torques(tree, found), found.motions.stresses.shape[1], least,
+        reactions(tree, found), coupling_torques(tree, found), uncontrolled * mechanism.scale,
+        found.motions.stresses.shape[1], least,
         singularity(mechanism, here, name) if is_near else None,
     )  # fmt: skip
