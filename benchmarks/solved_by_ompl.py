@@ -48,7 +48,7 @@ from cinegen.ik.local_ik import LocalIK
 from cinegen.model import Mechanism
 from cinegen.planning import plan
 from cinegen.planning.locked_joints import with_joints_locked
-from cinegen.planning.ompl_trees import connect
+from cinegen.planning.ompl_trees import Trees
 from cinegen.planning.rrt_planner import SamplingSpace
 
 Array = np.ndarray
@@ -265,10 +265,9 @@ def _is_solved_by_projection(scene: Scene, clearance: Clearance, box_: SamplingS
         return True
 
     goals = box_.points(scene.goal_configuration)
-    path = connect(
-        box_.low, box_.high, box_.point(scene.start), goals, free, LONGEST, seconds, 1, close, mechanism.loop_rank
-    )
-    return path is not None
+    start = box_.point(scene.start)
+    trees = Trees(box_.low, box_.high, start, goals, free, LONGEST, 1, close, mechanism.loop_rank)
+    return trees.grow(time.monotonic() + seconds) is not None
 
 
 # --- the comparison ----------------------------------------------------------------------------------------------

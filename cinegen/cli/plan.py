@@ -51,7 +51,7 @@ def run(
     timeout: float = option("S", "time limit, s", 10.0, min=0, max=10_000_000),
     planner: Literal["auto", "vortex", "rrtconnect"] = option(
         None,
-        "auto follows the field, then samples configurations (rrtconnect) where that does not reach the goal",
+        "auto follows the field and samples configurations (rrtconnect) in turn, until one of them reaches the goal",
         "auto",
     ),
     modes: str = option(

@@ -40,6 +40,7 @@ class PlanStatus(Enum):
     JOINT_LIMIT = "joint limit"
     STEP_LIMIT = "step limit"
     TIME_LIMIT = "time limit"
+    INTERRUPTED = "interrupted"
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -48,7 +49,7 @@ class Attempt:
 
     Attributes:
         strategy: what was followed.
-        status: REACHED, IN_COLLISION, STUCK, CIRCLED, JOINT_LIMIT, STEP_LIMIT or TIME_LIMIT.
+        status: REACHED, IN_COLLISION, STUCK, CIRCLED, JOINT_LIMIT, STEP_LIMIT, TIME_LIMIT or INTERRUPTED.
         path: (steps + 1, nq) configurations, the start first.
         blocked_by: names of the pairs of bodies that restricted the last step, nearest first.
         reason: why the attempt ended.
@@ -75,6 +76,7 @@ def attempt(
     strategy: str,
     repelled: bool = False,
     deadline: float = math.inf,
+    interrupted: Callable[[], bool] = lambda: False,
 ) -> Attempt:
     """Follow an objective until it arrives or makes no progress. The safety distance is kept everywhere.
 
@@ -89,6 +91,7 @@ def attempt(
         strategy: description for reports.
         repelled: whether the objective contains a repulsion.
         deadline: value of `time.monotonic` at which the attempt ends, s.
+        interrupted: asked before each step: whether the attempt ends because another planner has reached the goal.
     """
     mechanism = clearance.mechanism
     solver = Solver(mechanism, 1.0, start)
@@ -104,6 +107,8 @@ def attempt(
             return ended(PlanStatus.STEP_LIMIT, f"the goal is not reached in {most} steps")
         if time.monotonic() >= deadline:
             return ended(PlanStatus.TIME_LIMIT, f"the goal is not reached in {len(path) - 1} steps")
+        if interrupted():
+            return ended(PlanStatus.INTERRUPTED, f"another planner reached the goal after {len(path) - 1} steps")
         path.append(solver.step().q)
         still = still + 1 if mechanism.distance(path[-2], path[-1]) < _REST else 0
         distance = remaining(path[-1])

@@ -35,7 +35,7 @@ from cinegen.planning.descent import AvoidanceField, Descent, Potential
 from cinegen.planning.goal_configurations import TOLERANCE, Refusal, free_goals, goal_distance, goal_poses
 from cinegen.planning.locked_joints import with_joints_locked
 from cinegen.planning.path_constraints import Projection, projection
-from cinegen.planning.rrt_planner import sampled_path
+from cinegen.planning.rrt_planner import PathSampler
 from cinegen.planning.shortcuts import path_length, shortened
 from cinegen.planning.vortices import STRENGTH, DetourDirection, Vortices
 from raff2urdf.extras import install
@@ -50,10 +50,10 @@ STEPS = 3000
 
 _REACH = 0.5  # characteristic lengths: default reach of fields
 _CONFIGURATIONS = 6  # goal configurations that are tried
-_FINE = 0.03  # rad or characteristic lengths
+_COARSE, _FINE = 0.1, 0.03  # rad or characteristic lengths: steps of a path that is checked, and of the result
 _NEAR = 1e-3  # rad or characteristic lengths
-_SHARE = 0.03  # of the time, for vortices before RRT-Connect; and for further runs of that
-_RUNS = 4  # of RRT-Connect, of which the shortest path is taken
+_SHARE = 0.2  # of the time, for vortices and RRT-Connect in turn
+_RATIO = 3.0  # of the turns of RRT-Connect to those of vortices
 _LEAST = 0.05  # of the time, for RRT-Connect at least
 RRT_CONNECT, DIRECT = "RRT-Connect", "all joints straight to the goal"
 
@@ -141,7 +141,7 @@ class Planner(Enum):
     """Method of `plan`."""
 
     AUTO = "auto"
-    """Straight motions and vortices first, then RRT-Connect."""
+    """Straight motions first, then vortices and RRT-Connect in turn."""
     VORTEX = "vortex"
     """Attempts along a field only."""
     RRT_CONNECT = "rrtconnect"
@@ -176,14 +176,13 @@ def plan(
     Goal and start are tested first. Then there are up to three kinds of attempts, all of which are in the plan:
 
     - All joints move straight to configurations at the goal.
-    - Vortex fields (C. De Medio and G. Oriolo, 1991), for a bounded share of the time: the node moves straight to the
-      goal, deflected by vortices toward the base or along the shorter side (for a mobile robot, only that). If that
-      does not reach the goal, all joints move straight to configurations at the goal: the one nearest to the start,
-      then those that differ most. Then all of that is repeated with the other detour directions.
-    - RRT-Connect, in the rest of the time (`sampled_path`); once it has found a path, up to three more times for a
-      bounded share of the time, and the shortest path is taken.
-
-    Paths that reach the goal are shortened, see `shortened`, and checked against the meshes.
+    - Vortex fields (C. De Medio and G. Oriolo, 1991): the node moves straight to the goal, deflected by vortices toward
+      the base or along the shorter side (for a mobile robot, only that). If that does not reach the goal, all joints
+      move straight to configurations at the goal: the one nearest to the start, then those that differ most. Then all
+      of that is repeated with the other detour directions.
+    - RRT-Connect (`PathSampler`). It takes turns with the vortices for a bounded share of the time: after each of
+      their steps, it searches for three times as long. When it finds a path first, their attempt is INTERRUPTED. The
+      rest of the time is its own.
 
     With constraints along the path, vortices are left out. Other fields serve for comparison, with the same safety
     distance and without RRT-Connect: FIRAS makes one attempt.
@@ -231,7 +230,8 @@ def plan(
     used = None if planner is Planner.RRT_CONNECT else name
     if isinstance(goals, Refusal):
         return Plan(scene, goals.status, scene.start[None].copy(), (), goals.reason, clearance, check, used)
-    search = _Search(task, clearance, goals, seconds, deadline, seed, shorten, report, projection(task))
+    sampler = None if planner is Planner.VORTEX else PathSampler(task, clearance, goals, seed)
+    search = _Search(task, clearance, goals, seconds, deadline, seed, shorten, report, projection(task), sampler)
     parts = list[Iterator[Attempt]]()
     if planner is Planner.AUTO:
         parts.append(search.straight())
@@ -245,8 +245,9 @@ def plan(
         made.append(found)
         if found.status is PlanStatus.REACHED:
             report(f"{found.strategy}: checking the path")
-            made[-1] = checked(found, check)
+            made[-1] = checked(replace(found, path=search.fine(found.path, _COARSE)), check)
             if made[-1].status is PlanStatus.REACHED:
+                made[-1] = replace(made[-1], path=search.fine(made[-1].path, _FINE))
                 break
     if made[-1].status not in (PlanStatus.REACHED, PlanStatus.IN_COLLISION):
         made[-1] = checked(made[-1], check)
@@ -299,6 +300,7 @@ class _Search:
         shorten: whether paths are shortened.
         report: called with a text about what is tried.
         project: projection onto the constraints along the path; None without any.
+        sampler: RRT-Connect; None to do without.
     """
 
     scene: Scene
@@ -310,52 +312,60 @@ class _Search:
     shorten: bool
     report: Callable[[str], None]
     project: Projection | None
+    sampler: PathSampler | None
 
     def straight(self) -> Iterator[Attempt]:
         """Yield straight motions to goals, as far as they are clear."""
         for q in self.goals[:_CONFIGURATIONS]:
             motion = clear_motion(self.clearance, self.scene.start, q, self.scene.safety, project=self.project)
             if motion is not None:
-                yield Attempt(DIRECT, PlanStatus.REACHED, self._fine(motion), (), "")
+                yield Attempt(DIRECT, PlanStatus.REACHED, motion, (), "")
 
     def along(self, field: AvoidanceField | FieldFunction, steps: int, attempts: int, ends: float) -> Iterator[Attempt]:
-        """Yield attempts along a field; no further one after a value of `time.monotonic`."""
+        """Yield attempts along a field, in turn with RRT-Connect; no further one after a value of `time.monotonic`, or
+        after that has found a path."""
         distance, safety = goal_distance(self.scene), self.scene.safety
-        strategies = _strategies(self.scene, field, self.clearance, self.goals)
+        strategies, begin = _strategies(self.scene, field, self.clearance, self.goals), time.monotonic()
+
+        def interrupted() -> bool:
+            nonlocal begin
+            if self.sampler is None:
+                return False
+            spent = time.monotonic() - begin
+            is_found = self.sampler.search(time.monotonic() + _RATIO * spent)
+            begin = time.monotonic()
+            return is_found
+
         for number, (strategy, objective, remaining) in enumerate(itertools.islice(strategies, attempts), 1):
             if number > 1 and time.monotonic() >= ends:
                 break
-            self.report(f"attempt {number}: {strategy}")
+            self.report(f"attempt {number}: {strategy}" + f", in turn with {RRT_CONNECT}" * (self.sampler is not None))
             found = attempt(
                 self.clearance, self.scene.start, objective, remaining, lambda q: distance(q) < TOLERANCE, safety,
-                steps, strategy, isinstance(objective, Descent), ends,
+                steps, strategy, isinstance(objective, Descent), ends, interrupted,
             )  # fmt: skip
             if found.status is PlanStatus.REACHED and self.shorten:
-                path = self._shortened(self._to_goal(found.path), self.seed)
-                found = replace(found, path=self._fine(path))
+                found = replace(found, path=self._shortened(self._to_goal(found.path)))
             yield found
+            if found.status is PlanStatus.INTERRUPTED:
+                break
 
     def sampled(self) -> Iterator[Attempt]:
-        """Yield the shortest of some paths of RRT-Connect, found one after the other in a share of the time."""
-        left = max(self.deadline - time.monotonic(), _LEAST * self.seconds)
-        self.report(f"{RRT_CONNECT}, {shown(left, TIME, 2)} at most")
-        seeds = range(_RUNS * self.seed, _RUNS * (self.seed + 1))
-        path, ends = sampled_path(self.scene, self.clearance, self.goals, left, seeds[0]), time.monotonic()
+        """Yield the path of RRT-Connect."""
+        assert self.sampler is not None
+        if self.sampler.path is None:
+            left = max(self.deadline - time.monotonic(), _LEAST * self.seconds)
+            self.report(f"{RRT_CONNECT}, {shown(left, TIME, 2)} at most")
+            self.sampler.search(time.monotonic() + left)
+        path = self.sampler.path
         if path is None:
             reason = f"{RRT_CONNECT} found no path in {self.seconds:g} s"
             yield Attempt(RRT_CONNECT, PlanStatus.TIME_LIMIT, self.scene.start[None].copy(), (), reason)
             return
         if self.shorten:
             self.report(f"{RRT_CONNECT}: shortening the path")
-            ends = min(ends + _SHARE * self.seconds, self.deadline)
-            path = self._shortened(path, self.seed)
-            for seed in seeds[1:]:
-                if (left := ends - time.monotonic()) <= 0.0:
-                    break
-                other = sampled_path(self.scene, self.clearance, self.goals, left, seed)
-                if other is not None:
-                    path = min(path, self._shortened(other, seed), key=self._length)
-        yield Attempt(RRT_CONNECT, PlanStatus.REACHED, self._fine(path), (), "")
+            path = self._shortened(path)
+        yield Attempt(RRT_CONNECT, PlanStatus.REACHED, path, (), "")
 
     def _to_goal(self, path: Array) -> Array:
         """Return a path that ends in a goal configuration if its end is near to one, instead of within tolerance."""
@@ -366,18 +376,15 @@ class _Search:
         motion = clear_motion(self.clearance, path[-1], q, self.scene.safety)
         return path if motion is None else np.vstack([path, motion[1:]])
 
-    def _shortened(self, path: Array, seed: int) -> Array:
+    def _shortened(self, path: Array) -> Array:
         metric = self.scene.metric
-        shorter = shortened(self.clearance, path, self.scene.safety, seed, self.deadline, self.project, metric)
+        shorter = shortened(self.clearance, path, self.scene.safety, self.seed, self.deadline, self.project, metric)
         return path if shorter is None else shorter
 
-    def _length(self, path: Array) -> float:
-        return path_length(self.scene.mechanism, path, self.scene.metric)
-
-    def _fine(self, path: Array) -> Array:
+    def fine(self, path: Array, step: float) -> Array:
         """Return a path with configurations inserted; with loops or constraints, `clear_motion` has done so."""
         is_curved = self.scene.mechanism.is_constrained or self.project is not None
-        return path if is_curved else refined(self.scene.mechanism, path)
+        return path if is_curved else refined(self.scene.mechanism, path, step)
 
 
 def _strategies(

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Sequence
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,15 +19,15 @@ from raff2urdf.extras import needs
 
 Array = NDArray[np.float64]
 
-_LONGEST = 0.8  # rad or characteristic lengths: to a new configuration
+_LONGEST = 0.03  # of the diagonal of the box: to a new configuration
 _REVOLUTION = 2.0 * np.pi
 _MOST_WINDINGS = 16  # of one goal configuration
 _MARGIN = 0.1  # of the extent of a scene, free space around it
 _THINNEST = 1e-9  # rad or characteristic lengths between limits
 
 
-def sampled_path(scene: Scene, clearance: Clearance, goals: Sequence[Array], seconds: float, seed: int) -> Array | None:
-    """Return a path to one of the goals, by RRT-Connect of OMPL.
+class PathSampler:
+    """A path to one of the goals, by RRT-Connect of OMPL.
 
     It has no local minima, and given time it finds a path if there is one that is not too narrow; but never a proof
     that there is none. The path differs between seeds.
@@ -42,48 +43,66 @@ def sampled_path(scene: Scene, clearance: Clearance, goals: Sequence[Array], sec
         scene: scene, its locked joints without motion (`with_joints_locked`).
         clearance: distances of its robot.
         goals: (nq,) each, free of collisions.
-        seconds: time limit.
         seed: seed of the random numbers, from 0.
 
-    Returns:
-        (n, nq), the start first, safety distance kept between each two; with loops or constraints, as fine as
-        `clear_motion` returns motions. None if the time was too short.
+    Attributes:
+        path: (n, nq), the start first, safety distance kept between each two; with loops or constraints, as fine as
+            `clear_motion` returns motions. None as long as `search` has found none.
 
     Raises:
         MissingExtraError: OMPL is not installed.
     """
-    with needs("sampling", "sampling planners"):
-        from cinegen.planning.ompl_trees import connect
-    mechanism = scene.mechanism
-    space = SamplingSpace(scene, clearance)
-    project = projection(scene)
-    equations = mechanism.loop_rank + sum(task.translation + task.rotation for task in path_tasks(scene))
-    if len(space.low) <= equations:  # nothing can move
-        return scene.start[None].copy() if any(np.array_equal(q, scene.start) for q in goals) else None
 
-    def free(begin: Array, end: Array) -> bool:
-        return clear_motion(clearance, space.at(begin), space.at(end), scene.safety, project=project) is not None
+    path: Array | None = None
 
-    def close(point: Array) -> Array | None:
-        try:
-            q = mechanism.close(space.at(point), locked=scene.locked) if project is None else project(space.at(point))
-        except ClosureError:
+    def __init__(self, scene: Scene, clearance: Clearance, goals: Sequence[Array], seed: int) -> None:
+        with needs("sampling", "sampling planners"):
+            from cinegen.planning.ompl_trees import Trees
+        self._scene, self._clearance, mechanism = scene, clearance, scene.mechanism
+        space = self._space = SamplingSpace(scene, clearance)
+        project = self._project = projection(scene)
+        equations = mechanism.loop_rank + sum(task.translation + task.rotation for task in path_tasks(scene))
+        self._is_curved, self._trees = bool(equations), None
+        if len(space.low) <= equations:  # nothing can move
+            if any(np.array_equal(q, scene.start) for q in goals):
+                self.path = scene.start[None].copy()
+            return
+
+        def free(begin: Array, end: Array) -> bool:
+            return clear_motion(clearance, space.at(begin), space.at(end), scene.safety, project=project) is not None
+
+        def close(point: Array) -> Array | None:
+            given = space.at(point)
+            try:
+                q = mechanism.close(given, locked=scene.locked) if project is None else project(given)
+            except ClosureError:
+                return None
+            return None if q is None else space.point(q)
+
+        self._trees = Trees(
+            space.low, space.high, space.point(scene.start), [point for q in goals for point in space.points(q)], free,
+            _LONGEST * float(np.linalg.norm(space.high - space.low)), seed, close if equations else None, equations,
+        )  # fmt: skip
+
+    def search(self, deadline: float) -> bool:
+        """Search on, until there is a path or a value of `time.monotonic` is reached; return whether there is one."""
+        while self.path is None and self._trees is not None:
+            points = self._trees.grow(deadline)
+            if points is None:
+                break
+            self.path = self._motion(points)
+        return self.path is not None
+
+    def _motion(self, points: Array) -> Array | None:
+        """Return the path along points of the space; None if it is not clear by rounding, at the edge of what is."""
+        scene, clearance = self._scene, self._clearance
+        found = np.array([scene.start, *map(self._space.at, points[1:])])
+        if not self._is_curved:
+            return found
+        motions = [clear_motion(clearance, *ends, scene.safety, project=self._project) for ends in pairwise(found)]
+        if any(motion is None for motion in motions):
             return None
-        return None if q is None else space.point(q)
-
-    path = connect(
-        space.low, space.high, space.point(scene.start), [point for q in goals for point in space.points(q)], free,
-        _LONGEST, seconds, seed, close if equations else None, equations,
-    )  # fmt: skip
-    if path is None:
-        return None
-    found = np.array([scene.start, *map(space.at, path[1:])])
-    if not equations:
-        return found
-    motions = [clear_motion(clearance, *ends, scene.safety, project=project) for ends in itertools.pairwise(found)]
-    if any(motion is None for motion in motions):  # rounding, at the edge of what is clear
-        return None
-    return np.vstack([found[:1], *(motion[1:] for motion in motions if motion is not None)])
+        return np.vstack([found[:1], *(motion[1:] for motion in motions if motion is not None)])
 
 
 # --- the space that is sampled -----------------------------------------------------------------------------------

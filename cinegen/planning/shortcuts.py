@@ -19,7 +19,8 @@ Array = NDArray[np.float64]
 
 _TRIALS = 200  # random shortcuts
 _DECADES = 2.0  # of the lengths of those about a corner
-_PATIENCE = 50  # of them without success, one after the other
+_WINDOW = 40  # of them that are compared
+_STAGNANT = 0.005  # of the length: less gained by so many ends the search
 _SAME = 1e-9  # rad or characteristic lengths between configurations that coincide
 _GAIN = 1e-3  # of the length of what a shortcut replaces, at least
 
@@ -38,7 +39,7 @@ def shortened(
 
     First between configurations of the path, the ends before what is in between; then between random points, of the
     whole path and about its corners (R. Geraerts and M. H. Overmars, "Creating high-quality paths for motion planning",
-    IJRR 26(8), 2007).
+    IJRR 26(8), 2007), as long as they gain something.
 
     Args:
         clearance: distances of the mechanism.
@@ -64,13 +65,15 @@ def shortened(
     found = _pruned(clear, path, deadline)
     if found is None:
         return None
-    rng, failures = np.random.default_rng(seed), 0
+    rng, totals = np.random.default_rng(seed), list[float]()
     for trial in range(_TRIALS if len(found) > 1 else 0):
-        if failures == _PATIENCE or time.monotonic() >= deadline:
-            break
-        failures += 1
         lengths = np.array([_distance(mechanism, *ends, metric) for ends in pairwise(found)])
         bounds = np.concatenate([[0.0], np.cumsum(lengths)])
+        totals.append(float(bounds[-1]))
+        if trial >= _WINDOW and totals[-1 - _WINDOW] - totals[-1] < _STAGNANT * totals[-1]:
+            break
+        if time.monotonic() >= deadline:
+            break
         parts = bounds[-1] * np.sort(rng.random(2))
         if trial % 2:  # about a corner
             width = bounds[-1] * rng.random(2) * 10.0 ** rng.uniform(-_DECADES, 0.0)
@@ -82,7 +85,7 @@ def shortened(
         motion = clear(begin, end)
         if motion is None or path_length(mechanism, motion, metric) > longest:
             continue
-        found, failures = _distinct(mechanism, np.vstack([found[: first + 1], motion, found[last + 1 :]])), 0
+        found = _distinct(mechanism, np.vstack([found[: first + 1], motion, found[last + 1 :]]))
     return found
 
 

@@ -59,7 +59,8 @@ def test_a_trap_that_stops_vortices_is_left_by_sampling_without_being_asked():
     found = plan(scene, report=texts.append)
     assert found.status is PlanStatus.REACHED
     assert found.attempts[-1].strategy == "RRT-Connect"
-    assert any(text.startswith("RRT-Connect, ") for text in texts)
+    assert found.attempts[0].status in (PlanStatus.INTERRUPTED, PlanStatus.STUCK, PlanStatus.CIRCLED)
+    assert any(text.endswith(", in turn with RRT-Connect") for text in texts)
     assert found.clearance >= scene.safety
     # a rope around the U, whose walls end at x = -1 and 1.05 and y = 1.05, 0.11 m from it
     corners = [
