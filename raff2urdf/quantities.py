@@ -53,10 +53,35 @@ FORCE = Dimension("a force", {"N": "1", "kN": "1e3"}, "N")
 TORQUE = Dimension("a torque", {"Nm": "1", "Nmm": "1e-3"}, "Nm")
 SPEED = Dimension("a speed", {f"{unit}/s": factor for unit, factor in _LENGTHS.items()}, "m/s")
 ANGULAR_SPEED = Dimension("an angular speed", {f"{unit}/s": factor for unit, factor in _ANGLES.items()}, "deg/s")
+ACCELERATION = Dimension(
+    "an acceleration",
+    {f"{unit}/{second}": factor for unit, factor in _LENGTHS.items() for second in ("s2", "s^2")},
+    "m/s2",
+)
+ANGULAR_ACCELERATION = Dimension(
+    "an angular acceleration",
+    {f"{unit}/{second}": factor for unit, factor in _ANGLES.items() for second in ("s2", "s^2")},
+    "deg/s2",
+)
+MASS = Dimension("a mass", {"kg": "1", "g": "1e-3", "t": "1e3"}, "kg")
 DENSITY = Dimension("a density", {"kg/m3": "1", "kg/m^3": "1", "g/cm3": "1e3"}, "kg/m3")
 NUMBER = Dimension("a number without a unit", {})
 
-DIMENSIONS = (LENGTH, ANGLE, TIME, FREQUENCY, FORCE, TORQUE, SPEED, ANGULAR_SPEED, DENSITY, NUMBER)
+DIMENSIONS = (
+    LENGTH,
+    ANGLE,
+    TIME,
+    FREQUENCY,
+    FORCE,
+    TORQUE,
+    SPEED,
+    ANGULAR_SPEED,
+    ACCELERATION,
+    ANGULAR_ACCELERATION,
+    MASS,
+    DENSITY,
+    NUMBER,
+)
 
 _NUMBER = r"[-+]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][-+]?[0-9]+)?"
 _QUANTITY = re.compile(rf"({_NUMBER})\s*([^\s\d.+-].*)?", re.ASCII)

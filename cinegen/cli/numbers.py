@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 import typer
 from typer.core import TyperCommand
 
+from cinegen.errors import CinegenError
 from raff2urdf.command_line import UsageError, quantity_parser
 from raff2urdf.quantities import ANGLE, LENGTH, Dimension, QuantityError, is_quantity, parse, parse_list, parse_range
 
@@ -19,6 +20,9 @@ if TYPE_CHECKING:
 
 UNITS = "m and degrees, or with a unit: -900mm, 0.3rad"
 """Units of numbers that are typed, for help."""
+
+POSE_EXAMPLE = "x=0.1 or rz=15 (m and degrees)"
+"""What an error shows about a pose."""
 
 _LENGTHS = ("x", "y", "z", "radius")
 _ANGLES = ("rx", "ry", "rz", "azimuth", "elevation")
@@ -95,6 +99,26 @@ def values(text: str, option: str, example: str, mechanism: Mechanism) -> dict[s
         elif dimension is LENGTH:
             check_lengths(mechanism, f"{option} {name}", [found[name]])
     return found
+
+
+def configuration_at(mechanism: Mechanism, at: str, node: str | None) -> Any:
+    """Return the configuration (nq,) that --at gives: of a node's pose, or of actuated joints; home without any.
+
+    Raises:
+        CinegenError: it can't be reached along a straight line from home.
+    """
+    given = values(at, "--at", POSE_EXAMPLE, mechanism)
+    if not given:
+        return mechanism.q_home
+    from cinegen.singularities.slice import POSE, Coordinates
+
+    names = mechanism.actuated if all(name in mechanism.actuated for name in given) else POSE
+    q = Coordinates(mechanism, [name for name in names if name in given], node).from_home(given)
+    if q is None:
+        raise CinegenError(
+            f"{mechanism.name}: --at {at} can't be reached along a straight line from home on its branch"
+        )
+    return q
 
 
 def interval(text: str, option: str, dimension: Dimension) -> tuple[float, float]:
@@ -197,7 +221,7 @@ def quantity_option(
 class NumberLists(TyperCommand):
     """A command whose lists of numbers may also be separated by blanks: `--at x=10 rz=15`."""
 
-    _LISTS = frozenset({"--at", "--lock", "--values"})
+    _LISTS = frozenset({"--acceleration", "--at", "--lock", "--values", "--velocity"})
 
     def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
         """Parse the command line, with the words of a list joined by commas."""

@@ -5,10 +5,10 @@ from __future__ import annotations
 import json as json_text
 import textwrap
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from cinegen.cli.files import check_outputs, print_result, write, write_figure
-from cinegen.cli.numbers import UNITS, interval_of, parts, values
+from cinegen.cli.numbers import POSE_EXAMPLE, UNITS, configuration_at, interval_of, parts, values
 from cinegen.cli.options import FILE, FORCE, JSON, RobotOptions, option
 from cinegen.cli.progress import Progress
 from cinegen.errors import CinegenError
@@ -17,8 +17,6 @@ from raff2urdf.files import GENERATED, output_path
 if TYPE_CHECKING:
     from cinegen.model import Mechanism
     from cinegen.singularities.slice import Axis
-
-_EXAMPLE = "x=0.1 or rz=15 (m and degrees)"
 
 
 def run(
@@ -61,29 +59,13 @@ def run(
 
     reports, texts = [], []
     for name, mechanism in found.items():
-        here = singularity(mechanism, _configuration(mechanism, at, node), node)
+        here = singularity(mechanism, configuration_at(mechanism, at, node), node)
         reports.append({"name": name, **here.as_dict()})
         first, *others = here.message.split("; ")
         wrapped = [textwrap.fill(part, 100, initial_indent="  ", subsequent_indent="    ") for part in others]
         texts += [f"{name}: {first}", *wrapped]
     print_result(reports, "\n".join(texts), json)
     return 0
-
-
-def _configuration(mechanism: Mechanism, at: str, node: str | None) -> Any:
-    """Return the configuration (nq,) that --at gives."""
-    given = values(at, "--at", _EXAMPLE, mechanism)
-    if not given:
-        return mechanism.q_home
-    from cinegen.singularities.slice import POSE, Coordinates
-
-    names = mechanism.actuated if all(name in mechanism.actuated for name in given) else POSE
-    q = Coordinates(mechanism, [name for name in names if name in given], node).from_home(given)
-    if q is None:
-        raise CinegenError(
-            f"{mechanism.name}: --at {at} can't be reached along a straight line from home on its branch"
-        )
-    return q
 
 
 def _scan(
@@ -98,7 +80,7 @@ def _scan(
     if len(names) != 2:
         raise CinegenError(f"--over {axes}: name two coordinates, such as x,y or x=-0.3..0.3,rz=-90..90")
     first, second = (_axis(mechanism, text, node) for text in names)
-    of = Slice(mechanism, (first, second), values(at, "--at", _EXAMPLE, mechanism), node)
+    of = Slice(mechanism, (first, second), values(at, "--at", POSE_EXAMPLE, mechanism), node)
     with Progress() as progress:
         loci = singular_loci(of, grid, progress.fraction)
     figure = draw_loci(loci)

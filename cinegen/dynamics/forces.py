@@ -72,7 +72,7 @@ class Forces:
 
     @property
     def power(self) -> float:
-        """What the actuated joints do, W."""
+        """Mechanical power of all actuated joints, W."""
         return float(self.torques @ self.v[plain.actuated_columns(self.mechanism)])
 
     @property
@@ -113,9 +113,9 @@ class Forces:
 
     @property
     def message(self) -> str:
-        """What is found, but for the numbers, as a text."""
+        """The finding, but for the numbers, as a text."""
         parts = [self._holding]
-        if len(self.prestress):
+        if len(self.prestress) and self.is_held:
             more = f"{len(self.prestress)} independent combination{'s' * (len(self.prestress) > 1)} of torques"
             does = "do" if len(self.prestress) > 1 else "does"
             parts.append(
@@ -137,7 +137,7 @@ class Forces:
             return "the actuated joints hold the load"
         near, value = self.singularity, f"smallest singular value {self.singular_value:.2g}"
         moves, is_at = near.uncontrolled, not self.is_held or self.singular_value <= SINGULAR
-        can = "can" if is_at else "can nearly"
+        can, cannot = ("can", "can't") if is_at else ("can nearly", "can hardly")
         if not moves.order or near.near in (SingularityType.NONE, SingularityType.TYPE_1):
             motions = self.uncontrolled if len(self.uncontrolled) else near.motions
             motion = np.abs(motions).max(axis=0, initial=0.0) / self.mechanism.scale
@@ -145,7 +145,8 @@ class Forces:
             why = f"{', '.join(names)} {can} move with all actuated joints locked"
         else:
             why = (
-                f"with all actuated joints locked {near.node} {can} make {moves.text()}, and they can't support "
+                f"with all actuated joints locked {near.node} {can} make {moves.text()}, and these joints "
+                f"{cannot} support "
                 f"{near.unsupported.text() if moves.order == 1 else moves.complement_text()}"
             )
         if self.is_held:
@@ -154,7 +155,7 @@ class Forces:
         return f"no torques of the actuated joints hold the load: {why} ({value})"
 
     def as_dict(self) -> dict[str, Any]:
-        """Return what JSON shows: N, N m, W, m and rad; null where there is no number."""
+        """Return what JSON shows: N, N m, W, m and rad; null for what is not determined."""
 
         def number(value: float) -> float | None:
             return float(value) if np.isfinite(value) else None

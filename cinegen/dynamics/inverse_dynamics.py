@@ -221,10 +221,10 @@ class InverseDynamics:
         if gap > CLOSURE:
             raise self.open_loops(gap)
 
-    def open_loops(self, gap: float) -> ClosureError:
+    def open_loops(self, gap: float, when: str = "") -> ClosureError:
         """Return the error for loops that are open by a gap."""
         return ClosureError(
-            f"{self.mechanism.name}: loops are open by {gap:.2g} (rad or characteristic lengths): close(q) first"
+            f"{self.mechanism.name}: {when}loops are open by {gap:.2g} (rad or characteristic lengths): close(q) first"
         )
 
     def _check_gaps(self, gaps: Array, completes: bool) -> None:

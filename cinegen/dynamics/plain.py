@@ -38,7 +38,7 @@ _LEAST = 1e-300  # divisor
 
 @dataclass(frozen=True, eq=False)
 class Motions:
-    """How a mechanism can move at a configuration, and what its actuated joints have to do with it; dimensionless.
+    """Motions that keep the loops closed at a configuration, those of the actuated joints among them; dimensionless.
 
     Attributes:
         jacobian: (rows, n) J of all loops and couplings, without the columns of a floating base, which is held.
@@ -94,18 +94,18 @@ class Balance:
         motions: there.
         tau: (n,) dimensionless torques of the tree alone, J.
         efforts: (actuated,) dimensionless torques of the actuated joints, J.
-        unheld: (k,) work that the load does on each uncontrolled motion, J, as a fraction of the largest of `tau`.
+        unsupported: (k,) work that the load does on each uncontrolled motion, J, as a fraction of the largest of `tau`.
     """
 
     motions: Motions
     tau: Array
     efforts: Array
-    unheld: Array
+    unsupported: Array
 
     @property
     def is_held(self) -> bool:
         """True if some torques of the actuated joints hold the load."""
-        return bool(np.abs(self.unheld).max(initial=0.0) <= SINGULAR)
+        return bool(np.abs(self.unsupported).max(initial=0.0) <= SINGULAR)
 
 
 def columns_of(mechanism: Mechanism) -> slice:
@@ -140,8 +140,8 @@ def balance(tree: LoadedTree, q: Array, v: Array, a: Array, motions: Motions | N
     there = motions_at(tree, q) if motions is None else motions
     moving = columns_of(tree.mechanism)
     tau = tree.torques(q, v, a)[moving] * tree.mechanism.scale[moving]
-    unheld = there.uncontrolled @ tau / max(np.abs(tau).max(initial=0.0), _LEAST)
-    return Balance(there, tau, there.efforts(there.basis.T @ tau), unheld)
+    unsupported = there.uncontrolled @ tau / max(np.abs(tau).max(initial=0.0), _LEAST)
+    return Balance(there, tau, there.efforts(there.basis.T @ tau), unsupported)
 
 
 def multipliers(mechanism: Mechanism, found: Balance, step: Array) -> Array:

@@ -2,7 +2,7 @@
 
 Where loop equations are redundant, stresses Z (the null space of J^T) can be added to the multipliers of the loops, and
 no joint moves: an over-constrained mechanism can be assembled under stress. A component of a reaction to which these
-stresses contribute depends on elasticity, on errors of manufacture, and on where the loops were cut: it is no number.
+stresses contribute depends on elasticity, on errors of manufacture, and on where the loops were cut: it is NaN.
 """
 
 from __future__ import annotations
@@ -24,6 +24,7 @@ Array = NDArray[np.float64]
 _STRESSED = 1e-5
 """A component to which a unit stress contributes less, dimensionless, is determined."""
 
+_NOISE = 1e-9  # N or N m: shown as 0
 _ALONG = 1e-9  # an axis that differs by less from a coordinate axis is that
 _SCALAR = ("R", "P")  # joints with an axis, by the first letter of Pinocchio's name
 
@@ -67,7 +68,7 @@ class Reaction:
         return self.wrench[3:]
 
     def __repr__(self) -> str:
-        numbers = ", ".join("?" if np.isnan(x) else f"{x:.4g}" for x in self.wrench)
+        numbers = ", ".join("?" if np.isnan(x) else f"{0.0 if abs(x) < _NOISE else x:.4g}" for x in self.wrench)
         return f"<Reaction of {self.kind} {self.name} on {self.body}: {numbers} (N, N m), {self.frame}>"
 
     def as_dict(self) -> dict[str, Any]:

@@ -113,6 +113,14 @@ def test_singular(root, printed):
     check(root, printed("singular", "tssm.raff", "--at", "rx=0,ry=0,rz=90"), "singular")
 
 
+def test_forces(root, printed):
+    check(root, printed("forces", "four_bar.raff", "--massless", "--payload", "2kg"), "forces")
+    check(root, printed("forces", "planetary_gear.raff", "--massless", "--wrench", "carrier=0,0,0,0,0,1"), "forces")
+    printed("plan", str(root / "robots/scenes/disc.toml"), "-o", "run.jsonl")
+    along = printed("forces", "planar_3r.raff", "--massless", "--payload", "2kg", "--trajectory", "run.jsonl")
+    check(root, along, "forces", 1)
+
+
 def test_singular_of_a_recording(root, robot, printed, tmp_path):
     mechanism = robot("tssm")
     pose = {"x": 0.0, "y": 0.0, "z": 0.02, "rx": 0.0, "ry": 0.0}

@@ -121,7 +121,7 @@ def test_an_error_that_is_only_rounding_is_not_told(typed, monkeypatch, error, s
     [
         *(f"map F --{name}" for name in ("line", "centre", "along", "at", "over", "box", "quantity", "output")),
         "map F -q", "modes F --values", "modes F --at", "singular F --at", "plan F --plot", "drive F --base",
-        "sensors F --sensor",
+        "sensors F --sensor", "forces F --gravity",
     ],
 )  # fmt: skip
 def test_what_begins_with_a_negative_number_is_a_value(words, value):

@@ -132,6 +132,7 @@ QUIET = (
     ("ik", "robots/planar_3r.raff", "--at", "0.5,0.1,0"),
     ("modes", "robots/four_bar.raff"),
     ("singular", "robots/planar_3r.raff"),
+    ("forces", "robots/planar_3r.raff", "--massless"),
     ("map", "robots/planar_3r.raff", "--over", "xy", "--grid", "4", "--workers", "1", "-o", "a.zarr"),
     ("compare", "a.zarr", "a.zarr"),
     ("plan", "robots/scenes/disc.toml", "-o", "run.jsonl"),

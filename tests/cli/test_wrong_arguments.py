@@ -29,6 +29,7 @@ CALLS = {
     "cinegen ik": "planar_3r.raff --at 0.5,0.1,0",
     "cinegen modes": "four_bar.raff",
     "cinegen singular": "planar_3r.raff",
+    "cinegen forces": "four_bar.raff --massless",
     "cinegen map": "planar_3r.raff --over x,y --grid 2 --workers 1 -o out.zarr",
     "cinegen compare": "map.zarr map.zarr",
     "cinegen plan": "unreachable.toml",

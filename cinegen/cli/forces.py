@@ -1,0 +1,204 @@
+"""`cinegen forces`: what the actuated joints must give, and what the joints must bear."""
+
+from __future__ import annotations
+
+import textwrap
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from cinegen.cli.files import print_result
+from cinegen.cli.numbers import UNITS, configuration_at, named, parts, quantity
+from cinegen.cli.options import FILE, JSON, NODE, RobotOptions, exclude, flag, option
+from cinegen.errors import CinegenError
+from raff2urdf.command_line import UsageError
+from raff2urdf.quantities import (
+    ACCELERATION,
+    ANGULAR_ACCELERATION,
+    ANGULAR_SPEED,
+    FORCE,
+    MASS,
+    SPEED,
+    TORQUE,
+    Dimension,
+    QuantityError,
+    parse_list,
+)
+
+if TYPE_CHECKING:
+    from cinegen.dynamics import Forces, InverseDynamics, Payload
+    from cinegen.model import Mechanism
+
+_RATE = 250.0  # samples per second of a trajectory
+_RATES = "joint1=30,joint2=-5 (deg and m, per second"
+
+
+def run(
+    robots: RobotOptions,
+    file: Path = FILE,
+    at: str = option(
+        "POSE", f"where: x=0,y=0.1,rz=15 of the node, or joint3=0.7 of actuated joints ({UNITS}; default: home)", ""
+    ),
+    node: str | None = NODE,
+    payload: list[str] = option("MASS[@NODE]", "mass that a node carries at its origin (kg)", ()),
+    wrench: list[str] = option(
+        "NODE=F",
+        "force, or force and moment, on a node in the world's axes: tool=0,0,-10 or tool=0,0,-10,0,0,2 (N, Nm)",
+        (),
+    ),
+    velocity: str = option("JOINTS", f"of actuated joints: {_RATES}); the others follow", ""),
+    acceleration: str = option("JOINTS", f"likewise: {_RATES} squared)", ""),
+    gravity: str = option("X,Y,Z", "acceleration in the world (m/s2; 0,0,0 for none)", "0,0,-9.81"),
+    trajectory: Path | None = option("FILE", "torques along a recorded motion: peak, RMS, power of each joint"),
+    reactions: bool = flag("--reactions", "also print what all joints and loops bear"),
+    massless: bool = flag("--massless", "links without mass count as having none"),
+    json: bool = JSON,
+) -> int:
+    """Compute what the actuated joints must give, and what the joints must bear.
+
+    Prints torques and forces of the actuated joints that hold the robot, its payload and wrenches, still or in motion.
+    Where statics does not determine them, or no torques hold the load, the reason is printed.
+    """
+    exclude(trajectory=trajectory, at=at)
+    exclude(trajectory=trajectory, velocity=velocity)
+    exclude(trajectory=trajectory, acceleration=acceleration)
+    exclude(trajectory=trajectory, reactions=reactions)
+    name, mechanism = robots.load_one(file)
+    from cinegen.dynamics import InverseDynamics
+    from cinegen.dynamics.forces import forces_at
+
+    loads = _payloads(mechanism, payload, wrench, node)
+    dynamics = InverseDynamics(mechanism, loads, _vector(gravity), massless)
+    if trajectory is not None:
+        print_result(*_along(name, dynamics, trajectory, robots.robot), json)
+        return 0
+    v = _rates(mechanism, velocity, "--velocity", ANGULAR_SPEED, SPEED) or None
+    a = _rates(mechanism, acceleration, "--acceleration", ANGULAR_ACCELERATION, ACCELERATION) or None
+    found = forces_at(dynamics, configuration_at(mechanism, at, node), v, a, node)
+    report = {"name": name, **found.as_dict()}
+    print_result(report, _text(name, found, reactions), json)
+    return 0 if found.is_held else 1
+
+
+# --- what is typed ----------------------------------------------------------------------------------------------------
+
+
+def _payloads(mechanism: Mechanism, masses: Sequence[str], wrenches: Sequence[str], node: str | None) -> list[Payload]:
+    from cinegen.dynamics import Payload
+
+    found, end = [], mechanism.end if node is None else node
+    for text in masses:
+        mass, _, where = text.partition("@")
+        found.append(Payload(where or end, quantity(mass, "--payload", MASS)))
+    for text in wrenches:
+        where, equals, numbers = text.partition("=")
+        given = parts(numbers)
+        if not equals or len(given) not in (3, 6):
+            raise UsageError(f"--wrench: '{text}': write NODE=FX,FY,FZ or NODE=FX,FY,FZ,MX,MY,MZ, such as tool=0,0,-10")
+        try:
+            force, moment = parse_list(given[:3], FORCE), parse_list(given[3:], TORQUE)
+        except QuantityError as error:
+            raise UsageError(f"--wrench: {error}") from None
+        found.append(Payload(where, wrench=(*force, *(moment or (0.0, 0.0, 0.0)))))
+    return found
+
+
+def _vector(text: str) -> tuple[float, float, float]:
+    given = parts(text)
+    if len(given) != 3:
+        raise UsageError(f"--gravity: '{text}': an acceleration is x,y,z, such as 0,0,-9.81")
+    try:
+        x, y, z = parse_list(given, ACCELERATION)
+    except QuantityError as error:
+        raise UsageError(f"--gravity: {error}") from None
+    return x, y, z
+
+
+def _rates(mechanism: Mechanism, text: str, option: str, turning: Dimension, sliding: Dimension) -> dict[str, float]:
+    """Return velocities or accelerations of actuated joints by name, SI units and radians."""
+    found = {}
+    for joint, value in named(text, option, "joint1=30").items():
+        is_prismatic = joint in mechanism.joints and mechanism.is_prismatic(joint)
+        found[joint] = quantity(value, f"{option}: {joint}", sliding if is_prismatic else turning)
+    return found
+
+
+# --- what is printed --------------------------------------------------------------------------------------------------
+
+
+def _text(name: str, found: Forces, with_reactions: bool) -> str:
+    first, *others = found.message.split("; ")
+    lines = [f"{name}: {first}"] if len(first) < 100 else textwrap.wrap(f"{name}: {first}", 110, subsequent_indent="  ")
+    lines += [
+        line for part in others for line in textwrap.wrap(part, 108, initial_indent="  ", subsequent_indent="    ")
+    ]
+    if found.is_held:
+        wide = max(8, *map(len, found.mechanism.actuated)) + 2
+        lines.append("")
+        for joint, torque, used in zip(found.mechanism.actuated, found.torques, found.used, strict=True):
+            limit = f"   {100.0 * used:.0f} % of its limit" if used else ""
+            lines.append(f"  {joint:<{wide}}{_number(torque):>10} {found.unit_of(joint)}{limit}")
+        if found.v.any():
+            lines.append(f"  {'power':<{wide}}{_number(found.power):>10} W")
+    if with_reactions and found.is_held:
+        lines += ["", "  reactions: force (N) and moment (N m) on a body; ? is not determined by statics"]
+        for one in found.reactions:
+            numbers = "".join(f"{_number(x):>10}" for x in one.wrench)
+            lines += [f"  {one.kind} {one.name} on {one.body}, {one.frame}", f"    {numbers}"]
+        for coupling, torques in found.couplings.items():
+            listed = ", ".join(f"{_number(x)} {found.unit_of(joint)} on {joint}" for joint, x in torques.items())
+            lines.append(f"  coupling {coupling}: {listed}")
+    return "\n".join(lines)
+
+
+def _number(value: float) -> str:
+    return "?" if value != value else f"{0.0 if abs(value) < 1e-9 else value:.4g}"
+
+
+def _along(name: str, dynamics: InverseDynamics, file: Path, robot: str | None) -> tuple[Any, str]:
+    """Return the report about a recorded motion, and its text."""
+    from cinegen.dynamics.trajectory import torques_along
+    from cinegen.mission import Recording, resampled
+
+    mechanism = dynamics.mechanism
+    recording = Recording.load(file)
+    wanted = robot if robot is not None else mechanism.name if mechanism.name in recording.robots else None
+    motion = resampled(recording, wanted, rate=_RATE)
+    if motion.mechanism.joints != mechanism.joints:
+        raise CinegenError(
+            f"{file}: joints of '{motion.name}' are not those of {name}: name the file that was driven, or --robot"
+        )
+    found = torques_along(dynamics, motion.times, motion.q)
+    limits, rows, lines = mechanism.limits, [], []
+    for joint, *numbers in zip(
+        found.joints,
+        found.peak,
+        found.peak_time,
+        found.rms,
+        found.peak_power,
+        abs(found.speeds).max(axis=0),
+        strict=True,
+    ):
+        peak, time, mean, power, speed = map(float, numbers)
+        unit, per_second = ("N", "m/s") if mechanism.is_prismatic(joint) else ("N m", "rad/s")
+        limit = limits[joint].effort
+        rows.append({
+            "joint": joint, "peak": peak, "at": time, "rms": None if mean != mean else mean, "unit": unit,
+            "limit": None if limit == float("inf") else limit, "peak_power": power, "peak_speed": speed,
+            "speed_unit": per_second,
+        })  # fmt: skip
+        part = f", {100.0 * peak / limit:.0f} % of its limit" if limit < float("inf") else ""
+        lines.append(
+            f"  {joint:<12} peak {_number(peak)} {unit} at {time:.3f} s{part}, RMS {_number(mean)} {unit}, "
+            f"at most {_number(power)} W, {_number(speed)} {per_second}"
+        )
+    lost = found.not_held
+    held = "the actuated joints hold the load" if not len(lost) else (
+        f"no torques hold the load at {len(lost)} of {len(found.times)} samples, first at {lost[0]:.3f} s"
+    )  # fmt: skip
+    head = f"{name} along {file}, {motion.seconds:.3f} s: {held}"
+    report = {
+        "name": name, "recording": str(file), "seconds": motion.seconds, "held": not len(lost), "message": held,
+        "torques": rows,
+    }  # fmt: skip
+    return report, "\n".join([head, "", *lines])

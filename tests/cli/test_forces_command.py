@@ -1,0 +1,88 @@
+"""`cinegen forces`: loads as they are typed, and what is printed."""
+
+from __future__ import annotations
+
+import json
+import math
+
+import pytest
+
+from cinegen.cli import main
+
+
+@pytest.fixture
+def typed(root, capsys, monkeypatch, tmp_path):
+    """`typed("planar_3r", "--massless")`: what the command prints."""
+    monkeypatch.chdir(tmp_path)
+
+    def call(robot, *words, code=0):
+        assert main(["forces", robot, *map(str, words)]) == code
+        return capsys.readouterr().out
+
+    return call
+
+
+def test_an_arm_holds_a_payload_by_its_levers(typed):
+    """Links of 0.4, 0.3 and 0.2 m that lie flat; the tool is at their end."""
+    words = (
+        "--massless",
+        "--payload",
+        "2kg",
+        "--gravity",
+        "0,-10,0",
+        "--at",
+        "joint1=0",
+        "joint2=0",
+        "joint3=0",
+        "--json",
+    )
+    found = json.loads(typed("planar_3r", *words))
+    levers = [0.9, 0.5, 0.2]
+    assert [one["value"] for one in found["torques"]] == pytest.approx([20.0 * lever for lever in levers])
+    moved = json.loads(typed("planar_3r", *words, "--payload", "500g@link2", "--wrench", "tool=0,0,0,0,0,3"))
+    more = [one["value"] - was["value"] for one, was in zip(moved["torques"], found["torques"], strict=True)]
+    assert more == pytest.approx([5.0 * 0.4 - 3.0, -3.0, -3.0])
+
+
+def test_velocities_are_in_degrees_and_the_power_is_printed(typed):
+    words = ("--massless", "--payload", "2kg", "--gravity", "0,0,0", "--at", "joint1=0", "joint2=0", "joint3=0")
+    found = json.loads(typed("planar_3r", *words, "--acceleration", "joint1=90", "--velocity", "joint1=180", "--json"))
+    assert found["torques"][0]["value"] == pytest.approx(2.0 * 0.9**2 * math.pi / 2.0)
+    assert found["power"] == pytest.approx(2.0 * 0.9**2 * math.pi**2 / 2.0)
+    text = typed("planar_3r", *words, "--acceleration", "joint1=1.5rad/s2", "--velocity", "joint1=1rad/s")
+    assert f"{2.0 * 0.9**2 * 1.5:.4g} N m" in text
+    assert "power" in text
+
+
+def test_what_is_not_determined_is_a_question_mark(typed):
+    text = typed("four_bar", "--massless", "--payload", "2kg@tool", "--gravity", "0,-9.81,0", "--reactions")
+    assert "3 of its 5 equations of loops and couplings depend on the others" in " ".join(text.split())
+    line = text.splitlines()[next(i for i, row in enumerate(text.splitlines()) if "joint joint1 on" in row) + 1]
+    assert [word == "?" for word in line.split()] == [False, False, True, True, True, False]
+
+
+def test_a_load_that_nothing_holds_is_answered_by_no(typed, tmp_path):
+    (tmp_path / "swing.raff").write_text(
+        "RAFF swing\nrobot swing { link 1 { type 2 pred 0 actuated 1 } link 2 { parameters { d 300 } type 2 pred 1 "
+        "actuated 0 } frame 3 { parameters { d 200 } pred 2 } }\n"
+    )
+    text = typed("swing.raff", "--massless", "--payload", "1kg", "--gravity", "0,-9.81,0", code=1)
+    assert "no torques of the actuated joints hold the load: " in " ".join(text.split())
+    assert "?" not in text
+
+
+def test_torques_along_a_recorded_motion(root, typed, tmp_path, capsys):
+    """Three times the mass needs three times the torque, at the same times."""
+    assert main(["plan", "disc", "-o", "run.jsonl"]) == 0
+    capsys.readouterr()
+    along = ("planar_3r", "--massless", "--payload", "2kg", "--trajectory", "run.jsonl")
+    found = json.loads(typed(*along, "--json"))
+    assert found["held"]
+    assert all(0.0 < one["rms"] < one["peak"] for one in found["torques"])
+    heavy = json.loads(typed(*along, "--payload", "4kg", "--json"))
+    for one, three in zip(found["torques"], heavy["torques"], strict=True):
+        assert three["peak"] == pytest.approx(3.0 * one["peak"])
+        assert three["at"] == one["at"]
+    assert "peak" in typed(*along)
+    assert main(["forces", "five_bar", "--massless", "--trajectory", "run.jsonl"]) == 1
+    assert "joints of 'planar_3r' are not those of five_bar" in capsys.readouterr().err
