@@ -9,6 +9,7 @@ from __future__ import annotations
 import os
 import signal
 import stat
+import sys
 import threading
 from functools import cache
 from pathlib import Path
@@ -29,7 +30,18 @@ settings.load_profile("cinegen")
 if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
     signal.signal(signal.SIGINT, signal.default_int_handler)
 
+# Each of the hundreds of commands that tests start would compile all sources again.
+os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
+sys.dont_write_bytecode = False
+
 EXAMPLES = float(os.environ.get("CINEGEN_EXAMPLES", "0.25"))
+
+
+def pytest_configure(config):
+    """Give each of several workers, and the commands that it starts, one thread of BLAS: there is a core for each."""
+    if config.getoption("numprocesses", None):
+        for library in ("OPENBLAS", "OMP"):
+            os.environ.setdefault(f"{library}_NUM_THREADS", "1")
 
 
 def pytest_collection_modifyitems(items):
