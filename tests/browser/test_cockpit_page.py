@@ -58,10 +58,12 @@ def browser():
 
 @pytest.fixture
 def cockpit(robot):
+    """`cockpit("delta4")`: its session runs in a thread; a process of its own takes two seconds of CPU to start."""
     opened = []
 
     def open_cockpit(*names, **options):
-        opened.append(Cockpit(arrange({name: robot(name) for name in names}, **options), port=8300))
+        setup = arrange({name: robot(name) for name in names}, **options)
+        opened.append(Cockpit(setup, port=8300, own_process=False))
         return opened[-1]
 
     yield open_cockpit
@@ -424,7 +426,7 @@ def test_the_buttons_lead_from_mode_to_mode(robot, tab, tmp_path):
     modes = cinegen.assembly_modes(robot("tssm"))
     record_modes(modes, tmp_path / "modes.jsonl", "tssm")
     stops = [(0.0 if k == 0 else k + 1.0, f"mode {k + 1} of 16") for k in range(16)]
-    cockpit = Cockpit(replay_setup(tmp_path / "modes.jsonl", stops=stops), port=8300)
+    cockpit = Cockpit(replay_setup(tmp_path / "modes.jsonl", stops=stops), port=8300, own_process=False)
     try:
         page = tab(cockpit)
         for wanted in (2, 3, 4, 3):

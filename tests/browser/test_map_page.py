@@ -54,7 +54,7 @@ def opened(browser, robot, tmp_path):
     def open_map(name, region, *quantities):
         path = tmp_path / f"{name}.zarr"
         make_map(MapSpecification(robot(name), region, quantities), path, workers=1)
-        cockpit = Cockpit(map_setup(path), port=8300)
+        cockpit = Cockpit(map_setup(path), port=8300, own_process=False)
         page = browser.new_page(viewport=SIZE, bypass_csp=True)
         ends.extend([page.close, cockpit.close])
         page.on("pageerror", lambda error: wrong.append(str(error)))

@@ -9,6 +9,7 @@ import ezdxf
 import numpy as np
 import pytest
 from PIL import Image
+from variants import slow
 
 import cinegen
 from cinegen.cockpit import Page, RobotScene
@@ -49,7 +50,7 @@ def _drawn(picture):
     return float(np.mean(picture.max(axis=2) - picture.min(axis=2) > 60))
 
 
-@pytest.mark.parametrize("name", ["delta4", "gough", "tssm"])
+@pytest.mark.parametrize("name", ["delta4", *slow("gough", "tssm")])
 def test_the_static_page_shows_the_robot_well_in_view(robot, tmp_path, name):
     page = Page()
     RobotScene(page, {name: robot(name)})

@@ -4,10 +4,19 @@ from __future__ import annotations
 
 import io
 import sys
+from functools import partial
 
 import pytest
 
+import cinegen.cockpit
 from cinegen.cli import progress
+
+
+@pytest.fixture
+def session_in_a_thread(monkeypatch):
+    """Pages of this test run their sessions in a thread; a process of its own takes two seconds of CPU to start."""
+    in_a_thread = partial(cinegen.cockpit.Cockpit, own_process=False)
+    monkeypatch.setattr(cinegen.cockpit, "Cockpit", in_a_thread)
 
 
 @pytest.fixture

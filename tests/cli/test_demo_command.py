@@ -36,6 +36,7 @@ def test_the_list_has_a_line_for_everything(run, root):
 @pytest.mark.parametrize(
     ("name", "says"), [("four_bar", "four_bar: 3 joints, 1 loop"), ("two_arms", "right: 4 joints")]
 )
+@pytest.mark.usefixtures("session_in_a_thread")
 def test_a_robot_is_driven(run, name, says):
     code, out, err = run("demo", name, "--seconds", "0.2", "--no-browser")
     assert code == 0
@@ -44,6 +45,7 @@ def test_a_robot_is_driven(run, name, says):
     assert "warning" not in err
 
 
+@pytest.mark.usefixtures("session_in_a_thread")
 def test_a_scene_is_driven(run):
     code, out, _ = run("demo", "disc", "--seconds", "0.2", "--no-browser")
     assert code == 0

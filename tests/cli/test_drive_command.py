@@ -54,6 +54,7 @@ def run(capsys, root, monkeypatch, tmp_path):
         (["--scene", "robots/scenes/disc.toml", "--node", "tol", "--follow", "line"], "did you mean 'tool'"),
     ],
 )
+@pytest.mark.usefixtures("session_in_a_thread")
 @pytest.mark.filterwarnings("ignore::cinegen.CinegenWarning")
 def test_what_makes_no_sense_is_told_and_nothing_is_served(run, tmp_path, arguments, says):
     code, out, err = run("drive", *arguments, "--no-browser", "--port", "8400")
@@ -109,6 +110,7 @@ def test_the_name_of_a_file_need_not_be_utf8(run, root, tmp_path):
     assert "Traceback" not in err
 
 
+@pytest.mark.usefixtures("session_in_a_thread")
 def test_other_machines_need_the_token_that_is_printed(run):
     code, out, _ = run(
         "drive", "robots/planar_3r.raff", "--no-browser", "--port", "8420", "--seconds", "0.2", "--host", "0.0.0.0"
@@ -118,6 +120,7 @@ def test_other_machines_need_the_token_that_is_printed(run):
     assert "not encrypted" in out
 
 
+@pytest.mark.usefixtures("session_in_a_thread")
 def test_a_sensor_on_the_command_line_moves_the_node_that_it_names(run, root):
     """A program connects, says a twist, and the recording holds the motion."""
     with socket.socket() as free:
@@ -183,7 +186,7 @@ def test_real_time_priority_is_for_those_who_ask(root, tmp_path):
         root / "robots/five_bar.raff",
         "--no-browser",
         "--seconds",
-        "1",
+        "0.3",
     ]
     said, seen = {}, {}
     for options in ((), ("--realtime",)):
@@ -194,7 +197,7 @@ def test_real_time_priority_is_for_those_who_ask(root, tmp_path):
             seen[options] = set()
             while process.poll() is None:
                 seen[options] |= _policies(process.pid)
-                time.sleep(0.01)
+                time.sleep(0.05)
             said[options] = process.stdout.read()
         assert process.returncode == 0, said[options]
     assert seen[()] == {os.SCHED_OTHER}
@@ -211,10 +214,10 @@ def test_real_time_priority_is_for_those_who_ask(root, tmp_path):
 
 def test_a_mission_is_recorded_replayed_and_exported(run, tmp_path):
     code, out, _ = run(
-        "drive", "robots/five_bar.raff", "--no-browser", "--port", "8440", "--seconds", "2", "--record", "run.jsonl"
+        "drive", "robots/five_bar.raff", "--no-browser", "--port", "8440", "--seconds", "1", "--record", "run.jsonl"
     )
     assert code == 0
-    code, out, _ = run("replay", "run.jsonl", "--no-browser", "--port", "8450", "--seconds", "0.5")
+    code, out, _ = run("replay", "run.jsonl", "--no-browser", "--port", "8450", "--seconds", "0.2")
     assert code == 0
     assert "page: http://127.0.0.1:84" in out
     for form, name in (("csv", "run.csv"), ("npz", "run.npz"), ("ros2", "run.yaml")):
@@ -243,6 +246,7 @@ def test_a_mission_is_recorded_replayed_and_exported(run, tmp_path):
     assert Recording.load("run.jsonl").seconds < 1.0
 
 
+@pytest.mark.usefixtures("session_in_a_thread")
 def test_a_scene_is_driven_recorded_and_shown_again(run, tmp_path):
     scene = "robots/scenes/generic.toml"
     options = ["--no-browser", "--port", "8470", "--seconds", "1", "--record", "run.jsonl", "--snapshot", "page.html"]
@@ -267,7 +271,9 @@ def test_a_session_that_is_killed_leaves_its_recording_whole(root, tmp_path):
     assert process.stdout is not None
     while b"page:" not in process.stdout.readline():
         pass
-    time.sleep(1.5)
+    end = time.monotonic() + 30.0
+    while (tmp_path / "run.jsonl").read_bytes().count(b"\n") < 100 and time.monotonic() < end:
+        time.sleep(0.02)
     process.kill()
     process.wait()
     time.sleep(0.5)
@@ -286,6 +292,7 @@ def test_the_token_can_come_from_the_environment(root, monkeypatch):
     assert found == ["secret", "mine"]
 
 
+@pytest.mark.usefixtures("session_in_a_thread")
 def test_a_page_needs_a_token_unless_asked_otherwise(run):
     page = "drive", "robots/planar_3r.raff", "--no-browser", "--port", "8430", "--seconds", "0.2"
     assert re.search(r"page: http://127\.0\.0\.1:84\d\d/\?token=\S{16,} ", run(*page)[1])

@@ -263,6 +263,7 @@ def test_at_second_k_the_page_shows_mode_k(robot, tmp_path):
             np.testing.assert_array_equal(player.advance(0.0)["tssm"], q)
 
 
+@pytest.mark.usefixtures("session_in_a_thread")
 def test_the_page_is_served_with_view(typed, monkeypatch, tmp_path):
     monkeypatch.chdir(tmp_path)
     said = typed("five_bar", "--view", "--seconds", "0.5", "--port", "7900", "--no-browser")

@@ -304,6 +304,7 @@ def test_what_is_there_is_not_overwritten_and_nothing_is_planned_then(typed, tmp
     assert path.read_text() == "mine"
 
 
+@pytest.mark.usefixtures("session_in_a_thread")
 def test_the_page_is_served_with_view(typed, monkeypatch, tmp_path):
     monkeypatch.chdir(tmp_path)
     said = typed("rod", "--view", "--seconds", "0.5", "--port", "7950", "--no-browser")
@@ -311,6 +312,7 @@ def test_the_page_is_served_with_view(typed, monkeypatch, tmp_path):
     assert not list(tmp_path.iterdir())
 
 
+@pytest.mark.usefixtures("session_in_a_thread")
 def test_the_page_of_what_got_stuck_leaves_the_exit_code(typed, monkeypatch, tmp_path):
     monkeypatch.chdir(tmp_path)
     options = ["--field", "firas", "--view", "--seconds", "0.2", "--port", "7950", "--no-browser"]

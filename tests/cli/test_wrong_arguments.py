@@ -1,7 +1,7 @@
 """Every argument and option of every command, with values that make no sense: a sentence, never a traceback.
 
 The commands and their options are those that the command lines declare, so that a new option is tested, too. Each gets
-a few values of a fixed, random choice, in this process.
+a few values of a fixed, random choice, in this process: two of them, and with `make slow` all.
 """
 
 from __future__ import annotations
@@ -15,6 +15,7 @@ from collections.abc import Iterator
 
 import pytest
 import typer
+from variants import slow
 
 import cinegen.cli
 import raff2urdf.cli
@@ -89,14 +90,14 @@ def parameters(command: str) -> list[object]:
     return [one for one in found.params if one.name not in left_out and not getattr(one, "is_flag", False)]
 
 
-def mistaken(command: str) -> Iterator[list[str]]:
-    """Calls of a command in which one argument or option is wrong."""
+def mistaken(command: str, each: int) -> Iterator[list[str]]:
+    """Calls of a command in which one argument or option is wrong, in `each` ways."""
     call, chosen = CALLS[command].split(), random.Random(command)
     arguments = [one for one in parameters(command) if one.param_type_name == "argument"]
-    for one in parameters(command):
+    for number, one in enumerate(parameters(command)):
         values = [chosen.choice(kind) for kind in (NAMES, NUMBERS, PAIRS, PLACES)]
         values += chosen.sample(NAMES + NUMBERS + PAIRS, EACH - len(values))
-        for value in values:
+        for value in (values[(number + k) % EACH] for k in range(each)):
             if one in arguments:
                 place = arguments.index(one)
                 yield [*call[:place], value, *call[place + 1 :]]
@@ -130,11 +131,12 @@ def test_every_command_is_tried():
     assert {f"cinegen {name}" for name in commands} | {"raff2urdf", "urdf2raff"} == set(CALLS)
 
 
+@pytest.mark.parametrize("each", [2, *slow(EACH)])
 @pytest.mark.parametrize("command", CALLS)
-def test_what_makes_no_sense_is_answered_by_a_sentence(inputs, tmp_path, monkeypatch, capfd, command):
+def test_what_makes_no_sense_is_answered_by_a_sentence(inputs, tmp_path, monkeypatch, capfd, command, each):
     monkeypatch.setattr(PageOptions, "show", lambda *_: 0)  # values that are right would serve a page
     program, *names = command.split()
-    for call in mistaken(command):
+    for call in mistaken(command, each):
         here = tmp_path / "here"
         shutil.copytree(inputs, here)
         monkeypatch.chdir(here)

@@ -155,11 +155,11 @@ def test_scenes_and_connections_are_limited(page):
 
 
 @pytest.mark.filterwarnings("ignore:.*no such port:cinegen.CinegenWarning")
-def test_who_asks_slowly_is_disconnected(page, monkeypatch):
+def test_who_asks_slowly_is_disconnected(robot, monkeypatch):
     import socket
 
     monkeypatch.setattr("cinegen.cockpit.server._SLOW", 0.3)
-    with Cockpit(page.setup, port=8300, own_process=False) as one:
+    with Cockpit(arrange({"delta4": robot("delta4")}), port=8300, token="", own_process=False) as one:
         for half in (
             b"",
             b"GET / HTTP/1.1\r\nHost: ",

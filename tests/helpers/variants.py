@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from typing import Any
 
 import pytest
@@ -10,3 +11,21 @@ import pytest
 def slow(*values: Any) -> list[Any]:
     """Parameters that `make slow` runs, and pytest otherwise leaves out; a tuple has one for each name."""
     return [pytest.param(*(one if isinstance(one, tuple) else (one,)), marks=pytest.mark.slow) for one in values]
+
+
+ONE_OF_EACH_KIND = frozenset(
+    {
+        *("planar_3r", "arm7", "sr400", "five_bar", "delta4", "gough", "hybrid", "scara", "differential_wrist"),
+        "two_arms",
+    }
+)
+"""Files of robots that have together every kind of joint, loop and coupling, and one with two robots."""
+
+
+def others_slow(parameters: Iterable[Any]) -> list[Any]:
+    """Parameters whose first value is the name of a robot's file, or `FILE:ROBOT`; those of other files are slow."""
+
+    def is_fast(one: Any) -> bool:
+        return one.values[0].partition(":")[0] in ONE_OF_EACH_KIND
+
+    return [one if is_fast(one) else pytest.param(*one.values, id=one.id, marks=pytest.mark.slow) for one in parameters]

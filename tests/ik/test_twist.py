@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 import pinocchio as pin
 import pytest
+from variants import others_slow
 
 import cinegen
 import raff2urdf
@@ -262,7 +263,7 @@ class Whim:
                     task.twist = [math.nan] * 6
 
 
-@every_robot
+@pytest.mark.parametrize(("name", "which"), others_slow(EVERY))
 @pytest.mark.parametrize("acceleration", [None, 10.0])
 def test_whatever_becomes_of_the_pulls_there_is_a_status_and_nothing_breaks(name, which, acceleration):
     mechanism = cinegen.load(ROBOTS / f"{name}.raff", which)

@@ -9,6 +9,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from variants import slow
 
 import cinegen
 import raff2urdf
@@ -75,7 +76,7 @@ def test_mobility_is_as_counted_by_hand(made, family, joints):
     assert len(mechanism.cluster_ranks) == (1 if one else len(mechanism.loops))
 
 
-@pytest.mark.parametrize("family", ["snake", "star"])
+@pytest.mark.parametrize("family", ["snake", *slow("star")])
 def test_a_thousand_joints_with_a_hundred_loops(made, family):
     mechanism = made(family, 1000)
     assert (mechanism.model.nv, len(mechanism.loops), mechanism.mobility) == (1000, 100, 800)
@@ -232,7 +233,7 @@ def test_random_configurations_move_all_joints_of_several_clusters(tmp_path):
     assert max(mechanism.closure(q) for q in found) <= 1e-12
 
 
-@pytest.mark.parametrize("family", ["snake", "star", "girder"])
+@pytest.mark.parametrize("family", ["girder", *slow("snake", "star")])
 def test_motions_of_large_jacobians_are_those_of_their_singular_vectors(made, family):
     mechanism = made(family, 300 if family == "girder" else 1000)
     jacobian = mechanism.system.evaluate(mechanism.random_closed(1)[0])[1]

@@ -17,6 +17,7 @@ from coupled_robots import random_text, seeds
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from lxml import etree
+from variants import others_slow
 
 import cinegen
 import raff2urdf
@@ -24,7 +25,11 @@ from raff2urdf.conversion import convert
 from raff2urdf.writers import DIALECTS
 
 ROBOTS = Path(__file__).resolve().parents[2] / "robots"
-FILES = [(path, robot.name) for path in sorted(ROBOTS.glob("*.raff")) for robot in raff2urdf.load(path).robots]
+FILES = [
+    pytest.param(f"{path.stem}:{robot.name}")
+    for path in sorted(ROBOTS.glob("*.raff"))
+    for robot in raff2urdf.load(path).robots
+]
 
 MORE = {
     "slide_loop": """RAFF Slide
@@ -69,15 +74,15 @@ robot siblings {
 }
 
 
-@pytest.fixture(params=[*(f"{path.stem}:{name}" for path, name in FILES), *MORE], scope="module")
+@pytest.fixture(params=[*others_slow(FILES), *MORE], scope="module")
 def original(request, tmp_path_factory):
     """The RAFF file, and the mechanism of one of its robots."""
     if request.param in MORE:
         path = tmp_path_factory.mktemp("raff") / f"{request.param}.raff"
         path.write_text(MORE[request.param])
         return path, cinegen.load(path)
-    path, name = next(one for one in FILES if f"{one[0].stem}:{one[1]}" == request.param)
-    return path, cinegen.load(path, name)
+    stem, _, name = request.param.partition(":")
+    return ROBOTS / f"{stem}.raff", cinegen.load(ROBOTS / f"{stem}.raff", name)
 
 
 def converted(path, robot, out, dialect):

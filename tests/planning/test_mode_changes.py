@@ -10,6 +10,7 @@ import numpy as np
 import pinocchio as pin
 import pytest
 from cusp_platform import LEGS, LENGTHS, configuration, determinant, legs, pose_of, scene
+from variants import slow
 
 from cinegen.collision import PlanningError, load_scene, scene_of
 from cinegen.planning import PlanStatus, change_mode, rrt_connect
@@ -24,6 +25,8 @@ MODES = {  # x and y (10 mm), angle (deg) of the six modes, and the sign of the 
     (-14.8961, 1.5830, 14.055): 1.0,
     (14.9201, -1.3379, 57.413): -1.0,
 }
+
+OTHER_SIDE = [mode for mode, sign in MODES.items() if sign < 0.0]
 
 
 def dense(mechanism, path, step=0.005):
@@ -72,7 +75,7 @@ def test_the_modes_are_those_of_the_closed_form(root):
         assert np.sign(determinant(robot, configuration(robot, pose))) == sign
 
 
-@pytest.mark.parametrize("seed", [0, 1])
+@pytest.mark.parametrize("seed", [0, *slow(1)])
 def test_a_mode_is_changed_without_a_singularity(root, seed):
     mechanism = (task := scene(root)).mechanism
     found = change_mode(task, seconds=SECONDS, seed=seed)
@@ -178,7 +181,7 @@ def test_a_mode_on_the_other_side_is_not_reached_around_singularities(root):
     assert "no proof" in found.plan.reason
 
 
-@pytest.mark.parametrize("goal", [(-0.02, -0.16, 0.3), (-0.09, -0.12, -0.1), (0.05, -0.15, -0.4)])
+@pytest.mark.parametrize("goal", [(-0.02, -0.16, 0.3), *slow(((-0.09, -0.12, -0.1),), ((0.05, -0.15, -0.4),))])
 def test_a_plan_to_a_pose_keeps_to_its_side_of_the_singularities(root, goal):
     """What RRT-Connect does by default."""
     task = scene(root, goal={"point": goal[:2], "angle": goal[2]})
@@ -190,7 +193,7 @@ def test_a_plan_to_a_pose_keeps_to_its_side_of_the_singularities(root, goal):
     assert all(np.sign(determinant(mechanism, q)) == side for q in dense(mechanism, found.path))
 
 
-@pytest.mark.parametrize("mode", [mode for mode, sign in MODES.items() if sign < 0.0])
+@pytest.mark.parametrize("mode", [OTHER_SIDE[0], *slow(*((mode,) for mode in OTHER_SIDE[1:]))])
 def test_a_plan_does_not_reach_a_pose_on_the_other_side(root, mode):
     x, y, angle = mode
     found = rrt_connect(scene(root, goal={"point": [x / 100, y / 100], "angle": np.radians(angle)}), seconds=4.0)
