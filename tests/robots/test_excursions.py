@@ -9,7 +9,7 @@ import pinocchio as pin
 import pytest
 from elementary import ROBOTS, document, within_limits
 from test_dragging import what_could_be_won
-from variants import slow
+from variants import others_slow, slow
 
 import cinegen
 from cinegen import PersistentSolver, Solver, Status, forecast_motion
@@ -81,7 +81,7 @@ def out_and_back(solver: Solver, rng: np.random.Generator) -> cinegen.Step:
     return step
 
 
-@every_robot
+@pytest.mark.parametrize(("name", "which"), others_slow(EVERY))
 @excursions
 def test_out_of_reach_and_back(name, which, excursions):
     mechanism, rng, dead_ends = load(name, which), np.random.default_rng(0), 0
