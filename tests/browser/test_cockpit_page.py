@@ -80,7 +80,7 @@ def tab(browser):
         page = browser.new_page(viewport=SIZE, bypass_csp=True)
         page.on("pageerror", lambda error: wrong.append(str(error)))
         page.add_init_script(script)
-        page.goto(cockpit.url)
+        page.goto(cockpit.url, timeout=60_000)
         page.wait_for_function(READY, polling=100, timeout=60_000)
         opened.append(page)
         return page

@@ -58,7 +58,7 @@ def opened(browser, robot, tmp_path):
         page = browser.new_page(viewport=SIZE, bypass_csp=True)
         ends.extend([page.close, cockpit.close])
         page.on("pageerror", lambda error: wrong.append(str(error)))
-        page.goto(cockpit.url)
+        page.goto(cockpit.url, timeout=60_000)
         page.wait_for_function(READY, polling=100, timeout=60_000)
         return cockpit, page, cockpit.map
 
