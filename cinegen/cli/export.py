@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import math
 from pathlib import Path
 
 import typer
 
 from cinegen.cli.files import check_outputs
 from cinegen.cli.numbers import quantity_option
-from cinegen.cli.options import FORCE, flag, option
+from cinegen.cli.options import FORCE, exclude, flag, option
 from raff2urdf.files import output_path, stem_of
 from raff2urdf.quantities import FREQUENCY, NUMBER
 
@@ -26,25 +27,29 @@ def run(
     robot: str | None = option("NAME", "robot of the recording, if it has several"),
     rate: float = quantity_option("HZ", "samples per second (Hz)", FREQUENCY, 125.0),
     speed: float = SPEED,
+    fastest: bool = flag("--fastest", "move as fast as limits allow, whatever the recording's times"),
     acceleration: float | None = option("A", "limit of the joints' acceleration, rad/s^2 and m/s^2 (default: 10, 2.5)"),
     jerk: float | None = option("J", "limit of their jerk, rad/s^3 and m/s^3 (default: none)"),
+    torques: bool = flag("--torques", "keep the actuators' torques and forces within the limits of the description"),
     all_joints: bool = flag("--all-joints", "write passive joints too"),
     unsafe: bool = flag("--unsafe", "write the motion even if its check fails"),
     force: bool = FORCE,
 ) -> int:
     """Export a recorded motion as CSV, NPZ, a ROS 2 goal or URScript.
 
-    The motion is resampled at a fixed rate within limits of velocity, acceleration and jerk, checked again (loops,
-    limits, singularities between the samples too) and written.
+    The motion is resampled at a fixed rate within limits of velocity, acceleration, jerk and, with --torques, torque,
+    checked again (loops, limits, singularities between the samples too) and written.
     """
     from cinegen.mission import export, report_text
     from cinegen.mission.formats import format_of
+    from cinegen.planning.torque_limits import TorqueLimits
 
+    exclude(fastest=fastest, speed=speed != 1.0)
     path = recording.parent / f"{stem_of(recording)}{format_of(to).suffix}"
     path = output_path(output, path.name) if output else path
     check_outputs(path, force=force or path == recording, remakeable=False)
     print(report_text(export(
-        recording, to, output=path, robot=robot, rate=rate, speed=speed, all_joints=all_joints, unsafe=unsafe,
-        acceleration=acceleration, jerk=jerk,
+        recording, to, output=path, robot=robot, rate=rate, speed=math.inf if fastest else speed, all_joints=all_joints,
+        unsafe=unsafe, acceleration=acceleration, jerk=jerk, torques=TorqueLimits if torques else None,
     )))  # fmt: skip
     return 0

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -12,6 +12,8 @@ from cinegen.mission.file_format import MissionError
 from cinegen.mission.formats import format_of
 from cinegen.mission.recording import Recording
 from cinegen.mission.trajectory import Trajectory, resampled
+from cinegen.model import Mechanism
+from cinegen.planning.torque_limits import TorqueLimits
 from raff2urdf.files import write_all
 
 _LISTED = 3  # findings in an error
@@ -27,7 +29,7 @@ class ExportReport:
         joints: exported joints.
         trajectory: exported trajectory.
         findings: findings of its check.
-        recorded: duration in the recording divided by the requested speed, s.
+        recorded: duration in the recording divided by the requested speed, s; 0 if the fastest motion is requested.
         notes: notes about the file.
     """
 
@@ -51,6 +53,7 @@ def export(
     unsafe: bool = False,
     acceleration: float | Mapping[str, float] | None = None,
     jerk: float | Mapping[str, float] | None = None,
+    torques: Callable[[Mechanism], TorqueLimits] | None = None,
 ) -> ExportReport:
     """Write a robot's recorded motion to a file, completely or not at all. An existing file is replaced.
 
@@ -60,11 +63,12 @@ def export(
         output: path of the file; that of the recording with the format's suffix unless given.
         robot: name of the robot in the recording; the only one unless given.
         rate: samples per second.
-        speed: speed relative to the recording, as far as limits allow.
+        speed: speed relative to the recording, as far as limits allow; infinite for the fastest motion.
         all_joints: write passive joints, too.
         unsafe: write the motion even if its check has serious findings.
         acceleration: limits of acceleration, rad/s^2 and m/s^2: one number, or by joint name; defaults unless given.
         jerk: limits of jerk, rad/s^3 and m/s^3, likewise; unlimited unless given.
+        torques: returns the limits of torques and forces of the robot, such as `TorqueLimits`; unlimited unless given.
 
     Raises:
         MissionError: the recording can't be read or exported; its motion leaves loops open, violates limits or passes a
@@ -78,7 +82,7 @@ def export(
     if os.path.realpath(path) == os.path.realpath(source):
         raise MissionError(f"{path}: is the recording itself; name another file (-o FILE)")
     recording = Recording.load(source)
-    trajectory = resampled(recording, robot, rate, speed, acceleration, jerk)
+    trajectory = resampled(recording, robot, rate, speed, acceleration, jerk, torques)
     joints = trajectory.mechanism.joints if all_joints else trajectory.mechanism.actuated
     content = form.write(trajectory, joints)
     findings = check(trajectory)
@@ -116,8 +120,11 @@ def report_text(report: ExportReport) -> str:
         f"{seconds:.3f} s, {trajectory.rate:g} a second"
     ]
     slower = float(trajectory.passes[-1, 0]) - report.recorded
-    if slower > 1e-3:
-        lines.append(f"slowed down by {slower:.3f} s, for limits of velocity and acceleration")
+    if slower > 1e-3 and report.recorded:
+        kinds = "velocity and acceleration" if trajectory.torques is None else "velocity, acceleration and torque"
+        lines.append(f"slowed down by {slower:.3f} s, for limits of {kinds}")
+    if trajectory.torques is not None:
+        lines.append(f"torques: {trajectory.torques.text(trajectory.q, trajectory.rate)}")
     if assumed := str(trajectory.limits):
         lines.append(f"assumed: {assumed}")
     if not findings.serious:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -17,7 +17,8 @@ from cinegen.mission.file_format import MissionError
 from cinegen.mission.recording import Recording
 from cinegen.model import Mechanism
 from cinegen.model.motion_limits import MotionLimits, motion_limits
-from cinegen.planning.timing import TimeLaw, averaged, averaging_window, excess, grid_of, time_law
+from cinegen.planning.timing import TimeLaw, averaged, averaging_window, derivatives, excess, grid_of, time_law
+from cinegen.planning.torque_limits import TorqueLimits, TorqueTerms
 
 Array = NDArray[np.float64]
 
@@ -26,6 +27,7 @@ _SLOWER = 1.001  # more than needed, so that few rounds suffice
 _ROUNDS = 60
 _MOST = 5_000_000  # most samples
 _PART = 0.02  # rad or lengths: longest motion of an interval of the time law
+_INSTANT = 1e-4  # s: of two recorded samples without motion between them
 
 
 @dataclass(frozen=True, eq=False)
@@ -41,6 +43,7 @@ class Trajectory:
         v: (n, nv) velocities, rad/s and m/s.
         passes: (k, 2) times of the recorded samples, in the trajectory and in the recording, s.
         limits: limits that the samples obey.
+        torques: limits of torques and forces that they obey; None without any.
     """
 
     name: str
@@ -51,6 +54,7 @@ class Trajectory:
     v: Array
     passes: Array
     limits: MotionLimits
+    torques: TorqueLimits | None = None
 
     def __repr__(self) -> str:
         return f"<Trajectory of {self.name}: {self.seconds:.3f} s, {len(self.times)} samples>"
@@ -88,6 +92,7 @@ def resampled(
     speed: float = 1.0,
     acceleration: float | Mapping[str, float] | None = None,
     jerk: float | Mapping[str, float] | None = None,
+    torques: Callable[[Mechanism], TorqueLimits] | None = None,
 ) -> Trajectory:
     """Return a robot's recorded motion as a trajectory within limits (`motion_limits`).
 
@@ -100,9 +105,10 @@ def resampled(
         recording: recording of the robot.
         robot: name of the robot in the recording; the only one unless given.
         rate: samples per second, 0.1 to 1e5.
-        speed: speed relative to the recording, 0.01 to 100, as far as limits allow.
+        speed: speed relative to the recording, 0.01 to 100, as far as limits allow; infinite for the fastest motion.
         acceleration: limits of acceleration, rad/s^2 and m/s^2: one number, or by joint name; defaults unless given.
         jerk: limits of jerk, rad/s^3 and m/s^3, likewise; unlimited unless given.
+        torques: returns the limits of torques and forces of the robot, such as `TorqueLimits`; unlimited unless given.
 
     Raises:
         MissionError: the recording is empty, has several robots of which none is named, a floating base, open loops, or
@@ -112,9 +118,10 @@ def resampled(
         MissingExtraError: toppra is not installed.
     """
     name = _chosen(recording, robot)
-    for what, value, low, high in (("rate", rate, 0.1, 1e5), ("speed", speed, 0.01, 100.0)):
-        if not low <= value <= high:
-            raise MissionError(f"the {what} must be from {low:g} to {high:g}, not {value:g}")
+    if not 0.1 <= rate <= 1e5:
+        raise MissionError(f"the rate must be from 0.1 to 1e5, not {rate:g}")
+    if not (0.01 <= speed <= 100.0 or speed == math.inf):
+        raise MissionError(f"the speed must be from 0.01 to 100, or infinite, not {speed:g}")
     if not len(recording.times):
         raise MissionError(f"{recording.path}: nothing was recorded")
     mechanism = recording.mechanism(name)
@@ -122,19 +129,22 @@ def resampled(
         what = "its base is floating" if mechanism.floating else "it has joints of more than one number"
         raise MissionError(f"{name} can't be exported: {what}, which a joint trajectory does not contain")
     branch, limits = Branch(mechanism), motion_limits(mechanism, acceleration, jerk)
+    strengths = None if torques is None else torques(mechanism)
     times, knots = recording.times, _continuous(mechanism, recording.q[name])
     for i, q in enumerate(knots):
         try:
             knots[i] = branch.closed(q)
         except ClosureError as error:
             raise MissionError(f"{name} can't be exported: at {times[i]:.3f} s {error}") from None
-    passes, q = _timed(branch, limits, (times - times[0]) / speed, times, knots, rate, name)
+    passes, q = _timed(branch, limits, (times - times[0]) / speed, times, knots, rate, name, strengths)
     v = np.zeros((len(q), mechanism.model.nv))
     at_q, at_v = mechanism.scalar_joints
     v[1:-1, at_v] = (q[2:, at_q] - q[:-2, at_q]) * (0.5 * rate)
     for k in range(1, len(q) - 1) if mechanism.balls else ():
         v[k] = mechanism.difference(q[k - 1], q[k + 1]) * (0.5 * rate)
-    return Trajectory(name, mechanism, rate, np.arange(len(q)) / rate, q, v, np.column_stack([passes, times]), limits)
+    return Trajectory(
+        name, mechanism, rate, np.arange(len(q)) / rate, q, v, np.column_stack([passes, times]), limits, strengths
+    )
 
 
 def _chosen(recording: Recording, robot: str | None) -> str:
@@ -158,7 +168,14 @@ def _continuous(mechanism: Mechanism, recorded: Array) -> Array:
 
 
 def _timed(
-    branch: Branch, limits: MotionLimits, begin: Array, recorded: Array, knots: Array, rate: float, name: str
+    branch: Branch,
+    limits: MotionLimits,
+    begin: Array,
+    recorded: Array,
+    knots: Array,
+    rate: float,
+    name: str,
+    torques: TorqueLimits | None,
 ) -> tuple[Array, Array]:
     """Return the times of the recorded samples (k,), s, and new samples (n, nq) that obey all limits.
 
@@ -170,6 +187,7 @@ def _timed(
         knots: (k, nq) recorded samples.
         rate: samples per second.
         name: name of the robot.
+        torques: limits of torques and forces.
     """
     mechanism = branch.mechanism
     at_q, at_v = mechanism.scalar_joints
@@ -180,10 +198,11 @@ def _timed(
     if not steps.any():  # it stays where it is
         passes = begin if len(begin) > 1 else np.zeros(1)
         return passes, np.repeat(knots[:1], _count(passes[-1], rate, name), axis=0)
-    s = np.concatenate([[0.0], np.cumsum(np.maximum(np.diff(begin), (steps / velocity).max(axis=1)))])
+    durations = np.maximum(np.diff(begin), (steps / velocity).max(axis=1))
+    s = np.concatenate([[0.0], np.cumsum(np.maximum(durations, _INSTANT))])
     curve = curve_through(s, knots)
     counts = np.ceil((steps / scale).max(axis=1) / _PART).astype(np.int64)
-    law = _law(branch, curve, knots, grid_of(s, counts), recorded, velocity, acceleration, name)
+    law = _law(branch, curve, knots, grid_of(s, counts), recorded, velocity, acceleration, name, torques)
     window = averaging_window(limits, rate)
     for _ in range(_ROUNDS):
         passes = np.interp(s, law.s, law.times)
@@ -193,7 +212,7 @@ def _timed(
         along, delay = averaged(along, window), 0.5 * (window - 1) / rate
         ends = np.searchsorted(np.arange(len(along)) / rate - delay, passes)
         q = _closed(branch, knots, along, ends, recorded, name)
-        slower = excess(mechanism, limits, q, rate)
+        slower = max(excess(mechanism, limits, q, rate), 0.0 if torques is None else torques.excess(q, rate))
         if slower <= 1.0 + _ROUNDING:
             return passes + delay, q
         law = law.slowed(slower * _SLOWER)
@@ -217,6 +236,7 @@ def _law(
     velocity: Array,
     acceleration: Array,
     name: str,
+    torques: TorqueLimits | None,
 ) -> TimeLaw:
     """Return the time law of a curve of all joints (nq,), at most as fast as its parameter.
 
@@ -235,7 +255,21 @@ def _law(
         slopes[:, passive] = PchipInterpolator(grid, found[:, passive])(grid, 1)
     joints = np.concatenate([guided, passive])
     whole = CubicHermiteSpline(grid, values[:, joints], slopes[:, joints])
-    return time_law(whole, velocity[joints], acceleration[joints], grid, 1.0)
+    terms = None if torques is None else _torque_terms(branch, curve, knots, grid, recorded, name, torques)
+    return time_law(whole, velocity[joints], acceleration[joints], grid, 1.0, terms)
+
+
+def _torque_terms(
+    branch: Branch, curve: PPoly, knots: Array, grid: Array, recorded: Array, name: str, torques: TorqueLimits
+) -> TorqueTerms:
+    """Return the torques at the beginning, in the middle and at the end of each interval of a grid."""
+    points = np.insert(grid, np.arange(1, len(grid)), 0.5 * (grid[1:] + grid[:-1]))
+    q = _closed(branch, knots, curve(points), np.searchsorted(points, curve.x), recorded, name)
+    at = [branch.mechanism.q_index(joint) for joint in branch.mechanism.actuated]
+    tangents, bends = derivatives(curve, grid)
+    terms = torques.terms(np.array([q[:-2:2], q[1::2], q[2::2]]), tangents[..., at], bends[..., at])
+    torques.check_static(terms.static)
+    return terms
 
 
 def _closed(branch: Branch, knots: Array, along: Array, ends: NDArray[np.intp], recorded: Array, name: str) -> Array:

@@ -1,5 +1,8 @@
-"""Time-optimal motion along a path within limits of velocity and acceleration: TOPP-RA (H. Pham and Q.-C. Pham, "A New
-Approach to Time-Optimal Path Parameterization Based on Reachability Analysis", IEEE Trans. Robotics 34, 2018)."""
+"""Time-optimal motion along a path within limits of velocity, acceleration and torque: TOPP-RA.
+
+H. Pham and Q.-C. Pham, "A New Approach to Time-Optimal Path Parameterization Based on Reachability Analysis", IEEE
+Trans. Robotics 34, 2018.
+"""
 
 from __future__ import annotations
 
@@ -15,6 +18,7 @@ from scipy.interpolate import PPoly
 from cinegen.errors import CinegenError
 from cinegen.model import Mechanism
 from cinegen.model.motion_limits import MotionLimits
+from cinegen.planning.torque_limits import TorqueTerms
 from raff2urdf.extras import needs
 
 Array = NDArray[np.float64]
@@ -66,13 +70,18 @@ class TimeLaw:
 
 
 def time_law(
-    curve: PPoly, velocity: Array, acceleration: Array, grid: Array | None = None, fastest: float = np.inf
+    curve: PPoly,
+    velocity: Array,
+    acceleration: Array,
+    grid: Array | None = None,
+    fastest: float = np.inf,
+    torques: TorqueTerms | None = None,
 ) -> TimeLaw:
     """Return the fastest motion along a curve within limits, from rest to rest.
 
     TOPP-RA bounds accelerations at both ends and in the middle of each interval of the grid. Their exact maxima in
     between are then computed in closed form, and the whole motion is slowed down by what they exceed a limit: nowhere
-    on the curve is a velocity or an acceleration above its limit.
+    on the curve is a velocity or an acceleration above its limit. Torques are bounded at these three points only.
 
     Args:
         curve: cubic curve of (m,) values with continuous slopes.
@@ -81,14 +90,16 @@ def time_law(
         grid: (n,) ascending parameters between which the acceleration of the parameter is constant, among them all
             breakpoints of the curve; `grid_of(curve.x)` unless given.
         fastest: limit of the parameter's rate, 1/s.
+        torques: (3, n - 1, joints) at the beginning, in the middle and at the end of each interval of the grid,
+            relative to their limits; unlimited unless given.
 
     Raises:
         MissingExtraError: toppra is not installed.
         TimingError: toppra finds no motion.
     """
     s = grid_of(curve.x) if grid is None else grid
-    tangents, bends = _derivatives(curve, s)
-    rates = _fastest_rates(s, tangents, bends, velocity, acceleration, fastest)
+    tangents, bends = derivatives(curve, s)
+    rates = _fastest_rates(s, tangents, bends, velocity, acceleration, fastest, torques)
     times = np.concatenate([[0.0], np.cumsum(2.0 * np.diff(s) / (rates[1:] + rates[:-1]))])
     law = TimeLaw(times, s, rates)
     return law.slowed(_excess(law, tangents, bends, velocity, acceleration) / _INSIDE)
@@ -102,9 +113,9 @@ def grid_of(s: Array, counts: ArrayLike = 1) -> Array:
     return np.concatenate([*cut, s[-1:]])
 
 
-def _derivatives(curve: PPoly, s: Array) -> tuple[Array, Array]:
-    """Return the first and second derivatives (3, n - 1, m) at the beginning, in the middle and at the end of each
-    interval, with the polynomial of that interval."""
+def derivatives(curve: PPoly, s: Array) -> tuple[Array, Array]:
+    """Return the first and second derivatives (3, n - 1, m) of a curve at the beginning, in the middle and at the end
+    of each interval of parameters s (n,), with the polynomial of that interval."""
     inner = 0.5 * (s[1:] + s[:-1])
     piece = np.clip(np.searchsorted(curve.x, inner, side="right") - 1, 0, len(curve.x) - 2)
     coefficients = curve.c[:, piece]
@@ -120,7 +131,13 @@ def _derivatives(curve: PPoly, s: Array) -> tuple[Array, Array]:
 
 
 def _fastest_rates(
-    s: Array, tangents: Array, bends: Array, velocity: Array, acceleration: Array, fastest: float
+    s: Array,
+    tangents: Array,
+    bends: Array,
+    velocity: Array,
+    acceleration: Array,
+    fastest: float,
+    torques: TorqueTerms | None,
 ) -> Array:
     """Return the rate (n,) at each parameter by TOPP-RA."""
     with needs(_EXTRA, "times of a motion"):
@@ -140,13 +157,18 @@ def _fastest_rates(
     limited = np.isfinite(acceleration)
     step = np.diff(s)[:, None]
     first, second = (one[:, :, limited] / acceleration[limited] for one in (tangents, bends))
+    constant = np.zeros_like(first)
+    if torques is not None:
+        first = np.dstack([first, unit * torques.inertial])
+        second = np.dstack([second, unit**2 * torques.centrifugal])
+        constant = np.dstack([constant, torques.static])
     by_growth = np.hstack([first[k] + k * step * second[k] for k in range(3)])
-    by_square = np.hstack(list(second))
+    by_square, fixed = np.hstack(list(second)), np.hstack(list(constant))
     squares = np.column_stack([np.zeros(len(s)), most**2])
     width = by_growth.shape[1]
 
     class Limits(LinearConstraint):  # type: ignore[misc]
-        """Accelerations at three points of each interval, relative to their limits, and the rate itself."""
+        """Accelerations and torques at three points of each interval, relative to their limits, and the rate itself."""
 
         def __init__(self) -> None:
             super().__init__()
@@ -156,9 +178,9 @@ def _fastest_rates(
             return int(tangents.shape[2])
 
         def compute_constraint_params(self, path: Any, gridpoints: Array, *_: Any) -> tuple[Any, ...]:
-            last = np.vstack([by_growth, by_growth[-1:]]), np.vstack([by_square, by_square[-1:]])
+            terms = [np.vstack([one, one[-1:]]) for one in (by_growth, by_square, fixed)]
             both = np.vstack([np.eye(width), -np.eye(width)])
-            return (*last, np.zeros((len(s), width)), both, np.ones(2 * width), None, squares)
+            return (*terms, both, np.ones(2 * width), None, squares)
 
     class Path:
         """A path as TOPP-RA takes it: the interval of its parameter, and its size."""
@@ -167,22 +189,32 @@ def _fastest_rates(
         dof = int(tangents.shape[2])
 
     search = TOPPRA([Limits()], Path(), gridpoints=s, solver_wrapper="seidel", parametrizer="ParametrizeConstAccel")
-    ends = [_rate_at_end(tangents[0][0], bends[0][0], acceleration, most[0])]
-    ends.append(_rate_at_end(tangents[2][-1], bends[2][-1], acceleration, most[-1]))
+    at_rest = np.abs(tangents[0][0]).max(initial=0.0), np.abs(tangents[2][-1]).max(initial=0.0)
+    ends = [
+        0.0 if moves else _rate_at_end(by_square_at, fixed_at, limit)
+        for moves, by_square_at, fixed_at, limit in zip(
+            at_rest, (second[0][0], second[2][-1]), (constant[0][0], constant[2][-1]), (most[0], most[-1]), strict=True
+        )
+    ]
     for scale in (1.0, 0.5, 0.0):
         _, rates, _ = search.compute_parameterization(scale * ends[0], scale * ends[1])
         if rates is not None and np.isfinite(rates).all() and (rates[1:] + rates[:-1] > 0.0).all():
             return np.asarray(unit * rates)
-    raise TimingError("no motion along the path is within the limits of velocity and acceleration")
+    kinds = "velocity and acceleration" if torques is None else "velocity, acceleration and torque"
+    raise TimingError(f"no motion along the path is within the limits of {kinds}")
 
 
-def _rate_at_end(tangent: Array, bend: Array, acceleration: Array, most: float) -> float:
-    """Return the largest rate at an end where the motion is at rest: 0, unless the curve itself is at rest there."""
-    if np.abs(tangent).max(initial=0.0) > 0.0:
-        return 0.0
+def _rate_at_end(by_square: Array, fixed: Array, most: float) -> float:
+    """Return the largest rate at an end of a curve that is itself at rest there.
+
+    Args:
+        by_square: what accelerations and torques, relative to their limits, gain with the square of the rate.
+        fixed: what they are without it.
+        most: limit of the rate.
+    """
     with np.errstate(divide="ignore", invalid="ignore"):
-        squares = np.where(bend != 0.0, acceleration / np.abs(bend), np.inf)
-    return 0.99 * min(most, float(np.sqrt(squares.min(initial=np.inf))))
+        squares = np.where(by_square != 0.0, (1.0 - np.sign(by_square) * fixed) / np.abs(by_square), np.inf)
+    return 0.99 * min(most, float(np.sqrt(max(squares.min(initial=np.inf), 0.0))))
 
 
 def _excess(law: TimeLaw, tangents: Array, bends: Array, velocity: Array, acceleration: Array) -> float:

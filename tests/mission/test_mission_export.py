@@ -223,7 +223,7 @@ def test_faster_and_slower(recording):
     once, slow = export(path, "csv"), export(path, "csv", speed=0.5)
     assert 4.0 <= slow.trajectory.seconds <= 2.0 * once.trajectory.seconds + 0.01
     assert export(path, "csv", speed=100.0).trajectory.seconds > 0.05
-    with pytest.raises(MissionError, match=r"speed must be from 0\.01 to 100, not 0"):
+    with pytest.raises(MissionError, match=r"speed must be from 0\.01 to 100, or infinite, not 0"):
         export(path, "csv", speed=0.0)
 
 

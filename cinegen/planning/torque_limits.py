@@ -1,0 +1,176 @@
+"""Limits of torque along a path of known geometry.
+
+Along a path q(s), the torques of the actuated joints are linear in the second derivative of s and the square of the
+first one:
+
+    tau = m(s) s'' + c(s) s'^2 + g(s),
+
+with m(s) = tau(q, 0, dq/ds) - g(s), c(s) = tau(q, dq/ds, d2q/ds2) - g(s), g(s) = tau(q, 0, 0).
+
+J. E. Bobrow, S. Dubowsky and J. S. Gibson, "Time-Optimal Control of Robotic Manipulators Along Specified Paths", Int.
+J. Robotics Research 4, 1985. With loops, tau is that of the closed mechanism (`cinegen.dynamics`), as a function of the
+derivatives of its actuated joints.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from cinegen.dynamics import InverseDynamics, Payload
+from cinegen.dynamics.loads import GRAVITY
+from cinegen.errors import CinegenError, UnknownNameError
+from cinegen.model import Mechanism
+from raff2urdf.quantities import FORCE, TORQUE, Dimension, shown
+
+Array = NDArray[np.float64]
+
+_INSIDE = 1.0 - 1e-6  # of a limit, which the samples then keep in spite of rounding
+
+
+class TorqueTerms(NamedTuple):
+    """Torques relative to their limits: `inertial` s'' + `centrifugal` s'^2 + `static`, arrays (..., joints)."""
+
+    inertial: Array
+    centrifugal: Array
+    static: Array
+
+
+class TorqueLimits:
+    """Limits of the torques and forces of a mechanism's actuated joints.
+
+    Args:
+        mechanism: any whose links have masses.
+        payloads: bodies on nodes, and wrenches.
+        efforts: limits, N m and N: one number for all actuated joints, or by joint name; those of the description
+            unless given.
+        gravity: (3,) acceleration, m/s^2, in the world.
+
+    Attributes:
+        mechanism: as given.
+        joints: actuated joints that have a limit.
+        limits: their limits, N m and N.
+
+    Raises:
+        UnknownNameError: no such joint or node.
+        MassError: moving links have no mass.
+        CinegenError: no actuated joint has a limit, or a limit is not positive.
+    """
+
+    def __init__(
+        self,
+        mechanism: Mechanism,
+        payloads: Sequence[Payload] = (),
+        efforts: float | Mapping[str, float] | None = None,
+        gravity: ArrayLike = GRAVITY,
+    ) -> None:
+        self.mechanism = mechanism
+        self._dynamics = InverseDynamics(mechanism, payloads, gravity)
+        limits = _efforts(mechanism, efforts)
+        limited = np.isfinite(limits)
+        self.joints = tuple(name for name, has in zip(mechanism.actuated, limited, strict=True) if has)
+        if not self.joints:
+            raise CinegenError(
+                f"{mechanism.name}: no actuated joint has a limit of torque or force: give them in the file "
+                "('effort'), or as efforts"
+            )
+        self.limits, self._limited = limits[limited], np.flatnonzero(limited)
+
+    def terms(self, q: Array, tangents: Array, bends: Array) -> TorqueTerms:
+        """Return the torques along a path.
+
+        Args:
+            q: (..., nq) configurations with closed loops.
+            tangents: (..., actuated) derivatives of the actuated joints by the path's parameter.
+            bends: (..., actuated) their second derivatives.
+
+        Raises:
+            CinegenError: no torques of the actuated joints hold the mechanism at one of these configurations.
+        """
+        shape = tangents.shape[:-1]
+        flat = q.reshape(-1, q.shape[-1])
+        first, second = (one.reshape(len(flat), -1) for one in (tangents, bends))
+        static = self._torques(flat, None, None)
+        inertial = self._torques(flat, np.zeros_like(first), first) - static
+        centrifugal = self._torques(flat, first, second) - static
+        return TorqueTerms(*(one.reshape(*shape, -1) for one in (inertial, centrifugal, static)))
+
+    def of_samples(self, q: Array, rate: float) -> TorqueTerms:
+        """Return the torques at samples (n, nq), `rate` a second, of a motion from rest to rest: `static`, and the rest
+        of them as `inertial`. Velocities and accelerations are finite differences."""
+        at = [self.mechanism.q_index(name) for name in self.mechanism.actuated]
+        padded = np.vstack([q[:1, at], q[:, at], q[-1:, at]])
+        v = 0.5 * rate * (padded[2:] - padded[:-2])
+        a = rate**2 * (padded[2:] - 2.0 * padded[1:-1] + padded[:-2])
+        static = self._torques(q, None, None)
+        return TorqueTerms(self._torques(q, v, a) - static, np.zeros_like(static), static)
+
+    def excess(self, q: Array, rate: float) -> float:
+        """Return the factor by which samples (n, nq) of a motion from rest to rest, `rate` a second, must be slower to
+        obey the limits; 0 where they may even be at any speed.
+
+        Raises:
+            CinegenError: a joint exceeds its limit even at rest.
+        """
+        moving, _, static = self.of_samples(q, rate)
+        self.check_static(static)
+        room = np.where(moving > 0.0, _INSIDE - static, _INSIDE + static)
+        return float(np.sqrt((np.abs(moving) / np.maximum(room, 1e-300)).max(initial=0.0)))
+
+    def largest(self, q: Array, rate: float) -> Array:
+        """Return the largest torque (joints,) of each joint at samples (n, nq), `rate` a second, relative to its
+        limit."""
+        moving, _, static = self.of_samples(q, rate)
+        return np.asarray(np.abs(moving + static).max(axis=0, initial=0.0))
+
+    def text(self, q: Array, rate: float) -> str:
+        """Return what samples (n, nq), `rate` a second, require, for users."""
+        largest = self.largest(q, rate)
+        i = int(largest.argmax())
+        limit = shown(float(self.limits[i]), self._dimension(i), 4)
+        others = ", the others less of theirs" if len(self.joints) > 1 else ""
+        return f"{self.joints[i]} needs at most {100.0 * largest[i]:.0f} % of its {limit}{others}"
+
+    def check_static(self, static: Array) -> None:
+        """Raise a `CinegenError` if a torque at rest (..., joints), relative to its limit, exceeds it."""
+        flat = np.abs(static.reshape(-1, static.shape[-1]))
+        worst = int(flat.max(axis=0, initial=0.0).argmax())
+        most = float(flat[:, worst].max(initial=0.0))
+        if most >= _INSIDE:
+            kind, limit = self._dimension(worst), float(self.limits[worst])
+            raise CinegenError(
+                f"{self.mechanism.name}: {self.joints[worst]} needs {shown(most * limit, kind, 4)} to hold the "
+                f"mechanism at rest on this path, and its limit is {shown(limit, kind, 4)}"
+            )
+
+    def _dimension(self, i: int) -> Dimension:
+        return FORCE if self.mechanism.is_prismatic(self.joints[i]) else TORQUE
+
+    def _torques(self, q: Array, v: Array | None, a: Array | None) -> Array:
+        found = self._dynamics.torques_of(q, v, a, actuated=v is not None)[:, self._limited]
+        lost = np.flatnonzero(~np.isfinite(found).all(axis=1))
+        if len(lost):
+            raise CinegenError(
+                f"{self.mechanism.name}: no torques of the actuated joints hold it at {len(lost)} of {len(q)} points "
+                "of the path: it passes a type 2 singularity there"
+            )
+        return found / self.limits
+
+
+def _efforts(mechanism: Mechanism, given: float | Mapping[str, float] | None) -> Array:
+    """Return the limits (actuated,) of actuated joints, N m and N; infinite where there is none."""
+    own = {name: mechanism.limits[name].effort for name in mechanism.actuated}
+    if isinstance(given, Mapping):
+        for name in given:
+            if name not in own:
+                raise UnknownNameError("actuated joint", name, mechanism.actuated)
+        own |= given
+    elif given is not None:
+        own = dict.fromkeys(own, given)
+    for name, limit in own.items():
+        if not limit > 0.0:
+            raise CinegenError(f"the limit of torque or force of {name} must be positive, not {limit:g}")
+    return np.array(list(own.values()))
