@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from raff2urdf.coupling import Coupling, coupled_scales, followed
+from raff2urdf.inertia import Inertia
 from raff2urdf.length import characteristic_length, cut_screws
 from raff2urdf.placement import inverse
 from raff2urdf.raff.compound import expanded, spherical_joints
@@ -23,6 +24,7 @@ from raff2urdf.raff.document import (
     LoopKind,
     Parameters,
     RaffBase,
+    RaffInertial,
     RaffLink,
     RaffPart,
     RaffRobot,
@@ -49,6 +51,14 @@ def kleinfinger(document: Document, written: Parameters) -> Kleinfinger:
         theta=math.radians(written.theta),
         r=document.metres(written.r),
     )
+
+
+def stated_inertia(document: Document, inertial: RaffInertial) -> Inertia:
+    """Return a stated mass with its centre and moments, in the node's own frame, kg and m."""
+    xx, yy, zz = (document.metres(document.metres(moment)) for moment in inertial.moments)
+    xy, xz, yz = (document.metres(document.metres(product)) for product in inertial.products)
+    centre = np.array([document.metres(x) for x in inertial.centre])
+    return Inertia(inertial.mass or 0.0, centre, np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]]))
 
 
 def joint_units(document: Document, link: RaffLink, value: float) -> float:

@@ -13,6 +13,7 @@ import numpy as np
 from lxml import etree
 from numpy.typing import NDArray
 
+from raff2urdf.inertia import Inertia
 from raff2urdf.placement import roll_pitch_yaw
 
 Array = NDArray[np.float64]
@@ -77,10 +78,11 @@ class UrdfVisual:
 
 @dataclass(slots=True)
 class UrdfLink:
-    """A link and its shapes."""
+    """A link, its shapes, and its inertia in its own axes; None if its mass is unknown."""
 
     name: str
     visuals: list[UrdfVisual] = field(default_factory=list)
+    inertial: Inertia | None = None
 
 
 @dataclass(slots=True)
@@ -120,6 +122,8 @@ def to_xml(robot: UrdfRobot) -> etree._Element:
     root = etree.Element("robot", name=robot.name)
     for link in robot.links:
         element = etree.SubElement(root, "link", name=link.name)
+        if link.inertial is not None:
+            add_inertial(element, link.inertial)
         for visual in link.visuals:
             _add_visual(element, visual)
     for joint in robot.joints:
@@ -133,6 +137,15 @@ def to_xml(robot: UrdfRobot) -> etree._Element:
             limits = ((word, getattr(joint.limit, word)) for word in ("effort", "velocity", "lower", "upper"))
             etree.SubElement(element, "limit", {word: str(value) for word, value in limits if value is not None})
     return root
+
+
+def add_inertial(link: etree._Element, inertia: Inertia) -> None:
+    """Add mass and inertia to a link."""
+    element, matrix = etree.SubElement(link, "inertial"), inertia.matrix.tolist()
+    etree.SubElement(element, "origin", xyz=_numbers(value + 0.0 for value in inertia.centre.tolist()), rpy="0 0 0")
+    etree.SubElement(element, "mass", value=str(float(inertia.mass)))
+    upper = {f"i{'xyz'[i]}{'xyz'[j]}": str(matrix[i][j] + 0.0) for i in range(3) for j in range(i, 3)}
+    etree.SubElement(element, "inertia", upper)
 
 
 def _add_visual(link: etree._Element, visual: UrdfVisual) -> None:

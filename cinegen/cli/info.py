@@ -18,7 +18,7 @@ def run(
     collision: bool = flag("--collision", "also list the shapes of links, and why each pair is checked, or not"),
     json: bool = JSON,
 ) -> int:
-    """Print joints, limits, loops, couplings, mobility and singular values."""
+    """Print joints, limits, loops, couplings, mobility, singular values and masses."""
     from cinegen.model.description import describe
 
     reports = []
@@ -78,6 +78,7 @@ def _text(report: Mapping[str, Any]) -> str:
     lines += ["", f"  {report['end']} at home: singular values {_values(report['end_singular_values'])}"]
     length = report["characteristic_length"]
     lines.append(f"  (dimensionless: lengths divided by the characteristic length, {shown(length, LENGTH)})")
+    lines += ["", *_masses(report)]
     if "ignored" in report:
         lines += ["", "  not read:" if report["ignored"] else "  everything is read"]
     for one in report.get("ignored", []):
@@ -88,6 +89,22 @@ def _text(report: Mapping[str, Any]) -> str:
     if "collision" in report:
         lines += _collision(report["collision"])
     return "\n".join(lines)
+
+
+def _masses(report: Mapping[str, Any]) -> list[str]:
+    """Return the lines about masses."""
+    massless, bodies = report["massless"], report["unphysical"].items()
+    shown = ", ".join(massless[:_MOST_NAMES]) + (
+        f" and {len(massless) - _MOST_NAMES} more" * (len(massless) > _MOST_NAMES)
+    )
+    if massless and not report["mass"]:
+        return ["  mass: unknown"]
+    unknown = f"; unknown: {shown}" if massless else ""
+    lines = [f"  mass: {report['mass']:.4g} kg{unknown}"]
+    return lines + [f"  no body can have the inertia of link '{link}': {why}" for link, why in bodies]
+
+
+_MOST_NAMES = 12  # in a line
 
 
 def _collision(report: Mapping[str, Any]) -> list[str]:

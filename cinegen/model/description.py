@@ -9,6 +9,7 @@ from msgspec import Struct, to_builtins
 
 from cinegen.loops.closed_loops import LoopConstraint
 from cinegen.loops.motions import motions_of
+from cinegen.model.masses import stated
 from cinegen.model.mechanism import Mechanism
 from raff2urdf.coupling import Coupling
 
@@ -70,7 +71,10 @@ class CouplingDescription(Struct, frozen=True):
 
 
 def describe(mechanism: Mechanism) -> dict[str, Any]:
-    """Return joints, loops, couplings, mobility, actuated joints, closure and singular values at home; SI and radians.
+    """Return joints, loops, couplings, mobility, actuated joints, masses, closure and singular values at home; SI and
+    radians.
+
+    The mass is that of all links whose mass is stated, also of those that do not move.
 
     Singular values are dimensionless: lengths are divided by the characteristic length. Those of the loops and
     couplings are as many as their generic rank. Those of the end (`Mechanism.end`) are of its Jacobian in their null
@@ -98,6 +102,9 @@ def describe(mechanism: Mechanism) -> dict[str, Any]:
         "gap_as_written": mechanism.gap_as_written,
         "closure_at_home": mechanism.closure(q),
         "loop_singular_values": mechanism.loop_singular_values(q).tolist(),
+        "mass": sum(body.mass for body in stated(mechanism).values()),
+        "massless": list(mechanism.massless),
+        "unphysical": dict(mechanism.unphysical),
         "end": end,
         "end_singular_values": end_sigma.tolist(),
     }

@@ -22,6 +22,8 @@ def massless(mechanism: Mechanism) -> tuple[str, ...]:
         bodies.setdefault(model.frames[mechanism.frame_id(node)].parentJoint, node)
     with_mass = {0, *(joint for joint in bodies if model.inertias[joint].mass > 0.0)}
     for link in stated(mechanism):
+        if not model.existFrame(link, pin.FrameType.BODY):  # between the joints of a ball joint
+            continue
         with_mass.add(model.frames[model.getFrameId(link, pin.FrameType.BODY)].parentJoint)
     rigid = [loop for loop in mechanism.loops if loop.kind is LoopKind.RIGID]
     welded = [{model.frames[mechanism.frame_id(end)].parentJoint for end in (one.first, one.second)} for one in rigid]

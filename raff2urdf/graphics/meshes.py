@@ -76,22 +76,21 @@ class Graphics:
 
     def of(self, node: RaffNode) -> tuple[list[Drawing], list[str]]:
         """Return the drawings of a node's graphic files, and why others, or parts of them, can't be shown."""
-        drawings: list[Drawing] = []
-        reasons = []
-        for name in node.filenames or ():
-            try:
-                root = self.folder / Path(self.robot.path or "").expanduser()
-                path = root / Path(name).expanduser()
-                root = root if path.is_relative_to(root) and ".." not in path.parts else path.parent
-                if path not in self._found:
-                    self._found[path] = self._read(path, root)
-                found, reason = self._found[path]
-            except RuntimeError as error:  # "~nobody"
-                found, reason = [], str(error)
-            drawings += found
-            if reason is not None:
-                reasons.append(f"{name} ({reason})")
-        return drawings, reasons
+        found = [(name, *self.of_file(name)) for name in node.filenames or ()]
+        reasons = [f"{name} ({reason})" for name, _, reason in found if reason is not None]
+        return [drawing for _, drawings, _ in found for drawing in drawings], reasons
+
+    def of_file(self, name: str) -> tuple[list[Drawing], str | None]:
+        """Return the drawings of a graphic file, and why it, or a part of it, can't be shown; None if it can."""
+        try:
+            root = self.folder / Path(self.robot.path or "").expanduser()
+            path = root / Path(name).expanduser()
+            root = root if path.is_relative_to(root) and ".." not in path.parts else path.parent
+            if path not in self._found:
+                self._found[path] = self._read(path, root)
+            return self._found[path]
+        except RuntimeError as error:  # "~nobody"
+            return [], str(error)
 
     def _read(self, path: Path, root: Path) -> tuple[list[Drawing], str | None]:
         try:

@@ -11,6 +11,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 from statistics import median
 
 import numpy as np
@@ -57,6 +58,12 @@ class SkeletonDrawing:
             shapes.append(_ball(np.zeros(3), 1.2, style))
         return shapes
 
+    def bars(self, node: RaffNode, radius: float) -> list[UrdfVisual]:
+        """Return the node's bars to its children, all of one radius (m), in its own frame: as a body, not a drawing."""
+        style = _Style(radius, self.colours[node.number])
+        corners = [self._corners(child) for child in self.robot.children.get(node.number, [])]
+        return [bar for path in corners for start, end in pairwise(path) for bar in _bar(start, end, 1.0, style)]
+
     def _joint(self, node: RaffNode, style: _Style) -> Iterator[UrdfVisual]:
         marker = _Style(style.radius, _JOINT)
         if isinstance(node, RaffLink) and node.own_joint is not None and node.type is not JointType.PRISMATIC:
@@ -75,17 +82,8 @@ class SkeletonDrawing:
 
     def _bars_to(self, child: RaffPart, style: _Style) -> Iterator[UrdfVisual]:
         """Yield bars from the node's origin to a child's joint."""
-        gamma, epsilon, alpha, d, _, r = self.parameters[child.number]
         thickness = 0.6 if isinstance(child, RaffFrame) else 1.0
-        cg, sg = math.cos(gamma), math.sin(gamma)
-        axis = np.array([sg * math.sin(alpha), -cg * math.sin(alpha), math.cos(alpha)])
-        prismatic = isinstance(child, RaffLink) and child.type is JointType.PRISMATIC
-        corners = [np.zeros(3), np.array([0.0, 0.0, epsilon])]
-        corners.append(corners[-1] + d * np.array([cg, sg, 0.0]))
-        if not prismatic:
-            corners.append(corners[-1] + r * axis)
-        if isinstance(child, RaffFrame) or child.type is JointType.FIXED:
-            corners = [corners[0], corners[-1]]
+        corners = self._corners(child)
         drawn = [corners[0]]
         for corner in corners[1:]:
             if np.abs(corner - drawn[-1]).max() > 0.5 * style.radius:
@@ -93,8 +91,24 @@ class SkeletonDrawing:
                 drawn.append(corner)
         for corner in drawn[1:-1]:
             yield _ball(corner, thickness, style)
-        if prismatic:
-            yield from _bar(corners[-1], corners[-1] + 0.55 * r * axis, 1.0, style)
+        if isinstance(child, RaffLink) and child.type is JointType.PRISMATIC:
+            tube = 0.55 * self.parameters[child.number].r * self._axis(child)
+            yield from _bar(corners[-1], corners[-1] + tube, 1.0, style)
+
+    def _corners(self, child: RaffPart) -> list[np.ndarray]:
+        """Return the corners of the bars from the node's origin to a child's joint, m."""
+        gamma, epsilon, _, d, _, r = self.parameters[child.number]
+        corners = [np.zeros(3), np.array([0.0, 0.0, epsilon])]
+        corners.append(corners[-1] + d * np.array([math.cos(gamma), math.sin(gamma), 0.0]))
+        if isinstance(child, RaffFrame) or child.type is not JointType.PRISMATIC:
+            corners.append(corners[-1] + r * self._axis(child))
+        straight = isinstance(child, RaffFrame) or child.type is JointType.FIXED
+        return [corners[0], corners[-1]] if straight else corners
+
+    def _axis(self, child: RaffPart) -> np.ndarray:
+        """Return the z axis (3,) of a child."""
+        gamma, alpha = self.parameters[child.number].gamma, self.parameters[child.number].alpha
+        return np.array([math.sin(gamma) * math.sin(alpha), -math.cos(gamma) * math.sin(alpha), math.cos(alpha)])
 
 
 def _typical(parameters: Sequence[Kleinfinger]) -> float:

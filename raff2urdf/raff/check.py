@@ -16,6 +16,7 @@ from raff2urdf.errors import (
     Problem,
     RaffError,
     RaffWarning,
+    SourceLocation,
     defined_twice,
     did_you_mean,
     duplicates,
@@ -29,14 +30,17 @@ from raff2urdf.raff.document import (
     DriveKind,
     JointType,
     RaffCoupling,
+    RaffInertial,
     RaffLink,
+    RaffNode,
     RaffPart,
     RaffRobot,
     RaffSensor,
     RaffVariable,
 )
 from raff2urdf.raff.writer import number as shown
-from raff2urdf.readers.urdf import LEAST_SPEED, TOO_SLOW
+from raff2urdf.readers.urdf import LEAST_SPEED, TOO_SLOW, negative_mass
+from raff2urdf.tree import stated_inertia
 
 # XML 1.0 (fifth edition), production [5] Name, without the colon, which belongs to namespaces.
 _START = (
@@ -84,20 +88,42 @@ def check(document: Document) -> None:
 
 
 def check_sizes(document: Document, robot: RaffRobot) -> None:
-    """Check that no length is too large for computations.
+    """Check that no length, mass and moment of inertia is too large for computations.
 
     Raises:
         RaffError: with every problem.
     """
-    _raise(
-        document.source.problem(
-            f"{word} of {node.keyword} {node.number} is beyond {LARGEST:g} m, the largest length",
-            node.locations.get("parameters"),
-        )
-        for node in (robot.base, *robot.parts)
-        for word in ("r", "d", "epsilon")
-        if not abs(document.metres(getattr(node.parameters, word))) <= LARGEST
-    )
+    problems = []
+    for node in (robot.base, *robot.parts):
+        lengths = {word: abs(document.metres(getattr(node.parameters, word))) for word in ("r", "d", "epsilon")}
+        for word in (word for word, length in lengths.items() if not length <= LARGEST):
+            message = f"{word} of {label(node)} is beyond {LARGEST:g} m, the largest length"
+            problems.append(document.source.problem(message, node.locations.get("parameters")))
+        for word, largest in _sizes(document, node.inertial) if node.inertial is not None else ():
+            if not largest <= LARGEST:
+                message = f"'{word}' of the inertial of {label(node)} is beyond {LARGEST:g} in SI units, the largest"
+                problems.append(document.source.problem(message, _place(node.inertial, word)))
+    _raise(problems)
+
+
+def label(node: RaffNode) -> str:
+    """Return a node as errors name it."""
+    return f"{node.keyword} {node.number}" if node.number else "the base"
+
+
+def _sizes(document: Document, inertial: RaffInertial) -> Iterator[tuple[str, float]]:
+    """Yield the largest number of each statement in SI units."""
+    for word in ("mass", "density"):
+        yield word, abs(getattr(inertial, word) or 0.0)
+    yield "radius", document.metres(abs(inertial.radius or 0.0))
+    yield "centre", document.metres(max(map(abs, inertial.centre)))
+    for word in ("moments", "products"):
+        yield word, document.metres(document.metres(max(map(abs, getattr(inertial, word)))))
+
+
+def _place(inertial: RaffInertial | None, word: str) -> SourceLocation | None:
+    locations = inertial.locations if inertial is not None else {}
+    return locations.get(word) or locations.get("inertial")
 
 
 def _raise(problems: Iterable[Problem]) -> None:
@@ -141,6 +167,9 @@ def _tree_problems(document: Document, robot: RaffRobot) -> Iterator[Problem]:
             message = f"the parent of {part.keyword} {part.number} is {part.pred}, which does not exist{known}"
             yield problem(message, part.locations.get("pred"))
     yield from _cycles(document, numbers)
+    for node in (robot.base, *robot.parts):
+        if node.inertial is not None:
+            yield from _inertial_problems(document, node, node.inertial)
     for link in robot.links:
         yield from _limit_problems(document, f"link {link.number}", link)
         yield from _variable_problems(document, link, names)
@@ -155,6 +184,33 @@ def _limit_problems(document: Document, what: str, of: RaffLink | RaffVariable) 
     if of.effort is not None and not of.effort > 0.0:
         message = f"the effort limit of {what} is {of.effort:g}: it must be above 0 (N m or N), or left out"
         yield document.source.problem(message, of.locations.get("effort"))
+
+
+def _inertial_problems(document: Document, node: RaffNode, inertial: RaffInertial) -> Iterator[Problem]:
+    def problem(message: str, word: str) -> Problem:
+        return document.source.problem(message, _place(inertial, word))
+
+    what = label(node)
+    if inertial.mass is None and inertial.density is None:
+        yield problem(f"the inertial of {what} has no 'mass' (kg), nor a 'density' (kg/m3)", "inertial")
+    if inertial.mass is not None and inertial.mass < 0.0:
+        yield problem(negative_mass(what, inertial.mass), "mass")
+    for word in ("density", "radius"):
+        value = getattr(inertial, word)
+        if value is not None and not value > 0.0:
+            yield problem(f"the {word} of {what} is {shown(value)}: it must be above 0", word)
+    if inertial.density is None and inertial.radius is not None:
+        yield problem(f"'radius' of {what} is that of bars of a 'density': add it, or remove 'radius'", "radius")
+    if inertial.density is not None:
+        for word in ("mass", "centre", "moments", "products"):
+            if word in inertial.locations or getattr(inertial, word) != getattr(_NO_INERTIAL, word):
+                yield problem(f"{what} has a 'density', from which '{word}' follows: remove one of them", word)
+        if inertial.radius is None and not node.filenames:
+            message = f"{what} has a 'density' but no graphics: name files, or give the 'radius' of its bars"
+            yield problem(message, "density")
+
+
+_NO_INERTIAL = RaffInertial()
 
 
 def _variable_problems(document: Document, link: RaffLink, names: Mapping[str, RaffPart]) -> Iterator[Problem]:
@@ -296,6 +352,12 @@ def _unit_problems(document: Document, robot: RaffRobot) -> Iterator[Problem]:
 def _oddities(document: Document, robot: RaffRobot) -> Iterator[Problem]:
     """Yield warnings: valid input that is probably not intended."""
     problem = document.source.problem
+    for node in (robot.base, *robot.parts):
+        if node.inertial is not None and all(size <= LARGEST for _, size in _sizes(document, node.inertial)):
+            why = stated_inertia(document, node.inertial).why_unphysical()
+            if why is not None:
+                message = f"no body can have the inertia of {label(node)}: {why}; no forces can be computed"
+                yield problem(message, _place(node.inertial, "moments"))
     for link in robot.links:
         yield from _variables_outside_limits(document, link)
         yield from _useless_efforts(document, link)

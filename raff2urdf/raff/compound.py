@@ -19,7 +19,16 @@ from collections.abc import Iterator, Mapping
 from dataclasses import replace
 from itertools import count
 
-from raff2urdf.raff.document import CompoundKind, JointType, Parameters, RaffLink, RaffPart, RaffRobot, RaffVariable
+from raff2urdf.raff.document import (
+    CompoundKind,
+    JointType,
+    Parameters,
+    RaffInertial,
+    RaffLink,
+    RaffPart,
+    RaffRobot,
+    RaffVariable,
+)
 
 VARIABLES: Mapping[CompoundKind, Mapping[str, str | None]] = {
     CompoundKind.BALL: {"x": None, "y": None, "z": None},
@@ -86,6 +95,7 @@ def _successive(link: RaffLink, numbers: Iterator[int]) -> list[RaffLink]:
             own_joint=joint,
             name=link.name if last else f"link{link.number}_{name.upper() or 0}",
             filenames=link.filenames if last else (),
+            inertial=link.inertial if last or link.inertial is None else RaffInertial(mass=0.0),
             locations=link.locations,
         )
         found.append(part)

@@ -89,6 +89,31 @@ class _Named:
         return f"joint{self.number}"
 
 
+Vector = tuple[float, float, float]
+
+
+@dataclass(frozen=True, slots=True)
+class RaffInertial:
+    """The mass of a node, in its own frame: stated, or that of a solid of one density. Lengths in the file's unit.
+
+    Attributes:
+        mass: kg; None with a density.
+        centre: of mass.
+        moments: of inertia about the centre, Ixx, Iyy, Izz: kg times the square of the unit of length.
+        products: of inertia, Ixy, Ixz, Iyz, the off-diagonal elements of the inertia matrix.
+        density: kg/m3, of the node's graphics, or of bars.
+        radius: of bars along the node's parameters, which take the place of its graphics.
+    """
+
+    mass: float | None = None
+    centre: Vector = (0.0, 0.0, 0.0)
+    moments: Vector = (0.0, 0.0, 0.0)
+    products: Vector = (0.0, 0.0, 0.0)
+    density: float | None = None
+    radius: float | None = None
+    locations: Locations = field(default_factory=_no_locations, compare=False, repr=False)
+
+
 @dataclass(frozen=True, slots=True)
 class RaffBase:
     """The root of a robot: node number 0, named `base`; `parameters` place it in the world."""
@@ -98,6 +123,7 @@ class RaffBase:
     node: ClassVar[str] = "base"
     parameters: Parameters = Parameters()
     filenames: tuple[str, ...] | None = None  # None: the file names none, and a skeleton is drawn
+    inertial: RaffInertial | None = None  # None: the mass is not in the file
     locations: Locations = field(default_factory=_no_locations, compare=False, repr=False)
 
 
@@ -145,6 +171,7 @@ class RaffLink(_Named):
     own_joint: str | None = None
     name: str | None = None
     filenames: tuple[str, ...] | None = None  # None: the file names none, and a skeleton is drawn
+    inertial: RaffInertial | None = None  # None: the mass is not in the file
     locations: Locations = field(default_factory=_no_locations, compare=False, repr=False)
 
     @property
@@ -163,6 +190,7 @@ class RaffFrame(_Named):
     pred: int
     name: str | None = None
     filenames: tuple[str, ...] | None = None  # None: the file names none, and a skeleton is drawn
+    inertial: RaffInertial | None = None  # None: the mass is not in the file
     locations: Locations = field(default_factory=_no_locations, compare=False, repr=False)
 
 

@@ -99,7 +99,9 @@ def parse(text: str, name: str = "<text>") -> Document:
 _SHOWN = {"STRING": 'a text in "..."', "WORD": "a name", "NAME": 'a name or a text in "..."'}
 _SHOWN["MORE"] = "')' or a number"
 _LABELS = {"base": "the base", "parameters": "the parameter block", "constraint": "the constraint"}
-_LABELS |= {"limits": "the limits", "filename": "the list of files"}
+_LABELS |= {"limits": "the limits", "filename": "the list of files", "inertial": "the inertial"}
+_LABELS |= {"centre": "the centre", "moments": "the moments", "products": "the products"}
+_COUNTS = {"limits": "two numbers", **dict.fromkeys(("centre", "moments", "products"), "three numbers")}
 
 
 class _StopReadingError(Exception):
@@ -234,7 +236,7 @@ class _Reading:
             return self.take()._replace(kind="NUMBER", text="1")
         if token.kind in ("NUMBER", "END"):
             return self.expect("NUMBER")
-        wanted = "two numbers" if word.text == "limits" else "a number"
+        wanted = _COUNTS.get(word.text, "a number")
         self.report(f"'{word.text}' needs {wanted} here", token.location)
         return token._replace(kind="MISSING", text="1")
 
@@ -267,8 +269,8 @@ class _Reading:
         if word.text == "type":
             kinds: list[IntEnum] = list(LoopKind if self.open[-1].kind == "constraint" else JointType)
             return f" ({', '.join(f'{kind.value} {kind.name.lower()}' for kind in kinds)})"
-        if token.text[0].isdigit() and token.text.rstrip("umcdegra").replace(".", "", 1).isdigit():
-            return " (numbers have no unit: lengths are in the file's `units`, angles in degrees)"
+        if token.text[0].isdigit() and token.text.rstrip("umcdegrak").replace(".", "", 1).isdigit():
+            return " (numbers have no unit: lengths are in the file's `units`, angles in degrees, masses in kg)"
         return ""
 
     def unfitting(self, block: Block, token: Token) -> None:

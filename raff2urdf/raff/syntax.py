@@ -28,6 +28,7 @@ from raff2urdf.raff.document import (
     RaffCoupling,
     RaffDrive,
     RaffFrame,
+    RaffInertial,
     RaffLink,
     RaffLoop,
     RaffRobot,
@@ -168,6 +169,10 @@ def _compound(report: Report, token: Token) -> CompoundKind:
     return CompoundKind(token.text)
 
 
+def _inertial(_: Report, block: Block, word: Token) -> RaffInertial:
+    return RaffInertial(**block.values, locations={**block.locations, "inertial": word.location})
+
+
 def _variable(_: Report, block: Block, name: Token) -> RaffVariable:
     return RaffVariable(name.text, **block.values, locations={**block.locations, "name": name.location})
 
@@ -295,6 +300,8 @@ _PRED = Statement("NUMBER", whole, required=": the number of its parent (0: the 
 _NODE = Statement("NUMBER", lambda report, number: (whole(report, number), number.location), "nodes", repeats=True)
 _JOINT_TYPES = " (0 fixed, 1 prismatic, 2 revolute)"
 _LIMITS = Statement("{ NUMBER NUMBER }", lambda report, *ends: tuple(finite(report, end) for end in ends))
+_VECTOR = Statement("{ NUMBER NUMBER NUMBER }", lambda report, *found: tuple(finite(report, one) for one in found))
+_INERTIAL = Statement("{", _inertial)
 _ACTUATED = Statement("NUMBER", _choice("'actuated'", ["passive", "actuated"], bool))
 _DEFAULTS: dict[str, Any] = {"parameters": Parameters(), "pred": 0}
 _DOF = ["none", "one", "two", "three"]
@@ -313,7 +320,7 @@ STATEMENTS: dict[str, dict[str, Statement]] = {
         "constraint": Statement("{", _constraint, "constraints", repeats=True),
         "coupling": Statement("{", _coupling, "couplings", repeats=True),
     },
-    "base": {"parameters": _PARAMETERS, "filename": _FILES},
+    "base": {"parameters": _PARAMETERS, "filename": _FILES, "inertial": _INERTIAL},
     "link": {
         "parameters": _PARAMETERS,
         "type": Statement(
@@ -328,8 +335,17 @@ STATEMENTS: dict[str, dict[str, Statement]] = {
         "actuated": _ACTUATED,
         "name": _TEXT,
         "filename": _FILES,
+        "inertial": _INERTIAL,
     },
-    "frame": {"parameters": _PARAMETERS, "pred": _PRED, "name": _TEXT, "filename": _FILES},
+    "frame": {"parameters": _PARAMETERS, "pred": _PRED, "name": _TEXT, "filename": _FILES, "inertial": _INERTIAL},
+    "inertial": {  # in the node's own frame
+        "mass": replace(_NUMBER, required=" (kg), nor a 'density' (kg/m3)", unless="density"),
+        "centre": _VECTOR,  # x y z, lengths
+        "moments": _VECTOR,  # Ixx Iyy Izz about the centre, kg times lengths squared
+        "products": _VECTOR,  # Ixy Ixz Iyz
+        "density": _NUMBER,  # kg/m3; of the graphics, or with a radius of bars
+        "radius": _NUMBER,  # of bars, a length
+    },
     "variable": {
         "home": _NUMBER,
         "limits": _LIMITS,
@@ -363,7 +379,6 @@ STATEMENTS: dict[str, dict[str, Statement]] = {
         "translation": Statement("NUMBER", _choice("'translation'", _DOF)),  # number of degrees of freedom
         "rotation": Statement("NUMBER", _choice("'rotation'", _DOF)),
     },
-    "limits": {},
-    "filename": {},
+    **{word: {} for word in ("limits", "filename", "centre", "moments", "products")},
 }
 """The statements of each kind of block, by their words; the file itself is the block without a name."""

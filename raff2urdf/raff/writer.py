@@ -14,6 +14,7 @@ from raff2urdf.raff.document import (
     LoopKind,
     Parameters,
     RaffFrame,
+    RaffInertial,
     RaffNode,
     RaffRobot,
     RaffSensor,
@@ -71,8 +72,10 @@ def _robot(robot: RaffRobot, notes: Mapping[int, str]) -> Iterator[str]:
 
 _OF_SENSORS = ("port", "translation", "rotation")
 _OF_JOINT = ("limits", "velocity", "effort", "actuated")
+_OF_INERTIAL = ("mass", "centre", "moments", "products", "density", "radius")
 _OF_VARIABLES = ("home", *_OF_JOINT)
-_WORDS = ("name", "parameters", "filenames", "type", "compound", "pred", *_OF_JOINT, "variables", *_OF_SENSORS)
+_OF_NODE = ("name", "parameters", "filenames", "type", "compound", "pred", *_OF_JOINT, "variables", "inertial")
+_WORDS = (*_OF_NODE, *_OF_SENSORS)
 
 
 def _statements(block: RaffNode | RaffSensor, indent: str) -> Iterator[str]:
@@ -85,8 +88,19 @@ def _statements(block: RaffNode | RaffSensor, indent: str) -> Iterator[str]:
         elif word == "variables":
             for variable in value or ():
                 yield f"{indent}variable {variable.name} {_variable(variable)}"
+        elif isinstance(value, RaffInertial):
+            yield from _inertial(value, indent)
         elif value is not None and value != Parameters() and not (word == "type" and compound):
             yield f"{indent}{word.removesuffix('s') if word == 'filenames' else word} {_value(value)}"
+
+
+def _inertial(inertial: RaffInertial, indent: str) -> Iterator[str]:
+    default = RaffInertial()
+    values = [
+        (word, getattr(inertial, word)) for word in _OF_INERTIAL if getattr(inertial, word) != getattr(default, word)
+    ]
+    words = [f"{word} {_value(value)}" for word, value in values]
+    yield f"{indent}inertial {{ {' '.join(words)} }}" if words else f"{indent}inertial {{ }}"
 
 
 def _variable(variable: RaffVariable) -> str:

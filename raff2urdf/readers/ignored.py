@@ -35,7 +35,8 @@ _SDF: Mapping[str, Collection[str]] = {
     "sdf": ("world", "model"),
     "world": ("model", "include"),
     "model": ("model", "include", "link", "joint", "frame", "pose", "static", "robot"),
-    "link": ("pose", "visual"),
+    "link": ("pose", "visual", "inertial"),
+    "inertial": ("pose", "mass", "inertia"),
     "visual": ("pose", "geometry", "material"),
     "joint": (
         *("parent", "child", "pose", "axis", "axis2", "gearbox_ratio", "gearbox_reference_body"),
@@ -45,7 +46,7 @@ _SDF: Mapping[str, Collection[str]] = {
     "axis2": ("xyz", "use_parent_model_frame", "limit", "mimic"),
     "limit": ("lower", "upper", "velocity", "effort"),
     "material": ("diffuse", "ambient"),
-    **dict.fromkeys(("include", "frame", "geometry", "mimic", "robot", "xyz"), ALL),
+    **dict.fromkeys(("include", "frame", "geometry", "mimic", "robot", "xyz", "inertia"), ALL),
 }
 
 _MJCF: Mapping[str, Collection[str]] = {
@@ -56,7 +57,7 @@ _MJCF: Mapping[str, Collection[str]] = {
     "worldbody": ("body", "geom", "site", "frame", "replicate", "attach", "include"),
     "body": ("body", "geom", "site", "frame", "joint", "freejoint", "inertial", "replicate", "attach", "include"),
     "frame": ("body", "geom", "site", "frame", "replicate", "attach", "include"),
-    **dict.fromkeys(("compiler", "default", "asset", "equality", "tendon", "actuator", "keyframe"), ALL),
+    **dict.fromkeys(("compiler", "default", "asset", "equality", "tendon", "actuator", "keyframe", "inertial"), ALL),
 }
 
 _TABLES = {"robot": _URDF, "sdf": _SDF, "mujoco": _MJCF}

@@ -5,13 +5,16 @@ three revolute joints. Equality constraints of the kinds connect and weld become
 tendon become couplings, if their tendons are fixed. Equality constraints that are not active are ignored, and so are
 limits of tendons. Joints that actuators drive are actuated. The keyframe `home`, or else the first, is the home
 configuration.
+
+Masses are those that MuJoCo computes, from `inertial` or from geoms, as the compiler settings say; also from meshes, if
+their files are there. A body whose mass they are needed for has none without them.
 """
 
 from __future__ import annotations
 
 import math
 import warnings
-from collections.abc import Collection, Iterator, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from itertools import zip_longest
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -23,7 +26,8 @@ from numpy.typing import NDArray
 from raff2urdf.constraints import Constraints
 from raff2urdf.errors import RaffError
 from raff2urdf.extras import needs
-from raff2urdf.graphics.names import check_mesh, home_of
+from raff2urdf.graphics.names import check_mesh, find, home_of
+from raff2urdf.inertia import Inertia
 from raff2urdf.placement import from_quaternion, roll_pitch_yaw, translation
 from raff2urdf.readers.urdf import LARGEST
 from raff2urdf.readers.urdf_builder import UNBOUNDED, Shape, UrdfBuilder, leave_out, material, shapes
@@ -33,13 +37,15 @@ from raff2urdf.urdf_model import UrdfVisual
 
 Array = NDArray[np.float64]
 
+_LEAST = 1e-14
+"""kg, kg m2: of bodies without mass, for which MuJoCo needs more than 1e-15."""
 _HIDDEN = 3  # MuJoCo's viewer shows geoms of the groups 0 to 2; collision shapes are in those above
 
 
 def read(path: Path, ignore: Collection[str] = ()) -> tuple[str, Constraints, list[str]]:
     """Return a URDF, its constraints, and the elements that were ignored, from an MJCF.
 
-    Meshes are not read, only named: they may be missing.
+    Meshes are not read, only named, unless the mass of a body depends on them; they may be missing.
 
     Args:
         path: of the file.
@@ -59,8 +65,21 @@ def read(path: Path, ignore: Collection[str] = ()) -> tuple[str, Constraints, li
             warnings.simplefilter("ignore")  # likewise
             spec = mujoco.MjSpec.from_file(str(path))
             soft = _remove_flexes(spec, str(path), ignore)
+            needed, unknown = _weighing_meshes(mujoco, spec, path)
+            weighing = spec.copy() if needed else spec
             meshes = _remove_meshes(mujoco, spec)
-            model = spec.compile()
+            weights = model = spec.compile()
+            if needed:
+                _remove_meshes(mujoco, weighing, needed)
+                try:
+                    weights = weighing.compile()
+                except (ValueError, OSError, RuntimeError) as error:
+                    why = f"MuJoCo can't read its meshes: {' '.join(str(error).split())}"
+                    unknown, weighing = dict.fromkeys(needed.values(), why) | unknown, spec
+            if unknown and spec.compiler.settotalmass > 0.0:
+                unknown = (
+                    dict.fromkeys(range(1, len(spec.bodies)), "settotalmass needs the masses of all bodies") | unknown
+                )
     except (ValueError, OSError, RuntimeError) as error:
         raise RaffError(f"{path}: MuJoCo can't read it: {' '.join(str(error).split())}") from None
     finally:
@@ -75,8 +94,9 @@ def read(path: Path, ignore: Collection[str] = ()) -> tuple[str, Constraints, li
         if not np.abs(np.linalg.norm(vectors, axis=1) - 1.0).max(initial=0.0) <= 1e-6:
             raise RaffError(f"{path}: the orientation of a {what} is not a rotation: its numbers are 0 or too large")
     reader = _Reader(mujoco, model, spec.modelname or path.stem, meshes, str(path))
-    urdf, constraints = reader.read(ignore)
-    return urdf, constraints, [*soft, *reader.ignored]
+    urdf, constraints = reader.read(ignore, _masses(weights, weighing, unknown))
+    left_out = [f"inertia of body '{reader.bodies[spec.bodies[body].id]}': {why}" for body, why in unknown.items()]
+    return urdf, constraints, [*soft, *reader.ignored, *left_out]
 
 
 def _check_includes(path: Path) -> None:
@@ -124,8 +144,64 @@ def _remove_flexes(spec: Any, name: str, ignore: Collection[str]) -> list[str]:
     return found
 
 
-def _remove_meshes(mujoco: Any, spec: Any) -> dict[str, Shape]:
-    """Replace every mesh by a box, and remove everything that is read from other files.
+def _weighing_meshes(mujoco: Any, spec: Any, path: Path) -> tuple[dict[int, int], dict[int, str]]:
+    """Return the meshes on which masses depend, by MuJoCo's rules.
+
+    Returns:
+        the indices of geoms whose meshes can be read, with those of their bodies; and the bodies of others, with the
+        reason.
+    """
+    settings, rules = spec.compiler, mujoco.mjtInertiaFromGeom
+    files = {mesh.name or Path(mesh.file).stem: mesh for mesh in spec.meshes}
+    first, last = settings.inertiagrouprange
+    bodies = [number for number, body in enumerate(spec.bodies) for _ in body.geoms]
+    explicit = [body.explicitinertial for body in spec.bodies]
+    found, unknown = dict[int, int](), dict[int, str]()
+    for index, (geom, body) in enumerate(zip(spec.geoms, bodies, strict=True)):
+        stated = settings.inertiafromgeom == rules.mjINERTIAFROMGEOM_FALSE or explicit[body]
+        by_geoms = body > 0 and (settings.inertiafromgeom == rules.mjINERTIAFROMGEOM_TRUE or not stated)
+        weightless = geom.mass == 0.0 or (np.isnan(geom.mass) and geom.density == 0.0)
+        if not (by_geoms and geom.meshname and first <= geom.group <= last) or weightless:
+            continue
+        mesh = files.get(geom.meshname)
+        try:
+            if mesh is not None and mesh.file:
+                file = Path(mesh.file).name if spec.strippath else mesh.file
+                find((Path(spec.meshdir or "") / file).as_posix(), path.absolute().parent)
+            found[index] = body
+        except RaffError as error:
+            unknown[body] = str(error)
+    return found, unknown
+
+
+def _masses(model: Any, spec: Any, unknown: Collection[int]) -> dict[int, Inertia]:
+    """Return the inertia of bodies in their own axes, by their indices in the compiled model; not of the world.
+
+    Args:
+        model: compiled, with the meshes that masses depend on.
+        spec: of which it was compiled.
+        unknown: indices in `spec` of bodies whose mass is unknown.
+    """
+    found = {}
+    for number, own in enumerate(spec.bodies):
+        body = own.id
+        mass = float(model.body_mass[body])
+        weightless = mass <= 2.0 * _LEAST and spec.compiler.boundmass <= _LEAST
+        if number in unknown or body <= 0 or (weightless and not own.explicitinertial):
+            continue
+        placed = from_quaternion(model.body_ipos[body], model.body_iquat[body])
+        principal = Inertia(mass, np.zeros(3), np.diag(model.body_inertia[body]))
+        found[body] = Inertia() if weightless else principal.in_frame(placed)
+    return found
+
+
+def _remove_meshes(mujoco: Any, spec: Any, kept: Collection[int] = ()) -> dict[str, Shape]:
+    """Replace meshes by boxes without mass, and remove everything that is read from other files.
+
+    Args:
+        mujoco: the package.
+        spec: the file; changed.
+        kept: indices of geoms whose meshes remain.
 
     Returns:
         the meshes by the names of their geoms.
@@ -137,21 +213,24 @@ def _remove_meshes(mujoco: Any, spec: Any) -> dict[str, Shape]:
         if geom.type == mujoco.mjtGeom.mjGEOM_HFIELD:
             spec.delete(geom)
             continue
-        if not geom.meshname:
+        if not geom.meshname or i in kept:
             continue
         geom.name = geom.name or f"mesh {i}"
         mesh = files.get(geom.meshname)
         if mesh is not None and mesh.file:
             (found[geom.name],) = shapes("mesh", mesh.scale, (folder / mesh.file).as_posix())
         geom.meshname, geom.type, geom.size = "", mujoco.mjtGeom.mjGEOM_BOX, [1e-3, 1e-3, 1e-3]
-    for things in (spec.sensors, spec.lights, spec.skins, spec.meshes, spec.hfields):
-        for thing in list(things):
-            spec.delete(thing)
+        geom.mass = 0.0
+    used = {geom.meshname for geom in spec.geoms}
+    unused = [mesh for name, mesh in files.items() if name not in used]
+    for thing in [*spec.sensors, *spec.lights, *spec.skins, *spec.hfields, *unused]:
+        spec.delete(thing)
     for painted in spec.materials:
         painted.textures = [""] * len(painted.textures)
     for texture in list(spec.textures):
         spec.delete(texture)
-    spec.compiler.boundmass = spec.compiler.boundinertia = 1e-6  # of bodies that had meshes only
+    settings = spec.compiler  # MuJoCo refuses bodies that move without mass
+    settings.boundmass, settings.boundinertia = max(settings.boundmass, _LEAST), max(settings.boundinertia, _LEAST)
     return found
 
 
@@ -180,9 +259,9 @@ class _Reader:
         keys = [model.key(k).name for k in range(model.nkey)]
         self.home = model.key_qpos[keys.index("home") if "home" in keys else 0] if keys else model.qpos0
 
-    def read(self, ignore: Collection[str]) -> tuple[str, Constraints]:
+    def read(self, ignore: Collection[str], masses: Mapping[int, Inertia]) -> tuple[str, Constraints]:
         for body, name in enumerate(self.bodies):
-            self.urdf.add_link(name, self.visuals(body))
+            self.urdf.add_link(name, self.visuals(body), masses.get(body))
             if body:
                 self.add_joints(body)
         self.add_equalities(ignore)
@@ -237,7 +316,7 @@ class _Reader:
             link = child
             if joint is not joints[-1] or joint.anchor.any():
                 link = urdf.free_name(f"{joint.name}_axis")
-                urdf.add_link(link)
+                urdf.add_link(link, (), None if joint is joints[-1] else Inertia())
             urdf.add_joint(joint.name, joint.prismatic, (parent, link), placed, joint.axis, **joint.values)
             parent, placed = link, translation(-joint.anchor)
         if parent != child or not joints:

@@ -17,9 +17,11 @@ from typing import Any
 import numpy as np
 from lxml import etree
 
+from raff2urdf.inertia import Inertia
 from raff2urdf.placement import with_z
 from raff2urdf.readers.urdf import MovingJoint, axis, effort, joints, limits, links, parse, remove, velocity
 from raff2urdf.readers.xml_file import error_at
+from raff2urdf.urdf_model import add_inertial
 
 Step = tuple[str, str, Sequence[float]]
 """Suffix of a joint's name, the joint's type, and its axis."""
@@ -88,7 +90,7 @@ def is_root(tree: Any, joint: Any) -> bool:
 
 
 def replace(tree: Any, joint: Any, steps: Sequence[Step], file: str) -> list[str]:
-    """Replace a joint by successive ones, each named after it, with empty links between them.
+    """Replace a joint by successive ones, each named after it, with links without mass between them.
 
     Args:
         tree: the URDF's root; changed.
@@ -122,7 +124,10 @@ def replace(tree: Any, joint: Any, steps: Sequence[Step], file: str) -> list[str
         if kind == "prismatic":
             etree.SubElement(element, "limit", lower=f"-{_FAR}", upper=_FAR, effort=_FAR, velocity=_FAR)
         element.sourceline = joint.sourceline
-        made += [element] if last else [element, etree.Element("link", name=name)]
+        made.append(element)
+        if not last:
+            made.append(etree.Element("link", name=name))
+            add_inertial(made[-1], Inertia())
         parent = name
     for element in made:
         joint.addprevious(element)

@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from raff2urdf.constraints import Constraints, loop_entry
 from raff2urdf.coupling import coupling_entry
+from raff2urdf.inertia import Inertia
 from raff2urdf.placement import inverse, joint_motion, translation
 from raff2urdf.readers.urdf import UNLIMITED
 from raff2urdf.urdf_model import (
@@ -58,9 +59,9 @@ class UrdfBuilder:
         self.taken.add(name)
         return name
 
-    def add_link(self, name: str, visuals: Iterable[UrdfVisual] = ()) -> None:
-        """Add a link."""
-        self._robot.links.append(UrdfLink(name=name, visuals=list(visuals)))
+    def add_link(self, name: str, visuals: Iterable[UrdfVisual] = (), inertial: Inertia | None = None) -> None:
+        """Add a link; its inertia is in its own axes, None if the file gives none."""
+        self._robot.links.append(UrdfLink(name, list(visuals), inertial))
 
     def add_fixed(self, name: str, parent: str, child: str, origin: Array, kind: str = "fixed") -> None:
         """Add a fixed joint, or a floating one."""

@@ -23,6 +23,7 @@ from raff2urdf.analysis import loop_kind
 from raff2urdf.constraints import Constraints
 from raff2urdf.coupling import Coupling, coupling_of
 from raff2urdf.errors import RaffError, did_you_mean
+from raff2urdf.inertia import Inertia
 from raff2urdf.placement import inverse
 from raff2urdf.raff.check import RESERVED, is_xml_name
 from raff2urdf.raff.document import (
@@ -35,6 +36,7 @@ from raff2urdf.raff.document import (
     RaffCoupling,
     RaffDrive,
     RaffFrame,
+    RaffInertial,
     RaffLink,
     RaffLoop,
     RaffPart,
@@ -44,7 +46,18 @@ from raff2urdf.raff.document import (
 )
 from raff2urdf.raff.kleinfinger import Kleinfinger, transform
 from raff2urdf.readers import successive
-from raff2urdf.readers.urdf import default_value, effort, ends, joints, limits, links, origin, root_first, velocity
+from raff2urdf.readers.urdf import (
+    default_value,
+    effort,
+    ends,
+    inertia,
+    joints,
+    limits,
+    links,
+    origin,
+    root_first,
+    velocity,
+)
 from raff2urdf.readers.urdf_builder import leave_out
 from raff2urdf.readers.xml_file import error_at
 from raff2urdf.tree import BASE_JOINT, WORLD, joint_units, kleinfinger
@@ -134,10 +147,14 @@ class _Import:
             self.add_body(body)
         loops = tuple(self.loop(entry) for entry in self.constraints.get("loops", []))
         self.parts.sort(key=lambda pair: pair[0])
+        masses = self.inertials()
         robot = RaffRobot(
             name=_xml_name(str(self.tree.get("name") or "robot")),
-            base=RaffBase(base_parameters),
-            parts=tuple(self.with_actuated(part for _, part in self.parts)),
+            base=RaffBase(base_parameters, inertial=masses.get(0)),
+            parts=tuple(
+                replace(part, inertial=masses.get(part.number))
+                for part in self.with_actuated(part for _, part in self.parts)
+            ),
             loops=loops,
             couplings=tuple(self.coupling(coupling_of(entry)) for entry in self.constraints.get("couplings", [])),
             sensor_constraints=tuple(self.sensor_constraints(movable)),
@@ -250,6 +267,34 @@ class _Import:
     def is_at(self, number: int, there: Array) -> bool:
         """Return whether a node has a pose."""
         return float(np.abs(self.placed[number] - there).max()) <= 10.0 * EXACT * max(self.length, 1.0)
+
+    def inertials(self) -> dict[int, RaffInertial]:
+        """Return the masses of the nodes, by number."""
+        found: dict[int, Inertia] = {}
+        for link in links(self.tree):
+            number, body = self.number_of.get(str(link.get("name"))), inertia(link, self.name)
+            if body is not None and number is not None:  # that of the world moves nothing
+                found[number] = found[number] + body if number in found else body
+        given = any(body.mass > 0.0 for body in found.values())  # else there is only 0 of links between joints
+        return {number: self.inertial(body) for number, body in found.items() if given}
+
+    def inertial(self, body: Inertia) -> RaffInertial:
+        """Return the inertia of a node in the file's units."""
+        xx, xy, xz, yy, yz, zz = (self.restored(moment, 2) for moment in body.matrix[np.triu_indices(3)].tolist())
+        x, y, z = (self.restored(x, 1) for x in body.centre.tolist())
+        return RaffInertial(float(body.mass), (x, y, z), (xx, yy, zz), (xy, xz, yz))
+
+    def restored(self, value: float, power: int) -> float:
+        """Return the shortest number in the file's units that reads back to a value in powers of m, if there is one."""
+        near = value * self.per_metre**power
+        rounded = [float(f"{near:.{digits}g}") + 0.0 for digits in (14, 15, 16, 17)]
+        for number in (*rounded, math.nextafter(near, math.inf), math.nextafter(near, -math.inf)):
+            back = number
+            for _ in range(power):
+                back = self.units.metres(back)
+            if back == value:
+                return number
+        return near
 
     def motion(self, joint: Any) -> tuple[float, tuple[float, float] | None, float | None]:
         """Return home, limits and velocity limit of a joint (rad, m)."""

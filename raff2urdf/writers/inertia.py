@@ -1,8 +1,8 @@
-"""Mass, centre and moments of inertia of links, estimated from their graphics: RAFF has no masses.
+"""Mass, centre and moments of inertia of links: stated, or estimated from their graphics.
 
-A link is treated as solid, of one density, in the shape of its graphics. Boxes, cylinders and balls are exact; a mesh
-that encloses a volume is exact too, any other one counts as its convex hull. Where shapes of one link overlap, their
-intersection counts twice.
+A link without a stated mass is treated as solid, of one density, in the shape of its graphics. Boxes, cylinders and
+balls are exact; a mesh that encloses a volume is exact too, any other one counts as its convex hull. Where shapes of
+one link overlap, their intersection counts twice.
 """
 
 from __future__ import annotations
@@ -45,16 +45,27 @@ class Inertias:
         links: by name. Links without a volume have none; others, and bodies that move, have at least `LEAST_MASS` and
             `LEAST_MOMENT`.
         density: of the estimates, kg/m3.
+        estimated: links whose mass is estimated from their graphics.
+        stated: whether the robot states the mass of any other one.
         raised: links that were raised to the least values.
     """
 
     links: Mapping[str, Inertia]
     density: float
+    estimated: tuple[str, ...] = ()
+    stated: bool = False
     raised: tuple[str, ...] = ()
 
     def sentence(self) -> str:
         """Return their origin in words, for a comment in a file."""
         text = f"Masses are estimated from the graphics, as solid bodies of {self.density:g} kg/m3."
+        if self.stated:
+            text = "Masses are the robot's own."
+        if self.stated and self.estimated:
+            text = (
+                f"Masses are the robot's own, but those of {', '.join(self.estimated)} are estimated from the graphics"
+            )
+            text += f", as solid bodies of {self.density:g} kg/m3."
         least = f"Raised to {LEAST_MASS:g} kg and {LEAST_MOMENT:g} kg m2, the least that simulators accept"
         return f"{text} {least}: {', '.join(self.raised)}." if self.raised else text
 
@@ -65,7 +76,9 @@ def inertias(
     read: Reader | None = None,
     moving: Mapping[str, Iterable[tuple[str, Array]]] | None = None,
 ) -> Inertias:
-    """Return the inertia of every link, estimated from its graphics.
+    """Return the inertia of every link: the robot's own, or estimated from its graphics.
+
+    A body of several links has those that are stated for any of them; if none is, it is estimated.
 
     Args:
         model: the robot's tree.
@@ -81,10 +94,16 @@ def inertias(
     if not (np.isfinite(density) and density > 0.0):
         raise RaffError(f"the density is {density:g} kg/m3: it must be a number above 0")
     surface = cache(read or load_surface)
+    bodies = {name: carrier for carrier, parts in (moving or {}).items() for name, _ in parts}
+    stated = {link.name: link.inertial for link in model.links if link.inertial is not None}
+    known = {bodies.get(name, name) for name in stated}
     found = {
-        link.name: sum_of(_placed(of_geometry(v.geometry, density, surface), v.origin) for v in link.visuals)
+        link.name: stated.get(link.name, Inertia())
+        if bodies.get(link.name, link.name) in known
+        else sum_of(_placed(of_geometry(v.geometry, density, surface), v.origin) for v in link.visuals)
         for link in model.links
     }
+    estimated = [name for name, body in found.items() if bodies.get(name, name) not in known and body.mass > 0.0]
     raised: dict[str, None] = {}
 
     def least(name: str, body: Inertia) -> Inertia:
@@ -103,7 +122,7 @@ def inertias(
         if enough is not whole:
             matrix = own.matrix + enough.matrix - whole.matrix
             found[carrier] = Inertia(own.mass + enough.mass - whole.mass, own.centre, matrix)
-    return Inertias(found, density, tuple(raised))
+    return Inertias(found, density, tuple(estimated), bool(stated), tuple(raised))
 
 
 def of_geometry(geometry: UrdfGeometry, density: float, surface: Reader | None = None) -> Inertia:

@@ -28,7 +28,7 @@ from scipy.spatial.transform import Rotation
 
 from raff2urdf.coupling import Coupling
 from raff2urdf.errors import RaffError, RaffWarning
-from raff2urdf.inertia import Inertia, sum_of
+from raff2urdf.inertia import ROUNDED, Inertia, sum_of
 from raff2urdf.placement import inverse, translation
 from raff2urdf.readers.urdf import UNLIMITED
 from raff2urdf.tree import BASE_JOINT, WORLD
@@ -55,6 +55,8 @@ IMPEDANCE = (0.999, 0.9999, 0.001)
 SERVO = 20.0
 """A servo's stiffness is the inertia that its joint moves at home times the square of a rate, `SERVO`
 sqrt(gravity / length). Under its own weight a robot sags by some 1 / SERVO^2 rad."""
+ROUNDING = 1e-12
+"""The sum of two principal moments exceeds the third by this part of it at least: MuJoCo refuses rounding errors."""
 NARROW = 1e-9
 """rad or m: MuJoCo refuses an empty range, so a joint that may not move at all gets this one."""
 
@@ -364,6 +366,9 @@ def limit(word: str, entry: Mapping[str, Any]) -> dict[str, str]:
 def add_inertial(body: etree._Element, inertia: Inertia) -> None:
     """Insert mass and inertia after a body's joint."""
     m = inertia.matrix
+    a, b, c = np.linalg.eigvalsh(m).tolist()
+    if 0.0 < (lacking := c * (1.0 + ROUNDING) - a - b) <= ROUNDED * c:  # a plate: MuJoCo has no tolerance for rounding
+        m = m + lacking * np.eye(3)
     full = (m[0, 0], m[1, 1], m[2, 2], m[0, 1], m[0, 2], m[1, 2])
     values = {"mass": "0", "diaginertia": "0 0 0"}
     if inertia.mass > 0.0:

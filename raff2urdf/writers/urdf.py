@@ -25,6 +25,7 @@ from raff2urdf.graphics.meshes import Graphics
 from raff2urdf.graphics.skeleton import SkeletonDrawing
 from raff2urdf.raff.document import Document, JointType, RaffLink, RaffNode, RaffPart, RaffRobot
 from raff2urdf.raff.kleinfinger import transform
+from raff2urdf.raff.masses import RaffMasses
 from raff2urdf.readers.declared_loops import note
 from raff2urdf.readers.sidecar import ENDING
 from raff2urdf.readers.urdf import UNLIMITED, hash_of
@@ -83,9 +84,13 @@ def tree(
 
     Returns:
         the tree, and what can't be shown: one line for each node that lacks some of its graphics.
+
+    Raises:
+        RaffError: a density without a volume.
     """
     missing: list[str] = []
     skeleton = SkeletonDrawing(document, robot)
+    masses = RaffMasses(document, graphics, skeleton)
     links, joints = [], []
 
     def body(node: RaffNode) -> UrdfLink:
@@ -95,7 +100,7 @@ def tree(
         visuals = [drawing.visual(out, document.metres(1.0)) for drawing in drawings]
         if not visuals and node.filenames != ():  # `filename { }` shows nothing
             visuals = skeleton.draw(node)
-        return UrdfLink(name=node.node, visuals=visuals)
+        return UrdfLink(name=node.node, visuals=visuals, inertial=masses.of(node))
 
     placement = transform(kleinfinger(document, robot.base.parameters))
     if robot.movable or not np.array_equal(placement, np.eye(4)):

@@ -21,6 +21,7 @@ from raff2urdf.raff.document import (
     RaffCoupling,
     RaffDrive,
     RaffFrame,
+    RaffInertial,
     RaffLink,
     RaffLoop,
     RaffRobot,
@@ -63,7 +64,7 @@ KEYWORDS = st.sampled_from(
         r"\w+",
         "RAFF robot sensor units path base link frame constraint parameters type joint ball variable home pred limits "
         "velocity effort actuated name filename theta r d alpha gamma epsilon port translation rotation mm coupling "
-        "ratio lead radius polynomial offset",
+        "ratio lead radius polynomial offset inertial mass centre moments products density",
     )
 )
 
@@ -145,6 +146,7 @@ def _robots(
             "pred": draw(st.sampled_from([0, *(part.number for part in parts)])),
             "name": own_name,
             "filenames": draw(files),
+            "inertial": draw(st.none() | inertials(values)),
         }
         if draw(st.integers(0, 3)) == 0:
             parts.append(RaffFrame(**common))
@@ -170,13 +172,21 @@ def _robots(
     held = st.builds(SensorConstraint, st.sampled_from(nodes), choices)
     return RaffRobot(
         name,
-        RaffBase(draw(st.just(Parameters()) | params), draw(files)),
+        RaffBase(draw(st.just(Parameters()) | params), draw(files), draw(st.none() | inertials(values))),
         tuple(draw(st.permutations(parts))),  # a father may stand behind its children
         tuple(draw(st.lists(loop, max_size=3))) if loops and numbers else (),
         draw(_couplings(parts, values)) if loops else (),
         tuple(draw(st.lists(held, max_size=2))),
         draw(st.none() | TEXTS) if graphics else None,
     )
+
+
+@st.composite
+def inertials(draw: st.DrawFn, values: st.SearchStrategy[float]) -> RaffInertial:
+    """A mass that some body has: a point, or a ball."""
+    mass = abs(draw(values))
+    moment = abs(draw(values)) if mass else 0.0
+    return RaffInertial(mass, (draw(values), draw(values), draw(values)), (moment, moment, moment))
 
 
 @st.composite

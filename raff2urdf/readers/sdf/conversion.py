@@ -6,8 +6,8 @@ the type gearbox become couplings, and so does a screw, with the revolute and th
 A joint that closes a loop and has two axes, or takes part in a coupling, gets a link of its own, which it moves and
 which the loop joins to its child.
 
-Versions 1.4 to 1.12 are read: links, their visuals, joints, frames, nested models; not what is for simulators only
-(collisions, sensors, plugins).
+Versions 1.4 to 1.12 are read: links, their masses and visuals, joints, frames, nested models; not what is for
+simulators only (collisions, sensors, plugins).
 The elements that raff2urdf adds (`raff:robot`: zeros of joints, actuated joints, ends of loops) are read too.
 """
 
@@ -24,6 +24,7 @@ from numpy.typing import NDArray
 
 from raff2urdf.constraints import IDENTITY, Constraints
 from raff2urdf.errors import RaffError, did_you_mean
+from raff2urdf.inertia import Inertia
 from raff2urdf.placement import inverse, with_z
 from raff2urdf.readers import closing_frames
 from raff2urdf.readers.declaration import label_of, local, tag_of
@@ -38,7 +39,7 @@ from raff2urdf.readers.sdf.model import (
     SdfModelReader,
     pose,
 )
-from raff2urdf.readers.urdf import numbers, parse
+from raff2urdf.readers.urdf import SIZE, negative_mass, numbers, parse
 from raff2urdf.readers.urdf_builder import Shape, UrdfBuilder, leave_out, material, shapes
 from raff2urdf.readers.urdf_tree import UrdfTree
 from raff2urdf.readers.xml_file import NAMESPACE, error_at, parse_xml
@@ -207,7 +208,7 @@ class _SdfToUrdf:
         if floating:  # raff2urdf fixes a base to the world unless it can move
             urdf.add_fixed(BASE_JOINT, WORLD, root, self.placements[root], "floating")
         for name, element in model.links.items():
-            urdf.add_link(name, self._visuals(element))
+            urdf.add_link(name, self._visuals(element), self._inertia(name, element))
         for frame in model.frames:
             urdf.add_link(frame)
         for frame, link in model.frames.items():
@@ -292,7 +293,7 @@ class _SdfToUrdf:
             link, (low, high) = child, axis.limits
             if i < len(steps) - 1 or not np.array_equal(at, self.placements[child]):
                 link = self.urdf.free_name(f"{name}_axis")
-                self.urdf.add_link(link)
+                self.urdf.add_link(link, (), Inertia() if i < len(steps) - 1 else None)
             self.urdf.add_joint(
                 name, prismatic, (parent, link), inverse(before) @ at, sign * (at[:3, :3].T @ axis.direction),
                 zero=home, home=home, limits=(low + home, high + home), velocity=axis.velocity, effort=axis.effort,
@@ -338,7 +339,7 @@ class _SdfToUrdf:
         if whole or len(axes) == 2:
             link = self.urdf.free_name(f"{joint.name}_cross")
             self.placements[link] = joint.placement
-            self.urdf.add_link(link)
+            self.urdf.add_link(link, (), None if whole else Inertia())  # as a whole, it is the child
             added = [link]
             if whole:
                 self._add_joint(replace(joint, child=link), False)
@@ -455,6 +456,32 @@ class _SdfToUrdf:
             found[link] = self.carried[link]
             link = found[link].parent
         return found
+
+    def _inertia(self, name: str, link: Any) -> Inertia | None:
+        """Return the inertia of a link in its own axes; None if the file gives none. Numbers that are left out are
+        those of the format: 1 kg, and 1 kg m2 about each axis."""
+        element = link.find("inertial")
+        if element is None:
+            return None
+        if element.get("auto", "false") in ("1", "true"):
+            self.ignored.append(
+                f"inertial of link '{name}' (line {element.sourceline}), which auto=\"true\" leaves open"
+            )
+            return None
+
+        def value(path: str, default: float) -> float:
+            found = element.find(path)
+            given = [default] if found is None else numbers(found.text or "")
+            if given is None or len(given) != 1:
+                what = f"<{found.tag}> of link '{name}' must be a number, not '{(found.text or '').strip()[:60]}'{SIZE}"
+                raise error_at(self.name, found, what)
+            return given[0]
+
+        mass = value("mass", 1.0)
+        if mass < 0.0:
+            raise error_at(self.name, element.find("mass"), negative_mass(f"link '{name}'", mass))
+        moments = [[value(f"inertia/i{''.join(sorted(i + j))}", float(i == j)) for j in "xyz"] for i in "xyz"]
+        return Inertia(mass, np.zeros(3), np.array(moments)).in_frame(pose(element, self.name))
 
     def _visuals(self, link: Any) -> Iterator[UrdfVisual]:
         for visual in link.iterchildren("visual"):

@@ -1,0 +1,147 @@
+"""Random masses survive every format: judged by the joint-space inertia of Pinocchio's and MuJoCo's own readers."""
+
+from __future__ import annotations
+
+import warnings
+from pathlib import Path
+from tempfile import TemporaryDirectory
+
+import mujoco
+import numpy as np
+import pinocchio as pin
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from numpy.typing import NDArray
+
+import cinegen
+import raff2urdf
+from raff2urdf.inertia import Inertia
+from raff2urdf.raff.document import (
+    Document,
+    JointType,
+    Parameters,
+    RaffBase,
+    RaffFrame,
+    RaffInertial,
+    RaffLink,
+    RaffRobot,
+)
+from raff2urdf.raff.writer import dumps
+
+Array = NDArray[np.float64]
+
+EXACT = 1e-12  # of the largest element
+
+
+@st.composite
+def inertias(draw: st.DrawFn) -> Inertia:
+    """A body of any shape: second moments of mass without negative eigenvalues, from a point cloud."""
+    numbers = st.floats(-0.5, 0.5)
+    cloud = np.array(draw(st.lists(st.tuples(numbers, numbers, numbers), min_size=4, max_size=6)))
+    mass, second = draw(st.floats(0.01, 50.0)), cloud.T @ cloud / len(cloud) + 1e-4 * np.eye(3)
+    return Inertia.from_second(mass, np.array(draw(st.tuples(numbers, numbers, numbers))), mass * second)
+
+
+def inertial(body: Inertia) -> RaffInertial:
+    """The body in mm and kg mm2."""
+    xx, xy, xz, yy, yz, zz = (1e6 * body.matrix[np.triu_indices(3)]).tolist()
+    x, y, z = (1e3 * body.centre).tolist()
+    return RaffInertial(body.mass, (x, y, z), (xx, yy, zz), (xy, xz, yz))
+
+
+@st.composite
+def robots(draw: st.DrawFn) -> Document:
+    """A tree of revolute, prismatic and fixed links and frames, each with a mass."""
+    lengths, angles = st.floats(-400.0, 400.0), st.floats(-170.0, 170.0)
+    written = st.builds(Parameters, angles, lengths, lengths, angles, angles, lengths)
+    parts: list[RaffLink | RaffFrame] = []
+    for number in range(1, draw(st.integers(2, 6))):
+        own, pred = draw(written), draw(st.integers(0, number - 1))
+        mass = inertial(draw(inertias()))
+        if number > 1 and draw(st.integers(0, 3)) == 0:
+            parts.append(RaffFrame(number, own, pred, inertial=mass))
+        else:
+            kind = JointType.REVOLUTE if number == 1 else draw(st.sampled_from(JointType))
+            parts.append(RaffLink(number, own, kind, pred, inertial=mass))
+    return Document("Random", (RaffRobot("robot", RaffBase(inertial=inertial(draw(inertias()))), tuple(parts)),))
+
+
+def crba(model: pin.Model, q: Array) -> Array:
+    upper = np.triu(pin.crba(model, model.createData(), q))
+    return np.asarray(upper + np.triu(upper, 1).T)
+
+
+def assert_near(found: Array, expected: Array, exact: float = EXACT) -> None:
+    np.testing.assert_allclose(found, expected, atol=exact * np.abs(expected).max(), rtol=0.0)
+
+
+def of_mujoco(path: Path, mechanism: cinegen.Mechanism, values: dict[str, float]) -> tuple[Array, Array]:
+    """MuJoCo's joint-space inertia in the mechanism's order, at joint values, and its bodies' total mass."""
+    model = mujoco.MjModel.from_xml_path(str(path))
+    data = mujoco.MjData(model)
+    order = [mechanism.v_index(model.joint(j).name) for j in range(model.njnt)]
+    for name, value in values.items():
+        data.joint(name).qpos[0] = value
+    mujoco.mj_forward(model, data)
+    dense = np.zeros((model.nv, model.nv))
+    mujoco.mj_fullM(model, data, dense)
+    found = np.zeros_like(dense)
+    found[np.ix_(order, order)] = dense
+    return found, np.asarray(model.body_mass)
+
+
+@given(robots(), st.integers(0, 2**32 - 1))
+@settings(max_examples=32)
+def test_a_tree_has_the_same_inertia_in_every_format(document: Document, seed: int) -> None:
+    with TemporaryDirectory() as name, warnings.catch_warnings():
+        warnings.simplefilter("error")
+        folder = Path(name)
+        raff = folder / "random.raff"
+        raff.write_text(dumps(document))
+        mechanism = cinegen.load(raff)
+        rng = np.random.default_rng(seed)
+        q = mechanism.q_home + rng.normal(size=mechanism.model.nq)
+        values = {joint: float(q[mechanism.q_index(joint)]) for joint in mechanism.joints}
+        expected = crba(mechanism.model, q)
+        paths = {f: raff2urdf.convert(raff, folder / "out", format=f)[0].file for f in ("urdf", "sdf", "mjcf")}
+
+        # Pinocchio's own reader of the URDF, with fixed joints merged as it merges them; continuous joints are two
+        # numbers there
+        model = pin.buildModelFromUrdf(str(paths["urdf"]))
+        there = pin.neutral(model)
+        for joint in mechanism.joints:
+            own = model.joints[model.getJointId(joint)]
+            turn = [np.cos(values[joint]), np.sin(values[joint])]
+            there[own.idx_q : own.idx_q + own.nq] = [values[joint]] if own.nq == 1 else turn
+        assert_near(crba(model, there), expected)
+
+        dense, masses = of_mujoco(paths["mjcf"], mechanism, values)
+        assert_near(dense, expected)
+        nodes = document.robots[0].nodes.values()
+        stated = [node.inertial.mass for node in nodes if node.inertial is not None]
+        np.testing.assert_array_equal(np.sort(masses[masses > 0.0]), np.sort(np.array(stated, dtype=float)))
+
+        raff2urdf.to_raff(paths["urdf"], folder / "back.raff")
+        back = cinegen.load(folder / "back.raff")
+        for other in (cinegen.load(paths["sdf"]), cinegen.load(paths["mjcf"])):
+            assert other.massless == ()
+            shifted = other.configuration(values)
+            order = [other.v_index(joint) for joint in mechanism.joints]
+            mine = [mechanism.v_index(joint) for joint in mechanism.joints]
+            assert_near(crba(other.model, shifted)[np.ix_(order, order)], expected[np.ix_(mine, mine)], 1e-11)
+        assert back.massless == ()
+        masses = np.array([inertia.mass for inertia in back.model.inertias])
+        total = [inertia.mass for inertia in mechanism.model.inertias]
+        np.testing.assert_allclose(np.sort(masses), np.sort(total), rtol=1e-13, atol=1e-15)
+
+
+@given(inertias(), inertias())
+@settings(max_examples=40)
+def test_sums_of_bodies_are_pinocchios(one: Inertia, other: Inertia) -> None:
+    both = pin.Inertia(one.mass, one.centre, one.matrix) + pin.Inertia(other.mass, other.centre, other.matrix)
+    found = one + other
+    assert found.mass == both.mass
+    assert_near(found.centre, both.lever)
+    assert_near(found.matrix, both.inertia)
+    assert found.why_unphysical() is None
+    assert_near(Inertia.from_second(one.mass, one.centre, one.second).matrix, one.matrix)
