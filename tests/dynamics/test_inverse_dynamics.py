@@ -286,7 +286,7 @@ def test_mass_matrix_is_what_accelerates_from_rest(heavy):
 
 
 def test_links_without_mass_are_named():
-    delta = cinegen.load(ROBOTS / "delta4.raff")
+    delta = cinegen.load(ROBOTS / "delta4_linear.raff")
     with pytest.raises(MassError, match=r"r1: .*no mass: .*massless=True"):
         InverseDynamics(delta)
     weightless = InverseDynamics(delta, [Payload(delta.end, wrench=LOAD)], gravity=(0, 0, 0))
