@@ -15,8 +15,8 @@ from numpy.typing import NDArray
 
 from cinegen.collision._kernels.memory import ClearanceMemory
 from cinegen.collision._kernels.near import approach
-from cinegen.collision._kernels.sweep import advance, sweep
-from cinegen.collision.body import Body, bounding_box_corners, geometry_model
+from cinegen.collision._kernels.sweep import advance, remember, separate, sweep
+from cinegen.collision.body import Body, bounding_box_corners, geometry_model, rounded_hull
 from cinegen.collision.errors import PlanningError
 from cinegen.collision.exact_distances import ExactDistances
 from cinegen.collision.obstacle import Obstacle
@@ -41,6 +41,8 @@ Table = NDArray[np.int64]
 
 EXACT_WITHIN = 0.02
 """Of the characteristic length: default of `Clearance.exact_within`."""
+
+_LEAST = 1e-300  # m: bodies that are less apart than this touch
 
 
 class NearPairs(NamedTuple):
@@ -117,23 +119,32 @@ class Clearance:
         self._exact = ExactDistances(self.bodies, self.pairs)
         self.exact_within = EXACT_WITHIN * mechanism.length if exact_within is None else exact_within
         self._offsets = np.where((self.pairs < len(self.links)).all(axis=1), self_offset, 0.0)
+        self._within = np.maximum(self.exact_within - self._offsets, 0.0)
         self._kinematics = JointKinematics(self._data)
         ends, radii = _capsule_ends(self.bodies)
         most = len(found) + 2 * int((radii[self.pairs] >= 0.0).sum())  # rows, if all pairs are near
+        hulls = [_hull(body) for body in self.bodies]
+        last = np.cumsum([0, *(len(corners) for corners, _ in hulls)])
         memory = self.memory = ClearanceMemory(
-            nv=model.nv, joints=model.njoints, bodies=len(self.bodies), pairs=len(found), most=most
-        )
+            nv=model.nv, columns=model.nv + 1, joints=model.njoints, bodies=len(self.bodies), pairs=len(found),
+            corners=int(last[-1]), most=most,
+        )  # fmt: skip
+        memory.corner[:] = np.vstack([np.zeros((0, 3)), *(corners for corners, _ in hulls)])
+        memory.hull[:], memory.rounding[:] = np.column_stack([last[:-1], last[1:]]), [radius for _, radius in hulls]
         memory.pair[:], memory.joint[:] = self.pairs, [body.joint for body in self.bodies]
         memory.ends[:], memory.radius[:] = ends, radii
-        memory.ball[:] = np.reshape([[*body.centre, body.radius] for body in self.bodies], (-1, 4))
+        memory.ball[:], memory.known[:] = [body.radius for body in self.bodies], -np.inf
         memory.box[:] = np.reshape([_bounding_box(body) for body in self.bodies], (-1, 5, 3))
         memory.moved_by[:] = [supporting_columns(model, joint) for joint in range(model.njoints)]
         memory.point_at("results", self.results.table)
         memory.point_at("frames", self._kinematics.frames)
         memory.point_at("screws", self._kinematics.screws)
         self.joints, self.moved_by = memory.joint, memory.moved_by
-        self._approach, self._sweep, self._advance = prepare_clearance()
-        self.every_pair = np.arange(len(self.pairs))
+        kernels = prepare_clearance()
+        self._approach, self._sweep, self._advance, self._remember, self._separate = kernels
+        self.every_pair, self._still = np.arange(len(self.pairs)), np.zeros(model.nv)
+        self._row, self._safety = np.zeros(RESULT_WIDTH), np.nan  # for which `needed` is
+        self._placed: dict[int, pin.SE3] = {}  # exact shapes, at the present configuration
         self._at: Array | None = None
 
     # --- distances -----------------------------------------------------------------------------------------------
@@ -145,7 +156,7 @@ class Clearance:
             moved = replace(piece, placement=placement * piece.placement)
             self._geometry.geometryObjects[i].placement = moved.placement
             self._exact.move(i, moved.as_described.placement)
-            self.memory.ball[i, :3], self.memory.box[i] = moved.centre, _bounding_box(moved)
+            self.memory.box[i] = _bounding_box(moved)
         self._at = None
 
     def update(self, q: Array) -> None:
@@ -154,17 +165,19 @@ class Clearance:
             return
         if self._model.nv:
             pin.computeJointJacobians(self._model, self._data, q)
+        self._kinematics.read()
         if len(self.pairs):
             pin.updateGeometryPlacements(self._model, self._data, self._geometry, self.results.shapes)
             pin.computeDistances(self._geometry, self.results.shapes)
             self.results.read()
             table = self.results.table
             convex = table[:, DISTANCE].copy()
-            self._exact.refine(table, np.maximum(self.exact_within - self._offsets, 0.0), self._data.oMi)
+            self._exact.refine(table, self._within, self._data.oMi)
+            self.memory.known[:] = table[:, DISTANCE]
+            self.memory.point_at("results", table)
+            self._remember(self.memory.handle)
             table[:, DISTANCE] += np.where(table[:, DISTANCE] > 0.0, self._offsets, 0.0)
             self.memory.excess[:] = table[:, DISTANCE] - convex
-            self.memory.point_at("results", self.results.table)
-        self._kinematics.read()
         self._at = q.copy()
 
     def distances(self, q: Array) -> Array:
@@ -225,42 +238,73 @@ class Clearance:
             self._sweep(self.memory.handle)
         return self.memory.before, self.memory.bounds
 
-    def uncertain(self, q: Array, motion: Array, safety: float, pairs: Table) -> Table | None:
-        """Return the pairs that may come nearer than a distance on a straight motion about a configuration.
+    def uncertain(
+        self, q: Array, motion: Array, safety: float, pairs: Table, straight: Array | None = None
+    ) -> Table | None:
+        """Return the pairs that may come nearer than a distance on a motion about a configuration.
 
-        Distances are measured only where bounding volumes do not decide.
+        Distances are measured only where neither bounding volumes decide, nor the last distance that was measured, less
+        the displacement since then, nor the plane that separated the convex bodies then.
 
         Args:
             q: (nq,) configuration.
             motion: (nv,) by how much each joint moves at most from q, rad and m.
             safety: the distance, m.
             pairs: pairs that are tested, such as `every_pair`.
+            straight: (nv,) if the motion is straight, the half of it from q to its end; or as much of it: each joint
+                moves by the remainder of `motion` at most from there. Fewer pairs are uncertain then.
 
         Returns:
-            pairs whose distance at q is not above `safety` by more than its change; None if one of them is nearer at q.
+            pairs that were not shown to keep the distance on the motion; None if one of them is nearer at q.
         """
         if not len(pairs):
             return pairs
+        found = []
+        for pair in self._undecided(q, motion, safety, pairs, straight):
+            distance, is_kept = self._measure(pair)
+            if distance < self.memory.needed[pair]:
+                return None
+            if not is_kept:
+                found.append(pair)
+        return np.array(found, dtype=np.int64)
+
+    def nearer(self, q: Array, distance: float) -> Table:
+        """Return the pairs (n,) whose distance at q (nq,) is below a distance, m: faster than `distances`."""
+        if not len(self.pairs):
+            return self.every_pair
+        left = self._undecided(q, self._still, distance, self.every_pair)
+        return np.array([one for one in left if self._measure(one)[0] < self.memory.needed[one]], dtype=np.int64)
+
+    def _undecided(
+        self, q: Array, motion: Array, safety: float, pairs: Table, straight: Array | None = None
+    ) -> list[int]:
+        """Return the pairs that are decided by measuring only, those that may be nearest first; see `uncertain`."""
         pin.computeJointJacobians(self._model, self._data, q)
         self._kinematics.read()
         self._at, memory = None, self.memory
         memory.motion[:], memory.asked[: len(pairs)] = motion, pairs
-        left = memory.asked[: self._advance(memory.handle, len(pairs), safety)]
-        if not len(left):
-            return left.copy()
-        pin.updateGeometryPlacements(self._model, self._data, self._geometry, self.results.shapes)
-        found = []
-        for pair in left.tolist():
-            row = np.zeros(RESULT_WIDTH)
-            row[DISTANCE] = pin.computeDistance(self._geometry, self.results.shapes, pair).min_distance
-            within = max(self.exact_within - self._offsets[pair], 0.0)
-            self._exact.refine_pair(pair, row, within, self._data.oMi, {})
-            distance = row[DISTANCE] + self._offsets[pair] * (row[DISTANCE] > 0.0)
-            if distance < safety:
-                return None
-            if distance - memory.bounds[pair] < safety:
-                found.append(pair)
-        return np.array(found, dtype=np.int64)
+        memory.straight[:] = 0.0 if straight is None else straight
+        if safety != self._safety:
+            memory.needed[:], self._safety = np.maximum(safety - self._offsets, min(safety, _LEAST)), safety
+        left = memory.asked[: self._advance(memory.handle, len(pairs))]
+        if len(left):
+            pin.updateGeometryPlacements(self._model, self._data, self._geometry, self.results.shapes)
+            self._placed.clear()
+        return [int(pair) for pair in left[memory.lower[left].argsort()]]
+
+    def _measure(self, pair: int) -> tuple[float, bool]:
+        """Measure a pair that `_undecided` left; return its distance without offset, m, and whether it keeps the one
+        asked about."""
+        memory, row = self.memory, self._row
+        needed, change = memory.needed[pair], memory.bounds[pair]
+        result = pin.computeDistance(self._geometry, self.results.shapes, pair)
+        memory.known[pair] = row[DISTANCE] = result.min_distance
+        memory.normal[pair] = result.normal
+        if self._separate(memory.handle, pair) >= needed or row[DISTANCE] - change >= needed:
+            return max(float(row[DISTANCE]), float(needed)), True
+        self._exact.refine_pair(pair, row, float(self._within[pair]), self._data.oMi, self._placed)
+        memory.known[pair] = row[DISTANCE]
+        return float(row[DISTANCE]), bool(row[DISTANCE] - change >= needed)
 
 
 def clearance_of(scene: Scene, is_exact: bool = False) -> Clearance:
@@ -314,14 +358,22 @@ def _capsule_ends(bodies: Sequence[Body]) -> tuple[Array, Array]:
 
 
 def _bounding_box(body: Body) -> Array:
-    """Return the bounding box (5, 3) of a body in the frame of its joint: three axes, the centre, and half of the size
-    along them, m; infinite for a half-space."""
+    """Return the bounding box (5, 3) of a body in the frame of its joint: three axes, the centre, which is that of the
+    bounding ball, and half of the size along them, m; infinite for a half-space."""
     axes = body.placement.rotation.T
     if not np.isfinite(body.radius):
-        return np.vstack([axes, np.zeros(3), np.full(3, np.inf)])
-    corners = bounding_box_corners(body.shape)
-    low, high = corners.min(axis=0), corners.max(axis=0)
-    return np.vstack([axes, body.placement.act((low + high) / 2.0), (high - low) / 2.0])
+        return np.vstack([axes, body.centre, np.full(3, np.inf)])
+    offsets = bounding_box_corners(body.shape) - body.placement.actInv(body.centre)
+    return np.vstack([axes, body.centre, np.abs(offsets).max(axis=0)])
+
+
+def _hull(body: Body) -> tuple[Array, float]:
+    """Return corners (n, 3) in the bounding box of a body and a radius, m: their hull, grown by the radius, contains
+    the body; no corners for a half-space."""
+    if not np.isfinite(body.radius):
+        return np.zeros((0, 3)), 0.0
+    corners, radius = rounded_hull(body.shape)
+    return corners - body.placement.actInv(body.centre), radius
 
 
 def prepare_clearance() -> tuple[Callable[..., Any], ...]:
@@ -329,5 +381,7 @@ def prepare_clearance() -> tuple[Callable[..., Any], ...]:
     return (
         prepare(approach, ClearanceMemory, types.float64),
         prepare(sweep, ClearanceMemory),
-        prepare(advance, ClearanceMemory, types.int64, types.float64),
+        prepare(advance, ClearanceMemory, types.int64),
+        prepare(remember, ClearanceMemory),
+        prepare(separate, ClearanceMemory, types.int64),
     )

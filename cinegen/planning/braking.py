@@ -170,14 +170,15 @@ class BrakingBarrier(ClearanceBarrier):
             if k == i + 1:
                 segments.append((path[i], path[k], pairs, 0))
                 continue
-            found = clearance.uncertain(*self._middle(path[i], path[k]), self.safety, pairs)
+            middle, half = self._middle(path[i], path[k])
+            found = clearance.uncertain(middle, np.abs(half), self.safety, pairs)
             if found is None or len(found):
                 left = pairs if found is None else found
                 parts += [(i, (i + k) // 2, left), ((i + k) // 2, k, left)]
         while segments:
             begin, end, pairs, depth = segments.pop()
             middle, half = self._middle(begin, end)
-            found = clearance.uncertain(middle, half, self.safety, pairs)
+            found = clearance.uncertain(middle, np.abs(half), self.safety, pairs, half)
             if found is None or (len(found) and depth == _HALVINGS):
                 return False
             if len(found):
@@ -185,9 +186,9 @@ class BrakingBarrier(ClearanceBarrier):
         return True
 
     def _middle(self, begin: Array, end: Array) -> tuple[Array, Array]:
-        """Return the middle (nq,) of a straight motion, and the largest differences (nv,) of joints from it."""
+        """Return the middle (nq,) of a straight motion, and the half (nv,) of it."""
         middle = self.clearance.mechanism.interpolate(begin, end, 0.5)
-        return middle, np.abs(self.clearance.mechanism.difference(middle, end))
+        return middle, self.clearance.mechanism.difference(middle, end)
 
     def _stop(self, q: Array, v: Array, dt: float) -> list[Array]:
         """Return configurations on the motion of braking from q (nq,) and v (nv,) to rest; the last is at rest."""

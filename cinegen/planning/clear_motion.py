@@ -66,7 +66,7 @@ def clear_motion(
     while segments:
         first, last, pairs = segments.popleft()
         middle = _middle(mechanism, known[first], known[last], straight, project)
-        left = None if middle is None else clearance.uncertain(middle.q, middle.reach, safety, pairs)
+        left = None if middle is None else clearance.uncertain(middle.q, middle.reach, safety, pairs, middle.half)
         if middle is None or left is None:
             return None
         known[part := (first + last) / 2.0] = middle.q
@@ -85,11 +85,13 @@ def clear_motion(
 class _Middle(NamedTuple):
     """Attributes:
     q: (nq,) middle of a segment, loops closed.
+    half: (nv,) motion from the middle of the straight segment to its end, rad and m.
     reach: (nv,) largest difference of each joint from q anywhere on the segment, rad and m.
     curvature: distance by which closing the loops moved the middle, rad or characteristic lengths.
     """
 
     q: Array
+    half: Array
     reach: Array
     curvature: float
 
@@ -99,9 +101,10 @@ def _middle(
 ) -> _Middle | None:
     """Return the middle; None if loops can't be closed or constraints satisfied, or only far away or beyond a limit."""
     straight = mechanism.interpolate(begin, end, 0.5)
-    half = np.abs(mechanism.difference(straight, end))
+    half = mechanism.difference(straight, end)
+    reach = np.abs(half)
     if project is None and not mechanism.is_constrained:
-        return _Middle(straight, half, 0.0)
+        return _Middle(straight, half, reach, 0.0)
     if locked is None:  # more actuated joints than DoF can't all be chosen
         locked = mechanism.actuated if len(mechanism.actuated) <= mechanism.mobility else ()
     try:
@@ -112,10 +115,10 @@ def _middle(
         return None
     moved = np.abs(mechanism.difference(straight, q))
     curvature = float((moved / mechanism.scale).max())
-    if curvature > float((half / mechanism.scale).max()) or not _is_valid(mechanism, q):
+    if curvature > float((reach / mechanism.scale).max()) or not _is_valid(mechanism, q):
         return None
     # from closed loops back to the straight motion, half of it, and as far again to closed loops
-    return _Middle(q, half + 2.0 * moved, curvature)
+    return _Middle(q, half, reach + 2.0 * moved, curvature)
 
 
 def _is_valid(mechanism: Mechanism, q: Array) -> bool:

@@ -123,7 +123,7 @@ class Vortices:
 
     def violated(self, q: Array) -> frozenset[int]:
         """Return the groups nearer than the safety distance at q (nq,)."""
-        return frozenset(self.clearance.groups[self.clearance.distances(q) < self.safety].tolist())
+        return frozenset(self.clearance.groups[self.clearance.nearer(q, self.safety)].tolist())
 
     def _deflected(self, q: Array, motion: Array) -> tuple[Array, NDArray[np.int64]]:
         """Return the motion with the active vortices, and for each inactive one the nearest pair that moves toward it,

@@ -96,6 +96,31 @@ def test_rows_of_exact_distances_are_how_they_change(name):
     assert checked > 8
 
 
+@pytest.mark.parametrize("name", [PANDA, UR5, "xarm_description/urdf/xarm7.urdf"])
+def test_no_pair_that_is_called_certain_on_a_motion_comes_nearer_by_its_meshes(name):
+    """A robot walks in small steps, so that most is known from measurements of earlier ones."""
+    mechanism, safety, rng = load(name), 2e-3, np.random.default_rng(4)
+    meshes = MeshContact(mechanism, configurations(mechanism, 100, 1))
+    clearance = clearance_among_links(mechanism, 5e-3)
+    near = certain = 0
+    for start in configurations(mechanism, 12, 6):
+        aim, q = 0.06 * rng.normal(size=len(start)), start
+        for _ in range(8):
+            q, half = q + aim, rng.choice([0.5, 3.0]) * aim
+            left = clearance.uncertain(q, np.abs(half), safety, clearance.every_pair, half)
+            if left is None:
+                assert meshes.touching(q, safety + 1e-5, first=True)
+                continue
+            open_ = {frozenset(clearance.names(pair)) for pair in left.tolist()}
+            certain += len(clearance.pairs) - len(left)
+            for t in (-1.0, -0.4, 0.3, 1.0):
+                touching = meshes.touching(q + t * half, safety - 1e-5)
+                near += len(touching)
+                assert {frozenset((meshes.names[i], meshes.names[k])) for i, k in touching} <= open_
+    assert near > 0
+    assert certain > 0
+
+
 # --- bodies inside of meshes ---------------------------------------------------------------------------------------
 
 
