@@ -17,6 +17,7 @@ from linkages import delta, five_bar, hexapod, hinge, ring, three_legs, tripod
 from making import bennett, sarrus
 from mpmath import mp
 from numpy.random import default_rng as rng
+from variants import slow
 
 from cinegen.assembly import assembly_modes
 from cinegen.assembly.certify import EndEquations, LoopEquations, Unknowns
@@ -164,7 +165,7 @@ def test_derivatives_are_those_of_the_equations(built, kind, pose):
 
 
 @pytest.mark.parametrize(
-    "name", ["five_bar", "four_bar", "delta4", "delta4_linear", "sr400", "planar_hybrid", "belt_five_bar"]
+    "name", ["five_bar", "four_bar", "delta4", "sr400", "belt_five_bar", *slow("delta4_linear", "planar_hybrid")]
 )
 def test_modes_of_our_robots_are_certified_as_a_whole(robot, name):
     modes = assembly_modes(robot(name))
