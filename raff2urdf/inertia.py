@@ -62,6 +62,11 @@ class Inertia:
         lacking = max(0.0, moment - float(np.linalg.eigvalsh(self.matrix)[0]))
         return Inertia(max(self.mass, mass), self.centre, self.matrix + lacking * np.eye(3))
 
+    @property
+    def largest(self) -> float:
+        """The largest number: of kg, m and kg m2."""
+        return float(max(abs(self.mass), np.abs(self.centre).max(), np.abs(self.matrix).max()))
+
     def why_unphysical(self) -> str | None:
         """Return the rule that the numbers break, which those of every body obey; None if they may be a body's.
 

@@ -10,7 +10,7 @@ from raff2urdf.errors import RaffError, RaffWarning
 from raff2urdf.graphics.meshes import Graphics
 from raff2urdf.graphics.skeleton import SkeletonDrawing
 from raff2urdf.inertia import Inertia, sum_of
-from raff2urdf.raff.check import label
+from raff2urdf.raff.check import LARGEST, label
 from raff2urdf.raff.document import Document, RaffInertial, RaffNode
 from raff2urdf.tree import stated_inertia
 from raff2urdf.writers.inertia import load_surface, of_geometry, of_surface
@@ -49,6 +49,9 @@ class RaffMasses:
         if whole.mass <= 0.0:
             lacking = "no children, and so no bars" if radius is not None else "graphics that enclose no volume"
             raise self._error(node.inertial, f"{label(node)} has a 'density', but {lacking}: give its 'mass'")
+        if not whole.largest <= LARGEST:
+            what = f"{label(node)} has an inertia beyond {LARGEST:g} in SI units, the largest"
+            raise self._error(node.inertial, f"{what}: check the density and the units")
         return whole
 
     def _of_files(self, node: RaffNode, inertial: RaffInertial, density: float) -> Iterator[Inertia]:

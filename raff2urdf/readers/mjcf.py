@@ -94,7 +94,12 @@ def read(path: Path, ignore: Collection[str] = ()) -> tuple[str, Constraints, li
         if not np.abs(np.linalg.norm(vectors, axis=1) - 1.0).max(initial=0.0) <= 1e-6:
             raise RaffError(f"{path}: the orientation of a {what} is not a rotation: its numbers are 0 or too large")
     reader = _Reader(mujoco, model, spec.modelname or path.stem, meshes, str(path))
-    urdf, constraints = reader.read(ignore, _masses(weights, weighing, unknown))
+    masses = _masses(weights, weighing, unknown)
+    for body, inertia in masses.items():
+        if not inertia.largest <= LARGEST:
+            what = f"the inertia of body '{reader.bodies[body]}' is beyond {LARGEST:g}"
+            raise RaffError(f"{path}: {what}: check its unit (kg, m)")
+    urdf, constraints = reader.read(ignore, masses)
     left_out = [f"inertia of body '{reader.bodies[spec.bodies[body].id]}': {why}" for body, why in unknown.items()]
     return urdf, constraints, [*soft, *reader.ignored, *left_out]
 

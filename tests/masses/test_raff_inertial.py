@@ -145,6 +145,12 @@ def test_a_density_without_a_volume_is_refused(tmp_path: Path, text: str, why: s
             loaded(tmp_path, robot(text))
 
 
+def test_an_inertia_of_a_density_beyond_all_numbers_is_refused(tmp_path: Path) -> None:
+    more = "link 2 { type 2 pred 1 parameters { d 4e11 } }"
+    with pytest.raises(RaffError, match=r"a.raff:4:45: link 1 has an inertia beyond 1e\+12 in SI units, the largest"):
+        loaded(tmp_path, robot("inertial { density 2700 radius 10 }", more))
+
+
 # --- wrong ones ----------------------------------------------------------------------------------------------------
 
 

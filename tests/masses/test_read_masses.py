@@ -117,6 +117,16 @@ def test_bodies_without_geoms_have_no_mass(tmp_path: Path) -> None:
     assert [inertia.mass for inertia in mechanism.model.inertias] == [0.0, 0.0, 2.0]
 
 
+def test_an_inertia_beyond_all_numbers_is_refused(tmp_path: Path) -> None:
+    path = tmp_path / "big.xml"
+    own = '<inertial pos="0 0 0" mass="1" diaginertia="1e20 1e20 1e20"/>'
+    path.write_text(f'<mujoco><worldbody><body name="a"><joint/>{own}</body></worldbody></mujoco>')
+    with pytest.raises(
+        cinegen.CinegenError, match=r"big.xml: the inertia of body 'a' is beyond 1e\+13: check its unit"
+    ):
+        cinegen.load(path)
+
+
 SDF = """<sdf version="1.9"><model name="m"><link name="base"/>
 <link name="a"><pose>0.1 0 0 0 0 0.5</pose><inertial>{}</inertial></link>
 <joint name="j" type="revolute"><parent>base</parent><child>a</child><axis><xyz>0 0 1</xyz></axis></joint>
@@ -156,6 +166,7 @@ def test_an_inertial_that_simulators_compute_is_unknown(tmp_path: Path) -> None:
     ("text", "why"),
     [
         ("<mass>-1</mass>", "m.sdf:2: the mass of link 'a' is -1 kg: it must not be negative"),
+        ("<inertia><ixy>9e12</ixy><iyy>9e12</iyy></inertia><pose>0 0 0 0 0 0.7</pose>", "m.sdf:2: the inertia of link"),
         ("<mass>heavy</mass>", "m.sdf:2: <mass> of link 'a' must be a number, not 'heavy'"),
         ("<inertia><iyz>1 2</iyz></inertia>", "m.sdf:2: <iyz> of link 'a' must be a number, not '1 2'"),
     ],

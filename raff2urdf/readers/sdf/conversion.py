@@ -39,7 +39,7 @@ from raff2urdf.readers.sdf.model import (
     SdfModelReader,
     pose,
 )
-from raff2urdf.readers.urdf import SIZE, negative_mass, numbers, parse
+from raff2urdf.readers.urdf import LARGEST, SIZE, negative_mass, numbers, parse
 from raff2urdf.readers.urdf_builder import Shape, UrdfBuilder, leave_out, material, shapes
 from raff2urdf.readers.urdf_tree import UrdfTree
 from raff2urdf.readers.xml_file import NAMESPACE, error_at, parse_xml
@@ -481,7 +481,10 @@ class _SdfToUrdf:
         if mass < 0.0:
             raise error_at(self.name, element.find("mass"), negative_mass(f"link '{name}'", mass))
         moments = [[value(f"inertia/i{''.join(sorted(i + j))}", float(i == j)) for j in "xyz"] for i in "xyz"]
-        return Inertia(mass, np.zeros(3), np.array(moments)).in_frame(pose(element, self.name))
+        found = Inertia(mass, np.zeros(3), np.array(moments)).in_frame(pose(element, self.name))
+        if not found.largest <= LARGEST:
+            raise error_at(self.name, element, f"the inertia of link '{name}' is beyond {LARGEST:g}: check its units")
+        return found
 
     def _visuals(self, link: Any) -> Iterator[UrdfVisual]:
         for visual in link.iterchildren("visual"):
