@@ -64,7 +64,7 @@ check: .venv/test-installed ## run the linters of the Python code only
 # cache of its own. `cinegen compile` calls each kernel of assembly modes once.
 BOUNDED := tests/loops tests/jit/test_banded.py tests/model/test_couplings.py tests/ik/test_kernel.py tests/ik/test_weights.py tests/robots/test_evaluate.py \
 	tests/model/test_close.py tests/model/test_forward.py tests/collision/test_clearance.py \
-	tests/planning/test_vortex_kernel.py tests/papers/test_elliptical_potential.py
+	tests/planning/test_vortex_kernel.py tests/papers/test_elliptical_potential.py tests/dynamics/test_inverse_dynamics.py
 bounds: export NUMBA_BOUNDSCHECK := 1
 bounds: export NUMBA_CACHE_DIR := $(CURDIR)/build/bounds
 bounds: .venv/test-installed ## run the tests of the kernels with bounds checking (2 minutes of CPU)
@@ -83,6 +83,7 @@ bench: .venv/test-installed kernels ## measure the speed: of a tick, as robots g
 	$(BIN)/python benchmarks/large.py
 	$(BIN)/python benchmarks/inverse_kinematics.py
 	$(BIN)/python benchmarks/close.py
+	$(BIN)/python benchmarks/forces.py
 	$(BIN)/python benchmarks/cockpit.py
 	$(BIN)/python benchmarks/modes.py
 	$(BIN)/python benchmarks/hexapod.py

@@ -8,15 +8,18 @@ import numpy as np
 import pinocchio as pin
 import pytest
 import scipy.linalg
+from coupled_robots import random_text
 from random_masses import forward_dynamics, free_motions, massive, random_motion
 from variants import slow
 
 import cinegen
 import raff2urdf
 from cinegen.dynamics import InverseDynamics, Payload, forces
-from cinegen.dynamics._kernels.torques import HELD
+from cinegen.dynamics._kernels.torques import HELD, find_torques
 from cinegen.dynamics.errors import MassError, MotionError, PayloadError
 from cinegen.errors import CinegenError, ClosureError, ConfigurationError, UnknownNameError
+from cinegen.jit.interpreted import interpreted
+from cinegen.jit.memory import memory_at
 from raff2urdf.raff.document import LoopKind
 
 ROBOTS = Path(__file__).resolve().parents[2] / "robots"
@@ -190,6 +193,39 @@ def test_kernel_and_plain_form_agree(heavy, name, which, monkeypatch):
             with monkeypatch.context() as context:
                 context.setattr(dynamics, "_is_compiled", False)
                 assert fast == pytest.approx(dynamics.torques(q, v, a), rel=1e-9, abs=1e-8)
+
+
+@pytest.mark.parametrize("seed", [5, 13, *slow(*range(4), *range(6, 12))])
+def test_couplings_bear_torques(tmp_path, seed):
+    """Random trees with gears, belts, racks, screws and curves, in motion."""
+    text, _ = random_text(np.random.default_rng(seed))
+    (tmp_path / "any.raff").write_text(text)
+    mechanism, rng = massive(cinegen.load(tmp_path / "any.raff")), np.random.default_rng(seed)
+    dynamics, data = InverseDynamics(mechanism), mechanism.model.createData()
+    for q in mechanism.random_closed(2):
+        v, a = random_motion(mechanism, q, rng)
+        given = np.zeros(mechanism.model.nv)
+        given[[mechanism.v_index(joint) for joint in mechanism.actuated]] = dynamics.torques(q, v, a)
+        assert dynamics._single["found"][0] == HELD
+        free, needed = free_motions(mechanism, q), np.array(pin.rnea(mechanism.model, data, q, v, a))
+        assert free.T @ given == pytest.approx(free.T @ needed, abs=1e-9 * np.abs(needed).max())
+        found = forces(mechanism, q, v, a)
+        if not any(np.isnan(list(one.values())).any() for one in found.couplings.values()):
+            for one in found.couplings.values():  # joint by joint: actuator and couplings bear what the tree needs
+                for joint, torque in one.items():
+                    given[mechanism.v_index(joint)] += torque
+            assert given == pytest.approx(needed, abs=1e-9 * np.abs(needed).max())
+
+
+@pytest.mark.parametrize("name", ["delta4", "differential_wrist"])
+def test_the_kernel_interpreted(heavy, name):
+    mechanism, rng = heavy(name), np.random.default_rng(9)
+    dynamics = InverseDynamics(mechanism, load_cases(mechanism))
+    q, wanted = mechanism.random_closed(1)[0], {joint: float(rng.normal()) for joint in mechanism.actuated}
+    compiled = dynamics.torques(q, wanted, wanted)
+    dynamics._find = lambda handle: interpreted(find_torques)(memory_at(handle))
+    dynamics._single["torques"][:] = 0.0
+    assert dynamics.torques(q, wanted, wanted) == pytest.approx(compiled, rel=1e-12)
 
 
 def test_many_configurations(heavy):

@@ -1,0 +1,68 @@
+"""Time of the torques of actuated joints: one configuration at a time from Python, and many in one call.
+
+    python benchmarks/forces.py [ROBOT...]
+
+CPU time in microseconds, the least of several rounds, and its ratio to what Pinocchio's rnea takes on the tree alone:
+
+    rnea      Pinocchio, of the tree with its loops open
+    torques   InverseDynamics.torques at rest
+    moving    the same with velocities and accelerations of the actuated joints, completed
+    many      InverseDynamics.torques_of, for each of 5000 configurations
+    forces    cinegen.forces with an InverseDynamics that is kept: reactions, and what is determined
+"""
+
+from __future__ import annotations
+
+import sys
+import time
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pinocchio as pin
+
+import cinegen
+from cinegen.dynamics.forces import forces_at
+
+ROBOTS = Path(__file__).parent.parent / "robots"
+ROUNDS, MANY = 7, 5000
+
+
+def least(call: Callable[[], object], count: int) -> float:
+    """Return the CPU time of a call in microseconds, the least of `ROUNDS` times `count` calls."""
+    found = []
+    for _ in range(ROUNDS):
+        begin = time.process_time()
+        for _ in range(count):
+            call()
+        found.append(1e6 * (time.process_time() - begin) / count)
+    return min(found)
+
+
+def main() -> None:
+    names = sys.argv[1:] or ["arm7", "five_bar", "delta4", "gough", "tssm", "sr400"]
+    headings = (("joints", 7), ("rnea", 8), ("torques", 9), ("ratio", 7), ("moving", 8), ("many", 7), ("a second", 10))
+    print(f"{'us':<12}" + "".join(f"{name:>{width}}" for name, width in (*headings, ("forces", 8))))
+    for name in names:
+        measure(name, cinegen.load(ROBOTS / f"{name}.raff"))
+
+
+def measure(name: str, mechanism: cinegen.Mechanism) -> None:
+    payload = cinegen.Payload(mechanism.end, 2.0, (0.0, 0.0, 0.05))
+    dynamics, q = cinegen.InverseDynamics(mechanism, [payload], massless=True), mechanism.q_home
+    model, data, still = dynamics.tree.model, dynamics.tree.data, np.zeros(mechanism.model.nv)
+    rates = dict.fromkeys(mechanism.actuated, 0.5)
+    many = np.tile(q, (MANY, 1))
+    rnea = least(lambda: pin.rnea(model, data, q, still, still), 2000)
+    torques = least(lambda: dynamics.torques(q), 2000)
+    moving = least(lambda: dynamics.torques(q, rates, rates), 1000)
+    each = least(lambda: dynamics.torques_of(many), 1) / MANY
+    whole = least(lambda: forces_at(dynamics, q), 20)
+    print(
+        f"{name:<12}{model.njoints - 1:>7}{rnea:>8.1f}{torques:>9.1f}{torques / rnea:>7.1f}{moving:>8.1f}{each:>7.2f}"
+        f"{1e6 / each:>10.0f}{whole:>8.0f}"
+    )
+
+
+if __name__ == "__main__":
+    main()
