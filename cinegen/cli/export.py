@@ -4,14 +4,20 @@ from __future__ import annotations
 
 import math
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import typer
 
 from cinegen.cli.files import check_outputs
 from cinegen.cli.numbers import quantity_option
 from cinegen.cli.options import FORCE, exclude, flag, option
+from cinegen.cli.payloads import PAYLOADS, carried
+from raff2urdf.command_line import UsageError
 from raff2urdf.files import output_path, stem_of
 from raff2urdf.quantities import FREQUENCY, NUMBER
+
+if TYPE_CHECKING:
+    from cinegen.model import Mechanism
 
 FORMATS = ("csv", "npz", "ros2", "urscript")
 """Names in `cinegen.mission.FORMATS`, whose import takes longer than help may."""
@@ -31,6 +37,7 @@ def run(
     acceleration: float | None = option("A", "limit of the joints' acceleration, rad/s^2 and m/s^2 (default: 10, 2.5)"),
     jerk: float | None = option("J", "limit of their jerk, rad/s^3 and m/s^3 (default: none)"),
     torques: bool = flag("--torques", "keep the actuators' torques and forces within the limits of the description"),
+    payload: list[str] = PAYLOADS,
     all_joints: bool = flag("--all-joints", "write passive joints too"),
     unsafe: bool = flag("--unsafe", "write the motion even if its check fails"),
     force: bool = FORCE,
@@ -45,11 +52,17 @@ def run(
     from cinegen.planning.torque_limits import TorqueLimits
 
     exclude(fastest=fastest, speed=speed != 1.0)
+    if payload and not torques:
+        raise UsageError("--payload has no effect without --torques: add that")
+
+    def limits(mechanism: Mechanism) -> TorqueLimits:
+        return TorqueLimits(mechanism, carried(mechanism, payload))
+
     path = recording.parent / f"{stem_of(recording)}{format_of(to).suffix}"
     path = output_path(output, path.name) if output else path
     check_outputs(path, force=force or path == recording, remakeable=False)
     print(report_text(export(
         recording, to, output=path, robot=robot, rate=rate, speed=math.inf if fastest else speed, all_joints=all_joints,
-        unsafe=unsafe, acceleration=acceleration, jerk=jerk, torques=TorqueLimits if torques else None,
+        unsafe=unsafe, acceleration=acceleration, jerk=jerk, torques=limits if torques else None,
     )))  # fmt: skip
     return 0

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 from cinegen.cli.files import print_result
 from cinegen.cli.numbers import UNITS, configuration_at, named, parts, quantity
 from cinegen.cli.options import FILE, JSON, NODE, RobotOptions, exclude, flag, option
+from cinegen.cli.payloads import PAYLOADS, carried
 from cinegen.errors import CinegenError
 from raff2urdf.command_line import UsageError
 from raff2urdf.quantities import (
@@ -17,7 +18,6 @@ from raff2urdf.quantities import (
     ANGULAR_ACCELERATION,
     ANGULAR_SPEED,
     FORCE,
-    MASS,
     SPEED,
     TORQUE,
     Dimension,
@@ -40,7 +40,7 @@ def run(
         "POSE", f"where: x=0,y=0.1,rz=15 of the node, or joint3=0.7 of actuated joints ({UNITS}; default: home)", ""
     ),
     node: str | None = NODE,
-    payload: list[str] = option("MASS[@NODE]", "mass that a node carries at its origin (kg)", ()),
+    payload: list[str] = PAYLOADS,
     wrench: list[str] = option(
         "NODE=F",
         "force, or force and moment, on a node in the world's axes: tool=0,0,-10 or tool=0,0,-10,0,0,2 (N, Nm)",
@@ -67,7 +67,7 @@ def run(
     from cinegen.dynamics import InverseDynamics
     from cinegen.dynamics.forces import forces_at
 
-    loads = _payloads(mechanism, payload, wrench, node)
+    loads = [*carried(mechanism, payload, node), *_wrenches(wrench)]
     dynamics = InverseDynamics(mechanism, loads, _vector(gravity), massless)
     if trajectory is not None:
         print_result(*_along(name, dynamics, trajectory, robots.robot), json)
@@ -83,13 +83,10 @@ def run(
 # --- what is typed ----------------------------------------------------------------------------------------------------
 
 
-def _payloads(mechanism: Mechanism, masses: Sequence[str], wrenches: Sequence[str], node: str | None) -> list[Payload]:
+def _wrenches(wrenches: Sequence[str]) -> list[Payload]:
     from cinegen.dynamics import Payload
 
-    found, end = [], mechanism.end if node is None else node
-    for text in masses:
-        mass, _, where = text.partition("@")
-        found.append(Payload(where or end, quantity(mass, "--payload", MASS)))
+    found = []
     for text in wrenches:
         where, equals, numbers = text.partition("=")
         given = parts(numbers)

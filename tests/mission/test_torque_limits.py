@@ -113,7 +113,7 @@ def test_a_payload_takes_time(robot, tmp_path):
 
 
 def test_limits_that_are_missing_or_wrong(robot, slid):
-    massless, heavy = robot("delta4"), massive(robot("delta4"))
+    massless, heavy = robot("planar_3r"), robot("delta4")
     with pytest.raises(MassError, match="have no mass"):
         TorqueLimits(massless, efforts=10.0)
     with pytest.raises(CinegenError, match=r"no actuated joint has a limit of torque or force: .* \('effort'\)"):
@@ -134,5 +134,9 @@ def test_the_command_says_what_the_motion_takes(slid, tmp_path, capsys):
     out = capsys.readouterr().out
     assert "torques: x needs at most 100 % of its 30 N" in out
     assert "slowed down" not in out
+    assert main(["export", *run, "--torques", "--payload", "500g", "--payload", "1.1@cart"]) == 1
+    assert "x needs 35.32 N to hold" in capsys.readouterr().err
+    assert main(["export", *run, "--payload", "500g"]) == 2
+    assert "without --torques" in capsys.readouterr().err
     assert main(["export", *run, "--fastest", "--speed", "2"]) == 2
     assert "exclude each other" in capsys.readouterr().err
