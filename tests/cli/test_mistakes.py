@@ -128,7 +128,7 @@ MISTAKES: list[tuple[str, int, str]] = [
     ("cinegen forces five_bar.raff --massless --gravity 9.81", 2, "an acceleration is x,y,z, such as 0,0,-9.81"),
     ("cinegen forces five_bar.raff --massless --velocity jont1=3", 1, "no actuated joint 'jont1': did you mean"),
     ("cinegen forces five_bar.raff --massless --velocity joint1=3m", 2, "an angular speed is wanted (deg/s, rad/s)"),
-    ("cinegen forces five_bar.raff", 1, "these links have no mass: 'link1'"),
+    ("cinegen forces planar_3r.raff", 1, "these links have no mass: 'link1'"),
     ("cinegen forces five_bar.raff --massless --at joint1=9 --trajectory run.jsonl", 2, "exclude each other"),
     ("cinegen plan mm.toml", 1, "mm.toml: goal: point: 600 m is far beyond the reach of arm, at most 0.9 m: did you"),
     ("cinegen plan unit.toml", 1, "unit.toml: safety is wrong: '10 deg' is an angle: a length is wanted"),
