@@ -1,12 +1,15 @@
 """How many random scenes `plan` solves of those that OMPL's RRT-Connect solves with the same checker.
 
-    python benchmarks/solved_by_ompl.py [COUNT] [FAMILY ...] [--first NUMBER] [--seconds S] [--slower FACTOR]
+    python benchmarks/solved_by_ompl.py [COUNT] [FAMILY ...] [--first NUMBER] [--seconds S]
 
 Families, by default all:
 
     table-ROBOT    among boxes on a table (ur5, ur10, panda, z1), from one random configuration to another
     bin-ROBOT      from above into a bin of five boards, to the configuration at a random point inside
     columns-delta4, columns-gough    a platform among columns, from one pose to another of the same assembly mode
+    shelf-tall, shelf-thin, box, cage, under-table    a panda's hand grasps in scenes as of MotionBenchMaker, of random
+                   sizes: from one compartment of a shelf to another; from above into an open box on a table, into a
+                   cage of bars, and under a table
 
 Start and goal are joint values that keep twice the safety distance. Whether there is a path is not known.
 
@@ -16,9 +19,9 @@ Start and goal are joint values that keep twice the safety distance. Whether the
             OMPL's projected state space with the mechanism's closing of loops, motions tested every 0.05 rad or
             characteristic lengths
 
-Limits are CPU seconds of this process, the same for both: on a busy machine `plan`, which counts seconds of the clock,
-gets `--slower` times as many, and counts as solved only if it took less CPU time than the limit. Paths of `plan` are
-clear everywhere; those of OMPL are clear where it tested them: what it solves may be too much.
+All seconds, limits too, are CPU seconds of this process: on a busy machine the result is that of an idle one. Paths of
+`plan` are clear everywhere, and shortened; those of OMPL are not shortened, and clear where it tested them: what it
+solves may be too much.
 """
 
 from __future__ import annotations
@@ -58,11 +61,11 @@ SAFETY = 0.005  # m
 DELTA = 0.05  # rad or characteristic lengths: between tested configurations of robots with loops
 LONGEST = 0.8  # rad or characteristic lengths: of a motion of robots with loops
 SHARE = Path(sysconfig.get_path("purelib")) / "cmeel.prefix/share/example-robot-data/robots"
-ARMS = {  # file, node, reach (m)
-    "ur5": ("ur_description/urdf/ur5_robot.urdf", "tool0", 0.85),
-    "ur10": ("ur_description/urdf/ur10_robot.urdf", "tool0", 1.3),
-    "panda": ("panda_description/urdf/panda.urdf", "panda_hand", 0.85),
-    "z1": ("z1_description/urdf/z1.urdf", "link06", 0.65),
+ARMS = {  # file, node, reach (m), height of the node over what is inside a bin (m): the z1's gripper is long
+    "ur5": ("ur_description/urdf/ur5_robot.urdf", "tool0", 0.85, 0.0),
+    "ur10": ("ur_description/urdf/ur10_robot.urdf", "tool0", 1.3, 0.0),
+    "panda": ("panda_description/urdf/panda.urdf", "panda_hand", 0.85, 0.0),
+    "z1": ("z1_description/urdf/z1.urdf", "link06", 0.65, 0.15),
 }
 
 
@@ -115,7 +118,7 @@ def posture(mechanism: Mechanism, node: str, point: Array, near: Clearance, rng:
 
 
 def table(name: str, number: int) -> Scene:
-    rng, mechanism, (_, node, reach) = np.random.default_rng(number), arm(name), ARMS[name]
+    rng, mechanism, (_, node, reach, _) = np.random.default_rng(number), arm(name), ARMS[name]
     obstacles = [box("top", [3.0 * reach, 3.0 * reach, 0.02], [0.0, 0.0, -0.06])]
     for i in range(5):
         size = rng.uniform([0.1, 0.1, 0.15], [0.25, 0.25, 0.5]) * reach
@@ -133,7 +136,7 @@ def table(name: str, number: int) -> Scene:
 
 
 def container(name: str, number: int) -> Scene:
-    rng, mechanism, (_, node, reach) = np.random.default_rng(number), arm(name), ARMS[name]
+    rng, mechanism, (_, node, reach, tool) = np.random.default_rng(number), arm(name), ARMS[name]
     wide, long, high, wall = *(rng.uniform([0.35, 0.35, 0.2], [0.5, 0.6, 0.35]) * reach), 0.02
     centre = np.array([rng.uniform(0.5, 0.6) * reach, rng.uniform(-0.3, 0.3) * reach, 0.0])
     obstacles = [box("floor", [wide, long, wall], centre)]
@@ -142,7 +145,7 @@ def container(name: str, number: int) -> Scene:
         obstacles.append(box(f"y{i}", [wide, wall, high], centre + np.array([0.0, side * long / 2.0, high / 2.0])))
     near, end, start = among(mechanism, node, obstacles), None, None
     while end is None or start is None:
-        inside = centre + rng.uniform([-0.3, -0.3, 0.4], [0.3, 0.3, 0.9]) * [wide, long, high]
+        inside = centre + rng.uniform([-0.3, -0.3, 0.4], [0.3, 0.3, 0.9]) * [wide, long, high] + [0.0, 0.0, tool]
         outside = [rng.uniform(-0.2, 0.6) * reach, rng.choice([-1.0, 1.0]) * 0.5 * reach, rng.uniform(0.2, 0.5) * reach]
         end = posture(mechanism, node, inside, near, rng) if end is None else end
         start = posture(mechanism, node, np.array(outside), near, rng) if start is None else start
@@ -178,18 +181,170 @@ def columns(name: str, number: int) -> Scene:
                 return made
 
 
+# --- as of MotionBenchMaker --------------------------------------------------------------------------------------
+
+FORWARD, DOWN = np.array([1.0, 0.0, 0.0]), np.array([0.0, 0.0, -1.0])
+TIP = 0.11  # m: from the origin of the panda's hand to between its finger tips
+
+
+def grasp(point: Array, approach: Array, near: Clearance, rng: np.random.Generator) -> Array | None:
+    """A clear configuration with the finger tips at a point, the hand along a direction up to 0.3 rad, turned about it
+    in any way; None if 20 tries don't find one."""
+    mechanism, node = arm("panda"), ARMS["panda"][1]
+    local = LocalIK(mechanism, (FrameTask(node, pin.SE3.Identity(), 3, 3, axes="world"),))
+    for _ in range(20):
+        along = pin.Quaternion.FromTwoVectors(np.array([0.0, 0.0, 1.0]), approach).toRotationMatrix()
+        turned = (
+            pin.exp3(rng.uniform(-0.3, 0.3, 3)) @ along @ pin.exp3(np.array([0.0, 0.0, rng.uniform(-np.pi, np.pi)]))
+        )
+        local.tasks[0].target = pin.SE3(turned, np.asarray(point) - TIP * turned[:, 2])
+        if local.solve(local.random_start(rng), 1e-10) and is_clear(near, local.best):
+            return np.array(local.best)
+    return None
+
+
+def grasps(
+    obstacles: list[Entry], ends: list[Callable[[], tuple[Array, Array]]], rng: np.random.Generator
+) -> Scene | None:
+    """A panda from one grasp to another, each at a random point and along a random direction; None without them."""
+    near, found = among(arm("panda"), ARMS["panda"][1], obstacles), list[Array]()
+    for sample in ends:
+        tries = (grasp(*sample(), near, rng) for _ in range(20))
+        found += [q for q in (next((q for q in tries if q is not None), None),) if q is not None]
+    return task(arm("panda"), ARMS["panda"][1], obstacles, *found) if len(found) == 2 else None
+
+
+def over_table(rng: np.random.Generator) -> tuple[Array, Array]:
+    """A point in front of the robot, and down."""
+    return rng.uniform([0.3, -0.5, 0.5], [0.6, 0.5, 0.8]), DOWN
+
+
+def retried(make: Callable[[np.random.Generator], Scene | None], number: int) -> Scene:
+    """The first scene in which there are grasps."""
+    rng = np.random.default_rng(number)
+    while (made := make(rng)) is None:
+        pass
+    return made
+
+
+def bookshelf(rng: np.random.Generator, height: tuple[float, float], rows: int) -> Scene | None:
+    high, wide, deep, low = (
+        rng.uniform(*height),
+        rng.uniform(0.5, 0.8),
+        rng.uniform(0.25, 0.35),
+        rng.uniform(0.05, 0.2),
+    )
+    x, y, angle, board = rng.uniform(0.7, 0.85), rng.uniform(-0.15, 0.15), rng.uniform(-0.3, 0.3), 0.02
+    turn = np.array([[np.cos(angle), -np.sin(angle), 0.0], [np.sin(angle), np.cos(angle), 0.0], [0.0, 0.0, 1.0]])
+    obstacles, corner = list[Entry](), np.array([x, y, low])
+
+    def put(name: str, size: list[float], at: list[float]) -> None:
+        obstacles.append(box(name, np.array(size), corner + turn @ at, angle))
+
+    for i in range(rows + 1):
+        put(f"board{i}", [deep, wide, board], [0.0, 0.0, i * high])
+    for i, side in enumerate((-1.0, 0.0, 1.0)):
+        put(f"side{i}", [deep, board, rows * high], [0.0, side * wide / 2.0, rows * high / 2.0])
+    cells = [(row, side) for row in range(rows) for side in (-1.0, 1.0)]
+    for i in rng.permutation(len(cells))[:3]:
+        row, side = cells[i]
+        at = [rng.uniform(0.0, 0.1), side * wide * rng.uniform(0.1, 0.4), row * high + 0.08]
+        can = {"name": f"can{i}", "kind": "cylinder", "radius": 0.03, "length": 0.12}
+        obstacles.append(can | {"point": (corner + turn @ at).tolist()})
+
+    def inside(row: int, side: float) -> tuple[Array, Array]:
+        at = [
+            rng.uniform(-0.1, 0.05),
+            side * wide * rng.uniform(0.12, 0.38),
+            (row + rng.uniform(0.35, 0.65)) * high,
+        ]
+        return corner + turn @ at, turn @ FORWARD
+
+    chosen = [cells[i] for i in rng.permutation(len(cells))[:2]]
+    return grasps(obstacles, [partial(inside, *cell) for cell in chosen], rng)
+
+
+def open_box(rng: np.random.Generator) -> Scene | None:
+    wide, long, high, wall = *rng.uniform([0.35, 0.35, 0.2], [0.5, 0.6, 0.35]), 0.015
+    angle, centre = rng.uniform(-0.5, 0.5), np.array([rng.uniform(0.45, 0.6), rng.uniform(-0.3, 0.3), 0.1])
+    turn = np.array([[np.cos(angle), -np.sin(angle), 0.0], [np.sin(angle), np.cos(angle), 0.0], [0.0, 0.0, 1.0]])
+    obstacles = [box("table", [0.7, 1.6, 0.04], [0.65, 0.0, 0.05]), box("floor", [wide, long, wall], centre, angle)]
+    for i, side in enumerate((-1.0, 1.0)):
+        x, y = turn @ [side * wide / 2.0, 0.0, high / 2.0], turn @ [0.0, side * long / 2.0, high / 2.0]
+        obstacles += [box(f"x{i}", [wall, long, high], centre + x, angle)]
+        obstacles += [box(f"y{i}", [wide, wall, high], centre + y, angle)]
+    lid = turn @ [wide / 2.0 + 0.02, 0.0, high * 1.5]  # it stands open
+    obstacles += [box("lid", [wall, long, high], centre + lid, angle)]
+
+    def inside() -> tuple[Array, Array]:
+        at = rng.uniform([-0.3, -0.3, 0.2], [0.3, 0.3, 0.5]) * [wide, long, high]
+        return centre + turn @ at, DOWN
+
+    return grasps(obstacles, [partial(over_table, rng), inside], rng)
+
+
+def cage(rng: np.random.Generator) -> Scene | None:
+    wide, high, bar = rng.uniform(0.4, 0.55), rng.uniform(0.35, 0.5), rng.uniform(0.01, 0.02)
+    centre, angle = np.array([rng.uniform(0.5, 0.65), rng.uniform(-0.25, 0.25), 0.05]), rng.uniform(-0.8, 0.8)
+    turn = np.array([[np.cos(angle), -np.sin(angle), 0.0], [np.sin(angle), np.cos(angle), 0.0], [0.0, 0.0, 1.0]])
+    obstacles, half, gap = [box("floor", [wide, wide, 0.02], centre, angle)], wide / 2.0, wide / 2.0
+    for i, part in enumerate(np.arange(-half, half + 1e-9, gap)):
+        for k, at in enumerate(([part, -half, 0.0], [part, half, 0.0], [-half, part, 0.0], [half, part, 0.0])):
+            point = (centre + turn @ at + [0.0, 0.0, high / 2.0]).tolist()
+            post = {"name": f"post{i}-{k}", "kind": "cylinder", "radius": bar, "length": high}
+            obstacles.append(post | {"point": point})
+        rod = turn @ [part, 0.0, high]
+        obstacles.append(box(f"rod{i}", [2.0 * bar, wide, 2.0 * bar], centre + rod, angle))
+
+    def inside() -> tuple[Array, Array]:
+        at = rng.uniform([-0.3, -0.3, 0.2], [0.3, 0.3, 0.6]) * [wide, wide, high]
+        return centre + turn @ at, DOWN if rng.random() < 0.5 else turn @ FORWARD
+
+    return grasps(obstacles, [partial(over_table, rng), inside], rng)
+
+
+def under_table(rng: np.random.Generator) -> Scene | None:
+    top, wide, long, leg = rng.uniform(0.35, 0.5), rng.uniform(0.5, 0.7), rng.uniform(0.8, 1.2), 0.05
+    near_edge, y = rng.uniform(0.35, 0.45), rng.uniform(-0.15, 0.15)
+    centre = np.array([near_edge + wide / 2.0, y, top])
+    obstacles = [box("top", [wide, long, 0.03], centre)]
+    for i, (a, b) in enumerate(((-1, -1), (-1, 1), (1, -1), (1, 1))):
+        at = [a * (wide - leg) / 2.0, b * (long - leg) / 2.0, -top / 2.0]
+        obstacles.append(box(f"leg{i}", [leg, leg, top - 0.04], centre + at))
+    for i in range(4):
+        r, h = rng.uniform(0.03, 0.05), rng.uniform(0.1, 0.25)
+        at = [
+            rng.uniform(-0.45, 0.45) * wide,
+            rng.uniform(-0.45, 0.45) * long,
+            0.02 + h / 2.0 if i % 2 else h / 2.0 - top,
+        ]
+        can = {"name": f"can{i}", "kind": "cylinder", "radius": r, "length": h}
+        obstacles.append(can | {"point": (centre + at).tolist()})
+
+    def below() -> tuple[Array, Array]:
+        at = [rng.uniform(-0.4, 0.0) * wide, rng.uniform(-0.35, 0.35) * long, -rng.uniform(0.35, 0.6) * top]
+        return centre + at, FORWARD
+
+    return grasps(obstacles, [partial(over_table, rng), below], rng)
+
+
 FAMILIES: Mapping[str, Callable[[int], Scene]] = {
     **{f"table-{name}": partial(table, name) for name in ARMS},
     **{f"bin-{name}": partial(container, name) for name in ARMS},
     **{f"columns-{name}": partial(columns, name) for name in ("delta4", "gough")},
+    "shelf-tall": partial(retried, partial(bookshelf, height=(0.28, 0.36), rows=3)),
+    "shelf-thin": partial(retried, partial(bookshelf, height=(0.2, 0.25), rows=4)),
+    "box": partial(retried, open_box),
+    "cage": partial(retried, cage),
+    "under-table": partial(retried, under_table),
 }
 
 
 # --- OMPL --------------------------------------------------------------------------------------------------------
 
 
-def is_solved_by_ompl(given: Scene, seconds: float, slower: float) -> bool:
-    """Whether OMPL finds a path within CPU seconds, on a machine on which one takes `slower` seconds of the clock."""
+def is_solved_by_ompl(given: Scene, seconds: float) -> bool:
+    """Whether OMPL finds a path within CPU seconds."""
     ou.setLogLevel(ou.LogLevel.LOG_NONE)
     ou.RNG.setSeed(1)
     scene = with_joints_locked(given)
@@ -206,7 +361,7 @@ def is_solved_by_ompl(given: Scene, seconds: float, slower: float) -> bool:
             return bool(mechanism.limits.within(q)) and clearance.least(q) >= scene.safety
 
     if mechanism.loop_rank:
-        return _is_solved_by_projection(scene, clearance, box_, slower * seconds)
+        return _is_solved_by_projection(scene, clearance, box_, seconds)
     bounds = ob.RealVectorBounds(count)
     for i in range(count):
         bounds.setLow(i, float(box_.low[i]))
@@ -238,7 +393,7 @@ def is_solved_by_ompl(given: Scene, seconds: float, slower: float) -> bool:
 
 
 def _is_solved_by_projection(scene: Scene, clearance: Clearance, box_: SamplingSpace, seconds: float) -> bool:
-    """The same for a robot with loops, in seconds of the clock: motions are tested at projected samples."""
+    """The same for a robot with loops: motions are tested at projected samples; trees that do not meet start anew."""
     mechanism = scene.mechanism
 
     def closed(x: Array) -> Array | None:
@@ -279,20 +434,20 @@ def main() -> None:
     parser.add_argument("families", nargs="*", default=list(FAMILIES), metavar="FAMILY")
     parser.add_argument("--first", type=int, default=0, metavar="NUMBER")
     parser.add_argument("--seconds", type=float, default=10.0)
-    parser.add_argument("--slower", type=float, default=1.0, help="clock seconds of a CPU second on this machine")
     options = parser.parse_args()
+    time.monotonic = time.process_time  # for limits
     for family in options.families:
         solved: dict[str, list[int]] = {"plan": [], "ompl": []}
         times: dict[str, list[float]] = {"plan": [], "ompl": []}
         for number in range(options.first, options.first + options.count):
             scene = FAMILIES[family](number)
             begin = time.process_time()
-            found = plan(scene, seconds=options.slower * options.seconds)
+            found = plan(scene, seconds=options.seconds)
             times["plan"].append(time.process_time() - begin)
             if found and times["plan"][-1] <= options.seconds:
                 solved["plan"].append(number)
             begin = time.process_time()
-            is_solved = is_solved_by_ompl(scene, options.seconds, options.slower)
+            is_solved = is_solved_by_ompl(scene, options.seconds)
             times["ompl"].append(time.process_time() - begin)
             if is_solved and times["ompl"][-1] <= options.seconds:
                 solved["ompl"].append(number)
