@@ -6,7 +6,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
-from cinegen.cli.files import check_outputs, count
+from cinegen.cli.files import check_outputs, count, disabled_pairs
 from cinegen.cli.numbers import quantity_option
 from cinegen.cli.options import FILES, SELF_CLEARANCE, RobotOptions, exclude, option
 from cinegen.cli.page import PageOptions, write_page
@@ -107,5 +107,7 @@ def _describe(setup: Setup) -> None:
         print(
             f"{line}, loops closed to {mechanism.closure(mechanism.q_home):.1g}" if mechanism.is_constrained else line
         )
+        if setup.avoidance is not None and mechanism.source.srdf:
+            print(f"  {disabled_pairs(mechanism)}")
     if setup.avoidance is not None:
         print(f"keeps {shown(setup.avoidance.scene.safety, LENGTH)} clear of {count(setup.obstacles, 'obstacle')}")

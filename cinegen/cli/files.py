@@ -16,6 +16,8 @@ from raff2urdf.files import GENERATED, STANDARD, check_new, read_bytes, write_al
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
+    from cinegen.model import Mechanism
+
 
 def read(file: Path) -> str:
     """Return a file's text.
@@ -81,6 +83,12 @@ def write_figure(path: Path, figure: Figure, quiet: bool = False) -> None:
 def print_result(document: Any, text: object, as_json: bool) -> None:
     """Print a result: a document as JSON, or its text."""
     print(json.dumps(document, indent=1, ensure_ascii=False, allow_nan=False) if as_json else text, flush=True)
+
+
+def disabled_pairs(mechanism: Mechanism) -> str:
+    """Return how many pairs of links the SRDF of a robot disables, as text; empty without one."""
+    srdf = mechanism.source.srdf
+    return "" if srdf is None else f"not checked, by {srdf['file']}: {count(srdf['disabled'], 'pair')} of links"
 
 
 def count(things: Sized, name: str) -> str:

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any, Literal
 
 import typer
 
-from cinegen.cli.files import check_outputs, count, print_result, write_figure
+from cinegen.cli.files import check_outputs, count, disabled_pairs, print_result, write_figure
 from cinegen.cli.mode_change import change_advice, change_document, change_lines, goal_text, mode_index
 from cinegen.cli.options import (
     IGNORE,
@@ -152,6 +152,7 @@ def _task(scene: Scene, goal: str | None) -> list[str]:
     obstacles = ", ".join(f"{one.name} ({one.kind})" if one.name != one.kind else one.name for one in scene.obstacles)
     return [
         *textwrap.wrap(f"{scene.name}: {robot}; {goal or reached}", _WIDTH, subsequent_indent="  "),
+        *([f"  {disabled_pairs(mechanism)}"] if mechanism.source.srdf else []),
         *([f"  locked: {', '.join(scene.locked)}"] if scene.locked else []),
         *([f"  attached: {held}"] if held else []),
         *([f"  weights: {weights}"] if weights else []),
@@ -248,8 +249,19 @@ def _clearance(found: Plan) -> str:
 
 def _meshes(found: Plan) -> str:
     """Return what the check of the path against the meshes covered."""
-    left_out = [f"{one}-{other}" for one, other in (*found.mesh_check.unchecked, *found.scene.allowed_collisions)]
-    text = f"no contact on this path, checked every {_length_text(found.mesh_check.step)} of motion"
+    scene = found.scene
+    touching = [(one.name, other) for one in scene.attached for other in one.touches]
+    pairs = (*found.mesh_check.unchecked, *scene.allowed_collisions, *touching)
+    left_out = [f"{one}-{other}" for one, other in pairs]
+    mechanism, step = scene.mechanism, found.mesh_check.step
+    text = f"no contact on this path, checked every {_length_text(step)} of motion"
+    if mechanism.loops or not all(coupling.is_linear for coupling in mechanism.couplings):
+        text += ", as estimated"
+    else:
+        text = (
+            f"no contact on this path: proved where shapes are more than {_length_text(step / 2.0)} apart, elsewhere "
+        )
+        text += f"checked every {_length_text(step)} of motion"
     return f"{text}; not checked: {', '.join(left_out)}" if left_out else text
 
 

@@ -24,7 +24,7 @@ class Attached:
     Attributes:
         object: its pieces; `placement` is its pose in the frame of the node, m.
         node: name of the node.
-        touches: names of nodes that may touch it, besides those that are fixed to `node`.
+        touches: names of nodes and obstacles that may touch it, besides the nodes that are fixed to `node`.
     """
 
     object: Obstacle
@@ -53,7 +53,9 @@ class Attached:
         return found | ({"touches": list(self.touches)} if self.touches else {})
 
 
-def read_attached(table: SceneTable, number: int, folder: Path, mechanism: Mechanism, end: str) -> Attached:
+def read_attached(
+    table: SceneTable, number: int, folder: Path, mechanism: Mechanism, end: str, obstacles: Sequence[Obstacle]
+) -> Attached:
     """Return the object of a table.
 
     Args:
@@ -62,16 +64,20 @@ def read_attached(table: SceneTable, number: int, folder: Path, mechanism: Mecha
         folder: folder of the files that the table names.
         mechanism: robot.
         end: node that holds it by default.
+        obstacles: of the scene.
 
     Raises:
         SceneError: a value is invalid.
     """
     node = table.text("node") if "node" in table else end
     touches = tuple(table.names("touches")) if "touches" in table else ()
-    for key, name in (("node", node), *(("touches", name) for name in touches)):
-        if name not in mechanism.nodes:
-            near = did_you_mean(name, mechanism.nodes)
-            raise table.error(key, f"'{name}' is not a node of {mechanism.name}{near}")
+    if node not in mechanism.nodes:
+        raise table.error("node", f"'{node}' is not a node of {mechanism.name}{did_you_mean(node, mechanism.nodes)}")
+    known = (*mechanism.nodes, *(obstacle.name for obstacle in obstacles))
+    for name in touches:
+        if name not in known:
+            near = did_you_mean(name, known)
+            raise table.error("touches", f"'{name}' is neither a node of {mechanism.name} nor an obstacle{near}")
     held = read_obstacle(table, number, folder, "attached")
     if not all(np.isfinite(piece.radius) for piece in held.pieces):
         raise table.error("kind", f"'{held.kind}' is unbounded: it can't be attached")

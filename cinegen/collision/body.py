@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import product
 from typing import NamedTuple
@@ -63,6 +63,7 @@ class Body:
         exact: the shape of the description where `shape` only contains it, placed in the frame of `shape`: a mesh that
             is not convex, a box in a capsule ...; None where `shape` is exact.
         interior: of an exact mesh; None where it is a single closed surface.
+        touches: names of bodies of obstacles that may touch it.
     """
 
     name: str
@@ -71,6 +72,7 @@ class Body:
     shape: coal.CollisionGeometry
     exact: PlacedShape | None = None
     interior: Interior | None = None
+    touches: frozenset[str] = frozenset()
 
     @cached_property
     def as_described(self) -> Body:
@@ -78,7 +80,7 @@ class Body:
         if self.exact is None:
             return self
         placement = self.placement * self.exact.placement
-        return Body(self.name, self.joint, placement, self.exact.shape, interior=self.interior)
+        return replace(self, placement=placement, shape=self.exact.shape, exact=None)
 
     @cached_property
     def centre(self) -> Array:
@@ -163,7 +165,7 @@ def geometry_model(
 
     Returns:
         geometry objects: the bodies, then the obstacles, named `<index> <name>`. Collision pairs: `pairs`, in their
-        order; then each body that is not fixed in the world with each obstacle, body by body.
+        order; then each body that is not fixed in the world with each obstacle that it may not touch, body by body.
     """
     geometry = pin.GeometryModel()
     for i, body in enumerate((*bodies, *obstacles)):
@@ -172,5 +174,6 @@ def geometry_model(
         geometry.addCollisionPair(pin.CollisionPair(first, second))
     for i, body in enumerate(bodies):
         for k in range(len(obstacles)) if body.joint != 0 else ():
-            geometry.addCollisionPair(pin.CollisionPair(i, len(bodies) + k))
+            if obstacles[k].name not in body.touches:
+                geometry.addCollisionPair(pin.CollisionPair(i, len(bodies) + k))
     return geometry

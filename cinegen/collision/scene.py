@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Mapping, Sequence
 from copy import deepcopy
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -155,8 +155,21 @@ class Scene:
             links: bodies of the robot.
             pairs: pairs of these, as of `checked_pairs`.
         """
-        held = [body for one in self.attached for body in one.bodies(self.mechanism)]
+        touches = {
+            one.name: frozenset(
+                body.name for each in self.obstacles if each.name in one.touches for body in each.pieces
+            )
+            for one in self.attached
+        }
+        held = [
+            replace(body, touches=touches[one.name]) for one in self.attached for body in one.bodies(self.mechanism)
+        ]
         return (*links, *held), [*pairs, *attached_pairs(self.attached, self.mechanism, links)]
+
+    @property
+    def has_weights(self) -> bool:
+        """Whether `weights` change anything."""
+        return any(weight != 1.0 for weight in self.weights.values())
 
     @cached_property
     def metric(self) -> Array:

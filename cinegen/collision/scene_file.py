@@ -171,7 +171,7 @@ def _attached(
     """Return the objects that the robot holds, by default at the node that is to reach the goal."""
     found, names = list[Attached](), {obstacle.name for obstacle in obstacles} | set(mechanism.nodes)
     for number, each in enumerate(table.tables("attached"), 1):
-        one = read_attached(each, number, folder, mechanism, node)
+        one = read_attached(each, number, folder, mechanism, node, obstacles)
         if one.name in names:
             raise each.error("name", f"'{one.name}' is used by another object or node")
         names.add(one.name)

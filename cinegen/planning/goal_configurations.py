@@ -218,10 +218,10 @@ def _too_near(clearance: Clearance, scene: Scene, pair: int, distance: float) ->
         kept = ("self-clearance", scene.self_clearance) if own else ("safety distance", scene.safety)
         reason = f"'{one}' is {shown(distance - clearance.offset(pair), LENGTH, 3)} from '{other}', "
         reason += f"below the {kept[0]} of {shown(kept[1], LENGTH, 3)}"
-    if not own:
-        return reason
     held = {body.name: each.name for each in scene.attached for body in each.bodies(scene.mechanism)}
-    for body, link in ((one, other), (other, one)):
+    owners = {body.name: each.name for each in scene.obstacles for body in each.pieces}
+    for body, touching in ((one, other), (other, one)):
         if body in held:
-            return f"{reason}; if they may touch, add '{link}' to touches of '{held[body]}'"
-    return f'{reason}; if these links may touch, add allowed_collisions = [["{one}", "{other}"]]'
+            touching = touching if own else owners[touching]
+            return f"{reason}; if they may touch, add '{touching}' to touches of '{held[body]}'"
+    return reason + (f'; if these links may touch, add allowed_collisions = [["{one}", "{other}"]]' if own else "")

@@ -147,12 +147,14 @@ def change_mode(
 
     Raises:
         ModesError: the actuated joints don't determine the mechanism, or there are no loops.
-        PlanningError: an argument is invalid, the scene has constraints along the path, or the start is nearer to a
-            singularity than the margin.
+        PlanningError: an argument is invalid, the scene has constraints along the path or weights of joints, or the
+            start is nearer to a singularity than the margin.
     """
     singular = _checked(singular, margin, seconds, seed)
     if scene.path_constraints:
         raise PlanningError("a change of assembly mode keeps no constraints along the path: remove them (path)")
+    if scene.has_weights:
+        raise PlanningError("a change of assembly mode obeys no weights of joints: remove them (weights)")
     mechanism = scene.mechanism
     end = scene.start if scene.goal_configuration is None else scene.goal_configuration
     values = [end[mechanism.q_index(name)] for name in mechanism.actuated] if actuated is None else actuated

@@ -184,8 +184,8 @@ def plan(
       their steps, it searches for three times as long. When it finds a path first, their attempt is INTERRUPTED. The
       rest of the time is its own.
 
-    With constraints along the path, vortices are left out. Other fields serve for comparison, with the same safety
-    distance and without RRT-Connect: FIRAS makes one attempt.
+    With constraints along the path or weights of joints, vortices are left out: no field obeys them. Other fields serve
+    for comparison, with the same safety distance and without RRT-Connect: FIRAS makes one attempt.
 
     Args:
         scene: a scene; or a mechanism, for which `scene_for` makes one.
@@ -205,7 +205,8 @@ def plan(
         report: called with a text about what is tried.
 
     Raises:
-        PlanningError: unknown planner or field; seconds or seed is invalid.
+        PlanningError: unknown planner or field; a field is to be followed with constraints along the path or with
+            weights of joints; seconds or seed is invalid.
         SceneError: a mechanism has no goal, or a scene has two; or a value is invalid.
         MissingExtraError: `planner` is RRT_CONNECT, and OMPL is not installed.
     """
@@ -222,8 +223,11 @@ def plan(
         planner = Planner.VORTEX
     elif planner is Planner.AUTO and not find_spec("ompl"):
         planner, missing = Planner.VORTEX, f"; {RRT_CONNECT} was not tried: {install('sampling')}"
-    if scene.path_constraints and planner is Planner.VORTEX:
-        raise PlanningError(f"constraints along a path need {RRT_CONNECT}, not a field: {install('sampling')}")
+    needs_sampling = (
+        scene.has_weights * "weights of joints" or bool(scene.path_constraints) * "constraints along a path"
+    )
+    if needs_sampling and planner is Planner.VORTEX:
+        raise PlanningError(f"{needs_sampling} need {RRT_CONNECT}, not a field: {install('sampling')}")
     task = with_joints_locked(scene)
     clearance, check = clearance_of(task), MeshCheck(task)
     goals = free_goals(task, clearance, check, report)
@@ -235,7 +239,7 @@ def plan(
     parts = list[Iterator[Attempt]]()
     if planner is Planner.AUTO:
         parts.append(search.straight())
-    if planner is not Planner.RRT_CONNECT and not scene.path_constraints:
+    if planner is not Planner.RRT_CONNECT and not needs_sampling:
         ends = time.monotonic() + _SHARE * seconds if planner is Planner.AUTO else deadline
         parts.append(search.along(field, steps, attempts, ends))
     if planner is not Planner.VORTEX:

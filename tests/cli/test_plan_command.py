@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+import shutil
 
 import numpy as np
 import pytest
@@ -41,6 +42,18 @@ def scene(tmp_path):
         return path
 
     return write
+
+
+def test_an_srdf_next_to_the_urdf_is_reported(root, typed, scene, tmp_path):
+    """It is read without being named, and changes which pairs are checked."""
+    for file in ("arm7.urdf", "arm7.constraints.json"):
+        shutil.copy(root / "generated" / file, tmp_path)
+    pairs = '<disable_collisions link1="link1" link2="link3" reason="User"/>'
+    (tmp_path / "arm7.srdf").write_text(f'<robot name="arm7">{pairs}</robot>')
+    path = scene(robot=str(tmp_path / "arm7.urdf"), goal={"joints": {"joint1": 10}})
+    path.write_text(json.dumps({key: value for key, value in json.loads(path.read_text()).items() if key != "mobile"}))
+    assert "  not checked, by arm7.srdf: 1 pair of links" in typed(path).splitlines()
+    assert "not checked, by" not in typed(path, "--ignore", "arm7.srdf")
 
 
 # --- what is told ------------------------------------------------------------------------------------------------

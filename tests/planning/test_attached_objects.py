@@ -41,6 +41,29 @@ def held_to_wall(arm, q):
     return coal.distance(coal.Box(*SIDES), there, coal.Box(*WALL["size"]), wall, coal.DistanceRequest(), result)
 
 
+def test_a_held_object_that_stands_on_a_table_is_lifted_if_they_may_touch(arm):
+    """The lower end of the bar is 1 mm inside of the board under it, which the arm itself may not touch."""
+    start = {"joints": {"joint1": -0.6, "joint2": 0.5, "joint4": -1.2, "joint6": 0.7}}
+    end = scene(arm, BAR, start=start).start
+    tip = (arm.placement(end, arm.end) * pin.SE3(np.eye(3), np.array([0.0, 0.0, 0.35]))).translation
+    down = arm.placement(end, arm.end).rotation[:, 2]
+    board = {"name": "board", "kind": "box", "size": [0.05, 0.05, 0.02], "point": (tip + 0.009 * down).tolist()}
+    board["rpy"] = pin.rpy.matrixToRpy(arm.placement(end, arm.end).rotation).tolist()
+    asked = {"goal": {"joints": {"joint1": 0.2}}, "obstacles": [board, WALL], "start": start, "safety": 0.005}
+    refused = plan(scene(arm, BAR, **asked))
+    assert refused.status is PlanStatus.START_IN_COLLISION
+    assert "if they may touch, add 'board' to touches of 'bar'" in refused.reason
+    allowed = scene(arm, BAR | {"touches": ["board"]}, **asked)
+    found = plan(allowed, seconds=60.0)
+    assert found
+    assert min(held_to_wall(arm, q) for q in found.path) >= 0.005 - 1e-6
+    names = {frozenset(clearance_of(allowed).names(pair)) for pair in clearance_of(allowed).every_pair}
+    assert frozenset(("bar", "board")) not in names
+    assert {frozenset(("bar", "wall")), frozenset((arm.end, "wall"))} & names
+    assert any("board" in pair for pair in names)
+    assert json.loads(json.dumps(allowed.document()))["attached"][0]["touches"] == ["board"]
+
+
 def test_a_held_object_is_kept_clear_all_along_a_path(arm):
     start = {"joints": {"joint1": -0.6, "joint2": 0.5, "joint4": -1.2, "joint6": 0.7}}
     asked = {"goal": {"joints": {"joint1": 0.6}}, "obstacles": [WALL], "start": start, "safety": 0.01}
@@ -102,7 +125,7 @@ def test_what_is_attached_is_written_and_read_again(arm):
     ("attached", "message"),
     [
         ({"node": "hand"}, "attached 1 'bar': node 'hand' is not a node of"),
-        ({"touches": ["finger"]}, "touches 'finger' is not a node of"),
+        ({"touches": ["finger"]}, "touches 'finger' is neither a node of"),
         ({"name": "wall"}, "name 'wall' is used by another object or node"),
         ({"kind": "half_space", "normal": [0, 0, 1], "size": None}, "'half_space' is unbounded: it can't be attached"),
         ({"weight": 3}, "unknown key 'weight'"),

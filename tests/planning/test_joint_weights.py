@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import cinegen
-from cinegen.collision import SceneError, clearance_of, scene_of
+from cinegen.collision import PlanningError, SceneError, clearance_of, scene_of
 from cinegen.planning import plan
 from cinegen.planning.rrt_planner import SamplingSpace
 
@@ -35,6 +35,16 @@ def test_a_heavy_joint_moves_less(planner):
         assert found.motion == pytest.approx(np.linalg.norm(steps, axis=1).sum())
     assert moved[0][0] < moved[1][0]
     assert moved[1][2] < moved[0][2]
+
+
+def test_fields_refuse_weights_and_are_left_out_without_being_asked(arm):
+    wall = {"kind": "box", "size": [0.7, 0.04, 0.45], "point": [0.55, 0.0, 0.225]}
+    heavy = scene(arm, weights={"joint1": 5.0}, obstacle=[wall], start={"joints": {"joint1": -0.6}})
+    with pytest.raises(PlanningError, match="weights of joints need RRT-Connect, not a field"):
+        plan(heavy, planner="vortex")
+    strategies = {one.strategy for one in plan(heavy, seconds=20.0).attempts}
+    assert strategies <= {"RRT-Connect", "all joints straight to the goal"}
+    plan(scene(arm, weights={"joint1": 1.0}), planner="vortex", steps=3)  # changes nothing
 
 
 def test_points_of_the_sampled_box_are_configurations_and_back(arm):

@@ -130,6 +130,11 @@ def test_constraints_along_the_path_are_refused(root):
         change_mode(scene(root, path={"line": [1, 0, 0]}))
 
 
+def test_weights_of_joints_are_refused(root):
+    with pytest.raises(PlanningError, match=r"obeys no weights of joints: remove them \(weights\)"):
+        change_mode(scene(root, weights={LEGS[0]: 5.0}))
+
+
 def test_a_mode_is_changed_with_a_leg_locked(root):
     """As in the sections of joint space that the literature draws."""
     mechanism = (task := scene(root)).mechanism
