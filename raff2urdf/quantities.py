@@ -189,7 +189,7 @@ def shown_scale(dimension: Dimension) -> tuple[float, str]:
     if dimension in (LENGTH, SPEED):
         unit = _shown_length.get()
         return 1.0 / float(_LENGTHS[unit] or 1), f"{unit}/s" if dimension is SPEED else unit
-    if dimension in (ANGLE, ANGULAR_SPEED):
+    if dimension in (ANGLE, ANGULAR_SPEED, ANGULAR_ACCELERATION):
         return math.degrees(1.0), dimension.default
     return 1.0, dimension.default
 

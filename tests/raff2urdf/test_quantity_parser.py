@@ -11,13 +11,16 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from raff2urdf.quantities import (
+    ACCELERATION,
     ANGLE,
+    ANGULAR_ACCELERATION,
     ANGULAR_SPEED,
     DENSITY,
     DIMENSIONS,
     FORCE,
     FREQUENCY,
     LENGTH,
+    MASS,
     NUMBER,
     SPEED,
     TIME,
@@ -38,8 +41,9 @@ FACTORS = {
     "deg": math.pi / 180.0, "°": math.pi / 180.0, "rad": 1.0,
     "s": 1.0, "ms": 1e-3, "us": 1e-6, "min": 60.0, "Hz": 1.0, "kHz": 1e3,
     "N": 1.0, "kN": 1e3, "Nm": 1.0, "Nmm": 1e-3, "kg/m3": 1.0, "kg/m^3": 1.0, "g/cm3": 1e3,
+    "kg": 1.0, "g": 1e-3, "t": 1e3,
 }  # fmt: skip
-FACTORS |= {f"{unit}/s": FACTORS[unit] for unit in (*LENGTH.units, *ANGLE.units)}
+FACTORS |= {f"{unit}/{per}": FACTORS[unit] for unit in (*LENGTH.units, *ANGLE.units) for per in ("s", "s2", "s^2")}
 UNITS = [(dimension, unit) for dimension in DIMENSIONS for unit in dimension.units]
 numbers = st.floats(-1e6, 1e6, allow_nan=False)
 
@@ -62,10 +66,16 @@ def test_a_unit_of_another_dimension_is_refused_and_both_are_named(dimension, un
 @pytest.mark.parametrize(
     ("dimension", "value"),
     [(LENGTH, 1.0), (ANGLE, math.radians(1.0)), (TIME, 1.0), (FREQUENCY, 1.0), (FORCE, 1.0), (TORQUE, 1.0),
-     (SPEED, 1.0), (ANGULAR_SPEED, math.radians(1.0)), (DENSITY, 1.0), (NUMBER, 1.0)],
+     (SPEED, 1.0), (ANGULAR_SPEED, math.radians(1.0)), (DENSITY, 1.0), (NUMBER, 1.0),
+     (MASS, 1.0), (ACCELERATION, 1.0), (ANGULAR_ACCELERATION, math.radians(1.0))],
 )  # fmt: skip
 def test_a_number_without_a_unit_is_in_m_degrees_and_s(dimension, value):
     assert parse("1", dimension) == value
+
+
+def test_accelerations_are_shown_in_degrees_and_m():
+    assert shown(math.radians(30.0), ANGULAR_ACCELERATION) == "30 deg/s2"
+    assert shown(2.0, ACCELERATION) == "2 m/s2"
 
 
 def test_decimal_numbers_are_converted_exactly():
