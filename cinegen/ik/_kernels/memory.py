@@ -181,6 +181,7 @@ class SolverMemory(TasksMemory):
     ticks: int = state(0)
     is_at_q: int = state(0)  # frames are evaluated there
     tries: int = state(0)  # number of times the step was shortened
+    brakings: int = state(0)  # number of times that braking was scaled at the last try
     closes: int = state(0)  # loops could be closed after some fraction of the step
     is_refined: int = state(0)  # tasks are corrected together with the loops
     is_nudged: int = state(0)  # the step leads out of a singularity

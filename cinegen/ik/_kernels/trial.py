@@ -19,6 +19,7 @@ from cinegen.ik._kernels.record import finish
 from cinegen.ik._kernels.tasks import try_tasks
 from cinegen.ik.thresholds import (
     ARMIJO,
+    BRAKINGS,
     CLEARANCE_NEEDED,
     CORRECTIONS,
     DONE,
@@ -116,14 +117,19 @@ def _judge(memory: SolverMemory) -> int:
     if excess > 1.0:  # closing the loops added a little
         return _shorten(memory, 0.98 / excess)
     last_try = memory.tries == _most_tries(memory) - 1
-    if memory.has_acceleration_limits != 0 and not last_try and _is_abrupt(memory):
-        if not refined:
+    if memory.has_acceleration_limits != 0 and _is_abrupt(memory):
+        if last_try:
+            if looped and memory.brakings < BRAKINGS:
+                _brake_again(memory)
+                return _AGAIN
+        elif not refined:
             return _shorten(memory, 0.5)
-        memory.is_refined = 0  # the corrections of the tasks do not know the limits
-        if memory.factored_at == AT_TRIAL:
-            memory.factored_at = NOWHERE
-        set_out(memory)
-        return _AGAIN
+        else:
+            memory.is_refined = 0  # the corrections of the tasks do not know the limits
+            if memory.factored_at == AT_TRIAL:
+                memory.factored_at = NOWHERE
+            set_out(memory)
+            return _AGAIN
     if added > CORRECTION * size + CLOSURE:
         return _shorten(memory, 0.5)
     memory.closes = 1
@@ -139,6 +145,25 @@ def _judge(memory: SolverMemory) -> int:
         return CLEARANCE_NEEDED
     finish(memory, True, False)
     return DONE
+
+
+@compiled
+def _brake_again(memory: SolverMemory) -> None:
+    """Scale the step so that the joint whose change exceeds its limit most moves by what braking leaves: closing the
+    loops changed that, too."""
+    memory.brakings += 1
+    worst, most, wanted = 0, 0.0, 0.0
+    for j in range(memory.n):
+        change = abs(memory.moved[j] - memory.last[j]) / memory.longest_change[j]
+        if change > most and memory.locked[j] == 0.0:
+            worst, most, wanted = j, change, memory.braking[j] + memory.drift[j]
+    if memory.moved[worst] * wanted > 0.0:
+        factor = min(max(wanted / memory.moved[worst], 0.9), 1.1)
+        for j in range(memory.n):
+            memory.attempted[j] *= factor
+    if memory.factored_at == AT_TRIAL:
+        memory.factored_at = NOWHERE
+    set_out(memory)
 
 
 @compiled
@@ -247,10 +272,13 @@ def _shorten(memory: SolverMemory, part: float) -> int:
             secondary[j] *= spare
         memory.secondary_scale = max(spare * memory.secondary_scale, LEAST_SCALE)
     else:
-        if accelerated and memory.tries == _most_tries(memory) - 1:
-            part = 0.0
+        last_try = accelerated and memory.tries == _most_tries(memory) - 1
+        if last_try:
+            part, memory.brakings = 0.0, 0
         for j in range(memory.n):  # braking is 0 where accelerations are not limited
             attempted[j] = braking[j] + part * (attempted[j] - braking[j])
+            if last_try and memory.rank > 0:
+                attempted[j] += memory.drift[j]  # which may be more than what closed the loops
             secondary[j] *= part
         memory.promised *= part
         if accelerated:
