@@ -34,14 +34,19 @@ from cinegen.planning import AvoidingSolver
 DT, AWAY, TICKS, RADIUS = 1 / 240, 0.8, 384, 0.05
 MOTIONS, INSTANTS = 200, 40
 ROBOTS = "planar_3r", "arm7", "delta4", "panda"
+READY = [0.0, -0.785, 0.0, -2.356, 0.0, 1.571, 0.785, 0.02]  # of the panda, whose links overlap at home
 
 Array = np.ndarray
 
 
-def clearance(name: str) -> Clearance:
+def clearance(name: str) -> tuple[Clearance, Array]:
+    """The robot's distances from a ball far away, and its configuration at the start."""
     ball = {"name": "ball", "kind": "sphere", "radius": RADIUS, "point": [9.0, 9.0, 0.0]}
-    given = {"safety": 0.01, "start": {}, "goal": {"point": [0.0, 0.0, 0.0]}, "obstacle": [ball]}
-    return clearance_of(scene_of(given, mechanism=robot(name)))
+    mechanism = robot(name)
+    start = {"joints": dict(zip(mechanism.actuated, READY, strict=True))} if name == "panda" else {}
+    given = {"safety": 0.01, "start": start, "goal": {"point": [0.0, 0.0, 0.0]}, "obstacle": [ball]}
+    scene = scene_of(given, mechanism=mechanism)
+    return clearance_of(scene), scene.start
 
 
 def distance(near: Clearance, data: pin.Data, q: Array, ball: Array) -> float:
@@ -58,9 +63,9 @@ def distance(near: Clearance, data: pin.Data, q: Array, ball: Array) -> float:
     return found
 
 
-def is_avoidable(near: Clearance, begin: Array, velocity: Array, rng: np.random.Generator) -> bool:
+def is_avoidable(near: Clearance, home: Array, begin: Array, velocity: Array, rng: np.random.Generator) -> bool:
     mechanism, data = near.mechanism, near.mechanism.model.createData()
-    limits, home = motion_limits(mechanism), mechanism.q_home
+    limits = motion_limits(mechanism)
     columns = [mechanism.v_index(joint) for joint in mechanism.actuated]
     most, fastest = limits.acceleration[columns], limits.velocity[columns]
     times = np.linspace(0.0, TICKS * DT, INSTANTS + 1)
@@ -98,12 +103,12 @@ def is_avoidable(near: Clearance, begin: Array, velocity: Array, rng: np.random.
 
 
 def run(
-    near: Clearance, begin: Array, velocity: Array, seed: int, limited: bool
+    near: Clearance, start: Array, begin: Array, velocity: Array, seed: int, limited: bool
 ) -> tuple[bool, bool, float, list[float]]:
     """Whether the ball hits, whether that was announced, the largest acceleration, and CPU times of ticks, s."""
     mechanism, data, rng = near.mechanism, near.mechanism.model.createData(), np.random.default_rng(seed)
     near.move(0, pin.SE3(np.eye(3), begin))
-    solver = AvoidingSolver(near, DT, 0.01, acceleration=None if limited else math.inf)
+    solver = AvoidingSolver(near, DT, 0.01, q=start, acceleration=None if limited else math.inf)
     task = solver.add_task(mechanism.end, rotation=0, axes="world")
     home, flat = task.target.translation.copy(), np.array([1.0, 1.0, 0.0 if mechanism.name == "planar_3r" else 1.0])
     columns = [mechanism.v_index(joint) for joint in mechanism.actuated]
@@ -116,9 +121,9 @@ def run(
             task.target = pin.SE3(task.target.rotation, aim)
         ball, last = begin + velocity * (tick * DT), solver.q
         solver.move(0, pin.SE3(np.eye(3), ball))
-        start = time.thread_time()
+        since = time.thread_time()
         step = solver.step()
-        times.append(time.thread_time() - start)
+        times.append(time.thread_time() - since)
         if step.exceptions:
             raise step.exceptions[0]
         v = mechanism.difference(last, step.q)[columns] / DT
@@ -134,24 +139,24 @@ def main() -> None:
     columns = ("avoidable", "free", "limited", "warned", "false", "excess", "ms", "99 %")
     print(f"{'':<10}", *(f"{name:>9}" for name in columns), flush=True)
     for name in sys.argv[2:] or ROBOTS:
-        near = clearance(name)
+        near, start = clearance(name)
         mechanism, data = near.mechanism, near.mechanism.model.createData()
         avoidable, hits, warned, false, excess = 0, [0, 0], 0, 0, 0.0
         times: list[float] = []
         for number in range(count):
             rng = np.random.default_rng(number)
-            pin.forwardKinematics(mechanism.model, data, mechanism.q_home)
+            pin.forwardKinematics(mechanism.model, data, start)
             moving = [one for one in near.links if one.joint]
             body = moving[rng.integers(len(moving))]
             direction = rng.normal(size=3) * (1.0, 1.0, 0.0 if name == "planar_3r" else 1.0)
             velocity = rng.uniform(0.5, 2.0) * direction / np.linalg.norm(direction)
             aim = data.oMi[body.joint].act(body.centre) + rng.uniform(-0.05, 0.05, 3)
             begin = aim - velocity * AWAY
-            if distance(near, data, mechanism.q_home, begin) < 0.1 or not is_avoidable(near, begin, velocity, rng):
+            if distance(near, data, start, begin) < 0.1 or not is_avoidable(near, start, begin, velocity, rng):
                 continue
             avoidable += 1
-            hits[0] += run(near, begin, velocity, number, False)[0]
-            hit, announced, most, spent = run(near, begin, velocity, number, True)
+            hits[0] += run(near, start, begin, velocity, number, False)[0]
+            hit, announced, most, spent = run(near, start, begin, velocity, number, True)
             hits[1], warned, false = hits[1] + hit, warned + (hit and announced), false + (announced and not hit)
             excess, times = max(excess, most), times + spent
             if hit:

@@ -20,7 +20,8 @@ from cinegen.loops.arrays import null_space
 from cinegen.model.motion_limits import motion_limits
 from cinegen.planning.braking import BrakingBarrier
 from cinegen.planning.clearance_barrier import ClearanceBarrier
-from cinegen.planning.evasion import Evasion, Threat, driven_motions
+from cinegen.planning.evasion import Evasion, Threat
+from cinegen.planning.manoeuvres import driven_motions
 from cinegen.planning.vortices import DetourDirection, Vortices
 from cinegen.tolerances import CLOSURE
 
@@ -86,6 +87,8 @@ class AvoidingSolver(Solver):
         threat: collision at the last tick, or the one that no motion was found to avoid; None without one, and without
             limits of acceleration.
         evaded: index of the obstacle that the last tick evaded; None without one.
+        destination: (nq,) configuration, with closed loops, to which it moves instead of following its tasks, straight
+            in joint space, as far as obstacles allow; None: it follows them. Needs limits of acceleration.
         vortices: vortices around obstacles.
 
     Raises:
@@ -121,6 +124,7 @@ class AvoidingSolver(Solver):
         self.barrier = self._braking or ClearanceBarrier(clearance, safety)
         self.threat: Threat | None = None
         self.evaded: int | None = None
+        self.destination: Array | None = None
         self.barriers = (self.barrier,)
         self.vortices = Vortices(clearance, 0.5 * mechanism.length if reach is None else reach, safety)
         self._known: dict[int, pin.SE3] = {}  # poses of obstacles
@@ -128,16 +132,18 @@ class AvoidingSolver(Solver):
         self._prediction = LookAhead(mechanism, 1.0, _PREDICTION_GAIN)
         self._restart()
 
-    def move(self, obstacle: int, placement: pin.SE3) -> None:
+    def move(self, obstacle: int, placement: pin.SE3, jumps: bool = False) -> None:
         """Move an obstacle. After some distance, strategies that failed are tried again.
 
         Args:
             obstacle: its index in the clearance.
             placement: its pose in the mechanism's world.
+            jumps: whether it was put there, as in an undo, instead of moved since the tick before: the difference is no
+                velocity, and is not predicted to go on.
         """
         self.clearance.move(obstacle, placement)
         if self._evasion is not None:
-            self._evasion.move(obstacle, placement, self.dt)
+            self._evasion.move(obstacle, placement, self.dt, jumps)
         moved = self._known.setdefault(obstacle, placement.copy()).actInv(placement)
         angle = float(np.linalg.norm(pin.log3(moved.rotation)))
         if max(float(np.linalg.norm(moved.translation)) / self.mechanism.length, angle) > _MOVED:
@@ -147,21 +153,23 @@ class AvoidingSolver(Solver):
 
     def step(self) -> Step:
         """Compute one tick of dt. Never raises: the status reports what happened."""
-        suspended, reaction = bool(self._memory.tasks_are_suspended), None
+        suspended, motion = bool(self._memory.tasks_are_suspended), None
         try:
-            reaction = self._react()
-            if reaction is None:
+            motion = self._react()
+            if motion is None and self.destination is not None:
+                motion = self._towards(self.destination)
+            if motion is None:
                 self._guide()
         except Exception as error:  # the loop must go on; the barrier keeps the mechanism clear
             self._restart()
             self._catch(f"the search for a path around obstacles of {self.mechanism.name}", error)
-        if reaction is not None:
+        if motion is not None:
             self._suspend_tasks(True)
-            self._detour = (_Motion(reaction * self.dt),)
+            self._detour = (_Motion(motion),)
             self._memory.secondary[:], self._memory.secondary_scale = 0.0, 1.0  # it may reverse
         step = super().step()
         self._detour = None
-        if reaction is not None:
+        if motion is not None:
             self._suspend_tasks(suspended)
         if self._evasion is not None:
             self._evasion.tick += 1
@@ -172,7 +180,8 @@ class AvoidingSolver(Solver):
         return step
 
     def _react(self) -> Array | None:
-        """Return the velocity (nv,) by which to evade an obstacle that moves, or to stop; None if neither is needed."""
+        """Return the motion (nv,) of a tick by which to evade an obstacle that moves, or to stop; None if neither is
+        needed."""
         barrier, evasion, memory = self._braking, self._evasion, self._memory
         if barrier is None or evasion is None:
             return None
@@ -189,9 +198,21 @@ class AvoidingSolver(Solver):
         found = np.zeros(self._model.nv)
         if velocity is not None and self.threat is None:
             if self.mechanism.is_constrained:
-                return driven_motions(self.mechanism, q, evasion.columns) @ velocity
-            found[evasion.columns] = velocity
+                return driven_motions(self.mechanism, q, evasion.joints.columns) @ (velocity * self.dt)
+            found[evasion.joints.columns] = velocity * self.dt
         return found
+
+    def _towards(self, destination: Array) -> Array | None:
+        """Return the motion (nv,) of a tick straight to a configuration (nq,), as fast as the barrier allows without
+        deflecting it; None without limits of acceleration."""
+        if self._evasion is None:
+            return None
+        self._evasion.joints.dt = self.dt
+        motion = self._evasion.joints.towards(self._q, destination)
+        bounds = self.barrier.bounds(self.state)
+        rates = bounds.rows @ motion / self.dt
+        violated = rates > bounds.most
+        return motion * max(0.0, float((bounds.most[violated] / rates[violated]).min(initial=1.0)))
 
     def _clear(self) -> float:
         """Return the fraction of the step to the trial configuration that barriers allow; where accelerations are

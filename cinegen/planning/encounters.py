@@ -1,0 +1,227 @@
+"""`Encounters`: distances of a mechanism from moving obstacles during a manoeuvre."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from typing import NamedTuple
+
+import numpy as np
+import pinocchio as pin
+from numpy.typing import NDArray
+
+from cinegen.collision.clearance import Clearance
+from cinegen.errors import ClosureError
+from cinegen.jit.foreign import DISTANCE, FIRST_POINT, NORMAL, SECOND_POINT, DistanceResults
+from cinegen.joints import kinematic_data
+from cinegen.planning.manoeuvres import Manoeuvre, ReactingJoints
+from cinegen.planning.obstacle_motion import ObstacleMotion
+
+Array = NDArray[np.float64]
+
+HORIZON = 1.0
+"""Collisions that are further away are not predicted, s."""
+
+_STRIDE = 5e-3  # m by which bodies may approach between two instants of a prediction
+_FEWEST, _MOST = 25, 500  # instants of a prediction
+_PARTS = 4  # of a manoeuvre that is checked against what is at rest
+_HALVINGS = 5  # of each of them: what is not known to be clear then, is refused
+_TOUCH = 1e-9  # m
+
+
+class Place(NamedTuple):
+    """A pair of bodies, where they are nearest.
+
+    Attributes:
+        points: (2, 3) nearest points on the link and on the obstacle in the mechanism's world, m.
+        names: names of the two bodies.
+        joint: joint of the link.
+        obstacle: index of the obstacle.
+    """
+
+    points: Array
+    names: tuple[str, str]
+    joint: int
+    obstacle: int
+
+
+class Meeting(NamedTuple):
+    """The least distance from obstacles that move during a manoeuvre.
+
+    Attributes:
+        least: m; negative where bodies overlap.
+        now: m, at the beginning.
+        first: s until the distance is first too small; infinite if it never is.
+        place: the pair then, that of the least distance if it never is; None if loops can't be closed at the beginning.
+    """
+
+    least: float
+    now: float
+    first: float
+    place: Place | None
+
+
+class Encounters:
+    """Distances of a mechanism from obstacles that go on at constant velocity, and from what is at rest, during a
+    manoeuvre.
+
+    Distances from obstacles that move are predicted by conservative advancement, at instants between which bodies that
+    are too near approach by 5 mm at most (more, if it were more than 500 instants). Those from all else, its own links
+    included, are bounded along the whole manoeuvre; loops, closed at its instants, open in between to second order.
+
+    Args:
+        clearance: distances of the mechanism.
+        safety: safety distance, m.
+        joints: joints that make the manoeuvres.
+    """
+
+    def __init__(self, clearance: Clearance, safety: float, joints: ReactingJoints) -> None:
+        self.clearance, self.safety, self.joints = clearance, safety, joints
+        self._links = [body for body in clearance.links if body.joint != 0]
+        self._data = kinematic_data(clearance.mechanism.model)
+        self._geometry = pin.GeometryModel()
+        self._motions: dict[int, ObstacleMotion] = {}
+        self._at_rest = clearance.every_pair
+        self._tick, self._reach = 0, 0.0
+
+    # --- obstacles that move -------------------------------------------------------------------------------------
+
+    def follow(self, motions: Mapping[int, ObstacleMotion], tick: int) -> bool:
+        """Take over the motions of obstacles, by index, at a tick; return whether any of them moves."""
+        self._tick, before = tick, tuple(self._motions)
+        self._motions = {i: one for i, one in motions.items() if max(map(np.linalg.norm, one.twist(tick))) > 1e-6}
+        if self._motions and tuple(self._motions) != before:
+            self._arrange()
+        return bool(self._motions)
+
+    def velocities(self) -> list[Array]:
+        """Return the linear and angular velocities (3,) of the obstacles that move, m/s and rad/s."""
+        return [part.copy() for one in self._motions.values() for part in one.twist(self._tick)]
+
+    def speed(self) -> float:
+        """Return a bound of the speeds of all points of obstacles, m/s."""
+        return max(one.speed(self._reach, self._tick) for one in self._motions.values())
+
+    def course(self, point: Array) -> Array:
+        """Return the direction (3,) in which the fastest obstacle moves at a point (3,)."""
+        velocities = [one.velocity(point, self._tick) for one in self._motions.values()]
+        fastest = max(velocities, key=lambda one: float(np.linalg.norm(one)))
+        return np.asarray(fastest / max(float(np.linalg.norm(fastest)), 1e-12))
+
+    def meet(self, q: Array, v: Array, manoeuvre: Manoeuvre, bar: float = -math.inf, ahead: float = 0.0) -> Meeting:
+        """Return how near obstacles that move come during a manoeuvre from q (nq,) and v (nv,).
+
+        Too small is a distance below the safety distance; where it is that now, below half of the distance now, which
+        takes a while to grow, or below all of it if the mechanism brakes.
+
+        Args:
+            q: (nq,) configuration.
+            v: (nv,) velocity, rad/s and m/s.
+            manoeuvre: manoeuvre.
+            bar: m; a least distance below is not found more exactly.
+            ahead: s after the tick at which it begins.
+        """
+        speed, joints = self.speed(), self.joints
+        most = speed + float(joints.fastest_between(v, manoeuvre, 0.0, HORIZON) @ joints.reach)
+        count = int(min(max(most * HORIZON / _STRIDE, _FEWEST), _MOST))
+        times = np.linspace(0.0, HORIZON, count + 1)
+        moved, velocities = joints.roll_out(v, manoeuvre, times)
+        rates = speed + np.maximum.accumulate((np.abs(velocities) @ joints.reach)[::-1])[::-1]  # from then on
+        now = least = first = math.inf
+        place, k, enough, guess = None, 0, self.safety, q
+        while k <= count:
+            try:
+                guess = joints.configuration(q, moved[k], guess)
+            except ClosureError:
+                return Meeting(-math.inf, now, float(times[k]), place)
+            pair = self._measure(guess, float(times[k]) + ahead)
+            distance = float(self._results.table[pair, DISTANCE])
+            if k == 0:
+                now, enough = distance, min(self.safety, (0.5 if manoeuvre.seconds.any() else 1.0) * distance) - 1e-6
+            if distance < least:
+                least = distance
+                if first == math.inf:
+                    place = self._place(pair)
+                    first = float(times[k]) if distance < enough else math.inf
+            if distance <= 0.0 or least <= bar:
+                break
+            k += max(1, int(max(distance - enough, _STRIDE) / (rates[k] * times[1])))
+        return Meeting(least, now, first, place)
+
+    def _arrange(self) -> None:
+        """Measure distances from the obstacles that move from now on."""
+        self._geometry = pin.GeometryModel()
+        for number, body in enumerate(self._links):
+            self._geometry.addGeometryObject(pin.GeometryObject(f"{number}", body.joint, body.placement, body.shape))
+        self._pieces = [(i, piece) for i in self._motions for piece in self.clearance.obstacles[i].pieces]
+        for number, (_, piece) in enumerate(self._pieces, len(self._links)):
+            self._geometry.addGeometryObject(pin.GeometryObject(f"{number}", 0, piece.placement, piece.shape))
+            for link in range(len(self._links)):
+                self._geometry.addCollisionPair(pin.CollisionPair(link, number))
+        self._results = DistanceResults(self._geometry.createData())
+        self._reach = max(float(np.linalg.norm(piece.centre)) + piece.radius for _, piece in self._pieces)
+        self._at_rest = np.flatnonzero(~np.isin(self.clearance.groups, tuple(self._motions)))
+
+    def _measure(self, q: Array, seconds: float) -> int:
+        """Measure the distances of all links at q (nq,) from obstacles after some seconds; return the nearest pair."""
+        for number, (i, piece) in enumerate(self._pieces, len(self._links)):
+            pose = self._motions[i].pose(self._tick, seconds)
+            self._geometry.geometryObjects[number].placement = pose * piece.placement
+        model = self.clearance.mechanism.model
+        pin.forwardKinematics(model, self._data, q)
+        pin.updateGeometryPlacements(model, self._data, self._geometry, self._results.shapes)
+        pin.computeDistances(self._geometry, self._results.shapes)
+        self._results.read()
+        return int(self._results.table[:, DISTANCE].argmin())
+
+    def _place(self, pair: int) -> Place:
+        """Return a pair at the last measurement."""
+        row, found = self._results.table[pair], self._geometry.collisionPairs[pair]
+        points = np.array([row[FIRST_POINT : FIRST_POINT + 3], row[SECOND_POINT : SECOND_POINT + 3]])
+        if np.linalg.norm(points[1] - points[0]) < 1e-9:
+            points[1] += 1e-6 * row[NORMAL : NORMAL + 3]
+        link, (obstacle, piece) = self._links[found.first], self._pieces[found.second - len(self._links)]
+        return Place(points, (link.name, piece.name), link.joint, obstacle)
+
+    # --- what is at rest -----------------------------------------------------------------------------------------
+
+    def is_clear_of_rest(self, q: Array, v: Array, manoeuvre: Manoeuvre) -> bool:
+        """Return whether a manoeuvre from q (nq,) and v (nv,) is known to keep the mechanism clear of itself and of
+        obstacles at rest until it has stopped: at the safety distance, and where it is nearer now, without contact."""
+        if not len(self._at_rest):
+            return True
+        distances = self.clearance.distances(q)[self._at_rest]
+        groups = [
+            (self._at_rest[distances >= self.safety], self.safety),
+            (self._at_rest[distances < self.safety], _TOUCH),
+        ]
+        try:
+            return all(self._keeps(q, v, manoeuvre, pairs, least) for pairs, least in groups if len(pairs))
+        except ClosureError:
+            return False
+
+    def _keeps(self, q: Array, v: Array, manoeuvre: Manoeuvre, pairs: NDArray[np.int64], least: float) -> bool:
+        """Return whether pairs keep a least distance (m) during a manoeuvre, by bounds of their change in parts of it,
+        which are halved where they do not suffice."""
+
+        def at(seconds: float, guess: Array) -> Array:
+            moved = self.joints.roll_out(v, manoeuvre, np.array([seconds])).moved[0]
+            return self.joints.configuration(q, moved, guess)
+
+        mechanism, times = self.clearance.mechanism, np.linspace(0.0, self.joints.duration(v, manoeuvre), _PARTS + 1)
+        ends = [q]
+        for time in times[1:]:
+            ends.append(at(float(time), ends[-1]))
+        parts = [(*times[i : i + 2].tolist(), ends[i], ends[i + 1], pairs, 0) for i in range(_PARTS)]
+        while parts:
+            begin, end, first, last, pairs, depth = parts.pop()
+            half = 0.5 * (begin + end)
+            middle = at(half, first)
+            change = np.maximum(*(np.abs(mechanism.difference(middle, one)) for one in (first, last)))
+            change[self.joints.columns] = self.joints.fastest_between(v, manoeuvre, begin, end) * (half - begin)
+            found = self.clearance.uncertain(middle, change, least, pairs)
+            if found is None or (len(found) and depth == _HALVINGS):
+                return False
+            if len(found):
+                parts += [(begin, half, first, middle, found, depth + 1), (half, end, middle, last, found, depth + 1)]
+        return True
