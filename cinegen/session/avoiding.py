@@ -15,18 +15,24 @@ from cinegen.ik import Status
 from cinegen.joints import kinematic_data
 from cinegen.planning import AvoidingSolver
 from cinegen.planning.clearance_barrier import is_clear
+from cinegen.session.motion import PATIENCE, JointMotion
 from cinegen.session.robot import DrivenRobot
 from cinegen.session.state import Obstruction, RobotStatus
 
 Array = NDArray[np.float64]
 
 _AT_REST = 1e-3  # rad/s and m/s
+_LAG = 0.5  # rad or characteristic lengths: a motion waits while the robot is farther behind
+_PROGRESS = 0.98  # of the remaining distance
+_STOPPED = 0.15  # s without progress: a joint motion says what stops it, and waits for the slider
+_THERE = 1e-7  # rad or characteristic lengths: distance at which it has arrived
 _NAMED = 2  # in a status, at most
 
 
 class AvoidingRobot(DrivenRobot):
     """The robot of a scene. Tasks guide it around obstacles or up to them, and obstacles that come near push it away,
-    within the limits of acceleration of `motion_limits`; other motions stop before a collision.
+    within the limits of acceleration of `motion_limits`. Other motions are followed within these limits, too: they wait
+    while the robot lags, and end where it can't go on.
 
     Args:
         name: name in the session.
@@ -43,16 +49,64 @@ class AvoidingRobot(DrivenRobot):
         self._obstacles = tuple(obstacles)
         self.bodies: tuple[Body, ...] = self._clearance.links
         self._data = kinematic_data(self.mechanism.model)
+        self._nearest, self._waited = np.inf, 0.0  # distance from where a motion leads, and s without progress
 
-    def move_obstacle(self, obstacle: int, placement: pin.SE3) -> None:
-        """Move an obstacle, by its index in the scene, to a pose in the session's world (m)."""
-        self._avoiding.move(obstacle, self.base.actInv(placement))
+    def move_obstacle(self, obstacle: int, placement: pin.SE3, jumps: bool = False) -> None:
+        """Move an obstacle.
+
+        Args:
+            obstacle: its index in the scene.
+            placement: its pose in the session's world (m).
+            jumps: whether it was put there, instead of moved.
+        """
+        self._avoiding.move(obstacle, self.base.actInv(placement), jumps)
 
     def link_placements(self) -> Iterator[pin.SE3]:
         """Yield the pose of each of its bodies in the session's world (m)."""
         pin.forwardKinematics(self.mechanism.model, self._data, self.q)
         for body in self.bodies:
             yield self.base * self._data.oMi[body.joint] * body.placement
+
+    def _advance(self, dt: float) -> str:
+        """See `DrivenRobot`."""
+        motion, solver = self.motion, self._avoiding
+        if motion is None:
+            solver.destination = None
+            return super()._advance(dt)
+        there = solver.destination
+        if there is None:
+            there, self._waited, self._nearest = self.q, 0.0, np.inf
+        ended = False
+        if self.mechanism.distance(self.q, there) < _LAG:
+            q = motion.advance(dt)
+            if q is None:
+                ended = True
+            elif motion.jumps and not self.collision(q):
+                solver.destination = q
+                self.jump_to(q)
+                return ""
+            elif not np.array_equal(q, there):
+                there, self._nearest = q, np.inf
+        solver.destination = there
+        self.step = solver.step()
+        self._retarget()
+        remaining = self.mechanism.distance(self.q, there)
+        if ended and remaining < _THERE:
+            self.motion = None
+            return f"{self.name}: {motion.problem}" if motion.problem else ""
+        if remaining < _THERE or remaining < _PROGRESS * self._nearest:
+            self._nearest, self._waited = remaining, 0.0
+        self._waited += dt
+        is_joints = isinstance(motion, JointMotion)
+        if remaining < _THERE or self._waited < (_STOPPED if is_joints else PATIENCE):
+            return ""
+        problem = self.collision(there) or "obstacles are in the way"
+        if is_joints:
+            solver.destination = None
+            motion.block(self.q, problem)
+            return ""
+        self.motion = None
+        return f"{self.name}: {problem}"
 
     def collision(self, q: Array) -> str:
         """See `DrivenRobot`."""

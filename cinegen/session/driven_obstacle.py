@@ -79,6 +79,7 @@ class DrivenObstacle(DrivenRobot):
             self.jump_to(pin.SE3ToXYZQUAT(relative))
         elif self.mechanism.mobility:
             self.jump_to(np.array([*relative.translation[:2], pin.log3(relative.rotation)[2]]))
+        self._report_pose(jumps=True)
 
     def set_target(self, task: UserTask, target: pin.SE3) -> None:
         """See `DrivenRobot`: an obstacle that moves in a plane stays in it."""
@@ -137,11 +138,11 @@ class DrivenObstacle(DrivenRobot):
             for number, placement in enumerate(robot.link_placements()):
                 clearance.move(number, self.base.actInv(placement))
 
-    def _report_pose(self) -> None:
-        """Report the pose to the robot."""
+    def _report_pose(self, jumps: bool = False) -> None:
+        """Report the pose to the robot; `jumps`: it was put there."""
         if self._meets is not None:
             number, robot, _, _ = self._meets
-            robot.move_obstacle(number, self.pose)
+            robot.move_obstacle(number, self.pose, jumps)
 
 
 def _free_body(name: str, dof: int) -> Mechanism:

@@ -27,8 +27,10 @@ _FASTEST = 2.0  # rad/s, or characteristic lengths per second: of a joint withou
 _LIMIT = 1e-9  # rad or m: rounding at a limit
 _SHORTEST, _LONGEST = 0.3, 30.0  # s for a motion to a configuration
 _THERE = 1e-6  # rad or lengths: distance at which a configuration is reached
+PATIENCE = 0.5
+"""Time that a motion waits for what is in its path, s."""
+
 _RETRACED = 1.5  # s: longest duration of an undo
-_PATIENCE = 0.5  # s that a motion waits for what is in its path
 
 _LINE_SPEED = 0.6  # characteristic lengths or rad per second, on average
 _LINE_SHORTEST, _LINE_LONGEST = 0.4, 10.0  # s
@@ -44,11 +46,13 @@ class RobotMotion(Protocol):
         name: name in the state, in lower case.
         label: a few words for people.
         problem: reason why it did not do all that it should; empty if it did.
+        jumps: whether its last configuration can't be reached from the one before.
     """
 
     name: str
     label: str
     problem: str
+    jumps: bool
 
     def advance(self, dt: float) -> Array | None:
         """Return the configuration (nq,) after dt (s); None when the motion has ended."""
@@ -67,7 +71,7 @@ class JointMotion:
         q: (nq,) present configuration with closed loops.
     """
 
-    name, label = "joints", "joint motion"
+    name, label, jumps = "joints", "joint motion", False
 
     def __init__(self, mechanism: Mechanism, q: Array) -> None:
         self.problem = ""
@@ -121,7 +125,7 @@ class JointMotion:
 class _TimedMotion:
     """A motion that advances with time, waits while it is blocked, and ends if it stays blocked."""
 
-    problem = ""
+    problem, jumps = "", False
     _seconds: float
     _time = 0.0
     _waited = 0.0
@@ -144,7 +148,7 @@ class _TimedMotion:
         self._blocked = True
         self._waited += self._dt
         self._time -= self._dt
-        if self._waited >= _PATIENCE or self._time == math.inf:
+        if self._waited >= PATIENCE or self._time == math.inf:
             self._time, self.problem = math.inf, problem
 
 
@@ -191,7 +195,7 @@ class ConfigurationMotion(_TimedMotion):
         super().block(q, problem)
 
     def _jump(self) -> Array:
-        self._time = math.inf
+        self._time, self.jumps = math.inf, True
         self.problem = "the goal is in another assembly mode: the robot was moved there without a path"
         return self._goal
 
@@ -233,7 +237,7 @@ class LineMotion:
         CinegenError: its loops are open.
     """
 
-    name, label = "move_to", "moving to a configuration"
+    name, label, jumps = "move_to", "moving to a configuration", False
 
     def __init__(self, mechanism: Mechanism, q: Array, goal: Array, node: str, dt: float) -> None:
         self.problem = ""
@@ -259,6 +263,7 @@ class LineMotion:
             return None
         if self._rest is not None:
             q = self._rest.advance(dt)
+            self.jumps = self._rest.jumps
             self.problem = self._rest.problem if q is None else ""
             return q
         self._solver.dt = self._dt = dt

@@ -180,9 +180,13 @@ class DrivenRobot:
         """Set the configuration (nq,), with closed loops, and the targets of its tasks to their present poses."""
         if not np.array_equal(q, self.solver.q):
             self.solver.q = q
-            for one in self.tasks:
-                one.task.target = self.mechanism.placement(q, one.task.node) * one.task.offset
+            self._retarget()
         self.step = self.solver.step()
+
+    def _retarget(self) -> None:
+        """Set the targets of its tasks to their present poses."""
+        for one in self.tasks:
+            one.task.target = self.mechanism.placement(self.solver.q, one.task.node) * one.task.offset
 
     def moving_parts(self) -> Array:
         """Return the numbers that change when it moves: configuration, base pose and targets, rad and m."""

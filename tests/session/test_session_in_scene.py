@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import pickle
 
 import coal
@@ -12,6 +13,7 @@ import pytest
 from cinegen.collision import load_scene, scene_of
 from cinegen.collision.links import link_bodies
 from cinegen.mission import Recording
+from cinegen.model.motion_limits import motion_limits
 from cinegen.session import Session, replay_setup, scene_setup
 from cinegen.session import commands as c
 
@@ -237,6 +239,34 @@ def test_a_motor_that_is_led_into_an_obstacle_stays_before_it(session):
     assert words.endswith("would hit 'pole'")
     one.obey(c.MoveJoint("arm7", "joint1", -0.5))  # a slider that moves on tries again
     assert run(one, 1500).robots["arm7"].q[0] == pytest.approx(-0.5)
+
+
+@pytest.mark.parametrize(("name", "joint"), [("arm7", "joint2"), ("delta4", "joint1")])
+def test_joint_and_home_motions_obey_the_limits_of_acceleration(session, name, joint):
+    """Also where one replaces the other on its way, and a drag that."""
+    one = session(name, {**POLE, "point": [5.0, 5.0, 0.5]}, rate=240.0)
+    mechanism, robot = one.setup.robots[name], one.robots[name]
+    begin, q = robot.q, [robot.q]
+    at = begin[mechanism.q_index(joint)]
+    for command, ticks in (
+        (c.MoveJoint(name, joint, at + 0.4), 40),
+        (c.MoveJoint(name, joint, at - 0.2), 20),
+        (c.MoveHome(name), 15),
+        (c.StartDrag(name, mechanism.end, (0, 0, 0)), 20),
+        (c.MoveHome(name), 500),
+    ):
+        one.obey(command)
+        for _ in range(ticks):
+            one.tick()
+            q.append(robot.q)
+    assert robot.motion is None
+    assert q[-1] == pytest.approx(begin, abs=1e-9)
+    v = np.array([mechanism.difference(a, b) for a, b in itertools.pairwise(q)]) * 240.0
+    columns = [mechanism.v_index(one) for one in mechanism.actuated]
+    changes = np.abs(np.diff(np.vstack([0.0 * v[:1], v]), axis=0))[:, columns] * 240.0
+    assert (changes <= motion_limits(mechanism).acceleration[columns] * (1.0 + 1e-6)).all()
+    assert changes.max() > 5.0
+    assert max(map(mechanism.closure, q)) <= 1e-9
 
 
 def test_home_leads_back_to_where_the_scene_starts_and_leaves_obstacles_where_they_are(session):
