@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import tempfile
 import textwrap
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
@@ -38,6 +39,7 @@ if TYPE_CHECKING:
     from cinegen.collision import Scene
     from cinegen.planning import ModeChange, Plan
 
+_LISTED = 4  # attempts over the motion in the page
 _SHOWN = 4.0  # s: a shorter motion is shown slower
 _WIDTH = 100  # columns
 
@@ -405,4 +407,20 @@ def _view(found: Plan, page: PageOptions) -> None:
         recording = Path(folder) / f"{found.scene.name}.jsonl"
         ((name, mechanism),) = setup.robots.items()
         motion = record_plan(found, recording, name, mechanism, setup.obstacles)
-        page.show(replay_setup(recording, min(1.0, max(0.01, float(motion.times[-1]) / _SHOWN))), found.scene.name)
+        replayed = replay_setup(recording, min(1.0, max(0.01, float(motion.times[-1]) / _SHOWN)))
+        page.show(replace(replayed, attached=setup.attached, caption=_caption(found)), found.scene.name)
+
+
+def _caption(found: Plan) -> str:
+    """Return which attempt the motion is that is shown, and how the others ended."""
+
+    from cinegen.planning import PlanStatus
+
+    lines = []
+    for number, one in enumerate(found.attempts, 1):
+        stopped = one.status is not PlanStatus.REACHED and one.blocked_by
+        by = f": '{one.blocked_by[0][0]}' is at '{one.blocked_by[0][1]}'" if stopped else ""
+        lines.append(f"attempt {number}, {one.strategy}: {one.status.value}{by}")
+    if len(lines) > _LISTED:
+        lines[_LISTED - 2 : -1] = [f"{len(lines) - _LISTED + 1} more attempts did not reach the goal"]
+    return "\n".join(lines)

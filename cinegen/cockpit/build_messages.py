@@ -57,6 +57,7 @@ def hello_message(setup: Setup, title: str, client: int, playback: PlaybackStatu
         playback=playback,
         stops=setup.stops,
         map=None if setup.map is None else setup.map.robot,
+        caption=setup.caption,
     )
 
 

@@ -234,8 +234,8 @@ def title_of(setup: Setup) -> str:
 
 
 def draw(page: Page, setup: Setup) -> RobotScene:
-    """Draw the robots and obstacles of a session into a page, as it begins."""
-    scene = RobotScene(page, setup.robots, base_poses_at_start(setup), setup.obstacles)
+    """Draw the robots of a session, what they hold, and the obstacles into a page, as it begins."""
+    scene = RobotScene(page, setup.robots, base_poses_at_start(setup), setup.obstacles, setup.attached)
     for name, q in setup.starts.items():
         scene.show(name, q)
     avoidance = setup.avoidance

@@ -132,6 +132,7 @@ class HelloMessage(TypedMessage, frozen=True):
         playback: recording that is replayed, or null.
         stops: times of it (s) to jump to, each with a name.
         map: robot with which a map is drawn, or null.
+        caption: text over a replay; may be empty.
     """
 
     protocol: int
@@ -145,6 +146,7 @@ class HelloMessage(TypedMessage, frozen=True):
     playback: PlaybackStatus | None
     stops: tuple[tuple[float, str], ...]
     map: str | None
+    caption: str = ""
 
 
 class TaskMessage(TaskInfo, frozen=True, kw_only=True):

@@ -19,9 +19,10 @@ from cinegen.cockpit.drawing import Json, SceneNode, mesh, triad
 from cinegen.cockpit.page import Page
 from cinegen.collision.body import bounding_box_corners
 from cinegen.collision.triangle_mesh import TriangleMesh
-from cinegen.mission.drawn_obstacle import DrawnObstacle
+from cinegen.mission.drawn_obstacle import DrawnObstacle, DrawnShape
 from cinegen.model import Mechanism
 from cinegen.model.motion_plane import motion_plane
+from cinegen.session.setup import DrawnAttached
 
 if TYPE_CHECKING:  # trimesh takes its time
     from raff2urdf.graphics.surface import ColouredSurface
@@ -36,6 +37,7 @@ _LOOP = 0xCC79A7  # Okabe and Ito's reddish purple: closed loops
 _TARGET = 0xD55E00  # vermillion: targets
 _GOAL = 0x009E73  # bluish green: the goal of a scene
 _OBSTACLE = np.array([0.62, 0.55, 0.46, 1.0])  # nothing else is brown
+_HELD = np.array([0.94, 0.89, 0.26, 1.0])  # Okabe and Ito's yellow: what a robot holds
 _WALL = np.array([0.62, 0.55, 0.46, 0.35])  # of obstacles that can't be moved: they must not hide what is behind
 
 
@@ -47,6 +49,7 @@ class RobotScene:
         mechanisms: mechanisms by name.
         bases: base poses of those that are not at the world's origin (m).
         obstacles: obstacles by name.
+        attached: objects that mechanisms hold.
     """
 
     def __init__(
@@ -55,19 +58,26 @@ class RobotScene:
         mechanisms: Mapping[str, Mechanism],
         bases: Mapping[str, pin.SE3] | None = None,
         obstacles: Mapping[str, DrawnObstacle] | None = None,
+        attached: Iterable[DrawnAttached] = (),
     ) -> None:
         self.page, self.mechanisms = page, dict(mechanisms)
         self.bases = {name: pin.SE3.Identity() for name in mechanisms} | dict(bases or {})
         self._root = SceneNode(page)["cinegen"]
         self._targets: set[str] = set()
-        drawn = {name: (one, _geometry(one)) for name, one in (obstacles or {}).items()}
-        self._fit(drawn.values())
+        drawn = {
+            name: (one, _geometry(one.shapes, _OBSTACLE if one.dof else _WALL))
+            for name, one in (obstacles or {}).items()
+        }
+        held = [(one, _geometry(one.shapes, _HELD)) for one in attached]
+        self._fit(drawn.values(), held)
         for name, (obstacle, objects) in drawn.items():
             self._put(self._root[name][name], objects)
             self.show_obstacle(name, obstacle.placement)
         for name, mechanism in self.mechanisms.items():
             self._draw(name, mechanism)
             self.show(name, mechanism.q_home, self.bases[name])
+        for one, objects in held:
+            self._put(self._root[one.robot][one.node][f"attached {one.name}"], objects)
 
     def show(self, name: str, q: ArrayLike, base: pin.SE3 | None = None) -> None:
         """Move a mechanism to q (nq,), and its base if it is given."""
@@ -103,8 +113,13 @@ class RobotScene:
         self._root[path]["ball"].set_object(mesh(drawing.sphere(size), drawing.material(_GOAL, 0.85)))
         self._root[path].set_transform(placement.homogeneous)
 
-    def _fit(self, obstacles: Iterable[tuple[DrawnObstacle, list[pin.GeometryObject]]]) -> None:
-        """Scale and move everything so that robots and movable obstacles fill the view, with the floor below."""
+    def _fit(
+        self,
+        obstacles: Iterable[tuple[DrawnObstacle, list[pin.GeometryObject]]],
+        attached: Iterable[tuple[DrawnAttached, list[pin.GeometryObject]]],
+    ) -> None:
+        """Scale and move everything so that robots, what they hold and movable obstacles fill the view, with the floor
+        below."""
         parts = [
             part @ self.bases[name].rotation.T + self.bases[name].translation
             for name, mechanism in self.mechanisms.items()
@@ -116,6 +131,10 @@ class RobotScene:
                 for one in objects
                 if obstacle.dof
             ]
+        for held, objects in attached:
+            mechanism = self.mechanisms[held.robot]
+            pose = self.bases[held.robot] * mechanism.placement(mechanism.q_home, held.node)
+            parts += [bounding_box_corners(one.geometry, pose * one.placement) for one in objects]
         points = np.vstack(parts)
         centre = (points.min(axis=0) + points.max(axis=0)) / 2.0
         self._radius = float(np.linalg.norm(points - centre, axis=1).max()) or 1.0
@@ -168,12 +187,12 @@ class RobotScene:
                 place.set_transform(placement @ extra)
 
 
-def _geometry(obstacle: DrawnObstacle) -> list[pin.GeometryObject]:
-    """Return the shapes of an obstacle, in its frame."""
+def _geometry(shapes: Iterable[DrawnShape], colour: Array) -> list[pin.GeometryObject]:
+    """Return shapes in a colour (4,)."""
     found = []
-    for i, (placement, shape_) in enumerate(one.placed() for one in obstacle.shapes):
+    for i, (placement, shape_) in enumerate(one.placed() for one in shapes):
         found.append(pin.GeometryObject(f"{i}", 0, placement, shape_))
-        found[-1].meshColor = _OBSTACLE if obstacle.dof else _WALL
+        found[-1].meshColor = colour
     return found
 
 

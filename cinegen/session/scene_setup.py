@@ -13,13 +13,14 @@ import pinocchio as pin
 from numpy.typing import NDArray
 
 from cinegen.collision import Obstacle, Scene
+from cinegen.collision.attached import Attached
 from cinegen.collision.body import PlacedShape
 from cinegen.collision.convex_hull import hull
 from cinegen.collision.mobile_robot import mobile_robot
 from cinegen.collision.obstacle_kinds import HEIGHT
 from cinegen.mission.drawn_obstacle import DrawnObstacle, DrawnShape
 from cinegen.model.motion_plane import motion_plane
-from cinegen.session.setup import RATE, Avoidance, Setup, arrange
+from cinegen.session.setup import RATE, Avoidance, DrawnAttached, Setup, arrange
 
 Array = NDArray[np.float64]
 
@@ -64,7 +65,10 @@ def scene_setup(
         while key in obstacles or key == name:
             key += "'"
         obstacles[key] = appearance.obstacle(obstacle)
-    return replace(setup, obstacles=obstacles, avoidance=Avoidance(name, scene))
+    attached = tuple(
+        DrawnAttached(name, one.node, _path_safe(one.name), appearance.attached(one)) for one in scene.attached
+    )
+    return replace(setup, obstacles=obstacles, avoidance=Avoidance(name, scene), attached=attached)
 
 
 def _path_safe(name: str) -> str:
@@ -106,6 +110,13 @@ class SceneAppearance:
         if obstacle.kind in ("half_space", "half_plane"):
             dof = 0
         return DrawnObstacle(tuple(map(DrawnShape.of, self._shapes(obstacle))), obstacle.placement, dof)
+
+    def attached(self, held: Attached) -> tuple[DrawnShape, ...]:
+        """Return the shapes of an object that the scene's robot holds, in the frame of the node that holds it."""
+        return tuple(
+            DrawnShape.of(PlacedShape(held.object.placement * placement, shape))
+            for placement, shape in self._shapes(held.object)
+        )
 
     def visual(self, radius: float) -> str:
         """Return the visual of a mobile robot (radius in m), in URDF: a disc, or for a point a small ball."""

@@ -20,7 +20,7 @@ from cinegen.collision import Scene
 from cinegen.devices.kinds import overrides, refusal, why_missing
 from cinegen.errors import CinegenError, CinegenWarning, UnknownNameError
 from cinegen.mission import BasePose, Recording
-from cinegen.mission.drawn_obstacle import DrawnObstacle
+from cinegen.mission.drawn_obstacle import DrawnObstacle, DrawnShape
 from cinegen.model import Mechanism
 from cinegen.model.plausible import FAR, reach
 from cinegen.session.regular_start import regular_start
@@ -96,6 +96,23 @@ class Avoidance:
 
 
 @dataclass(frozen=True)
+class DrawnAttached:
+    """An object that a robot holds, as it is drawn.
+
+    Attributes:
+        robot: name of the robot.
+        node: node that holds it.
+        name: name of the object.
+        shapes: its shapes; their placements are in the frame of the node.
+    """
+
+    robot: str
+    node: str
+    name: str
+    shapes: tuple[DrawnShape, ...]
+
+
+@dataclass(frozen=True)
 class MapOverlay:
     """A map that is drawn with its robot.
 
@@ -132,6 +149,8 @@ class Setup:
         avoidance: robot that avoids obstacles.
         map: map that is drawn with one of the robots.
         priority: real-time priority (SCHED_FIFO) of the session, 1 to 99; 0: ordinary scheduling.
+        attached: objects that robots hold.
+        caption: text that the page shows over a replay.
     """
 
     robots: Mapping[str, Mechanism]
@@ -149,6 +168,8 @@ class Setup:
     obstacles: Mapping[str, DrawnObstacle] = field(default_factory=dict)
     starts: Mapping[str, Array] = field(default_factory=dict)
     overwrite: bool = False
+    attached: tuple[DrawnAttached, ...] = ()
+    caption: str = ""
 
     def __post_init__(self) -> None:
         if not self.robots:

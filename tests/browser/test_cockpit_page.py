@@ -477,13 +477,60 @@ def test_obstacles_are_seen_and_dragged_and_push_the_robot(robot, tab):
             page.wait_for_timeout(20)
             statuses.add(page.text_content("#status"))
         picture(page, "obstacle_dragged")
-        assert np.linalg.norm(place(cockpit, "pole", "pole") - begin) > 0.1
-        assert np.abs(cockpit.state.robots["arm7"].q - rest).max() > 0.01
+        assert becomes(page, lambda: np.linalg.norm(place(cockpit, "pole", "pole") - begin) > 0.1)
+        assert becomes(page, lambda: np.abs(cockpit.state.robots["arm7"].q - rest).max() > 0.01)
         assert "arm7: pushed by 'pole'" in statuses
         page.mouse.up()
         assert becomes(page, lambda: not cockpit.state.obstacles["pole"].tasks)
         page.keyboard.press("Control+z")
         assert becomes(page, lambda: np.linalg.norm(place(cockpit, "pole", "pole") - begin) < 1e-9)
+    finally:
+        cockpit.close()
+
+
+MARKED = """() => {
+  const shown = cockpit.state.obstructions.arm7;
+  if (shown === undefined) return null;
+  const near = (point) => (object) => object.isMesh && object.visible && object.material.opacity === 0.9
+    && object.position.distanceTo(new MeshCat.THREE.Vector3(...point)) < 1e-6;
+  const balls = shown.points.map((point) => {
+    let found = false;
+    cockpit.viewer.scene.traverse((object) => { found ||= near(point)(object); });
+    return found;
+  });
+  return { label: shown.label, points: shown.points, balls, words: document.querySelector(".labels").innerText };
+}"""
+"""What the page has of the obstruction of the arm: its state, balls at its points, and the labels."""
+
+
+def test_the_place_where_an_obstacle_stops_a_robot_is_marked_and_named(robot, tab):
+    wall = {"name": "wall", "kind": "box", "size": [0.04, 2.0, 2.0], "point": [0.75, 0.0, 0.5]}
+    bar = {"name": "bar", "kind": "box", "size": [0.03, 0.03, 0.2], "point": [0.0, 0.0, 0.1]}
+    said = {"robot": "arm7.raff", "safety": 0.02, "goal": {"point": [0.5, -0.3, 0.5]}, "obstacle": [wall]}
+    cockpit = Cockpit(scene_setup(scene_of({**said, "attached": [bar]}, mechanism=robot("arm7"))), port=8300)
+    try:
+        page = tab(cockpit)
+        assert page.evaluate(MARKED) is None
+        page.evaluate("cockpit.send({ type: 'start_drag', robot: 'arm7', node: 'tool', point: [0, 0, 0] })")
+        assert becomes(page, lambda: held(cockpit, "arm7"))
+        to = (place(cockpit, "arm7", "tool") + np.array([0.6, 0.0, 0.0])).tolist()
+        page.evaluate("(to) => cockpit.send({ type: 'move_drag', position: to })", to)
+        assert becomes(page, lambda: cockpit.state.robots["arm7"].status.name == "BARRED")
+        marked = [None]
+
+        def is_marked():
+            marked[0] = page.evaluate(MARKED)
+            return marked[0] is not None and all(marked[0]["balls"]) and marked[0]["label"] in marked[0]["words"]
+
+        assert becomes(page, is_marked)
+        assert marked[0]["label"].endswith("wall")
+        assert marked[0]["points"][1][0] == pytest.approx(0.73, abs=1e-3)  # on the face of the wall
+        assert 0.015 < 0.73 - marked[0]["points"][0][0] < 0.06
+        picture(page, "obstruction")
+        page.evaluate("cockpit.send({ type: 'end_drag' })")
+        page.click("#home")
+        assert becomes(page, lambda: page.evaluate(MARKED) is None)
+        assert becomes(page, lambda: "wall" not in page.inner_text(".labels"))
     finally:
         cockpit.close()
 

@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import coal
 import numpy as np
 import pytest
 import trimesh
+import umsgpack
 
 from cinegen.cockpit import Page, draw, title_of
 from cinegen.cockpit.build_messages import NodePoses, hello_message, state_message
@@ -57,6 +60,24 @@ def test_the_page_is_told_what_is_an_obstacle_and_its_title_names_robots_only(se
     session.close()
     assert message.obstacles["pole"][:3] == pytest.approx([0.45, 0.25, 0.5])
     assert message.statuses["pole"].name == "IDLE"
+
+
+def test_attached_objects_are_drawn_on_the_node_that_holds_them(robot):
+    bar = {"name": "a/bar", "kind": "box", "size": [0.04, 0.04, 0.3], "point": [0.0, 0.0, 0.2]}
+    said = {"robot": "arm7.raff", "goal": {"point": [0.3, 0.3, 0.3]}, "obstacle": [POLE], "attached": [bar]}
+    setup, page = scene_setup(scene_of(said, mechanism=robot("arm7"))), Page()
+    draw(page, setup)
+    found = {(path, kind): command for (path, kind, _), command in page.scene().items() if "attached" in path}
+    (path,) = {path for path, kind in found if kind == "set_object"}
+    assert path.startswith("/meshcat/cinegen/arm7/tool/attached a-bar")  # moves as the tool does
+    at = next(command for (_, kind), command in found.items() if kind == "set_transform")
+    matrix = np.reshape(umsgpack.unpackb(at)["matrix"], (4, 4)).T  # by columns
+    assert matrix[:3, 3] == pytest.approx([0.0, 0.0, 0.2])
+
+
+def test_the_caption_of_a_replay_is_in_the_first_message(setup):
+    assert hello_message(replace(setup, caption="attempt 1: stuck"), "arm7", 1).caption == "attempt 1: stuck"
+    assert hello_message(setup, "arm7", 1).caption == ""
 
 
 def test_robot_obstacles_and_goal_are_in_the_page_where_the_scene_has_them(root):

@@ -27,7 +27,8 @@ export class Messages {
     this.cover = byId("cover");
     session.on("hello", () => {
       this.cover.hidden = true;
-      if (!this.dragged) this.hint.textContent = session.hello?.map ? ON_MAP : HINT;
+      const { map, playback, caption } = session.hello ?? {};
+      if (!this.dragged) this.hint.textContent = playback ? (caption ?? "") : map ? ON_MAP : HINT;
       this.#hint();
     });
     session.on("notice", ({ text, level, action }) => this.toast(text, level, action));
@@ -71,7 +72,7 @@ export class Messages {
   }
 
   #hint() {
-    this.hint.hidden = this.dragged || this.session.control === "other" || Boolean(this.session.hello?.playback);
+    this.hint.hidden = this.dragged || this.session.control === "other" || this.hint.textContent === "";
   }
 
   /** @param {string} text */

@@ -138,6 +138,7 @@ export interface HelloMessage {
   playback: PlaybackStatus | null;
   stops: [number, string][];
   map: string | null;
+  caption?: string;
 }
 
 export interface RobotDescription {
