@@ -18,7 +18,7 @@ from cinegen.collision._kernels.near import approach
 from cinegen.collision._kernels.sweep import advance, remember, separate, sweep
 from cinegen.collision.body import Body, bounding_box_corners, geometry_model, rounded_hull
 from cinegen.collision.errors import PlanningError
-from cinegen.collision.exact_distances import ExactDistances
+from cinegen.collision.exact_distances import UP_TO, ExactDistances
 from cinegen.collision.obstacle import Obstacle
 from cinegen.collision.scene import Scene
 from cinegen.collision.self_collision import PairReason, link_pairs
@@ -42,6 +42,7 @@ Table = NDArray[np.int64]
 EXACT_WITHIN = 0.02
 """Of the characteristic length: default of `Clearance.exact_within`."""
 
+_FURTHER = 1.5  # times the distance asked about is measured, so that the next motion need not be
 _LEAST = 1e-300  # m: bodies that are less apart than this touch
 
 
@@ -302,7 +303,10 @@ class Clearance:
         memory.normal[pair] = result.normal
         if self._separate(memory.handle, pair) >= needed or row[DISTANCE] - change >= needed:
             return max(float(row[DISTANCE]), float(needed)), True
-        self._exact.refine_pair(pair, row, float(self._within[pair]), self._data.oMi, self._placed)
+        if row[DISTANCE] < self._within[pair]:  # a query is the shorter, the smaller the distance that matters
+            within = float(self._within[pair])
+            up_to = min(max(_FURTHER * float(needed + change), within), UP_TO * within)
+            self._exact.refine_pair(pair, row, up_to, self._data.oMi, self._placed)
         memory.known[pair] = row[DISTANCE]
         return float(row[DISTANCE]), bool(row[DISTANCE] - change >= needed)
 

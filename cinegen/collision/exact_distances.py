@@ -72,28 +72,28 @@ class ExactDistances:
         """
         placed: dict[int, pin.SE3] = {}
         for pair in np.flatnonzero(self._is_enclosed & (table[:, DISTANCE] < within)).tolist():
-            self.refine_pair(pair, table[pair], float(within[pair]), poses, placed)
+            self.refine_pair(pair, table[pair], UP_TO * float(within[pair]), poses, placed)
 
     def refine_pair(
-        self, pair: int, row: Array, within: float, poses: Sequence[pin.SE3], placed: dict[int, pin.SE3]
+        self, pair: int, row: Array, up_to: float, poses: Sequence[pin.SE3], placed: dict[int, pin.SE3]
     ) -> None:
-        """Write the exact result of one pair, see `refine`; nothing if its distance is not below the bound.
+        """Write the exact result of one pair, see `refine`; nothing if both bodies are exact.
 
         Args:
             pair: index of the pair.
             row: (RESULT_WIDTH,) result of the convex bodies.
-            within: the bound, m.
+            up_to: distance above which it is not measured but replaced by that, m; above that of the row.
             poses: poses of the joints in the world.
             placed: poses of exact shapes in the world that are known already; those of this pair are added.
         """
-        if not self._is_enclosed[pair] or row[DISTANCE] >= within:
+        if not self._is_enclosed[pair]:
             return
         for body in self._pairs[pair]:
             if body not in placed:
                 placed[body] = poses[self._joints[body]] * self._placements[body]
         first, second = (placed[body] for body in self._pairs[pair])
         found = coal.DistanceResult()
-        found.min_distance = up_to = UP_TO * within  # coal skips what is further apart
+        found.min_distance = up_to  # coal skips what is further apart
         self._measure[pair](_transform(first), _transform(second), self._request, found)
         distance = float(found.min_distance)
         is_mesh = not self._meshes.keys().isdisjoint(self._pairs[pair])
