@@ -34,12 +34,13 @@ _SURELY = 200_000  # cells that take neither
 _WIDTH = 100  # columns of text
 _ROUNDING = 1e-9  # relative error of a sum over cells
 QUANTITIES = (
-    "solutions", "sigma_1", "sigma_2", "condition", "manipulability", "margin", "velocity", "force", "solid_angle",
-    "clearance",
+    "solutions", "sigma_1", "sigma_2", "condition", "manipulability", "margin", "velocity", "force", "torque",
+    "payload", "solid_angle", "clearance",
 )  # fmt: skip
 """Names in `cinegen.workspace.quantities`, whose import takes longer than help may."""
 
 _SLOW = ("solutions", "solid_angle")
+_LOADED = ("torque", "payload")  # take masses and limits of torque
 
 
 @dataclass(frozen=True)
@@ -61,7 +62,7 @@ class MapOptions:
     node: str | None = option("NAME", "node to reach with (default: the last of the file)")
     grid: int | None = option("N", "cells along each axis without a count (80 for two axes)")
     quantity: list[str] = option(
-        "NAMES", f"quantities of each cell: {', '.join(QUANTITIES)}; or all, without {' and '.join(_SLOW)} "
+        "NAMES", f"quantities of each cell: {', '.join(QUANTITIES)}; or all, without {', '.join((*_SLOW, *_LOADED))} "
         "(default: sigma_1,sigma_2)", (), "-q", "--quantity",
     )  # fmt: skip
     along: str | None = option("X,Y,Z", "direction of velocity and force, in the world (default: z, or x, or y)")
@@ -148,8 +149,8 @@ def specification(mechanism: Mechanism, options: MapOptions, robots: RobotOption
     scene = None if options.scene is None else _obstacles(mechanism, options.scene, robots)
     names = [name.strip() for given in options.quantity or ["sigma_1,sigma_2"] for name in given.split(",") if name]
     if "all" in names:
-        slow = {*_SLOW, *(() if scene else ("clearance",))}
-        names = [name for name in names if name != "all"] + [name for name in QUANTITIES if name not in slow]
+        left_out = {*_SLOW, *_LOADED, *(() if scene else ("clearance",))}
+        names = [name for name in names if name != "all"] + [name for name in QUANTITIES if name not in left_out]
     elif scene:
         names.append("clearance")
     return MapSpecification(

@@ -20,7 +20,7 @@ from cinegen.model.urdf import kinematics_of
 from cinegen.singularities.singularity import controlled_nowhere
 from cinegen.singularities.slice import POSE
 from cinegen.workspace.errors import MapError
-from cinegen.workspace.quantities import DIRECTED, QUANTITIES
+from cinegen.workspace.quantities import DIRECTED, LOADED, QUANTITIES, check_loads
 from cinegen.workspace.region import Region
 from raff2urdf.closure import rank
 from raff2urdf.errors import RaffError, did_you_mean
@@ -333,6 +333,8 @@ def _checked_quantities(spec: MapSpecification) -> tuple[str, ...]:
             raise MapError(f"unknown quantity '{name}'{did_you_mean(name, tuple(QUANTITIES))}")
     if "sigma_2" in wanted and not mechanism.passive_rank and not spec.is_uncontrolled:
         wanted.discard("sigma_2")  # without passive joints there are no singularities of type 2
+    if LOADED & wanted:
+        check_loads(mechanism)
     if "clearance" in wanted:
         _check_scene(spec)
     if "solid_angle" in wanted and (spec.over_joints or spec.rotation):

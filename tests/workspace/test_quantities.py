@@ -17,6 +17,7 @@ from mapped import mapped, middles, over
 from scipy.optimize import linprog
 
 import cinegen
+from cinegen.dynamics.errors import MassError
 from cinegen.model.load import build
 from cinegen.singularities import singularity
 from cinegen.workspace import QUANTITIES, MapError, MapSpecification, make_map
@@ -517,3 +518,45 @@ def test_what_is_written_of_a_survey_is_read_back_to_the_last_bit(along):
     again = MapSpecification.of_attributes(one.attributes)
     assert again.text == one.text
     assert MapSpecification(again.mechanism, again.region, again.quantities, along=again.along).text == one.text
+
+
+def test_an_upright_arm_holds_what_statics_gives_it(tmp_path):
+    """Two bars of 0.5 and 0.3 m in the plane of x and z, point masses of 2 and 1 kg at their ends."""
+    path = tmp_path / "upright.urdf"
+    body = """<inertial><origin xyz="{} 0 0"/><mass value="{}"/>
+      <inertia ixx="1e-9" iyy="1e-9" izz="1e-9" ixy="0" ixz="0" iyz="0"/></inertial>"""
+    joint = """<joint name="{}" type="revolute"><parent link="{}"/><child link="{}"/><origin xyz="{} 0 0"/>
+      <axis xyz="0 -1 0"/><limit lower="-3" upper="3" effort="{}" velocity="1"/></joint>"""
+    path.write_text(f"""<robot name="upright"><link name="base"/><link name="upper">{body.format(0.5, 2.0)}</link>
+      <link name="fore">{body.format(0.3, 1.0)}</link><link name="tip"/>
+      {joint.format("shoulder", "base", "upper", 0, 30.0)}{joint.format("elbow", "upper", "fore", 0.5, 7.0)}
+      <joint name="end" type="fixed"><parent link="fore"/><child link="tip"/><origin xyz="0.3 0 0"/></joint></robot>""")
+    arm = cinegen.load(path)
+    region = over(("x", -0.8, 0.8, 15), ("z", -0.8, 0.8, 15))
+    found = list(cells(MapSpecification(arm, region, ("torque", "payload"), "tip")))
+    assert len(found) > 50
+    refused = 0
+    for q, values in found:
+        upper, fore = 0.5 * math.cos(q[0]), 0.3 * math.cos(q[0] + q[1])
+        weight = 9.81 * np.array([3.0 * upper + fore, fore])
+        arms, limits = 9.81 * np.array([upper + fore, fore]), np.array([30.0, 7.0])
+        assert values["torque"] == pytest.approx(np.abs(weight / limits).max(), rel=1e-5)
+        most = min((limits[i] - np.sign(arms[i]) * weight[i]) / abs(arms[i]) for i in range(2) if arms[i])
+        assert values["payload"] == pytest.approx(most, rel=1e-4)
+        refused += np.isnan(values["payload"])
+    assert not refused
+    weak = path.read_text().replace('effort="30.0"', 'effort="10"')
+    path.write_text(weak)
+    masses = [
+        values["payload"] for _, values in cells(MapSpecification(cinegen.load(path), region, ("payload",), "tip"))
+    ]
+    assert np.isnan(masses).any()
+    assert not np.isnan(masses).all()
+    path.write_text(weak.replace('effort="10"', 'effort="0"').replace('effort="7.0"', 'effort="0"'))
+    with pytest.raises(cinegen.CinegenError, match="no actuated joint has a limit of torque or force"):
+        MapSpecification(cinegen.load(path), region, ("payload",), "tip")
+
+
+def test_torques_take_masses(robot):
+    with pytest.raises(MassError, match="have no mass"):
+        MapSpecification(robot("planar_3r"), over(("x", -0.8, 0.8, 3), ("y", -0.8, 0.8, 3)), ("torque",))
