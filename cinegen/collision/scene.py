@@ -168,7 +168,7 @@ class Scene:
 
     @property
     def has_weights(self) -> bool:
-        """Whether `weights` change anything."""
+        """True if `weights` change anything."""
         return any(weight != 1.0 for weight in self.weights.values())
 
     @cached_property
