@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cinegen.collision.clearance import Clearance
+from cinegen.errors import ClosureError
 from cinegen.ik.barrier import Bounds
 from cinegen.ik.objectives import State
 from cinegen.planning.clearance_barrier import ClearanceBarrier
@@ -204,5 +205,14 @@ class BrakingBarrier(ClearanceBarrier):
             else:
                 part = min(1.0, count * dt / seconds)
                 moved = v * seconds * (part - 0.5 * part * part)
-            found.append(self.clearance.mechanism.integrate(q, moved))
+            found.append(self._closed(self.clearance.mechanism.integrate(q, moved)))
         return found
+
+    def _closed(self, q: Array) -> Array:
+        """Return a configuration (nq,) with closed loops, as braking reaches it; unchanged if they can't be."""
+        if self.basis is None:
+            return q
+        try:
+            return self.clearance.mechanism.close(q)
+        except ClosureError:
+            return q

@@ -231,7 +231,8 @@ def test_what_is_wrong_is_one_clear_error(typed, monkeypatch, tmp_path, name, op
         (["--values", "joint3=1", "joint3=2"], "--values: joint3 is given twice"),
         (["--values", "1mm,2"], "--values: joint1: '1mm' is a length: an angle is wanted"),
         (["--at", "x=1,y=2,x=3"], "--at: x is given twice"),
-        (["--at", "x=5kg"], "unknown unit 'kg'"),
+        (["--at", "x=5pc"], "unknown unit 'pc'"),
+        (["--at", "x=5kg"], "'5kg' is a mass: a length is wanted"),
     ],
 )
 def test_a_number_that_is_none_is_a_wrong_call(typed, options, says):

@@ -218,7 +218,7 @@ def test_damaged_meshes_and_flat_hulls_are_refused(tmp_path):
         ({"kind": "sphere", "radius": 10**400}, "radius must be finite, not inf"),
         ({"kind": "sphere", "radius": 1e7}, "radius is 1e+07: the largest value is 1e+06"),
         ({"kind": "sphere", "radius": 1e-9}, "radius is 1e-09 m: the least size"),
-        ({"kind": "sphere", "radius": "0.1 kg"}, "radius is wrong: '0.1 kg': unknown unit 'kg'"),
+        ({"kind": "sphere", "radius": "0.1 pc"}, "radius is wrong: '0.1 pc': unknown unit 'pc'"),
         ({"kind": "sphere", "radius": True}, "radius must be a number, not True"),
         ({"kind": "sphere"}, "radius is missing"),
         ({"kind": "sphere", "raduis": 1.0}, "radius is missing: is 'raduis' misspelled?"),

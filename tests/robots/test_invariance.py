@@ -51,13 +51,13 @@ def loaded(text: str, which: str | None = None) -> cinegen.Mechanism:
 
 
 def larger(text: Document, factor: float, units: str) -> Document:
-    """All lengths of a document by a factor, its limits and speeds of slides too, in another unit."""
+    """All lengths of a document by a factor, its limits and speeds of slides too, in another unit; without masses."""
 
     def longer(p: Parameters) -> Parameters:
         return replace(p, r=factor * p.r, d=factor * p.d, epsilon=factor * p.epsilon)
 
     def part(p):
-        p = replace(p, parameters=longer(p.parameters))
+        p = replace(p, parameters=longer(p.parameters), inertial=None)
         if isinstance(p, RaffLink) and p.type is JointType.PRISMATIC:
             limits = None if p.limits is None else tuple(factor * limit for limit in p.limits)
             p = replace(p, limits=limits, velocity=None if p.velocity is None else factor * p.velocity)
@@ -76,7 +76,7 @@ def larger(text: Document, factor: float, units: str) -> Document:
     robots = tuple(
         replace(
             robot,
-            base=replace(robot.base, parameters=longer(robot.base.parameters)),
+            base=replace(robot.base, parameters=longer(robot.base.parameters), inertial=None),
             parts=tuple(part(p) for p in robot.parts),
             couplings=tuple(coupling(one) for one in robot.couplings),
         )
