@@ -102,9 +102,10 @@ def _surface(shape: coal.CollisionGeometry) -> Any:  # a mesh of trimesh
 def _distances(points: Array, shape: coal.CollisionGeometry, placement: pin.SE3) -> Array:
     """Return the distances (n,) of points (n, 3) from a shape, m; those of points inside of convex shapes are
     negative."""
-    measure, request = coal.ComputeDistance(coal.Sphere(0.0), shape), coal.DistanceRequest()
+    point = coal.Sphere(0.0)  # coal only refers to it
+    measure, request = coal.ComputeDistance(point, shape), coal.DistanceRequest()
     there = coal.Transform3s(placement.rotation, placement.translation)
-    places = (coal.Transform3s(np.eye(3), point) for point in points)
+    places = (coal.Transform3s(np.eye(3), one) for one in points)
     return np.array([measure(place, there, request, coal.DistanceResult()) for place in places])
 
 
