@@ -153,7 +153,10 @@ class BrakingBarrier(ClearanceBarrier):
         if self.is_released:
             return 1.0
         v = self.clearance.mechanism.difference(state.q, q) / state.dt
-        path = [state.q, q, *self._stop(q, v, state.dt)]
+        try:
+            path = [state.q, q, *self._stop(q, v, state.dt)]
+        except ClosureError:  # where it would stop is not known
+            return _REFUSED
         return 1.0 if self._is_clear(path) and self._evasion.stays_clear(q, v) else _REFUSED
 
     def _is_clear(self, path: list[Array]) -> bool:
@@ -209,10 +212,9 @@ class BrakingBarrier(ClearanceBarrier):
         return found
 
     def _closed(self, q: Array) -> Array:
-        """Return a configuration (nq,) with closed loops, as braking reaches it; unchanged if they can't be."""
-        if self.basis is None:
-            return q
-        try:
-            return self.clearance.mechanism.close(q)
-        except ClosureError:
-            return q
+        """Return a configuration (nq,) with closed loops, as braking reaches it.
+
+        Raises:
+            ClosureError: they can't be closed.
+        """
+        return q if self.basis is None else self.clearance.mechanism.close(q)

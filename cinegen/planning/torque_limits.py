@@ -131,7 +131,7 @@ class TorqueLimits:
         largest = self.largest(q, rate)
         i = int(largest.argmax())
         limit = shown(float(self.limits[i]), self._dimension(i), 4)
-        others = ", the others less of theirs" if len(self.joints) > 1 else ""
+        others = ", no other joint more of its own" if len(self.joints) > 1 else ""
         return f"{self.joints[i]} needs at most {100.0 * largest[i]:.0f} % of its {limit}{others}"
 
     def check_static(self, static: Array) -> None:
