@@ -10,6 +10,8 @@ import numpy as np
 
 from cinegen.assembly import assembly_modes
 from cinegen.collision.clearance import prepare_clearance
+from cinegen.design._kernels.evaluate import evaluate_designs
+from cinegen.design._kernels.memory import DesignMemory
 from cinegen.dynamics._kernels.memory import DynamicsMemory
 from cinegen.dynamics._kernels.torques import find_torques
 from cinegen.hexapod import TSSM, Hexapod
@@ -42,6 +44,7 @@ _KERNELS: dict[str, Callable[[], object]] = {
     "solve": lambda: prepare(solve, LocalIKMemory),
     "measure": lambda: prepare(measure_all, BatchMemory),
     "torques": lambda: prepare(find_torques, DynamicsMemory),
+    "designs": lambda: prepare(evaluate_designs, DesignMemory),
     "clearance": prepare_clearance,
     "vortices": prepare_vortices,
     "modes": _assembly_modes,

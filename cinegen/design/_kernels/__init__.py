@@ -1,0 +1,1 @@
+"""Kernels of mechanisms whose parameters change between two evaluations."""

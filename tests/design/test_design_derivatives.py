@@ -1,0 +1,85 @@
+"""Derivatives by parameters, against central differences of documents that are edited and loaded again."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+import pinocchio as pin
+import pytest
+from variants import others_slow
+
+from cinegen.design import Design, Parameters
+from cinegen.model import Mechanism
+
+ROBOTS = [pytest.param(path.stem) for path in sorted((Path(__file__).parents[2] / "robots").glob("*.raff"))]
+STEPS = np.array([1.0, -1.0, 2.0, -2.0, 3.0, -3.0])
+WEIGHTS = np.array([45.0, -45.0, -9.0, 9.0, 1.0, -1.0]) / 60.0  # of a sixth-order difference
+SAMPLED = 12  # parameters of each robot
+
+
+@cache
+def design(name: str) -> Design:
+    return Design(Parameters(name))
+
+
+def edited(parameters: Parameters, k: int, step: float) -> Mechanism:
+    """Return the mechanism of the edited document, measured by the length of the one as written."""
+    p = parameters.values.copy()
+    p[k] += step
+    return replace(parameters.mechanism_with(p), length=parameters.mechanism.length)
+
+
+def difference(values: list[np.ndarray], step: float) -> np.ndarray:
+    return np.tensordot(WEIGHTS, np.array(values), 1) / step
+
+
+def jacobian_by_fixed(design: Design, mechanism: Mechanism, q: np.ndarray, node: str) -> np.ndarray:
+    """Return the Jacobian of a node by the fixed joints, by the loops of a mechanism as Pinocchio places them."""
+    jacobian, loops = mechanism.jacobian(q, node), mechanism.system.evaluate(q)[1] / mechanism.scale
+    fixed, moving = [mechanism.v_index(name) for name in design.fixed], design.moving
+    follow = np.zeros((mechanism.model.nv, len(fixed)))
+    if len(loops):
+        scaled = loops * mechanism.scale
+        follow[moving] = -np.linalg.pinv(scaled[:, moving], rcond=1e-9) @ loops[:, fixed]
+        follow *= mechanism.scale[:, None]
+    return jacobian[:, fixed] + jacobian @ follow
+
+
+@pytest.mark.parametrize("name", others_slow(ROBOTS))
+def test_edited_documents(name: str) -> None:
+    one = design(name)
+    parameters, mechanism = one.parameters, one.mechanism
+    q = [mechanism.q_home, *mechanism.random_closed(1, 5)][-1]
+    here, node, length = one.evaluate(q=q), mechanism.end, mechanism.length
+    assert here.gap[0] < 1e-12
+    nominal, opening = mechanism.placement(here.q[0], node), set(here.opening)
+    scale = np.repeat([1.0 / length, 1.0], 3)
+    amplified = here.amplification(node)[0]
+    np.testing.assert_allclose(
+        amplified, jacobian_by_fixed(one, mechanism, here.q[0], node), atol=1e-9 * max(1.0, length)
+    )
+    by_p = here.amplification_derivative(node)[0]
+    chosen = np.random.default_rng(3).permutation(len(one.names))[:SAMPLED]
+    for k in (k for k in chosen if one.names[k] not in opening):
+        unit = length if parameters.all[parameters.find(one.names[k])].unit == "m" else 1.0
+        step = 1e-3 * unit
+        changed = [edited(parameters, k, s * step) for s in STEPS]
+        open_poses = [pin.log6(nominal.actInv(m.placement(here.q[0], node))).vector * scale for m in changed]
+        moved = here.node_parameters(node)[0, :, k] * scale
+        np.testing.assert_allclose(unit * moved, unit * difference(open_poses, step), atol=1e-8)
+        residuals = [m.system.evaluate(here.q[0])[0] for m in changed]
+        np.testing.assert_allclose(unit * here.loop_parameters[0, :, k], unit * difference(residuals, step), atol=1e-8)
+        closed = [m.close(here.q[0], mechanism.actuated) for m in changed]
+        poses = [
+            pin.log6(nominal.actInv(m.placement(c, node))).vector * scale for m, c in zip(changed, closed, strict=True)
+        ]
+        moved = here.pose_derivative(node)[0, :, k] * scale
+        np.testing.assert_allclose(unit * moved, unit * difference(poses, step), atol=1e-8)
+        jacobians = [jacobian_by_fixed(one, m, c, node) for m, c in zip(changed, closed, strict=True)]
+        numeric = difference(jacobians, step) * scale[:, None] * unit
+        np.testing.assert_allclose(
+            by_p[..., k] * scale[:, None] * unit, numeric, atol=1e-8 * max(1.0, np.abs(numeric).max())
+        )
