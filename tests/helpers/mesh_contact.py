@@ -64,6 +64,11 @@ class MeshContact:
     Args:
         mechanism: robot.
         samples: (n, nq) configurations: pairs in contact in each of them are not judged.
+
+    Attributes:
+        names: link of each shape.
+        pairs: indices of the shapes of each judged pair.
+        always: pairs that are not judged.
     """
 
     def __init__(self, mechanism: Mechanism, samples) -> None:
@@ -85,12 +90,23 @@ class MeshContact:
                 break
             self.always &= set(self.touching(q, pairs=sorted(self.always)))
         self.pairs = [pair for pair in self.pairs if pair not in self.always]
+        self._geometry = pin.GeometryModel()
+        for number, (one, shape) in enumerate(zip(self.drawn, self.shapes, strict=True)):
+            self._geometry.addGeometryObject(pin.GeometryObject(f"{number}", one.parentJoint, one.placement, shape))
+        for pair in self.pairs:
+            self._geometry.addCollisionPair(pin.CollisionPair(*pair))
+        self._results = self._geometry.createData()
+
+    def touches(self, q, margin: float = 0.0) -> bool:
+        """Whether any pair is nearer than a margin, m: `touching` in one call."""
+        for request in self._results.collisionRequests:
+            request.security_margin = margin
+        return bool(pin.computeCollisions(self.model, self.data, self._geometry, self._results, q, True))
 
     def touching(self, q, margin: float = 0.0, pairs=None, first: bool = False) -> list[tuple[int, int]]:
         """The pairs nearer than a margin, m; only one of them if `first`."""
         pin.forwardKinematics(self.model, self.data, q)
-        poses = [self.data.oMi[one.parentJoint] * one.placement for one in self.drawn]
-        at = [coal.Transform3s(pose.rotation, pose.translation) for pose in poses]
+        at = self.placed()
         request, found = coal.CollisionRequest(), []
         request.security_margin = margin
         for i, k in self.pairs if pairs is None else pairs:
@@ -99,3 +115,25 @@ class MeshContact:
                 if first:
                     break
         return found
+
+    def placed(self) -> list[coal.Transform3s]:
+        """Poses of the shapes, where the joints were placed last."""
+        poses = [self.data.oMi[one.parentJoint] * one.placement for one in self.drawn]
+        return [coal.Transform3s(pose.rotation, pose.translation) for pose in poses]
+
+    def approach(self, q, pair) -> tuple[float, np.ndarray]:
+        """The distance of a pair at q (nq,), m, and how fast each joint velocity changes it (nv,), by the nearest
+        points; not above 0 in contact."""
+        jacobian = pin.computeJointJacobians(self.model, self.data, q)
+        at, request, found = self.placed(), coal.DistanceRequest(True), coal.DistanceResult()
+        first, second = pair
+        distance = coal.distance(self.shapes[first], at[first], self.shapes[second], at[second], request, found)
+        one, other = found.getNearestPoint1(), found.getNearestPoint2()
+        normal, rates = (other - one) / max(float(np.linalg.norm(other - one)), 1e-12), np.zeros(self.model.nv)
+        for shape, point, sign in ((first, one, -1.0), (second, other, 1.0)):
+            moved = np.zeros(self.model.nv)
+            for joint in list(self.model.supports[self.drawn[shape].parentJoint])[1:]:
+                begin = self.model.joints[joint].idx_v
+                moved[begin : begin + self.model.joints[joint].nv] = 1.0
+            rates += sign * moved * (normal @ (jacobian[:3] - pin.skew(point) @ jacobian[3:]))
+        return distance, rates
