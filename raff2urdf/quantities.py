@@ -51,6 +51,8 @@ TIME = Dimension("a time", {"s": "1", "ms": "1e-3", "us": "1e-6", "min": "60"}, 
 FREQUENCY = Dimension("a frequency", {"Hz": "1", "kHz": "1e3"}, "Hz")
 FORCE = Dimension("a force", {"N": "1", "kN": "1e3"}, "N")
 TORQUE = Dimension("a torque", {"Nm": "1", "Nmm": "1e-3"}, "Nm")
+STIFFNESS = Dimension("a stiffness", {"N/m": "1", "kN/m": "1e3", "N/mm": "1e3", "N/um": "1e6"}, "N/m")
+ANGULAR_STIFFNESS = Dimension("an angular stiffness", {"Nm/rad": "1", "kNm/rad": "1e3"}, "Nm/rad")
 SPEED = Dimension("a speed", {f"{unit}/s": factor for unit, factor in _LENGTHS.items()}, "m/s")
 ANGULAR_SPEED = Dimension("an angular speed", {f"{unit}/s": factor for unit, factor in _ANGLES.items()}, "deg/s")
 ACCELERATION = Dimension(
@@ -74,6 +76,8 @@ DIMENSIONS = (
     FREQUENCY,
     FORCE,
     TORQUE,
+    STIFFNESS,
+    ANGULAR_STIFFNESS,
     SPEED,
     ANGULAR_SPEED,
     ACCELERATION,

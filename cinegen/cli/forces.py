@@ -3,30 +3,24 @@
 from __future__ import annotations
 
 import textwrap
-from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from cinegen.cli.files import print_result
-from cinegen.cli.numbers import UNITS, configuration_at, named, parts, quantity
+from cinegen.cli.numbers import UNITS, configuration_at, named, quantity
 from cinegen.cli.options import FILE, JSON, NODE, RobotOptions, exclude, flag, option
-from cinegen.cli.payloads import PAYLOADS, carried
+from cinegen.cli.payloads import GRAVITY, PAYLOADS, WRENCHES, carried, gravity_of, wrenches
 from cinegen.errors import CinegenError
-from raff2urdf.command_line import UsageError
 from raff2urdf.quantities import (
     ACCELERATION,
     ANGULAR_ACCELERATION,
     ANGULAR_SPEED,
-    FORCE,
     SPEED,
-    TORQUE,
     Dimension,
-    QuantityError,
-    parse_list,
 )
 
 if TYPE_CHECKING:
-    from cinegen.dynamics import Forces, InverseDynamics, Payload
+    from cinegen.dynamics import Forces, InverseDynamics
     from cinegen.model import Mechanism
 
 _RATE = 250.0  # samples per second of a trajectory
@@ -41,14 +35,10 @@ def run(
     ),
     node: str | None = NODE,
     payload: list[str] = PAYLOADS,
-    wrench: list[str] = option(
-        "NODE=F",
-        "force, or force and moment, on a node in the world's axes: tool=0,0,-10 or tool=0,0,-10,0,0,2 (N, Nm)",
-        (),
-    ),
+    wrench: list[str] = WRENCHES,
     velocity: str = option("JOINTS", f"of actuated joints: {_RATES}); the others follow", ""),
     acceleration: str = option("JOINTS", f"likewise: {_RATES} squared)", ""),
-    gravity: str = option("X,Y,Z", "acceleration in the world (m/s2; 0,0,0 for none)", "0,0,-9.81"),
+    gravity: str = GRAVITY,
     trajectory: Path | None = option("FILE", "torques along a recorded motion: peak, RMS, power of each joint"),
     reactions: bool = flag("--reactions", "also print what all joints and loops bear"),
     massless: bool = flag("--massless", "links without mass count as having none"),
@@ -67,8 +57,8 @@ def run(
     from cinegen.dynamics import InverseDynamics
     from cinegen.dynamics.forces import forces_at
 
-    loads = [*carried(mechanism, payload, node), *_wrenches(wrench)]
-    dynamics = InverseDynamics(mechanism, loads, _vector(gravity), massless)
+    loads = [*carried(mechanism, payload, node), *wrenches(wrench)]
+    dynamics = InverseDynamics(mechanism, loads, gravity_of(gravity), massless)
     if trajectory is not None:
         print_result(*_along(name, dynamics, trajectory, robots.robot), json)
         return 0
@@ -81,34 +71,6 @@ def run(
 
 
 # --- what is typed ----------------------------------------------------------------------------------------------------
-
-
-def _wrenches(wrenches: Sequence[str]) -> list[Payload]:
-    from cinegen.dynamics import Payload
-
-    found = []
-    for text in wrenches:
-        where, equals, numbers = text.partition("=")
-        given = parts(numbers)
-        if not equals or len(given) not in (3, 6):
-            raise UsageError(f"--wrench: '{text}': write NODE=FX,FY,FZ or NODE=FX,FY,FZ,MX,MY,MZ, such as tool=0,0,-10")
-        try:
-            force, moment = parse_list(given[:3], FORCE), parse_list(given[3:], TORQUE)
-        except QuantityError as error:
-            raise UsageError(f"--wrench: {error}") from None
-        found.append(Payload(where, wrench=(*force, *(moment or (0.0, 0.0, 0.0)))))
-    return found
-
-
-def _vector(text: str) -> tuple[float, float, float]:
-    given = parts(text)
-    if len(given) != 3:
-        raise UsageError(f"--gravity: '{text}': an acceleration is x,y,z, such as 0,0,-9.81")
-    try:
-        x, y, z = parse_list(given, ACCELERATION)
-    except QuantityError as error:
-        raise UsageError(f"--gravity: {error}") from None
-    return x, y, z
 
 
 def _rates(mechanism: Mechanism, text: str, option: str, turning: Dimension, sliding: Dimension) -> dict[str, float]:

@@ -7,20 +7,23 @@ import os
 import shutil
 import sys
 import textwrap
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
 from cinegen.cli.files import check_outputs, print_result, write_figure
 from cinegen.cli.numbers import UNITS, dimension_of, interval_of, named, point
+from cinegen.cli.numbers import quantity as number
 from cinegen.cli.options import FILE, JSON, PLOT, VIEW, RobotOptions, exclude, flag, option
 from cinegen.cli.page import PageOptions
+from cinegen.cli.payloads import GRAVITY, PAYLOADS, WRENCHES, carried, gravity_of, wrenches
 from cinegen.cli.progress import Progress
 from cinegen.cli.region import region
 from cinegen.errors import CinegenError, UnknownNameError
 from raff2urdf.command_line import UsageError
 from raff2urdf.files import STANDARD, output_path
-from raff2urdf.quantities import LENGTH, NUMBER, shown, shown_unit
+from raff2urdf.quantities import ANGULAR_STIFFNESS, LENGTH, NUMBER, STIFFNESS, shown, shown_unit
 
 if TYPE_CHECKING:
     import xarray
@@ -35,12 +38,14 @@ _WIDTH = 100  # columns of text
 _ROUNDING = 1e-9  # relative error of a sum over cells
 QUANTITIES = (
     "solutions", "sigma_1", "sigma_2", "condition", "manipulability", "margin", "velocity", "force", "torque",
-    "payload", "solid_angle", "clearance",
+    "payload", "reaction_force", "reaction_moment", "stiffness", "rotational_stiffness", "frequency", "solid_angle",
+    "clearance",
 )  # fmt: skip
 """Names in `cinegen.workspace.quantities`, whose import takes longer than help may."""
 
 _SLOW = ("solutions", "solid_angle")
-_LOADED = ("torque", "payload")  # take masses and limits of torque
+_REACTIONS = ("reaction_force", "reaction_moment")
+_LOADED = ("torque", "payload", *_REACTIONS, "stiffness", "rotational_stiffness", "frequency")  # take more than a robot
 
 
 @dataclass(frozen=True)
@@ -62,11 +67,20 @@ class MapOptions:
     node: str | None = option("NAME", "node to reach with (default: the last of the file)")
     grid: int | None = option("N", "cells along each axis without a count (80 for two axes)")
     quantity: list[str] = option(
-        "NAMES", f"quantities of each cell: {', '.join(QUANTITIES)}; or all, without {', '.join((*_SLOW, *_LOADED))} "
+        "NAMES", f"quantities of each cell: {', '.join(QUANTITIES)}; or all, without {', '.join(_SLOW)} and "
+        f"those of loads and stiffness: {', '.join(_LOADED)} "
         "(default: sigma_1,sigma_2)", (), "-q", "--quantity",
     )  # fmt: skip
     along: str | None = option("X,Y,Z", "direction of velocity and force, in the world (default: z, or x, or y)")
     scene: Path | None = option("FILE", "obstacles for the clearance: a scene of `cinegen plan`")
+    payload: list[str] = PAYLOADS
+    wrench: list[str] = WRENCHES
+    gravity: str = GRAVITY
+    reaction: str | None = option("NAME", "joint or loop whose reaction is mapped")
+    stiffness: list[str] = option(
+        "JOINT=K", "stiffness of elastic joints (N/m, Nm/rad), * for all other actuated ones, such as *=1e5,joint1=8e4",
+        (),
+    )  # fmt: skip
     no_limits: bool = flag("--no-limits", "ignore position limits of joints")
     starts: int | None = option("N", "starts of a search where no neighbour's solution leads (6)")
     vary: list[str] = option(
@@ -153,12 +167,44 @@ def specification(mechanism: Mechanism, options: MapOptions, robots: RobotOption
         names = [name for name in names if name != "all"] + [name for name in QUANTITIES if name not in left_out]
     elif scene:
         names.append("clearance")
+    if options.reaction is not None and not set(_REACTIONS) & set(names):
+        names += _REACTIONS
+    springs = _springs(mechanism, options.stiffness)
+    if springs and not {"stiffness", "rotational_stiffness", "frequency"} & set(names):
+        names.append("stiffness")
+    payloads, pushed = dict[str, float](), dict[str, Any]()
+    for one in carried(mechanism, options.payload, options.node):
+        payloads[one.node] = payloads.get(one.node, 0.0) + one.mass
+    for one in wrenches(options.wrench):
+        if one.node in pushed:
+            raise UsageError(f"--wrench: two wrenches act on {one.node}: add them up")
+        pushed[one.node] = one.wrench
     return MapSpecification(
         mechanism, where, tuple(dict.fromkeys(names)), options.node or "", not options.no_limits,
         STARTS if options.starts is None else options.starts,
         along=() if options.along is None else point(options.along, "--along", NUMBER),
         scene=scene, folder=str(options.scene.absolute().parent) if options.scene else ".",
+        payloads=payloads, wrenches=pushed, gravity=gravity_of(options.gravity),
+        reaction=options.reaction or "", stiffness=springs,
     )  # fmt: skip
+
+
+def _springs(mechanism: Mechanism, texts: Sequence[str]) -> dict[str, float]:
+    """Return the stiffness of joints by name, N m/rad and N/m.
+
+    Raises:
+        UsageError: it is no quantity of that dimension.
+        UnknownNameError: no such joint.
+    """
+    given = named(",".join(texts), "--stiffness", "*=1e5 or joint1=8e4Nm/rad")
+    every = given.pop("*", None)
+    if every is not None:
+        given = {name: every for name in mechanism.actuated if name not in given} | given
+    found = {}
+    for name, text in given.items():
+        dimension = STIFFNESS if mechanism.is_prismatic(name) else ANGULAR_STIFFNESS
+        found[name] = number(text, f"--stiffness: {name}", dimension)
+    return found
 
 
 def _obstacles(mechanism: Mechanism, file: Path, robots: RobotOptions) -> dict[str, Any]:
@@ -204,6 +250,8 @@ def _sweep(name: str, spec: MapSpecification, file: Path, robots: RobotOptions, 
             file, variations, spec.region, folder, box=WantedBox(box), robot=robots.robot, workers=options.workers,
             scheduler=options.scheduler, report=progress.cells, node=spec.node, limits=spec.limits,
             quantities=spec.quantities, starts=spec.starts, along=spec.along, scene=spec.scene, folder=spec.folder,
+            payloads=spec.payloads, wrenches=spec.wrenches, gravity=spec.gravity,
+            reaction=spec.reaction, stiffness=spec.stiffness,
         )  # fmt: skip
     print_result(table.as_dict(), f"{table.text()}\nvariants, maps and table.csv: {folder}", options.json)
     if options.plot:
@@ -254,10 +302,11 @@ def summary(found: xarray.Dataset, spec: MapSpecification) -> dict[str, Any]:
 
     from cinegen.workspace import CellStatus
     from cinegen.workspace.extent import extent
+    from cinegen.workspace.loads import left_out
 
     counts = np.bincount(found["status"].values.ravel(), minlength=len(CellStatus))
     measured = extent(found)
-    quantities = {}
+    quantities = dict[str, dict[str, Any]]()
     for name in spec.quantities:
         values = found[name].values[found["reachable"].values].astype(float)
         values = values[~np.isnan(values)]
@@ -267,6 +316,7 @@ def summary(found: xarray.Dataset, spec: MapSpecification) -> dict[str, Any]:
                 "unit": found[name].attrs["units"],
                 **{key: float(value) if np.isfinite(value) else None for key, value in three.items()},
             }
+            quantities[name]["undetermined"] = list(left_out(spec, name)) if name in _REACTIONS else []
     return {
         "robot": spec.mechanism.name,
         "node": spec.node,
@@ -304,8 +354,11 @@ def _lines(name: str, spec: MapSpecification, result: dict[str, Any]) -> list[st
             f"{key} {'unbounded' if values[key] is None else f'{scale * values[key]:.3g}'}"
             for key in ("min", "median", "max")
         )
-        along = f", along {', '.join(f'{x:.3g}' for x in spec.along)}" if quantity in ("velocity", "force") else ""
-        lines.append(f"  {quantity:<15} {three} {unit}".rstrip() + along)
+        more = f", along {', '.join(f'{x:.3g}' for x in spec.along)}" if quantity in ("velocity", "force") else ""
+        if quantity in _REACTIONS:
+            more, left = f", in {spec.reaction}", ", ".join(values["undetermined"])
+            more += f", without {left}, which statics does not determine" if left else ""
+        lines += textwrap.wrap(f"  {quantity:<15} {three} {unit}".rstrip() + more, _WIDTH, subsequent_indent=" " * 18)
     return lines
 
 

@@ -1,19 +1,25 @@
-"""The option `--payload`."""
+"""The options `--payload`, `--wrench` and `--gravity`."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
-from cinegen.cli.numbers import quantity
+from cinegen.cli.numbers import parts, quantity
 from cinegen.cli.options import option
-from raff2urdf.quantities import MASS
+from raff2urdf.command_line import UsageError
+from raff2urdf.quantities import ACCELERATION, FORCE, MASS, TORQUE, QuantityError, parse_list
 
 if TYPE_CHECKING:
     from cinegen.dynamics import Payload
     from cinegen.model import Mechanism
 
 PAYLOADS = option("MASS[@NODE]", "mass that a node carries at its origin (kg)", (), "--payload")
+WRENCHES = option(
+    "NODE=F", "force, or force and moment, on a node in the world's axes: tool=0,0,-10 or tool=0,0,-10,0,0,2 (N, Nm)",
+    (), "--wrench",
+)  # fmt: skip
+GRAVITY = option("X,Y,Z", "acceleration in the world (m/s2; 0,0,0 for none)", "0,0,-9.81", "--gravity")
 
 
 def carried(mechanism: Mechanism, texts: Sequence[str], node: str | None = None) -> list[Payload]:
@@ -25,3 +31,41 @@ def carried(mechanism: Mechanism, texts: Sequence[str], node: str | None = None)
         mass, _, where = text.partition("@")
         found.append(Payload(where or end, quantity(mass, "--payload", MASS)))
     return found
+
+
+def wrenches(texts: Sequence[str]) -> list[Payload]:
+    """Return wrenches on nodes.
+
+    Raises:
+        UsageError: one is no wrench.
+    """
+    from cinegen.dynamics import Payload
+
+    found = []
+    for text in texts:
+        where, equals, numbers = text.partition("=")
+        given = parts(numbers)
+        if not equals or len(given) not in (3, 6):
+            raise UsageError(f"--wrench: '{text}': write NODE=FX,FY,FZ or NODE=FX,FY,FZ,MX,MY,MZ, such as tool=0,0,-10")
+        try:
+            force, moment = parse_list(given[:3], FORCE), parse_list(given[3:], TORQUE)
+        except QuantityError as error:
+            raise UsageError(f"--wrench: {error}") from None
+        found.append(Payload(where, wrench=(*force, *(moment or (0.0, 0.0, 0.0)))))
+    return found
+
+
+def gravity_of(text: str) -> tuple[float, float, float]:
+    """Return the acceleration of gravity, m/s^2.
+
+    Raises:
+        UsageError: it is no vector.
+    """
+    given = parts(text)
+    if len(given) != 3:
+        raise UsageError(f"--gravity: '{text}': an acceleration is x,y,z, such as 0,0,-9.81")
+    try:
+        x, y, z = parse_list(given, ACCELERATION)
+    except QuantityError as error:
+        raise UsageError(f"--gravity: {error}") from None
+    return x, y, z

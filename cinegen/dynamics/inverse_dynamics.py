@@ -16,6 +16,7 @@ from cinegen.dynamics._kernels.torques import HELD, OPEN, find_torques
 from cinegen.dynamics.errors import MotionError
 from cinegen.dynamics.loads import GRAVITY, LoadedTree
 from cinegen.dynamics.payload import Payload
+from cinegen.dynamics.reactions import Reaction, axes_of_reaction, reactions
 from cinegen.errors import CinegenError, ClosureError, ConfigurationError, UnknownNameError
 from cinegen.jit.foreign import frame_of
 from cinegen.jit.starting import start
@@ -73,6 +74,7 @@ class InverseDynamics:
             self.tree.check_masses(massless)
         self._names = {name: mechanism.v_index(name) for name in mechanism.actuated}
         self._rest = np.zeros(mechanism.model.nv)
+        self._undetermined = dict[str, NDArray[np.bool_]]()
         self._one, self._many = _set_up(self.tree), _set_up(self.tree)
         self._single = {
             name: np.zeros(self._one.shape(name), self._one.fields[name].dtype)
@@ -123,7 +125,7 @@ class InverseDynamics:
                 return np.array(single["torques"][0])
             if found == OPEN:
                 raise self.open_loops(single["gaps"][0, 0])
-        return self._plain(full, all_v, all_a, completes)
+        return self._plain(full, all_v, all_a, completes)[0]
 
     def torques_of(
         self, q: ArrayLike, v: ArrayLike | None = None, a: ArrayLike | None = None, actuated: bool = False
@@ -142,9 +144,56 @@ class InverseDynamics:
             MotionError: v or a open loops somewhere, or contradict each other.
             MassError: links have no mass, and there are velocities or accelerations.
         """
+        return self._at_many(q, v, a, actuated, None)[0]
+
+    def reactions_of(
+        self, name: str, q: ArrayLike, v: ArrayLike | None = None, a: ArrayLike | None = None, actuated: bool = False
+    ) -> Array:
+        """Return the reactions (count, 6) of a joint or loop at many configurations, as `forces` does: force (N), then
+        moment (N m), in the same frames. They are NaN where no torques hold the load or loops are open, and in the
+        components that statics does not determine in nearly all configurations (`undetermined_of`).
+
+        Args:
+            name: of the joint or loop.
+            q, v, a, actuated: as `torques_of` takes them.
+
+        Raises:
+            UnknownNameError: there is none of that name.
+            ConfigurationError, MotionError, MassError: as `torques_of`.
+        """
+        unknown = self.undetermined_of(name)
+        _, found = self._at_many(q, v, a, actuated, name)
+        found[:, unknown] = np.nan
+        return found
+
+    def undetermined_of(self, name: str) -> NDArray[np.bool_]:
+        """Return (6,) true for the components of the reaction of a joint or loop that statics does not determine in
+        nearly all configurations: in one of `Mechanism.samples` at least.
+
+        Raises:
+            UnknownNameError: there is none of that name.
+        """
+        if name not in self._undetermined:
+            found = np.zeros(6, dtype=bool)
+            for q in (self.mechanism.q_home, *self.mechanism.samples):
+                found |= self._reaction(name, self.balance(q, self._rest, self._rest)).stresses.any(axis=1)
+            self._undetermined[name] = found
+        return self._undetermined[name]
+
+    def _reaction(self, name: str, found: plain.Balance) -> Reaction:
+        """Return the reaction of a joint or loop for a balance, the last one that was computed."""
+        every = {one.name: one for one in reactions(self.tree, found)}
+        if name not in every:
+            raise UnknownNameError("joint or loop", name, tuple(every))
+        return every[name]
+
+    def _at_many(
+        self, q: ArrayLike, v: ArrayLike | None, a: ArrayLike | None, actuated: bool, name: str | None
+    ) -> tuple[Array, Array]:
+        """Return the torques (count, actuated) and, of the joint or loop of that name, the reactions (count, 6)."""
         configurations = self._rows("q", q, self.mechanism.model.nq)
         count = len(configurations)
-        found = np.full((count, len(self._names)), np.nan)
+        found, reaction = np.full((count, len(self._names)), np.nan), np.full((count, 6), np.nan)
         moves = v is not None or a is not None
         if moves:
             self._need_masses()
@@ -156,18 +205,36 @@ class InverseDynamics:
             memory.count, memory.moves, memory.completes = count, int(moves), int(completes)
             arrays = {
                 "given_q": configurations, "given_v": all_v, "given_a": all_a,
-                "torques": found, "found": results, "gaps": gaps,
+                "torques": found, "found": results, "gaps": gaps, "reaction": reaction,
             }  # fmt: skip
-            for name, values in arrays.items():
-                memory.point_at(name, values)
+            for field, values in arrays.items():
+                memory.point_at(field, values)
+            joint = self._ask(name)
             self._find(memory.handle)
+            if joint:
+                turned = axes_of_reaction(self.tree.model, joint)
+                reaction[:] = (reaction.reshape(-1, 2, 3) @ turned).reshape(-1, 6)
         for i in np.flatnonzero((results != HELD) & (results != OPEN)).tolist():
             if self.mechanism.closure(configurations[i]) <= CLOSURE:
                 v_i, a_i = (all_v[i], all_a[i]) if moves else (None, None)
-                found[i] = self._plain(configurations[i], v_i, a_i, completes)
+                found[i], balance = self._plain(configurations[i], v_i, a_i, completes)
+                if name is not None:
+                    reaction[i] = self._reaction(name, balance).wrench
         for i in np.flatnonzero((results == HELD) & (gaps[:, 1:].max(axis=1) > _CONSISTENT)).tolist():
             self._check_gaps(gaps[i], completes)
-        return found
+        return found, reaction
+
+    def _ask(self, name: str | None) -> int:
+        """Ask the kernel for the reaction of a joint or loop, or of none; return the joint's number, 0 for a loop."""
+        memory, model, system = self._many, self.tree.model, self.mechanism.system
+        loops = [loop.name for loop in system.loops]
+        memory.asked_loop = loops.index(name) if name in loops else -1
+        joint = 0 if name is None or memory.asked_loop >= 0 else int(model.getJointId(name))
+        memory.asked_joint = joint
+        if joint:
+            for i, (first, _, second, _) in enumerate(system.anchors):
+                memory.passed_on[i] = float(joint in model.supports[first]) - float(joint in model.supports[second])
+        return joint
 
     def motion(self, q: ArrayLike, v: Motion | None = None, a: Motion | None = None) -> tuple[Array, Array]:
         """Return the velocity and the acceleration (nv,) of all joints of the closed mechanism, given those of all or
@@ -312,7 +379,8 @@ class InverseDynamics:
         self._check_gaps(np.array([0.0, *gaps]), completes)
         return v, a
 
-    def _plain(self, q: Array, v: Array | None, a: Array | None, completes: bool) -> Array:
+    def _plain(self, q: Array, v: Array | None, a: Array | None, completes: bool) -> tuple[Array, plain.Balance]:
+        """Return the torques (actuated,) and the balance."""
         self.check_closed(q)
         motions = plain.motions_at(self.tree, q)
         if v is None or a is None:
@@ -321,8 +389,8 @@ class InverseDynamics:
             v, a = self._closed_motion(q, v, a, completes, motions)
         found = plain.balance(self.tree, q, v, a, motions)
         if not found.is_held:
-            return np.full(len(self._names), np.nan)
-        return np.asarray(found.efforts / self.tree.step[list(self._names.values())])
+            return np.full(len(self._names), np.nan), found
+        return np.asarray(found.efforts / self.tree.step[list(self._names.values())]), found
 
 
 def _set_up(tree: LoadedTree) -> DynamicsMemory:

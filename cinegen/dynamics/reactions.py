@@ -159,10 +159,18 @@ def _frame(tree: LoadedTree, joint: int) -> tuple[pin.SE3, str]:
     rotated so that z is its axis, where the axis is none of its own."""
     placement, model = tree.data.oMi[joint], tree.model
     words = f"at joint {model.names[joint]}, in the axes of {_body(tree, joint)}"
+    turned = axes_of_reaction(model, joint)
+    if (turned == np.eye(3)).all():
+        return placement.copy(), words
+    return placement * pin.SE3(turned, np.zeros(3)), f"{words}, rotated until z is the joint's axis"
+
+
+def axes_of_reaction(model: pin.Model, joint: int) -> Array:
+    """Return the axes (3, 3), as columns, in which a joint's reaction is written, in the joint's frame: its own, or
+    rotated so that z is its axis, where the axis is none of its own."""
     kind = model.joints[joint].shortname().removeprefix("JointModel")
     if model.joints[joint].nv == 1 and kind.startswith(_SCALAR):
         along = axis(model.joints[joint])
         if np.abs(along).max() < 1.0 - _ALONG:
-            turned = pin.Quaternion.FromTwoVectors(np.array([0.0, 0.0, 1.0]), along).toRotationMatrix()
-            return placement * pin.SE3(turned, np.zeros(3)), f"{words}, rotated until z is the joint's axis"
-    return placement.copy(), words
+            return np.array(pin.Quaternion.FromTwoVectors(np.array([0.0, 0.0, 1.0]), along).toRotationMatrix())
+    return np.eye(3)

@@ -4,14 +4,20 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from enum import IntEnum
+from functools import cached_property
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
-from cinegen.ik.batch import Evaluations
-from cinegen.workspace.specification import MapSpecification
+if TYPE_CHECKING:
+    from cinegen.ik.batch import Evaluations
+    from cinegen.workspace.specification import MapSpecification
 
 Array = NDArray[np.float64]
+
+UNBOUNDED = 1e10
+"""A dimensionless Jacobian beyond is rounding: the actuated joints do not control the node."""
 
 
 class CellStatus(IntEnum):
@@ -69,3 +75,22 @@ class Cells:
     evaluations: Evaluations
     solutions: NDArray[np.int32] | None = None
     solid_angle: Array | None = None
+
+    @cached_property
+    def jacobians(self) -> Array:
+        """(n, 6, actuated) the node's Jacobians by the actuated joints, dimensionless."""
+        mechanism = self.spec.mechanism
+        scale = mechanism.scale[[mechanism.v_index(name) for name in mechanism.actuated]]
+        units = np.repeat([1.0 / mechanism.length, 1.0], 3)[:, None] * scale
+        return np.asarray(self.evaluations.jacobians * units)
+
+    @cached_property
+    def is_controlled(self) -> NDArray[np.bool_]:
+        """(n,) true where the actuated joints determine the node's motion: not at singularities of type 2."""
+        return bounded(self.jacobians)
+
+
+def bounded(jacobians: Array) -> NDArray[np.bool_]:
+    """Return (n,) true where a dimensionless Jacobian (n, ., .) is known."""
+    with np.errstate(invalid="ignore"):
+        return np.asarray((np.abs(jacobians) < UNBOUNDED).all(axis=(1, 2)))

@@ -17,12 +17,13 @@ from cinegen.singularities.crossing import of_passive_joints
 from cinegen.workspace.by_actuated_joints import ByActuatedJoints
 from cinegen.workspace.by_pose import ByPose
 from cinegen.workspace.cells import Cells, CellStatus
+from cinegen.workspace.loads import LIMITED, REACTIONS
 from cinegen.workspace.quantities import QUANTITIES
 from cinegen.workspace.specification import MapSpecification
 
 Values = NDArray[Any]
 
-_LEAN = {"solutions", "sigma_1", "sigma_2", "margin", "solid_angle", "clearance"}
+_LEAN = {"solutions", "sigma_1", "sigma_2", "margin", "solid_angle", "clearance", "frequency", *LIMITED, *REACTIONS}
 """Quantities that need neither placements, nor Jacobians, nor more than one singular value."""
 
 _REACHABLE = [int(status) for status in CellStatus if status.reachable]

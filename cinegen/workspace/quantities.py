@@ -14,12 +14,11 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from cinegen.errors import CinegenError
+from cinegen.workspace import loads
+from cinegen.workspace.cells import UNBOUNDED, bounded
 
 if TYPE_CHECKING:
     from cinegen.collision.clearance import Clearance
-    from cinegen.dynamics import InverseDynamics
-    from cinegen.model import Mechanism
     from cinegen.workspace.cells import Cells
     from cinegen.workspace.specification import MapSpecification
 
@@ -28,17 +27,7 @@ Values = NDArray[Any]
 
 _UNIT_LIMIT = 1.0  # rad/s, m/s, N m or N: of actuated joints whose speed or effort is not limited
 _SINGULAR = 1e12  # condition numbers beyond are rounding
-_UNBOUNDED = 1e10  # a dimensionless Jacobian beyond is rounding: the actuated joints do not control the node
 _NO_EFFORT = 1e-12  # N m or N for 1 N: less is rounding
-_HEAVIEST = 1e9  # kg: more is borne by the structure alone
-
-
-def _dimensionless(cells: Cells) -> Array:
-    """Return the node's Jacobians (n, 6, actuated) by the actuated joints, dimensionless."""
-    mechanism = cells.spec.mechanism
-    scale = mechanism.scale[[mechanism.v_index(name) for name in mechanism.actuated]]
-    units = np.repeat([1.0 / mechanism.length, 1.0], 3)[:, None] * scale
-    return np.asarray(cells.evaluations.jacobians * units)
 
 
 def _actuated_singular_values(cells: Cells) -> Array:
@@ -47,25 +36,19 @@ def _actuated_singular_values(cells: Cells) -> Array:
     spec, mechanism, done = cells.spec, cells.spec.mechanism, cells.evaluations
     if not mechanism.is_constrained and len(mechanism.actuated) == mechanism.model.nv:
         return done.singular_values[:, : spec.rank]
-    matrices = _dimensionless(cells)[:, : sum(spec.counted)]
+    matrices = cells.jacobians[:, : sum(spec.counted)]
     found = np.full((len(matrices), min(matrices.shape[1:])), np.nan)
-    determined = _determined(matrices)
+    determined = bounded(matrices)
     if determined.any():
         found[determined] = np.linalg.svd(matrices[determined], compute_uv=False)
     return found[:, : spec.rank]
-
-
-def _determined(matrices: Array) -> NDArray[np.bool_]:
-    """Return (n,) true where a dimensionless Jacobian (n, ., .) is known: not at singularities of type 2."""
-    with np.errstate(invalid="ignore"):
-        return np.asarray((np.abs(matrices) < _UNBOUNDED).all(axis=(1, 2)))
 
 
 def _condition(cells: Cells) -> Values:
     values = _actuated_singular_values(cells)
     with np.errstate(divide="ignore", invalid="ignore"):
         found = np.asarray(values[:, 0] / values[:, -1])
-        unbounded = (np.abs(_dimensionless(cells)) >= _UNBOUNDED).any(axis=(1, 2))
+        unbounded = (np.abs(cells.jacobians) >= UNBOUNDED).any(axis=(1, 2))
     return np.where(unbounded | (found > _SINGULAR), np.inf, found)
 
 
@@ -122,7 +105,7 @@ def _projections(cells: Cells) -> Array:
     along = cells.evaluations.placements[:, :3, :3].transpose(0, 2, 1) @ np.asarray(spec.along)  # in the node's axes
     with np.errstate(invalid="ignore"):
         found = np.abs((jacobians.transpose(0, 2, 1) @ along[:, :, None])[:, :, 0])
-    return np.where(_determined(_dimensionless(cells))[:, None], found, np.nan)
+    return np.where(cells.is_controlled[:, None], found, np.nan)
 
 
 def _actuated(spec: MapSpecification, limits: Array) -> Array:
@@ -144,62 +127,6 @@ def _clearance_of(spec: MapSpecification) -> Clearance:
 
     assert spec.scene is not None
     return clearance_of(scene_of(dict(spec.scene), spec.folder, mechanism=spec.mechanism), is_exact=True)
-
-
-def _torque(cells: Cells) -> Values:
-    """Return (n,) the largest torque or force at rest under gravity, relative to its limit; infinite where none holds
-    the mechanism."""
-    weight, _ = _weights(cells)
-    return np.asarray(np.abs(weight).max(axis=1))
-
-
-def _payload(cells: Cells) -> Values:
-    """Return (n,) the largest mass at the node's origin, kg, that torques within their limits hold at rest: at most
-    1e9. NaN where they do not hold the mechanism itself."""
-    weight, by_mass = _weights(cells)
-    with np.errstate(divide="ignore", invalid="ignore"):
-        masses = np.where(by_mass != 0.0, (1.0 - np.sign(by_mass) * weight) / np.abs(by_mass), np.inf).min(axis=1)
-        return np.where(np.abs(weight).max(axis=1) <= 1.0, np.minimum(masses, _HEAVIEST), np.nan)
-
-
-def _weights(cells: Cells) -> tuple[Array, Array]:
-    """Return the torques (n, limited) of the actuated joints at rest, relative to their limits, and what they gain by
-    1 kg at the node's origin; infinite where none hold the mechanism, NaN where there is no configuration."""
-    own, loaded, limits = _dynamics_of(cells.spec)
-    q = cells.evaluations.q
-    known, limited = np.isfinite(q).all(axis=1), np.isfinite(limits)
-    found = np.full((2, len(q), int(limited.sum())), np.nan)
-    for values, dynamics in zip(found, (own, loaded), strict=True):
-        torques = dynamics.torques_of(q[known])[:, limited] / limits[limited]
-        values[known] = np.where(np.isfinite(torques), torques, np.inf)
-    with np.errstate(invalid="ignore"):
-        return found[0], found[1] - found[0]
-
-
-@lru_cache(maxsize=2)
-def _dynamics_of(spec: MapSpecification) -> tuple[InverseDynamics, InverseDynamics, Array]:
-    """Return the dynamics of the mechanism and of that with 1 kg at the node, and the limits of its actuated joints."""
-    from cinegen.dynamics import InverseDynamics, Payload
-
-    mechanism = spec.mechanism
-    limits = np.array([mechanism.limits[name].effort for name in mechanism.actuated])
-    return InverseDynamics(mechanism), InverseDynamics(mechanism, [Payload(spec.node, 1.0)]), limits
-
-
-def check_loads(mechanism: Mechanism) -> None:
-    """Check that a mechanism has what the quantities in `LOADED` take.
-
-    Raises:
-        CinegenError: links have no mass (`MassError`), or no actuated joint has a limit of torque or force.
-    """
-    from cinegen.dynamics import InverseDynamics
-
-    InverseDynamics(mechanism)
-    if not any(np.isfinite(mechanism.limits[name].effort) for name in mechanism.actuated):
-        raise CinegenError(
-            f"{mechanism.name}: no actuated joint has a limit of torque or force: give them in the file ('effort'), or "
-            "leave torque and payload out"
-        )
 
 
 class Quantity(NamedTuple):
@@ -236,8 +163,15 @@ QUANTITIES = {
     "velocity": Quantity("m s-1", "largest component of the node's velocity along the direction", _velocity),
     "force": Quantity("N", "largest force of the node along the direction", _force),
     "torque": Quantity("1", "largest torque or force of an actuated joint at rest under gravity, relative to its limit",
-                       _torque),
-    "payload": Quantity("kg", "largest mass at the node's origin that the actuated joints hold at rest", _payload),
+                       loads.torque),
+    "payload": Quantity("kg", "largest mass at the node's origin that the actuated joints hold at rest", loads.payload),
+    "reaction_force": Quantity("N", "force in the joint at rest under gravity", loads.reaction_force),
+    "reaction_moment": Quantity("N m", "moment in the joint at rest under gravity", loads.reaction_moment),
+    "stiffness": Quantity("N m-1", "smallest force on the node by its displacement, in any direction",
+                          loads.stiffness),
+    "rotational_stiffness": Quantity("N m rad-1", "smallest moment on the node by its rotation, about any axis",
+                                     loads.rotational_stiffness),
+    "frequency": Quantity("Hz", "lowest natural frequency, actuated joints elastic", loads.frequency),
     "solid_angle": Quantity("sr", "possible directions of the node's z axis (dexterous solid angle)",
                             lambda cells: cells.solid_angle),
     "clearance": Quantity("m", "smallest distance to obstacles and between links", _clearance),
@@ -246,6 +180,3 @@ QUANTITIES = {
 
 DIRECTED = frozenset({"velocity", "force"})
 """Quantities along a direction."""
-
-LOADED = frozenset({"torque", "payload"})
-"""Quantities that take masses and limits of torque."""

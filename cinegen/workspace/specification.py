@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property, lru_cache
 from typing import TYPE_CHECKING, Any
@@ -13,6 +13,7 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import NDArray
 
+from cinegen.dynamics.loads import GRAVITY
 from cinegen.errors import CinegenError
 from cinegen.model import Mechanism
 from cinegen.model.fingerprint import fingerprint
@@ -20,7 +21,8 @@ from cinegen.model.urdf import kinematics_of
 from cinegen.singularities.singularity import controlled_nowhere
 from cinegen.singularities.slice import POSE
 from cinegen.workspace.errors import MapError
-from cinegen.workspace.quantities import DIRECTED, LOADED, QUANTITIES, check_loads
+from cinegen.workspace.loads import check_loads
+from cinegen.workspace.quantities import DIRECTED, QUANTITIES
 from cinegen.workspace.region import Region
 from raff2urdf.closure import rank
 from raff2urdf.errors import RaffError, did_you_mean
@@ -30,7 +32,7 @@ if TYPE_CHECKING:
 
 Array = NDArray[np.float64]
 
-VERSION = 6
+VERSION = 7
 """Version of a map's folder: changes when its layout changes, or when the same specification gives other numbers."""
 
 STARTS = 6
@@ -39,7 +41,10 @@ STARTS = 6
 _ROUNDING = 1e-12  # by which the length of a unit vector may differ from 1
 _MOVES = 1e-9  # rad or characteristic lengths for each: less is rounding
 _RESERVED = (*QUANTITIES, "configuration", "reachable", "status", "joint", "joint_unit")
-_SETTINGS = ("node", "quantities", "limits", "starts", "directions", "along", "scene")
+_SETTINGS = (
+    "node", "quantities", "limits", "starts", "directions", "along", "scene", "payloads", "wrenches", "gravity",
+    "reaction", "stiffness",
+)  # fmt: skip
 
 
 @dataclass(frozen=True, eq=False)
@@ -58,10 +63,16 @@ class MapSpecification:
             the node can move.
         scene: obstacles for the clearance, as a document of `cinegen.collision.scene`; none unless given.
         folder: where the scene's files are.
+        payloads: masses, kg, that nodes carry at their origins, by name.
+        wrenches: (6,) that act on nodes at their origins, in the world's axes, N and N m, by name.
+        gravity: (3,) acceleration in the world, m/s^2.
+        reaction: the joint or loop whose reaction is wanted.
+        stiffness: of elastic joints by name, N m/rad and N/m; other actuated joints are rigid, other passive ones free.
 
     Raises:
-        UnknownNameError: no such node.
+        UnknownNameError: no such node, joint or loop.
         MapError: invalid coordinates, quantities or numbers.
+        MassError: links have no mass, and a quantity takes it.
     """
 
     mechanism: Mechanism
@@ -74,6 +85,11 @@ class MapSpecification:
     along: tuple[float, ...] = ()
     scene: Mapping[str, Any] | None = field(default=None, repr=False)
     folder: str = "."
+    payloads: Mapping[str, float] = field(default_factory=dict)
+    wrenches: Mapping[str, Sequence[float]] = field(default_factory=dict)
+    gravity: tuple[float, ...] = GRAVITY
+    reaction: str = ""
+    stiffness: Mapping[str, float] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         if not self.node:
@@ -96,6 +112,11 @@ class MapSpecification:
                 raise MapError(f"{self.mechanism.name}: the name of joint '{name}' {reason}: rename it")
         if not self.over_joints:
             self._check_independent()
+        for name in ("payloads", "stiffness"):
+            object.__setattr__(self, name, {key: float(value) for key, value in getattr(self, name).items()})
+        wrenches = {key: tuple(map(float, value)) for key, value in self.wrenches.items()}
+        object.__setattr__(self, "wrenches", wrenches)
+        object.__setattr__(self, "gravity", tuple(map(float, self.gravity)))
         object.__setattr__(self, "quantities", _checked_quantities(self))
 
     def __repr__(self) -> str:
@@ -255,7 +276,7 @@ def _parsed(text: str, source: str, folder: str) -> MapSpecification:
         if document.get("version") != VERSION:
             raise MapError(f"the map has version {document.get('version')}; this program reads version {VERSION}")
         settings = {name: document[name] for name in _SETTINGS}
-        settings |= {name: tuple(document[name]) for name in ("quantities", "along")}
+        settings |= {name: tuple(document[name]) for name in ("quantities", "along", "gravity")}
         region = Region.of_document(document["region"])
         spec = MapSpecification(build(**robot), region, folder=folder, **settings)
     except MapError:
@@ -333,8 +354,7 @@ def _checked_quantities(spec: MapSpecification) -> tuple[str, ...]:
             raise MapError(f"unknown quantity '{name}'{did_you_mean(name, tuple(QUANTITIES))}")
     if "sigma_2" in wanted and not mechanism.passive_rank and not spec.is_uncontrolled:
         wanted.discard("sigma_2")  # without passive joints there are no singularities of type 2
-    if LOADED & wanted:
-        check_loads(mechanism)
+    check_loads(spec, wanted)
     if "clearance" in wanted:
         _check_scene(spec)
     if "solid_angle" in wanted and (spec.over_joints or spec.rotation):

@@ -28,6 +28,7 @@ from numpy.typing import NDArray
 from cinegen.workspace.cells import CellStatus
 from cinegen.workspace.chunks import chunk_cells, chunk_counts
 from cinegen.workspace.errors import MapError
+from cinegen.workspace.loads import described
 from cinegen.workspace.quantities import QUANTITIES
 from cinegen.workspace.specification import VERSION, MapSpecification
 from raff2urdf.extras import needs
@@ -391,7 +392,9 @@ def _data_arrays(spec: MapSpecification) -> dict[str, tuple[str, dict[str, Any]]
     found: dict[str, tuple[str, dict[str, Any]]] = {}
     for name in spec.quantities:
         quantity = QUANTITIES[name]
-        found[name] = quantity.dtype, {"units": quantity.unit, "long_name": quantity.description}
+        found[name] = quantity.dtype, {
+            "units": quantity.unit, "long_name": described(spec, name, quantity.description),
+        }  # fmt: skip
     found["configuration"] = "float64", {"long_name": "configuration, loops closed", "coordinates": UNIT}
     found["reachable"] = "bool", {"units": "1", "long_name": "whether there is a configuration"}
     found[LAST] = "uint8", {

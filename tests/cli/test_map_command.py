@@ -327,3 +327,22 @@ def test_where_nobody_says_what_a_map_is_over_it_is_all_that_the_node_can_reach(
     solid = region(robot("delta4"), "", "z=-1.8", None, "free", 10)
     assert solid.names == ("x", "y")
     assert solid.shape == (10, 10)
+
+
+def test_loads_and_springs(typed):
+    """Two bars hang their weight on a four-bar's pins; what statics leaves open is said."""
+    four_bar = ("map", "four_bar", "--grid", "6", "--gravity", "0,0,0", "--wrench", "frame5=-1000,0,0")
+    out = typed(*four_bar, "--reaction", "joint2")
+    assert "N, in joint2, without z, which statics does not determine" in " ".join(out.split())
+    assert "reaction_moment" in out
+    springs = ("map", "delta4", "--over", "x=0..0.1:2", "--at", "y=0,z=-1.8", "--payload", "2kg")
+    out = typed(*springs, "-q", "frequency,stiffness", "--stiffness", "*=1e6,joint1=900kNm/rad", "-o", "delta")
+    found = told(out)
+    assert found["frequency"][-1] == "Hz"
+    assert float(found["stiffness"][1].strip(",")) > 1e5
+    err = typed(*springs, "-q", "frequency", "-o", "x", code=1, err=True)
+    assert "--stiffness" in err
+    err = typed(*springs, "-q", "stiffness", "--stiffness", "joint1=4N/m", "-o", "x", code=2, err=True)
+    assert "joint1: '4N/m' is a stiffness: an angular stiffness is wanted (Nm/rad, kNm/rad)" in err
+    err = typed(*springs, "-q", "stiffness", "--stiffness", "joint_1=4", "-o", "x", code=1, err=True)
+    assert "did you mean 'joint1'" in err

@@ -22,6 +22,7 @@ from cinegen.model.load import build
 from cinegen.singularities import singularity
 from cinegen.workspace import QUANTITIES, MapError, MapSpecification, make_map
 from cinegen.workspace.by_pose import fibonacci_sphere
+from cinegen.workspace.loads import LOADED
 
 SPECIFICATIONS = {
     "five_bar": over(("x", -0.5, 0.5, 6), ("y", -0.5, 0.5, 6)),
@@ -391,7 +392,7 @@ def test_clearance_is_what_coal_measures_between_shapes(robot):
 
 def test_all_quantities_in_one_pass_are_those_one_by_one(robot):
     region = over(("x", -0.5, 0.5, 5), ("y", -0.5, 0.5, 5))
-    names = [name for name in QUANTITIES if name not in ("clearance", "solid_angle", "torque", "payload")]
+    names = [name for name in QUANTITIES if name not in ("clearance", "solid_angle", *LOADED)]
     together = mapped(MapSpecification(robot("five_bar"), region, tuple(names)))
     for name in names:
         np.testing.assert_array_equal(

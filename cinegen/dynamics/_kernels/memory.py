@@ -36,6 +36,14 @@ class DynamicsMemory(LoopMemory):
     gaps: Array = foreign("count", 3)  # dimensionless: of the loops, of their velocities, of their accelerations
     now: int = state(0)  # index of the configuration
 
+    # the reaction of one joint or loop, where one is asked for
+    asked_joint: int = parameter(0)  # or 0
+    asked_loop: int = parameter(-1)  # or below 0
+    passed_on: Array = array("loops")  # part of each loop's wrench that the asked joint transmits: 1, 0 or -1
+    reaction: Array = foreign("count", 6)  # at the joint's origin, in its axes; of a loop in those of its first end
+    multipliers: Array = array("rows")  # of the loops and couplings
+    loads_left: Array = array("n")  # scratch: what multipliers must balance
+
     # spatial vectors at the world's origin, in its axes: linear, then angular
     relative: Array = array("joints", 6)  # velocity of a joint
     velocity: Array = array("joints", 6)

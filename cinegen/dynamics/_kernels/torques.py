@@ -75,7 +75,7 @@ def _find(memory: DynamicsMemory, i: int) -> int:
     if is_direct:
         for k in range(actuated):
             memory.torques[i, k] = memory.tau[memory.actuated_dof[k]]
-        return HELD
+        return _find_reaction(memory, i)
     for m in range(memory.mobility):
         s, motion = 0.0, memory.null_space[m]
         for k in range(n):
@@ -87,7 +87,86 @@ def _find(memory: DynamicsMemory, i: int) -> int:
     )  # fmt: skip
     for k in range(actuated):
         memory.torques[i, k] = memory.effort[k] / memory.step[k]
+    return _find_reaction(memory, i)
+
+
+# --- the reaction of one joint or loop --------------------------------------------------------------------------------
+
+
+@compiled
+def _find_reaction(memory: DynamicsMemory, i: int) -> int:
+    """Write the reaction that is asked for, if one is; components that statics does not determine have any value."""
+    joint, asked, w, out = memory.asked_joint, memory.asked_loop, memory.vectors, memory.reaction
+    if joint == 0 and asked < 0:
+        return HELD
+    if memory.rows > 0 and not _find_multipliers(memory, i):
+        return UNCLEAR
+    if joint > 0:
+        copy(memory.wrench[joint], w[0], 3)
+        copy(memory.wrench[joint, 3:], w[1], 3)
+    end = memory.ends[0]
+    for loop in range(memory.loops):
+        if loop != asked and (joint == 0 or memory.passed_on[loop] == 0.0):
+            continue
+        compose(memory.frames[memory.loop_joints[loop, 0]], memory.loop_offsets[loop, 0], end)
+        kind, row = memory.loop_kind[loop], memory.loop_row[loop]
+        linear = 2 if kind == PRISMATIC else 3
+        angular = 0 if kind == BALL else 2 if kind == REVOLUTE else 3
+        w[4], w[5] = 0.0, 0.0  # its wrench on its second end, in the axes of the first, where that is
+        for k in range(linear):
+            w[4, k] = memory.multipliers[row + k] / memory.length
+        for k in range(angular):
+            w[5, k] = memory.multipliers[row + linear + k]
+        if loop == asked:
+            copy(w[4], out[i], 3)
+            copy(w[5], out[i, 3:], 3)
+            return HELD
+        combine(w[4], end, w[2])
+        combine(w[5], end, w[3])
+        cross(end[3], w[2], w[4])
+        for k in range(3):
+            w[0, k] += memory.passed_on[loop] * w[2, k]
+            w[1, k] += memory.passed_on[loop] * (w[3, k] + w[4, k])
+    frame = memory.frames[joint]
+    cross(frame[3], w[0], w[2])
+    for k in range(3):
+        w[1, k] -= w[2, k]
+    for k in range(3):
+        out[i, k], out[i, 3 + k] = dot(frame[k], w[0]), dot(frame[k], w[1])
     return HELD
+
+
+@compiled
+def _find_multipliers(memory: DynamicsMemory, i: int) -> bool:
+    """Compute multipliers of the loops and couplings, J, for the torques of configuration i: those of dependent rows
+    are 0. Return False where the factors of a cluster of loops are no triangles.
+
+    With J^T = Q [L^T; 0], the rows of J permuted, L^T lambda is the beginning of Q^T (tau - S^T tau_a).
+    """
+    left = memory.loads_left
+    for k in range(memory.n):
+        left[k] = memory.scale[k] * memory.tau[k]
+    for k in range(memory.actuated):
+        dof = memory.actuated_dof[k]
+        left[dof] -= memory.scale[dof] * memory.torques[i, k]
+    for c in range(memory.clusters):
+        cluster = cluster_at(memory.cluster_handles[c])
+        if cluster.blocks > 0 or cluster.is_singular != 0:
+            return False
+        part, f, n, rank = cluster.part, cluster.factors, cluster.n, cluster.factored_rank
+        for k in range(n):
+            part[k] = left[cluster.dof[k]]
+        for t in range(rank):
+            h, width = cluster.reflectors[t, t:], n - t
+            add_multiple(-cluster.tau[t] * inner(h, part[t:], width), h, part[t:], width)
+        for t in range(rank - 1, -1, -1):
+            s = part[t]
+            for j in range(t + 1, rank):
+                s -= f[j, t] * part[j]
+            part[t] = s / f[t, t]
+        for j in range(cluster.rows):
+            memory.multipliers[cluster.row[cluster.row_order[j]]] = part[j] if j < rank else 0.0
+    return True
 
 
 # --- motions of the closed mechanism ----------------------------------------------------------------------------------

@@ -1,0 +1,258 @@
+"""Maps of reactions, stiffness and frequencies: closed forms, and single configurations."""
+
+from __future__ import annotations
+
+import math
+import re
+
+import numpy as np
+import pinocchio as pin
+import pytest
+from mapped import mapped, over
+from random_masses import massive
+
+import cinegen
+from cinegen.dynamics.errors import MassError
+from cinegen.errors import UnknownNameError
+from cinegen.workspace import QUANTITIES, MapError, MapSpecification
+from cinegen.workspace.evaluator import ChunkEvaluator
+
+UPPER, FORE, MASSES, G = 0.5, 0.3, (2.0, 1.0), 9.81
+SPRINGS = {"shoulder": 400.0, "elbow": 150.0}
+
+
+@pytest.fixture(scope="module")
+def arm(tmp_path_factory):
+    """Two bars in the plane of x and z with point masses at their ends."""
+    body = """<inertial><origin xyz="{} 0 0"/><mass value="{}"/>
+      <inertia ixx="1e-12" iyy="1e-12" izz="1e-12" ixy="0" ixz="0" iyz="0"/></inertial>"""
+    joint = """<joint name="{}" type="revolute"><parent link="{}"/><child link="{}"/><origin xyz="{} 0 0"/>
+      <axis xyz="0 -1 0"/><limit lower="-3" upper="3" effort="30" velocity="1"/></joint>"""
+    path = tmp_path_factory.mktemp("arm") / "upright.urdf"
+    path.write_text(f"""<robot name="upright"><link name="base"/>
+      <link name="upper">{body.format(UPPER, MASSES[0])}</link>
+      <link name="fore">{body.format(FORE, MASSES[1])}</link><link name="tip"/>
+      {joint.format("shoulder", "base", "upper", 0)}{joint.format("elbow", "upper", "fore", UPPER)}
+      <joint name="end" type="fixed"><parent link="fore"/><child link="tip"/>
+      <origin xyz="{FORE} 0 0"/></joint></robot>""")
+    return cinegen.load(path)
+
+
+def cells(spec):
+    """Each reachable cell: its configuration, and its exact values by quantity."""
+    made = ChunkEvaluator(spec)._by.cells(tuple(slice(0, count) for count in spec.region.shape))
+    values = {name: QUANTITIES[name].values(made) for name in spec.quantities}
+    known = np.isfinite(made.evaluations.q).all(axis=1)
+    assert known.sum() > 1
+    return [(q, {name: one[k] for name, one in values.items()}) for k, q in enumerate(made.evaluations.q) if known[k]]
+
+
+def lever(q):
+    """(2, 2) motion of the tip along x and z by the joints."""
+    both = q[0] + q[1]
+    return np.array([
+        [-UPPER * math.sin(q[0]) - FORE * math.sin(both), -FORE * math.sin(both)],
+        [UPPER * math.cos(q[0]) + FORE * math.cos(both), FORE * math.cos(both)],
+    ])  # fmt: skip
+
+
+def inertia(q, tip=0.0):
+    """(2, 2) mass matrix, with a mass at the tip besides."""
+    first = UPPER * np.array([[-math.sin(q[0]), 0.0], [math.cos(q[0]), 0.0]])
+    return MASSES[0] * first.T @ first + (MASSES[1] + tip) * lever(q).T @ lever(q)
+
+
+@pytest.mark.parametrize("tip", [0.0, 1.5])
+def test_an_arm_of_two_bars(arm, tip):
+    names = ("reaction_force", "reaction_moment", "stiffness", "rotational_stiffness", "frequency")
+    region = over(("x", 0.1, 0.8, 6), ("z", -0.5, 0.7, 6))
+    payloads = {"tip": tip} if tip else {}
+    for joint, hangs in (("shoulder", MASSES[0] + MASSES[1] + tip), ("elbow", MASSES[1] + tip)):
+        spec = MapSpecification(arm, region, names, "tip", payloads=payloads, reaction=joint, stiffness=SPRINGS)
+        for q, values in cells(spec):
+            elbow, hand = UPPER * math.cos(q[0]), UPPER * math.cos(q[0]) + FORE * math.cos(q[0] + q[1])
+            moment = (MASSES[1] + tip) * (hand - elbow)
+            if joint == "shoulder":
+                moment = MASSES[0] * elbow + (MASSES[1] + tip) * hand
+            assert values["reaction_force"] == pytest.approx(G * hangs, rel=1e-9)
+            assert values["reaction_moment"] == pytest.approx(G * abs(moment), rel=1e-6)
+            compliance = lever(q) @ np.diag([1.0 / k for k in SPRINGS.values()]) @ lever(q).T
+            assert values["stiffness"] == pytest.approx(1.0 / np.linalg.eigvalsh(compliance)[-1], rel=1e-9)
+            assert values["rotational_stiffness"] == pytest.approx(1.0 / (1.0 / 400.0 + 1.0 / 150.0), rel=1e-9)
+            softness = np.linalg.eigvals(np.diag([1.0 / k for k in SPRINGS.values()]) @ inertia(q, tip))
+            wanted = 1.0 / (2.0 * math.pi * math.sqrt(softness.real.max()))
+            assert values["frequency"] == pytest.approx(wanted, rel=1e-6)
+
+
+def test_a_joint_without_a_stiffness_is_rigid(arm):
+    region = over(("x", 0.1, 0.8, 5), ("z", -0.5, 0.7, 5))
+    spec = MapSpecification(arm, region, ("stiffness", "frequency"), "tip", stiffness={"elbow": 150.0})
+    for _, values in cells(spec):
+        assert values["stiffness"] == pytest.approx(150.0 / FORE**2, rel=1e-9)
+        assert values["frequency"] == pytest.approx(math.sqrt(150.0 / (MASSES[1] * FORE**2)) / (2 * math.pi), rel=1e-6)
+
+
+def test_a_mass_on_a_spring(tmp_path):
+    path = tmp_path / "rail.urdf"
+    path.write_text("""<robot name="rail"><link name="base"/><link name="cart"><inertial><mass value="2"/>
+      <inertia ixx="1e-3" iyy="1e-3" izz="1e-3" ixy="0" ixz="0" iyz="0"/></inertial></link>
+      <joint name="x" type="prismatic"><parent link="base"/><child link="cart"/><axis xyz="1 0 0"/>
+      <limit lower="-1" upper="1" effort="9" velocity="1"/></joint></robot>""")
+    names = ("stiffness", "rotational_stiffness", "frequency", "reaction_force")
+    spec = MapSpecification(
+        cinegen.load(path), over(("x", -0.5, 0.5, 5)), names, payloads={"cart": 0.5}, reaction="x",
+        gravity=(0.0, 0.0, -2.0), wrenches={"cart": (0.0, 12.0, 0.0, 0.0, 0.0, 0.0)}, stiffness={"x": 1000.0},
+    )  # fmt: skip
+    for _, values in cells(spec):
+        assert values["stiffness"] == pytest.approx(1000.0, rel=1e-12)
+        assert math.isinf(values["rotational_stiffness"])
+        assert values["frequency"] == pytest.approx(math.sqrt(1000.0 / 2.5) / (2.0 * math.pi), rel=1e-12)
+        assert values["reaction_force"] == pytest.approx(math.hypot(5.0, 12.0), rel=1e-12)
+
+
+def test_a_platform_is_as_stiff_as_the_lines_of_its_legs(robot):
+    gough, springs = robot("gough"), np.linspace(1e6, 2e6, 6)
+    home = gough.placement(gough.q_home, gough.end).translation
+    region = over(*((axis, at - 0.05, at + 0.05, 2) for axis, at in zip("xyz", home, strict=True)), orientation="fixed")
+    names = ("stiffness", "rotational_stiffness")
+    spec = MapSpecification(gough, region, names, stiffness=dict(zip(gough.actuated, springs, strict=True)))
+    for q, values in cells(spec):
+        data = gough.model.createData()
+        pin.forwardKinematics(gough.model, data, q)
+        starts = [data.oMi[gough.model.getJointId(f"joint{k}")].translation for k in (1, 7, 10, 13, 16, 19)]
+        ends = [data.oMi[gough.model.getJointId("joint4")].translation]
+        ends += [(data.oMi[anchor[0]] * anchor[1]).translation for anchor in gough.system.anchors]
+        centre = gough.placement(q, gough.end).translation
+        lines = []
+        for start, end in zip(starts, ends, strict=True):
+            along = (end - start) / np.linalg.norm(end - start)
+            lines.append(np.r_[along, np.cross(start - centre, along)])
+        compliance = np.linalg.inv(np.array(lines).T @ np.diag(springs) @ np.array(lines))
+        for name, part in zip(names, (slice(3), slice(3, 6)), strict=True):
+            assert values[name] == pytest.approx(1.0 / np.linalg.eigvalsh(compliance[part, part])[-1], rel=1e-9)
+
+
+LIFT = """
+robot lift {
+  base { }
+  link 1 { parameters { theta 40 } type 2 pred 0 limits { 5 85 } actuated 1 }
+  link 2 { parameters { gamma 90 alpha 90 r 306.418 } type 1 pred 0 actuated 0 }
+  link 3 { parameters { alpha -90 theta 50 } type 2 pred 2 actuated 0 }
+  frame 4 { parameters { d 200 } pred 1 }
+  frame 5 { parameters { d 200 } pred 3 }
+  constraint { frame 4 frame 5 type 2 }
+  frame 6 { name "corner" parameters { d 400 } pred 1 }
+}
+"""
+
+
+def test_a_spring_at_the_foot_of_a_scissor_lift(raff):
+    """The foot is at 0.4 cos(angle), the corner rotates with the bar: springs of a passive joint count."""
+    lift = raff(LIFT)
+    spec = MapSpecification(
+        lift, over(("joint1", 0.2, 1.3, 6)), ("stiffness",), stiffness={"joint1": 50.0, "joint2": 3000.0}
+    )
+    for q, values in cells(spec):
+        wanted = (50.0 + 3000.0 * (0.4 * math.sin(q[0])) ** 2) / 0.4**2
+        assert values["stiffness"] == pytest.approx(wanted, rel=1e-8)
+    alone = MapSpecification(lift, over(("joint1", 0.2, 1.3, 6)), ("stiffness",), stiffness={"joint1": 50.0})
+    for _, values in cells(alone):
+        assert values["stiffness"] == pytest.approx(50.0 / 0.4**2, rel=1e-9)
+
+
+@pytest.mark.parametrize("name", ["five_bar", "delta4", "sr400", "planetary_gear", "differential_wrist"])
+def test_reactions_are_those_of_single_configurations(robot, name):
+    mechanism = massive(robot(name))
+    homes = [(joint, float(mechanism.q_home[mechanism.q_index(joint)])) for joint in mechanism.actuated[:2]]
+    region = over(*((joint, home - 0.1, home + 0.1, 2) for joint, home in homes))
+    payloads, wrench = {mechanism.end: 2.0}, (3.0, -20.0, 4.0, 0.1, 0.5, -0.9)
+    given = [cinegen.Payload(mechanism.end, 2.0), cinegen.Payload(mechanism.end, wrench=wrench)]
+    for joint in (mechanism.joints[-1], *(loop.name for loop in mechanism.loops[:1])):
+        spec = MapSpecification(
+            mechanism, region, ("reaction_force", "reaction_moment"), limits=False, payloads=payloads,
+            wrenches={mechanism.end: wrench}, gravity=(1.0, 2.0, -9.0), reaction=joint,
+        )  # fmt: skip
+        for q, values in cells(spec):
+            found = cinegen.forces(mechanism, q, payloads=given, gravity=(1.0, 2.0, -9.0)).reaction(joint)
+            size = 1e-8 * (1.0 + np.linalg.norm(np.nan_to_num(found.wrench)))
+            force, moment = (np.linalg.norm(np.nan_to_num(part)) for part in (found.force, found.moment))
+            assert values["reaction_force"] == pytest.approx(force, rel=1e-8, abs=size)
+            assert values["reaction_moment"] == pytest.approx(moment, rel=1e-8, abs=size)
+
+
+def test_what_statics_does_not_determine_is_left_out_and_named(robot, tmp_path):
+    from cinegen.workspace import make_map
+
+    four_bar = robot("four_bar")
+    spec = MapSpecification(
+        four_bar, over(("joint1", 1.0, 2.0, 4)), ("reaction_force", "reaction_moment"), reaction="joint2"
+    )
+    found = make_map(spec, tmp_path / "map.zarr", workers=1)
+    words = "in joint2 at rest under gravity, without {}, which statics does not determine"
+    assert found.reaction_force.attrs["long_name"] == "force " + words.format("z")
+    assert found.reaction_moment.attrs["long_name"] == "moment " + words.format("x, y")
+    again = MapSpecification.of_attributes(found.attrs)
+    assert again.reaction == "joint2"
+    found.close()
+
+
+def test_at_a_singularity_forces_have_no_bound_and_nothing_is_stiff(robot):
+    """A five-bar with its elbows in one point."""
+    five_bar, elbow = robot("five_bar"), math.atan2(-200.0, 150.0)
+    axes = [(name, at - 1e-3, at + 1e-3, 1) for name, at in (("joint1", elbow), ("joint3", math.pi - elbow))]
+    spec = MapSpecification(
+        five_bar, over(*axes), ("reaction_force", "stiffness", "frequency"), limits=False, reaction="joint2",
+        gravity=(0.0, -9.81, 0.0), stiffness=dict.fromkeys(five_bar.actuated, 1e3),
+    )  # fmt: skip
+    found = mapped(spec)
+    assert math.isinf(found["reaction_force"].item())
+    assert found["stiffness"].item() == 0.0
+    assert found["frequency"].item() == 0.0
+
+
+def test_a_map_of_loads_is_the_same_in_another_process(arm):
+    spec = MapSpecification(
+        arm, over(("x", 0.1, 0.8, 4), ("z", -0.5, 0.7, 4)), ("reaction_force", "frequency"), "tip",
+        payloads={"tip": 1}, wrenches={"tip": [1, 2, 3, 4, 5, 6]}, gravity=(0, 0, -3), reaction="elbow",
+        stiffness=SPRINGS,
+    )  # fmt: skip
+    again = MapSpecification.of_attributes(spec.attributes)
+    one, two = mapped(spec), mapped(again)
+    for name in spec.quantities:
+        np.testing.assert_array_equal(one[name], two[name])
+    other = MapSpecification(arm, spec.region, ("frequency",), "tip", stiffness=SPRINGS)
+    assert ("payloads", "{'tip': 1.0}", "{}") in spec.differences(other)
+
+
+@pytest.mark.parametrize(
+    ("options", "error", "message"),
+    [
+        ({"quantities": ("reaction_force",)}, MapError, "reaction_force is that of one joint or loop: name it"),
+        ({"quantities": ("reaction_force",), "reaction": "elbo"}, UnknownNameError, "did you mean 'elbow'"),
+        ({"quantities": ("frequency",)}, MapError, "stiffness and frequency take the stiffness of joints"),
+        ({"quantities": ("stiffness",), "stiffness": {"knee": 1.0}}, UnknownNameError, "knee"),
+        ({"quantities": ("stiffness",), "stiffness": {"elbow": -1.0}}, MapError, "must be positive and finite, not -1"),
+        ({"quantities": ("stiffness",), "stiffness": {"elbow": math.inf}}, MapError, "must be positive and finite"),
+        ({"quantities": ("sigma_1",), "payloads": {"tip": 1.0}}, MapError, "payloads: no quantity of this map takes"),
+        ({"quantities": ("sigma_1",), "gravity": (0, 0, -3)}, MapError, "gravity: no quantity of this map takes it"),
+        ({"quantities": ("stiffness",), "stiffness": SPRINGS, "wrenches": {"tip": [0] * 6}}, MapError, "wrenches: no"),
+        ({"quantities": ("torque",), "payloads": {"hand": 1.0}}, UnknownNameError, "hand"),
+    ],
+)
+def test_wrong_settings(arm, options, error, message):
+    with pytest.raises(error, match=re.escape(message)):
+        MapSpecification(arm, over(("x", 0.1, 0.8, 4)), node="tip", **options)
+
+
+def test_what_can_not_be_mapped_is_refused(robot, arm):
+    planar, region = robot("planar_3r"), over(("x", 0.1, 0.8, 4))
+    springs = dict.fromkeys(planar.actuated, 1e3)
+    with pytest.raises(MassError, match="have no mass"):
+        MapSpecification(planar, region, ("frequency",), stiffness=springs)
+    with pytest.raises(MassError, match="have no mass"):
+        MapSpecification(planar, region, ("reaction_force",), reaction="joint2")
+    MapSpecification(planar, region, ("stiffness",), stiffness=springs)
+    free = MapSpecification(planar, region, ("reaction_force",), reaction="joint2", gravity=(0, 0, 0),
+                            wrenches={"tool": (3, 4, 0, 0, 0, 0)})  # fmt: skip
+    for _, values in cells(free):
+        assert values["reaction_force"] == pytest.approx(5.0)
