@@ -201,6 +201,23 @@ def test_speeds_and_forces_through_couplings_are_those_of_linear_programmes(robo
         assert force == pytest.approx(greatest_force(mechanism, q, spec.node, along), rel=1e-4)
 
 
+@pytest.mark.parametrize("name", SPECIFICATIONS)
+def test_the_largest_force_takes_all_of_an_actuated_joint_s_effort(robot, name):
+    """Against the inverse dynamics: pushed back with that force, one joint is at its limit, and none beyond."""
+    along = np.array((0.48, 0.6, 0.64) if name not in ("five_bar", "planar_3r") else (0.6, 0.8, 0.0))
+    mechanism = robot(name)
+    spec = MapSpecification(mechanism, SPECIFICATIONS[name], ("velocity", "force"), along=tuple(along))
+    columns = [mechanism.v_index(joint) for joint in mechanism.actuated]
+    efforts = limits_of(mechanism, mechanism.model.upperEffortLimit)[columns]
+    speeds = limits_of(mechanism, mechanism.model.upperVelocityLimit)[columns]
+    for q, values in cells(spec):
+        load = cinegen.Payload(spec.node, wrench=(*(-values["force"] * along), 0.0, 0.0, 0.0))
+        torques = cinegen.forces(mechanism, q, payloads=[load], gravity=(0.0, 0.0, 0.0)).torques
+        assert np.abs(torques / efforts).max() == pytest.approx(1.0, rel=1e-4)
+        power = np.abs(torques) @ speeds  # at the largest velocity all joints are at their limits
+        assert power == pytest.approx(values["force"] * values["velocity"], rel=1e-4)
+
+
 BAR = "parameters { theta 40 } type 2 pred 0 limits { 5 85 } velocity 30"
 FOOT = "parameters { gamma 90 alpha 90 r 306.418 } type 1 pred 0 velocity 50"
 SCISSOR = """
