@@ -24,6 +24,7 @@ from cinegen.cli import (
     replay,
     sensors,
     singular,
+    tolerance,
 )
 from cinegen.cli.numbers import NumberLists
 from cinegen.errors import CinegenError
@@ -43,6 +44,7 @@ for _command in (
     modes,
     singular,
     forces,
+    tolerance,
     map,
     compare,
     plan,

@@ -15,5 +15,15 @@ parameters.with_values(p)                      # the RAFF file with these number
 from cinegen.design.design import Design, DesignEvaluation
 from cinegen.design.errors import DesignError
 from cinegen.design.parameters import Parameter, Parameters
+from cinegen.design.tolerance import ToleranceReport, Tolerances, tolerance
 
-__all__ = ["Design", "DesignError", "DesignEvaluation", "Parameter", "Parameters"]
+__all__ = [
+    "Design",
+    "DesignError",
+    "DesignEvaluation",
+    "Parameter",
+    "Parameters",
+    "ToleranceReport",
+    "Tolerances",
+    "tolerance",
+]

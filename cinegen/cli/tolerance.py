@@ -1,0 +1,126 @@
+"""`cinegen tolerance`: how accurate a robot is whose dimensions, joints and encoders have errors."""
+
+from __future__ import annotations
+
+import math
+import textwrap
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from cinegen.cli.files import check_outputs, print_result, write_figure
+from cinegen.cli.numbers import UNITS, configuration_at, named
+from cinegen.cli.options import FILE, FORCE, JSON, NODE, PLOT, option
+from raff2urdf.command_line import UsageError
+
+if TYPE_CHECKING:
+    from cinegen.design.tolerance import Forced, ToleranceReport
+
+_SHOWN = 8  # contributors
+
+
+def run(
+    file: Path = FILE,
+    sigma: list[str] = option(
+        "NAME=S", "standard deviations of parameters: 'link*.d=0.05mm, *.alpha=0.02deg'; later ones replace earlier", ()
+    ),
+    play: list[str] = option("JOINT=P", "play of joints and loops: joint3=0.01mm, or joint3=0.01deg of tilt", ()),
+    encoder: list[str] = option("JOINT=S", "standard deviations of joints' readings: joint1=0.01deg", ()),
+    interval: float = option("K", "half-width of the intervals of the worst case, in standard deviations", 3.0),
+    at: str = option(
+        "POSE", f"where: x=0,y=0.1,rz=15 of the node, or joint3=0.7 of actuated joints ({UNITS}; default: home)", ""
+    ),
+    node: str | None = NODE,
+    samples: int = option("N", "of Monte Carlo, with loops closed; 0 for none", 10_000, min=0, max=10_000_000),
+    seed: int = option("N", "of the random numbers", 0, min=0),
+    robot: str | None = option("NAME", "the robot of this name"),
+    plot: Path | None = PLOT,
+    force: bool = FORCE,
+    json: bool = JSON,
+) -> int:
+    """Compute how accurate a robot is: covariance, worst case, largest contributors.
+
+    Errors of dimensions, play of joints and errors of encoders move a node; Monte Carlo with loops closed confirms how
+    far. Tolerances that an over-constrained robot can't be assembled with are listed, with the gaps to be forced.
+    """
+    check_outputs(plot, force=force, json=json)
+    from cinegen.design.tolerance import Tolerances
+
+    errors, plays, readings = _amounts(sigma, "--sigma"), _amounts(play, "--play"), _amounts(encoder, "--encoder")
+    if not (errors or plays or readings):
+        raise UsageError("no tolerances: give --sigma, --play or --encoder, such as --sigma 'link*.d=0.05mm'")
+    tolerances = Tolerances(file, errors, plays, readings, interval, robot)
+    mechanism = tolerances.design.mechanism
+    found = tolerances.at(configuration_at(mechanism, at, node), node, samples, seed)
+    where = f" at {at}" if at else " at home"
+    print_result({"name": mechanism.name, **found.as_dict()}, _text(found, where), json)
+    if plot is not None:
+        from cinegen.plotting.tolerance import draw_tolerance
+
+        write_figure(plot, draw_tolerance(found), quiet=json)
+    return 0
+
+
+def _amounts(texts: Sequence[str], option: str) -> dict[str, str]:
+    example = {"--sigma": "link*.d=0.05mm", "--play": "joint3=0.01mm"}.get(option, "joint1=0.01deg")
+    return {name: value for text in texts for name, value in named(text, option, example).items()}
+
+
+def _text(found: ToleranceReport, where: str) -> str:
+    """Return the report, in mm and degrees."""
+    lines = [
+        f"{found.name}: accuracy of {found.node}{where}: position {_number(1e3 * found.position)} mm, orientation "
+        f"{_number(math.degrees(found.orientation))} degrees (1 sigma, root of the summed variances)",
+        "",
+        f"  {'':<12}" + "".join(f"{name:>11}" for name in ("x mm", "y mm", "z mm", "rx deg", "ry deg", "rz deg")),
+    ]
+    scales = (1e3,) * 3 + (math.degrees(1.0),) * 3
+    rows = (
+        ("sigma", found.sigma),
+        ("worst case", found.worst),
+        ("  2nd order", found.second_order),
+    )
+    for name, values in rows:
+        lines.append(f"  {name:<12}" + "".join(f"{_number(s * x):>11}" for s, x in zip(scales, values, strict=True)))
+    for orientation in (False, True):
+        largest = found.contributors(orientation)
+        if largest:
+            of = "orientation" if orientation else "position"
+            lines += ["", f"  {of}, fraction of the variance"]
+            lines += [f"    {one.name:<24}{100.0 * share:5.1f} %" for one, share in largest[:_SHOWN]]
+            rest = sum(share for _, share in largest[_SHOWN:])
+            if len(largest) > _SHOWN:
+                lines.append(f"    {f'{len(largest) - _SHOWN} more':<24}{100.0 * rest:5.1f} %")
+    for paragraph in (_idle(found), _forced(found.forced), found.agreement):
+        if paragraph:
+            lines += ["", *textwrap.wrap(paragraph, 110, initial_indent="  ", subsequent_indent="  ")]
+    return "\n".join(lines)
+
+
+def _idle(found: ToleranceReport) -> str:
+    if not found.idle:
+        return ""
+    return f"{len(found.idle)} tolerances do not move {found.node}: {_listed(found.idle)}"
+
+
+def _forced(forced: Forced) -> str:
+    if not forced.names:
+        return ""
+    each = [
+        f"{name} ({_number(1e3 * x)} mm, {_number(math.degrees(a))} degrees)"
+        for name, x, a in zip(forced.names, forced.position, forced.angle, strict=True)
+    ]
+    return (
+        f"{len(forced.names)} tolerances open loops: the mechanism is over-constrained and can't be assembled with "
+        f"them unless it is forced. Largest gap of each within its interval: {_listed(each)}. All together: "
+        f"{_number(1e3 * forced.worst_position)} mm, {_number(math.degrees(forced.worst_angle))} degrees. They are not "
+        "in the numbers above: how the node moves then depends on the elasticity of the parts"
+    )
+
+
+def _listed(texts: Sequence[str]) -> str:
+    return ", ".join(texts[:6]) + (f" and {len(texts) - 6} more" if len(texts) > 6 else "")
+
+
+def _number(value: float) -> str:
+    return f"{0.0 if abs(value) < 1e-9 else value:.4g}"

@@ -1,0 +1,232 @@
+"""Accuracy of mechanisms, against closed forms and Monte Carlo with loops closed."""
+
+from __future__ import annotations
+
+import json
+import math
+
+import numpy as np
+import pytest
+
+from cinegen.cli import main
+from cinegen.design import DesignError, Parameters, Tolerances, tolerance
+from cinegen.design.tolerance import deviations
+
+TWO_R = """RAFF Arm
+units mm
+robot arm {
+  link 1 { parameters { theta 30 } type 2 pred 0 }
+  link 2 { parameters { theta 50 d 400 } type 2 pred 1 }
+  frame 3 { name "tool" parameters { d 300 } pred 2 }
+}
+"""
+FOUR_BAR = """RAFF Bars
+units mm
+robot bars {
+  link 1 { parameters { theta 50 } type 2 pred 0 actuated 1 }
+  link 2 { parameters { theta -26 d 120 } type 2 pred 1 }
+  link 3 { parameters { theta 89 d 400 } type 2 pred 0 }
+  frame 4 { parameters { d 360 } pred 2 }
+  frame 5 { parameters { d 240 } pred 3 }
+  frame 6 { name "tool" parameters { gamma 20 d 150 } pred 2 }
+  constraint { frame 4 frame 5 type 2 }
+}
+"""
+SIGMA = {"delta4": {"link*.d": "0.05mm", "link*.alpha": "0.01deg"}, "gough": {"*": "0.05mm", "*.*": "0.005deg"},
+         "five_bar": {"*": "0.05mm", "*.*": "0.02deg"}, "sr400": {"*.d": "0.1mm"}}  # fmt: skip
+
+
+@pytest.fixture
+def two_r(tmp_path):
+    (tmp_path / "arm.raff").write_text(TWO_R)
+    return tmp_path / "arm.raff"
+
+
+@pytest.fixture
+def bars(tmp_path):
+    (tmp_path / "bars.raff").write_text(FOUR_BAR)
+    return tmp_path / "bars.raff"
+
+
+def test_a_2r_arm(two_r):
+    sigma, encoder = {"link2.d": 1e-4, "tool.d": 2e-4}, {"joint1": 1e-3, "joint2": "0.1deg"}
+    found = tolerance(two_r, sigma, encoder=encoder, samples=100_000)
+    first, second, a, b = math.radians(30), math.radians(80), 0.4, 0.3
+    u, v = (np.array([math.cos(x), math.sin(x)]) for x in (first, second))
+    un, vn = (np.array([-x[1], x[0]]) for x in (u, v))
+    # position by a, b, q1, q2, and its second derivatives
+    jacobian = np.column_stack([u, v, a * un + b * vn, b * vn])
+    deviation = np.array([1e-4, 2e-4, 1e-3, math.radians(0.1)])
+    np.testing.assert_allclose(found.covariance[:2, :2], (jacobian * deviation**2) @ jacobian.T, rtol=1e-10)
+    np.testing.assert_allclose(found.sigma[5], math.hypot(*deviation[2:]), rtol=1e-10)
+    np.testing.assert_allclose(found.covariance[2:5], 0.0, atol=1e-20)
+    width = 3.0 * deviation
+    np.testing.assert_allclose(found.linear[:2], np.abs(jacobian) @ width, rtol=1e-10)
+    zero = np.zeros(2)
+    hessian = np.array([[zero, zero, un, zero], [zero, zero, vn, vn],
+                        [un, vn, -a * u - b * v, -b * v], [zero, vn, -b * v, -b * v]])  # fmt: skip
+    bend = 0.5 * np.einsum("ijx,i,j->x", np.abs(hessian), width, width)
+    np.testing.assert_allclose(found.second_order[:2], bend, rtol=1e-4)
+    np.testing.assert_allclose(found.second_order[5], 0.0, atol=1e-12)
+    assert found.covariance_error < 0.03
+    assert found.monte_carlo.outside == found.monte_carlo.failed == 0
+    assert found.monte_carlo.largest[0] > 0.5 * found.linear[0]
+
+
+def coupler_point(a, b, c, g, e, slant, angle):
+    """Return the coupler point of a four-bar, in closed form: the joint between coupler and rocker is where two circles
+    intersect. For complex lengths, too."""
+    ax, ay = a * np.cos(angle), a * np.sin(angle)
+    dx, dy = g - ax, -ay
+    square = dx * dx + dy * dy
+    along = (square + b * b - c * c) / (2.0 * square)
+    across = np.sqrt(b * b / square - along * along)
+    bx, by = (along * dx - across * dy) / b, (along * dy + across * dx) / b  # direction of the coupler
+    return np.array(
+        [ax + e * (np.cos(slant) * bx - np.sin(slant) * by), ay + e * (np.sin(slant) * bx + np.cos(slant) * by)]
+    )
+
+
+def test_a_four_bar(bars):
+    names = ["link2.d", "frame4.d", "frame5.d", "link3.d", "tool.d", "tool.gamma", "link1.theta"]
+    deviation = np.array([5e-5, 1e-4, 2e-5, 8e-5, 1e-4, 5e-4, 3e-4])
+    sigma = dict(zip(names, deviation, strict=True))
+    found = tolerance(bars, {k: v for k, v in sigma.items() if k != "link1.theta"},
+                      encoder={"joint1": sigma["link1.theta"]}, samples=100_000)  # fmt: skip
+    numbers = np.array([0.12, 0.36, 0.24, 0.4, 0.15, math.radians(20), found.q[0]])
+    assert found.q.shape == (3,)  # joint1 first
+    np.testing.assert_allclose(found.pose[:2, 3], coupler_point(*numbers), atol=1e-12)
+    step = 1e-30j * np.eye(7)
+    jacobian = np.column_stack([coupler_point(*(numbers + h)).imag / 1e-30 for h in step])
+    np.testing.assert_allclose(found.covariance[:2, :2], (jacobian * deviation**2) @ jacobian.T, rtol=1e-8)
+    np.testing.assert_allclose(found.linear[:2], np.abs(jacobian) @ (3.0 * deviation), rtol=1e-8)
+    assert found.covariance_error < 0.03
+    assert found.monte_carlo.outside == found.monte_carlo.failed == 0
+    share = {one.name: part for one, part in found.contributors()}
+    total = ((jacobian * deviation) ** 2).sum()
+    np.testing.assert_allclose(share["frame6.gamma"], ((jacobian[:, 5] * deviation[5]) ** 2).sum() / total, rtol=1e-8)
+
+
+@pytest.mark.parametrize(
+    "name", [*list(SIGMA)[:1], *(pytest.param(n, marks=pytest.mark.slow) for n in list(SIGMA)[1:])]
+)
+def test_covariance_and_worst_case_hold_for_100_000_samples(name):
+    found = tolerance(name, SIGMA[name], samples=100_000, seed=1)
+    assert found.monte_carlo.failed == found.monte_carlo.outside == 0
+    assert found.covariance_error < 0.03
+    assert np.abs(found.monte_carlo.mean).max() < 0.1 * found.sigma.max()
+
+
+def test_what_the_linear_bound_misses_is_of_second_order(two_r):
+    """The end of an arm that is stretched along x moves against x whichever way its joint errs."""
+    text = TWO_R.replace("theta 30", "theta 0").replace("theta 50", "theta 0")
+    two_r.write_text(text)
+    found = tolerance(two_r, encoder={"joint1": "1deg"}, samples=20_000)
+    assert found.linear[0] < 1e-15
+    np.testing.assert_allclose(found.second_order[0], 0.5 * 0.7 * math.radians(3) ** 2, rtol=1e-3)
+    assert 0.5 * found.second_order[0] < found.monte_carlo.largest[0] <= found.worst[0]
+
+
+def test_play_is_even_in_a_disc(two_r):
+    found = tolerance(two_r, play={"joint2": "0.2mm"}, samples=50_000)
+    np.testing.assert_allclose(found.covariance[:2, :2], np.eye(2) * (1e-4**2), atol=1e-20)
+    np.testing.assert_allclose(found.linear[:2], 2e-4)
+    np.testing.assert_allclose(found.monte_carlo.covariance[:2, :2], np.eye(2) * 1e-8, atol=2e-10)
+    assert found.monte_carlo.largest[:2].max() <= 2e-4
+    tilted = tolerance(two_r, play={"joint2": "0.1deg", "joint1.z": "0.5mm"})
+    np.testing.assert_allclose(tilted.linear[2], 0.3 * math.radians(0.1) + 5e-4, rtol=1e-9)
+
+
+def test_play_at_either_end_of_a_rocker_is_that_of_its_length(bars):
+    """Only play along the rocker moves the coupler: the rocker yields across it."""
+    rocker = tolerance(bars, {"frame5.d": 5e-5})
+    for name in ("frame4-frame5", "joint3"):
+        np.testing.assert_allclose(tolerance(bars, play={name: 1e-4}).covariance, rocker.covariance, atol=1e-15)
+
+
+def test_samples_are_cut_at_their_intervals(two_r):
+    tolerances = Tolerances(two_r, {"link2.d": 1e-3}, interval=2.5)
+    drawn = tolerances._draw(np.random.default_rng(0), tolerances.sources, 200_000)[:, 0]
+    assert 2.4e-3 < np.abs(drawn).max() <= 2.5e-3 * (1.0 + 1e-12)
+    np.testing.assert_allclose(drawn.std(), 1e-3, rtol=1e-2)
+
+
+def test_over_constrained_mechanisms_are_forced():
+    found = tolerance("five_bar", {"link2.alpha": "0.1deg", "link2.d": "0.1mm", "link3.r": "0.2mm"}, samples=1000)
+    assert set(found.forced.names) == {"link2.alpha", "link3.r"}
+    assert [one.name for one in found.sources] == ["link2.d"]
+    gap = dict(zip(found.forced.names, found.forced.position, strict=True))["link3.r"]
+    np.testing.assert_allclose(gap, 3.0 * 2e-4, rtol=1e-6)  # one arm is 0.6 mm higher than the other
+    assert found.forced.worst_position >= gap
+    assert found.monte_carlo.failed == 0
+
+
+def test_deviations_of_poses():
+    rng = np.random.default_rng(0)
+    import pinocchio as pin
+
+    start = pin.SE3.Random()
+    vectors = rng.normal(size=(50, 3)) * np.logspace(-9, 0, 50)[:, None]
+    poses = np.array([pin.SE3(pin.exp3(v) @ start.rotation, start.translation + v).homogeneous for v in vectors])
+    small = np.linalg.norm(vectors, axis=1) < 3.0
+    np.testing.assert_allclose(
+        deviations(start.homogeneous, poses)[small], np.hstack([vectors, vectors])[small], atol=1e-12
+    )
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        ({}, "no tolerances are given"),
+        ({"sigma": {"link2.d": "0.1"}}, "'0.1' has no unit: write 0.1mm"),
+        ({"sigma": {"link2.d": "0.1deg"}}, "'0.1deg' is an angle"),
+        ({"sigma": {"link2.*": 0.1}}, "matches lengths and angles: write a unit"),
+        ({"sigma": {"link2.d": -0.1}}, "is not negative"),
+        ({"sigma": {"lnk2.d": 0.1}}, "did you mean 'link2.d'"),
+        ({"play": {"joint9": 0.1}}, "no joint or loop 'joint9'"),
+        ({"play": {"joint2": "1kg"}}, "is a mass"),
+        ({"encoder": {"joint7": 0.1}}, "has no joint 'joint7'"),
+        ({"encoder": {"joint1": "0.1mm"}}, "encoder of joint1: '0.1mm' is a length"),
+        ({"sigma": {"link2.d": 0.1}, "interval": 1.5}, "narrower than any normal distribution"),
+        ({"sigma": {"link2.d": 0.1}, "interval": 0.5}, "1 to 8 standard deviations"),
+    ],
+)
+def test_errors_say_what_is_wrong(two_r, arguments, message):
+    with pytest.raises(DesignError) as caught:
+        tolerance(two_r, samples=10, **arguments)
+    assert message in str(caught.value)
+
+
+def test_a_rigid_loop_has_no_play():
+    with pytest.raises(DesignError, match="is rigid: it has no play"):
+        tolerance("delta4", play={"link5-link11": 1e-4})
+
+
+def test_parameters_that_do_nothing_are_named():
+    found = tolerance("five_bar", {"frame20.gamma": "0.1deg", "frame20.d": "0.1mm"})
+    assert found.idle == ("frame20.gamma",)
+
+
+def test_the_base_is_matched_by_its_name_only():
+    names = [one.name for one in Tolerances("five_bar", {"*.d": 1e-4}).sources]
+    assert "base.d" not in names
+    assert [one.name for one in Tolerances("five_bar", {"base.d": 1e-4}).sources] == ["base.d"]
+    parameters = Parameters("five_bar", "*.d")
+    assert len(Tolerances(parameters, {"link2.d": 1e-4}).design.names) == len(parameters)
+
+
+def test_the_command(two_r, tmp_path, capsys):
+    picture = tmp_path / "errors.svg"
+    options = ["--sigma", "*.d=0.1mm, *.alpha=0.1deg", "--encoder", "joint1=0.05deg", "--samples", "500"]
+    assert main(["tolerance", str(two_r), *options, "--plot", str(picture)]) == 0
+    text = capsys.readouterr().out
+    assert "arm: accuracy of tool at home: position " in text
+    assert "Monte Carlo, 500 samples with loops closed" in text
+    assert b"<svg" in picture.read_bytes()
+    assert main(["tolerance", str(two_r), *options, "--at", "joint1=0", "joint2=90", "--json"]) == 0
+    report = json.loads(capsys.readouterr().out)
+    np.testing.assert_allclose(np.array(report["pose"])[:2, 3], [0.4, 0.3], atol=1e-12)
+    assert report["monte_carlo"]["samples"] == 500
+    assert main(["tolerance", str(two_r), "--sigma", "*.q=1mm"]) == 1
+    assert "matches no parameter" in capsys.readouterr().err
+    assert main(["tolerance", str(two_r)]) == 2
