@@ -41,6 +41,7 @@ import ompl.base as ob
 import ompl.geometric as og
 import ompl.util as ou
 import pinocchio as pin
+from cpu_time import CpuClock
 
 import cinegen
 from cinegen.collision import Clearance, Scene, clearance_of, scene_for
@@ -93,6 +94,12 @@ def task(mechanism: Mechanism, node: str, obstacles: list[Entry], start: Array, 
     return scene_for(mechanism, end, start=first, obstacles=obstacles, node=node, safety=SAFETY)
 
 
+def with_gripper(mechanism: Mechanism, node: str, q: Array) -> Array:
+    """The configuration with joints half open that don't move the node, which a plan locks: so start and goal agree."""
+    names = unmoving_joints(mechanism, node, ())
+    return mechanism.configuration({name: sum(mechanism.limits[name][:2]) / 2.0 for name in names}, q)
+
+
 def among(mechanism: Mechanism, node: str, obstacles: list[Entry]) -> Clearance:
     home = {name: float(mechanism.q_home[mechanism.q_index(name)]) for name in mechanism.actuated}
     return clearance_of(scene_for(mechanism, home, obstacles=obstacles, node=node, safety=SAFETY))
@@ -109,8 +116,10 @@ def posture(mechanism: Mechanism, node: str, point: Array, near: Clearance, rng:
     target = pin.SE3(np.eye(3), np.asarray(point, dtype=float))
     local = LocalIK(mechanism, (FrameTask(node, target, 3, 0, axes="world"),))
     for _ in range(20):
-        if local.solve(local.random_start(rng), 1e-10) and is_clear(near, local.best):
-            return np.array(local.best)
+        if local.solve(local.random_start(rng), 1e-10):
+            q = with_gripper(mechanism, node, local.best)
+            if is_clear(near, q):
+                return q
     return None
 
 
@@ -198,8 +207,10 @@ def grasp(point: Array, approach: Array, near: Clearance, rng: np.random.Generat
             pin.exp3(rng.uniform(-0.3, 0.3, 3)) @ along @ pin.exp3(np.array([0.0, 0.0, rng.uniform(-np.pi, np.pi)]))
         )
         local.tasks[0].target = pin.SE3(turned, np.asarray(point) - TIP * turned[:, 2])
-        if local.solve(local.random_start(rng), 1e-10) and is_clear(near, local.best):
-            return np.array(local.best)
+        if local.solve(local.random_start(rng), 1e-10):
+            q = with_gripper(mechanism, node, local.best)
+            if is_clear(near, q):
+                return q
     return None
 
 
@@ -387,8 +398,8 @@ def is_solved_by_ompl(given: Scene, seconds: float) -> bool:
     planner = og.RRTConnect(information)
     planner.setProblemDefinition(problem)
     planner.setup()
-    ends = time.process_time() + seconds
-    planner.solve(ob.PlannerTerminationCondition(lambda: time.process_time() > ends))
+    ends = time.monotonic() + seconds
+    planner.solve(ob.PlannerTerminationCondition(lambda: time.monotonic() > ends))
     return bool(problem.hasExactSolution())
 
 
@@ -435,7 +446,7 @@ def main() -> None:
     parser.add_argument("--first", type=int, default=0, metavar="NUMBER")
     parser.add_argument("--seconds", type=float, default=10.0)
     options = parser.parse_args()
-    time.monotonic = time.process_time  # for limits
+    time.monotonic = CpuClock()  # for limits
     for family in options.families:
         solved: dict[str, list[int]] = {"plan": [], "ompl": []}
         times: dict[str, list[float]] = {"plan": [], "ompl": []}

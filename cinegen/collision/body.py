@@ -14,6 +14,8 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import NDArray
 
+from cinegen.collision.convex_hull import hull
+from cinegen.collision.triangle_mesh import TriangleMesh
 from cinegen.model.mechanism import Mechanism
 
 Array = NDArray[np.float64]
@@ -92,6 +94,25 @@ class Body:
         """Radius of the bounding ball, m: the smallest for spheres, capsules, boxes and cylinders; infinite for a
         half-space."""
         return _bounding_ball(self.shape)[1]
+
+    @cached_property
+    def mesh(self) -> TriangleMesh | None:
+        """Shape as triangles; None if it is not a mesh."""
+        return TriangleMesh(self.shape) if isinstance(self.shape, coal.BVHModelOBBRSS) else None
+
+    @cached_property
+    def thickness(self) -> float:
+        """Lower bound of the distance between two parallel planes that enclose the shape, m.
+
+        Half of the least distance over planes along the faces of its hull, which is not far above the least over all.
+        """
+        if isinstance(self.shape, coal.Halfspace | coal.Plane):
+            return np.inf
+        points, radius = rounded_hull(self.shape)
+        if len(points) < 4:
+            return 2.0 * radius
+        found = hull(points) if self.mesh is None else self.mesh.hull
+        return 2.0 * radius + 0.5 * float(np.ptp(found.corners @ found.normals.T, axis=0).min())
 
 
 def _bounding_ball(shape: coal.CollisionGeometry) -> tuple[Array, float]:

@@ -56,7 +56,8 @@ def hull(points: Array) -> Hull:
     found = ConvexHull(_thick(points) if is_flat(points) else points)
     corners = found.points[found.vertices]
     normals = found.equations[:, :3]
-    return Hull(corners, normals, (corners @ normals.T).max(axis=0), float(found.volume))
+    offsets = np.einsum("fkj,fj->fk", found.points[found.simplices], normals).max(axis=1)  # the others are behind
+    return Hull(corners, normals, offsets, float(found.volume))
 
 
 def prism(corners: Array, height: float) -> Hull:

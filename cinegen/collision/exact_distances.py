@@ -10,8 +10,6 @@ import pinocchio as pin
 from numpy.typing import NDArray
 
 from cinegen.collision.body import Body, rounded_hull
-from cinegen.collision.convex_hull import hull
-from cinegen.collision.triangle_mesh import TriangleMesh
 from cinegen.jit.foreign import DISTANCE, FIRST_POINT, NORMAL, SECOND_POINT
 
 Array = NDArray[np.float64]
@@ -37,8 +35,7 @@ class ExactDistances:
         exact = {i: bodies[i].as_described for i in used}
         self._joints = {i: body.joint for i, body in exact.items()}
         self._placements = {i: body.placement for i, body in exact.items()}
-        self._meshes = {i: TriangleMesh(body.shape) for i, body in exact.items() if isinstance(body.shape, _MESH)}
-        self._hulls = {i: hull(np.array(mesh.mesh.vertices())) for i, mesh in self._meshes.items()}
+        self._meshes = {i: body.mesh for i, body in exact.items() if body.mesh is not None}
         self._interiors = {i: body.interior for i, body in exact.items() if body.interior is not None}
         self._contains = {
             i: self._interiors[i].contains if i in self._interiors else mesh.contains
@@ -46,8 +43,7 @@ class ExactDistances:
         }
         self._points = {i: _distant_points(body.shape) for i, body in exact.items() if i not in self._interiors}
         self._thickness = {
-            i: self._interiors[i].thickness if i in self._interiors else _thickness(body.shape)
-            for i, body in exact.items()
+            i: self._interiors[i].thickness if i in self._interiors else body.thickness for i, body in exact.items()
         }
         self._measure = {
             pair: coal.ComputeDistance(exact[first].shape, exact[second].shape)
@@ -116,7 +112,7 @@ class ExactDistances:
         for inner, outer in (self._pairs[pair], self._pairs[pair][::-1]):
             if outer not in self._meshes or overlap < self._thickness[inner]:
                 continue
-            moved, holds = placed[outer].actInv(placed[inner]), self._hulls[outer]
+            moved, holds = placed[outer].actInv(placed[inner]), self._meshes[outer].hull
             parts = self._interiors[inner].parts if inner in self._interiors else self._points[inner]
             points = parts @ moved.rotation.T + moved.translation
             held = points[(points @ holds.normals.T <= holds.offsets).all(axis=1)]
@@ -145,17 +141,3 @@ def _distant_points(shape: coal.CollisionGeometry) -> Array:
         return np.zeros((2, 3))
     corners = rounded_hull(shape)[0]
     return corners[[0, int(np.linalg.norm(corners - corners[0], axis=1).argmax())]]
-
-
-def _thickness(shape: coal.CollisionGeometry) -> float:
-    """Return a lower bound of the distance between two parallel planes that enclose a shape, m.
-
-    Half of the least distance over planes along the faces of its hull, which is not far above the least over all.
-    """
-    if isinstance(shape, coal.Halfspace | coal.Plane):
-        return np.inf
-    points, radius = rounded_hull(shape)
-    if len(points) < 4:
-        return 2.0 * radius
-    found = hull(points)
-    return 2.0 * radius + 0.5 * float(np.ptp(found.corners @ found.normals.T, axis=0).min())

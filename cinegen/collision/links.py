@@ -59,9 +59,9 @@ def link_bodies(mechanism: Mechanism) -> tuple[Body, ...]:
 def _body(name: str, joint: int, drawn: coal.CollisionGeometry, placement: pin.SE3) -> Body:
     """Return the body of a shape, with the shape itself where the body only contains it."""
     enclosing, exact = convex_shape(drawn, placement), drawn
-    if isinstance(drawn, coal.BVHModelOBBRSS) and TriangleMesh(drawn).is_convex:
+    if isinstance(drawn, coal.BVHModelOBBRSS) and (mesh := TriangleMesh(drawn)).is_convex:
         with suppress(RuntimeError):  # a corner has more neighbours than coal counts: the mesh remains
-            exact = hull(np.array(drawn.vertices())).shape
+            exact = mesh.hull.shape
     if exact is enclosing.shape or _is_same_hull(exact, enclosing.shape):
         return Body(name, joint, *enclosing)
     return Body(name, joint, *enclosing, PlacedShape(enclosing.placement.actInv(placement), exact))

@@ -7,6 +7,7 @@ these: it takes the meshes themselves, by coal's bounding volume hierarchies, an
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from itertools import pairwise
 
@@ -185,15 +186,23 @@ class MeshCheck:
 
     def _estimated_motion(self, begin: Array, end: Array) -> Array:
         """Return estimates (pairs,) of how far shapes move relative to each other, m, by their poses at both ends."""
-        poses = [self._poses(q) for q in (begin, end)]
-        found = np.zeros(len(self._pairs))
-        for pair, (first, second) in enumerate(self._pairs):
-            one, other = (at[first].actInv(at[second]) for at in poses)  # the second, seen from the first
-            move, centre, radius = one.actInv(other), self._centres[second], self._radii[second]
-            if not np.isfinite(radius):  # a half-space, seen from which the first moves
-                move, centre, radius = other * one.inverse(), self._centres[first], self._radii[first]
-            found[pair] = np.linalg.norm(move.act(centre) - centre) + radius * np.linalg.norm(pin.log3(move.rotation))
-        return _CURVED * found
+        first, second = self._pairs.T
+        is_bounded = np.isfinite(self._radii[second])  # a half-space is the one that stays
+        moving, seen_from = np.where(is_bounded, second, first), np.where(is_bounded, first, second)
+        (turned, at), (turned_end, at_end) = (self._relative(self._poses(q), moving, seen_from) for q in (begin, end))
+        rotations, centres = turned_end @ turned.transpose(0, 2, 1), self._centres[moving, :, None]
+        moved = (turned_end - turned) @ centres + at_end - at
+        # of a rotation R by an angle a, the Frobenius norm of R - 1 is 2 sqrt(2) sin(a / 2)
+        sines = np.linalg.norm(rotations - np.eye(3), axis=(1, 2)) / math.sqrt(8.0)
+        angles = 2.0 * np.arcsin(np.minimum(sines, 1.0))
+        return np.asarray(_CURVED * (np.linalg.norm(moved, axis=(1, 2)) + self._radii[moving] * angles))
+
+    @staticmethod
+    def _relative(poses: list[pin.SE3], moving: Table, seen_from: Table) -> tuple[Array, Array]:
+        """Return rotations (n, 3, 3) and positions (n, 3, 1) of bodies relative to others."""
+        rotations, points = np.array([one.rotation for one in poses]), np.array([one.translation for one in poses])
+        back = rotations[seen_from].transpose(0, 2, 1)
+        return back @ rotations[moving], back @ (points[moving] - points[seen_from])[:, :, None]
 
     def _poses(self, q: Array) -> list[pin.SE3]:
         """Return the poses of the joints that carry the shapes."""

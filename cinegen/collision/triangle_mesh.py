@@ -9,7 +9,7 @@ import coal
 import numpy as np
 from numpy.typing import NDArray
 
-from cinegen.collision.convex_hull import hull
+from cinegen.collision.convex_hull import Hull, hull
 
 Array = NDArray[np.float64]
 
@@ -35,9 +35,14 @@ class TriangleMesh:
         return np.asarray(vertices[indices.reshape(-1, 3)])
 
     @cached_property
+    def hull(self) -> Hull:
+        """Convex hull of its vertices."""
+        return hull(np.array(self.mesh.vertices()))
+
+    @cached_property
     def is_convex(self) -> bool:
         """True if it is closed, and no dent is deeper than 1e-4 of its size."""
-        exact = hull(np.array(self.mesh.vertices()))
+        exact = self.hull
         corners = self.corners - exact.corners.mean(axis=0)
         areas = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
         volume = abs(float(np.einsum("ij,ij->", corners[:, 0], areas))) / 6.0
