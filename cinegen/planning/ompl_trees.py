@@ -18,22 +18,18 @@ Close = Callable[[Array], Array | None]
 
 _STRIDE = 0.4  # between projected points of a motion
 _CLOSED = 1e-8
-_FIRST, _GROWTH = 1500, 1.5  # work of the first pair of trees; of each one relative to the one before
 
 
 class Trees:
     """Two trees in a box that grow towards each other, one from the start and one from the goals (J. J. Kuffner and
     S. M. LaValle, "RRT-Connect: an efficient approach to single-query path planning", ICRA 2000).
 
-    The time that they need has a heavy tail: trees that have not met after a while start anew, each pair with more work
-    than the one before (M. Luby, A. Sinclair and D. Zuckerman, "Optimal speedup of Las Vegas algorithms", 1993).
-
     Args:
         low: (n,) lower bounds of the box.
         high: (n,) upper bounds.
         start: (n,)
         goals: (n,) each.
-        free: whether the straight motion between two points is free.
+        free: whether the straight motion from a point of a tree to another point is free.
         longest: longest motion to a new point.
         seed: seed from 0: the same seed finds the same path, if there is time.
         close: if points have to satisfy equations: returns a point (n,) near a given one that does, or None. Random
@@ -55,7 +51,6 @@ class Trees:
         equations: int = 0,
     ) -> None:
         self._count = len(low)
-        self._targets, self._pair, self._limit = 0, 0, float(_FIRST)
         with _silence():
             ou.RNG.setSeed(1 + seed)
             box = ob.RealVectorBounds(self._count)
@@ -81,7 +76,7 @@ class Trees:
 
             # OMPL would test points, and motions at samples: `free` decides instead
             information.setStateValidityChecker(ob.AllValidStateValidityChecker(information))
-            self._motions = _Motions(information, self._count, free)
+            self._motions = _Motions(information, free, [start, *goals])
             information.setMotionValidator(self._motions)
             information.setup()
             problem = self._problem = ob.ProblemDefinition(information)
@@ -96,39 +91,20 @@ class Trees:
             planner.setup()
 
     def grow(self, deadline: float) -> Array | None:
-        """Return a path (m, n) to one of the goals, free from point to point; None if the trees have not met yet: the
-        next call goes on.
+        """Return a path (m, n) to one of the goals, free from point to point; None if the trees have not met yet. The
+        next call goes on, after a path with new trees.
 
         Args:
             deadline: value of `time.monotonic` at which the trees stop to grow, s.
         """
         with _silence():
-            while time.monotonic() < deadline:
-                self._planner.solve(ob.PlannerTerminationCondition(lambda: self._has_to_stop(deadline)))
-                found = None
-                if self._problem.hasExactSolution():
-                    found = _points(self._problem.getSolutionPath(), self._count)
-                if found is not None or self._work >= self._limit:
-                    self._start_anew()
-                if found is not None:
-                    return found
-        return None
-
-    @property
-    def _work(self) -> int:
-        return self._targets + self._motions.tested
-
-    def _has_to_stop(self, deadline: float) -> bool:
-        """Return whether OMPL has to return; it asks at each random target."""
-        self._targets += 1
-        return self._work >= self._limit or time.monotonic() >= deadline
-
-    def _start_anew(self) -> None:
-        """Start another pair of trees."""
-        self._pair += 1
-        self._limit = self._work + _FIRST * _GROWTH**self._pair
-        self._problem.clearSolutionPaths()
-        self._planner.clear()
+            self._planner.solve(ob.PlannerTerminationCondition(lambda: time.monotonic() >= deadline))
+            if not self._problem.hasExactSolution():
+                return None
+            found = _points(self._problem.getSolutionPath(), self._count)
+            self._problem.clearSolutionPaths()
+            self._planner.clear()
+            return found
 
 
 @contextmanager
@@ -151,20 +127,21 @@ def _point(state: ob.State, count: int) -> Array:
 
 
 class _Motions(ob.MotionValidator):  # type: ignore[misc]
-    """Tests of OMPL's motions.
+    """Tests of OMPL's motions, each away from a point of a tree; OMPL tests those of the goals' tree towards it."""
 
-    Attributes:
-        tested: number of tests.
-    """
-
-    def __init__(self, information: ob.SpaceInformation, count: int, free: Free) -> None:
+    def __init__(self, information: ob.SpaceInformation, free: Free, roots: Sequence[Array]) -> None:
         super().__init__(information)
-        self._count, self._free, self.tested = count, free, 0
+        self._free, self._known, self._count = free, {root.tobytes() for root in roots}, len(roots[0])
 
     def checkMotion(self, begin: ob.State, end: ob.State) -> bool:
         """Return whether a motion is free."""
-        self.tested += 1
-        return bool(self._free(_point(begin, self._count), _point(end, self._count)))
+        known, new = _point(begin, self._count), _point(end, self._count)
+        if known.tobytes() not in self._known:
+            known, new = new, known
+        is_free = bool(self._free(known, new))
+        if is_free:
+            self._known.add(new.tobytes())
+        return is_free
 
 
 class _Closed(ob.Constraint):  # type: ignore[misc]
