@@ -16,6 +16,7 @@ class CpuClock:
         self._read, self._seconds = -1.0, 0.0
 
     def __call__(self) -> float:
+        """Return the seconds so far."""
         now = self._real()
         if now - self._read >= _RESOLUTION:
             self._seconds, self._read = time.process_time(), now
