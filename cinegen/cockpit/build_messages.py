@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from cinegen.cockpit.messages import (
     PROTOCOL,
+    ForcesDescription,
     HelloMessage,
     NodeDescription,
     NodeSensor,
@@ -30,6 +31,7 @@ from cinegen.model import Mechanism
 from cinegen.model.description import describe_coupling, describe_joint, describe_loop
 from cinegen.session import RobotReport, SessionState, Setup, agreed_status
 from cinegen.session.commands import CommandFrame
+from cinegen.session.holding import largest_payload, why_no_forces
 from cinegen.session.state import PlaybackStatus, SessionInfo, TaskInfo, TaskState
 
 Array = NDArray[np.float64]
@@ -74,6 +76,11 @@ def _robot(setup: Setup, name: str, mechanism: Mechanism) -> RobotDescription:
         joints=tuple(describe_joint(mechanism, joint) for joint in mechanism.joints),
         loops=tuple(map(describe_loop, mechanism.loops)),
         couplings=tuple(map(describe_coupling, mechanism.couplings)),
+        forces=ForcesDescription(
+            why_no_forces(mechanism),
+            largest_payload(mechanism),
+            tuple(other for other in setup.robots if setup.base(other).robot == name),
+        ),
     )
 
 
@@ -137,7 +144,12 @@ def state_message(state: SessionState, poses: NodePoses, reports: Mapping[str, R
     statuses = {name: agreed_status(robot.status, reports.get(name)) for name, robot in state.robots.items()}
     statuses |= {name: obstacle.status for name, obstacle in state.obstacles.items()}
     stopped = {name: robot.obstruction for name, robot in state.robots.items() if robot.obstruction is not None}
-    return StateMessage(round(state.time, 3), placed, obstacles, tuple(tasks), statuses, stopped)
+    torques = {
+        name: [float(x) if np.isfinite(x) else None for x in robot.torques]
+        for name, robot in state.robots.items()
+        if robot.torques is not None
+    }
+    return StateMessage(round(state.time, 3), placed, obstacles, tuple(tasks), statuses, stopped, torques)
 
 
 def _task(robot: str, task: TaskState, node: pin.SE3, target: pin.SE3) -> TaskMessage:

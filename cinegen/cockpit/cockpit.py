@@ -208,15 +208,16 @@ class Cockpit:
     def _report(self) -> None:
         """Report on all robots, as long as they move and are watched."""
         reporters = {name: Reporter(one) for name, one in self.setup.robots.items()}
-        rested = False  # whether the last reports are of robots at rest
+        rested = with_reactions = False  # whether the last reports are of robots at rest, and have reactions
         while not self._over.is_set():
             begin, state = time.monotonic(), self._state
             if state is not None and (self.hub.clients or not self._reports):
-                if not (rested and state.at_rest):
-                    rested = state.at_rest
+                wanted = self.hub.wants_reactions
+                if not (rested and state.at_rest and wanted == with_reactions):
+                    rested, with_reactions = state.at_rest, wanted
                     for name, reporter in reporters.items():
                         with contextlib.suppress(CinegenError, np.linalg.LinAlgError):  # the last report stays
-                            self._reports[name] = reporter.report(state.robots[name], state.time)
+                            self._reports[name] = reporter.report(state.robots[name], state.time, wanted)
                 self._reported += 1
             spent = time.monotonic() - begin
             self._over.wait(max(1.0 / REPORTS - spent, spent * (1.0 / _SHARE - 1.0)))

@@ -16,6 +16,7 @@ from cinegen.cockpit.messages import (
     NoticeMessage,
     ReportMessage,
     RequestControl,
+    RequestReactions,
     StateMessage,
 )
 from cinegen.session import Command, CommandError, Setup
@@ -84,6 +85,7 @@ class Client:
         self.sent = 0  # number of the last state
         self.reported = 0  # number of the last report
         self.frames = 0  # number of acknowledged states
+        self.wants_reactions = False
         self._rate = TokenBucket(FASTEST)
         self.share = TokenBucket(BUDGET / MOST)  # used while all together send too much
 
@@ -141,6 +143,11 @@ class Hub:
         self._feed(client)
         return client
 
+    @property
+    def wants_reactions(self) -> bool:
+        """True if a client has asked for reactions."""
+        return any(client.wants_reactions for client in tuple(self.clients.values()))
+
     def leave(self, client: Client) -> None:
         """Remove a client that has gone; its control ends."""
         if self.clients.pop(client.number, None) is None:
@@ -171,6 +178,8 @@ class Hub:
                 self._acknowledged(client, message.frame)
             elif isinstance(message, RequestControl):
                 self._request_control(client, message.on)
+            elif isinstance(message, RequestReactions):
+                client.wants_reactions = message.on
             else:
                 check_names(message, self._setup)
                 self._command(client, message)

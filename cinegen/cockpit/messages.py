@@ -18,7 +18,7 @@ from cinegen.session.setup import SensorSwitch
 from cinegen.session.state import Obstruction, PlaybackStatus, RobotStatus, SessionInfo, TaskInfo
 from cinegen.typed_json import Vector7
 
-PROTOCOL = 3
+PROTOCOL = 4
 
 
 class Ack(TypedMessage, frozen=True):
@@ -41,7 +41,17 @@ class RequestControl(TypedMessage, frozen=True):
     on: bool
 
 
-ClientMessage = Ack | RequestControl | Command
+class RequestReactions(TypedMessage, frozen=True):
+    """Ask for the reactions in joints and loops, or no longer. Reports have them as long as some client asks.
+
+    Attributes:
+        on: whether to send them.
+    """
+
+    on: bool
+
+
+ClientMessage = Ack | RequestControl | RequestReactions | Command
 CLIENT_MESSAGES: msgspec.json.Decoder[ClientMessage] = msgspec.json.Decoder(ClientMessage)
 
 
@@ -61,6 +71,21 @@ class NodeDescription(Struct, frozen=True):
     kind: Literal["base", "link", "frame"]
 
 
+class ForcesDescription(Struct, frozen=True):
+    """Data about the forces in a robot.
+
+    Attributes:
+        missing: reason why there are no torques and reactions: links without mass, for example; empty if there are.
+        largest_payload: largest mass (kg) that the page offers: that of the robot's moving links, rounded up to 1, 2 or
+            5 times a power of ten.
+        excluded: robots that it carries, whose weight is not counted.
+    """
+
+    missing: str
+    largest_payload: float
+    excluded: tuple[str, ...]
+
+
 class RobotDescription(Struct, frozen=True):
     """A robot.
 
@@ -75,6 +100,7 @@ class RobotDescription(Struct, frozen=True):
         joints: its joints.
         loops: its loops.
         couplings: equations between its joints.
+        forces: data about the forces in it.
     """
 
     name: str
@@ -87,6 +113,7 @@ class RobotDescription(Struct, frozen=True):
     joints: tuple[JointDescription, ...]
     loops: tuple[LoopDescription, ...]
     couplings: tuple[CouplingDescription, ...]
+    forces: ForcesDescription
 
 
 class ObstacleDescription(Struct, frozen=True):
@@ -224,6 +251,8 @@ class StateMessage(TypedMessage, frozen=True):
         tasks: tasks of all robots and obstacles.
         statuses: status of each robot and obstacle.
         obstructions: what stops robots among obstacles, by robot; only of those that something stops.
+        torques: torques (N m) and forces (N) of the actuated joints that hold each robot at rest with its payload, in
+            the order of the description, by robot; null where none do. Only of robots whose links have masses.
         frame: number of the state.
         controller: number of the client that has control, or null.
         report: in some of the states.
@@ -235,6 +264,7 @@ class StateMessage(TypedMessage, frozen=True):
     tasks: tuple[TaskMessage, ...]
     statuses: dict[str, RobotStatus]
     obstructions: dict[str, Obstruction]
+    torques: dict[str, list[float | None]]
     frame: int = 0
     controller: int | None = None
     report: ReportMessage | UnsetType = UNSET

@@ -88,6 +88,19 @@ class InverseDynamics:
             find_torques, DynamicsMemory, install=partial(setattr, self, "_find")
         )  # fmt: skip
 
+    def set_loads(self, payloads: Sequence[Payload] = (), gravity: ArrayLike = GRAVITY) -> None:
+        """Replace the payloads and gravity, as in the constructor; in 0.1 ms, where a new object takes 3.
+
+        Raises:
+            UnknownNameError, PayloadError, MassError: as the constructor; then the loads stay.
+        """
+        tree = LoadedTree(self.mechanism, payloads, gravity)
+        if tree.gravity.any():
+            tree.check_masses(self.counts_massless)
+        self.tree = tree
+        for memory in (self._one, self._many):
+            _load(memory, tree)
+
     def __repr__(self) -> str:
         carried = f", {len(self.tree.payloads)} payloads" if self.tree.payloads else ""
         return f"<InverseDynamics of {self.mechanism.name[:60]}{carried}>"
@@ -399,8 +412,16 @@ def _set_up(tree: LoadedTree) -> DynamicsMemory:
     fixed = plain.columns_of(mechanism).start
     memory = set_up(DynamicsMemory(count=1), mechanism.system, mechanism.cluster_ranks, fixed)
     columns = plain.actuated_columns(mechanism)
-    memory.resize(nv=model.nv, actuated=len(columns), loads=len(tree.loads), mobility=memory.n - memory.rank)
+    memory.resize(nv=model.nv, actuated=len(columns), mobility=memory.n - memory.rank)
     memory.actuated_dof[:], memory.step[:] = np.array(columns, dtype=int) - fixed, tree.step[columns]
+    _load(memory, tree)
+    return memory
+
+
+def _load(memory: DynamicsMemory, tree: LoadedTree) -> None:
+    """Write the bodies, gravity and wrenches of a tree into a kernel's memory."""
+    model = tree.model
+    memory.resize(loads=len(tree.loads))
     for j in range(1, model.njoints):
         body: Any = model.inertias[j]
         memory.mass[j], memory.centre[j], memory.inertia[j] = body.mass, body.lever, body.inertia
@@ -408,4 +429,3 @@ def _set_up(tree: LoadedTree) -> DynamicsMemory:
     for i, (payload, joint, placement) in enumerate(tree.loads):
         memory.load_joint[i], memory.load_offset[i] = joint, frame_of(placement)
         memory.load_turns[i], memory.load[i] = payload.axes == "node", payload.wrench
-    return memory

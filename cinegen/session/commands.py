@@ -222,6 +222,20 @@ class ChangeSettings(TypedMessage, frozen=True):
     frame: CommandFrame | None = None
 
 
+class SetPayload(TypedMessage, frozen=True):
+    """Set what a robot carries. It is a point mass, and changes torques and reactions, not the motion.
+
+    Attributes:
+        robot: robot whose links have masses.
+        node: node of it, whose origin carries the mass.
+        mass: kg; 0: nothing.
+    """
+
+    robot: str
+    node: str
+    mass: Annotated[float, Meta(ge=0.0, le=1e6)]
+
+
 class SetView(TypedMessage, frozen=True):
     """Set the axes of the command frame `view`.
 
@@ -276,7 +290,8 @@ class ControlPlayback(TypedMessage, frozen=True):
 
 Command = (
     StartDrag | MoveDrag | EndDrag | Pin | RemoveTask | ChangeTask | MoveJoint | EndJointMotion | MoveHome | MoveTo
-    | Undo | Redo | Pause | SelectSensor | ChangeSettings | SetView | SetRecording | GamepadInput | ControlPlayback
+    | Undo | Redo | Pause | SelectSensor | ChangeSettings | SetPayload | SetView | SetRecording | GamepadInput
+    | ControlPlayback
 )  # fmt: skip
 
 

@@ -5,6 +5,8 @@ They are computed outside the session's loop, a few times per second.
 
 from __future__ import annotations
 
+import contextlib
+
 import numpy as np
 import pinocchio as pin
 from msgspec import Struct
@@ -15,7 +17,9 @@ from cinegen.ik import Event, EventKind, FrameTask, LookAhead, Step
 from cinegen.ik.singular import gained
 from cinegen.loops.motions import motions_of
 from cinegen.model import Mechanism
-from cinegen.session.state import RobotState, RobotStatus
+from cinegen.session.bearing import BearingReporter, ReactionReport
+from cinegen.session.holding import HoldingError
+from cinegen.session.state import CarriedMass, RobotState, RobotStatus
 from cinegen.singularities.ball_joints import CountedLoops, balls
 from cinegen.tolerances import NEAR_SINGULAR
 
@@ -113,6 +117,9 @@ class RobotReport(Struct, frozen=True):
         type2: of the passive joints; None without loops.
         ellipsoid: None if the robot can't move.
         forecast: path and events ahead.
+        carried: its payload; None for a robot whose links have no masses.
+        reactions: reactions in its joints and loops, none where no torques hold the load; None unless a client has
+            asked for them.
     """
 
     q: Array
@@ -123,6 +130,8 @@ class RobotReport(Struct, frozen=True):
     type2: SingularityReport | None
     ellipsoid: Ellipsoid | None
     forecast: ForecastReport
+    carried: CarriedMass | None = None
+    reactions: tuple[ReactionReport, ...] | None = None
 
 
 def agreed_status(status: RobotStatus, report: RobotReport | None) -> RobotStatus:
@@ -170,13 +179,17 @@ class Reporter:
         self._look_ahead = LookAhead(mechanism, _DT)
         self._solver = self._look_ahead.solver
         self._last: dict[int, tuple[float, pin.SE3]] = {}  # last targets, with their times
+        self._bearing: BearingReporter | None = None
+        with contextlib.suppress(HoldingError):
+            self._bearing = BearingReporter(mechanism)
 
-    def report(self, robot: RobotState, time: float) -> RobotReport:
+    def report(self, robot: RobotState, time: float, with_reactions: bool = False) -> RobotReport:
         """Return the report.
 
         Args:
             robot: state of the robot.
             time: time of the session, s.
+            with_reactions: whether reactions are wanted.
         """
         mechanism, q = self.mechanism, robot.q
         self._set_tasks(robot)
@@ -211,6 +224,8 @@ class Reporter:
             type2,
             None if ellipsoid is None else Ellipsoid(base.act(here.translation), ellipsoid),
             ForecastReport(path @ base.rotation.T + base.translation, events),
+            robot.carried,
+            self._bearing.report(robot) if with_reactions and self._bearing is not None else None,
         )
 
     def _step_at(self, q: Array) -> Step:

@@ -13,8 +13,9 @@ from numpy.typing import NDArray
 from cinegen.ik import FrameTask, Solver, Status, Step
 from cinegen.mission import RecordedTask, RobotSample
 from cinegen.model import Mechanism
+from cinegen.session.holding import Holding
 from cinegen.session.motion import RobotMotion
-from cinegen.session.state import Obstruction, RobotState, RobotStatus, TaskState
+from cinegen.session.state import CarriedMass, Obstruction, RobotState, RobotStatus, TaskState
 
 Array = NDArray[np.float64]
 
@@ -54,6 +55,8 @@ class DrivenRobot:
         tasks: its tasks, in the order in which they were added.
         motion: motion that moves it instead of its tasks; None: the tasks do.
         step: last step of the solver.
+        holding: torques that hold it; None if its links have no masses.
+        carried: its payload.
     """
 
     _least_rotation = 0  # rotations that each task constrains, at least
@@ -65,6 +68,8 @@ class DrivenRobot:
         self.home = solver.q
         self.tasks: list[UserTask] = []
         self.motion: RobotMotion | None = None
+        self.holding: Holding | None = None
+        self.carried = CarriedMass(self.mechanism.end, 0.0)
         self._reported = 0  # messages of the solver's exception log
         self.step: Step = self.solver.step()
 
@@ -222,10 +227,15 @@ class DrivenRobot:
             )
             for one, t, error in zip(self.tasks, (one.task for one in self.tasks), errors, strict=True)
         )  # fmt: skip
-        step = self.step
+        step, q = self.step, self.q
+        carried = torques = None
+        if self.holding is not None:
+            self.holding.load(self.carried, self.base)
+            carried, torques = self.carried, self.holding.torques(q)
         return RobotState(
-            self.q, self.base.copy(), tasks, self.status(), step.saturated, step.closure, self.obstruction()
-        )
+            q, self.base.copy(), tasks, self.status(), step.saturated, step.closure, self.obstruction(), carried,
+            torques,
+        )  # fmt: skip
 
     def obstruction(self) -> Obstruction | None:
         """Return what stops it among obstacles; None where nothing does."""

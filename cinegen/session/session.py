@@ -21,11 +21,12 @@ from cinegen.mission import MissionRecorder, Player, RecordedTask, Recording
 from cinegen.session import commands as c
 from cinegen.session.avoiding import AvoidingRobot
 from cinegen.session.driven_obstacle import DrivenObstacle
+from cinegen.session.holding import Holding, HoldingError, why_no_forces
 from cinegen.session.motion import ConfigurationMotion, JointMotion, LineMotion
 from cinegen.session.robot import PIN, POINTER, SENSOR, DrivenRobot, UserTask
 from cinegen.session.sensors import SessionSensors, default_speed
 from cinegen.session.setup import Setup
-from cinegen.session.state import Notice, PlaybackStatus, RecordingStatus, SessionState, Settings
+from cinegen.session.state import CarriedMass, Notice, PlaybackStatus, RecordingStatus, SessionState, Settings
 from cinegen.session.undo import UndoHistory
 
 SAMPLES = 100
@@ -333,6 +334,13 @@ class Session:
             if command.damping is not None:
                 robot.solver.damping_threshold = command.damping
 
+    def _set_payload(self, command: c.SetPayload) -> None:
+        robot = self._driven[command.robot]
+        if robot.holding is None:
+            self._notice(f"{robot.name} carries no payload: {why_no_forces(robot.mechanism)}", warning=True)
+        else:
+            robot.carried = CarriedMass(command.node, command.mass)
+
     def _gamepad_input(self, command: c.GamepadInput) -> None:
         self.sensors.put_gamepad(command.twist, command.buttons)
 
@@ -406,4 +414,6 @@ def _robots(setup: Setup, dt: float) -> dict[str, DrivenRobot]:
             robots[name] = AvoidingRobot(name, setup.avoidance.scene, tuple(setup.obstacles), dt)
         else:
             robots[name] = DrivenRobot(name, Solver(mechanism, dt, setup.start(name)))
+        with contextlib.suppress(HoldingError):  # without masses there are no torques
+            robots[name].holding = Holding(mechanism)
     return robots

@@ -79,6 +79,18 @@ class Obstruction(Struct, frozen=True):
     points: tuple[Vector3, Vector3]
 
 
+class CarriedMass(Struct, frozen=True):
+    """The payload of a robot: a point mass at the origin of a node.
+
+    Attributes:
+        node: node that carries it.
+        mass: kg.
+    """
+
+    node: str
+    mass: float
+
+
 class RobotState(Struct, frozen=True):
     """A robot.
 
@@ -90,6 +102,9 @@ class RobotState(Struct, frozen=True):
         saturated: joints whose limit restricts the motion.
         closure: largest loop residual, rad or characteristic lengths.
         obstruction: what stops it among obstacles; None where nothing does.
+        carried: its payload; None for a robot whose links have no masses.
+        torques: (actuated,) torques (N m) and forces (N) of the actuated joints that hold it at rest with its payload;
+            NaN where none do. None for a robot whose links have no masses.
     """
 
     q: Array
@@ -99,6 +114,8 @@ class RobotState(Struct, frozen=True):
     saturated: tuple[str, ...]
     closure: float
     obstruction: Obstruction | None = None
+    carried: CarriedMass | None = None
+    torques: Array | None = None
 
 
 class ObstacleState(Struct, frozen=True):

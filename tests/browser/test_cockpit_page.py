@@ -16,8 +16,10 @@ from variants import slow
 import cinegen
 from cinegen.cockpit import Cockpit
 from cinegen.collision import scene_of
+from cinegen.dynamics import Payload
 from cinegen.mission.results import record_modes
 from cinegen.session import arrange, replay_setup, scene_setup
+from cinegen.session.state import CarriedMass
 
 CHROMIUM = shutil.which("chromium")
 FLAGS = [
@@ -305,6 +307,42 @@ def test_panel_sliders_switches_frames_and_meters(cockpit, tab):
     home = one.setup.robots["delta4"].q_home
     assert becomes(page, lambda: np.abs(one.state.robots["delta4"].q - home).max() < 1e-9)
     picture(page, "panel")
+
+
+def test_payload_torques_and_reactions(cockpit, tab):
+    one = cockpit("delta4", "tssm")
+    page = tab(one)
+    delta = one.setup.robots["delta4"]
+    text = page.inner_text("[data-missing='tssm']")
+    assert "no mass is given for " in text
+    assert all(link in text for link in one.setup.robots["tssm"].massless)
+    assert page.locator("[data-torque^='tssm/']").count() == 0
+
+    def shown():
+        return [page.inner_text(f"[data-torque='delta4/{joint}']") for joint in delta.actuated]
+
+    def torques(mass):
+        return cinegen.forces(delta, one.q["delta4"], payloads=[Payload("platform", mass)]).torques
+
+    assert becomes(page, lambda: shown() == [f"{value:.3g} N m" for value in torques(0.0)])
+    page.focus("[data-payload='delta4'] input[type=range]")
+    for _ in range(3):
+        page.keyboard.press("ArrowRight")  # 1 kg each
+    assert becomes(page, lambda: one.state.robots["delta4"].carried == CarriedMass("platform", 3.0))
+    assert becomes(page, lambda: shown() == [f"{value:.3g} N m" for value in torques(3.0)])
+    assert page.evaluate("cockpit.report.robots.delta4.reactions") is None  # nobody has asked
+    page.check("#reactions")
+    assert becomes(page, lambda: page.inner_text("[data-reactions='delta4']") != "")
+    forces = cinegen.forces(delta, one.q["delta4"], payloads=[Payload("platform", 3.0)])
+    largest = max(np.linalg.norm(reaction.force) for reaction in forces.reactions)
+    assert becomes(page, lambda: page.locator(".label.force").all_inner_texts() == [f"{largest:.3g} N"])
+    page.evaluate("document.querySelectorAll('.fold').forEach((fold) => { fold.open = true; })")
+    texts = page.locator(".row.reaction").all_inner_texts()
+    assert [line.split()[1] for line in texts] == [f"{np.linalg.norm(one.force):.3g}" for one in forces.reactions]
+    picture(page, "forces")
+    page.uncheck("#reactions")
+    assert becomes(page, lambda: page.evaluate("cockpit.report.robots.delta4.reactions") is None)
+    assert page.locator(".label.force").count() == 0
 
 
 PAD = """() => {

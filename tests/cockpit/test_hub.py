@@ -26,7 +26,7 @@ REPORT = ReportMessage(
 
 
 def state(time=0.0):
-    return StateMessage(time, {}, {}, (), {}, {})
+    return StateMessage(time, {}, {}, (), {}, {}, {})
 
 
 class Line:
@@ -79,6 +79,19 @@ def test_a_browser_gets_the_newest_frame_and_the_next_only_when_it_has_taken_tha
     says(hub, client, type="ack", frame=5)
     assert line.frames() == [1, 5, 6]
     assert client.frames == 2
+
+
+def test_reactions_are_wanted_while_a_browser_asks_which_needs_no_control(hub):
+    (first, line), (second, _) = join(hub), join(hub)
+    assert not hub.wants_reactions
+    says(hub, first, type="request_reactions", on=True)
+    says(hub, second, type="request_reactions", on=True)
+    says(hub, first, type="request_reactions", on=False)
+    assert hub.wants_reactions
+    assert hub.controller is None
+    assert line.notices() == []
+    hub.leave(second)
+    assert not hub.wants_reactions
 
 
 def test_a_slow_one_holds_up_nobody(hub):

@@ -7,6 +7,9 @@ const { share, tone } = await import("../../cinegen/cockpit/static/panel/singula
 const { summary } = await import("../../cinegen/cockpit/static/bar/status.js");
 const { ticking } = await import("../../cinegen/cockpit/static/bar/footer.js");
 const { fill } = await import("../../cinegen/cockpit/static/panel/slider.js");
+const { holding } = await import("../../cinegen/cockpit/static/panel/joints.js");
+const { summary: described } = await import("../../cinegen/cockpit/static/panel/forces.js");
+const { scaleOf } = await import("../../cinegen/cockpit/static/aids/force_scale.js");
 const { Changes } = await import("../../cinegen/cockpit/static/aids/changes.js");
 const { AIDS, Aids } = await import("../../cinegen/cockpit/static/aids/aids.js");
 
@@ -70,7 +73,7 @@ test("what is last again unchanged is not fresh", () => {
 
 test("aids that were chosen are remembered, and none is shown where none is wished for", () => {
   const aids = new Aids();
-  assert.deepEqual(AIDS.filter(({ id }) => !aids.shows(id)).map(({ id }) => id), ["ellipsoid"]);
+  assert.deepEqual(AIDS.filter(({ id }) => !aids.shows(id)).map(({ id }) => id), ["ellipsoid", "reactions"]);
   aids.choose("ellipsoid", true);
   aids.choose("ghost", false);
   aids.draw("skeleton");
@@ -96,4 +99,28 @@ test("the footer shows the ticks and the missed deadlines of the last second", (
   assert.deepEqual([ticking({ ...rate, missed: 3 }).text, ticking({ ...rate, missed: 3 }).late], ["999 /s, 3 missed", true]);
   assert.equal(ticking({ ...rate, ticks: 60, at_rest: true }).text, "at rest");
   assert.equal(ticking(undefined).text, "–");
+});
+
+test("a holding torque is a part of its limit where there is one, and none where no actuator holds", () => {
+  const free = { type: "revolute", effort: null };
+  const limited = { type: "prismatic", effort: 200 };
+  assert.deepEqual(holding(free, -35.42), { text: "-35.4 N m", share: 0, tone: "none" });
+  assert.deepEqual(holding(free, null), { text: "no actuator holds", share: 0, tone: "bad" });
+  assert.deepEqual(holding(limited, -50), { text: "-50 N · 25 %", share: 0.25, tone: "good" });
+  assert.equal(holding(limited, 170).tone, "warn");
+  assert.deepEqual(holding(limited, 500), { text: "500 N · 250 %", share: 2.5, tone: "bad" });
+  assert.deepEqual(holding(limited, null), { text: "no actuator holds", share: 1, tone: "bad" });
+  assert.equal(holding({ type: "revolute", effort: 0 }, 0).tone, "good");
+  assert.equal(holding({ type: "revolute", effort: 0 }, 1).tone, "bad");
+});
+
+test("arrows have a round scale, and what is not determined is told", () => {
+  const one = { kind: "joint", name: "a", node: "b", point: [0, 0, 0], moment: 0, undetermined: [] };
+  const [first, second] = [{ ...one, force: [0, 300, 400] }, { ...one, force: null, undetermined: ["Fz", "Fx", "Fy"] }];
+  assert.deepEqual(scaleOf([first, second], 2), { newtons: 500, metres: 0.8 });
+  assert.deepEqual(scaleOf([{ ...one, force: [501, 0, 0] }], 2).newtons, 1000);
+  assert.deepEqual(scaleOf([{ ...one, force: [0, 0, 0] }, second], 2).newtons, 0);
+  assert.equal(described([first], 2), "An arrow 800.0 mm long is 500 N.");
+  assert.match(described([first, second], 2), /determine all components of 1 of 2 reactions \(Fx, Fy, Fz in the joints' axes\)/);
+  assert.match(described([], 2), /No actuator holds/);
 });

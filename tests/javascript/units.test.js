@@ -3,7 +3,7 @@ import { beforeEach, test } from "node:test";
 
 import { kept } from "./browser.js";
 
-const { fixed, significant, Units } = await import("../../cinegen/cockpit/static/base/units.js");
+const { amount, fixed, significant, Units } = await import("../../cinegen/cockpit/static/base/units.js");
 
 beforeEach(() => kept.clear());
 
@@ -66,4 +66,11 @@ test("a number that rounds to zero has no sign, and what is no number is a dash"
   assert.equal(significant(0.01234), "0.012");
   assert.equal(significant(123456), "120000");
   assert.equal(significant(NaN), "–");
+});
+
+test("forces and torques have three significant digits, from 10,000 on with a prefix", () => {
+  assert.deepEqual(
+    [642.097, -35.42, 1e-9, 9994, 12345, 3.1e7, NaN].map((value) => amount(value, "N m")),
+    ["642 N m", "-35.4 N m", "0 N m", "9990 N m", "12.3 kN m", "31 MN m", "–"],
+  );
 });

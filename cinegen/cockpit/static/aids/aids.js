@@ -14,10 +14,11 @@ export const AIDS = [
   { id: "limits", label: "Limits as colours", hint: "Parts turn orange near a joint's limit, red at it" },
   { id: "trail", label: "Trail", hint: "Past positions of the task or the end" },
   { id: "ellipsoid", label: "Manipulability ellipsoid", hint: "Long where the tool moves easily, flat where hardly" },
+  { id: "reactions", label: "Reactions", hint: "Forces of joints and loops on the parts behind them, at rest" },
   { id: "frames", label: "Frames", hint: "Axes of the tool: red x, green y, blue z" },
   { id: "loops", label: "Loop marks", hint: "Balls where a loop is closed" },
 ];
-const OFF = ["ellipsoid"]; // until they are chosen
+const OFF = ["ellipsoid", "reactions"]; // until they are chosen
 export const BODIES = ["parts", "skeleton"];
 
 /**

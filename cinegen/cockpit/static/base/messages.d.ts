@@ -10,6 +10,11 @@ export interface RequestControl {
   on: boolean;
 }
 
+export interface RequestReactions {
+  type: "request_reactions";
+  on: boolean;
+}
+
 export interface StartDrag {
   type: "start_drag";
   robot: string;
@@ -100,6 +105,13 @@ export interface ChangeSettings {
   frame?: "base" | "tool" | "view" | "world" | null;
 }
 
+export interface SetPayload {
+  type: "set_payload";
+  robot: string;
+  node: string;
+  mass: number;
+}
+
 export interface SetView {
   type: "set_view";
   quaternion: [number, number, number, number];
@@ -123,7 +135,7 @@ export interface ControlPlayback {
   speed?: number | null;
 }
 
-export type ClientMessage = Ack | RequestControl | StartDrag | MoveDrag | EndDrag | Pin | RemoveTask | ChangeTask | MoveJoint | EndJointMotion | MoveHome | MoveTo | Undo | Redo | Pause | SelectSensor | ChangeSettings | SetView | SetRecording | GamepadInput | ControlPlayback;
+export type ClientMessage = Ack | RequestControl | RequestReactions | StartDrag | MoveDrag | EndDrag | Pin | RemoveTask | ChangeTask | MoveJoint | EndJointMotion | MoveHome | MoveTo | Undo | Redo | Pause | SelectSensor | ChangeSettings | SetPayload | SetView | SetRecording | GamepadInput | ControlPlayback;
 
 export interface HelloMessage {
   type: "hello";
@@ -152,6 +164,7 @@ export interface RobotDescription {
   joints: JointDescription[];
   loops: LoopDescription[];
   couplings: CouplingDescription[];
+  forces: ForcesDescription;
 }
 
 export interface NodeDescription {
@@ -184,6 +197,12 @@ export interface CouplingDescription {
   terms: Record<string, number[]>;
   constant: number;
   equation: string;
+}
+
+export interface ForcesDescription {
+  missing: string;
+  largest_payload: number;
+  excluded: string[];
 }
 
 export interface ObstacleDescription {
@@ -221,6 +240,7 @@ export interface StateMessage {
   tasks: TaskMessage[];
   statuses: Record<string, RobotStatus>;
   obstructions: Record<string, Obstruction>;
+  torques: Record<string, (number | null)[]>;
   frame?: number;
   controller?: number | null;
   report?: ReportMessage;
@@ -300,6 +320,8 @@ export interface RobotReport {
   type2: SingularityReport | null;
   ellipsoid: Ellipsoid | null;
   forecast: ForecastReport;
+  carried?: CarriedMass | null;
+  reactions?: ReactionReport[] | null;
 }
 
 export interface SingularityReport {
@@ -326,6 +348,21 @@ export interface ForecastEvent {
   kind: string;
   text: string;
   position: number[];
+}
+
+export interface CarriedMass {
+  node: string;
+  mass: number;
+}
+
+export interface ReactionReport {
+  name: string;
+  kind: "joint" | "loop";
+  node: string;
+  point: [number, number, number];
+  force: [number, number, number] | null;
+  moment: number | null;
+  undetermined: string[];
 }
 
 export interface NodeSensor {

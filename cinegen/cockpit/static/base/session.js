@@ -152,7 +152,8 @@ function asRobot({ name, length, mobility }) {
   const node = { name, parent: null, joint: null, kind: /** @type {const} */ ("link") };
   const byName = new Map([[name, node]]);
   const parts = { nodes: [node], joints: [], loops: [], couplings: [], byName };
-  return { name, robot: name, obstacle: true, length, mobility, end: name, base: null, ...parts };
+  const forces = { missing: "it is an obstacle", largest_payload: 0, excluded: [] };
+  return { name, robot: name, obstacle: true, length, mobility, end: name, base: null, forces, ...parts };
 }
 
 /**

@@ -114,4 +114,18 @@ export function significant(value) {
   return Number.isFinite(value) ? String(Number(value.toPrecision(2))) : "–";
 }
 
+/**
+ * A force or a torque with three significant digits: "642 N m", "12.3 kN".
+ *
+ * @param {number} value
+ * @param {string} unit
+ */
+export function amount(value, unit) {
+  if (!Number.isFinite(value)) return "–";
+  const size = Math.abs(value);
+  const [power, prefix] = size >= 9.995e6 ? [1e6, "M"] : size >= 9995 ? [1e3, "k"] : [1, ""];
+  const text = size < 5e-4 ? "0" : String(Number((value / power).toPrecision(3)));
+  return `${text} ${prefix}${unit}`;
+}
+
 export const units = new Units();

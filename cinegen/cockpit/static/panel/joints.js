@@ -2,14 +2,16 @@
 //
 // For tests: [data-joint="ROBOT/JOINT"] with input[type=range] and input[type=number] in it where the joint is actuated
 // (in the units that are shown), data-limit "near" or "at"; passive ones have data-passive and .number.
+// [data-torque="ROBOT/JOINT"] (a meter) where links have masses, data-tone "good", "warn", "bad" or "none".
 
 import { atMostEvery, make, write } from "../base/dom.js";
-import { fixed, units } from "../base/units.js";
+import { amount, fixed, units } from "../base/units.js";
 import { byRobot, folded, Section } from "./section.js";
 import { fill } from "./slider.js";
 
 const PICTURE = 1000 / 60;
 const OVER = 250; // ms after the report change: the motion ends
+const MUCH = 0.8; // of its limit: the bar of a torque turns orange
 const SETTLED = 600; // ms after that: the joint is at rest
 /** @type {Record<string, number>} */
 const WIDE = { revolute: Math.PI, prismatic: 0.5 }; // to each side of home, where there is no limit; rad, lengths
@@ -18,7 +20,8 @@ const WIDE = { revolute: Math.PI, prismatic: 0.5 }; // to each side of home, whe
 /** @typedef {import("../base/messages").JointDescription} Joint */
 /**
  * @typedef {{ robot: KnownRobot, joint: Joint, lower: number, upper: number, key: string, element: HTMLElement,
- *   pressed: boolean, range: HTMLInputElement, number: HTMLInputElement, mark: HTMLElement, text: HTMLElement }} Row
+ *   pressed: boolean, range: HTMLInputElement, number: HTMLInputElement, torque: HTMLElement | null, bar: HTMLElement,
+ *   effort: HTMLElement, mark: HTMLElement, text: HTMLElement }} Row
  */
 
 export class Joints {
@@ -43,6 +46,7 @@ export class Joints {
     this.send = atMostEvery(PICTURE, (/** @type {{ robot: string, joint: string, value: number }} */ move) => session.send({ type: "move_joint", ...move }));
     session.on("hello", () => this.#build());
     session.on("report", () => this.#show());
+    session.on("state", () => this.#hold());
     units.on("change", () => this.#build());
   }
 
@@ -81,6 +85,9 @@ export class Joints {
       pressed: false,
       range: make("input"),
       number: make("input"),
+      torque: null,
+      bar: make("b"),
+      effort: make("span", { class: "number" }),
       mark: make("i"),
       text: make("span", { class: "number" }),
     };
@@ -154,7 +161,56 @@ export class Joints {
       name,
       row.range,
       make("span", { class: "value" }, row.number, make("span", { class: "unit" }, units.unit(joint))),
+      robot.forces.missing ? "" : this.#torque(row),
     );
+  }
+
+  /**
+   * The torque or force that holds the joint: a bar where there is a limit of it.
+   *
+   * @param {Row} row
+   */
+  #torque(row) {
+    const { joint, robot } = row;
+    const [what, unit] = kindOf(joint);
+    const limit = Number.isFinite(joint.effort);
+    row.torque = make(
+      "div",
+      {
+        class: "torque",
+        role: "meter",
+        data: { torque: row.key, tone: "none" },
+        "aria-label": `Holding ${what} of ${joint.name} of ${robot.name}`,
+        "aria-valuemin": 0,
+        "aria-valuemax": limit ? 100 : undefined,
+        title:
+          `The ${what} that holds the robot at rest with its payload` +
+          (limit ? `; the bar is its part of the limit, ${amount(joint.effort ?? 0, unit)}` : "; the file states no limit of it (effort)"),
+      },
+      limit ? make("div", { class: "scale" }, row.bar) : "",
+      row.effort,
+    );
+    return row.torque;
+  }
+
+  #hold() {
+    const torques = this.session.state?.torques ?? {};
+    for (const robot of this.session.robots) {
+      const found = torques[robot.name];
+      if (found === undefined) continue;
+      robot.joints
+        .filter(({ actuated }) => actuated)
+        .forEach((joint, i) => {
+          const row = this.#rows.get(`${robot.name}/${joint.name}`);
+          if (!row?.torque) return;
+          const { text, share, tone } = holding(joint, found[i] ?? null);
+          write(row.effort, text);
+          if (row.torque.dataset.tone !== tone) row.torque.dataset.tone = tone;
+          row.bar.style.transform = `scaleX(${Math.min(1, share).toFixed(3)})`;
+          row.torque.setAttribute("aria-valuenow", (100 * share).toFixed(0));
+          row.torque.setAttribute("aria-valuetext", text);
+        });
+    }
   }
 
   /**
@@ -217,4 +273,28 @@ export class Joints {
     row.range.setAttribute("aria-valuetext", units.joint(joint, value));
     fill(row.range);
   }
+}
+
+/**
+ * @param {Joint} joint
+ * @returns {[string, string]} what its actuator gives, and the unit
+ */
+function kindOf(joint) {
+  return joint.type === "prismatic" ? ["force", "N"] : ["torque", "N m"];
+}
+
+/**
+ * Return the text, the part of the limit (0 without one) and the colour of a holding torque or force.
+ *
+ * @param {Joint} joint
+ * @param {number | null} torque null where none holds
+ */
+export function holding(joint, torque) {
+  const limit = joint.effort ?? Infinity;
+  if (torque === null) return { text: "no actuator holds", share: Number.isFinite(limit) ? 1 : 0, tone: "bad" };
+  const value = amount(torque, kindOf(joint)[1]);
+  if (!Number.isFinite(limit)) return { text: value, share: 0, tone: "none" };
+  const share = limit > 0 ? Math.abs(torque) / limit : Math.abs(torque) > 0 ? Infinity : 0;
+  const tone = share > 1 ? "bad" : share > MUCH ? "warn" : "good";
+  return { text: `${value} · ${Number.isFinite(share) ? `${fixed(100 * share, 0)} %` : "no limit > 0"}`, share, tone };
 }

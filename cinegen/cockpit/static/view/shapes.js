@@ -131,6 +131,32 @@ export function twist(material) {
 }
 
 /**
+ * An arrow along y from the origin, to be given its size by `stretch`.
+ *
+ * @param {Material} material
+ */
+export function arrow(material) {
+  const group = new Group();
+  group.add(rod(material), mesh("tip", material));
+  return group;
+}
+
+/**
+ * Give an arrow a length and a radius of its shaft; a short one is thinner.
+ *
+ * @param {Group} made
+ * @param {number} length
+ * @param {number} radius
+ */
+export function stretch(made, length, radius) {
+  const wide = Math.min(radius, 0.08 * length);
+  const [shaft, tip] = made.children;
+  tip.scale.setScalar(2.6 * wide);
+  tip.position.y = length - 2.6 * 2.4 * wide;
+  shaft.scale.set(wide, tip.position.y, wide);
+}
+
+/**
  * Turns what stands along y along a direction.
  *
  * @param {import("three").Object3D} object
