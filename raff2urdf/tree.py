@@ -22,10 +22,10 @@ from raff2urdf.raff.document import (
     DriveKind,
     JointType,
     LoopKind,
-    Parameters,
     RaffBase,
     RaffInertial,
     RaffLink,
+    RaffParameters,
     RaffPart,
     RaffRobot,
 )
@@ -41,7 +41,7 @@ BASE_JOINT = "joint0"
 Array = NDArray[np.float64]
 
 
-def kleinfinger(document: Document, written: Parameters) -> Kleinfinger:
+def kleinfinger(document: Document, written: RaffParameters) -> Kleinfinger:
     """Return six parameters as written, in metres and radians."""
     return Kleinfinger(
         gamma=math.radians(written.gamma),

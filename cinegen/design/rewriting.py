@@ -6,12 +6,12 @@ import re
 from collections.abc import Iterator, Sequence
 
 from raff2urdf.errors import RaffError
-from raff2urdf.raff.document import Document, Parameters, RaffRobot
+from raff2urdf.raff.document import Document, RaffParameters, RaffRobot
 from raff2urdf.raff.reader import parse
 from raff2urdf.raff.syntax import Token, tokens
 from raff2urdf.raff.writer import dumps, number
 
-_WORDS = tuple(Parameters.__dataclass_fields__)
+_WORDS = tuple(RaffParameters.__dataclass_fields__)
 
 
 def rewritten(document: Document, wanted: Document, robot: str) -> str:

@@ -172,7 +172,7 @@ class ToleranceReport:
 
     @property
     def agreement(self) -> str:
-        """The sentence that says how well the linear covariance and Monte Carlo agree; "" without samples."""
+        """The sentence that states how well the linear covariance and Monte Carlo agree; "" without samples."""
         found = self.monte_carlo
         if found is None:
             return ""

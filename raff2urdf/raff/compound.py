@@ -22,9 +22,9 @@ from itertools import count
 from raff2urdf.raff.document import (
     CompoundKind,
     JointType,
-    Parameters,
     RaffInertial,
     RaffLink,
+    RaffParameters,
     RaffPart,
     RaffRobot,
     RaffVariable,
@@ -38,7 +38,7 @@ VARIABLES: Mapping[CompoundKind, Mapping[str, str | None]] = {
 }
 """The variables of each kind, from the parent on, each with the parameter that is its value, if one is."""
 
-_NEXT_AXIS = Parameters(gamma=90.0, alpha=90.0)
+_NEXT_AXIS = RaffParameters(gamma=90.0, alpha=90.0)
 """Exchanges the axes cyclically: the new z axis is the x axis."""
 
 
@@ -102,21 +102,21 @@ def _successive(link: RaffLink, numbers: Iterator[int]) -> list[RaffLink]:
     return found
 
 
-def _steps(kind: CompoundKind, written: Parameters, homes: Mapping[str, float]) -> list[tuple[str, Parameters]]:
+def _steps(kind: CompoundKind, written: RaffParameters, homes: Mapping[str, float]) -> list[tuple[str, RaffParameters]]:
     """Return the successive links, each as its variable, or none, and its parameters."""
 
-    def about(name: str) -> tuple[str, Parameters]:
+    def about(name: str) -> tuple[str, RaffParameters]:
         return name, replace(_NEXT_AXIS, theta=homes.get(name, 0.0))
 
-    def along(name: str) -> tuple[str, Parameters]:
+    def along(name: str) -> tuple[str, RaffParameters]:
         return name, replace(_NEXT_AXIS, r=homes.get(name, 0.0))
 
     if kind is CompoundKind.BALL:
         return [("", written), about("x"), about("y"), about("z")]
     if kind is CompoundKind.UNIVERSAL:
-        second = Parameters(alpha=-90.0, theta=homes.get("y", 0.0))
-        return [("z", written), ("y", second), ("", Parameters(alpha=90.0))]
+        second = RaffParameters(alpha=-90.0, theta=homes.get("y", 0.0))
+        return [("z", written), ("y", second), ("", RaffParameters(alpha=90.0))]
     if kind is CompoundKind.CYLINDRICAL:
-        return [("z", replace(written, r=0.0)), ("tz", Parameters(r=written.r))]
+        return [("z", replace(written, r=0.0)), ("tz", RaffParameters(r=written.r))]
     own = replace(_NEXT_AXIS, theta=written.theta)
     return [("", replace(written, theta=0.0)), along("tx"), along("ty"), ("z", own)]

@@ -47,7 +47,7 @@ class LoopKind(IntEnum):
 
 
 @dataclass(frozen=True, slots=True)
-class Parameters:
+class RaffParameters:
     """Kleinfinger's six parameters in the file's units: r, d, epsilon lengths; theta, alpha, gamma degrees."""
 
     theta: float = 0.0
@@ -121,7 +121,7 @@ class RaffBase:
     keyword: ClassVar[str] = "base"
     number: ClassVar[int] = 0
     node: ClassVar[str] = "base"
-    parameters: Parameters = Parameters()
+    parameters: RaffParameters = RaffParameters()
     filenames: tuple[str, ...] | None = None  # None: the file names none, and a skeleton is drawn
     inertial: RaffInertial | None = None  # None: the mass is not in the file
     locations: Locations = field(default_factory=_no_locations, compare=False, repr=False)
@@ -159,7 +159,7 @@ class RaffLink(_Named):
 
     keyword: ClassVar[str] = "link"
     number: int
-    parameters: Parameters
+    parameters: RaffParameters
     type: JointType
     pred: int
     limits: tuple[float, float] | None = None  # of theta (degrees) or r
@@ -186,7 +186,7 @@ class RaffFrame(_Named):
 
     keyword: ClassVar[str] = "frame"
     number: int
-    parameters: Parameters
+    parameters: RaffParameters
     pred: int
     name: str | None = None
     filenames: tuple[str, ...] | None = None  # None: the file names none, and a skeleton is drawn

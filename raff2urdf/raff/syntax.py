@@ -23,7 +23,6 @@ from raff2urdf.raff.document import (
     DriveKind,
     JointType,
     LoopKind,
-    Parameters,
     RaffBase,
     RaffCoupling,
     RaffDrive,
@@ -31,6 +30,7 @@ from raff2urdf.raff.document import (
     RaffInertial,
     RaffLink,
     RaffLoop,
+    RaffParameters,
     RaffRobot,
     RaffSensor,
     RaffVariable,
@@ -294,7 +294,7 @@ class Statement:
 
 _NUMBER = Statement("NUMBER", finite)
 _TEXT = Statement("STRING", lambda _, token: token.string)
-_PARAMETERS = Statement("{", lambda _, block, __: Parameters(**block.values))
+_PARAMETERS = Statement("{", lambda _, block, __: RaffParameters(**block.values))
 _FILES = Statement("{ STRING* }", _strings, "filenames", repeats=True)
 _PRED = Statement("NUMBER", whole, required=": the number of its parent (0: the base)")
 _NODE = Statement("NUMBER", lambda report, number: (whole(report, number), number.location), "nodes", repeats=True)
@@ -303,7 +303,7 @@ _LIMITS = Statement("{ NUMBER NUMBER }", lambda report, *ends: tuple(finite(repo
 _VECTOR = Statement("{ NUMBER NUMBER NUMBER }", lambda report, *found: tuple(finite(report, one) for one in found))
 _INERTIAL = Statement("{", _inertial)
 _ACTUATED = Statement("NUMBER", _choice("'actuated'", ["passive", "actuated"], bool))
-_DEFAULTS: dict[str, Any] = {"parameters": Parameters(), "pred": 0}
+_DEFAULTS: dict[str, Any] = {"parameters": RaffParameters(), "pred": 0}
 _DOF = ["none", "one", "two", "three"]
 
 STATEMENTS: dict[str, dict[str, Statement]] = {

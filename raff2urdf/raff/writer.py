@@ -12,10 +12,10 @@ from raff2urdf.raff.document import (
     Document,
     DriveKind,
     LoopKind,
-    Parameters,
     RaffFrame,
     RaffInertial,
     RaffNode,
+    RaffParameters,
     RaffRobot,
     RaffSensor,
     RaffVariable,
@@ -90,7 +90,7 @@ def _statements(block: RaffNode | RaffSensor, indent: str) -> Iterator[str]:
                 yield f"{indent}variable {variable.name} {_variable(variable)}"
         elif isinstance(value, RaffInertial):
             yield from _inertial(value, indent)
-        elif value is not None and value != Parameters() and not (word == "type" and compound):
+        elif value is not None and value != RaffParameters() and not (word == "type" and compound):
             yield f"{indent}{word.removesuffix('s') if word == 'filenames' else word} {_value(value)}"
 
 
@@ -118,8 +118,8 @@ def _value(value: Any) -> str:
         return str(int(value))
     if isinstance(value, float):
         return number(value)
-    if isinstance(value, Parameters):
-        values = {word: getattr(value, word) for word in Parameters.__dataclass_fields__}
+    if isinstance(value, RaffParameters):
+        values = {word: getattr(value, word) for word in RaffParameters.__dataclass_fields__}
         return f"{{ {' '.join(f'{word} {number(one)}' for word, one in values.items() if one != 0.0)} }}"
     words = _list(list(map(_value, value)), "      ")
     return f"{{ {words} }}" if words else "{ }"

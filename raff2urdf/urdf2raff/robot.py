@@ -31,7 +31,6 @@ from raff2urdf.raff.document import (
     Document,
     DriveKind,
     JointType,
-    Parameters,
     RaffBase,
     RaffCoupling,
     RaffDrive,
@@ -39,6 +38,7 @@ from raff2urdf.raff.document import (
     RaffInertial,
     RaffLink,
     RaffLoop,
+    RaffParameters,
     RaffPart,
     RaffRobot,
     RaffSensor,
@@ -411,11 +411,11 @@ class _Import:
 
     # --- numbers ------------------------------------------------------------------------------------------------
 
-    def written(self, found: Kleinfinger) -> tuple[Parameters, Array]:
+    def written(self, found: Kleinfinger) -> tuple[RaffParameters, Array]:
         """Return parameters in the file's units, and the placement (4, 4) that they have once they are read back."""
         lengths = {word: self.tidied(getattr(found, word), True) for word in ("r", "d", "epsilon")}
         angles = {word: self.tidied(getattr(found, word), False) for word in ("theta", "alpha", "gamma")}
-        written = Parameters(**lengths, **angles)
+        written = RaffParameters(**lengths, **angles)
         return written, transform(kleinfinger(self.units, written))
 
     def tidied(self, value: float, length: bool, tolerance: float = TIDY) -> float:

@@ -121,6 +121,11 @@ def test_forces(root, printed):
     check(root, along, "forces", 1)
 
 
+def test_tolerance(root, printed):
+    sigma = ("--sigma", "link*.d=0.1mm, link2.alpha=0.1deg")
+    check(root, printed("tolerance", "five_bar.raff", *sigma, "--samples", "100"), "tolerance")
+
+
 def test_singular_of_a_recording(root, robot, printed, tmp_path):
     mechanism = robot("tssm")
     pose = {"x": 0.0, "y": 0.0, "z": 0.02, "rx": 0.0, "ry": 0.0}

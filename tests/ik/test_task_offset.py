@@ -11,12 +11,12 @@ import pytest
 
 import cinegen
 import raff2urdf
-from raff2urdf.raff.document import Parameters, RaffFrame
+from raff2urdf.raff.document import RaffFrame, RaffParameters
 from raff2urdf.raff.kleinfinger import transform
 from raff2urdf.tree import kleinfinger
 
 ROBOTS = Path(__file__).resolve().parents[2] / "robots"
-GRIP = Parameters(theta=30, r=120, d=80, alpha=50, gamma=-20, epsilon=40)  # mm and degrees
+GRIP = RaffParameters(theta=30, r=120, d=80, alpha=50, gamma=-20, epsilon=40)  # mm and degrees
 
 
 @pytest.fixture(params=["arm7", "delta4", "planar_hybrid", "gough"])

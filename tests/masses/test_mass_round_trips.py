@@ -21,11 +21,11 @@ from raff2urdf.inertia import Inertia
 from raff2urdf.raff.document import (
     Document,
     JointType,
-    Parameters,
     RaffBase,
     RaffFrame,
     RaffInertial,
     RaffLink,
+    RaffParameters,
     RaffRobot,
 )
 from raff2urdf.raff.writer import dumps
@@ -57,7 +57,7 @@ def robots(draw: st.DrawFn) -> Document:
     """A tree of revolute, prismatic and fixed links and frames, each with a mass. MuJoCo takes offsets below 1e-6 for
     0: lengths are whole tenths of a millimetre."""
     lengths, angles = (st.integers(-n, n).map(lambda number: number / 10.0) for n in (4000, 1700))
-    written = st.builds(Parameters, angles, lengths, lengths, angles, angles, lengths)
+    written = st.builds(RaffParameters, angles, lengths, lengths, angles, angles, lengths)
     parts: list[RaffLink | RaffFrame] = []
     for number in range(1, draw(st.integers(2, 6))):
         own, pred = draw(written), draw(st.integers(0, number - 1))

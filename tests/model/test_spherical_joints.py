@@ -22,7 +22,7 @@ from cinegen.mission import MissionRecorder, Recording, RobotSample, check, resa
 from cinegen.model import ForwardKinematics
 from cinegen.model.load import build
 from cinegen.singularities import SingularityType, leg_lines, singularity
-from raff2urdf.raff.document import CompoundKind, JointType, Parameters, RaffLink, RaffVariable
+from raff2urdf.raff.document import CompoundKind, JointType, RaffLink, RaffParameters, RaffVariable
 from raff2urdf.raff.kleinfinger import parameters, transform
 from raff2urdf.tree import kleinfinger
 
@@ -75,7 +75,9 @@ def gough(tmp_path_factory):
     gamma, epsilon, alpha, d, theta, r = parameters(placed)
     angles = {"gamma": gamma, "alpha": alpha, "theta": theta}
     lengths = {"epsilon": epsilon, "d": d, "r": r}
-    own = Parameters(**{k: float(np.degrees(x)) for k, x in angles.items()}, **{k: 1e3 * x for k, x in lengths.items()})
+    own = RaffParameters(
+        **{k: float(np.degrees(x)) for k, x in angles.items()}, **{k: 1e3 * x for k, x in lengths.items()}
+    )
     links[6] = RaffLink(6, own, JointType.FIXED, 3, compound=CompoundKind.BALL, variables=at_lock, name=links[6].name)
     parts = []
     for part in (link for number, link in links.items() if number not in (4, 5)):

@@ -16,7 +16,6 @@ from raff2urdf.raff.document import (
     DriveKind,
     JointType,
     LoopKind,
-    Parameters,
     RaffBase,
     RaffCoupling,
     RaffDrive,
@@ -24,6 +23,7 @@ from raff2urdf.raff.document import (
     RaffInertial,
     RaffLink,
     RaffLoop,
+    RaffParameters,
     RaffRobot,
     RaffSensor,
     RaffVariable,
@@ -69,8 +69,8 @@ KEYWORDS = st.sampled_from(
 )
 
 
-def parameters(lengths: Any, angles: Any) -> st.SearchStrategy[Parameters]:
-    return st.builds(Parameters, theta=angles, r=lengths, d=lengths, alpha=angles, gamma=angles, epsilon=lengths)
+def parameters(lengths: Any, angles: Any) -> st.SearchStrategy[RaffParameters]:
+    return st.builds(RaffParameters, theta=angles, r=lengths, d=lengths, alpha=angles, gamma=angles, epsilon=lengths)
 
 
 @st.composite
@@ -126,7 +126,7 @@ def _robots(
     draw: st.DrawFn,
     name: str,
     sensors: list[int],
-    params: st.SearchStrategy[Parameters],
+    params: st.SearchStrategy[RaffParameters],
     values: st.SearchStrategy[float],
     loops: bool,
     graphics: bool,
@@ -172,7 +172,7 @@ def _robots(
     held = st.builds(SensorConstraint, st.sampled_from(nodes), choices)
     return RaffRobot(
         name,
-        RaffBase(draw(st.just(Parameters()) | params), draw(files), draw(st.none() | inertials(values))),
+        RaffBase(draw(st.just(RaffParameters()) | params), draw(files), draw(st.none() | inertials(values))),
         tuple(draw(st.permutations(parts))),  # a father may stand behind its children
         tuple(draw(st.lists(loop, max_size=3))) if loops and numbers else (),
         draw(_couplings(parts, values)) if loops else (),

@@ -39,7 +39,7 @@ import raff2urdf
 from raff2urdf import RaffError, loads
 from raff2urdf.analysis import Analysis, analyse, loop_kinds
 from raff2urdf.closure import gaps
-from raff2urdf.raff.document import UNITS_PER_METRE, Document, LoopKind, Parameters
+from raff2urdf.raff.document import UNITS_PER_METRE, Document, LoopKind, RaffParameters
 from raff2urdf.tree import clusters, placements
 
 FEW = examples(5)
@@ -196,7 +196,7 @@ def in_units(document: Document, units: str) -> Document:
     """The same robot with its lengths written in another unit."""
     factor = UNITS_PER_METRE[units] / UNITS_PER_METRE[document.units]
 
-    def scaled(p: Parameters) -> Parameters:
+    def scaled(p: RaffParameters) -> RaffParameters:
         return replace(p, r=p.r * factor, d=p.d * factor, epsilon=p.epsilon * factor)
 
     robot = document.robot()
@@ -220,10 +220,10 @@ def test_numbers_are_only_names(name: str, data: st.DataObject) -> None:
     assert other.actuated == tuple(f"joint{mapping[int(joint.removeprefix('joint'))]}" for joint in one.actuated)
 
 
-@given(st.builds(Parameters, angles, angles, angles, angles, angles, angles))
+@given(st.builds(RaffParameters, angles, angles, angles, angles, angles, angles))
 @pytest.mark.parametrize("name", CLOSED_CHAINS)
 @FEW
-def test_it_does_not_matter_where_the_base_stands(name: str, place: Parameters) -> None:
+def test_it_does_not_matter_where_the_base_stands(name: str, place: RaffParameters) -> None:
     document = loads(KNOWN[name][0])
     robot = document.robot()
     moved = analyse(document, replace(robot, base=replace(robot.base, parameters=place)))

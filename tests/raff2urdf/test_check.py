@@ -12,7 +12,7 @@ from strategies import documents, examples
 import raff2urdf
 from raff2urdf import RaffError, RaffWarning
 from raff2urdf.errors import Problem
-from raff2urdf.raff.document import Document, JointType, Parameters, RaffFrame, RaffLink, RaffRobot
+from raff2urdf.raff.document import Document, JointType, RaffFrame, RaffLink, RaffParameters, RaffRobot
 from raff2urdf.raff.reader import parse
 
 
@@ -152,8 +152,8 @@ def test_sensor_0_needs_no_declaration() -> None:
 
 @pytest.mark.parametrize("length", [1, 2, 9, 3000])
 def test_a_cycle_of_parents_is_one_fault_however_long(length: int) -> None:
-    ring = [RaffLink(i, Parameters(), JointType.REVOLUTE, 1 + i % length) for i in range(1, length + 1)]
-    on_it = [RaffFrame(length + i, Parameters(), i) for i in range(1, length + 1)]
+    ring = [RaffLink(i, RaffParameters(), JointType.REVOLUTE, 1 + i % length) for i in range(1, length + 1)]
+    on_it = [RaffFrame(length + i, RaffParameters(), i) for i in range(1, length + 1)]
     with pytest.raises(RaffError) as caught:
         raff2urdf.check(Document("t", (RaffRobot("r", parts=(*on_it, *ring)),)))
     (problem,) = caught.value.problems
@@ -177,7 +177,7 @@ def test_all_faults_are_reported_at_once_in_the_order_of_the_text() -> None:
 
 def test_a_document_made_by_hand_is_checked_too() -> None:
     """It has no text, so there is no place; the message still names the thing."""
-    link = RaffLink(1, Parameters(), JointType.REVOLUTE, pred=5)
+    link = RaffLink(1, RaffParameters(), JointType.REVOLUTE, pred=5)
     with pytest.raises(RaffError, match="the parent of link 1 is 5, which does not exist"):
         raff2urdf.check(Document("t", (RaffRobot("r", parts=(link,)),)))
 

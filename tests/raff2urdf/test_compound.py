@@ -13,7 +13,7 @@ import raff2urdf
 from raff2urdf.constraints import constraints
 from raff2urdf.conversion import describe
 from raff2urdf.raff.compound import VARIABLES, expanded
-from raff2urdf.raff.document import CompoundKind, Parameters
+from raff2urdf.raff.document import CompoundKind, RaffParameters
 from raff2urdf.raff.kleinfinger import transform
 from raff2urdf.readers.successive import moving
 from raff2urdf.tree import home, kleinfinger, placements
@@ -155,4 +155,4 @@ def test_a_home_outside_its_limits_is_warned_of() -> None:
 def test_a_robot_without_such_joints_is_not_copied() -> None:
     robot = raff2urdf.loads("RAFF Arm robot r { link 1 { type 2 pred 0 } }").robot()
     assert expanded(robot) is robot
-    assert robot.links[0].parameters == Parameters()
+    assert robot.links[0].parameters == RaffParameters()

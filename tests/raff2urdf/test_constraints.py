@@ -21,7 +21,7 @@ from raff2urdf import RaffError, constraints, loads
 from raff2urdf.analysis import analyse, loop_kind
 from raff2urdf.conversion import translate
 from raff2urdf.raff.check import LARGEST
-from raff2urdf.raff.document import Document, JointType, LoopKind, Parameters, RaffLink, RaffRobot
+from raff2urdf.raff.document import Document, JointType, LoopKind, RaffLink, RaffParameters, RaffRobot
 from raff2urdf.readers.urdf import MovingJoint
 
 SCHEMA = json.loads(files("raff2urdf").joinpath("constraints.schema.json").read_text(encoding="utf-8"))
@@ -140,7 +140,7 @@ def test_a_base_that_stands_still_does_not_float() -> None:
 @given(st.floats(-1e9, 1e9), st.sampled_from([1, 2]), st.sampled_from(UNITS))
 @examples(100)
 def test_numbers_read_back_to_the_same_double(home: float, kind: int, units: str) -> None:
-    parameters = Parameters(theta=home) if kind == 2 else Parameters(r=home)
+    parameters = RaffParameters(theta=home) if kind == 2 else RaffParameters(r=home)
     link = RaffLink(1, parameters, JointType(kind), 0)
     document = Document("t", (RaffRobot("r", parts=(link,)),), units=units)
     si = math.radians if kind == 2 else document.metres

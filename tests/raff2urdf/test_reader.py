@@ -16,11 +16,11 @@ from raff2urdf.raff.document import (
     Document,
     JointType,
     LoopKind,
-    Parameters,
     RaffBase,
     RaffFrame,
     RaffLink,
     RaffLoop,
+    RaffParameters,
     RaffRobot,
     RaffSensor,
     SensorConstraint,
@@ -174,9 +174,11 @@ def test_figure_5_repaired_means_what_it_says() -> None:
     assert (robot.name, robot.path) == ("r1", "~/GKG/Models/delta-4/")
     assert robot.base == RaffBase(filenames=("platform.dxf",))
     assert robot.links == (
-        RaffLink(1, Parameters(d=1500, alpha=90), JointType.REVOLUTE, 0, limits=(-85, 80), filenames=("bras.nff",)),
-        RaffLink(2, Parameters(theta=211.21, d=2000), JointType.REVOLUTE, 1, limits=(185, 355)),
-        RaffLink(6, Parameters(d=1500, alpha=90, gamma=120), JointType.REVOLUTE, 0, (-85, 80), filenames=("bras.nff",)),
+        RaffLink(1, RaffParameters(d=1500, alpha=90), JointType.REVOLUTE, 0, limits=(-85, 80), filenames=("bras.nff",)),
+        RaffLink(2, RaffParameters(theta=211.21, d=2000), JointType.REVOLUTE, 1, limits=(185, 355)),
+        RaffLink(
+            6, RaffParameters(d=1500, alpha=90, gamma=120), JointType.REVOLUTE, 0, (-85, 80), filenames=("bras.nff",)
+        ),
     )
     assert robot.loops == (RaffLoop(5, 11, LoopKind.RIGID),)
 
@@ -215,18 +217,18 @@ def test_a_file_may_hold_several_robots_and_sensors_in_any_order() -> None:
 
 
 def test_an_empty_robot_is_a_base_at_the_worlds_origin() -> None:
-    assert robot_of("") == RaffRobot("r", RaffBase(Parameters()))
+    assert robot_of("") == RaffRobot("r", RaffBase(RaffParameters()))
 
 
 def test_a_base_may_be_placed_and_drawn() -> None:
     robot = robot_of('base { parameters { gamma 30 epsilon 200 } filename { "a.stl" "b.stl" } }')
-    assert robot.base == RaffBase(Parameters(gamma=30, epsilon=200), ("a.stl", "b.stl"))
+    assert robot.base == RaffBase(RaffParameters(gamma=30, epsilon=200), ("a.stl", "b.stl"))
 
 
 def test_the_six_parameters_stand_in_any_order_and_default_to_zero() -> None:
     link = link_of("parameters { epsilon 6 gamma 5 alpha 4 d 3 r 2 theta 1 }")
-    assert link.parameters == Parameters(theta=1, r=2, d=3, alpha=4, gamma=5, epsilon=6)
-    assert link_of("").parameters == Parameters(0, 0, 0, 0, 0, 0)
+    assert link.parameters == RaffParameters(theta=1, r=2, d=3, alpha=4, gamma=5, epsilon=6)
+    assert link_of("").parameters == RaffParameters(0, 0, 0, 0, 0, 0)
 
 
 @pytest.mark.parametrize("text", ["12", "12.", "12.0", "+12", "1.2e1", "1200e-2", "0.12E+2", ".12e2"])
@@ -269,9 +271,9 @@ def test_frames_stand_on_bases_links_and_frames_and_share_the_links_numbering() 
         """
     )
     assert robot.frames == (
-        RaffFrame(20, Parameters(), 0),
-        RaffFrame(21, Parameters(), 1, "flange", ("f.stl",)),
-        RaffFrame(22, Parameters(r=50), 21),
+        RaffFrame(20, RaffParameters(), 0),
+        RaffFrame(21, RaffParameters(), 1, "flange", ("f.stl",)),
+        RaffFrame(22, RaffParameters(r=50), 21),
     )
     assert [node.node for node in robot.nodes.values()] == ["base", "link1", "frame20", "flange", "frame22"]
 

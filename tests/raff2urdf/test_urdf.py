@@ -24,7 +24,7 @@ import raff2urdf
 from raff2urdf import RaffError, RaffWarning, loads
 from raff2urdf.conversion import Translation, translate
 from raff2urdf.placement import roll_pitch_yaw
-from raff2urdf.raff.document import Document, JointType, Parameters, RaffLink, RaffRobot
+from raff2urdf.raff.document import Document, JointType, RaffLink, RaffParameters, RaffRobot
 from raff2urdf.raff.kleinfinger import Kleinfinger
 from raff2urdf.tree import placements
 from raff2urdf.writers.urdf import UNLIMITED
@@ -193,7 +193,7 @@ def test_a_joint_without_limits_has_none_that_matter() -> None:
 @examples(100)
 def test_limits_read_back_to_the_same_double(pair: tuple[float, float], speed: float, kind: int, units: str) -> None:
     """Up to what counts as unlimited."""
-    link = RaffLink(1, Parameters(), JointType(kind), 0, limits=(min(pair), max(pair)), velocity=abs(speed))
+    link = RaffLink(1, RaffParameters(), JointType(kind), 0, limits=(min(pair), max(pair)), velocity=abs(speed))
     document = Document("t", (RaffRobot("r", parts=(link,)),), units=units)
     limit = etree.fromstring(translated(document).urdf.encode()).find("joint/limit")
     si = math.radians if kind == 2 else document.metres

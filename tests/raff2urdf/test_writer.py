@@ -11,7 +11,15 @@ from hypothesis import strategies as st
 from strategies import documents, examples, layouts
 
 import raff2urdf
-from raff2urdf.raff.document import Document, JointType, Parameters, RaffLink, RaffRobot, RaffSensor, SensorConstraint
+from raff2urdf.raff.document import (
+    Document,
+    JointType,
+    RaffLink,
+    RaffParameters,
+    RaffRobot,
+    RaffSensor,
+    SensorConstraint,
+)
 
 
 @given(documents())
@@ -39,7 +47,7 @@ def numbers_of(document: Document) -> list[float]:
     found: list[float] = []
     for robot in document.robots:
         for part in (robot.base, *robot.parts):
-            found += [getattr(part.parameters, word) for word in Parameters.__dataclass_fields__]
+            found += [getattr(part.parameters, word) for word in RaffParameters.__dataclass_fields__]
             if isinstance(part, RaffLink):
                 found += [*(part.limits or ()), *([part.velocity] if part.velocity is not None else [])]
     return found
@@ -57,14 +65,14 @@ def test_every_number_reads_back_to_the_same_double(document: Document) -> None:
 def test_hard_doubles_survive(value: float) -> None:
     velocity = value if value > 1e-9 else None  # slower ones are refused
     link = RaffLink(
-        1, Parameters(theta=value, r=-value), JointType.REVOLUTE, 0, limits=(-value, value), velocity=velocity
+        1, RaffParameters(theta=value, r=-value), JointType.REVOLUTE, 0, limits=(-value, value), velocity=velocity
     )
     document = Document("x", (RaffRobot("r", parts=(link,)),))
     assert raff2urdf.loads(raff2urdf.dumps(document)).robots[0].parts == (link,)
 
 
 def test_whole_numbers_are_written_without_a_point() -> None:
-    link = RaffLink(1, Parameters(d=1500.0, theta=211.21), JointType.REVOLUTE, 0, limits=(-85.0, 80.0))
+    link = RaffLink(1, RaffParameters(d=1500.0, theta=211.21), JointType.REVOLUTE, 0, limits=(-85.0, 80.0))
     text = raff2urdf.dumps(Document("x", (RaffRobot("r", parts=(link,)),)))
     assert "parameters { theta 211.21 d 1500 }" in text
     assert "limits { -85 80 }" in text
@@ -78,7 +86,7 @@ def test_a_file_may_bear_any_name(name: str) -> None:
 @pytest.mark.parametrize("wrong", ['a "b"', "a\nb"])
 @pytest.mark.parametrize("where", ["document", "path", "name", "filename", "port"])
 def test_a_text_that_raff_cannot_hold_is_refused(wrong: str, where: str) -> None:
-    link = RaffLink(1, Parameters(), JointType.FIXED, 0)
+    link = RaffLink(1, RaffParameters(), JointType.FIXED, 0)
     document = {
         "document": lambda: Document(wrong),
         "path": lambda: Document("x", (RaffRobot("r", path=wrong),)),
@@ -92,7 +100,7 @@ def test_a_text_that_raff_cannot_hold_is_refused(wrong: str, where: str) -> None
 
 @pytest.mark.parametrize("wrong", [math.inf, -math.inf, math.nan])
 def test_a_number_that_raff_cannot_hold_is_refused(wrong: float) -> None:
-    link = RaffLink(1, Parameters(d=wrong), JointType.REVOLUTE, 0)
+    link = RaffLink(1, RaffParameters(d=wrong), JointType.REVOLUTE, 0)
     with pytest.raises(raff2urdf.RaffError):
         raff2urdf.dumps(Document("x", (RaffRobot("r", parts=(link,)),)))
 
@@ -101,7 +109,9 @@ def test_a_number_that_raff_cannot_hold_is_refused(wrong: float) -> None:
 def test_a_long_list_is_written_so_that_it_can_be_read(what: str) -> None:
     """The reader takes no line of over 10,000 characters."""
     if what == "graphics":
-        link = RaffLink(1, Parameters(), JointType.FIXED, 0, filenames=tuple(f"part-{i:04}.stl" for i in range(1000)))
+        link = RaffLink(
+            1, RaffParameters(), JointType.FIXED, 0, filenames=tuple(f"part-{i:04}.stl" for i in range(1000))
+        )
         document = Document("x", (RaffRobot("r", parts=(link,)),))
     else:
         sensors = tuple(RaffSensor(number, "port") for number in range(1, 3001))

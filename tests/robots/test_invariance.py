@@ -31,7 +31,7 @@ from variants import slow
 
 import cinegen
 import raff2urdf
-from raff2urdf.raff.document import Document, DriveKind, JointType, Parameters, RaffLink
+from raff2urdf.raff.document import Document, DriveKind, JointType, RaffLink, RaffParameters
 
 DT = 1 / 60
 FILES = sorted(path.stem for path in ROBOTS.glob("*.raff"))
@@ -53,7 +53,7 @@ def loaded(text: str, which: str | None = None) -> cinegen.Mechanism:
 def larger(text: Document, factor: float, units: str) -> Document:
     """All lengths of a document by a factor, its limits and speeds of slides too, in another unit; without masses."""
 
-    def longer(p: Parameters) -> Parameters:
+    def longer(p: RaffParameters) -> RaffParameters:
         return replace(p, r=factor * p.r, d=factor * p.d, epsilon=factor * p.epsilon)
 
     def part(p):

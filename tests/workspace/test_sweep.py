@@ -18,7 +18,7 @@ from cinegen.plotting import DrawingError
 from cinegen.plotting.sweep import check_drawable, draw_sweep
 from cinegen.singularities.singularity import SingularityType
 from cinegen.workspace import GridAxis, MapError, MapSpecification, Region, make_map, open_map
-from cinegen.workspace.sweep import Parameter, Variation, WantedBox, sweep, variants
+from cinegen.workspace.sweep import SweptParameter, Variation, WantedBox, sweep, variants
 from cinegen.workspace.sweep.box import BoxConfigurations, Regularity, dexterity, regularity
 from cinegen.workspace.sweep.variants import KLEINFINGER
 
@@ -70,7 +70,7 @@ numbers = st.floats(-1e4, 1e4).map(lambda value: float(f"{value:.9g}"))
 def test_a_variation_is_read_as_it_is_written(low, high, count, names):
     if abs(high - low) < 1e-3:
         return
-    one = Variation(tuple(map(Parameter.parse, names.split("+"))), low, high, count)
+    one = Variation(tuple(map(SweptParameter.parse, names.split("+"))), low, high, count)
     assert Variation.parse(str(one)) == one
     assert one.heading == names
     assert one.values == pytest.approx([low + k * (high - low) / (count - 1) for k in range(count)], abs=1e-6)
@@ -141,7 +141,7 @@ def test_a_variant_is_a_raff_file_that_says_the_values_and_else_the_same(robot, 
     part = data.draw(st.sampled_from([document.robot().base, *document.robot().parts]))
     name, low = data.draw(st.sampled_from(KLEINFINGER)), data.draw(numbers)
     opposite = data.draw(st.booleans())
-    found = variants(document, [Variation((Parameter(part.node, name, opposite),), low, low + 90.0, 3)])
+    found = variants(document, [Variation((SweptParameter(part.node, name, opposite),), low, low + 90.0, 3)])
     assert len({variant.name for variant in found}) == 3
     for variant in found:
         (value,) = variant.values.values()

@@ -3,6 +3,6 @@
 from cinegen.workspace.sweep.box import WantedBox
 from cinegen.workspace.sweep.result import SweepResult, VariantResult
 from cinegen.workspace.sweep.run import sweep
-from cinegen.workspace.sweep.variants import Parameter, Variant, Variation, variants
+from cinegen.workspace.sweep.variants import SweptParameter, Variant, Variation, variants
 
-__all__ = ["Parameter", "SweepResult", "Variant", "VariantResult", "Variation", "WantedBox", "sweep", "variants"]
+__all__ = ["SweepResult", "SweptParameter", "Variant", "VariantResult", "Variation", "WantedBox", "sweep", "variants"]

@@ -30,15 +30,15 @@ from raff2urdf.raff.document import (
     UNITS_PER_METRE,
     Document,
     JointType,
-    Parameters,
     RaffBase,
     RaffLink,
     RaffNode,
+    RaffParameters,
     RaffRobot,
 )
 from raff2urdf.raff.writer import dumps, number
 
-KLEINFINGER = tuple(Parameters.__dataclass_fields__)
+KLEINFINGER = tuple(RaffParameters.__dataclass_fields__)
 NAMES = (*KLEINFINGER, "limits.low", "limits.high", "velocity")
 """Names of the parameters that can vary."""
 
@@ -52,7 +52,7 @@ _DIGITS = 12  # of a value: that many are the same in a name and in a file
 
 
 @dataclass(frozen=True)
-class Parameter:
+class SweptParameter:
     """A number in a block of a RAFF file: `link2.d`, `tool.theta`, `link3.limits.low`.
 
     Attributes:
@@ -73,7 +73,7 @@ class Parameter:
             raise MapError(f"{self.node} has no parameter '{self.name}'{did_you_mean(self.name, NAMES)}")
 
     @classmethod
-    def parse(cls, text: str) -> Parameter:
+    def parse(cls, text: str) -> SweptParameter:
         """Parse `link2.d`, or `-link2.d` for the opposite.
 
         Raises:
@@ -162,7 +162,7 @@ class Variation:
         MapError: invalid numbers.
     """
 
-    parameters: tuple[Parameter, ...]
+    parameters: tuple[SweptParameter, ...]
     low: float
     high: float
     count: int
@@ -197,7 +197,7 @@ class Variation:
         names, equals, values = text.strip().partition("=")
         ends, colon, count = values.partition(":")
         chosen = document.robot(robot)
-        dimensions = {Parameter.parse(name).dimension(chosen) for name in names.split("+")} if equals else set()
+        dimensions = {SweptParameter.parse(name).dimension(chosen) for name in names.split("+")} if equals else set()
         if not equals or not ends:
             return cls.parse(text)
         if len(dimensions) > 1:
@@ -222,7 +222,7 @@ class Variation:
     def parse(cls, text: str) -> Variation:
         """Parse `link2.d=1500..2500:11`, or one value, `link2.d=1500`, in the unit of the file.
 
-        Parameters that vary together are joined by '+': `link2.d+link5.d=...`, `link2.r+-link5.r=...` with opposite
+        RaffParameters that vary together are joined by '+': `link2.d+link5.d=...`, `link2.r+-link5.r=...` with opposite
         values.
 
         Raises:
@@ -231,7 +231,7 @@ class Variation:
         names, equals, values = text.strip().partition("=")
         if not equals:
             raise MapError(f"'{text}' has no values: write for instance {names or 'link2.d'}=100..200:5")
-        parameters = tuple(Parameter.parse(name) for name in names.split("+"))
+        parameters = tuple(SweptParameter.parse(name) for name in names.split("+"))
         ends, colon, count = values.partition(":")
         low, dots, high = ends.partition("..")
         if dots and not colon:
