@@ -9,6 +9,7 @@ from cinegen.collision.clearance import Clearance
 from cinegen.errors import ClosureError
 from cinegen.ik.barrier import Bounds
 from cinegen.ik.objectives import State
+from cinegen.loops.clusters import clusters
 from cinegen.planning.clearance_barrier import ClearanceBarrier
 from cinegen.planning.evasion import Evasion
 
@@ -50,6 +51,9 @@ class BrakingBarrier(ClearanceBarrier):
         self.basis: Array | None = None
         self.is_released = False
         self._distances = np.zeros(0)
+        self._clusters = [one.columns for one in clusters(clearance.mechanism.system)]
+        self._is_tied = np.zeros(len(self.v), dtype=bool)
+        self._is_tied[[j for columns in self._clusters for j in columns]] = True
 
     # --- bounds --------------------------------------------------------------------------------------------------
 
@@ -138,12 +142,17 @@ class BrakingBarrier(ClearanceBarrier):
         return low, high
 
     def _braked(self, dt: float) -> Array:
-        """Return the velocity (nv,) after a tick of braking in the direction of the motion."""
-        return np.asarray(self.v * max(0.0, 1.0 - _USABLE * dt / max(self._braking_time(self.v), 1e-12)))
+        """Return the velocity (nv,) after a tick of braking."""
+        times = self._braking_times(self.v)
+        return np.asarray(self.v * np.maximum(0.0, 1.0 - _USABLE * dt / np.maximum(times, 1e-12)))
 
-    def _braking_time(self, v: Array) -> float:
-        """Return the time in which a velocity (nv,) can be braked to rest, s."""
-        return float((np.abs(v) / self.acceleration).max(initial=0.0))
+    def _braking_times(self, v: Array) -> Array:
+        """Return the times (nv,) in which joints brake from a velocity (nv,) to rest, s: those that loops or couplings
+        tie together in the direction of their motion, the others as fast as they can."""
+        found = np.abs(v) / self.acceleration
+        for columns in self._clusters:
+            found[columns] = found[columns].max(initial=0.0)
+        return np.asarray(found)
 
     # --- steps ---------------------------------------------------------------------------------------------------
 
@@ -196,18 +205,16 @@ class BrakingBarrier(ClearanceBarrier):
 
     def _stop(self, q: Array, v: Array, dt: float) -> list[Array]:
         """Return configurations on the motion of braking from q (nq,) and v (nv,) to rest; the last is at rest."""
-        seconds = self._braking_time(v)
-        ticks = int(np.ceil(seconds / dt - 1e-9))
+        times, change = self._braking_times(v), self.acceleration * dt
+        ticks, seconds = int(np.ceil(times.max(initial=0.0) / dt - 1e-9)), np.maximum(times, 1e-12)
         found = []
         for count in sorted({-(-ticks * part // _PARTS) for part in range(1, _PARTS + 1)} - {0}):
-            if self.basis is None:  # each joint as fast as it can
-                change = self.acceleration * dt
-                own = np.minimum(count, np.floor(np.abs(v) / change + 1e-9))
+            own = np.minimum(count, np.floor(np.abs(v) / change + 1e-9))
+            with np.errstate(invalid="ignore"):
                 lost = np.where(np.isfinite(change), 0.5 * change * own * (own + 1.0), 0.0)
-                moved = np.sign(v) * (np.abs(v) * own - lost) * dt
-            else:
-                part = min(1.0, count * dt / seconds)
-                moved = v * seconds * (part - 0.5 * part * part)
+            moved = np.sign(v) * (np.abs(v) * own - lost) * dt
+            part = np.minimum(1.0, count * dt / seconds)
+            moved = np.where(self._is_tied, v * seconds * (part - 0.5 * part * part), moved)
             found.append(self._closed(self.clearance.mechanism.integrate(q, moved)))
         return found
 

@@ -13,6 +13,7 @@ from cinegen.ik._kernels.secondary import add_secondary
 from cinegen.ik.thresholds import FULL
 from cinegen.jit.compiled import compiled
 from cinegen.jit.vectors import inner
+from cinegen.loops._kernels.memory import ClusterMemory, cluster_at
 
 _SPARE = 0.02  # of an acceleration limit, where closing loops adds to steps
 _EASED = 6  # number of times that barriers are relaxed if they contradict each other
@@ -150,8 +151,9 @@ def _bend(memory: SolverMemory) -> None:
     if not found:
         for j in range(n):
             step[j] = memory.braking[j] if memory.has_acceleration_limits != 0 else 0.0
-            if memory.rank == 0:  # each joint moves alone
-                step[j] = min(max(step[j], floor[j]), ceiling[j])
+        for i in range(memory.idle):  # these move alone
+            j = memory.idle_dof[i]
+            step[j] = min(max(step[j], floor[j]), ceiling[j])
     part = 1.0  # of the step that is within all bounds, to rounding
     for j in range(n):
         if step[j] > ceiling[j] + TOUCH and ceiling[j] >= 0.0:
@@ -185,32 +187,49 @@ def _is_at_position_limit(memory: SolverMemory, j: int) -> bool:
 @compiled
 def _bound_accelerations(memory: SolverMemory) -> None:
     """Narrow the bounds to what accelerations allow: of the next step, and so that a joint can still stop before its
-    position limit. Where loops tie joints together, braking in the direction of the motion always stays possible.
+    position limit. Joints that loops and couplings tie together brake together, in the direction of their motion, which
+    always stays possible; all others brake alone."""
+    for i in range(memory.idle):
+        _bound_alone(memory, memory.idle_dof[i])
+    for c in range(memory.clusters):
+        _bound_cluster(memory, cluster_at(memory.cluster_handles[c]))
+
+
+@compiled
+def _bound_alone(memory: SolverMemory, j: int) -> None:
+    """Narrow the bounds of a joint that no loop moves."""
+    floor, ceiling, last, most = memory.floor, memory.ceiling, memory.last[j], FULL * memory.longest_change[j]
+    least = max(0.0, abs(last) - most)
+    memory.braking[j] = least if last > 0.0 else -least
+    if most == math.inf:
+        return
+    down, up = last - most - memory.drift[j], last + most - memory.drift[j]
+    up = min(up, _stopping(ceiling[j], most))
+    down = max(down, -_stopping(-floor[j], most))
+    floor[j], ceiling[j] = max(floor[j], min(down, up)), min(ceiling[j], max(up, down))
+
+
+@compiled
+def _bound_cluster(memory: SolverMemory, cluster: ClusterMemory) -> None:
+    """Narrow the bounds of the joints of a cluster. All brake for as long as the one that takes longest: after a step
+    s that is followed by n - 1 ever shorter ones, a joint moves by s (n + 1) / 2, and its limit must be as far.
 
     What closing the loops added to the last step, it will add to this one, too (`drift`)."""
-    looped, last, drift, braking = memory.rank > 0, memory.last, memory.drift, memory.braking
-    floor, ceiling = memory.floor, memory.ceiling
-    goes_on = 0.0  # part of the last step
-    usable = 1.0 - _SPARE if looped else FULL
-    for j in range(memory.n):
-        if abs(last[j]) > usable * memory.longest_change[j]:
-            goes_on = max(goes_on, 1.0 - usable * memory.longest_change[j] / abs(last[j]))
-    for j in range(memory.n):
-        limit = memory.longest_change[j]
-        if looped:
-            braking[j] = goes_on * last[j] - drift[j]
-        else:
-            least = max(0.0, abs(last[j]) - usable * limit)
-            braking[j] = least if last[j] > 0.0 else -least
-        if limit == math.inf:
-            continue
-        most = usable * limit
-        down, up = last[j] - most - drift[j], last[j] + most - drift[j]
-        up = min(up, _stopping(ceiling[j], most))
-        down = max(down, -_stopping(-floor[j], most))
-        allowed = braking[j] if looped else up
-        floor[j] = max(floor[j], min(down, allowed, up))
-        ceiling[j] = min(ceiling[j], max(up, allowed, down))
+    last, drift, braking, dof = memory.last, memory.drift, memory.braking, cluster.dof
+    floor, ceiling, usable, ticks = memory.floor, memory.ceiling, 1.0 - _SPARE, 0.0
+    for i in range(cluster.n):
+        ticks = max(ticks, abs(last[dof[i]]) / (usable * memory.longest_change[dof[i]]))
+    goes_on = 1.0 - 1.0 / max(ticks, 1.0)  # part of the last step
+    share = 2.0 / (ticks + 2.0)  # this step may take a tick longer to brake
+    for i in range(cluster.n):
+        j = dof[i]
+        braking[j] = goes_on * last[j] - drift[j]
+        down, up, limit = share * floor[j], share * ceiling[j], usable * memory.longest_change[j]
+        if limit < math.inf:
+            up = min(last[j] + limit - drift[j], min(up, _stopping(ceiling[j], limit)))
+            down = max(last[j] - limit - drift[j], max(down, -_stopping(-floor[j], limit)))
+        floor[j] = max(floor[j], min(down, braking[j], up))
+        ceiling[j] = min(ceiling[j], max(up, braking[j], down))
 
 
 @compiled

@@ -34,7 +34,7 @@ from cinegen.jit.compiled import compiled
 from cinegen.jit.vectors import copy, inner
 from cinegen.loops._kernels.closure import correct, cut_correction, find_null_space
 from cinegen.loops._kernels.kinematics import difference, evaluate, integrate
-from cinegen.loops._kernels.memory import AT_TRIAL, NOWHERE
+from cinegen.loops._kernels.memory import AT_TRIAL, NOWHERE, cluster_at
 from cinegen.loops._kernels.residual import evaluate_loops
 from cinegen.loops.thresholds import CLOSED, CLOSURE, CORRECTION
 
@@ -277,9 +277,11 @@ def _shorten(memory: SolverMemory, part: float) -> int:
             part, memory.brakings = 0.0, 0
         for j in range(memory.n):  # braking is 0 where accelerations are not limited
             attempted[j] = braking[j] + part * (attempted[j] - braking[j])
-            if last_try and memory.rank > 0:
-                attempted[j] += memory.drift[j]  # which may be more than what closed the loops
             secondary[j] *= part
+        for c in range(memory.clusters if last_try else 0):
+            cluster = cluster_at(memory.cluster_handles[c])
+            for i in range(cluster.n):  # which may be more than what closed the loops
+                attempted[cluster.dof[i]] += memory.drift[cluster.dof[i]]
         memory.promised *= part
         if accelerated:
             predict_gain(memory)
