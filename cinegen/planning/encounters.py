@@ -23,10 +23,12 @@ HORIZON = 1.0
 """Collisions that are further away are not predicted, s."""
 
 _STRIDE = 5e-3  # m by which bodies may approach between two instants of a prediction
-_FEWEST, _MOST = 25, 500  # instants of a prediction
+_FEWEST, _MOST = 25, 500  # instants of a prediction, if each were measured
+_DOUBLED = 50  # instants that are measured, after which the stride is doubled: a prediction must end in time
 _PARTS = 4  # of a manoeuvre that is checked against what is at rest
 _HALVINGS = 5  # of each of them: what is not known to be clear then, is refused
 _TOUCH = 1e-9  # m
+_REST = 3  # instants that take as long as a test of what is at rest
 
 
 class Place(NamedTuple):
@@ -66,13 +68,17 @@ class Encounters:
     manoeuvre.
 
     Distances from obstacles that move are predicted by conservative advancement, at instants between which bodies that
-    are too near approach by 5 mm at most (more, if it were more than 500 instants). Those from all else, its own links
+    are too near approach by 5 mm at most (by more, if that took more than 50 measured instants, or 500 in all; with
+    loops, whose speeds are estimated, by 5 mm about). Those from all else, its own links
     included, are bounded along the whole manoeuvre; loops, closed at its instants, open in between to second order.
 
     Args:
         clearance: distances of the mechanism.
         safety: safety distance, m.
         joints: joints that make the manoeuvres.
+
+    Attributes:
+        effort: what was computed so far, in instants at which distances were measured.
     """
 
     def __init__(self, clearance: Clearance, safety: float, joints: ReactingJoints) -> None:
@@ -83,6 +89,7 @@ class Encounters:
         self._motions: dict[int, ObstacleMotion] = {}
         self._at_rest = clearance.every_pair
         self._tick, self._reach = 0, 0.0
+        self.effort = 0
 
     # --- obstacles that move -------------------------------------------------------------------------------------
 
@@ -92,6 +99,11 @@ class Encounters:
         self._motions = {i: one for i, one in motions.items() if max(map(np.linalg.norm, one.twist(tick))) > 1e-6}
         if self._motions and tuple(self._motions) != before:
             self._arrange()
+        if self._motions:
+            twists = {i: one.twist(tick) for i, one in self._motions.items()}
+            linear = np.array([twists[i][0] for i, _ in self._pieces])
+            spin = [np.linalg.norm(twists[i][1]) * (np.linalg.norm(one.centre) + one.radius) for i, one in self._pieces]
+            self._linear, self._spin = (np.repeat(one, len(self._links), axis=0) for one in (linear, np.array(spin)))
         return bool(self._motions)
 
     def velocities(self) -> list[Array]:
@@ -126,13 +138,15 @@ class Encounters:
         count = int(min(max(most * HORIZON / _STRIDE, _FEWEST), _MOST))
         times = np.linspace(0.0, HORIZON, count + 1)
         moved, velocities = joints.roll_out(v, manoeuvre, times)
-        rates = speed + np.maximum.accumulate((np.abs(velocities) @ joints.reach)[::-1])[::-1]  # from then on
+        rates = np.maximum.accumulate((np.abs(velocities) @ joints.reach)[::-1])[::-1]  # of links, from then on
         now = least = first = math.inf
-        place, k, enough, guess = None, 0, self.safety, q
+        k, enough, guess, measured = 0, self.safety, q, 0
+        nearest: tuple[int, Array] | None = None
         while k <= count:
             try:
                 guess = joints.configuration(q, moved[k], guess)
             except ClosureError:
+                place = None if nearest is None else self._place(*nearest)
                 return Meeting(-math.inf, now, float(times[k]), place)
             pair = self._measure(guess, float(times[k]) + ahead)
             distance = float(self._results.table[pair, DISTANCE])
@@ -141,12 +155,14 @@ class Encounters:
             if distance < least:
                 least = distance
                 if first == math.inf:
-                    place = self._place(pair)
+                    nearest = pair, self._results.table[pair].copy()
                     first = float(times[k]) if distance < enough else math.inf
             if distance <= 0.0 or least <= bar:
                 break
-            k += max(1, int(max(distance - enough, _STRIDE) / (rates[k] * times[1])))
-        return Meeting(least, now, first, place)
+            measured += 1
+            stride = _STRIDE * 2 ** (measured // _DOUBLED)
+            k += max(1, self._skipped(enough, stride, float(rates[k]) * times[1], float(times[1]), count))
+        return Meeting(least, now, first, None if nearest is None else self._place(*nearest))
 
     def _arrange(self) -> None:
         """Measure distances from the obstacles that move from now on."""
@@ -158,15 +174,17 @@ class Encounters:
             self._geometry.addGeometryObject(pin.GeometryObject(f"{number}", 0, piece.placement, piece.shape))
             for link in range(len(self._links)):
                 self._geometry.addCollisionPair(pin.CollisionPair(link, number))
+        self._moving = list(self._geometry.geometryObjects)[len(self._links) :]
         self._results = DistanceResults(self._geometry.createData())
         self._reach = max(float(np.linalg.norm(piece.centre)) + piece.radius for _, piece in self._pieces)
         self._at_rest = np.flatnonzero(~np.isin(self.clearance.groups, tuple(self._motions)))
 
     def _measure(self, q: Array, seconds: float) -> int:
         """Measure the distances of all links at q (nq,) from obstacles after some seconds; return the nearest pair."""
-        for number, (i, piece) in enumerate(self._pieces, len(self._links)):
-            pose = self._motions[i].pose(self._tick, seconds)
-            self._geometry.geometryObjects[number].placement = pose * piece.placement
+        self.effort += 1
+        poses = {i: motion.pose(self._tick, seconds) for i, motion in self._motions.items()}
+        for shape, (i, piece) in zip(self._moving, self._pieces, strict=True):
+            shape.placement = poses[i] * piece.placement
         model = self.clearance.mechanism.model
         pin.forwardKinematics(model, self._data, q)
         pin.updateGeometryPlacements(model, self._data, self._geometry, self._results.shapes)
@@ -174,9 +192,27 @@ class Encounters:
         self._results.read()
         return int(self._results.table[:, DISTANCE].argmin())
 
-    def _place(self, pair: int) -> Place:
-        """Return a pair at the last measurement."""
-        row, found = self._results.table[pair], self._geometry.collisionPairs[pair]
+    def _skipped(self, enough: float, stride: float, moved: float, dt: float, most: int) -> int:
+        """Return after how many instants any distance may be too small.
+
+        Seen from a link that stays where it is, the distance of a convex body that moves straight on is a convex
+        function of time: never below its tangent. Rotations, and what links move, are bounded.
+
+        Args:
+            enough: distance that is not too small, m.
+            stride: by which bodies that are nearer may approach, m.
+            moved: by which links move in an instant at most, m.
+            dt: time between instants, s.
+            most: number of instants at most.
+        """
+        table = self._results.table
+        closing = np.maximum(-(table[:, NORMAL : NORMAL + 3] * self._linear).sum(axis=1), 0.0) + self._spin
+        room = np.maximum(table[:, DISTANCE] - enough, stride)
+        return int(min((room / (closing * dt + moved + 1e-12)).min(), most + 1.0))
+
+    def _place(self, pair: int, row: Array) -> Place:
+        """Return a pair, by its row of results."""
+        found = self._geometry.collisionPairs[pair]
         points = np.array([row[FIRST_POINT : FIRST_POINT + 3], row[SECOND_POINT : SECOND_POINT + 3]])
         if np.linalg.norm(points[1] - points[0]) < 1e-9:
             points[1] += 1e-6 * row[NORMAL : NORMAL + 3]
@@ -220,6 +256,7 @@ class Encounters:
             change = np.maximum(*(np.abs(mechanism.difference(middle, one)) for one in (first, last)))
             change[self.joints.columns] = self.joints.fastest_between(v, manoeuvre, begin, end) * (half - begin)
             found = self.clearance.uncertain(middle, change, least, pairs)
+            self.effort += _REST
             if found is None or (len(found) and depth == _HALVINGS):
                 return False
             if len(found):

@@ -20,9 +20,8 @@ from cinegen.planning.obstacle_motion import ObstacleMotion
 
 Array = NDArray[np.float64]
 
-_TRIED = 4  # manoeuvres in a tick, at least
-_ENOUGH = 60  # that are tried before a collision is reported
-_SEARCH = 0.25  # fraction of the time to the contact in which these are tried, at most
+_EFFORT = 30_000  # 1/s: instants of the period of a tick that a search may measure; an instant takes about 15 us
+_ENOUGH = 60  # manoeuvres that are tried before a collision is reported
 _DURATIONS = 0.45, 0.7, 1.0  # of accelerating, as fractions of the time to the contact
 _LEAST_DURATION = 0.1  # s
 _IDLE = 0.15  # a joint that can do less than this fraction of what the best one can, is not moved
@@ -57,11 +56,11 @@ class Evasion:
     limits of acceleration and velocity.
 
     A mechanism that could brake to rest without being hit does not need to react. Otherwise manoeuvres are tried, a few
-    in each tick: away from the obstacle, across its path, and in random directions. The best one that avoids contact is
-    made, as long as braking is not enough; it is replaced while it does not keep the safety distance and a better one
-    is found. A collision that none of many avoids is a threat; that it is inevitable is not proved (T. Fraichard and H.
-    Asama, "Inevitable collision states: a step towards safer robots?", Advanced Robotics 18, 2004), and the search goes
-    on.
+    in each tick, as its period allows, while it brakes: away from the obstacle, across its path, and in random
+    directions. The best one that avoids contact is made, as long as braking is not enough; it is replaced while it does
+    not keep the safety distance and a better one is found. A collision that none of many avoids is a threat; that it is
+    inevitable is not proved (T. Fraichard and H. Asama, "Inevitable collision states: a step towards safer robots?",
+    Advanced Robotics 18, 2004), and the search goes on.
 
     Args:
         clearance: distances of the mechanism.
@@ -201,9 +200,8 @@ class Evasion:
             self._search, self._seen, self._tried = self._patterns(q, v, meeting), velocities, 0
         least = max(meeting.least, 0.0) if kept is None else kept.least + _BETTER
         contact = max(meeting.first, _LEAST_DURATION)
-        urgent = math.ceil(_ENOUGH * self.joints.dt / (_SEARCH * meeting.first + self.joints.dt))
-        count = _TRIED if self._tried >= _ENOUGH else max(_TRIED, urgent)
-        for fractions, part in itertools.islice(self._search, count):
+        last = self._encounters.effort + _EFFORT * self.joints.dt
+        for fractions, part in self._search:
             self._tried += 1
             one = self.joints.manoeuvre(q, v, fractions, part * contact)
             found = self._encounters.meet(q, v, one, least)
@@ -211,6 +209,8 @@ class Evasion:
                 self.manoeuvre, least = one, found.least + _BETTER
                 if found.first == math.inf:
                     break
+            if self._encounters.effort >= last:
+                break
 
     def _patterns(self, q: Array, v: Array, meeting: Meeting) -> Iterator[tuple[Array, float]]:
         """Yield fractions (joints,) of the accelerations, and of the time to the contact in which they are applied:

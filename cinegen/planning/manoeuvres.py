@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from cinegen.collision.body import Body
 from cinegen.joints import translations
+from cinegen.loops.clusters import clusters
 from cinegen.loops.motions import free_motions
 from cinegen.model import Mechanism
 
@@ -68,8 +69,8 @@ class ReactingJoints:
         columns: (joints,) their columns; none where actuated joints do not determine the others.
         limits: (joints,) usable accelerations.
         fastest: (joints,) largest velocities.
-        reach: (joints,) bounds of the distances of link points from their axes, m (1 for prismatic joints); with loops,
-            where passive joints move, too, the characteristic length.
+        reach: (joints,) bounds of the distances of link points from their axes, m (1 for prismatic joints); of joints
+            that loops tie together, which move passive ones, too, an estimate: the characteristic length.
         dt: period of a tick, s.
     """
 
@@ -189,15 +190,18 @@ class ReactingJoints:
 def _reaches(mechanism: Mechanism, links: Sequence[Body]) -> Array:
     """Return `ReactingJoints.reach` of all columns (nv,)."""
     model, length = mechanism.model, mechanism.length
-    if mechanism.is_constrained:
-        return np.full(model.nv, length)
-    reach, found = np.zeros(model.njoints), np.ones(model.nv)
+    reach, found, travel = np.zeros(model.njoints), np.ones(model.nv), np.full(model.nv, length)
+    at_q, at_v = mechanism.scalar_joints
+    limited = np.maximum(np.abs(mechanism.limits.lower[at_q]), np.abs(mechanism.limits.upper[at_q]))
+    travel[at_v] = np.where(np.isfinite(limited), limited, length)
     for link in links:
         reach[link.joint] = max(reach[link.joint], float(np.linalg.norm(link.centre)) + link.radius)
     for i in range(model.njoints - 1, 0, -1):
         joint, parent = model.joints[i], model.parents[i]
         sliding = translations(joint)
         found[joint.idx_v + sliding : joint.idx_v + joint.nv] = reach[i]
-        far = float(np.linalg.norm(model.jointPlacements[i].translation)) + length * (sliding > 0)  # travel, roughly
+        far = float(np.linalg.norm(model.jointPlacements[i].translation) + travel[joint.idx_v :][:sliding].sum())
         reach[parent] = max(reach[parent], far + reach[i])
+    for cluster in clusters(mechanism.system):
+        found[cluster.columns] = length
     return found

@@ -40,7 +40,9 @@ class ObstacleMotion:
     def pose(self, tick: int, seconds: float) -> pin.SE3:
         """Return the pose that it will have some seconds after a tick."""
         linear, angular = self.twist(tick)
-        rotation = pin.exp3(angular * seconds) @ self._pose.rotation
+        rotation = self._pose.rotation
+        if angular.any():
+            rotation = pin.exp3(angular * seconds) @ rotation
         return pin.SE3(rotation, self._pose.translation + linear * seconds)
 
     def velocity(self, point: Array, tick: int) -> Array:
