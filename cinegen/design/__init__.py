@@ -16,6 +16,7 @@ from cinegen.design.design import Design, DesignEvaluation
 from cinegen.design.errors import DesignError
 from cinegen.design.parameters import Parameter, Parameters
 from cinegen.design.tolerance import ToleranceReport, Tolerances, tolerance
+from cinegen.design.torques import holding_torques
 
 __all__ = [
     "Design",
@@ -25,5 +26,6 @@ __all__ = [
     "Parameters",
     "ToleranceReport",
     "Tolerances",
+    "holding_torques",
     "tolerance",
 ]

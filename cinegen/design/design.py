@@ -13,7 +13,6 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from functools import cached_property, partial
-from typing import Any
 
 import numpy as np
 import pinocchio as pin
@@ -243,10 +242,10 @@ class Design:
             self._before[j, _motions(chains.joints[j])] = 1.0
         self._before_node = {node: self._on_path(chain) for node, chain in chains.nodes.items()}
         ends = [tuple(self._on_path(end) for end in pair) for pair in chains.ends]
-        self._before_ends = np.array(ends).reshape(-1, 2, motions)
+        self._before_ends = np.array(ends).reshape(len(ends), 2, motions)
         system = self.mechanism.system
         supports = [[supporting_columns(model, joint) for joint in anchor[::2]] for anchor in system.anchors]
-        self._joints_before_ends = np.array(supports).reshape(-1, 2, model.nv)
+        self._joints_before_ends = np.array(supports).reshape(len(system.anchors), 2, model.nv)
         self._joints_before = np.array([supporting_columns(model, j) for j in range(model.njoints)])
         self._joint_of = np.repeat(np.arange(model.njoints), list(model.nvs))
 
@@ -390,8 +389,11 @@ class DesignEvaluation:
             node: its name.
             axes: "node" for its own axes, "world" for the world's; at its origin.
         """
-        j = self.design._chains.nodes[self._name(node)].joint
-        return self._seen(node, self.all_screws * self.design._joints_before[j][:, None], axes)
+        return self._seen(node, self.all_screws * self.supports(node)[:, None], axes)
+
+    def supports(self, node: str) -> Array:
+        """Return (nv,) 1 for the joints that move a node with all others at rest, else 0."""
+        return np.asarray(self.design._joints_before[self.design._chains.nodes[self._name(node)].joint])
 
     def node_parameters(self, node: str, axes: str = "node") -> Array:
         """Return the derivative (count, 6, columns) of a node's pose by the parameters, all joints at rest."""
@@ -433,15 +435,15 @@ class DesignEvaluation:
         in their order, with closed loops."""
         own = self._fixed_columns
         jacobian = self.node_joints(node)
-        return np.asarray(jacobian[:, :, own] + jacobian @ self._follow)
+        return np.asarray(jacobian[:, :, own] + jacobian @ self.follow)
 
     @cached_property
     def _fixed_columns(self) -> list[int]:
         return [self.design.mechanism.v_index(name) for name in self.design.fixed]
 
     @cached_property
-    def _follow(self) -> Array:
-        """(count, nv, fixed) motions of the joints that move by those of the fixed ones."""
+    def follow(self) -> Array:
+        """(count, nv, fixed) motions of the joints that move by those of the fixed ones, which are 0 here."""
         return self.compensate(self.loop_joints[:, :, self._fixed_columns])
 
     def amplification_derivative(self, node: str) -> Array:
@@ -449,45 +451,59 @@ class DesignEvaluation:
 
         A column s of a joint changes by the Lie bracket [V, s] with the twist V of the body that carries it.
         """
-        design = self.design
-        count, columns = len(self), len(design.names)
-        motion = np.swapaxes(self.joint_derivative, 1, 2)  # (count, columns, nv)
-        motions = np.broadcast_to(design._matrix.T, (count, *design._matrix.T.shape))
-        whole, carriers = design._joints_before, design._before
-
-        def twists(joints: Array, before: Array) -> Array:
-            """Return twists (count, columns, ., 6) of bodies by which joints (., nv) and motions (., motions) are."""
-            by_joints = np.einsum("ckv,bv,cvi->ckbi", motion, joints, self.all_screws, optimize=True)
-            by_motions = np.einsum("ckm,bm,cmi->ckbi", motions, before, self.motion_screws, optimize=True)
-            return np.asarray(by_joints + by_motions)
-
-        bodies = twists(whole, carriers)[:, :, design._joint_of]  # (count, columns, nv, 6)
-        screws = self.all_screws[:, None]
-        dual = design._before_node[self._name(node)], design._chains.nodes[node].joint
-        carried = twists(whole[dual[1]][None], dual[0][None])
-        supports = whole[dual[1]][:, None]
-        moved = bracket(bodies - carried, screws) * supports
-        changed = self._seen(node, moved.reshape(count, -1, 6), "node").reshape(count, 6, columns, -1)
+        count, columns = len(self), len(self.design.names)
+        moved = self.screw_derivative - bracket(self.node_twists(node)[:, :, None], self.all_screws[:, None])
+        moved *= self.supports(node)[:, None]
+        changed = self._seen(node, moved.reshape(count, -1, 6), "node").reshape(count, 6, columns, moved.shape[2])
         changed = np.swapaxes(changed, 1, 2)  # (count, columns, 6, nv)
-        rows = self._loop_derivative(twists, bodies, screws, motion)
-        own = self._fixed_columns
-        follow = self._follow[:, None]
-        lack = rows[..., own] + rows @ follow  # (count, columns, rows, fixed)
-        flat = np.swapaxes(lack, 1, 2).reshape(count, lack.shape[2], columns * len(own))
-        again = np.swapaxes(self.compensate(flat).reshape(count, -1, columns, len(own)), 1, 2)
-        total = changed[..., own] + changed @ follow + self.node_joints(node)[:, None] @ again
-        return np.moveaxis(total, 1, 3)
+        total = changed[..., self._fixed_columns] + changed @ self.follow[:, None]
+        return np.moveaxis(total + self.node_joints(node)[:, None] @ self.follow_derivative, 1, 3)
 
-    def _loop_derivative(self, twists: Any, bodies: Array, screws: Array, motion: Array) -> Array:
+    def node_twists(self, node: str) -> Array:
+        """Return the twists (count, columns, 6) with which a node moves by the parameters, loops closed: velocity of
+        the point at the world's origin, angular velocity."""
+        chain = self.design._chains.nodes[self._name(node)]
+        joints, before = self.design._joints_before[chain.joint], self.design._before_node[node]
+        return self._twists(joints[None], before[None])[:, :, 0]
+
+    def _twists(self, joints: Array, before: Array) -> Array:
+        """Return the twists (count, columns, ., 6) of bodies behind joints (., nv) and motions (., motions)."""
+        by_joints = np.swapaxes(self.joint_derivative, 1, 2)[:, :, None] * joints  # (count, columns, ., nv)
+        by_motions = self.design._matrix.T[:, None] * before  # (columns, ., motions)
+        moved = by_joints @ self.all_screws[:, None] + by_motions @ self.motion_screws[:, None]
+        return np.asarray(moved)
+
+    @cached_property
+    def _bodies(self) -> Array:
+        """(count, columns, nv, 6) twists of the bodies that carry the joints' columns."""
+        design = self.design
+        return self._twists(design._joints_before, design._before)[:, :, design._joint_of]
+
+    @cached_property
+    def screw_derivative(self) -> Array:
+        """(count, columns, nv, 6) derivative of `all_screws` by the parameters, loops closed."""
+        return bracket(self._bodies, self.all_screws[:, None])
+
+    @cached_property
+    def follow_derivative(self) -> Array:
+        """(count, columns, nv, fixed) derivative of `follow` by the parameters, loops closed."""
+        count, columns, fixed = len(self), len(self.design.names), len(self.design.fixed)
+        rows = self._loop_derivative()
+        lack = rows[..., self._fixed_columns] + rows @ self.follow[:, None]  # (count, columns, rows, fixed)
+        flat = np.swapaxes(lack, 1, 2).reshape(count, lack.shape[2], columns * fixed)
+        return np.swapaxes(self.compensate(flat).reshape(count, self.all_screws.shape[1], columns, fixed), 1, 2)
+
+    def _loop_derivative(self) -> Array:
         """Return the derivative (count, columns, rows, nv) of `loop_joints` along closed loops."""
-        design, system = self.design, self.design.mechanism.system
-        found = np.zeros((len(self), bodies.shape[1], system.rows, screws.shape[2]))
+        design, system, motion = self.design, self.design.mechanism.system, np.swapaxes(self.joint_derivative, 1, 2)
+        screws = self.all_screws[:, None]
+        found = np.zeros((len(self), len(design.names), system.rows, screws.shape[2]))
         if len(system.loops):
-            first = twists(design._joints_before_ends[:, 0], design._before_ends[:, 0])
+            first = self._twists(design._joints_before_ends[:, 0], design._before_ends[:, 0])
         for i in range(len(system.loops)):
             rows = np.flatnonzero(design._loop_of_row == i)
-            moved = bracket(bodies - first[:, :, i, None], screws) * system.signs[i][:, None]
-            found[:, :, rows] = np.einsum("cri,ckvi->ckrv", self.maps[:, rows], moved, optimize=True)
+            moved = bracket(self._bodies - first[:, :, i, None], screws) * system.signs[i][:, None]
+            found[:, :, rows] = self.maps[:, None, rows] @ np.swapaxes(moved, 2, 3)
         row = system.rows - len(system.couplings)
         for coupling, size in zip(system.couplings, system.coupling_sizes, strict=True):
             for name, coefficients in coupling.terms.items():

@@ -78,7 +78,7 @@ def expression(text: str, find: Callable[[str], int], dimensions: Sequence[Dimen
     if len(kinds) > 1:
         raise DesignError(f"'{stripped}' adds a length and an angle: tie parameters of one dimension only")
     constant = sum(_constant(one, next(iter(kinds), None), stripped) for one in constants)
-    return Expression(constant, {index: value for index, value in coefficients.items() if value != 0.0})
+    return Expression(constant, coefficients)
 
 
 def _constant(text: str, dimension: Dimension | None, whole: str) -> float:

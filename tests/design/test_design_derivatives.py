@@ -11,8 +11,10 @@ import pinocchio as pin
 import pytest
 from variants import others_slow
 
-from cinegen.design import Design, Parameters
+from cinegen.design import Design, Parameters, holding_torques
+from cinegen.dynamics import InverseDynamics, Payload
 from cinegen.model import Mechanism
+from cinegen.model.masses import stated
 
 ROBOTS = [pytest.param(path.stem) for path in sorted((Path(__file__).parents[2] / "robots").glob("*.raff"))]
 STEPS = np.array([1.0, -1.0, 2.0, -2.0, 3.0, -3.0])
@@ -83,3 +85,45 @@ def test_edited_documents(name: str) -> None:
         np.testing.assert_allclose(
             by_p[..., k] * scale[:, None] * unit, numeric, atol=1e-8 * max(1.0, np.abs(numeric).max())
         )
+
+
+WRENCH = np.array([3.0, -2.0, 5.0, 0.3, 0.7, -0.4])
+
+
+@pytest.mark.parametrize("name", others_slow(ROBOTS))
+def test_torques_that_hold(name: str) -> None:
+    """Against the inverse dynamics of edited documents; masses that follow from dimensions stay those of the file."""
+    one = design(name)
+    parameters, mechanism = one.parameters, one.mechanism
+    if len(mechanism.actuated) != mechanism.mobility:
+        pytest.skip("loads do not determine the torques")
+    loads = [Payload(mechanism.end, wrench=tuple(WRENCH))]
+    here = one.evaluate(q=[mechanism.q_home, *mechanism.random_closed(1, 5)][-1])
+    torques, by_p = holding_torques(here, {mechanism.end: WRENCH}, massless=True)
+    expected = InverseDynamics(mechanism, loads, massless=True).torques(here.q[0])
+    size = max(1.0, float(np.abs(expected).max()))
+    np.testing.assert_allclose(torques[0], expected, atol=1e-9 * size)
+    opening = set(here.opening)
+    fixed = [i for i, k in enumerate(one.names) if k not in opening]
+    chosen = np.random.default_rng(7).permutation(fixed)[:6]
+    torques, by_p = holding_torques(here, {mechanism.end: WRENCH}, gravity=(0.0, 0.0, 0.0))
+    weights, by_weight = holding_torques(here, massless=True)
+    for k in chosen:
+        unit = mechanism.length if parameters.all[parameters.find(one.names[k])].unit == "m" else 1.0
+        step = 1e-3 * unit
+        changed = [edited(parameters, k, s * step) for s in STEPS]
+        closed = [m.close(here.q[0], mechanism.actuated) for m in changed]
+        pairs = list(zip(changed, closed, strict=True))
+        held = [InverseDynamics(m, loads, (0.0, 0.0, 0.0), True).torques(c) for m, c in pairs]
+        size = max(1.0, float(np.abs(torques).max()))
+        np.testing.assert_allclose(unit * by_p[0, :, k], unit * difference(held, step), atol=1e-8 * size)
+        if same_masses(changed[0], mechanism):
+            held = [InverseDynamics(m, massless=True).torques(c) for m, c in pairs]
+            size = max(1.0, float(np.abs(weights).max()))
+            np.testing.assert_allclose(unit * by_weight[0, :, k], unit * difference(held, step), atol=1e-8 * size)
+
+
+def same_masses(one: Mechanism, other: Mechanism) -> bool:
+    masses = [{link: (body.mass, *body.centre) for link, body in stated(m).items()} for m in (one, other)]
+    same = masses[0].keys() == masses[1].keys()
+    return same and all(np.allclose(masses[0][link], masses[1][link], 1e-12, 1e-12) for link in masses[0])

@@ -1,0 +1,87 @@
+"""Torques that hold a mechanism at rest, and their derivatives by its parameters.
+
+Torques balance loads by virtual work. With the Jacobian's columns u_k of the point where a force f acts, and w_k of its
+body's angular velocity, on which a moment m does work, the joints of the tree need
+
+    t_k = -sum (f . u_k + m . w_k),
+
+and the fixed joints, which the others follow by B, need t_f + B^T t_m. All derivatives follow from those of the columns
+(Lie brackets) and of B, see `cinegen.design.design`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from cinegen.design.design import DesignEvaluation
+from cinegen.design.errors import DesignError
+from cinegen.dynamics.errors import MassError
+from cinegen.model.masses import stated
+
+Array = NDArray[np.float64]
+
+GRAVITY = (0.0, 0.0, -9.81)
+_CONSISTENT = 1e-8  # dimensionless: the loops that the fixed joints' motions leave open
+
+
+def holding_torques(
+    found: DesignEvaluation,
+    wrenches: Mapping[str, ArrayLike] | None = None,
+    gravity: ArrayLike = GRAVITY,
+    massless: bool = False,
+) -> tuple[Array, Array]:
+    """Return the torques and forces of the fixed joints that hold a mechanism at rest, and their derivatives.
+
+    The masses of links are those of the file, at their centres in the links' frames, at all values of the parameters.
+
+    Args:
+        found: of a design whose fixed joints are the actuated ones.
+        wrenches: force (N) and moment (N m), (6,), on nodes, in the world's axes at their origins.
+        gravity: acceleration in the world, m/s2.
+        massless: whether links without mass count as having none.
+
+    Returns:
+        (count, fixed), N m and N, and (count, fixed, columns) by the parameters, m and rad.
+
+    Raises:
+        MassError: links have no mass.
+        DesignError: there are more fixed joints than degrees of freedom, so that torques are not determined.
+        UnknownNameError: no such node.
+    """
+    design, mechanism = found.design, found.design.mechanism
+    own = [mechanism.v_index(name) for name in design.fixed]
+    left = found.loop_joints @ found.follow + found.loop_joints[:, :, own]
+    if np.abs(left).max(initial=0.0) > _CONSISTENT * np.abs(found.loop_joints[:, :, own]).max(initial=1.0):
+        raise DesignError(
+            f"{mechanism.name} has more fixed joints than degrees of freedom: loads do not determine their torques"
+        )
+    acceleration, bodies = np.asarray(gravity, dtype=float), stated(mechanism)
+    if mechanism.massless and acceleration.any() and not massless:
+        names = ", ".join(f"'{name}'" for name in mechanism.massless[:6])
+        raise MassError(f"{mechanism.name}: these links have no mass: {names}: give them, or pass massless=True")
+    loads = [
+        (node, bodies[node].centre, np.append(bodies[node].mass * acceleration, np.zeros(3)))
+        for node in mechanism.nodes
+        if node in bodies and acceleration.any()
+    ]
+    loads += [(node, np.zeros(3), np.asarray(wrench, dtype=float)) for node, wrench in (wrenches or {}).items()]
+    count, columns, nv = len(found), len(design.names), mechanism.model.nv
+    tree, changed = np.zeros((count, nv)), np.zeros((count, columns, nv))
+    screws, bends = found.all_screws, found.screw_derivative
+    for node, centre, wrench in loads:
+        placed, twists = found.placements(node), found.node_twists(node)
+        point = placed[:, :3, :3] @ centre + placed[:, :3, 3]
+        moved = twists[..., :3] + np.cross(twists[..., 3:], point[:, None])
+        supports, force, moment = found.supports(node), wrench[:3], wrench[3:]
+        by_joint = screws[..., :3] + np.cross(screws[..., 3:], point[:, None])
+        tree -= (by_joint @ force + screws[..., 3:] @ moment) * supports
+        bent = bends[..., :3] + np.cross(bends[..., 3:], point[:, None, None])
+        bent += np.cross(screws[:, None, :, 3:], moved[:, :, None])
+        changed -= (bent @ force + bends[..., 3:] @ moment) * supports
+    torques = tree[:, own] + np.einsum("cvf,cv->cf", found.follow, tree)
+    by_parameters = changed[..., own] + np.einsum("cvf,ckv->ckf", found.follow, changed, optimize=True)
+    by_parameters += np.einsum("ckvf,cv->ckf", found.follow_derivative, tree, optimize=True)
+    return torques, np.swapaxes(by_parameters, 1, 2)
