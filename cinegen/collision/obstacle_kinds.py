@@ -272,7 +272,8 @@ def _read_points(table: SceneTable, path: Path) -> Array:
 
     suffix = path.suffix.lower()
     if suffix not in POINT_FILES:
-        raise table.error("file", f"'{path}' has an unknown format: use {', '.join(POINT_FILES)}")
+        remedy = "; pcl_pcd2ply, a tool of the Point Cloud Library, converts it to .ply" if suffix == ".pcd" else ""
+        raise table.error("file", f"'{path}' has an unknown format: use {', '.join(POINT_FILES)}{remedy}")
     try:
         if suffix == ".npy":
             points = np.load(path, allow_pickle=False)

@@ -230,7 +230,10 @@ def test_what_is_wrong_with_triangles_and_points_is_reported(tmp_path):
     trimesh.creation.box().export(tmp_path / "box.ply")
     (tmp_path / "cloud.pcd").write_text("# .PCD")
     values = {"mobile": {"radius": 0.01}, "goal": {"point": [9, 9]}}
-    for file, message in [("box.ply", "it has triangles: write kind = 'mesh'"), ("cloud.pcd", "use .npy, .ply")]:
+    for file, message in [
+        ("box.ply", "it has triangles: write kind = 'mesh'"),
+        ("cloud.pcd", "use .npy, .ply, .txt, .xyz; pcl_pcd2ply, a tool of the Point Cloud Library, converts it"),
+    ]:
         with pytest.raises(cinegen.CinegenError, match=message.replace(".", r"\.")):
             scene_of(values | {"obstacle": [{"kind": "points", "file": file}]}, tmp_path)
 

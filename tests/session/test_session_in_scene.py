@@ -269,6 +269,31 @@ def test_joint_and_home_motions_obey_the_limits_of_acceleration(session, name, j
     assert max(map(mechanism.closure, q)) <= 1e-9
 
 
+@pytest.mark.parametrize(("name", "moved"), [("arm7", (0.5, -0.3, 0.4, 0.2)), ("delta4", (0.2, 0.1, 0.15))])
+def test_a_line_to_a_configuration_obeys_the_limits_of_acceleration(session, name, moved):
+    """Also where a drag takes over on its way, and where it begins while the robot is still moving."""
+    one = session(name, {**POLE, "point": [5.0, 5.0, 0.5]}, rate=240.0)
+    mechanism, robot = one.setup.robots[name], one.robots[name]
+    there = robot.q.copy()
+    for joint, change in zip(mechanism.actuated, moved, strict=False):
+        there[mechanism.q_index(joint)] += change
+    there, q = mechanism.close(there, mechanism.actuated), [robot.q]
+    line = c.MoveTo(name, mechanism.end, tuple(there))
+    for command, ticks in ((line, 60), (c.StartDrag(name, mechanism.end, (0, 0, 0)), 10), (line, 1500)):
+        one.obey(command)
+        for _ in range(ticks):
+            one.tick()
+            q.append(robot.q)
+    assert robot.motion is None
+    assert q[-1] == pytest.approx(there, abs=1e-6)
+    v = np.array([mechanism.difference(a, b) for a, b in itertools.pairwise(q)]) * 240.0
+    columns = [mechanism.v_index(one) for one in mechanism.actuated]
+    changes = np.abs(np.diff(np.vstack([0.0 * v[:1], v]), axis=0))[:, columns] * 240.0
+    assert (changes <= motion_limits(mechanism).acceleration[columns] * (1.0 + 1e-6)).all()
+    assert changes.max() > 1.0
+    assert max(map(mechanism.closure, q)) <= 1e-9
+
+
 def test_home_leads_back_to_where_the_scene_starts_and_leaves_obstacles_where_they_are(session):
     one = session("planar_3r", {"kind": "disc", "radius": 0.05, "point": [0.0, 0.6], "name": "disc"}, safety=0.01,
                   start={"joints": {"joint1": -0.3, "joint2": -0.6}})  # fmt: skip
