@@ -20,6 +20,7 @@ from cinegen.cli.page import PageOptions
 from cinegen.cli.payloads import GRAVITY, PAYLOADS, WRENCHES, carried, gravity_of, wrenches
 from cinegen.cli.progress import Progress
 from cinegen.cli.region import region
+from cinegen.cli.tolerance import ENCODER, PLAY, SIGMA, amounts
 from cinegen.errors import CinegenError, UnknownNameError
 from raff2urdf.command_line import UsageError
 from raff2urdf.files import STANDARD, output_path
@@ -38,14 +39,15 @@ _WIDTH = 100  # columns of text
 _ROUNDING = 1e-9  # relative error of a sum over cells
 QUANTITIES = (
     "solutions", "sigma_1", "sigma_2", "condition", "manipulability", "margin", "velocity", "force", "torque",
-    "payload", "reaction_force", "reaction_moment", "stiffness", "rotational_stiffness", "frequency", "solid_angle",
-    "clearance",
+    "payload", "reaction_force", "reaction_moment", "stiffness", "rotational_stiffness", "frequency", "accuracy",
+    "solid_angle", "clearance",
 )  # fmt: skip
 """Names in `cinegen.workspace.quantities`, whose import takes longer than help may."""
 
 _SLOW = ("solutions", "solid_angle")
 _REACTIONS = ("reaction_force", "reaction_moment")
-_LOADED = ("torque", "payload", *_REACTIONS, "stiffness", "rotational_stiffness", "frequency")  # take more than a robot
+_LOADED = ("torque", "payload", *_REACTIONS, "stiffness", "rotational_stiffness", "frequency", "accuracy")
+"""Quantities that take more than a robot."""
 
 
 @dataclass(frozen=True)
@@ -68,7 +70,7 @@ class MapOptions:
     grid: int | None = option("N", "cells along each axis without a count (80 for two axes)")
     quantity: list[str] = option(
         "NAMES", f"quantities of each cell: {', '.join(QUANTITIES)}; or all, without {', '.join(_SLOW)} and "
-        f"those of loads and stiffness: {', '.join(_LOADED)} "
+        f"those of loads, stiffness and tolerances: {', '.join(_LOADED)} "
         "(default: sigma_1,sigma_2)", (), "-q", "--quantity",
     )  # fmt: skip
     along: str | None = option("X,Y,Z", "direction of velocity and force, in the world (default: z, or x, or y)")
@@ -81,6 +83,9 @@ class MapOptions:
         "JOINT=K", "stiffness of elastic joints (N/m, Nm/rad), * for all other actuated ones, such as *=1e5,joint1=8e4",
         (),
     )  # fmt: skip
+    sigma: list[str] = SIGMA
+    play: list[str] = PLAY
+    encoder: list[str] = ENCODER
     no_limits: bool = flag("--no-limits", "ignore position limits of joints")
     starts: int | None = option("N", "starts of a search where no neighbour's solution leads (6)")
     vary: list[str] = option(
@@ -110,7 +115,7 @@ def run(robots: RobotOptions, options: MapOptions, page: PageOptions, file: Path
     exclude(json=options.json, view=options.view)
     check_outputs(options.plot, force=page.force, json=options.json)
     name, mechanism = robots.load_one(file)
-    spec = specification(mechanism, options, robots)
+    spec = specification(mechanism, options, robots, file)
     shown = (*spec.quantities, "reachable", "status")
     if options.show not in (None, *shown):
         raise UnknownNameError("quantity", options.show, shown)
@@ -147,7 +152,7 @@ def run(robots: RobotOptions, options: MapOptions, page: PageOptions, file: Path
     return 0
 
 
-def specification(mechanism: Mechanism, options: MapOptions, robots: RobotOptions) -> MapSpecification:
+def specification(mechanism: Mechanism, options: MapOptions, robots: RobotOptions, file: Path) -> MapSpecification:
     """Return the specification of a map.
 
     Raises:
@@ -172,6 +177,9 @@ def specification(mechanism: Mechanism, options: MapOptions, robots: RobotOption
     springs = _springs(mechanism, options.stiffness)
     if springs and not {"stiffness", "rotational_stiffness", "frequency"} & set(names):
         names.append("stiffness")
+    given = tolerances(options, file)
+    if given and "accuracy" not in names:
+        names.append("accuracy")
     payloads, pushed = dict[str, float](), dict[str, Any]()
     for one in carried(mechanism, options.payload, options.node):
         payloads[one.node] = payloads.get(one.node, 0.0) + one.mass
@@ -185,8 +193,28 @@ def specification(mechanism: Mechanism, options: MapOptions, robots: RobotOption
         along=() if options.along is None else point(options.along, "--along", NUMBER),
         scene=scene, folder=str(options.scene.absolute().parent) if options.scene else ".",
         payloads=payloads, wrenches=pushed, gravity=gravity_of(options.gravity),
-        reaction=options.reaction or "", stiffness=springs,
+        reaction=options.reaction or "", stiffness=springs, tolerances=given,
     )  # fmt: skip
+
+
+def tolerances(options: MapOptions, file: Path) -> dict[str, Any]:
+    """Return the tolerances that are given, with the text of the robot's file; nothing without any.
+
+    Raises:
+        UsageError: the file is not RAFF, whose parameters tolerances belong to.
+    """
+    given = {"sigma": options.sigma, "play": options.play, "encoder": options.encoder}
+    found: dict[str, Any] = {key: amounts(texts, f"--{key}") for key, texts in given.items() if texts}
+    if not found:
+        return {}
+    from raff2urdf import readers
+    from raff2urdf.raff.reader import read
+    from raff2urdf.shipped import find_robot
+
+    path = find_robot(file)
+    if readers.holds_xml(path):
+        raise UsageError(f"{path}: tolerances are those of RAFF's parameters: convert the file by urdf2raff first")
+    return {"raff": read(path), **found}
 
 
 def _springs(mechanism: Mechanism, texts: Sequence[str]) -> dict[str, float]:
@@ -234,6 +262,9 @@ def _sweep(name: str, spec: MapSpecification, file: Path, robots: RobotOptions, 
         "ignore_loops": robots.ignore_loops,
         "ignore": robots.ignore,
         "view": options.view,
+        "sigma": options.sigma,
+        "play": options.play,
+        "encoder": options.encoder,
     }.items():
         exclude(vary=True, **{other: value})
     document = load_document(find_robot(file))

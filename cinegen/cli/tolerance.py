@@ -16,16 +16,21 @@ from raff2urdf.command_line import UsageError
 if TYPE_CHECKING:
     from cinegen.design.tolerance import Forced, ToleranceReport
 
+SIGMA = option(
+    "NAME=S", "standard deviations of parameters: 'link*.d=0.05mm, *.alpha=0.02deg'; later ones replace earlier", (),
+    "--sigma",
+)  # fmt: skip
+PLAY = option("JOINT=P", "play of joints and loops: joint3=0.01mm, or joint3=0.01deg of tilt", (), "--play")
+ENCODER = option("JOINT=S", "standard deviations of joints' readings: joint1=0.01deg", (), "--encoder")
+
 _SHOWN = 8  # contributors
 
 
 def run(
     file: Path = FILE,
-    sigma: list[str] = option(
-        "NAME=S", "standard deviations of parameters: 'link*.d=0.05mm, *.alpha=0.02deg'; later ones replace earlier", ()
-    ),
-    play: list[str] = option("JOINT=P", "play of joints and loops: joint3=0.01mm, or joint3=0.01deg of tilt", ()),
-    encoder: list[str] = option("JOINT=S", "standard deviations of joints' readings: joint1=0.01deg", ()),
+    sigma: list[str] = SIGMA,
+    play: list[str] = PLAY,
+    encoder: list[str] = ENCODER,
     interval: float = option("K", "half-width of the intervals of the worst case, in standard deviations", 3.0),
     at: str = option(
         "POSE", f"where: x=0,y=0.1,rz=15 of the node, or joint3=0.7 of actuated joints ({UNITS}; default: home)", ""
@@ -46,7 +51,7 @@ def run(
     check_outputs(plot, force=force, json=json)
     from cinegen.design.tolerance import Tolerances
 
-    errors, plays, readings = _amounts(sigma, "--sigma"), _amounts(play, "--play"), _amounts(encoder, "--encoder")
+    errors, plays, readings = amounts(sigma, "--sigma"), amounts(play, "--play"), amounts(encoder, "--encoder")
     if not (errors or plays or readings):
         raise UsageError("no tolerances: give --sigma, --play or --encoder, such as --sigma 'link*.d=0.05mm'")
     tolerances = Tolerances(file, errors, plays, readings, interval, robot)
@@ -61,7 +66,12 @@ def run(
     return 0
 
 
-def _amounts(texts: Sequence[str], option: str) -> dict[str, str]:
+def amounts(texts: Sequence[str], option: str) -> dict[str, str]:
+    """Return the amounts of an option as texts, by name or pattern.
+
+    Raises:
+        UsageError: a part has no name, or a name is given twice.
+    """
     example = {"--sigma": "link*.d=0.05mm", "--play": "joint3=0.01mm"}.get(option, "joint1=0.01deg")
     return {name: value for text in texts for name, value in named(text, option, example).items()}
 

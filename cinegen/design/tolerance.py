@@ -38,7 +38,7 @@ from cinegen.design.parameters import Parameters
 from cinegen.loops.thresholds import CLOSURE
 from raff2urdf.errors import did_you_mean
 from raff2urdf.quantities import ANGLE, LENGTH, Dimension, QuantityError, has_unit, parse
-from raff2urdf.raff.document import LoopKind
+from raff2urdf.raff.document import Document, LoopKind
 
 Array = NDArray[np.float64]
 
@@ -297,7 +297,7 @@ class Tolerances:
 
     def __init__(
         self,
-        source: str | Path | Parameters,
+        source: str | Path | Document | Parameters,
         sigma: Amounts | None = None,
         play: Amounts | None = None,
         encoder: Amounts | None = None,
@@ -505,7 +505,7 @@ class Tolerances:
 
 
 def tolerance(
-    source: str | Path | Parameters,
+    source: str | Path | Document | Parameters,
     sigma: Amounts | None = None,
     play: Amounts | None = None,
     encoder: Amounts | None = None,

@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cinegen.workspace import loads
+from cinegen.workspace.accuracy import accuracy
 from cinegen.workspace.cells import UNBOUNDED, bounded
 
 if TYPE_CHECKING:
@@ -172,6 +173,7 @@ QUANTITIES = {
     "rotational_stiffness": Quantity("N m rad-1", "smallest moment on the node by its rotation, about any axis",
                                      loads.rotational_stiffness),
     "frequency": Quantity("Hz", "lowest natural frequency, actuated joints elastic", loads.frequency),
+    "accuracy": Quantity("m", "root mean square error of the node's position by the tolerances, 1 sigma", accuracy),
     "solid_angle": Quantity("sr", "possible directions of the node's z axis (dexterous solid angle)",
                             lambda cells: cells.solid_angle),
     "clearance": Quantity("m", "smallest distance to obstacles and between links", _clearance),

@@ -20,6 +20,7 @@ from cinegen.model.fingerprint import fingerprint
 from cinegen.model.urdf import kinematics_of
 from cinegen.singularities.singularity import controlled_nowhere
 from cinegen.singularities.slice import POSE
+from cinegen.workspace.accuracy import check_tolerances
 from cinegen.workspace.errors import MapError
 from cinegen.workspace.loads import check_loads
 from cinegen.workspace.quantities import DIRECTED, QUANTITIES
@@ -32,7 +33,7 @@ if TYPE_CHECKING:
 
 Array = NDArray[np.float64]
 
-VERSION = 7
+VERSION = 8
 """Version of a map's folder: changes when its layout changes, or when the same specification gives other numbers."""
 
 STARTS = 6
@@ -43,7 +44,7 @@ _MOVES = 1e-9  # rad or characteristic lengths for each: less is rounding
 _RESERVED = (*QUANTITIES, "configuration", "reachable", "status", "joint", "joint_unit")
 _SETTINGS = (
     "node", "quantities", "limits", "starts", "directions", "along", "scene", "payloads", "wrenches", "gravity",
-    "reaction", "stiffness",
+    "reaction", "stiffness", "tolerances",
 )  # fmt: skip
 
 
@@ -68,6 +69,8 @@ class MapSpecification:
         gravity: (3,) acceleration in the world, m/s^2.
         reaction: the joint or loop whose reaction is wanted.
         stiffness: of elastic joints by name, N m/rad and N/m; other actuated joints are rigid, other passive ones free.
+        tolerances: of dimensions, joints and encoders, for the accuracy: `raff`, the text of the robot's RAFF file, and
+            `sigma`, `play` and `encoder`, as `cinegen.design.Tolerances` takes them.
 
     Raises:
         UnknownNameError: no such node, joint or loop.
@@ -90,6 +93,7 @@ class MapSpecification:
     gravity: tuple[float, ...] = GRAVITY
     reaction: str = ""
     stiffness: Mapping[str, float] = field(default_factory=dict)
+    tolerances: Mapping[str, Any] = field(default_factory=dict, repr=False)
 
     def __post_init__(self) -> None:
         if not self.node:
@@ -355,6 +359,7 @@ def _checked_quantities(spec: MapSpecification) -> tuple[str, ...]:
     if "sigma_2" in wanted and not mechanism.passive_rank and not spec.is_uncontrolled:
         wanted.discard("sigma_2")  # without passive joints there are no singularities of type 2
     check_loads(spec, wanted)
+    check_tolerances(spec, wanted)
     if "clearance" in wanted:
         _check_scene(spec)
     if "solid_angle" in wanted and (spec.over_joints or spec.rotation):

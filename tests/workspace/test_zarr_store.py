@@ -366,7 +366,7 @@ WRONG = {
     ),
     "it is of another version": (
         lambda p: edit(p / "zarr.json", lambda d: _version(d["attributes"])),
-        "has version 0; this program reads version 7",
+        "has version 0; this program reads version 8",
     ),
 }
 
