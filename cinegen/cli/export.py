@@ -11,7 +11,7 @@ import typer
 from cinegen.cli.files import check_outputs
 from cinegen.cli.numbers import quantity_option
 from cinegen.cli.options import FORCE, exclude, flag, option
-from cinegen.cli.payloads import PAYLOADS, carried
+from cinegen.cli.payloads import GRAVITY, PAYLOADS, carried, gravity_of
 from raff2urdf.command_line import UsageError
 from raff2urdf.files import output_path, stem_of
 from raff2urdf.quantities import FREQUENCY, NUMBER
@@ -38,6 +38,10 @@ def run(
     jerk: float | None = option("J", "limit of their jerk, rad/s^3 and m/s^3 (default: none)"),
     torques: bool = flag("--torques", "keep the actuators' torques and forces within the limits of the description"),
     payload: list[str] = PAYLOADS,
+    gravity: str = GRAVITY,
+    cross_singularities: bool = flag(
+        "--cross-singularities", "with --torques: pass type 2 singularities at a pace that keeps torques within limits"
+    ),
     all_joints: bool = flag("--all-joints", "write passive joints too"),
     unsafe: bool = flag("--unsafe", "write the motion even if its check fails"),
     force: bool = FORCE,
@@ -55,8 +59,14 @@ def run(
     if payload and not torques:
         raise UsageError("--payload has no effect without --torques: add that")
 
+    if cross_singularities and not torques:
+        raise UsageError("--cross-singularities has no effect without --torques: add that")
+    acceleration_of_gravity = gravity_of(gravity)
+
     def limits(mechanism: Mechanism) -> TorqueLimits:
-        return TorqueLimits(mechanism, carried(mechanism, payload))
+        return TorqueLimits(
+            mechanism, carried(mechanism, payload), gravity=acceleration_of_gravity, crosses=cross_singularities
+        )
 
     path = recording.parent / f"{stem_of(recording)}{format_of(to).suffix}"
     path = output_path(output, path.name) if output else path

@@ -38,6 +38,7 @@ class FindingKind(Enum):
     SPEED = "a joint exceeds its velocity limit"
     ACCELERATION = "a joint exceeds its acceleration limit"
     TYPE_2 = "a type 2 singularity is passed or reached: the actuated joints lose control"
+    CROSSED = "a type 2 singularity is crossed at a pace at which torques stay within their limits"
     NEAR_TYPE_2 = "a type 2 singularity is near"
     TYPE_1 = "a type 1 singularity is passed: the end loses a DoF"
     NEAR_TYPE_1 = "a type 1 singularity is near"
@@ -49,6 +50,9 @@ class FindingKind(Enum):
         return self in (
             FindingKind.OPEN, FindingKind.LIMIT, FindingKind.SPEED, FindingKind.ACCELERATION, FindingKind.TYPE_2
         )  # fmt: skip
+
+
+_TYPE_2 = (FindingKind.TYPE_2, FindingKind.CROSSED)
 
 
 @dataclass(frozen=True, eq=False)
@@ -130,7 +134,8 @@ def check(
     sigma = _singular(trajectory, end, threshold, kinds, found) if end.rank else np.full(len(q), np.inf)
     passive_sigma = np.full(len(q), np.inf)
     if passive is not None:
-        kinds = (FindingKind.TYPE_2, FindingKind.NEAR_TYPE_2)
+        crosses = trajectory.torques is not None and trajectory.torques.crosses
+        kinds = (FindingKind.CROSSED if crosses else FindingKind.TYPE_2, FindingKind.NEAR_TYPE_2)
         passive_sigma = _singular(trajectory, passive, passive_threshold, kinds, found)
     found.sort(key=lambda finding: finding.time)
     return Findings(tuple(found), float(gaps.max()), float(sigma.min()), float(passive_sigma.min()))
@@ -231,6 +236,8 @@ def _singular(
             if found and found[-1].kind is passed and time - found[-1].time <= _SAME * (times[k + 1] - times[k]):
                 continue  # at a sample, found in the interval before
             message = f"it passes through a {_description(mechanism, passed, rows, crossing.q)}"
+            if passed is FindingKind.CROSSED:
+                message += ", at a pace at which torques stay within their limits"
             value = float(rows.sigma(rows.of(crossing.q)[None])[0])
             found.append(_finding(trajectory, passed, time, message, crossing.q, value))
             through[k : k + 2] = True
@@ -238,7 +245,7 @@ def _singular(
         if through[max(0, part.start - 1) : part.stop + 1].any():
             continue
         k = part.start + int(sigma[part].argmin())
-        at_it = passed is FindingKind.TYPE_2 and sigma[k] < AT_SINGULAR
+        at_it = passed in _TYPE_2 and sigma[k] < AT_SINGULAR
         described = _description(mechanism, passed, rows, q[k])
         message = f"it is at a {described}" if at_it else f"it is near a {described}; singular value {sigma[k]:.2g}"
         found.append(_finding(trajectory, passed if at_it else near, float(times[k]), message, q[k], float(sigma[k])))
@@ -255,7 +262,7 @@ def _of_each(q: Array, of: Callable[[Array], Array]) -> Array:
 
 def _description(mechanism: Mechanism, kind: FindingKind, rows: Rows, q: Array) -> str:
     """Return a description of a singularity and its effect."""
-    if kind is FindingKind.TYPE_2:
+    if kind in _TYPE_2:
         motion = gained(mechanism, q)
         moves = np.abs(motion.joints / mechanism.scale) if motion is not None else np.zeros(mechanism.model.nv)
         joint = mechanism.columns[int(moves.argmax())]

@@ -7,7 +7,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
-from cinegen.mission.check import Findings, check
+from cinegen.mission.check import FindingKind, Findings, check
 from cinegen.mission.file_format import MissionError
 from cinegen.mission.formats import format_of
 from cinegen.mission.recording import Recording
@@ -123,14 +123,16 @@ def report_text(report: ExportReport) -> str:
     if slower > 1e-3 and report.recorded:
         kinds = "velocity and acceleration" if trajectory.torques is None else "velocity, acceleration and torque"
         lines.append(f"slowed down by {slower:.3f} s, for limits of {kinds}")
-    if trajectory.torques is not None:
-        lines.append(f"torques: {trajectory.torques.text(trajectory.q, trajectory.rate)}")
+    if trajectory.torques is not None and trajectory.used is not None:
+        lines.append(f"torques: {trajectory.torques.text(trajectory.used)}")
     if assumed := str(trajectory.limits):
         lines.append(f"assumed: {assumed}")
     if not findings.serious:
         closed = passed = ""
         if trajectory.mechanism.is_constrained:
-            closed, passed = f"loops closed to {findings.closure:.1g}, ", ", no type 2 singularity passed"
+            closed = f"loops closed to {findings.closure:.1g}, "
+            if not any(finding.kind is FindingKind.CROSSED for finding in findings):
+                passed = ", no type 2 singularity passed"
         lines.append(f"checked: {closed}joints within their limits{passed}")
     for finding in findings:
         lines.append(f"{'DO NOT SEND THIS TO A ROBOT' if finding.kind.serious else 'note'}: {finding}")

@@ -10,14 +10,24 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import CubicHermiteSpline, PchipInterpolator, PPoly
 
-from cinegen.errors import ClosureError, UnknownNameError
+from cinegen.errors import CinegenError, ClosureError, UnknownNameError
 from cinegen.mission.branch import Branch
 from cinegen.mission.curve import curve_through
 from cinegen.mission.file_format import MissionError
 from cinegen.mission.recording import Recording
 from cinegen.model import Mechanism
 from cinegen.model.motion_limits import MotionLimits, motion_limits
-from cinegen.planning.timing import TimeLaw, averaged, averaging_window, derivatives, excess, grid_of, time_law
+from cinegen.planning.singular_crossing import guided
+from cinegen.planning.timing import (
+    TimeLaw,
+    TimingError,
+    averaged,
+    averaging_window,
+    derivatives,
+    excess,
+    grid_of,
+    time_law,
+)
 from cinegen.planning.torque_limits import TorqueLimits, TorqueTerms
 
 Array = NDArray[np.float64]
@@ -26,6 +36,7 @@ _ROUNDING = 1e-9
 _SLOWER = 1.001  # more than needed, so that few rounds suffice
 _ROUNDS = 60
 _MOST = 5_000_000  # most samples
+_BETWEEN = 4  # points in each interval of the time law at which torques are tested
 _PART = 0.02  # rad or lengths: longest motion of an interval of the time law
 _INSTANT = 1e-4  # s: of two recorded samples without motion between them
 
@@ -44,6 +55,7 @@ class Trajectory:
         passes: (k, 2) times of the recorded samples, in the trajectory and in the recording, s.
         limits: limits that the samples obey.
         torques: limits of torques and forces that they obey; None without any.
+        used: (joints,) largest torques of `torques.joints`, relative to these limits; None without any.
     """
 
     name: str
@@ -55,6 +67,7 @@ class Trajectory:
     passes: Array
     limits: MotionLimits
     torques: TorqueLimits | None = None
+    used: Array | None = None
 
     def __repr__(self) -> str:
         return f"<Trajectory of {self.name}: {self.seconds:.3f} s, {len(self.times)} samples>"
@@ -128,23 +141,27 @@ def resampled(
     if mechanism.model.nq != len(mechanism.joints) + 4 * len(mechanism.balls):
         what = "its base is floating" if mechanism.floating else "it has joints of more than one number"
         raise MissionError(f"{name} can't be exported: {what}, which a joint trajectory does not contain")
-    branch, limits = Branch(mechanism), motion_limits(mechanism, acceleration, jerk)
-    strengths = None if torques is None else torques(mechanism)
+    limits, strengths = motion_limits(mechanism, acceleration, jerk), None if torques is None else torques(mechanism)
     times, knots = recording.times, _continuous(mechanism, recording.q[name])
+    crosses = strengths is not None and strengths.crosses and mechanism.is_constrained
+    if crosses and np.isfinite(limits.jerk).any():
+        raise MissionError(f"{name} can't be exported: jerks are not limited where a singularity is crossed")
+    branch = Branch(guided(mechanism, knots) if crosses else mechanism)
     for i, q in enumerate(knots):
         try:
             knots[i] = branch.closed(q)
         except ClosureError as error:
             raise MissionError(f"{name} can't be exported: at {times[i]:.3f} s {error}") from None
-    passes, q = _timed(branch, limits, (times - times[0]) / speed, times, knots, rate, name, strengths)
+    passes, q, used = _timed(branch, limits, (times - times[0]) / speed, times, knots, rate, name, strengths)
     v = np.zeros((len(q), mechanism.model.nv))
     at_q, at_v = mechanism.scalar_joints
     v[1:-1, at_v] = (q[2:, at_q] - q[:-2, at_q]) * (0.5 * rate)
     for k in range(1, len(q) - 1) if mechanism.balls else ():
         v[k] = mechanism.difference(q[k - 1], q[k + 1]) * (0.5 * rate)
     return Trajectory(
-        name, mechanism, rate, np.arange(len(q)) / rate, q, v, np.column_stack([passes, times]), limits, strengths
-    )
+        name, mechanism, rate, np.arange(len(q)) / rate, q, v, np.column_stack([passes, times]), limits, strengths,
+        used,
+    )  # fmt: skip
 
 
 def _chosen(recording: Recording, robot: str | None) -> str:
@@ -176,8 +193,9 @@ def _timed(
     rate: float,
     name: str,
     torques: TorqueLimits | None,
-) -> tuple[Array, Array]:
-    """Return the times of the recorded samples (k,), s, and new samples (n, nq) that obey all limits.
+) -> tuple[Array, Array, Array | None]:
+    """Return the times of the recorded samples (k,), s, new samples (n, nq) that obey all limits, and the largest
+    torques (joints,) relative to their limits.
 
     Args:
         branch: interpolation on the branch.
@@ -197,12 +215,18 @@ def _timed(
     scale[at_q] = mechanism.scale[at_v]
     if not steps.any():  # it stays where it is
         passes = begin if len(begin) > 1 else np.zeros(1)
-        return passes, np.repeat(knots[:1], _count(passes[-1], rate, name), axis=0)
+        q = np.repeat(knots[:1], _count(passes[-1], rate, name), axis=0)
+        return passes, q, None if torques is None else torques.largest(q[:1], rate)
     durations = np.maximum(np.diff(begin), (steps / velocity).max(axis=1))
+    crosses = torques is not None and torques.crosses
+    if crosses and begin[-1] == begin[0]:  # passive joints may move where the actuated ones hardly do
+        durations = np.maximum(durations, (steps / scale).max(axis=1))
     s = np.concatenate([[0.0], np.cumsum(np.maximum(durations, _INSTANT))])
     curve = curve_through(s, knots)
     counts = np.ceil((steps / scale).max(axis=1) / _PART).astype(np.int64)
-    law = _law(branch, curve, knots, grid_of(s, counts), recorded, velocity, acceleration, name, torques)
+    timing = _Timing(branch, curve, knots, grid_of(s, counts), recorded, velocity, acceleration, name, torques)
+    timing.fastest = np.inf if crosses and begin[-1] == begin[0] else 1.0
+    law = timing.law()
     window = averaging_window(limits, rate)
     for _ in range(_ROUNDS):
         passes = np.interp(s, law.s, law.times)
@@ -212,10 +236,22 @@ def _timed(
         along, delay = averaged(along, window), 0.5 * (window - 1) / rate
         ends = np.searchsorted(np.arange(len(along)) / rate - delay, passes)
         q = _closed(branch, knots, along, ends, recorded, name)
-        slower = max(excess(mechanism, limits, q, rate), 0.0 if torques is None else torques.excess(q, rate))
+        slower = excess(mechanism, limits, q, rate)
+        if timing.has_pace:
+            most = timing.used(law)
+            if slower <= 1.0 + _ROUNDING and most.max() <= 1.0:
+                return passes + delay, q, most
+            law = timing.law(max(slower, 1.0) * _SLOWER, max(float(most.max()), 1.0) * _SLOWER)
+            continue
+        slower = max(slower, 0.0 if torques is None else torques.excess(q, rate))
         if slower <= 1.0 + _ROUNDING:
-            return passes + delay, q
+            return passes + delay, q, None if torques is None else torques.largest(q, rate)
         law = law.slowed(slower * _SLOWER)
+    if timing.has_pace:
+        raise MissionError(
+            f"{name} can't be exported: it passes points where it can't rest, and no pace was found at which limits of "
+            "velocity, acceleration and torque are obeyed"
+        )
     raise MissionError(f"{name} can't be exported: a passive joint is too fast however slow the actuated joints are")
 
 
@@ -227,49 +263,130 @@ def _count(seconds: float, rate: float, name: str) -> int:
     return count
 
 
-def _law(
-    branch: Branch,
-    curve: PPoly,
-    knots: Array,
-    grid: Array,
-    recorded: Array,
-    velocity: Array,
-    acceleration: Array,
-    name: str,
-    torques: TorqueLimits | None,
-) -> TimeLaw:
-    """Return the time law of a curve of all joints (nq,), at most as fast as its parameter.
+class _Timing:
+    """Time laws of a curve of all joints (nq,), at most as fast as its parameter.
 
     The passive joints of loops are not on the curve, but on a branch: where they have limits, a curve through their
     positions on the grid stands for them.
+
+    Args:
+        branch, curve, knots, recorded, velocity, acceleration, name, torques: as in `_timed`.
+        grid: (n,) parameters between which the acceleration of the parameter is constant.
+
+    Attributes:
+        has_pace: whether the motion can't be slowed down at will, see `TorqueTerms.has_pace`.
+        fastest: limit of the parameter's rate, 1/s.
     """
-    mechanism = branch.mechanism
-    at_q, at_v = mechanism.scalar_joints
-    passive = at_q[np.isin(at_v, mechanism.passive_columns)] if mechanism.is_constrained else at_q[:0]
-    passive = passive[np.isfinite(velocity[passive]) | np.isfinite(acceleration[passive])]
-    guided = np.setdiff1d(np.flatnonzero(np.isfinite(velocity) | np.isfinite(acceleration)), passive)
-    values, slopes = curve(grid), curve(grid, 1)
-    if len(passive):
-        found = _closed(branch, knots, values, np.searchsorted(grid, curve.x), recorded, name)
-        values[:, passive] = found[:, passive]
-        slopes[:, passive] = PchipInterpolator(grid, found[:, passive])(grid, 1)
-    joints = np.concatenate([guided, passive])
-    whole = CubicHermiteSpline(grid, values[:, joints], slopes[:, joints])
-    terms = None if torques is None else _torque_terms(branch, curve, knots, grid, recorded, name, torques)
-    return time_law(whole, velocity[joints], acceleration[joints], grid, 1.0, terms)
 
+    fastest = 1.0
 
-def _torque_terms(
-    branch: Branch, curve: PPoly, knots: Array, grid: Array, recorded: Array, name: str, torques: TorqueLimits
-) -> TorqueTerms:
-    """Return the torques at the beginning, in the middle and at the end of each interval of a grid."""
-    points = np.insert(grid, np.arange(1, len(grid)), 0.5 * (grid[1:] + grid[:-1]))
-    q = _closed(branch, knots, curve(points), np.searchsorted(points, curve.x), recorded, name)
-    at = [branch.mechanism.q_index(joint) for joint in branch.mechanism.actuated]
-    tangents, bends = derivatives(curve, grid)
-    terms = torques.terms(np.array([q[:-2:2], q[1::2], q[2::2]]), tangents[..., at], bends[..., at])
-    torques.check_static(terms.static)
-    return terms
+    def __init__(
+        self, branch: Branch, curve: PPoly, knots: Array, grid: Array, recorded: Array, velocity: Array,
+        acceleration: Array, name: str, torques: TorqueLimits | None,
+    ) -> None:  # fmt: skip
+        mechanism = branch.mechanism
+        self._branch, self._curve, self._knots, self._recorded, self._name = branch, curve, knots, recorded, name
+        self._torques, self._terms, self._tighter, self.has_pace = torques, None, np.ones(2), False
+        if torques is not None:
+            if torques.crosses and mechanism.is_constrained:
+                grid = np.union1d(grid, torques.crossings(mechanism, self._configuration, grid))
+            points = np.insert(grid, np.arange(1, len(grid)), 0.5 * (grid[1:] + grid[:-1]))
+            tangents, bends = derivatives(curve, grid)
+            terms = self._terms = self._terms_at(points, tangents, bends)
+            self.has_pace = terms.has_pace
+            if self.has_pace and mechanism.is_constrained and not torques.crosses:
+                self._check_crossings(mechanism, torques, terms, grid)
+            if self.has_pace:
+                with np.errstate(divide="ignore", invalid="ignore"):
+                    torques.check_static(terms.static[0, 0] / terms.weight[0, 0], "where the path begins")
+                    torques.check_static(terms.static[2, -1] / terms.weight[2, -1], "where the path ends")
+        self._grid = grid
+        at_q, at_v = mechanism.scalar_joints
+        passive = at_q[np.isin(at_v, mechanism.passive_columns)] if mechanism.is_constrained else at_q[:0]
+        passive = passive[np.isfinite(velocity[passive]) | np.isfinite(acceleration[passive])]
+        limited = np.setdiff1d(np.flatnonzero(np.isfinite(velocity) | np.isfinite(acceleration)), passive)
+        values, slopes = curve(grid), curve(grid, 1)
+        if len(passive):
+            found = self._closed(grid)
+            values[:, passive] = found[:, passive]
+            slopes[:, passive] = PchipInterpolator(grid, found[:, passive])(grid, 1)
+        joints = np.concatenate([limited, passive])
+        self._whole = CubicHermiteSpline(grid, values[:, joints], slopes[:, joints])
+        self._limits = velocity[joints], acceleration[joints]
+
+    def law(self, slower: float = 1.0, torque: float = 1.0) -> TimeLaw:
+        """Return the fastest law, within limits that become tighter with each call: of velocity by a factor, of
+        acceleration by its square, of torque by another factor.
+
+        Raises:
+            TimingError: there is none.
+        """
+        self._tighter *= slower, torque
+        terms, (velocity, acceleration) = self._terms, self._limits
+        if terms is not None:
+            inertial, centrifugal, static, weight = terms
+            weaker = self._tighter[1]
+            terms = TorqueTerms(inertial * weaker, centrifugal * weaker, static * weaker, weight)
+        tighter = self._tighter[0]
+        try:
+            return time_law(self._whole, velocity / tighter, acceleration / tighter**2, self._grid, self.fastest, terms)
+        except TimingError as error:
+            if not self.has_pace:
+                raise
+            raise TimingError(
+                f"{error}. It passes a singularity of type 2, or points at which torques do not hold the mechanism at "
+                "rest: some pace must keep torques within limits there, and all before and after"
+            ) from None
+
+    def used(self, law: TimeLaw) -> Array:
+        """Return the largest torques (joints,) of a law relative to their limits, between its knots, too."""
+        parts = np.linspace(0.0, 1.0, _BETWEEN + 2)[1:-1]
+        squares, steps = law.rates**2, np.diff(law.s)
+        growth = np.diff(squares) / (2.0 * steps)
+        points = (law.s[:-1, None] + parts * steps[:, None]).ravel()
+        tangents, bends = self._curve(points, 1), self._curve(points, 2)
+        square = (squares[:-1, None] + parts * np.diff(squares)[:, None]).ravel()
+        terms = self._terms_at(points, tangents, bends, inner=False)
+        largest = terms.used(np.repeat(growth, _BETWEEN), square)
+        return np.asarray(np.nanmax(np.abs(largest), axis=0))
+
+    def _check_crossings(self, mechanism: Mechanism, torques: TorqueLimits, terms: TorqueTerms, grid: Array) -> None:
+        """Raise a `CinegenError` if the path passes a singularity of type 2."""
+        if len(mechanism.actuated) != mechanism.mobility:
+            torques.check_static(terms.static)
+            return
+        if len(torques.crossings(guided(mechanism, self._knots), self._configuration, grid)):
+            raise CinegenError(
+                f"{mechanism.name}: the path passes a type 2 singularity, where torques stay within limits at certain "
+                "paces only: --cross-singularities (crosses=True) finds one"
+            )
+
+    def _terms_at(self, points: Array, tangents: Array, bends: Array, inner: bool = True) -> TorqueTerms:
+        """Return the torques at points (2 n - 1,): at the beginning, in the middle and at the end of each interval; or,
+        unless `inner`, at each."""
+        torques, mechanism, q = self._torques, self._branch.mechanism, self._closed(points)
+        assert torques is not None
+        q = np.array([q[:-2:2], q[1::2], q[2::2]]) if inner else q
+        at = [mechanism.q_index(joint) for joint in mechanism.actuated]
+        if torques.crosses and mechanism.is_constrained:
+            return torques.crossing_terms(mechanism, q, tangents[..., at], bends[..., at])
+        return torques.terms(q, tangents[..., at], bends[..., at])
+
+    def _configuration(self, s: float) -> Array:
+        """Return the configuration (nq,) on the branch at a parameter."""
+        ends = self._curve.x
+        k = int(np.clip(np.searchsorted(ends, s, side="right") - 1, 0, len(ends) - 2))
+        return np.asarray(self._branch.interpolate(self._knots[k], self._knots[k + 1], self._curve(np.array([s])))[0])
+
+    def _closed(self, points: Array) -> Array:
+        """Return the configurations (n, nq) on the branch at parameters (n,)."""
+        ends = np.searchsorted(points, self._curve.x)
+        along = self._curve(points)
+        if points[-1] < self._curve.x[-1]:
+            return _closed(
+                self._branch, self._knots, np.vstack([along, self._knots[-1:]]), ends, self._recorded, self._name
+            )[:-1]
+        return _closed(self._branch, self._knots, along, ends, self._recorded, self._name)
 
 
 def _closed(branch: Branch, knots: Array, along: Array, ends: NDArray[np.intp], recorded: Array, name: str) -> Array:

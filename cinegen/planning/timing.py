@@ -26,6 +26,7 @@ Array = NDArray[np.float64]
 _EXTRA = "sampling"
 _INSIDE = 1.0 - 1e-9  # of a limit
 _MOST = 50.0  # times the usual rate, where nothing limits it
+_EQUAL = 1e-9  # by which torques times their weight may exceed limits: an equation has two sides
 _INTERVALS = 64  # of a whole grid, at least
 
 
@@ -91,7 +92,8 @@ def time_law(
             breakpoints of the curve; `grid_of(curve.x)` unless given.
         fastest: limit of the parameter's rate, 1/s.
         torques: (3, n - 1, joints) at the beginning, in the middle and at the end of each interval of the grid,
-            relative to their limits; unlimited unless given.
+            relative to their limits; unlimited unless given. Where the motion needs some pace (`TorqueTerms.has_pace`),
+            it is not slowed down, but timed again within tighter limits.
 
     Raises:
         MissingExtraError: toppra is not installed.
@@ -99,10 +101,18 @@ def time_law(
     """
     s = grid_of(curve.x) if grid is None else grid
     tangents, bends = derivatives(curve, s)
-    rates = _fastest_rates(s, tangents, bends, velocity, acceleration, fastest, torques)
-    times = np.concatenate([[0.0], np.cumsum(2.0 * np.diff(s) / (rates[1:] + rates[:-1]))])
-    law = TimeLaw(times, s, rates)
-    return law.slowed(_excess(law, tangents, bends, velocity, acceleration) / _INSIDE)
+    tighter = 1.0
+    while True:
+        limits = velocity / tighter, acceleration / tighter**2
+        rates = _fastest_rates(s, tangents, bends, *limits, fastest, torques)
+        times = np.concatenate([[0.0], np.cumsum(2.0 * np.diff(s) / (rates[1:] + rates[:-1]))])
+        law = TimeLaw(times, s, rates)
+        slower = _excess(law, tangents, bends, velocity, acceleration) / _INSIDE
+        if torques is None or not torques.has_pace:
+            return law.slowed(slower)
+        if slower <= 1.0 / _INSIDE:
+            return law
+        tighter *= 1.001 * slower
 
 
 def grid_of(s: Array, counts: ArrayLike = 1) -> Array:
@@ -157,13 +167,14 @@ def _fastest_rates(
     limited = np.isfinite(acceleration)
     step = np.diff(s)[:, None]
     first, second = (one[:, :, limited] / acceleration[limited] for one in (tangents, bends))
-    constant = np.zeros_like(first)
+    constant, weights = np.zeros_like(first), np.ones_like(first)
     if torques is not None:
         first = np.dstack([first, unit * torques.inertial])
         second = np.dstack([second, unit**2 * torques.centrifugal])
         constant = np.dstack([constant, torques.static])
+        weights = np.dstack([weights, np.broadcast_to(torques.weight[..., None], torques.static.shape)])
     by_growth = np.hstack([first[k] + k * step * second[k] for k in range(3)])
-    by_square, fixed = np.hstack(list(second)), np.hstack(list(constant))
+    by_square, fixed, room = (np.hstack(list(one)) for one in (second, constant, weights))
     squares = np.column_stack([np.zeros(len(s)), most**2])
     width = by_growth.shape[1]
 
@@ -172,7 +183,7 @@ def _fastest_rates(
 
         def __init__(self) -> None:
             super().__init__()
-            self.identical = True
+            self.identical = bool((room == 1.0).all())
 
         def get_dof(self) -> int:
             return int(tangents.shape[2])
@@ -180,7 +191,10 @@ def _fastest_rates(
         def compute_constraint_params(self, path: Any, gridpoints: Array, *_: Any) -> tuple[Any, ...]:
             terms = [np.vstack([one, one[-1:]]) for one in (by_growth, by_square, fixed)]
             both = np.vstack([np.eye(width), -np.eye(width)])
-            return (*terms, both, np.ones(2 * width), None, squares)
+            if self.identical:
+                return (*terms, both, np.ones(2 * width), None, squares)
+            most = np.vstack([room, room[-1:]]) + _EQUAL
+            return (*terms, np.tile(both, (len(s), 1, 1)), np.hstack([most, most]), None, squares)
 
     class Path:
         """A path as TOPP-RA takes it: the interval of its parameter, and its size."""
@@ -193,7 +207,11 @@ def _fastest_rates(
     ends = [
         0.0 if moves else _rate_at_end(by_square_at, fixed_at, limit)
         for moves, by_square_at, fixed_at, limit in zip(
-            at_rest, (second[0][0], second[2][-1]), (constant[0][0], constant[2][-1]), (most[0], most[-1]), strict=True
+            at_rest,
+            (second[0][0] / weights[0][0], second[2][-1] / weights[2][-1]),
+            (constant[0][0] / weights[0][0], constant[2][-1] / weights[2][-1]),
+            (most[0], most[-1]),
+            strict=True,
         )
     ]
     for scale in (1.0, 0.5, 0.0):

@@ -14,7 +14,8 @@ derivatives of its actuated joints.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+import math
+from collections.abc import Callable, Mapping, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -24,19 +25,39 @@ from cinegen.dynamics import InverseDynamics, Payload
 from cinegen.dynamics.loads import GRAVITY
 from cinegen.errors import CinegenError, UnknownNameError
 from cinegen.model import Mechanism
+from cinegen.planning.singular_crossing import CrossingDynamics, crossings
 from raff2urdf.quantities import FORCE, TORQUE, Dimension, shown
 
 Array = NDArray[np.float64]
 
 _INSIDE = 1.0 - 1e-6  # of a limit, which the samples then keep in spite of rounding
+_AT = 1e-5  # weight up to which a point is at a singularity: torques are 0 / 0 there, up to rounding
 
 
 class TorqueTerms(NamedTuple):
-    """Torques relative to their limits: `inertial` s'' + `centrifugal` s'^2 + `static`, arrays (..., joints)."""
+    """Torques relative to their limits: (`inertial` s'' + `centrifugal` s'^2 + `static`) / `weight`.
+
+    Attributes:
+        inertial, centrifugal, static: (..., joints).
+        weight: (...,) 1, but less near a singularity of type 2 that is crossed, and 0 at it.
+    """
 
     inertial: Array
     centrifugal: Array
     static: Array
+    weight: Array
+
+    @property
+    def has_pace(self) -> bool:
+        """True if the motion can't be slowed down at will: a singularity is crossed, or torques do not hold the
+        mechanism at rest everywhere."""
+        return bool((self.weight < 1.0).any() or (np.abs(self.static) >= _INSIDE).any())
+
+    def used(self, growth: Array, square: Array) -> Array:
+        """Return the torques (..., joints) relative to their limits at s'' and s'^2 (...,); NaN at singularities."""
+        moving = self.inertial * growth[..., None] + self.centrifugal * square[..., None] + self.static
+        with np.errstate(divide="ignore", invalid="ignore"):
+            return np.where(self.weight[..., None] > _AT, moving / self.weight[..., None], np.nan)
 
 
 class TorqueLimits:
@@ -48,9 +69,11 @@ class TorqueLimits:
         efforts: limits, N m and N: one number for all actuated joints, or by joint name; those of the description
             unless given.
         gravity: (3,) acceleration, m/s^2, in the world.
+        crosses: whether paths may pass singularities of type 2, at a speed at which torques stay within their limits;
+            else they are refused.
 
     Attributes:
-        mechanism: as given.
+        mechanism, crosses: as given.
         joints: actuated joints that have a limit.
         limits: their limits, N m and N.
 
@@ -66,8 +89,9 @@ class TorqueLimits:
         payloads: Sequence[Payload] = (),
         efforts: float | Mapping[str, float] | None = None,
         gravity: ArrayLike = GRAVITY,
+        crosses: bool = False,
     ) -> None:
-        self.mechanism = mechanism
+        self.mechanism, self.crosses = mechanism, crosses
         self._dynamics = InverseDynamics(mechanism, payloads, gravity)
         limits = _efforts(mechanism, efforts)
         limited = np.isfinite(limits)
@@ -76,6 +100,11 @@ class TorqueLimits:
             raise CinegenError(
                 f"{mechanism.name}: no actuated joint has a limit of torque or force: give them in the file "
                 "('effort'), or as efforts"
+            )
+        if crosses and not limited.all():
+            raise CinegenError(
+                f"{mechanism.name}: to cross a singularity, all actuated joints need limits of torque or force: these "
+                f"have none: {', '.join(name for name in mechanism.actuated if name not in self.joints)}"
             )
         self.limits, self._limited = limits[limited], np.flatnonzero(limited)
 
@@ -96,7 +125,29 @@ class TorqueLimits:
         static = self._torques(flat, None, None)
         inertial = self._torques(flat, np.zeros_like(first), first) - static
         centrifugal = self._torques(flat, first, second) - static
-        return TorqueTerms(*(one.reshape(*shape, -1) for one in (inertial, centrifugal, static)))
+        first, second, third = (one.reshape(*shape, -1) for one in (inertial, centrifugal, static))
+        return TorqueTerms(first, second, third, np.ones(shape))
+
+    def crossing_terms(self, driven: Mechanism, q: Array, tangents: Array, bends: Array) -> TorqueTerms:
+        """Return the torques along a path that may pass singularities of type 2.
+
+        Args:
+            driven: the mechanism as `guided` returns it.
+            q: (..., nq) configurations with closed loops.
+            tangents: (..., guides) derivatives of the joints that drive it by the path's parameter.
+            bends: (..., guides) their second derivatives.
+        """
+        dynamics, shape = CrossingDynamics(self._dynamics, driven), tangents.shape[:-1]
+        flat = (one.reshape(math.prod(shape), -1) for one in (q, tangents, bends))
+        found = [dynamics.terms(*one) for one in zip(*flat, strict=True)]
+        inertial, centrifugal, static, weight = (np.array(one) for one in zip(*found, strict=True))
+        first, second, third = (one.reshape(*shape, -1) / self.limits for one in (inertial, centrifugal, static))
+        return TorqueTerms(first, second, third, weight.reshape(shape))
+
+    def crossings(self, driven: Mechanism, q_at: Callable[[float], Array], grid: Array) -> Array:
+        """Return the parameters between those of a grid (n,) at which a path passes singularities of type 2."""
+        dynamics = CrossingDynamics(self._dynamics, driven)
+        return crossings(lambda s: dynamics.side(q_at(s)), grid)
 
     def of_samples(self, q: Array, rate: float) -> TorqueTerms:
         """Return the torques at samples (n, nq), `rate` a second, of a motion from rest to rest: `static`, and the rest
@@ -106,7 +157,7 @@ class TorqueLimits:
         v = 0.5 * rate * (padded[2:] - padded[:-2])
         a = rate**2 * (padded[2:] - 2.0 * padded[1:-1] + padded[:-2])
         static = self._torques(q, None, None)
-        return TorqueTerms(self._torques(q, v, a) - static, np.zeros_like(static), static)
+        return TorqueTerms(self._torques(q, v, a) - static, np.zeros_like(static), static, np.ones(len(q)))
 
     def excess(self, q: Array, rate: float) -> float:
         """Return the factor by which samples (n, nq) of a motion from rest to rest, `rate` a second, must be slower to
@@ -115,7 +166,7 @@ class TorqueLimits:
         Raises:
             CinegenError: a joint exceeds its limit even at rest.
         """
-        moving, _, static = self.of_samples(q, rate)
+        moving, _, static, _ = self.of_samples(q, rate)
         self.check_static(static)
         room = np.where(moving > 0.0, _INSIDE - static, _INSIDE + static)
         return float(np.sqrt((np.abs(moving) / np.maximum(room, 1e-300)).max(initial=0.0)))
@@ -123,18 +174,17 @@ class TorqueLimits:
     def largest(self, q: Array, rate: float) -> Array:
         """Return the largest torque (joints,) of each joint at samples (n, nq), `rate` a second, relative to its
         limit."""
-        moving, _, static = self.of_samples(q, rate)
+        moving, _, static, _ = self.of_samples(q, rate)
         return np.asarray(np.abs(moving + static).max(axis=0, initial=0.0))
 
-    def text(self, q: Array, rate: float) -> str:
-        """Return what samples (n, nq), `rate` a second, require, for users."""
-        largest = self.largest(q, rate)
+    def text(self, largest: Array) -> str:
+        """Return the largest torques (joints,), relative to their limits, for users."""
         i = int(largest.argmax())
         limit = shown(float(self.limits[i]), self._dimension(i), 4)
         others = ", no other joint more of its own" if len(self.joints) > 1 else ""
         return f"{self.joints[i]} needs at most {100.0 * largest[i]:.0f} % of its {limit}{others}"
 
-    def check_static(self, static: Array) -> None:
+    def check_static(self, static: Array, where: str = "on this path") -> None:
         """Raise a `CinegenError` if a torque at rest (..., joints), relative to its limit, exceeds it."""
         flat = np.abs(static.reshape(-1, static.shape[-1]))
         worst = int(flat.max(axis=0, initial=0.0).argmax())
@@ -143,7 +193,7 @@ class TorqueLimits:
             kind, limit = self._dimension(worst), float(self.limits[worst])
             raise CinegenError(
                 f"{self.mechanism.name}: {self.joints[worst]} needs {shown(most * limit, kind, 4)} to hold the "
-                f"mechanism at rest on this path, and its limit is {shown(limit, kind, 4)}"
+                f"mechanism at rest {where}, and its limit is {shown(limit, kind, 4)}"
             )
 
     def _dimension(self, i: int) -> Dimension:
@@ -155,7 +205,7 @@ class TorqueLimits:
         if len(lost):
             raise CinegenError(
                 f"{self.mechanism.name}: no torques of the actuated joints hold it at {len(lost)} of {len(q)} points "
-                "of the path: it passes a type 2 singularity there"
+                "of the path: it passes a type 2 singularity there (--cross-singularities, crosses=True: it may)"
             )
         return found / self.limits
 

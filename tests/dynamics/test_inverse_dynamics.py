@@ -9,6 +9,7 @@ import pinocchio as pin
 import pytest
 import scipy.linalg
 from coupled_robots import random_text
+from pinocchio_constraints import constraint_dynamics
 from random_masses import forward_dynamics, free_motions, massive, random_motion
 from variants import slow
 
@@ -20,7 +21,6 @@ from cinegen.dynamics.errors import MassError, MotionError, PayloadError
 from cinegen.errors import CinegenError, ClosureError, ConfigurationError, UnknownNameError
 from cinegen.jit.interpreted import interpreted
 from cinegen.jit.memory import memory_at
-from raff2urdf.raff.document import LoopKind
 
 ROBOTS = Path(__file__).resolve().parents[2] / "robots"
 EVERY = [(path.stem, robot.name) for path in sorted(ROBOTS.glob("*.raff")) for robot in raff2urdf.load(path).robots]
@@ -106,34 +106,14 @@ def test_forward_dynamics_gives_the_acceleration_back(heavy, name, which):
         assert got == pytest.approx(a, abs=1e-8 * max(1.0, np.abs(a).max()))
 
 
-def constraints_of(mechanism):
-    """Pinocchio's constraints: a rigid loop is one, a ball one point, a revolute joint two points on its axis."""
-    found, system, length = pin.StdVec_RigidConstraintModel(), mechanism.system, mechanism.length
-    for loop, (first, on_first, second, on_second) in zip(system.loops, system.anchors, strict=True):
-        kind = pin.ContactType.CONTACT_6D if loop.kind is LoopKind.RIGID else pin.ContactType.CONTACT_3D
-        for z in (0.0, length) if loop.kind is LoopKind.REVOLUTE else (0.0,):
-            along = pin.SE3(np.eye(3), np.array([0.0, 0.0, z]))
-            ends = (first, on_first * along, second, on_second * along)
-            found.append(pin.RigidConstraintModel(kind, mechanism.model, *ends, pin.ReferenceFrame.LOCAL))
-    return found
-
-
 @pytest.mark.parametrize("name", ["delta4", "gough", "five_bar", *slow("four_bar", "sr400", "tssm", "cusp_3rpr")])
 def test_pinocchios_constraint_dynamics(heavy, name):
     mechanism, rng = heavy(name), np.random.default_rng(4)
-    assert {loop.kind for loop in mechanism.loops} <= {LoopKind.RIGID, LoopKind.REVOLUTE, LoopKind.BALL}
-    dynamics, models = InverseDynamics(mechanism), constraints_of(mechanism)
+    dynamics, accelerate = InverseDynamics(mechanism), constraint_dynamics(mechanism)
     for q in mechanism.random_closed(2, seed=6):
         wanted = {joint: float(rng.normal()) for joint in mechanism.actuated}
         v, a = dynamics.motion(q, wanted, wanted)
-        data, datas = mechanism.model.createData(), pin.StdVec_RigidConstraintData()
-        for model in models:
-            datas.append(model.createData())
-        pin.initConstraintDynamics(mechanism.model, data, models, datas)
-        effort = np.zeros(mechanism.model.nv)
-        effort[[mechanism.v_index(joint) for joint in mechanism.actuated]] = dynamics.torques(q, v, a)
-        settings = pin.ProximalSettings(1e-14, 1e-8, 100)
-        got = pin.constraintDynamics(mechanism.model, data, q, v, effort, models, datas, settings)
+        got = accelerate(q, v, dynamics.torques(q, v, a))
         assert got == pytest.approx(a, abs=1e-8 * max(1.0, np.abs(a).max()))
 
 
