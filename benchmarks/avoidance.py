@@ -15,7 +15,7 @@ distance and look at the same distances; so none of them collides, and what diff
 
 What is printed, of those scenes that any of them solves (how many is said above each table):
 
-    solved      how many of these
+    solved      how many of these, and the 95 % confidence interval of the rate
     clearance   the least of all solved ways, by conservative advancement, in safety distances
     way         median length of the node's way, by that of the straight line
     motion      median way of all joints together, rad and characteristic lengths
@@ -37,6 +37,7 @@ from typing import NamedTuple
 
 import numpy as np
 from random_scenes import FAMILIES
+from rates import rate
 
 from cinegen.planning import plan
 
@@ -94,7 +95,7 @@ def table(family: str, numbers: range, workers: int) -> None:
     solvable = [number for number in numbers if any(found[method][number].solved for method in METHODS)]
     never = sorted(set(numbers) - set(solvable))
     print(f"\n{family}: {len(solvable)} of {len(numbers)} are solved by any" + (f"; by none: {never}" if never else ""))
-    print(f"{'':<12}", *(f"{name:>9}" for name in ("solved", "clearance", "way", "motion", "step", "time")))
+    print(f"{'':<12} {'solved':>22}", *(f"{name:>9}" for name in ("clearance", "way", "motion", "step", "time")))
     for method in METHODS:
         solved = [found[method][number] for number in solvable if found[method][number].solved]
         numbers = [
@@ -104,7 +105,7 @@ def table(family: str, numbers: range, workers: int) -> None:
             median(one.time for one in found[method].values()),
         ]
         print(
-            f"{method:<12} {f'{len(solved)}/{len(solvable)}':>9}",
+            f"{method:<12} {rate(len(solved), len(solvable)):>22}",
             *(f"{number:>9.2f}" for number in numbers),
             flush=True,
         )

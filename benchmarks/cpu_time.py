@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import time
 
-_RESOLUTION = 2e-3  # s
+_RESOLUTION = 1e-2  # s
 
 
 class CpuClock:
     """CPU seconds of this process. Where the system's clock takes as long as a test of a motion (0.2 ms in some
-    sandboxes), most of a search would be spent on reading it: it is read every 2 ms at most."""
+    sandboxes), most of a search would be spent on reading it: it is read every 10 ms at most."""
 
     def __init__(self) -> None:
         self._real = time.perf_counter  # not what is replaced by this clock

@@ -33,6 +33,7 @@ import numpy as np
 import pinocchio as pin
 import yaml
 from cpu_time import CpuClock
+from rates import rate
 
 import cinegen
 from cinegen.collision import Scene, clearance_of, scene_of
@@ -250,7 +251,7 @@ def main() -> None:
         print(f"{problem}  {lengths}  {made.status.value}: {last}", flush=True)
     for name, one in found.items():
         print(
-            f"{name}: {len(one.lengths)} of {len(requests)} solved, {len(one.touching)} in contact {one.touching}, "
+            f"{name}: {rate(len(one.lengths), len(requests))} solved, {len(one.touching)} in contact {one.touching}, "
             f"median {median(one.times.values()):.2f} s, length {median(one.lengths.values() or [np.nan]):.2f} rad"
         )
     times, ompl = (np.array([*found[name].times.values()]) for name in ("plan", "ompl"))

@@ -42,6 +42,7 @@ import ompl.geometric as og
 import ompl.util as ou
 import pinocchio as pin
 from cpu_time import CpuClock
+from rates import rate
 
 import cinegen
 from cinegen.collision import Clearance, Scene, clearance_of, scene_for
@@ -94,10 +95,16 @@ def task(mechanism: Mechanism, node: str, obstacles: list[Entry], start: Array, 
     return scene_for(mechanism, end, start=first, obstacles=obstacles, node=node, safety=SAFETY)
 
 
-def with_gripper(mechanism: Mechanism, node: str, q: Array) -> Array:
-    """The configuration with joints half open that don't move the node, which a plan locks: so start and goal agree."""
-    names = unmoving_joints(mechanism, node, ())
-    return mechanism.configuration({name: sum(mechanism.limits[name][:2]) / 2.0 for name in names}, q)
+def simplest(mechanism: Mechanism, node: str, q: Array) -> Array:
+    """The same pose without whole revolutions, which an arm can't make at a table; joints that don't move the node, such
+    as a gripper's, are half open: a plan locks them, so start and goal have to agree."""
+    locked = unmoving_joints(mechanism, node, ())
+    values = {name: sum(mechanism.limits[name][:2]) / 2.0 for name in locked}
+    for name in set(mechanism.actuated).difference(locked):
+        angle = float(np.remainder(q[mechanism.q_index(name)] + np.pi, 2.0 * np.pi) - np.pi)
+        if mechanism.limits[name][0] <= angle <= mechanism.limits[name][1]:
+            values[name] = angle
+    return mechanism.configuration(values, q)
 
 
 def among(mechanism: Mechanism, node: str, obstacles: list[Entry]) -> Clearance:
@@ -117,7 +124,7 @@ def posture(mechanism: Mechanism, node: str, point: Array, near: Clearance, rng:
     local = LocalIK(mechanism, (FrameTask(node, target, 3, 0, axes="world"),))
     for _ in range(20):
         if local.solve(local.random_start(rng), 1e-10):
-            q = with_gripper(mechanism, node, local.best)
+            q = simplest(mechanism, node, local.best)
             if is_clear(near, q):
                 return q
     return None
@@ -208,7 +215,7 @@ def grasp(point: Array, approach: Array, near: Clearance, rng: np.random.Generat
         )
         local.tasks[0].target = pin.SE3(turned, np.asarray(point) - TIP * turned[:, 2])
         if local.solve(local.random_start(rng), 1e-10):
-            q = with_gripper(mechanism, node, local.best)
+            q = simplest(mechanism, node, local.best)
             if is_clear(near, q):
                 return q
     return None
@@ -468,8 +475,8 @@ def main() -> None:
         plan_, ompl = (set(solved[name]) for name in ("plan", "ompl"))
         spent = ", ".join(f"{name} {median(one):.2f} s" for name, one in times.items())
         print(
-            f"{family}: of {options.count}, plan solved {len(plan_)}, ompl {len(ompl)}, both {len(plan_ & ompl)}; "
-            f"only ompl: {sorted(ompl - plan_)}; median CPU time {spent}",
+            f"{family}: plan solved {rate(len(plan_), options.count)}, ompl {rate(len(ompl), options.count)}; only plan: "
+            f"{len(plan_ - ompl)}, only ompl: {sorted(ompl - plan_)}; median CPU time {spent}",
             flush=True,
         )
 
