@@ -96,8 +96,8 @@ def task(mechanism: Mechanism, node: str, obstacles: list[Entry], start: Array, 
 
 
 def simplest(mechanism: Mechanism, node: str, q: Array) -> Array:
-    """The same pose without whole revolutions, which an arm can't make at a table; joints that don't move the node, such
-    as a gripper's, are half open: a plan locks them, so start and goal have to agree."""
+    """The same pose without whole revolutions, which an arm can't make at a table. Joints that don't move the node,
+    such as a gripper's, are half open: a plan locks them, so start and goal have to agree."""
     locked = unmoving_joints(mechanism, node, ())
     values = {name: sum(mechanism.limits[name][:2]) / 2.0 for name in locked}
     for name in set(mechanism.actuated).difference(locked):
@@ -475,8 +475,8 @@ def main() -> None:
         plan_, ompl = (set(solved[name]) for name in ("plan", "ompl"))
         spent = ", ".join(f"{name} {median(one):.2f} s" for name, one in times.items())
         print(
-            f"{family}: plan solved {rate(len(plan_), options.count)}, ompl {rate(len(ompl), options.count)}; only plan: "
-            f"{len(plan_ - ompl)}, only ompl: {sorted(ompl - plan_)}; median CPU time {spent}",
+            f"{family}: plan solved {rate(len(plan_), options.count)}, ompl {rate(len(ompl), options.count)}; "
+            f"only plan: {len(plan_ - ompl)}, only ompl: {sorted(ompl - plan_)}; median CPU time {spent}",
             flush=True,
         )
 
