@@ -86,6 +86,9 @@ class Design:
         self.rank = self._rank_of(self.moving)
         self._loop_of_row = np.repeat(np.arange(len(system.loops)), [loop.rows for loop in system.loops])
 
+    def __reduce__(self) -> tuple[type[Design], tuple[object, ...]]:
+        return type(self), (self.parameters, self.play, self.fixed)
+
     def __repr__(self) -> str:
         return f"<Design of {self.mechanism.name}: {len(self.names)} parameters>"
 

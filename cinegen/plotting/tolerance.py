@@ -46,7 +46,7 @@ def draw_tolerance(report: ToleranceReport, size: float = 9.0) -> Figure:
         axes.invert_yaxis()
         axes.margins(x=0.18)
         axes.grid(axis="x", color=FAINT, alpha=0.25)
-        more = f", {len(found) - _MOST} more not shown" if len(found) > _MOST else ""
+        more = f"\n({len(found) - _MOST} more not shown)" if len(found) > _MOST else ""
         label(axes, f"{'orientation' if turned else 'position'} by one source alone, 1 sigma ({unit}){more}")
     finish(figure)
     return figure

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import pickle
 import warnings
 from pathlib import Path
 
@@ -12,7 +13,7 @@ from hypothesis import strategies as st
 
 import cinegen
 import raff2urdf
-from cinegen.design import Design, DesignError, Parameters
+from cinegen.design import Design, DesignError, Parameters, Tolerances, tolerance
 from cinegen.errors import CinegenWarning, ClosureError
 
 ROBOTS = Path(__file__).parents[2] / "robots"
@@ -168,3 +169,12 @@ def test_shapes_are_checked():
         design.evaluate(np.full(len(design.names), np.nan))
     with pytest.raises(cinegen.errors.UnknownNameError):
         design.evaluate().pose_derivative("tol")
+
+
+def test_designs_go_to_other_processes():
+    design = pickle.loads(
+        pickle.dumps(Design(Parameters("five_bar", "link*.d", ["link2.d = link4.d"]), [("joint2", "x")]))
+    )
+    assert design.names == ("link1.d", "link2.d", "link3.d", "link5.d", "joint2.x")
+    tolerances = pickle.loads(pickle.dumps(Tolerances("five_bar", {"link2.d": 1e-4})))
+    assert tolerances.at().position == tolerance("five_bar", {"link2.d": 1e-4}).position
