@@ -12,20 +12,25 @@ design.evaluate(samples, derivatives=False)    # samples (n, parameters): thousa
 parameters.with_values(p)                      # the RAFF file with these numbers, comments kept
 """
 
+from cinegen.design.calibration import Calibration, calibrate
 from cinegen.design.design import Design, DesignEvaluation
 from cinegen.design.errors import DesignError
+from cinegen.design.measurements import Measurements
 from cinegen.design.parameters import Parameter, Parameters
 from cinegen.design.tolerance import ToleranceReport, Tolerances, tolerance
 from cinegen.design.torques import holding_torques
 
 __all__ = [
+    "Calibration",
     "Design",
     "DesignError",
     "DesignEvaluation",
+    "Measurements",
     "Parameter",
     "Parameters",
     "ToleranceReport",
     "Tolerances",
+    "calibrate",
     "holding_torques",
     "tolerance",
 ]

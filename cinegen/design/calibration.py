@@ -1,0 +1,561 @@
+"""`calibrate`: the true dimensions of a robot, from measurements of any kind.
+
+    found = calibrate("gough", "measurements.csv")
+    print(found.text())
+    Path("calibrated.raff").write_text(found.raff())
+
+With residuals f(theta) of all readings (`cinegen.design.observation`), whitened by their covariance, scipy's
+`least_squares` minimises |f|^2 over the combinations that are determined at nominal geometry (`identifiability`):
+theta = theta_0 + D V z, with the expected errors D. All other combinations keep their nominal values. The covariance of
+the estimate is the Cramer-Rao bound D V (J^T J)^-1 V^T D.
+
+Outliers: the estimate begins from readings that the expected errors can explain, with a convex loss (soft L1),
+continues with a redescending one (Cauchy), and ends with plain least squares of the readings whose studentised
+residuals are below `REJECTED`; the others are listed.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import least_squares
+
+from cinegen.design.errors import DesignError
+from cinegen.design.identifiability import Dependency, Subspace, dependencies, subspace
+from cinegen.design.measurements import Measurements
+from cinegen.design.observation import Observation, Prediction
+from cinegen.design.parameters import Parameters
+from cinegen.errors import warn
+from raff2urdf import closure
+from raff2urdf.quantities import ANGLE, LENGTH, Dimension, QuantityError, has_unit, parse, shown
+from raff2urdf.raff.document import Document
+
+Array = NDArray[np.float64]
+Mask = NDArray[np.bool_]
+
+LENGTH_ERROR, ANGLE_ERROR = 3e-4, math.radians(0.05)
+"""Expected errors of manufacture and assembly, m and rad, of parameters for which none is given."""
+
+REJECTED = 4.0
+"""Studentised residuals beyond this many standard deviations are outliers."""
+
+_STARTS = 8.0  # expected standard deviations beyond which a reading is left out at first
+_CAUCHY = 2.0  # standard deviations from which the redescending loss weakens
+_ROUNDS = 12  # of rejection
+_OWN = 1.0 - 1e-9  # a parameter of this determined length is determined by itself
+_WITHOUT = 1e-7  # one below has no effect
+_OFF = 0.25  # of the characteristic length or rad: most readings farther from nominal are in another unit or frame
+
+_FAR = 20.0  # expected standard deviations beyond which other units are tried
+_FITS = 0.05  # of the difference that remains in the right unit
+_UNITS = {
+    LENGTH: (("mm", "m", 1e3), ("m", "mm", 1e-3), ("mm", "in", 25.4), ("in", "mm", 1.0 / 25.4)),
+    ANGLE: (("deg", "rad", math.degrees(1.0)), ("rad", "deg", math.radians(1.0))),
+}  # read as, meant, and the factor between
+
+
+@dataclass(frozen=True)
+class Outlier:
+    """A reading that was left out.
+
+    Attributes:
+        pose: index.
+        column: of the measurements.
+        where: pose and column by name.
+        residual: expected minus measured, m or rad.
+        sigmas: the same in standard deviations.
+    """
+
+    pose: int
+    column: int
+    where: str
+    residual: float
+    sigmas: float
+
+
+@dataclass(frozen=True)
+class HeldOut:
+    """Errors of readings that an estimate has not used, per kind: root mean squares, m or rad; NaN without any.
+
+    Attributes:
+        dimension: length or angle.
+        count: number of readings.
+        before: at nominal values.
+        after: calibrated.
+        noise: of the readings themselves.
+    """
+
+    dimension: Dimension
+    count: int
+    before: float
+    after: float
+    noise: float
+
+
+@dataclass(frozen=True, eq=False)
+class Calibration:
+    """Estimates of the parameters of a robot. All values in m and rad, gains dimensionless.
+
+    Attributes:
+        observation: of the measurements.
+        names: (parameters,) of the description, then gains of encoders.
+        nominal: (parameters,) values as written.
+        values: (parameters,) estimates; what is not determined is nominal.
+        covariance: (parameters, parameters) of the determined part of the estimates: the Cramer-Rao bound.
+        subspace: the combinations that are determined.
+        combinations: (combinations,) their estimates, in expected errors.
+        combination_covariance: (combinations, combinations).
+        dependencies: parameters that can't be told apart.
+        without_effect: names of parameters that change no reading.
+        opening: names of parameters that are not estimated: their errors would open loops of an over-constrained
+            mechanism.
+        before: (poses, outputs) expected minus measured readings at nominal values; NaN where nothing was measured.
+        after: likewise, calibrated.
+        standard: (poses, outputs) standard deviations of the readings, with what errors of the inputs add.
+        kept: (poses, outputs) which readings the estimate is made of.
+        outliers: the others.
+        chi2: sum of squares of whitened residuals of the readings kept.
+        degrees_of_freedom: readings minus combinations.
+        folds: of the cross-validation; 0 without.
+        held_out: its errors.
+    """
+
+    observation: Observation
+    names: tuple[str, ...]
+    nominal: Array
+    values: Array
+    covariance: Array
+    subspace: Subspace
+    combinations: Array
+    combination_covariance: Array
+    dependencies: tuple[Dependency, ...]
+    without_effect: tuple[str, ...]
+    opening: tuple[str, ...]
+    before: Array
+    after: Array
+    standard: Array
+    kept: Mask
+    outliers: tuple[Outlier, ...]
+    chi2: float
+    degrees_of_freedom: int
+    folds: int = 0
+    held_out: tuple[HeldOut, ...] = field(default=())
+
+    def __repr__(self) -> str:
+        count = self.subspace.basis.shape[1]
+        return f"<Calibration of {self.parameters.robot.name}: {count} combinations of {len(self.names)} parameters>"
+
+    @property
+    def parameters(self) -> Parameters:
+        """The free parameters of the description."""
+        return self.observation.design.parameters
+
+    @property
+    def sigmas(self) -> Array:
+        """(parameters,) standard deviations of the determined part of the estimates."""
+        return np.sqrt(np.diag(self.covariance))
+
+    @property
+    def separate(self) -> Mask:
+        """(parameters,) which are determined by themselves."""
+        return np.asarray(self.subspace.lengths > _OWN)
+
+    @property
+    def fit(self) -> float:
+        """Chi-square per degree of freedom; about 1 if the sigmas are right. NaN without degrees of freedom."""
+        return self.chi2 / self.degrees_of_freedom if self.degrees_of_freedom > 0 else math.nan
+
+    def raff(self) -> str:
+        """Return the RAFF file with the estimates; comments stay. Offsets of encoders change the home that is written;
+        gains have no place in RAFF."""
+        return self.parameters.with_values(self.values[: len(self.parameters)])
+
+    def unit(self, name: str) -> str:
+        """Return the unit of a parameter: m, rad, or "" of a gain."""
+        return _unit(self.parameters, name)
+
+    def as_dict(self) -> dict[str, Any]:
+        """Return what JSON shows: m and rad."""
+        kinds = {LENGTH: "length", ANGLE: "angle"}
+        return {
+            "poses": len(self.observation.measurements),
+            "readings": int(np.isfinite(self.before).sum()),
+            "parameters": [
+                {
+                    "name": name, "unit": self.unit(name), "nominal": float(a), "value": float(b), "sigma": float(s),
+                    "separate": bool(own),
+                }
+                for name, a, b, s, own in zip(
+                    self.names, self.nominal, self.values, self.sigmas, self.separate, strict=True
+                )
+                if name not in self.without_effect and name not in self.opening
+            ],
+            "covariance": self.covariance.tolist(),
+            "identifiable": self.subspace.rank,
+            "estimated": self.subspace.basis.shape[1],
+            "dependencies": [
+                {"names": list(one.names), "changes": one.changes.tolist(), "text": one.text}
+                for one in self.dependencies
+            ],
+            "without_effect": list(self.without_effect),
+            "opening": list(self.opening),
+            "outliers": [
+                {"pose": self.observation.measurements.labels[one.pose], "text": one.where, "residual": one.residual,
+                 "sigmas": one.sigmas}
+                for one in self.outliers
+            ],
+            "chi2": self.chi2,
+            "degrees_of_freedom": self.degrees_of_freedom,
+            "folds": self.folds,
+            "held_out": [
+                {"kind": kinds[one.dimension], "readings": one.count, "before": one.before, "after": one.after,
+                 "noise": one.noise}
+                for one in self.held_out
+            ],
+        }  # fmt: skip
+
+
+def calibrate(
+    source: str | Path | Document | Parameters,
+    measurements: str | Path | Measurements,
+    *,
+    names: Iterable[str] = ("*",),
+    ties: Iterable[str] = (),
+    sigma: Mapping[str, float | str] | None = None,
+    gains: Sequence[str] = (),
+    robust: bool = True,
+    folds: int = 5,
+    robot: str | None = None,
+) -> Calibration:
+    """Estimate the parameters of a robot.
+
+    Args:
+        source: as `Parameters` takes it; or parameters, whose names and ties are used then.
+        measurements: or a CSV file, see `Measurements`.
+        names: patterns of the parameters that are estimated; offsets of all encoders come with `*`.
+        ties: of parameters.
+        sigma: expected errors of manufacture, by name or pattern: m or rad, or a text such as "0.1mm"; 0.3 mm and 0.05
+            degrees where none is given. They scale the parameters; they are no measurements.
+        gains: joints whose encoders have an unknown gain.
+        robust: whether outliers are found and left out.
+        folds: parts of the poses for the cross-validation; 0 for none.
+        robot: name of one robot of a file that holds several.
+
+    Raises:
+        DesignError: measurements that don't fit the robot, are in another unit or frame, or determine nothing.
+        raff2urdf.RaffError: a file is wrong.
+    """
+    whole = source if isinstance(source, Parameters) else Parameters(source, ties=ties, robot=robot)
+    read = measurements if isinstance(measurements, Measurements) else Measurements.load(measurements, whole.mechanism)
+    parameters = whole if isinstance(source, Parameters) else _with_offsets(whole, names, ties, read)
+    observation = Observation(parameters, read, gains)
+    nominal = observation.predict(observation.values)
+    before = observation.residuals(nominal)
+    covariances = observation.covariances(nominal)
+    standard = np.sqrt(np.einsum("nkk->nk", covariances))
+    errors = observation.expected_errors(expected_errors(parameters, sigma or {}))
+    errors[[name in nominal.opening for name in observation.names]] = 0.0
+    present = np.isfinite(before)
+    solver = _Solver(observation, covariances, errors)
+    _check_size(observation, before, solver.expected(nominal))
+    space = subspace(solver.whiten(nominal.jacobian, present), errors)
+    if not space.basis.shape[1]:
+        raise DesignError(f"{read.source}: no parameter changes any of the readings: nothing can be estimated")
+    kept = present.copy()
+    z = np.zeros(space.basis.shape[1])
+    if robust:
+        z, kept = solver.robust(space, nominal, before)
+    z = solver.least_squares(space, z, kept)
+    theta = observation.values + space.changes @ z
+    final = observation.predict(theta)
+    after = observation.residuals(final)
+    jacobian = solver.whiten(final.jacobian, kept) @ space.changes
+    covariance: Array = np.asarray(np.linalg.pinv(jacobian.T @ jacobian, hermitian=True), dtype=float)
+    whitened = solver.whiten(after[..., None], kept)
+    units = [_unit(parameters, name) for name in observation.names]
+    calibration = Calibration(
+        observation, observation.names, observation.values, theta, space.changes @ covariance @ space.changes.T, space,
+        z, covariance, _dependencies(observation, space, units, errors),
+        tuple(n for n, s, e in zip(observation.names, space.lengths, errors, strict=True) if s < _WITHOUT and e > 0.0),
+        nominal.opening, before, after, standard, kept, tuple(_outliers(observation, after, standard, present & ~kept)),
+        float((whitened**2).sum()), int(kept.sum()) - len(z), *_held_out(solver, space, folds, kept, before, nominal),
+    )  # fmt: skip
+    _warn(calibration)
+    return calibration
+
+
+def expected_errors(parameters: Parameters, sigma: Mapping[str, float | str]) -> Array:
+    """Return the expected errors (count,) of free parameters, m and rad; later patterns replace earlier ones.
+
+    Raises:
+        DesignError: an unknown name, a wrong unit, or an error that is not above 0.
+    """
+    indices = [parameters.find(name) for name in parameters.names]
+    found = np.array([LENGTH_ERROR if parameters.all[i].unit == "m" else ANGLE_ERROR for i in indices])
+    for pattern, amount in sigma.items():
+        matching = parameters.matching([pattern])
+        if isinstance(amount, str) and has_unit(amount) and "*" in pattern:
+            matching = [i for i in matching if _fits(amount, parameters.all[i].dimension)] or matching
+        for i in set(matching) & set(indices):
+            try:
+                value = parse(amount, parameters.all[i].dimension) if isinstance(amount, str) else float(amount)
+            except QuantityError as error:
+                raise DesignError(f"expected error of {pattern}: {error}") from None
+            if not 0.0 < value < math.inf:
+                raise DesignError(f"expected error of {pattern}: {amount} is not above 0")
+            found[indices.index(i)] = value
+    return found
+
+
+class _Solver:
+    """Residuals of an observation in the combinations of a subspace, whitened."""
+
+    def __init__(self, observation: Observation, covariances: Array, errors: Array) -> None:
+        self.observation, self.covariances, self.errors = observation, covariances, errors
+        self.standard = np.sqrt(np.einsum("nkk->nk", covariances))
+
+    def expected(self, nominal: Prediction) -> Array:
+        """Return the standard deviations (poses, outputs) that residuals at nominal values have by the expected errors
+        of parameters and readings."""
+        return np.asarray(np.sqrt(self.standard**2 + ((nominal.jacobian * self.errors) ** 2).sum(axis=2)))
+
+    def whiten(self, rows: Array, kept: Mask) -> Array:
+        """Return rows (poses, outputs, .) of the readings kept (poses, outputs), whitened: (rows, .)."""
+        is_diagonal = not self.observation.input_sigmas.any()
+        if is_diagonal:
+            return np.asarray((rows / self.standard[..., None])[kept])
+        found = []
+        for one, covariance, mask in zip(rows, self.covariances, kept, strict=True):
+            if mask.any():
+                factor = np.linalg.cholesky(covariance[np.ix_(mask, mask)])
+                found.append(np.linalg.solve(factor, one[mask]))
+        return np.concatenate(found)
+
+    def least_squares(self, space: Subspace, z: Array, kept: Mask, loss: str = "linear", scale: float = 1.0) -> Array:
+        """Return the combinations (combinations,) that minimise the loss of the readings kept, from z. Losses that are
+        not linear take readings as independent."""
+        observation = self.observation
+        last: dict[bytes, Prediction] = {}
+        independent = loss != "linear"
+
+        def predicted(z: Array) -> Prediction:
+            key = z.tobytes()
+            if key not in last:
+                last.clear()
+                last[key] = observation.predict(observation.values + space.changes @ z)
+            return last[key]
+
+        def whitened(rows: Array) -> Array:
+            return (rows / self.standard[..., None])[kept] if independent else self.whiten(rows, kept)
+
+        def residuals(z: Array) -> Array:
+            found = predicted(z)
+            if not (found.gap <= closure.CLOSED).all():
+                return np.full(int(kept.sum()), 1e9)  # refused: the step is shortened
+            return whitened(observation.residuals(found)[..., None])[:, 0]
+
+        def jacobian(z: Array) -> Array:
+            return np.asarray(whitened(predicted(z).jacobian) @ space.changes)
+
+        tolerance = 1e-10 if loss == "linear" else 1e-5
+        done = least_squares(
+            residuals, z, jacobian, method="trf", loss=loss, f_scale=scale, xtol=tolerance, ftol=tolerance,
+            gtol=1e-8, max_nfev=60,
+        )  # fmt: skip
+        if not done.success and loss == "linear":
+            warn(f"{observation.measurements.source}: the estimate has not converged in {done.nfev} evaluations")
+        return np.asarray(done.x)
+
+    def robust(self, space: Subspace, nominal: Prediction, before: Array) -> tuple[Array, Mask]:
+        """Return combinations, and which readings (poses, outputs) are no outliers."""
+        present = np.isfinite(before)
+        sizes = np.abs(before) / self.expected(nominal)
+        start = present & (sizes <= _STARTS * max(1.0, float(np.median(sizes[present])) / 0.6745))
+        z = self.least_squares(space, np.zeros(space.basis.shape[1]), start, "soft_l1")
+        z = self.least_squares(space, z, present, "cauchy", _CAUCHY)
+        kept = np.zeros_like(present)
+        for _ in range(_ROUNDS):
+            found = self.observation.predict(self.observation.values + space.changes @ z)
+            sizes = self._studentised(space, found, kept if kept.any() else present)
+            scale = max(1.0, float(np.median(sizes[present])) / 0.6745)
+            wanted = present & (sizes <= REJECTED * scale)
+            if (wanted == kept).all():
+                break
+            kept = wanted
+            if kept.sum() < len(z):
+                contrary, count = int(present.sum() - kept.sum()), int(present.sum())
+                raise DesignError(
+                    f"{self.observation.measurements.source}: {contrary} of {count} "
+                    "readings contradict the others: check the signs, the units and the sigmas of the columns"
+                )
+            z = self.least_squares(space, z, kept)
+        return z, kept
+
+    def _studentised(self, space: Subspace, found: Prediction, kept: Mask) -> Array:
+        """Return residuals (poses, outputs) in their standard deviations, were they estimated without themselves."""
+        residuals = self.observation.residuals(found) / self.standard
+        rows = found.jacobian @ space.changes / self.standard[..., None]
+        inside = rows[kept]
+        inverse = np.linalg.pinv(inside.T @ inside, hermitian=True)
+        leverage = np.einsum("nkz,zy,nky->nk", rows, inverse, rows)
+        spread = np.where(kept, np.maximum(1.0 - leverage, 1e-6), 1.0 + leverage)
+        return np.asarray(np.nan_to_num(np.abs(residuals) / np.sqrt(spread), nan=0.0))
+
+
+# --- what is checked and told -----------------------------------------------------------------------------------------
+
+
+def _with_offsets(
+    whole: Parameters, names: Iterable[str], ties: Iterable[str], measurements: Measurements
+) -> Parameters:
+    """Return the parameters with those names, and with the offsets of measured joints' encoders where `*` is one."""
+    wanted = [names] if isinstance(names, str) else list(names)
+    if "*" in wanted:
+        wanted += [whole.own_variable(one.of).name for one in measurements.quantities if one.kind == "joint"]
+    return Parameters(whole.document, wanted, ties, robot=whole.robot.name)
+
+
+def _check_size(observation: Observation, before: Array, spread: Array) -> None:
+    """Refuse measurements that are far from what the robot does, as in another unit or frame.
+
+    Args:
+        observation: of the measurements.
+        before: (poses, outputs) residuals at nominal values.
+        spread: (poses, outputs) their standard deviations by the expected errors.
+    """
+    length = observation.design.mechanism.length
+    expected = before + observation.measured
+    for k, one in enumerate(observation.quantities):
+        read = np.isfinite(before[:, k])
+        if not read.any():
+            continue
+        size = length if one.dimension is LENGTH else 1.0
+        off = float(np.median(np.abs(before[read, k])))
+        where = (
+            f"{observation.measurements.source}, column {one.name}: the readings differ by {shown(off, one.dimension)}"
+        )
+        if off > _FAR * float(np.median(spread[read, k])):
+            for wrong, right, factor in _UNITS[one.dimension]:
+                if np.median(np.abs(expected[read, k] - factor * observation.measured[read, k])) < _FITS * off:
+                    raise DesignError(
+                        f"{where} from what the robot does, and would fit if they were {factor:.4g} times as large: "
+                        f"are they in {right}, and read as {wrong}?"
+                    )
+        if off > _OFF * size:
+            raise DesignError(
+                f"{where} from what the robot does (its characteristic length is {shown(length, LENGTH)}): check the "
+                "unit and the sign, and that the device measures in the robot's world frame, or transform them to it"
+            )
+
+
+def _dependencies(
+    observation: Observation, space: Subspace, units: Sequence[str], errors: Array
+) -> tuple[Dependency, ...]:
+    """Return what can't be told apart; a dependency that moves all nodes as one body is named so."""
+    estimated = np.flatnonzero(errors > 0.0).tolist()
+    inner = Subspace(space.basis[estimated], space.singular_values, errors[estimated], space.rank)
+    parameters = observation.design.parameters
+    nodes_of = parameters.robot.nodes.values()
+    parents = {_keyword(parameters, one.number): _keyword(parameters, getattr(one, "pred", None)) for one in nodes_of}
+    names = [observation.names[k] for k in estimated]
+    found = dependencies(inner, names, [units[k] for k in estimated], parents)
+    here = observation.design.evaluate()
+    nodes = observation.design.mechanism.nodes
+    count = len(parameters)
+    twists = list[Array]()
+    for node in nodes[1:]:
+        twist, origin = here.pose_derivative(node, "world")[0], here.placements(node)[0, :3, 3]
+        twists.append(np.vstack([twist[:3] + np.cross(origin, twist[3:], axisb=0).T, twist[3:]]))
+    told = list[Dependency]()
+    for one in found:
+        at = [observation.names.index(name) for name in one.names]
+        text = one.text
+        if len(one.changes) == 1 and max(at) < count and len(twists) > 1:
+            moved = np.array([twist[:, at] @ one.changes[0] for twist in twists])
+            size = float(np.abs(moved).max())
+            if size > 1e-9 and np.abs(moved - moved[-1]).max() < 1e-7 * size:
+                text = f"base and platform, all nodes, move together as one body: {text}"
+        told.append(Dependency(one.names, one.changes, text))
+    return tuple(told)
+
+
+def _keyword(parameters: Parameters, number: int | None) -> str:
+    if number is None or number not in parameters.robot.nodes:
+        return ""
+    return f"{parameters.robot.nodes[number].keyword}{number}" if number else "base"
+
+
+def _outliers(observation: Observation, after: Array, standard: Array, left_out: Mask) -> Iterable[Outlier]:
+    for pose, k in np.argwhere(left_out).tolist():
+        column = observation.outputs[k]
+        residual = float(after[pose, k])
+        yield Outlier(
+            pose,
+            column,
+            observation.measurements.cell(pose, column),
+            residual,
+            abs(residual) / float(standard[pose, k]),
+        )
+
+
+def _held_out(
+    solver: _Solver, space: Subspace, folds: int, kept: Mask, before: Array, nominal: Prediction
+) -> tuple[int, tuple[HeldOut, ...]]:
+    """Return the number of folds, and the errors of poses that an estimate from the other poses has not used; readings
+    that are outliers for all poses together are left out."""
+    poses, observation = len(before), solver.observation
+    folds = min(folds, poses)
+    if folds < 2:
+        return 0, ()
+    order = np.random.default_rng(0).permutation(poses)
+    after = np.full_like(before, np.nan)
+    for part in range(folds):
+        held = order[part::folds]
+        training = kept.copy()
+        training[held] = False
+        if not training.any():
+            return 0, ()
+        inner = subspace(solver.whiten(nominal.jacobian, training) @ (space.basis @ space.basis.T), solver.errors)
+        z = solver.least_squares(inner, np.zeros(inner.basis.shape[1]), training)
+        here = observation.predict(observation.values + inner.changes @ z, derivatives=False)
+        after[held] = observation.residuals(here)[held]
+    found = []
+    for dimension in (LENGTH, ANGLE):
+        columns = [one.dimension is dimension for one in observation.quantities]
+        mask = kept & np.array(columns)
+        if mask.any():
+            rms = [float(np.sqrt(np.mean(x[mask] ** 2))) for x in (before, after, solver.standard)]
+            found.append(HeldOut(dimension, int(mask.sum()), *rms))
+    return folds, tuple(found)
+
+
+def _warn(found: Calibration) -> None:
+    source = found.observation.measurements.source
+    if found.degrees_of_freedom <= 0:
+        warn(
+            f"{source}: {int(found.kept.sum())} readings for {len(found.combinations)} combinations of parameters: any "
+            "errors fit, and the residuals tell nothing; measure more poses"
+        )
+    elif found.fit > 1.0 + 5.0 * math.sqrt(2.0 / found.degrees_of_freedom):
+        warn(
+            f"{source}: the residuals are {math.sqrt(found.fit):.2g} times what the sigmas of the readings allow: "
+            "these are too small, or something else than the parameters is wrong (backlash, bending, thermal growth)"
+        )
+
+
+def _fits(amount: str, dimension: Dimension) -> bool:
+    try:
+        parse(amount, dimension)
+    except QuantityError:
+        return False
+    return True
+
+
+def _unit(parameters: Parameters, name: str) -> str:
+    return "" if name.endswith(".gain") else parameters.all[parameters.find(name)].unit

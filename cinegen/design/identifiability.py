@@ -1,0 +1,202 @@
+"""Which combinations of parameters measurements determine, and which they can't tell apart, in words.
+
+With whitened measurements and columns scaled by the expected errors, J = U S V^T at the nominal geometry. Its rank is
+counted there: at other values of the parameters it jumps up, because combinations that are exactly dependent then
+become distinguishable in theory, by effects of second order that drown in noise. The rows of V_r^T are the combinations
+that are estimated.
+
+A dependency is a change of parameters that changes no reading. Those with the fewest parameters tell the most; among
+all that contain a parameter, the one of least 1-norm is taken, by linear programming.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import linprog
+
+Array = NDArray[np.float64]
+
+DEPENDENT = 1e-9
+"""Singular values below this fraction of the largest are those of dependent combinations."""
+
+WEAK = 0.01
+"""Combinations whose standard deviation exceeds 1 / WEAK expected errors are not estimated."""
+
+_ZERO = 1e-7  # of rows of V of length 1
+_LISTED = 6  # parameters of a dependency that are named
+
+
+@dataclass(frozen=True, eq=False)
+class Dependency:
+    """Parameters of which some changes change no reading.
+
+    Attributes:
+        names: of the parameters.
+        changes: (count, names) independent changes, m, rad, or dimensionless for gains; the largest of each is of the
+            size of an expected error.
+        text: in words.
+    """
+
+    names: tuple[str, ...]
+    changes: Array
+    text: str
+
+    def __repr__(self) -> str:
+        return f"<Dependency: {self.text}>"
+
+
+@dataclass(frozen=True, eq=False)
+class Subspace:
+    """Combinations of parameters that measurements determine, at nominal geometry.
+
+    Attributes:
+        basis: (parameters, combinations) orthonormal columns; times the expected errors they are changes of parameters.
+        singular_values: (combinations,) reciprocal standard deviations of these in expected errors.
+        errors: (parameters,) expected ones.
+        rank: number of independent combinations, with those that are too weak to be estimated.
+    """
+
+    basis: Array
+    singular_values: Array
+    errors: Array
+    rank: int
+
+    @property
+    def changes(self) -> Array:
+        """(parameters, combinations) changes of the parameters by one unit of each combination."""
+        return np.asarray(self.errors[:, None] * self.basis)
+
+    @property
+    def lengths(self) -> Array:
+        """(parameters,) part of each that is determined: 1 if it is by itself, 0 if it has no effect."""
+        return np.asarray(np.linalg.norm(self.basis, axis=1))
+
+
+def subspace(jacobian: Array, errors: Array) -> Subspace:
+    """Return the combinations that measurements determine.
+
+    Args:
+        jacobian: (rows, parameters) of whitened readings, at nominal geometry.
+        errors: (parameters,) expected; 0 for those that are not estimated.
+    """
+    scaled = jacobian * errors
+    _, s, vt = np.linalg.svd(scaled, full_matrices=False)
+    rank = int((s > DEPENDENT * s.max(initial=0.0)).sum())
+    count = int((s[:rank] > WEAK).sum())
+    return Subspace(vt[:count].T, s[:count], errors, rank)
+
+
+def dependencies(
+    found: Subspace, names: Sequence[str], units: Sequence[str], parents: Mapping[str, str] | None = None
+) -> list[Dependency]:
+    """Return independent dependencies of the parameters that have an effect, those of the fewest parameters first.
+
+    Args:
+        found: the combinations that are determined.
+        names: of the parameters.
+        units: `m`, `rad` or "" of each.
+        parents: of nodes, for the words.
+    """
+    rows, lengths = found.basis, found.lengths
+    effective = np.flatnonzero(lengths > _ZERO)
+    groups = list[list[int]]()
+    for k in effective:
+        for group in groups:
+            cosine = rows[group[0]] @ rows[k] / (lengths[group[0]] * lengths[k])
+            if np.linalg.norm(rows[k] / lengths[k] - np.sign(cosine) * rows[group[0]] / lengths[group[0]]) < _ZERO:
+                group.append(int(k))
+                break
+        else:
+            groups.append([int(k)])
+    described = [_parallel(group, found, names, units) for group in groups if len(group) > 1]
+    for w in _circuits(rows, [group[0] for group in groups]):
+        used = np.flatnonzero(np.abs(w) > _ZERO * np.abs(w).max()).tolist()
+        own, changes = tuple(names[k] for k in used), w[used] * found.errors[used]
+        described.append(
+            Dependency(own, changes[None], _together(own, changes, [units[k] for k in used], parents or {}))
+        )
+    return described
+
+
+def _circuits(rows: Array, chosen: Sequence[int]) -> list[Array]:
+    """Return independent dependencies of rows of which no two are parallel."""
+    matrix = rows[list(chosen)].T  # (combinations, chosen)
+    unit = matrix / np.linalg.norm(matrix, axis=0)
+    count = unit.shape[1] - int((np.linalg.svd(unit, compute_uv=False) > _ZERO).sum()) if unit.size else 0
+    candidates = list[Array]()
+    if count:
+        for k in range(unit.shape[1]):
+            others = np.delete(np.arange(unit.shape[1]), k)
+            weights, *_ = np.linalg.lstsq(unit[:, others], unit[:, k], rcond=_ZERO)
+            if np.linalg.norm(unit[:, others] @ weights - unit[:, k]) > _ZERO:
+                continue
+            a = unit[:, others]
+            u, s, _ = np.linalg.svd(a, full_matrices=False)
+            left = u[:, s > _ZERO].T
+            done = linprog(np.ones(2 * len(others)), A_eq=np.hstack([left @ a, -left @ a]), b_eq=left @ unit[:, k])
+            if done.status == 0:
+                weights = done.x[: len(others)] - done.x[len(others) :]
+            support = np.abs(weights) > _ZERO
+            exact = np.linalg.lstsq(a[:, support], unit[:, k], rcond=_ZERO)[0]
+            w = np.zeros(len(rows))
+            w[np.array(chosen)[others[support]]] = -exact
+            w[chosen[k]] = 1.0
+            w[list(chosen)] /= np.linalg.norm(matrix, axis=0)
+            candidates.append(w / np.abs(w).max())
+    candidates.sort(key=lambda w: int((np.abs(w) > _ZERO).sum()))
+    picked = list[Array]()
+    for w in candidates:
+        if len(picked) < count and np.linalg.matrix_rank(np.array([*picked, w]), tol=_ZERO) > len(picked):
+            picked.append(w)
+    return picked
+
+
+def _parallel(group: Sequence[int], found: Subspace, names: Sequence[str], units: Sequence[str]) -> Dependency:
+    """Return the dependency of parameters that have the same effect but for a factor."""
+    first, rows, errors = group[0], found.basis, found.errors
+    factors = [float(rows[k] @ rows[first] / (rows[first] @ rows[first]) * errors[first] / errors[k]) for k in group]
+    changes = np.zeros((len(group) - 1, len(group)))
+    for i, k in enumerate(group[1:]):
+        changes[i, 0], changes[i, i + 1] = -factors[i + 1] * errors[k], errors[k]
+    own, text = [names[k] for k in group], ""
+    if all(units[k] == units[first] for k in group) and np.allclose(np.abs(factors), 1.0, atol=1e-6):
+        if min(factors) > 0.0:
+            text = "their sum"
+        elif len(group) == 2:
+            text = "their difference"
+    if not text:
+        text = own[0]
+        for k, factor in zip(group[1:], factors[1:], strict=True):
+            unit = "" if units[k] == units[first] else f" {units[first] or 1}/{units[k] or 1}"
+            size = "" if abs(abs(factor) - 1.0) < 1e-6 and not unit else f"{abs(factor):.4g}{unit} "
+            text += f" {'+' if factor > 0.0 else '-'} {size}{names[k]}"
+    return Dependency(tuple(own), changes, f"{', '.join(own[:-1])} and {own[-1]}: only {text}")
+
+
+def _together(names: tuple[str, ...], changes: Array, units: Sequence[str], parents: Mapping[str, str]) -> str:
+    scale = {"m": 1e3, "rad": np.degrees(1.0), "": 1.0}
+    shown = {"m": "mm", "rad": "deg", "": ""}
+    lead = int(np.argmax(np.abs(changes)))
+    sizes = changes / changes[lead] / scale[units[lead]]
+    if len(names) <= _LISTED:
+        texts = [
+            f"{name} {size * scale[unit]:+.3g} {shown[unit]}".rstrip()
+            for name, size, unit in zip(names, sizes, units, strict=True)
+        ]
+        return f"no reading changes with {', '.join(texts)}"
+    nodes = list(dict.fromkeys(name.rpartition(".")[0] for name in names))
+    for node in nodes:
+        children = [one for one in nodes if one != node]
+        if all(parents.get(one) == node for one in children):
+            return (
+                f"{node} moved, and {_listed(children)} on it moved back: no reading changes ({len(names)} parameters)"
+            )
+    return f"{len(names)} parameters of {_listed(nodes)}: no reading changes if they change together"
+
+
+def _listed(names: Sequence[str]) -> str:
+    return ", ".join(names[:8]) + (f" and {len(names) - 8} more" if len(names) > 8 else "")

@@ -1,0 +1,320 @@
+"""`Observation`: what a robot's measurements should read at values of its parameters, and all derivatives.
+
+The readings of some joints, the *inputs*, define the configuration: with them all other joints follow from the loops.
+What else was measured are the *outputs* y(theta). Redundant encoders are outputs. Parameters theta are the free ones of
+the description, whose values of a measured joint's own variable are its encoder's offset, then the gains of encoders:
+a joint is at (1 + gain) times its reading. With T = (R, t) the pose of a node in the world, and its twist (v, w) at its
+origin in the world's axes, dX = (v, w) dtheta, loops closed (`cinegen.design.design`), a point c on the node moves by
+v + w x R c, and roll, pitch and yaw by the inverse of their Jacobian.
+
+Errors of the inputs' readings act on all outputs of a pose: the covariance of these is diag(sigma^2) +
+A diag(sigma_in^2) A^T, with A the derivative of the outputs by the inputs.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cinegen.design.design import Design, DesignEvaluation
+from cinegen.design.errors import DesignError
+from cinegen.design.measurements import MeasuredQuantity, Measurements
+from cinegen.design.parameters import Parameters
+from raff2urdf import closure
+from raff2urdf.quantities import ANGLE, LENGTH
+
+Array = NDArray[np.float64]
+Indices = NDArray[np.intp]
+
+_STEPS = 24  # on the straight line of the inputs from home to each pose
+_GIMBAL = math.radians(1.0)  # roll and yaw are not measured so near to a pitch of 90 degrees
+
+
+@dataclass(frozen=True, eq=False)
+class Prediction:
+    """Readings that are expected, and their derivatives.
+
+    Attributes:
+        values: (poses, outputs) m and rad.
+        jacobian: (poses, outputs, parameters), m and rad by m and rad, dimensionless gains.
+        by_inputs: (poses, outputs, inputs) derivative by the inputs' readings.
+        q: (poses, nq) closed configurations.
+        gap: (poses,) largest residual of the loops; above 1e-10 where they can't be closed.
+        opening: names of parameters that open loops.
+    """
+
+    values: Array
+    jacobian: Array
+    by_inputs: Array
+    q: Array
+    gap: Array
+    opening: tuple[str, ...]
+
+
+class Observation:
+    """Measured quantities of a robot as functions of its parameters.
+
+    Args:
+        parameters: the free ones.
+        measurements: whose columns are observed.
+        gains: joints whose encoders have an unknown gain.
+
+    Attributes:
+        design: evaluates the robot, the inputs fixed.
+        measurements: as given.
+        names: (parameters,) of the description, then gains, such as `joint1.gain`.
+        values: (parameters,) as written; gains 0.
+        inputs: joints from whose readings the configuration follows.
+        input_columns: of the measurements.
+        outputs: columns of the measurements that are compared.
+        readings: (poses, inputs) m and rad.
+        input_sigmas: (poses, inputs).
+        measured: (poses, outputs) NaN where nothing was measured.
+        sigmas: (poses, outputs).
+
+    Raises:
+        DesignError: a joint that is not measured does not follow from those that are; a reading is missing.
+    """
+
+    def __init__(self, parameters: Parameters, measurements: Measurements, gains: Sequence[str] = ()) -> None:
+        self.measurements = measurements
+        mechanism = parameters.mechanism
+        if mechanism.floating:
+            raise DesignError(f"{mechanism.name} has a floating base: calibration needs one that is fixed")
+        columns = {one.of: k for k, one in enumerate(measurements.quantities) if one.kind == "joint"}
+        self.inputs = _inputs(parameters, measurements, columns)
+        self.input_columns = [columns[joint] for joint in self.inputs]
+        self.design = Design(parameters, fixed=self.inputs)
+        self.outputs = [k for k in range(len(measurements.quantities)) if k not in self.input_columns]
+        for joint in gains:
+            if joint not in columns:
+                raise DesignError(f"{joint} has no column of readings: its encoder's gain can't be found")
+        self.gains = tuple(gains)
+        self.names = (*parameters.names, *(f"{joint}.gain" for joint in self.gains))
+        self.values = np.append(parameters.values, np.zeros(len(self.gains)))
+        self.readings = measurements.values[:, self.input_columns]
+        self.input_sigmas = measurements.sigmas[:, self.input_columns]
+        self.measured = measurements.values[:, self.outputs]
+        self.sigmas = measurements.sigmas[:, self.outputs]
+        for pose in np.flatnonzero(~np.isfinite(self.measured).any(axis=1))[:1]:
+            raise DesignError(
+                f"{measurements.source}: pose {measurements.labels[pose]}: nothing is measured but the joints that the "
+                f"configuration follows from ({', '.join(self.inputs)}): leave the line out"
+            )
+        self._at = [mechanism.q_index(joint) for joint in self.inputs]
+        self._v = [mechanism.v_index(joint) for joint in self.inputs]
+        self._q: Array | None = None
+
+    def __len__(self) -> int:
+        return len(self.names)
+
+    @property
+    def quantities(self) -> tuple[MeasuredQuantity, ...]:
+        """Quantities of the outputs."""
+        return tuple(self.measurements.quantities[k] for k in self.outputs)
+
+    def start(self) -> Array:
+        """Return the closed configurations (poses, nq) of the robot as described: along the straight line of the
+        inputs from home, from the nearest pose where that fails.
+
+        Raises:
+            DesignError: the loops can't be closed at some readings; names the poses.
+        """
+        design = self.design
+        home = design.mechanism.q_home
+        q = np.tile(home, (len(self.readings), 1))
+        for part in np.linspace(0.0, 1.0, _STEPS + 1)[1:] if design.rank else (1.0,):
+            q[:, self._at] = (1.0 - part) * home[self._at] + part * self.readings
+            here = design.evaluate(q=q, derivatives=False)
+            q = np.where((here.gap <= closure.CLOSED)[:, None], here.q, q)
+        closed = here.gap <= closure.CLOSED
+        while not closed.all() and closed.any():
+            open_, done = np.flatnonzero(~closed), np.flatnonzero(closed)
+            scale = design.mechanism.scale[self._v]
+            apart = np.linalg.norm((self.readings[open_][:, None] - self.readings[done]) / scale, axis=2)
+            trial = q[done[apart.argmin(axis=1)]].copy()
+            trial[:, self._at] = self.readings[open_]
+            here = design.evaluate(q=trial, derivatives=False)
+            better = here.gap <= closure.CLOSED
+            if not better.any():
+                break
+            q[open_[better]], closed[open_[better]] = here.q[better], True
+        if not closed.all():
+            labels = [self.measurements.labels[i] for i in np.flatnonzero(~closed)]
+            more = f" and {len(labels) - 8} more" if len(labels) > 8 else ""
+            raise DesignError(
+                f"{self.measurements.source}: the loops of {design.mechanism.name} can't be closed at the readings of "
+                f"{', '.join(self.inputs)} in pose {', '.join(labels[:8])}{more}, from home: check the units and signs "
+                "of these columns, and the assembly mode of the robot's home"
+            )
+        return q
+
+    def predict(self, theta: Array, derivatives: bool = True) -> Prediction:
+        """Return what should be read at values (parameters,)."""
+        design = self.design
+        if self._q is None:
+            self._q = self.start()
+        count = len(design.parameters)
+        factors = np.ones(len(self.inputs))
+        gains = dict(zip(self.gains, theta[count:], strict=True))
+        for i, joint in enumerate(self.inputs):
+            factors[i] += gains.get(joint, 0.0)
+        q = self._q.copy()
+        q[:, self._at] = factors * self.readings
+        here = design.evaluate(theta[:count], q, derivatives)
+        own = self._own(here) if derivatives else None
+        values = np.zeros((len(q), len(self.outputs)))
+        jacobian = np.zeros((len(q), len(self.outputs), len(self)))
+        by_inputs = np.zeros((len(q), len(self.outputs), len(self.inputs)))
+        seen: dict[str, tuple[Array, Array]] = {}
+        for k, one in enumerate(self.quantities):
+            if one.kind == "joint":
+                j, factor = design.mechanism.v_index(one.of), 1.0 + gains.get(one.of, 0.0)
+                values[:, k] = here.q[:, design.mechanism.q_index(one.of)] / factor
+                if own is not None:
+                    jacobian[:, k, :count] = here.joint_derivative[:, j] / factor
+                    by_inputs[:, k] = own[:, j] / factor
+                    if one.of in self.gains:
+                        jacobian[:, k, count + self.gains.index(one.of)] = -values[:, k] / factor
+                continue
+            placement = here.placements(one.of)
+            values[:, k], row = _read(one, placement)
+            if own is not None:
+                if one.of not in seen:
+                    joints = here.node_joints(one.of, "world")
+                    seen[one.of] = here.pose_derivative(one.of, "world"), joints @ own
+                jacobian[:, k, :count], by_inputs[:, k] = (
+                    np.einsum("ni,nic->nc", row, twists) for twists in seen[one.of]
+                )
+        if derivatives:
+            for i, joint in enumerate(self.inputs):
+                if joint in self.gains:
+                    g = count + self.gains.index(joint)
+                    jacobian[:, :, g] += by_inputs[:, :, i] * self.readings[:, i, None]
+        return Prediction(values, jacobian, by_inputs * factors, here.q, here.gap, here.opening if derivatives else ())
+
+    def keep(self, prediction: Prediction) -> None:
+        """Begin to close loops from these configurations from now on."""
+        self._q = prediction.q
+
+    def residuals(self, prediction: Prediction) -> Array:
+        """Return expected minus measured readings (poses, outputs), m and rad; NaN where nothing was measured. Angles
+        are compared modulo revolutions."""
+        found = prediction.values - self.measured
+        for k, one in enumerate(self.quantities):
+            if one.dimension is ANGLE:
+                found[:, k] = (found[:, k] + math.pi) % (2.0 * math.pi) - math.pi
+        return found
+
+    def covariances(self, prediction: Prediction) -> Array:
+        """Return the covariances (poses, outputs, outputs) of the readings; rows and columns of what was not measured
+        are those of an independent error 1."""
+        a, missing = prediction.by_inputs, ~np.isfinite(self.measured)
+        found = np.einsum("nki,ni,nli->nkl", a, self.input_sigmas**2, a)
+        found[missing] = 0.0
+        np.swapaxes(found, 1, 2)[missing] = 0.0
+        k = np.arange(found.shape[1])
+        found[:, k, k] += np.where(missing, 1.0, self.sigmas**2)
+        return np.asarray(found)
+
+    def expected_errors(self, errors: Array) -> Array:
+        """Return the expected errors (parameters,) with those of gains appended: what an error of the joint's offset
+        does at its largest reading, m and rad."""
+        found = list(errors)
+        for joint in self.gains:
+            column = next(
+                k for k, one in enumerate(self.measurements.quantities) if one.of == joint and one.kind == "joint"
+            )
+            largest = float(np.nanmax(np.abs(self.measurements.values[:, column])))
+            is_long = self.measurements.quantities[column].dimension is LENGTH
+            found.append((3e-4 if is_long else math.radians(0.05)) / max(largest, 1e-3))
+        return np.array(found)
+
+    def _own(self, here: DesignEvaluation) -> Array:
+        """Return the motion (poses, nv, inputs) of all joints by the inputs."""
+        found = here.compensate(here.loop_joints[:, :, self._v])
+        found[:, self._v, np.arange(len(self._v))] = 1.0
+        return found
+
+
+def _read(one: MeasuredQuantity, placement: Array) -> tuple[Array, Array]:
+    """Return a quantity (poses,) of a node's pose (poses, 4, 4), and its derivative (poses, 6) by the node's twist at
+    its origin in the world's axes."""
+    rotation, origin = placement[:, :3, :3], placement[:, :3, 3]
+    row = np.zeros((len(placement), 6))
+    if one.kind in ("rx", "ry", "rz"):
+        return _angle(one, rotation, row)
+    arm = rotation @ np.array(one.point)
+    point = origin + arm
+    if one.kind == "distance":
+        apart = point - np.array(one.reference)
+        value = np.linalg.norm(apart, axis=1)
+        if not value.all():
+            raise DesignError(f"{one.name}: the point is the fixed point: its distance has no derivative")
+        direction = apart / value[:, None]
+    else:
+        direction = np.tile(one.reference if one.kind == "along" else np.eye(3)["xyz".index(one.kind)], (len(arm), 1))
+        value = np.einsum("ni,ni->n", direction, point)
+    row[:, :3], row[:, 3:] = direction, np.cross(arm, direction)
+    return value, row
+
+
+def _angle(one: MeasuredQuantity, r: Array, row: Array) -> tuple[Array, Array]:
+    """Return roll, pitch or yaw, and its derivative: w = rz' z + ry' Rz y + rx' R x."""
+    yaw = np.arctan2(r[:, 1, 0], r[:, 0, 0])
+    pitch = np.arctan2(-r[:, 2, 0], np.hypot(r[:, 2, 1], r[:, 2, 2]))
+    cos, sin = np.cos(yaw), np.sin(yaw)
+    if one.kind == "ry":
+        row[:, 3], row[:, 4] = -sin, cos
+        return pitch, row
+    if (np.abs(np.abs(pitch) - math.pi / 2.0) < _GIMBAL).any():
+        raise DesignError(
+            f"{one.name}: the pitch of {one.of} comes within 1 degree of 90, where roll and yaw can't be told apart: "
+            "measure positions of points on it instead"
+        )
+    if one.kind == "rx":
+        row[:, 3], row[:, 4] = cos / np.cos(pitch), sin / np.cos(pitch)
+        return np.arctan2(r[:, 2, 1], r[:, 2, 2]), row
+    row[:, 3], row[:, 4], row[:, 5] = cos * np.tan(pitch), sin * np.tan(pitch), 1.0
+    return yaw, row
+
+
+def _inputs(parameters: Parameters, measurements: Measurements, columns: dict[str, int]) -> tuple[str, ...]:
+    """Return the measured joints from which all others follow: actuated ones where there is a choice, and such that are
+    measured in all poses."""
+    mechanism = parameters.mechanism
+    matrices = [mechanism.system.evaluate(q)[1] for q in mechanism.samples] if mechanism.is_constrained else []
+    measured = {mechanism.v_index(joint): joint for joint in columns}
+
+    def rank(chosen: list[int]) -> int:
+        return max((closure.rank(c[:, chosen]) for c in matrices), default=0) if chosen else 0
+
+    moving = [v for v in range(mechanism.model.nv) if v not in measured]
+    if rank(moving) < len(moving):
+        owners = {mechanism.v_index(joint): joint for joint in mechanism.joints}
+        loose = [owners.get(v, f"joint {v}") for v in moving if rank([w for w in moving if w != v]) == rank(moving)]
+        known = [joint for joint in mechanism.actuated if joint in loose]
+        raise DesignError(
+            f"{measurements.source}: {', '.join(known or loose)} {'is' if len(known or loose) == 1 else 'are'} neither "
+            f"measured nor given by the loops: add columns with the readings of "
+            f"{'all actuated joints' if known else 'enough of them'}, such as {(known or loose)[0]} "
+            f"[{'mm' if mechanism.is_prismatic((known or loose)[0]) else 'deg'}]"
+        )
+    whole = max((closure.rank(c) for c in matrices), default=0)
+    complete = {joint: bool(np.isfinite(measurements.values[:, k]).all()) for joint, k in columns.items()}
+    for joint in sorted(columns, key=lambda one: (complete[one], one in mechanism.actuated)):
+        if len(moving) < whole and rank([*moving, mechanism.v_index(joint)]) > len(moving):
+            moving.append(mechanism.v_index(joint))
+    inputs = tuple(joint for joint in mechanism.joints if joint in columns and mechanism.v_index(joint) not in moving)
+    for joint in inputs:
+        if not complete[joint]:
+            pose = int(np.flatnonzero(~np.isfinite(measurements.values[:, columns[joint]]))[0])
+            raise DesignError(
+                f"{measurements.source}: {measurements.cell(pose, columns[joint])}: the reading is missing, and the "
+                "configuration does not follow without it: fill it in, or leave the line out"
+            )
+    return inputs

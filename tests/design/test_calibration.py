@@ -1,0 +1,259 @@
+"""Calibration: derivatives, identifiable combinations, estimates against the Cramer-Rao bound, outliers, mistakes."""
+
+from __future__ import annotations
+
+from functools import cache
+
+import numpy as np
+import pytest
+from calibration_data import POSE, errors_of, everything, exact, noisy
+from variants import others_slow
+
+import cinegen
+import raff2urdf
+from cinegen.design import Calibration, Design, DesignError, Measurements, Parameters, calibrate
+from cinegen.design.observation import Observation
+from cinegen.design.poses import random_poses
+from cinegen.errors import CinegenWarning
+
+IDENTIFIABLE = [("gough", 168, 51, 48), ("delta4", 114, 42, 38), ("tssm", 174, 43, 40), ("five_bar", 42, 13, 12)]
+"""Parameters, and combinations that full poses and positions determine (issue: identifiability of the design)."""
+
+
+@cache
+def measured(name: str, columns: tuple[str, ...], seed: int = 3) -> tuple[Parameters, np.ndarray, Measurements]:
+    parameters = everything(name)
+    rng = np.random.default_rng(seed)
+    errors = errors_of(parameters)
+    opening = Design(parameters).evaluate().opening
+    errors[[one in opening for one in parameters.names]] = 0.0
+    truth = parameters.values + errors * rng.normal(size=len(parameters))
+    end = parameters.mechanism.end
+    return parameters, truth, exact(parameters, [f"{end}.{c}" for c in columns], truth, seed=seed)
+
+
+def combinations(found: Calibration, truth: np.ndarray) -> np.ndarray:
+    errors = np.where(found.subspace.errors > 0.0, found.subspace.errors, 1.0)
+    return found.subspace.basis.T @ ((truth - found.nominal) / errors)
+
+
+def test_derivatives_against_differences():
+    parameters = everything("gough")
+    mechanism = parameters.mechanism
+    q = random_poses(Design(parameters), 3, 5)
+    columns = [*mechanism.actuated, "joint1", *(f"platform.{c}" for c in POSE)]
+    columns += ["platform(0 0 50mm).distance(1 0 0)", "link3(10mm 0 0).along(1 1 2)"]
+    values = np.zeros((3, len(columns)))
+    for k, joint in enumerate(columns[:7]):
+        values[:, k] = q[:, mechanism.q_index(joint)]
+    one = Measurements.of(mechanism, columns, values, [0.0] * 6 + [1e-4] * 9)
+    observation = Observation(parameters, one, ["joint3", "joint1"])
+    assert observation.inputs == mechanism.actuated
+    here = observation.predict(observation.values)
+    np.testing.assert_allclose(here.values[:, 0], values[:, 6], atol=1e-9)  # the loops lead to the passive joint
+    for k in range(0, len(observation), 7):
+        ends = []
+        for step in (1e-6, -1e-6):
+            theta = observation.values.copy()
+            theta[k] += step
+            ends.append(observation.predict(theta, derivatives=False).values)
+        np.testing.assert_allclose(here.jacobian[:, :, k], (ends[0] - ends[1]) / 2e-6, atol=1e-8)
+
+
+@pytest.mark.parametrize(("name", "count", "full", "position"), others_slow([pytest.param(*x) for x in IDENTIFIABLE]))
+def test_identifiable_combinations(name, count, full, position):
+    for columns, wanted in ((POSE, full), (POSE[:3], position)):
+        parameters, _, readings = measured(name, columns)
+        found = calibrate(parameters, readings, folds=0, robust=False)
+        assert len(found.names) == count
+        assert found.subspace.rank == wanted
+        counted = found.subspace.rank + len(found.without_effect) + len(found.opening)
+        assert counted + sum(len(one.changes) for one in found.dependencies) == count
+
+
+@pytest.mark.parametrize("name", ["gough", "delta4"])
+def test_dependencies_change_no_reading(name):
+    parameters, _, readings = measured(name, POSE)
+    found = calibrate(parameters, readings, folds=0, robust=False)
+    observation = Observation(parameters, readings)
+    for one in found.dependencies:
+        at = [found.names.index(n) for n in one.names]
+        for change in one.changes:
+            ends = []
+            for sign in (1.0, -1.0):
+                theta = observation.values.copy()
+                theta[at] += sign * 0.01 * change
+                ends.append(observation.predict(theta, derivatives=False).values)
+            assert np.abs(ends[0] - ends[1]).max() < 1e-6 * 0.01 * np.abs(change).max()
+    texts = [one.text for one in found.dependencies]
+    assert "base.gamma and base.theta: only their sum" in texts
+    legs = {"gough": "link1, link7, link10, link13, link16, link19", "delta4": "link1, link6, link12"}[name]
+    assert any(text.startswith(f"base moved, and {legs} on it moved back") for text in texts)
+
+
+def test_base_and_platform_that_move_together_are_named():
+    """A ball bar at one fixed point does not see the robot rotate about it."""
+    parameters = Parameters("delta4", ["base.*"])
+    mechanism = parameters.mechanism
+    q = random_poses(Design(parameters), 12)
+    values = np.column_stack([*(q[:, mechanism.q_index(j)] for j in mechanism.actuated), np.zeros(len(q))])
+    columns = [*mechanism.actuated, "platform.distance(0.3 0.2 0.1)"]
+    for k, one in enumerate(q):
+        values[k, -1] = np.linalg.norm(mechanism.placement(one, "platform").translation - [0.3, 0.2, 0.1])
+    found = calibrate(parameters, Measurements.of(mechanism, columns, values, [0.0] * 3 + [1e-5]), folds=0)
+    assert found.subspace.rank == 3
+    rigid = [one for one in found.dependencies if one.text.startswith("base and platform, all nodes, move together")]
+    assert rigid
+    assert np.abs(found.values - found.nominal).max() < 1e-9  # nothing is wrong with this robot
+
+
+@pytest.mark.parametrize("name", ["gough", "delta4"])
+def test_estimates_obey_the_cramer_rao_bound(name):
+    parameters, truth, readings = measured(name, POSE)
+    found = calibrate(parameters, noisy(readings, 3))
+    wanted = combinations(found, truth)
+    sigma = np.sqrt(np.diag(found.combination_covariance))
+    assert (np.abs(found.combinations - wanted) <= 3.0 * sigma).mean() >= 0.95
+    whitened = np.linalg.solve(np.linalg.cholesky(found.combination_covariance), found.combinations - wanted)
+    assert 0.4 < np.mean(whitened**2) < 1.8  # chi-square with some 45 degrees of freedom
+    assert 0.6 < found.fit < 1.4
+    for one in found.held_out:
+        assert one.noise < one.after < 2.0 * one.noise < 0.2 * one.before
+    for one, k in zip(found.names, found.separate, strict=True):
+        if k:  # the parameter itself, not only a combination
+            i = found.names.index(one)
+            assert abs(found.values[i] - truth[i]) < 4.5 * found.sigmas[i]
+
+
+@pytest.mark.parametrize("name", ["gough", "delta4"])
+def test_outliers_change_little_and_are_listed(name):
+    parameters, _, readings = measured(name, POSE)
+    good, bad = noisy(readings, 3), noisy(readings, 3, 0.05)
+    found, again = calibrate(parameters, good, folds=0), calibrate(parameters, bad, folds=0)
+    sigma = np.sqrt(np.diag(found.combination_covariance))
+    assert np.abs(again.combinations - found.combinations).max() < 1.0 * sigma.max()
+    assert (np.abs(again.combinations - found.combinations) < sigma).mean() > 0.98
+    assert {(one.pose, one.column) for one in again.outliers} == set(
+        zip(*np.nonzero(bad.values != good.values), strict=True)
+    )
+    naive = calibrate(parameters, bad, folds=0, robust=False)
+    assert (np.abs(naive.combinations - found.combinations) / sigma).max() > 10.0
+
+
+def test_offsets_gains_and_redundant_encoders():
+    """A five-bar whose encoders are wrong, measured by the encoder of a passive joint and a ball bar."""
+    plain = Parameters("five_bar")
+    mechanism = plain.mechanism
+    names = ["link2.d", "link4.d", "link1.theta", "link3.theta"]
+    parameters = Parameters("five_bar", names)
+    truth = parameters.with_changed({"link2.d": "251mm", "link4.d": "249.5mm"})
+    truth[2:] += [0.01, -0.02]
+    gains = [0.003, -0.002]
+    columns = [*mechanism.actuated, "joint2", "tool.distance(0 -0.1 0)", "tool.x"]
+    q = random_poses(Design(plain), 30, 2, 0.5)
+    values = np.zeros((30, 5))
+    for k, joint in enumerate(columns[:3]):
+        values[:, k] = q[:, mechanism.q_index(joint)]
+    sigmas = [0.0, 0.0, 1e-5, 1e-6, 1e-6]
+    blank = Measurements.of(mechanism, columns, values, sigmas)
+    observation = Observation(parameters, blank, list(mechanism.actuated))
+    values[:, 2:] = observation.predict(np.append(truth, gains), derivatives=False).values
+    readings = noisy(Measurements.of(mechanism, columns, values, sigmas), 1)
+    found = calibrate(parameters, readings, gains=mechanism.actuated)
+    assert found.subspace.basis.shape[1] == 6
+    assert (np.abs(found.values - np.append(truth, gains)) < 4.0 * found.sigmas).all()
+    assert found.sigmas.max() < 1e-4
+
+
+def test_noise_of_encoders_widens_the_covariance():
+    parameters, truth, readings = measured("delta4", POSE)
+    inputs = [k for k, one in enumerate(readings.quantities) if one.kind == "joint"]
+    sigmas = readings.sigmas.copy()
+    sigmas[:, inputs] = 2e-4
+    values = readings.values + sigmas * np.random.default_rng(5).normal(size=readings.values.shape)
+    found = calibrate(parameters, Measurements(readings.quantities, values, sigmas, readings.labels), folds=0)
+    assert 0.6 < found.fit < 1.4  # without the encoders' part, it would be beyond 10
+    sigma = np.sqrt(np.diag(found.combination_covariance))
+    assert (np.abs(found.combinations - combinations(found, truth)) <= 3.0 * sigma).mean() >= 0.95
+    exact_ones = calibrate(parameters, noisy(readings, 1), folds=0)
+    assert (sigma > np.sqrt(np.diag(exact_ones.combination_covariance))).all()
+
+
+def test_serial_arm():
+    parameters, truth, readings = measured("arm7", POSE[:3])
+    found = calibrate(parameters, noisy(readings, 4))
+    assert found.held_out[0].after < 1.7 * found.held_out[0].noise < 0.2 * found.held_out[0].before
+    assert (
+        np.abs(found.combinations - combinations(found, truth)) <= 3.5 * np.sqrt(np.diag(found.combination_covariance))
+    ).mean() > 0.95
+
+
+@pytest.mark.filterwarnings("ignore:.*graphics that can't be shown")
+def test_the_raff_file_is_the_calibrated_robot(tmp_path):
+    """Loaded anew, it is where the robot was measured."""
+    plain, parameters = Parameters("delta4"), everything("delta4")
+    rng = np.random.default_rng(0)
+    errors = np.where([bool(one.joint) for one in parameters.all], 0.0, errors_of(parameters))  # encoders are exact
+    truth = parameters.values + errors * rng.normal(size=len(errors))
+    end = parameters.mechanism.end
+    readings = noisy(exact(parameters, [f"{end}.{c}" for c in POSE], truth), 1)
+    found = calibrate(Parameters("delta4"), readings)
+    (tmp_path / "new.raff").write_text(found.raff())
+    start = Observation(plain, readings).start()
+    at = Design(Parameters(tmp_path / "new.raff")).evaluate(q=start)
+    actuated = len(plain.mechanism.actuated)
+    off = at.placements(end)[:, :3, 3] - readings.values[:, actuated : actuated + 3]
+    assert np.sqrt(np.mean(off**2)) < 7e-5
+    assert raff2urdf.loads(found.raff()).robots
+
+
+MISTAKES = [
+    ({"platform.x": 1000.0}, "platform.x: .* is far beyond the reach .* did you mean"),
+    (
+        {"platform.x": 0.001},
+        r"column platform.x: .* would fit if they were 1000 times as large: are they in m, and read as mm",
+    ),
+    ({"platform.z": -1.0}, "column platform.z: the readings differ by .* from what the robot does .* check the unit"),
+    ({"joint1": 1000.0}, "joint1: .* far beyond its limits"),
+]
+
+
+@pytest.mark.parametrize(("factors", "message"), MISTAKES)
+def test_wrong_units_are_asked_back(factors, message):
+    parameters, _, readings = measured("delta4", POSE)
+    values = readings.values.copy()
+    for k, one in enumerate(readings.quantities):
+        values[:, k] *= factors.get(one.name, 1.0)
+    bad = Measurements(readings.quantities, values, readings.sigmas, readings.labels, "m.csv")
+    with pytest.raises((DesignError, cinegen.CinegenError), match=message):
+        calibrate(parameters, Measurements.loads(bad.text("m", "rad"), parameters.mechanism, "m.csv"))
+
+
+def test_joints_that_nothing_determines_are_named():
+    mechanism = cinegen.load("five_bar")
+    one = Measurements.of(mechanism, ["joint1", "tool.x"], [[1.0, 0.1]], [0.0, 1e-4])
+    with pytest.raises(DesignError, match=r"joint3 is neither measured nor given by the loops: .* such as joint3"):
+        calibrate("five_bar", one)
+    gap = Measurements.of(mechanism, ["joint1", "joint3", "tool.x"], [[1.0, np.nan, 0.1]], [0.0, 0.0, 1e-4])
+    with pytest.raises(DesignError, match="pose 1, joint3: the reading is missing"):
+        calibrate("five_bar", gap)
+    bare = Measurements.of(mechanism, ["joint1", "joint3"], [[1.5, 1.5]], [0.0, 0.0])
+    with pytest.raises(DesignError, match="nothing is measured but the joints"):
+        calibrate("five_bar", bare)
+
+
+def test_too_few_poses_are_told():
+    parameters, _, readings = measured("delta4", POSE)
+    few = Measurements(readings.quantities, readings.values[:5], readings.sigmas[:5], readings.labels[:5])
+    with pytest.warns(CinegenWarning, match="any errors fit"):
+        found = calibrate(parameters, few, folds=0)
+    assert found.subspace.rank < 42
+
+
+def test_sigmas_that_are_too_small_are_told():
+    parameters, _, readings = measured("delta4", POSE)
+    good = noisy(readings, 2)
+    small = Measurements(good.quantities, good.values, 0.2 * good.sigmas, good.labels)
+    with pytest.warns(CinegenWarning, match="times what the sigmas of the readings allow"):
+        found = calibrate(parameters, small, folds=0)
+    assert len(found.outliers) < 10

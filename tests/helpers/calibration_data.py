@@ -1,0 +1,55 @@
+"""Synthetic measurements of robots whose parameters differ from their description."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from cinegen.design import Design, Measurements, Parameters
+from cinegen.design.observation import Observation
+from cinegen.design.poses import random_poses
+
+POSE = ("x", "y", "z", "rx", "ry", "rz")
+POSITION_NOISE, ANGLE_NOISE = 5e-5, float(np.radians(0.01))
+
+
+def everything(name: str) -> Parameters:
+    """Return all parameters of a robot, variables of its joints too."""
+    return Parameters(name, [one.name for one in Parameters(name).all])
+
+
+def errors_of(parameters: Parameters) -> np.ndarray:
+    return np.array([3e-4 if one.unit == "m" else np.radians(0.05) for one in parameters.all])
+
+
+def exact(
+    parameters: Parameters, columns: Sequence[str], truth: np.ndarray, poses: int = 40, seed: int = 0
+) -> Measurements:
+    """Return what a robot with true values (parameters,) reads, without noise: the actuated joints, then columns."""
+    mechanism = parameters.mechanism
+    q = random_poses(Design(parameters), poses + 10, seed)
+    q = q[Design(parameters).evaluate(truth, q).gap < 1e-10][:poses]
+    assert len(q) == poses
+    joints = [q[:, mechanism.q_index(joint)] for joint in mechanism.actuated]
+    headers = [*mechanism.actuated, *columns]
+    values = np.column_stack([*joints, np.zeros((poses, len(columns)))])
+    sigmas = [0.0] * len(joints) + [1e-3] * len(columns)
+    blank = Measurements.of(mechanism, headers, values, sigmas)
+    observation = Observation(parameters, blank)
+    values[:, observation.outputs] = observation.predict(truth, derivatives=False).values
+    noise = [POSITION_NOISE if one.dimension.default == "m" else ANGLE_NOISE for one in blank.quantities]
+    sigmas = [0.0] * len(joints) + noise[len(joints) :]
+    return Measurements.of(mechanism, headers, values, sigmas)
+
+
+def noisy(found: Measurements, seed: int, outliers: float = 0.0) -> Measurements:
+    """Return measurements with normal noise of their sigmas; a part of the readings is 20 to 1000 sigma off."""
+    rng, outlying = np.random.default_rng(seed), np.random.default_rng([seed, 1])
+    values = found.values + found.sigmas * rng.normal(size=found.values.shape)
+    if outliers:
+        rows, columns = np.nonzero((found.sigmas > 0.0) & np.isfinite(values))
+        chosen = outlying.choice(len(rows), round(outliers * len(rows)), replace=False)
+        sizes = 10.0 ** outlying.uniform(np.log10(20.0), 3.0, len(chosen)) * outlying.choice([-1.0, 1.0], len(chosen))
+        values[rows[chosen], columns[chosen]] += sizes * found.sigmas[rows[chosen], columns[chosen]]
+    return Measurements(found.quantities, values, found.sigmas, found.labels, found.source)
