@@ -11,7 +11,9 @@ from typing import TYPE_CHECKING
 from cinegen.cli.files import check_outputs, print_result, write_figure
 from cinegen.cli.numbers import UNITS, configuration_at, named
 from cinegen.cli.options import FILE, FORCE, JSON, NODE, PLOT, option
+from cinegen.errors import CinegenError
 from raff2urdf.command_line import UsageError
+from raff2urdf.files import stem_of
 
 if TYPE_CHECKING:
     from cinegen.design.tolerance import Forced, ToleranceReport
@@ -50,15 +52,19 @@ def run(
     """
     check_outputs(plot, force=force, json=json)
     from cinegen.design.tolerance import Tolerances
+    from cinegen.model.load import robots
 
     errors, plays, readings = amounts(sigma, "--sigma"), amounts(play, "--play"), amounts(encoder, "--encoder")
     if not (errors or plays or readings):
         raise UsageError("no tolerances: give --sigma, --play or --encoder, such as --sigma 'link*.d=0.05mm'")
+    names = robots(file) if robot is None else [robot]
+    if len(names) > 1:
+        raise CinegenError(f"{file} holds several robots: name one by --robot ({', '.join(map(str, names))})")
     tolerances = Tolerances(file, errors, plays, readings, interval, robot)
     mechanism = tolerances.design.mechanism
     found = tolerances.at(configuration_at(mechanism, at, node), node, samples, seed)
-    where = f" at {at}" if at else " at home"
-    print_result({"name": mechanism.name, **found.as_dict()}, _text(found, where), json)
+    name, where = stem_of(file) + (f".{robot}" if robot else ""), f" at {at}" if at else " at home"
+    print_result({"name": name, **found.as_dict()}, _text(found, name, where), json)
     if plot is not None:
         from cinegen.plotting.tolerance import draw_tolerance
 
@@ -76,10 +82,10 @@ def amounts(texts: Sequence[str], option: str) -> dict[str, str]:
     return {name: value for text in texts for name, value in named(text, option, example).items()}
 
 
-def _text(found: ToleranceReport, where: str) -> str:
+def _text(found: ToleranceReport, name: str, where: str) -> str:
     """Return the report, in mm and degrees."""
     lines = [
-        f"{found.name}: accuracy of {found.node}{where}: position {_number(1e3 * found.position)} mm, orientation "
+        f"{name}: accuracy of {found.node}{where}: position {_number(1e3 * found.position)} mm, orientation "
         f"{_number(math.degrees(found.orientation))} degrees (1 sigma, root of the summed variances)",
         "",
         f"  {'':<12}" + "".join(f"{name:>11}" for name in ("x mm", "y mm", "z mm", "rx deg", "ry deg", "rz deg")),
@@ -90,8 +96,8 @@ def _text(found: ToleranceReport, where: str) -> str:
         ("worst case", found.worst),
         ("  2nd order", found.second_order),
     )
-    for name, values in rows:
-        lines.append(f"  {name:<12}" + "".join(f"{_number(s * x):>11}" for s, x in zip(scales, values, strict=True)))
+    for row, values in rows:
+        lines.append(f"  {row:<12}" + "".join(f"{_number(s * x):>11}" for s, x in zip(scales, values, strict=True)))
     for orientation in (False, True):
         largest = found.contributors(orientation)
         if largest:

@@ -20,8 +20,10 @@ the elasticity of the parts, which is not known here: they are left out of S, an
 from __future__ import annotations
 
 import math
+from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -340,6 +342,15 @@ class Tolerances:
             self.sources.append(ToleranceSource(name, columns, deviation, amount, dimension))
             column += len(components)
 
+    @cached_property
+    def closing(self) -> list[ToleranceSource]:
+        """The sources that open no loop: at home and most of a few random configurations, since at a singularity there
+        are more."""
+        samples = [self.design.evaluate(q=q) for q in self.design.mechanism.samples]
+        counts = Counter(name for one in samples for name in one.opening)
+        opening = {self.design.names.index(name) for name, count in counts.items() if 2 * count > len(samples)}
+        return [one for one in self.sources if opening.isdisjoint(one.columns)]
+
     def at(
         self,
         q: ArrayLike | None = None,
@@ -366,8 +377,7 @@ class Tolerances:
         start = design.close(design.values, mechanism.q_home if q is None else mechanism.checked(q))
         here = design.evaluate(q=start)
         self._check_regular(here)
-        opening = set(here.opening)
-        closing = [one for one in self.sources if not opening & {design.names[k] for k in one.columns}]
+        closing = self.closing
         jacobian = here.pose_derivative(name, "world")[0]
         deviations, sizes = np.zeros(len(design.names)), np.repeat([1.0 / mechanism.length, 1.0], 3)
         shares, linear, idle = np.zeros((len(closing), 2)), np.zeros(6), []
@@ -396,11 +406,9 @@ class Tolerances:
         (count, nq); NaN where it is singular or open."""
         design = self.design
         here = design.evaluate(q=q, near=True)
-        opening = set(here.opening)
         deviations = np.zeros(len(design.names))
-        for one in self.sources:
-            if not opening & {design.names[k] for k in one.columns}:
-                deviations[list(one.columns)] = one.sigma
+        for one in self.closing:
+            deviations[list(one.columns)] = one.sigma
         moved = here.pose_derivative(node, "world")[:, :3] * deviations
         found = np.sqrt((moved**2).sum(axis=(1, 2)))
         return np.where((here.gap <= CLOSURE) & self._regular(here) & np.isfinite(found), found, np.nan)

@@ -230,3 +230,27 @@ def test_the_command(two_r, tmp_path, capsys):
     assert main(["tolerance", str(two_r), "--sigma", "*.q=1mm"]) == 1
     assert "matches no parameter" in capsys.readouterr().err
     assert main(["tolerance", str(two_r)]) == 2
+    capsys.readouterr()
+    assert main(["tolerance", "two_arms", "--sigma", "link*.d=1mm"]) == 1
+    assert "holds several robots: name one by --robot (" in capsys.readouterr().err
+
+
+def test_what_opens_loops_does_not_depend_on_the_other_configurations():
+    tolerances = Tolerances("five_bar", {"link*.*": "0.1mm"})
+    mechanism = tolerances.design.mechanism
+    poses = np.array(mechanism.random_closed(6, 1))
+    alone = np.concatenate([tolerances.accuracy(one[None], "tool") for one in poses])
+    np.testing.assert_allclose(tolerances.accuracy(poses, "tool"), alone, rtol=1e-12)
+    np.testing.assert_allclose(alone, [tolerances.at(q, "tool").position for q in poses], rtol=1e-9)
+
+
+def test_a_singular_configuration_has_no_bound():
+    """The outer bars of a five-bar are in line: the actuated joints do not hold the tool across them."""
+    tolerances = Tolerances("five_bar", {"link*.d": "0.1mm"})
+    mechanism = tolerances.design.mechanism
+    q = mechanism.q_home.copy()
+    q[mechanism.q_index("joint5")] = 0.0
+    q = mechanism.close(q, "joint5")
+    assert np.isnan(tolerances.accuracy(q[None], "tool")[0])
+    with pytest.raises(DesignError, match="is singular there"):
+        tolerances.at(q)
