@@ -12,9 +12,9 @@ def figure(example):
 
 
 FIGURES = {
-    "forces_delta4": partial(figure, "22_motors_of_a_delta"),
+    "forces_delta4": partial(figure, "22_actuators_of_a_delta"),
     "forces_four_bar": partial(figure, "23_bearings_of_a_press"),
-    "forces_ankle": partial(figure, "24_motors_of_an_ankle"),
+    "forces_ankle": partial(figure, "24_actuators_of_an_ankle"),
 }
 """What draws each of them."""
 

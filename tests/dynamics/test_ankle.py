@@ -1,4 +1,4 @@
-"""The parallel ankle: motor forces against the closed form of its leg lengths."""
+"""The parallel ankle: actuator forces against the closed form of its leg lengths."""
 
 from __future__ import annotations
 
@@ -55,7 +55,7 @@ def test_motor_forces_are_the_moments_by_the_transposed_inverse_of_the_jacobian(
 
 
 def test_a_payload_is_held_as_its_potential_energy_asks(robot):
-    """The forces that it adds to those of the weights of foot and motors."""
+    """The forces that it adds to those of the weights of foot and actuators."""
     ankle, pitch, roll, step = robot("ankle"), 0.2, -0.1, 1e-6
     load = cinegen.Payload("platform", 40.0)
     added = [cinegen.InverseDynamics(ankle, carried).torques(posed(ankle, pitch, roll)) for carried in ([load], [])]

@@ -1,4 +1,4 @@
-"""Choose motors for a delta robot: 10 kg go a metre aside and back; what that takes, and which motor gives it."""
+"""Choose actuators for a delta robot: 10 kg go a metre aside and back; what that takes, and which actuator gives it."""
 
 import tempfile
 from pathlib import Path
@@ -28,8 +28,8 @@ need = torques_along(cinegen.InverseDynamics(delta, [load]), timed.times, timed.
 peak, rms, fast, power = (float(np.abs(one).max()) for one in (need.peak, need.rms, need.speeds, need.peak_power))
 print(f"{timed.seconds:.2f} s: {peak:.0f} N m peak, {rms:.0f} N m RMS, {fast:.2f} rad/s, {power / 1000:.1f} kW")
 
-# %% Motors with their gears, at the output: rated and peak torque (N m), speed (rad/s).
-figure, body = sheet(6.0, 4.0, "Motors of a delta robot", "torques over speeds of all joints, and what motors reach")
+# %% Actuators with their gears, at the output: rated and peak torque (N m), speed (rad/s).
+figure, body = sheet(6.0, 4.0, "Actuators of a delta robot", "torques over speeds of all joints, and what each can do")
 (axes := body.subplots()).plot(np.abs(need.speeds), np.abs(need.torques), ".", color=INK, markersize=2)
 for name, rated, most, speed in (("S", 500, 1500, 3.5), ("M", 1500, 3200, 3.2), ("L", 2500, 5000, 1.6)):
     lacks = [what for what, is_so in (("weak", peak > most), ("hot", rms > rated), ("slow", fast > speed)) if is_so]
@@ -37,4 +37,4 @@ for name, rated, most, speed in (("S", 500, 1500, 3.5), ("M", 1500, 3200, 3.2), 
     axes.plot([0, speed, speed], [most, most, 0], color=ORANGE)
     axes.annotate(f"{name}, rated {rated} N m", (speed, most), va="bottom", ha="right")
 label(axes, "speed (rad/s)", "torque (N m)")
-figure.savefig(folder / "motors.png")
+figure.savefig(folder / "actuators.png")

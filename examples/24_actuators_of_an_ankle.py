@@ -1,4 +1,4 @@
-"""Forces of the two motors of a parallel ankle: from moments on the ground to the motors, over the whole range."""
+"""Forces of the two actuators of a parallel ankle, from moments on the ground, over its whole range."""
 
 import tempfile
 from pathlib import Path
@@ -12,7 +12,7 @@ ankle = cinegen.load("ankle")
 PITCH, ROLL = 80.0, 20.0  # N m that the foot exerts on the ground: when it pushes off, and on its edge
 pitches, rolls = np.arange(-30, 46, 5), np.arange(-20, 21, 5)  # degrees; pitch lowers the toes
 
-# Moments are mapped to motor forces by J^-T, whose columns are the forces for 1 N m about each axis.
+# Moments are mapped to actuator forces by J^-T, whose columns are the forces for 1 N m about each axis.
 largest, forces = np.full((len(rolls), len(pitches)), np.nan), {}
 for i, roll in enumerate(rolls):
     for j, pitch in enumerate(pitches):
@@ -28,12 +28,12 @@ for i, roll in enumerate(rolls):
         largest[i, j] = (np.abs(forces[pitch, roll]) @ [PITCH, ROLL]).max()
 
 print(f"{len(forces)} of {largest.size} poses are within the limits of all joints")
-print("at home 1 N m takes", " and ".join(f"{one:.2f} N" for one in forces[0, 0][0]), "of the left motor: pitch, roll")
+print("at home 1 N m takes", " and ".join(f"{one:.2f} N" for one in forces[0, 0][0]), "on the left: pitch, roll")
 i, j = np.unravel_index(np.nanargmax(largest), largest.shape)
 most, limit = np.nanmax(largest), ankle.limits["joint5"].effort
 print(f"at most {most:.0f} N, at pitch {pitches[j]} and roll {rolls[i]} degrees; at home {largest[4, 6]:.0f} N")
-print(f"the motors, with {limit:.0f} N, are {'strong enough' if most <= limit else 'too weak'}")
-figure, body = sheet(6.0, 3.6, "Motors of an ankle", f"largest force (N) at {PITCH:g} N m pitch, {ROLL:g} N m roll")
+print(f"the actuators, with {limit:.0f} N, are {'strong enough' if most <= limit else 'too weak'}")
+figure, body = sheet(6.0, 3.6, "Actuators of an ankle", f"largest force (N) at {PITCH:g} N m pitch, {ROLL:g} N m roll")
 picture = (plot := body.subplots()).pcolormesh(pitches, rolls, largest, cmap="cividis")
 figure.colorbar(picture), label(plot, "pitch (degrees)", "roll (degrees)")
 figure.savefig(Path(tempfile.mkdtemp()) / "ankle.png")
