@@ -24,6 +24,7 @@ from cinegen.cli import (
     replay,
     sensors,
     singular,
+    synthesize,
     tolerance,
 )
 from cinegen.cli.numbers import NumberLists
@@ -44,6 +45,7 @@ for _command in (
     modes,
     singular,
     forces,
+    synthesize,
     tolerance,
     map,
     compare,

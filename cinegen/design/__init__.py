@@ -17,6 +17,7 @@ from cinegen.design.design import Design, DesignEvaluation
 from cinegen.design.errors import DesignError
 from cinegen.design.measurements import Measurements
 from cinegen.design.parameters import Parameter, Parameters
+from cinegen.design.synthesis import Synthesis, Task, load_task, synthesize
 from cinegen.design.tolerance import ToleranceReport, Tolerances, tolerance
 from cinegen.design.torques import holding_torques
 
@@ -28,9 +29,13 @@ __all__ = [
     "Measurements",
     "Parameter",
     "Parameters",
+    "Synthesis",
+    "Task",
     "ToleranceReport",
     "Tolerances",
     "calibrate",
     "holding_torques",
+    "load_task",
+    "synthesize",
     "tolerance",
 ]

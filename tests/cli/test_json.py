@@ -126,6 +126,17 @@ def test_tolerance(root, printed):
     check(root, printed("tolerance", "five_bar.raff", *sigma, "--samples", "100"), "tolerance")
 
 
+def test_synthesize(root, printed, tmp_path):
+    task = tmp_path / "task.toml"
+    text = 'starts = 1\nties = ["link2.d = link4.d"]\n[parameters]\n"link2.d" = "200..400mm"\n'
+    text += '[reach]\nx = "-50..50mm"\ny = "350..400mm"\n[[objective]]\nminimise = "condition"\n'
+    task.write_text(text, encoding="utf-8")
+    out = str(tmp_path / "best.raff")
+    check(root, printed("synthesize", "five_bar.raff", "--task", str(task), "-o", out), "synthesize")
+    assert (tmp_path / "best.raff").is_file()
+    assert not list(tmp_path.glob("*.json"))
+
+
 def test_singular_of_a_recording(root, robot, printed, tmp_path):
     mechanism = robot("tssm")
     pose = {"x": 0.0, "y": 0.0, "z": 0.02, "rx": 0.0, "ry": 0.0}

@@ -13,7 +13,7 @@ from cinegen.jit.compiled import Array, compiled, entry
 from cinegen.jit.factor import factor, shortest_solution
 from cinegen.jit.se3 import combine, compose, cross, dot
 from cinegen.jit.vectors import add_multiple, copy, inner
-from cinegen.loops._kernels.closure import factor_loops, loop_correction, write_null_space
+from cinegen.loops._kernels.closure import factor_loops, find_null_space, from_motions, loop_correction
 from cinegen.loops._kernels.kinematics import FREE_FLYER, SPHERICAL, evaluate
 from cinegen.loops._kernels.memory import cluster_at
 from cinegen.loops._kernels.residual import BALL, PRISMATIC, REVOLUTE, evaluate_loops
@@ -176,7 +176,19 @@ def _find_multipliers(memory: DynamicsMemory, i: int) -> bool:
 def _factor_actuated(memory: DynamicsMemory) -> bool:
     """Compute the null space of the loops, and factor the motions of the actuated joints in it; return whether these
     clearly determine the motion."""
-    write_null_space(memory, memory.null_space)
+    at = 0
+    if memory.rows > 0:
+        find_null_space(memory)
+        for c in range(memory.clusters):
+            cluster = cluster_at(memory.cluster_handles[c])
+            unit = memory.correction[: cluster.mobility]
+            for i in range(cluster.mobility):
+                unit[:] = 0.0
+                unit[i] = 1.0
+                from_motions(cluster, unit, memory.null_space[at + i])
+            at += cluster.mobility
+    for i in range(memory.idle):
+        memory.null_space[at + i, memory.idle_dof[i]] = 1.0
     if memory.actuated < memory.mobility:
         return False
     for i in range(memory.mobility):

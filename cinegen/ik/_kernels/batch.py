@@ -11,10 +11,10 @@ from cinegen.jit.se3 import compose, cross, dot
 from cinegen.jit.smallest import smallest_singular_value
 from cinegen.jit.svd import COLD_SWEEPS, orthogonalise
 from cinegen.jit.vectors import add_multiple, copy, inner, swap
-from cinegen.loops._kernels.closure import factor_loops, write_null_space
+from cinegen.loops._kernels.closure import factor_loops, find_null_space, from_motions
 from cinegen.loops._kernels.follow import go_on, set_out
 from cinegen.loops._kernels.kinematics import evaluate
-from cinegen.loops._kernels.memory import NOWHERE
+from cinegen.loops._kernels.memory import NOWHERE, cluster_at
 from cinegen.loops._kernels.residual import evaluate_loops
 from cinegen.loops._kernels.screws import find_screws
 
@@ -111,7 +111,18 @@ def _find_null_space(memory: BatchMemory) -> bool:
         find_screws(memory)
     right = _count_balls(memory)
     factor_loops(memory, False)
-    write_null_space(memory, memory.null_space)
+    find_null_space(memory)
+    at = 0
+    for c in range(memory.clusters):
+        cluster = cluster_at(memory.cluster_handles[c])
+        unit = memory.correction[: cluster.mobility]
+        for i in range(cluster.mobility):
+            unit[:] = 0.0
+            unit[i] = 1.0
+            from_motions(cluster, unit, memory.null_space[at + i])
+        at += cluster.mobility
+    for i in range(memory.idle):
+        memory.null_space[at + i, memory.idle_dof[i]] = 1.0
     for a in range(memory.actuated):
         memory.locked[memory.actuated_dof[a]] = 1.0
     return right

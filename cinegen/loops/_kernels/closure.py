@@ -319,24 +319,6 @@ def from_motions(cluster: ClusterMemory, y: Array, x: Array) -> None:
 
 
 @compiled
-def write_null_space(memory: LoopMemory, basis: Array) -> None:
-    """Compute the null space of all loops from their factors, and write its basis (mobility, n), cluster by cluster,
-    then the joints in no cluster. Numbers of joints in other clusters are not written: they must be 0."""
-    find_null_space(memory)
-    at = 0
-    for c in range(memory.clusters):
-        cluster = cluster_at(memory.cluster_handles[c])
-        unit = memory.correction[: cluster.mobility]
-        for i in range(cluster.mobility):
-            unit[:] = 0.0
-            unit[i] = 1.0
-            from_motions(cluster, unit, basis[at + i])
-        at += cluster.mobility
-    for i in range(memory.idle):
-        basis[at + i, memory.idle_dof[i]] = 1.0
-
-
-@compiled
 def loop_correction(memory: LoopMemory, is_damped: bool, out: Array) -> None:
     """Write the shortest step (n,) that removes the residual: Newton's, or Levenberg's and Marquardt's if damped."""
     for i in range(memory.idle):

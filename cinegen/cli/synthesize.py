@@ -1,0 +1,43 @@
+"""`cinegen synthesize`: the dimensions with which a robot does a task best."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import typer
+
+from cinegen.cli.files import check_outputs, print_result, write
+from cinegen.cli.options import FILE, FORCE, JSON, option
+from cinegen.cli.progress import Progress
+from raff2urdf.files import output_path, stem_of
+
+
+def run(
+    file: Path = FILE,
+    task: Path = typer.Option(..., "--task", metavar="TASK.toml", help="parameters, points to reach, objectives"),
+    output: str | None = option(
+        "FILE", "the robot with its new dimensions (ROBOT-synthesized.raff)", None, "-o", "--output"
+    ),
+    state: Path | None = option("FILE", "finished starts, to continue from (ROBOT-synthesis.json, removed at the end)"),
+    robot: str | None = option("NAME", "the robot of this name"),
+    force: bool = FORCE,
+    json: bool = JSON,
+) -> int:
+    """Find the dimensions with which a robot does a task best.
+
+    Optimises parameters of the description by exact derivatives, from several starts, and writes the best robot as
+    RAFF. The result is checked at points that the optimiser did not see. After an interruption the same command
+    continues.
+    """
+    name = stem_of(file)
+    raff = output_path(output, f"{name}-synthesized.raff")
+    check_outputs(raff, force=force, json=json, remakeable=False)
+    from cinegen.design.synthesis import synthesize
+
+    kept = state or raff.with_name(f"{name}-synthesis.json")
+    with Progress() as progress:
+        found = synthesize(file, task, robot, kept, progress.steps)
+    write(raff, found.raff)
+    kept.unlink(missing_ok=True)
+    print_result({**found.as_dict(), "file": str(raff)}, f"{found.text}\nrobot: {raff}", json)
+    return 0 if found.holds else 1
