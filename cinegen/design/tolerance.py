@@ -50,6 +50,7 @@ INTERVAL = 3.0
 _CHUNK = 20_000  # samples that are evaluated at once
 _STEP = 0.5  # of a central difference, in half-widths
 _SMALL = 1e-3  # components of the deviation below this fraction of the largest are not compared
+_ROUNDING = 1e-12  # of the characteristic length, and rad: a smaller deviation is none
 _SINGULAR = 1e-6  # of the largest singular value of the loops
 _ACROSS = {LoopKind.REVOLUTE: 2, LoopKind.PRISMATIC: 2, LoopKind.BALL: 3, LoopKind.RIGID: 0}
 
@@ -389,7 +390,8 @@ class Tolerances:
             if np.abs(columns * sizes[:, None]).max() * one.half_width < 1e-15:
                 idle.append(one.name)
         total = shares.sum(axis=0)
-        shares = np.divide(shares, total, out=np.zeros_like(shares), where=total > 0.0)
+        moves = total > (_ROUNDING * np.array([mechanism.length, 1.0])) ** 2
+        shares = np.divide(shares, total, out=np.zeros_like(shares), where=moves)
         covariance = (jacobian * deviations**2) @ jacobian.T
         second = self._second_order(here, name, closing)
         report = ToleranceReport(

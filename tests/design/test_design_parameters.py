@@ -178,3 +178,25 @@ def test_designs_go_to_other_processes():
     assert design.names == ("link1.d", "link2.d", "link3.d", "link5.d", "joint2.x")
     tolerances = pickle.loads(pickle.dumps(Tolerances("five_bar", {"link2.d": 1e-4})))
     assert tolerances.at().position == tolerance("five_bar", {"link2.d": 1e-4}).position
+
+
+def test_a_healed_mechanism_is_evaluated_as_it_was_healed(tmp_path):
+    """Bars of 0.01 degrees out of their plane are rounding, which loading heals; so it is done at other values."""
+    text = (
+        (ROBOTS / "five_bar.raff")
+        .read_text()
+        .replace("theta -85.310313 d 250.0", "theta -85.310313 d 250.0 alpha 0.01")
+    )
+    (tmp_path / "bent.raff").write_text(text)
+    with pytest.warns(CinegenWarning, match="healed"):
+        parameters = Parameters(tmp_path / "bent.raff", "link2.d")
+    design, mechanism = Design(parameters), parameters.mechanism
+    here = design.evaluate(q=mechanism.random_closed(1)[0])
+    assert here.gap[0] < 1e-12
+    for node in mechanism.nodes:
+        placed = mechanism.placement(here.q[0], node).homogeneous
+        np.testing.assert_allclose(here.placements(node)[0], placed, atol=1e-12)
+    assert design.evaluate(parameters.values + 1e-3).gap[0] < 1e-12
+    with pytest.warns(CinegenWarning, match="healed"):
+        assert parameters.mechanism_with(parameters.values + 1e-3).mobility == 2
+    assert Tolerances(parameters, {"link2.d": 1e-4}).at(samples=100).monte_carlo.failed == 0

@@ -254,3 +254,10 @@ def test_a_singular_configuration_has_no_bound():
     assert np.isnan(tolerances.accuracy(q[None], "tool")[0])
     with pytest.raises(DesignError, match="is singular there"):
         tolerances.at(q)
+
+
+def test_what_only_rounding_moves_has_no_contributors():
+    found = tolerance("delta4", {"link2.d": 1e-4, "link7.d": 1e-4})
+    assert found.orientation < 1e-12
+    assert not found.contributors(orientation=True)
+    assert len(found.contributors()) == 2
