@@ -31,7 +31,7 @@ print(f"{timed.seconds:.2f} s: {peak:.0f} N m peak, {rms:.0f} N m RMS, {fast:.2f
 # %% Actuators with their gears, at the output: rated and peak torque (N m), speed (rad/s).
 figure, body = sheet(6.0, 4.0, "Actuators of a delta robot", "torques over speeds of all joints, and what each can do")
 (axes := body.subplots()).plot(np.abs(need.speeds), np.abs(need.torques), ".", color=INK, markersize=2)
-for name, rated, most, speed in (("S", 500, 1500, 3.5), ("M", 1500, 3200, 3.2), ("L", 2500, 5000, 1.6)):
+for name, rated, most, speed in (("S", 500, 1500, 3.5), ("M", 1500, 3200, 2.5), ("L", 2500, 5000, 1.6)):
     lacks = [what for what, is_so in (("weak", peak > most), ("hot", rms > rated), ("slow", fast > speed)) if is_so]
     print(f"{name} {most:5} N m: {'too ' + ' and '.join(lacks) if lacks else 'suits'}")
     axes.plot([0, speed, speed], [most, most, 0], color=ORANGE)

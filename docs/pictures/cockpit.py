@@ -64,8 +64,23 @@ def two_robots(tab):
     drag(tab, "gough", "platform", -35, 5)
 
 
+def forces(tab):
+    """An ankle with 80 kg on its foot: forces as parts of the actuators' limits, and reactions."""
+    tab.evaluate("document.getElementById('section-singularity').open = false")
+    tab.evaluate("cockpit.send({ type: 'move_joint', robot: 'ankle', joint: 'joint5', value: 0.305 })")
+    tab.wait_for_timeout(1000)
+    tab.evaluate("cockpit.send({ type: 'end_joint_motion' })")
+    tab.fill("[data-payload='ankle'] input[type=number]", "80")
+    tab.press("[data-payload='ankle'] input[type=number]", "Enter")
+    tab.check("#reactions")
+    tab.click("#section-forces .fold summary")
+    tab.evaluate("cockpit.frame()")
+    tab.wait_for_timeout(4000)
+
+
 SHOTS = {
     "cockpit": (out_of_reach, ["delta4"], [], "circle"),
+    "cockpit_forces": (forces, ["ankle"], [], None),
     "cockpit_two_robots": (two_robots, ["gough", "arm7"], ["arm7=gough.platform"], None),
 }
 """What is done, with which robots, their base poses, and the path that they follow before."""
