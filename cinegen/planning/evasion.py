@@ -20,7 +20,8 @@ from cinegen.planning.obstacle_motion import ObstacleMotion
 
 Array = NDArray[np.float64]
 
-_EFFORT = 30_000  # 1/s: instants of the period of a tick that a search may measure; an instant takes about 15 us
+_EFFORT = 20_000  # 1/s: instants of the period of a tick that a search may measure; an instant takes 15 to 30 us
+_FOLLOWED = 1e-4  # rad/s and m/s by which joints may miss the velocity of a manoeuvre that was tested
 _ENOUGH = 60  # manoeuvres that are tried before a collision is reported
 _DURATIONS = 0.45, 0.7, 1.0  # of accelerating, as fractions of the time to the contact
 _LEAST_DURATION = 0.1  # s
@@ -89,6 +90,7 @@ class Evasion:
         self._is_pushed = False
         self._search: Iterator[tuple[Array, float]] | None = None
         self._tried = 0  # manoeuvres since the last one that avoids contact
+        self._next = np.zeros(0)  # velocity (joints,) that the manoeuvre has after the tick
         self._seen: list[Array] = []  # velocities of obstacles for which the search was begun
         self._known: tuple[int, Array, list[Array]] | None = None  # tick, configuration and obstacles: that is clear
 
@@ -136,7 +138,8 @@ class Evasion:
         if self.manoeuvre is None and exhausted and meeting.least <= 0.0:
             place = meeting.place
             self.threat = Threat(place.names, place.points, self.clearance.least(q), False, True)
-        return joints.next_velocity(v, self.manoeuvre or joints.braking)
+        self._next = joints.next_velocity(v, self.manoeuvre or joints.braking)
+        return self._next
 
     def stays_clear(self, q: Array, v: Array) -> bool:
         """Return whether a mechanism that brakes from q (nq,) and a velocity (nv,) at the next tick is not hit by
@@ -176,12 +179,13 @@ class Evasion:
 
     def _keep(self, q: Array, v: Array, dt: float) -> Meeting | None:
         """Return the meeting during what remains of the manoeuvre; None, and forget it, if it no longer avoids
-        contact."""
+        contact. What is at rest is tested again only where joints did not follow it."""
         if self.manoeuvre is None:
             return None
         self.manoeuvre = self.manoeuvre.after(dt)
         kept = self._encounters.meet(q, v, self.manoeuvre)
-        if kept.least > 0.0 and self._encounters.is_clear_of_rest(q, v, self.manoeuvre):
+        is_followed = float(np.abs(v[self.joints.columns] - self._next).max(initial=0.0)) <= _FOLLOWED
+        if kept.least > 0.0 and (is_followed or self._encounters.is_clear_of_rest(q, v, self.manoeuvre)):
             return kept
         self.manoeuvre, self._search, self._tried = None, None, 0
         return None
