@@ -42,6 +42,7 @@ class BrakingBarrier(ClearanceBarrier):
         v: (nv,) velocity of the last tick, rad/s and m/s.
         basis: (k, nv) motions that the loops allow; None without loops.
         is_released: whether there are no bounds: it evades an obstacle, or comes to a stop wherever it does.
+        is_met: whether the last step that was tested is refused because an obstacle that moves would hit.
     """
 
     def __init__(self, clearance: Clearance, safety: float, acceleration: Array, evasion: Evasion) -> None:
@@ -49,7 +50,7 @@ class BrakingBarrier(ClearanceBarrier):
         self.acceleration, self._evasion = acceleration, evasion
         self.v = np.zeros(clearance.mechanism.model.nv)
         self.basis: Array | None = None
-        self.is_released = False
+        self.is_released = self.is_met = False
         self._distances = np.zeros(0)
         self._clusters = [one.columns for one in clusters(clearance.mechanism.system)]
         self._is_tied = np.zeros(len(self.v), dtype=bool)
@@ -159,6 +160,7 @@ class BrakingBarrier(ClearanceBarrier):
     def clear(self, state: State, q: Array) -> float:
         """Return 1 if the motion from the state to q (nq,) is clear, and so is a braking motion after it; else a
         smaller fraction."""
+        self.is_met = False
         if self.is_released:
             return 1.0
         v = self.clearance.mechanism.difference(state.q, q) / state.dt
@@ -166,7 +168,10 @@ class BrakingBarrier(ClearanceBarrier):
             path = [state.q, q, *self._stop(q, v, state.dt)]
         except ClosureError:  # where it would stop is not known
             return _REFUSED
-        return 1.0 if self._is_clear(path) and self._evasion.stays_clear(q, v) else _REFUSED
+        if not self._is_clear(path):
+            return _REFUSED
+        self.is_met = not self._evasion.stays_clear(q, v)
+        return _REFUSED if self.is_met else 1.0
 
     def _is_clear(self, path: list[Array]) -> bool:
         """Return whether a path on which no joint reverses keeps the safety distance everywhere; pairs that are nearer

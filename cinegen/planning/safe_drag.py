@@ -216,14 +216,15 @@ class AvoidingSolver(Solver):
 
     def _clear(self) -> float:
         """Return the fraction of the step to the trial configuration that barriers allow; where accelerations are
-        limited, a step that is refused a few times is replaced by braking, which is always allowed."""
+        limited, a step that is refused a few times is replaced by braking, which is always allowed; at once, where an
+        obstacle that moves would hit: predictions take time."""
         clear, memory = super()._clear(), self._memory
         if self._braking is None:
             return clear
         last = TRIES + (SECONDARY_TRIES if memory.has_secondary else 0) - 1
         if memory.tries >= last:
             return 1.0
-        if clear < 1.0 and memory.tries >= _REFUSALS:
+        if clear < 1.0 and (self._braking.is_met or memory.tries >= _REFUSALS):
             memory.tries = last - 1
         return clear
 
