@@ -200,3 +200,21 @@ def test_a_healed_mechanism_is_evaluated_as_it_was_healed(tmp_path):
     with pytest.warns(CinegenWarning, match="healed"):
         assert parameters.mechanism_with(parameters.values + 1e-3).mobility == 2
     assert Tolerances(parameters, {"link2.d": 1e-4}).at(samples=100).monte_carlo.failed == 0
+
+
+def test_other_joints_may_be_fixed():
+    """The elbows of a five-bar are fixed, and its actuated joints move."""
+    parameters = Parameters("five_bar", "link*.d")
+    design, mechanism = Design(parameters, fixed=("joint2", "joint4")), parameters.mechanism
+    here = design.evaluate()
+    for k in range(len(parameters)):
+        poses = []
+        for step in (1e-5, -1e-5):
+            p = parameters.values + step * np.eye(len(parameters))[k]
+            changed = parameters.mechanism_with(p)
+            q = changed.close(mechanism.q_home, design.fixed)
+            np.testing.assert_allclose(design.close(p), q, atol=1e-10)
+            assert q[mechanism.q_index("joint2")] == mechanism.q_home[mechanism.q_index("joint2")]
+            poses.append(changed.placement(q, "tool").translation)
+        numeric = (poses[0] - poses[1]) / 2e-5
+        np.testing.assert_allclose(here.pose_derivative("tool", "world")[0, :3, k], numeric, atol=1e-8)
