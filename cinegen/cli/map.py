@@ -39,14 +39,23 @@ _WIDTH = 100  # columns of text
 _ROUNDING = 1e-9  # relative error of a sum over cells
 QUANTITIES = (
     "solutions", "sigma_1", "sigma_2", "condition", "manipulability", "margin", "velocity", "force", "torque",
-    "payload", "reaction_force", "reaction_moment", "stiffness", "rotational_stiffness", "frequency", "accuracy",
-    "solid_angle", "clearance",
+    "payload", "payload_any", "reaction_force", "reaction_moment", "stiffness", "rotational_stiffness", "frequency",
+    "accuracy", "solid_angle", "clearance",
 )  # fmt: skip
 """Names in `cinegen.workspace.quantities`, whose import takes longer than help may."""
 
 _SLOW = ("solutions", "solid_angle")
 _REACTIONS = ("reaction_force", "reaction_moment")
-_LOADED = ("torque", "payload", *_REACTIONS, "stiffness", "rotational_stiffness", "frequency", "accuracy")
+_LOADED = (
+    "torque",
+    "payload",
+    "payload_any",
+    *_REACTIONS,
+    "stiffness",
+    "rotational_stiffness",
+    "frequency",
+    "accuracy",
+)
 """Quantities that take more than a robot."""
 
 

@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 
 Array = NDArray[np.float64]
 
-LIMITED = frozenset({"torque", "payload"})
+LIMITED = frozenset({"torque", "payload", "payload_any"})
 """Quantities that take limits of torque, and masses."""
 
 REACTIONS = ("reaction_force", "reaction_moment")
@@ -59,6 +59,30 @@ def payload(cells: Cells) -> Array:
         by_mass = loaded - weight
         masses = np.where(by_mass != 0.0, (1.0 - np.sign(by_mass) * weight) / np.abs(by_mass), np.inf).min(axis=1)
         return np.where(np.abs(weight).max(axis=1) <= 1.0, np.minimum(masses, _HEAVIEST), np.nan)
+
+
+def payload_any(cells: Cells) -> Array:
+    """Return (n,) the largest mass at the node's origin, kg, that torques within their limits hold at rest in whatever
+    direction gravity acts: at most 1e9. NaN where they do not hold the mechanism itself in all directions.
+
+    With torques w of weight and p of 1 kg by gravity along x, y and z, and c of wrenches, all relative to the limits, a
+    joint holds m if |w + m p| <= 1 - |c|: the largest of d . (w + m p) + c over all directions d.
+    """
+    spec = cells.spec
+    pushed = np.abs(_used(cells, _in_gravity(spec, None, 0.0)))
+    weight, by_mass = np.zeros((2, 3, *pushed.shape))
+    for axis in range(3):
+        first, second = (_used(cells, _in_gravity(spec, axis, mass)) for mass in (0.0, 1.0))
+        with np.errstate(invalid="ignore"):
+            weight[axis], by_mass[axis] = first, second - first
+    with np.errstate(divide="ignore", invalid="ignore"):
+        along, own, room = (weight * by_mass).sum(axis=0), (weight**2).sum(axis=0), 1.0 - pushed
+        square = (by_mass**2).sum(axis=0)
+        masses = np.where(
+            square > 0.0, (np.sqrt(along**2 + square * (room**2 - own)) - along) / square, np.inf
+        ).min(axis=1)  # fmt: skip
+        is_held = (room >= 0.0) & (own <= room**2)
+        return np.where(is_held.all(axis=1), np.minimum(masses, _HEAVIEST), np.nan)
 
 
 def _used(cells: Cells, dynamics: InverseDynamics) -> Array:
@@ -220,6 +244,15 @@ def _with_a_kilogram(spec: MapSpecification) -> InverseDynamics:
     return InverseDynamics(spec.mechanism, [*_carried(spec), *_pushed(spec), Payload(spec.node, 1.0)], spec.gravity)
 
 
+@lru_cache(maxsize=14)
+def _in_gravity(spec: MapSpecification, axis: int | None, more: float) -> InverseDynamics:
+    """Return the dynamics with gravity along an axis and more mass (kg) at the node, or that of wrenches alone."""
+    if axis is None:
+        return InverseDynamics(spec.mechanism, _pushed(spec), (0.0, 0.0, 0.0))
+    gravity = np.linalg.norm(spec.gravity) * np.eye(3)[axis]
+    return InverseDynamics(spec.mechanism, [*_carried(spec), Payload(spec.node, more)], gravity)
+
+
 @lru_cache(maxsize=2)
 def _unloaded(spec: MapSpecification) -> InverseDynamics:
     """Return the dynamics without gravity and wrenches."""
@@ -269,7 +302,7 @@ def check_loads(spec: MapSpecification, wanted: Collection[str]) -> None:
     if LIMITED & set(wanted) and not np.isfinite(_limits_of(spec)).any():
         raise CinegenError(
             f"{mechanism.name}: no actuated joint has a limit of torque or force: give them in the file ('effort'), or "
-            "leave torque and payload out"
+            "leave torque and payloads out"
         )
     if ELASTIC & set(wanted):
         _check_springs(spec)

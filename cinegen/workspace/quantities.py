@@ -166,6 +166,8 @@ QUANTITIES = {
     "torque": Quantity("1", "largest torque or force of an actuated joint at rest under gravity, relative to its limit",
                        loads.torque),
     "payload": Quantity("kg", "largest mass at the node's origin that the actuated joints hold at rest", loads.payload),
+    "payload_any": Quantity("kg", "largest mass at the node's origin that the actuated joints hold at rest in whatever "
+                            "direction gravity acts", loads.payload_any),
     "reaction_force": Quantity("N", "force in the joint at rest under gravity", loads.reaction_force),
     "reaction_moment": Quantity("N m", "moment in the joint at rest under gravity", loads.reaction_moment),
     "stiffness": Quantity("N m-1", "smallest force on the node by its displacement, in any direction",

@@ -132,6 +132,21 @@ def test_a_platform_is_as_stiff_as_the_lines_of_its_legs(robot):
             assert values[name] == pytest.approx(1.0 / np.linalg.eigvalsh(compliance[part, part])[-1], rel=1e-9)
 
 
+@pytest.mark.parametrize("push", [0.0, 20.0])
+def test_the_payload_in_any_direction_of_gravity_is_that_of_the_worst(arm, push):
+    """Against the payloads in many directions, of which none is less, and the worst hardly more."""
+    region = over(("x", 0.3, 0.7, 2), ("z", -0.3, 0.4, 2))
+    given = {"tip": (push, 0.0, -0.5 * push, 0.0, 0.0, 0.0)} if push else {}
+    angles = np.linspace(0.0, 2.0 * math.pi, 2001)
+    down = G * np.array([np.sin(angles), np.cos(angles)])  # along y the axes bear it
+    for q, values in cells(MapSpecification(arm, region, ("payload_any",), "tip", wrenches=given)):
+        first = UPPER * np.array([[-math.sin(q[0]), 0.0], [math.cos(q[0]), 0.0]])
+        weight = (MASSES[0] * first + MASSES[1] * lever(q)).T @ down + (lever(q).T @ [push, -0.5 * push])[:, None]
+        by_mass = lever(q).T @ down
+        most = np.min((30.0 - np.sign(by_mass) * weight) / np.abs(by_mass))  # both limits are 30 N m
+        assert most * (1.0 - 1e-4) <= values["payload_any"] <= most * (1.0 + 1e-9)
+
+
 LIFT = """
 robot lift {
   base { }
