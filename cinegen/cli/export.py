@@ -11,7 +11,7 @@ import typer
 from cinegen.cli.files import check_outputs
 from cinegen.cli.numbers import quantity_option
 from cinegen.cli.options import FORCE, exclude, flag, option
-from cinegen.cli.payloads import GRAVITY, PAYLOADS, carried, gravity_of
+from cinegen.cli.payloads import DOWN, GRAVITY, PAYLOADS, carried, gravity_of
 from raff2urdf.command_line import UsageError
 from raff2urdf.files import output_path, stem_of
 from raff2urdf.quantities import FREQUENCY, NUMBER
@@ -56,11 +56,10 @@ def run(
     from cinegen.planning.torque_limits import TorqueLimits
 
     exclude(fastest=fastest, speed=speed != 1.0)
-    if payload and not torques:
-        raise UsageError("--payload has no effect without --torques: add that")
-
-    if cross_singularities and not torques:
-        raise UsageError("--cross-singularities has no effect without --torques: add that")
+    given = {"--payload": payload, "--cross-singularities": cross_singularities, "--gravity": gravity != DOWN}
+    for name, is_given in given.items():
+        if is_given and not torques:
+            raise UsageError(f"{name} has no effect without --torques: add that")
     acceleration_of_gravity = gravity_of(gravity)
 
     def limits(mechanism: Mechanism) -> TorqueLimits:

@@ -19,7 +19,8 @@ WRENCHES = option(
     "NODE=F", "force, or force and moment, on a node in the world's axes: tool=0,0,-10 or tool=0,0,-10,0,0,2 (N, Nm)",
     (), "--wrench",
 )  # fmt: skip
-GRAVITY = option("X,Y,Z", "acceleration in the world (m/s2; 0,0,0 for none)", "0,0,-9.81", "--gravity")
+DOWN = "0,0,-9.81"
+GRAVITY = option("X,Y,Z", "acceleration in the world (m/s2; 0,0,0 for none)", DOWN, "--gravity")
 
 
 def carried(mechanism: Mechanism, texts: Sequence[str], node: str | None = None) -> list[Payload]:
