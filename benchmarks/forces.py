@@ -8,6 +8,7 @@ CPU time in microseconds, the least of several rounds, and its ratio to what Pin
     torques   InverseDynamics.torques at rest
     moving    the same with velocities and accelerations of the actuated joints, completed
     many      InverseDynamics.torques_of, for each of 5000 configurations
+    loads     InverseDynamics.set_loads, with another payload
     forces    cinegen.forces with an InverseDynamics that is kept: reactions, and what is determined
 """
 
@@ -42,7 +43,7 @@ def least(call: Callable[[], object], count: int) -> float:
 def main() -> None:
     names = sys.argv[1:] or ["arm7", "five_bar", "delta4", "gough", "tssm", "sr400"]
     headings = (("joints", 7), ("rnea", 8), ("torques", 9), ("ratio", 7), ("moving", 8), ("many", 7), ("a second", 10))
-    print(f"{'us':<12}" + "".join(f"{name:>{width}}" for name, width in (*headings, ("forces", 8))))
+    print(f"{'us':<12}" + "".join(f"{name:>{width}}" for name, width in (*headings, ("loads", 7), ("forces", 8))))
     for name in names:
         measure(name, cinegen.load(ROBOTS / f"{name}.raff"))
 
@@ -57,10 +58,11 @@ def measure(name: str, mechanism: cinegen.Mechanism) -> None:
     torques = least(lambda: dynamics.torques(q), 2000)
     moving = least(lambda: dynamics.torques(q, rates, rates), 1000)
     each = least(lambda: dynamics.torques_of(many), 1) / MANY
+    loads = least(lambda: dynamics.set_loads([payload]), 100)
     whole = least(lambda: forces_at(dynamics, q), 20)
     print(
         f"{name:<12}{model.njoints - 1:>7}{rnea:>8.1f}{torques:>9.1f}{torques / rnea:>7.1f}{moving:>8.1f}{each:>7.2f}"
-        f"{1e6 / each:>10.0f}{whole:>8.0f}"
+        f"{1e6 / each:>10.0f}{loads:>7.0f}{whole:>8.0f}"
     )
 
 
