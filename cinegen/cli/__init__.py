@@ -8,6 +8,7 @@ from collections.abc import Sequence
 from contextvars import copy_context
 
 from cinegen.cli import (
+    calibrate,
     close,
     compare,
     compile,
@@ -47,6 +48,7 @@ for _command in (
     forces,
     synthesize,
     tolerance,
+    calibrate,
     map,
     compare,
     plan,

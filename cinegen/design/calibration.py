@@ -196,6 +196,7 @@ class Calibration:
                 )
                 if name not in self.without_effect and name not in self.opening
             ],
+            "names": list(self.names),
             "covariance": self.covariance.tolist(),
             "identifiable": self.subspace.rank,
             "estimated": self.subspace.basis.shape[1],
@@ -251,7 +252,7 @@ def calibrate(
         DesignError: measurements that don't fit the robot, are in another unit or frame, or determine nothing.
         raff2urdf.RaffError: a file is wrong.
     """
-    whole = source if isinstance(source, Parameters) else Parameters(source, ties=ties, robot=robot)
+    whole = source if isinstance(source, Parameters) else Parameters(source, robot=robot)
     read = measurements if isinstance(measurements, Measurements) else Measurements.load(measurements, whole.mechanism)
     parameters = whole if isinstance(source, Parameters) else _with_offsets(whole, names, ties, read)
     observation = Observation(parameters, read, gains)

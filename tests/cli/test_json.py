@@ -126,6 +126,20 @@ def test_tolerance(root, printed):
     check(root, printed("tolerance", "five_bar.raff", *sigma, "--samples", "100"), "tolerance")
 
 
+def test_calibrate(root, printed, tmp_path):
+    lines = ["pose,joint1 [deg],joint2 [deg],joint3 [deg],tool.x [mm],tool.y [mm]", "sigma,,,,1,1"]
+    for i, (a, b, c) in enumerate(np.random.default_rng(0).uniform(-90.0, 90.0, (12, 3))):
+        arms = zip((405.0, 300.0, 200.0), np.radians(np.cumsum([a, b, c])), strict=True)
+        x, y = np.sum([(r * np.cos(t), r * np.sin(t)) for r, t in arms], axis=0)
+        lines.append(f"{i},{a},{b},{c},{x},{y + 30.0 * (i == 5)}")
+    (tmp_path / "m.csv").write_text("\n".join(lines), encoding="utf-8")
+    words = "calibrate", "planar_3r.raff", str(tmp_path / "m.csv"), "--vary", "link*.d"
+    found = printed(*words)
+    check(root, found, "calibrate")
+    assert [one["pose"] for one in found["outliers"]] == ["5"]
+    check(root, printed(*words, "--propose", "3"), "calibrate")
+
+
 def test_synthesize(root, printed, tmp_path):
     task = tmp_path / "task.toml"
     text = 'starts = 1\nties = ["link2.d = link4.d"]\n[parameters]\n"link2.d" = "200..400mm"\n'

@@ -31,6 +31,9 @@ CALLS = {
     "cinegen modes": "four_bar.raff",
     "cinegen singular": "planar_3r.raff",
     "cinegen forces": "four_bar.raff --massless",
+    "cinegen tolerance": "four_bar.raff --sigma link2.d=0.1mm --samples 100",
+    "cinegen calibrate": "planar_3r.raff measurements.csv --folds 0",
+    "cinegen synthesize": "five_bar.raff --task unreachable.toml",  # no task: refused
     "cinegen map": "planar_3r.raff --over x,y --grid 2 --workers 1 -o out.zarr",
     "cinegen compare": "map.zarr map.zarr",
     "cinegen plan": "unreachable.toml",
@@ -44,6 +47,14 @@ CALLS = {
     "raff2urdf": "four_bar.raff -o out/",
     "urdf2raff": "arm.urdf -o out.raff",
 }
+MEASUREMENTS = """pose,joint1 [deg],joint2 [deg],joint3 [deg],tool.x [mm],tool.y [mm]
+sigma,,,,1,1
+a,0,0,0,900.5,0.2
+b,90,0,0,0.1,901
+c,0,90,0,400.2,500.4
+d,0,0,90,700.1,200.3
+"""
+
 PROGRAMS = {"cinegen": cinegen.cli, "raff2urdf": raff2urdf.cli, "urdf2raff": raff2urdf.urdf2raff.cli}
 
 NAMES = (
@@ -123,6 +134,7 @@ def inputs(root, tmp_path_factory):
         cells = ["--over", "x,y", "--grid", "3", "--workers", "1"]
         assert cinegen.cli.main(["map", "planar_3r.raff", *cells, "-o", "map.zarr"]) == 0
         assert raff2urdf.cli.main(["planar_3r.raff", "-o", "arm.urdf"]) == 0
+        (folder / "measurements.csv").write_text(MEASUREMENTS, encoding="utf-8")
     return folder
 
 

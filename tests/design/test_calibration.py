@@ -14,6 +14,7 @@ import raff2urdf
 from cinegen.design import Calibration, Design, DesignError, Measurements, Parameters, calibrate
 from cinegen.design.observation import Observation
 from cinegen.design.poses import random_poses
+from cinegen.design.proposal import propose
 from cinegen.errors import CinegenWarning
 
 IDENTIFIABLE = [("gough", 168, 51, 48), ("delta4", 114, 42, 38), ("tssm", 174, 43, 40), ("five_bar", 42, 13, 12)]
@@ -257,3 +258,34 @@ def test_sigmas_that_are_too_small_are_told():
     with pytest.warns(CinegenWarning, match="times what the sigmas of the readings allow"):
         found = calibrate(parameters, small, folds=0)
     assert len(found.outliers) < 10
+
+
+def test_proposed_poses_are_better_than_random_ones():
+    """By information that is computed anew, from the poses' readings alone."""
+    parameters, _, readings = measured("delta4", POSE[:3])
+    some = noisy(readings, 1)
+    some = Measurements(some.quantities, some.values[:20], some.sigmas[:20], some.labels[:20])
+    found = calibrate(parameters, some, folds=0)
+    best = propose(found, 6, 80)
+    assert best.gain > 1.05 * best.random_gain > 1.05
+    again = Measurements.loads(best.text().replace(",,,", ",0,0,0"), parameters.mechanism)
+    limits = parameters.mechanism.limits
+    for k, joint in enumerate(parameters.mechanism.actuated):
+        assert (again.values[:, k] >= limits[joint][0]).all()
+        assert (again.values[:, k] <= limits[joint][1]).all()
+
+    def information(lines: Measurements) -> np.ndarray:
+        observation = Observation(parameters, lines)
+        here = observation.predict(observation.values)
+        rows = here.jacobian / observation.sigmas[..., None] * found.subspace.errors
+        return np.einsum("nkp,nkq->pq", rows, rows)
+
+    base = np.eye(len(parameters)) + information(some)
+    chosen = np.linalg.slogdet(base + information(again))[1]
+    for seed in range(5):
+        q = random_poses(Design(parameters), 6, 100 + seed)
+        values = again.values.copy()
+        for k, joint in enumerate(parameters.mechanism.actuated):
+            values[:, k] = q[:, parameters.mechanism.q_index(joint)]
+        others = Measurements(again.quantities, values, again.sigmas, again.labels)
+        assert chosen > np.linalg.slogdet(base + information(others))[1]

@@ -1,0 +1,192 @@
+"""`cinegen calibrate`: the true dimensions of a robot, from measurements."""
+
+from __future__ import annotations
+
+import math
+import textwrap
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import typer
+
+from cinegen.cli.files import check_outputs, count, print_result, write, write_figure
+from cinegen.cli.numbers import named
+from cinegen.cli.options import FILE, FORCE, JSON, PLOT, flag, option
+from cinegen.cli.progress import Progress
+from raff2urdf.command_line import UsageError
+from raff2urdf.quantities import LENGTH
+
+if TYPE_CHECKING:
+    from cinegen.design import Calibration
+    from cinegen.design.proposal import Proposal
+
+_SHOWN = 12  # parameters, dependencies, outliers
+
+MEASUREMENTS = typer.Argument(..., metavar="CSV", help="measurements: a line for each pose; docs/design.md")
+
+
+def run(
+    file: Path = FILE,
+    measurements: Path = MEASUREMENTS,
+    vary: list[str] = option("NAMES", "parameters that are estimated: 'link*.d, base.*' (default: all)", ()),
+    tie: list[str] = option("TIE", "parameters that are equal: 'link2.d = link7.d'", ()),
+    gain: list[str] = option("JOINTS", "joints whose encoders have an unknown gain: joint1,joint3", ()),
+    sigma: list[str] = option(
+        "NAME=S", "expected errors of manufacture: 'link*.d=0.1mm' (default: 0.3 mm, 0.05 degrees)", ()
+    ),
+    keep_outliers: bool = flag("--keep-outliers", "use all readings, also those that contradict the others"),
+    folds: int = option("N", "parts of the poses for cross-validation; 0 for none", 5, min=0, max=1000),
+    propose: int = option("N", "also propose the poses that should be measured next", 0, min=0, max=1000),
+    poses: Path | None = option("FILE", "CSV file for the poses proposed (default: printed)"),
+    output: Path | None = option("FILE", "the calibrated robot, as RAFF", None, "-o", "--output"),
+    robot: str | None = option("NAME", "the robot of this name"),
+    all_: bool = flag("--all", "print all parameters, dependencies and outliers"),
+    plot: Path | None = PLOT,
+    force: bool = FORCE,
+    json: bool = JSON,
+) -> int:
+    """Estimate the true dimensions of a robot from measurements.
+
+    Poses, positions, distances, touched planes and redundant encoders may be mixed in one file, with the standard
+    deviation of each. Combinations of parameters that they determine are estimated; those that can't be told apart are
+    named, and outliers are left out and listed.
+    """
+    check_outputs(output, poses, plot, force=force, json=json)
+    if poses is not None and not propose:
+        raise UsageError("--poses is where --propose writes: give --propose 20, too")
+    from cinegen.design import calibrate
+
+    errors = {name: value for text in sigma for name, value in named(text, "--sigma", "link*.d=0.1mm").items()}
+    with Progress() as progress:
+        progress.text("calibrating")
+        found = calibrate(
+            file, measurements, names=_words(vary) or ("*",), ties=tie, sigma=errors, gains=_words(gain),
+            robust=not keep_outliers, folds=folds, robot=robot,
+        )  # fmt: skip
+        proposal = None
+        if propose:
+            from cinegen.design.proposal import propose as propose_poses
+
+            progress.text("choosing poses")
+            proposal = propose_poses(found, propose)
+    report: dict[str, Any] = {"name": found.parameters.robot.name, **found.as_dict()}
+    if proposal is not None:
+        report["proposal"] = {
+            "joints": list(proposal.inputs), "readings": proposal.readings.tolist(), "gain": proposal.gain,
+            "random_gain": proposal.random_gain,
+        }  # fmt: skip
+    print_result(report, _text(found, None if all_ else _SHOWN), json)
+    if proposal is not None:
+        if not json:
+            print("\n" + _proposed(proposal, poses), flush=True)
+        if poses is not None:
+            write(poses, proposal.text())
+    if output is not None:
+        write(output, found.raff())
+        if not json:
+            print(f"robot: {output}", flush=True)
+    if plot is not None:
+        from cinegen.plotting.residuals import draw_residuals
+
+        write_figure(plot, draw_residuals(found), quiet=json)
+    return 0
+
+
+def _words(texts: list[str]) -> list[str]:
+    return [word for text in texts for word in text.replace(",", " ").split()]
+
+
+# --- what is printed --------------------------------------------------------------------------------------------------
+
+
+def _text(found: Calibration, most: int | None) -> str:
+    """Return the report, in mm and degrees."""
+    import numpy as np
+
+    readings = int(found.kept.sum())
+    lines = [
+        f"{found.parameters.robot.name}: {len(found.combinations)} combinations of {len(found.names)} parameters are "
+        f"estimated from {readings} readings in {len(found.observation.measurements)} poses"
+    ]
+    fit = f"chi-square {found.chi2:.4g} for {found.degrees_of_freedom} degrees of freedom"
+    lines.append(
+        f"  {fit} (1 each if the sigmas are right: {found.fit:.2f})" if found.degrees_of_freedom > 0 else f"  {fit}"
+    )
+    weak = found.subspace.rank - len(found.combinations)
+    if weak:
+        lines.append(f"  {weak} more could be told apart, but not to 100 expected errors: they stay nominal")
+    if found.held_out:
+        lines += ["", f"  cross-validation, {found.folds} parts: root mean square errors of poses that were not used"]
+        for one in found.held_out:
+            kind = "lengths" if one.dimension is LENGTH else "angles"
+            before, after, noise = (
+                _shown(x, "m" if one.dimension is LENGTH else "rad") for x in (one.before, one.after, one.noise)
+            )
+            lines.append(
+                f"    {kind:<10}{before:>14} as described{after:>14} calibrated{noise:>14} noise of the readings"
+            )
+    changed = [k for k in range(len(found.names)) if found.separate[k]]
+    significance = np.abs(found.values - found.nominal) / np.maximum(found.sigmas, 1e-300)
+    changed.sort(key=lambda k: -float(significance[k]))
+    if changed:
+        lines += ["", f"  {count(changed, 'parameter')} known by themselves, the most significant changes first"]
+        lines += [
+            f"    {found.names[k]:<18}{_shown(found.nominal[k], found.unit(found.names[k])):>16}"
+            f"{_shown(found.values[k] - found.nominal[k], found.unit(found.names[k]), '+'):>16} +- "
+            f"{_shown(found.sigmas[k], found.unit(found.names[k]))}"
+            for k in changed[:most]
+        ]
+        lines += _more(changed, most)
+    if found.dependencies:
+        lines += ["", "  can't be told apart by these measurements (their smallest changes that fit are used)"]
+        for dependency in found.dependencies[:most]:
+            lines += textwrap.wrap(dependency.text, 108, initial_indent="    ", subsequent_indent="      ")
+        lines += _more(found.dependencies, most)
+    for names, text in (
+        (found.without_effect, "change no reading"),
+        (found.opening, "would open loops of an over-constrained mechanism, and stay nominal"),
+    ):
+        if names:
+            listed = ", ".join(names[:most]) + (f" and {len(names) - most} more" if most and len(names) > most else "")
+            lines += [
+                "",
+                *textwrap.wrap(
+                    f"{count(names, 'parameter')} {text}: {listed}", 110, initial_indent="  ", subsequent_indent="  "
+                ),
+            ]
+    if found.outliers:
+        lines += ["", f"  {count(found.outliers, 'outlier')} left out"]
+        ordered = sorted(found.outliers, key=lambda one: -one.sigmas)
+        units = [
+            "m" if found.observation.measurements.quantities[one.column].dimension is LENGTH else "rad"
+            for one in ordered
+        ]
+        lines += [
+            f"    {one.where}: {_shown(one.residual, unit, '+')}, {one.sigmas:.3g} sigma"
+            for one, unit in list(zip(ordered, units, strict=True))[:most]
+        ]
+        lines += _more(ordered, most)
+    return "\n".join(lines)
+
+
+def _proposed(proposal: Proposal, poses: Path | None) -> str:
+    text = (
+        f"next {count(proposal, 'pose')}, D-optimal among random ones within joint limits: standard deviations shrink "
+        f"{proposal.gain:.3g} times on average, {proposal.random_gain:.3g} times for random poses"
+    )
+    if poses is not None:
+        return f"{textwrap.fill(text, 110)}\nposes: {poses}"
+    return f"{textwrap.fill(text, 110)}\n\n{proposal.text().rstrip()}"
+
+
+def _more(things: Any, most: int | None) -> list[str]:
+    left = len(things) - most if most is not None else 0
+    return [f"    and {left} more (--all)"] if left > 0 else []
+
+
+def _shown(value: float, unit: str, sign: str = "") -> str:
+    if unit == "":
+        return f"{value:{sign}.3e}"
+    scale, text = (1e3, "mm") if unit == "m" else (math.degrees(1.0), "deg")
+    number = scale * value
+    return f"{0.0 if abs(number) < 5e-7 else number:{sign}.{4 if abs(number) < 100 else 3}f} {text}"

@@ -1,0 +1,68 @@
+"""`draw_residuals`: what measurements differ from the robot, before and after its calibration."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from cinegen.design.calibration import Calibration
+from cinegen.plotting.sheet import BLUE, FAINT, INK, ORANGE, VERMILLION, finish, label, sheet
+from raff2urdf.quantities import ANGLE, LENGTH, Dimension
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+_WIDE, _TALL = 7.5, 2.1  # inches: width, and height of each row
+_LIMIT = 3.0  # standard deviations, drawn as lines
+_MOST = 8.0  # standard deviations, of the lower panel
+
+
+def draw_residuals(found: Calibration) -> Figure:
+    """Draw the residuals of all readings over the poses, in their standard deviations: at nominal values, and after
+    calibration with the outliers marked.
+
+    Returns:
+        a matplotlib figure: `draw_residuals(found).savefig("residuals.png")`.
+    """
+    name = found.parameters.robot.name
+    held = ", ".join(
+        f"{_shown(one.before, one.dimension)} before, {_shown(one.after, one.dimension)} after (noise "
+        f"{_shown(one.noise, one.dimension)})"
+        for one in found.held_out
+    )
+    title = (
+        f"{name}: {len(found.combinations)} combinations of parameters from {len(found.observation.measurements)} poses"
+    )
+    figure, body = sheet(_WIDE, 2.0 * _TALL + 0.7, title, f"Held-out poses: {held}" if held else "No cross-validation")
+    upper, lower = body.subplots(2, 1, sharex=True)
+    poses = np.arange(1, len(found.before) + 1)
+    for axes, residuals in ((upper, found.before), (lower, found.after)):
+        sizes = residuals / found.standard
+        for dimension, colour, text in ((LENGTH, BLUE, "lengths"), (ANGLE, ORANGE, "angles")):
+            columns = [k for k, one in enumerate(found.observation.quantities) if one.dimension is dimension]
+            if columns:
+                shifts = np.linspace(-0.25, 0.25, len(columns)) if len(columns) > 1 else np.zeros(1)
+                x = np.broadcast_to(poses[:, None] + shifts, sizes[:, columns].shape)
+                kept = found.kept[:, columns]
+                axes.plot(x[kept], sizes[:, columns][kept], ".", color=colour, markersize=3.0, label=text)
+        axes.axhline(0.0, color=FAINT, linewidth=0.8)
+        axes.grid(color=FAINT, alpha=0.25)
+    for limit in (-_LIMIT, _LIMIT):
+        lower.axhline(limit, color=INK, linewidth=0.8, linestyle=(0, (4, 3)))
+    if found.outliers:
+        at = np.array([one.pose + 1 for one in found.outliers])
+        sizes = np.array([math.copysign(one.sigmas, one.residual) for one in found.outliers])
+        edge = 0.95 * _MOST
+        text = f"outliers, those beyond {_MOST:g} at the edge"
+        lower.plot(at, np.clip(sizes, -edge, edge), "x", color=VERMILLION, markersize=5.0, label=text)
+    lower.set_ylim(-_MOST, _MOST)
+    label(upper, y="before: residual / sigma")
+    label(lower, "pose", "after: residual / sigma")
+    finish(figure)
+    return figure
+
+
+def _shown(value: float, dimension: Dimension) -> str:
+    return f"{1e3 * value:.3g} mm" if dimension is LENGTH else f"{math.degrees(value):.3g} degrees"
