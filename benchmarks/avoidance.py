@@ -11,7 +11,7 @@ distance and look at the same distances; so none of them collides, and what diff
     vortex      `cinegen plan --planner vortex`: other ways round, and postures at the goal, are tried in turn
     firas, spherical, elliptical    potentials instead of vortices, by steepest descent with a line search
     rrtconnect  RRT-Connect (OMPL), 10 s, shortened; does not count as local
-    plan        `cinegen plan`: vortex, then rrtconnect, 10 s together, shortened
+    plan        `cinegen plan`: vortex and sampling in turn, 10 s together, shortened
 
 What is printed, of those scenes that any of them solves (how many is said above each table):
 

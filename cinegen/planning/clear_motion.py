@@ -116,7 +116,7 @@ def _middle(
         return None
     moved = np.abs(mechanism.difference(straight, q))
     curvature = float((moved / mechanism.scale).max())
-    if curvature > float((reach / mechanism.scale).max()) or not _is_valid(mechanism, q):
+    if curvature > float((reach / mechanism.scale).max()) or not mechanism.limits.within(q):
         return None
     # from closed loops back to the straight motion, half of it, and as far again to closed loops
     return _Middle(q, half, reach + 2.0 * moved, curvature)

@@ -1,4 +1,5 @@
-"""RRT-Connect by OMPL (https://ompl.kavrakilab.org), for any function that tests motions. Needs the package ompl."""
+"""RRT-Connect and LBKPIECE by OMPL (https://ompl.kavrakilab.org), for any function that tests motions. Needs the
+package ompl."""
 
 from __future__ import annotations
 
@@ -24,6 +25,10 @@ class Trees:
     """Two trees in a box that grow towards each other, one from the start and one from the goals (J. J. Kuffner and
     S. M. LaValle, "RRT-Connect: an efficient approach to single-query path planning", ICRA 2000).
 
+    Lazy trees test only the motions of a path that has been found, and prefer to grow where cells of a projection are
+    little explored (LBKPIECE; I. A. Sucan and L. E. Kavraki, "Kinodynamic motion planning by interior-exterior cell
+    exploration", WAFR 2008).
+
     Args:
         low: (n,) lower bounds of the box.
         high: (n,) upper bounds.
@@ -36,6 +41,7 @@ class Trees:
             targets, and the motions to them, are projected by it (Z. Kingston, M. Moll and L. E. Kavraki, "Exploring
             implicit spaces for constrained sampling-based planning", IJRR 2019).
         equations: number of independent equations.
+        is_lazy: LBKPIECE instead of RRT-Connect; without equations only.
     """
 
     def __init__(
@@ -49,6 +55,7 @@ class Trees:
         seed: int,
         close: Close | None = None,
         equations: int = 0,
+        is_lazy: bool = False,
     ) -> None:
         self._count = len(low)
         with _silence():
@@ -85,7 +92,7 @@ class Trees:
             for goal in goals:
                 aim.addState(state(goal))
             problem.setGoal(aim)
-            planner = self._planner = og.RRTConnect(information)
+            planner = self._planner = og.LBKPIECE1(information) if is_lazy else og.RRTConnect(information)
             planner.setRange(longest)
             planner.setProblemDefinition(problem)
             planner.setup()

@@ -35,7 +35,7 @@ from cinegen.planning.descent import AvoidanceField, Descent, Potential
 from cinegen.planning.goal_configurations import TOLERANCE, Refusal, free_goals, goal_distance, goal_poses
 from cinegen.planning.locked_joints import with_joints_locked
 from cinegen.planning.path_constraints import Projection, projection
-from cinegen.planning.rrt_planner import PathSampler
+from cinegen.planning.rrt_planner import LBKPIECE, RRT_CONNECT, PathSampler
 from cinegen.planning.shortcuts import path_length, shortened
 from cinegen.planning.vortices import STRENGTH, DetourDirection, Vortices
 from raff2urdf.extras import install
@@ -52,10 +52,10 @@ _REACH = 0.5  # characteristic lengths: default reach of fields
 _CONFIGURATIONS = 6  # goal configurations that are tried
 _COARSE, _FINE = 0.1, 0.03  # rad or characteristic lengths: steps of a path that is checked, and of the result
 _NEAR = 1e-3  # rad or characteristic lengths
-_SHARE = 0.2  # of the time, for vortices and RRT-Connect in turn
-_RATIO = 3.0  # of the turns of RRT-Connect to those of vortices
-_LEAST = 0.05  # of the time, for RRT-Connect at least
-RRT_CONNECT, DIRECT = "RRT-Connect", "all joints straight to the goal"
+_SHARE = 0.2  # of the time, for vortices and sampling in turn
+_RATIO = 3.0  # of the turns of sampling to those of vortices
+_LEAST = 0.05  # of the time, for sampling at least
+DIRECT = "all joints straight to the goal"
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -141,7 +141,7 @@ class Planner(Enum):
     """Method of `plan`."""
 
     AUTO = "auto"
-    """Straight motions first, then vortices and RRT-Connect in turn."""
+    """Straight motions first, then vortices and LBKPIECE in turn; with loops or constraints RRT-Connect."""
     VORTEX = "vortex"
     """Attempts along a field only."""
     RRT_CONNECT = "rrtconnect"
@@ -180,12 +180,12 @@ def plan(
       the base or along the shorter side (for a mobile robot, only that). If that does not reach the goal, all joints
       move straight to configurations at the goal: the one nearest to the start, then those that differ most. Then all
       of that is repeated with the other detour directions.
-    - RRT-Connect (`PathSampler`). It takes turns with the vortices for a bounded share of the time: after each of
-      their steps, it searches for three times as long. When it finds a path first, their attempt is INTERRUPTED. The
-      rest of the time is its own.
+    - Sampling (`PathSampler`): LBKPIECE, or RRT-Connect with loops or constraints along the path. It takes turns with
+      the vortices for a bounded share of the time: after each of their steps, it searches for three times as long. When
+      it finds a path first, their attempt is INTERRUPTED. The rest of the time is its own.
 
     With constraints along the path or weights of joints, vortices are left out: no field obeys them. Other fields serve
-    for comparison, with the same safety distance and without RRT-Connect: FIRAS makes one attempt.
+    for comparison, with the same safety distance and without sampling: FIRAS makes one attempt.
 
     Args:
         scene: a scene; or a mechanism, for which `scene_for` makes one.
@@ -222,7 +222,7 @@ def plan(
     if planner is Planner.AUTO and field is not AvoidanceField.VORTEX:
         planner = Planner.VORTEX
     elif planner is Planner.AUTO and not find_spec("ompl"):
-        planner, missing = Planner.VORTEX, f"; {RRT_CONNECT} was not tried: {install('sampling')}"
+        planner, missing = Planner.VORTEX, f"; no configurations were sampled: {install('sampling')}"
     needs_sampling = (
         scene.has_weights * "weights of joints" or bool(scene.path_constraints) * "constraints along a path"
     )
@@ -234,7 +234,7 @@ def plan(
     used = None if planner is Planner.RRT_CONNECT else name
     if isinstance(goals, Refusal):
         return Plan(scene, goals.status, scene.start[None].copy(), (), goals.reason, clearance, check, used)
-    sampler = None if planner is Planner.VORTEX else PathSampler(task, clearance, goals, seed)
+    sampler = None if planner is Planner.VORTEX else PathSampler(task, clearance, goals, seed, planner is Planner.AUTO)
     search = _Search(task, clearance, goals, seconds, deadline, seed, shorten, report, projection(task), sampler)
     parts = list[Iterator[Attempt]]()
     if planner is Planner.AUTO:
@@ -258,7 +258,7 @@ def plan(
     last = made[-1]
     reason = f"{last.reason} (the last of {len(made)} attempts)" if len(made) > 1 else last.reason
     reason = "" if last.status is PlanStatus.REACHED else reason + missing
-    used = None if last.strategy in (DIRECT, RRT_CONNECT) else name
+    used = None if last.strategy in (DIRECT, RRT_CONNECT, LBKPIECE) else name
     return Plan(scene, last.status, last.path, tuple(made), reason, clearance, check, used)
 
 
@@ -304,7 +304,7 @@ class _Search:
         shorten: whether paths are shortened.
         report: called with a text about what is tried.
         project: projection onto the constraints along the path; None without any.
-        sampler: RRT-Connect; None to do without.
+        sampler: sampling planner; None to do without.
     """
 
     scene: Scene
@@ -326,7 +326,7 @@ class _Search:
                 yield Attempt(DIRECT, PlanStatus.REACHED, motion, (), "")
 
     def along(self, field: AvoidanceField | FieldFunction, steps: int, attempts: int, ends: float) -> Iterator[Attempt]:
-        """Yield attempts along a field, in turn with RRT-Connect; no further one after a value of `time.monotonic`, or
+        """Yield attempts along a field, in turn with sampling; no further one after a value of `time.monotonic`, or
         after that has found a path."""
         distance, safety = goal_distance(self.scene), self.scene.safety
         strategies, begin = _strategies(self.scene, field, self.clearance, self.goals), time.monotonic()
@@ -343,7 +343,10 @@ class _Search:
         for number, (strategy, objective, remaining) in enumerate(itertools.islice(strategies, attempts), 1):
             if number > 1 and time.monotonic() >= ends:
                 break
-            self.report(f"attempt {number}: {strategy}" + f", in turn with {RRT_CONNECT}" * (self.sampler is not None))
+            self.report(
+                f"attempt {number}: {strategy}"
+                + ("" if self.sampler is None else f", in turn with {self.sampler.method}")
+            )
             found = attempt(
                 self.clearance, self.scene.start, objective, remaining, lambda q: distance(q) < TOLERANCE, safety,
                 steps, strategy, isinstance(objective, Descent), ends, interrupted,
@@ -355,21 +358,22 @@ class _Search:
                 break
 
     def sampled(self) -> Iterator[Attempt]:
-        """Yield the path of RRT-Connect."""
+        """Yield the path of the sampling planner."""
         assert self.sampler is not None
+        method = self.sampler.method
         if self.sampler.path is None:
             left = max(self.deadline - time.monotonic(), _LEAST * self.seconds)
-            self.report(f"{RRT_CONNECT}, {shown(left, TIME, 2)} at most")
+            self.report(f"{method}, {shown(left, TIME, 2)} at most")
             self.sampler.search(time.monotonic() + left)
         path = self.sampler.path
         if path is None:
-            reason = f"{RRT_CONNECT} found no path in {self.seconds:g} s"
-            yield Attempt(RRT_CONNECT, PlanStatus.TIME_LIMIT, self.scene.start[None].copy(), (), reason)
+            reason = f"{method} found no path in {self.seconds:g} s"
+            yield Attempt(method, PlanStatus.TIME_LIMIT, self.scene.start[None].copy(), (), reason)
             return
         if self.shorten:
-            self.report(f"{RRT_CONNECT}: shortening the path")
+            self.report(f"{method}: shortening the path")
             path = self._shortened(path)
-        yield Attempt(RRT_CONNECT, PlanStatus.REACHED, path, (), "")
+        yield Attempt(method, PlanStatus.REACHED, path, (), "")
 
     def _to_goal(self, path: Array) -> Array:
         """Return a path that ends in a goal configuration if its end is near to one, instead of within tolerance."""

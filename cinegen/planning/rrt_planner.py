@@ -1,4 +1,4 @@
-"""RRT-Connect: a path to a goal around obstacles by sampling, for what vortices cannot do."""
+"""Sampling planners: a path to a goal around obstacles, for what vortices cannot do."""
 
 from __future__ import annotations
 
@@ -19,6 +19,7 @@ from raff2urdf.extras import needs
 
 Array = NDArray[np.float64]
 
+RRT_CONNECT, LBKPIECE = "RRT-Connect", "LBKPIECE"
 _LONGEST = 0.03  # of the diagonal of the box: to a new configuration
 _REVOLUTION = 2.0 * np.pi
 _MOST_WINDINGS = 16  # of one goal configuration
@@ -27,13 +28,13 @@ _THINNEST = 1e-9  # rad or characteristic lengths between limits
 
 
 class PathSampler:
-    """A path to one of the goals, by RRT-Connect of OMPL.
+    """A path to one of the goals, by RRT-Connect or LBKPIECE of OMPL.
 
     It has no local minima, and given time it finds a path if there is one that is not too narrow; but never a proof
     that there is none. The path differs between seeds.
 
-    - No motion is tested at samples only: each motion of the trees is one for which `clear_motion` shows that the
-      safety distance is kept everywhere.
+    - No motion is tested at samples only: for each motion of the path, `clear_motion` shows that the safety distance is
+      kept everywhere.
     - Mechanisms with loops, and constraints along the path, are sampled on the constraint manifold, by OMPL's
       projection with our closing of loops, or with local inverse kinematics.
       Actuated and passive joints stay within their limits, and the assembly mode is kept from step to step.
@@ -44,8 +45,10 @@ class PathSampler:
         clearance: distances of its robot.
         goals: (nq,) each, free of collisions.
         seed: seed of the random numbers, from 0.
+        is_lazy: LBKPIECE, but for loops and constraints along the path, instead of RRT-Connect.
 
     Attributes:
+        method: name of the planner.
         path: (n, nq), the start first, safety distance kept between each two; with loops or constraints, as fine as
             `clear_motion` returns motions. None as long as `search` has found none.
 
@@ -55,7 +58,9 @@ class PathSampler:
 
     path: Array | None = None
 
-    def __init__(self, scene: Scene, clearance: Clearance, goals: Sequence[Array], seed: int) -> None:
+    def __init__(
+        self, scene: Scene, clearance: Clearance, goals: Sequence[Array], seed: int, is_lazy: bool = False
+    ) -> None:
         with needs("sampling", "sampling planners"):
             from cinegen.planning.ompl_trees import Trees
         self._scene, self._clearance, mechanism = scene, clearance, scene.mechanism
@@ -63,6 +68,8 @@ class PathSampler:
         project = self._project = projection(scene)
         equations = mechanism.loop_rank + sum(task.translation + task.rotation for task in path_tasks(scene))
         self._is_curved, self._trees = bool(equations), None
+        is_lazy = is_lazy and not equations
+        self.method = LBKPIECE if is_lazy else RRT_CONNECT
         if len(space.low) <= equations:  # nothing can move
             if any(np.array_equal(q, scene.start) for q in goals):
                 self.path = scene.start[None].copy()
@@ -82,6 +89,7 @@ class PathSampler:
         self._trees = Trees(
             space.low, space.high, space.point(scene.start), [point for q in goals for point in space.points(q)], free,
             _LONGEST * float(np.linalg.norm(space.high - space.low)), seed, close if equations else None, equations,
+            is_lazy,
         )  # fmt: skip
 
     def search(self, deadline: float) -> bool:

@@ -17,10 +17,10 @@ from cinegen.planning.path_constraints import Projection
 
 Array = NDArray[np.float64]
 
-_TRIALS = 200  # random shortcuts
+_TRIALS = 300  # random shortcuts
 _DECADES = 2.0  # of the lengths of those about a corner
 _WINDOW = 50  # of them that are compared
-_STAGNANT = 0.005  # of the length: less gained by so many ends the search
+_STAGNANT = 0.002  # of the length: less gained by so many ends the search
 _SAME = 1e-9  # rad or characteristic lengths between configurations that coincide
 _GAIN = 1e-3  # of the length of what a shortcut replaces, at least
 

@@ -110,7 +110,7 @@ def test_what_holds_vortices_fast_is_left(boxes, start, goal):
     scene = mobile(boxes, start, goal)
     assert not plan(scene, planner="vortex")
     found = plan(scene)
-    assert found.attempts[-1].strategy == "RRT-Connect"
+    assert found.attempts[-1].strategy == "LBKPIECE"
     assert found.status is PlanStatus.REACHED
     assert is_at_goal(scene, found.path[-1])
     assert found.clearance >= scene.safety
