@@ -143,9 +143,9 @@ class BrakingBarrier(ClearanceBarrier):
         return low, high
 
     def _braked(self, dt: float) -> Array:
-        """Return the velocity (nv,) after a tick of braking."""
-        times = self._braking_times(self.v)
-        return np.asarray(self.v * np.maximum(0.0, 1.0 - _USABLE * dt / np.maximum(times, 1e-12)))
+        """Return the velocity (nv,) after a tick of braking in the direction of the motion of all joints."""
+        seconds = float(self._braking_times(self.v).max(initial=0.0))
+        return np.asarray(self.v * max(0.0, 1.0 - _USABLE * dt / max(seconds, 1e-12)))
 
     def _braking_times(self, v: Array) -> Array:
         """Return the times (nv,) in which joints brake from a velocity (nv,) to rest, s: those that loops or couplings
