@@ -143,6 +143,17 @@ class SceneTable:
         found = [self._numbers(f"{key}: point {i}", point, lengths) for i, point in enumerate(value, 1)]
         return [np.array(point) for point in self._keep(key, found)]
 
+    def rows(self, key: str, dimensions: Sequence[Dimension]) -> Array:
+        """Return rows (n, columns) of numbers, each column of a dimension, m and rad."""
+        value = self._value(key)
+        if not _is_list(value) or not all(_is_list(row) and len(row) == len(dimensions) for row in value):
+            raise self.error(key, f"must be a list of rows of {len(dimensions)} numbers, not {_shown(value)}")
+        found = [
+            [self._number(f"{key}: row {i}", x, of) for x, of in zip(row, dimensions, strict=True)]
+            for i, row in enumerate(value, 1)
+        ]
+        return np.array(self._keep(key, found)).reshape(-1, len(dimensions))
+
     def array(self, key: str, columns: int) -> Array:
         """Return rows of numbers (n, columns), which may be many and not finite, m."""
         value = self._value(key)

@@ -149,6 +149,12 @@ def test_synthesize(root, printed, tmp_path):
     check(root, printed("synthesize", "five_bar.raff", "--task", str(task), "-o", out), "synthesize")
     assert (tmp_path / "best.raff").is_file()
     assert not list(tmp_path.glob("*.json"))
+    text = 'starts = 1\n[parameters]\n"link2.d" = "80..160mm"\n"frame4.d" = "300..400mm"\n'
+    text += '[function]\ninput = "joint1"\noutput = "joint3"\npairs = [[50, 88.735], [80, 96]]\n'
+    task.write_text(text, encoding="utf-8")
+    out = str(tmp_path / "linkage.raff")
+    found = printed("synthesize", "four_bar.raff", "--task", str(task), "-o", out)
+    check(root, found, "synthesize", 1)
 
 
 def test_singular_of_a_recording(root, robot, printed, tmp_path):

@@ -1,11 +1,15 @@
 """Synthesis: dimensions with which a mechanism does a task best."""
 
+from cinegen.design.synthesis.linkages import LinkageSynthesis, PrecisionProblem
 from cinegen.design.synthesis.problem import Check, Start, Synthesis, SynthesisProblem, synthesize
-from cinegen.design.synthesis.task import DesignObjective, Reach, Task, load_task, task_of
+from cinegen.design.synthesis.task import DesignObjective, Precision, Reach, Task, load_task, task_of
 
 __all__ = [
     "Check",
     "DesignObjective",
+    "LinkageSynthesis",
+    "Precision",
+    "PrecisionProblem",
     "Reach",
     "Start",
     "Synthesis",

@@ -110,7 +110,7 @@ class Scoring:
 
     def _distance_by_p(self, reached: Reached, lost: NDArray[np.intp]) -> Array:
         reaching = self.reaching
-        here = reaching._every.evaluate(reached.p, reached.q[lost])
+        here = reaching.every.evaluate(reached.p, reached.q[lost])
         weights = reaching._weights
         moved = here.pose_derivative(reaching.node, "world")[:, reaching.rows] * weights[:, None]
         unit = reached.error[lost] * weights / reached.distance[lost, None]

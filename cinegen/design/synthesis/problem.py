@@ -20,9 +20,10 @@ from numpy.typing import ArrayLike, NDArray
 
 from cinegen.design.errors import DesignError
 from cinegen.design.parameters import Parameters
+from cinegen.design.synthesis.linkages import LinkageSynthesis, PrecisionProblem
 from cinegen.design.synthesis.objectives import Scores, Scoring
 from cinegen.design.synthesis.reaching import Reached, Reaching
-from cinegen.design.synthesis.task import DesignObjective, Task, load_task, task_of
+from cinegen.design.synthesis.task import DesignObjective, Precision, Task, load_task, task_of
 from cinegen.errors import CinegenError
 from raff2urdf import Document
 from raff2urdf.files import write_all
@@ -179,12 +180,12 @@ class Synthesis:
 
 def synthesize(
     source: str | Path | Document,
-    task: Task | Mapping[str, Any] | str | Path,
+    task: Task | Precision | Mapping[str, Any] | str | Path,
     robot: str | None = None,
     state: Path | None = None,
     report: Callable[[str, int, int], object] = lambda text, done, total: None,
-) -> Synthesis:
-    """Return the values of parameters with which a mechanism does a task best.
+) -> Synthesis | LinkageSynthesis:
+    """Return the values of parameters with which a mechanism does a task best, or meets precision points.
 
     Args:
         source: as for `cinegen.design.Parameters`.
@@ -196,8 +197,10 @@ def synthesize(
     Raises:
         DesignError: the task does not fit the mechanism; a parameter has no effect; the task can't be done.
     """
-    if not isinstance(task, Task):
+    if not isinstance(task, Task | Precision):
         task = task_of(task) if isinstance(task, Mapping) else load_task(task)
+    if isinstance(task, Precision):
+        return PrecisionProblem(source, task, robot).solved(report)
     problem = SynthesisProblem(source, task, robot)
     return problem.solved(state, report)
 
@@ -250,7 +253,7 @@ class SynthesisProblem:
 
     def _check_effects(self) -> None:
         mechanism, parameters = self.parameters.mechanism, self.parameters
-        here = self.reaching._every.evaluate(q=np.array([mechanism.q_home, *mechanism.random_closed(5)]))
+        here = self.reaching.every.evaluate(q=np.array([mechanism.q_home, *mechanism.random_closed(5)]))
         opening = [name for name in here.opening if name in parameters.names]
         if opening:
             raise DesignError(

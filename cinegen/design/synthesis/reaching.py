@@ -18,22 +18,18 @@ from numpy.typing import NDArray
 from cinegen.design.design import Design, DesignEvaluation
 from cinegen.design.errors import DesignError
 from cinegen.design.parameters import Parameters
+from cinegen.design.synthesis.nearest import nearest
 from cinegen.design.synthesis.task import Reach
 from cinegen.errors import UnknownNameError
-from raff2urdf import closure
 
 Array = NDArray[np.float64]
 
 REACHED = 1e-9
 """Distance from a wanted pose within which it is reached, characteristic lengths and rad."""
 
-_LARGEST_STEP = 0.3  # rad or characteristic lengths, of all joints in one step
-_MOST_STEPS = 40
-_DAMPING, _LEAST_DAMPING = 1e-9, 1e-13
 _FURTHER = 0.6  # rad or characteristic lengths: a joint that moves further may have changed its assembly mode
 _SUBDIVISIONS = (1, 4, 16)
 _RANK = 1e-6
-_STATIONARY = 1e-7  # gradient of a distance, in which no step comes nearer
 
 
 @dataclass(frozen=True, eq=False)
@@ -71,6 +67,8 @@ class Reaching:
 
     Attributes:
         node: as given.
+        every: the design with all joints free to move.
+        design: with the actuated joints' own variables.
         length: characteristic length of the mechanism as written, m, by which lengths are divided.
 
     Raises:
@@ -84,13 +82,13 @@ class Reaching:
         if self.node not in mechanism.nodes:
             raise UnknownNameError("node", self.node, mechanism.nodes)
         self.length, self.rows = mechanism.length, reach.rows
-        self._every, self.design = Design(parameters, fixed=()), Design(further)
+        self.every, self.design = Design(parameters, fixed=()), Design(further)
         names = [further.own_variable(name).name for name in self.design.fixed]
         self.own = [further.index(name) for name in names]
         self.free = [further.index(name) for name in parameters.names]
         self._written = further.values.copy()
         self._weights = np.repeat([1.0 / self.length, 1.0], 3)[self.rows]
-        home = self._every.evaluate()
+        home = self.every.evaluate()
         self.home = home.placements(self.node)[0]
         here = self.evaluate(parameters.values, np.array([mechanism.q_home]))
         nominal = self.motions(here)[0] * self._weights[:, None]
@@ -163,59 +161,12 @@ class Reaching:
         return found
 
     def _solve(self, p: Array, targets: Array, q: Array) -> Reached:
-        """Return the nearest closed configurations by damped Newton steps among closed ones."""
-        count, q = len(targets), q.copy()
-        scale, integrate = self.mechanism.scale, self.mechanism.system.integrate
-        error, distance = np.zeros((count, len(self.rows))), np.full(count, np.inf)
-        active, damping = np.arange(count), np.full(count, _DAMPING)
-        best = q.copy()
-        for _ in range(_MOST_STEPS):
-            here = self._every.evaluate(p, q[active])
-            missing = self._missing(here, targets[active])
-            size = np.linalg.norm(missing * self._weights, axis=1)
-            size = np.where(here.gap <= closure.CLOSED, size, np.inf)
-            better = size < distance[active]
-            at = active[better]
-            best[at], error[at], distance[at] = here.q[better], missing[better], size[better]
-            damping[active] = np.where(
-                better, np.maximum(damping[active] / 10.0, _LEAST_DAMPING), damping[active] * 30.0
-            )
-            going = (distance[active] > 1e-13) & (damping[active] < 1e2)
-            active = active[going]
-            if not len(active):
-                break
-            if better[going].all():
-                now, wanted = here, going
-                columns = now.node_joints(self.node, "world")[wanted][:, self.rows] * scale * self._weights[:, None]
-                null = self._null(now.jacobians[wanted])
-                stored = columns @ null
-                lack = missing[going] * self._weights
-            else:
-                again = self._every.evaluate(p, best[active])
-                columns = again.node_joints(self.node, "world")[:, self.rows] * scale * self._weights[:, None]
-                null = self._null(again.jacobians)
-                stored = columns @ null
-                lack = error[active] * self._weights
-            downhill = (np.swapaxes(stored, 1, 2) @ lack[..., None])[..., 0]
-            moving = np.linalg.norm(downhill, axis=1) > _STATIONARY * np.linalg.norm(lack, axis=1)
-            active, stored, null, downhill = active[moving], stored[moving], null[moving], downhill[moving]
-            if not len(active):
-                break
-            square = np.swapaxes(stored, 1, 2) @ stored
-            square += damping[active, None, None] * np.eye(square.shape[1])
-            step = np.linalg.solve(square, downhill[..., None])
-            motion = (null @ step)[..., 0]
-            largest = np.abs(motion).max(axis=1, initial=0.0)
-            motion *= (np.minimum(1.0, _LARGEST_STEP / np.maximum(largest, 1e-300)))[:, None] * scale
-            q[active] = [integrate(a, b) for a, b in zip(best[active], motion, strict=True)]
-        return Reached(p, targets, best, error, distance)
+        def residual(here: DesignEvaluation, at: NDArray[np.intp]) -> tuple[Array, Array]:
+            columns = here.node_joints(self.node, "world")[:, self.rows] * self.mechanism.scale
+            return self._missing(here, targets[at]) * self._weights, columns * self._weights[:, None]
 
-    def _null(self, jacobians: Array) -> Array:
-        """Return a basis (count, nv, .) of the motions that keep the loops closed, dimensionless."""
-        if not jacobians.shape[1]:
-            return np.broadcast_to(np.eye(jacobians.shape[2]), (len(jacobians), *[jacobians.shape[2]] * 2))
-        vt = np.linalg.svd(jacobians, full_matrices=True)[2]
-        return np.swapaxes(vt[:, self._every.rank :], 1, 2)
+        found, missing, distance = nearest(self.every, p, q, residual)
+        return Reached(p, targets, found, missing / self._weights, distance)
 
     def _missing(self, here: DesignEvaluation, targets: Array) -> Array:
         placements = here.placements(self.node)

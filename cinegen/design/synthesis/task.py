@@ -34,7 +34,7 @@ from cinegen.collision.scene_table import SceneTable
 from cinegen.design.errors import DesignError
 from raff2urdf.errors import RaffError, did_you_mean
 from raff2urdf.files import read_bytes
-from raff2urdf.quantities import LENGTH, NUMBER, QuantityError, parse, parse_range
+from raff2urdf.quantities import ANGLE, LENGTH, NUMBER, QuantityError, parse, parse_range
 
 Array = NDArray[np.float64]
 
@@ -144,7 +144,30 @@ class Task:
     written: Mapping[str, Any] = field(default_factory=dict, compare=False)
 
 
-def load_task(path: str | Path) -> Task:
+@dataclass(frozen=True)
+class Precision:
+    """Precision points of a linkage.
+
+    Attributes:
+        parameters: range (low, high) of each parameter that varies, by pattern: m and rad.
+        targets: (points, rows) coordinates and angles, or values of joints, m and rad.
+        ties: see `cinegen.design.ties`.
+        node: that passes points or poses; empty for the last of the file.
+        rows: components of the node's twist in the world that are given.
+        joints: input and output of a function, instead of a node.
+        starts: number of starts at most.
+    """
+
+    parameters: Mapping[str, tuple[float, float] | str]
+    targets: Array
+    ties: tuple[str, ...] = ()
+    node: str = ""
+    rows: tuple[int, ...] = (0, 1)
+    joints: tuple[str, ...] = ()
+    starts: int = 200
+
+
+def load_task(path: str | Path) -> Task | Precision:
     """Return the task of a TOML file; numbers without a unit are in m and degrees.
 
     Raises:
@@ -159,7 +182,7 @@ def load_task(path: str | Path) -> Task:
     return task_of(values, str(path))
 
 
-def task_of(values: Mapping[str, Any], where: str = "task") -> Task:
+def task_of(values: Mapping[str, Any], where: str = "task") -> Task | Precision:
     """Return the task of the keys and values that a file would have.
 
     Raises:
@@ -171,13 +194,16 @@ def task_of(values: Mapping[str, Any], where: str = "task") -> Task:
         raise DesignError(str(error)) from None
 
 
-def _task(table: SceneTable, values: Mapping[str, Any]) -> Task:
+def _task(table: SceneTable, values: Mapping[str, Any]) -> Task | Precision:
     given = table.table("parameters")
     parameters = {name: given.text(name) for name in given}
     if not parameters:
         raise given.error("a parameter", 'is missing: write for example "link2.d" = "150..400mm"')
     ties = tuple(table.names("ties")) if "ties" in table else ()
     node = table.text("node") if "node" in table else ""
+    kinds = [key for key in ("path", "guidance", "function") if key in table]
+    if kinds:
+        return _precision(table, kinds, parameters, ties, node)
     reach = _reach(table.table("reach"))
     objectives = tuple(_objective(one) for one in table.tables("objective"))
     if not 1 <= len(objectives) <= 2:
@@ -199,6 +225,26 @@ def _task(table: SceneTable, values: Mapping[str, Any]) -> Task:
         own.finish()
     table.finish()
     return Task(parameters, reach, objectives, ties, node, bounds, limits, size, starts, front, dict(values))
+
+
+def _precision(
+    table: SceneTable, kinds: list[str], parameters: dict[str, str], ties: tuple[str, ...], node: str
+) -> Precision:
+    """Return the precision points of `[path]`, `[guidance]` or `[function]`."""
+    if len(kinds) > 1:
+        raise table.error(kinds[1], f"cannot be combined with {kinds[0]}: remove one of them")
+    starts = _count(table, "starts", 200)
+    own = table.table(kinds[0])
+    key = {"path": "points", "guidance": "poses", "function": "pairs"}[kinds[0]]
+    joints = tuple(own.text(name) for name in ("input", "output")) if kinds[0] == "function" else ()
+    columns = {"path": (LENGTH,) * 2, "guidance": (LENGTH, LENGTH, ANGLE), "function": (ANGLE,) * 2}
+    given = own.rows(key, columns[kinds[0]])
+    own.finish()
+    table.finish()
+    if len(given) < 2:
+        raise own.error(key, "must be two or more")
+    rows = (0, 1, 5) if kinds[0] == "guidance" else (0, 1)
+    return Precision(parameters, given, ties, node, rows, joints, starts)
 
 
 def _reach(table: SceneTable) -> Reach:

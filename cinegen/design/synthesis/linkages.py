@@ -1,0 +1,383 @@
+"""Precision points of linkages: dimensions with which a coupler point passes through points, a body through poses, or
+an output follows an input.
+
+Each precision point has a configuration of its own, which is eliminated: it is the closed one that comes nearest
+(variable projection). With what is missing there, e, and the motions t of the wanted values with closed loops, the
+Jacobian by the parameters is
+
+    de / dp = -(1 - t t^+) X_p ,
+
+which scipy's least squares takes. Starts are random designs whose motion, followed by continuation, passes the points
+in their order best. The result is followed again to find defects: of the circuit (not all points on one closed motion),
+of the order, and of the branch (the actuated joint turns back on the way).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cinegen.design.design import Design, DesignEvaluation
+from cinegen.design.errors import DesignError
+from cinegen.design.parameters import Parameters
+from cinegen.design.synthesis.nearest import closed_motions, nearest
+from cinegen.design.synthesis.task import Precision
+from cinegen.errors import UnknownNameError
+from raff2urdf import Document, closure
+
+Array = NDArray[np.float64]
+
+EXACT = 1e-9
+"""What may be missing at a precision point, characteristic lengths and rad."""
+
+_ATLAS, _LARGEST_ATLAS = 64, 4096  # random designs, of which the best are starts: by the squared number of points
+_FITTED = 64  # of them
+_MOST_TRIED = 250  # designs of one start
+_FOLLOWED = 96  # steps around a random design's motion
+_STEP = 0.12  # rad or characteristic lengths, of all joints
+_FINE = 0.01
+_MOST_FINE = 20_000
+
+
+@dataclass(frozen=True, eq=False)
+class LinkageSynthesis:
+    """The result of a synthesis by precision points.
+
+    Attributes:
+        parameters: free ones of the file.
+        p: (parameters,) values, m and rad.
+        q: (points, nq) closed configurations at the precision points.
+        error: (points,) what is missing there, characteristic lengths and rad.
+        one_circuit: all points are on one motion without taking the linkage apart.
+        in_order: it passes them in their order.
+        one_branch: the actuated joint never turns back between the first and the last.
+        starts: least squares that were solved.
+        evaluations: designs that these evaluated, without the random ones.
+        exact: number of starts that met all points.
+    """
+
+    parameters: Parameters
+    p: Array
+    q: Array
+    error: Array
+    one_circuit: bool
+    in_order: bool
+    one_branch: bool
+    starts: int
+    evaluations: int
+    exact: int
+
+    @property
+    def holds(self) -> bool:
+        """True where all points are met without a defect."""
+        return bool(self.error.max() <= EXACT and self.one_circuit and self.in_order and self.one_branch)
+
+    @property
+    def raff(self) -> str:
+        """The RAFF file with these values."""
+        return self.parameters.with_values(self.p)
+
+    @property
+    def text(self) -> str:
+        """The result as people read it."""
+        met = int((self.error <= EXACT).sum())
+        lines = [
+            f"{self.parameters.robot.name}: {met} of {len(self.error)} precision points are met, at most "
+            f"{self.error.max():.2g} is missing (characteristic lengths, rad)",
+            f"  {self.exact} of {self.starts} starts met all",
+        ]
+        for name, old, new in zip(self.parameters.names, self.parameters.values, self.p, strict=True):
+            lines.append(f"  {name:<12} {self.parameters.text(name, old)} -> {self.parameters.text(name, new, 9)}")
+        circuit = (
+            "all points are on one circuit" if self.one_circuit else "circuit defect: points are on several circuits"
+        )
+        order = "passed in their order" if self.in_order else "order defect: passed in another order"
+        branch = (
+            "the actuated joint never turns back" if self.one_branch else "branch defect: the actuated joint turns back"
+        )
+        lines.append(f"  {circuit}; {order}; {branch}")
+        return "\n".join(lines)
+
+    def as_dict(self) -> dict[str, Any]:
+        """Return the result for JSON: m and rad."""
+        return {
+            "robot": self.parameters.robot.name,
+            "parameters": dict(zip(self.parameters.names, self.p.tolist(), strict=True)),
+            "before": dict(zip(self.parameters.names, self.parameters.values.tolist(), strict=True)),
+            "errors": self.error.tolist(),
+            "one_circuit": self.one_circuit,
+            "in_order": self.in_order,
+            "one_branch": self.one_branch,
+            "starts": self.starts,
+            "exact": self.exact,
+            "evaluations": self.evaluations,
+            "holds": self.holds,
+        }
+
+
+class PrecisionProblem:
+    """Precision points for a linkage of mobility 1.
+
+    Args:
+        source: as for `cinegen.design.Parameters`.
+        task: parameters and precision points.
+        robot: name of one robot of a file that holds several.
+
+    Attributes:
+        task: as given.
+        parameters: the free ones.
+        evaluations: designs that were evaluated.
+
+    Raises:
+        DesignError: the task does not fit the mechanism.
+    """
+
+    def __init__(self, source: str | Path | Document, task: Precision, robot: str | None = None) -> None:
+        self.task = task
+        self.parameters = Parameters(source, list(task.parameters), task.ties, task.parameters, robot)
+        self.mechanism = mechanism = self.parameters.mechanism
+        loose = [
+            name
+            for name, bounds in zip(self.parameters.names, self.parameters.bounds, strict=True)
+            if not np.isfinite(bounds).all()
+        ]
+        if loose:
+            raise DesignError(f"{', '.join(loose)}: without bounds: give them in [parameters], as low..high")
+        if mechanism.mobility != 1:
+            raise DesignError(
+                f"{mechanism.name} has mobility {mechanism.mobility}: precision points are of linkages with 1"
+            )
+        if mechanism.model.nq != mechanism.model.nv:
+            raise DesignError(f"{mechanism.name}: precision points are of linkages with revolute and prismatic joints")
+        self.node = task.node or mechanism.end
+        if self.node not in mechanism.nodes:
+            raise UnknownNameError("node", self.node, mechanism.nodes)
+        self.design = Design(self.parameters, fixed=())
+        opening = [name for name in self.design.evaluate().opening if name in self.parameters.names]
+        if opening:
+            raise DesignError(f"{', '.join(opening)}: a change opens the loops of {mechanism.name}: leave it out")
+        self.low, self.high = self.parameters.bounds.T
+        self._targets, self.rows = task.targets, list(task.rows)
+        slides = [name for name in task.joints if mechanism.is_prismatic(name)]
+        if slides:
+            raise DesignError(f"{', '.join(slides)}: is prismatic: a function is of angles of revolute joints")
+        self._joints = [(mechanism.q_index(name), mechanism.v_index(name)) for name in task.joints]
+        self._weights = np.repeat([1.0 / mechanism.length, 1.0], 3)[self.rows] if not task.joints else np.ones(2)
+        self.evaluations = 0
+
+    # --- what is missing -----------------------------------------------------------------------------------------
+
+    def missing(self, here: DesignEvaluation, at: NDArray[np.intp]) -> Array:
+        """Return what is missing (n, rows) at precision points by their indices, dimensionless."""
+        targets = self._targets[at]
+        if self._joints:
+            return np.asarray((targets - here.q[:, [q for q, _ in self._joints]]) * self._weights)
+        placements = here.placements(self.node)
+        lengths = [row for row in self.rows if row < 3]
+        found = targets[:, : len(lengths)] - placements[:, lengths, 3]
+        if len(lengths) < len(self.rows):  # the angle about the world's z
+            angles = np.arctan2(placements[:, 1, 0], placements[:, 0, 0])
+            turned = (targets[:, -1] - angles + np.pi) % (2.0 * np.pi) - np.pi
+            found = np.hstack([found, turned[:, None]])
+        return np.asarray(found * self._weights)
+
+    def _columns(self, here: DesignEvaluation) -> Array:
+        """Return the motions (n, rows, nv) of the wanted values by joints, dimensionless."""
+        scale = self.mechanism.scale
+        if self._joints:
+            picked = np.eye(len(scale))[[v for _, v in self._joints]] * scale * self._weights[:, None]
+            return np.broadcast_to(picked, (len(here), *picked.shape))
+        return np.asarray(here.node_joints(self.node, "world")[:, self.rows] * scale * self._weights[:, None])
+
+    def solved_at(self, p: Array, q: Array) -> tuple[Array, Array, Array]:
+        """Return the nearest configurations (points, nq), what is missing (points, rows) and its derivative (points,
+        rows, parameters)."""
+        self.evaluations += 1
+        found, missing, size = nearest(
+            self.design, p, q, lambda here, at: (self.missing(here, at), self._columns(here))
+        )  # fmt: skip
+        here = self.design.evaluate(p, found)
+        columns = self._columns(here) @ closed_motions(self.design, here.jacobians)
+        if self._joints:
+            by_p = here.joint_derivative[:, [v for _, v in self._joints]] * self._weights[:, None]
+        else:
+            by_p = here.pose_derivative(self.node, "world")[:, self.rows] * self._weights[:, None]
+        outside = np.eye(columns.shape[1]) - columns @ np.linalg.pinv(columns, rcond=1e-8)
+        missing = np.where(np.isfinite(size)[:, None], missing, 1.0)
+        return found, missing, np.asarray(-(outside @ by_p))
+
+    # --- starts --------------------------------------------------------------------------------------------------
+
+    def followed(self, p: Array, q: Array, steps: int, length: float) -> tuple[Array, Array]:
+        """Return the configurations (steps, count, nq) of motions in steps of a length (dimensionless), and which
+        (steps, count) are closed, from configurations (count, nq) of designs (count, parameters)."""
+        scale = self.mechanism.scale
+        before = np.zeros((len(q), len(scale)))
+        found, closed = np.zeros((steps, *q.shape)), np.zeros((steps, len(q)), dtype=bool)
+        for k in range(steps):
+            here = self.design.evaluate(p, q)
+            found[k], closed[k] = here.q, here.gap <= closure.CLOSED
+            tangent = closed_motions(self.design, here.jacobians)[:, :, 0]
+            along = np.einsum("ci,ci->c", tangent, before)
+            tangent = tangent * np.where(along < 0.0, -1.0, 1.0)[:, None]
+            q, before = here.q + length * tangent * scale, tangent
+        return found, closed
+
+    def atlas(self, count: int, generator: np.random.Generator) -> list[tuple[float, Array, Array]]:
+        """Return random designs as (what is missing, values, configurations at the points), best first."""
+        n = len(self._targets)
+        p = self.low + generator.random((count, len(self.low))) * (self.high - self.low)
+        p[0] = self.parameters.values
+        q = np.tile(self.mechanism.q_home, (count, 1))
+        motions, closed = self.followed(p, q, _FOLLOWED, _STEP)
+        keep = np.flatnonzero(closed.all(axis=0))
+        found = []
+        flat = self.design.evaluate(
+            np.repeat(p[keep], _FOLLOWED, 0), motions[:, keep].swapaxes(0, 1).reshape(-1, motions.shape[2]), False
+        )
+        each = [np.linalg.norm(self.missing(flat, np.full(len(flat), i)), axis=1) for i in range(n)]
+        distances = np.stack(each, axis=1).reshape(len(keep), _FOLLOWED, n)
+        for k, distance in zip(keep, distances, strict=True):
+            cost, at = _in_order(distance**2)
+            found.append((cost, p[k], motions[at, k]))
+        return sorted(found, key=lambda one: one[0])
+
+    def fitted(self, p: Array, q: Array) -> tuple[Array, Array, float]:
+        """Return the least-squares design near another: its values, its configurations, and what is missing at most."""
+        from scipy.optimize import least_squares
+
+        size = self.high - self.low
+        known = [q]
+        cache: dict[bytes, tuple[Array, Array, Array]] = {}
+
+        def at(u: Array) -> tuple[Array, Array, Array]:
+            key = u.tobytes()
+            if key not in cache:
+                cache.clear()
+                cache[key] = self.solved_at(self.low + u * size, known[0])
+            return cache[key]
+
+        def slopes(u: Array) -> Array:  # of a point that is accepted
+            found, _, by_p = at(u)
+            known[0] = found
+            return np.asarray((by_p * size).reshape(-1, len(u)))
+
+        unit = np.clip((p - self.low) / size, 1e-6, 1.0 - 1e-6)
+        found = least_squares(
+            lambda u: at(u)[1].ravel(),
+            unit,
+            slopes,
+            bounds=(0.0, 1.0),
+            x_scale="jac",
+            xtol=1e-15,
+            ftol=1e-12,
+            gtol=1e-15,
+            max_nfev=_MOST_TRIED,
+        )
+        q, missing, _ = at(found.x)
+        return np.asarray(self.low + found.x * size), q, float(np.linalg.norm(missing, axis=1).max())
+
+    # --- the result ----------------------------------------------------------------------------------------------
+
+    def solved(self, report: Callable[[str, int, int], object], seed: int = 0) -> LinkageSynthesis:
+        """Return the first design without defects, or the best of all starts.
+
+        Args:
+            report: called with what is done, and how many starts of how many.
+            seed: of the random designs.
+        """
+        generator, most = np.random.default_rng(seed), self.task.starts
+        best: tuple[tuple[int, float], Array, Array, tuple[bool, bool, bool]] | None = None
+        exact, done, queue = 0, 0, list[tuple[float, Array, Array]]()
+        while done < most:
+            if not queue:
+                queue = self.atlas(min(_LARGEST_ATLAS, _ATLAS * len(self._targets) ** 2), generator)[:_FITTED]
+                if not queue:
+                    raise DesignError(f"{self.mechanism.name}: no random design within the bounds can be assembled")
+            report("start", done, most)
+            _, p, q = queue.pop(0)
+            done += 1
+            try:
+                p, q, missing = self.fitted(p, q)
+            except (np.linalg.LinAlgError, ValueError):  # a start among impossible designs
+                continue
+            met = missing <= EXACT
+            exact += met
+            defects = self.defects(p, q) if met or best is None else (False, False, False)
+            rank = (sum(defects) if met else -1, -missing)
+            if best is None or rank > best[0]:
+                best = rank, p, q, defects
+            if met and all(defects):
+                break
+        if best is None:
+            raise DesignError(f"{self.mechanism.name}: no start could be computed: change the bounds")
+        _, p, q, defects = best
+        error = np.linalg.norm(self.solved_at(p, q)[1], axis=1)
+        return LinkageSynthesis(self.parameters, p, q, error, *defects, done, self.evaluations, exact)
+
+    def defects(self, p: Array, q: Array) -> tuple[bool, bool, bool]:
+        """Return whether all configurations (points, nq) are on one circuit, in their order, and on one branch."""
+        mechanism, scale = self.mechanism, self.mechanism.scale
+        driver = mechanism.v_index(mechanism.actuated[0])
+        here = q[:1]
+        before = np.zeros(len(scale))
+        met: list[int] = []
+        where: list[int] = []
+        turns = list[float]()
+        for k in range(_MOST_FINE):
+            tangents = self.design.evaluate(p, here)
+            tangent = closed_motions(self.design, tangents.jacobians)[0, :, 0]
+            tangent = -tangent if tangent @ before < 0.0 else tangent
+            now = tangents.q[0]
+            apart = np.abs(_wrapped((q - now) / scale)).max(axis=1)
+            for i in np.flatnonzero(apart < 0.75 * _FINE):
+                if i not in met:
+                    met.append(int(i))
+                    where.append(k)
+            turns.append(float(tangent[driver]))
+            if k > 10 and apart[0] < 0.75 * _FINE:
+                break
+            here, before = (now + _FINE * tangent * scale)[None], tangent
+        if len(met) < len(q):
+            return False, False, False
+        order = met == list(range(len(q))) or met == [0, *range(len(q) - 1, 0, -1)]
+        used = turns[where[0] : where[-1] + 1] if met[1] == 1 else turns[where[1] :]  # or the other way around
+        return True, order, bool(min(used) > 0.0 or max(used) < 0.0)
+
+
+def _wrapped(angles: Array) -> Array:
+    return np.asarray((angles + np.pi) % (2.0 * np.pi) - np.pi)
+
+
+def _in_order(costs: Array) -> tuple[float, NDArray[np.intp]]:
+    """Return the least sum of costs (steps, points) of points at increasing steps, and these steps (points,), in either
+    direction and from the step that is best for the first point."""
+    steps, n = costs.shape
+    best: tuple[float, NDArray[np.intp]] = (np.inf, np.zeros(n, dtype=np.intp))
+    for direction in (1, -1):
+        order = np.arange(steps)[::direction]
+        first = int(np.argmin(costs[order, 0]))
+        order = np.roll(order, -first)
+        own = costs[order]
+        total = own[:, 0].copy()
+        total[1:] = np.inf
+        back = np.zeros((steps, n), dtype=int)
+        for i in range(1, n):
+            least = np.minimum.accumulate(total)
+            is_new = np.append(True, total[1:] < least[:-1])
+            back[:, i] = np.maximum.accumulate(np.where(is_new, np.arange(steps), 0))
+            total = least + own[:, i]
+        k = int(np.argmin(total))
+        if total[k] < best[0]:
+            at = np.zeros(n, dtype=np.intp)
+            value = float(total[k])
+            for i in range(n - 1, -1, -1):
+                at[i] = k
+                k = back[k, i]
+            best = value, order[at]
+    return best
