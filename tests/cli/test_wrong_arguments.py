@@ -33,7 +33,7 @@ CALLS = {
     "cinegen forces": "four_bar.raff --massless",
     "cinegen tolerance": "four_bar.raff --sigma link2.d=0.1mm --samples 100",
     "cinegen calibrate": "planar_3r.raff measurements.csv --folds 0",
-    "cinegen synthesize": "five_bar.raff --task unreachable.toml",  # no task: refused
+    "cinegen synthesize": "planar_3r.raff --task task.toml -o out.raff",
     "cinegen map": "planar_3r.raff --over x,y --grid 2 --workers 1 -o out.zarr",
     "cinegen compare": "map.zarr map.zarr",
     "cinegen plan": "unreachable.toml",
@@ -88,6 +88,12 @@ PAIRS = (
     "..",
 )
 PLACES = ("/dev/full", "/dev/zero", "tcp://x", "file:///x", "[]")
+TASK = """
+starts = 1
+parameters = { "link2.d" = "150..500mm" }
+reach = { points = [[0.5, 0.3]], axes = ["x", "y"], orientation = "home" }
+objective = [{ minimise = "size", of = ["link*.d"] }]
+"""
 EACH = 5  # values for each argument and option
 
 
@@ -126,6 +132,7 @@ def inputs(root, tmp_path_factory):
         (folder / name).write_bytes(content)
     (folder / "folder").mkdir()
     (folder / "unreachable.toml").write_text("robot = 'planar_3r.raff'\ngoal = { point = [0.9, 0.9] }\n")
+    (folder / "task.toml").write_text(TASK)
     scene = (root / "robots/scenes/disc.toml").read_text().replace("../", "")
     (folder / "disc.toml").write_text(scene)
     with pytest.MonkeyPatch.context() as patch:
