@@ -36,9 +36,10 @@ EXACT = 1e-9
 """What may be missing at a precision point, characteristic lengths and rad."""
 
 _ATLAS, _LARGEST_ATLAS = 64, 4096  # random designs, of which the best are starts: by the squared number of points
-_FITTED = 64  # of them
+_FITTED = 32  # of them
 _MOST_TRIED = 250  # designs of one start
 _FOLLOWED = 96  # steps around a random design's motion
+_LESS_LIKELY = 4.0  # cost of a start whose actuated joint turns back
 _STEP = 0.12  # rad or characteristic lengths, of all joints
 _FINE = 0.01
 _MOST_FINE = 20_000
@@ -236,15 +237,16 @@ class PrecisionProblem:
         q = np.tile(self.mechanism.q_home, (count, 1))
         motions, closed = self.followed(p, q, _FOLLOWED, _STEP)
         keep = np.flatnonzero(closed.all(axis=0))
-        found = []
+        found, driver = [], self.mechanism.q_index(self.mechanism.actuated[0])
         flat = self.design.evaluate(
             np.repeat(p[keep], _FOLLOWED, 0), motions[:, keep].swapaxes(0, 1).reshape(-1, motions.shape[2]), False
         )
         each = [np.linalg.norm(self.missing(flat, np.full(len(flat), i)), axis=1) for i in range(n)]
         distances = np.stack(each, axis=1).reshape(len(keep), _FOLLOWED, n)
         for k, distance in zip(keep, distances, strict=True):
-            cost, at = _in_order(distance**2)
-            found.append((cost, p[k], motions[at, k]))
+            cost, at, between = _in_order(distance**2)
+            back = _turns_back(motions[between, k, driver])
+            found.append((_LESS_LIKELY * cost if back else cost, p[k], motions[at, k]))
         return sorted(found, key=lambda one: one[0])
 
     def fitted(self, p: Array, q: Array) -> tuple[Array, Array, float]:
@@ -354,11 +356,19 @@ def _wrapped(angles: Array) -> Array:
     return np.asarray((angles + np.pi) % (2.0 * np.pi) - np.pi)
 
 
-def _in_order(costs: Array) -> tuple[float, NDArray[np.intp]]:
-    """Return the least sum of costs (steps, points) of points at increasing steps, and these steps (points,), in either
-    direction and from the step that is best for the first point."""
+def _turns_back(values: Array) -> bool:
+    """Return whether a joint turns back along values, which may jump where a motion ends and begins again."""
+    steps = np.diff(values)
+    steps = steps[np.abs(steps) < 2.0 * _STEP]
+    return bool(len(steps) and steps.min() < 0.0 < steps.max())
+
+
+def _in_order(costs: Array) -> tuple[float, NDArray[np.intp], NDArray[np.intp]]:
+    """Return the least sum of costs (steps, points) of points at increasing steps, these steps (points,), and all steps
+    between the first and the last, in either direction and from the step that is best for the first point."""
     steps, n = costs.shape
-    best: tuple[float, NDArray[np.intp]] = (np.inf, np.zeros(n, dtype=np.intp))
+    nothing = np.zeros(n, dtype=np.intp)
+    best: tuple[float, NDArray[np.intp], NDArray[np.intp]] = (np.inf, nothing, nothing)
     for direction in (1, -1):
         order = np.arange(steps)[::direction]
         first = int(np.argmin(costs[order, 0]))
@@ -379,5 +389,5 @@ def _in_order(costs: Array) -> tuple[float, NDArray[np.intp]]:
             for i in range(n - 1, -1, -1):
                 at[i] = k
                 k = back[k, i]
-            best = value, order[at]
+            best = value, order[at], order[at[0] : at[-1] + 1]
     return best

@@ -1,0 +1,92 @@
+"""Evaluations that synthesis takes, against differential evolution of scipy at the same objective.
+
+    python benchmarks/synthesis.py [SEED]
+
+For each task, in one run: designs that the gradient method evaluates from the file's values until its answer, those
+that `scipy.optimize.differential_evolution` evaluates until it is as good to a relative 1e-6, or to a limit, and their
+ratio. Both evaluate the same objective at the same points, continued from a known design; a violated constraint costs
+the evolution its size, times a factor.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import sys
+import tempfile
+from pathlib import Path
+
+import numpy as np
+from scipy.optimize import differential_evolution
+
+from cinegen.design.synthesis import SynthesisProblem, Task, task_of
+
+sys.path.insert(0, str(Path(__file__).parent.parent / "tests/helpers"))
+from orthoglide import orthoglide
+
+ENOUGH = 1e-6  # relative, of the objective
+MOST = 20_000  # evaluations
+PENALTY = 1e3
+
+ORTHOGLIDE = {
+    "parameters": {"link4.d": "250..800mm", "frame20.d": "-100..100mm"},
+    "ties": ["link4.d = link9.d = link15.d", "frame20.r = -1*frame20.d", "frame20.d = frame20.epsilon"],
+    "reach": dict.fromkeys("xyz", "-100..100mm"),
+    "objective": [{"minimise": "size", "of": ["link4.d"]}],
+    "constraints": {"singular_values": "0.5..2"},
+}
+FIVE_BAR = {
+    "parameters": {
+        "link1.d": "-300..-50mm", "link3.d": "50..300mm", "link2.d": "150..500mm", "link4.d": "150..500mm",
+        "link5.d": "200..600mm", "frame20.d": "200..600mm",
+    },
+    "reach": {"x": "-150..150mm", "y": "300..500mm"},
+    "objective": [{"minimise": "condition"}],
+    "constraints": {"joint_limits": False},
+}  # fmt: skip
+
+
+class EnoughError(Exception):
+    """Differential evolution is as good as the answer."""
+
+
+def main(seed: int) -> None:
+    print(f"{'task':<12}{'parameters':>11}{'gradient':>10}{'evolution':>11}{'ratio':>9}   objective by both")
+    with tempfile.TemporaryDirectory() as folder:
+        glide = Path(folder) / "orthoglide.raff"
+        glide.write_text(orthoglide(), encoding="utf-8")
+        for name, source, values in (("five_bar", "five_bar", FIVE_BAR), ("orthoglide", glide, ORTHOGLIDE)):
+            task = task_of(values)
+            assert isinstance(task, Task)
+            measure(name, SynthesisProblem(source, task), seed)
+
+
+def measure(name: str, problem: SynthesisProblem, seed: int) -> None:
+    (objective,) = problem.task.objectives
+    p = problem.optimised(problem.parameters.values, objective)
+    mine, scores = problem.evaluations, problem.at(p)
+    assert problem.violation(scores) < 1e-6
+    goal = problem.value(objective, scores)
+    problem.begin(problem.parameters.values)  # the same points, from the file's values
+    problem.evaluations, best = 0, [np.inf]
+
+    def cost(values: np.ndarray) -> float:
+        found = problem.at(values)
+        value = -problem.value(objective, found) + PENALTY * problem.violation(found)
+        best[0] = min(best[0], value)
+        if best[0] <= -goal + ENOUGH * abs(goal) or problem.evaluations >= MOST:
+            raise EnoughError
+        return value
+
+    with contextlib.suppress(EnoughError):
+        differential_evolution(cost, problem.parameters.bounds, seed=seed, maxiter=100_000, tol=0.0, polish=False)
+    other = problem.evaluations
+    reached = "" if other < MOST else " (not reached)"
+    print(
+        f"{name:<12}{len(p):>11}{mine:>10}{other:>11}{other / mine:>9.0f}   "
+        f"{problem.scoring.shown(objective, goal):.6g} {problem.scoring.shown(objective, -best[0]):.6g}{reached}",
+        flush=True,
+    )
+
+
+if __name__ == "__main__":
+    main(int(sys.argv[1]) if len(sys.argv) > 1 else 0)
