@@ -15,6 +15,7 @@ from __future__ import annotations
 import math
 import warnings
 from collections.abc import Collection, Iterator, Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from itertools import zip_longest
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -63,7 +64,10 @@ def read(path: Path, ignore: Collection[str] = ()) -> tuple[str, Constraints, li
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")  # likewise
-            spec = mujoco.MjSpec.from_file(str(path))
+            # After some errors MuJoCo 4.0 keeps a handler of warnings that calls itself for ever, one for each thread:
+            # hence a new thread.
+            with ThreadPoolExecutor(1) as thread:
+                spec = thread.submit(mujoco.MjSpec.from_file, str(path)).result()
             soft = _remove_flexes(spec, str(path), ignore)
             needed, unknown = _weighing_meshes(mujoco, spec, path)
             weighing = spec.copy() if needed else spec

@@ -49,6 +49,17 @@ def test_numbers_of_loop_closures_yaml(tmp_path: Path, number: str) -> None:
         refused(tmp_path, "must be three numbers", r__urdf=URDF.format("", ""), loop_closures__yaml=text)
 
 
+def test_an_mjcf_with_an_error_leaves_the_next_one_readable(tmp_path: Path) -> None:
+    """MuJoCo 4.0 did not end at a warning after this error."""
+    pytest.importorskip("mujoco")
+    anchor = (
+        '<mujoco><worldbody><body name="a"/></worldbody><equality><connect body1="a" anchor=""/></equality></mujoco>'
+    )
+    refused(tmp_path, "can't read it", r__xml=anchor)
+    rgba = '<mujoco><worldbody><body name="a"><geom rgba="nan 0 0 1" size="1"/></body></worldbody></mujoco>'
+    refused(tmp_path, "its rgba must be four numbers", r__xml=rgba)
+
+
 @pytest.mark.parametrize(
     ("attributes", "message"),
     [
