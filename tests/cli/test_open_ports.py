@@ -133,6 +133,7 @@ QUIET = (
     ("modes", "robots/four_bar.raff"),
     ("singular", "robots/planar_3r.raff"),
     ("forces", "robots/planar_3r.raff", "--massless"),
+    ("tolerance", "robots/four_bar.raff", "--sigma", "link*.d=1mm", "--samples", "10"),
     ("map", "robots/planar_3r.raff", "--over", "xy", "--grid", "4", "--workers", "1", "-o", "a.zarr"),
     ("compare", "a.zarr", "a.zarr"),
     ("plan", "robots/scenes/disc.toml", "-o", "run.jsonl"),
@@ -143,7 +144,7 @@ QUIET = (
     ("compile",),
 )
 PAGES_AND_SENSORS = {"replay"}  # tested above
-OTHERS = {"heal"}  # which writes files, and starts no process
+OTHERS = {"heal", "calibrate", "synthesize"}  # which write files, and start no process
 
 
 def test_all_other_commands_listen_nowhere(watched):

@@ -20,7 +20,9 @@ def benchmark():
     path = Path(__file__).parents[2] / "benchmarks/motion_bench_maker.py"
     spec = importlib.util.spec_from_file_location("motion_bench_maker", path)
     module = sys.modules[spec.name] = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
+    with pytest.MonkeyPatch.context() as patch:
+        patch.syspath_prepend(path.parent)  # benchmarks import their neighbours
+        spec.loader.exec_module(module)
     return module
 
 

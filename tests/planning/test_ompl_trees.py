@@ -1,4 +1,4 @@
-"""Trees of OMPL that grow in turns, and start anew."""
+"""Trees of OMPL that grow in turns."""
 
 from __future__ import annotations
 
@@ -7,9 +7,7 @@ import math
 import time
 
 import numpy as np
-import pytest
 
-from cinegen.planning import ompl_trees
 from cinegen.planning.ompl_trees import Trees
 
 LOW, HIGH = np.zeros(2), np.ones(2)
@@ -44,22 +42,3 @@ def test_after_a_path_the_trees_find_another_one():
     trees = Trees(LOW, HIGH, START, [GOAL], through_a_door, 0.1, 3)
     one, other = (trees.grow(math.inf) for _ in range(2))
     assert one.shape != other.shape or not np.allclose(one, other)
-
-
-def test_trees_that_do_not_meet_start_anew_with_more_work_each(monkeypatch):
-    """The first motion of a new pair leaves the start, or arrives at the goal."""
-    monkeypatch.setattr(ompl_trees, "_FIRST", 200)
-    tested, roots = [], []
-    start_anew = Trees._start_anew
-    monkeypatch.setattr(Trees, "_start_anew", lambda trees: (roots.append(len(tested)), start_anew(trees)))
-
-    def closed(begin, end):
-        tested.append([*begin, *end])
-        return (begin[0] < 0.5) == (end[0] < 0.5)
-
-    assert Trees(LOW, HIGH, START, [GOAL], closed, 0.02, 3).grow(time.monotonic() + 1.0) is None
-    work = np.diff([0, *roots])
-    assert len(work) > 3
-    assert work == pytest.approx(work[0] * 1.5 ** np.arange(len(work)), rel=0.2)
-    first = np.array([tested[k] for k in roots if k < len(tested)])
-    assert ((first[:, :2] == START).all(axis=1) | (first[:, 2:] == GOAL).all(axis=1)).all()

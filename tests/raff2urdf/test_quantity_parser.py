@@ -42,6 +42,7 @@ FACTORS = {
     "s": 1.0, "ms": 1e-3, "us": 1e-6, "min": 60.0, "Hz": 1.0, "kHz": 1e3,
     "N": 1.0, "kN": 1e3, "Nm": 1.0, "Nmm": 1e-3, "kg/m3": 1.0, "kg/m^3": 1.0, "g/cm3": 1e3,
     "kg": 1.0, "g": 1e-3, "t": 1e3,
+    "N/m": 1.0, "kN/m": 1e3, "N/mm": 1e3, "N/um": 1e6, "Nm/rad": 1.0, "kNm/rad": 1e3,
 }  # fmt: skip
 FACTORS |= {f"{unit}/{per}": FACTORS[unit] for unit in (*LENGTH.units, *ANGLE.units) for per in ("s", "s2", "s^2")}
 UNITS = [(dimension, unit) for dimension in DIMENSIONS for unit in dimension.units]

@@ -420,6 +420,8 @@ class SynthesisProblem:
             self._write(state, finished)
         good = [one for one in finished if one.violation <= _FEASIBLE]
         if not good:
+            if state is not None:
+                state.unlink(missing_ok=True)  # there is nothing to continue
             raise DesignError(self._impossible(finished))
         best = max(good, key=lambda one: one.score)
         front = self._front(best, report) if len(self.task.objectives) == 2 else ()
