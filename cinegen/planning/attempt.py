@@ -16,6 +16,7 @@ from cinegen.collision.mesh_check import MeshCheck
 from cinegen.ik import Solver
 from cinegen.ik.objectives import Objective
 from cinegen.planning.clearance_barrier import ClearanceBarrier
+from cinegen.singularities.crossing import passes_type_2
 from raff2urdf.quantities import LENGTH, shown
 
 Array = NDArray[np.float64]
@@ -38,6 +39,7 @@ class PlanStatus(Enum):
     GOAL_IN_COLLISION = "goal in collision"
     OUT_OF_REACH = "goal out of reach"
     JOINT_LIMIT = "joint limit"
+    SINGULARITY = "singularity"
     STEP_LIMIT = "step limit"
     TIME_LIMIT = "time limit"
     INTERRUPTED = "interrupted"
@@ -49,7 +51,8 @@ class Attempt:
 
     Attributes:
         strategy: what was followed.
-        status: REACHED, IN_COLLISION, STUCK, CIRCLED, JOINT_LIMIT, STEP_LIMIT, TIME_LIMIT or INTERRUPTED.
+        status: REACHED, IN_COLLISION, STUCK, CIRCLED, JOINT_LIMIT, SINGULARITY, STEP_LIMIT, TIME_LIMIT or
+            INTERRUPTED.
         path: (steps + 1, nq) configurations, the start first.
         blocked_by: names of the pairs of bodies that restricted the last step, nearest first.
         reason: why the attempt ended.
@@ -78,7 +81,8 @@ def attempt(
     deadline: float = math.inf,
     interrupted: Callable[[], bool] = lambda: False,
 ) -> Attempt:
-    """Follow an objective until it arrives or makes no progress. The safety distance is kept everywhere.
+    """Follow an objective until it arrives, makes no progress, or would pass a singularity of type 2. The safety
+    distance is kept everywhere.
 
     Args:
         clearance: distances of the mechanism.
@@ -110,6 +114,9 @@ def attempt(
         if interrupted():
             return ended(PlanStatus.INTERRUPTED, f"another planner reached the goal after {len(path) - 1} steps")
         path.append(solver.step().q)
+        if passes_type_2(mechanism, np.array(path[-2:])):
+            path.pop()
+            return ended(PlanStatus.SINGULARITY, "a singularity of type 2, beyond which actuated joints don't lead")
         still = still + 1 if mechanism.distance(path[-2], path[-1]) < _REST else 0
         distance = remaining(path[-1])
         since = 0 if distance < nearest - _PROGRESS else since + 1

@@ -13,6 +13,7 @@ from cinegen.collision.clearance import Clearance
 from cinegen.errors import ClosureError
 from cinegen.model import Mechanism
 from cinegen.planning.path_constraints import Projection
+from cinegen.singularities.crossing import passes_type_2
 from cinegen.tolerances import CLOSURE
 
 Array = NDArray[np.float64]
@@ -39,8 +40,8 @@ def clear_motion(
     Collisions are found early: the end is tested first, then long segments.
 
     With loops, each middle is closed with its actuated joints locked. Closing must not move it by more than
-    `_MOST_CURVATURE`, and that motion is added to how far things can move. So no motion passes a singularity of type 2
-    to another assembly mode: however short a segment of such a motion becomes, passive joints jump in it.
+    `_MOST_CURVATURE`, and that motion is added to how far things can move. A motion that passes a singularity of type 2
+    is refused: the smallest singular value of the passive joints must not change its sign (`passes_type_2`).
 
     Args:
         clearance: distances of the mechanism.
@@ -54,7 +55,7 @@ def clear_motion(
 
     Returns:
         both ends and all middles (n, nq), loops closed, joints straight in between. None if something is too near, a
-        joint would leave its limits, or loops can't be closed.
+        joint would leave its limits, loops can't be closed, or a singularity of type 2 would be passed.
     """
     mechanism = clearance.mechanism
     at_rest = np.zeros(mechanism.model.nv)
@@ -80,7 +81,8 @@ def clear_motion(
         if float(np.abs(middle.reach / mechanism.scale).max(initial=0.0)) < _SHORTEST:
             return None
         segments += [(first, part, left), (part, last, left)]
-    return np.array([known[part] for part in sorted(known)])
+    motion = np.array([known[part] for part in sorted(known)])
+    return None if straight is None and passes_type_2(mechanism, motion) else motion
 
 
 class _Middle(NamedTuple):

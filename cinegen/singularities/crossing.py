@@ -9,6 +9,7 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import NDArray
 
+from cinegen.errors import ClosureError
 from cinegen.loops.motions import free_motions, orthonormal
 from cinegen.model import Mechanism
 from cinegen.singularities.ball_joints import counted_screws
@@ -136,6 +137,41 @@ def may_cross(rows: Rows, a: Array, b: Array) -> bool:
 def turned(rows: Rows, a: Array, b: Array) -> bool:
     """Return whether the singular value has changed its sign from one matrix to another that is near it."""
     return may_cross(rows, a, b) and _alignment(a, b, rows.rank)[0] < 0.0
+
+
+def passes_type_2(mechanism: Mechanism, path: Array) -> bool:
+    """Return whether a path passes a singularity of type 2, to another side of which no actuated joint leads.
+
+    The smallest singular value of the passive joints changes its sign there. The path is divided where that is
+    possible, down to its configurations, then between two of them by `crossings`. Parts at whose ends the sign is
+    surely the same are not: on these it may pass there and back.
+
+    Args:
+        mechanism: robot.
+        path: (n, nq) configurations, loops closed; the loops are closed between two, as near to straight as possible.
+    """
+    if not mechanism.is_constrained or not mechanism.passive_rank:
+        return False
+    rows = of_passive_joints(mechanism)
+
+    def passes(part: Array) -> bool:
+        if len(part) < 2 or not may_cross(rows, rows.of(part[0]), rows.of(part[-1])):
+            return False
+        if len(part) > 2:
+            half = len(part) // 2
+            return passes(part[: half + 1]) or passes(part[half:])
+
+        def between(x: float) -> Array:
+            if x in (0.0, 1.0):
+                return np.asarray(part[int(x)])
+            return mechanism.close(mechanism.interpolate(part[0], part[1], x))
+
+        try:
+            return any(True for _ in crossings(rows, between))
+        except ClosureError:  # only at a singularity
+            return True
+
+    return passes(path)
 
 
 def _alignment(a: Array, b: Array, rank: int) -> tuple[float, bool]:

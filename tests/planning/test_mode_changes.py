@@ -13,7 +13,7 @@ from cusp_platform import LEGS, LENGTHS, configuration, determinant, legs, pose_
 from variants import slow
 
 from cinegen.collision import PlanningError, load_scene, scene_of
-from cinegen.planning import PlanStatus, change_mode, rrt_connect
+from cinegen.planning import Planner, PlanStatus, change_mode, plan
 from cinegen.tolerances import NEAR_SINGULAR
 
 SECONDS = 240.0  # of a search that takes some seconds on an idle machine
@@ -188,10 +188,9 @@ def test_a_mode_on_the_other_side_is_not_reached_around_singularities(root):
 
 @pytest.mark.parametrize("goal", [(-0.02, -0.16, 0.3), *slow(((-0.09, -0.12, -0.1),), ((0.05, -0.15, -0.4),))])
 def test_a_plan_to_a_pose_keeps_to_its_side_of_the_singularities(root, goal):
-    """What RRT-Connect does by default."""
     task = scene(root, goal={"point": goal[:2], "angle": goal[2]})
     mechanism = task.mechanism
-    found = rrt_connect(task, seconds=SECONDS)
+    found = plan(task, seconds=SECONDS)
     assert found
     assert pose_of(mechanism, found.path[-1]) == pytest.approx(goal, abs=1e-4)
     side = np.sign(determinant(mechanism, task.start))
@@ -199,10 +198,16 @@ def test_a_plan_to_a_pose_keeps_to_its_side_of_the_singularities(root, goal):
 
 
 @pytest.mark.parametrize("mode", [OTHER_SIDE[0], *slow(*((mode,) for mode in OTHER_SIDE[1:]))])
-def test_a_plan_does_not_reach_a_pose_on_the_other_side(root, mode):
+@pytest.mark.parametrize("planner", [Planner.AUTO, *slow(Planner.RRT_CONNECT)])
+def test_a_plan_does_not_reach_a_pose_on_the_other_side(root, mode, planner):
     x, y, angle = mode
-    found = rrt_connect(scene(root, goal={"point": [x / 100, y / 100], "angle": np.radians(angle)}), seconds=4.0)
+    task = scene(root, goal={"point": [x / 100, y / 100], "angle": np.radians(angle)})
+    found = plan(task, seconds=4.0, planner=planner)
     assert found.status is PlanStatus.TIME_LIMIT
+    along = [determinant(task.mechanism, q) for one in found.attempts for q in dense(task.mechanism, one.path)]
+    assert min(along) > 0.0
+    if planner is Planner.AUTO:
+        assert found.attempts[0].status is PlanStatus.SINGULARITY
 
 
 def test_modes_outside_limits_are_no_goals(root):
