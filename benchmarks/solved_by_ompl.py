@@ -7,9 +7,10 @@ Families, by default all:
     table-ROBOT    among boxes on a table (ur5, ur10, panda, z1), from one random configuration to another
     bin-ROBOT      from above into a bin of five boards, to the configuration at a random point inside
     columns-delta4, columns-gough    a platform among columns, from one pose to another of the same assembly mode
-    shelf-tall, shelf-thin, box, cage, under-table    a panda's hand grasps in scenes as of MotionBenchMaker, of random
-                   sizes: from one compartment of a shelf to another; from above into an open box on a table, into a
-                   cage of bars, and under a table
+    shelf-tall, shelf-thin, box, cage, kitchen, under-table    a panda's hand grasps in scenes as of MotionBenchMaker,
+                   of random sizes: from one compartment of a shelf to another; from above into an open box on a table,
+                   and into a cage of bars; between a counter, its sink, the cupboard below with an open door, and the
+                   one above; and from above to under a table
 
 Start and goal are joint values that keep twice the safety distance. Whether there is a path is not known.
 
@@ -54,7 +55,7 @@ from cinegen.model import Mechanism
 from cinegen.planning import plan
 from cinegen.planning.locked_joints import with_joints_locked
 from cinegen.planning.ompl_trees import Trees
-from cinegen.planning.rrt_planner import SamplingSpace
+from cinegen.planning.path_sampler import SamplingSpace
 
 Array = np.ndarray
 Entry = dict[str, Any]
@@ -321,6 +322,58 @@ def cage(rng: np.random.Generator) -> Scene | None:
     return grasps(obstacles, [partial(over_table, rng), inside], rng)
 
 
+def kitchen(rng: np.random.Generator) -> Scene | None:
+    deep, long, top, board = rng.uniform(0.45, 0.55), rng.uniform(1.2, 1.6), rng.uniform(0.15, 0.3), 0.02
+    front, y, bay = rng.uniform(0.4, 0.48), rng.uniform(-0.15, 0.15), rng.uniform(0.4, 0.5)
+    middle, sink, bottom, above = front + deep / 2.0, rng.choice([-1.0, 1.0]) * bay, -0.35, top + rng.uniform(0.4, 0.5)
+    obstacles, half = [box("wall", [0.02, 2.0, 2.0], [front + deep + 0.02, 0.0, 0.6])], bay / 2.0
+
+    def plate(name: str, low: tuple[float, float, float], high: tuple[float, float, float]) -> None:
+        ends = np.array([low, high]) + np.array([0.0, y, 0.0])
+        obstacles.append(box(name, np.abs(ends[1] - ends[0]), ends.mean(axis=0)))
+
+    back = front + deep
+    for i, (left, right) in enumerate(((-long / 2.0, sink - half), (sink + half, long / 2.0))):  # the sink between them
+        plate(f"top{i}", (front, left, top - board), (back, right, top))
+    plate("sink-floor", (front, sink - half, top - 0.2), (back, sink + half, top - 0.18))
+    plate("sink-front", (front, sink - half, top - 0.2), (front + 0.05, sink + half, top))
+    for i, side in enumerate((-long / 2.0, -half, half, long / 2.0)):  # the cupboard below is open between two of them
+        plate(f"side{i}", (front, side - board / 2.0, bottom), (back, side + board / 2.0, top - 0.21))
+    plate("bottom", (front, -long / 2.0, bottom), (back, long / 2.0, bottom + board))
+    plate("door", (front - 0.35, -half - board, bottom), (front, -half, top - 0.21))
+    hung = back - rng.uniform(0.25, 0.3)
+    for i in range(3):
+        plate(f"shelf{i}", (hung, -long / 2.0, above + 0.27 * i), (back, long / 2.0, above + 0.27 * i + board))
+    for i in range(4):
+        r, h = rng.uniform(0.03, 0.04), rng.uniform(0.08, 0.2)
+        point = [rng.uniform(front + 0.15, back - 0.1), y + rng.uniform(-0.5, 0.5) * long, top + 0.01 + h / 2.0]
+        can = {"name": f"can{i}", "kind": "cylinder", "radius": r, "length": h, "point": point}
+        obstacles.append(can)
+
+    def on_top() -> tuple[Array, Array]:
+        at = [rng.uniform(front + 0.05, middle), y + rng.uniform(-0.35, 0.35) * long, top + rng.uniform(0.05, 0.15)]
+        return np.array(at), rng.choice([FORWARD, DOWN])
+
+    def in_sink() -> tuple[Array, Array]:
+        at = [rng.uniform(front + 0.12, middle), y + sink + rng.uniform(-0.2, 0.2) * bay, top - rng.uniform(0.0, 0.1)]
+        return np.array(at), DOWN
+
+    def below() -> tuple[Array, Array]:
+        at = [
+            rng.uniform(front, front + 0.1),
+            y + rng.uniform(-0.25, 0.25) * bay,
+            rng.uniform(bottom + 0.15, top - 0.3),
+        ]
+        return np.array(at), FORWARD
+
+    def hung_up() -> tuple[Array, Array]:
+        at = [hung + rng.uniform(0.0, 0.1), y + rng.uniform(-0.3, 0.3) * long, above + rng.uniform(0.1, 0.17)]
+        return np.array(at), FORWARD
+
+    places = [on_top, in_sink, below, hung_up]
+    return grasps(obstacles, [places[i] for i in rng.permutation(len(places))[:2]], rng)
+
+
 def under_table(rng: np.random.Generator) -> Scene | None:
     top, wide, long, leg = rng.uniform(0.35, 0.5), rng.uniform(0.5, 0.7), rng.uniform(0.8, 1.2), 0.05
     near_edge, y = rng.uniform(0.35, 0.45), rng.uniform(-0.15, 0.15)
@@ -354,6 +407,7 @@ FAMILIES: Mapping[str, Callable[[int], Scene]] = {
     "shelf-thin": partial(retried, partial(bookshelf, height=(0.2, 0.25), rows=4)),
     "box": partial(retried, open_box),
     "cage": partial(retried, cage),
+    "kitchen": partial(retried, kitchen),
     "under-table": partial(retried, under_table),
 }
 

@@ -3,6 +3,7 @@ package ompl."""
 
 from __future__ import annotations
 
+import math
 import time
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
@@ -19,6 +20,7 @@ Close = Callable[[Array], Array | None]
 
 _STRIDE = 0.4  # between projected points of a motion
 _CLOSED = 1e-8
+_ITERATION = 0.05  # of the time that the test of a motion takes
 
 
 class Trees:
@@ -97,15 +99,31 @@ class Trees:
             planner.setProblemDefinition(problem)
             planner.setup()
 
-    def grow(self, deadline: float) -> Array | None:
+    @property
+    def work(self) -> float:
+        """Work so far, in tests of motions: the same for the same seed and path, however long it takes."""
+        return self._motions.work
+
+    def grow(self, deadline: float, work: float = math.inf) -> Array | None:
         """Return a path (m, n) to one of the goals, free from point to point; None if the trees have not met yet. The
         next call goes on, after a path with new trees.
 
         Args:
             deadline: value of `time.monotonic` at which the trees stop to grow, s.
+            work: value of `work` at which they do so.
         """
+        motions, is_other = self._motions, False
+
+        def is_over() -> bool:
+            nonlocal is_other
+            if not is_other and (motions.work >= work or time.monotonic() >= deadline):
+                return True
+            motions.work += _ITERATION
+            is_other = not is_other  # LBKPIECE extends both trees in turn, the first one first in each call
+            return False
+
         with _silence():
-            self._planner.solve(ob.PlannerTerminationCondition(lambda: time.monotonic() >= deadline))
+            self._planner.solve(ob.PlannerTerminationCondition(is_over))
             if not self._problem.hasExactSolution():
                 return None
             found = _points(self._problem.getSolutionPath(), self._count)
@@ -134,15 +152,21 @@ def _point(state: ob.State, count: int) -> Array:
 
 
 class _Motions(ob.MotionValidator):  # type: ignore[misc]
-    """Tests of OMPL's motions, each away from a point of a tree; OMPL tests those of the goals' tree towards it."""
+    """Tests of OMPL's motions, each away from a point of a tree; OMPL tests those of the goals' tree towards it.
+
+    Attributes:
+        work: as of `Trees`.
+    """
 
     def __init__(self, information: ob.SpaceInformation, free: Free, roots: Sequence[Array]) -> None:
         super().__init__(information)
-        self._free, self._known, self._count = free, {root.tobytes() for root in roots}, len(roots[0])
+        self._free, self._known, self._size = free, {root.tobytes() for root in roots}, len(roots[0])
+        self.work = 0.0
 
     def checkMotion(self, begin: ob.State, end: ob.State) -> bool:
         """Return whether a motion is free."""
-        known, new = _point(begin, self._count), _point(end, self._count)
+        self.work += 1.0
+        known, new = _point(begin, self._size), _point(end, self._size)
         if known.tobytes() not in self._known:
             known, new = new, known
         is_free = bool(self._free(known, new))

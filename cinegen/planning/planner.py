@@ -35,7 +35,7 @@ from cinegen.planning.descent import AvoidanceField, Descent, Potential
 from cinegen.planning.goal_configurations import TOLERANCE, Refusal, free_goals, goal_distance, goal_poses
 from cinegen.planning.locked_joints import with_joints_locked
 from cinegen.planning.path_constraints import Projection, projection
-from cinegen.planning.rrt_planner import LBKPIECE, RRT_CONNECT, PathSampler
+from cinegen.planning.path_sampler import RRT_CONNECT, PathSampler
 from cinegen.planning.shortcuts import path_length, shortened
 from cinegen.planning.vortices import STRENGTH, DetourDirection, Vortices
 from raff2urdf.extras import install
@@ -141,7 +141,7 @@ class Planner(Enum):
     """Method of `plan`."""
 
     AUTO = "auto"
-    """Straight motions first, then vortices and LBKPIECE in turn; with loops or constraints RRT-Connect."""
+    """Straight motions first, then vortices and sampling in turn, by RRT-Connect and LBKPIECE."""
     VORTEX = "vortex"
     """Attempts along a field only."""
     RRT_CONNECT = "rrtconnect"
@@ -180,9 +180,9 @@ def plan(
       the base or along the shorter side (for a mobile robot, only that). If that does not reach the goal, all joints
       move straight to configurations at the goal: the one nearest to the start, then those that differ most. Then all
       of that is repeated with the other detour directions.
-    - Sampling (`PathSampler`): LBKPIECE, or RRT-Connect with loops or constraints along the path. It takes turns with
-      the vortices for a bounded share of the time: after each of their steps, it searches for three times as long. When
-      it finds a path first, their attempt is INTERRUPTED. The rest of the time is its own.
+    - Sampling (`PathSampler`): RRT-Connect and LBKPIECE in turn; with loops or constraints along the path RRT-Connect.
+      It takes turns with the vortices for a bounded share of the time: after each of their steps, it searches for three
+      times as long. When it finds a path first, their attempt is INTERRUPTED. The rest of the time is its own.
 
     With constraints along the path or weights of joints, vortices are left out: no field obeys them. Other fields serve
     for comparison, with the same safety distance and without sampling: FIRAS makes one attempt.
@@ -258,7 +258,7 @@ def plan(
     last = made[-1]
     reason = f"{last.reason} (the last of {len(made)} attempts)" if len(made) > 1 else last.reason
     reason = "" if last.status is PlanStatus.REACHED else reason + missing
-    used = None if last.strategy in (DIRECT, RRT_CONNECT, LBKPIECE) else name
+    used = None if last.strategy in (DIRECT, sampler and sampler.method) else name
     return Plan(scene, last.status, last.path, tuple(made), reason, clearance, check, used)
 
 
@@ -365,7 +365,7 @@ class _Search:
             left = max(self.deadline - time.monotonic(), _LEAST * self.seconds)
             self.report(f"{method}, {shown(left, TIME, 2)} at most")
             self.sampler.search(time.monotonic() + left)
-        path = self.sampler.path
+        path, method = self.sampler.path, self.sampler.method
         if path is None:
             reason = f"{method} found no path in {self.seconds:g} s"
             yield Attempt(method, PlanStatus.TIME_LIMIT, self.scene.start[None].copy(), (), reason)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import itertools
+import time
 from collections.abc import Sequence
 from itertools import pairwise
 
@@ -20,6 +21,7 @@ from raff2urdf.extras import needs
 Array = NDArray[np.float64]
 
 RRT_CONNECT, LBKPIECE = "RRT-Connect", "LBKPIECE"
+_TURN = 30.0  # tests of motions: in a turn of each method
 _LONGEST = 0.03  # of the diagonal of the box: to a new configuration
 _REVOLUTION = 2.0 * np.pi
 _MOST_WINDINGS = 16  # of one goal configuration
@@ -28,10 +30,13 @@ _THINNEST = 1e-9  # rad or characteristic lengths between limits
 
 
 class PathSampler:
-    """A path to one of the goals, by RRT-Connect or LBKPIECE of OMPL.
+    """A path to one of the goals, by RRT-Connect of OMPL, or by RRT-Connect and LBKPIECE in turn.
 
     It has no local minima, and given time it finds a path if there is one that is not too narrow; but never a proof
     that there is none. The path differs between seeds.
+
+    Each method takes several times as long as the other in some scenes: LBKPIECE in mazes, RRT-Connect in cages and
+    thin shelves. Turns are equal in tests of motions, not in time, so that the same seed finds the same path.
 
     - No motion is tested at samples only: for each motion of the path, `clear_motion` shows that the safety distance is
       kept everywhere.
@@ -45,10 +50,10 @@ class PathSampler:
         clearance: distances of its robot.
         goals: (nq,) each, free of collisions.
         seed: seed of the random numbers, from 0.
-        is_lazy: LBKPIECE, but for loops and constraints along the path, instead of RRT-Connect.
+        is_alternating: RRT-Connect and LBKPIECE in turn; with loops or constraints along the path RRT-Connect only.
 
     Attributes:
-        method: name of the planner.
+        method: name of the planner that found the path; as long as there is none, of all.
         path: (n, nq), the start first, safety distance kept between each two; with loops or constraints, as fine as
             `clear_motion` returns motions. None as long as `search` has found none.
 
@@ -59,7 +64,7 @@ class PathSampler:
     path: Array | None = None
 
     def __init__(
-        self, scene: Scene, clearance: Clearance, goals: Sequence[Array], seed: int, is_lazy: bool = False
+        self, scene: Scene, clearance: Clearance, goals: Sequence[Array], seed: int, is_alternating: bool = False
     ) -> None:
         with needs("sampling", "sampling planners"):
             from cinegen.planning.ompl_trees import Trees
@@ -67,9 +72,9 @@ class PathSampler:
         space = self._space = SamplingSpace(scene, clearance)
         project = self._project = projection(scene)
         equations = mechanism.loop_rank + sum(task.translation + task.rotation for task in path_tasks(scene))
-        self._is_curved, self._trees = bool(equations), None
-        is_lazy = is_lazy and not equations
-        self.method = LBKPIECE if is_lazy else RRT_CONNECT
+        self._is_curved, self._trees = bool(equations), dict[str, Trees]()
+        methods = (RRT_CONNECT, LBKPIECE) if is_alternating and not equations else (RRT_CONNECT,)
+        self.method = " and ".join(methods)
         if len(space.low) <= equations:  # nothing can move
             if any(np.array_equal(q, scene.start) for q in goals):
                 self.path = scene.start[None].copy()
@@ -86,19 +91,23 @@ class PathSampler:
                 return None
             return None if q is None else space.point(q)
 
-        self._trees = Trees(
-            space.low, space.high, space.point(scene.start), [point for q in goals for point in space.points(q)], free,
-            _LONGEST * float(np.linalg.norm(space.high - space.low)), seed, close if equations else None, equations,
-            is_lazy,
-        )  # fmt: skip
+        ends = [point for q in goals for point in space.points(q)]
+        longest = _LONGEST * float(np.linalg.norm(space.high - space.low))
+        for method in methods:
+            self._trees[method] = Trees(
+                space.low, space.high, space.point(scene.start), ends, free, longest, seed,
+                close if equations else None, equations, is_lazy=method == LBKPIECE,
+            )  # fmt: skip
 
     def search(self, deadline: float) -> bool:
         """Search on, until there is a path or a value of `time.monotonic` is reached; return whether there is one."""
-        while self.path is None and self._trees is not None:
-            points = self._trees.grow(deadline)
-            if points is None:
-                break
-            self.path = self._motion(points)
+        while self.path is None and self._trees and time.monotonic() < deadline:
+            turns = {method: trees.work // _TURN for method, trees in self._trees.items()}  # that are complete
+            method = min(turns, key=turns.__getitem__)
+            points = self._trees[method].grow(deadline, (turns[method] + 1.0) * _TURN)
+            self.path = None if points is None else self._motion(points)
+            if self.path is not None:
+                self.method = method
         return self.path is not None
 
     def _motion(self, points: Array) -> Array | None:

@@ -7,6 +7,7 @@ import itertools
 import math
 import re
 import sys
+import time
 
 import numpy as np
 import pinocchio as pin
@@ -19,7 +20,7 @@ from cinegen.collision import PlanningError, clearance_of, load_scene, scene_of
 from cinegen.collision.clearance import Clearance
 from cinegen.planning import PlanStatus, plan, rrt_connect
 from cinegen.planning.clear_motion import clear_motion
-from cinegen.planning.rrt_planner import SamplingSpace, _room
+from cinegen.planning.path_sampler import PathSampler, SamplingSpace, _room
 from raff2urdf.extras import MissingExtraError
 
 
@@ -110,7 +111,7 @@ def test_what_holds_vortices_fast_is_left(boxes, start, goal):
     scene = mobile(boxes, start, goal)
     assert not plan(scene, planner="vortex")
     found = plan(scene)
-    assert found.attempts[-1].strategy == "LBKPIECE"
+    assert found.attempts[-1].strategy in ("RRT-Connect", "LBKPIECE")
     assert found.status is PlanStatus.REACHED
     assert is_at_goal(scene, found.path[-1])
     assert found.clearance >= scene.safety
@@ -142,6 +143,20 @@ def test_the_same_seed_finds_the_same_way(root):
     one, again, other = (rrt_connect(scene, seed=seed, seconds=600.0).path for seed in (3, 3, 4))
     assert np.array_equal(one, again)
     assert one.shape != other.shape or not np.allclose(one, other)
+
+
+def test_methods_in_turn_find_the_same_path_whenever_they_are_interrupted():
+    scene = mobile(SPIRAL, [1.0, 1.5], [5.0, 1.0])
+    clearance, found = clearance_of(scene), []
+    for turn in (600.0, 1e-4):
+        sampler = PathSampler(scene, clearance, [np.array([5.0, 1.0])], 0, is_alternating=True)
+        assert sampler.method == "RRT-Connect and LBKPIECE"
+        while not sampler.search(time.monotonic() + turn):
+            pass
+        found.append((sampler.method, sampler.path))
+    (one, path), (other, again) = found
+    assert one == other
+    assert np.array_equal(path, again)
 
 
 def test_what_is_done_is_said_and_what_was_tried_is_in_the_plan():
