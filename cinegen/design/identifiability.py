@@ -16,6 +16,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.linalg import lstsq, svd
 from scipy.optimize import linprog
 
 Array = NDArray[np.float64]
@@ -84,10 +85,22 @@ def subspace(jacobian: Array, errors: Array) -> Subspace:
         errors: (parameters,) expected; 0 for those that are not estimated.
     """
     scaled = jacobian * errors
-    _, s, vt = np.linalg.svd(scaled, full_matrices=False)
+    _, s, vt = svd_by_qr(scaled)
     rank = int((s > DEPENDENT * s.max(initial=0.0)).sum())
     count = int((s[:rank] > WEAK).sum())
     return Subspace(vt[:count].T, s[:count], errors, rank)
+
+
+def svd_by_qr(matrix: Array) -> tuple[Array, Array, Array]:
+    """Return U, S and V^T by QR iterations: divide and conquer, as in numpy, fails on some matrices of dependent
+    columns that differ from each other by rounding."""
+    u, s, vt = svd(matrix, full_matrices=False, lapack_driver="gesvd")
+    return u, s, vt
+
+
+def _solved(matrix: Array, wanted: Array) -> Array:
+    """Return the least-squares solution of smallest norm, by a QR decomposition with pivoting."""
+    return np.asarray(lstsq(matrix, wanted, cond=_ZERO, lapack_driver="gelsy")[0])
 
 
 def dependencies(
@@ -126,22 +139,22 @@ def _circuits(rows: Array, chosen: Sequence[int]) -> list[Array]:
     """Return independent dependencies of rows of which no two are parallel."""
     matrix = rows[list(chosen)].T  # (combinations, chosen)
     unit = matrix / np.linalg.norm(matrix, axis=0)
-    count = unit.shape[1] - int((np.linalg.svd(unit, compute_uv=False) > _ZERO).sum()) if unit.size else 0
+    count = unit.shape[1] - int((svd_by_qr(unit)[1] > _ZERO).sum()) if unit.size else 0
     candidates = list[Array]()
     if count:
         for k in range(unit.shape[1]):
             others = np.delete(np.arange(unit.shape[1]), k)
-            weights, *_ = np.linalg.lstsq(unit[:, others], unit[:, k], rcond=_ZERO)
+            weights = _solved(unit[:, others], unit[:, k])
             if np.linalg.norm(unit[:, others] @ weights - unit[:, k]) > _ZERO:
                 continue
             a = unit[:, others]
-            u, s, _ = np.linalg.svd(a, full_matrices=False)
+            u, s, _ = svd_by_qr(a)
             left = u[:, s > _ZERO].T
             done = linprog(np.ones(2 * len(others)), A_eq=np.hstack([left @ a, -left @ a]), b_eq=left @ unit[:, k])
             if done.status == 0:
                 weights = done.x[: len(others)] - done.x[len(others) :]
             support = np.abs(weights) > _ZERO
-            exact = np.linalg.lstsq(a[:, support], unit[:, k], rcond=_ZERO)[0]
+            exact = _solved(a[:, support], unit[:, k])
             w = np.zeros(len(rows))
             w[np.array(chosen)[others[support]]] = -exact
             w[chosen[k]] = 1.0
@@ -150,7 +163,7 @@ def _circuits(rows: Array, chosen: Sequence[int]) -> list[Array]:
     candidates.sort(key=lambda w: int((np.abs(w) > _ZERO).sum()))
     picked = list[Array]()
     for w in candidates:
-        if len(picked) < count and np.linalg.matrix_rank(np.array([*picked, w]), tol=_ZERO) > len(picked):
+        if len(picked) < count and (svd_by_qr(np.array([*picked, w]))[1] > _ZERO).sum() > len(picked):
             picked.append(w)
     return picked
 

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from cinegen.design.calibration import Calibration
 from cinegen.design.design import Design
-from cinegen.design.identifiability import DEPENDENT
+from cinegen.design.identifiability import DEPENDENT, svd_by_qr
 from cinegen.design.measurements import Measurements
 from cinegen.design.observation import Observation
 from cinegen.design.poses import random_poses
@@ -84,7 +84,7 @@ def propose(found: Calibration, count: int, candidates: int = CANDIDATES, seed: 
     q = random_poses(Design(found.parameters, fixed=observation.inputs), max(candidates, count), seed)
     rows, lines = _rows(observation, q, found.subspace.errors)
     measured = _measured(found)
-    _, sizes, vt = np.linalg.svd(np.vstack([measured, rows.reshape(-1, rows.shape[2])]), full_matrices=False)
+    _, sizes, vt = svd_by_qr(np.vstack([measured, rows.reshape(-1, rows.shape[2])]))
     span = vt[sizes > DEPENDENT * sizes[0]].T  # what any of the poses determines: nothing else changes log det
     rows, measured, basis = rows @ span, measured @ span, span.T @ found.subspace.basis
     known = np.eye(span.shape[1]) + measured.T @ measured
@@ -147,7 +147,7 @@ def _greedy(known: Array, rows: Array, count: int) -> list[int]:
         gains = _gains(inverse, rows)
         gains[chosen] = -np.inf
         chosen.append(int(np.argmax(gains)))
-        inverse = _with(inverse, rows[chosen[-1]], 1.0)
+        inverse = _with(inverse, rows[chosen[-1]])
     return chosen
 
 
@@ -175,7 +175,7 @@ def _gains(inverse: Array, rows: Array) -> Array:
     return np.asarray(np.linalg.slogdet(inner)[1])
 
 
-def _with(inverse: Array, rows: Array, sign: float) -> Array:
+def _with(inverse: Array, rows: Array) -> Array:
     """Return the inverse after the information of a pose was added (Woodbury)."""
     gain = inverse @ rows.T
-    return np.asarray(inverse - sign * gain @ np.linalg.solve(np.eye(len(rows)) + sign * rows @ gain, gain.T))
+    return np.asarray(inverse - gain @ np.linalg.solve(np.eye(len(rows)) + rows @ gain, gain.T))

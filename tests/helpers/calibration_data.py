@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from cinegen.design import Design, Measurements, Parameters
+from cinegen.design import Calibration, Design, Measurements, Parameters
 from cinegen.design.observation import Observation
 from cinegen.design.poses import random_poses
 
@@ -53,3 +53,10 @@ def noisy(found: Measurements, seed: int, outliers: float = 0.0) -> Measurements
         sizes = 10.0 ** outlying.uniform(np.log10(20.0), 3.0, len(chosen)) * outlying.choice([-1.0, 1.0], len(chosen))
         values[rows[chosen], columns[chosen]] += sizes * found.sigmas[rows[chosen], columns[chosen]]
     return Measurements(found.quantities, values, found.sigmas, found.labels, found.source)
+
+
+def changes(one: Calibration, other: Calibration) -> np.ndarray:
+    """Return the differences (combinations,) of two estimates in the combinations of the second, in its standard
+    deviations."""
+    apart = other.subspace.basis.T @ ((one.values - other.values) / other.subspace.errors)
+    return np.abs(apart) / np.sqrt(np.diag(other.combination_covariance))
