@@ -7,6 +7,8 @@ from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import TypeVar
 
+from raff2urdf.raff import texts
+
 T = TypeVar("T")
 
 
@@ -63,7 +65,7 @@ class RaffError(Exception):
         self.problems = tuple(sorted(problems, key=lambda problem: problem.location or SourceLocation(0, 0)))
         shown = [
             *map(str, self.problems[:_SHOWN]),
-            *([f"and {more} more"] if (more := len(self.problems) - _SHOWN) > 0 else []),
+            *([texts.MORE_PROBLEMS.format(count=more)] if (more := len(self.problems) - _SHOWN) > 0 else []),
         ]
         super().__init__("\n".join(shown))
 
@@ -80,16 +82,18 @@ class RaffWarning(UserWarning):
 
 
 _LONGEST, _MOST = 100, 1000  # length and number of words that are compared
+_MOST_KNOWN = 12  # words in a list of known ones
 
 
 def did_you_mean(word: str, known: Sequence[str]) -> str:
     """Return `": did you mean 'alpha'?"`, or a list of the known words if none is similar."""
     short = [one for one in known if len(one) <= _LONGEST]  # the time to compare words grows with their squares
-    near = difflib.get_close_matches(word, short[:_MOST], n=1, cutoff=0.6) if len(word) <= _LONGEST else []
+    near = difflib.get_close_matches(word, short[:_MOST], n=1, cutoff=0.6) if 0 < len(word) <= _LONGEST else []
     if near:
-        return f": did you mean '{near[0]}'?"
-    shown = [one[:_LONGEST] for one in known[:12]]
-    return f" (known: {', '.join(shown)}{', ...' if len(known) > len(shown) else ''})" if shown else ""
+        return texts.DID_YOU_MEAN.format(word=near[0])
+    shown = [one[:_LONGEST] for one in known[:_MOST_KNOWN]]
+    more = ", ..." if len(known) > len(shown) else ""
+    return texts.KNOWN.format(listed=", ".join(shown), more=more) if shown else ""
 
 
 def duplicates(things: Iterable[T], name: Callable[[T], object]) -> Iterator[tuple[T, T]]:
@@ -103,12 +107,12 @@ def duplicates(things: Iterable[T], name: Callable[[T], object]) -> Iterator[tup
 
 def defined_twice(what: str, line: int | None) -> str:
     """Return the error for a second definition; `line` is that of the first one."""
-    return f"{what} is defined twice{f', first on line {line}' if line else ''}: change one of them"
+    return texts.DEFINED_TWICE.format(what=what, first=texts.FIRST_ON_LINE.format(line=line) if line else "")
 
 
 def limits_reversed(what: str, low: float, high: float) -> str:
     """Return the error for a lower limit above the upper one."""
-    return f"the lower limit {low:g} of {what} is above its upper limit {high:g}: swap them"
+    return texts.LIMITS_REVERSED.format(what=what, low=low, high=high)
 
 
 _WIDTH = 100

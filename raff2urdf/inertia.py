@@ -8,6 +8,8 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
+from raff2urdf.raff import texts
+
 Array = NDArray[np.float64]
 
 ROUNDED = 1e-6
@@ -76,13 +78,13 @@ class Inertia:
         a, b, c = np.linalg.eigvalsh(self.matrix).tolist()
         tolerance = ROUNDED * max(abs(a), abs(c))
         if self.mass < 0.0:
-            return f"its mass is negative, {self.mass:.6g} kg"
+            return texts.MASS_NEGATIVE.format(mass=self.mass)
         if self.mass == 0.0 and max(abs(a), abs(c)) > 0.0:
-            return f"it has moments of inertia, up to {max(abs(a), abs(c)):.6g} kg m2, but no mass"
+            return texts.MOMENTS_WITHOUT_MASS.format(moment=max(abs(a), abs(c)))
         if a < -tolerance:
-            return f"a principal moment of inertia is negative, {a:.6g} kg m2"
+            return texts.MOMENT_NEGATIVE.format(moment=a)
         if a + b < c - tolerance:
-            return f"a principal moment of inertia, {c:.6g} kg m2, exceeds the sum of the others, {a:.6g} and {b:.6g}"
+            return texts.MOMENT_TOO_LARGE.format(moment=c, least=a, middle=b)
         return None
 
 

@@ -22,6 +22,7 @@ from raff2urdf.errors import (
     duplicates,
     limits_reversed,
 )
+from raff2urdf.raff import texts
 from raff2urdf.raff.compound import VARIABLES, intermediate_names
 from raff2urdf.raff.document import (
     LEAST_SIZE,
@@ -76,7 +77,7 @@ def check(document: Document) -> None:
     Raises:
         RaffError: with every problem.
     """
-    problems = [] if document.robots else [document.source.problem("the file has no robot: add 'robot NAME { }'")]
+    problems = [] if document.robots else [document.source.problem(texts.NO_ROBOT.format())]
     problems += _file_problems(document)
     for robot in document.robots:
         problems += [*_tree_problems(document, robot), *_constraint_problems(document, robot)]
@@ -97,11 +98,11 @@ def check_sizes(document: Document, robot: RaffRobot) -> None:
     for node in (robot.base, *robot.parts):
         lengths = {word: abs(document.metres(getattr(node.parameters, word))) for word in ("r", "d", "epsilon")}
         for word in (word for word, length in lengths.items() if not length <= LARGEST):
-            message = f"{word} of {label(node)} is beyond {LARGEST:g} m, the largest length"
+            message = texts.LENGTH_TOO_LARGE.format(word=word, node=label(node), largest=LARGEST)
             problems.append(document.source.problem(message, node.locations.get("parameters")))
         for word, largest in _sizes(document, node.inertial) if node.inertial is not None else ():
             if not largest <= LARGEST:
-                message = f"'{word}' of the inertial of {label(node)} is beyond {LARGEST:g} in SI units, the largest"
+                message = texts.INERTIAL_TOO_LARGE.format(word=word, node=label(node), largest=LARGEST)
                 problems.append(document.source.problem(message, _place(node.inertial, word)))
     _raise(problems)
 
@@ -156,15 +157,16 @@ def _tree_problems(document: Document, robot: RaffRobot) -> Iterator[Problem]:
         at = part.locations.get("name") or part.locations.get("number")
         first = names.setdefault(part.node, part)
         if part.node in RESERVED:
-            yield problem(f"the name '{part.node}' is reserved for {RESERVED[part.node]}: choose another one", at)
+            yield problem(texts.RESERVED_NAME.format(name=part.node, owner=RESERVED[part.node]), at)
         elif not is_xml_name(part.node):
             yield problem(_bad_name(part.node, part.keyword), at)
         elif first is not part and numbers[part.number] is part:
-            yield problem(f"the name '{part.node}' is that of {first.keyword} {first.number}: choose another one", at)
+            taken = texts.NAME_TAKEN.format(name=part.node, keyword=first.keyword, number=first.number)
+            yield problem(taken, at)
+    known = did_you_mean("", [texts.THE_BASE, *map(str, numbers)])
     for part in robot.parts:
         if part.pred != 0 and part.pred not in numbers:
-            known = did_you_mean("", ["0 (the base)", *map(str, numbers)])
-            message = f"the parent of {part.keyword} {part.number} is {part.pred}, which does not exist{known}"
+            message = texts.NO_PARENT.format(keyword=part.keyword, number=part.number, pred=part.pred, known=known)
             yield problem(message, part.locations.get("pred"))
     yield from _cycles(document, numbers)
     for node in (robot.base, *robot.parts):
@@ -179,10 +181,10 @@ def _limit_problems(document: Document, what: str, of: RaffLink | RaffVariable) 
     if of.limits and not of.limits[0] <= of.limits[1]:
         yield document.source.problem(limits_reversed(what, *of.limits), of.locations.get("limits"))
     if of.velocity is not None and not min(document.metres(of.velocity), math.radians(of.velocity)) > LEAST_SPEED:
-        message = f"the velocity limit of {what} is {of.velocity:g}: {TOO_SLOW}"
+        message = texts.VELOCITY_TOO_SMALL.format(what=what, value=of.velocity, too_slow=TOO_SLOW)
         yield document.source.problem(message, of.locations.get("velocity"))
     if of.effort is not None and not of.effort > 0.0:
-        message = f"the effort limit of {what} is {of.effort:g}: it must be above 0 (N m or N), or left out"
+        message = texts.EFFORT_TOO_SMALL.format(what=what, value=of.effort)
         yield document.source.problem(message, of.locations.get("effort"))
 
 
@@ -192,22 +194,21 @@ def _inertial_problems(document: Document, node: RaffNode, inertial: RaffInertia
 
     what = label(node)
     if inertial.mass is None and inertial.density is None:
-        yield problem(f"the inertial of {what} has no 'mass' (kg), nor a 'density' (kg/m3)", "inertial")
+        yield problem(texts.NO_MASS.format(what=what), "inertial")
     if inertial.mass is not None and inertial.mass < 0.0:
         yield problem(negative_mass(what, inertial.mass), "mass")
     for word in ("density", "radius"):
         value = getattr(inertial, word)
         if value is not None and not value > 0.0:
-            yield problem(f"the {word} of {what} is {shown(value)}: it must be above 0", word)
+            yield problem(texts.NOT_ABOVE_0.format(word=word, what=what, value=shown(value)), word)
     if inertial.density is None and inertial.radius is not None:
-        yield problem(f"'radius' of {what} is that of bars of a 'density': add it, or remove 'radius'", "radius")
+        yield problem(texts.RADIUS_OF_BARS.format(what=what), "radius")
     if inertial.density is not None:
         for word in ("mass", "centre", "moments", "products"):
             if word in inertial.locations or getattr(inertial, word) != getattr(_NO_INERTIAL, word):
-                yield problem(f"{what} has a 'density', from which '{word}' follows: remove one of them", word)
+                yield problem(texts.DENSITY_AND_MASS.format(what=what, word=word), word)
         if inertial.radius is None and not node.filenames:
-            message = f"{what} has a 'density' but no graphics: name files, or give the 'radius' of its bars"
-            yield problem(message, "density")
+            yield problem(texts.DENSITY_OF_NOTHING.format(what=what), "density")
 
 
 _NO_INERTIAL = RaffInertial()
@@ -217,31 +218,32 @@ def _variable_problems(document: Document, link: RaffLink, names: Mapping[str, R
     problem, at, what = document.source.problem, link.locations, f"link {link.number}"
     if link.compound is None:
         if link.variables:
-            message = f"{what} has variables but no joint that has several: remove them, or write 'joint' for 'type'"
-            yield problem(message, link.variables[0].locations.get("name"))
+            yield problem(texts.NO_VARIABLES.format(what=what), link.variables[0].locations.get("name"))
         return
     if link.type is not JointType.FIXED or "type" in at:
-        yield problem(f"{what} has both 'type' and 'joint': remove one of them", at.get("type"))
+        yield problem(texts.TYPE_AND_JOINT.format(what=what), at.get("type"))
     known = VARIABLES[link.compound]
     for word in ("limits", "velocity", "effort", "actuated"):
         if getattr(link, word) is not None:
-            message = f"the {link.compound} joint of {what} has several variables: write '{word}' for one of them, in "
-            yield problem(f"{message}'variable {next(iter(known))} {{ }}'", at.get(word))
+            first = next(iter(known))
+            message = texts.IN_A_VARIABLE.format(compound=link.compound, what=what, word=word, first=first)
+            yield problem(message, at.get(word))
     for other, variable in duplicates(link.variables, lambda variable: variable.name):
         line = other.locations["name"].line if "name" in other.locations else None
         yield problem(defined_twice(f"variable {variable.name} of {what}", line), variable.locations.get("name"))
     for variable in link.variables:
         own = f"variable {variable.name} of {what}"
         if variable.name not in known:
-            message = f"a {link.compound} joint has no variable '{variable.name}'{did_you_mean('', list(known))}"
+            listed = did_you_mean("", list(known))
+            message = texts.NO_SUCH_VARIABLE.format(compound=link.compound, name=variable.name, known=listed)
             yield problem(message, variable.locations.get("name"))
         elif variable.home and known[variable.name]:
-            message = f"the home of {own} is '{known[variable.name]}' of its parameters: write it there"
+            message = texts.HOME_IS_PARAMETER.format(what=own, parameter=known[variable.name])
             yield problem(message, variable.locations.get("home"))
         yield from _limit_problems(document, own, variable)
     for name in intermediate_names(link):
         if name in names:
-            message = f"the name '{name}' is needed for a joint of {what}: choose another one"
+            message = texts.NAME_NEEDED.format(name=name, what=what)
             yield problem(message, names[name].locations.get("name") or at.get("number"))
 
 
@@ -258,35 +260,30 @@ def _cycles(document: Document, numbers: dict[int, RaffPart]) -> Iterator[Proble
         if at in numbers and visited[at] == start:
             cycle = trail[trail.index(at) :]
             shown = " -> ".join(map(str, [*cycle[:8], *(["..."] if len(cycle) > 8 else []), at]))
-            message = (
-                f"{numbers[at].keyword} {at} is part of a cycle of parents: {shown}: change the 'pred' of one of them"
-            )
+            message = texts.CYCLE.format(keyword=numbers[at].keyword, number=at, shown=shown)
             yield document.source.problem(message, numbers[at].locations.get("pred"))
 
 
 def _constraint_problems(document: Document, robot: RaffRobot) -> Iterator[Problem]:
     problem = document.source.problem
-    known = sorted({0, *(part.number for part in robot.parts)})
+    known = did_you_mean("", [str(number) for number in sorted({0, *(part.number for part in robot.parts)})])
     sensors = {sensor.number for sensor in document.sensors}
+    declared = ", ".join(map(str, sorted(sensors))) or texts.NONE
     for loop in robot.loops:
         for end, number in (("first", loop.first), ("second", loop.second)):
             if number not in robot.nodes:
-                message = f"a loop of robot '{robot.name}' ends at {number}, which does not exist"
-                yield problem(message + did_you_mean("", [str(n) for n in known]), loop.locations.get(end))
+                message = texts.NO_END.format(robot=robot.name, number=number, known=known)
+                yield problem(message, loop.locations.get(end))
         if loop.first == loop.second:
-            yield problem(
-                f"a loop joins node {loop.first} to itself: name two different nodes", loop.locations.get("first")
-            )
+            yield problem(texts.LOOP_TO_ITSELF.format(number=loop.first), loop.locations.get("first"))
     yield from _coupling_problems(document, robot)
     for constraint in robot.sensor_constraints:
         if constraint.node not in robot.nodes:
-            message = f"a sensor constraint of robot '{robot.name}' names {constraint.node}, which does not exist"
-            yield problem(message + did_you_mean("", [str(n) for n in known]), constraint.locations.get("node"))
+            message = texts.NO_NODE.format(robot=robot.name, number=constraint.node, known=known)
+            yield problem(message, constraint.locations.get("node"))
         for number in constraint.sensors:
             if number != 0 and number not in sensors:
-                message = (
-                    f"sensor {number} is not declared (declared: {', '.join(map(str, sorted(sensors))) or 'none'})"
-                )
+                message = texts.NO_SENSOR.format(number=number, declared=declared)
                 yield problem(message, constraint.locations.get(f"sensor {number}"))
 
 
@@ -294,58 +291,45 @@ def _coupling_problems(document: Document, robot: RaffRobot) -> Iterator[Problem
     problem = document.source.problem
     moving = {link.number: link for link in robot.links if link.type is not JointType.FIXED}
     compound = {link.number: link.compound for link in robot.links if link.compound}
+    known = did_you_mean("", [str(number) for number in moving])
     names: dict[str, RaffCoupling] = {}
     ends_exist = all({loop.first, loop.second} <= robot.nodes.keys() for loop in robot.loops)
     loops = robot.loop_names if ends_exist else ()
     for coupling in robot.couplings:
         at = coupling.locations
         if coupling.name is not None and names.setdefault(coupling.name, coupling) is not coupling:
-            yield problem(f"the name '{coupling.name}' is that of another coupling: choose another one", at.get("name"))
+            yield problem(texts.NAME_OF_COUPLING.format(name=coupling.name), at.get("name"))
         if coupling.name in loops:
-            yield problem(f"the name '{coupling.name}' is that of a loop: choose another one", at.get("name"))
+            yield problem(texts.NAME_OF_LOOP.format(name=coupling.name), at.get("name"))
         ends = [("follower", coupling.follower)] + [(f"drive {i}", one.link) for i, one in enumerate(coupling.drives)]
         for i, (word, number) in enumerate(ends):
             if number in compound:
-                message = (
-                    f"a coupling names link {number}, whose {compound[number]} joint has several variables: "
-                    "write it as successive links, each with a 'type'"
-                )
+                message = texts.COUPLES_COMPOUND.format(number=number, compound=compound[number])
                 yield problem(message, at.get(word))
             elif number not in moving:
-                known = did_you_mean("", [str(n) for n in moving])
-                yield problem(f"a coupling names link {number}, which is not a link that moves{known}", at.get(word))
+                yield problem(texts.COUPLES_NOTHING.format(number=number, known=known), at.get(word))
             elif number in (other for _, other in ends[:i]):
-                yield problem(f"a coupling names link {number} twice: name it once", at.get(word))
+                yield problem(texts.COUPLED_TWICE.format(number=number), at.get(word))
         for i, drive in enumerate(coupling.drives):
             if drive.link not in moving or coupling.follower not in moving:
                 continue
             where = at.get(f"drive {i}")
-            own, other = moving[coupling.follower].type, moving[drive.link].type
+            own, other = (moving[number].type for number in (coupling.follower, drive.link))
+            ends_of = {"follower": coupling.follower, "link": drive.link, "own": own.name.lower()}
             word = drive.kind.name.lower()
             if drive.kind is DriveKind.RATIO and own is not other:
-                yield problem(
-                    f"'ratio' couples joints of one type, but link {coupling.follower} is {own.name.lower()} and link "
-                    f"{drive.link} {other.name.lower()}: use 'lead' (a screw) or 'radius' (a rack)",
-                    where,
-                )
+                yield problem(texts.RATIO_OF_TWO_TYPES.format(**ends_of, other=other.name.lower()), where)
             if drive.kind in (DriveKind.LEAD, DriveKind.RADIUS) and own is other:
-                yield problem(
-                    f"'{word}' couples a prismatic and a revolute joint, but links {coupling.follower} and "
-                    f"{drive.link} are both {own.name.lower()}: use 'ratio'",
-                    where,
-                )
+                yield problem(texts.SCREW_OF_ONE_TYPE.format(**ends_of, word=word), where)
             if not any(drive.numbers):
-                yield problem(f"link {drive.link} does not drive link {coupling.follower}: its '{word}' is 0", where)
+                yield problem(texts.DRIVES_BY_0.format(**ends_of, word=word), where)
 
 
 def _unit_problems(document: Document, robot: RaffRobot) -> Iterator[Problem]:
     """Yield a problem if all lengths are below 1 mm and the file does not state that mm are meant."""
     size, node = document.longest(robot)
     if not document.states_units and 0.0 < size < LEAST_SIZE:
-        message = (
-            f"all lengths of robot '{robot.name}' are below {LEAST_SIZE:g} mm, the longest is {shown(size)} mm: did "
-            "you mean metres? Write 'units m' after the first line, or 'units mm' if they are in mm"
-        )
+        message = texts.SMALL.format(robot=robot.name, least=LEAST_SIZE, size=shown(size))
         yield document.source.problem(message, node.locations.get("parameters"))
 
 
@@ -356,24 +340,18 @@ def _oddities(document: Document, robot: RaffRobot) -> Iterator[Problem]:
         if node.inertial is not None and all(size <= LARGEST for _, size in _sizes(document, node.inertial)):
             why = stated_inertia(document, node.inertial).why_unphysical()
             if why is not None:
-                message = f"no body can have the inertia of {label(node)}: {why}; no forces can be computed"
-                yield problem(message, _place(node.inertial, "moments"))
+                yield problem(texts.NO_BODY.format(node=label(node), why=why), _place(node.inertial, "moments"))
     for link in robot.links:
         yield from _variables_outside_limits(document, link)
         yield from _useless_efforts(document, link)
         if link.type is JointType.FIXED and not link.compound:
             for word in ("limits", "velocity", "effort", "actuated"):
                 if getattr(link, word):
-                    message = f"link {link.number} is fixed, so '{word}' has no effect: remove it"
-                    yield problem(message, link.locations.get(word))
+                    yield problem(texts.FIXED_HAS.format(number=link.number, word=word), link.locations.get(word))
         elif link.limits:
             home = link.parameters.theta if link.type is JointType.REVOLUTE else link.parameters.r
             if not link.limits[0] <= home <= link.limits[1]:
-                low, high = map(shown, link.limits)
-                message = (
-                    f"home {shown(home)} of link {link.number} is outside its limits {low} to {high}: change either"
-                )
-                yield problem(message, link.locations.get("limits"))
+                yield problem(_outside(f"link {link.number}", home, link.limits), link.locations.get("limits"))
 
 
 def _useless_efforts(document: Document, link: RaffLink) -> Iterator[Problem]:
@@ -382,8 +360,7 @@ def _useless_efforts(document: Document, link: RaffLink) -> Iterator[Problem]:
         (f"variable {variable.name} of link {link.number}", variable) for variable in link.variables
     ]:
         if of.effort is not None and (of.actuated is False or (ball and not of.actuated)):
-            message = f"the joint of {what} is passive, so 'effort' has no effect: remove it, or write 'actuated 1'"
-            yield document.source.problem(message, of.locations.get("effort"))
+            yield document.source.problem(texts.USELESS_EFFORT.format(what=what), of.locations.get("effort"))
 
 
 def _variables_outside_limits(document: Document, link: RaffLink) -> Iterator[Problem]:
@@ -391,10 +368,13 @@ def _variables_outside_limits(document: Document, link: RaffLink) -> Iterator[Pr
         word = VARIABLES[link.compound][variable.name] if link.compound else None
         home = getattr(link.parameters, word) if word else variable.home
         if variable.limits and not variable.limits[0] <= home <= variable.limits[1]:
-            low, high = map(shown, variable.limits)
-            what = f"home {shown(home)} of variable {variable.name} of link {link.number}"
-            message = f"{what} is outside its limits {low} to {high}: change either"
+            message = _outside(f"variable {variable.name} of link {link.number}", home, variable.limits)
             yield document.source.problem(message, variable.locations.get("limits"))
+
+
+def _outside(what: str, home: float, limits: tuple[float, float]) -> str:
+    low, high = map(shown, limits)
+    return texts.HOME_OUTSIDE.format(home=shown(home), what=what, low=low, high=high)
 
 
 def _line(thing: RaffRobot | RaffPart | RaffSensor, word: str) -> int | None:
@@ -402,5 +382,4 @@ def _line(thing: RaffRobot | RaffPart | RaffSensor, word: str) -> int | None:
 
 
 def _bad_name(name: str, keyword: str) -> str:
-    rule = "a name begins with a letter or '_' and has no spaces (it becomes an XML name)"
-    return f"'{name}' can't name a {keyword}: {rule}"
+    return texts.BAD_NAME.format(name=name, keyword=keyword)

@@ -13,6 +13,7 @@ from functools import cached_property
 from typing import ClassVar
 
 from raff2urdf.errors import Problem, RaffError, SourceLocation, did_you_mean
+from raff2urdf.raff import texts
 
 LEAST_SIZE = 5.0
 """Longest length, mm, below which a file must state its units: it may well be in m."""
@@ -388,9 +389,9 @@ class Document:
             if name is None or robot.name == name:
                 return robot
         if name is None:
-            raise RaffError(self.source.problem("the file has no robot: add 'robot NAME { }'"))
+            raise RaffError(self.source.problem(texts.NO_ROBOT.format()))
         names = [robot.name for robot in self.robots]
-        raise RaffError(self.source.problem(f"there is no robot '{name}'{did_you_mean(name, names)}"))
+        raise RaffError(self.source.problem(texts.NO_SUCH_ROBOT.format(name=name, hint=did_you_mean(name, names))))
 
     def longest(self, robot: RaffRobot) -> tuple[float, RaffNode]:
         """Return the longest length among the parameters of a robot, in the file's unit, and its node."""

@@ -10,6 +10,7 @@ from typing import Any, NoReturn
 
 from raff2urdf.errors import Problem, RaffError, SourceLocation, did_you_mean
 from raff2urdf.files import read_bytes
+from raff2urdf.raff import texts
 from raff2urdf.raff.check import check_tree
 from raff2urdf.raff.document import Document, JointType, LoopKind, SourceText
 from raff2urdf.raff.syntax import STATEMENTS, Block, Token, tokens
@@ -85,7 +86,7 @@ def parse(text: str, name: str = "<text>") -> Document:
     source = SourceText(name, tuple(lines))
     for number, line in enumerate(lines, 1):
         if len(line) > LONGEST_LINE:
-            message = f"line {number} is {len(line)} characters long; at most {LONGEST_LINE} are allowed"
+            message = texts.LONG_LINE.format(line=number, length=len(line), most=LONGEST_LINE)
             raise RaffError(Problem(message, name, SourceLocation(number, 1)))
     reading = _Reading(source)
     document = reading.run()
@@ -150,10 +151,9 @@ class _Reading:
     def token(self) -> Token:
         """The token to be read next."""
         if self.current.kind == "ILLEGAL":
-            known = {'"': "this text is not closed on its line: a '\"' is missing"}
-            known["/"] = "a lone '/': comments begin with '//'"
             text = self.current.text
-            self.stop(known.get(text, f"unexpected character {text!r}: remove it"), self.current)
+            known = {'"': texts.OPEN_TEXT, "/": texts.LONE_SLASH}
+            self.stop(known.get(text) or texts.UNEXPECTED_CHARACTER.format(character=repr(text)), self.current)
         return self.current
 
     def take(self) -> Token:
@@ -166,13 +166,13 @@ class _Reading:
         """Return the name in the first line."""
         first = self.token
         if first.kind != "END" and first.text != "RAFF":
-            xml = ": a URDF, SDF or MJCF is read by its ending" if first.text.startswith("<") else ""
-            self.stop(f"a RAFF file begins with 'RAFF <name>', not with '{first.text}'{xml}", first)
+            hint = texts.IS_XML if first.text.startswith("<") else ""
+            self.stop(texts.NO_HEADER.format(found=first.text, hint=hint), first)
         self.take()
         if self.token.kind == "END":
-            self.stop("the file ends too early: a RAFF file begins with 'RAFF <name>'", self.token)
+            self.stop(texts.ENDS_BEFORE_HEADER, self.token)
         if self.token.line > first.line:
-            self.stop("a RAFF file begins with 'RAFF <name>', both on one line", first)
+            self.stop(texts.HEADER_ON_TWO_LINES, first)
         return self.expect("NAME").string
 
     # --- by the table ---------------------------------------------------------------------------------------------
@@ -211,7 +211,8 @@ class _Reading:
                 self.statement(inner)
             for name, one in STATEMENTS[inner.kind].items():
                 if one.required is not None and not {name, one.unless} & inner.values.keys():
-                    self.missing.append(self.source.problem(f"{inner.label} has no '{name}'{one.required}", location))
+                    message = texts.LACKS.format(label=inner.label, word=name, meaning=one.required)
+                    self.missing.append(self.source.problem(message, location))
             arguments = [inner, *arguments]
         block.add(self.report, statement, word, statement.value(self.report, *arguments), location)
 
@@ -231,13 +232,13 @@ class _Reading:
         """Return the number after a word; if there is none, 1."""
         token = self.token
         if token.kind == "WORD":
-            message = f"'{word.text}' needs a number, and '{token.text}' is not one{self.hint(word, token)}"
-            self.report(message, token.location)
+            hint = self.hint(word, token)
+            self.report(texts.NOT_A_NUMBER.format(word=word.text, found=token.text, hint=hint), token.location)
             return self.take()._replace(kind="NUMBER", text="1")
         if token.kind in ("NUMBER", "END"):
             return self.expect("NUMBER")
         wanted = _COUNTS.get(word.text, "a number")
-        self.report(f"'{word.text}' needs {wanted} here", token.location)
+        self.report(texts.NEEDS.format(word=word.text, wanted=wanted), token.location)
         return token._replace(kind="MISSING", text="1")
 
     def expect(self, kind: str) -> Token:
@@ -247,9 +248,9 @@ class _Reading:
             return self.take()
         if token.kind == "END":
             self.at_end(shown)
-        message = f"expected {shown} here, found '{token.text}'"
+        message = texts.EXPECTED.format(wanted=shown, found=token.text)
         if kind == "STRING" and token.kind == "WORD":
-            self.report(f"{message}: put it in quotation marks", token.location)
+            self.report(texts.QUOTE_IT.format(message=message), token.location)
             return self.take()._replace(kind="STRING", text='""')
         self.stop(message, token)
 
@@ -258,10 +259,9 @@ class _Reading:
     def at_end(self, missing: str) -> NoReturn:
         block = self.open[-1]
         if not self.problems and block.kind:
-            message = f"the file ends inside {block.label}, opened on line {block.line}: a '}}' is missing"
-            self.stop(message, self.token)
+            self.stop(texts.ENDS_INSIDE.format(label=block.label, line=block.line), self.token)
         if not self.problems:
-            self.stop(f"the file ends too early: {missing} is missing", self.token)
+            self.stop(texts.ENDS_EARLY.format(missing=missing), self.token)
         raise _StopReadingError
 
     def hint(self, word: Token, token: Token) -> str:
@@ -270,7 +270,7 @@ class _Reading:
             kinds: list[IntEnum] = list(LoopKind if self.open[-1].kind == "constraint" else JointType)
             return f" ({', '.join(f'{kind.value} {kind.name.lower()}' for kind in kinds)})"
         if token.text[0].isdigit() and token.text.rstrip("umcdegrak").replace(".", "", 1).isdigit():
-            return " (numbers have no unit: lengths are in the file's `units`, angles in degrees, masses in kg)"
+            return texts.HAS_UNIT
         return ""
 
     def unfitting(self, block: Block, token: Token) -> None:
@@ -280,26 +280,28 @@ class _Reading:
         outer = [home for home in homes if home in self.closed]
         if token.kind == "}":
             label, line = self.closed.get("robot", ("", 0))
-            self.stop(f"one '}}' too many: {f'{label} was closed on line {line}' if label else 'remove it'}", token)
+            remedy = texts.WAS_CLOSED.format(label=label, line=line) if label else texts.REMOVE_IT
+            self.stop(texts.BRACE_TOO_MANY.format(remedy=remedy), token)
         if token.kind != "WORD":
             listed = ", ".join(f"'{one}'" for one in known) or "'}'"
-            message = f"unexpected '{word}' in {block.label}: expected {listed}"
+            message = texts.UNEXPECTED.format(found=word, label=block.label, listed=listed)
         elif block.kind and word in STATEMENTS[""]:
-            message = f"'{word}' is inside {block.label}: it belongs outside every robot"
+            message = texts.BELONGS_OUTSIDE.format(word=word, label=block.label)
         elif outer and not any(one.kind in homes for one in self.open):
             home = max(outer, key=lambda kind: self.closed[kind][1])
             label, line = self.closed[home]
-            name = "a parameter block" if home == "parameters" else f"a {home}"
-            self.report(f"'{word}' is outside {name}: {label} was closed on line {line}", token.location)
+            name = texts.A_PARAMETER_BLOCK if home == "parameters" else texts.A_BLOCK.format(kind=home)
+            closed = texts.WAS_CLOSED.format(label=label, line=line)
+            self.report(texts.IS_OUTSIDE.format(word=word, home=name, closed=closed), token.location)
             self.reopen(known)
             return
         elif block.kind == "parameters":
-            message = f"unknown parameter '{word}'{did_you_mean(word, known)}"
+            message = texts.UNKNOWN_PARAMETER.format(word=word, hint=did_you_mean(word, known))
         elif homes:
             listed = " or ".join(f"'{home} {{ }}'" for home in homes)
-            message = f"'{word}' does not belong in {block.label}, but in {listed}"
+            message = texts.BELONGS_IN.format(word=word, label=block.label, homes=listed)
         else:
-            message = f"unknown word '{word}' in {block.label}{did_you_mean(word, known)}"
+            message = texts.UNKNOWN_WORD.format(word=word, label=block.label, hint=did_you_mean(word, known))
         self.report(message, token.location)
         self.skip(token.line, known, block.kind != "parameters")
 

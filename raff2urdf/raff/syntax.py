@@ -17,6 +17,7 @@ from enum import IntEnum
 from typing import Any, NamedTuple
 
 from raff2urdf.errors import SourceLocation, did_you_mean
+from raff2urdf.raff import texts
 from raff2urdf.raff.document import (
     UNITS_PER_METRE,
     CompoundKind,
@@ -113,7 +114,7 @@ class Block:
             self.values.setdefault(name, []).append(value)
         elif name in self.values:
             first = self.locations[name].line
-            report(f"'{word.text}' is given twice in {self.label}: first on line {first}", location)
+            report(texts.GIVEN_TWICE.format(word=word.text, label=self.label, line=first), location)
         else:
             self.values[name], self.locations[name] = value, location
 
@@ -132,7 +133,7 @@ def finite(report: Report, token: Token) -> float:
     """Return the number of a token."""
     value = float(token.text)
     if not math.isfinite(value):
-        report(f"'{token.text}' is too large for a number: the largest is 1.8e308", token.location)
+        report(texts.TOO_LARGE.format(found=token.text), token.location)
         return 0.0
     return value
 
@@ -141,30 +142,44 @@ def whole(report: Report, token: Token, least: int = 0) -> int:
     """Return the whole number of a token, from `least` on."""
     value = finite(report, token)
     if value != int(value) or value < least:
-        report(f"'{token.text}' must be a whole number from {least}", token.location)
+        report(texts.NOT_WHOLE.format(found=token.text, least=least), token.location)
         return least
     return int(value)
 
 
-def _choice(what: str, meanings: type[IntEnum] | Sequence[str], make: Callable[[int], Any] = int) -> Any:
-    """Return the value of a whole number that stands for one of the meanings."""
-    words = [kind.name.lower() for kind in meanings] if isinstance(meanings, type) else meanings
-    known = ", ".join(f"{i} {word}" for i, word in enumerate(words))
+@dataclass(frozen=True, slots=True)
+class Choice:
+    """The value of a whole number that stands for one of several words.
 
-    def value(report: Report, token: Token) -> Any:
+    Attributes:
+        what: the number is, for errors.
+        words: for which 0, 1, ... stand.
+        make: returns the value of a number.
+    """
+
+    what: str
+    words: Sequence[str]
+    make: Callable[[int], Any] = int
+
+    @classmethod
+    def of(cls, what: str, kinds: type[IntEnum]) -> Choice:
+        """Return the choice of a member of an enumeration."""
+        return cls(what, [kind.name.lower() for kind in kinds], kinds)
+
+    def __call__(self, report: Report, token: Token) -> Any:
+        """Return the value of a token."""
         found = finite(report, token)
-        if found != int(found) or not 0 <= found < len(words):
-            report(f"{what} {token.text} is unknown (known: {known})", token.location)
+        if found != int(found) or not 0 <= found < len(self.words):
+            known = ", ".join(f"{i} {word}" for i, word in enumerate(self.words))
+            report(texts.UNKNOWN_CHOICE.format(what=self.what, found=token.text, known=known), token.location)
             found = 0
-        return make(int(found))
-
-    return value
+        return self.make(int(found))
 
 
 def _compound(report: Report, token: Token) -> CompoundKind:
     kinds = [kind.value for kind in CompoundKind]
     if token.text not in kinds:
-        report(f"unknown joint '{token.text}'{did_you_mean(token.text, kinds)}", token.location)
+        report(texts.UNKNOWN_JOINT.format(found=token.text, hint=did_you_mean(token.text, kinds)), token.location)
         return CompoundKind.BALL
     return CompoundKind(token.text)
 
@@ -179,7 +194,7 @@ def _variable(_: Report, block: Block, name: Token) -> RaffVariable:
 
 def _units(report: Report, token: Token) -> str:
     if token.text not in UNITS_PER_METRE:
-        report(f"unknown unit '{token.text}' (known: {', '.join(UNITS_PER_METRE)})", token.location)
+        report(texts.UNKNOWN_UNIT.format(found=token.text, known=", ".join(UNITS_PER_METRE)), token.location)
     return token.text
 
 
@@ -216,13 +231,13 @@ def _constraint(report: Report, block: Block, keyword: Token) -> RaffLoop | Sens
     at = min([*(at for _, at in nodes), *locations.values()], default=keyword.location)
     if "sensor" in values:
         if len(nodes) != 1 or "type" in values:
-            report("a constraint with sensors must name one node, and no type", at)
+            report(texts.SENSORS_OF_ONE_NODE, at)
         own = {f"sensor {number}": location for number, location in values["sensor"]}
         node = nodes[0] if nodes else (0, at)
         numbers = tuple(number for number, _ in values["sensor"])
         return SensorConstraint(node[0], numbers, {**locations, **own, "node": node[1]})
     if len(nodes) != 2:
-        report("a constraint must name two nodes (a loop), or one node and the sensors that it may follow", at)
+        report(texts.TWO_NODES, at)
         return RaffLoop(0, 0)
     (first, first_at), (second, second_at) = nodes
     kind = values.get("type", LoopKind.RIGID)
@@ -243,28 +258,22 @@ def _coupling(report: Report, block: Block, keyword: Token) -> RaffCoupling:
     for part in parts:
         if len(part) == 2:  # a link
             if len(numbers) - len(drives) > 1:
-                report(_NEEDS_DRIVE.format(numbers[-1][0]), numbers[-1][1])
+                report(texts.NEEDS_DRIVE.format(link=numbers[-1][0]), numbers[-1][1])
                 return RaffCoupling(0, ())
             numbers.append(part)
             locations["follower" if len(numbers) == 1 else f"drive {len(numbers) - 2}"] = part[1]
         elif len(numbers) - len(drives) != 2:
-            report(
-                f"'{part[0].name.lower()}' belongs after a link that drives; the first link of a coupling follows",
-                part[2],
-            )
+            report(texts.DRIVES_NOTHING.format(word=part[0].name.lower()), part[2])
             return RaffCoupling(0, ())
         else:
             drives.append(RaffDrive(numbers[-1][0], *part[:2]))
     if len(numbers) < 2 or len(drives) != len(numbers) - 1:
         at = numbers[-1] if numbers else (0, keyword.location)
-        message = "a coupling must name the link that follows, and then those that drive it: link 5 link 3 ratio -2"
-        report(_NEEDS_DRIVE.format(at[0]) if len(numbers) > 1 else message, at[1])
+        report(texts.NEEDS_DRIVE.format(link=at[0]) if len(numbers) > 1 else texts.NAMES_NO_DRIVE, at[1])
         return RaffCoupling(0, ())
     values = {word: block.values[word] for word in ("offset", "name") if word in block.values}
     return RaffCoupling(numbers[0][0], tuple(drives), **values, locations=locations)
 
-
-_NEEDS_DRIVE = "link {} drives a coupling: say by which 'ratio', 'lead', 'radius' or 'polynomial'"
 
 # --- statements ---------------------------------------------------------------------------------------------------
 
@@ -302,7 +311,7 @@ _JOINT_TYPES = " (0 fixed, 1 prismatic, 2 revolute)"
 _LIMITS = Statement("{ NUMBER NUMBER }", lambda report, *ends: tuple(finite(report, end) for end in ends))
 _VECTOR = Statement("{ NUMBER NUMBER NUMBER }", lambda report, *found: tuple(finite(report, one) for one in found))
 _INERTIAL = Statement("{", _inertial)
-_ACTUATED = Statement("NUMBER", _choice("'actuated'", ["passive", "actuated"], bool))
+_ACTUATED = Statement("NUMBER", Choice("'actuated'", ["passive", "actuated"], bool))
 _DEFAULTS: dict[str, Any] = {"parameters": RaffParameters(), "pred": 0}
 _DOF = ["none", "one", "two", "three"]
 
@@ -323,9 +332,7 @@ STATEMENTS: dict[str, dict[str, Statement]] = {
     "base": {"parameters": _PARAMETERS, "filename": _FILES, "inertial": _INERTIAL},
     "link": {
         "parameters": _PARAMETERS,
-        "type": Statement(
-            "NUMBER", _choice("joint type", JointType, JointType), required=_JOINT_TYPES, unless="compound"
-        ),
+        "type": Statement("NUMBER", Choice.of("joint type", JointType), required=_JOINT_TYPES, unless="compound"),
         "joint": Statement("WORD", _compound, "compound"),  # instead of a type: a joint of several variables
         "variable": Statement("WORD {", _variable, "variables", repeats=True),  # of such a joint
         "pred": _PRED,  # the number of the parent
@@ -358,7 +365,7 @@ STATEMENTS: dict[str, dict[str, Statement]] = {
         "link": _NODE,
         "frame": _NODE,
         "base": Statement("", lambda _, word: (0, word.location), "nodes", repeats=True),
-        "type": Statement("NUMBER", _choice("loop type", LoopKind, LoopKind)),
+        "type": Statement("NUMBER", Choice.of("loop type", LoopKind)),
         "sensor": Statement(  # sensors that the node may follow; 0: left free
             "( NUMBER+ )", lambda report, *found: [(whole(report, one), one.location) for one in found]
         ),
@@ -376,8 +383,8 @@ STATEMENTS: dict[str, dict[str, Statement]] = {
     },
     "sensor": {
         "port": replace(_TEXT, required=""),
-        "translation": Statement("NUMBER", _choice("'translation'", _DOF)),  # number of degrees of freedom
-        "rotation": Statement("NUMBER", _choice("'rotation'", _DOF)),
+        "translation": Statement("NUMBER", Choice("'translation'", _DOF)),  # number of degrees of freedom
+        "rotation": Statement("NUMBER", Choice("'rotation'", _DOF)),
     },
     **{word: {} for word in ("limits", "filename", "centre", "moments", "products")},
 }

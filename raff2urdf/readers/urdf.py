@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from raff2urdf.errors import RaffError, defined_twice, did_you_mean, duplicates, limits_reversed
 from raff2urdf.inertia import Inertia
 from raff2urdf.placement import from_origin
+from raff2urdf.raff import texts
 from raff2urdf.readers.xml_file import error_at, parse_xml
 
 UNLIMITED = 1e9
@@ -28,7 +29,7 @@ SIZE = f" (none beyond {LARGEST:g})"
 LEAST_SPEED = 1e-12
 """A velocity limit (rad/s, m/s) is greater."""
 
-TOO_SLOW = f"it must be above 0, and not as slow as {LEAST_SPEED:g} rad/s or m/s; or left out"
+TOO_SLOW = texts.TOO_SLOW.format(least=LEAST_SPEED)
 
 IGNORE = "--ignore-loops (in Python ignore_loops=True)"
 """The option that leaves all loops open."""
@@ -266,7 +267,7 @@ def limit_value(element: Any, text: str, word: str, label: str, name: str) -> fl
 
 def negative_mass(label: str, mass: float) -> str:
     """Return the error of a mass (kg) below 0."""
-    return f"the mass of {label} is {mass:g} kg: it must not be negative"
+    return texts.NEGATIVE_MASS.format(what=label, mass=mass)
 
 
 def lacks(inertial: Any) -> str | None:
