@@ -10,10 +10,11 @@ from typing import TYPE_CHECKING, Any
 import typer
 
 from cinegen.cli.files import check_outputs, count, print_result, write, write_figure
-from cinegen.cli.numbers import named
 from cinegen.cli.options import FILE, FORCE, JSON, PLOT, flag, option
 from cinegen.cli.progress import Progress
+from cinegen.cli.tolerance import amounts
 from raff2urdf.command_line import UsageError
+from raff2urdf.files import stem_of
 from raff2urdf.quantities import LENGTH
 
 if TYPE_CHECKING:
@@ -56,7 +57,7 @@ def run(
         raise UsageError("--poses is where --propose writes: give --propose 20, too")
     from cinegen.design import calibrate
 
-    errors = {name: value for text in sigma for name, value in named(text, "--sigma", "link*.d=0.1mm").items()}
+    errors = amounts(sigma, "--sigma")
     with Progress() as progress:
         progress.text("calibrating")
         found = calibrate(
@@ -69,13 +70,14 @@ def run(
 
             progress.text("choosing poses")
             proposal = propose_poses(found, propose)
-    report: dict[str, Any] = {"name": found.parameters.robot.name, **found.as_dict()}
+    name = stem_of(file) + (f".{robot}" if robot else "")
+    report: dict[str, Any] = {"name": name, **found.as_dict()}
     if proposal is not None:
         report["proposal"] = {
             "joints": list(proposal.inputs), "readings": proposal.readings.tolist(), "gain": proposal.gain,
             "random_gain": proposal.random_gain,
         }  # fmt: skip
-    print_result(report, _text(found, None if all_ else _SHOWN), json)
+    print_result(report, _text(found, name, None if all_ else _SHOWN), json)
     if proposal is not None:
         if not json:
             print("\n" + _proposed(proposal, poses), flush=True)
@@ -99,13 +101,13 @@ def _words(texts: list[str]) -> list[str]:
 # --- what is printed --------------------------------------------------------------------------------------------------
 
 
-def _text(found: Calibration, most: int | None) -> str:
+def _text(found: Calibration, name: str, most: int | None) -> str:
     """Return the report, in mm and degrees."""
     import numpy as np
 
     readings = int(found.kept.sum())
     lines = [
-        f"{found.parameters.robot.name}: {len(found.combinations)} combinations of {len(found.names)} parameters are "
+        f"{name}: {len(found.combinations)} combinations of {len(found.names)} parameters are "
         f"estimated from {readings} readings in {len(found.observation.measurements)} poses"
     ]
     fit = f"chi-square {found.chi2:.4g} for {found.degrees_of_freedom} degrees of freedom"

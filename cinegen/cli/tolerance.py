@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from cinegen.cli.files import check_outputs, print_result, write_figure
-from cinegen.cli.numbers import UNITS, configuration_at, named
+from cinegen.cli.numbers import UNITS, configuration_at, named, parts
 from cinegen.cli.options import FILE, FORCE, JSON, NODE, PLOT, option
 from cinegen.errors import CinegenError
 from raff2urdf.command_line import UsageError
@@ -24,8 +24,10 @@ SIGMA = option(
 )  # fmt: skip
 PLAY = option("JOINT=P", "play of joints and loops: joint3=0.01mm, or joint3=0.01deg of tilt", (), "--play")
 ENCODER = option("JOINT=S", "standard deviations of joints' readings: joint1=0.01deg", (), "--encoder")
+TIE = option("TIE", "dimensions that have one error, as of one set-up: 'link2.d = link7.d'", (), "--tie")
 
 _SHOWN = 8  # contributors
+_LABEL = 16  # width of the labels of rows
 
 
 def run(
@@ -33,6 +35,7 @@ def run(
     sigma: list[str] = SIGMA,
     play: list[str] = PLAY,
     encoder: list[str] = ENCODER,
+    tie: list[str] = TIE,
     interval: float = option("K", "half-width of the intervals of the worst case, in standard deviations", 3.0),
     at: str = option(
         "POSE", f"where: x=0,y=0.1,rz=15 of the node, or joint3=0.7 of actuated joints ({UNITS}; default: home)", ""
@@ -60,7 +63,7 @@ def run(
     names = robots(file) if robot is None else [robot]
     if len(names) > 1:
         raise CinegenError(f"{file} holds several robots: name one by --robot ({', '.join(map(str, names))})")
-    tolerances = Tolerances(file, errors, plays, readings, interval, robot)
+    tolerances = Tolerances(file, errors, plays, readings, interval, robot, tie)
     mechanism = tolerances.design.mechanism
     found = tolerances.at(configuration_at(mechanism, at, node), node, samples, seed)
     name, where = stem_of(file) + (f".{robot}" if robot else ""), f" at {at}" if at else " at home"
@@ -72,14 +75,14 @@ def run(
     return 0
 
 
-def amounts(texts: Sequence[str], option: str) -> dict[str, str]:
-    """Return the amounts of an option as texts, by name or pattern.
+def amounts(texts: Sequence[str], option: str) -> list[tuple[str, str]]:
+    """Return the amounts of an option as texts, each behind its name or pattern.
 
     Raises:
-        UsageError: a part has no name, or a name is given twice.
+        UsageError: a part has no name.
     """
     example = {"--sigma": "link*.d=0.05mm", "--play": "joint3=0.01mm"}.get(option, "joint1=0.01deg")
-    return {name: value for text in texts for name, value in named(text, option, example).items()}
+    return [pair for text in texts for part in parts(text) for pair in named(part, option, example).items()]
 
 
 def _text(found: ToleranceReport, name: str, where: str) -> str:
@@ -88,29 +91,41 @@ def _text(found: ToleranceReport, name: str, where: str) -> str:
         f"{name}: accuracy of {found.node}{where}: position {_number(1e3 * found.position)} mm, orientation "
         f"{_number(math.degrees(found.orientation))} degrees (1 sigma, root of the summed variances)",
         "",
-        f"  {'':<12}" + "".join(f"{name:>11}" for name in ("x mm", "y mm", "z mm", "rx deg", "ry deg", "rz deg")),
+        f"  {'':<{_LABEL}}" + "".join(f"{name:>11}" for name in ("x mm", "y mm", "z mm", "rx deg", "ry deg", "rz deg")),
     ]
     scales = (1e3,) * 3 + (math.degrees(1.0),) * 3
     rows = (
         ("sigma", found.sigma),
-        ("worst case", found.worst),
+        (f"within ±{found.interval:g} sigma", found.worst),
         ("  2nd order", found.second_order),
     )
     for row, values in rows:
-        lines.append(f"  {row:<12}" + "".join(f"{_number(s * x):>11}" for s, x in zip(scales, values, strict=True)))
+        lines.append(
+            f"  {row:<{_LABEL}}" + "".join(f"{_number(s * x):>11}" for s, x in zip(scales, values, strict=True))
+        )
     for orientation in (False, True):
         largest = found.contributors(orientation)
         if largest:
             of = "orientation" if orientation else "position"
             lines += ["", f"  {of}, fraction of the variance"]
-            lines += [f"    {one.name:<24}{100.0 * share:5.1f} %" for one, share in largest[:_SHOWN]]
-            rest = sum(share for _, share in largest[_SHOWN:])
+            listed = [(one.name, share) for one, share in largest[:_SHOWN]]
             if len(largest) > _SHOWN:
-                lines.append(f"    {f'{len(largest) - _SHOWN} more':<24}{100.0 * rest:5.1f} %")
-    for paragraph in (_idle(found), _forced(found.forced), found.agreement):
+                listed.append((f"{len(largest) - _SHOWN} more", sum(share for _, share in largest[_SHOWN:])))
+            width = max(24, *(len(name) + 1 for name, _ in listed))
+            lines += [f"    {name:<{width}}{100.0 * share:5.1f} %" for name, share in listed]
+    for paragraph in (_worst(found), _idle(found), _forced(found.forced, found.interval), found.agreement):
         if paragraph:
             lines += ["", *textwrap.wrap(paragraph, 110, initial_indent="  ", subsequent_indent="  ")]
     return "\n".join(lines)
+
+
+def _worst(found: ToleranceReport) -> str:
+    has_play = any(one.half_width != found.interval * one.sigma for one in found.sources)
+    return (
+        f"Worst case within ±{found.interval:g} sigma: each error anywhere within {found.interval:g} of its standard "
+        f"deviations to either side{', play within its radius' if has_play else ''}, all at once; in it, 2nd order "
+        "bounds what is not linear"
+    )
 
 
 def _idle(found: ToleranceReport) -> str:
@@ -119,7 +134,7 @@ def _idle(found: ToleranceReport) -> str:
     return f"{len(found.idle)} tolerances do not move {found.node}: {_listed(found.idle)}"
 
 
-def _forced(forced: Forced) -> str:
+def _forced(forced: Forced, interval: float) -> str:
     if not forced.names:
         return ""
     each = [
@@ -128,7 +143,7 @@ def _forced(forced: Forced) -> str:
     ]
     return (
         f"{len(forced.names)} tolerances open loops: the mechanism is over-constrained and can't be assembled with "
-        f"them unless it is forced. Largest gap of each within its interval: {_listed(each)}. All together: "
+        f"them unless it is forced. Largest gap of each within ±{interval:g} sigma: {_listed(each)}. All together: "
         f"{_number(1e3 * forced.worst_position)} mm, {_number(math.degrees(forced.worst_angle))} degrees. They are not "
         "in the numbers above: how the node moves then depends on the elasticity of the parts"
     )

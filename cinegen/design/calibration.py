@@ -17,7 +17,7 @@ residuals are below `REJECTED`; the others are listed.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -26,6 +26,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import least_squares
 
+from cinegen.design.amounts import Amounts, amount_in, fits, pairs
 from cinegen.design.errors import DesignError
 from cinegen.design.identifiability import Dependency, Subspace, dependencies, subspace
 from cinegen.design.measurements import Measurements
@@ -33,7 +34,7 @@ from cinegen.design.observation import Observation, Prediction
 from cinegen.design.parameters import Parameters
 from cinegen.errors import warn
 from raff2urdf import closure
-from raff2urdf.quantities import ANGLE, LENGTH, Dimension, QuantityError, has_unit, parse, shown
+from raff2urdf.quantities import ANGLE, LENGTH, Dimension, shown
 from raff2urdf.raff.document import Document
 
 Array = NDArray[np.float64]
@@ -228,7 +229,7 @@ def calibrate(
     *,
     names: Iterable[str] = ("*",),
     ties: Iterable[str] = (),
-    sigma: Mapping[str, float | str] | None = None,
+    sigma: Amounts | None = None,
     gains: Sequence[str] = (),
     robust: bool = True,
     folds: int = 5,
@@ -260,7 +261,7 @@ def calibrate(
     before = observation.residuals(nominal)
     covariances = observation.covariances(nominal)
     standard = np.sqrt(np.einsum("nkk->nk", covariances))
-    errors = observation.expected_errors(expected_errors(parameters, sigma or {}))
+    errors = observation.expected_errors(expected_errors(parameters, sigma))
     errors[[name in nominal.opening for name in observation.names]] = 0.0
     present = np.isfinite(before)
     solver = _Solver(observation, covariances, errors)
@@ -291,7 +292,7 @@ def calibrate(
     return calibration
 
 
-def expected_errors(parameters: Parameters, sigma: Mapping[str, float | str]) -> Array:
+def expected_errors(parameters: Parameters, sigma: Amounts | None) -> Array:
     """Return the expected errors (count,) of free parameters, m and rad; later patterns replace earlier ones.
 
     Raises:
@@ -299,16 +300,12 @@ def expected_errors(parameters: Parameters, sigma: Mapping[str, float | str]) ->
     """
     indices = [parameters.find(name) for name in parameters.names]
     found = np.array([LENGTH_ERROR if parameters.all[i].unit == "m" else ANGLE_ERROR for i in indices])
-    for pattern, amount in sigma.items():
+    for pattern, amount in pairs(sigma):
         matching = parameters.matching([pattern])
-        if isinstance(amount, str) and has_unit(amount) and "*" in pattern:
-            matching = [i for i in matching if _fits(amount, parameters.all[i].dimension)] or matching
-        for i in set(matching) & set(indices):
-            try:
-                value = parse(amount, parameters.all[i].dimension) if isinstance(amount, str) else float(amount)
-            except QuantityError as error:
-                raise DesignError(f"expected error of {pattern}: {error}") from None
-            if not 0.0 < value < math.inf:
+        fitting = [i for i in matching if fits(amount, parameters.all[i].dimension)] or matching
+        for i in set(fitting) & set(indices):
+            value = amount_in(f"expected error of {pattern}", amount, parameters.all[i].dimension)
+            if not value > 0.0:
                 raise DesignError(f"expected error of {pattern}: {amount} is not above 0")
             found[indices.index(i)] = value
     return found
@@ -548,14 +545,6 @@ def _warn(found: Calibration) -> None:
             f"{source}: the residuals are {math.sqrt(found.fit):.2g} times what the sigmas of the readings allow: "
             "these are too small, or something else than the parameters is wrong (backlash, bending, thermal growth)"
         )
-
-
-def _fits(amount: str, dimension: Dimension) -> bool:
-    try:
-        parse(amount, dimension)
-    except QuantityError:
-        return False
-    return True
 
 
 def _unit(parameters: Parameters, name: str) -> str:

@@ -50,6 +50,14 @@ _LENGTHS = ("epsilon", "d", "r")
 _DIGITS = 15  # significant, of a number that is written
 
 
+_TIED = 4  # names of parameters that are tied are all shown up to this many
+
+
+def is_pattern(text: str) -> bool:
+    """Return whether a name has wildcards."""
+    return re.search(r"[*?[]", text) is not None
+
+
 @dataclass(frozen=True, slots=True)
 class Parameter:
     """One number of a robot's description.
@@ -184,6 +192,14 @@ class Parameters:
             raise DesignError(f"{name} is not free here: it is tied to others, fixed, or was not named")
         return self._free.index(found)
 
+    def tied_name(self, index: int) -> str:
+        """Return the name of a free parameter with those that are equal to it but for sign and offset: `link2.d =
+        link7.d`."""
+        alone = (self.ties.matrix != 0.0).sum(axis=1) == 1
+        names = [self.all[i].name for i in np.flatnonzero(alone & (np.abs(self.ties.matrix[:, index]) == 1.0))]
+        more = f" = ... ({len(names)})" if len(names) > _TIED else ""
+        return " = ".join(names[:_TIED]) + more
+
     def matching(self, patterns: Iterable[str]) -> list[int]:
         """Return the indices in `all` of the parameters that patterns such as `link*.d` match, in the file's order. A
         joint's own variable is matched by its full name only.
@@ -193,7 +209,7 @@ class Parameters:
         """
         chosen: set[int] = set()
         for pattern in (text.strip() for text in patterns):
-            if not re.search(r"[*?[]", pattern):
+            if not is_pattern(pattern):
                 chosen.add(self.find(pattern))
                 continue
             both = [
@@ -209,6 +225,7 @@ class Parameters:
                     )
                 raise DesignError(
                     f"'{pattern}' {why}; parameters are NODE.WORD, such as link2.d (words: {', '.join(WORDS)})"
+                    f"{'' if both else did_you_mean(pattern, [one.name for one in self.all])}"
                 )
             chosen.update(found)
         return sorted(chosen)
@@ -307,7 +324,7 @@ class Parameters:
         for pattern, given in bounds.items():
             for i in self.matching([pattern]):
                 if i not in self._free:
-                    if re.search(r"[*?[]", pattern):
+                    if is_pattern(pattern):
                         continue
                     self.index(self.all[i].name)
                 one, k = self.all[i], self._free.index(i)

@@ -21,7 +21,7 @@ from __future__ import annotations
 
 import math
 from collections import Counter
-from collections.abc import Mapping, Sequence
+from collections.abc import Container, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -33,13 +33,14 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.optimize import brentq
 from scipy.special import ndtr, ndtri
 
+from cinegen.design.amounts import Amounts, amount_in, fits, matching, pairs
 from cinegen.design.chains import COMPONENTS
 from cinegen.design.design import Design, DesignEvaluation
 from cinegen.design.errors import DesignError
-from cinegen.design.parameters import Parameters
+from cinegen.design.parameters import Parameters, is_pattern
 from cinegen.loops.thresholds import CLOSURE
 from raff2urdf.errors import did_you_mean
-from raff2urdf.quantities import ANGLE, LENGTH, Dimension, QuantityError, has_unit, parse
+from raff2urdf.quantities import ANGLE, LENGTH, Dimension, has_unit, shown
 from raff2urdf.raff.document import Document, LoopKind
 
 Array = NDArray[np.float64]
@@ -270,10 +271,6 @@ class ToleranceReport:
         }
 
 
-Amounts = Mapping[str, float | str]
-"""Standard deviations, or plays, by name or pattern: m or rad, or texts such as "0.05mm"."""
-
-
 class Tolerances:
     """Tolerances of a mechanism, from which its accuracy follows at any configuration.
 
@@ -288,6 +285,7 @@ class Tolerances:
         encoder: standard deviations of joints' readings, by name.
         interval: half-width of the intervals of `sigma` and `encoder`, in standard deviations.
         robot: name of one robot of a file that holds several.
+        ties: see `cinegen.design.ties`; parameters that are tied have one error.
 
     Attributes:
         design: whose columns have tolerances.
@@ -306,42 +304,49 @@ class Tolerances:
         encoder: Amounts | None = None,
         interval: float = INTERVAL,
         robot: str | None = None,
+        ties: Iterable[str] = (),
     ) -> None:
         if not 1.0 < interval < 8.0:
             raise DesignError(f"an interval is 1 to 8 standard deviations wide to either side, not {interval:g}")
-        if not (sigma or play or encoder):
+        deviations, plays, readings = pairs(sigma), pairs(play), pairs(encoder)
+        if not (deviations or plays or readings):
             raise DesignError("no tolerances are given: write for instance --sigma 'link*.d=0.05mm, *.alpha=0.02deg'")
         whole = source if isinstance(source, Parameters) else Parameters(source, robot=robot)
         sigmas: dict[int, float] = {}
-        for pattern, amount in (sigma or {}).items():
-            for i in _fitting(whole, pattern, amount):
-                sigmas[i] = _amount(pattern, amount, whole.all[i].dimension)
+        named = set[int]()
+        for pattern, amount in deviations:
+            found = matching(whole, pattern, amount)
+            sigmas |= {i: amount_in(pattern, amount, whole.all[i].dimension) for i in found}
+            named |= set() if is_pattern(pattern) else set(found)
         encoders: dict[int, str] = {}
-        for joint, amount in (encoder or {}).items():
+        for joint, amount in readings:
             own = whole.own_variable(joint)
             i = whole.find(own.name)
-            sigmas[i], encoders[i] = _amount(f"encoder of {joint}", amount, own.dimension), joint
-        chosen = sorted(sigmas)
+            sigmas[i], encoders[i] = amount_in(f"encoder of {joint}", amount, own.dimension), joint
         if isinstance(source, Parameters):
             parameters = source
         else:
-            names = [whole.all[i].name for i in chosen] or [whole.all[0].name]
-            parameters = Parameters(whole.document, names, robot=whole.robot.name)
-        plays = [found for name, amount in (play or {}).items() for found in _play(whole, name, amount)]
+            names = [whole.all[i].name for i in sorted(sigmas)] or [whole.all[0].name]
+            parameters = Parameters(whole.document, names, ties, robot=whole.robot.name)
+        moved = [one for name, amount in plays for one in _play(whole, name, amount)]
+        components = [(joint, c) for joint, _, cs, _ in moved for c in cs]
+        for joint, component in (one for one, times in Counter(components).items() if times > 1):
+            raise DesignError(f"the play of {joint} along {component} is given twice: remove one")
         self.interval = interval
-        self.design = Design(parameters, [(joint, c) for joint, _, cs, _ in plays for c in cs])
+        self.design = Design(parameters, components)
         self.sources: list[ToleranceSource] = []
-        for i in chosen:
-            one = whole.all[i]
-            column, name = parameters.index(one.name), f"{encoders[i]} (encoder)" if i in encoders else one.name
-            self.sources.append(ToleranceSource(name, (column,), sigmas[i], interval * sigmas[i], one.dimension))
+        for column, tied in _columns(parameters, sigmas, named).items():
+            i = tied[0]
+            name = f"{encoders[i]} (encoder)" if i in encoders else parameters.tied_name(column)
+            width = interval * sigmas[i]
+            self.sources.append(ToleranceSource(name, (column,), sigmas[i], width, parameters.all[i].dimension))
         column = len(parameters)
-        for _, name, components, amount in plays:
-            columns = tuple(range(column, column + len(components)))
-            dimension = ANGLE if components[0].startswith("r") else LENGTH
-            deviation = amount / math.sqrt(len(components) + 2.0)  # of a point evenly distributed in a ball
-            self.sources.append(ToleranceSource(name, columns, deviation, amount, dimension))
-            column += len(components)
+        for _, name, along, radius in moved:
+            columns = tuple(range(column, column + len(along)))
+            dimension = ANGLE if along[0].startswith("r") else LENGTH
+            deviation = radius / math.sqrt(len(along) + 2.0)  # of a point evenly distributed in a ball
+            self.sources.append(ToleranceSource(name, columns, deviation, radius, dimension))
+            column += len(along)
 
     @cached_property
     def closing(self) -> list[ToleranceSource]:
@@ -525,6 +530,7 @@ def tolerance(
     seed: int = 0,
     interval: float = INTERVAL,
     robot: str | None = None,
+    ties: Iterable[str] = (),
 ) -> ToleranceReport:
     """Return the accuracy of a node of a mechanism with tolerances; the arguments are those of `Tolerances` and of
     `Tolerances.at`.
@@ -534,7 +540,7 @@ def tolerance(
     Raises:
         DesignError: see `Tolerances`.
     """
-    return Tolerances(source, sigma, play, encoder, interval, robot).at(q, node, samples, seed)
+    return Tolerances(source, sigma, play, encoder, interval, robot, ties).at(q, node, samples, seed)
 
 
 def deviations(pose: Array, poses: Array) -> Array:
@@ -566,49 +572,44 @@ def _cut(interval: float) -> tuple[float, float]:
 # --- what is given ----------------------------------------------------------------------------------------------------
 
 
-def _fitting(whole: Parameters, pattern: str, amount: float | str) -> list[int]:
-    """Return the parameters that a pattern matches; with a unit, only those of its dimension. The base's are matched
-    by patterns that begin with `base` only: where a robot stands is no property of the robot.
+def _columns(parameters: Parameters, sigmas: Mapping[int, float], named: Container[int]) -> dict[int, list[int]]:
+    """Return the columns that have tolerances, and the indices in `Parameters.all` of what these belong to: parameters
+    that are tied err alike.
+
+    Args:
+        parameters: the free ones, with ties.
+        sigmas: standard deviations, by index.
+        named: indices that were named, not matched by a pattern.
 
     Raises:
-        DesignError: none; or lengths and angles, and the amount has no unit.
+        DesignError: parameters that are tied have different tolerances; one that follows from others was named, or
+            those have none.
     """
-    found = whole.matching([pattern])
-    found = [i for i in found if whole.all[i].node or pattern.strip().startswith("base")] or found
-    if isinstance(amount, str) and has_unit(amount):
-        fitting = [i for i in found if _is(amount, whole.all[i].dimension)]
-        if fitting or len(found) > 1:
-            if not fitting:
-                _amount(pattern, amount, whole.all[found[0]].dimension)
-            return fitting
-        return found
-    if len({whole.all[i].dimension for i in found}) > 1:
-        raise DesignError(f"'{pattern}={amount}' matches lengths and angles: write a unit, such as {pattern}=0.05mm")
+    matrix, found, following = parameters.ties.matrix, dict[int, list[int]](), list[int]()
+    for i in sorted(sigmas):
+        columns = np.flatnonzero(matrix[i])
+        if len(columns) == 1 and abs(matrix[i, columns[0]]) == 1.0:
+            found.setdefault(int(columns[0]), []).append(i)
+        else:
+            following.append(i)
+    for own in found.values():
+        for i in own[1:]:
+            if sigmas[i] != sigmas[own[0]]:
+                first, second = (parameters.all[k] for k in (own[0], i))
+                texts = [shown(sigmas[k], first.dimension) for k in (own[0], i)]
+                raise DesignError(
+                    f"{first.name} and {second.name} are tied, but have different tolerances: {' and '.join(texts)}"
+                )
+    for i in following:
+        masters = np.flatnonzero(matrix[i]).tolist()
+        lacking = [parameters.names[k] for k in masters if k not in found]
+        if i in named or lacking:
+            follows = " and ".join(parameters.names[k] for k in masters) or "a constant"
+            raise DesignError(
+                f"{parameters.all[i].name} follows from {follows} by a tie: give the tolerance to "
+                f"{' and '.join(lacking or [parameters.names[k] for k in masters]) or 'a parameter that is not tied'}"
+            )
     return found
-
-
-def _is(amount: str, dimension: Dimension) -> bool:
-    try:
-        parse(amount, dimension)
-    except QuantityError:
-        return False
-    return True
-
-
-def _amount(name: str, amount: float | str, dimension: Dimension) -> float:
-    """Return a standard deviation or play in m or rad."""
-    if isinstance(amount, str):
-        try:
-            value = parse(amount, dimension)
-        except QuantityError as error:
-            raise DesignError(f"{name}: {error}") from None
-        if value and not has_unit(amount):
-            raise DesignError(f"{name}: '{amount}' has no unit: write {amount}{'deg' if dimension is ANGLE else 'mm'}")
-    else:
-        value = float(amount)
-    if not 0.0 <= value < math.inf:
-        raise DesignError(f"{name}: a tolerance is not negative, as {amount} is")
-    return value
 
 
 def _play(whole: Parameters, name: str, amount: float | str) -> list[tuple[str, str, list[str], float]]:
@@ -618,7 +619,7 @@ def _play(whole: Parameters, name: str, amount: float | str) -> list[tuple[str, 
     kinds |= dict.fromkeys(mechanism.joints, 2) | dict.fromkeys(mechanism.balls, 3)
     joint, dot, component = name.rpartition(".")
     if name not in kinds and dot and joint in kinds and component in COMPONENTS:
-        value = _amount(f"play of {name}", amount, ANGLE if component.startswith("r") else LENGTH)
+        value = amount_in(f"play of {name}", amount, ANGLE if component.startswith("r") else LENGTH)
         return [(joint, f"{name} (play)", [component], value)]
     if name not in kinds:
         raise DesignError(
@@ -626,8 +627,15 @@ def _play(whole: Parameters, name: str, amount: float | str) -> list[tuple[str, 
         )
     if not kinds[name]:
         raise DesignError(f"loop '{name}' is rigid: it has no play; give that of a joint next to it")
-    tilts = isinstance(amount, str) and _is(amount, ANGLE) and has_unit(amount)
-    value = _amount(f"play of {name}", amount, ANGLE if tilts else LENGTH)
+    tilts = isinstance(amount, str) and fits(amount, ANGLE) and has_unit(amount)
+    value = amount_in(f"play of {name}", amount, ANGLE if tilts else LENGTH)
     if tilts and kinds[name] == 3:
         raise DesignError(f"'{name}' is a ball joint: its play is a length, not {amount}")
-    return [(name, f"{name} (play)", list(COMPONENTS[3:5] if tilts else COMPONENTS[: kinds[name]]), value)]
+    return [
+        (
+            name,
+            f"{name} ({'tilt' if tilts else 'play'})",
+            list(COMPONENTS[3:5] if tilts else COMPONENTS[: kinds[name]]),
+            value,
+        )
+    ]

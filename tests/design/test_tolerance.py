@@ -7,10 +7,12 @@ import math
 
 import numpy as np
 import pytest
+from variants import slow
 
 from cinegen.cli import main
 from cinegen.design import DesignError, Parameters, Tolerances, tolerance
 from cinegen.design.tolerance import deviations
+from cinegen.errors import ClosureError
 
 TWO_R = """RAFF Arm
 units mm
@@ -32,8 +34,8 @@ robot bars {
   constraint { frame 4 frame 5 type 2 }
 }
 """
-SIGMA = {"delta4": {"link*.d": "0.05mm", "link*.alpha": "0.01deg"}, "gough": {"*": "0.05mm", "*.*": "0.005deg"},
-         "five_bar": {"*": "0.05mm", "*.*": "0.02deg"}, "sr400": {"*.d": "0.1mm"}}  # fmt: skip
+SIGMA = {"delta4": {"link*.d": "0.05mm", "link*.alpha": "0.01deg"}, "gough": [("*.*", "0.05mm"), ("*.*", "0.005deg")],
+         "five_bar": [("*.*", "0.05mm"), ("*.*", "0.02deg")], "sr400": {"*.d": "0.1mm"}}  # fmt: skip
 
 
 @pytest.fixture
@@ -161,6 +163,63 @@ def test_over_constrained_mechanisms_are_forced():
     assert found.monte_carlo.failed == 0
 
 
+@pytest.mark.parametrize("name", ["four_bar", *slow("five_bar", "planar_hybrid", "sr400")])
+def test_what_is_forced_is_what_loading_refuses(name):
+    """And the gaps are those of the loops that are closed as well as they can be at the ends of the intervals."""
+    parameters = Parameters(name)
+    tolerances = Tolerances(parameters, [("*.*", "0.05mm"), ("*.*", "0.02deg")])
+    forced, length = tolerances.at().forced, parameters.mechanism.length
+    for one in (one for one in parameters.names if not one.startswith("base")):
+        p = parameters.values.copy()
+        p[parameters.index(one)] += 1e-3 * (length if parameters.all[parameters.find(one)].unit == "m" else 1.0)
+        if one in forced.names:
+            with pytest.raises(ClosureError):
+                parameters.mechanism_with(p)
+        else:
+            parameters.mechanism_with(p)
+    width = {one.name: one.half_width for one in tolerances.sources}
+    for one, position, angle in zip(forced.names, forced.position, forced.angle, strict=True):
+        p = parameters.values.copy()
+        p[parameters.index(one)] += width[one]
+        gap = tolerances.design.evaluate(p, derivatives=False).gap[0]
+        np.testing.assert_allclose(gap, max(position / length, angle), rtol=1e-5)
+
+
+def test_dimensions_of_one_set_up_err_alike():
+    """Both shoulders of a five-bar that are tilted alike close the loop, and tilt the plane of the arms."""
+    ties = ["link1.alpha = link3.alpha", "link2.d = link4.d"]
+    sigma = {"link1.alpha": "0.02deg", "link3.alpha": "0.02deg", "link*.d": "0.05mm"}
+    apart, tied = tolerance("five_bar", sigma), tolerance("five_bar", sigma, ties=ties, samples=20_000)
+    assert set(apart.forced.names) == {"link1.alpha", "link3.alpha"}
+    assert not tied.forced.names
+    x = tied.pose[:3, 3]
+    np.testing.assert_allclose(tied.sigma[2], math.radians(0.02) * abs(x[1]), rtol=1e-9)  # about x
+    names = [one.name for one in tied.sources]
+    assert "link1.alpha = link3.alpha" in names
+    assert "link2.d = link4.d" in names
+    each = {one.name: tolerance("five_bar", {one.name: 5e-5}) for one in apart.sources}
+    columns = [each[name].jacobian[:, 0] for name in ("link2.d", "link4.d")]
+    others = sum(each[name].covariance for name in each if name not in ("link2.d", "link4.d"))
+    wanted = others + np.outer(columns[0] + columns[1], columns[0] + columns[1]) * 5e-5**2
+    np.testing.assert_allclose(tied.covariance[:2, :2], wanted[:2, :2], atol=1e-9 * wanted.max())
+    assert tied.covariance_error < 0.05
+
+
+@pytest.mark.parametrize(
+    ("sigma", "ties", "message"),
+    [
+        ({"link2.d": "1mm", "link4.d": "2mm"}, ["link2.d = link4.d"], "link2.d and link4.d are tied, but have diff"),
+        ({"link5.d": "1mm"}, ["link5.d = 2*link2.d - 135mm"], "link5.d follows from link2.d by a tie: give the toler"),
+        ({"link5.*": "1mm"}, ["link5.d = 2*link2.d - 135mm"], "link5.d follows from link2.d by a tie: give the toler"),
+        ({"link5.d": "1mm"}, ["link5.d = 365mm"], "every parameter that was named is tied to a constant"),
+    ],
+)
+@pytest.mark.filterwarnings("ignore:.*the ties change values")
+def test_tolerances_of_what_is_tied(sigma, ties, message):
+    with pytest.raises(DesignError, match=message):
+        tolerance("five_bar", sigma, ties=ties)
+
+
 def test_deviations_of_poses():
     rng = np.random.default_rng(0)
     import pinocchio as pin
@@ -183,6 +242,9 @@ def test_deviations_of_poses():
         ({"sigma": {"link2.*": 0.1}}, "matches lengths and angles: write a unit"),
         ({"sigma": {"link2.d": -0.1}}, "is not negative"),
         ({"sigma": {"lnk2.d": 0.1}}, "did you mean 'link2.d'"),
+        ({"sigma": {"link99.d": 0.1}}, "no parameter 'link99.d': did you mean 'link2.d'"),
+        ({"sigma": {"lnk2.*": 0.1}}, "'lnk2.*' matches no parameter; "),
+        ({"play": [("joint2", 0.1), ("joint2.x", 0.2)]}, "the play of joint2 along x is given twice"),
         ({"play": {"joint9": 0.1}}, "no joint or loop 'joint9'"),
         ({"play": {"joint2": "1kg"}}, "is a mass"),
         ({"encoder": {"joint7": 0.1}}, "has no joint 'joint7'"),
@@ -222,7 +284,13 @@ def test_the_command(two_r, tmp_path, capsys):
     text = capsys.readouterr().out
     assert "arm: accuracy of tool at home: position " in text
     assert "Monte Carlo, 500 samples with loops closed" in text
+    assert "within ±3 sigma " in text
     assert b"<svg" in picture.read_bytes()
+    both = ["--sigma", "*.*=0.1mm, *.*=0.1deg", "--samples", "0", "--interval", "2"]
+    assert main(["tolerance", str(two_r), *both, "--tie", "link2.alpha = tool.alpha"]) == 0
+    text = capsys.readouterr().out
+    assert "link2.alpha = frame3.alpha" in text
+    assert "Worst case within ±2 sigma: each error anywhere within 2 of its standard deviations" in text
     assert main(["tolerance", str(two_r), *options, "--at", "joint1=0", "joint2=90", "--json"]) == 0
     report = json.loads(capsys.readouterr().out)
     np.testing.assert_allclose(np.array(report["pose"])[:2, 3], [0.4, 0.3], atol=1e-12)

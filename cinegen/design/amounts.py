@@ -1,0 +1,71 @@
+"""Amounts by name or pattern: standard deviations, plays and expected errors, in m and rad, or as texts with a unit."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Mapping
+
+from cinegen.design.errors import DesignError
+from cinegen.design.parameters import Parameters
+from raff2urdf.quantities import ANGLE, Dimension, QuantityError, has_unit, parse
+
+Amounts = Mapping[str, float | str] | Iterable[tuple[str, float | str]]
+"""Amounts by name or pattern, or pairs of both: a number in m or rad, or a text such as "0.05mm". Later ones replace
+earlier ones."""
+
+
+def pairs(amounts: Amounts | None) -> list[tuple[str, float | str]]:
+    """Return names or patterns, and their amounts, in the order in which they were given."""
+    if amounts is None:
+        return []
+    return [(name, amount) for name, amount in (amounts.items() if isinstance(amounts, Mapping) else amounts)]
+
+
+def amount_in(name: str, amount: float | str, dimension: Dimension) -> float:
+    """Return an amount in m or rad.
+
+    Raises:
+        DesignError: a wrong unit or none, or a negative amount.
+    """
+    if isinstance(amount, str):
+        try:
+            value = parse(amount, dimension)
+        except QuantityError as error:
+            raise DesignError(f"{name}: {error}") from None
+        if value and not has_unit(amount):
+            raise DesignError(f"{name}: '{amount}' has no unit: write {amount}{'deg' if dimension is ANGLE else 'mm'}")
+    else:
+        value = float(amount)
+    if not 0.0 <= value < math.inf:
+        raise DesignError(f"{name}: a tolerance is not negative, as {amount} is")
+    return value
+
+
+def fits(amount: float | str, dimension: Dimension) -> bool:
+    """Return whether an amount may be of a dimension."""
+    if not isinstance(amount, str):
+        return True
+    try:
+        parse(amount, dimension)
+    except QuantityError:
+        return False
+    return True
+
+
+def matching(parameters: Parameters, pattern: str, amount: float | str) -> list[int]:
+    """Return the indices in `Parameters.all` of what a pattern matches; with a unit, only those of its dimension. The
+    base's are matched by patterns that begin with `base` only: where a robot stands is no property of the robot.
+
+    Raises:
+        DesignError: none; or lengths and angles, and the amount has no unit.
+    """
+    found = parameters.matching([pattern])
+    found = [i for i in found if parameters.all[i].node or pattern.strip().startswith("base")] or found
+    if isinstance(amount, str) and has_unit(amount):
+        fitting = [i for i in found if fits(amount, parameters.all[i].dimension)]
+        if not fitting:
+            amount_in(pattern, amount, parameters.all[found[0]].dimension)
+        return fitting
+    if len({parameters.all[i].dimension for i in found}) > 1:
+        raise DesignError(f"'{pattern}={amount}' matches lengths and angles: write a unit, such as {pattern}=0.05mm")
+    return found
