@@ -8,8 +8,8 @@ from pathlib import Path
 import numpy as np
 
 from cinegen.design import Design, calibrate
+from cinegen.design.calibration.proposal import propose
 from cinegen.design.poses import random_poses
-from cinegen.design.proposal import propose
 from cinegen.plotting.residuals import draw_residuals
 from raff2urdf.quantities import shown
 

@@ -19,7 +19,7 @@ from raff2urdf.quantities import LENGTH
 
 if TYPE_CHECKING:
     from cinegen.design import Calibration
-    from cinegen.design.proposal import Proposal
+    from cinegen.design.calibration.proposal import Proposal
 
 _SHOWN = 12  # parameters, dependencies, outliers
 
@@ -66,7 +66,7 @@ def run(
         )  # fmt: skip
         proposal = None
         if propose:
-            from cinegen.design.proposal import propose as propose_poses
+            from cinegen.design.calibration.proposal import propose as propose_poses
 
             progress.text("choosing poses")
             proposal = propose_poses(found, propose)

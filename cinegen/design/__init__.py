@@ -12,10 +12,9 @@ design.evaluate(samples, derivatives=False)    # samples (n, parameters): thousa
 parameters.with_values(p)                      # the RAFF file with these numbers, comments kept
 """
 
-from cinegen.design.calibration import Calibration, calibrate
+from cinegen.design.calibration import Calibration, Measurements, calibrate
 from cinegen.design.design import Design, DesignEvaluation
 from cinegen.design.errors import DesignError
-from cinegen.design.measurements import Measurements
 from cinegen.design.parameters import Parameter, Parameters
 from cinegen.design.synthesis import Synthesis, Task, load_task, synthesize
 from cinegen.design.tolerance import ToleranceReport, Tolerances, tolerance

@@ -10,7 +10,7 @@ import pytest
 import raff2urdf
 from cinegen.cli import main
 from cinegen.design import Design, Measurements, Parameters
-from cinegen.design.observation import Observation
+from cinegen.design.calibration.observation import Observation
 from cinegen.design.poses import random_poses
 
 

@@ -12,9 +12,9 @@ from variants import slow
 import cinegen
 import raff2urdf
 from cinegen.design import Calibration, Design, DesignError, Measurements, Parameters, calibrate
-from cinegen.design.observation import Observation
+from cinegen.design.calibration.observation import Observation
+from cinegen.design.calibration.proposal import propose
 from cinegen.design.poses import random_poses
-from cinegen.design.proposal import propose
 from cinegen.errors import CinegenWarning
 
 IDENTIFIABLE = [("delta4", 114, 42, 38), ("five_bar", 42, 13, 12), ("gough", 168, 51, 48), ("tssm", 174, 43, 40)]

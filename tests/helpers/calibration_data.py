@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from cinegen.design import Calibration, Design, Measurements, Parameters
-from cinegen.design.observation import Observation
+from cinegen.design.calibration.observation import Observation
 from cinegen.design.poses import random_poses
 
 POSE = ("x", "y", "z", "rx", "ry", "rz")

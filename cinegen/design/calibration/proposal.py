@@ -13,11 +13,11 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from cinegen.design.calibration import Calibration
+from cinegen.design.calibration.estimation import Calibration
+from cinegen.design.calibration.identifiability import DEPENDENT, svd_by_qr
+from cinegen.design.calibration.measurements import Measurements
+from cinegen.design.calibration.observation import Observation
 from cinegen.design.design import Design
-from cinegen.design.identifiability import DEPENDENT, svd_by_qr
-from cinegen.design.measurements import Measurements
-from cinegen.design.observation import Observation
 from cinegen.design.poses import random_poses
 
 Array = NDArray[np.float64]

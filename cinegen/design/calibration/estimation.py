@@ -4,7 +4,7 @@
     print(found.text())
     Path("calibrated.raff").write_text(found.raff())
 
-With residuals f(theta) of all readings (`cinegen.design.observation`), whitened by their covariance, scipy's
+With residuals f(theta) of all readings (module `observation`), whitened by their covariance, scipy's
 `least_squares` minimises |f|^2 over the combinations that are determined at nominal geometry (`identifiability`):
 theta = theta_0 + D V z, with the expected errors D. All other combinations keep their nominal values. The covariance of
 the estimate is the Cramer-Rao bound D V (J^T J)^-1 V^T D.
@@ -27,10 +27,10 @@ from numpy.typing import NDArray
 from scipy.optimize import least_squares
 
 from cinegen.design.amounts import Amounts, amount_in, fits, pairs
+from cinegen.design.calibration.identifiability import Dependency, Subspace, dependencies, subspace
+from cinegen.design.calibration.measurements import Measurements
+from cinegen.design.calibration.observation import Observation, Prediction
 from cinegen.design.errors import DesignError
-from cinegen.design.identifiability import Dependency, Subspace, dependencies, subspace
-from cinegen.design.measurements import Measurements
-from cinegen.design.observation import Observation, Prediction
 from cinegen.design.parameters import Parameters
 from cinegen.errors import warn
 from raff2urdf import closure

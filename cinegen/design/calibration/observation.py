@@ -20,9 +20,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from cinegen.design.calibration.measurements import MeasuredQuantity, Measurements
 from cinegen.design.design import Design, DesignEvaluation
 from cinegen.design.errors import DesignError
-from cinegen.design.measurements import MeasuredQuantity, Measurements
 from cinegen.design.parameters import Parameters
 from raff2urdf import closure
 from raff2urdf.quantities import ANGLE, LENGTH
