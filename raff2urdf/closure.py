@@ -25,7 +25,7 @@ CLOSED = 1e-12
 
 ROUNDING = 2e-15  # no residual is expected to get below this: iterations stop
 STEP_CAP = 0.6  # rad or lengths: a longer step leaves the range of its linearisation
-_RANK = 1e-6  # singular values below this part of the largest are zeros: closing to 1e-14 leaves 1e-7 at a singularity
+RANK = 1e-6  # singular values below this part of the largest are zeros: closing to 1e-14 leaves 1e-7 at a singularity
 _NOTHING = 1e-9  # and below this, in any case: loops that no joint can open
 _WALK = 0.3  # rad or lengths: step between the random closed configurations
 _SAMPLES = 5  # random closed configurations on which the generic rank is counted
@@ -167,7 +167,7 @@ def close_within(
     return closed
 
 
-def rank(jacobian: Array, threshold: float = _RANK) -> int:
+def rank(jacobian: Array, threshold: float = RANK) -> int:
     """Return the number of independent rows of a Jacobian: of singular values above this part of the largest."""
     if 0 in jacobian.shape:
         return 0
@@ -186,7 +186,7 @@ def closed_walk(system: LoopSystem, q: Array, samples: int, seed: int = 0) -> It
         _, jacobian = system.evaluate(q)
         for attempt in range(8):
             direction = rng.standard_normal(jacobian.shape[1])
-            step: Array = direction - np.linalg.lstsq(jacobian, jacobian @ direction, rcond=_RANK)[0].astype(float)
+            step: Array = direction - np.linalg.lstsq(jacobian, jacobian @ direction, rcond=RANK)[0].astype(float)
             size = _largest(step)
             if size <= 1e-6:  # nothing can move
                 return
@@ -214,7 +214,7 @@ def generic_rank(system: LoopSystem, q: Array) -> tuple[int, Array]:
             count = rank(jacobian)
             if count > found:
                 found, where = count, there
-            is_clear = is_clear and rank(jacobian, 1e-2 * _RANK) == rank(jacobian, 1e2 * _RANK)
+            is_clear = is_clear and rank(jacobian, 1e-2 * RANK) == rank(jacobian, 1e2 * RANK)
         if is_clear:
             break
     return found, where

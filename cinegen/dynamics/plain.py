@@ -20,16 +20,13 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-import pinocchio as pin
 from numpy.typing import NDArray
 
 from cinegen.dynamics.loads import LoadedTree
-from cinegen.loops.closed_loops import ClosedLoops
 from cinegen.loops.motions import orthonormal
 from cinegen.model import Mechanism
 from cinegen.singularities.singularity import SINGULAR
 from raff2urdf.closure import rank
-from raff2urdf.residual import loop_residual
 
 Array = NDArray[np.float64]
 
@@ -158,37 +155,6 @@ def multipliers(mechanism: Mechanism, found: Balance, step: Array) -> Array:
     return np.asarray(found.motions.inverse.T @ rest[columns_of(mechanism)])
 
 
-def drift(system: ClosedLoops, q: Array, v: Array) -> Array:
-    """Return (dJ/dt) v (rows,), the dimensionless accelerations with which loops open if no joint accelerates.
-
-    With the twists V_1, V_2 of a loop's ends and their rates A_1, A_2, all in the world, the twist of the second end
-    relative to the first, seen from the first, changes by A_2 - A_1 - V_1 x (V_2 - V_1). The derivative of the
-    residual by it does not change on the closed set.
-
-    Args:
-        system: the loops.
-        q: (nq,) closed.
-        v: (nv,) m/s and rad/s, loops kept closed.
-    """
-    model, data, found = system.model, system.data, []
-    pin.forwardKinematics(model, data, q, v, np.zeros(model.nv))
-    for loop, (first, on_first, second, on_second) in zip(system.loops, system.anchors, strict=True):
-        v1, v2, a1, a2 = (
-            data.oMi[j].act(moves[j]) if j else pin.Motion.Zero() for moves in (data.v, data.a) for j in (first, second)
-        )
-        end = data.oMi[first] * on_first
-        by_twist = loop_residual(loop.kind, end.actInv(data.oMi[second] * on_second).homogeneous, system.length)[1]
-        found.append(by_twist @ end.actInv(a2 - a1 - v1.cross(v2 - v1)).vector)
-    for coupling, size in zip(system.couplings, system.coupling_sizes, strict=True):
-        bend = 0.0
-        for name, coefficients in coupling.terms.items():
-            joint = model.joints[model.getJointId(name)]
-            powers = enumerate(coefficients[1:], 2)
-            bend += v[joint.idx_v] ** 2 * sum(k * (k - 1) * c * q[joint.idx_q] ** (k - 2) for k, c in powers)
-        found.append(np.array([bend / size]))
-    return np.concatenate([np.zeros(0), *found])
-
-
 def complete(tree: LoadedTree, q: Array, v: Array, a: Array, motions: Motions) -> tuple[Array, Array, float, float]:
     """Return the velocity and acceleration (nv,) of the closed mechanism at which its actuated joints move as in v and
     a (nv,), and by how much both contradict each other, see `Motions.coordinates`."""
@@ -198,7 +164,7 @@ def complete(tree: LoadedTree, q: Array, v: Array, a: Array, motions: Motions) -
     y, gap_v = motions.coordinates((v / tree.step)[columns])
     all_v[moving] = scale[moving] * (motions.basis @ y)
     particular = np.zeros(len(v))
-    particular[moving] = -motions.inverse @ drift(mechanism.system, q, all_v) * scale[moving]
+    particular[moving] = -motions.inverse @ mechanism.system.drift(q, all_v) * scale[moving]
     y, gap_a = motions.coordinates(((a - particular) / tree.step)[columns])
     all_a[moving] = particular[moving] + scale[moving] * (motions.basis @ y)
     return all_v, all_a, gap_v, gap_a
@@ -210,7 +176,7 @@ def openings(tree: LoadedTree, q: Array, v: Array, a: Array, motions: Motions) -
     mechanism, moving = tree.mechanism, columns_of(tree.mechanism)
     if not mechanism.is_constrained:
         return 0.0, 0.0
-    rates, lack = (v / mechanism.scale)[moving], drift(mechanism.system, q, v)
+    rates, lack = (v / mechanism.scale)[moving], mechanism.system.drift(q, v)
     gap = np.abs(motions.jacobian @ rates).max(initial=0.0) / max(np.abs(rates).max(initial=0.0), _LEAST)
     rates = (a / mechanism.scale)[moving]
     largest = max(np.abs(rates).max(initial=0.0), np.abs(lack).max(initial=0.0), _LEAST)

@@ -144,6 +144,36 @@ class ClosedLoops:
             pin.computeJointJacobians(self.model, self.data, q)
         return self.evaluate_placed(q)
 
+    def drift(self, q: Array, v: Array) -> Array:
+        """Return (dJ/dt) v (rows,), the dimensionless accelerations with which loops open if no joint accelerates.
+
+        With the twists V_1, V_2 of a loop's ends and their rates A_1, A_2, all in the world, the twist of the second
+        end relative to the first, seen from the first, changes by A_2 - A_1 - V_1 x (V_2 - V_1). The derivative of the
+        residual by it does not change on the closed set.
+
+        Args:
+            q: (nq,) closed.
+            v: (nv,) m/s and rad/s, loops kept closed.
+        """
+        data, found = self.data, [np.zeros(0)]
+        pin.forwardKinematics(self.model, data, q, v, np.zeros(self.model.nv))
+        for loop, (first, on_first, second, on_second) in zip(self.loops, self.anchors, strict=True):
+            v1, v2, a1, a2 = (
+                data.oMi[j].act(moves[j]) if j else pin.Motion.Zero()
+                for moves in (data.v, data.a)
+                for j in (first, second)
+            )
+            end = data.oMi[first] * on_first
+            by_twist = loop_residual(loop.kind, end.actInv(data.oMi[second] * on_second).homogeneous, self.length)[1]
+            found.append(by_twist @ end.actInv(a2 - a1 - v1.cross(v2 - v1)).vector)
+        for coupling, size in zip(self.couplings, self.coupling_sizes, strict=True):
+            bend = 0.0
+            for name, coefficients in coupling.terms.items():
+                joint, powers = self._coupled[name], enumerate(coefficients[1:], 2)
+                bend += v[joint.idx_v] ** 2 * sum(k * (k - 1) * c * q[joint.idx_q] ** (k - 2) for k, c in powers)
+            found.append(np.array([bend / size]))
+        return np.concatenate(found)
+
     def screws(self) -> Array:
         """Return the unit twists (6, nv + .) of all velocities, and then of the joints that were cut, for what is in
         `data`: the velocity of the point at the world's origin above the angular velocity; m and rad."""

@@ -7,6 +7,7 @@ import math
 from collections.abc import Mapping
 from functools import partial
 from numbers import Real
+from types import MappingProxyType
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -18,6 +19,7 @@ from cinegen.loops._kernels.memory import NOWHERE, LoopMemory
 from cinegen.loops.arrays import actuate, set_up
 from cinegen.model.mechanism import Mechanism
 from cinegen.tolerances import CLOSED, CLOSURE
+from raff2urdf.closure import RANK
 
 Array = NDArray[np.float64]
 
@@ -133,6 +135,56 @@ class ForwardKinematics:
         elif self._model.nv > 0:
             self._follow()
         return self._q.copy()
+
+    def rates(
+        self, velocities: Mapping[str, float], accelerations: Mapping[str, float] = MappingProxyType({})
+    ) -> tuple[Array, Array]:
+        """Compute how all joints move at the present configuration, from how the actuated joints move.
+
+        With the columns J_p of the passive joints in the loops' Jacobian: J_p v_p = -J_a v_a, and J_p a_p = -J_a a_a -
+        (dJ/dt) v. What the actuated joints don't determine, as a strut's rotation about itself, is at rest; so are a
+        floating base and the joints that are not named.
+
+        Args:
+            velocities: actuated joint -> velocity, rad/s or m/s.
+            accelerations: actuated joint -> acceleration, rad/s^2 or m/s^2.
+
+        Returns:
+            velocities (nv,) and accelerations (nv,) of all joints: rad/s and m/s, rad/s^2 and m/s^2.
+
+        Raises:
+            UnknownNameError: no such joint.
+            ConfigurationError: a value is not a finite number.
+            CinegenError: a joint is not actuated.
+            ClosureError: no motion of the passive joints keeps the loops closed: the configuration is singular, or more
+                joints are actuated than there are degrees of freedom, and contradict each other.
+        """
+        v, a = np.zeros((2, self._model.nv))
+        for given, vector in ((velocities, v), (accelerations, a)):
+            for name, value in given.items():
+                if name not in self._actuated:
+                    raise self._not_actuated(name)
+                number = _number(name, value)
+                if not math.isfinite(number):
+                    raise ConfigurationError(f"the rate of joint '{name}' is not a finite number: {value}")
+                vector[self.mechanism.v_index(name)] = number
+        if self.mechanism.is_constrained:
+            system, scale = self.mechanism.system, self.mechanism.scale
+            jacobian, passive = system.evaluate(self._q)[1], self.mechanism.passive_columns
+            self._complete(jacobian, v, -jacobian @ (v / scale), passive)
+            self._complete(jacobian, a, -jacobian @ (a / scale) - system.drift(self._q, v), passive)
+        return v, a
+
+    def _complete(self, jacobian: Array, vector: Array, wanted: Array, passive: NDArray[np.intp]) -> None:
+        """Write the rates of the passive joints, whose rows of the loops are wanted (rows,)."""
+        columns = jacobian[:, passive]
+        found = np.linalg.lstsq(columns, wanted, rcond=RANK)[0]
+        if np.abs(columns @ found - wanted).max(initial=0.0) > CLOSURE * np.abs(wanted).max(initial=0.0):
+            raise ClosureError(
+                f"these rates of the actuated joints of {self.mechanism.name} open its loops: the configuration is "
+                "singular, or they contradict each other"
+            )
+        vector[passive] = found * self.mechanism.scale[passive]
 
     def _follow(self) -> None:
         """Move the actuated joints to their goal."""

@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+import itertools
 import pickle
+from dataclasses import replace
 
 import numpy as np
 import pytest
+import scipy.optimize
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -199,3 +202,50 @@ def test_a_mechanism_in_micrometres_moves_as_its_twin_in_metres(raff):
     one, other = ForwardKinematics(small), ForwardKinematics(large)
     for crank in (0.9, 2.0, 9.0, -4.0):
         assert one.move({"joint1": crank}) == pytest.approx(other.move({"joint1": crank}), abs=1e-9)
+
+
+@pytest.mark.parametrize("name", [*CLOSED, "differential_wrist", "rx90"])
+def test_rates_are_derivatives_of_the_motion(robot, name):
+    mechanism, h = robot(name), 1e-4
+    rng, sizes = np.random.default_rng(0), [mechanism.scale[mechanism.v_index(joint)] for joint in mechanism.actuated]
+    v, a = (rng.uniform(-0.3, 0.3, len(sizes)) * sizes for _ in range(2))
+    rates = [dict(zip(mechanism.actuated, values.tolist(), strict=True)) for values in (v, a)]
+    velocities, accelerations = ForwardKinematics(mechanism).rates(*rates)
+
+    def away(t):
+        values = motors(mechanism, mechanism.q_home) + v * t + 0.5 * a * t * t
+        q = ForwardKinematics(mechanism).move(dict(zip(mechanism.actuated, values.tolist(), strict=True)))
+        return mechanism.difference(here, q)
+
+    here = ForwardKinematics(mechanism).move({})
+    scale = mechanism.scale
+    assert velocities / scale == pytest.approx((away(h) - away(-h)) / (2.0 * h) / scale, abs=1e-7)
+    assert accelerations / scale == pytest.approx((away(h) + away(-h)) / h**2 / scale, abs=1e-5)
+
+
+def test_rates_that_are_wrong_are_told(robot):
+    motion = ForwardKinematics(robot("four_bar"))
+    with pytest.raises(cinegen.CinegenError, match="passive"):
+        motion.rates({"joint2": 1.0})
+    with pytest.raises(cinegen.CinegenError, match="no joint"):
+        motion.rates({"crank": 1.0})
+    with pytest.raises(cinegen.CinegenError, match="rate of joint 'joint1' is not a finite number: inf"):
+        motion.rates({"joint1": 1.0}, {"joint1": np.inf})
+
+
+def test_rates_at_a_dead_centre_are_refused(robot):
+    """The rocker of a four-bar drives it, where crank and coupler are in line: it can't go on."""
+    bar = robot("four_bar")
+    motion, rocker = ForwardKinematics(bar), bar.v_index("joint3")
+
+    def rate(crank):
+        motion.move({"joint1": crank})
+        return motion.rates({"joint1": 1.0})[0][rocker]
+
+    cranks = np.linspace(0.0, 6.0, 60)
+    begin, end = next((a, b) for a, b in itertools.pairwise(cranks.tolist()) if rate(a) * rate(b) < 0.0)
+    q = motion.move({"joint1": scipy.optimize.brentq(rate, begin, end, xtol=1e-14)})
+    driven = ForwardKinematics(replace(bar, actuated=("joint3",)), q)
+    with pytest.raises(cinegen.ClosureError, match="singular"):
+        driven.rates({"joint3": 1.0})
+    assert np.abs(driven.rates({"joint3": 0.0})[0]).max() == 0.0
