@@ -127,7 +127,11 @@ def _text(found: Calibration, name: str, most: int | None) -> str:
             lines.append(
                 f"    {kind:<10}{before:>14} as described{after:>14} calibrated{noise:>14} noise of the readings"
             )
-    changed = [k for k in range(len(found.names)) if found.separate[k]]
+    frames = found.observation.frames
+    if len(frames):
+        lines += ["", "  devices in the world, targets on their nodes"]
+        lines += [f"    {_pose(of, pose)}" for of, pose in found.frames.items()]
+    changed = [k for k in range(len(found.names) - len(frames)) if found.separate[k]]
     significance = np.abs(found.values - found.nominal) / np.maximum(found.sigmas, 1e-300)
     changed.sort(key=lambda k: -float(significance[k]))
     if changed:
@@ -179,6 +183,14 @@ def _proposed(proposal: Proposal, poses: Path | None) -> str:
     if poses is not None:
         return f"{textwrap.fill(text, 110)}\nposes: {poses}"
     return f"{textwrap.fill(text, 110)}\n\n{proposal.text().rstrip()}"
+
+
+def _pose(name: str, pose: Any) -> str:
+    import pinocchio as pin
+
+    place = ", ".join(f"{1e3 * x:.3f}" for x in pose[:3, 3])
+    turn = ", ".join(f"{math.degrees(x):.4f}" for x in pin.rpy.matrixToRpy(pose[:3, :3]))
+    return f"{name:<12} x, y, z {place} mm; rx, ry, rz {turn} deg"
 
 
 def _more(things: Any, most: int | None) -> list[str]:

@@ -77,6 +77,23 @@ def test_gains_expected_errors_and_ties(typed):
     assert "of 3 parameters" in printed  # frame20.d follows from link5.d
 
 
+def test_a_device_that_stands_elsewhere(typed, tmp_path):
+    """The table of readings is turned by 90 degrees, and moved by 1 m."""
+    rows = [line.split(",") for line in (tmp_path / "m.csv").read_text().splitlines()]
+    rows[0][3:] = ["tool.x @ tracker [mm]", "tool.y @ tracker [mm]", "tool.z @ tracker [mm]"]
+    rows[1].append("0.02")
+    for row in rows[2:]:
+        row[3:] = [row[4], str(1000.0 - float(row[3])), "0"]
+    (tmp_path / "t.csv").write_text("\n".join(",".join(row) for row in rows))
+    printed = typed("five_bar", "t.csv", "--vary", "link*.d", "--propose", 2)
+    assert "tracker      x, y, z 1000." in printed
+    assert "pose 5, tool.x @ tracker: -3.0" in printed
+    assert "tool.x @ tracker [mm]" in printed.partition("next 2 poses")[2]
+    frame = json.loads(typed("five_bar", "t.csv", "--vary", "link*.d", "--json"))["frames"][0]
+    assert frame["name"] == "tracker"
+    np.testing.assert_allclose(np.array(frame["pose"])[:3, :3], [[0, -1, 0], [1, 0, 0], [0, 0, 1]], atol=1e-3)
+
+
 def test_mistakes(typed, tmp_path):
     (tmp_path / "bad.csv").write_text("pose,joint1,joint3,tool.x\nsigma,,,1mm\na,1,2,x\n")
     assert "bad.csv, line 3, column tool.x: 'x' is not a length" in typed("five_bar", "bad.csv", code=1)

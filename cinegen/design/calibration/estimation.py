@@ -27,6 +27,7 @@ from numpy.typing import NDArray
 from scipy.optimize import least_squares
 
 from cinegen.design.amounts import Amounts, amount_in, fits, pairs
+from cinegen.design.calibration.frames import UNITS
 from cinegen.design.calibration.identifiability import Dependency, Subspace, dependencies, subspace
 from cinegen.design.calibration.measurements import Measurements
 from cinegen.design.calibration.observation import Observation, Prediction
@@ -55,10 +56,6 @@ _OFF = 0.25  # of the characteristic length or rad: most readings farther from n
 
 _FAR = 20.0  # expected standard deviations beyond which other units are tried
 _FITS = 0.05  # of the difference that remains in the right unit
-_UNITS = {
-    LENGTH: (("mm", "m", 1e3), ("m", "mm", 1e-3), ("mm", "in", 25.4), ("in", "mm", 1.0 / 25.4)),
-    ANGLE: (("deg", "rad", math.degrees(1.0)), ("rad", "deg", math.radians(1.0))),
-}  # read as, meant, and the factor between
 
 
 @dataclass(frozen=True)
@@ -105,8 +102,8 @@ class Calibration:
 
     Attributes:
         observation: of the measurements.
-        names: (parameters,) of the description, then gains of encoders.
-        nominal: (parameters,) values as written.
+        names: (parameters,) of the description, then gains of encoders, then of frames that were not known.
+        nominal: (parameters,) values as written; 0 of gains, and of frames where the readings put them.
         values: (parameters,) estimates; what is not determined is nominal.
         covariance: (parameters, parameters) of the determined part of the estimates: the Cramer-Rao bound.
         subspace: the combinations that are determined.
@@ -168,6 +165,12 @@ class Calibration:
         return np.asarray(self.subspace.lengths > _OWN)
 
     @property
+    def frames(self) -> dict[str, Array]:
+        """Poses (4, 4) of devices in the world, and of targets on their nodes, m: those that were not known."""
+        own, known = self.observation.frames, len(self.names) - len(self.observation.frames)
+        return {name: own.pose(name, self.values[known:]) for name in own.start}
+
+    @property
     def fit(self) -> float:
         """Chi-square per degree of freedom; about 1 if the sigmas are right. NaN without degrees of freedom."""
         return self.chi2 / self.degrees_of_freedom if self.degrees_of_freedom > 0 else math.nan
@@ -179,7 +182,7 @@ class Calibration:
 
     def unit(self, name: str) -> str:
         """Return the unit of a parameter: m, rad, or "" of a gain."""
-        return _unit(self.parameters, name)
+        return self.observation.units[self.names.index(name)]
 
     def as_dict(self) -> dict[str, Any]:
         """Return what JSON shows: m and rad."""
@@ -195,8 +198,9 @@ class Calibration:
                 for name, a, b, s, own in zip(
                     self.names, self.nominal, self.values, self.sigmas, self.separate, strict=True
                 )
-                if name not in self.without_effect and name not in self.opening
+                if name not in (*self.without_effect, *self.opening, *self.observation.frames.names)
             ],
+            "frames": [{"name": name, "pose": pose.tolist()} for name, pose in self.frames.items()],
             "names": list(self.names),
             "covariance": self.covariance.tolist(),
             "identifiable": self.subspace.rank,
@@ -280,10 +284,9 @@ def calibrate(
     jacobian = solver.whiten(final.jacobian, kept) @ space.changes
     covariance: Array = np.asarray(np.linalg.pinv(jacobian.T @ jacobian, hermitian=True), dtype=float)
     whitened = solver.whiten(after[..., None], kept)
-    units = [_unit(parameters, name) for name in observation.names]
     calibration = Calibration(
         observation, observation.names, observation.values, theta, space.changes @ covariance @ space.changes.T, space,
-        z, covariance, _dependencies(observation, space, units, errors),
+        z, covariance, _dependencies(observation, space, errors),
         tuple(n for n, s, e in zip(observation.names, space.lengths, errors, strict=True) if s < _WITHOUT and e > 0.0),
         nominal.opening, before, after, standard, kept, tuple(_outliers(observation, after, standard, present & ~kept)),
         float((whitened**2).sum()), int(kept.sum()) - len(z), *_held_out(solver, space, folds, kept, before, nominal),
@@ -320,8 +323,9 @@ class _Solver:
 
     def expected(self, nominal: Prediction) -> Array:
         """Return the standard deviations (poses, outputs) that residuals at nominal values have by the expected errors
-        of parameters and readings."""
-        return np.asarray(np.sqrt(self.standard**2 + ((nominal.jacobian * self.errors) ** 2).sum(axis=2)))
+        of parameters and readings; frames are where their readings put them."""
+        known = len(self.errors) - len(self.observation.frames)
+        return np.asarray(np.sqrt(self.standard**2 + ((nominal.jacobian * self.errors)[..., :known] ** 2).sum(axis=2)))
 
     def whiten(self, rows: Array, kept: Mask) -> Array:
         """Return rows (poses, outputs, .) of the readings kept (poses, outputs), whitened: (rows, .)."""
@@ -439,7 +443,7 @@ def _check_size(observation: Observation, before: Array, spread: Array) -> None:
             f"{observation.measurements.source}, column {one.name}: the readings differ by {shown(off, one.dimension)}"
         )
         if off > _FAR * float(np.median(spread[read, k])):
-            for wrong, right, factor in _UNITS[one.dimension]:
+            for wrong, right, factor in UNITS[one.dimension]:
                 if np.median(np.abs(expected[read, k] - factor * observation.measured[read, k])) < _FITS * off:
                     raise DesignError(
                         f"{where} from what the robot does, and would fit if they were {factor:.4g} times as large: "
@@ -452,9 +456,7 @@ def _check_size(observation: Observation, before: Array, spread: Array) -> None:
             )
 
 
-def _dependencies(
-    observation: Observation, space: Subspace, units: Sequence[str], errors: Array
-) -> tuple[Dependency, ...]:
+def _dependencies(observation: Observation, space: Subspace, errors: Array) -> tuple[Dependency, ...]:
     """Return what can't be told apart; a dependency that moves all nodes as one body is named so."""
     estimated = np.flatnonzero(errors > 0.0).tolist()
     inner = Subspace(space.basis[estimated], space.singular_values, errors[estimated], space.rank)
@@ -462,23 +464,30 @@ def _dependencies(
     nodes_of = parameters.robot.nodes.values()
     parents = {_keyword(parameters, one.number): _keyword(parameters, getattr(one, "pred", None)) for one in nodes_of}
     names = [observation.names[k] for k in estimated]
-    found = dependencies(inner, names, [units[k] for k in estimated], parents)
+    found = dependencies(inner, names, [observation.units[k] for k in estimated], parents)
     here = observation.design.evaluate()
     nodes = observation.design.mechanism.nodes
-    count = len(parameters)
-    twists = list[Array]()
+    frames = observation.frames
+    first, twists = len(observation.names) - len(frames), list[Array]()
     for node in nodes[1:]:
         twist, origin = here.pose_derivative(node, "world")[0], here.placements(node)[0, :3, 3]
-        twists.append(np.vstack([twist[:3] + np.cross(origin, twist[3:], axisb=0).T, twist[3:]]))
+        at_world = np.vstack([twist[:3] + np.cross(origin, twist[3:], axisb=0).T, twist[3:]])
+        twists.append(np.hstack([at_world, np.zeros((6, len(observation) - len(parameters)))]))
+    devices = np.zeros((len(frames.devices), 6, len(observation)))
+    for device, name in zip(devices, frames.devices, strict=True):
+        device[:, first:] = frames.twists(name)
     told = list[Dependency]()
     for one in found:
         at = [observation.names.index(name) for name in one.names]
         text = one.text
-        if len(one.changes) == 1 and max(at) < count and len(twists) > 1:
+        if len(one.changes) == 1 and len(twists) > 1:
             moved = np.array([twist[:, at] @ one.changes[0] for twist in twists])
+            with_it = [name for name, twist in zip(frames.devices, devices, strict=True) if twist[:, at].any()]
+            along = np.array([devices[frames.devices.index(name)][:, at] @ one.changes[0] for name in with_it])
             size = float(np.abs(moved).max())
-            if size > 1e-9 and np.abs(moved - moved[-1]).max() < 1e-7 * size:
-                text = f"base and platform, all nodes, move together as one body: {text}"
+            if size > 1e-9 and np.abs(np.array([*moved, *along]) - moved[-1]).max() < 1e-7 * size:
+                bodies = ", ".join(("base and platform, all nodes", *with_it))
+                text = f"{bodies}, move together as one body: {text}"
         told.append(Dependency(one.names, one.changes, text))
     return tuple(told)
 
@@ -545,7 +554,3 @@ def _warn(found: Calibration) -> None:
             f"{source}: the residuals are {math.sqrt(found.fit):.2g} times what the sigmas of the readings allow: "
             "these are too small, or something else than the parameters is wrong (backlash, bending, thermal growth)"
         )
-
-
-def _unit(parameters: Parameters, name: str) -> str:
-    return "" if name.endswith(".gain") else parameters.all[parameters.find(name)].unit

@@ -17,7 +17,9 @@ next one.
 | `tool.distance(X Y Z)` | distance from a fixed point (ball bar, laser interferometer) |
 | `tool.along(X Y Z)` | coordinate along a direction: touched planes, dial gauges |
 
-`tool(X Y Z).x` and so on measure a point that is fixed on the node, given in the node's axes.
+`tool(X Y Z).x` and so on measure a point that is fixed on the node, given in the node's axes; `tool(ball).x` one that
+is not known, and is estimated. `tool.x @ tracker` is what a device reads in its own frame, whose pose is estimated,
+too.
 """
 
 from __future__ import annotations
@@ -45,6 +47,8 @@ Array = NDArray[np.float64]
 COORDINATES = ("x", "y", "z", "rx", "ry", "rz")
 """Of a node's pose, m and rad."""
 
+_DEVICE = re.compile(r"(?P<what>.*\S)\s*@\s*(?P<device>[^\W\d]\w*)")
+_TARGET = re.compile(r"[^\W\d]\w*")
 _OF_NODE = re.compile(r"(?P<node>[^()]+?)(?:\((?P<point>[^()]*)\))?\.(?P<kind>\w+)(?:\((?P<of>[^()]*)\))?")
 _HEADER = re.compile(r"(?P<what>[^\[\]]*?)\s*(?:\[(?P<unit>[^\[\]]*)\])?")
 _SCALES = {LENGTH: {"mm": 1e3, "m": 1.0}, ANGLE: {"deg": math.degrees(1.0), "rad": 1.0}}
@@ -61,6 +65,8 @@ class MeasuredQuantity:
         point: on the node, in its axes, m.
         reference: of a distance the fixed point, m; of `along` the direction, of length 1; in the world's axes.
         dimension: length or angle.
+        device: that measures in a frame of its own, whose pose is not known; "" for one that measures in the world's.
+        target: that is measured on the node, at a pose that is not known; "" for a known point.
     """
 
     name: str
@@ -69,6 +75,8 @@ class MeasuredQuantity:
     point: tuple[float, float, float] = (0.0, 0.0, 0.0)
     reference: tuple[float, float, float] = (0.0, 0.0, 0.0)
     dimension: Dimension = LENGTH
+    device: str = ""
+    target: str = ""
 
     @classmethod
     def parse(cls, text: str, mechanism: Mechanism) -> MeasuredQuantity:
@@ -80,7 +88,9 @@ class MeasuredQuantity:
         name = " ".join(text.split())
         if name in mechanism.joints:
             return cls(name, "joint", name, dimension=LENGTH if mechanism.is_prismatic(name) else ANGLE)
-        found = _OF_NODE.fullmatch(name)
+        behind = _DEVICE.fullmatch(name)
+        device = behind["device"] if behind else ""
+        found = _OF_NODE.fullmatch(behind["what"] if behind else name)
         kinds = (*COORDINATES, "distance", "along")
         if found is None:
             known = [*mechanism.joints, *(f"{mechanism.end}.{kind}" for kind in kinds)]
@@ -96,14 +106,23 @@ class MeasuredQuantity:
         if (found["of"] is not None) != (kind in ("distance", "along")):
             wanted = "a fixed point or a direction in parentheses" if found["of"] is None else "nothing in parentheses"
             raise DesignError(f"'{name}': {kind} takes {wanted}")
-        point = _vector(name, found["point"]) if found["point"] is not None else (0.0, 0.0, 0.0)
+        point, target = (0.0, 0.0, 0.0), ""
+        if found["point"] is not None and _TARGET.fullmatch(found["point"].strip()):
+            target = found["point"].strip()
+        elif found["point"] is not None:
+            point = _vector(name, found["point"])
+        for one in (device, target):
+            if one in mechanism.nodes or one in mechanism.joints:
+                raise DesignError(
+                    f"'{name}': '{one}' is a part of {mechanism.name}: give a device or target its own name"
+                )
         reference = _vector(name, found["of"]) if found["of"] is not None else (0.0, 0.0, 0.0)
         if kind == "along":
             size = math.hypot(*reference)
             if size == 0.0:
                 raise DesignError(f"'{name}': a direction is not 0 0 0")
             reference = reference[0] / size, reference[1] / size, reference[2] / size
-        return cls(name, kind, node, point, reference, ANGLE if kind in ("rx", "ry", "rz") else LENGTH)
+        return cls(name, kind, node, point, reference, ANGLE if kind in ("rx", "ry", "rz") else LENGTH, device, target)
 
 
 @dataclass(frozen=True, eq=False)
@@ -237,7 +256,7 @@ class Measurements:
                 try:
                     if one.kind == "joint" and math.isfinite(value):
                         check_joint(mechanism, one.of, [value])
-                    elif one.dimension is LENGTH and math.isfinite(value):
+                    elif one.dimension is LENGTH and math.isfinite(value) and not one.device:
                         check_lengths(mechanism, one.name, [value])
                 except ImplausibleError as error:
                     written = "" if has_units[k] else f" (the header gives no unit: write {one.name} [{_other(one)}])"

@@ -2,10 +2,11 @@
 
 The readings of some joints, the *inputs*, define the configuration: with them all other joints follow from the loops.
 What else was measured are the *outputs* y(theta). Redundant encoders are outputs. Parameters theta are the free ones of
-the description, whose values of a measured joint's own variable are its encoder's offset, then the gains of encoders:
-a joint is at (1 + gain) times its reading. With T = (R, t) the pose of a node in the world, and its twist (v, w) at its
-origin in the world's axes, dX = (v, w) dtheta, loops closed (`cinegen.design.design`), a point c on the node moves by
-v + w x R c, and roll, pitch and yaw by the inverse of their Jacobian.
+the description, whose values of a measured joint's own variable are its encoder's offset, then the gains of encoders (a
+joint is at (1 + gain) times its reading), then the frames of devices and targets (`frames`). With T = (R, t) the pose
+of a node in the world, and its twist (v, w) at its origin in the world's axes, dX = (v, w) dtheta, loops closed
+(`cinegen.design.design`), a point c on the node moves by v + w x R c, and roll, pitch and yaw by the inverse of their
+Jacobian.
 
 Errors of the inputs' readings act on all outputs of a pose: the covariance of these is diag(sigma^2) +
 A diag(sigma_in^2) A^T, with A the derivative of the outputs by the inputs.
@@ -20,6 +21,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from cinegen.design.calibration.frames import MeasuringFrames
 from cinegen.design.calibration.measurements import MeasuredQuantity, Measurements
 from cinegen.design.design import Design, DesignEvaluation
 from cinegen.design.errors import DesignError
@@ -31,7 +33,6 @@ Array = NDArray[np.float64]
 Indices = NDArray[np.intp]
 
 _STEPS = 24  # on the straight line of the inputs from home to each pose
-_GIMBAL = math.radians(1.0)  # roll and yaw are not measured so near to a pitch of 90 degrees
 
 
 @dataclass(frozen=True, eq=False)
@@ -62,12 +63,15 @@ class Observation:
         parameters: the free ones.
         measurements: whose columns are observed.
         gains: joints whose encoders have an unknown gain.
+        frames: poses of devices and targets where they are known; else the readings place them.
 
     Attributes:
         design: evaluates the robot, the inputs fixed.
         measurements: as given.
-        names: (parameters,) of the description, then gains, such as `joint1.gain`.
-        values: (parameters,) as written; gains 0.
+        frames: of devices and targets whose poses are not known.
+        names: (parameters,) of the description, then gains, such as `joint1.gain`, then of frames, such as `tracker.x`.
+        units: (parameters,) m, rad, or "" of gains.
+        values: (parameters,) as written; gains and frames 0.
         inputs: joints from whose readings the configuration follows.
         input_columns: of the measurements.
         outputs: columns of the measurements that are compared.
@@ -80,7 +84,13 @@ class Observation:
         DesignError: a joint that is not measured does not follow from those that are; a reading is missing.
     """
 
-    def __init__(self, parameters: Parameters, measurements: Measurements, gains: Sequence[str] = ()) -> None:
+    def __init__(
+        self,
+        parameters: Parameters,
+        measurements: Measurements,
+        gains: Sequence[str] = (),
+        frames: MeasuringFrames | None = None,
+    ) -> None:
         self.measurements = measurements
         mechanism = parameters.mechanism
         if mechanism.floating:
@@ -94,8 +104,14 @@ class Observation:
             if joint not in columns:
                 raise DesignError(f"{joint} has no column of readings: its encoder's gain can't be found")
         self.gains = tuple(gains)
-        self.names = (*parameters.names, *(f"{joint}.gain" for joint in self.gains))
-        self.values = np.append(parameters.values, np.zeros(len(self.gains)))
+        self.frames, self._is_placed = frames or MeasuringFrames(self.quantities), frames is not None
+        self.names = (*parameters.names, *(f"{joint}.gain" for joint in self.gains), *self.frames.names)
+        self.units = (
+            *(parameters.all[parameters.find(name)].unit for name in parameters.names),
+            *("" for _ in self.gains),
+            *("m" if dimension is LENGTH else "rad" for dimension in self.frames.dimensions),
+        )
+        self.values = np.append(parameters.values, np.zeros(len(self.gains) + len(self.frames)))
         self.readings = measurements.values[:, self.input_columns]
         self.input_sigmas = measurements.sigmas[:, self.input_columns]
         self.measured = measurements.values[:, self.outputs]
@@ -158,9 +174,11 @@ class Observation:
         design = self.design
         if self._q is None:
             self._q = self.start()
+            self._place_frames()
         count = len(design.parameters)
+        own_frames = theta[count + len(self.gains) :]
         factors = np.ones(len(self.inputs))
-        gains = dict(zip(self.gains, theta[count:], strict=True))
+        gains = dict(zip(self.gains, theta[count : count + len(self.gains)], strict=True))
         for i, joint in enumerate(self.inputs):
             factors[i] += gains.get(joint, 0.0)
         q = self._q.copy()
@@ -182,20 +200,32 @@ class Observation:
                         jacobian[:, k, count + self.gains.index(one.of)] = -values[:, k] / factor
                 continue
             placement = here.placements(one.of)
-            values[:, k], row = _read(one, placement)
+            read = self.frames.observe(one, placement, own_frames)
+            values[:, k] = read.value
             if own is not None:
                 if one.of not in seen:
                     joints = here.node_joints(one.of, "world")
                     seen[one.of] = here.pose_derivative(one.of, "world"), joints @ own
                 jacobian[:, k, :count], by_inputs[:, k] = (
-                    np.einsum("ni,nic->nc", row, twists) for twists in seen[one.of]
+                    np.einsum("ni,nic->nc", read.by_node, twists) for twists in seen[one.of]
                 )
+                jacobian[:, k, count + len(self.gains) :] = self.frames.columns(one, read)
         if derivatives:
             for i, joint in enumerate(self.inputs):
                 if joint in self.gains:
                     g = count + self.gains.index(joint)
                     jacobian[:, :, g] += by_inputs[:, :, i] * self.readings[:, i, None]
         return Prediction(values, jacobian, by_inputs * factors, here.q, here.gap, here.opening if derivatives else ())
+
+    def _place_frames(self) -> None:
+        if self._is_placed or not len(self.frames):
+            return
+        here = self.design.evaluate(q=self._q, derivatives=False)
+        nodes = {one.of: here.placements(one.of) for one in self.quantities if one.kind != "joint"}
+        self.frames.locate(
+            self.quantities, self.measured, nodes, self.design.mechanism.length, self.measurements.source
+        )
+        self._is_placed = True
 
     def keep(self, prediction: Prediction) -> None:
         """Begin to close loops from these configurations from now on."""
@@ -223,7 +253,7 @@ class Observation:
 
     def expected_errors(self, errors: Array) -> Array:
         """Return the expected errors (parameters,) with those of gains appended: what an error of the joint's offset
-        does at its largest reading, m and rad."""
+        does at its largest reading, m and rad; then those of frames."""
         found = list(errors)
         for joint in self.gains:
             column = next(
@@ -232,6 +262,7 @@ class Observation:
             largest = float(np.nanmax(np.abs(self.measurements.values[:, column])))
             is_long = self.measurements.quantities[column].dimension is LENGTH
             found.append((3e-4 if is_long else math.radians(0.05)) / max(largest, 1e-3))
+        found += [3e-3 if dimension is LENGTH else math.radians(0.5) for dimension in self.frames.dimensions]
         return np.array(found)
 
     def _own(self, here: DesignEvaluation) -> Array:
@@ -239,48 +270,6 @@ class Observation:
         found = here.compensate(here.loop_joints[:, :, self._v])
         found[:, self._v, np.arange(len(self._v))] = 1.0
         return found
-
-
-def _read(one: MeasuredQuantity, placement: Array) -> tuple[Array, Array]:
-    """Return a quantity (poses,) of a node's pose (poses, 4, 4), and its derivative (poses, 6) by the node's twist at
-    its origin in the world's axes."""
-    rotation, origin = placement[:, :3, :3], placement[:, :3, 3]
-    row = np.zeros((len(placement), 6))
-    if one.kind in ("rx", "ry", "rz"):
-        return _angle(one, rotation, row)
-    arm = rotation @ np.array(one.point)
-    point = origin + arm
-    if one.kind == "distance":
-        apart = point - np.array(one.reference)
-        value = np.linalg.norm(apart, axis=1)
-        if not value.all():
-            raise DesignError(f"{one.name}: the point is the fixed point: its distance has no derivative")
-        direction = apart / value[:, None]
-    else:
-        direction = np.tile(one.reference if one.kind == "along" else np.eye(3)["xyz".index(one.kind)], (len(arm), 1))
-        value = np.einsum("ni,ni->n", direction, point)
-    row[:, :3], row[:, 3:] = direction, np.cross(arm, direction)
-    return value, row
-
-
-def _angle(one: MeasuredQuantity, r: Array, row: Array) -> tuple[Array, Array]:
-    """Return roll, pitch or yaw, and its derivative: w = rz' z + ry' Rz y + rx' R x."""
-    yaw = np.arctan2(r[:, 1, 0], r[:, 0, 0])
-    pitch = np.arctan2(-r[:, 2, 0], np.hypot(r[:, 2, 1], r[:, 2, 2]))
-    cos, sin = np.cos(yaw), np.sin(yaw)
-    if one.kind == "ry":
-        row[:, 3], row[:, 4] = -sin, cos
-        return pitch, row
-    if (np.abs(np.abs(pitch) - math.pi / 2.0) < _GIMBAL).any():
-        raise DesignError(
-            f"{one.name}: the pitch of {one.of} comes within 1 degree of 90, where roll and yaw can't be told apart: "
-            "measure positions of points on it instead"
-        )
-    if one.kind == "rx":
-        row[:, 3], row[:, 4] = cos / np.cos(pitch), sin / np.cos(pitch)
-        return np.arctan2(r[:, 2, 1], r[:, 2, 2]), row
-    row[:, 3], row[:, 4], row[:, 5] = cos * np.tan(pitch), sin * np.tan(pitch), 1.0
-    return yaw, row
 
 
 def _inputs(parameters: Parameters, measurements: Measurements, columns: dict[str, int]) -> tuple[str, ...]:

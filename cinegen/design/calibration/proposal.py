@@ -124,7 +124,7 @@ def _rows(observation: Observation, q: Array, errors: Array) -> tuple[Array, Mea
     present = np.where(np.isfinite(old.values), old.sigmas, np.nan)
     sigmas = np.nan_to_num(np.tile(np.nanmedian(present, axis=0), (len(q), 1)), nan=1.0)
     lines = Measurements(old.quantities, values, sigmas, tuple(str(i) for i in range(len(q))))
-    again = Observation(observation.design.parameters, lines, observation.gains)
+    again = Observation(observation.design.parameters, lines, observation.gains, observation.frames)
     here = again.predict(again.values)
     values[:, again.outputs] = here.values
     factors = np.linalg.cholesky(again.covariances(here))

@@ -1,0 +1,257 @@
+"""Frames that are estimated with a robot: where a measuring device stands, and where its target is on a node.
+
+A device D reads a target P on a node X in its own axes: D^-1 X P. Either is a parameter of six components: a
+translation, and a rotation vector, from a start that the readings give at the robot's nominal parameters: D in the
+world's axes, P in the node's. With a reading's derivative (a, b) by the twist of the target, at its origin x in the
+world's axes, the derivatives are
+
+    node (a, b + R c x a),    device -(a, b + (x - t) x a),    target (R^T a, R^T b),
+
+where R is the rotation of the node, c the target's origin in its axes, t the device's in the world.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+import pinocchio as pin
+from numpy.typing import NDArray
+from scipy.optimize import least_squares
+
+from cinegen.design.calibration.measurements import COORDINATES, MeasuredQuantity
+from cinegen.design.calibration.reading import read
+from cinegen.design.errors import DesignError
+from cinegen.errors import warn
+from raff2urdf.quantities import ANGLE, LENGTH, Dimension
+
+Array = NDArray[np.float64]
+
+UNITS = {
+    LENGTH: (("mm", "m", 1e3), ("m", "mm", 1e-3), ("mm", "in", 25.4), ("in", "mm", 1.0 / 25.4)),
+    ANGLE: (("deg", "rad", float(np.degrees(1.0))), ("rad", "deg", float(np.radians(1.0)))),
+}
+"""Units in which numbers were read and may have been meant, and the factor between, by dimension."""
+
+_FEWEST = 3  # positions that place a device
+_ROUNDS, _NEAR = 5, 3.0  # of placing a device, each without what is farther off than this many medians
+_SCALED = 0.2  # deviation of a scale from that of another unit
+_TURNED = 0.02  # root mean square rotation, rad, below which a node does not rotate
+_EXPECTED = 1e-3  # characteristic lengths and rad: what errors of the robot make of readings, at first
+
+
+class Seen(NamedTuple):
+    """A quantity, and its derivatives.
+
+    Attributes:
+        value: (poses,) m or rad.
+        by_node: (poses, 6) by the node's twist at its origin in the world's axes.
+        by_device: (poses, 6) by the device's components.
+        by_target: (poses, 6) by the target's.
+    """
+
+    value: Array
+    by_node: Array
+    by_device: Array
+    by_target: Array
+
+
+class MeasuringFrames:
+    """Poses of devices and targets that are not known.
+
+    Args:
+        quantities: that were measured, some in the frame of a device or for a target.
+
+    Attributes:
+        names: of the parameters, such as `tracker.x` or `ball.rz`.
+        dimensions: of these.
+        devices: names of the devices.
+        start: (4, 4) poses by name: of a device in the world, of a target on its node; the parameters are 0 there.
+
+    Raises:
+        DesignError: one name means two things.
+    """
+
+    def __init__(self, quantities: Sequence[MeasuredQuantity]) -> None:
+        self.devices = tuple(dict.fromkeys(one.device for one in quantities if one.device))
+        nodes: dict[str, str] = {}
+        moved, turned = set(self.devices), set(self.devices)
+        for one in (one for one in quantities if one.target):
+            if nodes.setdefault(one.target, one.of) != one.of or one.target in self.devices:
+                other = "a device" if one.target in self.devices else f"on {nodes[one.target]}"
+                raise DesignError(f"'{one.name}': the target '{one.target}' is {other}, too: give each its own name")
+            (turned if one.dimension is ANGLE else moved).add(one.target)
+        self.start = {name: np.eye(4) for name in (*self.devices, *nodes)}
+        own = [(frame, k) for frame in self.start for k in range(6) if frame in (moved if k < 3 else turned)]
+        self.names = tuple(f"{frame}.{COORDINATES[k]}" for frame, k in own)
+        self.dimensions: tuple[Dimension, ...] = tuple(LENGTH if k < 3 else ANGLE for _, k in own)
+        self._at = {
+            frame: [(i, k) for i, (of, k) in enumerate(own) if of == frame] for frame in self.start
+        }  # parameters and components of each
+
+    def __len__(self) -> int:
+        return len(self.names)
+
+    def pose(self, name: str, values: Array) -> Array:
+        """Return the pose (4, 4) of a device or target at values (parameters,)."""
+        step, found = self._step(name, values), self.start[name].copy()
+        found[:3, :3] = pin.exp3(step[3:]) @ found[:3, :3]
+        found[:3, 3] += step[:3]
+        return found
+
+    def observe(self, one: MeasuredQuantity, placement: Array, values: Array) -> Seen:
+        """Return what a device reads of a node at poses (poses, 4, 4), at values (parameters,)."""
+        device = self.pose(one.device, values) if one.device else np.eye(4)
+        target = self.pose(one.target, values) if one.target else np.eye(4)
+        there = placement @ target
+        turn = device[:3, :3]
+        seen = np.zeros_like(there)
+        seen[:, :3, :3], seen[:, 3, 3] = turn.T @ there[:, :3, :3], 1.0
+        seen[:, :3, 3] = (there[:, :3, 3] - device[:3, 3]) @ turn
+        value, row = read(one, seen)
+        a, b = row[:, :3] @ turn.T, row[:, 3:] @ turn.T
+        arm, back = there[:, :3, 3] - placement[:, :3, 3], np.swapaxes(placement[:, :3, :3], 1, 2)
+        by_device = -np.hstack([a, b + np.cross(there[:, :3, 3] - device[:3, 3], a)])
+        by_target = np.hstack([np.einsum("nij,nj->ni", back, a), np.einsum("nij,nj->ni", back, b)])
+        for name, found in ((one.device, by_device), (one.target, by_target)):
+            if name:
+                found[:, 3:] = found[:, 3:] @ pin.Jexp3(-self._step(name, values)[3:])
+        return Seen(value, np.hstack([a, b + np.cross(arm, a)]), by_device, by_target)
+
+    def columns(self, one: MeasuredQuantity, seen: Seen) -> Array:
+        """Return the derivative (poses, parameters) of a quantity."""
+        found = np.zeros((len(seen.value), len(self)))
+        for name, rows in ((one.device, seen.by_device), (one.target, seen.by_target)):
+            for i, k in self._at.get(name, ()):
+                found[:, i] = rows[:, k]
+        return found
+
+    def locate(
+        self, quantities: Sequence[MeasuredQuantity], measured: Array, nodes: dict[str, Array], length: float,
+        source: str,
+    ) -> None:  # fmt: skip
+        """Place devices and targets as their readings tell, were the robot as it is described.
+
+        Args:
+            quantities: of the columns.
+            measured: (poses, columns) readings, m and rad; NaN where nothing was measured.
+            nodes: poses (poses, 4, 4) of the nodes, by name.
+            length: the characteristic length, m.
+            source: name of the measurements, for messages.
+
+        Raises:
+            DesignError: the positions that a device has read are in another unit.
+        """
+        read_by = {(one.device, one.of, one.target, one.point, one.kind): k for k, one in enumerate(quantities)}
+
+        def triples(device: str, kinds: Sequence[str]) -> list[tuple[MeasuredQuantity, Array]]:
+            found = []
+            for one in quantities:
+                key = (one.device, one.of, one.target, one.point)
+                if one.device == device and one.kind == kinds[0] and all((*key, kind) in read_by for kind in kinds):
+                    found.append((one, measured[:, [read_by[(*key, kind)] for kind in kinds]]))
+            return found
+
+        for device in self.devices:
+            self._place(device, triples(device, COORDINATES[:3]), nodes, source)
+        for device in ("", *self.devices):
+            own = self.start.get(device, np.eye(4))[:3, :3]
+            for one, angles in triples(device, COORDINATES[3:]):
+                whole = np.isfinite(angles).all(axis=1)
+                if one.target and whole.any():
+                    turned = np.array([pin.rpy.rpyToMatrix(*row) for row in angles[whole]])
+                    back = np.swapaxes(nodes[one.of][whole, :3, :3], 1, 2)
+                    self.start[one.target][:3, :3] = _rotation((back @ own @ turned).mean(axis=0))
+        self._refine(quantities, measured, nodes, length)
+        self._warn_of_targets(quantities, nodes, source)
+
+    def _place(
+        self, device: str, positions: Sequence[tuple[MeasuredQuantity, Array]], nodes: dict[str, Array], source: str
+    ) -> None:
+        """Place a device by the positions that it has read, targets at the origins of their nodes (Kabsch's algorithm,
+        without those that are far off)."""
+        wanted, seen = list[Array](), list[Array]()
+        for one, measured in positions:
+            whole = np.isfinite(measured).all(axis=1)
+            placed = nodes[one.of][whole]
+            seen.append(measured[whole])
+            wanted.append(placed[:, :3, 3] + placed[:, :3, :3] @ np.array(one.point))
+        if sum(map(len, seen)) < _FEWEST:
+            return
+        m, x = np.concatenate(seen), np.concatenate(wanted)
+        extents = [float(np.median(np.linalg.norm(y - np.median(y, axis=0), axis=1))) for y in (x, m)]
+        for wrong, right, factor in UNITS[LENGTH]:
+            if abs(extents[0] / max(factor * extents[1], 1e-300) - 1.0) < _SCALED:
+                raise DesignError(
+                    f"{source}: the positions that {device} has read would fit if they were {factor:.4g} times as "
+                    f"large: are they in {right}, and read as {wrong}?"
+                )
+        near = np.ones(len(m), dtype=bool)
+        for _ in range(_ROUNDS):
+            centres = x[near].mean(axis=0), m[near].mean(axis=0)
+            turn = _rotation((x[near] - centres[0]).T @ (m[near] - centres[1]))
+            place = centres[0] - turn @ centres[1]
+            off = np.linalg.norm(m @ turn.T + place - x, axis=1)
+            near = off <= _NEAR * np.median(off)
+        self.start[device][:3, :3], self.start[device][:3, 3] = turn, place
+
+    def _refine(
+        self, quantities: Sequence[MeasuredQuantity], measured: Array, nodes: dict[str, Array], length: float
+    ) -> None:
+        """Fit all frames to all of their readings, with a loss that outliers hardly change."""
+        chosen = [k for k, one in enumerate(quantities) if one.device or one.target]
+        sizes = np.array([_EXPECTED * (length if quantities[k].dimension is LENGTH else 1.0) for k in chosen])
+        present = np.isfinite(measured[:, chosen]).T
+
+        def residuals(values: Array) -> Array:
+            off = np.array([self.observe(quantities[k], nodes[quantities[k].of], values).value for k in chosen])
+            off -= measured[:, chosen].T
+            for row, k in zip(off, chosen, strict=True):
+                if quantities[k].dimension is ANGLE:
+                    row[:] = (row + np.pi) % (2.0 * np.pi) - np.pi
+            return np.asarray((off / sizes[:, None])[present])
+
+        def jacobian(values: Array) -> Array:
+            rows = [
+                self.columns(quantities[k], self.observe(quantities[k], nodes[quantities[k].of], values))
+                for k in chosen
+            ]
+            return np.asarray((np.array(rows) / sizes[:, None, None])[present])
+
+        done = least_squares(residuals, np.zeros(len(self)), jacobian, loss="soft_l1", x_scale="jac", max_nfev=100)
+        self.start = {name: self.pose(name, done.x) for name in self.start}
+
+    def _warn_of_targets(self, quantities: Sequence[MeasuredQuantity], nodes: dict[str, Array], source: str) -> None:
+        """Warn of targets whose offset along some direction only errors of the robot distinguish from the position of
+        their device: those are small, but act on the whole offset."""
+        pairs = {(one.target, one.of): one for one in quantities if one.target and one.device}
+        for (target, node), one in pairs.items():
+            turns = nodes[node][:, :3, :3]
+            spread = np.linalg.svd((turns - turns.mean(axis=0)).reshape(-1, 3), compute_uv=False) / len(turns) ** 0.5
+            if f"{target}.x" in self.names and spread[-1] < _TURNED:
+                warn(
+                    f"{source}: {node} hardly rotates{' but about one axis' if spread[0] >= _TURNED else ''} in these "
+                    f"poses: where '{target}' is on it can't be told from where {one.device} is; measure it, and write "
+                    f"its position to a millimetre or so in place of its name: {node}(10mm 0 50mm)"
+                )
+
+    def twists(self, device: str) -> Array:
+        """Return the twists (6, parameters) of a device at its start, of the point at the world's origin."""
+        found, origin = np.zeros((6, len(self))), self.start[device][:3, 3]
+        for i, k in self._at[device]:
+            found[k, i] = 1.0
+            found[:3, i] += np.cross(origin, found[3:, i])
+        return found
+
+    def _step(self, name: str, values: Array) -> Array:
+        found = np.zeros(6)
+        for i, k in self._at[name]:
+            found[k] = values[i]
+        return found
+
+
+def _rotation(matrix: Array) -> Array:
+    """Return the rotation nearest to a matrix (3, 3)."""
+    u, _, vt = np.linalg.svd(matrix)
+    return np.asarray(u @ np.diag([1.0, 1.0, np.linalg.det(u @ vt)]) @ vt)
