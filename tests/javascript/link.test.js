@@ -3,7 +3,8 @@ import { beforeEach, mock, test } from "node:test";
 
 import { root } from "./browser.js";
 
-const { pageUrl, Link } = await import("../../cinegen/cockpit/static/base/link.js");
+const { pageUrl } = await import("../../cinegen/cockpit/static/base/address.js");
+const { Link } = await import("../../cinegen/cockpit/static/base/link.js");
 
 class Socket extends EventTarget {
   static OPEN = 1;
@@ -44,7 +45,7 @@ beforeEach(() => {
   mock.timers.reset();
   mock.timers.enable({ apis: ["setTimeout"] });
   Socket.opened = [];
-  link = new Link((address) => new Socket(address));
+  link = new Link({ connect: (address) => new Socket(address) });
   last = [];
   for (const name of ["hello", "state", "report", "notice", "lost", "dropped"]) {
     link.on(name, (value) => last.push([name, value]));

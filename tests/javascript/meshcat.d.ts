@@ -29,6 +29,7 @@ export interface Viewer {
   connect(url: string): void;
   delete_path(path: string[]): void;
   handle_command(command: { path?: string }): void;
+  handle_command_message(message: { data: Uint8Array }): void;
   render(): void;
   set_3d_pane_size(width?: number, height?: number): void;
   set_dirty(): void;

@@ -58,7 +58,7 @@ document.body.classList.toggle("camera", still);
 document.body.classList.toggle("with-aids", withAids);
 
 const view = new View(byId("scene"), { still });
-const link = new Link((url) => view.connect(url));
+const link = new Link(view);
 const session = new Session(link);
 const field = new Field(session);
 session.on("hello", () => {

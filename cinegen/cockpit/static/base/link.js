@@ -3,6 +3,7 @@
 // Events: hello, state, report, notice, lost (reason), dropped (reason).
 // A state is acknowledged when all listeners have applied it; rendering has no part in that.
 
+import { socketUrl } from "./address.js";
 import { Events } from "./events.js";
 
 /**
@@ -33,10 +34,10 @@ export class Link extends Events {
   #over = false;
   connected = false;
 
-  /** @param {(address: string) => WebSocket} scene connects meshcat's viewer to an address and returns its socket */
-  constructor(scene) {
+  /** @param {{ connect: (address: string) => WebSocket }} view connects meshcat's viewer to an address and returns its socket */
+  constructor(view) {
     super();
-    this.scene = scene;
+    this.view = view;
     document.documentElement.dataset.connected = "no";
     window.addEventListener("pagehide", () => {
       this.#over = true;
@@ -44,8 +45,8 @@ export class Link extends Events {
   }
 
   connect() {
-    const session = new WebSocket(address("session"));
-    const scene = this.scene(address("scene"));
+    const session = new WebSocket(socketUrl("session"));
+    const scene = this.view.connect(socketUrl("scene"));
     this.#sockets = [session, scene];
     session.addEventListener("message", (event) => this.#receive(event.data));
     for (const socket of this.#sockets) socket.addEventListener("close", (event) => this.#close(socket, event));
@@ -106,27 +107,4 @@ export class Link extends Events {
     setTimeout(() => this.connect(), this.#wait);
     this.#wait = Math.min(LATEST, 1.5 * this.#wait);
   }
-}
-
-/**
- * Return the address of a socket next to the page, with its token.
- *
- * @param {string} name
- */
-function address(name) {
-  const url = new URL(pageUrl(name));
-  url.protocol = url.protocol.replace("http", "ws");
-  return url.href;
-}
-
-/**
- * Return an address next to the page, with its token.
- *
- * @param {string} name
- */
-export function pageUrl(name) {
-  const url = new URL(name, location.href);
-  const token = new URLSearchParams(location.search).get("token");
-  if (token !== null) url.searchParams.set("token", token);
-  return url.href;
 }

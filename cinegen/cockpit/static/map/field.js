@@ -4,7 +4,7 @@
 
 import { memory } from "../base/dom.js";
 import { Events } from "../base/events.js";
-import { pageUrl } from "../base/link.js";
+import { pageUrl } from "../base/address.js";
 
 const GROWING = 2000; // ms until a map that is being made is looked at again
 const SHARE = { cloud: 0.6, surface: 0.96 }; // of a cell's width, that is drawn of it
