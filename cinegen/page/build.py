@@ -1,0 +1,128 @@
+"""Build a page without a server from the cockpit's own parts."""
+
+from __future__ import annotations
+
+import base64
+import hashlib
+import html
+import json
+import re
+import zlib
+from collections.abc import Iterator, Mapping
+from functools import cache
+from importlib.resources import files
+from typing import Any
+
+import msgspec
+import pinocchio as pin
+
+from cinegen.cockpit.build_messages import hello_message
+from cinegen.cockpit.cockpit import draw, title_of
+from cinegen.cockpit.page import Page, viewer
+from cinegen.page.modules import import_map
+from cinegen.session import Setup
+from raff2urdf.files import GENERATED
+
+RATE = 240.0
+"""Ticks per second."""
+
+_POLICY = (
+    "default-src 'none'; script-src 'nonce-{nonce}'; style-src 'unsafe-inline'; img-src data: blob:; base-uri 'none'; "
+    "form-action 'none'"
+)
+_STYLES = ("style/theme.css", "style/layout.css", "style/controls.css")
+_LICENCES = ("vendor/meshcat-0.3.2/LICENSE", "vendor/three-0.132.2/LICENSE")
+_NO_FORCES = "a page without a server computes none"
+
+
+def build_page(setup: Setup, solvers: Mapping[str, str], title: str = "") -> str:
+    """Build an HTML file in which the robots of a session can be driven without a server.
+
+    Args:
+        setup: setup of the session; only its robots, their starts and base poses are used.
+        solvers: module of JavaScript of each robot, as `cinegen generate --to js` writes it.
+        title: title of the page; the robots' names unless given.
+    """
+    title = title or title_of(setup)
+    data = content_of(setup, title)
+    modules = import_map({one["module"]: solvers[one["name"]] for one in data["robots"]})
+    data["scene"] = _scene(setup, title)
+    nonce = hashlib.sha256(_json([modules, data]).encode()).hexdigest()[:32]
+    scripts = [
+        f'<script nonce="{nonce}">{viewer()}</script>',
+        f'<script type="application/json" id="cinegen-page">{_json(data)}</script>',
+        f'<script nonce="{nonce}" type="module">import "cinegen/cockpit.js";</script>',
+    ]
+    importing = f'<script nonce="{nonce}" type="importmap">{_json({"imports": modules})}</script>'
+    policy = f'<meta http-equiv="Content-Security-Policy" content="{_POLICY.format(nonce=nonce)}">'
+    styles = "\n".join(_static(name) for name in _STYLES) + _own("local.css")
+    text = _static("index.html").replace("{{title}}", html.escape(title))
+    text = text.replace("<html ", '<html data-source="local" ', 1)
+    text = text.replace("<head>\n", f"<head>\n<!-- {GENERATED}\n{_licences()}-->\n{policy}\n", 1)
+    text = re.sub(r'<link rel="icon"[^>]*>', f'<link rel="icon" href="{_icon()}" type="image/svg+xml">', text)
+    text = re.sub(r'(<link rel="stylesheet"[^>]*>\s*)+', lambda _: f"<style>\n{styles}</style>\n", text)
+    text = re.sub(r'<script type="importmap">.*?</script>', lambda _: importing, text)
+    return re.sub(r"<script src=.*</script>\n(?=</body>)", lambda _: "\n".join(scripts) + "\n", text, flags=re.DOTALL)
+
+
+def content_of(setup: Setup, title: str) -> dict[str, Any]:
+    """Return what the session in the page begins with: the first message, and each robot's module, start and base."""
+    return {"hello": _hello(setup, title), "robots": list(_robots(setup)), "rate": RATE}
+
+
+def _hello(setup: Setup, title: str) -> Any:
+    """Return the first message to the page, without what only a server has."""
+    hello = hello_message(setup, title, 1)
+    robots = tuple(
+        msgspec.structs.replace(robot, forces=msgspec.structs.replace(robot.forces, missing=_NO_FORCES))
+        for robot in hello.robots
+    )
+    changed = msgspec.structs.replace(hello, robots=robots, obstacles=(), sensors=(), switches=(), map=None)
+    return msgspec.to_builtins(changed)
+
+
+def _robots(setup: Setup) -> Iterator[Any]:
+    """Yield what the session needs of each robot, each after the one that carries it."""
+    for number, name in enumerate(setup.order()):
+        base = setup.base(name)
+        mounting = {
+            "robot": base.robot,
+            "node": base.node,
+            "placement": pin.SE3ToXYZQUAT(base.placement).tolist(),
+        }
+        start = setup.start(name).tolist()
+        yield {"name": name, "module": f"cinegen/robot/{number}", "base": mounting, "start": start}
+
+
+def _scene(setup: Setup, title: str) -> Any:
+    """Return the drawing commands of the scene: their lengths, and all their bytes, compressed and in base64."""
+    page = Page(title)
+    draw(page, setup)
+    messages = page.scene().values()
+    return {
+        "lengths": list(map(len, messages)),
+        "zlib": base64.b64encode(zlib.compress(b"".join(messages), 9)).decode(),
+    }
+
+
+def _json(value: Any) -> str:
+    """Return JSON that can stand in an element of HTML."""
+    return json.dumps(value, separators=(",", ":"), allow_nan=False).replace("<", "\\u003c")
+
+
+def _licences() -> str:
+    texts = "\n".join(_static(name) for name in _LICENCES)
+    return texts.replace("--", "- -")  # it stands in a comment
+
+
+def _icon() -> str:
+    return "data:image/svg+xml;base64," + base64.b64encode(_static("style/icon.svg").encode()).decode()
+
+
+@cache
+def _static(name: str) -> str:
+    return files("cinegen.cockpit").joinpath("static", name).read_text(encoding="utf-8")
+
+
+def _own(name: str) -> str:
+    return files("cinegen.page").joinpath("static", name).read_text(encoding="utf-8")

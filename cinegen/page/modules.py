@@ -1,0 +1,76 @@
+"""Modules of JavaScript in one HTML file: an import map gives each a name and holds its text.
+
+An import of a file becomes an import of that name, since a module without an address of its own has no relative ones.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator, Mapping
+from importlib.resources import files
+from pathlib import Path, PurePosixPath
+from urllib.parse import quote
+
+_IMPORT = re.compile(r'^((?:import|export)\b[^;"]*?|\} from )"(\.{1,2}/[^"]+)";', re.MULTILINE)
+_SPARE = re.compile(r"^[ \t]*(?://[^\n]*|/\*\*(?:[^*]|\*(?!/))*\*/[ \t]*)?\n|^[ \t]+", re.MULTILINE)
+"""Lines that hold only a comment or nothing, and indentation: left out."""
+
+_KEPT = "".join(chr(code) for code in range(0x20, 0x7F) if chr(code) not in "%#")
+"""Characters that stand for themselves in the data of an address (https://fetch.spec.whatwg.org/#data-urls)."""
+
+_NAMES = {"cinegen/cockpit/static/": "cinegen/", "cinegen/page/static/": "cinegen/page/"}
+_ENTRY = "cinegen/cockpit/static/cockpit.js"
+_SEAM = {"cinegen/cockpit/static/base/link.js": "cinegen/page/static/session/link.js"}
+"""The only module of the cockpit that a page without a server replaces: its line to a session."""
+
+
+def import_map(given: Mapping[str, str]) -> dict[str, str]:
+    """Return the addresses of all modules of the page by name.
+
+    Args:
+        given: texts of further modules, which import nothing, by name.
+    """
+    found = {_name(path): text for path, text in _modules(_ENTRY)}
+    found["three"] = _read("cinegen/cockpit/static/base/three.js")
+    return {name: _address(_SPARE.sub("", text)) for name, text in (found | dict(given)).items()}
+
+
+def _modules(entry: str) -> Iterator[tuple[str, str]]:
+    """Yield the paths and texts of a module and all that it imports."""
+    waiting, seen = [entry], {entry}
+    while waiting:
+        path = waiting.pop()
+        text = _read(path)
+        imported: dict[str, str] = {}
+        for match in _IMPORT.finditer(text):
+            target = _resolved(path, match[2])
+            imported[match[2]] = target
+            if target not in seen:
+                seen.add(target)
+                waiting.append(target)
+        yield path, _IMPORT.sub(lambda match: f'{match[1]}"{_name(imported[match[2]])}";', text)  # noqa: B023
+
+
+def _resolved(path: str, relative: str) -> str:
+    """Return the path of the module that `path` imports as `relative`."""
+    parts: list[str] = []
+    for part in (PurePosixPath(path).parent / relative).parts:
+        if part == "..":
+            parts.pop()
+        else:
+            parts.append(part)
+    target = "/".join(parts)
+    return _SEAM.get(target, target)
+
+
+def _name(path: str) -> str:
+    return next(name + path.removeprefix(folder) for folder, name in _NAMES.items() if path.startswith(folder))
+
+
+def _read(path: str) -> str:
+    package, _, rest = path.removeprefix("cinegen/").partition("/")
+    return Path(str(files(f"cinegen.{package}"))).joinpath(rest).read_text(encoding="utf-8")
+
+
+def _address(text: str) -> str:
+    return "data:text/javascript;charset=utf-8," + quote(text, safe=_KEPT)

@@ -1,0 +1,165 @@
+// The line of a page without a server: what cockpit/static/base/link.js gets from a server comes from a session in this
+// page. It emits the same events: hello, state, report and notice.
+//
+// The configuration is in the fragment of the page's address as soon as the robots are at rest, so that the address is a
+// link to it.
+
+import { byId } from "../../../cockpit/static/base/dom.js";
+import { Events } from "../../../cockpit/static/base/events.js";
+import { Clock } from "./clock.js";
+import { configurationsOf, fragmentOf } from "./fragment.js";
+import { Kinematics } from "./kinematics.js";
+import { reportMessage, stateMessage } from "./messages.js";
+import { robotReport } from "./report.js";
+import { DrivenRobot } from "./robot.js";
+import { LocalSession } from "./session.js";
+
+const OFTEN = 100; // ms from one report to the next
+const CLOSURE = 1e-10;
+
+/** @typedef {import("../../../cockpit/static/base/messages").RobotReport} RobotReport */
+/** @typedef {import("../../../cockpit/static/base/link.js").ServerEvents} ServerEvents */
+/**
+ * What the page's file holds: the first message, and each robot's module, start and base pose.
+ *
+ * @typedef {{ hello: import("../../../cockpit/static/base/messages").HelloMessage, rate: number,
+ *   scene: { lengths: number[], zlib: string }, robots: { name: string, module: string, start: number[],
+ *   base: import("./session.js").BasePose }[] }} Content
+ */
+
+/** @extends {Events<ServerEvents>} */
+export class Link extends Events {
+  /** @type {LocalSession | null} */
+  #session = null;
+  /** @type {Record<string, RobotReport>} */
+  #reports = {};
+  #frame = 0;
+  #reported = -Infinity; // ms
+  #shown = false; // whether the last state and report are of now
+  #placed = ""; // the fragment that was last written or read
+  connected = false;
+
+  /** @param {{ draw: (commands: Iterable<Uint8Array>) => void }} view */
+  constructor(view) {
+    super();
+    this.view = view;
+    document.documentElement.dataset.connected = "no";
+  }
+
+  async connect() {
+    /** @type {Content} */
+    const content = JSON.parse(byId("cinegen-page").textContent ?? "");
+    const modules = await Promise.all(content.robots.map(({ module }) => import(module)));
+    const session = new LocalSession(...robotsOf(content, modules));
+    this.#session = session;
+    this.#placed = this.#fragment();
+    this.view.draw(await commandsOf(content.scene));
+    this.connected = true;
+    document.documentElement.dataset.connected = "yes";
+    this.emit("hello", content.hello);
+    this.#restore();
+    window.addEventListener("hashchange", () => this.#restore());
+    const clock = new Clock(1 / content.rate);
+    /** @param {number} now */
+    const frame = (now) => {
+      requestAnimationFrame(frame);
+      this.#advance(clock, now);
+    };
+    requestAnimationFrame(frame);
+  }
+
+  /** @param {import("../../../cockpit/static/base/link.js").ClientMessage} message */
+  send(message) {
+    this.#shown = false;
+    this.#session?.obey(message);
+  }
+
+  /**
+   * @param {Clock} clock
+   * @param {number} now
+   */
+  #advance(clock, now) {
+    const session = /** @type {LocalSession} */ (this.#session);
+    const ticks = clock.due(now);
+    if (session.atRest && this.#shown) {
+      clock.note(now, 0);
+      return;
+    }
+    for (let i = 0; i < ticks; i += 1) session.tick(clock.period);
+    clock.note(now, ticks);
+    for (const notice of session.notices.splice(0)) this.emit("notice", notice);
+    this.#frame += 1;
+    const state = stateMessage(session, this.#reports, this.#frame);
+    this.emit("state", state);
+    document.documentElement.dataset.frame = String(this.#frame);
+    if (now - this.#reported < OFTEN) return;
+    this.#reported = now;
+    this.#reports = Object.fromEntries([...session.robots.values()].map((robot) => [robot.name, robotReport(robot)]));
+    const { atRest } = session;
+    this.#shown = atRest; // one more than the last that moved
+    if (atRest) this.#write();
+    this.emit("report", reportMessage(session, this.#reports, { ticks: clock.ticks, missed: 0, missed_in_all: 0, late: 0, at_rest: atRest }));
+  }
+
+  #fragment() {
+    const robots = /** @type {LocalSession} */ (this.#session).robots;
+    return fragmentOf([...robots.values()].map(({ name, q }) => [name, q]));
+  }
+
+  /** Write the configuration into the page's address. */
+  #write() {
+    const fragment = this.#fragment();
+    if (fragment === this.#placed) return;
+    this.#placed = fragment;
+    history.replaceState(null, "", fragment);
+  }
+
+  /** Place the robots as the page's address has them. */
+  #restore() {
+    const session = /** @type {LocalSession} */ (this.#session);
+    if (location.hash === this.#placed) return;
+    const sizes = new Map([...session.robots.values()].map(({ name, q }) => [name, q.length]));
+    const found = configurationsOf(location.hash, sizes);
+    let { problem } = found;
+    for (const [name, q] of found.configurations) {
+      const { kinematics } = /** @type {DrivenRobot} */ (session.robots.get(name));
+      const closed = kinematics.closure(q) <= CLOSURE || kinematics.solver.close(q, kinematics.locked) <= CLOSURE;
+      const [beyond] = closed ? kinematics.beyond(q) : [];
+      if (closed && beyond === undefined) session.place(name, q);
+      else problem = `the link's configuration of ${name} ${closed ? `is beyond the limit of ${beyond.name}` : "leaves loops open"}`;
+    }
+    this.#placed = location.hash;
+    this.#shown = false;
+    if (problem) this.emit("notice", { text: problem, level: "warning" });
+  }
+}
+
+/**
+ * Return the drawing commands of a scene.
+ *
+ * @param {Content["scene"]} scene
+ */
+async function commandsOf({ lengths, zlib }) {
+  const packed = Uint8Array.from(atob(zlib), (character) => character.charCodeAt(0));
+  const unpacked = new Blob([packed]).stream().pipeThrough(new DecompressionStream("deflate"));
+  const bytes = new Uint8Array(await new Response(unpacked).arrayBuffer());
+  let end = 0;
+  return lengths.map((length) => bytes.slice(end, (end += length)));
+}
+
+/**
+ * Return the robots, and their base poses.
+ *
+ * @param {Content} content
+ * @param {{ default: () => import("./solver").Solver }[]} modules
+ * @returns {[Map<string, DrivenRobot>, Record<string, import("./session.js").BasePose>]}
+ */
+export function robotsOf({ hello, robots }, modules) {
+  const descriptions = new Map(hello.robots.map((description) => [description.name, description]));
+  const driven = robots.map(({ name, start }, i) => {
+    const description = descriptions.get(name);
+    if (description === undefined) throw new Error(`no robot '${name}'`);
+    return new DrivenRobot(name, new Kinematics(description, modules[i].default(), start));
+  });
+  return [new Map(driven.map((robot) => [robot.name, robot])), Object.fromEntries(robots.map(({ name, base }) => [name, base]))];
+}

@@ -1,0 +1,310 @@
+// The session of a page without a server: robots that users move; commands in, ticks, states out. It takes the commands
+// of cinegen/session/commands.py and does what cinegen/session/session.py does, as far as no server is needed for it.
+
+import { Quaternion, Vector3 } from "three";
+import { ConfigurationMotion, JointMotion } from "./motion.js";
+import { Placement } from "./placement.js";
+import { PIN, POINTER } from "./robot.js";
+import { UndoHistory } from "./undo.js";
+
+const MOST_TASKS = 64; // up to which pins can be added
+const FURTHEST = 1e6; // m or rad
+const REST = 1; // s without motion, after which a session is at rest
+const STILL = 1e-8; // rad or m per tick: more is motion
+
+/** @typedef {import("../../../cockpit/static/base/messages").ClientMessage} ClientMessage */
+/** @typedef {import("./robot.js").DrivenRobot} DrivenRobot */
+/** @typedef {import("./robot.js").Task} Task */
+/** @typedef {{ robot: string | null, node: string | null, placement: number[] }} BasePose */
+
+/** A command that refers to something that does not exist, or is malformed. */
+class CommandError extends Error {}
+
+export class LocalSession {
+  time = 0;
+  paused = false;
+  settings = { gain: 100, damping: 0.05 };
+  /** @type {{ text: string, level: "warning" }[]} */
+  notices = []; // which whoever shows them takes out
+  #count = 0;
+  #still = 0; // s
+  /** @type {{ robot: DrivenRobot, task: Task } | null} */
+  #drag = null;
+  /** @type {Task | null} */
+  #draggedPin = null; // pin of the node that is dragged
+
+  /**
+   * @param {Map<string, DrivenRobot>} robots each after the one that carries it
+   * @param {Record<string, BasePose>} bases
+   */
+  constructor(robots, bases) {
+    this.robots = robots;
+    this.bases = bases;
+    this.history = new UndoHistory(robots, () => this.#newId());
+    this.#carry();
+  }
+
+  /** True after a second without commands, in which nothing has moved. */
+  get atRest() {
+    return this.#still >= REST;
+  }
+
+  /** Name of the motion that moves a robot instead of its tasks; null if none does. */
+  get moving() {
+    return [...this.robots.values()].find(({ motion }) => motion !== null)?.motion?.name ?? null;
+  }
+
+  /**
+   * Carry out a command as far as possible; otherwise a notice gives the reason.
+   *
+   * @param {ClientMessage} command
+   */
+  obey(command) {
+    this.#still = 0;
+    try {
+      this.#obey(command);
+    } catch (error) {
+      if (!(error instanceof CommandError)) throw error;
+      this.#notice(error.message);
+    }
+  }
+
+  /**
+   * Advance by a tick of dt (s).
+   *
+   * @param {number} dt
+   */
+  tick(dt) {
+    this.time += dt;
+    let moved = this.moving !== null;
+    for (const robot of this.paused ? [] : this.robots.values()) {
+      const before = robot.q.slice();
+      const problem = robot.tick(dt);
+      if (problem) this.#notice(problem);
+      moved ||= robot.q.some((value, i) => Math.abs(value - before[i]) > STILL);
+    }
+    this.#carry();
+    this.history.tick(dt, this.#drag !== null);
+    this.#still = moved ? 0 : this.#still + dt;
+  }
+
+  /**
+   * Set the configuration of a robot, with closed loops; it is home no more, and this can't be undone.
+   *
+   * @param {string} name
+   * @param {Float64Array} q
+   */
+  place(name, q) {
+    this.#robot(name).jumpTo(q);
+    this.#carry();
+    this.#still = 0;
+  }
+
+  /** @param {ClientMessage} command */
+  #obey(command) {
+    switch (command.type) {
+      case "start_drag": return this.#startDrag(command);
+      case "move_drag": return this.#moveDrag(command);
+      case "end_drag": return this.#endDrag(command.pin ?? false);
+      case "pin": return this.#pin(command);
+      case "remove_task": return this.#removeTask(command.task);
+      case "change_task": return this.#changeTask(command);
+      case "move_joint": return this.#moveJoint(command);
+      case "end_joint_motion":
+        for (const { motion } of this.robots.values()) if (motion instanceof JointMotion) motion.end();
+        return;
+      case "move_home": return this.#moveHome(command.robot ?? null);
+      case "undo":
+      case "redo":
+        this.#endDrag();
+        return this.history[command.type]();
+      case "pause":
+        this.paused = command.on;
+        return;
+      case "change_settings": return this.#changeSettings(command);
+      case "ack":
+      case "request_control":
+      case "request_reactions":
+      case "set_view":
+      case "gamepad_input":
+        return; // of the server's session only
+      default:
+        throw new CommandError(`the page without a server can't do '${command.type}': use cinegen drive`);
+    }
+  }
+
+  // --- the pointer ------------------------------------------------------------------------------------------------
+
+  /** @param {import("../../../cockpit/static/base/messages").StartDrag} command */
+  #startDrag({ robot: name, node, point = null, rotation = false }) {
+    const robot = this.#robot(name, node);
+    this.#endDrag();
+    this.history.begin();
+    robot.motion = null;
+    const offset = point === null ? new Placement() : new Placement(new Vector3(...finite(point, 3)));
+    this.#draggedPin = robot.recordedPins().find((pin) => pin.node === node) ?? null;
+    for (const pin of robot.pins(node)) robot.removeTask(pin); // it moves with its node, and is restored at the end
+    const task = robot.addTask(this.#newId(), node, POINTER, offset, [3, rotation && point === null ? 3 : 0]);
+    this.#drag = { robot, task };
+  }
+
+  /** @param {import("../../../cockpit/static/base/messages").MoveDrag} command */
+  #moveDrag({ position, quaternion = null }) {
+    if (this.#drag === null) return; // it has ended meanwhile
+    const { robot, task } = this.#drag;
+    const rotation = quaternion === null ? robot.base.times(task.target).rotation : turn(quaternion);
+    task.target = robot.base.inverseTimes(new Placement(new Vector3(...finite(position, 3)), rotation));
+  }
+
+  #endDrag(asPin = false) {
+    if (this.#drag === null) return;
+    const { robot, task } = this.#drag;
+    const was = this.#draggedPin;
+    this.#drag = this.#draggedPin = null;
+    if (asPin) {
+      task.source = task.label = PIN;
+      return;
+    }
+    robot.removeTask(task);
+    if (was !== null) robot.restorePin(this.#newId(), { ...was, target: robot.placement(was.node).times(was.offset) });
+  }
+
+  // --- tasks ------------------------------------------------------------------------------------------------------
+
+  /** @param {import("../../../cockpit/static/base/messages").Pin} command */
+  #pin({ robot: name, node }) {
+    const robot = this.#robot(name, node);
+    if (robot.pins(node).length > 0) return;
+    const count = [...this.robots.values()].reduce((sum, { tasks }) => sum + tasks.length, 0);
+    if (count >= MOST_TASKS) throw new CommandError(`there are ${MOST_TASKS} tasks: remove some first`);
+    this.history.begin();
+    robot.addTask(this.#newId(), node, PIN);
+  }
+
+  /** @param {number} id */
+  #removeTask(id) {
+    const found = this.#task(id);
+    if (found === null) return;
+    if (found.task === this.#drag?.task) {
+      this.#endDrag();
+      return;
+    }
+    this.history.begin();
+    found.robot.removeTask(found.task);
+  }
+
+  /** @param {import("../../../cockpit/static/base/messages").ChangeTask} command */
+  #changeTask({ task: id, translation = null, rotation = null, weight = null }) {
+    const task = this.#task(id)?.task;
+    if (task === undefined) return;
+    if (translation !== null) task.translation = within(translation, 0, 3);
+    if (rotation !== null) task.rotation = within(rotation, 0, 3);
+    if (weight !== null) task.weight = within(weight, 0.01, 100);
+  }
+
+  /** @param {number} id */
+  #task(id) {
+    for (const robot of this.robots.values()) {
+      const task = robot.tasks.find((one) => one.id === id);
+      if (task !== undefined) return { robot, task };
+    }
+    return null;
+  }
+
+  // --- motions ----------------------------------------------------------------------------------------------------
+
+  /** @param {import("../../../cockpit/static/base/messages").MoveJoint} command */
+  #moveJoint({ robot: name, joint, value }) {
+    const robot = this.#robot(name);
+    const [goal] = finite([value], 1);
+    if (!robot.kinematics.actuated.some((one) => one.name === joint)) throw new CommandError(`unknown joint '${joint}'`);
+    if (!(robot.motion instanceof JointMotion)) {
+      this.history.begin();
+      robot.motion = new JointMotion(robot.kinematics, robot.q);
+    }
+    /** @type {JointMotion} */ (robot.motion).move(joint, goal);
+  }
+
+  /** @param {string | null} name */
+  #moveHome(name) {
+    const robots = name === null ? [...this.robots.values()] : [this.#robot(name)];
+    this.#endDrag();
+    this.history.begin();
+    for (const robot of robots) {
+      for (const pin of robot.pins()) robot.removeTask(pin);
+      robot.motion = new ConfigurationMotion(robot.kinematics, robot.q, robot.home, "home", "moving home");
+    }
+  }
+
+  /** @param {import("../../../cockpit/static/base/messages").ChangeSettings} command */
+  #changeSettings({ gain = null, damping = null }) {
+    if (gain !== null) this.settings.gain = within(gain, 1, 1000);
+    if (damping !== null) this.settings.damping = within(damping, 1e-3, 0.3);
+    for (const robot of this.robots.values()) Object.assign(robot, this.settings);
+  }
+
+  // --- helpers ----------------------------------------------------------------------------------------------------
+
+  /** Set the base poses of all robots. */
+  #carry() {
+    for (const [name, robot] of this.robots) {
+      const base = this.bases[name];
+      if (base === undefined) continue;
+      const placement = Placement.of(base.placement);
+      const carrier = base.robot === null ? undefined : this.robots.get(base.robot);
+      robot.setBase(carrier === undefined || base.node === null ? placement : carrier.placement(base.node).times(placement));
+    }
+  }
+
+  /**
+   * Return a robot that has a node.
+   *
+   * @param {string} name
+   * @param {string | null} node
+   */
+  #robot(name, node = null) {
+    const robot = this.robots.get(name);
+    if (robot === undefined) throw new CommandError(`unknown robot '${name}'`);
+    if (node !== null && !robot.kinematics.has(node)) throw new CommandError(`unknown node '${node}'`);
+    return robot;
+  }
+
+  #newId() {
+    this.#count += 1;
+    return this.#count;
+  }
+
+  /** @param {string} text */
+  #notice(text) {
+    this.notices.push({ text, level: "warning" });
+  }
+}
+
+/**
+ * Return numbers of a command.
+ *
+ * @param {number[]} numbers
+ * @param {number} count
+ */
+function finite(numbers, count) {
+  const good = Array.isArray(numbers) && numbers.length === count && numbers.every((value) => Math.abs(value) <= FURTHEST);
+  if (!good) throw new CommandError(`a command needs ${count} numbers within ${FURTHEST}, not ${JSON.stringify(numbers)}`);
+  return /** @type {[number, number, number]} */ (numbers);
+}
+
+/**
+ * @param {number} value
+ * @param {number} low
+ * @param {number} high
+ */
+function within(value, low, high) {
+  if (!(value >= low && value <= high)) throw new CommandError(`a setting must be ${low} to ${high}, not ${value}`);
+  return value;
+}
+
+/** @param {number[]} numbers a quaternion x y z w */
+function turn(numbers) {
+  const quaternion = new Quaternion(...numbers);
+  if (!(Math.abs(quaternion.length() - 1) < 0.1)) throw new CommandError("a quaternion x y z w has length 1");
+  return quaternion.normalize();
+}

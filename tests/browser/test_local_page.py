@@ -1,0 +1,146 @@
+"""A person at a page without a server, from a file, with the network off: a real browser, a mouse and keys."""
+
+from __future__ import annotations
+
+import os
+import shutil
+import time
+from pathlib import Path
+
+import numpy as np
+import pytest
+from playwright.sync_api import sync_playwright
+from serial_solver import serial_solver
+from test_cockpit_page import FLAGS, SIZE, WHERE
+
+from cinegen.page import build_page
+from cinegen.session import Setup
+
+CHROMIUM = shutil.which("chromium")
+PICTURES = Path(os.environ.get("CINEGEN_PICTURES", "build/pictures"))
+LOCAL = ("file:", "data:", "blob:")
+READY = "document.documentElement.dataset.view === 'ready' && Boolean(window.cockpit?.report)"
+
+pytestmark = [
+    pytest.mark.browser,
+    pytest.mark.skipif(CHROMIUM is None, reason="NO CHROMIUM: the page is not tested in a real browser"),
+]
+
+
+@pytest.fixture(scope="module")
+def browser():
+    with sync_playwright() as playwright:
+        yield playwright.chromium.launch(executable_path=CHROMIUM, args=FLAGS)
+
+
+@pytest.fixture(scope="module")
+def file(robot, tmp_path_factory):
+    mechanism = robot("rx90")
+    path = tmp_path_factory.mktemp("page") / "rx90.html"
+    path.write_text(build_page(Setup({"rx90": mechanism}), {"rx90": serial_solver(mechanism)}))
+    return path
+
+
+@pytest.fixture
+def tab(browser):
+    """`tab(file, fragment)`: a page that shows it, without a network. What goes wrong in the page is an error here, and
+    so is what its policy refuses."""
+    contexts, wrong = [], []
+
+    def open_tab(file, fragment=""):
+        context = browser.new_context(viewport=SIZE, offline=True)
+        page = context.new_page()
+        page.on("pageerror", lambda error: wrong.append(str(error)))
+        page.on("console", lambda message: wrong.append(message.text) if message.type == "error" else None)
+        page.on("request", lambda one: None if one.url.startswith(LOCAL) else wrong.append(one.url))
+        page.goto(f"{file.as_uri()}{fragment}")
+        contexts.append(context)
+        assert becomes(page, READY)
+        return page
+
+    yield open_tab
+    for context in contexts:
+        context.close()
+    assert wrong == []
+
+
+def becomes(page, expression, seconds=30.0):
+    """Whether it comes true in time; asked from outside, since the page's policy refuses `eval`."""
+    last = time.monotonic() + seconds
+    while not page.evaluate(expression):
+        if time.monotonic() > last:
+            return False
+        page.wait_for_timeout(50)
+    return True
+
+
+def configuration(page):
+    return np.array(page.evaluate("cockpit.report.robots.rx90.q"))
+
+
+def at_rest(page):
+    return becomes(page, "cockpit.report.rate.at_rest")
+
+
+def drag(page, node, by, release=True):
+    x, y, *_ = page.evaluate(WHERE, ["rx90", node])
+    page.mouse.move(x, y)
+    page.mouse.down()
+    page.mouse.move(x + by[0], y + by[1], steps=8)
+    if release:
+        assert becomes(page, "cockpit.state.tasks.length === 1")
+        page.wait_for_timeout(300)
+        page.mouse.up()
+
+
+def test_a_drag_is_undone_and_its_end_is_a_link(file, tab):
+    page = tab(file)
+    home = configuration(page)
+    assert not page.evaluate("location.hash")
+    drag(page, "tool", (-60, -40), release=False)
+    assert becomes(page, "cockpit.state.tasks.some(({ source }) => source === 'pointer')")
+    PICTURES.mkdir(parents=True, exist_ok=True)
+    page.screenshot(path=PICTURES / "local_page.png")
+    page.mouse.up()
+    assert at_rest(page)
+    dragged = configuration(page)
+    assert np.abs(dragged - home).max() > 0.02
+    link = page.evaluate("location.hash")
+    page.keyboard.press("Control+z")
+    assert becomes(page, "cockpit.report.redo === 1 && cockpit.report.moving === null")
+    assert at_rest(page)
+    assert configuration(page) == pytest.approx(home, abs=1e-12)
+    page.evaluate("link => { location.hash = link; }", link)
+    assert becomes(page, f"Math.abs(cockpit.report.robots.rx90.q[1] - {dragged[1]}) < 1e-12")
+    other = tab(file, link)
+    assert configuration(other) == pytest.approx(dragged, abs=0.0)
+
+
+def test_a_slider_and_home(file, tab):
+    page = tab(file)
+    home = configuration(page)
+    page.locator('[data-joint="rx90/joint1"] input[type=number]').fill("80")
+    page.keyboard.press("Enter")
+    assert becomes(page, f"Math.abs(cockpit.report.robots.rx90.q[0] - {np.radians(80.0)}) < 1e-9")
+    page.click("#home")
+    assert becomes(page, "cockpit.report.moving === null && cockpit.report.undo === 2")
+    assert configuration(page) == pytest.approx(home, abs=1e-12)
+
+
+def test_what_only_a_server_does_is_hidden(file, tab):
+    page = tab(file)
+    page.click("#aids")
+    for selector in ("#section-sensors", "#section-record", "#section-forces", "#frame", "[data-aid=forecast]"):
+        assert not page.locator(selector).is_visible(), selector
+    for selector in ("#section-joints", "#section-tasks", "[data-aid=trail]"):
+        assert page.locator(selector).is_visible(), selector
+    page.evaluate("cockpit.send({ type: 'set_recording', on: true })")
+    assert becomes(page, "document.querySelector('#toasts .toast')?.textContent.includes('cinegen drive')")
+
+
+@pytest.mark.parametrize("fragment", ["#rx90=1,2,<script>", "#<img%20src=x%20onerror=alert(1)>=1", "#rx90=9,9,9,9,9,9"])
+def test_a_link_that_is_none_leaves_the_robot_at_home(file, tab, robot, fragment):
+    page = tab(file, fragment)
+    assert page.locator("#toasts .toast").first.is_visible()
+    assert page.evaluate("document.querySelectorAll('#toasts img, #toasts script').length") == 0
+    assert configuration(page) == pytest.approx(robot("rx90").q_home, abs=1e-12)

@@ -1,0 +1,119 @@
+"""The file of a page without a server: all that it needs is in it, and nothing in it is code but what should be."""
+
+from __future__ import annotations
+
+import base64
+import json
+import re
+import zlib
+from html.parser import HTMLParser
+from urllib.parse import unquote
+
+import pytest
+import umsgpack
+from serial_solver import serial_solver
+
+from cinegen.page import build_page
+from cinegen.session import Setup
+
+LARGEST = 1_200_000
+IMPORTED = re.compile(r'(?:^import|\} from|^import \{[^}]*\} from) "([^"]+)";', re.MULTILINE)
+HOSTILE = "</script><script>alert(1)</script><!--"
+
+
+class Elements(HTMLParser):
+    """All elements of a page with their attributes, and the texts of scripts and styles."""
+
+    def __init__(self, text):
+        super().__init__()
+        self.found = []
+        self.feed(text)
+
+    def handle_starttag(self, tag, attrs):
+        self.found.append([tag, dict(attrs), ""])
+
+    def handle_data(self, data):
+        if self.found:
+            self.found[-1][2] += data
+
+    def named(self, tag):
+        return [(attributes, text) for name, attributes, text in self.found if name == tag]
+
+
+@pytest.fixture(scope="module")
+def page(robot):
+    mechanism = robot("rx90")
+    return build_page(Setup({"rx90": mechanism}), {"rx90": serial_solver(mechanism)})
+
+
+@pytest.fixture(scope="module")
+def elements(page):
+    return Elements(page)
+
+
+def test_a_robot_with_its_meshes_is_small(page):
+    assert len(page.encode()) <= LARGEST
+
+
+def test_it_refers_to_nothing_outside(elements):
+    for tag, attributes, text in elements.found:
+        for name in ("src", "href"):
+            address = attributes.get(name)
+            assert address is None or address.startswith(("#", "data:")) or attributes.get("id") == "page-copy", address
+        if tag == "style":
+            assert "url(" not in text
+            assert "@import" not in text
+
+
+def test_every_import_is_a_module_of_the_page_and_all_names_are_used(elements):
+    ((_, text),) = [one for one in elements.named("script") if one[0].get("type") == "importmap"]
+    modules = json.loads(text)["imports"]
+    used = {"cinegen/cockpit.js", "cinegen/robot/0"}
+    for name, address in modules.items():
+        kind, _, content = address.partition(",")
+        assert kind == "data:text/javascript;charset=utf-8"
+        imported = IMPORTED.findall(unquote(content))
+        assert set(imported) <= set(modules), name
+        assert len(imported) == len(re.findall(r'^(?:import\b|\} from)[^;(]*"[^"]*";', unquote(content), re.MULTILINE))
+        used |= set(imported)
+    assert used == set(modules)
+    assert "cinegen/base/link.js" not in modules  # the page's own line is there instead
+    assert "cinegen/page/session/link.js" in modules
+
+
+def test_only_its_own_scripts_may_run(elements):
+    ((policy, _),) = [one for one in elements.named("meta") if "http-equiv" in one[0]]
+    rules = dict(rule.split(" ", 1) for rule in policy["content"].split("; "))
+    assert rules["default-src"] == "'none'"
+    nonce = re.fullmatch(r"'nonce-([0-9a-f]{32})'", rules["script-src"])[1]
+    for attributes, _ in elements.named("script"):
+        assert (attributes.get("nonce") == nonce) != (attributes.get("type") == "application/json")
+
+
+def test_licences_are_whole(page, root):
+    spaceless = "".join(page.replace("- -", "--").split())
+    for licence in (root / "cinegen" / "cockpit" / "static" / "vendor").glob("*/LICENSE"):
+        assert "".join(licence.read_text().replace("- -", "--").split()) in spaceless
+
+
+def test_names_are_text_not_markup(robot):
+    mechanism = robot("planar_3r")
+    text = build_page(Setup({HOSTILE: mechanism}), {HOSTILE: serial_solver(mechanism)}, HOSTILE)
+    scripts = Elements(text).named("script")
+    assert len(scripts) == 4
+    (content,) = [json.loads(text) for attributes, text in scripts if attributes.get("id") == "cinegen-page"]
+    assert content["hello"]["title"] == content["robots"][0]["name"] == HOSTILE
+
+
+def test_it_draws_what_the_server_would(elements, robot):
+    (content,) = [text for attributes, text in elements.named("script") if attributes.get("id") == "cinegen-page"]
+    scene = json.loads(content)["scene"]
+    drawn = zlib.decompress(base64.b64decode(scene["zlib"]))
+    assert sum(scene["lengths"]) == len(drawn)
+    end, paths = 0, []
+    for length in scene["lengths"]:
+        paths.append(umsgpack.unpackb(drawn[end : end + length])["path"])
+        end += length
+    nodes = {path.split("/")[4] for path in paths if path.startswith("/meshcat/cinegen/rx90/")}
+    assert nodes
+    assert nodes <= set(robot("rx90").nodes)

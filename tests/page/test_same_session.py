@@ -1,0 +1,164 @@
+"""The session of a page without a server does what Python's does: the same commands lead to the same states.
+
+Commands are carried out by both, at the same rate. After each, everything that a user sees of the session is equal, and
+configurations are equal where motions have ended; during motions that no task causes, at each moment.
+"""
+
+from __future__ import annotations
+
+import json
+import shutil
+import subprocess
+
+import numpy as np
+import pinocchio as pin
+import pytest
+from serial_solver import serial_solver
+
+from cinegen.mission import BasePose
+from cinegen.page.build import RATE, content_of
+from cinegen.session import Session, Setup
+from cinegen.session.commands import decode_command
+
+NODE = shutil.which("node")
+MOVED = 1e-9  # rad and m: motions of joints, home, and of undo along them
+REACHED = 1e-5  # rad and m: targets that tasks have reached
+
+pytestmark = pytest.mark.skipif(NODE is None, reason="NO NODE: the session in JavaScript is not tested")
+
+
+def in_python(setup, script):
+    session, states = Session(setup), []
+    for ticks, command in script:
+        if command is not None:
+            session.obey(decode_command(json.dumps(command), setup))
+        for _ in range(ticks):
+            session.tick()
+        state = session.state()
+        robots = {
+            name: {
+                "q": one.q.tolist(),
+                "status": one.status.name,
+                "closure": one.closure,
+                "tasks": [[t.id, t.node, t.source, t.translation, t.rotation, t.weight] for t in one.tasks],
+                "base": pin.SE3ToXYZQUAT(one.base).tolist(),
+            }
+            for name, one in state.robots.items()
+        }
+        shown = {name: getattr(state, name) for name in ("undo", "redo", "paused", "moving")}
+        states.append({"robots": robots, **shown, "notices": len(state.notices)})
+    session.close()
+    return states
+
+
+def in_javascript(setup, script, root, folder):
+    content = content_of(setup, "")
+    modules = {}
+    for one in content["robots"]:
+        modules[one["module"]] = str(folder / f"{one['name']}.mjs")
+        (folder / f"{one['name']}.mjs").write_text(serial_solver(setup.robots[one["name"]]))
+    (folder / "run.json").write_text(json.dumps({"content": content, "modules": modules, "script": script}))
+    command = [NODE, "--no-warnings", root / "tests" / "javascript" / "run_session.js", folder / "run.json"]
+    done = subprocess.run(command, capture_output=True, text=True, timeout=120, check=False)
+    assert done.returncode == 0, done.stderr
+    return json.loads(done.stdout)
+
+
+@pytest.fixture
+def same(root, tmp_path):
+    """`same(setup, script)`: the states of Python, once those of JavaScript are equal to them."""
+
+    def compare(setup, script, tolerance=MOVED):
+        expected, found = in_python(setup, script), in_javascript(setup, script, root, tmp_path)
+        for (_, command), one, other in zip(script, expected, found, strict=True):
+            for name, robot in one["robots"].items():
+                mine = other["robots"][name]
+                where = f"{name} after {command}"
+                assert mine["q"] == pytest.approx(robot["q"], abs=tolerance), where
+                assert mine["tasks"] == robot["tasks"], where
+                assert mine["status"] == robot["status"], where
+                turned = np.sign(np.dot(mine["base"][3:], robot["base"][3:]))
+                base = np.array(mine["base"]) * np.array([1.0, 1.0, 1.0, *[turned] * 4])
+                assert base == pytest.approx(robot["base"], abs=tolerance), where
+            for name in ("undo", "redo", "paused", "moving", "notices"):
+                assert other[name] == one[name], f"{name} after {command}"
+        return expected
+
+    return compare
+
+
+def test_joints_home_undo_and_pauses(same, robot):
+    setup = Setup({"rx90": robot("rx90")}, rate=RATE)
+    move = {"type": "move_joint", "robot": "rx90", "joint": "joint2"}
+    script = [
+        (10, None),
+        (40, move | {"value": 0.6}),
+        (3, move | {"value": 9.0}),  # beyond its limit
+        (30, {"type": "move_joint", "robot": "rx90", "joint": "joint5", "value": -0.3}),
+        (20, {"type": "pause", "on": True}),
+        (400, {"type": "pause", "on": False}),
+        (60, {"type": "end_joint_motion"}),
+        (200, {"type": "move_home"}),
+        (400, None),
+        (50, {"type": "undo"}),
+        (500, None),
+        (500, {"type": "undo"}),
+        (100, {"type": "redo"}),
+        (20, {"type": "undo"}),  # while it moves
+        (700, None),
+        (700, {"type": "redo"}),
+        (100, move | {"value": 1.0}),  # and what was undone can't be redone any more
+        (500, {"type": "end_joint_motion"}),
+    ]
+    states = same(setup, script)
+    assert max(state["redo"] for state in states) > 0 == states[-1]["redo"]
+    assert states[8]["robots"]["rx90"]["q"] == pytest.approx(setup.robots["rx90"].q_home)
+
+
+def test_drags_pins_and_their_removal(same, robot):
+    mechanism = robot("rx90")
+    setup = Setup({"rx90": mechanism}, rate=RATE)
+    at = mechanism.placement(mechanism.q_home, "tool")
+    target = at * pin.SE3(pin.rpy.rpyToMatrix(0.1, -0.1, 0.2), np.array([0.02, -0.03, 0.01]))
+    numbers = pin.SE3ToXYZQUAT(target).tolist()
+    drag = {"type": "start_drag", "robot": "rx90", "node": "tool", "rotation": True}
+    script = [
+        (5, drag),
+        (400, {"type": "move_drag", "position": numbers[:3], "quaternion": numbers[3:]}),
+        (5, {"type": "end_drag", "pin": True}),
+        (5, {"type": "pin", "robot": "rx90", "node": "tool"}),  # it is pinned already
+        (5, {"type": "change_task", "task": 1, "weight": 2.0}),
+        (5, drag),  # moves the pin
+        (400, {"type": "move_drag", "position": at.translation.tolist()}),
+        (400, {"type": "end_drag"}),
+        (5, {"type": "remove_task", "task": 77}),
+        (5, {"type": "remove_task", "task": 3}),
+        (800, {"type": "undo"}),
+        (800, {"type": "undo"}),
+        (800, {"type": "undo"}),
+        (800, {"type": "redo"}),
+        (5, {"type": "change_settings", "gain": 30.0, "damping": 0.1}),
+        (5, {"type": "move_drag", "position": [0.0, 0.0, 0.0]}),  # nothing is dragged
+        (5, {"type": "end_drag"}),
+        (5, {"type": "move_home", "robot": "rx90"}),  # removes pins
+        (800, None),
+    ]
+    states = same(setup, script, REACHED)
+    assert states[1]["robots"]["rx90"]["tasks"][0][2] == "pointer"
+    assert states[7]["robots"]["rx90"]["tasks"][0][2] == "pin"
+    assert states[-1]["robots"]["rx90"]["tasks"] == []
+
+
+def test_a_robot_carries_another_whose_pin_stays(same, robot):
+    bases = {"arm": BasePose("rx90", "tool", pin.SE3(np.eye(3), np.array([0.0, 0.0, 0.05])))}
+    setup = Setup({"arm": robot("planar_3r"), "rx90": robot("rx90")}, bases, rate=RATE)
+    script = [
+        (20, None),
+        (300, {"type": "move_joint", "robot": "rx90", "joint": "joint1", "value": 0.5}),
+        (20, {"type": "end_joint_motion"}),
+        (300, {"type": "move_joint", "robot": "arm", "joint": "joint2", "value": 0.4}),
+        (500, {"type": "undo"}),
+        (500, {"type": "undo"}),
+    ]
+    states = same(setup, script)
+    assert states[1]["robots"]["arm"]["base"] != states[0]["robots"]["arm"]["base"]
