@@ -141,7 +141,7 @@ export class LocalSession {
     this.#endDrag();
     this.history.begin();
     robot.motion = null;
-    const offset = point === null ? new Placement() : new Placement(new Vector3(...finite(point, 3)));
+    const offset = point === null ? new Placement() : new Placement(vector(point));
     this.#draggedPin = robot.recordedPins().find((pin) => pin.node === node) ?? null;
     for (const pin of robot.pins(node)) robot.removeTask(pin); // it moves with its node, and is restored at the end
     const task = robot.addTask(this.#newId(), node, POINTER, offset, [3, rotation && point === null ? 3 : 0]);
@@ -153,7 +153,7 @@ export class LocalSession {
     if (this.#drag === null) return; // it has ended meanwhile
     const { robot, task } = this.#drag;
     const rotation = quaternion === null ? robot.base.times(task.target).rotation : turn(quaternion);
-    task.target = robot.base.inverseTimes(new Placement(new Vector3(...finite(position, 3)), rotation));
+    task.target = robot.base.inverseTimes(new Placement(vector(position), rotation));
   }
 
   #endDrag(asPin = false) {
@@ -197,8 +197,8 @@ export class LocalSession {
   #changeTask({ task: id, translation = null, rotation = null, weight = null }) {
     const task = this.#task(id)?.task;
     if (task === undefined) return;
-    if (translation !== null) task.translation = within(translation, 0, 3);
-    if (rotation !== null) task.rotation = within(rotation, 0, 3);
+    if (translation !== null) task.translation = count(translation);
+    if (rotation !== null) task.rotation = count(rotation);
     if (weight !== null) task.weight = within(weight, 0.01, 100);
   }
 
@@ -287,9 +287,14 @@ export class LocalSession {
  * @param {number} count
  */
 function finite(numbers, count) {
-  const good = Array.isArray(numbers) && numbers.length === count && numbers.every((value) => Math.abs(value) <= FURTHEST);
+  const good = Array.isArray(numbers) && numbers.length === count && numbers.every((value) => Number.isFinite(value) && Math.abs(value) <= FURTHEST);
   if (!good) throw new CommandError(`a command needs ${count} numbers within ${FURTHEST}, not ${JSON.stringify(numbers)}`);
-  return /** @type {[number, number, number]} */ (numbers);
+  return /** @type {[number, number, number, number]} */ (numbers);
+}
+
+/** @param {number[]} numbers */
+function vector(numbers) {
+  return new Vector3().fromArray(finite(numbers, 3));
 }
 
 /**
@@ -298,13 +303,19 @@ function finite(numbers, count) {
  * @param {number} high
  */
 function within(value, low, high) {
-  if (!(value >= low && value <= high)) throw new CommandError(`a setting must be ${low} to ${high}, not ${value}`);
+  if (!(Number.isFinite(value) && value >= low && value <= high)) throw new CommandError(`a setting must be ${low} to ${high}, not ${value}`);
+  return value;
+}
+
+/** @param {number} value a number of degrees of freedom */
+function count(value) {
+  if (![0, 1, 2, 3].includes(value)) throw new CommandError(`a task constrains 0 to 3 translations and rotations, not ${value}`);
   return value;
 }
 
 /** @param {number[]} numbers a quaternion x y z w */
 function turn(numbers) {
-  const quaternion = new Quaternion(...numbers);
+  const quaternion = new Quaternion(...finite(numbers, 4));
   if (!(Math.abs(quaternion.length() - 1) < 0.1)) throw new CommandError("a quaternion x y z w has length 1");
   return quaternion.normalize();
 }
