@@ -10,7 +10,7 @@ import typer
 
 from cinegen.cli.drive import serve
 from cinegen.cli.options import flag
-from cinegen.cli.page import PageOptions
+from cinegen.cli.served_page import PageOptions
 from cinegen.errors import CinegenError
 from raff2urdf.errors import did_you_mean
 from raff2urdf.shipped import description, folder, robots, scenes

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Literal
 from cinegen.cli.files import check_outputs, count, disabled_pairs
 from cinegen.cli.numbers import quantity_option
 from cinegen.cli.options import FILES, SELF_CLEARANCE, RobotOptions, exclude, option
-from cinegen.cli.page import PageOptions, write_page
+from cinegen.cli.served_page import PageOptions, write_page
 from raff2urdf.command_line import UsageError
 from raff2urdf.files import stem_of
 from raff2urdf.quantities import FREQUENCY, LENGTH, shown

@@ -16,10 +16,10 @@ from cinegen.cli.files import check_outputs, print_result, write_figure
 from cinegen.cli.numbers import UNITS, dimension_of, interval_of, named, point
 from cinegen.cli.numbers import quantity as number
 from cinegen.cli.options import FILE, JSON, PLOT, VIEW, RobotOptions, exclude, flag, option
-from cinegen.cli.page import PageOptions
 from cinegen.cli.payloads import GRAVITY, PAYLOADS, WRENCHES, carried, gravity_of, wrenches
 from cinegen.cli.progress import Progress
 from cinegen.cli.region import region
+from cinegen.cli.served_page import PageOptions
 from cinegen.cli.tolerance import ENCODER, PLAY, SIGMA, amounts
 from cinegen.errors import CinegenError, UnknownNameError
 from raff2urdf.command_line import UsageError

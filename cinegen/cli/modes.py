@@ -11,8 +11,8 @@ from cinegen.cli.files import check_outputs, count, print_result, write_figure
 from cinegen.cli.ik import TYPED, limits_text, missed_text, pose_task, pose_text, self_motion_lines
 from cinegen.cli.numbers import UNITS, parts, values
 from cinegen.cli.options import FILE, JSON, NODE, PLOT, VIEW, RobotOptions, exclude, option
-from cinegen.cli.page import PageOptions
 from cinegen.cli.progress import Progress
+from cinegen.cli.served_page import PageOptions
 from cinegen.errors import CinegenError, UnknownNameError
 from raff2urdf.quantities import LENGTH, shown_scale
 

@@ -26,8 +26,8 @@ from cinegen.cli.options import (
     exclude,
     option,
 )
-from cinegen.cli.page import PageOptions
 from cinegen.cli.progress import Progress
+from cinegen.cli.served_page import PageOptions
 from cinegen.errors import CinegenError
 from raff2urdf.files import output_path, stem_of, write_all
 from raff2urdf.quantities import ANGLE, LENGTH, NUMBER, shown, shown_scale

@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from cinegen.cli.export import RECORDING, SPEED
-from cinegen.cli.page import PageOptions
+from cinegen.cli.served_page import PageOptions
 from raff2urdf.files import stem_of
 
 

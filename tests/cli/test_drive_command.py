@@ -17,7 +17,7 @@ import numpy as np
 import pytest
 
 from cinegen.cli import main
-from cinegen.cli.page import PageOptions
+from cinegen.cli.served_page import PageOptions
 from cinegen.mission import Recording
 
 

@@ -20,7 +20,7 @@ from variants import slow
 import cinegen.cli
 import raff2urdf.cli
 import raff2urdf.urdf2raff.cli
-from cinegen.cli.page import PageOptions
+from cinegen.cli.served_page import PageOptions
 
 # A call of each command that is right and quick; each value that is tried is written in place of one of its arguments,
 # or behind them.

@@ -1,0 +1,165 @@
+"""The options of commands that serve a page, and its service until the end of the session."""
+
+from __future__ import annotations
+
+import math
+import os
+import re
+import sys
+import webbrowser
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from cinegen.cli.files import check_outputs, write
+from cinegen.cli.options import FORCE, SECONDS, flag, option
+from cinegen.cli.progress import Progress
+from raff2urdf.command_line import UsageError
+from raff2urdf.output import until_stopped
+
+if TYPE_CHECKING:
+    from cinegen.cockpit import Cockpit
+    from cinegen.session import Setup
+
+_REALTIME = 40  # priority of SCHED_FIFO, above ordinary programs and below most kernel threads (50)
+_UNATTENDED = 10.0  # s of motion without a terminal, where Ctrl-C is impossible
+_PANEL = {"rich_help_panel": "Page"}
+
+
+@dataclass(frozen=True)
+class PageOptions:
+    """The page of a session."""
+
+    seconds: float | None = SECONDS
+    port: int = option("PORT", "first port to try", 7000, min=1, max=65535, **_PANEL)
+    host: str = option("ADDRESS", "address to listen on, for other machines", "127.0.0.1", **_PANEL)
+    token: str | None = option(
+        "TEXT", "token that browsers must send (default: a random one); the environment hides it from other users",
+        envvar="CINEGEN_TOKEN", **_PANEL,
+    )  # fmt: skip
+    no_token: bool = flag("--no-token", "let all users of this machine open the page", **_PANEL)
+    no_browser: bool = flag("--no-browser", "only print the address of the page", **_PANEL)
+    realtime: bool = flag(
+        "--realtime", f"run the session in the real-time class SCHED_FIFO, priority {_REALTIME}, if the system permits "
+        "it: more punctual on a busy machine, but other programs must wait", **_PANEL,
+    )  # fmt: skip
+    video: Path | None = option(
+        "FILE.mp4", "film --seconds of the session, as fast as it can be drawn; a folder for its frames", **_PANEL
+    )
+    size: str = option("WxH", "size of the film, pixels", "1280x720", **_PANEL)
+    force: bool = FORCE
+    aids: bool = flag("--aids", "draw the visual aids in the film", **_PANEL)
+
+    def show(self, setup: Setup, stem: str, snapshot: Path | None = None) -> int:
+        """Serve the page of a session until it ends; return the exit code.
+
+        Args:
+            setup: of the session.
+            stem: of the page that is written without a terminal.
+            snapshot: file that the page is written to in the end.
+
+        Raises:
+            CinegenError: the page can't be served or filmed, or the recording ended early.
+        """
+        from cinegen.cockpit import Cockpit
+        from cinegen.cockpit.server import is_local
+        from cinegen.session import SessionError
+
+        if self.no_token and self.token:
+            raise UsageError("--no-token and --token exclude each other")
+        if self.realtime:
+            setup = replace(setup, priority=_REALTIME)
+        if self.video:
+            check_outputs(self.video, force=self.force)
+            return self._film(setup, self.video)
+        seconds = self.seconds
+        if seconds is None and not (sys.stdin is not None and sys.stdin.isatty()):
+            seconds, snapshot = _UNATTENDED, snapshot or Path(f"{stem}.html")
+            check_outputs(snapshot, force=self.force)
+        with Cockpit(
+            setup, host=self.host, port=self.port, token="" if self.no_token else self.token or None
+        ) as cockpit:
+            self._announce(cockpit, seconds)
+            if not is_local(self.host):
+                print("      whoever has this address can drive; the line is not encrypted", flush=True)
+            with until_stopped():
+                _wait(cockpit, seconds)
+            state = cockpit.state
+            print(f"stopped; loops closed to {max(robot.closure for robot in state.robots.values()):.1g}", flush=True)
+            if snapshot:
+                write_page(snapshot, cockpit.snapshot())
+        if state.recording is not None:
+            print(f"recorded: {state.recording.file}")
+            if state.recording.error is not None:
+                raise SessionError(f"{state.recording.file}: recording ended early: {state.recording.error}")
+        return 0
+
+    def _announce(self, cockpit: Cockpit, seconds: float | None) -> None:
+        scripts = {one.name: one.robot for one in cockpit.setup.devices if one.robot is not None}
+        for sensor in cockpit.state.sensors:
+            if sensor.id in scripts:
+                print(f"{scripts[sensor.id]}: {sensor.message}")
+        print(f"page: {cockpit.url}", "- Ctrl-C ends" if seconds is None else f"- for {seconds:g} s", flush=True)
+        if self.realtime:
+            _report_scheduling(cockpit.runner.report().scheduling)
+        if not self.no_browser and _has_screen():
+            webbrowser.open(cockpit.server.local_url)
+
+    def _film(self, setup: Setup, path: Path) -> int:
+        from cinegen.cockpit import film
+
+        if self.seconds is None:
+            raise UsageError("--video needs --seconds: the duration of the film")
+        size = re.fullmatch(r"(\d{2,4})x(\d{2,4})", self.size)
+        if size is None or not all(64 <= int(side) <= 8192 for side in size.groups()):
+            raise UsageError(f"--size: '{self.size}' is not a size in pixels, such as 1280x720")
+        with Progress() as progress:
+            shape = int(size[1]), int(size[2])
+            print(f"film: {film(setup, path, self.seconds, shape, self.aids, progress.fraction)}")
+        return 0
+
+
+def _wait(cockpit: Cockpit, seconds: float | None) -> None:
+    """Wait until the time is over or Ctrl-C; at a terminal, with a line about the state."""
+    from cinegen.jit.starting import COMPILATION
+
+    if not sys.stderr.isatty():
+        cockpit.wait(seconds)
+        return
+    left = math.inf if seconds is None else seconds
+    while left > 0.0 and not cockpit.wait(min(left, 1.0)):
+        left -= 1.0
+        state = cockpit.state
+        text = ", ".join(
+            f"{name}: {robot.status.label}, closure {robot.closure:.0e}" for name, robot in state.robots.items()
+        )
+        if not state.compiled:
+            text = f"compiling {COMPILATION.fraction:.0%}, Python computes: {text}"
+        print(f"\r{state.time:5.0f} s  {text[:110]:<110}", end="", file=sys.stderr, flush=True)
+
+
+def _report_scheduling(scheduling: str) -> None:
+    if scheduling.startswith("SCHED_FIFO"):
+        print(f"real-time scheduling: {scheduling}", flush=True)
+    else:
+        hint = (
+            f". To permit it, run `ulimit -r {_REALTIME}` as root before, or set rtprio in /etc/security/limits.conf"
+            if "permitted" in scheduling
+            else ""
+        )
+        print(f"warning: --realtime: {scheduling}{hint}", file=sys.stderr)
+
+
+def _has_screen() -> bool:
+    """Return whether a browser can open a window here (a text browser would take the terminal instead)."""
+    return sys.platform in ("darwin", "win32") or bool(os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY"))
+
+
+def write_page(path: Path, text: str) -> None:
+    """Write a page that needs no server.
+
+    Raises:
+        CinegenError: it can't be written.
+    """
+    write(path, text)
+    print(f"page without a server: {path.resolve()}")
