@@ -11,7 +11,7 @@ import shutil
 import subprocess
 import tempfile
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -78,8 +78,10 @@ def film(
         return path
     ffmpeg = _ffmpeg()
     with tempfile.TemporaryDirectory(prefix="cinegen-") as folder:
+        one_colour = f"color=size={size[0]}x{size[1]}:rate={FPS}:duration=0.1"
+        _encoded(["-f", "lavfi", "-i", one_colour], Path(folder), path, ffmpeg)  # drawing takes minutes
         _draw_frames(setup, Path(folder), seconds, size, aids, report)
-        _write(path, _encoded(Path(folder), path, ffmpeg))
+        _write(path, _encoded(_frames_of(Path(folder)), Path(folder), path, ffmpeg))
     return path
 
 
@@ -148,13 +150,22 @@ def _messages(
         yield state_message(state, poses, found), report
 
 
-def _encoded(folder: Path, path: Path, ffmpeg: str) -> bytes:
-    """Return a film in the format of a path, of the frames in a folder."""
+def _frames_of(folder: Path) -> list[str]:
+    """Return ffmpeg's options for the frames in a folder."""
+    return ["-framerate", str(FPS), "-i", str(folder / "%05d.png")]
+
+
+def _encoded(source: Sequence[str], folder: Path, path: Path, ffmpeg: str) -> bytes:
+    """Return a film in the format of a path, from ffmpeg's options for its source; it is made in a folder.
+
+    Raises:
+        FilmError: ffmpeg can't make it.
+    """
     even = "pad=ceil(iw/2)*2:ceil(ih/2)*2"  # most players need even sizes
     codec = ["-pix_fmt", "yuv420p", "-crf", "20"] if path.suffix.lower() == ".mp4" else []
     made = folder / path.name
-    command = [ffmpeg, "-y", "-loglevel", "error", "-framerate", str(FPS), "-i", str(folder / "%05d.png"), "-vf", even]
-    done = subprocess.run([*command, *codec, str(made)], capture_output=True, text=True, errors="replace", check=False)
+    command = [ffmpeg, "-y", "-loglevel", "error", *source, "-vf", even, *codec, str(made)]
+    done = subprocess.run(command, capture_output=True, text=True, errors="replace", check=False)
     if done.returncode:
         reason = (done.stderr.strip().splitlines() or ["no reason is given"])[-1]
         raise FilmError(f"{path.name}: ffmpeg can't write it: {reason}")

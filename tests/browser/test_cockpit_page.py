@@ -168,8 +168,8 @@ def easiest(cockpit, name, node, at):
     ("names", "name", "node"),
     [
         (("delta4",), "delta4", "link5"),  # the platform
-        (("five_bar", "four_bar"), "four_bar", "link2"),
         *slow(
+            (("five_bar", "four_bar"), "four_bar", "link2"),
             (("delta4",), "delta4", "link8"),  # a forearm
             (("delta4",), "delta4", "link6"),  # an upper arm: its elbow
             (("hybrid",), "hybrid", "link11"),

@@ -22,7 +22,7 @@ from PIL import Image
 import cinegen.cli
 import raff2urdf.cli
 import raff2urdf.urdf2raff.cli
-from cinegen.cockpit.film import FilmError, _encoded, _write
+from cinegen.cockpit.film import FilmError, _encoded, _frames_of, _write
 from cinegen.devices import Reading, ReadingRecorder, RecordError
 from cinegen.devices.replay import load_readings
 from cinegen.mission import MissionRecorder, Recording, RobotSample
@@ -355,7 +355,10 @@ def test_a_film_that_fails_leaves_what_was_there(tmp_path):
     (frames := tmp_path / "frames").mkdir()
     (frames / "00001.png").write_bytes(b"no picture")
     with pytest.raises(FilmError, match="can't write it"):
-        _write(tmp_path / "film.mp4", _encoded(frames, tmp_path / "film.mp4", imageio_ffmpeg.get_ffmpeg_exe()))
+        _write(
+            tmp_path / "film.mp4",
+            _encoded(_frames_of(frames), frames, tmp_path / "film.mp4", imageio_ffmpeg.get_ffmpeg_exe()),
+        )
     assert (tmp_path / "film.mp4").read_bytes() == b"older"
 
 

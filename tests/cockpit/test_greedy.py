@@ -100,7 +100,7 @@ def page(robot):
         yield one
 
 
-HARDEST = ("slow commands in turns", "snapshots", "scenes")  # one for each thing that clients do
+HARDEST = ("scenes",)
 
 
 @pytest.mark.parametrize(

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from mouse_streams import magellan_motion, spaceball_motion
 from played import PlayedMagellan, PlayedSpaceball, wait
+from variants import slow
 
 from cinegen.session import SessionRunner, arrange
 
@@ -14,7 +15,7 @@ pytestmark = pytest.mark.filterwarnings("ignore:.*no such port:cinegen.CinegenWa
 UP = {PlayedMagellan: magellan_motion((0, 300, 0, 0, 0, 0)), PlayedSpaceball: spaceball_motion((0, 6000, 0, 0, 0, 0))}
 
 
-@pytest.mark.parametrize("kind", [PlayedMagellan, PlayedSpaceball])
+@pytest.mark.parametrize("kind", [PlayedMagellan, *slow(PlayedSpaceball)])
 def test_a_mouse_moves_the_node_that_it_is_switched_to(kind, robot, tmp_path):
     device = kind(tmp_path / "mouse").plug()
     delta = robot("delta4")

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pinocchio as pin
 import pytest
-from variants import others_slow
+from variants import others_slow, slow
 
 import cinegen
 import raff2urdf
@@ -264,7 +264,7 @@ class Whim:
 
 
 @pytest.mark.parametrize(("name", "which"), others_slow(EVERY))
-@pytest.mark.parametrize("acceleration", [None, 10.0])
+@pytest.mark.parametrize("acceleration", [10.0, *slow(None)])
 def test_whatever_becomes_of_the_pulls_there_is_a_status_and_nothing_breaks(name, which, acceleration):
     mechanism = cinegen.load(ROBOTS / f"{name}.raff", which)
     solver = Solver(mechanism, 1 / 60, acceleration=acceleration)

@@ -39,7 +39,7 @@ def blocks(seed: int, dependent: bool) -> tuple[np.ndarray, dict, int]:
     }, rank  # fmt: skip
 
 
-@settings(max_examples=200, deadline=None)
+@settings(max_examples=60, deadline=None)
 @given(st.integers(0, 10**6), st.booleans(), st.sampled_from((1e-9, 1.0, 1e9)))
 def test_motions_and_steps_are_those_of_the_whole_matrix(seed, dependent, scale):
     j, tables, rank = blocks(seed, dependent)

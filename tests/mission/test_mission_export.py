@@ -112,7 +112,7 @@ def test_a_goal_that_is_too_long_for_a_shell_is_noted(recording):
 SERVO = re.compile(r"  servoj\(\[([-\d., ]+)\], 0, 0, ([\d.]+), 0\.1, 300\)")
 
 
-@pytest.mark.parametrize("rate", [125.0, 500.0])
+@pytest.mark.parametrize("rate", [125.0, *slow(500.0)])
 def test_a_program_in_urscript(recording, rate):
     path = recording("rx90")
     report = export(path, "urscript", rate=rate)

@@ -50,7 +50,7 @@ def balls_about(name, node, rng):
     return found
 
 
-@pytest.mark.parametrize(("dt", "acceleration"), [(1e-3, np.inf), (0.05, np.inf), (0.01, None)])
+@pytest.mark.parametrize(("dt", "acceleration"), [(0.05, np.inf), (0.01, None), *slow((1e-3, np.inf))])
 @pytest.mark.parametrize(("name", "node"), [("arm7", "tool"), ("planar_3r", "tool"), ("delta4", "platform")])
 @pytest.mark.parametrize("seed", [0, *slow(1, 2)])
 def test_however_it_is_pulled_it_stays_clear_all_along(name, node, dt, acceleration, seed):

@@ -95,7 +95,7 @@ def test_out_of_reach_and_back(name, which, excursions):
     assert dead_ends <= DEAD_ENDS.get(name, 0)
 
 
-@every_robot
+@pytest.mark.parametrize(("name", "which"), others_slow(EVERY))
 @excursions
 def test_out_of_reach_and_back_a_persistent_solver_always_comes(name, which, excursions):
     mechanism, rng = load(name, which), np.random.default_rng(0)

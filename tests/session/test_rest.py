@@ -10,6 +10,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from variants import slow
 
 from cinegen.collision import load_scene
 from cinegen.session import Session, SessionRunner, arrange, scene_setup
@@ -94,7 +95,7 @@ def test_an_obstacle_that_is_dragged_wakes_the_session(root):
     assert np.linalg.norm(obstacle.pose.translation - here) > 1e-4
 
 
-@pytest.fixture(scope="module", params=[False, True], ids=["in a thread", "in a process"])
+@pytest.fixture(scope="module", params=[*slow(False), True], ids=["in a thread", "in a process"])
 def runner(robot, request):
     """A session that is at rest, one for all tests."""
     with SessionRunner(arrange({"arm": robot("planar_3r")}), own_process=request.param) as one:

@@ -68,10 +68,9 @@ def _of_family(mark):
 @pytest.mark.parametrize(
     ("end", "delay"),
     [
-        (signal.SIGKILL, 0.02),
         (signal.SIGKILL, None),
         (signal.SIGINT, 0.1),
-        *slow((signal.SIGKILL, 0.4), (signal.SIGINT, 1.0)),
+        *slow((signal.SIGKILL, 0.02), (signal.SIGKILL, 0.4), (signal.SIGINT, 1.0)),
     ],
 )
 def test_the_process_of_a_session_ends_with_its_parent_at_any_moment_and_prints_nothing(tmp_path, end, delay):

@@ -4,6 +4,7 @@ import numpy as np
 import pinocchio as pin
 import pytest
 from mapped import mapped, over
+from variants import slow
 
 from cinegen.model.load import build
 from cinegen.singularities import SingularityType
@@ -35,7 +36,7 @@ def test_over_motors_no_cell_is_lost_in_a_pocket_that_the_way_led_into(robot, li
         assert (q <= model.upperPositionLimit + 1e-8).all()
 
 
-@pytest.mark.parametrize("count", [10, 11, 16])
+@pytest.mark.parametrize("count", [10, 11, *slow(16)])
 def test_the_share_that_closes_does_not_depend_on_the_grid(robot, count):
     axes = (("joint3", 0.018, 0.048, count), ("joint9", 0.018, 0.048, count))
     tssm = robot("tssm")

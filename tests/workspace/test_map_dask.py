@@ -81,7 +81,9 @@ def children(pid):
     return [int(child) for child in Path(f"/proc/{pid}/task/{pid}/children").read_text().split()]
 
 
-@pytest.mark.parametrize(("name", "of"), [("planar_3r", over_joints), ("delta4", over_joints), ("delta4", of_delta)])
+@pytest.mark.parametrize(
+    ("name", "of"), [("delta4", over_joints), ("delta4", of_delta), *slow(("planar_3r", over_joints))]
+)
 def test_two_processes_make_the_same_bytes_as_one(robot, address, tmp_path, capfd, name, of):
     spec = of(robot(name))
     make_map(spec, tmp_path / "one.zarr", workers=1, most=MOST)
