@@ -321,7 +321,7 @@ def _filmed(path):
     with tempfile.TemporaryDirectory() as folder:
         for number in range(1, 6):
             Image.new("RGB", (64, 48), "red").save(Path(folder, f"{number:05d}.png"))
-        _write(path, _encoded(Path(folder), path, imageio_ffmpeg.get_ffmpeg_exe()))
+        _write(path, _encoded(_frames_of(Path(folder)), Path(folder), path, imageio_ffmpeg.get_ffmpeg_exe()))
 
 
 def test_a_film_follows_links_and_keeps_devices(device, tmp_path):
