@@ -237,6 +237,10 @@ MISTAKES = [
     ),
     ({"platform.z": -1.0}, "column platform.z: the readings differ by .* from what the robot does .* check the unit"),
     ({"joint1": 1000.0}, "joint1: .* far beyond its limits"),
+    (
+        dict.fromkeys(("joint1", "joint6", "joint12"), np.radians(1.0)),
+        "joint1, joint6, joint12: all columns fit if these readings are 57.3 times as large, .* in rad, and rea",
+    ),
 ]
 
 
@@ -249,6 +253,32 @@ def test_wrong_units_are_asked_back(factors, message):
     bad = Measurements(readings.quantities, values, readings.sigmas, readings.labels, "m.csv")
     with pytest.raises((DesignError, cinegen.CinegenError), match=message):
         calibrate(parameters, Measurements.loads(bad.text("m", "rad"), parameters.mechanism, "m.csv"))
+
+
+@pytest.mark.parametrize(("name", "what"), [("delta4_linear", "all columns fit"), *slow(("gough", "the loops close"))])
+def test_strokes_in_another_unit(name, what):
+    parameters = Parameters(name, ["link1.r"])
+    readings = exact(parameters, [f"{parameters.mechanism.end}.{c}" for c in POSE], parameters.values, 8)
+    text = readings.text("m", "rad").replace(" [m]", " [mm]", len(parameters.mechanism.actuated))
+    with pytest.raises(
+        DesignError, match=rf"{what} if these readings are 1000 times as large, .* in m, and read as mm"
+    ):
+        calibrate(parameters, Measurements.loads(text, parameters.mechanism, "m.csv"))
+
+
+@pytest.mark.parametrize(
+    ("factor", "message"),
+    [
+        (180.0 / np.pi, "0.01745 times as large: are they in deg"),
+        (np.pi / 180.0, "57.3 times as large: are they in rad"),
+    ],
+)
+def test_angles_of_a_node_in_another_unit(factor, message):
+    parameters = Parameters("arm7", ["link*.r"])
+    readings = exact(parameters, [f"tool.{c}" for c in POSE], parameters.values, 8)
+    readings.values[:, -3:] *= factor
+    with pytest.raises(DesignError, match=rf"column tool.rx: the readings differ by .* {message}, and read as"):
+        calibrate(parameters, readings)
 
 
 def test_joints_that_nothing_determines_are_named():

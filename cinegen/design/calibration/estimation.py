@@ -27,15 +27,15 @@ from numpy.typing import NDArray
 from scipy.optimize import least_squares
 
 from cinegen.design.amounts import Amounts, amount_in, fits, pairs
-from cinegen.design.calibration.frames import UNITS
 from cinegen.design.calibration.identifiability import Dependency, Subspace, dependencies, subspace
 from cinegen.design.calibration.measurements import Measurements
 from cinegen.design.calibration.observation import Observation, Prediction
+from cinegen.design.calibration.plausible import check_units, predicted
 from cinegen.design.errors import DesignError
 from cinegen.design.parameters import Parameters
 from cinegen.errors import warn
 from raff2urdf import closure
-from raff2urdf.quantities import ANGLE, LENGTH, Dimension, shown
+from raff2urdf.quantities import ANGLE, LENGTH, Dimension
 from raff2urdf.raff.document import Document
 
 Array = NDArray[np.float64]
@@ -52,10 +52,6 @@ _CAUCHY = 2.0  # standard deviations from which the redescending loss weakens
 _ROUNDS = 12  # of rejection
 _OWN = 1.0 - 1e-9  # a parameter of this determined length is determined by itself
 _WITHOUT = 1e-7  # one below has no effect
-_OFF = 0.25  # of the characteristic length or rad: most readings farther from nominal are in another unit or frame
-
-_FAR = 20.0  # expected standard deviations beyond which other units are tried
-_FITS = 0.05  # of the difference that remains in the right unit
 
 
 @dataclass(frozen=True)
@@ -261,7 +257,7 @@ def calibrate(
     read = measurements if isinstance(measurements, Measurements) else Measurements.load(measurements, whole.mechanism)
     parameters = whole if isinstance(source, Parameters) else _with_offsets(whole, names, ties, read)
     observation = Observation(parameters, read, gains)
-    nominal = observation.predict(observation.values)
+    nominal = predicted(observation)
     before = observation.residuals(nominal)
     covariances = observation.covariances(nominal)
     standard = np.sqrt(np.einsum("nkk->nk", covariances))
@@ -269,7 +265,7 @@ def calibrate(
     errors[[name in nominal.opening for name in observation.names]] = 0.0
     present = np.isfinite(before)
     solver = _Solver(observation, covariances, errors)
-    _check_size(observation, before, solver.expected(nominal))
+    check_units(observation, nominal, np.where(np.isin(observation.names, observation.frames.names), 0.0, errors))
     space = subspace(solver.whiten(nominal.jacobian, present), errors)
     if not space.basis.shape[1]:
         raise DesignError(f"{read.source}: no parameter changes any of the readings: nothing can be estimated")
@@ -421,39 +417,6 @@ def _with_offsets(
     if "*" in wanted:
         wanted += [whole.own_variable(one.of).name for one in measurements.quantities if one.kind == "joint"]
     return Parameters(whole.document, wanted, ties, robot=whole.robot.name)
-
-
-def _check_size(observation: Observation, before: Array, spread: Array) -> None:
-    """Refuse measurements that are far from what the robot does, as in another unit or frame.
-
-    Args:
-        observation: of the measurements.
-        before: (poses, outputs) residuals at nominal values.
-        spread: (poses, outputs) their standard deviations by the expected errors.
-    """
-    length = observation.design.mechanism.length
-    expected = before + observation.measured
-    for k, one in enumerate(observation.quantities):
-        read = np.isfinite(before[:, k])
-        if not read.any():
-            continue
-        size = length if one.dimension is LENGTH else 1.0
-        off = float(np.median(np.abs(before[read, k])))
-        where = (
-            f"{observation.measurements.source}, column {one.name}: the readings differ by {shown(off, one.dimension)}"
-        )
-        if off > _FAR * float(np.median(spread[read, k])):
-            for wrong, right, factor in UNITS[one.dimension]:
-                if np.median(np.abs(expected[read, k] - factor * observation.measured[read, k])) < _FITS * off:
-                    raise DesignError(
-                        f"{where} from what the robot does, and would fit if they were {factor:.4g} times as large: "
-                        f"are they in {right}, and read as {wrong}?"
-                    )
-        if off > _OFF * size:
-            raise DesignError(
-                f"{where} from what the robot does (its characteristic length is {shown(length, LENGTH)}): check the "
-                "unit and the sign, and that the device measures in the robot's world frame, or transform them to it"
-            )
 
 
 def _dependencies(observation: Observation, space: Subspace, errors: Array) -> tuple[Dependency, ...]:

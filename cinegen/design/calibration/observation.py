@@ -174,6 +174,7 @@ class Observation:
         design = self.design
         if self._q is None:
             self._q = self.start()
+        if not self._is_placed:
             self._place_frames()
         count = len(design.parameters)
         own_frames = theta[count + len(self.gains) :]
@@ -218,18 +219,18 @@ class Observation:
         return Prediction(values, jacobian, by_inputs * factors, here.q, here.gap, here.opening if derivatives else ())
 
     def _place_frames(self) -> None:
-        if self._is_placed or not len(self.frames):
+        self._is_placed = True
+        if not len(self.frames):
             return
         here = self.design.evaluate(q=self._q, derivatives=False)
         nodes = {one.of: here.placements(one.of) for one in self.quantities if one.kind != "joint"}
         self.frames.locate(
             self.quantities, self.measured, nodes, self.design.mechanism.length, self.measurements.source
         )
-        self._is_placed = True
 
-    def keep(self, prediction: Prediction) -> None:
-        """Begin to close loops from these configurations from now on."""
-        self._q = prediction.q
+    def keep(self, q: Array) -> None:
+        """Begin to close loops from configurations (poses, nq) from now on."""
+        self._q = q
 
     def residuals(self, prediction: Prediction) -> Array:
         """Return expected minus measured readings (poses, outputs), m and rad; NaN where nothing was measured. Angles
