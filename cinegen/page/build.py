@@ -44,16 +44,13 @@ def build_page(setup: Setup, solvers: Mapping[str, str], title: str = "") -> str
         title: title of the page; the robots' names unless given.
     """
     title = title or title_of(setup)
-    data = content_of(setup, title)
-    modules = import_map({one["module"]: solvers[one["name"]] for one in data["robots"]})
-    data["scene"] = _scene(setup, title)
-    nonce = hashlib.sha256(_json([modules, data]).encode()).hexdigest()[:32]
-    scripts = [
-        f'<script nonce="{nonce}">{viewer()}</script>',
-        f'<script type="application/json" id="cinegen-page">{_json(data)}</script>',
-        f'<script nonce="{nonce}" type="module">import "cinegen/cockpit.js";</script>',
-    ]
-    importing = f'<script nonce="{nonce}" type="importmap">{_json({"imports": modules})}</script>'
+    content = content_of(setup, title) | {"scene": _scene(setup, title)}
+    modules = import_map({one["module"]: solvers[one["name"]] for one in content["robots"]})
+    packed = _packed({"viewer": viewer(), "modules": modules, "content": content})
+    nonce = hashlib.sha256(packed.encode()).hexdigest()[:32]
+    scripts = (
+        f'<script type="text/plain" id="packed">{packed}</script>\n<script nonce="{nonce}">{_own("unpack.js")}</script>'
+    )
     policy = f'<meta http-equiv="Content-Security-Policy" content="{_POLICY.format(nonce=nonce)}">'
     styles = "\n".join(_static(name) for name in _STYLES) + _own("local.css")
     text = _static("index.html").replace("{{title}}", html.escape(title))
@@ -61,8 +58,8 @@ def build_page(setup: Setup, solvers: Mapping[str, str], title: str = "") -> str
     text = text.replace("<head>\n", f"<head>\n<!-- {GENERATED}\n{_licences()}-->\n{policy}\n", 1)
     text = re.sub(r'<link rel="icon"[^>]*>', f'<link rel="icon" href="{_icon()}" type="image/svg+xml">', text)
     text = re.sub(r'(<link rel="stylesheet"[^>]*>\s*)+', lambda _: f"<style>\n{styles}</style>\n", text)
-    text = re.sub(r'<script type="importmap">.*?</script>', lambda _: importing, text)
-    return re.sub(r"<script src=.*</script>\n(?=</body>)", lambda _: "\n".join(scripts) + "\n", text, flags=re.DOTALL)
+    text = re.sub(r'<script type="importmap">.*?</script>\n', "", text)
+    return re.sub(r"<script src=.*</script>(?=\n</body>)", lambda _: scripts, text, flags=re.DOTALL)
 
 
 def content_of(setup: Setup, title: str) -> dict[str, Any]:
@@ -94,20 +91,16 @@ def _robots(setup: Setup) -> Iterator[Any]:
         yield {"name": name, "module": f"cinegen/robot/{number}", "base": mounting, "start": start}
 
 
-def _scene(setup: Setup, title: str) -> Any:
-    """Return the drawing commands of the scene: their lengths, and all their bytes, compressed and in base64."""
+def _scene(setup: Setup, title: str) -> list[str]:
+    """Return the drawing commands of the scene, in base16."""
     page = Page(title)
     draw(page, setup)
-    messages = page.scene().values()
-    return {
-        "lengths": list(map(len, messages)),
-        "zlib": base64.b64encode(zlib.compress(b"".join(messages), 9)).decode(),
-    }
+    return [message.hex() for message in page.scene().values()]
 
 
-def _json(value: Any) -> str:
-    """Return JSON that can stand in an element of HTML."""
-    return json.dumps(value, separators=(",", ":"), allow_nan=False).replace("<", "\\u003c")
+def _packed(content: Any) -> str:
+    """Return JSON, compressed and in base64."""
+    return base64.b64encode(zlib.compress(json.dumps(content, allow_nan=False).encode(), 9)).decode()
 
 
 def _licences() -> str:

@@ -12,9 +12,6 @@ from pathlib import Path, PurePosixPath
 from urllib.parse import quote
 
 _IMPORT = re.compile(r'^((?:import|export)\b[^;"]*?|\} from )"(\.{1,2}/[^"]+)";', re.MULTILINE)
-_SPARE = re.compile(r"^[ \t]*(?://[^\n]*|/\*\*(?:[^*]|\*(?!/))*\*/[ \t]*)?\n|^[ \t]+", re.MULTILINE)
-"""Lines that hold only a comment or nothing, and indentation: left out."""
-
 _KEPT = "".join(chr(code) for code in range(0x20, 0x7F) if chr(code) not in "%#")
 """Characters that stand for themselves in the data of an address (https://fetch.spec.whatwg.org/#data-urls)."""
 
@@ -32,7 +29,7 @@ def import_map(given: Mapping[str, str]) -> dict[str, str]:
     """
     found = {_name(path): text for path, text in _modules(_ENTRY)}
     found["three"] = _read("cinegen/cockpit/static/base/three.js")
-    return {name: _address(_SPARE.sub("", text)) for name, text in (found | dict(given)).items()}
+    return {name: _address(text) for name, text in (found | dict(given)).items()}
 
 
 def _modules(entry: str) -> Iterator[tuple[str, str]]:

@@ -23,7 +23,7 @@ const CLOSURE = 1e-10;
  * What the page's file holds: the first message, and each robot's module, start and base pose.
  *
  * @typedef {{ hello: import("../../../cockpit/static/base/messages").HelloMessage, rate: number,
- *   scene: { lengths: number[], zlib: string }, robots: { name: string, module: string, start: number[],
+ *   scene: string[], robots: { name: string, module: string, start: number[],
  *   base: import("./session.js").BasePose }[] }} Content
  */
 
@@ -53,7 +53,7 @@ export class Link extends Events {
     const session = new LocalSession(...robotsOf(content, modules));
     this.#session = session;
     this.#placed = this.#fragment();
-    this.view.draw(await commandsOf(content.scene));
+    this.view.draw(content.scene.map(bytesOf));
     this.connected = true;
     document.documentElement.dataset.connected = "yes";
     this.emit("hello", content.hello);
@@ -135,16 +135,12 @@ export class Link extends Events {
 }
 
 /**
- * Return the drawing commands of a scene.
+ * Return the bytes of a text in base16.
  *
- * @param {Content["scene"]} scene
+ * @param {string} text
  */
-async function commandsOf({ lengths, zlib }) {
-  const packed = Uint8Array.from(atob(zlib), (character) => character.charCodeAt(0));
-  const unpacked = new Blob([packed]).stream().pipeThrough(new DecompressionStream("deflate"));
-  const bytes = new Uint8Array(await new Response(unpacked).arrayBuffer());
-  let end = 0;
-  return lengths.map((length) => bytes.slice(end, (end += length)));
+function bytesOf(text) {
+  return Uint8Array.from({ length: text.length / 2 }, (_, i) => parseInt(text.slice(2 * i, 2 * i + 2), 16));
 }
 
 /**
