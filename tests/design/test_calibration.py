@@ -25,7 +25,7 @@ IDENTIFIABLE = [("delta4", 114, 42, 38), ("five_bar", 42, 13, 12), ("gough", 168
 def measured(name: str, columns: tuple[str, ...], seed: int = 3) -> tuple[Parameters, np.ndarray, Measurements]:
     parameters = everything(name)
     rng = np.random.default_rng(seed)
-    errors = errors_of(parameters)
+    errors = errors_of(parameters) * min(1.0, 5.0 * parameters.mechanism.length)  # tssm is 20 mm high
     opening = Design(parameters).evaluate().opening
     errors[[one in opening for one in parameters.names]] = 0.0
     truth = parameters.values + errors * rng.normal(size=len(parameters))
