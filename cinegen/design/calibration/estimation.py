@@ -426,31 +426,28 @@ def _dependencies(observation: Observation, space: Subspace, errors: Array) -> t
     parameters = observation.design.parameters
     nodes_of = parameters.robot.nodes.values()
     parents = {_keyword(parameters, one.number): _keyword(parameters, getattr(one, "pred", None)) for one in nodes_of}
-    names = [observation.names[k] for k in estimated]
-    found = dependencies(inner, names, [observation.units[k] for k in estimated], parents)
-    here = observation.design.evaluate()
-    nodes = observation.design.mechanism.nodes
-    frames = observation.frames
-    first, twists = len(observation.names) - len(frames), list[Array]()
-    for node in nodes[1:]:
+    here, frames = observation.design.evaluate(), observation.frames
+    measured = dict.fromkeys(one.of for one in observation.quantities if one.device)
+    bodies = list[Array]()
+    for node in measured or observation.design.mechanism.nodes[1:]:
         twist, origin = here.pose_derivative(node, "world")[0], here.placements(node)[0, :3, 3]
         at_world = np.vstack([twist[:3] + np.cross(origin, twist[3:], axisb=0).T, twist[3:]])
-        twists.append(np.hstack([at_world, np.zeros((6, len(observation) - len(parameters)))]))
-    devices = np.zeros((len(frames.devices), 6, len(observation)))
-    for device, name in zip(devices, frames.devices, strict=True):
-        device[:, first:] = frames.twists(name)
+        bodies.append(np.hstack([at_world, np.zeros((6, len(observation) - len(parameters)))]))
+    for name in frames.devices:
+        bodies.append(np.zeros((6, len(observation))))
+        bodies[-1][:, len(observation) - len(frames) :] = frames.twists(name)
+    names, motions = [observation.names[k] for k in estimated], np.array(bodies)[:, :, estimated]
+    found = dependencies(inner, names, [observation.units[k] for k in estimated], parents, motions)
+    moving = f"robot and {' and '.join(frames.devices)}" if frames.devices else "base and platform, all nodes,"
     told = list[Dependency]()
     for one in found:
-        at = [observation.names.index(name) for name in one.names]
+        at = [names.index(name) for name in one.names]
         text = one.text
-        if len(one.changes) == 1 and len(twists) > 1:
-            moved = np.array([twist[:, at] @ one.changes[0] for twist in twists])
-            with_it = [name for name, twist in zip(frames.devices, devices, strict=True) if twist[:, at].any()]
-            along = np.array([devices[frames.devices.index(name)][:, at] @ one.changes[0] for name in with_it])
+        if len(one.changes) == 1 and len(bodies) > 1:
+            moved = motions[:, :, at] @ one.changes[0]
             size = float(np.abs(moved).max())
-            if size > 1e-9 and np.abs(np.array([*moved, *along]) - moved[-1]).max() < 1e-7 * size:
-                bodies = ", ".join(("base and platform, all nodes", *with_it))
-                text = f"{bodies}, move together as one body: {text}"
+            if size > 1e-9 and np.abs(moved - moved[-1]).max() < 1e-7 * size:
+                text = f"{moving} move together as one body: {text}"
         told.append(Dependency(one.names, one.changes, text))
     return tuple(told)
 
