@@ -10,7 +10,7 @@ function ask(call, ...args) {
   writeSync(1, `${JSON.stringify([TABLE.robot, call, args])}\n`);
   let text = "";
   while (!text.endsWith("\n")) {
-    let count = 0;
+    let count;
     try {
       count = readSync(0, byte);
     } catch (error) {
