@@ -28,7 +28,8 @@ WEAK = 0.01
 """Combinations whose standard deviation exceeds 1 / WEAK expected errors are not estimated."""
 
 _ZERO = 1e-7  # of rows of V of length 1
-_LISTED = 6  # parameters of a dependency that are named
+LISTED = 6
+"""Parameters of a dependency up to which they are named."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -254,7 +255,7 @@ def _together(names: tuple[str, ...], changes: Array, units: Sequence[str], pare
     shown = {"m": "mm", "rad": "deg", "": ""}
     lead = int(np.argmax(np.abs(changes)))
     sizes = changes / changes[lead] / scale[units[lead]]
-    if len(names) <= _LISTED:
+    if len(names) <= LISTED:
         texts = [
             f"{name} {size * scale[unit]:+.3g} {shown[unit]}".rstrip()
             for name, size, unit in zip(names, sizes, units, strict=True)
