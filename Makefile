@@ -21,7 +21,7 @@ INSTALL := $(PIP) $(LOCKED)
 unexport PYTHONPATH
 export PIP_DISABLE_PIP_VERSION_CHECK := 1
 
-.PHONY: help demo test slow coverage mutations campaign check bounds javascript kernels bench generated sbom audit clean lock FORCE
+.PHONY: help demo test slow coverage mutations campaign check bounds docs javascript kernels bench generated sbom audit clean lock FORCE
 .DEFAULT_GOAL := help
 
 help: ## list the targets
@@ -71,6 +71,10 @@ bounds: .venv/test-installed ## run the tests of the kernels with bounds checkin
 	@$(BIN)/cinegen compile
 	$(BIN)/pytest -n $(WORKERS) $(BOUNDED)
 	$(BIN)/pytest -n 0 tests/jit/test_bounds.py
+
+# Sphinx comes with packages of its own: they live apart, but see those that the pages document.
+docs: .venv/test-installed build/sphinx/installed ## build the site, build/site/html/index.html; what leads nowhere is an error
+	@PYTHONPATH=build/sphinx $(BIN)/python docs/site/build.py
 
 javascript: ## lint, type-check and test the page's JavaScript, where node and npm are there
 	@.ci/javascript
@@ -151,6 +155,11 @@ build/cosmic-ray/installed: requirements/mutations.txt .venv/core-installed
 	@$(INSTALL) --target build/cosmic-ray -r requirements/mutations.txt
 	@touch $@
 
+build/sphinx/installed: requirements/docs.txt .venv/core-installed
+	@rm -rf build/sphinx
+	@$(INSTALL) --target build/sphinx -r requirements/docs.txt
+	@touch $@
+
 # What looks at the locks and makes them: uv, pip-audit, cyclonedx-py.
 build/tools/installed: requirements/tools.txt
 	@$(PYTHON) -c "$$CHECK_PYTHON"
@@ -190,8 +199,9 @@ lock: build/tools/installed ## pin what pyproject.toml asks for in requirements/
 		"$$tmp/core.txt" "$$tmp/all.txt" >"$$tmp/test.txt"; \
 	printf '%s\n' placo pin-pink mink daqp proxsuite quadprog | pins bench -; \
 	echo cosmic-ray | pins mutations -; \
+	printf '%s\n' sphinx furo myst-parser latex2mathml | pins docs -; \
 	printf '%s\n' uv pip-audit cyclonedx-bom | pins tools -; \
-	for lock in core test bench mutations tools; do cp "$$tmp/$$lock.txt" requirements; done
+	for lock in core test bench mutations docs tools; do cp "$$tmp/$$lock.txt" requirements; done
 	@grep -c == requirements/*.txt
 
 sbom: .venv/test-installed build/tools/installed ## list all packages in .venv, and the page's libraries, in build/sbom.json (CycloneDX)
@@ -200,7 +210,7 @@ sbom: .venv/test-installed build/tools/installed ## list all packages in .venv, 
 # pip-audit passes over packages that its database does not know, or does not answer for, unless it is strict.
 audit: build/tools/installed ## look for known vulnerabilities of locked packages; needs the advisory database of pypi.org
 	@status=0; build/tools/bin/pip-audit --strict --disable-pip --require-hashes --progress-spinner off \
-		$(patsubst %,-r requirements/%.txt,core test bench mutations tools) >build/audit.txt 2>build/audit.log || status=$$?; \
+		$(patsubst %,-r requirements/%.txt,core test bench mutations docs tools) >build/audit.txt 2>build/audit.log || status=$$?; \
 	if grep -E '^(No|Found [0-9]+) known vulnerabilit' build/audit.log; then cat build/audit.txt; exit $$status; fi; \
 	tail -n 1 build/audit.log >&2; \
 	echo "*** NOT AUDITED: the advisory database does not answer for every package (build/audit.log)." >&2; exit 1

@@ -533,7 +533,7 @@ def tolerance(
     ties: Iterable[str] = (),
 ) -> ToleranceReport:
     """Return the accuracy of a node of a mechanism with tolerances; the arguments are those of `Tolerances` and of
-    `Tolerances.at`.
+    `Tolerances.at`::
 
         tolerance("delta4", {"link*.d": "0.05mm", "*.alpha": "0.02deg"}, encoder={"joint1": "0.01deg"}, samples=100_000)
 

@@ -125,11 +125,10 @@ class Posture(_Rated):
 class LimitMargin(_Rated):
     """Joints keep a margin from their position limits; outside the margins the velocity is 0.
 
-    Minimises half the sum of the squared depths of joints in their margins, dimensionless: F. Chaumette and É.
-        Marchand,
-    "A redundancy-based iterative approach for avoiding joint limits: application to visual servoing", IEEE Trans.
-    Robotics and Automation 17, 2001, with equal weights. It is finite at a limit and beyond, and a joint near its limit
-    does not slow the others down, as barrier functions do.
+    Minimises half the sum of the squared depths of joints in their margins, dimensionless, with equal weights: F.
+    Chaumette and É. Marchand, "A redundancy-based iterative approach for avoiding joint limits: application to visual
+    servoing", IEEE Trans. Robotics and Automation 17, 2001. It is finite at a limit and beyond, and a joint near its
+    limit does not slow the others down, as barrier functions do.
 
     Args:
         margin: fraction of a joint's range at either end, up to 0.5: then the joint moves towards the middle.

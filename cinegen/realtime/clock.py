@@ -161,7 +161,7 @@ class Clock:
     def spawn(self, factory: Callable[..., Function], *arguments: Any, seconds: float | None = None) -> Self:
         """Start the loop in a new process, which other Python threads do not delay; return when the loop starts.
 
-        The new process creates the function by factory(*arguments). Arguments, commands and states are pickled; the
+        The new process creates the function by `factory(*arguments)`. Arguments, commands and states are pickled; the
         newest command and state pass through shared memory, at most 64 KiB each. Exceptions of the factory are raised
         here.
 

@@ -1,0 +1,176 @@
+"""Build the site: the pages of docs/, every example and robot, and the reference of commands and of Python.
+
+    python docs/site/build.py [FOLDER]
+
+The site is written to FOLDER/html (by default build/site/html). A link that leads nowhere and every warning of Sphinx
+are errors. Nothing is loaded from elsewhere: the site can be read from a disk.
+"""
+
+from __future__ import annotations
+
+import ast
+import posixpath
+import re
+import shutil
+import subprocess
+import sys
+from importlib import import_module
+from itertools import pairwise
+from pathlib import Path
+
+import typer.main
+
+import cinegen.cli
+
+HERE = Path(__file__).parent
+ROOT = HERE.parent.parent
+LINK = re.compile(r"(?<!`)\]\(([^)#\s]+)(#[^)\s]*)?\)")
+FENCE = re.compile(r"^```.*?^```$", flags=re.DOTALL | re.MULTILINE)
+PAGES = {"CONTRIBUTING.md": "contributing", "SECURITY.md": "security", "CHANGELOG.md": "changes", "README.md": "index"}
+LANGUAGES = {".py": "python", ".json": "json", ".toml": "toml"}
+PACKAGES = (
+    "model", "ik", "assembly", "singularities", "hexapod", "workspace", "planning", "collision", "dynamics", "design",
+    "mission", "session", "cockpit", "devices", "realtime", "plotting", "toolpath",
+)  # fmt: skip
+
+
+class Site:
+    """The source of the site: a folder that is filled with Markdown.
+
+    Args:
+        folder: folder, emptied first.
+    """
+
+    def __init__(self, folder: Path) -> None:
+        shutil.rmtree(folder, ignore_errors=True)
+        self._folder, self._shown = folder, set[str]()
+        shutil.copytree(ROOT / "docs/pictures", folder / "pictures")
+        for name in ("conf.py", "site.css"):
+            (folder / "static").mkdir(exist_ok=True)
+            shutil.copy(HERE / name, folder / ("static" if name.endswith("css") else "") / name)
+
+    def write(self, page: str, text: str) -> None:
+        """Write a page."""
+        path = self._folder / f"{page}.md"
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.write_text(text, encoding="utf-8")
+
+    def copy(self, file: str, page: str) -> None:
+        """Write a page of the repository, its links changed to those of the site; its blocks remain as they are."""
+        text = (ROOT / file).read_text(encoding="utf-8")
+        ends = [0, *(end for fence in FENCE.finditer(text) for end in fence.span()), len(text)]
+        parts = [text[begin:end] for begin, end in pairwise(ends)]
+        parts[::2] = [LINK.sub(lambda link: self._link(link, file, page), part) for part in parts[::2]]
+        parts[::2] = [re.sub(r"\$`([^`]+)`\$", r"$\1$", part) for part in parts[::2]]
+        parts[1::2] = [re.sub(r"^```(\w+) .*", r"```\1", part) for part in parts[1::2]]  # the name of a file
+        self.write(page, "".join(parts))
+
+    def _link(self, link: re.Match[str], file: str, page: str) -> str:
+        target, anchor = link[1], link[2] or ""
+        if "://" in target or target.startswith("mailto:"):
+            return link[0]
+        path = posixpath.normpath(posixpath.join(posixpath.dirname(file), target))
+        if not (ROOT / path).exists():
+            raise SystemExit(f"{file}: no file {target}")
+        is_picture = path.startswith("docs/pictures/")
+        there = path.removeprefix("docs/") if is_picture else self._page_of(path) + ".md"
+        return f"]({posixpath.relpath(there, posixpath.dirname(page) or '.')}{anchor})"
+
+    def _page_of(self, path: str) -> str:
+        """Return the page that shows a file or a folder of the repository; it is written if it is the first one."""
+        here = ROOT / path
+        if path in PAGES:
+            return PAGES[path]
+        if path.startswith("docs/") and path.endswith(".md"):
+            return path.removeprefix("docs/").removesuffix(".md")
+        if path in ("robots", "examples"):
+            return {"robots": "gallery", "examples": "examples"}[path]
+        page = f"source/{path}"
+        if path not in self._shown:
+            self._shown.add(path)
+            if here.is_dir():
+                files = [one.relative_to(ROOT).as_posix() for one in sorted(here.glob("*.py"))]
+                above = posixpath.dirname(page)
+                body = "\n".join(
+                    f"- [{Path(one).name}]({posixpath.relpath(self._page_of(one), above)}.md)" for one in files
+                )
+            else:
+                language = LANGUAGES.get(here.suffix, "none")
+                fence = "`" * 5
+                body = f"{fence}{language}\n{here.read_text(encoding='utf-8').rstrip()}\n{fence}"
+            self.write(page, f"---\norphan: true\n---\n\n# {path}\n\n{body}\n")
+        return page
+
+    def examples(self) -> None:
+        """Write a page with all examples, each with the text at its top."""
+        lines = ["# Examples", "", "Each is a program; `cinegen` and its extras are all that it needs.", ""]
+        for path in sorted((ROOT / "examples").glob("*.py")):
+            told = (ast.get_docstring(ast.parse(path.read_text(encoding="utf-8"))) or "").partition("\n\n")[0]
+            page = self._page_of(path.relative_to(ROOT).as_posix())
+            lines.append(f"- [{path.stem.replace('_', ' ')}]({page}.md): {' '.join(told.split())}")
+        self.write("examples", "\n".join(lines) + "\n")
+
+    def commands(self) -> None:
+        """Write the options of all commands, from their definitions."""
+        lines = ["# Options of all commands", "", "As `cinegen COMMAND --help` shows them.", ""]
+        for name, command in sorted(typer.main.get_command(cinegen.cli.app).commands.items()):  # type: ignore[attr-defined]
+            if command.hidden:
+                continue
+            lines += [f"## cinegen {name}", "", (command.help or "").strip(), "", "| | |", "| --- | --- |"]
+            for one in command.params:
+                if getattr(one, "hidden", False):
+                    continue
+                named = one.opts if one.param_type_name == "option" else [str(one.name).upper()]
+                names = ", ".join(f"`{option}`" for option in named)
+                told = " ".join((getattr(one, "help", "") or "").split()).replace("|", "\\|")
+                lines.append(f"| {names} | {told} |")
+            lines.append("")
+        self.write("reference/commands", "\n".join(lines))
+
+    def python(self) -> None:
+        """Write the reference of the public names, from their docstrings."""
+        lines = [
+            "# Python",
+            "",
+            "Public names of the packages. Those in bold can be imported from `cinegen` itself.",
+            "",
+        ]
+        for package in PACKAGES:
+            module = import_module(f"cinegen.{package}")
+            told = (module.__doc__ or "").strip().partition("\n\n")[0]
+            names = sorted(module.__all__, key=str.lower)
+            shown = ", ".join(f"**{name}**" if name in cinegen.__all__ else name for name in names)
+            lines += [f"- [cinegen.{package}](api/{package}.md): {' '.join(told.split())} {shown}"]
+            body = f".. automodule:: cinegen.{package}\n   :imported-members:\n"
+            self.write(f"reference/api/{package}", f"# cinegen.{package}\n\n```{{eval-rst}}\n{body}```\n")
+        tree = "\n".join(f"api/{package}" for package in PACKAGES)
+        self.write("reference/api", "\n".join(lines) + f"\n\n```{{toctree}}\n:hidden:\n\n{tree}\n```\n")
+
+
+def fill(site: Site) -> None:
+    """Write all pages."""
+    for path in sorted((ROOT / "docs").glob("*.md")):
+        site.copy(path.relative_to(ROOT).as_posix(), path.stem)
+    for file, page in PAGES.items():
+        if page != "index":
+            site.copy(file, page)
+    site.write("index", (HERE / "index.md").read_text(encoding="utf-8"))
+    site.examples()
+    site.commands()
+    site.python()
+
+
+def main() -> int:
+    """Build the site; return Sphinx' status."""
+    folder = Path(sys.argv[1] if len(sys.argv) > 1 else ROOT / "build/site")
+    fill(Site(folder / "source"))
+    shutil.rmtree(folder / "html", ignore_errors=True)
+    command = [sys.executable, "-m", "sphinx", "-W", "--keep-going", "-q", folder / "source", folder / "html"]
+    status = subprocess.run(command, check=False).returncode
+    if not status:
+        print(f"{folder}/html/index.html")
+    return status
+
+
+if __name__ == "__main__":
+    sys.exit(main())

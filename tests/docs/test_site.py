@@ -1,0 +1,75 @@
+"""The source of the site, before Sphinx: `make docs` builds it, and has no warning."""
+
+from __future__ import annotations
+
+import importlib.util
+import re
+
+import pytest
+
+import cinegen
+
+LINK = re.compile(r"\]\(([^)#\s]+)[#)]")
+
+
+@pytest.fixture(scope="module")
+def builder(root):
+    spec = importlib.util.spec_from_file_location("build_site", root / "docs/site/build.py")
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module
+
+
+@pytest.fixture(scope="module")
+def source(builder, tmp_path_factory):
+    folder = tmp_path_factory.mktemp("site")
+    builder.fill(builder.Site(folder))
+    return folder
+
+
+def test_every_link_leads_to_a_page_of_the_site(source):
+    checked = 0
+    for page in source.rglob("*.md"):
+        text = re.sub(r"^(`{3,}).*?^\1$", "", page.read_text(), flags=re.DOTALL | re.MULTILINE)
+        for target in LINK.findall(re.sub(r"`[^`]*`", "", text)):
+            if "://" not in target:
+                assert (page.parent / target).exists(), (page, target)
+                checked += 1
+    assert checked > 500
+
+
+def test_every_page_is_in_the_contents(root, source):
+    listed = set(re.findall(r"^[a-z0-9/-]+$", (root / "docs/site/index.md").read_text(), flags=re.MULTILINE))
+    pages = {page.stem for page in source.glob("*.md")} | {"reference/commands", "reference/api"}
+    assert listed == pages - {"index"}
+
+
+def test_every_public_name_is_in_the_reference(source):
+    text = (source / "reference/api.md").read_text()
+    missing = {name for name in cinegen.__all__ if f"**{name}**" not in text}
+    assert missing == {"CinegenError", "CinegenWarning", "ClosureError", "__version__"}  # of no package
+
+
+def test_every_command_is_in_the_reference(source):
+    commands = (source / "reference/commands.md").read_text()
+    for name in ("calibrate", "drive", "map", "plan"):
+        assert f"## cinegen {name}\n" in commands
+    assert "| `-o`, `--output` |" in commands
+
+
+def test_a_link_to_a_file_that_is_missing_is_an_error(builder, tmp_path, monkeypatch):
+    (tmp_path / "docs/pictures").mkdir(parents=True)
+    (tmp_path / "docs/page.md").write_text("[there](nowhere.md)")
+    monkeypatch.setattr(builder, "ROOT", tmp_path)
+    with pytest.raises(SystemExit, match=r"docs/page\.md: no file nowhere\.md"):
+        builder.Site(tmp_path / "site").copy("docs/page.md", "page")
+
+
+def test_code_is_left_as_it_is(builder, tmp_path, monkeypatch):
+    (tmp_path / "docs/pictures").mkdir(parents=True)
+    block = "```python\nx = q[0](1)  # $`a`$\n```"
+    (tmp_path / "docs/page.md").write_text(f"$`a`$\n{block}\n")
+    monkeypatch.setattr(builder, "ROOT", tmp_path)
+    site = builder.Site(tmp_path / "site")
+    site.copy("docs/page.md", "page")
+    assert (tmp_path / "site/page.md").read_text() == f"$a$\n{block}\n"
