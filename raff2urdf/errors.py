@@ -21,7 +21,7 @@ class SourceLocation:
     length: int = 1
 
 
-_MOST_CHARACTERS = 4000  # of a message
+MOST_CHARACTERS = 4000  # of a message
 
 
 @dataclass(frozen=True, slots=True)
@@ -35,8 +35,8 @@ class Problem:
 
     def __str__(self) -> str:
         message = self.message
-        if len(message) > _MOST_CHARACTERS:  # it quotes the file
-            message = f"{message[: _MOST_CHARACTERS // 2]} ... {message[-_MOST_CHARACTERS // 2 :]}"
+        if len(message) > MOST_CHARACTERS:  # it quotes the file
+            message = f"{message[: MOST_CHARACTERS // 2]} ... {message[-MOST_CHARACTERS // 2 :]}"
         if self.location is None:
             return f"{self.source}: {message}" if self.source else message
         head = f"{self.source}:{self.location.line}:{self.location.column}: {message}"
@@ -47,7 +47,7 @@ class Problem:
         return f"{head}\n    {shown}\n    {' ' * (column - 1)}{'^' * length}"
 
 
-_SHOWN = 20  # problems in the text of an error
+SHOWN = 20  # problems in the text of an error
 
 
 class RaffError(Exception):
@@ -64,8 +64,8 @@ class RaffError(Exception):
             problems = [problems]
         self.problems = tuple(sorted(problems, key=lambda problem: problem.location or SourceLocation(0, 0)))
         shown = [
-            *map(str, self.problems[:_SHOWN]),
-            *([texts.MORE_PROBLEMS.format(count=more)] if (more := len(self.problems) - _SHOWN) > 0 else []),
+            *map(str, self.problems[:SHOWN]),
+            *([texts.MORE_PROBLEMS.format(count=more)] if (more := len(self.problems) - SHOWN) > 0 else []),
         ]
         super().__init__("\n".join(shown))
 
@@ -81,17 +81,17 @@ class RaffWarning(UserWarning):
     """Input that is valid but probably not intended."""
 
 
-_LONGEST, _MOST = 100, 1000  # length and number of words that are compared
-_MOST_KNOWN = 12  # words in a list of known ones
+LONGEST, MOST = 100, 1000  # length and number of words that are compared
+MOST_KNOWN = 12  # words in a list of known ones
 
 
 def did_you_mean(word: str, known: Sequence[str]) -> str:
     """Return `": did you mean 'alpha'?"`, or a list of the known words if none is similar."""
-    short = [one for one in known if len(one) <= _LONGEST]  # the time to compare words grows with their squares
-    near = difflib.get_close_matches(word, short[:_MOST], n=1, cutoff=0.6) if 0 < len(word) <= _LONGEST else []
+    short = [one for one in known if len(one) <= LONGEST]  # the time to compare words grows with their squares
+    near = difflib.get_close_matches(word, short[:MOST], n=1, cutoff=0.6) if 0 < len(word) <= LONGEST else []
     if near:
         return texts.DID_YOU_MEAN.format(word=near[0])
-    shown = [one[:_LONGEST] for one in known[:_MOST_KNOWN]]
+    shown = [one[:LONGEST] for one in known[:MOST_KNOWN]]
     more = ", ..." if len(known) > len(shown) else ""
     return texts.KNOWN.format(listed=", ".join(shown), more=more) if shown else ""
 
@@ -115,11 +115,11 @@ def limits_reversed(what: str, low: float, high: float) -> str:
     return texts.LIMITS_REVERSED.format(what=what, low=low, high=high)
 
 
-_WIDTH = 100
+WIDTH = 100
 
 
 def _excerpt(text: str, column: int) -> tuple[str, int]:
     """Return the part of a long line around `column`, and the column in it; tabs become one space."""
     text = "".join(c if c.isprintable() else " " for c in text)
-    start = max(0, min(column - 1 - _WIDTH // 2, len(text) - _WIDTH))
-    return text[start : start + _WIDTH], column - start
+    start = max(0, min(column - 1 - WIDTH // 2, len(text) - WIDTH))
+    return text[start : start + WIDTH], column - start

@@ -279,13 +279,18 @@ def coupling_of(document: Document, robot: RaffRobot, index: int) -> Coupling:
         if drive.kind in (DriveKind.LEAD, DriveKind.RADIUS):
             metres = document.metres(drive.numbers[0])  # per revolution, or per radian
             metres = metres / math.tau if drive.kind is DriveKind.LEAD else metres
-            factors = (metres if slides else 1.0 / metres,)
+            factors = (metres if slides else _quotient(1.0, metres),)
         elif drive.kind is DriveKind.POLYNOMIAL:
-            factors = tuple(c * own / other**power for power, c in enumerate(factors, 1))
+            factors = tuple(_quotient(c * own, other**power) for power, c in enumerate(factors, 1))
         terms[joint] = tuple(-factor for factor in factors)
     link = robot.nodes[coupling.follower]
     assert isinstance(link, RaffLink)
     return Coupling(robot.coupling_names[index], terms, joint_units(document, link, coupling.offset))
+
+
+def _quotient(a: float, b: float) -> float:
+    """Return a / b with b >= 0; infinite where b is too small for a number."""
+    return a / b if b or not a else math.copysign(math.inf, a)
 
 
 def _coupled(robot: RaffRobot, coupling: int) -> set[int]:

@@ -41,25 +41,28 @@ from raff2urdf.raff.document import (
 )
 from raff2urdf.raff.writer import number as shown
 from raff2urdf.readers.urdf import LEAST_SPEED, TOO_SLOW, negative_mass
-from raff2urdf.tree import stated_inertia
+from raff2urdf.tree import coupling_of, stated_inertia
 
 # XML 1.0 (fifth edition), production [5] Name, without the colon, which belongs to namespaces.
 _START = (
     "A-Z_a-z\xc0-\xd6\xd8-\xf6\xf8-\u02ff\u0370-\u037d\u037f-\u1fff\u200c-\u200d\u2070-\u218f\u2c00-\u2fef"
     "\u3001-\ud7ff\uf900-\ufdcf\ufdf0-\ufffd\U00010000-\U000effff"
 )
-_XML_NAME = f"[{_START}][{_START}\\-.0-9\xb7\u0300-\u036f\u203f-\u2040]*"
+XML_NAME = f"[{_START}][{_START}\\-.0-9\xb7\u0300-\u036f\u203f-\u2040]*"
 _ASCII_NAME = "[A-Za-z_][A-Za-z0-9_.-]*"  # the same for ASCII; the long expression takes 8 ms to compile
 
 LARGEST = 1e12
 """Largest length, m: its square, times the number of links, must stay finite and keep enough digits."""
+
+SMALLEST = 1.0 / LARGEST
+"""The largest coefficient of a joint in a coupling is no smaller, rad and m."""
 
 RESERVED = {"base": "the root", "world": "the frame of the world", "universe": "Pinocchio's root"}
 
 
 def is_xml_name(name: str) -> bool:
     """Return whether a URDF element can have this name."""
-    return re.fullmatch(_ASCII_NAME if name.isascii() else _XML_NAME, name) is not None
+    return re.fullmatch(_ASCII_NAME if name.isascii() else XML_NAME, name) is not None
 
 
 def check_tree(document: Document) -> None:
@@ -89,7 +92,7 @@ def check(document: Document) -> None:
 
 
 def check_sizes(document: Document, robot: RaffRobot) -> None:
-    """Check that no length, mass and moment of inertia is too large for computations.
+    """Check that no length, mass, moment of inertia and coefficient of a coupling is too large for computations.
 
     Raises:
         RaffError: with every problem.
@@ -104,6 +107,17 @@ def check_sizes(document: Document, robot: RaffRobot) -> None:
             if not largest <= LARGEST:
                 message = texts.INERTIAL_TOO_LARGE.format(word=word, node=label(node), largest=LARGEST)
                 problems.append(document.source.problem(message, _place(node.inertial, word)))
+    for i, coupling in enumerate(robot.couplings):
+        equation, at = coupling_of(document, robot, i), coupling.locations
+        terms = list(equation.terms.values())[1:]
+        for j, (drive, coefficients) in enumerate(zip(coupling.drives, terms, strict=True)):
+            if not SMALLEST <= max(map(abs, coefficients)) <= LARGEST:
+                fields = {"link": drive.link, "follower": coupling.follower, "largest": LARGEST, "least": SMALLEST}
+                message = texts.COEFFICIENTS_TOO_LARGE.format(**fields)
+                problems.append(document.source.problem(message, at.get(f"drive {j}")))
+        if not abs(equation.constant) <= LARGEST:
+            message = texts.OFFSET_TOO_LARGE.format(follower=coupling.follower, largest=LARGEST)
+            problems.append(document.source.problem(message, at.get("offset")))
     _raise(problems)
 
 
@@ -266,6 +280,8 @@ def _cycles(document: Document, numbers: dict[int, RaffPart]) -> Iterator[Proble
 
 def _constraint_problems(document: Document, robot: RaffRobot) -> Iterator[Problem]:
     problem = document.source.problem
+    if not (robot.loops or robot.couplings or robot.sensor_constraints):
+        return
     known = did_you_mean("", [str(number) for number in sorted({0, *(part.number for part in robot.parts)})])
     sensors = {sensor.number for sensor in document.sensors}
     declared = ", ".join(map(str, sorted(sensors))) or texts.NONE

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Collection
 from contextlib import suppress
 from enum import IntEnum
@@ -97,12 +98,13 @@ def parse(text: str, name: str = "<text>") -> Document:
 
 # --- reading on after an error ----------------------------------------------------------------------------------
 
-_SHOWN = {"STRING": 'a text in "..."', "WORD": "a name", "NAME": 'a name or a text in "..."'}
-_SHOWN["MORE"] = "')' or a number"
-_LABELS = {"base": "the base", "parameters": "the parameter block", "constraint": "the constraint"}
-_LABELS |= {"limits": "the limits", "filename": "the list of files", "inertial": "the inertial"}
-_LABELS |= {"centre": "the centre", "moments": "the moments", "products": "the products"}
-_COUNTS = {"limits": "two numbers", **dict.fromkeys(("centre", "moments", "products"), "three numbers")}
+WANTED = {"STRING": 'a text in "..."', "WORD": "a name", "NAME": 'a name or a text in "..."'}
+WANTED["MORE"] = "')' or a number"
+LABELS = {"base": "the base", "parameters": "the parameter block", "constraint": "the constraint"}
+LABELS |= {"limits": "the limits", "filename": "the list of files", "inertial": "the inertial"}
+LABELS |= {"centre": "the centre", "moments": "the moments", "products": "the products"}
+NUMBER_WITH_UNIT = "[0-9]+(?:[.][0-9]*)?[umcdegrak]*"  # such as 5mm
+COUNTS = {"limits": "two numbers", **dict.fromkeys(("centre", "moments", "products"), "three numbers")}
 
 
 class _StopReadingError(Exception):
@@ -187,7 +189,7 @@ class _Reading:
         follows = statement.follows.split()
         for kind in follows:
             if kind == "{":
-                label = _LABELS.get(word.text) or " ".join([word.text, *(token.text for token in found)])
+                label = LABELS.get(word.text) or " ".join([word.text, *(token.text for token in found)])
                 inner = Block(word.text, label, self.expect(kind).line)
                 self.open.append(inner)
             elif kind == "}":
@@ -237,13 +239,13 @@ class _Reading:
             return self.take()._replace(kind="NUMBER", text="1")
         if token.kind in ("NUMBER", "END"):
             return self.expect("NUMBER")
-        wanted = _COUNTS.get(word.text, "a number")
+        wanted = COUNTS.get(word.text, "a number")
         self.report(texts.NEEDS.format(word=word.text, wanted=wanted), token.location)
         return token._replace(kind="MISSING", text="1")
 
     def expect(self, kind: str) -> Token:
         """Return the current token, which must be of this kind, and advance."""
-        token, shown = self.token, _SHOWN.get(kind, f"'{kind}'")
+        token, shown = self.token, WANTED.get(kind, f"'{kind}'")
         if token.kind in (kind, *(("WORD", "STRING") if kind == "NAME" else ())):
             return self.take()
         if token.kind == "END":
@@ -269,7 +271,7 @@ class _Reading:
         if word.text == "type":
             kinds: list[IntEnum] = list(LoopKind if self.open[-1].kind == "constraint" else JointType)
             return f" ({', '.join(f'{kind.value} {kind.name.lower()}' for kind in kinds)})"
-        if token.text[0].isdigit() and token.text.rstrip("umcdegrak").replace(".", "", 1).isdigit():
+        if re.fullmatch(NUMBER_WITH_UNIT, token.text):
             return texts.HAS_UNIT
         return ""
 

@@ -40,15 +40,22 @@ from raff2urdf.raff.document import (
 
 # --- tokens -------------------------------------------------------------------------------------------------------
 
-_TOKEN = re.compile(
-    r"""[ \t\f\r]+|//.*
-    |(?P<NUMBER>(?a:[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?)(?![^\s{}()"/]))  # ends where a word ends: `5mm` is a word
-    |(?P<STRING>"[^"]*")
-    |(?P<WORD>[^\s{}()"/]+)
-    |(?P<MARK>[{}()])
-    |(?P<ILLEGAL>.)""",
-    re.VERBOSE,
-)
+SPACES = r"\t-\r\x1c- \x85\xa0\u1680\u2000-\u200a\u2028\u2029\u202f\u205f\u3000"
+"""Unicode's white space, as in the brackets of a regular expression; the same in Python's and JavaScript's."""
+
+_OF_WORDS = rf'[^{SPACES}{{}}()"/]'
+
+TOKENS = {
+    "": r"[ \t\f\r]+|//.*",
+    "NUMBER": rf"[+-]?(?:[0-9]+(?:\.[0-9]*)?|\.[0-9]+)(?:[eE][+-]?[0-9]+)?(?!{_OF_WORDS})",  # `5mm` is a word
+    "STRING": r'"[^"]*"',
+    "WORD": f"{_OF_WORDS}+",
+    "MARK": r"[{}()]",
+    "ILLEGAL": ".",
+}
+"""Regular expressions of the tokens of a line, by kind: the first that matches counts. The empty kind separates."""
+
+_TOKEN = re.compile("|".join(f"(?P<{kind}>{pattern})" if kind else pattern for kind, pattern in TOKENS.items()))
 
 
 class Token(NamedTuple):
@@ -129,6 +136,10 @@ class Block:
         return values
 
 
+LARGEST_WHOLE = 10**15 - 1
+"""Larger numbers, and those that are counted on from them, may not be distinct as doubles."""
+
+
 def finite(report: Report, token: Token) -> float:
     """Return the number of a token."""
     value = float(token.text)
@@ -143,6 +154,9 @@ def whole(report: Report, token: Token, least: int = 0) -> int:
     value = finite(report, token)
     if value != int(value) or value < least:
         report(texts.NOT_WHOLE.format(found=token.text, least=least), token.location)
+        return least
+    if value > LARGEST_WHOLE:
+        report(texts.WHOLE_TOO_LARGE.format(found=token.text, most=LARGEST_WHOLE), token.location)
         return least
     return int(value)
 

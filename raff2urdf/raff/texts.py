@@ -52,6 +52,7 @@ UNKNOWN_WORD = "unknown word '{word}' in {label}{hint}"
 
 TOO_LARGE = "'{found}' is too large for a number: the largest is 1.8e308"
 NOT_WHOLE = "'{found}' must be a whole number from {least}"
+WHOLE_TOO_LARGE = "'{found}' is too large for a whole number: the largest is {most}"
 UNKNOWN_CHOICE = "{what} {found} is unknown (known: {known})"
 UNKNOWN_JOINT = "unknown joint '{found}'{hint}"
 UNKNOWN_UNIT = "unknown unit '{found}' (known: {known})"
@@ -79,6 +80,10 @@ SMALL = (
 )
 LENGTH_TOO_LARGE = "{word} of {node} is beyond {largest:g} m, the largest length"
 INERTIAL_TOO_LARGE = "'{word}' of the inertial of {node} is beyond {largest:g} in SI units, the largest"
+COEFFICIENTS_TOO_LARGE = (
+    "what link {link} adds to link {follower} has coefficients beyond {largest:g} in SI units, or all below {least:g}"
+)
+OFFSET_TOO_LARGE = "the 'offset' of link {follower} in a coupling is beyond {largest:g} in SI units, the largest"
 
 # --- joints ---------------------------------------------------------------------------------------------------------
 

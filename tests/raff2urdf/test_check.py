@@ -8,17 +8,14 @@ from dataclasses import replace
 import pytest
 from hypothesis import given
 from strategies import documents, examples
+from wrong_raff import ONE, text_of
+from wrong_raff import WRONG_BODIES as WRONG
 
 import raff2urdf
 from raff2urdf import RaffError, RaffWarning
 from raff2urdf.errors import Problem
 from raff2urdf.raff.document import Document, JointType, RaffFrame, RaffLink, RaffParameters, RaffRobot
 from raff2urdf.raff.reader import parse
-
-
-def text_of(body: str, after: str = "") -> str:
-    """`body` begins on line 3."""
-    return f"RAFF test\nrobot r {{ base {{ }}\n{body}\n}}\n{after}"
 
 
 def problems_of(text: str) -> tuple[Problem, ...]:
@@ -46,54 +43,6 @@ def test_a_document_without_faults_passes(document: Document) -> None:
 def test_a_file_without_robots_reads_but_does_not_pass() -> None:
     (problem,) = problems_of("RAFF nothing")
     assert "has no robot" in problem.message
-
-
-ONE = "link 1 { type 2 pred 0 }"
-
-WRONG = [
-    # parents
-    ("link 1 { type 2 pred 7 }", 3, 22, "link 1 7 does not exist 0 (the base)"),
-    ("frame 1 { pred 7 }", 3, 16, "frame 1 7 does not exist"),
-    # cycles
-    ("link 1 { type 2 pred 1 }", 3, 22, "link 1 cycle of parents 1 -> 1"),
-    ("link 1 { type 2 pred 2 }\nlink 2 { type 2 pred 1 }", 3, 22, "link 1 cycle 1 -> 2 -> 1"),
-    ("link 5 { type 2 pred 0 }\nlink 6 { type 2 pred 7 }\nframe 7 { pred 6 }", 4, 22, "link 6 cycle 6 -> 7 -> 6"),
-    (
-        "link 9 { type 2 pred 1 }\nlink 1 { type 2 pred 2 }\nlink 2 { type 2 pred 1 }",
-        4,
-        22,
-        "link 1 cycle 1 -> 2 -> 1",
-    ),
-    # numbers
-    (f"{ONE}\nlink 1 {{ type 2 pred 0 }}", 4, 6, "number 1 defined twice first on line 3"),
-    (f"{ONE}\nframe 1 {{ pred 0 }}", 4, 7, "number 1 defined twice first on line 3"),
-    # names
-    (f'{ONE}\nlink 2 {{ type 2 pred 0 name "link1" }}', 4, 29, "'link1' link 1 choose another"),
-    ('link 1 { type 2 pred 0 name "a" }\nframe 2 { pred 0 name "a" }', 4, 23, "'a' link 1 choose another"),
-    ('link 1 { type 2 pred 0 name "base" }', 3, 29, "'base' reserved the root"),
-    ('frame 1 { pred 0 name "world" }', 3, 23, "'world' reserved"),
-    ('frame 1 { pred 0 name "universe" }', 3, 23, "'universe' reserved"),
-    ('link 1 { type 2 pred 0 name "4bar" }', 3, 29, "'4bar' can't name a link"),
-    ('link 1 { type 2 pred 0 name "left arm" }', 3, 29, "'left arm' can't name a link"),
-    ('frame 1 { pred 0 name "" }', 3, 23, "'' can't name a frame"),
-    ('frame 1 { pred 0 name "a:b" }', 3, 23, "'a:b' can't name a frame"),
-    ('frame 1 { pred 0 name "a<b" }', 3, 23, "'a<b' can't name a frame"),
-    ('frame 1 { pred 0 name "\u0301a" }', 3, 23, "can't name a frame"),
-    # limits
-    ("link 1 { type 2 pred 0 limits { 80 -85 } }", 3, 33, "lower limit 80 link 1 above upper limit -85 swap"),
-    ("link 1 { type 2 pred 0 velocity 0 }", 3, 33, "velocity link 1 above 0"),
-    ("link 1 { type 1 pred 0 velocity -5 }", 3, 33, "velocity link 1 above 0"),
-    ("link 1 { type 1 pred 0 effort 0 }", 3, 31, "effort link 1 is 0 above 0 (N m or N)"),
-    ("link 1 { joint ball pred 0 effort 2 }", 3, 35, "ball joint link 1 several variables 'effort' 'variable x { }'"),
-    # loops
-    (f"{ONE}\nconstraint {{ link 1 link 11 }}", 4, 26, "loop 'r' 11 does not exist"),
-    (f"{ONE}\nconstraint {{ link 11 base }}", 4, 19, "loop 'r' 11 does not exist"),
-    (f"{ONE}\nconstraint {{ link 1 link 1 type 2 }}", 4, 19, "loop joins 1 to itself"),
-    (f"{ONE}\nconstraint {{ base base }}", 4, 14, "loop joins 0 to itself"),
-    # sensors
-    (f"{ONE}\nconstraint {{ link 2 sensor ( 0 ) }}", 4, 19, "sensor constraint 'r' 2 does not exist"),
-    (f"{ONE}\nconstraint {{ link 1 sensor ( 0 4 ) }}", 4, 32, "sensor 4 not declared"),
-]
 
 
 def at(entry: tuple[str, int, int, str]) -> str:

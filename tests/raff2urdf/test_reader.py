@@ -8,6 +8,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from strategies import documents, examples
+from wrong_raff import END, FIGURE_5, LINK
+from wrong_raff import WRONG_TEXTS as WRONG
 
 import raff2urdf
 from raff2urdf import RaffError
@@ -25,71 +27,6 @@ from raff2urdf.raff.document import (
     RaffSensor,
     SensorConstraint,
 )
-
-# Figure 5, as printed, of L. Flückiger, L. Piguet, C. Baur: "Generic robotic kinematic generator for virtual
-# environment interfaces". Two slips of the printer are in it: `alphah`, and a brace that closes link 2 too early.
-FIGURE_5 = """\
-RAFF MiniDelta
-
-robot r1 {
-
-  // path for the graphic files
-  path "~/GKG/Models/delta-4/"
-
-  // here's the base of robot
-  base { filename { "platform.dxf" } }
-
-  link 1 { // first link of the robot
-    parameters {
-      theta 0.0 // in degrees
-      r 0.0 // in mm
-      d 1500.0 // in mm
-      alpha 90.0 // in degrees
-    }
-    type 2 // type of joint 2=revolute
-    pred 0 // predecessor = base (0)
-    limits { -85.0 80.0 }
-    filename { "bras.nff" }
-  }
-
-  link 2 { // second link of the robot
-    parameters {
-      theta 211.21
-      r 0.0
-      d 2000.0
-      alphah 0.0
-    }
-  }
-
-  type 2
-  pred 1 // attached to link 1
-  limits { 185.0 355.0 }
-}
-
-// another link connected to the base
-link 6 {
-  parameters {
-    theta 0.0
-    r 0.0
-    d 1500.0
-    alpha 90.0
-    gamma 120.0 // some extra params
-    epsilon 0.0 // for this branch
-  }
-  type 2
-  pred 0
-  limits { -85.0 80.0 }
-  filename { "bras.nff" }
-}
-
-// define the constraint for a closed loop
-constraint {
-  link 5 // this two link must
-  link 11 // be connected
-}
-
-} // end of robot definition
-"""
 
 # Figure 6 of the same paper. The sensor stands outside all robots, the constraint inside one.
 FIGURE_6_SENSOR = """\
@@ -333,88 +270,6 @@ def test_a_file_reads_as_its_text_does(tmp_path: Path) -> None:
 
 
 # --- what is wrong, where, and what it probably should be --------------------------------------------------------
-
-LINK = "RAFF t\nrobot r {\n  link 1 {\n    "  # what follows stands on line 4, from column 5
-END = "\n  }\n}\n"
-
-WRONG = [
-    # words
-    (f"{LINK}type 2 pred 0 limts {{ 0 1 }}{END}", 4, 19, "unknown word 'limts' link 1 did you mean 'limits'"),
-    (f"{LINK}type 2 pred 0 parameters {{ thta 1 }}{END}", 4, 32, "unknown parameter 'thta' did you mean 'theta'"),
-    ("RAFF t\nrobto r { }", 2, 1, "unknown word 'robto' did you mean 'robot'"),
-    ("RAFF t\nrobot r {\n  lnik 1 { type 2 pred 0 }\n}", 3, 3, "unknown word 'lnik' robot r did you mean 'link'"),
-    ("RAFF t\nrobot r {\n  Link 1 { type 2 pred 0 }\n}", 3, 3, "unknown word 'Link' did you mean 'link'"),
-    ("RAFF t\nrobot r {\n  frame 1 { type 2 pred 0 }\n}", 3, 13, "'type' does not belong frame 1 'link"),
-    ("RAFF t\nrobot r { }\nlink 1 { type 2 pred 0 }", 3, 1, "'link' is outside a robot robot r closed on line 2"),
-    ('RAFF t\nrobot r {\n  sensor 1 { port "x" }\n}', 3, 3, "'sensor' outside robot"),
-    ("RAFF t\nrobot r {\n  units cm\n}", 3, 3, "'units' outside robot"),
-    # braces
-    ("RAFF t\nrobot r {\n  link 1 {\n    type 2\n    pred 0", 5, 11, "ends inside link 1 line 3 '}' missing"),
-    ("RAFF t\nrobot r {\n  link 1 { type 2 pred 0 }\n", 3, 27, "ends inside robot r line 2 '}' missing"),
-    ("RAFF t\nrobot r {\n}\n}", 4, 1, "'}' too many robot r closed on line 3"),
-    (f"{LINK}type 2 pred 0 limits 0 1{END}", 4, 26, "expected '{' found '0'"),
-    ("RAFF t\nrobot r {\n  link {", 3, 8, "'link' needs a number"),
-    # numbers
-    ("RAFF t\nrobot r {\n  link one { type 2 pred 0 }\n}", 3, 8, "'link' needs a number 'one'"),
-    (f"{LINK}type revolute pred 0{END}", 4, 10, "'type' needs a number 'revolute' 2 revolute"),
-    (f"{LINK}type 2 pred 0 parameters {{ d NaN }}{END}", 4, 34, "'d' needs a number 'NaN'"),
-    (f"{LINK}type 2 pred 0 parameters {{ d inf }}{END}", 4, 34, "'d' needs a number 'inf'"),
-    (f"{LINK}type 2 pred 0 parameters {{ d 1e400 }}{END}", 4, 34, "'1e400' too large"),
-    (f"{LINK}type 2 pred 0 parameters {{ d -1e400 }}{END}", 4, 34, "'-1e400' too large"),
-    (f"{LINK}type 2 pred 0 parameters {{ d 5mm }}{END}", 4, 34, "'d' needs a number '5mm' units"),
-    (f"{LINK}type 2 pred 0 parameters {{ d 1,5 }}{END}", 4, 34, "'d' needs a number '1,5'"),
-    (f"{LINK}type 2 pred 0 parameters {{ d \u0663\u0660 }}{END}", 4, 34, "'d' needs a number '\u0663\u0660'"),  # Arabic
-    (f"{LINK}type 2 pred 0 parameters {{ d 1.\uff15 }}{END}", 4, 34, "'d' needs a number '1.\uff15'"),  # full width
-    (f"{LINK}type \u0662 pred 0{END}", 4, 10, "'type' needs a number '\u0662' 2 revolute"),
-    ("RAFF t\nrobot r {\n  link \u0967 { type 2 pred 0 }\n}", 3, 8, "'link' needs a number '\u0967'"),  # Devanagari
-    (f"{LINK}type 2 pred 0 limits {{ nan 1 }}{END}", 4, 28, "'limits' needs a number 'nan'"),
-    (f"{LINK}type 2 pred 0 limits {{ 1 }}{END}", 4, 30, "'limits' needs two numbers"),
-    (f"{LINK}type 2 pred 0 limits {{ 1 2 3 }}{END}", 4, 32, "'3' limits"),
-    (f"{LINK}type 2 pred 0 velocity 1e400{END}", 4, 28, "'1e400' too large"),
-    (f"{LINK}type 1e400 pred 0{END}", 4, 10, "'1e400' too large"),
-    (f"{LINK}type 2 pred 0.5{END}", 4, 17, "'0.5' whole number"),
-    (f"{LINK}type 2 pred -1{END}", 4, 17, "'-1' whole number from 0"),
-    ("RAFF t\nrobot r { link 1.5 { type 2 pred 0 } }", 2, 16, "'1.5' whole number"),
-    ("RAFF t\nrobot r { link 0 { type 2 pred 0 } }", 2, 16, "'0' whole number from 1"),
-    ("RAFF t\nrobot r { constraint { base sensor ( ) } }", 2, 38, "'sensor' needs a number"),
-    # texts
-    (f'{LINK}name "tool{END}', 4, 10, "not closed on its line '\"' missing"),
-    (f"{LINK}type 2 pred 0 name tool{END}", 4, 24, "expected text found 'tool'"),
-    (f"{LINK}type 2 pred 0 filename {{ a.stl }}{END}", 4, 30, 'expected text "..." \'a.stl\''),
-    (f"{LINK}type 2 / pred 0{END}", 4, 12, "lone '/' comments begin with '//'"),
-    # the file's beginning
-    ("", 1, 1, "begins with 'RAFF <name>'"),
-    ("// nothing but a comment", 1, 1, "begins with 'RAFF <name>'"),
-    ("robot r { }", 1, 1, "begins with 'RAFF <name>' not with 'robot'"),
-    ("RAFF", 1, 5, "'RAFF <name>'"),
-    ("RAFF\nrobot r { }", 1, 1, "'RAFF <name>'"),
-    # given twice
-    (f"{LINK}type 2 pred 0\n    type 1{END}", 5, 10, "'type' given twice in link 1 first on line 4"),
-    (f"{LINK}type 2 pred 0 parameters {{ d 1\n d 2 }}{END}", 5, 2, "'d' given twice first on line 4"),
-    ("RAFF t\nunits mm\nunits cm", 3, 7, "'units' given twice first on line 2"),
-    ('RAFF t\nrobot r {\n  path "a"\n  path "b"\n}', 4, 8, "'path' given twice robot r first on line 3"),
-    ("RAFF t\nrobot r {\n  base { }\n  base { }\n}", 4, 3, "'base' given twice robot r first on line 3"),
-    # what does not exist
-    (f"{LINK}type 3 pred 0{END}", 4, 10, "joint type 3 unknown 0 fixed 1 prismatic 2 revolute"),
-    (f"{LINK}type 2 pred 0 actuated 2{END}", 4, 28, "'actuated' 2 unknown 0 1"),
-    (
-        "RAFF t\nrobot r { link 1 { type 2 pred 0 }\n  constraint { base link 1 type 4 } }",
-        3, 33, "loop type 4 unknown 0 rigid 1 prismatic 2 revolute 3 ball",
-    ),
-    ("RAFF t\nunits inch", 2, 7, "unknown unit 'inch' um mm cm m"),
-    ('RAFF t\nsensor 1 { port "x" translation 4 }', 2, 33, "'translation' 4 unknown 0 1 2 3"),
-    # what is missing
-    ("RAFF t\nrobot r { link 7 { type 2 } }", 2, 16, "link 7 no 'pred'"),
-    ("RAFF t\nrobot r { link 7 { pred 0 } }", 2, 16, "link 7 no 'type'"),
-    ("RAFF t\nrobot r { frame 7 { } }", 2, 17, "frame 7 no 'pred'"),
-    ("RAFF t\nsensor 7 { }", 2, 8, "sensor 7 no 'port'"),
-    ("RAFF t\nrobot r { link 1 { type 2 pred 0 }\n  constraint { link 1 } }", 3, 21, "constraint must name two nodes"),
-    ("RAFF t\nrobot r {\n  constraint { } }", 3, 3, "constraint must name two nodes"),
-    (
-        "RAFF t\nrobot r { link 1 { type 2 pred 0 }\n  constraint { base link 1 sensor ( 0 ) } }",
-        3, 16, "constraint with sensors must name one node",
-    ),
-]  # fmt: skip
 
 
 def at(entry: tuple[str, int, int, str]) -> str:

@@ -80,9 +80,18 @@ def test_numbers_of_mjcf(tmp_path: Path, attributes: tuple[str, str], message: s
 
 
 def test_numbers_of_couplings_in_raff(tmp_path: Path) -> None:
-    coupling = 'coupling { name "c" link 2 link 1 ratio -1e308 }'
-    text = f"RAFF x\nrobot r {{ base {{ }} link 1 {{ type 2 pred 0 }} link 2 {{ type 2 pred 1 }}\n{coupling} }}"
-    refused(tmp_path, r"coupling 'c': the coefficients of 'joint1' are below 1e-13 or beyond 1e\+13", r__raff=text)
+    for what, message in (
+        (
+            "ratio -1e308",
+            r"r.raff:3:24: what link 1 adds to link 2 has coefficients beyond 1e\+12 in SI units, or all below",
+        ),
+        ("ratio 1e-13", "all below 1e-12"),
+        (f"polynomial ( {300 * '1e300 '})", r"beyond 1e\+12"),  # divided by a power of a degree, which is 0
+        ("ratio 1 offset -1e308", r"r.raff:3:41: the 'offset' of link 2 in a coupling is beyond 1e\+12"),
+    ):
+        coupling = f"coupling {{ link 2 link 1 {what} }}"
+        text = f"RAFF x\nrobot r {{ base {{ }} link 1 {{ type 2 pred 0 }} link 2 {{ type 2 pred 1 }}\n{coupling} }}"
+        refused(tmp_path, message, r__raff=text)
 
 
 @pytest.mark.parametrize("number", ["4e-324", "1e-14", "1e14"])

@@ -1,0 +1,63 @@
+// Couplings as equations between joints in radians and metres.
+
+import { driveKinds } from "./definitions.js";
+import { FIXED, PRISMATIC } from "./document.js";
+import { radians } from "./kleinfinger.js";
+
+/** @typedef {import("./document.js").Document} Document */
+/** @typedef {import("./document.js").Link} Link */
+/** @typedef {import("./document.js").Robot} Robot */
+
+/**
+ * The equation sum_i c_i1 q_i + c_i2 q_i^2 + ... = constant, rad and m; the joint of the first term follows.
+ *
+ * @typedef {{ name: string, terms: { joint: number, coefficients: number[] }[], constant: number }} CouplingTable
+ */
+
+/**
+ * A value of a link's joint in m or rad.
+ *
+ * @param {Document} document
+ * @param {Link} link
+ * @param {number} value
+ */
+export function inUnits(document, link, value) {
+  return link.type === PRISMATIC ? document.metres(value) : radians(value);
+}
+
+/**
+ * The couplings of a robot without joints of several variables.
+ *
+ * @param {Document} document
+ * @param {Robot} robot
+ * @returns {CouplingTable[]}
+ */
+export function couplingsOf(document, robot) {
+  if (!robot.couplings.length) return [];
+  const moving = robot.links.filter((link) => link.type !== FIXED);
+  const columns = new Map(moving.map((link, i) => [link.number, i]));
+  const names = robot.couplingNames();
+  const joint = (/** @type {number} */ number) => /** @type {number} */ (columns.get(number));
+  const linkOf = (/** @type {number} */ number) => /** @type {Link} */ (robot.node(number));
+  return robot.couplings.map(({ follower, drives, offset }, i) => {
+    const link = linkOf(follower);
+    const own = inUnits(document, link, 1);
+    const terms = drives.map(({ link: number, kind, numbers }) => {
+      const other = inUnits(document, linkOf(number), 1);
+      const metres = document.metres(numbers[0]) / (driveKinds[kind] === "lead" ? 2 * Math.PI : 1);
+      /** @type {Record<string, () => number[]>} */
+      const factors = {
+        ratio: () => numbers,
+        lead: () => [link.type === PRISMATIC ? metres : 1 / metres],
+        radius: () => [link.type === PRISMATIC ? metres : 1 / metres],
+        polynomial: () => numbers.map((c, power) => c === 0 ? c : (c * own) / other ** (power + 1)),
+      };
+      return { joint: joint(number), coefficients: factors[driveKinds[kind]]().map((factor) => -factor) };
+    });
+    return {
+      name: names[i],
+      terms: [{ joint: joint(follower), coefficients: [1] }, ...terms],
+      constant: inUnits(document, link, offset),
+    };
+  });
+}

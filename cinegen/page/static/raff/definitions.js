@@ -1,0 +1,525 @@
+// Generated from Python's definitions of RAFF by `make generated`: not to be edited.
+
+export const tokens = {
+  "": "[ \\t\\f\\r]+|//.*",
+  "NUMBER": "[+-]?(?:[0-9]+(?:\\.[0-9]*)?|\\.[0-9]+)(?:[eE][+-]?[0-9]+)?(?![^\\t-\\r\\x1c- \\x85\\xa0\\u1680\\u2000-\\u200a\\u2028\\u2029\\u202f\\u205f\\u3000{}()\"/])",
+  "STRING": "\"[^\"]*\"",
+  "WORD": "[^\\t-\\r\\x1c- \\x85\\xa0\\u1680\\u2000-\\u200a\\u2028\\u2029\\u202f\\u205f\\u3000{}()\"/]+",
+  "MARK": "[{}()]",
+  "ILLEGAL": "."
+};
+
+export const spaces = "\\t-\\r\\x1c- \\x85\\xa0\\u1680\\u2000-\\u200a\\u2028\\u2029\\u202f\\u205f\\u3000";
+
+export const numberWithUnit = "[0-9]+(?:[.][0-9]*)?[umcdegrak]*";
+
+export const statements = {
+  "": {
+    "robot": {
+      "follows": "NAME {",
+      "name": "robots",
+      "repeats": true
+    },
+    "sensor": {
+      "follows": "NUMBER {",
+      "name": "sensors",
+      "repeats": true
+    },
+    "units": {
+      "follows": "WORD"
+    }
+  },
+  "robot": {
+    "path": {
+      "follows": "STRING"
+    },
+    "base": {
+      "follows": "{"
+    },
+    "link": {
+      "follows": "NUMBER {",
+      "name": "parts",
+      "repeats": true
+    },
+    "frame": {
+      "follows": "NUMBER {",
+      "name": "parts",
+      "repeats": true
+    },
+    "constraint": {
+      "follows": "{",
+      "name": "constraints",
+      "repeats": true
+    },
+    "coupling": {
+      "follows": "{",
+      "name": "couplings",
+      "repeats": true
+    }
+  },
+  "base": {
+    "parameters": {
+      "follows": "{"
+    },
+    "filename": {
+      "follows": "{ STRING* }",
+      "name": "filenames",
+      "repeats": true
+    },
+    "inertial": {
+      "follows": "{"
+    }
+  },
+  "link": {
+    "parameters": {
+      "follows": "{"
+    },
+    "type": {
+      "follows": "NUMBER",
+      "unless": "compound",
+      "required": " (0 fixed, 1 prismatic, 2 revolute)",
+      "choice": {
+        "what": "joint type",
+        "words": [
+          "fixed",
+          "prismatic",
+          "revolute"
+        ]
+      }
+    },
+    "joint": {
+      "follows": "WORD",
+      "name": "compound"
+    },
+    "variable": {
+      "follows": "WORD {",
+      "name": "variables",
+      "repeats": true
+    },
+    "pred": {
+      "follows": "NUMBER",
+      "required": ": the number of its parent (0: the base)",
+      "whole": true
+    },
+    "limits": {
+      "follows": "{ NUMBER NUMBER }"
+    },
+    "velocity": {
+      "follows": "NUMBER"
+    },
+    "effort": {
+      "follows": "NUMBER"
+    },
+    "actuated": {
+      "follows": "NUMBER",
+      "choice": {
+        "what": "'actuated'",
+        "words": [
+          "passive",
+          "actuated"
+        ]
+      }
+    },
+    "name": {
+      "follows": "STRING"
+    },
+    "filename": {
+      "follows": "{ STRING* }",
+      "name": "filenames",
+      "repeats": true
+    },
+    "inertial": {
+      "follows": "{"
+    }
+  },
+  "frame": {
+    "parameters": {
+      "follows": "{"
+    },
+    "pred": {
+      "follows": "NUMBER",
+      "required": ": the number of its parent (0: the base)",
+      "whole": true
+    },
+    "name": {
+      "follows": "STRING"
+    },
+    "filename": {
+      "follows": "{ STRING* }",
+      "name": "filenames",
+      "repeats": true
+    },
+    "inertial": {
+      "follows": "{"
+    }
+  },
+  "inertial": {
+    "mass": {
+      "follows": "NUMBER",
+      "unless": "density",
+      "required": " (kg), nor a 'density' (kg/m3)"
+    },
+    "centre": {
+      "follows": "{ NUMBER NUMBER NUMBER }"
+    },
+    "moments": {
+      "follows": "{ NUMBER NUMBER NUMBER }"
+    },
+    "products": {
+      "follows": "{ NUMBER NUMBER NUMBER }"
+    },
+    "density": {
+      "follows": "NUMBER"
+    },
+    "radius": {
+      "follows": "NUMBER"
+    }
+  },
+  "variable": {
+    "home": {
+      "follows": "NUMBER"
+    },
+    "limits": {
+      "follows": "{ NUMBER NUMBER }"
+    },
+    "velocity": {
+      "follows": "NUMBER"
+    },
+    "effort": {
+      "follows": "NUMBER"
+    },
+    "actuated": {
+      "follows": "NUMBER",
+      "choice": {
+        "what": "'actuated'",
+        "words": [
+          "passive",
+          "actuated"
+        ]
+      }
+    }
+  },
+  "parameters": {
+    "theta": {
+      "follows": "NUMBER"
+    },
+    "r": {
+      "follows": "NUMBER"
+    },
+    "d": {
+      "follows": "NUMBER"
+    },
+    "alpha": {
+      "follows": "NUMBER"
+    },
+    "gamma": {
+      "follows": "NUMBER"
+    },
+    "epsilon": {
+      "follows": "NUMBER"
+    }
+  },
+  "constraint": {
+    "link": {
+      "follows": "NUMBER",
+      "name": "nodes",
+      "repeats": true
+    },
+    "frame": {
+      "follows": "NUMBER",
+      "name": "nodes",
+      "repeats": true
+    },
+    "base": {
+      "follows": "",
+      "name": "nodes",
+      "repeats": true
+    },
+    "type": {
+      "follows": "NUMBER",
+      "choice": {
+        "what": "loop type",
+        "words": [
+          "rigid",
+          "prismatic",
+          "revolute",
+          "ball"
+        ]
+      }
+    },
+    "sensor": {
+      "follows": "( NUMBER+ )"
+    }
+  },
+  "coupling": {
+    "link": {
+      "follows": "NUMBER",
+      "name": "parts",
+      "repeats": true
+    },
+    "ratio": {
+      "follows": "NUMBER",
+      "name": "parts",
+      "repeats": true
+    },
+    "lead": {
+      "follows": "NUMBER",
+      "name": "parts",
+      "repeats": true
+    },
+    "radius": {
+      "follows": "NUMBER",
+      "name": "parts",
+      "repeats": true
+    },
+    "polynomial": {
+      "follows": "( NUMBER+ )",
+      "name": "parts",
+      "repeats": true
+    },
+    "offset": {
+      "follows": "NUMBER"
+    },
+    "name": {
+      "follows": "STRING"
+    }
+  },
+  "sensor": {
+    "port": {
+      "follows": "STRING",
+      "required": ""
+    },
+    "translation": {
+      "follows": "NUMBER",
+      "choice": {
+        "what": "'translation'",
+        "words": [
+          "none",
+          "one",
+          "two",
+          "three"
+        ]
+      }
+    },
+    "rotation": {
+      "follows": "NUMBER",
+      "choice": {
+        "what": "'rotation'",
+        "words": [
+          "none",
+          "one",
+          "two",
+          "three"
+        ]
+      }
+    }
+  },
+  "limits": {},
+  "filename": {},
+  "centre": {},
+  "moments": {},
+  "products": {}
+};
+
+export const wanted = {
+  "STRING": "a text in \"...\"",
+  "WORD": "a name",
+  "NAME": "a name or a text in \"...\"",
+  "MORE": "')' or a number"
+};
+
+export const labels = {
+  "base": "the base",
+  "parameters": "the parameter block",
+  "constraint": "the constraint",
+  "limits": "the limits",
+  "filename": "the list of files",
+  "inertial": "the inertial",
+  "centre": "the centre",
+  "moments": "the moments",
+  "products": "the products"
+};
+
+export const counts = {
+  "limits": "two numbers",
+  "centre": "three numbers",
+  "moments": "three numbers",
+  "products": "three numbers"
+};
+
+export const unitsPerMetre = {
+  "um": 1000000.0,
+  "mm": 1000.0,
+  "cm": 100.0,
+  "m": 1.0
+};
+
+export const jointTypes = [
+  "fixed",
+  "prismatic",
+  "revolute"
+];
+
+export const loopKinds = [
+  "rigid",
+  "prismatic",
+  "revolute",
+  "ball"
+];
+
+export const driveKinds = [
+  "ratio",
+  "lead",
+  "radius",
+  "polynomial"
+];
+
+export const rows = [
+  6,
+  5,
+  5,
+  3
+];
+
+export const variables = {
+  "ball": {
+    "x": null,
+    "y": null,
+    "z": null
+  },
+  "universal": {
+    "z": "theta",
+    "y": null
+  },
+  "cylindrical": {
+    "z": "theta",
+    "tz": "r"
+  },
+  "planar": {
+    "tx": null,
+    "ty": null,
+    "z": "theta"
+  }
+};
+
+export const reserved = {
+  "base": "the root",
+  "world": "the frame of the world",
+  "universe": "Pinocchio's root"
+};
+
+export const xmlName = "[A-Z_a-z\u00c0-\u00d6\u00d8-\u00f6\u00f8-\u02ff\u0370-\u037d\u037f-\u1fff\u200c-\u200d\u2070-\u218f\u2c00-\u2fef\u3001-\ud7ff\uf900-\ufdcf\ufdf0-\ufffd\ud800\udc00-\udb7f\udfff][A-Z_a-z\u00c0-\u00d6\u00d8-\u00f6\u00f8-\u02ff\u0370-\u037d\u037f-\u1fff\u200c-\u200d\u2070-\u218f\u2c00-\u2fef\u3001-\ud7ff\uf900-\ufdcf\ufdf0-\ufffd\ud800\udc00-\udb7f\udfff\\-.0-9\u00b7\u0300-\u036f\u203f-\u2040]*";
+
+export const limits = {
+  "line": 10000,
+  "problems": 100,
+  "whole": 999999999999999,
+  "leastSize": 5.0,
+  "largest": 1000000000000.0,
+  "smallest": 1e-12,
+  "leastSpeed": 1e-12,
+  "rounded": 1e-06,
+  "message": 4000,
+  "shownProblems": 20,
+  "excerpt": 100,
+  "similarLength": 100,
+  "similarWords": 1000,
+  "knownWords": 12
+};
+
+export const texts = {
+  "DID_YOU_MEAN": ": did you mean '{word}'?",
+  "KNOWN": " (known: {listed}{more})",
+  "MORE_PROBLEMS": "and {count} more",
+  "DEFINED_TWICE": "{what} is defined twice{first}: change one of them",
+  "FIRST_ON_LINE": ", first on line {line}",
+  "LONG_LINE": "line {line} is {length} characters long; at most {most} are allowed",
+  "OPEN_TEXT": "this text is not closed on its line: a '\"' is missing",
+  "LONE_SLASH": "a lone '/': comments begin with '//'",
+  "UNEXPECTED_CHARACTER": "unexpected character {character}: remove it",
+  "NO_HEADER": "a RAFF file begins with 'RAFF <name>', not with '{found}'{hint}",
+  "IS_XML": ": a URDF, SDF or MJCF is read by its ending",
+  "ENDS_BEFORE_HEADER": "the file ends too early: a RAFF file begins with 'RAFF <name>'",
+  "HEADER_ON_TWO_LINES": "a RAFF file begins with 'RAFF <name>', both on one line",
+  "ENDS_INSIDE": "the file ends inside {label}, opened on line {line}: a '}}' is missing",
+  "ENDS_EARLY": "the file ends too early: {missing} is missing",
+  "EXPECTED": "expected {wanted} here, found '{found}'",
+  "QUOTE_IT": "{message}: put it in quotation marks",
+  "NOT_A_NUMBER": "'{word}' needs a number, and '{found}' is not one{hint}",
+  "HAS_UNIT": " (numbers have no unit: lengths are in the file's `units`, angles in degrees, masses in kg)",
+  "NEEDS": "'{word}' needs {wanted} here",
+  "GIVEN_TWICE": "'{word}' is given twice in {label}: first on line {line}",
+  "LACKS": "{label} has no '{word}'{meaning}",
+  "BRACE_TOO_MANY": "one '}}' too many: {remedy}",
+  "WAS_CLOSED": "{label} was closed on line {line}",
+  "REMOVE_IT": "remove it",
+  "UNEXPECTED": "unexpected '{found}' in {label}: expected {listed}",
+  "BELONGS_OUTSIDE": "'{word}' is inside {label}: it belongs outside every robot",
+  "IS_OUTSIDE": "'{word}' is outside {home}: {closed}",
+  "A_PARAMETER_BLOCK": "a parameter block",
+  "A_BLOCK": "a {kind}",
+  "UNKNOWN_PARAMETER": "unknown parameter '{word}'{hint}",
+  "BELONGS_IN": "'{word}' does not belong in {label}, but in {homes}",
+  "UNKNOWN_WORD": "unknown word '{word}' in {label}{hint}",
+  "TOO_LARGE": "'{found}' is too large for a number: the largest is 1.8e308",
+  "NOT_WHOLE": "'{found}' must be a whole number from {least}",
+  "WHOLE_TOO_LARGE": "'{found}' is too large for a whole number: the largest is {most}",
+  "UNKNOWN_CHOICE": "{what} {found} is unknown (known: {known})",
+  "UNKNOWN_JOINT": "unknown joint '{found}'{hint}",
+  "UNKNOWN_UNIT": "unknown unit '{found}' (known: {known})",
+  "SENSORS_OF_ONE_NODE": "a constraint with sensors must name one node, and no type",
+  "TWO_NODES": "a constraint must name two nodes (a loop), or one node and the sensors that it may follow",
+  "DRIVES_NOTHING": "'{word}' belongs after a link that drives; the first link of a coupling follows",
+  "NAMES_NO_DRIVE": "a coupling must name the link that follows, and then those that drive it: link 5 link 3 ratio -2",
+  "NEEDS_DRIVE": "link {link} drives a coupling: say by which 'ratio', 'lead', 'radius' or 'polynomial'",
+  "NO_ROBOT": "the file has no robot: add 'robot NAME {{ }}'",
+  "NO_SUCH_ROBOT": "there is no robot '{name}'{hint}",
+  "BAD_NAME": "'{name}' can't name a {keyword}: a name begins with a letter or '_' and has no spaces (it becomes an XML name)",
+  "RESERVED_NAME": "the name '{name}' is reserved for {owner}: choose another one",
+  "NAME_TAKEN": "the name '{name}' is that of {keyword} {number}: choose another one",
+  "NO_PARENT": "the parent of {keyword} {number} is {pred}, which does not exist{known}",
+  "THE_BASE": "0 (the base)",
+  "CYCLE": "{keyword} {number} is part of a cycle of parents: {shown}: change the 'pred' of one of them",
+  "SMALL": "all lengths of robot '{robot}' are below {least:g} mm, the longest is {size} mm: did you mean metres? Write 'units m' after the first line, or 'units mm' if they are in mm",
+  "LENGTH_TOO_LARGE": "{word} of {node} is beyond {largest:g} m, the largest length",
+  "INERTIAL_TOO_LARGE": "'{word}' of the inertial of {node} is beyond {largest:g} in SI units, the largest",
+  "COEFFICIENTS_TOO_LARGE": "what link {link} adds to link {follower} has coefficients beyond {largest:g} in SI units, or all below {least:g}",
+  "OFFSET_TOO_LARGE": "the 'offset' of link {follower} in a coupling is beyond {largest:g} in SI units, the largest",
+  "LIMITS_REVERSED": "the lower limit {low:g} of {what} is above its upper limit {high:g}: swap them",
+  "VELOCITY_TOO_SMALL": "the velocity limit of {what} is {value:g}: {too_slow}",
+  "TOO_SLOW": "it must be above 0, and not as slow as {least:g} rad/s or m/s; or left out",
+  "EFFORT_TOO_SMALL": "the effort limit of {what} is {value:g}: it must be above 0 (N m or N), or left out",
+  "NO_VARIABLES": "{what} has variables but no joint that has several: remove them, or write 'joint' for 'type'",
+  "TYPE_AND_JOINT": "{what} has both 'type' and 'joint': remove one of them",
+  "IN_A_VARIABLE": "the {compound} joint of {what} has several variables: write '{word}' for one of them, in 'variable {first} {{ }}'",
+  "NO_SUCH_VARIABLE": "a {compound} joint has no variable '{name}'{known}",
+  "HOME_IS_PARAMETER": "the home of {what} is '{parameter}' of its parameters: write it there",
+  "NAME_NEEDED": "the name '{name}' is needed for a joint of {what}: choose another one",
+  "NO_MASS": "the inertial of {what} has no 'mass' (kg), nor a 'density' (kg/m3)",
+  "NEGATIVE_MASS": "the mass of {what} is {mass:g} kg: it must not be negative",
+  "NOT_ABOVE_0": "the {word} of {what} is {value}: it must be above 0",
+  "RADIUS_OF_BARS": "'radius' of {what} is that of bars of a 'density': add it, or remove 'radius'",
+  "DENSITY_AND_MASS": "{what} has a 'density', from which '{word}' follows: remove one of them",
+  "DENSITY_OF_NOTHING": "{what} has a 'density' but no graphics: name files, or give the 'radius' of its bars",
+  "NO_END": "a loop of robot '{robot}' ends at {number}, which does not exist{known}",
+  "LOOP_TO_ITSELF": "a loop joins node {number} to itself: name two different nodes",
+  "NO_NODE": "a sensor constraint of robot '{robot}' names {number}, which does not exist{known}",
+  "NO_SENSOR": "sensor {number} is not declared (declared: {declared})",
+  "NONE": "none",
+  "NAME_OF_COUPLING": "the name '{name}' is that of another coupling: choose another one",
+  "NAME_OF_LOOP": "the name '{name}' is that of a loop: choose another one",
+  "COUPLES_COMPOUND": "a coupling names link {number}, whose {compound} joint has several variables: write it as successive links, each with a 'type'",
+  "COUPLES_NOTHING": "a coupling names link {number}, which is not a link that moves{known}",
+  "COUPLED_TWICE": "a coupling names link {number} twice: name it once",
+  "RATIO_OF_TWO_TYPES": "'ratio' couples joints of one type, but link {follower} is {own} and link {link} {other}: use 'lead' (a screw) or 'radius' (a rack)",
+  "SCREW_OF_ONE_TYPE": "'{word}' couples a prismatic and a revolute joint, but links {follower} and {link} are both {own}: use 'ratio'",
+  "DRIVES_BY_0": "link {link} does not drive link {follower}: its '{word}' is 0",
+  "NO_BODY": "no body can have the inertia of {node}: {why}; no forces can be computed",
+  "MASS_NEGATIVE": "its mass is negative, {mass:.6g} kg",
+  "MOMENTS_WITHOUT_MASS": "it has moments of inertia, up to {moment:.6g} kg m2, but no mass",
+  "MOMENT_NEGATIVE": "a principal moment of inertia is negative, {moment:.6g} kg m2",
+  "MOMENT_TOO_LARGE": "a principal moment of inertia, {moment:.6g} kg m2, exceeds the sum of the others, {least:.6g} and {middle:.6g}",
+  "FIXED_HAS": "link {number} is fixed, so '{word}' has no effect: remove it",
+  "HOME_OUTSIDE": "home {home} of {what} is outside its limits {low} to {high}: change either",
+  "USELESS_EFFORT": "the joint of {what} is passive, so 'effort' has no effect: remove it, or write 'actuated 1'"
+};
