@@ -27,7 +27,7 @@ from numpy.typing import NDArray
 from scipy.optimize import least_squares
 
 from cinegen.design.amounts import Amounts, amount_in, fits, pairs
-from cinegen.design.calibration.identifiability import Dependency, Subspace, dependencies, subspace
+from cinegen.design.calibration.identifiability import LISTED, Dependency, Subspace, dependencies, subspace
 from cinegen.design.calibration.measurements import Measurements
 from cinegen.design.calibration.observation import Observation, Prediction
 from cinegen.design.calibration.plausible import check_units, predicted
@@ -50,6 +50,7 @@ REJECTED = 4.0
 _STARTS = 8.0  # expected standard deviations beyond which a reading is left out at first
 _CAUCHY = 2.0  # standard deviations from which the redescending loss weakens
 _ROUNDS = 12  # of rejection
+_SEEN = 4  # poses that are compared for motions of the whole robot
 _OWN = 1.0 - 1e-9  # a parameter of this determined length is determined by itself
 _WITHOUT = 1e-7  # one below has no effect
 
@@ -282,7 +283,7 @@ def calibrate(
     whitened = solver.whiten(after[..., None], kept)
     calibration = Calibration(
         observation, observation.names, observation.values, theta, space.changes @ covariance @ space.changes.T, space,
-        z, covariance, _dependencies(observation, space, errors),
+        z, covariance, _dependencies(observation, space, errors, nominal.q),
         tuple(n for n, s, e in zip(observation.names, space.lengths, errors, strict=True) if s < _WITHOUT and e > 0.0),
         nominal.opening, before, after, standard, kept, tuple(_outliers(observation, after, standard, present & ~kept)),
         float((whitened**2).sum()), int(kept.sum()) - len(z), *_held_out(solver, space, folds, kept, before, nominal),
@@ -419,38 +420,41 @@ def _with_offsets(
     return Parameters(whole.document, wanted, ties, robot=whole.robot.name)
 
 
-def _dependencies(observation: Observation, space: Subspace, errors: Array) -> tuple[Dependency, ...]:
-    """Return what can't be told apart; a dependency that moves all nodes as one body is named so."""
+def _dependencies(observation: Observation, space: Subspace, errors: Array, q: Array) -> tuple[Dependency, ...]:
+    """Return what can't be told apart. A dependency that moves what is measured by one twist of the world in all poses
+    (poses, nq), with the devices, moves the robot as one body: it is named so."""
     estimated = np.flatnonzero(errors > 0.0).tolist()
     inner = Subspace(space.basis[estimated], space.singular_values, errors[estimated], space.rank)
     parameters = observation.design.parameters
     nodes_of = parameters.robot.nodes.values()
     parents = {_keyword(parameters, one.number): _keyword(parameters, getattr(one, "pred", None)) for one in nodes_of}
-    names = [observation.names[k] for k in estimated]
-    found = dependencies(inner, names, [observation.units[k] for k in estimated], parents)
-    here = observation.design.evaluate()
-    nodes = observation.design.mechanism.nodes
-    frames = observation.frames
-    first, twists = len(observation.names) - len(frames), list[Array]()
-    for node in nodes[1:]:
-        twist, origin = here.pose_derivative(node, "world")[0], here.placements(node)[0, :3, 3]
-        at_world = np.vstack([twist[:3] + np.cross(origin, twist[3:], axisb=0).T, twist[3:]])
-        twists.append(np.hstack([at_world, np.zeros((6, len(observation) - len(parameters)))]))
-    devices = np.zeros((len(frames.devices), 6, len(observation)))
-    for device, name in zip(devices, frames.devices, strict=True):
-        device[:, first:] = frames.twists(name)
+    frames, bodies = observation.frames, list[Array]()
+    some = np.linspace(0, len(q) - 1, min(len(q), _SEEN)).astype(int)
+    here = observation.design.evaluate(q=q[some])
+    measured = dict.fromkeys(one.of for one in observation.quantities if one.kind != "joint")
+    for node in measured or (observation.design.mechanism.end,):
+        origins = here.placements(node)[:, None, :3, 3]
+        for origin, twist in zip(origins, here.pose_derivative(node, "world"), strict=True):
+            at_world = np.vstack([twist[:3] + np.cross(origin, twist[3:].T).T, twist[3:]])
+            bodies.append(np.hstack([at_world, np.zeros((6, len(observation) - len(parameters)))]))
+    for name in frames.devices:
+        bodies.append(np.zeros((6, len(observation))))
+        bodies[-1][:, len(observation) - len(frames) :] = frames.twists(name)
+    names, motions = [observation.names[k] for k in estimated], np.array(bodies)[:, :, estimated]
+    found = dependencies(inner, names, [observation.units[k] for k in estimated], parents, motions)
+    moving = f"robot and {' and '.join(frames.devices)}" if frames.devices else "base and platform"
     told = list[Dependency]()
     for one in found:
-        at = [observation.names.index(name) for name in one.names]
+        at = [names.index(name) for name in one.names]
         text = one.text
-        if len(one.changes) == 1 and len(twists) > 1:
-            moved = np.array([twist[:, at] @ one.changes[0] for twist in twists])
-            with_it = [name for name, twist in zip(frames.devices, devices, strict=True) if twist[:, at].any()]
-            along = np.array([devices[frames.devices.index(name)][:, at] @ one.changes[0] for name in with_it])
+        if len(one.changes) == 1 and len(bodies) > 1:
+            moved = motions[:, :, at] @ one.changes[0]
             size = float(np.abs(moved).max())
-            if size > 1e-9 and np.abs(np.array([*moved, *along]) - moved[-1]).max() < 1e-7 * size:
-                bodies = ", ".join(("base and platform, all nodes", *with_it))
-                text = f"{bodies}, move together as one body: {text}"
+            if size > 1e-9 and np.abs(moved - moved[-1]).max() < 1e-7 * size:
+                if len(one.names) > LISTED:
+                    of = ", ".join(dict.fromkeys(name.rpartition(".")[0] for name in one.names))
+                    text = f"no reading changes ({len(one.names)} parameters of {of})"
+                text = f"{moving} move together as one body: {text}"
         told.append(Dependency(one.names, one.changes, text))
     return tuple(told)
 

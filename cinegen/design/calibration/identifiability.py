@@ -28,7 +28,8 @@ WEAK = 0.01
 """Combinations whose standard deviation exceeds 1 / WEAK expected errors are not estimated."""
 
 _ZERO = 1e-7  # of rows of V of length 1
-_LISTED = 6  # parameters of a dependency that are named
+LISTED = 6
+"""Parameters of a dependency up to which they are named."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -104,7 +105,11 @@ def _solved(matrix: Array, wanted: Array) -> Array:
 
 
 def dependencies(
-    found: Subspace, names: Sequence[str], units: Sequence[str], parents: Mapping[str, str] | None = None
+    found: Subspace,
+    names: Sequence[str],
+    units: Sequence[str],
+    parents: Mapping[str, str] | None = None,
+    motions: Array | None = None,
 ) -> list[Dependency]:
     """Return independent dependencies of the parameters that have an effect, those of the fewest parameters first.
 
@@ -113,6 +118,8 @@ def dependencies(
         names: of the parameters.
         units: `m`, `rad` or "" of each.
         parents: of nodes, for the words.
+        motions: (bodies, 6, parameters) twists of bodies by the parameters: dependencies with which these move as one
+            are preferred.
     """
     rows, lengths = found.basis, found.lengths
     effective = np.flatnonzero(lengths > _ZERO)
@@ -126,7 +133,9 @@ def dependencies(
         else:
             groups.append([int(k)])
     described = [_parallel(group, found, names, units) for group in groups if len(group) > 1]
-    for w in _circuits(rows, [group[0] for group in groups]):
+    chosen = [group[0] for group in groups]
+    first = _as_one(rows, chosen, motions * found.errors) if motions is not None and chosen else []
+    for w in _circuits(rows, chosen, first):
         used = np.flatnonzero(np.abs(w) > _ZERO * np.abs(w).max()).tolist()
         own, changes = tuple(names[k] for k in used), w[used] * found.errors[used]
         described.append(
@@ -135,8 +144,59 @@ def dependencies(
     return described
 
 
-def _circuits(rows: Array, chosen: Sequence[int]) -> list[Array]:
-    """Return independent dependencies of rows of which no two are parallel."""
+def _as_one(rows: Array, chosen: Sequence[int], motions: Array) -> list[Array]:
+    """Return independent dependencies with which all bodies move as one, a simple motion and few parameters each."""
+    own = motions[:, :, list(chosen)] / max(float(np.abs(motions).max(initial=0.0)), 1e-300)
+    apart = np.vstack([rows[list(chosen)].T, (own[:-1] - own[-1]).reshape(-1, len(chosen))])
+    _, s, vt = svd(apart, lapack_driver="gesvd")
+    null = vt[int((s > _ZERO * s[0]).sum()) :].T
+    u, s, _ = svd_by_qr(own[-1] @ null)
+    directions = _echelon(u[:, s > _ZERO].T)
+    found = list[Array]()
+    for direction in directions:
+        weights = _fewest(np.vstack([apart, own[-1]]), np.append(np.zeros(len(apart)), direction))
+        if weights is not None:
+            w = np.zeros(len(rows))
+            w[list(chosen)] = weights
+            found.append(w / np.abs(w).max())
+    return found
+
+
+def _echelon(matrix: Array) -> Array:
+    """Return the reduced row echelon form of independent rows."""
+    found, done = matrix.copy(), 0
+    for column in range(found.shape[1]):
+        if done == len(found):
+            break
+        pivot = done + int(np.argmax(np.abs(found[done:, column])))
+        if abs(found[pivot, column]) < _ZERO:
+            continue
+        found[[done, pivot]] = found[[pivot, done]]
+        found[done] /= found[done, column]
+        others = np.arange(len(found)) != done
+        found[others] -= np.outer(found[others, column], found[done])
+        done += 1
+    return found
+
+
+def _fewest(a: Array, wanted: Array) -> Array | None:
+    """Return the solution of a x = wanted of least 1-norm, which has few components; None if there is none."""
+    if not np.allclose(a @ _solved(a, wanted), wanted, atol=_ZERO * np.abs(wanted).max()):
+        return None
+    u, s, _ = svd_by_qr(a)
+    left = u[:, s > _ZERO * s[0]].T
+    done = linprog(np.ones(2 * a.shape[1]), A_eq=np.hstack([left @ a, -left @ a]), b_eq=left @ wanted)
+    if done.status != 0:
+        return None
+    weights = done.x[: a.shape[1]] - done.x[a.shape[1] :]
+    support = np.abs(weights) > _ZERO * np.abs(weights).max()
+    found = np.zeros(a.shape[1])
+    found[support] = _solved(a[:, support], wanted)
+    return found
+
+
+def _circuits(rows: Array, chosen: Sequence[int], first: Sequence[Array] = ()) -> list[Array]:
+    """Return independent dependencies of rows of which no two are parallel, those that are known first."""
     matrix = rows[list(chosen)].T  # (combinations, chosen)
     unit = matrix / np.linalg.norm(matrix, axis=0)
     count = unit.shape[1] - int((svd_by_qr(unit)[1] > _ZERO).sum()) if unit.size else 0
@@ -161,7 +221,7 @@ def _circuits(rows: Array, chosen: Sequence[int]) -> list[Array]:
             w[list(chosen)] /= np.linalg.norm(matrix, axis=0)
             candidates.append(w / np.abs(w).max())
     candidates.sort(key=lambda w: int((np.abs(w) > _ZERO).sum()))
-    picked = list[Array]()
+    picked = list(first)
     for w in candidates:
         if len(picked) < count and (svd_by_qr(np.array([*picked, w]))[1] > _ZERO).sum() > len(picked):
             picked.append(w)
@@ -195,7 +255,7 @@ def _together(names: tuple[str, ...], changes: Array, units: Sequence[str], pare
     shown = {"m": "mm", "rad": "deg", "": ""}
     lead = int(np.argmax(np.abs(changes)))
     sizes = changes / changes[lead] / scale[units[lead]]
-    if len(names) <= _LISTED:
+    if len(names) <= LISTED:
         texts = [
             f"{name} {size * scale[unit]:+.3g} {shown[unit]}".rstrip()
             for name, size, unit in zip(names, sizes, units, strict=True)
