@@ -65,7 +65,7 @@ def test_derivatives_against_differences():
 def test_identifiable_combinations(name, count, full, position):
     for columns, wanted in ((POSE, full), (POSE[:3], position)):
         parameters, _, readings = measured(name, columns)
-        found = calibrate(parameters, readings, folds=0, robust=False)
+        found = calibrate(parameters, noisy(readings, 1), folds=0, robust=False)
         assert len(found.names) == count
         assert found.subspace.rank == wanted
         counted = found.subspace.rank + len(found.without_effect) + len(found.opening)
@@ -75,7 +75,7 @@ def test_identifiable_combinations(name, count, full, position):
 @pytest.mark.parametrize("name", ["delta4", *slow("gough")])
 def test_dependencies_change_no_reading(name):
     parameters, _, readings = measured(name, POSE)
-    found = calibrate(parameters, readings, folds=0, robust=False)
+    found = calibrate(parameters, noisy(readings, 1), folds=0, robust=False)
     observation = Observation(parameters, readings)
     for one in found.dependencies:
         at = [found.names.index(n) for n in one.names]
@@ -329,6 +329,14 @@ def test_sigmas_that_are_too_small_are_told():
     with pytest.warns(CinegenWarning, match="times what the sigmas of the readings allow"):
         found = calibrate(parameters, small, folds=0)
     assert len(found.outliers) < 10
+
+
+def test_sigmas_in_another_unit_are_told():
+    parameters, _, readings = measured("delta4", POSE)
+    good = noisy(readings, 2)
+    large = Measurements(good.quantities, good.values, 100.0 * good.sigmas, good.labels)
+    with pytest.warns(CinegenWarning, match=r"residuals are only 0.0\d+ times what the sigmas .* in another unit"):
+        calibrate(parameters, large, folds=0)
 
 
 def test_proposed_poses_are_better_than_random_ones():

@@ -50,6 +50,8 @@ REJECTED = 4.0
 _STARTS = 8.0  # expected standard deviations beyond which a reading is left out at first
 _CAUCHY = 2.0  # standard deviations from which the redescending loss weakens
 _ROUNDS = 12  # of rejection
+_SMALL = 0.04  # chi-square per degree of freedom below which sigmas are too large
+_COMPUTED = 1e-8  # the same below which readings were computed, not measured
 _SEEN = 4  # poses that are compared for motions of the whole robot
 _OWN = 1.0 - 1e-9  # a parameter of this determined length is determined by itself
 _WITHOUT = 1e-7  # one below has no effect
@@ -520,4 +522,9 @@ def _warn(found: Calibration) -> None:
         warn(
             f"{source}: the residuals are {math.sqrt(found.fit):.2g} times what the sigmas of the readings allow: "
             "these are too small, or something else than the parameters is wrong (backlash, bending, thermal growth)"
+        )
+    elif _COMPUTED < found.fit < 1.0 - 5.0 * math.sqrt(2.0 / found.degrees_of_freedom) and found.fit < _SMALL:
+        warn(
+            f"{source}: the residuals are only {math.sqrt(found.fit):.2g} times what the sigmas of the readings allow: "
+            "these are too large, or in another unit"
         )
