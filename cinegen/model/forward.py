@@ -66,7 +66,7 @@ class ForwardKinematics:
         }
         self._memory = memory = set_up(LoopMemory(), mechanism.system, mechanism.cluster_ranks)
         actuate(memory, columns)
-        memory.tolerance, memory.longest_stride, memory.most_added = _TOLERANCE, _STRIDE, _CORRECTION
+        set_up_path(memory)
         self._goal = memory.goal
         if mechanism.is_constrained:
             self._follow_goal = start(follow, LoopMemory, install=partial(setattr, self, "_follow_goal"))
@@ -206,6 +206,11 @@ class ForwardKinematics:
         if name not in joints:
             return UnknownNameError("joint", name, actuated)
         return CinegenError(f"joint '{name}' is passive (actuated: {', '.join(actuated)})")
+
+
+def set_up_path(memory: LoopMemory) -> None:
+    """Set how the kernels follow a path of the actuated joints."""
+    memory.tolerance, memory.longest_stride, memory.most_added = _TOLERANCE, _STRIDE, _CORRECTION
 
 
 def _number(name: str, value: object) -> float:

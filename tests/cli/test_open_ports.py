@@ -145,6 +145,7 @@ QUIET = (
     ("compare", "a.zarr", "a.zarr"),
     ("plan", "robots/scenes/disc.toml", "-o", "run.jsonl"),
     ("export", "run.jsonl", "--to", "csv"),
+    ("generate", "robots/four_bar.raff", "--to", "js"),
     ("close", "robots/four_bar.raff"),
     ("sensors", "robots/four_bar.raff"),
     ("drive", "robots/four_bar.raff", "--snapshot", "page.html"),

@@ -1,0 +1,253 @@
+"""Files in C99: a header, the code, and a program that tests it."""
+
+from __future__ import annotations
+
+from cinegen.codegen.cases import Cases
+from cinegen.codegen.language import Language
+from cinegen.codegen.program import FIELDS, STATUSES, Function, Program
+from cinegen.codegen.text import filled, functions, header, numbers, table
+
+_C = Language.C
+_EXTREMES = (
+    "static inline double least(double a, double b) { return b < a ? b : a; }",
+    "static inline double most(double a, double b) { return b > a ? b : a; }",
+    "static inline int least_int(int a, int b) { return b < a ? b : a; }",
+    "static inline int most_int(int a, int b) { return b > a ? b : a; }",
+)
+
+
+def files(program: Program, cases: Cases) -> dict[str, str]:
+    """Return the texts by the names of the files."""
+    return {
+        f"{program.name}.h": "\n".join(_header(program)) + "\n",
+        f"{program.name}.c": "\n".join(_code(program)) + "\n",
+        f"{program.name}_test.c": "\n".join(_test(program, cases)) + "\n",
+    }
+
+
+def _declarations(program: Program) -> list[tuple[Function | None, str, str]]:
+    """Return of each public function what it belongs to, its comment and its declaration."""
+    name = program.name
+    robot = f"{name}_robot *robot"
+    return [
+        (None, "Move to the home configuration.", f"void {name}_init({robot})"),
+        (None, f"The configuration: {name}_NQ numbers, with closed loops.", f"const double *{name}_q(const {robot})"),
+        (None, "Compute the frames of all nodes at q.", f"void {name}_place({robot})"),
+        (
+            None,
+            "Frame of a node in the world, computed by the last call of place: its three axes, then its origin.",
+            f"const double *{name}_node(const {robot}, int node)",
+        ),
+        (
+            Function.FORWARD,
+            "Move the actuated joints along a straight line to their values, loops closed on their branch. "
+            "False, and nothing moves, if they can't get there.",
+            f"bool {name}_forward({robot}, const double *actuated)",
+        ),
+        (
+            Function.CLOSE,
+            f"Close the loops of any configuration ({name}_NQ numbers); locked joints ({name}_NV, or NULL) stay. "
+            "Return the largest residual that is left, in rad or characteristic lengths.",
+            f"double {name}_close({robot}, double *q, const bool *locked)",
+        ),
+        (
+            Function.TICK,
+            "Move to a closed configuration at once, at rest.",
+            f"void {name}_set_q({robot}, const double *q)",
+        ),
+        (
+            Function.TICK,
+            "Target of a task in the world, to be written: three axes, then the origin.",
+            f"double *{name}_target({robot}, int task)",
+        ),
+        (
+            Function.TICK,
+            f"Move q towards the targets for {name}_DT seconds, within limits of position and velocity.",
+            f"{name}_status {name}_tick({robot})",
+        ),
+        (
+            Function.TICK,
+            "What the last tick left of a task's error: distance and angle.",
+            f"const double *{name}_error(const {robot}, int task)",
+        ),
+        (
+            Function.SIGMA,
+            f"Write the singular values of the tasks at q ({name}_SIGMA at most), dimensionless, the largest first; "
+            "return their number.",
+            f"int {name}_sigma({robot}, double *sigma)",
+        ),
+    ]
+
+
+def _is_offered(program: Program, function: Function | None) -> bool:
+    return function is None or function in program.functions
+
+
+def _header(program: Program) -> list[str]:
+    name, values, memory = program.name, program.translation.heap.values, program.memory
+    guard, nodes = f"{name.upper()}_H", list(enumerate(program.mechanism.nodes))
+    lines = [*header(program, "Kinematics"), f"#ifndef {guard}", f"#define {guard}", "", "#include <stdbool.h>", ""]
+    lines += [
+        f"#define {name}_NQ {memory.nq}",
+        f"#define {name}_NV {memory.n}",
+        f"#define {name}_ACTUATED {memory.actuated}",
+        f"#define {name}_NODES {memory.nodes}",
+        f"#define {name}_TASKS {memory.tasks}",
+        f"#define {name}_SIGMA {max(memory.lesser, 1)}",
+        f"#define {name}_DT {program.dt!r}",
+        "",
+        f"/* Joints, in the order of q: {', '.join(program.mechanism.joints)} */",
+        f"/* Actuated joints: {', '.join(program.mechanism.actuated)} */",
+        f"enum {{ {', '.join(f'{name}_NODE_{_word(node)} = {i}' for i, node in nodes)} }};",
+        f"/* Tasks: {', '.join(program.tasks)} */",
+        "",
+        f"typedef enum {{ {', '.join(f'{name}_{status}' for status in STATUSES)} }} {name}_status;",
+        "",
+        "/* A robot: all that changes. No two threads may use one at a time. */",
+        f"typedef struct {{ double D[{len(values['D'])}]; int I[{max(len(values['I']), 1)}]; }} {name}_robot;",
+        "",
+    ]
+    for function, comment, declaration in _declarations(program):
+        if _is_offered(program, function):
+            lines += [f"/* {comment} */", f"{declaration};", ""]
+    return [*lines, "#endif"]
+
+
+def _word(node: str) -> str:
+    return "".join(one if one.isalnum() else "_" for one in node)
+
+
+def _code(program: Program) -> list[str]:
+    name, values, memory = program.name, program.translation.heap.values, program.memory
+    given = [one for function, _, one in _declarations(program) if _is_offered(program, function)]
+    offered = {one.partition("(")[0].split()[-1].lstrip("*").removeprefix(f"{name}_"): one for one in given}
+    used = [field for one in (None, *program.functions) for field in FIELDS[one]]
+    at = {field: program.place(field).begin if field in used else 0 for fields in FIELDS.values() for field in fields}
+    heap = "robot->D, robot->I"
+    bodies = {
+        "init": [
+            "memset(robot, 0, sizeof *robot);",
+            "memcpy(robot->D, HOME_D, sizeof HOME_D);",
+            "memcpy(robot->I, HOME_I, sizeof HOME_I);",
+        ],
+        "q": [f"return robot->D + {at['q']};"],
+        "place": [f"kernels_place({heap});"],
+        "node": [f"return robot->D + {at['node_frame']} + 12 * node;"],
+        "forward": [
+            f"memcpy(robot->D + {at['goal']}, actuated, {memory.actuated} * sizeof(double));",
+            f"return kernels_forward({heap});",
+        ],
+        "close": [
+            "double gap;",
+            "int k;",
+            f"memcpy(robot->D + {at['trial']}, q, {memory.nq} * sizeof(double));",
+            f"for (k = 0; k < {memory.n}; k++) {{",
+            f"  robot->D[{at['locked']} + k] = locked && locked[k] ? 1.0 : 0.0;",
+            "}",
+            f"gap = kernels_close({heap});",
+            f"memcpy(q, robot->D + {at['trial']}, {memory.nq} * sizeof(double));",
+            f"memset(robot->D + {at['locked']}, 0, {memory.n} * sizeof(double));",
+            "return gap;",
+        ],
+        "set_q": [f"memcpy(robot->D + {at['trial']}, q, {memory.nq} * sizeof(double));", f"kernels_set_q({heap});"],
+        "target": [
+            f"static const int begin[] = {{ {numbers(program.targets(), _C)} }};",
+            "return robot->D + begin[task];",
+        ],
+        "tick": [f"return ({name}_status) kernels_step({heap});"],
+        "error": [f"return robot->D + {at['record_errors']} + 2 * task;"],
+        "sigma": [
+            f"const int count = kernels_find_sigma({heap});",
+            f"memcpy(sigma, robot->D + {at['squares']}, (unsigned) count * sizeof(double));",
+            "return count;",
+        ],
+    }
+    lines = [
+        *header(program, "Kinematics"), f'#include "{name}.h"', "", "#include <math.h>", "#include <string.h>", "",
+        *_EXTREMES, "",
+        "static const double HOME_D[] = {", *table(filled(values["D"]), _C), "};",
+        "static const int HOME_I[] = {", *table(filled(values["I"]), _C), "};",
+        *functions(program),
+    ]  # fmt: skip
+    for one, declaration in offered.items():
+        lines += ["", f"{declaration} {{", *(f"  {line}" for line in bodies[one]), "}"]
+    return lines
+
+
+def _test(program: Program, cases: Cases) -> list[str]:
+    name = program.name
+    lines = [*header(program, "Test of the kinematics"), f'#include "{name}.h"', ""]
+    lines += ["#include <math.h>", "#include <stdio.h>", "#include <string.h>", ""]
+    counts = {"forward": len(cases.forward), "close": len(cases.closed), "tick": len(cases.ticked)}
+    for what, values in (
+        ("ACTUATED", cases.actuated), ("FORWARD", cases.forward), ("FRAMES", cases.frames), ("OPEN", cases.open),
+        ("CLOSED", cases.closed), ("TARGETS", cases.targets), ("TICKED", cases.ticked),
+    ):  # fmt: skip
+        if values.size:
+            lines += [f"static const double {what}[] = {{", *table(values.ravel().tolist(), _C), "};"]
+    if counts["tick"]:
+        lines += [f"static const int STATUSES[] = {{ {numbers(cases.statuses.tolist(), _C)} }};"]
+    lines += [
+        "",
+        "/* Largest difference of two lists. */",
+        "static double apart(const double *a, const double *b, int n) {",
+        "  double largest = 0.0;",
+        "  for (int k = 0; k < n; k++) {",
+        "    largest = !(fabs(a[k] - b[k]) <= largest) ? fabs(a[k] - b[k]) : largest;",
+        "  }",
+        "  return largest;",
+        "}",
+        "",
+        "int main(void) {",
+        f"  static {name}_robot robot;",
+        "  double largest, error = 0.0;",
+        "  int i, wrong = 0;",
+    ]
+    nq, nodes = program.memory.nq, program.memory.nodes
+    if counts["forward"]:
+        lines += [
+            f"  {name}_init(&robot);",
+            "  largest = 0.0;",
+            f"  for (i = 0; i < {counts['forward']}; i++) {{",
+            f"    wrong += !{name}_forward(&robot, ACTUATED + {program.memory.actuated} * i);",
+            f"    {name}_place(&robot);",
+            f"    largest = fmax(largest, apart({name}_q(&robot), FORWARD + {nq} * i, {nq}));",
+            f"    largest = fmax(largest, apart({name}_node(&robot, 0), FRAMES + {12 * nodes} * i, {12 * nodes}));",
+            "  }",
+            '  printf("forward %.3g\\n", largest);',
+            "  error = fmax(error, largest);",
+        ]
+    if counts["close"]:
+        lines += [
+            f"  {name}_init(&robot);",
+            "  largest = 0.0;",
+            f"  for (i = 0; i < {counts['close']}; i++) {{",
+            f"    double q[{name}_NQ];",
+            f"    memcpy(q, OPEN + {nq} * i, sizeof q);",
+            f"    wrong += !({name}_close(&robot, q, NULL) <= 1e-9);",
+            f"    largest = fmax(largest, apart(q, CLOSED + {nq} * i, {nq}));",
+            "  }",
+            '  printf("close %.3g\\n", largest);',
+            "  error = fmax(error, largest);",
+        ]
+    if counts["tick"]:
+        tasks = program.memory.tasks
+        lines += [
+            f"  {name}_init(&robot);",
+            "  largest = 0.0;",
+            f"  for (i = 0; i < {counts['tick']}; i++) {{",
+            f"    for (int task = 0; task < {tasks}; task++) {{",
+            f"      memcpy({name}_target(&robot, task), TARGETS + {12 * tasks} * i + 12 * task, 12 * sizeof(double));",
+            "    }",
+            f"    wrong += (int) {name}_tick(&robot) != STATUSES[i];",
+            f"    largest = fmax(largest, apart({name}_q(&robot), TICKED + {nq} * i, {nq}));",
+            "  }",
+            '  printf("tick %.3g\\n", largest);',
+            "  error = fmax(error, largest);",
+        ]
+    return [
+        *lines,
+        '  printf("%d wrong results, largest difference %.3g\\n", wrong, error);',
+        "  return wrong > 0 || !(error <= 1e-9);",
+        "}",
+    ]

@@ -1,0 +1,87 @@
+"""`generate`: the kinematics of a mechanism as source code without dependencies."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable, Sequence
+from typing import Any
+
+from cinegen.codegen import c_code, javascript, kernels
+from cinegen.codegen.cases import recorded
+from cinegen.codegen.heap import Heap
+from cinegen.codegen.language import Language, identifier
+from cinegen.codegen.program import FIELDS, Function, GenerationError, Program
+from cinegen.codegen.robot import robot_memory
+from cinegen.codegen.translation import KernelTranslation, Memories, Number
+from cinegen.ik import Solver
+from cinegen.model import Mechanism
+
+_FREE = ("task_rank",)
+_DT = 1.0 / 240.0
+
+
+_KERNELS: dict[Function, tuple[Any, ...]] = {
+    Function.FORWARD: (kernels.forward,),
+    Function.CLOSE: (kernels.close,),
+    Function.TICK: (kernels.step, kernels.set_q),
+    Function.SIGMA: (kernels.find_sigma,),
+}
+
+
+def generate(
+    mechanism: Mechanism,
+    language: Language,
+    *,
+    tasks: Sequence[str] = (),
+    functions: Iterable[Function] = tuple(Function),
+    dt: float = _DT,
+    name: str = "",
+    source: str = "",
+) -> dict[str, str]:
+    """Return source code of a mechanism's kinematics, and a program that tests it with cases that Python has computed.
+
+    It is translated from the kernels that cinegen runs, for this mechanism: sizes and parameters are constants, and
+    what it does not need is left out. Nothing is allocated, and each loop has an end.
+
+    Args:
+        mechanism: mechanism, at home at first.
+        language: language of the code.
+        tasks: nodes that follow targets, one task each, of its whole pose: "NODE", or of its position only:
+            "NODE:position"; the mechanism's end unless given.
+        functions: what the code can do; poses of nodes at q in any case.
+        dt: period of a tick, s.
+        name: of the files and the prefix of C's names; the mechanism's unless given.
+        source: what the header names as the origin, such as a file.
+
+    Returns:
+        texts by file names.
+
+    Raises:
+        GenerationError: a name is no identifier, or dt is not positive.
+        CinegenError: a node is unknown, or the mechanism has joints that the kernels don't know.
+    """
+    name = identifier(name or re.sub(r"\W", "_", mechanism.name))
+    if not re.fullmatch(r"[A-Za-z_]\w*", name):
+        raise GenerationError(f"'{name}' is no name in C and JavaScript: give another one")
+    solver = Solver(mechanism, dt)
+    for task in tasks or (mechanism.end,):
+        node, _, what = task.partition(":")
+        if what not in ("", "pose", "position"):
+            raise GenerationError(f"task '{task}': write NODE or NODE:position")
+        solver.add_task(node, rotation=0 if what == "position" else 3)
+    memory = robot_memory(mechanism, solver.tasks, dt)
+    chosen, memories = list(functions), Memories((memory,), Number("int", "0", value=0))
+    entries = [kernels.place, *(kernel for one in chosen for kernel in _KERNELS[one])]
+    heap = Heap(_FREE)
+    for _ in range(2):  # now it is known what is needed
+        heap = heap.sorted()
+        for field in (name for one in (None, *chosen) for name in FIELDS[one]):
+            heap.array(memory, field)
+        translation = KernelTranslation(language, heap, [memory])
+        for kernel in entries:
+            translation.function(kernel, [memories])
+        translation.leave_out_uncalled(entries)
+    nodes = tuple(task.node for task in solver.tasks)
+    program = Program(mechanism, memory, translation, name, source, tuple(chosen), nodes, dt)
+    cases = recorded(mechanism, solver, chosen)
+    return c_code.files(program, cases) if language.is_c else javascript.files(program, cases)

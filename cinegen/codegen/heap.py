@@ -1,0 +1,86 @@
+"""The numbers of generated code: two tables, one of doubles and one of integers, that hold every array and state of the
+kernels' memories. What never changes is a constant of the code instead."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Collection, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from cinegen.jit.memory import Field, Memory
+
+BEGIN = "begin"
+"""Last part of the key of a table of places."""
+
+
+@dataclass(frozen=True)
+class HeapArray:
+    """Position of an array.
+
+    Attributes:
+        table: "D" or "I".
+        begin: index of its first number.
+        shape: its dimensions.
+    """
+
+    table: str
+    begin: int
+    shape: tuple[int, ...]
+
+
+class Heap:
+    """Places of all fields of some memories, each allocated when it is first asked for.
+
+    Args:
+        free: names of parameters that the code's user may set: they are states, and no constants.
+
+    Attributes:
+        values: initial values of both tables, by name.
+    """
+
+    def __init__(self, free: Collection[str] = ()) -> None:
+        self.values: dict[str, list[float]] = {"D": [], "I": []}
+        self._free = frozenset(free)
+        self._places: dict[tuple[object, ...], HeapArray] = {}
+        self._initial: dict[tuple[object, ...], np.ndarray] = {}
+
+    def sorted(self) -> Heap:
+        """Return a heap with the same fields, those that are not 0 first: only these need initial values."""
+        found = Heap(self._free)
+        kept = [key for key in self._places if key[-1] != BEGIN]  # these tables have places of others
+        for key in sorted(kept, key=lambda key: not self._initial[key].any()):
+            found.allocate(key, self._initial[key])
+        return found
+
+    def allocate(self, key: tuple[object, ...], values: np.ndarray) -> HeapArray:
+        """Return the place of values; a key has one place."""
+        if key not in self._places:
+            table = "D" if values.dtype.kind == "f" else "I"
+            numbers = self.values[table]
+            self._places[key] = HeapArray(table, len(numbers), values.shape)
+            self._initial[key] = values.copy()
+            numbers.extend(values.ravel().tolist())
+        return self._places[key]
+
+    def is_constant(self, name: str, field: Field) -> bool:
+        """Return whether a number never changes."""
+        return field.is_invariant and name not in self._free
+
+    def number(self, memories: Sequence[Memory], name: str) -> HeapArray | float:
+        """Return a number of memories: where it is, one for each of them; or itself, if it is the same constant."""
+        field = type(memories[0]).fields[name]
+        values = np.array([getattr(one, name) for one in memories], dtype=field.dtype)
+        if self.is_constant(name, field):
+            first = values[0].item()
+            if all(one == first or (math.isnan(one) and math.isnan(first)) for one in values.tolist()):
+                return float(first) if field.dtype.kind == "f" else int(first)
+        return self.allocate((tuple(map(id, memories)), name), values)
+
+    def array(self, memory: Memory, name: str) -> HeapArray:
+        """Return where an array of a memory is."""
+        values = np.asarray(getattr(memory, name))
+        if name.endswith("_handles"):  # of a table of memories: they are counted instead
+            values = np.arange(len(values))
+        return self.allocate((id(memory), name), values)

@@ -1,0 +1,161 @@
+"""Files in JavaScript: an ES module whose factory makes robots, and a program for node that tests it."""
+
+from __future__ import annotations
+
+import json
+
+import numpy as np
+
+from cinegen.codegen.cases import Cases
+from cinegen.codegen.language import Language
+from cinegen.codegen.program import STATUSES, Function, Program
+from cinegen.codegen.text import filled, functions, header, numbers, table
+
+_JS = Language.JAVASCRIPT
+
+
+def files(program: Program, cases: Cases) -> dict[str, str]:
+    """Return the texts by the names of the files."""
+    return {
+        f"{program.name}.mjs": "\n".join(module(program)) + "\n",
+        f"{program.name}_test.mjs": "\n".join(_test(program, cases)) + "\n",
+    }
+
+
+def module(program: Program) -> list[str]:
+    """Return the lines of the module.
+
+    All is inside of one function: engines run the code several times slower where it reads variables of a module.
+    """
+    values, mechanism, memory = program.translation.heap.values, program.mechanism, program.memory
+    names = {
+        "joints": mechanism.joints, "actuated": mechanism.actuated, "nodes": mechanism.nodes, "tasks": program.tasks,
+        "statuses": STATUSES,
+    }  # fmt: skip
+    lines = [
+        *header(program, "Kinematics"),
+        "",
+        f"export const names = {json.dumps(names)};",
+        f"export const dt = {program.dt!r}; // s",
+        "",
+        "/** Return a robot at home. */",
+        "export default function create() {",
+        f"const D = new Float64Array({len(values['D'])}), I = new Int32Array({max(len(values['I']), 1)});",
+        "const HOME_D = [", *table(filled(values["D"]), _JS), "];",
+        "const HOME_I = [", *table(filled(values["I"]), _JS), "];",
+        "const least = (a, b) => b < a ? b : a;",
+        "const most = (a, b) => b > a ? b : a;",
+        *functions(program),
+        "",
+    ]  # fmt: skip
+
+    def view(name: str) -> str:
+        place = program.place(name)
+        return f"D.subarray({place.begin}, {place.begin + int(np.prod(place.shape))})"
+
+    lines += [
+        "const robot = {",
+        "  /** The configuration, with closed loops: read it only. */",
+        f"  q: {view('q')},",
+        "  /** Frames of all nodes, as `place` computes them: twelve numbers each, three axes, then the origin, m. */",
+        f"  frames: {view('node_frame')},",
+        "  /** Move to the home configuration. */",
+        "  init() { D.fill(0.0); D.set(HOME_D); I.fill(0); I.set(HOME_I); },",
+        "  /** Compute the frames of all nodes at q. */",
+        "  place() { kernels_place(); return robot.frames; },",
+    ]
+    if Function.FORWARD in program.functions:
+        lines += [
+            "  /** Move the actuated joints along a straight line to their values, loops closed on their branch.",
+            "   * Return false, and move nothing, if they can't get there. */",
+            f"  forward(actuated) {{ D.set(actuated, {program.place('goal').begin}); return kernels_forward(); }},",
+        ]
+    if Function.CLOSE in program.functions:
+        locked, trial = program.place("locked").begin, program.place("trial").begin
+        lines += [
+            "  /** Close the loops of any configuration, in place; locked joints (indices of velocities) stay. Return",
+            "   * the largest residual that is left, in rad or characteristic lengths. */",
+            "  close(q, locked = []) {",
+            f"    D.set(q, {trial});",
+            f"    for (const k of locked) D[{locked} + k] = 1.0;",
+            "    const gap = kernels_close();",
+            f"    D.fill(0.0, {locked}, {locked + memory.n});",
+            f"    for (let k = 0; k < {memory.nq}; k++) q[k] = D[{trial} + k];",
+            "    return gap;",
+            "  },",
+        ]
+    if Function.TICK in program.functions:
+        lines += [
+            "  /** Targets of the tasks in the world, to be written: three axes, then the origin. */",
+            f"  targets: [{numbers(program.targets(), _JS)}].map((begin) => D.subarray(begin, begin + 12)),",
+            "  /** What the last tick left of the tasks' errors: of each its distance and angle. */",
+            f"  errors: {view('record_errors')},",
+            "  /** Move to a closed configuration at once, at rest. */",
+            f"  set(q) {{ D.set(q, {program.place('trial').begin}); kernels_set_q(); }},",
+            "  /** Move q towards the targets for `dt` seconds, within limits of position and velocity; return the",
+            "   * status. */",
+            "  tick() { return names.statuses[kernels_step()]; },",
+        ]
+    if Function.SIGMA in program.functions:
+        begin = program.place("squares").begin
+        lines += [
+            "  /** Return the singular values of the tasks at q, dimensionless, the largest first. */",
+            f"  sigma() {{ const count = kernels_find_sigma(); return D.slice({begin}, {begin} + count); }},",
+        ]
+    return [*lines, "};", "robot.init();", "return robot;", "}"]
+
+
+def _test(program: Program, cases: Cases) -> list[str]:
+    given = {
+        "actuated": cases.actuated, "forward": cases.forward, "open": cases.open, "closed": cases.closed,
+        "ticked": cases.ticked, "statuses": cases.statuses,
+    }  # fmt: skip
+    data = {name: values.tolist() for name, values in given.items() if values.size}
+    data |= {"frames": [one.ravel().tolist() for one in cases.frames]}
+    data |= {"targets": [[one.ravel().tolist() for one in targets] for targets in cases.targets]}
+    return [
+        *header(program, "Test of the kinematics"),
+        f'import create, {{ names }} from "./{program.name}.mjs";',
+        "",
+        f"const cases = {json.dumps(data)};",
+        "const robot = create();",
+        "let wrong = 0, error = 0.0, largest = 0.0;",
+        "function compare(found, wanted) {",
+        "  wanted.forEach((value, k) => {",
+        "    const apart = Math.abs(found[k] - value);",
+        "    if (!(apart <= largest)) largest = apart;",
+        "  });",
+        "}",
+        "function end(what) {",
+        "  console.log(`${what} ${largest.toPrecision(3)}`);",
+        "  error = Math.max(error, largest);",
+        "  largest = 0.0;",
+        "  robot.init();",
+        "}",
+        "if (cases.forward) {",
+        "  cases.actuated.forEach((values, i) => {",
+        "    if (!robot.forward(values)) wrong += 1;",
+        "    compare(robot.q, cases.forward[i]);",
+        "    compare(robot.place(), cases.frames[i]);",
+        "  });",
+        '  end("forward");',
+        "}",
+        "if (cases.open) {",
+        "  cases.open.forEach((given, i) => {",
+        "    const q = Float64Array.from(given);",
+        "    if (!(robot.close(q) <= 1e-9)) wrong += 1;",
+        "    compare(q, cases.closed[i]);",
+        "  });",
+        '  end("close");',
+        "}",
+        "if (cases.ticked) {",
+        "  cases.targets.forEach((targets, i) => {",
+        "    targets.forEach((target, task) => robot.targets[task].set(target));",
+        "    if (robot.tick() !== names.statuses[cases.statuses[i]]) wrong += 1;",
+        "    compare(robot.q, cases.ticked[i]);",
+        "  });",
+        '  end("tick");',
+        "}",
+        "console.log(`${wrong} wrong results, largest difference ${error.toPrecision(3)}`);",
+        "process.exit(wrong > 0 || !(error <= 1e-9) ? 1 : 0);",
+    ]

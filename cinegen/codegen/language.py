@@ -1,0 +1,94 @@
+"""Differences of C and JavaScript in translated kernels: literals, a few operators, and declarations."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from enum import Enum
+
+_WORDS = frozenset(
+    """auto break case char const continue default do double else enum extern float for goto if inline int long register
+    restrict return short signed sizeof static struct switch typedef union unsigned void volatile while bool true false
+    arguments await class debugger delete eval export extends finally function import in instanceof interface let new
+    null package private protected public super this throw try typeof var with yield D I least most floor sqrt sin cos
+    tan pow fabs atan2 hypot isfinite""".split()  # noqa: SIM905
+)
+_C_MATH = {"abs": "fabs"}
+
+
+class Language(Enum):
+    """Language of generated code."""
+
+    C = "c"
+    JAVASCRIPT = "js"
+
+    @property
+    def is_c(self) -> bool:
+        """True for C."""
+        return self is Language.C
+
+
+def identifier(name: str) -> str:
+    """Return a name of Python as one of both languages."""
+    return f"{name}_" if name in _WORDS else name
+
+
+def literal(value: float, language: Language) -> str:
+    """Return a number as it is written."""
+    if isinstance(value, bool):
+        return "true" if value else "false"
+    if isinstance(value, int):
+        return str(value)
+    if math.isinf(value):
+        infinite = "(double) INFINITY" if language.is_c else "Infinity"
+        return infinite if value > 0.0 else f"-{infinite}"
+    if math.isnan(value):
+        return "(double) NAN" if language.is_c else "NaN"
+    return repr(float(value))
+
+
+def function(name: str, language: Language) -> str:
+    """Return the name of a function of `math`."""
+    return _C_MATH.get(name, name) if language.is_c else f"Math.{name}"
+
+
+def quotient(a: str, b: str, language: Language) -> str:
+    """Return the quotient of two integers not below 0, rounded down; operands are atoms."""
+    return f"({a} / {b})" if language.is_c else f"Math.trunc({a} / {b})"
+
+
+def declarations(variables: Mapping[str, str], language: Language) -> list[str]:
+    """Return the lines that declare a function's variables, by name and kind."""
+    if not variables:
+        return []
+    if not language.is_c:
+        kinds = {"float": "0.0", "int": "0", "bool": "false"}
+        return ["let " + ", ".join(f"{name} = {kinds[kind]}" for name, kind in variables.items()) + ";"]
+    lines = []
+    for kind, word, zero in (("float", "double", "0.0"), ("int", "int", "0"), ("bool", "bool", "false")):
+        names = [name for name, one in variables.items() if one == kind]
+        if names:
+            lines.append(f"{word} " + ", ".join(f"{name} = {zero}" for name in names) + ";")
+    return lines
+
+
+def signature(name: str, parameters: Sequence[tuple[str, str]], result: str, language: Language) -> str:
+    """Return the first line of a function, without its brace.
+
+    Args:
+        name: its name.
+        parameters: names and kinds.
+        result: kind, or "none".
+        language: of it.
+    """
+    if not language.is_c:
+        return f"function {name}({', '.join(one for one, _ in parameters)})"
+    words = {"float": "double", "int": "int", "bool": "bool", "none": "void"}
+    given = ["double *D", "int *I", *(f"{words[kind]} {one}" for one, kind in parameters)]
+    return f"static {words[result]} {name}({', '.join(given)})"
+
+
+def call(name: str, arguments: Sequence[str], language: Language) -> str:
+    """Return a call of a translated function."""
+    heap = ["D", "I"] if language.is_c else []
+    return f"{name}({', '.join([*heap, *arguments])})"

@@ -1,0 +1,79 @@
+"""A generated program: a mechanism, its translated kernels, and the functions that they offer."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from enum import Enum
+
+from cinegen.codegen.heap import HeapArray
+from cinegen.codegen.kernels import RobotMemory
+from cinegen.codegen.translation import KernelTranslation
+from cinegen.errors import CinegenError
+from cinegen.jit.memory import memory_at
+from cinegen.model import Mechanism
+
+STATUSES = (
+    "BAD_TARGET", "REFUSED", "AT_LIMIT", "SINGULAR", "OUT_OF_REACH", "FOLLOWING", "IDLE", "DETOUR", "BARRED",
+)  # fmt: skip
+"""Statuses of a tick, in the order of the kernels: see `cinegen.ik.Status`."""
+
+
+class GenerationError(CinegenError):
+    """Code that can't be generated; the message names the reason."""
+
+
+class Function(Enum):
+    """Ability of the generated code."""
+
+    FORWARD = "fk"
+    """Poses of all nodes, with loops closed from values of the actuated joints on their branch."""
+    CLOSE = "close"
+    """Closing the loops near any configuration."""
+    TICK = "tick"
+    """A tick of the resolved-rate solver towards targets of tasks, within limits of position and velocity."""
+    SIGMA = "sigma"
+    """Singular values of the tasks."""
+
+
+FIELDS: dict[Function | None, tuple[str, ...]] = {
+    None: ("q", "node_frame"),
+    Function.FORWARD: ("goal",),
+    Function.CLOSE: ("trial", "locked"),
+    Function.TICK: ("trial", "record_errors"),
+    Function.SIGMA: ("squares",),
+}
+"""Arrays of the memory that the code's user reads or writes."""
+
+
+@dataclass(frozen=True)
+class Program:
+    """Attributes:
+    mechanism: mechanism.
+    memory: from which its kernels were translated.
+    translation: of them.
+    name: of the files.
+    source: origin of the mechanism, or "".
+    functions: what it offers.
+    tasks: nodes of the tasks.
+    dt: period of a tick, s.
+    """
+
+    mechanism: Mechanism
+    memory: RobotMemory
+    translation: KernelTranslation
+    name: str
+    source: str
+    functions: tuple[Function, ...]
+    tasks: tuple[str, ...]
+    dt: float
+
+    def place(self, name: str) -> HeapArray:
+        """Return where an array of the memory is."""
+        return self.translation.heap.array(self.memory, name)
+
+    def targets(self) -> list[int]:
+        """Return the index of each task's target; none if there are no ticks."""
+        if Function.TICK not in self.functions:
+            return []
+        tasks = [memory_at(int(handle)) for handle in self.memory.task_handles]
+        return [self.translation.heap.array(one, "own_target").begin for one in tasks]

@@ -1,0 +1,196 @@
+"""Generated C and JavaScript, compiled and run: what they compute is what Python computes."""
+
+from __future__ import annotations
+
+import json
+import re
+import shutil
+import subprocess
+
+import numpy as np
+import pytest
+from variants import slow
+
+import cinegen
+from cinegen.cli import main
+from cinegen.codegen import Function, GenerationError, Language, generate
+from cinegen.codegen.heap import Heap
+from cinegen.codegen.kernels import RobotMemory
+from cinegen.codegen.translation import KernelTranslation, Memories, Number, TranslationError
+from cinegen.model import ForwardKinematics
+
+GCC, NODE = shutil.which("gcc"), shutil.which("node")
+STRICT = ("-std=c99", "-O1", "-g", "-Wall", "-Wextra", "-Wconversion", "-Werror", "-fsanitize=address,undefined")
+SOME, OTHERS = ("delta4", "arm7", "scara"), (
+    "ankle", "belt_five_bar", "cusp_3rpr", "delta4_linear", "differential_wrist", "five_bar", "four_bar", "gough",
+    "hybrid", "planar_3r", "planar_hybrid", "planetary_gear", "rx90", "serial_5dof", "sr400", "tssm",
+)  # fmt: skip
+
+needs_gcc = pytest.mark.skipif(GCC is None, reason="there is no gcc")
+needs_node = pytest.mark.skipif(NODE is None, reason="there is no node")
+
+
+def written(folder, mechanism, language, **settings):
+    for name, text in generate(mechanism, language, name="robot", **settings).items():
+        (folder / name).write_text(text)
+
+
+def compiled(folder, *options):
+    command = [GCC, *options, "robot.c", "robot_test.c", "-o", "test", "-lm"]
+    done = subprocess.run(command, cwd=folder, capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr
+    return folder / "test"
+
+
+def largest(said):
+    """What a test program found: the largest difference from Python."""
+    wrong, difference = re.search(r"(\d+) wrong results, largest difference (\S+)", said).groups()
+    assert wrong == "0", said
+    return float(difference)
+
+
+@needs_gcc
+@pytest.mark.parametrize("name", [*SOME, *slow(*OTHERS)])
+def test_c_agrees_with_python(robot, tmp_path, name):
+    written(tmp_path, robot(name), Language.C)
+    done = subprocess.run([compiled(tmp_path, *STRICT)], capture_output=True, text=True)
+    assert done.returncode == 0, done.stdout + done.stderr
+    assert done.stderr == ""
+    assert largest(done.stdout) < 1e-12
+    assert done.stdout.count("\n") == 4
+
+
+@needs_node
+@pytest.mark.parametrize("name", [*SOME, *slow(*OTHERS)])
+def test_javascript_agrees_with_python(robot, tmp_path, name):
+    written(tmp_path, robot(name), Language.JAVASCRIPT)
+    done = subprocess.run([NODE, "robot_test.mjs"], cwd=tmp_path, capture_output=True, text=True)
+    assert done.returncode == 0, done.stdout + done.stderr
+    assert largest(done.stdout) < 1e-12
+
+
+RANDOM = """
+import create from "./robot.mjs";
+import { readFileSync } from "node:fs";
+const robot = create();
+console.log(JSON.stringify(JSON.parse(readFileSync("values.json", "utf8")).map((values) => {
+  const reached = robot.forward(values);
+  return [reached, [...robot.q], [...robot.place()], [...robot.sigma()]];
+})));
+"""
+
+
+@needs_node
+@pytest.mark.parametrize(("name", "count"), [("delta4", 200), *slow(("gough", 5000), ("hybrid", 5000), ("arm7", 5000))])
+def test_frames_and_singular_values_at_random_configurations(robot, tmp_path, name, count):
+    """Judged by Pinocchio's placements, and by the singular values of Python's evaluation."""
+    mechanism, rng = robot(name), np.random.default_rng(1)
+    written(tmp_path, mechanism, Language.JAVASCRIPT, functions=[Function.FORWARD, Function.SIGMA])
+    home = np.array([mechanism.q_home[mechanism.q_index(joint)] for joint in mechanism.actuated])
+    sizes = np.array([mechanism.scale[mechanism.v_index(joint)] for joint in mechanism.actuated])
+    given = home + 0.2 * sizes * rng.uniform(-1.0, 1.0, (count, len(home)))
+    (tmp_path / "values.json").write_text(json.dumps(given.tolist()))
+    (tmp_path / "run.mjs").write_text(RANDOM)
+    done = subprocess.run([NODE, "run.mjs"], cwd=tmp_path, capture_output=True, text=True, check=True)
+    wanted, motion = cinegen.evaluate(mechanism, mechanism.end, given), ForwardKinematics(mechanism)
+    for i, (reached, q, frames, sigma) in enumerate(json.loads(done.stdout)):
+        assert reached
+        assert mechanism.closure(np.array(q)) < 1e-12
+        there = motion.move(dict(zip(mechanism.actuated, given[i].tolist(), strict=True)))
+        assert q == pytest.approx(there, abs=1e-12)
+        assert sigma == pytest.approx(
+            wanted.singular_values[i][: len(sigma)], abs=1e-11
+        )  # its loops are closed to that
+        for frame, node in zip(np.reshape(frames, (-1, 4, 3)), mechanism.nodes, strict=True):
+            placement = mechanism.placement(np.array(q), node)
+            assert pytest.approx(placement.rotation, abs=1e-12) == frame[:3].T
+            assert frame[3] == pytest.approx(placement.translation, abs=1e-12)
+
+
+@needs_gcc
+def test_what_is_not_asked_for_is_left_out(robot, tmp_path):
+    delta = robot("delta4")
+    written(tmp_path, delta, Language.C, functions=[Function.FORWARD])
+    text = (tmp_path / "robot.h").read_text()
+    assert "robot_forward" in text
+    assert "robot_tick" not in text
+    assert "robot_close" not in text
+    small = len((tmp_path / "robot.c").read_text())
+    assert largest(subprocess.run([compiled(tmp_path, *STRICT)], capture_output=True, text=True).stdout) < 1e-12
+    assert small < 0.6 * len(generate(delta, Language.C, name="robot")["robot.c"])
+
+
+@needs_gcc
+def test_several_tasks_and_positions(robot, tmp_path):
+    written(tmp_path, robot("arm7"), Language.C, tasks=["tool:position", "link4:position"], dt=0.01)
+    assert largest(subprocess.run([compiled(tmp_path, *STRICT)], capture_output=True, text=True).stdout) < 1e-12
+
+
+FAR = """
+import create from "./robot.mjs";
+const robot = create(), begin = robot.targets[0].slice(), statuses = {};
+let seed = 1, worst = 0;
+const random = () => (seed = (seed * 16807) % 2147483647) / 2147483647 - 0.5;
+for (let tick = 0; tick < 20000; tick += 1) {
+  if (tick % 200 === 0) for (let i = 9; i < 12; i += 1) robot.targets[0][i] = begin[i] + 8 * random();
+  const status = robot.tick();
+  statuses[status] = (statuses[status] ?? 0) + 1;
+  worst = Math.max(worst, robot.close(Float64Array.from(robot.q)));
+  for (const value of robot.q) if (!Number.isFinite(value)) throw new Error(`${tick}: ${value}`);
+}
+robot.targets[0][3] = NaN;
+console.log(JSON.stringify({ worst, statuses, invalid: robot.tick() }));
+"""
+
+
+@needs_node
+def test_targets_far_out_of_reach_never_open_loops_nor_pass_limits(robot, tmp_path):
+    written(tmp_path, robot("delta4"), Language.JAVASCRIPT)
+    (tmp_path / "far.mjs").write_text(FAR)
+    done = subprocess.run([NODE, "far.mjs"], cwd=tmp_path, capture_output=True, text=True, check=True)
+    found = json.loads(done.stdout)
+    assert found["worst"] < 1e-12  # what is left after closing again
+    assert set(found["statuses"]) <= {"FOLLOWING", "AT_LIMIT", "OUT_OF_REACH", "SINGULAR", "REFUSED"}
+    assert found["invalid"] == "BAD_TARGET"
+
+
+@pytest.mark.parametrize(
+    ("settings", "message"),
+    [
+        ({"name": "7up"}, "'7up' is no name in C"),
+        ({"tasks": ["tool:orientation"]}, "NODE:position"),
+        ({"tasks": ["hand"]}, "hand"),
+        ({"tasks": ["tool"] * 7}, "7 tasks: code can be generated for 6"),
+        ({"dt": 0.0}, "dt"),
+    ],
+)
+def test_what_cannot_be_generated_is_named(robot, settings, message):
+    with pytest.raises(cinegen.CinegenError, match=message):
+        generate(robot("arm7"), Language.C, **settings)
+    assert issubclass(GenerationError, cinegen.CinegenError)
+
+
+def test_a_kernel_that_cannot_be_translated_is_named():
+    memory = RobotMemory()
+
+    def sums(memory):
+        return [i for i in range(memory.nq)]
+
+    with pytest.raises(TranslationError, match=r"sums: no counterpart of '\[i for i"):
+        KernelTranslation(Language.C, Heap(), [memory]).function(
+            sums, [Memories((memory,), Number("int", "0", value=0))]
+        )
+
+
+def test_the_command(capsys, root, tmp_path):
+    made = tmp_path / "made"
+    call = ["generate", str(root / "robots/four_bar.raff"), "--to", "c", "-o", str(made)]
+    assert main(call) == 0
+    assert capsys.readouterr().out.split() == [str(made / f"four_bar{end}") for end in (".h", ".c", "_test.c")]
+    assert main(call) == 0  # they can be made again
+    (made / "four_bar.c").write_text("mine")
+    assert main(call) == 1
+    assert "exists already" in capsys.readouterr().err
+    assert (made / "four_bar.c").read_text() == "mine"
+    assert main([*call, "--functions", "fk,jump"]) == 2
+    assert "there is no 'jump'; use fk, close, tick, sigma" in capsys.readouterr().err
