@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import textwrap
+
 from cinegen.codegen.cases import Cases
 from cinegen.codegen.language import Language
 from cinegen.codegen.program import FIELDS, STATUSES, Function, Program
@@ -96,7 +98,7 @@ def _header(program: Program) -> list[str]:
         f"#define {name}_SIGMA {max(memory.lesser, 1)}",
         f"#define {name}_DT {program.dt!r}",
         "",
-        f"/* Joints, in the order of q: {', '.join(program.mechanism.joints)} */",
+        *textwrap.wrap(f"/* q: {', '.join(program.numbers_of_q())} */", 110, subsequent_indent=" * "),
         f"/* Actuated joints: {', '.join(program.mechanism.actuated)} */",
         f"enum {{ {', '.join(f'{name}_NODE_{_word(node)} = {i}' for i, node in nodes)} }};",
         f"/* Tasks: {', '.join(program.tasks)} */",

@@ -19,7 +19,6 @@ from cinegen.model import Mechanism
 _FREE = ("task_rank",)
 _DT = 1.0 / 240.0
 
-
 _KERNELS: dict[Function, tuple[Any, ...]] = {
     Function.FORWARD: (kernels.forward,),
     Function.CLOSE: (kernels.close,),
@@ -41,7 +40,7 @@ def generate(
     """Return source code of a mechanism's kinematics, and a program that tests it with cases that Python has computed.
 
     It is translated from the kernels that cinegen runs, for this mechanism: sizes and parameters are constants, and
-    what it does not need is left out. Nothing is allocated, and each loop has an end.
+    what it does not need is left out. Nothing is allocated.
 
     Args:
         mechanism: mechanism, at home at first.
@@ -57,8 +56,9 @@ def generate(
         texts by file names.
 
     Raises:
-        GenerationError: a name is no identifier, or dt is not positive.
-        CinegenError: a node is unknown, or the mechanism has joints that the kernels don't know.
+        GenerationError: a name is no identifier, or a task is not written as above.
+        CinegenError: dt is not positive, a node is unknown, there are more than six tasks, or the mechanism has joints
+            that the kernels don't know.
     """
     name = identifier(name or re.sub(r"\W", "_", mechanism.name))
     if not re.fullmatch(r"[A-Za-z_]\w*", name):
@@ -77,7 +77,7 @@ def generate(
         heap = heap.sorted()
         for field in (name for one in (None, *chosen) for name in FIELDS[one]):
             heap.array(memory, field)
-        translation = KernelTranslation(language, heap, [memory])
+        translation = KernelTranslation(language, heap)
         for kernel in entries:
             translation.function(kernel, [memories])
         translation.leave_out_uncalled(entries)

@@ -29,7 +29,7 @@ def module(program: Program) -> list[str]:
     """
     values, mechanism, memory = program.translation.heap.values, program.mechanism, program.memory
     names = {
-        "joints": mechanism.joints, "actuated": mechanism.actuated, "nodes": mechanism.nodes, "tasks": program.tasks,
+        "q": program.numbers_of_q(), "actuated": mechanism.actuated, "nodes": mechanism.nodes, "tasks": program.tasks,
         "statuses": STATUSES,
     }  # fmt: skip
     lines = [

@@ -67,6 +67,15 @@ class Program:
     tasks: tuple[str, ...]
     dt: float
 
+    def numbers_of_q(self) -> list[str]:
+        """Return what each number of q is: a joint's name, or a part of a ball joint's quaternion or of the base."""
+        model, found = self.mechanism.model, [""] * self.mechanism.model.nq
+        parts = {1: ("",), 4: (".x", ".y", ".z", ".w"), 7: (".x", ".y", ".z", ".qx", ".qy", ".qz", ".qw")}
+        for index, joint in list(enumerate(model.joints))[1:]:
+            name = "base" if joint.nq == 7 else model.names[index]
+            found[joint.idx_q : joint.idx_q + joint.nq] = [name + part for part in parts[joint.nq]]
+        return found
+
     def place(self, name: str) -> HeapArray:
         """Return where an array of the memory is."""
         return self.translation.heap.array(self.memory, name)

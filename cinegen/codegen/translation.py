@@ -100,6 +100,13 @@ class Target:
     of: Memories
 
 
+@dataclass(frozen=True)
+class _Ended:
+    """The variable of a loop that has ended: Python keeps its last value, the other languages the one behind it."""
+
+    name: str
+
+
 Value = Any
 """A `Number`, a `View`, `Memories`, a `Target`, a tuple of these, or an object of Python."""
 
@@ -131,15 +138,13 @@ class KernelTranslation:
     Args:
         language: language.
         heap: heap.
-        memories: memories that a function for their declaration works on.
 
     Attributes:
         functions: those translated so far, callees first.
     """
 
-    def __init__(self, language: Language, heap: Heap, memories: Sequence[Memory]) -> None:
+    def __init__(self, language: Language, heap: Heap) -> None:
         self.language, self.heap, self.functions = language, heap, list[Translated]()
-        self.memories = tuple(memories)
         self.returned = heap.allocate(("returned",), np.zeros(_RETURNED)).begin
         self._known: dict[tuple[object, ...], Translated] = {}
         self.names, self.writing = set[str](), set[str]()
@@ -340,10 +345,10 @@ class _Body:
                 self._assign(targets, value)
             case ast.AugAssign(target=target, op=op, value=value):
                 self._assign([target], ast.BinOp(left=_loaded(target), op=op, right=value))
-            case ast.For():
+            case ast.For(orelse=[]):
                 self._loop(node)
-            case ast.While(test=test, body=body):
-                self._emit(f"while ({self._number(test).code}) {{")
+            case ast.While(test=test, body=body, orelse=[]):
+                self._emit(f"while ({self._unconditional(test).code}) {{")
                 self._block(body)
                 self._emit("}")
             case ast.If():
@@ -390,6 +395,7 @@ class _Body:
         )
         self._block(node.body)
         self._emit("}")
+        self._names[node.target.id] = _Ended(node.target.id)
 
     def _return(self, value: ast.expr | None) -> None:
         if value is None:
@@ -428,8 +434,10 @@ class _Body:
             if not isinstance(target, ast.Tuple):
                 self._store(target, found)
                 continue
-            parts = list(found)
-            if self._clash(target, value):
+            parts, clash = list(found), self._clash(target, value)
+            if clash and not all(isinstance(one, Number) for one in parts):
+                raise self._error(f"arrays exchange their names in {ast.unparse(target)!r}")
+            if clash or not all(isinstance(one, ast.Name) for one in target.elts):  # an array may have two names
                 parts = [self._held(one) if isinstance(one, Number) else one for one in parts]
             for one, part in zip(target.elts, parts, strict=True):
                 self._store(one, part)
@@ -516,6 +524,13 @@ class _Body:
             raise self._error(f"{ast.unparse(node)!r} is not a number")
         return found
 
+    def _unconditional(self, node: ast.expr) -> Number:
+        """Return a number that may not be computed, or more than once: without statements before it."""
+        count, found = len(self._lines), self._number(node)
+        if len(self._lines) != count:
+            raise self._error(f"{ast.unparse(node)!r} needs statements of its own: assign its parts before")
+        return found
+
     def _constant(self, value: float) -> Number:
         kind = "bool" if isinstance(value, bool) else "int" if isinstance(value, int) else "float"
         negative = not isinstance(value, bool) and (value < 0 or (value == 0 and math.copysign(1.0, value) < 0))
@@ -526,8 +541,11 @@ class _Body:
             case ast.Constant(value=bool() | int() | float() as value):
                 return self._constant(value)
             case ast.Name(id=name):
-                if name in self._names:
-                    return self._names[name]
+                found = self._names.get(name)
+                if isinstance(found, _Ended):
+                    raise self._error(f"'{name}' is read after its loop")
+                if found is not None:
+                    return found
                 return self._object(self._source.__globals__.get(name, getattr(builtins, name, None)), name)
             case ast.Tuple(elts=elements):
                 return tuple(self._value(one) for one in elements)
@@ -553,7 +571,7 @@ class _Body:
                 chosen = self._number(test)
                 if chosen.value is not None:
                     return self._value(body if chosen.value else orelse)
-                a, b = self._number(body), self._number(orelse)
+                a, b = self._unconditional(body), self._unconditional(orelse)
                 kind = a.kind if a.kind == b.kind else "float"
                 return Number(kind, f"{chosen.at(CHOICE + 1)} ? {a.at(CHOICE + 1)} : {b.at(CHOICE)}", CHOICE)
             case ast.Call(func=called, args=arguments):
@@ -614,12 +632,17 @@ class _Body:
             if i >= len(given):
                 shape.append(size)
             elif isinstance(one := given[i], ast.Slice):
+                if one.step is not None:
+                    raise self._error(f"a step in {ast.unparse(index)!r}")
                 low = _integer(0) if one.lower is None else self._number(one.lower)
                 high = size if one.upper is None else self._number(one.upper)
                 begin = _sum(begin, _product(low, width))
                 shape.append(_sum(high, low, -1))
             else:
-                begin = _sum(begin, _product(self._number(one), width))
+                at = self._number(one)
+                if at.value is not None and at.value < 0:
+                    raise self._error(f"index {ast.unparse(one)} counts from the end")
+                begin = _sum(begin, _product(at, width))
         if shape:
             return View(owner.table, begin, tuple(shape))
         return Number(owner.kind, f"{owner.table}[{begin.code}]")
@@ -645,7 +668,8 @@ class _Body:
 
     def _junction(self, is_and: bool, values: Sequence[ast.expr]) -> Number:
         found = list[Number]()
-        for one in map(self._number, values):
+        for node in values:
+            one = self._unconditional(node) if found else self._number(node)
             if one.value is None:
                 found.append(one)
             elif bool(one.value) is not is_and:  # decides
@@ -664,7 +688,7 @@ class _Body:
     def _comparison(self, left: ast.expr, ops: Sequence[ast.cmpop], others: Sequence[ast.expr]) -> Number:
         numbers, found = [self._number(left), *map(self._number, others)], list[Number]()
         if len(ops) > 1:
-            numbers[1:-1] = [self._held(one) if one.rank < ATOM else one for one in numbers[1:-1]]
+            numbers[1:-1] = [self._held(one) if "(" in one.code else one for one in numbers[1:-1]]
         for op, a, b in zip(ops, numbers, numbers[1:], strict=False):
             sign, rank, compute = _COMPARISONS[type(op)]
             if a.value is not None and b.value is not None:

@@ -26,7 +26,7 @@ Array = NDArray[np.float64]
 _TOLERANCE = 1e-13  # rad or lengths: loops are closed to this, or to rounding
 _STRIDE = 0.1  # rad or lengths: longest step of a joint, to stay on the branch
 _CORRECTION = 0.25  # largest correction of the loops, as a fraction of the step
-_FURTHEST = 1000.0  # rad or lengths: longest motion of a joint in one call
+FURTHEST = 1000.0  # rad or lengths: longest motion of a joint in one call
 
 
 class ForwardKinematics:
@@ -123,7 +123,7 @@ class ForwardKinematics:
                 index, scale = actuated[name]
                 if type(value) is not float:
                     value = _number(name, value)
-                if not abs(value - goal[index]) <= _FURTHEST * scale:
+                if not abs(value - goal[index]) <= FURTHEST * scale:
                     raise ConfigurationError(_too_far(name, value, float(goal[index])))
                 goal[index] = value
         except (KeyError, CinegenError) as error:

@@ -115,6 +115,80 @@ def test_frames_and_singular_values_at_random_configurations(robot, tmp_path, na
     assert compared > 0.2 * count
 
 
+RSSR = """
+RAFF RSSR
+robot rssr {
+  link 1 { parameters { theta 40 } type 2 pred 0 actuated 1 }
+  frame 10 { parameters { d 100 alpha 70 theta 10 } pred 1 }
+  link 2 { parameters { } joint ball pred 10 }
+  link 3 { parameters { gamma 20 d 300 alpha 80 theta 85 epsilon 30 } type 2 pred 0 }
+  frame 4 { parameters { d 320 } pred 2 }
+  frame 5 { parameters { d 200 } pred 3 }
+  constraint { frame 4 frame 5 type 3 }
+}
+"""
+ROVER = """
+RAFF Rover
+robot rover {
+  base { }
+  link 1 { parameters { d 200 alpha 90 } type 2 pred 0 }
+  frame 2 { name "gripper" parameters { d 300 } pred 1 }
+  constraint { base sensor ( 0 1 ) }
+  constraint { frame 2 sensor ( 0 1 ) }
+}
+sensor 1 { port "/dev/ttyS0" }
+"""
+NUMBERS = {
+    "rssr": ["joint1", "joint2.x", "joint2.y", "joint2.z", "joint2.w", "joint3"],
+    "rover": ["base.x", "base.y", "base.z", "base.qx", "base.qy", "base.qz", "base.qw", "joint1"],
+}  # fmt: skip
+
+
+@needs_gcc
+@needs_node
+@pytest.mark.parametrize(("text", "name"), [(RSSR, "rssr"), (ROVER, "rover")])
+def test_ball_joints_and_floating_bases(tmp_path, text, name):
+    """The rod of an RSSR rotates about itself, which no actuated joint determines: that must agree, too."""
+    (tmp_path / "robot.raff").write_text(text)
+    mechanism = cinegen.load(tmp_path / "robot.raff")
+    for language, command in ((Language.C, ["./test"]), (Language.JAVASCRIPT, [NODE, "robot_test.mjs"])):
+        written(tmp_path, mechanism, language)
+        if language is Language.C:
+            compiled(tmp_path, *STRICT)
+        done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True)
+        assert largest(done.stdout) < 1e-12, done.stderr
+    names = re.search(r"names = (.*);", (tmp_path / "robot.mjs").read_text())[1]
+    assert json.loads(names)["q"] == NUMBERS[name]
+
+
+def test_numbers_of_q_are_named_in_their_order(robot, tmp_path):
+    for name in ("delta4", "hybrid"):
+        mechanism = robot(name)
+        text = generate(mechanism, Language.JAVASCRIPT, name="robot", functions=[])["robot.mjs"]
+        found = json.loads(re.search(r"names = (.*);", text)[1])["q"]
+        assert [mechanism.q_index(joint) for joint in found] == list(range(mechanism.model.nq))
+
+
+INVALID = """
+import create from "./robot.mjs";
+const robot = create(), before = [...robot.q];
+const found = [NaN, Infinity, 1e9].map((value) => robot.forward(robot.q.slice().fill(value).subarray(0, COUNT)));
+found.push(robot.q.every((value, k) => value === before[k]));
+found.push(robot.close(robot.q.slice().fill(NaN)));
+console.log(JSON.stringify(found));
+"""
+
+
+@needs_node
+@pytest.mark.parametrize("name", ["delta4", "arm7"])
+def test_values_that_are_not_finite_or_far_away_move_nothing(robot, tmp_path, name):
+    mechanism = robot(name)
+    written(tmp_path, mechanism, Language.JAVASCRIPT)
+    (tmp_path / "invalid.mjs").write_text(INVALID.replace("COUNT", str(len(mechanism.actuated))))
+    done = subprocess.run([NODE, "invalid.mjs"], cwd=tmp_path, capture_output=True, text=True, check=True)
+    assert json.loads(done.stdout) == [False, False, False, True, None]  # JSON has no NaN
+
+
 @needs_gcc
 def test_what_is_not_asked_for_is_left_out(robot, tmp_path):
     delta = robot("delta4")
@@ -178,16 +252,42 @@ def test_what_cannot_be_generated_is_named(robot, settings, message):
     assert issubclass(GenerationError, cinegen.CinegenError)
 
 
-def test_a_kernel_that_cannot_be_translated_is_named():
-    memory = RobotMemory()
+def comprehends(memory):
+    return [i for i in range(memory.nq)]
 
-    def sums(memory):
-        return [i for i in range(memory.nq)]
 
-    with pytest.raises(TranslationError, match=r"sums: no counterpart of '\[i for i"):
-        KernelTranslation(Language.C, Heap(), [memory]).function(
-            sums, [Memories((memory,), Number("int", "0", value=0))]
-        )
+def reads_after_a_loop(memory):
+    for i in range(memory.nq):
+        memory.q[i] = 0.0
+    return i
+
+
+def counts_from_the_end(memory):
+    return memory.q[-1]
+
+
+def loops_with_else(memory):
+    for i in range(memory.nq):
+        memory.q[i] = 0.0
+    else:
+        return 1.0
+    return 0.0
+
+
+@pytest.mark.parametrize(
+    ("kernel", "message"),
+    [
+        (comprehends, r"comprehends: no counterpart of '\[i for i"),
+        (reads_after_a_loop, "'i' is read after its loop"),
+        (counts_from_the_end, "index -1 counts from the end"),
+        (loops_with_else, "no counterpart of 'for i in range"),
+    ],
+)
+def test_a_kernel_that_cannot_be_translated_is_named(kernel, message):
+    memory = RobotMemory(nq=3)
+    given = [Memories((memory,), Number("int", "0", value=0))]
+    with pytest.raises(TranslationError, match=message):
+        KernelTranslation(Language.C, Heap()).function(kernel, given)
 
 
 def test_the_command(capsys, root, tmp_path):

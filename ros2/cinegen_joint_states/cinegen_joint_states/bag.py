@@ -97,6 +97,8 @@ def main() -> int:
     print(f"{completed} joint states completed, {len(failed)} left out")
     for reason in failed[:_SHOWN]:
         print(f"left out: {reason}", file=sys.stderr)
+    if len(failed) > _SHOWN:
+        print(f"... and {len(failed) - _SHOWN} more", file=sys.stderr)
     return 1 if failed else 0
 
 
