@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 from typing import Literal
 
@@ -27,7 +28,9 @@ def run(
         "NODE", "node that follows a target; NODE:position leaves its orientation free (default: the last node)", ()
     ),
     rate: float = quantity_option("HZ", "ticks per second (Hz)", FREQUENCY, 240.0),
-    name: str | None = option("NAME", "name of the files, and prefix of C's names (default: the robot's file)"),
+    name: str | None = option(
+        "NAME", "name of the files, and prefix of C's names (default: the file, and its robot if --robot names one)"
+    ),
     force: bool = FORCE,
 ) -> int:
     """Generate source code of a robot's kinematics, without dependencies.
@@ -40,11 +43,12 @@ def run(
         if one not in FUNCTIONS:
             raise UsageError(f"--functions: there is no '{one}'; use {', '.join(FUNCTIONS)}")
     key, mechanism = options.load_one(file)
+    own = re.sub(r"\W", "_", f"{key}_{options.robot}" if options.robot else key)  # robots of a file replace none
     from cinegen.codegen import Function, Language, generate
 
     found = generate(
         mechanism, Language(to), tasks=task, functions=[Function(one) for one in chosen], dt=1.0 / rate,
-        name=name or key, source=file.name,
+        name=name or own, source=file.name,
     )  # fmt: skip
     paths = {output / name: text.encode() for name, text in found.items()}
     check_outputs(*paths, force=force)
