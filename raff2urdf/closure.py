@@ -14,6 +14,7 @@ from typing import NamedTuple, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from raff2urdf.raff import texts
 from raff2urdf.raff.document import LoopKind
 from raff2urdf.residual import ROWS
 
@@ -263,12 +264,12 @@ def why_open(loops: KindedLoops, names: Sequence[str], start: Array, best: Closi
     kinds, remaining = loops.kinds, gaps(loops, best.q)
     open_loops = [i for i, gap in enumerate(remaining) if gap > CLOSED]
     jacobian = loops.evaluate(best.q)[1]
-    what = "loops and couplings" if len(names) > len(kinds) else "loops"
+    what = texts.LOOPS_AND_COUPLINGS if len(names) > len(kinds) else texts.LOOPS
     words = [kind.name.lower() for kind in kinds] + ["coupling"] * (len(names) - len(kinds))
     listed = ", ".join(f"'{names[i]}' ({words[i]}, {remaining[i]:.3g})" for i in open_loops[:8])
-    more = f" and {len(open_loops) - 8} more" if len(open_loops) > 8 else ""
+    more = texts.MORE_OPEN.format(count=len(open_loops) - 8) if len(open_loops) > 8 else ""
     lines = [
-        f"the mechanism can't be closed: these {what} remain open: {listed}{more}",
+        texts.STAY_OPEN.format(what=what, listed=listed, more=more),
         f"the numbers are the least gaps found, in rad or characteristic lengths; {jacobian.shape[0]} loop rows of "
         f"rank {rank(jacobian)} on {jacobian.shape[1]} joints",
     ]

@@ -133,6 +133,13 @@ SCREW_OF_ONE_TYPE = (
 )
 DRIVES_BY_0 = "link {link} does not drive link {follower}: its '{word}' is 0"
 
+# --- closing loops --------------------------------------------------------------------------------------------------
+
+STAY_OPEN = "the mechanism can't be closed: these {what} remain open: {listed}{more}"
+LOOPS = "loops"
+LOOPS_AND_COUPLINGS = "loops and couplings"
+MORE_OPEN = " and {count} more"
+
 # --- warnings -------------------------------------------------------------------------------------------------------
 
 NO_BODY = "no body can have the inertia of {node}: {why}; no forces can be computed"

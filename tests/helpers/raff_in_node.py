@@ -23,7 +23,7 @@ from raff2urdf.raff.kleinfinger import transform
 from raff2urdf.raff.reader import parse
 from raff2urdf.tree import coupling_of, effort, home, kleinfinger, limits, placements, stated_inertia, velocity
 
-SCRIPT = Path(__file__).parent.parent / "javascript" / "read_raff.js"
+SCRIPTS = Path(__file__).parent.parent / "javascript"
 
 
 def read_in_node(texts: Iterable[str], *options: str) -> list[dict[str, Any]]:
@@ -33,11 +33,20 @@ def read_in_node(texts: Iterable[str], *options: str) -> list[dict[str, Any]]:
         texts: to read.
         options: "verdicts" leaves the models out.
     """
+    return _run("read_raff.js", texts, *options)
+
+
+def analyse_in_node(texts: Iterable[str]) -> list[list[dict[str, Any] | str]]:
+    """Return the analyses of the robots in texts, or the error of open loops, likewise."""
+    return _run("analyse_raff.js", texts)
+
+
+def _run(script: str, texts: Iterable[str], *options: str) -> list[Any]:
     node = shutil.which("node")
     if node is None:
         pytest.skip("no node on PATH")
     lines = "".join(f"{json.dumps(text)}\n" for text in texts)
-    command = [node, "--no-warnings", str(SCRIPT), *options]
+    command = [node, "--no-warnings", str(SCRIPTS / script), *options]
     ran = subprocess.run(command, input=lines, capture_output=True, text=True, check=False)
     assert ran.returncode == 0, ran.stderr
     return [json.loads(line) for line in ran.stdout.splitlines()]

@@ -1,6 +1,7 @@
 // Mass, centre and inertia matrix of bodies, and which numbers no body can have.
 
 import { limits, texts } from "./definitions.js";
+import { eigen } from "./closing/linear_algebra.js";
 import { fill } from "./texts.js";
 
 /** @typedef {import("./document.js").Document} Document */
@@ -66,7 +67,7 @@ export function placeOf(inertial, word) {
  * @param {Inertia} inertia
  */
 export function whyUnphysical({ mass, matrix }) {
-  const [a, b, c] = principal(matrix);
+  const [a, b, c] = eigen(matrix).values.sort((x, y) => x - y);
   const most = Math.max(Math.abs(a), Math.abs(c));
   const tolerance = limits.rounded * most;
   if (mass < 0) return fill(texts.MASS_NEGATIVE, { mass });
@@ -74,28 +75,4 @@ export function whyUnphysical({ mass, matrix }) {
   if (a < -tolerance) return fill(texts.MOMENT_NEGATIVE, { moment: a });
   if (a + b < c - tolerance) return fill(texts.MOMENT_TOO_LARGE, { moment: c, least: a, middle: b });
   return null;
-}
-
-/**
- * The eigenvalues of a symmetric matrix in ascending order, by Jacobi's rotations.
- *
- * @param {readonly Vector[]} matrix
- */
-function principal(matrix) {
-  const scale = Math.max(...matrix.flat().map(Math.abs));
-  if (scale === 0) return [0, 0, 0];
-  const m = matrix.map((row) => row.map((value) => value / scale));
-  for (let sweep = 0; sweep < 30; sweep++) {
-    if (Math.max(Math.abs(m[0][1]), Math.abs(m[0][2]), Math.abs(m[1][2])) < 1e-300) break;
-    for (const [p, q] of [[0, 1], [0, 2], [1, 2]]) {
-      if (m[p][q] === 0) continue;
-      const half = (m[q][q] - m[p][p]) / (2 * m[p][q]);
-      const t = (half < 0 ? -1 : 1) / (Math.abs(half) + Math.hypot(half, 1));
-      const c = 1 / Math.hypot(t, 1);
-      const s = t * c;
-      for (const row of m) [row[p], row[q]] = [c * row[p] - s * row[q], s * row[p] + c * row[q]];
-      for (let k = 0; k < 3; k++) [m[p][k], m[q][k]] = [c * m[p][k] - s * m[q][k], s * m[p][k] + c * m[q][k]];
-    }
-  }
-  return [m[0][0], m[1][1], m[2][2]].map((value) => value * scale).sort((x, y) => x - y);
 }
