@@ -27,7 +27,7 @@ CLOSED = 1e-12
 ROUNDING = 2e-15  # no residual is expected to get below this: iterations stop
 STEP_CAP = 0.6  # rad or lengths: a longer step leaves the range of its linearisation
 RANK = 1e-6  # singular values below this part of the largest are zeros: closing to 1e-14 leaves 1e-7 at a singularity
-_NOTHING = 1e-9  # and below this, in any case: loops that no joint can open
+NOTHING = 1e-9  # and below this, in any case: loops that no joint can open
 _WALK = 0.3  # rad or lengths: step between the random closed configurations
 _SAMPLES = 5  # random closed configurations on which the generic rank is counted
 _WALKS = 8  # to as many, if the rank is not clear there
@@ -173,7 +173,7 @@ def rank(jacobian: Array, threshold: float = RANK) -> int:
     if 0 in jacobian.shape:
         return 0
     s = np.linalg.svd(jacobian, compute_uv=False)
-    return int(np.count_nonzero(s > max(threshold * s[0], _NOTHING)))
+    return int(np.count_nonzero(s > max(threshold * s[0], NOTHING)))
 
 
 def closed_walk(system: LoopSystem, q: Array, samples: int, seed: int = 0) -> Iterator[Array]:

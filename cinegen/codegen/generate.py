@@ -8,11 +8,10 @@ from typing import Any
 
 from cinegen.codegen import c_code, javascript, kernels
 from cinegen.codegen.cases import recorded
-from cinegen.codegen.heap import Heap
 from cinegen.codegen.language import Language, identifier
 from cinegen.codegen.program import FIELDS, Function, GenerationError, Program
 from cinegen.codegen.robot import robot_memory
-from cinegen.codegen.translation import KernelTranslation, Memories, Number
+from cinegen.codegen.translation import translated
 from cinegen.ik import Solver
 from cinegen.model import Mechanism
 
@@ -69,18 +68,10 @@ def generate(
         if what not in ("", "pose", "position"):
             raise GenerationError(f"task '{task}': write NODE or NODE:position")
         solver.add_task(node, rotation=0 if what == "position" else 3)
-    memory = robot_memory(mechanism, solver.tasks, dt)
-    chosen, memories = list(functions), Memories((memory,), Number("int", "0", value=0))
+    memory, chosen = robot_memory(mechanism, solver.tasks, dt), list(functions)
     entries = [kernels.place, *(kernel for one in chosen for kernel in _KERNELS[one])]
-    heap = Heap(_FREE)
-    for _ in range(2):  # now it is known what is needed
-        heap = heap.sorted()
-        for field in (name for one in (None, *chosen) for name in FIELDS[one]):
-            heap.array(memory, field)
-        translation = KernelTranslation(language, heap)
-        for kernel in entries:
-            translation.function(kernel, [memories])
-        translation.leave_out_uncalled(entries)
+    fields = [name for one in (None, *chosen) for name in FIELDS[one]]
+    translation = translated(language, memory, entries, fields, _FREE)
     nodes = tuple(task.node for task in solver.tasks)
     program = Program(mechanism, memory, translation, name, source, tuple(chosen), nodes, dt)
     cases = recorded(mechanism, solver, chosen)

@@ -78,6 +78,12 @@ class Heap:
                 return float(first) if field.dtype.kind == "f" else int(first)
         return self.allocate((tuple(map(id, memories)), name), values)
 
+    def place(self, memory: Memory, name: str) -> HeapArray:
+        """Return where an array or a number that is no constant is."""
+        found = self.number((memory,), name) if memory.fields[name].shape is None else self.array(memory, name)
+        assert isinstance(found, HeapArray)
+        return found
+
     def array(self, memory: Memory, name: str) -> HeapArray:
         """Return where an array of a memory is."""
         values = np.asarray(getattr(memory, name))

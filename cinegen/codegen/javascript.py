@@ -23,11 +23,8 @@ def files(program: Program, cases: Cases) -> dict[str, str]:
 
 
 def module(program: Program) -> list[str]:
-    """Return the lines of the module.
-
-    All is inside of one function: engines run the code several times slower where it reads variables of a module.
-    """
-    values, mechanism, memory = program.translation.heap.values, program.mechanism, program.memory
+    """Return the lines of the module."""
+    mechanism, memory = program.mechanism, program.memory
     names = {
         "q": program.numbers_of_q(), "actuated": mechanism.actuated, "nodes": mechanism.nodes, "tasks": program.tasks,
         "statuses": STATUSES,
@@ -40,14 +37,9 @@ def module(program: Program) -> list[str]:
         "",
         "/** Return a robot at home. */",
         "export default function create() {",
-        f"const D = new Float64Array({len(values['D'])}), I = new Int32Array({max(len(values['I']), 1)});",
-        "const HOME_D = [", *table(filled(values["D"]), _JS), "];",
-        "const HOME_I = [", *table(filled(values["I"]), _JS), "];",
-        "const least = (a, b) => b < a ? b : a;",
-        "const most = (a, b) => b > a ? b : a;",
-        *functions(program),
+        *translated_functions(program),
         "",
-    ]  # fmt: skip
+    ]
 
     def view(name: str) -> str:
         place = program.place(name)
@@ -103,6 +95,20 @@ def module(program: Program) -> list[str]:
             f"  sigma() {{ const count = kernels_find_sigma(); return D.slice({begin}, {begin} + count); }},",
         ]
     return [*lines, "};", "robot.init();", "return robot;", "}"]
+
+
+def translated_functions(program: Program) -> list[str]:
+    """Return the lines of the tables and functions, for the inside of one function: engines run the code several times
+    slower where it reads variables of a module."""
+    values = program.translation.heap.values
+    return [
+        f"const D = new Float64Array({len(values['D'])}), I = new Int32Array({max(len(values['I']), 1)});",
+        "const HOME_D = [", *table(filled(values["D"]), _JS), "];",
+        "const HOME_I = [", *table(filled(values["I"]), _JS), "];",
+        "const least = (a, b) => b < a ? b : a;",
+        "const most = (a, b) => b > a ? b : a;",
+        *functions(program),
+    ]  # fmt: skip
 
 
 def _test(program: Program, cases: Cases) -> list[str]:

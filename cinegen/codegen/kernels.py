@@ -5,11 +5,11 @@ from __future__ import annotations
 import math
 
 from cinegen.ik._kernels.decomposition import find_singular_values
-from cinegen.ik._kernels.memory import STATUS, SolverMemory
-from cinegen.ik._kernels.tasks import aim_tasks, read_tasks
+from cinegen.ik._kernels.memory import ERRORS_KNOWN, STATUS, SolverMemory, task_at
+from cinegen.ik._kernels.tasks import aim_tasks, read_tasks, try_tasks
 from cinegen.ik._kernels.tick import tick
 from cinegen.ik.thresholds import BEGIN, RANK_NEEDED
-from cinegen.jit.compiled import Array, Table
+from cinegen.jit.compiled import Array, Table, compiled
 from cinegen.jit.memory import array, parameter, state
 from cinegen.jit.se3 import compose
 from cinegen.jit.vectors import copy
@@ -92,7 +92,21 @@ def step(memory: RobotMemory) -> int:
     if request == RANK_NEEDED:
         memory.task_rank, memory.is_warm = memory.ranks[memory.signature], 0
         tick(memory)
+    record_errors(memory)
     return int(memory.report[STATUS])
+
+
+@compiled
+def record_errors(memory: RobotMemory) -> None:
+    """Record what a tick has left of the tasks' errors if it was accepted without evaluation."""
+    if memory.report[ERRORS_KNOWN] != 0.0:
+        return
+    evaluate(memory, memory.q)
+    memory.is_at_q = 1
+    try_tasks(memory)
+    for i in range(memory.tasks):
+        task = task_at(memory.task_handles[i])
+        memory.record_errors[i, 0], memory.record_errors[i, 1] = task.distance, task.angle
 
 
 def find_sigma(memory: RobotMemory) -> int:

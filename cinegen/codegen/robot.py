@@ -32,9 +32,23 @@ def robot_memory(mechanism: Mechanism, tasks: Sequence[FrameTask], dt: float) ->
     """
     if len(tasks) > MOST_TASKS:
         raise CinegenError(f"{len(tasks)} tasks: code can be generated for {MOST_TASKS} at most")
-    base = mechanism.nodes[0]
+    memory = RobotMemory()
+    set_up_robot(memory, mechanism, tasks, dt)
+    memory.resize(signatures=2 ** len(tasks))
+    for bits in range(1, memory.signatures):
+        some = [task for i, task in enumerate(tasks) if bits >> i & 1]
+        memory.ranks[bits] = task_rank(mechanism, mechanism.system, some, slice(memory.fixed, None))
+    return memory
+
+
+def set_up_robot(memory: RobotMemory, mechanism: Mechanism, tasks: Sequence[FrameTask], dt: float) -> None:
+    """Fill a memory with a mechanism at home, its tasks and nodes. A floating base moves if a task is its own.
+
+    Raises:
+        CinegenError: a joint is of a kind that the kernels don't know.
+    """
+    base, model = mechanism.nodes[0], mechanism.model
     fixed = 6 if mechanism.floating and all(task.node != base for task in tasks) else 0
-    memory, model = RobotMemory(), mechanism.model
     memory.dt = dt
     set_up_solver(memory, mechanism, fixed)
     if memory.callback_address:
@@ -46,13 +60,9 @@ def robot_memory(mechanism: Mechanism, tasks: Sequence[FrameTask], dt: float) ->
     actuate(memory, [mechanism.v_index(name) for name in mechanism.actuated])
     memory.locked[:] = 0.0
     set_up_path(memory)
-    memory.resize(nodes=len(mechanism.nodes), signatures=2 ** len(tasks))
+    memory.resize(nodes=len(mechanism.nodes))
     for i, node in enumerate(mechanism.nodes):
         frame = model.frames[mechanism.frame_id(node)]
         memory.node_joint[i], memory.node_offset[i] = frame.parentJoint, frame_of(frame.placement)
-    for bits in range(1, memory.signatures):
-        some = [task for i, task in enumerate(tasks) if bits >> i & 1]
-        memory.ranks[bits] = task_rank(mechanism, mechanism.system, some, slice(fixed, None))
     memory.q[:] = memory.record_q[:] = mechanism.q_home
     memory.goal[:] = np.array([mechanism.q_home[mechanism.q_index(name)] for name in mechanism.actuated])
-    return memory

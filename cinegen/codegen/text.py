@@ -24,6 +24,7 @@ def header(program: Program, what: str) -> list[str]:
         "translated for this mechanism: change its file and generate again, instead of changing this one. Units are m, "
         "rad and s. The kernels are under cinegen's MIT licence; the numbers are the mechanism's."
     )
+    text = text.replace("*/", "* /").replace("/*", "/ *")  # names are foreign text
     return [f"/* {GENERATED} {__version__}", *(f" * {line}" for line in textwrap.wrap(text, _WIDTH)), " */"]
 
 

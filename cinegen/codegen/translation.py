@@ -18,7 +18,7 @@ import math
 import operator
 import re
 import textwrap
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass, field
 from typing import Any, get_type_hints
 
@@ -172,9 +172,37 @@ class KernelTranslation:
                 called |= set(re.findall(r"(\w+)\(", "\n".join(one.lines[1:])))
         self.functions = [one for one in self.functions if one.name in called]
 
+    def name_of(self, kernel: Any) -> str:
+        """Return the name of a translated kernel that is called from outside."""
+        return _stem(kernel)
+
     def view(self, place: HeapArray) -> View:
         """Return an array by its place."""
         return View(place.table, _integer(place.begin), tuple(map(_integer, place.shape)))
+
+
+def translated(
+    language: Language, memory: Memory, entries: Sequence[Any], fields: Sequence[str], free: Collection[str]
+) -> KernelTranslation:
+    """Return the translation of kernels of one memory.
+
+    Args:
+        language: language.
+        memory: their argument.
+        entries: kernels that are called from outside.
+        fields: arrays that are used from outside.
+        free: names of parameters that are no constants.
+    """
+    heap, memories = Heap(free), Memories((memory,), Number("int", "0", value=0))
+    for _ in range(2):  # now it is known what is needed
+        heap = heap.sorted()
+        for field_ in fields:
+            heap.array(memory, field_)
+        translation = KernelTranslation(language, heap)
+        for kernel in entries:
+            translation.function(kernel, [memories])
+        translation.leave_out_uncalled(entries)
+    return translation
 
 
 def _stem(kernel: Any) -> str:

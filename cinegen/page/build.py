@@ -8,7 +8,7 @@ import html
 import json
 import re
 import zlib
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from functools import cache
 from importlib.resources import files
 from typing import Any
@@ -20,6 +20,7 @@ from cinegen.cockpit.build_messages import hello_message
 from cinegen.cockpit.cockpit import draw, title_of
 from cinegen.cockpit.page import Page, viewer
 from cinegen.page.modules import import_map
+from cinegen.page.solver import solver_modules
 from cinegen.session import Setup
 from raff2urdf.files import GENERATED
 
@@ -35,15 +36,17 @@ _LICENCES = ("vendor/meshcat-0.3.2/LICENSE", "vendor/three-0.132.2/LICENSE")
 _NO_FORCES = "a page without a server computes none"
 
 
-def build_page(setup: Setup, solvers: Mapping[str, str], title: str = "") -> str:
+def build_page(setup: Setup, title: str = "") -> str:
     """Build an HTML file in which the robots of a session can be driven without a server.
 
     Args:
         setup: setup of the session; only its robots, their starts and base poses are used.
-        solvers: module of JavaScript of each robot, as `cinegen generate --to js` writes it.
         title: title of the page; the robots' names unless given.
+
+    Raises:
+        CinegenError: a robot has joints that the kernels don't know.
     """
-    title = title or title_of(setup)
+    title, solvers = title or title_of(setup), solver_modules(setup.robots, RATE)
     content = content_of(setup, title) | {"scene": _scene(setup, title)}
     modules = import_map({one["module"]: solvers[one["name"]] for one in content["robots"]})
     packed = _packed({"viewer": viewer(), "modules": modules, "content": content})

@@ -6,7 +6,7 @@ from cinegen.session.report import Reporter, RobotReport, agreed_status
 from cinegen.session.runner import SessionError, SessionRunner
 from cinegen.session.scene_setup import scene_setup
 from cinegen.session.session import Session
-from cinegen.session.setup import Setup, SetupError, arrange, replay_setup
+from cinegen.session.setup import Setup, SetupError, arrange, base_poses, replay_setup
 from cinegen.session.state import SessionState
 
 __all__ = [
@@ -22,6 +22,7 @@ __all__ = [
     "SetupError",
     "agreed_status",
     "arrange",
+    "base_poses",
     "decode_command",
     "map_setup",
     "replay_setup",

@@ -241,6 +241,28 @@ def parse_base_pose(text: str) -> tuple[str, BasePose]:
     return name, BasePose(robot or None, node or None, placement)
 
 
+def base_poses(robots: Mapping[str, Mechanism], files: Mapping[str, str], bases: Iterable[str]) -> dict[str, BasePose]:
+    """Return the base poses of robots that are not in the world's origin.
+
+    Args:
+        robots: robots by name.
+        files: file of each; robots of several files are placed side by side.
+        bases: texts as `parse_base_pose` reads them.
+
+    Raises:
+        SetupError: a text is none, or means a pose out of reach that would be near in mm.
+    """
+    given = dict(map(parse_base_pose, bases))
+    most = FAR * sum(map(reach, robots.values()))
+    for name, base in given.items():
+        far = float(np.abs(base.placement.translation).max())
+        if most < far <= 1000.0 * most:
+            raise SetupError(
+                f"--base {name}: {shown(far, LENGTH)} is far beyond the reach of all robots: did you mean {far:g} mm?"
+            )
+    return _side_by_side(robots, files) | given
+
+
 def arrange(
     robots: Mapping[str, Mechanism],
     files: Mapping[str, str] | None = None,
@@ -321,16 +343,7 @@ def arrange(
             switches.append(SensorSwitch(name, follower, found, first.get(follower, choices[0])))
     _all_used(robots, numbered, used, others)
     devices[GAMEPAD] = Device(GAMEPAD, "gamepad:")
-    placed = _side_by_side(robots, files)
-    given = dict(map(parse_base_pose, bases))
-    most = FAR * sum(map(reach, robots.values()))
-    for name, base in given.items():
-        far = float(np.abs(base.placement.translation).max())
-        if most < far <= 1000.0 * most:
-            raise SetupError(
-                f"--base {name}: {shown(far, LENGTH)} is far beyond the reach of all robots: did you mean {far:g} mm?"
-            )
-    placed |= given
+    placed = base_poses(robots, files, bases)
     starts = {name: regular_start(mechanism) for name, mechanism in robots.items()} if follow is not None else {}
     return Setup(dict(robots), placed, tuple(devices.values()), tuple(switches), rate, record, starts=starts)
 

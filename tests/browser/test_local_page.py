@@ -10,7 +10,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 from playwright.sync_api import sync_playwright
-from serial_solver import serial_solver
 from test_cockpit_page import FLAGS, SIZE, WHERE
 
 from cinegen.page import build_page
@@ -37,7 +36,7 @@ def browser():
 def file(robot, tmp_path_factory):
     mechanism = robot("rx90")
     path = tmp_path_factory.mktemp("page") / "rx90.html"
-    path.write_text(build_page(Setup({"rx90": mechanism}), {"rx90": serial_solver(mechanism)}))
+    path.write_text(build_page(Setup({"rx90": mechanism})))
     return path
 
 
@@ -114,6 +113,29 @@ def test_a_drag_is_undone_and_its_end_is_a_link(file, tab):
     assert becomes(page, f"Math.abs(cockpit.report.robots.rx90.q[1] - {dragged[1]}) < 1e-12")
     other = tab(file, link)
     assert configuration(other) == pytest.approx(dragged, abs=0.0)
+
+
+def test_loops_stay_closed_far_outside(robot, tmp_path, tab):
+    path = tmp_path / "delta4.html"
+    mechanism = robot("delta4")
+    path.write_text(build_page(Setup({"delta4": mechanism})))
+    page = tab(path)
+    x, y, *_ = page.evaluate(WHERE, ["delta4", "platform"])
+    page.mouse.move(x, y)
+    page.mouse.down()
+    page.mouse.move(x + 20, y - 30, steps=4)
+    assert becomes(page, "cockpit.state.tasks.length === 1")
+    page.evaluate("cockpit.send({ type: 'move_drag', position: [4, 0, 4] })")
+    assert becomes(page, "['OUT_OF_REACH', 'AT_LIMIT', 'SINGULAR'].includes(cockpit.state.statuses.delta4.name)")
+    page.wait_for_timeout(500)
+    found = page.evaluate("cockpit.report.robots.delta4")
+    assert found["closure"] <= 1e-10
+    assert found["type1"]["sigma"] > 0.0 < found["type2"]["sigma"]
+    page.mouse.up()
+    page.click("#home")
+    assert becomes(page, "cockpit.report.moving === null && cockpit.report.rate.at_rest")
+    home = [mechanism.q_home[mechanism.q_index(joint)] for joint in mechanism.joints]
+    assert page.evaluate("cockpit.report.robots.delta4.q") == pytest.approx(home, abs=1e-12)
 
 
 def test_a_slider_and_home(file, tab):

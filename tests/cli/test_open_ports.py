@@ -146,6 +146,7 @@ QUIET = (
     ("plan", "robots/scenes/disc.toml", "-o", "run.jsonl"),
     ("export", "run.jsonl", "--to", "csv"),
     ("generate", "robots/four_bar.raff", "--to", "js"),
+    ("page", "robots/four_bar.raff", "-o", "four_bar.html"),
     ("close", "robots/four_bar.raff"),
     ("sensors", "robots/four_bar.raff"),
     ("drive", "robots/four_bar.raff", "--snapshot", "page.html"),

@@ -41,6 +41,7 @@ CALLS = {
     "cinegen replay": "run.jsonl",
     "cinegen export": "run.jsonl --to csv -o out.csv",
     "cinegen generate": "four_bar.raff --to c -o out",
+    "cinegen page": "four_bar.raff -o out.html",
     "cinegen close": "four_bar.raff",
     "cinegen heal": "four_bar.raff out.raff",
     "cinegen sensors": "four_bar.raff --seconds 0.01",  # else it waits for a device to be plugged in

@@ -36,7 +36,7 @@ function arms() {
   });
   const robots = ["one", "two"].map((name) => ({ name, start: table.home, base: { robot: null, node: null, placement: at(0) } }));
   robots[1].base = { robot: "one", node: "tool", placement: at(0.1) };
-  return new LocalSession(...robotsOf({ hello: { robots: [description("one"), description("two")] }, robots }, [module, module]));
+  return new LocalSession(...robotsOf({ hello: { robots: [description("one"), description("two")] }, robots }, [module.default(), module.default()]));
 }
 
 /** Random numbers that are the same in every run (mulberry32). */

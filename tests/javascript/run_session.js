@@ -8,10 +8,12 @@ import { pathToFileURL } from "node:url";
 import "./browser.js";
 
 const { robotsOf } = await import("../../cinegen/page/static/session/link.js");
+const { KernelSolver } = await import("../../cinegen/page/static/session/solver.js");
 const { LocalSession } = await import("../../cinegen/page/static/session/session.js");
 
 const { content, modules, script } = JSON.parse(await readFile(process.argv[2], "utf8"));
-const solvers = await Promise.all(content.robots.map(({ module }) => import(pathToFileURL(modules[module]))));
+const found = await Promise.all(content.robots.map(({ module }) => import(pathToFileURL(modules[module]))));
+const solvers = found.map((module) => new KernelSolver(module.default()));
 const session = new LocalSession(...robotsOf(content, solvers));
 const states = script.map(([ticks, command]) => {
   if (command !== null) session.obey(command);

@@ -1,4 +1,4 @@
-// A solver of serial arms for tests, see tests/helpers/serial_solver.py, which fills in the table.
+// A solver of serial arms for the test of the session, which fills in the table: it needs no Python.
 
 const TABLE = {};
 const STEP = 1e-6;
@@ -61,7 +61,7 @@ function step(q, tasks, part) {
   return a.map((row) => row[n]);
 }
 
-function tick(q, tasks, dt, { gain }) {
+function tick(q, tasks, { dt, gain }) {
   const saturated = [];
   if (tasks.length > 0) {
     step(q, tasks, 1 - Math.exp(-gain * dt)).forEach((x, i) => {
@@ -83,7 +83,9 @@ export default () => ({
   nq: TABLE.home.length,
   q: Float64Array.from(TABLE.home),
   fk,
+  mostTasks: 16,
   close: () => 0,
+  follow: (q, goal) => Float64Array.from(goal),
   tick,
   sigma: () => ({ type1: 0.5, type2: null }),
 });

@@ -11,7 +11,6 @@ from urllib.parse import unquote
 
 import pytest
 import umsgpack
-from serial_solver import serial_solver
 
 from cinegen.page import build_page
 from cinegen.session import Setup
@@ -43,7 +42,7 @@ class Elements(HTMLParser):
 @pytest.fixture(scope="module")
 def page(robot):
     mechanism = robot("rx90")
-    return build_page(Setup({"rx90": mechanism}), {"rx90": serial_solver(mechanism)})
+    return build_page(Setup({"rx90": mechanism}))
 
 
 @pytest.fixture(scope="module")
@@ -103,7 +102,7 @@ def test_licences_are_whole(page, root):
 
 def test_names_are_text_not_markup(robot):
     mechanism = robot("planar_3r")
-    elements = Elements(build_page(Setup({HOSTILE: mechanism}), {HOSTILE: serial_solver(mechanism)}, HOSTILE))
+    elements = Elements(build_page(Setup({HOSTILE: mechanism}), HOSTILE))
     assert len(elements.named("script")) == 2
     assert [text.strip() for _, text in elements.named("title")] == [HOSTILE]
     content = unpacked(elements)["content"]

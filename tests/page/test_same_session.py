@@ -8,16 +8,16 @@ from __future__ import annotations
 
 import json
 import shutil
+import subprocess
 
 import numpy as np
 import pinocchio as pin
 import pytest
-from remote_solver import answered, remote_solver
-from serial_solver import serial_solver
 from variants import slow
 
 from cinegen.mission import BasePose
 from cinegen.page.build import RATE, content_of
+from cinegen.page.solver import solver_modules
 from cinegen.session import Session, Setup
 from cinegen.session.commands import decode_command
 
@@ -55,18 +55,17 @@ def in_python(setup, script):
 
 
 def in_javascript(setup, script, root, folder):
-    """The states of a session in JavaScript: with Python's solver if robots have loops."""
+    """The states of a session in JavaScript."""
+    texts, modules = solver_modules(setup.robots, RATE), {}
     content = content_of(setup, "")
-    loops = any(robot.is_constrained for robot in setup.robots.values())
-    modules = {}
     for one in content["robots"]:
-        name, path = one["name"], folder / f"{one['name']}.mjs"
-        robot = setup.robots[name]
-        path.write_text(remote_solver(name, robot) if loops else serial_solver(robot))
+        path = folder / f"{one['name']}.mjs"
+        path.write_text(texts[one["name"]])
         modules[one["module"]] = str(path)
     (folder / "run.json").write_text(json.dumps({"content": content, "modules": modules, "script": script}))
     command = [NODE, "--no-warnings", root / "tests" / "javascript" / "run_session.js", folder / "run.json"]
-    return answered(command, setup.robots if loops else {}, 1.0 / RATE)
+    done = subprocess.run(command, check=True, stdout=subprocess.PIPE, text=True)
+    return json.loads(done.stdout)
 
 
 @pytest.fixture

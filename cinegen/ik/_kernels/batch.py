@@ -11,14 +11,13 @@ from cinegen.jit.se3 import compose, cross, dot
 from cinegen.jit.smallest import smallest_singular_value
 from cinegen.jit.svd import COLD_SWEEPS, orthogonalise
 from cinegen.jit.vectors import add_multiple, copy, inner, swap
+from cinegen.loops._kernels.ball_joints import count_balls
 from cinegen.loops._kernels.closure import factor_loops, find_null_space, from_motions
 from cinegen.loops._kernels.follow import go_on, set_out
 from cinegen.loops._kernels.kinematics import evaluate
 from cinegen.loops._kernels.memory import NOWHERE, cluster_at
 from cinegen.loops._kernels.residual import evaluate_loops
 from cinegen.loops._kernels.screws import find_screws
-
-_GIMBAL = 1e-4  # below this volume, the axes of a spherical joint are in a plane
 
 
 @entry
@@ -104,12 +103,12 @@ def _find_node(memory: BatchMemory) -> None:
 
 @compiled
 def _find_null_space(memory: BatchMemory) -> bool:
-    """Compute the null space (mobility, n) of the loops; return as `_count_balls`."""
+    """Compute the null space (mobility, n) of the loops; return as `count_balls`."""
     memory.locked[: memory.n] = 0.0
     evaluate_loops(memory, True)
     if memory.passive > 0:
         find_screws(memory)
-    right = _count_balls(memory)
+    right = count_balls(memory, memory.node_rows)
     factor_loops(memory, False)
     find_null_space(memory)
     at = 0
@@ -125,40 +124,6 @@ def _find_null_space(memory: BatchMemory) -> bool:
         memory.null_space[at + i, memory.idle_dof[i]] = 1.0
     for a in range(memory.actuated):
         memory.locked[memory.actuated_dof[a]] = 1.0
-    return right
-
-
-@compiled
-def _count_balls(memory: BatchMemory) -> bool:
-    """Treat three revolute joints that model a spherical joint as one: their columns in the loops' matrices, and in the
-    node's rows, become those of rotations about the world's axes.
-
-    They are linear in the axes, L a1, L a2, L a3 with the same L, which is computed. Return False if these are in a
-    plane.
-    """
-    right, inverse = True, memory.vectors
-    for b in range(memory.balls):
-        one, two, three = memory.ball_dof[b, 0], memory.ball_dof[b, 1], memory.ball_dof[b, 2]
-        u, v, w = memory.screws[one, 3:], memory.screws[two, 3:], memory.screws[three, 3:]
-        cross(v, w, inverse[0])
-        cross(w, u, inverse[1])
-        cross(u, v, inverse[2])
-        volume = dot(u, inverse[0])
-        if abs(volume) < _GIMBAL:
-            right = False
-            continue
-        for a in (memory.jacobian, memory.screw_matrix, memory.node_rows):
-            for i in range(a.shape[0]):  # rows of the inverse of (u v w) are the cross products
-                c0, c1, c2 = a[i, one] / volume, a[i, two] / volume, a[i, three] / volume
-                a[i, one] = c0 * inverse[0, 0] + c1 * inverse[1, 0] + c2 * inverse[2, 0]
-                a[i, two] = c0 * inverse[0, 1] + c1 * inverse[1, 1] + c2 * inverse[2, 1]
-                a[i, three] = c0 * inverse[0, 2] + c1 * inverse[1, 2] + c2 * inverse[2, 2]
-        rates = memory.cut_rates
-        for i in range(memory.cut):
-            c0, c1, c2 = rates[one, i] / volume, rates[two, i] / volume, rates[three, i] / volume
-            rates[one, i] = c0 * inverse[0, 0] + c1 * inverse[1, 0] + c2 * inverse[2, 0]
-            rates[two, i] = c0 * inverse[0, 1] + c1 * inverse[1, 1] + c2 * inverse[2, 1]
-            rates[three, i] = c0 * inverse[0, 2] + c1 * inverse[1, 2] + c2 * inverse[2, 2]
     return right
 
 

@@ -98,11 +98,9 @@ class BatchMemory(LoopMemory):
     translation: int = parameter(3)  # translations that its singular values include, in its own axes
     rotation: int = parameter(3)
     passive: int = parameter(0)  # passive and cut joints' DoF if their smallest singular value is computed, else 0
-    balls: int = parameter(0)  # spherical joints that are modelled as three revolute joints each
     node_offset: Array = array(4, 3)  # the node, relative to the joint
     moved_by: Array = array("n")  # 1 for DoF that move it, else 0
     passive_column: Table = array("passive", dtype=int)  # of the screw matrix
-    ball_dof: Table = array("balls", 3, dtype=int)
 
     # input
     count: int = parameter(0)

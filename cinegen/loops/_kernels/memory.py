@@ -153,6 +153,10 @@ class LoopMemory(Memory):
     axis_share: Array = array("axis_points")
     screw_matrix: Array = array("screw_rows", "screw_columns")
 
+    # ball joints that are modelled as three revolute joints each, where they count as one
+    balls: int = parameter(0)
+    ball_dof: Table = array("balls", 3, dtype=int)
+
     # clusters of them, and their factors
     cluster_memories: Any = ()  # keeps what `cluster_handles` are the handles of
     cluster_handles: Table = array("clusters", dtype=int)

@@ -2,14 +2,10 @@
 
 import { Placement } from "./placement.js";
 
-const CLOSURE = 1e-10; // rad or lengths: loops are closed
-const CORRECTION = 0.25; // largest correction of the loops, as a fraction of the step: more leads to another branch
-const STRIDE = 0.1; // rad or lengths: longest step of a joint
-const HALVED = 6; // times that a step is halved
 const LIMIT = 1e-9; // rad or m: rounding at a limit
 const POSE = 7;
 
-/** @typedef {import("./solver").Solver} Solver */
+/** @typedef {import("./solver_interface").Solver} Solver */
 /** @typedef {import("../../../cockpit/static/base/messages").RobotDescription} RobotDescription */
 /** @typedef {import("../../../cockpit/static/base/messages").JointDescription & { index: number }} Joint */
 /** @typedef {import("./robot.js").Task} Task */
@@ -103,25 +99,7 @@ export class Kinematics {
    * @param {Map<string, number>} values rad or m
    */
   follow(q, values) {
-    const goals = [...values].map(([name, value]) => ({ joint: this.joint(name), value }));
-    let here = q;
-    for (let halvings = 0; halvings <= HALVED; ) {
-      const steps = goals.map(({ joint, value }) => (value - here[joint.index]) / this.scale(joint));
-      const size = Math.max(0, ...steps.map(Math.abs));
-      const part = Math.min(1, (STRIDE * 0.5 ** halvings) / Math.max(size, 1e-300));
-      const trial = here.slice();
-      for (const { joint, value } of goals) {
-        const start = here[joint.index];
-        trial[joint.index] = part === 1 ? value : start + part * (value - start);
-      }
-      const gap = this.solver.close(trial, this.locked);
-      const moved = this.distance(trial, here);
-      if (gap <= CLOSURE && moved <= STRIDE / CORRECTION) {
-        if (part === 1) return trial;
-        here = trial;
-      } else halvings += 1;
-    }
-    return null;
+    return this.solver.follow(q, this.actuated.map(({ name, index }) => values.get(name) ?? q[index]));
   }
 
   /**
@@ -165,7 +143,7 @@ export class Kinematics {
    * @returns {import("./robot.js").Step}
    */
   step({ q, tasks, dt, gain, damping }) {
-    const { status, saturated, errors, closure } = this.solver.tick(q, tasks.map((task) => this.#known(task)), dt, { gain, damping });
+    const { status, saturated, errors, closure } = this.solver.tick(q, tasks.map((task) => this.#known(task)), { dt, gain, damping });
     return { status, saturated: saturated.map((i) => this.solver.names.joints[i]), errors, closure };
   }
 

@@ -13,6 +13,7 @@ import { reportMessage, stateMessage } from "./messages.js";
 import { robotReport } from "./report.js";
 import { DrivenRobot } from "./robot.js";
 import { LocalSession } from "./session.js";
+import { KernelSolver } from "./solver.js";
 
 const OFTEN = 100; // ms from one report to the next
 const CLOSURE = 1e-10;
@@ -50,7 +51,8 @@ export class Link extends Events {
     /** @type {Content} */
     const content = JSON.parse(byId("cinegen-page").textContent ?? "");
     const modules = await Promise.all(content.robots.map(({ module }) => import(module)));
-    const session = new LocalSession(...robotsOf(content, modules));
+    const solvers = modules.map((module) => new KernelSolver(module.default()));
+    const session = new LocalSession(...robotsOf(content, solvers));
     this.#session = session;
     this.#placed = this.#fragment();
     this.view.draw(content.scene.map(bytesOf));
@@ -147,15 +149,15 @@ function bytesOf(text) {
  * Return the robots, and their base poses.
  *
  * @param {Content} content
- * @param {{ default: () => import("./solver").Solver }[]} modules
+ * @param {import("./solver_interface").Solver[]} solvers of each robot
  * @returns {[Map<string, DrivenRobot>, Record<string, import("./session.js").BasePose>]}
  */
-export function robotsOf({ hello, robots }, modules) {
+export function robotsOf({ hello, robots }, solvers) {
   const descriptions = new Map(hello.robots.map((description) => [description.name, description]));
   const driven = robots.map(({ name, start }, i) => {
     const description = descriptions.get(name);
     if (description === undefined) throw new Error(`no robot '${name}'`);
-    return new DrivenRobot(name, new Kinematics(description, modules[i].default(), start));
+    return new DrivenRobot(name, new Kinematics(description, solvers[i], start));
   });
   return [new Map(driven.map((robot) => [robot.name, robot])), Object.fromEntries(robots.map(({ name, base }) => [name, base]))];
 }

@@ -51,6 +51,7 @@ export class JointMotion {
    */
   constructor(kinematics, q) {
     this.kinematics = kinematics;
+    /** @type {Configuration} */
     this.q = q.slice();
   }
 

@@ -7,7 +7,7 @@ import { Placement } from "./placement.js";
 import { PIN, POINTER } from "./robot.js";
 import { UndoHistory } from "./undo.js";
 
-const MOST_TASKS = 64; // up to which pins can be added
+const POINTERS = 2; // tasks of a robot that are left for pointers
 const FURTHEST = 1e6; // m or rad
 const REST = 1; // s without motion, after which a session is at rest
 const STILL = 1e-8; // rad or m per tick: more is motion
@@ -175,8 +175,8 @@ export class LocalSession {
   #pin({ robot: name, node }) {
     const robot = this.#robot(name, node);
     if (robot.pins(node).length > 0) return;
-    const count = [...this.robots.values()].reduce((sum, { tasks }) => sum + tasks.length, 0);
-    if (count >= MOST_TASKS) throw new CommandError(`there are ${MOST_TASKS} tasks: remove some first`);
+    const most = robot.kinematics.solver.mostTasks - POINTERS;
+    if (robot.tasks.length >= most) throw new CommandError(`${name} has ${most} tasks: remove some first`);
     this.history.begin();
     robot.addTask(this.#newId(), node, PIN);
   }

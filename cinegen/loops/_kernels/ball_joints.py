@@ -1,0 +1,49 @@
+"""Three revolute joints that model a ball joint counted as one; plain form: `cinegen.singularities.ball_joints`."""
+
+from __future__ import annotations
+
+from cinegen.jit.compiled import Array, compiled
+from cinegen.jit.se3 import cross, dot
+from cinegen.loops._kernels.memory import LoopMemory
+
+_GIMBAL = 1e-4  # below this volume, the axes of a ball joint are in a plane
+
+
+@compiled
+def count_balls(memory: LoopMemory, rows: Array) -> bool:
+    """Replace the columns of three revolute joints that model a ball joint, in the loops' matrices and in further rows
+    (., n), by those of rotations about the world's axes.
+
+    They are linear in the axes, L a1, L a2, L a3 with the same L, which is computed. Return False if these are in a
+    plane.
+    """
+    right, inverse = True, memory.vectors
+    for b in range(memory.balls):
+        one, two, three = memory.ball_dof[b, 0], memory.ball_dof[b, 1], memory.ball_dof[b, 2]
+        u, v, w = memory.screws[one, 3:], memory.screws[two, 3:], memory.screws[three, 3:]
+        cross(v, w, inverse[0])  # rows of the inverse of (u v w), times its volume
+        cross(w, u, inverse[1])
+        cross(u, v, inverse[2])
+        volume = dot(u, inverse[0])
+        if abs(volume) < _GIMBAL:
+            right = False
+            continue
+        _turn_columns(memory.jacobian, one, two, three, inverse, volume)
+        _turn_columns(memory.screw_matrix, one, two, three, inverse, volume)
+        _turn_columns(rows, one, two, three, inverse, volume)
+        rates = memory.cut_rates
+        for i in range(memory.cut):
+            c0, c1, c2 = rates[one, i] / volume, rates[two, i] / volume, rates[three, i] / volume
+            rates[one, i] = c0 * inverse[0, 0] + c1 * inverse[1, 0] + c2 * inverse[2, 0]
+            rates[two, i] = c0 * inverse[0, 1] + c1 * inverse[1, 1] + c2 * inverse[2, 1]
+            rates[three, i] = c0 * inverse[0, 2] + c1 * inverse[1, 2] + c2 * inverse[2, 2]
+    return right
+
+
+@compiled
+def _turn_columns(a: Array, one: int, two: int, three: int, inverse: Array, volume: float) -> None:
+    for i in range(a.shape[0]):
+        c0, c1, c2 = a[i, one] / volume, a[i, two] / volume, a[i, three] / volume
+        a[i, one] = c0 * inverse[0, 0] + c1 * inverse[1, 0] + c2 * inverse[2, 0]
+        a[i, two] = c0 * inverse[0, 1] + c1 * inverse[1, 1] + c2 * inverse[2, 1]
+        a[i, three] = c0 * inverse[0, 2] + c1 * inverse[1, 2] + c2 * inverse[2, 2]

@@ -1,0 +1,118 @@
+"""The solver of the page does what Python's does, for tasks that change while it runs."""
+
+from __future__ import annotations
+
+import json
+import shutil
+import subprocess
+
+import numpy as np
+import pinocchio as pin
+import pytest
+from variants import slow
+
+import cinegen
+from cinegen.ik import Solver
+from cinegen.ik.singular import gained
+from cinegen.page.solver import solver_modules
+from cinegen.singularities.ball_joints import CountedLoops, balls
+
+NODE = shutil.which("node")
+RATE, TICKS = 240.0, 12
+GAIN, DAMPING = 100.0, 0.05
+ONE_JOINT = """<robot name="x */ throw new Error('it runs'); /*">
+  <link name="a"/><link name="b"/>
+  <joint name="j" type="continuous"><parent link="a"/><child link="b"/><axis xyz="0 0 1"/></joint>
+</robot>"""
+ROBOTS = [
+    "delta4",
+    "rx90",
+    *slow("gough", "arm7", "five_bar", "hybrid", "sr400", "ankle", "belt_five_bar", "tssm", "scara"),
+]
+
+pytestmark = pytest.mark.skipif(NODE is None, reason="NO NODE: the solver in JavaScript is not tested")
+
+
+def in_javascript(mechanism, calls, root, folder):
+    module = folder / "solver.mjs"
+    module.write_text(solver_modules({"robot": mechanism}, RATE)["robot"])
+    (folder / "calls.json").write_text(json.dumps({"module": str(module), "dt": 1.0 / RATE, "calls": calls}))
+    command = [NODE, "--no-warnings", root / "tests" / "javascript" / "run_solver.js", folder / "calls.json"]
+    return json.loads(subprocess.run(command, check=True, stdout=subprocess.PIPE, text=True).stdout)
+
+
+def some_calls(mechanism, count, seed):
+    """Random tasks at random configurations: one to three, of any nodes, offsets and numbers of rows."""
+    rng, calls = np.random.default_rng(seed), []
+    samples = mechanism.random_closed(count, seed)
+    for i in range(count):
+        q, tasks = samples[i % len(samples)], []
+        for _ in range(rng.integers(1, 4)):
+            node = int(rng.integers(1, len(mechanism.nodes)))
+            offset = pin.SE3(pin.exp3(rng.normal(size=3)), 0.2 * mechanism.length * rng.normal(size=3))
+            here = mechanism.placement(q, mechanism.nodes[node]) * offset
+            moved = pin.SE3(pin.exp3(0.2 * rng.normal(size=3)), 0.05 * mechanism.length * rng.normal(size=3))
+            translation, rotation = [(3, 3), (3, 0), (2, 1), (1, 2), (0, 3)][rng.integers(5)]
+            tasks.append(
+                {
+                    "node": node,
+                    "offset": pin.SE3ToXYZQUAT(offset).tolist(),
+                    "target": pin.SE3ToXYZQUAT(here * moved).tolist(),
+                    "translation": translation,
+                    "rotation": rotation,
+                    "weight": float(rng.choice([0.5, 1.0, 3.0])),
+                }
+            )
+        calls.append({"q": q.tolist(), "tasks": tasks, "ticks": TICKS, "gain": GAIN, "damping": DAMPING})
+    return calls
+
+
+def python_tasks(mechanism, call):
+    for one in call["tasks"]:
+        target, offset = (pin.XYZQUATToSE3(np.array(one[name])) for name in ("target", "offset"))
+        yield mechanism.nodes[one["node"]], target, offset, one
+
+
+@pytest.mark.parametrize("name", ROBOTS)
+def test_ticks_are_those_of_python(robot, root, tmp_path, name):
+    mechanism = robot(name)
+    calls = some_calls(mechanism, 12, 3)
+    for call, found in zip(calls, in_javascript(mechanism, calls, root, tmp_path), strict=True):
+        solver = Solver(mechanism, 1.0 / RATE, np.array(call["q"]), gain=GAIN)
+        solver.damping_threshold = DAMPING
+        for node, target, offset, one in python_tasks(mechanism, call):
+            solver.add_task(node, target, one["translation"], one["rotation"], one["weight"], offset=offset)
+        for step in found["steps"]:
+            expected = solver.step()
+            assert step["status"] == expected.status.name
+            assert step["q"] == pytest.approx(expected.q, abs=1e-8)
+            assert step["closure"] <= 1e-10
+            assert np.array(step["errors"]) == pytest.approx(np.array(expected.errors), abs=1e-8)
+
+
+@pytest.mark.parametrize("name", ROBOTS)
+def test_singular_values_are_those_of_python(robot, root, tmp_path, name):
+    mechanism = robot(name)
+    calls = [call | {"ticks": 0} for call in some_calls(mechanism, 12, 5)]
+    counted = CountedLoops(mechanism) if balls(mechanism) else mechanism.own_system()
+    inner = {mechanism.model.getJointId(joint) for names in balls(mechanism) for joint in names[:2]}
+    for call, found in zip(calls, in_javascript(mechanism, calls, root, tmp_path), strict=True):
+        q = np.array(call["q"])
+        solver, loops = Solver(mechanism, 1.0 / RATE, q), counted
+        for node, _, offset, one in python_tasks(mechanism, call):
+            target = mechanism.placement(q, node) * offset
+            solver.add_task(node, target, one["translation"], one["rotation"], one["weight"], offset=offset)
+            if mechanism.model.frames[mechanism.frame_id(node)].parentJoint in inner:
+                loops = mechanism.own_system()
+        lost, uncontrolled = solver.step().lost_dof_in(loops), gained(mechanism, q, loops)
+        assert found["type1"] == (None if lost is None else pytest.approx(lost.values[-1], abs=1e-8))
+        assert found["type2"] == (None if uncontrolled is None else pytest.approx(uncontrolled.values[-1], abs=1e-8))
+
+
+def test_a_name_can_not_leave_its_comment(root, tmp_path):
+    path = tmp_path / "robot.urdf"
+    path.write_text(ONE_JOINT)
+    mechanism = cinegen.load(path)
+    assert "*/" in mechanism.name
+    (found,) = in_javascript(mechanism, some_calls(mechanism, 1, 0), root, tmp_path)
+    assert len(found["steps"]) == TICKS
