@@ -16,5 +16,5 @@ export default [
     },
   },
   { files: ["cinegen/cockpit/static/**/*.js", "cinegen/page/static/**/*.js"], languageOptions: { globals: globals.browser } },
-  { files: ["tests/javascript/**/*.js"], languageOptions: { globals: { ...globals.node, ...globals.browser } } },
+  { files: ["tests/javascript/**/*.js", "benchmarks/*.mjs"], languageOptions: { globals: { ...globals.node, ...globals.browser } } },
 ];
