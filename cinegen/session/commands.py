@@ -29,6 +29,8 @@ LONGEST = 2000
 Coordinate = Annotated[float, Meta(ge=-1e6, le=1e6)]
 Position = tuple[Coordinate, Coordinate, Coordinate]
 Quaternion = Vector4
+Weight = Annotated[float, Meta(ge=0.01, le=100.0)]
+Pointer = Annotated[int, Meta(ge=0, le=9)]
 TaskId = Annotated[int, Meta(ge=0, lt=1 << 53)]
 
 CommandFrame = Literal["world", "base", "tool", "view"]
@@ -51,19 +53,21 @@ class TypedMessage(Struct, frozen=True, forbid_unknown_fields=True, tag_field="t
 
 
 class StartDrag(TypedMessage, frozen=True):
-    """Start to drag a node; only one node is dragged at a time.
+    """Start to drag a node; each pointer drags one at a time.
 
     Attributes:
         robot: robot or obstacle.
         node: node of it.
         point: point to drag, in the node's frame (m); the node rotates freely about it. Null: the node's origin.
         rotation: whether the drag commands the node's orientation too; for `point` null.
+        pointer: pointer that drags: a mouse is 0, the hands of a headset are 0 and 1.
     """
 
     robot: str
     node: str
     point: Position | None = None
     rotation: bool = False
+    pointer: Pointer = 0
 
 
 class MoveDrag(TypedMessage, frozen=True):
@@ -72,10 +76,14 @@ class MoveDrag(TypedMessage, frozen=True):
     Attributes:
         position: in the world (m).
         quaternion: orientation in the world, x y z w; null: the orientation at the start.
+        weight: of the task's equations; null: it stays.
+        pointer: pointer that drags.
     """
 
     position: Position
     quaternion: Quaternion | None = None
+    weight: Weight | None = None
+    pointer: Pointer = 0
 
     def __post_init__(self) -> None:
         if self.quaternion is not None:
@@ -87,9 +95,11 @@ class EndDrag(TypedMessage, frozen=True):
 
     Attributes:
         pin: whether a pin keeps the node at the target.
+        pointer: pointer whose drag ends; null: all drags end.
     """
 
     pin: bool = False
+    pointer: Pointer | None = None
 
 
 class Pin(TypedMessage, frozen=True):
@@ -127,7 +137,7 @@ class ChangeTask(TypedMessage, frozen=True):
     task: TaskId
     translation: DoF | None = None
     rotation: DoF | None = None
-    weight: Annotated[float, Meta(ge=0.01, le=100.0)] | None = None
+    weight: Weight | None = None
 
 
 class MoveJoint(TypedMessage, frozen=True):

@@ -17,13 +17,14 @@ import pinocchio as pin
 
 from cinegen.errors import CinegenError
 from cinegen.ik import Solver
-from cinegen.mission import MissionRecorder, Player, RecordedTask, Recording
+from cinegen.mission import MissionRecorder, Player, Recording
 from cinegen.session import commands as c
 from cinegen.session.avoiding import AvoidingRobot
 from cinegen.session.driven_obstacle import DrivenObstacle
+from cinegen.session.drags import Drags
 from cinegen.session.holding import Holding, HoldingError, why_no_forces
 from cinegen.session.motion import ConfigurationMotion, JointMotion, LineMotion
-from cinegen.session.robot import PIN, POINTER, SENSOR, DrivenRobot, UserTask
+from cinegen.session.robot import PIN, SENSOR, DrivenRobot, UserTask
 from cinegen.session.sensors import SessionSensors, default_speed
 from cinegen.session.setup import Setup
 from cinegen.session.state import CarriedMass, Notice, PlaybackStatus, RecordingStatus, SessionState, Settings
@@ -68,8 +69,7 @@ class Session:
         self.time, self.paused = 0.0, False
         self._looked, self._still, self._moved = 0.0, 0.0, np.zeros(0)  # when, how long, where: for `at_rest`
         self._carried = [name for name in setup.order() if setup.base(name).robot is not None]
-        self._drag: tuple[DrivenRobot, UserTask] | None = None
-        self._dragged_pin: RecordedTask | None = None  # pin of the node that is dragged
+        self._drags = Drags(self._driven, self.sensors, self._new_id)
         self._history = UndoHistory(self._driven, self.sensors, self._new_id)
         self._notices: deque[Notice] = deque(maxlen=_NOTICES)
         self._noticed = self._answered = self._ticks = 0
@@ -138,7 +138,7 @@ class Session:
                     self._move(robot)
         if self._carried:
             self._carry()
-        self._history.tick(self.dt, self._drag is not None)
+        self._history.tick(self.dt, bool(self._drags))
         if self._recorder is not None and self._ticks % max(1, round(1.0 / (SAMPLES * self.dt))) == 0:
             samples = {name: robot.sample() for name, robot in self.robots.items()}
             self._recorder.write(self.time, samples, {name: one.pose for name, one in self.obstacles.items()})
@@ -187,52 +187,17 @@ class Session:
             if base.robot is not None and base.node is not None:
                 self.robots[name].set_base(self.robots[base.robot].placement(base.node) * base.placement)
 
-    # --- the pointer ---------------------------------------------------------------------------------------------
+    # --- the pointers --------------------------------------------------------------------------------------------
 
     def _start_drag(self, command: c.StartDrag) -> None:
-        self._release_pointer()
         self._history.begin()
-        robot = self._driven[command.robot]
-        robot.motion = None
-        self.sensors.suspend(command.robot, command.node)
-        point = command.point
-        offset = pin.SE3.Identity() if point is None else pin.SE3(np.eye(3), np.array(point))
-        self._dragged_pin = next((one for one in robot.recorded_tasks(PIN) if one.node == command.node), None)
-        for one in robot.tasks_of(PIN, command.node):  # a pin moves with its node, and is restored at the end
-            robot.remove_task(one)
-        dof = 3, 3 if command.rotation and point is None else 0
-        self._drag = robot, robot.add_task(self._new_id(), command.node, POINTER, POINTER, offset, dof)
+        self._drags.start(command)
 
     def _move_drag(self, command: c.MoveDrag) -> None:
-        if self._drag is None:  # it has ended meanwhile
-            return
-        robot, task = self._drag
-        position = np.array(command.position)
-        if command.quaternion is None:
-            robot.set_target(task, pin.SE3((robot.base * task.task.target).rotation, position))
-        else:
-            robot.set_target(task, pin.XYZQUATToSE3(np.array([*position, *command.quaternion])))
+        self._drags.move(command)
 
     def _end_drag(self, command: c.EndDrag) -> None:
-        self._release_pointer(command.pin)
-
-    def _release_pointer(self, as_pin: bool = False) -> None:
-        """End the drag, if there is one; its task is removed or becomes a pin."""
-        if self._drag is None:
-            return
-        (robot, task), self._drag = self._drag, None
-        node = task.task.node
-        if as_pin:
-            task.source = task.label = PIN
-            self.sensors.deselect_suspended(robot.name, node)
-        else:
-            robot.remove_task(task)
-            was = self._dragged_pin
-            if was is not None:
-                here = robot.placement(was.node) * was.offset
-                robot.restore_pin(self._new_id(), msgspec.structs.replace(was, target=here))
-            self.sensors.resume(robot.name, node)
-        self._dragged_pin = None
+        self._drags.end(command.pointer, command.pin)
 
     # --- tasks ---------------------------------------------------------------------------------------------------
 
@@ -251,9 +216,9 @@ class Session:
         if found is None:
             return
         robot, task = found
-        if self._drag is not None and task is self._drag[1]:
-            self._release_pointer()
-        elif task.source == SENSOR:
+        if self._drags.end_of(task):
+            return
+        if task.source == SENSOR:
             self.sensors.select(robot.name, task.task.node, None)
         else:
             self._history.begin()
@@ -285,7 +250,7 @@ class Session:
                 robot.motion.end()
 
     def _move_home(self, command: c.MoveHome) -> None:
-        self._release_pointer()
+        self._drags.end()
         self._history.begin()
         for robot in self.robots.values() if command.robot is None else (self._driven[command.robot],):
             self._free(robot)
@@ -294,7 +259,7 @@ class Session:
     def _move_to(self, command: c.MoveTo) -> None:
         robot = self._driven[command.robot]
         motion = LineMotion(robot.mechanism, robot.q, np.array(command.q), command.node, self.dt)
-        self._release_pointer()
+        self._drags.end()
         self._history.begin()
         self._free(robot)
         robot.motion = motion
@@ -306,11 +271,11 @@ class Session:
             robot.remove_task(one)
 
     def _undo(self, command: c.Undo) -> None:
-        self._release_pointer()
+        self._drags.end()
         self._history.undo()
 
     def _redo(self, command: c.Redo) -> None:
-        self._release_pointer()
+        self._drags.end()
         self._history.redo()
 
     def _pause(self, command: c.Pause) -> None:

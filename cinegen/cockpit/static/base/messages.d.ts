@@ -21,17 +21,21 @@ export interface StartDrag {
   node: string;
   point?: [number, number, number] | null;
   rotation?: boolean;
+  pointer?: number;
 }
 
 export interface MoveDrag {
   type: "move_drag";
   position: [number, number, number];
   quaternion?: [number, number, number, number] | null;
+  weight?: number | null;
+  pointer?: number;
 }
 
 export interface EndDrag {
   type: "end_drag";
   pin?: boolean;
+  pointer?: number | null;
 }
 
 export interface Pin {

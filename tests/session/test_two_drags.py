@@ -1,0 +1,137 @@
+"""Two hands at one session: two pointers drag two parts, or two points of one part; each begins and ends by itself."""
+
+from __future__ import annotations
+
+import numpy as np
+import pinocchio as pin
+import pytest
+
+from cinegen.session import Session, arrange
+from cinegen.session import commands as c
+
+DT = 1e-3
+
+pytestmark = pytest.mark.filterwarnings("ignore:.*no such port:cinegen.CinegenWarning")
+
+
+@pytest.fixture
+def session(robot):
+    opened = []
+
+    def open_session(*names):
+        opened.append(Session(arrange({name: robot(name) for name in names})))
+        return opened[-1]
+
+    yield open_session
+    for one in opened:
+        one.close()
+
+
+def run(session, seconds, *commands):
+    for command in commands:
+        session.obey(command)
+    for _ in range(round(seconds / DT)):
+        session.tick()
+    return session.state()
+
+
+def at(session, name, node, point=(0.0, 0.0, 0.0)):
+    return session.robots[name].placement(node).act(np.array(point))
+
+
+def test_two_pointers_drag_two_robots_and_each_ends_by_itself(session):
+    one = session("delta4", "rx90")
+    goals = {"delta4": np.array([0.05, 0.0, -0.1]), "rx90": np.array([-0.05, 0.04, -0.06])}
+    nodes = {"delta4": "platform", "rx90": "tool"}
+    for pointer, name in enumerate(goals):
+        goals[name] += at(one, name, nodes[name])
+        one.obey(c.StartDrag(name, nodes[name], (0, 0, 0), pointer=pointer))
+        one.obey(c.MoveDrag(tuple(goals[name]), pointer=pointer))
+    state = run(one, 1.0)
+    for name, goal in goals.items():
+        assert np.linalg.norm(at(one, name, nodes[name]) - goal) < 1e-6
+    assert state.robots["delta4"].closure < 1e-11
+    state = run(one, 0.01, c.EndDrag(pointer=0))
+    assert [len(state.robots[name].tasks) for name in goals] == [0, 1]
+    further = goals["rx90"] + [0.0, 0.0, 0.03]
+    state = run(one, 0.5, c.MoveDrag((9.0, 9.0, 9.0), pointer=0), c.MoveDrag(tuple(further), pointer=1))
+    assert np.linalg.norm(at(one, "delta4", "platform") - goals["delta4"]) < 1e-6  # its drag has ended
+    assert np.linalg.norm(at(one, "rx90", "tool") - further) < 1e-6
+    assert run(one, 0.01, c.EndDrag()).robots["rx90"].tasks == ()  # all of them
+
+
+def test_two_pointers_on_one_part_rotate_it(session):
+    """Targets of a rigid motion (0.3 rad about the tool's z): two points and their distance determine it but for a
+    rotation about the line through both."""
+    one = session("rx90")
+    points = np.array([[0.1, 0.0, 0.0], [-0.1, 0.0, 0.0]])
+    goal = one.robots["rx90"].placement("tool") * pin.SE3(pin.exp3(np.array([0.0, 0.0, 0.3])), np.zeros(3))
+    for pointer, point in enumerate(points):
+        one.obey(c.StartDrag("rx90", "tool", tuple(point), pointer=pointer))
+        one.obey(c.MoveDrag(tuple(goal.act(point)), pointer=pointer))
+    state = run(one, 1.5)
+    assert [(task.source, task.node) for task in state.robots["rx90"].tasks] == [("pointer", "tool")] * 2
+    for point in points:
+        assert np.linalg.norm(at(one, "rx90", "tool", point) - goal.act(point)) < 1e-6
+    line = one.robots["rx90"].placement("tool").rotation[:, 0]
+    assert np.linalg.norm(line - goal.rotation[:, 0]) < 1e-6
+
+
+def test_the_harder_pull_wins(session):
+    """Both pull one point, from opposite sides: it comes to rest where the weighted squares of both errors, w² |e|²,
+    are least, between the two by w² : 1."""
+    one = session("rx90")
+    begin, way = at(one, "rx90", "tool"), np.array([0.0, 0.05, 0.0])
+    for pointer, side in enumerate((1.0, -1.0)):
+        one.obey(c.StartDrag("rx90", "tool", (0, 0, 0), pointer=pointer))
+        one.obey(c.MoveDrag(tuple(begin + side * way), pointer=pointer))
+    run(one, 1.0)
+    assert np.linalg.norm(at(one, "rx90", "tool") - begin) < 1e-4  # equal weights
+    weight = 3.0
+    state = run(one, 2.0, c.MoveDrag(tuple(begin + way), weight=weight))
+    assert [task.weight for task in state.robots["rx90"].tasks] == [weight, 1.0]
+    expected = begin + way * (weight**2 - 1.0) / (weight**2 + 1.0)
+    assert np.linalg.norm(at(one, "rx90", "tool") - expected) < 1e-4
+
+
+def test_the_pin_of_a_part_that_both_drag_comes_back_when_the_second_lets_go(session):
+    one = session("delta4")
+    run(one, 0.1, c.Pin("delta4", "platform"))
+    begin = at(one, "delta4", "platform")
+    for pointer in (0, 1):
+        one.obey(c.StartDrag("delta4", "platform", (0, 0, 0), pointer=pointer))
+        one.obey(c.MoveDrag(tuple(begin + np.array([0.0, 0.0, -0.1])), pointer=pointer))
+
+    def sources(state):
+        return sorted(task.source for task in state.robots["delta4"].tasks)
+
+    assert sources(run(one, 0.5)) == ["pointer", "pointer"]
+    assert sources(run(one, 0.1, c.EndDrag(pointer=0))) == ["pointer"]
+    state = run(one, 0.1, c.EndDrag(pointer=1))
+    assert sources(state) == ["pin"]
+    assert np.linalg.norm(state.robots["delta4"].tasks[0].target.translation - begin - [0, 0, -0.1]) < 1e-6
+
+
+def test_both_drags_are_one_undo_step(session):
+    one = session("delta4", "rx90")
+    home = {name: robot.q for name, robot in one.state().robots.items()}
+    for pointer, (name, node) in enumerate((("delta4", "platform"), ("rx90", "tool"))):
+        goal = at(one, name, node) + np.array([0.03, 0.0, -0.03])
+        one.obey(c.StartDrag(name, node, (0, 0, 0), pointer=pointer))
+        one.obey(c.MoveDrag(tuple(goal), pointer=pointer))
+    run(one, 0.5)
+    run(one, 0.2, c.EndDrag(pointer=1))
+    state = run(one, 0.1, c.EndDrag(pointer=0))
+    assert state.undo == 1
+    assert all(np.abs(state.robots[name].q - home[name]).max() > 1e-3 for name in home)
+    state = run(one, 2.0, c.Undo())
+    assert all(np.abs(state.robots[name].q - home[name]).max() < 1e-9 for name in home)
+
+
+def test_the_task_of_a_drag_is_removed_alone(session):
+    one = session("delta4", "rx90")
+    for pointer, (name, node) in enumerate((("delta4", "platform"), ("rx90", "tool"))):
+        one.obey(c.StartDrag(name, node, (0, 0, 0), pointer=pointer))
+    tasks = {name: robot.tasks for name, robot in run(one, 0.01).robots.items()}
+    state = run(one, 0.01, c.RemoveTask(tasks["rx90"][0].id))
+    assert [len(state.robots[name].tasks) for name in ("delta4", "rx90")] == [1, 0]
