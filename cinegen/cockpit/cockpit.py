@@ -23,9 +23,6 @@ from cinegen.errors import CinegenError
 from cinegen.realtime.timing import RecentTiming
 from cinegen.session import Reporter, RobotReport, SessionRunner, SessionState, Setup
 
-FRAMES = 60
-"""States per second that pages are sent."""
-
 REPORTS = 10
 """Reports per second; fewer if they take long."""
 
@@ -197,7 +194,7 @@ class Cockpit:
                 if notice.number > noticed:
                     noticed = notice.number
                     self.server.call(self.hub.notify_all, notice.text, notice.warning)
-            next_time = max(next_time + 1.0 / (FRAMES if self.hub.clients else _UNWATCHED), time.monotonic())
+            next_time = max(next_time + 1.0 / (self.hub.rate if self.hub.clients else _UNWATCHED), time.monotonic())
             if self._awake.wait(next_time - time.monotonic()):
                 next_time = time.monotonic()
 

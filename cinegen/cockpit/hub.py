@@ -16,12 +16,16 @@ from cinegen.cockpit.messages import (
     NoticeMessage,
     ReportMessage,
     RequestControl,
+    RequestRate,
     RequestReactions,
     StateMessage,
 )
 from cinegen.session import Command, CommandError, Setup
 from cinegen.session.commands import ControlPlayback, EndDrag, EndJointMotion, SetView, check_names, decode
 from cinegen.typed_json import encode
+
+FRAMES = 60.0
+"""States per second that clients are sent, unless one asks for more."""
 
 MOST = 100
 """Clients of a session."""
@@ -86,6 +90,7 @@ class Client:
         self.reported = 0  # number of the last report
         self.frames = 0  # number of acknowledged states
         self.wants_reactions = False
+        self.rate = FRAMES  # states per second that it asks for
         self._rate = TokenBucket(FASTEST)
         self.share = TokenBucket(BUDGET / MOST)  # used while all together send too much
 
@@ -148,6 +153,11 @@ class Hub:
         """True if a client has asked for reactions."""
         return any(client.wants_reactions for client in tuple(self.clients.values()))
 
+    @property
+    def rate(self) -> float:
+        """Highest rate of states (Hz) that a client has asked for."""
+        return max((client.rate for client in tuple(self.clients.values())), default=FRAMES)
+
     def leave(self, client: Client) -> None:
         """Remove a client that has gone; its control ends."""
         if self.clients.pop(client.number, None) is None:
@@ -180,6 +190,8 @@ class Hub:
                 self._request_control(client, message.on)
             elif isinstance(message, RequestReactions):
                 client.wants_reactions = message.on
+            elif isinstance(message, RequestRate):
+                client.rate = message.rate or FRAMES
             else:
                 check_names(message, self._setup)
                 self._command(client, message)

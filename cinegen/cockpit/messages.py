@@ -6,10 +6,10 @@ The tables in `docs/cockpit.md` and the page's types in `static/base/messages.d.
 
 from __future__ import annotations
 
-from typing import Literal
+from typing import Annotated, Literal
 
 import msgspec
-from msgspec import UNSET, Struct, UnsetType
+from msgspec import UNSET, Meta, Struct, UnsetType
 
 from cinegen.model.description import CouplingDescription, JointDescription, LoopDescription
 from cinegen.session.commands import Command, CommandFrame, TypedMessage
@@ -51,7 +51,17 @@ class RequestReactions(TypedMessage, frozen=True):
     on: bool
 
 
-ClientMessage = Ack | RequestControl | RequestReactions | Command
+class RequestRate(TypedMessage, frozen=True):
+    """Ask for a rate of states, as a headset needs. All clients get the highest rate that one of them asks for.
+
+    Attributes:
+        rate: states per second (Hz); null: 60.
+    """
+
+    rate: Annotated[float, Meta(ge=60.0, le=120.0)] | None = None
+
+
+ClientMessage = Ack | RequestControl | RequestReactions | RequestRate | Command
 CLIENT_MESSAGES: msgspec.json.Decoder[ClientMessage] = msgspec.json.Decoder(ClientMessage)
 
 
@@ -241,7 +251,8 @@ class ReportMessage(SessionInfo, frozen=True, kw_only=True):
 
 
 class StateMessage(TypedMessage, frozen=True):
-    """The newest state, at most 60 times per second; sent only when the one before was acknowledged.
+    """The newest state, at most 60 times per second, or as `request_rate` asks; sent only when the one before was
+    acknowledged.
 
     Attributes:
         time: time since the session began, s.

@@ -20,8 +20,8 @@ from cinegen.ik import Solver
 from cinegen.mission import MissionRecorder, Player, Recording
 from cinegen.session import commands as c
 from cinegen.session.avoiding import AvoidingRobot
-from cinegen.session.driven_obstacle import DrivenObstacle
 from cinegen.session.drags import Drags
+from cinegen.session.driven_obstacle import DrivenObstacle
 from cinegen.session.holding import Holding, HoldingError, why_no_forces
 from cinegen.session.motion import ConfigurationMotion, JointMotion, LineMotion
 from cinegen.session.robot import PIN, SENSOR, DrivenRobot, UserTask

@@ -56,6 +56,21 @@ def hub():
     return hub
 
 
+def test_the_fastest_client_decides_how_often_states_are_sent(hub):
+    (slow_client, _), (fast, _) = join(hub), join(hub)
+    assert hub.rate == 60.0
+    hub.receive(fast, json.dumps({"type": "request_rate", "rate": 90.0}))
+    assert (hub.rate, hub.controller) == (90.0, None)  # it takes no control
+    hub.receive(slow_client, json.dumps({"type": "request_rate", "rate": 72.0}))
+    assert hub.rate == 90.0
+    hub.leave(fast)
+    assert hub.rate == 72.0
+    hub.receive(slow_client, json.dumps({"type": "request_rate"}))
+    assert hub.rate == 60.0
+    hub.receive(slow_client, json.dumps({"type": "request_rate", "rate": 121.0}))
+    assert not hub.clients
+
+
 def join(hub):
     line = Line()
     return hub.join(line), line

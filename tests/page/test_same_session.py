@@ -119,6 +119,35 @@ def test_joints_home_undo_and_pauses(same, robot):
     assert states[8]["robots"]["rx90"]["q"] == pytest.approx(setup.robots["rx90"].q_home)
 
 
+def test_two_pointers_drag_two_nodes_and_two_points_of_one(same, robot):
+    mechanism = robot("rx90")
+    setup = Setup({"rx90": mechanism}, rate=RATE)
+    elbow, tool = (mechanism.placement(mechanism.q_home, node).translation for node in ("link4", "tool"))
+
+    def move(pointer, position, **more):
+        return {"type": "move_drag", "pointer": pointer, "position": position.tolist()} | more
+
+    drag = {"type": "start_drag", "robot": "rx90", "node": "tool"}
+    script = [
+        (5, {"type": "pin", "robot": "rx90", "node": "tool"}),
+        (5, drag | {"pointer": 0}),
+        (5, {"type": "start_drag", "robot": "rx90", "node": "link4", "pointer": 1, "point": [0.0, 0.0, 0.0]}),
+        (400, move(0, np.add(tool, [0.03, 0.0, 0.02]), weight=2.0)),
+        (5, {"type": "end_drag", "pointer": 1}),
+        (5, move(1, elbow)),  # which drags nothing any more
+        (5, drag | {"pointer": 1, "point": [0.05, 0.0, 0.0]}),
+        (5, {"type": "end_drag", "pointer": 0}),  # the other pointer drags the node still: its pin waits
+        (400, {"type": "end_drag"}),
+        (5, drag | {"pointer": 3}),
+        (400, {"type": "remove_task", "task": 6}),
+        (800, {"type": "undo"}),
+    ]
+    states = same(setup, script, REACHED)
+    sources = [[task[2] for task in state["robots"]["rx90"]["tasks"]] for state in states]
+    assert sources[3] == ["pointer", "pointer"]
+    assert sources[6:9] == [["pointer", "pointer"], ["pointer"], ["pin"]]
+
+
 def test_drags_pins_and_their_removal(same, robot):
     mechanism = robot("rx90")
     setup = Setup({"rx90": mechanism}, rate=RATE)

@@ -50,6 +50,8 @@ import { Skeleton } from "./view/skeleton.js";
 import { paint } from "./view/theme.js";
 import { Tint } from "./view/tint.js";
 import { View } from "./view/view.js";
+import { offer } from "./xr/entry.js";
+import { Presentation } from "./xr/presentation.js";
 
 const parameters = new URLSearchParams(location.search);
 const still = parameters.get("camera") === "1";
@@ -104,7 +106,9 @@ function pin() {
 
 const commands = new Commands({ view, session, endDrag });
 menus(aids);
-new Messages({ session, drag, gizmo });
+const presentation = new Presentation({ ...shown, pick, endDrag });
+offer(presentation, session);
+new Messages({ session, drag, gizmo, takes: presentation.takes });
 new Selection({ session, gizmo, pin });
 new Status(session);
 new Replay(session);
@@ -130,6 +134,7 @@ window.cockpit = {
   select: (/** @type {string} */ robot, /** @type {string} */ node) => session.select(robot, node),
   frame: () => view.frame(),
   gizmo,
+  presentation,
   get hello() {
     return session.hello;
   },

@@ -18,9 +18,9 @@ export class Messages {
   #timers = new WeakMap();
 
   /**
-   * @param {{ session: import("../base/session.js").Session, drag: Dragging, gizmo: Dragging }} parts
+   * @param {{ session: import("../base/session.js").Session, drag: Dragging, gizmo: Dragging, takes: Dragging }} parts
    */
-  constructor({ session, drag, gizmo }) {
+  constructor({ session, drag, gizmo, takes }) {
     this.session = session;
     this.hint = byId("hint");
     this.toasts = byId("toasts");
@@ -42,7 +42,7 @@ export class Messages {
     });
     session.on("denied", () => this.toast("Another browser has control. Take control to drag and switch.", "warning"));
     byId("take-control").addEventListener("click", () => session.send({ type: "request_control", on: true }));
-    for (const one of [drag, gizmo]) one.on("drag", (part) => this.#dragged(part));
+    for (const one of [drag, gizmo, takes]) one.on("drag", (part) => this.#dragged(part));
   }
 
   /**

@@ -15,6 +15,11 @@ export interface RequestReactions {
   on: boolean;
 }
 
+export interface RequestRate {
+  type: "request_rate";
+  rate?: number | null;
+}
+
 export interface StartDrag {
   type: "start_drag";
   robot: string;
@@ -139,7 +144,7 @@ export interface ControlPlayback {
   speed?: number | null;
 }
 
-export type ClientMessage = Ack | RequestControl | RequestReactions | StartDrag | MoveDrag | EndDrag | Pin | RemoveTask | ChangeTask | MoveJoint | EndJointMotion | MoveHome | MoveTo | Undo | Redo | Pause | SelectSensor | ChangeSettings | SetPayload | SetView | SetRecording | GamepadInput | ControlPlayback;
+export type ClientMessage = Ack | RequestControl | RequestReactions | RequestRate | StartDrag | MoveDrag | EndDrag | Pin | RemoveTask | ChangeTask | MoveJoint | EndJointMotion | MoveHome | MoveTo | Undo | Redo | Pause | SelectSensor | ChangeSettings | SetPayload | SetView | SetRecording | GamepadInput | ControlPlayback;
 
 export interface HelloMessage {
   type: "hello";

@@ -25,6 +25,8 @@ export class Pick {
     this.veil = null; // (ray, away) -> whether something that is no part is seen there, nearer than that
     /** @type {((event: At) => Touched | null) | null} */
     this.extra = null; // (event) -> part or null: what else can be touched where no mesh is
+    /** @type {((ray: import("three").Ray) => Touched | null) | null} */
+    this.extraAlong = null; // the same along a ray of three's own axes
   }
 
   /**
@@ -69,13 +71,29 @@ export class Pick {
    */
   touched(event) {
     this.aim(event);
+    return this.#met() ?? this.extra?.(event) ?? null;
+  }
+
+  /**
+   * The same along a ray in three's own axes.
+   *
+   * @param {import("three").Ray} ray
+   * @returns {Touched | null}
+   */
+  along(ray) {
+    this.#ray.ray.copy(ray);
+    return this.#met() ?? this.extraAlong?.(ray) ?? null;
+  }
+
+  /** @returns {Touched | null} */
+  #met() {
     const { root } = this.view;
     for (const hit of this.#ray.intersectObject(root, true)) {
       if (!(hit.object instanceof Mesh)) continue;
       const part = this.#owner(hit.object, root);
       if (part !== null) return { ...part, point: hit.point, away: hit.distance };
     }
-    return this.extra?.(event) ?? null;
+    return null;
   }
 
   /**

@@ -50,8 +50,14 @@ export class Labels {
     this.view.changed();
   }
 
+  /** All of them, for who draws them elsewhere. */
+  get all() {
+    return this.#shown;
+  }
+
   /** Beside their points, within the pane, one below the other where they would overlap. */
   #place() {
+    if (this.view.headset !== null) return; // it shows them in the scene
     const { clientWidth: wide, clientHeight: high } = this.view.pane;
     /** @type {{ x: number, y: number, wide: number }[]} */
     const taken = [];

@@ -12,6 +12,7 @@ import {
 import { theme } from "./theme.js";
 
 const REACH = 12; // pixels from a line
+const ANGLE = 0.02; // rad between a ray and a line
 
 /** @typedef {import("../base/session.js").KnownRobot} KnownRobot */
 /**
@@ -34,6 +35,7 @@ export class Skeleton {
     this.session = session;
     this.aids = aids;
     pick.extra = (event) => this.#touched(event);
+    pick.extraAlong = (ray) => this.#along(ray);
     session.on("hello", () => {
       this.#clear();
       this.#switch();
@@ -139,5 +141,28 @@ export class Skeleton {
     if (best.node === "") return null;
     const { robot, node, at } = best;
     return { robot, node, group: this.view.group(robot, node), point: this.view.stage.localToWorld(at) };
+  }
+
+  /**
+   * @param {import("three").Ray} ray in three's own axes
+   * @returns {import("../pointer/pick.js").Touched | null}
+   */
+  #along(ray) {
+    if (!this.#on) return null;
+    const [seen, at] = [new Vector3(), new Vector3()];
+    /** @type {import("../pointer/pick.js").Touched | null} */
+    let best = null;
+    let least = ANGLE;
+    for (const robot of this.session.robots) {
+      for (const [node, from, to] of this.#bones(robot)) {
+        for (const end of [from, to]) this.view.stage.localToWorld(end);
+        const far = Math.sqrt(ray.distanceSqToSegment(from, to, seen, at));
+        const away = seen.distanceTo(ray.origin);
+        if (!(far < least * away)) continue;
+        least = far / away;
+        best = { robot: robot.name, node, group: this.view.group(robot.name, node), point: at.clone(), away };
+      }
+    }
+    return best;
   }
 }

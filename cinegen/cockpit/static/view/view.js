@@ -5,6 +5,7 @@
 // the same world, outside of the tree that the server draws; `level` is one that is not turned at all.
 
 import { Box3, Group, Mesh, Object3D, PCFSoftShadowMap, Quaternion, Vector3, WebGLRenderer } from "three";
+import { frames } from "../base/frames.js";
 import { keyOf } from "../base/session.js";
 import { Resolution } from "./resolution.js";
 
@@ -28,6 +29,8 @@ export class View {
   also = null; // (box of the scene) => void: what else than robots fills the view
   /** @type {Set<string>} */
   background = new Set(); // names of what can't be moved: neither framed nor picked
+  /** @type {import("three").PerspectiveCamera | null} */
+  headset = null; // camera of a headset that shows the scene instead of the pane
 
   /**
    * @param {HTMLElement} pane
@@ -40,7 +43,9 @@ export class View {
     viewer.gui.domElement.remove(); // its controls would cover the panel
     this.canvas = viewer.renderer.domElement;
     const resize = window.MeshCat.Viewer.prototype.set_3d_pane_size;
-    viewer.set_3d_pane_size = () => resize.call(viewer, Math.max(1, pane.clientWidth), Math.max(1, pane.clientHeight));
+    viewer.set_3d_pane_size = () => {
+      if (this.headset === null) resize.call(viewer, Math.max(1, pane.clientWidth), Math.max(1, pane.clientHeight));
+    };
     new ResizeObserver(() => viewer.set_3d_pane_size()).observe(pane);
     this.level = new Object3D();
     this.level.quaternion.copy(viewer.scene.quaternion).invert();
@@ -49,12 +54,7 @@ export class View {
     this.level.add(this.stage);
     viewer.scene.add(this.level);
     this.resolution = new Resolution(viewer, still);
-    /** @param {number} now */
-    const draw = (now) => {
-      requestAnimationFrame(draw);
-      this.#draw(now);
-    };
-    requestAnimationFrame(draw);
+    frames.each((now) => this.#draw(now));
   }
 
   get root() {
@@ -62,7 +62,7 @@ export class View {
   }
 
   get camera() {
-    return this.viewer.camera;
+    return this.headset ?? this.viewer.camera;
   }
 
   get controls() {
@@ -208,12 +208,11 @@ export class View {
   }
 
   /**
-   * Moves the camera along its line of sight so that all robots fill the view.
+   * Expand a box (three's own axes) by all that can be moved.
    *
-   * @param {Box3} shown is in the view, too; becomes all that is. If nothing has left it, the camera stays.
+   * @param {Box3} box
    */
-  frame(shown = new Box3()) {
-    const box = shown.clone();
+  bounds(box) {
     this.root.updateWorldMatrix(true, true);
     for (const robot of this.root.children) {
       if (this.background.has(robot.name)) continue;
@@ -221,11 +220,22 @@ export class View {
         if (object instanceof Mesh) box.expandByObject(object);
       });
     }
+    return box;
+  }
+
+  /**
+   * Moves the camera along its line of sight so that all robots fill the view.
+   *
+   * @param {Box3} shown is in the view, too; becomes all that is. If nothing has left it, the camera stays.
+   */
+  frame(shown = new Box3()) {
+    const box = this.bounds(shown.clone());
     this.also?.(box);
     const near = shown.clone().expandByScalar(SLACK * shown.getSize(new Vector3()).length());
     if (box.isEmpty() || (!shown.isEmpty() && near.containsBox(box))) return;
     shown.copy(box);
-    const { camera, controls } = this;
+    const { controls } = this;
+    const { camera } = this.viewer;
     camera.updateWorldMatrix(true, false);
     const tall = Math.tan((camera.fov * Math.PI) / 360) / (camera.zoom || 1);
     const turn = camera.getWorldQuaternion(new Quaternion());
@@ -258,16 +268,34 @@ export class View {
   #prepare(drawn) {
     const root = this.root;
     root.updateWorldMatrix(true, false);
-    this.stage.matrix.copy(root.matrixWorld);
+    this.level.updateWorldMatrix(true, false);
+    this.stage.matrixWorld.copy(root.matrixWorld);
+    this.stage.matrix.copy(this.level.matrixWorld).invert().multiply(root.matrixWorld);
     this.stage.matrixWorldNeedsUpdate = true;
     this.camera.updateWorldMatrix(true, false);
     for (const action of this.#before) action(drawn);
   }
 
-  /** @param {number} now */
-  #draw(now) {
+  /** Whether the server has drawn something since the last call. */
+  #hear() {
     const drawn = this.viewer.num_messages_received !== this.#heard;
     this.#heard = this.viewer.num_messages_received;
+    return drawn;
+  }
+
+  /** Draw a picture for the headset. */
+  drawForHeadset() {
+    if (this.headset === null) return;
+    const drawn = this.#hear();
+    if (drawn) this.#apply();
+    this.#prepare(drawn);
+    this.viewer.renderer.render(this.viewer.scene, this.headset);
+  }
+
+  /** @param {number} now */
+  #draw(now) {
+    if (this.headset !== null) return;
+    const drawn = this.#hear();
     const moving = drawn || this.viewer.needs_render;
     if (!moving && !this.resolution.due(now)) {
       this.resolution.idle();
@@ -302,7 +330,7 @@ function drawer(pane) {
   const probe = document.createElement("canvas").getContext("webgl", { failIfMajorPerformanceCaveat: true });
   const antialias = probe !== null;
   probe?.getExtension("WEBGL_lose_context")?.loseContext();
-  const renderer = new WebGLRenderer({ antialias });
+  const renderer = new WebGLRenderer({ antialias, alpha: true }); // a headset may show the room behind the scene
   renderer.shadowMap.enabled = antialias;
   renderer.shadowMap.type = PCFSoftShadowMap;
   pane.append(renderer.domElement);

@@ -6,6 +6,7 @@
 
 import { byId } from "../../../cockpit/static/base/dom.js";
 import { Events } from "../../../cockpit/static/base/events.js";
+import { frames } from "../../../cockpit/static/base/frames.js";
 import { Clock } from "./clock.js";
 import { configurationsOf, fragmentOf } from "./fragment.js";
 import { Kinematics } from "./kinematics.js";
@@ -62,12 +63,7 @@ export class Link extends Events {
     this.#restore();
     window.addEventListener("hashchange", () => this.#restore());
     const clock = new Clock(1 / content.rate);
-    /** @param {number} now */
-    const frame = (now) => {
-      requestAnimationFrame(frame);
-      this.#advance(clock, now);
-    };
-    requestAnimationFrame(frame);
+    frames.each((now) => this.#advance(clock, now));
   }
 
   /** @param {import("../../../cockpit/static/base/link.js").ClientMessage} message */

@@ -2,9 +2,10 @@
 // of cinegen/session/commands.py and does what cinegen/session/session.py does, as far as no server is needed for it.
 
 import { Quaternion, Vector3 } from "three";
+import { Drags } from "./drags.js";
 import { ConfigurationMotion, JointMotion } from "./motion.js";
 import { Placement } from "./placement.js";
-import { PIN, POINTER } from "./robot.js";
+import { PIN } from "./robot.js";
 import { UndoHistory } from "./undo.js";
 
 const POINTERS = 2; // tasks of a robot that are left for pointers
@@ -27,11 +28,8 @@ export class LocalSession {
   /** @type {{ text: string, level: "warning" }[]} */
   notices = []; // which whoever shows them takes out
   #count = 0;
+  #drags;
   #still = 0; // s
-  /** @type {{ robot: DrivenRobot, task: Task } | null} */
-  #drag = null;
-  /** @type {Task | null} */
-  #draggedPin = null; // pin of the node that is dragged
 
   /**
    * @param {Map<string, DrivenRobot>} robots each after the one that carries it
@@ -40,6 +38,7 @@ export class LocalSession {
   constructor(robots, bases) {
     this.robots = robots;
     this.bases = bases;
+    this.#drags = new Drags(() => this.#newId());
     this.history = new UndoHistory(robots, () => this.#newId());
     this.#carry();
   }
@@ -84,7 +83,7 @@ export class LocalSession {
       moved ||= robot.q.some((value, i) => Math.abs(value - before[i]) > STILL);
     }
     this.#carry();
-    this.history.tick(dt, this.#drag !== null);
+    this.history.tick(dt, this.#drags.busy);
     this.#still = moved ? 0 : this.#still + dt;
   }
 
@@ -105,7 +104,7 @@ export class LocalSession {
     switch (command.type) {
       case "start_drag": return this.#startDrag(command);
       case "move_drag": return this.#moveDrag(command);
-      case "end_drag": return this.#endDrag(command.pin ?? false);
+      case "end_drag": return this.#drags.end(typeof command.pointer === "number" ? index(command.pointer) : null, command.pin ?? false);
       case "pin": return this.#pin(command);
       case "remove_task": return this.#removeTask(command.task);
       case "change_task": return this.#changeTask(command);
@@ -116,7 +115,7 @@ export class LocalSession {
       case "move_home": return this.#moveHome(command.robot ?? null);
       case "undo":
       case "redo":
-        this.#endDrag();
+        this.#drags.end();
         return this.history[command.type]();
       case "pause":
         this.paused = command.on;
@@ -125,6 +124,7 @@ export class LocalSession {
       case "ack":
       case "request_control":
       case "request_reactions":
+      case "request_rate":
       case "set_view":
       case "gamepad_input":
         return; // of the server's session only
@@ -133,40 +133,24 @@ export class LocalSession {
     }
   }
 
-  // --- the pointer ------------------------------------------------------------------------------------------------
+  // --- the pointers -----------------------------------------------------------------------------------------------
 
   /** @param {import("../../../cockpit/static/base/messages").StartDrag} command */
-  #startDrag({ robot: name, node, point = null, rotation = false }) {
+  #startDrag({ robot: name, node, point = null, rotation = false, pointer = 0 }) {
     const robot = this.#robot(name, node);
-    this.#endDrag();
     this.history.begin();
-    robot.motion = null;
     const offset = point === null ? new Placement() : new Placement(vector(point));
-    this.#draggedPin = robot.recordedPins().find((pin) => pin.node === node) ?? null;
-    for (const pin of robot.pins(node)) robot.removeTask(pin); // it moves with its node, and is restored at the end
-    const task = robot.addTask(this.#newId(), node, POINTER, offset, [3, rotation && point === null ? 3 : 0]);
-    this.#drag = { robot, task };
+    this.#drags.start(index(pointer), robot, node, offset, [3, rotation && point === null ? 3 : 0]);
   }
 
   /** @param {import("../../../cockpit/static/base/messages").MoveDrag} command */
-  #moveDrag({ position, quaternion = null }) {
-    if (this.#drag === null) return; // it has ended meanwhile
-    const { robot, task } = this.#drag;
+  #moveDrag({ position, quaternion = null, weight = null, pointer = 0 }) {
+    const drag = this.#drags.of(index(pointer));
+    if (drag === null) return; // it has ended meanwhile
+    const { robot, task } = drag;
+    if (weight !== null) task.weight = within(weight, 0.01, 100);
     const rotation = quaternion === null ? robot.base.times(task.target).rotation : turn(quaternion);
     task.target = robot.base.inverseTimes(new Placement(vector(position), rotation));
-  }
-
-  #endDrag(asPin = false) {
-    if (this.#drag === null) return;
-    const { robot, task } = this.#drag;
-    const was = this.#draggedPin;
-    this.#drag = this.#draggedPin = null;
-    if (asPin) {
-      task.source = task.label = PIN;
-      return;
-    }
-    robot.removeTask(task);
-    if (was !== null) robot.restorePin(this.#newId(), { ...was, target: robot.placement(was.node).times(was.offset) });
   }
 
   // --- tasks ------------------------------------------------------------------------------------------------------
@@ -185,10 +169,7 @@ export class LocalSession {
   #removeTask(id) {
     const found = this.#task(id);
     if (found === null) return;
-    if (found.task === this.#drag?.task) {
-      this.#endDrag();
-      return;
-    }
+    if (this.#drags.endOf(found.task)) return;
     this.history.begin();
     found.robot.removeTask(found.task);
   }
@@ -228,7 +209,7 @@ export class LocalSession {
   /** @param {string | null} name */
   #moveHome(name) {
     const robots = name === null ? [...this.robots.values()] : [this.#robot(name)];
-    this.#endDrag();
+    this.#drags.end();
     this.history.begin();
     for (const robot of robots) {
       for (const pin of robot.pins()) robot.removeTask(pin);
@@ -318,4 +299,10 @@ function turn(numbers) {
   const quaternion = new Quaternion(...finite(numbers, 4));
   if (!(Math.abs(quaternion.length() - 1) < 0.1)) throw new CommandError("a quaternion x y z w has length 1");
   return quaternion.normalize();
+}
+
+/** @param {number} value the number of a pointer */
+function index(value) {
+  if (!Number.isInteger(value) || value < 0 || value > 9) throw new CommandError(`a pointer is 0 to 9, not ${value}`);
+  return value;
 }

@@ -1,0 +1,306 @@
+"""A person with a headset at the real page: an emulated one in a real browser drives real sessions."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from headset import Headset, needs_emulator
+from playwright.sync_api import sync_playwright
+from test_cockpit_page import CHROMIUM, FLAGS, PICTURES, READY, SIZE, becomes, grab, held, place
+from variants import slow
+
+from cinegen.cockpit import Cockpit
+from cinegen.session import arrange
+
+RIGHT, LEFT = (0.15, 1.35, -0.3), (-0.16, 1.03, -0.6)
+POINT = (0.1, 0.2, 0.3)
+EXACT = 2e-5  # m: a task that follows, of robots of a metre or more
+
+pytestmark = [
+    pytest.mark.browser,
+    pytest.mark.filterwarnings("ignore:.*no such port:cinegen.CinegenWarning"),
+    pytest.mark.skipif(CHROMIUM is None, reason="NO CHROMIUM: the cockpit is not tested in a real browser"),
+    needs_emulator,
+]
+
+
+@pytest.fixture(scope="module")
+def browser():
+    with sync_playwright() as playwright:
+        yield playwright.chromium.launch(executable_path=CHROMIUM, args=FLAGS)
+
+
+@pytest.fixture
+def cockpit(robot):
+    opened = []
+
+    def open_cockpit(*names):
+        setup = arrange({name: robot(name) for name in names}, follow=None)
+        opened.append(Cockpit(setup, port=8450, own_process=False))
+        return opened[-1]
+
+    yield open_cockpit
+    for one in opened:
+        one.close()
+
+
+@pytest.fixture
+def tab(browser):
+    """`tab(cockpit)`: a page, and the headset that its browser has; None without one."""
+    opened, wrong = [], []
+
+    def open_tab(cockpit, worn=True):
+        page = browser.new_page(viewport=SIZE, bypass_csp=True)
+        page.on("pageerror", lambda error: wrong.append(str(error)))
+        headset = Headset(page) if worn else None
+        page.goto(cockpit.url, timeout=60_000)
+        page.wait_for_function(READY, polling=100, timeout=60_000)
+        opened.append(page)
+        return page, headset
+
+    yield open_tab
+    for page in opened:
+        page.close()
+    assert wrong == []
+
+
+@pytest.fixture
+def worn(cockpit, tab):
+    """`worn("delta4")`: a robot's session, its page, and a headset that shows it, with both controllers in front."""
+
+    def open_worn(*names):
+        one = cockpit(*names)
+        page, headset = tab(one)
+        headset.enter()
+        headset.put("right", RIGHT)
+        headset.put("left", LEFT)
+        return one, page, headset
+
+    return open_worn
+
+
+def in_robots(way, scale):
+    """A way in the room (m, y up) in the robots' world (z up), of a user who looks along -z of the room."""
+    x, y, z = way
+    return np.array([x, -z, y]) / scale
+
+
+def rests(one, page):
+    """Wait until no robot moves."""
+
+    def same():
+        before = {name: robot.q for name, robot in one.state.robots.items()}
+        page.wait_for_timeout(150)
+        return all(np.abs(robot.q - before[name]).max() < 1e-7 for name, robot in one.state.robots.items())
+
+    assert becomes(page, same)
+
+
+def grasp(one, page, headset, side, name, node, strength=0.75, button="trigger"):
+    """Point at a node and press a button; the task, once there is one."""
+    headset.aim(side, name, node)
+    before = {task.id for task in held(one, name)}
+    headset.press(side, strength, button)
+    assert becomes(page, lambda: {task.id for task in held(one, name)} - before)
+    return next(task for task in held(one, name) if task.id not in before)
+
+
+def test_without_a_headset_there_are_no_buttons(cockpit, tab):
+    page, _ = tab(cockpit("five_bar"), worn=False)
+    assert not page.is_visible("#enter-vr")
+    assert not page.is_visible("#enter-ar")
+
+
+def test_a_controller_takes_a_part_drags_it_and_lets_it_go_and_the_page_comes_back(cockpit, tab):
+    one = cockpit("delta4")
+    page, headset = tab(one)
+    appearance = "[cockpit.viewer.scene.matrix.toArray(), cockpit.viewer.camera.matrixWorld.toArray(), \
+        cockpit.viewer.renderer.domElement.width, cockpit.viewer.scene.background.getHex()]"
+    before = page.evaluate(appearance)
+    headset.enter()
+    assert page.get_attribute("html", "data-headset") == "immersive-vr"
+    headset.put("right", RIGHT)
+    task = grasp(one, page, headset, "right", "delta4", "link5")
+    start = place(one, "delta4", "link5", task.offset.translation)
+    assert task.weight == pytest.approx(2.0)  # three quarters pressed: 4 ** 0.5
+    headset.press("right", 0.25)
+    assert becomes(page, lambda: held(one, "delta4")[0].weight == 0.5)
+    way = np.array([0.03, 0.02, 0.02])
+    headset.put("right", np.array(RIGHT) + way)
+    expected = start + in_robots(way, headset.scale())
+    assert becomes(
+        page, lambda: np.linalg.norm(place(one, "delta4", "link5", task.offset.translation) - expected) < EXACT
+    )
+    assert one.state.robots["delta4"].closure < 1e-10
+    assert becomes(page, lambda: headset.panel()["label"] == "following")
+    headset.press("right", 0.0)
+    assert becomes(page, lambda: not held(one, "delta4"))
+    rests(one, page)
+    assert np.linalg.norm(place(one, "delta4", "link5", task.offset.translation) - expected) < EXACT
+    page.evaluate("cockpit.presentation.end()")
+    assert becomes(page, lambda: page.get_attribute("html", "data-headset") is None)
+    assert becomes(page, lambda: np.allclose(np.hstack(page.evaluate(appearance)), np.hstack(before), atol=1e-9))
+    grab(page, one, "delta4", "link5")  # by the mouse
+
+
+def test_both_controllers_drag_at_once_and_each_lets_go_by_itself(worn):
+    """The trigger drags a point, the squeeze button a pose."""
+    one, page, headset = worn("delta4", "rx90")
+    scale = headset.scale()
+    pull = grasp(one, page, headset, "left", "delta4", "link5")
+    start = place(one, "delta4", "link5", pull.offset.translation)
+    pose = one.state.robots["rx90"].base * one.setup.robots["rx90"].placement(one.state.robots["rx90"].q, "tool")
+    whole = grasp(one, page, headset, "right", "rx90", "link6", button="squeeze")
+    assert (pull.rotation, whole.rotation) == (0, 3)
+    turned = place(one, "rx90", "link6")
+    way = np.array([0.02, 0.02, 0.01])
+    headset.put("left", np.array(LEFT) + way)
+    headset.put("right", np.array(RIGHT) - way)
+
+    def moved():
+        delta = place(one, "delta4", "link5", pull.offset.translation) - start - in_robots(way, scale)
+        arm = place(one, "rx90", "link6") - turned + in_robots(way, scale)
+        return np.linalg.norm(delta) < EXACT and np.linalg.norm(arm) < EXACT
+
+    assert becomes(page, moved)
+    now = one.state.robots["rx90"].base * one.setup.robots["rx90"].placement(one.state.robots["rx90"].q, "tool")
+    assert np.abs(now.rotation - pose.rotation).max() < 1e-4  # the hand did not rotate
+    headset.press("left", 0.0)
+    assert becomes(page, lambda: not held(one, "delta4"))
+    assert len(held(one, "rx90")) == 1
+    headset.press("right", 0.0, "squeeze")
+    assert becomes(page, lambda: not held(one, "rx90"))
+
+
+def test_thumbsticks_scale_and_move_the_world(worn):
+    one, page, headset = worn("five_bar")
+    scale, middle = headset.scale(), headset.middle()
+    before = [headset.at(point) for point in (POINT, (0.0, 0.0, 0.0))]
+    headset.push("right", 0.0, -1.0)  # away: larger
+    assert becomes(page, lambda: headset.scale() > 1.5 * scale)
+    headset.push("right", 0.0, 0.0)
+    headset.frames()
+    factor = headset.scale() / scale
+    after = [headset.at(point) for point in (POINT, (0.0, 0.0, 0.0))]
+    fixed = [(now - factor * was) / (1.0 - factor) for was, now in zip(before, after, strict=True)]
+    assert fixed[0] == pytest.approx(fixed[1], abs=1e-6)  # nothing rotates
+    assert np.linalg.norm(fixed[0] - middle) < 0.1  # about the robots
+    middle = headset.middle()
+    headset.push("left", 0.0, -1.0)
+    assert becomes(page, lambda: headset.middle()[2] < middle[2] - 0.3)
+    headset.push("left", 0.0, 0.0)
+    headset.frames()
+    larger = headset.scale()
+    assert headset.panel()["lines"][0] == f"scale {float(f'{larger:.2g}'):g} : 1"
+    task = grasp(one, page, headset, "right", "five_bar", "link2")
+    start = place(one, "five_bar", "link2", task.offset.translation)
+    headset.put("right", np.add(RIGHT, [0.02, 0.0, 0.0]))
+    goal = start + in_robots(np.array([0.02, 0.0, 0.0]), larger)
+    assert becomes(page, lambda: np.linalg.norm(held(one, "five_bar")[0].target.translation - goal) < EXACT)
+    assert np.linalg.norm(goal - start) < 0.02 / (1.4 * scale)  # a larger world is dragged more finely
+
+
+@pytest.mark.parametrize("angle", [0.0, *slow(0.4)])
+def test_two_hands_that_hold_the_world_scale_and_rotate_it(worn, angle):
+    _, page, headset = worn("five_bar")
+    before = headset.scale(), headset.at(POINT)
+    for side, x in (("left", -0.1), ("right", 0.1)):
+        page.evaluate(f"device.controllers.{side}.quaternion.set(0.7071, 0, 0, 0.7071)")  # they point at the sky
+        headset.put(side, (x, 1.2, -0.4))
+        headset.press(side, 1.0)
+    assert page.evaluate("cockpit.state.tasks.length") == 0
+    grips = "cockpit.presentation.hands.all.map((hand) => hand.grip.toArray())"
+    first = np.array(page.evaluate(grips))
+    for side, way in (("left", -1.0), ("right", 1.0)):
+        headset.put(side, (0.2 * way * np.cos(angle), 1.2, -0.4 - 0.2 * way * np.sin(angle)))
+    after = headset.scale()
+    last = np.array(page.evaluate(grips))
+    was, now = (complex(*(ends[1] - ends[0])[[0, 2]]) for ends in (first, last))  # in the horizontal plane
+    assert abs(now / was) == pytest.approx(2.0, rel=0.05)  # the grips are beside the origins of the rays
+    assert after == pytest.approx(abs(now / was) * before[0], rel=1e-6)
+    shift = now / was * complex(*(before[1] - first[0])[[0, 2]])  # what was between the hands stays there
+    height = abs(now / was) * (before[1] - first.mean(axis=0))[1]
+    expected = last[0][0] + shift.real, last.mean(axis=0)[1] + height, last[0][2] + shift.imag
+    assert headset.at(POINT) == pytest.approx(expected, abs=1e-6)
+    for side in ("left", "right"):
+        headset.press(side, 0.0)
+    headset.put("left", LEFT)
+    assert headset.scale() == after
+
+
+def test_one_user_has_a_browser_and_one_a_headset(cockpit, tab):
+    one = cockpit("delta4")
+    seated, _ = tab(one, worn=False)
+    page, headset = tab(one)
+    headset.enter()
+    headset.put("right", RIGHT)
+    assert one.hub.rate == pytest.approx(90.0)
+    task = grasp(one, page, headset, "right", "delta4", "link5")
+    headset.put("right", np.add(RIGHT, [0.0, -0.03, 0.0]))
+    rests(one, page)
+    shown = "cockpit.state.tasks.map((task) => task.position).flat()"
+    at = place(one, "delta4", "link5", task.offset.translation)
+    assert becomes(seated, lambda: np.allclose(seated.evaluate(shown), at, atol=1e-6))
+    assert seated.get_attribute("html", "data-control") == "other"
+    seated.click("#take-control")
+    assert becomes(page, lambda: page.get_attribute("html", "data-control") == "other")
+    assert becomes(page, lambda: not held(one, "delta4"))
+    headset.press("right", 0.0)
+    headset.aim("right", "delta4", "link5")
+    headset.press("right", 1.0)
+    assert "Press A or X to take it" in headset.panel()["lines"][1]
+    assert not held(one, "delta4")
+    headset.press("right", 0.0)
+    headset.press("right", 1.0, "a-button")
+    assert becomes(page, lambda: page.get_attribute("html", "data-control") == "mine")
+    headset.press("right", 0.0, "a-button")
+    grasp(one, page, headset, "right", "delta4", "link5")
+    page.evaluate("cockpit.presentation.end()")
+    assert becomes(seated, lambda: not held(one, "delta4"))  # who takes off the headset lets go
+    assert becomes(seated, lambda: one.hub.rate == 60.0)
+
+
+def test_the_headset_shows_status_ghost_and_ellipsoid(worn):
+    one, page, headset = worn("delta4")
+    headset.press("left", 1.0, "y-button")
+    headset.press("left", 0.0, "y-button")
+    grasp(one, page, headset, "right", "delta4", "link5", 1.0)
+    headset.put("right", np.add(RIGHT, [0.15, -0.45, 0.0]))
+    assert becomes(page, lambda: headset.panel()["label"].startswith("at limit: joint"))
+    assert headset.panel()["tone"] == "warn"
+    assert becomes(page, lambda: any("away" in text for text in page.evaluate("cockpit.presentation.tags.texts")))
+    assert [meter["label"] for meter in headset.panel()["meters"]] == ["lost DoF", "uncontrolled DoF"]
+    colours = """() => {
+      const seen = new Set();
+      const isBall = (one) => one.geometry?.type === "SphereGeometry";
+      cockpit.viewer.scene.traverseVisible((one) => isBall(one) && seen.add(one.material.color.getHex()));
+      return [...seen];
+    }"""
+    assert becomes(page, lambda: 0x009E73 in page.evaluate(colours))  # the ellipsoid
+    PICTURES.mkdir(parents=True, exist_ok=True)
+    page.screenshot(path=PICTURES / "headset.png")
+
+
+@pytest.mark.parametrize("mode", slow("ar"))
+def test_augmented_reality_shows_the_room_behind_the_robots(cockpit, tab, mode):
+    page, headset = tab(cockpit("five_bar"))
+    headset.enter(mode)
+    assert page.get_attribute("html", "data-headset") == "immersive-ar"
+    assert page.evaluate("cockpit.viewer.scene.background") is None
+    page.evaluate("cockpit.presentation.end()")
+    assert becomes(page, lambda: page.evaluate("cockpit.viewer.scene.background !== null"))
+
+
+@pytest.mark.parametrize("name", slow("five_bar"))
+def test_a_hand_takes_parts_by_pinching(cockpit, tab, name):
+    one = cockpit(name)
+    page, headset = tab(one)
+    page.evaluate("device.primaryInputMode = 'hand'")
+    headset.enter()
+    headset.put("right", RIGHT, hand=True)
+    headset.aim("right", name, "link2")
+    page.evaluate("device.hands.right.updatePinchValue(1)")
+    assert becomes(page, lambda: held(one, name))
+    assert held(one, name)[0].weight == 1.0  # a pinch has no strength
+    page.evaluate("device.hands.right.updatePinchValue(0)")
+    assert becomes(page, lambda: not held(one, name))
