@@ -12,6 +12,7 @@ from cinegen.assembly import assembly_modes
 from cinegen.collision.clearance import prepare_clearance
 from cinegen.design._kernels.evaluate import evaluate_designs
 from cinegen.design._kernels.memory import DesignMemory
+from cinegen.dynamics._kernels.masses import find_masses
 from cinegen.dynamics._kernels.memory import DynamicsMemory
 from cinegen.dynamics._kernels.torques import find_torques
 from cinegen.hexapod import TSSM, Hexapod
@@ -44,13 +45,14 @@ _KERNELS: dict[str, Callable[[], object]] = {
     "solve": lambda: prepare(solve, LocalIKMemory),
     "measure": lambda: prepare(measure_all, BatchMemory),
     "torques": lambda: prepare(find_torques, DynamicsMemory),
+    "masses": lambda: prepare(find_masses, DynamicsMemory),
     "designs": lambda: prepare(evaluate_designs, DesignMemory),
     "clearance": prepare_clearance,
     "vortices": prepare_vortices,
     "modes": _assembly_modes,
     "platforms": _platforms,
 }
-_TOGETHER = 6  # of them, which share helpers
+_TOGETHER = 7  # of them, which share helpers
 
 
 def compile_kernels() -> Iterator[tuple[str, int, int]]:

@@ -11,6 +11,7 @@ import pinocchio as pin
 from numpy.typing import ArrayLike, NDArray
 
 from cinegen.dynamics import plain
+from cinegen.dynamics._kernels.masses import find_masses
 from cinegen.dynamics._kernels.memory import DynamicsMemory
 from cinegen.dynamics._kernels.torques import HELD, OPEN, find_torques
 from cinegen.dynamics.errors import MotionError
@@ -18,6 +19,7 @@ from cinegen.dynamics.loads import GRAVITY, LoadedTree
 from cinegen.dynamics.payload import Payload
 from cinegen.dynamics.reactions import Reaction, axes_of_reaction, reactions
 from cinegen.errors import CinegenError, ClosureError, ConfigurationError, UnknownNameError
+from cinegen.jit.compiled import prepare
 from cinegen.jit.foreign import frame_of
 from cinegen.jit.starting import start
 from cinegen.loops.arrays import set_up
@@ -292,6 +294,29 @@ class InverseDynamics:
         by_joint = scaled @ np.linalg.inv(motions.actuated) / self.tree.step[columns]
         full_matrix = np.triu(tree) + np.triu(tree, 1).T
         return np.asarray(by_joint.T @ full_matrix[moving, moving] @ by_joint)
+
+    def mass_matrices_of(self, q: ArrayLike) -> Array:
+        """Return the inertias (count, actuated, actuated) at many configurations (count, nq), as `mass_matrix` does;
+        NaN where loops are open.
+
+        Raises:
+            ConfigurationError: q has a wrong shape, or numbers that are not finite.
+            MotionError, MassError: as `mass_matrix`.
+        """
+        configurations = self._rows("q", q, self.mechanism.model.nq)
+        self._need_masses()
+        count, size = len(configurations), len(self._names)
+        found, results = np.full((count, size, size), np.nan), np.full(count, -1)
+        if self._is_compiled and count:
+            memory = self._many
+            memory.count = count
+            for field, values in {"given_q": configurations, "masses": found, "found": results}.items():
+                memory.point_at(field, values)
+            prepare(find_masses, DynamicsMemory)(memory.handle)
+        for i in np.flatnonzero((results != HELD) & (results != OPEN)).tolist():
+            if self.mechanism.closure(configurations[i]) <= CLOSURE:
+                found[i] = self.mass_matrix(configurations[i])
+        return found
 
     # --- errors -------------------------------------------------------------------------------------------------------
 

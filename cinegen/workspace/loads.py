@@ -192,12 +192,8 @@ def _frequencies(spec: MapSpecification, q: Array) -> Array:
     """
     if not _is_square(spec):
         raise MotionError(f"{spec.mechanism.name} has other springs than its actuated joints")
-    soft, dynamics, rest = _springs(spec), _unloaded(spec), np.zeros((len(q), len(spec.mechanism.actuated)))
-    inverse_squares = np.empty((len(q), len(soft), len(soft)))  # of angular frequencies
-    for k, joint in enumerate(soft):
-        unit = rest.copy()
-        unit[:, joint] = 1.0
-        inverse_squares[:, k] = dynamics.torques_of(q, rest, unit, actuated=True)[:, list(soft)]
+    soft = _springs(spec)
+    inverse_squares = _unloaded(spec).mass_matrices_of(q)[:, list(soft)][:, :, list(soft)]  # of angular frequencies
     if not np.isfinite(inverse_squares).all():
         raise MotionError(f"{spec.mechanism.name}: its actuated joints do not determine the motion")
     springs = np.array(list(soft.values()))

@@ -298,6 +298,22 @@ def test_mass_matrix_is_what_accelerates_from_rest(heavy):
         assert none.torques(q, {}, {joint: 1.0}) == pytest.approx(column)
 
 
+@pytest.mark.parametrize("name", ["delta4", "gough", "arm7", "five_bar"])
+def test_mass_matrices_are_those_of_the_composite_rigid_body_algorithm(heavy, name):
+    mechanism = heavy(name)
+    dynamics, samples = (
+        InverseDynamics(mechanism, [Payload(mechanism.end, 3.0)], (0, 0, 0)),
+        mechanism.random_closed(10),
+    )
+    opened = samples[0].copy()
+    opened[0] += 0.3
+    found = dynamics.mass_matrices_of([*samples, opened])
+    for matrix, q in zip(found, samples, strict=False):
+        expected = dynamics.mass_matrix(q)
+        assert matrix == pytest.approx(expected, abs=1e-10 * np.abs(expected).max())
+    assert np.isnan(found[-1]).all() == mechanism.is_constrained
+
+
 # --- wrong input ------------------------------------------------------------------------------------------------------
 
 

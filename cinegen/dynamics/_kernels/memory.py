@@ -65,4 +65,12 @@ class DynamicsMemory(LoopMemory):
     reflectors: Array = array("mobility", "actuated")
     coordinates: Array = array("mobility")
     effort: Array = array("actuated")
+
+    # inertia seen at the actuated joints
+    masses: Array = foreign("count", "actuated", "actuated")
+    motions: Array = array("actuated", "n")  # of all joints, by each actuated one; m and rad
+    twists: Array = array("joints", "actuated", 6)  # of all bodies
+    moved: Array = array("actuated", 3)  # of one body: its centre's velocity,
+    spin: Array = array("actuated", 3)  # angular velocity in its own axes,
+    spun: Array = array("actuated", 3)  # and angular momentum
     inconsistent: float = state(0.0)

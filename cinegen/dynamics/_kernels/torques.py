@@ -23,7 +23,7 @@ HELD, OPEN, UNCLEAR = range(3)
 """Results: torques were found; loops are open; near a singularity, or actuated joints don't control everything, which
 the plain form decides."""
 
-_CLEAR = 1e-4  # a smaller pivot, as a fraction of the first, or singular value of the loops may be none
+CLEAR = 1e-4  # a smaller pivot, as a fraction of the first, or singular value of the loops may be none
 _LEAST = 1e-300  # divisor
 
 
@@ -51,15 +51,15 @@ def _find(memory: DynamicsMemory, i: int) -> int:
         if not gaps[0] <= CLOSURE:
             return OPEN
         factor_loops(memory, False)
-        if memory.sigma < _CLEAR:
+        if memory.sigma < CLEAR:
             return UNCLEAR
-    if not is_direct and not _factor_actuated(memory):
+    if not is_direct and not factor_actuated(memory):
         return UNCLEAR
     if memory.moves != 0:
         copy(memory.given_v[i, memory.fixed :], memory.v, n)
         copy(memory.given_a[i, memory.fixed :], memory.a, n)
         if memory.completes != 0 and not is_direct:
-            gaps[1] = _complete(memory, memory.v)
+            gaps[1] = complete(memory, memory.v)
         elif memory.rows > 0:
             gaps[1] = _opening(memory, memory.v)
         _find_velocities(memory)
@@ -173,7 +173,7 @@ def _find_multipliers(memory: DynamicsMemory, i: int) -> bool:
 
 
 @compiled
-def _factor_actuated(memory: DynamicsMemory) -> bool:
+def factor_actuated(memory: DynamicsMemory) -> bool:
     """Compute the null space of the loops, and factor the motions of the actuated joints in it; return whether these
     clearly determine the motion."""
     at = 0
@@ -196,11 +196,11 @@ def _factor_actuated(memory: DynamicsMemory) -> bool:
             dof = memory.actuated_dof[k]
             memory.factors[i, k] = memory.null_space[i, dof] * memory.scale[dof] / memory.step[k]
     shortest = factor(memory.factors, memory.mobility, memory.order, memory.left, memory.tau_of, memory.reflectors)
-    return shortest >= _CLEAR
+    return shortest >= CLEAR
 
 
 @compiled
-def _complete(memory: DynamicsMemory, v: Array) -> float:
+def complete(memory: DynamicsMemory, v: Array) -> float:
     """Set v (n,), of which only the actuated joints' velocities are given, to the motion of the closed mechanism.
 
     Returns:
@@ -235,12 +235,12 @@ def _complete(memory: DynamicsMemory, v: Array) -> float:
 @compiled
 def _complete_acceleration(memory: DynamicsMemory) -> float:
     """Set `a`, of which only the actuated joints' accelerations are given, to that of the closed mechanism; return as
-    `_complete`."""
+    `complete`."""
     particular, a = memory.delta, memory.a
     loop_correction(memory, False, particular)  # the residual is the loops' drift
     for k in range(memory.n):
         a[k] -= particular[k] * memory.scale[k]
-    gap = _complete(memory, a)
+    gap = complete(memory, a)
     for k in range(memory.n):
         a[k] += particular[k] * memory.scale[k]
     return gap
@@ -347,7 +347,7 @@ def _find_velocities(memory: DynamicsMemory) -> None:
         if dof < 0:
             _from_base(memory, memory.given_v[memory.now], own)
         else:
-            _sum_screws(memory, j, memory.v, own)
+            sum_screws(memory, j, memory.v, own)
         for i in range(6):
             twist[i] = memory.velocity[parent, i] + own[i]
         _cross_twists(twist, own, own[3:], bias, bias[3:], memory.vectors[0])
@@ -360,7 +360,7 @@ def _width(kind: int) -> int:
 
 
 @compiled
-def _sum_screws(memory: DynamicsMemory, j: int, rates: Array, out: Array) -> None:
+def sum_screws(memory: DynamicsMemory, j: int, rates: Array, out: Array) -> None:
     """Write the twist (6,) of a joint alone, by its rates in (n,)."""
     dof = memory.joint_dof[j]
     for i in range(6):
@@ -378,7 +378,7 @@ def _find_accelerations(memory: DynamicsMemory, with_joints: bool) -> None:
         if memory.joint_dof[j] < 0:
             _from_base(memory, memory.given_a[memory.now], rate)
         elif with_joints:
-            _sum_screws(memory, j, memory.a, rate)
+            sum_screws(memory, j, memory.a, rate)
         else:
             for i in range(6):
                 rate[i] = 0.0
