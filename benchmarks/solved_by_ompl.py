@@ -21,8 +21,8 @@ Start and goal are joint values that keep twice the safety distance. Whether the
             characteristic lengths
 
 All seconds, limits too, are CPU seconds of this process: on a busy machine the result is that of an idle one. Paths of
-`plan` are clear everywhere, and shortened; those of OMPL are not shortened, and clear where it tested them: what it
-solves may be too much.
+`plan` are clear everywhere, and shortened; those of OMPL are clear where it tested them: what it solves may be too
+much. They are not shortened, unless `--simplify` asks for it.
 """
 
 from __future__ import annotations
@@ -415,7 +415,7 @@ FAMILIES: Mapping[str, Callable[[int], Scene]] = {
 # --- OMPL --------------------------------------------------------------------------------------------------------
 
 
-def is_solved_by_ompl(given: Scene, seconds: float) -> bool:
+def is_solved_by_ompl(given: Scene, seconds: float, simplify: bool = False) -> bool:
     """Whether OMPL finds a path within CPU seconds."""
     ou.setLogLevel(ou.LogLevel.LOG_NONE)
     ou.RNG.setSeed(1)
@@ -461,6 +461,8 @@ def is_solved_by_ompl(given: Scene, seconds: float) -> bool:
     planner.setup()
     ends = time.monotonic() + seconds
     planner.solve(ob.PlannerTerminationCondition(lambda: time.monotonic() > ends))
+    if simplify and problem.hasExactSolution():
+        og.PathSimplifier(information).simplifyMax(problem.getSolutionPath())
     return bool(problem.hasExactSolution())
 
 
@@ -506,6 +508,7 @@ def main() -> None:
     parser.add_argument("families", nargs="*", default=list(FAMILIES), metavar="FAMILY")
     parser.add_argument("--first", type=int, default=0, metavar="NUMBER")
     parser.add_argument("--seconds", type=float, default=10.0)
+    parser.add_argument("--simplify", action="store_true", help="shorten OMPL's paths, too (not of robots with loops)")
     options = parser.parse_args()
     time.monotonic = CpuClock()  # for limits
     for family in options.families:
@@ -519,7 +522,7 @@ def main() -> None:
             if found and times["plan"][-1] <= options.seconds:
                 solved["plan"].append(number)
             begin = time.process_time()
-            is_solved = is_solved_by_ompl(scene, options.seconds)
+            is_solved = is_solved_by_ompl(scene, options.seconds, options.simplify)
             times["ompl"].append(time.process_time() - begin)
             if is_solved and times["ompl"][-1] <= options.seconds:
                 solved["ompl"].append(number)
