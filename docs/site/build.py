@@ -1,4 +1,5 @@
-"""Build the site: the pages of docs/, every example and robot, and the reference of commands and of Python.
+"""Build the site: the pages of docs/, every example and robot, the reference of commands and of Python, and robots of
+the gallery that can be dragged.
 
     python docs/site/build.py [FOLDER]
 
@@ -27,6 +28,7 @@ ROOT = HERE.parent.parent
 LINK = re.compile(r"(?<!`)\]\(([^)#\s]+)(#[^)\s]*)?\)")
 FENCE = re.compile(r"^```.*?^```$", flags=re.DOTALL | re.MULTILINE)
 PAGES = {"CONTRIBUTING.md": "contributing", "SECURITY.md": "security", "CHANGELOG.md": "changes", "README.md": "index"}
+PICTURE = re.compile(r"^!\[(\w+)\]\(pictures/\1\.png\)$", flags=re.MULTILINE)
 LANGUAGES = {".py": "python", ".json": "json", ".toml": "toml"}
 PACKAGES = (
     "model", "ik", "assembly", "singularities", "hexapod", "workspace", "planning", "collision", "dynamics", "design",
@@ -101,6 +103,20 @@ class Site:
             self.write(page, f"---\norphan: true\n---\n\n# {path}\n\n{body}\n")
         return page
 
+    def gallery(self) -> None:
+        """Write the gallery, each picture with a link to a page in which the robot can be dragged."""
+        text = (self._folder / "gallery.md").read_text(encoding="utf-8")
+        link = '<p><a href="live/{name}.html">Drag {name} in the browser</a></p>'
+        self.write("gallery", PICTURE.sub(lambda found: f"{found[0]}\n\n{link.format(name=found[1])}", text))
+
+    def robots(self) -> None:
+        """Write the pages in which the robots of the gallery can be dragged."""
+        (self._folder / "extra/live").mkdir(parents=True)
+        for name in PICTURE.findall((self._folder / "gallery.md").read_text(encoding="utf-8")):
+            page = self._folder / f"extra/live/{name}.html"
+            if cinegen.cli.main(["page", str(ROOT / f"robots/{name}.raff"), "-o", str(page)]):
+                raise SystemExit(f"no page of {name}")
+
     def examples(self) -> None:
         """Write a page with all examples, each with the text at its top."""
         lines = ["# Examples", "", "Each is a program; `cinegen` and its extras are all that it needs.", ""]
@@ -155,6 +171,7 @@ def fill(site: Site) -> None:
         if page != "index":
             site.copy(file, page)
     site.write("index", (HERE / "index.md").read_text(encoding="utf-8"))
+    site.gallery()
     site.examples()
     site.commands()
     site.python()
@@ -163,7 +180,9 @@ def fill(site: Site) -> None:
 def main() -> int:
     """Build the site; return Sphinx' status."""
     folder = Path(sys.argv[1] if len(sys.argv) > 1 else ROOT / "build/site")
-    fill(Site(folder / "source"))
+    site = Site(folder / "source")
+    fill(site)
+    site.robots()
     shutil.rmtree(folder / "html", ignore_errors=True)
     command = [sys.executable, "-m", "sphinx", "-W", "--keep-going", "-q", folder / "source", folder / "html"]
     status = subprocess.run(command, check=False).returncode

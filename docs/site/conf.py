@@ -35,6 +35,8 @@ html_math_renderer = "mathml"
 html_theme = "furo"
 html_title = "cinegen"
 html_static_path = ["static"]
+html_extra_path = ["extra"]
+exclude_patterns = ["extra"]
 html_css_files = ["site.css"]
 html_theme_options = {
     "light_css_variables": {"color-brand-primary": "#0b5394", "color-brand-content": "#0b5394"},

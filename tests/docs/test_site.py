@@ -57,6 +57,13 @@ def test_every_command_is_in_the_reference(source):
     assert "| `-o`, `--output` |" in commands
 
 
+def test_every_robot_of_the_gallery_can_be_dragged(builder, source, root):
+    names = builder.PICTURE.findall((source / "gallery.md").read_text())
+    assert set(names) == {path.stem for path in (root / "robots").glob("*.raff")}
+    assert all(f'href="live/{name}.html"' in (source / "gallery.md").read_text() for name in names)
+    assert 'src="live/delta4.html"' in (source / "index.md").read_text()
+
+
 def test_a_link_to_a_file_that_is_missing_is_an_error(builder, tmp_path, monkeypatch):
     (tmp_path / "docs/pictures").mkdir(parents=True)
     (tmp_path / "docs/page.md").write_text("[there](nowhere.md)")
