@@ -104,7 +104,7 @@ def find_sigma(memory: PageMemory) -> None:
         memory.gap = evaluate_loops(memory, True)
         if memory.passive > 0:
             find_screws(memory)
-            if _balls_are_inside(memory) or count_balls(memory, memory.task_jacobian):
+            if _is_inside_ball(memory) or count_balls(memory, memory.task_jacobian):
                 memory.sigma_passive = _passive_sigma(memory)
         factor_loops(memory, False)
         find_null_space(memory)
@@ -156,9 +156,9 @@ def _unlock(memory: PageMemory) -> None:
 
 
 @compiled
-def _balls_are_inside(memory: PageMemory) -> bool:
-    """Return whether no ball joint can count as one: a task's node lies inside of it."""
-    inside = memory.balls == 0
+def _is_inside_ball(memory: PageMemory) -> bool:
+    """Return whether a task's node lies between joints that stand for a ball joint, which count by themselves then."""
+    inside = False
     for i in range(memory.tasks):
         if memory.node_is_inner[memory.task_node[i]] != 0:
             inside = True
