@@ -38,6 +38,9 @@ class PageOptions:
         envvar="CINEGEN_TOKEN", **_PANEL,
     )  # fmt: skip
     no_token: bool = flag("--no-token", "let all users of this machine open the page", **_PANEL)
+    https: bool = flag(
+        "--https", "encrypt connections by a self-signed certificate: headsets of the network need it", **_PANEL
+    )
     no_browser: bool = flag("--no-browser", "only print the address of the page", **_PANEL)
     realtime: bool = flag(
         "--realtime", f"run the session in the real-time class SCHED_FIFO, priority {_REALTIME}, if the system permits "
@@ -77,11 +80,14 @@ class PageOptions:
             seconds, snapshot = _UNATTENDED, snapshot or Path(f"{stem}.html")
             check_outputs(snapshot, force=self.force)
         with Cockpit(
-            setup, host=self.host, port=self.port, token="" if self.no_token else self.token or None
+            setup, host=self.host, port=self.port, token="" if self.no_token else self.token or None, https=self.https
         ) as cockpit:
             self._announce(cockpit, seconds)
+            if cockpit.server.certificate is not None:
+                print(f"      browsers warn of its certificate, {cockpit.server.certificate.fingerprint}", flush=True)
             if not is_local(self.host):
-                print("      whoever has this address can drive; the line is not encrypted", flush=True)
+                line = "" if self.https else "; the line is not encrypted"
+                print(f"      whoever has this address can drive{line}", flush=True)
             with until_stopped():
                 _wait(cockpit, seconds)
             state = cockpit.state

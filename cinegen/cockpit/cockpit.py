@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import html
+import socket
 import threading
 import time
 from typing import Self
@@ -13,12 +14,13 @@ import pinocchio as pin
 from numpy.typing import NDArray
 
 from cinegen.cockpit.build_messages import NodePoses, hello_message, report_message, state_message
+from cinegen.cockpit.certificate import self_signed
 from cinegen.cockpit.hub import Hub
 from cinegen.cockpit.messages import HelloMessage, ReportMessage, StateMessage, TickRate
 from cinegen.cockpit.page import Page
 from cinegen.cockpit.scene import RobotScene
 from cinegen.cockpit.served_map import ServedMap
-from cinegen.cockpit.server import Server
+from cinegen.cockpit.server import ALL, Server
 from cinegen.errors import CinegenError
 from cinegen.realtime.timing import RecentTiming
 from cinegen.session import Reporter, RobotReport, SessionRunner, SessionState, Setup
@@ -42,6 +44,7 @@ class Cockpit:
         token: token that browsers need; generated unless given. Empty: none, then every user of this machine can drive.
         own_process: run the session in a process of its own, which this one doesn't delay.
         framed: let any other page show this one in a frame, as notebooks do.
+        https: encrypt connections, with a self-signed certificate that browsers warn of.
         height: height of the page in a notebook's cell, pixels.
 
     Raises:
@@ -57,8 +60,10 @@ class Cockpit:
         token: str | None = None,
         own_process: bool = True,
         framed: bool = False,
+        https: bool = False,
         height: int = 600,
     ) -> None:
+        certificate = self_signed(socket.gethostname() if host in ALL else host) if https else None
         self.setup, self.height = setup, height
         self.title = title or title_of(setup)
         self.page = Page(self.title)
@@ -66,7 +71,7 @@ class Cockpit:
         self.map = None if setup.map is None else ServedMap(setup.map)
         self.runner = SessionRunner(setup, own_process)
         self.hub = Hub(setup, self.runner.send, self._hello, self._watch, lambda: self.runner.waiting)
-        self.server = Server(self.page, self.hub, self.snapshot, host, token, framed, self.map)
+        self.server = Server(self.page, self.hub, self.snapshot, host, token, framed, self.map, certificate)
         self._over, self._awake, self._shown = threading.Event(), threading.Event(), threading.Event()
         self._shown.set()
         self._state: SessionState | None = None  # newest that `_feed` has seen

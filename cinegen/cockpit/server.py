@@ -29,6 +29,7 @@ import tornado.web
 import tornado.websocket
 from tornado.iostream import IOStream
 
+from cinegen.cockpit.certificate import PageCertificate
 from cinegen.cockpit.hub import FASTEST, MOST, Client, Hub, TokenBucket
 from cinegen.cockpit.page import Page, viewer
 from cinegen.cockpit.served_map import ServedMap
@@ -43,10 +44,12 @@ CONNECTIONS = 200
 REQUESTS = 100
 """Requests per second of all browsers, beyond bursts of 200; further ones wait for their turn."""
 
+ALL = ("", "0.0.0.0", "::")
+"""Addresses that stand for all of this machine."""
+
 _SLOW = 20.0  # s that a browser may take to send a request, and that a connection may be idle
 _TURN = 0.02  # s from one costly request to the next
 _FRESH = 1.0  # s in which a snapshot is not made again
-_ALL = ("", "0.0.0.0", "::")  # addresses that stand for all of this machine
 _PING = 10.0  # s between two questions whether a browser is still there
 _REASON = 123  # bytes of the reason in a close frame (RFC 6455: 125 of a control frame, 2 for the code)
 _NEARBY = "'self' http://localhost:* http://127.0.0.1:* https://localhost:* https://127.0.0.1:*"
@@ -76,6 +79,7 @@ class Server:
         token: token that browsers need; generated unless given. Empty: none, then every user of this machine can drive.
         framed: let any other page show this one in a frame, as notebooks do; otherwise only pages of this machine.
         served_map: map that is drawn; None: none.
+        certificate: with which the connection is encrypted; None: it is not.
 
     Raises:
         ServerError: no token, and an address that other machines reach.
@@ -90,9 +94,10 @@ class Server:
         token: str | None = None,
         framed: bool = False,
         served_map: ServedMap | None = None,
+        certificate: PageCertificate | None = None,
     ) -> None:
         self.page, self.hub, self.snapshot, self.host, self.framed = page, hub, snapshot, host, framed
-        self.map = served_map
+        self.map, self.certificate = served_map, certificate
         self.token = secrets.token_urlsafe(16) if token is None else token or None
         if self.token is None and not is_local(host):
             raise ServerError(f"other machines reach {host}: a page there needs a token")
@@ -105,22 +110,23 @@ class Server:
     @property
     def url(self) -> str:
         """Address of the page; for other machines if they can reach it."""
-        return self._url(socket.gethostname() if self.host in _ALL else self.host)
+        return self._url(socket.gethostname() if self.host in ALL else self.host)
 
     @property
     def local_url(self) -> str:
         """Address of the page on this machine."""
-        return self._url("127.0.0.1" if self.host in _ALL else self.host)
+        return self._url("127.0.0.1" if self.host in ALL else self.host)
 
     @property
     def session_url(self) -> str:
         """Address of the websocket of the session, on this machine."""
-        return self._url("127.0.0.1" if self.host in _ALL else self.host, "ws", "session")
+        return self._url("127.0.0.1" if self.host in ALL else self.host, "ws", "session")
 
     def _url(self, host: str, scheme: str = "http", path: str = "") -> str:
         host = f"[{host}]" if ":" in host else host
         query = f"?{urlencode({'token': self.token})}" if self.token else ""
-        return f"{scheme}://{host}:{self.port}/{path}{query}"
+        secure = "s" if self.certificate is not None else ""
+        return f"{scheme}{secure}://{host}:{self.port}/{path}{query}"
 
     def start(self, port: int = 7000, tries: int = 100) -> None:
         """Start to serve.
@@ -186,7 +192,7 @@ class Server:
             )  # fmt: skip
             server = _HttpServer(
                 application, max_header_size=1 << 14, max_body_size=1 << 14, idle_connection_timeout=_SLOW,
-                body_timeout=_SLOW,
+                body_timeout=_SLOW, ssl_options=self.certificate and self.certificate.context,
             )  # fmt: skip
             server.add_sockets(sockets)
             ready.set()
