@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import ast
 import runpy
+import shutil
 import subprocess
 import sys
 from pathlib import Path
@@ -14,11 +15,17 @@ from pages import ROOT
 EXAMPLES = sorted((ROOT / "examples").glob("*.py"))
 
 
+def has_what_it_needs(path: Path):
+    if "(needs gcc)" in path.read_text(encoding="utf-8") and shutil.which("gcc") is None:
+        pytest.skip("there is no gcc")
+
+
 @pytest.mark.parametrize("path", EXAMPLES, ids=lambda path: path.stem)
 def test_an_example_runs_and_says_something(
     path: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
 ):
     """As `python PATH` runs it, without a second for all imports."""
+    has_what_it_needs(path)
     monkeypatch.chdir(ROOT)
     monkeypatch.setattr(sys, "argv", [str(path.relative_to(ROOT))])
     runpy.run_path(sys.argv[0], run_name="__main__")
@@ -30,6 +37,7 @@ def test_an_example_runs_and_says_something(
 @pytest.mark.slow
 @pytest.mark.parametrize("path", EXAMPLES, ids=lambda path: path.stem)
 def test_an_example_runs_by_itself(path: Path):
+    has_what_it_needs(path)
     done = subprocess.run(
         [sys.executable, path.relative_to(ROOT)], cwd=ROOT, capture_output=True, text=True, timeout=120, check=False
     )
