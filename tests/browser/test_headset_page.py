@@ -172,6 +172,7 @@ def test_both_controllers_drag_at_once_and_each_lets_go_by_itself(worn):
     assert becomes(page, lambda: not held(one, "rx90"))
 
 
+@pytest.mark.slow
 def test_thumbsticks_scale_and_move_the_world(worn):
     one, page, headset = worn("five_bar")
     scale, middle = headset.scale(), headset.middle()
@@ -200,7 +201,7 @@ def test_thumbsticks_scale_and_move_the_world(worn):
     assert np.linalg.norm(goal - start) < 0.02 / (1.4 * scale)  # a larger world is dragged more finely
 
 
-@pytest.mark.parametrize("angle", [0.0, *slow(0.4)])
+@pytest.mark.parametrize("angle", slow(0.0, 0.4))
 def test_two_hands_that_hold_the_world_scale_and_rotate_it(worn, angle):
     _, page, headset = worn("five_bar")
     before = headset.scale(), headset.at(POINT)
@@ -228,6 +229,7 @@ def test_two_hands_that_hold_the_world_scale_and_rotate_it(worn, angle):
     assert headset.scale() == after
 
 
+@pytest.mark.slow
 def test_one_user_has_a_browser_and_one_a_headset(cockpit, tab):
     one = cockpit("delta4")
     seated, _ = tab(one, worn=False)
@@ -260,6 +262,7 @@ def test_one_user_has_a_browser_and_one_a_headset(cockpit, tab):
     assert becomes(seated, lambda: one.hub.rate == 60.0)
 
 
+@pytest.mark.slow
 def test_the_headset_shows_status_ghost_and_ellipsoid(worn):
     one, page, headset = worn("delta4")
     headset.press("left", 1.0, "y-button")
