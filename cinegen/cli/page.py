@@ -38,7 +38,7 @@ def run(
     loaded = options.load(files)
     robots = {name: mechanism for name, (mechanism, _) in loaded.items()}
     poses = base_poses(robots, {name: str(file) for name, (_, file) in loaded.items()}, base)
-    text = build_page(Setup(robots, poses), title or "")
-    write(path, text)
-    print(f"{path}: {len(text.encode()) / 1e6:.1f} MB, needs no server")
+    page = build_page(Setup(robots, poses), title or "").encode(errors="backslashreplace")
+    write(path, page)
+    print(f"{path}: {len(page) / 1e6:.1f} MB, needs no server")
     return 0
