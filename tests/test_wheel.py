@@ -12,6 +12,7 @@ from pathlib import Path
 
 import pinocchio
 import pytest
+from variants import slow
 
 ROOT = Path(__file__).resolve().parent.parent
 SITE = Path(pytest.__file__).parent.parent
@@ -116,9 +117,9 @@ def test_the_installed_wheel_lists_its_robots_and_examples(installed):
     )
 
 
-@pytest.mark.parametrize("words", [("demo",), ("drive", "five_bar"), ("drive", "--scene", "disc")], ids=" ".join)
+@pytest.mark.parametrize("words", ["demo", *slow("drive five_bar", "drive --scene disc")])
 def test_the_installed_wheel_drives_a_robot(installed, words):
-    done = installed("cinegen", *words, "--seconds", "1", "--no-browser")
+    done = installed("cinegen", *words.split(), "--seconds", "1", "--no-browser")
     assert done.returncode == 0, done.stderr
     assert "page: http://127.0.0.1:" in done.stdout
     assert "loops closed to" in done.stdout

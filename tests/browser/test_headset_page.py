@@ -143,6 +143,7 @@ def test_a_controller_takes_a_part_drags_it_and_lets_it_go_and_the_page_comes_ba
     grab(page, one, "delta4", "link5")  # by the mouse
 
 
+@pytest.mark.slow
 def test_both_controllers_drag_at_once_and_each_lets_go_by_itself(worn):
     """The trigger drags a point, the squeeze button a pose."""
     one, page, headset = worn("delta4", "rx90")
