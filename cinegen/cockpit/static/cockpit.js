@@ -108,7 +108,7 @@ const commands = new Commands({ view, session, endDrag });
 menus(aids);
 const presentation = new Presentation({ ...shown, pick, endDrag });
 offer(presentation, session);
-new Messages({ session, drag, gizmo, takes: presentation.takes });
+new Messages({ session, drag, gizmo, handDrags: presentation.handDrags });
 new Selection({ session, gizmo, pin });
 new Status(session);
 new Replay(session);

@@ -18,9 +18,9 @@ export class Messages {
   #timers = new WeakMap();
 
   /**
-   * @param {{ session: import("../base/session.js").Session, drag: Dragging, gizmo: Dragging, takes: Dragging }} parts
+   * @param {{ session: import("../base/session.js").Session, drag: Dragging, gizmo: Dragging, handDrags: Dragging }} parts
    */
-  constructor({ session, drag, gizmo, takes }) {
+  constructor({ session, drag, gizmo, handDrags }) {
     this.session = session;
     this.hint = byId("hint");
     this.toasts = byId("toasts");
@@ -40,9 +40,9 @@ export class Messages {
       byId("crowd").hidden = control !== "other";
       this.#hint();
     });
-    session.on("denied", () => this.toast("Another browser has control. Take control to drag and switch.", "warning"));
+    session.on("denied", () => this.toast("Another browser has control. HandDrag control to drag and switch.", "warning"));
     byId("take-control").addEventListener("click", () => session.send({ type: "request_control", on: true }));
-    for (const one of [drag, gizmo, takes]) one.on("drag", (part) => this.#dragged(part));
+    for (const one of [drag, gizmo, handDrags]) one.on("drag", (part) => this.#dragged(part));
   }
 
   /**

@@ -66,7 +66,7 @@ export class Hand {
     return new Ray(this.position.clone(), new Vector3(0, 0, -1).applyQuaternion(this.quaternion));
   }
 
-  /** Whether strengths between none and full can be told. */
+  /** Whether it measures strengths between none and full. */
   get isAnalog() {
     return !this.source.hand && (this.source.gamepad?.buttons.length ?? 0) > 0;
   }
@@ -95,7 +95,7 @@ export class Hand {
     return this.#clicked.has(button);
   }
 
-  /** Let it be felt. */
+  /** Vibrate briefly. */
   pulse() {
     this.source.gamepad?.hapticActuators?.[0]?.pulse?.(0.4, 25);
   }

@@ -1,4 +1,4 @@
-// The hands of a headset as they come and go, each with a number of its own. What they do is told by events.
+// The hands of a headset as they come and go, each with a number of its own. Events report what they do.
 //
 // Events: press and release ({ hand, button: "trigger" or "squeeze" }), lose (a hand that is no more).
 

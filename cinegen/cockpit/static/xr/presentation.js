@@ -10,14 +10,14 @@ import { put } from "./hand.js";
 import { Hands } from "./hands.js";
 import { Panel } from "./panel.js";
 import { Tags } from "./tags.js";
-import { Takes } from "./takes.js";
+import { HandDrags } from "./hand_drags.js";
 import { Travel } from "./travel.js";
 import { World } from "./world.js";
 
 const NEAR = 0.02; // m
 const FAR = 100;
 const LONGEST = 0.1; // s, of one frame
-const USUAL = 90; // Hz, if the headset does not tell
+const USUAL = 90; // Hz, if the headset does not report its own
 const LEAST = 60; // Hz that can be asked for
 const MOST = 120;
 
@@ -47,8 +47,8 @@ export class Presentation extends Events {
     this.camera = new PerspectiveCamera(70, 1, NEAR, FAR);
     this.world = new World(view);
     this.hands = new Hands(this.world.room);
-    this.takes = new Takes({ session, view, pick, hands: this.hands, world: this.world });
-    this.travel = new Travel({ hands: this.hands, world: this.world, takes: this.takes });
+    this.handDrags = new HandDrags({ session, view, pick, hands: this.hands, world: this.world });
+    this.travel = new Travel({ hands: this.hands, world: this.world, handDrags: this.handDrags });
     this.panel = new Panel({ session, world: this.world });
     this.tags = new Tags({ view, labels, world: this.world });
     session.on("hello", () => this.#ask());
@@ -142,7 +142,7 @@ export class Presentation extends Events {
     hands.read(frame);
     for (const hand of hands.all) this.#click(hand, toward);
     this.travel.update(dt, toward);
-    this.takes.update(dt);
+    this.handDrags.update(dt);
     this.panel.update(hands.other, this.#head);
     this.tags.update(this.#head);
     if (frame.session.environmentBlendMode !== "opaque") view.viewer.scene.background = null;
@@ -156,7 +156,7 @@ export class Presentation extends Events {
   #click(hand, toward) {
     if (hand.clicked("lower")) {
       if (this.session.control === "other") this.session.send({ type: "request_control", on: true });
-      else if (this.takes.has(hand)) this.takes.end(hand, true);
+      else if (this.handDrags.has(hand)) this.handDrags.end(hand, true);
       else this.session.send({ type: "undo" });
     }
     if (hand.clicked("upper")) this.aids.choose("ellipsoid", !this.aids.shows("ellipsoid"));

@@ -14,13 +14,13 @@ export class Travel {
   #holds = new Map(); // hands that hold the world, and where they were in the last frame
 
   /**
-   * @param {{ hands: import("./hands.js").Hands, world: import("./world.js").World, takes: import("./takes.js").Takes }} parts
+   * @param {{ hands: import("./hands.js").Hands, world: import("./world.js").World, handDrags: import("./hand_drags.js").HandDrags }} parts
    */
-  constructor({ hands, world, takes }) {
+  constructor({ hands, world, handDrags }) {
     this.hands = hands;
     this.world = world;
-    this.takes = takes;
-    takes.on("free", (hand) => this.#holds.set(hand, hand.grip.clone()));
+    this.handDrags = handDrags;
+    handDrags.on("free", (hand) => this.#holds.set(hand, hand.grip.clone()));
     hands.on("release", ({ hand }) => this.#holds.delete(hand));
     hands.on("lose", (hand) => this.#holds.delete(hand));
   }
@@ -30,7 +30,7 @@ export class Travel {
    * @param {Vector3} toward where the head looks, in the room
    */
   update(dt, toward) {
-    for (const hand of this.hands.all) if (!this.takes.has(hand)) this.#steer(hand, dt, toward);
+    for (const hand of this.hands.all) if (!this.handDrags.has(hand)) this.#steer(hand, dt, toward);
     this.#carry();
   }
 

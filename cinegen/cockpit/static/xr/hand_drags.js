@@ -13,13 +13,13 @@ const NEAREST = 0.02; // m
 /** @typedef {import("./hand.js").Hand} Hand */
 /**
  * @typedef {{ hand: Hand, button: "trigger" | "squeeze", robot: string, node: string, at: Vector3, turn: Quaternion | null,
- *   sent: string }} Take `at` and `turn`: the target in the axes of the hand
+ *   sent: string }} HandDrag `at` and `turn`: the target in the axes of the hand
  */
 
-/** @extends {Events<{ free: Hand, drag: Take | null }>} */
-export class Takes extends Events {
-  /** @type {Map<Hand, Take>} */
-  #takes = new Map();
+/** @extends {Events<{ free: Hand, drag: HandDrag | null }>} */
+export class HandDrags extends Events {
+  /** @type {Map<Hand, HandDrag>} */
+  #drags = new Map();
   #turn = 0; // of the hands, of which one looks for parts in each frame
 
   /**
@@ -35,12 +35,12 @@ export class Takes extends Events {
     this.world = world;
     hands.on("press", ({ hand, button }) => this.#press(hand, button));
     hands.on("release", ({ hand, button }) => {
-      if (this.#takes.get(hand)?.button === button) this.end(hand);
+      if (this.#drags.get(hand)?.button === button) this.end(hand);
     });
     hands.on("lose", (hand) => this.end(hand));
     session.on("control", (control) => {
       if (control !== "other") return;
-      this.#takes.clear(); // the server has ended them
+      this.#drags.clear(); // the server has ended them
       this.emit("drag", null);
     });
   }
@@ -51,7 +51,7 @@ export class Takes extends Events {
    * @param {Hand} hand
    */
   has(hand) {
-    return this.#takes.has(hand);
+    return this.#drags.has(hand);
   }
 
   /**
@@ -60,9 +60,9 @@ export class Takes extends Events {
    * @param {Hand} hand
    */
   end(hand, pin = false) {
-    if (!this.#takes.delete(hand)) return;
+    if (!this.#drags.delete(hand)) return;
     this.session.send({ type: "end_drag", pin, pointer: hand.pointer });
-    if (this.#takes.size === 0) this.emit("drag", null);
+    if (this.#drags.size === 0) this.emit("drag", null);
   }
 
   /**
@@ -74,10 +74,10 @@ export class Takes extends Events {
     const { all } = this.hands;
     this.#turn = (this.#turn + 1) % Math.max(1, all.length);
     all.forEach((hand, i) => {
-      const take = this.#takes.get(hand);
-      if (take !== undefined) this.#lead(take, dt);
+      const drag = this.#drags.get(hand);
+      if (drag !== undefined) this.#lead(drag, dt);
       else if (i === this.#turn) this.#look(hand); // rays cost most: one in each frame
-      hand.draw(take !== undefined);
+      hand.draw(drag !== undefined);
     });
   }
 
@@ -95,7 +95,7 @@ export class Takes extends Events {
    * @param {"trigger" | "squeeze"} button
    */
   #press(hand, button) {
-    if (this.#takes.has(hand)) return; // by its other button
+    if (this.#drags.has(hand)) return; // by its other button
     this.#look(hand);
     const part = hand.over;
     if (part === null) {
@@ -109,8 +109,8 @@ export class Takes extends Events {
     const held = whole ? group.getWorldPosition(new Vector3()) : part.point.clone();
     const at = held.sub(hand.position).applyQuaternion(back);
     const turn = whole ? back.multiply(group.getWorldQuaternion(new Quaternion())) : null;
-    const take = { hand, button, robot, node, at, turn, sent: "" };
-    this.#takes.set(hand, take);
+    const drag = { hand, button, robot, node, at, turn, sent: "" };
+    this.#drags.set(hand, drag);
     const { pointer } = hand;
     if (whole) this.session.send({ type: "start_drag", robot, node, rotation: true, pointer });
     else {
@@ -118,23 +118,23 @@ export class Takes extends Events {
       this.session.send({ type: "start_drag", robot, node, point, pointer });
     }
     hand.pulse();
-    this.emit("drag", take);
+    this.emit("drag", drag);
   }
 
   /**
-   * @param {Take} take
+   * @param {HandDrag} drag
    * @param {number} dt
    */
-  #lead(take, dt) {
-    const { hand, at, turn } = take;
+  #lead(drag, dt) {
+    const { hand, at, turn } = drag;
     if (!hand.tracked) return; // the target stays
     const far = at.length();
     const reeled = Math.max(NEAREST, far * Math.exp(REEL * hand.stick.y * dt));
     if (far > 0) at.multiplyScalar(reeled / far);
-    hand.far = take.button === "trigger" ? reeled : hand.far;
+    hand.far = drag.button === "trigger" ? reeled : hand.far;
     const target = at.clone().applyQuaternion(hand.quaternion).add(hand.position);
     const [position, rotation] = this.world.inside(target, turn === null ? hand.quaternion.clone() : hand.quaternion.clone().multiply(turn));
-    const strength = hand.strength(take.button);
+    const strength = hand.strength(drag.button);
     const message = {
       type: /** @type {const} */ ("move_drag"),
       position: /** @type {[number, number, number]} */ (position.toArray()),
@@ -143,8 +143,8 @@ export class Takes extends Events {
       pointer: hand.pointer,
     };
     const text = JSON.stringify(message);
-    if (text === take.sent || ![...message.position, ...(message.quaternion ?? [])].every(Number.isFinite)) return;
-    take.sent = text;
+    if (text === drag.sent || ![...message.position, ...(message.quaternion ?? [])].every(Number.isFinite)) return;
+    drag.sent = text;
     this.session.send(message);
   }
 }
