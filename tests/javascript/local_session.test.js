@@ -117,3 +117,19 @@ test("a second after the last motion the session is at rest, and any command end
   assert.equal(session.atRest, true);
   assert.equal(session.history.undoCount, 1);
 });
+
+test("a robot never has more tasks than its solver, though drags may end as pins", () => {
+  const session = arms();
+  const one = session.robots.get("one");
+  one.kinematics.solver.mostTasks = 3;
+  for (const node of NODES) {
+    session.obey({ type: "start_drag", robot: "one", node, point: null, rotation: false });
+    session.tick(1 / 240);
+    session.obey({ type: "end_drag", pin: true });
+    assert.ok(one.tasks.length <= 3);
+  }
+  assert.equal(one.tasks.length, 3);
+  assert.match(session.notices.at(-1).text, /one has 3 tasks: remove some first/);
+  session.obey({ type: "pin", robot: "one", node: "tool" });
+  assert.equal(one.tasks.length, 3);
+});

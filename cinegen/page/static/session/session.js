@@ -138,6 +138,7 @@ export class LocalSession {
   /** @param {import("../../../cockpit/static/base/messages").StartDrag} command */
   #startDrag({ robot: name, node, point = null, rotation = false, pointer = 0 }) {
     const robot = this.#robot(name, node);
+    this.#makeRoom(robot, 0);
     this.history.begin();
     const offset = point === null ? new Placement() : new Placement(vector(point));
     this.#drags.start(index(pointer), robot, node, offset, [3, rotation && point === null ? 3 : 0]);
@@ -159,8 +160,7 @@ export class LocalSession {
   #pin({ robot: name, node }) {
     const robot = this.#robot(name, node);
     if (robot.pins(node).length > 0) return;
-    const most = robot.kinematics.solver.mostTasks - POINTERS;
-    if (robot.tasks.length >= most) throw new CommandError(`${name} has ${most} tasks: remove some first`);
+    this.#makeRoom(robot, POINTERS);
     this.history.begin();
     robot.addTask(this.#newId(), node, PIN);
   }
@@ -248,6 +248,17 @@ export class LocalSession {
     if (robot === undefined) throw new CommandError(`unknown robot '${name}'`);
     if (node !== null && !robot.kinematics.has(node)) throw new CommandError(`unknown node '${node}'`);
     return robot;
+  }
+
+  /**
+   * Refuse a task that the robot's solver has no room for.
+   *
+   * @param {DrivenRobot} robot
+   * @param {number} kept number of tasks that are left for pointers
+   */
+  #makeRoom(robot, kept) {
+    const { length } = robot.tasks;
+    if (length >= robot.kinematics.solver.mostTasks - kept) throw new CommandError(`${robot.name} has ${length} tasks: remove some first`);
   }
 
   #newId() {
