@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from cinegen.cli.files import check_outputs, write
-from cinegen.cli.options import FILES, FORCE, RobotOptions, option
+from cinegen.cli.options import FILES, FORCE, RobotOptions, flag, option
 from raff2urdf.command_line import UsageError
 from raff2urdf.files import stem_of
 
@@ -21,6 +21,7 @@ def run(
         "base pose of a robot: ROBOT.NODE, x,y,z[,roll,pitch,yaw] (m and degrees), or ROBOT.NODE@x,y,z...",
         (),
     ),
+    edit: bool = flag("--edit", "show an editor of the RAFF text of one FILE beside its robots, which follow the text"),
     title: str | None = option("TEXT", "title of the page (default: the robots' names)"),
     force: bool = FORCE,
 ) -> int:
@@ -32,9 +33,14 @@ def run(
         raise UsageError("nothing to write: name a file of a robot")
     path = output or Path(f"{stem_of(files[0])}.html")
     check_outputs(path, force=force)
-    from cinegen.page import build_page
+    from cinegen.page import build_editor, build_page
     from cinegen.session import Setup, base_poses
 
+    if edit:
+        page = build_editor(_raff_text(files, base), files[0].name, title or "").encode(errors="backslashreplace")
+        write(path, page)
+        print(f"{path}: {len(page) / 1e6:.1f} MB, needs no server")
+        return 0
     loaded = options.load(files)
     robots = {name: mechanism for name, (mechanism, _) in loaded.items()}
     poses = base_poses(robots, {name: str(file) for name, (_, file) in loaded.items()}, base)
@@ -42,3 +48,17 @@ def run(
     write(path, page)
     print(f"{path}: {len(page) / 1e6:.1f} MB, needs no server")
     return 0
+
+
+def _raff_text(files: list[Path], base: list[str]) -> str:
+    """Return the text to edit.
+
+    Raises:
+        UsageError: it is no single RAFF file.
+        RaffError: it can't be read.
+    """
+    if len(files) != 1 or files[0].suffix.lower() != ".raff" or base:
+        raise UsageError("--edit: name one RAFF file (.raff), without --base")
+    from raff2urdf.raff.reader import read
+
+    return read(files[0])

@@ -19,7 +19,7 @@ import pinocchio as pin
 from cinegen.cockpit.build_messages import hello_message
 from cinegen.cockpit.cockpit import draw, title_of
 from cinegen.cockpit.page import Page, viewer
-from cinegen.page.modules import import_map
+from cinegen.page.modules import import_map, linked
 from cinegen.page.solver import solver_modules
 from cinegen.session import Setup
 from raff2urdf.files import GENERATED
@@ -33,6 +33,7 @@ _POLICY = (
 )
 _STYLES = ("style/theme.css", "style/layout.css", "style/controls.css")
 _LICENCES = ("vendor/meshcat-0.3.2/LICENSE", "vendor/three-0.132.2/LICENSE")
+_EDITOR_LICENCES = (*_LICENCES, "vendor/codemirror-6/LICENSE")
 _NO_FORCES = "a page without a server computes none"
 
 
@@ -49,16 +50,44 @@ def build_page(setup: Setup, title: str = "") -> str:
     title, solvers = title or title_of(setup), solver_modules(setup.robots, RATE)
     content = content_of(setup, title) | {"scene": _scene(setup, title)}
     modules = import_map({one["module"]: solvers[one["name"]] for one in content["robots"]})
+    return _file(title, modules, content, _POLICY, _own("local.css"), _LICENCES)
+
+
+def build_editor(text: str, name: str, title: str = "") -> str:
+    """Build an HTML file with an editor of RAFF text beside the robots that the text defines.
+
+    Args:
+        text: RAFF text; errors in it are shown in the page.
+        name: name of the text, for errors.
+        title: title of the page; the text's name unless given.
+    """
+    title = title or name
+    content = {"text": text, "name": name, "title": title, "worker": linked("editor/worker.js")}
+    styles = _own("local.css") + _own("editor.css")
+    return _file(
+        title, import_map({}, "editor/link.js"), content, _POLICY + "; worker-src blob:", styles, _EDITOR_LICENCES
+    )
+
+
+def _file(
+    title: str,
+    modules: dict[str, str],
+    content: dict[str, Any],
+    policy: str,
+    own_styles: str,
+    licences: tuple[str, ...],
+) -> str:
+    """Return the file of a page: the cockpit's, with modules, and content for its line to a session."""
     packed = _packed({"viewer": viewer(), "modules": modules, "content": content})
     nonce = hashlib.sha256(packed.encode()).hexdigest()[:32]
     scripts = (
         f'<script type="text/plain" id="packed">{packed}</script>\n<script nonce="{nonce}">{_own("unpack.js")}</script>'
     )
-    policy = f'<meta http-equiv="Content-Security-Policy" content="{_POLICY.format(nonce=nonce)}">'
-    styles = "\n".join(_static(name) for name in _STYLES) + _own("local.css")
+    policy = f'<meta http-equiv="Content-Security-Policy" content="{policy.format(nonce=nonce)}">'
+    styles = "\n".join(_static(name) for name in _STYLES) + own_styles
     text = _static("index.html").replace("{{title}}", html.escape(title))
     text = text.replace("<html ", '<html data-source="local" ', 1)
-    text = text.replace("<head>\n", f"<head>\n<!-- {GENERATED}\n{_licences()}-->\n{policy}\n", 1)
+    text = text.replace("<head>\n", f"<head>\n<!-- {GENERATED}\n{_licences(licences)}-->\n{policy}\n", 1)
     text = re.sub(r'<link rel="icon"[^>]*>', f'<link rel="icon" href="{_icon()}" type="image/svg+xml">', text)
     text = re.sub(r'(<link rel="stylesheet"[^>]*>\s*)+', lambda _: f"<style>\n{styles}</style>\n", text)
     text = re.sub(r'<script type="importmap">.*?</script>\n', "", text)
@@ -106,8 +135,8 @@ def _packed(content: Any) -> str:
     return base64.b64encode(zlib.compress(json.dumps(content, allow_nan=False).encode(), 9)).decode()
 
 
-def _licences() -> str:
-    texts = "\n".join(_static(name) for name in _LICENCES)
+def _licences(names: tuple[str, ...]) -> str:
+    texts = "\n".join(_own(name) if name in _EDITOR_LICENCES[-1:] else _static(name) for name in names)
     return texts.replace("--", "- -")  # it stands in a comment
 
 

@@ -12,7 +12,7 @@ from urllib.parse import unquote
 import pytest
 import umsgpack
 
-from cinegen.page import build_page
+from cinegen.page import build_editor, build_page
 from cinegen.session import Setup
 
 LARGEST = 600_000
@@ -114,3 +114,18 @@ def test_it_draws_what_the_server_would(elements, robot):
     nodes = {path.split("/")[4] for path in paths if path.startswith("/meshcat/cinegen/rx90/")}
     assert nodes
     assert nodes <= set(robot("rx90").nodes)
+
+
+def test_only_a_page_with_an_editor_holds_one(elements):
+    text = f"// {HOSTILE}\n"
+    page = build_editor(text, HOSTILE)
+    edited = Elements(page)
+    assert unpacked(edited)["content"]["text"] == text
+    assert len(edited.named("script")) == 2
+    assert "Marijn Haverbeke" in page
+    assert len(page.encode()) <= 1.2 * LARGEST
+    editor = {name for name in unpacked(edited)["modules"] if "/editor/" in name or "codemirror" in name}
+    assert len(editor) >= 7
+    assert not editor & set(unpacked(elements)["modules"])
+    ((policy, _),) = [one for one in edited.named("meta") if "http-equiv" in one[0]]
+    assert re.search(r"script-src 'nonce-[0-9a-f]{32}';.*; worker-src blob:$", policy["content"])

@@ -52,16 +52,28 @@ export class Link extends Events {
     /** @type {Content} */
     const content = JSON.parse(byId("cinegen-page").textContent ?? "");
     const modules = await Promise.all(content.robots.map(({ module }) => import(module)));
-    const solvers = modules.map((module) => new KernelSolver(module.default()));
-    const session = new LocalSession(...robotsOf(content, solvers));
-    this.#session = session;
+    this.begin(content, modules.map((module) => new KernelSolver(module.default())));
+    this.#restore();
+    window.addEventListener("hashchange", () => this.#restore());
+  }
+
+  /**
+   * Begin a session, instead of the one before.
+   *
+   * @param {Content} content
+   * @param {import("./solver_interface").Solver[]} solvers of its robots
+   */
+  begin(content, solvers) {
+    const first = this.#session === null;
+    this.#session = new LocalSession(...robotsOf(content, solvers));
+    this.#reports = {};
+    this.#shown = false;
     this.#placed = this.#fragment();
     this.view.draw(content.scene.map(bytesOf));
     this.connected = true;
     document.documentElement.dataset.connected = "yes";
     this.emit("hello", content.hello);
-    this.#restore();
-    window.addEventListener("hashchange", () => this.#restore());
+    if (!first) return;
     const clock = new Clock(1 / content.rate);
     frames.each((now) => this.#advance(clock, now));
   }
@@ -95,7 +107,7 @@ export class Link extends Events {
     this.#reports = Object.fromEntries([...session.robots.values()].map((robot) => [robot.name, robotReport(robot)]));
     const { atRest } = session;
     this.#shown = atRest; // one more than the last that moved
-    if (atRest) this.#write();
+    if (atRest) this.writeAddress();
     this.emit("report", reportMessage(session, this.#reports, { ticks: clock.ticks, missed: 0, missed_in_all: 0, late: 0, at_rest: atRest }));
   }
 
@@ -105,7 +117,7 @@ export class Link extends Events {
   }
 
   /** Write the configuration into the page's address. */
-  #write() {
+  writeAddress() {
     const fragment = this.#fragment();
     if (fragment === this.#placed) return;
     this.#placed = fragment;

@@ -1,0 +1,75 @@
+// Text is read in a worker, which is ended and made anew when it takes too long: no text stops the page.
+
+const LONGEST = 3000; // ms
+
+/**
+ * An error or a warning: `text` as `raff2urdf --check` prints it; `line` is 0 where it has no location.
+ *
+ * @typedef {{ severity: "error" | "warning", message: string, text: string, line: number, column: number, length: number }} Note
+ */
+/** @typedef {import("../raff/model.js").Model} Model */
+/** @typedef {import("../raff/closing/analysis.js").Analysis} Analysis */
+/** @typedef {{ notes: Note[], robots: { model: Model, analysis: Analysis }[] }} Reading robots: none if there are errors */
+
+export class Reader {
+  /** @type {Worker | null} */
+  #worker = null;
+  /** @type {{ text: string, name: string } | null} */
+  #next = null;
+  #busy = false;
+
+  /**
+   * @param {string} script of the worker
+   * @param {(reading: Reading) => void} read called with what the newest text is
+   * @param {number} longest ms
+   */
+  constructor(script, read, longest = LONGEST) {
+    this.url = URL.createObjectURL(new Blob([script], { type: "text/javascript" }));
+    this.read = read;
+    this.longest = longest;
+  }
+
+  /**
+   * Read a text; of texts that come while one is read, only the last is read.
+   *
+   * @param {string} text
+   * @param {string} name of it
+   */
+  take(text, name) {
+    this.#next = { text, name };
+    if (!this.#busy) this.#start();
+  }
+
+  #start() {
+    const next = this.#next;
+    if (next === null) return;
+    this.#next = null;
+    this.#busy = true;
+    this.#worker ??= new Worker(this.url);
+    const timer = setTimeout(() => this.#fail(`reading takes more than ${this.longest / 1000} s: shorten the text`), this.longest);
+    this.#worker.onmessage = ({ data }) => {
+      clearTimeout(timer);
+      this.#end(data);
+    };
+    this.#worker.onerror = (event) => {
+      clearTimeout(timer);
+      event.preventDefault();
+      this.#fail(`the text can't be read: ${event.message}`);
+    };
+    this.#worker.postMessage(next);
+  }
+
+  /** @param {string} message */
+  #fail(message) {
+    this.#worker?.terminate();
+    this.#worker = null;
+    this.#end({ notes: [{ severity: "error", message, text: message, line: 0, column: 1, length: 0 }], robots: [] });
+  }
+
+  /** @param {Reading} reading */
+  #end(reading) {
+    this.#busy = false;
+    if (this.#next === null) this.read(reading);
+    else this.#start();
+  }
+}

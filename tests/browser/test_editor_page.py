@@ -1,0 +1,101 @@
+"""A person at a page with an editor, with the network off: the robot follows its text, and no text stops the page."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from playwright.sync_api import sync_playwright
+from test_cockpit_page import FLAGS
+from test_local_page import CHROMIUM, PICTURES, READY, becomes, tab  # noqa: F401
+
+from cinegen.page import build_editor
+from raff2urdf.errors import RaffError
+from raff2urdf.raff.check import check
+from raff2urdf.raff.reader import parse
+
+pytestmark = [
+    pytest.mark.browser,
+    pytest.mark.skipif(CHROMIUM is None, reason="NO CHROMIUM: the page is not tested in a real browser"),
+]
+
+
+@pytest.fixture(scope="module")
+def browser():
+    with sync_playwright() as playwright:
+        yield playwright.chromium.launch(executable_path=CHROMIUM, args=FLAGS)
+
+
+@pytest.fixture(scope="module")
+def text(root):
+    return (root / "robots" / "delta4.raff").read_text()
+
+
+@pytest.fixture(scope="module")
+def file(text, tmp_path_factory):
+    path = tmp_path_factory.mktemp("editor") / "delta4.html"
+    path.write_text(build_editor(text, "delta4.raff"))
+    return path
+
+
+def edit(page, text):
+    """Replace the whole text, as a person who pastes it."""
+    page.click("#text .cm-content")
+    page.keyboard.press("Control+a")
+    page.keyboard.insert_text(text)
+
+
+def test_the_robot_follows_its_text(file, text, tab, robot):  # noqa: F811
+    page = tab(file)
+    home = page.evaluate("cockpit.report.robots.r1.q")
+    assert home == pytest.approx(robot("delta4").q_home, abs=1e-9)
+    assert page.evaluate("cockpit.report.robots.r1.closure") <= 1e-12
+    PICTURES.mkdir(parents=True, exist_ok=True)
+    page.screenshot(path=PICTURES / "editor_page.png")
+    before = page.evaluate("cockpit.state.poses.r1")
+    edit(page, text.replace("d 2000.0", "d 2100.0"))
+    assert becomes(page, "document.documentElement.dataset.read === 'yes'")
+    assert becomes(page, "cockpit.report !== null && cockpit.state !== null && location.hash.startsWith('#raff=')")
+    after = np.array(page.evaluate("cockpit.state.poses.r1"))
+    assert np.abs(after - before).max() > 0.01
+    assert page.evaluate("cockpit.report.robots.r1.closure") <= 1e-12
+    other = tab(file, page.evaluate("location.hash"))
+    assert other.evaluate("cockpit.state.poses.r1") == pytest.approx(after, abs=0.0)
+    other.locator('[data-joint="r1/joint1"] input[type=number]').fill("10")
+    other.keyboard.press("Enter")
+    assert becomes(other, f"Math.abs(cockpit.report.robots.r1.q[0] - {np.radians(10.0)}) < 1e-9")
+    assert other.evaluate("cockpit.report.robots.r1.closure") <= 1e-12
+
+
+def test_errors_are_those_of_the_command_and_the_robot_stays(file, text, tab):  # noqa: F811
+    page = tab(file)
+    before = page.evaluate("cockpit.state.poses.r1")
+    wrong = text.replace("pred 0", "pred 99", 1).replace("type 2", "typ 2", 1)
+    with pytest.raises(RaffError) as error:
+        check(parse(wrong, "delta4.raff"))
+    edit(page, wrong)
+    assert becomes(page, "document.documentElement.dataset.read === 'no'")
+    shown = page.locator("#notes pre").all_text_contents()
+    assert "\n".join(shown) == str(error.value)
+    line = min(problem.location.line for problem in error.value.problems)
+    page.locator("#notes pre").first.click()
+    assert becomes(page, "document.querySelector('#text .cm-lint-marker-error') !== null")
+    assert f"delta4.raff:{line}:" in shown[0]
+    assert page.evaluate("cockpit.state.poses.r1") == before
+
+
+def test_no_text_runs_or_stops_the_page(file, tab):  # noqa: F811
+    page = tab(file)
+    hostile = "RAFF x robot <img src=x onerror=alert(1)> { " + "link 1 { parameters { theta 0 } " * 3000
+    edit(page, hostile)
+    assert becomes(page, "document.documentElement.dataset.read === 'no'")
+    assert page.evaluate("document.querySelectorAll('#editor [onerror], #editor script').length") == 0
+    assert page.locator("#notes pre").count() > 0
+    edit(page, "RAFF t robot r { link 1 { parameters { d 500 } type 2 pred 0 } }")
+    assert becomes(page, "document.documentElement.dataset.read === 'yes'")
+    assert becomes(page, "cockpit.hello.robots[0].name === 'r'")
+
+
+def test_a_link_that_is_damaged_leaves_the_text(file, tab):  # noqa: F811
+    page = tab(file, "#raff=<script>")
+    assert becomes(page, "document.querySelector('#toasts .toast')?.textContent.includes('damaged')")
+    assert page.evaluate("cockpit.hello.robots[0].name") == "r1"
