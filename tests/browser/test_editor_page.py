@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+import pinocchio as pin
 import pytest
 from playwright.sync_api import sync_playwright
 from test_cockpit_page import FLAGS
@@ -46,8 +47,14 @@ def edit(page, text):
 
 def test_the_robot_follows_its_text(file, text, tab, robot):  # noqa: F811
     page = tab(file)
-    home = page.evaluate("cockpit.report.robots.r1.q")
-    assert home == pytest.approx(robot("delta4").q_home, abs=1e-9)
+    mechanism, home = robot("delta4"), page.evaluate("cockpit.report.robots.r1.q")
+    assert home == pytest.approx(mechanism.q_home, abs=1e-9)
+    nodes = page.evaluate("cockpit.hello.robots[0].nodes.map(({ name }) => name)")
+    assert set(nodes) == set(mechanism.nodes)
+    poses = np.array(page.evaluate("cockpit.state.poses.r1")).reshape(-1, 7)[1:]
+    for node, pose in zip(nodes, poses, strict=True):
+        placement = pin.XYZQUATToSE3(pose)
+        assert placement.isApprox(mechanism.placement(mechanism.q_home, node), 1e-9), node
     assert page.evaluate("cockpit.report.robots.r1.closure") <= 1e-12
     PICTURES.mkdir(parents=True, exist_ok=True)
     page.screenshot(path=PICTURES / "editor_page.png")
