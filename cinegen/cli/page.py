@@ -8,6 +8,7 @@ from cinegen.cli.files import check_outputs, write
 from cinegen.cli.options import FILES, FORCE, RobotOptions, flag, option
 from raff2urdf.command_line import UsageError
 from raff2urdf.files import stem_of
+from raff2urdf.shipped import find_robot
 
 
 def run(
@@ -35,9 +36,12 @@ def run(
     check_outputs(path, force=force)
     from cinegen.page import build_editor, build_page
     from cinegen.session import Setup, base_poses
+    from raff2urdf.raff.reader import read
 
     if edit:
-        page = build_editor(_raff_text(files, base), files[0].name, title or "").encode(errors="backslashreplace")
+        _check_editable(files, base, options)
+        file = find_robot(files[0])
+        page = build_editor(read(file), file.name, title or "").encode(errors="backslashreplace")
         write(path, page)
         print(f"{path}: {len(page) / 1e6:.1f} MB, needs no server")
         return 0
@@ -50,15 +54,19 @@ def run(
     return 0
 
 
-def _raff_text(files: list[Path], base: list[str]) -> str:
-    """Return the text to edit.
+def _check_editable(files: list[Path], base: list[str], options: RobotOptions) -> None:
+    """Check that one RAFF file is to be edited, and nothing is asked for that its text doesn't hold.
 
     Raises:
-        UsageError: it is no single RAFF file.
-        RaffError: it can't be read.
+        UsageError: names what can't be combined with `--edit`.
+        RaffError: there is no such file.
     """
-    if len(files) != 1 or files[0].suffix.lower() != ".raff" or base:
-        raise UsageError("--edit: name one RAFF file (.raff), without --base")
-    from raff2urdf.raff.reader import read
-
-    return read(files[0])
+    others = {
+        "--base": base, "--robot": options.robot, "--loop": options.loop, "--ignore-loops": options.ignore_loops,
+        "--ignore": options.ignore, "--relax/--no-relax": options.relax is not None, "--srdf": options.srdf,
+    }  # fmt: skip
+    given = ", ".join(name for name, value in others.items() if value)
+    if given:
+        raise UsageError(f"--edit: the page shows what the text defines: remove {given}")
+    if len(files) != 1 or find_robot(files[0]).suffix.lower() != ".raff":
+        raise UsageError("--edit: name one RAFF file (.raff), or one shipped robot")

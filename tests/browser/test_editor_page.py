@@ -5,9 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pinocchio as pin
 import pytest
-from playwright.sync_api import sync_playwright
-from test_cockpit_page import FLAGS
-from test_local_page import CHROMIUM, PICTURES, READY, becomes, tab  # noqa: F401
+from test_local_page import CHROMIUM, PICTURES, becomes, browser, tab  # noqa: F401
 
 from cinegen.page import build_editor
 from raff2urdf.errors import RaffError
@@ -18,12 +16,6 @@ pytestmark = [
     pytest.mark.browser,
     pytest.mark.skipif(CHROMIUM is None, reason="NO CHROMIUM: the page is not tested in a real browser"),
 ]
-
-
-@pytest.fixture(scope="module")
-def browser():
-    with sync_playwright() as playwright:
-        yield playwright.chromium.launch(executable_path=CHROMIUM, args=FLAGS)
 
 
 @pytest.fixture(scope="module")

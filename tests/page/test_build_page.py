@@ -12,6 +12,7 @@ from urllib.parse import unquote
 import pytest
 import umsgpack
 
+from cinegen.cli import main
 from cinegen.page import build_editor, build_page
 from cinegen.session import Setup
 
@@ -129,3 +130,26 @@ def test_only_a_page_with_an_editor_holds_one(elements):
     assert not editor & set(unpacked(elements)["modules"])
     ((policy, _),) = [one for one in edited.named("meta") if "http-equiv" in one[0]]
     assert re.search(r"script-src 'nonce-[0-9a-f]{32}';.*; worker-src blob:$", policy["content"])
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (["delta4", "--loop", "link5-link11=ball", "--robot", "r1"], "remove --robot, --loop"),
+        (["delta4", "--base", "delta4.base@0,0,0"], "remove --base"),
+        (["delta4", "gough"], "name one RAFF file"),
+        (["no_such.raff"], "no_such.raff"),
+    ],
+)
+def test_an_editor_refuses_what_its_text_does_not_hold(arguments, message, tmp_path, monkeypatch, capfd):
+    monkeypatch.chdir(tmp_path)
+    assert main(["page", "--edit", *arguments, "-o", "out.html"]) != 0
+    assert message in capfd.readouterr().err
+    assert not list(tmp_path.iterdir())
+
+
+def test_an_editor_of_a_shipped_robot(root, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    assert main(["page", "--edit", "delta4", "-o", "out.html"]) == 0
+    edited = Elements((tmp_path / "out.html").read_text(encoding="utf-8"))
+    assert unpacked(edited)["content"]["text"] == (root / "robots" / "delta4.raff").read_text(encoding="utf-8")
