@@ -19,15 +19,17 @@ def run(
         "FILE", "the robot with its new dimensions (ROBOT-synthesized.raff)", None, "-o", "--output"
     ),
     state: Path | None = option("FILE", "finished starts, to continue from (ROBOT-synthesis.json, removed at the end)"),
+    workers: int | None = option("N", "processes on this machine that share the starts (default: its cores)"),
+    scheduler: str | None = option("URL", "scheduler of a Dask cluster, such as tcp://node1:8786"),
     robot: str | None = option("NAME", "the robot of this name"),
     force: bool = FORCE,
     json: bool = JSON,
 ) -> int:
     """Find the dimensions with which a robot does a task best.
 
-    Optimises parameters of the description by exact derivatives, from several starts, and writes the best robot as
-    RAFF. The result is checked at points that the optimiser did not see. After an interruption the same command
-    continues.
+    Optimises parameters of the description by exact derivatives, from several starts or those of an evolution, and
+    writes the best robot as RAFF; several objectives give a Pareto front. The result is checked at points that the
+    optimiser did not see. After an interruption the same command continues.
     """
     name = stem_of(file)
     raff = output_path(output, f"{name}-synthesized.raff")
@@ -36,7 +38,7 @@ def run(
 
     kept = state or raff.with_name(f"{name}-synthesis.json")
     with Progress() as progress:
-        found = synthesize(file, task, robot, kept, progress.steps)
+        found = synthesize(file, task, robot, kept, progress.steps, workers, scheduler)
     write(raff, found.raff)
     kept.unlink(missing_ok=True)
     print_result({**found.as_dict(), "file": str(raff)}, f"{found.text}\nrobot: {raff}", json)

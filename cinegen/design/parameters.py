@@ -104,6 +104,7 @@ class Parameters:
 
     Attributes:
         document: the file's contents.
+        folder: of the file's graphics.
         robot: the robot.
         all: every parameter of the description, in the order of the file.
         names: of the free parameters.
@@ -126,10 +127,10 @@ class Parameters:
         robot: str | None = None,
         loops: Mapping[str, str] | None = None,
     ) -> None:
-        self.document, folder = _document(source)
+        self.document, self.folder = _document(source)
         raff2urdf.check(self.document)
         self.robot = self.document.robot(robot)
-        self._folder, self._loops = folder, loops
+        self._loops = loops
         self.all = tuple(_parameters(self.document, self.robot))
         self._index = {one.name: i for i, one in enumerate(self.all)}
         self._index = {one.alias: i for i, one in enumerate(self.all)} | self._index
@@ -313,7 +314,7 @@ class Parameters:
             raise DesignError(f"{name}: {error}") from None
 
     def _built(self, document: Document) -> Mechanism:
-        urdf, constraints = describe(document, document.robot(self.robot.name), self._folder, self._loops)
+        urdf, constraints = describe(document, document.robot(self.robot.name), self.folder, self._loops)
         found = build(urdf, constraints, name=self.document.source.name, relax=self._relax)
         if document is self.document and found.source.urdf == urdf:
             self._relax = False

@@ -138,6 +138,7 @@ def resolve(
     """
     same = list(range(len(names)))  # of each parameter, one to which it is equal
     rules: dict[int, tuple[Expression, str]] = {}
+    equal: list[tuple[int, str]] = []  # a parameter of each tie of bare names, and its text
 
     def root(index: int) -> int:
         while same[index] != index:
@@ -168,6 +169,7 @@ def resolve(
             if second in rules:
                 rules[first] = rules.pop(second)
             same[second] = first
+            equal.append((first, text))
         if bares[-1] is None:
             target = root(left[0])
             if target in rules:
@@ -180,8 +182,11 @@ def resolve(
     def value(index: int, above: tuple[int, ...]) -> Expression:
         index = root(index)
         if index in above:
-            circle = " -> ".join(names[one] for one in (*above[above.index(index) :], index))
-            raise DesignError(f"circular ties: {circle}: remove one of {', '.join(_of(rules, above))}")
+            circle = above[above.index(index) :]
+            texts = [text for one, text in equal if root(one) in circle] + [rules[one][1] for one in circle]
+            listed = " and ".join(f"'{text.strip()}'" for text in dict.fromkeys(texts))
+            path = " -> ".join(names[one] for one in (*circle, index))
+            raise DesignError(f"contradictory or circular ties ({path}): {listed}: remove one")
         if index not in values:
             values[index] = Expression(0.0, {index: 1.0})
             if index in rules:
@@ -207,10 +212,6 @@ def resolve(
 
 def _twice(name: str, first: str, second: str) -> str:
     return f"contradictory ties: '{first.strip()}' and '{second.strip()}' both determine {name}: remove one"
-
-
-def _of(rules: dict[int, tuple[Expression, str]], indices: Sequence[int]) -> list[str]:
-    return [f"'{rules[index][1].strip()}'" for index in indices if index in rules]
 
 
 def _wrong(text: str, dimension: Dimension) -> bool:

@@ -17,6 +17,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from cinegen.design.design import DesignEvaluation
+from cinegen.design.dimensions import LinkMass
 from cinegen.design.errors import DesignError
 from cinegen.dynamics.errors import MassError
 from cinegen.model.masses import stated
@@ -32,16 +33,17 @@ def holding_torques(
     wrenches: Mapping[str, ArrayLike] | None = None,
     gravity: ArrayLike = GRAVITY,
     massless: bool = False,
+    masses: Mapping[str, LinkMass] | None = None,
 ) -> tuple[Array, Array]:
     """Return the torques and forces of the fixed joints that hold a mechanism at rest, and their derivatives.
-
-    The masses of links are those of the file, at their centres in the links' frames, at all values of the parameters.
 
     Args:
         found: of a design whose fixed joints are the actuated ones.
         wrenches: force (N) and moment (N m), (6,), on nodes, in the world's axes at their origins.
         gravity: acceleration in the world, m/s2.
         massless: whether links without mass count as having none.
+        masses: of links, with derivatives by the design's columns; those of the file unless given, at their centres in
+            the links' frames at all values of the parameters.
 
     Returns:
         (count, fixed), N m and N, and (count, fixed, columns) by the parameters, m and rad.
@@ -58,30 +60,45 @@ def holding_torques(
         raise DesignError(
             f"{mechanism.name} has more fixed joints than degrees of freedom: loads do not determine their torques"
         )
-    acceleration, bodies = np.asarray(gravity, dtype=float), stated(mechanism)
+    acceleration, bodies = np.asarray(gravity, dtype=float), _bodies(found, masses)
     if mechanism.massless and acceleration.any() and not massless:
         names = ", ".join(f"'{name}'" for name in mechanism.massless[:6])
         raise MassError(f"{mechanism.name}: these links have no mass: {names}: give them, or pass massless=True")
-    loads = [
-        (node, bodies[node].centre, np.append(bodies[node].mass * acceleration, np.zeros(3)))
-        for node in mechanism.nodes
-        if node in bodies and acceleration.any()
-    ]
-    loads += [(node, np.zeros(3), np.asarray(wrench, dtype=float)) for node, wrench in (wrenches or {}).items()]
     count, columns, nv = len(found), len(design.names), mechanism.model.nv
+    still, at_rest = np.zeros(columns), np.zeros((3, columns))
+    loads = [
+        (node, one, np.append(one.mass * acceleration, np.zeros(3)), acceleration)
+        for node, one in bodies.items()
+        if node in mechanism.nodes and acceleration.any()
+    ]
+    loads += [
+        (node, LinkMass(0.0, np.zeros(3), still, at_rest), np.asarray(wrench, dtype=float), np.zeros(3))
+        for node, wrench in (wrenches or {}).items()
+    ]
     tree, changed = np.zeros((count, nv)), np.zeros((count, columns, nv))
     screws, bends = found.all_screws, found.screw_derivative
-    for node, centre, wrench in loads:
+    for node, body, wrench, weight in loads:
         placed, twists = found.placements(node), found.node_twists(node)
-        point = placed[:, :3, :3] @ centre + placed[:, :3, 3]
+        point = placed[:, :3, :3] @ body.centre + placed[:, :3, 3]
         moved = twists[..., :3] + np.cross(twists[..., 3:], point[:, None])
+        moved += np.swapaxes(placed[:, :3, :3] @ body.centre_by, 1, 2)
         supports, force, moment = found.supports(node), wrench[:3], wrench[3:]
         by_joint = screws[..., :3] + np.cross(screws[..., 3:], point[:, None])
         tree -= (by_joint @ force + screws[..., 3:] @ moment) * supports
         bent = bends[..., :3] + np.cross(bends[..., 3:], point[:, None, None])
         bent += np.cross(screws[:, None, :, 3:], moved[:, :, None])
         changed -= (bent @ force + bends[..., 3:] @ moment) * supports
+        changed -= body.mass_by[:, None] * ((by_joint @ weight) * supports)[:, None]
     torques = tree[:, own] + np.einsum("cvf,cv->cf", found.follow, tree)
     by_parameters = changed[..., own] + np.einsum("cvf,ckv->ckf", found.follow, changed, optimize=True)
     by_parameters += np.einsum("ckvf,cv->ckf", found.follow_derivative, tree, optimize=True)
     return torques, np.swapaxes(by_parameters, 1, 2)
+
+
+def _bodies(found: DesignEvaluation, masses: Mapping[str, LinkMass] | None) -> Mapping[str, LinkMass]:
+    """Return masses with derivatives by the design's columns; those of the file do not change."""
+    if masses is not None:
+        return masses
+    n = len(found.design.names)
+    bodies = stated(found.design.mechanism)
+    return {name: LinkMass(one.mass, one.centre, np.zeros(n), np.zeros((3, n))) for name, one in bodies.items()}

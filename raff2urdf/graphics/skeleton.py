@@ -61,8 +61,18 @@ class SkeletonDrawing:
     def bars(self, node: RaffNode, radius: float) -> list[UrdfVisual]:
         """Return the node's bars to its children, all of one radius (m), in its own frame: as a body, not a drawing."""
         style = _Style(radius, self.colours[node.number])
-        corners = [self._corners(child) for child in self.robot.children.get(node.number, [])]
+        corners = [self.corners(child) for child in self.robot.children.get(node.number, [])]
         return [bar for path in corners for start, end in pairwise(path) for bar in _bar(start, end, 1.0, style)]
+
+    def corners(self, child: RaffPart) -> list[np.ndarray]:
+        """Return the corners (3,) of the bars from a node's origin to a child's joint, m, in the node's frame."""
+        gamma, epsilon, _, d, _, r = self.parameters[child.number]
+        corners = [np.zeros(3), np.array([0.0, 0.0, epsilon])]
+        corners.append(corners[-1] + d * np.array([math.cos(gamma), math.sin(gamma), 0.0]))
+        if isinstance(child, RaffFrame) or child.type is not JointType.PRISMATIC:
+            corners.append(corners[-1] + r * self._axis(child))
+        straight = isinstance(child, RaffFrame) or child.type is JointType.FIXED
+        return [corners[0], corners[-1]] if straight else corners
 
     def _joint(self, node: RaffNode, style: _Style) -> Iterator[UrdfVisual]:
         marker = _Style(style.radius, _JOINT)
@@ -83,7 +93,7 @@ class SkeletonDrawing:
     def _bars_to(self, child: RaffPart, style: _Style) -> Iterator[UrdfVisual]:
         """Yield bars from the node's origin to a child's joint."""
         thickness = 0.6 if isinstance(child, RaffFrame) else 1.0
-        corners = self._corners(child)
+        corners = self.corners(child)
         drawn = [corners[0]]
         for corner in corners[1:]:
             if np.abs(corner - drawn[-1]).max() > 0.5 * style.radius:
@@ -94,16 +104,6 @@ class SkeletonDrawing:
         if isinstance(child, RaffLink) and child.type is JointType.PRISMATIC:
             tube = 0.55 * self.parameters[child.number].r * self._axis(child)
             yield from _bar(corners[-1], corners[-1] + tube, 1.0, style)
-
-    def _corners(self, child: RaffPart) -> list[np.ndarray]:
-        """Return the corners of the bars from the node's origin to a child's joint, m."""
-        gamma, epsilon, _, d, _, r = self.parameters[child.number]
-        corners = [np.zeros(3), np.array([0.0, 0.0, epsilon])]
-        corners.append(corners[-1] + d * np.array([math.cos(gamma), math.sin(gamma), 0.0]))
-        if isinstance(child, RaffFrame) or child.type is not JointType.PRISMATIC:
-            corners.append(corners[-1] + r * self._axis(child))
-        straight = isinstance(child, RaffFrame) or child.type is JointType.FIXED
-        return [corners[0], corners[-1]] if straight else corners
 
     def _axis(self, child: RaffPart) -> np.ndarray:
         """Return the z axis (3,) of a child."""

@@ -4,13 +4,17 @@ from __future__ import annotations
 
 import json
 
+import coal
 import numpy as np
+import pinocchio as pin
 import pytest
 from orthoglide import orthoglide
+from variants import slow
 
 import cinegen
-from cinegen.design import DesignError, Parameters, load_task, synthesize
+from cinegen.design import DesignError, Parameters, Tolerances, load_task, synthesize
 from cinegen.design.synthesis import SynthesisProblem, task_of
+from cinegen.dynamics import Payload, forces
 
 FIVE_BAR = {
     "parameters": {"link2.d": "150..500mm", "link5.d": "200..600mm"},
@@ -69,24 +73,64 @@ def test_amplification_of_the_orthoglide_by_its_equations(best_orthoglide, tmp_p
     assert np.max(found) == pytest.approx(2.0, abs=1e-5)
 
 
-@pytest.mark.parametrize("robot", ["five_bar", "delta4"])
-def test_derivatives_at_wanted_poses(robot):
-    values = changed() if robot == "five_bar" else {
+EVERYTHING = {
+    "five_bar": changed(
+        reach={"x": "-50..50mm", "y": "300..500mm"},
+        objective=[
+            *({"minimise": name} for name in ("condition", "sigma_max", "torque", "mass", "accuracy")),
+            {"minimise": "torque", "over": "mean"}, {"maximise": "sigma_1", "over": "mean"}, {"maximise": "region"},
+            {"minimise": "size", "of": ["link*.d"]},
+        ],
+        constraints={
+            "size": {"of": ["link2.d"], "most": "2m"}, "mass": "9kg", "torque": "90Nm", "accuracy": "1mm",
+            "clearance": {
+                "least": "5mm", "radius": "1mm",
+                "obstacle": [{"from": [0.0, 0.1, 0.0], "to": [0.01, 0.1, 0.0], "radius": "9mm"}],
+            },
+        },
+        load={"payload": "2kg", "gravity": [0, -9.81, 0]},
+        tolerances={"sigma": {"link*.d": "0.05mm"}, "encoder": {"joint1": "0.01deg"}},
+    ),
+    "delta4": {
         "parameters": {"link2.d": "1..3m", "link4.d": "2.5..4.5m"},
         "ties": ["link2.d = link7.d = link13.d", "link4.d = link9.d = link15.d"],
-        "reach": {"x": "-0.3..0.3", "y": "-0.3..0.3", "z": "-2.4..-1.9"},
-        "objective": [{"maximise": "sigma_1"}],
-    }  # fmt: skip
-    problem = SynthesisProblem(robot, task_of({**values, "constraints": {"joint_limits": True}}))
-    p = problem.parameters.values
-    here = problem.at(p)
-    assert here.reached.is_reached.all()
-    for k in range(len(p)):
-        step = 1e-5 * np.eye(len(p))[k]
-        ahead, behind = problem.at(p + step), problem.at(p - step)
-        for name, slopes in (("sigma", here.by_p), ("margins", here.margins_by_p)):
-            numeric = (getattr(ahead, name) - getattr(behind, name)) / 2e-5
-            np.testing.assert_allclose(slopes[..., k], numeric, atol=1e-6 * max(1.0, np.abs(numeric).max()))
+        "reach": {"x": "0", "y": "0", "z": "-2.2", "radius": "300mm"},
+        "objective": [
+            {"maximise": "sigma_1"}, {"minimise": "torque"}, {"minimise": "accuracy"}, {"maximise": "region"},
+        ],
+        "constraints": {"clearance": {"least": "50mm", "radius": "10mm"}},
+        "tolerances": {"sigma": {"link*.d": "0.05mm"}, "play": {"joint1": "0.1mm"}},
+    },
+    "gough": {
+        "parameters": {"link1.d": "0.5..1m", "base.r": "-1..1m", "link4.alpha": "40..80deg"},
+        "reach": {"poses": [[0.0, 0.0, 0.9, 0, 0, 0], ["10mm", "20mm", 0.95, 5, 3, -4]]},
+        "objective": [{"maximise": "sigma_1"}, {"minimise": "torque"}, {"minimise": "accuracy"}],
+        "constraints": {"joint_limits": False},
+        "tolerances": {"sigma": {"link*.d": "0.05mm"}},
+    },
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("robot", ["five_bar", "gough", *slow("delta4")])
+def test_derivatives_of_all_quantities(robot):
+    problem = SynthesisProblem(robot, task_of(EVERYTHING[robot]))
+    x = problem.written + 1e-3
+
+    def every(at: np.ndarray) -> dict[str, tuple[np.ndarray, np.ndarray]]:
+        scores = problem.at(at)
+        assert scores.reached.is_reached.all()
+        found = problem.scoring.constraints(scores)
+        return found | {one.text: problem.scoring.objective(one, scores) for one in problem.task.objectives}
+
+    here = every(x)
+    for k, name in enumerate(problem.names):
+        step = 1e-5 * np.eye(len(x))[k]
+        near, far = ((every(x + size * step), every(x - size * step)) for size in (1.0, 2.0))
+        for what, rows in here.items():
+            small, large = (ahead[what].values - behind[what].values for ahead, behind in (near, far))
+            numeric = (8.0 * small - large) / 12e-5  # Richardson's extrapolation
+            size = max(1.0, np.abs(numeric).max(initial=0.0))
+            np.testing.assert_allclose(rows.slopes[..., k], numeric, atol=1e-7 * size, err_msg=f"{what} by {name}")
 
 
 def test_condition_of_a_five_bar_is_that_of_the_loaded_robot(tmp_path):
@@ -127,17 +171,194 @@ def test_state_continues(tmp_path):
     again = synthesize("five_bar", FIVE_BAR, state=state, report=lambda text, done, total: told.append(done))
     assert told == [1]
     np.testing.assert_array_equal(first.p, again.p)
+    assert len(again.starts) == 2
     with pytest.raises(DesignError, match="belongs to another task"):
         synthesize("five_bar", changed(starts=3), state=state)
 
 
-def test_front():
-    values = changed(objective=[{"minimise": "condition"}, {"minimise": "size", "of": ["link*.d"]}], front=5, starts=1)
-    found = synthesize("five_bar", values)
-    front = np.array([one for one, _ in found.front])
+def test_front(tmp_path):
+    values = changed(
+        objective=[{"minimise": "condition"}, {"minimise": "size", "of": ["link*.d"]}, {"minimise": "mass"}][:2],
+        front=5, starts=1,
+    )  # fmt: skip
+    state = tmp_path / "state.json"
+    found = synthesize("five_bar", values, state=state)
+    front = np.array([one.values for one in found.front])
     assert len(front) >= 4
     order = np.argsort(front[:, 0])
     assert (np.diff(front[order, 1]) < 0.0).all()  # better in one only by being worse in the other
+    ends = [synthesize("five_bar", changed(objective=[one], starts=1)).values[0] for one in values["objective"]]
+    np.testing.assert_allclose(front.min(axis=0), ends, rtol=1e-4)
+    assert any(np.array_equal(found.p, one.p) for one in found.front)
+    assert f"Pareto front, {len(front)} designs" in found.text
+    assert found.text.count("<- written") == 1
+    kept = json.loads(state.read_text(encoding="utf-8"))
+    assert len(kept["front"]) == 5
+    kept["front"] = kept["front"][:-1]
+    state.write_text(json.dumps(kept), encoding="utf-8")
+    told: list[tuple[str, int]] = []
+    again = synthesize("five_bar", values, state=state, report=lambda text, done, total: told.append((text, done)))
+    assert told == [("Pareto front", 4)]
+    np.testing.assert_allclose([one.values for one in again.front], front, rtol=1e-9)
+
+
+def test_front_has_the_files_own_values_where_none_is_better(tmp_path):
+    path = tmp_path / "best.raff"
+    values = changed(starts=1, constraints={"joint_limits": False, "singular_values": "0.3..3"})
+    path.write_text(synthesize("five_bar", values).raff, encoding="utf-8")
+    two = changed(objective=[{"minimise": "condition"}, {"minimise": "size", "of": ["link*.d"]}], front=3, starts=1)
+    found = synthesize(path, two)
+    before, front = np.array(found.before), np.array([one.values for one in found.front])
+    assert not ((front >= before - 1e-9).all(axis=1) & (front > before + 1e-6).any(axis=1)).any()
+
+
+def test_mass_is_that_of_the_loaded_bars(tmp_path):
+    values = changed(objective=[{"minimise": "mass"}], starts=1)
+    found = synthesize("five_bar", values)
+    path = tmp_path / "best.raff"
+    path.write_text(found.raff, encoding="utf-8")
+    robot = cinegen.load(path)
+    total = sum(one.mass for one in robot.model.inertias)
+    np.testing.assert_allclose(found.values[0], total, rtol=1e-7)
+    # a point is reached by the arm from (-0.15, 0) if its bars are long enough: the lightest robot is the smallest one
+    reach = np.hypot(0.15 + 0.15, 0.5)
+    link, outer = found.p
+    assert link + outer >= reach - 1e-9
+    assert found.values[0] < found.before[0]
+
+
+def test_torques_are_those_of_the_loaded_robot(tmp_path):
+    values = changed(
+        objective=[{"minimise": "torque"}], load={"payload": "3kg", "gravity": [0, -9.81, 0]}, starts=1,
+        constraints={"joint_limits": False, "singular_values": "0.2..5"},
+    )  # fmt: skip
+    found = synthesize("five_bar", values)
+    path = tmp_path / "best.raff"
+    path.write_text(found.raff, encoding="utf-8")
+    problem = SynthesisProblem(path, task_of({**values, "parameters": {"link2.d": "1mm..9m", "link5.d": "1mm..9m"}}))
+    scores = problem.scores_from_home(problem.parameters.values, problem.reach.grid(9))
+    robot, largest = cinegen.load(path), 0.0
+    for q in scores.reached.q:
+        torques = forces(robot, q, payloads=[Payload("tool", 3.0)], gravity=(0.0, -9.81, 0.0)).torques
+        largest = max(largest, np.abs(torques).max())
+    assert largest == pytest.approx(found.values[0], rel=1e-3)
+    assert found.values[0] < 0.9 * found.before[0]
+
+
+def test_accuracy_is_that_of_tolerances(tmp_path):
+    errors = {"sigma": {"link*.d": "0.05mm"}, "encoder": {"joint1": "0.02deg", "joint3": "0.02deg"}}
+    values = changed(objective=[{"minimise": "accuracy"}], tolerances=errors, starts=1)
+    found = synthesize("five_bar", values)
+    path = tmp_path / "best.raff"
+    path.write_text(found.raff, encoding="utf-8")
+    problem = SynthesisProblem(path, task_of({**values, "parameters": {"link2.d": "1mm..9m", "link5.d": "1mm..9m"}}))
+    scores = problem.scores_from_home(problem.parameters.values, problem.reach.grid(9))
+    judge = Tolerances(path, errors["sigma"], encoder=errors["encoder"])
+    worst = max(judge.at(q).position for q in scores.reached.q)
+    assert worst == pytest.approx(found.values[0], rel=1e-3)
+    assert found.values[0] < found.before[0]
+
+
+def test_clearance_is_that_of_capsules_in_coal(tmp_path):
+    obstacle = {"from": [0.0, 0.12, 0.0], "radius": "30mm"}
+    values = changed(
+        parameters={"link2.d": "150..500mm", "link5.d": "200..600mm", "link1.d": "-300..-50mm"},
+        ties=["link2.d = link4.d", "link5.d = tool.d", "link3.d = -1*link1.d"],
+        constraints={"joint_limits": False, "clearance": {"least": "90mm", "radius": "10mm", "obstacle": [obstacle]}},
+    )  # fmt: skip
+    free = synthesize("five_bar", {**values, "constraints": {"joint_limits": False}})
+    found = synthesize("five_bar", values)
+    path = tmp_path / "robot.raff"
+    for result in (free, found):
+        path.write_text(result.raff, encoding="utf-8")
+        wide = {name: "-9..9m" for name in result.parameters.names}
+        problem = SynthesisProblem(path, task_of({**values, "parameters": wide}))
+        scores = problem.scores_from_home(problem.parameters.values, problem.reach.grid(9))
+        robot, ball = cinegen.load(path), coal.Sphere(0.03)
+        gaps = []
+        for q in scores.reached.q:
+            place = {node: robot.placement(q, node).translation for node in robot.nodes}
+            bars = [("base", "link1"), ("base", "link3"), ("link1", "link2"), ("link3", "link4"), ("link2", "tool"),
+                    ("link4", "link5")]  # fmt: skip
+            arms = {pair: capsule(place[pair[0]], place[pair[1]], 0.01) for pair in bars}
+            at = coal.Transform3s(np.eye(3), np.array([0.0, 0.12, 0.0]))
+            gaps += [distance(*arms[pair], ball, at) for pair in bars[2:]]
+            apart = [(0, 3), (0, 5), (1, 2), (1, 4), (2, 3), (2, 5), (3, 4)]
+            gaps += [distance(*arms[bars[a]], *arms[bars[b]]) for a, b in apart]
+        if result is found:
+            assert min(gaps) == pytest.approx(0.09, abs=1e-4)  # what is asked, and no more: it costs condition
+            assert result.check.margins["clearance"] > -1e-3
+        else:
+            assert min(gaps) < 0.085
+    assert found.values[0] > free.values[0]
+
+
+def capsule(a: np.ndarray, b: np.ndarray, radius: float) -> tuple[coal.Capsule, coal.Transform3s]:
+    axis = b - a
+    length = float(np.linalg.norm(axis))
+    rotation = pin.Quaternion.FromTwoVectors(np.array([0.0, 0.0, 1.0]), axis).matrix()
+    return coal.Capsule(radius, length), coal.Transform3s(rotation, (a + b) / 2.0)
+
+
+def distance(one, at, other, there) -> float:
+    return coal.distance(one, at, other, there, coal.DistanceRequest(), coal.DistanceResult())
+
+
+def test_poses_of_a_gough_platform(tmp_path):
+    poses = [[0.0, 0.0, 0.9, 0, 0, 0], ["50mm", "-50mm", 0.95, 5, 3, -40], ["-50mm", "50mm", 1.0, -5, 2, 20]]
+    task = {
+        "parameters": {"link1.d": "0.5..1.2m", "link7.d": "0.5..1.2m"}, "reach": {"poses": poses}, "starts": 1,
+        "objective": [{"minimise": "condition"}], "constraints": {"joint_limits": False},
+    }  # fmt: skip
+    found = synthesize("gough", task)
+    assert found.values[0] < found.before[0] * 0.98
+    path = tmp_path / "best.raff"
+    path.write_text(found.raff, encoding="utf-8")
+    problem = SynthesisProblem(path, task_of({**task, "parameters": {"link1.d": "0..2m", "link7.d": "0..2m"}}))
+    scores = problem.scores_from_home(problem.parameters.values, problem.reach.grid(3))
+    robot = cinegen.load(path)
+    for q, wanted in zip(scores.reached.q, [(0.0, 0.0, 0.9, 0, 0, 0), (0.05, -0.05, 0.95, 5, 3, -40)], strict=False):
+        pose = robot.placement(q, robot.end)
+        np.testing.assert_allclose(pose.translation, wanted[:3], atol=1e-8)
+        np.testing.assert_allclose(pose.rotation, pin.rpy.rpyToMatrix(*np.radians(wanted[3:])), atol=1e-8)
+
+
+def test_an_evolution_finds_what_starts_near_the_file_do_not():
+    values = changed(search={"method": "evolution", "population": 12, "generations": 4}, starts=3)
+    told: list[str] = []
+    found = synthesize("five_bar", values, report=lambda text, done, total: told.append(text))
+    assert "evolution" in told
+    assert found.holds
+    alone = synthesize("five_bar", FIVE_BAR)
+    assert found.values[0] <= alone.values[0] * (1.0 + 1e-6)
+    with pytest.raises(DesignError, match="must be 'sobol' or 'evolution', not 'evolutoin'"):
+        synthesize("five_bar", changed(search={"method": "evolutoin"}))
+
+
+@pytest.mark.slow
+def test_three_objectives():
+    objectives = [{"minimise": "condition"}, {"minimise": "mass"}, {"minimise": "torque"}]
+    found = synthesize("five_bar", changed(objective=objectives, front=8, starts=1, load={"gravity": [0, -9.81, 0]}))
+    front = np.array([one.values for one in found.front])
+    assert len(front) >= 4
+    for one in front:
+        assert not ((front <= one + 1e-12).all(axis=1) & (front < one - 1e-6).any(axis=1)).any()
+
+
+def test_several_processes_find_the_same(tmp_path):
+    values = changed(starts=3)
+    one, two = (synthesize("five_bar", values, workers=workers) for workers in (1, 2))
+    for a, b in zip(one.starts, two.starts, strict=True):
+        np.testing.assert_allclose(a.x, b.x, rtol=1e-9)
+    assert one.values == pytest.approx(two.values, rel=1e-9)
+
+
+def test_failed_starts_are_reported():
+    found = synthesize("five_bar", changed(starts=3, constraints={"joint_limits": True}))
+    failed = [one for one in found.starts if not one.is_feasible]
+    for one in failed[:3]:
+        assert f"start {one.index + 1}: {one.text}" in found.text
+    assert all(one.error or one.missed or one.violated for one in failed)
 
 
 @pytest.mark.parametrize(
@@ -149,7 +370,29 @@ def test_front():
         (changed(parameters={"link2.d": "150..500mm", "link5.theta": "-170..-10deg"}), "is the variable of joint5"),
         (changed(parameters={"link2.alpha": "-5..5deg"}, ties=[]), "link2.alpha: a change opens the loops"),
         (changed(parameters={"link2.d": "150..500mm", "link5.r": "-1..1mm"}, ties=[]), "link5.r"),
-        (changed(ties=["link2.d = link4.d", "link4.d = 2*link2.d"]), "link"),
+        (
+            changed(ties=["link2.d = link4.d", "link4.d = 2*link2.d"]),
+            "contradictory or circular ties .*: 'link2.d = link4.d' and 'link4.d = 2\\*link2.d'",
+        ),
+        (changed(parameters={"link2.d": "150..500mm", "base.r": "-1..1m"}, ties=[]), "base.r: without any effect"),
+        (changed(objective=[{"minimise": "mass"}] * 2), "objective is given twice"),
+        (changed(objective=[{"minimise": "mass", "over": "mean"}]), "over is of no use"),
+        (changed(objective=[{"minimise": "accuracy"}]), "tolerances is missing"),
+        (changed(tolerances={"sigma": {"link*.d": "0.05mm"}}), "of no use without accuracy"),
+        (changed(tolerances={"sigma": {"link*.d": "0.05"}}, objective=[{"minimise": "accuracy"}]), "has no unit"),
+        (changed(load={"payload": "2kg"}), "load is of no use"),
+        (changed(load={"payload": "2mm"}, objective=[{"minimise": "torque"}]), "payload is wrong"),
+        (changed(objective=[{"maximise": "region"}], reach={"axes": "xy", "points": [[0, 0.4]]}), "axes must be"),
+        (changed(objective=[{"maximise": "region"}], reach={"axes": ["x", "y"], "points": [[0, 0.4]]}), "not single"),
+        (changed(reach={"x": "-1..1", "y": 0.4, "radius": "9mm"}), "with a radius each coordinate has one value"),
+        (changed(constraints={"torque": "5kg"}), "torque is wrong"),
+        (changed(constraints={"torque": -1}), "must be above 0"),
+        (changed(constraints={"clearance": "5mm"}), "must be a table"),
+        (changed(constraints={"mass": "1g"}), "violate mass by"),
+        (
+            changed(constraints={"clearance": {"least": "400mm"}}),
+            "violate clearance of .* to link., .* to link. by",
+        ),
         (changed(objectiv=[]), "unknown key 'objectiv': did you mean 'objective'"),
         (changed(objective=[{"minimise": "conditon"}]), "did you mean 'condition'"),
         (changed(objective=[{"maximise": "condition"}]), "better the other way: write minimise"),
@@ -170,6 +413,14 @@ def test_task_file(tmp_path):
     assert task.reach.axes == ("x", "y")
     assert task.reach.low.tolist() == [0.5, 1.0]
     assert len(task.reach.grid(3)) == 3
+    assert task.starts == 1
+    path.write_text('[parameters]\n"link2.d" = "1..2m"\n[reach]\nx = 0\ny = "1m"\nradius = "100mm"\n'
+                    '[[objective]]\nmaximise = "region"\n', encoding="utf-8")  # fmt: skip
+    task = load_task(path)
+    samples = task.reach.samples(512, 0) - [0.0, 1.0]
+    assert np.linalg.norm(samples, axis=1).max() <= 0.1
+    assert np.linalg.norm(samples, axis=1).max() > 0.099
+    np.testing.assert_allclose(np.linalg.norm(task.reach.grid(3)[1:] - [0.0, 1.0], axis=1), 0.1)
     path.write_text("x = = 2", encoding="utf-8")
     with pytest.raises(DesignError, match=r"task.toml: invalid TOML"):
         load_task(path)

@@ -1,12 +1,19 @@
 """Synthesis: dimensions with which a mechanism does a task best."""
 
 from cinegen.design.synthesis.linkages import LinkageSynthesis, PrecisionProblem
-from cinegen.design.synthesis.problem import Check, Start, Synthesis, SynthesisProblem, synthesize
-from cinegen.design.synthesis.task import DesignObjective, Precision, Reach, Task, load_task, task_of
+from cinegen.design.synthesis.problem import SynthesisProblem
+from cinegen.design.synthesis.quantities import QUANTITIES
+from cinegen.design.synthesis.region import Reach
+from cinegen.design.synthesis.result import Check, FrontPoint, Start, Synthesis
+from cinegen.design.synthesis.search import synthesize
+from cinegen.design.synthesis.task import DesignObjective, Precision, Task
+from cinegen.design.synthesis.task_file import load_task, task_of
 
 __all__ = [
+    "QUANTITIES",
     "Check",
     "DesignObjective",
+    "FrontPoint",
     "LinkageSynthesis",
     "Precision",
     "PrecisionProblem",

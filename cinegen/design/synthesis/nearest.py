@@ -32,7 +32,7 @@ def nearest(design: Design, p: Array, q: Array, residual: Residual) -> tuple[Arr
             wanted values by joints, all dimensionless.
     """
     mechanism = design.mechanism
-    scale, integrate = mechanism.scale, mechanism.system.integrate
+    integrate = mechanism.system.integrate
     count, q, best = len(q), q.copy(), q.copy()
     size, damping, active = np.full(count, np.inf), np.full(count, _DAMPING), np.arange(count)
     missing, slopes, bases = np.zeros((0, 0)), np.zeros((0, 0, 0)), np.zeros((0, 0, 0))
@@ -59,7 +59,7 @@ def nearest(design: Design, p: Array, q: Array, residual: Residual) -> tuple[Arr
         square += damping[active, None, None] * np.eye(square.shape[1])
         motion = (bases[active] @ np.linalg.solve(square, downhill[..., None]))[..., 0]
         largest = np.abs(motion).max(axis=1, initial=0.0)
-        motion *= np.minimum(1.0, _LARGEST_STEP / np.maximum(largest, 1e-300))[:, None] * scale
+        motion *= np.minimum(1.0, _LARGEST_STEP / np.maximum(largest, 1e-300))[:, None]
         q[active] = [integrate(a, b) for a, b in zip(best[active], motion, strict=True)]
     return best, missing, size
 

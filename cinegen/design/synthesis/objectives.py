@@ -1,44 +1,150 @@
-"""Objectives and constraints of a task at points to reach, with their derivatives by the parameters.
+"""Objectives and constraints of a task at targets, with their derivatives by the variables.
 
-All are written so that larger is better and continuous where a point is lost: at a point that is not reached the
-singular values count as minus its distance, and beyond a singularity they are negative.
+Variables are the free parameters, and the logarithm of the region's scale where a task lets the region grow. All scores
+are written so that larger is better, dimensionless, and continuous where a target is lost: there the singular values
+count as minus its distance, and beyond a singularity they are negative.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+import math
+from functools import cached_property
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from cinegen.design.dimensions import DimensionedMasses, LinkMass
 from cinegen.design.errors import DesignError
+from cinegen.design.synthesis.clearance import BarClearance
+from cinegen.design.synthesis.error_propagation import ErrorPropagation
+from cinegen.design.synthesis.quantities import QUANTITIES
 from cinegen.design.synthesis.reaching import Reached, Reaching
 from cinegen.design.synthesis.task import DesignObjective, Task
+from cinegen.design.torques import holding_torques
+from raff2urdf.quantities import FORCE, NUMBER, TORQUE, Dimension, QuantityError, parse
 
 Array = NDArray[np.float64]
 
+_INDEX = {"sigma_1": 0, "sigma_max": 1, "condition": 2}
+_SMALL = 1e-9  # reference values below are replaced by 1
 
-@dataclass(frozen=True, eq=False)
+
+class ScoreRows(NamedTuple):
+    """Scores (n, k) of n targets, or of none (1, k), and their derivatives (n, k, variables)."""
+
+    values: Array
+    slopes: Array
+
+
 class Scores:
-    """Scores of a design at `count` points, and their derivatives by the parameters; larger is better.
+    """Scores of a design at `count` targets, and their derivatives by the variables; larger is better.
 
     Attributes:
         reached: configurations.
-        sigma: (count, 3) smallest singular value, inverse of the largest, and their product: the inverse of the
-            condition number.
-        by_p: (count, 3, parameters) its derivative.
-        margins: (count, 2 limited joints) distance to the limits, rad or characteristic lengths.
-        margins_by_p: (count, 2 limited joints, parameters).
+        p: (parameters,) values, m and rad.
+        scale: of the region.
     """
 
-    reached: Reached
-    sigma: Array
-    by_p: Array
-    margins: Array
-    margins_by_p: Array
+    def __init__(self, scoring: Scoring, reached: Reached, scale: float, growth: Array | None) -> None:
+        self._scoring, self.reached, self.p, self.scale = scoring, reached, reached.p, scale
+        reaching = scoring.reaching
+        self._reaching = reaching
+        self.here = reaching.evaluate(reached.p, reached.q)
+        self.follow = reaching.follow(self.here, growth)
+        self._growth = growth
 
+    def __len__(self) -> int:
+        return len(self.reached.q)
 
-_INDEX = {"sigma_1": 0, "sigma_max": 1, "condition": 2}
+    @property
+    def variables(self) -> int:
+        """Number of variables."""
+        return int(self.follow.shape[2])
+
+    def total(self, by_columns: Array) -> Array:
+        """Return derivatives (count, ..., variables) at targets of what depends on the columns (count, ..., columns) of
+        the design with the actuated joints' own variables."""
+        reaching = self._reaching
+        own = by_columns[..., reaching.own]
+        found = (own.reshape(len(own), -1, own.shape[-1]) @ self.follow).reshape(*own.shape[:-1], self.variables)
+        found[..., : len(reaching.free)] += by_columns[..., reaching.free]
+        return np.asarray(found)
+
+    @cached_property
+    def sigma(self) -> ScoreRows:
+        """(count, 3): smallest singular value, inverse of the largest, and their product: the inverse of the condition
+        number."""
+        reaching, reached = self._reaching, self.reached
+        rows = slice(None) if reaching.reach.is_oriented else slice(0, 3)
+        s, by_columns = self.here.singular_values(reaching.node, rows, reaching.length)
+        last = reaching.rank - 1
+        by = self.total(by_columns)
+        side = reaching.side(self.here)[:, None]
+        least, inverse = s[:, last] * side[:, 0], side[:, 0] / s[:, 0]
+        d_least, d_inverse = by[:, last] * side, -side * by[:, 0] / s[:, :1] ** 2
+        values = np.stack([least, inverse, s[:, last] * inverse], axis=1)
+        product = d_inverse * s[:, last, None] + by[:, last] * inverse[:, None]
+        slopes = np.stack([d_least, d_inverse, product], axis=1)
+        lost = np.flatnonzero(~reached.is_reached)
+        if len(lost):
+            values[lost] = -reached.distance[lost, None]
+            slopes[lost] = -self._distance_slopes(lost)[:, None]
+        return ScoreRows(values, slopes)
+
+    def _distance_slopes(self, lost: NDArray[np.intp]) -> Array:
+        reaching, reached = self._reaching, self.reached
+        here = reaching.every.evaluate(reached.p, reached.q[lost])
+        moved = here.pose_derivative(reaching.node, "world")[:, reaching.rows] * reaching.weights[:, None]
+        unit = reached.error[lost] * reaching.weights / reached.distance[lost, None]
+        found = -np.einsum("cr,crp->cp", unit, moved)
+        if self._growth is not None:
+            grown = np.einsum("cr,cr->c", unit, self._growth[lost] * reaching.weights)
+            found = np.hstack([found, grown[:, None]])
+        return np.asarray(found)
+
+    @cached_property
+    def moved(self) -> Array:
+        """(count, nv, variables) derivative of the configuration at targets, rad and m."""
+        found = self.total(self.here.joint_derivative)
+        mechanism = self._reaching.mechanism
+        found[:, [mechanism.v_index(name) for name in self._reaching.design.fixed]] = self.follow
+        return found
+
+    @cached_property
+    def margins(self) -> ScoreRows:
+        """(count, 2 limited joints) distance to the limits, rad or characteristic lengths."""
+        scoring = self._scoring
+        q, v = scoring.limited.T
+        values, units = self.reached.q[:, q], np.tile(scoring.units, 2)
+        both = np.hstack([values - scoring.lower, scoring.upper - values]) / units
+        slopes = np.concatenate([self.moved[:, v], -self.moved[:, v]], axis=1) / units[:, None]
+        kept = np.isfinite(both).all(axis=0)
+        return ScoreRows(both[:, kept], slopes[:, kept])
+
+    @cached_property
+    def torques(self) -> ScoreRows:
+        """(count, actuated) torques or forces at rest, N m or N, or parts of their limits."""
+        scoring = self._scoring
+        masses = scoring.masses_at(self.p)
+        values, by_columns = holding_torques(self.here, scoring.wrenches, scoring.load.gravity, masses=masses)
+        return ScoreRows(values / scoring.torque_units, self.total(by_columns) / scoring.torque_units[:, None])
+
+    @cached_property
+    def accuracy(self) -> ScoreRows:
+        """(count, 1) root mean square deviation of the node's position, m."""
+        errors = self._scoring.errors
+        assert errors is not None
+        values, slopes = errors.at(self.p, self.reached.q, self.moved)
+        return ScoreRows(values[:, None], slopes[:, None])
+
+    @cached_property
+    def gaps(self) -> ScoreRows:
+        """(count, pairs) distances between bars, and from obstacles, less the least that is wanted, as parts of it."""
+        clearance = self._scoring.clearance
+        assert clearance is not None
+        values, by_columns = clearance.at(self.here, self.p, self._reaching.free)
+        return ScoreRows(values / clearance.least - 1.0, self.total(by_columns) / clearance.least)
 
 
 class Scoring:
@@ -49,22 +155,32 @@ class Scoring:
         reaching: of its node.
 
     Raises:
-        DesignError: `size` names what is no length.
+        DesignError: `size` names what is no length; a quantity does not fit the mechanism.
+        MassError: links have no mass, and torques are wanted.
     """
 
     def __init__(self, task: Task, reaching: Reaching) -> None:
-        self.task, self.reaching = task, reaching
+        self.task, self.reaching, self.load = task, reaching, task.load
         mechanism, limits = reaching.mechanism, reaching.mechanism.limits
         named = [(mechanism.q_index(j), mechanism.v_index(j)) for j in mechanism.joints if j in limits]
         kept = [(q, v) for q, v in named if np.isfinite(limits.lower[q]) or np.isfinite(limits.upper[q])]
-        self._limited = np.array(kept if task.joint_limits else [], dtype=int).reshape(-1, 2)
-        self._lower, self._upper = (bounds[self._limited[:, 0]] for bounds in (limits.lower, limits.upper))
-        self._units = np.array(
-            [reaching.length if mechanism.is_prismatic(mechanism.columns[v]) else 1.0 for v in self._limited[:, 1]]
+        self.limited = np.array(kept if task.joint_limits else [], dtype=int).reshape(-1, 2)
+        self.lower, self.upper = (bounds[self.limited[:, 0]] for bounds in (limits.lower, limits.upper))
+        self.units = np.array(
+            [reaching.length if mechanism.is_prismatic(mechanism.columns[v]) else 1.0 for v in self.limited[:, 1]]
         )
-        self.objectives = task.objectives
         wanted = [one.of for one in task.objectives if one.of] + ([] if task.size is None else [task.size[0]])
         self._lengths = {of: self._of(of) for of in wanted}
+        self.wrenches = {reaching.node: self._wrench()} if any(self._wrench()) else {}
+        self._masses = DimensionedMasses(reaching.parameters) if task.uses("mass") or task.uses("torque") else None
+        self.torque_units, self.torque_dimension = self._torque_units() if task.uses("torque") else (np.ones(0), NUMBER)
+        self.errors = ErrorPropagation(task.errors, reaching) if task.uses("accuracy") else None
+        self.clearance = None if task.clearance is None else BarClearance(task.clearance, reaching)
+        self.most = {name: self._limit(name, value) for name, value in task.most.items()}
+        self._references: dict[str, float] = {}
+        self._check_mass()
+
+    # --- setting up ----------------------------------------------------------------------------------------------
 
     def _of(self, patterns: tuple[str, ...]) -> list[int]:
         parameters = self.reaching.parameters
@@ -74,80 +190,205 @@ class Scoring:
                 raise DesignError(f"size: {parameters.all[i].name} is an angle: name lengths, such as link2.d")
         return found
 
-    # --- at points -----------------------------------------------------------------------------------------------
+    def _wrench(self) -> list[float]:
+        weight = [self.load.payload * x for x in self.load.gravity] + [0.0] * 3
+        return [a + b for a, b in zip(self.load.wrench, weight, strict=True)]
 
-    def at(self, reached: Reached) -> Scores:
-        """Return the scores at configurations of a design."""
-        reaching = self.reaching
-        p, count = reached.p, len(reached.q)
-        here = reaching.evaluate(p, reached.q)
-        follow = reaching.follow(here)
-        s, by_columns = here.singular_values(
-            reaching.node,
-            slice(None) if reaching.reach.keeps_orientation else slice(0, 3),
-            reaching.length,
-        )
-        last = reaching.rank - 1
-        by_p = by_columns[:, :, reaching.free] + by_columns[:, :, reaching.own] @ follow
-        side = reaching.side(here)[:, None]
-        least, inverse = s[:, last] * side[:, 0], side[:, 0] / s[:, 0]
-        d_least, d_inverse = by_p[:, last] * side, -side * by_p[:, 0] / s[:, :1] ** 2
-        sigma = np.stack([least, inverse, s[:, last] * inverse], axis=1)
-        product = d_inverse * s[:, last, None] + by_p[:, last] * inverse[:, None]
-        derivative = np.stack([d_least, d_inverse, product], axis=1)
-        lost = np.flatnonzero(~reached.is_reached)
-        if len(lost):
-            sigma[lost] = -reached.distance[lost, None]
-            derivative[lost] = -self._distance_by_p(reached, lost)[:, None]
-        q, v = self._limited.T
-        values, moved = reached.q[:, q], here.joint_derivative[:, :, reaching.free]
-        moved = moved + here.joint_derivative[:, :, reaching.own] @ follow
-        moved[:, [reaching.mechanism.v_index(name) for name in reaching.design.fixed]] = follow
-        both = np.hstack([values - self._lower, self._upper - values]) / np.tile(self._units, 2)
-        slopes = np.concatenate([moved[:, v], -moved[:, v]], axis=1) / np.tile(self._units, 2)[:, None]
-        kept = np.isfinite(both).all(axis=0) if count else np.zeros(both.shape[1], dtype=bool)
-        return Scores(reached, sigma, derivative, both[:, kept], slopes[:, kept])
+    def _torque_units(self) -> tuple[Array, Dimension]:
+        """Return the units of the actuated joints' torques: their limits, if all have one."""
+        mechanism = self.reaching.mechanism
+        names = self.reaching.design.fixed
+        limits = np.array([mechanism.limits.effort[mechanism.v_index(name)] for name in names])
+        if np.isfinite(limits).all():
+            return limits, NUMBER
+        prismatic = {mechanism.is_prismatic(name) for name in names}
+        if len(prismatic) > 1:
+            raise DesignError(
+                f"{mechanism.name}: torques and forces can't be compared: give each actuated joint its 'effort', and "
+                "the largest part of it counts"
+            )
+        return np.ones(len(names)), FORCE if prismatic == {True} else TORQUE
 
-    def _distance_by_p(self, reached: Reached, lost: NDArray[np.intp]) -> Array:
-        reaching = self.reaching
-        here = reaching.every.evaluate(reached.p, reached.q[lost])
-        weights = reaching._weights
-        moved = here.pose_derivative(reaching.node, "world")[:, reaching.rows] * weights[:, None]
-        unit = reached.error[lost] * weights / reached.distance[lost, None]
-        return np.asarray(-np.einsum("cr,crp->cp", unit, moved))
+    def _limit(self, name: str, value: float | str) -> float:
+        if isinstance(value, str):
+            try:
+                value = parse(value, self.dimension(name))
+            except QuantityError as error:
+                of = "; every actuated joint has an effort: torques are parts of it" if name == "torque" else ""
+                raise DesignError(f"constraints: {name} is wrong: {error}{of}") from None
+        if not 0.0 < value < math.inf:
+            raise DesignError(f"constraints: {name} must be above 0, not {value:g}")
+        return value
 
-    # --- of all points -------------------------------------------------------------------------------------------
+    def _check_mass(self) -> None:
+        if self.task.uses("mass") and self._masses is not None and not self._masses.vary:
+            raise DesignError(
+                f"{self.reaching.mechanism.name}: its mass does not depend on its dimensions: give links a density and "
+                "a radius in place of a mass, inertial { density 2700 radius 10 }"
+            )
 
-    def constraints(self, scores: Scores) -> tuple[Array, Array]:
-        """Return what must not be negative (m,), and its derivative (m, parameters)."""
+    def dimension(self, name: str) -> Dimension:
+        """Return the dimension of a quantity's values."""
+        return QUANTITIES[name].dimension or self.torque_dimension
+
+    def masses_at(self, p: Array) -> dict[str, LinkMass]:
+        """Return the links' masses with derivatives by the columns of the design with the actuated joints' own
+        variables."""
+        assert self._masses is not None
+        free, n = self.reaching.free, len(self.reaching.design.names)
+
+        def padded(slopes: Array) -> Array:
+            found = np.zeros((*slopes.shape[:-1], n))
+            found[..., free] = slopes
+            return found
+
+        return {
+            name: one._replace(mass_by=padded(one.mass_by), centre_by=padded(one.centre_by))
+            for name, one in self._masses.at(p).items()
+        }
+
+    # --- at targets ----------------------------------------------------------------------------------------------
+
+    def at(self, reached: Reached, scale: float = 1.0, growth: Array | None = None) -> Scores:
+        """Return the scores at configurations of a design.
+
+        Args:
+            reached: the configurations.
+            scale: of the region.
+            growth: (count, rows) motion of the targets by the logarithm of the scale, m and rad; None where it is no
+                variable.
+        """
+        return Scores(self, reached, scale, growth)
+
+    def constraints(self, scores: Scores) -> dict[str, ScoreRows]:
+        """Return what must not be negative: rows (count, k) of targets or (1, k), by the name of the constraint."""
         low, high = self.task.singular_values
-        values = [scores.sigma[:, 0] - low, scores.sigma[:, 1] - 1.0 / high, scores.margins.ravel()]
-        slopes = [scores.by_p[:, 0], scores.by_p[:, 1], scores.margins_by_p.reshape(-1, scores.by_p.shape[2])]
+        sigma = scores.sigma
+        found = {
+            "singular_values": ScoreRows(sigma.values[:, :2] - [low, 1.0 / high], sigma.slopes[:, :2]),
+            "joint_limits": scores.margins,
+        }
         if self.task.size is not None:
             of, most = self.task.size
-            size, by_p = self.size(scores.reached.p, of)
-            values.append(np.array([most - size]) / self.reaching.length)
-            slopes.append(-by_p[None] / self.reaching.length)
-        return np.concatenate(values), np.concatenate(slopes)
+            found["size"] = self._below(self._size(scores, of), most, self.reaching.length)
+        for name, most in self.most.items():
+            if name == "condition":
+                found[name] = ScoreRows(sigma.values[:, 2:] - 1.0 / most, sigma.slopes[:, 2:])
+            elif name == "torque":
+                found[name] = self._below(_both(scores.torques), most, most)
+            else:
+                found[name] = self._below(self._value(name, scores), most, most)
+        if self.clearance is not None:
+            found["clearance"] = scores.gaps
+        return found
 
-    def points(self, objective: DesignObjective, scores: Scores) -> tuple[Array, Array]:
-        """Return the score (count,) or (1,) of an objective, whose least (or mean) counts, with derivatives."""
-        if objective.quantity == "size":
-            value, slope = self.size(scores.reached.p, objective.of)
-            return np.array([-value / self.reaching.length]), -slope[None] / self.reaching.length
-        k = _INDEX[objective.quantity]
-        return scores.sigma[:, k], scores.by_p[:, k]
+    def objective(self, objective: DesignObjective, scores: Scores) -> ScoreRows:
+        """Return the scores (n, k) of an objective, of which the least (or the mean) counts."""
+        name = objective.quantity
+        if name in _INDEX:
+            k = _INDEX[name]
+            return ScoreRows(scores.sigma.values[:, k : k + 1], scores.sigma.slopes[:, k : k + 1])
+        reference = self._reference(objective, scores)
+        if name == "torque" and objective.over == "mean":
+            values, slopes = scores.torques
+            return ScoreRows(-((values / reference) ** 2), -2.0 * values[..., None] * slopes / reference**2)
+        if name == "torque":
+            found = _both(scores.torques)
+        elif name == "size":
+            found = self._size(scores, objective.of)
+        else:
+            found = self._value(name, scores)
+        sign = 1.0 if objective.is_maximised else -1.0
+        return ScoreRows(sign * found.values / reference, sign * found.slopes / reference)
 
-    def size(self, p: Array, of: tuple[str, ...]) -> tuple[float, Array]:
-        """Return the sum of the absolute values of lengths, m, and its derivative (parameters,)."""
-        parameters, own = self.reaching.parameters, self._lengths[of]
-        values = parameters.full(p)[own]
-        return float(np.abs(values).sum()), np.asarray(np.sign(values) @ parameters.ties.matrix[own])
+    def value(self, objective: DesignObjective, scores: Scores) -> float:
+        """Return the score of an objective; larger is better."""
+        values = self.objective(objective, scores).values
+        return float(values.mean() if objective.over == "mean" else values.min())
 
     def shown(self, objective: DesignObjective, score: float) -> float:
-        """Return the value of an objective by its score: m for sizes, else dimensionless."""
-        if objective.quantity == "size":
-            return -score * self.reaching.length
-        if objective.quantity == "sigma_1":
+        """Return the value of an objective by its score, in SI units."""
+        name = objective.quantity
+        if name in ("sigma_max", "condition"):
+            return 1.0 / score if score > 0.0 else math.inf
+        if name == "sigma_1":
             return score
-        return 1.0 / score if score > 0.0 else float("inf")
+        if name == "region":
+            return math.exp(score)
+        reference = self._references[self._key(objective)]
+        if name == "torque" and objective.over == "mean":
+            return reference * math.sqrt(max(-score, 0.0))
+        return (1.0 if objective.is_maximised else -1.0) * reference * score
+
+    def pointwise(self, scores: Scores) -> dict[str, Array]:
+        """Return the values (count,) of all pointwise quantities that the task uses, as people read them; NaN where a
+        target is not reached or lies beyond a singularity."""
+        sigma = scores.sigma.values
+        good = scores.reached.is_reached & (sigma[:, 0] > 0.0)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            found = {"sigma_1": sigma[:, 0], "sigma_max": 1.0 / sigma[:, 1], "condition": 1.0 / sigma[:, 2]}
+        if self.task.uses("torque"):
+            found["torque"] = np.abs(scores.torques.values).max(axis=1)
+        if self.errors is not None:
+            found["accuracy"] = scores.accuracy.values[:, 0]
+        if self.clearance is not None:
+            gaps = scores.gaps.values.min(axis=1, initial=math.inf)
+            found["clearance"] = (gaps + 1.0) * self.clearance.least
+        return {name: np.where(good, values, np.nan) for name, values in found.items()}
+
+    def _value(self, name: str, scores: Scores) -> ScoreRows:
+        """Return the values of accuracy (m), mass (kg) or the region's scale (its logarithm)."""
+        if name == "accuracy":
+            return scores.accuracy
+        if name == "mass":
+            base = self.reaching.mechanism.nodes[0]
+            masses = [one for node, one in self.masses_at(scores.p).items() if node != base]
+            slopes = np.zeros(scores.variables)
+            slopes[: len(self.reaching.free)] = np.sum([one.mass_by for one in masses], axis=0)[self.reaching.free]
+            return ScoreRows(np.array([[sum(one.mass for one in masses)]]), slopes[None, None])
+        slopes = np.zeros(scores.variables)
+        slopes[-1] = 1.0
+        return ScoreRows(np.array([[math.log(scores.scale)]]), slopes[None, None])
+
+    def _size(self, scores: Scores, of: tuple[str, ...]) -> ScoreRows:
+        """Return the sum of the absolute values of lengths, m."""
+        parameters, own = self.reaching.parameters, self._lengths[of]
+        values = parameters.full(scores.p)[own]
+        slopes = np.zeros(scores.variables)
+        slopes[: len(parameters)] = np.sign(values) @ parameters.ties.matrix[own]
+        return ScoreRows(np.array([[np.abs(values).sum()]]), slopes[None, None])
+
+    @staticmethod
+    def _below(rows: ScoreRows, most: float, unit: float) -> ScoreRows:
+        return ScoreRows((most - rows.values) / unit, -rows.slopes / unit)
+
+    # --- references ----------------------------------------------------------------------------------------------
+
+    def take_references(self, other: Scoring) -> None:
+        """Divide quantities by the values of another design."""
+        self._references = other._references
+
+    def _key(self, objective: DesignObjective) -> str:
+        return f"{objective.quantity} {' '.join(objective.of)}"
+
+    def _reference(self, objective: DesignObjective, scores: Scores) -> float:
+        """Return the value by which a quantity is divided: that of the first design, for all designs."""
+        if objective.quantity == "region":
+            return 1.0
+        key = self._key(objective)
+        if key not in self._references:
+            if objective.quantity == "torque":
+                rows = scores.torques
+            elif objective.quantity == "size":
+                rows = self._size(scores, objective.of)
+            else:
+                rows = self._value(objective.quantity, scores)
+            largest = float(np.abs(rows.values).max(initial=0.0))
+            self._references[key] = largest if _SMALL < largest < math.inf else 1.0
+        return self._references[key]
+
+
+def _both(rows: ScoreRows) -> ScoreRows:
+    """Return values and their negatives, of which the largest is the largest absolute value."""
+    values = np.concatenate([rows.values, -rows.values], axis=1)
+    return ScoreRows(values, np.concatenate([rows.slopes, -rows.slopes], axis=1))

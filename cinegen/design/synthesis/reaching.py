@@ -19,7 +19,7 @@ from cinegen.design.design import Design, DesignEvaluation
 from cinegen.design.errors import DesignError
 from cinegen.design.parameters import Parameters
 from cinegen.design.synthesis.nearest import nearest
-from cinegen.design.synthesis.task import Reach
+from cinegen.design.synthesis.region import Reach
 from cinegen.errors import UnknownNameError
 
 Array = NDArray[np.float64]
@@ -30,6 +30,7 @@ REACHED = 1e-9
 _FURTHER = 0.6  # rad or characteristic lengths: a joint that moves further may have changed its assembly mode
 _SUBDIVISIONS = (1, 4, 16)
 _RANK = 1e-6
+_SAME = 1e-6  # of a distance
 
 
 @dataclass(frozen=True, eq=False)
@@ -38,7 +39,7 @@ class Reached:
 
     Attributes:
         p: (parameters,) values, m and rad.
-        targets: (count, axes) wanted coordinates, m.
+        targets: (count, rows) wanted coordinates, m, and rotation vectors from the orientation at home, rad.
         q: (count, nq) closed configurations, the nearest ones where a pose is not reached.
         error: (count, rows) what is missing: m and rad, in the world.
         distance: (count,) its norm, characteristic lengths and rad.
@@ -61,37 +62,39 @@ class Reaching:
 
     Args:
         parameters: free ones, without the variables of joints.
-        reach: which coordinates are wanted.
+        reach: where the node must get to.
         node: that reaches; the end unless given.
         further: the same parameters, with the actuated joints' own variables.
 
     Attributes:
+        reach: as given, with orientations from that at home.
         node: as given.
         every: the design with all joints free to move.
         design: with the actuated joints' own variables.
         length: characteristic length of the mechanism as written, m, by which lengths are divided.
+        weights: (rows,) that make a twist's components dimensionless.
 
     Raises:
         DesignError: the task wants more or fewer coordinates than the actuated joints move.
     """
 
     def __init__(self, parameters: Parameters, further: Parameters, reach: Reach, node: str = "") -> None:
-        self.parameters, self.reach = parameters, reach
+        self.parameters = parameters
         self.mechanism = mechanism = parameters.mechanism
         self.node = node or mechanism.end
         if self.node not in mechanism.nodes:
             raise UnknownNameError("node", self.node, mechanism.nodes)
-        self.length, self.rows = mechanism.length, reach.rows
         self.every, self.design = Design(parameters, fixed=()), Design(further)
+        self.home = self.every.evaluate().placements(self.node)[0]
+        self.reach = reach.relative_to(self.home[:3, :3])
+        self.length, self.rows = mechanism.length, reach.rows
         names = [further.own_variable(name).name for name in self.design.fixed]
         self.own = [further.index(name) for name in names]
         self.free = [further.index(name) for name in parameters.names]
         self._written = further.values.copy()
-        self._weights = np.repeat([1.0 / self.length, 1.0], 3)[self.rows]
-        home = self.every.evaluate()
-        self.home = home.placements(self.node)[0]
+        self.weights = np.repeat([1.0 / self.length, 1.0], 3)[self.rows]
         here = self.evaluate(parameters.values, np.array([mechanism.q_home]))
-        nominal = self.motions(here)[0] * self._weights[:, None]
+        nominal = self.motions(here)[0] * self.weights[:, None]
         u, s, _ = np.linalg.svd(nominal)
         self.rank = int((s > _RANK * s[0]).sum()) if s.size and s[0] > 0.0 else 0
         self._check_coordinates()
@@ -100,7 +103,7 @@ class Reaching:
 
     def _check_coordinates(self) -> None:
         joints, axes = len(self.design.fixed), ", ".join(self.reach.axes)
-        name, keeps = self.mechanism.name, self.reach.keeps_orientation
+        name, keeps = self.mechanism.name, self.reach.is_oriented
         if self.rank < joints:
             remedy = "another node" if keeps else 'more coordinates, or orientation = "home"'
             raise DesignError(
@@ -116,17 +119,18 @@ class Reaching:
     # --- configurations ------------------------------------------------------------------------------------------
 
     def from_home(self, p: Array, targets: Array) -> Reached:
-        """Return the design at targets (count, axes), continued from the file's values at home: first the parameters
-        change, then the node moves along straight lines."""
+        """Return the design at targets (count, rows), continued from the file's values at home: first the node moves
+        along straight lines, then the parameters change."""
         written = self.parameters.values
-        at_home = self.home[[self.rows[i] for i in range(len(self.reach.axes))], 3]
+        at_home = np.zeros(len(self.rows))
+        at_home[: len(self.reach.axes)] = self.home[self.rows[: len(self.reach.axes)], 3]
         begin = Reached(
             written, at_home[None], np.array([self.mechanism.q_home]), np.zeros((1, len(self.rows))), np.zeros(1)
         )
         starts = Reached(
             written, *(np.repeat(a, len(targets), 0) for a in (begin.targets, begin.q, begin.error, begin.distance))
         )
-        across = np.abs(targets - at_home).max(initial=0.0) / self.length
+        across = np.abs((targets - at_home) * self.weights).max(initial=0.0)
         steps = max(2, int(np.ceil(8 * across)))
         for part in np.linspace(0.0, 1.0, steps + 1)[1:]:
             starts = self.continued(starts, written, at_home + part * (targets - at_home))
@@ -149,12 +153,14 @@ class Reaching:
                 now = self._solve(known.p + part * (p - known.p), here, q)
                 q = now.q
             assert now is not None
+            out_of_reach = np.zeros(len(todo), dtype=bool)
             if found is None:
                 found = now
-            else:
+            else:  # as far as before, by another way: nothing comes nearer
+                out_of_reach = ~now.is_reached & (np.abs(now.distance - found.distance[todo]) < _SAME * now.distance)
                 found.q[todo], found.error[todo], found.distance[todo] = now.q, now.error, now.distance
             moved = np.array([self.mechanism.distance(a, b) for a, b in zip(known.q[todo], q, strict=True)])
-            todo = todo[(moved > _FURTHER) | (known.is_reached[todo] & ~now.is_reached)]
+            todo = todo[((moved > _FURTHER) | (known.is_reached[todo] & ~now.is_reached)) & ~out_of_reach]
             if not len(todo):
                 break
         assert found is not None
@@ -163,17 +169,20 @@ class Reaching:
     def _solve(self, p: Array, targets: Array, q: Array) -> Reached:
         def residual(here: DesignEvaluation, at: NDArray[np.intp]) -> tuple[Array, Array]:
             columns = here.node_joints(self.node, "world")[:, self.rows] * self.mechanism.scale
-            return self._missing(here, targets[at]) * self._weights, columns * self._weights[:, None]
+            return self._missing(here, targets[at]) * self.weights, columns * self.weights[:, None]
 
         found, missing, distance = nearest(self.every, p, q, residual)
-        return Reached(p, targets, found, missing / self._weights, distance)
+        return Reached(p, targets, found, missing / self.weights, distance)
 
     def _missing(self, here: DesignEvaluation, targets: Array) -> Array:
         placements = here.placements(self.node)
-        axes = self.rows[: len(self.reach.axes)]
-        found = targets - placements[:, axes, 3]
-        if self.reach.keeps_orientation:
-            turns = [pin.log3(self.home[:3, :3] @ one[:3, :3].T) for one in placements]
+        lengths = len(self.reach.axes)
+        found = targets[:, :lengths] - placements[:, self.rows[:lengths], 3]
+        if self.reach.is_oriented:
+            turns = [
+                pin.log3(pin.exp3(target[lengths:]) @ self.home[:3, :3] @ one[:3, :3].T)
+                for target, one in zip(targets, placements, strict=True)
+            ]
             found = np.hstack([found, turns])
         return np.asarray(found)
 
@@ -190,13 +199,17 @@ class Reaching:
         joints."""
         return here.pose_derivative(self.node, "world")[:, self.rows][:, :, self.own]
 
-    def follow(self, here: DesignEvaluation) -> Array:
-        """Return the derivative (count, actuated, parameters) of the actuated joints at wanted poses."""
-        twist = here.pose_derivative(self.node, "world")[:, self.rows] * self._weights[:, None]
-        return np.asarray(-np.linalg.pinv(twist[:, :, self.own], rcond=1e-10) @ twist[:, :, self.free])
+    def follow(self, here: DesignEvaluation, growth: Array | None = None) -> Array:
+        """Return the derivative (count, actuated, parameters) of the actuated joints at wanted poses; with the motion
+        `growth` (count, rows) of these, m and rad, a further column by it."""
+        twist = here.pose_derivative(self.node, "world")[:, self.rows] * self.weights[:, None]
+        wanted = -twist[:, :, self.free]
+        if growth is not None:
+            wanted = np.concatenate([wanted, (growth * self.weights)[:, :, None]], axis=2)
+        return np.asarray(np.linalg.pinv(twist[:, :, self.own], rcond=1e-10) @ wanted)
 
     def side(self, here: DesignEvaluation) -> Array:
         """Return 1 (count,) where no singularity lies between home and a configuration by the sign of the determinant
         of the node's motions, or -1."""
-        found = self._basis.T @ (self.motions(here) * self._weights[:, None])
+        found = self._basis.T @ (self.motions(here) * self.weights[:, None])
         return np.asarray(np.where(np.sign(np.linalg.det(found)) == self._side, 1.0, -1.0))

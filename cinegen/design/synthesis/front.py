@@ -1,0 +1,123 @@
+"""Pareto fronts of several objectives.
+
+The ends are the best designs of each objective alone. From reference points on the plane through them, evenly spread
+(I. Das and J. E. Dennis, "Normal-boundary intersection", SIAM J. Optimization 8, 1998), all objectives are improved
+together as far as possible. What another design dominates is left out.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cinegen.design.errors import DesignError
+from cinegen.design.synthesis.problem import FEASIBLE, Goal, SynthesisProblem
+from cinegen.errors import CinegenError
+from raff2urdf.extras import needs
+
+Array = NDArray[np.float64]
+
+_SPAN = 1e-9  # of a score: below, both ends are the same
+
+
+def front_of(
+    problem: SynthesisProblem,
+    starts: list[Array],
+    known: list[list[float]],
+    keep: Callable[[list[list[float]]], object],
+    report: Callable[[str, int, int], object],
+) -> list[Array]:
+    """Return the variables of designs of which none dominates another, in the order of the first objective.
+
+    Args:
+        problem: with several objectives.
+        starts: (variables,) of feasible designs, the best first; they compete, too.
+        known: designs that an interrupted run had finished.
+        keep: called with all finished designs after each.
+        report: called with what is done, and how many designs of how many.
+
+    Raises:
+        DesignError: no design but the starts' was found for any objective.
+        MissingExtraError: pymoo is needed for three or more objectives.
+    """
+    objectives = problem.task.objectives
+    done = [np.array(one) for one in known]
+
+    def scores_of(x: Array) -> Array:
+        problem.begin(x)
+        scores = problem.at(x)
+        if problem.violation(scores) > FEASIBLE:
+            return np.full(len(objectives), -np.inf)
+        return np.array([problem.value(one, scores) for one in objectives])
+
+    def add(start: Array, goals: list[Goal]) -> None:
+        problem.restart()
+        try:
+            found = problem.optimised(start, goals)
+        except (CinegenError, np.linalg.LinAlgError):
+            found = start  # it competes with the others as it is
+        done.append(found)
+        keep([one.tolist() for one in done])
+
+    total = max(len(objectives), problem.task.front)
+    weights = _weights(len(objectives), total)
+    total = len(objectives) + len(weights)
+    for k in range(len(done), len(objectives)):
+        report("Pareto front: ends", k, total)
+        problem.restart()
+        candidates = [*starts, *done]
+        best = max(candidates, key=lambda x: scores_of(x)[k])
+        add(best, [Goal(objectives[k])])
+    problem.restart()
+    ends = np.array([scores_of(x) for x in done[: len(objectives)]])
+    if not np.isfinite(ends).all():
+        raise DesignError("the best designs of single objectives do not keep all constraints: give more starts")
+    span = np.ptp(ends, axis=0)
+    if (span > _SPAN).all():
+        for k in range(len(done), total):
+            report("Pareto front", k, total)
+            weight = weights[k - len(objectives)]
+            problem.restart()
+            plane = weight @ ends
+            near = max(done, key=lambda x: float(((scores_of(x) - plane) / span).min()))
+            add(near, [Goal(one, float(a), float(b)) for one, a, b in zip(objectives, plane, span, strict=True)])
+    problem.restart()
+    candidates = [*done, *starts]
+    scores = np.array([scores_of(x) for x in candidates])
+    kept: list[int] = []
+    for i in np.argsort(-scores[:, 0], kind="stable"):
+        one = scores[i]
+        if np.isfinite(one).all() and not _is_dominated(one, scores) and not _is_among(one, scores[kept]):
+            kept.append(int(i))
+    return [candidates[i] for i in kept]
+
+
+def _weights(objectives: int, count: int) -> list[Array]:
+    """Return the weights of reference points, without those of the ends."""
+    if objectives == 2:
+        return [np.array([1.0 - part, part]) for part in np.linspace(0.0, 1.0, count)[1:-1]]
+    with needs("design", "Pareto fronts of three or more objectives"):
+        from pymoo.util.ref_dirs import get_reference_directions
+    points = get_reference_directions("energy", objectives, count, seed=1)
+    return [np.asarray(one) for one in points if one.max() < 1.0 - 1e-6]
+
+
+def _is_dominated(one: Array, others: Array) -> bool:
+    """Return whether another design is as good in all objectives and better in one, beyond rounding."""
+    slack = 1e-7 * np.maximum(np.abs(one), 1e-3)
+    as_good = (others >= one - slack).all(axis=1)
+    return bool((as_good & (others > one + slack).any(axis=1)).any())
+
+
+def _is_among(one: Array, others: Array) -> bool:
+    return bool(len(others) and (np.abs(others - one).max(axis=1) < 1e-6 * np.maximum(np.abs(one).max(), 1e-3)).any())
+
+
+def knee(scores: Array) -> int:
+    """Return the index of the design (n, objectives) that is nearest to the best of all objectives, each divided by
+    its range."""
+    span = np.ptp(scores, axis=0)
+    lack = (scores.max(axis=0) - scores) / np.where(span > 0.0, span, 1.0)
+    return int(np.argmin(np.linalg.norm(lack, axis=1)))

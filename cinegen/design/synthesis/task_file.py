@@ -1,0 +1,336 @@
+"""Task files of a synthesis.
+
+    ties = ["link2.d = link4.d"]
+
+    [parameters]
+    "link2.d" = "150..400mm"
+
+    [reach]
+    x = "-150..150mm"
+    y = "300..500mm"
+
+    [[objective]]
+    maximise = "sigma_1"
+
+    [constraints]
+    joint_limits = true
+
+Keys are read strictly: an unknown one is an error that suggests the nearest.
+"""
+
+from __future__ import annotations
+
+import tomllib
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pinocchio as pin
+from numpy.typing import NDArray
+
+from cinegen.collision.errors import SceneError
+from cinegen.collision.scene_table import SceneTable
+from cinegen.design.errors import DesignError
+from cinegen.design.synthesis.quantities import QUANTITIES
+from cinegen.design.synthesis.region import AXES, Reach
+from cinegen.design.synthesis.task import (
+    FRONT,
+    GRAVITY,
+    STARTS,
+    DesignClearance,
+    DesignErrors,
+    DesignLoad,
+    DesignObjective,
+    Precision,
+    Task,
+)
+from raff2urdf.errors import RaffError, did_you_mean
+from raff2urdf.files import read_bytes
+from raff2urdf.quantities import ANGLE, LENGTH, MASS, NUMBER, Dimension, QuantityError, parse, parse_range
+
+Array = NDArray[np.float64]
+
+_MOST = 10_000  # starts, points of a front, population, generations
+_BOUNDED = {"condition": NUMBER, "mass": MASS, "accuracy": LENGTH}
+
+
+def load_task(path: str | Path) -> Task | Precision:
+    """Return the task of a TOML file; numbers without a unit are in m and degrees.
+
+    Raises:
+        DesignError: the file can't be read, or a value is invalid; the message names the file and the key.
+    """
+    try:
+        values = tomllib.loads(read_bytes(path).decode())
+    except RaffError as error:
+        raise DesignError(str(error)) from None
+    except (ValueError, RecursionError) as error:
+        raise DesignError(f"{path}: invalid TOML: {error}") from None
+    return task_of(values, str(path))
+
+
+def task_of(values: Mapping[str, Any], where: str = "task") -> Task | Precision:
+    """Return the task of the keys and values that a file would have.
+
+    Raises:
+        DesignError: a value is invalid; the message names the key.
+    """
+    try:
+        return _task(SceneTable(values, where, "deg"), values)
+    except SceneError as error:
+        raise DesignError(str(error)) from None
+
+
+def _task(table: SceneTable, values: Mapping[str, Any]) -> Task | Precision:
+    given = table.table("parameters")
+    parameters = {name: given.text(name) for name in given}
+    if not parameters:
+        raise given.error("a parameter", 'is missing: write for example "link2.d" = "150..400mm"')
+    ties = tuple(table.names("ties")) if "ties" in table else ()
+    node = table.text("node") if "node" in table else ""
+    kinds = [key for key in ("path", "guidance", "function") if key in table]
+    if kinds:
+        return _precision(table, kinds, parameters, ties, node)
+    reach = _reach(table.table("reach"))
+    objectives = tuple(_objective(one) for one in table.tables("objective"))
+    if not objectives:
+        raise table.error("objective", "is missing: write [[objective]], several of them for a Pareto front")
+    if len(set(objectives)) < len(objectives):
+        raise table.error("objective", "is given twice: a Pareto front has different ones")
+    settings: dict[str, Any] = {
+        "starts": _count(table, "starts", STARTS),
+        "front": _count(table, "front", FRONT, 3),
+        **_search(table),
+    }
+    if "constraints" in table:
+        settings |= _constraints(table.table("constraints"))
+    if "load" in table:
+        settings["load"] = _load(table.table("load"))
+    if "tolerances" in table:
+        settings["errors"] = _errors(table.table("tolerances"))
+    table.finish()
+    found = Task(parameters, reach, objectives, ties, node, written=dict(values), **settings)
+    _check_needs(table, found)
+    return found
+
+
+def _check_needs(table: SceneTable, task: Task) -> None:
+    if task.uses("accuracy") != (task.errors != DesignErrors()):
+        why = "is missing: accuracy is that by tolerances" if task.uses("accuracy") else "is of no use without accuracy"
+        raise table.error("tolerances", f'{why}: sigma = {{ "link*.d" = "0.05mm" }}')
+    if task.load != DesignLoad() and not task.uses("torque"):
+        raise table.error("load", "is of no use: no objective and no constraint is a torque")
+    if task.grows and len(task.reach.given):
+        raise table.error("objective", "'region' grows a box or a ball, not single points: give x = ..., or a radius")
+    if task.grows and not task.reach.varying:
+        raise table.error("objective", "'region' needs a region with an extent")
+
+
+def _search(table: SceneTable) -> dict[str, Any]:
+    if "search" not in table:
+        return {}
+    own = table.table("search")
+    method = own.text("method")
+    if method not in ("sobol", "evolution"):
+        near = did_you_mean(method, ["sobol", "evolution"])
+        raise own.error("method", f"must be 'sobol' or 'evolution', not '{method}'{near}")
+    found: dict[str, Any] = {"search": method}
+    if method == "evolution":
+        found |= {"population": _count(own, "population", 40, 4), "generations": _count(own, "generations", 25)}
+    own.finish()
+    return found
+
+
+def _constraints(table: SceneTable) -> dict[str, Any]:
+    found: dict[str, Any] = {"joint_limits": table.flag("joint_limits") if "joint_limits" in table else True}
+    if "singular_values" in table:
+        low, high = _range(table, "singular_values", NUMBER)
+        if low <= 0.0:
+            raise table.error("singular_values", "must begin above 0: a robot with a smaller one is singular")
+        found["singular_values"] = low, high
+    if "size" in table:
+        inner = table.table("size")
+        found["size"] = tuple(inner.names("of")), inner.size("most")
+        inner.finish()
+    most: dict[str, float | str] = {}
+    for name, dimension in _BOUNDED.items():
+        if name in table:
+            most[name] = _positive(table, name, dimension)
+    if "torque" in table:  # its dimension depends on the mechanism
+        most["torque"] = _text_or_number(table, "torque")
+    if "clearance" in table:
+        found["clearance"] = _clearance(table)
+    table.finish()
+    return found | {"most": most}
+
+
+def _clearance(table: SceneTable) -> DesignClearance:
+    if not table.has_table("clearance"):
+        raise table.error("clearance", 'must be a table, such as { least = "20mm", radius = "15mm" }')
+    own = table.table("clearance")
+    least = own.size("least")
+    radius = own.size("radius") if "radius" in own else 0.0
+    obstacles = []
+    for one in own.tables("obstacle"):
+        ends = [tuple(one.vector(key, 3).tolist()) for key in ("from", "to" if "to" in one else "from")]
+        obstacles.append((ends[0], ends[1], one.size("radius")))
+        one.finish()
+    own.finish()
+    return DesignClearance(least, radius, tuple(obstacles))
+
+
+def _load(table: SceneTable) -> DesignLoad:
+    payload = _positive(table, "payload", MASS) if "payload" in table else 0.0
+    wrench = table.vector("wrench", 6, dimension=NUMBER) if "wrench" in table else np.zeros(6)
+    gravity = table.vector("gravity", 3, dimension=NUMBER) if "gravity" in table else np.array(GRAVITY)
+    table.finish()
+    return DesignLoad(payload, tuple(wrench.tolist()), tuple(gravity.tolist()))
+
+
+def _errors(table: SceneTable) -> DesignErrors:
+    found = {}
+    for key in ("sigma", "play", "encoder"):
+        own = table.table(key) if key in table else SceneTable({}, table.where)
+        found[key] = tuple((name, own.text(name)) for name in own)
+    table.finish()
+    if not any(found.values()):
+        raise table.error("sigma", 'is missing: write sigma = { "link*.d" = "0.05mm" }, play or encoder')
+    return DesignErrors(**found)
+
+
+def _precision(
+    table: SceneTable, kinds: list[str], parameters: dict[str, str], ties: tuple[str, ...], node: str
+) -> Precision:
+    """Return the precision points of `[path]`, `[guidance]` or `[function]`."""
+    if len(kinds) > 1:
+        raise table.error(kinds[1], f"cannot be combined with {kinds[0]}: remove one of them")
+    starts = _count(table, "starts", 200)
+    own = table.table(kinds[0])
+    key = {"path": "points", "guidance": "poses", "function": "pairs"}[kinds[0]]
+    joints = tuple(own.text(name) for name in ("input", "output")) if kinds[0] == "function" else ()
+    columns = {"path": (LENGTH,) * 2, "guidance": (LENGTH, LENGTH, ANGLE), "function": (ANGLE,) * 2}
+    given = own.rows(key, columns[kinds[0]])
+    own.finish()
+    table.finish()
+    if len(given) < 2:
+        raise own.error(key, "must be two or more")
+    rows = (0, 1, 5) if kinds[0] == "guidance" else (0, 1)
+    return Precision(parameters, given, ties, node, rows, joints, starts)
+
+
+# --- where the node must get to --------------------------------------------------------------------------------------
+
+
+def _reach(table: SceneTable) -> Reach:
+    keeps = False
+    if "orientation" in table:
+        text = table.text("orientation")
+        if text not in ("free", "home"):
+            raise table.error("orientation", f"must be 'free' or 'home', not '{text}'{did_you_mean(text, ['home'])}")
+        keeps = text == "home"
+    if "points" in table:
+        return _points(table, keeps)
+    if "poses" in table:
+        if keeps:
+            raise table.error("orientation", "cannot be combined with poses, which state theirs: remove it")
+        given = table.rows("poses", (LENGTH,) * 3 + (ANGLE,) * 3)
+        table.finish()
+        if not len(given):
+            raise table.error("poses", "is empty")
+        targets = np.array([[*row[:3], *pin.log3(pin.rpy.rpyToMatrix(row[3:]))] for row in given])
+        return Reach(AXES, given[:, :3].min(0), given[:, :3].max(0), targets, 0.0, True, True)
+    table.know("axes")
+    axes = tuple(axis for axis in AXES if axis in table)
+    ends = [_range(table, axis, LENGTH) for axis in axes]
+    if not axes:
+        raise table.error("x", 'is missing: write the box, for example x = "-150..150mm", or points')
+    radius = table.size("radius") if "radius" in table else 0.0
+    table.finish()
+    low, high = np.array(ends).T
+    if radius:
+        wide = [axis for axis, a, b in zip(axes, low, high, strict=True) if a < b]
+        if wide:
+            raise table.error(wide[0], "is a range: with a radius each coordinate has one value, that of the centre")
+        low, high = low - radius, high + radius
+    return Reach(axes, low, high, radius=radius, is_oriented=keeps)
+
+
+def _points(table: SceneTable, keeps: bool) -> Reach:
+    axes = tuple(table.names("axes")) if "axes" in table else AXES
+    if not axes or len(set(axes)) < len(axes) or not set(axes) <= set(AXES):
+        raise table.error("axes", f"must be some of x, y and z, not {list(axes)}")
+    points = np.array(table.points("points", len(axes)))
+    if not len(points):
+        raise table.error("points", "is empty")
+    table.finish()
+    order = [axes.index(axis) for axis in AXES if axis in axes]
+    points = points[:, order]
+    given = np.hstack([points, np.zeros((len(points), 3))]) if keeps else points
+    return Reach(tuple(axes[i] for i in order), points.min(0), points.max(0), given, 0.0, keeps)
+
+
+# --- values ----------------------------------------------------------------------------------------------------------
+
+
+def _range(table: SceneTable, key: str, dimension: Dimension) -> tuple[float, float]:
+    """Return both ends of a range, or one number twice."""
+    try:
+        text = table.text(key)
+    except SceneError:
+        value = table.number(key, dimension)
+        return value, value
+    try:
+        ends = parse_range(text, dimension) if ".." in text else (parse(text, dimension),) * 2
+    except QuantityError as error:
+        raise table.error(key, f"is wrong: {error}") from None
+    if ends[0] > ends[1] or (dimension is NUMBER and ends[0] == ends[1]):
+        raise table.error(key, f"'{text}' is no range: give the lower end first")
+    return ends[0], ends[1]
+
+
+def _positive(table: SceneTable, key: str, dimension: Dimension) -> float:
+    value = table.number(key, dimension)
+    if value <= 0.0:
+        raise table.error(key, f"must be above 0, not {value:g}")
+    return value
+
+
+def _text_or_number(table: SceneTable, key: str) -> float | str:
+    try:
+        return table.text(key)
+    except SceneError:
+        return _positive(table, key, NUMBER)
+
+
+def _objective(table: SceneTable) -> DesignObjective:
+    given = [key for key in ("minimise", "maximise") if key in table]
+    if len(given) != 1:
+        raise table.error("minimise or maximise", "must be given, and only one of them")
+    name = table.text(given[0])
+    if name not in QUANTITIES:
+        raise table.error(
+            given[0], f"'{name}' is none of {', '.join(QUANTITIES)}{did_you_mean(name, list(QUANTITIES))}"
+        )
+    quantity = QUANTITIES[name]
+    if quantity.better != given[0]:
+        raise table.error(given[0], f"'{name}': a robot is better the other way: write {quantity.better}")
+    over = table.text("over") if "over" in table else "worst"
+    if over not in ("worst", "mean"):
+        raise table.error("over", f"must be 'worst' or 'mean', not '{over}'")
+    if over == "mean" and not quantity.pointwise:
+        raise table.error("over", f"is of no use: {name} is one number, not one at each point")
+    of = tuple(table.names("of")) if "of" in table else ()
+    if (name == "size") != bool(of):
+        raise table.error("of", "names the lengths that size adds, and only size has it")
+    table.finish()
+    return DesignObjective(name, over, of)
+
+
+def _count(table: SceneTable, key: str, default: int, least: int = 1) -> int:
+    if key not in table:
+        return default
+    value = table.number(key, NUMBER)
+    if value != int(value) or not least <= value <= _MOST:
+        raise table.error(key, f"must be a whole number from {least} to {_MOST}, not {value:g}")
+    return int(value)
