@@ -2,10 +2,13 @@
 
     python benchmarks/synthesis.py [SEED]
 
-For each task, in one run: designs that the gradient method evaluates from the file's values until its answer, those
-that `scipy.optimize.differential_evolution` evaluates until it is as good to a relative 1e-6, or to a limit, and their
-ratio. Both evaluate the same objective at the same points, continued from a known design; a violated constraint costs
-the evolution its size, times a factor.
+For each task, in one run: what the gradient method evaluates from the file's values until its answer, and what
+`scipy.optimize.differential_evolution` evaluates until it is as good to a relative 1e-6, or to a limit. Both evaluate
+the same objective at the same targets, those to which the gradient method's exchange led: the evolution is spared the
+search for them. A violated constraint costs the evolution its size, times a factor.
+
+`designs` are evaluations of all targets. `configurations` are single targets, which include the finer grids of the
+exchange: the work of the gradient method as a whole.
 """
 
 from __future__ import annotations
@@ -19,6 +22,7 @@ import numpy as np
 from scipy.optimize import differential_evolution
 
 from cinegen.design.synthesis import SynthesisProblem, Task, task_of
+from cinegen.design.synthesis.problem import Goal
 
 sys.path.insert(0, str(Path(__file__).parent.parent / "tests/helpers"))
 from orthoglide import orthoglide
@@ -50,7 +54,10 @@ class EnoughError(Exception):
 
 
 def main(seed: int) -> None:
-    print(f"{'task':<12}{'parameters':>11}{'gradient':>10}{'evolution':>11}{'ratio':>9}   objective by both")
+    print(f"{'':<12}{'':>10}{'designs':^31}{'configurations':^35}")
+    print(
+        f"{'task':<12}{'variables':>10}" + f"{'gradient':>11}{'evolution':>11}{'ratio':>9}" * 2 + "   objective by both"
+    )
     with tempfile.TemporaryDirectory() as folder:
         glide = Path(folder) / "orthoglide.raff"
         glide.write_text(orthoglide(), encoding="utf-8")
@@ -62,11 +69,11 @@ def main(seed: int) -> None:
 
 def measure(name: str, problem: SynthesisProblem, seed: int) -> None:
     (objective,) = problem.task.objectives
-    p = problem.optimised(problem.parameters.values, objective)
-    mine, scores = problem.evaluations, problem.at(p)
+    x = problem.optimised(problem.written, [Goal(objective)])
+    designs, configurations, scores = problem.evaluations, problem.configurations, problem.at(x)
     assert problem.violation(scores) < 1e-6
     goal = problem.value(objective, scores)
-    problem.begin(problem.parameters.values)  # the same points, from the file's values
+    problem.begin(problem.written)  # the same targets, from the file's values
     problem.evaluations, best = 0, [np.inf]
 
     def cost(values: np.ndarray) -> float:
@@ -77,12 +84,15 @@ def measure(name: str, problem: SynthesisProblem, seed: int) -> None:
             raise EnoughError
         return value
 
+    bounds = np.stack([problem.low, problem.high], axis=1)
     with contextlib.suppress(EnoughError):
-        differential_evolution(cost, problem.parameters.bounds, seed=seed, maxiter=100_000, tol=0.0, polish=False)
+        differential_evolution(cost, bounds, seed=seed, maxiter=100_000, tol=0.0, polish=False)
     other = problem.evaluations
+    tried = other * len(problem.points)
     reached = "" if other < MOST else " (not reached)"
     print(
-        f"{name:<12}{len(p):>11}{mine:>10}{other:>11}{other / mine:>9.0f}   "
+        f"{name:<12}{len(x):>10}{designs:>11}{other:>11}{other / designs:>9.0f}"
+        f"{configurations:>11}{tried:>11}{tried / configurations:>9.0f}   "
         f"{problem.scoring.shown(objective, goal):.6g} {problem.scoring.shown(objective, -best[0]):.6g}{reached}",
         flush=True,
     )

@@ -345,6 +345,7 @@ def test_three_objectives():
         assert not ((front <= one + 1e-12).all(axis=1) & (front < one - 1e-6).any(axis=1)).any()
 
 
+@pytest.mark.slow
 def test_several_processes_find_the_same(tmp_path):
     values = changed(starts=3)
     one, two = (synthesize("five_bar", values, workers=workers) for workers in (1, 2))
@@ -356,6 +357,7 @@ def test_several_processes_find_the_same(tmp_path):
 def test_failed_starts_are_reported():
     found = synthesize("five_bar", changed(starts=3, constraints={"joint_limits": True}))
     failed = [one for one in found.starts if not one.is_feasible]
+    assert failed
     for one in failed[:3]:
         assert f"start {one.index + 1}: {one.text}" in found.text
     assert all(one.error or one.missed or one.violated for one in failed)
@@ -388,7 +390,7 @@ def test_failed_starts_are_reported():
         (changed(constraints={"torque": "5kg"}), "torque is wrong"),
         (changed(constraints={"torque": -1}), "must be above 0"),
         (changed(constraints={"clearance": "5mm"}), "must be a table"),
-        (changed(constraints={"mass": "1g"}), "violate mass by"),
+        (changed(constraints={"mass": "1g"}, starts=1), "violate mass by"),
         (
             changed(constraints={"clearance": {"least": "400mm"}}),
             "violate clearance of .* to link., .* to link. by",
@@ -418,8 +420,8 @@ def test_task_file(tmp_path):
                     '[[objective]]\nmaximise = "region"\n', encoding="utf-8")  # fmt: skip
     task = load_task(path)
     samples = task.reach.samples(512, 0) - [0.0, 1.0]
-    assert np.linalg.norm(samples, axis=1).max() <= 0.1
-    assert np.linalg.norm(samples, axis=1).max() > 0.099
+    assert np.linalg.norm(samples, axis=1).max() <= 0.1 + 1e-12
+    np.testing.assert_allclose(np.linalg.norm(samples[:256], axis=1), 0.1)  # half of them on the boundary
     np.testing.assert_allclose(np.linalg.norm(task.reach.grid(3)[1:] - [0.0, 1.0], axis=1), 0.1)
     path.write_text("x = = 2", encoding="utf-8")
     with pytest.raises(DesignError, match=r"task.toml: invalid TOML"):

@@ -264,8 +264,12 @@ class Scoring:
         """Return what must not be negative: rows (count, k) of targets or (1, k), by the name of the constraint."""
         low, high = self.task.singular_values
         sigma = scores.sigma
+        least, slopes = self._squared(scores)
         found = {
-            "singular_values": ScoreRows(sigma.values[:, :2] - [low, 1.0 / high], sigma.slopes[:, :2]),
+            "singular_values": ScoreRows(
+                np.stack([least - low**2, sigma.values[:, 1] - 1.0 / high], axis=1),
+                np.stack([slopes, sigma.slopes[:, 1]], axis=1),
+            ),
             "joint_limits": scores.margins,
         }
         if self.task.size is not None:
@@ -281,6 +285,15 @@ class Scoring:
         if self.clearance is not None:
             found["clearance"] = scores.gaps
         return found
+
+    @staticmethod
+    def _squared(scores: Scores) -> tuple[Array, Array]:
+        """Return the square (count,) of the smallest singular value with its sign, and its derivative. Towards the
+        boundary of the workspace a singular value falls like the root of the distance, its square like the distance."""
+        values, slopes = scores.sigma.values[:, 0], scores.sigma.slopes[:, 0]
+        reached = scores.reached.is_reached
+        squares = np.where(reached, values * np.abs(values), values)
+        return squares, np.where(reached, 2.0 * np.abs(values), 1.0)[:, None] * slopes
 
     def objective(self, objective: DesignObjective, scores: Scores) -> ScoreRows:
         """Return the scores (n, k) of an objective, of which the least (or the mean) counts."""

@@ -35,9 +35,11 @@ _ROUNDS = 12  # of exchange
 _WORSE = 1e-7  # below the bound at targets of the optimiser: the target is added
 _ADDED = 4  # targets of one round for each kind
 _MOST_BOXES, _LEAST_BOX = 16, 1e-5  # of one program; half-width, of the ranges
+_PARTS = (1.0, 0.9, 0.75, 0.5, 0.25, 0.0)  # of the way to a design that has lost targets
 _MOST_EVALUATIONS = 150  # of one program
 _COARSE = 3  # points along each axis
 _FINER = {0: (), 1: (9, 41), 2: (9, 17), 3: (5, 9)}  # by the number of axes along which the region is wide
+_FINER_BALLS = {1: (9, 41), 2: (9, 33, 129), 3: (9, 33)}
 _LARGEST = math.log(20.0)  # of the region's scale, and of its inverse
 _WITHOUT_EFFECT = 1e-10  # dimensionless
 
@@ -246,13 +248,25 @@ class SynthesisProblem:
                 return x  # what comes nearest
         grids, rounds = iter(self.grids), 0
         grid = next(grids, None)
-        x = self._program(x, goals)
+        anchor, x = x, self._program(x, goals)
         while grid is not None and rounds < _ROUNDS:
             if self._exchange(x, goals, grid):
-                x = self._program(x, goals)
+                x = self._program(self._pulled_back(anchor, x), goals)
                 rounds += 1
             else:
                 grid = next(grids, None)
+        return x
+
+    def _pulled_back(self, anchor: Array, x: Array) -> Array:
+        """Return the design between a good one and another, as near to this as all targets are reached and no
+        singularity lies before them."""
+        for part in _PARTS:
+            between = anchor + part * (x - anchor)
+            if part < 1.0:
+                self.begin(between)
+            scores = self.at(between)
+            if scores.reached.is_reached.all() and (scores.sigma.values > 0.0).all():
+                return between
         return x
 
     @cached_property
@@ -260,7 +274,8 @@ class SynthesisProblem:
         """Targets (n, rows) of the finer grids."""
         if len(self.reach.given):
             return []
-        return [self.reach.grid(count) for count in _FINER[self.reach.varying]]
+        finer = _FINER_BALLS if self.reach.radius else _FINER
+        return [self.reach.grid(count) for count in finer[self.reach.varying]]
 
     def _program(self, x: Array, goals: Sequence[Goal]) -> Array:
         """Return the solution of the program at the present targets; without goals, the least violation.

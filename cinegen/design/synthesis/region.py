@@ -12,6 +12,8 @@ Array = NDArray[np.float64]
 
 AXES = ("x", "y", "z")
 
+_SPHERES = 3
+
 
 @dataclass(frozen=True, eq=False)
 class Reach:
@@ -62,11 +64,11 @@ class Reach:
 
     def grid(self, count: int) -> Array:
         """Return targets (n, columns): a regular grid with `count` points along each axis of the box; of a ball its
-        centre, and directions evenly on (count - 1) / 2 concentric spheres; or the single targets."""
+        centre, and directions evenly on concentric spheres; or the single targets."""
         if len(self.given):
             return self.given
         if self.radius:
-            radii = np.linspace(0.0, 1.0, max(1, (count - 1) // 2) + 1)[1:]
+            radii = np.linspace(0.0, 1.0, 1 + min((count - 1) // 2, _SPHERES))[1:]
             around = [radius * self._directions(count, radius) for radius in radii]
             return self._in_ball(np.vstack([np.zeros((1, len(self.axes))), *around]))
         lines = [
@@ -75,16 +77,18 @@ class Reach:
         return self._oriented(np.stack(np.meshgrid(*lines, indexing="ij"), axis=-1).reshape(-1, len(self.axes)))
 
     def samples(self, count: int, seed: int) -> Array:
-        """Return targets (count, columns) of a Sobol sequence within the region, or the single targets."""
+        """Return targets (count, columns) of a Sobol sequence, half of them on the boundary of the region; or the
+        single targets."""
         from scipy.stats import qmc
 
         if len(self.given):
             return self.given
-        unit = qmc.Sobol(len(self.axes), seed=seed).random(count)
+        cube = 2.0 * qmc.Sobol(len(self.axes), seed=seed).random(count) - 1.0
+        outer = cube[: count // 2]
+        outer /= np.abs(outer).max(axis=1, keepdims=True)  # to the faces
         if not self.radius:
-            return self._oriented(self.low + unit * (self.high - self.low))
-        cube = 2.0 * unit - 1.0  # its largest coordinate becomes the radius: cubes become spheres
-        size = np.linalg.norm(cube, axis=1, keepdims=True)
+            return self._oriented((self.low + self.high) / 2.0 + cube * (self.high - self.low) / 2.0)
+        size = np.linalg.norm(cube, axis=1, keepdims=True)  # cubes become spheres
         return self._in_ball(cube * np.abs(cube).max(axis=1, keepdims=True) / np.where(size > 0.0, size, 1.0))
 
     def scaled(self, targets: Array, scale: float) -> Array:

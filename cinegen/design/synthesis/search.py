@@ -267,6 +267,9 @@ def checked(problem: SynthesisProblem, x: Array) -> Check:
     scores = written.scores_from_home(written.parameters.values, targets, scale)
     sigma, inverse, condition = scores.sigma.values.min(axis=0)
     constraints = written.scoring.constraints(scores)
+    margins = {name: float(rows.values.min()) for name, rows in constraints.items() if rows.values.size}
+    low, high = problem.task.singular_values
+    margins["singular_values"] = float(min(sigma / low, inverse * high)) - 1.0
     good = scores.reached.is_reached & (scores.sigma.values[:, 0] > 0.0)
     return Check(
         len(targets),
@@ -275,7 +278,7 @@ def checked(problem: SynthesisProblem, x: Array) -> Check:
         (float(sigma), float(1.0 / inverse) if inverse > 0.0 else float("inf")),
         float(1.0 / condition) if condition > 0.0 else float("inf"),
         tuple(written.scoring.shown(one, written.value(one, scores)) for one in problem.task.objectives),
-        {name: float(rows.values.min()) for name, rows in constraints.items() if rows.values.size},
+        margins,
     )
 
 
