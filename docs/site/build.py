@@ -165,8 +165,9 @@ class Site:
 
 def fill(site: Site) -> None:
     """Write all pages."""
-    for path in sorted((ROOT / "docs").glob("*.md")):
-        site.copy(path.relative_to(ROOT).as_posix(), path.stem)
+    docs = ROOT / "docs"
+    for path in [*sorted(docs.glob("*.md")), *sorted(docs.glob("howto/*.md"))]:
+        site.copy(path.relative_to(ROOT).as_posix(), path.relative_to(docs).with_suffix("").as_posix())
     for file, page in PAGES.items():
         if page != "index":
             site.copy(file, page)

@@ -2,8 +2,8 @@
 
 Python blocks run in one namespace for each page. A `text` block that comes next is what one prints. RAFF blocks are
 read, and whole files converted too; the word behind `raff` may be the name they are saved by ("excerpt": only read,
-"wrong": must fail); NFF blocks are read and saved, XML and YAML blocks saved. In `console` blocks the lines behind `$`
-are run, and the others are what is printed. A number below 1e-12 is as good as another, digits beyond the 12th decimal
+"wrong": must fail); NFF blocks are read and saved, XML, YAML, CSV, C and JavaScript blocks saved. In `console` blocks the
+lines behind `$` are run (`gcc`, `node` and what they make where they are installed), and the others are what is printed. A number below 1e-12 is as good as another, digits beyond the 12th decimal
 don't count, and a line `...` stands for any lines.
 """
 
@@ -61,12 +61,12 @@ def test_a_page_says_what_happens(name: str, folder: Path):
             elif block.language == "nff":
                 (folder / block.word).write_text(block.text, encoding="utf-8")
                 assert nff.read(folder / block.word), f"{where}: holds no surface"
-            elif block.language in ("xml", "yaml"):
+            elif block.language in ("xml", "yaml", "csv", "c", "js"):
                 (folder / block.word).write_text(block.text, encoding="utf-8")
             elif block.language == "json":
                 json.loads(block.text)
             else:
-                assert block.language in ("sh", "math"), f"{where}: '{block.language}' is not checked"
+                assert block.language in ("sh", "math", "html"), f"{where}: '{block.language}' is not checked"
 
 
 def _run(block: Block, namespace: dict[str, object], where: str) -> str:
@@ -112,6 +112,10 @@ def _console(block: Block, folder: Path, where: str) -> None:
         if words[0] == "cat":
             printed = Path(folder, words[1]).read_text(encoding="utf-8")
         elif words[:2] == ["cinegen", "drive"]:
+            printed = _in_a_process([sys.executable, "-m", *words])
+        elif words[0] in ("gcc", "node") or words[0].startswith("./"):
+            if shutil.which(words[0]) is None:
+                continue
             printed = _in_a_process(words)
         else:
             assert words[0] in COMMANDS, f"{where}: '{words[0]}' is not run"
@@ -119,8 +123,7 @@ def _console(block: Block, folder: Path, where: str) -> None:
         assert _same(said, printed, folder), f"{where}: {command} prints:\n{printed}"
 
 
-def _in_a_process(words: list[str]) -> str:
-    command = [sys.executable, "-m", *words]
+def _in_a_process(command: list[str]) -> str:
     return subprocess.run(
         command, stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, timeout=60,
         check=False,
