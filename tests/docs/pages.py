@@ -8,7 +8,8 @@ from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[2]
 _TOP = ("README.md", "CHANGELOG.md", "CONTRIBUTING.md", "SECURITY.md")
-PAGES = [*(ROOT / name for name in _TOP), *sorted((ROOT / "docs").glob("*.md")), *sorted((ROOT / "docs/howto").glob("*.md"))]
+_DOCS = ROOT / "docs"
+PAGES = [*(ROOT / name for name in _TOP), *sorted(_DOCS.glob("*.md")), *sorted(_DOCS.glob("howto/*.md"))]
 NAMES = [page.relative_to(ROOT).as_posix() for page in PAGES]
 
 

@@ -17,7 +17,7 @@ ROOT = Path(__file__).parents[2]
 REPLACED = {
     r"pulls?": "task",
     r"verdicts?": "status",
-    r"(?<!stepper )(?<!choose )motors?(?! and gears| suits| allow)": "actuated joint; a motor is a machine in a catalogue",
+    r"(?<!stepper )(?<!choose )motors?(?! and gears| suits| allow)": "actuated joint, actuator",
     r"freedoms": "degrees of freedom, DoF",
     r"fathers?": "parent",
     r"surveys?": "map specification",
@@ -63,7 +63,9 @@ def _found(text: str, where: str) -> list[str]:
     return [f"{where}: '{match.group()}'" for match in WORDS.finditer(text)]
 
 
-@pytest.mark.parametrize("page", ["README.md", *(str(page.relative_to(ROOT)) for page in sorted((ROOT / "docs").rglob("*.md")))])
+@pytest.mark.parametrize(
+    "page", ["README.md", *(str(page.relative_to(ROOT)) for page in sorted((ROOT / "docs").rglob("*.md")))]
+)
 def test_pages_use_the_terms_of_the_field(page: str) -> None:
     text = CODE.sub(lambda code: "\n" * code.group().count("\n"), (ROOT / page).read_text())
     assert not [hit for i, line in enumerate(text.splitlines(), 1) for hit in _found(line, f"{page}:{i}")]
