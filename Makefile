@@ -54,11 +54,12 @@ mutations: .venv/test-installed build/cosmic-ray/installed kernels ## put SAMPLE
 campaign: .venv/test-installed kernels ## attack readers, solver, page and commands for HOURS on all cores; build/campaign/report.md
 	@PYTHONPATH=tests $(BIN)/python -m campaign all --hours $(HOURS)
 
-check: .venv/test-installed ## run the linters of the Python code only
+check: .venv/test-installed ## run the linters of the Python code and of the prose only
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy
 	$(BIN)/lint-imports --no-cache # a cached graph does not notice a module that is gone
+	$(BIN)/python tests/docs/prose.py
 
 # Kernels do not check indices; here they do, and IndexError is raised. Numba keeps both kinds under one name: hence a
 # cache of its own. `cinegen compile` calls each kernel of assembly modes once.

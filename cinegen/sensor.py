@@ -72,7 +72,7 @@ class Reading(NamedTuple):
 
 
 class Sensor(Protocol):
-    """Input device, or a program in its place. Its methods do not raise; `read` and `status` take microseconds.
+    """Input device, or a program instead. Its methods do not raise; `read` and `status` take microseconds.
 
     Attributes:
         url: address of the device.

@@ -30,7 +30,7 @@ Loops = Annotated[
     Option(
         "--loop",
         metavar="NAME=KIND",
-        help="close a loop as rigid, prismatic, revolute or ball, whatever the file says; may be repeated",
+        help="close a loop as rigid, prismatic, revolute or ball, instead of what the file declares; may be repeated",
     ),
 ]
 

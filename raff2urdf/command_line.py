@@ -86,7 +86,7 @@ def run_app(app: typer.Typer, program: str, arguments: Sequence[str] | None = No
 
 
 def print_error(text: str) -> None:
-    """Print an error on standard error: at a terminal, its place in red, unless `NO_COLOR` is set."""
+    """Print an error on standard error: at a terminal, its position in red, unless `NO_COLOR` is set."""
     if sys.stderr.isatty() and not os.environ.get("NO_COLOR") and os.environ.get("TERM") != "dumb":
         place, colon, rest = text.partition(": ")
         text = f"\x1b[1;31m{place}{colon}\x1b[0m{rest}"

@@ -200,7 +200,7 @@ def convert(
         density: of the links, kg/m3, for formats that need masses; 1000 by default.
         file: name of the robot's own file in `out`, whose stem is that of its other files; `-` is standard output.
         overwrite: whether to replace files that were not generated; see `raff2urdf.files.check_new`.
-        dialect: in which a URDF declares loops and couplings, beside its constraints file: json (none), constraint,
+        dialect: in which a URDF declares loops and couplings, besides its constraints file: json (none), constraint,
             urdf+, closing-frames, mimic or robot.yaml; see `raff2urdf.writers.urdf_dialects`.
 
     Raises:

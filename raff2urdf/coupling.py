@@ -109,7 +109,7 @@ def coupled_scales(
 
 
 def followed(couplings: Iterable[Coupling], values: Mapping[str, float]) -> dict[str, float]:
-    """Return joint values (rad, m) in which the follower of each coupling is where the other joints lead it.
+    """Return joint values (rad, m) in which the follower of each coupling is where the other joints drive it.
 
     Leaders that follow others themselves move first. A follower of whose variable powers occur stays.
     """

@@ -186,7 +186,7 @@ def is_stream(path: str | Path) -> bool:
 
 
 def open_stream(path: str | Path) -> int:
-    """Open what `is_stream` says is one; return its file descriptor. A FIFO waits for its reader.
+    """Open a stream, as `is_stream` finds it; return its file descriptor. A FIFO waits for its reader.
 
     Raises:
         OSError: it can't be opened.
@@ -261,7 +261,7 @@ def _take_over(target: Path, fresh: str) -> None:
 
 
 def _missing(folder: Path) -> list[Path]:
-    """The folder and those that it stands in, as far as they don't exist, outermost first."""
+    """The folder and its parents, as far as they don't exist, outermost first."""
     return [one for one in (folder, *folder.parents) if not one.exists()][::-1]
 
 

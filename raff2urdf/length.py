@@ -15,7 +15,7 @@ presence of redundancies", International Journal of Robotics Research 11, 1992) 
 about the point of the end effector; this definition needs no isotropy, no optimisation and no end effector.
 
 L depends on the axes alone: not on frames drawn on links or along axes, nor on which link is the base, on which joints
-are cut, on their order, or on where the robot stands; it is proportional to size. Axes that are parallel up to a few
+are cut, on their order, or on the base pose; it is proportional to size. Axes that are parallel up to a few
 degrees do not determine the centre along their direction; there it stays near a given point, so that rounding does not
 move it far, and no moment depends on it if they are parallel.
 

@@ -1,7 +1,7 @@
 """Numbers that people type and read: quantities with an optional unit, ranges and lists of them, and their text.
 
     parse("-900mm", LENGTH)         # -0.9
-    parse("15", ANGLE)              # 0.2617993877991494: degrees, unless a unit says otherwise
+    parse("15", ANGLE)              # 0.2617993877991494: degrees, unless it has another unit
     parse_range("0..90", ANGLE)     # (0.0, 1.5707963267948966)
 
 The dimension is declared where a number is used. Values are in SI units and radians; a number without a unit is in m,

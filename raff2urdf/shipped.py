@@ -65,7 +65,7 @@ def similar_file(path: str | Path) -> str:
 
 
 def description(path: Path) -> str:
-    """Return what a file says about itself: the first line of a program's docstring; of a RAFF or TOML file the comment
+    """Return a file's own description: the first line of a program's docstring; of a RAFF or TOML file the comment
     at its top, up to the first colon or full stop."""
     content = path.read_text(encoding="utf-8")
     if path.suffix == ".py":

@@ -204,7 +204,7 @@ class Cluster:
 
     @property
     def start(self) -> Array:
-        """Home as written, but with joints that follow others in couplings where these lead them."""
+        """Home as written, but with joints that follow others in couplings where these drive them."""
         written = dict(zip(self._columns, self.home.tolist(), strict=True))
         return np.array(list(followed([equation for equation, _ in self._equations], written).values()))
 

@@ -1,4 +1,4 @@
-"""The numbers of a robot's files that place its joints and the ends of its loops, where they stand in the text.
+"""The numbers of a robot's files that place its joints and the ends of its loops, with their positions in the text.
 
 They can be changed without touching anything else in the file: RAFF, URDF with its constraints file, SDF, MJCF.
 """
@@ -52,7 +52,7 @@ class WrittenNumber:
 
     Attributes:
         file: that holds it.
-        start: its place, in bytes.
+        start: its position, in bytes.
         text: as written.
         line: its line.
         name: the element or statement that it belongs to.
@@ -139,7 +139,7 @@ def rewritten(numbers: Sequence[WrittenNumber], values: Sequence[float]) -> dict
 def _numbers(
     path: Path, data: bytes, start: int, end: int, kinds: str, name: str, angle: float = 1.0
 ) -> Iterator[WrittenNumber]:
-    """Yield the numbers between two places, if they are as many as their kinds."""
+    """Yield the numbers between two positions, if they are as many as their kinds."""
     words = [(found.start() + start, found[0]) for found in _NUMBER.finditer(data[start:end])]
     try:
         values = [float(word) for _, word in words]

@@ -379,7 +379,7 @@ def _tangent(
 
 @compiled
 def _is_far(tables: LinkageTables, x: Complex) -> bool:
-    """Return whether a solution is on its way to infinity."""
+    """Return whether a solution diverges to infinity."""
     last = len(x) - 1
     far = math.log(1.0 + abs(x[last]))
     for k in range(len(tables.joints)):

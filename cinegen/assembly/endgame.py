@@ -1,6 +1,6 @@
 """The ends of paths that don't end in a regular solution: points where solutions coincide, and infinity.
 
-Near its end a path is a Laurent series in (1 - s)^(1/c): c solutions are permuted cyclically when s goes round 1. The
+Near its end a path is a Laurent series in (1 - s)^(1/c): c solutions are permuted cyclically when s goes around 1. The
 mean of an analytic function over the c revolutions is its value at the end, if it has one (A. Morgan, A. Sommese, C.
 Wampler, "Computing singular solutions to nonlinear analytic systems", Numerische Mathematik 58, 1991: Cauchy's
 integral). Means are taken of features, not of joint values: an angle may come back with a whole revolution, a gimbal

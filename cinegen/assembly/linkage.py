@@ -265,7 +265,7 @@ class Linkage:
 
     def locked_values(self, q: Array) -> Array:
         """Return the values (locked,) of the locked joints in q (nq,), dimensionless; joints that follow others in
-        couplings are where these lead them."""
+        couplings are where these drive them."""
         values = dict(zip(self.joint_names, q[self._index].tolist(), strict=True))
         there = followed(self.mechanism.couplings, values)
         return np.array([there[name] for name in self.locked]) / self._unit[self._locked]

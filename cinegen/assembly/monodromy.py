@@ -106,7 +106,7 @@ class Monodromy:
         return self._full or self._linkage.work > self._most
 
     def _general(self) -> Complex:
-        """Return values (locked,) about home, and off the real axis; far enough to go round branch points."""
+        """Return values (locked,) about home, and off the real axis; far enough to go around branch points."""
         real, imaginary = self._rng.normal(size=(2, len(self._home)))
         far = self._rng.choice([1.0, 3.0])
         step = np.where(self._linkage.revolute, 1.6 * real + 0.7j * far * imaginary, far * (real + 1j * imaginary))

@@ -1,4 +1,4 @@
-"""`SixRods`: modes of a linkage whose platform stands on six rods, from the platform's placements."""
+"""`SixRods`: modes of a linkage whose platform is carried by six rods, from the platform's placements."""
 
 from __future__ import annotations
 

@@ -142,7 +142,7 @@ class TraceTest:
         return None
 
     def _follow(self, points: Complex, plane: Complex) -> Complex | None:
-        """Follow points once: alpha and gamma shrink by ten and by ten again. So does t on the way to 0; a point that
+        """Follow points once: alpha and gamma shrink by ten and by ten again. So does a t that tends to 0; a point that
         keeps its t can only do that by an F that grows."""
         zero, found, part = self._linkage.zero_slice, [], 1e-3
         here, now, there = points, plane, zero + part * (plane - zero)

@@ -73,7 +73,7 @@ def _options(version: Version = False) -> None:
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Run the command; return its exit code: 0, 1 or 2, or as `raff2urdf.output.run` says."""
+    """Run the command; return its exit code: 0, 1 or 2, or as `raff2urdf.output.run` returns."""
     return output.run("cinegen", lambda: copy_context().run(_main, arguments))
 
 

@@ -40,7 +40,7 @@ def run(
     payload: list[str] = PAYLOADS,
     gravity: str = GRAVITY,
     cross_singularities: bool = flag(
-        "--cross-singularities", "with --torques: pass type 2 singularities at a pace that keeps torques within limits"
+        "--cross-singularities", "with --torques: pass type 2 singularities at a speed that keeps torques within limits"
     ),
     all_joints: bool = flag("--all-joints", "write passive joints too"),
     unsafe: bool = flag("--unsafe", "write the motion even if its check fails"),

@@ -43,7 +43,7 @@ def run(
         ...,
     ),
     node: str | None = NODE,
-    all_: bool = flag("--all", "list all solutions, and say whether it is proved that these are all"),
+    all_: bool = flag("--all", "list all solutions, and report whether it is proved that these are all"),
     lock: str | None = option(
         "VALUES", f"with --all, joints that keep a value, such as joint3=0.7 of a robot with seven joints ({UNITS})"
     ),

@@ -58,7 +58,7 @@ def run(
     """List the assembly modes of a closed mechanism.
 
     Lists all configurations for given values of the actuated joints, home unless --values or --at gives others (the
-    direct kinematics of a parallel robot), and says whether it is proved that these are all. The exit code is 1 if
+    direct kinematics of a parallel robot), and reports whether it is proved that these are all. The exit code is 1 if
     there is none.
     """
     exclude(values=lengths, at=at)
@@ -126,7 +126,7 @@ def _solved(mechanism: Mechanism, asked: FrameTask) -> NDArray[np.float64]:
     """Return the values (n,) of the actuated joints with a node at its target, within limits if possible, near home.
 
     Raises:
-        CinegenError: the target can't be reached; says by how much it is missed.
+        CinegenError: the target can't be reached; the message has the remaining distance.
     """
     import numpy as np
 

@@ -74,7 +74,7 @@ class RobotOptions:
 
     robot: str | None = option("NAME", "load only the robot of this name")
     loop: list[str] = option(
-        "NAME=KIND", "close a loop as rigid, prismatic, revolute or ball, whatever the file says", ()
+        "NAME=KIND", "close a loop as rigid, prismatic, revolute or ball, instead of what the file declares", ()
     )
     ignore_loops: bool = IGNORE_LOOPS
     ignore: list[str] = IGNORE

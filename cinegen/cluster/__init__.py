@@ -122,7 +122,7 @@ def each(
 ) -> Iterator[tuple[Task, Future[Any] | concurrent.futures.Future[Any]]]:
     """Run a function for tasks, and yield these as they are done, in any order, each with its future.
 
-    A result stays on its worker until it is asked for. Few tasks are under way at a time, however many there are.
+    A result stays on its worker until it is asked for. Few tasks are submitted at a time, however many there are.
 
     Args:
         client: of the cluster; None for this process alone, which does one task after the other.

@@ -400,7 +400,7 @@ class _Static(_Guarded, tornado.web.StaticFileHandler):
     is_private = False
 
     def get_content_type(self) -> str:
-        """Return the type of scripts whatever the system's registry says."""
+        """Return the type of scripts independent of the system's registry."""
         return "text/javascript; charset=utf-8" if self.path.endswith(".js") else super().get_content_type()
 
 

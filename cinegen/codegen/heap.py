@@ -55,7 +55,7 @@ class Heap:
         return found
 
     def allocate(self, key: tuple[object, ...], values: np.ndarray) -> HeapArray:
-        """Return the place of values; a key has one place."""
+        """Return the address of values; a key has one address."""
         if key not in self._places:
             table = "D" if values.dtype.kind == "f" else "I"
             numbers = self.values[table]

@@ -177,7 +177,7 @@ class KernelTranslation:
         return _stem(kernel)
 
     def view(self, place: HeapArray) -> View:
-        """Return an array by its place."""
+        """Return an array by its address."""
         return View(place.table, _integer(place.begin), tuple(map(_integer, place.shape)))
 
 

@@ -54,7 +54,7 @@ def fits(amount: float | str, dimension: Dimension) -> bool:
 
 def matching(parameters: Parameters, pattern: str, amount: float | str) -> list[int]:
     """Return the indices in `Parameters.all` of what a pattern matches; with a unit, only those of its dimension. The
-    base's are matched by patterns that begin with `base` only: where a robot stands is no property of the robot.
+    base's are matched by patterns that begin with `base` only: a robot's base pose is no property of the robot.
 
     Raises:
         DesignError: none; or lengths and angles, and the amount has no unit.

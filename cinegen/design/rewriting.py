@@ -42,7 +42,7 @@ def rewritten(document: Document, wanted: Document, robot: str) -> str:
 
 
 def _edits(lines: Sequence[str], old: RaffRobot, new: RaffRobot) -> Iterator[tuple[int, int, int, str]]:
-    """Yield line, column and length of a text that is replaced, and the text in its place."""
+    """Yield line, column and length of a text that is replaced, and the text that replaces it."""
     path: list[list[Token]] = [[]]  # of open blocks: the words before their braces; the last has those since
     numbers: dict[tuple[int, str], Token] = {}
     blocks: dict[int, Token] = {}  # the opening brace of each node

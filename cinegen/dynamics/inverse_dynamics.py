@@ -39,7 +39,7 @@ class InverseDynamics:
 
     For one thread at a time; the mechanism may be shared.
 
-    A floating base is held: it moves as v and a say, whatever force that takes.
+    A floating base moves as v and a prescribe, whatever force that takes.
 
     Args:
         mechanism: any; its model has the masses of its links.

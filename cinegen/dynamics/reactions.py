@@ -37,7 +37,7 @@ class Reaction:
         name: of the joint or loop.
         kind: "joint" or "loop".
         body: the node that the wrench acts on; the reaction acts on the body at the other end of the joint.
-        frame: in words, the frame of the numbers: where its origin is, and whose axes it has.
+        frame: as text, the frame of the numbers: where its origin is, and whose axes it has.
         placement: of that frame in the world, m.
         wrench: (6,) force (N), then moment (N m) about the origin; NaN for what is undetermined, and everywhere if no
             torques hold the load.

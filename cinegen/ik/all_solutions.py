@@ -409,7 +409,7 @@ class _Assembly:
         return near
 
     def _coupled(self, q: Array) -> Array | None:
-        """Return q (nq,) with joints that don't move the node where couplings lead them; None if they can't be
+        """Return q (nq,) with joints that don't move the node where couplings drive them; None if they can't be
         fulfilled."""
         if not self._mechanism.couplings:
             return q

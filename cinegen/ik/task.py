@@ -336,7 +336,7 @@ class FrameTask:
 
 
 def _nothing() -> None:
-    """Do nothing: no solver is to be told that the number of rows changed."""
+    """Do nothing: no solver needs to know that the number of rows changed."""
 
 
 def _no_solver(task: FrameTask) -> tuple[float, float]:

@@ -140,7 +140,7 @@ def prepare(function: Callable[..., Any], *arguments: types.Type | type[Memory])
 
 
 def is_cached(function: Callable[..., Any], *arguments: types.Type | type[Memory]) -> bool:
-    """Return whether the machine code is on disk; True if there is no place for it: no other process can compile it."""
+    """Return whether the machine code is on disk; True if it can't be written: no other process can compile it."""
     cache: Any = getattr(function, "_cache", None)
     if getattr(cache, "_cache_file", None) is None:
         return True

@@ -38,7 +38,7 @@ class FindingKind(Enum):
     SPEED = "a joint exceeds its velocity limit"
     ACCELERATION = "a joint exceeds its acceleration limit"
     TYPE_2 = "a type 2 singularity is passed or reached: the actuated joints lose control"
-    CROSSED = "a type 2 singularity is crossed at a pace at which torques stay within their limits"
+    CROSSED = "a type 2 singularity is crossed at a speed at which torques stay within their limits"
     NEAR_TYPE_2 = "a type 2 singularity is near"
     TYPE_1 = "a type 1 singularity is passed: the end loses a DoF"
     NEAR_TYPE_1 = "a type 1 singularity is near"
@@ -237,7 +237,7 @@ def _singular(
                 continue  # at a sample, found in the interval before
             message = f"it passes through a {_description(mechanism, passed, rows, crossing.q)}"
             if passed is FindingKind.CROSSED:
-                message += ", at a pace at which torques stay within their limits"
+                message += ", at a speed at which torques stay within their limits"
             value = float(rows.sigma(rows.of(crossing.q)[None])[0])
             found.append(_finding(trajectory, passed, time, message, crossing.q, value))
             through[k : k + 2] = True

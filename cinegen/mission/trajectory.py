@@ -249,8 +249,8 @@ def _timed(
         law = law.slowed(slower * _SLOWER)
     if timing.has_pace:
         raise MissionError(
-            f"{name} can't be exported: it passes points where it can't rest, and no pace was found at which limits of "
-            "velocity, acceleration and torque are obeyed"
+            f"{name} can't be exported: it passes points where it can't rest, and no speed was found at which limits "
+            "of velocity, acceleration and torque are obeyed"
         )
     raise MissionError(f"{name} can't be exported: a passive joint is too fast however slow the actuated joints are")
 
@@ -335,7 +335,7 @@ class _Timing:
                 raise
             raise TimingError(
                 f"{error}. It passes a singularity of type 2, or points at which torques do not hold the mechanism at "
-                "rest: some pace must keep torques within limits there, and all before and after"
+                "rest: some speed must keep torques within limits there, and all before and after"
             ) from None
 
     def used(self, law: TimeLaw) -> Array:
@@ -358,7 +358,7 @@ class _Timing:
         if len(torques.crossings(guided(mechanism, self._knots), self._configuration, grid)):
             raise CinegenError(
                 f"{mechanism.name}: the path passes a type 2 singularity, where torques stay within limits at certain "
-                "paces only: --cross-singularities (crosses=True) finds one"
+                "speeds only: --cross-singularities (crosses=True) finds one"
             )
 
     def _terms_at(self, points: Array, tangents: Array, bends: Array, inner: bool = True) -> TorqueTerms:

@@ -65,7 +65,7 @@ def load(
             to a URDF, such as "robot.yaml".
         relax: what is done with loops that are nearly redundant, because numbers are rounded. None: their geometry is
             healed, by changes as small as rounding (`cinegen.model.healing`); where that fails, they are closed by
-            weaker joints. True: weaker joints are tried first; they may add to mobility. One warning tells what was
+            weaker joints. True: weaker joints are tried first; they may add to mobility. One warning reports what was
             done. False: they stay as written; then they can't be closed, or hardly move.
         srdf: an SRDF, which names pairs of links that are not checked against each other. By default the one next to a
             URDF, `<stem>.srdf`, unless `ignore` names it.
@@ -424,7 +424,7 @@ def _written(model: pin.Model, constraints: Mapping[str, Any]) -> Array:
 
 
 def _followed(system: ClosedLoops, q: Array) -> Array:
-    """Return q (nq,) with joints that follow others in couplings where these lead them."""
+    """Return q (nq,) with joints that follow others in couplings where these drive them."""
     joints = {name: joint.idx_q for name, joint in zip(system.model.names, system.model.joints, strict=True)}
     names = {name for coupling in system.couplings for name in coupling.terms}
     moved, there = q.copy(), followed(system.couplings, {name: float(q[joints[name]]) for name in names})

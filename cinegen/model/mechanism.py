@@ -68,7 +68,7 @@ class Mechanism:
         name: of the robot.
         model: the tree as a Pinocchio model. Each joint is one number of q (rad, m), RAFF's theta or r; a free base is
             seven; a ball joint of `balls` is four, a quaternion x y z w. Find joints by name, since Pinocchio orders
-            them its own way.
+            them differently.
         nodes: names of base, links and frames: base first, in file order.
         joints: names of all joints that move, in file order (not of a free base and `balls`).
         actuated: names of the actuated joints, in file order.

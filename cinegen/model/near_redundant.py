@@ -28,7 +28,7 @@ Array = NDArray[np.float64]
 def made_exact(
     urdf: str, constraints: Mapping[str, Any], system: ClosedLoops, q: Array, relax: bool, name: str
 ) -> tuple[str, Mapping[str, Any]] | None:
-    """Return a description whose loops are not nearly redundant, with one warning that tells what is changed.
+    """Return a description whose loops are not nearly redundant, with one warning that reports what is changed.
 
     The geometry of each cluster of loops is healed; where that fails, its loops are closed by weaker joints, which may
     add to mobility. If neither succeeds, it stays as it is.

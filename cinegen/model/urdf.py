@@ -1,4 +1,4 @@
-"""A URDF as Pinocchio needs it, and everything that the URDF and its sidecar file declare, in one place."""
+"""A URDF as Pinocchio needs it, and everything that the URDF and its sidecar file declare, in one object."""
 
 from __future__ import annotations
 

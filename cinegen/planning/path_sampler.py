@@ -130,7 +130,7 @@ class SamplingSpace:
     or characteristic lengths, multiplied by `weights`.
 
     Joints are bounded by their limits. A revolute joint without limits has one revolution to either side, so that a
-    goal can be reached both ways around; a prismatic one, and a floating base, the extent of the scene and a margin;
+    goal can be reached in both directions; a prismatic one, and a floating base, the extent of the scene and a margin;
     the rotations of a ball joint and of a floating base, half a revolution. Locked joints are no dimensions.
 
     Args:

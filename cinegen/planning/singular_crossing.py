@@ -1,4 +1,4 @@
-"""Paths of closed mechanisms through singularities of type 2, and torques, which stay bounded at certain paces only.
+"""Paths of closed mechanisms through singularities of type 2, and torques, which stay bounded at certain speeds only.
 
 At such a singularity the mechanism can move while all actuated joints are locked. No torque does work on that motion t,
 so gravity and inertia must not, either: t^T (M a + c + g) = 0. Along a path q(s) this is a linear condition,

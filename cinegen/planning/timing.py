@@ -92,7 +92,7 @@ def time_law(
             breakpoints of the curve; `grid_of(curve.x)` unless given.
         fastest: limit of the parameter's rate, 1/s.
         torques: (3, n - 1, joints) at the beginning, in the middle and at the end of each interval of the grid,
-            relative to their limits; unlimited unless given. Where the motion needs some pace (`TorqueTerms.has_pace`),
+            relative to their limits; unlimited unless given. If the motion needs a speed (`TorqueTerms.has_pace`),
             it is not slowed down, but timed again within tighter limits.
 
     Raises:

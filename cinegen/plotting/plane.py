@@ -168,7 +168,7 @@ class Plane:
         """Draw lines of equal values (m, n), with the value in them.
 
         They end where the values jump from cell to cell, as those of an arm with redundant joints, which reaches
-        neighbours in different ways; and there are none where many do.
+        neighbours differently; and there are none where many do.
         """
         if not len(shades.levels) or min(values.shape) < _COARSE:
             return

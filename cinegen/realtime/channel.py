@@ -50,7 +50,7 @@ class _Pickler(pickle.Pickler):
 
 
 class ClockError(CinegenError):
-    """A clock is used in a wrong way, or its loop can't start, end or receive data."""
+    """A clock is used wrongly, or its loop can't start, end or receive data."""
 
 
 class LocalMailbox:

@@ -100,7 +100,7 @@ class AvoidingRobot(DrivenRobot):
         is_joints = isinstance(motion, JointMotion)
         if remaining < _THERE or self._waited < (_STOPPED if is_joints else PATIENCE):
             return ""
-        problem = self.collision(there) or "obstacles are in the way"
+        problem = self.collision(there) or "obstacles block the path"
         if is_joints:
             solver.destination = None
             motion.block(self.q, problem)

@@ -128,7 +128,7 @@ class UndoHistory:
             self._open = Snapshot.of(self._robots), trace
 
     def tick(self, dt: float, dragging: bool) -> None:
-        """Advance by a tick of dt (s); `dragging` says whether something is dragged."""
+        """Advance by a tick of dt (s); `dragging` is True while something is dragged."""
         self._ticks += 1
         moving = any(robot.motion for robot in self._robots.values())
         if self._open is not None and self._ticks % max(1, round(1.0 / (_RATE * dt))) == 0:

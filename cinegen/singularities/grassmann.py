@@ -539,7 +539,7 @@ def _of_four(lines: Array, accuracy: float) -> LineVariety:
 
 
 def _degenerate(lines: Array) -> Iterator[tuple[float, LineVariety]]:
-    """Return all ways to part the lines into three through one point, or in one plane, and the others in one plane, or
+    """Return all partitions of the lines into three through one point, or in one plane, and the others in one plane, or
     through one point, with the point in the plane; each with the distance of the lines from it."""
     for three in combinations(range(len(lines)), 3):
         others = _others(len(lines), three)

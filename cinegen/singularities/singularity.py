@@ -305,7 +305,7 @@ def _second(
 
 
 def controlled_nowhere(mechanism: Mechanism, node: str) -> int:
-    """Return in how many independent ways a node moves in every configuration while all actuated joints are locked: by
+    """Return the number of motions of a node in every configuration while all actuated joints are locked: by
     passive joints outside loops, or of a platform that is singular everywhere."""
     columns, count = mechanism.passive_columns, mechanism.passive_rank
     if len(columns) == count:

@@ -56,7 +56,7 @@ class ByActuatedJoints:
         return Cells(spec, status, done, self._modes(values) if "solutions" in spec.quantities else None)
 
     def _judged(self, done: Evaluations) -> NDArray[np.uint8]:
-        """Return the status (n,) of cells, after passive joints are moved by whole turns to within their limits."""
+        """Return the status (n,) of cells, after passive joints are moved by revolutions to within their limits."""
         done.q[:, self._passive] -= 2.0 * np.pi * np.rint((done.q[:, self._passive] - self._middles) / (2.0 * np.pi))
         status = np.where(np.isfinite(done.closure), _REACHABLE, _OPEN).astype(np.uint8)
         if self.spec.limits:

@@ -114,7 +114,7 @@ class ByPose(Continuation):
         return self.mechanism.scaled_difference(self._neutral, q)
 
     def apart(self, marks: Array, known: Array, joints: Ints) -> Array:
-        """Return how far (k,) some joints are from those of known configurations (k, nv), up to whole turns."""
+        """Return how far (k,) some joints are from those of known configurations (k, nv), up to whole revolutions."""
         gaps = (known - marks)[:, joints]
         turns = np.where(self._revolute[joints], np.rint(gaps / (2.0 * np.pi)), 0.0)
         return np.asarray(np.abs(gaps - 2.0 * np.pi * turns).max(axis=1, initial=0.0))

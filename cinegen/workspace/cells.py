@@ -65,7 +65,7 @@ class Cells:
         spec: specification of the map.
         status: (n,) values of `CellStatus`.
         evaluations: (n,) configurations, placements, Jacobians and singular values; NaN for unreachable cells.
-        solutions: (n,) number of inverse solutions that differ in their actuated joints by more than whole turns; over
+        solutions: (n,) number of inverse solutions that differ in their actuated joints by more than revolutions; over
             actuated joints, number of assembly modes. None unless asked for.
         solid_angle: (n,) sr, directions that the node's z axis can have. None unless asked for.
     """

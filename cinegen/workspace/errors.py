@@ -4,4 +4,4 @@ from cinegen.errors import CinegenError
 
 
 class MapError(CinegenError):
-    """A map that can't be made, read or resumed: the message names the cause, the place and the remedy."""
+    """A map that can't be made, read or resumed: the message names the cause, the file and the remedy."""

@@ -83,7 +83,7 @@ def _revolute_bounds(axis: Array, u: Array, w: Array, low: float, high: float) -
 
 
 def _within(angle: float, low: float, high: float) -> bool:
-    """Return whether an angle, up to whole turns, is between two others."""
+    """Return whether an angle, up to whole revolutions, is between two others."""
     return (angle - low) % (2.0 * math.pi) <= high - low
 
 

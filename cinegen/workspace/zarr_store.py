@@ -3,7 +3,7 @@
 zarr writes each chunk of an array to a file of its own, compressed and with a CRC-32C: first to a temporary file, which
 it renames, so that a file is complete or absent. `status` is the last array that is written: a chunk of the map is
 complete where its file exists. Nothing waits for the disk (fsync): written data outlive the process, and after a power
-failure the checksums tell which files are damaged.
+failure the checksums show which files are damaged.
 
 Import this module where it is needed, not at the top of others: it imports zarr, which takes half a second.
 """

@@ -60,7 +60,7 @@ SENSORS_OF_ONE_NODE = "a constraint with sensors must name one node, and no type
 TWO_NODES = "a constraint must name two nodes (a loop), or one node and the sensors that it may follow"
 DRIVES_NOTHING = "'{word}' belongs after a link that drives; the first link of a coupling follows"
 NAMES_NO_DRIVE = "a coupling must name the link that follows, and then those that drive it: link 5 link 3 ratio -2"
-NEEDS_DRIVE = "link {link} drives a coupling: say by which 'ratio', 'lead', 'radius' or 'polynomial'"
+NEEDS_DRIVE = "link {link} drives a coupling: state its 'ratio', 'lead', 'radius' or 'polynomial'"
 
 # --- the whole file -------------------------------------------------------------------------------------------------
 

@@ -1,7 +1,7 @@
 """Read pairs of frames that coincide: `closing_NAME_1` and `closing_NAME_2`, of onshape-to-robot and placo.
 
 The frames are links with fixed joints, or elements <frame>. A prefix is allowed, as in `left/closing_NAME_1`. The
-format does not tell the kind of the joint: the two origins coincide (a ball loop), as placo closes them. Of a hinge
+format does not state the kind of the joint: the two origins coincide (a ball loop), as placo closes them. Of a hinge
 onshape-to-robot writes two pairs, the second one with `_z`, on the axis: then it is a revolute loop about z.
 """
 
@@ -54,7 +54,9 @@ def find(root: Any) -> Iterator[Declaration]:
         kind = "revolute" if own in hinges else "ball"
         label = f"frames '{name}' and '{last.get('name')}'"
         text = f"the {label} (line {last.sourceline}) declare a loop"
-        note = f"the {label} don't tell the kind of loop: their origins coincide; --loop {name[:-2]}=revolute otherwise"
+        note = (
+            f"the {label} don't state the kind of loop: their origins coincide; --loop {name[:-2]}=revolute otherwise"
+        )
         yield Declaration(
             first.sourceline, DIALECT, label, text, name[:-2], read=_reader(first, last, kind), also=tuple(
                 str(one.get("name")) for one in pair.values()

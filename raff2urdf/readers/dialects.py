@@ -118,10 +118,10 @@ def _warn_of_missing(unread: Sequence[Declaration], path: Path) -> None:
 
 
 def _warn_of_passive(root: Any, name: str) -> None:
-    """Warn of joints that depend on others according to URDF+, if nothing in the file tells how."""
+    """Warn of joints that depend on others according to URDF+, if nothing in the file declares how."""
     passive = [joint for joint in joints(root) if joint.get("independent") == "false"]
     if passive:
-        why = 'the joint depends on others (independent="false"), but no <loop> and no <coupling> tells how'
+        why = 'the joint depends on others (independent="false"), but no <loop> and no <coupling> declares how'
         warnings.warn(f"{urdf_joints(passive, name)}: {why}; it moves freely", RaffWarning, stacklevel=6)
 
 
@@ -291,7 +291,7 @@ class _Composed:
         return Description(text, values, tuple(self._dialects), tuple(self.notes), left_out)
 
     def _in_order(self) -> list[tuple[Declaration, CouplingEntry]]:
-        """Return the couplings: those of a file as there, then each behind those that lead the joints it depends on."""
+        """Return the couplings: those of a file as there, then each behind those that drive its joints."""
         ordered = [one for one in self._equations if not one[0].line]
         pending = [one for one in self._equations if one[0].line]
         while pending:

@@ -44,7 +44,7 @@ class LoopClosures(NamedTuple):
 
     Attributes:
         declared: its loops.
-        actuated: joints that are driven; None if the file does not tell.
+        actuated: joints that are driven; None if the file does not declare any.
         following: joints whose <mimic> the file replaces.
         spherical: joints that are ball joints, whatever their type.
     """

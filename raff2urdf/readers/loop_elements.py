@@ -6,7 +6,7 @@
     <drake:ball_constraint>    Drake: two points coincide
     <drake:linear_bushing_rpy> Drake: read as the joint that it stands for, by the stiffnesses that are 0
 
-An axis is in the frame of the end that it belongs to, unless the element says otherwise; x by default.
+An axis is in the frame of the end that it belongs to, unless the element declares another one; x by default.
 """
 
 from __future__ import annotations

@@ -6,7 +6,7 @@ tendon become couplings, if their tendons are fixed. Equality constraints that a
 limits of tendons. Joints that actuators drive are actuated. The keyframe `home`, or else the first, is the home
 configuration.
 
-Masses are those that MuJoCo computes, from `inertial` or from geoms, as the compiler settings say; also from meshes, if
+Masses are those that MuJoCo computes, from `inertial` or from geoms, as the compiler settings are; also from meshes, if
 their files are there. A body whose mass they are needed for has none without them.
 """
 

@@ -95,7 +95,7 @@ class UrdfBuilder:
             limits: low and high, rad or m; infinite without limits.
             velocity: limit, rad/s or m/s; infinite without a limit.
             effort: limit, N m or N; infinite without a limit.
-            actuated: whether it is actuated; None if the file does not say.
+            actuated: whether it is actuated; None if the file does not declare it.
         """
         axis = np.array(axis, dtype=float)
         kind = "prismatic" if prismatic else "continuous" if limits == UNBOUNDED else "revolute"

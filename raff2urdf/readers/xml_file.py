@@ -90,7 +90,7 @@ def own_element(parent: Any, name: str) -> Any | None:
         name: of the file, in errors.
 
     Raises:
-        RaffError: another element of raff2urdf would not be read, because of its place or its namespace.
+        RaffError: another element of raff2urdf would not be read, because of its parent or its namespace.
     """
     found = parent.find(f"{{{NAMESPACE}}}robot")
     for one in parent.getroottree().iter("*"):

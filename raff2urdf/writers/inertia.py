@@ -57,7 +57,7 @@ class Inertias:
     raised: tuple[str, ...] = ()
 
     def sentence(self) -> str:
-        """Return their origin in words, for a comment in a file."""
+        """Return their origin as text, for a comment in a file."""
         text = f"Masses are estimated from the graphics, as solid bodies of {self.density:g} kg/m3."
         if self.stated:
             text = "Masses are the robot's own."

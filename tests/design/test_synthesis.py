@@ -397,7 +397,7 @@ def test_failed_starts_are_reported():
         ),
         (changed(objectiv=[]), "unknown key 'objectiv': did you mean 'objective'"),
         (changed(objective=[{"minimise": "conditon"}]), "did you mean 'condition'"),
-        (changed(objective=[{"maximise": "condition"}]), "better the other way: write minimise"),
+        (changed(objective=[{"maximise": "condition"}]), "better in the opposite direction: write minimise"),
         (changed(constraints={"singular_values": "0..2"}), "must begin above 0"),
         (changed(parameters={"link2.d": "300..500mm"}), "outside its bounds"),
     ],

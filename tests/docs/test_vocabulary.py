@@ -1,48 +1,19 @@
-"""The words of the project: standard terms of robotics in documentation, docstrings, messages and page texts.
-
-The terms of `REPLACED` have each one meaning here that the field calls by another word. Words with several meanings
-("way", "place", "hold") need a reader and are not listed.
-"""
+"""The words of the project: standard terms of robotics in pages, docstrings, helps and messages; see `prose.py`."""
 
 from __future__ import annotations
 
 import ast
 import re
+import subprocess
+import sys
 from pathlib import Path
 
+import prose
 import pytest
 
 ROOT = Path(__file__).parents[2]
 
-REPLACED = {
-    r"pulls?": "task",
-    r"verdicts?": "status",
-    r"(?<!stepper )(?<!choose )motors?(?! and gears| suits| allow)": "actuated joint, actuator",
-    r"freedoms": "degrees of freedom, DoF",
-    r"fathers?": "parent",
-    r"surveys?": "map specification",
-    r"without unit": "dimensionless",
-    r"astray": "diverged",
-    r"surplus": "redundant actuation",
-    r"no number": "NaN",
-    r"gestures?": "undo step, interaction",
-    r"seekers?": "local IK solver",
-    r"scouts?": "look-ahead",
-    r"tempo": "playback speed",
-    r"shells": "reach bounds",
-    r"wish(es|ed)?": "null-space velocity, secondary task",
-    r"led": "driven, guided, interpolated",
-    r"unheld": "unsupported wrench",
-    r"come to(?! rest| a stop)": "reached",
-    r"(gain|loose|lose)s? a motion": "lose a DoF, gain an uncontrolled DoF",
-    r"makes? (no )?sense": "is (in)valid: say why",
-    r"nobody": "no user, no client",
-    r"is told": "is reported",
-    r"says? (so|why|what|how|where|which|that)": "reports, states",
-}
-WORDS = re.compile(r"\b(" + "|".join(f"(?:{term})" for term in REPLACED) + r")\b", re.IGNORECASE)
 OPENINGS = re.compile(r"\s*(What|Whether|How|Of|Where|Who|Whose|Whom|That|Those)\b")
-CODE = re.compile(r"```.*?```|`[^`]*`|\[[^\]]*\]\([^)]*\)", re.DOTALL)
 
 
 def _python() -> list[Path]:
@@ -59,26 +30,14 @@ def _line(node: ast.AST) -> int:
     return getattr(node, "lineno", 1)
 
 
-def _found(text: str, where: str) -> list[str]:
-    return [f"{where}: '{match.group()}'" for match in WORDS.finditer(text)]
-
-
-@pytest.mark.parametrize(
-    "page", ["README.md", *(str(page.relative_to(ROOT)) for page in sorted((ROOT / "docs").rglob("*.md")))]
-)
-def test_pages_use_the_terms_of_the_field(page: str) -> None:
-    text = CODE.sub(lambda code: "\n" * code.group().count("\n"), (ROOT / page).read_text())
-    assert not [hit for i, line in enumerate(text.splitlines(), 1) for hit in _found(line, f"{page}:{i}")]
+@pytest.mark.parametrize("page", prose.pages(), ids=lambda page: page.relative_to(ROOT).as_posix())
+def test_pages_use_the_terms_of_the_field(page: Path) -> None:
+    assert not prose.findings_of(page)
 
 
 @pytest.mark.parametrize("package", ["cinegen", "raff2urdf"])
 def test_docstrings_and_messages_use_the_terms_of_the_field(package: str) -> None:
-    hits = []
-    for file in (file for file in _python() if file.relative_to(ROOT).parts[0] == package):
-        for node in ast.walk(ast.parse(file.read_text())):
-            if isinstance(node, ast.Constant) and isinstance(node.value, str) and " " in node.value:
-                hits += _found(CODE.sub("", node.value), f"{file.relative_to(ROOT)}:{_line(node)}")
-    assert not hits
+    assert not [hit for file, line, text in prose.strings(package) for hit in prose.words_of(text, file, line, file)]
 
 
 @pytest.mark.parametrize("package", ["cinegen", "raff2urdf"])
@@ -100,7 +59,42 @@ def test_no_two_public_classes_share_a_name() -> None:
     assert not {name: files for name, files in places.items() if len(files) > 1}
 
 
-def test_the_linter_finds_what_it_looks_for() -> None:
-    assert _found("Its motors are told nothing.", "here") == ["here: 'motors'"]
+@pytest.mark.parametrize("term", prose.TERMS, ids=lambda term: term.use)
+def test_a_term_is_found_where_it_is_wrong_and_only_there(term: prose.Term) -> None:
+    assert list(term.hits(term.bad))
+    assert not prose.words_of(term.good, "good")
+
+
+def test_findings_name_file_line_and_term() -> None:
+    assert prose.words_of("A link.\n`pull`, the\nmotor of a link.", "page.md", 7) == [
+        "page.md:9: 'motor': actuated joint, actuator; a motor is a machine in a catalogue"
+    ]
+
+
+def test_words_are_found_across_lines() -> None:
+    assert prose.words_of("That makes\n    no sense.", "page.md") == [
+        "page.md:1: 'makes no sense': is (in)valid, and why"
+    ]
+
+
+def test_long_sentences_and_passive_pages_are_found(tmp_path: Path) -> None:
+    page = tmp_path / "page.md"
+    page.write_text(
+        "# Head\n\n" + "It moves. " * 20 + "Word" + " word" * 35 + " (A. Author, 1999).\n\n| " + "cell " * 50 + "|\n"
+    )
+    long, passive = prose.style_of(page)
+    assert [(line, words) for line, words, _ in long] == [(3, 36)]
+    assert passive == 0.0
+    page.write_text("It is moved. The loop is closed by it. " * 10 + "It moves. " * 5)
+    assert prose.style_of(page) == ([], 0.8)
+
+
+def test_openings_of_docstrings() -> None:
     assert OPENINGS.match("Whether it is closed.")
     assert not OPENINGS.match("Return whether it is closed.")
+
+
+def test_the_linter_runs_as_a_command() -> None:
+    done = subprocess.run([sys.executable, prose.__file__], capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stdout
+    assert "0 findings" in done.stderr

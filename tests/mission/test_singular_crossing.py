@@ -148,7 +148,7 @@ def test_the_condition_at_the_singularity(five_bar):
 def test_without_the_option_and_where_there_is_no_pace_it_is_refused(five_bar, fall, tmp_path):
     with pytest.raises(CinegenError, match=r"passes a type 2 singularity.* --cross-singularities"):
         resampled(fall, speed=math.inf, torques=heavy_limits)
-    with pytest.raises(TimingError, match="some pace must keep torques within limits there"):
+    with pytest.raises(TimingError, match="some speed must keep torques within limits there"):
         resampled(fall, speed=math.inf, torques=partial(heavy_limits, efforts=22.0, crosses=True))
     ends_there = straight(five_bar, (0.02, 0.30), (0.02, 0.178))
     near = record(tmp_path / "near.jsonl", five_bar, np.linspace(0.0, 2.0, len(ends_there)), ends_there)
@@ -166,7 +166,7 @@ def test_the_export_says_that_a_singularity_is_crossed(fall, tmp_path):
     text = report_text(report)
     assert "DO NOT SEND" not in text
     assert "it passes through a type 2 singularity" in text
-    assert "at a pace at which torques stay within their limits" in text
+    assert "at a speed at which torques stay within their limits" in text
     assert "no type 2 singularity passed" not in text
 
 
@@ -184,7 +184,7 @@ def test_the_option_of_the_command(root, fall, tmp_path, capsys):
     assert main([*command, *crossing]) == 0
     out = capsys.readouterr().out
     assert "of its 4 Nm" in out
-    assert "at a pace at which torques stay within their limits" in out
+    assert "at a speed at which torques stay within their limits" in out
     assert main([*command, "--torques", "--gravity", "0,-9.81,0"]) == 1
     assert "--cross-singularities" in capsys.readouterr().err
     assert main([*command, *crossing, "--jerk", "100"]) == 1

@@ -178,10 +178,10 @@ robot any {
     ("coupling", "message"),
     [
         ("link 2", "must name the link that follows, and then those that drive it"),
-        ("link 2 link 1", "link 1 drives a coupling: say by which 'ratio', 'lead', 'radius' or 'polynomial'"),
+        ("link 2 link 1", "link 1 drives a coupling: state its 'ratio', 'lead', 'radius' or 'polynomial'"),
         ("link 2 ratio 2 link 1", "'ratio' belongs after a link that drives"),
         ("link 2 link 1 ratio 2 ratio 3", "'ratio' belongs after a link that drives"),
-        ("link 2 link 1 link 3 ratio 2", "link 1 drives a coupling: say by which"),
+        ("link 2 link 1 link 3 ratio 2", "link 1 drives a coupling: state its"),
         ("link 2 link 9 ratio 2", "a coupling names link 9, which is not a link that moves"),
         ("link 2 link 4 ratio 2", "a coupling names link 4, which is not a link that moves"),
         ("link 2 link 2 ratio 2", "a coupling names link 2 twice"),

@@ -176,7 +176,7 @@ class Calibration:
 
     def raff(self) -> str:
         """Return the RAFF file with the estimates; comments stay. Offsets of encoders change the home that is written;
-        gains have no place in RAFF."""
+        RAFF has no statement for gains."""
         return self.parameters.with_values(self.values[: len(self.parameters)])
 
     def unit(self, name: str) -> str:
@@ -516,7 +516,7 @@ def _warn(found: Calibration) -> None:
     if found.degrees_of_freedom <= 0:
         warn(
             f"{source}: {int(found.kept.sum())} readings for {len(found.combinations)} combinations of parameters: any "
-            "errors fit, and the residuals tell nothing; measure more poses"
+            "errors fit, and the residuals show nothing; measure more poses"
         )
     elif found.fit > 1.0 + 5.0 * math.sqrt(2.0 / found.degrees_of_freedom):
         warn(

@@ -131,7 +131,7 @@ class MeasuringFrames:
         self, quantities: Sequence[MeasuredQuantity], measured: Array, nodes: dict[str, Array], length: float,
         source: str,
     ) -> None:  # fmt: skip
-        """Place devices and targets as their readings tell, were the robot as it is described.
+        """Place devices and targets by their readings, were the robot as it is described.
 
         Args:
             quantities: of the columns.

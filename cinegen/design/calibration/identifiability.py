@@ -1,11 +1,11 @@
-"""Which combinations of parameters measurements determine, and which they can't tell apart, in words.
+"""Which combinations of parameters measurements determine, and which they can't tell apart, as text.
 
 With whitened measurements and columns scaled by the expected errors, J = U S V^T at the nominal geometry. Its rank is
 counted there: at other values of the parameters it jumps up, because combinations that are exactly dependent then
 become distinguishable in theory, by effects of second order that drown in noise. The rows of V_r^T are the combinations
 that are estimated.
 
-A dependency is a change of parameters that changes no reading. Those with the fewest parameters tell the most; among
+A dependency is a change of parameters that changes no reading. Those with the fewest parameters are the clearest; among
 all that contain a parameter, the one of least 1-norm is taken, by linear programming.
 """
 
@@ -40,7 +40,7 @@ class Dependency:
         names: of the parameters.
         changes: (count, names) independent changes, m, rad, or dimensionless for gains; the largest of each is of the
             size of an expected error.
-        text: in words.
+        text: the same as text.
     """
 
     names: tuple[str, ...]

@@ -5,7 +5,7 @@
     1,     12.5,         -30,          412.31,      80.12,
     2,     14.0,         -35,          ,            ,            655.902
 
-A line is a configuration of the robot, a column one number that was read: the unit stands in its header, or in the
+A line is a configuration of the robot, a column one number that was read: the unit is in its header, or in the
 cell. An empty cell was not measured. A line `sigma` holds the standard deviations of the lines below it, up to the
 next one.
 
@@ -246,7 +246,7 @@ class Measurements:
         return out.getvalue()
 
     def cell(self, pose: int, column: int) -> str:
-        """Return where a number stands, for messages."""
+        """Return the position of a number, for messages."""
         return f"pose {self.labels[pose]}, {self.quantities[column].name}"
 
     def _check_plausible(self, mechanism: Mechanism, lines: Sequence[int], has_units: Sequence[bool]) -> None:

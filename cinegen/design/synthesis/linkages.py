@@ -9,7 +9,7 @@ Jacobian by the parameters is
 
 which scipy's least squares takes. Starts are random designs whose motion, followed by continuation, passes the points
 in their order best. The result is followed again to find defects: of the circuit (not all points on one closed motion),
-of the order, and of the branch (the actuated joint turns back on the way).
+of the order, and of the branch (the actuated joint turns back between two points).
 """
 
 from __future__ import annotations

@@ -159,8 +159,8 @@ def _scale_turns(memory: SolverMemory, still: bool) -> None:
     """Set the scale of a step towards targets at rest, so that it does not oscillate: half the last one if the step
     turns back, else twice that, up to 1.
 
-    Let the whole step be r times as long as the way to the optimum, r > 1. The scale ends alternating between s and
-    s / 2 with 1 < s r <= 2; together, these two steps leave (s r - 1) (1 - s r / 2) <= 1/8 of the way.
+    Let the whole step be r times as long as that to the optimum, r > 1. The scale ends alternating between s and
+    s / 2 with 1 < s r <= 2; together, these two steps leave (s r - 1) (1 - s r / 2) <= 1/8 of it.
     """
     if not still or memory.is_nudged != 0 or must_go_back(memory):
         memory.turn_scale = 1.0

@@ -471,7 +471,7 @@ export const texts = {
   "TWO_NODES": "a constraint must name two nodes (a loop), or one node and the sensors that it may follow",
   "DRIVES_NOTHING": "'{word}' belongs after a link that drives; the first link of a coupling follows",
   "NAMES_NO_DRIVE": "a coupling must name the link that follows, and then those that drive it: link 5 link 3 ratio -2",
-  "NEEDS_DRIVE": "link {link} drives a coupling: say by which 'ratio', 'lead', 'radius' or 'polynomial'",
+  "NEEDS_DRIVE": "link {link} drives a coupling: state its 'ratio', 'lead', 'radius' or 'polynomial'",
   "NO_ROBOT": "the file has no robot: add 'robot NAME {{ }}'",
   "NO_SUCH_ROBOT": "there is no robot '{name}'{hint}",
   "BAD_NAME": "'{name}' can't name a {keyword}: a name begins with a letter or '_' and has no spaces (it becomes an XML name)",

@@ -1,0 +1,160 @@
+"""Lint the prose of the project: `python tests/docs/prose.py` prints what is found, and fails if anything is.
+
+- Words of `vocabulary.toml` that have a standard term, in pages, docstrings, help texts and messages.
+- Sentences of pages with more than 35 words.
+- Pages in which more than 40 % of the sentences are passive.
+"""
+
+from __future__ import annotations
+
+import ast
+import re
+import sys
+import tomllib
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+ROOT = Path(__file__).resolve().parents[2]
+LONGEST = 35  # words of a sentence
+PASSIVE = 0.4  # part of a page's sentences
+FEWEST = 20  # sentences of a page whose part is judged
+LATER = {  # longer sentences that remain, at most
+    "CONTRIBUTING.md": 7, "SECURITY.md": 3, "docs/architecture.md": 2, "docs/cluster.md": 4, "docs/design.md": 14,
+    "docs/generate.md": 5, "docs/page.md": 2, "docs/release.md": 1, "docs/reliability.md": 5,
+}  # fmt: skip
+
+_CODE = re.compile(r"```.*?```|`[^`]*`|(?<=\])\([^)]*\)", re.DOTALL)
+_BLOCK = re.compile(r"^```.*?^```$|<!--.*?-->", re.MULTILINE | re.DOTALL)
+_ITEM = re.compile(r"(?:[-*]|\d+\.) ")
+_ABBREVIATED = re.compile(r"\b(e\.g|i\.e|vs|fig|vol|pp|cf)\.|(?<![\^\w] )(?<!\^)\b([A-Z])\.(?= [A-Z][a-z]|-[A-Z])")
+_END = re.compile(r"(?<=[.!?])[\"”)]?\s+(?=[\"(]?[A-Z0-9])")
+_CITED = re.compile(r" \([^()]*\b(?:19|20)\d\d\b[^()]*\)")
+_PASSIVE = re.compile(
+    r"\b(?:is|are|was|were|be|been|being)\s+(?:\w+ly\s+)?(?:not\s+)?\w+(?:ed|en|own|ade|elt|ept|ound|iven|one)\b"
+)
+
+
+@dataclass(frozen=True)
+class Term:
+    """Words that have a standard term, and where they may stand nevertheless."""
+
+    find: re.Pattern[str]
+    use: str
+    allow: re.Pattern[str] | None
+    skip: tuple[str, ...]
+    bad: str
+    good: str
+
+    @classmethod
+    def read(cls, entry: dict[str, object]) -> Term:
+        """Make a term of its table in the file."""
+        allow = "|".join(entry.get("allow", []))  # type: ignore[arg-type]
+        return cls(
+            re.compile(rf"\b(?:{entry['find']})\b".replace(" ", r"\s+"), re.IGNORECASE),
+            str(entry["use"]),
+            re.compile(allow.replace(" ", r"\s+"), re.IGNORECASE) if allow else None,
+            tuple(entry.get("skip", ())),  # type: ignore[arg-type]
+            str(entry["bad"]),
+            str(entry["good"]),
+        )
+
+    def hits(self, text: str) -> Iterator[re.Match[str]]:
+        """Yield where the words stand in a text, apart from what is allowed."""
+        free = [match.span() for match in self.allow.finditer(text)] if self.allow else []
+        for match in self.find.finditer(text):
+            if not any(begin < match.end() and match.start() < end for begin, end in free):
+                yield match
+
+
+TERMS = [Term.read(one) for one in tomllib.loads((Path(__file__).parent / "vocabulary.toml").read_text())["term"]]
+
+
+def words_of(text: str, where: str, line: int = 1, file: str = "") -> list[str]:
+    """Return a line for each word of a text that has a standard term; code in it does not count."""
+    bare = _CODE.sub(lambda code: re.sub(r"[^\n]", " ", code.group()), text)
+    found = []
+    for term in TERMS:
+        if file in term.skip:
+            continue
+        for match in term.hits(bare):
+            number = line + bare.count("\n", 0, match.start())
+            found.append(f"{where}:{number}: '{' '.join(match.group().split())}': {term.use}")
+    return found
+
+
+def pages() -> list[Path]:
+    """Return the pages that are linted."""
+    names = ("README.md", "CONTRIBUTING.md", "SECURITY.md")
+    return [*(ROOT / name for name in names), *sorted((ROOT / "docs").rglob("*.md"))]
+
+
+def strings(package: str) -> Iterator[tuple[str, int, str]]:
+    """Yield file, line and text of the docstrings, help texts and messages of a package."""
+    for path in sorted((ROOT / package).rglob("*.py")):
+        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+            if isinstance(node, ast.Constant) and isinstance(node.value, str) and " " in node.value:
+                yield str(path.relative_to(ROOT)), node.lineno, node.value
+
+
+def paragraphs(text: str) -> Iterator[tuple[int, str]]:
+    """Yield first line and text of each paragraph or item of a page, without tables, blocks and headings."""
+    first, lines = 0, list[str]()
+    for number, line in enumerate(_BLOCK.sub(lambda block: "\n" * block.group().count("\n"), text).splitlines(), 1):
+        bare = line.strip()
+        ends = not bare or bare.startswith(("|", "#", "!", "<")) or " · " in bare or line.startswith("    ")
+        if (ends or _ITEM.match(bare)) and lines:
+            yield first, " ".join(lines)
+            lines = []
+        if not ends:
+            first = first if lines else number
+            lines.append(_ITEM.sub("", bare, count=1) if _ITEM.match(bare) else bare)
+    if lines:
+        yield first, " ".join(lines)
+
+
+def sentences(paragraph: str) -> list[str]:
+    """Return the sentences of a paragraph: links without targets, formulas and code as one word, without citations."""
+    text = re.sub(r"\[([^\]]*)\]\([^)]*\)", r"\1", paragraph)
+    text = re.sub(r"\$`[^`]*`\$|`[^`]*`", "Code", text).replace("*", "")
+    text = re.sub(r"\\ (?=Source)", "\n", _CITED.sub("", text))
+    text = _ABBREVIATED.sub(lambda match: match.group().replace(".", ""), text)
+    return [one for one in _END.split(text) if one]
+
+
+def style_of(path: Path) -> tuple[list[tuple[int, int, str]], float]:
+    """Return line, words and text of a page's long sentences, and the part of its sentences that is passive."""
+    all_sentences = [
+        (line, one) for line, part in paragraphs(path.read_text(encoding="utf-8")) for one in sentences(part)
+    ]
+    counted = [(line, len(re.findall(r"[\w'’-]+", one)), one) for line, one in all_sentences]
+    passive = sum(bool(_PASSIVE.search(one)) for _, one in all_sentences)
+    few = len(all_sentences) < FEWEST
+    return [one for one in counted if one[1] > LONGEST], 0.0 if few else passive / len(all_sentences)
+
+
+def findings_of(path: Path) -> list[str]:
+    """Return a line for each finding in a page."""
+    name = path.relative_to(ROOT).as_posix()
+    found = words_of(path.read_text(encoding="utf-8"), name, file=name)
+    long, passive = style_of(path)
+    if len(long) > LATER.get(name, 0):
+        found += [f"{name}:{line}: a sentence of {count} words: {text[:60]} ..." for line, count, text in long]
+    if passive > PASSIVE:
+        found.append(f"{name}: {passive:.0%} of the sentences are passive: let who acts be the subject")
+    return found
+
+
+def main() -> int:
+    """Print all findings."""
+    found = [one for path in pages() for one in findings_of(path)]
+    for package in ("cinegen", "raff2urdf"):
+        for file, line, text in strings(package):
+            found += words_of(text, file, line, file)
+    print(*found, sep="\n", end="\n" if found else "")
+    print(f"prose: {len(found)} findings in {len(pages())} pages and two packages", file=sys.stderr)
+    return bool(found)
+
+
+if __name__ == "__main__":
+    sys.exit(main())
