@@ -314,7 +314,7 @@ def _objective(table: SceneTable) -> DesignObjective:
         )
     quantity = QUANTITIES[name]
     if quantity.better != given[0]:
-        raise table.error(given[0], f"'{name}': a robot is better the other way: write {quantity.better}")
+        raise table.error(given[0], f"'{name}': a robot is better in the opposite direction: write {quantity.better}")
     over = table.text("over") if "over" in table else "worst"
     if over not in ("worst", "mean"):
         raise table.error("over", f"must be 'worst' or 'mean', not '{over}'")
