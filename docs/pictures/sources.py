@@ -1,0 +1,61 @@
+"""What the pictures of a page are drawn from: the RAFF text above each, and the Python code between.
+
+Each picture holds the hash of its source, so that a test finds those that were not drawn again after a change.
+"""
+
+import hashlib
+import re
+from dataclasses import dataclass
+from pathlib import Path
+
+DOCS = Path(__file__).resolve().parent.parent
+PAGES = ("tutorial.md",)
+_PART = re.compile(
+    r"^```(?P<language>\w+)(?P<words>[^\n]*)\n(?P<text>.*?)^```$|^!\[[^\]]*\]\(pictures/(?P<picture>[\w.]+)\)$",
+    flags=re.DOTALL | re.MULTILINE,
+)
+_HASH = re.compile(rb"source sha256:([0-9a-f]{64})")
+
+
+@dataclass(frozen=True)
+class Source:
+    """What a picture is drawn from.
+
+    Attributes:
+        picture: its file.
+        raff: the last RAFF text above it, with the file's name in the page.
+        python: blocks of Python between them.
+    """
+
+    picture: str
+    raff: str
+    python: tuple[str, ...]
+
+    @property
+    def mark(self):
+        """The hash as pictures hold it."""
+        return "source sha256:" + hashlib.sha256("\0".join([self.raff, *self.python]).encode()).hexdigest()
+
+
+def sources(text):
+    """Return the sources of the pictures of a page that stand below a RAFF text, in order."""
+    found, raff, python = [], None, []
+    for part in _PART.finditer(text):
+        if part["picture"] and raff is not None:
+            found.append(Source(part["picture"], raff, tuple(python)))
+        elif part["language"] == "raff" and not {"wrong", "excerpt"} & set(part["words"].split()):
+            raff, python = part["text"], []
+        elif part["language"] == "python":
+            python.append(part["text"])
+    return found
+
+
+def all_sources():
+    """Return the sources of all pages that are drawn like this."""
+    return [source for page in PAGES for source in sources((DOCS / page).read_text(encoding="utf-8"))]
+
+
+def mark_in(picture):
+    """Return the hash that the bytes of a picture hold, as `Source.mark` writes it; None if there is none."""
+    found = _HASH.search(picture)
+    return found and found[0].decode()

@@ -1,0 +1,57 @@
+"""Pictures of a step are drawn from the text of that very step."""
+
+from __future__ import annotations
+
+import sys
+from dataclasses import replace
+
+import pytest
+from pages import ROOT
+
+sys.path.insert(0, str(ROOT / "docs/pictures"))
+from sources import PAGES, mark_in, sources
+
+SOURCES = [source for page in PAGES for source in sources((ROOT / "docs" / page).read_text(encoding="utf-8"))]
+
+
+@pytest.mark.parametrize("source", SOURCES, ids=lambda source: source.picture)
+def test_a_picture_is_of_the_text_above_it(source):
+    path = ROOT / "docs/pictures" / source.picture
+    command = f"python docs/pictures/steps.py {path.stem}"
+    assert mark_in(path.read_bytes()) == source.mark, f"{path.name} is of an older text: draw it again by {command}"
+    assert path.stat().st_size <= 60_000
+
+
+def test_every_step_of_the_tutorial_has_a_picture():
+    text = (ROOT / "docs/tutorial.md").read_text(encoding="utf-8")
+    steps = text.split("\n## ")[1:-1]
+    assert len(steps) == 11
+    assert [step.split("\n")[0] for step in steps if "](pictures/" not in step] == ["11. Hand it on"]
+    for step in steps:
+        assert all(f"**{word}**" in step for word in ("Type", "You see", "Check")), step
+
+
+def test_a_picture_follows_every_change_of_its_source():
+    source = next(one for one in SOURCES if one.python)
+    changed = [
+        replace(source, raff=source.raff.replace("d 200", "d 201", 1)),
+        replace(source, python=(*source.python[:-1], source.python[-1] + "\n")),
+        replace(source, python=()),
+    ]
+    assert len({one.mark for one in (source, *changed)}) == 4
+
+
+def test_a_source_is_the_last_raff_text_above_and_the_code_between():
+    text = "\n".join([
+        "```raff a.raff", "one", "```", "![a](pictures/a.svg)", "```python", "x = 1", "```", "![b](pictures/b.webp)",
+        "```raff wrong a.raff", "no", "```", "![c](pictures/c.svg)", "```raff", "two", "```", "![d](pictures/d.svg)",
+        "",
+    ])  # fmt: skip
+    found = [(one.picture, one.raff, one.python) for one in sources(text)]
+    code = ("x = 1\n",)
+    assert found == [
+        ("a.svg", "one\n", ()),
+        ("b.webp", "one\n", code),
+        ("c.svg", "one\n", code),
+        ("d.svg", "two\n", ()),
+    ]
