@@ -40,7 +40,7 @@ class RaffSketch:
     def __init__(self, text):
         (robot,) = raff2urdf.loads(text).robots
         self.parts = {part.number: part for part in robot.parts}
-        self.loops = robot.loops
+        self.loops, self.couplings = robot.loops, robot.couplings
         with TemporaryDirectory() as folder:
             path = Path(folder, "robot.raff")
             path.write_text(text, encoding="utf-8")

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 DOCS = Path(__file__).resolve().parent.parent
-PAGES = ("tutorial.md",)
+PAGES = ("tutorial.md", "joints.md")
 _PART = re.compile(
     r"^```(?P<language>\w+)(?P<words>[^\n]*)\n(?P<text>.*?)^```$|^!\[[^\]]*\]\(pictures/(?P<picture>[\w.]+)\)$",
     flags=re.DOTALL | re.MULTILINE,

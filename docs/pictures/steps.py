@@ -9,13 +9,14 @@ import sys
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
+from joints import DRAWINGS as JOINTS
 from PIL import Image
 from raff_sketch import RaffSketch
 from sources import DOCS, PAGES, mark_in, sources
 from tutorial import DRAWINGS as TUTORIAL
 
 PICTURES = DOCS / "pictures"
-DRAWINGS = {**TUTORIAL}
+DRAWINGS = {**TUTORIAL, **JOINTS}
 LARGEST = 60_000  # bytes
 _DESCRIPTION = 0x010E  # a tag of Exif
 

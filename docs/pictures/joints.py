@@ -1,0 +1,234 @@
+"""Drawings of docs/joints.md: robots in space at home, with their parameters dimensioned."""
+
+import math
+
+import numpy as np
+from raff_sketch import LOOP
+from sketch import Sketch, rotated, shade, unit
+
+from cinegen.plotting.sheet import FAINT, INK, VERMILLION
+from raff2urdf.raff.document import CompoundKind, JointType
+
+_SIZE = 15.0  # mm, radius of a hinge
+_FRAME = 62.0  # mm, length of the axes of frames
+_ARC = 48.0  # mm, radius of angles
+
+
+def _space(robot, high=(250.0, 200.0), low=(-50.0, -50.0), eye=(-62.0, 28.0), frame=True):
+    """Return a drawing with the ground, and the robot on it."""
+    sketch = Sketch(*eye)
+    sketch.ground(low, high, 0.0, 50.0)
+    corner, x, y = np.array([high[0], low[1], 0.0]), np.array([1.0, 0.0, 0.0]), np.array([0.0, 1.0, 0.0])
+    if abs(sketch.right @ x) > abs(sketch.right @ y):
+        sketch.dimension(corner - 50.0 * x, corner, "50 mm", -14.0 * y)
+    else:
+        sketch.dimension(corner + 50.0 * y, corner, "50 mm", 14.0 * x)
+    for number, part in robot.parts.items():
+        for start, end in robot.bars(number):
+            # The rod of a slide moves with its link; every other bar belongs to the parent.
+            rod = getattr(part, "type", None) is JointType.PRISMATIC and np.allclose(end, robot.pose(number)[0])
+            owner = number if rod else part.pred
+            sketch.bar(start, end, robot.colour(owner), 11.0 if owner else 8.0, lift=-20.0 if not owner else 0.0)
+            if max(start[2], end[2]) > 1.0:
+                sketch.shadow(start, end, 0.0)
+        if hasattr(part, "type"):
+            _joint(sketch, robot, number)
+    for loop in robot.loops:
+        origin, axes = robot.pose(loop.first)
+        sketch.cylinder(origin, axes[:, 2], 0.8 * _SIZE, 2.6 * _SIZE, LOOP, 30.0)
+    if frame:
+        robot.frame(sketch, 0, _FRAME)
+    return sketch
+
+
+def _joint(sketch, robot, number):
+    part, found = robot.parts[number], robot.dimensions(number)
+    origin, axes = robot.pose(number)
+    z, colour = found.z_end, INK
+    if part.compound is CompoundKind.BALL:
+        sketch.ball(origin, 14.0, colour, 20.0)
+    elif part.compound is CompoundKind.UNIVERSAL:
+        z = axes[:, 1]  # its second axis, which moves with the link
+        first = robot.dimensions(number).z
+        for way in (first, z):
+            sketch.cylinder(origin, way, 0.55 * _SIZE, 3.4 * _SIZE, colour, 10.0)
+        sketch.ball(origin, 9.0, colour, 20.0)
+    elif part.type is JointType.REVOLUTE:
+        sketch.cylinder(origin, z, _SIZE, 2.2 * _SIZE, colour, 10.0)
+    elif part.type is JointType.PRISMATIC:
+        sides = 2.0 * np.array([1.0, 1.0, 1.5]) * _SIZE
+        sketch.box(origin, axes, sides, robot.colour(number), 10.0)
+        sketch.box(found.ends[2], axes, 0.9 * sides, colour, -5.0)
+
+
+def _axis(sketch, robot, number, length=95.0, text=""):
+    """Draw the axis of a joint as a dash-dotted line through both sides of it."""
+    found = robot.dimensions(number)
+    middle = 0.5 * (found.ends[2] + found.ends[3])
+    half = length + 0.5 * np.linalg.norm(found.ends[3] - found.ends[2])
+    ends = middle - half * found.z_end, middle + half * found.z_end
+    if abs(found.z_end[2]) > 0.99:
+        ends = np.array([*middle[:2], 0.0]), ends[1]
+    sketch.line(ends, VERMILLION, 1.5, "12 4 2 4", lift=-1.0)
+    if text:
+        sketch.text(ends[1], text, found.z_end, VERMILLION, "i")
+
+
+def _tool(sketch, robot, number):
+    sketch.ball(robot.pose(number)[0], 7.0, robot.colour(number), 5.0)
+    sketch.text(robot.pose(number)[0], robot.parts[number].name or f"frame {number}", (0.0, 0.0, 1.0), FAINT, gap=10.0)
+
+
+def dimension_all(sketch, robot, number, radius=_ARC, tilt=1.3, aside=26.0):
+    """Dimension all parameters of a part that are not 0."""
+    part, found = robot.parts[number], robot.dimensions(number)
+    p, (origin, first, second, end) = part.parameters, found.ends
+    if p.gamma:
+        _turn(sketch, origin, found.z, found.x, p.gamma, 1.5 * radius, "γ")
+    if p.epsilon:
+        sketch.dimension(origin, first, f"ε = {p.epsilon:g}", -aside * _across(sketch, found.z))
+    if p.alpha:
+        _turn(sketch, second, found.u, found.z, p.alpha, tilt * radius, "α")
+    if p.d:
+        sketch.dimension(first, second, f"d = {p.d:g}", -aside * found.z, -found.z)
+    if p.r:
+        sketch.dimension(second, end, f"r = {p.r:g}", aside * _across(sketch, found.z_end))
+    if p.theta:
+        _turn(sketch, end, found.z_end, found.u, p.theta, radius, "θ")
+
+
+def _across(sketch, direction):
+    """Return the direction (3,) at right angles to one and to the eye, to the right in the picture."""
+    found = unit(np.cross(sketch.eye, direction))
+    return found if found @ sketch.right > 0.0 else -found
+
+
+def _turn(sketch, centre, axis, begin, degrees, radius, letter):
+    text = f"{letter} = {degrees:g}°".replace("-", "−")
+    sketch.angle(centre, axis, begin, math.radians(degrees), radius, text)
+
+
+def any_axis(robot, _):
+    """All six parameters."""
+    sketch = _space(robot, (200.0, 250.0), eye=(-22.0, 24.0))
+    found = robot.dimensions(1)
+    sketch.line([found.origin, found.origin + 150.0 * found.z], FAINT, 1.2, "2 4")
+    dimension_all(sketch, robot, 1)
+    _axis(sketch, robot, 1, 130.0, "axis of joint1")
+    robot.frame(sketch, 1, _FRAME)
+    _tool(sketch, robot, 2)
+    return sketch
+
+
+def hinge(robot, _):
+    """One hinge."""
+    sketch = _space(robot, (350.0, 150.0))
+    dimension_all(sketch, robot, 1)
+    _axis(sketch, robot, 1, 105.0, "axis")
+    robot.frame(sketch, 1, _FRAME)
+    _tool(sketch, robot, 2)
+    return sketch
+
+
+def parallel(robot, _):
+    """Two hinges with parallel axes."""
+    sketch = _space(robot, (350.0, 150.0))
+    for number in (1, 2):
+        dimension_all(sketch, robot, number)
+        _axis(sketch, robot, number, 70.0, f"axis {number}")
+    _tool(sketch, robot, 3)
+    return sketch
+
+
+def right_angle(robot, _):
+    """A waist and a shoulder."""
+    sketch = _space(robot, (250.0, 150.0), (-100.0, -100.0), (-115.0, 24.0))
+    for number in (1, 2):
+        dimension_all(sketch, robot, number, 50.0, 2.2)
+        _axis(sketch, robot, number, 125.0, f"axis {number}")
+    _tool(sketch, robot, 3)
+    return sketch
+
+
+def slide(robot, _):
+    """A carriage on a rail."""
+    sketch = _space(robot, (350.0, 150.0))
+    dimension_all(sketch, robot, 1, 40.0)
+    _axis(sketch, robot, 1, 105.0, "axis")
+    robot.frame(sketch, 1, _FRAME)
+    _tool(sketch, robot, 2)
+    return sketch
+
+
+def ball(robot, _):
+    """A bar on a ball."""
+    sketch = _space(robot, (350.0, 150.0))
+    dimension_all(sketch, robot, 1)
+    robot.frame(sketch, 1, _FRAME)
+    _tool(sketch, robot, 2)
+    return sketch
+
+
+def universal(robot, _):
+    """A bar on a universal joint."""
+    sketch = _space(robot, (250.0, 150.0), (-100.0, -100.0), (-115.0, 24.0))
+    dimension_all(sketch, robot, 1, 60.0)
+    origin, axes = robot.pose(1)
+    for direction, text in ((np.array([0.0, 0.0, 1.0]), "first axis, z"), (axes[:, 1], "second axis, y")):
+        ends = (origin - 100.0 * direction, origin + 100.0 * direction)
+        sketch.line(ends, VERMILLION, 1.5, "12 4 2 4", lift=-1.0)
+        sketch.text(ends[1], text, direction, VERMILLION, "i")
+    _tool(sketch, robot, 2)
+    return sketch
+
+
+def gear(robot, _):
+    """Two wheels that mesh."""
+    sketch = _space(robot, (250.0, 150.0), (-150.0, -150.0), (-62.0, 38.0), frame=False)
+    (coupling,) = robot.couplings
+    distance, ratio = robot.parts[2].parameters.d, -coupling.drives[0].numbers[0]
+    large = distance * ratio / (1.0 + ratio)
+    for number, radius, teeth, phase in ((1, large, 24, 0.0), (2, distance - large, 12, math.pi / 12.0)):
+        _wheel(sketch, robot.pose(number), radius, teeth, phase, robot.colour(number))
+        _axis(sketch, robot, number, 40.0, f"axis {number}")
+        sketch.cylinder(robot.pose(number)[0], (0.0, 0.0, 1.0), 0.7 * _SIZE, 1.5 * _SIZE, INK, 70.0)
+    dimension_all(sketch, robot, 2)
+    return sketch
+
+
+def _wheel(sketch, pose, radius, teeth, phase, colour):
+    """Draw a toothed wheel; its first tooth is at an angle (rad) from x, which is marked."""
+    origin, axes = pose
+    angles = phase + (np.arange(4 * teeth) - 1.5) * (0.5 * math.pi / teeth)
+    heights = np.where(np.isin(np.arange(4 * teeth) % 4, (1, 2)), 4.0, -4.0)
+    arms = [rotated(axes[:, 0], axes[:, 2], angle) for angle in angles]
+    ring = [origin + (radius + tall) * arm for tall, arm in zip(heights, arms, strict=True)]
+    for one, other, arm in zip(ring, [*ring[1:], ring[0]], arms, strict=True):
+        if arm @ sketch.eye > 0.0:
+            low = 14.0 * axes[:, 2]
+            sketch.polygon([one, other, other - low, one - low], shade(colour, 0.7))
+    sketch.polygon(ring, colour, shade(colour, 0.7), 40.0)
+    sketch.line([origin, origin + 0.8 * radius * axes[:, 0]], INK, 2.0, lift=60.0)
+
+
+def loop(robot, _):
+    """A linkage of four bars."""
+    sketch = _space(robot, (300.0, 200.0), (-100.0, -50.0), (-75.0, 48.0))
+    for number in (2, 3, 4, 5):
+        p, found = robot.parts[number].parameters, robot.dimensions(number)
+        if number != 3:
+            aside = 30.0 * np.cross(found.z, found.u) * (-1.0 if number > 3 else 1.0)
+            sketch.dimension(*found.ends[1:3], f"d = {p.d:g}", aside)
+    origin, _ = robot.pose(4)
+    sketch.text(origin, "the pin that closes the loop", (0.0, 0.0, 1.0), LOOP, "b", gap=40.0)
+    return sketch
+
+
+DRAWINGS = {
+    f"joints_{name}": draw
+    for name, draw in (
+        ("any", any_axis), ("hinge", hinge), ("parallel", parallel), ("right_angle", right_angle), ("slide", slide),
+        ("ball", ball), ("universal", universal), ("gear", gear), ("loop", loop),
+    )
+}  # fmt: skip
+"""What draws each of them."""

@@ -1,0 +1,109 @@
+"""The recipes of docs/joints.md: parameters as in their RAFF text, and axes where Pinocchio's Jacobians have them."""
+
+from __future__ import annotations
+
+import math
+import re
+
+import numpy as np
+import pinocchio as pin
+import pytest
+from pages import ROOT
+
+import cinegen
+import raff2urdf
+
+PARAMETERS = ("gamma", "epsilon", "alpha", "d", "theta", "r")
+TEXT = (ROOT / "docs/joints.md").read_text(encoding="utf-8")
+CARDS = {
+    title: (raff, [[cell.strip() for cell in row.split("|")[1:-1]] for row in rows.splitlines()])
+    for title, raff, rows in re.findall(
+        r"^## ([^\n]+)\n.*?^```raff [^\n]+\n(.*?)^```.*?^\| joint \|[^\n]+\n\|[-| ]+\|\n((?:\|[^\n]+\n)+)",
+        TEXT,
+        flags=re.DOTALL | re.MULTILINE,
+    )
+}
+MOBILITY = {"Two parallel axes": 2, "An axis at right angles": 2, "A ball": 3, "A universal joint": 2}
+ROUNDED = 5.001e-6, 5.001e-5  # m and 1: half of the last digit of a position and of a direction
+
+
+def number(text: str) -> float:
+    return float(text.replace("−", "-").rstrip("°"))
+
+
+def vector(text: str) -> np.ndarray:
+    return np.array([number(part) for part in text.strip("()").split(",")])
+
+
+@pytest.fixture(params=CARDS, scope="module")
+def card(request, tmp_path_factory):
+    """Title, RAFF robot, mechanism, and rows of the table by joint."""
+    raff, rows = CARDS[request.param]
+    path = tmp_path_factory.mktemp("card") / "card.raff"
+    path.write_text(raff, encoding="utf-8")
+    return (
+        request.param,
+        raff2urdf.loads(raff).robots[0],
+        cinegen.load(path),
+        {row[0].strip("`"): row[1:] for row in rows},
+    )
+
+
+def test_there_are_nine_recipes():
+    assert len(CARDS) == len(re.findall("^## ", TEXT, flags=re.MULTILINE)) == 9
+
+
+def test_the_table_has_the_parameters_of_the_text(card):
+    _, robot, _, rows = card
+    for link in robot.links:
+        row = next(cells for joint, cells in rows.items() if joint.partition("_")[0] == link.joint)
+        assert {name: number(cell) for name, cell in zip(PARAMETERS, row, strict=False)} == {
+            name: getattr(link.parameters, name) for name in PARAMETERS
+        }
+
+
+def test_the_axes_are_where_the_card_says(card):
+    _, _, mechanism, rows = card
+    model, data = mechanism.model, mechanism.model.createData()
+    pin.computeJointJacobians(model, data, mechanism.q_home)
+    pin.updateFramePlacements(model, data)
+    assert {row for row in rows if row != "pin"} == set(mechanism.joints) | set(mechanism.balls)
+    for joint, (*_, through, along) in rows.items():
+        point = 1e-3 * vector(through)
+        if joint == "pin":
+            first, second = (data.oMf[model.getFrameId(name)] for name in ("frame4", "frame5"))
+            assert np.allclose(first.translation, second.translation, rtol=0.0, atol=1e-9)
+            assert np.allclose(first.translation, point, rtol=0.0, atol=ROUNDED[0])
+            assert np.allclose(first.rotation[:, 2], vector(along), rtol=0.0, atol=ROUNDED[1])
+            continue
+        if along == "all directions":
+            assert np.allclose(data.oMi[model.getJointId(joint)].translation, point, rtol=0.0, atol=ROUNDED[0])
+            continue
+        number_of_joint = model.getJointId(joint)
+        column = model.joints[number_of_joint].idx_v
+        jacobian = pin.getJointJacobian(model, data, number_of_joint, pin.ReferenceFrame.WORLD)
+        twist = jacobian.reshape(6, model.nv)[:, column]
+        linear, angular = twist[:3], twist[3:]
+        if mechanism.is_prismatic(joint):
+            assert np.allclose(linear, vector(along), rtol=0.0, atol=ROUNDED[1])
+            arm = data.oMi[number_of_joint].translation - point  # it slides along the line that the card states
+            assert np.linalg.norm(np.cross(arm, linear)) < ROUNDED[0]
+        else:
+            assert np.allclose(angular, vector(along), rtol=0.0, atol=ROUNDED[1])
+            assert np.allclose(linear, np.cross(point, angular), rtol=0.0, atol=2.0 * ROUNDED[0])
+
+
+def test_the_mobility_is_that_of_the_joint(card):
+    title, _, mechanism, _ = card
+    assert mechanism.mobility == MOBILITY.get(title, 1)
+
+
+def test_the_gear_turns_twice_as_fast_the_other_way(tmp_path):
+    path = tmp_path / "gear.raff"
+    path.write_text(CARDS["A gear"][0], encoding="utf-8")
+    mechanism = cinegen.load(path)
+    q = mechanism.close(mechanism.configuration({"joint1": math.radians(20)}), locked=["joint1"])
+    data = mechanism.model.createData()
+    pin.forwardKinematics(mechanism.model, data, q)
+    turned = pin.rpy.matrixToRpy(data.oMi[mechanism.model.getJointId("joint2")].rotation)
+    assert np.allclose(np.degrees(turned), [0.0, 0.0, -40.0], atol=1e-9)
