@@ -15,6 +15,6 @@ export default [
       "prefer-const": "error",
     },
   },
-  { files: ["cinegen/cockpit/static/**/*.js", "cinegen/page/static/**/*.js"], languageOptions: { globals: globals.browser } },
+  { files: ["cinegen/cockpit/static/**/*.js", "cinegen/page/static/**/*.js", "docs/site/**/*.js"], languageOptions: { globals: globals.browser } },
   { files: ["tests/javascript/**/*.js", "benchmarks/*.mjs"], languageOptions: { globals: { ...globals.node, ...globals.browser } } },
 ];

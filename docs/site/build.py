@@ -1,5 +1,5 @@
-"""Build the site: the pages of docs/, every example and robot, the reference of commands and of Python, and robots of
-the gallery that can be dragged.
+"""Build the site: the pages of docs/, every example and robot, the reference of commands and of Python, robots of the
+gallery that can be dragged, and the six parameters with sliders.
 
     python docs/site/build.py [FOLDER]
 
@@ -109,9 +109,31 @@ class Site:
         link = '<p><a href="live/{name}.html">Drag {name} in the browser</a></p>'
         self.write("gallery", PICTURE.sub(lambda found: f"{found[0]}\n\n{link.format(name=found[1])}", text))
 
+    def joints(self) -> None:
+        """Replace the picture of the six parameters by a page with sliders."""
+        text = (self._folder / "joints.md").read_text(encoding="utf-8")
+        frame = (
+            '<iframe class="parameters" src="live/six_parameters.html" title="Six sliders and four frames"></iframe>'
+        )
+        shown, count = re.subn(r"^!\[[^]]*\]\(pictures/joints_any\.svg\)$", frame, text, flags=re.MULTILINE)
+        if count != 1:
+            raise SystemExit("docs/joints.md: the picture of the six parameters is missing")
+        self.write("joints", shown)
+
+    def parameters(self) -> None:
+        """Write the page with sliders; without a script it shows the picture."""
+        folder, there = HERE / "parameters", self._folder / "extra/live/six_parameters.html"
+        code = "\n".join((folder / f"{name}.js").read_text(encoding="utf-8") for name in ("frames", "picture", "page"))
+        code = re.sub(r"^import .*;\n|^export ", "", code, flags=re.MULTILINE)
+        page = (folder / "page.html").read_text(encoding="utf-8")
+        picture = (ROOT / "docs/pictures/joints_any.svg").read_text(encoding="utf-8")
+        there.parent.mkdir(parents=True, exist_ok=True)
+        page = page.replace("{{picture}}", picture).replace("{{script}}", f"(() => {{\n{code}}})();")
+        there.write_text(page, encoding="utf-8")
+
     def robots(self) -> None:
         """Write the pages in which the robots of the gallery can be dragged."""
-        (self._folder / "extra/live").mkdir(parents=True)
+        (self._folder / "extra/live").mkdir(parents=True, exist_ok=True)
         for name in PICTURE.findall((self._folder / "gallery.md").read_text(encoding="utf-8")):
             page = self._folder / f"extra/live/{name}.html"
             if cinegen.cli.main(["page", str(ROOT / f"robots/{name}.raff"), "-o", str(page)]):
@@ -173,6 +195,7 @@ def fill(site: Site) -> None:
             site.copy(file, page)
     site.write("index", (HERE / "index.md").read_text(encoding="utf-8"))
     site.gallery()
+    site.joints()
     site.examples()
     site.commands()
     site.python()
@@ -184,6 +207,7 @@ def main() -> int:
     site = Site(folder / "source")
     fill(site)
     site.robots()
+    site.parameters()
     shutil.rmtree(folder / "html", ignore_errors=True)
     command = [sys.executable, "-m", "sphinx", "-W", "--keep-going", "-q", folder / "source", folder / "html"]
     status = subprocess.run(command, check=False).returncode
