@@ -90,7 +90,7 @@ def run(
     if plot is not None:
         from cinegen.plotting.residuals import draw_residuals
 
-        write_figure(plot, draw_residuals(found), quiet=json)
+        write_figure(plot, draw_residuals(found, name), quiet=json)
     return 0
 
 

@@ -18,6 +18,14 @@ if TYPE_CHECKING:
 
     from cinegen.model import Mechanism
 
+_METADATA: dict[str, dict[str, str | None]] = {
+    "png": {"Software": GENERATED},
+    "svg": {"Creator": GENERATED, "Date": None},
+    "pdf": {"Creator": GENERATED, "CreationDate": None},
+}
+# The same file each time; texts of a PDF in TrueType fonts, which programs can edit.
+_REPRODUCIBLE: dict[Any, Any] = {"svg.hashsalt": "cinegen", "pdf.fonttype": 42}
+
 
 def read(file: Path) -> str:
     """Return a file's text.
@@ -65,14 +73,18 @@ def write(path: Path, content: str | bytes) -> None:
 def write_figure(path: Path, figure: Figure, quiet: bool = False) -> None:
     """Write a picture in the format of the path's suffix, PNG without one; print its path unless `quiet`.
 
+    A picture that is written again is the same file: it has no date.
+
     Raises:
         CinegenError: it can't be written, or there is no such format.
     """
+    from matplotlib import rc_context
+
     picture = io.BytesIO()
     try:
         form = path.suffix[1:].lower() or "png"
-        key = {"png": "Software", "svg": "Creator", "pdf": "Creator"}.get(form)
-        figure.savefig(picture, format=form, dpi=150, metadata={key: GENERATED} if key else None)
+        with rc_context(_REPRODUCIBLE):
+            figure.savefig(picture, format=form, dpi=150, metadata=_METADATA.get(form))
     except ValueError as error:  # matplotlib lists the formats
         raise CinegenError(f"{path}: can't be written: {error}") from None
     write(path, picture.getvalue())

@@ -295,7 +295,7 @@ def _sweep(name: str, spec: MapSpecification, file: Path, robots: RobotOptions, 
         )  # fmt: skip
     print_result(table.as_dict(), f"{table.text()}\nvariants, maps and table.csv: {folder}", options.json)
     if options.plot:
-        write_figure(options.plot, draw_sweep(table), options.json)
+        write_figure(options.plot, draw_sweep(table, name=name), options.json)
     return 0
 
 

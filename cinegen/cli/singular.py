@@ -83,7 +83,7 @@ def _scan(
     of = Slice(mechanism, (first, second), values(at, "--at", POSE_EXAMPLE, mechanism), node)
     with Progress() as progress:
         loci = singular_loci(of, grid, progress.fraction)
-    figure = draw_loci(loci)
+    figure = draw_loci(loci, name=name)
     write(numbers, json_text.dumps({"origin": GENERATED, **loci.as_dict()}, ensure_ascii=False) + "\n")
     write_figure(picture, figure, quiet=True)
     share = f"{100.0 * loci.reached.mean():.0f} % of the slice over {first.name} and {second.name}"

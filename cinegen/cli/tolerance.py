@@ -71,7 +71,7 @@ def run(
     if plot is not None:
         from cinegen.plotting.tolerance import draw_tolerance
 
-        write_figure(plot, draw_tolerance(found), quiet=json)
+        write_figure(plot, draw_tolerance(found, name=name), quiet=json)
     return 0
 
 

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from cinegen.planning.planner import Plan
 from cinegen.planning.timed_path import TimedPath, timed_path
 from cinegen.plotting.modes import DrawingError
+from cinegen.plotting.plan import robot_name
 from cinegen.plotting.sheet import BLUE, FAINT, GREEN, INK, ORANGE, SKY, VERMILLION, finish, label, sheet
 from raff2urdf.quantities import ANGLE, LENGTH, shown_scale
 
@@ -53,7 +54,7 @@ def draw_joints(plan: Plan, motion: TimedPath | None = None) -> Figure:
     left_out = [f"at rest: {', '.join(name for name in mechanism.joints if name not in moving)}"]
     left_out += [f"not drawn: {', '.join(mechanism.balls)}"] if mechanism.balls else []
     left_out += ["not drawn: the floating base"] if mechanism.floating else []
-    text = "; ".join(part for part in left_out if not part.endswith(": "))
+    text = "; ".join([robot_name(plan.scene), *(part for part in left_out if not part.endswith(": "))])
     kinds = [
         (names, *shown_scale(dimension), quantity)
         for names, dimension, quantity in (
@@ -64,7 +65,7 @@ def draw_joints(plan: Plan, motion: TimedPath | None = None) -> Figure:
     ]
     rows = len(kinds) + 1
     title = f"{plan.scene.name}: {plan.status.value}, {motion.times[-1]:.2f} s"
-    figure, body = sheet(_WIDE, _TALL * rows + 0.5, title, text or plan.scene.mechanism.name)
+    figure, body = sheet(_WIDE, _TALL * rows + 0.5, title, text)
     panels = body.subplots(rows, 1, sharex=True)
     lines = {name: _line(number) for number, name in enumerate(moving)}
     for axes, (names, scale, unit, quantity) in zip(panels, kinds, strict=False):

@@ -32,19 +32,21 @@ _BORDER = 0.55  # width of a border, over that of a singular curve
 _CASING = 1.5  # points: white around lines
 
 
-def draw_loci(loci: SingularLoci, size: float = 7.0) -> Figure:
+def draw_loci(loci: SingularLoci, size: float = 7.0, name: str | None = None) -> Figure:
     """Draw curves of both types, shaded by the smaller of both singular values, in m and degrees.
 
     Args:
         loci: the curves and the singular values of a slice.
         size: width, inches.
+        name: of the robot in the title; its own by default.
     """
     slice_, mechanism, start = loci.of, loci.of.mechanism, loci.of.start()
     names = [axis.name for axis in slice_.axes]
     scales, units = zip(*(user_scale(mechanism, name) for name in names), strict=True)
-    robot = mechanism.name if slice_.over_joints else f"{slice_.node} of {mechanism.name}"
+    robot = name or mechanism.name
+    subject = "singularities over actuated joints" if slice_.over_joints else f"singularities of {slice_.node}"
     fixed = [coordinate_text(mechanism, *one) for one in slice_.given(*start).items() if one[0] not in names]
-    figure, body = sheet(size, 0.8 * size, f"Singularities of {robot}", ", ".join(fixed))
+    figure, body = sheet(size, 0.8 * size, f"{robot}: {subject}", ", ".join(fixed))
     axes = body.add_subplot()
     u, v = loci.u * scales[0], loci.v * scales[1]
     nearness = np.fmin(loci.first, loci.second)

@@ -4,7 +4,9 @@ using vortex fields", Advances in Robot Kinematics, Springer 1991; and its clear
 from __future__ import annotations
 
 import itertools
+from collections.abc import Mapping
 from dataclasses import replace
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -20,6 +22,7 @@ from cinegen.model.motion_plane import motion_plane
 from cinegen.planning.planner import Plan, refined
 from cinegen.plotting.sheet import BLUE, FAINT, INK, SKY, VERMILLION, finish, label, sheet
 from cinegen.plotting.view import Projection, along, parallel
+from raff2urdf.files import stem_of
 from raff2urdf.quantities import LENGTH, shown_scale
 
 if TYPE_CHECKING:
@@ -65,13 +68,22 @@ def draw_plan(plan: Plan, margin: bool = True) -> Figure:
     """
     layout = _Layout(plan)
     strategy = plan.attempts[-1].strategy if plan.attempts else plan.reason
-    figure, body = sheet(*layout.size, f"{plan.scene.name}: {plan.status.value}", strategy)
+    title = f"{plan.scene.name}: {plan.status.value}"
+    figure, body = sheet(*layout.size, title, f"{robot_name(plan.scene)}: {strategy}")
     maps, strip = layout.panels(body)
     for axes, view in zip(maps, layout.views, strict=True):
         _paint(axes, layout, view, margin)
     _clearance(strip, layout)
     finish(figure)
     return figure
+
+
+def robot_name(scene: Scene) -> str:
+    """Return the name of a scene's robot: of its file; its own if it was not loaded from one."""
+    if scene.mobile is not None:
+        return "mobile robot"
+    file = scene.robot.get("file") if isinstance(scene.robot, Mapping) else scene.robot
+    return scene.mechanism.name if file is None else stem_of(Path(file))
 
 
 class _Layout:

@@ -19,14 +19,18 @@ _LIMIT = 3.0  # standard deviations, drawn as lines
 _MOST = 8.0  # standard deviations, of the lower panel
 
 
-def draw_residuals(found: Calibration) -> Figure:
+def draw_residuals(found: Calibration, name: str | None = None) -> Figure:
     """Draw the residuals of all readings over the poses, in their standard deviations: at nominal values, and after
     calibration with the outliers marked.
+
+    Args:
+        found: the calibration.
+        name: of the robot in the title; its own by default.
 
     Returns:
         a matplotlib figure: `draw_residuals(found).savefig("residuals.png")`.
     """
-    name = found.parameters.robot.name
+    name = name or found.parameters.robot.name
     held = ", ".join(
         f"{_shown(one.before, one.dimension)} before, {_shown(one.after, one.dimension)} after (noise "
         f"{_shown(one.noise, one.dimension)})"

@@ -29,7 +29,7 @@ def check_drawable(variations: Sequence[Variation]) -> None:
     _check(sum(variation.count > 1 for variation in variations))
 
 
-def draw_sweep(result: SweepResult, size: float = 7.0) -> Figure:
+def draw_sweep(result: SweepResult, size: float = 7.0, name: str | None = None) -> Figure:
     """Draw the extent with its error and the dexterity in the wanted box, over the parameter that varies.
 
     Where two parameters vary, both are colours over the two. Variants that are not suitable are crossed out: loops
@@ -38,6 +38,7 @@ def draw_sweep(result: SweepResult, size: float = 7.0) -> Figure:
     Args:
         result: of a sweep.
         size: width, inches.
+        name: of the robot in the title; its own by default.
 
     Raises:
         DrawingError: neither one parameter varies nor two.
@@ -45,7 +46,7 @@ def draw_sweep(result: SweepResult, size: float = 7.0) -> Figure:
     varied = [heading for heading in result.headings if len({row.values[heading] for row in result.rows}) > 1]
     _check(len(varied))
     flat = len(varied) == 2
-    title = f"Variants of {result.robot}"
+    title = f"{name or result.robot}: variants"
     text = f"{len(result.suitable)} of {len(result.rows)} reach the whole wanted box without a singularity"
     figure, body = sheet(1.5 * size, 0.65 * size, title, text) if flat else sheet(size, 0.9 * size, title, text)
     (_surfaces if flat else _lines)(body, result, varied)

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 _MOST = 12  # bars
 
 
-def draw_tolerance(report: ToleranceReport, size: float = 9.0) -> Figure:
+def draw_tolerance(report: ToleranceReport, size: float = 9.0, name: str | None = None) -> Figure:
     """Draw what the largest sources of errors contribute to a node's position and orientation.
 
     Bars are standard deviations that each source alone causes; numbers are fractions of the variance.
@@ -25,10 +25,11 @@ def draw_tolerance(report: ToleranceReport, size: float = 9.0) -> Figure:
     Args:
         report: of `cinegen.design.tolerance`.
         size: width, inches.
+        name: of the robot in the title; its own by default.
     """
     sides = [(report.contributors(turned), turned) for turned in (False, True)]
     bars = max((min(len(found), _MOST) for found, _ in sides), default=0)
-    title = f"Accuracy of {report.node} of {report.name}"
+    title = f"{name or report.name}: accuracy of {report.node}"
     text = f"position {1e3 * report.position:.4g} mm, orientation {math.degrees(report.orientation):.4g}° (1 sigma)" + (
         f"\n{report.agreement}" if report.agreement else ""
     )
