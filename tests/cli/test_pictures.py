@@ -22,7 +22,7 @@ ROOT = Path(__file__).resolve().parents[2]
 COMMANDS = {
     "map": ("map arm.raff --over x=-0.4..0.4,y=0..0.7 --grid 8 -o a.zarr --workers 1 --plot {}", "arm: reach of tool"),
     "map --vary": (
-        "map arm.raff --over x=-0.4..0.4,y=0..0.7 --grid 4 --vary link2.d=0.25..0.26:2 -o v --yes --workers 1 --plot {}",
+        "map arm.raff --over x=-0.4..0.4,y=0..0.7 --grid 4 --vary link2.d=0.2..0.3:2 -o v --yes --workers 1 --plot {}",
         "arm: variants",
     ),
     "compare": ("compare a.zarr b.zarr --plot {}", "a and b"),
