@@ -47,9 +47,11 @@ class Site:
         shutil.rmtree(folder, ignore_errors=True)
         self._folder, self._shown = folder, set[str]()
         shutil.copytree(ROOT / "docs/pictures", folder / "pictures")
-        for name in ("conf.py", "site.css"):
-            (folder / "static").mkdir(exist_ok=True)
-            shutil.copy(HERE / name, folder / ("static" if name.endswith("css") else "") / name)
+        shutil.copytree(HERE / "templates", folder / "templates")
+        (folder / "static").mkdir()
+        shutil.copy(HERE / "conf.py", folder)
+        for name in ("site.css", "site.js"):
+            shutil.copy(HERE / name, folder / "static")
 
     def write(self, page: str, text: str) -> None:
         """Write a page."""
@@ -154,7 +156,7 @@ class Site:
         for name, command in sorted(typer.main.get_command(cinegen.cli.app).commands.items()):  # type: ignore[attr-defined]
             if command.hidden:
                 continue
-            lines += [f"## cinegen {name}", "", (command.help or "").strip(), "", "| | |", "| --- | --- |"]
+            lines += [f"## cinegen {name}", "", (command.help or "").strip(), "", "| option | does |", "| --- | --- |"]
             for one in command.params:
                 if getattr(one, "hidden", False):
                     continue

@@ -36,8 +36,10 @@ html_theme = "furo"
 html_title = "cinegen"
 html_static_path = ["static"]
 html_extra_path = ["extra"]
-exclude_patterns = ["extra"]
+exclude_patterns = ["extra", "templates"]
 html_css_files = ["site.css"]
+html_js_files = ["site.js"]
+templates_path = ["templates"]
 html_theme_options = {
     "light_css_variables": {"color-brand-primary": "#0b5394", "color-brand-content": "#0b5394"},
     "dark_css_variables": {"color-brand-primary": "#7fb7ea", "color-brand-content": "#7fb7ea"},

@@ -73,10 +73,10 @@ def test_errors_are_those_of_the_command_and_the_robot_stays(file, text, tab):  
         check(parse(wrong, "delta4.raff"))
     edit(page, wrong)
     assert becomes(page, "document.documentElement.dataset.read === 'no'")
-    shown = page.locator("#notes pre").all_text_contents()
+    shown = page.locator("#notes button").all_text_contents()
     assert "\n".join(shown) == str(error.value)
     line = min(problem.location.line for problem in error.value.problems)
-    page.locator("#notes pre").first.click()
+    page.locator("#notes button").first.click()
     assert becomes(page, "document.querySelector('#text .cm-lint-marker-error') !== null")
     assert f"delta4.raff:{line}:" in shown[0]
     assert page.evaluate("cockpit.state.poses.r1") == before
@@ -88,7 +88,7 @@ def test_no_text_runs_or_stops_the_page(file, tab):  # noqa: F811
     edit(page, hostile)
     assert becomes(page, "document.documentElement.dataset.read === 'no'")
     assert page.evaluate("document.querySelectorAll('#editor [onerror], #editor script').length") == 0
-    assert page.locator("#notes pre").count() > 0
+    assert page.locator("#notes button").count() > 0
     edit(page, "RAFF t robot r { link 1 { parameters { d 500 } type 2 pred 0 } }")
     assert becomes(page, "document.documentElement.dataset.read === 'yes'")
     assert becomes(page, "cockpit.hello.robots[0].name === 'r'")

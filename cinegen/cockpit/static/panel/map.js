@@ -21,7 +21,7 @@ export class MapSection {
   share = make("input");
   cut = make("input");
   how = make("span");
-  at = make("output", { class: "number" });
+  at = make("output", { class: "number", "aria-live": "off" });
   note = make("div", { id: "map-note", class: "description quiet" });
 
   /**

@@ -55,7 +55,7 @@ export class Singularity {
     this.#meters.clear();
     byRobot(this.section.body, this.session.robots, (robot, body) => {
       for (const { kind, title, none, hint } of KINDS) {
-        const value = make("output", { class: "number quiet" });
+        const value = make("output", { class: "number quiet", "aria-live": "off" });
         const bar = make("b");
         const mark = make("i", { title: "Below this mark it is near a singularity" });
         const label = make("div", { class: "description" });

@@ -24,7 +24,7 @@ export function fill(input) {
  */
 export function logSlider({ id, label, hint, low, high, format, changed }) {
   const input = make("input", { type: "range", id, min: 0, max: STEPS, step: 1, title: hint, "aria-label": label });
-  const output = make("output", { class: "number" });
+  const output = make("output", { class: "number", "aria-live": "off" });
   const value = () => low * (high / low) ** (Number(input.value) / STEPS);
   /** @param {number} number */
   const display = (number) => {

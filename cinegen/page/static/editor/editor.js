@@ -29,7 +29,7 @@ export class Editor {
         lineNumbers(), lintGutter(), history(), keymap.of([...defaultKeymap, ...historyKeymap]), highlighting(),
         EditorState.changeFilter.of(({ newDoc }) => newDoc.length <= LARGEST),
         EditorView.updateListener.of(({ docChanged }) => docChanged && changed(this.text)),
-        EditorView.contentAttributes.of({ "aria-label": "RAFF text", spellcheck: "false" }),
+        EditorView.contentAttributes.of({ "aria-label": "RAFF text", spellcheck: "false", tabindex: "0" }),
       ],
     });
     this.view = new EditorView({ state, parent: place });
@@ -60,7 +60,10 @@ export class Editor {
       return { from: from + begin, to: from + end, severity, message };
     });
     this.view.dispatch(setDiagnostics(state, diagnostics));
-    const shown = notes.slice(0, SHOWN).map((note) => make("pre", { class: note.severity, on: { click: () => this.#go(note) } }, note.text));
+    const title = "Go to its line";
+    const shown = notes.slice(0, SHOWN).map((note) =>
+      make("button", { type: "button", class: note.severity, title, on: { click: () => this.#go(note) } }, note.text),
+    );
     const more = notes.length > SHOWN ? [make("p", {}, `and ${notes.length - SHOWN} more`)] : [];
     this.notes.replaceChildren(...shown, ...more);
   }
