@@ -1,9 +1,10 @@
 // Keys, as people who know three.js have them. A control that has the focus keeps the keys it needs.
 
 import { byId } from "../base/dom.js";
+import { selectNext } from "../pointer/arrow_keys.js";
 
 const TYPED = "input:not([type=checkbox]):not([type=range]), textarea, select";
-const PRESSED = "button, summary, a, input[type=checkbox], select, [tabindex]";
+const PRESSED = "button, summary, a, input[type=checkbox], select, [tabindex]:not(canvas)";
 
 /**
  * @param {{ commands: import("./commands.js").Commands, session: import("../base/session.js").Session,
@@ -11,10 +12,16 @@ const PRESSED = "button, summary, a, input[type=checkbox], select, [tabindex]";
  *   endDrag: () => boolean, pin: () => void }} parts
  */
 export function keys({ commands, gizmo, session, view, endDrag, pin }) {
-  /** @type {Record<string, () => void>} */
+  /** @param {string} mode */
+  const move = (mode) => {
+    gizmo.setMode(mode);
+    if (session.selected !== null) view.canvas.focus({ preventScroll: true }); // for the arrow keys
+  };
+  /** @type {Record<string, (event: KeyboardEvent) => void>} */
   const plain = {
-    w: () => gizmo.setMode("translate"),
-    e: () => gizmo.setMode("rotate"),
+    w: () => move("translate"),
+    e: () => move("rotate"),
+    n: ({ shiftKey }) => selectNext(session, shiftKey ? -1 : 1),
     q: () => gizmo.setAxes(),
     p: pin,
     h: () => commands.home(),
@@ -46,6 +53,6 @@ export function keys({ commands, gizmo, session, view, endDrag, pin }) {
     }
     if (plain[key] === undefined || event.repeat) return;
     event.preventDefault();
-    plain[key]();
+    plain[key](event);
   });
 }

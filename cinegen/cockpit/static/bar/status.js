@@ -3,6 +3,8 @@
 // For tests: #status, data-status = the status's name, data-tone = good, warn, bad or none.
 
 import { atMostEvery, byId, write } from "../base/dom.js";
+import { announce } from "../base/speech.js";
+import { StatusAnnouncer } from "./status_announcer.js";
 
 /** @type {Record<string, string>} */
 const TONES = {
@@ -32,6 +34,7 @@ export class Status {
   constructor(session) {
     this.session = session;
     this.chip = byId("status");
+    this.announcer = new StatusAnnouncer(announce);
     const show = atMostEvery(100, () => this.#show());
     session.on("state", () => show());
     session.on("report", () => show());
@@ -45,6 +48,7 @@ export class Status {
     this.chip.dataset.tone = shown.tone;
     this.chip.dataset.status = shown.name;
     this.chip.title = shown.title;
+    this.announcer.offer({ ...shown, driven: (state?.tasks ?? []).length > 0 });
   }
 }
 

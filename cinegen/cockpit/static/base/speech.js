@@ -1,6 +1,9 @@
 // What screen readers read: units as words, values of sliders, and announcements.
 
-import { byId } from "./dom.js";
+import { byId, make } from "./dom.js";
+
+const KEPT = 5; // announcements
+const STAYS = 10000; // ms
 
 /** @type {[RegExp, string][]} */
 const WORDS = [
@@ -44,12 +47,14 @@ export function speak(control, text) {
 }
 
 /**
- * Announce a text: screen readers read it when they have read what they are reading. The next one replaces it.
+ * Announce a text: screen readers read it after what they are reading.
  *
  * @param {string} text
  */
 export function announce(text) {
+  const line = make("p", {}, spoken(text));
   const region = byId("announcer");
-  const words = spoken(text);
-  region.textContent = region.textContent === words ? `${words}\u00a0` : words; // what does not change is not read again
+  region.append(line); // what is added is read, what is taken away is not
+  while (region.childElementCount > KEPT) region.firstElementChild?.remove();
+  setTimeout(() => line.remove(), STAYS);
 }
