@@ -38,6 +38,7 @@ import { Forces } from "./panel/forces.js";
 import { Joints } from "./panel/joints.js";
 import { MapSection } from "./panel/map.js";
 import { Motion } from "./panel/motion.js";
+import { Plots } from "./panel/plots.js";
 import { Tasks } from "./panel/tasks.js";
 import { Record } from "./panel/record.js";
 import { Sensors } from "./panel/sensors.js";
@@ -119,7 +120,9 @@ const panel = byId("panel");
 new MapSection(panel, field);
 for (const Section of [Singularity, Joints]) new Section(panel, session);
 new Forces(panel, session, aids);
-for (const Section of [Tasks, Sensors, Tree, Motion, Record]) new Section(panel, session);
+new Tasks(panel, session);
+const plots = new Plots(panel, session);
+for (const Section of [Sensors, Tree, Motion, Record]) new Section(panel, session);
 sendCamera(view, session);
 frameFirstView(view, session, still, field);
 keys({ commands, gizmo, session, view, endDrag, pin });
@@ -136,6 +139,7 @@ window.cockpit = {
   select: (/** @type {string} */ robot, /** @type {string} */ node) => session.select(robot, node),
   frame: () => view.frame(),
   gizmo,
+  plots,
   presentation,
   get hello() {
     return session.hello;

@@ -1,0 +1,140 @@
+"""Plots, poses, links, films and other users in the real page, with a server and without one."""
+
+from __future__ import annotations
+
+import csv
+import io
+import shutil
+
+import numpy as np
+import pytest
+from playwright.sync_api import sync_playwright
+from test_cockpit_page import FLAGS, READY, SIZE, becomes, picture
+
+from cinegen.cockpit import Cockpit
+from cinegen.page import build_page
+from cinegen.session import Setup, arrange
+
+CHROMIUM = shutil.which("chromium")
+
+pytestmark = [
+    pytest.mark.browser,
+    pytest.mark.filterwarnings("ignore:.*no such port:cinegen.CinegenWarning"),
+    pytest.mark.skipif(CHROMIUM is None, reason="NO CHROMIUM: the page is not tested in a real browser"),
+]
+
+
+@pytest.fixture(scope="module")
+def browser():
+    with sync_playwright() as playwright:
+        yield playwright.chromium.launch(executable_path=CHROMIUM, args=FLAGS)
+
+
+@pytest.fixture
+def cockpit(robot):
+    """A session with a five-bar, in a thread."""
+    one = Cockpit(arrange({"five_bar": robot("five_bar")}), port=8300, own_process=False)
+    yield one
+    one.close()
+
+
+@pytest.fixture(scope="module")
+def file(robot, tmp_path_factory):
+    """The same robot in a page without a server."""
+    path = tmp_path_factory.mktemp("page") / "five_bar.html"
+    path.write_text(build_page(Setup({"five_bar": robot("five_bar")})))
+    return path
+
+
+@pytest.fixture
+def tab(browser):
+    """`tab(address)`: a page of a browser of its own. What goes wrong in it is an error."""
+    contexts, wrong = [], []
+
+    def open_tab(address, script="", offline=False):
+        context = browser.new_context(viewport=SIZE, offline=offline, accept_downloads=True)
+        page = context.new_page()
+        page.on("pageerror", lambda error: wrong.append(str(error)))
+        page.on("console", lambda message: wrong.append(message.text) if message.type == "error" else None)
+        page.add_init_script(script)
+        page.goto(address, timeout=60_000)
+        contexts.append(context)
+        assert becomes(page, lambda: page.evaluate(f"Boolean({READY.replace('cockpit', 'cockpit?')})"), 60)
+        return page
+
+    yield open_tab
+    for context in contexts:
+        context.close()
+    assert wrong == []
+
+
+def downloaded(page, press):
+    """The content of the file that the page saves, and its name."""
+    with page.expect_download() as saved:
+        press()
+    return saved.value.path().read_bytes(), saved.value.suggested_filename
+
+
+def unfold(page, section):
+    page.evaluate("id => { document.getElementById(`section-${id}`).open = true; }", section)
+
+
+LINES = """([plot, variable]) => {
+  const canvas = document.querySelector(`[data-plot="${plot}"] canvas`);
+  canvas.scrollIntoView();
+  const colour = getComputedStyle(canvas).getPropertyValue(variable);
+  const wanted = [1, 3, 5].map((at) => parseInt(colour.slice(at, at + 2), 16));
+  const { data, width } = canvas.getContext("2d").getImageData(0, 0, canvas.width, canvas.height);
+  const columns = new Set();
+  for (let i = 0; i < data.length; i += 4) {
+    const same = wanted.every((value, k) => Math.abs(data[i + k] - value) < 12);
+    if (same && data[i + 3] > 120) columns.add((i / 4) % width);
+  }
+  return columns.size;
+}"""
+"""Number of columns of a plot in which a line of a colour is drawn."""
+
+
+def test_joints_are_plotted_paused_and_exported(cockpit, file, tab):
+    page = tab(cockpit.url)
+    assert page.get_attribute("#section-plots", "open") is None
+    unfold(page, "plots")
+    mechanism = cockpit.setup.robots["five_bar"]
+    first, *_ = mechanism.actuated
+    before = cockpit.state.robots["five_bar"].q
+    goal = before[mechanism.q_index(first)] + 0.2
+    page.evaluate(
+        "([joint, value]) => cockpit.send({ type: 'move_joint', robot: 'five_bar', joint, value })", [first, goal]
+    )
+
+    def arrived():
+        return abs(cockpit.state.robots["five_bar"].q[mechanism.q_index(first)] - goal) < 1e-9
+
+    assert becomes(page, arrived)
+    page.evaluate("cockpit.send({ type: 'end_joint_motion' })")
+    assert becomes(page, lambda: page.evaluate(LINES, ["angles", "--blue"]) > 10)
+    line = page.locator(f'[data-line="angles/five_bar/{first}"]')
+    assert becomes(page, lambda: abs(float(line.locator("output").inner_text()) - np.degrees(goal)) < 0.051)
+    picture(page, "plots")
+    line.click()
+    assert becomes(page, lambda: page.evaluate(LINES, ["angles", "--blue"]) == 0)
+    assert page.evaluate(LINES, ["angles", "--vermillion"]) > 10  # the other actuated joint
+    page.wait_for_timeout(150)
+    page.click("#plots-pause")
+    content, name = downloaded(page, lambda: page.click("#plots-csv"))
+    assert name == "five_bar.csv"
+    header, *rows = csv.reader(io.StringIO(content.decode(), newline=""))
+    column = header.index(f"q of five_bar/{first} (rad)")
+    reported = [(float(row[0]), float(row[column])) for row in rows if row[column]]
+    assert reported[0][1] == pytest.approx(before[mechanism.q_index(first)], abs=1e-9)
+    assert reported[-1][1] == pytest.approx(goal, abs=1e-9)
+    assert np.all(np.diff([moment for moment, _ in reported]) > 0.05)
+    kept = page.evaluate("cockpit.plots.quantities.reports.count")
+    page.wait_for_timeout(400)
+    assert page.evaluate("cockpit.plots.quantities.reports.count") == kept
+    local = tab(file.as_uri(), offline=True)
+    unfold(local, "plots")
+    local.evaluate(
+        "cockpit.send({ type: 'move_joint', robot: 'five_bar', joint: 'joint1', value: 1 })".replace("joint1", first)
+    )
+    assert becomes(local, lambda: local.evaluate(LINES, ["angles", "--blue"]) > 5)
