@@ -18,7 +18,7 @@ from cinegen.session.setup import SensorSwitch
 from cinegen.session.state import Obstruction, PlaybackStatus, RobotStatus, SessionInfo, TaskInfo
 from cinegen.typed_json import Vector7
 
-PROTOCOL = 4
+PROTOCOL = 5
 
 
 class Ack(TypedMessage, frozen=True):

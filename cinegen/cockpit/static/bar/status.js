@@ -27,7 +27,7 @@ const TONES = {
 const NEAR = ["SINGULAR", "UNCONTROLLED"]; // a meter is red: this is always reported
 const SEVERITY = ["none", "good", "warn", "bad"];
 /** @type {Record<string, string>} */
-const MOVING = { home: "moving home", move_to: "moving to a configuration", undo: "undoing", redo: "redoing" };
+const MOVING = { home: "moving home", move_to: "moving to a configuration", waypoint: "moving to a waypoint", undo: "undoing", redo: "redoing" };
 
 export class Status {
   /** @param {import("../base/session.js").Session} session */

@@ -85,6 +85,34 @@ export interface MoveTo {
   q: number[];
 }
 
+export interface SaveWaypoint {
+  type: "save_waypoint";
+  name: string;
+}
+
+export interface ChangeWaypoint {
+  type: "change_waypoint";
+  waypoint: number;
+  name?: string | null;
+  index?: number | null;
+}
+
+export interface RemoveWaypoint {
+  type: "remove_waypoint";
+  waypoint: number;
+}
+
+export interface MoveToWaypoint {
+  type: "move_to_waypoint";
+  waypoint: number;
+}
+
+export interface PlayWaypoints {
+  type: "play_waypoints";
+  on: boolean;
+  record?: boolean;
+}
+
 export interface Undo {
   type: "undo";
 }
@@ -144,7 +172,7 @@ export interface ControlPlayback {
   speed?: number | null;
 }
 
-export type ClientMessage = Ack | RequestControl | RequestReactions | RequestRate | StartDrag | MoveDrag | EndDrag | Pin | RemoveTask | ChangeTask | MoveJoint | EndJointMotion | MoveHome | MoveTo | Undo | Redo | Pause | SelectSensor | ChangeSettings | SetPayload | SetView | SetRecording | GamepadInput | ControlPlayback;
+export type ClientMessage = Ack | RequestControl | RequestReactions | RequestRate | StartDrag | MoveDrag | EndDrag | Pin | RemoveTask | ChangeTask | MoveJoint | EndJointMotion | MoveHome | MoveTo | SaveWaypoint | ChangeWaypoint | RemoveWaypoint | MoveToWaypoint | PlayWaypoints | Undo | Redo | Pause | SelectSensor | ChangeSettings | SetPayload | SetView | SetRecording | GamepadInput | ControlPlayback;
 
 export interface HelloMessage {
   type: "hello";
@@ -290,6 +318,8 @@ export interface ReportMessage {
   recording: RecordingStatus | null;
   playback: PlaybackStatus | null;
   compiled?: boolean;
+  waypoints?: WaypointInfo[];
+  waypoint?: number | null;
   robots: Record<string, RobotReport>;
   switches: NodeSensor[];
   rate: TickRate;
@@ -318,6 +348,11 @@ export interface RecordingStatus {
   file: string;
   seconds: number;
   error: string | null;
+}
+
+export interface WaypointInfo {
+  id: number;
+  name: string;
 }
 
 export interface RobotReport {
