@@ -12,6 +12,7 @@ from playwright.sync_api import sync_playwright
 from test_cockpit_page import FLAGS, READY, SIZE, becomes, picture
 
 from cinegen.cockpit import Cockpit
+from cinegen.mission import Recording
 from cinegen.page import build_page
 from cinegen.session import Setup, arrange
 
@@ -138,3 +139,75 @@ def test_joints_are_plotted_paused_and_exported(cockpit, file, tab):
         "cockpit.send({ type: 'move_joint', robot: 'five_bar', joint: 'joint1', value: 1 })".replace("joint1", first)
     )
     assert becomes(local, lambda: local.evaluate(LINES, ["angles", "--blue"]) > 5)
+
+
+HOSTILE = '<img src=x onerror="alert(1)">'
+
+
+def test_waypoints_are_saved_renamed_reordered_played_and_recorded(cockpit, tab, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    mechanism = cockpit.setup.robots["five_bar"]
+    first, *_ = mechanism.actuated
+    index = mechanism.q_index(first)
+    page = tab(cockpit.url)
+
+    def value():
+        return cockpit.state.robots["five_bar"].q[index]
+
+    def listed(*names):
+        """The session and the page have the same waypoints."""
+        return [one.name for one in cockpit.state.waypoints] == list(names) == rows.all_inner_texts()
+
+    unfold(page, "waypoints")
+    rows = page.locator("#waypoints .go")
+    home = value()
+    page.fill("#waypoint-name", HOSTILE + "x" * 50)
+    page.press("#waypoint-name", "Enter")
+    assert becomes(page, lambda: listed((HOSTILE + "x" * 50)[:40]))
+    assert page.locator("#waypoints img").count() == 0
+    page.locator(f'[data-joint="five_bar/{first}"] input[type=number]').fill(str(np.degrees(home + 0.3)))
+    page.keyboard.press("Enter")
+    assert becomes(page, lambda: abs(value() - home - 0.3) < 1e-3 and cockpit.state.moving is None)
+    moved = value()
+    page.click("#save-waypoint")
+    assert becomes(page, lambda: rows.all_inner_texts()[1:] == ["Waypoint 2"])
+    page.locator("#waypoints [data-action=rename]").first.click()
+    page.locator("#waypoints input").fill("start")
+    page.keyboard.press("Enter")
+    assert becomes(page, lambda: listed("start", "Waypoint 2"))
+    rows.first.click()
+    assert becomes(page, lambda: abs(value() - home) < 1e-9 and cockpit.state.moving is None)
+    page.locator("#waypoints [data-action=up]").last.click()
+    assert becomes(page, lambda: listed("Waypoint 2", "start"))
+    page.click("#record-waypoints")
+    assert becomes(page, lambda: cockpit.state.waypoint is not None)
+    assert becomes(page, lambda: cockpit.state.waypoint is None and cockpit.state.recording is None)
+    assert becomes(page, lambda: page.locator(".toast", has_text="recorded").count() == 1)
+    (path,) = tmp_path.glob("mission-*.jsonl")
+
+    def written():
+        return path.read_bytes().endswith(b"\n") and Recording.load(path).q["five_bar"][-1][index] == value()
+
+    assert becomes(page, written)
+    recording = Recording.load(path)
+    assert recording.q["five_bar"][0][index] == moved
+    assert recording.q["five_bar"][-1][index] == pytest.approx(home, abs=1e-9)
+    page.locator("#waypoints [data-action=remove]").first.click()
+    assert becomes(page, lambda: listed("start"))
+
+
+def test_waypoints_are_played_without_a_server(robot, file, tab):
+    local = tab(file.as_uri(), offline=True)
+    first, *_ = robot("five_bar").actuated
+    unfold(local, "waypoints")
+    assert not local.is_visible("#record-waypoints")
+    local.click("#save-waypoint")
+    local.evaluate("joint => cockpit.send({ type: 'move_joint', robot: 'five_bar', joint, value: 1.9 })", first)
+    assert becomes(local, lambda: local.evaluate("cockpit.report.rate.at_rest") is False)
+    local.evaluate("cockpit.send({ type: 'end_joint_motion' })")
+    assert becomes(local, lambda: local.evaluate("cockpit.report.moving === null"))
+    local.click("#save-waypoint")
+    assert becomes(local, lambda: local.locator("#waypoints .go").all_inner_texts() == ["Waypoint 1", "Waypoint 2"])
+    local.click("#play-waypoints")
+    assert becomes(local, lambda: local.evaluate("cockpit.report.waypoint !== null"))
+    assert becomes(local, lambda: local.evaluate("cockpit.report.waypoint === null"))

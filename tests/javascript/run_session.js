@@ -24,6 +24,8 @@ const states = script.map(([ticks, command]) => {
     return [robot.name, { q: [...q], status: robot.status().name, closure: step.closure, tasks, base: robot.base.numbers() }];
   });
   const { undoCount: undo, redoCount: redo } = session.history;
-  return { robots: Object.fromEntries(robots), undo, redo, paused: session.paused, moving: session.moving, notices: session.notices.length };
+  const { infos: waypoints, target: waypoint } = session.waypoints;
+  const { paused, moving, notices } = session;
+  return { robots: Object.fromEntries(robots), undo, redo, paused, moving, waypoints, waypoint, notices: notices.length };
 });
 process.stdout.write(JSON.stringify(states));
