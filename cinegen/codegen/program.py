@@ -68,13 +68,8 @@ class Program:
     dt: float
 
     def numbers_of_q(self) -> list[str]:
-        """Return what each number of q is: a joint's name, or a part of a ball joint's quaternion or of the base."""
-        model, found = self.mechanism.model, [""] * self.mechanism.model.nq
-        parts = {1: ("",), 4: (".x", ".y", ".z", ".w"), 7: (".x", ".y", ".z", ".qx", ".qy", ".qz", ".qw")}
-        for index, joint in list(enumerate(model.joints))[1:]:
-            name = "base" if joint.nq == 7 else model.names[index]
-            found[joint.idx_q : joint.idx_q + joint.nq] = [name + part for part in parts[joint.nq]]
-        return found
+        """Return what each number of q is: see `names_of_q`."""
+        return names_of_q(self.mechanism)
 
     def place(self, name: str) -> HeapArray:
         """Return where an array of the memory is."""
@@ -86,3 +81,13 @@ class Program:
             return []
         tasks = [memory_at(int(handle)) for handle in self.memory.task_handles]
         return [self.translation.heap.array(one, "own_target").begin for one in tasks]
+
+
+def names_of_q(mechanism: Mechanism) -> list[str]:
+    """Return what each number of q is: a joint's name, or a part of a ball joint's quaternion or of the base."""
+    model, found = mechanism.model, [""] * mechanism.model.nq
+    parts = {1: ("",), 4: (".x", ".y", ".z", ".w"), 7: (".x", ".y", ".z", ".qx", ".qy", ".qz", ".qw")}
+    for index, joint in list(enumerate(model.joints))[1:]:
+        name = "base" if joint.nq == 7 else model.names[index]
+        found[joint.idx_q : joint.idx_q + joint.nq] = [name + part for part in parts[joint.nq]]
+    return found

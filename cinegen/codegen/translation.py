@@ -138,13 +138,15 @@ class KernelTranslation:
     Args:
         language: language.
         heap: heap.
+        body: translation of one function; of another class where fields of memories are found in another way.
 
     Attributes:
         functions: those translated so far, callees first.
     """
 
-    def __init__(self, language: Language, heap: Heap) -> None:
+    def __init__(self, language: Language, heap: Heap, body: type[FunctionTranslation] | None = None) -> None:
         self.language, self.heap, self.functions = language, heap, list[Translated]()
+        self._body = body or FunctionTranslation
         self.returned = heap.allocate(("returned",), np.zeros(_RETURNED)).begin
         self._known: dict[tuple[object, ...], Translated] = {}
         self.names, self.writing = set[str](), set[str]()
@@ -160,7 +162,7 @@ class KernelTranslation:
                 count += 1
                 name = f"{stem}_{count}"
             self.names.add(name)
-            self._known[key] = _Body(self, source, arguments, Translated(name)).translated
+            self._known[key] = self._body(self, source, arguments, Translated(name)).translated
             self.functions.append(self._known[key])
         return self._known[key]
 
@@ -250,7 +252,7 @@ def _product(a: Number, b: Number) -> Number:
     return Number("int", f"{a.at(PRODUCT)} * {b.at(PRODUCT + 1)}", PRODUCT)
 
 
-class _Body:
+class FunctionTranslation:
     """One function while it is translated."""
 
     def __init__(self, to: KernelTranslation, source: Any, arguments: Sequence[Value], translated: Translated) -> None:
@@ -617,9 +619,13 @@ class _Body:
             return owner.shape
         if not isinstance(owner, Memories):
             return self._object(getattr(owner, name, None), name)
-        first = owner.all[0]
-        if name == "target" and "own_target" in first.fields:
+        if name == "target" and "own_target" in owner.all[0].fields:
             return Target(owner)
+        return self._field(owner, name)
+
+    def _field(self, owner: Memories, name: str) -> Value:
+        """Return a field of a memory."""
+        first = owner.all[0]
         declared = first.fields[name]
         if declared.shape is None:
             place = self._heap.number(owner.all, name)

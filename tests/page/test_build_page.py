@@ -73,7 +73,7 @@ def test_it_refers_to_nothing_outside(elements):
 
 def test_every_import_is_a_module_of_the_page_and_all_names_are_used(elements):
     modules = unpacked(elements)["modules"]
-    used = {"cinegen/cockpit.js", "cinegen/robot/0"}
+    used = {"cinegen/cockpit.js", "cinegen/kernels.js"}
     for name, address in modules.items():
         kind, _, content = address.partition(",")
         assert kind == "data:text/javascript;charset=utf-8"

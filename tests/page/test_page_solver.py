@@ -14,7 +14,8 @@ from variants import slow
 import cinegen
 from cinegen.ik import Solver
 from cinegen.ik.singular import gained
-from cinegen.page.solver import solver_modules
+from cinegen.page.kernels_module import module
+from cinegen.page.tables import robot_tables
 from cinegen.singularities.ball_joints import CountedLoops, balls
 
 NODE = shutil.which("node")
@@ -34,9 +35,10 @@ pytestmark = pytest.mark.skipif(NODE is None, reason="NO NODE: the solver in Jav
 
 
 def in_javascript(mechanism, calls, root, folder):
-    module = folder / "solver.mjs"
-    module.write_text(solver_modules({"robot": mechanism}, RATE)["robot"])
-    (folder / "calls.json").write_text(json.dumps({"module": str(module), "dt": 1.0 / RATE, "calls": calls}))
+    path = folder / "kernels.mjs"
+    path.write_text(module())
+    given = {"module": str(path), "tables": robot_tables(mechanism, RATE), "dt": 1.0 / RATE, "calls": calls}
+    (folder / "calls.json").write_text(json.dumps(given))
     command = [NODE, "--no-warnings", root / "tests" / "javascript" / "run_solver.js", folder / "calls.json"]
     return json.loads(subprocess.run(command, check=True, stdout=subprocess.PIPE, text=True).stdout)
 

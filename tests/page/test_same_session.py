@@ -17,7 +17,7 @@ from variants import slow
 
 from cinegen.mission import BasePose
 from cinegen.page.build import RATE, content_of
-from cinegen.page.solver import solver_modules
+from cinegen.page.kernels_module import module
 from cinegen.session import Session, Setup
 from cinegen.session.commands import decode_command
 
@@ -58,13 +58,10 @@ def in_python(setup, script):
 
 def in_javascript(setup, script, root, folder):
     """The states of a session in JavaScript."""
-    texts, modules = solver_modules(setup.robots, RATE), {}
-    content = content_of(setup, "")
-    for one in content["robots"]:
-        path = folder / f"{one['name']}.mjs"
-        path.write_text(texts[one["name"]])
-        modules[one["module"]] = str(path)
-    (folder / "run.json").write_text(json.dumps({"content": content, "modules": modules, "script": script}))
+    kernels = folder / "kernels.mjs"
+    kernels.write_text(module())
+    given = {"content": content_of(setup, ""), "module": str(kernels), "script": script}
+    (folder / "run.json").write_text(json.dumps(given))
     command = [NODE, "--no-warnings", root / "tests" / "javascript" / "run_session.js", folder / "run.json"]
     done = subprocess.run(command, check=True, stdout=subprocess.PIPE, text=True)
     return json.loads(done.stdout)

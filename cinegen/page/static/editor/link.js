@@ -43,7 +43,7 @@ export class Link extends LocalLink {
         {
           hello: helloOf(this.#content.title, reading.robots), rate: RATE, scene: [],
           robots: reading.robots.map(({ model, analysis }) => ({
-            name: model.robot, module: "", start: analysis.home, base: { robot: null, node: null, placement: [0, 0, 0, 0, 0, 0, 1] },
+            name: model.robot, start: analysis.home, base: { robot: null, node: null, placement: [0, 0, 0, 0, 0, 0, 1] },
           })),
         },
         reading.robots.map(({ model, analysis }) => new ModelSolver(model, analysis)),

@@ -10,6 +10,7 @@ import { frames } from "../../../cockpit/static/base/frames.js";
 import { Clock } from "./clock.js";
 import { configurationsOf, fragmentOf } from "./fragment.js";
 import { Kinematics } from "./kinematics.js";
+import { kernelsOf } from "./memory.js";
 import { reportMessage, stateMessage } from "./messages.js";
 import { robotReport } from "./report.js";
 import { DrivenRobot } from "./robot.js";
@@ -21,12 +22,18 @@ const CLOSURE = 1e-10;
 
 /** @typedef {import("../../../cockpit/static/base/messages").RobotReport} RobotReport */
 /** @typedef {import("../../../cockpit/static/base/link.js").ServerEvents} ServerEvents */
+/** @typedef {{ name: string, start: number[], base: import("./session.js").BasePose }} StartedRobot */
 /**
- * What the page's file holds: the first message, and each robot's module, start and base pose.
+ * What a session begins with: the first message, what is drawn, and each robot's start and base pose.
  *
- * @typedef {{ hello: import("../../../cockpit/static/base/messages").HelloMessage, rate: number,
- *   scene: string[], robots: { name: string, module: string, start: number[],
- *   base: import("./session.js").BasePose }[] }} Content
+ * @typedef {{ hello: import("../../../cockpit/static/base/messages").HelloMessage, rate: number, scene: string[],
+ *   robots: StartedRobot[] }} Beginning
+ */
+/**
+ * What the page's file holds: this, the name of the kernels' module, and each robot's tables.
+ *
+ * @typedef {Omit<Beginning, "robots"> & { kernels: string,
+ *   robots: (StartedRobot & { tables: import("./solver_interface").Tables })[] }} Content
  */
 
 /** @extends {Events<ServerEvents>} */
@@ -51,8 +58,8 @@ export class Link extends Events {
   async connect() {
     /** @type {Content} */
     const content = JSON.parse(byId("cinegen-page").textContent ?? "");
-    const modules = await Promise.all(content.robots.map(({ module }) => import(module)));
-    this.begin(content, modules.map((module) => new KernelSolver(module.default())));
+    const kernels = await import(content.kernels);
+    this.begin(content, content.robots.map(({ tables }) => new KernelSolver(kernelsOf(kernels, tables))));
     this.#restore();
     window.addEventListener("hashchange", () => this.#restore());
   }
@@ -60,7 +67,7 @@ export class Link extends Events {
   /**
    * Begin a session, instead of the one before.
    *
-   * @param {Content} content
+   * @param {Beginning} content
    * @param {import("./solver_interface").Solver[]} solvers of its robots
    */
   begin(content, solvers) {
@@ -156,7 +163,7 @@ function bytesOf(text) {
 /**
  * Return the robots, and their base poses.
  *
- * @param {Content} content
+ * @param {Beginning} content
  * @param {import("./solver_interface").Solver[]} solvers of each robot
  * @returns {[Map<string, DrivenRobot>, Record<string, import("./session.js").BasePose>]}
  */
