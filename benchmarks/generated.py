@@ -3,7 +3,14 @@
     python benchmarks/generated.py [COUNT] [ROBOT ...]
 
 Actuated joints move to COUNT random values (100,000 unless given), one after the other; all robots of robots/ unless
-named. Needs gcc and node.
+named. C and JavaScript then move to those that Python reached, and to some of the others, which they may not reach.
+
+Rounding moves a configuration by about the machine's epsilon, divided by the smallest singular value of the passive
+joints in the loops: no less can be expected of two programs that round in different ways. So differences are listed as
+they are (rad, m), where that singular value is at least 0.01; and divided by this expectation, for all. Where they are
+largest, errors of all three are computed with mpmath: see `exact_loops.py`.
+
+Needs gcc and node.
 """
 
 from __future__ import annotations
@@ -16,6 +23,7 @@ import time
 from pathlib import Path
 
 import numpy as np
+from exact_loops import closed_exactly, distance
 
 import cinegen
 from cinegen.codegen import Function, Language, generate
@@ -24,6 +32,10 @@ from cinegen.model import ForwardKinematics
 
 ROOT = Path(__file__).parent.parent
 TICKS = 100_000
+UNREACHED = 100  # values that Python did not reach which the others are given
+REGULAR = 0.01  # singular value of configurations that are not near a singularity
+WORST = 5  # configurations at which errors are computed
+EPSILON = float(np.finfo(float).eps)
 NODE = """
 import create from "./robot.mjs";
 import { readFileSync, writeFileSync } from "node:fs";
@@ -31,7 +43,10 @@ const robot = create(), [count, width] = process.argv.slice(2).map(Number);
 const values = new Float64Array(readFileSync("values.bin").buffer.slice(0, 8 * count * width));
 const found = new Float64Array(count * (robot.q.length + 12));
 for (let i = 0; i < count; i += 1) {
-  robot.forward(values.subarray(i * width, (i + 1) * width));
+  if (!robot.forward(values.subarray(i * width, (i + 1) * width))) {
+    found.fill(NaN, i * (robot.q.length + 12), (i + 1) * (robot.q.length + 12));
+    continue;
+  }
   robot.place();
   found.set(robot.q, i * (robot.q.length + 12));
   found.set(robot.frames.subarray(-12), i * (robot.q.length + 12) + robot.q.length);
@@ -124,30 +139,61 @@ def tick_in_python(mechanism: cinegen.Mechanism) -> float:
     return 1e6 * (time.process_time() - start) / count
 
 
+def conditioning(mechanism: cinegen.Mechanism, q: np.ndarray) -> np.ndarray:
+    """Return of configurations (n, nq) the smallest singular value of the passive joints in the loops (n,), or 1."""
+    columns, rank = mechanism.passive_columns, mechanism.passive_rank
+    if rank == 0:
+        return np.ones(len(q))
+    jacobians = np.array([mechanism.system.evaluate(one)[1][:, columns] for one in q])
+    return np.asarray(np.linalg.svd(jacobians, compute_uv=False)[:, rank - 1])
+
+
 def main() -> None:
     """Print a table."""
     count = int(sys.argv[1]) if len(sys.argv) > 1 else 100_000
     names = sys.argv[2:] or sorted(path.stem for path in (ROOT / "robots").glob("*.raff") if path.stem != "two_arms")
-    print(f"{count} configurations: largest differences from Python; us of a tick\n")
-    print(f"{'robot':20}{'reached':>9}{'C':>9}{'node':>9}{'Python us':>11}{'C us':>7}{'node us':>9}")
+    print(f"{count} values. Largest differences of configurations and frames from Python, with a singular value of at")
+    print(f"least {REGULAR}; of configurations by epsilon / singular value; largest errors by the same; us of a tick\n")
+    titles = ("reached", "sigma", "C", "node", "C/(e/s)", "node/(e/s)", *("Python", "C", "node") * 2)
+    print(f"{'robot':20}" + "".join(f"{one:>11}" for one in titles))
     for name in names:
-        mechanism, rng = cinegen.load(name), np.random.default_rng(0)
-        home = np.array([mechanism.q_home[mechanism.q_index(joint)] for joint in mechanism.actuated])
-        sizes = np.array([mechanism.scale[mechanism.v_index(joint)] for joint in mechanism.actuated])
-        values = home + 0.2 * sizes * rng.uniform(-1.0, 1.0, (count, len(home)))
-        wanted = in_python(mechanism, values)
-        with tempfile.TemporaryDirectory() as folder:
-            *c, c_time = in_c(Path(folder), mechanism, values)
-            *node, node_time = in_node(Path(folder), mechanism, values)
-        reached = np.isfinite(wanted[0]).all(axis=1)
-        same = (np.isfinite(c[0]).all(axis=1) == reached).all()
-        apart = [
-            max(np.abs(a[reached] - b[reached]).max() for a, b in zip(wanted, one, strict=True)) for one in (c, node)
-        ]
-        print(
-            f"{name:20}{reached.sum():9}{apart[0]:9.1e}{apart[1]:9.1e}{tick_in_python(mechanism):11.1f}{c_time:7.1f}"
-            f"{node_time:9.1f}" + ("" if same else "  not the same are reached")
-        )
+        print(row(name, count), flush=True)
+
+
+def row(name: str, count: int) -> str:
+    """Return the line of a robot."""
+    mechanism, rng = cinegen.load(name), np.random.default_rng(0)
+    home = np.array([mechanism.q_home[mechanism.q_index(joint)] for joint in mechanism.actuated])
+    sizes = np.array([mechanism.scale[mechanism.v_index(joint)] for joint in mechanism.actuated])
+    values = home + 0.2 * sizes * rng.uniform(-1.0, 1.0, (count, len(home)))
+    wanted = in_python(mechanism, values)
+    reached = np.isfinite(wanted[0]).all(axis=1)
+    reaches = reached.sum()
+    reached |= (~reached).cumsum() <= UNREACHED
+    values, wanted = values[reached], (wanted[0][reached], wanted[1][reached])
+    with tempfile.TemporaryDirectory() as folder:
+        *c, c_time = in_c(Path(folder), mechanism, values)
+        *node, node_time = in_node(Path(folder), mechanism, values)
+    known = [np.isfinite(one[0]).all(axis=1) for one in (wanted, c, node)]
+    same = (known[0] == known[1]).all() and (known[0] == known[2]).all()
+    q = [one[0][known[0]] for one in (wanted, c, node)]
+    sigma = conditioning(mechanism, q[0])
+    apart = [
+        np.max([np.abs(a - b)[known[0]].max(axis=1) for a, b in zip(wanted, one, strict=True)], axis=0)
+        for one in (c, node)
+    ]
+    in_q = [np.abs(one - q[0]).max(axis=1) for one in q[1:]]
+    expected = EPSILON / sigma
+    cells = [f"{reaches:11}", f"{sigma.min():11.1e}"]
+    cells += [f"{one[sigma >= REGULAR].max():11.1e}" for one in apart]
+    cells += [f"{(one / expected).max():11.1f}" for one in in_q]
+    errors = np.zeros(3)
+    if mechanism.is_constrained:
+        for i in {int(i) for one in (*in_q, *(one / expected for one in in_q)) for i in np.argsort(-one)[:WORST]}:
+            exact = closed_exactly(mechanism, q[0][i])
+            errors = np.maximum(errors, [distance(one[i], exact) / expected[i] for one in q])
+    cells += [f"{one:11.1f}" for one in (*errors, tick_in_python(mechanism), c_time, node_time)]
+    return f"{name:20}{''.join(cells)}" + ("" if same else "  not the same are reached")
 
 
 if __name__ == "__main__":

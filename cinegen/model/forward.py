@@ -23,7 +23,7 @@ from raff2urdf.closure import RANK
 
 Array = NDArray[np.float64]
 
-_TOLERANCE = 1e-13  # rad or lengths: loops are closed to this, or to rounding
+_TOLERANCE = 2e-15  # rad or lengths: loops are closed to rounding
 _STRIDE = 0.1  # rad or lengths: longest step of a joint, to stay on the branch
 _CORRECTION = 0.25  # largest correction of the loops, as a fraction of the step
 FURTHEST = 1000.0  # rad or lengths: longest motion of a joint in one call
