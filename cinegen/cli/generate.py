@@ -14,7 +14,7 @@ from raff2urdf.command_line import UsageError
 from raff2urdf.files import write_all
 from raff2urdf.quantities import FREQUENCY
 
-FUNCTIONS = ("fk", "close", "tick", "sigma")
+FUNCTIONS = ("fk", "close", "tick", "sigma", "ik")
 """Values of `cinegen.codegen.Function`, whose import takes longer than help may."""
 
 

@@ -5,8 +5,9 @@ from __future__ import annotations
 import textwrap
 
 from cinegen.codegen.cases import Cases
+from cinegen.codegen.inverse import TOLERANCE
 from cinegen.codegen.language import Language
-from cinegen.codegen.program import FIELDS, STATUSES, Function, Program
+from cinegen.codegen.program import FIELDS, IK_STATUSES, STATUSES, Function, Program
 from cinegen.codegen.text import filled, functions, header, numbers, table
 
 _C = Language.C
@@ -27,53 +28,69 @@ def files(program: Program, cases: Cases) -> dict[str, str]:
     }
 
 
-def _declarations(program: Program) -> list[tuple[Function | None, str, str]]:
-    """Return of each public function what it belongs to, its comment and its declaration."""
+def _declarations(program: Program) -> list[tuple[tuple[Function, ...], str, str]]:
+    """Return of each public function for what it is offered (always if that is empty), its comment and declaration."""
     name = program.name
     robot = f"{name}_robot *robot"
     return [
-        (None, "Move to the home configuration.", f"void {name}_init({robot})"),
-        (None, f"The configuration: {name}_NQ numbers, with closed loops.", f"const double *{name}_q(const {robot})"),
-        (None, "Compute the frames of all nodes at q.", f"void {name}_place({robot})"),
+        ((), "Move to the home configuration.", f"void {name}_init({robot})"),
+        ((), f"The configuration: {name}_NQ numbers, with closed loops.", f"const double *{name}_q(const {robot})"),
         (
-            None,
+            (),
+            f"Write the values of the actuated joints at q: {name}_ACTUATED numbers.",
+            f"void {name}_actuated(const {robot}, double *values)",
+        ),
+        ((), "Compute the frames of all nodes at q.", f"void {name}_place({robot})"),
+        (
+            (),
             "Frame of a node in the world, computed by the last call of place: its three axes, then its origin.",
             f"const double *{name}_node(const {robot}, int node)",
         ),
         (
-            Function.FORWARD,
+            (Function.FORWARD,),
             "Move the actuated joints along a straight line to their values, loops closed on their branch. "
             "False, and nothing moves, if they can't get there.",
             f"bool {name}_forward({robot}, const double *actuated)",
         ),
         (
-            Function.CLOSE,
+            (Function.CLOSE,),
             f"Close the loops of any configuration ({name}_NQ numbers); locked joints ({name}_NV, or NULL) stay. "
             "Return the largest residual that is left, in rad or characteristic lengths.",
             f"double {name}_close({robot}, double *q, const bool *locked)",
         ),
         (
-            Function.TICK,
+            (Function.TICK, Function.IK),
             "Move to a closed configuration at once, at rest.",
             f"void {name}_set_q({robot}, const double *q)",
         ),
         (
-            Function.TICK,
+            (Function.TICK, Function.IK),
             "Target of a task in the world, to be written: three axes, then the origin.",
             f"double *{name}_target({robot}, int task)",
         ),
         (
-            Function.TICK,
+            (Function.TICK,),
             f"Move q towards the targets for {name}_DT seconds, within limits of position and velocity.",
             f"{name}_status {name}_tick({robot})",
         ),
         (
-            Function.TICK,
+            (Function.TICK,),
             "What the last tick left of a task's error: distance and angle.",
             f"const double *{name}_error(const {robot}, int task)",
         ),
         (
-            Function.SIGMA,
+            (Function.IK,),
+            "Move at once to a configuration, loops closed and joints within limits, in which the tasks are at their "
+            "targets, to a tolerance, m and rad: near q, or found from other starts. If none is found, nothing moves.",
+            f"{name}_ik_status {name}_ik({robot}, double tolerance)",
+        ),
+        (
+            (Function.IK,),
+            f"Iterations of the last call of ik, {name}_IK_ITERATIONS at most.",
+            f"int {name}_ik_iterations(const {robot})",
+        ),
+        (
+            (Function.SIGMA,),
             f"Write the singular values of the tasks at q ({name}_SIGMA at most), dimensionless, the largest first; "
             "return their number.",
             f"int {name}_sigma({robot}, double *sigma)",
@@ -81,8 +98,8 @@ def _declarations(program: Program) -> list[tuple[Function | None, str, str]]:
     ]
 
 
-def _is_offered(program: Program, function: Function | None) -> bool:
-    return function is None or function in program.functions
+def _is_offered(program: Program, functions: tuple[Function, ...]) -> bool:
+    return not functions or any(one in program.functions for one in functions)
 
 
 def _header(program: Program) -> list[str]:
@@ -105,14 +122,27 @@ def _header(program: Program) -> list[str]:
         "",
         f"typedef enum {{ {', '.join(f'{name}_{status}' for status in STATUSES)} }} {name}_status;",
         "",
+        *_inverse_types(program),
         "/* A robot: all that changes. No two threads may use one at a time. */",
         f"typedef struct {{ double D[{len(values['D'])}]; int I[{max(len(values['I']), 1)}]; }} {name}_robot;",
         "",
     ]
-    for function, comment, declaration in _declarations(program):
-        if _is_offered(program, function):
+    for wanted, comment, declaration in _declarations(program):
+        if _is_offered(program, wanted):
             lines += [f"/* {comment} */", f"{declaration};", ""]
     return [*lines, "#endif"]
+
+
+def _inverse_types(program: Program) -> list[str]:
+    if Function.IK not in program.functions:
+        return []
+    name = program.name
+    statuses = ", ".join(f"{name}_IK_{status}" for status in IK_STATUSES)
+    return [
+        f"#define {name}_IK_ITERATIONS {program.most_iterations}",
+        f"typedef enum {{ {statuses} }} {name}_ik_status;",
+        "",
+    ]
 
 
 def _word(node: str) -> str:
@@ -121,7 +151,7 @@ def _word(node: str) -> str:
 
 def _code(program: Program) -> list[str]:
     name, values, memory = program.name, program.translation.heap.values, program.memory
-    given = [one for function, _, one in _declarations(program) if _is_offered(program, function)]
+    given = [one for wanted, _, one in _declarations(program) if _is_offered(program, wanted)]
     offered = {one.partition("(")[0].split()[-1].lstrip("*").removeprefix(f"{name}_"): one for one in given}
     used = [field for one in (None, *program.functions) for field in FIELDS[one]]
     at = {field: program.place(field).begin if field in used else 0 for fields in FIELDS.values() for field in fields}
@@ -133,6 +163,13 @@ def _code(program: Program) -> list[str]:
             "memcpy(robot->I, HOME_I, sizeof HOME_I);",
         ],
         "q": [f"return robot->D + {at['q']};"],
+        "actuated": [
+            f"static const int index[] = {{ {numbers(program.actuated() or [0], _C)} }};",
+            "int i;",
+            f"for (i = 0; i < {memory.actuated}; i++) {{",
+            f"  values[i] = robot->D[{at['q']} + index[i]];",
+            "}",
+        ],
         "place": [f"kernels_place({heap});"],
         "node": [f"return robot->D + {at['node_frame']} + 12 * node;"],
         "forward": [
@@ -158,6 +195,11 @@ def _code(program: Program) -> list[str]:
         ],
         "tick": [f"return ({name}_status) kernels_step({heap});"],
         "error": [f"return robot->D + {at['record_errors']} + 2 * task;"],
+        "ik": [
+            f"robot->D[{at['ik_tolerance']}] = tolerance;",
+            f"return ({name}_ik_status) inverse_kernels_find({heap});",
+        ],
+        "ik_iterations": [f"return robot->I[{at['ik_iterations']}];"],
         "sigma": [
             f"const int count = kernels_find_sigma({heap});",
             f"memcpy(sigma, robot->D + {at['squares']}, (unsigned) count * sizeof(double));",
@@ -183,12 +225,15 @@ def _test(program: Program, cases: Cases) -> list[str]:
     counts = {"forward": len(cases.forward), "close": len(cases.closed), "tick": len(cases.ticked)}
     for what, values in (
         ("ACTUATED", cases.actuated), ("FORWARD", cases.forward), ("FRAMES", cases.frames), ("OPEN", cases.open),
-        ("CLOSED", cases.closed), ("TARGETS", cases.targets), ("TICKED", cases.ticked),
+        ("CLOSED", cases.closed), ("TARGETS", cases.targets), ("TICKED", cases.ticked), ("AIMS", cases.aims),
+        ("SOLVED", cases.solved),
     ):  # fmt: skip
         if values.size:
             lines += [f"static const double {what}[] = {{", *table(values.ravel().tolist(), _C), "};"]
     if counts["tick"]:
         lines += [f"static const int STATUSES[] = {{ {numbers(cases.statuses.tolist(), _C)} }};"]
+    if cases.found.size:
+        lines += [f"static const int FOUND[] = {{ {numbers(cases.found.ravel().tolist(), _C)} }};"]
     lines += [
         "",
         "/* Largest difference of two lists. */",
@@ -245,6 +290,22 @@ def _test(program: Program, cases: Cases) -> list[str]:
             f"    largest = fmax(largest, apart({name}_q(&robot), TICKED + {nq} * i, {nq}));",
             "  }",
             '  printf("tick %.3g\\n", largest);',
+            "  error = fmax(error, largest);",
+        ]
+    if cases.found.size:
+        tasks = program.memory.tasks
+        lines += [
+            f"  {name}_init(&robot);",
+            "  largest = 0.0;",
+            f"  for (i = 0; i < {len(cases.found)}; i++) {{",
+            f"    for (int task = 0; task < {tasks}; task++) {{",
+            f"      memcpy({name}_target(&robot, task), AIMS + {12 * tasks} * i + 12 * task, 12 * sizeof(double));",
+            "    }",
+            f"    wrong += ({name}_ik(&robot, {TOLERANCE!r}) == {name}_IK_FOUND) != (FOUND[2 * i] == 1);",
+            f"    wrong += FOUND[2 * i] == 1 && {name}_ik_iterations(&robot) != FOUND[2 * i + 1];",
+            f"    largest = fmax(largest, apart({name}_q(&robot), SOLVED + {nq} * i, {nq}));",
+            "  }",
+            '  printf("ik %.3g\\n", largest);',
             "  error = fmax(error, largest);",
         ]
     return [

@@ -9,6 +9,7 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import NDArray
 
+from cinegen.codegen.inverse import TOLERANCE, InverseKinematics
 from cinegen.codegen.program import Function
 from cinegen.errors import ClosureError
 from cinegen.ik import Solver
@@ -32,6 +33,10 @@ class Cases:
     targets: (ticks, tasks, 4, 3) targets of each tick, as frames.
     ticked: (ticks, nq) configurations after it.
     statuses: (ticks,) its status.
+    aims: (n, tasks, 4, 3) targets of inverse kinematics, as frames.
+    solved: (n, nq) configurations that are found, each the first start for the next target; the one before where none
+        is found.
+    found: (n, 2) whether one is found, and the number of iterations.
     sigma: singular values of the tasks after the last one, by evaluation.
     """
 
@@ -43,15 +48,25 @@ class Cases:
     targets: Array = field(default_factory=lambda: np.zeros((0, 0, 4, 3)))
     ticked: Array = field(default_factory=lambda: np.zeros((0, 0)))
     statuses: NDArray[np.intp] = field(default_factory=lambda: np.zeros(0, dtype=np.intp))
+    aims: Array = field(default_factory=lambda: np.zeros((0, 0, 4, 3)))
+    solved: Array = field(default_factory=lambda: np.zeros((0, 0)))
+    found: NDArray[np.intp] = field(default_factory=lambda: np.zeros((0, 2), dtype=np.intp))
 
 
-def recorded(mechanism: Mechanism, solver: Solver, functions: Iterable[Function], seed: int = 0) -> Cases:
+def recorded(
+    mechanism: Mechanism,
+    solver: Solver,
+    functions: Iterable[Function],
+    inverse: InverseKinematics | None = None,
+    seed: int = 0,
+) -> Cases:
     """Return cases about the home configuration.
 
     Args:
         mechanism: mechanism.
         solver: a solver of it, at home, with its tasks; it moves.
         functions: what is tested.
+        inverse: its inverse kinematics, where this is one of them.
         seed: seed of the random cases.
     """
     cases, rng, functions = Cases(), np.random.default_rng(seed), set(functions)
@@ -61,23 +76,31 @@ def recorded(mechanism: Mechanism, solver: Solver, functions: Iterable[Function]
         _record_close(cases, mechanism, rng)
     if Function.TICK in functions:
         _record_ticks(cases, mechanism, solver, rng)
+    if inverse is not None:
+        _record_inverse(cases, mechanism, solver, inverse, rng)
     return cases
 
 
 def _record_forward(cases: Cases, mechanism: Mechanism, rng: np.random.Generator) -> None:
+    values, found = _moved(mechanism, rng, 0.2)
+    cases.actuated, cases.forward = np.reshape(values, (len(values), -1)), np.reshape(found, (len(found), -1))
+    cases.frames = np.array([[frame_of(mechanism.placement(q, node)) for node in mechanism.nodes] for q in found])
+
+
+def _moved(mechanism: Mechanism, rng: np.random.Generator, most: float) -> tuple[list[Array], list[Array]]:
+    """Return random values of the actuated joints, by up to `most` rad or lengths from home, and where they lead."""
     motion, names = ForwardKinematics(mechanism), mechanism.actuated
     home = np.array([mechanism.q_home[mechanism.q_index(name)] for name in names])
     sizes = np.array([mechanism.scale[mechanism.v_index(name)] for name in names])
     values, found = list[Array](), list[Array]()
     for _ in range(_COUNT):
-        given = home + 0.2 * sizes * rng.uniform(-1.0, 1.0, len(names))
+        given = home + most * sizes * rng.uniform(-1.0, 1.0, len(names))
         try:
             found.append(motion.move(dict(zip(names, given.tolist(), strict=True))))
         except ClosureError:
             continue
         values.append(given)
-    cases.actuated, cases.forward = np.reshape(values, (len(values), -1)), np.reshape(found, (len(found), -1))
-    cases.frames = np.array([[frame_of(mechanism.placement(q, node)) for node in mechanism.nodes] for q in found])
+    return values, found
 
 
 def _record_close(cases: Cases, mechanism: Mechanism, rng: np.random.Generator) -> None:
@@ -110,3 +133,21 @@ def _record_ticks(cases: Cases, mechanism: Mechanism, solver: Solver, rng: np.ra
         found.append(step.q)
         statuses.append(list(type(step.status)).index(step.status))
     cases.targets, cases.ticked, cases.statuses = np.array(targets), np.array(found), np.array(statuses)
+
+
+def _record_inverse(
+    cases: Cases, mechanism: Mechanism, solver: Solver, inverse: InverseKinematics, rng: np.random.Generator
+) -> None:
+    """Record targets that configurations near home reach, and some that are far out of reach."""
+    q, aims, solved, found = mechanism.q_home, list[Array](), list[Array](), list[tuple[bool, int]]()
+    for i, there in enumerate(_moved(mechanism, rng, 0.3)[1]):
+        targets = [mechanism.placement(there, task.node) * task.offset for task in solver.tasks]
+        if i % 5 == 4:
+            for target in targets:
+                target.translation += 100.0 * mechanism.length * rng.uniform(0.5, 1.0, 3)
+        found_q, iterations = inverse.find(targets, q, TOLERANCE)
+        q = q if found_q is None else found_q
+        aims.append(np.array([frame_of(target) for target in targets]))
+        solved.append(q)
+        found.append((found_q is not None, iterations))
+    cases.aims, cases.solved, cases.found = np.array(aims), np.array(solved), np.array(found, dtype=np.intp)

@@ -6,8 +6,9 @@ import re
 from collections.abc import Iterable, Sequence
 from typing import Any
 
-from cinegen.codegen import c_code, javascript, kernels
+from cinegen.codegen import c_code, inverse_kernels, javascript, kernels
 from cinegen.codegen.cases import recorded
+from cinegen.codegen.inverse import InverseKinematics, most_iterations
 from cinegen.codegen.language import Language, identifier
 from cinegen.codegen.program import FIELDS, Function, GenerationError, Program
 from cinegen.codegen.robot import robot_memory
@@ -15,7 +16,7 @@ from cinegen.codegen.translation import translated
 from cinegen.ik import Solver
 from cinegen.model import Mechanism
 
-_FREE = ("task_rank",)
+_FREE = ("task_rank", "goal_residual")
 _DT = 1.0 / 240.0
 
 _KERNELS: dict[Function, tuple[Any, ...]] = {
@@ -23,6 +24,7 @@ _KERNELS: dict[Function, tuple[Any, ...]] = {
     Function.CLOSE: (kernels.close,),
     Function.TICK: (kernels.step, kernels.set_q),
     Function.SIGMA: (kernels.find_sigma,),
+    Function.IK: (inverse_kernels.find,),
 }
 
 
@@ -69,10 +71,13 @@ def generate(
             raise GenerationError(f"task '{task}': write NODE or NODE:position")
         solver.add_task(node, rotation=0 if what == "position" else 3)
     memory, chosen = robot_memory(mechanism, solver.tasks, dt), list(functions)
+    inverse = InverseKinematics(mechanism, solver.tasks) if Function.IK in chosen else None
+    if inverse is not None:
+        inverse.set_up(memory)
     entries = [kernels.place, *(kernel for one in chosen for kernel in _KERNELS[one])]
     fields = [name for one in (None, *chosen) for name in FIELDS[one]]
     translation = translated(language, memory, entries, fields, _FREE)
     nodes = tuple(task.node for task in solver.tasks)
-    program = Program(mechanism, memory, translation, name, source, tuple(chosen), nodes, dt)
-    cases = recorded(mechanism, solver, chosen)
+    program = Program(mechanism, memory, translation, name, source, tuple(chosen), nodes, dt, most_iterations(memory))
+    cases = recorded(mechanism, solver, chosen, inverse)
     return c_code.files(program, cases) if language.is_c else javascript.files(program, cases)

@@ -7,8 +7,9 @@ import json
 import numpy as np
 
 from cinegen.codegen.cases import Cases
+from cinegen.codegen.inverse import TOLERANCE
 from cinegen.codegen.language import Language
-from cinegen.codegen.program import STATUSES, Function, Program
+from cinegen.codegen.program import IK_STATUSES, STATUSES, Function, Program
 from cinegen.codegen.text import filled, functions, header, numbers, table
 
 _JS = Language.JAVASCRIPT
@@ -53,6 +54,8 @@ def module(program: Program) -> list[str]:
         f"  frames: {view('node_frame')},",
         "  /** Move to the home configuration. */",
         "  init() { D.fill(0.0); D.set(HOME_D); I.fill(0); I.set(HOME_I); },",
+        "  /** Return the values of the actuated joints at q. */",
+        f"  actuated() {{ return [{numbers(program.actuated(), _JS)}].map((k) => robot.q[k]); }},",
         "  /** Compute the frames of all nodes at q. */",
         "  place() { kernels_place(); return robot.frames; },",
     ]
@@ -76,14 +79,29 @@ def module(program: Program) -> list[str]:
             "    return gap;",
             "  },",
         ]
-    if Function.TICK in program.functions:
+    if program.targets():
         lines += [
             "  /** Targets of the tasks in the world, to be written: three axes, then the origin. */",
             f"  targets: [{numbers(program.targets(), _JS)}].map((begin) => D.subarray(begin, begin + 12)),",
-            "  /** What the last tick left of the tasks' errors: of each its distance and angle. */",
-            f"  errors: {view('record_errors')},",
             "  /** Move to a closed configuration at once, at rest. */",
             f"  set(q) {{ D.set(q, {program.place('trial').begin}); kernels_set_q(); }},",
+        ]
+    if Function.IK in program.functions:
+        lines += [
+            "  /** Move at once to a configuration, loops closed and joints within limits, in which the tasks are at",
+            "   * their targets, to a tolerance, m and rad: near q, or found from other starts. Return",
+            '   * "FOUND"; or "NOT_FOUND" or "BAD_TARGET", and move nothing. */',
+            f"  ik(tolerance = {TOLERANCE!r}) {{",
+            f"    D[{program.place('ik_tolerance').begin}] = tolerance;",
+            f"    return {json.dumps(IK_STATUSES)}[inverse_kernels_find()];",
+            "  },",
+            f"  /** Iterations of the last call of `ik`, {program.most_iterations} at most. */",
+            f"  ikIterations() {{ return I[{program.place('ik_iterations').begin}]; }},",
+        ]
+    if Function.TICK in program.functions:
+        lines += [
+            "  /** What the last tick left of the tasks' errors: of each its distance and angle. */",
+            f"  errors: {view('record_errors')},",
             "  /** Move q towards the targets for `dt` seconds, within limits of position and velocity; return the",
             "   * status. */",
             "  tick() { return names.statuses[kernels_step()]; },",
@@ -114,7 +132,8 @@ def translated_functions(program: Program) -> list[str]:
 def _test(program: Program, cases: Cases) -> list[str]:
     given = {
         "actuated": cases.actuated, "forward": cases.forward, "open": cases.open, "closed": cases.closed,
-        "ticked": cases.ticked, "statuses": cases.statuses,
+        "ticked": cases.ticked, "statuses": cases.statuses, "aims": cases.aims, "solved": cases.solved,
+        "found": cases.found,
     }  # fmt: skip
     data = {name: values.tolist() for name, values in given.items() if values.size}
     data |= {"frames": [one.ravel().tolist() for one in cases.frames]}
@@ -161,6 +180,15 @@ def _test(program: Program, cases: Cases) -> list[str]:
         "    compare(robot.q, cases.ticked[i]);",
         "  });",
         '  end("tick");',
+        "}",
+        "if (cases.aims) {",
+        "  cases.aims.forEach((targets, i) => {",
+        "    targets.forEach((target, task) => robot.targets[task].set(target.flat()));",
+        f'    if ((robot.ik({TOLERANCE!r}) === "FOUND") !== (cases.found[i][0] === 1)) wrong += 1;',
+        "    if (cases.found[i][0] === 1 && robot.ikIterations() !== cases.found[i][1]) wrong += 1;",
+        "    compare(robot.q, cases.solved[i]);",
+        "  });",
+        '  end("ik");',
         "}",
         "console.log(`${wrong} wrong results, largest difference ${error.toPrecision(3)}`);",
         "process.exit(wrong > 0 || !(error <= 1e-9) ? 1 : 0);",

@@ -50,6 +50,7 @@ def close(memory: RobotMemory) -> float:
     return memory.gap
 
 
+@compiled
 def set_q(memory: RobotMemory) -> None:
     """Move to `trial`, closed, at once and at rest."""
     copy(memory.trial, memory.q, memory.nq)

@@ -18,6 +18,10 @@ STATUSES = (
 """Statuses of a tick, in the order of the kernels: see `cinegen.ik.Status`."""
 
 
+IK_STATUSES = ("BAD_TARGET", "NOT_FOUND", "FOUND")
+"""Results of inverse kinematics, in the order of the kernels."""
+
+
 class GenerationError(CinegenError):
     """Code that can't be generated; the message names the reason."""
 
@@ -33,6 +37,8 @@ class Function(Enum):
     """A tick of the resolved-rate solver towards targets of tasks, within limits of position and velocity."""
     SIGMA = "sigma"
     """Singular values of the tasks."""
+    IK = "ik"
+    """Configurations in which the tasks are at their targets."""
 
 
 FIELDS: dict[Function | None, tuple[str, ...]] = {
@@ -41,6 +47,7 @@ FIELDS: dict[Function | None, tuple[str, ...]] = {
     Function.CLOSE: ("trial", "locked"),
     Function.TICK: ("trial", "record_errors"),
     Function.SIGMA: ("squares",),
+    Function.IK: ("trial", "ik_tolerance", "ik_iterations"),
 }
 """Arrays of the memory that the code's user reads or writes."""
 
@@ -56,6 +63,7 @@ class Program:
     functions: what it offers.
     tasks: nodes of the tasks.
     dt: period of a tick, s.
+    most_iterations: of inverse kinematics.
     """
 
     mechanism: Mechanism
@@ -66,6 +74,7 @@ class Program:
     functions: tuple[Function, ...]
     tasks: tuple[str, ...]
     dt: float
+    most_iterations: int = 0
 
     def numbers_of_q(self) -> list[str]:
         """Return what each number of q is: see `names_of_q`."""
@@ -73,11 +82,15 @@ class Program:
 
     def place(self, name: str) -> HeapArray:
         """Return where an array of the memory is."""
-        return self.translation.heap.array(self.memory, name)
+        return self.translation.heap.place(self.memory, name)
+
+    def actuated(self) -> list[int]:
+        """Return the index in q of each actuated joint."""
+        return [self.mechanism.q_index(name) for name in self.mechanism.actuated]
 
     def targets(self) -> list[int]:
-        """Return the index of each task's target; none if there are no ticks."""
-        if Function.TICK not in self.functions:
+        """Return the index of each task's target; none if no function has targets."""
+        if Function.TICK not in self.functions and Function.IK not in self.functions:
             return []
         tasks = [memory_at(int(handle)) for handle in self.memory.task_handles]
         return [self.translation.heap.array(one, "own_target").begin for one in tasks]

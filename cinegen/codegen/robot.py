@@ -6,6 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from cinegen.codegen.inverse_kernels import InverseMemory
 from cinegen.codegen.kernels import RobotMemory
 from cinegen.errors import CinegenError
 from cinegen.ik.equations import task_rank
@@ -19,7 +20,7 @@ from cinegen.model.forward import set_up_path
 MOST_TASKS = 6
 
 
-def robot_memory(mechanism: Mechanism, tasks: Sequence[FrameTask], dt: float) -> RobotMemory:
+def robot_memory(mechanism: Mechanism, tasks: Sequence[FrameTask], dt: float) -> InverseMemory:
     """Return the memory of a mechanism at home with its tasks.
 
     Args:
@@ -32,7 +33,7 @@ def robot_memory(mechanism: Mechanism, tasks: Sequence[FrameTask], dt: float) ->
     """
     if len(tasks) > MOST_TASKS:
         raise CinegenError(f"{len(tasks)} tasks: code can be generated for {MOST_TASKS} at most")
-    memory = RobotMemory()
+    memory = InverseMemory()
     set_up_robot(memory, mechanism, tasks, dt)
     memory.resize(signatures=2 ** len(tasks))
     for bits in range(1, memory.signatures):

@@ -199,7 +199,7 @@ def translated(
     for _ in range(2):  # now it is known what is needed
         heap = heap.sorted()
         for field_ in fields:
-            heap.array(memory, field_)
+            heap.place(memory, field_)
         translation = KernelTranslation(language, heap)
         for kernel in entries:
             translation.function(kernel, [memories])

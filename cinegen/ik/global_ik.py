@@ -205,7 +205,7 @@ class _GlobalIK:
     def __init__(self, mechanism: Mechanism, tasks: tuple[FrameTask, ...], limits: bool, seed: int) -> None:
         self._mechanism, self._limits, self._seed = mechanism, limits, seed
         self._local = LocalIK(mechanism, tasks, limits)
-        self._weights = [_weights(task, mechanism.length) for task in tasks]
+        self._weights = [placement_weights(task, mechanism.length) for task in tasks]
         closing = LocalIK(mechanism, (), limits) if mechanism.is_constrained else self._local
         count = _CLOSED_SAMPLES if mechanism.is_constrained else _SAMPLES
         self._samples = closing.samples(count, np.random.default_rng(seed))
@@ -269,7 +269,7 @@ class _GlobalIK:
         return IKResult(found, q, closure, starts, iterations, saturated, self._mechanism, tasks)
 
 
-def _weights(task: FrameTask, length: float) -> tuple[float, Array]:
+def placement_weights(task: FrameTask, length: float) -> tuple[float, Array]:
     """Return the weights of a task's position (1/m) and of its three axes in the distance between placements."""
     angular = np.full(3, 0.5 * (task.rotation / 3.0))
     if task.rotation == 2:

@@ -57,7 +57,7 @@ def test_c_agrees_with_python(robot, tmp_path, name):
     assert done.returncode == 0, done.stdout + done.stderr
     assert done.stderr == ""
     assert largest(done.stdout) < 1e-12
-    assert done.stdout.count("\n") == 4
+    assert done.stdout.count("\n") == 5
 
 
 @needs_node
@@ -301,7 +301,7 @@ def test_the_command(capsys, root, tmp_path):
     assert "exists already" in capsys.readouterr().err
     assert (made / "four_bar.c").read_text() == "mine"
     assert main([*call, "--functions", "fk,jump"]) == 2
-    assert "there is no 'jump'; use fk, close, tick, sigma" in capsys.readouterr().err
+    assert "there is no 'jump'; use fk, close, tick, sigma, ik" in capsys.readouterr().err
 
 
 def test_robots_of_one_file_have_files_of_their_own(root, tmp_path):

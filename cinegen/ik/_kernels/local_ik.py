@@ -81,12 +81,12 @@ def _residuals(memory: LocalIKMemory) -> tuple[float, float, float]:
 def _keep_system(memory: LocalIKMemory) -> None:
     p = memory.active_rows
     for i in range(p):
-        memory.right[i] = memory.error[i]
+        memory.right_side[i] = memory.error[i]
         weight = max(memory.row_weights[i], 1e-300)  # all is to be exact: weights do not matter
         for j in range(memory.n):
             memory.system[i, j] = memory.task_jacobian[i, j] / weight
     for i in range(memory.rows):
-        memory.right[p + i] = -memory.residual[i]
+        memory.right_side[p + i] = -memory.residual[i]
         copy(memory.jacobian[i], memory.system[p + i], memory.n)
 
 
@@ -94,7 +94,7 @@ def _keep_system(memory: LocalIKMemory) -> None:
 def _step(memory: LocalIKMemory) -> bool:
     """Move `trial` one step away from q. Return False if limits block every joint that would help."""
     n, size = memory.n, memory.active_rows + memory.rows
-    jacobian, right, normal, z, free = memory.system, memory.right, memory.normal, memory.solution, memory.free
+    jacobian, right, normal, z, free = memory.system, memory.right_side, memory.normal, memory.solution, memory.free
     d, trial = memory.correction, memory.trial
     for j in range(n):
         s = 0.0

@@ -83,7 +83,7 @@ class LocalIKMemory(TasksMemory):
     tasks_left: float = state(0.0)  # largest residual of the tasks
     loops_left: float = state(0.0)
     system: Array = array("equations", "n")
-    right: Array = array("equations")
+    right_side: Array = array("equations")
     normal: Array = array("equations", "equations")
     solution: Array = array("equations")
     free: Array = array("n")  # 1 for joints that no limit restricts

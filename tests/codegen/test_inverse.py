@@ -1,0 +1,114 @@
+"""Inverse kinematics of generated code, beside the same search in Python; Pinocchio judges what it finds."""
+
+from __future__ import annotations
+
+import json
+import shutil
+import subprocess
+
+import numpy as np
+import pytest
+from variants import slow
+
+from cinegen.codegen import Function, Language, generate
+from cinegen.codegen.inverse import ITERATIONS, TOLERANCE, InverseKinematics
+from cinegen.ik import FrameTask
+from cinegen.ik.local_ik import LocalIK
+from cinegen.jit.foreign import frame_of
+from cinegen.tolerances import AT_LIMIT
+
+NODE = shutil.which("node")
+SOLVE = """
+import create, { names } from "./robot.mjs";
+import { readFileSync } from "node:fs";
+const robot = create();
+console.log(JSON.stringify(JSON.parse(readFileSync("targets.json", "utf8")).map((target) => {
+  robot.init();
+  robot.targets[0].set(target);
+  const status = robot.ik(TOLERANCE), values = robot.actuated();
+  const by = Object.fromEntries(names.actuated.map((name, k) => [name, values[k]]));
+  return [status, robot.ikIterations(), [...robot.q], by];
+})));
+""".replace("TOLERANCE", repr(TOLERANCE))
+
+pytestmark = pytest.mark.skipif(NODE is None, reason="there is no node")
+
+
+def solved(folder, mechanism, targets, task):
+    files = generate(mechanism, Language.JAVASCRIPT, name="robot", functions=[Function.IK], tasks=[task])
+    for name, text in {**files, "run.mjs": SOLVE}.items():
+        (folder / name).write_text(text)
+    (folder / "targets.json").write_text(json.dumps([frame_of(one).ravel().tolist() for one in targets]))
+    done = subprocess.run([NODE, "run.mjs"], cwd=folder, capture_output=True, text=True, check=True)
+    return json.loads(done.stdout)
+
+
+@pytest.mark.parametrize(
+    ("name", "kind", "count"),
+    [
+        ("delta4", "position", 100),
+        *slow(
+            ("arm7", "pose", 300), ("gough", "pose", 300), ("hybrid", "pose", 300), ("ankle", "pose", 300),
+            ("five_bar", "position", 300), ("rx90", "pose", 300), ("scara", "pose", 300),
+            ("planar_hybrid", "pose", 300), ("tssm", "pose", 300), ("cusp_3rpr", "pose", 300),
+        ),
+    ],
+)  # fmt: skip
+def test_poses_that_configurations_have_are_found(robot, tmp_path, name, kind, count):
+    mechanism, rng = robot(name), np.random.default_rng(5)
+    task = FrameTask(mechanism.end, mechanism.placement(mechanism.q_home, mechanism.end), rotation=3)
+    if kind == "position":
+        task = FrameTask(mechanism.end, task.target, rotation=0)
+    targets = [mechanism.placement(q, mechanism.end) for q in LocalIK(mechanism).samples(count, rng)]
+    python, found, direct, apart = InverseKinematics(mechanism, [task]), 0, 0, list[float]()
+    for target, (status, iterations, q, actuated) in zip(
+        targets, solved(tmp_path, mechanism, targets, f"{mechanism.end}:{kind}"), strict=True
+    ):
+        given, wanted = np.array(q), python.find([target], mechanism.q_home, TOLERANCE)
+        assert (status == "FOUND") == (wanted[0] is not None)
+        assert mechanism.closure(given) < 1e-10
+        assert actuated == {joint: q[mechanism.q_index(joint)] for joint in mechanism.actuated}
+        if status != "FOUND":
+            assert given == pytest.approx(mechanism.q_home, abs=0.0)
+            continue
+        found += 1
+        reached = mechanism.placement(given, mechanism.end)
+        assert np.linalg.norm(reached.translation - target.translation) <= TOLERANCE
+        if kind == "pose":
+            assert np.abs(reached.rotation - target.rotation).max() <= TOLERANCE
+        assert (given >= mechanism.limits.lower - AT_LIMIT).all()
+        assert (given <= mechanism.limits.upper + AT_LIMIT).all()
+        if wanted[1] <= ITERATIONS:
+            direct += 1
+        if iterations == wanted[1]:
+            apart.append(np.abs(given - wanted[0]).max())
+    assert found >= 0.97 * count
+    # From start to start a search may branch by rounding; and at singularities, or for a robot with more DoF than the
+    # task, rounding moves the configuration where the target does not.
+    assert len(apart) >= 0.97 * direct
+    assert direct > 0.5 * count
+    assert np.quantile(apart, 0.95) < 1e-12
+    assert max(apart) < 1e-9
+
+
+@pytest.mark.parametrize(("text", "status"), [("NaN", "BAD_TARGET"), ("1e6", "NOT_FOUND")])
+def test_targets_that_cannot_be_reached_move_nothing(robot, tmp_path, text, status):
+    files = generate(robot("delta4"), Language.JAVASCRIPT, name="robot", functions=[Function.IK, Function.TICK])
+    run = f"""
+import create from "./robot.mjs";
+const robot = create();
+robot.targets[0][9] += 0.05;
+const found = [robot.ik()], before = [...robot.q];
+robot.targets[0][9] = {text};
+found.push(robot.ik(), robot.q.every((value, k) => value === before[k]), robot.ikIterations() <= 17 * 61);
+robot.init();
+robot.targets[0][9] += 0.05;
+for (let i = 0; i < 1000; i += 1) robot.tick();
+console.log(JSON.stringify([...found, Math.max(...before.map((value, k) => Math.abs(value - robot.q[k])))]));
+"""
+    for name, content in {**files, "run.mjs": run}.items():
+        (tmp_path / name).write_text(content)
+    done = subprocess.run([NODE, "run.mjs"], cwd=tmp_path, capture_output=True, text=True, check=True)
+    *found, apart = json.loads(done.stdout)
+    assert found == ["FOUND", status, True, True]
+    assert apart < 1e-9  # ticks towards the same target end in the same configuration
