@@ -27,6 +27,7 @@ def run(
     task: list[str] = option(
         "NODE", "node that follows a target; NODE:position leaves its orientation free (default: the last node)", ()
     ),
+    precision: Literal["double", "float"] = option(None, "numbers of the code: double, or float (C only)", "double"),
     rate: float = quantity_option("HZ", "ticks per second (Hz)", FREQUENCY, 240.0),
     name: str | None = option(
         "NAME", "name of the files, and prefix of C's names (default: the file, and its robot if --robot names one)"
@@ -42,12 +43,15 @@ def run(
     for one in chosen:
         if one not in FUNCTIONS:
             raise UsageError(f"--functions: there is no '{one}'; use {', '.join(FUNCTIONS)}")
+    if precision == "float" and to == "js":
+        raise UsageError("--precision float: JavaScript computes with doubles only; use --to c")
     key, mechanism = options.load_one(file)
     own = re.sub(r"\W", "_", f"{key}_{options.robot}" if options.robot else key)  # robots of a file replace none
     from cinegen.codegen import Function, Language, generate
 
+    language = Language.C_FLOAT if precision == "float" else Language(to)
     found = generate(
-        mechanism, Language(to), tasks=task, functions=[Function(one) for one in chosen], dt=1.0 / rate,
+        mechanism, language, tasks=task, functions=[Function(one) for one in chosen], dt=1.0 / rate,
         name=name or own, source=file.name,
     )  # fmt: skip
     paths = {output / name: text.encode() for name, text in found.items()}

@@ -5,18 +5,18 @@ from __future__ import annotations
 import textwrap
 
 from cinegen.codegen.cases import Cases
-from cinegen.codegen.inverse import TOLERANCE
-from cinegen.codegen.language import Language
+from cinegen.codegen.language import function, literal
 from cinegen.codegen.program import FIELDS, IK_STATUSES, STATUSES, Function, Program
 from cinegen.codegen.text import filled, functions, header, numbers, table
 
-_C = Language.C
-_EXTREMES = (
-    "static inline double least(double a, double b) { return b < a ? b : a; }",
-    "static inline double most(double a, double b) { return b > a ? b : a; }",
-    "static inline int least_int(int a, int b) { return b < a ? b : a; }",
-    "static inline int most_int(int a, int b) { return b > a ? b : a; }",
-)
+
+def _extremes(real: str) -> list[str]:
+    return [
+        f"static inline {real} least({real} a, {real} b) {{ return b < a ? b : a; }}",
+        f"static inline {real} most({real} a, {real} b) {{ return b > a ? b : a; }}",
+        "static inline int least_int(int a, int b) { return b < a ? b : a; }",
+        "static inline int most_int(int a, int b) { return b > a ? b : a; }",
+    ]
 
 
 def files(program: Program, cases: Cases) -> dict[str, str]:
@@ -30,43 +30,43 @@ def files(program: Program, cases: Cases) -> dict[str, str]:
 
 def _declarations(program: Program) -> list[tuple[tuple[Function, ...], str, str]]:
     """Return of each public function for what it is offered (always if that is empty), its comment and declaration."""
-    name = program.name
+    name, real = program.name, program.translation.language.real
     robot = f"{name}_robot *robot"
     return [
         ((), "Move to the home configuration.", f"void {name}_init({robot})"),
-        ((), f"The configuration: {name}_NQ numbers, with closed loops.", f"const double *{name}_q(const {robot})"),
+        ((), f"The configuration: {name}_NQ numbers, with closed loops.", f"const {real} *{name}_q(const {robot})"),
         (
             (),
             f"Write the values of the actuated joints at q: {name}_ACTUATED numbers.",
-            f"void {name}_actuated(const {robot}, double *values)",
+            f"void {name}_actuated(const {robot}, {real} *values)",
         ),
         ((), "Compute the frames of all nodes at q.", f"void {name}_place({robot})"),
         (
             (),
             "Frame of a node in the world, computed by the last call of place: its three axes, then its origin.",
-            f"const double *{name}_node(const {robot}, int node)",
+            f"const {real} *{name}_node(const {robot}, int node)",
         ),
         (
             (Function.FORWARD,),
             "Move the actuated joints along a straight line to their values, loops closed on their branch. "
             "False, and nothing moves, if they can't get there.",
-            f"bool {name}_forward({robot}, const double *actuated)",
+            f"bool {name}_forward({robot}, const {real} *actuated)",
         ),
         (
             (Function.CLOSE,),
             f"Close the loops of any configuration ({name}_NQ numbers); locked joints ({name}_NV, or NULL) stay. "
             "Return the largest residual that is left, in rad or characteristic lengths.",
-            f"double {name}_close({robot}, double *q, const bool *locked)",
+            f"{real} {name}_close({robot}, {real} *q, const bool *locked)",
         ),
         (
             (Function.TICK, Function.IK),
             "Move to a closed configuration at once, at rest.",
-            f"void {name}_set_q({robot}, const double *q)",
+            f"void {name}_set_q({robot}, const {real} *q)",
         ),
         (
             (Function.TICK, Function.IK),
             "Target of a task in the world, to be written: three axes, then the origin.",
-            f"double *{name}_target({robot}, int task)",
+            f"{real} *{name}_target({robot}, int task)",
         ),
         (
             (Function.TICK,),
@@ -76,13 +76,13 @@ def _declarations(program: Program) -> list[tuple[tuple[Function, ...], str, str
         (
             (Function.TICK,),
             "What the last tick left of a task's error: distance and angle.",
-            f"const double *{name}_error(const {robot}, int task)",
+            f"const {real} *{name}_error(const {robot}, int task)",
         ),
         (
             (Function.IK,),
             "Move at once to a configuration, loops closed and joints within limits, in which the tasks are at their "
             "targets, to a tolerance, m and rad: near q, or found from other starts. If none is found, nothing moves.",
-            f"{name}_ik_status {name}_ik({robot}, double tolerance)",
+            f"{name}_ik_status {name}_ik({robot}, {real} tolerance)",
         ),
         (
             (Function.IK,),
@@ -93,7 +93,7 @@ def _declarations(program: Program) -> list[tuple[tuple[Function, ...], str, str
             (Function.SIGMA,),
             f"Write the singular values of the tasks at q ({name}_SIGMA at most), dimensionless, the largest first; "
             "return their number.",
-            f"int {name}_sigma({robot}, double *sigma)",
+            f"int {name}_sigma({robot}, {real} *sigma)",
         ),
     ]
 
@@ -104,6 +104,7 @@ def _is_offered(program: Program, functions: tuple[Function, ...]) -> bool:
 
 def _header(program: Program) -> list[str]:
     name, values, memory = program.name, program.translation.heap.values, program.memory
+    language, real = program.translation.language, program.translation.language.real
     guard, nodes = f"{name.upper()}_H", list(enumerate(program.mechanism.nodes))
     lines = [*header(program, "Kinematics"), f"#ifndef {guard}", f"#define {guard}", "", "#include <stdbool.h>", ""]
     lines += [
@@ -113,7 +114,7 @@ def _header(program: Program) -> list[str]:
         f"#define {name}_NODES {memory.nodes}",
         f"#define {name}_TASKS {memory.tasks}",
         f"#define {name}_SIGMA {max(memory.lesser, 1)}",
-        f"#define {name}_DT {program.dt!r}",
+        f"#define {name}_DT {literal(program.dt, language)}",
         "",
         *textwrap.wrap(f"/* q: {', '.join(program.numbers_of_q())} */", 110, subsequent_indent=" * "),
         f"/* Actuated joints: {', '.join(program.mechanism.actuated)} */",
@@ -124,7 +125,7 @@ def _header(program: Program) -> list[str]:
         "",
         *_inverse_types(program),
         "/* A robot: all that changes. No two threads may use one at a time. */",
-        f"typedef struct {{ double D[{len(values['D'])}]; int I[{max(len(values['I']), 1)}]; }} {name}_robot;",
+        f"typedef struct {{ {real} D[{len(values['D'])}]; int I[{max(len(values['I']), 1)}]; }} {name}_robot;",
         "",
     ]
     for wanted, comment, declaration in _declarations(program):
@@ -151,6 +152,7 @@ def _word(node: str) -> str:
 
 def _code(program: Program) -> list[str]:
     name, values, memory = program.name, program.translation.heap.values, program.memory
+    language, real = program.translation.language, program.translation.language.real
     given = [one for wanted, _, one in _declarations(program) if _is_offered(program, wanted)]
     offered = {one.partition("(")[0].split()[-1].lstrip("*").removeprefix(f"{name}_"): one for one in given}
     used = [field for one in (None, *program.functions) for field in FIELDS[one]]
@@ -164,7 +166,7 @@ def _code(program: Program) -> list[str]:
         ],
         "q": [f"return robot->D + {at['q']};"],
         "actuated": [
-            f"static const int index[] = {{ {numbers(program.actuated() or [0], _C)} }};",
+            f"static const int index[] = {{ {numbers(program.actuated() or [0], language)} }};",
             "int i;",
             f"for (i = 0; i < {memory.actuated}; i++) {{",
             f"  values[i] = robot->D[{at['q']} + index[i]];",
@@ -173,24 +175,24 @@ def _code(program: Program) -> list[str]:
         "place": [f"kernels_place({heap});"],
         "node": [f"return robot->D + {at['node_frame']} + 12 * node;"],
         "forward": [
-            f"memcpy(robot->D + {at['goal']}, actuated, {memory.actuated} * sizeof(double));",
+            f"memcpy(robot->D + {at['goal']}, actuated, {memory.actuated} * sizeof({real}));",
             f"return kernels_forward({heap});",
         ],
         "close": [
-            "double gap;",
+            f"{real} gap;",
             "int k;",
-            f"memcpy(robot->D + {at['trial']}, q, {memory.nq} * sizeof(double));",
+            f"memcpy(robot->D + {at['trial']}, q, {memory.nq} * sizeof({real}));",
             f"for (k = 0; k < {memory.n}; k++) {{",
-            f"  robot->D[{at['locked']} + k] = locked && locked[k] ? 1.0 : 0.0;",
+            f"  robot->D[{at['locked']} + k] = locked && locked[k] ? 1 : 0;",
             "}",
             f"gap = kernels_close({heap});",
-            f"memcpy(q, robot->D + {at['trial']}, {memory.nq} * sizeof(double));",
-            f"memset(robot->D + {at['locked']}, 0, {memory.n} * sizeof(double));",
+            f"memcpy(q, robot->D + {at['trial']}, {memory.nq} * sizeof({real}));",
+            f"memset(robot->D + {at['locked']}, 0, {memory.n} * sizeof({real}));",
             "return gap;",
         ],
-        "set_q": [f"memcpy(robot->D + {at['trial']}, q, {memory.nq} * sizeof(double));", f"kernels_set_q({heap});"],
+        "set_q": [f"memcpy(robot->D + {at['trial']}, q, {memory.nq} * sizeof({real}));", f"kernels_set_q({heap});"],
         "target": [
-            f"static const int begin[] = {{ {numbers(program.targets(), _C)} }};",
+            f"static const int begin[] = {{ {numbers(program.targets(), language)} }};",
             "return robot->D + begin[task];",
         ],
         "tick": [f"return ({name}_status) kernels_step({heap});"],
@@ -202,15 +204,15 @@ def _code(program: Program) -> list[str]:
         "ik_iterations": [f"return robot->I[{at['ik_iterations']}];"],
         "sigma": [
             f"const int count = kernels_find_sigma({heap});",
-            f"memcpy(sigma, robot->D + {at['squares']}, (unsigned) count * sizeof(double));",
+            f"memcpy(sigma, robot->D + {at['squares']}, (unsigned) count * sizeof({real}));",
             "return count;",
         ],
     }
     lines = [
         *header(program, "Kinematics"), f'#include "{name}.h"', "", "#include <math.h>", "#include <string.h>", "",
-        *_EXTREMES, "",
-        "static const double HOME_D[] = {", *table(filled(values["D"]), _C), "};",
-        "static const int HOME_I[] = {", *table(filled(values["I"]), _C), "};",
+        *_extremes(real), "",
+        f"static const {real} HOME_D[] = {{", *table(filled(values["D"]), language), "};",
+        "static const int HOME_I[] = {", *table(filled(values["I"]), language), "};",
         *functions(program),
     ]  # fmt: skip
     for one, declaration in offered.items():
@@ -219,7 +221,8 @@ def _code(program: Program) -> list[str]:
 
 
 def _test(program: Program, cases: Cases) -> list[str]:
-    name = program.name
+    name, language, real = program.name, program.translation.language, program.translation.language.real
+    fabs, fmax = function("abs", language), function("fmax", language)
     lines = [*header(program, "Test of the kinematics"), f'#include "{name}.h"', ""]
     lines += ["#include <math.h>", "#include <stdio.h>", "#include <string.h>", ""]
     counts = {"forward": len(cases.forward), "close": len(cases.closed), "tick": len(cases.ticked)}
@@ -229,88 +232,90 @@ def _test(program: Program, cases: Cases) -> list[str]:
         ("SOLVED", cases.solved),
     ):  # fmt: skip
         if values.size:
-            lines += [f"static const double {what}[] = {{", *table(values.ravel().tolist(), _C), "};"]
+            lines += [f"static const {real} {what}[] = {{", *table(values.ravel().tolist(), language), "};"]
     if counts["tick"]:
-        lines += [f"static const int STATUSES[] = {{ {numbers(cases.statuses.tolist(), _C)} }};"]
+        lines += [f"static const int STATUSES[] = {{ {numbers(cases.statuses.tolist(), language)} }};"]
     if cases.found.size:
-        lines += [f"static const int FOUND[] = {{ {numbers(cases.found.ravel().tolist(), _C)} }};"]
+        lines += [f"static const int FOUND[] = {{ {numbers(cases.found.ravel().tolist(), language)} }};"]
     lines += [
         "",
         "/* Largest difference of two lists. */",
-        "static double apart(const double *a, const double *b, int n) {",
-        "  double largest = 0.0;",
+        f"static {real} apart(const {real} *a, const {real} *b, int n) {{",
+        f"  {real} largest = 0;",
         "  for (int k = 0; k < n; k++) {",
-        "    largest = !(fabs(a[k] - b[k]) <= largest) ? fabs(a[k] - b[k]) : largest;",
+        f"    largest = !({fabs}(a[k] - b[k]) <= largest) ? {fabs}(a[k] - b[k]) : largest;",
         "  }",
         "  return largest;",
         "}",
         "",
         "int main(void) {",
         f"  static {name}_robot robot;",
-        "  double largest, error = 0.0;",
+        f"  {real} largest, error = 0;",
         "  int i, wrong = 0;",
+        *(["  bool found;"] if cases.found.size else []),
     ]
     nq, nodes = program.memory.nq, program.memory.nodes
     if counts["forward"]:
         lines += [
             f"  {name}_init(&robot);",
-            "  largest = 0.0;",
+            "  largest = 0;",
             f"  for (i = 0; i < {counts['forward']}; i++) {{",
             f"    wrong += !{name}_forward(&robot, ACTUATED + {program.memory.actuated} * i);",
             f"    {name}_place(&robot);",
-            f"    largest = fmax(largest, apart({name}_q(&robot), FORWARD + {nq} * i, {nq}));",
-            f"    largest = fmax(largest, apart({name}_node(&robot, 0), FRAMES + {12 * nodes} * i, {12 * nodes}));",
+            f"    largest = {fmax}(largest, apart({name}_q(&robot), FORWARD + {nq} * i, {nq}));",
+            f"    largest = {fmax}(largest, apart({name}_node(&robot, 0), FRAMES + {12 * nodes} * i, {12 * nodes}));",
             "  }",
-            '  printf("forward %.3g\\n", largest);',
-            "  error = fmax(error, largest);",
+            '  printf("forward %.3g\\n", (double) largest);',
+            f"  error = {fmax}(error, largest);",
         ]
     if counts["close"]:
         lines += [
             f"  {name}_init(&robot);",
-            "  largest = 0.0;",
+            "  largest = 0;",
             f"  for (i = 0; i < {counts['close']}; i++) {{",
-            f"    double q[{name}_NQ];",
+            f"    {real} q[{name}_NQ];",
             f"    memcpy(q, OPEN + {nq} * i, sizeof q);",
-            f"    wrong += !({name}_close(&robot, q, NULL) <= 1e-9);",
-            f"    largest = fmax(largest, apart(q, CLOSED + {nq} * i, {nq}));",
+            f"    wrong += !({name}_close(&robot, q, NULL) <= {literal(program.closure, language)});",
+            f"    largest = {fmax}(largest, apart(q, CLOSED + {nq} * i, {nq}));",
             "  }",
-            '  printf("close %.3g\\n", largest);',
-            "  error = fmax(error, largest);",
+            '  printf("close %.3g\\n", (double) largest);',
+            f"  error = {fmax}(error, largest);",
         ]
     if counts["tick"]:
         tasks = program.memory.tasks
         lines += [
             f"  {name}_init(&robot);",
-            "  largest = 0.0;",
+            "  largest = 0;",
             f"  for (i = 0; i < {counts['tick']}; i++) {{",
             f"    for (int task = 0; task < {tasks}; task++) {{",
-            f"      memcpy({name}_target(&robot, task), TARGETS + {12 * tasks} * i + 12 * task, 12 * sizeof(double));",
+            f"      memcpy({name}_target(&robot, task), TARGETS + {12 * tasks} * i + 12 * task, 12 * sizeof({real}));",
             "    }",
             f"    wrong += (int) {name}_tick(&robot) != STATUSES[i];",
-            f"    largest = fmax(largest, apart({name}_q(&robot), TICKED + {nq} * i, {nq}));",
+            f"    largest = {fmax}(largest, apart({name}_q(&robot), TICKED + {nq} * i, {nq}));",
             "  }",
-            '  printf("tick %.3g\\n", largest);',
-            "  error = fmax(error, largest);",
+            '  printf("tick %.3g\\n", (double) largest);',
+            f"  error = {fmax}(error, largest);",
         ]
     if cases.found.size:
-        tasks = program.memory.tasks
+        tasks, exact = program.memory.tasks, int(not language.is_single)  # rounding may take another iteration
         lines += [
             f"  {name}_init(&robot);",
-            "  largest = 0.0;",
+            "  largest = 0;",
             f"  for (i = 0; i < {len(cases.found)}; i++) {{",
             f"    for (int task = 0; task < {tasks}; task++) {{",
-            f"      memcpy({name}_target(&robot, task), AIMS + {12 * tasks} * i + 12 * task, 12 * sizeof(double));",
+            f"      memcpy({name}_target(&robot, task), AIMS + {12 * tasks} * i + 12 * task, 12 * sizeof({real}));",
             "    }",
-            f"    wrong += ({name}_ik(&robot, {TOLERANCE!r}) == {name}_IK_FOUND) != (FOUND[2 * i] == 1);",
-            f"    wrong += FOUND[2 * i] == 1 && {name}_ik_iterations(&robot) != FOUND[2 * i + 1];",
-            f"    largest = fmax(largest, apart({name}_q(&robot), SOLVED + {nq} * i, {nq}));",
+            f"    found = {name}_ik(&robot, {literal(program.ik_tolerance, language)}) == {name}_IK_FOUND;",
+            "    wrong += found != (FOUND[2 * i] == 1);",
+            f"    wrong += {exact} && FOUND[2 * i] == 1 && {name}_ik_iterations(&robot) != FOUND[2 * i + 1];",
+            f"    largest = {fmax}(largest, apart({name}_q(&robot), SOLVED + {nq} * i, {nq}));",
             "  }",
-            '  printf("ik %.3g\\n", largest);',
-            "  error = fmax(error, largest);",
+            '  printf("ik %.3g\\n", (double) largest);',
+            f"  error = {fmax}(error, largest);",
         ]
     return [
         *lines,
-        '  printf("%d wrong results, largest difference %.3g\\n", wrong, error);',
-        "  return wrong > 0 || !(error <= 1e-9);",
+        '  printf("%d wrong results, largest difference %.3g\\n", wrong, (double) error);',
+        f"  return wrong > 0 || !(error <= {literal(program.tolerance, language)});",
         "}",
     ]

@@ -6,12 +6,14 @@ import math
 from collections.abc import Mapping, Sequence
 from enum import Enum
 
+import numpy as np
+
 _WORDS = frozenset(
     """auto break case char const continue default do double else enum extern float for goto if inline int long register
     restrict return short signed sizeof static struct switch typedef union unsigned void volatile while bool true false
     arguments await class debugger delete eval export extends finally function import in instanceof interface let new
     null package private protected public super this throw try typeof var with yield D I least most floor sqrt sin cos
-    tan pow fabs atan2 hypot isfinite""".split()  # noqa: SIM905
+    tan pow fabs atan2 hypot isfinite sqrtf sinf cosf tanf powf fabsf atan2f hypotf floorf""".split()  # noqa: SIM905
 )
 _C_MATH = {"abs": "fabs"}
 
@@ -20,12 +22,24 @@ class Language(Enum):
     """Language of generated code."""
 
     C = "c"
+    C_FLOAT = "c-float"
+    """C in single precision."""
     JAVASCRIPT = "js"
 
     @property
     def is_c(self) -> bool:
         """True for C."""
-        return self is Language.C
+        return self is not Language.JAVASCRIPT
+
+    @property
+    def is_single(self) -> bool:
+        """True where numbers are floats."""
+        return self is Language.C_FLOAT
+
+    @property
+    def real(self) -> str:
+        """Name of C's type of numbers."""
+        return "float" if self.is_single else "double"
 
 
 def identifier(name: str) -> str:
@@ -40,16 +54,24 @@ def literal(value: float, language: Language) -> str:
     if isinstance(value, int):
         return str(value)
     if math.isinf(value):
-        infinite = "(double) INFINITY" if language.is_c else "Infinity"
+        infinite = f"({language.real}) INFINITY" if language.is_c else "Infinity"
         return infinite if value > 0.0 else f"-{infinite}"
     if math.isnan(value):
-        return "(double) NAN" if language.is_c else "NaN"
-    return repr(float(value))
+        return f"({language.real}) NAN" if language.is_c else "NaN"
+    return single(value) if language.is_single else repr(float(value))
+
+
+def single(value: float) -> str:
+    """Return a number as C's float."""
+    text = str(np.float32(value))
+    return f"{text}f" if "." in text or "e" in text else f"{text}.0f"
 
 
 def function(name: str, language: Language) -> str:
     """Return the name of a function of `math`."""
-    return _C_MATH.get(name, name) if language.is_c else f"Math.{name}"
+    if not language.is_c:
+        return f"Math.{name}"
+    return _C_MATH.get(name, name) + "f" * (language.is_single and name != "isfinite")
 
 
 def quotient(a: str, b: str, language: Language) -> str:
@@ -65,7 +87,8 @@ def declarations(variables: Mapping[str, str], language: Language) -> list[str]:
         kinds = {"float": "0.0", "int": "0", "bool": "false"}
         return ["let " + ", ".join(f"{name} = {kinds[kind]}" for name, kind in variables.items()) + ";"]
     lines = []
-    for kind, word, zero in (("float", "double", "0.0"), ("int", "int", "0"), ("bool", "bool", "false")):
+    real = (language.real, literal(0.0, language))
+    for kind, word, zero in (("float", *real), ("int", "int", "0"), ("bool", "bool", "false")):
         names = [name for name, one in variables.items() if one == kind]
         if names:
             lines.append(f"{word} " + ", ".join(f"{name} = {zero}" for name in names) + ";")
@@ -83,8 +106,8 @@ def signature(name: str, parameters: Sequence[tuple[str, str]], result: str, lan
     """
     if not language.is_c:
         return f"function {name}({', '.join(one for one, _ in parameters)})"
-    words = {"float": "double", "int": "int", "bool": "bool", "none": "void"}
-    given = ["double *D", "int *I", *(f"{words[kind]} {one}" for one, kind in parameters)]
+    words = {"float": language.real, "int": "int", "bool": "bool", "none": "void"}
+    given = [f"{language.real} *D", "int *I", *(f"{words[kind]} {one}" for one, kind in parameters)]
     return f"static {words[result]} {name}({', '.join(given)})"
 
 

@@ -6,7 +6,9 @@ from dataclasses import dataclass
 from enum import Enum
 
 from cinegen.codegen.heap import HeapArray
+from cinegen.codegen.inverse import TOLERANCE
 from cinegen.codegen.kernels import RobotMemory
+from cinegen.codegen.precision import CLOSURE_ERROR, POSITION_ERROR
 from cinegen.codegen.translation import KernelTranslation
 from cinegen.errors import CinegenError
 from cinegen.jit.memory import memory_at
@@ -75,6 +77,23 @@ class Program:
     tasks: tuple[str, ...]
     dt: float
     most_iterations: int = 0
+
+    @property
+    def tolerance(self) -> float:
+        """Largest difference from Python that the test program accepts, m and rad."""
+        if not self.translation.language.is_single:
+            return 1e-9
+        return POSITION_ERROR * max(self.mechanism.length, 1.0)
+
+    @property
+    def closure(self) -> float:
+        """Largest residual of loops that the test program accepts, rad or characteristic lengths."""
+        return CLOSURE_ERROR if self.translation.language.is_single else 1e-9
+
+    @property
+    def ik_tolerance(self) -> float:
+        """Largest error of a target in the test program, m and rad."""
+        return POSITION_ERROR * max(self.mechanism.length, 1.0) if self.translation.language.is_single else TOLERANCE
 
     def numbers_of_q(self) -> list[str]:
         """Return what each number of q is: see `names_of_q`."""

@@ -7,6 +7,7 @@ import textwrap
 from collections.abc import Iterable, Sequence
 
 from cinegen.codegen.language import Language, literal
+from cinegen.codegen.precision import CLOSURE_ERROR, POSITION_ERROR
 from cinegen.codegen.program import Program
 from raff2urdf.files import GENERATED
 from raff2urdf.version import __version__
@@ -24,6 +25,13 @@ def header(program: Program, what: str) -> list[str]:
         "translated for this mechanism: change its file and generate again, instead of changing this one. Units are m, "
         "rad and s. The kernels are under cinegen's MIT licence; the numbers are the mechanism's."
     )
+    if program.translation.language.is_single:
+        length = mechanism.length
+        text += (
+            f" Numbers are floats. Where no singularity is near, loops are closed to {CLOSURE_ERROR:g} rad or "
+            f"characteristic lengths ({1000.0 * CLOSURE_ERROR * length:.2g} mm), and frames are those of double "
+            f"precision to {POSITION_ERROR:g} rad and {1000.0 * POSITION_ERROR * length:.2g} mm."
+        )
     text = text.replace("*/", "* /").replace("/*", "/ *")  # names are foreign text
     return [f"/* {GENERATED} {__version__}", *(f" * {line}" for line in textwrap.wrap(text, _WIDTH)), " */"]
 

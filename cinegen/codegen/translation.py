@@ -26,6 +26,7 @@ import numpy as np
 
 from cinegen.codegen.heap import BEGIN, Heap, HeapArray
 from cinegen.codegen.language import Language, call, declarations, function, identifier, literal, quotient, signature
+from cinegen.codegen.precision import threshold
 from cinegen.errors import CinegenError
 from cinegen.jit.foreign import frame_at
 from cinegen.jit.memory import Memory, memory_at
@@ -266,6 +267,7 @@ class FunctionTranslation:
         assert isinstance(tree, ast.FunctionDef)
         stored = [one.id for one in ast.walk(tree) if isinstance(one, ast.Name) and isinstance(one.ctx, ast.Store)]
         given = [one.arg for one in tree.args.args]
+        self._own = {*stored, *given}
         self._changing = {name for name in stored if stored.count(name) > 1 or name in given}
         hints, offered = get_type_hints(source), list[tuple[str, str]]()
         for one, value in zip(tree.args.args, arguments, strict=True):
@@ -347,6 +349,8 @@ class FunctionTranslation:
 
     def _temporary(self, kind: str) -> str:
         self._count += 1
+        while f"t{self._count}" in self._own:
+            self._count += 1
         return self._variable(f"t{self._count}", kind)
 
     def _error(self, what: str) -> TranslationError:
@@ -435,7 +439,7 @@ class FunctionTranslation:
         if isinstance(found, tuple):
             numbers, self.translated.writes = [self._held(one) for one in found], True
             for i, one in enumerate(numbers):
-                self._emit(f"D[{self._to.returned + i}] = {one.code};")
+                self._emit(f"D[{self._to.returned + i}] = {self._as('float', one).code};")
             self.translated.result = tuple(one.kind for one in numbers)
             self._emit("return;")
             return
@@ -444,7 +448,7 @@ class FunctionTranslation:
         before = self.translated.result[0] if self.translated.result else found.kind
         kind = "float" if {before, found.kind} == {"int", "float"} else before
         self.translated.result = (kind,)
-        self._emit(f"return {found.code};")
+        self._emit(f"return {self._as(kind, found).code};")
 
     def _held(self, value: Number) -> Number:
         """Return a number in a variable of its own."""
@@ -495,13 +499,14 @@ class FunctionTranslation:
                 self._names[name] = self._bound(identifier(name), value)
             case ast.Attribute(value=owner, attr=attribute):
                 self.translated.writes = True
-                self._emit(f"{self._state(self._value(owner), attribute)} = {value.code};")
+                state = self._state(self._value(owner), attribute)
+                self._emit(f"{state} = {self._as('float' if state[0] == 'D' else 'int', value).code};")
             case ast.Subscript():
                 place, self.translated.writes = self._value(target), True
                 if isinstance(place, View):
                     self._fill(place, value)
                 else:
-                    self._emit(f"{place.code} = {value.code};")
+                    self._emit(f"{place.code} = {self._as(place.kind, value).code};")
             case _:
                 raise self._error(f"nothing is assigned to {ast.unparse(target)!r}")
 
@@ -513,7 +518,7 @@ class FunctionTranslation:
                 return value
             case Number():
                 self._variable(name, value.kind)
-                self._emit(f"{name} = {value.code};")
+                self._emit(f"{name} = {self._as(self._variables[name], value).code};")
                 return Number(self._variables[name], name)
             case View():
                 begin = self._fixed(name, value.begin, is_constant)
@@ -569,7 +574,7 @@ class FunctionTranslation:
     def _value(self, node: ast.expr) -> Value:
         match node:
             case ast.Constant(value=bool() | int() | float() as value):
-                return self._constant(value)
+                return self._threshold(value)
             case ast.Name(id=name):
                 found = self._names.get(name)
                 if isinstance(found, _Ended):
@@ -603,6 +608,7 @@ class FunctionTranslation:
                     return self._value(body if chosen.value else orelse)
                 a, b = self._unconditional(body), self._unconditional(orelse)
                 kind = a.kind if a.kind == b.kind else "float"
+                a, b = self._as(kind, a), self._as(kind, b)
                 return Number(kind, f"{chosen.at(CHOICE + 1)} ? {a.at(CHOICE + 1)} : {b.at(CHOICE)}", CHOICE)
             case ast.Call(func=called, args=arguments):
                 return self._call(self._value(called), arguments)
@@ -611,7 +617,13 @@ class FunctionTranslation:
     def _object(self, found: Any, name: str) -> Value:
         if found is None:
             raise self._error(f"'{name}' is unknown")
-        return self._constant(found) if isinstance(found, bool | int | float) else found
+        return self._threshold(found, name) if isinstance(found, bool | int | float) else found
+
+    def _threshold(self, value: float, name: str = "") -> Number:
+        """Return a constant of the kernels."""
+        if self._language.is_single and isinstance(value, float):
+            value = threshold(value, name, self._source.__name__)
+        return self._constant(value)
 
     def _attribute(self, owner: Value, name: str) -> Value:
         if isinstance(owner, View):
@@ -683,7 +695,7 @@ class FunctionTranslation:
 
     def _operation(self, op: ast.operator, a: Number, b: Number) -> Number:
         if isinstance(op, ast.Pow):
-            return Number("float", f"{function('pow', self._language)}({a.code}, {b.code})")
+            return self._mathematics("pow", [a, b])
         if isinstance(op, ast.FloorDiv):
             if a.value is not None and b.value is not None:
                 return _integer(int(a.value // b.value))
@@ -697,8 +709,21 @@ class FunctionTranslation:
         if a.value is not None and b.value is not None:
             return self._constant(compute(a.value, b.value))
         kind = "int" if a.kind == b.kind == "int" and not isinstance(op, ast.Div) else "float"
-        left = f"(double) {a.at(UNARY)}" if kind == "float" and a.kind == "int" and self._language.is_c else a.at(rank)
-        return Number(kind, f"{left} {sign} {b.at(rank + 1)}", rank)
+        left = self._real(a).at(rank) if kind == "float" and self._language.is_c else a.at(rank)
+        right = self._real(b) if kind == "float" and self._language.is_single else b
+        return Number(kind, f"{left} {sign} {right.at(rank + 1)}", rank)
+
+    def _real(self, one: Number) -> Number:
+        """Return a number as one that is no integer, where C must be told."""
+        if one.kind != "int" or not self._language.is_c:
+            return one
+        if one.value is not None:
+            return self._constant(float(one.value))
+        return Number("float", f"({self._language.real}) {one.at(UNARY)}", UNARY)
+
+    def _as(self, kind: str, one: Number) -> Number:
+        """Return a number of a kind: C converts integers to doubles by itself, but only some of them to floats."""
+        return self._real(one) if kind == "float" and self._language.is_single else one
 
     def _junction(self, is_and: bool, values: Sequence[ast.expr]) -> Number:
         found = list[Number]()
@@ -771,7 +796,7 @@ class FunctionTranslation:
         return Memories(tuple(memory_at(one) for one in handles), index if len(handles) > 1 else _integer(0))
 
     def _mathematics(self, name: str, given: list[Number]) -> Number:
-        code = f"{function(name, self._language)}({', '.join(one.code for one in given)})"
+        code = f"{function(name, self._language)}({', '.join(self._as('float', one).code for one in given)})"
         if name == "isfinite":
             return Number("bool", code if self._language.is_c else f"Number.isFinite({given[0].code})")
         return Number("float", code)
@@ -796,7 +821,7 @@ class FunctionTranslation:
                 continue
             kind = "int" if found.kind == one.kind == "int" else "float"
             suffix = "_int" if kind == "int" and self._language.is_c else ""
-            found = Number(kind, f"{name}{suffix}({found.code}, {one.code})")
+            found = Number(kind, f"{name}{suffix}({self._as(kind, found).code}, {self._as(kind, one).code})")
         return found
 
     def _kernel(self, kernel: Any, arguments: list[Value]) -> Value:
@@ -806,10 +831,11 @@ class FunctionTranslation:
         arguments = [self._constant(one) if isinstance(one, bool | int | float) else one for one in arguments]
         translated = self._to.function(kernel, arguments)
         numbers = list[str]()
-        for one in arguments:
+        hints = {name: "float" for name, kind in get_type_hints(source).items() if kind is float}
+        for name, one in zip(inspect.signature(source).parameters, arguments, strict=True):
             match one:
                 case Number():
-                    numbers.append(one.code)
+                    numbers.append(self._as(hints[name], one).code if name in hints else one.code)
                 case View():
                     numbers += [one.begin.code, *(size.code for size in one.shape)]
                 case Memories() if len(one.all) > 1:
