@@ -139,7 +139,7 @@ class KernelTranslation:
     Args:
         language: language.
         heap: heap.
-        body: translation of one function; of another class where fields of memories are found in another way.
+        body: translation of one function; of another class where fields of memories are found elsewhere.
 
     Attributes:
         functions: those translated so far, callees first.
@@ -714,7 +714,7 @@ class FunctionTranslation:
         return Number(kind, f"{left} {sign} {right.at(rank + 1)}", rank)
 
     def _real(self, one: Number) -> Number:
-        """Return a number as one that is no integer, where C must be told."""
+        """Return a number as one that is no integer, where C needs that."""
         if one.kind != "int" or not self._language.is_c:
             return one
         if one.value is not None:

@@ -114,7 +114,7 @@ class _AnyBody(FunctionTranslation):
         return found
 
     def _integer_of(self, owner: Memories, name: str) -> Number:
-        """Return the place of an array."""
+        """Return the expression of an array's position."""
         symbol = _symbol(type(owner.all[0]), name)
         return Number("int", symbol if len(owner.all) == 1 else f"I[{symbol} + {owner.index.code}]")
 
