@@ -4,6 +4,7 @@ from cinegen.plotting.joints import draw_joints
 from cinegen.plotting.modes import DrawingError, draw_modes
 from cinegen.plotting.plan import draw_plan
 from cinegen.plotting.skeleton import Skeleton
+from cinegen.plotting.synthesis import synthesis_report
 from cinegen.plotting.view import Projection, views
 
 __all__ = [
@@ -13,5 +14,6 @@ __all__ = [
     "draw_joints",
     "draw_modes",
     "draw_plan",
+    "synthesis_report",
     "views",
 ]

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from cinegen.assembly import AssemblyModes
 from cinegen.errors import CinegenError
 from cinegen.model.motion_plane import motion_plane
-from cinegen.plotting.sheet import FAINT, INK
+from cinegen.plotting.sheet import FAINT, INK, round_length
 from cinegen.plotting.skeleton import Pose, Skeleton
 from cinegen.plotting.stick import ACTUATED, BACK, END, FRONT, Pen, paint
 from cinegen.plotting.units import length_digits, rounded, value_text
@@ -152,13 +152,7 @@ def _explain(figure: Figure, scale: float, node: str, pose: Pose) -> None:
         handles=dots, loc="lower left", bbox_to_anchor=(_MARGIN / width, 0.5 / height), ncols=len(dots), frameon=False,
         fontsize=7, labelcolor=INK, borderpad=0.0, borderaxespad=0.0, handletextpad=0.0, columnspacing=1.0,
     )  # fmt: skip
-    right, length = width - _MARGIN, _round_length(0.8 / scale)
+    right, length = width - _MARGIN, round_length(0.8 / scale)
     wide = length * scale
     figure.add_artist(Line2D([right - wide, right], [0.55, 0.55], color=INK, linewidth=1.5, transform=inches))
     figure.text(right - wide / 2, 0.6, shown(length, LENGTH), color=INK, fontsize=7, ha="center", transform=inches)
-
-
-def _round_length(metres: float) -> float:
-    """Return the largest 1, 2 or 5 times a power of ten that is not longer."""
-    power = 10.0 ** math.floor(math.log10(metres))
-    return next(step * power for step in (5.0, 2.0, 1.0) if step * power <= metres * (1.0 + 1e-9))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import textwrap
 from typing import TYPE_CHECKING, Any
 
@@ -78,6 +79,12 @@ def finish(figure: Any) -> None:
             fontsize=LABEL,
         )  # fmt: skip
     figure.get_layout_engine().execute(figure)
+
+
+def round_length(metres: float) -> float:
+    """Return the largest 1, 2 or 5 times a power of ten that is not longer."""
+    power = 10.0 ** math.floor(math.log10(metres))
+    return next(step * power for step in (5.0, 2.0, 1.0) if step * power <= metres * (1.0 + 1e-9))
 
 
 def wrapped(text: str, room: float, points: float, weight: str = "normal") -> str:

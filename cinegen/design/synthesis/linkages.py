@@ -50,6 +50,7 @@ class LinkageSynthesis:
     """The result of a synthesis by precision points.
 
     Attributes:
+        task: as given.
         parameters: free ones of the file.
         p: (parameters,) values, m and rad.
         q: (points, nq) closed configurations at the precision points.
@@ -62,6 +63,7 @@ class LinkageSynthesis:
         exact: number of starts that met all points.
     """
 
+    task: Precision
     parameters: Parameters
     p: Array
     q: Array
@@ -320,7 +322,7 @@ class PrecisionProblem:
             raise DesignError(f"{self.mechanism.name}: no start could be computed: change the bounds")
         _, p, q, defects = best
         error = np.linalg.norm(self.solved_at(p, q)[1], axis=1)
-        return LinkageSynthesis(self.parameters, p, q, error, *defects, done, self.evaluations, exact)
+        return LinkageSynthesis(self.task, self.parameters, p, q, error, *defects, done, self.evaluations, exact)
 
     def defects(self, p: Array, q: Array) -> tuple[bool, bool, bool]:
         """Return whether all configurations (points, nq) are on one circuit, in their order, and on one branch."""

@@ -1,0 +1,338 @@
+"""`synthesis_report`: a synthesis as one HTML file for reading and printing."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cinegen.design.synthesis import LinkageSynthesis, Start, Synthesis
+from cinegen.design.synthesis.task import DesignObjective, Reach
+from cinegen.errors import CinegenError
+from cinegen.plotting.synthesis.levels import Field, draw_field
+from cinegen.plotting.synthesis.linkage import write_linkage
+from cinegen.plotting.synthesis.page import Page, drawing
+from cinegen.plotting.synthesis.robots import Drawn, draw_robots, moved_to
+from cinegen.plotting.synthesis.starts import draw_front, draw_parameters
+from cinegen.plotting.synthesis.wording import (
+    change_text,
+    constraint_texts,
+    heading_of,
+    name_of,
+    objective_text,
+    reach_text,
+    unit_of,
+    value_text,
+)
+from raff2urdf.quantities import LENGTH, shown
+
+Array = NDArray[np.float64]
+
+_GRID = {0: 1, 1: 101, 2: 31}  # points along each axis of a region, by the axes along which it is wide
+_VOLUME = 9
+_FEASIBLE = 1e-6
+_SAME = 1e-3  # of the ranges of the parameters
+_MOST = 50  # starts and points of a front that are listed
+_DIGITS = 7
+
+
+class Shown(Protocol):
+    """Scores as values."""
+
+    def shown(self, objective: DesignObjective, score: float) -> float:
+        """Return the value of an objective by its score."""
+
+
+class Evaluated(Protocol):
+    """A problem that evaluates designs at points of its region."""
+
+    @property
+    def points(self) -> Array:
+        """(m, rows) points of the optimiser."""
+
+    @property
+    def scoring(self) -> Shown:
+        """Scores of the designs."""
+
+    def targets(self, count: int) -> Array:
+        """Return points (n, rows) of the region, `count` along each axis."""
+
+    def quantities_at(self, p: Array, targets: Array) -> dict[str, Array]:
+        """Return quantities (n,) of a design at targets; NaN where one is not reached."""
+
+
+def synthesis_report(found: Synthesis | LinkageSynthesis) -> str:
+    """Return a report of a synthesis: one HTML file, with pictures inside and nothing to load.
+
+    Args:
+        found: of `cinegen.design.synthesize`.
+
+    Raises:
+        raff2urdf.RaffError: matplotlib is not installed.
+    """
+    with drawing():
+        if isinstance(found, LinkageSynthesis):
+            return write_linkage(found)
+        return _Report(found).written()
+
+
+class _Report:
+    def __init__(self, found: Synthesis) -> None:
+        self.found, self.task, self.parameters = found, found.task, found.parameters
+        self.problem = _problem_of(found)
+        self.node = found.task.node or found.parameters.mechanism.end
+        self.name = found.parameters.robot.name
+        goal = " and ".join(objective_text(one) for one in found.task.objectives)
+        self.page = Page(f"{self.name}: {goal}")
+
+    def written(self) -> str:
+        self._summary()
+        self._task()
+        self._robots()
+        self._parameters()
+        self._objectives()
+        self._fields()
+        if self.found.front:
+            self._front()
+        self._starts()
+        self._check()
+        if self.task.written:
+            self.page.section("The task as it was given")
+            lines = (
+                f"{key} = {json.dumps(one, default=str, ensure_ascii=False)}" for key, one in self.task.written.items()
+            )
+            self.page.listing("\n".join(lines))
+        return self.page.text_of_page()
+
+    # --- sections ------------------------------------------------------------------------------------------------
+
+    def _summary(self) -> None:
+        found, check = self.found, self.found.check
+        source = Path(self.parameters.document.source.name).name
+        changes = []
+        for objective, old, new in zip(self.task.objectives, found.before, found.values, strict=True):
+            was = "" if np.isnan(old) else f", before {value_text(objective.quantity, old)}"
+            changes.append(f"{name_of(objective.quantity)} {value_text(objective.quantity, new)}{was}")
+        holds = (
+            f"All constraints hold at {check.points} {self._unseen}."
+            if found.holds
+            else f"Not all constraints hold at {check.points} {self._unseen}: the result does not do the whole task."
+        )
+        self.page.text(f"Dimensions of {self.name} ({source}) with which {self.node} does this task best.")
+        self.page.status(f"{'; '.join(changes)}. {holds}", good=found.holds)
+
+    @property
+    def _unseen(self) -> str:
+        return "points of the task" if len(self.task.reach.points) else "points that the optimiser did not see"
+
+    def _task(self) -> None:
+        task, parameters = self.task, self.parameters
+        self.page.section("Task")
+        pairs = [("reach", f"{self.node} reaches {reach_text(task.reach)}")]
+        pairs += [("objective", objective_text(one)) for one in task.objectives]
+        pairs += [("constraint", text) for text in constraint_texts(task)]
+        pairs.append(("parameters", f"{len(parameters)}, see below"))
+        pairs += [("tie", tie) for tie in task.ties]
+        pairs.append(("starts", str(task.starts)))
+        self.page.terms(pairs)
+        self.page.text(
+            "Singular values are the least and the largest speeds of the node for unit velocities of the actuated "
+            f"joints; lengths are divided by {shown(parameters.mechanism.length, LENGTH)}, the characteristic length "
+            "of the robot as given. The condition number is their ratio."
+        )
+
+    def _robots(self) -> None:
+        found, reach = self.found, self.task.reach
+        self.page.section("Robot before and after")
+        robots, notes = [], []
+        target = _middle(reach)
+        for title, p in (("before", self.parameters.values), ("after", found.p)):
+            try:
+                mechanism = self.parameters.mechanism_with(p)
+            except CinegenError as error:
+                notes.append(f"The robot {title} can't be drawn: {error}.")
+                continue
+            q = moved_to(mechanism, self.node, reach.rows, target)
+            if q is None:
+                notes.append(f"The robot {title} is drawn at home: it does not reach the middle from there.")
+                q = mechanism.q_home
+            robots.append(Drawn(title, mechanism, q, self.node))
+        if not robots:
+            self.page.text(*notes)
+            return
+        where = "the point nearest to the middle" if len(reach.points) else "the middle of the region"
+        caption = f"Node {self.node} in {where}; both robots in one scale. {' '.join(notes)}".strip()
+        region = self._in_space(robots[0])
+        self.page.picture(draw_robots(robots, region, not len(reach.points)), caption)
+
+    def _in_space(self, robot: Drawn) -> Array:
+        """Return the points to reach (n, 3), m; coordinates that are not given are those of the drawn robot."""
+        targets = self.problem.targets(_density(self.task.reach, self.problem))
+        points = np.tile(robot.mechanism.placement(robot.q, self.node).translation, (len(targets), 1))
+        for k, axis in enumerate(self.task.reach.axes):
+            points[:, "xyz".index(axis)] = targets[:, k]
+        return points
+
+    def _parameters(self) -> None:
+        found, parameters = self.found, self.parameters
+        self.page.section("Parameters")
+        rows = []
+        for k, name in enumerate(parameters.names):
+            low, high = parameters.bounds[k]
+            note = ""
+            if name in found.bound:
+                note = f"at its {'lower' if found.p[k] - low < high - found.p[k] else 'upper'} bound"
+            texts = [parameters.text(name, x, _DIGITS) for x in (parameters.values[k], found.p[k], low, high)]
+            rows.append([name, texts[0], texts[1], f"{texts[2]} to {texts[3]}", note])
+        self.page.table("Free parameters", ["parameter", "before", "after", "range", ""], rows)
+        if found.bound:
+            self.page.text("A wider range of the parameters that are at a bound may improve the objectives further.")
+        good = [np.array(start.p) for start in found.starts if start.violation <= _FEASIBLE]
+        if len(found.p):
+            self.page.picture(draw_parameters(found, good), "Parameters within their ranges")
+
+    def _objectives(self) -> None:
+        found = self.found
+        self.page.section("Objectives")
+        unseen = "at the points" if len(self.task.reach.points) else f"at {found.check.points} unseen points"
+        each = zip(self.task.objectives, found.before, found.values, found.check.values, strict=True)
+        rows = [
+            [
+                objective_text(one), value_text(one.quantity, old), value_text(one.quantity, new),
+                change_text(one, old, new), value_text(one.quantity, checked),
+            ]
+            for one, old, new, checked in each
+        ]  # fmt: skip
+        self.page.table("Values", ["objective", "before", "after", "change", f"after, {unseen}"], rows)
+
+    def _fields(self) -> None:
+        found, reach = self.found, self.task.reach
+        targets = self.problem.targets(_density(reach, self.problem))
+        sides = [self.problem.quantities_at(p, targets) for p in (self.parameters.values, found.p)]
+        known = [name for name in sides[1] if name in sides[0]]
+        wanted = [one.quantity for one in self.task.objectives if one.quantity in known]
+        wanted = list(dict.fromkeys(wanted)) or [name for name in known if name in ("sigma_1", "sigma_max")]
+        better = {one.quantity: one.is_maximised for one in self.task.objectives}
+        axes = len(reach.axes)
+        for name in wanted:
+            title = f"{heading_of(name)} {'at the points' if len(reach.points) else 'over the region'}"
+            self.page.section(title[0].upper() + title[1:])
+            values = unit_of(name)[0] * np.array([side[name] for side in sides])
+            maximised = better.get(name, name == "sigma_1")
+            field = Field(name, reach.axes, targets[:, :axes], values, maximised, self.problem.points[:, :axes])
+            reached = np.isfinite(values).sum(axis=1)
+            self.page.picture(
+                draw_field(field, not len(reach.points)),
+                f"{len(targets)} points; {reached[0]} are reached before, {reached[1]} after. "
+                f"{'Larger' if maximised else 'Smaller'} values are better; grey is not reached.",
+            )
+
+    def _front(self) -> None:
+        found, objectives = self.found, self.task.objectives
+        self.page.section("Pareto front")
+        chosen = [bool(np.array_equal(p, found.p)) for _, p in found.front]
+        self.page.text(
+            f"{len(found.front)} robots, each better than any other in one objective and worse in another. The chosen "
+            "one is nearest to the best of all objectives, each divided by its range."
+        )
+        for k in range(len(objectives)):
+            for j in range(k + 1, len(objectives)):
+                self.page.picture(draw_front(found, k, j), f"{name_of(objectives[j].quantity)} over "
+                                  f"{name_of(objectives[k].quantity)}")  # fmt: skip
+        rows = [
+            [
+                *(value_text(one.quantity, value) for one, value in zip(objectives, values, strict=True)),
+                *(self.parameters.text(name, x) for name, x in zip(self.parameters.names, p, strict=True)),
+                "chosen" if mark else "",
+            ]
+            for (values, p), mark in zip(found.front, chosen, strict=True)
+        ]  # fmt: skip
+        headings = [*(name_of(one.quantity) for one in objectives), *self.parameters.names, ""]
+        self.page.table("Robots of the front", headings, rows[:_MOST])
+        if len(rows) > _MOST:
+            self.page.text(f"{len(rows) - _MOST} more are not listed.")
+
+    def _starts(self) -> None:
+        found = self.found
+        self.page.section("Starts")
+        good = [start for start in found.starts if start.violation <= _FEASIBLE]
+        best = max(good, key=lambda start: start.score, default=None)
+        same = [start for start in good if best is not None and self._is_same(start, best)]
+        self.page.text(
+            f"{found.evaluations} designs were evaluated, each at all points of the optimiser.",
+            f"{len(same)} of {len(found.starts)} starts ended at the best dimensions, to a thousandth of the ranges.",
+        )
+        objective = self.task.objectives[0]
+        rows = []
+        for start in found.starts[:_MOST]:
+            feasible = start.violation <= _FEASIBLE
+            value = self.problem.scoring.shown(objective, start.score) if feasible else None
+            result = "best" if start is best else "same dimensions" if start in same else "another optimum"
+            rows.append(
+                [
+                    "the file's dimensions" if start.index == 0 else str(start.index + 1),
+                    start.evaluations,
+                    "" if value is None else value_text(objective.quantity, value),
+                    "" if start.violation >= 1e300 else f"{max(start.violation, 0.0):.2g}",
+                    result if feasible else self._reason(start),
+                ]
+            )
+        headings = ["start", "designs", name_of(objective.quantity), "violation", "result"]
+        self.page.table("Violation: the largest of a constraint, dimensionless", headings, rows)
+        if len(found.starts) > _MOST:
+            self.page.text(f"{len(found.starts) - _MOST} more starts are not listed.")
+
+    def _is_same(self, one: Start, other: Start) -> bool:
+        width = np.ptp(self.parameters.bounds, axis=1)
+        return bool((np.abs(np.array(one.p) - other.p) <= _SAME * width).all())
+
+    def _reason(self, start: Start) -> str:
+        if start.violation >= 1e300:
+            return "failed: its dimensions are impossible"
+        if start.missed > 0.0:
+            axes = zip(self.task.reach.axes, start.at, strict=False)
+            at = ", ".join(f"{axis} = {shown(x, LENGTH)}" for axis, x in axes)
+            return f"failed: {at} is missed by {shown(start.missed, LENGTH, 3)}"
+        return "failed: a constraint is violated"
+
+    def _check(self) -> None:
+        check = self.found.check
+        self.page.section("What was checked, and what is not proved")
+        points = "points of the task" if len(self.task.reach.points) else "points that the optimiser did not see"
+        limits = f"at {check.within_limits} the joints are within their limits"
+        self.page.text(
+            f"The robot was loaded from the file with the new dimensions, and evaluated at {check.points} {points}: "
+            f"{check.reached} are reached from home without a change of the assembly mode, "
+            f"{limits if self.task.joint_limits else 'limits of joints are ignored'}. Singular values there are "
+            f"{check.sigma[0]:.4g} to {value_text('sigma_max', check.sigma[1], 4)}, the condition number is at most "
+            f"{value_text('condition', check.condition, 4)}."
+        )
+        self.page.text(
+            "Nothing is proved between the points: values there may be worse, and a constraint may be violated. Nor is "
+            "it proved that no other dimensions are better: starts end at local optima."
+        )
+
+
+def _problem_of(found: Any) -> Evaluated:
+    """Return the problem that a result belongs to."""
+    problem: Evaluated = found.problem
+    return problem
+
+
+def _middle(reach: Reach) -> Array:
+    """Return the middle of a region (axes,), or the point nearest to the middle of all."""
+    middle = (reach.low + reach.high) / 2.0
+    if not len(reach.points):
+        return np.asarray(middle)
+    return np.asarray(reach.points[np.argmin(np.linalg.norm(reach.points - middle, axis=1))])
+
+
+def _density(reach: Reach, problem: Evaluated) -> int:
+    """Return the number of points along each axis with which a region is drawn."""
+    if len(reach.points):
+        return 1
+    wide = np.ptp(problem.targets(3)[:, : len(reach.axes)], axis=0)
+    return _GRID.get(int((wide > 0.0).sum()), _VOLUME)

@@ -1,0 +1,89 @@
+"""Tasks and values of a synthesis as people read them."""
+
+from __future__ import annotations
+
+import math
+
+from cinegen.design.synthesis.task import DesignObjective, Reach, Task
+from raff2urdf.quantities import LENGTH, shown, shown_scale
+
+_UNITS = {"size": "m", "region": "", "mass": "kg", "torque": "N m", "accuracy": "mm", "clearance": "mm"}
+_NAMES = {
+    "sigma_1": "smallest singular value",
+    "sigma_max": "largest singular value",
+    "condition": "condition number",
+    "size": "sum of lengths",
+    "region": "scale of the region",
+}
+
+
+def unit_of(quantity: str) -> tuple[float, str]:
+    """Return the factor to what is shown from the value of a quantity in m, kg or N m, and the unit; "" for those that
+    are dimensionless."""
+    unit = _UNITS.get(quantity, "")
+    if unit == "m":
+        return shown_scale(LENGTH)
+    return (1e3, unit) if unit == "mm" else (1.0, unit)
+
+
+def name_of(quantity: str) -> str:
+    """Return a quantity's name in words."""
+    return _NAMES.get(quantity, quantity.replace("_", " "))
+
+
+def heading_of(quantity: str) -> str:
+    """Return a quantity's name in words, with its unit."""
+    unit = unit_of(quantity)[1]
+    return f"{name_of(quantity)}{f' ({unit})' * bool(unit)}"
+
+
+def value_text(quantity: str, value: float, digits: int = 5) -> str:
+    """Return a value of a quantity with its unit."""
+    if math.isnan(value):
+        return "the task is not done"
+    if math.isinf(value):
+        return "infinite"
+    scale, unit = unit_of(quantity)
+    return f"{scale * value:.{digits}g}\u00a0{unit}".strip()
+
+
+def change_text(objective: DesignObjective, before: float, after: float) -> str:
+    """Return by how much an objective has improved."""
+    if not (math.isfinite(before) and math.isfinite(after)) or before == 0.0:
+        return ""
+    percent = 100.0 * (after - before) / abs(before)
+    better = (percent > 0.0) == objective.is_maximised
+    text = f"{percent:+.1f}\u00a0%".replace("-", "−")
+    return text if better or abs(percent) < 0.05 else f"{text} (worse)"
+
+
+def objective_text(objective: DesignObjective) -> str:
+    """Return an objective as a clause."""
+    verb = "maximise" if objective.is_maximised else "minimise"
+    if objective.of:
+        return f"{verb} the {name_of(objective.quantity)} {', '.join(objective.of)}"
+    return f"{verb} the {name_of(objective.quantity)}, {objective.over} over the region"
+
+
+def reach_text(reach: Reach) -> str:
+    """Return the points to reach as a clause."""
+    orientation = ", with the orientation that it has at home" if reach.keeps_orientation else ""
+    if len(reach.points):
+        count = len(reach.points)
+        return f"{count} point{'s' * (count != 1)} ({', '.join(reach.axes)}){orientation}"
+    ends = []
+    for axis, low, high in zip(reach.axes, reach.low, reach.high, strict=True):
+        one = shown(float(low), LENGTH)
+        ends.append(f"{axis} = {one}" if low == high else f"{axis} from {one} to {shown(float(high), LENGTH)}")
+    return f"every point with {', '.join(ends)}{orientation}"
+
+
+def constraint_texts(task: Task) -> list[str]:
+    """Return the constraints, one text each."""
+    low, high = task.singular_values
+    found = [f"singular values from {low:g} to {high:g}"]
+    found.append("joints within their limits" if task.joint_limits else "limits of joints are ignored")
+    if task.size is not None:
+        of, most = task.size
+        found.append(f"{', '.join(of)} are at most {shown(most, LENGTH)} together")
+    return found

@@ -1,0 +1,245 @@
+"""The report of a synthesis: complete, escaped, without anything to load, and readable in a browser and on paper."""
+
+from __future__ import annotations
+
+import os
+import re
+import shutil
+from dataclasses import replace
+from html.parser import HTMLParser
+from pathlib import Path
+
+import numpy as np
+import pytest
+from evaluated_synthesis import evaluated
+from playwright.sync_api import sync_playwright
+
+import cinegen
+from cinegen.design import synthesize
+from cinegen.plotting import synthesis_report
+from cinegen.plotting.synthesis.levels import Field, draw_field
+from cinegen.plotting.synthesis.page import Page, drawing
+from cinegen.plotting.synthesis.robots import moved_to
+
+CHROMIUM = shutil.which("chromium")
+PICTURES = Path(os.environ.get("CINEGEN_PICTURES", "build/pictures"))
+FILE, PATTERN, NODE = r"<script>alert('1')&amp;$\frac$.raff", "link[0-9<img src=x:y>&$^_$]*.d", "_tool"
+HOSTILE = '</h1><script>alert("1")</script>&lt;\'-->$\\frac$'
+VOID = {"meta", "img", "br", "link"}
+TASK = {
+    "parameters": {"link2.d": "209..500mm", "link5.d": "200..600mm"},
+    "ties": ["link2.d = link4.d", "link5.d = frame20.d"],
+    "reach": {"x": "-150..150mm", "y": "300..500mm"},
+    "objective": [{"minimise": "condition"}, {"minimise": "size", "of": [PATTERN]}],
+    "constraints": {"joint_limits": False},
+    "front": 2,
+    "starts": 1,
+}
+POINTS = [[0.25, 0.0], [0.8, 0.7], [1.4, 1.3]]  # m
+LINKAGE = {
+    "parameters": {"link1.gamma": "-180..180", "link2.d": "0.1..3m", "frame4.d": "0.1..4m", "frame5.d": "0.1..4m",
+                   "frame20.gamma": "-180..180", "frame20.d": "0..3m", "link3.d": "0..3m"},
+    "path": {"points": POINTS},
+    "starts": 2,
+}  # fmt: skip
+
+
+class Read(HTMLParser):
+    """Elements of a page that is checked for being closed, and its text."""
+
+    def __init__(self, text: str) -> None:
+        super().__init__()
+        self.tags, self.identifiers, self.open = list[str](), list[str](), list[str]()
+        self.attributes, self.text = list[tuple[str, str]](), ""
+        self.feed(text)
+        self.close()
+        assert not self.open
+
+    def handle_starttag(self, tag, attrs):
+        self.tags.append(tag)
+        self.attributes += [(name, value or "") for name, value in attrs]
+        self.identifiers += [value for name, value in attrs if name == "id"]
+        if tag not in VOID:
+            self.open.append(tag)
+
+    def handle_startendtag(self, tag, attrs):
+        self.handle_starttag(tag, attrs)
+        if tag not in VOID:
+            self.open.pop()
+
+    def handle_endtag(self, tag):
+        assert self.open.pop() == tag
+
+    def handle_data(self, data):
+        if not {"style", "svg"} & set(self.open):
+            self.text += data
+
+
+@pytest.fixture(scope="module")
+def found(tmp_path_factory):
+    path = tmp_path_factory.mktemp("hostile") / FILE
+    text = Path("robots/five_bar.raff").read_text(encoding="utf-8")
+    path.write_text(text.replace('"tool"', f'"{NODE}"'), encoding="utf-8")
+    return evaluated(path, TASK)
+
+
+@pytest.fixture(scope="module")
+def report(found):
+    return synthesis_report(found)
+
+
+@pytest.fixture(scope="module")
+def linkage():
+    return synthesize("four_bar", LINKAGE)
+
+
+def test_a_report_is_complete_and_escaped(found, report):
+    page = Read(report)
+    sections = re.findall(r"<h2>(.*?)</h2>", report)
+    assert sections == [
+        "Task", "Robot before and after", "Parameters", "Objectives", "Condition number over the region",
+        "Pareto front", "Starts", "What was checked, and what is not proved", "The task as it was given",
+    ]  # fmt: skip
+    assert FILE in page.text
+    assert page.text.count(PATTERN) == 5  # title (twice), task, objectives, the task as given
+    assert f"node {NODE}" in page.text.lower()
+    assert not {"script", "img", "link", "iframe", "a", "image"} & set(page.tags)
+    assert all(value.startswith("#") for name, value in page.attributes if name in ("href", "src", "xlink:href"))
+    assert not [value for _, value in page.attributes if "http" in value.lower()]
+    assert not [name for name, _ in page.attributes if name.startswith("on")]
+    assert len(page.identifiers) == len(set(page.identifiers))
+    used = {value[1:] for name, value in page.attributes if name == "href"}
+    used |= {one for _, value in page.attributes for one in re.findall(r"url\(#([^)]*)\)", value)}
+    assert used <= set(page.identifiers)
+
+
+def test_a_report_has_the_numbers_of_the_result(found, report):
+    text = Read(report).text.replace("\u00a0", " ")
+    for name, old, new in zip(found.parameters.names, found.parameters.values, found.p, strict=True):
+        assert f"{name}{found.parameters.text(name, old, 7)}{found.parameters.text(name, new, 7)}" in text
+    for value in (found.before[0], found.values[0], found.check.values[0], found.values[1]):
+        assert f"{value:.5g}" in text
+    assert f"evaluated at {found.check.points} points that the optimiser did not see" in text
+    assert "Nothing is proved between the points" in text
+    for values, _ in found.front:
+        assert f"{values[0]:.5g}" in text
+    assert text.count("chosen") == 2  # in a sentence and in the table
+
+
+def test_every_text_of_a_page_is_escaped():
+    from matplotlib.figure import Figure
+
+    page = Page(HOSTILE)
+    page.section(HOSTILE)
+    page.text(HOSTILE)
+    page.status(HOSTILE, good=False)
+    page.terms([(HOSTILE, HOSTILE)])
+    page.table(HOSTILE, [HOSTILE], [[HOSTILE]])
+    page.listing(HOSTILE)
+    with drawing():
+        figure = Figure()
+        figure.text(0.5, 0.5, HOSTILE)
+        page.picture(figure, HOSTILE)
+    read = Read(page.text_of_page())
+    assert "script" not in read.tags
+    assert read.text.count(HOSTILE) == 12
+    assert ("aria-label", HOSTILE) in read.attributes
+
+
+def test_equal_results_give_equal_reports(found, report):
+    assert synthesis_report(found) == report
+
+
+def test_what_is_missed_and_at_a_bound_is_marked(found):
+    start = replace(found.starts[0], index=1, violation=0.3, missed=0.0123, at=[-0.15, 0.5])
+    changed = replace(
+        found, starts=(found.starts[0], start), bound=("link2.d",), p=np.array([0.209, found.p[1]]), front=(),
+        check=replace(found.check, reached=500), before=(float("nan"),) * 2,
+    )  # fmt: skip
+    object.__setattr__(changed, "problem", found.problem)
+    text = Read(synthesis_report(changed)).text
+    assert "at its lower bound" in text
+    assert "failed: x = -0.15 m, y = 0.5 m is missed by 0.0123 m" in text
+    assert "Not all constraints hold" in text
+    assert "500 are reached" in text
+    assert "the task is not done" in text
+
+
+def test_a_report_of_a_linkage(linkage):
+    text = synthesis_report(linkage)
+    page = Read(text)
+    assert re.findall(r"<h2>(.*?)</h2>", text)[:3] == ["Motion", "Precision points", "Parameters"]
+    assert f"{int((linkage.error <= 1e-9).sum())} of 3 points are met" in page.text
+    assert ("actuated joint never turns back" in page.text) == linkage.one_branch
+    for x, y in POINTS:
+        assert f"{x:g} m{y:g} m" in page.text
+
+
+# --- pictures ----------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(("axes", "is_region"), [(0, False), (1, True), (2, True), (3, True), (2, False)])
+def test_fields_of_any_dimension_are_drawn(axes, is_region):
+    lines = [np.linspace(0.1, 0.3, 5) if k < axes else np.array([0.2]) for k in range(3)]
+    targets = np.stack(np.meshgrid(*lines, indexing="ij"), -1).reshape(-1, 3)
+    values = np.stack([1.0 + targets.sum(axis=1), 2.0 * targets.sum(axis=1)])
+    values[0, 0] = np.nan
+    field = Field("condition", ("x", "y", "z"), targets, values, False, targets[:2])
+    page = Page("fields")
+    with drawing():
+        figure = draw_field(field, is_region)
+        page.picture(figure, "a picture")
+    Read(page.text_of_page())
+    assert len(figure.axes) == {0: 1, 1: 1, 2: 3 if is_region else 1, 3: 8}[axes]
+    assert field.varying == list(range(axes))
+    assert field.worst(1) == len(targets) - 1
+
+
+def test_colours_mean_the_same_before_and_after():
+    targets = np.stack(np.meshgrid([0.0, 1.0, 2.0], [0.0, 1.0, 2.0]), -1).reshape(-1, 2)
+    values = np.stack([3.0 + targets[:, 0], 1.0 + 0.1 * targets[:, 1]])
+    with drawing():
+        figure = draw_field(Field("condition", ("x", "y"), targets, values, False, targets), True)
+    shown = [axes.collections[0] for axes in figure.axes[:2]]
+    assert shown[0].norm(4.0) == shown[1].norm(4.0)
+    assert [axes.get_title(loc="left") for axes in figure.axes[:2]] == ["before: at worst 5", "after: at worst 1.2"]
+
+
+def test_a_robot_is_drawn_where_it_reaches():
+    robot = cinegen.load("five_bar")
+    target = np.array([-0.1, 0.35])
+    q = moved_to(robot, "tool", [0, 1], target)
+    np.testing.assert_allclose(robot.placement(q, "tool").translation[:2], target, atol=1e-8)
+    assert moved_to(robot, "tool", [0, 1], np.array([0.0, 2.0])) is None
+
+
+# --- in a browser ------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.browser
+@pytest.mark.skipif(CHROMIUM is None, reason="NO CHROMIUM: the report is not tested in a real browser")
+@pytest.mark.parametrize("wide", [1280, pytest.param(420, marks=pytest.mark.slow)])
+def test_a_report_in_a_browser_and_on_paper(report, wide, tmp_path):
+    path = tmp_path / "report.html"
+    path.write_text(report, encoding="utf-8")
+    PICTURES.mkdir(parents=True, exist_ok=True)
+    wrong = []
+    with sync_playwright() as playwright:
+        browser = playwright.chromium.launch(executable_path=CHROMIUM)
+        page = browser.new_page(viewport={"width": wide, "height": 900})
+        page.on("pageerror", lambda error: wrong.append(str(error)))
+        page.on("console", lambda message: wrong.append(message.text))
+        page.on("request", lambda one: wrong.append(one.url) if one.url != path.as_uri() else None)
+        page.goto(path.as_uri())
+        page.screenshot(path=PICTURES / f"synthesis_report_{wide}.png", full_page=True)
+        assert page.evaluate("document.documentElement.scrollWidth") <= wide
+        assert page.locator("h1").inner_text().startswith("linkage: minimise the condition number")
+        boxes = page.locator("figure svg").evaluate_all("all => all.map(one => one.getBoundingClientRect().height)")
+        assert len(boxes) == 4
+        assert min(boxes) > 60
+        pdf = page.pdf(path=PICTURES / f"synthesis_report_{wide}.pdf", prefer_css_page_size=True)
+        browser.close()
+    assert not wrong
+    assert len(re.findall(rb"/Type\s*/Page\b", pdf)) <= 5
+    width, height = (float(x) for x in re.search(rb"/MediaBox\s*\[\s*0 0 ([\d.]+) ([\d.]+)", pdf).groups())
+    np.testing.assert_allclose([width, height], np.array([210.0, 297.0]) / 25.4 * 72.0, atol=1.0)
