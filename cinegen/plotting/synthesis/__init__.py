@@ -1,5 +1,6 @@
-"""Reports of syntheses."""
+"""Reports of syntheses, and pictures of their robots."""
 
 from cinegen.plotting.synthesis.report import synthesis_report
+from cinegen.plotting.synthesis.robots import draw_designs
 
-__all__ = ["synthesis_report"]
+__all__ = ["draw_designs", "synthesis_report"]

@@ -30,15 +30,15 @@ dl {{ display: grid; grid-template-columns: max-content 1fr; gap: .2rem 1.2rem; 
 dt {{ color: #5a626b; }}
 dd {{ margin: 0; }}
 .scroll {{ overflow-x: auto; }}
-table {{ border-collapse: collapse; margin: .6rem 0; font-size: .9rem; font-variant-numeric: tabular-nums;
+table {{ border-collapse: collapse; margin: .6rem 0; font-size: .9em; font-variant-numeric: tabular-nums;
   overflow-wrap: normal; }}
 caption {{ text-align: left; color: #5a626b; padding-bottom: .3rem; }}
 th, td {{ text-align: left; padding: .2rem 1.4rem .2rem 0; border-bottom: 1px solid #e3e6ea; vertical-align: top; }}
 th {{ border-color: {FAINT}; font-weight: 600; }}
 figure {{ margin: .8rem 0; }}
 figure svg {{ display: block; width: 100%; height: auto; }}
-figcaption {{ font-size: .9rem; color: #5a626b; max-width: 48rem; margin-top: .3rem; }}
-pre {{ font-size: .8rem; line-height: 1.35; background: #f4f6f8; padding: .6rem .8rem; white-space: pre-wrap; }}
+figcaption {{ font-size: .9em; color: #5a626b; max-width: 48rem; margin-top: .3rem; }}
+pre {{ font-size: .8em; line-height: 1.35; background: #f4f6f8; padding: .6rem .8rem; white-space: pre-wrap; }}
 @page {{ size: A4; margin: 15mm; }}
 @media print {{
   body {{ margin: 0; padding: 0; max-width: none; font-size: 9.5pt; line-height: 1.4; }}
@@ -81,7 +81,9 @@ class Page:
         self._parts.append(f"<h2>{html.escape(title)}</h2>")
 
     def text(self, *sentences: str) -> None:
-        """Add a paragraph of sentences."""
+        """Add a paragraph of sentences, if there are any."""
+        if not any(sentences):
+            return
         self._parts.append(f"<p>{html.escape(' '.join(one for one in sentences if one))}</p>")
 
     def status(self, text: str, *, good: bool) -> None:

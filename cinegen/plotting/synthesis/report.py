@@ -15,7 +15,7 @@ from cinegen.errors import CinegenError
 from cinegen.plotting.synthesis.levels import Field, draw_field
 from cinegen.plotting.synthesis.linkage import write_linkage
 from cinegen.plotting.synthesis.page import Page, drawing
-from cinegen.plotting.synthesis.robots import Drawn, draw_robots, moved_to
+from cinegen.plotting.synthesis.robots import draw_designs
 from cinegen.plotting.synthesis.starts import draw_front, draw_parameters
 from cinegen.plotting.synthesis.wording import (
     change_text,
@@ -147,34 +147,18 @@ class _Report:
     def _robots(self) -> None:
         found, reach = self.found, self.task.reach
         self.page.section("Robot before and after")
-        robots, notes = [], []
-        target = _middle(reach)
+        designs, notes = {}, []
         for title, p in (("before", self.parameters.values), ("after", found.p)):
             try:
-                mechanism = self.parameters.mechanism_with(p)
+                designs[title] = self.parameters.mechanism_with(p)
             except CinegenError as error:
                 notes.append(f"The robot {title} can't be drawn: {error}.")
-                continue
-            q = moved_to(mechanism, self.node, reach.rows, target)
-            if q is None:
-                notes.append(f"The robot {title} is drawn at home: it does not reach the middle from there.")
-                q = mechanism.q_home
-            robots.append(Drawn(title, mechanism, q, self.node))
-        if not robots:
-            self.page.text(*notes)
-            return
         where = "the point nearest to the middle" if len(reach.points) else "the middle of the region"
-        caption = f"Node {self.node} in {where}; both robots in one scale. {' '.join(notes)}".strip()
-        region = self._in_space(robots[0])
-        self.page.picture(draw_robots(robots, region, not len(reach.points)), caption)
-
-    def _in_space(self, robot: Drawn) -> Array:
-        """Return the points to reach (n, 3), m; coordinates that are not given are those of the drawn robot."""
-        targets = self.problem.targets(_density(self.task.reach, self.problem))
-        points = np.tile(robot.mechanism.placement(robot.q, self.node).translation, (len(targets), 1))
-        for k, axis in enumerate(self.task.reach.axes):
-            points[:, "xyz".index(axis)] = targets[:, k]
-        return points
+        if designs:
+            targets = self.problem.targets(_density(reach, self.problem))
+            caption = f"Node {self.node} in {where}; both robots in one scale."
+            self.page.picture(draw_designs(designs, reach, self.node, targets), caption)
+        self.page.text(*notes)
 
     def _parameters(self) -> None:
         found, parameters = self.found, self.parameters
@@ -320,14 +304,6 @@ def _problem_of(found: Any) -> Evaluated:
     """Return the problem that a result belongs to."""
     problem: Evaluated = found.problem
     return problem
-
-
-def _middle(reach: Reach) -> Array:
-    """Return the middle of a region (axes,), or the point nearest to the middle of all."""
-    middle = (reach.low + reach.high) / 2.0
-    if not len(reach.points):
-        return np.asarray(middle)
-    return np.asarray(reach.points[np.argmin(np.linalg.norm(reach.points - middle, axis=1))])
 
 
 def _density(reach: Reach, problem: Evaluated) -> int:

@@ -2,19 +2,21 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pinocchio as pin
 from numpy.typing import NDArray
 
+from cinegen.design.synthesis.task import Reach
 from cinegen.errors import CinegenError
 from cinegen.model import Mechanism
 from cinegen.model.motion_plane import motion_plane
 from cinegen.plotting.sheet import GREEN, INK, LABEL, round_length
 from cinegen.plotting.skeleton import Pose, Skeleton
 from cinegen.plotting.stick import ACTUATED, END, Pen, hull, paint
+from cinegen.plotting.synthesis.page import drawing
 from cinegen.plotting.view import Projection, views
 from raff2urdf.quantities import LENGTH, shown
 
@@ -26,27 +28,19 @@ Array = NDArray[np.float64]
 _WIDE = 7.2  # inches
 _TALLEST = 3.6  # inches, of a row
 _ROOM = 0.07  # around the drawing, relative to its size
-_FOOT, _HEAD = 0.3, 0.3  # inches
+_FOOT, _HEAD, _LEFT = 0.3, 0.3, 0.05  # inches
 _STEPS, _NEWTON = 40, 8
 _REACHED = 1e-9  # characteristic lengths and rad
 _RANK = 1e-9
+_GRID = 9  # points along each axis of a region
 
 
-@dataclass(frozen=True, eq=False)
-class Drawn:
-    """A robot of a picture.
-
-    Attributes:
-        title: above it.
-        mechanism: the robot.
-        q: (nq,) its configuration.
-        node: drawn as its end.
-    """
-
-    title: str
-    mechanism: Mechanism
-    q: Array
-    node: str
+def middle_of(reach: Reach) -> Array:
+    """Return the middle of a region (axes,), or the point nearest to the middle of all."""
+    middle = (reach.low + reach.high) / 2.0
+    if not len(reach.points):
+        return np.asarray(middle)
+    return np.asarray(reach.points[np.argmin(np.linalg.norm(reach.points - middle, axis=1))])
 
 
 def moved_to(mechanism: Mechanism, node: str, rows: list[int], target: Array) -> Array | None:
@@ -85,54 +79,71 @@ def moved_to(mechanism: Mechanism, node: str, rows: list[int], target: Array) ->
     return np.asarray(q)
 
 
-def draw_robots(robots: list[Drawn], region: Array, filled: bool) -> Figure:
-    """Draw robots side by side, or one above the other if they move in space; all views have one scale.
+def draw_designs(
+    designs: Mapping[str, Mechanism], reach: Reach, node: str = "", targets: Array | None = None
+) -> Figure:
+    """Draw robots that do one task, side by side, or one above the other if they move in space. All views have one
+    scale. Each has its node in the middle of the region, or at the point nearest to the middle; or is drawn at home, as
+    its title states, if it does not get there on a straight line.
 
     Args:
-        robots: one or more.
-        region: (n, 3) points that are reached, m; none if there is no region.
-        filled: whether they fill their convex hull; else each is marked.
+        designs: one or more, by the titles above them.
+        reach: what is reached.
+        node: that reaches; the mechanisms' end unless given.
+        targets: (n, axes) points whose hull is drawn, m; a grid over `reach` unless given.
     """
+    with drawing():
+        return _draw(designs, reach, node or next(iter(designs.values())).end, targets)
+
+
+def _draw(designs: Mapping[str, Mechanism], reach: Reach, node: str, targets: Array | None) -> Figure:
     from matplotlib.figure import Figure
 
-    poses = [Skeleton(one.mechanism, one.node).at(one.q) for one in robots]
-    points = np.vstack([region.reshape(-1, 3), *(pose.points for pose in poses)])
-    seen = views(points, motion_plane(robots[0].mechanism))
+    target, poses, titles = middle_of(reach), list[Pose](), list[str]()
+    for title, mechanism in designs.items():
+        q = moved_to(mechanism, node, reach.rows, target)
+        titles.append(title if q is not None else f"{title} (at home)")
+        poses.append(Skeleton(mechanism, node).at(mechanism.q_home if q is None else q))
+    targets = reach.grid(_GRID) if targets is None else targets
+    region = np.tile(poses[0].end, (len(targets), 1))
+    for k, axis in enumerate(reach.axes):
+        region[:, "xyz".index(axis)] = targets[:, k]
+    filled = not len(reach.points)
+    points = np.vstack([region, *(pose.points for pose in poses)])
+    seen = views(points, motion_plane(next(iter(designs.values()))))
     flat = np.array([view.project(points)[0] for view in seen])
     middle, half = (flat.min(axis=1) + flat.max(axis=1)) / 2.0, np.ptp(flat, axis=1) / 2.0
     half += 2.0 * _ROOM * half.max(axis=1, keepdims=True)
     half[:, 1] = half[:, 1].max()
     planar = len(seen) == 1
-    columns = np.tile(half[:, 0], len(robots) if planar else 1)
-    scale = min(_WIDE / (2.0 * columns.sum()), _TALLEST / (2.0 * half[0, 1]))  # inches for a metre
-    rows = 1 if planar else len(robots)
+    columns = np.tile(half[:, 0], len(poses) if planar else 1)
+    scale = min((_WIDE - _LEFT) / (2.0 * columns.sum()), _TALLEST / (2.0 * half[0, 1]))  # inches for a metre
+    rows = 1 if planar else len(poses)
     tall = rows * (2.0 * scale * half[0, 1] + _HEAD) + _FOOT
     figure = Figure(figsize=(_WIDE, tall))
     used = 2.0 * scale * columns.sum()
     grid = figure.add_gridspec(
-        rows, len(columns), width_ratios=columns, left=0.0, right=used / _WIDE, bottom=_FOOT / tall,
+        rows, len(columns), width_ratios=columns, left=_LEFT / _WIDE, right=(_LEFT + used) / _WIDE, bottom=_FOOT / tall,
         top=1.0 - _HEAD / tall, wspace=0.0, hspace=_HEAD / (2.0 * scale * half[0, 1]),
     )  # fmt: skip
-    for k, (robot, pose) in enumerate(zip(robots, poses, strict=True)):
+    for k, (name, pose) in enumerate(zip(titles, poses, strict=True)):
         for j, view in enumerate(seen):
             axes = figure.add_subplot(grid[0, k] if planar else grid[k, j])
             axes.set_axis_off()
             low, high = middle[j] - half[j], middle[j] + half[j]
             axes.set(xlim=(low[0], high[0]), ylim=(low[1], high[1]), aspect="equal")
-            draw_region(axes, view, region, filled)
+            _draw_region(axes, view, region, filled)
             paint(axes, pose, view, Pen(1.6, 0.9, 3.2))
-            title = ": ".join(text for text in (robot.title if j == 0 else "", view.name) if text)
+            title = ": ".join(text for text in (name if j == 0 else "", view.name) if text)
             axes.set_title(title, fontsize=LABEL, color=INK, loc="left")
-    _legend(figure, scale, poses[0], robots[0].node, len(region) > 0)
+    _legend(figure, scale, poses[0], node)
     return figure
 
 
-def draw_region(axes: Any, view: Projection, region: Array, filled: bool) -> None:
+def _draw_region(axes: Any, view: Projection, region: Array, filled: bool) -> None:
     """Draw the points to reach into axes whose unit is the metre."""
     from matplotlib.patches import Polygon
 
-    if not len(region):
-        return
     flat = view.project(region)[0]
     if filled and np.linalg.matrix_rank(flat - flat[0], tol=1e-9) == 2:
         axes.add_patch(Polygon(hull(flat), facecolor=GREEN, alpha=0.22, linewidth=0.0, zorder=1.0))
@@ -141,12 +152,12 @@ def draw_region(axes: Any, view: Projection, region: Array, filled: bool) -> Non
         axes.plot(*flat.T, "+", color=GREEN, markersize=6.0, zorder=4.0)
 
 
-def _legend(figure: Figure, scale: float, pose: Pose, node: str, region: bool) -> None:
+def _legend(figure: Figure, scale: float, pose: Pose, node: str) -> None:
     """Add what colours mean, and the length of a bar (scale: inches for a metre)."""
     from matplotlib.lines import Line2D
 
     wide = figure.get_figwidth()
-    marks = [(ACTUATED, "actuated joint", "o"), (END, f"node {node}", "o")] + [(GREEN, "to reach", "s")] * region
+    marks = [(ACTUATED, "actuated joint", "o"), (END, f"node {node}", "o"), (GREEN, "to reach", "s")]
     dots = [
         Line2D([], [], color=colour, label=text, marker=marker, markersize=4.5, linestyle="none")
         for colour, text, marker in marks
