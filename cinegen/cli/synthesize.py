@@ -19,6 +19,9 @@ def run(
         "FILE", "the robot with its new dimensions (ROBOT-synthesized.raff)", None, "-o", "--output"
     ),
     state: Path | None = option("FILE", "finished starts, to continue from (ROBOT-synthesis.json, removed at the end)"),
+    report: Path | None = option(
+        "FILE.html", "report with pictures, tables and maps of before and after; needs the plot extra"
+    ),
     workers: int | None = option("N", "processes on this machine that share the starts (default: its cores)"),
     scheduler: str | None = option("URL", "scheduler of a Dask cluster, such as tcp://node1:8786"),
     robot: str | None = option("NAME", "the robot of this name"),
@@ -33,13 +36,19 @@ def run(
     """
     name = stem_of(file)
     raff = output_path(output, f"{name}-synthesized.raff")
-    check_outputs(raff, force=force, json=json, remakeable=False)
+    check_outputs(raff, report, force=force, json=json, remakeable=False)
     from cinegen.design.synthesis import synthesize
 
     kept = state or raff.with_name(f"{name}-synthesis.json")
     with Progress() as progress:
         found = synthesize(file, task, robot, kept, progress.steps, workers, scheduler)
+    if report is not None:
+        from cinegen.plotting import synthesis_report
+
+        page = synthesis_report(found)
     write(raff, found.raff)
+    if report is not None:
+        write(report, page)
     kept.unlink(missing_ok=True)
     print_result({**found.as_dict(), "file": str(raff)}, f"{found.text}\nrobot: {raff}", json)
     return 0 if found.holds else 1

@@ -33,6 +33,7 @@ class Start:
         violated: the constraint that is violated most; "" where all hold.
         evaluations: designs that were evaluated, each at all targets of the optimiser.
         configurations: that were found.
+        targets: (n, rows) at which it ended, of the region as given.
         missed: distance of the furthest target that is not reached, m (and rad); 0 where all are.
         at: that target, m.
         error: why the start ended without a result; "" otherwise.
@@ -45,6 +46,7 @@ class Start:
     violated: str
     evaluations: int
     configurations: int
+    targets: list[list[float]]
     missed: float
     at: list[float]
     error: str = ""
@@ -168,6 +170,12 @@ class Synthesis:
         """True where all constraints hold at the targets of the check."""
         return self.check.holds
 
+    @property
+    def torque_unit(self) -> str:
+        """Unit of torques: N m, N, or parts of their limits."""
+        dimension = self.problem.scoring.dimension("torque")
+        return "of the limit" if dimension is NUMBER else {"Nm": "N m"}.get(dimension.default, dimension.default)
+
     def value_text(self, objective: DesignObjective, value: float) -> str:
         """Return the value of an objective as people read it."""
         if math.isnan(value):
@@ -240,7 +248,7 @@ class Synthesis:
             "check": _as_dict(self.check),
             "evaluations": self.evaluations,
             "configurations": self.configurations,
-            "starts": [asdict(start) for start in self.starts],
+            "starts": [{k: v for k, v in asdict(start).items() if k != "targets"} for start in self.starts],
             "front": [
                 {
                     "values": [_finite(x) for x in point.values],

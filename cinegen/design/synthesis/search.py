@@ -226,10 +226,17 @@ def _solved_start(problem: SynthesisProblem, index: int, x: Array) -> Start:
         found = problem.value(first, scores), problem.violation(scores), problem.violated(scores)
     except (CinegenError, np.linalg.LinAlgError) as error:
         return Start(
-            index, x.tolist(), -1e300, 1e300, "", problem.evaluations, problem.configurations, 0.0, [], str(error)
+            index, x.tolist(), -1e300, 1e300, "", problem.evaluations, problem.configurations, [], 0.0, [], str(error)
         )
     return Start(
-        index, x.tolist(), *found, problem.evaluations, problem.configurations, missed, reached.targets[worst].tolist()
+        index,
+        x.tolist(),
+        *found,
+        problem.evaluations,
+        problem.configurations,
+        problem.points.tolist(),
+        missed,
+        reached.targets[worst].tolist(),
     )
 
 

@@ -100,7 +100,7 @@ def _task(table: SceneTable, values: Mapping[str, Any]) -> Task | Precision:
         raise table.error("objective", "is given twice: a Pareto front has different ones")
     settings: dict[str, Any] = {
         "starts": _count(table, "starts", STARTS),
-        "front": _count(table, "front", FRONT, 3),
+        "front": _count(table, "front", FRONT, 2),
         **_search(table),
     }
     if "constraints" in table:

@@ -4,13 +4,11 @@ from __future__ import annotations
 
 import json
 from pathlib import Path
-from typing import Any, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
-from cinegen.design.synthesis import LinkageSynthesis, Start, Synthesis
-from cinegen.design.synthesis.task import DesignObjective, Reach
+from cinegen.design.synthesis import LinkageSynthesis, Reach, Start, Synthesis, SynthesisProblem
 from cinegen.errors import CinegenError
 from cinegen.plotting.synthesis.levels import Field, draw_field
 from cinegen.plotting.synthesis.linkage import write_linkage
@@ -33,35 +31,9 @@ Array = NDArray[np.float64]
 
 _GRID = {0: 1, 1: 101, 2: 31}  # points along each axis of a region, by the axes along which it is wide
 _VOLUME = 9
-_FEASIBLE = 1e-6
 _SAME = 1e-3  # of the ranges of the parameters
 _MOST = 50  # starts and points of a front that are listed
 _DIGITS = 7
-
-
-class Shown(Protocol):
-    """Scores as values."""
-
-    def shown(self, objective: DesignObjective, score: float) -> float:
-        """Return the value of an objective by its score."""
-
-
-class Evaluated(Protocol):
-    """A problem that evaluates designs at points of its region."""
-
-    @property
-    def points(self) -> Array:
-        """(m, rows) points of the optimiser."""
-
-    @property
-    def scoring(self) -> Shown:
-        """Scores of the designs."""
-
-    def targets(self, count: int) -> Array:
-        """Return points (n, rows) of the region, `count` along each axis."""
-
-    def quantities_at(self, p: Array, targets: Array) -> dict[str, Array]:
-        """Return quantities (n,) of a design at targets; NaN where one is not reached."""
 
 
 def synthesis_report(found: Synthesis | LinkageSynthesis) -> str:
@@ -82,7 +54,7 @@ def synthesis_report(found: Synthesis | LinkageSynthesis) -> str:
 class _Report:
     def __init__(self, found: Synthesis) -> None:
         self.found, self.task, self.parameters = found, found.task, found.parameters
-        self.problem = _problem_of(found)
+        self.problem = found.problem
         self.node = found.task.node or found.parameters.mechanism.end
         self.name = found.parameters.robot.name
         goal = " and ".join(objective_text(one) for one in found.task.objectives)
@@ -114,8 +86,8 @@ class _Report:
         source = Path(self.parameters.document.source.name).name
         changes = []
         for objective, old, new in zip(self.task.objectives, found.before, found.values, strict=True):
-            was = "" if np.isnan(old) else f", before {value_text(objective.quantity, old)}"
-            changes.append(f"{name_of(objective.quantity)} {value_text(objective.quantity, new)}{was}")
+            was = "" if np.isnan(old) else f", before {self._text(objective.quantity, old)}"
+            changes.append(f"{name_of(objective.quantity)} {self._text(objective.quantity, new)}{was}")
         holds = (
             f"All constraints hold at {check.points} {self._unseen}."
             if found.holds
@@ -126,14 +98,16 @@ class _Report:
 
     @property
     def _unseen(self) -> str:
-        return "points of the task" if len(self.task.reach.points) else "points that the optimiser did not see"
+        return "points of the task" if len(self.task.reach.given) else "points that the optimiser did not see"
 
     def _task(self) -> None:
         task, parameters = self.task, self.parameters
         self.page.section("Task")
         pairs = [("reach", f"{self.node} reaches {reach_text(task.reach)}")]
         pairs += [("objective", objective_text(one)) for one in task.objectives]
-        pairs += [("constraint", text) for text in constraint_texts(task)]
+        pairs += [
+            ("constraint", text) for text in constraint_texts(task, self.problem.scoring.most, self.found.torque_unit)
+        ]
         pairs.append(("parameters", f"{len(parameters)}, see below"))
         pairs += [("tie", tie) for tie in task.ties]
         pairs.append(("starts", str(task.starts)))
@@ -153,7 +127,7 @@ class _Report:
                 designs[title] = self.parameters.mechanism_with(p)
             except CinegenError as error:
                 notes.append(f"The robot {title} can't be drawn: {error}.")
-        where = "the point nearest to the middle" if len(reach.points) else "the middle of the region"
+        where = "the point nearest to the middle" if len(reach.given) else "the middle of the region"
         if designs:
             targets = self.problem.targets(_density(reach, self.problem))
             caption = f"Node {self.node} in {where}; both robots in one scale."
@@ -174,19 +148,19 @@ class _Report:
         self.page.table("Free parameters", ["parameter", "before", "after", "range", ""], rows)
         if found.bound:
             self.page.text("A wider range of the parameters that are at a bound may improve the objectives further.")
-        good = [np.array(start.p) for start in found.starts if start.violation <= _FEASIBLE]
+        good = [self.problem.split(np.array(start.x))[0] for start in found.starts if start.is_feasible]
         if len(found.p):
             self.page.picture(draw_parameters(found, good), "Parameters within their ranges")
 
     def _objectives(self) -> None:
         found = self.found
         self.page.section("Objectives")
-        unseen = "at the points" if len(self.task.reach.points) else f"at {found.check.points} unseen points"
+        unseen = "at the points" if len(self.task.reach.given) else f"at {found.check.points} unseen points"
         each = zip(self.task.objectives, found.before, found.values, found.check.values, strict=True)
         rows = [
             [
-                objective_text(one), value_text(one.quantity, old), value_text(one.quantity, new),
-                change_text(one, old, new), value_text(one.quantity, checked),
+                objective_text(one), self._text(one.quantity, old), self._text(one.quantity, new),
+                change_text(one, old, new), self._text(one.quantity, checked),
             ]
             for one, old, new, checked in each
         ]  # fmt: skip
@@ -195,21 +169,25 @@ class _Report:
     def _fields(self) -> None:
         found, reach = self.found, self.task.reach
         targets = self.problem.targets(_density(reach, self.problem))
-        sides = [self.problem.quantities_at(p, targets) for p in (self.parameters.values, found.p)]
+        sides = [self.problem.quantities_at(p, targets, found.scale) for p in (self.parameters.values, found.p)]
         known = [name for name in sides[1] if name in sides[0]]
         wanted = [one.quantity for one in self.task.objectives if one.quantity in known]
         wanted = list(dict.fromkeys(wanted)) or [name for name in known if name in ("sigma_1", "sigma_max")]
         better = {one.quantity: one.is_maximised for one in self.task.objectives}
         axes = len(reach.axes)
+        best = max((one for one in found.starts if one.is_feasible), key=lambda one: one.score)
+        grown, looked = (reach.scaled(np.array(one), found.scale) for one in (targets, best.targets))
         for name in wanted:
-            title = f"{heading_of(name)} {'at the points' if len(reach.points) else 'over the region'}"
+            title = (
+                f"{heading_of(name, found.torque_unit)} {'at the points' if len(reach.given) else 'over the region'}"
+            )
             self.page.section(title[0].upper() + title[1:])
-            values = unit_of(name)[0] * np.array([side[name] for side in sides])
+            values = unit_of(name, found.torque_unit)[0] * np.array([side[name] for side in sides])
             maximised = better.get(name, name == "sigma_1")
-            field = Field(name, reach.axes, targets[:, :axes], values, maximised, self.problem.points[:, :axes])
+            field = Field(name, reach.axes, grown[:, :axes], values, maximised, looked[:, :axes])
             reached = np.isfinite(values).sum(axis=1)
             self.page.picture(
-                draw_field(field, not len(reach.points)),
+                draw_field(field, not len(reach.given)),
                 f"{len(targets)} points; {reached[0]} are reached before, {reached[1]} after. "
                 f"{'Larger' if maximised else 'Smaller'} values are better; grey is not reached.",
             )
@@ -217,7 +195,7 @@ class _Report:
     def _front(self) -> None:
         found, objectives = self.found, self.task.objectives
         self.page.section("Pareto front")
-        chosen = [bool(np.array_equal(p, found.p)) for _, p in found.front]
+        chosen = [bool(np.array_equal(one.p, found.p)) for one in found.front]
         self.page.text(
             f"{len(found.front)} robots, each better than any other in one objective and worse in another. The chosen "
             "one is nearest to the best of all objectives, each divided by its range."
@@ -228,13 +206,14 @@ class _Report:
                                   f"{name_of(objectives[k].quantity)}")  # fmt: skip
         rows = [
             [
-                *(value_text(one.quantity, value) for one, value in zip(objectives, values, strict=True)),
-                *(self.parameters.text(name, x) for name, x in zip(self.parameters.names, p, strict=True)),
+                *(self._text(one.quantity, value) for one, value in zip(objectives, point.values, strict=True)),
+                *(self.parameters.text(name, x) for name, x in zip(self.parameters.names, point.p, strict=True)),
+                "holds" if point.check.holds else "does not hold",
                 "chosen" if mark else "",
             ]
-            for (values, p), mark in zip(found.front, chosen, strict=True)
+            for point, mark in zip(found.front, chosen, strict=True)
         ]  # fmt: skip
-        headings = [*(name_of(one.quantity) for one in objectives), *self.parameters.names, ""]
+        headings = [*(name_of(one.quantity) for one in objectives), *self.parameters.names, "at other points", ""]
         self.page.table("Robots of the front", headings, rows[:_MOST])
         if len(rows) > _MOST:
             self.page.text(f"{len(rows) - _MOST} more are not listed.")
@@ -242,24 +221,24 @@ class _Report:
     def _starts(self) -> None:
         found = self.found
         self.page.section("Starts")
-        good = [start for start in found.starts if start.violation <= _FEASIBLE]
+        good = [start for start in found.starts if start.is_feasible]
         best = max(good, key=lambda start: start.score, default=None)
         same = [start for start in good if best is not None and self._is_same(start, best)]
         self.page.text(
-            f"{found.evaluations} designs were evaluated, each at all points of the optimiser.",
+            f"{found.evaluations} designs were evaluated, with {found.configurations} configurations.",
             f"{len(same)} of {len(found.starts)} starts ended at the best dimensions, to a thousandth of the ranges.",
         )
         objective = self.task.objectives[0]
         rows = []
         for start in found.starts[:_MOST]:
-            feasible = start.violation <= _FEASIBLE
+            feasible = start.is_feasible
             value = self.problem.scoring.shown(objective, start.score) if feasible else None
             result = "best" if start is best else "same dimensions" if start in same else "another optimum"
             rows.append(
                 [
                     "the file's dimensions" if start.index == 0 else str(start.index + 1),
                     start.evaluations,
-                    "" if value is None else value_text(objective.quantity, value),
+                    "" if value is None else self._text(objective.quantity, value),
                     "" if start.violation >= 1e300 else f"{max(start.violation, 0.0):.2g}",
                     result if feasible else self._reason(start),
                 ]
@@ -270,22 +249,23 @@ class _Report:
             self.page.text(f"{len(found.starts) - _MOST} more starts are not listed.")
 
     def _is_same(self, one: Start, other: Start) -> bool:
-        width = np.ptp(self.parameters.bounds, axis=1)
-        return bool((np.abs(np.array(one.p) - other.p) <= _SAME * width).all())
+        width = self.problem.high - self.problem.low
+        return bool((np.abs(np.array(one.x) - other.x) <= _SAME * width).all())
 
     def _reason(self, start: Start) -> str:
-        if start.violation >= 1e300:
-            return "failed: its dimensions are impossible"
-        if start.missed > 0.0:
+        if not start.error and start.missed > 0.0:
             axes = zip(self.task.reach.axes, start.at, strict=False)
             at = ", ".join(f"{axis} = {shown(x, LENGTH)}" for axis, x in axes)
             return f"failed: {at} is missed by {shown(start.missed, LENGTH, 3)}"
-        return "failed: a constraint is violated"
+        return f"failed: {start.text}"
+
+    def _text(self, quantity: str, value: float) -> str:
+        return value_text(quantity, value, torque=self.found.torque_unit)
 
     def _check(self) -> None:
         check = self.found.check
         self.page.section("What was checked, and what is not proved")
-        points = "points of the task" if len(self.task.reach.points) else "points that the optimiser did not see"
+        points = "points of the task" if len(self.task.reach.given) else "points that the optimiser did not see"
         limits = f"at {check.within_limits} the joints are within their limits"
         self.page.text(
             f"The robot was loaded from the file with the new dimensions, and evaluated at {check.points} {points}: "
@@ -300,15 +280,9 @@ class _Report:
         )
 
 
-def _problem_of(found: Any) -> Evaluated:
-    """Return the problem that a result belongs to."""
-    problem: Evaluated = found.problem
-    return problem
-
-
-def _density(reach: Reach, problem: Evaluated) -> int:
+def _density(reach: Reach, problem: SynthesisProblem) -> int:
     """Return the number of points along each axis with which a region is drawn."""
-    if len(reach.points):
+    if len(reach.given):
         return 1
     wide = np.ptp(problem.targets(3)[:, : len(reach.axes)], axis=0)
     return _GRID.get(int((wide > 0.0).sum()), _VOLUME)

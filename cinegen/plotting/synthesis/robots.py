@@ -9,7 +9,7 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import NDArray
 
-from cinegen.design.synthesis.task import Reach
+from cinegen.design.synthesis import Reach
 from cinegen.errors import CinegenError
 from cinegen.model import Mechanism
 from cinegen.model.motion_plane import motion_plane
@@ -38,9 +38,9 @@ _GRID = 9  # points along each axis of a region
 def middle_of(reach: Reach) -> Array:
     """Return the middle of a region (axes,), or the point nearest to the middle of all."""
     middle = (reach.low + reach.high) / 2.0
-    if not len(reach.points):
+    if not len(reach.given):
         return np.asarray(middle)
-    return np.asarray(reach.points[np.argmin(np.linalg.norm(reach.points - middle, axis=1))])
+    return np.asarray(reach.given[np.argmin(np.linalg.norm(reach.given - middle, axis=1))])
 
 
 def moved_to(mechanism: Mechanism, node: str, rows: list[int], target: Array) -> Array | None:
@@ -108,7 +108,7 @@ def _draw(designs: Mapping[str, Mechanism], reach: Reach, node: str, targets: Ar
     region = np.tile(poses[0].end, (len(targets), 1))
     for k, axis in enumerate(reach.axes):
         region[:, "xyz".index(axis)] = targets[:, k]
-    filled = not len(reach.points)
+    filled = not len(reach.given)
     points = np.vstack([region, *(pose.points for pose in poses)])
     seen = views(points, motion_plane(next(iter(designs.values()))))
     flat = np.array([view.project(points)[0] for view in seen])

@@ -59,8 +59,8 @@ def draw_front(found: Synthesis, first: int, second: int) -> Figure:
     from matplotlib.figure import Figure
 
     objectives = [found.task.objectives[k] for k in (first, second)]
-    scales = np.array([unit_of(one.quantity)[0] for one in objectives])
-    values = np.array([each for each, _ in found.front])[:, [first, second]] * scales
+    scales = np.array([unit_of(one.quantity, found.torque_unit)[0] for one in objectives])
+    values = np.array([one.values for one in found.front])[:, [first, second]] * scales
     figure = Figure(figsize=(_WIDE, 3.4), dpi=150, layout="constrained")
     axes = figure.subplots()
     if len(found.task.objectives) == 2:
@@ -74,6 +74,12 @@ def draw_front(found: Synthesis, first: int, second: int) -> Figure:
         axes.plot(*before, "o", markerfacecolor="white", color=ORANGE, markersize=6.0, markeredgewidth=1.4,
                   label="before")  # fmt: skip
     axes.grid(color=FAINT, alpha=0.25)
-    label(axes, *(f"{heading_of(one.quantity)}{'' if one.is_maximised else ': less is better'}" for one in objectives))
+    label(
+        axes,
+        *(
+            f"{heading_of(one.quantity, found.torque_unit)}{'' if one.is_maximised else ': less is better'}"
+            for one in objectives
+        ),
+    )
     finish(figure)
     return figure

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 
-from cinegen.design.synthesis.task import DesignObjective, Reach, Task
+from cinegen.design.synthesis import QUANTITIES, DesignObjective, Reach, Task
 from raff2urdf.quantities import LENGTH, shown, shown_scale
 
-_UNITS = {"size": "m", "region": "", "mass": "kg", "torque": "N m", "accuracy": "mm", "clearance": "mm"}
+_UNITS = {"size": "m", "region": "", "mass": "kg", "accuracy": "mm", "clearance": "mm"}
 _NAMES = {
     "sigma_1": "smallest singular value",
     "sigma_max": "largest singular value",
@@ -17,10 +18,10 @@ _NAMES = {
 }
 
 
-def unit_of(quantity: str) -> tuple[float, str]:
-    """Return the factor to what is shown from the value of a quantity in m, kg or N m, and the unit; "" for those that
-    are dimensionless."""
-    unit = _UNITS.get(quantity, "")
+def unit_of(quantity: str, torque: str = "N m") -> tuple[float, str]:
+    """Return the factor to what is shown from the value of a quantity in m, kg or the unit of torques, and the unit; ""
+    for those that are dimensionless."""
+    unit = torque if quantity == "torque" else _UNITS.get(quantity, "")
     if unit == "m":
         return shown_scale(LENGTH)
     return (1e3, unit) if unit == "mm" else (1.0, unit)
@@ -31,19 +32,19 @@ def name_of(quantity: str) -> str:
     return _NAMES.get(quantity, quantity.replace("_", " "))
 
 
-def heading_of(quantity: str) -> str:
+def heading_of(quantity: str, torque: str = "N m") -> str:
     """Return a quantity's name in words, with its unit."""
-    unit = unit_of(quantity)[1]
+    unit = unit_of(quantity, torque)[1]
     return f"{name_of(quantity)}{f' ({unit})' * bool(unit)}"
 
 
-def value_text(quantity: str, value: float, digits: int = 5) -> str:
+def value_text(quantity: str, value: float, digits: int = 5, torque: str = "N m") -> str:
     """Return a value of a quantity with its unit."""
     if math.isnan(value):
         return "the task is not done"
     if math.isinf(value):
         return "infinite"
-    scale, unit = unit_of(quantity)
+    scale, unit = unit_of(quantity, torque)
     return f"{scale * value:.{digits}g}\u00a0{unit}".strip()
 
 
@@ -62,15 +63,19 @@ def objective_text(objective: DesignObjective) -> str:
     verb = "maximise" if objective.is_maximised else "minimise"
     if objective.of:
         return f"{verb} the {name_of(objective.quantity)} {', '.join(objective.of)}"
-    return f"{verb} the {name_of(objective.quantity)}, {objective.over} over the region"
+    over = f", {objective.over} over the region" * QUANTITIES[objective.quantity].pointwise
+    return f"{verb} the {name_of(objective.quantity)}{over}"
 
 
 def reach_text(reach: Reach) -> str:
     """Return the points to reach as a clause."""
-    orientation = ", with the orientation that it has at home" if reach.keeps_orientation else ""
-    if len(reach.points):
-        count = len(reach.points)
+    orientation = ", with the orientation that it has at home" if reach.is_oriented else ""
+    if len(reach.given):
+        count = len(reach.given)
         return f"{count} point{'s' * (count != 1)} ({', '.join(reach.axes)}){orientation}"
+    if reach.radius:
+        axes, middle = ", ".join(reach.axes), ", ".join(shown(float(x), LENGTH) for x in (reach.low + reach.high) / 2.0)
+        return f"every point within {shown(reach.radius, LENGTH)} of ({axes}) = ({middle}){orientation}"
     ends = []
     for axis, low, high in zip(reach.axes, reach.low, reach.high, strict=True):
         one = shown(float(low), LENGTH)
@@ -78,12 +83,25 @@ def reach_text(reach: Reach) -> str:
     return f"every point with {', '.join(ends)}{orientation}"
 
 
-def constraint_texts(task: Task) -> list[str]:
-    """Return the constraints, one text each."""
+def constraint_texts(task: Task, most_of: Mapping[str, float], torque: str = "N m") -> list[str]:
+    """Return the constraints, one text each.
+
+    Args:
+        task: that has them.
+        most_of: largest values of quantities, SI.
+        torque: unit of torques.
+    """
     low, high = task.singular_values
     found = [f"singular values from {low:g} to {high:g}"]
     found.append("joints within their limits" if task.joint_limits else "limits of joints are ignored")
     if task.size is not None:
         of, most = task.size
         found.append(f"{', '.join(of)} are at most {shown(most, LENGTH)} together")
+    for name, value in most_of.items():
+        found.append(f"{name_of(name)} at most {value_text(name, value, torque=torque)}")
+    if task.clearance is not None:
+        found.append(
+            f"clearance of bars of radius {shown(task.clearance.radius, LENGTH)} at least "
+            f"{shown(task.clearance.least, LENGTH)}, also from {len(task.clearance.obstacles)} obstacles"
+        )
     return found
