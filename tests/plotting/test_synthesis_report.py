@@ -166,6 +166,7 @@ def test_what_is_missed_and_at_a_bound_is_marked(found):
 def test_a_report_of_a_linkage(linkage):
     text = synthesis_report(linkage)
     page = Read(text)
+    assert "<h1>linkage: tool through 3 points</h1>" in text
     assert re.findall(r"<h2>(.*?)</h2>", text)[:3] == ["Motion", "Precision points", "Parameters"]
     assert f"{int((linkage.error <= 1e-9).sum())} of 3 points are met" in page.text
     assert ("actuated joint never turns back" in page.text) == linkage.one_branch

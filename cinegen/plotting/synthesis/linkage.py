@@ -40,9 +40,9 @@ def write_linkage(found: LinkageSynthesis) -> str:
     """Return the report of a linkage as an HTML file."""
     parameters, task, count = found.parameters, found.task, len(found.error)
     name, node = parameters.robot.name, task.node or parameters.mechanism.end
-    of = f"{task.joints[1]} by {task.joints[0]}" if task.joints else f"{node} through"
+    of = f"{task.joints[1]} by {task.joints[0]}" if task.joints else node
     kind = {0: "pairs of values", 2: "points", 3: "poses"}[0 if task.joints else len(task.rows)]
-    page = Page(f"{name}: {of} {count} {kind}")
+    page = Page(f"{name}: {of} through {count} {kind}")
     source = Path(parameters.document.source.name).name
     met = int((found.error <= EXACT).sum())
     page.text(f"Dimensions of {name} ({source}) with which it meets {count} {kind} exactly.")
@@ -171,7 +171,7 @@ def _draw_path(found: LinkageSynthesis, circuits: list[Array], node: str) -> Fig
         size = _HAND * max(wide, tall)
         for (x, y, _), angle in zip(targets, found.task.targets[:, 2], strict=True):
             tip = np.array([[x, y, height], [x + size * np.cos(angle), y + size * np.sin(angle), height]])
-            axes.plot(*view.project(tip)[0].T, color=GREEN, linewidth=1.6, zorder=6.0)
+            axes.plot(*view.project(tip)[0].T, color=GREEN, linewidth=1.6, zorder=6.0, clip_on=False)
     for k, (x, y) in enumerate(at):
         axes.annotate(str(k + 1), (x, y), (6.0, 5.0), textcoords="offset points", fontsize=LABEL, color=INK, zorder=7.0)
     scale, unit = shown_scale(LENGTH)
