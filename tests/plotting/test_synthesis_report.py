@@ -12,6 +12,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from playwright.sync_api import sync_playwright
+from variants import slow
 
 import cinegen
 from cinegen.design import synthesize
@@ -177,7 +178,7 @@ def test_a_report_of_a_linkage(linkage):
 # --- pictures ----------------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize(("axes", "is_region"), [(0, False), (1, True), (2, True), (3, True), (2, False)])
+@pytest.mark.parametrize(("axes", "is_region"), [(0, False), (1, True), *slow((2, True)), (3, True), (2, False)])
 def test_fields_of_any_dimension_are_drawn(axes, is_region):
     lines = [np.linspace(0.1, 0.3, 5) if k < axes else np.array([0.2]) for k in range(3)]
     targets = np.stack(np.meshgrid(*lines, indexing="ij"), -1).reshape(-1, 3)
@@ -217,7 +218,7 @@ def test_a_robot_is_drawn_where_it_reaches():
 
 @pytest.mark.browser
 @pytest.mark.skipif(CHROMIUM is None, reason="NO CHROMIUM: the report is not tested in a real browser")
-@pytest.mark.parametrize("wide", [1280, pytest.param(420, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("wide", [1280, *slow(420)])
 def test_a_report_in_a_browser_and_on_paper(report, wide, tmp_path):
     path = tmp_path / "report.html"
     path.write_text(report, encoding="utf-8")
