@@ -96,3 +96,45 @@ def test_five_bar_with_coincident_base_joints(tmp_path):
     np.testing.assert_allclose(found.p, [inner, outer], rtol=1e-5)  # the grid has no point at sqrt(r0 r1)
     assert worst * (1.0 - 1e-5) < found.values[0] <= worst  # of fewer points
     assert found.check.condition <= worst * (1.0 + 1e-5)
+
+
+# --- the largest circle -----------------------------------------------------------------------------------------
+
+CIRCLE = {
+    "parameters": {"link3.d": "5..200mm"},
+    "ties": ["link1.d = -1*link3.d"],
+    "reach": {"x": 0, "y": "400mm", "radius": "100mm"},
+    "objective": [{"maximise": "region"}],
+    "constraints": {"joint_limits": False},
+    "starts": 2,
+}
+FLOOR = 0.01  # of the singular values, unless the task gives another
+GRID = 2e-3  # relative: what points between those of the optimiser may take away
+
+
+def test_largest_circle_by_the_distance_of_the_base_joints():
+    """By brute force over the distance: the floor makes the best one small, but not zero."""
+    length = cinegen.load("five_bar").length
+    radii = {half: FiveBar(0.25, 0.4, half).radius(0.4, FLOOR, length) for half in np.linspace(0.005, 0.2, 40)}
+    found = synthesize("five_bar", CIRCLE)
+    factor, half = found.values[0], found.p[0]
+    assert found.before[0] * 0.1 == pytest.approx(FiveBar(0.25, 0.4, 0.15).radius(0.4, FLOOR, length), rel=GRID)
+    assert factor * 0.1 == pytest.approx(max(radii.values()), rel=GRID)
+    assert factor * 0.1 < 0.25  # of inner bars of 250 mm, for any distance
+    assert FiveBar(0.25, 0.4, half).radius(0.4, FLOOR, length) == pytest.approx(factor * 0.1, rel=GRID)
+    assert half < 0.04
+
+
+def test_largest_circle_by_bars_of_a_common_length():
+    """A circle around a centre at a height of 400 mm, reached by legs of 650 mm, has a radius below 250 mm."""
+    length = cinegen.load("five_bar").length
+    size = {"of": ["link2.d", "link4.d", "link5.d", "tool.d"], "most": "1.3m"}
+    bars = {"link2.d": "150..500mm", "link5.d": "200..600mm", "link3.d": "20..200mm"}
+    ties = [*CIRCLE["ties"], "link2.d = link4.d", "link5.d = tool.d"]
+    constraints = {"joint_limits": False, "size": size}
+    found = synthesize("five_bar", {**CIRCLE, "parameters": bars, "ties": ties, "constraints": constraints})
+    scanned = [FiveBar(inner, 0.65 - inner, 0.02).radius(0.4, FLOOR, length) for inner in np.linspace(0.22, 0.32, 21)]
+    assert max(scanned) * (1.0 - GRID) <= found.values[0] * 0.1 < 0.25
+    own = dict(zip(found.parameters.names, found.p, strict=True))
+    robot = FiveBar(own["link2.d"], own["link5.d"], own["link3.d"])
+    assert robot.radius(0.4, FLOOR, length) == pytest.approx(found.values[0] * 0.1, rel=GRID)
