@@ -112,6 +112,7 @@ FLOOR = 0.01  # of the singular values, unless the task gives another
 GRID = 2e-3  # relative: what points between those of the optimiser may take away
 
 
+@pytest.mark.slow
 def test_largest_circle_by_the_distance_of_the_base_joints():
     """By brute force over the distance: the floor makes the best one small, but not zero."""
     length = cinegen.load("five_bar").length
@@ -125,6 +126,7 @@ def test_largest_circle_by_the_distance_of_the_base_joints():
     assert half < 0.04
 
 
+@pytest.mark.slow
 def test_largest_circle_by_bars_of_a_common_length():
     """A circle around a centre at a height of 400 mm, reached by legs of 650 mm, has a radius below 250 mm."""
     length = cinegen.load("five_bar").length

@@ -15,6 +15,7 @@ import cinegen
 from cinegen.design import DesignError, Parameters, Tolerances, load_task, synthesize
 from cinegen.design.synthesis import SynthesisProblem, task_of
 from cinegen.dynamics import Payload, forces
+from raff2urdf.errors import RaffWarning
 
 FIVE_BAR = {
     "parameters": {"link2.d": "150..500mm", "link5.d": "200..600mm"},
@@ -321,6 +322,24 @@ def test_poses_of_a_gough_platform(tmp_path):
         pose = robot.placement(q, robot.end)
         np.testing.assert_allclose(pose.translation, wanted[:3], atol=1e-8)
         np.testing.assert_allclose(pose.rotation, pin.rpy.rpyToMatrix(*np.radians(wanted[3:])), atol=1e-8)
+
+
+@pytest.mark.slow
+def test_the_written_robot_is_in_the_assembly_mode_that_was_optimised(tmp_path):
+    """With upper arms of 3 m and forearms of 3.3 m the file's home is out of reach, and closing it anywhere near ends
+    in another mode."""
+    task = {
+        **{key: EVERYTHING["delta4"][key] for key in ("parameters", "ties")}, "starts": 1,
+        "reach": {"x": "-0.3..0.3", "y": "-0.3..0.3", "z": "-2.4..-1.9"}, "objective": [{"maximise": "sigma_1"}],
+    }  # fmt: skip
+    found = synthesize("delta4", task)
+    assert found.check.reached == found.check.points == 512
+    path = tmp_path / "best.raff"
+    path.write_text(found.raff, encoding="utf-8")
+    with pytest.warns(RaffWarning, match="graphics that can't be shown"):
+        robot = cinegen.load(path)
+    goal = pin.SE3(robot.placement(robot.q_home, robot.end).rotation, np.array([0.2, -0.2, -2.3]))
+    assert cinegen.inverse_kinematics(robot, {robot.end: goal}).reached
 
 
 def test_an_evolution_finds_what_starts_near_the_file_do_not():

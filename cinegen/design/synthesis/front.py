@@ -116,8 +116,8 @@ def _is_among(one: Array, others: Array) -> bool:
 
 
 def knee(scores: Array) -> int:
-    """Return the index of the design (n, objectives) that is nearest to the best of all objectives, each divided by
-    its range."""
+    """Return the index of the design whose scores (n, objectives) are nearest to the best of all objectives, each
+    divided by its range."""
     span = np.ptp(scores, axis=0)
     lack = (scores.max(axis=0) - scores) / np.where(span > 0.0, span, 1.0)
     return int(np.argmin(np.linalg.norm(lack, axis=1)))

@@ -38,9 +38,10 @@ _MOST_BOXES, _LEAST_BOX = 16, 1e-5  # of one program; half-width, of the ranges
 _PARTS = (1.0, 0.9, 0.75, 0.5, 0.25, 0.0)  # of the way to a design that has lost targets
 _MOST_EVALUATIONS = 150  # of one program
 _COARSE = 3  # points along each axis
-_FINER = {0: (), 1: (9, 41), 2: (9, 17), 3: (5, 9)}  # by the number of axes along which the region is wide
+_FINER = {0: (), 1: (9, 41), 2: (9, 33), 3: (5, 9)}  # by the number of axes along which the region is wide
 _FINER_BALLS = {1: (9, 41), 2: (9, 33, 129), 3: (9, 33)}
 _LARGEST = math.log(20.0)  # of the region's scale, and of its inverse
+_SAME = 1e-9  # m or rad: the home that is written stays; fraction of a range: the bound is met
 _WITHOUT_EFFECT = 1e-10  # dimensionless
 
 
@@ -212,6 +213,31 @@ class SynthesisProblem:
         """Return the scores at any targets (count, rows) of the region as given, continued from home."""
         return self._scored(self.reaching.from_home(p, self.reach.scaled(targets, scale)), scale)
 
+    def document_with(self, p: Array) -> Document:
+        """Return the document with other values of the parameters (count,). Its home is in the
+        assembly mode of the file's: closed from the file's numbers, the loops might end in another one."""
+        home, every = self.reaching.home_with(p), self._with_homes
+        values = every.values.copy()
+        values[[every.index(name) for name in self.parameters.names]] = p
+        for k, joint in self._homes.items():
+            value = home[self.parameters.mechanism.q_index(joint)]
+            if abs(value - values[k]) > _SAME:
+                values[k] = value
+        return every.document_with(values)
+
+    @cached_property
+    def _with_homes(self) -> Parameters:
+        """The parameters, and the own variables of all joints, whose written values are the home."""
+        own = [one.name for one in self.parameters.all if one.joint]
+        names, robot = [*self.task.parameters, *own], self.parameters.robot.name
+        return Parameters(self.parameters.document, names, self.task.ties, robot=robot)
+
+    @cached_property
+    def _homes(self) -> dict[int, str]:
+        every, mechanism = self._with_homes, self.parameters.mechanism
+        joints = [every.all[every.find(name)].joint for name in every.names]
+        return {k: joint for k, joint in enumerate(joints) if joint in mechanism.joints}
+
     def value(self, objective: DesignObjective, scores: Scores) -> float:
         """Return the score of an objective; larger is better."""
         return self.scoring.value(objective, scores)
@@ -323,7 +349,10 @@ class SynthesisProblem:
         low, high = np.maximum(self.low, x - radius * size), np.minimum(self.high, x + radius * size)
 
         def values_at(y: Array) -> Array:
-            return np.asarray(np.clip(self.low + y[:n] * size, low, high))
+            x = np.clip(self.low + y[:n] * size, low, high)
+            for bound in (self.low, self.high):
+                x = np.where(np.abs(x - bound) <= _SAME * size, bound, x)
+            return np.asarray(x)
 
         last = self.evaluations + _MOST_EVALUATIONS
 

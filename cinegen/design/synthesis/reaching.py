@@ -21,6 +21,7 @@ from cinegen.design.parameters import Parameters
 from cinegen.design.synthesis.nearest import nearest
 from cinegen.design.synthesis.region import Reach
 from cinegen.errors import UnknownNameError
+from raff2urdf import closure
 
 Array = NDArray[np.float64]
 
@@ -185,6 +186,19 @@ class Reaching:
             ]
             found = np.hstack([found, turns])
         return np.asarray(found)
+
+    def home_with(self, p: Array) -> Array:
+        """Return a home (nq,) at other values of the parameters: the file's, continued with the actuated joints at
+        rest; where that passes a singularity, or the loops can't be closed so, the configuration at the target in the
+        middle."""
+        written, q = self.parameters.values, np.array([self.mechanism.q_home])
+        change = np.abs((p - written) / np.where(written == 0.0, self.length, written)).max(initial=0.0)
+        for part in np.linspace(0.0, 1.0, max(2, int(np.ceil(12 * change))) + 1)[1:]:
+            here = self.evaluate(written + part * (p - written), q)
+            if here.gap[0] > closure.CLOSED or self.side(here)[0] < 0.0:
+                return np.asarray(self.from_home(p, self.reach.middle[None]).q[0])
+            q = here.q
+        return np.asarray(q[0])
 
     # --- derivatives ---------------------------------------------------------------------------------------------
 

@@ -58,6 +58,14 @@ class Reach:
         return np.asarray(self._oriented((self.low + self.high)[None] / 2.0)[0])
 
     @property
+    def middle(self) -> Array:
+        """(columns,) the target in the middle: the centre, or the single target that is nearest to it."""
+        if not len(self.given):
+            return self.centre
+        apart = np.linalg.norm(self.given - self.given.mean(axis=0), axis=1)
+        return np.asarray(self.given[np.argmin(apart)])
+
+    @property
     def varying(self) -> int:
         """Number of axes along which the region is wide."""
         return int((self.high > self.low).sum())

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cinegen.design.parameters import Parameters
+from cinegen.design.rewriting import rewritten
 from cinegen.design.synthesis.problem import FEASIBLE, SynthesisProblem
 from cinegen.design.synthesis.task import DesignObjective, Task
 from raff2urdf.quantities import NUMBER, shown
@@ -163,7 +164,8 @@ class Synthesis:
     @property
     def raff(self) -> str:
         """The RAFF file with these values."""
-        return self.parameters.with_values(self.p)
+        parameters = self.parameters
+        return rewritten(parameters.document, self.problem.document_with(self.p), parameters.robot.name)
 
     @property
     def holds(self) -> bool:

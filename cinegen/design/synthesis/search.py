@@ -92,10 +92,9 @@ class _Search:
         if len(task.objectives) > 1:
             points = self._front([np.array(one.x) for one in good])
             x, front = points[0], tuple(self._front_point(one) for one in points)
-            signs = np.array([1.0 if one.is_maximised else -1.0 for one in task.objectives])
             # the one that is written does the task, if any of them does
             allowed = [k for k, one in enumerate(front) if one.check.holds] or list(range(len(front)))
-            k = allowed[knee(np.array([front[i].values for i in allowed]) * signs)]
+            k = allowed[knee(np.array([self._scores(points[i]) for i in allowed]))]
             x = points[k]
         evaluations = problem.evaluations + sum(one.evaluations for one in starts)
         configurations = problem.configurations + sum(one.configurations for one in starts)
@@ -170,6 +169,12 @@ class _Search:
     def _front_point(self, x: Array) -> FrontPoint:
         p, scale = self.problem.split(x)
         return FrontPoint(self._values(x), p, scale, checked(self.problem, x))
+
+    def _scores(self, x: Array) -> list[float]:
+        problem = self.problem
+        problem.begin(x)
+        scores = problem.at(x)
+        return [problem.value(one, scores) for one in self.task.objectives]
 
     def _values(self, x: Array) -> tuple[float, ...]:
         """Return the values of the objectives at the targets of the finest grid."""
@@ -266,7 +271,7 @@ def checked(problem: SynthesisProblem, x: Array) -> Check:
         name: (float(value) - _AROUND, float(value) + _AROUND)
         for name, value in zip(problem.parameters.names, p, strict=True)
     }
-    document = problem.parameters.document_with(p)
+    document = problem.document_with(p)
     written = SynthesisProblem(document, replace(problem.task, parameters=around), problem.parameters.robot.name)
     written.reaching.length = problem.reaching.length
     written.scoring.take_references(problem.scoring)

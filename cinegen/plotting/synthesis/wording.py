@@ -102,6 +102,8 @@ def constraint_texts(task: Task, most_of: Mapping[str, float], torque: str = "N 
     if task.clearance is not None:
         found.append(
             f"clearance of bars of radius {shown(task.clearance.radius, LENGTH)} at least "
-            f"{shown(task.clearance.least, LENGTH)}, also from {len(task.clearance.obstacles)} obstacles"
+            f"{shown(task.clearance.least, LENGTH)}"
+            + f", also from {len(task.clearance.obstacles)} obstacles"
+            * bool(task.clearance.obstacles)
         )
     return found
