@@ -29,7 +29,7 @@ _COLOURS = (ORANGE, BLUE)
 
 
 @dataclass(frozen=True, eq=False)
-class Field:
+class RegionField:
     """A quantity at points of a region.
 
     Attributes:
@@ -62,7 +62,7 @@ class Field:
         return int(np.nanargmin(values) if self.is_maximised else np.nanargmax(values))
 
 
-def draw_field(field: Field, is_region: bool) -> Figure:
+def draw_field(field: RegionField, is_region: bool) -> Figure:
     """Draw a quantity before and after: as bars for a few points, as a curve along a line, as levels over an area, and
     as levels in three planes with the sorted values for a volume.
 
@@ -78,7 +78,7 @@ def draw_field(field: Field, is_region: bool) -> Figure:
     return _area(field) if len(varying) == 2 else _volume(field)
 
 
-def _bars(field: Field) -> Figure:
+def _bars(field: RegionField) -> Figure:
     figure, axes = _figure(2.6)
     at = np.arange(1, len(field.targets) + 1)
     for side, (name, colour) in enumerate(zip(_SIDES, _COLOURS, strict=True)):
@@ -95,7 +95,7 @@ def _bars(field: Field) -> Figure:
     return figure
 
 
-def _line(field: Field, varying: list[int]) -> Figure:
+def _line(field: RegionField, varying: list[int]) -> Figure:
     figure, axes = _figure(2.8)
     scale, unit = shown_scale(LENGTH)
     k = varying[0]
@@ -112,14 +112,14 @@ def _line(field: Field, varying: list[int]) -> Figure:
     return figure
 
 
-def _sorted(field: Field) -> Figure:
+def _sorted(field: RegionField) -> Figure:
     figure, axes = _figure(2.8)
     _draw_sorted(axes, field, "points")
     finish(figure)
     return figure
 
 
-def _draw_sorted(axes: Any, field: Field, of: str) -> None:
+def _draw_sorted(axes: Any, field: RegionField, of: str) -> None:
     """Draw the values from the worst to the best over the share of points that are not better."""
     for side, (name, colour) in enumerate(zip(_SIDES, _COLOURS, strict=True)):
         values = field.values[side]
@@ -134,7 +134,7 @@ def _draw_sorted(axes: Any, field: Field, of: str) -> None:
     label(axes, f"part of the {of} that is not better (%)", heading_of(field.quantity), room=2.2)
 
 
-def _area(field: Field) -> Figure:
+def _area(field: RegionField) -> Figure:
     first, second = field.varying
     targets = field.targets[:, [first, second]]
     wide, tall = np.ptp(targets, axis=0)
@@ -153,7 +153,7 @@ def _area(field: Field) -> Figure:
     return figure
 
 
-def _volume(field: Field) -> Figure:
+def _volume(field: RegionField) -> Figure:
     from matplotlib.figure import Figure
 
     figure = Figure(figsize=(_WIDE, 7.2), dpi=150, layout="constrained")
@@ -241,7 +241,7 @@ def _mark(axes: Any, at: Array, marker: str, colour: str, text: str) -> None:
               label=text, clip_on=False, zorder=5.0)  # fmt: skip
 
 
-def _frame(axes: Any, field: Field, side: int, across: tuple[int, int], plane: str, worst: int | None) -> None:
+def _frame(axes: Any, field: RegionField, side: int, across: tuple[int, int], plane: str, worst: int | None) -> None:
     _, unit = shown_scale(LENGTH)
     reached = float(np.isfinite(field.values[side]).mean())
     text = _SIDES[side] + (f", {plane}" if plane else "")

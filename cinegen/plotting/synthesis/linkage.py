@@ -15,7 +15,7 @@ from cinegen.model.motion_plane import motion_plane
 from cinegen.plotting.sheet import BLUE, FAINT, GREEN, INK, LABEL, ORANGE, SKY, VERMILLION, finish, label
 from cinegen.plotting.skeleton import Skeleton
 from cinegen.plotting.stick import Pen, paint
-from cinegen.plotting.synthesis.page import Page
+from cinegen.plotting.synthesis.page import ReportPage
 from cinegen.plotting.view import along
 from raff2urdf import closure
 from raff2urdf.quantities import ANGLE, LENGTH, shown, shown_scale
@@ -42,7 +42,7 @@ def write_linkage(found: LinkageSynthesis) -> str:
     name, node = parameters.robot.name, task.node or parameters.mechanism.end
     of = f"{task.joints[1]} by {task.joints[0]}" if task.joints else node
     kind = {0: "pairs of values", 2: "points", 3: "poses"}[0 if task.joints else len(task.rows)]
-    page = Page(f"{name}: {of} through {count} {kind}")
+    page = ReportPage(f"{name}: {of} through {count} {kind}")
     source = Path(parameters.document.source.name).name
     met = int((found.error <= EXACT).sum())
     page.text(f"Dimensions of {name} ({source}) with which it meets {count} {kind} exactly.")

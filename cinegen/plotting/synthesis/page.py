@@ -65,7 +65,7 @@ def drawing() -> Iterator[None]:
 
 
 @dataclass
-class Page:
+class ReportPage:
     """A page that grows section by section. All texts are escaped.
 
     Attributes:

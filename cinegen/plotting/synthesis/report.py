@@ -10,9 +10,9 @@ from numpy.typing import NDArray
 
 from cinegen.design.synthesis import LinkageSynthesis, Reach, Start, Synthesis, SynthesisProblem
 from cinegen.errors import CinegenError
-from cinegen.plotting.synthesis.levels import Field, draw_field
+from cinegen.plotting.synthesis.levels import RegionField, draw_field
 from cinegen.plotting.synthesis.linkage import write_linkage
-from cinegen.plotting.synthesis.page import Page, drawing
+from cinegen.plotting.synthesis.page import ReportPage, drawing
 from cinegen.plotting.synthesis.robots import draw_designs
 from cinegen.plotting.synthesis.starts import draw_front, draw_parameters
 from cinegen.plotting.synthesis.wording import (
@@ -58,7 +58,7 @@ class _Report:
         self.node = found.task.node or found.parameters.mechanism.end
         self.name = found.parameters.robot.name
         goal = " and ".join(objective_text(one) for one in found.task.objectives)
-        self.page = Page(f"{self.name}: {goal}")
+        self.page = ReportPage(f"{self.name}: {goal}")
 
     def written(self) -> str:
         self._summary()
@@ -184,7 +184,7 @@ class _Report:
             self.page.section(title[0].upper() + title[1:])
             values = unit_of(name, found.torque_unit)[0] * np.array([side[name] for side in sides])
             maximised = better.get(name, name == "sigma_1")
-            field = Field(name, reach.axes, grown[:, :axes], values, maximised, looked[:, :axes])
+            field = RegionField(name, reach.axes, grown[:, :axes], values, maximised, looked[:, :axes])
             reached = np.isfinite(values).sum(axis=1)
             self.page.picture(
                 draw_field(field, not len(reach.given)),

@@ -28,12 +28,12 @@ def unit_of(quantity: str, torque: str = "N m") -> tuple[float, str]:
 
 
 def name_of(quantity: str) -> str:
-    """Return a quantity's name in words."""
+    """Return a quantity's name as text."""
     return _NAMES.get(quantity, quantity.replace("_", " "))
 
 
 def heading_of(quantity: str, torque: str = "N m") -> str:
-    """Return a quantity's name in words, with its unit."""
+    """Return a quantity's name as text, with its unit."""
     unit = unit_of(quantity, torque)[1]
     return f"{name_of(quantity)}{f' ({unit})' * bool(unit)}"
 
