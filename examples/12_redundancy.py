@@ -15,7 +15,7 @@ class Lift:
     """An objective of one's own: the elbow goes up."""
 
     def velocity(self, state: State):
-        """How fast the joints should move, rad/s: the way that raises it fastest."""
+        """Return joint velocities, rad/s, in the direction that raises it fastest."""
         up = state.mechanism.placement(state.q, "link4").rotation[2]  # the world's z, seen from the elbow
         return 20.0 * up @ state.mechanism.jacobian(state.q, "link4")[:3]
 

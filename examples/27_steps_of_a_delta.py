@@ -21,11 +21,11 @@ int main(void) {  /* 0.6 m in 1 s, from rest to rest: ticks of 1 ms, steps of 2 
   for (int tick = 1; tick <= 1000; tick++) {
     delta4_target(&robot, 0)[9] = 0.6 * (1e-3 * tick - sin(turn * 1e-3 * tick) / turn);
     if (delta4_tick(&robot) < delta4_FOLLOWING) return 1;
-    for (int i = 0; i < 3; before[i++] = now) /* delta4.h says which numbers of q are the actuated joints' */
+    for (int i = 0; i < 3; before[i++] = now) /* delta4.h lists which numbers of q are the actuated joints' */
       for (now = delta4_q(&robot)[(const int[]) {0, 10, 5}[i]]; fabs(now / step - done[i]) > 0.5;) {
-        const double way = now > before[i] ? 1.0 : -1.0, due = (done[i] + 0.5 * way) * step;
-        printf("%d %g %.9f\n", i, way, 1e-3 * (tick - 1 + (due - before[i]) / (now - before[i])));
-        done[i] += way;
+        const double sign = now > before[i] ? 1.0 : -1.0, due = (done[i] + 0.5 * sign) * step;
+        printf("%d %g %.9f\n", i, sign, 1e-3 * (tick - 1 + (due - before[i]) / (now - before[i])));
+        done[i] += sign;
       }
 }}
 """

@@ -1,6 +1,6 @@
 """The start system of `cinegen.hexapod.Hexapod`: a random complex hexapod with its 40 solutions, found by monodromy.
 
-While lengths go round a loop of complex values, the solutions are permuted. A known solution may come back as a new
+While lengths go around a loop of complex values, the solutions are permuted. A known solution may come back as a new
 one; from a single one, all 40 are found after some loops:
 
     python examples/papers/hexapod_start.py FILE

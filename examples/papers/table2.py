@@ -110,7 +110,7 @@ class Row:
         determined: coordinates of a pose that the condition determines; the others are free.
         solve: the poses (k, 6) that satisfy it and keep the free coordinates of a pose (6,); not finite where there are
             none. Its docstring derives the condition.
-        residual: how far a pose (6,) is from satisfying it, without unit; 0 where it does.
+        residual: how far a pose (6,) is from satisfying it, dimensionless; 0 where it does.
     """
 
     name: str
@@ -303,7 +303,7 @@ def _complete_crossed(tssm: Geometry, pose: Array) -> Array:
     legs 1 and 2 and of legs 3 and 5, that share the line from B1 to that point.
 
     The platform's plane cuts the base along A3A5: psi as in the row "plane". With A5 it then holds A3, legs 3 and 5 are
-    the lines of pi3 and pi5 in it, and F = 0 says that they cross on that of pi1.
+    the lines of pi3 and pi5 in it, and F = 0 means that they cross on that of pi1.
     """
     return np.array([_slid(tssm, _with(pose, psi=psi)) for psi in _both(tssm.base[2] - tssm.base[4])])
 
@@ -333,7 +333,7 @@ def _placed(pose: Array, position: Array) -> Array:
 
 
 def _both(way: Array) -> tuple[float, float]:
-    """The two psi for which the node line is along a horizontal way."""
+    """The two psi for which the node line is along a horizontal direction."""
     psi = float(np.arctan2(way[1], way[0]))
     return psi, psi + np.pi
 
@@ -418,7 +418,7 @@ def _level(tssm: Geometry, chi: float) -> float:
 
 
 def _heading(way: Array, pose: Array) -> float:
-    """The sine between the node line and a horizontal way."""
+    """The sine between the node line and a horizontal direction."""
     x, y = way[:2] / np.linalg.norm(way[:2])
     return float(x * np.sin(pose[3]) - y * np.cos(pose[3]))
 

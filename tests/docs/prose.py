@@ -16,6 +16,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[2]
+PACKAGES = ("cinegen", "raff2urdf", "ros2", "examples")
 LONGEST = 35  # words of a sentence
 PASSIVE = 0.4  # part of a page's sentences
 FEWEST = 20  # sentences of a page whose part is judged
@@ -90,7 +91,7 @@ def pages() -> list[Path]:
 
 
 def strings(package: str) -> Iterator[tuple[str, int, str]]:
-    """Yield file, line and text of the docstrings, help texts and messages of a package."""
+    """Yield file, line and text of the docstrings, help texts and messages of a folder."""
     for path in sorted((ROOT / package).rglob("*.py")):
         for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
             if isinstance(node, ast.Constant) and isinstance(node.value, str) and " " in node.value:
@@ -148,11 +149,12 @@ def findings_of(path: Path) -> list[str]:
 def main() -> int:
     """Print all findings."""
     found = [one for path in pages() for one in findings_of(path)]
-    for package in ("cinegen", "raff2urdf"):
+    for package in PACKAGES:
         for file, line, text in strings(package):
             found += words_of(text, file, line, file)
     print(*found, sep="\n", end="\n" if found else "")
-    print(f"prose: {len(found)} findings in {len(pages())} pages and two packages", file=sys.stderr)
+    where = f"{len(pages())} pages and the strings of {len(PACKAGES)} folders"
+    print(f"prose: {len(found)} findings in {where}", file=sys.stderr)
     return bool(found)
 
 

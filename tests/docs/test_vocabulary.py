@@ -35,7 +35,7 @@ def test_pages_use_the_terms_of_the_field(page: Path) -> None:
     assert not prose.findings_of(page)
 
 
-@pytest.mark.parametrize("package", ["cinegen", "raff2urdf"])
+@pytest.mark.parametrize("package", prose.PACKAGES)
 def test_docstrings_and_messages_use_the_terms_of_the_field(package: str) -> None:
     assert not [hit for file, line, text in prose.strings(package) for hit in prose.words_of(text, file, line, file)]
 

@@ -44,7 +44,7 @@ class JointStateCompletion:
         q: (nq,) initial configuration, closed; home unless given.
 
     Raises:
-        CompletionError: the mechanism has no actuated joints, or ball joints, which have no place in joint states.
+        CompletionError: the mechanism has no actuated joints, or ball joints, which joint states can't contain.
     """
 
     def __init__(self, mechanism: Mechanism, q: Array | None = None) -> None:
