@@ -28,7 +28,7 @@ ROOT = HERE.parent.parent
 LINK = re.compile(r"(?<!`)\]\(([^)#\s]+)(#[^)\s]*)?\)")
 FENCE = re.compile(r"^```.*?^```$", flags=re.DOTALL | re.MULTILINE)
 PAGES = {"CONTRIBUTING.md": "contributing", "SECURITY.md": "security", "CHANGELOG.md": "changes", "README.md": "index"}
-PICTURE = re.compile(r"^!\[(\w+)\]\(pictures/\1\.png\)$", flags=re.MULTILINE)
+PICTURE = re.compile(r"^!\[(\w+)\]\(pictures/\1\.webp\)$", flags=re.MULTILINE)
 LANGUAGES = {".py": "python", ".json": "json", ".toml": "toml"}
 PACKAGES = (
     "model", "ik", "assembly", "singularities", "hexapod", "workspace", "planning", "collision", "dynamics", "design",

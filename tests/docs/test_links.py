@@ -25,12 +25,12 @@ def test_links_lead_somewhere(name: str):
 
 @pytest.mark.parametrize("robot", ROBOTS)
 def test_a_robot_has_a_picture_in_the_gallery(robot: str):
-    path = ROOT / "docs" / "pictures" / f"{robot}.png"
+    path = ROOT / "docs" / "pictures" / f"{robot}.webp"
     assert path.stat().st_size <= 60_000
     with Image.open(path) as picture:
         assert picture.size == (900, 600)
         assert len(picture.convert("RGB").getcolors(2**20) or []) > 8  # something is to be seen
-    assert f"pictures/{robot}.png" in links(ROOT / "docs" / "gallery.md")
+    assert f"pictures/{robot}.webp" in links(ROOT / "docs" / "gallery.md")
 
 
 def test_every_page_can_be_found_from_the_readme():
