@@ -62,7 +62,7 @@ def test_every_robot_of_the_gallery_can_be_dragged(builder, source, root):
     names = builder.PICTURE.findall((source / "gallery.md").read_text())
     assert set(names) == {path.stem for path in (root / "robots").glob("*.raff")}
     assert all(f'href="live/{name}.html"' in (source / "gallery.md").read_text() for name in names)
-    assert 'src="live/delta4.html"' in (source / "index.md").read_text()
+    assert 'data-src="live/delta4.html"' in (source / "index.md").read_text()
 
 
 def test_a_link_to_a_file_that_is_missing_is_an_error(builder, tmp_path, monkeypatch):
