@@ -9,7 +9,9 @@ from cinegen.plotting.tolerance import draw_tolerance
 def budget():
     """What contributes to the errors of a delta robot, by the command of the page."""
     sigma = {"link*.d": "0.05mm", "*.alpha": "0.01deg"}
-    return draw_tolerance(tolerance("delta4", sigma, {"joint2": "0.02mm"}, {"joint1": "0.01deg"}, samples=10_000))
+    return draw_tolerance(
+        tolerance("delta4", sigma, {"joint2": "0.02mm"}, {"joint1": "0.01deg"}, samples=10_000), name="delta4"
+    )
 
 
 FIGURES = {"tolerance_delta4": budget}

@@ -27,14 +27,16 @@ def five_bar():
     show_lengths_in("m")
     # An even count: the grid leaves out x = 0 and y = 0, where singularities of both types meet in one point.
     axes = Axis("x", -0.55, 0.55), Axis("y", -0.7, 0.7)
-    return draw_loci(singular_loci(Slice(cinegen.load(ROBOTS / "five_bar.raff"), axes), 100))
+    return draw_loci(singular_loci(Slice(cinegen.load(ROBOTS / "five_bar.raff"), axes), 100), name="five_bar")
 
 
 def tssm():
     """Fichter's singularity: a platform that lies level, turned by a quarter of a turn."""
     show_lengths_in("mm")
     axes = Axis("x", -0.01, 0.01), Axis("rz", -math.radians(120), math.radians(120))
-    return draw_loci(singular_loci(Slice(cinegen.load(ROBOTS / "tssm.raff"), axes, {"rx": 0.0, "ry": 0.0}), 40))
+    return draw_loci(
+        singular_loci(Slice(cinegen.load(ROBOTS / "tssm.raff"), axes, {"rx": 0.0, "ry": 0.0}), 40), name="tssm"
+    )
 
 
 def cusp():
