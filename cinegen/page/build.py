@@ -32,7 +32,7 @@ _POLICY = (
     "default-src 'none'; script-src 'nonce-{nonce}'; style-src 'unsafe-inline'; img-src data: blob:; base-uri 'none'; "
     "form-action 'none'"
 )
-_STYLES = ("style/theme.css", "style/layout.css", "style/controls.css", "style/plots.css", "style/waypoints.css")
+_STYLES = ("style/theme.css", "style/layout.css", "style/controls.css", "style/plots.css", "style/waypoints.css", "style/preferences.css")
 _LICENCES = ("vendor/meshcat-0.3.2/LICENSE", "vendor/three-0.132.2/LICENSE")
 _EDITOR_LICENCES = (*_LICENCES, "vendor/codemirror-6/LICENSE")
 _NO_FORCES = "a page without a server computes none"

@@ -135,6 +135,20 @@ def test_the_site(root, browser, name, width):
 
 
 @pytest.mark.slow
+def test_pictures_of_the_site_stand_still_where_people_prefer_it(root, browser):
+    path = root / "build" / "site" / "html" / "index.html"
+    if not path.is_file():
+        pytest.skip("the site is not built: `make docs` builds it")
+    for motion, pictures in (("no-preference", 1), ("reduce", 0)):
+        context = browser.new_context(reduced_motion=motion)
+        page = context.new_page()
+        page.goto(path.as_uri())
+        assert page.locator("img[src$='.webp']").count() == pictures
+        assert page.locator("canvas[role=img][aria-label]").count() == 1 - pictures
+        context.close()
+
+
+@pytest.mark.slow
 def test_every_page_of_the_site(root, browser):
     site = root / "build" / "site" / "html"
     if not site.is_dir():

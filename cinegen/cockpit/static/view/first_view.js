@@ -1,6 +1,6 @@
 // The first view: when the scene is complete, the robots fill it. Then data-view on the root element is "ready". For some
-// seconds the camera moves back when a robot leaves the view, unless the user has done something; then only the user moves
-// it.
+// seconds the camera moves back when a robot leaves the view, unless the user has done something or prefers reduced motion; then
+// only the user moves it.
 
 import { Box3 } from "three";
 
@@ -32,7 +32,7 @@ export function frameFirstView(view, session, still, field) {
       const shown = new Box3();
       view.frame(shown);
       view.keepCamera();
-      keepInView(view, session, shown);
+      if (!window.matchMedia("(prefers-reduced-motion: reduce)").matches) keepInView(view, session, shown);
     }
     document.documentElement.dataset.view = "ready";
   }, 30);
