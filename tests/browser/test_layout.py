@@ -13,6 +13,8 @@ from cinegen.session import Setup
 PREPARE = """() => {
   document.documentElement.removeAttribute("data-source");
   document.getElementById("hint").textContent = "Drag any part of the robot, or click a cell: it goes there.";
+  document.getElementById("frame").append(new Option("base of the robot"));
+  document.getElementById("measure-mode").click();
   document.getElementById("cover").textContent = "Connection lost, trying again.";
   for (let i = 0; i < 2; i += 1) {
     const toast = document.createElement("div");
@@ -30,7 +32,7 @@ FAULTS = """(shown) => {
   const all = ["hint", "crowd", "cover", "legend", "toasts"];
   for (const id of all) document.getElementById(id).hidden = !shown.includes(id);
   const pane = document.getElementById("pane").getBoundingClientRect();
-  const boxes = ["bar", "panel", "foot", "selection", ...shown]
+  const boxes = ["bar", "panel", "foot", "selection", "measure", ...shown]
     .map((id) => [id, document.getElementById(id).getBoundingClientRect()]).filter(([, box]) => box.width > 0);
   const meets = (one, other) => one.left < other.right - 1 && other.left < one.right - 1
     && one.top < other.bottom - 1 && other.top < one.bottom - 1;
@@ -42,7 +44,7 @@ FAULTS = """(shown) => {
     if (box.left < left || box.right > right || box.top < top || box.bottom > bottom) faults.push(`${id} is not whole`);
   });
   if (!boxes.some(([id]) => id === "selection")) faults.push("no selection bar");
-  for (const control of document.querySelectorAll("#selection :is(button, select, input)")) {
+  for (const control of document.querySelectorAll(":is(#selection, #measure) :is(button, select, input)")) {
     const { x, y, width, height } = control.getBoundingClientRect();
     const found = document.elementFromPoint(x + width / 2, y + height / 2);
     if (!control.contains(found)) faults.push(`${control.id} is covered`);
@@ -52,6 +54,7 @@ FAULTS = """(shown) => {
 # Texts that are wider than their element or stand out of the window.
 CUT = """() => [...document.querySelectorAll("#bar, #pane > :not(#scene), #panel, #foot")].flatMap((part) =>
   [part, ...part.querySelectorAll("*")].filter((one) => {
+    if (one.matches("button, select") && one.getBoundingClientRect().right > window.innerWidth) return true;
     const own = [...one.childNodes].some((node) => node.nodeType === 3 && node.textContent.trim() !== "");
     if (!own || one.closest(".unseen, .word, option") || one.checkVisibility?.() === false) return false;
     const { left, right, width } = one.getBoundingClientRect();

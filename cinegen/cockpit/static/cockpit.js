@@ -29,6 +29,7 @@ import { ArrowKeys } from "./pointer/arrow_keys.js";
 import { Drag } from "./pointer/drag.js";
 import { Gizmo } from "./pointer/gizmo.js";
 import { hover } from "./pointer/hover.js";
+import { Measure } from "./pointer/measure.js";
 import { Pick } from "./pointer/pick.js";
 import { Cells } from "./map/cells.js";
 import { Field } from "./map/field.js";
@@ -90,6 +91,7 @@ const gizmo = new Gizmo(view, session);
 const drag = new Drag({ view, session, pick, gizmo });
 for (const one of [drag, gizmo]) one.target.sent = (position) => footer.sent(position);
 hover({ ...shown, drag });
+const measure = new Measure({ ...shown, pick });
 new ArrowKeys({ view, session, gizmo, drag });
 const cells = new Cells({ view, field });
 const legend = new Legend({ view, field });
@@ -126,7 +128,7 @@ const plots = new Plots(panel, session);
 for (const Section of [Sensors, Tree, Motion, Record]) new Section(panel, session);
 sendCamera(view, session);
 frameFirstView(view, session, still, field);
-keys({ commands, gizmo, session, view, endDrag, pin });
+keys({ commands, gizmo, session, view, measure, endDrag, pin });
 
 window.cockpit = {
   viewer: view.viewer,

@@ -9,9 +9,9 @@ const PRESSED = "button, summary, a, input[type=checkbox], select, [tabindex]:no
 /**
  * @param {{ commands: import("./commands.js").Commands, session: import("../base/session.js").Session,
  *   gizmo: { setMode: (mode: string) => void, setAxes: () => void }, view: import("../view/view.js").View,
- *   endDrag: () => boolean, pin: () => void }} parts
+ *   measure: { toggle: (on?: boolean) => boolean }, endDrag: () => boolean, pin: () => void }} parts
  */
-export function keys({ commands, gizmo, session, view, endDrag, pin }) {
+export function keys({ commands, gizmo, session, view, measure, endDrag, pin }) {
   /** @param {string} mode */
   const move = (mode) => {
     gizmo.setMode(mode);
@@ -23,6 +23,7 @@ export function keys({ commands, gizmo, session, view, endDrag, pin }) {
     e: () => move("rotate"),
     n: ({ shiftKey }) => selectNext(session, shiftKey ? -1 : 1),
     q: () => gizmo.setAxes(),
+    m: () => measure.toggle(),
     p: pin,
     h: () => commands.home(),
     f: () => view.frame(),
@@ -32,7 +33,7 @@ export function keys({ commands, gizmo, session, view, endDrag, pin }) {
     if (/** @type {HTMLDialogElement} */ (byId("keys")).open) return;
     const key = event.key.length === 1 ? event.key.toLowerCase() : event.key;
     if (key === "Escape") {
-      if (!endDrag()) session.select(null, null);
+      if (!endDrag() && !measure.toggle(false)) session.select(null, null);
       return;
     }
     const typing = event.target instanceof Element && event.target.closest(TYPED) !== null;

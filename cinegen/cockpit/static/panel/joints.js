@@ -183,6 +183,8 @@ export class Joints {
         "aria-label": `Holding ${what} of ${joint.name} of ${robot.name}`,
         "aria-valuemin": 0,
         "aria-valuemax": limit ? 100 : undefined,
+        "aria-valuenow": 0,
+        "aria-valuetext": "not known yet",
         title:
           `The ${what} that holds the robot at rest with its payload` +
           (limit ? `; the bar is its part of the limit, ${amount(joint.effort ?? 0, unit)}` : "; the file states no limit of it (effort)"),
