@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import numpy as np
 import pytest
 from axe import needs_axe, violations
 from playwright.sync_api import sync_playwright
@@ -18,6 +19,9 @@ HIGH = {"width": 900, "height": 3200}  # the panel does not scroll: axe-core jud
 LOW = "document.getElementById('pane').style.maxHeight = '400px'"  # drawing in software takes long
 UNFOLD = "document.querySelectorAll('details').forEach((one) => { one.open = true; })"
 SCHEMES = ("light", "dark")
+SPOKEN = """() => [...document.querySelectorAll("input[type=range], [role=meter]")]
+  .filter((one) => one.checkVisibility())
+  .map((one) => [one.getAttribute("aria-label"), one.getAttribute("aria-valuetext")])"""
 
 pytestmark = [
     pytest.mark.browser,
@@ -60,6 +64,43 @@ def in_both_schemes(page, state):
         page.emulate_media(color_scheme=scheme)
         found += [f"{state}, {scheme}: {text}" for text in violations(page)]
     return found
+
+
+def ranges(page):
+    """Return the name, least and largest value that screen readers get of each slider and number field."""
+    nodes = page.context.new_cdp_session(page).send("Accessibility.getFullAXTree")["nodes"]
+    found = []
+    for node in nodes:
+        if node.get("role", {}).get("value") in ("slider", "spinbutton"):
+            properties = {one["name"]: one["value"].get("value") for one in node["properties"]}
+            found.append((node["name"]["value"], properties["valuemin"], properties["valuemax"]))
+    return found
+
+
+def test_sliders_and_number_fields_have_names_units_and_ranges(robot, tab, tmp_path):
+    mechanism = robot("scara")
+    (tmp_path / "page.html").write_text(build_page(Setup({"scara": mechanism})))
+    page = tab((tmp_path / "page.html").as_uri())
+    found = ranges(page)
+    for joint in mechanism.actuated:
+        i = mechanism.q_index(joint)
+        limits = np.degrees([mechanism.limits.lower[i], mechanism.limits.upper[i]])
+        for name in (f"{joint} of scara", f"{joint} of scara, in degrees"):
+            (one,) = [values for title, *values in found if title == name]
+            if np.isfinite(limits).all():  # else a range about home
+                assert one == pytest.approx(limits, abs=1e-3)
+    texts = dict(page.evaluate(SPOKEN))
+    assert texts["joint1 of scara"] == f"{np.degrees(mechanism.q_home[mechanism.q_index('joint1')]):.1f} degrees"
+    assert texts["Gain"] == "100 per second"
+    assert all(texts.values())
+    page.click("#units")
+    assert any(name == "joint1 of scara, in radians" for name, *_ in ranges(page))
+    page.locator("[data-joint='scara/joint1'] input[type=range]").press(
+        "Home"
+    )  # to its least value, which is read at once
+    assert page.get_attribute("[data-joint='scara/joint1'] input[type=range]", "aria-valuetext").startswith(
+        "minus 2.269 "
+    )
 
 
 def test_the_served_page(robot, tab):
