@@ -30,9 +30,13 @@ RATE = 240.0
 
 _POLICY = (
     "default-src 'none'; script-src 'nonce-{nonce}'; style-src 'unsafe-inline'; img-src data: blob:; base-uri 'none'; "
-    "form-action 'none'"
+    "form-action 'none'; worker-src data: blob:"
 )
-_STYLES = ("style/theme.css", "style/layout.css", "style/controls.css", "style/plots.css", "style/waypoints.css", "style/preferences.css")
+"""Workers encode films (a module of the import map, so data:) and read RAFF (blob:)."""
+
+_STYLES = tuple(
+    f"style/{name}.css" for name in ("theme", "layout", "controls", "plots", "waypoints", "preferences")
+)  # as index.html has them
 _LICENCES = ("vendor/meshcat-0.3.2/LICENSE", "vendor/three-0.132.2/LICENSE")
 _EDITOR_LICENCES = (*_LICENCES, "vendor/codemirror-6/LICENSE")
 _NO_FORCES = "a page without a server computes none"
@@ -64,9 +68,7 @@ def build_editor(text: str, name: str, title: str = "") -> str:
     title = title or name
     content = {"text": text, "name": name, "title": title, "worker": linked("editor/worker.js")}
     styles = _own("local.css") + _own("editor.css")
-    return _file(
-        title, import_map({}, "editor/link.js"), content, _POLICY + "; worker-src blob:", styles, _EDITOR_LICENCES
-    )
+    return _file(title, import_map({}, "editor/link.js"), content, _POLICY, styles, _EDITOR_LICENCES)
 
 
 def _file(

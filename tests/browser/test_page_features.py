@@ -6,8 +6,10 @@ import csv
 import io
 import shutil
 
+import imageio_ffmpeg
 import numpy as np
 import pytest
+from PIL import Image
 from playwright.sync_api import sync_playwright
 from test_cockpit_page import FLAGS, READY, SIZE, becomes, picture
 
@@ -211,3 +213,128 @@ def test_waypoints_are_played_without_a_server(robot, file, tab):
     local.click("#play-waypoints")
     assert becomes(local, lambda: local.evaluate("cockpit.report.waypoint !== null"))
     assert becomes(local, lambda: local.evaluate("cockpit.report.waypoint === null"))
+
+
+CAMERA = [1.5, -2.0, 1.25, 0.1, 0.2, 0.3]  # m: its position, and the point in its middle
+NEAR = "camera => cockpit.view.cameraNumbers().every((value, i) => Math.abs(value - camera[i]) < 1e-4)"
+
+
+def test_a_link_has_the_camera_and_offers_its_configuration(cockpit, tab):
+    mechanism = cockpit.setup.robots["five_bar"]
+    first, *_ = mechanism.actuated
+    index = mechanism.q_index(first)
+    home = cockpit.state.robots["five_bar"].q[index]
+
+    def value():
+        return cockpit.state.robots["five_bar"].q[index]
+
+    page = tab(cockpit.url)
+    page.context.grant_permissions(["clipboard-read", "clipboard-write"])
+    page.click("#snapshot")  # from now on the camera is the user's
+    page.evaluate("camera => cockpit.view.setCamera(camera)", CAMERA)
+    page.evaluate(
+        "([joint, value]) => cockpit.send({ type: 'move_joint', robot: 'five_bar', joint, value })", [first, home + 0.2]
+    )
+    assert becomes(
+        page, lambda: page.evaluate(f"Math.abs(cockpit.report.robots.five_bar.q[{index}] - {home + 0.2}) < 1e-9")
+    )
+    page.click("#copy-link")
+    assert becomes(page, lambda: "token" in page.inner_text("#toasts"))
+    link = page.evaluate("navigator.clipboard.readText()")
+    assert link.startswith(cockpit.url + "#five_bar=")
+    page.evaluate("cockpit.send({ type: 'move_home' })")
+    page.evaluate("cockpit.frame()")
+    assert becomes(page, lambda: page.evaluate(f"Math.abs(cockpit.report.robots.five_bar.q[{index}] - {home}) < 1e-9"))
+    assert not page.evaluate(NEAR, CAMERA)
+    page.goto("about:blank")
+    page.goto(link, timeout=60_000)
+    assert becomes(page, lambda: page.evaluate(f"Boolean({READY.replace('cockpit', 'cockpit?')})"), 60)
+    assert page.evaluate(NEAR, CAMERA)
+    assert abs(value() - home) < 1e-9  # others may drive: nothing moves by itself
+    page.click(".toast button")
+    assert becomes(page, lambda: abs(value() - home - 0.2) < 1e-9)
+    page.evaluate("location.hash = '#five_bar=<img src=x onerror=alert(1)>&@camera=1,2,3'")
+    assert becomes(page, lambda: page.locator(".toast.warning").count() == 2)
+    assert page.locator(".toast img").count() == 0
+    assert page.evaluate(NEAR, CAMERA)
+
+
+def test_a_link_to_a_page_without_a_server_has_both(robot, file, tab):
+    home = robot("five_bar").q_home
+    camera = ",".join(map(str, CAMERA))
+    page = tab(f"{file.as_uri()}#five_bar={','.join(map(repr, home.tolist()))}&@camera={camera}", offline=True)
+    assert page.evaluate(NEAR, CAMERA)
+    assert page.locator(".toast").count() == 0
+    assert page.evaluate("cockpit.report.robots.five_bar.q") == pytest.approx(home.tolist(), abs=1e-9)
+    assert becomes(page, lambda: page.evaluate("cockpit.report.rate.at_rest"))
+    assert "@camera=" in page.evaluate("location.hash")
+
+
+SMALL = {"width": 800, "height": 300}  # drawn quickly
+FRAMES = "Number(document.getElementById('film-stop').dataset.frames)"
+ENDED = "document.getElementById('film-stop').hidden"
+
+
+def has_moved(page, joint):
+    """Move the five-bar while a film is made, until frames before and after the motion are in it."""
+    assert becomes(page, lambda: page.evaluate(f"{FRAMES} > 2"))
+    page.evaluate("joint => cockpit.send({ type: 'move_joint', robot: 'five_bar', joint, value: 2.6 })", joint)
+    index = page.evaluate("joint => cockpit.hello.robots[0].joints.findIndex(({ name }) => name === joint)", joint)
+    assert becomes(page, lambda: page.evaluate(f"Math.abs(cockpit.report.robots.five_bar.q[{index}] - 2.6) < 1e-6"))
+    seen = page.evaluate(FRAMES)
+    assert becomes(page, lambda: page.evaluate(f"{FRAMES} > {seen + 2} || {ENDED}"))
+
+
+def test_a_film_of_what_the_view_shows(cockpit, tab, tmp_path):
+    page = tab(cockpit.url)
+    first, *_ = cockpit.setup.robots["five_bar"].actuated
+    page.set_viewport_size(SMALL)
+    page.click("#snapshot")
+    page.click("#film-video")
+    assert page.is_visible("#film-stop")
+    has_moved(page, first)
+    assert page.inner_text("#film-stop").strip().endswith("/ 60 s")
+    content, name = downloaded(page, lambda: page.click("#film-stop"))
+    assert name == "five_bar.webm"
+    assert not page.is_visible("#film-stop")
+    path = tmp_path / name
+    path.write_bytes(content)
+    meta, *frames = imageio_ffmpeg.read_frames(str(path), pix_fmt="rgb24")
+    width, height = meta["size"]
+    assert (width, height) == tuple(page.evaluate("[cockpit.view.canvas.width, cockpit.view.canvas.height]"))
+    ends = (frames[0], frames[-1])
+    start, end = (np.frombuffer(frame, np.uint8).reshape(height, width, 3).astype(int) for frame in ends)
+    assert (start.max(axis=2) - start.min(axis=2) > 60).mean() > 0.002  # a robot in colours
+    assert np.abs(end - start).max() > 60  # that has moved
+
+
+def test_a_gif_ends_at_its_limit_without_a_server(robot, file, tab, tmp_path):
+    page = tab(file.as_uri(), offline=True)
+    first, *_ = robot("five_bar").actuated
+    page.set_viewport_size(SMALL)
+
+    def film():
+        page.click("#snapshot")
+        page.click("#film-gif")
+        has_moved(page, first)
+        assert page.inner_text("#film-stop").strip().endswith("/ 10 s")
+        page.evaluate("performance.now = (now => () => now() + 11000)(performance.now.bind(performance))")
+
+    content, name = downloaded(page, film)
+    assert page.evaluate(ENDED)
+    assert name == "five_bar.gif"
+    (tmp_path / name).write_bytes(content)
+    gif = Image.open(tmp_path / name)
+    assert gif.n_frames >= 2
+    assert gif.width == min(480, page.evaluate("cockpit.view.canvas.width"))
+    frames, milliseconds = [], 0
+    for number in range(gif.n_frames):
+        gif.seek(number)
+        milliseconds += gif.info["duration"]
+        frames.append(np.asarray(gif.convert("RGB")).astype(int))
+    assert 500 < milliseconds < 30_000
+    assert (frames[0].max(axis=2) - frames[0].min(axis=2) > 60).mean() > 0.002
+    assert np.abs(frames[-1] - frames[0]).max() > 60
+    picture_as_png, name = downloaded(page, lambda: (page.click("#snapshot"), page.click("#picture")))
+    assert name == "five_bar.png"
+    assert picture_as_png.startswith(b"\x89PNG")

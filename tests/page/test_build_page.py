@@ -13,7 +13,7 @@ import pytest
 import umsgpack
 
 from cinegen.cli import main
-from cinegen.page import build_editor, build_page
+from cinegen.page import build_editor, build_page, modules
 from cinegen.session import Setup
 
 LARGEST = 600_000
@@ -129,7 +129,7 @@ def test_only_a_page_with_an_editor_holds_one(elements):
     assert len(editor) >= 7
     assert not editor & set(unpacked(elements)["modules"])
     ((policy, _),) = [one for one in edited.named("meta") if "http-equiv" in one[0]]
-    assert re.search(r"script-src 'nonce-[0-9a-f]{32}';.*; worker-src blob:$", policy["content"])
+    assert re.search(r"script-src 'nonce-[0-9a-f]{32}';.*; worker-src data: blob:$", policy["content"])
 
 
 @pytest.mark.parametrize(
@@ -153,3 +153,25 @@ def test_an_editor_of_a_shipped_robot(root, tmp_path, monkeypatch):
     assert main(["page", "--edit", "delta4", "-o", "out.html"]) == 0
     edited = Elements((tmp_path / "out.html").read_text(encoding="utf-8"))
     assert unpacked(edited)["content"]["text"] == (root / "robots" / "delta4.raff").read_text(encoding="utf-8")
+
+
+def code_of(text):
+    """The lines of a module that are not comments, found line by line."""
+    inside = False
+    for line in text.splitlines():
+        stripped = line.strip()
+        if inside:
+            inside = "*/" not in stripped
+        elif stripped.startswith("/**") and "*/" not in stripped:
+            inside = True
+        elif not stripped.startswith("//") and not (stripped.startswith("/**") and stripped.endswith("*/")):
+            yield line
+
+
+def test_modules_lose_their_comments_and_nothing_else(root):
+    folders = [root / "cinegen" / "cockpit" / "static", root / "cinegen" / "page" / "static"]
+    paths = [path for folder in folders for path in folder.rglob("*.js") if "vendor" not in path.parts]
+    assert len(paths) > 100
+    for path in paths:
+        text = modules._read(str(path.relative_to(root)))
+        assert text.splitlines() == list(code_of(path.read_text(encoding="utf-8"))), path

@@ -20,11 +20,13 @@ import { menus } from "./bar/menus.js";
 import { Messages } from "./bar/messages.js";
 import { Replay } from "./bar/replay.js";
 import { Selection } from "./bar/selection.js";
+import { Share } from "./bar/share.js";
 import { Status } from "./bar/status.js";
 import { byId } from "./base/dom.js";
 import { Gamepad } from "./base/gamepad.js";
 import { Link } from "./base/link.js";
 import { Session } from "./base/session.js";
+import { Film } from "./film/film.js";
 import { ArrowKeys } from "./pointer/arrow_keys.js";
 import { Drag } from "./pointer/drag.js";
 import { Gizmo } from "./pointer/gizmo.js";
@@ -118,6 +120,8 @@ new Messages({ session, drag, gizmo, handDrags: presentation.handDrags });
 new Selection({ session, gizmo, pin });
 new Status(session);
 new Replay(session);
+new Share({ view, session });
+new Film({ view, session });
 new Gamepad(session);
 const panel = byId("panel");
 new MapSection(panel, field);
@@ -141,6 +145,7 @@ window.cockpit = {
   labels,
   select: (/** @type {string} */ robot, /** @type {string} */ node) => session.select(robot, node),
   frame: () => view.frame(),
+  view,
   gizmo,
   plots,
   presentation,

@@ -24,6 +24,8 @@ export class Link extends LocalLink {
     this.scene = new Skeletons(view);
   }
 
+  /** @type {"session" | "page" | "text"} */
+  owner = "text";
   /** @type {EditedText} */
   #content = JSON.parse(byId("cinegen-page").textContent ?? "");
   #timer = 0;

@@ -6,9 +6,9 @@
 
 import { byId } from "../../../cockpit/static/base/dom.js";
 import { Events } from "../../../cockpit/static/base/events.js";
+import { cameraOf, configurationsOf, fragmentOf } from "../../../cockpit/static/base/fragment.js";
 import { frames } from "../../../cockpit/static/base/frames.js";
 import { Clock } from "./clock.js";
-import { configurationsOf, fragmentOf } from "./fragment.js";
 import { Kinematics } from "./kinematics.js";
 import { kernelsOf } from "./memory.js";
 import { reportMessage, stateMessage } from "./messages.js";
@@ -47,6 +47,8 @@ export class Link extends Events {
   #shown = false; // whether the last state and report are of now
   #placed = ""; // the fragment that was last written or read
   connected = false;
+  /** @type {"session" | "page" | "text"} */
+  owner = "page"; // of the configuration in the page's address
 
   /** @param {{ draw: (commands: Iterable<Uint8Array>) => void }} view */
   constructor(view) {
@@ -118,9 +120,18 @@ export class Link extends Events {
     this.emit("report", reportMessage(session, this.#reports, { ticks: clock.ticks, missed: 0, missed_in_all: 0, late: 0, at_rest: atRest }));
   }
 
-  #fragment() {
+  /**
+   * Return the present configuration of each robot, by name.
+   *
+   * @returns {[string, Float64Array][]}
+   */
+  configurations() {
     const robots = /** @type {LocalSession} */ (this.#session).robots;
-    return fragmentOf([...robots.values()].map(({ name, q }) => [name, q]));
+    return [...robots.values()].map(({ name, q }) => [name, q]);
+  }
+
+  #fragment() {
+    return fragmentOf(this.configurations(), cameraOf(location.hash).camera);
   }
 
   /** Write the configuration into the page's address. */
