@@ -35,7 +35,7 @@ _POLICY = (
 """Workers encode films (a module of the import map, so data:) and read RAFF (blob:)."""
 
 _STYLES = tuple(
-    f"style/{name}.css" for name in ("theme", "layout", "controls", "plots", "waypoints", "preferences")
+    f"style/{name}.css" for name in ("theme", "layout", "controls", "plots", "waypoints", "users", "preferences")
 )  # as index.html has them
 _LICENCES = ("vendor/meshcat-0.3.2/LICENSE", "vendor/three-0.132.2/LICENSE")
 _EDITOR_LICENCES = (*_LICENCES, "vendor/codemirror-6/LICENSE")

@@ -367,7 +367,7 @@ Command = (
 )  # fmt: skip
 
 
-def check_names(command: Command, setup: Setup) -> None:
+def check_names(command: TypedMessage, setup: Setup) -> None:
     """Check the names in a command to a session. The only node of an obstacle has its name.
 
     Raises:

@@ -4,14 +4,16 @@ from __future__ import annotations
 
 import csv
 import io
+import json
 import shutil
 
 import imageio_ffmpeg
 import numpy as np
 import pytest
+from browsers import Browser
 from PIL import Image
 from playwright.sync_api import sync_playwright
-from test_cockpit_page import FLAGS, READY, SIZE, becomes, picture
+from test_cockpit_page import FLAGS, READY, SIZE, becomes, find, picture
 
 from cinegen.cockpit import Cockpit
 from cinegen.mission import Recording
@@ -338,3 +340,38 @@ def test_a_gif_ends_at_its_limit_without_a_server(robot, file, tab, tmp_path):
     picture_as_png, name = downloaded(page, lambda: (page.click("#snapshot"), page.click("#picture")))
     assert name == "five_bar.png"
     assert picture_as_png.startswith(b"\x89PNG")
+
+
+def test_users_see_who_points_at_a_part(cockpit, tab):
+    """The other user is a program, which sends what its page would."""
+    page = tab(cockpit.url, f"localStorage.setItem('cinegen.user.name', {json.dumps(json.dumps(HOSTILE))})")
+    other = Browser(cockpit.url)
+    other.say("set_user", name=HOSTILE[::-1], colour=3)
+    other.say("set_cursor", robot="five_bar", node="link1", point=[0.0, 0.0, 0.1])
+    label = page.locator(".label.user")
+    assert becomes(page, lambda: label.all_inner_texts() == [HOSTILE[::-1]])
+    assert page.locator(".label img").count() == 0
+    assert label.get_attribute("data-colour") == "3"
+    unfold(page, "users")
+    assert becomes(
+        page, lambda: set(page.locator("#users li").all_inner_texts()) == {f"{HOSTILE} (you)", HOSTILE[::-1]}
+    )
+    picture(page, "users")
+    other.say("set_cursor", robot="five_bar", node="link1", dragging=True)
+    assert becomes(page, lambda: label.all_inner_texts() == [f"{HOSTILE[::-1]} drags"])
+
+    def seen():
+        """What the other user sees of the page's."""
+        return next((one for one in other.users if one["client"] == page.evaluate("cockpit.hello.client")), {})
+
+    assert becomes(page, lambda: page.evaluate("cockpit.report.clients === 2"))
+    x, y, *point = find(page, "five_bar", "link2")
+    page.mouse.move(x, y)
+    assert becomes(page, lambda: seen().get("node") == "link2")
+    assert (seen()["name"], seen()["robot"], seen()["dragging"]) == (HOSTILE, "five_bar", False)
+    mechanism, q = cockpit.setup.robots["five_bar"], cockpit.state.robots["five_bar"].q
+    assert mechanism.placement(q, "link2").act(np.array(seen()["point"])) == pytest.approx(np.array(point), abs=0.05)
+    page.mouse.move(5, 500)
+    assert becomes(page, lambda: seen().get("robot") is None)
+    other.leave()
+    assert becomes(page, lambda: label.count() == 0)

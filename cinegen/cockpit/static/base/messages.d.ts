@@ -20,6 +20,20 @@ export interface RequestRate {
   rate?: number | null;
 }
 
+export interface SetUser {
+  type: "set_user";
+  name: string;
+  colour: number;
+}
+
+export interface SetCursor {
+  type: "set_cursor";
+  robot?: string | null;
+  node?: string | null;
+  point?: [number, number, number];
+  dragging?: boolean;
+}
+
 export interface StartDrag {
   type: "start_drag";
   robot: string;
@@ -172,7 +186,7 @@ export interface ControlPlayback {
   speed?: number | null;
 }
 
-export type ClientMessage = Ack | RequestControl | RequestReactions | RequestRate | StartDrag | MoveDrag | EndDrag | Pin | RemoveTask | ChangeTask | MoveJoint | EndJointMotion | MoveHome | MoveTo | SaveWaypoint | ChangeWaypoint | RemoveWaypoint | MoveToWaypoint | PlayWaypoints | Undo | Redo | Pause | SelectSensor | ChangeSettings | SetPayload | SetView | SetRecording | GamepadInput | ControlPlayback;
+export type ClientMessage = Ack | RequestControl | RequestReactions | RequestRate | SetUser | SetCursor | StartDrag | MoveDrag | EndDrag | Pin | RemoveTask | ChangeTask | MoveJoint | EndJointMotion | MoveHome | MoveTo | SaveWaypoint | ChangeWaypoint | RemoveWaypoint | MoveToWaypoint | PlayWaypoints | Undo | Redo | Pause | SelectSensor | ChangeSettings | SetPayload | SetView | SetRecording | GamepadInput | ControlPlayback;
 
 export interface HelloMessage {
   type: "hello";
@@ -281,6 +295,7 @@ export interface StateMessage {
   frame?: number;
   controller?: number | null;
   report?: ReportMessage;
+  users?: UserInfo[];
 }
 
 export interface TaskMessage {
@@ -421,6 +436,16 @@ export interface TickRate {
   missed_in_all: number;
   late: number;
   at_rest: boolean;
+}
+
+export interface UserInfo {
+  client: number;
+  name: string;
+  colour: number;
+  robot?: string | null;
+  node?: string | null;
+  point?: [number, number, number];
+  dragging?: boolean;
 }
 
 export interface NoticeMessage {

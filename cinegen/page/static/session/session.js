@@ -136,6 +136,8 @@ export class LocalSession {
       case "request_control":
       case "request_reactions":
       case "request_rate":
+      case "set_user":
+      case "set_cursor":
       case "set_view":
       case "gamepad_input":
         return; // of the server's session only
