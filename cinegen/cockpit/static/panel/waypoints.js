@@ -82,6 +82,7 @@ export class Waypoints {
     this.play.setAttribute("aria-pressed", String(target !== null));
     const text = this.play.querySelector("span");
     if (text !== null) write(text, target === null ? "Play" : "Stop");
+    this.play.querySelector("use")?.setAttribute("href", target === null ? "#sign-play" : "#sign-close");
     if (!this.#renaming) this.#build();
     for (const row of this.list.children) {
       if (row.getAttribute("data-waypoint") === String(target)) row.setAttribute("aria-current", "true");
