@@ -66,9 +66,10 @@ def build_editor(text: str, name: str, title: str = "") -> str:
         title: title of the page; the text's name unless given.
     """
     title = title or name
-    content = {"text": text, "name": name, "title": title, "worker": linked("editor/worker.js")}
+    content = {"text": text, "name": name, "title": title, "worker": linked("editor/worker.js"), "kernels": KERNELS}
     styles = _own("local.css") + _own("editor.css")
-    return _file(title, import_map({}, "editor/link.js"), content, _POLICY, styles, _EDITOR_LICENCES)
+    modules = import_map({KERNELS: module()}, "editor/link.js")
+    return _file(title, modules, content, _POLICY, styles, _EDITOR_LICENCES)
 
 
 def _file(

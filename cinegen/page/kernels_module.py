@@ -168,7 +168,7 @@ def _translation() -> _Translation:
         f"const {{ {', '.join(names)} }} = symbols;",
         "const least = (a, b) => b < a ? b : a;",
         "const most = (a, b) => b > a ? b : a;",
-        *(line for one in translation.functions for line in ["", *one.lines]),
+        *(line.lstrip() for one in translation.functions for line in one.lines if not line.startswith(("/*", " *"))),
         "return {",
         *(f"  {kernel.__name__}: {translation.name_of(kernel)}," for kernel in ENTRIES),
         "};",

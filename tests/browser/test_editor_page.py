@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pinocchio as pin
 import pytest
+from test_cockpit_page import WHERE
 from test_local_page import CHROMIUM, PICTURES, becomes, browser, tab  # noqa: F401
 
 from cinegen.page import build_editor
@@ -63,6 +64,46 @@ def test_the_robot_follows_its_text(file, text, tab, robot):  # noqa: F811
     other.keyboard.press("Enter")
     assert becomes(other, f"Math.abs(cockpit.report.robots.r1.q[0] - {np.radians(10.0)}) < 1e-9")
     assert other.evaluate("cockpit.report.robots.r1.closure") <= 1e-12
+
+
+def test_an_edited_robot_is_dragged_and_keeps_its_pose(file, text, tab):  # noqa: F811
+    page = tab(file)
+    home = np.array(page.evaluate("cockpit.report.robots.r1.q"))
+    edit(page, text.replace("d 2000.0", "d 2050.0"))
+    assert becomes(page, "document.documentElement.dataset.read === 'yes' && cockpit.report !== null")
+    page.evaluate("cockpit.send({ type: 'pin', robot: 'r1', node: 'link3' })")
+    assert becomes(page, "cockpit.state.tasks.length === 1")
+    page.evaluate("cockpit.send({ type: 'remove_task', task: cockpit.state.tasks[0].id })")
+    x, y, *_ = page.evaluate(WHERE, ["r1", "platform"])
+    page.mouse.move(x, y)
+    page.mouse.down()
+    page.mouse.move(x + 30, y - 25, steps=8)
+    assert becomes(page, "cockpit.state.tasks.some(({ source }) => source === 'pointer')")
+    page.wait_for_timeout(300)
+    page.screenshot(path=PICTURES / "editor_page_dragged.png")
+    page.mouse.up()
+    assert becomes(page, "cockpit.report.rate.at_rest")
+    report = page.evaluate("cockpit.report.robots.r1")
+    dragged = np.array(report["q"])
+    assert np.abs(dragged - home).max() > 0.02
+    assert report["closure"] <= 1e-10
+    assert report["type1"]["sigma"] > 0.0 < report["type2"]["sigma"]
+
+    page.evaluate("cockpit.send({ type: 'pin', robot: 'r1', node: 'platform' })")
+    edit(page, text.replace("d 2000.0", "d 2060.0"))
+    assert becomes(page, "document.documentElement.dataset.read === 'yes' && cockpit.report !== null")
+    assert becomes(page, "cockpit.state.tasks.length === 1 && cockpit.report.undo === 0")
+    after = page.evaluate("cockpit.report.robots.r1")
+    assert after["closure"] <= 1e-10
+    assert np.array(after["q"]) == pytest.approx(dragged, abs=0.05)
+    assert np.abs(np.array(after["q"]) - home).max() > 0.02
+    page.click("#home")
+    assert becomes(page, "cockpit.report.moving === null && cockpit.report.undo === 1 && cockpit.report.rate.at_rest")
+    edit(
+        page,
+        "RAFF t robot r1 { link 1 { parameters { d 5 } type 2 pred 0 } link 2 { parameters { d 3 } type 2 pred 1 } }",
+    )
+    assert becomes(page, "cockpit.hello.robots[0].joints.length === 2 && cockpit.state.tasks.length === 0")
 
 
 def test_errors_are_those_of_the_command_and_the_robot_stays(file, text, tab):  # noqa: F811

@@ -1,7 +1,7 @@
 // Robots drawn from their Kleinfinger parameters, as raff2urdf/graphics/skeleton.py draws links without graphics.
 
 import { CylinderGeometry, Mesh, MeshLambertMaterial, SphereGeometry, Vector3 } from "three";
-import { placements } from "./solver.js";
+import { placements } from "./placements.js";
 
 const ROOT = ["meshcat", "cinegen"];
 const SHOWN = 1.6; // m: radius at which everything is drawn

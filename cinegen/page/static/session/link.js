@@ -39,7 +39,7 @@ const CLOSURE = 1e-10;
 /** @extends {Events<ServerEvents>} */
 export class Link extends Events {
   /** @type {LocalSession | null} */
-  #session = null;
+  session = null;
   /** @type {Record<string, RobotReport>} */
   #reports = {};
   #frame = 0;
@@ -73,8 +73,8 @@ export class Link extends Events {
    * @param {import("./solver_interface").Solver[]} solvers of its robots
    */
   begin(content, solvers) {
-    const first = this.#session === null;
-    this.#session = new LocalSession(...robotsOf(content, solvers));
+    const first = this.session === null;
+    this.session = new LocalSession(...robotsOf(content, solvers));
     this.#reports = {};
     this.#shown = false;
     this.#placed = this.#fragment();
@@ -90,7 +90,7 @@ export class Link extends Events {
   /** @param {import("../../../cockpit/static/base/link.js").ClientMessage} message */
   send(message) {
     this.#shown = false;
-    this.#session?.obey(message);
+    this.session?.obey(message);
   }
 
   /**
@@ -98,7 +98,7 @@ export class Link extends Events {
    * @param {number} now
    */
   #advance(clock, now) {
-    const session = /** @type {LocalSession} */ (this.#session);
+    const session = /** @type {LocalSession} */ (this.session);
     const ticks = clock.due(now);
     if (session.atRest && this.#shown) {
       clock.note(now, 0);
@@ -126,7 +126,7 @@ export class Link extends Events {
    * @returns {[string, Float64Array][]}
    */
   configurations() {
-    const robots = /** @type {LocalSession} */ (this.#session).robots;
+    const robots = /** @type {LocalSession} */ (this.session).robots;
     return [...robots.values()].map(({ name, q }) => [name, q]);
   }
 
@@ -144,7 +144,7 @@ export class Link extends Events {
 
   /** Place the robots as the page's address has them. */
   #restore() {
-    const session = /** @type {LocalSession} */ (this.#session);
+    const session = /** @type {LocalSession} */ (this.session);
     if (location.hash === this.#placed) return;
     const sizes = new Map([...session.robots.values()].map(({ name, q }) => [name, q.length]));
     const found = configurationsOf(location.hash, sizes);
