@@ -2,11 +2,16 @@
 
 from __future__ import annotations
 
+import base64
+import json
+import zlib
+
 import numpy as np
 import pinocchio as pin
 import pytest
 from test_cockpit_page import WHERE
 from test_local_page import CHROMIUM, PICTURES, becomes, browser, tab  # noqa: F401
+from variants import slow
 
 from cinegen.page import build_editor
 from raff2urdf.errors import RaffError
@@ -74,7 +79,7 @@ def test_an_edited_robot_is_dragged_and_keeps_its_pose(file, text, tab):  # noqa
     page.evaluate("cockpit.send({ type: 'pin', robot: 'r1', node: 'link3' })")
     assert becomes(page, "cockpit.state.tasks.length === 1")
     page.evaluate("cockpit.send({ type: 'remove_task', task: cockpit.state.tasks[0].id })")
-    x, y, *_ = page.evaluate(WHERE, ["r1", "platform"])
+    x, y, *_ = page.evaluate(WHERE, ["r1", "link10"])
     page.mouse.move(x, y)
     page.mouse.down()
     page.mouse.move(x + 30, y - 25, steps=8)
@@ -133,6 +138,51 @@ def test_no_text_runs_or_stops_the_page(file, tab):  # noqa: F811
     edit(page, "RAFF t robot r { link 1 { parameters { d 500 } type 2 pred 0 } }")
     assert becomes(page, "document.documentElement.dataset.read === 'yes'")
     assert becomes(page, "cockpit.hello.robots[0].name === 'r'")
+
+
+def longest_task(trace):
+    """Processor time of the longest task of pages' main threads in a trace, ms."""
+    events = json.loads(trace)["traceEvents"]
+    named = [one for one in events if one["name"] == "thread_name" and one["args"].get("name") == "CrRendererMain"]
+    threads = {(one["pid"], one["tid"]) for one in named}
+    tasks = [one["tdur"] for one in events if one["name"] == "RunTask" and (one["pid"], one["tid"]) in threads]
+    assert len(tasks) > 20
+    return max(tasks) / 1000.0
+
+
+@pytest.mark.parametrize(
+    ("way", "text"),
+    [
+        ("insert", "x" * 999_000),
+        *slow(*((way, text) for way in ("insert", "paste", "link") for text in ("{\n" * 200_000, "a\n" * 249_000))),
+        *slow(*(("paste", text) for text in ("x" * 999_000, "link 1 { " * 110_000))),
+    ],
+    ids=lambda one: one[:6],
+)
+def test_no_text_takes_the_page_for_100_ms(file, tab, browser, way, text):  # noqa: F811
+    """Processor time, which does not depend on what else the machine does."""
+    page = tab(file)
+    link = f"#raff={base64.urlsafe_b64encode(zlib.compress(text.encode(), 9, -15)).decode().rstrip('=')}"
+    if way == "paste":
+        page.context.grant_permissions(["clipboard-read", "clipboard-write"])
+        page.evaluate("text => navigator.clipboard.writeText(text)", text)
+    page.click("#text .cm-content")
+    page.keyboard.press("Control+a")
+    page.wait_for_timeout(500)
+    browser.start_tracing(
+        page=page, categories=["toplevel", "devtools.timeline", "disabled-by-default-devtools.timeline"]
+    )
+    if way == "insert":
+        page.keyboard.insert_text(text)
+    elif way == "paste":
+        page.keyboard.press("Control+v")
+    else:
+        page.evaluate("link => { location.hash = link; }", link)
+    assert becomes(page, "document.documentElement.dataset.read === 'no'")
+    page.wait_for_timeout(500)
+    trace = browser.stop_tracing()
+    assert page.locator("#notes pre").count() > 0
+    assert longest_task(trace) <= 100.0
 
 
 def test_a_link_that_is_damaged_leaves_the_text(file, tab):  # noqa: F811

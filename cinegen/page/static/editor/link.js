@@ -33,6 +33,7 @@ export class Link extends LocalLink {
   #models = [];
   #timer = 0;
   #written = "";
+  #unwritten = ""; // why the last text is not in the address
 
   async connect() {
     const { text, worker, kernels } = this.#content;
@@ -49,14 +50,16 @@ export class Link extends LocalLink {
       document.documentElement.dataset.read = "";
       reader.take(changed, this.#content.name);
     };
-    const editor = new Editor(section, text, (changed) => {
+    const changed = () => {
       clearTimeout(this.#timer);
       document.documentElement.dataset.read = "";
       this.#timer = window.setTimeout(() => {
-        read(changed);
-        this.#write(changed);
+        const now = editor.text;
+        read(now);
+        this.#write(now);
       }, QUIET);
-    });
+    };
+    const editor = new Editor(section, text, changed, (why) => this.#warn(why));
     const restore = async () => {
       if (!location.hash.startsWith(KEY) || location.hash === this.#written) return false;
       try {
@@ -64,7 +67,7 @@ export class Link extends LocalLink {
         return true;
       } catch (error) {
         if (!(error instanceof FragmentError)) throw error;
-        this.emit("notice", { text: error.message, level: "warning" });
+        this.#warn(error.message);
         return false;
       }
     };
@@ -102,10 +105,18 @@ export class Link extends LocalLink {
   async #write(text) {
     try {
       this.#written = KEY + (await encode(text));
-      history.replaceState(null, "", this.#written);
+      this.#unwritten = "";
     } catch (error) {
       if (!(error instanceof FragmentError)) throw error;
-      this.emit("notice", { text: error.message, level: "warning" });
+      this.#written = "";
+      if (error.message !== this.#unwritten) this.#warn(error.message);
+      this.#unwritten = error.message;
     }
+    history.replaceState(null, "", this.#written || "#"); // else the address would be a link to another text
+  }
+
+  /** @param {string} text */
+  #warn(text) {
+    this.emit("notice", { text, level: "warning" });
   }
 }

@@ -18,6 +18,7 @@ import { LocalSession } from "./session.js";
 import { KernelSolver } from "./solver.js";
 
 const OFTEN = 100; // ms from one report to the next
+const LONGEST = 30; // ms of ticks in a frame: a robot that needs more moves more slowly
 const CLOSURE = 1e-10;
 
 /** @typedef {import("../../../cockpit/static/base/messages").RobotReport} RobotReport */
@@ -104,8 +105,10 @@ export class Link extends Events {
       clock.note(now, 0);
       return;
     }
-    for (let i = 0; i < ticks; i += 1) session.tick(clock.period);
-    clock.note(now, ticks);
+    const begin = performance.now();
+    let done = 0;
+    for (; done < ticks && performance.now() - begin < LONGEST; done += 1) session.tick(clock.period);
+    clock.note(now, done);
     for (const notice of session.notices.splice(0)) this.emit("notice", notice);
     this.#frame += 1;
     const state = stateMessage(session, this.#reports, this.#frame);

@@ -1,5 +1,5 @@
-// The solver of one robot: the translated kernels that its module holds (cinegen/page/solver.py), with arrays in and out.
-// Kernels have frames of twelve numbers: three axes, then the origin (m).
+// The solver of one robot: its translated kernels (cinegen/page/kernels_module.py), with arrays in and out. Kernels have
+// frames of twelve numbers: three axes, then the origin (m).
 
 import { Matrix4, Quaternion, Vector3 } from "three";
 
@@ -9,6 +9,7 @@ import { Matrix4, Quaternion, Vector3 } from "three";
 
 const FRAME = 12;
 const POSE = 7;
+const [FEWEST, WORK] = [4, 1200]; // tasks; tasks times joints: with more a tick takes longer than a frame
 
 /** @implements {Solver} */
 export class KernelSolver {
@@ -17,7 +18,7 @@ export class KernelSolver {
     this.kernels = kernels;
     this.names = { joints: kernels.names.q, nodes: kernels.names.nodes };
     this.nq = kernels.q.length;
-    this.mostTasks = kernels.task_node.length;
+    this.mostTasks = Math.min(kernels.task_node.length, Math.max(FEWEST, Math.floor(WORK / kernels.locked.length)));
     this.q = kernels.q.slice();
     kernels.tasks[0] = 0;
   }
