@@ -82,7 +82,7 @@ def test_an_edited_robot_is_dragged_and_keeps_its_pose(file, text, tab):  # noqa
     x, y, *_ = page.evaluate(WHERE, ["r1", "link10"])
     page.mouse.move(x, y)
     page.mouse.down()
-    page.mouse.move(x + 30, y - 25, steps=8)
+    page.mouse.move(x + 10, y - 12, steps=8)
     assert becomes(page, "cockpit.state.tasks.some(({ source }) => source === 'pointer')")
     page.wait_for_timeout(300)
     page.screenshot(path=PICTURES / "editor_page_dragged.png")
