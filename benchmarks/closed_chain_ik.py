@@ -3,8 +3,8 @@
     python benchmarks/closed_chain_ik.py [TICKS]
 
 Both follow the same targets of the platform, without limits being met. closed-chain-ik solves with its defaults, which
-leave a target alone that is nearer than 1 mm; to 1e-6 (m and rad) in at most 5 iterations; and with one of these a
-tick. Loops are judged by Pinocchio's kinematics in Python, at configurations that both wrote. Needs node, npm and the
+leave a target alone that is nearer than 1 mm; to 1e-6 (m and rad) in at most 5 iterations; with one of these a tick; and
+with no threshold, in as many iterations a tick as are named: so it is seen how far it closes loops, and how soon. Loops are judged by Pinocchio's kinematics in Python, at configurations that both wrote. Needs node, npm and the
 network: closed-chain-ik is installed into a temporary folder.
 """
 
@@ -85,11 +85,16 @@ function ours() {
 }
 
 const precise = { translationConvergeThreshold: 1e-6, rotationConvergeThreshold: 1e-6, stallThreshold: 1e-7 };
+const exact = { translationConvergeThreshold: 0, rotationConvergeThreshold: 0, stallThreshold: 0 };
 writeFileSync("found.json", JSON.stringify({
   "cinegen": ours(),
   "closed-chain-ik": theirs({}),
   "closed-chain-ik, to 1e-6": theirs(precise),
   "closed-chain-ik, 1 iteration": theirs({ ...precise, maxIterations: 1 }),
+  ...Object.fromEntries([2, 3, 5, 10, 30].map((count) => [
+    `closed-chain-ik, ${count} iterations`,
+    theirs({ ...exact, maxIterations: count }),
+  ])),
 }));
 """
 

@@ -3,11 +3,31 @@
 from __future__ import annotations
 
 import textwrap
+from collections import Counter
 
 from cinegen.codegen.cases import Cases
-from cinegen.codegen.language import function, literal
+from cinegen.codegen.language import Language, function, literal
 from cinegen.codegen.program import FIELDS, IK_STATUSES, STATUSES, Function, Program
 from cinegen.codegen.text import filled, functions, header, numbers, table
+
+_SHARED = 255
+"""Numbers at home that occur several times are counted up to this, which stands for the next of the others."""
+
+
+def _home(numbers_: list[float], integers: list[float], language: Language) -> list[str]:
+    """Return the tables of the numbers at home: many are 0 or 1, or occur several times."""
+    words = [literal(value, language) for value in numbers_]
+    shared = [word for word, count in Counter(words).most_common(_SHARED) if count > 1]
+    codes = [shared.index(word) if word in shared else _SHARED for word in words]
+    single = [value for value, code in zip(numbers_, codes, strict=True) if code == _SHARED]
+    small = "signed char" if all(-128 <= value < 128 for value in integers) else "int"
+    real = language.real
+    return [
+        f"static const {real} SHARED[] = {{", *table([numbers_[words.index(word)] for word in shared], language), "};",
+        f"static const {real} SINGLE[] = {{", *table(single, language), "};",
+        "static const unsigned char HOME_D[] = {", *table(codes, language), "};",
+        f"static const {small} HOME_I[] = {{", *table(integers, language), "};",
+    ]  # fmt: skip
 
 
 def _extremes(real: str) -> list[str]:
@@ -160,9 +180,14 @@ def _code(program: Program) -> list[str]:
     heap = "robot->D, robot->I"
     bodies = {
         "init": [
+            "int i, next = 0;",
             "memset(robot, 0, sizeof *robot);",
-            "memcpy(robot->D, HOME_D, sizeof HOME_D);",
-            "memcpy(robot->I, HOME_I, sizeof HOME_I);",
+            "for (i = 0; i < (int) sizeof HOME_D; i++) {",
+            f"  robot->D[i] = HOME_D[i] < {_SHARED} ? SHARED[HOME_D[i]] : SINGLE[next++];",
+            "}",
+            "for (i = 0; i < (int) (sizeof HOME_I / sizeof HOME_I[0]); i++) {",
+            "  robot->I[i] = HOME_I[i];",
+            "}",
         ],
         "q": [f"return robot->D + {at['q']};"],
         "actuated": [
@@ -211,8 +236,7 @@ def _code(program: Program) -> list[str]:
     lines = [
         *header(program, "Kinematics"), f'#include "{name}.h"', "", "#include <math.h>", "#include <string.h>", "",
         *_extremes(real), "",
-        f"static const {real} HOME_D[] = {{", *table(filled(values["D"]), language), "};",
-        "static const int HOME_I[] = {", *table(filled(values["I"]), language), "};",
+        *_home(filled(values["D"]), filled(values["I"]), language),
         *functions(program),
     ]  # fmt: skip
     for one, declaration in offered.items():

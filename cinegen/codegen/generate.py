@@ -17,6 +17,12 @@ from cinegen.ik import Solver
 from cinegen.model import Mechanism
 
 _FREE = ("task_rank", "goal_residual")
+_STRUCTURE = (
+    "joint_kind", "joint_parent", "joint_q", "joint_dof", "joint_axis", "scale", "q_index", "loop_kind", "loop_row",
+    "loop_cut", "step_dof", "step_size", "dof", "row", "idle_dof", "actuated_dof", "node_joint", "row_axis",
+    "row_weight",
+)  # fmt: skip
+"""Arrays that describe a mechanism and its tasks: no kernel writes them."""
 _DT = 1.0 / 240.0
 
 _KERNELS: dict[Function, tuple[Any, ...]] = {
@@ -76,7 +82,7 @@ def generate(
         inverse.set_up(memory)
     entries = [kernels.place, *(kernel for one in chosen for kernel in _KERNELS[one])]
     fields = [name for one in (None, *chosen) for name in FIELDS[one]]
-    translation = translated(language, memory, entries, fields, _FREE)
+    translation = translated(language, memory, entries, fields, _FREE, _STRUCTURE)
     nodes = tuple(task.node for task in solver.tasks)
     program = Program(mechanism, memory, translation, name, source, tuple(chosen), nodes, dt, most_iterations(memory))
     cases = recorded(mechanism, solver, chosen, inverse)

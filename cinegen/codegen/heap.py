@@ -15,6 +15,11 @@ BEGIN = "begin"
 """Last part of the key of a table of places."""
 
 
+def key_of(memories: Sequence[Memory], name: str) -> tuple[object, ...]:
+    """Return the key of a number of memories."""
+    return tuple(map(id, memories)), name
+
+
 @dataclass(frozen=True)
 class HeapArray:
     """Position of an array.
@@ -35,27 +40,40 @@ class Heap:
 
     Args:
         free: names of parameters that the code's user may set: they are states, and no constants.
+        structure: names of arrays that nothing writes.
 
     Attributes:
         values: initial values of both tables, by name.
+        unread: names of arrays that nothing reads.
     """
 
-    def __init__(self, free: Collection[str] = ()) -> None:
+    def __init__(self, free: Collection[str] = (), structure: Collection[str] = ()) -> None:
         self.values: dict[str, list[float]] = {"D": [], "I": []}
-        self._free = frozenset(free)
+        self._free, self._structure = frozenset(free), frozenset(structure)
+        self.unread = frozenset[str]()
+        self._changing: frozenset[tuple[object, ...]] | None = None
+        self._asked = set[tuple[object, ...]]()
         self._places: dict[tuple[object, ...], HeapArray] = {}
         self._initial: dict[tuple[object, ...], np.ndarray] = {}
 
-    def sorted(self) -> Heap:
-        """Return a heap with the same fields, those that are not 0 first: only these need initial values."""
-        found = Heap(self._free)
-        kept = [key for key in self._places if key[-1] != BEGIN]  # these tables have places of others
+    def sorted(self, changing: frozenset[tuple[object, ...]] | None, unread: frozenset[str]) -> Heap:
+        """Return a heap with the fields that were used, those that are not 0 first: only these need initial values.
+
+        Args:
+            changing: keys of all states that kernels change; others are constants. Not known yet if None.
+            unread: names of arrays that nothing reads.
+        """
+        found = Heap(self._free, self._structure)
+        kept = [key for key in self._places if key in self._asked and key[-1] != BEGIN]  # these have places of others
         for key in sorted(kept, key=lambda key: not self._initial[key].any()):
             found.allocate(key, self._initial[key])
+        found._asked.clear()
+        found._changing, found.unread = changing, unread
         return found
 
     def allocate(self, key: tuple[object, ...], values: np.ndarray) -> HeapArray:
         """Return the address of values; a key has one address."""
+        self._asked.add(key)
         if key not in self._places:
             table = "D" if values.dtype.kind == "f" else "I"
             numbers = self.values[table]
@@ -71,12 +89,17 @@ class Heap:
     def number(self, memories: Sequence[Memory], name: str) -> HeapArray | float:
         """Return a number of memories: where it is, one for each of them; or itself, if it is the same constant."""
         field = type(memories[0]).fields[name]
-        values = np.array([getattr(one, name) for one in memories], dtype=field.dtype)
-        if self.is_constant(name, field):
+        values, key = np.array([getattr(one, name) for one in memories], dtype=field.dtype), key_of(memories, name)
+        is_settled = self._changing is not None and key not in self._changing and name not in self._free
+        if is_settled or self.is_constant(name, field):
             first = values[0].item()
             if all(one == first or (math.isnan(one) and math.isnan(first)) for one in values.tolist()):
                 return float(first) if field.dtype.kind == "f" else int(first)
-        return self.allocate((tuple(map(id, memories)), name), values)
+        return self.allocate(key, values)
+
+    def known(self, memory: Memory, name: str) -> np.ndarray | None:
+        """Return the numbers of an array that nothing writes; None of others."""
+        return np.asarray(getattr(memory, name)) if name in self._structure else None
 
     def place(self, memory: Memory, name: str) -> HeapArray:
         """Return where an array or a number that is no constant is."""

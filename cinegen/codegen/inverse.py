@@ -18,8 +18,8 @@ from cinegen.tolerances import CLOSURE
 
 Array = NDArray[np.float64]
 
-STARTS = 16
-"""Configurations that the code keeps; they cost 8 (nq + 12) bytes each for one task."""
+STARTS = 8
+"""Configurations that the code keeps: 8 nq bytes each."""
 
 ITERATIONS = 60
 """Largest number of iterations from one start."""
@@ -73,7 +73,7 @@ class InverseKinematics:
     def set_up(self, memory: InverseMemory) -> None:
         """Write the starts into a memory with its tasks."""
         memory.resize(starts=len(self.starts), equations=memory.task_rows + memory.rows)
-        memory.start_q[:], memory.start_frames[:], memory.start_weights[:] = self.starts, self.frames, self.weights
+        memory.start_q[:], memory.start_weights[:] = self.starts, self.weights
         memory.most_iterations = ITERATIONS
 
     def find(self, targets: Sequence[pin.SE3], q: Array, tolerance: float) -> tuple[Array | None, int]:

@@ -11,8 +11,9 @@ from cinegen.ik._kernels.memory import LocalIKMemory, SolverMemory, task_at
 from cinegen.ik._kernels.tasks import read_tasks
 from cinegen.jit.compiled import Array, compiled
 from cinegen.jit.memory import array, parameter, state
-from cinegen.jit.se3 import dot
+from cinegen.jit.se3 import compose, dot
 from cinegen.jit.vectors import copy
+from cinegen.loops._kernels.kinematics import evaluate
 from cinegen.loops.thresholds import CLOSURE
 
 BAD_TARGET, NOT_FOUND, FOUND = range(3)
@@ -26,7 +27,6 @@ class InverseMemory(RobotMemory, LocalIKMemory):
 
     starts: int = parameter(0)
     start_q: Array = array("starts", "nq")  # closed configurations from which targets are reached
-    start_frames: Array = array("starts", "tasks", 4, 3)  # of the tasks there
     start_weights: Array = array("tasks", 4)  # of a task's three axes and its origin in the distance of two frames
     start_distances: Array = array("starts")  # squared, from the targets; -1 of those that were tried
     ik_tolerance: float = state(1e-6)  # largest error of a target, m and rad
@@ -65,14 +65,16 @@ def find(memory: InverseMemory) -> int:
 @compiled
 def _measure_starts(memory: InverseMemory) -> None:
     """Compute the squared distance of each start from the targets."""
-    apart = memory.vectors[0]
+    apart, frame = memory.vectors[0], memory.ends[0]
     for s in range(memory.starts):
         total = 0.0
+        evaluate(memory, memory.start_q[s])
         for i in range(memory.tasks):
             task = task_at(memory.task_handles[i])
+            compose(memory.frames[task.joint], task.offset, frame)
             for c in range(4):
                 for k in range(3):
-                    apart[k] = task.own_target[c, k] - memory.start_frames[s, i, c, k]
+                    apart[k] = task.own_target[c, k] - frame[c, k]
                 total += memory.start_weights[i, c] * dot(apart, apart)
         memory.start_distances[s] = total
 

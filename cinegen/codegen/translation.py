@@ -24,7 +24,7 @@ from typing import Any, get_type_hints
 
 import numpy as np
 
-from cinegen.codegen.heap import BEGIN, Heap, HeapArray
+from cinegen.codegen.heap import BEGIN, Heap, HeapArray, key_of
 from cinegen.codegen.language import Language, call, declarations, function, identifier, literal, quotient, signature
 from cinegen.codegen.precision import threshold
 from cinegen.errors import CinegenError
@@ -52,6 +52,7 @@ _COMPARISONS: dict[type, tuple[str, int, Callable[[Any, Any], Any]]] = {
     ast.NotEq: ("!=", EQUALITY, operator.ne),
 }
 _RETURNED = 8  # numbers that a function may return
+_UNROLLED = 4  # turns of a loop that is written out in JavaScript, whose compilers don't
 
 
 class TranslationError(CinegenError):
@@ -60,12 +61,13 @@ class TranslationError(CinegenError):
 
 @dataclass(frozen=True)
 class Number:
-    """A number: of kind "float", "int" or "bool"; `value` if it is a constant."""
+    """A number: of kind "float", "int" or "bool"; `value` if it is a constant, `least` if it is never less."""
 
     kind: str
     code: str
     rank: int = ATOM
     value: float | None = None
+    least: float | None = None
 
     def at(self, rank: int) -> str:
         """Return the code as an operand of an operator of a precedence."""
@@ -73,12 +75,50 @@ class Number:
 
 
 @dataclass(frozen=True)
+class Known:
+    """Numbers of an array that are constants."""
+
+    numbers: Any  # of numpy
+
+    def at(self, index: Number, is_joint: bool) -> Known | None:
+        """Return those of a part, if they are the same at every index; joint 0 is the world, which has none."""
+        if index.value is not None:
+            return Known(self.numbers[int(index.value)])
+        rows = self.numbers[1:] if is_joint else self.numbers
+        return Known(rows[0]) if len(rows) and (rows == rows[0]).all() else None
+
+    def number(self, index: Number, is_joint: bool) -> Number | None:
+        """Return a number of a list if it is a constant, or the index and a constant."""
+        one = self.at(index, is_joint)
+        if one is not None:
+            return None if one.numbers.ndim else _constant_of(one.numbers.item())
+        rows = self.numbers[1:] if is_joint else self.numbers
+        if rows.dtype.kind != "i" or len(rows) == 0 or (np.diff(rows) != 1).any():
+            return None
+        found = _sum(index, _integer(int(rows[0]) - is_joint))
+        return Number(found.kind, found.code, found.rank, least=float(rows[0]))
+
+    def least(self, is_joint: bool) -> float | None:
+        """Return the least of them."""
+        rows = self.numbers[1:] if is_joint else self.numbers
+        return float(rows.min()) if rows.size else None
+
+    @property
+    def is_plain(self) -> bool:
+        """True of few numbers 0 and 1: functions are translated for them."""
+        return bool(self.numbers.size <= 3 and np.isin(self.numbers, (0.0, 1.0)).all())
+
+
+@dataclass(frozen=True)
 class View:
-    """An array: the table it is in, the index of its first number, and its dimensions."""
+    """An array: the table it is in, the index of its first number, its dimensions, the name of the field that it is a
+    part of, and its numbers if they are constants."""
 
     table: str
     begin: Number
     shape: tuple[Number, ...]
+    field: str = ""
+    known: Known | None = None
 
     @property
     def kind(self) -> str:
@@ -150,12 +190,14 @@ class KernelTranslation:
         self._body = body or FunctionTranslation
         self.returned = heap.allocate(("returned",), np.zeros(_RETURNED)).begin
         self._known: dict[tuple[object, ...], Translated] = {}
+        self._texts: dict[str, Translated] = {}
         self.names, self.writing = set[str](), set[str]()
+        self.changing, self.arrays, self.read = set[tuple[object, ...]](), set[str](), set[str]()
 
     def function(self, kernel: Any, arguments: Sequence[Value]) -> Translated:
         """Return the translation of a kernel for arguments of these kinds."""
         source = getattr(kernel, "py_func", kernel)
-        key = (source, *map(_kind_of, arguments))
+        key = (source, *(_kind_of(one, not self.language.is_c) for one in arguments))
         if key not in self._known:
             stem = _stem(source)
             name, count = stem, 1
@@ -163,8 +205,12 @@ class KernelTranslation:
                 count += 1
                 name = f"{stem}_{count}"
             self.names.add(name)
-            self._known[key] = self._body(self, source, arguments, Translated(name)).translated
-            self.functions.append(self._known[key])
+            found = self._body(self, source, arguments, Translated(name)).translated
+            text = "\n".join(found.lines).replace(f"{name}(", f"{stem}(")
+            if text not in self._texts:  # else it does not depend on the arguments' sizes
+                self._texts[text] = found
+                self.functions.append(found)
+            self._known[key] = self._texts[text]
         return self._known[key]
 
     def leave_out_uncalled(self, entries: Sequence[Any]) -> None:
@@ -185,7 +231,12 @@ class KernelTranslation:
 
 
 def translated(
-    language: Language, memory: Memory, entries: Sequence[Any], fields: Sequence[str], free: Collection[str]
+    language: Language,
+    memory: Memory,
+    entries: Sequence[Any],
+    fields: Sequence[str],
+    free: Collection[str],
+    structure: Collection[str] = (),
 ) -> KernelTranslation:
     """Return the translation of kernels of one memory.
 
@@ -195,27 +246,47 @@ def translated(
         entries: kernels that are called from outside.
         fields: arrays that are used from outside.
         free: names of parameters that are no constants.
+        structure: names of arrays that nothing writes, whose numbers are constants where they are alike. If there are
+            any, states that no kernel changes are constants, too, and arrays that nothing reads are not written.
     """
-    heap, memories = Heap(free), Memories((memory,), Number("int", "0", value=0))
-    for _ in range(2):  # now it is known what is needed
-        heap = heap.sorted()
+    heap, memories = Heap(free, structure), Memories((memory,), Number("int", "0", value=0))
+    changing: frozenset[tuple[object, ...]] | None = None
+    unread, stable = frozenset[str](), 0
+    while stable < 2:  # now it is known what is needed
+        heap = heap.sorted(changing, unread)
         for field_ in fields:
             heap.place(memory, field_)
         translation = KernelTranslation(language, heap)
         for kernel in entries:
             translation.function(kernel, [memories])
         translation.leave_out_uncalled(entries)
+        before = changing, unread
+        if structure:
+            changing = frozenset(translation.changing) | {key_of((memory,), name) for name in fields}
+            unread = frozenset(translation.arrays - translation.read - set(fields))
+        stable = stable + 1 if before == (changing, unread) else 0
     return translation
+
+
+def _constant_of(value: float) -> Number:
+    """Return a constant that a function may be translated for."""
+    return Number("float" if isinstance(value, float) else "int", str(value), ATOM, value)
 
 
 def _stem(kernel: Any) -> str:
     return f"{kernel.__module__.rpartition('.')[2].strip('_')}_{kernel.__name__.strip('_')}"
 
 
-def _kind_of(value: Value) -> object:
+def _kind_of(value: Value, with_sizes: bool) -> object:
+    """Return the kind of an argument; with the sizes of arrays where functions are translated for these: that is faster
+    and longer."""
     match value:
         case Number():
             return value.kind
+        case View(known=known) if known is not None and known.is_plain:
+            return value.table, len(value.shape), tuple(known.numbers.ravel().tolist())
+        case View() if with_sizes:
+            return value.table, tuple(size.value for size in value.shape)
         case View():
             return value.table, len(value.shape)
         case Memories():
@@ -236,6 +307,23 @@ def _sum(a: Number, b: Number, sign: int = 1) -> Number:
     if a.value == 0 and sign > 0:
         return b
     return Number("int", f"{a.at(SUM)} {'+' if sign > 0 else '-'} {b.at(SUM + 1)}", SUM)
+
+
+def _simple(op: ast.operator, a: Number, b: Number) -> Number | None:
+    """Return a product with 0 or 1, or a sum with 0, without the operation; None of others."""
+    if isinstance(op, ast.Mult):
+        for one, other in ((a, b), (b, a)):
+            if one.value == 0.0:
+                return _constant_of(0.0)
+            if one.value == 1.0 and other.kind == "float":
+                return other
+    if isinstance(op, ast.Add) and a.value == 0.0 and b.kind == "float":
+        return b
+    if isinstance(op, ast.Add | ast.Sub) and b.value == 0.0 and a.kind == "float":
+        return a
+    if isinstance(op, ast.Div) and b.value == 1.0 and a.kind == "float":
+        return a
+    return None
 
 
 def _minus(one: Number) -> Number:
@@ -274,8 +362,7 @@ class FunctionTranslation:
             kind = {float: "float", int: "int", bool: "bool"}.get(hints.get(one.arg, object))
             self._names[one.arg] = self._parameter(identifier(one.arg), value, kind, offered)
         doc = (ast.get_docstring(tree) or "").partition("\n\n")[0]
-        for statement in tree.body:
-            self._statement(statement)
+        self._run(tree.body)
         self._leave_out_unread()
         body = "\n".join(self._lines)
         translated.writes = translated.writes or self._calls(body)
@@ -329,8 +416,12 @@ class FunctionTranslation:
                 return Number(kind or value.kind, name)
             case View():
                 offered += [(name, "int"), *((f"{name}_{i}", "int") for i in range(len(value.shape)))]
-                shape = tuple(Number("int", f"{name}_{i}") for i in range(len(value.shape)))
-                return View(value.table, Number("int", name), shape)
+                shape = tuple(
+                    size if size.value is not None and not self._language.is_c else Number("int", f"{name}_{i}")
+                    for i, size in enumerate(value.shape)
+                )
+                known = value.known if value.known is not None and value.known.is_plain else None
+                return View(value.table, Number("int", name), shape, "", known)
             case Memories() if len(value.all) > 1:
                 offered.append((name, "int"))
                 return Memories(value.all, Number("int", name))
@@ -363,11 +454,15 @@ class FunctionTranslation:
 
     def _block(self, statements: Sequence[ast.stmt]) -> None:
         self._depth += 1
-        for one in statements:
-            self._statement(one)
+        self._run(statements)
         self._depth -= 1
 
-    def _statement(self, node: ast.stmt) -> None:
+    def _run(self, statements: Sequence[ast.stmt]) -> bool:
+        """Translate statements; those behind one that leaves the block are left out. Return whether there is one."""
+        return any(self._statement(one) for one in statements)
+
+    def _statement(self, node: ast.stmt) -> bool:
+        """Translate a statement; return whether those behind it are never reached."""
         match node:
             case ast.Expr(value=ast.Constant()) | ast.Pass():
                 pass
@@ -386,28 +481,37 @@ class FunctionTranslation:
                 self._block(body)
                 self._emit("}")
             case ast.If():
-                self._branch(node)
+                return self._branch(node)
             case ast.Continue():
                 self._emit("continue;")
+                return True
             case ast.Break():
                 self._emit("break;")
+                return True
             case ast.Return(value=value):
                 self._return(value)
+                return True
             case _:
                 raise self._error(f"no counterpart of {ast.unparse(node)!r}")
+        return False
 
-    def _branch(self, node: ast.If) -> None:
+    def _branch(self, node: ast.If) -> bool:
         test = self._number(node.test)
         if test.value is not None:
-            for one in node.body if test.value else node.orelse:
-                self._statement(one)
-            return
+            return self._run(node.body if test.value else node.orelse)
+        begin = len(self._lines)
         self._emit(f"if ({test.code}) {{")
         self._block(node.body)
         if node.orelse:
+            between = len(self._lines)
             self._emit("} else {")
             self._block(node.orelse)
+            if len(self._lines) == between + 1:
+                self._lines.pop()
         self._emit("}")
+        if len(self._lines) == begin + 2 and not self._calls(test.code):
+            del self._lines[begin:]
+        return False
 
     def _loop(self, node: ast.For) -> None:
         assert isinstance(node.target, ast.Name)
@@ -415,8 +519,15 @@ class FunctionTranslation:
         given = [self._number(one) for one in node.iter.args]
         step = int(given[2].value or 0) if len(given) == 3 else 1
         begin, end = (given[0], given[1]) if len(given) > 1 else (_integer(0), given[0])
-        if begin.value is not None and end.value is not None and (end.value - begin.value) * step <= 0:
-            return
+        if begin.value is not None and end.value is not None:
+            turns = range(int(begin.value), int(end.value), step)
+            leaves = any(isinstance(one, ast.Continue | ast.Break) for one in ast.walk(node))
+            if not turns or (len(turns) <= _UNROLLED and not self._language.is_c and not leaves):
+                for turn in turns:
+                    self._names[node.target.id] = _integer(turn)
+                    self._run(node.body)
+                self._names[node.target.id] = _Ended(node.target.id)
+                return
         if end.value is None:
             last = self._temporary("int")
             self._emit(f"{last} = {end.code};")
@@ -424,11 +535,14 @@ class FunctionTranslation:
         name = self._variable(identifier(node.target.id), "int")
         self._names[node.target.id] = Number("int", name)
         change = {1: f"{name}++", -1: f"{name}--"}.get(step, f"{name} += {step}")
+        first = len(self._lines)
         self._emit(
             f"for ({name} = {begin.code}; {name} {'<' if step > 0 else '>'} {end.at(COMPARISON + 1)}; {change}) {{"
         )
         self._block(node.body)
         self._emit("}")
+        if len(self._lines) == first + 2:
+            del self._lines[first:]
         self._names[node.target.id] = _Ended(node.target.id)
 
     def _return(self, value: ast.expr | None) -> None:
@@ -499,16 +613,30 @@ class FunctionTranslation:
                 self._names[name] = self._bound(identifier(name), value)
             case ast.Attribute(value=owner, attr=attribute):
                 self.translated.writes = True
-                state = self._state(self._value(owner), attribute)
-                self._emit(f"{state} = {self._as('float' if state[0] == 'D' else 'int', value).code};")
-            case ast.Subscript():
-                place, self.translated.writes = self._value(target), True
+                self._set(self._value(owner), attribute, value)
+            case ast.Subscript(value=owner, slice=index):
+                array, self.translated.writes = self._value(owner), True
+                assert isinstance(array, View)
+                if array.field in self._heap.unread and not self._calls(getattr(value, "code", "")):
+                    return
+                place = self._part(array, index, is_read=False)
                 if isinstance(place, View):
                     self._fill(place, value)
                 else:
                     self._emit(f"{place.code} = {self._as(place.kind, value).code};")
             case _:
                 raise self._error(f"nothing is assigned to {ast.unparse(target)!r}")
+
+    def _set(self, owner: Memories, name: str, value: Number) -> None:
+        """Set a state."""
+        field_ = type(owner.all[0]).fields[name]
+        before = [getattr(one, name) for one in owner.all]
+        if value.value is None or any(one != value.value for one in before):
+            self._to.changing.add(key_of(owner.all, name))
+        if not field_.is_invariant and not isinstance(self._heap.number(owner.all, name), HeapArray):
+            return  # it never changes
+        state = self._state(owner, name)
+        self._emit(f"{state} = {self._as('float' if state[0] == 'D' else 'int', value).code};")
 
     def _bound(self, name: str, value: Value) -> Value:
         """Return what a name stands for after an assignment."""
@@ -519,11 +647,12 @@ class FunctionTranslation:
             case Number():
                 self._variable(name, value.kind)
                 self._emit(f"{name} = {self._as(self._variables[name], value).code};")
-                return Number(self._variables[name], name)
+                return Number(self._variables[name], name, least=value.least if is_constant else None)
             case View():
                 begin = self._fixed(name, value.begin, is_constant)
                 sizes = enumerate(value.shape)
-                return View(value.table, begin, tuple(self._fixed(f"{name}_{i}", one, is_constant) for i, one in sizes))
+                shape = tuple(self._fixed(f"{name}_{i}", one, is_constant) for i, one in sizes)
+                return View(value.table, begin, shape, value.field, value.known if is_constant else None)
             case Memories():
                 return Memories(value.all, self._fixed(name, value.index, is_constant))
         return value
@@ -542,6 +671,8 @@ class FunctionTranslation:
         count = _integer(1)
         for size in place.shape:
             count = _product(count, size)
+        if isinstance(value, View):
+            self._to.read.add(value.field)
         name = self._temporary("int")
         self._emit(f"for ({name} = 0; {name} < {count.at(COMPARISON + 1)}; {name}++) {{")
         k = Number("int", name)
@@ -645,8 +776,10 @@ class FunctionTranslation:
                 return self._constant(place)
             return Number("float" if place.table == "D" else "int", self._state(owner, name))
         places = [self._heap.array(one, name) for one in owner.all]
+        self._to.arrays.add(name)
         if len(places) == 1:
-            return self._to.view(places[0])
+            view, numbers = self._to.view(places[0]), self._heap.known(first, name)
+            return View(view.table, view.begin, view.shape, name, None if numbers is None else Known(numbers))
         begin = self._heap.allocate((tuple(map(id, owner.all)), name, BEGIN), np.array([one.begin for one in places]))
         shape = []
         for i, _ in enumerate(places[0].shape):
@@ -656,7 +789,8 @@ class FunctionTranslation:
                 continue
             table = self._heap.allocate((tuple(map(id, owner.all)), name, i), np.array(sizes))
             shape.append(Number("int", f"I[{_sum(_integer(table.begin), owner.index).code}]"))
-        return View(places[0].table, Number("int", f"I[{_sum(_integer(begin.begin), owner.index).code}]"), tuple(shape))
+        index = Number("int", f"I[{_sum(_integer(begin.begin), owner.index).code}]")
+        return View(places[0].table, index, tuple(shape), name)
 
     def _state(self, owner: Memories, name: str) -> str:
         place = self._heap.number(owner.all, name)
@@ -664,13 +798,14 @@ class FunctionTranslation:
             raise self._error(f"'{name}' is a constant")
         return f"{place.table}[{_sum(_integer(place.begin), owner.index).code}]"
 
-    def _part(self, owner: Value, index: ast.expr) -> Value:
+    def _part(self, owner: Value, index: ast.expr, is_read: bool = True) -> Value:
         """Return a number or a view of an array."""
         if isinstance(owner, tuple):
             return owner[int(self._number(index).value or 0)]
         assert isinstance(owner, View)
-        begin, shape = owner.begin, list[Number]()
+        begin, shape, least = owner.begin, list[Number](), None
         given = list(index.elts) if isinstance(index, ast.Tuple) else [index]
+        known, is_joint = owner.known, owner.field.startswith("joint_")
         for i, size in enumerate(owner.shape):
             width = _integer(1)
             for inner in owner.shape[i + 1 :]:
@@ -684,14 +819,22 @@ class FunctionTranslation:
                 high = size if one.upper is None else self._number(one.upper)
                 begin = _sum(begin, _product(low, width))
                 shape.append(_sum(high, low, -1))
+                known = None
             else:
                 at = self._number(one)
                 if at.value is not None and at.value < 0:
                     raise self._error(f"index {ast.unparse(one)} counts from the end")
+                if known is not None and known.numbers.ndim == 1 and (found := known.number(at, is_joint)) is not None:
+                    return found if found.value is None else self._constant(found.value)
+                least = known.least(is_joint) if known is not None else None
+                known = known.at(at, is_joint) if known is not None else None
+                is_joint = False
                 begin = _sum(begin, _product(at, width))
         if shape:
-            return View(owner.table, begin, tuple(shape))
-        return Number(owner.kind, f"{owner.table}[{begin.code}]")
+            return View(owner.table, begin, tuple(shape), owner.field, known)
+        if is_read:
+            self._to.read.add(owner.field)
+        return Number(owner.kind, f"{owner.table}[{begin.code}]", least=least)
 
     def _operation(self, op: ast.operator, a: Number, b: Number) -> Number:
         if isinstance(op, ast.Pow):
@@ -709,6 +852,8 @@ class FunctionTranslation:
         if a.value is not None and b.value is not None:
             return self._constant(compute(a.value, b.value))
         kind = "int" if a.kind == b.kind == "int" and not isinstance(op, ast.Div) else "float"
+        if kind == "float" and (found := _simple(op, a, b)) is not None:
+            return found if found.value is None else self._constant(found.value)
         left = self._real(a).at(rank) if kind == "float" and self._language.is_c else a.at(rank)
         right = self._real(b) if kind == "float" and self._language.is_single else b
         return Number(kind, f"{left} {sign} {right.at(rank + 1)}", rank)
@@ -754,6 +899,11 @@ class FunctionTranslation:
                 if not compute(a.value, b.value):
                     return self._constant(False)
                 continue
+            if a.least is not None and b.value is not None and a.least >= b.value:
+                if isinstance(op, ast.Lt):
+                    return self._constant(False)
+                if isinstance(op, ast.GtE):
+                    continue
             found.append(Number("bool", f"{a.at(rank + 1)} {sign} {b.at(rank + 1)}", rank))
         if not found:
             return self._constant(True)
@@ -837,6 +987,7 @@ class FunctionTranslation:
                 case Number():
                     numbers.append(self._as(hints[name], one).code if name in hints else one.code)
                 case View():
+                    self._to.read.add(one.field)
                     numbers += [one.begin.code, *(size.code for size in one.shape)]
                 case Memories() if len(one.all) > 1:
                     numbers.append(one.index.code)

@@ -203,6 +203,18 @@ def test_what_is_not_asked_for_is_left_out(robot, tmp_path):
 
 
 @needs_gcc
+@pytest.mark.skipif(shutil.which("size") is None, reason="there is no size")
+def test_object_code_of_a_delta_is_small(robot, tmp_path):
+    written(tmp_path, robot("delta4"), Language.C)
+    command = [GCC, "-std=c99", "-Os", "-fno-asynchronous-unwind-tables", "-c", "robot.c"]
+    subprocess.run(command, cwd=tmp_path, check=True)
+    listed = subprocess.run(["size", "robot.o"], cwd=tmp_path, capture_output=True, text=True, check=True).stdout
+    text, data, bss = map(int, listed.splitlines()[1].split()[:3])
+    assert data == bss == 0
+    assert text <= 30_000  # code and constants
+
+
+@needs_gcc
 def test_several_tasks_and_positions(robot, tmp_path):
     written(tmp_path, robot("arm7"), Language.C, tasks=["tool:position", "link4:position"], dt=0.01)
     assert largest(subprocess.run([compiled(tmp_path, *STRICT)], capture_output=True, text=True).stdout) < 1e-12

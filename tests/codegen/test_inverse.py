@@ -100,7 +100,7 @@ const robot = create();
 robot.targets[0][9] += 0.05;
 const found = [robot.ik()], before = [...robot.q];
 robot.targets[0][9] = {text};
-found.push(robot.ik(), robot.q.every((value, k) => value === before[k]), robot.ikIterations() <= 17 * 61);
+found.push(robot.ik(), robot.q.every((value, k) => value === before[k]), robot.ikIterations() <= 9 * 61);
 robot.init();
 robot.targets[0][9] += 0.05;
 for (let i = 0; i < 1000; i += 1) robot.tick();
