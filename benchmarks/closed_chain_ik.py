@@ -34,9 +34,9 @@ const target = (i) => [begin[0] + 0.3 * Math.sin(i * 2e-3), begin[1] + 0.3 * Mat
 function run(follow, q) {
   const found = [], spans = [], batch = 100;
   for (let i = 0; i < ticks; i += batch) {
-    const start = performance.now();
+    const start = process.cpuUsage(); // a busy machine does not lengthen it
     for (let k = 1; k <= batch; k += 1) follow(target(i + k));
-    spans.push((performance.now() - start) / batch * 1e3);
+    spans.push(process.cpuUsage(start).user / batch);
     found.push({ target: target(i + batch), q: q() });
   }
   spans.sort((a, b) => a - b);
