@@ -3,9 +3,10 @@
     python benchmarks/closed_chain_ik.py [TICKS]
 
 Both follow the same targets of the platform, without limits being met. closed-chain-ik solves with its defaults, which
-leave a target alone that is nearer than 1 mm; to 1e-6 (m and rad) in at most 5 iterations; with one of these a tick; and
-with no threshold, in as many iterations a tick as are named: so it is seen how far it closes loops, and how soon. Loops are judged by Pinocchio's kinematics in Python, at configurations that both wrote. Needs node, npm and the
-network: closed-chain-ik is installed into a temporary folder.
+leave a target alone that is nearer than 1 mm; to 1e-6 (m and rad) in at most 5 iterations; with one of these a tick;
+and with no threshold, in as many iterations a tick as are named: so it is seen how far it closes loops, and how soon.
+Times are of the processor. Loops are judged by Pinocchio's kinematics in Python, at configurations that both wrote.
+Needs node, npm and the network: closed-chain-ik is installed into a temporary folder.
 """
 
 from __future__ import annotations
