@@ -15,9 +15,6 @@ _IMPORT = re.compile(r'^((?:import|export)\b[^;"]*?|\} from )"(\.{1,2}/[^"]+)";'
 _KEPT = "".join(chr(code) for code in range(0x20, 0x7F) if chr(code) not in "%#")
 """Characters that stand for themselves in the data of an address (https://fetch.spec.whatwg.org/#data-urls)."""
 
-_COMMENT = re.compile(r"^[ \t]*(?://.*|/\*\*(?:(?!\*/)[\s\S])*\*/[ \t]*)\n", re.MULTILINE)
-"""A comment that has its lines for itself."""
-
 _NAMES = {"cinegen/cockpit/static/": "cinegen/", "cinegen/page/static/": "cinegen/page/"}
 _ENTRY = "cinegen/cockpit/static/cockpit.js"
 _SEAM = "cinegen/cockpit/static/base/link.js"

@@ -173,25 +173,3 @@ def test_an_editor_of_a_shipped_robot(root, tmp_path, monkeypatch):
     assert main(["page", "--edit", "delta4", "-o", "out.html"]) == 0
     edited = Elements((tmp_path / "out.html").read_text(encoding="utf-8"))
     assert unpacked(edited)["content"]["text"] == (root / "robots" / "delta4.raff").read_text(encoding="utf-8")
-
-
-def code_of(text):
-    """The lines of a module that are not comments, found line by line."""
-    inside = False
-    for line in text.splitlines():
-        stripped = line.strip()
-        if inside:
-            inside = "*/" not in stripped
-        elif stripped.startswith("/**") and "*/" not in stripped:
-            inside = True
-        elif not stripped.startswith("//") and not (stripped.startswith("/**") and stripped.endswith("*/")):
-            yield line
-
-
-def test_modules_lose_their_comments_and_nothing_else(root):
-    folders = [root / "cinegen" / "cockpit" / "static", root / "cinegen" / "page" / "static"]
-    paths = [path for folder in folders for path in folder.rglob("*.js") if "vendor" not in path.parts]
-    assert len(paths) > 100
-    for path in paths:
-        text = modules._read(str(path.relative_to(root)))
-        assert text.splitlines() == list(code_of(path.read_text(encoding="utf-8"))), path
