@@ -35,14 +35,6 @@ _RANK = 1e-9
 _GRID = 9  # points along each axis of a region
 
 
-def middle_of(reach: Reach) -> Array:
-    """Return the middle of a region (axes,), or the point nearest to the middle of all."""
-    middle = (reach.low + reach.high) / 2.0
-    if not len(reach.given):
-        return np.asarray(middle)
-    return np.asarray(reach.given[np.argmin(np.linalg.norm(reach.given - middle, axis=1))])
-
-
 def moved_to(mechanism: Mechanism, node: str, rows: list[int], target: Array) -> Array | None:
     """Return the configuration (nq,) with a node at a target, continued from home along a straight line; None if it
     does not get there.
@@ -99,7 +91,7 @@ def draw_designs(
 def _draw(designs: Mapping[str, Mechanism], reach: Reach, node: str, targets: Array | None) -> Figure:
     from matplotlib.figure import Figure
 
-    target, poses, titles = middle_of(reach), list[Pose](), list[str]()
+    target, poses, titles = reach.middle[: len(reach.axes)], list[Pose](), list[str]()
     for title, mechanism in designs.items():
         q = moved_to(mechanism, node, reach.rows, target)
         titles.append(title if q is not None else f"{title} (at home)")
