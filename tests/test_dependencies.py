@@ -19,7 +19,7 @@ POSIX = {"fcntl", "grp", "posix", "pty", "pwd", "resource", "syslog", "termios",
 UNTOLD = {"pinocchio": {"pin"}, "coal": {"coal"}}
 """Distributions of packages whose metadata don't name them: cmeel puts them in a folder of its own."""
 
-EXTRAS = ("plot", "maps", "cluster", "mjcf", "xacro", "dxf", "meshes", "film", "sampling", "https")
+EXTRAS = ("plot", "maps", "cluster", "mjcf", "xacro", "dxf", "meshes", "film", "sampling", "design", "https")
 
 
 installed = cache(packages_distributions)
@@ -75,7 +75,7 @@ def test_what_the_packages_import_is_declared():
 
 
 def test_what_the_tests_import_is_declared():
-    local = {path.stem for folder in ("tests", "examples", "benchmarks") for path in (ROOT / folder).rglob("*.py")}
+    local = {path.stem for folder in ("tests", "examples", "benchmarks", "docs") for path in (ROOT / folder).rglob("*.py")}
     local |= {path.parent.name for folder in ("tests", "ros2") for path in (ROOT / folder).rglob("__init__.py")}
     found = {package: files for package, files in imports("tests").items() if package not in local}
     assert undeclared(found, required() | optional("test", *EXTRAS)) == {}
