@@ -3,8 +3,7 @@
 export const LONGEST = 40; // characters
 
 // Control characters, and those that reverse the direction of text.
-// eslint-disable-next-line no-control-regex
-const REFUSED = /[\x00-\x1f\x7f-\x9f\u200e\u200f\u2028-\u202e\u2066-\u2069]|\p{Surrogate}/gu;
+const REFUSED = /[\p{Cc}\u200e\u200f\u2028-\u202e\u2066-\u2069]|\p{Surrogate}/gu;
 
 /**
  * Return a name that the session accepts; empty if nothing of the text is left.
