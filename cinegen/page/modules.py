@@ -20,9 +20,6 @@ _ENTRY = "cinegen/cockpit/static/cockpit.js"
 _SEAM = "cinegen/cockpit/static/base/link.js"
 """The only module of the cockpit that a page without a server replaces: its line to a session."""
 
-_COMMENT = re.compile(r"^[ \t]*(?:/\*\*(?:(?!\*/).)*\*/|//[^\n]*)[ \t]*\n", re.MULTILINE | re.DOTALL)
-"""A comment that has its lines to itself. No text of several lines in the modules has such lines."""
-
 _EXPORT = re.compile(r"^export (?=(?:async )?(?:function\*?|class|const) (\w+|\[[\w, ]+\]))", re.MULTILINE)
 _NAMED_IMPORT = re.compile(r'^import \{([^}]*)\} from "([^"]+)";', re.MULTILINE)
 
@@ -35,7 +32,7 @@ def import_map(given: Mapping[str, str], line: str = "session/link.js") -> dict[
         line: module of `static` that stands for the line to a session.
     """
     found = {_name(path): text for path, text in _modules(_ENTRY, f"cinegen/page/static/{line}")}
-    found["three"] = source("cinegen/cockpit/static/base/three.js")
+    found["three"] = _read("cinegen/cockpit/static/base/three.js")
     return {name: _address(text) for name, text in (found | dict(given)).items()}
 
 
@@ -57,7 +54,7 @@ def linked(entry: str) -> str:
         if path in above:
             raise ValueError(f"modules import each other: {' -> '.join((*above, path))}")
         if path not in numbers:
-            text = source(path)
+            text = _read(path)
             imports = [
                 f"const {{ {named(names)} }} = {link(_resolved(path, target), (*above, path))};"
                 for names, target in _NAMED_IMPORT.findall(text)
@@ -78,7 +75,7 @@ def _modules(entry: str, line: str) -> Iterator[tuple[str, str]]:
     waiting, seen = [entry], {entry}
     while waiting:
         path = waiting.pop()
-        text = source(path)
+        text = _read(path)
         imported: dict[str, str] = {}
         for match in _IMPORT.finditer(text):
             target = _resolved(path, match[2])
@@ -105,11 +102,9 @@ def _name(path: str) -> str:
     return next(name + path.removeprefix(folder) for folder, name in _NAMES.items() if path.startswith(folder))
 
 
-def source(path: str) -> str:
-    """Return the text of a module, without comments unless it is another project's: they would be 7 % of the file."""
+def _read(path: str) -> str:
     package, _, rest = path.removeprefix("cinegen/").partition("/")
-    text = Path(str(files(f"cinegen.{package}"))).joinpath(rest).read_text(encoding="utf-8")
-    return text if "/vendor/" in path else _COMMENT.sub("", text)
+    return Path(str(files(f"cinegen.{package}"))).joinpath(rest).read_text(encoding="utf-8")
 
 
 def _address(text: str) -> str:

@@ -3,7 +3,6 @@
 // For tests: #section-map; #map-quantity, #map-shown, #map-axis, #map-cut, #map-layer, #map-share, #map-note.
 
 import { make, write } from "../base/dom.js";
-import { speak } from "../base/speech.js";
 import { units } from "../base/units.js";
 import { valueOf } from "../map/numbers.js";
 import { Section } from "./section.js";
@@ -22,7 +21,7 @@ export class MapSection {
   share = make("input");
   cut = make("input");
   how = make("span");
-  at = make("output", { class: "number", "aria-live": "off" });
+  at = make("output", { class: "number" });
   note = make("div", { id: "map-note", class: "description quiet" });
 
   /**
@@ -128,7 +127,7 @@ export class MapSection {
     const text = this.field.cut === null ? "all" : valueOf(axis, Number(this.cut.value));
     write(this.how, this.layer.checked ? "Only at" : "Up to");
     write(this.at, text);
-    speak(this.cut, text);
+    this.cut.setAttribute("aria-valuetext", text);
     fill(this.cut);
   }
 
@@ -161,12 +160,8 @@ export class MapSection {
   #slider(id, label, min, max, value) {
     const slider = make("input", { type: "range", id, min, max, step: 1, title: label, "aria-label": label });
     slider.value = String(value);
-    const show = () => {
-      fill(slider);
-      if (id === "map-share") speak(slider, `${Math.round((100 * Number(slider.value)) / max)} %`);
-    };
-    slider.addEventListener("input", show);
-    show();
+    slider.addEventListener("input", () => fill(slider));
+    fill(slider);
     return slider;
   }
 }

@@ -1,7 +1,6 @@
 // Sliders whose filled part shows the value, also on a log scale.
 
 import { make } from "../base/dom.js";
-import { speak } from "../base/speech.js";
 
 export const STEPS = 1000;
 
@@ -24,14 +23,13 @@ export function fill(input) {
  *   changed: (value: number) => void }} options
  */
 export function logSlider({ id, label, hint, low, high, format, changed }) {
-  const title = `${hint}. From ${format(low)} to ${format(high)}`; // the slider's own range is that of its steps
-  const input = make("input", { type: "range", id, min: 0, max: STEPS, step: 1, title, "aria-label": label });
-  const output = make("output", { class: "number", "aria-live": "off" });
+  const input = make("input", { type: "range", id, min: 0, max: STEPS, step: 1, title: hint, "aria-label": label });
+  const output = make("output", { class: "number" });
   const value = () => low * (high / low) ** (Number(input.value) / STEPS);
   /** @param {number} number */
   const display = (number) => {
     output.textContent = format(number);
-    speak(input, format(number));
+    input.setAttribute("aria-valuetext", format(number));
     fill(input);
   };
   let moved = -Infinity;
