@@ -18,7 +18,7 @@ from pathlib import Path
 
 import cinegen
 from cinegen.page.build import RATE, content_of
-from cinegen.page.solver import solver_modules
+from cinegen.page.kernels_module import module
 from cinegen.session import Setup
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -32,9 +32,9 @@ def main(drags: int = 100_000, *names: str) -> None:
         mechanism = cinegen.load(ROOT / "robots" / f"{name}.raff")
         content = content_of(Setup({name: mechanism}, rate=RATE), "")
         with tempfile.TemporaryDirectory() as folder:
-            module, given = Path(folder, "solver.mjs"), Path(folder, "given.json")
-            module.write_text(solver_modules({name: mechanism}, RATE)[name])
-            given.write_text(json.dumps({"content": content, "module": str(module), "drags": drags, "seed": 1}))
+            kernels, given = Path(folder, "kernels.mjs"), Path(folder, "given.json")
+            kernels.write_text(module())
+            given.write_text(json.dumps({"content": content, "module": str(kernels), "drags": drags, "seed": 1}))
             command = [node, "--no-warnings", ROOT / "benchmarks" / "page_session.mjs", given]
             found = json.loads(subprocess.run(command, check=True, stdout=subprocess.PIPE, text=True).stdout)
         frames = f"{found['frames']} frames of {found['mean']:.3f} ms (longest {found['longest']:.1f} ms)"

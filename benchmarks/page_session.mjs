@@ -8,14 +8,15 @@ const { robotsOf } = await import("../cinegen/page/static/session/link.js");
 const { LocalSession } = await import("../cinegen/page/static/session/session.js");
 const { KernelSolver } = await import("../cinegen/page/static/session/solver.js");
 const { stateMessage } = await import("../cinegen/page/static/session/messages.js");
+const { kernelsOf } = await import("../cinegen/page/static/session/memory.js");
 const { robotReport } = await import("../cinegen/page/static/session/report.js");
 
 const TICKS = 4; // per frame: 240 a second, 60 frames
 const REPORTS = 6; // frames from one report to the next
 
 const { content, module, drags, seed } = JSON.parse(await readFile(process.argv[2], "utf8"));
-const make = (await import(pathToFileURL(module))).default;
-const session = new LocalSession(...robotsOf(content, content.robots.map(() => new KernelSolver(make()))));
+const kernels = await import(pathToFileURL(module));
+const session = new LocalSession(...robotsOf(content, content.robots.map(({ tables }) => new KernelSolver(kernelsOf(kernels, tables)))));
 const [robot] = session.robots.values();
 const { length, nodes } = robot.kinematics;
 

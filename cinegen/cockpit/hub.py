@@ -7,7 +7,7 @@ from collections.abc import Callable
 from typing import Protocol
 
 from msgspec import UNSET
-from msgspec.structs import replace
+from msgspec.structs import asdict, replace
 
 from cinegen.cockpit.messages import (
     CLIENT_MESSAGES,
@@ -18,7 +18,10 @@ from cinegen.cockpit.messages import (
     RequestControl,
     RequestRate,
     RequestReactions,
+    SetCursor,
+    SetUser,
     StateMessage,
+    UserInfo,
 )
 from cinegen.session import Command, CommandError, Setup
 from cinegen.session.commands import ControlPlayback, EndDrag, EndJointMotion, SetView, check_names, decode
@@ -39,6 +42,9 @@ has control need not, up to the rate of one client: clients that take control in
 
 QUEUE = 100
 """Commands that wait for the session; while there are more, no messages are read."""
+
+USERS = 0.1
+"""Time between two messages about users, s, at least."""
 
 PATIENCE = 30.0
 """Time that a client has to acknowledge a state, s."""
@@ -89,6 +95,8 @@ class Client:
         self.sent = 0  # number of the last state
         self.reported = 0  # number of the last report
         self.frames = 0  # number of acknowledged states
+        self.informed = 0  # number of the last list of users
+        self.user: UserInfo | None = None  # once it has set a name
         self.wants_reactions = False
         self.rate = FRAMES  # states per second that it asks for
         self._rate = TokenBucket(FASTEST)
@@ -130,7 +138,11 @@ class Hub:
         self._control = TokenBucket(FASTEST)
         self._state: tuple[int, StateMessage | None] = (0, None)
         self._report: tuple[int, ReportMessage | None] = (0, None)
-        self._texts: dict[bool, str] = {}  # of the newest state, with the report and without
+        self._users: tuple[int, tuple[UserInfo, ...]] = (0, ())
+        self._listed = 0.0  # when users were listed
+        self._texts: dict[
+            tuple[bool, bool], str
+        ] = {}  # of the newest state, with the report and the users, and without
 
     # --- connections ---------------------------------------------------------------------------------------------
 
@@ -192,6 +204,14 @@ class Hub:
                 client.wants_reactions = message.on
             elif isinstance(message, RequestRate):
                 client.rate = message.rate or FRAMES
+            elif isinstance(message, SetUser):
+                client.user = replace(
+                    client.user or UserInfo(client.number, "", 0), name=message.name, colour=message.colour
+                )
+            elif isinstance(message, SetCursor):
+                check_names(message, self._setup)
+                if client.user is not None:
+                    client.user = replace(client.user, **asdict(message))
             else:
                 check_names(message, self._setup)
                 self._command(client, message)
@@ -254,12 +274,19 @@ class Hub:
         if report is not None:
             self._report = self._report[0] + 1, report
         now = time.monotonic()
+        self._list_users(now)
         for client in tuple(self.clients.values()):
             if client.unacknowledged is None:
                 self._feed(client)
             elif now - client.unacknowledged[1] > PATIENCE:
                 self.leave(client)
                 client.connection.close(1001, f"no state was acknowledged for {PATIENCE:g} s")
+
+    def _list_users(self, now: float) -> None:
+        """List the users anew if they have changed, and were not listed recently."""
+        users = tuple(one.user for one in tuple(self.clients.values()) if one.user is not None)
+        if now - self._listed >= USERS and users != self._users[1]:
+            self._users, self._listed = (self._users[0] + 1, users), now
 
     def notify(self, client: Client, text: str, warning: bool = False) -> None:
         """Send a notice to a client."""
@@ -275,11 +302,12 @@ class Hub:
         number, state = self._state
         if state is None or number <= client.sent or client.unacknowledged is not None:
             return
-        new = self._report[0] > client.reported
+        new = self._report[0] > client.reported, self._users[0] > client.informed
         if new not in self._texts:
-            report = self._report[1] if new and self._report[1] is not None else UNSET
-            numbered = replace(state, frame=number, controller=self.controller, report=report)
+            report = self._report[1] if new[0] and self._report[1] is not None else UNSET
+            users = self._users[1] if new[1] else UNSET
+            numbered = replace(state, frame=number, controller=self.controller, report=report, users=users)
             self._texts[new] = encode(numbered).decode()
-        client.sent, client.reported = number, self._report[0]
+        client.sent, client.reported, client.informed = number, self._report[0], self._users[0]
         client.unacknowledged = number, time.monotonic()
         client.connection.send(self._texts[new])

@@ -12,13 +12,16 @@ import msgspec
 from msgspec import UNSET, Meta, Struct, UnsetType
 
 from cinegen.model.description import CouplingDescription, JointDescription, LoopDescription
-from cinegen.session.commands import Command, CommandFrame, TypedMessage
+from cinegen.session.commands import Command, CommandFrame, Name, Position, TypedMessage
 from cinegen.session.report import RobotReport
 from cinegen.session.setup import SensorSwitch
 from cinegen.session.state import Obstruction, PlaybackStatus, RobotStatus, SessionInfo, TaskInfo
 from cinegen.typed_json import Vector7
 
-PROTOCOL = 4
+PROTOCOL = 5
+
+
+UserColour = Annotated[int, Meta(ge=0, le=7)]
 
 
 class Ack(TypedMessage, frozen=True):
@@ -61,7 +64,35 @@ class RequestRate(TypedMessage, frozen=True):
     rate: Annotated[float, Meta(ge=60.0, le=120.0)] | None = None
 
 
-ClientMessage = Ack | RequestControl | RequestReactions | RequestRate | Command
+class SetUser(TypedMessage, frozen=True):
+    """Set the name and colour under which other users see this one.
+
+    Attributes:
+        name: name for people.
+        colour: number of a colour, 0 to 7.
+    """
+
+    name: Name
+    colour: UserColour
+
+
+class SetCursor(TypedMessage, frozen=True):
+    """Set the part at which the pointer is, for other users.
+
+    Attributes:
+        robot: robot or obstacle; null: the pointer is at no part.
+        node: node of it.
+        point: point at which the pointer is, in the node's frame (m).
+        dragging: whether the part is dragged.
+    """
+
+    robot: str | None = None
+    node: str | None = None
+    point: Position = (0.0, 0.0, 0.0)
+    dragging: bool = False
+
+
+ClientMessage = Ack | RequestControl | RequestReactions | RequestRate | SetUser | SetCursor | Command
 CLIENT_MESSAGES: msgspec.json.Decoder[ClientMessage] = msgspec.json.Decoder(ClientMessage)
 
 
@@ -250,6 +281,28 @@ class ReportMessage(SessionInfo, frozen=True, kw_only=True):
     compilation: float | None = None
 
 
+class UserInfo(Struct, frozen=True):
+    """A user: a client that has set a name.
+
+    Attributes:
+        client: number of the client.
+        name: name for people.
+        colour: number of a colour, 0 to 7.
+        robot: robot or obstacle at which the pointer is; null: at none.
+        node: node of it.
+        point: point at which the pointer is, in the node's frame (m).
+        dragging: whether the part is dragged.
+    """
+
+    client: int
+    name: str
+    colour: UserColour
+    robot: str | None = None
+    node: str | None = None
+    point: Position = (0.0, 0.0, 0.0)
+    dragging: bool = False
+
+
 class StateMessage(TypedMessage, frozen=True):
     """The newest state, at most 60 times per second, or as `request_rate` asks; sent only when the one before was
     acknowledged.
@@ -267,6 +320,7 @@ class StateMessage(TypedMessage, frozen=True):
         frame: number of the state.
         controller: number of the client that has control, or null.
         report: in some of the states.
+        users: all users; only when they, or their pointers, have changed, at most ten times per second.
     """
 
     time: float
@@ -279,6 +333,7 @@ class StateMessage(TypedMessage, frozen=True):
     frame: int = 0
     controller: int | None = None
     report: ReportMessage | UnsetType = UNSET
+    users: tuple[UserInfo, ...] | UnsetType = UNSET
 
 
 class NoticeMessage(TypedMessage, frozen=True):

@@ -19,8 +19,9 @@ import pinocchio as pin
 from cinegen.cockpit.build_messages import hello_message
 from cinegen.cockpit.cockpit import draw, title_of
 from cinegen.cockpit.page import Page, viewer
+from cinegen.page.kernels_module import KERNELS, module
 from cinegen.page.modules import import_map, linked
-from cinegen.page.solver import solver_modules
+from cinegen.page.tables import robot_tables
 from cinegen.session import Setup
 from raff2urdf.files import GENERATED
 
@@ -29,9 +30,13 @@ RATE = 240.0
 
 _POLICY = (
     "default-src 'none'; script-src 'nonce-{nonce}'; style-src 'unsafe-inline'; img-src data: blob:; base-uri 'none'; "
-    "form-action 'none'"
+    "form-action 'none'; worker-src data: blob:"
 )
-_STYLES = ("style/theme.css", "style/layout.css", "style/controls.css")
+"""Workers encode films (a module of the import map, so data:) and read RAFF (blob:)."""
+
+_STYLES = tuple(
+    f"style/{name}.css" for name in ("theme", "layout", "controls", "plots", "waypoints", "users", "preferences")
+)  # as index.html has them
 _LICENCES = ("vendor/meshcat-0.3.2/LICENSE", "vendor/three-0.132.2/LICENSE")
 _EDITOR_LICENCES = (*_LICENCES, "vendor/codemirror-6/LICENSE")
 _NO_FORCES = "a page without a server computes none"
@@ -47,10 +52,9 @@ def build_page(setup: Setup, title: str = "") -> str:
     Raises:
         CinegenError: a robot has joints that the kernels don't know.
     """
-    title, solvers = title or title_of(setup), solver_modules(setup.robots, RATE)
+    title = title or title_of(setup)
     content = content_of(setup, title) | {"scene": _scene(setup, title)}
-    modules = import_map({one["module"]: solvers[one["name"]] for one in content["robots"]})
-    return _file(title, modules, content, _POLICY, _own("local.css"), _LICENCES)
+    return _file(title, import_map({KERNELS: module()}), content, _POLICY, _own("local.css"), _LICENCES)
 
 
 def build_editor(text: str, name: str, title: str = "") -> str:
@@ -62,11 +66,10 @@ def build_editor(text: str, name: str, title: str = "") -> str:
         title: title of the page; the text's name unless given.
     """
     title = title or name
-    content = {"text": text, "name": name, "title": title, "worker": linked("editor/worker.js")}
+    content = {"text": text, "name": name, "title": title, "worker": linked("editor/worker.js"), "kernels": KERNELS}
     styles = _own("local.css") + _own("editor.css")
-    return _file(
-        title, import_map({}, "editor/link.js"), content, _POLICY + "; worker-src blob:", styles, _EDITOR_LICENCES
-    )
+    modules = import_map({KERNELS: module()}, "editor/link.js")
+    return _file(title, modules, content, _POLICY, styles, _EDITOR_LICENCES)
 
 
 def _file(
@@ -95,8 +98,8 @@ def _file(
 
 
 def content_of(setup: Setup, title: str) -> dict[str, Any]:
-    """Return what the session in the page begins with: the first message, and each robot's module, start and base."""
-    return {"hello": _hello(setup, title), "robots": list(_robots(setup)), "rate": RATE}
+    """Return what the session in the page begins with: the first message, and each robot's tables, start and base."""
+    return {"hello": _hello(setup, title), "robots": list(_robots(setup)), "rate": RATE, "kernels": KERNELS}
 
 
 def _hello(setup: Setup, title: str) -> Any:
@@ -112,7 +115,7 @@ def _hello(setup: Setup, title: str) -> Any:
 
 def _robots(setup: Setup) -> Iterator[Any]:
     """Yield what the session needs of each robot, each after the one that carries it."""
-    for number, name in enumerate(setup.order()):
+    for name in setup.order():
         base = setup.base(name)
         mounting = {
             "robot": base.robot,
@@ -120,7 +123,7 @@ def _robots(setup: Setup) -> Iterator[Any]:
             "placement": pin.SE3ToXYZQUAT(base.placement).tolist(),
         }
         start = setup.start(name).tolist()
-        yield {"name": name, "module": f"cinegen/robot/{number}", "base": mounting, "start": start}
+        yield {"name": name, "tables": robot_tables(setup.robots[name], RATE), "base": mounting, "start": start}
 
 
 def _scene(setup: Setup, title: str) -> list[str]:

@@ -20,6 +20,9 @@ _ENTRY = "cinegen/cockpit/static/cockpit.js"
 _SEAM = "cinegen/cockpit/static/base/link.js"
 """The only module of the cockpit that a page without a server replaces: its line to a session."""
 
+_COMMENT = re.compile(r"^[ \t]*(?:/\*\*(?:(?!\*/).)*\*/|//[^\n]*)[ \t]*\n", re.MULTILINE | re.DOTALL)
+"""A comment that has its lines to itself. No text of several lines in the modules has such lines."""
+
 _EXPORT = re.compile(r"^export (?=(?:async )?(?:function\*?|class|const) (\w+|\[[\w, ]+\]))", re.MULTILINE)
 _NAMED_IMPORT = re.compile(r'^import \{([^}]*)\} from "([^"]+)";', re.MULTILINE)
 
@@ -32,7 +35,7 @@ def import_map(given: Mapping[str, str], line: str = "session/link.js") -> dict[
         line: module of `static` that stands for the line to a session.
     """
     found = {_name(path): text for path, text in _modules(_ENTRY, f"cinegen/page/static/{line}")}
-    found["three"] = _read("cinegen/cockpit/static/base/three.js")
+    found["three"] = source("cinegen/cockpit/static/base/three.js")
     return {name: _address(text) for name, text in (found | dict(given)).items()}
 
 
@@ -54,7 +57,7 @@ def linked(entry: str) -> str:
         if path in above:
             raise ValueError(f"modules import each other: {' -> '.join((*above, path))}")
         if path not in numbers:
-            text = _read(path)
+            text = source(path)
             imports = [
                 f"const {{ {named(names)} }} = {link(_resolved(path, target), (*above, path))};"
                 for names, target in _NAMED_IMPORT.findall(text)
@@ -75,7 +78,7 @@ def _modules(entry: str, line: str) -> Iterator[tuple[str, str]]:
     waiting, seen = [entry], {entry}
     while waiting:
         path = waiting.pop()
-        text = _read(path)
+        text = source(path)
         imported: dict[str, str] = {}
         for match in _IMPORT.finditer(text):
             target = _resolved(path, match[2])
@@ -102,9 +105,11 @@ def _name(path: str) -> str:
     return next(name + path.removeprefix(folder) for folder, name in _NAMES.items() if path.startswith(folder))
 
 
-def _read(path: str) -> str:
+def source(path: str) -> str:
+    """Return the text of a module, without comments unless it is another project's: they would be 7 % of the file."""
     package, _, rest = path.removeprefix("cinegen/").partition("/")
-    return Path(str(files(f"cinegen.{package}"))).joinpath(rest).read_text(encoding="utf-8")
+    text = Path(str(files(f"cinegen.{package}"))).joinpath(rest).read_text(encoding="utf-8")
+    return text if "/vendor/" in path else _COMMENT.sub("", text)
 
 
 def _address(text: str) -> str:

@@ -68,6 +68,8 @@ def take_tasks(memory: PageMemory) -> None:
         first = 5 if task.rotation == 1 else 3  # of two, the direction of z: it is rotated about x and y
         for k in range(task.rotation):
             task.row_axis[task.translation + k] = first + k
+        for k in range(6):
+            task.row_weight[k] = 1.0
         task.weight = memory.task_weight[i]
     memory.signature = -1
 

@@ -32,6 +32,12 @@ Quaternion = Vector4
 Weight = Annotated[float, Meta(ge=0.01, le=100.0)]
 Pointer = Annotated[int, Meta(ge=0, le=9)]
 TaskId = Annotated[int, Meta(ge=0, lt=1 << 53)]
+WaypointId = TaskId
+
+Name = Annotated[
+    str, Meta(min_length=1, max_length=40, pattern=r"^[^\x00-\x1f\x7f-\x9f\u200e\u200f\u2028-\u202e\u2066-\u2069]*$")
+]
+"""A name that people choose: no control characters, none that reverse the direction of text."""
 
 CommandFrame = Literal["world", "base", "tool", "view"]
 """Frame in whose axes a sensor's deflection moves a node."""
@@ -182,6 +188,62 @@ class MoveTo(TypedMessage, frozen=True):
     q: tuple[Coordinate, ...]
 
 
+class SaveWaypoint(TypedMessage, frozen=True):
+    """Save the present configurations of all robots as the last waypoint.
+
+    Attributes:
+        name: name for people.
+    """
+
+    name: Name
+
+
+class ChangeWaypoint(TypedMessage, frozen=True):
+    """Change a waypoint; what is null stays.
+
+    Attributes:
+        waypoint: its id.
+        name: name for people.
+        index: new index in the list, from 0; an index beyond the last one is the last.
+    """
+
+    waypoint: WaypointId
+    name: Name | None = None
+    index: Annotated[int, Meta(ge=0, le=1000)] | None = None
+
+
+class RemoveWaypoint(TypedMessage, frozen=True):
+    """Remove a waypoint.
+
+    Attributes:
+        waypoint: its id.
+    """
+
+    waypoint: WaypointId
+
+
+class MoveToWaypoint(TypedMessage, frozen=True):
+    """Move all robots to a waypoint: actuated joints are interpolated, passive joints follow.
+
+    Attributes:
+        waypoint: its id.
+    """
+
+    waypoint: WaypointId
+
+
+class PlayWaypoints(TypedMessage, frozen=True):
+    """Move all robots through all waypoints in their order, or stop that.
+
+    Attributes:
+        on: whether to play.
+        record: whether the motion from the first waypoint to the last is recorded.
+    """
+
+    on: bool
+    record: bool = False
+
+
 class Undo(TypedMessage, frozen=True):
     """Undo the last undo step."""
 
@@ -300,12 +362,12 @@ class ControlPlayback(TypedMessage, frozen=True):
 
 Command = (
     StartDrag | MoveDrag | EndDrag | Pin | RemoveTask | ChangeTask | MoveJoint | EndJointMotion | MoveHome | MoveTo
-    | Undo | Redo | Pause | SelectSensor | ChangeSettings | SetPayload | SetView | SetRecording | GamepadInput
-    | ControlPlayback
+    | SaveWaypoint | ChangeWaypoint | RemoveWaypoint | MoveToWaypoint | PlayWaypoints | Undo | Redo | Pause
+    | SelectSensor | ChangeSettings | SetPayload | SetView | SetRecording | GamepadInput | ControlPlayback
 )  # fmt: skip
 
 
-def check_names(command: Command, setup: Setup) -> None:
+def check_names(command: TypedMessage, setup: Setup) -> None:
     """Check the names in a command to a session. The only node of an obstacle has its name.
 
     Raises:

@@ -6,10 +6,8 @@ It has no screen and no socket; `cinegen.session.runner` runs its ticks.
 from __future__ import annotations
 
 import contextlib
-import time
 from collections import deque
 from collections.abc import Callable
-from pathlib import Path
 
 import msgspec
 import numpy as np
@@ -17,7 +15,7 @@ import pinocchio as pin
 
 from cinegen.errors import CinegenError
 from cinegen.ik import Solver
-from cinegen.mission import MissionRecorder, Player, Recording
+from cinegen.mission import Player, Recording
 from cinegen.session import commands as c
 from cinegen.session.avoiding import AvoidingRobot
 from cinegen.session.drags import Drags
@@ -26,9 +24,11 @@ from cinegen.session.holding import Holding, HoldingError, why_no_forces
 from cinegen.session.motion import ConfigurationMotion, JointMotion, LineMotion
 from cinegen.session.robot import PIN, SENSOR, DrivenRobot, UserTask
 from cinegen.session.sensors import SessionSensors, default_speed
+from cinegen.session.session_recorder import SessionRecorder
 from cinegen.session.setup import Setup
-from cinegen.session.state import CarriedMass, Notice, PlaybackStatus, RecordingStatus, SessionState, Settings
+from cinegen.session.state import CarriedMass, Notice, PlaybackStatus, SessionState, Settings
 from cinegen.session.undo import UndoHistory
+from cinegen.session.waypoints import Waypoints
 
 SAMPLES = 100
 """Samples per second that are recorded."""
@@ -37,6 +37,7 @@ MOST_TASKS = 64
 """Tasks up to which pins can be added."""
 
 _NOTICES = 8  # that are kept
+_INTERRUPTS = c.StartDrag | c.MoveJoint | c.MoveHome | c.MoveTo | c.Undo | c.Redo  # of motions through waypoints
 
 _REST = 1.0  # s without motion, after which a session is at rest
 _SAMPLED = 1.0 / 60.0  # s between two looks whether anything moves
@@ -74,8 +75,8 @@ class Session:
         self._notices: deque[Notice] = deque(maxlen=_NOTICES)
         self._noticed = self._answered = self._ticks = 0
         self.settings = Settings(100.0, 0.05, default_speed(self.robots), 0.5, "world")
-        self._recorder: MissionRecorder | None = None
-        self._recorded: list[MissionRecorder] = []  # whose files may still be written
+        self._recorder = SessionRecorder(setup, self.robots, self.obstacles)
+        self._waypoints = Waypoints(self.robots, self._new_id, self._record_motion)
         self._player = Player(Recording.load(setup.replay)) if setup.replay is not None else None
         if self._player is not None:
             self._player.set_speed(setup.playback_speed)
@@ -97,14 +98,12 @@ class Session:
                 if switch.first is not None:
                     self.sensors.select(switch.robot, switch.node, switch.first)
         if setup.record is not None:
-            self._record(setup.record, setup.overwrite)
+            self._recorder.start(setup.record, setup.overwrite)
 
     def close(self) -> None:
         """Close the sensors and the recording."""
         self.sensors.close()
-        for recorder in (*self._recorded, self._recorder):
-            if recorder is not None:
-                recorder.close()
+        self._recorder.close()
 
     # --- in ------------------------------------------------------------------------------------------------------
 
@@ -116,6 +115,8 @@ class Session:
             if self._player is not None:
                 self._notice("a recording is being replayed: it can't be driven", warning=True)
             return
+        if isinstance(command, _INTERRUPTS):
+            self._waypoints.stop()
         try:
             getattr(self, f"_{command.__struct_config__.tag}")(command)
         except CinegenError as error:
@@ -136,12 +137,13 @@ class Session:
             if not self.paused:
                 for robot in self._driven.values():
                     self._move(robot)
+                if problem := self._waypoints.tick():
+                    self._notice(problem, warning=True)
         if self._carried:
             self._carry()
         self._history.tick(self.dt, bool(self._drags))
-        if self._recorder is not None and self._ticks % max(1, round(1.0 / (SAMPLES * self.dt))) == 0:
-            samples = {name: robot.sample() for name, robot in self.robots.items()}
-            self._recorder.write(self.time, samples, {name: one.pose for name, one in self.obstacles.items()})
+        if self._ticks % max(1, round(1.0 / (SAMPLES * self.dt))) == 0:
+            self._recorder.sample(self.time)
         if self.at_rest or self.time - self._looked >= _SAMPLED:
             self._look()
 
@@ -160,7 +162,7 @@ class Session:
         parts = [robot.moving_parts() for robot in self._driven.values()]
         before, self._moved = self._moved, np.concatenate(parts)
         busy = (
-            self._recorder is not None
+            bool(self._recorder)
             or (self._player is not None and self._player.playing)
             or (not self.paused and self._acts())
         )
@@ -264,6 +266,36 @@ class Session:
         self._free(robot)
         robot.motion = motion
 
+    # --- waypoints -----------------------------------------------------------------------------------------------
+
+    def _save_waypoint(self, command: c.SaveWaypoint) -> None:
+        self._waypoints.save(command.name)
+
+    def _change_waypoint(self, command: c.ChangeWaypoint) -> None:
+        self._waypoints.change(command)
+
+    def _remove_waypoint(self, command: c.RemoveWaypoint) -> None:
+        self._waypoints.remove(command.waypoint)
+
+    def _move_to_waypoint(self, command: c.MoveToWaypoint) -> None:
+        self._follow(lambda: self._waypoints.move_to(command.waypoint))
+
+    def _play_waypoints(self, command: c.PlayWaypoints) -> None:
+        if not command.on:
+            self._waypoints.stop()
+        elif command.record and self._recorder:
+            self._notice("a recording is in progress: stop it first, or play the waypoints within it", warning=True)
+        else:
+            self._follow(lambda: self._waypoints.play(command.record))
+
+    def _follow(self, start: Callable[[], None]) -> None:
+        """Start a motion through waypoints."""
+        self._drags.end()
+        self._history.begin()
+        start()
+        for robot in self.robots.values():
+            self._free(robot)
+
     def _free(self, robot: DrivenRobot) -> None:
         """Stop the scripts of a robot and remove its pins."""
         self.sensors.stop_scripts(robot.name)
@@ -312,18 +344,19 @@ class Session:
     # --- recordings ----------------------------------------------------------------------------------------------
 
     def _set_recording(self, command: c.SetRecording) -> None:
-        if command.on and self._recorder is None:
-            self._record(time.strftime("mission-%Y%m%d-%H%M%S.jsonl"))
-        elif not command.on and self._recorder is not None:
-            recorder, self._recorder = self._recorder, None
-            recorder.close(wait=False)
-            self._recorded.append(recorder)
-            self._notice(f"recorded {recorder.seconds:.1f} s in {recorder.path}")
+        if command.on:
+            self._recorder.start()
+        elif text := self._recorder.stop():
+            self._notice(text)
 
-    def _record(self, path: str, overwrite: bool = False) -> None:
-        setup = self.setup
-        self._recorded = [one for one in self._recorded if not one.finished]
-        self._recorder = MissionRecorder(Path(path), setup.robots, setup.bases, overwrite, setup.obstacles)
+    def _record_motion(self, on: bool, arrived: bool = True) -> None:
+        """Start or stop a recording; the present moment belongs to it if the robots have arrived."""
+        if on:
+            self._recorder.start()
+        if arrived:
+            self._recorder.sample(self.time)
+        if not on:
+            self._set_recording(c.SetRecording(False))
 
     def _control_playback(self, command: c.ControlPlayback) -> None:
         if self._player is None:
@@ -339,7 +372,7 @@ class Session:
 
     def state(self) -> SessionState:
         """Return the present state."""
-        recorder, player = self._recorder, self._player
+        player = self._player
         return SessionState(
             time=self.time,
             robots={name: robot.state() for name, robot in self.robots.items()},
@@ -351,13 +384,13 @@ class Session:
             redo=self._history.redo_count,
             paused=self.paused,
             moving=next((robot.motion.name for robot in self._driven.values() if robot.motion is not None), None),
-            recording=None
-            if recorder is None
-            else RecordingStatus(str(recorder.path), recorder.seconds, recorder.error),
+            recording=self._recorder.status(),
             playback=None
             if player is None
             else PlaybackStatus(str(player.recording.path), player.seconds, player.time, player.playing, player.speed),
             compiled=all(robot.solver.is_compiled for robot in self._driven.values()),
+            waypoints=self._waypoints.infos,
+            waypoint=self._waypoints.target,
             notices=tuple(self._notices),
             answered=self._answered,
             at_rest=self.at_rest,

@@ -184,6 +184,18 @@ class Notice(Struct, frozen=True):
     warning: bool
 
 
+class WaypointInfo(Struct, frozen=True):
+    """A waypoint: configurations of all robots, saved under a name.
+
+    Attributes:
+        id: number of the waypoint in the session.
+        name: name for people.
+    """
+
+    id: int
+    name: str
+
+
 class RecordingStatus(Struct, frozen=True):
     """A recording that is being made.
 
@@ -225,10 +237,12 @@ class SessionInfo(Struct, frozen=True, kw_only=True):
         undo: number of undo steps.
         redo: number of steps that can be redone.
         paused: whether the session is paused.
-        moving: home, move_to, undo, redo or joints during such a motion; None: tasks move the robots.
+        moving: home, move_to, waypoint, undo, redo or joints during such a motion; None: tasks move the robots.
         recording: recording that is being made, or None.
         playback: recording that is replayed, or None.
         compiled: whether solvers run as machine code; False while their kernels are interpreted, see `cinegen compile`.
+        waypoints: saved configurations, in the order in which they are played.
+        waypoint: id of the waypoint that the robots move to, or None.
     """
 
     sensors: tuple[SensorReport, ...]
@@ -240,6 +254,8 @@ class SessionInfo(Struct, frozen=True, kw_only=True):
     recording: RecordingStatus | None
     playback: PlaybackStatus | None
     compiled: bool = True
+    waypoints: tuple[WaypointInfo, ...] = ()
+    waypoint: int | None = None
 
 
 class SessionState(SessionInfo, frozen=True, kw_only=True):

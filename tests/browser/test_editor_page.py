@@ -2,10 +2,16 @@
 
 from __future__ import annotations
 
+import base64
+import json
+import zlib
+
 import numpy as np
 import pinocchio as pin
 import pytest
+from test_cockpit_page import WHERE
 from test_local_page import CHROMIUM, PICTURES, becomes, browser, tab  # noqa: F401
+from variants import slow
 
 from cinegen.page import build_editor
 from raff2urdf.errors import RaffError
@@ -65,6 +71,54 @@ def test_the_robot_follows_its_text(file, text, tab, robot):  # noqa: F811
     assert other.evaluate("cockpit.report.robots.r1.closure") <= 1e-12
 
 
+def test_an_edited_robot_is_dragged_and_keeps_its_pose(file, text, tab):  # noqa: F811
+    page = tab(file)
+    home = np.array(page.evaluate("cockpit.report.robots.r1.q"))
+    edit(page, text.replace("d 2000.0", "d 2050.0"))
+    assert becomes(page, "document.documentElement.dataset.read === 'yes' && cockpit.report !== null")
+    page.evaluate("cockpit.send({ type: 'pin', robot: 'r1', node: 'link3' })")
+    assert becomes(page, "cockpit.state.tasks.length === 1")
+    page.evaluate("cockpit.send({ type: 'remove_task', task: cockpit.state.tasks[0].id })")
+    x, y, *_ = page.evaluate(WHERE, ["r1", "link10"])
+    page.mouse.move(x, y)
+    page.mouse.down()
+    page.mouse.move(x + 6, y - 6, steps=4)
+    assert becomes(page, "cockpit.state.tasks.some(({ source }) => source === 'pointer')")
+    page.wait_for_timeout(300)
+    page.screenshot(path=PICTURES / "editor_page_dragged.png")
+    page.mouse.up()
+    assert becomes(page, "cockpit.report.rate.at_rest")
+    report = page.evaluate("cockpit.report.robots.r1")
+    dragged = np.array(report["q"])
+    assert np.abs(dragged - home).max() > 0.02
+    assert report["closure"] <= 1e-10
+    assert report["type1"]["sigma"] > 0.0 < report["type2"]["sigma"]
+
+    page.click("#home")
+    assert becomes(page, "cockpit.report.moving === null && cockpit.report.rate.at_rest")
+    page.locator('[data-joint="r1/joint1"] input[type=number]').fill("10")
+    page.keyboard.press("Enter")
+    assert becomes(page, f"Math.abs(cockpit.report.robots.r1.q[0] - {np.radians(10.0)}) < 1e-9")
+    kept = np.array(page.evaluate("cockpit.report.robots.r1.q"))
+    page.evaluate("cockpit.send({ type: 'end_joint_motion' })")
+    page.evaluate("cockpit.send({ type: 'pin', robot: 'r1', node: 'platform' })")
+    assert becomes(page, "cockpit.state.tasks.length === 1")
+    edit(page, text.replace("d 2000.0", "d 2060.0"))
+    assert becomes(page, "document.documentElement.dataset.read === 'yes' && cockpit.report !== null")
+    assert becomes(page, "cockpit.state.tasks.length === 1 && cockpit.report.undo === 0")
+    after = page.evaluate("cockpit.report.robots.r1")
+    assert after["closure"] <= 1e-10
+    assert np.array(after["q"]) == pytest.approx(kept, abs=0.05)
+    assert np.abs(np.array(after["q"]) - home).max() > 0.02
+    page.click("#home")
+    assert becomes(page, "cockpit.report.moving === null && cockpit.report.undo === 1 && cockpit.report.rate.at_rest")
+    edit(
+        page,
+        "RAFF t robot r1 { link 1 { parameters { d 5 } type 2 pred 0 } link 2 { parameters { d 3 } type 2 pred 1 } }",
+    )
+    assert becomes(page, "cockpit.hello.robots[0].joints.length === 2 && cockpit.state?.tasks.length === 0")
+
+
 def test_errors_are_those_of_the_command_and_the_robot_stays(file, text, tab):  # noqa: F811
     page = tab(file)
     before = page.evaluate("cockpit.state.poses.r1")
@@ -73,10 +127,10 @@ def test_errors_are_those_of_the_command_and_the_robot_stays(file, text, tab):  
         check(parse(wrong, "delta4.raff"))
     edit(page, wrong)
     assert becomes(page, "document.documentElement.dataset.read === 'no'")
-    shown = page.locator("#notes pre").all_text_contents()
+    shown = page.locator("#notes button").all_text_contents()
     assert "\n".join(shown) == str(error.value)
     line = min(problem.location.line for problem in error.value.problems)
-    page.locator("#notes pre").first.click()
+    page.locator("#notes button").first.click()
     assert becomes(page, "document.querySelector('#text .cm-lint-marker-error') !== null")
     assert f"delta4.raff:{line}:" in shown[0]
     assert page.evaluate("cockpit.state.poses.r1") == before
@@ -88,10 +142,55 @@ def test_no_text_runs_or_stops_the_page(file, tab):  # noqa: F811
     edit(page, hostile)
     assert becomes(page, "document.documentElement.dataset.read === 'no'")
     assert page.evaluate("document.querySelectorAll('#editor [onerror], #editor script').length") == 0
-    assert page.locator("#notes pre").count() > 0
+    assert page.locator("#notes button").count() > 0
     edit(page, "RAFF t robot r { link 1 { parameters { d 500 } type 2 pred 0 } }")
     assert becomes(page, "document.documentElement.dataset.read === 'yes'")
     assert becomes(page, "cockpit.hello.robots[0].name === 'r'")
+
+
+def longest_task(trace):
+    """Processor time of the longest task of pages' main threads in a trace, ms."""
+    events = json.loads(trace)["traceEvents"]
+    named = [one for one in events if one["name"] == "thread_name" and one["args"].get("name") == "CrRendererMain"]
+    threads = {(one["pid"], one["tid"]) for one in named}
+    tasks = [one["tdur"] for one in events if one["name"] == "RunTask" and (one["pid"], one["tid"]) in threads]
+    assert len(tasks) > 20
+    return max(tasks) / 1000.0
+
+
+@pytest.mark.parametrize(
+    ("way", "text"),
+    [
+        ("insert", "x" * 999_000),
+        *slow(*((way, text) for way in ("insert", "paste", "link") for text in ("{\n" * 200_000, "a\n" * 249_000))),
+        *slow(*(("paste", text) for text in ("x" * 999_000, "link 1 { " * 110_000))),
+    ],
+    ids=lambda one: one[:6],
+)
+def test_no_text_takes_the_page_for_100_ms(file, tab, browser, way, text):  # noqa: F811
+    """Processor time, which does not depend on what else the machine does."""
+    page = tab(file)
+    link = f"#raff={base64.urlsafe_b64encode(zlib.compress(text.encode(), 9, -15)).decode().rstrip('=')}"
+    if way == "paste":
+        page.context.grant_permissions(["clipboard-read", "clipboard-write"])
+        page.evaluate("text => navigator.clipboard.writeText(text)", text)
+    page.click("#text .cm-content")
+    page.keyboard.press("Control+a")
+    page.wait_for_timeout(500)
+    browser.start_tracing(
+        page=page, categories=["toplevel", "devtools.timeline", "disabled-by-default-devtools.timeline"]
+    )
+    if way == "insert":
+        page.keyboard.insert_text(text)
+    elif way == "paste":
+        page.keyboard.press("Control+v")
+    else:
+        page.evaluate("link => { location.hash = link; }", link)
+    assert becomes(page, "document.documentElement.dataset.read === 'no'")
+    page.wait_for_timeout(500)
+    trace = browser.stop_tracing()
+    assert page.locator("#notes pre").count() > 0
+    assert longest_task(trace) <= 100.0
 
 
 def test_a_link_that_is_damaged_leaves_the_text(file, tab):  # noqa: F811

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from time import sleep
 from types import SimpleNamespace
 
 import pytest
@@ -292,3 +293,66 @@ def test_it_receives_whether_anybody_watches(hub):
     hub.show(state(2.0))
     assert late.frames() == [2]
     assert "report" not in late.told[-1]
+
+
+def receive(hub, client, message):
+    hub.receive(client, json.dumps(message))
+
+
+def show(hub, *clients):
+    """A new state, which the clients acknowledge."""
+    hub.show(state())
+    for client in clients:
+        says(hub, client, type="ack", frame=client.sent)
+
+
+def users_of(line):
+    return [[(one["client"], one["name"]) for one in said["users"]] for said in line.told if "users" in said]
+
+
+def test_users_and_their_pointers_are_seen_by_all_as_often_as_is_useful(hub, monkeypatch):
+    monkeypatch.setattr(hubs, "USERS", 0.05)
+    first, one = join(hub)
+    second, other = join(hub)
+    cursor = {"type": "set_cursor", "robot": "delta", "node": "link5", "point": [0, 0, 0.1]}
+    receive(hub, first, cursor)  # who has no name is not shown
+    show(hub, first, second)
+    assert users_of(one) == users_of(other) == []
+    receive(hub, first, {"type": "set_user", "name": "<b>Ada</b>", "colour": 3})
+    receive(hub, first, cursor | {"dragging": True})
+    for _ in range(40):  # many messages, few lists
+        receive(hub, first, cursor)
+        receive(hub, first, cursor | {"dragging": True})
+        show(hub, first, second)
+    assert users_of(other)[0] == [(first.number, "<b>Ada</b>")]
+    (seen,) = next(said["users"] for said in other.told if "users" in said)
+    expected = {"robot": "delta", "node": "link5", "point": [0.0, 0.0, 0.1], "dragging": True, "colour": 3}
+    assert {name: seen[name] for name in expected} == expected
+    assert len(users_of(other)) <= 3
+    late, line = join(hub)
+    show(hub, late)
+    assert users_of(line)[0] == [(first.number, "<b>Ada</b>")]
+    hub.leave(first)
+    sleep(0.06)
+    show(hub, second, late)
+    assert users_of(line)[-1] == users_of(other)[-1] == []
+    assert hub.obeyed == []  # none of that needs control, or reaches the session
+
+
+@pytest.mark.parametrize(
+    ("message", "reason"),
+    [
+        ({"type": "set_user", "name": "", "colour": 0}, "length >= 1"),
+        ({"type": "set_user", "name": "x" * 41, "colour": 0}, "length <= 40"),
+        ({"type": "set_user", "name": "a\u202eb", "colour": 0}, "matching regex"),
+        ({"type": "set_user", "name": "a", "colour": 8}, "<= 7"),
+        ({"type": "set_cursor", "robot": "delta", "node": "nose"}, "Unknown node 'nose'"),
+        ({"type": "set_cursor", "robot": "nobody", "node": "link5"}, "Unknown robot"),
+        ({"type": "set_cursor", "robot": "delta", "node": "link5", "point": [0, 0, 1e9]}, "1000000.0"),
+    ],
+)
+def test_users_and_pointers_that_are_not_valid_are_refused(hub, message, reason):
+    client, line = join(hub)
+    receive(hub, client, message)
+    assert line.closed[0] == 1008
+    assert reason in line.closed[1]

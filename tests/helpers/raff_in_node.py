@@ -41,6 +41,11 @@ def analyse_in_node(texts: Iterable[str]) -> list[list[dict[str, Any] | str]]:
     return _run("analyse_raff.js", texts)
 
 
+def tables_in_node(texts: Iterable[str]) -> list[list[dict[str, Any]]]:
+    """Return the solver's tables of the robots in texts, likewise."""
+    return _run("tables_of_raff.js", texts)
+
+
 def _run(script: str, texts: Iterable[str], *options: str) -> list[Any]:
     node = shutil.which("node")
     if node is None:
@@ -140,6 +145,7 @@ def _model(document: Document, robot: RaffRobot) -> dict[str, Any]:
             "isNode": node.number in robot.nodes,
             "parent": -1 if isinstance(node, RaffBase) else index[node.pred],
             "joint": -1 if isinstance(node, RaffBase) else columns.get(node.joint, -1),
+            "jointName": None if isinstance(node, RaffBase) else node.joint,
             "parameters": parameters._asdict(),
             "placement": Placement(transform(parameters)[:3].ravel().tolist()),
             "world": Placement(world[node.number][:3].ravel().tolist()),

@@ -17,6 +17,8 @@ export async function line() {
   const { Events } = await import("../../cinegen/cockpit/static/base/events.js");
   return Object.assign(new Events(), {
     sent: [],
+    owner: "session",
+    configurations: () => null,
     send(object) {
       this.sent.push(object);
     },

@@ -39,6 +39,13 @@ test("what decompresses to more than the limit is refused, and not decompressed"
   await assert.rejects(decode("A".repeat(2 * LARGEST + 1)), { message: /too long/ });
 });
 
+test("a text that can't be compressed is in no address", async () => {
+  let state = 1;
+  const noise = Array.from({ length: 300_000 }, () => String.fromCharCode(32 + ((state = (state * 48271) % 2147483647) % 95))).join("");
+  assert.ok(packed(noise).length > 140_000);
+  await assert.rejects(encode(noise), { constructor: FragmentError, message: /keep it in a file/ });
+});
+
 test("a damaged address is an error that says so", async () => {
   const fragment = await encode("RAFF t\nrobot r { link 1 { type 2 pred 0 } }");
   const damaged = [

@@ -1,5 +1,5 @@
 // Run commands in the session of a page without a server, see tests/page/test_same_session.py: node run_session.js FILE.
-// The file holds { content, modules: paths by name, script: [[ticks, command or null], ...] }; the states go to standard
+// The file holds { content, module: path of the kernels, script: [[ticks, command or null], ...] }; the states go to standard
 // output, one after each entry.
 
 import { readFile } from "node:fs/promises";
@@ -11,9 +11,10 @@ const { robotsOf } = await import("../../cinegen/page/static/session/link.js");
 const { KernelSolver } = await import("../../cinegen/page/static/session/solver.js");
 const { LocalSession } = await import("../../cinegen/page/static/session/session.js");
 
-const { content, modules, script } = JSON.parse(await readFile(process.argv[2], "utf8"));
-const found = await Promise.all(content.robots.map(({ module }) => import(pathToFileURL(modules[module]))));
-const solvers = found.map((module) => new KernelSolver(module.default()));
+const { kernelsOf } = await import("../../cinegen/page/static/session/memory.js");
+const { content, module, script } = JSON.parse(await readFile(process.argv[2], "utf8"));
+const kernels = await import(pathToFileURL(module));
+const solvers = content.robots.map(({ tables }) => new KernelSolver(kernelsOf(kernels, tables)));
 const session = new LocalSession(...robotsOf(content, solvers));
 const states = script.map(([ticks, command]) => {
   if (command !== null) session.obey(command);
@@ -24,6 +25,8 @@ const states = script.map(([ticks, command]) => {
     return [robot.name, { q: [...q], status: robot.status().name, closure: step.closure, tasks, base: robot.base.numbers() }];
   });
   const { undoCount: undo, redoCount: redo } = session.history;
-  return { robots: Object.fromEntries(robots), undo, redo, paused: session.paused, moving: session.moving, notices: session.notices.length };
+  const { infos: waypoints, target: waypoint } = session.waypoints;
+  const { paused, moving, notices } = session;
+  return { robots: Object.fromEntries(robots), undo, redo, paused, moving, waypoints, waypoint, notices: notices.length };
 });
 process.stdout.write(JSON.stringify(states));

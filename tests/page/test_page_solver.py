@@ -9,13 +9,16 @@ import subprocess
 import numpy as np
 import pinocchio as pin
 import pytest
+from raff_in_node import tables_in_node
 from variants import slow
 
 import cinegen
 from cinegen.ik import Solver
 from cinegen.ik.singular import gained
-from cinegen.page.solver import solver_modules
+from cinegen.page.kernels_module import module
+from cinegen.page.tables import robot_tables
 from cinegen.singularities.ball_joints import CountedLoops, balls
+from raff2urdf.raff.reader import read
 
 NODE = shutil.which("node")
 RATE, TICKS = 240.0, 12
@@ -33,10 +36,11 @@ ROBOTS = [
 pytestmark = pytest.mark.skipif(NODE is None, reason="NO NODE: the solver in JavaScript is not tested")
 
 
-def in_javascript(mechanism, calls, root, folder):
-    module = folder / "solver.mjs"
-    module.write_text(solver_modules({"robot": mechanism}, RATE)["robot"])
-    (folder / "calls.json").write_text(json.dumps({"module": str(module), "dt": 1.0 / RATE, "calls": calls}))
+def in_javascript(tables, calls, root, folder):
+    path = folder / "kernels.mjs"
+    path.write_text(module())
+    given = {"module": str(path), "tables": tables, "dt": 1.0 / RATE, "calls": calls}
+    (folder / "calls.json").write_text(json.dumps(given))
     command = [NODE, "--no-warnings", root / "tests" / "javascript" / "run_solver.js", folder / "calls.json"]
     return json.loads(subprocess.run(command, check=True, stdout=subprocess.PIPE, text=True).stdout)
 
@@ -77,7 +81,7 @@ def python_tasks(mechanism, call):
 def test_ticks_are_those_of_python(robot, root, tmp_path, name):
     mechanism = robot(name)
     calls = some_calls(mechanism, 12, 3)
-    for call, found in zip(calls, in_javascript(mechanism, calls, root, tmp_path), strict=True):
+    for call, found in zip(calls, in_javascript(robot_tables(mechanism, RATE), calls, root, tmp_path), strict=True):
         solver = Solver(mechanism, 1.0 / RATE, np.array(call["q"]), gain=GAIN)
         solver.damping_threshold = DAMPING
         for node, target, offset, one in python_tasks(mechanism, call):
@@ -96,7 +100,7 @@ def test_singular_values_are_those_of_python(robot, root, tmp_path, name):
     calls = [call | {"ticks": 0} for call in some_calls(mechanism, 12, 5)]
     counted = CountedLoops(mechanism) if balls(mechanism) else mechanism.own_system()
     inner = {mechanism.model.getJointId(joint) for names in balls(mechanism) for joint in names[:2]}
-    for call, found in zip(calls, in_javascript(mechanism, calls, root, tmp_path), strict=True):
+    for call, found in zip(calls, in_javascript(robot_tables(mechanism, RATE), calls, root, tmp_path), strict=True):
         q = np.array(call["q"])
         solver, loops = Solver(mechanism, 1.0 / RATE, q), counted
         for node, _, offset, one in python_tasks(mechanism, call):
@@ -109,10 +113,34 @@ def test_singular_values_are_those_of_python(robot, root, tmp_path, name):
         assert found["type2"] == (None if uncontrolled is None else pytest.approx(uncontrolled.values[-1], abs=1e-8))
 
 
+@pytest.mark.parametrize(
+    "name",
+    [
+        "gough",
+        *slow("delta4", "rx90", "hybrid", "tssm", "scara", "planetary_gear", "differential_wrist", "delta4_linear"),
+        *slow("sr400", "ankle", "belt_five_bar", "cusp_3rpr", "planar_hybrid", "arm7", "five_bar", "four_bar"),
+    ],
+)
+def test_an_edited_robot_moves_by_the_same_numbers(robot, root, tmp_path, name):
+    """Its tables are made of its text in JavaScript."""
+    mechanism = robot(name)
+    ((tables,),) = tables_in_node([read(root / "robots" / f"{name}.raff")])
+    calls = some_calls(mechanism, 12, 3)
+    of_text = in_javascript(tables, calls, root, tmp_path)
+    of_python = in_javascript(robot_tables(mechanism, RATE), calls, root, tmp_path)
+    for found, expected in zip(of_text, of_python, strict=True):
+        for sigma in ("type1", "type2"):
+            assert found[sigma] == (None if expected[sigma] is None else pytest.approx(expected[sigma], abs=1e-8))
+        for step, other in zip(found["steps"], expected["steps"], strict=True):
+            assert step["status"] == other["status"]
+            assert step["q"] == pytest.approx(other["q"], abs=1e-8)
+            assert step["closure"] <= 1e-10
+
+
 def test_a_name_can_not_leave_its_comment(root, tmp_path):
     path = tmp_path / "robot.urdf"
     path.write_text(ONE_JOINT)
     mechanism = cinegen.load(path)
     assert "*/" in mechanism.name
-    (found,) = in_javascript(mechanism, some_calls(mechanism, 1, 0), root, tmp_path)
+    (found,) = in_javascript(robot_tables(mechanism, RATE), some_calls(mechanism, 1, 0), root, tmp_path)
     assert len(found["steps"]) == TICKS

@@ -17,7 +17,7 @@ from variants import slow
 
 from cinegen.mission import BasePose
 from cinegen.page.build import RATE, content_of
-from cinegen.page.solver import solver_modules
+from cinegen.page.kernels_module import module
 from cinegen.session import Session, Setup
 from cinegen.session.commands import decode_command
 
@@ -49,6 +49,8 @@ def in_python(setup, script):
             for name, one in state.robots.items()
         }
         shown = {name: getattr(state, name) for name in ("undo", "redo", "paused", "moving")}
+        waypoints = [{"id": one.id, "name": one.name} for one in state.waypoints]
+        shown |= {"waypoints": waypoints, "waypoint": state.waypoint}
         states.append({"robots": robots, **shown, "notices": len(state.notices)})
     session.close()
     return states
@@ -56,13 +58,10 @@ def in_python(setup, script):
 
 def in_javascript(setup, script, root, folder):
     """The states of a session in JavaScript."""
-    texts, modules = solver_modules(setup.robots, RATE), {}
-    content = content_of(setup, "")
-    for one in content["robots"]:
-        path = folder / f"{one['name']}.mjs"
-        path.write_text(texts[one["name"]])
-        modules[one["module"]] = str(path)
-    (folder / "run.json").write_text(json.dumps({"content": content, "modules": modules, "script": script}))
+    kernels = folder / "kernels.mjs"
+    kernels.write_text(module())
+    given = {"content": content_of(setup, ""), "module": str(kernels), "script": script}
+    (folder / "run.json").write_text(json.dumps(given))
     command = [NODE, "--no-warnings", root / "tests" / "javascript" / "run_session.js", folder / "run.json"]
     done = subprocess.run(command, check=True, stdout=subprocess.PIPE, text=True)
     return json.loads(done.stdout)
@@ -84,7 +83,7 @@ def same(root, tmp_path):
                 turned = np.sign(np.dot(mine["base"][3:], robot["base"][3:]))
                 base = np.array(mine["base"]) * np.array([1.0, 1.0, 1.0, *[turned] * 4])
                 assert base == pytest.approx(robot["base"], abs=tolerance), where
-            for name in ("undo", "redo", "paused", "moving", "notices"):
+            for name in ("undo", "redo", "paused", "moving", "waypoints", "waypoint", "notices"):
                 assert other[name] == one[name], f"{name} after {command}"
         return expected
 
@@ -195,6 +194,43 @@ def test_a_robot_carries_another_whose_pin_stays(same, robot):
     ]
     states = same(setup, script)
     assert states[1]["robots"]["arm"]["base"] != states[0]["robots"]["arm"]["base"]
+
+
+def test_waypoints_are_saved_changed_and_played(same, robot):
+    setup = Setup({"five_bar": robot("five_bar"), "arm": robot("planar_3r")}, rate=RATE)
+    home = setup.robots["five_bar"].q_home[setup.robots["five_bar"].q_index("joint1")]
+    move = {"type": "move_joint", "robot": "five_bar", "joint": "joint1"}
+    script = [
+        (300, move | {"value": home + 0.2}),
+        (10, {"type": "end_joint_motion"}),
+        (5, {"type": "save_waypoint", "name": "one"}),
+        (300, {"type": "move_joint", "robot": "arm", "joint": "joint2", "value": 0.5}),
+        (10, {"type": "end_joint_motion"}),
+        (5, {"type": "pin", "robot": "arm", "node": "tool"}),
+        (5, {"type": "save_waypoint", "name": "two"}),
+        (400, {"type": "move_home"}),
+        (5, {"type": "save_waypoint", "name": "three"}),
+        (5, {"type": "change_waypoint", "waypoint": 1, "name": "last", "index": 9}),
+        (5, {"type": "remove_waypoint", "waypoint": 77}),
+        (30, {"type": "move_to_waypoint", "waypoint": 3}),
+        (200, {"type": "pause", "on": True}),
+        (400, {"type": "pause", "on": False}),
+        (100, {"type": "play_waypoints", "on": True}),
+        (1500, None),
+        (30, {"type": "play_waypoints", "on": True}),
+        (400, {"type": "move_home"}),  # which ends that
+        (60, {"type": "play_waypoints", "on": True}),
+        (5, {"type": "remove_waypoint", "waypoint": 3}),  # while the robots move there
+        (1500, None),
+        (700, {"type": "undo"}),
+        (5, {"type": "play_waypoints", "on": True}),
+        (5, {"type": "play_waypoints", "on": False}),
+    ]
+    states = same(setup, script)
+    assert [one["name"] for one in states[9]["waypoints"]] == ["two", "three", "last"]
+    assert states[14]["waypoint"] is not None
+    assert states[15]["robots"]["five_bar"]["q"] == pytest.approx(states[2]["robots"]["five_bar"]["q"], abs=1e-9)
+    assert states[-1]["waypoint"] is None
 
 
 def on_loops(mechanism, name, node, joint):

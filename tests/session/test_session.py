@@ -315,7 +315,8 @@ def test_gain_and_damping_reach_the_solvers(session):
 def test_what_can_not_be_done_is_a_notice(session, tmp_path, monkeypatch):
     one = session("delta4")
     (tmp_path / "file").write_text("")
-    monkeypatch.setattr("cinegen.session.session.time.strftime", lambda text: str(tmp_path / "file" / "run.jsonl"))
+    path = str(tmp_path / "file" / "run.jsonl")
+    monkeypatch.setattr("cinegen.session.session_recorder.time.strftime", lambda text: path)
     state = run(one, 0.01, c.SetRecording(True))
     assert state.recording is None
     assert any(notice.warning and "run.jsonl" in notice.text for notice in state.notices)

@@ -20,14 +20,18 @@ import { menus } from "./bar/menus.js";
 import { Messages } from "./bar/messages.js";
 import { Replay } from "./bar/replay.js";
 import { Selection } from "./bar/selection.js";
+import { Share } from "./bar/share.js";
 import { Status } from "./bar/status.js";
 import { byId } from "./base/dom.js";
 import { Gamepad } from "./base/gamepad.js";
 import { Link } from "./base/link.js";
 import { Session } from "./base/session.js";
+import { Film } from "./film/film.js";
+import { ArrowKeys } from "./pointer/arrow_keys.js";
 import { Drag } from "./pointer/drag.js";
 import { Gizmo } from "./pointer/gizmo.js";
 import { hover } from "./pointer/hover.js";
+import { Measure } from "./pointer/measure.js";
 import { Pick } from "./pointer/pick.js";
 import { Cells } from "./map/cells.js";
 import { Field } from "./map/field.js";
@@ -37,11 +41,13 @@ import { Forces } from "./panel/forces.js";
 import { Joints } from "./panel/joints.js";
 import { MapSection } from "./panel/map.js";
 import { Motion } from "./panel/motion.js";
+import { Plots } from "./panel/plots.js";
 import { Tasks } from "./panel/tasks.js";
 import { Record } from "./panel/record.js";
 import { Sensors } from "./panel/sensors.js";
 import { Singularity } from "./panel/singularity.js";
 import { Tree } from "./panel/tree.js";
+import { Waypoints } from "./panel/waypoints.js";
 import { frameFirstView } from "./view/first_view.js";
 import { sendCamera } from "./view/camera.js";
 import { lay } from "./view/floor.js";
@@ -50,6 +56,8 @@ import { Skeleton } from "./view/skeleton.js";
 import { paint } from "./view/theme.js";
 import { Tint } from "./view/tint.js";
 import { View } from "./view/view.js";
+import { Cursors, sendCursor } from "./users/cursors.js";
+import { Users } from "./users/profile.js";
 import { offer } from "./xr/entry.js";
 import { Presentation } from "./xr/presentation.js";
 
@@ -87,6 +95,8 @@ const gizmo = new Gizmo(view, session);
 const drag = new Drag({ view, session, pick, gizmo });
 for (const one of [drag, gizmo]) one.target.sent = (position) => footer.sent(position);
 hover({ ...shown, drag });
+const measure = new Measure({ ...shown, pick });
+new ArrowKeys({ view, session, gizmo, drag });
 const cells = new Cells({ view, field });
 const legend = new Legend({ view, field });
 pointAtCells({ ...shown, field, cells, legend, drag, pick });
@@ -112,15 +122,21 @@ new Messages({ session, drag, gizmo, handDrags: presentation.handDrags });
 new Selection({ session, gizmo, pin });
 new Status(session);
 new Replay(session);
+new Share({ view, session });
+new Film({ view, session });
+new Cursors(shown);
+sendCursor({ view, session, drag });
 new Gamepad(session);
 const panel = byId("panel");
 new MapSection(panel, field);
 for (const Section of [Singularity, Joints]) new Section(panel, session);
 new Forces(panel, session, aids);
-for (const Section of [Tasks, Sensors, Tree, Motion, Record]) new Section(panel, session);
+for (const Section of [Tasks, Waypoints]) new Section(panel, session);
+const plots = new Plots(panel, session);
+for (const Section of [Sensors, Tree, Motion, Record, Users]) new Section(panel, session);
 sendCamera(view, session);
 frameFirstView(view, session, still, field);
-keys({ commands, gizmo, session, view, endDrag, pin });
+keys({ commands, gizmo, session, view, measure, endDrag, pin });
 
 window.cockpit = {
   viewer: view.viewer,
@@ -133,7 +149,9 @@ window.cockpit = {
   labels,
   select: (/** @type {string} */ robot, /** @type {string} */ node) => session.select(robot, node),
   frame: () => view.frame(),
+  view,
   gizmo,
+  plots,
   presentation,
   get hello() {
     return session.hello;

@@ -1,21 +1,29 @@
 // Keys, as people who know three.js have them. A control that has the focus keeps the keys it needs.
 
 import { byId } from "../base/dom.js";
+import { selectNext } from "../pointer/arrow_keys.js";
 
 const TYPED = "input:not([type=checkbox]):not([type=range]), textarea, select";
-const PRESSED = "button, summary, a, input[type=checkbox], select, [tabindex]";
+const PRESSED = "button, summary, a, input[type=checkbox], select, [tabindex]:not(canvas)";
 
 /**
  * @param {{ commands: import("./commands.js").Commands, session: import("../base/session.js").Session,
  *   gizmo: { setMode: (mode: string) => void, setAxes: () => void }, view: import("../view/view.js").View,
- *   endDrag: () => boolean, pin: () => void }} parts
+ *   measure: { toggle: (on?: boolean) => boolean }, endDrag: () => boolean, pin: () => void }} parts
  */
-export function keys({ commands, gizmo, session, view, endDrag, pin }) {
-  /** @type {Record<string, () => void>} */
+export function keys({ commands, gizmo, session, view, measure, endDrag, pin }) {
+  /** @param {string} mode */
+  const move = (mode) => {
+    gizmo.setMode(mode);
+    if (session.selected !== null) view.canvas.focus({ preventScroll: true }); // for the arrow keys
+  };
+  /** @type {Record<string, (event: KeyboardEvent) => void>} */
   const plain = {
-    w: () => gizmo.setMode("translate"),
-    e: () => gizmo.setMode("rotate"),
+    w: () => move("translate"),
+    e: () => move("rotate"),
+    n: ({ shiftKey }) => selectNext(session, shiftKey ? -1 : 1),
     q: () => gizmo.setAxes(),
+    m: () => measure.toggle(),
     p: pin,
     h: () => commands.home(),
     f: () => view.frame(),
@@ -25,7 +33,7 @@ export function keys({ commands, gizmo, session, view, endDrag, pin }) {
     if (/** @type {HTMLDialogElement} */ (byId("keys")).open) return;
     const key = event.key.length === 1 ? event.key.toLowerCase() : event.key;
     if (key === "Escape") {
-      if (!endDrag()) session.select(null, null);
+      if (!endDrag() && !measure.toggle(false)) session.select(null, null);
       return;
     }
     const typing = event.target instanceof Element && event.target.closest(TYPED) !== null;
@@ -46,6 +54,6 @@ export function keys({ commands, gizmo, session, view, endDrag, pin }) {
     }
     if (plain[key] === undefined || event.repeat) return;
     event.preventDefault();
-    plain[key]();
+    plain[key](event);
   });
 }

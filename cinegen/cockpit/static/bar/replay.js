@@ -3,6 +3,7 @@
 // For tests: #transport with #play (aria-pressed), #seek (seconds), #playback-speed (select), #before, #after and #stop (text).
 
 import { atMostEvery, byId, make, sign, write } from "../base/dom.js";
+import { speak } from "../base/speech.js";
 import { fixed } from "../base/units.js";
 import { fill } from "../panel/slider.js";
 
@@ -115,6 +116,7 @@ export class Replay {
     this.sign.setAttribute("href", playing ? "#sign-pause" : "#sign-play");
     if (performance.now() - this.#moved > 400) this.seek.value = String(time);
     fill(this.seek);
+    speak(this.seek, `${fixed(Number(this.seek.value), 1)} s of ${fixed(this.seconds, 1)} s`);
     if (this.stops.length) write(this.stop, this.stops[this.#at(time)][1]);
     write(this.time, `${fixed(time, 1)} / ${fixed(this.seconds, 1)} s`);
     if (document.activeElement !== this.speed && SPEEDS.includes(speed)) this.speed.value = String(speed);

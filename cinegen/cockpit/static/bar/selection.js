@@ -23,9 +23,10 @@ export class Selection {
      */
     const press = (id, action, title, ...children) =>
       make("button", { type: "button", id, title, on: { click: action } }, ...children);
+    const word = (/** @type {string} */ text) => make("span", { class: "word" }, text);
     this.name = make("span", { class: "name" });
-    this.move = press("move", () => gizmo.setMode("translate"), "Move it (W)", sign("move"), "Move");
-    this.turn = press("turn", () => gizmo.setMode("rotate"), "Rotate it (E)", sign("turn"), "Rotate");
+    this.move = press("move", () => gizmo.setMode("translate"), "Move it (W)", sign("move"), word("Move"));
+    this.turn = press("turn", () => gizmo.setMode("rotate"), "Rotate it (E)", sign("turn"), word("Rotate"));
     this.axes = make(
       "select",
       {
@@ -54,7 +55,7 @@ export class Selection {
       make("span", { class: "segments" }, this.move, this.turn),
       this.axes,
       this.keep,
-      press("pin", pin, "Keep it where it is while other parts are dragged (P)", sign("pin"), "Pin"),
+      press("pin", pin, "Keep it where it is while other parts are dragged (P)", sign("pin"), word("Pin")),
       press("deselect", () => session.select(null, null), "Select nothing (Esc)", sign("close")),
     );
     byId("deselect").setAttribute("aria-label", "Select nothing");

@@ -3,6 +3,8 @@
 // For tests: #status, data-status = the status's name, data-tone = good, warn, bad or none.
 
 import { atMostEvery, byId, write } from "../base/dom.js";
+import { announce } from "../base/speech.js";
+import { StatusAnnouncer } from "./status_announcer.js";
 
 /** @type {Record<string, string>} */
 const TONES = {
@@ -25,13 +27,14 @@ const TONES = {
 const NEAR = ["SINGULAR", "UNCONTROLLED"]; // a meter is red: this is always reported
 const SEVERITY = ["none", "good", "warn", "bad"];
 /** @type {Record<string, string>} */
-const MOVING = { home: "moving home", move_to: "moving to a configuration", undo: "undoing", redo: "redoing" };
+const MOVING = { home: "moving home", move_to: "moving to a configuration", waypoint: "moving to a waypoint", undo: "undoing", redo: "redoing" };
 
 export class Status {
   /** @param {import("../base/session.js").Session} session */
   constructor(session) {
     this.session = session;
     this.chip = byId("status");
+    this.announcer = new StatusAnnouncer(announce);
     const show = atMostEvery(100, () => this.#show());
     session.on("state", () => show());
     session.on("report", () => show());
@@ -45,6 +48,7 @@ export class Status {
     this.chip.dataset.tone = shown.tone;
     this.chip.dataset.status = shown.name;
     this.chip.title = shown.title;
+    this.announcer.offer({ ...shown, driven: (state?.tasks ?? []).length > 0 });
   }
 }
 

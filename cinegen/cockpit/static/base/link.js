@@ -33,6 +33,8 @@ export class Link extends Events {
   #wait = SOONEST;
   #over = false;
   connected = false;
+  /** @type {"session" | "page" | "text"} */
+  owner = "session"; // of the configuration in the page's address
 
   /** @param {{ connect: (address: string) => WebSocket }} view connects meshcat's viewer to an address and returns its socket */
   constructor(view) {
@@ -42,6 +44,15 @@ export class Link extends Events {
     window.addEventListener("pagehide", () => {
       this.#over = true;
     });
+  }
+
+  /**
+   * Return the present configuration of each robot, by name; null: the session's reports have them.
+   *
+   * @returns {[string, Float64Array][] | null}
+   */
+  configurations() {
+    return null;
   }
 
   connect() {

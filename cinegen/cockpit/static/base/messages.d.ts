@@ -20,6 +20,20 @@ export interface RequestRate {
   rate?: number | null;
 }
 
+export interface SetUser {
+  type: "set_user";
+  name: string;
+  colour: number;
+}
+
+export interface SetCursor {
+  type: "set_cursor";
+  robot?: string | null;
+  node?: string | null;
+  point?: [number, number, number];
+  dragging?: boolean;
+}
+
 export interface StartDrag {
   type: "start_drag";
   robot: string;
@@ -85,6 +99,34 @@ export interface MoveTo {
   q: number[];
 }
 
+export interface SaveWaypoint {
+  type: "save_waypoint";
+  name: string;
+}
+
+export interface ChangeWaypoint {
+  type: "change_waypoint";
+  waypoint: number;
+  name?: string | null;
+  index?: number | null;
+}
+
+export interface RemoveWaypoint {
+  type: "remove_waypoint";
+  waypoint: number;
+}
+
+export interface MoveToWaypoint {
+  type: "move_to_waypoint";
+  waypoint: number;
+}
+
+export interface PlayWaypoints {
+  type: "play_waypoints";
+  on: boolean;
+  record?: boolean;
+}
+
 export interface Undo {
   type: "undo";
 }
@@ -144,7 +186,7 @@ export interface ControlPlayback {
   speed?: number | null;
 }
 
-export type ClientMessage = Ack | RequestControl | RequestReactions | RequestRate | StartDrag | MoveDrag | EndDrag | Pin | RemoveTask | ChangeTask | MoveJoint | EndJointMotion | MoveHome | MoveTo | Undo | Redo | Pause | SelectSensor | ChangeSettings | SetPayload | SetView | SetRecording | GamepadInput | ControlPlayback;
+export type ClientMessage = Ack | RequestControl | RequestReactions | RequestRate | SetUser | SetCursor | StartDrag | MoveDrag | EndDrag | Pin | RemoveTask | ChangeTask | MoveJoint | EndJointMotion | MoveHome | MoveTo | SaveWaypoint | ChangeWaypoint | RemoveWaypoint | MoveToWaypoint | PlayWaypoints | Undo | Redo | Pause | SelectSensor | ChangeSettings | SetPayload | SetView | SetRecording | GamepadInput | ControlPlayback;
 
 export interface HelloMessage {
   type: "hello";
@@ -253,6 +295,7 @@ export interface StateMessage {
   frame?: number;
   controller?: number | null;
   report?: ReportMessage;
+  users?: UserInfo[];
 }
 
 export interface TaskMessage {
@@ -290,6 +333,8 @@ export interface ReportMessage {
   recording: RecordingStatus | null;
   playback: PlaybackStatus | null;
   compiled?: boolean;
+  waypoints?: WaypointInfo[];
+  waypoint?: number | null;
   robots: Record<string, RobotReport>;
   switches: NodeSensor[];
   rate: TickRate;
@@ -318,6 +363,11 @@ export interface RecordingStatus {
   file: string;
   seconds: number;
   error: string | null;
+}
+
+export interface WaypointInfo {
+  id: number;
+  name: string;
 }
 
 export interface RobotReport {
@@ -386,6 +436,16 @@ export interface TickRate {
   missed_in_all: number;
   late: number;
   at_rest: boolean;
+}
+
+export interface UserInfo {
+  client: number;
+  name: string;
+  colour: number;
+  robot?: string | null;
+  node?: string | null;
+  point?: [number, number, number];
+  dragging?: boolean;
 }
 
 export interface NoticeMessage {

@@ -11,7 +11,7 @@ import { Events } from "./events.js";
  * @typedef {"mine" | "other" | "free"} Control
  * @typedef {{ robot: string, node: string }} Part
  * @typedef {import("./messages").RobotDescription & { obstacle: boolean, byName: Map<string, Node> }} KnownRobot
- * @typedef {Pick<import("./link.js").Link, "on" | "send">} Line
+ * @typedef {Pick<import("./link.js").Link, "on" | "send" | "owner" | "configurations">} Line
  */
 
 /** @extends {Events<import("./link.js").ServerEvents & { control: Control, select: Part | null, denied: undefined }>} */
@@ -85,6 +85,16 @@ export class Session extends Events {
   called(robot, node) {
     if (this.robot(robot)?.obstacle) return robot;
     return this.robots.length > 1 ? `${robot} · ${node}` : node;
+  }
+
+  /**
+   * Return the present values of each robot's joints, by name.
+   *
+   * @returns {[string, ArrayLike<number>][]}
+   */
+  configurations() {
+    const reported = Object.entries(this.report?.robots ?? {}).map(([name, { q }]) => [name, q]);
+    return this.link.configurations() ?? /** @type {[string, number[]][]} */ (reported);
   }
 
   /** The present tasks. */

@@ -29,7 +29,7 @@ export class Legend {
       this.ends,
       this.cell,
     );
-    view.pane.append(this.element);
+    view.pane.parentElement?.append(this.element);
     for (const event of /** @type {const} */ (["cells", "change"])) field.on(event, () => this.#show());
     units.on("change", () => {
       if (field.about !== null) this.#show();

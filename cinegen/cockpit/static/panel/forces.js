@@ -4,6 +4,7 @@
 // [data-missing="ROBOT"] where links have no masses; #reactions (a checkbox), [data-reactions="ROBOT"] (text).
 
 import { atMostEvery, make, write } from "../base/dom.js";
+import { speak } from "../base/speech.js";
 import { amount, units } from "../base/units.js";
 import { scaleOf } from "../aids/force_scale.js";
 import { byRobot, folded, Section } from "./section.js";
@@ -11,6 +12,7 @@ import { fill } from "./slider.js";
 
 const PICTURE = 1000 / 60;
 const STEPS = 200; // of the slider
+const HEAVIEST = 1e6; // kg
 const MOVED = 400; // ms for which reports do not move a slider that is moved
 const HINT = "Holding torques and reactions: statics of the robot at rest with its payload, without friction";
 
@@ -75,8 +77,9 @@ export class Forces {
       number: make("input", {
         type: "number",
         min: 0,
+        max: HEAVIEST,
         step: "any",
-        "aria-label": `${label}, in kg`,
+        "aria-label": `${label}, in kilograms`,
         title: "Type a mass and press Enter",
       }),
       node: make(
@@ -100,7 +103,7 @@ export class Forces {
     one.range.addEventListener("input", () => set(Number(Number(one.range.value).toPrecision(4))));
     one.number.addEventListener("change", () => {
       const mass = one.number.valueAsNumber;
-      if (Number.isFinite(mass)) set(Math.min(Math.max(mass, 0), 1e6));
+      if (Number.isFinite(mass)) set(Math.min(Math.max(mass, 0), HEAVIEST));
       one.number.blur();
     });
     one.node.addEventListener("change", () => set(one.number.valueAsNumber || 0));
@@ -125,7 +128,7 @@ export class Forces {
     const text = String(Number(mass.toPrecision(4)));
     if (document.activeElement !== one.number && one.number.value !== text) one.number.value = text;
     if (Number(one.range.value) !== mass) one.range.value = String(mass);
-    one.range.setAttribute("aria-valuetext", `${text} kg`);
+    speak(one.range, `${text} kg`);
     fill(one.range);
   }
 

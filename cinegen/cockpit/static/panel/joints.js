@@ -5,6 +5,7 @@
 // [data-torque="ROBOT/JOINT"] (a meter) where links have masses, data-tone "good", "warn", "bad" or "none".
 
 import { atMostEvery, make, write } from "../base/dom.js";
+import { speak, spoken } from "../base/speech.js";
 import { amount, fixed, units } from "../base/units.js";
 import { byRobot, folded, Section } from "./section.js";
 import { fill } from "./slider.js";
@@ -131,8 +132,10 @@ export class Joints {
     row.range = make("input", { type: "range", min, max, step: (max - min) / 1000, "aria-label": label, title });
     row.number = make("input", {
       type: "number",
+      min,
+      max,
       step: "any",
-      "aria-label": `${label}, value in ${units.unit(joint)}`,
+      "aria-label": `${label}, in ${spoken(`1 ${units.unit(joint)}`).slice(2)}`,
       title: "Type a value and press Enter",
     });
     row.range.addEventListener("pointerdown", () => {
@@ -144,7 +147,10 @@ export class Joints {
         if (this.#moving === row) this.#finish(0);
       });
     }
-    row.range.addEventListener("input", () => this.#move(row, Number(row.range.value)));
+    row.range.addEventListener("input", () => {
+      speak(row.range, units.joint(joint, units.meant(joint, Number(row.range.value))));
+      this.#move(row, Number(row.range.value));
+    });
     row.range.addEventListener("change", () => {
       if (!row.pressed) this.#finish(OVER);
     });
@@ -183,6 +189,8 @@ export class Joints {
         "aria-label": `Holding ${what} of ${joint.name} of ${robot.name}`,
         "aria-valuemin": 0,
         "aria-valuemax": limit ? 100 : undefined,
+        "aria-valuenow": 0,
+        "aria-valuetext": "not known yet",
         title:
           `The ${what} that holds the robot at rest with its payload` +
           (limit ? `; the bar is its part of the limit, ${amount(joint.effort ?? 0, unit)}` : "; the file states no limit of it (effort)"),
@@ -208,7 +216,7 @@ export class Joints {
           if (row.torque.dataset.tone !== tone) row.torque.dataset.tone = tone;
           row.bar.style.transform = `scaleX(${Math.min(1, share).toFixed(3)})`;
           row.torque.setAttribute("aria-valuenow", (100 * share).toFixed(0));
-          row.torque.setAttribute("aria-valuetext", text);
+          speak(row.torque, text);
         });
     }
   }
@@ -270,7 +278,7 @@ export class Joints {
     if (document.activeElement !== row.number && row.number.value !== text) row.number.value = text;
     if (this.#moving === row || row.pressed) return;
     row.range.value = String(units.shown(joint, value));
-    row.range.setAttribute("aria-valuetext", units.joint(joint, value));
+    speak(row.range, units.joint(joint, value));
     fill(row.range);
   }
 }

@@ -3,6 +3,7 @@
 // For tests: #section-map; #map-quantity, #map-shown, #map-axis, #map-cut, #map-layer, #map-share, #map-note.
 
 import { make, write } from "../base/dom.js";
+import { speak } from "../base/speech.js";
 import { units } from "../base/units.js";
 import { valueOf } from "../map/numbers.js";
 import { Section } from "./section.js";
@@ -21,7 +22,7 @@ export class MapSection {
   share = make("input");
   cut = make("input");
   how = make("span");
-  at = make("output", { class: "number" });
+  at = make("output", { class: "number", "aria-live": "off" });
   note = make("div", { id: "map-note", class: "description quiet" });
 
   /**
@@ -127,7 +128,7 @@ export class MapSection {
     const text = this.field.cut === null ? "all" : valueOf(axis, Number(this.cut.value));
     write(this.how, this.layer.checked ? "Only at" : "Up to");
     write(this.at, text);
-    this.cut.setAttribute("aria-valuetext", text);
+    speak(this.cut, text);
     fill(this.cut);
   }
 
@@ -160,8 +161,12 @@ export class MapSection {
   #slider(id, label, min, max, value) {
     const slider = make("input", { type: "range", id, min, max, step: 1, title: label, "aria-label": label });
     slider.value = String(value);
-    slider.addEventListener("input", () => fill(slider));
-    fill(slider);
+    const show = () => {
+      fill(slider);
+      if (id === "map-share") speak(slider, `${Math.round((100 * Number(slider.value)) / max)} %`);
+    };
+    slider.addEventListener("input", show);
+    show();
     return slider;
   }
 }

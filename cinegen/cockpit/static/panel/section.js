@@ -14,7 +14,7 @@ export class Section {
     const element = make(
       "details",
       { class: "section", id: `section-${id}`, open: memory.get(`section.${id}`, open) },
-      make("summary", { title: hint }, title, this.note),
+      make("summary", { title: hint }, make("h2", {}, title), this.note),
       this.body,
     );
     element.addEventListener("toggle", () => memory.set(`section.${id}`, element.open));

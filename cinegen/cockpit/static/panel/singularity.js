@@ -4,6 +4,7 @@
 // For tests: [data-meter="ROBOT/type1"], [data-meter="ROBOT/type2"]; role meter with aria-valuenow = sigma.
 
 import { make, write } from "../base/dom.js";
+import { speak } from "../base/speech.js";
 import { significant } from "../base/units.js";
 import { byRobot, Section } from "./section.js";
 
@@ -55,7 +56,7 @@ export class Singularity {
     this.#meters.clear();
     byRobot(this.section.body, this.session.robots, (robot, body) => {
       for (const { kind, title, none, hint } of KINDS) {
-        const value = make("output", { class: "number quiet" });
+        const value = make("output", { class: "number quiet", "aria-live": "off" });
         const bar = make("b");
         const mark = make("i", { title: "Below this mark it is near a singularity" });
         const label = make("div", { class: "description" });
@@ -72,6 +73,8 @@ export class Singularity {
             "aria-label": `${title}, ${robot.name}`,
             "aria-valuemin": 0,
             "aria-valuemax": MOST,
+            "aria-valuenow": 0,
+            "aria-valuetext": "not known yet",
           },
           make("div", { class: "head" }, make("span", {}, title), value),
           scale,
@@ -99,7 +102,7 @@ export class Singularity {
         one.meter.dataset.tone = !known ? "none" : tone(sigma, near);
         one.meter.setAttribute("aria-valuenow", known ? String(sigma) : "0");
         const text = known ? (found?.text ?? "") : none;
-        one.meter.setAttribute("aria-valuetext", text);
+        speak(one.meter, known ? `${significant(sigma)}, ${text}` : text);
         write(one.value, known ? significant(sigma) : "–");
         write(one.label, text);
         if (one.label.title !== text) one.label.title = text;

@@ -1,6 +1,7 @@
 // Sliders whose filled part shows the value, also on a log scale.
 
 import { make } from "../base/dom.js";
+import { speak } from "../base/speech.js";
 
 export const STEPS = 1000;
 
@@ -23,13 +24,14 @@ export function fill(input) {
  *   changed: (value: number) => void }} options
  */
 export function logSlider({ id, label, hint, low, high, format, changed }) {
-  const input = make("input", { type: "range", id, min: 0, max: STEPS, step: 1, title: hint, "aria-label": label });
-  const output = make("output", { class: "number" });
+  const title = `${hint}. From ${format(low)} to ${format(high)}`; // the slider's own range is that of its steps
+  const input = make("input", { type: "range", id, min: 0, max: STEPS, step: 1, title, "aria-label": label });
+  const output = make("output", { class: "number", "aria-live": "off" });
   const value = () => low * (high / low) ** (Number(input.value) / STEPS);
   /** @param {number} number */
   const display = (number) => {
     output.textContent = format(number);
-    input.setAttribute("aria-valuetext", format(number));
+    speak(input, format(number));
     fill(input);
   };
   let moved = -Infinity;

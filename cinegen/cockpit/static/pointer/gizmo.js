@@ -15,7 +15,7 @@ import { DragTarget } from "./drag_target.js";
 export const AXES = ["world", "local", "view"];
 
 /** @typedef {import("../base/session.js").Part} Part */
-/** @typedef {{ rotation: Quaternion, axes: Quaternion, rotates: boolean, denied: boolean }} Begin */
+/** @typedef {{ rotation: Quaternion, axes: Quaternion, rotates: boolean, denied: boolean, steps: boolean }} Begin */
 
 /** @extends {Events<{ drag: Part | null, change: undefined }>} */
 export class Gizmo extends Events {
@@ -61,6 +61,11 @@ export class Gizmo extends Events {
   /** Whether it is dragged. */
   get busy() {
     return this.#begin !== null;
+  }
+
+  /** Whether it is moved by steps. */
+  get stepping() {
+    return this.#begin?.steps === true;
   }
 
   get hovered() {
@@ -152,16 +157,45 @@ export class Gizmo extends Events {
     return this.mode === "rotate" || this.upright;
   }
 
-  #take() {
+  /**
+   * Move the target along one of its axes, or rotate it about one; this begins a drag, or goes on with one.
+   *
+   * @param {number} axis 0, 1 or 2
+   * @param {number} amount m or rad
+   * @param {boolean} turns
+   * @returns {boolean} whether it moves
+   */
+  step(axis, amount, turns) {
+    const rotates = turns || this.upright;
+    if (this.#begin !== null && (!this.#begin.steps || this.#begin.rotates !== rotates)) this.end();
+    if (this.#begin === null) {
+      this.#follow();
+      this.#take(rotates, true);
+    }
+    const begin = /** @type {Begin | null} */ (this.#begin);
+    if (begin === null || begin.denied) {
+      this.#begin = null;
+      return false;
+    }
+    const along = new Vector3().setComponent(axis, 1);
+    along.applyQuaternion(this.axes === "local" ? this.proxy.quaternion : begin.axes);
+    if (turns) this.proxy.quaternion.premultiply(new Quaternion().setFromAxisAngle(along, amount)).normalize();
+    else this.proxy.position.addScaledVector(along, amount);
+    this.#move();
+    this.view.changed();
+    return true;
+  }
+
+  #take(rotates = this.#rotates, steps = false) {
     if (this.#part === null) return;
     const { robot, node } = this.#part;
     const { quaternion } = this.view.pose(robot, node);
-    this.#begin = { rotation: quaternion, axes: this.proxy.quaternion.clone(), rotates: this.#rotates, denied: false };
+    this.#begin = { rotation: quaternion, axes: this.proxy.quaternion.clone(), rotates, denied: false, steps };
     if (!this.session.mayAct()) {
       this.#begin.denied = true;
       return;
     }
-    this.session.send({ type: "start_drag", robot, node, rotation: this.#rotates });
+    this.session.send({ type: "start_drag", robot, node, rotation: rotates });
     this.emit("drag", this.#part);
   }
 

@@ -8,7 +8,8 @@ const AROUND = 8;
 /**
  * @typedef {{ clientX: number, clientY: number }} At a pointer
  * @typedef {{ robot: string, node: string, group: import("three").Object3D }} Owner
- * @typedef {Owner & { point: import("three").Vector3, away?: number }} Touched `away` is known of meshes only
+ * @typedef {Owner & { point: import("three").Vector3, away?: number, normal?: import("three").Vector3 }} Touched `away` and
+ *   `normal` are known of meshes only
  */
 
 export class Pick {
@@ -91,7 +92,9 @@ export class Pick {
     for (const hit of this.#ray.intersectObject(root, true)) {
       if (!(hit.object instanceof Mesh)) continue;
       const part = this.#owner(hit.object, root);
-      if (part !== null) return { ...part, point: hit.point, away: hit.distance };
+      if (part === null) continue;
+      const normal = hit.face?.normal.clone().transformDirection(hit.object.matrixWorld);
+      return { ...part, point: hit.point, away: hit.distance, normal };
     }
     return null;
   }

@@ -1,8 +1,9 @@
-// The first view: when the scene is complete, the robots fill it. Then data-view on the root element is "ready". For some
-// seconds the camera moves back when a robot leaves the view, unless the user has done something; then only the user moves
-// it.
+// The first view: when the scene is complete, the robots fill it, or the camera is where the page's address has it. Then
+// data-view on the root element is "ready". For some seconds the camera moves back when a robot leaves the view, unless the
+// user has done something or prefers reduced motion; then only the user moves it.
 
 import { Box3 } from "three";
+import { cameraOf } from "../base/fragment.js";
 
 const QUIET = 250; // ms without a command of the scene: it is there
 const LATEST = 5000;
@@ -29,10 +30,12 @@ export function frameFirstView(view, session, still, field) {
     clearInterval(timer);
     if (!still) {
       // else the camera is the server's
+      const { camera } = cameraOf(location.hash);
       const shown = new Box3();
       view.frame(shown);
       view.keepCamera();
-      keepInView(view, session, shown);
+      if (camera !== null) view.setCamera(camera);
+      else if (!window.matchMedia("(prefers-reduced-motion: reduce)").matches) keepInView(view, session, shown);
     }
     document.documentElement.dataset.view = "ready";
   }, 30);
@@ -44,7 +47,9 @@ export function frameFirstView(view, session, still, field) {
  * @param {Box3} shown everything that was in the view
  */
 function keepInView(view, session, shown) {
-  const timer = setInterval(() => view.frame(shown), OFTEN);
+  const timer = setInterval(() => {
+    if (!view.chosen) view.frame(shown);
+  }, OFTEN);
   const stop = () => clearInterval(timer);
   setTimeout(stop, WATCHED);
   for (const event of /** @type {const} */ (["lost", "dropped"])) session.on(event, stop);

@@ -3,7 +3,7 @@
 import { Vector3 } from "three";
 import { make, write } from "../base/dom.js";
 
-const HIGH = 22; // pixels, of a label with its room (they overlap where they are nearer by a pixel and more)
+const HIGH = 1.7; // of the page's type: a label with its room (they overlap where they are nearer by a pixel and more)
 const ASIDE = 16;
 
 /** @typedef {{ element: HTMLElement, point: Vector3, text: string, wide: number }} Label */
@@ -12,6 +12,7 @@ export class Labels {
   /** @type {Map<string, Label>} */
   #shown = new Map();
   #where = new Vector3();
+  #type = 13; // pixels
 
   /** @param {import("./view.js").View} view */
   constructor(view) {
@@ -19,6 +20,12 @@ export class Labels {
     this.layer = make("div", { class: "labels", "aria-hidden": "true" });
     view.pane.append(this.layer);
     view.before(() => this.#place());
+    const measure = () => {
+      this.#type = parseFloat(getComputedStyle(document.documentElement).fontSize);
+      for (const label of this.#shown.values()) label.wide = label.element.offsetWidth;
+    };
+    window.addEventListener("resize", measure);
+    measure();
   }
 
   /**
@@ -59,6 +66,7 @@ export class Labels {
   #place() {
     if (this.view.headset !== null) return; // it shows them in the scene
     const { clientWidth: wide, clientHeight: high } = this.view.pane;
+    const row = Math.round(HIGH * this.#type);
     /** @type {{ x: number, y: number, wide: number }[]} */
     const taken = [];
     for (const label of this.#shown.values()) {
@@ -68,10 +76,10 @@ export class Labels {
       let x = pixels.x + ASIDE;
       if (x + label.wide > wide - 4) x = pixels.x - ASIDE - label.wide;
       x = Math.max(4, Math.min(wide - label.wide - 4, x));
-      let y = Math.max(4, Math.min(high - HIGH - 4, pixels.y - HIGH / 2));
+      let y = Math.max(4, Math.min(high - row - 4, pixels.y - row / 2));
       /** @param {{ x: number, y: number, wide: number }} other */
-      const meets = (other) => Math.abs(other.y - y) < HIGH - 1 && x < other.x + other.wide && other.x < x + label.wide;
-      for (let other; (other = taken.find(meets)) !== undefined;) y = other.y + HIGH;
+      const meets = (other) => Math.abs(other.y - y) < row - 1 && x < other.x + other.wide && other.x < x + label.wide;
+      for (let other; (other = taken.find(meets)) !== undefined;) y = other.y + row;
       taken.push({ x, y, wide: label.wide });
       label.element.style.transform = `translate(${x.toFixed(1)}px, ${y.toFixed(1)}px)`;
     }

@@ -25,6 +25,7 @@ export class Resolution extends Events {
   #stays = false;
   #ratio; // pixels of the screen to pixels drawn, while something moves
   #set;
+  constant = false; // all pixels, also while something moves: a film is made
   /** @type {number | null} */
   mean = null; // time from picture to picture, ms; null if not known
 
@@ -55,7 +56,7 @@ export class Resolution extends Events {
    * @param {boolean} moving
    */
   choose(moving) {
-    const ratio = moving ? this.#ratio : this.full;
+    const ratio = moving && !this.constant ? this.#ratio : this.full;
     if (ratio === this.#set) return;
     this.#set = ratio;
     this.viewer.renderer.setPixelRatio(ratio);

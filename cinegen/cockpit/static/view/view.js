@@ -29,6 +29,7 @@ export class View {
   also = null; // (box of the scene) => void: what else than robots fills the view
   /** @type {Set<string>} */
   background = new Set(); // names of what can't be moved: neither framed nor picked
+  chosen = false; // whether the camera was set, as a link has it
   /** @type {import("three").PerspectiveCamera | null} */
   headset = null; // camera of a headset that shows the scene instead of the pane
 
@@ -190,6 +191,33 @@ export class View {
   cameraOrientation(quaternion = new Quaternion()) {
     const turned = this.root.getWorldQuaternion(new Quaternion()).invert();
     return quaternion.copy(turned).multiply(this.camera.getWorldQuaternion(new Quaternion()));
+  }
+
+  /**
+   * Return the position of the camera and the point in its middle, in the world, m.
+   *
+   * @returns {import("../base/fragment.js").Camera}
+   */
+  cameraNumbers() {
+    const { root } = this;
+    root.updateWorldMatrix(true, false);
+    const [position, middle] = [this.viewer.camera.position, this.controls.target].map((point) => root.worldToLocal(point.clone()));
+    return [position.x, position.y, position.z, middle.x, middle.y, middle.z];
+  }
+
+  /**
+   * Set the camera, by numbers as `cameraNumbers` returns them.
+   *
+   * @param {import("../base/fragment.js").Camera} camera
+   */
+  setCamera([x, y, z, ...middle]) {
+    const { root } = this;
+    root.updateWorldMatrix(true, false);
+    this.chosen = true;
+    this.viewer.camera.position.copy(root.localToWorld(new Vector3(x, y, z)));
+    this.controls.target.copy(root.localToWorld(new Vector3(...middle)));
+    this.controls.update();
+    this.changed();
   }
 
   /**

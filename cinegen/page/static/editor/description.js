@@ -1,6 +1,6 @@
 // The first message of a session with robots that were read from text, as cinegen/cockpit/build_messages.py makes it.
 
-import { nodesOf } from "./solver.js";
+import { nodesOf } from "./placements.js";
 
 /** @typedef {import("../../../cockpit/static/base/messages").HelloMessage} HelloMessage */
 /** @typedef {import("../../../cockpit/static/base/messages").RobotDescription} RobotDescription */

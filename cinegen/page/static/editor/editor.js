@@ -10,6 +10,7 @@ import {
 } from "../vendor/codemirror-6/codemirror.js";
 
 const SHOWN = 50; // errors
+const MUCH = 1000; // characters: more are inserted by the editor, not by the browser, which lays them out first
 
 /** @typedef {import("./reading.js").Note} Note */
 
@@ -17,9 +18,10 @@ export class Editor {
   /**
    * @param {Element} parent
    * @param {string} text
-   * @param {(text: string) => void} changed
+   * @param {() => void} changed
+   * @param {(why: string) => void} refused
    */
-  constructor(parent, text, changed) {
+  constructor(parent, text, changed, refused) {
     this.notes = make("div", { id: "notes", role: "status", "aria-live": "polite" });
     const place = make("div", { id: "text", on: { keydown: (/** @type {Event} */ event) => event.stopPropagation() } });
     parent.append(place, this.notes);
@@ -27,9 +29,13 @@ export class Editor {
       doc: text,
       extensions: [
         lineNumbers(), lintGutter(), history(), keymap.of([...defaultKeymap, ...historyKeymap]), highlighting(),
-        EditorState.changeFilter.of(({ newDoc }) => newDoc.length <= LARGEST),
-        EditorView.updateListener.of(({ docChanged }) => docChanged && changed(this.text)),
-        EditorView.contentAttributes.of({ "aria-label": "RAFF text", spellcheck: "false" }),
+        EditorState.changeFilter.of(({ newDoc: { length } }) => {
+          if (length > LARGEST) refused(`the text would have ${length} characters: at most ${LARGEST} are allowed`);
+          return length <= LARGEST;
+        }),
+        EditorView.domEventHandlers({ beforeinput: insertMuch }),
+        EditorView.updateListener.of(({ docChanged }) => docChanged && changed()),
+        EditorView.contentAttributes.of({ "aria-label": "RAFF text", spellcheck: "false", tabindex: "0" }),
       ],
     });
     this.view = new EditorView({ state, parent: place });
@@ -54,13 +60,14 @@ export class Editor {
     const placed = notes.filter(({ line }) => line >= 1 && line <= state.doc.lines).slice(0, SHOWN);
     const diagnostics = placed.map(({ severity, message, line, column, length }) => {
       const { from, text } = state.doc.line(line);
-      const letters = Array.from(text); // the reader counts characters, CodeMirror units of UTF-16
-      const begin = letters.slice(0, column - 1).join("").length;
-      const end = begin + letters.slice(column - 1, column - 1 + length).join("").length;
-      return { from: from + begin, to: from + end, severity, message };
+      const begin = units(text, 0, column - 1);
+      return { from: from + begin, to: from + units(text, begin, length), severity, message };
     });
     this.view.dispatch(setDiagnostics(state, diagnostics));
-    const shown = notes.slice(0, SHOWN).map((note) => make("pre", { class: note.severity, on: { click: () => this.#go(note) } }, note.text));
+    const title = "Go to its line";
+    const shown = notes.slice(0, SHOWN).map((note) =>
+      make("button", { type: "button", class: note.severity, title, on: { click: () => this.#go(note) } }, note.text),
+    );
     const more = notes.length > SHOWN ? [make("p", {}, `and ${notes.length - SHOWN} more`)] : [];
     this.notes.replaceChildren(...shown, ...more);
   }
@@ -73,6 +80,32 @@ export class Editor {
     this.view.dispatch({ selection: { anchor: Math.min(to, from + column - 1) }, scrollIntoView: true });
     this.view.focus();
   }
+}
+
+/**
+ * Return where a number of characters after a place in a line ends: the reader counts characters, CodeMirror units of UTF-16.
+ *
+ * @param {string} line
+ * @param {number} begin
+ * @param {number} count
+ */
+function units(line, begin, count) {
+  let at = begin;
+  for (let i = 0; i < count && at < line.length; i += 1) at += /** @type {number} */ (line.codePointAt(at)) > 0xffff ? 2 : 1;
+  return at;
+}
+
+/**
+ * Insert much text at once. What is pasted or dropped does not come here.
+ *
+ * @param {InputEvent} event
+ * @param {EditorView} view
+ */
+function insertMuch(event, view) {
+  if (event.inputType !== "insertText" || (event.data ?? "").length <= MUCH) return false;
+  event.preventDefault();
+  view.dispatch(view.state.replaceSelection(event.data ?? ""));
+  return true;
 }
 
 /** Marks of the tokens that are seen. Lines that are too long for the reader have none. */

@@ -4,18 +4,19 @@
 import { byId, make } from "../../../cockpit/static/base/dom.js";
 import { decode, encode, FragmentError } from "../raff/fragment.js";
 import { Link as LocalLink } from "../session/link.js";
+import { kernelsOf } from "../session/memory.js";
+import { KernelSolver } from "../session/solver.js";
 import { helloOf } from "./description.js";
 import { Editor } from "./editor.js";
+import { keep, poseOf } from "./kept_pose.js";
 import { Reader } from "./reading.js";
 import { Skeletons } from "./skeleton.js";
-import { ModelSolver } from "./solver.js";
 
 const KEY = "#raff=";
-const RATE = 60; // ticks per second
+const RATE = 240; // ticks per second
 const QUIET = 200; // ms after a change of the text
-const NO_DRAG = "an edited robot moves by the sliders of its joints: cinegen page FILE makes a page in which parts can be dragged";
 
-/** @typedef {{ text: string, name: string, title: string, worker: string }} EditedText */
+/** @typedef {{ text: string, name: string, title: string, worker: string, kernels: string }} EditedText */
 
 export class Link extends LocalLink {
   /** @param {import("../../../cockpit/static/view/view.js").View} view */
@@ -24,43 +25,41 @@ export class Link extends LocalLink {
     this.scene = new Skeletons(view);
   }
 
+  /** @type {"session" | "page" | "text"} */
+  owner = "text";
   /** @type {EditedText} */
   #content = JSON.parse(byId("cinegen-page").textContent ?? "");
+  /** @type {import("./reading.js").Model[]} */
+  #models = [];
   #timer = 0;
   #written = "";
+  #unwritten = ""; // why the last text is not in the address
 
   async connect() {
-    const { text, worker } = this.#content;
+    const { text, worker, kernels } = this.#content;
     const main = byId("pane").parentElement;
     const section = make("section", { id: "editor", "aria-label": "Editor" });
     main?.prepend(section);
+    const module = await import(kernels);
     const reader = new Reader(worker, (reading) => {
       editor.show(reading.notes);
       document.documentElement.dataset.read = reading.robots.length > 0 ? "yes" : "no";
-      if (reading.robots.length === 0) return;
-      this.scene.draw(reading.robots);
-      this.begin(
-        {
-          hello: helloOf(this.#content.title, reading.robots), rate: RATE, scene: [],
-          robots: reading.robots.map(({ model, analysis }) => ({
-            name: model.robot, module: "", start: analysis.home, base: { robot: null, node: null, placement: [0, 0, 0, 0, 0, 0, 1] },
-          })),
-        },
-        reading.robots.map(({ model, analysis }) => new ModelSolver(model, analysis)),
-      );
+      if (reading.robots.length > 0) this.#show(module, reading.robots);
     });
     const read = (/** @type {string} */ changed) => {
       document.documentElement.dataset.read = "";
       reader.take(changed, this.#content.name);
     };
-    const editor = new Editor(section, text, (changed) => {
+    const changed = () => {
       clearTimeout(this.#timer);
       document.documentElement.dataset.read = "";
       this.#timer = window.setTimeout(() => {
-        read(changed);
-        this.#write(changed);
+        const now = editor.text;
+        read(now);
+        this.#write(now);
       }, QUIET);
-    });
+    };
+    const editor = new Editor(section, text, changed, (why) => this.#warn(why));
     const restore = async () => {
       if (!location.hash.startsWith(KEY) || location.hash === this.#written) return false;
       try {
@@ -68,7 +67,7 @@ export class Link extends LocalLink {
         return true;
       } catch (error) {
         if (!(error instanceof FragmentError)) throw error;
-        this.emit("notice", { text: error.message, level: "warning" });
+        this.#warn(error.message);
         return false;
       }
     };
@@ -76,10 +75,27 @@ export class Link extends LocalLink {
     if (!(await restore())) read(editor.text);
   }
 
-  /** @param {import("../../../cockpit/static/base/link.js").ClientMessage} message */
-  send(message) {
-    if (message.type === "start_drag" || message.type === "pin") this.emit("notice", { text: NO_DRAG, level: "warning" });
-    else super.send(message);
+  /**
+   * Begin a session with the robots of a text; those of the same structure as before keep their pose where it is possible.
+   *
+   * @param {import("../session/solver_interface").KernelsModule} module
+   * @param {import("./reading.js").ReadRobot[]} robots
+   */
+  #show(module, robots) {
+    const before = poseOf(this.session, this.#models);
+    this.scene.draw(robots);
+    this.begin(
+      {
+        hello: helloOf(this.#content.title, robots), rate: RATE, scene: [],
+        robots: robots.map(({ model, tables }) => ({
+          name: model.robot, start: Array.from(/** @type {number[]} */ (tables.robot.q)),
+          base: { robot: null, node: null, placement: [0, 0, 0, 0, 0, 0, 1] },
+        })),
+      },
+      robots.map(({ tables }) => new KernelSolver(kernelsOf(module, tables))),
+    );
+    this.#models = robots.map(({ model }) => model);
+    if (this.session !== null) keep(before, this.session, this.#models);
   }
 
   /** The configuration is in no link: the address holds the text. */
@@ -89,10 +105,18 @@ export class Link extends LocalLink {
   async #write(text) {
     try {
       this.#written = KEY + (await encode(text));
-      history.replaceState(null, "", this.#written);
+      this.#unwritten = "";
     } catch (error) {
       if (!(error instanceof FragmentError)) throw error;
-      this.emit("notice", { text: error.message, level: "warning" });
+      this.#written = "";
+      if (error.message !== this.#unwritten) this.#warn(error.message);
+      this.#unwritten = error.message;
     }
+    history.replaceState(null, "", this.#written || "#"); // else the address would be a link to another text
+  }
+
+  /** @param {string} text */
+  #warn(text) {
+    this.emit("notice", { text, level: "warning" });
   }
 }

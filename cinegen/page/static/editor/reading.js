@@ -1,6 +1,6 @@
 // Text is read in a worker, which is ended and made anew when it takes too long: no text stops the page.
 
-const LONGEST = 3000; // ms
+const LONGEST = 10_000; // ms: a busy device needs seconds for a text that takes 0.3 s elsewhere
 
 /**
  * An error or a warning: `text` as `raff2urdf --check` prints it; `line` is 0 where it has no location.
@@ -9,7 +9,9 @@ const LONGEST = 3000; // ms
  */
 /** @typedef {import("../raff/model.js").Model} Model */
 /** @typedef {import("../raff/closing/analysis.js").Analysis} Analysis */
-/** @typedef {{ notes: Note[], robots: { model: Model, analysis: Analysis }[] }} Reading robots: none if there are errors */
+/** @typedef {import("../session/solver_interface").Tables} Tables */
+/** @typedef {{ model: Model, analysis: Analysis, tables: Tables }} ReadRobot */
+/** @typedef {{ notes: Note[], robots: ReadRobot[] }} Reading robots: none if there are errors */
 
 export class Reader {
   /** @type {Worker | null} */

@@ -1,7 +1,7 @@
 // Robots drawn from their Kleinfinger parameters, as raff2urdf/graphics/skeleton.py draws links without graphics.
 
 import { CylinderGeometry, Mesh, MeshLambertMaterial, SphereGeometry, Vector3 } from "three";
-import { placements } from "./solver.js";
+import { placements } from "./placements.js";
 
 const ROOT = ["meshcat", "cinegen"];
 const SHOWN = 1.6; // m: radius at which everything is drawn
@@ -64,7 +64,7 @@ export class Skeletons {
       /** @type {Mesh[]} */
       const parts = body.isNode ? [...jointOf(body, joints, radius)] : [];
       for (const child of bodies.filter(({ parent }) => parent === i)) parts.push(...pathTo(child, joints, radius, colours[i]));
-      if (parts.length === 0 && body.joint >= 0) parts.push(ball(new Vector3(), 1.2 * radius, colours[i]));
+      if (parts.length === 0 && body.parent >= 0) parts.push(ball(new Vector3(), 1.2 * radius, colours[i])); // to be dragged
       if (loops.some(({ first }) => first === i)) parts.push(ball(new Vector3(), 0.05 * length, LOOP, 0.6));
       if (!body.isNode) return; // between the joints of one of several variables: nothing is there
       parts.forEach((part, k) => this.view.viewer.set_object([...ROOT, robot, body.name, String(k)], part));

@@ -3,7 +3,9 @@
 
 import { analyse, OpenLoops } from "../raff/closing/analysis.js";
 import { read } from "../raff/read.js";
+import { tablesOf } from "../raff/tables/tables.js";
 
+const RATE = 240; // ticks per second
 const MOST = 300; // bodies of all robots: more make the page slow
 
 /** @typedef {import("../raff/problems.js").Problem} Problem */
@@ -24,7 +26,11 @@ export function reading(text, name) {
   const size = models.reduce((sum, { bodies }) => sum + bodies.length, 0);
   if (size > MOST) return { notes: [...notes, said(`the text has ${size} links and frames: the page shows at most ${MOST}`)], robots: [] };
   try {
-    return { notes, robots: models.map((model) => ({ model, analysis: analyse(model) })) };
+    const robots = models.map((model) => {
+      const analysis = analyse(model);
+      return { model, analysis, tables: tablesOf(model, analysis, RATE) };
+    });
+    return { notes, robots };
   } catch (error) {
     if (!(error instanceof OpenLoops)) throw error;
     return { notes: [...notes, said(`${name}: ${error.message}`)], robots: [] };

@@ -1,6 +1,8 @@
 // Text in the fragment of an address: compressed by deflate, and written in base64url.
 
 export const LARGEST = 1_000_000; // bytes of text; no person writes more
+const LONGEST = 100_000; // bytes, compressed: many programs cut longer addresses, and browsers take long for them
+const AT_ONCE = 8192; // arguments of a function
 
 /** A fragment that is no text: damaged, or too large. */
 export class FragmentError extends Error {}
@@ -10,14 +12,16 @@ export class FragmentError extends Error {}
  *
  * @param {string} text
  * @returns {Promise<string>}
- * @throws {FragmentError} the text is larger than `LARGEST`
+ * @throws {FragmentError} the text is larger than `LARGEST`, or than `LONGEST` when it is compressed
  */
 export async function encode(text) {
   const data = new TextEncoder().encode(text);
   if (data.length > LARGEST) throw new FragmentError(`the text has ${data.length} bytes: at most ${LARGEST} are allowed`);
   const stream = new Blob([data]).stream().pipeThrough(new CompressionStream("deflate-raw"));
   const packed = new Uint8Array(await new Response(stream).arrayBuffer());
-  const letters = Array.from(packed, (byte) => String.fromCharCode(byte)).join("");
+  if (packed.length > LONGEST) throw new FragmentError("the text is too long for an address, even compressed: keep it in a file");
+  let letters = "";
+  for (let i = 0; i < packed.length; i += AT_ONCE) letters += String.fromCharCode(...packed.subarray(i, i + AT_ONCE));
   return btoa(letters).replaceAll("+", "-").replaceAll("/", "_").replace(/=+$/, "");
 }
 
@@ -35,7 +39,9 @@ export async function decode(fragment) {
   const parts = [];
   let size = 0;
   try {
-    const packed = Uint8Array.from(atob(fragment.replaceAll("-", "+").replaceAll("_", "/")), (one) => one.charCodeAt(0));
+    const letters = atob(fragment.replaceAll("-", "+").replaceAll("_", "/"));
+    const packed = new Uint8Array(letters.length);
+    for (let i = 0; i < packed.length; i += 1) packed[i] = letters.charCodeAt(i);
     const stream = new Blob([packed]).stream().pipeThrough(new DecompressionStream("deflate-raw"));
     const reader = stream.getReader();
     for (let part = await reader.read(); !part.done; part = await reader.read()) {

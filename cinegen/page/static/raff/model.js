@@ -24,7 +24,7 @@ import { kleinfinger, times, transform } from "./kleinfinger.js";
  * if the file gives none, or a density, whose mass follows from graphics.
  *
  * @typedef {{
- *   name: string, isNode: boolean, parent: number, joint: number, parameters: Kleinfinger, placement: Placement,
+ *   name: string, isNode: boolean, parent: number, joint: number, jointName: string | null, parameters: Kleinfinger, placement: Placement,
  *   world: Placement, files: string[] | null, inertia: import("./inertia.js").Inertia | null,
  *   density: number | null, barRadius: number | null,
  * }} Body
@@ -108,6 +108,7 @@ function bodyOf(document, node, at, joint, nodes) {
     isNode: nodes.has(node.number),
     parent: node.keyword === "base" ? -1 : at(node.pred),
     joint,
+    jointName: node.keyword === "base" ? null : jointOf(node),
     parameters,
     placement,
     world: placement,

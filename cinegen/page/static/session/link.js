@@ -6,10 +6,11 @@
 
 import { byId } from "../../../cockpit/static/base/dom.js";
 import { Events } from "../../../cockpit/static/base/events.js";
+import { cameraOf, configurationsOf, fragmentOf } from "../../../cockpit/static/base/fragment.js";
 import { frames } from "../../../cockpit/static/base/frames.js";
 import { Clock } from "./clock.js";
-import { configurationsOf, fragmentOf } from "./fragment.js";
 import { Kinematics } from "./kinematics.js";
+import { kernelsOf } from "./memory.js";
 import { reportMessage, stateMessage } from "./messages.js";
 import { robotReport } from "./report.js";
 import { DrivenRobot } from "./robot.js";
@@ -17,22 +18,29 @@ import { LocalSession } from "./session.js";
 import { KernelSolver } from "./solver.js";
 
 const OFTEN = 100; // ms from one report to the next
+const LONGEST = 30; // ms of ticks in a frame: a robot that needs more moves more slowly
 const CLOSURE = 1e-10;
 
 /** @typedef {import("../../../cockpit/static/base/messages").RobotReport} RobotReport */
 /** @typedef {import("../../../cockpit/static/base/link.js").ServerEvents} ServerEvents */
+/** @typedef {{ name: string, start: number[], base: import("./session.js").BasePose }} StartedRobot */
 /**
- * What the page's file holds: the first message, and each robot's module, start and base pose.
+ * What a session begins with: the first message, what is drawn, and each robot's start and base pose.
  *
- * @typedef {{ hello: import("../../../cockpit/static/base/messages").HelloMessage, rate: number,
- *   scene: string[], robots: { name: string, module: string, start: number[],
- *   base: import("./session.js").BasePose }[] }} Content
+ * @typedef {{ hello: import("../../../cockpit/static/base/messages").HelloMessage, rate: number, scene: string[],
+ *   robots: StartedRobot[] }} Beginning
+ */
+/**
+ * What the page's file holds: this, the name of the kernels' module, and each robot's tables.
+ *
+ * @typedef {Omit<Beginning, "robots"> & { kernels: string,
+ *   robots: (StartedRobot & { tables: import("./solver_interface").Tables })[] }} Content
  */
 
 /** @extends {Events<ServerEvents>} */
 export class Link extends Events {
   /** @type {LocalSession | null} */
-  #session = null;
+  session = null;
   /** @type {Record<string, RobotReport>} */
   #reports = {};
   #frame = 0;
@@ -40,6 +48,8 @@ export class Link extends Events {
   #shown = false; // whether the last state and report are of now
   #placed = ""; // the fragment that was last written or read
   connected = false;
+  /** @type {"session" | "page" | "text"} */
+  owner = "page"; // of the configuration in the page's address
 
   /** @param {{ draw: (commands: Iterable<Uint8Array>) => void }} view */
   constructor(view) {
@@ -51,8 +61,8 @@ export class Link extends Events {
   async connect() {
     /** @type {Content} */
     const content = JSON.parse(byId("cinegen-page").textContent ?? "");
-    const modules = await Promise.all(content.robots.map(({ module }) => import(module)));
-    this.begin(content, modules.map((module) => new KernelSolver(module.default())));
+    const kernels = await import(content.kernels);
+    this.begin(content, content.robots.map(({ tables }) => new KernelSolver(kernelsOf(kernels, tables))));
     this.#restore();
     window.addEventListener("hashchange", () => this.#restore());
   }
@@ -60,12 +70,12 @@ export class Link extends Events {
   /**
    * Begin a session, instead of the one before.
    *
-   * @param {Content} content
+   * @param {Beginning} content
    * @param {import("./solver_interface").Solver[]} solvers of its robots
    */
   begin(content, solvers) {
-    const first = this.#session === null;
-    this.#session = new LocalSession(...robotsOf(content, solvers));
+    const first = this.session === null;
+    this.session = new LocalSession(...robotsOf(content, solvers));
     this.#reports = {};
     this.#shown = false;
     this.#placed = this.#fragment();
@@ -81,7 +91,7 @@ export class Link extends Events {
   /** @param {import("../../../cockpit/static/base/link.js").ClientMessage} message */
   send(message) {
     this.#shown = false;
-    this.#session?.obey(message);
+    this.session?.obey(message);
   }
 
   /**
@@ -89,14 +99,16 @@ export class Link extends Events {
    * @param {number} now
    */
   #advance(clock, now) {
-    const session = /** @type {LocalSession} */ (this.#session);
+    const session = /** @type {LocalSession} */ (this.session);
     const ticks = clock.due(now);
     if (session.atRest && this.#shown) {
       clock.note(now, 0);
       return;
     }
-    for (let i = 0; i < ticks; i += 1) session.tick(clock.period);
-    clock.note(now, ticks);
+    const begin = performance.now();
+    let done = 0;
+    for (; done < ticks && performance.now() - begin < LONGEST; done += 1) session.tick(clock.period);
+    clock.note(now, done);
     for (const notice of session.notices.splice(0)) this.emit("notice", notice);
     this.#frame += 1;
     const state = stateMessage(session, this.#reports, this.#frame);
@@ -111,9 +123,18 @@ export class Link extends Events {
     this.emit("report", reportMessage(session, this.#reports, { ticks: clock.ticks, missed: 0, missed_in_all: 0, late: 0, at_rest: atRest }));
   }
 
+  /**
+   * Return the present configuration of each robot, by name.
+   *
+   * @returns {[string, Float64Array][]}
+   */
+  configurations() {
+    const robots = /** @type {LocalSession} */ (this.session).robots;
+    return [...robots.values()].map(({ name, q }) => [name, q]);
+  }
+
   #fragment() {
-    const robots = /** @type {LocalSession} */ (this.#session).robots;
-    return fragmentOf([...robots.values()].map(({ name, q }) => [name, q]));
+    return fragmentOf(this.configurations(), cameraOf(location.hash).camera);
   }
 
   /** Write the configuration into the page's address. */
@@ -126,7 +147,7 @@ export class Link extends Events {
 
   /** Place the robots as the page's address has them. */
   #restore() {
-    const session = /** @type {LocalSession} */ (this.#session);
+    const session = /** @type {LocalSession} */ (this.session);
     if (location.hash === this.#placed) return;
     const sizes = new Map([...session.robots.values()].map(({ name, q }) => [name, q.length]));
     const found = configurationsOf(location.hash, sizes);
@@ -156,7 +177,7 @@ function bytesOf(text) {
 /**
  * Return the robots, and their base poses.
  *
- * @param {Content} content
+ * @param {Beginning} content
  * @param {import("./solver_interface").Solver[]} solvers of each robot
  * @returns {[Map<string, DrivenRobot>, Record<string, import("./session.js").BasePose>]}
  */

@@ -62,7 +62,7 @@ export function stateMessage(session, reports, frame) {
  * @returns {import("../../../cockpit/static/base/messages").ReportMessage}
  */
 export function reportMessage(session, robots, rate) {
-  const { history, settings, paused, moving } = session;
+  const { history, settings, paused, moving, waypoints } = session;
   return {
     sensors: [],
     settings: { ...settings, linear_speed: 0, angular_speed: 0, frame: "world" },
@@ -72,6 +72,8 @@ export function reportMessage(session, robots, rate) {
     moving,
     recording: null,
     playback: null,
+    waypoints: waypoints.infos,
+    waypoint: waypoints.target,
     robots,
     switches: [],
     rate,

@@ -7,11 +7,13 @@ import { ConfigurationMotion, JointMotion } from "./motion.js";
 import { Placement } from "./placement.js";
 import { PIN } from "./robot.js";
 import { UndoHistory } from "./undo.js";
+import { WaypointError, Waypoints } from "./waypoints.js";
 
 const POINTERS = 2; // tasks of a robot that are left for pointers
 const FURTHEST = 1e6; // m or rad
 const REST = 1; // s without motion, after which a session is at rest
 const STILL = 1e-8; // rad or m per tick: more is motion
+const INTERRUPTS = ["start_drag", "move_joint", "move_home", "undo", "redo"]; // commands that end motions through waypoints
 
 /** @typedef {import("../../../cockpit/static/base/messages").ClientMessage} ClientMessage */
 /** @typedef {import("./robot.js").DrivenRobot} DrivenRobot */
@@ -40,6 +42,7 @@ export class LocalSession {
     this.bases = bases;
     this.#drags = new Drags(() => this.#newId());
     this.history = new UndoHistory(robots, () => this.#newId());
+    this.waypoints = new Waypoints(robots, () => this.#newId());
     this.#carry();
   }
 
@@ -60,10 +63,11 @@ export class LocalSession {
    */
   obey(command) {
     this.#still = 0;
+    if (INTERRUPTS.includes(command.type)) this.waypoints.stop();
     try {
       this.#obey(command);
     } catch (error) {
-      if (!(error instanceof CommandError)) throw error;
+      if (!(error instanceof CommandError || error instanceof WaypointError)) throw error;
       this.#notice(error.message);
     }
   }
@@ -82,6 +86,8 @@ export class LocalSession {
       if (problem) this.#notice(problem);
       moved ||= robot.q.some((value, i) => Math.abs(value - before[i]) > STILL);
     }
+    const problem = this.paused ? "" : this.waypoints.tick();
+    if (problem) this.#notice(problem);
     this.#carry();
     this.history.tick(dt, this.#drags.busy);
     this.#still = moved ? 0 : this.#still + dt;
@@ -99,6 +105,17 @@ export class LocalSession {
     this.#still = 0;
   }
 
+  /**
+   * Pin a node where it is; this can't be undone.
+   *
+   * @param {string} name of its robot
+   * @param {string} node
+   * @param {[number, number]} dof numbers of translations and rotations that are constrained
+   */
+  restorePin(name, node, dof) {
+    this.#robot(name, node).addTask(this.#newId(), node, PIN, new Placement(), dof);
+  }
+
   /** @param {ClientMessage} command */
   #obey(command) {
     switch (command.type) {
@@ -113,6 +130,11 @@ export class LocalSession {
         for (const { motion } of this.robots.values()) if (motion instanceof JointMotion) motion.end();
         return;
       case "move_home": return this.#moveHome(command.robot ?? null);
+      case "save_waypoint": return this.waypoints.save(command.name);
+      case "change_waypoint": return this.waypoints.change(command);
+      case "remove_waypoint": return this.waypoints.remove(command.waypoint);
+      case "move_to_waypoint": return this.#follow(() => this.waypoints.moveTo(command.waypoint));
+      case "play_waypoints": return command.on ? this.#follow(() => this.waypoints.play()) : this.waypoints.stop();
       case "undo":
       case "redo":
         this.#drags.end();
@@ -125,6 +147,8 @@ export class LocalSession {
       case "request_control":
       case "request_reactions":
       case "request_rate":
+      case "set_user":
+      case "set_cursor":
       case "set_view":
       case "gamepad_input":
         return; // of the server's session only
@@ -215,6 +239,18 @@ export class LocalSession {
       for (const pin of robot.pins()) robot.removeTask(pin);
       robot.motion = new ConfigurationMotion(robot.kinematics, robot.q, robot.home, "home", "moving home");
     }
+  }
+
+  /**
+   * Start a motion through waypoints.
+   *
+   * @param {() => void} start
+   */
+  #follow(start) {
+    this.#drags.end();
+    this.history.begin();
+    start();
+    for (const robot of this.robots.values()) for (const pin of robot.pins()) robot.removeTask(pin);
   }
 
   /** @param {import("../../../cockpit/static/base/messages").ChangeSettings} command */

@@ -1,5 +1,5 @@
-// The solver of one robot: the translated kernels that its module holds (cinegen/page/solver.py), with arrays in and out.
-// Kernels have frames of twelve numbers: three axes, then the origin (m).
+// The solver of one robot: its translated kernels (cinegen/page/kernels_module.py), with arrays in and out. Kernels have
+// frames of twelve numbers: three axes, then the origin (m).
 
 import { Matrix4, Quaternion, Vector3 } from "three";
 
@@ -9,26 +9,36 @@ import { Matrix4, Quaternion, Vector3 } from "three";
 
 const FRAME = 12;
 const POSE = 7;
+const [FEWEST, WORK] = [4, 1200]; // tasks; tasks times joints: with more a tick takes longer than a frame
 
 /** @implements {Solver} */
 export class KernelSolver {
+  /** The configuration of the poses that were computed last. @type {Float64Array} */
+  #placed;
+  /** @type {Float64Array | null} */
+  #poses = null;
+
   /** @param {Kernels} kernels */
   constructor(kernels) {
     this.kernels = kernels;
     this.names = { joints: kernels.names.q, nodes: kernels.names.nodes };
     this.nq = kernels.q.length;
-    this.mostTasks = kernels.task_node.length;
+    this.mostTasks = Math.min(kernels.task_node.length, Math.max(FEWEST, Math.floor(WORK / kernels.locked.length)));
     this.q = kernels.q.slice();
     kernels.tasks[0] = 0;
+    this.#placed = new Float64Array(this.nq).fill(NaN);
   }
 
   /** @param {Float64Array} q */
   fk(q) {
+    const { kernels } = this;
     this.#moveTo(q);
-    this.kernels.place();
-    const { node_frame: frames, names } = this.kernels;
-    const poses = new Float64Array(POSE * names.nodes.length);
-    names.nodes.forEach((_, i) => poses.set(poseOf(frames.subarray(FRAME * i, FRAME * (i + 1))), POSE * i));
+    if (this.#poses !== null && this.#placed.every((value, i) => value === kernels.q[i])) return this.#poses;
+    kernels.place();
+    this.#placed.set(kernels.q);
+    const poses = new Float64Array(POSE * kernels.names.nodes.length);
+    for (let i = 0; i < kernels.names.nodes.length; i += 1) writePose(kernels.node_frame, FRAME * i, poses, POSE * i);
+    this.#poses = poses;
     return poses;
   }
 
@@ -139,15 +149,22 @@ export class KernelSolver {
   }
 }
 
+const matrix = new Matrix4();
+const turn = new Quaternion();
+
 /**
- * Return the position and quaternion x y z w of a frame.
+ * Write the position and quaternion x y z w of a frame.
  *
- * @param {ArrayLike<number>} frame
+ * @param {Float64Array} frames
+ * @param {number} from
+ * @param {Float64Array} poses
+ * @param {number} to
  */
-function poseOf(frame) {
-  const [x, y, z, origin] = [0, 3, 6, 9].map((at) => new Vector3().fromArray(frame, at));
-  const rotation = new Quaternion().setFromRotationMatrix(new Matrix4().makeBasis(x, y, z));
-  return [...origin.toArray(), ...rotation.toArray()];
+function writePose(frames, from, poses, to) {
+  const at = (/** @type {number} */ k) => frames[from + k];
+  matrix.set(at(0), at(3), at(6), 0, at(1), at(4), at(7), 0, at(2), at(5), at(8), 0, 0, 0, 0, 1);
+  for (let k = 0; k < 3; k += 1) poses[to + k] = at(9 + k);
+  turn.setFromRotationMatrix(matrix).toArray(/** @type {any} */ (poses), to + 3);
 }
 
 /**

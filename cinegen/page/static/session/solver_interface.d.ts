@@ -37,9 +37,53 @@ export interface Solver {
   sigma(q: Float64Array, tasks: SolverTask[]): { type1: number | null; type2: number | null };
 }
 
-/** What a robot's module makes: views of its memory, and its kernels. */
-export interface Kernels {
-  names: { q: string[]; actuated: string[]; nodes: string[]; statuses: string[]; velocities: number[] };
+/** A field of a kernel memory: a number, or an array of a shape. */
+export interface Field {
+  table: "D" | "I";
+  default?: number;
+  isParameter?: boolean; // it never changes while a robot moves
+  shape?: (number | string)[]; // numbers, or names of parameters
+}
+
+/** Fields of a memory by name, and the beginning of their names in the kernels' code. */
+export interface MemoryDeclaration {
+  symbol: string;
+  fields: Record<string, Field>;
+}
+
+/** The kernels for all mechanisms: see cinegen/page/kernels_module.py. */
+export interface KernelsModule {
+  memories: { robot: MemoryDeclaration; cluster: MemoryDeclaration; task: MemoryDeclaration };
+  views: string[]; // fields of the robot that are used from outside
+  statuses: string[];
+  returned: number; // numbers at the beginning of D that are taken
+  mostTasks: number;
+  default(D: Float64Array, I: Int32Array, symbols: Record<string, number>): KernelFunctions;
+}
+
+/** Values of a memory's fields by name, as far as they are not 0 or the default; a text such as "Infinity" is a number. */
+export type Values = Record<string, number | string | ArrayLike<number | string>>;
+
+/** What the kernels must know of a robot. `velocities`: of each velocity the index in q, or -1. */
+export interface Tables {
+  names: { q: string[]; actuated: string[]; nodes: string[]; velocities: number[] };
+  robot: Values;
+  clusters: Values[];
+}
+
+export interface KernelFunctions {
+  place(): void;
+  close(): number;
+  set_q(): void;
+  forward(): boolean;
+  take_tasks(): void;
+  step(): number;
+  find_sigma(): void;
+}
+
+/** The kernels of a robot, and views of its memory. */
+export interface Kernels extends KernelFunctions {
+  names: Tables["names"] & { statuses: string[] };
   q: Float64Array;
   trial: Float64Array;
   locked: Float64Array;
@@ -58,11 +102,4 @@ export interface Kernels {
   closure: Float64Array;
   sigma_tasks: Float64Array;
   sigma_passive: Float64Array;
-  place(): void;
-  close(): number;
-  set_q(): void;
-  forward(): boolean;
-  take_tasks(): void;
-  step(): number;
-  find_sigma(): void;
 }

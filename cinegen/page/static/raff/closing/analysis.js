@@ -15,11 +15,12 @@ import { fill, significant } from "../texts.js";
 
 /**
  * `home`: of each joint, rad or m, where all loops are closed, within the limits if possible; `gap`: the largest gap as
- * written, `closure` at home (rad or characteristic lengths); `actuated`: of each joint; `length` in m.
+ * written, `closure` at home (rad or characteristic lengths); `ranks` of `clusters`, and random closed configurations that
+ * each has `met`; `actuated`: of each joint; `length` in m.
  *
  * @typedef {{
- *   home: number[], gap: number, closure: number, rows: number, rank: number, mobility: number, actuated: boolean[],
- *   length: number,
+ *   home: number[], gap: number, closure: number, rows: number, rank: number, ranks: number[], met: number[][][],
+ *   mobility: number, actuated: boolean[], length: number,
  * }} Analysis
  */
 
@@ -37,7 +38,11 @@ export function analyse(model) {
   const { joints } = model;
   const home = joints.map((joint) => joint.home);
   let length = lengthOf(model, home);
-  let [gap, closure, equations, rank] = [0, 0, 0, 0];
+  let [gap, closure, equations] = [0, 0, 0];
+  /** @type {number[]} */
+  const ranks = [];
+  /** @type {number[][][]} */
+  const met = [];
   /** @type {Set<number>} joints that the others move */
   const determined = new Set();
   for (const cluster of clusters(model, length)) {
@@ -50,13 +55,15 @@ export function analyse(model) {
     const generic = genericRank(cluster, closing.q);
     const { jacobian } = cluster.evaluate(generic.q);
     equations += jacobian.length;
-    rank += generic.rank;
+    ranks.push(generic.rank);
+    met.push(generic.met);
     for (const i of passive(jacobian, outermostFirst(cluster))) determined.add(cluster.joints[i]);
   }
   if (equations) length = lengthOf(model, home);
   const actuated = joints.map((joint, i) => joint.actuated ?? !determined.has(i));
+  const rank = ranks.reduce((sum, one) => sum + one, 0);
   const mobility = joints.length + (model.movable ? 6 : 0) - rank;
-  return { home, gap, closure, rows: equations, rank, mobility, actuated, length };
+  return { home, gap, closure, rows: equations, rank, ranks, met, mobility, actuated, length };
 }
 
 /**

@@ -114,17 +114,20 @@ export function rankOf(jacobian, threshold = RANK) {
 }
 
 /**
- * The largest rank on random closed configurations around a closed one, which may be singular itself, and where it is
- * reached.
+ * The largest rank on random closed configurations around a closed one, which may be singular itself, where it is
+ * reached, and those that were met.
  *
  * @param {Cluster} system
  * @param {number[]} q
  */
 export function genericRank(system, q) {
   let found = { rank: rankOf(system.evaluate(q).jacobian), q };
+  /** @type {number[][]} */
+  const met = [];
   for (let walk = 0; walk < 8; walk++) {
     let isClear = true;
     for (const there of closedWalk(system, q, 5, walk + 2)) {
+      met.push(there);
       const { jacobian } = system.evaluate(there);
       const rank = rankOf(jacobian);
       if (rank > found.rank) found = { rank, q: there };
@@ -132,7 +135,7 @@ export function genericRank(system, q) {
     }
     if (isClear) break;
   }
-  return found;
+  return { ...found, met };
 }
 
 /**
@@ -206,7 +209,7 @@ function apart(a, b) {
  *
  * @param {number} seed
  */
-function normals(seed) {
+export function normals(seed) {
   let state = seed;
   const uniform = () => (state = (state * 48271) % 2147483647) / 2147483647; // Park and Miller
   for (let i = 0; i < 10; i++) uniform();

@@ -11,7 +11,8 @@ import { loopResidual } from "./residual.js";
 const EXACT = 1e-14; // rad or m: a follower that is off by less stays as written
 
 /**
- * Group the loops and couplings of a model into those that share bodies: each group can be closed by itself.
+ * Group the loops and couplings of a model into those that share bodies, in the order of their first equations: each group
+ * can be closed by itself.
  *
  * @param {Model} model
  * @param {number} length characteristic length, m
@@ -36,7 +37,8 @@ export function clusters(model, length) {
     }
     groups = [...apart, one];
   }
-  return groups.map((group) => new Cluster(model, group, branches, depth, length));
+  const first = (/** @type {typeof found[0]} */ { loops, couplings }) => Math.min(...loops, ...couplings.map((i) => model.loops.length + i));
+  return groups.sort((a, b) => first(a) - first(b)).map((group) => new Cluster(model, group, branches, depth, length));
 }
 
 export class Cluster {

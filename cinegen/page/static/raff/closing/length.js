@@ -63,7 +63,7 @@ export function characteristicLength(screws, points, moves) {
  * @param {Screw[]} rotations
  * @param {number[]} near
  */
-function centre(rotations, near) {
+export function centre(rotations, near) {
   const total = rotations.reduce((sum, { w }) => sum + dot(w, w), 0);
   const matrix = [0, 1, 2].map((i) =>
     [0, 1, 2].map((j) => (i === j ? total : 0) - rotations.reduce((sum, { w }) => sum + w[i] * w[j], 0)),
@@ -84,7 +84,7 @@ function centre(rotations, near) {
  * @param {Screw[]} rotations
  * @param {number[]} about
  */
-function spread(rotations, about) {
+export function spread(rotations, about) {
   const total = rotations.reduce((sum, { w }) => sum + dot(w, w), 0);
   const squares = rotations.reduce((sum, one) => sum + norm(moment(one, about)) ** 2, 0);
   return total > 0 ? Math.sqrt(squares / total) : 0;
@@ -104,7 +104,7 @@ function moment({ v, w }, about) {
  * @param {number} length
  * @param {number} other
  */
-function scaleOf(length, other) {
+export function scaleOf(length, other) {
   if (!(length > SMALL[0] * other)) return other;
   if (!(length < SMALL[1] * other)) return length;
   const known = ramp(Math.log(length / other), SMALL.map(Math.log));

@@ -105,5 +105,10 @@ function transposed(matrix) {
  * @param {number} s
  */
 function rotate(a, b, c, s) {
-  for (let i = 0; i < a.length; i++) [a[i], b[i]] = [c * a[i] - s * b[i], s * a[i] + c * b[i]];
+  for (let i = 0; i < a.length; i++) {
+    const x = a[i];
+    const y = b[i];
+    a[i] = c * x - s * y;
+    b[i] = s * x + c * y;
+  }
 }

@@ -15,10 +15,12 @@ export class EditorState {
   static create(config: { doc: string; extensions: Extension[] }): EditorState;
   static changeFilter: { of(filter: (transaction: Transaction) => boolean): Extension };
   doc: Text;
+  replaceSelection(text: string): TransactionSpec;
 }
 export class EditorView {
   constructor(config: { state: EditorState; parent: Element });
   static updateListener: { of(listener: (update: { docChanged: boolean }) => void): Extension };
+  static domEventHandlers(handlers: { beforeinput: (event: InputEvent, view: EditorView) => boolean }): Extension;
   static contentAttributes: { of(attributes: Record<string, string>): Extension };
   state: EditorState;
   visibleRanges: readonly { from: number; to: number }[];

@@ -31,7 +31,7 @@ class Browser:
 
     def __init__(self, url, lazy=False, path="session", **headers):
         self.lazy, self.told, self.state, self.report, self.closed = lazy, [], None, None, None
-        self.frames = 0
+        self.frames, self.users = 0, []
         self.loop = _loop()
         address = urlsplit(url)
         query = f"?{address.query}" if address.query else ""
@@ -54,6 +54,7 @@ class Browser:
             if said["type"] == "state":
                 self.state, self.frames = said, self.frames + 1
                 self.report = said.get("report", self.report)
+                self.users = said.get("users", self.users)
                 if not self.lazy:
                     with contextlib.suppress(tornado.websocket.WebSocketClosedError):
                         await self.connection.write_message(json.dumps({"type": "ack", "frame": said["frame"]}))

@@ -1,0 +1,205 @@
+"""Accessibility of every page: axe-core finds no violation."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from axe import needs_axe, violations
+from playwright.sync_api import sync_playwright
+from test_cockpit_page import CHROMIUM, FLAGS, READY, SIZE
+from test_local_page import becomes
+from variants import slow
+
+from cinegen.cockpit import Cockpit
+from cinegen.page import build_editor, build_page
+from cinegen.session import Setup, arrange, map_setup
+from cinegen.workspace import GridAxis, MapSpecification, Region, make_map
+
+HIGH = {"width": 900, "height": 3200}  # the panel does not scroll: axe-core judges no colours of what is scrolled away
+LOW = "document.getElementById('pane').style.maxHeight = '400px'"  # drawing in software takes long
+UNFOLD = "document.querySelectorAll('details').forEach((one) => { one.open = true; })"
+SCHEMES = ("light", "dark")
+SPOKEN = """() => [...document.querySelectorAll("input[type=range], [role=meter]")]
+  .filter((one) => one.checkVisibility())
+  .map((one) => [one.getAttribute("aria-label"), one.getAttribute("aria-valuetext")])"""
+
+pytestmark = [
+    pytest.mark.browser,
+    pytest.mark.filterwarnings("ignore:.*no such port:cinegen.CinegenWarning"),
+    pytest.mark.skipif(CHROMIUM is None, reason="NO CHROMIUM: the page is not tested in a real browser"),
+    needs_axe,
+]
+
+
+@pytest.fixture(scope="module")
+def browser():
+    with sync_playwright() as playwright:
+        yield playwright.chromium.launch(executable_path=CHROMIUM, args=FLAGS)
+
+
+@pytest.fixture
+def tab(browser):
+    """`tab(address)`: a page that shows it, all of its panel open."""
+    contexts = []
+
+    def open_tab(address):
+        contexts.append(browser.new_context(viewport=SIZE))
+        page = contexts[-1].new_page()
+        page.goto(address, timeout=60_000)
+        assert becomes(page, f"Boolean({READY})")
+        for script in (UNFOLD, LOW):
+            page.evaluate(script)
+        page.set_viewport_size(HIGH)
+        return page
+
+    yield open_tab
+    for context in contexts:
+        context.close()
+
+
+def in_both_schemes(page, state):
+    """Return the violations of a page in a state, in light and in dark colours."""
+    found = []
+    for scheme in SCHEMES:
+        page.emulate_media(color_scheme=scheme)
+        found += [f"{state}, {scheme}: {text}" for text in violations(page)]
+    return found
+
+
+def ranges(page):
+    """Return the name, least and largest value that screen readers get of each slider and number field."""
+    nodes = page.context.new_cdp_session(page).send("Accessibility.getFullAXTree")["nodes"]
+    found = []
+    for node in nodes:
+        if node.get("role", {}).get("value") in ("slider", "spinbutton"):
+            properties = {one["name"]: one["value"].get("value") for one in node["properties"]}
+            found.append((node["name"]["value"], properties["valuemin"], properties["valuemax"]))
+    return found
+
+
+def test_sliders_and_number_fields_have_names_units_and_ranges(robot, tab, tmp_path):
+    mechanism = robot("scara")
+    (tmp_path / "page.html").write_text(build_page(Setup({"scara": mechanism})))
+    page = tab((tmp_path / "page.html").as_uri())
+    found = ranges(page)
+    for joint in mechanism.actuated:
+        i = mechanism.q_index(joint)
+        limits = np.degrees([mechanism.limits.lower[i], mechanism.limits.upper[i]])
+        for name in (f"{joint} of scara", f"{joint} of scara, in degrees"):
+            (one,) = [values for title, *values in found if title == name]
+            if np.isfinite(limits).all():  # else a range about home
+                assert one == pytest.approx(limits, abs=1e-3)
+    texts = dict(page.evaluate(SPOKEN))
+    assert texts["joint1 of scara"] == f"{np.degrees(mechanism.q_home[mechanism.q_index('joint1')]):.1f} degrees"
+    assert texts["Gain"] == "100 per second"
+    assert all(texts.values())
+    page.click("#units")
+    assert any(name == "joint1 of scara, in radians" for name, *_ in ranges(page))
+    page.locator("[data-joint='scara/joint1'] input[type=range]").press(
+        "Home"
+    )  # to its least value, which is read at once
+    assert page.get_attribute("[data-joint='scara/joint1'] input[type=range]", "aria-valuetext").startswith(
+        "minus 2.269 "
+    )
+
+
+def test_the_served_page(robot, tab):
+    names = ("delta4", "rx90")
+    with Cockpit(arrange({name: robot(name) for name in names}), port=8700, own_process=False) as one:
+        page = tab(one.url)
+        page.evaluate("cockpit.select('delta4', 'platform')")
+        page.evaluate("""for (const id of ["crowd", "cover"]) document.getElementById(id).hidden = false;
+          document.getElementById("cover").textContent = "Connection lost, trying again.";""")
+        page.check("#reactions")
+        found = in_both_schemes(page, "all open")
+        for button in ("aids", "snapshot", "help"):
+            page.click(f"#{button}")
+            found += in_both_schemes(page, button)
+            page.keyboard.press("Escape")
+        page.click("#pin")
+        assert becomes(page, "document.querySelector('[data-task]') !== null")
+        found += in_both_schemes(page, "a pin")
+    assert found == []
+
+
+@pytest.mark.slow
+def test_a_map(robot, tab, tmp_path):
+    region = Region((GridAxis("x", -1.2, 1.2, 3), GridAxis("y", -1.2, 1.2, 3), GridAxis("z", -2.6, -1.2, 3)))
+    make_map(MapSpecification(robot("delta4"), region, ("condition",)), tmp_path / "map.zarr", workers=1)
+    with Cockpit(map_setup(tmp_path / "map.zarr"), port=8700, own_process=False) as one:
+        page = tab(one.url)
+        assert page.is_visible("#legend")
+        assert page.is_visible("#section-map")
+        assert in_both_schemes(page, "map") == []
+
+
+def test_a_page_without_a_server(robot, tab, tmp_path):
+    (tmp_path / "page.html").write_text(build_page(Setup({"delta4": robot("delta4")})))
+    page = tab((tmp_path / "page.html").as_uri())
+    page.evaluate("cockpit.select('delta4', 'platform')")
+    page.evaluate("cockpit.send({ type: 'set_recording', on: true })")
+    assert becomes(page, "document.querySelector('#toasts .toast') !== null")
+    assert in_both_schemes(page, "a notice") == []
+
+
+def test_an_editor(root, tab, tmp_path):
+    text = (root / "robots" / "delta4.raff").read_text()
+    (tmp_path / "page.html").write_text(build_editor(text, "delta4.raff"))
+    page = tab((tmp_path / "page.html").as_uri())
+    page.click("#text .cm-content")
+    page.keyboard.press("Control+End")
+    page.keyboard.insert_text("link 9 { pred 99 typ 2 }")
+    assert becomes(page, "document.querySelector('#notes button') !== null")
+    assert in_both_schemes(page, "errors") == []
+    page.set_viewport_size(SIZE)  # parts scroll
+    assert in_both_schemes(page, "scrolled") == []
+
+
+@pytest.mark.parametrize(
+    ("name", "width"),
+    [
+        ("index", 1280),
+        *slow(
+            *((name, width) for width in (1280, 420) for name in ("index", "tutorial", "reference/commands", "gallery"))
+        ),
+    ],
+)
+def test_the_site(root, browser, name, width):
+    path = root / "build" / "site" / "html" / f"{name}.html"
+    if not path.is_file():
+        pytest.skip("the site is not built: `make docs` builds it")
+    page = browser.new_page(viewport={"width": width, "height": 900})
+    page.goto(path.as_uri())
+    found = in_both_schemes(page, name)
+    page.close()
+    assert found == []
+
+
+@pytest.mark.slow
+def test_pictures_of_the_site_stand_still_where_people_prefer_it(root, browser):
+    path = root / "build" / "site" / "html" / "index.html"
+    if not path.is_file():
+        pytest.skip("the site is not built: `make docs` builds it")
+    for motion, pictures in (("no-preference", 1), ("reduce", 0)):
+        context = browser.new_context(reduced_motion=motion)
+        page = context.new_page()
+        page.goto(path.as_uri())
+        assert page.locator("img[src$='.webp']").count() == pictures
+        assert page.locator("canvas[role=img][aria-label]").count() == 1 - pictures
+        context.close()
+
+
+@pytest.mark.slow
+def test_every_page_of_the_site(root, browser):
+    site = root / "build" / "site" / "html"
+    if not site.is_dir():
+        pytest.skip("the site is not built: `make docs` builds it")
+    others = (site / "live", site / "source", site / "_static")
+    found = []
+    for path in sorted(site.rglob("*.html")):
+        if not any(path.is_relative_to(other) for other in others):
+            page = browser.new_page()
+            page.goto(path.as_uri())
+            found += in_both_schemes(page, path.stem)
+            page.close()
+    assert found == []

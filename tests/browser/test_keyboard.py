@@ -1,0 +1,113 @@
+"""A person without a pointer: keys select, move and rotate parts, and what happens is announced."""
+
+from __future__ import annotations
+
+import numpy as np
+import pinocchio as pin
+import pytest
+from test_cockpit_page import CHROMIUM, becomes, browser, cockpit, held, place, tab  # noqa: F401
+from test_local_page import becomes as comes_true
+from test_local_page import tab as local_tab  # noqa: F401
+
+from cinegen.page import build_page
+from cinegen.session import Setup
+
+FOCUSED = """() => {
+  const { activeElement: one } = document;
+  const { outlineStyle, outlineWidth } = getComputedStyle(one);
+  const where = one.closest("header, #scene, #selection, #panel, footer");
+  return one === document.body ? null : {
+    where: where?.id || where?.tagName, name: one.id || one.textContent || one.getAttribute("aria-label"),
+    ring: outlineStyle !== "none" && parseFloat(outlineWidth) >= 2,
+  };
+}"""
+
+pytestmark = [
+    pytest.mark.browser,
+    pytest.mark.filterwarnings("ignore:.*no such port:cinegen.CinegenWarning"),
+    pytest.mark.skipif(CHROMIUM is None, reason="NO CHROMIUM: the page is not tested in a real browser"),
+]
+
+
+def announced(page):
+    return page.locator("#announcer p").all_inner_texts()
+
+
+def test_arrow_keys_move_a_part_and_are_undone(cockpit, tab):  # noqa: F811
+    one = cockpit("delta4", follow=None)
+    page = tab(one)
+    home = one.state.robots["delta4"].q
+    page.locator("#scene canvas").focus()
+    page.keyboard.press("Shift+N")  # the last part
+    assert becomes(page, lambda: "platform" in page.inner_text("#selection"))
+    start = place(one, "delta4", "platform")
+    step = 0.02  # m: a hundredth of the characteristic length, 4.04 m, down to 1, 2 or 5 times a power of ten
+    for _ in range(3):
+        page.keyboard.press("ArrowRight")
+    page.keyboard.press("Alt+ArrowUp")
+    assert becomes(page, lambda: held(one, "delta4"))
+    page.keyboard.press("Shift+ArrowDown")
+    page.keyboard.press("PageDown")
+    wanted = start + step * np.array([3.0, 0.1, -2.0])
+    assert becomes(page, lambda: np.abs(place(one, "delta4", "platform") - wanted).max() < 1e-4)
+    x, y, z = (f"{'minus ' if value < 0 else ''}{abs(1000 * value):.1f} millimetres" for value in wanted)
+    assert becomes(page, lambda: f"platform: x {x}, y {y}, z {z}" in announced(page))  # the keys rest: the drag ends
+    assert becomes(page, lambda: not one.state.robots["delta4"].tasks)
+    assert one.state.robots["delta4"].closure < 1e-10
+    assert one.state.undo == 1  # all of it is one step
+    page.keyboard.press("Control+z")
+    assert becomes(page, lambda: np.abs(one.state.robots["delta4"].q - home).max() < 1e-9)
+    page.keyboard.down("ArrowRight")
+    assert becomes(page, lambda: held(one, "delta4"))
+    page.keyboard.press("Escape")
+    assert becomes(page, lambda: not one.state.robots["delta4"].tasks)
+    page.keyboard.up("ArrowRight")
+    page.keyboard.press("Escape")  # selects nothing: arrows rotate the view
+    before = page.evaluate("cockpit.viewer.camera.matrixWorld.toArray()")
+    page.keyboard.press("ArrowLeft")
+    assert becomes(page, lambda: page.evaluate("cockpit.viewer.camera.matrixWorld.toArray()") != before)
+    page.keyboard.press(" ")
+    assert becomes(page, lambda: one.state.paused)
+    assert not one.state.robots["delta4"].tasks
+
+
+def test_a_limit_that_is_reached_by_keys_is_announced(cockpit, tab):  # noqa: F811
+    one = cockpit("delta4", follow=None)
+    page = tab(one)
+    page.evaluate("cockpit.select('delta4', 'platform')")
+    page.locator("#scene canvas").focus()
+    for _ in range(150):
+        page.keyboard.down("ArrowRight")  # as a key that repeats: 3 m
+    assert becomes(page, lambda: any(text.startswith("at limit: joint") for text in announced(page)))
+    assert len(announced(page)) <= 3
+    page.keyboard.up("ArrowRight")
+
+
+def test_rotations_and_the_order_of_focus_without_a_server(robot, local_tab, tmp_path):  # noqa: F811
+    mechanism = robot("rx90")
+    (tmp_path / "rx90.html").write_text(build_page(Setup({"rx90": mechanism})))
+    page = local_tab(tmp_path / "rx90.html")
+    order = []
+    for _ in range(80):
+        page.keyboard.press("Tab")
+        order.append(page.evaluate(FOCUSED))
+        if order[-1] is None:
+            break
+    assert order[-1] is None  # the focus leaves the page
+    assert [one["name"] for one in order[:-1] if not one["ring"]] == []
+    where = [one["where"] for one in order[:-1]]
+    assert list(dict.fromkeys(where)) == ["bar", "scene", "panel"]
+    page.evaluate("cockpit.select('rx90', 'tool')")
+    page.keyboard.press("w")  # the arrow keys are the scene's
+    assert page.evaluate(FOCUSED)["where"] == "scene"
+    q = mechanism.q_home
+    start = mechanism.placement(q, "tool")
+    for _ in range(4):
+        page.keyboard.press("Control+ArrowUp")
+    page.keyboard.press("ArrowLeft")
+    assert comes_true(page, "cockpit.state.tasks.length === 0 && cockpit.report.undo === 1")
+    q = np.array(page.evaluate("cockpit.report.robots.rx90.q"))
+    end = mechanism.placement(q, "tool")
+    assert pin.log3(end.rotation @ start.rotation.T) == pytest.approx([0.0, np.radians(8.0), 0.0], abs=1e-4)
+    assert end.translation - start.translation == pytest.approx([-0.005, 0.0, 0.0], abs=1e-4)
+    assert any("rotated by 8.0 degrees about y" in text for text in announced(page))

@@ -1,0 +1,143 @@
+"""What stands over the scene, in windows of all sizes: nothing covers the selection bar, and no text is cut off."""
+
+from __future__ import annotations
+
+import pytest
+from test_local_page import CHROMIUM, becomes, browser, tab  # noqa: F401
+from variants import slow
+
+from cinegen.page import build_page
+from cinegen.session import Setup
+
+# The page as a server has it: all parts are shown that a page without a server hides.
+PREPARE = """() => {
+  document.documentElement.removeAttribute("data-source");
+  document.getElementById("hint").textContent = "Drag any part of the robot, or click a cell: it goes there.";
+  document.getElementById("frame").append(new Option("base of the robot"));
+  document.getElementById("measure-mode").click();
+  document.getElementById("cover").textContent = "Connection lost, trying again.";
+  for (let i = 0; i < 2; i += 1) {
+    const toast = document.createElement("div");
+    toast.className = "toast warning";
+    toast.textContent = `${i}: Home of rx90 is in another assembly mode: it was moved there without a path`;
+    document.getElementById("toasts").append(toast);
+  }
+  const legend = document.getElementById("legend");
+  legend.querySelector(".name").textContent = "condition, dimensionless";
+  legend.querySelector(".low").textContent = "0.01";
+  legend.querySelector(".high").textContent = "1";
+}"""
+# Pairs of boxes that meet, boxes that are not whole, and controls of the selection bar that something covers.
+FAULTS = """(shown) => {
+  const all = ["hint", "crowd", "cover", "legend", "toasts"];
+  for (const id of all) document.getElementById(id).hidden = !shown.includes(id);
+  const pane = document.getElementById("pane").getBoundingClientRect();
+  const boxes = ["bar", "panel", "foot", "selection", "measure", ...shown]
+    .map((id) => [id, document.getElementById(id).getBoundingClientRect()]).filter(([, box]) => box.width > 0);
+  const meets = (one, other) => one.left < other.right - 1 && other.left < one.right - 1
+    && one.top < other.bottom - 1 && other.top < one.bottom - 1;
+  const faults = [];
+  boxes.forEach(([id, box], i) => {
+    for (const [other, second] of boxes.slice(0, i)) if (meets(box, second)) faults.push(`${id} meets ${other}`);
+    if (i < 3) return;
+    const { left, right, top, bottom } = pane;
+    if (box.left < left || box.right > right || box.top < top || box.bottom > bottom) faults.push(`${id} is not whole`);
+  });
+  if (!boxes.some(([id]) => id === "selection")) faults.push("no selection bar");
+  for (const control of document.querySelectorAll(":is(#selection, #measure) :is(button, select, input)")) {
+    const { x, y, width, height } = control.getBoundingClientRect();
+    const found = document.elementFromPoint(x + width / 2, y + height / 2);
+    if (!control.contains(found)) faults.push(`${control.id} is covered`);
+  }
+  return faults;
+}"""
+# Texts that are wider than their element or stand out of the window.
+CUT = """() => [...document.querySelectorAll("#bar, #pane > :not(#scene), #panel, #foot")].flatMap((part) =>
+  [part, ...part.querySelectorAll("*")].filter((one) => {
+    if (one.matches("button, select") && one.getBoundingClientRect().right > window.innerWidth) return true;
+    const own = [...one.childNodes].some((node) => node.nodeType === 3 && node.textContent.trim() !== "");
+    if (!own || one.closest(".unseen, .word, option") || one.checkVisibility?.() === false) return false;
+    const { left, right, width } = one.getBoundingClientRect();
+    if (width === 0) return false;
+    const style = getComputedStyle(one);
+    const shortened = style.textOverflow === "ellipsis" && (one.title || one.closest("[title]"));
+    const hidden = style.overflowX !== "visible" && one.scrollWidth > one.clientWidth + 1 && !shortened;
+    return hidden || left < -1 || right > window.innerWidth + 1;
+  }).map((one) => `${one.tagName} ${one.id} ${one.textContent}`))"""
+TOGETHER = (["hint"], ["toasts"], ["crowd"], ["legend"], ["cover"])
+ALL = ["hint", "toasts", "crowd", "legend", "cover"]
+SMALL, ZOOMED, LARGE = (360, 640), (640, 360), (2560, 1440)  # 1280 x 720 at a zoom of 200 % is half of it
+
+pytestmark = [
+    pytest.mark.browser,
+    pytest.mark.skipif(CHROMIUM is None, reason="NO CHROMIUM: the page is not tested in a real browser"),
+]
+
+
+@pytest.fixture(scope="module")
+def file(robot, tmp_path_factory):
+    path = tmp_path_factory.mktemp("layout") / "rx90.html"
+    path.write_text(build_page(Setup({"rx90": robot("rx90")})))
+    return path
+
+
+SIZES = [SMALL, ZOOMED, (900, 560), LARGE]
+MORE = [
+    (360, 800),
+    (480, 640),
+    (560, 480),
+    (700, 1000),
+    (761, 600),
+    (1024, 600),
+    (1160, 800),
+    (1280, 720),
+    (1920, 1080),
+]
+
+
+@pytest.mark.parametrize("sizes", [SIZES, *slow(MORE)], ids=["sizes", "more"])
+def test_nothing_covers_the_selection_bar_and_no_text_is_cut(file, tab, sizes):  # noqa: F811
+    page = tab(file)
+    page.evaluate(PREPARE)
+    page.evaluate("cockpit.select('rx90', 'tool')")
+    found = []
+    for width, height in sizes:
+        page.set_viewport_size({"width": width, "height": height})
+        page.wait_for_timeout(50)
+        roomy = width >= 900 and height >= 560
+        for shown in (*TOGETHER, *([ALL] if roomy else [])):
+            found += [f"{width}x{height}, {' '.join(shown)}: {fault}" for fault in page.evaluate(FAULTS, shown)]
+        found += [f"{width}x{height}: {text} is cut" for text in page.evaluate(CUT)]
+    assert found == []
+    sizes_of_type = "parseFloat(getComputedStyle(document.documentElement).fontSize)"
+    assert page.evaluate(sizes_of_type) >= (16 if sizes[-1] == LARGE else 13)
+
+
+def test_reduced_motion_and_forced_colours(file, browser):  # noqa: F811
+    context = browser.new_context(
+        viewport={"width": 700, "height": 500}, reduced_motion="reduce", forced_colors="active"
+    )
+    page = context.new_page()
+    page.goto(file.as_uri())
+    assert becomes(page, "document.documentElement.dataset.view === 'ready' && Boolean(window.cockpit?.report)")
+    camera = "cockpit.viewer.camera.matrixWorld.toArray()"
+    before = page.evaluate(camera)
+    page.evaluate("cockpit.send({ type: 'move_joint', robot: 'rx90', joint: 'joint2', value: 0.9 })")  # out of the view
+    assert becomes(page, "Math.abs(cockpit.report.robots.rx90.q[1] - 0.9) < 1e-9")
+    page.wait_for_timeout(300)
+    assert page.evaluate(camera) == before
+    # what only a colour showed has an edge or the system's colours
+    shown = page.evaluate("""() => {
+      cockpit.select("rx90", "tool");
+      const of = (selector, pseudo) => getComputedStyle(document.querySelector(selector), pseudo);
+      return {
+        chip: of("#status", "::before").borderTopStyle, meter: of(".meter .scale").borderTopStyle,
+        slider: of("[data-joint] input[type=range]").appearance,
+        bar: of(".meter .scale > b").backgroundColor, paper: of(".meter .scale").backgroundColor,
+        pressed: of("#move").backgroundColor, other: of("#turn").backgroundColor,
+      };
+    }""")
+    context.close()
+    assert (shown["chip"], shown["meter"], shown["slider"]) == ("solid", "solid", "auto")
+    assert shown["bar"] != shown["paper"]
+    assert shown["pressed"] != shown["other"]

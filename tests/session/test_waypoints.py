@@ -1,0 +1,190 @@
+"""Waypoints: they are saved, renamed, reordered, removed, moved to and played, and what was played is a mission."""
+
+from __future__ import annotations
+
+import json
+
+import numpy as np
+import pytest
+
+from cinegen.assembly import assembly_modes
+from cinegen.mission import Recording, export
+from cinegen.session import Session, Setup
+from cinegen.session import commands as c
+from cinegen.session.waypoints import MOST_WAYPOINTS
+
+RATE = 250.0
+
+
+@pytest.fixture
+def session(robot, tmp_path, monkeypatch):
+    """Of a five-bar and a planar arm; what it records is in `tmp_path`."""
+    monkeypatch.chdir(tmp_path)
+    one = Session(Setup({"five_bar": robot("five_bar"), "arm": robot("planar_3r")}, rate=RATE))
+    yield one
+    one.close()
+
+
+def run(session, *commands, most=20_000):
+    """Obey, and tick until nothing moves."""
+    for command in commands:
+        session.obey(command)
+    for _ in range(most):
+        session.tick()
+        if session.state().moving is None:
+            return session.state()
+    raise AssertionError("it moves for ever")
+
+
+def configurations(session):
+    return {name: robot.q.copy() for name, robot in session.robots.items()}
+
+
+def place(session, value, name):
+    """Move a joint of each robot away from home by a value (rad), and save that as a waypoint."""
+    five_bar = session.robots["five_bar"]
+    joint = five_bar.mechanism.actuated[0]
+    at = five_bar.home[five_bar.mechanism.q_index(joint)]
+    run(
+        session,
+        c.MoveJoint("five_bar", joint, at + value),
+        c.MoveJoint("arm", "joint2", 3.0 * value),
+        c.EndJointMotion(),
+    )
+    session.obey(c.SaveWaypoint(name))
+    return configurations(session)
+
+
+def names(session):
+    return [one.name for one in session.state().waypoints]
+
+
+def differs(one, other):
+    return max(np.abs(one[name] - other[name]).max() for name in one)
+
+
+def test_the_list_is_renamed_reordered_and_shortened(session):
+    for name in ("a", "b", "c", "d"):
+        session.obey(c.SaveWaypoint(name))
+    a, b, _, d = (one.id for one in session.state().waypoints)
+    session.obey(c.ChangeWaypoint(a, index=2))
+    assert names(session) == ["b", "c", "a", "d"]
+    session.obey(c.ChangeWaypoint(d, name="z", index=0))
+    session.obey(c.ChangeWaypoint(b, index=1000))
+    assert names(session) == ["z", "c", "a", "b"]
+    session.obey(c.RemoveWaypoint(a))
+    assert names(session) == ["z", "c", "b"]
+    assert session.state().notices == ()
+    for command in (c.RemoveWaypoint(a), c.MoveToWaypoint(a), c.ChangeWaypoint(a, name="x")):  # others were faster
+        session.obey(command)
+    assert [one.text for one in session.state().notices] == ["this waypoint was removed"] * 3
+    for _ in range(MOST_WAYPOINTS):
+        session.obey(c.SaveWaypoint("more"))
+    assert len(names(session)) == MOST_WAYPOINTS
+    assert "remove some first" in session.state().notices[-1].text
+
+
+def test_all_robots_move_to_a_waypoint_and_back_by_undo(session):
+    home = configurations(session)
+    goal = place(session, 0.2, "goal")
+    (waypoint,) = session.state().waypoints
+    run(session, c.MoveHome())
+    session.obey(c.Pin("arm", "tool"))
+    session.obey(c.MoveToWaypoint(waypoint.id))
+    session.tick()
+    state = session.state()
+    assert (state.moving, state.waypoint) == ("waypoint", waypoint.id)
+    assert state.robots["arm"].tasks == ()  # as for a motion home, pins are removed
+    largest, before = 0.0, configurations(session)
+    for _ in range(2000):
+        session.tick()
+        largest = max(largest, differs(configurations(session), before))
+        before = configurations(session)
+        assert session.state().robots["five_bar"].closure < 1e-10
+        if session.state().moving is None:
+            break
+    assert differs(before, goal) == 0.0
+    assert largest < 0.02  # rad a tick: it moves there on a path
+    assert session.state().waypoint is None
+    run(session, c.Undo())
+    assert differs(configurations(session), home) < 1e-9
+    assert session.state().notices == ()
+
+
+def test_waypoints_that_are_played_with_a_recording_are_a_mission(session, tmp_path):
+    poses = [place(session, value, f"p{value}") for value in (0.1, 0.25, -0.1)]
+    first = session.state().waypoints[0]
+    session.obey(c.ChangeWaypoint(first.id, index=2))  # the order of the list counts, not that of saving
+    steps = session.state().undo
+    state = run(session, c.PlayWaypoints(on=True, record=True))
+    assert state.undo == steps + 1
+    assert differs(configurations(session), poses[0]) == 0.0
+    assert state.recording is None
+    assert state.notices[-1].text.startswith("recorded ")
+    session.close()
+    (path,) = tmp_path.glob("mission-*.jsonl")
+    recording = Recording.load(path)
+    for name, q in recording.q.items():
+        assert np.array_equal(q[0], poses[1][name])
+        assert np.array_equal(q[-1], poses[0][name])
+        nearest = np.abs(q - poses[2][name]).max(axis=1).min()
+        assert nearest < 1e-6
+        assert np.abs(np.diff(q, axis=0)).max() < 0.05
+    report = export(path, "csv", tmp_path / "motion.csv", robot="five_bar")
+    assert not report.findings
+    assert json.loads(path.read_text().splitlines()[0])["cinegen"] == "mission"
+
+
+@pytest.mark.parametrize(
+    "interruption", [c.StartDrag("arm", "tool"), c.MoveHome("arm"), c.Undo(), c.PlayWaypoints(False)]
+)
+def test_whatever_else_moves_a_robot_ends_the_motion_and_its_recording(session, interruption):
+    place(session, 0.1, "a")
+    place(session, 0.3, "b")
+    session.obey(c.PlayWaypoints(on=True, record=True))
+    while session.state().recording is None:
+        session.tick()
+    session.obey(interruption)
+    assert session.state().waypoint is None
+    assert session.state().recording is None
+    if isinstance(interruption, c.StartDrag):
+        before = configurations(session)
+        for _ in range(500):
+            session.tick()
+        assert differs(configurations(session), before) < 1e-6
+    else:
+        run(session)
+    assert len(session.state().waypoints) == 2
+
+
+def test_a_waypoint_in_another_assembly_mode_ends_the_motion_with_a_reason(session, tmp_path):
+    place(session, 0.1, "a")
+    run(session, c.MoveHome())
+    five_bar = session.robots["five_bar"]
+    mechanism = five_bar.mechanism
+    other = max(assembly_modes(mechanism), key=lambda q: mechanism.distance(q, five_bar.home))
+    five_bar.jump_to(other)
+    session.obey(c.SaveWaypoint("other"))
+    five_bar.jump_to(five_bar.home)
+    session.obey(c.SaveWaypoint("last"))
+    session.obey(c.PlayWaypoints(on=True, record=True))
+    run(session)
+    texts = [one.text for one in session.state().notices]
+    assert any("no longer played: five_bar can't reach 'other' on a path" in text for text in texts), texts
+    assert session.state().recording is None
+    session.close()
+    (path,) = tmp_path.glob("mission-*.jsonl")
+    assert np.abs(np.diff(Recording.load(path).q["five_bar"], axis=0)).max() < 0.05  # the jump is not recorded
+
+
+def test_playing_needs_two_waypoints_and_no_other_recording(session):
+    session.obey(c.PlayWaypoints(on=True))
+    assert session.state().notices[-1].text == "save two waypoints or more to play them"
+    place(session, 0.1, "a")
+    place(session, 0.2, "b")
+    session.obey(c.SetRecording(True))
+    session.obey(c.PlayWaypoints(on=True, record=True))
+    assert "a recording is in progress" in session.state().notices[-1].text
+    assert session.state().waypoint is None
+    run(session, c.PlayWaypoints(on=True))
+    assert session.state().recording is not None  # the user's own goes on
