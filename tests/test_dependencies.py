@@ -75,7 +75,8 @@ def test_what_the_packages_import_is_declared():
 
 
 def test_what_the_tests_import_is_declared():
-    local = {path.stem for folder in ("tests", "examples", "benchmarks", "docs") for path in (ROOT / folder).rglob("*.py")}
+    folders = ("tests", "examples", "benchmarks", "docs")
+    local = {path.stem for folder in folders for path in (ROOT / folder).rglob("*.py")}
     local |= {path.parent.name for folder in ("tests", "ros2") for path in (ROOT / folder).rglob("__init__.py")}
     found = {package: files for package, files in imports("tests").items() if package not in local}
     assert undeclared(found, required() | optional("test", *EXTRAS)) == {}

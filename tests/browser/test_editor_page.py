@@ -13,6 +13,7 @@ from test_cockpit_page import WHERE
 from test_local_page import CHROMIUM, PICTURES, becomes, browser, tab  # noqa: F401
 from variants import slow
 
+import cinegen
 from cinegen.page import build_editor
 from raff2urdf.errors import RaffError
 from raff2urdf.raff.check import check
@@ -43,7 +44,7 @@ def edit(page, text):
     page.keyboard.insert_text(text)
 
 
-def test_the_robot_follows_its_text(file, text, tab, robot):  # noqa: F811
+def test_the_robot_follows_its_text(file, text, root, tab, robot, tmp_path):  # noqa: F811
     page = tab(file)
     mechanism, home = robot("delta4"), page.evaluate("cockpit.report.robots.r1.q")
     assert home == pytest.approx(mechanism.q_home, abs=1e-9)
@@ -57,14 +58,19 @@ def test_the_robot_follows_its_text(file, text, tab, robot):  # noqa: F811
     PICTURES.mkdir(parents=True, exist_ok=True)
     page.screenshot(path=PICTURES / "editor_page.png")
     before = page.evaluate("cockpit.state.poses.r1")
-    edit(page, text.replace("d 2000.0", "d 2100.0"))
+    changed = text.replace("d 2000.0", "d 2100.0")
+    edit(page, changed)
     assert becomes(page, "document.documentElement.dataset.read === 'yes'")
     assert becomes(page, "cockpit.report !== null && cockpit.state !== null && location.hash.startsWith('#raff=')")
     after = np.array(page.evaluate("cockpit.state.poses.r1"))
     assert np.abs(after - before).max() > 0.01
     assert page.evaluate("cockpit.report.robots.r1.closure") <= 1e-12
     other = tab(file, page.evaluate("location.hash"))
-    assert other.evaluate("cockpit.state.poses.r1") == pytest.approx(after, abs=0.0)
+    edited = tmp_path / "edited.raff"
+    edited.write_text(changed.replace('path "graphics/"', f'path "{root / "robots/graphics"}/"'))
+    assert other.evaluate("cockpit.report.robots.r1.closure") <= 1e-12
+    home = cinegen.load(edited).q_home  # loops closed to rounding determine the forearms' cross axes to 1e-5 rad only
+    assert other.evaluate("cockpit.report.robots.r1.q") == pytest.approx(home, abs=1e-4)
     other.locator('[data-joint="r1/joint1"] input[type=number]').fill("10")
     other.keyboard.press("Enter")
     assert becomes(other, f"Math.abs(cockpit.report.robots.r1.q[0] - {np.radians(10.0)}) < 1e-9")
@@ -153,27 +159,27 @@ def longest_task(trace):
     events = json.loads(trace)["traceEvents"]
     named = [one for one in events if one["name"] == "thread_name" and one["args"].get("name") == "CrRendererMain"]
     threads = {(one["pid"], one["tid"]) for one in named}
-    tasks = [one["tdur"] for one in events if one["name"] == "RunTask" and (one["pid"], one["tid"]) in threads]
+    tasks = [one for one in events if one["name"] == "RunTask" and (one["pid"], one["tid"]) in threads]
     assert len(tasks) > 20
-    return max(tasks) / 1000.0
+    return max(one.get("tdur", one["dur"]) for one in tasks) / 1000.0  # the shortest have no processor time
 
 
 @pytest.mark.parametrize(
-    ("way", "text"),
+    ("way", "much"),
     [
         ("insert", "x" * 999_000),
-        *slow(*((way, text) for way in ("insert", "paste", "link") for text in ("{\n" * 200_000, "a\n" * 249_000))),
-        *slow(*(("paste", text) for text in ("x" * 999_000, "link 1 { " * 110_000))),
+        *slow(*((way, much) for way in ("insert", "paste", "link") for much in ("{\n" * 200_000, "a\n" * 249_000))),
+        *slow(*(("paste", much) for much in ("x" * 999_000, "link 1 { " * 110_000))),
     ],
     ids=lambda one: one[:6],
 )
-def test_no_text_takes_the_page_for_100_ms(file, tab, browser, way, text):  # noqa: F811
+def test_no_text_takes_the_page_for_100_ms(file, tab, browser, way, much):  # noqa: F811
     """Processor time, which does not depend on what else the machine does."""
     page = tab(file)
-    link = f"#raff={base64.urlsafe_b64encode(zlib.compress(text.encode(), 9, -15)).decode().rstrip('=')}"
+    link = f"#raff={base64.urlsafe_b64encode(zlib.compress(much.encode(), 9, -15)).decode().rstrip('=')}"
     if way == "paste":
         page.context.grant_permissions(["clipboard-read", "clipboard-write"])
-        page.evaluate("text => navigator.clipboard.writeText(text)", text)
+        page.evaluate("text => navigator.clipboard.writeText(text)", much)
     page.click("#text .cm-content")
     page.keyboard.press("Control+a")
     page.wait_for_timeout(500)
@@ -181,7 +187,7 @@ def test_no_text_takes_the_page_for_100_ms(file, tab, browser, way, text):  # no
         page=page, categories=["toplevel", "devtools.timeline", "disabled-by-default-devtools.timeline"]
     )
     if way == "insert":
-        page.keyboard.insert_text(text)
+        page.keyboard.insert_text(much)
     elif way == "paste":
         page.keyboard.press("Control+v")
     else:
@@ -189,7 +195,7 @@ def test_no_text_takes_the_page_for_100_ms(file, tab, browser, way, text):  # no
     assert becomes(page, "document.documentElement.dataset.read === 'no'")
     page.wait_for_timeout(500)
     trace = browser.stop_tracing()
-    assert page.locator("#notes pre").count() > 0
+    assert page.locator("#notes button").count() > 0
     assert longest_task(trace) <= 100.0
 
 

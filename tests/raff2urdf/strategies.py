@@ -152,7 +152,7 @@ def _robots(
             parts.append(RaffFrame(**common))
             continue
         pair = st.tuples(values, values).map(lambda two: (min(two), max(two)))
-        speed = values.map(abs).filter(lambda value: value > least_speed)
+        speed = values.map(lambda value: max(abs(value), 2.0 * least_speed))
         if compounds and draw(st.integers(0, 3)) == 0:
             parts.append(draw(_compounds(common, values, pair, speed)))
             continue
@@ -213,7 +213,7 @@ def _couplings(draw: st.DrawFn, parts: list[RaffLink | RaffFrame], values: st.Se
     links = [part for part in parts if isinstance(part, RaffLink) and part.type is not JointType.FIXED]
     if len(links) < 2:
         return ()
-    factor = values.filter(lambda value: abs(value) > 1e-2)
+    factor = values.map(lambda value: value if abs(value) > 1e-2 else 1.0)
     found = []
     for name in draw(st.lists(st.none() | TEXTS, max_size=2, unique_by=_or_unlike)):
         follower, *others = draw(st.lists(st.sampled_from(links), min_size=2, max_size=4, unique=True))

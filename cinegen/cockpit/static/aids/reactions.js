@@ -9,6 +9,7 @@ import { Changes } from "./changes.js";
 import { scaleOf, sizeOf } from "./force_scale.js";
 
 const SHORTEST = 0.01; // of that: shorter arrows are not drawn
+const EQUAL = 1e-9; // relative: of forces that differ by rounding only, the first is labelled
 const WIDE = 0.011; // characteristic lengths
 
 /** @typedef {import("../base/messages").ReactionReport} ReactionReport */
@@ -70,6 +71,7 @@ export class Reactions {
       if (!this.#changes.differs(robot.name, reactions)) continue;
       const { newtons, metres } = scaleOf(reactions, robot.length);
       const largest = Math.max(0, ...reactions.map(sizeOf));
+      const labelled = reactions.find((reaction) => sizeOf(reaction) >= (1 - EQUAL) * largest);
       const drawn = new Set();
       for (const reaction of reactions) {
         const size = sizeOf(reaction);
@@ -81,7 +83,7 @@ export class Reactions {
         along(mark.group, new Vector3().fromArray(reaction.force));
         stretch(mark.group, (metres * size) / newtons, WIDE * robot.length);
         mark.group.visible = true;
-        this.labels.put(key, size === largest ? amount(size, "N") : "", mark.where, "force");
+        this.labels.put(key, reaction === labelled ? amount(size, "N") : "", mark.where, "force");
       }
       for (const [key, mark] of this.#marks) {
         if (mark.robot !== robot.name || drawn.has(key) || !mark.group.visible) continue;

@@ -29,7 +29,14 @@ export class Waypoints {
       hint: "Save configurations of all robots, move to them, and play them as one motion",
       open: false,
     });
-    this.name = make("input", { id: "waypoint-name", type: "text", class: "small", maxlength: LONGEST, "aria-label": "Name of the new waypoint" });
+    this.name = make("input", {
+      id: "waypoint-name",
+      type: "text",
+      class: "small",
+      maxlength: LONGEST,
+      "aria-label": "Name of the new waypoint",
+      title: "Name of the configuration that is saved",
+    });
     const save = make("button", { type: "submit", id: "save-waypoint", class: "small", title: "Save the present configurations of all robots" }, "Save");
     const form = make("form", { class: "buttons", on: { submit: (/** @type {Event} */ event) => this.#save(event) } }, this.name, save);
     this.list = make("ol", { id: "waypoints", class: "waypoints" });

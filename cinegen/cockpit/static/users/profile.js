@@ -29,7 +29,15 @@ export class Users {
     const { name, colour } = profile();
     this.colour = colour;
     const section = new Section(panel, { id: "users", title: "Users", hint: HINT, open: false });
-    this.name = make("input", { id: "user-name", type: "text", maxlength: LONGEST, "aria-label": "Your name", placeholder: "Your name", on: { change: () => this.#change() } });
+    this.name = make("input", {
+      id: "user-name",
+      type: "text",
+      maxlength: LONGEST,
+      "aria-label": "Your name",
+      placeholder: "Your name",
+      title: "What others see beside your pointer",
+      on: { change: () => this.#change() },
+    });
     this.name.value = name;
     this.next = make("button", {
       id: "user-colour",
