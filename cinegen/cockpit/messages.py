@@ -81,7 +81,7 @@ class SetCursor(TypedMessage, frozen=True):
 
     Attributes:
         robot: robot or obstacle; null: the pointer is at no part.
-        node: node of it.
+        node: node of it; null only if the robot is.
         point: point at which the pointer is, in the node's frame (m).
         dragging: whether the part is dragged.
     """
@@ -289,7 +289,7 @@ class UserInfo(Struct, frozen=True):
         name: name for people.
         colour: number of a colour, 0 to 7.
         robot: robot or obstacle at which the pointer is; null: at none.
-        node: node of it.
+        node: node of it; null only if the robot is.
         point: point at which the pointer is, in the node's frame (m).
         dragging: whether the part is dragged.
     """

@@ -96,6 +96,8 @@ def shot(browser, name):
         tab.wait_for_function("document.documentElement.dataset.view === 'ready'", timeout=60_000)
         scene(tab)
         tab.evaluate("document.querySelectorAll('.toast, #hint').forEach((note) => note.remove())")
+        tab.evaluate("cockpit.view.resolution.constant = true; cockpit.view.changed();")  # all pixels, and shadows
+        tab.wait_for_timeout(2000)
         picture = tab.screenshot(timeout=60_000)
         tab.mouse.up()
         tab.close()

@@ -1,8 +1,9 @@
 """Draws the pictures of docs/design.md again: `python docs/pictures/design.py [NAME ...]`."""
 
-from figures import write
+from figures import ROBOTS, write
 
-from cinegen.design import tolerance
+from cinegen.design import calibrate, tolerance
+from cinegen.plotting.residuals import draw_residuals
 from cinegen.plotting.tolerance import draw_tolerance
 
 
@@ -14,7 +15,12 @@ def budget():
     )
 
 
-FIGURES = {"tolerance_delta4": budget}
+def calibration():
+    """The measurements of examples/25_calibrate_a_gough.py."""
+    return draw_residuals(calibrate("gough", ROBOTS.parent / "examples/calibrate_a_gough.csv"), name="gough")
+
+
+FIGURES = {"tolerance_delta4": budget, "calibration_gough": calibration}
 """What draws each of them."""
 
 

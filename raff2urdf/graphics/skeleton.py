@@ -21,8 +21,11 @@ from raff2urdf.raff.kleinfinger import Kleinfinger
 from raff2urdf.tree import home, kleinfinger
 from raff2urdf.urdf_model import UrdfBox, UrdfCylinder, UrdfGeometry, UrdfMaterial, UrdfSphere, UrdfVisual
 
-# Okabe and Ito's colours, which colour-blind people can distinguish: one for each branch of the tree.
-_BRANCHES = ((0.0, 0.45, 0.7), (0.9, 0.6, 0.0), (0.0, 0.62, 0.45), (0.8, 0.4, 0.0), (0.8, 0.6, 0.7), (0.35, 0.7, 0.9))
+# One for each branch of the tree. People with any colour vision can distinguish them, and pages use none for a status.
+_BRANCHES = (
+    *((0.16, 0.35, 0.44), (0.66, 0.55, 0.35), (0.66, 0.62, 0.83)),
+    *((0.42, 0.73, 0.69), (0.47, 0.29, 0.16), (0.39, 0.33, 0.3)),
+)
 _BASE = (0.45, 0.47, 0.5)
 _JOINT = (0.2, 0.22, 0.25)
 

@@ -50,8 +50,10 @@ import { Tree } from "./panel/tree.js";
 import { Waypoints } from "./panel/waypoints.js";
 import { frameFirstView } from "./view/first_view.js";
 import { sendCamera } from "./view/camera.js";
+import { ContactShadow } from "./view/contact_shadow.js";
 import { lay } from "./view/floor.js";
 import { Labels } from "./view/labels.js";
+import { light } from "./view/lights.js";
 import { Skeleton } from "./view/skeleton.js";
 import { paint } from "./view/theme.js";
 import { Tint } from "./view/tint.js";
@@ -81,7 +83,8 @@ session.on("state", (state) => { // before all that asks where things are
 });
 
 paint(view);
-lay(view);
+light(view);
+new ContactShadow(view, lay(view));
 const labels = new Labels(view);
 const tint = new Tint(view, session);
 const aids = new Aids(!withAids);

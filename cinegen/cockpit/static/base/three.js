@@ -26,7 +26,7 @@ export const {
   MeshLambertMaterial,
   Object3D,
   OctahedronGeometry,
-  PCFSoftShadowMap,
+  OrthographicCamera,
   PerspectiveCamera,
   Plane,
   PlaneGeometry,
@@ -35,6 +35,7 @@ export const {
   Quaternion,
   Ray,
   Raycaster,
+  Scene,
   ShaderMaterial,
   Sphere,
   SphereGeometry,
@@ -42,4 +43,5 @@ export const {
   Vector2,
   Vector3,
   WebGLRenderer,
+  WebGLRenderTarget,
 } = window.MeshCat.THREE;

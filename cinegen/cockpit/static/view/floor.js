@@ -28,7 +28,11 @@ const FRAGMENT = `
     gl_FragColor = vec4(colour, strength * (1.0 - far));
   }`;
 
-/** @param {import("./view.js").View} view */
+/**
+ * Return the floor, in the scene.
+ *
+ * @param {import("./view.js").View} view
+ */
 export function lay(view) {
   const material = new ShaderMaterial({
     uniforms: { colour: { value: new Color() }, cell: { value: CELL } },
@@ -46,4 +50,5 @@ export function lay(view) {
     material.uniforms.colour.value.setHex(theme.grid);
     view.changed();
   });
+  return floor;
 }

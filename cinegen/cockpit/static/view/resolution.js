@@ -1,4 +1,4 @@
-// Adapts the resolution to the time that a frame takes: fewer pixels while something moves, all of them at rest.
+// Adapts frames to the time that they take: fewer pixels and no shadows while something moves, all of them at rest.
 
 import { Events } from "../base/events.js";
 
@@ -25,6 +25,8 @@ export class Resolution extends Events {
   #stays = false;
   #ratio; // pixels of the screen to pixels drawn, while something moves
   #set;
+  #slow = false;
+  complete = true; // whether the next frame has shadows; once frames have been slow, at rest only
   constant = false; // all pixels, also while something moves: a film is made
   /** @type {number | null} */
   mean = null; // time from picture to picture, ms; null if not known
@@ -42,21 +44,23 @@ export class Resolution extends Events {
   }
 
   /**
-   * Return whether the scene at rest should be drawn with all pixels now.
+   * Return whether the scene at rest should be drawn with all pixels and with shadows now.
    *
    * @param {number} now
    */
   due(now) {
-    return this.#set !== this.full && now - this.#moved > REST;
+    return (this.#set !== this.full || !this.complete) && now - this.#moved > REST;
   }
 
   /**
-   * Set the resolution of the next frame.
+   * Set the resolution of the next frame, and whether it is complete.
    *
    * @param {boolean} moving
    */
   choose(moving) {
-    const ratio = moving && !this.constant ? this.#ratio : this.full;
+    const all = !moving || this.constant;
+    const ratio = all ? this.full : this.#ratio;
+    this.complete = all || !this.#slow;
     if (ratio === this.#set) return;
     this.#set = ratio;
     this.viewer.renderer.setPixelRatio(ratio);
@@ -91,6 +95,7 @@ export class Resolution extends Events {
     if (this.still || this.#count < SAMPLES) return;
     const mean = this.#sum / this.#count;
     this.#sum = this.#count = 0;
+    this.#slow ||= mean > SLOW;
     if (this.#before !== null && mean > USEFUL * this.#before.mean) {
       this.#ratio = this.#before.ratio; // fewer pixels helped little: they are not what takes so long
       this.#stays = true;

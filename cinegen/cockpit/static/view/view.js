@@ -4,7 +4,7 @@
 // that group everything is in the robots' metres, z up: "world" here. `stage` is an object whose own coordinates are
 // the same world, outside of the tree that the server draws; `level` is one that is not turned at all.
 
-import { Box3, Group, Mesh, Object3D, PCFSoftShadowMap, Quaternion, Vector3, WebGLRenderer } from "three";
+import { Box3, Group, Mesh, Object3D, Quaternion, Vector3, WebGLRenderer } from "three";
 import { frames } from "../base/frames.js";
 import { keyOf } from "../base/session.js";
 import { Resolution } from "./resolution.js";
@@ -359,8 +359,6 @@ function drawer(pane) {
   const antialias = probe !== null;
   probe?.getExtension("WEBGL_lose_context")?.loseContext();
   const renderer = new WebGLRenderer({ antialias, alpha: true }); // a headset may show the room behind the scene
-  renderer.shadowMap.enabled = antialias;
-  renderer.shadowMap.type = PCFSoftShadowMap;
   pane.append(renderer.domElement);
   return renderer;
 }

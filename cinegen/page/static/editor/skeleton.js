@@ -5,7 +5,7 @@ import { placements } from "./placements.js";
 
 const ROOT = ["meshcat", "cinegen"];
 const SHOWN = 1.6; // m: radius at which everything is drawn
-const BRANCHES = [0x0073b3, 0xe69900, 0x009e73, 0xcc6600, 0xcc99b3, 0x59b3e6]; // Okabe and Ito's colours
+const BRANCHES = [0x295970, 0xa88c59, 0xa89ed4, 0x6bbab0, 0x784a29, 0x63544d]; // those of skeleton.py
 const EYE = /** @type {const} */ ([3.8, 3, 4.9]); // first position of the camera, m, y up
 const JOINT = 0x333840;
 const LOOP = 0xcc79a7;
