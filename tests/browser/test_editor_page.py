@@ -85,6 +85,7 @@ def test_an_edited_robot_is_dragged_and_keeps_its_pose(file, text, tab):  # noqa
     page.evaluate("cockpit.send({ type: 'pin', robot: 'r1', node: 'link3' })")
     assert becomes(page, "cockpit.state.tasks.length === 1")
     page.evaluate("cockpit.send({ type: 'remove_task', task: cockpit.state.tasks[0].id })")
+    before = page.evaluate("cockpit.report.robots.r1.q")
     x, y, *_ = page.evaluate(WHERE, ["r1", "link10"])
     page.mouse.move(x, y)
     page.mouse.down()
@@ -99,6 +100,10 @@ def test_an_edited_robot_is_dragged_and_keeps_its_pose(file, text, tab):  # noqa
     assert np.abs(dragged - home).max() > 0.02
     assert report["closure"] <= 1e-10
     assert report["type1"]["sigma"] > 0.0 < report["type2"]["sigma"]
+    for button, expected in (("#undo", before), ("#redo", dragged)):
+        page.click(button)
+        assert becomes(page, "cockpit.report.moving === null && cockpit.report.rate.at_rest")
+        assert page.evaluate("cockpit.report.robots.r1.q") == pytest.approx(expected, abs=1e-9)
 
     page.click("#home")
     assert becomes(page, "cockpit.report.moving === null && cockpit.report.rate.at_rest")

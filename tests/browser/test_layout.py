@@ -54,9 +54,10 @@ FAULTS = """(shown) => {
 # Texts that are wider than their element or stand out of the window.
 CUT = """() => [...document.querySelectorAll("#bar, #pane > :not(#scene), #panel, #foot")].flatMap((part) =>
   [part, ...part.querySelectorAll("*")].filter((one) => {
+    if (one.checkVisibility?.() === false) return false;
     if (one.matches("button, select") && one.getBoundingClientRect().right > window.innerWidth) return true;
     const own = [...one.childNodes].some((node) => node.nodeType === 3 && node.textContent.trim() !== "");
-    if (!own || one.closest(".unseen, .word, option") || one.checkVisibility?.() === false) return false;
+    if (!own || one.closest(".unseen, .word, option")) return false;
     const { left, right, width } = one.getBoundingClientRect();
     if (width === 0) return false;
     const style = getComputedStyle(one);
@@ -103,7 +104,8 @@ def test_nothing_covers_the_selection_bar_and_no_text_is_cut(file, tab, sizes): 
     found = []
     for width, height in sizes:
         page.set_viewport_size({"width": width, "height": height})
-        page.wait_for_timeout(50)
+        assert becomes(page, f"innerWidth === {width} && innerHeight === {height}")
+        page.evaluate("new Promise((done) => requestAnimationFrame(() => requestAnimationFrame(done)))")
         roomy = width >= 900 and height >= 560
         for shown in (*TOGETHER, *([ALL] if roomy else [])):
             found += [f"{width}x{height}, {' '.join(shown)}: {fault}" for fault in page.evaluate(FAULTS, shown)]

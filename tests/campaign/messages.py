@@ -182,8 +182,11 @@ class Messages:
         """Return a message that the schema allows; a part of its names need not exist."""
         names = rng.choice(self.names)
         message = value(rng, _SCHEMA["$defs"][rng.choice(_KINDS if "sensor" in names else _WITHOUT_SENSORS)])
+        if message["type"] == "set_cursor":
+            message.setdefault("robot", None)
+            message["node"] = None if message["robot"] is None else ""  # a robot's cursor has a node
         for name in message:
-            if name in names and rng.random() >= careless:
+            if message[name] is not None and name in names and rng.random() >= careless:
                 message[name] = rng.choice(names[name])
         if message.get("quaternion") is not None:
             axis = [rng.gauss(0.0, 1.0) for _ in range(4)]
@@ -260,6 +263,7 @@ def names_of(url: str) -> list[dict[str, list[Any]]]:
             "node": [node["name"] for node in robot["nodes"]],
             "joint": [joint["name"] for joint in robot["joints"] if joint["actuated"]],
             "task": [0, 1, 2, 3, 10],
+            "waypoint": [0, 1, 2, 3, 10],
         }
         found.append(names)
         for switch in hello["switches"]:
@@ -313,9 +317,10 @@ def value(rng: Random, schema: dict[str, Any]) -> Any:
             for _ in range(rng.randint(schema.get("minItems", 0), schema.get("maxItems", 8)))
         ]
     if kind in ("number", "integer"):
-        low, high = schema.get("minimum", -1e6), schema.get("maximum", schema.get("exclusiveMaximum", 1e6))
+        low, high = schema.get("minimum", -1e6), schema.get("maximum", schema.get("exclusiveMaximum", 1e6 + 1) - 1)
         number = rng.choice((low, high, 0.0, 1.0, rng.gauss(0.0, 1.0), rng.uniform(low, high)))
         number = min(high, max(low, number))
         return int(number) if kind == "integer" else number
-    texts = ("", "x", "tool", "é😀", "a" * 300)
-    return {"boolean": rng.random() < 0.5, "string": rng.choice(texts), "null": None}.get(str(kind))
+    texts = [text for text in ("", "x", "tool", "é😀", "a" * 300) if len(text) >= schema.get("minLength", 0)]
+    text = rng.choice(texts)[: schema.get("maxLength")]
+    return {"boolean": rng.random() < 0.5, "string": text, "null": None}.get(str(kind))

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import asyncio
 import json
+import os
 import subprocess
 import sys
 import time
@@ -109,7 +110,8 @@ HARDEST = ("scenes",)
 @pytest.mark.filterwarnings("ignore:.*no such port:cinegen.CinegenWarning")
 def test_an_honest_viewer_sees_twenty_states_per_second_among_greedy_clients(page, kind):
     command = ["nice", sys.executable, __file__, kind, page.url]  # they must not starve the machine
-    with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as others:
+    environment = {**os.environ, "PYTHONPATH": os.pathsep.join(sys.path)}
+    with subprocess.Popen(command, stdout=subprocess.PIPE, text=True, env=environment) as others:
         try:
             assert others.stdout.readline() == "begun\n"
             time.sleep(1.0)
