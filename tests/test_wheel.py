@@ -117,7 +117,7 @@ def test_the_installed_wheel_lists_its_robots_and_examples(installed):
     )
 
 
-@pytest.mark.parametrize("words", ["demo", *slow("drive five_bar", "drive --scene disc")])
+@pytest.mark.parametrize("words", slow("demo", "drive five_bar", "drive --scene disc"))
 def test_the_installed_wheel_drives_a_robot(installed, words):
     done = installed("cinegen", *words.split(), "--seconds", "1", "--no-browser")
     assert done.returncode == 0, done.stderr

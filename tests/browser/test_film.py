@@ -35,6 +35,7 @@ def test_frames_show_the_robot_as_it_moves(robot, tmp_path):
     assert told == sorted(told)
 
 
+@pytest.mark.slow
 def test_a_film_has_so_many_pictures_of_that_size(robot, tmp_path):
     setup = arrange({"delta": robot("five_bar")}, follow="circle")
     path = film(setup, tmp_path / "out" / "film.mp4", 0.3, (321, 181), aids=True)

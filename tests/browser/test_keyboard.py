@@ -71,6 +71,7 @@ def test_arrow_keys_move_a_part_and_are_undone(cockpit, tab):  # noqa: F811
     assert not one.state.robots["delta4"].tasks
 
 
+@pytest.mark.slow
 def test_a_limit_that_is_reached_by_keys_is_announced(cockpit, tab):  # noqa: F811
     one = cockpit("delta4", follow=None)
     page = tab(one)

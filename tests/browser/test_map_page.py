@@ -119,6 +119,7 @@ def test_a_click_on_a_tile_brings_the_robot_there_with_its_loops_closed(opened):
     goes_there(tab, cockpit, shown, "linkage")
 
 
+@pytest.mark.slow
 def test_cells_in_space_are_clicked_coloured_cut_and_hidden_as_is_wished(opened):
     cockpit, tab, shown = opened("delta4", BOX, "sigma_1", "margin")
     goes_there(tab, cockpit, shown, "r1")

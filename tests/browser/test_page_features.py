@@ -310,6 +310,7 @@ def test_a_film_of_what_the_view_shows(cockpit, tab, tmp_path):
     assert np.abs(end - start).max() > 60  # that has moved
 
 
+@pytest.mark.slow
 def test_a_gif_ends_at_its_limit_without_a_server(robot, file, tab, tmp_path):
     page = tab(file.as_uri(), offline=True)
     first, *_ = robot("five_bar").actuated

@@ -83,7 +83,7 @@ def test_where_nobody_can_press_ctrl_c_it_moves_ten_seconds_and_leaves_a_page(ro
     assert (tmp_path / "delta4.html").exists()
 
 
-@pytest.mark.parametrize("shape", ["figure8", *slow("line")])
+@pytest.mark.parametrize("shape", slow("figure8", "line"))
 def test_several_robots_follow_a_shape_for_as_long_as_said(root, tmp_path, shape):
     files = [root / "robots/two_arms.raff", root / "robots/four_bar.raff"]
     said = _cinegen("drive", *files, "--follow", shape, "--seconds", "1", "--port", "7600", cwd=tmp_path)

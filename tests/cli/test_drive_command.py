@@ -177,6 +177,7 @@ def _may_be_real_time():
 
 
 @pytest.mark.skipif(not Path("/proc/self/task").exists(), reason="threads are looked for in /proc")
+@pytest.mark.slow
 def test_real_time_priority_is_for_those_who_ask(root, tmp_path):
     command = [
         sys.executable,

@@ -26,6 +26,7 @@ def typed(root, capsys):
     return command
 
 
+@pytest.mark.slow
 def test_any_mode_is_reached_without_a_singularity(root, typed):
     found = json.loads(typed("any", "--timeout", 240, "--json"))
     mechanism = load_scene(root / "robots/scenes/cusp.toml").mechanism

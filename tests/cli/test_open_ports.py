@@ -126,6 +126,7 @@ def test_pages_and_sensors_listen_on_this_machine_only(watched, commands):
 
 
 @pytest.mark.parametrize("wanted", [MAP, *slow((VARY,))], ids=["map", "maps of variants"])
+@pytest.mark.slow
 def test_processes_that_share_a_map_listen_on_this_machine_only_and_serve_no_http(watched, wanted):
     (found,) = watched(("map", *wanted, "--workers", "2"))
     assert len({pid for pid, *_ in found}) == 3  # the scheduler and both workers
@@ -156,6 +157,7 @@ PAGES_AND_SENSORS = {"replay"}  # tested above
 OTHERS = {"heal", "calibrate", "synthesize"}  # which write files, and start no process
 
 
+@pytest.mark.slow
 def test_all_other_commands_listen_nowhere(watched):
     assert watched(*QUIET) == [set()] * len(QUIET)
 
@@ -184,6 +186,7 @@ def test_processes_that_share_a_map_keep_their_files_to_themselves(tmp_path, mon
     assert [path.name for path in tmp_path.iterdir()] == ["dask-scratch-space"]
 
 
+@pytest.mark.slow
 def test_who_makes_a_map_on_a_cluster_listens_nowhere(watched):
     with Cluster() as address:
         assert watched(("map", *MAP, "--scheduler", address)) == [set()]

@@ -136,6 +136,7 @@ def test_a_recording_is_written_though_nobody_reads_what_is_said(root, no_reader
     assert len((tmp_path / "way.jsonl").read_text().splitlines()) > 10
 
 
+@pytest.mark.slow
 def test_a_recording_whose_reader_has_gone_ends_as_if_by_the_signal(root, no_reader, tmp_path):
     command = [sys.executable, "-m", "cinegen", "plan", str(root / "robots/scenes/disc.toml"), "-o", "-"]
     environment = os.environ | {"PYTHONPATH": str(root)}

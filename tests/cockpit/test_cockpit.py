@@ -140,6 +140,7 @@ def test_oversized_messages_and_floods_end_only_who_sends_them(cockpit):
     assert becomes(lambda: good.frames > frames + 20)
 
 
+@pytest.mark.slow
 def test_of_two_hundred_browsers_as_many_as_there_is_room_for_are_served(cockpit):
     one = cockpit("planar_3r")
     browsers = [Browser(one.url) for _ in range(200)]

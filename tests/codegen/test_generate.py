@@ -146,7 +146,7 @@ NUMBERS = {
 
 @needs_gcc
 @needs_node
-@pytest.mark.parametrize(("text", "name"), [(RSSR, "rssr"), (ROVER, "rover")])
+@pytest.mark.parametrize(("text", "name"), [(ROVER, "rover"), *slow((RSSR, "rssr"))])
 def test_ball_joints_and_floating_bases(tmp_path, text, name):
     """The rod of an RSSR rotates about itself, which no actuated joint determines: that must agree, too."""
     (tmp_path / "robot.raff").write_text(text)

@@ -177,6 +177,7 @@ def test_state_continues(tmp_path):
         synthesize("five_bar", changed(starts=3), state=state)
 
 
+@pytest.mark.slow
 def test_front(tmp_path):
     values = changed(
         objective=[{"minimise": "condition"}, {"minimise": "size", "of": ["link*.d"]}, {"minimise": "mass"}][:2],
@@ -213,6 +214,7 @@ def test_front_has_the_files_own_values_where_none_is_better(tmp_path):
     assert not ((front >= before - 1e-9).all(axis=1) & (front > before + 1e-6).any(axis=1)).any()
 
 
+@pytest.mark.slow
 def test_mass_is_that_of_the_loaded_bars(tmp_path):
     values = changed(objective=[{"minimise": "mass"}], starts=1)
     found = synthesize("five_bar", values)
@@ -260,6 +262,7 @@ def test_accuracy_is_that_of_tolerances(tmp_path):
     assert found.values[0] < found.before[0]
 
 
+@pytest.mark.slow
 def test_clearance_is_that_of_capsules_in_coal(tmp_path):
     obstacle = {"from": [0.0, 0.12, 0.0], "radius": "30mm"}
     values = changed(
@@ -342,6 +345,7 @@ def test_the_written_robot_is_in_the_assembly_mode_that_was_optimised(tmp_path):
     assert cinegen.inverse_kinematics(robot, {robot.end: goal}).reached
 
 
+@pytest.mark.slow
 def test_an_evolution_finds_what_starts_near_the_file_do_not():
     values = changed(search={"method": "evolution", "population": 12, "generations": 4}, starts=3)
     told: list[str] = []
@@ -373,6 +377,7 @@ def test_several_processes_find_the_same(tmp_path):
     assert one.values == pytest.approx(two.values, rel=1e-9)
 
 
+@pytest.mark.slow
 def test_failed_starts_are_reported():
     found = synthesize("five_bar", changed(starts=3, constraints={"joint_limits": True}))
     failed = [one for one in found.starts if not one.is_feasible]

@@ -11,8 +11,10 @@ from pathlib import Path
 
 import pytest
 from pages import ROOT
+from variants import slow
 
 EXAMPLES = sorted((ROOT / "examples").glob("*.py"))
+LONG = {"20_design_of_a_delta", "25_calibrate_a_gough"}
 
 
 def has_what_it_needs(path: Path):
@@ -20,7 +22,11 @@ def has_what_it_needs(path: Path):
         pytest.skip("there is no gcc")
 
 
-@pytest.mark.parametrize("path", EXAMPLES, ids=lambda path: path.stem)
+@pytest.mark.parametrize(
+    "path",
+    [*(path for path in EXAMPLES if path.stem not in LONG), *slow(*(path for path in EXAMPLES if path.stem in LONG))],
+    ids=lambda path: path.stem,
+)
 def test_an_example_runs_and_says_something(
     path: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
 ):

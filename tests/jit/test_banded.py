@@ -40,7 +40,7 @@ def blocks(seed: int, dependent: bool) -> tuple[np.ndarray, dict, int]:
     }, rank  # fmt: skip
 
 
-@pytest.mark.parametrize("examples", [60, *slow(500)])
+@pytest.mark.parametrize("examples", [30, *slow(500)])
 def test_motions_and_steps_are_those_of_the_whole_matrix(examples):
     cases = given(st.integers(0, 10**6), st.booleans(), st.sampled_from((1e-9, 1.0, 1e9)))
     settings(max_examples=examples, deadline=None)(cases(check_motions_and_steps))()

@@ -76,7 +76,7 @@ def test_mobility_is_as_counted_by_hand(made, family, joints):
     assert len(mechanism.cluster_ranks) == (1 if one else len(mechanism.loops))
 
 
-@pytest.mark.parametrize("family", ["snake", *slow("star")])
+@pytest.mark.parametrize("family", slow("snake", "star"))
 def test_a_thousand_joints_with_a_hundred_loops(made, family):
     mechanism = made(family, 1000)
     assert (mechanism.model.nv, len(mechanism.loops), mechanism.mobility) == (1000, 100, 800)
@@ -114,6 +114,7 @@ def test_jacobians_of_a_thousand_joints_are_derivatives(made):
         assert here.rotation @ node[:3, column] == pytest.approx((there - back) / (2.0 * h), abs=1e-7)
 
 
+@pytest.mark.slow
 def test_a_thousand_joints_are_converted_and_described(made, folder):
     mechanism = made("snake", 1000)
     written = raff2urdf.convert(folder / "snake1000.raff", folder / "out")[0]

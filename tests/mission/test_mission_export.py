@@ -49,7 +49,7 @@ def _table(path):
     ("name", "all_joints"),
     [
         *(("planar_3r", False), ("planar_3r", True), ("four_bar", False), ("four_bar", True), ("gough", False)),
-        *(("gough", True), ("delta4", True), *slow(("delta4", False))),
+        *(("gough", True), *slow(("delta4", True), ("delta4", False))),
     ],
 )
 def test_a_table(robot, recording, name, all_joints):

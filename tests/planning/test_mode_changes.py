@@ -107,6 +107,7 @@ def to_bars(pose, point):
     return min(found)
 
 
+@pytest.mark.slow
 def test_a_mode_is_changed_around_an_obstacle(root):
     """A disc where the path without obstacles leads is kept clear of, by the lines of legs and platform alone."""
     free = scene(root)

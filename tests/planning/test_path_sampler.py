@@ -193,6 +193,7 @@ def delta_with_post(root):
     )
 
 
+@pytest.mark.slow
 def test_a_delta_goes_round_a_post_with_its_loops_closed(root):
     scene = delta_with_post(root)
     clearance = clearance_of(scene)

@@ -13,6 +13,7 @@ from hypothesis.extra.numpy import arrays
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.colors import BoundaryNorm, LogNorm, to_hex
 from matplotlib.text import Text
+from variants import slow
 
 from cinegen.plotting.comparison import BOTH, FIRST, SECOND, draw_comparison
 from cinegen.plotting.loci import TYPE_1, TYPE_2
@@ -486,7 +487,7 @@ def test_two_maps_show_what_each_reaches_alone(made, wrist):
         draw_comparison(wrist, other, "force")
 
 
-@pytest.mark.parametrize("letters", [19, 49])
+@pytest.mark.parametrize("letters", [49, *slow(19)])
 def test_long_names_of_two_maps_take_nothing_from_their_picture(made, wrist, letters, monkeypatch):
     from cinegen.plotting import comparison
 

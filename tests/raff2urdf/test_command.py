@@ -518,6 +518,7 @@ def chain(links: int) -> str:
     return "\n".join(["RAFF chain", "robot r {", "  base { }", *lines, "}", ""])
 
 
+@pytest.mark.slow
 def test_a_file_of_10000_links_converts(folder: Path, run: Run) -> None:
     (folder / "long.raff").write_text(chain(10_000))
     (report,) = json.loads(run("long.raff", "--json").out)

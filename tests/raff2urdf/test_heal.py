@@ -39,6 +39,7 @@ def check_numbers(path, healing, digits):
         assert lines == {one.number.line for one in healing.numbers if one.number.file == file}
 
 
+@pytest.mark.slow
 def test_minitaur_is_healed_and_dragged(tmp_path):
     healing = heal_file(MINITAUR)
     tilts = [one for one in healing.numbers if abs(float(one.number.text)) == 4.6e-05]

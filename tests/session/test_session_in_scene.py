@@ -310,6 +310,7 @@ def test_home_leads_back_to_where_the_scene_starts_and_leaves_obstacles_where_th
     assert np.allclose(point(one, "disc", "disc"), [0.0, 0.6, 0.0], atol=1e-9)
 
 
+@pytest.mark.slow
 def test_dragging_an_obstacle_is_undone_with_the_robot_that_yielded(session):
     one = session("arm7", POLE)
     before = one.state().robots["arm7"].q

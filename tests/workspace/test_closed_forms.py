@@ -302,6 +302,7 @@ def test_motors_have_as_many_assembly_modes_as_two_circles_have_points_in_common
     assert (found["status"][wanted == 0] == CellStatus.LOOPS_OPEN).all()
 
 
+@pytest.mark.slow
 def test_delta4_s_motors_have_as_many_modes_as_three_spheres_have_points_in_common(robot):
     names = robot("delta4").actuated
     nearly_in_line = (2.4, 3.9), (0.3, 1.6), (-1.6, 0.3)  # elbows

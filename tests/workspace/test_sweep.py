@@ -525,6 +525,7 @@ def test_what_makes_no_sense_is_said_before_anything_is_written(arm, tmp_path):
     assert not out.exists()
 
 
+@pytest.mark.slow
 def test_side_by_side_processes_find_the_same(arm, tmp_path):
     over, said = parse("link2.d=300..400:2", "tool.d=200..250:2"), []
     one = sweep(arm, over, square(0.7, 8), tmp_path / "one", workers=1)
