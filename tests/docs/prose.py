@@ -1,6 +1,7 @@
 """Lint the prose of the project: `python tests/docs/prose.py` prints what is found, and fails if anything is.
 
-- Words of `vocabulary.toml` that have a standard term, in pages, docstrings, help texts and messages.
+- Words of `vocabulary.toml` that have a standard term, in pages, docstrings, help texts and messages, and in what the
+  cockpit and pages without a server show.
 - Sentences of pages with more than 35 words.
 - Pages in which more than 40 % of the sentences are passive.
 """
@@ -17,13 +18,10 @@ from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[2]
 PACKAGES = ("cinegen", "raff2urdf", "ros2", "examples")
+SCREENS = ("cinegen/cockpit/static", "cinegen/page/static", "docs/site")
 LONGEST = 35  # words of a sentence
 PASSIVE = 0.4  # part of a page's sentences
 FEWEST = 20  # sentences of a page whose part is judged
-LATER = {  # longer sentences that remain, at most
-    "CONTRIBUTING.md": 7, "SECURITY.md": 3, "docs/architecture.md": 2, "docs/cluster.md": 4, "docs/design.md": 14,
-    "docs/generate.md": 5, "docs/page.md": 2, "docs/release.md": 1, "docs/reliability.md": 5,
-}  # fmt: skip
 
 _CODE = re.compile(r"```.*?```|`[^`]*`|(?<=\])\([^)]*\)", re.DOTALL)
 _BLOCK = re.compile(r"^```.*?^```$|<!--.*?-->", re.MULTILINE | re.DOTALL)
@@ -31,6 +29,11 @@ _ITEM = re.compile(r"(?:[-*]|\d+\.) ")
 _ABBREVIATED = re.compile(r"\b(e\.g|i\.e|vs|fig|vol|pp|cf)\.|(?<![\^\w] )(?<!\^)\b([A-Z])\.(?= [A-Z][a-z]|-[A-Z])")
 _END = re.compile(r"(?<=[.!?])[\"”)]?\s+(?=[\"(]?[A-Z0-9])")
 _CITED = re.compile(r" \([^()]*\b(?:19|20)\d\d\b[^()]*\)")
+_COMMENT = re.compile(r"(?<![:\w\"'])//[^\n]*|/\*.*?\*/|<!--.*?-->", re.DOTALL)
+_SHOWN = {  # texts that people see or hear
+    ".js": re.compile(r'"((?:[^"\\\n]|\\.)*)"|`([^`]*)`'),
+    ".html": re.compile(r'>([^<>{}]+)<|\b(?:title|aria-label|placeholder|content)="([^"]*)"'),
+}
 _PASSIVE = re.compile(
     r"\b(?:is|are|was|were|be|been|being)\s+(?:\w+ly\s+)?(?:not\s+)?\w+(?:ed|en|own|ade|elt|ept|ound|iven|one)\b"
 )
@@ -98,6 +101,20 @@ def strings(package: str) -> Iterator[tuple[str, int, str]]:
                 yield str(path.relative_to(ROOT)), node.lineno, node.value
 
 
+def shown(folder: str) -> Iterator[tuple[str, int, str]]:
+    """Yield file, line and text of what the pages of a folder show."""
+    for path in sorted(
+        one for kind in _SHOWN for one in (ROOT / folder).rglob(f"*{kind}") if "vendor" not in one.parts
+    ):
+        text = path.read_text(encoding="utf-8")
+        bare = _COMMENT.sub(lambda comment: re.sub(r"[^\n]", " ", comment.group()), text)
+        for match in _SHOWN[path.suffix].finditer(bare):
+            words = re.sub(r"\$\{[^{}]*\}", "Code", match[1] or match[2] or "")
+            if " " not in words.strip():
+                continue
+            yield str(path.relative_to(ROOT)), bare.count("\n", 0, match.start()) + 1, words
+
+
 def paragraphs(text: str) -> Iterator[tuple[int, str]]:
     """Yield first line and text of each paragraph or item of a page, without tables, blocks and headings."""
     first, lines = 0, list[str]()
@@ -139,8 +156,7 @@ def findings_of(path: Path) -> list[str]:
     name = path.relative_to(ROOT).as_posix()
     found = words_of(path.read_text(encoding="utf-8"), name, file=name)
     long, passive = style_of(path)
-    if len(long) > LATER.get(name, 0):
-        found += [f"{name}:{line}: a sentence of {count} words: {text[:60]} ..." for line, count, text in long]
+    found += [f"{name}:{line}: a sentence of {count} words: {text[:60]} ..." for line, count, text in long]
     if passive > PASSIVE:
         found.append(f"{name}: {passive:.0%} of the sentences are passive: let who acts be the subject")
     return found
@@ -152,8 +168,11 @@ def main() -> int:
     for package in PACKAGES:
         for file, line, text in strings(package):
             found += words_of(text, file, line, file)
+    for folder in SCREENS:
+        for file, line, text in shown(folder):
+            found += words_of(text, file, line, file)
     print(*found, sep="\n", end="\n" if found else "")
-    where = f"{len(pages())} pages and the strings of {len(PACKAGES)} folders"
+    where = f"{len(pages())} pages and the texts of {len(PACKAGES) + len(SCREENS)} folders"
     print(f"prose: {len(found)} findings in {where}", file=sys.stderr)
     return bool(found)
 

@@ -93,7 +93,7 @@ export class MapSection {
       make(
         "div",
         { class: "ticks" },
-        make("label", { title: "Only the cells at this place, not those up to it" }, this.layer, "one layer"),
+        make("label", { title: "Only the cells at this value, not those up to it" }, this.layer, "one layer"),
         make("label", { title: "Show the cells" }, this.shown, "shown"),
       ),
       this.note,

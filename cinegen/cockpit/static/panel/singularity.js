@@ -46,7 +46,7 @@ export class Singularity {
     this.section = new Section(panel, {
       id: "singularity",
       title: "Singularity",
-      hint: "How far the robot is from places where it loses a motion or control of one",
+      hint: "How far the robot is from configurations with a lost or an uncontrolled DoF",
     });
     session.on("hello", () => this.#build());
     session.on("report", () => this.#show());

@@ -20,7 +20,7 @@ const METERS = /** @type {const} */ ([["type1", "lost DoF"], ["type2", "uncontro
 const DENIED = "Another user has control. Press A or X to take it.";
 const HELP = [
   "trigger, pinch: drag a point, or the world",
-  "grip: drag with orientation",
+  "grip button: drag with orientation",
   "left stick: move; right: scale, rotate; press: fit",
   "A, X: undo, pin what is dragged; B, Y: ellipsoid",
 ];

@@ -88,7 +88,7 @@ class Places {
     const tables = { D: new Float64Array(this.ends.D), I: new Int32Array(this.ends.I) };
     for (const [table, begin, values] of this.#values) {
       const numbers = typeof values === "object" ? Array.from(values, numberOf) : [numberOf(values)];
-      if (begin + numbers.length > this.ends[table]) throw new RangeError("a table is larger than its place");
+      if (begin + numbers.length > this.ends[table]) throw new RangeError("a table is larger than its memory");
       tables[table].set(numbers, begin);
     }
     return tables;
