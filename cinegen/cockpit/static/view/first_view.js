@@ -26,7 +26,8 @@ export function frameFirstView(view, session, still, field) {
     if (count !== heard) [heard, since] = [count, now];
     const placed = view.root.scale.x !== 1 || now - started > LATEST; // the scene's scale comes after its objects
     const late = now - started > LATEST;
-    if (session.state === null || !placed || !(field.ready || late) || now - since < QUIET) return;
+    const complete = view.whole || now - since >= QUIET;
+    if (session.state === null || !placed || !(field.ready || late) || !complete) return;
     clearInterval(timer);
     if (!still) {
       // else the camera is the server's

@@ -29,6 +29,7 @@ export class View {
   also = null; // (box of the scene) => void: what else than robots fills the view
   /** @type {Set<string>} */
   background = new Set(); // names of what can't be moved: neither framed nor picked
+  whole = false; // whether the scene came with the page: no more of it is to come
   chosen = false; // whether the camera was set, as a link has it
   /** @type {import("three").PerspectiveCamera | null} */
   headset = null; // camera of a headset that shows the scene instead of the pane
@@ -117,6 +118,7 @@ export class View {
    */
   draw(commands) {
     for (const command of commands) this.viewer.handle_command_message({ data: command });
+    this.whole = true;
   }
 
   /**
