@@ -6,6 +6,7 @@ from __future__ import annotations
 import math
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -13,6 +14,11 @@ from cinegen.jit.memory import Field, Memory
 
 BEGIN = "begin"
 """Last part of the key of a table of places."""
+
+
+def table_of(dtype: np.dtype[Any]) -> str:
+    """Return the name of the table that holds numbers of a type."""
+    return "D" if dtype.kind == "f" else "I"
 
 
 def key_of(memories: Sequence[Memory], name: str) -> tuple[object, ...]:
@@ -75,7 +81,7 @@ class Heap:
         """Return the address of values; a key has one address."""
         self._asked.add(key)
         if key not in self._places:
-            table = "D" if values.dtype.kind == "f" else "I"
+            table = table_of(values.dtype)
             numbers = self.values[table]
             self._places[key] = HeapArray(table, len(numbers), values.shape)
             self._initial[key] = values.copy()

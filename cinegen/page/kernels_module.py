@@ -14,10 +14,12 @@ from functools import cache
 from typing import Any, NamedTuple
 
 from cinegen.codegen import kernels
-from cinegen.codegen.heap import Heap
+from cinegen.codegen.heap import Heap, table_of
 from cinegen.codegen.language import Language
 from cinegen.codegen.program import STATUSES
-from cinegen.codegen.translation import FunctionTranslation, KernelTranslation, Memories, Number, Value, View
+from cinegen.codegen.statements import FunctionTranslation
+from cinegen.codegen.translation import KernelTranslation
+from cinegen.codegen.values import Memories, Number, Value, View, kind_of
 from cinegen.ik._kernels.memory import TaskMemory
 from cinegen.jit.memory import Field, Memory
 from cinegen.loops._kernels.memory import ClusterMemory
@@ -95,11 +97,11 @@ class _AnyBody(FunctionTranslation):
         kind = type(owner.all[0])
         field, fixed = self._heap.use(kind, name), FOLDED[kind].get(name)
         if fixed is not None:
-            return self._constant(fixed)
+            return self._arithmetic.constant(fixed)
         if field.shape is not None:
             shape = tuple(self._size(owner, one) for one in field.shape)
-            return View("D" if field.dtype.kind == "f" else "I", self._integer_of(owner, name), shape)
-        number = "float" if field.dtype.kind == "f" else "int"
+            return View(table_of(field.dtype), self._integer_of(owner, name), shape)
+        number = kind_of(table_of(field.dtype))
         if kind is PageMemory and is_parameter(field, name):
             return Number(number, _symbol(kind, name))
         return Number(number, self._state(owner, name))
@@ -108,7 +110,7 @@ class _AnyBody(FunctionTranslation):
         if size == "tasks":
             size = MOST_TASKS
         if isinstance(size, int):
-            return self._constant(size)
+            return self._arithmetic.constant(size)
         found = self._field(owner, size)
         assert isinstance(found, Number)
         return found
@@ -121,7 +123,7 @@ class _AnyBody(FunctionTranslation):
     def _state(self, owner: Memories, name: str) -> str:
         kind = type(owner.all[0])
         field, symbol = self._heap.use(kind, name), _symbol(kind, name)
-        table = "D" if field.dtype.kind == "f" else "I"
+        table = table_of(field.dtype)
         return f"{table}[{symbol}]" if len(owner.all) == 1 else f"{table}[{symbol} + {owner.index.code}]"
 
     def _memory_of(self, handle: ast.expr) -> Memories:
@@ -197,7 +199,7 @@ def _declarations(kind: type[Memory], fields: Mapping[str, Field]) -> dict[str, 
 
 
 def _declaration(kind: type[Memory], name: str, field: Field) -> dict[str, Any]:
-    table = "D" if field.dtype.kind == "f" else "I"
+    table = table_of(field.dtype)
     if field.shape is None:
         return {"table": table, "default": field.default, "isParameter": is_parameter(field, name)}
     fixed = {"tasks": MOST_TASKS, **FOLDED[kind]}

@@ -16,7 +16,8 @@ from cinegen.cli import main
 from cinegen.codegen import Function, GenerationError, Language, generate
 from cinegen.codegen.heap import Heap
 from cinegen.codegen.kernels import RobotMemory
-from cinegen.codegen.translation import KernelTranslation, Memories, Number, TranslationError
+from cinegen.codegen.translation import KernelTranslation
+from cinegen.codegen.values import Memories, Number, TranslationError
 from cinegen.model import ForwardKinematics
 
 GCC, NODE = shutil.which("gcc"), shutil.which("node")

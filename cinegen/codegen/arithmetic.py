@@ -1,0 +1,188 @@
+"""Arithmetic of a translation: operations on numbers as code of a language, or their results if these are constants."""
+
+from __future__ import annotations
+
+import ast
+import math
+import operator
+from collections.abc import Callable, Sequence
+from typing import Any
+
+from cinegen.codegen.language import Language, function, literal, quotient
+from cinegen.codegen.values import (
+    AND,
+    ATOM,
+    BITS,
+    CHOICE,
+    COMPARISON,
+    EQUALITY,
+    KINDS,
+    PRODUCT,
+    SHIFT,
+    SUM,
+    UNARY,
+    Number,
+    constant_of,
+    integer,
+    product_of,
+    sum_of,
+)
+
+_OPERATORS: dict[type, tuple[str, int, Callable[[Any, Any], Any]]] = {
+    ast.Add: ("+", SUM, operator.add),
+    ast.Sub: ("-", SUM, operator.sub),
+    ast.Mult: ("*", PRODUCT, operator.mul),
+    ast.Div: ("/", PRODUCT, operator.truediv),
+    ast.Mod: ("%", PRODUCT, operator.mod),
+    ast.LShift: ("<<", SHIFT, operator.lshift),
+    ast.BitOr: ("|", BITS, operator.or_),
+}
+_COMPARISONS: dict[type, tuple[str, int, Callable[[Any, Any], Any]]] = {
+    ast.Lt: ("<", COMPARISON, operator.lt),
+    ast.LtE: ("<=", COMPARISON, operator.le),
+    ast.Gt: (">", COMPARISON, operator.gt),
+    ast.GtE: (">=", COMPARISON, operator.ge),
+    ast.Eq: ("==", EQUALITY, operator.eq),
+    ast.NotEq: ("!=", EQUALITY, operator.ne),
+}
+
+
+class Arithmetic:
+    """Operations of one language.
+
+    Args:
+        language: language.
+    """
+
+    def __init__(self, language: Language) -> None:
+        self._language = language
+
+    def constant(self, value: float) -> Number:
+        """Return a constant as it is written."""
+        kind = "bool" if isinstance(value, bool) else "int" if isinstance(value, int) else "float"
+        negative = not isinstance(value, bool) and (value < 0 or (value == 0 and math.copysign(1.0, value) < 0))
+        return Number(kind, literal(value, self._language), UNARY if negative else ATOM, value)
+
+    def real(self, one: Number) -> Number:
+        """Return a number as one that is no integer, where C needs that."""
+        if one.kind != "int" or not self._language.is_c:
+            return one
+        if one.value is not None:
+            return self.constant(float(one.value))
+        return Number("float", f"({self._language.real}) {one.at(UNARY)}", UNARY)
+
+    def as_kind(self, kind: str, one: Number) -> Number:
+        """Return a number of a kind: C converts integers to doubles by itself, but only some of them to floats."""
+        return self.real(one) if kind == "float" and self._language.is_single else one
+
+    def converted(self, to: type, given: Number) -> Number:
+        """Return a number as `float`, `int` or `bool` converts it."""
+        kind = KINDS[to]
+        if given.value is not None:
+            return self.constant(to(given.value))
+        if given.kind == kind or (kind == "float" and given.kind == "int"):
+            return Number(kind, given.code, given.rank)
+        if kind == "int":
+            code = f"(int) {given.at(UNARY)}" if self._language.is_c else f"Math.trunc({given.code})"
+            return Number("int", code, UNARY if self._language.is_c else ATOM)
+        return Number("bool", f"{given.at(EQUALITY + 1)} != 0", EQUALITY)
+
+    def unary(self, op: ast.Not | ast.USub, one: Number) -> Number:
+        """Return the negation of a truth value, or a number with the other sign."""
+        if one.value is not None:
+            return self.constant(not one.value if isinstance(op, ast.Not) else -one.value)
+        return Number("bool", f"!{one.at(UNARY)}", UNARY) if isinstance(op, ast.Not) else _minus(one)
+
+    def binary(self, op: ast.operator, a: Number, b: Number) -> Number:
+        """Return a sum, product or other operation of two numbers."""
+        if isinstance(op, ast.Pow):
+            return self.mathematics("pow", [a, b])
+        if isinstance(op, ast.FloorDiv):
+            if a.value is not None and b.value is not None:
+                return integer(int(a.value // b.value))
+            return Number("int", quotient(a.at(ATOM), b.at(ATOM), self._language))
+        sign, rank, compute = _OPERATORS[type(op)]
+        if a.kind == b.kind == "int":
+            if isinstance(op, ast.Add | ast.Sub):
+                return sum_of(a, b, 1 if isinstance(op, ast.Add) else -1)
+            if isinstance(op, ast.Mult):
+                return product_of(a, b)
+        if a.value is not None and b.value is not None:
+            return self.constant(compute(a.value, b.value))
+        kind = "int" if a.kind == b.kind == "int" and not isinstance(op, ast.Div) else "float"
+        if kind == "float" and (found := _simplified(op, a, b)) is not None:
+            return found if found.value is None else self.constant(found.value)
+        left = self.real(a).at(rank) if kind == "float" and self._language.is_c else a.at(rank)
+        right = self.real(b) if kind == "float" and self._language.is_single else b
+        return Number(kind, f"{left} {sign} {right.at(rank + 1)}", rank)
+
+    def comparison(self, ops: Sequence[ast.cmpop], numbers: Sequence[Number]) -> Number:
+        """Return whether each number compares with the next one as its operator asks."""
+        found = list[Number]()
+        for op, a, b in zip(ops, numbers, numbers[1:], strict=False):
+            sign, rank, compute = _COMPARISONS[type(op)]
+            if a.value is not None and b.value is not None:
+                if not compute(a.value, b.value):
+                    return self.constant(False)
+                continue
+            if a.least is not None and b.value is not None and a.least >= b.value:
+                if isinstance(op, ast.Lt):
+                    return self.constant(False)
+                if isinstance(op, ast.GtE):
+                    continue
+            found.append(Number("bool", f"{a.at(rank + 1)} {sign} {b.at(rank + 1)}", rank))
+        if not found:
+            return self.constant(True)
+        if len(found) == 1:
+            return found[0]
+        return Number("bool", " && ".join(one.at(AND + 1) for one in found), AND)
+
+    def choice(self, test: Number, a: Number, b: Number) -> Number:
+        """Return the first number if a test is true, else the second."""
+        kind = a.kind if a.kind == b.kind else "float"
+        a, b = self.as_kind(kind, a), self.as_kind(kind, b)
+        return Number(kind, f"{test.at(CHOICE + 1)} ? {a.at(CHOICE + 1)} : {b.at(CHOICE)}", CHOICE)
+
+    def mathematics(self, name: str, given: Sequence[Number]) -> Number:
+        """Return the result of a function of `math`."""
+        code = f"{function(name, self._language)}({', '.join(self.as_kind('float', one).code for one in given)})"
+        if name == "isfinite":
+            return Number("bool", code if self._language.is_c else f"Number.isFinite({given[0].code})")
+        return Number("float", code)
+
+    def absolute(self, one: Number) -> Number:
+        """Return the absolute value of a number."""
+        return self.mathematics("abs", [one]) if one.kind == "float" else self.extreme(max, [one, _minus(one)])
+
+    def extreme(self, which: Any, given: Sequence[Number]) -> Number:
+        """Return the smallest or largest of numbers as Python does: a NaN behind the first is left out."""
+        name, found = "least" if which is min else "most", given[0]
+        for one in given[1:]:
+            if found.value is not None and one.value is not None:
+                found = self.constant(which(found.value, one.value))
+                continue
+            kind = "int" if found.kind == one.kind == "int" else "float"
+            suffix = "_int" if kind == "int" and self._language.is_c else ""
+            found = Number(kind, f"{name}{suffix}({self.as_kind(kind, found).code}, {self.as_kind(kind, one).code})")
+        return found
+
+
+def _simplified(op: ast.operator, a: Number, b: Number) -> Number | None:
+    """Return a product with 0 or 1, or a sum with 0, without the operation; None of others."""
+    if isinstance(op, ast.Mult):
+        for one, other in ((a, b), (b, a)):
+            if one.value == 0.0:
+                return constant_of(0.0)
+            if one.value == 1.0 and other.kind == "float":
+                return other
+    if isinstance(op, ast.Add) and a.value == 0.0 and b.kind == "float":
+        return b
+    if isinstance(op, ast.Add | ast.Sub) and b.value == 0.0 and a.kind == "float":
+        return a
+    if isinstance(op, ast.Div) and b.value == 1.0 and a.kind == "float":
+        return a
+    return None
+
+
+def _minus(one: Number) -> Number:
+    return Number(one.kind, f"-{one.at(UNARY + 1)}", UNARY)
