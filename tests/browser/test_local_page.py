@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 import os
 import shutil
 import time
@@ -9,6 +10,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from PIL import Image
 from playwright.sync_api import sync_playwright
 from test_cockpit_page import FLAGS, SIZE, WHERE
 from variants import slow
@@ -169,3 +171,20 @@ def test_a_link_that_is_none_leaves_the_robot_at_home(file, tab, robot, fragment
     assert page.locator("#toasts .toast").first.is_visible()
     assert page.evaluate("document.querySelectorAll('#toasts img, #toasts script').length") == 0
     assert configuration(page) == pytest.approx(robot("rx90").q_home, abs=1e-12)
+
+
+def test_a_soft_shadow_darkens_the_floor_and_nothing_else(file, tab):
+    page = tab(file)
+    shadow = "cockpit.viewer.scene_tree.find(['Grid']).object.children[0].children[0]"
+    seen = []
+    for opacity in (0.5, 0.0):
+        page.evaluate(f"{shadow}.material.opacity = {opacity}; cockpit.view.resolution.constant = true")
+        page.evaluate("cockpit.view.changed()")
+        page.evaluate("new Promise((done) => requestAnimationFrame(() => requestAnimationFrame(done)))")
+        box = page.evaluate("(({ x, y, width, height }) => ({ x, y, width, height }))(scene.getBoundingClientRect())")
+        with Image.open(io.BytesIO(page.screenshot(clip=box))) as image:
+            seen.append(np.asarray(image.convert("L"), dtype=int))
+    lighter = seen[1] - seen[0]
+    assert lighter.min() >= -2
+    assert lighter.max() > 20
+    assert 0.002 < np.mean(lighter > 4) < 0.3

@@ -5,9 +5,9 @@ import { DoubleSide, Mesh, MeshBasicMaterial, OrthographicCamera, PlaneGeometry,
 
 const SIZE = 10; // of the view's units; robots fill about 3
 const HEIGHT = 4; // what is higher has no shadow
-const PIXELS = 512;
+const PIXELS = 256;
 const DARKNESS = 0.5;
-const BLURS = [5, 2]; // pixels between samples, of two passes each
+const BLURS = [2.5, 1]; // pixels between samples, of two passes each
 
 const VERTEX = `
   varying vec2 where;

@@ -26,7 +26,7 @@ export class Resolution extends Events {
   #ratio; // pixels of the screen to pixels drawn, while something moves
   #set;
   #slow = false;
-  complete = true; // whether the next frame has shadows; once frames have been slow, at rest only
+  complete = false; // whether the next frame has shadows: at rest, and in motion if frames are known to be fast enough
   constant = false; // all pixels, also while something moves: a film is made
   /** @type {number | null} */
   mean = null; // time from picture to picture, ms; null if not known
@@ -60,7 +60,7 @@ export class Resolution extends Events {
   choose(moving) {
     const all = !moving || this.constant;
     const ratio = all ? this.full : this.#ratio;
-    this.complete = all || !this.#slow;
+    this.complete = all || (this.mean !== null && !this.#slow);
     if (ratio === this.#set) return;
     this.#set = ratio;
     this.viewer.renderer.setPixelRatio(ratio);

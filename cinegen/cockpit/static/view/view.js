@@ -12,6 +12,7 @@ import { Resolution } from "./resolution.js";
 const ROOT = ["meshcat", "cinegen"];
 const POSE = 7;
 const ROOM = 1.3; // around the robots, to move in
+const SOFTWARE = /swiftshader|llvmpipe|softpipe|software|basic render/i; // renderers without a graphics card
 const SLACK = 0.01; // of the size of what is shown
 
 /** @typedef {import("../base/session.js").KnownRobot} KnownRobot */
@@ -358,7 +359,9 @@ function put(object, numbers, at) {
  */
 function drawer(pane) {
   const probe = document.createElement("canvas").getContext("webgl", { failIfMajorPerformanceCaveat: true });
-  const antialias = probe !== null;
+  const names = probe?.getExtension("WEBGL_debug_renderer_info");
+  const name = probe?.getParameter(names ? names.UNMASKED_RENDERER_WEBGL : probe.RENDERER) ?? "";
+  const antialias = probe !== null && !SOFTWARE.test(name);
   probe?.getExtension("WEBGL_lose_context")?.loseContext();
   const renderer = new WebGLRenderer({ antialias, alpha: true }); // a headset may show the room behind the scene
   pane.append(renderer.domElement);
