@@ -287,6 +287,7 @@ def has_moved(page, joint):
     assert becomes(page, lambda: page.evaluate(f"{FRAMES} > {seen + 2} || {ENDED}"))
 
 
+@pytest.mark.slow
 def test_a_film_of_what_the_view_shows(cockpit, tab, tmp_path):
     page = tab(cockpit.url)
     first, *_ = cockpit.setup.robots["five_bar"].actuated
