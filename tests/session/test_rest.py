@@ -148,8 +148,26 @@ def test_a_reading_of_a_sensor_wakes_the_session(robot):
 
 
 @pytest.mark.skipif(not Path("/proc/self/stat").exists(), reason="processor time is read in /proc")
+def waking_costs():
+    """How many times longer a process computes after a quarter of a second of sleep: some virtual machines take its
+    memory away meanwhile."""
+
+    def used(pause):
+        found = []
+        for _ in range(9):
+            time.sleep(pause)
+            before = time.process_time()
+            sum(len(str(number)) for number in range(200))
+            found.append(time.process_time() - before)
+        return np.median(found)
+
+    return used(1.0 / AT_REST) / used(0.0)
+
+
 def test_a_session_at_rest_costs_next_to_nothing(robot):
     """Its own process; 2 % of a core at most, of which a fraction is used."""
+    if (costs := waking_costs()) > 5.0:
+        pytest.skip(f"on this machine any process pays {costs:.0f} times for its work after sleeping")
     with SessionRunner(arrange({"delta4": robot("delta4")})) as runner:
         assert becomes(lambda: runner.state is not None and runner.state.at_rest)
         time.sleep(0.3)
