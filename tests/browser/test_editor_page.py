@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import base64
 import json
+import time
 import zlib
 
 import numpy as np
@@ -169,6 +170,18 @@ def longest_task(trace):
     return max(one.get("tdur", one["dur"]) for one in tasks) / 1000.0  # the shortest have no processor time
 
 
+def slowness():
+    """How many times longer than 35 ms this machine takes now to count to a million; at least 1."""
+    found = []
+    for _ in range(5):
+        before = time.process_time()
+        total = 0
+        for number in range(1_000_000):
+            total += number
+        found.append(time.process_time() - before)
+    return max(1.0, min(found) / 0.035)
+
+
 @pytest.mark.parametrize(
     ("way", "much"),
     [
@@ -179,7 +192,7 @@ def longest_task(trace):
     ids=lambda one: one[:6],
 )
 def test_no_text_takes_the_page_for_100_ms(file, tab, browser, way, much):  # noqa: F811
-    """Processor time, which does not depend on what else the machine does."""
+    """Processor time, on a machine that counts to a million in 35 ms: shared cores slow each other down."""
     page = tab(file)
     link = f"#raff={base64.urlsafe_b64encode(zlib.compress(much.encode(), 9, -15)).decode().rstrip('=')}"
     if way == "paste":
@@ -201,7 +214,7 @@ def test_no_text_takes_the_page_for_100_ms(file, tab, browser, way, much):  # no
     page.wait_for_timeout(500)
     trace = browser.stop_tracing()
     assert page.locator("#notes button").count() > 0
-    assert longest_task(trace) <= 100.0
+    assert longest_task(trace) <= 100.0 * slowness()
 
 
 def test_a_link_that_is_damaged_leaves_the_text(file, tab):  # noqa: F811
