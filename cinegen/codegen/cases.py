@@ -32,12 +32,12 @@ class Cases:
     closed: (n, nq) those to which they are closed.
     targets: (ticks, tasks, 4, 3) targets of each tick, as frames.
     ticked: (ticks, nq) configurations after it.
+    reached: (ticks, tasks, 3) origins of the nodes of the tasks there, m.
     statuses: (ticks,) its status.
     aims: (n, tasks, 4, 3) targets of inverse kinematics, as frames.
     solved: (n, nq) configurations that are found, each the first start for the next target; the one before where none
         is found.
     found: (n, 2) whether one is found, and the number of iterations.
-    sigma: singular values of the tasks after the last one, by evaluation.
     """
 
     actuated: Array = field(default_factory=lambda: np.zeros((0, 0)))
@@ -47,6 +47,7 @@ class Cases:
     closed: Array = field(default_factory=lambda: np.zeros((0, 0)))
     targets: Array = field(default_factory=lambda: np.zeros((0, 0, 4, 3)))
     ticked: Array = field(default_factory=lambda: np.zeros((0, 0)))
+    reached: Array = field(default_factory=lambda: np.zeros((0, 0, 3)))
     statuses: NDArray[np.intp] = field(default_factory=lambda: np.zeros(0, dtype=np.intp))
     aims: Array = field(default_factory=lambda: np.zeros((0, 0, 4, 3)))
     solved: Array = field(default_factory=lambda: np.zeros((0, 0)))
@@ -133,6 +134,9 @@ def _record_ticks(cases: Cases, mechanism: Mechanism, solver: Solver, rng: np.ra
         found.append(step.q)
         statuses.append(list(type(step.status)).index(step.status))
     cases.targets, cases.ticked, cases.statuses = np.array(targets), np.array(found), np.array(statuses)
+    cases.reached = np.array(
+        [[mechanism.placement(q, task.node).translation for task in solver.tasks] for q in cases.ticked]
+    )
 
 
 def _record_inverse(

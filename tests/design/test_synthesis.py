@@ -342,7 +342,7 @@ def test_the_written_robot_is_in_the_assembly_mode_that_was_optimised(tmp_path):
     with pytest.warns(RaffWarning, match="graphics that can't be shown"):
         robot = cinegen.load(path)
     goal = pin.SE3(robot.placement(robot.q_home, robot.end).rotation, np.array([0.2, -0.2, -2.3]))
-    assert cinegen.inverse_kinematics(robot, {robot.end: goal}).reached
+    assert cinegen.inverse_kinematics(robot, {robot.end: goal}).found
 
 
 @pytest.mark.slow
