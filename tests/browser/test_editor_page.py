@@ -167,7 +167,7 @@ def longest_task(trace):
     threads = {(one["pid"], one["tid"]) for one in named}
     tasks = [one for one in events if one["name"] == "RunTask" and (one["pid"], one["tid"]) in threads]
     assert len(tasks) > 20
-    return max(one.get("tdur", one["dur"]) for one in tasks) / 1000.0  # the shortest have no processor time
+    return max(one.get("tdur", one.get("dur", 0.0)) for one in tasks) / 1000.0  # the shortest have no processor time
 
 
 def slowness():

@@ -49,7 +49,7 @@ def address(root, tmp_path_factory):
     site = builder.Site(folder / "source")
     text = (root / "docs/site/index.md").read_text(encoding="utf-8")
     text = re.sub(r"```\{toctree\}.*?```\n", "", text, flags=re.DOTALL)
-    site.write("index", re.sub(r"\[([^]]+)\]\([\w/-]+\.md(#[\w-]+)?\)", r"\1", text))
+    site.write("index", re.sub(r"\[([^]]+)\]\([\w./-]+\.md(#[\w-]+)?\)", r"\1", text))
     (folder / "source/extra/live").mkdir(parents=True)
     live = folder / "source/extra/live/delta4.html"
     assert cinegen.cli.main(["page", str(root / "robots/delta4.raff"), "-o", str(live)]) == 0
