@@ -38,14 +38,16 @@ def built(folder, mechanism, *options, output, **settings):
     return folder / output
 
 
-LAG = [  # see the limits in docs/generate.md
-    pytest.param(name, marks=[pytest.mark.slow, pytest.mark.xfail(reason="follows with another lag than in doubles")])
-    for name in ("delta4_linear", "hybrid")
-]
+LAGGING = ("delta4_linear", "hybrid")  # see the limits in docs/generate.md
+LAGS = [pytest.mark.slow, pytest.mark.xfail(reason="follows with another lag than in doubles")]
 
 
 @pytest.mark.parametrize(
-    "name", ["delta4", *slow(*(name for name in OTHERS if name not in ("delta4_linear", "hybrid"))), *LAG]
+    "name",
+    [
+        *("delta4", *slow(*(name for name in OTHERS if name not in LAGGING))),
+        *(pytest.param(name, marks=LAGS) for name in LAGGING),
+    ],
 )
 def test_recorded_cases_are_met(robot, tmp_path, name):
     program = built(tmp_path, robot(name), "-O1", "-g", "-fsanitize=address,undefined", output="test")
