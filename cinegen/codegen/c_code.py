@@ -353,13 +353,13 @@ def _test(program: Program, cases: Cases) -> list[str]:
 
 
 def _reached(program: Program, fmax: str) -> list[str]:
-    """Return lines that compare positions after a tick: rounding moves joints further where parts hardly move."""
+    """Return lines that compare frames after a tick: rounding moves joints further where parts hardly move."""
     name, nodes, tasks = program.name, program.mechanism.nodes, program.memory.tasks
     return [
         f"    {name}_place(&robot);",
         *(
-            f"    largest = {fmax}(largest, apart({name}_node(&robot, {nodes.index(task)}) + 9, "
-            f"REACHED + {3 * tasks} * i + {3 * k}, 3));"
+            f"    largest = {fmax}(largest, apart({name}_node(&robot, {nodes.index(task)}), "
+            f"REACHED + {12 * tasks} * i + {12 * k}, 12));"
             for k, task in enumerate(program.tasks)
         ),
     ]

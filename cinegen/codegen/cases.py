@@ -32,7 +32,7 @@ class Cases:
     closed: (n, nq) those to which they are closed.
     targets: (ticks, tasks, 4, 3) targets of each tick, as frames.
     ticked: (ticks, nq) configurations after it.
-    reached: (ticks, tasks, 3) origins of the nodes of the tasks there, m.
+    reached: (ticks, tasks, 4, 3) frames of the nodes of the tasks there.
     statuses: (ticks,) its status.
     aims: (n, tasks, 4, 3) targets of inverse kinematics, as frames.
     solved: (n, nq) configurations that are found, each the first start for the next target; the one before where none
@@ -47,7 +47,7 @@ class Cases:
     closed: Array = field(default_factory=lambda: np.zeros((0, 0)))
     targets: Array = field(default_factory=lambda: np.zeros((0, 0, 4, 3)))
     ticked: Array = field(default_factory=lambda: np.zeros((0, 0)))
-    reached: Array = field(default_factory=lambda: np.zeros((0, 0, 3)))
+    reached: Array = field(default_factory=lambda: np.zeros((0, 0, 4, 3)))
     statuses: NDArray[np.intp] = field(default_factory=lambda: np.zeros(0, dtype=np.intp))
     aims: Array = field(default_factory=lambda: np.zeros((0, 0, 4, 3)))
     solved: Array = field(default_factory=lambda: np.zeros((0, 0)))
@@ -135,7 +135,7 @@ def _record_ticks(cases: Cases, mechanism: Mechanism, solver: Solver, rng: np.ra
         statuses.append(list(type(step.status)).index(step.status))
     cases.targets, cases.ticked, cases.statuses = np.array(targets), np.array(found), np.array(statuses)
     cases.reached = np.array(
-        [[mechanism.placement(q, task.node).translation for task in solver.tasks] for q in cases.ticked]
+        [[frame_of(mechanism.placement(q, task.node)) for task in solver.tasks] for q in cases.ticked]
     )
 
 

@@ -38,7 +38,7 @@ def built(folder, mechanism, *options, output, **settings):
     return folder / output
 
 
-LAGGING = ("delta4_linear", "hybrid")  # see the limits in docs/generate.md
+LAGGING = ("cusp_3rpr", "delta4_linear", "hybrid", "tssm")  # see the limits in docs/generate.md
 LAGS = [pytest.mark.slow, pytest.mark.xfail(reason="follows with another lag than in doubles")]
 
 
