@@ -15,7 +15,7 @@ _LEAST, _LARGEST = 1e-37, 1e18  # numbers whose inverse, or whose square, no flo
 _NAMED = {
     "ARRIVED": 2e-5,  # rad or lengths
     "REST": 2e-6,  # of a joint in a tick
-    "FULL": 1.0 - 2e-6,
+    "FULL": 1.0 - 6e-5,  # joints of a few rad are rounded to 1e-7, in a tick of a few 1e-3
     "_LAST": 1e-4,  # rotation in the last sweep
     "_ALIKE": 1e-5,
 }

@@ -38,17 +38,7 @@ def built(folder, mechanism, *options, output, **settings):
     return folder / output
 
 
-LAGGING = ("cusp_3rpr", "delta4_linear", "hybrid", "tssm")  # see the limits in docs/generate.md
-LAGS = [pytest.mark.slow, pytest.mark.xfail(reason="follows with another lag than in doubles")]
-
-
-@pytest.mark.parametrize(
-    "name",
-    [
-        *("delta4", *slow(*(name for name in OTHERS if name not in LAGGING))),
-        *(pytest.param(name, marks=LAGS) for name in LAGGING),
-    ],
-)
+@pytest.mark.parametrize("name", ["delta4", *slow(*OTHERS)])
 def test_recorded_cases_are_met(robot, tmp_path, name):
     program = built(tmp_path, robot(name), "-O1", "-g", "-fsanitize=address,undefined", output="test")
     done = subprocess.run([program], capture_output=True, text=True)

@@ -212,6 +212,22 @@ def test_velocities_are_kept_to_rounding_however_the_target_jumps(robot, name):
     assert fastest > 0.97  # and made use of
 
 
+@pytest.mark.parametrize("name", CLOSED)
+def test_closing_the_loops_costs_no_speed(robot, name):
+    """It adds second-order motion to a step, which is shortened by that and no more."""
+    mechanism, rng = robot(name), np.random.default_rng(5)
+    node, limit, at_speed = mechanism.nodes[-1], mechanism.model.upperVelocityLimit, 0
+    for _ in range(5):
+        solver = Solver(mechanism, DT)
+        solver.add_task(node, away(mechanism, node, rng, 0.3), rotation=0)
+        for _ in range(20):
+            step = solver.step()
+            if step.status is Status.FOLLOWING and step.speed_scale < 1.0 and not step.saturated:
+                assert (np.abs(step.v) / limit).max() > 0.995
+                at_speed += 1
+    assert at_speed > 20
+
+
 @pytest.mark.parametrize("name", FREE + CLOSED)
 def test_under_a_limit_of_speed_the_tool_keeps_its_direction(robot, name):
     """The same task at a tick so long that nothing is too fast, and at a short one."""

@@ -24,6 +24,7 @@ from cinegen.ik.thresholds import (
     CORRECTIONS,
     DONE,
     EXACT,
+    FULL,
     GUARD,
     LEAST_SCALE,
     NOISE,
@@ -114,8 +115,8 @@ def _judge(memory: SolverMemory) -> int:
         excess = max(excess, abs(memory.moved[j]) / memory.longest_step[j])
         added = max(added, abs(memory.moved[j] - memory.attempted[j]))
         size = max(size, abs(memory.attempted[j]))
-    if excess > 1.0:  # closing the loops added a little
-        return _shorten(memory, 0.98 / excess)
+    if excess > 1.0:  # closing the loops added a little, of second order
+        return _shorten(memory, FULL * (1.0 - 1e-3 * memory.tries) / excess)
     last_try = memory.tries == _most_tries(memory) - 1
     if memory.has_acceleration_limits != 0 and _is_abrupt(memory):
         if last_try:
