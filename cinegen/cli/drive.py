@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Literal
 from cinegen.cli.files import check_outputs, count, disabled_pairs
 from cinegen.cli.numbers import quantity_option
 from cinegen.cli.options import FILES, SELF_CLEARANCE, RobotOptions, exclude, option
-from cinegen.cli.served_page import PageOptions, write_page
+from cinegen.cli.served_page import PageOptions, write_snapshot
 from raff2urdf.command_line import UsageError
 from raff2urdf.files import stem_of
 from raff2urdf.quantities import FREQUENCY, LENGTH, shown
@@ -35,7 +35,7 @@ def run(
         (),
     ),
     record: Path | None = option("FILE.jsonl", "record the motion, for `cinegen replay` and `export`"),
-    snapshot: Path | None = option("FILE.html", "write a page that needs no server: now, or after --seconds"),
+    snapshot: Path | None = option("FILE.html", "write a snapshot, an HTML file to look at: now, or after --seconds"),
     self_clearance: float | None = SELF_CLEARANCE,
     rate: float = quantity_option("HZ", "ticks per second (Hz)", FREQUENCY, 1000.0, least=10.0, most=1e4),
 ) -> int:
@@ -76,13 +76,13 @@ def run(
 
 
 def serve(setup: Setup, page: PageOptions, stem: str, snapshot: Path | None = None) -> int:
-    """Describe a session, then serve its page until it ends, or only write it; return the exit code.
+    """Describe a session, then serve its page until it ends, or only write a snapshot; return the exit code.
 
     Args:
         setup: of the session.
         page: options of the page.
-        stem: of the page that is written without a terminal.
-        snapshot: file that the page is written to.
+        stem: of the snapshot that is written without a terminal.
+        snapshot: file of the snapshot.
     """
     _describe(setup)
     if snapshot and page.seconds is None and not page.video:
@@ -90,7 +90,7 @@ def serve(setup: Setup, page: PageOptions, stem: str, snapshot: Path | None = No
 
         drawing = Page(title_of(setup))
         draw(drawing, setup)
-        write_page(snapshot, drawing.html())
+        write_snapshot(snapshot, drawing.html())
         return 0
     return page.show(setup, stem, snapshot)
 

@@ -58,8 +58,8 @@ class PageOptions:
 
         Args:
             setup: of the session.
-            stem: of the page that is written without a terminal.
-            snapshot: file that the page is written to in the end.
+            stem: of the snapshot that is written without a terminal.
+            snapshot: file of the snapshot that is written in the end.
 
         Raises:
             CinegenError: the page can't be served or filmed, or the recording ended early.
@@ -93,7 +93,7 @@ class PageOptions:
             state = cockpit.state
             print(f"stopped; loops closed to {max(robot.closure for robot in state.robots.values()):.1g}", flush=True)
             if snapshot:
-                write_page(snapshot, cockpit.snapshot())
+                write_snapshot(snapshot, cockpit.snapshot())
         if state.recording is not None:
             print(f"recorded: {state.recording.file}")
             if state.recording.error is not None:
@@ -161,11 +161,11 @@ def _has_screen() -> bool:
     return sys.platform in ("darwin", "win32") or bool(os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY"))
 
 
-def write_page(path: Path, text: str) -> None:
-    """Write a page that needs no server.
+def write_snapshot(path: Path, text: str) -> None:
+    """Write a snapshot.
 
     Raises:
         CinegenError: it can't be written.
     """
     write(path, text)
-    print(f"page without a server: {path.resolve()}")
+    print(f"snapshot: {path.resolve()}")

@@ -125,7 +125,7 @@ class Cockpit:
         return {name: robot.q for name, robot in self.state.robots.items()}
 
     def snapshot(self) -> str:
-        """Return the present scene as one HTML file that needs no server."""
+        """Return a snapshot: the present scene as one HTML file to look at; nothing moves in it."""
         for name, robot in self.state.robots.items():
             self.scene.show(name, robot.q, robot.base)
         for name, obstacle in self.state.obstacles.items():

@@ -103,7 +103,7 @@ class Page:
             self._feeds.discard(feed)
 
     def html(self) -> str:
-        """Return the present scene as an HTML page that needs no server."""
+        """Return a snapshot: the present scene as one HTML file to look at; nothing moves in it."""
         blobs = ",\n".join(f'"{base64.b64encode(message).decode()}"' for message in self.scene().values())
         return _PAGE.format(title=html.escape(self.title), generated=GENERATED, viewer=viewer(), blobs=blobs)
 

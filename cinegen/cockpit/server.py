@@ -74,7 +74,7 @@ class Server:
     Args:
         page: scene that is drawn.
         hub: clients of the session.
-        snapshot: returns the page as one file that needs no server.
+        snapshot: returns the present scene as one HTML file.
         host: address to listen on.
         token: token that browsers need; generated unless given. Empty: none, then every user of this machine can drive.
         framed: let any other page show this one in a frame, as notebooks do; otherwise only pages of this machine.
@@ -100,7 +100,9 @@ class Server:
         self.map, self.certificate = served_map, certificate
         self.token = secrets.token_urlsafe(16) if token is None else token or None
         if self.token is None and not is_local(host):
-            raise ServerError(f"other machines reach {host}: a page there needs a token")
+            raise ServerError(
+                f"other machines reach {host}: a page there needs a token; leave out --no-token (in Python token='')"
+            )
         self.port = 0
         self.scenes: set[_Scene] = set()
         self._snapshot: tuple[float, str] | None = None

@@ -83,7 +83,9 @@ def open_sensor(
     url: str, number: int | None = None, mechanism: Mechanism | None = None, node: str | None = None,
     q: Array | None = None,
 ) -> Sensor:  # fmt: skip
-    """Return a sensor by its URL, not started yet. A serial port that does not exist only causes a warning.
+    """Return a sensor by its URL, not started yet.
+
+    A serial port that does not exist causes a warning, and so does a port that other machines reach.
 
     Args:
         url: name of a port, or a URL with one of the schemes of `KINDS`.
@@ -101,9 +103,8 @@ def open_sensor(
         raise SensorError(
             f"{_named(url, number)}: no kind of sensor '{kind}:'{did_you_mean(kind, tuple(filter(None, KINDS)))}"
         )
-    missing = why_missing(url, number)
-    if missing:
-        warnings.warn(missing, CinegenWarning, stacklevel=2)
+    for warning in filter(None, (why_missing(url, number), exposure(url, number))):
+        warnings.warn(warning, CinegenWarning, stacklevel=2)
     return KINDS[kind][0](url, mechanism, node, q)
 
 
@@ -121,6 +122,16 @@ def why_missing(url: str, number: int | None = None) -> str:
     return (
         f"{_named(url, number)}: there is no such port here{iris}; "
         f"--sensor {1 if number is None else number}=/dev/ttyUSB0 names another"
+    )
+
+
+def exposure(url: str, number: int | None = None) -> str:
+    """Return a message about a port that other machines reach, with its remedy; empty if this machine alone does."""
+    if scheme(url) != "tcp" or not _listens_for_others(url):
+        return ""
+    return (
+        f"{_named(url, number)}: every machine that reaches this port can drive the robot, without a token and without "
+        "encryption; with 127.0.0.1 only this machine can"
     )
 
 

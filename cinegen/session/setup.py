@@ -17,7 +17,7 @@ from msgspec import Struct
 from numpy.typing import NDArray
 
 from cinegen.collision import Scene
-from cinegen.devices.kinds import overrides, refusal, why_missing
+from cinegen.devices.kinds import exposure, overrides, refusal, why_missing
 from cinegen.errors import CinegenError, CinegenWarning, UnknownNameError
 from cinegen.mission import BasePose, Recording
 from cinegen.mission.drawn_obstacle import DrawnObstacle, DrawnShape
@@ -409,10 +409,9 @@ def _split(texts: Sequence[str]) -> tuple[dict[int, str], list[tuple[str, str]]]
 def _device(
     name: str, url: str, number: int | None, translation: int, rotation: int, robot: str | None = None, node: str = ""
 ) -> Device:
-    """Return a sensor, with a warning if its port does not exist."""
-    missing = why_missing(url, number)
-    if missing:
-        warnings.warn(missing, CinegenWarning, stacklevel=3)
+    """Return a sensor, with a warning if its port does not exist, or if other machines reach it."""
+    for warning in filter(None, (why_missing(url, number), exposure(url, number))):
+        warnings.warn(warning, CinegenWarning, stacklevel=3)
     return Device(name, url, translation, rotation, robot, node or None)
 
 

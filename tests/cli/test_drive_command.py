@@ -327,7 +327,7 @@ def test_a_page_needs_a_token_unless_asked_otherwise(run):
     assert re.search(r"page: http://127\.0\.0\.1:84\d\d/ - ", run(*page, "--no-token")[1])
     code, _, err = run(*page, "--no-token", "--host", "0.0.0.0")
     assert code == 1
-    assert "needs a token" in err
+    assert "needs a token; leave out --no-token" in err
     code, _, err = run(*page, "--no-token", "--token", "mine")
     assert code == 2
     assert "exclude each other" in err

@@ -47,6 +47,12 @@ def test_a_url_says_the_kind(url, kind, name):
     assert what_is(url)
 
 
+@pytest.mark.parametrize("host", ["0.0.0.0", "[::]", "192.168.1.7"])
+def test_a_port_that_other_machines_reach_is_warned_of(host):
+    with pytest.warns(CinegenWarning, match=r"without a token and without encryption; with 127\.0\.0\.1 only"):
+        open_sensor(f"tcp://{host}:7070")
+
+
 def test_a_path_needs_a_robot(robot):
     assert isinstance(open_sensor("path:line", mechanism=robot("five_bar")), ScriptedSensor)
     with pytest.raises(SensorError, match="needs a robot"):

@@ -117,7 +117,8 @@ def test_a_file_can_not_open_a_port_to_other_machines_but_the_command_line_can(r
       constraint { frame 2 sensor ( 0 1 ) } } sensor 1 { port "%s" }"""
     with pytest.raises(SetupError, match="would let other machines drive the robot"):
         arrange({"r": raff(text % url)})
-    asked = arrange({"r": raff(text % url)}, sensors=[f"1={url}"])
+    with pytest.warns(cinegen.CinegenWarning, match="every machine that reaches this port can drive the robot"):
+        asked = arrange({"r": raff(text % url)}, sensors=[f"1={url}"])
     assert [device.url for device in asked.devices if device.name == "1"] == [url]
     for own in ("tcp://127.0.0.1:7070", "tcp://[::1]:7070", "tcp://localhost:7070", "tcp://:7070"):
         assert arrange({"r": raff(text % own)}).devices
