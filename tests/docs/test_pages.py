@@ -2,10 +2,10 @@
 
 Python blocks run in one namespace for each page. A `text` block that comes next is what one prints. RAFF blocks are
 read, and whole files converted too; the word behind `raff` may be the name they are saved by ("excerpt": only read,
-"wrong": must fail); NFF blocks are read and saved, XML, YAML, TOML, CSV, C and JavaScript blocks saved. In `console` blocks
-the lines behind `$` are run (gcc, node and what gcc makes where there are gcc and node), and the others are what is
-printed. A number below 1e-12 is as good as another, digits beyond the 12th decimal don't count, and a line `...` stands
-for any lines.
+"wrong": must fail); NFF blocks are read and saved, XML, YAML, TOML, CSV, C and JavaScript blocks saved. In `console`
+blocks the lines behind `$` are run (gcc, node and what gcc makes where there are gcc and node), and the others are what
+is printed. A number below 1e-12 is as good as another, digits beyond the 12th decimal don't count, and a line `...`
+stands for any lines.
 """
 
 from __future__ import annotations
