@@ -12,11 +12,16 @@ LARGEST = 250_000  # bytes
 
 
 def write(figures):
-    """Draws those that the command line names, or all: functions that make a matplotlib figure, by name."""
+    """Draw those that the command line names, or all: functions that make a matplotlib figure, by name."""
     for name in sys.argv[1:] or figures:
-        drawn, path = io.BytesIO(), PICTURES / f"{name}.png"
-        figures[name]().savefig(drawn, format="png", dpi=110)
-        with Image.open(drawn) as image:
-            few = image.convert("RGB").quantize(160, Image.Quantize.MEDIANCUT, kmeans=3, dither=Image.Dither.NONE)
-            few.save(path, optimize=True)
-        assert path.stat().st_size < LARGEST, path
+        save(name, figures[name]())
+
+
+def save(name, figure):
+    """Write a matplotlib figure as a picture of few colours."""
+    drawn, path = io.BytesIO(), PICTURES / f"{name}.png"
+    figure.savefig(drawn, format="png", dpi=110)
+    with Image.open(drawn) as image:
+        few = image.convert("RGB").quantize(160, Image.Quantize.MEDIANCUT, kmeans=3, dither=Image.Dither.NONE)
+        few.save(path, optimize=True)
+    assert path.stat().st_size < LARGEST, path

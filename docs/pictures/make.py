@@ -121,17 +121,14 @@ def ground(page, points):
     return height, middle, radius
 
 
-def look(page, name, middle, height, radius, top):
-    """Put the camera so that disc and robot fill the picture."""
+def look(page, azimuth, elevation, middle, height, radius, top):
+    """Put the camera at a direction (degrees), so that disc and robot fill the picture."""
     window = SceneNode(page)
     window["/Grid"].set_property("visible", False)
     window["/Axes"].set_property("visible", False)
     window["/Background"].set_property("top_color", [1.0, 1.0, 1.0])
     window["/Background"].set_property("bottom_color", [1.0, 1.0, 1.0])
-    azimuth, elevation = (
-        math.radians(AZIMUTH.get(name, -72.0 if name in FLAT else -58.0)),
-        math.radians(48.0 if name in FLAT else 22.0),
-    )
+    azimuth, elevation = math.radians(azimuth), math.radians(elevation)
     centre = np.array([middle[0], middle[1], 0.5 * (height + top)])
     distance = 3.9 * max(radius, 0.75 * (top - height))
     eye = centre + distance * np.array(
@@ -141,22 +138,36 @@ def look(page, name, middle, height, radius, top):
 
 
 def picture(browser, name):
-    """Draw the robots of one file."""
+    """Draw the robots of one file, with the names of their actuated joints."""
     path = ROBOTS / f"{name}.raff"
-    mechanisms = {robot.name: cinegen.load(path, robot.name) for robot in raff2urdf.load(path).robots}
-    page, scene = make_page(mechanisms)
-    labels = {}
-    for key, mechanism in mechanisms.items():
+    robots, labels = {}, {}
+    for robot in raff2urdf.load(path).robots:
+        mechanism = cinegen.load(path, robot.name)
         q = pulled(mechanism, PULLED[name]) if name in PULLED else mechanism.q_home
-        scene.show(key, q)
+        robots[robot.name] = mechanism, q
         data = mechanism.model.createData()
         pin.forwardKinematics(mechanism.model, data, q)
         slides = {slide.joint: slide.points.mean(axis=0) for slide in Skeleton(mechanism).at(q).slides}
         for joint in mechanism.actuated:
             point = slides.get(joint, data.oMi[mechanism.model.getJointId(joint)].translation)
-            label = f"{key} {joint}" if len(mechanisms) > 1 else joint
-            labels[label] = np.array(point)
-    matrix = scaling(page)  # it depends on where the robots are shown
+            labels[robot.name, joint] = np.array(point)
+    labels = {" ".join(key) if len(robots) > 1 else key[1]: point for key, point in labels.items()}
+    azimuth = AZIMUTH.get(name, -72.0 if name in FLAT else -58.0)
+    draw(browser, PICTURES / f"{name}.webp", robots, (azimuth, 48.0 if name in FLAT else 22.0), labels)
+
+
+def draw(browser, path, robots, direction, labels=None, size=SIZE, add=None):
+    """Write the picture of mechanisms at configurations, each with its name.
+
+    `direction` of the camera: azimuth and elevation, degrees. `labels` are points (3,), m, by name. `add` takes the
+    page and adds more to it.
+    """
+    page, scene = make_page({name: mechanism for name, (mechanism, _) in robots.items()})
+    for name, (_, q) in robots.items():
+        scene.show(name, q)
+    matrix, labels = scaling(page), labels or {}  # the matrix depends on where the robots are shown
+    if add:
+        add(page)
     labels = {label: (matrix[:3, :3] @ point + matrix[:3, 3]).tolist() for label, point in labels.items()}
     with tempfile.TemporaryDirectory() as folder:
         html = Path(folder, "page.html")
@@ -170,17 +181,16 @@ def picture(browser, name):
         feed.take()  # what the file has
         points = np.array(tab.evaluate(_CORNERS))
         height, middle, radius = ground(page, points)
-        eye, centre = look(page, name, middle, height, radius, points[:, 2].max())
+        eye, centre = look(page, *direction, middle, height, radius, points[:, 2].max())
         tab.evaluate(_SHOW, [[base64.b64encode(message).decode() for message in feed.take()], eye, centre])
         tab.wait_for_timeout(3000)
-        flat = np.array(tab.evaluate(_PROJECT, list(labels.values()))) * SHOT
+        flat = np.reshape(tab.evaluate(_PROJECT, list(labels.values())), (-1, 2)) * SHOT
         shot = tab.screenshot(timeout=180_000)
         tab.close()
     with Image.open(io.BytesIO(shot)) as image:
         cut, flat = cut_out(image.convert("RGB"), flat)
     drawn = write_labels(cut, dict(zip(labels, flat, strict=True)))
-    small = drawn.resize(SIZE, Image.Resampling.LANCZOS)
-    path = PICTURES / f"{name}.webp"
+    small = drawn.resize(size, Image.Resampling.LANCZOS)
     small.save(path, quality=82, method=6)
     assert path.stat().st_size <= LARGEST, path
     print(f"{path.name}: {path.stat().st_size / 1000:.1f} kB")

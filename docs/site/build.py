@@ -15,6 +15,7 @@ import re
 import shutil
 import subprocess
 import sys
+import tomllib
 from importlib import import_module
 from itertools import pairwise
 from pathlib import Path
@@ -142,13 +143,28 @@ class Site:
                 raise SystemExit(f"no page of {name}")
 
     def examples(self) -> None:
-        """Write a page with all examples, each with the text at its top."""
+        """Write a page of cards in groups: of each example the picture, and the text at its top."""
+        paths = {path.stem: path for path in sorted((ROOT / "examples").glob("*.py"))}
+        groups = tomllib.loads((HERE / "examples.toml").read_text(encoding="utf-8"))
+        shown = [name for cards in groups.values() for name in cards]
+        if sorted(shown) != list(paths):
+            raise SystemExit(f"docs/site/examples.toml: one card for {', '.join(sorted({*shown} ^ {*paths}))}?")
         lines = ["# Examples", "", "Each is a program; `cinegen` and its extras are all that it needs.", ""]
-        for path in sorted((ROOT / "examples").glob("*.py")):
-            told = (ast.get_docstring(ast.parse(path.read_text(encoding="utf-8"))) or "").partition("\n\n")[0]
-            page = self._page_of(path.relative_to(ROOT).as_posix())
-            lines.append(f"- [{path.stem.replace('_', ' ')}]({page}.md): {' '.join(told.split())}")
-        self.write("examples", "\n".join(lines) + "\n")
+        for group, cards in groups.items():
+            lines += [f"## {group}", "", "`````{container} cards"]
+            for name, card in cards.items():
+                told = (ast.get_docstring(ast.parse(paths[name].read_text(encoding="utf-8"))) or "").partition("\n\n")[
+                    0
+                ]
+                page = self._page_of(paths[name].relative_to(ROOT).as_posix())
+                title = card.get("title") or name[3:].replace("_", " ").capitalize()
+                lines.append(
+                    f"- ![{card['alt']}](pictures/{card['picture']}) [{title}]({page}.md) {' '.join(told.split())}"
+                )
+            lines += ["`````", ""]
+        papers = self._page_of("examples/papers")
+        lines += [f"[Reproductions of papers]({papers}.md) check figures and numbers of the sources.", ""]
+        self.write("examples", "\n".join(lines))
 
     def commands(self) -> None:
         """Write the options of all commands, from their definitions."""

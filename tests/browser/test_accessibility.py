@@ -18,6 +18,7 @@ from cinegen.workspace import GridAxis, MapSpecification, Region, make_map
 HIGH = {"width": 900, "height": 3200}  # the panel does not scroll: axe-core judges no colours of what is scrolled away
 LOW = "document.getElementById('pane').style.maxHeight = '400px'"  # drawing in software takes long
 UNFOLD = "document.querySelectorAll('details').forEach((one) => { one.open = true; })"
+SITE = "index", "tutorial", "reference/commands", "gallery", "examples"
 SCHEMES = ("light", "dark")
 SPOKEN = """() => [...document.querySelectorAll("input[type=range], [role=meter]")]
   .filter((one) => one.checkVisibility())
@@ -159,9 +160,7 @@ def test_an_editor(root, tab, tmp_path):
     ("name", "width"),
     [
         ("index", 1280),
-        *slow(
-            *((name, width) for width in (1280, 420) for name in ("index", "tutorial", "reference/commands", "gallery"))
-        ),
+        *slow(*((name, width) for width in (1280, 420) for name in SITE)),
     ],
 )
 def test_the_site(root, browser, name, width):

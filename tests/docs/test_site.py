@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import importlib.util
 import re
+from pathlib import Path
 
 import pytest
 
@@ -63,6 +64,33 @@ def test_every_robot_of_the_gallery_can_be_dragged(builder, source, root):
     assert set(names) == {path.stem for path in (root / "robots").glob("*.raff")}
     assert all(f'href="live/{name}.html"' in (source / "gallery.md").read_text() for name in names)
     assert 'data-src="live/delta4.html"' in (source / "index.md").read_text()
+
+
+def test_every_example_has_a_card_with_a_picture(root, source):
+    cards = re.findall(
+        r"^- !\[([^]]+)\]\(([^)]+)\) \[[^]]+\]\(([^)]+)\) \S", (source / "examples.md").read_text(), re.M
+    )
+    assert {Path(page).name for *_, page in cards} == {f"{path.name}.md" for path in (root / "examples").glob("*.py")}
+    texts, pictures, _ = zip(*cards, strict=True)
+    assert len(set(texts)) == len(set(pictures)) == len(cards)
+    assert min(map(len, texts)) > 20
+    assert all((source / picture).is_file() for picture in pictures)
+
+
+def test_an_example_without_a_card_is_an_error(builder, tmp_path, monkeypatch):
+    (tmp_path / "docs/pictures").mkdir(parents=True)
+    (tmp_path / "examples").mkdir()
+    (tmp_path / "examples/99_new.py").write_text('"""A new one."""')
+    monkeypatch.setattr(builder, "ROOT", tmp_path)
+    with pytest.raises(SystemExit, match=r"docs/site/examples\.toml: one card for .*99_new"):
+        builder.Site(tmp_path / "site").examples()
+
+
+def test_every_picture_is_shown_by_a_page(root, source):
+    shown = set(re.findall(r"pictures/([\w.]+)", "".join(page.read_text() for page in source.rglob("*.md"))))
+    pictures = [path for path in (root / "docs/pictures").iterdir() if path.suffix in (".png", ".svg", ".webp")]
+    assert len(pictures) > 80
+    assert {path.name for path in pictures} - shown == set()
 
 
 def test_a_link_to_a_file_that_is_missing_is_an_error(builder, tmp_path, monkeypatch):
