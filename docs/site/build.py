@@ -32,8 +32,9 @@ PAGES = {"CONTRIBUTING.md": "contributing", "SECURITY.md": "security", "CHANGELO
 PICTURE = re.compile(r"^!\[(\w+)\]\(pictures/\1\.webp\)$", flags=re.MULTILINE)
 LANGUAGES = {".py": "python", ".json": "json", ".toml": "toml"}
 PACKAGES = (
-    "model", "ik", "assembly", "singularities", "hexapod", "workspace", "planning", "collision", "dynamics", "design",
-    "mission", "session", "cockpit", "devices", "realtime", "plotting", "toolpath",
+    "cinegen.model", "cinegen.ik", "cinegen.assembly", "cinegen.singularities", "cinegen.hexapod", "cinegen.workspace",
+    "cinegen.planning", "cinegen.collision", "cinegen.dynamics", "cinegen.design", "cinegen.mission", "cinegen.session",
+    "cinegen.cockpit", "cinegen.devices", "cinegen.realtime", "cinegen.plotting", "cinegen.toolpath", "raff2urdf",
 )  # fmt: skip
 
 
@@ -50,7 +51,8 @@ class Site:
         shutil.copytree(ROOT / "docs/pictures", folder / "pictures")
         shutil.copytree(HERE / "templates", folder / "templates")
         (folder / "static").mkdir()
-        shutil.copy(HERE / "conf.py", folder)
+        for name in ("conf.py", "names.py"):
+            shutil.copy(HERE / name, folder)
         for name in ("site.css", "site.js"):
             shutil.copy(HERE / name, folder / "static")
 
@@ -191,15 +193,19 @@ class Site:
             "Public names of the packages. Those in bold can be imported from `cinegen` itself.",
             "",
         ]
+        pages = list[str]()
         for package in PACKAGES:
-            module = import_module(f"cinegen.{package}")
+            module = import_module(package)
             told = (module.__doc__ or "").strip().partition("\n\n")[0]
             names = sorted(module.__all__, key=str.lower)
-            shown = ", ".join(f"**{name}**" if name in cinegen.__all__ else name for name in names)
-            lines += [f"- [cinegen.{package}](api/{package}.md): {' '.join(told.split())} {shown}"]
-            body = f".. automodule:: cinegen.{package}\n   :imported-members:\n"
-            self.write(f"reference/api/{package}", f"# cinegen.{package}\n\n```{{eval-rst}}\n{body}```\n")
-        tree = "\n".join(f"api/{package}" for package in PACKAGES)
+            above = cinegen.__all__ if package.startswith("cinegen.") else ()
+            shown = ", ".join(f"**{name}**" if name in above else name for name in names)
+            page = f"api/{package.removeprefix('cinegen.')}"
+            pages.append(page)
+            lines += [f"- [{package}]({page}.md): {' '.join(told.split())} {shown}"]
+            body = f".. automodule:: {package}\n   :imported-members:\n"
+            self.write(f"reference/{page}", f"# {package}\n\n```{{eval-rst}}\n{body}```\n")
+        tree = "\n".join(pages)
         self.write("reference/api", "\n".join(lines) + f"\n\n```{{toctree}}\n:hidden:\n\n{tree}\n```\n")
 
 

@@ -1,5 +1,8 @@
 """Configuration of Sphinx for the site that `docs/site/build.py` prepares."""
 
+import sys
+from pathlib import Path
+
 from docutils import nodes
 from latex2mathml.converter import convert
 
@@ -10,7 +13,9 @@ author = "the cinegen authors"
 copyright = "the cinegen authors, MIT licence"
 version = release = __version__
 
-extensions = ["myst_parser", "sphinx.ext.autodoc", "sphinx.ext.napoleon"]
+sys.path.insert(0, str(Path(__file__).parent))  # names
+
+extensions = ["myst_parser", "sphinx.ext.autodoc", "sphinx.ext.napoleon", "sphinx.ext.viewcode", "names"]
 source_suffix = {".md": "markdown"}
 
 myst_enable_extensions = ["dollarmath"]
@@ -28,7 +33,7 @@ napoleon_numpy_docstring = False
 napoleon_use_ivar = True
 python_use_unqualified_type_names = True
 add_module_names = False
-highlight_language = "none"
+highlight_language = "text"
 suppress_warnings = ["misc.highlighting_failure"]  # excerpts of other people's files
 
 html_math_renderer = "mathml"

@@ -1,5 +1,5 @@
-// What is wider than the page scrolls: then it takes the focus, so that arrow keys scroll it. Where people prefer reduced
-// motion, moving pictures stand still.
+// What is wider than the page scrolls: then it takes the focus, so that arrow keys scroll it. Code can be copied. Where
+// people prefer reduced motion, moving pictures stand still.
 
 const WIDE = "pre, .table-wrapper, math[display=block]";
 
@@ -7,6 +7,32 @@ function mark() {
   for (const element of document.querySelectorAll(WIDE)) {
     if (element.scrollWidth > element.clientWidth + 1) element.tabIndex = 0;
     else element.removeAttribute("tabindex");
+  }
+}
+
+/** Return the text of a block of code; of a dialogue with the shell only what is typed. */
+function typed(block) {
+  const text = block.querySelector("pre").textContent;
+  if (!block.matches(".highlight-console")) return text;
+  const lines = text.split("\n").filter((line) => line.startsWith("$ "));
+  return lines.map((line) => `${line.slice(2)}\n`).join("");
+}
+
+/** Add a button to each block of code that copies it; blocks of text are output. */
+function offer() {
+  if (!navigator.clipboard) return; // an insecure address
+  for (const block of document.querySelectorAll("div[class*=highlight-]:not(.highlight-text)")) {
+    const button = document.createElement("button");
+    button.type = "button";
+    button.className = "copy";
+    button.textContent = "Copy";
+    button.setAttribute("aria-live", "polite");
+    button.addEventListener("click", async () => {
+      const done = await navigator.clipboard.writeText(typed(block)).then(() => "Copied", () => "Not allowed");
+      button.textContent = done;
+      setTimeout(() => (button.textContent = "Copy"), 2000);
+    });
+    block.append(button);
   }
 }
 
@@ -24,6 +50,7 @@ function stop() {
 
 window.addEventListener("load", () => {
   mark();
+  offer();
   stop();
 });
 window.addEventListener("resize", mark);
