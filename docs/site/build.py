@@ -153,7 +153,7 @@ class Site:
             raise SystemExit(f"docs/site/examples.toml: one card for {', '.join(sorted({*shown} ^ {*paths}))}?")
         lines = ["# Examples", "", "Each is a program; `cinegen` and its extras are all that it needs.", ""]
         for group, cards in groups.items():
-            lines += [f"## {group}", "", "`````{container} cards"]
+            lines += [f"## {group}", "", ":::{container} cards"]
             for name, card in cards.items():
                 told = (ast.get_docstring(ast.parse(paths[name].read_text(encoding="utf-8"))) or "").partition("\n\n")[
                     0
@@ -163,7 +163,7 @@ class Site:
                 lines.append(
                     f"- ![{card['alt']}](pictures/{card['picture']}) [{title}]({page}.md) {' '.join(told.split())}"
                 )
-            lines += ["`````", ""]
+            lines += [":::", ""]
         papers = self._page_of("examples/papers")
         lines += [f"[Reproductions of papers]({papers}.md) check figures and numbers of the sources.", ""]
         self.write("examples", "\n".join(lines))

@@ -18,7 +18,7 @@ sys.path.insert(0, str(Path(__file__).parent))  # names
 extensions = ["myst_parser", "sphinx.ext.autodoc", "sphinx.ext.napoleon", "sphinx.ext.viewcode", "names"]
 source_suffix = {".md": "markdown"}
 
-myst_enable_extensions = ["dollarmath"]
+myst_enable_extensions = ["attrs_inline", "colon_fence", "dollarmath"]
 myst_heading_anchors = 4
 myst_fence_as_directive = ["math"]
 myst_html_meta = {"description": "Kinematics of any mechanism with closed loops, in Python"}

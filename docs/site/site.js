@@ -1,5 +1,5 @@
-// What is wider than the page scrolls: then it takes the focus, so that arrow keys scroll it. Code can be copied. Where
-// people prefer reduced motion, moving pictures stand still.
+// What is wider than the page scrolls: then it takes the focus, so that arrow keys scroll it. Code can be copied,
+// moving pictures paused; where people prefer reduced motion, they are paused at first.
 
 const WIDE = "pre, .table-wrapper, math[display=block]";
 
@@ -36,21 +36,31 @@ function offer() {
   }
 }
 
-function stop() {
-  if (!window.matchMedia("(prefers-reduced-motion: reduce)").matches) return;
-  for (const picture of document.querySelectorAll("img[src$='.webp']")) {
+/** Add a button to each moving picture that pauses it: its first frame is shown. */
+function pause() {
+  for (const picture of document.querySelectorAll("img.moving")) {
     const still = document.createElement("canvas");
     [still.width, still.height] = [picture.naturalWidth, picture.naturalHeight];
-    still.getContext("2d").drawImage(picture, 0, 0); // the first frame
+    still.getContext("2d").drawImage(picture, 0, 0);
     still.setAttribute("role", "img");
     still.setAttribute("aria-label", picture.alt);
-    picture.replaceWith(still);
+    const button = document.createElement("button");
+    button.type = "button";
+    const show = (moves) => {
+      picture.hidden = !moves;
+      still.hidden = moves;
+      button.textContent = moves ? "Pause" : "Play";
+    };
+    button.addEventListener("click", () => show(picture.hidden));
+    picture.after(still, button);
+    picture.parentElement.classList.add("moving");
+    show(!window.matchMedia("(prefers-reduced-motion: reduce)").matches);
   }
 }
 
 window.addEventListener("load", () => {
   mark();
   offer();
-  stop();
+  pause();
 });
 window.addEventListener("resize", mark);

@@ -175,17 +175,22 @@ def test_the_site(root, browser, name, width):
 
 
 @pytest.mark.slow
-def test_pictures_of_the_site_stand_still_where_people_prefer_it(root, browser):
+@pytest.mark.parametrize(("motion", "moves"), [("no-preference", True), ("reduce", False)])
+def test_the_moving_picture_of_the_site_can_be_paused(root, browser, motion, moves):
     path = root / "build" / "site" / "html" / "index.html"
     if not path.is_file():
         pytest.skip("the site is not built: `make docs` builds it")
-    for motion, pictures in (("no-preference", 1), ("reduce", 0)):
-        context = browser.new_context(reduced_motion=motion)
-        page = context.new_page()
-        page.goto(path.as_uri())
-        assert page.locator("img[src$='.webp']").count() == pictures
-        assert page.locator("canvas[role=img][aria-label]").count() == 1 - pictures
-        context.close()
+    context = browser.new_context(reduced_motion=motion)
+    page = context.new_page()
+    page.goto(path.as_uri())
+    button = page.locator("p.moving > button")
+    for shown in (moves, not moves, moves):
+        assert button.inner_text() == ("Pause" if shown else "Play")
+        assert page.locator("img.moving").is_visible() == shown
+        assert page.locator("canvas[role=img][aria-label]").is_visible() != shown
+        button.focus()
+        page.keyboard.press("Enter")
+    context.close()
 
 
 @pytest.mark.slow

@@ -7,6 +7,7 @@ import re
 from pathlib import Path
 
 import pytest
+from pages import blocks
 
 import cinegen
 
@@ -64,6 +65,20 @@ def test_every_robot_of_the_gallery_can_be_dragged(builder, source, root):
     assert set(names) == {path.stem for path in (root / "robots").glob("*.raff")}
     assert all(f'href="live/{name}.html"' in (source / "gallery.md").read_text() for name in names)
     assert 'data-src="live/delta4.html"' in (source / "index.md").read_text()
+
+
+def test_the_home_page_shows_the_commands_of_the_readme(root):
+    pages = [root / "docs/site/index.md", root / "README.md"]
+    texts = [next(block.text for block in blocks(page) if block.language == "sh") for page in pages]
+    here, there = ([line.partition("#")[0].strip() for line in text.splitlines()] for text in texts)
+    assert here == there
+
+
+def test_the_program_of_the_home_page_prints_what_it_says(root, capsys):
+    shown = [block for block in blocks(root / "docs/site/index.md") if block.language in ("python", "text")]
+    assert [block.language for block in shown] == ["python", "text"]
+    exec(compile(shown[0].text, "index.md", "exec"), {})
+    assert capsys.readouterr().out == shown[1].text
 
 
 def test_every_example_has_a_card_with_a_picture(root, source):
