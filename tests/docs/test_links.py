@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import re
+
 import pytest
 from pages import NAMES, ROOT, anchors, links
 from PIL import Image
@@ -31,6 +33,13 @@ def test_a_robot_has_a_picture_in_the_gallery(robot: str):
         assert picture.size == (900, 600)
         assert len(picture.convert("RGB").getcolors(2**20) or []) > 8  # something is to be seen
     assert f"pictures/{robot}.webp" in links(ROOT / "docs" / "gallery.md")
+
+
+@pytest.mark.parametrize("page", [name for name in NAMES if name.startswith("docs/howto/")])
+def test_a_how_to_page_has_a_picture(page: str):
+    assert re.search(
+        r"^!\[[^]]{20,}\]\(\.\./pictures/[\w.]+\)$", (ROOT / page).read_text(encoding="utf-8"), re.MULTILINE
+    )
 
 
 def test_every_page_can_be_found_from_the_readme():
