@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from cinegen.assembly import AssemblyModes
 from cinegen.errors import CinegenError
 from cinegen.model.motion_plane import motion_plane
+from cinegen.plotting.ground import Ground, bounds, ground_of, rests_on_base
 from cinegen.plotting.sheet import FAINT, INK, round_length
 from cinegen.plotting.skeleton import Pose, Skeleton
 from cinegen.plotting.stick import ACTUATED, BACK, END, FRONT, Pen, paint
@@ -70,7 +71,8 @@ def draw_modes(modes: AssemblyModes, node: str | None = None, name: str | None =
     skeleton = Skeleton(mechanism, node)
     poses = [skeleton.at(q) for q in modes]
     seen = views(np.vstack([pose.points for pose in poses]), motion_plane(mechanism))
-    limits = _limits(seen, poses)
+    ground = ground_of(poses) if len(seen) > 1 else None  # a planar mechanism is seen from above
+    limits = _limits(seen, poses, ground)
     longest = float(np.interp(count, (8, 40), (_LARGE, _SMALL))) * (1.6 if len(seen) == 1 else 1.0)
     scale = longest / float(np.ptp(limits, axis=1).max())  # inches for a metre
     sizes = scale * np.ptp(limits, axis=1)
@@ -91,6 +93,8 @@ def draw_modes(modes: AssemblyModes, node: str | None = None, name: str | None =
             axes = figure.add_subplot(panels[j], label=f"mode {k + 1} {view.name}".strip())
             axes.set_axis_off()
             axes.set(xlim=(low[0], high[0]), ylim=(low[1], high[1]), aspect="equal")
+            if ground is not None and math.isfinite(view.distance) and rests_on_base(pose):
+                ground.paint(axes, pose, view, 2.0 * pen.link)
             paint(axes, pose, view, pen)
             if k < columns and len(seen) > 1:
                 axes.set_title(view.name, color=FAINT, fontsize=6.5)
@@ -99,11 +103,11 @@ def draw_modes(modes: AssemblyModes, node: str | None = None, name: str | None =
     return figure
 
 
-def _limits(seen: tuple[Projection, ...], poses: list[Pose]) -> Array:
-    """Return the lower left and upper right corner of each view (views, 2, 2), m: all poses with a margin. All views
-    are equally high, so that they have one scale."""
-    flat = np.array([np.vstack([view.project(pose.points)[0] for pose in poses]) for view in seen])
-    middle, half = (flat.min(axis=1) + flat.max(axis=1)) / 2.0, np.ptp(flat, axis=1) / 2.0
+def _limits(seen: tuple[Projection, ...], poses: list[Pose], ground: Ground | None) -> Array:
+    """Return the lower left and upper right corner of each view (views, 2, 2), m: all poses with a margin, and the
+    ground in perspective. All views are equally high, so that they have one scale."""
+    low, high = bounds(seen, np.vstack([pose.points for pose in poses]), ground)
+    middle, half = (low + high) / 2.0, (high - low) / 2.0
     half += 2.0 * _ROOM * half.max(axis=1, keepdims=True)
     half[:, 1] = half[:, 1].max()
     return np.stack([middle - half, middle + half], axis=1)

@@ -12,11 +12,13 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.figure import Figure
 from scipy.spatial import ConvexHull
 
 from cinegen.assembly import assembly_modes
 from cinegen.model.motion_plane import motion_plane
 from cinegen.plotting import DrawingError, Projection, Skeleton, draw_modes, views
+from cinegen.plotting.ground import ground_of
 from cinegen.plotting.stick import hull
 
 PARALLEL = ("tssm", "gough", "delta4", "five_bar", "planar_hybrid", "sr400")
@@ -228,6 +230,39 @@ def test_every_panel_shows_something_and_stands_for_itself(drawn, name):
         assert (pixels[rows, columns] < 200).any(axis=2).mean() > 0.005
         taken[rows, columns] += 1
     assert (taken > 1).sum() <= 2 * sum(pixels.shape[:2]) * len(figure.axes)  # a pixel at their edges
+
+
+@pytest.mark.parametrize("name", ["tssm", "gough", "delta4", "five_bar"])
+def test_robots_above_their_base_have_a_ground_and_a_shadow(modes, drawn, name):
+    """Of each robot some modes are above the plane of the base, and others hang from it."""
+    figure, _ = drawn(name)
+    heights = [pose.translation[2] for pose in modes(name).placements()]
+    stand = [height > 1e-9 for height in heights]
+    assert any(stand) == (name != "five_bar")  # which is seen from above
+    assert not all(stand)
+    for axes in figure.axes:
+        _, number, *view = axes.get_label().split()
+        behind = [one for one in [*axes.patches, *axes.lines] if one.get_zorder() < 2.0]
+        assert (len(behind) > 6) == (stand[int(number) - 1] and view == ["perspective"])
+
+
+def test_a_shadow_is_below_what_throws_it(robot):
+    skeleton = Skeleton(robot("gough"))
+    pose = skeleton.at(robot("gough").q_home)
+    ground = ground_of([pose])
+    view = Projection("top", np.eye(3), np.zeros(3))
+    axes = Figure().add_subplot()
+    ground.paint(axes, pose, view, 2.0)
+    disc, *plates = axes.patches
+    assert ground.height == pytest.approx(min(part.points[:, 2].min() for part in pose.parts if part.is_base))
+    assert np.hypot(*(disc.get_xy() - disc.get_xy().mean(axis=0)).T).min() > 0.0
+    (platform,) = (part for part in pose.parts if len(part.points) > 2 and not part.is_base)
+    (shadow,) = plates
+    corners = {tuple(np.round(point[:2], 12)) for point in platform.points}
+    assert {tuple(np.round(point, 12)) for point in shadow.get_xy()} <= corners
+    inside = disc.get_path().contains_points(np.vstack([line.get_xydata() for line in axes.lines]))
+    assert len(axes.lines) >= 6
+    assert inside.all()
 
 
 def _overlap(one, other):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
@@ -13,6 +14,7 @@ from cinegen.design.synthesis import Reach
 from cinegen.errors import CinegenError
 from cinegen.model import Mechanism
 from cinegen.model.motion_plane import motion_plane
+from cinegen.plotting.ground import bounds, ground_of, rests_on_base
 from cinegen.plotting.sheet import GREEN, INK, LABEL, round_length
 from cinegen.plotting.skeleton import Pose, Skeleton
 from cinegen.plotting.stick import ACTUATED, END, Pen, hull, paint
@@ -103,8 +105,9 @@ def _draw(designs: Mapping[str, Mechanism], reach: Reach, node: str, targets: Ar
     filled = not len(reach.given)
     points = np.vstack([region, *(pose.points for pose in poses)])
     seen = views(points, motion_plane(next(iter(designs.values()))))
-    flat = np.array([view.project(points)[0] for view in seen])
-    middle, half = (flat.min(axis=1) + flat.max(axis=1)) / 2.0, np.ptp(flat, axis=1) / 2.0
+    ground = ground_of(poses) if len(seen) > 1 else None  # a planar mechanism is seen from above
+    low, high = bounds(seen, points, ground)
+    middle, half = (low + high) / 2.0, (high - low) / 2.0
     half += 2.0 * _ROOM * half.max(axis=1, keepdims=True)
     half[:, 1] = half[:, 1].max()
     planar = len(seen) == 1
@@ -122,8 +125,10 @@ def _draw(designs: Mapping[str, Mechanism], reach: Reach, node: str, targets: Ar
         for j, view in enumerate(seen):
             axes = figure.add_subplot(grid[0, k] if planar else grid[k, j])
             axes.set_axis_off()
-            low, high = middle[j] - half[j], middle[j] + half[j]
-            axes.set(xlim=(low[0], high[0]), ylim=(low[1], high[1]), aspect="equal")
+            (left, below), (right, above) = middle[j] - half[j], middle[j] + half[j]
+            axes.set(xlim=(left, right), ylim=(below, above), aspect="equal")
+            if ground is not None and math.isfinite(view.distance) and rests_on_base(pose):
+                ground.paint(axes, pose, view, 3.2)
             _draw_region(axes, view, region, filled)
             paint(axes, pose, view, Pen(1.6, 0.9, 3.2))
             title = ": ".join(text for text in (name if j == 0 else "", view.name) if text)
