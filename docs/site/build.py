@@ -26,6 +26,7 @@ import cinegen.cli
 
 HERE = Path(__file__).parent
 ROOT = HERE.parent.parent
+ICON = ROOT / "cinegen/cockpit/static/style/icon.svg"
 LINK = re.compile(r"(?<!`)\]\(([^)#\s]+)(#[^)\s]*)?\)")
 FENCE = re.compile(r"^```.*?^```$", flags=re.DOTALL | re.MULTILINE)
 PAGES = {"CONTRIBUTING.md": "contributing", "SECURITY.md": "security", "CHANGELOG.md": "changes", "README.md": "index"}
@@ -53,8 +54,8 @@ class Site:
         (folder / "static").mkdir()
         for name in ("conf.py", "names.py"):
             shutil.copy(HERE / name, folder)
-        for name in ("site.css", "site.js"):
-            shutil.copy(HERE / name, folder / "static")
+        for file in (HERE / "site.css", HERE / "site.js", ICON):
+            shutil.copy(file, folder / "static")
 
     def write(self, page: str, text: str) -> None:
         """Write a page."""

@@ -39,6 +39,7 @@ suppress_warnings = ["misc.highlighting_failure"]  # excerpts of other people's 
 html_math_renderer = "mathml"
 html_theme = "furo"
 html_title = f"cinegen {version}"
+html_favicon = "static/icon.svg"
 html_static_path = ["static"]
 html_extra_path = ["extra"]
 exclude_patterns = ["extra", "templates"]

@@ -95,7 +95,7 @@ def loads(address):
 
 def test_all_that_is_loaded_is_light(loads):
     for sizes, *_, wrong in loads:
-        assert {HERO, "delta4.html", "index.html"} <= set(sizes)
+        assert {HERO, "delta4.html", "icon.svg", "index.html"} <= set(sizes)
         assert sum(sizes.values()) <= HEAVIEST, sizes
         assert wrong == []
 
@@ -105,9 +105,10 @@ def test_the_page_computes_little_before_its_first_picture(loads):
 
 
 def test_the_first_picture_is_early(loads):
-    if os.getloadavg()[0] > (os.cpu_count() or 1):
-        pytest.skip("OTHER PROGRAMS RUN: the time of the first picture is not measured")
-    assert min(painted for _, painted, _, _, _ in loads) <= LATEST
+    earliest = min(painted for _, painted, _, _, _ in loads)
+    if earliest > LATEST and os.getloadavg()[0] > (os.cpu_count() or 1):
+        pytest.skip(f"OTHER PROGRAMS RUN: the first picture, after {earliest:.2f} s, says nothing")
+    assert earliest <= LATEST
 
 
 def test_the_robot_is_loaded_last(loads):
