@@ -41,7 +41,7 @@ def run(
     if edit:
         _check_editable(files, base, options)
         file = find_robot(files[0])
-        page = build_editor(read(file), file.name, title or "").encode(errors="backslashreplace")
+        page = build_editor(read(file), file.name, title or "", file.parent).encode(errors="backslashreplace")
         write(path, page)
         print(f"{path}: {len(page) / 1e6:.1f} MB, needs no server")
         return 0

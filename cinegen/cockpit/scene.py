@@ -2,12 +2,8 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Iterable, Iterator, Mapping
-from contextlib import suppress
-from functools import cache
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import coal
 import numpy as np
@@ -16,6 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from cinegen.cockpit import drawing
 from cinegen.cockpit.drawing import Json, SceneNode, mesh, triad
+from cinegen.cockpit.graphic_file import draw_file, material_of
 from cinegen.cockpit.page import Page
 from cinegen.collision.body import bounding_box_corners
 from cinegen.collision.triangle_mesh import TriangleMesh
@@ -23,9 +20,6 @@ from cinegen.mission.drawn_obstacle import DrawnObstacle, DrawnShape
 from cinegen.model import Mechanism
 from cinegen.model.motion_plane import motion_plane
 from cinegen.session.setup import DrawnAttached
-
-if TYPE_CHECKING:  # trimesh takes its time
-    from raff2urdf.graphics.surface import ColouredSurface
 
 Array = NDArray[np.float64]
 
@@ -208,32 +202,6 @@ def _extent(mechanism: Mechanism) -> Iterator[Array]:
             yield bounding_box_corners(solid.geometry, placement * in_node)
 
 
-def _material(rgba: ArrayLike) -> Json:
-    """Return a material; any four numbers are valid, as in a URDF."""
-    red, green, blue, opacity = np.clip(np.nan_to_num(rgba, nan=0.5), 0.0, 1.0)
-    colour = (round(255 * red) << 16) + (round(255 * green) << 8) + round(255 * blue)
-    return drawing.material(colour, float(opacity))
-
-
-@cache
-def _surfaces(path: Path) -> tuple[ColouredSurface, ...]:
-    """Return the surfaces of a file in its own colours; none if they can't be read. (Robots often use a file twice.)"""
-    from raff2urdf.graphics import scene
-
-    with suppress(Exception):  # every reader has errors of its own
-        return tuple(scene.read(path))
-    return ()
-
-
-def _is_coloured(path: Path) -> bool:
-    """Return whether a file has colours of its own."""
-    if path.suffix.lower() == ".obj":
-        text = path.read_text(encoding="utf-8", errors="replace")
-        named = re.search(r"^mtllib[ \t]+(.+?)[ \t\r]*$", text, flags=re.MULTILINE)
-        return named is not None and (path.parent / named[1]).is_file()
-    return path.suffix.lower() == ".dae"
-
-
 def _is_file(solid: pin.GeometryObject) -> bool:
     """Return whether a shape is a mesh of a file; the path of others is their kind."""
     return bool(solid.meshPath) and solid.meshPath not in ("BOX", "CYLINDER", "SPHERE", "CAPSULE", "CONE", "CONVEX")
@@ -244,18 +212,11 @@ def _drawn(solid: pin.GeometryObject) -> Iterator[tuple[Json, Json, Array]]:
 
     Nothing for unknown shapes; several for a mesh with several colours.
     """
-    geometry, extra, material = solid.geometry, np.eye(4), _material(solid.meshColor)
+    geometry, extra, material = solid.geometry, np.eye(4), material_of(solid.meshColor)
     if _is_file(solid):
         extra[:3, :3] = np.diag(solid.meshScale)
-        path = Path(solid.meshPath)
-        surfaces = _surfaces(path) if not solid.overrideMaterial and _is_coloured(path) else ()
-        for surface in surfaces:
-            colour = solid.meshColor if surface.colour is None else np.array(surface.colour) / 255.0
-            corners = surface.triangles.reshape(-1, 3)
-            faces = np.arange(len(corners)).reshape(-1, 3)
-            yield drawing.triangles(corners, faces), _material(colour), extra
-        if path.suffix[1:].lower() in drawing.FORMATS and not surfaces:
-            yield drawing.mesh_file(path), material, extra
+        for surface, look in draw_file(Path(solid.meshPath), solid.meshColor, not solid.overrideMaterial):
+            yield surface, look, extra
     elif isinstance(geometry, coal.Box):
         yield drawing.box(2.0 * geometry.halfSide), material, extra
     elif isinstance(geometry, coal.Sphere):

@@ -11,6 +11,7 @@ import zlib
 from collections.abc import Iterator
 from functools import cache
 from importlib.resources import files
+from pathlib import Path
 from typing import Any
 
 import msgspec
@@ -19,6 +20,7 @@ import pinocchio as pin
 from cinegen.cockpit.build_messages import hello_message
 from cinegen.cockpit.cockpit import draw, title_of
 from cinegen.cockpit.page import Page, viewer
+from cinegen.page.graphics import embedded
 from cinegen.page.kernels_module import KERNELS, module
 from cinegen.page.modules import import_map, linked
 from cinegen.page.tables import robot_tables
@@ -57,16 +59,21 @@ def build_page(setup: Setup, title: str = "") -> str:
     return _file(title, import_map({KERNELS: module()}), content, _POLICY, _own("local.css"), _LICENCES)
 
 
-def build_editor(text: str, name: str, title: str = "") -> str:
+def build_editor(text: str, name: str, title: str = "", folder: Path | None = None) -> str:
     """Build an HTML file with an editor of RAFF text beside the robots that the text defines.
 
     Args:
         text: RAFF text; errors in it are shown in the page.
         name: name of the text, for errors.
         title: title of the page; the text's name unless given.
+        folder: of the text: graphic files that it names, relative to the folder, are in the page. None: no files are.
     """
     title = title or name
-    content = {"text": text, "name": name, "title": title, "worker": linked("editor/worker.js"), "kernels": KERNELS}
+    graphics = [] if folder is None else embedded(text, name, folder)
+    content = {
+        "text": text, "name": name, "title": title, "worker": linked("editor/worker.js"), "kernels": KERNELS,
+        "graphics": graphics,
+    }  # fmt: skip
     styles = _own("local.css") + _own("editor.css")
     modules = import_map({KERNELS: module()}, "editor/link.js")
     return _file(title, modules, content, _POLICY, styles, _EDITOR_LICENCES)

@@ -32,9 +32,9 @@ def text(root):
 
 
 @pytest.fixture(scope="module")
-def file(text, tmp_path_factory):
+def file(text, root, tmp_path_factory):
     path = tmp_path_factory.mktemp("editor") / "delta4.html"
-    path.write_text(build_editor(text, "delta4.raff"))
+    path.write_text(build_editor(text, "delta4.raff", folder=root / "robots"))
     return path
 
 
@@ -101,9 +101,10 @@ def test_an_edited_robot_is_dragged_and_keeps_its_pose(file, text, tab):  # noqa
     assert np.abs(dragged - home).max() > 0.02
     assert report["closure"] <= 1e-10
     assert report["type1"]["sigma"] > 0.0 < report["type2"]["sigma"]
-    for button, expected in (("#undo", before), ("#redo", dragged)):
+    for button, expected, steps in (("#undo", before, (2, 1)), ("#redo", dragged, (3, 0))):
         page.click(button)
-        assert becomes(page, "cockpit.report.moving === null && cockpit.report.rate.at_rest")
+        done = f"cockpit.report.undo === {steps[0]} && cockpit.report.redo === {steps[1]}"
+        assert becomes(page, f"{done} && cockpit.report.moving === null && cockpit.report.rate.at_rest")
         assert page.evaluate("cockpit.report.robots.r1.q") == pytest.approx(expected, abs=1e-9)
 
     page.click("#home")

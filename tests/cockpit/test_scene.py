@@ -13,7 +13,7 @@ import umsgpack
 
 import cinegen
 from cinegen.cockpit import Page, RobotScene
-from cinegen.cockpit.scene import _material
+from cinegen.cockpit.graphic_file import material_of
 
 URDF = """<robot name="r"><link name="base"><visual><geometry>{}</geometry>{}</visual></link></robot>"""
 COLOUR = '<material name="m"><color rgba="{}"/></material>'
@@ -75,7 +75,7 @@ def test_odd_colours_are_no_failure(
     material = shown(tmp_path, "box.stl", COLOUR.format(rgba))["materials"][0]
     assert 0 <= material["color"] <= 0xFFFFFF
     assert 0.0 <= material["opacity"] <= 1.0
-    made = _material([float(word) for word in rgba.split()])
+    made = material_of([float(word) for word in rgba.split()])
     assert (made["color"], made["opacity"]) == (colour, opacity)
 
 

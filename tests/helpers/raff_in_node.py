@@ -18,7 +18,7 @@ from raff2urdf.analysis import declared_actuated
 from raff2urdf.errors import Problem, RaffError
 from raff2urdf.raff.check import check, check_sizes
 from raff2urdf.raff.compound import expanded, spherical_joints
-from raff2urdf.raff.document import Document, JointType, RaffBase, RaffNode, RaffRobot
+from raff2urdf.raff.document import Document, JointType, RaffBase, RaffFrame, RaffNode, RaffRobot
 from raff2urdf.raff.kleinfinger import transform
 from raff2urdf.raff.reader import parse
 from raff2urdf.tree import coupling_of, effort, home, kleinfinger, limits, placements, stated_inertia, velocity
@@ -46,7 +46,17 @@ def tables_in_node(texts: Iterable[str]) -> list[list[dict[str, Any]]]:
     return _run("tables_of_raff.js", texts)
 
 
-def _run(script: str, texts: Iterable[str], *options: str) -> list[Any]:
+def skeletons_in_node(texts: Iterable[str]) -> list[list[dict[str, list[dict[str, Any]]]]]:
+    """Return the shapes of the bodies of the robots in texts, by their names, likewise."""
+    return _run("skeleton_of_raff.js", texts)
+
+
+def graphics_in_node(questions: Iterable[dict[str, Any]]) -> list[dict[str, Any]]:
+    """Return the graphics of texts, each with the files that a page holds (`text`, `known`), likewise."""
+    return _run("graphics_of_raff.js", questions)
+
+
+def _run(script: str, texts: Iterable[Any], *options: str) -> list[Any]:
     node = shutil.which("node")
     if node is None:
         pytest.skip("no node on PATH")
@@ -143,6 +153,8 @@ def _model(document: Document, robot: RaffRobot) -> dict[str, Any]:
         return {
             "name": node.node,
             "isNode": node.number in robot.nodes,
+            "isFrame": isinstance(node, RaffFrame),
+            "ofSeveral": node.number in robot.nodes and getattr(node, "own_joint", None) is not None,
             "parent": -1 if isinstance(node, RaffBase) else index[node.pred],
             "joint": -1 if isinstance(node, RaffBase) else columns.get(node.joint, -1),
             "jointName": None if isinstance(node, RaffBase) else node.joint,
@@ -162,6 +174,7 @@ def _model(document: Document, robot: RaffRobot) -> dict[str, Any]:
         "robot": robot.name,
         "path": robot.path,
         "movable": robot.movable,
+        "metre": document.metres(1.0),
         "bodies": [body(node) for node in order],
         "joints": [
             {

@@ -3,6 +3,8 @@ import { test } from "node:test";
 
 import { Reader } from "../../cinegen/page/static/editor/reading.js";
 
+const NO_FILES = { known: new Map(), most: { meshes: 0, triangles: 0 } };
+
 /** A worker that answers all texts but "endless". */
 class FakeWorker {
   static made = [];
@@ -21,7 +23,7 @@ globalThis.Worker = FakeWorker;
 
 test("a text that takes too long ends the worker, and the next one is read by another", async () => {
   const found = [];
-  const reader = new Reader("", (reading) => found.push(reading), 20);
+  const reader = new Reader("", NO_FILES, (reading) => found.push(reading), 20);
   reader.take("endless", "t");
   await new Promise((resolve) => setTimeout(resolve, 60));
   assert.deepEqual(found.map(({ robots }) => robots), [[]]);
@@ -34,7 +36,7 @@ test("a text that takes too long ends the worker, and the next one is read by an
 
 test("of texts that come while one is read, only the last is answered", async () => {
   const found = [];
-  const reader = new Reader("", (reading) => found.push(...reading.robots), 1000);
+  const reader = new Reader("", NO_FILES, (reading) => found.push(...reading.robots), 1000);
   for (const text of ["one", "two", "three"]) reader.take(text, "t");
   await new Promise((resolve) => setTimeout(resolve, 60));
   assert.deepEqual(found, ["three"]);

@@ -155,9 +155,10 @@ export class View {
     }
   }
 
-  /** Robots that are no more are forgotten. */
+  /** Robots are forgotten: others may be drawn in their place. */
   forget() {
     this.#applied.clear();
+    this.#groups.clear();
   }
 
   #apply() {

@@ -8,21 +8,26 @@ import { kernelsOf } from "../session/memory.js";
 import { KernelSolver } from "../session/solver.js";
 import { helloOf } from "./description.js";
 import { Editor } from "./editor.js";
+import { GraphicFiles } from "./graphics.js";
 import { keep, poseOf } from "./kept_pose.js";
 import { Reader } from "./reading.js";
-import { Skeletons } from "./skeleton.js";
+import { TextScene } from "./scene.js";
 
 const KEY = "#raff=";
 const RATE = 240; // ticks per second
 const QUIET = 200; // ms after a change of the text
 
-/** @typedef {{ text: string, name: string, title: string, worker: string, kernels: string }} EditedText */
+/**
+ * @typedef {{ text: string, name: string, title: string, worker: string, kernels: string,
+ *   graphics: import("./graphics.js").EmbeddedFile[] }} EditedText
+ */
 
 export class Link extends LocalLink {
   /** @param {import("../../../cockpit/static/view/view.js").View} view */
   constructor(view) {
     super(view);
-    this.scene = new Skeletons(view);
+    this.files = new GraphicFiles(view.viewer, this.#content.graphics);
+    this.scene = new TextScene(view, this.files);
   }
 
   /** @type {"session" | "page" | "text"} */
@@ -41,7 +46,7 @@ export class Link extends LocalLink {
     const section = make("section", { id: "editor", "aria-label": "Editor" });
     main?.prepend(section);
     const module = await import(kernels);
-    const reader = new Reader(worker, (reading) => {
+    const reader = new Reader(worker, this.files, (reading) => {
       editor.show(reading.notes);
       document.documentElement.dataset.read = reading.robots.length > 0 ? "yes" : "no";
       if (reading.robots.length > 0) this.#show(module, reading.robots);

@@ -10,23 +10,29 @@ const LONGEST = 10_000; // ms: a busy device needs seconds for a text that takes
 /** @typedef {import("../raff/model.js").Model} Model */
 /** @typedef {import("../raff/closing/analysis.js").Analysis} Analysis */
 /** @typedef {import("../session/solver_interface").Tables} Tables */
-/** @typedef {{ model: Model, analysis: Analysis, tables: Tables }} ReadRobot */
+/** @typedef {import("../raff/graphics.js").Shown} Shown */
+/** @typedef {import("../raff/graphics.js").KnownFile} KnownFile */
+/** @typedef {{ model: Model, analysis: Analysis, tables: Tables, graphics: Shown }} ReadRobot */
+/** @typedef {{ known: Map<string, KnownFile>, most: { meshes: number, triangles: number } }} Files what the page holds */
+/** @typedef {{ text: string, name: string, files: Files }} Question to the worker */
 /** @typedef {{ notes: Note[], robots: ReadRobot[] }} Reading robots: none if there are errors */
 
 export class Reader {
   /** @type {Worker | null} */
   #worker = null;
-  /** @type {{ text: string, name: string } | null} */
+  /** @type {Question | null} */
   #next = null;
   #busy = false;
 
   /**
    * @param {string} script of the worker
+   * @param {Files} files
    * @param {(reading: Reading) => void} read called with what the newest text is
    * @param {number} longest ms
    */
-  constructor(script, read, longest = LONGEST) {
+  constructor(script, { known, most }, read, longest = LONGEST) {
     this.url = URL.createObjectURL(new Blob([script], { type: "text/javascript" }));
+    this.files = { known, most };
     this.read = read;
     this.longest = longest;
   }
@@ -38,7 +44,7 @@ export class Reader {
    * @param {string} name of it
    */
   take(text, name) {
-    this.#next = { text, name };
+    this.#next = { text, name, files: this.files };
     if (!this.#busy) this.#start();
   }
 

@@ -1,154 +1,178 @@
-// Robots drawn from their Kleinfinger parameters, as raff2urdf/graphics/skeleton.py draws links without graphics.
+// Shapes of bodies that have no graphics, from their Kleinfinger parameters: those of raff2urdf/graphics/skeleton.py.
 
-import { CylinderGeometry, Mesh, MeshLambertMaterial, SphereGeometry, Vector3 } from "three";
-import { placements } from "./placements.js";
-
-const ROOT = ["meshcat", "cinegen"];
-const SHOWN = 1.6; // m: radius at which everything is drawn
-const BRANCHES = [0x295970, 0xa88c59, 0xa89ed4, 0x6bbab0, 0x784a29, 0x63544d]; // those of skeleton.py
-const EYE = /** @type {const} */ ([3.8, 3, 4.9]); // first position of the camera, m, y up
+const BRANCHES = [0x295970, 0xa88c59, 0xa89ed4, 0x6bbab0, 0x784a29, 0x63544c];
+const BASE = 0x737880;
 const JOINT = 0x333840;
-const LOOP = 0xcc79a7;
 
 /** @typedef {import("./reading.js").Model} Model */
-/** @typedef {import("./reading.js").Analysis} Analysis */
-/** @typedef {import("../../../cockpit/static/view/view.js").View} View */
-
-/** A drawing of robots, instead of those drawn before. */
-export class Skeletons {
-  #drawn = false;
-
-  /** @param {View} view */
-  constructor(view) {
-    this.view = view;
-  }
-
-  /** @param {{ model: Model, analysis: Analysis }[]} robots */
-  draw(robots) {
-    const { viewer } = this.view;
-    if (viewer.scene_tree.children[ROOT[0]] !== undefined) viewer.delete_path(ROOT);
-    const points = robots.flatMap(({ model, analysis: { home } }) =>
-      [...placements(model, home).values()].map((m) => new Vector3(m[3], m[7], m[11])));
-    this.#fit(points);
-    for (const { model, analysis } of robots) this.#robot(model, analysis);
-    viewer.num_messages_received += 1; // the view looks for what was drawn
-    this.view.changed();
-  }
-
-  /** @param {Vector3[]} points */
-  #fit(points) {
-    const low = points.reduce((least, point) => least.clone().min(point), points[0]);
-    const high = points.reduce((most, point) => most.clone().max(point), points[0]);
-    const centre = low.clone().add(high).multiplyScalar(0.5);
-    const scale = SHOWN / (Math.max(...points.map((point) => point.distanceTo(centre))) || 1);
-    const { viewer } = this.view;
-    const root = viewer.scene_tree.find(ROOT).object;
-    root.scale.setScalar(scale);
-    root.position.copy(centre).multiplyScalar(-scale);
-    viewer.scene_tree.find(["Grid"]).object.position.set(0, 0, scale * (low.z - centre.z) - 0.05);
-    viewer.scene_tree.find(["Axes"]).object.visible = false;
-    if (this.#drawn) return;
-    this.#drawn = true;
-    this.view.camera.position.set(...EYE);
-  }
-
-  /**
-   * @param {Model} model
-   * @param {Analysis} analysis
-   */
-  #robot({ robot, bodies, joints, loops }, { length }) {
-    const sizes = bodies.flatMap(({ parameters: { epsilon, d, r } }) => [epsilon, d, r].map(Math.abs)).filter((one) => one > 1e-12);
-    const radius = 0.06 * (sizes.sort((a, b) => a - b)[Math.floor(sizes.length / 2)] ?? 1);
-    const colours = coloursOf(bodies);
-    bodies.forEach((body, i) => {
-      /** @type {Mesh[]} */
-      const parts = body.isNode ? [...jointOf(body, joints, radius)] : [];
-      for (const child of bodies.filter(({ parent }) => parent === i)) parts.push(...pathTo(child, joints, radius, colours[i]));
-      if (parts.length === 0 && body.parent >= 0) parts.push(ball(new Vector3(), 1.2 * radius, colours[i])); // to be dragged
-      if (loops.some(({ first }) => first === i)) parts.push(ball(new Vector3(), 0.05 * length, LOOP, 0.6));
-      if (!body.isNode) return; // between the joints of one of several variables: nothing is there
-      parts.forEach((part, k) => this.view.viewer.set_object([...ROOT, robot, body.name, String(k)], part));
-    });
-  }
-}
-
-/** @param {Model["bodies"]} bodies */
-function coloursOf(bodies) {
-  const forks = new Map();
-  let last = 0;
-  /** @type {number[]} */
-  const branch = [];
-  const find = (/** @type {number} */ i) => {
-    if (branch[i] !== undefined) return branch[i];
-    const { parent } = bodies[i];
-    if (parent < 0) return (branch[i] = 0);
-    const own = find(parent);
-    branch[i] = forks.has(parent) ? (last += 1) : own;
-    forks.set(parent, true);
-    return branch[i];
-  };
-  return bodies.map(({ parent }, i) => (parent < 0 ? 0x737880 : BRANCHES[find(i) % BRANCHES.length]));
-}
-
+/** @typedef {Model["bodies"][number]} Body */
+/** @typedef {[number, number, number]} Point */
+/** @typedef {import("../raff/kleinfinger.js").Placement} Placement */
 /**
- * @param {import("../raff/model.js").Body} body
- * @param {Model["joints"]} joints
- * @param {number} radius
- */
-function* jointOf({ joint }, joints, radius) {
-  if (joint < 0) return;
-  const { type, home } = joints[joint];
-  const half = new Vector3(0, 0, 1.6 * radius);
-  yield* bar(half.clone().negate(), half, (type === "prismatic" ? 1.8 : 1.5) * radius, JOINT);
-  if (type === "prismatic") yield* bar(new Vector3(0, 0, -0.62 * home), new Vector3(), 0.6 * radius, JOINT);
-}
-
-/**
- * Yield bars from a body's origin to the joint of a child.
+ * A cylinder along z (radius, length), a sphere (radius) or a box (three sides), m, in its body's frame.
  *
- * @param {import("../raff/model.js").Body} child
- * @param {Model["joints"]} joints
- * @param {number} radius
- * @param {number} colour
+ * @typedef {{ kind: "cylinder" | "sphere" | "box", size: number[], placement: Placement, colour: number }} Shape
  */
-function* pathTo({ parameters: { gamma, epsilon, alpha, d, r }, joint }, joints, radius, colour) {
-  const axis = new Vector3(Math.sin(gamma) * Math.sin(alpha), -Math.cos(gamma) * Math.sin(alpha), Math.cos(alpha));
+
+/**
+ * Return the shapes of each body of a robot.
+ *
+ * @param {Model} model
+ * @returns {Shape[][]}
+ */
+export function skeletonOf({ bodies, joints }) {
+  const radius = 0.06 * typical(bodies);
+  /** @type {number[][]} */
+  const children = bodies.map(() => []);
+  for (const [i, { parent }] of bodies.entries()) if (parent >= 0) children[parent].push(i);
+  const colours = coloursOf(bodies, children);
+  return bodies.map((body, i) => {
+    const style = { radius, colour: colours[i] };
+    const shapes = [...jointOf(body, joints, style)];
+    for (const child of children[i]) shapes.push(...barsTo(bodies[child], joints, style));
+    if (shapes.length === 0 && !body.isFrame) shapes.push(ball([0, 0, 0], 1.2, style));
+    return shapes;
+  });
+}
+
+/** @typedef {{ radius: number, colour: number }} Style radius of a bar, m */
+
+/**
+ * Return the median length of a robot's straight parts, m; 1 if it has none.
+ *
+ * @param {Body[]} bodies
+ */
+function typical(bodies) {
+  const lengths = bodies
+    .filter(({ parent }) => parent >= 0)
+    .flatMap(({ parameters: { epsilon, d, r } }) => [epsilon, d, r].map(Math.abs))
+    .filter((one) => one > 1e-12)
+    .sort((a, b) => a - b);
+  const { length } = lengths;
+  return length === 0 ? 1 : (lengths[Math.floor((length - 1) / 2)] + lengths[Math.floor(length / 2)]) / 2;
+}
+
+/**
+ * Return the colours of bodies: every fork begins a branch of another one.
+ *
+ * @param {Body[]} bodies
+ * @param {number[][]} children
+ */
+function coloursOf(bodies, children) {
+  const root = bodies.findIndex(({ parent }) => parent < 0);
+  const branch = new Map([[root, 0]]);
+  let last = 0;
+  const pending = [...children[root]].reverse();
+  for (let i = pending.pop(); i !== undefined; i = pending.pop()) {
+    const { parent } = bodies[i];
+    const forks = children[parent][0] !== i;
+    if (forks) last += 1;
+    branch.set(i, forks ? last : /** @type {number} */ (branch.get(parent)));
+    pending.push(...[...children[i]].reverse());
+  }
+  return bodies.map((_, i) => (i === root ? BASE : BRANCHES[(branch.get(i) ?? 0) % BRANCHES.length]));
+}
+
+/**
+ * Yield the marker of a body's own joint.
+ *
+ * @param {Body} body
+ * @param {Model["joints"]} joints
+ * @param {Style} style
+ * @returns {Generator<Shape>}
+ */
+function* jointOf({ joint, ofSeveral }, joints, style) {
+  const { radius } = style;
+  const marker = { radius, colour: JOINT };
   const slides = joint >= 0 && joints[joint].type === "prismatic";
-  const foot = new Vector3(0, 0, epsilon);
-  const knee = foot.clone().add(new Vector3(Math.cos(gamma), Math.sin(gamma), 0).multiplyScalar(d));
-  const end = knee.clone().addScaledVector(axis, slides ? 0.55 * r : r);
-  const corners = joint < 0 ? [new Vector3(), end] : [new Vector3(), foot, knee, end];
-  for (const [i, corner] of corners.slice(1).entries()) {
-    const before = [...bar(corners[i], corner, radius, colour)];
-    yield* before;
-    if (before.length > 0) yield ball(corner, radius, colour);
+  if (ofSeveral && !slides) {
+    yield ball([0, 0, 0], 2, marker);
+  } else if (slides) {
+    const placement = [1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0];
+    yield { kind: "box", size: [2.6 * radius, 2.6 * radius, 3.2 * radius], placement, colour: JOINT };
+    yield* bar([0, 0, -0.62 * joints[joint].home], [0, 0, 0], 0.6, style);
+  } else if (joint >= 0) {
+    yield* bar([0, 0, -1.6 * radius], [0, 0, 1.6 * radius], 1.5, marker);
   }
 }
 
 /**
- * @param {Vector3} start
- * @param {Vector3} end
- * @param {number} radius
- * @param {number} colour
+ * Yield bars from a body's origin to the joint of a child: along its path, straight to what is fixed.
+ *
+ * @param {Body} child
+ * @param {Model["joints"]} joints
+ * @param {Style} style
+ * @returns {Generator<Shape>}
  */
-function* bar(start, end, radius, colour) {
-  const along = end.clone().sub(start);
-  const length = along.length();
-  if (length < 1e-6 * radius) return;
-  const mesh = new Mesh(new CylinderGeometry(radius, radius, length, 20), new MeshLambertMaterial({ color: colour }));
-  mesh.position.copy(start).add(end).multiplyScalar(0.5);
-  mesh.quaternion.setFromUnitVectors(new Vector3(0, 1, 0), along.divideScalar(length));
-  yield mesh;
+function* barsTo({ parameters: { gamma, epsilon, alpha, d, r }, joint, isFrame }, joints, style) {
+  const thickness = isFrame ? 0.6 : 1;
+  const slides = joint >= 0 && joints[joint].type === "prismatic";
+  /** @type {Point} */
+  const axis = [Math.sin(gamma) * Math.sin(alpha), -Math.cos(gamma) * Math.sin(alpha), Math.cos(alpha)];
+  /** @type {Point} */
+  const knee = [d * Math.cos(gamma), d * Math.sin(gamma), epsilon];
+  /** @type {Point[]} */
+  const path = [[0, 0, epsilon], knee, ...(slides ? [] : [along(knee, axis, r)])];
+  const end = path[path.length - 1];
+  /** @type {Point[]} */
+  const drawn = [[0, 0, 0]];
+  for (const corner of joint < 0 ? [end] : path) {
+    const before = drawn[drawn.length - 1];
+    if (!(Math.max(...corner.map((x, k) => Math.abs(x - before[k]))) > 0.5 * style.radius)) continue;
+    yield* bar(before, corner, thickness, style);
+    drawn.push(corner);
+  }
+  for (const corner of drawn.slice(1, -1)) yield ball(corner, thickness, style);
+  if (slides) yield* bar(end, along(end, axis, 0.55 * r), 1, style);
 }
 
 /**
- * @param {Vector3} centre
- * @param {number} radius
- * @param {number} colour
+ * @param {Point} point
+ * @param {Point} axis
+ * @param {number} length
+ * @returns {Point}
  */
-function ball(centre, radius, colour, opacity = 1) {
-  const look = new MeshLambertMaterial({ color: colour, opacity, transparent: opacity < 1 });
-  const mesh = new Mesh(new SphereGeometry(radius, 16, 12), look);
-  mesh.position.copy(centre);
-  return mesh;
+function along([x, y, z], axis, length) {
+  return [x + length * axis[0], y + length * axis[1], z + length * axis[2]];
+}
+
+/**
+ * Yield a cylinder from one point to another; nothing if they coincide.
+ *
+ * @param {Point} start
+ * @param {Point} end
+ * @param {number} thickness
+ * @param {Style} style
+ * @returns {Generator<Shape>}
+ */
+function* bar(start, end, thickness, { radius, colour }) {
+  const vector = end.map((x, k) => x - start[k]);
+  const length = Math.hypot(...vector);
+  if (length < 1e-6 * radius) return;
+  const z = vector.map((x) => x / length);
+  const aside = Math.abs(z[0]) < 0.6 ? [1, 0, 0] : [0, 1, 0];
+  const across = cross(z, aside);
+  const size = Math.hypot(...across);
+  const y = across.map((one) => one / size);
+  const x = cross(y, z);
+  const placement = [0, 1, 2].flatMap((k) => [x[k], y[k], z[k], (start[k] + end[k]) / 2]);
+  yield { kind: "cylinder", size: [thickness * radius, length], placement, colour };
+}
+
+/**
+ * @param {Point} centre
+ * @param {number} thickness
+ * @param {Style} style
+ * @returns {Shape}
+ */
+function ball([x, y, z], thickness, { radius, colour }) {
+  return { kind: "sphere", size: [thickness * radius], placement: [1, 0, 0, x, 0, 1, 0, y, 0, 0, 1, z], colour };
+}
+
+/**
+ * @param {number[]} a
+ * @param {number[]} b
+ */
+function cross(a, b) {
+  return [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]];
 }

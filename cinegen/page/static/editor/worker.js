@@ -2,6 +2,7 @@
 // cinegen/page/modules.py makes one script of it and the reader.
 
 import { analyse, OpenLoops } from "../raff/closing/analysis.js";
+import { graphicsOf } from "../raff/graphics.js";
 import { read } from "../raff/read.js";
 import { tablesOf } from "../raff/tables/tables.js";
 
@@ -17,18 +18,29 @@ const MOST = 300; // bodies of all robots: more make the page slow
  *
  * @param {string} text
  * @param {string} name of it
+ * @param {import("./reading.js").Files} files that the page holds
  * @returns {Reading}
  */
-export function reading(text, name) {
-  const { models, errors, warnings } = read(text, name);
+export function reading(text, name, { known, most }) {
+  const { models, document, errors, warnings } = read(text, name);
   const notes = [...errors.map((one) => noteOf(one, "error")), ...warnings.map((one) => noteOf(one, "warning"))];
-  if (errors.length > 0) return { notes, robots: [] };
+  if (document === null) return { notes, robots: [] };
   const size = models.reduce((sum, { bodies }) => sum + bodies.length, 0);
   if (size > MOST) return { notes: [...notes, said(`the text has ${size} links and frames: the page shows at most ${MOST}`)], robots: [] };
+  const { robots: graphics, problems, more, ...amount } = graphicsOf(document, known);
+  notes.push(...problems.map((one) => noteOf(one, "warning")));
+  if (more > 0) notes.push(said(`and ${more} more graphics that are not shown`, "warning"));
+  if (amount.meshes > most.meshes || amount.triangles > most.triangles) {
+    const much = `${amount.meshes} meshes of ${amount.triangles} triangles in all`;
+    const message = `the text shows ${much}: the page shows at most ${most.meshes} of ${most.triangles}`;
+    return { notes: [...notes, said(`${message}: name fewer files`)], robots: [] };
+  }
   try {
     const robots = models.map((model) => {
       const analysis = analyse(model);
-      return { model, analysis, tables: tablesOf(model, analysis, RATE) };
+      const shown = /** @type {import("./reading.js").Shown} */ (graphics.get(model.robot));
+      const bodies = model.bodies.map((body) => ({ ...body, files: null })); // the page needs what is shown only
+      return { model: { ...model, bodies }, analysis, tables: tablesOf(model, analysis, RATE), graphics: shown };
     });
     return { notes, robots };
   } catch (error) {
@@ -49,10 +61,11 @@ function noteOf(problem, severity) {
 
 /**
  * @param {string} message
+ * @param {"error" | "warning"} severity
  * @returns {Note}
  */
-function said(message) {
-  return { severity: "error", message, text: message, line: 0, column: 1, length: 0 };
+function said(message, severity = "error") {
+  return { severity, message, text: message, line: 0, column: 1, length: 0 };
 }
 
-self.addEventListener("message", ({ data: { text, name } }) => self.postMessage(reading(text, name)));
+self.addEventListener("message", ({ data: { text, name, files } }) => self.postMessage(reading(text, name, files)));

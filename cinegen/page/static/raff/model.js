@@ -21,10 +21,11 @@ import { kleinfinger, times, transform } from "./kleinfinger.js";
  *
  * `parent` is an index in `bodies`, -1 of the base; `joint` one in `joints`, -1 if it is fixed to its parent;
  * `placement` is on the parent as written, `world` in the world. `files` is null if a skeleton is to be drawn, `inertia`
- * if the file gives none, or a density, whose mass follows from graphics.
+ * if the file gives none, or a density, whose mass follows from graphics. `isFrame`: a frame of the file; `ofSeveral`: the
+ * last link of a joint of several variables.
  *
  * @typedef {{
- *   name: string, isNode: boolean, parent: number, joint: number, jointName: string | null, parameters: Kleinfinger, placement: Placement,
+ *   name: string, isNode: boolean, isFrame: boolean, ofSeveral: boolean, parent: number, joint: number, jointName: string | null, parameters: Kleinfinger, placement: Placement,
  *   world: Placement, files: string[] | null, inertia: import("./inertia.js").Inertia | null,
  *   density: number | null, barRadius: number | null,
  * }} Body
@@ -45,8 +46,10 @@ import { kleinfinger, times, transform } from "./kleinfinger.js";
 /** @typedef {import("./couplings.js").CouplingTable} CouplingTable */
 
 /**
+ * `metre`: metres in the file's unit of length.
+ *
  * @typedef {{
- *   name: string, robot: string, path: string | null, movable: boolean, bodies: Body[], joints: Joint[],
+ *   name: string, robot: string, path: string | null, movable: boolean, metre: number, bodies: Body[], joints: Joint[],
  *   balls: { name: string, joints: string[] }[], loops: LoopTable[], couplings: CouplingTable[],
  *   sensors: { number: number, port: string, translation: number, rotation: number }[],
  *   sensorConstraints: { body: number, sensors: number[] }[],
@@ -69,7 +72,7 @@ export function model(document, robot) {
   const at = (/** @type {number} */ number) => /** @type {number} */ (index.get(number));
   const moving = flat.links.filter((link) => link.type !== FIXED);
   const columns = new Map(moving.map((link, i) => [link.number, i]));
-  const bodies = order.map((node) => bodyOf(document, node, at, columns.get(node.number) ?? -1, robot.nodes));
+  const bodies = order.map((node) => bodyOf(document, node, at, columns.get(node.number) ?? -1, robot.nodes.get(node.number)));
   placeInWorld(bodies, flat.outward().map((part) => at(part.number)));
   const names = robot.loopNames();
   return {
@@ -77,6 +80,7 @@ export function model(document, robot) {
     robot: robot.name,
     path: robot.path,
     movable: robot.movable,
+    metre: document.metres(1),
     bodies,
     joints: jointsOf(document, moving, at),
     balls: sphericalJoints(robot),
@@ -94,10 +98,10 @@ export function model(document, robot) {
  * @param {Node} node
  * @param {(number: number) => number} at
  * @param {number} joint
- * @param {Map<number, Node>} nodes that the file has
+ * @param {Node | undefined} written as the file has it
  * @returns {Body}
  */
-function bodyOf(document, node, at, joint, nodes) {
+function bodyOf(document, node, at, joint, written) {
   const parameters = kleinfinger(document, node.parameters);
   const placement = transform(parameters);
   const { inertial } = node;
@@ -105,7 +109,9 @@ function bodyOf(document, node, at, joint, nodes) {
   const radius = inertial?.radius ?? null;
   return {
     name: nameOf(node),
-    isNode: nodes.has(node.number),
+    isNode: written !== undefined,
+    isFrame: node.keyword === "frame",
+    ofSeveral: written?.keyword === "link" && written.compound !== null,
     parent: node.keyword === "base" ? -1 : at(node.pred),
     joint,
     jointName: node.keyword === "base" ? null : jointOf(node),

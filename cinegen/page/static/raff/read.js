@@ -9,9 +9,9 @@ import { parse } from "./reader.js";
 /** @typedef {import("./problems.js").Problem} Problem */
 
 /**
- * Models of a text's robots, or none and the errors; warnings are of valid text.
+ * Models of a text's robots and its document, or none and the errors; warnings are of valid text.
  *
- * @typedef {{ models: Model[], errors: Problem[], warnings: Problem[] }} Reading
+ * @typedef {{ models: Model[], document: import("./document.js").Document | null, errors: Problem[], warnings: Problem[] }} Reading
  */
 
 /**
@@ -27,9 +27,9 @@ export function read(text, name) {
   try {
     const document = parse(text, name);
     warnings = check(document);
-    return { models: document.robots.map((robot) => model(document, robot)), errors: [], warnings };
+    return { models: document.robots.map((robot) => model(document, robot)), document, errors: [], warnings };
   } catch (error) {
-    if (error instanceof RaffError) return { models: [], errors: error.problems, warnings };
+    if (error instanceof RaffError) return { models: [], document: null, errors: error.problems, warnings };
     throw error;
   }
 }

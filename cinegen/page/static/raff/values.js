@@ -96,6 +96,9 @@ const WORDS = new Map(/** @type {[string, Value][]} */ ([
   ["constraint frame", (report, [token]) => [whole(report, token), locationOf(token)]],
   ["constraint base", (_, __, word) => [0, locationOf(word)]],
   ["constraint sensor", (report, found) => found.map((one) => [whole(report, one), locationOf(one)])],
+  ...["base", "link", "frame"].map((kind) => /** @type {[string, Value]} */ ([
+    `${kind} filename`, (_, found) => found.map((token) => ({ name: stringOf(token), at: locationOf(token) })),
+  ])),
   ["coupling link", (report, [token]) => ({ link: whole(report, token, 1), at: locationOf(token) })],
 ]));
 for (const [kind, word] of driveKinds.entries()) {
@@ -139,7 +142,7 @@ const BLOCKS = {
     rotation: block.get("rotation", 3),
     ...numbered(report, block, number),
   }),
-  base: (_, block) => ({ ...baseAtOrigin(), ...ofNode(block), locations: block.locations }),
+  base: (_, block) => ({ ...baseAtOrigin(), ...ofNode(block), locations: new Map([...block.locations, ...filesIn(block)]) }),
   link: (report, block, number) => ({
     keyword: "link",
     ...ofNode(block),
@@ -185,16 +188,33 @@ const BLOCKS = {
  * @param {Token} number
  */
 function numbered(report, block, number) {
-  const locations = new Map([...block.locations, ["number", locationOf(number)]]);
+  const locations = new Map([...block.locations, ...filesIn(block), ["number", locationOf(number)]]);
   return { number: whole(report, number, 1), locations };
+}
+
+/**
+ * The locations of a node's graphic files: "file 0", "file 1", ...
+ *
+ * @param {Block} block
+ * @returns {[string, Location][]}
+ */
+function filesIn(block) {
+  return filesOf(block).map(({ at }, i) => [`file ${i}`, at]);
+}
+
+/**
+ * @param {Block} block
+ * @returns {{ name: string, at: Location }[]}
+ */
+function filesOf(block) {
+  return block.get("filenames", /** @type {{ name: string, at: Location }[][]} */ ([])).flat();
 }
 
 /** @param {Block} block */
 function ofNode(block) {
-  const filenames = /** @type {string[][] | null} */ (block.get("filenames", null));
   return {
     parameters: block.get("parameters", NO_PARAMETERS),
-    filenames: filenames && filenames.flat(),
+    filenames: block.values.has("filenames") ? filesOf(block).map(({ name }) => name) : null,
     inertial: block.get("inertial", null),
   };
 }

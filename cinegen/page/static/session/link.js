@@ -170,7 +170,7 @@ export class Link extends Events {
  *
  * @param {string} text
  */
-function bytesOf(text) {
+export function bytesOf(text) {
   return Uint8Array.from({ length: text.length / 2 }, (_, i) => parseInt(text.slice(2 * i, 2 * i + 2), 16));
 }
 

@@ -1,0 +1,65 @@
+"""Draw a graphic file: its own surfaces and colours, as the viewer reads them."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator
+from contextlib import suppress
+from functools import cache
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from cinegen.cockpit import drawing
+from cinegen.cockpit.drawing import Json
+
+if TYPE_CHECKING:  # trimesh takes its time
+    from raff2urdf.graphics.surface import ColouredSurface
+
+UNCOLOURED = (0.9, 0.9, 0.9, 1.0)
+"""Colour of a file to which nothing gives one: that of Pinocchio's shapes."""
+
+
+def draw_file(path: Path, rgba: ArrayLike, is_own: bool = True) -> Iterator[tuple[Json, Json]]:
+    """Yield the surfaces of a file as geometries and materials, in the file's unit of length.
+
+    Args:
+        path: of a file; nothing is yielded for formats that the viewer does not read.
+        rgba: colour (4,) of what has none, 0 to 1.
+        is_own: use the file's own colours, if it has any.
+    """
+    surfaces = _surfaces(path) if is_own and _is_coloured(path) else ()
+    for surface in surfaces:
+        colour = rgba if surface.colour is None else np.array(surface.colour) / 255.0
+        corners = surface.triangles.reshape(-1, 3)
+        yield drawing.triangles(corners, np.arange(len(corners)).reshape(-1, 3)), material_of(colour)
+    if path.suffix[1:].lower() in drawing.FORMATS and not surfaces:
+        yield drawing.mesh_file(path), material_of(rgba)
+
+
+def material_of(rgba: ArrayLike) -> Json:
+    """Return a material; any four numbers are valid, as in a URDF."""
+    red, green, blue, opacity = np.clip(np.nan_to_num(rgba, nan=0.5), 0.0, 1.0)
+    colour = (round(255 * red) << 16) + (round(255 * green) << 8) + round(255 * blue)
+    return drawing.material(colour, float(opacity))
+
+
+@cache
+def _surfaces(path: Path) -> tuple[ColouredSurface, ...]:
+    """Return the surfaces of a file in its own colours; none if they can't be read. (Robots often use a file twice.)"""
+    from raff2urdf.graphics import scene
+
+    with suppress(Exception):  # every reader has errors of its own
+        return tuple(scene.read(path))
+    return ()
+
+
+def _is_coloured(path: Path) -> bool:
+    """Return whether a file has colours of its own."""
+    if path.suffix.lower() == ".obj":
+        text = path.read_text(encoding="utf-8", errors="replace")
+        named = re.search(r"^mtllib[ \t]+(.+?)[ \t\r]*$", text, flags=re.MULTILINE)
+        return named is not None and (path.parent / named[1]).is_file()
+    return path.suffix.lower() == ".dae"

@@ -1,0 +1,140 @@
+// Robots of a text as they are drawn, in the way of cinegen/cockpit/scene.py: graphics of the page where the text names
+// them, otherwise shapes from the robots' parameters.
+
+import {
+  BoxGeometry, BufferGeometry, CylinderGeometry, Float32BufferAttribute, Group, LineBasicMaterial, LineSegments, Matrix4, Mesh,
+  MeshLambertMaterial, SphereGeometry, Vector3,
+} from "three";
+import { nodesOf, placements } from "./placements.js";
+import { skeletonOf } from "./skeleton.js";
+
+const ROOT = ["meshcat", "cinegen"];
+const SHOWN = 1.6; // m: radius at which everything is drawn
+const EYE = /** @type {const} */ ([3.8, 3, 4.9]); // first position of the camera, m, y up
+const ZOOM = 2.2;
+const LOOP = 0xcc79a7;
+const AXES = [1, 0, 0, 1, 0.6, 0, 0, 1, 0, 0.6, 1, 0, 0, 0, 1, 0, 0.6, 1]; // colours: red x, green y, blue z
+
+/** @typedef {import("./reading.js").ReadRobot} ReadRobot */
+/** @typedef {import("./skeleton.js").Shape} Shape */
+/** @typedef {import("../../../cockpit/static/view/view.js").View} View */
+
+/** A drawing of robots, instead of those drawn before. */
+export class TextScene {
+  #drawn = false;
+
+  /**
+   * @param {View} view
+   * @param {import("./graphics.js").GraphicFiles} files
+   */
+  constructor(view, files) {
+    this.view = view;
+    this.files = files;
+  }
+
+  /** @param {ReadRobot[]} robots */
+  draw(robots) {
+    const { viewer } = this.view;
+    if (viewer.scene_tree.children[ROOT[0]] !== undefined) viewer.delete_path(ROOT);
+    /** @type {Vector3[]} */
+    const points = [];
+    for (const robot of robots) points.push(...this.#robot(robot));
+    this.#fit(points);
+    viewer.num_messages_received += 1; // the view looks for what was drawn
+    this.view.changed();
+  }
+
+  /** @param {Vector3[]} points */
+  #fit(points) {
+    const low = points.reduce((least, point) => least.clone().min(point), points[0]);
+    const high = points.reduce((most, point) => most.clone().max(point), points[0]);
+    const centre = low.clone().add(high).multiplyScalar(0.5);
+    const scale = SHOWN / (Math.max(...points.map((point) => point.distanceTo(centre))) || 1);
+    const { viewer } = this.view;
+    const root = viewer.scene_tree.find(ROOT).object;
+    root.scale.setScalar(scale);
+    root.position.copy(centre).multiplyScalar(-scale);
+    viewer.scene_tree.find(["Grid"]).object.position.set(0, 0, scale * (low.z - centre.z) - 0.05);
+    viewer.scene_tree.find(["Axes"]).object.visible = false;
+    if (this.#drawn) return;
+    this.#drawn = true;
+    this.view.camera.position.set(...EYE);
+    viewer.camera.zoom = ZOOM;
+    viewer.camera.updateProjectionMatrix();
+  }
+
+  /**
+   * Draw a robot. Return points that bound it at home: its nodes, and the corners of its graphics.
+   *
+   * @param {ReadRobot} robot
+   */
+  #robot({ model, analysis: { home, length }, graphics }) {
+    const { robot, bodies, loops, metre } = model;
+    const show = (/** @type {string} */ node, /** @type {string} */ name, /** @type {import("three").Object3D} */ object) =>
+      this.view.viewer.set_object([...ROOT, robot, node, name], object);
+    const placed = placements(model, home);
+    const shapes = skeletonOf(model);
+    /** @type {Vector3[]} */
+    const points = [];
+    for (const [i, body] of bodies.entries()) {
+      if (!body.isNode) continue; // between the joints of one of several variables: nothing is there
+      const pose = matrixOf(/** @type {import("../raff/kleinfinger.js").Placement} */ (placed.get(body)));
+      points.push(new Vector3().setFromMatrixPosition(pose));
+      const keys = graphics.get(body.name) ?? null;
+      if (keys === null) shapes[i].forEach((shape, k) => show(body.name, String(k), meshOf(shape)));
+      const meshes = (keys ?? []).flatMap((key) => this.files.meshesOf(key));
+      for (const [k, mesh] of meshes.entries()) {
+        mesh.scale.setScalar(metre);
+        const group = new Group(); // what the scene removes, it disposes of: the geometry of a file is needed again
+        show(body.name, String(k), group.add(mesh));
+        points.push(...corners(mesh).map((corner) => corner.multiplyScalar(metre).applyMatrix4(pose)));
+      }
+    }
+    const nodes = nodesOf(model);
+    const followers = model.sensorConstraints.map(({ body }) => bodies[body]);
+    for (const { name } of new Set([nodes[nodes.length - 1], ...followers])) show(name, "triad", triad(0.15 * length));
+    for (const { name, first } of loops) show(bodies[first].name, `loop ${name}`, loopMark(0.05 * length));
+    return points;
+  }
+}
+
+/** @param {import("../raff/kleinfinger.js").Placement} m */
+function matrixOf(m) {
+  return new Matrix4().fromArray([m[0], m[4], m[8], 0, m[1], m[5], m[9], 0, m[2], m[6], m[10], 0, m[3], m[7], m[11], 1]);
+}
+
+/** @param {Shape} shape */
+function meshOf({ kind, size, placement, colour }) {
+  const [a, b, c] = size;
+  const geometry = kind === "sphere" ? new SphereGeometry(a, 20, 20)
+    : kind === "box" ? new BoxGeometry(a, b, c)
+      : new CylinderGeometry(a, a, b, 50).rotateX(Math.PI / 2); // three.js's cylinders are along y
+  const mesh = new Mesh(geometry, new MeshLambertMaterial({ color: colour }));
+  mesh.applyMatrix4(matrixOf(placement));
+  return mesh;
+}
+
+/** @param {number} radius */
+function loopMark(radius) {
+  return new Mesh(new SphereGeometry(radius, 20, 20), new MeshLambertMaterial({ color: LOOP, opacity: 0.6, transparent: true }));
+}
+
+/** @param {number} size */
+function triad(size) {
+  const lines = new BufferGeometry();
+  const ends = [size, 0, 0, 0, size, 0, 0, 0, size];
+  lines.setAttribute("position", new Float32BufferAttribute([0, 3, 6].flatMap((i) => [0, 0, 0, ...ends.slice(i, i + 3)]), 3));
+  lines.setAttribute("color", new Float32BufferAttribute(AXES, 3));
+  return new LineSegments(lines, new LineBasicMaterial({ vertexColors: true }));
+}
+
+/**
+ * Return the corners of a mesh's bounding box, in its own axes.
+ *
+ * @param {Mesh} mesh
+ */
+function corners({ geometry }) {
+  geometry.computeBoundingBox();
+  const { min, max } = /** @type {import("three").Box3} */ (geometry.boundingBox);
+  return [...Array(8).keys()].map((i) => new Vector3(...[0, 1, 2].map((k) => (i & (1 << k) ? max : min).getComponent(k))));
+}
