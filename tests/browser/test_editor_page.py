@@ -78,13 +78,52 @@ def test_the_robot_follows_its_text(file, text, root, tab, robot, tmp_path):  # 
     assert other.evaluate("cockpit.report.robots.r1.closure") <= 1e-12
 
 
+CAMERA = [0.5, -1.5, 0.75, 0.1, 0.2, -0.1]
+NEAR = "camera => cockpit.view.cameraNumbers().every((value, i) => Math.abs(value - camera[i]) < 1e-4)"
+
+
+def test_a_link_has_the_text_the_configuration_and_the_camera(root, tmp_path, tab):  # noqa: F811
+    text = (root / "robots" / "five_bar.raff").read_text()
+    (tmp_path / "page.html").write_text(build_editor(text, "five_bar.raff"))
+    page = tab(tmp_path / "page.html")
+    assert page.evaluate("location.hash") == ""
+    robot, joint = page.evaluate("[cockpit.hello.robots[0].name, cockpit.hello.robots[0].joints[0].name]")
+    page.locator(f'[data-joint="{robot}/{joint}"] input[type=number]').fill("110")
+    page.keyboard.press("Enter")
+    assert becomes(page, f"location.hash.startsWith('#raff=') && location.hash.includes('&{robot}=')")
+    q = page.evaluate(f"cockpit.report.robots.{robot}.q")
+    assert q[0] == pytest.approx(np.radians(110.0), abs=1e-9)
+    page.context.grant_permissions(["clipboard-read", "clipboard-write"])
+    page.click("#snapshot")
+    page.evaluate("camera => cockpit.view.setCamera(camera)", CAMERA)
+    page.click("#copy-link")
+    assert becomes(page, "document.querySelector('#toasts').textContent.includes('is copied')")
+    link = page.evaluate("navigator.clipboard.readText()").partition("#")[2]
+    own, configuration, camera = link.split("&")
+    assert sorted(map(float, configuration.removeprefix(f"{robot}=").split(","))) == sorted(q)
+    assert camera.startswith("@camera=")
+
+    other = tab(tmp_path / "page.html", f"#{link}")
+    assert becomes(other, f"cockpit.report !== null && Math.abs(cockpit.report.robots.{robot}.q[0] - {q[0]}) < 1e-12")
+    assert other.evaluate(f"cockpit.report.robots.{robot}.q") == pytest.approx(q, abs=1e-12)
+    assert other.evaluate(NEAR, CAMERA)
+    assert other.locator(".toast").count() == 0
+    for values, reason in (("1,2", "5 numbers"), (",".join(["0"] * 5), "loops open"), ("<script>", "5 numbers")):
+        other.evaluate("document.querySelector('#toasts').replaceChildren()")
+        other.evaluate("fragment => { location.hash = fragment; }", f"#{own}&{robot}={values}")
+        assert becomes(other, f"document.querySelector('#toasts').textContent.includes('{reason}')")
+    assert other.evaluate(f"cockpit.report.robots.{robot}.closure") <= 1e-10
+
+
 def test_an_edited_robot_is_dragged_and_keeps_its_pose(file, text, tab):  # noqa: F811
     page = tab(file)
+    assert page.locator("#section-singularity").inner_text().count("DoF") == 2
     home = np.array(page.evaluate("cockpit.report.robots.r1.q"))
     edit(page, text.replace("d 2000.0", "d 2050.0"))
     assert becomes(page, "document.documentElement.dataset.read === 'yes' && cockpit.report !== null")
     page.evaluate("cockpit.send({ type: 'pin', robot: 'r1', node: 'link3' })")
     assert becomes(page, "cockpit.state.tasks.length === 1")
+    assert becomes(page, "document.querySelector('#section-tasks').innerText.includes('link3')")
     page.evaluate("cockpit.send({ type: 'remove_task', task: cockpit.state.tasks[0].id })")
     before = page.evaluate("cockpit.report.robots.r1.q")
     x, y, *_ = page.evaluate(WHERE, ["r1", "link10"])

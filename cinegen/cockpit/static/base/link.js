@@ -5,6 +5,7 @@
 
 import { socketUrl } from "./address.js";
 import { Events } from "./events.js";
+import { fragmentOf } from "./fragment.js";
 
 /**
  * Messages of the server; their types are generated from cinegen/cockpit/messages.py.
@@ -53,6 +54,17 @@ export class Link extends Events {
    */
   configurations() {
     return null;
+  }
+
+  /**
+   * Return the fragment of a link to configurations and a camera; null if an address has no room for it.
+   *
+   * @param {Iterable<[string, ArrayLike<number>]>} configurations by robot
+   * @param {import("./fragment.js").Camera} camera
+   * @returns {string | null}
+   */
+  linkTo(configurations, camera) {
+    return fragmentOf(configurations, camera);
   }
 
   connect() {

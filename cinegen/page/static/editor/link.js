@@ -1,6 +1,7 @@
 // The line of a page with an editor: its session is made anew from every text without errors. The text is in the fragment
-// of the page's address.
+// of the page's address: `#raff=...`, and behind it the configuration as soon as the robots were moved and are at rest.
 
+import { cameraOf, fragmentOf, withoutText } from "../../../cockpit/static/base/fragment.js";
 import { byId, make } from "../../../cockpit/static/base/dom.js";
 import { decode, encode, FragmentError } from "../raff/fragment.js";
 import { Link as LocalLink } from "../session/link.js";
@@ -13,7 +14,7 @@ import { keep, poseOf } from "./kept_pose.js";
 import { Reader } from "./reading.js";
 import { TextScene } from "./scene.js";
 
-const KEY = "#raff=";
+const KEY = "raff=";
 const RATE = 240; // ticks per second
 const QUIET = 200; // ms after a change of the text
 
@@ -36,9 +37,11 @@ export class Link extends LocalLink {
   #content = JSON.parse(byId("cinegen-page").textContent ?? "");
   /** @type {import("./reading.js").Model[]} */
   #models = [];
-  #timer = 0;
-  #written = "";
+  #timer = 0; // 0: no text waits to be read
+  #text = ""; // the present text in the address
+  #written = ""; // the fragment of the address
   #unwritten = ""; // why the last text is not in the address
+  #wanted = ""; // the fragment of a link, without the text: for the robots of that text
 
   async connect() {
     const { text, worker, kernels } = this.#content;
@@ -50,6 +53,7 @@ export class Link extends LocalLink {
       editor.show(reading.notes);
       document.documentElement.dataset.read = reading.robots.length > 0 ? "yes" : "no";
       if (reading.robots.length > 0) this.#show(module, reading.robots);
+      if (this.#timer === 0) this.#follow(reading.robots.length > 0);
     });
     const read = (/** @type {string} */ changed) => {
       document.documentElement.dataset.read = "";
@@ -59,6 +63,7 @@ export class Link extends LocalLink {
       clearTimeout(this.#timer);
       document.documentElement.dataset.read = "";
       this.#timer = window.setTimeout(() => {
+        this.#timer = 0;
         const now = editor.text;
         read(now);
         this.#write(now);
@@ -66,9 +71,11 @@ export class Link extends LocalLink {
     };
     const editor = new Editor(section, text, changed, (why) => this.#warn(why));
     const restore = async () => {
-      if (!location.hash.startsWith(KEY) || location.hash === this.#written) return false;
+      const { hash } = location;
+      if (!hash.startsWith(`#${KEY}`) || hash === this.#written) return false;
       try {
-        editor.text = await decode(location.hash.slice(KEY.length));
+        editor.text = await decode(hash.slice(1 + KEY.length).split("&", 1)[0]);
+        this.#wanted = withoutText(hash);
         return true;
       } catch (error) {
         if (!(error instanceof FragmentError)) throw error;
@@ -77,7 +84,9 @@ export class Link extends LocalLink {
       }
     };
     window.addEventListener("hashchange", restore);
-    if (!(await restore())) read(editor.text);
+    if (await restore()) return;
+    read(editor.text);
+    await this.#encode(editor.text);
   }
 
   /**
@@ -103,21 +112,63 @@ export class Link extends LocalLink {
     if (this.session !== null) keep(before, this.session, this.#models);
   }
 
-  /** The configuration is in no link: the address holds the text. */
-  writeAddress() {}
+  /**
+   * Place the robots and the camera as the link has them whose text was read.
+   *
+   * @param {boolean} shown whether its text has no errors
+   */
+  #follow(shown) {
+    const wanted = this.#wanted;
+    this.#wanted = "";
+    if (!shown || wanted.length < 2) return;
+    const { camera, problem } = cameraOf(wanted);
+    if (problem) this.#warn(problem);
+    if (camera !== null) this.scene.view.setCamera(camera);
+    this.placeAs(wanted);
+  }
+
+  /** @param {string} fragment */
+  putAddress(fragment) {
+    this.#put(this.#withText(fragment) ?? "#"); // without its text a configuration would be one of another robot
+  }
+
+  /**
+   * @param {Iterable<[string, ArrayLike<number>]>} configurations by robot
+   * @param {import("../../../cockpit/static/base/fragment.js").Camera} camera
+   */
+  linkTo(configurations, camera) {
+    return this.#withText(super.linkTo(configurations, camera) ?? "#");
+  }
+
+  /** @param {string} fragment */
+  #withText(fragment) {
+    return this.#text === "" ? null : `#${this.#text}${fragment.length > 1 ? "&" : ""}${fragment.slice(1)}`;
+  }
 
   /** @param {string} text */
   async #write(text) {
+    await this.#encode(text);
+    const { camera } = cameraOf(location.hash);
+    this.#put(this.#withText(fragmentOf([], camera)) ?? "#"); // else the address would be a link to another text
+  }
+
+  /** @param {string} text */
+  async #encode(text) {
     try {
-      this.#written = KEY + (await encode(text));
+      this.#text = KEY + (await encode(text));
       this.#unwritten = "";
     } catch (error) {
       if (!(error instanceof FragmentError)) throw error;
-      this.#written = "";
+      this.#text = "";
       if (error.message !== this.#unwritten) this.#warn(error.message);
       this.#unwritten = error.message;
     }
-    history.replaceState(null, "", this.#written || "#"); // else the address would be a link to another text
+  }
+
+  /** @param {string} fragment */
+  #put(fragment) {
+    this.#written = fragment;
+    history.replaceState(null, "", fragment);
   }
 
   /** @param {string} text */

@@ -142,15 +142,45 @@ export class Link extends Events {
     const fragment = this.#fragment();
     if (fragment === this.#placed) return;
     this.#placed = fragment;
+    this.putAddress(fragment);
+  }
+
+  /**
+   * Make the fragment of configurations that of the page's address.
+   *
+   * @param {string} fragment
+   */
+  putAddress(fragment) {
     history.replaceState(null, "", fragment);
+  }
+
+  /**
+   * Return the fragment of a link to configurations and a camera; null if an address has no room for it.
+   *
+   * @param {Iterable<[string, ArrayLike<number>]>} configurations by robot
+   * @param {import("../../../cockpit/static/base/fragment.js").Camera} camera
+   * @returns {string | null}
+   */
+  linkTo(configurations, camera) {
+    return fragmentOf(configurations, camera);
   }
 
   /** Place the robots as the page's address has them. */
   #restore() {
-    const session = /** @type {LocalSession} */ (this.session);
     if (location.hash === this.#placed) return;
+    this.placeAs(location.hash);
+    this.#placed = location.hash;
+  }
+
+  /**
+   * Place the robots as a fragment has them; a notice gives the reason if that can't be.
+   *
+   * @param {string} fragment
+   */
+  placeAs(fragment) {
+    const session = /** @type {LocalSession} */ (this.session);
     const sizes = new Map([...session.robots.values()].map(({ name, q }) => [name, q.length]));
-    const found = configurationsOf(location.hash, sizes);
+    const found = configurationsOf(fragment, sizes);
     let { problem } = found;
     for (const [name, q] of found.configurations) {
       const { kinematics } = /** @type {DrivenRobot} */ (session.robots.get(name));
@@ -159,7 +189,6 @@ export class Link extends Events {
       if (closed && beyond === undefined) session.place(name, q);
       else problem = `the link's configuration of ${name} ${closed ? `is beyond the limit of ${beyond.name}` : "leaves loops open"}`;
     }
-    this.#placed = location.hash;
     this.#shown = false;
     if (problem) this.emit("notice", { text: problem, level: "warning" });
   }
