@@ -171,6 +171,44 @@ def test_an_edited_robot_is_dragged_and_keeps_its_pose(file, text, tab):  # noqa
     assert becomes(page, "cockpit.hello.robots[0].joints.length === 2 && cockpit.state?.tasks.length === 0")
 
 
+TWO = """RAFF t robot r { base { }
+  link 1 { parameters { theta 20 } type 2 pred 0 limits { -80 80 } }
+  link 2 { parameters { d 300 theta 30 } type 2 pred 1 } frame 3 { parameters { d 200 } pred 2 } }"""
+
+
+def test_waypoints_and_settings_outlive_edits(tmp_path, tab):  # noqa: F811
+    (tmp_path / "page.html").write_text(build_editor(TWO, "two.raff"))
+    page = tab(tmp_path / "page.html")
+    page.locator('[data-joint="r/joint1"] input[type=number]').fill("70")
+    page.keyboard.press("Enter")
+    assert becomes(page, "cockpit.report.undo === 1 && cockpit.report.moving === null")
+    page.evaluate("document.getElementById('section-waypoints').open = true")
+    page.click("#save-waypoint")
+    page.evaluate("cockpit.send({ type: 'change_settings', gain: 37 })")
+    page.click("#pause")
+    waypoints = page.locator("#waypoints .go")
+    assert becomes(page, "cockpit.report.waypoints.length === 1 && cockpit.report.settings.gain === 37")
+
+    def kept(text, names):
+        edit(page, text)
+        assert becomes(page, "document.documentElement.dataset.read === 'yes' && cockpit.report !== null")
+        assert becomes(page, f"cockpit.report?.waypoints.length === {len(names)}")
+        page.wait_for_timeout(50)
+        assert waypoints.all_inner_texts() == names
+        assert page.evaluate("cockpit.report.settings.gain === 37 && cockpit.report.paused")
+
+    kept(TWO.replace("d 300", "d 350"), ["Waypoint 1"])
+    kept(TWO.replace("-80 80", "-80 60"), [])  # it is beyond the limit
+    assert becomes(page, "document.querySelector('#toasts').textContent.includes('be at Waypoint 1')")
+    kept(TWO.replace("frame 3", "link 4 { type 2 pred 2 } frame 3"), [])
+    kept(TWO, ["Waypoint 1"])
+    page.click("#pause")
+    page.click("#home")
+    assert becomes(page, "cockpit.report.moving === null && cockpit.report.rate.at_rest")
+    waypoints.first.click()
+    assert becomes(page, f"Math.abs(cockpit.report.robots.r.q[0] - {np.radians(70.0)}) < 1e-9")
+
+
 def test_errors_are_those_of_the_command_and_the_robot_stays(file, text, tab):  # noqa: F811
     page = tab(file)
     before = page.evaluate("cockpit.state.poses.r1")

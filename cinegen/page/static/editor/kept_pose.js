@@ -37,12 +37,26 @@ export function keep(poses, session, models) {
     const pose = poses.get(model.robot);
     const robot = session.robots.get(model.robot);
     if (pose === undefined || robot === undefined || pose.structure !== structureOf(model)) continue;
-    const { kinematics } = robot;
-    const { q } = pose;
-    if (!(kinematics.solver.close(q, kinematics.locked) <= CLOSED) || kinematics.beyond(q).length > 0) continue;
+    const q = closedAt(pose.q, robot);
+    if (q === null) continue;
     session.place(model.robot, q);
     for (const { node, translation, rotation } of pose.pins) session.restorePin(model.robot, node, [translation, rotation]);
   }
+}
+
+/**
+ * Return a configuration with closed loops, at the same values of the actuated joints; null if there is none, or none within
+ * the limits.
+ *
+ * @param {Float64Array} q
+ * @param {import("../session/robot.js").DrivenRobot | undefined} robot
+ */
+export function closedAt(q, robot) {
+  if (robot === undefined) return null;
+  const { kinematics } = robot;
+  const closed = q.slice();
+  const isClosed = kinematics.solver.close(closed, kinematics.locked) <= CLOSED;
+  return isClosed && kinematics.beyond(closed).length === 0 ? closed : null;
 }
 
 /**
@@ -50,7 +64,7 @@ export function keep(poses, session, models) {
  *
  * @param {Model} model
  */
-function structureOf({ bodies, joints, loops, couplings }) {
+export function structureOf({ bodies, joints, loops, couplings }) {
   return JSON.stringify([
     bodies.map(({ name, parent, joint }) => [name, parent, joint]), joints.map(({ name, type }) => [name, type]),
     loops.map(({ kind, first, second }) => [kind, first, second]), couplings.map(({ terms }) => terms.map(({ joint }) => joint)),

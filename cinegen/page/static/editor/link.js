@@ -11,6 +11,7 @@ import { helloOf } from "./description.js";
 import { Editor } from "./editor.js";
 import { GraphicFiles } from "./graphics.js";
 import { keep, poseOf } from "./kept_pose.js";
+import { KeptWaypoints } from "./kept_waypoints.js";
 import { Reader } from "./reading.js";
 import { TextScene } from "./scene.js";
 
@@ -37,6 +38,7 @@ export class Link extends LocalLink {
   #content = JSON.parse(byId("cinegen-page").textContent ?? "");
   /** @type {import("./reading.js").Model[]} */
   #models = [];
+  #waypoints = new KeptWaypoints();
   #timer = 0; // 0: no text waits to be read
   #text = ""; // the present text in the address
   #written = ""; // the fragment of the address
@@ -90,13 +92,15 @@ export class Link extends LocalLink {
   }
 
   /**
-   * Begin a session with the robots of a text; those of the same structure as before keep their pose where it is possible.
+   * Begin a session with the robots of a text; those of the same structure as before keep their pose, pins and waypoints where
+   * it is possible. Settings stay.
    *
    * @param {import("../session/solver_interface").KernelsModule} module
    * @param {import("./reading.js").ReadRobot[]} robots
    */
   #show(module, robots) {
-    const before = poseOf(this.session, this.#models);
+    const before = this.session;
+    const poses = poseOf(before, this.#models);
     this.scene.draw(robots);
     this.begin(
       {
@@ -108,8 +112,16 @@ export class Link extends LocalLink {
       },
       robots.map(({ tables }) => new KernelSolver(kernelsOf(module, tables))),
     );
-    this.#models = robots.map(({ model }) => model);
-    if (this.session !== null) keep(before, this.session, this.#models);
+    const models = robots.map(({ model }) => model);
+    const session = /** @type {import("../session/session.js").LocalSession} */ (this.session);
+    keep(poses, session, models);
+    if (before !== null) {
+      session.obey({ type: "change_settings", ...before.settings });
+      session.paused = before.paused;
+      const aside = this.#waypoints.pass(before, this.#models, session, models);
+      if (aside.length > 0) this.#warn(`The edited robots can't be at ${aside.join(", ")}: waypoints come back when the text lets them.`);
+    }
+    this.#models = models;
   }
 
   /**
