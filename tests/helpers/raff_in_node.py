@@ -51,6 +51,11 @@ def skeletons_in_node(texts: Iterable[str]) -> list[list[dict[str, list[dict[str
     return _run("skeleton_of_raff.js", texts)
 
 
+def planes_in_node(texts: Iterable[str]) -> list[list[list[float] | None]]:
+    """Return the normals of the planes in which the robots in texts move, likewise."""
+    return _run("planes_of_raff.js", texts)
+
+
 def graphics_in_node(questions: Iterable[dict[str, Any]]) -> list[dict[str, Any]]:
     """Return the graphics of texts, each with the files that a page holds (`text`, `known`), likewise."""
     return _run("graphics_of_raff.js", questions)

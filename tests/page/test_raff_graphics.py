@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from raff_in_node import graphics_in_node, skeletons_in_node
+from raff_in_node import graphics_in_node, planes_in_node, skeletons_in_node
 from test_raff_analysis import OTHERS, files
 
+import cinegen
+from cinegen.model.motion_plane import motion_plane
 from cinegen.page.graphics import embedded, key_of
 from raff2urdf.errors import RaffWarning
 from raff2urdf.graphics.skeleton import SkeletonDrawing
@@ -56,6 +58,32 @@ def test_skeletons_are_those_of_python(root):
                     assert np.allclose(own, numbers, rtol=0.0, atol=2e-6 * skeleton.radius), (robot.name, node.node)
                 shapes += len(mine)
     assert shapes > 400
+
+
+SLIDES = """RAFF t robot r { link 1 { parameters { alpha 90 } type 1 pred 0 }
+link 2 { parameters { d 50 } type 1 pred 1 } link 3 { parameters { alpha 90 d 50 } type 1 pred 2 } }"""
+IN_SPACE = (
+    SLIDES[:-1]
+    + "link 4 { parameters { alpha 90 theta 90 } type 1 pred 3 } link 5 { parameters { alpha 90 } type 1 pred 4 } }"
+)
+
+
+def test_planes_of_motion_are_those_of_python(root, tmp_path):
+    """They decide from where a robot is seen first."""
+    named = {path.stem: path.read_text() for path in sorted((root / "robots").glob("*.raff"))}
+    texts = {**named, "slides": SLIDES, "space": IN_SPACE}
+    planes = 0
+    for (name, text), robots in zip(texts.items(), planes_in_node(texts.values()), strict=True):
+        path = root / "robots" / f"{name}.raff" if name in named else tmp_path / f"{name}.raff"
+        if name not in named:
+            path.write_text(text)
+        for robot, found in zip(parse(text).robots, robots, strict=True):
+            expected = motion_plane(cinegen.load(path, robot.name))
+            assert (found is None) == (expected is None), name
+            if expected is not None:
+                assert abs(np.dot(found, expected)) == pytest.approx(1.0, abs=1e-9), name
+                planes += 1
+    assert 5 <= planes < len(texts)
 
 
 WHOLE, PART, WRONG = (

@@ -5,12 +5,14 @@ import {
   BoxGeometry, BufferGeometry, CylinderGeometry, Float32BufferAttribute, Group, LineBasicMaterial, LineSegments, Matrix4, Mesh,
   MeshLambertMaterial, SphereGeometry, Vector3,
 } from "three";
+import { motionPlane } from "./motion_plane.js";
 import { nodesOf, placements } from "./placements.js";
 import { skeletonOf } from "./skeleton.js";
 
 const ROOT = ["meshcat", "cinegen"];
 const SHOWN = 1.6; // m: radius at which everything is drawn
-const EYE = /** @type {const} */ ([3.8, 3, 4.9]); // first position of the camera, m, y up
+const EYE = [3.8, -4.9, 3]; // first position of the camera, m
+const TILT = 1e-3; // of a camera that looks straight down, so that it has an upper side
 const ZOOM = 2.2;
 const LOOP = 0xcc79a7;
 const AXES = [1, 0, 0, 1, 0.6, 0, 0, 1, 0, 0.6, 1, 0, 0, 0, 1, 0, 0.6, 1]; // colours: red x, green y, blue z
@@ -40,6 +42,8 @@ export class TextScene {
     const points = [];
     for (const robot of robots) points.push(...this.#robot(robot));
     this.#fit(points);
+    if (!this.#drawn) this.#look(robots);
+    this.#drawn = true;
     viewer.num_messages_received += 1; // the view looks for what was drawn
     this.view.changed();
   }
@@ -56,11 +60,26 @@ export class TextScene {
     root.position.copy(centre).multiplyScalar(-scale);
     viewer.scene_tree.find(["Grid"]).object.position.set(0, 0, scale * (low.z - centre.z) - 0.05);
     viewer.scene_tree.find(["Axes"]).object.visible = false;
-    if (this.#drawn) return;
-    this.#drawn = true;
-    this.view.camera.position.set(...EYE);
-    viewer.camera.zoom = ZOOM;
-    viewer.camera.updateProjectionMatrix();
+  }
+
+  /**
+   * Set the first position of the camera: facing the plane in which all robots move, if any.
+   *
+   * @param {ReadRobot[]} robots
+   */
+  #look(robots) {
+    const normals = robots.map(({ model, analysis: { home } }) => motionPlane(model, placements(model, home)))
+      .map((normal) => normal && new Vector3(...normal));
+    const eye = new Vector3(...EYE);
+    const [normal] = normals;
+    if (normal && normals.every((one) => one && Math.abs(one.dot(normal)) > 1 - 1e-9)) {
+      eye.copy(normal).multiplyScalar(Math.sign(normal.dot(eye) || 1) * Math.hypot(...EYE));
+      eye.y -= TILT;
+    }
+    const { camera } = this.view.viewer;
+    camera.position.set(eye.x, eye.z, -eye.y); // y up
+    camera.zoom = ZOOM;
+    camera.updateProjectionMatrix();
   }
 
   /**
