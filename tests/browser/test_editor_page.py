@@ -295,6 +295,36 @@ def test_no_text_takes_the_page_for_100_ms(file, tab, browser, way, much):  # no
     assert longest_task(trace) <= 100.0 * slowness()
 
 
+LARGEST = "\n".join(
+    [
+        'RAFF t robot r { path "graphics/"',
+        *(f"link {i} {{ type {1 + i % 2} pred {i - 1} parameters {{ d 30 r 20 alpha 90 }} }}" for i in range(1, 70)),
+        *(f"frame {i} {{ pred {i % 60} parameters {{ d 50 epsilon {i} }} }}" for i in range(70, 298)),
+        'frame 298 { pred 69 filename { "delta_base.nff" } } }',
+    ]
+)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("large", [LARGEST, LARGEST.replace("} }\nframe", '} filename { "delta_base.nff" } }\nframe')])
+def test_the_largest_robot_is_drawn_within_100_ms(file, tab, browser, large):  # noqa: F811
+    """299 bodies, with skeletons or with graphics."""
+    page = tab(file)
+    page.click("#text .cm-content")
+    page.keyboard.press("Control+a")
+    page.wait_for_timeout(500)
+    browser.start_tracing(
+        page=page, categories=["toplevel", "devtools.timeline", "disabled-by-default-devtools.timeline"]
+    )
+    page.keyboard.insert_text(large)
+    assert becomes(page, "document.documentElement.dataset.read === 'yes' && cockpit.report !== null")
+    page.wait_for_timeout(2000)
+    trace = browser.stop_tracing()
+    assert page.evaluate("cockpit.hello.robots[0].nodes.length") == 299
+    assert page.locator("#notes button").count() == 0
+    assert longest_task(trace) <= 100.0 * slowness()
+
+
 def test_a_link_that_is_damaged_leaves_the_text(file, tab):  # noqa: F811
     page = tab(file, "#raff=<script>")
     assert becomes(page, "document.querySelector('#toasts .toast')?.textContent.includes('damaged')")

@@ -2,7 +2,7 @@
 // them, otherwise shapes from the robots' parameters.
 
 import {
-  BoxGeometry, BufferGeometry, CylinderGeometry, Float32BufferAttribute, Group, LineBasicMaterial, LineSegments, Matrix4, Mesh,
+  BoxGeometry, BufferGeometry, CylinderGeometry, Float32BufferAttribute, LineBasicMaterial, LineSegments, Matrix4, Mesh,
   MeshLambertMaterial, SphereGeometry, Vector3,
 } from "three";
 import { motionPlane } from "./motion_plane.js";
@@ -17,6 +17,13 @@ const ZOOM = 2.2;
 const LOOP = 0xcc79a7;
 const AXES = [1, 0, 0, 1, 0.6, 0, 0, 1, 0, 0.6, 1, 0, 0, 0, 1, 0, 0.6, 1]; // colours: red x, green y, blue z
 
+/** Shapes of size 1, which all skeletons share. */
+const UNIT = {
+  box: new BoxGeometry(1, 1, 1),
+  cylinder: new CylinderGeometry(1, 1, 1, 50).rotateX(Math.PI / 2), // three.js's cylinders are along y
+  sphere: new SphereGeometry(1, 20, 20),
+};
+
 /** @typedef {import("./reading.js").ReadRobot} ReadRobot */
 /** @typedef {import("./skeleton.js").Shape} Shape */
 /** @typedef {import("../../../cockpit/static/view/view.js").View} View */
@@ -24,6 +31,8 @@ const AXES = [1, 0, 0, 1, 0.6, 0, 0, 1, 0, 0.6, 1, 0, 0, 0, 1, 0, 0.6, 1]; // co
 /** A drawing of robots, instead of those drawn before. */
 export class TextScene {
   #drawn = false;
+  /** @type {(Mesh | LineSegments)[]} */
+  #shown = [];
 
   /**
    * @param {View} view
@@ -38,6 +47,10 @@ export class TextScene {
   draw(robots) {
     const { viewer } = this.view;
     if (viewer.scene_tree.children[ROOT[0]] !== undefined) viewer.delete_path(ROOT);
+    for (const one of this.#shown.splice(0)) {
+      for (const material of [one.material].flat()) material.dispose();
+      if (one instanceof LineSegments) one.geometry.dispose(); // others are shared
+    }
     /** @type {Vector3[]} */
     const points = [];
     for (const robot of robots) points.push(...this.#robot(robot));
@@ -89,8 +102,12 @@ export class TextScene {
    */
   #robot({ model, analysis: { home, length }, graphics }) {
     const { robot, bodies, loops, metre } = model;
-    const show = (/** @type {string} */ node, /** @type {string} */ name, /** @type {import("three").Object3D} */ object) =>
-      this.view.viewer.set_object([...ROOT, robot, node, name], object);
+    const { scene_tree: tree } = this.view.viewer;
+    const show = (/** @type {string} */ node, /** @type {string} */ name, /** @type {Mesh | LineSegments} */ object) => {
+      object.name = name;
+      this.#shown.push(object);
+      tree.find([...ROOT, robot, node]).object.add(object); // not as a path of the viewer, which makes controls for each
+    };
     const placed = placements(model, home);
     const shapes = skeletonOf(model);
     /** @type {Vector3[]} */
@@ -104,8 +121,7 @@ export class TextScene {
       const meshes = (keys ?? []).flatMap((key) => this.files.meshesOf(key));
       for (const [k, mesh] of meshes.entries()) {
         mesh.scale.setScalar(metre);
-        const group = new Group(); // what the scene removes, it disposes of: the geometry of a file is needed again
-        show(body.name, String(k), group.add(mesh));
+        show(body.name, String(k), mesh);
         points.push(...corners(mesh).map((corner) => corner.multiplyScalar(metre).applyMatrix4(pose)));
       }
     }
@@ -123,19 +139,19 @@ function matrixOf(m) {
 }
 
 /** @param {Shape} shape */
-function meshOf({ kind, size, placement, colour }) {
-  const [a, b, c] = size;
-  const geometry = kind === "sphere" ? new SphereGeometry(a, 20, 20)
-    : kind === "box" ? new BoxGeometry(a, b, c)
-      : new CylinderGeometry(a, a, b, 50).rotateX(Math.PI / 2); // three.js's cylinders are along y
-  const mesh = new Mesh(geometry, new MeshLambertMaterial({ color: colour }));
+function meshOf({ kind, size: [a, b = a, c = a], placement, colour }) {
+  const mesh = new Mesh(UNIT[kind], new MeshLambertMaterial({ color: colour }));
   mesh.applyMatrix4(matrixOf(placement));
+  if (kind === "cylinder") mesh.scale.set(a, a, b);
+  else mesh.scale.set(a, b, c);
   return mesh;
 }
 
 /** @param {number} radius */
 function loopMark(radius) {
-  return new Mesh(new SphereGeometry(radius, 20, 20), new MeshLambertMaterial({ color: LOOP, opacity: 0.6, transparent: true }));
+  const mesh = new Mesh(UNIT.sphere, new MeshLambertMaterial({ color: LOOP, opacity: 0.6, transparent: true }));
+  mesh.scale.setScalar(radius);
+  return mesh;
 }
 
 /** @param {number} size */
