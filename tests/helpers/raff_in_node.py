@@ -205,6 +205,7 @@ def _model(document: Document, robot: RaffRobot) -> dict[str, Any]:
                 "name": one.name,
                 "terms": [{"joint": columns[joint], "coefficients": list(c)} for joint, c in one.terms.items()],
                 "constant": one.constant,
+                "equation": str(one),
             }
             for one in (coupling_of(document, flat, i) for i in range(len(robot.couplings)))
         ],

@@ -42,9 +42,9 @@ function descriptionOf(model, { home, actuated, length, mobility }) {
       velocity: bounded(velocity), effort: bounded(effort), actuated: actuated[i],
     })),
     loops: loops.map(({ name, kind, first, second }) => ({ name, kind, first: bodies[first].name, second: bodies[second].name })),
-    couplings: couplings.map(({ name, terms, constant }) => ({
+    couplings: couplings.map(({ name, terms, constant, equation }) => ({
       name, terms: Object.fromEntries(terms.map(({ joint, coefficients }) => [joints[joint].name, coefficients])), constant,
-      equation: "",
+      equation,
     })),
     forces: { missing: NO_FORCES, largest_payload: 0, excluded: [] },
   };

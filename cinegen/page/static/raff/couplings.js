@@ -1,17 +1,18 @@
 // Couplings as equations between joints in radians and metres.
 
 import { driveKinds } from "./definitions.js";
-import { FIXED, PRISMATIC } from "./document.js";
+import { FIXED, jointOf, PRISMATIC } from "./document.js";
 import { radians } from "./kleinfinger.js";
+import { significant } from "./texts.js";
 
 /** @typedef {import("./document.js").Document} Document */
 /** @typedef {import("./document.js").Link} Link */
 /** @typedef {import("./document.js").Robot} Robot */
 
 /**
- * The equation sum_i c_i1 q_i + c_i2 q_i^2 + ... = constant, rad and m; the joint of the first term follows.
+ * The equation sum_i c_i1 q_i + c_i2 q_i^2 + ... = constant, rad and m, also as text; the joint of the first term follows.
  *
- * @typedef {{ name: string, terms: { joint: number, coefficients: number[] }[], constant: number }} CouplingTable
+ * @typedef {{ name: string, terms: { joint: number, coefficients: number[] }[], constant: number, equation: string }} CouplingTable
  */
 
 /**
@@ -54,10 +55,27 @@ export function couplingsOf(document, robot) {
       };
       return { joint: joint(number), coefficients: factors[driveKinds[kind]]().map((factor) => -factor) };
     });
-    return {
-      name: names[i],
-      terms: [{ joint: joint(follower), coefficients: [1] }, ...terms],
-      constant: inUnits(document, link, offset),
-    };
+    const all = [{ joint: joint(follower), coefficients: [1] }, ...terms];
+    const constant = inUnits(document, link, offset);
+    return { name: names[i], terms: all, constant, equation: equationOf(all, constant, moving) };
   });
+}
+
+/**
+ * @param {CouplingTable["terms"]} terms
+ * @param {number} constant
+ * @param {Link[]} moving links of the joints
+ */
+function equationOf(terms, constant, moving) {
+  let text = "";
+  for (const { joint, coefficients } of terms) {
+    for (const [i, c] of coefficients.entries()) {
+      if (c === 0) continue;
+      const sign = c < 0 ? "-" : text ? "+" : "";
+      const factor = Math.abs(c) === 1 ? "" : `${significant(Math.abs(c), 6)} `;
+      const term = `${factor}${jointOf(moving[joint])}${i > 0 ? `^${i + 1}` : ""}`;
+      text += text ? ` ${sign} ${term}` : sign + term;
+    }
+  }
+  return `${text || "0"} = ${significant(constant, 6)}`;
 }
