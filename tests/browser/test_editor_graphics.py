@@ -19,8 +19,9 @@ pytestmark = [
     pytest.mark.skipif(CHROMIUM is None, reason="NO CHROMIUM: the page is not tested in a real browser"),
 ]
 
-DRAWN = """() => {
-  const { root, view, hello: { robots: [{ name, nodes }] } } = cockpit;
+DRAWN = """(robot) => {
+  const { root, view, hello: { robots } } = cockpit;
+  const { name, nodes } = robots.find((one) => one.name === robot);
   root.updateWorldMatrix(true, true);
   return Object.fromEntries(nodes.map(({ name: node }) => {
     const found = [];
@@ -50,9 +51,9 @@ CASES = {
 """The robot, a joint and an angle for it (degrees), a length of the text and another one, a node with graphics."""
 
 
-def drawn(page):
+def drawn(page, robot):
     page.evaluate("new Promise((done) => requestAnimationFrame(() => requestAnimationFrame(done)))")
-    return page.evaluate(DRAWN)
+    return page.evaluate(DRAWN, robot)
 
 
 def same(found, expected):
@@ -63,31 +64,20 @@ def same(found, expected):
         assert np.allclose(sorted(found[node]), sorted(meshes), rtol=0.0, atol=1e-6), node
 
 
-def without_editor(tab, path, tmp_path):  # noqa: F811
-    """A page without an editor that shows a file at home, and the order of joints in its address."""
-    mechanism = cinegen.load(path)
-    (tmp_path / "plain.html").write_text(build_page(Setup({"plain": mechanism})))
-    page = tab(tmp_path / "plain.html")
-    order = sorted(configuration(page, "plain"), key=mechanism.q_index)
-    q = [configuration(page, "plain")[name] for name in order]
-    assert q == pytest.approx(mechanism.q_home.tolist(), abs=1e-9)
-    return page, order
-
-
 def configuration(page, robot):
     """The values of a robot's joints (rad, m), by name."""
-    names = page.evaluate("cockpit.hello.robots[0].joints.map(({ name }) => name)")
-    return dict(zip(names, page.evaluate(f"cockpit.report.robots.{robot}.q"), strict=True))
+    names = "robot => cockpit.hello.robots.find(({ name }) => name === robot).joints.map(({ name }) => name)"
+    return dict(zip(page.evaluate(names, robot), page.evaluate(f"cockpit.report.robots.{robot}.q"), strict=True))
 
 
-def drawn_at(plain, order, page, robot):
-    """What the page without an editor draws at the configuration of the other one."""
-    wanted = configuration(page, robot)
-    plain.evaluate("link => { location.hash = link; }", f"#plain={','.join(repr(wanted[name]) for name in order)}")
+def drawn_at(plain, mechanism, name, wanted):
+    """What the page without an editor draws of a robot at a configuration (rad, m), by joint."""
+    q = [wanted[joint] for joint in sorted(wanted, key=mechanism.q_index)]
+    plain.evaluate("link => { location.hash = link; }", f"#{name}={','.join(map(repr, q))}")
     plain.wait_for_timeout(300)
     assert becomes(plain, "cockpit.report.rate.at_rest")
-    assert configuration(plain, "plain") == pytest.approx(wanted, abs=1e-9)
-    return drawn(plain)
+    assert configuration(plain, name) == pytest.approx(wanted, abs=1e-9)
+    return drawn(plain, name)
 
 
 def moved_at_least(found, other, node, metres):
@@ -99,31 +89,33 @@ def test_graphics_are_where_the_page_without_an_editor_has_them(name, root, tmp_
     robot, joint, angle, length, other, node = CASES[name]
     path = root / "robots" / f"{name}.raff"
     text = path.read_text()
-    (tmp_path / "edited.html").write_text(build_editor(text, path.name, folder=path.parent))
-    page = tab(tmp_path / "edited.html")
-    home = drawn(page)
+    assert length in text
+    changed = text.replace(length, other)
+    (tmp_path / "edited.raff").write_text(changed.replace('path "graphics/"', f'path "{root / "robots/graphics"}/"'))
+    robots = {"written": cinegen.load(path), "edited": cinegen.load(tmp_path / "edited.raff")}
+    (tmp_path / "plain.html").write_text(build_page(Setup(robots)))
+    (tmp_path / "page.html").write_text(build_editor(text, path.name, folder=path.parent))
+    plain, page = tab(tmp_path / "plain.html"), tab(tmp_path / "page.html")
+
+    home = drawn(page, robot)
     assert len(home["base"]) + len(home[node]) > 3
-    plain, order = without_editor(tab, path, tmp_path)
-    same(home, drawn(plain))
+    assert list(configuration(page, robot).values()) == pytest.approx(list(configuration(plain, "written").values()))
+    same(home, drawn(plain, "written"))
 
     page.locator(f'[data-joint="{robot}/{joint}"] input[type=number]').fill(str(angle))
     page.keyboard.press("Enter")
     assert becomes(page, "cockpit.report.undo === 1 && cockpit.report.moving === null && cockpit.report.rate.at_rest")
-    moved = drawn(page)
+    moved = drawn(page, robot)
     moved_at_least(moved, home, node, 0.01)
-    same(moved, drawn_at(plain, order, page, robot))
+    same(moved, drawn_at(plain, robots["written"], "written", configuration(page, robot)))
     PICTURES.mkdir(parents=True, exist_ok=True)
     page.screenshot(path=PICTURES / f"editor_graphics_{name}.png")
 
-    assert text.count(length) >= 1
-    changed = text.replace(length, other)
     edit(page, changed)
     assert becomes(page, "document.documentElement.dataset.read === 'yes' && cockpit.report?.rate.at_rest")
-    longer = drawn(page)
+    longer = drawn(page, robot)
     moved_at_least(longer, moved, node, 0.01)
-    edited = tmp_path / "edited.raff"
-    edited.write_text(changed.replace('path "graphics/"', f'path "{root / "robots/graphics"}/"'))
-    same(longer, drawn_at(*without_editor(tab, edited, tmp_path), page, robot))
+    same(longer, drawn_at(plain, robots["edited"], "edited", configuration(page, robot)))
 
 
 VISIBLE = """() => cockpit.hello.robots[0].nodes.flatMap(({ name }) => cockpit.view.group("arm", name).children)
@@ -137,7 +129,7 @@ def test_a_file_that_is_not_in_the_page_is_reported_and_drawn_as_a_skeleton(root
     (tmp_path / "edited.html").write_text(build_editor(text, path.name, folder=path.parent))
     page = tab(tmp_path / "edited.html")
     assert page.locator("#notes button").count() == 0
-    home = drawn(page)
+    home = drawn(page, "arm")
     wrong = text.replace('"rx90_base.dxf"', '"rx90_bas.dxf"')
     edit(page, wrong)
     assert becomes(page, "document.documentElement.dataset.read === 'yes' && cockpit.report !== null")
@@ -148,7 +140,7 @@ def test_a_file_that_is_not_in_the_page_is_reported_and_drawn_as_a_skeleton(root
     assert note.split("\n")[0].endswith(": did you mean 'graphics/rx90_base.dxf'?")
     page.locator("#notes button").click()
     assert becomes(page, "document.querySelector('#text .cm-lint-marker-warning') !== null")
-    found = drawn(page)
+    found = drawn(page, "arm")
     document = parse(text)
     (ball,) = SkeletonDrawing(document, document.robots[0]).draw(document.robots[0].base)
     ((*box, _, _, _),) = found["base"]
@@ -161,9 +153,9 @@ def test_a_file_that_is_not_in_the_page_is_reported_and_drawn_as_a_skeleton(root
     assert becomes(page, f"({VISIBLE})().every((one) => !one)")
     edit(page, text)
     assert becomes(page, "document.documentElement.dataset.read === 'yes' && cockpit.report !== null")
-    drawn(page)
+    drawn(page, "arm")
     assert becomes(page, f"({VISIBLE})().every((one) => !one)")
     page.evaluate("document.querySelector('#bodies').value = 'parts'")
     page.evaluate("document.querySelector('#bodies').dispatchEvent(new Event('change'))")
     assert becomes(page, f"({VISIBLE})().every((one) => one)")
-    same(drawn(page), home)
+    same(drawn(page, "arm"), home)
