@@ -172,4 +172,7 @@ def test_an_editor_of_a_shipped_robot(root, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     assert main(["page", "--edit", "delta4", "-o", "out.html"]) == 0
     edited = Elements((tmp_path / "out.html").read_text(encoding="utf-8"))
-    assert unpacked(edited)["content"]["text"] == (root / "robots" / "delta4.raff").read_text(encoding="utf-8")
+    content = unpacked(edited)["content"]
+    assert content["text"] == (root / "robots" / "delta4.raff").read_text(encoding="utf-8")
+    assert [one["key"] for one in content["graphics"]] == ["graphics/delta_base.nff", "graphics/delta_platform.nff"]
+    assert all(one["commands"] and one["problem"] is None for one in content["graphics"])
