@@ -1,4 +1,4 @@
-"""Draws the pictures of docs/maps.md again: `python docs/pictures/maps.py [NAME ...]`. Takes 20 s."""
+"""Draws the pictures of docs/maps.md again: `python docs/pictures/maps.py [NAME ...]`. Takes a minute."""
 
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -15,7 +15,7 @@ def map_of(name, axes, quantity, **more):
     region = Region(tuple(GridAxis(*axis) for axis in axes), **more)
     spec = MapSpecification(cinegen.load(ROBOTS / f"{name}.raff"), region, ("sigma_1", "sigma_2", "condition"))
     with TemporaryDirectory() as folder:
-        return draw_map(make_map(spec, Path(folder) / f"{name}.zarr", workers=1), quantity)
+        return draw_map(make_map(spec, Path(folder) / f"{name}.zarr", workers=1), quantity, name=name)
 
 
 FIGURES = {
