@@ -1,12 +1,16 @@
-"""Draws the pictures of docs/howto again, from the texts of its pages: `python docs/pictures/howto.py [NAME ...]`.
+"""Draws pictures of docs/howto again, from the blocks of its pages: `python docs/pictures/howto.py [NAME ...]`.
 
-Needs chromium on PATH.
+Those whose blocks have not changed, or that have none, are left as they are, unless they are named. Needs chromium on
+PATH.
 """
 
+import contextlib
 import io
 import re
+import shlex
 import shutil
 import sys
+from contextvars import copy_context
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
@@ -16,34 +20,115 @@ from figures import PICTURES, ROBOTS, save
 from make import draw
 from PIL import Image
 from playwright.sync_api import sync_playwright
+from raff_sketch import RaffSketch, paper
 from sketch import SHADOW, Sketch
+from sources import HOWTO, howto_blocks, mark_in, mark_of
 
 import cinegen
+from cinegen.cli import main as command_line
+from cinegen.collision import load_scene
 from cinegen.design import calibrate
 from cinegen.page import build_editor
-from cinegen.plotting import draw_modes
+from cinegen.planning import plan
+from cinegen.plotting import draw_modes, draw_plan
 from cinegen.plotting.residuals import draw_residuals
-from cinegen.plotting.sheet import FAINT, INK
+from cinegen.plotting.sheet import BLUE, FAINT, GREEN, INK, ORANGE, VERMILLION, finish, label, sheet
 from raff2urdf.quantities import show_lengths_in
 
 SIZE = (720, 480)  # pixels
 
 
-def block(page, name):
-    """Return a file that a page shows."""
-    text = (PICTURES.parent / "howto" / f"{page}.md").read_text(encoding="utf-8")
-    return re.search(rf"^```\w+ {re.escape(name)}\n(.*?)^```", text, flags=re.DOTALL | re.MULTILINE)[1]
+@contextlib.contextmanager
+def folder():
+    """Work in a folder with a link to robots/, without output, as pages do."""
+    with TemporaryDirectory() as name, contextlib.chdir(name), contextlib.redirect_stdout(io.StringIO()):
+        Path("robots").symlink_to(ROBOTS, target_is_directory=True)
+        yield
 
 
-def robot(browser, path, page, file, direction):
+def robot(browser, path, file, direction):
     """Draw a robot of a page, its loops closed."""
-    with TemporaryDirectory() as folder:
-        there = Path(folder, file)
-        there.write_text(block(page, file), encoding="utf-8")
-        mechanism = cinegen.load(
-            there, loops={"closing_effector": "revolute"} if "closing" in there.read_text() else None
-        )
-    draw(browser, path, {there.stem: (mechanism, mechanism.q_home)}, direction, size=SIZE)
+    (text,) = howto_blocks(path.name)
+    with folder():
+        Path(file).write_text(text, encoding="utf-8")
+        mechanism = cinegen.load(file, loops={"closing_effector": "revolute"} if "closing" in text else None)
+    name = Path(file).stem
+    draw(browser, path, {name: (mechanism, mechanism.q_home)}, direction, size=SIZE, description=mark(path))
+
+
+def mark(path):
+    """Return the hash of the blocks of a picture."""
+    return mark_of(howto_blocks(path.name))
+
+
+def delta(browser, path):
+    """The robot of the page at home, and where its numbers are."""
+    (code,) = howto_blocks(path.name)
+    left = {}
+    with folder():
+        exec(code, left)
+        mechanism = cinegen.load("my_delta.raff")
+    shoulder, elbow, wrist, end = (
+        mechanism.placement(mechanism.q_home, node).translation for node in ("link1", "link2", "link4", "platform")
+    )
+    centre = np.array([0.0, 0.0, shoulder[2]])
+    ends = {"base": (centre, shoulder), "arm": (shoulder, elbow), "forearm": (elbow, wrist), "platform": (wrist, end)}
+    for name, (first, second) in ends.items():
+        assert np.isclose(np.linalg.norm(second - first), 1e-3 * left[name]), name
+    labels = {f"{name} {left[name]} mm": 0.5 * (first + second) for name, (first, second) in ends.items()}
+    robots = {"my_delta": (mechanism, mechanism.q_home)}
+    draw(browser, path, robots, (-58.0, 22.0), labels, size=SIZE, description=mark(path))
+
+
+def linkage(_, path):
+    """The four-bar and the coupler curve of the page, with a dot every 30 degrees of the crank."""
+    (code,) = howto_blocks(path.name)
+    left = {}
+    with folder():
+        exec(code, left)
+    bar = RaffSketch((ROBOTS / "four_bar.raff").read_text(encoding="utf-8"))
+    sketch = Sketch()
+    paper(sketch, (-100.0, -100.0), (500.0, 400.0))
+    bar.draw_plane(sketch)
+    joints = {name: bar.pose(number)[0] for name, number in {"A0": 1, "A": 2, "B0": 3, "B": 5}.items()}
+    for name, ends, aside in (
+        ("crank", ("A0", "A"), (1.0, -1.0, 0.0)),
+        ("coupler", ("A", "B"), (0.4, -1.0, 0.0)),
+        ("rocker", ("B0", "B"), (1.0, 0.0, 0.0)),
+    ):
+        sketch.text(0.5 * (joints[ends[0]] + joints[ends[1]]), name, aside, gap=14.0)
+    sketch.text(bar.pose(20)[0], "tool", (1.0, 0.3, 0.0), VERMILLION, "b", gap=14.0)
+    curve = 1e3 * np.column_stack([left["x"], left["y"], np.zeros(len(left["x"]))])
+    sketch.line(curve, VERMILLION, 3.0, lift=300.0)
+    for point in curve[:-1:6]:
+        sketch.ball(point, 4.0, VERMILLION, 301.0)
+    path.write_text(sketch.svg("A four-bar and its coupler curve", mark(path)), encoding="utf-8")
+
+
+def obstacle():
+    """The path around the obstacle of the page."""
+    (scene,) = howto_blocks("howto_obstacles.png")
+    with folder():
+        Path("bench.toml").write_text(scene, encoding="utf-8")
+        return draw_plan(plan(load_scene("bench.toml"), planner="vortex"))
+
+
+def exported():
+    """Actuated joints over time, in both files of the page."""
+    code, console = howto_blocks("howto_export.png")
+    with folder():
+        exec(code, {})
+        for command in re.findall(r"^\$ cinegen (.+)$", console, flags=re.MULTILINE):
+            command_line(shlex.split(command))
+        tables = [np.genfromtxt(name, delimiter=",", names=True) for name in ("run.csv", "fast.csv")]
+    figure, body = sheet(6.0, 3.4, "A circle of a delta robot", "actuated joints; dashed: as fast as the limits permit")
+    axes = body.subplots()
+    for name, colour in zip(tables[0].dtype.names[1:], (BLUE, ORANGE, GREEN), strict=True):
+        for table, style in zip(tables, ("-", "--"), strict=True):
+            axes.plot(table["time"], np.degrees(table[name]), style, color=colour, label=name if style == "-" else None)
+    label(axes, "time (s)", "angle (degrees)")
+    finish(figure)
+    return figure
 
 
 def modes():
@@ -54,11 +139,11 @@ def modes():
 
 def residuals():
     """The measurements of the page, before and after the calibration."""
+    (table,) = howto_blocks("howto_calibrate.png")
     show_lengths_in("mm")
-    with TemporaryDirectory() as folder:
-        table = Path(folder, "measured.csv")
-        table.write_text(block("calibrate", "measured.csv"), encoding="utf-8")
-        return draw_residuals(calibrate(ROBOTS / "five_bar.raff", table, names=["link*.d"]), name="five_bar")
+    with folder():
+        Path("measured.csv").write_text(table, encoding="utf-8")
+        return draw_residuals(calibrate(ROBOTS / "five_bar.raff", "measured.csv", names=["link*.d"]), name="five_bar")
 
 
 def editor(browser, path):
@@ -94,26 +179,41 @@ def mouse(_, path):
     path.write_text(sketch.svg("A 3D mouse and its axes", tallest=380.0), encoding="utf-8")
 
 
-DRAWINGS = {
-    "howto_urdf_with_loops.webp": lambda browser, path: robot(
-        browser, path, "urdf-with-loops", "linkage.urdf", (-75.0, 18.0)
-    ),
-    "howto_from_cad.webp": lambda browser, path: robot(browser, path, "from-cad", "planar.urdf", (-72.0, 48.0)),
-    "howto_all_solutions.png": lambda _, path: save(path.stem, modes()),
-    "howto_calibrate.png": lambda _, path: save(path.stem, residuals()),
-    "howto_web_page.webp": editor,
-    "howto_spacemouse.svg": mouse,
+FIGURES = {
+    "howto_all_solutions.png": modes,
+    "howto_calibrate.png": residuals,
+    "howto_export.png": exported,
+    "howto_obstacles.png": obstacle,
 }
-"""What draws each of them, in a browser."""
+"""Functions that make a matplotlib figure."""
+
+DRAWINGS = {
+    "howto_from_cad.webp": lambda browser, path: robot(browser, path, "planar.urdf", (-72.0, 48.0)),
+    "howto_linkage.svg": linkage,
+    "howto_my_delta.webp": delta,
+    "howto_spacemouse.svg": mouse,
+    "howto_urdf_with_loops.webp": lambda browser, path: robot(browser, path, "linkage.urdf", (-75.0, 18.0)),
+    "howto_web_page.webp": editor,
+}
+"""Functions that write a picture, with a browser."""
+
+
+def stale(path):
+    """Return whether a picture is not of the blocks that its page shows now."""
+    return path.name in HOWTO and not (path.exists() and mark_in(path.read_bytes()) == mark(path))
 
 
 def main():
-    """Draw those that the command line names, or all."""
+    """Draw those that the command line names, or those whose blocks have changed."""
     with sync_playwright() as playwright:
         chromium = playwright.chromium.launch(executable_path=shutil.which("chromium"), args=list(FLAGS))
-        for name, drawing in DRAWINGS.items():
-            if not sys.argv[1:] or Path(name).stem in sys.argv[1:]:
-                drawing(chromium, PICTURES / name)
+        for path in (PICTURES / name for name in (*FIGURES, *DRAWINGS)):
+            if path.stem not in sys.argv[1:] and (sys.argv[1:] or not stale(path)):
+                continue
+            if path.name in FIGURES:
+                save(path.stem, copy_context().run(FIGURES[path.name]), mark(path) if path.name in HOWTO else "")
+            else:
+                DRAWINGS[path.name](chromium, path)
         chromium.close()
 
 

@@ -16,6 +16,7 @@ import numpy as np
 import pinocchio as pin
 import umsgpack
 from cockpit import FLAGS
+from figures import exif
 from labels import write_labels
 from PIL import Image, ImageChops
 from playwright.sync_api import sync_playwright
@@ -156,11 +157,11 @@ def picture(browser, name):
     draw(browser, PICTURES / f"{name}.webp", robots, (azimuth, 48.0 if name in FLAT else 22.0), labels)
 
 
-def draw(browser, path, robots, direction, labels=None, size=SIZE, add=None):
+def draw(browser, path, robots, direction, labels=None, size=SIZE, add=None, description=""):
     """Write the picture of mechanisms at configurations, each with its name.
 
     `direction` of the camera: azimuth and elevation, degrees. `labels` are points (3,), m, by name. `add` takes the
-    page and adds more to it.
+    page and adds more to it. The file holds the description.
     """
     page, scene = make_page({name: mechanism for name, (mechanism, _) in robots.items()})
     for name, (_, q) in robots.items():
@@ -191,7 +192,7 @@ def draw(browser, path, robots, direction, labels=None, size=SIZE, add=None):
         cut, flat = cut_out(image.convert("RGB"), flat)
     drawn = write_labels(cut, dict(zip(labels, flat, strict=True)))
     small = drawn.resize(size, Image.Resampling.LANCZOS)
-    small.save(path, quality=82, method=6)
+    small.save(path, quality=82, method=6, exif=exif(description) if description else b"")
     assert path.stat().st_size <= LARGEST, path
     print(f"{path.name}: {path.stat().st_size / 1000:.1f} kB")
 

@@ -1,4 +1,5 @@
-"""What the pictures of a page are drawn from: the RAFF text above each, and the Python code between.
+"""What the pictures of a page are drawn from: the RAFF text above each, and the Python code between; those of how-to
+pages from the blocks that `HOWTO` names.
 
 Each picture holds the hash of its source, so that a test finds those that were not drawn again after a change.
 """
@@ -10,6 +11,16 @@ from pathlib import Path
 
 DOCS = Path(__file__).resolve().parent.parent
 PAGES = ("tutorial.md", "joints.md")
+HOWTO = {
+    "howto_calibrate.png": ("calibrate", "csv measured.csv"),
+    "howto_export.png": ("export", "python", "console"),
+    "howto_from_cad.webp": ("from-cad", "xml planar.urdf"),
+    "howto_linkage.svg": ("linkage", "python"),
+    "howto_my_delta.webp": ("my-delta", "python"),
+    "howto_obstacles.png": ("obstacles", "toml bench.toml"),
+    "howto_urdf_with_loops.webp": ("urdf-with-loops", "xml linkage.urdf"),
+}
+"""The page of each picture, and the first lines of its blocks; of those alike the first in the page."""
 _PART = re.compile(
     r"^```(?P<language>\w+)(?P<words>[^\n]*)\n(?P<text>.*?)^```$|^!\[[^\]]*\]\(pictures/(?P<picture>[\w.]+)\)$",
     flags=re.DOTALL | re.MULTILINE,
@@ -34,7 +45,19 @@ class Source:
     @property
     def mark(self):
         """The hash as pictures hold it."""
-        return "source sha256:" + hashlib.sha256("\0".join([self.raff, *self.python]).encode()).hexdigest()
+        return mark_of([self.raff, *self.python])
+
+
+def mark_of(texts):
+    """Return the hash of texts as pictures hold it."""
+    return "source sha256:" + hashlib.sha256("\0".join(texts).encode()).hexdigest()
+
+
+def howto_blocks(picture):
+    """Return the texts that a picture of a how-to page is drawn from."""
+    page, *firsts = HOWTO[picture]
+    text = (DOCS / "howto" / f"{page}.md").read_text(encoding="utf-8")
+    return [re.search(rf"^```{re.escape(first)}\n(.*?)^```$", text, re.DOTALL | re.MULTILINE)[1] for first in firsts]
 
 
 def sources(text):

@@ -9,8 +9,8 @@ import sys
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
+from figures import exif
 from joints import DRAWINGS as JOINTS
-from PIL import Image
 from raff_sketch import RaffSketch
 from sources import DOCS, PAGES, mark_in, sources
 from tutorial import DRAWINGS as TUTORIAL
@@ -18,7 +18,6 @@ from tutorial import DRAWINGS as TUTORIAL
 PICTURES = DOCS / "pictures"
 DRAWINGS = {**TUTORIAL, **JOINTS}
 LARGEST = 60_000  # bytes
-_DESCRIPTION = 0x010E  # a tag of Exif
 
 
 def namespace(source):
@@ -40,9 +39,7 @@ def draw(source):
     if path.suffix == ".svg":
         path.write_text(drawn.svg(path.stem, source.mark), encoding="utf-8")
     else:
-        exif = Image.Exif()
-        exif[_DESCRIPTION] = source.mark
-        drawn.save(path, quality=80, method=6, exif=exif)
+        drawn.save(path, quality=80, method=6, exif=exif(source.mark))
     assert path.stat().st_size <= LARGEST, path
     print(f"{path.name}: {path.stat().st_size / 1000:.1f} kB")
 
