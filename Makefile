@@ -21,7 +21,7 @@ INSTALL := $(PIP) $(LOCKED)
 unexport PYTHONPATH
 export PIP_DISABLE_PIP_VERSION_CHECK := 1
 
-.PHONY: help demo test slow coverage mutations campaign check bounds docs javascript kernels bench generated sbom audit clean lock FORCE
+.PHONY: help demo test slow coverage mutations campaign check bounds docs pdf javascript kernels bench generated sbom audit clean lock FORCE
 .DEFAULT_GOAL := help
 
 help: ## list the targets
@@ -76,6 +76,9 @@ bounds: .venv/test-installed ## run the tests of the kernels with bounds checkin
 # Sphinx comes with packages of its own: they live apart, but see those that the pages document.
 docs: .venv/test-installed build/sphinx/installed ## build the site, build/site/html/index.html; what leads nowhere is an error
 	@PYTHONPATH=build/sphinx $(BIN)/python docs/site/build.py
+
+pdf: docs ## print the site's pages as one PDF, build/site/cinegen.pdf
+	@PYTHONPATH=build/sphinx $(BIN)/python docs/site/pdf.py
 
 javascript: ## lint, type-check and test the page's JavaScript, where node and npm are there
 	@.ci/javascript
