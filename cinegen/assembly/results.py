@@ -96,12 +96,18 @@ class SolutionSet(Sequence[Array]):
         mechanism: the mechanism.
         configurations: the solutions.
         coincident: of each solution how many coincide in it.
+        complete: whether these are all: proved, or with probability one.
+        almost_surely: whether that holds with probability one only.
+        method: how they were computed, and why they are all, or what is not excluded.
         unknowns: of the certified equations; None for solutions that are too inaccurate.
     """
 
     mechanism: Mechanism
     configurations: tuple[Array, ...]
     coincident: tuple[int, ...]
+    complete: bool
+    almost_surely: bool
+    method: str
     unknowns: Unknowns | None
 
     @overload
@@ -113,6 +119,18 @@ class SolutionSet(Sequence[Array]):
 
     def __len__(self) -> int:
         return len(self.configurations)
+
+    @property
+    def proved(self) -> bool:
+        """True if it is proved that these are all; False where that holds with probability one only."""
+        return self.complete and not self.almost_surely
+
+    @property
+    def completeness(self) -> str:
+        """A part of a sentence: whether these are all."""
+        if not self.complete:
+            return "not proved to be all"
+        return "proved to be all" if self.proved else "all with probability one"
 
     @cached_property
     def certificates(self) -> tuple[Certificate | None, ...]:
@@ -169,8 +187,8 @@ class AssemblyModes(SolutionSet):
         actuated: (actuated,) the values, in `mechanism.actuated` order, rad and m.
         configurations: the modes, each closed to 1e-12.
         coincident: of each mode how many solutions coincide in it: 1, unless the values are singular (type 2).
-        complete: whether it is proved that these are all, and that there is no self-motion: by elimination, or by as
-            many solutions as a theorem allows.
+        complete: whether these are all, and there is no self-motion: proved, by elimination or by as many solutions as
+            a theorem allows, or with probability one, see `proved`.
         method: how they were computed, and why they are all, or what is missing or not excluded: a sentence.
         counts: what became of all complex solutions.
         closest: if there is no mode, the nearest configuration.
@@ -181,6 +199,7 @@ class AssemblyModes(SolutionSet):
             joints locked.
         isolated: of each mode whether it is isolated; the others are points of self-motions.
         unknowns: of the certified equations.
+        almost_surely: whether `complete` holds with probability one only, see `PlatformModes`.
     """
 
     mechanism: Mechanism
@@ -195,10 +214,11 @@ class AssemblyModes(SolutionSet):
     self_motions: tuple[SelfMotion, ...]
     isolated: tuple[bool, ...]
     unknowns: Unknowns | None = None
+    almost_surely: bool = False
 
     def __repr__(self) -> str:
-        worth = "proved to be all" if self.complete else "not proved to be all"
-        return f"<{len(self)} assembly mode{'s' * (len(self) != 1)} of {self.mechanism.name[:80]}, {worth}>"
+        number = f"{len(self)} assembly mode{'s' * (len(self) != 1)} of {self.mechanism.name[:80]}"
+        return f"<{number}, {self.completeness}>"
 
     def _repr_html_(self) -> str:
         rows = []
@@ -229,6 +249,7 @@ class AssemblyModes(SolutionSet):
             "robot": self.mechanism.name,
             "actuated": dict(zip(self.mechanism.actuated, map(float, self.actuated), strict=True)),
             "complete": self.complete,
+            "proved": self.proved,
             "trace_test": self.trace_test,
             "method": self.method,
             "counts": vars(self.counts),

@@ -109,6 +109,7 @@ class SixRods:
         return AssemblyModes(
             mechanism, linkage.actuated_values(asked), tuple(configurations), tuple(coincident),
             complete and not self_motions, method, counts, closest, None, self_motions, tuple(isolated),
+            almost_surely=complete and not self_motions and found.almost_surely,
         )  # fmt: skip
 
     def _platform_modes(self, legs: SixLegs, lengths: Array) -> PlatformModes:
@@ -120,7 +121,7 @@ class SixRods:
             return found
         length = self._linkage.mechanism.length
         others = Hexapod(length * legs.base, length * legs.platform).modes(lengths)
-        return replace(others, complete=False, method=f"{found.method}; {others.method}")
+        return replace(others, complete=False, almost_surely=False, method=f"{found.method}; {others.method}")
 
     def _features(self, q: Array, locked: Array) -> Complex:
         return np.asarray(self._linkage.features(self._linkage.unknowns(q)[None], locked)[0])

@@ -20,6 +20,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from cinegen.assembly import SelfMotion
+    from cinegen.assembly.results import SolutionSet
     from cinegen.ik import FrameTask, IKSolutions
     from cinegen.model import Mechanism
 
@@ -43,7 +44,7 @@ def run(
         ...,
     ),
     node: str | None = NODE,
-    all_: bool = flag("--all", "list all solutions, and report whether it is proved that these are all"),
+    all_: bool = flag("--all", "list all solutions, and report whether these are all"),
     lock: str | None = option(
         "VALUES", f"with --all, joints that keep a value, such as joint3=0.7 of a robot with seven joints ({UNITS})"
     ),
@@ -149,6 +150,16 @@ def self_motion_lines(
     return [heading, *(line.replace(_JOINED, " ") for line in lines), ""] if lines else []
 
 
+def claim_text(found: SolutionSet) -> str:
+    """Return sentences: whether these are all solutions, and why, or what is not excluded."""
+    if found.complete:
+        claim = ("These are all" if len(found) else "There is none") + ", with probability one" * found.almost_surely
+    else:
+        claim = "There may be more" if len(found) else "None was found"
+    method = found.method.removesuffix(".")
+    return f"{claim}. {method[:1].upper()}{method[1:]}."
+
+
 def _lines(name: str, found: IKSolutions, every: bool) -> list[str]:
     mechanism, number = found.mechanism, count(found, "inverse solution") if len(found) else "no inverse solution"
     within = f", {len(found.within_limits)} within the limits" if every and len(found) else ""
@@ -164,12 +175,7 @@ def _lines(name: str, found: IKSolutions, every: bool) -> list[str]:
     if not every:
         found_one = "There may be others: --all lists all." if len(found) else "None was found within the limits."
         return [*lines, found_one]
-    proof = {
-        (True, True): "These are all.", (True, False): "There is none.",
-        (False, True): "There may be more.", (False, False): "None was found.",
-    }[found.complete, len(found) > 0]  # fmt: skip
-    method = found.method.removesuffix(".")
-    lines += textwrap.wrap(f"{proof} {method[:1].upper()}{method[1:]}.", _WIDTH)
+    lines += textwrap.wrap(claim_text(found), _WIDTH)
     return lines + textwrap.wrap(found.certification, _WIDTH)
 
 

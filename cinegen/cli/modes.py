@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
 from cinegen.cli.files import check_outputs, count, print_result, write_figure
-from cinegen.cli.ik import TYPED, limits_text, missed_text, pose_task, pose_text, self_motion_lines
+from cinegen.cli.ik import TYPED, claim_text, limits_text, missed_text, pose_task, pose_text, self_motion_lines
 from cinegen.cli.numbers import UNITS, parts, values
 from cinegen.cli.options import FILE, JSON, NODE, PLOT, VIEW, RobotOptions, exclude, option
 from cinegen.cli.progress import Progress
@@ -58,8 +58,8 @@ def run(
     """List the assembly modes of a closed mechanism.
 
     Lists all configurations for given values of the actuated joints, home unless --values or --at gives others (the
-    direct kinematics of a parallel robot), and reports whether it is proved that these are all. The exit code is 1 if
-    there is none.
+    direct kinematics of a parallel robot), and reports whether these are all, and whether that is proved. The exit
+    code is 1 if there is none.
     """
     exclude(values=lengths, at=at)
     exclude(json=json, view=view)
@@ -163,12 +163,7 @@ def _lines(name: str, modes: AssemblyModes, node: str | None, asked: FrameTask |
     lines += self_motion_lines(mechanism, modes.self_motions, more, passive)
     if modes.closest is not None:
         lines += textwrap.wrap(f"The closest configuration: {modes.closest.message}.", _WIDTH - 2)
-    proof = {
-        (True, True): "These are all.", (True, False): "There is none.",
-        (False, True): "There may be more.", (False, False): "None was found.",
-    }[modes.complete, len(modes) > 0]  # fmt: skip
-    method = modes.method.removesuffix(".")
-    lines += textwrap.wrap(f"{proof} {method[:1].upper()}{method[1:]}.", _WIDTH - 2)
+    lines += textwrap.wrap(claim_text(modes), _WIDTH - 2)
     return lines + textwrap.wrap(modes.certification, _WIDTH - 2)
 
 

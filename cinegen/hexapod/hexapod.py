@@ -148,7 +148,11 @@ class Hexapod:
         real, infinite, many = int(is_real.sum()), self._infinite + went, int(multiple.sum())
         counts = SolutionCounts(real, int((regular | multiple).sum()) - real, infinite, many, lost)
         method = _method(int(regular.sum()), int((regular & is_real).sum()), infinite, many, lost, remarks)
-        return PlatformModes(self._restored(kept), coincident, counts, not lost and not remarks, method, closest)
+        complete = not lost and not remarks
+        by_chance = complete and self._infinite > 0  # fewer than a theorem allows: as many as the random start has
+        return PlatformModes(
+            self._restored(kept), coincident, counts, complete, method, closest, almost_surely=by_chance
+        )
 
     def _real(self, asked: Array, paths: TrackedPaths) -> tuple[Array, NDArray[np.bool_]]:
         """Return the placements (n, 4, 4) of real ends, and which ends are real (.,)."""

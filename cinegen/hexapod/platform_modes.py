@@ -61,11 +61,12 @@ class PlatformModes:
         placements: (n, 4, 4).
         coincident: (n,) how many solutions coincide in each: 1 for a regular one.
         counts: of all complex solutions: 40, or 16 if legs meet in pairs on the platform.
-        complete: whether it is proved that these are all modes: no solution was lost, and no curve of configurations is
-            possible.
+        complete: whether these are all modes: no solution was lost, and no curve of configurations is possible.
         method: how they were computed, and what is not excluded.
         closest: if there is no mode, the nearest placement.
         legs: points of base and platform (6, 3) and lengths (6,) that certificates are computed of.
+        almost_surely: whether `complete` holds with probability one only: general lengths leave fewer solutions than
+            the theorem allows, and their number was found from a random start.
     """
 
     placements: Array
@@ -75,9 +76,16 @@ class PlatformModes:
     method: str
     closest: NearestPlacement | None = None
     legs: tuple[Array, Array, Array] | None = None
+    almost_surely: bool = False
 
     def __repr__(self) -> str:
-        return f"<PlatformModes: {len(self.placements)}{', proved to be all' * self.complete}>"
+        worth = ", all with probability one" if self.almost_surely else ", proved to be all" if self.complete else ""
+        return f"<PlatformModes: {len(self.placements)}{worth}>"
+
+    @property
+    def proved(self) -> bool:
+        """True if it is proved that these are all modes."""
+        return self.complete and not self.almost_surely
 
     @cached_property
     def certificates(self) -> tuple[Certificate | None, ...]:

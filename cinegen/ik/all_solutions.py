@@ -60,7 +60,8 @@ class IKSolutions(SolutionSet):
         configurations: the solutions, loops closed and the pose reached to 1e-12.
         outside: of each solution the joints beyond their limits, each with that limit, rad and m.
         coincident: of each solution how many coincide in it: 1, unless it is singular.
-        complete: whether it is proved that these are all isolated solutions: by as many as a theorem allows.
+        complete: whether these are all isolated solutions: proved, by as many as a theorem allows, or with probability
+            one, see `proved`.
         method: how they were computed, and why they are all, or what is missing or not excluded: a sentence.
         counts: what became of all complex solutions.
         trace_test: whether nothing is missing on the curves of configurations that were met, see `AssemblyModes`; None
@@ -68,6 +69,7 @@ class IKSolutions(SolutionSet):
         closest: if there is no solution, a configuration (nq,) near the pose, if one is known.
         self_motions: components of positive dimension that were found: the mechanism moves with the node at the pose.
         unknowns: of the certified equations; None for solutions of a local search.
+        almost_surely: whether `complete` holds with probability one only, see `PlatformModes`.
     """
 
     mechanism: Mechanism
@@ -84,11 +86,11 @@ class IKSolutions(SolutionSet):
     closest: Array | None = None
     self_motions: tuple[SelfMotion, ...] = ()
     unknowns: Unknowns | None = None
+    almost_surely: bool = False
 
     def __repr__(self) -> str:
-        worth = "proved to be all" if self.complete else "not proved to be all"
         number = f"{len(self)} inverse solution{'s' * (len(self) != 1)} of {self.mechanism.name[:80]}"
-        return f"<{number}, {len(self.within_limits)} within the limits, {worth}>"
+        return f"<{number}, {len(self.within_limits)} within the limits, {self.completeness}>"
 
     def _repr_html_(self) -> str:
         """Show the joints of each solution as a table in a notebook."""
@@ -138,6 +140,7 @@ class IKSolutions(SolutionSet):
             "rotation": target.rotation.tolist() if self.task.rotation else None,
             "locked": dict(self.locked),
             "complete": self.complete,
+            "proved": self.proved,
             "trace_test": self.trace_test,
             "method": self.method,
             "counts": vars(self.counts),
@@ -276,6 +279,7 @@ class _Assembly:
             else:
                 wrong += 1
         complete = all(modes.complete for modes in found) or any(modes.complete and not modes for modes in found)
+        proved = all(modes.proved for modes in found) or any(modes.proved and not modes for modes in found)
         remarks = [f"; {wrong} were lost in polishing"] if wrong else []
         if task.rotation < 3 and not partial and parts.motions.rotations < 3 and not parts.every:
             remarks.append("; modes of operation in which it rotates otherwise are not among them")
@@ -293,7 +297,11 @@ class _Assembly:
         trace_test = all(tests) and not wrong if tests else None
         method = _method(found) + "".join(remarks)
         result = self._result(configurations, times, complete and not wrong, trace_test, method, counts)
-        return replace(result, self_motions=tuple(self._self_motions(found, chosen)))
+        return replace(
+            result,
+            self_motions=tuple(self._self_motions(found, chosen)),
+            almost_surely=result.complete and not proved,
+        )
 
     def _self_motions(
         self, found: Sequence[AssemblyModes], chosen: Sequence[Sequence[Mapping[str, float]]]
@@ -445,6 +453,6 @@ def with_closest(solutions: IKSolutions, q: Array, found: bool) -> IKSolutions:
         return replace(solutions, closest=q)
     outside = solutions.mechanism.limits.exceeded(q, AT_LIMIT)
     return replace(
-        solutions, configurations=(q,), outside=(outside,), coincident=(1,), complete=False,
+        solutions, configurations=(q,), outside=(outside,), coincident=(1,), complete=False, almost_surely=False,
         trace_test=None if solutions.trace_test is None else False,
     )  # fmt: skip

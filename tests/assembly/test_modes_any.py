@@ -33,6 +33,7 @@ from cinegen.assembly.families import recognise
 from cinegen.assembly.homotopy import Homotopy
 from cinegen.assembly.linkage import Linkage
 from cinegen.assembly.monodromy import Monodromy
+from cinegen.cli.ik import claim_text
 from cinegen.hexapod import SolutionCounts
 from raff2urdf.closure import passive
 
@@ -317,6 +318,29 @@ def test_rods_that_are_too_special_are_named(built, special, words):
     m = built(hexapod(rng(1), "UpS", *special(*points(rng(1)))))
     with pytest.raises(ModesError, match=words):
         assembly_modes(m)
+
+
+def test_fewer_modes_than_the_theorem_allows_are_all_with_probability_one(built):
+    """Semi-regular hexagons: 12 of 40 solutions are at infinity at all lengths, counted from a random start."""
+    base, platform = (
+        radius * np.column_stack([np.cos(angles), np.sin(angles), height * np.ones(6)])
+        for radius, height, angles in (
+            (2.0, 0.0, np.radians([-10, 10, 110, 130, 230, 250])),
+            (1.0, 2.0, np.radians([-50, 50, 70, 170, 190, 290])),
+        )
+    )
+    m = built(hexapod(rng(1), "UpS", base, platform))
+    modes = assembly_modes(m)
+    assert "12 paths ended at infinity" in modes.method
+    assert (modes.complete, modes.proved) == (True, False)
+    assert repr(modes).endswith("all with probability one>")
+    assert claim_text(modes).startswith("These are all, with probability one. Homotopy")
+    out_of_reach = assembly_modes(m, [*modes.actuated[:5], 9.0])
+    assert (len(out_of_reach), out_of_reach.complete) == (0, True)
+    assert claim_text(out_of_reach).startswith("There is none, with probability one.")
+    general = assembly_modes(built(hexapod(rng(1), "UpS", *points(rng(1)))))
+    assert general.proved
+    assert claim_text(general).startswith("These are all. Homotopy")
 
 
 def test_values_that_are_none_are_refused(robot):

@@ -103,6 +103,8 @@ def test_a_general_platform_has_40_modes_an_even_number_of_them_real(seed, kind)
     lengths = reach(base, platform, placement)
     found = Hexapod(base, platform).modes(lengths)
     assert found.complete
+    assert found.proved  # as many as the theorem allows
+    assert repr(found).endswith("proved to be all>")
     assert (
         found.counts.real + found.counts.complex,
         found.counts.infinite,
@@ -206,6 +208,8 @@ def test_special_geometry_has_fewer_modes(base, platform, degree):
     for lengths in (symmetric, symmetric + 0.1 * rng.normal(size=6)):
         found = hexapod.modes(lengths)
         assert found.complete
+        assert not found.proved  # a random start has as many, no theorem
+        assert repr(found).endswith("all with probability one>")
         assert_account(found)
         assert found.counts.infinite >= 40 - degree
         assert_modes(base, platform, lengths, found)
