@@ -46,7 +46,9 @@ def change_lines(change: ModeChange) -> list[str]:
     """Return lines about the status, the mode that is reached, and the singularities on the path."""
     lines = textwrap.wrap(str(change), _WIDTH, subsequent_indent="  ")
     if change.mode is not None and not change.crossed:
-        lines.append(f"  sigma      {change.sigma_bound:.3g} at least along the path, of type 2")
+        lines.append(
+            f"  sigma      {change.sigma_bound:.3g} at least along the path, of type 2 (estimated between steps)"
+        )
     return lines + [f"  singular   after step {one.segment}: sigma {one.sigma:.2g} of type 2" for one in change.crossed]
 
 

@@ -256,14 +256,12 @@ def _meshes(found: Plan) -> str:
     pairs = (*found.mesh_check.unchecked, *scene.allowed_collisions, *touching)
     left_out = [f"{one}-{other}" for one, other in pairs]
     mechanism, step = scene.mechanism, found.mesh_check.step
-    text = f"no contact on this path, checked every {_length_text(step)} of motion"
+    checked = f"checked every {_length_text(step)} of motion"
     if mechanism.loops or not all(coupling.is_linear for coupling in mechanism.couplings):
-        text += ", as estimated"
+        text = f"no contact on this path, {checked}: an estimate, as loops or couplings determine the motion"
     else:
-        text = (
-            f"no contact on this path: proved where shapes are more than {_length_text(step / 2.0)} apart, elsewhere "
-        )
-        text += f"checked every {_length_text(step)} of motion"
+        apart = _length_text(step / 2.0)
+        text = f"no contact on this path: proved where shapes are more than {apart} apart, elsewhere {checked}"
     return f"{text}; not checked: {', '.join(left_out)}" if left_out else text
 
 

@@ -40,7 +40,8 @@ def clear_motion(
     Collisions are found early: the end is tested first, then long segments.
 
     With loops, each middle is closed with its actuated joints locked. Closing must not move it by more than
-    `_MOST_CURVATURE`, and that motion is added to how far things can move. A motion that passes a singularity of type 2
+    `_MOST_CURVATURE`, and twice that motion is added to how far things can move: an estimate, no bound, of how far the
+    closed loops lead from the straight motion. A motion that passes a singularity of type 2
     is refused: the smallest singular value of the passive joints must not change its sign (`passes_type_2`).
 
     Args:

@@ -81,8 +81,9 @@ class ModeChange:
         modes: assembly modes for the values of the actuated joints at the goal.
         mode: index in `modes` of the one that is reached; None without a path.
         sigma: smallest singular value of the passive joints at the configurations of the path, dimensionless.
-        sigma_bound: lower bound of it anywhere on the path, 0 on a path through a singularity. By Weyl's inequality,
-            from the change of the matrix between configurations, counted twice because its path between them is curved.
+        sigma_bound: estimated lower bound of it anywhere on the path, 0 on a path through a singularity. By Weyl's
+            inequality, from the change of the matrix between configurations, counted twice because its path between
+            them is curved; that twice is enough is not proved.
         crossed: singularities of type 2 on the path; empty if it keeps clear of them.
     """
 
@@ -375,7 +376,7 @@ class _Search:
     # --- singularities -------------------------------------------------------------------------------------------
 
     def bound(self, begin: Array, end: Array, enough: float, depth: int) -> float:
-        """Return a lower bound of the smallest singular value between two configurations of a path, see
+        """Return an estimated lower bound of the smallest singular value between two configurations of a path, see
         `ModeChange.sigma_bound`.
 
         Args:

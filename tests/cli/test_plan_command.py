@@ -86,6 +86,18 @@ def test_what_repels_gets_stuck_and_it_is_said_where_and_by_what(typed, name):
     assert "reached: tool is at its goal" in typed(name)
 
 
+def test_only_paths_of_robots_without_loops_are_called_proved(root, typed, scene):
+    """Of closed loops the motion between two configurations is estimated, not bounded."""
+    post = {"name": "post", "kind": "box", "size": [0.05, 0.05, 0.3], "point": [0.25, 0.3, -2.3]}
+    path = scene(robot=str(root / "robots/delta4.raff"), goal={"point": [0.3, 0.0, -1.9]}, obstacle=[post])
+    path.write_text(json.dumps({key: value for key, value in json.loads(path.read_text()).items() if key != "mobile"}))
+    said = " ".join(typed(path).split())
+    assert "reached: platform is at its goal" in said
+    assert "no contact on this path, checked every 0.00404 m of motion: an estimate, as loops" in said
+    assert "proved" not in said
+    assert "no contact on this path: proved where shapes are more than" in " ".join(typed("rod").split())
+
+
 def test_the_place_that_is_told_is_where_the_path_ends(root, typed):
     said = " ".join(typed("rod", "--field", "firas", code=1).split())
     found = plan(load_scene(root / "robots/scenes/rod.toml"), field="firas")
