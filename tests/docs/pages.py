@@ -57,7 +57,7 @@ def links(page: Path) -> list[str]:
 def anchors(page: Path) -> set[str]:
     """The names of its headings, as GitHub makes them."""
     heads = re.findall(r"^#+ (.+)$", prose(page), flags=re.MULTILINE)
-    return {re.sub(r"[^\w\- ]", "", head.lower()).strip().replace(" ", "-") for head in heads}
+    return {re.sub(r"[^\w\- ]", "", head.strip().lower()).replace(" ", "-") for head in heads}
 
 
 def table(page: Path, first: str) -> list[list[str]]:
