@@ -120,7 +120,8 @@ def _console(block: Block, folder: Path, where: str) -> None:
             printed = _in_a_process(words)
         else:
             assert words[0] in COMMANDS, f"{where}: '{words[0]}' is not run"
-            printed = _in_this_process(words, given)
+            printed, code = _in_this_process(words, given)
+            assert code == 0 or said != "...\n", f"{where}: {command} fails:\n{printed}"
         assert _same(said, printed, folder), f"{where}: {command} prints:\n{printed}"
 
 
@@ -131,16 +132,16 @@ def _in_a_process(command: list[str]) -> str:
     ).stdout  # fmt: skip
 
 
-def _in_this_process(words: list[str], given: str) -> str:
+def _in_this_process(words: list[str], given: str) -> tuple[str, int]:
     """The same, without a second for all imports."""
     said = io.StringIO()
     monkey = pytest.MonkeyPatch()
     monkey.setattr(sys, "stdin", io.TextIOWrapper(io.BytesIO(given.encode())))
     with contextlib.redirect_stdout(said), contextlib.redirect_stderr(said), warnings.catch_warnings():
         warnings.simplefilter("default")
-        importlib.import_module(COMMANDS[words[0]]).main(words[1:])
+        code = importlib.import_module(COMMANDS[words[0]]).main(words[1:])
     monkey.undo()
-    return said.getvalue()
+    return said.getvalue(), code
 
 
 def _same(said: str, printed: str, folder: Path) -> bool:
