@@ -8,7 +8,7 @@ robot = cinegen.load("gough")
 lengths = [0.96, 1.0, 1.05, 1.05, 1.1, 1.0]  # m, from the encoders, in the order of robot.actuated
 
 modes = cinegen.assembly_modes(robot, lengths)
-print(f"{len(modes)} assembly modes, {'and no other' if modes.complete else 'perhaps more'} ({modes.method})")
+print(f"{len(modes)} assembly modes, {'and no other' if modes.proved else 'perhaps more'} ({modes.method})")
 
 possible = []
 for q, pose in zip(modes, modes.placements("platform"), strict=True):
