@@ -107,7 +107,8 @@ class Plan:
 
     @cached_property
     def clearance(self) -> float:
-        """Lower bound of all distances anywhere on the path, m, by conservative advancement."""
+        """Lower bound of all distances on the path, joints straight between its configurations, m, by conservative
+        advancement. Closed loops lead from these straight motions by second order of the step."""
         return path_clearance(self._clearance, self.path, safety=self.scene.safety)
 
     @cached_property

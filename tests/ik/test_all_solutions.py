@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pinocchio as pin
 import pytest
 
 import cinegen
+from cinegen.assembly.homotopy import Homotopy
+from cinegen.cli.ik import claim_text
 from cinegen.ik import FrameTask, IKError, IKSolutions
 from cinegen.model.load import build
 
@@ -480,3 +483,18 @@ def test_a_joint_that_follows_another_one_keeps_the_tool_upright(tmp_path):
     (tmp_path / "lamp.raff").write_text(text.replace("RATIO", "-0.7 offset -18"), encoding="utf-8")
     with pytest.raises(IKError, match="ratio of 1 or -1, not for 'joint3-joint2'"):
         solved(cinegen.load(tmp_path / "lamp.raff"), pose, rotation=0)
+
+
+def test_solutions_of_which_a_part_is_complete_with_probability_one_are_not_called_proved(robot, monkeypatch):
+    arm = robot("rx90")
+    pose = arm.placement(arm.q_home, "tool")
+    found = solved(arm, pose)
+    assert (found.complete, found.proved) == (True, True)
+    assert claim_text(found).startswith("These are all. ")
+    exact = Homotopy.modes
+    monkeypatch.setattr(Homotopy, "modes", lambda *args: replace(exact(*args), almost_surely=True))
+    found = solved(arm, pose)
+    assert (len(found), found.complete, found.proved) == (8, True, False)
+    assert repr(found).endswith("all with probability one>")
+    assert claim_text(found).startswith("These are all, with probability one. ")
+    assert (found.as_dict()["complete"], found.as_dict()["proved"]) == (True, False)
