@@ -1,7 +1,7 @@
 """Draws pictures of docs/howto again, from the blocks of its pages: `python docs/pictures/howto.py [NAME ...]`.
 
 Those whose blocks have not changed, or that have none, are left as they are, unless they are named. Needs chromium on
-PATH.
+PATH, and for the headset `make javascript` once.
 """
 
 import contextlib
@@ -10,6 +10,7 @@ import re
 import shlex
 import shutil
 import sys
+import warnings
 from contextvars import copy_context
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -24,8 +25,12 @@ from raff_sketch import RaffSketch, paper
 from sketch import SHADOW, Sketch
 from sources import HOWTO, howto_blocks, mark_in, mark_of
 
+sys.path.append(str(PICTURES.parents[1] / "tests/helpers"))
+from headset import Headset
+
 import cinegen
 from cinegen.cli import main as command_line
+from cinegen.cockpit import Cockpit
 from cinegen.collision import load_scene
 from cinegen.design import calibrate
 from cinegen.page import build_editor
@@ -33,6 +38,7 @@ from cinegen.planning import plan
 from cinegen.plotting import draw_modes, draw_plan
 from cinegen.plotting.residuals import draw_residuals
 from cinegen.plotting.sheet import BLUE, FAINT, GREEN, INK, ORANGE, VERMILLION, finish, label, sheet
+from cinegen.session import arrange
 from raff2urdf.quantities import show_lengths_in
 
 SIZE = (720, 480)  # pixels
@@ -161,6 +167,29 @@ def editor(browser, path):
         image.convert("RGB").save(path, quality=82, method=6)
 
 
+def headset(browser, path):
+    """What an emulated headset shows while its right hand drags a platform."""
+    tab = browser.new_page(viewport={"width": 1280, "height": 640}, bypass_csp=True)
+    worn = Headset(tab)
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", cinegen.CinegenWarning)  # the file names a serial port that is not here
+        setup = arrange({"delta4": cinegen.load(ROBOTS / "delta4.raff")}, follow=None)
+        with Cockpit(setup, port=8460, own_process=False) as cockpit:
+            tab.goto(cockpit.url)
+            tab.wait_for_function("document.documentElement.dataset.view === 'ready'", timeout=120_000)
+            worn.enter()
+            worn.put("left", (-0.13, 1.22, -0.75))
+            worn.put("right", (0.15, 1.35, -0.3))
+            worn.aim("right", "delta4", "platform")
+            worn.press("right", 1.0)
+            worn.put("right", (0.22, 1.38, -0.3))
+            worn.frames(30)
+            shot = tab.screenshot(timeout=120_000)
+    tab.close()
+    with Image.open(io.BytesIO(shot)) as image:
+        image.convert("RGB").crop((160, 46, 1120, 602)).save(path, quality=82, method=6)
+
+
 def mouse(_, path):
     """A 3D mouse and its axes, as a user sees them."""
     sketch = Sketch(-72.0, 26.0)
@@ -189,6 +218,7 @@ FIGURES = {
 
 DRAWINGS = {
     "howto_from_cad.webp": lambda browser, path: robot(browser, path, "planar.urdf", (-72.0, 48.0)),
+    "howto_headset.webp": headset,
     "howto_linkage.svg": linkage,
     "howto_my_delta.webp": delta,
     "howto_spacemouse.svg": mouse,
