@@ -32,12 +32,13 @@ import cinegen
 from cinegen.cli import main as command_line
 from cinegen.cockpit import Cockpit
 from cinegen.collision import load_scene
-from cinegen.design import calibrate
+from cinegen.design import calibrate, tolerance
 from cinegen.page import build_editor
 from cinegen.planning import plan
 from cinegen.plotting import draw_modes, draw_plan
 from cinegen.plotting.residuals import draw_residuals
 from cinegen.plotting.sheet import BLUE, FAINT, GREEN, INK, ORANGE, VERMILLION, finish, label, sheet
+from cinegen.plotting.tolerance import draw_tolerance
 from cinegen.session import arrange
 from raff2urdf.quantities import show_lengths_in
 
@@ -152,6 +153,14 @@ def residuals():
         return draw_residuals(calibrate(ROBOTS / "five_bar.raff", "measured.csv", names=["link*.d"]), name="five_bar")
 
 
+def contributors():
+    """What contributes to the errors of a delta robot whose three encoders have errors, by the command of the page."""
+    show_lengths_in("mm")
+    delta = cinegen.load(ROBOTS / "delta4.raff")
+    sigma = {"link*.d": "0.05mm", "*.alpha": "0.01deg"}
+    return draw_tolerance(tolerance("delta4", sigma, encoder=dict.fromkeys(delta.actuated, "0.01deg")), name="delta4")
+
+
 def editor(browser, path):
     """Draw the page with an editor."""
     tab = browser.new_page(viewport={"width": 1200, "height": 720}, bypass_csp=True)
@@ -209,6 +218,7 @@ def mouse(_, path):
 
 
 FIGURES = {
+    "howto_accuracy.png": contributors,
     "howto_all_solutions.png": modes,
     "howto_calibrate.png": residuals,
     "howto_export.png": exported,
