@@ -199,11 +199,12 @@ def test_a_plan_to_a_pose_keeps_to_its_side_of_the_singularities(root, goal):
 
 
 @pytest.mark.parametrize("mode", [OTHER_SIDE[0], *slow(*((mode,) for mode in OTHER_SIDE[1:]))])
-@pytest.mark.parametrize("planner", [Planner.AUTO, *slow(Planner.RRT_CONNECT)])
+@pytest.mark.parametrize("planner", [Planner.RRT_CONNECT, *slow(Planner.AUTO)])
 def test_a_plan_does_not_reach_a_pose_on_the_other_side(root, mode, planner):
     x, y, angle = mode
     task = scene(root, goal={"point": [x / 100, y / 100], "angle": np.radians(angle)})
-    found = plan(task, seconds=4.0, planner=planner)
+    # of AUTO the first attempt has a part of the time, in which it meets the singularity, on a busy machine, too
+    found = plan(task, seconds=12.0 if planner is Planner.AUTO else 4.0, planner=planner)
     assert found.status is PlanStatus.TIME_LIMIT
     along = [determinant(task.mechanism, q) for one in found.attempts for q in dense(task.mechanism, one.path)]
     assert min(along) > 0.0
