@@ -432,6 +432,7 @@ def test_many_labels_that_meet_find_their_places(cockpit, tab):
     assert becomes(page, lambda: int(page.evaluate("document.documentElement.dataset.frame")) > number + 5)
 
 
+@pytest.mark.slow
 def test_every_control_has_a_label_and_a_hint(cockpit, tab):
     page = tab(cockpit("delta4", follow="circle"))
     bare = page.evaluate("""() => [...document.querySelectorAll("button, input, select, [role=button]")]
@@ -444,6 +445,7 @@ def test_every_control_has_a_label_and_a_hint(cockpit, tab):
     assert bare == []
 
 
+@pytest.mark.slow
 def test_a_finger_drags_too(cockpit, browser):
     one = cockpit("delta4")
     context = browser.new_context(viewport={"width": 420, "height": 760}, has_touch=True, bypass_csp=True)

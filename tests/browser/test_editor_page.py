@@ -176,6 +176,7 @@ TWO = """RAFF t robot r { base { }
   link 2 { parameters { d 300 theta 30 } type 2 pred 1 } frame 3 { parameters { d 200 } pred 2 } }"""
 
 
+@pytest.mark.slow
 def test_waypoints_and_settings_outlive_edits(tmp_path, tab):  # noqa: F811
     (tmp_path / "page.html").write_text(build_editor(TWO, "two.raff"))
     page = tab(tmp_path / "page.html")

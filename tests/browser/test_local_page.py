@@ -118,6 +118,7 @@ def test_a_drag_is_undone_and_its_end_is_a_link(file, tab):
     assert configuration(other) == pytest.approx(dragged, abs=0.0)
 
 
+@pytest.mark.slow
 def test_loops_stay_closed_far_outside(robot, tmp_path, tab):
     path = tmp_path / "delta4.html"
     mechanism = robot("delta4")

@@ -200,6 +200,7 @@ def test_waypoints_are_saved_renamed_reordered_played_and_recorded(cockpit, tab,
     assert becomes(page, lambda: listed("start"))
 
 
+@pytest.mark.slow
 def test_waypoints_are_played_without_a_server(robot, file, tab):
     local = tab(file.as_uri(), offline=True)
     first, *_ = robot("five_bar").actuated
@@ -261,6 +262,7 @@ def test_a_link_has_the_camera_and_offers_its_configuration(cockpit, tab):
     assert page.evaluate(NEAR, CAMERA)
 
 
+@pytest.mark.slow
 def test_a_link_to_a_page_without_a_server_has_both(robot, file, tab):
     home = robot("five_bar").q_home
     camera = ",".join(map(str, CAMERA))

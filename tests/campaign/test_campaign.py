@@ -172,7 +172,7 @@ def _session(campaign, number) -> Session:
     return campaign._session(Random(f"0/ticks:{number}"), number)
 
 
-# --- a slice of the campaign: about a minute of one core ------------------------------------------------------------
+# --- a slice of the campaign: half a minute of one core --------------------------------------------------------------
 
 
 def assert_nothing(result):
@@ -185,21 +185,22 @@ def every_reader(tmp_path_factory):
     return Files(tmp_path_factory.mktemp("files"), 0)
 
 
+@pytest.mark.parametrize("cases", [50, *slow(100)])
 @pytest.mark.parametrize("name", READERS)
-def test_a_slice_of_the_files(name, every_reader):
+def test_a_slice_of_the_files(name, cases, every_reader):
     files = copy(every_reader)
     files.readers = (READERS[name],)
-    assert_nothing(workers.run(files, 100, workers=1))
+    assert_nothing(workers.run(files, cases, workers=1))
 
 
-@pytest.mark.parametrize(("sessions", "ticks"), [(20, 50_000), *slow((60, 100_000))])
+@pytest.mark.parametrize(("sessions", "ticks"), [(10, 20_000), *slow((60, 100_000))])
 def test_a_slice_of_the_ticks(sessions, ticks):
     result = workers.run(Ticks(), sessions, workers=1)
     assert_nothing(result)
     assert result.counts["ticks"] > ticks
 
 
-@pytest.mark.parametrize(("connections", "least"), [(6, 250), *slow((60, 3000))])
+@pytest.mark.parametrize(("connections", "least"), [(4, 150), *slow((60, 3000))])
 def test_a_slice_of_the_messages(connections, least):
     result = workers.run(messages.Messages(), connections, workers=1)
     assert_nothing(result)

@@ -18,6 +18,7 @@ import imageio_ffmpeg
 import numpy as np
 import pytest
 from PIL import Image
+from variants import slow
 
 import cinegen.cli
 import raff2urdf.cli
@@ -85,6 +86,11 @@ COMMANDS = {
 }
 
 
+# Others write by the functions of one of these.
+OWN = ("singular -o", "modes --plot", "modes --plot, no suffix", "drive --snapshot", "plan -o", "urdf2raff -o")
+every_command = pytest.mark.parametrize("name", [*OWN, *slow(*(name for name in COMMANDS if name not in OWN))])
+
+
 @pytest.fixture(scope="module")
 def inputs(robot, tmp_path_factory):
     """A recording and a URDF."""
@@ -139,7 +145,7 @@ def command(root, inputs, tmp_path, monkeypatch):
     return run
 
 
-@pytest.mark.parametrize("name", COMMANDS)
+@every_command
 def test_a_link_stays_a_link(command, name, tmp_path):
     file, _, is_right = COMMANDS[name]
     link = tmp_path / file
@@ -158,7 +164,7 @@ def test_a_link_stays_a_link(command, name, tmp_path):
     assert sorted(path.name for path in tmp_path.iterdir()) == sorted(["here", file, "target"])
 
 
-@pytest.mark.parametrize("name", COMMANDS)
+@every_command
 def test_a_device_is_never_replaced_and_a_full_one_is_an_error(command, name, device, capsys):
     full = device("full")
     assert command(name, full) == 1
@@ -171,7 +177,7 @@ def test_a_device_is_never_replaced_and_a_full_one_is_an_error(command, name, de
     assert stat.S_ISCHR(null.lstat().st_mode)
 
 
-@pytest.mark.parametrize("name", COMMANDS)
+@every_command
 def test_a_fifo_is_written_through(command, name, fifo):
     path, read = fifo()
     assert command(name, path) == 0
@@ -180,7 +186,7 @@ def test_a_fifo_is_written_through(command, name, fifo):
     assert is_right(read())
 
 
-@pytest.mark.parametrize("name", COMMANDS)
+@every_command
 def test_a_folder_gets_an_output_but_no_picture(command, name, tmp_path, capsys):
     (tmp_path / "folder").mkdir()
     code = command(name, tmp_path / "folder")

@@ -100,7 +100,7 @@ def test_all_streams_closed(start, name):
 
 
 @pytest.mark.parametrize(
-    ("name", "how"), [("cinegen info", "closed"), ("raff2urdf", "full"), ("raff2urdf", "no reader")]
+    ("name", "how"), [("cinegen info", "closed"), ("raff2urdf", "full"), *slow(("raff2urdf", "no reader"))]
 )
 def test_standard_error_that_is_lost_changes_nothing(start, device, no_reader, name, how):
     closing = "2>&-" if how == "closed" else ""
@@ -346,7 +346,7 @@ def test_an_unexpected_error_is_one_line(capsys, monkeypatch, error, code, says)
 @pytest.mark.parametrize(
     ("limit", "words", "says"),
     [
-        ("-f 0", "drive robots/planar_3r.raff --seconds 0.2 --no-browser", "cinegen: File too large"),
+        *slow(("-f 0", "drive robots/planar_3r.raff --seconds 0.2 --no-browser", "cinegen: File too large")),
         ("-f 0", "map robots/planar_3r.raff --over x,y --grid 3 --workers 1 -o m", "can't be written: File too large"),
         ("-v 500000", "info robots/planar_3r.raff", "cinegen: out of memory"),
     ],

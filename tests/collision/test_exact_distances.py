@@ -13,6 +13,7 @@ import pinocchio as pin
 import pytest
 import trimesh
 from mesh_contact import MeshContact, tree_of
+from variants import slow
 
 import cinegen
 from cinegen.collision import Clearance, scene_of
@@ -46,7 +47,7 @@ def clearance_among_links(mechanism, within=None):
 
 
 @pytest.mark.parametrize(
-    "name", [PANDA, UR5, "xarm_description/urdf/xarm7.urdf", "talos_data/robots/talos_left_arm.urdf"]
+    "name", [PANDA, *slow(UR5, "xarm_description/urdf/xarm7.urdf", "talos_data/robots/talos_left_arm.urdf")]
 )
 def test_a_configuration_is_clear_by_a_margin_exactly_where_the_meshes_are(name):
     mechanism, margin = load(name), 2e-3

@@ -17,6 +17,7 @@ import trimesh
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.spatial import ConvexHull
+from variants import others_slow, slow
 
 import cinegen
 from cinegen.collision.body import PlacedShape as Solid
@@ -108,7 +109,13 @@ def seen(placement, points):
 # --- what holds for every robot ------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("name", [*sorted(path.stem for path in ROBOTS.glob("*.raff")), *OTHERS])
+@pytest.mark.parametrize(
+    "name",
+    [
+        *others_slow(pytest.param(path.stem) for path in sorted(ROBOTS.glob("*.raff"))),
+        *(OTHERS[0], OTHERS[2], *slow(OTHERS[1], *OTHERS[3:])),
+    ],
+)
 def test_nothing_that_can_be_hit_is_outside_of_the_bodies(name):
     mechanism, rng = drawn(name), np.random.default_rng(0)
     bodies = bodies_named(name)

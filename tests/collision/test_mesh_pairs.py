@@ -8,6 +8,7 @@ import pytest
 from test_mesh_check import READY, load, panda, scene
 from test_self_collision import load as load_any
 from test_srdf import AC, chain
+from variants import slow
 
 import cinegen
 from cinegen.collision.mesh_check import MeshCheck
@@ -25,15 +26,11 @@ def names(bodies, pairs):
     "name",
     [
         "delta4",
-        "gough",
-        "five_bar",
         "hybrid",
-        "planar_hybrid",
-        "sr400",
         "two_arms",
         "panda_description/urdf/panda.urdf",
-        "ur_description/urdf/ur5_robot.urdf",
-        "tiago_description/robots/tiago_no_hand.urdf",
+        *slow("gough", "five_bar", "planar_hybrid", "sr400", "ur_description/urdf/ur5_robot.urdf"),
+        *slow("tiago_description/robots/tiago_no_hand.urdf"),
     ],
 )
 def test_both_selections_of_pairs_agree_but_for_links_at_a_constant_distance(name):

@@ -15,7 +15,7 @@ import pinocchio as pin
 import pytest
 from lxml import etree
 from mesh_contact import adjacent_links
-from variants import others_slow
+from variants import others_slow, slow
 
 import cinegen
 from cinegen.collision.body import Body, geometry_model
@@ -27,13 +27,14 @@ from cinegen.model.load import robots
 ROBOTS = Path(__file__).resolve().parents[2] / "robots"
 SHARE = Path(sysconfig.get_path("purelib")) / "cmeel.prefix/share/example-robot-data/robots"
 PANDA = "panda_description/urdf/panda.urdf"
+SOLO = "solo_description/robots/solo12.urdf"
 OTHERS = [
     PANDA,
     "panda_description/urdf/panda_collision.urdf",
     "ur_description/urdf/ur5_robot.urdf",
     "talos_data/robots/talos_left_arm.urdf",
     "tiago_description/robots/tiago_no_hand.urdf",
-    "solo_description/robots/solo12.urdf",
+    SOLO,
     "xarm_description/urdf/xarm7.urdf",
     "simple_humanoid_description/urdf/simple_humanoid_classical.urdf",
 ]
@@ -41,9 +42,12 @@ ALL = [
     *((path.stem, robot) for path in sorted(ROBOTS.glob("*.raff")) for robot in robots(path)),
     *((name, None) for name in OTHERS),
 ]
-every = pytest.mark.parametrize(("name", "robot"), ALL)
 of_each_kind = pytest.mark.parametrize(
-    ("name", "robot"), [*others_slow(pytest.param(*one) for one in ALL[: -len(OTHERS)]), *ALL[-len(OTHERS) :]]
+    ("name", "robot"),
+    [
+        *others_slow(pytest.param(*one) for one in ALL[: -len(OTHERS)]),
+        *((PANDA, None), (SOLO, None), *slow(*((name, None) for name in OTHERS if name not in (PANDA, SOLO)))),
+    ],
 )
 
 
@@ -74,7 +78,7 @@ def distance(bodies, at, i, k):
 # --- laws ----------------------------------------------------------------------------------------------------------
 
 
-@every
+@of_each_kind
 def test_pairs_are_in_order_of_different_joints_and_never_of_neighbours(name, robot):
     mechanism, bodies, pairs = found(name, robot)
     assert pairs == tuple(sorted(set(pairs)))

@@ -19,20 +19,20 @@ ROBOTS = Path(__file__).resolve().parents[2] / "robots"
 GRIP = RaffParameters(theta=30, r=120, d=80, alpha=50, gamma=-20, epsilon=40)  # mm and degrees
 
 
-@pytest.fixture(params=["arm7", "delta4", "planar_hybrid", "gough"])
-def twins(request, tmp_path):
+@pytest.fixture(params=["arm7", "delta4", "planar_hybrid", "gough"], scope="module")
+def twins(request, tmp_path_factory):
     """A robot with a frame `grip` on its last link, that link's name, and the frame's placement on it."""
-    path = ROBOTS / f"{request.param}.raff"
+    path, folder = ROBOTS / f"{request.param}.raff", tmp_path_factory.mktemp("twins")
     document = raff2urdf.load(path)
     robot = document.robot()
     father = robot.links[-1]
     frame = RaffFrame(9999, GRIP, father.number, "grip")
     other = replace(robot, parts=(*robot.parts, frame))
     text = raff2urdf.dumps(replace(document, robots=(other,)))
-    (tmp_path / "graphics").symlink_to(ROBOTS / "graphics")
-    (tmp_path / "twin.raff").write_text(text)
+    (folder / "graphics").symlink_to(ROBOTS / "graphics")
+    (folder / "twin.raff").write_text(text)
     at = pin.SE3(transform(kleinfinger(document, frame.parameters)))
-    return cinegen.load(tmp_path / "twin.raff"), father.node, at
+    return cinegen.load(folder / "twin.raff"), father.node, at
 
 
 @pytest.mark.parametrize("rotation", [0, 1, 2, 3])

@@ -21,7 +21,7 @@ EVERY = [
     for path in sorted(ROBOTS.glob("*.raff"))
     for robot in raff2urdf.load(path).robots
 ]
-every_robot = pytest.mark.parametrize(("name", "which"), EVERY)
+every_robot = pytest.mark.parametrize(("name", "which"), others_slow(EVERY))
 
 SIX = """robot r { base { }
   link 1 { parameters { r 500 theta 90 alpha 90 } type 1 pred 0 }

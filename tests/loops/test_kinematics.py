@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 import pinocchio as pin
 import pytest
+from variants import others_slow
 
 import cinegen
 import raff2urdf
@@ -79,7 +80,7 @@ def check(model: pin.Model, q: np.ndarray, step: np.ndarray) -> None:
     assert back == pytest.approx(pin.difference(model, q, there), abs=1e-11)
 
 
-@pytest.mark.parametrize(("name", "which"), EVERY)
+@pytest.mark.parametrize(("name", "which"), others_slow(EVERY))
 def test_every_robot(name, which):
     model, rng = cinegen.load(ROBOTS / f"{name}.raff", which).model, np.random.default_rng(0)
     for _ in range(5):

@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 import pinocchio as pin
 import pytest
+from variants import others_slow
 
 import cinegen
 import raff2urdf
@@ -65,7 +66,7 @@ robot floating {
 }
 
 
-@pytest.fixture(params=[*(f"{path.stem}:{name}" for path, name in FILES), *MORE])
+@pytest.fixture(params=[*others_slow(pytest.param(f"{path.stem}:{name}") for path, name in FILES), *MORE])
 def original(request, tmp_path_factory):
     """The RAFF file, and which of its robots."""
     if request.param not in MORE:

@@ -9,10 +9,12 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from variants import slow
 
 from cinegen.planning import PlanStatus, plan
 
 FOLDER = Path(__file__).parent / "motion_bench_maker"
+PROBLEMS = sorted(FOLDER.glob("*/request*.yaml"))
 
 
 @pytest.fixture(scope="module")
@@ -26,7 +28,7 @@ def benchmark():
     return module
 
 
-@pytest.mark.parametrize("problem", sorted(FOLDER.glob("*/request*.yaml")), ids=lambda path: path.parent.name)
+@pytest.mark.parametrize("problem", [PROBLEMS[0], *slow(*PROBLEMS[1:])], ids=lambda path: path.parent.name)
 def test_problems_are_solved_without_contact_of_meshes(benchmark, problem):
     file = problem.with_name(problem.name.replace("request", "scene"))
     scene, judge = benchmark.read(problem, file, 1e-3), benchmark.Judge(file)

@@ -11,6 +11,7 @@ from pathlib import Path
 import numpy as np
 import pinocchio as pin
 import pytest
+from variants import slow
 
 import cinegen
 from cinegen.collision import PlanningError, SceneError, clearance_of, load_scene, scene_of
@@ -217,7 +218,7 @@ def test_goals_and_locks_that_make_no_sense_are_refused(panda, values, reason):
 # --- shortcuts ----------------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("name", ["rod", "disc", "discs", "generic"])
+@pytest.mark.parametrize("name", ["rod", "generic", *slow("disc", "discs")])
 def test_paths_of_vortices_become_shorter_and_stay_clear(root, name):
     scene = load_scene(root / f"robots/scenes/{name}.toml")
     raw, short = (plan(scene, planner="vortex", shorten=shorten, seconds=60.0) for shorten in (False, True))

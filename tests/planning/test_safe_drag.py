@@ -51,7 +51,7 @@ def balls_about(name, node, rng):
 
 
 @pytest.mark.parametrize(("dt", "acceleration"), [(0.01, None), *slow((0.05, np.inf), (1e-3, np.inf))])
-@pytest.mark.parametrize(("name", "node"), [("arm7", "tool"), ("planar_3r", "tool"), ("delta4", "platform")])
+@pytest.mark.parametrize(("name", "node"), [("arm7", "tool"), *slow(("planar_3r", "tool")), ("delta4", "platform")])
 @pytest.mark.parametrize("seed", [0, *slow(1, 2)])
 def test_however_it_is_pulled_it_stays_clear_all_along(name, node, dt, acceleration, seed):
     """Dragged into one ball after another, no step comes nearer than the safety distance, anywhere on it, by distances
@@ -98,7 +98,7 @@ def test_it_goes_round_a_pole_where_a_damper_alone_is_held():
     assert Status.DETOUR in seen
     alone = Solver(avoiding.mechanism, 1e-3, scene("planar_3r", rod, start=start).start)
     alone.barriers = avoiding.barriers
-    step, seen = pulled(alone)
+    step, seen = pulled(alone, 3000)
     assert step.errors[0][0] > 0.1
     assert step.status is Status.BARRED
     assert clearance.least(step.q) >= SAFETY

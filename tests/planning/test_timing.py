@@ -10,6 +10,7 @@ import pinocchio as pin
 import pytest
 from clearings import load, measured
 from scipy.interpolate import CubicHermiteSpline
+from variants import slow
 
 from cinegen.collision import load_scene, scene_of
 from cinegen.planning import plan
@@ -81,7 +82,7 @@ def law_abiding(found, scene, acceleration=10.0, prismatic=2.5):
     return np.abs(changes).max() / acceleration
 
 
-@pytest.mark.parametrize("name", ["rod", "disc"])
+@pytest.mark.parametrize("name", ["rod", *slow("disc")])
 def test_plans_of_the_paper(root, name):
     scene = load_scene(root / f"robots/scenes/{name}.toml")
     found = plan(scene)

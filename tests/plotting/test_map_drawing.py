@@ -264,7 +264,7 @@ def test_a_robot_out_of_the_picture_is_not_in_the_legend(made):
     assert not [artist for artist in figure.axes[0].get_children() if artist.get_gid() == ROBOT]
 
 
-@pytest.mark.parametrize("sides", [(2.0, 0.4), (0.1, 0.2), (0.1, 0.7)])
+@pytest.mark.parametrize("sides", [(2.0, 0.4), *slow(((0.1, 0.2),), ((0.1, 0.7),))])
 def test_a_long_name_takes_nothing_from_the_picture(made, sides):
     """And neither it nor any other word sticks out of the sheet."""
     axes = [(name, -0.5 * side, 0.5 * side, 4) for name, side in zip("xy", sides, strict=True)]
@@ -410,7 +410,7 @@ def test_over_three_axes_there_are_slices_and_a_solid(made):
     assert str(extent(box)).replace("m^2", "m²") in words(figure)
 
 
-@pytest.mark.parametrize("thin", ["x", "y"])
+@pytest.mark.parametrize("thin", ["x", *slow("y")])
 def test_a_sliver_of_space_has_a_picture_of_usual_size(made, thin):
     """Were what is as long drawn as long, it would be a kilometre high."""
     sides = {"x": 0.8, "y": 0.8, "z": 0.4, thin: 0.0004}
@@ -487,7 +487,7 @@ def test_two_maps_show_what_each_reaches_alone(made, wrist):
         draw_comparison(wrist, other, "force")
 
 
-@pytest.mark.parametrize("letters", [49, *slow(19)])
+@pytest.mark.parametrize("letters", slow(49, 19))
 def test_long_names_of_two_maps_take_nothing_from_their_picture(made, wrist, letters, monkeypatch):
     from cinegen.plotting import comparison
 

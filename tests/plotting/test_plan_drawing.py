@@ -13,6 +13,7 @@ from hypothesis import strategies as st
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.colors import to_rgb
 from matplotlib.patches import Polygon
+from variants import slow
 
 from cinegen.collision import load_scene, scene_of
 from cinegen.collision.body import Body
@@ -260,7 +261,7 @@ def test_there_is_a_picture_of_every_plan(values, title):
     FigureCanvasAgg(figure).draw()
 
 
-@pytest.mark.parametrize("space", [False, True])
+@pytest.mark.parametrize("space", [True, *slow(False)])
 def test_nothing_is_cut_off_and_something_is_seen(found, over_the_wall, space):
     figure = draw_plan(over_the_wall if space else found("generic"))
     FigureCanvasAgg(figure).draw()

@@ -9,8 +9,10 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import pytest
 from mechanisms import CLOSED_CHAINS, KNOWN
 from numpy.typing import NDArray
+from variants import others_slow, slow
 
 from raff2urdf import loads
 from raff2urdf.conversion import Translation, translate
@@ -67,7 +69,11 @@ TEXTS = {name: KNOWN[name][0] for name in CLOSED_CHAINS} | {
 }
 """Texts of robots beyond those in `robots`, by name."""
 
-ALL = [*sorted(path.stem for path in ROBOTS.glob("*.raff")), "two_arms.right", *TEXTS]
+ALL = [
+    *others_slow(pytest.param(path.stem) for path in sorted(ROBOTS.glob("*.raff"))),
+    *slow("two_arms.right"),
+    *TEXTS,
+]
 
 
 @dataclass(frozen=True)

@@ -10,6 +10,7 @@ import mechanisms
 import pytest
 from rounding import rounded
 from test_near_redundancy import LEGS, MINITAUR, described, dragged
+from variants import slow
 
 import cinegen
 import raff2urdf
@@ -61,7 +62,7 @@ def test_minitaur_is_healed_and_dragged(tmp_path):
         assert closure <= 1e-10
 
 
-@pytest.mark.parametrize("name", ["four_bar", "sarrus", "bennett"])
+@pytest.mark.parametrize("name", ["sarrus", *slow("four_bar", "bennett")])
 def test_a_urdf_with_its_constraints(name, tmp_path):
     text = {"four_bar": mechanisms.four_bar(2), "sarrus": mechanisms.sarrus(2), "bennett": mechanisms.bennett()}[name]
     exact = build(*described(text))

@@ -20,7 +20,7 @@ from cinegen import Status
 TICKS, SEEDS = 2000, 5
 FILES = sorted(path.stem for path in ROBOTS.glob("*.raff"))
 EVERY = [pytest.param(name, robot.name, id=f"{name}-{robot.name}") for name in FILES for robot in document(name).robots]
-every_robot = pytest.mark.parametrize(("name", "which"), EVERY)
+every_robot = pytest.mark.parametrize(("name", "which"), others_slow(EVERY))
 
 
 @cache
@@ -166,9 +166,9 @@ HARD = {  # seeds at which it trembles if steps are only halved or an active set
 @pytest.mark.parametrize(
     ("name", "which", "seed"),
     [
-        pytest.param(*robot.values, seed, id=f"{robot.id}-{seed}")
+        pytest.param(*robot.values, seed, id=f"{robot.id}-{seed}", marks=[] if k == 0 else pytest.mark.slow)
         for robot in EVERY
-        for seed in (1000, 1001, *HARD.get(robot.values[0], ()))
+        for k, seed in enumerate((*HARD.get(robot.values[0], ()), 1000, 1001))
     ],
 )
 def test_pulled_for_long_to_one_place_it_comes_to_rest_as_near_as_its_limits_allow(name, which, seed):

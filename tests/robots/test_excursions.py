@@ -19,9 +19,9 @@ from cinegen.tolerances import NEAR_SINGULAR
 DT = 1 / 60
 FILES = sorted(path.stem for path in ROBOTS.glob("*.raff"))
 EVERY = [pytest.param(name, robot.name, id=f"{name}-{robot.name}") for name in FILES for robot in document(name).robots]
-every_robot = pytest.mark.parametrize(("name", "which"), EVERY)
+every_robot = pytest.mark.parametrize(("name", "which"), others_slow(EVERY))
 OUT, BACK = 60, 3000
-excursions = pytest.mark.parametrize("excursions", [20, *slow(100)])
+excursions = pytest.mark.parametrize("excursions", [10, *slow(100)])
 
 DEAD_ENDS = {"rx90": 10, "four_bar": 8, "two_arms": 7, "hybrid": 4, "serial_5dof": 4, "arm7": 3, "belt_five_bar": 1}
 """So many of a hundred excursions may end where limits, or the curve of a four-bar's tool, pulled the robot into a dead

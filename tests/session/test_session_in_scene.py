@@ -95,6 +95,7 @@ def line(begin, end, count):
     return np.linspace(begin, end, count + 1)[1:]
 
 
+@pytest.mark.slow
 def test_an_arm_that_is_dragged_past_a_pole_never_comes_nearer_than_the_safety_distance(session):
     one = session("arm7", POLE)
     far = Measured(one, "arm7", {"pole": coal.Capsule(0.03, 1.0)})

@@ -58,6 +58,7 @@ def test_and_of_type_2_on_the_circle_about_elbows_that_fall_together(five_bar):
             assert np.allclose(five_bar.of.mechanism.placement(q, "tool").translation[:2], (u, v), atol=1e-9)
 
 
+@pytest.mark.slow
 def test_fichters_curve_on_a_slice_of_the_tssm(robot):
     """At theta = phi = 0 the platform's turn alone makes it singular, at 90 degrees, wherever it is."""
     of = Slice(robot("tssm"), (Axis("x", -0.006, 0.006), Axis("rz", -2.2, 2.2)), {"rx": 0.0, "ry": 0.0, "z": 0.018})

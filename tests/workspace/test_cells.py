@@ -22,7 +22,7 @@ FLOATING = """<robot name="flying"><link name="world"/><link name="base"/><link 
 </robot>"""
 
 
-@pytest.mark.parametrize("limits", [True, False])
+@pytest.mark.parametrize("limits", [True, *slow(False)])
 def test_over_motors_no_cell_is_lost_in_a_pocket_that_the_way_led_into(robot, limits):
     """Each cell on its own straight way from home is the least that a whole piece must hold."""
     axes = (("joint1", -2.5, 2.5, 14), ("joint6", -2.5, 2.5, 14))
@@ -36,7 +36,7 @@ def test_over_motors_no_cell_is_lost_in_a_pocket_that_the_way_led_into(robot, li
         assert (q <= model.upperPositionLimit + 1e-8).all()
 
 
-@pytest.mark.parametrize("count", [10, 11, *slow(16)])
+@pytest.mark.parametrize("count", [10, *slow(11, 16)])
 def test_the_share_that_closes_does_not_depend_on_the_grid(robot, count):
     axes = (("joint3", 0.018, 0.048, count), ("joint9", 0.018, 0.048, count))
     tssm = robot("tssm")
@@ -59,7 +59,7 @@ def test_a_wave_does_not_change_branches_in_a_cell_where_two_meet(robot, count):
         assert (np.sign(np.sin(q[:, at])) == np.sign(np.sin(five_bar.q_home[at]))).all()
 
 
-@pytest.mark.parametrize("count", [20, 21, 40])
+@pytest.mark.parametrize("count", [20, 21, *slow(40)])
 @pytest.mark.parametrize("names", [("joint1", "joint2"), ("joint2", "joint3")])
 def test_a_curve_on_the_middles_or_the_borders_of_cells_is_one_line(robot, tmp_path, names, count):
     """An arm whose elbow is straight, over a range with that in its middle: at a point of the grid, or between two."""

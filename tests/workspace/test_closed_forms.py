@@ -9,6 +9,7 @@ import pytest
 from closed_forms import delta4, five_bar, gough, planar_3r, rx90, two_bars, within
 from mapped import mapped, middles, over
 from scipy.ndimage import label, maximum_filter, minimum_filter
+from variants import slow
 
 from cinegen.assembly import assembly_modes
 from cinegen.workspace import CellStatus, GridAxis, MapError, MapSpecification, Region, line_region, make_map
@@ -37,8 +38,7 @@ def searched(found):
 PLANE = ("x", -0.83, 0.81, 36), ("y", -0.83, 0.82, 36)
 
 
-@pytest.mark.parametrize("limits", [True, False])
-@pytest.mark.parametrize("most", [10**6, 50])
+@pytest.mark.parametrize(("most", "limits"), [(10**6, True), (50, False), *slow((10**6, False), (50, True))])
 def test_five_bar_reaches_what_both_its_arms_reach_in_all_working_modes(robot, limits, most):
     region = over(*PLANE)
     found = mapped(MapSpecification(robot("five_bar"), region, ("solutions",), limits=limits), most)
@@ -47,8 +47,7 @@ def test_five_bar_reaches_what_both_its_arms_reach_in_all_working_modes(robot, l
     searched(found)
 
 
-@pytest.mark.parametrize("limits", [True, False])
-@pytest.mark.parametrize("turned", [0.5, -2.0])
+@pytest.mark.parametrize(("turned", "limits"), [(0.5, True), (-2.0, False), *slow((0.5, False), (-2.0, True))])
 def test_planar_3r_reaches_an_annulus_about_where_its_last_link_begins(robot, limits, turned):
     region = over(("x", -1.01, 1.02, 36), ("y", -1.01, 1.03, 36), at={"rz": turned})
     found = mapped(MapSpecification(robot("planar_3r"), region, ("solutions",), limits=limits))
@@ -73,7 +72,7 @@ def test_planar_3r_over_place_and_angle(robot):
     agree(found["solutions"], planar_3r(*middles(region)))
 
 
-@pytest.mark.parametrize(("counts", "most"), [((14, 13, 12), 10**6), ((14, 13, 12), 60), ((7, 6, 5), 10**6)])
+@pytest.mark.parametrize(("counts", "most"), [*slow(((14, 13, 12), 10**6)), ((14, 13, 12), 60), ((7, 6, 5), 10**6)])
 def test_delta4_s_working_volume_also_where_cells_are_large(robot, counts, most):
     lows, highs = (-5.0, -5.0, -6.0), (5.1, 5.2, 3.0)
     region = over(*zip("xyz", lows, highs, counts, strict=True))
@@ -94,7 +93,7 @@ def test_delta4_has_one_solution_within_limits_and_eight_without(robot):
 POSES = ({}, {"rx": 0.2, "ry": -0.3, "rz": 0.5}, {"z": 0.6, "rx": 0.0, "ry": 0.4, "rz": 0.0}, {"z": 0.85, "rz": 1.2})
 
 
-@pytest.mark.parametrize("at", POSES)
+@pytest.mark.parametrize("at", [*slow(POSES[0]), POSES[1], *slow(*POSES[2:])])
 @pytest.mark.parametrize("passive", [True, False])
 def test_gough_at_a_fixed_orientation_reaches_what_is_in_six_shells(robot, raff, root, at, passive):
     mechanism = robot("gough")
@@ -154,7 +153,7 @@ def test_a_layer_that_is_one_cell_thin(robot):
     agree(found["reachable"][:, 0], five_bar(*middles(region))[:, 0] > 0)
 
 
-@pytest.mark.parametrize("limits", [True, False])
+@pytest.mark.parametrize("limits", [True, *slow(False)])
 def test_rx90_s_full_pose_at_a_fixed_orientation(robot, limits):
     region = over(("x", -1.0, 1.0, 9), ("y", -1.0, 1.1, 9), ("z", -1.0, 1.0, 8), at={"rx": 0.4, "ry": 1.9, "rz": -0.3})
     found = mapped(MapSpecification(robot("rx90"), region, ("solutions",), limits=limits))
@@ -226,11 +225,12 @@ def test_both_parts_are_found_where_bars_are_too_long_for_what_is_between(raff, 
 
 # --- certainty -------------------------------------------------------------------------------------------------------
 
-ROBOTS = ("arm7", "delta4", "delta4_linear", "five_bar", "four_bar", "gough", "hybrid", "planar_3r", "planar_hybrid",
-          "rx90", "serial_5dof", "sr400", "tssm", "two_arms")  # fmt: skip
+ROBOTS = ("arm7", "delta4", "gough", "hybrid", "sr400")
+OTHERS = ("delta4_linear", "five_bar", "four_bar", "planar_3r", "planar_hybrid", "rx90", "serial_5dof", "tssm",
+          "two_arms")  # fmt: skip
 
 
-@pytest.mark.parametrize("name", ROBOTS)
+@pytest.mark.parametrize("name", [*ROBOTS, *slow(*OTHERS)])
 @pytest.mark.parametrize("limits", [True, False])
 def test_what_a_robot_does_is_never_said_to_be_too_far(robot, name, limits):
     from cinegen.ik.local_ik import LocalIK
