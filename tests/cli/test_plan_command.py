@@ -9,6 +9,7 @@ import shutil
 import numpy as np
 import pytest
 import typer
+from variants import slow
 
 from cinegen.cli import app, main
 from cinegen.collision import load_scene
@@ -59,7 +60,7 @@ def test_an_srdf_next_to_the_urdf_is_reported(root, typed, scene, tmp_path):
 # --- what is told ------------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("name", SCENES)
+@pytest.mark.parametrize("name", ["rod", "generic", *slow("disc", "discs")])
 def test_scenes_of_the_paper_are_reached_and_the_answer_says_how(root, typed, name):
     said = typed(name)
     found = load_scene(root / f"robots/scenes/{name}.toml")
@@ -75,7 +76,7 @@ def test_scenes_of_the_paper_are_reached_and_the_answer_says_how(root, typed, na
     assert max(map(len, lines)) <= 100
 
 
-@pytest.mark.parametrize("name", ["rod", "disc"])
+@pytest.mark.parametrize("name", ["rod", *slow("disc")])
 def test_what_repels_gets_stuck_and_it_is_said_where_and_by_what(typed, name):
     """Figures 5 and 7; vortices get there in figures 6 and 8."""
     said = " ".join(typed(name, "--field", "firas", code=1).split())
@@ -174,7 +175,7 @@ def test_what_else_a_goal_asks_for_is_shown(typed, tmp_path, root):
 # --- JSON --------------------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("name", SCENES)
+@pytest.mark.parametrize("name", ["rod", "generic", *slow("disc", "discs")])
 def test_json_holds_a_way_from_the_start_to_the_goal(root, typed, name):
     said = json.loads(typed(name, "--json"))
     found = load_scene(root / f"robots/scenes/{name}.toml")
@@ -297,7 +298,7 @@ def test_a_picture_is_written(typed, tmp_path):
     assert path.read_bytes().startswith(b"\x89PNG")
 
 
-@pytest.mark.parametrize("name", ["rod", "discs"])
+@pytest.mark.parametrize("name", ["rod", *slow("discs")])
 def test_a_way_is_recorded_for_replay_and_export(root, typed, tmp_path, capsys, name):
     path = tmp_path / "way.jsonl"
     said = json.loads(typed(name, "--json", "-o", path))

@@ -40,7 +40,7 @@ COMMANDS = {
 }
 
 
-ONE_OF_EACH = ("cinegen --help", "cinegen close", "raff2urdf", "python -m raff2urdf.urdf2raff")
+ONE_OF_EACH = ("cinegen --help", "cinegen close", "raff2urdf")
 every_command = pytest.mark.parametrize(
     "name", [*ONE_OF_EACH, *slow(*(name for name in COMMANDS if name not in ONE_OF_EACH))]
 )
@@ -128,6 +128,7 @@ def test_files_are_written_though_nobody_reads_what_is_said(root, no_reader, tmp
     assert sorted(path.name for path in (tmp_path / "out").glob("*.urdf")) == [f"{name}.urdf" for name in "abc"]
 
 
+@pytest.mark.slow
 def test_a_recording_is_written_though_nobody_reads_what_is_said(root, no_reader, tmp_path):
     command = [sys.executable, "-m", "cinegen", "plan", str(root / "robots/scenes/disc.toml"), "-o", "way.jsonl"]
     environment = os.environ | {"PYTHONPATH": str(root)}
@@ -147,6 +148,7 @@ def test_a_recording_whose_reader_has_gone_ends_as_if_by_the_signal(root, no_rea
     assert "can't be written" not in done.stderr
 
 
+@pytest.mark.slow
 def test_what_only_streams_ends_with_its_reader(root, tmp_path):
     """Though more might be asked: standard input stays open."""
     command = [sys.executable, "-m", "cinegen", "close", str(root / "robots/planar_3r.raff")]
@@ -200,6 +202,7 @@ def test_sigterm_ends_a_command_in_order(waiting):
     assert waiting(signal.SIGTERM) == (TERMINATED, "")
 
 
+@pytest.mark.slow
 def test_ctrl_c_ends_a_filter(waiting):
     assert waiting(signal.SIGINT) == (0, "")
 

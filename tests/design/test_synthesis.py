@@ -204,6 +204,7 @@ def test_front(tmp_path):
     np.testing.assert_allclose([one.values for one in again.front], front, rtol=1e-9)
 
 
+@pytest.mark.slow
 def test_front_has_the_files_own_values_where_none_is_better(tmp_path):
     path = tmp_path / "best.raff"
     values = changed(starts=1, constraints={"joint_limits": False, "singular_values": "0.3..3"})

@@ -11,6 +11,7 @@ import pytest
 import scipy.optimize
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from variants import slow
 
 import cinegen
 from cinegen.model import ForwardKinematics
@@ -19,6 +20,7 @@ from raff2urdf import closure
 CLOSED = (
     "delta4", "delta4_linear", "five_bar", "four_bar", "gough", "hybrid", "planar_hybrid", "sr400", "tssm",
 )  # fmt: skip
+SOME = ("delta4", "five_bar", "gough", "hybrid")
 seeds = st.integers(0, 2**32 - 1)
 
 
@@ -51,7 +53,7 @@ def slowly(mechanism: cinegen.Mechanism, q: np.ndarray, goal: np.ndarray) -> np.
     return q
 
 
-@pytest.mark.parametrize("name", CLOSED)
+@pytest.mark.parametrize("name", [*SOME, *slow(*(name for name in CLOSED if name not in SOME))])
 @law(8)
 @given(seed=seeds)
 def test_a_jump_ends_where_a_slow_motion_does(robot, name, seed):

@@ -18,6 +18,7 @@ from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 from scipy.optimize import minimize
+from variants import slow
 from vortex_field import FieldError
 
 from cinegen.collision.body import Body
@@ -242,7 +243,7 @@ def test_gains_say_how_hard_an_obstacle_pushes_in_the_middle_of_its_range(expone
         assert push[0, 0] < 0.0
 
 
-@pytest.mark.parametrize(("field", "said"), [("spherical", "reached"), ("elliptical", "stuck: local minimum")])
+@pytest.mark.parametrize(("field", "said"), [*slow(("spherical", "reached")), ("elliptical", "stuck: local minimum")])
 def test_the_command_prints_the_status_and_draws_the_path(field, said, capsys, monkeypatch, tmp_path):
     path, picture = ROBOTS / "scenes" / "rod.toml", tmp_path / "rod.png"
     monkeypatch.setattr(sys, "argv", ["", str(path), "--field", field, "--plot", str(picture)])

@@ -82,7 +82,7 @@ def children(pid):
 
 
 @pytest.mark.parametrize(
-    ("name", "of"), [("delta4", over_joints), ("delta4", of_delta), *slow(("planar_3r", over_joints))]
+    ("name", "of"), [("delta4", of_delta), *slow(("delta4", over_joints), ("planar_3r", over_joints))]
 )
 def test_two_processes_make_the_same_bytes_as_one(robot, address, tmp_path, capfd, name, of):
     spec = of(robot(name))

@@ -23,6 +23,7 @@ from folders import digest, files, of_delta, over_joints
 from hypothesis import given
 from hypothesis import strategies as st
 from mapped import mapped
+from variants import slow
 
 from cinegen.cluster import ClusterError
 from cinegen.workspace import GridAxis, MapError, MapSpecification, Region, make_map, open_map
@@ -165,7 +166,7 @@ def test_a_chunk_comes_to_the_same_whatever_was_made_before(robot, name, of):
 # --- broken off ----------------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("written", [0, 1, 3, 5, 6, 17, 29])
+@pytest.mark.parametrize("written", [0, 1, 6, *slow(3, 5, 17, 29)])
 def test_a_full_disk_costs_no_chunk_that_was_finished(spec, whole, tmp_path, monkeypatch, made, written):
     path, put, left = tmp_path / "map.zarr", zarr.storage._local._put, [written]
 
@@ -287,8 +288,8 @@ def emptied(path):
     path.write_bytes(b"")
 
 
-@pytest.mark.parametrize("damage", [cut, rubbish, emptied, Path.unlink])
-@pytest.mark.parametrize("name", ["sigma_1/c.1.1.0", "configuration/c.1.1.0.0", "reachable/c.1.1.0"])
+@pytest.mark.parametrize("damage", [cut, rubbish, *slow(emptied), Path.unlink])
+@pytest.mark.parametrize("name", ["sigma_1/c.1.1.0", *slow("configuration/c.1.1.0.0"), "reachable/c.1.1.0"])
 def test_a_damaged_chunk_is_said_when_read_and_made_again_when_gone_on(spec, whole, copied, made, damage, name):
     damage(copied / name)
     read = open_map(copied)
