@@ -165,7 +165,7 @@ def test_derivatives_are_those_of_the_equations(built, kind, pose):
 
 
 @pytest.mark.parametrize(
-    "name", ["five_bar", "four_bar", "delta4", "sr400", "belt_five_bar", *slow("delta4_linear", "planar_hybrid")]
+    "name", ["five_bar", "delta4", *slow("four_bar", "sr400", "belt_five_bar", "delta4_linear", "planar_hybrid")]
 )
 def test_modes_of_our_robots_are_certified_as_a_whole(robot, name):
     modes = assembly_modes(robot(name))

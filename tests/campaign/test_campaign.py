@@ -200,7 +200,7 @@ def test_a_slice_of_the_ticks(sessions, ticks):
     assert result.counts["ticks"] > ticks
 
 
-@pytest.mark.parametrize(("connections", "least"), [(4, 150), *slow((60, 3000))])
+@pytest.mark.parametrize(("connections", "least"), [(6, 250), *slow((60, 3000))])
 def test_a_slice_of_the_messages(connections, least):
     result = workers.run(messages.Messages(), connections, workers=1)
     assert_nothing(result)

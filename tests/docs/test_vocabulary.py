@@ -6,6 +6,7 @@ import ast
 import re
 import subprocess
 import sys
+from functools import cache
 from pathlib import Path
 
 import prose
@@ -26,6 +27,11 @@ def _docstrings(tree: ast.Module) -> dict[ast.AST, str]:
     return {node: text for node, text in found.items() if text}
 
 
+@cache
+def _tree(file: Path) -> ast.Module:
+    return ast.parse(file.read_text(encoding="utf-8"))
+
+
 def _line(node: ast.AST) -> int:
     return getattr(node, "lineno", 1)
 
@@ -44,7 +50,7 @@ def test_docstrings_and_messages_use_the_terms_of_the_field(package: str) -> Non
 def test_docstrings_open_with_a_verb_or_a_noun(package: str) -> None:
     hits = []
     for file in (file for file in _python() if file.relative_to(ROOT).parts[0] == package):
-        for node, text in _docstrings(ast.parse(file.read_text())).items():
+        for node, text in _docstrings(_tree(file)).items():
             if OPENINGS.match(text):
                 hits.append(f"{file.relative_to(ROOT)}:{_line(node)}: {text.splitlines()[0]}")
     assert not hits
@@ -53,7 +59,7 @@ def test_docstrings_open_with_a_verb_or_a_noun(package: str) -> None:
 def test_no_two_public_classes_share_a_name() -> None:
     places: dict[str, list[str]] = {}
     for file in _python():
-        for node in ast.parse(file.read_text()).body:
+        for node in _tree(file).body:
             if isinstance(node, ast.ClassDef) and not node.name.startswith("_"):
                 places.setdefault(node.name, []).append(str(file.relative_to(ROOT)))
     assert not {name: files for name, files in places.items() if len(files) > 1}

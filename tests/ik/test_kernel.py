@@ -15,7 +15,7 @@ from hypothesis import strategies as st
 from numba import types
 from reference_tick import resolve
 from scipy.optimize import linprog, nnls
-from variants import others_slow
+from variants import others_slow, slow
 
 import cinegen
 import raff2urdf
@@ -572,7 +572,7 @@ def test_a_wish_that_keeps_all_bounds_is_granted_as_it_is():
 # --- memory ------------------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize(("name", "which"), [("planar_3r", "arm"), ("five_bar", "linkage")])
+@pytest.mark.parametrize(("name", "which"), [*slow(("planar_3r", "arm")), ("five_bar", "linkage")])
 def test_ticks_leave_nothing_behind(name, which):
     mechanism = load(name, which)
     solver = Solver(mechanism, 0.01)

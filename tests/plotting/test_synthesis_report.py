@@ -146,6 +146,7 @@ def test_every_text_of_a_page_is_escaped():
     assert ("aria-label", HOSTILE) in read.attributes
 
 
+@pytest.mark.slow
 def test_equal_results_give_equal_reports(found, report):
     assert synthesis_report(found) == report
 
