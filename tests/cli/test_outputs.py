@@ -281,7 +281,7 @@ def test_recordings_to_standard_output_and_error(root, tmp_path):
         link.symlink_to(f"/proc/self/fd/{number}")
     program = f"""
 import sys
-sys.path[:0] = [{str(root / "tests/cli")!r}]
+sys.path[:0] = [{str(root / "tests/cli")!r}, {str(root / "tests/helpers")!r}]
 import cinegen
 from test_outputs import WRITERS
 arm = cinegen.load({str(root / "robots/planar_3r.raff")!r})

@@ -15,7 +15,7 @@ import pinocchio as pin
 import pytest
 from lxml import etree
 from mesh_contact import adjacent_links
-from variants import others_slow, slow
+from variants import FEWER, others_slow, slow
 
 import cinegen
 from cinegen.collision.body import Body, geometry_model
@@ -45,7 +45,7 @@ ALL = [
 of_each_kind = pytest.mark.parametrize(
     ("name", "robot"),
     [
-        *others_slow(pytest.param(*one) for one in ALL[: -len(OTHERS)]),
+        *others_slow((pytest.param(*one) for one in ALL[: -len(OTHERS)]), FEWER),
         *((PANDA, None), (SOLO, None), *slow(*((name, None) for name in OTHERS if name not in (PANDA, SOLO)))),
     ],
 )

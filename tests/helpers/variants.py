@@ -22,10 +22,14 @@ ONE_OF_EACH_KIND = frozenset(
 """Files of robots that have together every kind of joint, loop and coupling, and one with two robots."""
 
 
-def others_slow(parameters: Iterable[Any]) -> list[Any]:
+FEWER = frozenset({"arm7", "scara", "five_bar", "delta4", "hybrid", "differential_wrist"})
+"""A redundant arm, slides, a planar loop, spatial loops, a hybrid with ball joints, and couplings: for long tests."""
+
+
+def others_slow(parameters: Iterable[Any], files: frozenset[str] = ONE_OF_EACH_KIND) -> list[Any]:
     """Parameters whose first value is the name of a robot's file, or `FILE:ROBOT`; those of other files are slow."""
 
     def is_fast(one: Any) -> bool:
-        return one.values[0].partition(":")[0] in ONE_OF_EACH_KIND
+        return one.values[0].partition(":")[0] in files
 
     return [one if is_fast(one) else pytest.param(*one.values, id=one.id, marks=pytest.mark.slow) for one in parameters]

@@ -15,7 +15,7 @@ from hypothesis import strategies as st
 from numba import types
 from reference_tick import resolve
 from scipy.optimize import linprog, nnls
-from variants import others_slow, slow
+from variants import FEWER, others_slow, slow
 
 import cinegen
 import raff2urdf
@@ -38,7 +38,7 @@ EVERY = [
     for path in sorted(ROBOTS.glob("*.raff"))
     for robot in raff2urdf.load(path).robots
 ]
-every_robot = pytest.mark.parametrize(("name", "which"), others_slow(EVERY))
+every_robot = pytest.mark.parametrize(("name", "which"), others_slow(EVERY, FEWER))
 seeds = st.integers(0, 2**32 - 1)
 SCALES = (1e-60, 1e-9, 1.0, 1e9, 1e60)
 

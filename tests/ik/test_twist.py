@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pinocchio as pin
 import pytest
-from variants import others_slow, slow
+from variants import FEWER, others_slow, slow
 
 import cinegen
 import raff2urdf
@@ -21,7 +21,7 @@ EVERY = [
     for path in sorted(ROBOTS.glob("*.raff"))
     for robot in raff2urdf.load(path).robots
 ]
-every_robot = pytest.mark.parametrize(("name", "which"), others_slow(EVERY))
+every_robot = pytest.mark.parametrize(("name", "which"), others_slow(EVERY, FEWER))
 
 SIX = """robot r { base { }
   link 1 { parameters { r 500 theta 90 alpha 90 } type 1 pred 0 }
@@ -263,7 +263,7 @@ class Whim:
                     task.twist = [math.nan] * 6
 
 
-@pytest.mark.parametrize(("name", "which"), others_slow(EVERY))
+@pytest.mark.parametrize(("name", "which"), others_slow(EVERY, FEWER))
 @pytest.mark.parametrize("acceleration", [10.0, *slow(None)])
 def test_whatever_becomes_of_the_pulls_there_is_a_status_and_nothing_breaks(name, which, acceleration):
     mechanism = cinegen.load(ROBOTS / f"{name}.raff", which)

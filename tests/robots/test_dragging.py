@@ -12,7 +12,7 @@ import pytest
 from elementary import ROBOTS, document
 from hand import DT, Hand, check
 from scipy.optimize import linprog
-from variants import others_slow, slow
+from variants import FEWER, others_slow, slow
 
 import cinegen
 from cinegen import Status
@@ -20,7 +20,7 @@ from cinegen import Status
 TICKS, SEEDS = 2000, 5
 FILES = sorted(path.stem for path in ROBOTS.glob("*.raff"))
 EVERY = [pytest.param(name, robot.name, id=f"{name}-{robot.name}") for name in FILES for robot in document(name).robots]
-every_robot = pytest.mark.parametrize(("name", "which"), others_slow(EVERY))
+every_robot = pytest.mark.parametrize(("name", "which"), others_slow(EVERY, FEWER))
 
 
 @cache
@@ -28,7 +28,7 @@ def load(name: str, which: str) -> cinegen.Mechanism:
     return cinegen.load(ROBOTS / f"{name}.raff", which)
 
 
-@pytest.mark.parametrize(("name", "which"), others_slow(EVERY))
+@pytest.mark.parametrize(("name", "which"), others_slow(EVERY, FEWER))
 @pytest.mark.parametrize("seed", [0, *slow(*range(1, SEEDS))])
 def test_a_wild_hand_neither_tears_a_robot_nor_drives_it_over_a_limit(name, which, seed):
     mechanism = load(name, which)

@@ -9,7 +9,7 @@ import pinocchio as pin
 import pytest
 from elementary import ROBOTS, document, within_limits
 from test_dragging import what_could_be_won
-from variants import others_slow, slow
+from variants import FEWER, others_slow, slow
 
 import cinegen
 from cinegen import PersistentSolver, Solver, Status, forecast_motion
@@ -19,7 +19,7 @@ from cinegen.tolerances import NEAR_SINGULAR
 DT = 1 / 60
 FILES = sorted(path.stem for path in ROBOTS.glob("*.raff"))
 EVERY = [pytest.param(name, robot.name, id=f"{name}-{robot.name}") for name in FILES for robot in document(name).robots]
-every_robot = pytest.mark.parametrize(("name", "which"), others_slow(EVERY))
+every_robot = pytest.mark.parametrize(("name", "which"), others_slow(EVERY, FEWER))
 OUT, BACK = 60, 3000
 excursions = pytest.mark.parametrize("excursions", [10, *slow(100)])
 
@@ -81,7 +81,7 @@ def out_and_back(solver: Solver, rng: np.random.Generator) -> cinegen.Step:
     return step
 
 
-@pytest.mark.parametrize(("name", "which"), others_slow(EVERY))
+@pytest.mark.parametrize(("name", "which"), others_slow(EVERY, FEWER))
 @excursions
 def test_out_of_reach_and_back(name, which, excursions):
     mechanism, rng, dead_ends = load(name, which), np.random.default_rng(0), 0
@@ -95,7 +95,7 @@ def test_out_of_reach_and_back(name, which, excursions):
     assert dead_ends <= DEAD_ENDS.get(name, 0)
 
 
-@pytest.mark.parametrize(("name", "which"), others_slow(EVERY))
+@pytest.mark.parametrize(("name", "which"), others_slow(EVERY, FEWER))
 @excursions
 def test_out_of_reach_and_back_a_persistent_solver_always_comes(name, which, excursions):
     mechanism, rng = load(name, which), np.random.default_rng(0)

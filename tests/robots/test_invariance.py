@@ -27,7 +27,7 @@ from making import (
     sarrus,
     somewhere,
 )
-from variants import others_slow, slow
+from variants import FEWER, others_slow, slow
 
 import cinegen
 import raff2urdf
@@ -36,7 +36,7 @@ from raff2urdf.raff.document import Document, DriveKind, JointType, RaffLink, Ra
 DT = 1 / 60
 FILES = sorted(path.stem for path in ROBOTS.glob("*.raff"))
 EVERY = [pytest.param(name, robot.name, id=f"{name}-{robot.name}") for name in FILES for robot in document(name).robots]
-every_robot = pytest.mark.parametrize(("name", "which"), others_slow(EVERY))
+every_robot = pytest.mark.parametrize(("name", "which"), others_slow(EVERY, FEWER))
 
 
 def loaded(text: str, which: str | None = None) -> cinegen.Mechanism:
