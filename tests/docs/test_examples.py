@@ -14,7 +14,10 @@ from pages import ROOT
 from variants import slow
 
 EXAMPLES = sorted((ROOT / "examples").glob("*.py"))
-LONG = {"20_design_of_a_delta", "25_calibrate_a_gough"}
+LONG = {
+    *("18_singularities", "19_around_an_obstacle", "20_design_of_a_delta", "21_tolerance_budget_of_a_delta"),
+    "25_calibrate_a_gough",
+}
 
 
 def has_what_it_needs(path: Path):

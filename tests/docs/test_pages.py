@@ -24,10 +24,14 @@ from pathlib import Path
 
 import pytest
 from pages import NAMES, ROOT, Block, blocks, table
+from variants import slow
 
 import cinegen
 import raff2urdf
 from raff2urdf.graphics import nff
+
+LONG = {"docs/avoidance.md", "docs/cockpit.md"}
+"""Pages of commands and calls that take long, and that other tests run too."""
 
 COMMANDS = {"raff2urdf": "raff2urdf.cli", "urdf2raff": "raff2urdf.urdf2raff.cli", "cinegen": "cinegen.cli"}
 
@@ -40,7 +44,7 @@ def folder(tmp_path, monkeypatch) -> Path:
     return tmp_path
 
 
-@pytest.mark.parametrize("name", NAMES)
+@pytest.mark.parametrize("name", [slow(name)[0] if name in LONG else name for name in NAMES])
 def test_a_page_says_what_happens(name: str, folder: Path):
     page = ROOT / name
     namespace: dict[str, object] = {"__name__": "page"}

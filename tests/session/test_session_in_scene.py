@@ -129,6 +129,7 @@ def test_what_is_not_in_the_way_is_followed_exactly(session):
     assert state.robots["arm7"].status.label == "following"
 
 
+@pytest.mark.slow
 def test_loops_stay_closed_among_posts(session):
     one = session("delta4", *POSTS)
     far = Measured(one, "delta4", {post["name"]: coal.Cylinder(0.1, 3.0) for post in POSTS})
