@@ -228,6 +228,22 @@ def test_closing_the_loops_costs_no_speed(robot, name):
     assert at_speed > 20
 
 
+@pytest.mark.parametrize("name", ["gough", "hybrid"])
+def test_a_step_of_limited_acceleration_is_soon_within_its_limit_of_speed(robot, name):
+    """What braking leaves of it is not shortened; what is beyond is shortened by as much more."""
+    mechanism, rng = robot(name), np.random.default_rng(0)
+    solver = Solver(mechanism, 1 / 240, acceleration=5.0)
+    task, tries = solver.add_task(mechanism.end, rotation=0), []
+    home = task.target.translation.copy()
+    for tick in range(900):
+        if tick % 150 == 0:
+            way = rng.normal(size=3)
+            task.target.translation = home + 0.3 * mechanism.length * way / np.linalg.norm(way)
+        solver.step()
+        tries.append(solver._memory.tries)
+    assert np.mean(np.array(tries) >= 5) < 0.04
+
+
 @pytest.mark.parametrize("name", FREE + CLOSED)
 def test_under_a_limit_of_speed_the_tool_keeps_its_direction(robot, name):
     """The same task at a tick so long that nothing is too fast, and at a short one."""

@@ -110,13 +110,15 @@ def _judge(memory: SolverMemory) -> int:
     if refined and seconds and not lack <= 10.0 * EXACT:
         return _shorten(memory, 0.5)
     memory.gap = gap
-    excess, added, size = 0.0, 0.0, 0.0
+    excess, fastest, added, size = 0.0, 0, 0.0, 0.0
     for j in range(memory.n):
-        excess = max(excess, abs(memory.moved[j]) / memory.longest_step[j])
+        part = abs(memory.moved[j]) / memory.longest_step[j]
+        if part > excess:
+            excess, fastest = part, j
         added = max(added, abs(memory.moved[j] - memory.attempted[j]))
         size = max(size, abs(memory.attempted[j]))
     if excess > 1.0:  # closing the loops added a little, of second order
-        return _shorten(memory, FULL * (1.0 - 1e-3 * memory.tries) / excess)
+        return _shorten(memory, _part_in_limit(memory, fastest, FULL * (1.0 - 1e-3 * memory.tries) / excess))
     last_try = memory.tries == _most_tries(memory) - 1
     if memory.has_acceleration_limits != 0 and _is_abrupt(memory):
         if last_try:
@@ -146,6 +148,14 @@ def _judge(memory: SolverMemory) -> int:
         return CLEARANCE_NEEDED
     finish(memory, True, False)
     return DONE
+
+
+@compiled
+def _part_in_limit(memory: SolverMemory, j: int, scale: float) -> float:
+    """Return the fraction of the step, beyond what braking leaves of it, with which the step of a joint is scaled."""
+    step = abs(memory.attempted[j])
+    beyond = abs(memory.attempted[j] - memory.braking[j])
+    return max(1.0 - (1.0 - scale) * step / beyond, 0.0) if beyond > 0.0 else scale
 
 
 @compiled
