@@ -9,7 +9,9 @@ import json
 import re
 import zlib
 from collections.abc import Iterator
+from contextlib import suppress
 from functools import cache
+from importlib.metadata import PackageNotFoundError, distribution
 from importlib.resources import files
 from pathlib import Path
 from typing import Any
@@ -146,8 +148,16 @@ def _packed(content: Any) -> str:
 
 
 def _licences(names: tuple[str, ...]) -> str:
-    texts = "\n".join(_own(name) if name in _EDITOR_LICENCES[-1:] else _static(name) for name in names)
-    return texts.replace("--", "- -")  # it stands in a comment
+    others = (_own(name) if name in _EDITOR_LICENCES[-1:] else _static(name) for name in names)
+    return "\n".join((_licence(), *others)).replace("--", "- -")  # it stands in a comment
+
+
+def _licence() -> str:
+    """Return cinegen's own licence."""
+    with suppress(PackageNotFoundError):
+        if text := distribution("cinegen").read_text("licenses/LICENSE"):
+            return text
+    return Path(__file__).parents[2].joinpath("LICENSE").read_text(encoding="utf-8")  # run from its sources
 
 
 def _icon() -> str:

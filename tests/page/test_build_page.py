@@ -100,7 +100,8 @@ def test_only_its_own_scripts_may_run(elements):
 
 def test_licences_are_whole(page, root):
     spaceless = "".join(page.replace("- -", "--").split())
-    for licence in (root / "cinegen" / "cockpit" / "static" / "vendor").glob("*/LICENSE"):
+    vendored = (root / "cinegen" / "cockpit" / "static" / "vendor").glob("*/LICENSE")
+    for licence in (root / "LICENSE", *vendored):
         assert "".join(licence.read_text().replace("- -", "--").split()) in spaceless
 
 
