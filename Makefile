@@ -60,6 +60,7 @@ check: .venv/test-installed ## run the linters of the Python code and of the pro
 	$(BIN)/mypy
 	$(BIN)/lint-imports --no-cache # a cached graph does not notice a module that is gone
 	$(BIN)/python tests/docs/prose.py
+	$(BIN)/codespell *.md docs cinegen raff2urdf robots examples benchmarks ros2 # tests misspell names on purpose
 
 # Kernels do not check indices; here they do, and IndexError is raised. Numba keeps both kinds under one name: hence a
 # cache of its own. `cinegen compile` calls each kernel of assembly modes once.

@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 
 import cinegen
-from cinegen.plotting.sheet import BLUE, GREEN, ORANGE, VERMILLION, finish, sheet
+from cinegen.plotting.sheet import BLUE, GREEN, ORANGE, VERMILION, finish, sheet
 
 press = cinegen.load("four_bar")  # the point "tool" of its coupler presses, while it moves down
 SPEED, RESISTANCE = 40.0, 1000.0  # rad/s of the crank, N
@@ -26,7 +26,7 @@ torque = np.array([forces.torques[0] for forces in found])
 print(f"the crank needs {torque.max():.1f} N m at most, {torque.mean():.1f} on average")
 figure, body = sheet(6.0, 5.0, "Pins of a four-bar press", "forces in the plane (N) over the angle of the crank")
 axes = body.subplots(subplot_kw={"projection": "polar"})
-for name, color in {"joint1": BLUE, "joint2": ORANGE, "joint3": GREEN, "frame4-frame5": VERMILLION}.items():
+for name, color in {"joint1": BLUE, "joint2": ORANGE, "joint3": GREEN, "frame4-frame5": VERMILION}.items():
     force = np.array([forces.reaction(name).force for forces in found])
     size = np.linalg.norm(force[:, :2], axis=1)
     worst = np.degrees(found[int(size.argmax())].q[0]) % 360

@@ -11,7 +11,7 @@ from cinegen.planning.planner import Plan
 from cinegen.planning.timed_path import TimedPath, timed_path
 from cinegen.plotting.modes import DrawingError
 from cinegen.plotting.plan import robot_name
-from cinegen.plotting.sheet import BLUE, FAINT, GREEN, INK, ORANGE, SKY, VERMILLION, finish, label, sheet
+from cinegen.plotting.sheet import BLUE, FAINT, GREEN, INK, ORANGE, SKY, VERMILION, finish, label, sheet
 from raff2urdf.quantities import ANGLE, LENGTH, shown_scale
 
 if TYPE_CHECKING:
@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
 Array = NDArray[np.float64]
 
-_COLOURS = BLUE, VERMILLION, GREEN, ORANGE, SKY, INK
+_COLOURS = BLUE, VERMILION, GREEN, ORANGE, SKY, INK
 _STYLES = "-", "--", ":", "-."  # of the first six joints, the next six ...
 _MOVES = 1e-6  # rad or characteristic lengths: less is no motion
 _WIDE, _TALL = 7.0, 2.2  # inches: width, and height of each row

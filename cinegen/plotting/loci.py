@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from cinegen.plotting.sheet import BLUE, INK, LABEL, VERMILLION, finish, label, sheet
+from cinegen.plotting.sheet import BLUE, INK, LABEL, VERMILION, finish, label, sheet
 from cinegen.plotting.units import coordinate_text, user_scale
 from cinegen.singularities.contour import SingularCurve
 from cinegen.singularities.loci import SingularLoci
@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
 Array = NDArray[np.float64]
 
-TYPE_1, TYPE_2 = BLUE, VERMILLION
+TYPE_1, TYPE_2 = BLUE, VERMILION
 """Colours of singular curves."""
 
 _STYLES = {

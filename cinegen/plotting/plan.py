@@ -20,7 +20,7 @@ from cinegen.collision.triangle_mesh import TriangleMesh
 from cinegen.joints import kinematic_data
 from cinegen.model.motion_plane import motion_plane
 from cinegen.planning.planner import Plan, refined
-from cinegen.plotting.sheet import BLUE, FAINT, INK, SKY, VERMILLION, finish, label, sheet
+from cinegen.plotting.sheet import BLUE, FAINT, INK, SKY, VERMILION, finish, label, sheet
 from cinegen.plotting.view import Projection, along, parallel
 from raff2urdf.files import stem_of
 from raff2urdf.quantities import LENGTH, shown_scale
@@ -30,7 +30,7 @@ if TYPE_CHECKING:
 
 Array = NDArray[np.float64]
 
-OBSTACLE, PATH, STOP, LINK = "#c9ced4", BLUE, VERMILLION, SKY
+OBSTACLE, PATH, STOP, LINK = "#c9ced4", BLUE, VERMILION, SKY
 MARGIN = "#f1f3f5"
 """Colour of points nearer to an obstacle than the safety distance."""
 

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from cinegen.design.calibration import Calibration
-from cinegen.plotting.sheet import BLUE, FAINT, INK, ORANGE, VERMILLION, finish, label, sheet
+from cinegen.plotting.sheet import BLUE, FAINT, INK, ORANGE, VERMILION, finish, label, sheet
 from raff2urdf.quantities import ANGLE, LENGTH, Dimension
 
 if TYPE_CHECKING:
@@ -60,7 +60,7 @@ def draw_residuals(found: Calibration, name: str | None = None) -> Figure:
         sizes = np.array([math.copysign(one.sigmas, one.residual) for one in found.outliers])
         edge = 0.95 * _MOST
         text = f"outliers, those beyond {_MOST:g} at the edge"
-        lower.plot(at, np.clip(sizes, -edge, edge), "x", color=VERMILLION, markersize=5.0, label=text)
+        lower.plot(at, np.clip(sizes, -edge, edge), "x", color=VERMILION, markersize=5.0, label=text)
     lower.set_ylim(-_MOST, _MOST)
     label(upper, y="before: residual / sigma")
     label(lower, "pose", "after: residual / sigma")

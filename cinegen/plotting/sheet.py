@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 INK, FAINT = "#2b3036", "#6b7178"
 """Colours of lines and texts; both are legible on white (contrast 13 and 4.9; WCAG 2.2 asks for 4.5)."""
 
-BLUE, SKY, ORANGE, VERMILLION, GREEN = "#0072b2", "#56b4e9", "#e69f00", "#d55e00", "#009e73"
+BLUE, SKY, ORANGE, VERMILION, GREEN = "#0072b2", "#56b4e9", "#e69f00", "#d55e00", "#009e73"
 """Colours that colour-blind people distinguish (M. Okabe and K. Ito, "Color universal design", 2002)."""
 
 LABEL = 8.33

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import ConvexHull, QhullError
 
-from cinegen.plotting.sheet import BLUE, FAINT, INK, ORANGE, SKY, VERMILLION
+from cinegen.plotting.sheet import BLUE, FAINT, INK, ORANGE, SKY, VERMILION
 from cinegen.plotting.skeleton import Pose
 from cinegen.plotting.view import Projection
 
@@ -22,7 +22,7 @@ Array = NDArray[np.float64]
 BASE, BODY = "#c9ced4", "#dfe3e8"
 FRONT, BACK = SKY, ORANGE
 """Colours of a plate: the side that is up at home, and its other side."""
-ACTUATED, END = BLUE, VERMILLION
+ACTUATED, END = BLUE, VERMILION
 
 _CYLINDER = 0.55  # part of a prismatic joint's length that is drawn thick
 

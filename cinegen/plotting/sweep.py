@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cinegen.plotting.modes import DrawingError
-from cinegen.plotting.sheet import BLUE, FAINT, GREEN, INK, LABEL, SKY, VERMILLION, finish, label, sheet
+from cinegen.plotting.sheet import BLUE, FAINT, GREEN, INK, LABEL, SKY, VERMILION, finish, label, sheet
 from cinegen.plotting.units import raised
 from cinegen.workspace.sweep import SweepResult, VariantResult, Variation
 from raff2urdf.raff.writer import number
@@ -66,7 +66,7 @@ def _lines(body: Any, result: SweepResult, varied: list[str]) -> None:
     errors = [row.extent.error if row.extent else np.nan for row in rows]
     above.errorbar(x, _extents(rows), errors, color=BLUE, marker="o", markersize=4, capsize=3)
     above.set_ylim(bottom=0.0)
-    for colour, of in ((VERMILLION, "worst"), (SKY, "mean")):
+    for colour, of in ((VERMILION, "worst"), (SKY, "mean")):
         values = [getattr(row.dexterity.conditioning, of) if row.dexterity else np.nan for row in rows]
         below.plot(x, values, color=colour, marker="o", markersize=4, label=of)
     below.set_ylim(0.0, 1.0)

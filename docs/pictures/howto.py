@@ -37,7 +37,7 @@ from cinegen.page import build_editor
 from cinegen.planning import plan
 from cinegen.plotting import draw_modes, draw_plan
 from cinegen.plotting.residuals import draw_residuals
-from cinegen.plotting.sheet import BLUE, FAINT, GREEN, INK, ORANGE, VERMILLION, finish, label, sheet
+from cinegen.plotting.sheet import BLUE, FAINT, GREEN, INK, ORANGE, VERMILION, finish, label, sheet
 from cinegen.plotting.tolerance import draw_tolerance
 from cinegen.session import arrange
 from raff2urdf.quantities import show_lengths_in
@@ -104,11 +104,11 @@ def linkage(_, path):
         ("rocker", ("B0", "B"), (1.0, 0.0, 0.0)),
     ):
         sketch.text(0.5 * (joints[ends[0]] + joints[ends[1]]), name, aside, gap=14.0)
-    sketch.text(bar.pose(20)[0], "tool", (1.0, 0.3, 0.0), VERMILLION, "b", gap=14.0)
+    sketch.text(bar.pose(20)[0], "tool", (1.0, 0.3, 0.0), VERMILION, "b", gap=14.0)
     curve = 1e3 * np.column_stack([left["x"], left["y"], np.zeros(len(left["x"]))])
-    sketch.line(curve, VERMILLION, 3.0, lift=300.0)
+    sketch.line(curve, VERMILION, 3.0, lift=300.0)
     for point in curve[:-1:6]:
-        sketch.ball(point, 4.0, VERMILLION, 301.0)
+        sketch.ball(point, 4.0, VERMILION, 301.0)
     path.write_text(sketch.svg("A four-bar and its coupler curve", mark(path)), encoding="utf-8")
 
 

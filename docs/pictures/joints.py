@@ -6,7 +6,7 @@ import numpy as np
 from raff_sketch import LOOP
 from sketch import Sketch, rotated, shade, unit
 
-from cinegen.plotting.sheet import FAINT, INK, VERMILLION
+from cinegen.plotting.sheet import FAINT, INK, VERMILION
 from raff2urdf.raff.document import CompoundKind, JointType
 
 _SIZE = 15.0  # mm, radius of a hinge
@@ -69,9 +69,9 @@ def _axis(sketch, robot, number, length=95.0, text=""):
     ends = middle - half * found.z_end, middle + half * found.z_end
     if abs(found.z_end[2]) > 0.99:
         ends = np.array([*middle[:2], 0.0]), ends[1]
-    sketch.line(ends, VERMILLION, 1.5, "12 4 2 4", lift=-1.0)
+    sketch.line(ends, VERMILION, 1.5, "12 4 2 4", lift=-1.0)
     if text:
-        sketch.text(ends[1], text, found.z_end, VERMILLION, "i")
+        sketch.text(ends[1], text, found.z_end, VERMILION, "i")
 
 
 def _tool(sketch, robot, number):
@@ -176,8 +176,8 @@ def universal(robot, _):
     origin, axes = robot.pose(1)
     for direction, text in ((np.array([0.0, 0.0, 1.0]), "first axis, z"), (axes[:, 1], "second axis, y")):
         ends = (origin - 100.0 * direction, origin + 100.0 * direction)
-        sketch.line(ends, VERMILLION, 1.5, "12 4 2 4", lift=-1.0)
-        sketch.text(ends[1], text, direction, VERMILLION, "i")
+        sketch.line(ends, VERMILION, 1.5, "12 4 2 4", lift=-1.0)
+        sketch.text(ends[1], text, direction, VERMILION, "i")
     _tool(sketch, robot, 2)
     return sketch
 

@@ -10,7 +10,7 @@ from cinegen.collision import load_scene
 from cinegen.planning import change_mode
 from cinegen.plotting import draw_modes
 from cinegen.plotting.loci import draw_loci
-from cinegen.plotting.sheet import BLUE, INK, VERMILLION, finish, label, sheet
+from cinegen.plotting.sheet import BLUE, INK, VERMILION, finish, label, sheet
 from cinegen.singularities.loci import singular_loci
 from cinegen.singularities.slice import Axis, Slice
 from raff2urdf.quantities import show_lengths_in
@@ -64,10 +64,10 @@ def cusp():
     joints, configurations = body.subplots(1, 2)
     grid = np.linspace(-np.pi, np.pi, 1201)
     leg, angle = np.meshgrid(grid, grid)
-    curves = configurations.contour(leg, angle, lines(leg, angle)[0], levels=[0.0], colors=VERMILLION, linewidths=1.2)
+    curves = configurations.contour(leg, angle, lines(leg, angle)[0], levels=[0.0], colors=VERMILION, linewidths=1.2)
     for curve in curves.allsegs[0]:
-        joints.plot(*(1e3 * length for length in lines(*curve.T)[1]), color=VERMILLION, linewidth=1.2)
-    joints.plot([], [], color=VERMILLION, label="singular, type 2")
+        joints.plot(*(1e3 * length for length in lines(*curve.T)[1]), color=VERMILION, linewidth=1.2)
+    joints.plot([], [], color=VERMILION, label="singular, type 2")
     path = found.plan.path
     joints.plot(1e3 * path[:, 4], 1e3 * path[:, 6], color=BLUE, label="path")
     poses = np.array([[q[0], q[0] + q[2] + np.pi / 2.0] for q in path])

@@ -9,9 +9,9 @@ from html import escape
 import numpy as np
 from scipy.spatial import ConvexHull
 
-from cinegen.plotting.sheet import BLUE, FAINT, GREEN, INK, VERMILLION
+from cinegen.plotting.sheet import BLUE, FAINT, GREEN, INK, VERMILION
 
-AXES = VERMILLION, GREEN, BLUE
+AXES = VERMILION, GREEN, BLUE
 """Colours of x, y and z."""
 WIDE = 720  # pixels
 GROUND, GRID, SHADOW = "#f1f3f5", "#dde1e6", "#2b3036"

@@ -12,7 +12,7 @@ from raff_sketch import LOOP, cross, paper
 from sketch import Sketch
 
 from cinegen.cockpit import Cockpit
-from cinegen.plotting.sheet import BLUE, FAINT, INK, VERMILLION
+from cinegen.plotting.sheet import BLUE, FAINT, INK, VERMILION
 from cinegen.session import arrange
 
 _LOW, _HIGH = (-400.0, -60.0), (400.0, 500.0)  # mm, of the paper
@@ -124,9 +124,9 @@ def move(robot, page):
     robot.q = page["solver"].q
     robot.draw_plane(sketch)
     end = robot.pose(6)[0]
-    sketch.line([start, end], VERMILLION, 2.2, "7 5", lift=300.0, arrows=">")
+    sketch.line([start, end], VERMILION, 2.2, "7 5", lift=300.0, arrows=">")
     sketch.text(start, "home", (0.0, 1.0, 0.0), FAINT, gap=8.0)
-    sketch.text(end, "(0.1, 0.35) m", (1.0, 0.4, 0.0), VERMILLION, "b", gap=14.0)
+    sketch.text(end, "(0.1, 0.35) m", (1.0, 0.4, 0.0), VERMILION, "b", gap=14.0)
     return sketch
 
 
@@ -136,7 +136,7 @@ def figure(robot, page):
     robot.q = page["step"].q
     robot.draw_plane(sketch)
     curve = 1e3 * np.column_stack([np.array(page["drawn"]), np.zeros(len(page["drawn"]))])
-    sketch.line(curve[::4], VERMILLION, 3.0, lift=300.0)
+    sketch.line(curve[::4], VERMILION, 3.0, lift=300.0)
     return sketch
 
 
@@ -146,14 +146,14 @@ def limit(robot, page):
     robot.q = page["step"].q
     robot.draw_plane(sketch)
     pen, target = robot.pose(6)[0], 1e3 * page["pen"].target.translation
-    sketch.line([pen, target], VERMILLION, 1.6, "4 5", lift=300.0)
-    cross(sketch, target, 9.0, VERMILLION)
-    sketch.text(target, "target", (1.0, 0.0, 0.0), VERMILLION, "b", gap=14.0)
+    sketch.line([pen, target], VERMILION, 1.6, "4 5", lift=300.0)
+    cross(sketch, target, 9.0, VERMILION)
+    sketch.text(target, "target", (1.0, 0.0, 0.0), VERMILION, "b", gap=14.0)
     sketch.text(pen, "pen", (1.0, 0.0, 0.0), style="b", gap=16.0)
     joint = robot.pose(2)[0]
-    sketch.ring(joint, 16.0, VERMILLION, lift=300.0)
+    sketch.ring(joint, 16.0, VERMILION, lift=300.0)
     angle = math.degrees(robot.q[robot.mechanism.q_index("joint2")])
-    sketch.text(joint, f"joint2 at its limit, {angle:.0f}°".replace("-", "−"), (-1.0, 0.3, 0.0), VERMILLION, gap=22.0)
+    sketch.text(joint, f"joint2 at its limit, {angle:.0f}°".replace("-", "−"), (-1.0, 0.3, 0.0), VERMILION, gap=22.0)
     return sketch
 
 

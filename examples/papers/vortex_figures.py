@@ -31,7 +31,7 @@ Array = NDArray[np.float64]
 INK, FAINT = "#2b3036", "#8b929a"
 OBSTACLE = "#c9ced4"
 PATH, ATTRACTED, VORTEX_COLOUR, MINIMUM = "#0072b2", "#009e73", "#e69f00", "#d55e00"
-"""Okabe and Ito's blue, bluish green, orange and vermillion."""
+"""Okabe and Ito's blue, bluish green, orange and vermilion."""
 
 
 @dataclass(frozen=True, eq=False)

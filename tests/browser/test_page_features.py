@@ -123,7 +123,7 @@ def test_joints_are_plotted_paused_and_exported(cockpit, file, tab):
     picture(page, "plots")
     line.click()
     assert becomes(page, lambda: page.evaluate(LINES, ["angles", "--blue"]) == 0)
-    assert page.evaluate(LINES, ["angles", "--vermillion"]) > 10  # the other actuated joint
+    assert page.evaluate(LINES, ["angles", "--vermilion"]) > 10  # the other actuated joint
     page.wait_for_timeout(150)
     page.click("#plots-pause")
     content, name = downloaded(page, lambda: page.click("#plots-csv"))

@@ -56,7 +56,7 @@ def test_branches_are_distinguished(vision):
 
 def test_no_branch_looks_like_a_status_or_vanishes_on_the_ground_of_a_page():
     theme = (ROOT / "cinegen/cockpit/static/style/theme.css").read_text()
-    status = dict(re.findall(r"--(blue|sky|green|orange|vermillion|purple): #(\w{6});", theme))
+    status = dict(re.findall(r"--(blue|sky|green|orange|vermilion|purple): #(\w{6});", theme))
     assert len(status) == 6
     grounds = re.findall(r"--ground: #(\w{6});", theme)
     assert len(grounds) >= 2

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cinegen.plotting.shades import OUT
-from cinegen.plotting.sheet import BLUE, FAINT, INK, LABEL, ORANGE, VERMILLION, finish, label
+from cinegen.plotting.sheet import BLUE, FAINT, INK, LABEL, ORANGE, VERMILION, finish, label
 from cinegen.plotting.synthesis.wording import heading_of
 from raff2urdf.quantities import LENGTH, shown_scale
 
@@ -146,7 +146,7 @@ def _area(field: RegionField) -> Figure:
         _mark(axes, field.points[:, [first, second]], "o", INK, "points of the optimiser")
         worst = field.worst(side)
         if worst is not None:
-            _mark(axes, targets[[worst]], "X", VERMILLION, "worst")
+            _mark(axes, targets[[worst]], "X", VERMILION, "worst")
         _frame(axes, field, side, (first, second), "", worst)
     _bar(figure, list(both), drawn, colours, heading_of(field.quantity))
     finish(figure)

@@ -12,7 +12,7 @@ from cinegen.design.synthesis import LinkageSynthesis, PrecisionProblem
 from cinegen.design.synthesis.linkages import EXACT
 from cinegen.design.synthesis.nearest import closed_motions
 from cinegen.model.motion_plane import motion_plane
-from cinegen.plotting.sheet import BLUE, FAINT, GREEN, INK, LABEL, ORANGE, SKY, VERMILLION, finish, label
+from cinegen.plotting.sheet import BLUE, FAINT, GREEN, INK, LABEL, ORANGE, SKY, VERMILION, finish, label
 from cinegen.plotting.skeleton import Skeleton
 from cinegen.plotting.stick import Pen, paint
 from cinegen.plotting.synthesis.page import ReportPage
@@ -163,7 +163,7 @@ def _draw_path(found: LinkageSynthesis, circuits: list[Array], node: str) -> Fig
     paint(axes, pose, view, Pen(1.6, 0.9, 3.2))
     met = found.error <= EXACT
     at = view.project(targets)[0]
-    for chosen, colour, text in ((met, GREEN, "precision point"), (~met, VERMILLION, "missed precision point")):
+    for chosen, colour, text in ((met, GREEN, "precision point"), (~met, VERMILION, "missed precision point")):
         if chosen.any():
             axes.plot(*at[chosen].T, "o", markerfacecolor="none", markeredgecolor=colour, markeredgewidth=1.6,
                       markersize=8.0, linestyle="none", label=text, zorder=6.0)  # fmt: skip
@@ -198,7 +198,7 @@ def _draw_function(found: LinkageSynthesis, circuits: list[Array]) -> Figure:
         axes.plot(*(values + shift).T, color=_COLOURS[k % len(_COLOURS)], linewidth=1.2, label=text)
     met = found.error <= EXACT
     pairs = np.degrees(found.task.targets)
-    for chosen, colour, text in ((met, GREEN, "precision point"), (~met, VERMILLION, "missed precision point")):
+    for chosen, colour, text in ((met, GREEN, "precision point"), (~met, VERMILION, "missed precision point")):
         if chosen.any():
             axes.plot(*pairs[chosen].T, "o", markerfacecolor="none", markeredgecolor=colour, markeredgewidth=1.6,
                       markersize=8.0, linestyle="none", label=text, zorder=6.0)  # fmt: skip

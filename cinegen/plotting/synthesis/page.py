@@ -11,7 +11,7 @@ from io import BytesIO
 from typing import TYPE_CHECKING
 
 from cinegen.html import table
-from cinegen.plotting.sheet import FAINT, GREEN, INK, VERMILLION
+from cinegen.plotting.sheet import FAINT, GREEN, INK, VERMILION
 from raff2urdf.extras import needs
 
 if TYPE_CHECKING:
@@ -25,7 +25,7 @@ h1 {{ font-size: 1.6rem; line-height: 1.25; margin: 0 0 .5rem; }}
 h2 {{ font-size: 1.15rem; margin: 2.2rem 0 .5rem; padding-top: .6rem; border-top: 1px solid #d3d7dc; }}
 p {{ margin: .5rem 0; max-width: 48rem; }}
 .status {{ padding: .5rem .8rem; border-left: .3rem solid {GREEN}; background: #f4f6f8; max-width: none; }}
-.status.fails {{ border-color: {VERMILLION}; }}
+.status.fails {{ border-color: {VERMILION}; }}
 dl {{ display: grid; grid-template-columns: max-content 1fr; gap: .2rem 1.2rem; margin: .5rem 0; }}
 dt {{ color: #5a626b; }}
 dd {{ margin: 0; }}

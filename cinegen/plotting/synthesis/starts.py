@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cinegen.design.synthesis import Synthesis
-from cinegen.plotting.sheet import BLUE, FAINT, ORANGE, VERMILLION, finish, label
+from cinegen.plotting.sheet import BLUE, FAINT, ORANGE, VERMILION, finish, label
 from cinegen.plotting.synthesis.wording import heading_of, unit_of
 
 if TYPE_CHECKING:
@@ -40,7 +40,7 @@ def draw_parameters(found: Synthesis, good: list[Array]) -> Figure:
     for k, p in enumerate(good):
         axes.plot((p - low) / (high - low), at, marker="|", color=BLUE, markersize=13.0,
                   label="where a start ended" if not k else None, **style)  # fmt: skip
-    axes.plot((found.p - low) / (high - low), at, marker="D", color=VERMILLION, markersize=5.0, label="after", **style)
+    axes.plot((found.p - low) / (high - low), at, marker="D", color=VERMILION, markersize=5.0, label="after", **style)
     axes.set_yticks(at, names)
     axes.invert_yaxis()
     axes.set_xlim(0.0, 1.0)
@@ -68,7 +68,7 @@ def draw_front(found: Synthesis, first: int, second: int) -> Figure:
         axes.plot(*values[order].T, color=BLUE, linewidth=0.9)
     axes.plot(*values.T, "o", color=BLUE, markersize=4.5, label="Pareto front")
     chosen = np.array(found.values)[[first, second]] * scales
-    axes.plot(*chosen, "D", color=VERMILLION, markersize=7.0, label="chosen")
+    axes.plot(*chosen, "D", color=VERMILION, markersize=7.0, label="chosen")
     before = np.array(found.before)[[first, second]] * scales
     if np.isfinite(before).all():
         axes.plot(*before, "o", markerfacecolor="white", color=ORANGE, markersize=6.0, markeredgewidth=1.4,

@@ -19,10 +19,10 @@ const APART = 0.05; // characteristic lengths: marks that are nearer to each oth
 const STILL = 0.01; // characteristic lengths: a shorter path is none
 /** @type {Record<string, number>} */
 const COLOUR = {
-  TYPE_1: COLOURS.vermillion,
+  TYPE_1: COLOURS.vermilion,
   TYPE_2: COLOURS.purple,
   LIMIT: COLOURS.orange,
-  STOPPED: COLOURS.vermillion,
+  STOPPED: COLOURS.vermilion,
 };
 
 /** @typedef {import("../base/messages").ForecastEvent} ForecastEvent */

@@ -65,7 +65,7 @@ export class Ghosts {
     const target = mark.target.fromArray(task.target ?? point.toArray());
     const [far = 0, turned = 0] = task.error ?? [];
     const off = far > SEEN * length || turned > SEEN * 5;
-    const colour = far > LABELLED * length ? COLOURS.vermillion : theme.accent;
+    const colour = far > LABELLED * length ? COLOURS.vermilion : theme.accent;
     mark.paint.color.setHex(colour);
     mark.veil.color.setHex(theme.accent);
     mark.ball.position.copy(target);

@@ -53,7 +53,7 @@ export class Marks {
       const near = new Set(report?.near_limit);
       for (const { name, joint } of robot.nodes) {
         if (!joint) continue;
-        const colour = at.has(joint) ? COLOURS.vermillion : near.has(joint) ? COLOURS.orange : null;
+        const colour = at.has(joint) ? COLOURS.vermilion : near.has(joint) ? COLOURS.orange : null;
         this.tint.shade(robot.name, name, colour);
         this.#halo(robot, name, colour);
       }
@@ -103,7 +103,7 @@ export class Marks {
           const { material } = /** @type {{ material?: import("three").MeshLambertMaterial }} */ (object);
           if (material === undefined) return;
           material.userData.own ??= { colour: material.color.clone() };
-          material.color.copy(open ? new Color(COLOURS.vermillion) : material.userData.own.colour);
+          material.color.copy(open ? new Color(COLOURS.vermilion) : material.userData.own.colour);
         });
         const where = this.view.stage.worldToLocal(mark.getWorldPosition(new Vector3()));
         this.labels.put(

@@ -43,7 +43,7 @@ export class Obstructions {
         continue;
       }
       if (mark === undefined) {
-        const colour = paint(COLOURS.vermillion, { opacity: 0.9 });
+        const colour = paint(COLOURS.vermilion, { opacity: 0.9 });
         const balls = [ball(colour, SIZE * robot.length), ball(colour, SIZE * robot.length)];
         mark = { balls, line: rod(colour), where: new Vector3() };
         this.#marks.set(robot.name, mark);

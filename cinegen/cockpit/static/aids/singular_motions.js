@@ -13,7 +13,7 @@ const SIZE = 0.2; // characteristic lengths
 
 /** @type {Record<"type1" | "type2", { colour: number, label: string }>} */
 export const KINDS = {
-  type1: { colour: COLOURS.vermillion, label: "lost" },
+  type1: { colour: COLOURS.vermilion, label: "lost" },
   type2: { colour: COLOURS.purple, label: "uncontrolled" },
 };
 

@@ -11,7 +11,7 @@ const RIGHT = 6;
 const GAP = 1; // s without a sample: the line is interrupted
 
 /** Colours of Okabe and Ito; lines beyond are dashed. */
-const COLOURS = ["--blue", "--vermillion", "--green", "--orange", "--purple", "--sky"];
+const COLOURS = ["--blue", "--vermilion", "--green", "--orange", "--purple", "--sky"];
 const DASHES = [[], [5, 3], [2, 2], [7, 2, 2, 2]];
 
 /**

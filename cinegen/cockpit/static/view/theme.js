@@ -7,7 +7,7 @@ export const COLOURS = {
   sky: 0x56b4e9,
   green: 0x009e73,
   orange: 0xe69f00,
-  vermillion: 0xd55e00,
+  vermilion: 0xd55e00,
   purple: 0xcc79a7,
 };
 

@@ -15,7 +15,7 @@ const OFTEN = 100; // ms
 const SIZE = { width: 640, height: 420 }; // pixels
 const BAR = { x: 370, wide: 240 };
 /** @type {Record<string, number>} */
-const TONES = { good: COLOURS.green, warn: COLOURS.orange, bad: COLOURS.vermillion, none: 0x8a949e };
+const TONES = { good: COLOURS.green, warn: COLOURS.orange, bad: COLOURS.vermilion, none: 0x8a949e };
 const METERS = /** @type {const} */ ([["type1", "lost DoF"], ["type2", "uncontrolled DoF"]]);
 const DENIED = "Another user has control. Press A or X to take it.";
 const HELP = [
