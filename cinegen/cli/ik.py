@@ -52,9 +52,9 @@ def run(
 ) -> int:
     """Find configurations that bring a node to a pose.
 
-    Finds the joint values of one solution near home, within joint limits. With --all, lists all solutions, those
-    nearest home first, and which limits they exceed. The exit code is 1 if the node can't reach the pose, or if no
-    solution was found.
+    Finds the joint values of one solution within joint limits, by a search from home. With --all, lists all
+    solutions, those nearest home first, and which limits they exceed. The exit code is 1 if the node can't reach the
+    pose, or if no solution was found.
     """
     if lock is not None and not all_:
         raise UsageError("--lock: joints are locked only where all solutions are listed: add --all")

@@ -44,8 +44,8 @@ def run(
     at: str | None = option(
         "POSE",
         "solve for the actuated joints with the node at x,y,z[,rx,ry,rz] (roll, pitch, yaw as in URDF; without them "
-        "any orientation); or some by name: x=0.01,rz=15, the others as at home. If several solutions exist, the one "
-        f"nearest the home configuration is used ({UNITS})",
+        "any orientation); or some by name: x=0.01,rz=15, the others as at home. If several solutions exist, the first "
+        f"that a search from home finds is used ({UNITS})",
     ),
     node: str | None = NODE,
     method: Literal["auto", "monodromy"] = option(
