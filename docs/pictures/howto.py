@@ -70,19 +70,25 @@ def mark(path):
 
 def delta(browser, path):
     """The robot of the page at home, and where its numbers are."""
-    (code,) = howto_blocks(path.name)
-    left = {}
+    (text,) = howto_blocks(path.name)
     with folder():
-        exec(code, left)
+        Path("my_delta.raff").write_text(text, encoding="utf-8")
         mechanism = cinegen.load("my_delta.raff")
     shoulder, elbow, wrist, end = (
         mechanism.placement(mechanism.q_home, node).translation for node in ("link1", "link2", "link4", "platform")
     )
     centre = np.array([0.0, 0.0, shoulder[2]])
-    ends = {"base": (centre, shoulder), "arm": (shoulder, elbow), "forearm": (elbow, wrist), "platform": (wrist, end)}
-    for name, (first, second) in ends.items():
-        assert np.isclose(np.linalg.norm(second - first), 1e-3 * left[name]), name
-    labels = {f"{name} {left[name]} mm": 0.5 * (first + second) for name, (first, second) in ends.items()}
+    labels = {}
+    for name, first, second in (
+        ("base", centre, shoulder),
+        ("arm", shoulder, elbow),
+        ("forearm", elbow, wrist),
+        ("platform", wrist, end),
+    ):
+        length = 1e3 * np.linalg.norm(second - first)
+        assert np.isclose(length, round(length), rtol=1e-9), name
+        assert f"d {length:.0f} " in text, name
+        labels[f"{name} {length:.0f} mm"] = 0.5 * (first + second)
     robots = {"my_delta": (mechanism, mechanism.q_home)}
     draw(browser, path, robots, (-58.0, 22.0), labels, size=SIZE, description=mark(path))
 

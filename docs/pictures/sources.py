@@ -16,7 +16,7 @@ HOWTO = {
     "howto_export.png": ("export", "python", "console"),
     "howto_from_cad.webp": ("from-cad", "xml planar.urdf"),
     "howto_linkage.svg": ("linkage", "python"),
-    "howto_my_delta.webp": ("my-delta", "python"),
+    "howto_my_delta.webp": ("my-delta", "raff my_delta.raff"),
     "howto_obstacles.png": ("obstacles", "toml bench.toml"),
     "howto_urdf_with_loops.webp": ("urdf-with-loops", "xml linkage.urdf"),
 }
