@@ -16,6 +16,7 @@ from cinegen.jit.vectors import inner
 from cinegen.loops._kernels.memory import ClusterMemory, cluster_at
 
 _SPARE = 0.02  # of an acceleration limit, where closing loops adds to steps
+_PLANNED = 0.9  # part of it with which joints of loops brake before position limits: loops bend the way there
 _EASED = 6  # number of times that barriers are relaxed if they contradict each other
 
 
@@ -212,22 +213,30 @@ def _bound_alone(memory: SolverMemory, j: int) -> None:
 @compiled
 def _bound_cluster(memory: SolverMemory, cluster: ClusterMemory) -> None:
     """Narrow the bounds of the joints of a cluster. All brake for as long as the one that takes longest: after a step
-    s that is followed by n - 1 ever shorter ones, a joint moves by s (n + 1) / 2, and its limit must be as far.
+    s that is followed by n - 1 ever shorter ones, a joint moves by s (n + 1) / 2, and its limit must be as far. Where
+    a limit is nearer, n is less: no joint may be so fast that it takes longer.
 
     What closing the loops added to the last step, it will add to this one, too (`drift`)."""
     last, drift, braking, dof = memory.last, memory.drift, memory.braking, cluster.dof
     floor, ceiling, usable, ticks = memory.floor, memory.ceiling, 1.0 - _SPARE, 0.0
     for i in range(cluster.n):
-        ticks = max(ticks, abs(last[dof[i]]) / (usable * memory.longest_change[dof[i]]))
-    goes_on = 1.0 - 1.0 / max(ticks, 1.0)  # part of the last step
-    share = 2.0 / (ticks + 2.0)  # this step may take a tick longer to brake
+        ticks = max(ticks, abs(last[dof[i]]) / (_PLANNED * memory.longest_change[dof[i]]))
+    change = usable / _PLANNED  # of `ticks`, in this tick: at most
+    left, goes_on = ticks + change, 1.0 - change / max(ticks, change)
     for i in range(cluster.n):
         j = dof[i]
         braking[j] = goes_on * last[j] - drift[j]
-        down, up, limit = share * floor[j], share * ceiling[j], usable * memory.longest_change[j]
+        room = ceiling[j] if braking[j] > 0.0 else -floor[j]
+        if abs(braking[j]) * (left + 1.0) > 2.0 * room:
+            left = 2.0 * room / abs(braking[j]) - 1.0
+    left = max(left, ticks - change, 1.0)
+    for i in range(cluster.n):
+        j = dof[i]
+        limit, most = usable * memory.longest_change[j], left * _PLANNED * memory.longest_change[j]
+        down, up = 2.0 * floor[j] / (left + 1.0), 2.0 * ceiling[j] / (left + 1.0)
         if limit < math.inf:
-            up = min(last[j] + limit - drift[j], min(up, _stopping(ceiling[j], limit)))
-            down = max(last[j] - limit - drift[j], max(down, -_stopping(-floor[j], limit)))
+            up = min(last[j] + limit - drift[j], min(up, _stopping(ceiling[j], limit)), most)
+            down = max(last[j] - limit - drift[j], max(down, -_stopping(-floor[j], limit)), -most)
         floor[j] = max(floor[j], min(down, braking[j], up))
         ceiling[j] = min(ceiling[j], max(up, braking[j], down))
 
