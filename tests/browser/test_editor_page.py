@@ -112,7 +112,7 @@ def test_a_link_has_the_text_the_configuration_and_the_camera(root, tmp_path, ta
         other.evaluate("document.querySelector('#toasts').replaceChildren()")
         other.evaluate("fragment => { location.hash = fragment; }", f"#{own}&{robot}={values}")
         assert becomes(other, f"document.querySelector('#toasts').textContent.includes('{reason}')")
-    assert other.evaluate(f"cockpit.report.robots.{robot}.closure") <= 1e-10
+    assert becomes(other, f"cockpit.report !== null && cockpit.report.robots.{robot}.closure <= 1e-10")
 
 
 def test_an_edited_robot_is_dragged_and_keeps_its_pose(file, text, tab):  # noqa: F811

@@ -102,11 +102,11 @@ def beyond(found):
 
 PAGES = (
     ("drive", "robots/five_bar.raff", "--sensor", "tool=tcp://127.0.0.1:0", "--record", "run.jsonl", *PAGE),
-    ("map", "robots/planar_3r.raff", "--over", "xy", "--grid", "10", "--view", *PAGE),
-    ("sensors", "--monitor", "tcp://127.0.0.1:0", "--seconds", "0.5"),
     ("drive", "robots/five_bar.raff", "--host", "0.0.0.0", *PAGE),
 )
 OTHER_PAGES = (
+    ("map", "robots/planar_3r.raff", "--over", "xy", "--grid", "10", "--view", *PAGE),
+    ("sensors", "--monitor", "tcp://127.0.0.1:0", "--seconds", "0.5"),
     ("drive", "robots/five_bar.raff", "--record", "run.jsonl", *PAGE),
     ("replay", "run.jsonl", *PAGE),
     ("drive", "--scene", "robots/scenes/disc.toml", *PAGE),
