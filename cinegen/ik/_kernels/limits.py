@@ -16,7 +16,7 @@ from cinegen.jit.vectors import inner
 from cinegen.loops._kernels.memory import ClusterMemory, cluster_at
 
 _SPARE = 0.02  # of an acceleration limit, where closing loops adds to steps
-_PLANNED = 0.9  # part of it with which joints of loops brake before position limits: loops bend the way there
+_PLANNED = 0.9  # of an acceleration limit, with which joints of loops plan to brake: loops curve their path meanwhile
 _EASED = 6  # number of times that barriers are relaxed if they contradict each other
 
 
@@ -232,11 +232,9 @@ def _bound_cluster(memory: SolverMemory, cluster: ClusterMemory) -> None:
     left = max(left, ticks - change, 1.0)
     for i in range(cluster.n):
         j = dof[i]
-        limit, most = usable * memory.longest_change[j], left * _PLANNED * memory.longest_change[j]
-        down, up = 2.0 * floor[j] / (left + 1.0), 2.0 * ceiling[j] / (left + 1.0)
-        if limit < math.inf:
-            up = min(last[j] + limit - drift[j], min(up, _stopping(ceiling[j], limit)), most)
-            down = max(last[j] - limit - drift[j], max(down, -_stopping(-floor[j], limit)), -most)
+        limit = memory.longest_change[j]
+        down = max(2.0 * floor[j] / (left + 1.0), last[j] - usable * limit - drift[j], -left * _PLANNED * limit)
+        up = min(2.0 * ceiling[j] / (left + 1.0), last[j] + usable * limit - drift[j], left * _PLANNED * limit)
         floor[j] = max(floor[j], min(down, braking[j], up))
         ceiling[j] = min(ceiling[j], max(up, braking[j], down))
 
