@@ -91,8 +91,8 @@ def test_the_process_of_a_session_ends_with_its_parent_at_any_moment(tmp_path, e
     while (left := _of_family(mark)) and time.monotonic() < last:
         time.sleep(0.1)
     assert left == []
-    # Python's own message, if the parent ends after it has started the process and before it has said what to run.
-    told_nothing = output.count("EOFError: Ran out of input")
-    assert told_nothing <= 1
-    assert output.count("Traceback") == (end == signal.SIGINT) + told_nothing  # of this program itself
+    # Python prints this in a process whose parent ends before it has sent the process what to run.
+    too_early = output.count("EOFError: Ran out of input")
+    assert too_early <= (delay is not None and delay <= 0.1)
+    assert output.count("Traceback") == (end == signal.SIGINT) + too_early  # of this program itself
     assert "cinegen" not in output or end == signal.SIGINT
