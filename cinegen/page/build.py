@@ -149,11 +149,11 @@ def _packed(content: Any) -> str:
 
 def _licences(names: tuple[str, ...]) -> str:
     others = (_own(name) if name in _EDITOR_LICENCES[-1:] else _static(name) for name in names)
-    return "\n".join((_licence(), *others)).replace("--", "- -")  # it stands in a comment
+    return "\n".join((_project_licence(), *others)).replace("--", "- -")  # it stands in a comment
 
 
-def _licence() -> str:
-    """Return cinegen's own licence."""
+def _project_licence() -> str:
+    """Return cinegen's licence."""
     with suppress(PackageNotFoundError):
         if text := distribution("cinegen").read_text("licenses/LICENSE"):
             return text
