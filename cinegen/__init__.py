@@ -11,6 +11,7 @@ from raff2urdf.lazy import lazy_names
 
 if TYPE_CHECKING:
     from cinegen.assembly import assembly_modes as assembly_modes
+    from cinegen.cockpit import Viewer as Viewer
     from cinegen.cockpit import show as show
     from cinegen.dynamics import InverseDynamics as InverseDynamics
     from cinegen.dynamics import Payload as Payload

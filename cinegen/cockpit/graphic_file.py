@@ -10,19 +10,27 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
+from meshcat.geometry import (
+    DaeMeshGeometry,
+    Geometry,
+    Material,
+    MeshLambertMaterial,
+    ObjMeshGeometry,
+    StlMeshGeometry,
+    TriangularMeshGeometry,
+)
 from numpy.typing import ArrayLike
-
-from cinegen.cockpit import drawing
-from cinegen.cockpit.drawing import Json
 
 if TYPE_CHECKING:  # trimesh takes its time
     from raff2urdf.graphics.surface import ColouredSurface
+
+_READERS = {".stl": StlMeshGeometry, ".obj": ObjMeshGeometry, ".dae": DaeMeshGeometry}
 
 UNCOLOURED = (0.9, 0.9, 0.9, 1.0)
 """Colour of a file to which nothing gives one: that of Pinocchio's shapes."""
 
 
-def draw_file(path: Path, rgba: ArrayLike, is_own: bool = True) -> Iterator[tuple[Json, Json]]:
+def draw_file(path: Path, rgba: ArrayLike, is_own: bool = True) -> Iterator[tuple[Geometry, Material]]:
     """Yield the surfaces of a file as geometries and materials, in the file's unit of length.
 
     Args:
@@ -34,16 +42,22 @@ def draw_file(path: Path, rgba: ArrayLike, is_own: bool = True) -> Iterator[tupl
     for surface in surfaces:
         colour = rgba if surface.colour is None else np.array(surface.colour) / 255.0
         corners = surface.triangles.reshape(-1, 3)
-        yield drawing.triangles(corners, np.arange(len(corners)).reshape(-1, 3)), material_of(colour)
-    if path.suffix[1:].lower() in drawing.FORMATS and not surfaces:
-        yield drawing.mesh_file(path), material_of(rgba)
+        yield TriangularMeshGeometry(corners, np.arange(len(corners)).reshape(-1, 3)), material_of(colour)
+    reader = _READERS.get(path.suffix.lower())
+    if reader is not None and not surfaces:
+        yield reader.from_file(path), material_of(rgba)
 
 
-def material_of(rgba: ArrayLike) -> Json:
+def material(colour: int, opacity: float = 1.0) -> Material:
+    """Return a material: a colour 0xRRGGBB, and an opacity from 0 to 1."""
+    return MeshLambertMaterial(color=colour, opacity=opacity)
+
+
+def material_of(rgba: ArrayLike) -> Material:
     """Return a material; any four numbers are valid, as in a URDF."""
     red, green, blue, opacity = np.clip(np.nan_to_num(rgba, nan=0.5), 0.0, 1.0)
     colour = (round(255 * red) << 16) + (round(255 * green) << 8) + round(255 * blue)
-    return drawing.material(colour, float(opacity))
+    return material(colour, float(opacity))
 
 
 @cache

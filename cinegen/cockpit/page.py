@@ -9,10 +9,10 @@ from __future__ import annotations
 import base64
 import html
 import threading
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from functools import cache
 from importlib.resources import files
-from typing import Any
+from typing import Any, Protocol
 
 import umsgpack
 
@@ -37,6 +37,14 @@ for (const text of [{blobs}]) {{
 <script id="embedded-json"></script>
 </body></html>
 """
+
+
+class Command(Protocol):
+    """A command of `meshcat.commands`."""
+
+    def lower(self) -> dict[str, Any]:
+        """Return the command as the viewer takes it."""
+
 
 Key = tuple[str, str, str]
 """Path, kind and property of a message."""
@@ -73,11 +81,12 @@ class Page:
         self._kept: dict[Key, bytes] = {}
         self._feeds: set[PageFeed] = set()
 
-    def send(self, command: Mapping[str, Any]) -> None:
-        """Take a drawing command (`cinegen.cockpit.drawing`)."""
-        kind, path = command["type"], command["path"]
-        key = (path, kind, command.get("property", ""))
-        message = umsgpack.packb(command)
+    def send(self, command: Command) -> None:
+        """Take a drawing command: a page is a window of `meshcat.Visualizer`."""
+        lowered = command.lower()
+        kind, path = lowered["type"], lowered["path"]
+        key = (path, kind, lowered.get("property", ""))
+        message = umsgpack.packb(lowered)
         with self.lock:
             if kind in ("set_object", "delete"):  # removes what was drawn below
                 below = [k for k in self._kept if k[0] == path or (kind == "delete" and k[0].startswith(path + "/"))]
@@ -118,5 +127,5 @@ class Page:
 
 @cache
 def viewer() -> str:
-    """Return meshcat's viewer, a script."""
-    return files("cinegen.cockpit").joinpath("static/vendor/meshcat-0.3.2/main.min.js").read_text(encoding="utf-8")
+    """Return meshcat's viewer, the script in its package."""
+    return files("meshcat").joinpath("viewer/dist/main.min.js").read_text(encoding="utf-8")

@@ -4,16 +4,17 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
+from typing import Protocol
 
 import coal
 import numpy as np
 import pinocchio as pin
+from meshcat import Visualizer
+from meshcat.geometry import Box, Cylinder, Geometry, Material, Mesh, Sphere, TriangularMeshGeometry, triad
 from numpy.typing import ArrayLike, NDArray
 
-from cinegen.cockpit import drawing
-from cinegen.cockpit.drawing import Json, SceneNode, mesh, triad
-from cinegen.cockpit.graphic_file import draw_file, material_of
-from cinegen.cockpit.page import Page
+from cinegen.cockpit.graphic_file import draw_file, material, material_of
+from cinegen.cockpit.page import Command, Page
 from cinegen.collision.body import bounding_box_corners
 from cinegen.collision.triangle_mesh import TriangleMesh
 from cinegen.mission.drawn_obstacle import DrawnObstacle, DrawnShape
@@ -26,6 +27,7 @@ Array = NDArray[np.float64]
 _ORIGIN = pin.SE3.Identity()
 _SHOWN = 1.6  # m: radius at which everything is drawn, so that robots of any size fill the view
 _EYE, _ZOOM = np.array([3.8, -4.9, 3.0]), 2.2  # position of the camera, m; far away, for little perspective distortion
+_GAP = 0.05  # m: between what is drawn and the floor
 _TILT = 1e-3  # of a camera that looks straight down, so that it has an upper side
 _LOOP = 0xCC79A7  # Okabe and Ito's reddish purple: closed loops
 _TARGET = 0xD55E00  # vermilion: targets
@@ -35,35 +37,44 @@ _HELD = np.array([0.94, 0.89, 0.26, 1.0])  # Okabe and Ito's yellow: what a robo
 _WALL = np.array([0.62, 0.55, 0.46, 0.35])  # of obstacles that can't be moved: they must not hide what is behind
 
 
+class Window(Protocol):
+    """A receiver of drawing commands, as `meshcat.Visualizer` takes it."""
+
+    def send(self, command: Command) -> object:
+        """Take a drawing command."""
+
+
 class RobotScene:
-    """Mechanisms in a page, scaled to fill the view.
+    """Mechanisms in meshcat's viewer.
 
     Args:
-        page: page to draw into.
+        window: receiver of the drawing commands, as `meshcat.Visualizer` takes it: a page, or the window of a viewer.
         mechanisms: mechanisms by name.
         bases: base poses of those that are not at the world's origin (m).
         obstacles: obstacles by name.
         attached: objects that mechanisms hold.
+        scaled: scale everything to one size, in which the view is filled; otherwise the camera moves, and 1 is 1 m.
     """
 
     def __init__(
         self,
-        page: Page,
+        window: Window,
         mechanisms: Mapping[str, Mechanism],
         bases: Mapping[str, pin.SE3] | None = None,
         obstacles: Mapping[str, DrawnObstacle] | None = None,
         attached: Iterable[DrawnAttached] = (),
+        scaled: bool = True,
     ) -> None:
-        self.page, self.mechanisms = page, dict(mechanisms)
+        self.mechanisms = dict(mechanisms)
         self.bases = {name: pin.SE3.Identity() for name in mechanisms} | dict(bases or {})
-        self._root = SceneNode(page)["cinegen"]
+        self._root = Visualizer(window=window)["cinegen"]
         self._targets: set[str] = set()
         drawn = {
             name: (one, _geometry(one.shapes, _OBSTACLE if one.dof else _WALL))
             for name, one in (obstacles or {}).items()
         }
         held = [(one, _geometry(one.shapes, _HELD)) for one in attached]
-        self._fit(drawn.values(), held)
+        self._fit(drawn.values(), held, scaled)
         for name, (obstacle, objects) in drawn.items():
             self._put(self._root[name][name], objects)
             self.show_obstacle(name, obstacle.placement)
@@ -95,7 +106,7 @@ class RobotScene:
         if path not in self._targets:
             self._targets.add(path)
             self._root[path].set_object(triad(size))
-            self._root[path]["ball"].set_object(mesh(drawing.sphere(0.12 * size), drawing.material(_TARGET, 0.85)))
+            self._root[path]["ball"].set_object(Mesh(Sphere(0.12 * size), material(_TARGET, 0.85)))
         self._root[path].set_transform(placement.homogeneous)
 
     def goal(self, name: str, placement: pin.SE3, whole: bool) -> None:
@@ -104,16 +115,16 @@ class RobotScene:
         size = 0.02 * self._radius
         if whole:
             self._root[path].set_object(triad(4.0 * size))
-        self._root[path]["ball"].set_object(mesh(drawing.sphere(size), drawing.material(_GOAL, 0.85)))
+        self._root[path]["ball"].set_object(Mesh(Sphere(size), material(_GOAL, 0.85)))
         self._root[path].set_transform(placement.homogeneous)
 
     def _fit(
         self,
         obstacles: Iterable[tuple[DrawnObstacle, list[pin.GeometryObject]]],
         attached: Iterable[tuple[DrawnAttached, list[pin.GeometryObject]]],
+        scaled: bool,
     ) -> None:
-        """Scale and move everything so that robots, what they hold and movable obstacles fill the view, with the floor
-        below."""
+        """Place everything so that robots, what they hold and movable obstacles fill the view, with the floor below."""
         parts = [
             part @ self.bases[name].rotation.T + self.bases[name].translation
             for name, mechanism in self.mechanisms.items()
@@ -133,14 +144,19 @@ class RobotScene:
         centre = (points.min(axis=0) + points.max(axis=0)) / 2.0
         self._radius = float(np.linalg.norm(points - centre, axis=1).max()) or 1.0
         scale = _SHOWN / self._radius
-        whole = np.diag([scale, scale, scale, 1.0])
-        whole[:3, 3] = -scale * centre
+        whole, camera, floor = np.eye(4), np.eye(4), np.eye(4)
+        lowest, gap, eye = float(points[:, 2].min()), _GAP / scale, np.array(self._eye()) / scale
+        if scaled:
+            whole[:3, :3], whole[:3, 3] = scale * np.eye(3), -scale * centre
+            lowest, gap, eye = scale * (lowest - centre[2]), _GAP, scale * eye
+        else:
+            camera[:3, 3] = centre
+        floor[2, 3] = lowest - gap
         self._root.set_transform(whole)
-        floor = np.eye(4)
-        floor[2, 3] = scale * float(points[:, 2].min() - centre[2]) - 0.05
-        window = SceneNode(self.page)
+        window = self._root["/"]
         window["/Grid"].set_transform(floor)
-        window["/Cameras/default/rotated/<object>"].set_property("position", self._eye())
+        window["/Cameras/default"].set_transform(camera)
+        window["/Cameras/default/rotated/<object>"].set_property("position", eye.tolist())
         window["/Cameras/default/rotated/<object>"].set_property("zoom", _ZOOM)
         window["/Axes"].set_property("visible", False)
         window["/Background"].set_property("top_color", [0.92, 0.95, 0.98])
@@ -166,18 +182,18 @@ class RobotScene:
             self._root[name][node]["triad"].set_object(triad(0.15 * mechanism.length))
         for loop in mechanism.loops:
             mark = self._root[name][loop.first][f"loop {loop.name}"]
-            mark.set_object(mesh(drawing.sphere(0.05 * mechanism.length), drawing.material(_LOOP, 0.6)))
+            mark.set_object(Mesh(Sphere(0.05 * mechanism.length), material(_LOOP, 0.6)))
             mark.set_transform(loop.first_placement.homogeneous)
 
     def _put(
-        self, path: SceneNode, objects: Iterable[pin.GeometryObject], frame: pin.SE3 = _ORIGIN, first: int = 0
+        self, path: Visualizer, objects: Iterable[pin.GeometryObject], frame: pin.SE3 = _ORIGIN, first: int = 0
     ) -> None:
         """Draw geometry objects below a path of the page's scene, as seen from a frame."""
         for i, solid in enumerate(objects, first):
             placement = frame.actInv(solid.placement).homogeneous
-            for k, (geometry, material, extra) in enumerate(_drawn(solid)):
+            for k, (geometry, look, extra) in enumerate(_drawn(solid)):
                 place = path[f"{i}.{k}" if k else str(i)]
-                place.set_object(mesh(geometry, material))
+                place.set_object(Mesh(geometry, look))
                 place.set_transform(placement @ extra)
 
 
@@ -207,30 +223,30 @@ def _is_file(solid: pin.GeometryObject) -> bool:
     return bool(solid.meshPath) and solid.meshPath not in ("BOX", "CYLINDER", "SPHERE", "CAPSULE", "CONE", "CONVEX")
 
 
-def _drawn(solid: pin.GeometryObject) -> Iterator[tuple[Json, Json, Array]]:
+def _drawn(solid: pin.GeometryObject) -> Iterator[tuple[Geometry, Material, Array]]:
     """Yield a Pinocchio shape as geometry, material, and the transform (4, 4) between them.
 
     Nothing for unknown shapes; several for a mesh with several colours.
     """
-    geometry, extra, material = solid.geometry, np.eye(4), material_of(solid.meshColor)
+    geometry, extra, look = solid.geometry, np.eye(4), material_of(solid.meshColor)
     if _is_file(solid):
         extra[:3, :3] = np.diag(solid.meshScale)
-        for surface, look in draw_file(Path(solid.meshPath), solid.meshColor, not solid.overrideMaterial):
-            yield surface, look, extra
+        for surface, own in draw_file(Path(solid.meshPath), solid.meshColor, not solid.overrideMaterial):
+            yield surface, own, extra
     elif isinstance(geometry, coal.Box):
-        yield drawing.box(2.0 * geometry.halfSide), material, extra
+        yield Box(2.0 * geometry.halfSide), look, extra
     elif isinstance(geometry, coal.Sphere):
-        yield drawing.sphere(float(geometry.radius)), material, extra
+        yield Sphere(float(geometry.radius)), look, extra
     elif isinstance(geometry, coal.Convex):
-        yield drawing.triangles(*_triangles(geometry)), material, extra
+        yield TriangularMeshGeometry(*_triangles(geometry)), look, extra
     elif isinstance(geometry, coal.BVHModelOBBRSS):
         points = TriangleMesh(geometry).corners.reshape(-1, 3)
-        yield drawing.triangles(points, np.arange(len(points)).reshape(-1, 3)), material, extra
+        yield TriangularMeshGeometry(points, np.arange(len(points)).reshape(-1, 3)), look, extra
     elif isinstance(geometry, coal.Capsule):
-        yield drawing.triangles(*_capsule(geometry)), material, extra
+        yield TriangularMeshGeometry(*_capsule(geometry)), look, extra
     elif isinstance(geometry, coal.Cylinder):
         extra[:3, :3] = [[1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0]]  # three.js's cylinders are along y
-        yield drawing.cylinder(2.0 * float(geometry.halfLength), float(geometry.radius)), material, extra
+        yield Cylinder(2.0 * float(geometry.halfLength), float(geometry.radius)), look, extra
 
 
 def _triangles(hull: coal.Convex) -> tuple[Array, NDArray[np.uint32]]:

@@ -41,7 +41,7 @@ _POLICY = (
 _STYLES = tuple(
     f"style/{name}.css" for name in ("theme", "layout", "controls", "plots", "waypoints", "users", "preferences")
 )  # as index.html has them
-_LICENCES = ("vendor/meshcat-0.3.2/LICENSE", "vendor/three-0.132.2/LICENSE")
+_LICENCES = ("vendor/three-0.132.2/LICENSE",)
 _EDITOR_LICENCES = (*_LICENCES, "vendor/codemirror-6/LICENSE")
 _NO_FORCES = "a page without a server computes none"
 
@@ -149,7 +149,15 @@ def _packed(content: Any) -> str:
 
 def _licences(names: tuple[str, ...]) -> str:
     others = (_own(name) if name in _EDITOR_LICENCES[-1:] else _static(name) for name in names)
-    return "\n".join((_project_licence(), *others)).replace("--", "- -")  # it stands in a comment
+    return "\n".join((_project_licence(), *_viewer_licences(), *others)).replace("--", "- -")  # it stands in a comment
+
+
+def _viewer_licences() -> Iterator[str]:
+    """Yield the licences of meshcat's viewer and of the libraries in it, from its package."""
+    viewer = files("meshcat").joinpath("viewer")
+    yield viewer.joinpath("LICENSE").read_text(encoding="utf-8")
+    for library in json.loads(viewer.joinpath("dist/main.min.js.THIRD_PARTY_LICENSES.json").read_text("utf-8")):
+        yield f"{library['name']} {library['version']}\n{library.get('licenseText') or library['license']}"
 
 
 def _project_licence() -> str:

@@ -7,7 +7,9 @@ from collections import Counter
 from pathlib import Path
 from typing import Any
 
-from cinegen.cockpit.drawing import SceneNode, mesh
+from meshcat import Visualizer
+from meshcat.geometry import Mesh
+
 from cinegen.cockpit.graphic_file import UNCOLOURED, draw_file
 from cinegen.cockpit.page import Page
 from raff2urdf.errors import RaffError, RaffWarning
@@ -64,6 +66,6 @@ def _embedded(graphics: Graphics, file: str) -> dict[str, Any]:
     for drawing in drawings:
         rgba = UNCOLOURED if drawing.colour is None else [channel / 255.0 for channel in drawing.colour]
         for geometry, look in draw_file(drawing.path, rgba, drawing.colour is None):
-            SceneNode(page, f"/graphics/{number}").set_object(mesh(geometry, look))
+            Visualizer(window=page)[f"/graphics/{number}"].set_object(Mesh(geometry, look))
             number += 1
     return {"commands": [command.hex() for command in page.scene().values()], "problem": problem}

@@ -14,10 +14,12 @@ import numpy as np
 from cockpit import FLAGS
 from figures import PICTURES, ROBOTS, save
 from make import draw
+from meshcat import Visualizer
+from meshcat.geometry import Sphere
 from playwright.sync_api import sync_playwright
 
 import cinegen
-from cinegen.cockpit.drawing import SceneNode, material, mesh, sphere
+from cinegen.cockpit.graphic_file import material
 from cinegen.plotting import draw_designs
 from cinegen.plotting.sheet import BLUE, GREEN, INK, ORANGE, finish, label, sheet
 from cinegen.plotting.sweep import draw_sweep
@@ -32,8 +34,8 @@ def dots(points):
 
     def add(page):
         for k, point in enumerate(points):
-            node = SceneNode(page)[f"/meshcat/cinegen/path/{k}"]
-            node.set_object(mesh(sphere(_DOT), material(_PATH)))
+            node = Visualizer(window=page)[f"/meshcat/cinegen/path/{k}"]
+            node.set_object(Sphere(_DOT), material(_PATH))
             at = np.eye(4)
             at[:3, 3] = point
             node.set_transform(at)

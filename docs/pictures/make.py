@@ -11,6 +11,7 @@ import shutil
 import sys
 import tempfile
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pinocchio as pin
@@ -18,13 +19,15 @@ import umsgpack
 from cockpit import FLAGS
 from figures import exif
 from labels import write_labels
+from meshcat import Visualizer
+from meshcat.geometry import Cylinder
 from PIL import Image, ImageChops
 from playwright.sync_api import sync_playwright
 
 import cinegen
 import raff2urdf
 from cinegen.cockpit import make_page
-from cinegen.cockpit.drawing import SceneNode, cylinder, material, mesh
+from cinegen.cockpit.graphic_file import material
 from cinegen.plotting.skeleton import Skeleton
 
 PICTURES = Path(__file__).resolve().parent
@@ -109,22 +112,22 @@ def ground(page, points):
         command["path"] = command["path"].replace("/meshcat", "/shadow", 1)
         for look in command.get("object", {}).get("materials", ()):
             look.update(type="MeshBasicMaterial", color=SHADOW, opacity=1.0, transparent=False, vertexColors=0)
-        page.send(command)
+        page.send(SimpleNamespace(lower=lambda command=command: command))
     flat = np.diag([1.0, 1.0, _FLATNESS, 1.0])
     flat[2, 3] = height + 1e-3 * size
-    window = SceneNode(page)
+    window = Visualizer(window=page)
     window["/shadow"].set_transform(flat)
     disc = np.eye(4)
     disc[:3, :3] = pin.utils.rotate("x", 0.5 * math.pi)  # the viewer's cylinders are along y
     disc[:3, 3] = *middle[:2], height - 0.005 * size
-    window["/ground"].set_object(mesh(cylinder(0.01 * size, radius), material(GROUND)))
+    window["/ground"].set_object(Cylinder(0.01 * size, radius), material(GROUND))
     window["/ground"].set_transform(disc)
     return height, middle, radius
 
 
 def look(page, azimuth, elevation, middle, height, radius, top):
     """Put the camera at a direction (degrees), so that disc and robot fill the picture."""
-    window = SceneNode(page)
+    window = Visualizer(window=page)
     window["/Grid"].set_property("visible", False)
     window["/Axes"].set_property("visible", False)
     window["/Background"].set_property("top_color", [1.0, 1.0, 1.0])

@@ -5,9 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 import umsgpack
+from meshcat import Visualizer
+from meshcat.geometry import Box, MeshLambertMaterial
 
 from cinegen.cockpit import Page, RobotScene
-from cinegen.cockpit.drawing import SceneNode, box, material, mesh
 
 
 def _taken(feed):
@@ -16,8 +17,8 @@ def _taken(feed):
 
 
 def _box(page, path, x=0.0):
-    place = SceneNode(page)[path]
-    place.set_object(mesh(box([1, 1, 1]), material(0xFFFFFF)))
+    place = Visualizer(window=page)[path]
+    place.set_object(Box([1.0, 1.0, 1.0]), MeshLambertMaterial())
     matrix = np.eye(4)
     matrix[0, 3] = x
     place.set_transform(matrix)
@@ -54,7 +55,7 @@ def test_what_is_deleted_is_not_sent_any_more():
     page = Page()
     _box(page, "a/b")
     _box(page, "ab")
-    SceneNode(page)["a"].delete()
+    Visualizer(window=page)["a"].delete()
     assert [path for path, _, _ in page.scene()] == ["/meshcat/ab", "/meshcat/ab"]
 
 

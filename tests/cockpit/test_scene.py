@@ -76,7 +76,7 @@ def test_odd_colours_are_no_failure(
     assert 0 <= material["color"] <= 0xFFFFFF
     assert 0.0 <= material["opacity"] <= 1.0
     made = material_of([float(word) for word in rgba.split()])
-    assert (made["color"], made["opacity"]) == (colour, opacity)
+    assert (made.color, made.opacity) == (colour, opacity)
 
 
 @pytest.mark.parametrize(("name", "colour"), [("box.dae", 0x0000FF), ("box.obj", 0xFF0000)])

@@ -9,8 +9,10 @@ import shutil
 import subprocess
 import zlib
 from html.parser import HTMLParser
+from pathlib import Path
 from urllib.parse import unquote
 
+import meshcat
 import pytest
 import umsgpack
 
@@ -101,8 +103,11 @@ def test_only_its_own_scripts_may_run(elements):
 def test_licences_are_whole(page, root):
     spaceless = "".join(page.replace("- -", "--").split())
     vendored = (root / "cinegen" / "cockpit" / "static" / "vendor").glob("*/LICENSE")
-    for licence in (root / "LICENSE", *vendored):
-        assert "".join(licence.read_text().replace("- -", "--").split()) in spaceless
+    viewer = Path(meshcat.__file__).parent / "viewer"
+    libraries = json.loads((viewer / "dist" / "main.min.js.THIRD_PARTY_LICENSES.json").read_text())
+    texts = [path.read_text() for path in (root / "LICENSE", viewer / "LICENSE", *vendored)]
+    for licence in (*texts, *(one.get("licenseText") or one["license"] for one in libraries)):
+        assert "".join(licence.replace("- -", "--").split()) in spaceless
 
 
 def test_names_are_text_not_markup(robot):
