@@ -210,7 +210,7 @@ lock: build/tools/installed ## pin what pyproject.toml asks for in requirements/
 	for lock in core test bench mutations docs tools; do cp "$$tmp/$$lock.txt" requirements; done
 	@grep -c == requirements/*.txt
 
-sbom: .venv/test-installed build/tools/installed ## list all packages in .venv, and the page's libraries, in build/sbom.json (CycloneDX)
+sbom: .venv/test-installed build/tools/installed ## list all packages in .venv in build/sbom.json (CycloneDX)
 	@build/tools/bin/python .ci/sbom $(BIN)/python build/sbom.json
 
 # pip-audit passes over packages that its database does not know, or does not answer for, unless it is strict.

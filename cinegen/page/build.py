@@ -41,8 +41,8 @@ _POLICY = (
 _STYLES = tuple(
     f"style/{name}.css" for name in ("theme", "layout", "controls", "plots", "waypoints", "users", "preferences")
 )  # as index.html has them
-_LICENCES = ("vendor/three-0.132.2/LICENSE",)
-_EDITOR_LICENCES = (*_LICENCES, "vendor/codemirror-6/LICENSE")
+_LICENCES: tuple[str, ...] = ()
+_EDITOR_LICENCES = "vendor/codemirror-6/LICENSE"
 _NO_FORCES = "a page without a server computes none"
 
 

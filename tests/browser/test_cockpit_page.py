@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import os
 import shutil
 import time
@@ -227,14 +228,14 @@ def test_a_click_selects_the_gizmo_moves_it_and_a_pin_holds_it(cockpit, tab):
     start = place(one, "delta4", "link5")
     # the arrow along z, where the gizmo draws it
     arrow = page.evaluate("""() => {
-      const { viewer, gizmo: { controls } } = cockpit;
+      const { viewer, gizmo: { handles } } = cockpit;
       const box = viewer.renderer.domElement.getBoundingClientRect();
-      const handles = [];
-      controls.traverse((object) => {
-        if (object.isMesh && object.name === "Z" && object.parent.visible) handles.push(object);
+      const arrows = [];
+      handles.drawn.traverse((object) => {
+        if (object.name === "Z" && object.visible && object.geometry.type === "ConeGeometry") arrows.push(object);
       });
       let best = null;
-      for (const handle of handles) {
+      for (const handle of arrows) {
         handle.geometry.computeBoundingSphere();
         const at = handle.localToWorld(handle.geometry.boundingSphere.center.clone()).project(viewer.camera);
         const pixel = [box.left + (at.x + 1) / 2 * box.width, box.top + (1 - at.y) / 2 * box.height];
@@ -258,6 +259,41 @@ def test_a_click_selects_the_gizmo_moves_it_and_a_pin_holds_it(cockpit, tab):
     number = held(one, "delta4", "pin")[0].id
     page.click(f"[data-task='{number}'] button")
     assert becomes(page, lambda: not one.state.robots["delta4"].tasks)
+
+
+RING = """([axis, from, to, steps]) => {
+  const { viewer, gizmo: { handles } } = cockpit;
+  const box = viewer.renderer.domElement.getBoundingClientRect();
+  let ring = null;
+  handles.drawn.traverse((object) => {
+    if (object.isMesh && object.name === axis && object.geometry.type === "TorusGeometry") ring = object;
+  });
+  ring.updateWorldMatrix(true, false);
+  return Array.from({ length: steps + 1 }, (_, i) => {
+    const angle = from + ((to - from) * i) / steps;
+    const at = ring.position.clone().set(0.85 * Math.cos(angle), 0.85 * Math.sin(angle), 0);
+    at.applyMatrix4(ring.matrixWorld).project(viewer.camera);
+    return [box.left + ((at.x + 1) / 2) * box.width, box.top + ((1 - at.y) / 2) * box.height];
+  });
+}"""
+
+
+def test_a_ring_of_the_gizmo_rotates_by_the_angle_that_the_pointer_goes_around_it(cockpit, tab):
+    one = cockpit("arm7")
+    page = tab(one)
+    page.evaluate("cockpit.select('arm7', 'tool')")
+    page.keyboard.press("e")
+    assert becomes(page, lambda: page.evaluate("cockpit.gizmo.mode") == "rotate" and page.is_visible("#selection"))
+    path = page.evaluate(RING, ["Z", -0.4, 0.6, 8])
+    page.mouse.move(*path[0])
+    page.mouse.down()
+    for point in path[1:]:
+        page.mouse.move(*point)
+    x, y, z, w = page.evaluate("cockpit.gizmo.proxy.quaternion.toArray()")
+    assert becomes(page, lambda: held(one, "arm7"))
+    page.mouse.up()
+    assert 2.0 * math.atan2(z, w) == pytest.approx(1.0, abs=0.02)
+    assert (x, y) == pytest.approx((0.0, 0.0), abs=1e-6)
 
 
 def test_escape_lets_go_and_beside_the_robot_the_view_turns(cockpit, tab):

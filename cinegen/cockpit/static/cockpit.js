@@ -94,7 +94,7 @@ for (const Aid of [Ghosts, SingularMotions, Ellipsoids, Forecasts, Trails, Marks
 const pick = new Pick(view, session);
 new Skeleton({ ...shown, pick });
 const footer = new Footer({ view, session });
-const gizmo = new Gizmo(view, session);
+const gizmo = new Gizmo(view, session, pick);
 const drag = new Drag({ view, session, pick, gizmo });
 for (const one of [drag, gizmo]) one.target.sent = (position) => footer.sent(position);
 hover({ ...shown, drag });

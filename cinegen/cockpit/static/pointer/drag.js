@@ -33,7 +33,7 @@ export class Drag extends Events {
 
   /**
    * @param {{ view: import("../view/view.js").View, session: import("../base/session.js").Session, pick: import("./pick.js").Pick,
-   *   gizmo: { wants: (event: PointerEvent) => boolean, busy: boolean, hovered: boolean } }} parts
+   *   gizmo: { busy: boolean, hovered: boolean } }} parts
    */
   constructor({ view, session, pick, gizmo }) {
     super();
@@ -78,7 +78,7 @@ export class Drag extends Events {
       event.stopImmediatePropagation(); // a second finger while a part is held
       return;
     }
-    if (!event.isPrimary || event.button !== 0 || this.gizmo.wants(event)) return;
+    if (!event.isPrimary || event.button !== 0) return;
     const hit = this.pick.near(event);
     if (hit === null) {
       this.#beside = { x: event.clientX, y: event.clientY };

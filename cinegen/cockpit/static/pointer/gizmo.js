@@ -1,16 +1,15 @@
-// The gizmo on the selected part: three.js's TransformControls on a proxy at the part, or at the target during a drag.
+// The gizmo on the selected part: handles on a proxy at the part, or at the target during a drag.
 // Never on the part itself: it would snap back while the robot lags behind.
 //
-// The proxy's axes are those that were chosen (world, the part's own, the view's), so that the controls always work in
-// "local" space: meshcat's scene is turned, and its world axes are not the robots'.
+// The proxy's axes are those that were chosen: the world's, the part's own, or the view's.
 //
 // Events: drag (part or null), change (of mode, axes or upright).
 
 import { Object3D, Quaternion, Vector3 } from "three";
 import { memory } from "../base/dom.js";
 import { Events } from "../base/events.js";
-import { TransformControls } from "../vendor/three-0.132.2/TransformControls.js";
 import { DragTarget } from "./drag_target.js";
+import { Handles } from "./handles.js";
 
 export const AXES = ["world", "local", "view"];
 
@@ -30,8 +29,9 @@ export class Gizmo extends Events {
   /**
    * @param {import("../view/view.js").View} view
    * @param {import("../base/session.js").Session} session
+   * @param {import("./pick.js").Pick} pick
    */
-  constructor(view, session) {
+  constructor(view, session, pick) {
     super();
     this.view = view;
     this.session = session;
@@ -39,18 +39,11 @@ export class Gizmo extends Events {
     if (!AXES.includes(this.axes)) this.axes = "world";
     this.proxy = new Object3D();
     view.stage.add(this.proxy);
-    this.controls = new TransformControls(view.camera, view.canvas);
-    this.controls.space = "local";
-    this.controls.size = 0.8;
-    this.controls.addEventListener("change", () => view.changed());
-    this.controls.addEventListener("mouseDown", () => this.#take());
-    this.controls.addEventListener("objectChange", () => this.#move());
-    this.controls.addEventListener("mouseUp", () => this.end());
-    this.controls.addEventListener("dragging-changed", ({ value }) => {
-      view.controls.enabled = !value;
-    });
-    view.level.add(this.controls);
     view.before(() => this.#follow());
+    this.handles = new Handles(view, pick);
+    this.handles.on("change", () => view.changed());
+    this.handles.on("drag", (begins) => (begins ? this.#take() : this.end()));
+    this.handles.on("move", () => this.#move());
     session.on("select", (part) => this.#attach(part));
     session.on("hello", () => this.#attach(this.#part));
     session.on("control", (control) => {
@@ -69,28 +62,17 @@ export class Gizmo extends Events {
   }
 
   get hovered() {
-    return this.#part !== null && this.controls.axis !== null;
+    return this.handles.hovered;
   }
 
   get part() {
     return this.#part;
   }
 
-  /**
-   * Return whether a pointer that is pressed belongs to the gizmo.
-   *
-   * @param {PointerEvent} event
-   */
-  wants(event) {
-    if (this.#part === null || !this.controls.enabled) return false;
-    this.controls.pointerHover(this.controls._getPointer(event));
-    return this.controls.axis !== null;
-  }
-
   /** @param {string} mode */
   setMode(mode) {
     this.mode = mode;
-    this.controls.setMode(mode);
+    this.handles.mode = mode;
     this.#changed();
   }
 
@@ -113,8 +95,7 @@ export class Gizmo extends Events {
     const { denied } = this.#begin;
     this.#begin = null;
     this.target.stop();
-    this.controls.dragging = false;
-    this.controls.axis = null;
+    this.handles.release();
     if (denied) return;
     this.session.send({ type: "end_drag", pin });
     this.emit("drag", null);
@@ -129,12 +110,8 @@ export class Gizmo extends Events {
   #attach(part) {
     this.end();
     this.#part = part !== null && this.session.knows(part.robot, part.node) ? part : null;
-    if (this.#part === null) {
-      this.controls.detach();
-    } else {
-      this.upright = this.#canRotate(this.#part);
-      this.controls.attach(this.proxy);
-    }
+    if (this.#part !== null) this.upright = this.#canRotate(this.#part);
+    this.handles.attach(this.#part === null ? null : this.proxy);
     this.#changed();
   }
 
@@ -214,7 +191,6 @@ export class Gizmo extends Events {
   /** Before every picture: the proxy stands where the part is, unless it leads. */
   #follow() {
     if (this.#part === null) return;
-    this.controls.camera = this.view.camera;
     if (this.#begin !== null && !this.#begin.denied) return;
     const { position, quaternion } = this.view.pose(this.#part.robot, this.#part.node, new Vector3(), new Quaternion());
     this.proxy.position.copy(position);
