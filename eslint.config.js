@@ -4,7 +4,7 @@ import js from "@eslint/js";
 import globals from "globals";
 
 export default [
-  { ignores: ["build/**", "cinegen/cockpit/static/vendor/", "cinegen/page/static/vendor/", ".venv*/", "htmlcov/"] },
+  { ignores: ["build/**", "cinegen/cockpit/static/vendor/", ".venv*/", "htmlcov/"] },
   js.configs.recommended,
   {
     linterOptions: { reportUnusedDisableDirectives: "error" },
