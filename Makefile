@@ -108,9 +108,8 @@ bench: .venv/test-installed kernels ## measure the speed: of a tick, as robots g
 kernels: .venv/core-installed ## compile all kernels that have changed
 	@$(BIN)/cinegen compile
 
-generated: .venv/test-installed ## make the URDF of every robot, and the definitions of RAFF for JavaScript, again
+generated: .venv/test-installed ## make the URDF of every robot again
 	$(BIN)/raff2urdf robots/*.raff
-	$(BIN)/python -m cinegen.page.raff_definitions
 
 clean: ## remove the environment and all caches
 	rm -rf .venv .venv-bench node_modules build dist .mypy_cache .ruff_cache .pytest_cache .import_linter_cache .hypothesis \

@@ -4,7 +4,7 @@ import js from "@eslint/js";
 import globals from "globals";
 
 export default [
-  { ignores: ["build/**", "cinegen/page/static/vendor/", ".venv*/", "htmlcov/"] },
+  { ignores: ["build/**", ".venv*/", "htmlcov/"] },
   js.configs.recommended,
   {
     linterOptions: { reportUnusedDisableDirectives: "error" },

@@ -22,9 +22,8 @@ import pinocchio as pin
 from cinegen.cockpit.build_messages import hello_message
 from cinegen.cockpit.cockpit import draw, title_of
 from cinegen.cockpit.page import Page, viewer
-from cinegen.page.graphics import embedded
 from cinegen.page.kernels_module import KERNELS, module
-from cinegen.page.modules import import_map, linked
+from cinegen.page.modules import import_map
 from cinegen.page.tables import robot_tables
 from cinegen.session import Setup
 from raff2urdf.files import GENERATED
@@ -34,15 +33,12 @@ RATE = 240.0
 
 _POLICY = (
     "default-src 'none'; script-src 'nonce-{nonce}'; style-src 'unsafe-inline'; img-src data: blob:; base-uri 'none'; "
-    "form-action 'none'; worker-src data: blob:"
+    "form-action 'none'"
 )
-"""Workers encode films (a module of the import map, so data:) and read RAFF (blob:)."""
 
 _STYLES = tuple(
     f"style/{name}.css" for name in ("theme", "layout", "controls", "plots", "waypoints", "users", "preferences")
 )  # as index.html has them
-_LICENCES: tuple[str, ...] = ()
-_EDITOR_LICENCES = "vendor/codemirror-6/LICENSE"
 _NO_FORCES = "a page without a server computes none"
 
 
@@ -58,48 +54,16 @@ def build_page(setup: Setup, title: str = "") -> str:
     """
     title = title or title_of(setup)
     content = content_of(setup, title) | {"scene": _scene(setup, title)}
-    return _file(title, import_map({KERNELS: module()}), content, _POLICY, _own("local.css"), _LICENCES)
-
-
-def build_editor(text: str, name: str, title: str = "", folder: Path | None = None) -> str:
-    """Build an HTML file with an editor of RAFF text beside the robots that the text defines.
-
-    Args:
-        text: RAFF text; errors in it are shown in the page.
-        name: name of the text, for errors.
-        title: title of the page; the text's name unless given.
-        folder: of the text: graphic files that it names, relative to the folder, are in the page. None: no files are.
-    """
-    title = title or name
-    graphics = [] if folder is None else embedded(text, name, folder)
-    content = {
-        "text": text, "name": name, "title": title, "worker": linked("editor/worker.js"), "kernels": KERNELS,
-        "graphics": graphics,
-    }  # fmt: skip
-    styles = _own("local.css") + _own("editor.css")
-    modules = import_map({KERNELS: module()}, "editor/link.js")
-    return _file(title, modules, content, _POLICY, styles, _EDITOR_LICENCES)
-
-
-def _file(
-    title: str,
-    modules: dict[str, str],
-    content: dict[str, Any],
-    policy: str,
-    own_styles: str,
-    licences: tuple[str, ...],
-) -> str:
-    """Return the file of a page: the cockpit's, with modules, and content for its line to a session."""
-    packed = _packed({"viewer": viewer(), "modules": modules, "content": content})
+    packed = _packed({"viewer": viewer(), "modules": import_map({KERNELS: module()}), "content": content})
     nonce = hashlib.sha256(packed.encode()).hexdigest()[:32]
     scripts = (
         f'<script type="text/plain" id="packed">{packed}</script>\n<script nonce="{nonce}">{_own("unpack.js")}</script>'
     )
-    policy = f'<meta http-equiv="Content-Security-Policy" content="{policy.format(nonce=nonce)}">'
-    styles = "\n".join(_static(name) for name in _STYLES) + own_styles
+    policy = f'<meta http-equiv="Content-Security-Policy" content="{_POLICY.format(nonce=nonce)}">'
+    styles = "\n".join(_static(name) for name in _STYLES) + _own("local.css")
     text = _static("index.html").replace("{{title}}", html.escape(title))
     text = text.replace("<html ", '<html data-source="local" ', 1)
-    text = text.replace("<head>\n", f"<head>\n<!-- {GENERATED}\n{_licences(licences)}-->\n{policy}\n", 1)
+    text = text.replace("<head>\n", f"<head>\n<!-- {GENERATED}\n{_licences()}-->\n{policy}\n", 1)
     text = re.sub(r'<link rel="icon"[^>]*>', f'<link rel="icon" href="{_icon()}" type="image/svg+xml">', text)
     text = re.sub(r'(<link rel="stylesheet"[^>]*>\s*)+', lambda _: f"<style>\n{styles}</style>\n", text)
     text = re.sub(r'<script type="importmap">.*?</script>\n', "", text)
@@ -147,9 +111,8 @@ def _packed(content: Any) -> str:
     return base64.b64encode(zlib.compress(json.dumps(content, allow_nan=False).encode(), 9)).decode()
 
 
-def _licences(names: tuple[str, ...]) -> str:
-    others = (_own(name) if name in _EDITOR_LICENCES[-1:] else _static(name) for name in names)
-    return "\n".join((_project_licence(), *_viewer_licences(), *others)).replace("--", "- -")  # it stands in a comment
+def _licences() -> str:
+    return "\n".join((_project_licence(), *_viewer_licences())).replace("--", "- -")  # it stands in a comment
 
 
 def _viewer_licences() -> Iterator[str]:

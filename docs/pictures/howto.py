@@ -33,7 +33,6 @@ from cinegen.cli import main as command_line
 from cinegen.cockpit import Cockpit
 from cinegen.collision import load_scene
 from cinegen.design import calibrate, tolerance
-from cinegen.page import build_editor
 from cinegen.planning import plan
 from cinegen.plotting import draw_modes, draw_plan
 from cinegen.plotting.residuals import draw_residuals
@@ -167,21 +166,6 @@ def contributors():
     return draw_tolerance(tolerance("delta4", sigma, encoder=dict.fromkeys(delta.actuated, "0.01deg")), name="delta4")
 
 
-def editor(browser, path):
-    """Draw the page with an editor."""
-    tab = browser.new_page(viewport={"width": 1200, "height": 720}, bypass_csp=True)
-    with TemporaryDirectory() as folder:
-        html = Path(folder, "edited.html")
-        html.write_text(build_editor((ROBOTS / "four_bar.raff").read_text(encoding="utf-8"), "four_bar.raff"), "utf-8")
-        tab.goto(html.as_uri())
-        tab.wait_for_function("document.documentElement.dataset.view === 'ready'", timeout=120_000)
-        tab.wait_for_timeout(4000)
-        shot = tab.screenshot(timeout=120_000)
-    tab.close()
-    with Image.open(io.BytesIO(shot)) as image:
-        image.convert("RGB").save(path, quality=82, method=6)
-
-
 def headset(browser, path):
     """What an emulated headset shows while its right hand drags a platform."""
     tab = browser.new_page(viewport={"width": 1280, "height": 640}, bypass_csp=True)
@@ -239,7 +223,6 @@ DRAWINGS = {
     "howto_my_delta.webp": delta,
     "howto_spacemouse.svg": mouse,
     "howto_urdf_with_loops.webp": lambda browser, path: robot(browser, path, "linkage.urdf", (-75.0, 18.0)),
-    "howto_web_page.webp": editor,
 }
 """Functions that write a picture, with a browser."""
 

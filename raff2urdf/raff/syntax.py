@@ -41,7 +41,7 @@ from raff2urdf.raff.document import (
 # --- tokens -------------------------------------------------------------------------------------------------------
 
 SPACES = r"\t-\r\x1c- \x85\xa0\u1680\u2000-\u200a\u2028\u2029\u202f\u205f\u3000"
-"""Unicode's white space, as in the brackets of a regular expression; the same in Python's and JavaScript's."""
+"""Unicode's white space, as in the brackets of a regular expression."""
 
 _OF_WORDS = rf'[^{SPACES}{{}}()"/]'
 

@@ -1,8 +1,4 @@
-"""The texts of every error and warning about RAFF text, as templates of `str.format`.
-
-They are one table because two readers fill them in: this package's and the one in JavaScript that runs in the browser,
-for which `cinegen.page.raff_definitions` exports them.
-"""
+"""The texts of every error and warning about RAFF text, as templates of `str.format`."""
 
 from __future__ import annotations
 

@@ -11,7 +11,7 @@ from test_local_page import becomes
 from variants import slow
 
 from cinegen.cockpit import Cockpit
-from cinegen.page import build_editor, build_page
+from cinegen.page import build_page
 from cinegen.session import Setup, arrange, map_setup
 from cinegen.workspace import GridAxis, MapSpecification, Region, make_map
 
@@ -141,20 +141,6 @@ def test_a_page_without_a_server(robot, tab, tmp_path):
     page.evaluate("cockpit.send({ type: 'set_recording', on: true })")
     assert becomes(page, "document.querySelector('#toasts .toast') !== null")
     assert in_both_schemes(page, "a notice") == []
-
-
-def test_an_editor(root, tab, tmp_path):
-    text = (root / "robots" / "delta4.raff").read_text()
-    (tmp_path / "page.html").write_text(build_editor(text, "delta4.raff"))
-    page = tab((tmp_path / "page.html").as_uri())
-    page.click("#text .cm-content")
-    page.keyboard.press("Control+End")
-    page.keyboard.insert_text("link 9 { pred 99 typ 2 }")
-    assert becomes(page, "document.querySelector('#notes button') && document.documentElement.dataset.read === 'no'")
-    page.wait_for_timeout(500)  # marks in the text are drawn later; axe-core fails on what is replaced meanwhile
-    assert in_both_schemes(page, "errors") == []
-    page.set_viewport_size(SIZE)  # parts scroll
-    assert in_both_schemes(page, "scrolled") == []
 
 
 @pytest.mark.parametrize(

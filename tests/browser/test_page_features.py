@@ -11,7 +11,6 @@ import imageio_ffmpeg
 import numpy as np
 import pytest
 from browsers import Browser
-from PIL import Image
 from playwright.sync_api import sync_playwright
 from test_cockpit_page import FLAGS, READY, SIZE, becomes, find, picture
 
@@ -311,39 +310,6 @@ def test_a_film_of_what_the_view_shows(cockpit, tab, tmp_path):
     start, end = (np.frombuffer(frame, np.uint8).reshape(height, width, 3).astype(int) for frame in ends)
     assert (start.max(axis=2) - start.min(axis=2) > 60).mean() > 0.002  # a robot in colours
     assert np.abs(end - start).max() > 60  # that has moved
-
-
-@pytest.mark.slow
-def test_a_gif_ends_at_its_limit_without_a_server(robot, file, tab, tmp_path):
-    page = tab(file.as_uri(), offline=True)
-    first, *_ = robot("five_bar").actuated
-    page.set_viewport_size(SMALL)
-
-    def film():
-        page.click("#snapshot")
-        page.click("#film-gif")
-        has_moved(page, first)
-        assert page.inner_text("#film-stop").strip().endswith("/ 10 s")
-        page.evaluate("performance.now = (now => () => now() + 11000)(performance.now.bind(performance))")
-
-    content, name = downloaded(page, film)
-    assert page.evaluate(ENDED)
-    assert name == "five_bar.gif"
-    (tmp_path / name).write_bytes(content)
-    gif = Image.open(tmp_path / name)
-    assert gif.n_frames >= 2
-    assert gif.width == min(480, page.evaluate("cockpit.view.canvas.width"))
-    frames, milliseconds = [], 0
-    for number in range(gif.n_frames):
-        gif.seek(number)
-        milliseconds += gif.info["duration"]
-        frames.append(np.asarray(gif.convert("RGB")).astype(int))
-    assert 500 < milliseconds < 30_000
-    assert (frames[0].max(axis=2) - frames[0].min(axis=2) > 60).mean() > 0.002
-    assert np.abs(frames[-1] - frames[0]).max() > 60
-    picture_as_png, name = downloaded(page, lambda: (page.click("#snapshot"), page.click("#picture")))
-    assert name == "five_bar.png"
-    assert picture_as_png.startswith(b"\x89PNG")
 
 
 def test_users_see_who_points_at_a_part(cockpit, tab):

@@ -103,9 +103,7 @@ def strings(package: str) -> Iterator[tuple[str, int, str]]:
 
 def shown(folder: str) -> Iterator[tuple[str, int, str]]:
     """Yield file, line and text of what the pages of a folder show."""
-    for path in sorted(
-        one for kind in _SHOWN for one in (ROOT / folder).rglob(f"*{kind}") if "vendor" not in one.parts
-    ):
+    for path in sorted(one for kind in _SHOWN for one in (ROOT / folder).rglob(f"*{kind}")):
         text = path.read_text(encoding="utf-8")
         bare = _COMMENT.sub(lambda comment: re.sub(r"[^\n]", " ", comment.group()), text)
         for match in _SHOWN[path.suffix].finditer(bare):

@@ -3,7 +3,7 @@ import { test } from "node:test";
 
 import { line } from "./browser.js";
 
-const { cameraOf, configurationsOf, fragmentOf, withoutText } = await import("../../cinegen/cockpit/static/base/fragment.js");
+const { cameraOf, configurationsOf, fragmentOf } = await import("../../cinegen/cockpit/static/base/fragment.js");
 
 const { Session } = await import("../../cinegen/cockpit/static/base/session.js");
 const { moveTo } = await import("../../cinegen/cockpit/static/bar/share.js");
@@ -16,15 +16,6 @@ test("a configuration is read back bit by bit, whatever its robot is called", ()
   const { configurations, problem } = configurationsOf(fragmentOf([["a&b=c", q], ["arm", other]]), SIZES);
   assert.equal(problem, "");
   assert.deepEqual([...configurations], [["a&b=c", q], ["arm", other]]);
-});
-
-test("the text of an editor is no configuration, however long it is", () => {
-  const rest = fragmentOf([["raff", [1, 2]]], [1, 2, 3, 0, 0, 0]);
-  const whole = `#raff=${"-_aZ".repeat(30_000)}&${rest.slice(1)}`;
-  assert.equal(withoutText(whole), rest);
-  assert.deepEqual(cameraOf(whole), { camera: [1, 2, 3, 0, 0, 0], problem: "" });
-  assert.equal(withoutText("#raff=abc"), "#");
-  assert.equal(withoutText("#arm=1"), "#arm=1");
 });
 
 test("no fragment asks for nothing", () => {

@@ -16,8 +16,7 @@ import meshcat
 import pytest
 import umsgpack
 
-from cinegen.cli import main
-from cinegen.page import build_editor, build_page, modules
+from cinegen.page import build_page, modules
 from cinegen.session import Setup
 
 NODE = shutil.which("node")
@@ -126,7 +125,6 @@ def test_modules_lose_their_comments_and_nothing_else(root):
         path.relative_to(root).as_posix()
         for folder in ("cockpit", "page")
         for path in (root / "cinegen" / folder / "static").rglob("*.js")
-        if "vendor" not in path.parts
     ]
     pairs = {path: [(root / path).read_text(), modules.source(path)] for path in paths}
     assert sum(len(one) for one, _ in pairs.values()) > 1.3 * sum(len(other) for _, other in pairs.values())
@@ -140,44 +138,3 @@ def test_it_draws_what_the_server_would(elements, robot):
     nodes = {path.split("/")[4] for path in paths if path.startswith("/meshcat/cinegen/rx90/")}
     assert nodes
     assert nodes <= set(robot("rx90").nodes)
-
-
-def test_only_a_page_with_an_editor_holds_one(elements):
-    text = f"// {HOSTILE}\n"
-    page = build_editor(text, HOSTILE)
-    edited = Elements(page)
-    assert unpacked(edited)["content"]["text"] == text
-    assert len(edited.named("script")) == 2
-    assert "Marijn Haverbeke" in page
-    assert len(page.encode()) <= 1.25 * LARGEST
-    editor = {name for name in unpacked(edited)["modules"] if "/editor/" in name or "codemirror" in name}
-    assert len(editor) >= 7
-    assert not editor & set(unpacked(elements)["modules"])
-    ((policy, _),) = [one for one in edited.named("meta") if "http-equiv" in one[0]]
-    assert re.search(r"script-src 'nonce-[0-9a-f]{32}';.*; worker-src data: blob:$", policy["content"])
-
-
-@pytest.mark.parametrize(
-    ("arguments", "message"),
-    [
-        (["delta4", "--loop", "link5-link11=ball", "--robot", "r1"], "remove --robot, --loop"),
-        (["delta4", "--base", "delta4.base@0,0,0"], "remove --base"),
-        (["delta4", "gough"], "name one RAFF file"),
-        (["no_such.raff"], "no_such.raff"),
-    ],
-)
-def test_an_editor_refuses_what_its_text_does_not_hold(arguments, message, tmp_path, monkeypatch, capfd):
-    monkeypatch.chdir(tmp_path)
-    assert main(["page", "--edit", *arguments, "-o", "out.html"]) != 0
-    assert message in capfd.readouterr().err
-    assert not list(tmp_path.iterdir())
-
-
-def test_an_editor_of_a_shipped_robot(root, tmp_path, monkeypatch):
-    monkeypatch.chdir(tmp_path)
-    assert main(["page", "--edit", "delta4", "-o", "out.html"]) == 0
-    edited = Elements((tmp_path / "out.html").read_text(encoding="utf-8"))
-    content = unpacked(edited)["content"]
-    assert content["text"] == (root / "robots" / "delta4.raff").read_text(encoding="utf-8")
-    assert [one["key"] for one in content["graphics"]] == ["graphics/delta_base.nff", "graphics/delta_platform.nff"]
-    assert all(one["commands"] and one["problem"] is None for one in content["graphics"])

@@ -9,7 +9,6 @@ import subprocess
 import numpy as np
 import pinocchio as pin
 import pytest
-from raff_in_node import tables_in_node
 from variants import slow
 
 import cinegen
@@ -18,7 +17,6 @@ from cinegen.ik.singular import gained
 from cinegen.page.kernels_module import module
 from cinegen.page.tables import robot_tables
 from cinegen.singularities.ball_joints import CountedLoops, balls
-from raff2urdf.raff.reader import read
 
 NODE = shutil.which("node")
 RATE, TICKS = 240.0, 12
@@ -111,30 +109,6 @@ def test_singular_values_are_those_of_python(robot, root, tmp_path, name):
         lost, uncontrolled = solver.step().lost_dof_in(loops), gained(mechanism, q, loops)
         assert found["type1"] == (None if lost is None else pytest.approx(lost.values[-1], abs=1e-8))
         assert found["type2"] == (None if uncontrolled is None else pytest.approx(uncontrolled.values[-1], abs=1e-8))
-
-
-@pytest.mark.parametrize(
-    "name",
-    [
-        "gough",
-        *slow("delta4", "rx90", "hybrid", "tssm", "scara", "planetary_gear", "differential_wrist", "delta4_linear"),
-        *slow("sr400", "ankle", "belt_five_bar", "cusp_3rpr", "planar_hybrid", "arm7", "five_bar", "four_bar"),
-    ],
-)
-def test_an_edited_robot_moves_by_the_same_numbers(robot, root, tmp_path, name):
-    """Its tables are made of its text in JavaScript."""
-    mechanism = robot(name)
-    ((tables,),) = tables_in_node([read(root / "robots" / f"{name}.raff")])
-    calls = some_calls(mechanism, 12, 3)
-    of_text = in_javascript(tables, calls, root, tmp_path)
-    of_python = in_javascript(robot_tables(mechanism, RATE), calls, root, tmp_path)
-    for found, expected in zip(of_text, of_python, strict=True):
-        for sigma in ("type1", "type2"):
-            assert found[sigma] == (None if expected[sigma] is None else pytest.approx(expected[sigma], abs=1e-8))
-        for step, other in zip(found["steps"], expected["steps"], strict=True):
-            assert step["status"] == other["status"]
-            assert step["q"] == pytest.approx(other["q"], abs=1e-8)
-            assert step["closure"] <= 1e-10
 
 
 def test_a_name_can_not_leave_its_comment(root, tmp_path):

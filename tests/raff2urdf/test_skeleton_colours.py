@@ -65,9 +65,3 @@ def test_no_branch_looks_like_a_status_or_vanishes_on_the_ground_of_a_page():
             assert np.linalg.norm(lab(branch) - lab(rgb(colour))) > 25.0
         for colour in grounds:
             assert abs(lab(branch)[0] - lab(rgb(colour))[0]) > 20.0
-
-
-def test_the_editor_has_the_same():
-    text = (ROOT / "cinegen/page/static/editor/skeleton.js").read_text()
-    listed = re.search(r"const BRANCHES = \[(.*)\]", text)[1].split(", ")
-    assert [tuple(np.round(rgb(one[2:]), 2)) for one in listed] == list(_BRANCHES)

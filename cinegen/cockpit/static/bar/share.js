@@ -1,12 +1,12 @@
 // Links to the present view and configuration, in the fragment of the page's address.
 //
 // A page without a server places its robots as its address has them (cinegen/page/static/session/link.js). Here others
-// may drive the same robots: a user is asked before they move. A page with an editor reads its address itself.
+// may drive the same robots: a user is asked before they move.
 //
 // For tests: #copy-link.
 
 import { byId } from "../base/dom.js";
-import { cameraOf, configurationsOf } from "../base/fragment.js";
+import { cameraOf, configurationsOf, fragmentOf } from "../base/fragment.js";
 
 const SAME = 1e-6; // rad or m: differences that no one sees
 
@@ -20,7 +20,6 @@ export class Share {
     this.view = view;
     this.session = session;
     byId("copy-link").addEventListener("click", () => this.copy());
-    if (session.link.owner === "text") return;
     session.on("report", () => {
       if (!this.#met) this.#read();
       this.#met = true;
@@ -34,11 +33,7 @@ export class Share {
 
   /** Copy a link to the clipboard, or put it into the address bar where the browser refuses that. */
   async copy() {
-    const fragment = this.session.link.linkTo(this.session.configurations(), this.view.cameraNumbers());
-    if (fragment === null) {
-      this.session.emit("notice", { text: "The text is too long for a link: keep it in a file.", level: "warning" });
-      return;
-    }
+    const fragment = fragmentOf(this.session.configurations(), this.view.cameraNumbers());
     const url = new URL(fragment, location.href);
     const token = url.searchParams.has("token") ? " It contains the session's token: whoever has it can drive." : "";
     try {

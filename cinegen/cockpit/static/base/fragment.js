@@ -1,11 +1,10 @@
 // The configuration of robots and the camera in the fragment of the page's address: `#delta4=0.1,-0.2,...&arm=...`, all
 // values of q in rad and m, and `@camera=x,y,z,x,y,z`, its position and the point in its middle, in the world, m. A link
-// is foreign text: what it holds is checked before anything moves. In a page with an editor its text is first: `#raff=...&`.
+// is foreign text: what it holds is checked before anything moves.
 
 const MOST = 20000; // characters
 const FURTHEST = 1e6; // rad or m
 const CAMERA = "@camera"; // no robot's name in a fragment: "@" would be "%40" in it
-const TEXT = /^#raff=[\w-]*&?/;
 const DIGITS = 6; // of the camera's numbers
 const NEAREST = 1e-9; // of the distance of the camera's position from the origin, and m: it must look somewhere
 
@@ -24,22 +23,13 @@ export function fragmentOf(configurations, camera = null) {
 }
 
 /**
- * Return a fragment without the text at its beginning.
- *
- * @param {string} fragment of a page with an editor
- */
-export function withoutText(fragment) {
-  return fragment.replace(TEXT, "#");
-}
-
-/**
  * Return the camera in a fragment.
  *
  * @param {string} fragment
  * @returns {{ camera: Camera | null, problem: string }} `problem`: why it is ignored
  */
 export function cameraOf(fragment) {
-  const text = withoutText(fragment).replace(/^#/, "");
+  const text = fragment.replace(/^#/, "");
   const part = text.length > MOST ? undefined : text.split("&").find((one) => one.split("=", 1)[0] === CAMERA);
   if (part === undefined) return { camera: null, problem: "" };
   const camera = numbersOf(part.slice(CAMERA.length + 1));

@@ -5,7 +5,6 @@
 
 import { socketUrl } from "./address.js";
 import { Events } from "./events.js";
-import { fragmentOf } from "./fragment.js";
 
 /**
  * Messages of the server; their types are generated from cinegen/cockpit/messages.py.
@@ -34,7 +33,7 @@ export class Link extends Events {
   #wait = SOONEST;
   #over = false;
   connected = false;
-  /** @type {"session" | "page" | "text"} */
+  /** @type {"session" | "page"} */
   owner = "session"; // of the configuration in the page's address
 
   /** @param {{ connect: (address: string) => WebSocket }} view connects meshcat's viewer to an address and returns its socket */
@@ -54,17 +53,6 @@ export class Link extends Events {
    */
   configurations() {
     return null;
-  }
-
-  /**
-   * Return the fragment of a link to configurations and a camera; null if an address has no room for it.
-   *
-   * @param {Iterable<[string, ArrayLike<number>]>} configurations by robot
-   * @param {import("./fragment.js").Camera} camera
-   * @returns {string | null}
-   */
-  linkTo(configurations, camera) {
-    return fragmentOf(configurations, camera);
   }
 
   connect() {

@@ -25,16 +25,11 @@ const CLOSURE = 1e-10;
 /** @typedef {import("../../../cockpit/static/base/link.js").ServerEvents} ServerEvents */
 /** @typedef {{ name: string, start: number[], base: import("./session.js").BasePose }} StartedRobot */
 /**
- * What a session begins with: the first message, what is drawn, and each robot's start and base pose.
+ * What the page's file holds: the first message, what is drawn, the name of the kernels' module, and of each robot the
+ * start, the base pose and the tables.
  *
  * @typedef {{ hello: import("../../../cockpit/static/base/messages").HelloMessage, rate: number, scene: string[],
- *   robots: StartedRobot[] }} Beginning
- */
-/**
- * What the page's file holds: this, the name of the kernels' module, and each robot's tables.
- *
- * @typedef {Omit<Beginning, "robots"> & { kernels: string,
- *   robots: (StartedRobot & { tables: import("./solver_interface").Tables })[] }} Content
+ *   kernels: string, robots: (StartedRobot & { tables: import("./solver_interface").Tables })[] }} Content
  */
 
 /** @extends {Events<ServerEvents>} */
@@ -48,7 +43,7 @@ export class Link extends Events {
   #shown = false; // whether the last state and report are of now
   #placed = ""; // the fragment that was last written or read
   connected = false;
-  /** @type {"session" | "page" | "text"} */
+  /** @type {"session" | "page"} */
   owner = "page"; // of the configuration in the page's address
 
   /** @param {{ draw: (commands: Iterable<Uint8Array>) => void }} view */
@@ -62,30 +57,17 @@ export class Link extends Events {
     /** @type {Content} */
     const content = JSON.parse(byId("cinegen-page").textContent ?? "");
     const kernels = await import(content.kernels);
-    this.begin(content, content.robots.map(({ tables }) => new KernelSolver(kernelsOf(kernels, tables))));
-    this.#restore();
-    window.addEventListener("hashchange", () => this.#restore());
-  }
-
-  /**
-   * Begin a session, instead of the one before.
-   *
-   * @param {Beginning} content
-   * @param {import("./solver_interface").Solver[]} solvers of its robots
-   */
-  begin(content, solvers) {
-    const first = this.session === null;
+    const solvers = content.robots.map(({ tables }) => new KernelSolver(kernelsOf(kernels, tables)));
     this.session = new LocalSession(...robotsOf(content, solvers));
-    this.#reports = {};
-    this.#shown = false;
     this.#placed = this.#fragment();
     this.view.draw(content.scene.map(bytesOf));
     this.connected = true;
     document.documentElement.dataset.connected = "yes";
     this.emit("hello", content.hello);
-    if (!first) return;
     const clock = new Clock(1 / content.rate);
     frames.each((now) => this.#advance(clock, now));
+    this.#restore();
+    window.addEventListener("hashchange", () => this.#restore());
   }
 
   /** @param {import("../../../cockpit/static/base/link.js").ClientMessage} message */
@@ -119,7 +101,7 @@ export class Link extends Events {
     this.#reports = Object.fromEntries([...session.robots.values()].map((robot) => [robot.name, robotReport(robot)]));
     const { atRest } = session;
     this.#shown = atRest; // one more than the last that moved
-    if (atRest) this.writeAddress();
+    if (atRest) this.#writeAddress();
     this.emit("report", reportMessage(session, this.#reports, { ticks: clock.ticks, missed: 0, missed_in_all: 0, late: 0, at_rest: atRest }));
   }
 
@@ -138,46 +120,18 @@ export class Link extends Events {
   }
 
   /** Write the configuration into the page's address. */
-  writeAddress() {
+  #writeAddress() {
     const fragment = this.#fragment();
     if (fragment === this.#placed) return;
     this.#placed = fragment;
-    this.putAddress(fragment);
-  }
-
-  /**
-   * Make the fragment of configurations that of the page's address.
-   *
-   * @param {string} fragment
-   */
-  putAddress(fragment) {
     history.replaceState(null, "", fragment);
   }
 
-  /**
-   * Return the fragment of a link to configurations and a camera; null if an address has no room for it.
-   *
-   * @param {Iterable<[string, ArrayLike<number>]>} configurations by robot
-   * @param {import("../../../cockpit/static/base/fragment.js").Camera} camera
-   * @returns {string | null}
-   */
-  linkTo(configurations, camera) {
-    return fragmentOf(configurations, camera);
-  }
-
-  /** Place the robots as the page's address has them. */
+  /** Place the robots as the page's address has them; a notice gives the reason if that can't be. */
   #restore() {
-    if (location.hash === this.#placed) return;
-    this.placeAs(location.hash);
-    this.#placed = location.hash;
-  }
-
-  /**
-   * Place the robots as a fragment has them; a notice gives the reason if that can't be.
-   *
-   * @param {string} fragment
-   */
-  placeAs(fragment) {
+    const fragment = location.hash;
+    if (fragment === this.#placed) return;
+    this.#placed = fragment;
     const session = /** @type {LocalSession} */ (this.session);
     const sizes = new Map([...session.robots.values()].map(({ name, q }) => [name, q.length]));
     const found = configurationsOf(fragment, sizes);
@@ -199,14 +153,14 @@ export class Link extends Events {
  *
  * @param {string} text
  */
-export function bytesOf(text) {
+function bytesOf(text) {
   return Uint8Array.from({ length: text.length / 2 }, (_, i) => parseInt(text.slice(2 * i, 2 * i + 2), 16));
 }
 
 /**
  * Return the robots, and their base poses.
  *
- * @param {Beginning} content
+ * @param {Pick<Content, "hello"> & { robots: StartedRobot[] }} content
  * @param {import("./solver_interface").Solver[]} solvers of each robot
  * @returns {[Map<string, DrivenRobot>, Record<string, import("./session.js").BasePose>]}
  */

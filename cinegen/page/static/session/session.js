@@ -105,17 +105,6 @@ export class LocalSession {
     this.#still = 0;
   }
 
-  /**
-   * Pin a node where it is; this can't be undone.
-   *
-   * @param {string} name of its robot
-   * @param {string} node
-   * @param {[number, number]} dof numbers of translations and rotations that are constrained
-   */
-  restorePin(name, node, dof) {
-    this.#robot(name, node).addTask(this.#newId(), node, PIN, new Placement(), dof);
-  }
-
   /** @param {ClientMessage} command */
   #obey(command) {
     switch (command.type) {

@@ -3,13 +3,12 @@
 
 import { ConfigurationMotion } from "./motion.js";
 
-export const MOST = 50; // waypoints of a session
+const MOST = 50; // waypoints of a session
 const LONGEST = 40; // characters of a name
 const THERE = 1e-6; // rad or lengths: distance at which a waypoint is reached
 
 /** @typedef {import("./robot.js").DrivenRobot} DrivenRobot */
-/** @typedef {{ name: string, configurations: Map<string, Float64Array> }} SavedWaypoint */
-/** @typedef {SavedWaypoint & { id: number }} Waypoint */
+/** @typedef {{ id: number, name: string, configurations: Map<string, Float64Array> }} Waypoint */
 
 /** A waypoint does not exist, can't be saved, or can't be played. */
 export class WaypointError extends Error {}
@@ -42,24 +41,6 @@ export class Waypoints {
   /** Id of the waypoint that the robots move to; null without such a motion. */
   get target() {
     return this.#target?.id ?? null;
-  }
-
-  /**
-   * Names and configurations, in order.
-   *
-   * @returns {SavedWaypoint[]}
-   */
-  get saved() {
-    return this.#all.map(({ name, configurations }) => ({ name, configurations }));
-  }
-
-  /**
-   * Take the waypoints of another session, up to the most of one.
-   *
-   * @param {SavedWaypoint[]} saved
-   */
-  restore(saved) {
-    this.#all = saved.slice(0, MOST).map((one) => ({ ...one, id: this.newId() }));
   }
 
   /**
