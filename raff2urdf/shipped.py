@@ -6,6 +6,9 @@ import ast
 import difflib
 import os
 import re
+from collections import Counter
+from functools import cache
+from importlib.metadata import PackageNotFoundError, distribution
 from importlib.resources import files
 from pathlib import Path
 
@@ -23,18 +26,39 @@ def robots() -> dict[str, Path]:
     return {path.stem: path for path in sorted(folder("raff2urdf", "robots").glob("*.raff"))}
 
 
+@cache
+def reference_robots() -> dict[str, Path]:
+    """Return the URDFs of the package example-robot-data by name; none if it is not installed.
+
+    A name is that of the file; of several files of one name, that of the robot's folder, without `_description`.
+    """
+    try:
+        package = distribution("example-robot-data")
+    except PackageNotFoundError:
+        return {}
+    share = Path(str(package.locate_file("cmeel.prefix/share/example-robot-data/robots")))
+    paths = sorted(share.rglob("*.urdf"), key=lambda path: path.stem.lower())
+    count = Counter(path.stem for path in paths)
+    names = {
+        path: path.stem if count[path.stem] == 1 else path.relative_to(share).parts[0].removesuffix("_description")
+        for path in paths
+    }
+    return {name: path for path, name in names.items()}
+
+
 def scenes() -> dict[str, Path]:
     """Return the files of the shipped scenes by name."""
     return {path.stem: path for path in sorted(folder("raff2urdf", "robots").glob("scenes/*.toml"))}
 
 
 def find_robot(path: str | Path) -> Path:
-    """Return the file at a path; or, if there is none and the path is the name of a shipped robot, that robot's file.
+    """Return the file at a path; or, if there is none and the path is the name of a shipped or reference robot, that
+    robot's file.
 
     Raises:
         RaffError: the path is a name, and neither a file nor a robot has it.
     """
-    return _found(Path(path), robots(), "robot")
+    return _found(Path(path), {**reference_robots(), **robots()}, "robot")
 
 
 def find_scene(path: str | Path) -> Path:

@@ -29,6 +29,7 @@ from cinegen.cli import (
     singular,
     synthesize,
     tolerance,
+    validate,
 )
 from cinegen.cli.numbers import NumberLists
 from cinegen.errors import CinegenError
@@ -61,6 +62,7 @@ for _command in (
     page,
     close,
     heal,
+    validate,
     sensors,
     compile,
 ):

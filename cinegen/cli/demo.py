@@ -13,7 +13,7 @@ from cinegen.cli.options import flag
 from cinegen.cli.served_page import PageOptions
 from cinegen.errors import CinegenError
 from raff2urdf.errors import did_you_mean
-from raff2urdf.shipped import description, folder, robots, scenes
+from raff2urdf.shipped import description, folder, reference_robots, robots, scenes
 
 _FIRST = "delta4"
 
@@ -23,16 +23,18 @@ def run(
     name: str = typer.Argument(_FIRST, metavar="NAME", help="a robot, a scene or an example"),
     listing: bool = flag("--list", "list robots, scenes and examples"),
 ) -> int:
-    """Open a robot, a scene or an example that is shipped with cinegen.
+    """Open a robot, a scene or an example that is shipped with cinegen, or a reference robot of Pinocchio.
 
     A robot or a scene is driven in a page, as by `cinegen drive`, without the sensors of its file; an example, which is
-    a short program, is run. Another folder's robots are driven by `cinegen drive FILE`.
+    a short program, is run. Reference robots come with the extra `robots`, and `cinegen validate` lists them. Another
+    folder's robots are driven by `cinegen drive FILE`.
     """
     if listing:
         print("\n".join(_listed()), flush=True)
         return 0
-    if name in robots():
-        return _drive_robot(name, page)
+    known = {**reference_robots(), **robots()}
+    if name in known:
+        return _drive_robot(name, known[name], page)
     if name in scenes():
         from cinegen.collision import load_scene
         from cinegen.session import scene_setup
@@ -40,21 +42,21 @@ def run(
         return serve(scene_setup(load_scene(scenes()[name])), page, name)
     programs = _examples()
     if name not in programs:
-        near = did_you_mean(name, (*robots(), *scenes(), *programs))
+        near = did_you_mean(name, (*known, *scenes(), *programs))
         raise CinegenError(f"no robot, scene or example '{name}'{near} (`cinegen demo --list` lists all)")
     runpy.run_path(str(programs[name]), run_name="__main__")
     return 0
 
 
-def _drive_robot(name: str, page: PageOptions) -> int:
+def _drive_robot(name: str, path: Path, page: PageOptions) -> int:
     from cinegen.model.load import load
     from cinegen.model.load import robots as robots_of
     from cinegen.session import arrange
 
     found = {}
-    names = robots_of(robots()[name])
+    names = robots_of(path)
     for robot in names:
-        mechanism = load(robots()[name], robot)
+        mechanism = load(path, robot)
         # the sensors of its file are not those of this machine
         found[name if len(names) == 1 else mechanism.name] = replace(mechanism, sensor_constraints=())
     return serve(arrange(found, follow="circle"), page, name)
