@@ -10,6 +10,8 @@ SAMPLE ?= 300
 SEED ?= 19
 # How long `make campaign` takes.
 HOURS ?= 1
+# How many random values `make nightly` gives to the generated code and the page of each robot.
+VALUES ?= 100000
 
 BIN := .venv/bin
 # The base interpreter's pip installs into .venv, which has none of its own: some systems cannot put one there.
@@ -21,7 +23,7 @@ INSTALL := $(PIP) $(LOCKED)
 unexport PYTHONPATH
 export PIP_DISABLE_PIP_VERSION_CHECK := 1
 
-.PHONY: help demo test slow coverage mutations campaign check bounds docs pdf javascript kernels bench generated sbom audit clean lock FORCE
+.PHONY: help demo test nightly coverage mutations campaign check bounds docs pdf javascript kernels bench generated sbom audit clean lock FORCE
 .DEFAULT_GOAL := help
 
 help: ## list the targets
@@ -30,14 +32,18 @@ help: ## list the targets
 demo: .venv/core-installed ## install the core, and drive a robot in the browser
 	$(BIN)/cinegen demo
 
-test: check javascript kernels ## run every check, then the tests but for those of `make slow`
+test: check javascript kernels ## run every check, then the tests but for those of `make nightly`
 	@.ci/chromium
 	$(BIN)/pytest -n $(WORKERS)
 
-# Most repeat what other tests prove, with other numbers or robots.
-slow: .venv/test-installed kernels ## run the tests that `make test` leaves out
+# What takes hours and finds the rare: tests that repeat what others prove with other numbers or robots, hostile input,
+# and random values of generated code and of pages.
+nightly: .venv/test-installed kernels ## run what continuous integration leaves out, one hour of `make campaign` (HOURS) included
 	@.ci/chromium
 	$(BIN)/pytest -n $(WORKERS) -m slow
+	@$(MAKE) --no-print-directory campaign
+	$(BIN)/python benchmarks/generated.py $(VALUES)
+	$(BIN)/python benchmarks/page.py $(VALUES)
 
 # The table is printed where tests fail too, least covered files first; what fails is still an error.
 coverage: .venv/test-installed kernels ## measure which lines the tests run, and list the least covered files

@@ -1,7 +1,7 @@
 """Every argument and option of every command, with values that make no sense: a sentence, never a traceback.
 
 The commands and their options are those that the command lines declare, so that a new option is tested, too. Each gets
-a few values of a fixed, random choice, in this process: one of them, and with `make slow` all.
+a few values of a fixed, random choice, in this process: one of them, and with `make nightly` all.
 """
 
 from __future__ import annotations

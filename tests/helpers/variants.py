@@ -9,7 +9,7 @@ import pytest
 
 
 def slow(*values: Any) -> list[Any]:
-    """Parameters that `make slow` runs, and pytest otherwise leaves out; a tuple has one for each name."""
+    """Parameters that `make nightly` runs, and pytest otherwise leaves out; a tuple has one for each name."""
     return [pytest.param(*(one if isinstance(one, tuple) else (one,)), marks=pytest.mark.slow) for one in values]
 
 

@@ -1,5 +1,5 @@
 """Dragged about by a wild hand no robot tears, crosses a limit, jumps, or raises: 2,000 ticks for each, and 8,000 more
-by `make slow`."""
+by `make nightly`."""
 
 from __future__ import annotations
 
