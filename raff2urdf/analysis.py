@@ -28,6 +28,8 @@ class Analysis:
         rows: equations of loops and couplings, all kinds together.
         rank: number of independent ones.
         actuated: names of the actuated joints, in file order.
+        uncontrolled: passive joints that neither the loops nor the actuated joints determine.
+        dependent: actuated joints that the loops and the others determine.
         gap: largest gap of a loop at the configuration as written (rad or characteristic lengths).
         closure: likewise, at home.
         kinds: of all loops.
@@ -40,6 +42,8 @@ class Analysis:
     rows: int
     rank: int
     actuated: tuple[str, ...]
+    uncontrolled: tuple[str, ...]
+    dependent: tuple[str, ...]
     gap: float
     closure: float
     kinds: tuple[LoopKind, ...]
@@ -103,6 +107,7 @@ def analyse(document: Document, robot: RaffRobot, loops: Mapping[str, str] | Non
     joints = [link for link in robot.links if link.type is not JointType.FIXED]
     rows, rank, gap, closure, length = 0, 0, 0.0, 0.0, length_of(document, written, kinds)
     determined: set[str] = set()  # joints that the others move
+    declared = declared_actuated(written)
     problems: list[Problem] = []
     values = {joint.joint: home(document, joint) for joint in joints}
     if robot.loops or robot.couplings:
@@ -120,20 +125,21 @@ def analyse(document: Document, robot: RaffRobot, loops: Mapping[str, str] | Non
             count, q = generic_rank(cluster, closing.q)
             jacobian = cluster.evaluate(q)[1]
             rows, rank = rows + len(jacobian), rank + count
-            order = _outermost_first(cluster)
+            order = _outermost_first(cluster, declared)
             determined |= {cluster.joints[i].joint for i in passive(jacobian, order)}
     if problems:
         raise RaffClosureError(problems)
-    declared = declared_actuated(robot)
-    actuated = [joint for joint, has in declared.items() if has or (has is None and joint not in determined)]
+    actuated = tuple(joint for joint, has in declared.items() if has or (has is None and joint not in determined))
+    uncontrolled = tuple(joint for joint in declared if joint not in actuated and joint not in determined)
+    dependent = tuple(joint for joint in actuated if joint in determined)
     mobility = len(joints) + (6 if robot.movable else 0) - rank
     if rows:
         length = length_of(document, written, kinds, values)
     kinds_of = tuple(kinds.values())
-    return Analysis(mobility, rows, rank, tuple(actuated), gap, closure, kinds_of, values, length)
+    return Analysis(mobility, rows, rank, actuated, uncontrolled, dependent, gap, closure, kinds_of, values, length)
 
 
-def _outermost_first(cluster: Cluster) -> Sequence[int]:
+def _outermost_first(cluster: Cluster, actuated: Mapping[str, bool | None]) -> Sequence[int]:
     """Return the cluster's joints from the outermost inwards, beginning with those that the file declares passive, and
     then those that follow others in couplings."""
     moving = {joint.number for joint in cluster.joints}
@@ -142,7 +148,7 @@ def _outermost_first(cluster: Cluster) -> Sequence[int]:
         depth[part.number] = depth.get(part.pred, 0) + (part.number in moving)
     followers = {cluster.robot.couplings[i].follower for i in cluster.couplings}
     keys = [
-        (joint.actuated is not False, joint.number not in followers, -depth[joint.number], -i)
+        (actuated[joint.joint] is not False, joint.number not in followers, -depth[joint.number], -i)
         for i, joint in enumerate(cluster.joints)
     ]
     return sorted(range(len(keys)), key=keys.__getitem__)

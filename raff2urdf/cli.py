@@ -177,7 +177,7 @@ def counted(number: int, plural: str) -> str:
 
 def _check(name: str, robot: str | None, loops: dict[str, str]) -> list[dict[str, Any]]:
     from raff2urdf.analysis import analyse
-    from raff2urdf.conversion import warn_outside_limits
+    from raff2urdf.conversion import warn_of_actuation, warn_outside_limits
     from raff2urdf.raff.check import check
     from raff2urdf.raff.compound import expanded
     from raff2urdf.raff.reader import parse, read
@@ -189,6 +189,7 @@ def _check(name: str, robot: str | None, loops: dict[str, str]) -> list[dict[str
     for one in [document.robot(robot)] if robot is not None else document.robots:
         analysis, links = analyse(document, one, loops), expanded(one).links
         warn_outside_limits(document, one.name, links, analysis)
+        warn_of_actuation(one.name, analysis)
         joints = sum(link.type != 0 for link in links)
         counts = {"links": len(one.links), "joints": joints, "loops": len(one.loops)}
         reports.append({"file": name, "robot": one.name, **counts, **_of_loops(analysis)})
@@ -201,6 +202,7 @@ def _of_loops(analysis: Analysis) -> dict[str, Any]:
         "loop_rank": analysis.rank,
         "mobility": analysis.mobility,
         "actuated": list(analysis.actuated),
+        "uncontrolled": list(analysis.uncontrolled),
         "gap_as_written": analysis.gap,
         "closure_at_home": analysis.closure,
     }
@@ -227,6 +229,8 @@ def _summary(report: dict[str, Any]) -> str:
         text += f" ({report['loop_rows']} rows of rank {report['loop_rank']}, open by {report['gap_as_written']:.2g}"
         text += " as written)"
     text += f", mobility {report['mobility']}"
+    if report["uncontrolled"]:
+        text += f" ({len(report['uncontrolled'])} of them uncontrolled: {', '.join(report['uncontrolled'])})"
     if "files" not in report:
         closed = f", loops close to {report['closure_at_home']:.0e} at home" if report["loop_rows"] else ""
         return f"{text}: syntax and structure are valid{closed}"

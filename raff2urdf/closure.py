@@ -8,6 +8,7 @@ by the characteristic length, and so is the variable of a prismatic joint. The a
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Mapping, Sequence
 from typing import NamedTuple, Protocol
 
@@ -225,20 +226,23 @@ def passive(jacobian: Array, order: Sequence[int]) -> list[int]:
     """Return the first columns in `order` that are independent: passive joints, which the others determine.
 
     If the joints furthest from the base come first, the remaining ones are those nearest the base that suffice to
-    determine the mechanism (a basis of a matroid, and its complement in the dual).
+    determine the mechanism (a basis of a matroid, and its complement in the dual). What remains of a column beside
+    those before it is nothing if `rank` takes as much for a zero of the whole matrix, whatever the column's own size.
     """
     total = rank(jacobian)
+    if total == 0:
+        return []
+    nothing = max(RANK * float(np.linalg.norm(jacobian, 2)), NOTHING) / math.sqrt(jacobian.shape[1])
     basis = np.zeros((jacobian.shape[0], 0))
     chosen: list[int] = []
     for column in order:
-        if len(chosen) == total:
+        if len(chosen) == total:  # with remainders below `nothing`, no singular value more can be above RANK
             break
         v = jacobian[:, column]
-        size = float(np.linalg.norm(v))
         for _ in range(2):  # twice is enough (Kahan, Parlett)
             v = v - basis @ (basis.T @ v)
         remainder = float(np.linalg.norm(v))
-        if remainder > 1e-6 * size and size > 0.0:
+        if remainder > nothing:
             basis = np.column_stack([basis, v / remainder])
             chosen.append(column)
     return chosen

@@ -19,6 +19,7 @@ from raff2urdf.raff.check import check, check_sizes
 from raff2urdf.raff.compound import expanded
 from raff2urdf.raff.document import Document, RaffLink, RaffRobot
 from raff2urdf.raff.reader import parse, read
+from raff2urdf.readers.actuation import RAFF, advice
 from raff2urdf.readers.urdf import hash_of
 from raff2urdf.readers.urdf import parse as parse_urdf
 from raff2urdf.shipped import find_robot
@@ -224,6 +225,7 @@ def convert(
         made = translate(document, one, path.parent, out, loops, None if streamed else out / "meshes" / name)
         if format != "urdf":
             warn_outside_limits(document, one.name, made.robot.links, made.analysis)
+            warn_of_actuation(one.name, made.analysis)
         own, *others = files(format, made, name, options).items()
         constrained = made.constraints["loops"] or made.constraints.get("couplings")
         if streamed and constrained and others and dialect in ("json", "robot.yaml"):
@@ -276,4 +278,11 @@ def warn_outside_limits(document: Document, name: str, links: Iterable[RaffLink]
             beyond.append(link.joint)
     if beyond:
         message = f"with loops closed, home is outside the limits of {', '.join(beyond)}: change them"
+        warnings.warn(f"robot '{name}': {message}", RaffWarning, stacklevel=3)
+
+
+def warn_of_actuation(name: str, analysis: Analysis) -> None:
+    """Warn of actuated joints of the robot of that name that depend on each other, and leave a DoF uncontrolled."""
+    if analysis.uncontrolled and analysis.dependent:
+        message = advice(analysis.uncontrolled, analysis.dependent, RAFF)
         warnings.warn(f"robot '{name}': {message}", RaffWarning, stacklevel=3)

@@ -6,6 +6,7 @@ import os
 from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from functools import cached_property
+from pathlib import Path
 from types import ModuleType
 from typing import NamedTuple
 
@@ -28,6 +29,7 @@ from cinegen.model import Mechanism
 from raff2urdf import closure
 from raff2urdf.coupling import Coupling, followed
 from raff2urdf.raff.document import LoopKind
+from raff2urdf.readers.actuation import syntax_of
 
 Array = NDArray[np.float64]
 
@@ -244,8 +246,8 @@ class Linkage:
             if np.abs(matrix[-1] @ motions).max(initial=0.0) > _IDLE:
                 raise FreeMotionError(
                     f"{self.mechanism.name}: with its actuated joints locked it still moves, with {self.idle} DoF that "
-                    "its loops don't remove: there is a curve of configurations, not a number of them. Declare "
-                    "'actuated 1' for more of its joints",
+                    "its loops don't remove: there is a curve of configurations, not a number of them"
+                    + _remedy(self.mechanism, self.mechanism.uncontrolled, "actuated, too"),
                     self.idle,
                 )
 
@@ -540,7 +542,7 @@ def _followers(mechanism: Mechanism) -> tuple[set[str], dict[str, _Mimic]]:
             raise ModesError(
                 f"{mechanism.name}: coupling '{coupling.name}' does not determine {_listed(unknown)}: assembly modes "
                 "are computed where the first joint of each coupling follows actuated joints, or joints of couplings "
-                "before it, or one passive joint by a ratio of 1 or -1. Declare 'actuated 1' for others"
+                "before it, or one passive joint by a ratio of 1 or -1" + _remedy(mechanism, leaders, "actuated")
             )
     return known - set(mechanism.actuated), mimics
 
@@ -578,8 +580,8 @@ def _redundant(
         return ()
     if follow:
         raise ModesError(
-            f"{mechanism.name}: {count} of its actuated joints follow from the others, by loops or couplings: declare "
-            "'actuated 0' for those"
+            f"{mechanism.name}: {count} of its actuated joints follow from the others, by loops or couplings"
+            + _remedy(mechanism, mechanism.dependent, "passive")
         )
     best: list[int] = []
     strongest = 0.0
@@ -590,6 +592,12 @@ def _redundant(
         if weakest > strongest:
             best, strongest = order[:count].tolist(), weakest
     return tuple(names[k] for k in sorted(best))
+
+
+def _remedy(mechanism: Mechanism, joints: Sequence[str], what: str) -> str:
+    """Return the end of an error: which joints to declare so, and how; nothing if there are none."""
+    how = f"; {syntax_of(Path(mechanism.source.name))} declares an actuated joint"
+    return f": let {_listed(joints)} be {what}{how}" if joints else ""
 
 
 def _listed(names: Iterable[str]) -> str:

@@ -38,7 +38,7 @@ def run(
         raise CinegenError(f"{out}: heal keeps the format: name a file that ends with {file.suffix}")
     names = {file: target, constraints_of(file): constraints_of(target)}
     check_outputs(target, force=force, json=json)
-    healing = heal_file(file, robot)
+    healing = heal_file(file, robot, target)
     if target != STANDARD:
         others = [names[path] for path in healing.contents if path != file]
         check_outputs(*others, force=force)

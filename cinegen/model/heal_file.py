@@ -18,14 +18,16 @@ from cinegen.joints import axis
 from cinegen.loops.closed_loops import ClosedLoops
 from cinegen.loops.clusters import subsystems
 from cinegen.model.healing import LARGEST_CHANGE, heal, in_bodies
-from cinegen.model.load import written_loops
+from cinegen.model.load import load, written_loops
 from cinegen.model.near_redundant import loop_gaps
 from raff2urdf import closure, readers
 from raff2urdf.constraints import HASH
 from raff2urdf.conversion import describe
+from raff2urdf.errors import RaffError
 from raff2urdf.files import STANDARD
 from raff2urdf.near_redundancy import NearRedundancy, near_redundancy
 from raff2urdf.raff.reader import parse, read
+from raff2urdf.readers import robot_yaml
 from raff2urdf.readers.sidecar import constraints_of
 from raff2urdf.readers.urdf import hash_of
 from raff2urdf.readers.urdf import parse as parse_urdf
@@ -67,7 +69,7 @@ class Healing(NamedTuple):
     gaps: dict[str, tuple[float, float]]
 
 
-def heal_file(path: Path, robot: str | None = None) -> Healing:
+def heal_file(path: Path, robot: str | None = None, out: Path | None = None) -> Healing:
     """Heal a robot's RAFF file, URDF with its constraints file, SDF or MJCF.
 
     Numbers that place joints and ends of loops change as little as possible: least squares, angles in rad, lengths in
@@ -76,9 +78,11 @@ def heal_file(path: Path, robot: str | None = None) -> Healing:
     Args:
         path: of the file.
         robot: its name; the first of the file unless given.
+        out: where the healed file will be written; over `path` unless given. Its constraints file will be next to it.
 
     Raises:
-        CinegenError: no loop is nearly redundant; or no change as small as rounding makes the loops exact.
+        CinegenError: no loop is nearly redundant; no change as small as rounding makes the loops exact; or the healed
+            file, read at `out`, has not the same loops, or can't be closed.
         LoadError, raff2urdf.RaffError: the file is wrong.
     """
     if path == STANDARD or path.suffix == ".xacro":
@@ -87,7 +91,42 @@ def heal_file(path: Path, robot: str | None = None) -> Healing:
     groups = adjustables(path)
     with warnings.catch_warnings(), TemporaryDirectory() as folder:
         warnings.simplefilter("ignore")  # `load` warns
-        return _Files(path, robot, groups, Path(folder)).heal()
+        files = _Files(path, robot, groups, Path(folder))
+        healing = files.heal()
+        _check(healing, path, path if out is None or out == STANDARD else out, robot, files.loops)
+        return healing
+
+
+def _check(healing: Healing, path: Path, out: Path, robot: str | None, loops: Sequence[str]) -> None:
+    """Load the healed files as they will be at `out`, and close the loops, which are to have these names."""
+    names = {path: out.name, constraints_of(path): constraints_of(out).name}
+    with TemporaryDirectory() as name:
+        folder = _copy_of(out.absolute().parent, Path(name))
+        for file, content in healing.contents.items():
+            _replace(folder / names[file], content)
+        try:
+            found = {loop.name for loop in load(folder / out.name, robot, relax=False).loops}
+        except (CinegenError, RaffError) as error:
+            why = str(error).replace(f"{folder}/", "")
+            raise CinegenError(f"{path}: not healed, since what would be written can't be loaded: {why}") from None
+    if lost := [f"'{one}'" for one in loops if one not in found]:
+        yaml = robot_yaml.sidecar_of(path)
+        declaring = yaml.name if yaml is not None else "the file next to it that declares them"
+        there = out.with_suffix(".yaml").name if yaml is not None and yaml.stem == path.stem else "that folder"
+        raise CinegenError(f"{out}: would lack the loops {', '.join(lost)}: copy {declaring} to {there} first")
+
+
+def _copy_of(folder: Path, copy: Path) -> Path:
+    """Fill a folder with links to what is in another one."""
+    for other in folder.iterdir() if folder.is_dir() else ():
+        (copy / other.name).symlink_to(other)
+    return copy
+
+
+def _replace(file: Path, content: bytes) -> None:
+    """Write a file in the place of a link."""
+    file.unlink(missing_ok=True)
+    file.write_bytes(content)
 
 
 def _description(path: Path, robot: str | None) -> tuple[str, Mapping[str, Any] | None]:
@@ -113,10 +152,9 @@ class _Files:
         self.path, self.robot, self.folder = path, robot, folder
         self.groups = list(groups)
         _description(path, robot)  # errors name the file itself
-        for other in path.absolute().parent.iterdir():
-            (folder / other.name).symlink_to(other)
+        _copy_of(path.absolute().parent, folder)
         system, q = self._loops([group.values([0.0] * len(group.is_length)) for group in self.groups])
-        self.length = system.length
+        self.length, self.loops = system.length, [loop.name for loop in system.loops]
         self.clusters: list[int] = []
         self.found: list[NearRedundancy] = []
         self.gaps: dict[str, tuple[float, float]] = {}
@@ -211,9 +249,7 @@ class _Files:
         """Return the loops of files with these numbers, and the configuration (nq,) as written."""
         numbers = [number for group in self.groups for number in group.numbers]
         for file, content in rewritten(numbers, [value for group in values for value in group]).items():
-            changed = self.folder / file.name
-            changed.unlink()
-            changed.write_bytes(content)
+            _replace(self.folder / file.name, content)
         urdf, constraints = _description(self.folder / self.path.name, self.robot)
         if not constraints or not constraints["loops"]:
             raise LoadError(f"{self.path}: it has no loops: there is nothing to heal")

@@ -30,6 +30,7 @@ from raff2urdf.errors import RaffError
 from raff2urdf.json_lines import line_of
 from raff2urdf.length import characteristic_length, cut_screws
 from raff2urdf.raff.document import LoopKind
+from raff2urdf.readers.actuation import advice, syntax_of
 from raff2urdf.readers.declaration import IgnoreList
 from raff2urdf.readers.sidecar import constraints_of
 from raff2urdf.readers.srdf import Srdf, read_srdf, srdf_of
@@ -290,6 +291,7 @@ def build(
     stated = any("actuated" in joint for joint in constraints["joints"])
     actuated = {joint["name"]: joint.get("actuated", True if stated else None) for joint in entries}
     ranks, determined = list[int](), set[str]()
+    robot = f"{name}: robot '{constraints['robot']}'"
     if loops or couplings:
         gap = max(closure.gaps(system, q))
         q, limits = _followed(system, q), Limits(model, tuple(actuated))
@@ -298,11 +300,19 @@ def build(
             return build(*exact, folder, name, dialects, notes, srdf)
         q = q if spherical is None or near is None else spherical.from_successive(near)
         drawn = not any("home" in joint for joint in (given or {}).get("joints", []))
-        ranks, determined, moved = _close(system, q, limits, actuated, drawn, f"{name}: robot '{constraints['robot']}'")
+        ranks, determined, moved = _close(system, q, limits, actuated, drawn, robot)
         if not moved:  # else home is a random one
             system = ClosedLoops(model, loops, _length(system, q, constraints["nodes"]), couplings)
         notes += ("all joints at 0 is singular: home is a configuration near it",) if moved else ()
     chosen = tuple(joint for joint, has in actuated.items() if has or (has is None and joint not in determined))
+    uncontrolled = tuple(joint for joint in actuated if joint not in chosen and joint not in determined)
+    dependent = tuple(joint for joint in chosen if joint in determined)
+    if uncontrolled:
+        message = advice(uncontrolled, dependent, syntax_of(Path(name)))
+        if dependent:
+            warn(f"{robot}: {message}")
+        else:
+            notes += (message,)
     return Mechanism(
         name=constraints["robot"],
         model=model,
@@ -313,6 +323,8 @@ def build(
         couplings=couplings,
         length=system.length,
         spherical=spherical,
+        uncontrolled=uncontrolled,
+        dependent=dependent,
         floating=constraints.get("floating") is not None,
         q_home=q,
         cluster_ranks=tuple(ranks),
@@ -501,8 +513,7 @@ def _close(
             regular = _regular(own, q[at], rank)
             q[at] = closure.close_within(own, regular, limits.lower[at], limits.upper[at], columns)
             moved = True
-        if None in actuated.values():
-            determined |= _determined(own, generic, actuated)
+        determined |= _determined(own, generic, actuated)
     if problems:
         raise ClosureError(f"{name}: " + "\n".join(problems))
     beyond = limits.exceeded(q)

@@ -76,6 +76,8 @@ class Mechanism:
         couplings: equations between joints, such as those of gears.
         length: characteristic length, m, which makes translations commensurable with angles.
         spherical: the ball joints that are one spherical joint of the model each, with a quaternion in q; None without.
+        uncontrolled: passive joints that neither the loops nor the actuated joints determine.
+        dependent: actuated joints that the loops and the others determine.
         floating: whether the base can move; then q begins with its seven numbers.
         q_home: (nq,) the configuration as written, moved to where all loops are closed; read-only.
         cluster_ranks: number of independent equations (generic rank) of each cluster of loops and couplings, see
@@ -106,6 +108,8 @@ class Mechanism:
     source: MechanismSource
     couplings: tuple[Coupling, ...] = ()
     spherical: SphericalJoints | None = None
+    uncontrolled: tuple[str, ...] = ()
+    dependent: tuple[str, ...] = ()
     _scratch: threading.local = field(init=False, default_factory=threading.local)
     _masks: dict[tuple[str, ...], Array] = field(init=False, default_factory=dict)
     _derived: dict[Callable[[Mechanism], Any], Any] = field(init=False, default_factory=dict)

@@ -74,3 +74,63 @@ def test_existing_files_and_other_formats_are_refused(tilted, tmp_path, capsys):
     assert out.read_text() == "mine"
     assert main(["heal", str(tilted), str(out), "--force"]) == 0
     assert out.read_text().startswith("RAFF")
+
+
+OUT_OF_REACH = """
+  link 31 { parameters { d 900 } type 2 pred 0 }
+  link 32 { parameters { d 100 } type 2 pred 31 }
+  link 33 { parameters { d 5000 } type 2 pred 0 }
+  frame 34 { parameters { d 100 } pred 32 }
+  frame 35 { parameters { d 100 } pred 33 }
+  constraint { frame 34 frame 35 type 2 }
+} // end of robot definition
+"""
+
+
+def test_what_could_not_be_closed_is_not_written(tilted, tmp_path, capsys):
+    """Beside the linkage that can be healed is one that is out of reach: no number of it is wrong by rounding."""
+    text = tilted.read_text(encoding="utf-8").replace("} // end of robot definition", OUT_OF_REACH)
+    tilted.write_text(text, encoding="utf-8")
+    out = tmp_path / "out" / "healed.raff"
+    out.parent.mkdir()
+    assert main(["heal", str(tilted), str(out)]) == 1
+    said = capsys.readouterr()
+    assert said.out == ""
+    assert "what would be written can't be loaded: healed.raff: robot 'linkage'" in said.err
+    assert "'frame34-frame35' (revolute" in said.err
+    assert list(out.parent.iterdir()) == []
+
+
+@pytest.fixture
+def bars(tmp_path):
+    """A four-bar as a URDF, its coupler's axis tilted by a little and its loop in a file of the same name."""
+    places = {"crank": "0 0 0", "coupler": "0 0.1 0", "rocker": "0.3 0 0"}
+    lines = ['<robot name="bars">', *(f'<link name="{name}"/>' for name in ("ground", *places, "pin", "hole"))]
+    for (name, place), parent in zip(places.items(), ("ground", "crank", "ground"), strict=True):
+        axis = f"0 {math.radians(TILTED)!r} 1" if name == "coupler" else "0 0 1"
+        lines += [
+            f'<joint name="to_{name}" type="continuous"><parent link="{parent}"/><child link="{name}"/>'
+            f'<origin xyz="{place}"/><axis xyz="{axis}"/></joint>'
+        ]
+    ends = (("pin", "continuous", "coupler", "0.4 0.2 0"), ("hole", "fixed", "rocker", "0.1 0.3 0"))
+    for name, kind, parent, place in ends:
+        lines += [
+            f'<joint name="to_{name}" type="{kind}"><parent link="{parent}"/><child link="{name}"/>'
+            f'<origin xyz="{place}"/><axis xyz="0 0 1"/></joint>'
+        ]
+    path = tmp_path / "bars.urdf"
+    path.write_text("\n".join([*lines, "</robot>"]), encoding="utf-8")
+    path.with_suffix(".yaml").write_text("closed_loop: [[pin, hole]]\ntype: ['6d']\n", encoding="utf-8")
+    return path
+
+
+def test_loops_that_would_be_lost_are_told_and_the_remedy_works(bars, tmp_path, capsys):
+    out = tmp_path / "healed.urdf"
+    with pytest.warns(cinegen.CinegenWarning, match="nearly redundant"):
+        cinegen.load(bars)
+    assert main(["heal", str(bars), str(out)]) == 1
+    assert f"{out}: would lack the loops 'pin-hole': copy bars.yaml to healed.yaml first" in capsys.readouterr().err
+    assert not out.exists()
+    (tmp_path / "healed.yaml").write_bytes(bars.with_suffix(".yaml").read_bytes())
+    assert main(["heal", str(bars), str(out)]) == 0
+    assert cinegen.load(out).mobility == 1  # without a warning

@@ -308,6 +308,20 @@ def test_passive_joints_are_the_first_in_order_that_depend_on_none_before_them(
     assert len(first) == expected
 
 
+@given(matrices(), st.lists(st.integers(0, 7), max_size=3), seeds)
+@examples(100)
+def test_columns_of_rounding_are_no_passive_joints(made: tuple[np.ndarray, int], places: list[int], seed: int) -> None:
+    """A joint whose axis is that of the loop's own joint moves its ends by rounding only."""
+    matrix, expected = made
+    size = np.abs(matrix).max() or 1.0
+    for place in places:
+        noise = 4e-16 * size * np.random.default_rng(seed).normal(size=len(matrix))
+        matrix = np.insert(matrix, min(place, matrix.shape[1]), noise, axis=1)
+    chosen = passive(matrix, range(matrix.shape[1]))
+    assert len(chosen) == expected
+    assert np.linalg.matrix_rank(matrix[:, chosen] / size, tol=1e-9) == expected
+
+
 @pytest.mark.parametrize("name", CLOSED_CHAINS)
 def test_the_generic_rank_is_joints_less_mobility_and_reached_on_a_closed_configuration(name: str) -> None:
     document = loads(KNOWN[name][0])

@@ -192,6 +192,7 @@ class _SdfToUrdf:
                 what = f"<{tag_of(element)}> is unknown in raff:robot{did_you_mean(local(element), _OWN_NAMES)}"
                 raise error_at(name, element, what)
             self.own[element.get("name")] = element
+        self.states_actuated = any("actuated" in element.attrib for element in self.own.values())
         self.axes: dict[str, list[str]] = {}  # by joint: the joint of the URDF for each axis
         self.homes: dict[str, float] = {}  # of joints of the URDF: to be added to SDF's values, rad or m
         self.carried: dict[str, _Step] = {}
@@ -320,14 +321,17 @@ class _SdfToUrdf:
         return [(joint.name, axis, joint.kind == "prismatic") for axis in joint.axes]
 
     def _own_values(self, joint: str) -> tuple[float, bool | None]:
-        """Return raff2urdf's entries for a joint: its value at the links' poses, and whether it is actuated."""
+        """Return raff2urdf's entries for a joint: its value at the links' poses, and whether it is actuated; None if
+        that is stated of no joint."""
         own = self.own.get(joint)
         if own is None:
-            return 0.0, None
-        home = numbers(own.get("home", "0"))
+            return 0.0, False if self.states_actuated else None
+        home, actuated = numbers(own.get("home", "0")), own.get("actuated", "false")
         if home is None or len(home) != 1:
             raise error_at(self.name, own, f"home='{own.get('home')}' of a raff:joint is not a number")
-        return home[0], own.get("actuated") == "true"
+        if actuated not in ("true", "false"):
+            raise error_at(self.name, own, f"actuated='{actuated}' of a raff:joint must be true or false")
+        return home[0], actuated == "true" if self.states_actuated else None
 
     def _add_loop(self, joint: SdfJoint, coupled: bool) -> list[str]:
         """Add a loop for a joint that was cut; return the links that were added for it.

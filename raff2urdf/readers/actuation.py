@@ -1,0 +1,50 @@
+"""Joints that must be actuated, and how a file of each format declares them."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+
+from raff2urdf.readers import holds_xml, robot_yaml, sidecar
+from raff2urdf.readers.xml_file import own_element, parse_xml, read_text
+
+RAFF = "'actuated 1' in its link"
+_CONSTRAINTS = '"actuated": true in '
+_SDF = '<raff:joint name="NAME" actuated="true"/> in the model\'s <raff:robot xmlns:raff="urn:raff2urdf">'
+
+
+def syntax_of(path: Path) -> str:
+    """Return how a robot's file, or the file next to it, declares that a joint is actuated.
+
+    Args:
+        path: of the RAFF file, URDF, xacro, SDF or MJCF. Of what is no file, the syntax of constraints is returned.
+    """
+    if not path.is_file():
+        return f"{_CONSTRAINTS}the constraints"
+    if not holds_xml(path):
+        return RAFF
+    root = parse_xml(read_text(path), str(path))
+    if root.tag == "mujoco":
+        return '<motor joint="NAME"/> in <actuator>'
+    if root.tag == "sdf":
+        return _SDF
+    constraints = sidecar.constraints_of(path)
+    if constraints.is_file() or own_element(root, str(path)) is not None:
+        return _CONSTRAINTS + (constraints.name if constraints.is_file() else "raff:robot")
+    yaml = robot_yaml.sidecar_of(path) or sidecar.plain(path).with_suffix(".yaml")
+    return f"its name in name_mot: [...] of {yaml.name}"
+
+
+def advice(uncontrolled: Sequence[str], dependent: Sequence[str], syntax: str) -> str:
+    """Return the text about actuated joints that don't determine a mechanism, and about those that would.
+
+    Args:
+        uncontrolled: passive joints that neither loops nor actuated joints determine.
+        dependent: actuated joints that the loops and the others determine.
+        syntax: see `syntax_of`.
+    """
+    instead = f"instead of {', '.join(dependent)}" if dependent else "too"
+    return (
+        f"with its actuated joints locked it still moves, with {len(uncontrolled)} DoF: let "
+        f"{', '.join(uncontrolled)} be actuated {instead}; {syntax} declares that"
+    )

@@ -1,0 +1,193 @@
+"""Actuated joints determine a mechanism, or load says which would: a five-bar whose tip is pinned to both arms.
+
+The tip spins, so its mobility is 3. Ranks are those of numpy's singular values.
+"""
+
+from __future__ import annotations
+
+import math
+import warnings
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import cinegen
+import raff2urdf
+from raff2urdf.analysis import analyse
+
+# shoulder, elbow and tip of each arm, m
+LEFT, RIGHT = ((-0.1, 0.0), (-0.25, 0.3)), ((0.15, 0.05), (0.3, 0.35))
+TIP = (0.02, 0.55)
+JOINTS = {"a": ("base", "l1", LEFT[0]), "b": ("l1", "l2", LEFT[1]), "c": ("base", "r1", RIGHT[0]),
+          "d": ("r1", "r2", RIGHT[1]), "e": ("l2", "tip", TIP), "f": ("r2", "tip", TIP)}  # fmt: skip
+AT = {child: place for _, child, place in JOINTS.values()}
+
+
+def raff(actuated: str = "") -> str:
+    """The mechanism in RAFF; `actuated` are letters of joints."""
+    lines, turned = ["RAFF pinned", "robot pinned {", "base { }"], {"base": 0.0}
+    for number, joint in enumerate("abcde", 1):
+        parent, child, place = JOINTS[joint]
+        apart = np.subtract(place, AT.get(parent, (0.0, 0.0)))
+        turned[child] = math.degrees(math.atan2(apart[1], apart[0]))
+        pred = {"base": 0, "l1": 1, "l2": 2, "r1": 3}[parent]
+        has = "actuated 1" if joint in actuated else ""
+        gamma = turned[child] - turned[parent]
+        parameters = f"gamma {gamma:.17g} d {1e3 * math.hypot(*apart):.17g}"
+        lines.append(f'link {number} {{ name "{child}" parameters {{ {parameters} }} type 2 pred {pred} {has} }}')
+    apart = np.subtract(TIP, RIGHT[1])
+    gamma = math.degrees(math.atan2(apart[1], apart[0])) - turned["r2"]
+    lines += [
+        f"frame 6 {{ parameters {{ gamma {gamma:.17g} d {1e3 * math.hypot(*apart):.17g} }} pred 4 }}",
+        "constraint { link 5 frame 6 type 2 }",
+        "}",
+    ]
+    return "\n".join(lines)
+
+
+def urdf() -> str:
+    """The same, its last pin as a second parent of the tip."""
+    lines = ['<robot name="pinned">', *(f'<link name="{link}"/>' for link in ("base", *AT))]
+    for joint, (parent, child, place) in JOINTS.items():
+        x, y = np.subtract(place, AT.get(parent, (0.0, 0.0)))
+        lines.append(
+            f'<joint name="{joint}" type="continuous"><parent link="{parent}"/><child link="{child}"/>'
+            f'<origin xyz="{x:.17g} {y:.17g} 0"/><axis xyz="0 0 1"/></joint>'
+        )
+    return "\n".join([*lines, "</robot>"])
+
+
+def sdf(own: str = "") -> str:
+    lines = ['<sdf version="1.9"><model name="pinned">', '<link name="base"/>']
+    lines += [f'<link name="{link}"><pose>{x} {y} 0 0 0 0</pose></link>' for link, (x, y) in AT.items()]
+    lines += ['<joint name="foot" type="fixed"><parent>world</parent><child>base</child></joint>']
+    for joint, (parent, child, _) in JOINTS.items():
+        lines.append(
+            f'<joint name="{joint}" type="revolute"><parent>{parent}</parent><child>{child}</child>'
+            f"<axis><xyz>0 0 1</xyz></axis></joint>"
+        )
+    return "\n".join([*lines, own, "</model></sdf>"])
+
+
+def mjcf(actuated: str) -> str:
+    def body(joint: str, inside: str = "") -> str:
+        parent, child, place = JOINTS[joint]
+        x, y = np.subtract(place, AT.get(parent, (0.0, 0.0)))
+        inner = '<inertial pos="0 0 0" mass="1" diaginertia="1 1 1"/>'
+        return f'<body name="{child}" pos="{x} {y} 0"><joint name="{joint}" axis="0 0 1"/>{inner}{inside}</body>'
+
+    x, y = np.subtract(TIP, RIGHT[1])
+    motors = "".join(f'<motor joint="{joint}"/>' for joint in actuated)
+    return (
+        f"<mujoco><worldbody>{body('a', body('b', body('e')))}{body('c', body('d'))}</worldbody><equality>"
+        f'<connect body1="r2" body2="tip" anchor="{x} {y} 0"/></equality><actuator>{motors}</actuator></mujoco>'
+    )
+
+
+def uncontrolled(mechanism: cinegen.Mechanism) -> int:
+    """DoF that remain with actuated joints locked, by numpy's rank of the passive columns at random configurations."""
+    passive = [mechanism.v_index(joint) for joint in mechanism.joints if joint not in mechanism.actuated]
+    matrices = [mechanism.loop_jacobian(q)[:, passive] for q in mechanism.random_closed(4, seed=5)]
+    return len(passive) - max(int(np.linalg.matrix_rank(matrix, tol=1e-6)) for matrix in matrices)
+
+
+def load(path: Path, text: str) -> tuple[cinegen.Mechanism, list[str]]:
+    """The mechanism of a text, and the warnings about its actuated joints."""
+    path.write_text(text, encoding="utf-8")
+    with warnings.catch_warnings(record=True) as met:
+        warnings.simplefilter("always")
+        mechanism = cinegen.load(path)
+    return mechanism, [str(one.message) for one in met if "actuated" in str(one.message)]
+
+
+@pytest.mark.parametrize(("name", "text"), [("p.raff", raff()), ("p.urdf", urdf()), ("p.sdf", sdf())])
+def test_a_joint_whose_column_is_rounding_is_not_taken_for_a_passive_one(name, text, tmp_path):
+    mechanism, met = load(tmp_path / name, text)
+    assert (mechanism.mobility, len(mechanism.actuated), met) == (3, 3, [])
+    assert uncontrolled(mechanism) == 0
+
+
+def test_raff2urdf_chooses_the_same_joints(tmp_path):
+    document = raff2urdf.loads(raff())
+    found = analyse(document, document.robot())
+    assert found.actuated == load(tmp_path / "p.raff", raff())[0].actuated
+    assert (found.uncontrolled, found.dependent) == ((), ())
+
+
+@pytest.mark.parametrize(
+    "name", [path.stem for path in (Path(__file__).parents[2] / "robots").glob("*.raff") if path.stem != "two_arms"]
+)
+def test_the_actuated_joints_of_shipped_robots_determine_them(name, robot):
+    mechanism = robot(name)
+    assert not mechanism.uncontrolled
+    if mechanism.is_constrained and not mechanism.balls:
+        assert uncontrolled(mechanism) == 0
+
+
+def declared(folder: Path, kind: str, joints: str) -> tuple[Path, str]:
+    """A file of a kind whose actuated joints are those of these letters, as advice for this kind says; and its text."""
+    if kind == "raff":
+        return folder / "p.raff", raff(joints)
+    if kind == "sdf":
+        own = "".join(f'<raff:joint name="{joint}" actuated="true"/>' for joint in joints)
+        return folder / "p.sdf", sdf(f'<raff:robot xmlns:raff="urn:raff2urdf">{own}</raff:robot>')
+    if kind == "mjcf":
+        return folder / "p.xml", mjcf(joints)
+    if kind == "json":
+        (folder / "r.raff").write_text(raff(joints), encoding="utf-8")
+        raff2urdf.convert(folder / "r.raff", folder)
+        return folder / "r.urdf", (folder / "r.urdf").read_text(encoding="utf-8")
+    (folder / "p.yaml").write_text(f"name_mot: [{', '.join(joints)}]", encoding="utf-8")
+    return folder / "p.urdf", urdf()
+
+
+SYNTAX = {
+    "raff": "'actuated 1' in its link",
+    "json": '"actuated": true in r.constraints.json',
+    "urdf": "its name in name_mot: [...] of p.yaml",
+    "sdf": '<raff:joint name="NAME" actuated="true"/> in the model\'s <raff:robot xmlns:raff="urn:raff2urdf">',
+    "mjcf": '<motor joint="NAME"/> in <actuator>',
+}
+RAFF_NAMES = dict(zip(("joint1", "joint2", "joint3", "joint4", "joint5"), "abcde", strict=True))
+
+
+@pytest.mark.parametrize("kind", SYNTAX)
+def test_dependent_actuated_joints_are_told_with_joints_that_would_do_and_these_do(kind, tmp_path):
+    mechanism, (message,) = load(*declared(tmp_path, kind, "abc"))
+    assert uncontrolled(mechanism) == len(mechanism.uncontrolled) == 1
+    (more,), (less,) = mechanism.uncontrolled, mechanism.dependent
+    assert "with its actuated joints locked it still moves, with 1 DoF" in message
+    assert f"let {more} be actuated instead of {less}; {SYNTAX[kind]} declares that" in message
+    better = "".join(sorted({*"abc", RAFF_NAMES.get(more, more)} - {RAFF_NAMES.get(less, less)}))
+    mechanism, met = load(*declared(tmp_path, kind, better))
+    assert len(mechanism.actuated) == 3
+    assert (uncontrolled(mechanism), met) == (0, [])
+
+
+@pytest.mark.parametrize("kind", SYNTAX)
+def test_too_few_actuated_joints_are_noted_with_those_that_are_missing(kind, tmp_path):
+    """No warning: under-actuated robots are built, too."""
+    mechanism, met = load(*declared(tmp_path, kind, "ac"))
+    assert (len(mechanism.actuated), met) == (2, [])
+    (more,) = mechanism.uncontrolled
+    (note,) = [note for note in mechanism.source.notes if "locked" in note]
+    assert f"let {more} be actuated too; {SYNTAX[kind]} declares that" in note
+    mechanism, met = load(*declared(tmp_path, kind, "ac" + RAFF_NAMES.get(more, more)))
+    assert (uncontrolled(mechanism), met) == (0, [])
+
+
+def test_a_check_of_raff_warns_alike(tmp_path, capsys):
+    from raff2urdf.cli import main
+
+    (tmp_path / "p.raff").write_text(raff("abc"), encoding="utf-8")
+    assert main(["--check", str(tmp_path / "p.raff")]) == 0
+    out, err = capsys.readouterr()
+    assert "mobility 3 (1 of them uncontrolled: joint5)" in out
+    assert "let joint5 be actuated instead of joint2; 'actuated 1' in its link declares that" in err
+
+
+def test_what_an_sdf_says_of_actuated_joints_must_be_true_or_false(tmp_path):
+    own = '<raff:robot xmlns:raff="urn:raff2urdf"><raff:joint name="a" actuated="yes"/></raff:robot>'
+    with pytest.raises(cinegen.CinegenError, match="actuated='yes' of a raff:joint must be true or false"):
+        load(tmp_path / "p.sdf", sdf(own))
