@@ -1,39 +1,35 @@
-"""Inverse kinematics: resolved rates by singular values inside what the loops leave, one tick at a time."""
+"""Inverse kinematics: resolved rates by singular values inside what the loops leave, one tick at a time.
 
-from cinegen.ik.all_solutions import IKError, IKSolutions
-from cinegen.ik.batch import Evaluations, evaluate
-from cinegen.ik.forecast import Event, EventKind, Forecast
-from cinegen.ik.global_ik import IKResult, inverse_kinematics
-from cinegen.ik.look_ahead import LookAhead, forecast_motion
-from cinegen.ik.objectives import LimitMargin, Manipulability, Objective, Posture, State
-from cinegen.ik.persistent import PersistentSolver
-from cinegen.ik.singular import LostDoF, UncontrolledDoF
-from cinegen.ik.solver import Solver
-from cinegen.ik.step import Status, Step
-from cinegen.ik.task import FrameTask
+Each name is imported when it is first used: `Solver` needs nothing of what lists all solutions.
+"""
 
-__all__ = [
-    "Evaluations",
-    "Event",
-    "EventKind",
-    "Forecast",
-    "FrameTask",
-    "IKError",
-    "IKResult",
-    "IKSolutions",
-    "LimitMargin",
-    "LookAhead",
-    "LostDoF",
-    "Manipulability",
-    "Objective",
-    "PersistentSolver",
-    "Posture",
-    "Solver",
-    "State",
-    "Status",
-    "Step",
-    "UncontrolledDoF",
-    "evaluate",
-    "forecast_motion",
-    "inverse_kinematics",
-]
+from typing import TYPE_CHECKING
+
+from raff2urdf.lazy import lazy_names
+
+if TYPE_CHECKING:
+    from cinegen.ik.all_solutions import IKError as IKError
+    from cinegen.ik.all_solutions import IKSolutions as IKSolutions
+    from cinegen.ik.batch import Evaluations as Evaluations
+    from cinegen.ik.batch import evaluate as evaluate
+    from cinegen.ik.forecast import Event as Event
+    from cinegen.ik.forecast import EventKind as EventKind
+    from cinegen.ik.forecast import Forecast as Forecast
+    from cinegen.ik.global_ik import IKResult as IKResult
+    from cinegen.ik.global_ik import inverse_kinematics as inverse_kinematics
+    from cinegen.ik.look_ahead import LookAhead as LookAhead
+    from cinegen.ik.look_ahead import forecast_motion as forecast_motion
+    from cinegen.ik.objectives import LimitMargin as LimitMargin
+    from cinegen.ik.objectives import Manipulability as Manipulability
+    from cinegen.ik.objectives import Objective as Objective
+    from cinegen.ik.objectives import Posture as Posture
+    from cinegen.ik.objectives import State as State
+    from cinegen.ik.persistent import PersistentSolver as PersistentSolver
+    from cinegen.ik.singular import LostDoF as LostDoF
+    from cinegen.ik.singular import UncontrolledDoF as UncontrolledDoF
+    from cinegen.ik.solver import Solver as Solver
+    from cinegen.ik.step import Status as Status
+    from cinegen.ik.step import Step as Step
+    from cinegen.ik.task import FrameTask as FrameTask
+
+__all__, __getattr__, __dir__ = lazy_names(__name__)

@@ -14,7 +14,6 @@ import gc
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import ExitStack, contextmanager
 from typing import Any
-from unittest.mock import patch
 
 import numba
 from numba.core.codegen import JITCodeLibrary, JITCPUCodegen
@@ -70,6 +69,8 @@ def whole_program(entries: Iterable[str], helpers: Iterable[Any]) -> Iterator[No
         entries: their names, as `__qualname__` has them.
         helpers: numba's dispatchers of all other kernels.
     """
+    from unittest.mock import patch  # brings asyncio
+
     with ExitStack() as stack:
         stack.enter_context(global_compiler_lock)
         codegen = cpu_target.target_context.codegen()

@@ -157,8 +157,8 @@ def again(options: Any, folder: Path) -> None:
         cases.end()
 
 
-def minimised(files: Files, number: int) -> bytes:
-    """Return the least part of a case's file that breaks a promise that the file breaks."""
+def minimised(files: Files, number: int, seconds: float = 30.0) -> bytes:
+    """Return the least part of a case's file that breaks a promise that the file breaks, as far as the time allows."""
     case = files.case(number)
 
     def causes(data: bytes) -> set[str]:
@@ -169,4 +169,4 @@ def minimised(files: Files, number: int) -> bytes:
         )
 
     found = causes(case.data)
-    return shrunk(case.data, lambda data: bool(causes(data) & found)) if found else b""
+    return shrunk(case.data, lambda data: bool(causes(data) & found), seconds) if found else b""

@@ -3,6 +3,7 @@ words, of bytes."""
 
 from __future__ import annotations
 
+import gc
 import os
 import pickle
 import re
@@ -19,7 +20,7 @@ from campaign.judge import limit_memory
 Part = TypeVar("Part")
 
 
-def shrunk(data: bytes, breaks: Callable[[bytes], bool], seconds: float = 30.0) -> bytes:
+def shrunk(data: bytes, breaks: Callable[[bytes], bool], seconds: float) -> bytes:
     """Return a part of the data, as small as is found in time, that still breaks.
 
     Args:
@@ -84,6 +85,7 @@ def in_child(act: Callable[[], Iterable[str]], cpu: float, memory: int) -> set[s
     pid = os.fork()
     if pid == 0:
         try:
+            gc.freeze()  # else a collection copies all pages of the parent, out of the CPU that it may take
             signal.signal(signal.SIGXCPU, signal.SIG_DFL)
             limit_memory(memory)
             resource.setrlimit(resource.RLIMIT_CPU, (int(time.process_time() + cpu) + 1, resource.RLIM_INFINITY))

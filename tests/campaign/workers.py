@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import ctypes
 import faulthandler
+import gc
 import multiprocessing
 import os
 import resource
@@ -186,6 +187,7 @@ def _work(pipe: Connection, trace: Any, *arguments: Any) -> None:
 
 
 def _run_all(pipe: Connection, trace: Any, campaign: Campaign, index: int, numbers: range, end: float) -> None:
+    gc.freeze()  # else a collection copies all pages of the parent, out of the CPU that a case may take
     judge.capture()
     faulthandler.enable(trace)
     faulthandler.register(signal.SIGXCPU, trace, chain=True)

@@ -57,6 +57,22 @@ def test_import_cinegen_imports_no_other_package(imported):
     assert imported["names of cinegen"] <= {"__main__", "cinegen", "cmeel_pth", "raff2urdf"}
 
 
+HEAVY = {
+    "asyncio", "cinegen.assembly", "cinegen.cockpit", "cinegen.collision", "cinegen.hexapod", "flint", "matplotlib",
+    "meshcat", "pydantic", "scipy.linalg", "scipy.optimize", "scipy.spatial", "scipy.special", "trimesh", "typer",
+    "unittest.mock", "websockets", "xarray", "zarr",
+}  # fmt: skip
+"""Modules that no solver needs until it moves, and most programs never."""
+
+
+def test_load_and_solver_import_numpy_pinocchio_and_numba_alone(root):
+    program = "import json, sys\nimport cinegen\nfrom cinegen import Solver, load\nprint(json.dumps(list(sys.modules)))"
+    done = subprocess.run([sys.executable, "-c", program], cwd=root, capture_output=True, timeout=60, check=True)
+    found = set(json.loads(done.stdout))
+    assert {"numpy", "pinocchio", "numba"} <= found
+    assert found & HEAVY == set()
+
+
 def test_help_of_every_command_imports_nothing_that_computes(imported):
     assert len(COMMANDS) == 21
     assert {call: sorted(names - LIGHT) for call, names in imported.items() if names - LIGHT} == {}
@@ -73,5 +89,6 @@ def test_all_public_names_are_there_when_they_are_asked_for():
     for name in cinegen.__all__:
         assert getattr(cinegen, name) is getattr(cinegen, name)
     assert cinegen.model.Mechanism is cinegen.Mechanism
+    assert cinegen.ik.IKSolutions.__module__ == "cinegen.ik.all_solutions"  # a package of packages, lazy itself
     with pytest.raises(AttributeError, match="'nonsense'"):
         _ = cinegen.nonsense
