@@ -2,14 +2,14 @@
 
 Each node gets bars to its children: along the three straight parts of the path to a joint (epsilon along its z, d
 along the common perpendicular, r along the child's z), straight to what is fixed to it. A marker shows its own joint:
-a cylinder about the axis of a revolute one; a box, and a rod that slides in its parent's tube, for a prismatic one; a
-ball for a ball, universal or planar one.
+a cylinder about the axis of a revolute one; a box, and a rod that slides in its parent's tube or a rail of its parent,
+for a prismatic one; a ball for a ball, universal or planar one.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from itertools import pairwise
 from statistics import median
@@ -18,7 +18,7 @@ import numpy as np
 
 from raff2urdf.raff.document import Document, JointType, RaffFrame, RaffLink, RaffNode, RaffPart, RaffRobot
 from raff2urdf.raff.kleinfinger import Kleinfinger
-from raff2urdf.tree import home, kleinfinger
+from raff2urdf.tree import home, kleinfinger, limits
 from raff2urdf.urdf_model import UrdfBox, UrdfCylinder, UrdfGeometry, UrdfMaterial, UrdfSphere, UrdfVisual
 
 # One for each branch of the tree. People with any colour vision can distinguish them, and pages use none for a status.
@@ -28,6 +28,7 @@ _BRANCHES = (
 )
 _BASE = (0.45, 0.47, 0.5)
 _JOINT = (0.2, 0.22, 0.25)
+_FARTHEST = 100.0  # of the sum of a robot's lengths: limits beyond stand for none, as 1e6 does in many files
 
 
 @dataclass(frozen=True, slots=True)
@@ -42,7 +43,9 @@ class SkeletonDrawing:
     def __init__(self, document: Document, robot: RaffRobot) -> None:
         self.document, self.robot = document, robot
         self.parameters = {part.number: kleinfinger(document, part.parameters) for part in robot.parts}
-        self.radius = 0.06 * _typical(list(self.parameters.values()))
+        lengths = _lengths(self.parameters.values())
+        self.radius = 0.06 * median(lengths)
+        self.farthest = _FARTHEST * math.fsum(lengths)
         branch, last = {0: 0}, 0
         self.colours = {0: _BASE}
         for part in robot.outward:
@@ -90,8 +93,8 @@ class SkeletonDrawing:
         else:
             size = np.array([2.6, 2.6, 3.2]) * style.radius
             yield _visual(UrdfGeometry(box=UrdfBox(size=_round(size, style))), np.eye(4), marker)
-            rod = np.array([0.0, 0.0, -0.62 * home(self.document, node)])
-            yield from _bar(rod, np.zeros(3), 0.6, style)
+            *_, rod = self._telescope(node)
+            yield from _bar(np.array([0.0, 0.0, -rod]), np.zeros(3), 0.6, style)
 
     def _bars_to(self, child: RaffPart, style: _Style) -> Iterator[UrdfVisual]:
         """Yield bars from the node's origin to a child's joint."""
@@ -105,8 +108,14 @@ class SkeletonDrawing:
         for corner in drawn[1:-1]:
             yield _ball(corner, thickness, style)
         if isinstance(child, RaffLink) and child.type is JointType.PRISMATIC:
-            tube = 0.55 * self.parameters[child.number].r * self._axis(child)
-            yield from _bar(corners[-1], corners[-1] + tube, 1.0, style)
+            start, end = (corners[-1] + at * self._axis(child) for at in self._telescope(child)[:2])
+            yield from _bar(start, end, 1.0, style)
+
+    def _telescope(self, link: RaffLink) -> tuple[float, float, float]:
+        """Return what `telescope` does of a prismatic link; limits that are nowhere near the robot are none."""
+        low, high = limits(self.document, link)
+        low, high = (low if abs(low) < self.farthest else -math.inf), (high if abs(high) < self.farthest else math.inf)
+        return telescope(home(self.document, link), low, high)
 
     def _axis(self, child: RaffPart) -> np.ndarray:
         """Return the z axis (3,) of a child."""
@@ -114,10 +123,34 @@ class SkeletonDrawing:
         return np.array([math.sin(gamma) * math.sin(alpha), -math.cos(gamma) * math.sin(alpha), math.cos(alpha)])
 
 
-def _typical(parameters: Sequence[Kleinfinger]) -> float:
-    """Return the median length (m) of a robot's straight parts; 1 if it has none."""
-    lengths = [abs(length) for p in parameters for length in (p.epsilon, p.d, p.r) if abs(length) > 1e-12]
-    return median(lengths) if lengths else 1.0
+def telescope(home: float, low: float, high: float) -> tuple[float, float, float]:
+    """Return what is drawn along a prismatic joint, m: both ends of the parent's tube on the axis, on which the joint's
+    origin is 0, and the length of the rod, backwards from the moving part. It is negative where that is at negative
+    values.
+
+    Rod and tube overlap, or touch, at every value within the limits. Neither protrudes beyond the other's end if two
+    pieces can do that: where the upper limit is at most twice the lower one. Otherwise each is half the upper limit,
+    which protrudes least. A joint that reaches 0 has no rod, but a rail along its whole range.
+
+    Args:
+        home: m, from which a limit follows that is infinite.
+        low: lower limit, m.
+        high: upper limit, m.
+    """
+    nearest, farthest = sorted((0.62 * home, 1.17 * home))
+    low = min(nearest, high) if math.isinf(low) else low
+    high = max(farthest, low) if math.isinf(high) else high
+    if low <= 0.0 <= high:
+        return low, high, 0.0
+    sign, near, far = (1.0, low, high) if low > 0.0 else (-1.0, -high, -low)
+    most = max(near, far / 2.0)
+    return 0.0, sign * min(0.55 * far, most), sign * min(0.62 * far, most)
+
+
+def _lengths(parameters: Iterable[Kleinfinger]) -> list[float]:
+    """Return the lengths (m) of a robot's straight parts; 1 if it has none."""
+    lengths = [abs(length) for p in parameters for length in (p.epsilon, p.d, p.r)]
+    return [length for length in lengths if length > 1e-12] or [1.0]
 
 
 def _bar(start: np.ndarray, end: np.ndarray, thickness: float, style: _Style) -> Iterator[UrdfVisual]:

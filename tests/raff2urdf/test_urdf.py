@@ -25,13 +25,14 @@ from raff2urdf import RaffError, RaffWarning, loads
 from raff2urdf.conversion import Translation, translate
 from raff2urdf.placement import roll_pitch_yaw
 from raff2urdf.raff.document import Document, JointType, RaffLink, RaffParameters, RaffRobot
-from raff2urdf.raff.kleinfinger import Kleinfinger
-from raff2urdf.tree import placements
+from raff2urdf.raff.kleinfinger import Kleinfinger, transform
+from raff2urdf.tree import kleinfinger, limits, moved, placements
 from raff2urdf.writers.urdf import UNLIMITED
 
 EXACT = 1e-12  # m and rad: rounding along a chain of some links of up to a metre
 
 HERE = Path()
+ROBOTS = Path(__file__).parents[2] / "robots"
 trees = documents(moderate=True, loops=False, graphics=False, least_robots=1)
 
 
@@ -308,9 +309,9 @@ def test_a_robot_of_any_size_is_drawn_or_refused(size: float, word: str) -> None
         assert all(math.isfinite(number) for origin in origins for number in numbers(origin.get("xyz")))
 
 
-def ends_of_bars(document: Document) -> dict[str, list[np.ndarray]]:
+def ends_of_bars(document: Document, robot: RaffRobot | None = None) -> dict[str, list[np.ndarray]]:
     """Both ends of every cylinder, in the frame of its node."""
-    xml = etree.fromstring(translated(document).urdf.encode())
+    xml = etree.fromstring(translated(document, robot).urdf.encode())
     ends: dict[str, list[np.ndarray]] = {}
     for link in xml.findall("link"):
         for visual in link.findall("visual"):
@@ -335,6 +336,89 @@ def test_bars_lead_all_the_way_to_where_a_child_stands(k: Kleinfinger) -> None:
     ends = ends_of_bars(document)["base"]
     assert min(np.linalg.norm(end) for end in ends) <= 1e-5
     assert min(np.linalg.norm(end - child) for end in ends) <= 1e-5
+
+
+def covered(document: Document, robot: RaffRobot, link: RaffLink, value: float) -> list[tuple[float, float]]:
+    """The intervals (m) of a prismatic joint's axis, on which its origin is 0 and its part at `value`, that cylinders
+    along it cover: the parent's, then the part's own."""
+    on_axis = []
+    placed = np.linalg.inv(transform(moved(link, kleinfinger(document, link.parameters), 0.0)))
+    for node, pose in (
+        (robot.nodes[link.pred].node, placed),
+        (link.node, transform(Kleinfinger(0, 0, 0, 0, 0, value))),
+    ):
+        ends = np.array(ends_of_bars(document, robot).get(node, np.zeros((0, 3)))) @ pose[:3, :3].T + pose[:3, 3]
+        for start, end in ends.reshape(-1, 2, 3):
+            if np.abs([start[:2], end[:2]]).max() < 1e-6:
+                on_axis.append((min(start[2], end[2]), max(start[2], end[2])))
+    return on_axis
+
+
+def gap(intervals: list[tuple[float, float]], value: float) -> float:
+    """How much of the way from 0 to a value none of some intervals covers, m."""
+    reached, last = sorted((0.0, value))
+    missing = 0.0
+    for low, high in sorted(intervals):
+        missing += max(0.0, min(low, last) - reached)
+        reached = max(reached, high)
+    return missing + max(0.0, last - reached)
+
+
+@pytest.mark.parametrize("name", [path.stem for path in sorted(ROBOTS.glob("*.raff"))])
+def test_no_prismatic_joint_of_a_shipped_robot_comes_apart_within_its_limits(name: str) -> None:
+    document = raff2urdf.load(ROBOTS / f"{name}.raff")
+    for robot in document.robots:
+        for link in robot.links:
+            if link.type is JointType.PRISMATIC and link.filenames is None:
+                low, high = limits(document, link)
+                for value in np.linspace(low, high, 7):
+                    assert gap(covered(document, robot, link, value), value) <= 1e-6 * high
+
+
+@pytest.mark.parametrize(
+    ("words", "low", "high"),
+    [
+        ("parameters { r 939 } limits { 700 1300 }", 0.7, 1.3),
+        ("parameters { r 900 } limits { 900 900 }", 0.9, 0.9),
+        ("parameters { r 500 } limits { 500 1000 }", 0.5, 1.0),
+        ("parameters { r -300 } limits { -500 -260 }", -0.5, -0.26),
+        ("parameters { gamma 30 epsilon 40 alpha 70 d 50 r 300 }", 0.3, 0.3),
+        ("parameters { r -300 }", -0.3, -0.3),
+        ("parameters { r 300 } limits { 200 1e9 }", 0.2, 0.3),
+    ],
+)
+def test_a_telescope_stays_together_and_within_its_ends(words: str, low: float, high: float) -> None:
+    """Two pieces can do that where the upper limit is at most twice the lower one; without limits, at home."""
+    document = loads(f"RAFF t\nrobot r {{ link 1 {{ type 1 pred 0 {words} }} }}")
+    robot = document.robot()
+    for value in np.linspace(low, high, 7):
+        pieces = covered(document, robot, robot.links[0], value)
+        assert len(pieces) == 2
+        assert gap(pieces, value) <= 1e-6
+        assert min(start for start, _ in pieces) >= min(0.0, value) - 1e-6
+        assert max(end for _, end in pieces) <= max(0.0, value) + 1e-6
+
+
+@pytest.mark.parametrize("words", ["limits { 40 320 }", "limits { 10 1000 }", "limits { -320 -40 }"])
+def test_a_telescope_with_a_long_stroke_protrudes_by_half_of_what_is_too_much(words: str) -> None:
+    """Both pieces protrude alike: by half of the upper limit less the lower one."""
+    document = loads(f"RAFF t\nrobot r {{ link 1 {{ parameters {{ r 100 }} type 1 pred 0 {words} }} }}")
+    robot = document.robot()
+    low, high = limits(document, robot.links[0])
+    near, far = sorted((abs(low), abs(high)))
+    for value in np.linspace(low, high, 7):
+        pieces = covered(document, robot, robot.links[0], value)
+        assert gap(pieces, value) <= 1e-6
+        assert min(start for start, _ in pieces) >= min(0.0, value) - (far / 2.0 - near) - 1e-6
+        assert max(end for _, end in pieces) <= max(0.0, value) + (far / 2.0 - near) + 1e-6
+
+
+@pytest.mark.parametrize("words", ["limits { -500 700 }", "limits { 0 700 }", "limits { -500 0 }"])
+def test_a_joint_that_reaches_0_slides_along_a_rail(words: str) -> None:
+    document = loads(f"RAFF t\nrobot r {{ link 1 {{ type 1 pred 0 {words} }} }}")
+    robot = document.robot()
+    (rail,) = covered(document, robot, robot.links[0], 0.1)
+    assert rail == pytest.approx(limits(document, robot.links[0]), abs=1e-6)
 
 
 # --- graphics ----------------------------------------------------------------------------------------------------
