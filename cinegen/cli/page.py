@@ -64,6 +64,7 @@ def _check_editable(files: list[Path], base: list[str], options: RobotOptions) -
     others = {
         "--base": base, "--robot": options.robot, "--loop": options.loop, "--ignore-loops": options.ignore_loops,
         "--ignore": options.ignore, "--relax/--no-relax": options.relax is not None, "--srdf": options.srdf,
+        "--fixed-base": options.fixed_base,
     }  # fmt: skip
     given = ", ".join(name for name, value in others.items() if value)
     if given:

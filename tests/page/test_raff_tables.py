@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import re
 
 import numpy as np
@@ -66,7 +67,7 @@ def pairs(texts, folder):
 
 def assert_same(found, mechanism):
     expected = robot_tables(mechanism, RATE)
-    assert found["names"] == {key: list(one) for key, one in expected["names"].items()}
+    assert found["names"] == json.loads(json.dumps(expected["names"]))
     assert apart(PageMemory, found["robot"], expected["robot"]) == [], mechanism
     for one, other in zip(found["clusters"], expected["clusters"], strict=True):
         assert apart(ClusterMemory, one, other) == [], mechanism

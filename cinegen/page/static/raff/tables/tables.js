@@ -56,7 +56,7 @@ export function tablesOf(model, analysis, rate) {
   return {
     names: {
       q: joints.map(({ name }) => name), actuated: drivers.map((k) => joints[k].name), nodes: nodes.map((i) => model.bodies[i].name),
-      velocities: [...joints.keys()],
+      velocities: [...joints.keys()], floating: false,
     },
     clusters: members,
     robot: {
