@@ -28,7 +28,7 @@ class Status(Enum):
     targets reached), DETOUR, BARRED, AT_LIMIT, OUT_OF_REACH, SINGULAR, FOLLOWING (moving towards them). IN_COLLISION
     and UNAVOIDABLE, of `AvoidingSolver` only, come before all others."""
 
-    BAD_TARGET = "a task has an invalid target, weight or count: it is left out"
+    BAD_TARGET = "a task has an invalid target, weight or other value: it is left out"
     REFUSED = "the loops could not be closed after any fraction of the step: the configuration is unchanged"
     AT_LIMIT = "a joint limit restricts the motion"
     SINGULAR = "near a singularity: motion is damped"

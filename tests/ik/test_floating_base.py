@@ -116,8 +116,8 @@ def test_a_fixed_robot_is_loaded_the_same_with_a_fixed_base(robot, root):
 
 
 def test_with_a_fixed_base_the_loops_of_a_robot_are_counted_again(raff, root):
-    text = (root / "robots" / "four_bar.raff").read_text().partition("\n")[2].rstrip().removesuffix("}")
-    text += "constraint { base sensor ( 0 ) } }"
+    text = (root / "robots" / "four_bar.raff").read_text().partition("\n")[2]
+    text = text.replace("base { }", "base { } constraint { base sensor ( 0 ) }")
     free, held = raff(text, name="free"), raff(text, name="held", fixed_base=True)
     assert (free.floating, held.floating) == (True, False)
     assert held.mobility == free.mobility - 6
