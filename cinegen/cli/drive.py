@@ -69,7 +69,9 @@ def run(
         from cinegen.collision import load_scene
         from cinegen.session import scene_setup
 
-        loaded_scene = load_scene(scene, robots.ignore_loops, robots.ignore, robots.srdf, self_clearance)
+        loaded_scene = load_scene(
+            scene, robots.ignore_loops, robots.ignore, robots.srdf, self_clearance, robots.fixed_base
+        )
         recorded = str(record) if record else None
         setup = scene_setup(loaded_scene, sensor, _shape(follow or "still"), node, rate, recorded)
     return serve(replace(setup, overwrite=page.force), page, stem_of(scene or [*files, Path()][0]), snapshot)

@@ -166,7 +166,7 @@ def _lines(name: str, found: IKSolutions, every: bool) -> list[str]:
     lines = [f"{name}: robot '{mechanism.name}', {number}{within}"]
     lines += [f"  {found.task.node} at {pose_text(found.task)}", ""]
     if len(found):
-        lines += [*_table(found), ""]
+        lines += [*_table(found), *_bases(found), ""]
     elif found.closest is not None:
         missed = missed_text(found.task, found.task.distances(mechanism, found.closest))
         lines.append(f"The closest configuration that was found misses it by {missed}.")
@@ -177,6 +177,24 @@ def _lines(name: str, found: IKSolutions, every: bool) -> list[str]:
         return [*lines, found_one]
     lines += textwrap.wrap(claim_text(found), _WIDTH)
     return lines + textwrap.wrap(found.certification, _WIDTH)
+
+
+def _bases(found: IKSolutions) -> list[str]:
+    """Return a line for each solution in which a floating base is not at home: its pose in the world."""
+    import pinocchio as pin
+
+    from cinegen.ik import FrameTask
+
+    model, home = found.mechanism.model, found.mechanism.q_home
+    if not found.mechanism.floating:
+        return []
+    poses = [model.jointPlacements[1] * pin.XYZQUATToSE3(q[:7]) for q in found]
+    texts = [pose_text(FrameTask(model.names[1], pose)) for pose in poses]
+    moved = [(q[:7] != home[:7]).any() for q in found]
+    lines = [
+        f"  {k:>8}  the base moves to {text}" for k, (text, is_) in enumerate(zip(texts, moved, strict=True), 1) if is_
+    ]
+    return ["", *lines, "  --fixed-base holds it."] if lines else []
 
 
 def _table(found: IKSolutions) -> list[str]:

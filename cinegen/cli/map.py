@@ -248,7 +248,7 @@ def _obstacles(mechanism: Mechanism, file: Path, robots: RobotOptions) -> dict[s
     """Return the obstacles of a scene, with this robot instead of the scene's."""
     from cinegen.collision import load_scene
 
-    scene = load_scene(file, robots.ignore_loops, robots.ignore)
+    scene = load_scene(file, robots.ignore_loops, robots.ignore, fixed_base=robots.fixed_base)
     home = mechanism.placement(mechanism.q_home, mechanism.end).translation.tolist()
     values: dict[str, Any] = {"name": scene.name, "goal": {"point": home}}
     if scene.allowed_collisions:
@@ -270,6 +270,7 @@ def _sweep(name: str, spec: MapSpecification, file: Path, robots: RobotOptions, 
         "loop": robots.loop,
         "ignore_loops": robots.ignore_loops,
         "ignore": robots.ignore,
+        "fixed_base": robots.fixed_base,
         "view": options.view,
         "sigma": options.sigma,
         "play": options.play,

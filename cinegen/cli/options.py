@@ -54,6 +54,7 @@ FILE = typer.Argument(..., metavar="FILE", help="RAFF, URDF, SDF or MJCF file, o
 FILES = typer.Argument(
     (), metavar="FILE", help="RAFF, URDF, SDF or MJCF files, or names of shipped robots", show_default=False
 )
+FIXED_BASE = flag("--fixed-base", "hold a floating base: nothing moves it")
 FORCE = flag("--force", "replace an existing file that cinegen did not generate, or a recording")
 IGNORE = option("ELEMENT", "leave out loops and couplings of this name or element, such as pin or loop_joint", ())
 IGNORE_LOOPS = flag("--ignore-loops", "leave out all loops and couplings: every joint moves independently")
@@ -83,6 +84,7 @@ class RobotOptions:
         "--relax/--no-relax",
     )  # fmt: skip
     srdf: Path | None = SRDF
+    fixed_base: bool = FIXED_BASE
     units: Literal["m", "mm"] = UNITS
 
     def load(self, files: Iterable[Path]) -> dict[str, tuple[Mechanism, Path]]:
@@ -103,7 +105,9 @@ class RobotOptions:
         for file in files:
             wanted = robots(file) if self.robot is None else [self.robot]
             for robot in wanted:
-                mechanism = load(file, robot, loops, self.ignore_loops, self.ignore, self.relax, self.srdf)
+                mechanism = load(
+                    file, robot, loops, self.ignore_loops, self.ignore, self.relax, self.srdf, self.fixed_base
+                )
                 stem = stem_of(file).encode(errors="replace").decode()  # a file's name need not be UTF-8
                 name = stem if len(wanted) == 1 else f"{stem}.{mechanism.name}"
                 while name in found:

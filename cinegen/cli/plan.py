@@ -14,6 +14,7 @@ import typer
 from cinegen.cli.files import check_outputs, count, disabled_pairs, print_result, write_figure
 from cinegen.cli.mode_change import change_advice, change_document, change_lines, goal_text, mode_index
 from cinegen.cli.options import (
+    FIXED_BASE,
     IGNORE,
     IGNORE_LOOPS,
     JSON,
@@ -65,6 +66,7 @@ def run(
     ignore_loops: bool = IGNORE_LOOPS,
     ignore: list[str] = IGNORE,
     srdf: Path | None = SRDF,
+    fixed_base: bool = FIXED_BASE,
     self_clearance: float | None = SELF_CLEARANCE,
     output: str | None = option(
         "FILE.jsonl", "record the path, for `cinegen replay` and `export`", None, "-o", "--output"
@@ -89,7 +91,7 @@ def run(
     recording = output_path(output, f"{stem_of(scene)}.jsonl") if output else None
     check_outputs(plot, plot_joints, force=page.force, json=json)
     check_outputs(recording, force=page.force, json=json, remakeable=False)
-    loaded = load_scene(scene, ignore_loops, ignore, srdf, self_clearance)
+    loaded = load_scene(scene, ignore_loops, ignore, srdf, self_clearance, fixed_base)
     if not json:
         print("\n".join(_task(loaded, goal_text(mode, loaded) if modes else None)), flush=True)
     change: ModeChange | None = None

@@ -38,20 +38,19 @@ def robot_memory(mechanism: Mechanism, tasks: Sequence[FrameTask], dt: float) ->
     memory.resize(signatures=2 ** len(tasks))
     for bits in range(1, memory.signatures):
         some = [task for i, task in enumerate(tasks) if bits >> i & 1]
-        memory.ranks[bits] = task_rank(mechanism, mechanism.system, some, slice(memory.fixed, None))
+        memory.ranks[bits] = task_rank(mechanism, mechanism.system, some)
     return memory
 
 
 def set_up_robot(memory: RobotMemory, mechanism: Mechanism, tasks: Sequence[FrameTask], dt: float) -> None:
-    """Fill a memory with a mechanism at home, its tasks and nodes. A floating base moves if a task is its own.
+    """Fill a memory with a mechanism at home, its tasks and nodes.
 
     Raises:
         CinegenError: a joint is of a kind that the kernels don't know.
     """
-    base, model = mechanism.nodes[0], mechanism.model
-    fixed = 6 if mechanism.floating and all(task.node != base for task in tasks) else 0
+    model = mechanism.model
     memory.dt = dt
-    set_up_solver(memory, mechanism, fixed)
+    set_up_solver(memory, mechanism)
     if memory.callback_address:
         known = {joint.shortname() for joint in list(model.joints)[1:]}
         raise CinegenError(f"{mechanism.name} has joints that no code is generated for: {', '.join(sorted(known))}")

@@ -179,8 +179,6 @@ def _easiest_plane(mechanism: Mechanism, node: str, home: pin.SE3, q: Array) -> 
     if mechanism.is_constrained:
         _, _, vt = np.linalg.svd(mechanism.system.evaluate(q)[1])
         motions = vt[mechanism.loop_rank :].T
-    if mechanism.floating and node != mechanism.nodes[0]:  # a base is fixed unless a task moves it
-        motions = motions * np.concatenate([np.zeros(6), np.ones(mechanism.model.nv - 6)])[:, None]
     jacobian = mechanism.jacobian(q, node) * mechanism.scale @ motions
     u, sigma, _ = np.linalg.svd(home.rotation @ jacobian[:3])
     dof = int(np.count_nonzero(sigma > 1e-6 * mechanism.length))

@@ -147,7 +147,7 @@ class IKSolutions(SolutionSet):
             "certified": self.certified,
             "solutions": [
                 {
-                    "joints": self.mechanism.values(q),
+                    **_values(self.mechanism, q),
                     "within_limits": not beyond,
                     "outside": beyond,
                     "coincident": count,
@@ -163,10 +163,15 @@ class IKSolutions(SolutionSet):
             "closest": None
             if self.closest is None
             else {
-                "joints": self.mechanism.values(self.closest),
+                **_values(self.mechanism, self.closest),
                 "error": list(self.task.distances(self.mechanism, self.closest)),
             },
         }
+
+
+def _values(mechanism: Mechanism, q: Array) -> dict[str, Any]:
+    """Return the values of all joints at q (nq,), and the pose of a floating base, as JSON shows them."""
+    return {"joints": mechanism.values(q)} | ({"base": q[:7].tolist()} if mechanism.floating else {})
 
 
 def all_solutions(

@@ -60,7 +60,7 @@ def evaluate(
 
     Loops are closed along the straight path of the actuated joints from home to the first positions, and from each to
     the next, so that the assembly mode stays that of home. After positions where they can't be closed, the path begins
-    at the last ones where they could.
+    at the last ones where they could. Actuated joints alone move the node: a floating base stays at home.
 
     Args:
         mechanism: mechanism.
@@ -114,7 +114,7 @@ class BatchEvaluator:
         self._measure = prepare(measure_all, BatchMemory)
         self.mechanism, self._whole = mechanism, whole
         model, frame = mechanism.model, mechanism.model.frames[mechanism.frame_id(node)]
-        fixed = 6 if mechanism.floating and node != mechanism.nodes[0] else 0
+        fixed = 6 if mechanism.floating else 0
         self._memory = memory = set_up(BatchMemory(), mechanism.system, mechanism.cluster_ranks, fixed)
         actuate(memory, [mechanism.v_index(joint) for joint in mechanism.actuated])
         self._actuated = [mechanism.q_index(joint) for joint in mechanism.actuated]

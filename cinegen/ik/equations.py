@@ -71,20 +71,19 @@ def units(task: FrameTask, length: float) -> Array:
     return np.where(np.arange(task.rows) < task.translation, 1.0 / length, 1.0)
 
 
-def task_rank(mechanism: Mechanism, system: ClosedLoops, tasks: Sequence[FrameTask], moving: slice) -> int:
+def task_rank(mechanism: Mechanism, system: ClosedLoops, tasks: Sequence[FrameTask]) -> int:
     """Return the generic rank of all tasks. A planar mechanism never moves along z, and is not singular for that.
 
     Args:
         mechanism: mechanism that is moved.
         system: its loops; scratch.
         tasks: valid tasks.
-        moving: columns that may move.
     """
     highest = 0
     for q in mechanism.samples:
-        motions = motions_of(system, q, mechanism.loop_rank, moving)
+        motions = motions_of(system, q, mechanism.loop_rank)
         with_axes = [(task, axes_of(task, mechanism, system)) for task in tasks]
-        highest = max(highest, rank(equations(mechanism, system, with_axes, weighted=False)[1][:, moving] @ motions))
+        highest = max(highest, rank(equations(mechanism, system, with_axes, weighted=False)[1] @ motions))
     return highest
 
 

@@ -31,19 +31,21 @@ class LocalIK:
         mechanism: mechanism.
         tasks: frames with targets, of which copies are made; none, to close loops only.
         limits: whether joints keep their position limits.
+        holds_base: whether a floating base stays where a start has it.
 
     Attributes:
         mechanism: mechanism.
         tasks: the copies.
     """
 
-    def __init__(self, mechanism: Mechanism, tasks: tuple[FrameTask, ...] = (), limits: bool = True) -> None:
+    def __init__(
+        self, mechanism: Mechanism, tasks: tuple[FrameTask, ...] = (), limits: bool = True, holds_base: bool = False
+    ) -> None:
         self._solve = start(solve, LocalIKMemory, install=partial(setattr, self, "_solve"))
         self.mechanism = mechanism
         self.tasks = tuple(task.copy(mechanism.frame_id(task.node)) for task in tasks)
-        fixed = 6 if mechanism.floating and all(task.node != mechanism.nodes[0] for task in tasks) else 0
         self._memory = memory = LocalIKMemory()
-        set_up(memory, mechanism, fixed)
+        set_up(memory, mechanism, 6 if mechanism.floating and holds_base else 0)
         set_up_tasks(memory, mechanism, self.tasks)
         memory.resize(equations=memory.task_rows + memory.rows)
         memory.most_iterations = _ITERATIONS

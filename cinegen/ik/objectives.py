@@ -10,6 +10,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
+from types import MappingProxyType
 from typing import Protocol
 
 import numpy as np
@@ -35,14 +36,12 @@ class State:
         q: (nq,) configuration.
         dt: period of the tick, s.
         tasks: tasks of the solver.
-        fixed: number of leading columns that are fixed: 6 for a floating base that no task moves.
     """
 
     mechanism: Mechanism
     q: Array
     dt: float
     tasks: Sequence[FrameTask] = ()
-    fixed: int = 0
 
 
 class Objective(Protocol):
@@ -54,17 +53,38 @@ class Objective(Protocol):
 
 
 class _Rated:
-    """Objective with a rate, and a weight for each joint."""
+    """Objective with a rate, and a weight for each joint. Its attributes may be set at any time, with the errors of its
+    arguments."""
+
+    __slots__ = ("__weakref__", "_joints", "_rate", "_weighed")
 
     def __init__(self, joints: Iterable[str] | Mapping[str, float] | None, rate: float) -> None:
+        self.joints, self.rate = joints, rate
+
+    @property
+    def rate(self) -> float:
+        """Rate, 1/s."""
+        return self._rate
+
+    @rate.setter
+    def rate(self, rate: float) -> None:
         if not 0.0 < rate < math.inf:
             raise CinegenError(f"an objective's rate must be above 0, not {rate}")
+        self._rate = rate
+
+    @property
+    def joints(self) -> Mapping[str, float] | None:
+        """Weight of each joint that moves; None: all joints, with equal weights. Setting it copies."""
+        return None if self._joints is None else MappingProxyType(self._joints)
+
+    @joints.setter
+    def joints(self, joints: Iterable[str] | Mapping[str, float] | None) -> None:
         if joints is not None and not isinstance(joints, Mapping):
             joints = dict.fromkeys([joints] if isinstance(joints, str) else joints, 1.0)
         for joint, weight in (joints or {}).items():
             if not 0.0 <= weight < math.inf:
                 raise CinegenError(f"the weight of '{joint}' must be finite and not below 0, not {weight}")
-        self.joints, self.rate = joints, rate
+        self._joints = None if joints is None else dict(joints)
         self._weighed: tuple[Mechanism, Array] | None = None
 
     def _gain(self, state: State) -> float:
@@ -74,12 +94,13 @@ class _Rated:
     def _weights(self, mechanism: Mechanism) -> Array:
         """Return the weights of the columns (nv,): the largest is 1, that of a floating base 0."""
         if self._weighed is None or self._weighed[0] is not mechanism:
-            names = mechanism.joints if self.joints is None else self.joints
+            joints = self._joints
+            names = mechanism.joints if joints is None else joints
             weights = np.zeros(mechanism.model.nv)
             for name in names:
                 column = mechanism.v_index(name)
                 joint = mechanism.model.joints[mechanism.model.getJointId(name)]
-                weights[column : column + joint.nv] = 1.0 if self.joints is None else self.joints[name]
+                weights[column : column + joint.nv] = 1.0 if joints is None else joints[name]
             self._weighed = mechanism, weights / max(float(weights.max(initial=0.0)), 1e-300)
         return self._weighed[1]
 
@@ -97,6 +118,8 @@ class Posture(_Rated):
         CinegenError: the rate is not above 0, or a weight is negative.
     """
 
+    __slots__ = ("_q",)
+
     def __init__(
         self,
         q: ArrayLike | None = None,
@@ -104,7 +127,16 @@ class Posture(_Rated):
         rate: float = 1.0,
     ) -> None:
         super().__init__(joints, rate)
-        self.q = None if q is None else np.array(q, dtype=float)
+        self.q = q
+
+    @property
+    def q(self) -> Array | None:
+        """(nq,) configuration, a copy; None: home."""
+        return None if self._q is None else self._q.copy()
+
+    @q.setter
+    def q(self, q: ArrayLike | None) -> None:
+        self._q = None if q is None else np.array(q, dtype=float)
 
     def velocity(self, state: State) -> Array:
         """Return the desired joint velocity (nv,), rad/s and m/s."""
@@ -118,7 +150,7 @@ class Posture(_Rated):
     def _difference(self, state: State) -> Array:
         """Return the difference to the desired configuration (nv,), dimensionless."""
         mechanism = state.mechanism
-        desired = mechanism.q_home if self.q is None else mechanism.checked(self.q)
+        desired = mechanism.q_home if self._q is None else mechanism.checked(self._q)
         return mechanism.scaled_difference(state.q, desired)
 
 
@@ -139,6 +171,8 @@ class LimitMargin(_Rated):
         CinegenError: the rate is not above 0, a weight is negative, or the margin is not in (0, 0.5].
     """
 
+    __slots__ = ("_margin", "_ranges")
+
     def __init__(
         self,
         margin: float = 0.1,
@@ -146,9 +180,18 @@ class LimitMargin(_Rated):
         rate: float = 1.0,
     ) -> None:
         super().__init__(joints, rate)
+        self.margin = margin
+
+    @property
+    def margin(self) -> float:
+        """Fraction of a joint's range at either end."""
+        return self._margin
+
+    @margin.setter
+    def margin(self, margin: float) -> None:
         if not 0.0 < margin <= 0.5:
             raise CinegenError(f"the margin must be in (0, 0.5], not {margin}")
-        self.margin = margin
+        self._margin = margin
         self._ranges: tuple[Mechanism, NDArray[np.intp], NDArray[np.intp], Array, Array] | None = None
 
     def velocity(self, state: State) -> Array:
@@ -200,11 +243,29 @@ class Manipulability(_Rated):
         CinegenError: the rate is not above 0, or translation or rotation is not 0 to 3.
     """
 
+    __slots__ = ("_rotation", "_translation", "node")
+
     def __init__(self, node: str | None = None, translation: int = 3, rotation: int = 3, rate: float = 1.0) -> None:
         super().__init__(None, rate)
-        if translation not in range(4) or rotation not in range(4):
-            raise CinegenError(f"0 to 3 translations and rotations can count, not {translation} and {rotation}")
         self.node, self.translation, self.rotation = node, translation, rotation
+
+    @property
+    def translation(self) -> int:
+        """Number of translations of the node that count."""
+        return self._translation
+
+    @translation.setter
+    def translation(self, count: int) -> None:
+        self._translation = _count(count, "translations")
+
+    @property
+    def rotation(self) -> int:
+        """Number of rotations of the node that count."""
+        return self._rotation
+
+    @rotation.setter
+    def rotation(self, count: int) -> None:
+        self._rotation = _count(count, "rotations")
 
     def velocity(self, state: State) -> Array:
         """Return the desired joint velocity (nv,), rad/s and m/s."""
@@ -238,12 +299,11 @@ class Manipulability(_Rated):
             used = sigma > _LOST * sigma.max(initial=0.0)
             pseudo_inverse = wt[used].T / sigma[used] @ u[:, used].T
             for direction in (motions @ _null_space(tasks @ motions)).T:
-                step = np.concatenate([np.zeros(state.fixed), _STEP * direction])
-                ahead = self._rows(state, measured, system.integrate(state.q, step))
-                behind = self._rows(state, measured, system.integrate(state.q, -step))
+                ahead = self._rows(state, measured, system.integrate(state.q, _STEP * direction))
+                behind = self._rows(state, measured, system.integrate(state.q, -_STEP * direction))
                 change = ahead[2] - behind[2] - rows @ inverse @ (ahead[0] - behind[0])
                 slope = np.sum(pseudo_inverse.T * (change @ motions)) / (2.0 * _STEP)
-                gradient[state.fixed :] += slope * direction
+                gradient += slope * direction
         return gradient
 
     def _measured(self, state: State) -> list[FrameTask] | None:
@@ -255,18 +315,24 @@ class Manipulability(_Rated):
         return [FrameTask(self.node, pose, self.translation, self.rotation, frame=frame)]
 
     def _rows(self, state: State, measured: list[FrameTask] | None, q: Array) -> tuple[Array, Array, Array]:
-        """Return the Jacobians of loops, tasks, and measured tasks at q, dimensionless, without fixed columns."""
+        """Return the Jacobians of loops, tasks, and measured tasks at q, dimensionless."""
         mechanism = state.mechanism
         system = mechanism.system
-        loops = system.evaluate(q)[1][:, state.fixed :]
+        loops = system.evaluate(q)[1]
         found: list[Array] = []
         for tasks in (state.tasks, measured):
             if tasks is None:
                 found.append(found[0])
                 continue
             with_axes = [(task, axes_of(task, mechanism, system)) for task in tasks if task.is_valid()]
-            found.append(equations(mechanism, system, with_axes)[1][:, state.fixed :])
+            found.append(equations(mechanism, system, with_axes)[1])
         return loops, found[0], found[1]
+
+
+def _count(count: int, what: str) -> int:
+    if count not in range(4):
+        raise CinegenError(f"0 to 3 {what} can count, not {count}")
+    return count
 
 
 def _inverse(loops: Array, rank: int) -> tuple[Array, Array]:

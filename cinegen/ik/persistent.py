@@ -2,11 +2,17 @@
 
 from __future__ import annotations
 
+import math
+from collections.abc import Mapping
+
+from numpy.typing import ArrayLike
+
 from cinegen.errors import CinegenError
 from cinegen.ik.global_ik import inverse_kinematics
 from cinegen.ik.objectives import Posture
 from cinegen.ik.solver import Array, Solver
 from cinegen.ik.step import Status, Step
+from cinegen.model import Mechanism
 
 _STARTS = 24  # of the search, once for each set of targets
 _TICKS = 2  # at rest before the search
@@ -27,16 +33,30 @@ class PersistentSolver(Solver):
     The configuration found may be far away: do not use this solver for robots among people.
     """
 
-    _goal: Array | None = None
-    _resting = 0  # ticks at rest
-    _tried: tuple[bytes, ...] = ()  # targets of the last search
+    __slots__ = ("_goal", "_resting", "_tried")
 
-    def step(self) -> Step:
-        """Compute one tick of dt. Never raises: the status reports what happened."""
+    def __init__(
+        self,
+        mechanism: Mechanism,
+        dt: float,
+        q: ArrayLike | None = None,
+        gain: float = math.inf,
+        acceleration: float | Mapping[str, float] | None = None,
+    ) -> None:
+        self._goal: Array | None = None
+        self._resting = 0  # ticks at rest
+        self._tried: tuple[bytes, ...] = ()  # targets of the last search
+        super().__init__(mechanism, dt, q, gain, acceleration)
+
+    def _mark_changed(self) -> None:
+        super()._mark_changed()
+        self._tried = ()
+
+    def _step(self) -> Step:
         if self._goal is not None and (self._detour is None or self._targets() != self._tried):
             self._resume()
         before = self._q.copy()
-        step = super().step()
+        step = super()._step()
         moved = self.mechanism.distance(before, self._q)
         if self._goal is not None:
             if self.mechanism.distance(self._q, self._goal) < _ARRIVED or moved < _REST:

@@ -15,13 +15,13 @@ from cinegen.loops import arrays as loops
 from cinegen.model import Mechanism
 
 
-def set_up(memory: TasksMemory, mechanism: Mechanism, fixed: int) -> None:
+def set_up(memory: TasksMemory, mechanism: Mechanism, fixed: int = 0) -> None:
     """Fill a memory with a mechanism and its position limits.
 
     Args:
         memory: of a solver.
         mechanism: mechanism to move.
-        fixed: 6 where a base that could move stays where it is, else 0.
+        fixed: 6 to hold a floating base, else 0.
     """
     loops.set_up(memory, mechanism.system, mechanism.cluster_ranks, fixed)
     at_q, at_v = mechanism.scalar_joints
@@ -52,10 +52,10 @@ def _bind(task: FrameTask, mechanism: Mechanism, fixed: int) -> None:
         memory.axes_joint, memory.axes[:] = axes.parentJoint, axes.placement.rotation.T
 
 
-def set_up_solver(memory: SolverMemory, mechanism: Mechanism, fixed: int) -> None:
+def set_up_solver(memory: SolverMemory, mechanism: Mechanism) -> None:
     """Fill a solver's memory as `set_up` does, and with the limits of velocity; all accelerations are unlimited."""
-    set_up(memory, mechanism, fixed)
-    mobility = max(mechanism.mobility - fixed, 0)
+    set_up(memory, mechanism)
+    mobility = mechanism.mobility
     memory.resize(nv=mechanism.model.nv, mobility=mobility, most_active=mobility + 1)
     make_room_for_barriers(memory, memory.barrier_capacity)
     memory.longest_step[:] = memory.longest_change[:] = np.inf
@@ -70,7 +70,7 @@ def set_velocity_limits(memory: SolverMemory, mechanism: Mechanism) -> None:
     """Fill a solver's memory with the limits of velocity, for its period."""
     at_v = mechanism.scalar_joints[1]
     limits = mechanism.limits.velocity[at_v] * memory.dt / mechanism.scale[at_v]
-    memory.longest_step[at_v - memory.fixed] = np.minimum(limits, STEP_CAP)
+    memory.longest_step[at_v] = np.minimum(limits, STEP_CAP)
 
 
 def set_up_solver_tasks(memory: SolverMemory, mechanism: Mechanism, tasks: Sequence[FrameTask]) -> None:

@@ -75,7 +75,6 @@ def lost(
     q: Array,
     tasks: Sequence[tuple[FrameTask, Array]],
     rank: int,
-    resting: int = 0,
     system: ClosedLoops | None = None,
 ) -> LostDoF | None:
     """Return the weakest direction of some tasks; None if no configuration can move them.
@@ -85,19 +84,18 @@ def lost(
         q: (nq,) configuration with closed loops.
         tasks: valid tasks, each with its axes in the world (3, 3).
         rank: generic rank of all tasks together.
-        resting: number of leading columns that are fixed.
         system: the mechanism's loops, if not its own: `joints` is then in the columns of its Jacobian.
     """
     if rank == 0:
         return None
     system = mechanism.system if system is None else system
-    ever = _ever(mechanism, system, q, tasks, resting)
-    rows, motions = _on_free_motions(mechanism, system, q, tasks, resting)
+    ever = _ever(mechanism, system, q, tasks)
+    rows, motions = _on_free_motions(mechanism, system, q, tasks)
     rank = min(rank, *ever.shape)  # less where a target's rotation was set to what is none
     if rank == 0:
         return None
     u, sigma, wt = np.linalg.svd(ever.T @ rows @ motions, full_matrices=False)
-    joints = np.concatenate([np.zeros(resting), motions @ wt[rank - 1]])
+    joints = motions @ wt[rank - 1]
     sign = _sign(joints)
     twists = sign * _twists(mechanism, system, tasks, ever @ u[:, rank - 1])
     return LostDoF(float(sigma[rank - 1]), sign * joints * mechanism.scale, twists, sigma[:rank])
@@ -131,21 +129,19 @@ def gained(mechanism: Mechanism, q: Array, system: ClosedLoops | None = None) ->
 
 
 def _on_free_motions(
-    mechanism: Mechanism, system: ClosedLoops, q: Array, tasks: Sequence[tuple[FrameTask, Array]], resting: int
+    mechanism: Mechanism, system: ClosedLoops, q: Array, tasks: Sequence[tuple[FrameTask, Array]]
 ) -> tuple[Array, Array]:
     """Return the rows of all tasks (rows, n) and a basis of the loops' null space (n, k), at q."""
-    motions = motions_of(system, q, mechanism.loop_rank, slice(resting, None))
-    return equations(mechanism, system, tasks)[1][:, resting:], motions
+    motions = motions_of(system, q, mechanism.loop_rank)
+    return equations(mechanism, system, tasks)[1], motions
 
 
-def _ever(
-    mechanism: Mechanism, system: ClosedLoops, q: Array, tasks: Sequence[tuple[FrameTask, Array]], resting: int
-) -> Array:
+def _ever(mechanism: Mechanism, system: ClosedLoops, q: Array, tasks: Sequence[tuple[FrameTask, Array]]) -> Array:
     """Return an orthonormal basis (rows, .) of the directions in which the tasks can move in any configuration. The
     direction out of the plane of a planar mechanism always has a singular value of 0: it is not a lost DoF."""
     images = []
     for there in (*mechanism.samples, q):
-        rows, motions = _on_free_motions(mechanism, system, there, tasks, resting)
+        rows, motions = _on_free_motions(mechanism, system, there, tasks)
         images.append(rows @ motions)
     together = np.hstack(images)
     if not np.isfinite(together).all():

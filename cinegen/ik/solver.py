@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import contextlib
 import math
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from functools import partial
 from typing import NamedTuple
 
@@ -47,7 +48,7 @@ _FASTEST = 1e100  # rad/s or m/s: no objective means more
 
 
 class Linearisation(NamedTuple):
-    """Jacobians with which a tick began; all dimensionless, without the columns of a base that is fixed.
+    """Jacobians with which a tick began; all dimensionless.
 
     Attributes:
         tasks: (rows, n) of the tasks.
@@ -66,7 +67,11 @@ class Linearisation(NamedTuple):
 class Solver:
     """Resolved-rate solver of one mechanism. It owns the configuration q.
 
-    A solver may be used by one thread at a time; the mechanism may be shared.
+    A solver may be used by one thread at a time; the mechanism may be shared. Its methods raise in a second thread that
+    calls one meanwhile, `step` too: no status could be right there, since a tick and what another thread reads or
+    writes would share one memory. The first thread goes on unharmed.
+
+    A floating base moves like any joint: hold it by tasks, or load the robot with `fixed_base=True`.
 
     Args:
         mechanism: mechanism to move.
@@ -84,7 +89,15 @@ class Solver:
         ConfigurationError: q has a wrong shape or is not finite.
         UnknownNameError: `acceleration` names a joint that does not exist.
         CinegenError: q leaves loops open; or dt, gain or an acceleration is not positive.
+        AttributeError: an attribute is set that a solver does not have.
     """
+
+    __slots__ = (
+        "__weakref__", "_accelerations", "_barriers", "_blends", "_blocked", "_caught", "_changed", "_detour", "_dt",
+        "_earlier", "_gain", "_handle", "_is_in_use", "_keeps_linearisation", "_latest", "_layout", "_memory", "_model",
+        "_objectives", "_q", "_ranks", "_record", "_refused_at", "_tasks", "_tick", "exception_log", "linearisation",
+        "mechanism",
+    )  # fmt: skip
 
     def __init__(
         self,
@@ -94,6 +107,7 @@ class Solver:
         gain: float = math.inf,
         acceleration: float | Mapping[str, float] | None = None,
     ) -> None:
+        self._is_in_use = False
         self._tick = start(tick, SolverMemory, install=partial(setattr, self, "_tick"))
         self.mechanism = mechanism
         self._model = mechanism.model
@@ -126,6 +140,17 @@ class Solver:
         tasks = ", ".join(task.node for task in self.tasks) or "none"
         return f"<Solver of {self.mechanism.name}: dt {self.dt:g} s, tasks: {tasks}>"
 
+    @contextlib.contextmanager
+    def _used(self) -> Iterator[None]:
+        """Context in which the solver's memory is used, as by `step`."""
+        if self._is_in_use:
+            raise _other_thread()
+        self._is_in_use = True
+        try:
+            yield
+        finally:
+            self._is_in_use = False
+
     @property
     def dt(self) -> float:
         """Period of a tick, s; may be set at any time. Velocities continue: the step of the last tick, and what limits
@@ -140,6 +165,10 @@ class Solver:
     def dt(self, dt: float) -> None:
         if dt == self._dt:
             return
+        with self._used():
+            self._scale_to(dt)
+
+    def _scale_to(self, dt: float) -> None:
         memory, ratio = self._memory, _checked_period(dt) / self._dt
         self._dt = memory.dt = dt
         self.gain = self._gain
@@ -211,8 +240,12 @@ class Solver:
                 f"q leaves loops of {self.mechanism.name} open by {closure:.2g} rad or characteristic lengths: "
                 "use mechanism.close(q).q"
             )
+        with self._used():
+            self._put(full, closure)
+
+    def _put(self, q: Array, closure: float) -> None:
         memory = self._memory
-        memory.q[:], memory.closure, memory.is_at_q, memory.phase = full, closure, 0, BEGIN
+        memory.q[:], memory.closure, memory.is_at_q, memory.phase = q, closure, 0, BEGIN
         memory.last[:] = memory.drift[:] = memory.secondary[:] = 0.0
         memory.secondary_scale = memory.turn_scale = 1.0
         if not self._changed:  # tasks forget what they followed
@@ -223,11 +256,12 @@ class Solver:
 
     def lift_limits(self, position: bool) -> None:
         """Remove the limits of velocity, and those of position if that is asked for."""
-        if self._changed:
-            self._write_tasks()
-        self._memory.longest_step[:] = np.inf
-        if position:
-            self._memory.lower[:], self._memory.upper[:] = -np.inf, np.inf
+        with self._used():
+            if self._changed:
+                self._write_tasks()
+            self._memory.longest_step[:] = np.inf
+            if position:
+                self._memory.lower[:], self._memory.upper[:] = -np.inf, np.inf
 
     def _limit_accelerations(self, acceleration: float | Mapping[str, float] | None) -> None:
         if acceleration is None:
@@ -290,15 +324,15 @@ class Solver:
             raise CinegenError("weights select the constrained axes: leave out translation and rotation")
         if axes not in ("target", "world"):
             self.mechanism.frame_id(axes)
-        frame_on_node = _offset(offset)
+        task = FrameTask(node, pin.SE3.Identity(), translation, rotation, weight, axes, frame, offset, weights)
         if target is None:
-            target = self.mechanism.placement(self._q, node) * frame_on_node
+            target = self.mechanism.placement(self._q, node) * task.offset
         if not isinstance(target, pin.SE3):
             raise CinegenError(f"a task's target is a pinocchio.SE3, not {type(target).__name__}")
-        task = FrameTask(node, target, translation, rotation, weight, axes, frame, frame_on_node, weights)
+        task.target = target
         if not task.memory.is_valid:
             raise CinegenError(f"a task's weights are six finite numbers of at least 0, not {weights!r:.80}")
-        task.changed, task.measure = self._mark_changed, self._error_of
+        task.changed, task.measure, task.find_frame = self._mark_changed, self._error_of, self.mechanism.frame_id
         self._tasks.append(task)
         self._changed = True
         return task
@@ -361,6 +395,8 @@ class Solver:
         """Return what the last tick left of a task's error; at the present configuration if there was none since."""
         if self._latest is not None and not self._changed and task in self._tasks:
             return Step(self._latest, self._layout).errors[self._tasks.index(task)]
+        if not task.is_valid():
+            return math.nan, math.nan
         return task.distances(self.mechanism, self._q)
 
     def _mark_changed(self) -> None:
@@ -368,26 +404,25 @@ class Solver:
 
     def _write_tasks(self) -> None:
         """Write the tasks into the kernel's memory, which is allocated again for their number."""
-        memory, fixed = self._memory, 6 if self._base_is_fixed() else 0
-        if memory.joints == 0 or memory.fixed != fixed:  # it is not set up, or for another base
-            set_up_solver(memory, self.mechanism, fixed)
+        memory = self._memory
+        if memory.joints == 0:  # it is not set up
+            set_up_solver(memory, self.mechanism)
             if self._accelerations is not None:
-                memory.longest_change[:] = self._accelerations[fixed:] * (self.dt * self.dt)
+                memory.longest_change[:] = self._accelerations * (self.dt * self.dt)
         set_up_solver_tasks(memory, self.mechanism, self._tasks)
         tasks = tuple((task.node, task.axes, task.offset) for task in self._tasks)
         self._record, fields = memory.block("record")
-        self._layout = Layout(self.mechanism, tasks, fixed, fields)
+        self._layout = Layout(self.mechanism, tasks, fields)
         self._earlier, self._latest = None, None
         self._changed = False
 
     def _rank(self) -> None:
         """Compute the generic rank of the valid tasks."""
         tasks = [task for task in self._tasks if task.is_valid()]
-        fixed = self._memory.fixed
         offsets = [(task.frame, task.axes, *task.offset.homogeneous.ravel().tolist()) for task in tasks]
-        key = (fixed, *((place, *(task.weights > 0.0).tolist()) for place, task in zip(offsets, tasks, strict=True)))
+        key = tuple((place, *(task.weights > 0.0).tolist()) for place, task in zip(offsets, tasks, strict=True))
         if key not in self._ranks:
-            self._ranks[key] = task_rank(self.mechanism, self.mechanism.system, tasks, slice(fixed, None))
+            self._ranks[key] = task_rank(self.mechanism, self.mechanism.system, tasks)
         self._memory.task_rank, self._memory.is_warm = self._ranks[key], 0
 
     # --- copies for a look-ahead ---------------------------------------------------------------------------------
@@ -395,9 +430,7 @@ class Solver:
     @property
     def v(self) -> Array:
         """(nv,) joint velocities of the last tick, rad/s and m/s; 0 after `q` was set."""
-        v = np.zeros(self._model.nv)
-        v[self._memory.fixed :] = self._memory.last
-        return v * self.mechanism.scale / self.dt
+        return np.asarray(self._memory.last * self.mechanism.scale / self.dt)
 
     @property
     def target_velocities(self) -> tuple[pin.Motion, ...]:
@@ -450,7 +483,14 @@ class Solver:
 
         Args:
             other: solver of the same mechanism; it does not change.
+
+        Raises:
+            CinegenError: another thread uses one of the two.
         """
+        with self._used(), other._used():
+            self._copy_state(other)
+
+    def _copy_state(self, other: Solver) -> None:
         valid = [task for task in other.tasks if task.is_valid()]
         self.copy_tasks(valid)
         if self._changed:
@@ -462,10 +502,9 @@ class Solver:
         for name in ("closure", "secondary_scale", "damping_threshold", "has_acceleration_limits", "ticks"):
             setattr(own, name, getattr(memory, name))
         own.tasks_are_suspended, own.is_warm = memory.tasks_are_suspended, 0
-        continues = own.fixed == memory.fixed
-        own.longest_change[:] = memory.longest_change * (ratio * ratio) if continues else np.inf
+        own.longest_change[:] = memory.longest_change * (ratio * ratio)
         for name in ("last", "drift", "secondary"):  # of the last tick
-            getattr(own, name)[:] = getattr(memory, name) * ratio if continues else 0.0
+            getattr(own, name)[:] = getattr(memory, name) * ratio
         for copy, task in zip(self._tasks, valid, strict=True):
             copy.memory.aim[:], copy.memory.is_followed = task.memory.aim, task.memory.is_followed
         if not other._changed and len(valid) == len(other.tasks):
@@ -481,16 +520,17 @@ class Solver:
 
     @keeps_linearisation.setter
     def keeps_linearisation(self, keeps: bool) -> None:
-        self._keeps_linearisation, self._memory.is_watched = keeps, int(keeps)
-        if keeps:
-            set_up_screws(self._memory, self.mechanism.screws, len(self.mechanism.couplings))
+        with self._used():
+            self._keeps_linearisation, self._memory.is_watched = keeps, int(keeps)
+            if keeps:
+                set_up_screws(self._memory, self.mechanism.screws, len(self.mechanism.couplings))
 
     def _linearise(self) -> Linearisation:
         """Return the Jacobians with which the tick began; a trial overwrites those of the loops."""
         memory = self._memory
         tasks = memory.task_jacobian[: memory.active_rows]
         rank = min(memory.task_rank, len(tasks), memory.mobility)
-        passive = memory.screw_matrix[:, self.mechanism.passive_screws - memory.fixed]
+        passive = memory.screw_matrix[:, self.mechanism.passive_screws]
         return Linearisation(tasks.copy(), null_space(memory), passive, rank)
 
     # --- redundancy ----------------------------------------------------------------------------------------------
@@ -527,7 +567,7 @@ class Solver:
     @property
     def state(self) -> State:
         """State that objectives and barriers are given."""
-        return State(self.mechanism, self.q, self.dt, self.tasks, 6 if self._base_is_fixed() else 0)
+        return State(self.mechanism, self.q, self.dt, self.tasks)
 
     # --- barriers ------------------------------------------------------------------------------------------------
 
@@ -571,7 +611,7 @@ class Solver:
             make_room_for_barriers(memory, count)
         memory.barriers = count
         if count:
-            memory.barrier_rows[:count] = np.vstack(rows)[:, memory.fixed :]
+            memory.barrier_rows[:count] = np.vstack(rows)
             memory.barrier_room[:count] = np.concatenate(most)
 
     def _clear(self) -> float:
@@ -589,11 +629,6 @@ class Solver:
                 self._blocked = True
                 self._catch(self._source("barrier", i, barrier), error)
         return 0.0 if self._blocked else least
-
-    def _base_is_fixed(self) -> bool:
-        """Return whether the mechanism has a floating base that no task moves: it is then fixed."""
-        base = self.mechanism.nodes[0]
-        return self.mechanism.floating and all(task.node != base for task in self._tasks)
 
     def _evaluate_objectives(self, objectives: tuple[Objective, ...]) -> None:
         """Add up the velocities of objectives for this tick."""
@@ -614,7 +649,7 @@ class Solver:
         total *= self.dt / self.mechanism.scale
         total *= STEP_CAP / max(STEP_CAP, np.abs(total).max(initial=0.0))
         memory = self._memory
-        memory.secondary_wanted[:] = total[memory.fixed :]
+        memory.secondary_wanted[:] = total
         memory.has_secondary, memory.failed_objectives = 1, left_out
 
     def _source(self, kind: str, i: int, what: object) -> str:
@@ -634,7 +669,21 @@ class Solver:
     # --- one tick ------------------------------------------------------------------------------------------------
 
     def step(self) -> Step:
-        """Compute one tick of dt. Never raises; `Step.status` reports what happened."""
+        """Compute one tick of dt. No value makes it raise; `Step.status` reports what happened.
+
+        Raises:
+            CinegenError: another thread is using the solver, whose tick this would corrupt.
+        """
+        if self._is_in_use:  # Python changes threads only at calls and jumps back: not before the next line
+            raise _other_thread()
+        self._is_in_use = True
+        try:
+            return self._step()
+        finally:
+            self._is_in_use = False
+
+    def _step(self) -> Step:
+        """Compute one tick; for subclasses that do something before or after it."""
         if self._blends:
             self._advance_blends()
         if self._changed:
@@ -684,10 +733,17 @@ class Solver:
         upper[at] = np.maximum(q[at], np.minimum(memory.upper[is_number], q[at] + reach))
         near = regular_neighbour(self.mechanism, q, lower, upper)
         if near is not None:
-            self.q = near
+            self._put(near, self.mechanism.closure(near))
             memory.record_q[:], memory.record_v[:] = near, self.mechanism.difference(q, near) / self.dt
             memory.report[m.STATUS], memory.report[m.CLOSURE] = SINGULAR, memory.closure
             memory.report[m.ERRORS_KNOWN] = 0.0  # they are computed on access
+
+
+def _other_thread() -> CinegenError:
+    return CinegenError(
+        "the solver is in use: it may be used by one thread at a time, and not from within its own tick; give each "
+        "thread its own, or use a lock"
+    )
 
 
 def _checked_period(dt: float) -> float:
@@ -718,19 +774,3 @@ def _kind(task: FrameTask) -> tuple[object, ...]:
 
 def _nothing() -> None:
     """Do nothing, in place of the callback of a task that was removed."""
-
-
-def _offset(offset: pin.SE3 | ArrayLike | None) -> pin.SE3:
-    """Return an offset as a pose in the node's frame."""
-    if offset is None:
-        return pin.SE3.Identity()
-    if isinstance(offset, pin.SE3):
-        pose = offset
-    else:
-        try:
-            pose = pin.SE3(np.eye(3), np.asarray(offset, dtype=float).reshape(3))
-        except (TypeError, ValueError):
-            pose = None
-    if pose is None or not np.isfinite(pose.homogeneous).all():
-        raise CinegenError("offset must be a point of three finite numbers (m) or a pinocchio.SE3")
-    return pose

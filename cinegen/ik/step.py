@@ -28,7 +28,7 @@ class Status(Enum):
     targets reached), DETOUR, BARRED, AT_LIMIT, OUT_OF_REACH, SINGULAR, FOLLOWING (moving towards them). IN_COLLISION
     and UNAVOIDABLE, of `AvoidingSolver` only, come before all others."""
 
-    BAD_TARGET = "a task has an invalid target, weight or count: it is left out"
+    BAD_TARGET = "a task has an invalid target, weight or other value: it is left out"
     REFUSED = "the loops could not be closed after any fraction of the step: the configuration is unchanged"
     AT_LIMIT = "a joint limit restricts the motion"
     SINGULAR = "near a singularity: motion is damped"
@@ -51,14 +51,11 @@ class Layout:
     Attributes:
         mechanism: mechanism that was moved.
         tasks: node, axes and offset of each task.
-        resting: number of leading columns that are fixed: 6 for a floating base that no task moves.
         fields: where the parts of a record are, and their shapes.
     """
 
     mechanism: Mechanism
     tasks: tuple[tuple[str, str, pin.SE3], ...]
-    resting: int
-
     fields: Mapping[str, tuple[slice, tuple[int, ...]]]
 
     def get(self, record: Array, name: str) -> Array:
@@ -142,10 +139,10 @@ class Step:
         count = int(self._record[m.TASK_RANK])
         if self._record[m.SIGMA_KNOWN]:
             return self._layout.get(self._record, "record_sigma")[:count]
-        mechanism, resting = self._layout.mechanism, self._layout.resting
+        mechanism = self._layout.mechanism
         system = mechanism.system
-        motions = motions_of(system, self.q, mechanism.loop_rank, slice(resting, None))
-        rows = equations(mechanism, system, self._wanted())[1][:, resting:]
+        motions = motions_of(system, self.q, mechanism.loop_rank)
+        rows = equations(mechanism, system, self._wanted())[1]
         return np.asarray(np.linalg.svd(rows @ motions, compute_uv=False)[:count])
 
     @property
@@ -170,7 +167,7 @@ class Step:
         """Return `lost_dof` by another Jacobian of the mechanism's loops: see `cinegen.ik.singular.lost`."""
         wanted, layout = self._wanted(), self._layout
         count = int(self._record[m.TASK_RANK])
-        found = lost(layout.mechanism, self.q, wanted, count, layout.resting, system)
+        found = lost(layout.mechanism, self.q, wanted, count, system)
         if found is None or len(wanted) == len(layout.tasks):
             return found
         twists = np.zeros((len(layout.tasks), 6))

@@ -10,7 +10,7 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import ArrayLike, NDArray
 
-from cinegen.errors import CinegenError
+from cinegen.errors import CinegenError, UnknownNameError
 from cinegen.ik._kernels.memory import TaskMemory
 from cinegen.ik._kernels.tasks import FURTHEST
 from cinegen.ik.thresholds import ROTATION
@@ -30,17 +30,34 @@ _TARGET = TaskMemory.fields["target"].slot
 class FrameTask:
     """A frame on a node follows a target; made by `Solver.add_task`.
 
-    All but `node`, `offset` and `axes` may be set at any time between two ticks. A value that can't be followed (a
-    target that is no SE3 or not finite, a `weight` of 0) is kept, and the task is left out until it is corrected: the
-    status of each tick reports it.
+    All may be set at any time between two ticks, and takes effect at the next one. A value that can't be followed (a
+    target that is no SE3 or not finite, a `weight` of 0, a node that does not exist) is kept, and the task is left out
+    until it is corrected: the status of each tick reports it.
+
+    Args:
+        node: name of a base, link or frame.
+        target: pose in the world.
+        translation: number of constrained translations, 0 to 3; see `translation`.
+        rotation: number of constrained rotations, 0 to 3; see `rotation`.
+        weight: see `weight`.
+        axes: see `axes`.
+        frame: Pinocchio's index of the node's frame, if it is known.
+        offset: point (3,) or pose on the node, in the node's frame (m), that follows the target; the node's own frame
+            unless given.
+        weights: see `weights`; in place of `translation` and `rotation`.
 
     Attributes:
-        node: name of the node.
-        offset: pose of the frame that follows, in the node's frame.
-        axes: frame whose axes the rows are expressed in: "target", "world" or the name of a node.
-        frame: Pinocchio's index of the node's frame.
         memory: the task's numbers, as kernels see them.
+
+    Raises:
+        CinegenError: offset is neither an SE3 nor three finite numbers.
+        AttributeError: an attribute is set that a task does not have.
     """
+
+    __slots__ = (
+        "__weakref__", "_axes", "_constrained", "_frame", "_largest", "_node", "_offset", "_special", "_target",
+        "_weight", "_weights", "_words", "_wrong", "changed", "find_frame", "measure", "memory",
+    )  # fmt: skip
 
     def __init__(
         self,
@@ -51,21 +68,21 @@ class FrameTask:
         weight: float = 1.0,
         axes: str = "target",
         frame: int = 0,
-        offset: pin.SE3 | None = None,
+        offset: pin.SE3 | ArrayLike | None = None,
         weights: ArrayLike | None = None,
     ) -> None:
-        self.node, self.axes, self.frame = node, axes, frame
-        self.offset = pin.SE3.Identity() if offset is None else offset.copy()
+        self._node, self._axes, self._frame, self._offset = node, axes, frame, _pose(offset)
         self.memory = TaskMemory()
         self._words = self.memory.words
-        self.changed: Callable[[], None] = _nothing  # called when the number of rows changes
+        self.changed: Callable[[], None] = _nothing  # called when the solver has to write the task again
+        self.find_frame: Callable[[str], int] = _unknown_frame
         self.measure: Callable[[FrameTask], tuple[float, float]] = _no_solver
         self._wrong: dict[str, Any] = {}
         self._target = pin.SE3.Identity()
         self._special = False  # follows a twist, or has an invalid value
         self.target = target
         self._weight, self._largest, self._weights = 1.0, 1.0, np.zeros(6)
-        self._axes: tuple[list[int], list[int]] = ([], [])  # constrained translations and rotations
+        self._constrained: tuple[list[int], list[int]] = ([], [])  # translations and rotations
         self.translation, self.rotation, self.weight = translation, rotation, weight
         if weights is not None:
             self.weights = weights
@@ -78,16 +95,73 @@ class FrameTask:
         """
         frame = self.frame if frame is None else frame
         copied = FrameTask(
-            self.node, self._target, weight=self._weight, axes=self.axes, frame=frame, offset=self.offset,
+            self._node, self._target, weight=self._weight, axes=self._axes, frame=frame, offset=self._offset,
             weights=self._weights,
         )  # fmt: skip
         for name, value in self._wrong.items():
-            setattr(copied, name, value)
+            copied._refuse(name, value)
         return copied
 
     def __repr__(self) -> str:
         follows = "twist" if self.twist is not None else "pose"
         return f"<FrameTask of {self.node}: {follows}, {self.translation} translations, {self.rotation} rotations>"
+
+    @property
+    def node(self) -> str:
+        """Name of the node."""
+        return str(self._wrong.get("node", self._node))
+
+    @node.setter
+    def node(self, node: str) -> None:
+        try:
+            self._frame = self.find_frame(node)
+        except (UnknownNameError, TypeError):
+            self._refuse("node", node)
+            return
+        self._node = node
+        self._accept_frame("node")
+
+    @property
+    def frame(self) -> int:
+        """Pinocchio's index of the node's frame."""
+        return self._frame
+
+    @property
+    def axes(self) -> str:
+        """Frame whose axes the rows are expressed in: "target", "world" or the name of a node."""
+        return str(self._wrong.get("axes", self._axes))
+
+    @axes.setter
+    def axes(self, axes: str) -> None:
+        try:
+            if axes not in ("target", "world"):
+                self.find_frame(axes)
+        except (UnknownNameError, TypeError, ValueError):
+            self._refuse("axes", axes)
+            return
+        self._axes = axes
+        self._accept_frame("axes")
+
+    @property
+    def offset(self) -> pin.SE3:
+        """Pose of the frame that follows, in the node's frame; a copy. It may be set to a point (3,), m, or a pose."""
+        wrong = self._wrong.get("offset")
+        return self._offset.copy() if wrong is None else wrong
+
+    @offset.setter
+    def offset(self, offset: pin.SE3 | ArrayLike) -> None:
+        try:
+            self._offset = _pose(offset)
+        except CinegenError:
+            self._refuse("offset", offset)
+            return
+        self._accept_frame("offset")
+
+    def _accept_frame(self, name: str) -> None:
+        """Let another frame follow, or be followed along other axes."""
+        self.memory.is_followed = 0
+        self._accept(name)
+        self.changed()
 
     @property
     def target(self) -> pin.SE3:
@@ -224,7 +298,7 @@ class FrameTask:
 
     def _write_rows(self) -> None:
         """Write the constrained axes into the task's memory."""
-        memory, weights, before = self.memory, self._weights, self._axes
+        memory, weights, before = self.memory, self._weights, self._constrained
         self._largest = float(weights.max()) or 1.0
         linear, angular = np.flatnonzero(weights[:3]), np.flatnonzero(weights[3:])
         if len(angular) == 2 and angular[1] - angular[0] == 2:
@@ -233,8 +307,8 @@ class FrameTask:
         memory.translation, memory.rotation = len(linear), len(angular)
         memory.row_axis[: len(rows)], memory.row_weight[: len(rows)] = rows, weights[rows] / self._largest
         memory.is_even = int(len(set(weights[3:])) == 1)
-        self._axes = linear.tolist(), angular.tolist()
-        if self._axes != before:
+        self._constrained = linear.tolist(), angular.tolist()
+        if self._constrained != before:
             self.changed()
         self.weight = self._wrong.get("weight", self._weight)
 
@@ -277,7 +351,7 @@ class FrameTask:
             axes: (3, 3) the task's axes in the world; the target's unless given.
         """
         axes = self.target.rotation if axes is None else axes
-        linear, angular = self._axes
+        linear, angular = self._constrained
         offset = axes.T @ (np.clip(self.target.translation, -FURTHEST, FURTHEST) - placement.translation)
         if not angular:
             return offset[linear], np.zeros(0)
@@ -288,7 +362,7 @@ class FrameTask:
 
     def _swing(self, relative: Array) -> tuple[Array, Array]:
         """Return the swing (2,) of the axis whose rotation is free, and its derivative (2, 3) by that axis."""
-        x, y = self._axes[1]
+        x, y = self._constrained[1]
         triad = [x, y, 3 - x - y]
         found, by = swing(relative[triad, 3 - x - y])
         derivative = np.zeros((2, 3))
@@ -320,7 +394,7 @@ class FrameTask:
         axes = self.target.rotation if axes is None else axes
         linear = axes.T @ placement.rotation @ jacobian[:3]
         angular = (self.target.rotation.T @ axes).T @ jacobian[3:]  # in the axes as the node carries them
-        constrained, about = self._axes
+        constrained, about = self._constrained
         relative = self._relative(placement, axes)
         if len(about) == 2:
             angular = self._swing(relative)[1] @ relative @ angular
@@ -335,8 +409,33 @@ class FrameTask:
         return np.asarray(axes.T @ placement.rotation @ self.target.rotation.T @ axes)
 
 
+def _pose(offset: pin.SE3 | ArrayLike | None) -> pin.SE3:
+    """Return an offset as a pose in the node's frame, a copy.
+
+    Raises:
+        CinegenError: it is neither an SE3 nor three finite numbers.
+    """
+    if offset is None:
+        return pin.SE3.Identity()
+    try:
+        if isinstance(offset, pin.SE3):
+            pose = offset.copy()
+        else:
+            pose = pin.SE3(np.eye(3), np.asarray(offset, dtype=float).reshape(3))
+    except (TypeError, ValueError):
+        pose = None
+    if pose is None or not np.isfinite(pose.homogeneous).all():
+        raise CinegenError("offset must be a point of three finite numbers (m) or a pinocchio.SE3")
+    return pose
+
+
 def _nothing() -> None:
-    """Do nothing: no solver needs to know that the number of rows changed."""
+    """Do nothing: no solver needs to know that the task changed."""
+
+
+def _unknown_frame(node: str) -> int:
+    """Return any index: a task of no solver is copied for a mechanism before its frame is used."""
+    return 0
 
 
 def _no_solver(task: FrameTask) -> tuple[float, float]:

@@ -15,7 +15,7 @@ Array = NDArray[np.float64]
 _LARGE = 100  # columns of a Jacobian that is decomposed block by block
 
 
-def motions_of(system: ClosedLoops, q: Array, rank: int, moving: slice = slice(None)) -> Array:
+def motions_of(system: ClosedLoops, q: Array, rank: int) -> Array:
     """Return a basis (nv, nv - rank) of the motions that keep all loops closed at q (nq,), orthonormal together with
     the motions of the joints that were cut: so lengths, and singular values of what moves, do not depend on which.
 
@@ -23,10 +23,9 @@ def motions_of(system: ClosedLoops, q: Array, rank: int, moving: slice = slice(N
         system: the loops; its data is that at q afterwards.
         q: (nq,).
         rank: generic rank of the loops.
-        moving: columns that may move.
     """
-    loops = system.evaluate(q)[1][:, moving]
-    return orthonormal(free_motions(loops, rank)[0], system.cut_rates()[:, moving])
+    loops = system.evaluate(q)[1]
+    return orthonormal(free_motions(loops, rank)[0], system.cut_rates())
 
 
 def orthonormal(motions: Array, cut_rates: Array) -> Array:

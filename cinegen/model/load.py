@@ -21,10 +21,10 @@ from cinegen.model.limits import Limits
 from cinegen.model.mechanism import Mechanism, MechanismSource
 from cinegen.model.near_redundant import made_exact
 from cinegen.model.spherical import SphericalJoints
-from cinegen.model.urdf import completed, kinematics, simple
+from cinegen.model.urdf import completed, kinematics, simple, with_fixed_base
 from raff2urdf import closure, readers
 from raff2urdf.analysis import loop_kind
-from raff2urdf.constraints import Constraints, without_loops
+from raff2urdf.constraints import without_loops
 from raff2urdf.coupling import coupling_of, followed
 from raff2urdf.errors import RaffError
 from raff2urdf.json_lines import line_of
@@ -51,6 +51,7 @@ def load(
     ignore: Sequence[str] = (),
     relax: bool | None = None,
     srdf: str | Path | None = None,
+    fixed_base: bool = False,
 ) -> Mechanism:
     """Load a mechanism and close its loops.
 
@@ -70,6 +71,8 @@ def load(
             done. False: they stay as written; then they can't be closed, or hardly move.
         srdf: an SRDF, which names pairs of links that are not checked against each other. By default the one next to a
             URDF, `<stem>.srdf`, unless `ignore` names it.
+        fixed_base: hold a floating base where the file places it: nothing moves it then, and q does not contain its
+            pose. Robots without one are loaded as they are.
 
     Raises:
         raff2urdf.RaffError: the RAFF file, or the constraints, are wrong: where and why.
@@ -84,7 +87,7 @@ def load(
             f"{path}: a kind is given for loop '{next(iter(loops))}', but all are to be ignored: leave one out"
         )
     if readers.holds_xml(path):
-        return _load_xml(path, robot, loops, ignore_loops, ignore, relax, described)
+        return _load_xml(path, robot, loops, ignore_loops, ignore, relax, described, fixed_base)
     from raff2urdf.conversion import describe
     from raff2urdf.raff.reader import parse as parse_raff
     from raff2urdf.raff.reader import read
@@ -110,9 +113,12 @@ def load(
             loops=tuple(loop for name, loop in named if name not in open_loops),
             couplings=tuple(coupling for name, coupling in coupled if name not in open_couplings),
         )
+    constraints: Mapping[str, Any] | None
     urdf, constraints = describe(document, chosen, path.parent, loops)
     if ignore_loops and (open_loops or open_couplings):
         constraints = without_loops(constraints)
+    if fixed_base:
+        urdf, constraints = with_fixed_base(urdf, constraints, str(path))
     return build(urdf, constraints, name=str(path), srdf=_read_srdf(described, urdf, str(path)), relax=relax)
 
 
@@ -136,6 +142,7 @@ def _load_xml(
     ignore: Sequence[str],
     relax: bool | None,
     srdf: Path | None,
+    fixed_base: bool,
 ) -> Mechanism:
     """Load a URDF with its sidecar files, an SDF or an MJCF."""
     beside = srdf_of(path)
@@ -143,18 +150,19 @@ def _load_xml(
         beside, ignore = None, [word for word in ignore if word != left_out]
     try:
         found = readers.read(path, robot, ignore_loops, ignore)
+        urdf: str = found.urdf
+        constraints: Mapping[str, Any] | None = found.constraints
+        if fixed_base:
+            urdf, constraints = with_fixed_base(urdf, constraints, str(path))
     except raff2urdf.RaffError as error:
         raise LoadError(str(error)) from None
-    constraints = found.constraints
     entries = {entry["name"]: entry for entry in constraints["loops"]} if constraints else {}
     for name, kind in (loops or {}).items():
         if name not in entries:
             raise UnknownNameError("loop", name, tuple(entries))
         entries[name]["kind"] = loop_kind(kind).name.lower()
-    disabled = _read_srdf(srdf or beside, found.urdf, str(path))
-    mechanism = build(
-        found.urdf, constraints, str(path.parent), str(path), found.dialects, found.notes, disabled, relax
-    )
+    disabled = _read_srdf(srdf or beside, urdf, str(path))
+    mechanism = build(urdf, constraints, str(path.parent), str(path), found.dialects, found.notes, disabled, relax)
     if constraints and not loops:
         _check_stated(mechanism, constraints, path)
     for link, why in list(mechanism.unphysical.items())[:1]:  # a RAFF file is checked by raff2urdf
@@ -179,7 +187,7 @@ def _read_srdf(path: Path | None, urdf: str, name: str) -> Srdf | None:
         raise LoadError(str(error)) from None
 
 
-def _check_stated(mechanism: Mechanism, constraints: Constraints, path: Path) -> None:
+def _check_stated(mechanism: Mechanism, constraints: Mapping[str, Any], path: Path) -> None:
     """Compare the degrees of freedom that a URDF's constraints state with those of the mechanism.
 
     Raises:

@@ -76,6 +76,30 @@ def simple(tree: Any, name: str) -> Constraints:
     }
 
 
+def with_fixed_base(
+    urdf: str, constraints: Mapping[str, Any] | None, name: str
+) -> tuple[str, Mapping[str, Any] | None]:
+    """Return a URDF and its constraints with a base that does not move; as they are if there is no floating base.
+
+    Args:
+        urdf: its text.
+        constraints: as `raff2urdf.constraints` describes; None for a tree.
+        name: the file's, for errors.
+
+    Raises:
+        raff2urdf.RaffError: no URDF.
+    """
+    tree = parse(urdf, name)
+    floating = [j for j in joints(tree) if j.get("type") == "floating" and successive.is_root(tree, j)]
+    if not floating:
+        return urdf, constraints
+    floating[0].set("type", "fixed")
+    if constraints is not None:  # what is stated of the mobility was counted with the base's
+        constraints = {key: value for key, value in constraints.items() if key not in ("loop_rank", "mobility")}
+        constraints["floating"] = None
+    return etree.tostring(tree, encoding="unicode"), constraints
+
+
 def kinematics_of(urdf: str, name: str) -> str:
     """Return a URDF's text without everything that motion does not depend on, such as shapes.
 

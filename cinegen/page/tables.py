@@ -21,7 +21,7 @@ from cinegen.singularities.ball_joints import balls
 
 
 def robot_tables(mechanism: Mechanism, rate: float) -> dict[str, Any]:
-    """Return the tables of a mechanism at home, whose floating base stays where it is.
+    """Return the tables of a mechanism at home.
 
     Args:
         mechanism: any whose joints the kernels move.
@@ -34,10 +34,10 @@ def robot_tables(mechanism: Mechanism, rate: float) -> dict[str, Any]:
     Raises:
         CinegenError: a joint is of a kind that the kernels don't know.
     """
-    memory = _memory(mechanism, rate)
+    memory, base = _memory(mechanism, rate), 6 * mechanism.floating
     names = {
         "q": names_of_q(mechanism), "actuated": mechanism.actuated, "nodes": mechanism.nodes,
-        "velocities": [-1] * memory.fixed + memory.q_index.tolist(),
+        "velocities": [*range(base), *memory.q_index[base:].tolist()], "floating": mechanism.floating,
     }  # fmt: skip
     clusters = [_values(memory_at(int(handle))) for handle in memory.cluster_handles]
     return {"names": names, "robot": _values(memory) | {"tasks": 0}, "clusters": clusters}
@@ -68,24 +68,24 @@ def _number(value: float) -> float | str:
 
 def _memory(mechanism: Mechanism, rate: float) -> PageMemory:
     memory, model = PageMemory(), mechanism.model
-    node = next((node for node in mechanism.nodes if node != mechanism.nodes[0]), mechanism.end)
-    tasks = [FrameTask(node, pin.SE3.Identity(), frame=mechanism.frame_id(node)) for _ in range(MOST_TASKS)]
+    frame = mechanism.frame_id(mechanism.end)
+    tasks = [FrameTask(mechanism.end, pin.SE3.Identity(), frame=frame) for _ in range(MOST_TASKS)]
     set_up_robot(memory, mechanism, tasks, 1.0 / rate)
-    samples, fixed = mechanism.samples, memory.fixed
+    samples = mechanism.samples
     memory.resize(capacity=MOST_TASKS, samples=len(samples))
     memory.sample[:] = samples
     three = balls(mechanism)
     memory.resize(balls=len(three))
-    memory.ball_dof[:] = np.reshape([mechanism.v_index(name) - fixed for names in three for name in names], (-1, 3))
+    memory.ball_dof[:] = np.reshape([mechanism.v_index(name) for names in three for name in names], (-1, 3))
     inner = {model.getJointId(name) for names in three for name in names[:2]}
     for i in range(memory.nodes):
         memory.node_is_inner[i] = int(memory.node_joint[i]) in inner
     for joint in range(model.njoints):
-        memory.joint_moved_by[joint] = supporting_columns(model, joint)[fixed:]
+        memory.joint_moved_by[joint] = supporting_columns(model, joint)
     rank = mechanism.passive_rank
     if rank > 0:
         set_up_screws(memory, mechanism.screws, len(mechanism.couplings))
-        columns = mechanism.passive_screws - fixed
+        columns = mechanism.passive_screws
         sides = len(columns), memory.screw_rows
         memory.resize(passive=len(columns), passive_lesser=min(sides), passive_larger=max(sides))
         memory.passive_column[:] = columns

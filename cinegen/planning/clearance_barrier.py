@@ -53,21 +53,35 @@ class ClearanceBarrier:
             1 - exp(-approach dt).
 
     Attributes:
-        stop: distance at which the damper stops links, m.
         pairs: pair of each row of the last bounds.
 
     Raises:
         PlanningError: the safety distance or the rate is invalid.
     """
 
+    __slots__ = ("__weakref__", "_safety", "_stop_distance", "approach", "clearance", "pairs")
+
     def __init__(self, clearance: Clearance, safety: float, approach: float = _APPROACH) -> None:
-        if not 0.0 <= safety < np.inf:
-            raise PlanningError(f"the safety distance is {safety!r}; give a finite number of m, 0 or more")
         if not approach > 0.0:
             raise PlanningError(f"the rate of approach is {approach!r}; give one above 0 (1/s)")
         self.clearance, self.safety, self.approach = clearance, safety, approach
-        self.stop = stop_distance(clearance.mechanism, safety)
         self.pairs: NDArray[np.int64] = np.zeros(0, dtype=np.int64)
+
+    @property
+    def safety(self) -> float:
+        """Safety distance, m."""
+        return self._safety
+
+    @safety.setter
+    def safety(self, safety: float) -> None:
+        if not 0.0 <= safety < np.inf:
+            raise PlanningError(f"the safety distance is {safety!r}; give a finite number of m, 0 or more")
+        self._safety, self._stop_distance = safety, stop_distance(self.clearance.mechanism, safety)
+
+    @property
+    def stop(self) -> float:
+        """Distance at which the damper stops links, m."""
+        return self._stop_distance
 
     def bounds(self, state: State) -> Bounds:
         """Return the bounds of the next tick's velocities."""

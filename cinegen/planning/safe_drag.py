@@ -97,6 +97,12 @@ class AvoidingSolver(Solver):
         CinegenError: q leaves loops open, or dt or an acceleration is invalid.
     """
 
+    __slots__ = (
+        "_braking", "_evasion", "_known", "_nearest", "_obstructing", "_predicted", "_prediction", "_quiet", "_search",
+        "_since", "_still", "_strategies", "_targets", "_unobstructed", "_unpredicted", "barrier", "clearance",
+        "destination", "evaded", "threat", "vortices",
+    )  # fmt: skip
+
     def __init__(
         self,
         clearance: Clearance,
@@ -151,8 +157,11 @@ class AvoidingSolver(Solver):
             if not self._strategies:
                 self._restart()
 
-    def step(self) -> Step:
-        """Compute one tick of dt. Never raises: the status reports what happened."""
+    def _mark_changed(self) -> None:
+        super()._mark_changed()
+        self._targets = tuple[Array, ...]()  # a new situation
+
+    def _step(self) -> Step:
         suspended, motion = bool(self._memory.tasks_are_suspended), None
         try:
             motion = self._react()
@@ -167,7 +176,7 @@ class AvoidingSolver(Solver):
             self._suspend_tasks(True)
             self._detour = (_Motion(motion),)
             self._memory.secondary[:], self._memory.secondary_scale = 0.0, 1.0  # it may reverse
-        step = super().step()
+        step = super()._step()
         self._detour = None
         if motion is not None:
             self._suspend_tasks(suspended)
@@ -187,8 +196,7 @@ class AvoidingSolver(Solver):
             return None
         barrier.v, q = self.v, self._q
         if self.mechanism.is_constrained and memory.mobility:
-            basis = null_space(memory)[:, : memory.n] * self.mechanism.scale[memory.fixed :]
-            barrier.basis = np.hstack([np.zeros((len(basis), memory.fixed)), basis])
+            barrier.basis = null_space(memory)[:, : memory.n] * self.mechanism.scale
         velocity = evasion.react(q, barrier.v, self.dt)
         self.threat = evasion.contact(q) or evasion.threat
         barrier.is_released = velocity is not None or (self.threat is not None and self.threat.moves)
@@ -234,7 +242,7 @@ class AvoidingSolver(Solver):
         """Begin with the first strategy, for new targets."""
         self._strategies = [_Strategy(None, direction) for direction in _FIRST]
         self._search: Iterator[list[Array] | None] | None = None
-        self._targets: tuple[Array, ...] = ()
+        self._targets = tuple[Array, ...]()
         self._quiet = 0
         self._begin_strategy()
         self._suspend_tasks(False)

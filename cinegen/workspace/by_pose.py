@@ -52,13 +52,13 @@ class ByPose(Continuation):
         super().__init__(spec)
         mechanism = spec.mechanism
         self._batch = batch
-        self.local = LocalIK(mechanism, (), spec.limits)
+        self.local = LocalIK(mechanism, (), spec.limits, holds_base=True)
         count = _SAMPLES_CLOSED if mechanism.is_constrained else _SAMPLES
         self._samples = self.local.samples(count, np.random.default_rng(_SEED))
         self._features = np.array([self._feature(mechanism.placement(q, spec.node)) for q in self._samples])
         self.bounds = ReachBounds(mechanism, spec.node, spec.limits, spec.rotation)
         axis = (FrameTask(spec.node, pin.SE3.Identity(), 3, 2),)
-        self._axis = LocalIK(mechanism, axis, spec.limits) if "solid_angle" in spec.quantities else None
+        self._axis = LocalIK(mechanism, axis, spec.limits, True) if "solid_angle" in spec.quantities else None
         self._neutral = pin.neutral(mechanism.model)
         revolute = [mechanism.v_index(name) for name in mechanism.joints if not mechanism.is_prismatic(name)]
         self._revolute = np.isin(np.arange(mechanism.model.nv), revolute)

@@ -33,7 +33,7 @@ class Continuation(BranchTracker):
         self.actuated = [spec.mechanism.q_index(name) for name in spec.mechanism.actuated]
         if not spec.over_joints:
             self._local = LocalIK(
-                spec.mechanism, (FrameTask(spec.node, pin.SE3.Identity(), 3, spec.rotation),), spec.limits
+                spec.mechanism, (FrameTask(spec.node, pin.SE3.Identity(), 3, spec.rotation),), spec.limits, True
             )
 
     def solve(self, target: pin.SE3, guess: Array) -> Array | None:

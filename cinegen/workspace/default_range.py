@@ -87,7 +87,7 @@ def _pose_range(mechanism: Mechanism, node: str, axis: int) -> tuple[float, floa
 
 def _samples(mechanism: Mechanism) -> Array:
     """Return samples (n, nq) of the configuration space."""
-    return LocalIK(mechanism, ()).samples(_SAMPLES, np.random.default_rng(0))
+    return LocalIK(mechanism, holds_base=True).samples(_SAMPLES, np.random.default_rng(0))
 
 
 @lru_cache(maxsize=8)
@@ -103,7 +103,7 @@ def _furthest(mechanism: Mechanism, node: str, axis: int, sign: float) -> float:
     the samples in which it is furthest."""
     points, outwards = _poses(mechanism, node)[:, :3], sign * np.eye(3)[axis]
     first, last = (part * np.ptp(points, axis=0).max() for part in _STEPS)
-    local = LocalIK(mechanism, (FrameTask(node, pin.SE3.Identity(), 3, 0),))
+    local = LocalIK(mechanism, (FrameTask(node, pin.SE3.Identity(), 3, 0),), holds_base=True)
     furthest = float((points @ outwards).max())
     for k in np.argsort(-(points @ outwards), kind="stable")[:_FURTHEST]:
         q, at, step = mechanism.derived(_samples)[k], points[k], first

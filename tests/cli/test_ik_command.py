@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import json
 
+import bipeds
 import numpy as np
 import pytest
 
+import cinegen
 from cinegen.cli import main
 
 
@@ -60,3 +62,24 @@ def test_a_redundant_arm_needs_a_locked_joint(typed):
     assert "These are all." in typed("arm7", "--at", "x=0.4,rz=10", "--all", "--lock", "joint3=10")
     assert "add --all" in typed("arm7", "--at", "x=0.4", "--lock", "joint3=10", code=2)
     assert "no joint 'joint8'" in typed("arm7", "--at", "x=0.4", "--all", "--lock", "joint8=10", code=1)
+
+
+def test_the_pose_of_a_floating_base_is_reported_and_a_fixed_one_has_none(tmp_path, capsys):
+    path = tmp_path / "biped.urdf"
+    path.write_text(bipeds.URDF)
+    asked = ["ik", str(path), "--node", "hand", "--at", "x=1.5,y=0.3,z=1.1"]
+    assert main([*asked, "--json"]) == 0
+    (found,) = json.loads(capsys.readouterr().out)["solutions"]
+    biped = cinegen.load(path)
+    q = biped.configuration(found["joints"])
+    q[:7] = found["base"]
+    assert np.allclose(biped.placement(q, "hand").translation, [1.5, 0.3, 1.1], atol=1e-6)
+    assert main(asked) == 0
+    text = capsys.readouterr().out
+    assert "the base moves to x" in text
+    assert "--fixed-base holds it" in text
+    assert main([*asked, "--fixed-base"]) == 1
+    assert "misses it by" in capsys.readouterr().out
+    assert main(["ik", str(path), "--node", "hand", "--at", "x=0.6,z=1.2", "--fixed-base", "--json"]) == 0
+    (found,) = json.loads(capsys.readouterr().out)["solutions"]
+    assert "base" not in found

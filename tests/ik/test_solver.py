@@ -171,25 +171,6 @@ def test_any_part_can_be_pulled(robot):
         assert _run(solver).errors[0][0] < 1e-8
 
 
-def test_a_free_base_moves_only_when_it_is_pulled_itself(raff):
-    mechanism = raff("""
-      sensor 1 { port "x" translation 3 rotation 3 }
-      robot r { base { }
-        link 1 { parameters { theta 20 } type 2 pred 0 }
-        link 2 { parameters { theta 40 d 300 } type 2 pred 1 }
-        frame 3 { parameters { d 200 } pred 2 name "tool" }
-        constraint { base sensor ( 0 1 ) } }""")
-    solver = Solver(mechanism, DT)
-    task = solver.add_task("tool", _offset(mechanism, "tool", [-0.05, 0.05, 0.0]), rotation=0)
-    _run(solver)
-    assert np.array_equal(solver.q[:7], mechanism.q_home[:7])
-    solver.remove_task(task)
-    base = pin.SE3(pin.exp3(np.array([0.1, 0.2, 0.3])), np.array([1.0, -2.0, 0.5]))
-    solver.add_task("base", base)
-    assert _run(solver, 2000).status is Status.FOLLOWING
-    assert np.allclose(mechanism.placement(solver.q, "base").homogeneous, base.homogeneous, atol=1e-9)
-
-
 def test_targets_that_are_no_numbers_give_a_status_and_leave_the_rest_alone(robot):
     delta = robot("delta4")
     solver = Solver(delta, DT)

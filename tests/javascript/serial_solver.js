@@ -80,6 +80,7 @@ function tick(q, tasks, { dt, gain }) {
 
 export default () => ({
   names: TABLE.names,
+  floating: false,
   nq: TABLE.home.length,
   q: Float64Array.from(TABLE.home),
   fk,

@@ -6,6 +6,7 @@ import json
 import shutil
 import subprocess
 
+import bipeds
 import numpy as np
 import pinocchio as pin
 import pytest
@@ -75,9 +76,9 @@ def python_tasks(mechanism, call):
         yield mechanism.nodes[one["node"]], target, offset, one
 
 
-@pytest.mark.parametrize("name", ROBOTS)
-def test_ticks_are_those_of_python(robot, root, tmp_path, name):
-    mechanism = robot(name)
+@pytest.mark.parametrize("name", [*ROBOTS, "biped"])
+def test_ticks_are_those_of_python(any_robot, root, tmp_path, name):
+    mechanism = any_robot(name)
     calls = some_calls(mechanism, 12, 3)
     for call, found in zip(calls, in_javascript(robot_tables(mechanism, RATE), calls, root, tmp_path), strict=True):
         solver = Solver(mechanism, 1.0 / RATE, np.array(call["q"]), gain=GAIN)
@@ -92,9 +93,22 @@ def test_ticks_are_those_of_python(robot, root, tmp_path, name):
             assert np.array(step["errors"]) == pytest.approx(np.array(expected.errors), abs=1e-8)
 
 
-@pytest.mark.parametrize("name", ROBOTS)
-def test_singular_values_are_those_of_python(robot, root, tmp_path, name):
-    mechanism = robot(name)
+@pytest.fixture
+def any_robot(robot, tmp_path):
+    """A shipped robot, or one with a floating base."""
+
+    def load(name):
+        if name != "biped":
+            return robot(name)
+        (tmp_path / "biped.urdf").write_text(bipeds.URDF)
+        return cinegen.load(tmp_path / "biped.urdf")
+
+    return load
+
+
+@pytest.mark.parametrize("name", [*ROBOTS, "biped"])
+def test_singular_values_are_those_of_python(any_robot, root, tmp_path, name):
+    mechanism = any_robot(name)
     calls = [call | {"ticks": 0} for call in some_calls(mechanism, 12, 5)]
     counted = CountedLoops(mechanism) if balls(mechanism) else mechanism.own_system()
     inner = {mechanism.model.getJointId(joint) for names in balls(mechanism) for joint in names[:2]}

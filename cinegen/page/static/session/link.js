@@ -15,6 +15,7 @@ import { reportMessage, stateMessage } from "./messages.js";
 import { robotReport } from "./report.js";
 import { DrivenRobot } from "./robot.js";
 import { LocalSession } from "./session.js";
+import { Placement } from "./placement.js";
 import { KernelSolver } from "./solver.js";
 
 const OFTEN = 100; // ms from one report to the next
@@ -138,6 +139,7 @@ export class Link extends Events {
     let { problem } = found;
     for (const [name, q] of found.configurations) {
       const { kinematics } = /** @type {DrivenRobot} */ (session.robots.get(name));
+      if (kinematics.solver.floating) q.set(Placement.of(q).numbers());
       const closed = kinematics.closure(q) <= CLOSURE || kinematics.solver.close(q, kinematics.locked) <= CLOSURE;
       const [beyond] = closed ? kinematics.beyond(q) : [];
       if (closed && beyond === undefined) session.place(name, q);

@@ -1,6 +1,8 @@
 // Motions of a robot that no task causes, as cinegen/session/motion.py has them: of single joints, to a configuration,
 // and of undo. Each has `advance(dt)`: the configuration after dt (s), with closed loops, or null when it has ended.
 
+import { Placement } from "./placement.js";
+
 /** @typedef {import("./kinematics.js").Kinematics} Kinematics */
 /** @typedef {Float64Array} Configuration */
 
@@ -155,6 +157,7 @@ export class ConfigurationMotion extends TimedMotion {
     const { kinematics, start, goal } = this;
     const values = new Map(kinematics.actuated.map(({ name, index }) => [name, (1 - x) * start[index] + x * goal[index]]));
     const q = kinematics.follow(this.q, values);
+    if (q !== null && kinematics.solver.floating) q.set(Placement.of(start).towards(Placement.of(goal), x).numbers());
     if (q === null || (x === 1 && kinematics.distance(q, goal) > THERE)) {
       this.stop();
       this.problem = "the goal is in another assembly mode: the robot was moved there without a path";

@@ -23,6 +23,16 @@ export class Placement {
     return new Placement(new Vector3(x, y, z), new Quaternion(a, b, c, d).normalize());
   }
 
+  /**
+   * Return the placement on the way to another one.
+   *
+   * @param {Placement} goal
+   * @param {number} x 0 here, 1 there
+   */
+  towards(goal, x) {
+    return new Placement(this.position.clone().lerp(goal.position, x), this.rotation.clone().slerp(goal.rotation, x));
+  }
+
   /** Return its seven numbers. */
   numbers() {
     return /** @type {[number, number, number, number, number, number, number]} */ ([

@@ -8,7 +8,7 @@ export const PIN = "pin";
 
 /** @type {Record<string, string>} */
 const DESCRIPTIONS = {
-  BAD_TARGET: "a task has an invalid target, weight or count: it is left out",
+  BAD_TARGET: "a task has an invalid target, weight or other value: it is left out",
   REFUSED: "the loops could not be closed after any fraction of the step: the configuration is unchanged",
   AT_LIMIT: "a joint limit restricts the motion",
   SINGULAR: "near a singularity: motion is damped",

@@ -22,6 +22,7 @@ export class KernelSolver {
   constructor(kernels) {
     this.kernels = kernels;
     this.names = { joints: kernels.names.q, nodes: kernels.names.nodes };
+    this.floating = kernels.names.floating;
     this.nq = kernels.q.length;
     this.mostTasks = Math.min(kernels.task_node.length, Math.max(FEWEST, Math.floor(WORK / kernels.locked.length)));
     this.q = kernels.q.slice();
@@ -50,7 +51,7 @@ export class KernelSolver {
     const { kernels } = this;
     kernels.trial.set(q);
     kernels.names.velocities.forEach((index, k) => {
-      if (index >= 0 && locked[index]) kernels.locked[k - this.#fixed] = 1;
+      if (index >= 0 && locked[index]) kernels.locked[k] = 1;
     });
     const gap = kernels.close();
     kernels.locked.fill(0);
@@ -102,11 +103,6 @@ export class KernelSolver {
     /** @param {Float64Array} sigma */
     const known = ([sigma]) => (Number.isNaN(sigma) ? null : sigma);
     return { type1: known(kernels.sigma_tasks), type2: known(kernels.sigma_passive) };
-  }
-
-  /** Number of velocities of a base that stays where it is. */
-  get #fixed() {
-    return this.kernels.names.velocities.length - this.kernels.locked.length;
   }
 
   /**

@@ -12,6 +12,7 @@ export interface SolverTask {
 
 export interface Solver {
   names: { joints: string[]; nodes: string[] }; // of each number of q; of all nodes
+  floating: boolean; // q begins with the pose of a floating base
   nq: number;
   q: Float64Array; // home, with closed loops
   mostTasks: number;
@@ -64,9 +65,10 @@ export interface KernelsModule {
 /** Values of a memory's fields by name, as far as they are not 0 or the default; a text such as "Infinity" is a number. */
 export type Values = Record<string, number | string | ArrayLike<number | string>>;
 
-/** What the kernels must know of a robot. `velocities`: of each velocity the index in q, or -1. */
+/** What the kernels must know of a robot. `velocities`: of each velocity the index in q, or -1; of a floating base, whose
+ * pose is the first seven numbers of q, 0 to 5. */
 export interface Tables {
-  names: { q: string[]; actuated: string[]; nodes: string[]; velocities: number[] };
+  names: { q: string[]; actuated: string[]; nodes: string[]; velocities: number[]; floating: boolean };
   robot: Values;
   clusters: Values[];
 }

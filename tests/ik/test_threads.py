@@ -1,0 +1,112 @@
+"""One solver in several threads: the second is refused, the first goes on as if it were alone."""
+
+from __future__ import annotations
+
+import threading
+from concurrent.futures import ThreadPoolExecutor
+
+import numpy as np
+import pinocchio as pin
+import pytest
+
+from cinegen import CinegenError, Solver
+from cinegen.ik import LookAhead
+from cinegen.ik.barrier import Bounds
+
+DT = 1.0 / 240.0
+
+
+class Meeting:
+    """Barrier without bounds, in which a tick waits until another thread has tried to use the solver."""
+
+    def __init__(self):
+        self.inside, self.go = threading.Event(), threading.Event()
+
+    def bounds(self, state):
+        self.inside.set()
+        assert self.go.wait(60)
+        return Bounds(np.zeros((0, state.mechanism.model.nv)), np.zeros(0))
+
+    def clear(self, state, q):
+        return 1.0
+
+
+def _pulled(mechanism):
+    solver = Solver(mechanism, DT)
+    task = solver.add_task(mechanism.end, rotation=0)
+    task.target = pin.SE3(task.target.rotation, task.target.translation + np.array([0.0, 0.01, -0.01]))
+    return solver
+
+
+@pytest.mark.parametrize(
+    "use",
+    [
+        lambda solver: solver.step(),
+        lambda solver: setattr(solver, "q", solver.mechanism.q_home),
+        lambda solver: setattr(solver, "dt", 2.0 * DT),
+        lambda solver: setattr(solver, "keeps_linearisation", True),
+        lambda solver: solver.lift_limits(position=True),
+        lambda solver: solver.copy_state(Solver(solver.mechanism, DT)),
+        lambda solver: LookAhead(solver.mechanism, DT).copy(solver),
+    ],
+    ids=["step", "q", "dt", "linearisation", "limits", "copy_to", "copy_from"],
+)
+def test_a_second_thread_gets_an_error_and_leaves_the_first_unharmed(robot, use):
+    mechanism, meeting = robot("delta4"), Meeting()
+    solver, alone = _pulled(mechanism), _pulled(mechanism)
+    solver.barriers = (meeting,)
+    expected = [alone.step().q for _ in range(5)]
+    with ThreadPoolExecutor(1) as pool:
+        first = pool.submit(solver.step)
+        assert meeting.inside.wait(60)
+        try:
+            with pytest.raises(CinegenError, match="one thread at a time"):
+                use(solver)
+        finally:
+            meeting.go.set()
+        np.testing.assert_array_equal(first.result(60).q, expected[0])
+    for q in expected[1:]:  # one after the other, in another thread, is no error
+        np.testing.assert_array_equal(solver.step().q, q)
+
+
+def test_threads_at_once_end_in_errors_not_in_a_crash(robot):
+    solver = _pulled(robot("delta4"))
+    while not solver.is_compiled:
+        solver.step()
+    together = threading.Barrier(4)
+
+    def run() -> int:
+        together.wait(60)
+        refused = 0
+        for _ in range(3000):
+            try:
+                solver.step()
+            except CinegenError:
+                refused += 1
+        return refused
+
+    with ThreadPoolExecutor(4) as pool:
+        list(pool.map(lambda _: run(), range(4)))
+    assert solver.mechanism.closure(solver.q) < 1e-10
+    assert solver.step().errors[0][0] < 1e-9
+
+
+def test_an_objective_that_steps_its_own_solver_is_reported(robot):
+    solver = _pulled(robot("delta4"))
+
+    class Recursive:
+        steps = False
+
+        def velocity(self, state):
+            if self.steps:
+                solver.step()
+            return np.zeros(state.mechanism.model.nv)
+
+    objective = Recursive()
+    solver.objectives = (objective,)
+    objective.steps = True
+    step = solver.step()
+    assert step.failed_objectives == (0,)
+    assert "one thread at a time" in str(step.exceptions[0])
+    objective.steps = False
+    assert not solver.step().exceptions
