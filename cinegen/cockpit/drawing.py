@@ -14,6 +14,8 @@ import numpy as np
 import umsgpack
 from numpy.typing import ArrayLike
 
+from raff2urdf.escape import path_segment
+
 Json = dict[str, Any]
 
 FORMATS = ("stl", "obj", "dae")
@@ -36,14 +38,21 @@ class SceneNode:
     Args:
         window: takes the commands.
         path: path of the node, such as /meshcat/robot.
+
+    Attributes:
+        path: the same.
     """
 
     def __init__(self, window: Window, path: str = "/meshcat") -> None:
-        self._window, self._path = window, path
+        self._window, self.path = window, path
 
     def __getitem__(self, path: str) -> SceneNode:
         """Return the node at a path: below this one, or below the root if it begins with a slash."""
-        return SceneNode(self._window, path if path.startswith("/") else f"{self._path}/{path}")
+        return SceneNode(self._window, path if path.startswith("/") else f"{self.path}/{path}")
+
+    def named(self, name: str, prefix: str = ":") -> SceneNode:
+        """Return the node of a robot, a link or anything else that a file names, below this one."""
+        return self[path_segment(name, prefix)]
 
     def set_object(self, drawn: Json) -> None:
         """Show an object: `mesh` or `triad`."""
@@ -62,7 +71,7 @@ class SceneNode:
         self._send("delete")
 
     def _send(self, kind: str, **values: Any) -> None:
-        self._window.send({"type": kind, "path": self._path, **values})
+        self._window.send({"type": kind, "path": self.path, **values})
 
 
 def box(sides: ArrayLike) -> Json:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import base64
 import hashlib
-import html
 import json
 import re
 import zlib
@@ -27,6 +26,7 @@ from cinegen.page.kernels_module import KERNELS, module
 from cinegen.page.modules import import_map, linked
 from cinegen.page.tables import robot_tables
 from cinegen.session import Setup
+from raff2urdf.escape import html_text, xml_comment
 from raff2urdf.files import GENERATED
 
 RATE = 240.0
@@ -97,7 +97,7 @@ def _file(
     )
     policy = f'<meta http-equiv="Content-Security-Policy" content="{policy.format(nonce=nonce)}">'
     styles = "\n".join(_static(name) for name in _STYLES) + own_styles
-    text = _static("index.html").replace("{{title}}", html.escape(title))
+    text = _static("index.html").replace("{{title}}", html_text(title))
     text = text.replace("<html ", '<html data-source="local" ', 1)
     text = text.replace("<head>\n", f"<head>\n<!-- {GENERATED}\n{_licences(licences)}-->\n{policy}\n", 1)
     text = re.sub(r'<link rel="icon"[^>]*>', f'<link rel="icon" href="{_icon()}" type="image/svg+xml">', text)
@@ -149,7 +149,7 @@ def _packed(content: Any) -> str:
 
 def _licences(names: tuple[str, ...]) -> str:
     others = (_own(name) if name in _EDITOR_LICENCES[-1:] else _static(name) for name in names)
-    return "\n".join((_project_licence(), *others)).replace("--", "- -")  # it stands in a comment
+    return xml_comment("\n".join((_project_licence(), *others)))
 
 
 def _project_licence() -> str:

@@ -5,6 +5,7 @@ import {
   BoxGeometry, BufferGeometry, CylinderGeometry, Float32BufferAttribute, LineBasicMaterial, LineSegments, Matrix4, Mesh,
   MeshLambertMaterial, SphereGeometry, Vector3,
 } from "three";
+import { segment } from "../../../cockpit/static/base/names.js";
 import { motionPlane } from "./motion_plane.js";
 import { nodesOf, placements } from "./placements.js";
 import { skeletonOf } from "./skeleton.js";
@@ -106,7 +107,7 @@ export class TextScene {
     const show = (/** @type {string} */ node, /** @type {string} */ name, /** @type {Mesh | LineSegments} */ object) => {
       object.name = name;
       this.#shown.push(object);
-      tree.find([...ROOT, robot, node]).object.add(object); // not as a path of the viewer, which makes controls for each
+      tree.find([...ROOT, segment(robot), segment(node)]).object.add(object); // not as a path of the viewer, which makes controls for each
     };
     const placed = placements(model, home);
     const shapes = skeletonOf(model);
@@ -128,7 +129,7 @@ export class TextScene {
     const nodes = nodesOf(model);
     const followers = model.sensorConstraints.map(({ body }) => bodies[body]);
     for (const { name } of new Set([nodes[nodes.length - 1], ...followers])) show(name, "triad", triad(0.15 * length));
-    for (const { name, first } of loops) show(bodies[first].name, `loop ${name}`, loopMark(0.05 * length));
+    for (const { name, first } of loops) show(bodies[first].name, segment(name, "loop "), loopMark(0.05 * length));
     return points;
   }
 }
