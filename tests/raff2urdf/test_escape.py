@@ -114,3 +114,7 @@ def test_segments_of_paths_differ_where_names_do(one, other):
     assert (first == second) == (one == other)
     assert "/" not in first
     assert first.startswith(":")
+
+
+def test_segments_are_those_of_the_page():
+    assert escape.path_segment("a/b%", "loop ") == "loop a%2Fb%25"  # tests/javascript/names.test.js
