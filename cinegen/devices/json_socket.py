@@ -134,7 +134,7 @@ class JsonSocket(ThreadedSensor):
             self._reject(client, str(error))
         except TimeoutError:
             self._reject(client, f"no token within {_PATIENCE:g} s")
-        except OSError:  # the connection is broken
+        except (OSError, asyncio.CancelledError):  # the connection is broken, or the sensor is closed
             pass
         finally:
             was_source = client is self._source()

@@ -328,6 +328,17 @@ def test_tokens_are_random_unless_they_are_given(monkeypatch):
     assert open_sensor(f"{url}?no-token").token == ""
 
 
+def test_a_sensor_is_closed_in_silence_while_programs_are_connected(sensor, capfd, caplog):
+    """Before, asyncio printed a traceback."""
+    with Program(sensor) as program:
+        program.send(TWIST)
+        comes(sensor, lambda r: r.twist == (1, 0, 0, 0, 0, 0))
+        sensor.close()
+        assert program.answer() == ""
+    assert capfd.readouterr().err == ""
+    assert caplog.text == ""
+
+
 def test_two_on_one_port():
     first = open_sensor("tcp://127.0.0.1:0")
     first.start()
