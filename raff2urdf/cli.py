@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 from typer import Argument, Option
 
-from raff2urdf.command_line import UsageError, Version, new_app, print_error, quantity_parser, run_app
+from raff2urdf.command_line import Command, UsageError, Version, new_app, print_error, quantity_parser, run_app
 from raff2urdf.errors import RaffError, RaffWarning
 from raff2urdf.files import is_stream, output_path
 from raff2urdf.output import run
@@ -46,7 +46,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     return run("raff2urdf", lambda: run_app(app, "raff2urdf", arguments))
 
 
-@app.command()
+@app.command(cls=Command)
 def raff2urdf(
     files: Annotated[
         list[str], Argument(metavar="FILE...", help="RAFF files, or names of shipped robots", show_default=False)

@@ -8,6 +8,7 @@ by the characteristic length, and so is the variable of a prismatic joint. The a
 
 from __future__ import annotations
 
+import json
 import math
 from collections.abc import Iterator, Mapping, Sequence
 from typing import NamedTuple, Protocol
@@ -15,6 +16,7 @@ from typing import NamedTuple, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from raff2urdf.escape import shell_word
 from raff2urdf.raff import texts
 from raff2urdf.raff.document import LoopKind
 from raff2urdf.residual import ROWS
@@ -282,8 +284,8 @@ def why_open(loops: KindedLoops, names: Sequence[str], start: Array, best: Closi
         trial = [weaker if i in changed else kind for i, kind in enumerate(kinds)]
         if changed and close_from_afar(loops.with_kinds(trial), start).closed:
             kind = weaker.name.lower()
-            typed = " ".join(f"--loop {names[i]}={kind}" for i in changed)
-            python = ", ".join(f'"{names[i]}": "{kind}"' for i in changed)
+            typed = " ".join(f"--loop {shell_word(names[i])}={kind}" for i in changed)
+            python = ", ".join(f'{json.dumps(names[i], ensure_ascii=False)}: "{kind}"' for i in changed)
             lines.append(
                 f"it closes with {kind} joints there: loops={{{python}}} in Python, {typed} as a command's option"
             )

@@ -6,6 +6,7 @@ several commands share are the fields of a dataclass: `expand` makes one option 
 
 from __future__ import annotations
 
+import contextlib
 import difflib
 import inspect
 import os
@@ -17,10 +18,11 @@ from pathlib import Path
 from typing import Annotated, Any, get_type_hints
 
 import typer
-from typer.core import TyperGroup
+from typer.core import TyperCommand, TyperGroup
 from typer.exceptions import TyperException
 
-from raff2urdf.output import STOPPED
+from raff2urdf.escape import terminal
+from raff2urdf.output import STOPPED, unescaped
 from raff2urdf.quantities import Dimension, QuantityError, parse
 
 
@@ -30,7 +32,20 @@ class UsageError(TyperException):
     exit_code = 2
 
 
-class Commands(TyperGroup):
+class _ColouredHelp:
+    """A command or a group whose help has colours."""
+
+    def format_help(self, ctx: Any, formatter: Any) -> None:
+        """Write the help."""
+        with contextlib.redirect_stdout(unescaped(sys.stdout)):
+            super().format_help(ctx, formatter)  # type: ignore[misc]
+
+
+class Command(_ColouredHelp, TyperCommand):
+    """A command."""
+
+
+class Commands(_ColouredHelp, TyperGroup):
     """A group of commands that suggests a name where it has no command of the name that was typed."""
 
     def resolve_command(self, ctx: Any, args: list[str]) -> Any:
@@ -88,9 +103,11 @@ def run_app(app: typer.Typer, program: str, arguments: Sequence[str] | None = No
 def print_error(text: str) -> None:
     """Print an error on standard error: at a terminal, its position in red, unless `NO_COLOR` is set."""
     if sys.stderr.isatty() and not os.environ.get("NO_COLOR") and os.environ.get("TERM") != "dumb":
-        place, colon, rest = text.partition(": ")
+        place, colon, rest = terminal(text).partition(": ")
         text = f"\x1b[1;31m{place}{colon}\x1b[0m{rest}"
-    print(text, file=sys.stderr)
+        print(text, file=unescaped(sys.stderr))
+    else:
+        print(text, file=sys.stderr)
 
 
 def expand(function: Callable[..., int]) -> Callable[..., int]:

@@ -11,7 +11,9 @@ import threading
 import traceback
 from collections.abc import Callable, Iterator
 from pathlib import Path
-from typing import Any, TextIO
+from typing import Any, TextIO, cast
+
+from raff2urdf.escape import terminal
 
 STOPPED = 130
 """Exit code after Ctrl-C, by the convention of command interpreters: 128 + SIGINT."""
@@ -172,7 +174,7 @@ def write_at_once(text: str) -> None:
     """
     sys.stdout.write(text)
     sys.stdout.flush()
-    if isinstance(sys.stdout, _Stream) and sys.stdout.failure is not None:
+    if getattr(sys.stdout, "failure", None) is not None:
         raise OutputLostError
 
 
@@ -188,6 +190,8 @@ def reader_has_gone() -> bool:
 class _Stream:
     """A standard stream that does not raise: from its first failure on it drops what it is given.
 
+    Control characters of what it is given are escaped, since names and messages are foreign text: see `unescaped`.
+
     Attributes:
         failure: why it does; None while it works.
     """
@@ -200,12 +204,16 @@ class _Stream:
         return getattr(self._stream, name)
 
     def write(self, text: str) -> int:
-        """Write a text; characters that the stream's encoding lacks are escaped."""
+        """Write a text; control characters, and characters that the stream's encoding lacks, are escaped."""
+        self.write_unescaped(terminal(text))
+        return len(text)
+
+    def write_unescaped(self, text: str) -> None:
+        """Write a text with its control characters."""
         try:
             self._try(self._stream.write, text)
         except UnicodeEncodeError as error:
             self._try(self._stream.write, text.encode(error.encoding, "backslashreplace").decode(error.encoding))
-        return len(text)
 
     def flush(self) -> None:
         """Flush it."""
@@ -223,6 +231,29 @@ class _Stream:
         if self.failure is not None:
             with contextlib.suppress(OSError), open(os.devnull, "wb") as null:
                 os.dup2(null.fileno(), self._stream.fileno())
+
+
+class _Unescaped:
+    """The same stream, for texts whose control characters are meant."""
+
+    def __init__(self, stream: _Stream) -> None:
+        self._stream = stream
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self._stream, name)
+
+    def write(self, text: str) -> int:
+        """Write a text."""
+        self._stream.write_unescaped(text)
+        return len(text)
+
+
+def unescaped(stream: TextIO) -> TextIO:
+    """Return a standard stream for texts whose control characters are meant: colours, moves of the cursor.
+
+    Foreign text in them needs `raff2urdf.escape.terminal`.
+    """
+    return cast(TextIO, _Unescaped(stream)) if isinstance(stream, _Stream) else stream
 
 
 def _open_closed() -> None:

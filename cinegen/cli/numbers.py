@@ -9,10 +9,9 @@ import re
 from typing import TYPE_CHECKING, Any
 
 import typer
-from typer.core import TyperCommand
 
 from cinegen.errors import CinegenError
-from raff2urdf.command_line import UsageError, quantity_parser
+from raff2urdf.command_line import Command, UsageError, quantity_parser
 from raff2urdf.quantities import ANGLE, LENGTH, Dimension, QuantityError, is_quantity, parse, parse_list, parse_range
 
 if TYPE_CHECKING:
@@ -218,7 +217,7 @@ def quantity_option(
     )  # fmt: skip
 
 
-class NumberLists(TyperCommand):
+class NumberLists(Command):
     """A command whose lists of numbers may also be separated by blanks: `--at x=10 rz=15`."""
 
     _LISTS = frozenset({"--acceleration", "--at", "--lock", "--values", "--velocity"})

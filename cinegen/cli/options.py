@@ -12,6 +12,7 @@ import typer
 from cinegen.cli.numbers import quantity_option
 from cinegen.errors import CinegenError
 from raff2urdf.command_line import UsageError
+from raff2urdf.escape import one_line
 from raff2urdf.extras import needs
 from raff2urdf.files import stem_of
 from raff2urdf.quantities import LENGTH, TIME, show_lengths_in
@@ -108,7 +109,7 @@ class RobotOptions:
                 mechanism = load(
                     file, robot, loops, self.ignore_loops, self.ignore, self.relax, self.srdf, self.fixed_base
                 )
-                stem = stem_of(file).encode(errors="replace").decode()  # a file's name need not be UTF-8
+                stem = one_line(stem_of(file).encode(errors="replace").decode())  # a file's name need not be UTF-8
                 name = stem if len(wanted) == 1 else f"{stem}.{mechanism.name}"
                 while name in found:
                     name += "'"

@@ -6,6 +6,9 @@ import sys
 import time
 from typing import TYPE_CHECKING
 
+from raff2urdf.escape import one_line
+from raff2urdf.output import unescaped
+
 if TYPE_CHECKING:
     import rich.progress
 
@@ -50,9 +53,11 @@ class Progress:
             if not sys.stderr.isatty() or time.monotonic() - self._begin < _PATIENCE:
                 return
             self._bar = _bar()
-            self._bar.add_task(text, total=total)
+            self._bar.add_task("", total=total)
             self._bar.start()
-        self._bar.update(self._bar.task_ids[0], description=text, completed=done, total=total)
+        from rich.markup import escape
+
+        self._bar.update(self._bar.task_ids[0], description=escape(one_line(text)), completed=done, total=total)
 
 
 def _bar() -> rich.progress.Progress:
@@ -60,5 +65,5 @@ def _bar() -> rich.progress.Progress:
     from rich.progress import Progress, SpinnerColumn
 
     columns = SpinnerColumn(), *Progress.get_default_columns()
-    console = Console(stderr=True)
+    console = Console(file=unescaped(sys.stderr))
     return Progress(*columns, console=console, transient=True, redirect_stdout=False, redirect_stderr=False)

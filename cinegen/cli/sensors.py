@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import sys
+from contextlib import nullcontext, redirect_stdout
 from pathlib import Path
 
 from cinegen.cli.options import FILES, IGNORE, IGNORE_LOOPS, JSON, SECONDS, option
-from raff2urdf.output import write_at_once
+from raff2urdf.output import unescaped, write_at_once
 
 
 def run(
@@ -24,9 +25,16 @@ def run(
     --monitor, shows the readings of one sensor; with --json, as a recording.
     """
     from cinegen.devices import monitor as monitoring
+    from cinegen.devices.kinds import join_token, split_token
+    from cinegen.devices.reading_json import encode_token
 
     if monitor:
-        monitoring.monitor(monitor, write_at_once, seconds, json, rewrite=sys.stdout.isatty() and not json)
+        url, token = split_token(monitor)
+        if token:
+            print(f"{url}: a program sends first: {encode_token(token)}", file=sys.stderr)
+        rewrite = sys.stdout.isatty() and not json
+        with redirect_stdout(unescaped(sys.stdout)) if rewrite else nullcontext():
+            monitoring.monitor(join_token(url, token), write_at_once, seconds, json, rewrite)
     else:
         print(monitoring.listing(map(str, files), sensor, json, ignore_loops, ignore))
     return 0

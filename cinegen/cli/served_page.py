@@ -15,7 +15,8 @@ from cinegen.cli.files import check_outputs, write
 from cinegen.cli.options import FORCE, SECONDS, flag, option
 from cinegen.cli.progress import Progress
 from raff2urdf.command_line import UsageError
-from raff2urdf.output import until_stopped
+from raff2urdf.escape import one_line
+from raff2urdf.output import unescaped, until_stopped
 
 if TYPE_CHECKING:
     from cinegen.cockpit import Cockpit
@@ -101,10 +102,15 @@ class PageOptions:
         return 0
 
     def _announce(self, cockpit: Cockpit, seconds: float | None) -> None:
+        from cinegen.devices.reading_json import encode_token
+
         scripts = {one.name: one.robot for one in cockpit.setup.devices if one.robot is not None}
         for sensor in cockpit.state.sensors:
             if sensor.id in scripts:
                 print(f"{scripts[sensor.id]}: {sensor.message}")
+        for device in cockpit.setup.devices:
+            if device.token:
+                print(f"{device.name}: {device.url}: a program sends first: {encode_token(device.token)}")
         print(f"page: {cockpit.url}", "- Ctrl-C ends" if seconds is None else f"- for {seconds:g} s", flush=True)
         if self.realtime:
             _report_scheduling(cockpit.runner.report().scheduling)
@@ -141,7 +147,8 @@ def _wait(cockpit: Cockpit, seconds: float | None) -> None:
         )
         if not state.compiled:
             text = f"compiling {COMPILATION.fraction:.0%}, Python computes: {text}"
-        print(f"\r{state.time:5.0f} s  {text[:110]:<110}", end="", file=sys.stderr, flush=True)
+        line = f"\r{state.time:5.0f} s  {one_line(text)[:110]:<110}"
+        print(line, end="", file=unescaped(sys.stderr), flush=True)
 
 
 def _report_scheduling(scheduling: str) -> None:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import contextlib
-import html
 import socket
 import threading
 import time
@@ -24,6 +23,7 @@ from cinegen.cockpit.server import ALL, Server
 from cinegen.errors import CinegenError
 from cinegen.realtime.timing import RecentTiming
 from cinegen.session import Reporter, RobotReport, SessionRunner, SessionState, Setup
+from raff2urdf.escape import html_text
 
 REPORTS = 10
 """Reports per second; fewer if they take long."""
@@ -94,7 +94,7 @@ class Cockpit:
         return f"<{self.title} at {self.url}>"
 
     def _repr_html_(self) -> str:
-        url, title = html.escape(self.url), html.escape(self.title)
+        url, title = html_text(self.url), html_text(self.title)
         style = f"width: 100%; height: {self.height}px; border: 0"
         return f'<iframe src="{url}" title="{title}" style="{style}" allow="gamepad; fullscreen"></iframe>'
 

@@ -7,7 +7,6 @@ newest state, as fast as it takes it (`cinegen.cockpit.server`).
 from __future__ import annotations
 
 import base64
-import html
 import threading
 from collections.abc import Callable
 from functools import cache
@@ -16,6 +15,7 @@ from typing import Any, Protocol
 
 import umsgpack
 
+from raff2urdf.escape import html_text
 from raff2urdf.files import GENERATED
 
 _PAGE = """<!DOCTYPE html>
@@ -114,7 +114,7 @@ class Page:
     def html(self) -> str:
         """Return a snapshot: the present scene as one HTML file to look at; nothing moves in it."""
         blobs = ",\n".join(f'"{base64.b64encode(message).decode()}"' for message in self.scene().values())
-        return _PAGE.format(title=html.escape(self.title), generated=GENERATED, viewer=viewer(), blobs=blobs)
+        return _PAGE.format(title=html_text(self.title), generated=GENERATED, viewer=viewer(), blobs=blobs)
 
     def scene(self) -> dict[Key, bytes]:
         """Return all messages, objects before their properties."""

@@ -21,6 +21,7 @@ from cinegen.mission.drawn_obstacle import DrawnObstacle, DrawnShape
 from cinegen.model import Mechanism
 from cinegen.model.motion_plane import motion_plane
 from cinegen.session.setup import DrawnAttached
+from raff2urdf.escape import path_segment
 
 Array = NDArray[np.float64]
 
@@ -76,47 +77,47 @@ class RobotScene:
         held = [(one, _geometry(one.shapes, _HELD)) for one in attached]
         self._fit(drawn.values(), held, scaled)
         for name, (obstacle, objects) in drawn.items():
-            self._put(self._root[name][name], objects)
+            self._put(_below(self._root, name, name), objects)
             self.show_obstacle(name, obstacle.placement)
         for name, mechanism in self.mechanisms.items():
             self._draw(name, mechanism)
             self.show(name, mechanism.q_home, self.bases[name])
         for one, objects in held:
-            self._put(self._root[one.robot][one.node][f"attached {one.name}"], objects)
+            self._put(_below(self._root, one.robot, one.node)[path_segment(one.name, "attached ")], objects)
 
     def show(self, name: str, q: ArrayLike, base: pin.SE3 | None = None) -> None:
         """Move a mechanism to q (nq,), and its base if it is given."""
         mechanism = self.mechanisms[name]
         model, data = mechanism.model, mechanism.system.data
         if base is not None:
-            self._root[name].set_transform(base.homogeneous)
+            _below(self._root, name).set_transform(base.homogeneous)
         pin.forwardKinematics(model, data, mechanism.checked(q))
         for node in mechanism.nodes:
             placement = pin.updateFramePlacement(model, data, mechanism.frame_id(node))
-            self._root[name][node].set_transform(placement.homogeneous)
+            _below(self._root, name, node).set_transform(placement.homogeneous)
 
     def show_obstacle(self, name: str, pose: pin.SE3) -> None:
         """Move an obstacle to a pose in the world (m)."""
-        self._root[name].set_transform(pose.homogeneous)
+        _below(self._root, name).set_transform(pose.homogeneous)
 
     def target(self, name: str, label: str, placement: pin.SE3) -> None:
         """Show a target as a triad; further calls move it."""
-        path = f"{name}/targets/{label}"
+        node = _below(_below(self._root, name)["targets"], label)
         size = 0.12 * self.mechanisms[name].length
-        if path not in self._targets:
-            self._targets.add(path)
-            self._root[path].set_object(triad(size))
-            self._root[path]["ball"].set_object(Mesh(Sphere(0.12 * size), material(_TARGET, 0.85)))
-        self._root[path].set_transform(placement.homogeneous)
+        if node.path.lower() not in self._targets:
+            self._targets.add(node.path.lower())
+            node.set_object(triad(size))
+            node["ball"].set_object(Mesh(Sphere(0.12 * size), material(_TARGET, 0.85)))
+        node.set_transform(placement.homogeneous)
 
     def goal(self, name: str, placement: pin.SE3, whole: bool) -> None:
         """Show the goal of a node as a ball; `whole`: with a triad, for its orientation."""
-        path = f"{name}/goal"
+        node = _below(self._root, name)["goal"]
         size = 0.02 * self._radius
         if whole:
-            self._root[path].set_object(triad(4.0 * size))
-        self._root[path]["ball"].set_object(Mesh(Sphere(size), material(_GOAL, 0.85)))
-        self._root[path].set_transform(placement.homogeneous)
+            node.set_object(triad(4.0 * size))
+        node["ball"].set_object(Mesh(Sphere(size), material(_GOAL, 0.85)))
+        node.set_transform(placement.homogeneous)
 
     def _fit(
         self,
@@ -177,11 +178,11 @@ class RobotScene:
         for i, solid in enumerate(mechanism.visual.geometryObjects):
             node = owners.get(solid.parentFrame)
             if node is not None:
-                self._put(self._root[name][node], [solid], model.frames[solid.parentFrame].placement, i)
+                self._put(_below(self._root, name, node), [solid], model.frames[solid.parentFrame].placement, i)
         for node in {mechanism.nodes[-1], *(node for node, _ in mechanism.sensor_constraints)}:
-            self._root[name][node]["triad"].set_object(triad(0.15 * mechanism.length))
+            _below(self._root, name, node)["triad"].set_object(triad(0.15 * mechanism.length))
         for loop in mechanism.loops:
-            mark = self._root[name][loop.first][f"loop {loop.name}"]
+            mark = _below(self._root, name, loop.first)[path_segment(loop.name, "loop ")]
             mark.set_object(Mesh(Sphere(0.05 * mechanism.length), material(_LOOP, 0.6)))
             mark.set_transform(loop.first_placement.homogeneous)
 
@@ -195,6 +196,13 @@ class RobotScene:
                 place = path[f"{i}.{k}" if k else str(i)]
                 place.set_object(Mesh(geometry, look))
                 place.set_transform(placement @ extra)
+
+
+def _below(node: Visualizer, *names: str) -> Visualizer:
+    """Return the node of what files name, such as a robot and its link, below a node."""
+    for name in names:
+        node = node[path_segment(name)]
+    return node
 
 
 def _geometry(shapes: Iterable[DrawnShape], colour: Array) -> list[pin.GeometryObject]:

@@ -11,7 +11,6 @@ import contextlib
 import errno
 import hashlib
 import hmac
-import html
 import ipaddress
 import re
 import secrets
@@ -34,6 +33,7 @@ from cinegen.cockpit.hub import FASTEST, MOST, Client, Hub, TokenBucket
 from cinegen.cockpit.page import Page, viewer
 from cinegen.cockpit.served_map import ServedMap
 from cinegen.errors import CinegenError
+from raff2urdf.escape import html_text
 
 LARGEST = 8192
 """Bytes of a message from a browser; a longer one ends its connection."""
@@ -367,7 +367,7 @@ class _Index(_Guarded):
         framed = "* vscode-webview:" if self.server.framed else _NEARBY
         policy = _POLICY.format(digest=digest, sockets=sockets, framed=framed)
         self.set_header("Content-Security-Policy", policy)
-        self.write(text.replace("{{title}}", html.escape(self.server.page.title)))
+        self.write(text.replace("{{title}}", html_text(self.server.page.title)))
 
 
 @cache

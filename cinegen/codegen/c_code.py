@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-import textwrap
 from collections import Counter
 
 from cinegen.codegen.cases import Cases
 from cinegen.codegen.language import Language, function, literal
 from cinegen.codegen.program import FIELDS, IK_STATUSES, STATUSES, Function, Program
-from cinegen.codegen.text import filled, functions, header, numbers, table
+from cinegen.codegen.text import filled, functions, header, listed, numbers, table
+from raff2urdf.escape import identifiers
 
 _SHARED = 255
 """Numbers at home that occur several times are counted up to this, which stands for the next of the others."""
@@ -125,7 +125,7 @@ def _is_offered(program: Program, functions: tuple[Function, ...]) -> bool:
 def _header(program: Program) -> list[str]:
     name, values, memory = program.name, program.translation.heap.values, program.memory
     language, real = program.translation.language, program.translation.language.real
-    guard, nodes = f"{name.upper()}_H", list(enumerate(program.mechanism.nodes))
+    guard, nodes = f"{name.upper()}_H", identifiers(program.mechanism.nodes)
     lines = [*header(program, "Kinematics"), f"#ifndef {guard}", f"#define {guard}", "", "#include <stdbool.h>", ""]
     lines += [
         f"#define {name}_NQ {memory.nq}",
@@ -136,10 +136,10 @@ def _header(program: Program) -> list[str]:
         f"#define {name}_SIGMA {max(memory.lesser, 1)}",
         f"#define {name}_DT {literal(program.dt, language)}",
         "",
-        *textwrap.wrap(f"/* q: {', '.join(program.numbers_of_q())} */", 110, subsequent_indent=" * "),
-        f"/* Actuated joints: {', '.join(program.mechanism.actuated)} */",
-        f"enum {{ {', '.join(f'{name}_NODE_{_word(node)} = {i}' for i, node in nodes)} }};",
-        f"/* Tasks: {', '.join(program.tasks)} */",
+        *listed("q", program.numbers_of_q()),
+        *listed("Actuated joints", program.mechanism.actuated),
+        f"enum {{ {', '.join(f'{name}_NODE_{node} = {i}' for i, node in enumerate(nodes))} }};",
+        *listed("Tasks", program.tasks),
         "",
         f"typedef enum {{ {', '.join(f'{name}_{status}' for status in STATUSES)} }} {name}_status;",
         "",
@@ -164,10 +164,6 @@ def _inverse_types(program: Program) -> list[str]:
         f"typedef enum {{ {statuses} }} {name}_ik_status;",
         "",
     ]
-
-
-def _word(node: str) -> str:
-    return "".join(one if one.isalnum() else "_" for one in node)
 
 
 def _code(program: Program) -> list[str]:

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import json
-
 import numpy as np
 
 from cinegen.codegen.cases import Cases
@@ -11,6 +9,7 @@ from cinegen.codegen.inverse import TOLERANCE
 from cinegen.codegen.language import Language
 from cinegen.codegen.program import IK_STATUSES, STATUSES, Function, Program
 from cinegen.codegen.text import filled, functions, header, numbers, table
+from raff2urdf.escape import javascript
 
 _JS = Language.JAVASCRIPT
 
@@ -33,7 +32,7 @@ def module(program: Program) -> list[str]:
     lines = [
         *header(program, "Kinematics"),
         "",
-        f"export const names = {json.dumps(names)};",
+        f"export const names = {javascript(names)};",
         f"export const dt = {program.dt!r}; // s",
         "",
         "/** Return a robot at home. */",
@@ -93,7 +92,7 @@ def module(program: Program) -> list[str]:
             '   * "FOUND"; or "NOT_FOUND" or "BAD_TARGET", and move nothing. */',
             f"  ik(tolerance = {TOLERANCE!r}) {{",
             f"    D[{program.place('ik_tolerance').begin}] = tolerance;",
-            f"    return {json.dumps(IK_STATUSES)}[inverse_kernels_find()];",
+            f"    return {javascript(IK_STATUSES)}[inverse_kernels_find()];",
             "  },",
             f"  /** Iterations of the last call of `ik`, {program.most_iterations} at most. */",
             f"  ikIterations() {{ return I[{program.place('ik_iterations').begin}]; }},",
@@ -142,7 +141,7 @@ def _test(program: Program, cases: Cases) -> list[str]:
         *header(program, "Test of the kinematics"),
         f'import create, {{ names }} from "./{program.name}.mjs";',
         "",
-        f"const cases = {json.dumps(data)};",
+        f"const cases = {javascript(data)};",
         "const robot = create();",
         "let wrong = 0, error = 0.0, largest = 0.0;",
         "function compare(found, wanted) {",

@@ -9,6 +9,7 @@ from collections.abc import Iterable, Sequence
 from cinegen.codegen.language import Language, literal
 from cinegen.codegen.precision import CLOSURE_ERROR, POSITION_ERROR
 from cinegen.codegen.program import Program
+from raff2urdf.escape import block_comment
 from raff2urdf.files import GENERATED
 from raff2urdf.version import __version__
 
@@ -32,8 +33,14 @@ def header(program: Program, what: str) -> list[str]:
             f"characteristic lengths ({1000.0 * CLOSURE_ERROR * length:.2g} mm), and frames are those of double "
             f"precision to {POSITION_ERROR:g} rad and {1000.0 * POSITION_ERROR * length:.2g} mm."
         )
-    text = text.replace("*/", "* /").replace("/*", "/ *")  # names are foreign text
-    return [f"/* {GENERATED} {__version__}", *(f" * {line}" for line in textwrap.wrap(text, _WIDTH)), " */"]
+    lines = textwrap.wrap(block_comment(text), _WIDTH)
+    return [f"/* {GENERATED} {__version__}", *(f" * {line}" for line in lines), " */"]
+
+
+def listed(what: str, names: Iterable[str]) -> list[str]:
+    """Return the lines of a comment that lists names."""
+    text = block_comment(f"{what}: {', '.join(names)}")
+    return textwrap.wrap(f"/* {text} */", _WIDTH, subsequent_indent=" * ", break_on_hyphens=False)
 
 
 def numbers(values: Iterable[float], language: Language) -> str:

@@ -1,13 +1,21 @@
-"""A program as a sensor: it connects by TCP and sends lines of JSON."""
+"""A program as a sensor: it connects by TCP, sends a token and then lines of JSON.
+
+A web page can connect, too: browsers send data of any page to ports of this machine, as HTTP. So a port needs a token,
+and a connection ends at HTTP, or at a first line that is not JSON.
+"""
 
 from __future__ import annotations
 
 import asyncio
 import contextlib
+import hmac
+import re
 import socket
 import time
 
-from cinegen.devices.reading_json import LONGEST, ReadingError, decode_reading
+import msgspec
+
+from cinegen.devices.reading_json import LONGEST, ReadingError, decode_reading, decode_token
 from cinegen.devices.threaded_sensor import DeviceLostError, ThreadedSensor
 from cinegen.sensor import NO_TWIST
 from cinegen.typed_json import encode
@@ -21,7 +29,10 @@ LINES = 2000
 MISTAKES = 20
 """Number of invalid lines in succession after which a client is disconnected."""
 
+_PATIENCE = 10.0  # s until a client must have sent the token
 _POLL = 0.1  # s
+_HTTP = re.compile(rb"\s*(?:[!-~]+ [!-~]+ HTTP/\d|HTTP/\d|[A-Za-z][!-9;-~]*:)")
+"""Begin of a request, of an answer, or of a header."""
 
 
 class _RejectedError(Exception):
@@ -34,7 +45,7 @@ class _Client:
     def __init__(self, writer: asyncio.StreamWriter) -> None:
         self.writer = writer
         self.mistakes = 0  # invalid lines in succession
-        self.has_sent = self.ignored = False
+        self.admitted = self.has_sent = self.ignored = False
         self._credit, self._since = LINES / 2, time.monotonic()  # lines that it may send now
 
     def count_line(self) -> None:
@@ -58,18 +69,22 @@ class _Client:
 class JsonSocket(ThreadedSensor):
     """Listen for programs; the readings of the one that connected last, of those that have sent one, are used.
 
+    The first line of a client is `{"token": "..."}`, with the token of the port; otherwise the client is disconnected.
     Valid lines are not answered; invalid ones are answered by `{"error": "..."}`. A client that continues to send
-    invalid lines, or sends too many, is disconnected.
+    invalid lines, sends too many, or sends HTTP, is disconnected.
 
     Args:
         url: `tcp://address:port`; 127.0.0.1 is reached from this machine only. Port 0 takes any free port.
+        token: token of the port; empty: clients need none, and the first line must be JSON.
 
     Attributes:
         port: port on which it listens; 0 until then.
+        token: token of the port.
     """
 
-    def __init__(self, url: str, address: str, port: int) -> None:
+    def __init__(self, url: str, address: str, port: int, token: str) -> None:
         super().__init__(url)
+        self.token = token
         self._address = address, port
         self.port = 0
 
@@ -107,15 +122,19 @@ class JsonSocket(ThreadedSensor):
         self._clients.append(client)
         self._report_clients()
         try:
-            while (line := await reader.readline()).endswith(b"\n"):
+            while (line := await self._line(reader, client)).endswith(b"\n"):
                 client.count_line()
+                if _HTTP.match(line):
+                    raise _RejectedError("this port takes lines of JSON, not HTTP")
                 if line.strip():
                     self._take(client, line)
         except ValueError:
             self._reject(client, f"a line of more than {LONGEST} bytes")
         except _RejectedError as error:
             self._reject(client, str(error))
-        except OSError:  # the connection is broken
+        except TimeoutError:
+            self._reject(client, f"no token within {_PATIENCE:g} s")
+        except (OSError, asyncio.CancelledError):  # the connection is broken, or the sensor is closed
             pass
         finally:
             was_source = client is self._source()
@@ -124,6 +143,15 @@ class JsonSocket(ThreadedSensor):
             if was_source:  # its deflection and buttons end with it
                 self.newest.put(NO_TWIST if self.newest.last.twist is not None else None, None, frozenset())
             self._report_clients()
+
+    async def _line(self, reader: asyncio.StreamReader, client: _Client) -> bytes:
+        """Return the next line.
+
+        Raises:
+            TimeoutError: the first line does not come.
+        """
+        patience = _PATIENCE if self.token and not client.admitted else None
+        return await asyncio.wait_for(reader.readline(), patience)
 
     def _report_clients(self) -> None:
         count = len(self._clients)
@@ -137,7 +165,25 @@ class JsonSocket(ThreadedSensor):
         self.damaged += 1
         client.answer(f"{reason}: disconnected")
 
+    def _admit(self, client: _Client, line: bytes) -> bool:
+        """Admit a client by its first line. Return whether that was a token.
+
+        Raises:
+            _RejectedError: it is neither the token, nor JSON where no token is needed.
+        """
+        token = decode_token(line)
+        if self.token and not (token and hmac.compare_digest(token.encode(), self.token.encode())):
+            raise _RejectedError(
+                'the first line must be {"token": "..."}, with the token that was printed at the start'
+            )
+        if not self.token and not _is_json(line):
+            raise _RejectedError("the first line is not JSON")
+        client.admitted = True
+        return token is not None
+
     def _take(self, client: _Client, line: bytes) -> None:
+        if not client.admitted and self._admit(client, line):
+            return
         try:
             reading = decode_reading(line)
         except ReadingError as error:
@@ -159,3 +205,11 @@ class JsonSocket(ThreadedSensor):
                 self.newest.press(reading.buttons)
         else:
             self.newest.put(*reading)
+
+
+def _is_json(line: bytes) -> bool:
+    try:
+        msgspec.json.decode(line)
+    except (msgspec.MsgspecError, RecursionError, UnicodeError):
+        return False
+    return True

@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+import os
 import re
+import secrets
 import warnings
 from collections.abc import Callable, Iterable, Mapping
 from ipaddress import ip_address
 from os.path import realpath
 from pathlib import Path as File
+from urllib.parse import quote, unquote
 
 import numpy as np
 from numpy.typing import NDArray
@@ -31,11 +34,45 @@ def _serial(url: str, *_: object) -> Sensor:
     return SerialMouse(url)
 
 
+_TOKEN = re.compile(r"(tcp://[^?]*)\?(?:no-token|token=(.+))", re.IGNORECASE | re.DOTALL)
+
+
+def split_token(url: str) -> tuple[str, str]:
+    """Return a sensor's URL without its token, and the token that programs must send; empty if none is needed.
+
+    The token of `tcp://127.0.0.1:7070` is that of the environment variable `CINEGEN_TOKEN`, or random.
+
+    Raises:
+        SensorError: no token, and an address that other machines reach.
+    """
+    if scheme(url) != "tcp":
+        return url, ""
+    found = _TOKEN.fullmatch(url)
+    if found is None:
+        return url, os.environ.get("CINEGEN_TOKEN") or secrets.token_urlsafe(16)
+    if found[2] is None and _listens_for_others(url):
+        raise SensorError(
+            f"'{url}': other machines reach this address: a port there needs a token; leave out ?no-token"
+        )
+    return found[1], unquote(found[2] or "")
+
+
+def join_token(url: str, token: str) -> str:
+    """Return the URL whose parts `split_token` returns."""
+    if scheme(url) != "tcp":
+        return url
+    return f"{url}?token={quote(token, safe='')}" if token else f"{url}?no-token"
+
+
 def _tcp(url: str, *_: object) -> Sensor:
-    found = re.fullmatch(r"tcp://(\[[0-9a-fA-F:.]+\]|[^:/\[\]]*):(\d{1,5})/?", url)
+    own, token = split_token(url)
+    found = re.fullmatch(r"tcp://(\[[0-9a-fA-F:.]+\]|[^:/?\[\]]*):(\d{1,5})/?", own, re.IGNORECASE)
     if found is None or int(found[2]) > 65535:
-        raise SensorError(f"'{url}': write tcp://127.0.0.1:7070, an address of this machine and a port")
-    return JsonSocket(url, found[1].strip("[]") or "127.0.0.1", int(found[2]))
+        raise SensorError(
+            f"'{own}': write tcp://127.0.0.1:7070, an address of this machine and a port; ?token=TEXT or ?no-token may "
+            "follow"
+        )
+    return JsonSocket(own, found[1].strip("[]") or "127.0.0.1", int(found[2]), token)
 
 
 def _path(url: str, mechanism: Mechanism | None, node: str | None, q: Array | None) -> Sensor:
@@ -56,7 +93,7 @@ def _gamepad(url: str, *_: object) -> Sensor:
 KINDS: Mapping[str, tuple[Callable[[str, Mechanism | None, str | None, Array | None], Sensor], str]] = {
     "": (_serial, "/dev/ttyUSB0, COM3 - a Magellan (SpaceMouse) or Spaceball on a serial port"),
     "spnav": (lambda url, *_: Spacenav(url), "spnav: - USB and wireless 3D mice, through the spacenav daemon"),
-    "tcp": (_tcp, "tcp://127.0.0.1:7070 - a program that sends lines of JSON"),
+    "tcp": (_tcp, "tcp://127.0.0.1:7070 - a program that sends a token and lines of JSON"),
     "replay": (lambda url, *_: Replay(url.removeprefix("replay:")), "replay:FILE.jsonl - a recording"),
     "path": (_path, "path:circle - a script"),
     "seam": (
@@ -103,9 +140,10 @@ def open_sensor(
         raise SensorError(
             f"{_named(url, number)}: no kind of sensor '{kind}:'{did_you_mean(kind, tuple(filter(None, KINDS)))}"
         )
+    sensor = KINDS[kind][0](url, mechanism, node, q)
     for warning in filter(None, (why_missing(url, number), exposure(url, number))):
         warnings.warn(warning, CinegenWarning, stacklevel=2)
-    return KINDS[kind][0](url, mechanism, node, q)
+    return sensor
 
 
 def what_is(url: str) -> str | None:
@@ -130,8 +168,8 @@ def exposure(url: str, number: int | None = None) -> str:
     if scheme(url) != "tcp" or not _listens_for_others(url):
         return ""
     return (
-        f"{_named(url, number)}: every machine that reaches this port can drive the robot, without a token and without "
-        "encryption; with 127.0.0.1 only this machine can"
+        f"{_named(url.partition('?')[0], number)}: every machine that reaches this port can drive the robot if it has "
+        "the token, which is sent without encryption; with 127.0.0.1 only this machine can"
     )
 
 
@@ -144,11 +182,13 @@ def refusal(url: str) -> str:
 
     A file from elsewhere must not make a program read or write other files, connect to a server, or listen to other
     machines. So it may name serial ports, the spacenav daemon, scripts, the browser's gamepad, and programs on this
-    machine that connect to a loopback port.
+    machine that connect to a loopback port, with a token that it does not know.
     """
     kind = scheme(url)
     if kind in ("gamepad", "path", "hwgrep", "loop") or url == "spnav:":
         return ""
+    if kind == "tcp" and "?" in url:
+        return "would choose which programs can drive the robot"
     if kind == "tcp":
         return "would let other machines drive the robot" if _listens_for_others(url) else ""
     if kind == "" and any(re.fullmatch(_SERIAL_PORT, name) and ".." not in name for name in (url, realpath(url))):
@@ -163,7 +203,7 @@ _SERIAL_PORT = r"(?:/dev/(?:tty|cu\.|rfcomm|pts/|serial/)[\w.:/+-]*|(?:\\\\\.\\)
 
 def _listens_for_others(url: str) -> bool:
     """Return whether a sensor's URL opens a port that other machines reach."""
-    found = re.match(r"tcp://(\[[^\]]*\]|[^:/]*)", url, re.IGNORECASE)
+    found = re.match(r"tcp://(\[[^\]]*\]|[^:/?]*)", url, re.IGNORECASE)
     host = found[1].strip("[]") if found is not None else ""
     try:
         return bool(host) and not ip_address(host).is_loopback

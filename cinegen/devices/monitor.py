@@ -16,6 +16,7 @@ from cinegen.devices.spacenav import socket_path
 from cinegen.errors import UnknownNameError
 from cinegen.model.load import load, robots
 from cinegen.sensor import NO_TWIST, Reading, Sensor, SensorError, SensorState, SensorStatus
+from raff2urdf.escape import one_line
 from raff2urdf.output import until_stopped
 
 Write = Callable[[str], object]
@@ -172,7 +173,7 @@ def _show(sensor: Sensor, write: Write, seconds: float | None, rewrite: bool) ->
         now, status = time.monotonic(), sensor.status
         if status.message != message and status.state is not SensorState.SILENT:
             message = status.message
-            write(f"{_CLEAR if rewrite else ''}{status.state.value}: {message}\n")
+            write(f"{_CLEAR if rewrite else ''}{status.state.value}: {one_line(message)}\n")
         if now - shown < _SHOWN or status.state not in (SensorState.LIVE, SensorState.SILENT):
             continue
         shown = now

@@ -49,6 +49,16 @@ class ReadingMessage(Struct, frozen=True, kw_only=True, forbid_unknown_fields=Tr
     buttons: frozenset[Button] | UnsetType = UNSET
 
 
+class TokenMessage(Struct, frozen=True, forbid_unknown_fields=True):
+    """The first line of a program.
+
+    Attributes:
+        token: token of the port.
+    """
+
+    token: str
+
+
 class RecordedReading(ReadingMessage, frozen=True, kw_only=True, forbid_unknown_fields=True):
     """A reading in a recording: with the fields of a reading that a program sends.
 
@@ -90,6 +100,7 @@ class PartialReading(NamedTuple):
 
 
 _MESSAGE = decoder(ReadingMessage, ReadingMessage)
+_TOKEN = decoder(TokenMessage, TokenMessage)
 _RECORDED = decoder(RecordedReading, RecordedReading)
 
 
@@ -100,6 +111,19 @@ def decode_reading(line: bytes | str) -> PartialReading:
         ReadingError: it doesn't match the schema.
     """
     return _partial(_decoded(line, _MESSAGE))
+
+
+def decode_token(line: bytes) -> str | None:
+    """Return the token in a program's first line; None if it is another line."""
+    try:
+        return _TOKEN.decode(line).token
+    except (msgspec.MsgspecError, RecursionError, UnicodeError):
+        return None
+
+
+def encode_token(token: str) -> str:
+    """Return the first line of a program, without its end."""
+    return encode(TokenMessage(token)).decode()
 
 
 def decode_recorded(line: bytes | str) -> Reading:

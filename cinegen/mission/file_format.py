@@ -23,6 +23,7 @@ from cinegen.mission.drawn_obstacle import DrawnObstacle
 from cinegen.model.fingerprint import fingerprint
 from cinegen.model.mechanism import Mechanism
 from cinegen.typed_json import DoF, decoder, encode
+from raff2urdf.escape import one_line
 
 Array = NDArray[np.float64]
 
@@ -223,7 +224,21 @@ def decode_header(first: bytes) -> MissionHeader:
         raise MissionError(f"line 1: {error}") from None
     if not header.robots:
         raise MissionError("line 1: Expected at least one robot - at `$.robots`")
-    return header
+    robots = {one_line(name): _shown(robot) for name, robot in header.robots.items()}
+    obstacles = {one_line(name): obstacle for name, obstacle in header.obstacles.items()}
+    if len(robots) + len(obstacles) < len(header.robots) + len(header.obstacles):
+        raise MissionError("line 1: two names differ only in characters that can't be printed - at `$.robots`")
+    return msgspec.structs.replace(header, robots=robots, obstacles=obstacles)
+
+
+def _shown(robot: RecordedRobot) -> RecordedRobot:
+    """Return a robot whose texts for users can be printed."""
+    base = (
+        robot.base
+        if robot.base.robot is None
+        else msgspec.structs.replace(robot.base, robot=one_line(robot.base.robot))
+    )
+    return msgspec.structs.replace(robot, robot=one_line(robot.robot), source=one_line(robot.source), base=base)
 
 
 def decode_moment(data: bytes, header: MissionHeader, before: Moment | None = None) -> Moment:
@@ -237,14 +252,16 @@ def decode_moment(data: bytes, header: MissionHeader, before: Moment | None = No
     except _NOT_DECODED as error:
         raise MissionError(str(error)) from None
     robots = {} if before is None else dict(before.robots)
-    for name, sample in moment.robots.items():
+    for written, sample in moment.robots.items():
+        name = one_line(written)
         if name not in header.robots:
             raise MissionError(f"robot '{name:.40}' is not in the first line - at `$.robots`")
         if len(sample.q) != header.robots[name].nq:
             raise MissionError(f"Expected `array` of length {header.robots[name].nq} - at `$.robots.{name}.q`")
         is_same = name in robots and sample.tasks is UNSET
         robots[name] = msgspec.structs.replace(sample, tasks=robots[name].tasks) if is_same else sample
-    for name in moment.obstacles:
+    moved = {one_line(name): pose for name, pose in moment.obstacles.items()}
+    for name in moved:
         if name not in header.obstacles:
             raise MissionError(f"obstacle '{name:.40}' is not in the first line - at `$.obstacles`")
     if before is None:
@@ -253,4 +270,4 @@ def decode_moment(data: bytes, header: MissionHeader, before: Moment | None = No
         raise MissionError("Expected a time after that of the line before - at `$.t`")
     else:
         obstacles = before.obstacles
-    return Moment(moment.t, robots, obstacles | moment.obstacles)
+    return Moment(moment.t, robots, obstacles | moved)

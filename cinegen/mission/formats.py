@@ -1,6 +1,7 @@
 """Export formats of a joint trajectory: s, rad and m. A new format is a function and a line in `FORMATS`.
 
-csv: a table `time,joint1,...` with a line for each sample; every number reads back to the same double.
+csv: a table `time,joint1,...` with a line for each sample; every number reads back to the same double. An
+    apostrophe precedes a name that a spreadsheet would compute, such as `=1+1`.
 npz: arrays for numpy, `times` (n,), `joints` (m,) their names, `q` and `v` (n, m), `rate`, `robot`.
 ros2: a goal of the action `control_msgs/action/FollowJointTrajectory` of ROS 2 in YAML, as `ros2 action send_goal`
     takes it. The joints' names are those of the URDF; numbers are rounded to 1e-9.
@@ -22,6 +23,7 @@ from numpy.typing import NDArray
 from cinegen.errors import UnknownNameError
 from cinegen.mission.file_format import MissionError
 from cinegen.mission.trajectory import Trajectory
+from raff2urdf.escape import csv_cell, line_comment
 
 Array = NDArray[np.float64]
 
@@ -38,7 +40,7 @@ _STOP = 2.0  # rad/s^2
 def _csv(trajectory: Trajectory, joints: tuple[str, ...]) -> bytes:
     text = io.StringIO()
     table = csv.writer(text, lineterminator="\n")
-    table.writerow(["time", *joints])
+    table.writerow(["time", *map(csv_cell, joints)])
     table.writerows(np.column_stack([trajectory.times, trajectory.positions(joints)]).tolist())
     return text.getvalue().encode()
 
@@ -89,9 +91,10 @@ def _urscript(trajectory: Trajectory, joints: tuple[str, ...]) -> bytes:
         raise MissionError(f"URScript needs six actuated revolute joints: {trajectory.name} has {len(revolute)}{more}")
     q, period = trajectory.positions(joints), 1.0 / trajectory.rate
     first, *others = (f"[{', '.join(f'{value:.6f}' for value in one + 0.0)}]" for one in q)
+    about = f"{trajectory.name}: {len(q)} positions in {trajectory.seconds:.3f} s, {trajectory.rate:g} a second"
     lines = [
-        f"# {trajectory.name}: {len(q)} positions in {trajectory.seconds:.3f} s, {trajectory.rate:g} a second",
-        f"# joints, base first (rad): {', '.join(joints)}",
+        f"# {line_comment(about)}",
+        f"# joints, base first (rad): {line_comment(', '.join(joints))}",
         "# Made by cinegen. It first moves to the start along a straight line in joint space: keep that path clear.",
         "def cinegen_motion():",
         f"  movej({first}, a={_ACCELERATION}, v={_SPEED})",

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import base64
 import hashlib
-import html
 import json
 import re
 import zlib
@@ -26,6 +25,7 @@ from cinegen.page.kernels_module import KERNELS, module
 from cinegen.page.modules import import_map
 from cinegen.page.tables import robot_tables
 from cinegen.session import Setup
+from raff2urdf.escape import html_text, xml_comment
 from raff2urdf.files import GENERATED
 
 RATE = 240.0
@@ -61,7 +61,7 @@ def build_page(setup: Setup, title: str = "") -> str:
     )
     policy = f'<meta http-equiv="Content-Security-Policy" content="{_POLICY.format(nonce=nonce)}">'
     styles = "\n".join(_static(name) for name in _STYLES) + _own("local.css")
-    text = _static("index.html").replace("{{title}}", html.escape(title))
+    text = _static("index.html").replace("{{title}}", html_text(title))
     text = text.replace("<html ", '<html data-source="local" ', 1)
     text = text.replace("<head>\n", f"<head>\n<!-- {GENERATED}\n{_licences()}-->\n{policy}\n", 1)
     text = re.sub(r'<link rel="icon"[^>]*>', f'<link rel="icon" href="{_icon()}" type="image/svg+xml">', text)
@@ -112,7 +112,7 @@ def _packed(content: Any) -> str:
 
 
 def _licences() -> str:
-    return "\n".join((_project_licence(), *_viewer_licences())).replace("--", "- -")  # it stands in a comment
+    return xml_comment("\n".join((_project_licence(), *_viewer_licences())))
 
 
 def _viewer_licences() -> Iterator[str]:

@@ -18,12 +18,11 @@ from cinegen.assembly import AssemblyModes
 from cinegen.errors import CinegenError
 from cinegen.model.motion_plane import motion_plane
 from cinegen.plotting.ground import Ground, bounds, ground_of, rests_on_base
-from cinegen.plotting.sheet import FAINT, INK, round_length
+from cinegen.plotting.sheet import FAINT, INK, new_figure, round_length
 from cinegen.plotting.skeleton import Pose, Skeleton
 from cinegen.plotting.stick import ACTUATED, BACK, END, FRONT, Pen, paint
 from cinegen.plotting.units import length_digits, rounded, value_text
 from cinegen.plotting.view import Projection, views
-from raff2urdf.extras import needs
 from raff2urdf.quantities import LENGTH, shown, shown_scale
 
 if TYPE_CHECKING:
@@ -61,9 +60,6 @@ def draw_modes(modes: AssemblyModes, node: str | None = None, name: str | None =
         DrawingError: there is no mode.
         UnknownNameError: no such node.
     """
-    with needs("plot", "pictures"):
-        from matplotlib.figure import Figure
-
     mechanism, count = modes.mechanism, len(modes)
     if not count:
         raise DrawingError(f"{mechanism.name} has no assembly mode there: nothing can be drawn")
@@ -81,7 +77,7 @@ def draw_modes(modes: AssemblyModes, node: str | None = None, name: str | None =
     rows, across = -(-count // columns), columns * (wide + _GAP) - _GAP
     width = max(across, _NARROWEST) + 2.0 * _MARGIN
     height = rows * (tall + _TITLE + _GAP) - _GAP + _HEAD + _FOOT
-    figure = Figure(figsize=(width, height), facecolor="white")
+    figure = new_figure(figsize=(width, height), facecolor="white")
     grid = figure.add_gridspec(
         rows, columns, left=_MARGIN / width, right=(_MARGIN + across) / width, bottom=_FOOT / height,
         top=1.0 - (_HEAD + _TITLE) / height, wspace=_GAP / wide, hspace=(_TITLE + _GAP) / tall,

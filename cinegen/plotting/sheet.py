@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import textwrap
+from functools import cache
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -34,6 +35,35 @@ _KEY = 0.6  # inches, width of a key in a legend
 _COLUMNS = 6  # of a legend, most
 
 
+def new_figure(**settings: Any) -> Figure:
+    """Return an empty figure whose texts are shown as they are: to matplotlib, `$` would begin a formula.
+
+    Args:
+        settings: of `matplotlib.figure.Figure`.
+    """
+    with needs("plot", "pictures"):
+        return _figure_class()(**settings)
+
+
+@cache
+def _figure_class() -> type[Figure]:
+    from matplotlib.figure import Figure
+    from matplotlib.text import Text
+
+    class PlainFigure(Figure):
+        """A figure without formulas but those that matplotlib writes at logarithmic scales."""
+
+        def draw(self, renderer: Any) -> None:
+            axes = [axis for one in self.axes for axis in (one.xaxis, one.yaxis) if axis.get_scale() == "log"]
+            powers = {text for axis in axes for text in axis.get_ticklabels(which="both")}
+            for text in self.findobj(Text):
+                if isinstance(text, Text) and text not in powers:
+                    text.set_parse_math(False)
+            super().draw(renderer)
+
+    return PlainFigure
+
+
 def sheet(wide: float, tall: float, first: str, second: str) -> tuple[Figure, Any]:
     """Return a figure with two titles, and the subfigure below them.
 
@@ -44,12 +74,12 @@ def sheet(wide: float, tall: float, first: str, second: str) -> tuple[Figure, An
         second: second title.
     """
     with needs("plot", "pictures"):
-        from matplotlib.figure import Figure
+        import matplotlib  # noqa: F401
 
     first = wrapped(first, _INK * wide, _LARGE, "bold")
     second = wrapped(second, _INK * wide, _SMALL)
     lines = [points * _LINE * (text.count("\n") + 1) for text, points in ((first, _LARGE), (second, _SMALL))]
-    figure = Figure(figsize=(wide, tall + sum(lines) / 72.0 + 2.0 * _AROUND), dpi=150)
+    figure = new_figure(figsize=(wide, tall + sum(lines) / 72.0 + 2.0 * _AROUND), dpi=150)
     figure.set_layout_engine("constrained", h_pad=_PAD)
     figure.suptitle(first, x=_LEFT, ha="left", fontsize=_LARGE, fontweight="bold", color=INK)
     body: Any = figure.subfigures()

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cinegen.devices import Gamepad, ScriptedSensor, Sensor, Teleoperation, TwistMapping, open_sensor
-from cinegen.devices.kinds import scheme
+from cinegen.devices.kinds import join_token, scheme
 from cinegen.devices.latest_reading import DeviceSensor
 from cinegen.sensor import Reading, SensorState, Twist
 from cinegen.session.robot import SENSOR, DrivenRobot, UserTask
@@ -54,7 +54,8 @@ class SessionSensors:
             robot = robots.get(device.robot or "")
             mechanism, q = (robot.mechanism, robot.solver.q) if robot is not None else (None, None)
             number = int(device.name) if device.name.isdecimal() else None
-            self._sensors[device.name] = open_sensor(device.url, number, mechanism, device.node, q)
+            url = join_token(device.url, device.token)
+            self._sensors[device.name] = open_sensor(url, number, mechanism, device.node, q)
 
     def close(self) -> None:
         """Close all sensors."""

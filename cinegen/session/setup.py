@@ -17,7 +17,7 @@ from msgspec import Struct
 from numpy.typing import NDArray
 
 from cinegen.collision import Scene
-from cinegen.devices.kinds import exposure, overrides, refusal, why_missing
+from cinegen.devices.kinds import exposure, overrides, refusal, split_token, why_missing
 from cinegen.errors import CinegenError, CinegenWarning, UnknownNameError
 from cinegen.mission import BasePose, Recording
 from cinegen.mission.drawn_obstacle import DrawnObstacle, DrawnShape
@@ -55,6 +55,7 @@ class Device:
         rotation: number of rotations.
         robot: robot that a script is made for; None: any.
         node: node that a script is made for.
+        token: token that programs must send first; empty: none.
     """
 
     name: str
@@ -63,6 +64,7 @@ class Device:
     rotation: int = 3
     robot: str | None = None
     node: str | None = None
+    token: str = field(default="", repr=False)
 
 
 class SensorSwitch(Struct, frozen=True):
@@ -410,9 +412,10 @@ def _device(
     name: str, url: str, number: int | None, translation: int, rotation: int, robot: str | None = None, node: str = ""
 ) -> Device:
     """Return a sensor, with a warning if its port does not exist, or if other machines reach it."""
+    own, token = split_token(url)
     for warning in filter(None, (why_missing(url, number), exposure(url, number))):
         warnings.warn(warning, CinegenWarning, stacklevel=3)
-    return Device(name, url, translation, rotation, robot, node or None)
+    return Device(name, own, translation, rotation, robot, node or None, token)
 
 
 def _free(label: str, taken: Mapping[str, object]) -> str:

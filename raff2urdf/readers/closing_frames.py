@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from raff2urdf.escape import shell_word
 from raff2urdf.placement import from_origin
 from raff2urdf.readers.declaration import Declaration
 from raff2urdf.readers.loop_joint import LoopJoint
@@ -54,9 +55,8 @@ def find(root: Any) -> Iterator[Declaration]:
         kind = "revolute" if own in hinges else "ball"
         label = f"frames '{name}' and '{last.get('name')}'"
         text = f"the {label} (line {last.sourceline}) declare a loop"
-        note = (
-            f"the {label} don't state the kind of loop: their origins coincide; --loop {name[:-2]}=revolute otherwise"
-        )
+        other = f"--loop {shell_word(name[:-2])}=revolute otherwise"
+        note = f"the {label} don't state the kind of loop: their origins coincide; {other}"
         yield Declaration(
             first.sourceline, DIALECT, label, text, name[:-2], read=_reader(first, last, kind), also=tuple(
                 str(one.get("name")) for one in pair.values()

@@ -7,6 +7,7 @@ the loops, where that file is missing.
 
 from __future__ import annotations
 
+import json
 import re
 from collections import Counter
 from collections.abc import Collection, Iterator, Sequence
@@ -15,6 +16,7 @@ from typing import Any
 
 from lxml import etree
 
+from raff2urdf.escape import one_line, shell_word, xml_comment
 from raff2urdf.readers.closing_joints import Connections, joined_links
 from raff2urdf.readers.declaration import Declaration, label_of, listed, local, tag_of
 from raff2urdf.readers.sidecar import constraints_of
@@ -75,7 +77,8 @@ def refusal(lost: Sequence[Declaration], urdf: Path) -> str:
     sidecar = constraints_of(urdf).name
     more = f". Also not read: {listed(lost[1:], 3)}" if len(lost) > 1 else ""
     word = lost[0].words[0]
-    leave = f'or leave it out with --ignore {word} (in Python ignore=["{word}"]), or all loops with {IGNORE}'
+    ignore = f"--ignore {shell_word(word)} (in Python ignore=[{json.dumps(word)}])"
+    leave = f"or leave it out with {ignore}, or all loops with {IGNORE}"
     what = "couplings" if all(one.coupling for one in lost) else "loops"
     remedy = f"Declare the {what} in {sidecar} next to the URDF, {leave}"
     if lost[0].dialect == COMMENT:
@@ -87,11 +90,7 @@ def note(file: str, loops: int, couplings: int = 0) -> Any:
     """Return the comment that names the file with a URDF's loops and couplings."""
     words = [("loop", loops)] * (loops > 0 or couplings == 0) + [("coupling", couplings)] * (couplings > 0)
     counts = [f"{count} {word}{'s' * (count != 1)}" for word, count in words]
-    shown = "".join(letter if letter.isprintable() else "?" for letter in file)  # XML has not all characters
-    text = f" {NOTE} {shown} ({' and '.join(counts)}) "
-    while "--" in text:
-        text = text.replace("--", "- -")
-    return etree.Comment(text)
+    return etree.Comment(xml_comment(f" {NOTE} {one_line(file)} ({' and '.join(counts)}) "))
 
 
 def _notes(root: Any) -> Iterator[Declaration]:

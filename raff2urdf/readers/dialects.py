@@ -20,6 +20,7 @@ import numpy as np
 
 from raff2urdf.constraints import Constraints
 from raff2urdf.errors import RaffError, RaffWarning
+from raff2urdf.escape import shell_word
 from raff2urdf.readers import (
     Description,
     closing_frames,
@@ -264,7 +265,7 @@ class _Composed:
         word = next(word for word in (*declared.words, "") if word not in other.words)
         return RaffError(
             f"{where}: {declared.label} contradicts {there} of {other.dialect}: correct one of them, or leave it out "
-            f"with --ignore {word}"
+            f"with --ignore {shell_word(word)}"
         )
 
     def result(self, left_out: tuple[str, ...]) -> Description:

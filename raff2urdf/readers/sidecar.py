@@ -13,6 +13,7 @@ from typing import Any, NamedTuple
 
 from raff2urdf.constraints import HASH, Constraints, UrdfSummary, load, loads
 from raff2urdf.errors import RaffError, RaffWarning
+from raff2urdf.escape import shell_word
 from raff2urdf.readers.successive import moving
 from raff2urdf.readers.urdf import IGNORE, hash_of, parse, root_first
 from raff2urdf.readers.xml_file import own_element
@@ -57,7 +58,7 @@ def loops_of(urdf: Path, text: str) -> tuple[str, Constraints] | None:
     if not own.exists():
         return None
     if not own.is_file():
-        raise RaffError(f"{own}: is not a file: remove it, or leave it out with --ignore {own.name}")
+        raise RaffError(f"{own}: is not a file: remove it, or leave it out with --ignore {shell_word(own.name)}")
     if own.stat().st_size > _LARGEST:
         raise RaffError(f"{own}: is not read: it is larger than {_LARGEST / 1e6:.0f} MB")
     return text, load(own, _summary(urdf, text))

@@ -13,6 +13,7 @@ from lxml import etree
 from numpy.typing import NDArray
 
 from raff2urdf.errors import RaffError, defined_twice, did_you_mean, duplicates, limits_reversed
+from raff2urdf.escape import one_line, shell_word
 from raff2urdf.inertia import Inertia
 from raff2urdf.placement import from_origin
 from raff2urdf.raff import texts
@@ -62,6 +63,8 @@ def parse(text: str, name: str) -> Any:
     tree = parse_xml(text, name)
     if tree.tag != "robot":
         raise error_at(name, tree, f"this is not a URDF: its first element is <{tree.tag}>, not <robot>")
+    if tree.get("name"):
+        tree.set("name", one_line(tree.get("name")))  # it names nothing but the robot, to users
     try:
         for joint in tree.iterchildren("joint"):
             if joint.find("parent") is None:
@@ -82,7 +85,7 @@ def xacro_hint(tree: Any, name: str) -> str:
     for element in tree.iter("*"):
         prefix = element.prefix or str(element.tag).partition(":")[0]
         if prefix == "xacro" or any("$(" in value or "${" in value for value in element.attrib.values()):
-            return f". It contains xacro (line {element.sourceline}): load the output of `xacro {name}`"
+            return f". It contains xacro (line {element.sourceline}): load the output of `xacro {shell_word(name)}`"
     return ""
 
 

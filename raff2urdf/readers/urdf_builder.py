@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from raff2urdf.constraints import Constraints, loop_entry
 from raff2urdf.coupling import coupling_entry
+from raff2urdf.escape import shell_word
 from raff2urdf.inertia import Inertia
 from raff2urdf.placement import inverse, joint_motion, translation
 from raff2urdf.readers.urdf import UNLIMITED
@@ -138,7 +139,7 @@ class UrdfBuilder:
 
 def leave_out(element: str) -> str:
     """Return the remedy for an element that has no counterpart."""
-    return f"leave it out with --ignore {element} (in Python ignore=['{element}'])"
+    return f"leave it out with --ignore {shell_word(element)} (in Python ignore=[{element!r}])"
 
 
 def shapes(kind: str, sizes: ArrayLike, file: str = "", height: float = 0.0) -> Iterator[Shape]:

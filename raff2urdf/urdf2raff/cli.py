@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 from typer import Argument, Option
 
 from raff2urdf.cli import Force, Json, Loops, counted, parse_loops, print_json, warnings_printed
-from raff2urdf.command_line import UsageError, Version, new_app, print_error, run_app
+from raff2urdf.command_line import Command, UsageError, Version, new_app, print_error, run_app
 from raff2urdf.errors import RaffError
 from raff2urdf.files import STANDARD, output_path, stem_of
 from raff2urdf.output import run
@@ -26,7 +26,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     return run("urdf2raff", lambda: run_app(app, "urdf2raff", arguments))
 
 
-@app.command()
+@app.command(cls=Command)
 def urdf2raff(
     file: Annotated[str, Argument(metavar="FILE", help="URDF, SDF or MJCF", show_default=False)],
     output: Annotated[

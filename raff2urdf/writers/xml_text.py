@@ -6,6 +6,8 @@ from collections.abc import Iterable
 
 from lxml import etree
 
+from raff2urdf.escape import xml_comment
+
 
 def numeral(value: float) -> str:
     """Return the shortest text that reads back to the same double; no -0.0."""
@@ -18,10 +20,8 @@ def numerals(values: Iterable[float]) -> str:
 
 
 def comment(lines: Iterable[str]) -> etree._Element:
-    """Return a comment of several lines; XML forbids two hyphens in a row in it."""
-    text = "\n  ".join(lines)
-    while "--" in text:
-        text = text.replace("--", "- -")
+    """Return a comment of several lines."""
+    text = xml_comment("\n  ".join(lines))
     return etree.Comment(f"\n  {text}\n")
 
 

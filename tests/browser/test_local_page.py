@@ -10,11 +10,13 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from hostile_names import JOINTS, LINKS, urdf
 from PIL import Image
 from playwright.sync_api import sync_playwright
 from test_cockpit_page import FLAGS, SIZE, WHERE
 from variants import slow
 
+import cinegen
 from cinegen.page import build_page
 from cinegen.session import Setup
 
@@ -189,3 +191,34 @@ def test_a_soft_shadow_darkens_the_floor_and_nothing_else(file, tab):
     assert lighter.min() >= -2
     assert lighter.max() > 20
     assert 0.002 < np.mean(lighter > 4) < 0.3
+
+
+def test_names_that_objects_of_javascript_have(browser, tmp_path):
+    """A robot, links and joints called `constructor`, `__proto__` and so on are drawn, and driven; none is code."""
+    robot_file = tmp_path / "constructor.urdf"
+    robot_file.write_text(urdf("__proto__"), encoding="utf-8")
+    setup = Setup({"constructor": cinegen.load(robot_file)})
+    file = tmp_path / "constructor.html"
+    file.write_text(build_page(setup, "</title><script>window.owned = 1</script>"))
+    context, wrong = browser.new_context(viewport=SIZE, offline=True), []
+    page = context.new_page()
+    page.on("pageerror", lambda error: wrong.append(str(error)))
+    page.on("console", lambda message: wrong.append(message.text) if message.type == "error" else None)
+    page.goto(file.as_uri())
+    assert becomes(page, READY)
+    shown = """(name) => {
+        const { view } = cockpit;
+        return view.group("constructor", name).getWorldPosition(view.root.position.clone()).toArray();
+    }"""
+    places = np.array([page.evaluate(shown, name) for name in LINKS])
+    apart = np.linalg.norm(np.diff(places, axis=0), axis=1)
+    assert apart == pytest.approx(np.full(len(LINKS) - 1, apart[0]), rel=1e-6)  # each where the one before carries it
+    assert apart[0] > 0.0
+    page.evaluate(
+        """cockpit.pick.session.send({ type: "move_joint", robot: "constructor", joint: "__proto__", value: 0.5 })"""
+    )
+    moved = JOINTS.index("__proto__")
+    assert becomes(page, f"Math.abs(Object.entries(cockpit.report.robots)[0][1].q[{moved}] - 0.5) < 1e-6")
+    assert page.evaluate("window.owned === undefined")
+    assert wrong == []
+    context.close()

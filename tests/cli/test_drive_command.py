@@ -132,6 +132,7 @@ def test_a_sensor_on_the_command_line_moves_the_node_that_it_names(run, root):
         while not over.is_set():
             try:
                 with socket.create_connection(("127.0.0.1", port), timeout=1.0) as line:
+                    line.sendall(b'{"token": "secret"}\n')
                     while not over.is_set():
                         line.sendall(b'{"twist": [0, 0, -1, 0, 0, 0]}\n')
                         time.sleep(0.02)
@@ -140,13 +141,23 @@ def test_a_sensor_on_the_command_line_moves_the_node_that_it_names(run, root):
 
     thread = threading.Thread(target=program)
     thread.start()
-    options = ["--sensor", f"1=tcp://127.0.0.1:{port}", "--record", "run.jsonl", "--seconds", "2", "--follow", "still"]
+    options = [
+        "--sensor",
+        f"1=tcp://127.0.0.1:{port}?token=secret",
+        "--record",
+        "run.jsonl",
+        "--seconds",
+        "2",
+        "--follow",
+        "still",
+    ]
     try:
         code, out, _ = run("drive", "robots/delta4.raff", "--no-browser", "--port", "8430", *options)
     finally:
         over.set()
         thread.join()
     assert code == 0
+    assert f'1: tcp://127.0.0.1:{port}: a program sends first: {{"token":"secret"}}' in out
     assert "recorded: run.jsonl" in out
     recording = Recording.load("run.jsonl")
     delta = recording.mechanism("delta4")

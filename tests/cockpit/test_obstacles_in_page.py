@@ -69,7 +69,7 @@ def test_attached_objects_are_drawn_on_the_node_that_holds_them(robot):
     draw(page, setup)
     found = {(path, kind): command for (path, kind, _), command in page.scene().items() if "attached" in path}
     (path,) = {path for path, kind in found if kind == "set_object"}
-    assert path.startswith("/meshcat/cinegen/arm7/tool/attached a-bar")  # moves as the tool does
+    assert path.startswith("/meshcat/cinegen/:arm7/:tool/attached a-bar")  # moves as the tool does
     at = next(command for (_, kind), command in found.items() if kind == "set_transform")
     matrix = np.reshape(umsgpack.unpackb(at)["matrix"], (4, 4)).T  # by columns
     assert matrix[:3, 3] == pytest.approx([0.0, 0.0, 0.2])
@@ -85,6 +85,6 @@ def test_robot_obstacles_and_goal_are_in_the_page_where_the_scene_has_them(root)
     setup, page = scene_setup(scene), Page()
     draw(page, setup)
     paths = {path for path, kind, _ in page.scene() if kind == "set_object"}
-    assert any(path.startswith("/meshcat/cinegen/disc/disc/") for path in paths)
-    assert "/meshcat/cinegen/planar_3r/goal/ball" in paths
+    assert any(path.startswith("/meshcat/cinegen/:disc/:disc/") for path in paths)
+    assert "/meshcat/cinegen/:planar_3r/goal/ball" in paths
     assert not any("disc/disc/triad" in path for path in paths)

@@ -77,10 +77,10 @@ def test_every_part_is_drawn_where_it_is(robot):
     RobotScene(page, {"delta": delta})
     sent = {key: umsgpack.unpackb(message) for key, message in page.scene().items()}
     for node in delta.nodes:
-        matrix = sent[f"/meshcat/cinegen/delta/{node}", "set_transform", ""]["matrix"]
+        matrix = sent[f"/meshcat/cinegen/:delta/:{node}", "set_transform", ""]["matrix"]
         assert pytest.approx(delta.placement(delta.q_home, node).homogeneous) == np.reshape(matrix, (4, 4)).T
-    drawn = {path.split("/")[4] for path, kind, _ in sent if kind == "set_object" and "/delta/" in path}
-    assert {"base", "link1", "link9", "link17", "platform"} <= drawn
+    drawn = {path.split("/")[4] for path, kind, _ in sent if kind == "set_object" and "/:delta/" in path}
+    assert {":base", ":link1", ":link9", ":link17", ":platform"} <= drawn
     assert any("loop link5-link11" in path for path, _, _ in sent)
 
 

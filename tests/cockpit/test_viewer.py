@@ -42,7 +42,7 @@ def test_nodes_are_where_pinocchio_has_them_in_metres(viewer):
     np.testing.assert_array_equal(found["/meshcat/cinegen"], np.eye(4))
     for node in mechanism.nodes:
         expected = data.oMf[model.getFrameId(node)].homogeneous
-        np.testing.assert_allclose(found[f"/meshcat/cinegen/{mechanism.name}/{node}"], expected, atol=1e-12)
+        np.testing.assert_allclose(found[f"/meshcat/cinegen/:{mechanism.name}/:{node}"], expected, atol=1e-12)
 
 
 def test_own_objects_are_shown_beside_the_robot(viewer):

@@ -32,9 +32,10 @@ def sensor():
 
 
 class Program:
-    def __init__(self, sensor) -> None:
+    def __init__(self, sensor, *first) -> None:
         self.socket = socket.create_connection(("127.0.0.1", sensor.port), timeout=15)
         self.lines = self.socket.makefile("rb")
+        self.send(*(first or [{"token": sensor.token}]))
 
     def __enter__(self) -> Program:
         return self
@@ -54,6 +55,16 @@ class Program:
         except ConnectionError:
             return ""
         return json.loads(line)["error"] if line else ""
+
+
+@pytest.fixture
+def open_port():
+    """A sensor whose programs need no token."""
+    sensor = open_sensor("tcp://127.0.0.1:0?no-token")
+    sensor.start()
+    wait(lambda: sensor.status.state is SensorState.LIVE)
+    yield sensor
+    sensor.close()
 
 
 def comes(sensor, condition) -> Reading:
@@ -223,6 +234,109 @@ def test_the_newest_speaks(sensor):
         assert reading.buttons == frozenset()
         first.send({"twist": [0.25, 0, 0, 0, 0, 0]})
         comes(sensor, lambda r: r.twist == (0.25, 0, 0, 0, 0, 0))
+
+
+TWIST = b'{"twist": [1, 0, 0, 0, 0, 0]}\n'
+HEADERS = (
+    b"Host: 127.0.0.1:7070\r\nConnection: keep-alive\r\nContent-Length: 600\r\n"
+    b"Content-Type: text/plain;charset=UTF-8\r\nOrigin: http://evil.example\r\nSec-Fetch-Mode: no-cors\r\n\r\n"
+)
+REQUESTS = {
+    "fetch": b"POST / HTTP/1.1\r\n" + HEADERS + 20 * TWIST,
+    "form": b"POST / HTTP/1.1\r\n" + HEADERS + b'{"twist": [1, 0, 0, 0, 0, 0], "buttons": [=]}\r\n' + 20 * TWIST,
+    "path": b"GET /\n" + TWIST,
+    "old": b"GET /%0A%7B%22twist%22 HTTP/1.0\r\n\r\n" + TWIST,
+    "websocket": b"GET / HTTP/1.1\r\nUpgrade: websocket\r\n\r\n" + TWIST,
+    "tls": b"\x16\x03\x01\x02\x00\x01\n" + TWIST,
+}
+"""Bytes that a browser sends for a page of anybody: `fetch(address, {method: "POST", mode: "no-cors", body})`, ..."""
+
+
+def drained(program) -> list[str]:
+    """All answers until the connection ends."""
+    answers = []
+    while answer := program.answer():
+        answers.append(answer)
+    return answers
+
+
+@pytest.mark.parametrize("request_", REQUESTS.values(), ids=REQUESTS)
+@pytest.mark.parametrize("port", ["sensor", "open_port"])
+def test_a_web_page_drives_nothing(port, request_, request):
+    sensor = request.getfixturevalue(port)
+    with Program(sensor, request_) as page:
+        (why,) = drained(page)
+    assert "disconnected" in why
+    wait(lambda: "no programs" in sensor.status.message)
+    assert sensor.status.packets == 0
+    assert sensor.status.damaged == 1
+    assert sensor.read() is None
+
+
+@pytest.mark.parametrize("line", [b"POST / HTTP/1.1\r\n", b"Host: 127.0.0.1\r\n", b"HTTP/1.1 200 OK\r\n"])
+def test_http_ends_a_connection_later_too(sensor, line):
+    with Program(sensor) as program:
+        program.send(TWIST)
+        comes(sensor, lambda r: r.twist == (1, 0, 0, 0, 0, 0))
+        program.send(line + TWIST)
+        assert drained(program) == ["this port takes lines of JSON, not HTTP: disconnected"]
+
+
+@pytest.mark.parametrize(
+    "first",
+    [
+        TWIST,
+        b'{"token": "wrong"}\n',
+        b'{"token": ""}\n',
+        b'{"token": null}\n',
+        b"[]\n",
+        b"nonsense\n",
+        b'{"token": "\\ud800"}\n',
+    ],
+)
+def test_a_program_without_the_token_is_dropped(sensor, first):
+    with Program(sensor, first + TWIST) as program:
+        assert drained(program)[0].startswith('the first line must be {"token": "..."}')
+    wait(lambda: "no programs" in sensor.status.message)
+    assert sensor.status.packets == 0
+
+
+def test_a_program_that_sends_no_token_is_dropped(sensor, monkeypatch):
+    monkeypatch.setattr("cinegen.devices.json_socket._PATIENCE", 0.05)
+    with Program(sensor, b"") as program:
+        assert drained(program) == ["no token within 0.05 s: disconnected"]
+
+
+def test_a_port_without_a_token_takes_programs_that_have_one_too(open_port):
+    assert open_port.token == ""
+    for first in (TWIST, b'{"token": "any"}\n' + TWIST):
+        with Program(open_port, first):
+            comes(open_port, lambda r: r.twist == (1, 0, 0, 0, 0, 0))
+        wait(lambda: "no programs" in open_port.status.message)
+
+
+def test_tokens_are_random_unless_they_are_given(monkeypatch):
+    monkeypatch.delenv("CINEGEN_TOKEN", raising=False)
+    url = "tcp://127.0.0.1:0"
+    random = {open_sensor(url).token for _ in range(3)}
+    assert len(random) == 3
+    assert min(map(len, random)) >= 20
+    given = open_sensor(f"{url}?token=my%20own")
+    assert (given.token, given.url) == ("my own", url)
+    monkeypatch.setenv("CINEGEN_TOKEN", "lasting")
+    assert open_sensor(url).token == "lasting"
+    assert open_sensor(f"{url}?no-token").token == ""
+
+
+def test_a_sensor_is_closed_in_silence_while_programs_are_connected(sensor, capfd, caplog):
+    """Before, asyncio printed a traceback."""
+    with Program(sensor) as program:
+        program.send(TWIST)
+        comes(sensor, lambda r: r.twist == (1, 0, 0, 0, 0, 0))
+        sensor.close()
+        assert program.answer() == ""
+    assert capfd.readouterr().err == ""
+    assert caplog.text == ""
 
 
 def test_two_on_one_port():

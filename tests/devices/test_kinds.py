@@ -49,8 +49,16 @@ def test_a_url_says_the_kind(url, kind, name):
 
 @pytest.mark.parametrize("host", ["0.0.0.0", "[::]", "192.168.1.7"])
 def test_a_port_that_other_machines_reach_is_warned_of(host):
-    with pytest.warns(CinegenWarning, match=r"without a token and without encryption; with 127\.0\.0\.1 only"):
-        open_sensor(f"tcp://{host}:7070")
+    with pytest.warns(CinegenWarning, match=r"has the token, which is sent without encryption; with 127\.0\.0\.1 only"):
+        assert open_sensor(f"tcp://{host}:7070").token
+
+
+def test_a_port_that_other_machines_reach_needs_a_token():
+    with pytest.raises(SensorError, match=r"a port there needs a token; leave out \?no-token"):
+        open_sensor("tcp://0.0.0.0:7070?no-token")
+    with pytest.warns(CinegenWarning, match="every machine") as warned:
+        assert open_sensor("tcp://0.0.0.0:7070?token=secret").token == "secret"
+    assert "secret" not in str(warned[0].message)
 
 
 def test_a_path_needs_a_robot(robot):
@@ -68,6 +76,7 @@ def test_a_path_needs_a_robot(robot):
         ("http://x", "no kind of sensor 'http:'"),
         ("tcp://127.0.0.1", "write tcp://127.0.0.1:7070"),
         ("tcp://127.0.0.1:99999", "write tcp://127.0.0.1:7070"),
+        ("tcp://127.0.0.1:7070?tokens=x", "?token=TEXT or ?no-token may follow"),
     ],
 )
 def test_what_there_can_not_be(url, why):
@@ -185,7 +194,7 @@ def test_a_program_is_monitored():
     thread = threading.Thread(target=play)
     thread.start()
     watched = Watched("at +1.000 +2.000 +3.000 m", "buttons 4")
-    monitor(f"tcp://127.0.0.1:{port}", watched, 30.0)
+    monitor(f"tcp://127.0.0.1:{port}?no-token", watched, 30.0)
     ended.set()
     thread.join()
     assert "at +1.000 +2.000 +3.000 m" in watched.said
@@ -193,7 +202,9 @@ def test_a_program_is_monitored():
 
 def test_the_command_monitors(capsys):
     assert main(["sensors", "--monitor", "tcp://127.0.0.1:0", "--seconds", "0.3", "--json"]) == 0
-    assert json.loads(capsys.readouterr().out) == {"cinegen": "readings", "version": 1, "timeout": 0.25}
+    said = capsys.readouterr()
+    assert json.loads(said.out) == {"cinegen": "readings", "version": 1, "timeout": 0.25}
+    assert re.fullmatch(r'tcp://127.0.0.1:0: a program sends first: \{"token":"[\w-]{22}"\}\n', said.err)
 
 
 def test_ctrl_c_ends_a_monitor(monkeypatch, capsys):
@@ -205,7 +216,7 @@ def test_ctrl_c_ends_a_monitor(monkeypatch, capsys):
             raise KeyboardInterrupt
 
     monkeypatch.setattr("cinegen.devices.monitor.time.sleep", sleep)
-    assert main(["sensors", "--monitor", "tcp://127.0.0.1:0"]) == 0
+    assert main(["sensors", "--monitor", "tcp://127.0.0.1:0?no-token"]) == 0
     assert capsys.readouterr().err == ""
 
 

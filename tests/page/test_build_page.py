@@ -135,6 +135,6 @@ def test_modules_lose_their_comments_and_nothing_else(root):
 
 def test_it_draws_what_the_server_would(elements, robot):
     paths = [umsgpack.unpackb(bytes.fromhex(one))["path"] for one in unpacked(elements)["content"]["scene"]]
-    nodes = {path.split("/")[4] for path in paths if path.startswith("/meshcat/cinegen/rx90/")}
+    nodes = {path.split("/")[4] for path in paths if path.startswith("/meshcat/cinegen/:rx90/")}
     assert nodes
-    assert nodes <= set(robot("rx90").nodes)
+    assert nodes <= {f":{node}" for node in robot("rx90").nodes}

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 import math
 from dataclasses import replace
 from functools import cache
@@ -11,6 +12,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
+from lxml import etree
+from matplotlib import rc_context
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from scipy.spatial import ConvexHull
@@ -20,6 +23,7 @@ from cinegen.assembly import assembly_modes
 from cinegen.model.motion_plane import motion_plane
 from cinegen.plotting import DrawingError, Projection, Skeleton, draw_modes, views
 from cinegen.plotting.ground import ground_of
+from cinegen.plotting.sheet import label, sheet
 from cinegen.plotting.stick import hull
 
 PARALLEL = ("tssm", "gough", "delta4", "five_bar", "planar_hybrid", "sr400")
@@ -340,3 +344,21 @@ def test_a_view_is_told_by_its_name():
     (flat,) = views(np.eye(3), np.array([0.0, 0.0, 1.0]))
     assert isinstance(flat, Projection)
     np.testing.assert_allclose(flat.axes, np.eye(3), atol=1e-12)
+
+
+def test_a_dollar_sign_is_a_dollar_sign():
+    """Before, names with two of them were formulas: changed, or an error where they are no valid ones."""
+    name = r"$\nonsense{$"
+    figure, body = sheet(5.0, 3.0, name, name)
+    axes = body.subplots()
+    axes.plot([1.0, 2.0], [1.0, 1000.0], label=name)
+    axes.set_yscale("log")
+    axes.set_xticks([1.0, 2.0], [name, name])
+    label(axes, name, name)
+    axes.legend()
+    file = io.BytesIO()
+    with rc_context({"svg.fonttype": "none"}):
+        figure.savefig(file, format="svg")
+    texts = ["".join(one.itertext()) for one in etree.fromstring(file.getvalue()).iter("{*}text")]
+    assert texts.count(name) == 7
+    assert "102" in ["".join(one.split()) for one in texts]  # powers stay formulas: 10 to the power of 2

@@ -7,7 +7,7 @@ import sys
 
 import numpy as np
 import pytest
-from cinegen_joint_states.bag import complete_bag
+from cinegen_joint_states.bag import complete_bag, main
 from rosbags.highlevel import AnyReader
 from rosbags.rosbag2 import StoragePlugin, Writer
 from rosbags.typesys import Stores, get_typestore
@@ -94,3 +94,11 @@ def test_nothing_is_written_where_something_is_wrong(root, tmp_path, states, rob
         complete_bag(root / f"generated/{robot}.urdf", given, tmp_path / made, topic)
     assert [path.name for path in tmp_path.iterdir()] == ["given"]
     assert len(read(given)) == len(before)
+
+
+def test_names_of_topics_control_no_terminal(root, tmp_path, states, capsys, monkeypatch):
+    given = record(tmp_path / "given", StoragePlugin.MCAP, states)
+    command = ["complete_bag", root / "generated/delta4.urdf", given, tmp_path / "made", "--topic", "/joints\x1b[2J"]
+    monkeypatch.setattr(sys, "argv", [*map(str, command)])
+    assert main() == 1
+    assert r"/joints\u001b[2J" in capsys.readouterr().err

@@ -136,7 +136,7 @@ def test_ticks_are_few_at_rest_and_time_goes_on(runner):
 def test_a_reading_of_a_sensor_wakes_the_session(robot):
     with socket.create_server(("127.0.0.1", 0)) as free:
         port = free.getsockname()[1]
-    setup = arrange({"arm": robot("planar_3r")}, sensors=[f"tool=tcp://127.0.0.1:{port}"])
+    setup = arrange({"arm": robot("planar_3r")}, sensors=[f"tool=tcp://127.0.0.1:{port}?no-token"])
     with SessionRunner(setup, own_process=False) as runner:
         assert becomes(lambda: runner.state is not None and runner.state.at_rest)
         with socket.create_connection(("127.0.0.1", port)) as program:

@@ -103,6 +103,7 @@ def test_another_port_is_chosen_from_the_beginning(robot):
     assert {device.name: device.url for device in setup.devices} == {
         "1": "spnav:", "link5": "tcp://127.0.0.1:0", "path": "path:circle", "gamepad": "gamepad:",
     }  # fmt: skip
+    assert [device.name for device in setup.devices if device.token] == ["link5"]
 
 
 def test_a_port_that_is_not_there_is_warned_of(robot):
@@ -127,6 +128,8 @@ def test_a_file_can_not_open_a_port_to_other_machines_but_the_command_line_can(r
 @pytest.mark.parametrize(
     ("url", "why"),
     [
+        ("tcp://127.0.0.1:7070?no-token", "would choose which programs can drive the robot"),
+        ("tcp://127.0.0.1:7070?token=known", "would choose which programs can drive the robot"),
         ("spy:///dev/ttyUSB0?file=/tmp/written", "would open a file"),
         ("SPY://loop://?file=/tmp/written", "would open a file"),
         ("replay:/etc/passwd", "would open a file"),

@@ -39,6 +39,7 @@ from cinegen.design.errors import DesignError
 from cinegen.model.mechanism import Mechanism
 from cinegen.model.plausible import ImplausibleError, check_joint, check_lengths
 from raff2urdf.errors import did_you_mean
+from raff2urdf.escape import csv_cell, csv_text
 from raff2urdf.files import read_bytes
 from raff2urdf.quantities import ANGLE, LENGTH, Dimension, QuantityError, has_unit, parse, parse_list
 
@@ -231,7 +232,8 @@ class Measurements:
         writer = csv.writer(out, lineterminator="\n")
         units = [unit_of_angle if one.dimension is ANGLE else unit_of_length for one in self.quantities]
         scales = [_SCALES[one.dimension][unit] for one, unit in zip(self.quantities, units, strict=True)]
-        writer.writerow(["pose", *(f"{one.name} [{unit}]" for one, unit in zip(self.quantities, units, strict=True))])
+        names = [f"{one.name} [{unit}]" for one, unit in zip(self.quantities, units, strict=True)]
+        writer.writerow(["pose", *map(csv_cell, names)])
 
         def cells(numbers: Array) -> list[str]:
             return [f"{s * x:.{digits}g}" if math.isfinite(x) else "" for s, x in zip(scales, numbers, strict=True)]
@@ -242,7 +244,7 @@ class Measurements:
             if spread != last:
                 writer.writerow(["sigma", *spread])
                 last = spread
-            writer.writerow([label, *cells(values)])
+            writer.writerow([csv_cell(label), *cells(values)])
         return out.getvalue()
 
     def cell(self, pose: int, column: int) -> str:
@@ -270,7 +272,7 @@ def _rows(text: str) -> list[tuple[int, list[str]]]:
     reader = csv.reader(io.StringIO(text.removeprefix("\ufeff")), delimiter=mark, skipinitialspace=True)
     found = []
     for row in reader:
-        cells = [cell.strip() for cell in row]
+        cells = [csv_text(cell.strip()) for cell in row]
         if any(cells) and not cells[0].startswith("#"):
             found.append((reader.line_num, cells))
     return found

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cinegen.plotting.shades import OUT
-from cinegen.plotting.sheet import BLUE, FAINT, INK, LABEL, ORANGE, VERMILION, finish, label
+from cinegen.plotting.sheet import BLUE, FAINT, INK, LABEL, ORANGE, VERMILION, finish, label, new_figure
 from cinegen.plotting.synthesis.wording import heading_of
 from raff2urdf.quantities import LENGTH, shown_scale
 
@@ -154,9 +154,8 @@ def _area(field: RegionField) -> Figure:
 
 
 def _volume(field: RegionField) -> Figure:
-    from matplotlib.figure import Figure
 
-    figure = Figure(figsize=(_WIDE, 7.2), dpi=150, layout="constrained")
+    figure = new_figure(figsize=(_WIDE, 7.2), dpi=150, layout="constrained")
     parts: Any = figure.subfigures(2, 1, height_ratios=[2.0, 1.0])
     above, below = parts
     panels = above.subplots(2, 3, squeeze=False)
@@ -189,9 +188,8 @@ class _Colours:
 
 
 def _figure(tall: float, columns: int = 1) -> tuple[Figure, Any]:
-    from matplotlib.figure import Figure
 
-    figure = Figure(figsize=(_WIDE, tall), dpi=150, layout="constrained")
+    figure = new_figure(figsize=(_WIDE, tall), dpi=150, layout="constrained")
     return figure, figure.subplots(1, columns)
 
 

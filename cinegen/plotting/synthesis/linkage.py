@@ -12,7 +12,7 @@ from cinegen.design.synthesis import LinkageSynthesis, PrecisionProblem
 from cinegen.design.synthesis.linkages import EXACT
 from cinegen.design.synthesis.nearest import closed_motions
 from cinegen.model.motion_plane import motion_plane
-from cinegen.plotting.sheet import BLUE, FAINT, GREEN, INK, LABEL, ORANGE, SKY, VERMILION, finish, label
+from cinegen.plotting.sheet import BLUE, FAINT, GREEN, INK, LABEL, ORANGE, SKY, VERMILION, finish, label, new_figure
 from cinegen.plotting.skeleton import Skeleton
 from cinegen.plotting.stick import Pen, paint
 from cinegen.plotting.synthesis.page import ReportPage
@@ -140,7 +140,6 @@ def _distances(motion: Array, q: Array, scale: Array) -> Array:
 
 
 def _draw_path(found: LinkageSynthesis, circuits: list[Array], node: str) -> Figure:
-    from matplotlib.figure import Figure
 
     mechanism = found.parameters.mechanism_with(found.p)
     paths = [np.array([mechanism.placement(q, node).translation for q in circuit]) for circuit in circuits]
@@ -154,7 +153,7 @@ def _draw_path(found: LinkageSynthesis, circuits: list[Array], node: str) -> Fig
     room = _ROOM * (high - low).max()
     low, high = low - room, high + room
     wide, tall = high - low
-    figure = Figure(figsize=(_WIDE, min(_TALL, _WIDE * tall / wide + 0.6)), dpi=150, layout="constrained")
+    figure = new_figure(figsize=(_WIDE, min(_TALL, _WIDE * tall / wide + 0.6)), dpi=150, layout="constrained")
     axes = figure.subplots()
     axes.set(xlim=(low[0], high[0]), ylim=(low[1], high[1]), aspect="equal")
     for k, path in enumerate(paths):
@@ -185,10 +184,9 @@ def _draw_path(found: LinkageSynthesis, circuits: list[Array], node: str) -> Fig
 
 
 def _draw_function(found: LinkageSynthesis, circuits: list[Array]) -> Figure:
-    from matplotlib.figure import Figure
 
     mechanism, joints = found.parameters.mechanism, found.task.joints
-    figure = Figure(figsize=(_WIDE, 4.0), dpi=150, layout="constrained")
+    figure = new_figure(figsize=(_WIDE, 4.0), dpi=150, layout="constrained")
     axes = figure.subplots()
     columns = [mechanism.q_index(name) for name in joints]
     for k, circuit in enumerate(circuits):

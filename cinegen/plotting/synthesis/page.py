@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import html
 import re
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
@@ -12,6 +11,7 @@ from typing import TYPE_CHECKING
 
 from cinegen.html import table
 from cinegen.plotting.sheet import FAINT, GREEN, INK, VERMILION
+from raff2urdf.escape import html_text
 from raff2urdf.extras import needs
 
 if TYPE_CHECKING:
@@ -55,11 +55,11 @@ _POLICY = "default-src 'none'; style-src 'unsafe-inline'"
 
 @contextmanager
 def drawing() -> Iterator[None]:
-    """Draw within this context: no text is read as formulas, and equal pictures become equal files."""
+    """Draw within this context: equal pictures become equal files."""
     with needs("plot", "pictures"):
         import matplotlib as mpl
 
-    settings = {"text.parse_math": False, "svg.hashsalt": "cinegen", "svg.fonttype": "path"}
+    settings = {"svg.hashsalt": "cinegen", "svg.fonttype": "path"}
     with mpl.rc_context(settings):  # type: ignore[arg-type]
         yield
 
@@ -78,21 +78,21 @@ class ReportPage:
 
     def section(self, title: str) -> None:
         """Begin a section."""
-        self._parts.append(f"<h2>{html.escape(title)}</h2>")
+        self._parts.append(f"<h2>{html_text(title)}</h2>")
 
     def text(self, *sentences: str) -> None:
         """Add a paragraph of sentences, if there are any."""
         if not any(sentences):
             return
-        self._parts.append(f"<p>{html.escape(' '.join(one for one in sentences if one))}</p>")
+        self._parts.append(f"<p>{html_text(' '.join(one for one in sentences if one))}</p>")
 
     def status(self, text: str, *, good: bool) -> None:
         """Add a sentence that is marked as good or bad."""
-        self._parts.append(f'<p class="status{"" if good else " fails"}">{html.escape(text)}</p>')
+        self._parts.append(f'<p class="status{"" if good else " fails"}">{html_text(text)}</p>')
 
     def terms(self, pairs: Iterable[tuple[str, str]]) -> None:
         """Add terms with their descriptions."""
-        lines = (f"<dt>{html.escape(term)}</dt><dd>{html.escape(text)}</dd>" for term, text in pairs)
+        lines = (f"<dt>{html_text(term)}</dt><dd>{html_text(text)}</dd>" for term, text in pairs)
         self._parts.append(f"<dl>{''.join(lines)}</dl>")
 
     def table(self, caption: str, headings: Iterable[str], rows: Iterable[Iterable[object]]) -> None:
@@ -101,21 +101,21 @@ class ReportPage:
 
     def listing(self, text: str) -> None:
         """Add preformatted text."""
-        self._parts.append(f"<pre>{html.escape(text)}</pre>")
+        self._parts.append(f"<pre>{html_text(text)}</pre>")
 
     def picture(self, figure: Figure, caption: str) -> None:
         """Add a picture, as SVG, with its caption."""
         self._pictures += 1
-        caption = html.escape(caption)
+        caption = html_text(caption)
         drawn = _svg(figure, f"p{self._pictures}-", caption)
         self._parts.append(f"<figure>{drawn}<figcaption>{caption}</figcaption></figure>")
 
     def text_of_page(self) -> str:
         """Return the HTML file."""
-        title = html.escape(self.title)
+        title = html_text(self.title)
         return (
             f'<!DOCTYPE html>\n<html lang="en"><head><meta charset="utf-8">'
-            f'<meta http-equiv="Content-Security-Policy" content="{html.escape(_POLICY)}">'
+            f'<meta http-equiv="Content-Security-Policy" content="{html_text(_POLICY)}">'
             '<meta name="viewport" content="width=device-width, initial-scale=1">'
             f"<title>{title}</title><style>{_STYLE}</style></head>\n<body>\n<h1>{title}</h1>\n"
             + "\n".join(self._parts)

@@ -15,7 +15,7 @@ from cinegen.errors import CinegenError
 from cinegen.model import Mechanism
 from cinegen.model.motion_plane import motion_plane
 from cinegen.plotting.ground import bounds, ground_of, rests_on_base
-from cinegen.plotting.sheet import GREEN, INK, LABEL, round_length
+from cinegen.plotting.sheet import GREEN, INK, LABEL, new_figure, round_length
 from cinegen.plotting.skeleton import Pose, Skeleton
 from cinegen.plotting.stick import ACTUATED, END, Pen, hull, paint
 from cinegen.plotting.synthesis.page import drawing
@@ -91,7 +91,6 @@ def draw_designs(
 
 
 def _draw(designs: Mapping[str, Mechanism], reach: Reach, node: str, targets: Array | None) -> Figure:
-    from matplotlib.figure import Figure
 
     target, poses, titles = reach.middle[: len(reach.axes)], list[Pose](), list[str]()
     for title, mechanism in designs.items():
@@ -115,7 +114,7 @@ def _draw(designs: Mapping[str, Mechanism], reach: Reach, node: str, targets: Ar
     scale = min((_WIDE - _LEFT) / (2.0 * columns.sum()), _TALLEST / (2.0 * half[0, 1]))  # inches for a metre
     rows = 1 if planar else len(poses)
     tall = rows * (2.0 * scale * half[0, 1] + _HEAD) + _FOOT
-    figure = Figure(figsize=(_WIDE, tall))
+    figure = new_figure(figsize=(_WIDE, tall))
     used = 2.0 * scale * columns.sum()
     grid = figure.add_gridspec(
         rows, len(columns), width_ratios=columns, left=_LEFT / _WIDE, right=(_LEFT + used) / _WIDE, bottom=_FOOT / tall,

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cinegen.design.synthesis import Synthesis
-from cinegen.plotting.sheet import BLUE, FAINT, ORANGE, VERMILION, finish, label
+from cinegen.plotting.sheet import BLUE, FAINT, ORANGE, VERMILION, finish, label, new_figure
 from cinegen.plotting.synthesis.wording import heading_of, unit_of
 
 if TYPE_CHECKING:
@@ -26,11 +26,10 @@ def draw_parameters(found: Synthesis, good: list[Array]) -> Figure:
         found: the result.
         good: (parameters,) values of the starts that keep all constraints.
     """
-    from matplotlib.figure import Figure
 
     names = found.parameters.names
     low, high = found.parameters.bounds.T
-    figure = Figure(figsize=(_WIDE, 0.9 + 0.3 * len(names)), dpi=150, layout="constrained")
+    figure = new_figure(figsize=(_WIDE, 0.9 + 0.3 * len(names)), dpi=150, layout="constrained")
     axes = figure.subplots()
     at = np.arange(len(names))
     axes.hlines(at, 0.0, 1.0, color=FAINT, linewidth=0.8)
@@ -56,12 +55,11 @@ def draw_parameters(found: Synthesis, good: list[Array]) -> Figure:
 
 def draw_front(found: Synthesis, first: int, second: int) -> Figure:
     """Draw a Pareto front by two of its objectives, with the chosen point and the robot of the file."""
-    from matplotlib.figure import Figure
 
     objectives = [found.task.objectives[k] for k in (first, second)]
     scales = np.array([unit_of(one.quantity, found.torque_unit)[0] for one in objectives])
     values = np.array([one.values for one in found.front])[:, [first, second]] * scales
-    figure = Figure(figsize=(_WIDE, 3.4), dpi=150, layout="constrained")
+    figure = new_figure(figsize=(_WIDE, 3.4), dpi=150, layout="constrained")
     axes = figure.subplots()
     if len(found.task.objectives) == 2:
         order = np.argsort(values[:, 0])

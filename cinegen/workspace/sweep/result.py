@@ -14,6 +14,7 @@ from cinegen.html import table
 from cinegen.singularities.singularity import SingularityType
 from cinegen.workspace.extent import Extent
 from cinegen.workspace.sweep.box import Dexterity, Regularity, WantedBox
+from raff2urdf.escape import csv_cell
 from raff2urdf.quantities import shown_unit
 from raff2urdf.raff.writer import number
 
@@ -169,9 +170,9 @@ class SweepResult:
     def csv(self) -> str:
         """Return a file of comma-separated values, empty for missing numbers."""
         out = io.StringIO()
-        writer = csv.DictWriter(out, ["variant", *(self.rows[0].as_dict() if self.rows else ())], lineterminator="\n")
-        writer.writeheader()
-        writer.writerows({"variant": row.name, **row.as_dict()} for row in self.rows)
+        writer = csv.writer(out, lineterminator="\n")
+        writer.writerow(["variant", *map(csv_cell, self.rows[0].as_dict() if self.rows else ())])
+        writer.writerows([csv_cell(row.name), *row.as_dict().values()] for row in self.rows)
         return out.getvalue()
 
     def text(self) -> str:

@@ -16,6 +16,7 @@ from rosbags.typesys import Stores, get_typestore
 
 import cinegen
 from cinegen_joint_states.joint_states import JointStateCompletion
+from raff2urdf.output import run
 
 _TYPE = "sensor_msgs/msg/JointState"
 _SHOWN = 3  # messages that were not completed
@@ -82,7 +83,11 @@ def _completed(completion: JointStateCompletion, reader: Reader, writer: Writer,
 
 
 def main() -> int:
-    """Run the command."""
+    """Run the command: see `raff2urdf.output.run`, which also keeps texts of recordings from controlling a terminal."""
+    return run("complete_bag", _main)
+
+
+def _main() -> int:
     parser = argparse.ArgumentParser(prog="complete_bag", description=str(complete_bag.__doc__).splitlines()[0])
     parser.add_argument("robot", type=Path, help="file of the robot: URDF with loops, RAFF ...")
     parser.add_argument("given", type=Path, help="recording, mcap or sqlite3")

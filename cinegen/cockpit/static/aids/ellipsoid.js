@@ -1,6 +1,7 @@
 // The manipulability ellipsoid: long where the tool moves easily, flat where it hardly does.
 
 import { Group, Matrix4, Mesh, SphereGeometry, Vector3 } from "three";
+import { valueOf } from "../base/names.js";
 import { Changes } from "./changes.js";
 import { paint, rod, span } from "../view/shapes.js";
 import { COLOURS } from "../view/theme.js";
@@ -35,7 +36,7 @@ export class Ellipsoids {
 
   #show() {
     for (const robot of this.session.robots) {
-      const found = this.aids.shows("ellipsoid") ? this.session.report?.robots?.[robot.name]?.ellipsoid : null;
+      const found = this.aids.shows("ellipsoid") ? valueOf(this.session.report?.robots, robot.name)?.ellipsoid : null;
       const one = this.#shown.get(robot.name);
       if (!this.#changes.differs(robot.name, found)) continue;
       if (found?.center && found.axes?.length > 0) this.#place(one ?? this.#make(robot.name), found, robot);

@@ -10,6 +10,7 @@ import {
   PointsMaterial,
   Vector3,
 } from "three";
+import { valueOf } from "../base/names.js";
 import { Changes } from "./changes.js";
 import { ball, paint } from "../view/shapes.js";
 import { COLOURS, theme } from "../view/theme.js";
@@ -57,7 +58,7 @@ export class Forecasts {
 
   #show() {
     for (const robot of this.session.robots) {
-      const found = this.aids.shows("forecast") ? this.session.report?.robots?.[robot.name]?.forecast : null;
+      const found = this.aids.shows("forecast") ? valueOf(this.session.report?.robots, robot.name)?.forecast : null;
       const one = this.#shown.get(robot.name);
       if (!this.#changes.differs(robot.name, found)) continue;
       const path = (found?.path ?? []).filter((point) => point?.length === 3);

@@ -2,6 +2,7 @@
 // loop stands open, frames and marks are shown or not.
 
 import { Color, Vector3 } from "three";
+import { segment, valueOf } from "../base/names.js";
 import { keyOf } from "../base/session.js";
 import { units } from "../base/units.js";
 import { ball, paint } from "../view/shapes.js";
@@ -48,7 +49,7 @@ export class Marks {
 
   #limits() {
     for (const robot of this.session.robots) {
-      const report = this.aids.shows("limits") ? this.session.report?.robots?.[robot.name] : null;
+      const report = this.aids.shows("limits") ? valueOf(this.session.report?.robots, robot.name) : null;
       const at = new Set(report?.saturated);
       const near = new Set(report?.near_limit);
       for (const { name, joint } of robot.nodes) {
@@ -92,7 +93,7 @@ export class Marks {
 
   #gaps() {
     for (const robot of this.session.robots) {
-      const gap = this.session.report?.robots?.[robot.name]?.closure ?? 0;
+      const gap = valueOf(this.session.report?.robots, robot.name)?.closure ?? 0;
       const open = gap > OPEN;
       if (!open && !this.#open.delete(robot.name)) continue;
       if (open) this.#open.add(robot.name);
@@ -123,7 +124,7 @@ export class Marks {
    */
   #mark(robot, loop) {
     if (!robot.byName.has(loop.first)) return undefined;
-    return this.view.group(robot.name, loop.first).children.find((child) => child.name === `loop ${loop.name}`);
+    return this.view.group(robot.name, loop.first).children.find((child) => child.name === segment(loop.name, "loop "));
   }
 
   #show() {

@@ -1,6 +1,7 @@
 // What stops a robot among obstacles: a ball at each of the nearest points of the two bodies, a line between, their names.
 
 import { Vector3 } from "three";
+import { valueOf } from "../base/names.js";
 import { ball, paint, rod, span } from "../view/shapes.js";
 import { COLOURS } from "../view/theme.js";
 
@@ -35,7 +36,7 @@ export class Obstructions {
   #show() {
     const shown = this.session.state?.obstructions ?? {};
     for (const robot of this.session.robots) {
-      const obstruction = shown[robot.name];
+      const obstruction = valueOf(shown, robot.name);
       let mark = this.#marks.get(robot.name);
       if (obstruction === undefined) {
         if (mark?.balls[0].visible) this.labels.put(`obstruction ${robot.name}`, "");

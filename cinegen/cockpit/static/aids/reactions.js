@@ -2,6 +2,7 @@
 // determine is not drawn; the panel says so. The server sends them while some page asks.
 
 import { Quaternion, Vector3 } from "three";
+import { valueOf } from "../base/names.js";
 import { along, arrow, paint, stretch } from "../view/shapes.js";
 import { theme } from "../view/theme.js";
 import { amount } from "../base/units.js";
@@ -67,7 +68,7 @@ export class Reactions {
 
   #show() {
     for (const robot of this.session.robots) {
-      const reactions = (this.aids.shows("reactions") && this.session.report?.robots?.[robot.name]?.reactions) || [];
+      const reactions = (this.aids.shows("reactions") && valueOf(this.session.report?.robots, robot.name)?.reactions) || [];
       if (!this.#changes.differs(robot.name, reactions)) continue;
       const { newtons, metres } = scaleOf(reactions, robot.length);
       const largest = Math.max(0, ...reactions.map(sizeOf));

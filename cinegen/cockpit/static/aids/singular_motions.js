@@ -2,6 +2,7 @@
 // translation, an arc for a rotation, both for a screw motion. They are drawn stronger the nearer the singularity is.
 
 import { Group, Vector3 } from "three";
+import { valueOf } from "../base/names.js";
 import { Changes } from "./changes.js";
 import { along, paint, twist, twoWays } from "../view/shapes.js";
 import { COLOURS } from "../view/theme.js";
@@ -51,7 +52,7 @@ export class SingularMotions {
   #show() {
     for (const robot of this.session.robots) {
       for (const kind of /** @type {const} */ (["type1", "type2"])) {
-        const found = this.session.report?.robots?.[robot.name]?.[kind];
+        const found = valueOf(this.session.report?.robots, robot.name)?.[kind];
         const key = `${kind} ${robot.name}`;
         const near = this.aids.shows("singular") ? closeness(found) : 0;
         const mark = this.#marks.get(key);

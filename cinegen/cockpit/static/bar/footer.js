@@ -3,6 +3,7 @@
 // For tests: #gap, #rate, #delay, #pictures, #control.
 
 import { byId, write } from "../base/dom.js";
+import { valueOf } from "../base/names.js";
 import { fixed, units } from "../base/units.js";
 
 const CLOSED = 1e-9; // rad or characteristic lengths: smaller gaps are shown as 0
@@ -51,7 +52,7 @@ export class Footer {
 
   /** @param {import("../base/link.js").Report} report */
   #show({ robots = {}, rate, clients, compilation }) {
-    const gaps = this.session.robots.map((robot) => [robots[robot.name]?.closure ?? 0, robot.length]);
+    const gaps = this.session.robots.map((robot) => [valueOf(robots, robot.name)?.closure ?? 0, robot.length]);
     const [gap, length] = gaps.reduce((one, other) => (other[0] > one[0] ? other : one), [0, 1]);
     const none = !this.session.robots.some((robot) => robot.loops.length + robot.couplings.length > 0);
     write(

@@ -1,4 +1,5 @@
 // Names that people type: one line of plain text, as cinegen/session/commands.py accepts it. It becomes text, never markup.
+// Names of robots and links in the paths of the viewer's scene.
 
 export const LONGEST = 40; // characters
 
@@ -13,4 +14,37 @@ const REFUSED = /[\p{Cc}\u200e\u200f\u2028-\u202e\u2066-\u2069]|\p{Surrogate}/gu
 export function cleanName(text) {
   const line = text.replace(REFUSED, " ").replace(/\s+/g, " ").trim();
   return [...line].slice(0, LONGEST).join("").trim();
+}
+
+/**
+ * Return a name, behind a prefix, as one segment of a path of the viewer's scene, as `path_segment` of raff2urdf/escape.py
+ * does: the viewer keeps nodes in objects, in which `constructor` is taken.
+ *
+ * @param {string} name
+ * @param {string} [prefix]
+ */
+export function segment(name, prefix = ":") {
+  return prefix + name.replaceAll("%", "%25").replaceAll("/", "%2F");
+}
+
+/**
+ * Return the name in a segment with the usual prefix.
+ *
+ * @param {string} text
+ */
+export function nameOf(text) {
+  return text.slice(1).replaceAll("%2F", "/").replaceAll("%25", "%");
+}
+
+/**
+ * Return the value that a record, by names of robots or joints, has of a name; undefined if it has none. Each object has a
+ * `constructor` that nobody gave it.
+ *
+ * @template T
+ * @param {Record<string, T> | null | undefined} record
+ * @param {string} name
+ * @returns {T | undefined}
+ */
+export function valueOf(record, name) {
+  return record && Object.hasOwn(record, name) ? record[name] : undefined;
 }

@@ -4,6 +4,7 @@
 // [data-missing="ROBOT"] where links have no masses; #reactions (a checkbox), [data-reactions="ROBOT"] (text).
 
 import { atMostEvery, make, write } from "../base/dom.js";
+import { valueOf } from "../base/names.js";
 import { speak } from "../base/speech.js";
 import { amount, units } from "../base/units.js";
 import { scaleOf } from "../aids/force_scale.js";
@@ -137,7 +138,7 @@ export class Forces {
     this.box.checked = on;
     for (const robot of this.session.robots) {
       const one = this.#controls.get(robot.name);
-      const report = this.session.report?.robots?.[robot.name];
+      const report = valueOf(this.session.report?.robots, robot.name);
       if (one === undefined) continue;
       const carried = report?.carried;
       if (carried && performance.now() - one.moved > MOVED) {

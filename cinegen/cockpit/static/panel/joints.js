@@ -5,6 +5,7 @@
 // [data-torque="ROBOT/JOINT"] (a meter) where links have masses, data-tone "good", "warn", "bad" or "none".
 
 import { atMostEvery, make, write } from "../base/dom.js";
+import { valueOf } from "../base/names.js";
 import { speak, spoken } from "../base/speech.js";
 import { amount, fixed, units } from "../base/units.js";
 import { byRobot, folded, Section } from "./section.js";
@@ -96,7 +97,7 @@ export class Joints {
       Number.isFinite(joint.lower) || Number.isFinite(joint.upper)
         ? `${units.joint(joint, row.lower)} to ${units.joint(joint, row.upper)}`
         : "no limits";
-    const coupled = robot.couplings.filter(({ terms }) => joint.name in terms).map(({ equation }) => `; ${equation} (rad, m)`);
+    const coupled = robot.couplings.filter(({ terms }) => Object.hasOwn(terms, joint.name)).map(({ equation }) => `; ${equation} (rad, m)`);
     const title = `${joint.name}: ${joint.type}, ${limits}${coupled.join("")}`;
     const name = make("span", { class: "name", title }, joint.name);
     row.element = joint.actuated ? this.#actuated(row, name, limits) : this.#passive(row, name, limits);
@@ -204,7 +205,7 @@ export class Joints {
   #hold() {
     const torques = this.session.state?.torques ?? {};
     for (const robot of this.session.robots) {
-      const found = torques[robot.name];
+      const found = valueOf(torques, robot.name);
       if (found === undefined) continue;
       robot.joints
         .filter(({ actuated }) => actuated)
@@ -247,7 +248,7 @@ export class Joints {
 
   #show() {
     for (const robot of this.session.robots) {
-      const report = this.session.report?.robots?.[robot.name];
+      const report = valueOf(this.session.report?.robots, robot.name);
       if (!report) continue;
       const at = new Set(report.saturated);
       const near = new Set(report.near_limit);

@@ -4,6 +4,7 @@
 // For tests: [data-meter="ROBOT/type1"], [data-meter="ROBOT/type2"]; role meter with aria-valuenow = sigma.
 
 import { make, write } from "../base/dom.js";
+import { valueOf } from "../base/names.js";
 import { speak } from "../base/speech.js";
 import { significant } from "../base/units.js";
 import { byRobot, Section } from "./section.js";
@@ -90,7 +91,7 @@ export class Singularity {
     for (const robot of this.session.robots) {
       for (const { kind } of KINDS) {
         const one = this.#meters.get(`${robot.name}/${kind}`);
-        const found = this.session.report?.robots?.[robot.name]?.[kind];
+        const found = valueOf(this.session.report?.robots, robot.name)?.[kind];
         const sigma = found?.sigma ?? NaN;
         const near = found?.threshold ?? 0;
         const known = Number.isFinite(sigma);

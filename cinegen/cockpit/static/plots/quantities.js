@@ -1,5 +1,6 @@
 // Quantities that are plotted: joint positions and singular values of each report, errors of tasks of each state.
 
+import { valueOf } from "../base/names.js";
 import { History } from "./history.js";
 
 const LONGEST = 60; // s that are kept
@@ -80,7 +81,7 @@ function joints({ name: robot, joints: all }) {
     name,
     text: `q of ${robot}/${name}`,
     actuated,
-    value: ({ report }) => report?.robots[robot]?.q[i] ?? NaN,
+    value: ({ report }) => valueOf(report?.robots, robot)?.q[i] ?? NaN,
   }));
 }
 
@@ -94,7 +95,7 @@ function singularValues({ name: robot, loops, couplings }) {
   return kinds.map((kind) => {
     const name = kind === "type1" ? "lost DoF" : "uncontrolled DoF";
     const text = `singular value of ${robot}: ${name}`;
-    return { plot: "singular", robot, name, text, actuated: true, value: ({ report }) => report?.robots[robot]?.[kind]?.sigma ?? NaN };
+    return { plot: "singular", robot, name, text, actuated: true, value: ({ report }) => valueOf(report?.robots, robot)?.[kind]?.sigma ?? NaN };
   });
 }
 

@@ -1,6 +1,7 @@
 // What is under the pointer: the nearest part of a robot.
 
 import { Mesh, Raycaster, Vector2 } from "three";
+import { nameOf } from "../base/names.js";
 
 const NEAR = [0, 6, 12]; // pixels: the pointer trembles, and a part moves on while its picture is drawn
 const AROUND = 8;
@@ -128,8 +129,9 @@ export class Pick {
     const path = [];
     for (let at = /** @type {import("three").Object3D | null} */ (object); at !== null && at !== root; at = at.parent) path.unshift(at);
     if (path.length < 2) return null;
-    const [robot, group] = path;
-    if (this.view.background.has(robot.name)) return null;
-    return this.session.knows(robot.name, group.name) ? { robot: robot.name, node: group.name, group } : null;
+    const group = path[1];
+    const [robot, node] = path.map(({ name }) => nameOf(name));
+    if (this.view.background.has(robot)) return null;
+    return this.session.knows(robot, node) ? { robot, node, group } : null;
   }
 }

@@ -6,6 +6,7 @@
 
 import { Box3, Group, Mesh, Object3D, Quaternion, Vector3, WebGLRenderer } from "three";
 import { frames } from "../base/frames.js";
+import { nameOf, segment, valueOf } from "../base/names.js";
 import { keyOf } from "../base/session.js";
 import { Resolution } from "./resolution.js";
 
@@ -132,7 +133,7 @@ export class View {
     const key = node === null ? robot : keyOf(robot, node);
     let group = this.#groups.get(key);
     if (group === undefined || group.parent === null) {
-      group = this.viewer.scene_tree.find(node === null ? [...ROOT, robot] : [...ROOT, robot, node]).object;
+      group = this.viewer.scene_tree.find([...ROOT, segment(robot), ...(node === null ? [] : [segment(node)])]).object;
       this.#groups.set(key, group);
     }
     return group;
@@ -146,7 +147,7 @@ export class View {
    */
   apply(robots, poses) {
     for (const robot of robots) {
-      const numbers = poses?.[robot.name];
+      const numbers = valueOf(poses, robot.name);
       if (!Array.isArray(numbers) || numbers.length < POSE * (robot.obstacle ? 1 : 1 + robot.nodes.length)) continue;
       const before = this.#applied.get(robot.name)?.numbers;
       if (before !== undefined && before.every((value, i) => value === numbers[i])) continue;
@@ -247,7 +248,7 @@ export class View {
   bounds(box) {
     this.root.updateWorldMatrix(true, true);
     for (const robot of this.root.children) {
-      if (this.background.has(robot.name)) continue;
+      if (this.background.has(nameOf(robot.name))) continue;
       robot.traverse((object) => {
         if (object instanceof Mesh) box.expandByObject(object);
       });

@@ -2,6 +2,7 @@
 // and what the buttons do. It is above the left hand, or above the only one.
 
 import { Vector3 } from "three";
+import { valueOf } from "../base/names.js";
 import { significant } from "../base/units.js";
 import { summary } from "../bar/status.js";
 import { share, tone } from "../panel/singularity.js";
@@ -55,7 +56,7 @@ export class Panel {
     /** @type {Meter[]} */
     const meters = [];
     for (const [kind, label] of METERS) {
-      const all = robots.map(({ name }) => report?.robots?.[name]?.[kind] ?? null).filter((one) => one !== null);
+      const all = robots.map(({ name }) => valueOf(report?.robots, name)?.[kind] ?? null).filter((one) => one !== null);
       const found = all.filter(({ sigma }) => Number.isFinite(sigma)).sort((one, other) => one.sigma - other.sigma)[0];
       if (found !== undefined) meters.push({ label, sigma: found.sigma, near: found.threshold });
     }

@@ -1,6 +1,7 @@
 // Messages to the page about the local session, as cinegen/cockpit/build_messages.py makes them of a served one. What
 // only a server computes (reactions, forecasts, the ellipsoid) is left out.
 
+import { valueOf } from "../../../cockpit/static/base/names.js";
 import { agreedStatus } from "./report.js";
 
 /** @typedef {import("./session.js").LocalSession} LocalSession */
@@ -38,7 +39,7 @@ export function stateMessage(session, reports, frame) {
       target: robot.base.times(task.target).numbers(),
     })),
   );
-  const statuses = Object.fromEntries(robots.map((robot) => [robot.name, agreedStatus(robot.status(), reports[robot.name])]));
+  const statuses = Object.fromEntries(robots.map((robot) => [robot.name, agreedStatus(robot.status(), valueOf(reports, robot.name))]));
   return {
     type: "state",
     time: session.time,

@@ -2,6 +2,7 @@
 // of cinegen/session/commands.py and does what cinegen/session/session.py does, as far as no server is needed for it.
 
 import { Quaternion, Vector3 } from "three";
+import { valueOf } from "../../../cockpit/static/base/names.js";
 import { Drags } from "./drags.js";
 import { ConfigurationMotion, JointMotion } from "./motion.js";
 import { Placement } from "./placement.js";
@@ -254,7 +255,7 @@ export class LocalSession {
   /** Set the base poses of all robots. */
   #carry() {
     for (const [name, robot] of this.robots) {
-      const base = this.bases[name];
+      const base = valueOf(this.bases, name);
       if (base === undefined) continue;
       const placement = Placement.of(base.placement);
       const carrier = base.robot === null ? undefined : this.robots.get(base.robot);

@@ -1,0 +1,178 @@
+"""Names of robots are text, not commands: at the terminal, and in the files that commands write."""
+
+from __future__ import annotations
+
+import csv
+import io
+import json
+import re
+import shlex
+import sys
+
+import pytest
+import yaml
+from hostile_names import CONTROLS, JOINTS, LINKS, urdf
+
+import cinegen
+from cinegen.cli import main
+from cinegen.errors import CinegenError
+from cinegen.mission import MissionRecorder, RobotSample
+from raff2urdf import output
+from raff2urdf.command_line import print_error
+
+SHOWN = r"a\u009b2Jb\nchecked: all is well\u202edc\u200b"
+CONTROL = re.compile("[\x00-\x08\x0b-\x1f\x7f-\x9f\u200b\u200e\u200f\u2028-\u202e\u2066-\u2069]")
+
+
+@pytest.fixture
+def arm(tmp_path):
+    """A robot whose own name has control characters."""
+    path = tmp_path / "arm.urdf"
+    path.write_text(urdf(CONTROLS, LINKS[:3], JOINTS[:3]), encoding="utf-8")
+    return path
+
+
+@pytest.fixture
+def recording(tmp_path):
+    """A recording of six joints with hostile names, of a robot whose name has control characters."""
+    path = tmp_path / "six.urdf"
+    path.write_text(urdf("six", LINKS[:6], JOINTS[-6:]), encoding="utf-8")
+    mechanism = cinegen.load(path)
+    with MissionRecorder(tmp_path / "run.jsonl", {"six": mechanism}) as recorder:
+        for tick in range(11):
+            q = mechanism.q_home.copy()
+            q[0] += 0.001 * tick
+            recorder.write(0.1 * tick, {"six": RobotSample(q, "IDLE")})
+    first, *moments = (tmp_path / "run.jsonl").read_text().splitlines()
+    header = json.loads(first)
+    header["robots"] = {f"{CONTROLS}\nmovej([9, 9, 9, 9, 9, 9])": header["robots"]["six"]}
+    rest = [line.replace('"six"', json.dumps(f"{CONTROLS}\nmovej([9, 9, 9, 9, 9, 9])")) for line in moments]
+    (tmp_path / "run.jsonl").write_text("\n".join([json.dumps(header), *rest, ""]))
+    return tmp_path / "run.jsonl"
+
+
+def test_the_name_of_a_robot_is_one_printable_line(arm, capsys):
+    assert main(["info", str(arm)]) == 0
+    said = capsys.readouterr().out
+    assert f"robot '{SHOWN}'" in said
+    assert not CONTROL.search(said)
+    assert "\nchecked" not in said
+
+
+def test_json_has_it_too(arm, capsys):
+    assert main(["info", str(arm), "--json"]) == 0
+    said = capsys.readouterr().out
+    assert not CONTROL.search(said)
+    assert json.loads(said)[0]["robot"] == SHOWN
+
+
+@pytest.mark.parametrize("root", ["raff2urdf", "cinegen"])
+def test_errors_and_warnings_control_no_terminal(root, tmp_path, capsys):
+    path = tmp_path / "a.raff"
+    path.write_text("RAFF x\x1b[2J\u202e\n", encoding="utf-8")
+    command = ["info", f"{path}\x1b]0;owned\x07"] if root == "cinegen" else [f"{path}\x1b]0;owned\x07"]
+    program = main if root == "cinegen" else __import__("raff2urdf.cli", fromlist=["main"]).main
+    assert program(command) == 1
+    said = capsys.readouterr()
+    assert not CONTROL.search(said.out + said.err)
+    assert r"\u001b]0;owned\u0007" in said.err
+
+
+def test_whatever_reaches_a_stream_of_a_command_is_text(capsys):
+    def command():
+        print("out\x1b[2J\x9b2J\u202e")
+        print("error\x1b[2J\r\u202e\tx", file=sys.stderr)
+        raise CinegenError("a\x1b[2J")
+
+    assert output.run("thing", command) == output.DEFECT
+    said = capsys.readouterr()
+    assert said.out == "out\\u001b[2J\\u009b2J\\u202e\n"
+    assert said.err.startswith("error\\u001b[2J\\u000d\\u202e\tx\n".replace("\\u000d", "\\r"))
+    assert "\x1b" not in said.err
+
+
+def test_colours_of_an_error_are_those_of_the_command(capsys, monkeypatch):
+    monkeypatch.delenv("NO_COLOR", raising=False)
+    monkeypatch.setenv("TERM", "xterm")
+    monkeypatch.setattr(sys.stderr, "isatty", lambda: True)
+
+    def command():
+        print_error("place: a\x1b[2Jb")
+        return 1
+
+    output.run("thing", command)
+    assert capsys.readouterr().err == "\x1b[1;31mplace: \x1b[0ma\\u001b[2Jb\n"
+
+
+def test_a_recording_adds_no_statement_to_urscript(recording, capsys):
+    assert main(["export", str(recording), "--to", "urscript"]) == 0
+    assert not CONTROL.search(capsys.readouterr().out)
+    lines = recording.with_suffix(".script").read_text(encoding="utf-8").splitlines()
+    code = [line for line in lines if not line.startswith("#")]
+    assert code[0] == "def cinegen_motion():"
+    assert code[-1] == "end"
+    assert all(re.fullmatch(r"  (movej\(\[|servoj\(\[|stopj\()[-\d., \[\]a-z=]*\)", line) for line in code[1:-1])
+    assert sum("movej" in line for line in code) == 1
+    assert sum(JOINTS[-1] in line for line in lines) == 1
+
+
+def test_a_table_computes_nothing(recording, tmp_path):
+    assert main(["export", str(recording), "--to", "csv"]) == 0
+    names = next(csv.reader(io.StringIO(recording.with_suffix(".csv").read_text(encoding="utf-8"))))
+    assert names == ["time", *JOINTS[-6:]]
+    path = tmp_path / "sums.urdf"
+    path.write_text(urdf(links=("a", "b"), joints=("=1+1", "@x")), encoding="utf-8")
+    mechanism = cinegen.load(path)
+    with MissionRecorder(tmp_path / "sums.jsonl", {"sums": mechanism}) as recorder:
+        for tick in range(3):
+            recorder.write(0.1 * tick, {"sums": RobotSample(mechanism.q_home + 0.001 * tick, "IDLE")})
+    assert main(["export", str(tmp_path / "sums.jsonl"), "--to", "csv"]) == 0
+    assert (tmp_path / "sums.csv").read_text().splitlines()[0] == "time,'=1+1,'@x"
+
+
+def test_a_goal_of_ros_has_the_names(recording):
+    assert main(["export", str(recording), "--to", "ros2"]) == 0
+    goal = yaml.safe_load(recording.with_suffix(".yaml").read_text(encoding="utf-8"))
+    assert goal["trajectory"]["joint_names"] == list(JOINTS[-6:])
+    assert list(goal) == ["trajectory"]
+
+
+def test_two_names_that_are_shown_alike_are_refused(recording, capsys):
+    first, *moments = recording.read_text().splitlines()
+    header = json.loads(first)
+    ((_, robot),) = header["robots"].items()
+    header["robots"] = {"a\nb": robot, "a\\nb": robot}
+    recording.write_text("\n".join([json.dumps(header), *moments, ""]))
+    assert main(["export", str(recording), "--to", "csv"]) == 1
+    assert "two names differ only in characters that can't be printed" in capsys.readouterr().err
+
+
+def test_code_of_a_robot_with_such_a_name_stays_in_its_folder(arm, tmp_path):
+    path = tmp_path / "in" / "x.urdf"
+    path.parent.mkdir()
+    path.write_text(urdf("../../owned", LINKS[:2], JOINTS[:2]), encoding="utf-8")
+    before = {one for one in tmp_path.rglob("*")}
+    assert main(["generate", str(path), "--to", "c", "-o", str(tmp_path / "out"), "--functions", "fk"]) == 0
+    assert {one.parent.name for one in {*tmp_path.rglob("*")} - before} == {tmp_path.name, "out"}
+
+
+def test_raff_has_each_joint(tmp_path):
+    from raff2urdf.urdf2raff.cli import main as urdf2raff
+
+    path = tmp_path / "x.urdf"
+    path.write_text(urdf(CONTROLS), encoding="utf-8")
+    assert urdf2raff([str(path), "-o", str(tmp_path / "x.raff")]) == 0
+    assert len(cinegen.load(tmp_path / "x.raff").joints) == len(JOINTS)
+    assert not CONTROL.search((tmp_path / "x.raff").read_text(encoding="utf-8"))
+
+
+@pytest.mark.filterwarnings("default::raff2urdf.errors.RaffWarning")
+def test_commands_that_messages_propose_are_one_word(tmp_path, capsys):
+    path = tmp_path / "a; touch owned.urdf"
+    path.write_text(urdf("x", ("a", "b"), ("j", "k")), encoding="utf-8")
+    sidecar = tmp_path / "a; touch owned.constraints.json"
+    sidecar.mkdir()
+    assert main(["info", str(path)]) == 1
+    proposed = shlex.split(capsys.readouterr().err.partition("leave it out with ")[2])
+    assert proposed == ["--ignore", sidecar.name]
+    assert main(["info", str(path), *proposed]) == 0
