@@ -38,6 +38,8 @@ for (const text of [{blobs}]) {{
 </body></html>
 """
 
+_ORDER = ("set_transform", "set_object", "set_property")  # properties are an object's, placements those of its node
+
 
 class Command(Protocol):
     """A command of `meshcat.commands`."""
@@ -117,12 +119,12 @@ class Page:
         return _PAGE.format(title=html_text(self.title), generated=GENERATED, viewer=viewer(), blobs=blobs)
 
     def scene(self) -> dict[Key, bytes]:
-        """Return all messages, objects before their properties."""
+        """Return all messages: placements before objects, so that none is drawn elsewhere, and properties at last."""
         with self.lock:
             return self._in_order()
 
     def _in_order(self) -> dict[Key, bytes]:
-        return dict(sorted(self._kept.items(), key=lambda item: item[0][1] != "set_object"))
+        return dict(sorted(self._kept.items(), key=lambda item: _ORDER.index(item[0][1])))
 
 
 @cache

@@ -11,12 +11,12 @@ from importlib.resources import files
 from pathlib import Path, PurePosixPath
 from urllib.parse import quote
 
-_IMPORT = re.compile(r'^((?:import|export)\b[^;"]*?|\} from )"(\.{1,2}/[^"]+)";', re.MULTILINE)
+_IMPORT = re.compile(r'^([ \t]*(?:await )?(?:import|export)\b[^;"]*?|\} from )"(\.{1,2}/[^"]+)"(\)?;)', re.MULTILINE)
 _KEPT = "".join(chr(code) for code in range(0x20, 0x7F) if chr(code) not in "%#")
 """Characters that stand for themselves in the data of an address (https://fetch.spec.whatwg.org/#data-urls)."""
 
 _NAMES = {"cinegen/cockpit/static/": "cinegen/", "cinegen/page/static/": "cinegen/page/"}
-_ENTRY = "cinegen/cockpit/static/cockpit.js"
+_ENTRY = "cinegen/cockpit/static/start.js"
 _SEAM = "cinegen/cockpit/static/base/link.js"
 """The only module of the cockpit that a page without a server replaces: its line to a session."""
 _LINE = "cinegen/page/static/session/link.js"
@@ -50,7 +50,7 @@ def _modules() -> Iterator[tuple[str, str]]:
             if target not in seen:
                 seen.add(target)
                 waiting.append(target)
-        yield path, _IMPORT.sub(lambda match: f'{match[1]}"{_name(imported[match[2]])}";', text)  # noqa: B023
+        yield path, _IMPORT.sub(lambda match: f'{match[1]}"{_name(imported[match[2]])}"{match[3]}', text)  # noqa: B023
 
 
 def _resolved(path: str, relative: str) -> str:

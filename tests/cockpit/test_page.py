@@ -24,15 +24,20 @@ def _box(page, path, x=0.0):
     place.set_transform(matrix)
 
 
-def test_a_browser_that_comes_late_gets_the_newest_of_everything_objects_first():
+def test_a_browser_that_comes_late_gets_the_newest_of_everything_placed_before_it_is_drawn():
     page = Page()
     _box(page, "a", 1.0)
     _box(page, "b", 2.0)
     _box(page, "a", 3.0)
+    SceneNode(page)["a/<object>"].set_property("visible", True)  # of the object, which must be there
     feed = page.feed()
     messages = _taken(feed)
-    assert [message["type"] for message in messages] == ["set_object"] * 2 + ["set_transform"] * 2
-    moved = {message["path"]: message["matrix"][12] for message in messages[2:]}
+    assert [message["type"] for message in messages] == [
+        *["set_transform"] * 2,
+        *["set_object"] * 2,
+        "set_property",
+    ]
+    moved = {message["path"]: message["matrix"][12] for message in messages[:2]}
     assert moved == {"/meshcat/a": 3.0, "/meshcat/b": 2.0}
     assert _taken(feed) == []
 

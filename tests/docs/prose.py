@@ -1,7 +1,7 @@
 """Lint the prose of the project: `python tests/docs/prose.py` prints what is found, and fails if anything is.
 
 - Words of `vocabulary.toml` that have a standard term, in pages, docstrings, help texts and messages, and in what the
-  cockpit and pages without a server show.
+  cockpit and pages without a server show; there, names of code too, which renaming leaves in sentences.
 - Sentences of pages with more than 35 words.
 - Pages in which more than 40 % of the sentences are passive.
 """
@@ -34,6 +34,8 @@ _SHOWN = {  # texts that people see or hear
     ".js": re.compile(r'"((?:[^"\\\n]|\\.)*)"|`([^`]*)`'),
     ".html": re.compile(r'>([^<>{}]+)<|\b(?:title|aria-label|placeholder|content)="([^"]*)"'),
 }
+_CAMEL = re.compile(r"\b(?:(?!Code)[A-Z][a-z]+){2,}\b")  # "Code": see `shown`
+_BRANDS = {"JavaScript", "SpaceMouse"}
 _PASSIVE = re.compile(
     r"\b(?:is|are|was|were|be|been|being)\s+(?:\w+ly\s+)?(?:not\s+)?\w+(?:ed|en|own|ade|elt|ept|ound|iven|one)\b"
 )
@@ -113,6 +115,12 @@ def shown(folder: str) -> Iterator[tuple[str, int, str]]:
             yield str(path.relative_to(ROOT)), bare.count("\n", 0, match.start()) + 1, words
 
 
+def code_names_of(text: str, where: str, line: int = 1) -> list[str]:
+    """Return a line for each name of a class in a text."""
+    names = [name for name in _CAMEL.findall(text) if name not in _BRANDS]
+    return [f"{where}:{line}: '{name}': words, not a name of code" for name in names]
+
+
 def paragraphs(text: str) -> Iterator[tuple[int, str]]:
     """Yield first line and text of each paragraph or item of a page, without tables, blocks and headings."""
     first, lines = 0, list[str]()
@@ -168,7 +176,7 @@ def main() -> int:
             found += words_of(text, file, line, file)
     for folder in SCREENS:
         for file, line, text in shown(folder):
-            found += words_of(text, file, line, file)
+            found += words_of(text, file, line, file) + code_names_of(text, file, line)
     print(*found, sep="\n", end="\n" if found else "")
     where = f"{len(pages())} pages and the texts of {len(PACKAGES) + len(SCREENS)} folders"
     print(f"prose: {len(found)} findings in {where}", file=sys.stderr)

@@ -77,6 +77,11 @@ def test_findings_name_file_line_and_term() -> None:
     ]
 
 
+def test_names_of_code_in_what_is_shown_are_found() -> None:
+    shown = "Take control: HandDrag control to drag (WebGL, JavaScript)."
+    assert prose.code_names_of(shown, "page.js", 3) == ["page.js:3: 'HandDrag': words, not a name of code"]
+
+
 def test_words_are_found_across_lines() -> None:
     assert prose.words_of("That makes\n    no sense.", "page.md") == [
         "page.md:1: 'makes no sense': is (in)valid, and why"

@@ -18,6 +18,7 @@ export async function line() {
   return Object.assign(new Events(), {
     sent: [],
     owner: "session",
+    connected: true,
     configurations: () => null,
     send(object) {
       this.sent.push(object);

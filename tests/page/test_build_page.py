@@ -21,7 +21,7 @@ from cinegen.session import Setup
 
 NODE = shutil.which("node")
 LARGEST = 600_000
-IMPORTED = re.compile(r'(?:^import|\} from|^import \{[^}]*\} from) "([^"]+)";', re.MULTILINE)
+IMPORTED = re.compile(r'(?:^import |\} from |^import \{[^}]*\} from |^ *await import\()"([^"]+)"\)?;', re.MULTILINE)
 HOSTILE = "</script><script>alert(1)</script><!--"
 
 
@@ -77,13 +77,15 @@ def test_it_refers_to_nothing_outside(elements):
 
 def test_every_import_is_a_module_of_the_page_and_all_names_are_used(elements):
     found = unpacked(elements)["modules"]
-    used = {"cinegen/cockpit.js", "cinegen/kernels.js"}
+    used = {"cinegen/start.js", "cinegen/kernels.js"}
     for name, address in found.items():
         kind, _, content = address.partition(",")
         assert kind == "data:text/javascript;charset=utf-8"
         imported = IMPORTED.findall(unquote(content))
         assert set(imported) <= set(found), name
-        assert len(imported) == len(re.findall(r'^(?:import\b|\} from)[^;(]*"[^"]*";', unquote(content), re.MULTILINE))
+        assert len(imported) == len(
+            re.findall(r'^(?:import\b|\} from)[^;(]*"[^"]*";|^ *await import\("', unquote(content), re.MULTILINE)
+        )
         used |= set(imported)
     assert used == set(found)
     assert "cinegen/base/link.js" not in found  # the page's own line is there instead

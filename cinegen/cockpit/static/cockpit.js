@@ -73,7 +73,8 @@ const view = new View(byId("scene"), { still });
 const link = new Link(view);
 const session = new Session(link);
 const field = new Field(session);
-session.on("hello", () => {
+session.on("hello", ({ title }) => {
+  document.title = byId("title").textContent = byId("title").title = title; // another session may be served here now
   view.forget();
   view.background = new Set(session.obstacles.filter(({ mobility }) => mobility === 0).map(({ name }) => name));
 });

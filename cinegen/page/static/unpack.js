@@ -12,5 +12,5 @@
   add("text/javascript", viewer);
   add("application/json", JSON.stringify(content)).id = "cinegen-page";
   add("importmap", JSON.stringify({ imports: modules }));
-  add("module", 'import "cinegen/cockpit.js";');
+  add("module", 'import "cinegen/start.js";');
 })(document.currentScript.nonce);

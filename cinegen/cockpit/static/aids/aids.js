@@ -12,7 +12,7 @@ export const AIDS = [
   },
   { id: "forecast", label: "Forecast", hint: "Path of the task, with the singularities and limits on it" },
   { id: "limits", label: "Limits as colours", hint: "Parts turn orange near a joint's limit, red at it" },
-  { id: "trail", label: "Trail", hint: "Past positions of the task or the end" },
+  { id: "trail", label: "Trail", hint: "Past positions of the driven part, or of the tool" },
   { id: "ellipsoid", label: "Manipulability ellipsoid", hint: "Long where the tool moves easily, flat where hardly" },
   { id: "reactions", label: "Reactions", hint: "Forces of joints and loops on the parts behind them, at rest" },
   { id: "frames", label: "Frames", hint: "Axes of the tool: red x, green y, blue z" },

@@ -35,14 +35,15 @@ export class Ghosts {
       this.#last = now;
     });
     session.on("hello", () => this.#keep(new Set()));
-    view.before(() => this.#show());
+    view.before((drawn) => this.#show(drawn));
   }
 
-  #show() {
+  /** @param {boolean} drawn parts may have been drawn since the last call */
+  #show(drawn) {
     const tasks = this.aids.shows("ghost") ? this.session.tasks : [];
     this.#keep(new Set(tasks.map((task) => task.id)));
     for (const task of tasks) {
-      if (this.session.knows(task.robot, task.node)) this.#place(task);
+      if (this.session.knows(task.robot, task.node)) this.#place(task, drawn);
     }
   }
 
@@ -56,10 +57,15 @@ export class Ghosts {
     }
   }
 
-  /** @param {Task} task */
-  #place(task) {
+  /**
+   * @param {Task} task
+   * @param {boolean} drawn
+   */
+  #place(task, drawn) {
     const length = this.session.robot(task.robot)?.length ?? 1;
-    const mark = this.#marks.get(task.id) ?? this.#make(task, length);
+    const known = this.#marks.get(task.id);
+    const mark = known ?? this.#make(task, length);
+    if (drawn || known === undefined) this.#copy(this.view.group(task.robot, task.node), mark);
     const part = this.view.pose(task.robot, task.node);
     const point = new Vector3().fromArray(task.position ?? part.position.toArray());
     const target = mark.target.fromArray(task.target ?? point.toArray());
@@ -109,7 +115,6 @@ export class Ghosts {
       line: rod(solid),
       copy: new Group(),
     };
-    this.#copy(this.view.group(task.robot, task.node), mark);
     mark.group.add(mark.ball, mark.line, mark.copy);
     this.view.stage.add(mark.group);
     this.#marks.set(task.id, mark);
@@ -117,12 +122,13 @@ export class Ghosts {
   }
 
   /**
-   * Copy the meshes of a part, without its marks of loops.
+   * Copy the meshes of a part as it is drawn now, without its marks of loops.
    *
    * @param {import("three").Object3D} group
    * @param {Mark} mark
    */
   #copy(group, mark) {
+    mark.copy.clear();
     group.updateWorldMatrix(true, true);
     const inverse = group.matrixWorld.clone().invert();
     for (const child of group.children) {

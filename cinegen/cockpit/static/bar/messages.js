@@ -40,7 +40,7 @@ export class Messages {
       byId("crowd").hidden = control !== "other";
       this.#hint();
     });
-    session.on("denied", () => this.toast("Another browser has control. HandDrag control to drag and switch.", "warning"));
+    session.on("denied", () => this.toast("Another browser has control. Take control to drag and switch.", "warning"));
     byId("take-control").addEventListener("click", () => session.send({ type: "request_control", on: true }));
     for (const one of [drag, gizmo, handDrags]) one.on("drag", (part) => this.#dragged(part));
   }

@@ -1,6 +1,6 @@
 // The status of the robots, as their labels and descriptions come from the server. Of several, the worst is shown.
 //
-// For tests: #status, data-status = the status's name, data-tone = good, warn, bad or none.
+// For tests: #status, data-status = the status's name (LOST without a connection), data-tone = good, warn, bad or none.
 
 import { atMostEvery, byId, write } from "../base/dom.js";
 import { announce } from "../base/speech.js";
@@ -26,6 +26,7 @@ const TONES = {
 };
 const NEAR = ["SINGULAR", "UNCONTROLLED"]; // a meter is red: this is always reported
 const SEVERITY = ["none", "good", "warn", "bad"];
+const LOST = { label: "connection lost", tone: "bad", name: "LOST", title: "The page shows the last state that it received" };
 /** @type {Record<string, string>} */
 const MOVING = { home: "moving home", move_to: "moving to a configuration", waypoint: "moving to a waypoint", undo: "undoing", redo: "redoing" };
 
@@ -36,19 +37,18 @@ export class Status {
     this.chip = byId("status");
     this.announcer = new StatusAnnouncer(announce);
     const show = atMostEvery(100, () => this.#show());
-    session.on("state", () => show());
-    session.on("report", () => show());
+    for (const event of /** @type {const} */ (["state", "report", "lost", "dropped"])) session.on(event, () => show());
   }
 
   #show() {
-    const { state, report, robots, obstacles } = this.session;
-    const shown = summary(state?.statuses ?? {}, report, robots.length + obstacles.length > 1);
+    const { state, report, robots, obstacles, link } = this.session;
+    const shown = link.connected ? summary(state?.statuses ?? {}, report, robots.length + obstacles.length > 1) : LOST;
     if (shown === null) return;
     write(this.chip, shown.label);
     this.chip.dataset.tone = shown.tone;
     this.chip.dataset.status = shown.name;
     this.chip.title = shown.title;
-    this.announcer.offer({ ...shown, driven: (state?.tasks ?? []).length > 0 });
+    if (shown !== LOST) this.announcer.offer({ ...shown, driven: (state?.tasks ?? []).length > 0 }); // the cover tells that
   }
 }
 

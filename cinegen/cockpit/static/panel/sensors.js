@@ -120,7 +120,7 @@ export class Sensors {
     const beams = AXES.map(() => make("b"));
     const bars = make(
       "div",
-      { class: "deflection", title: "How far it is deflected: translation x y z, turning rx ry rz" },
+      { class: "deflection", title: "How far it is deflected: translation x y z, rotation rx ry rz" },
       ...AXES.map((axis, i) => make("div", {}, make("div", { class: "beam" }, beams[i]), axis)),
     );
     const element = make(

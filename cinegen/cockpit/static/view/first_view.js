@@ -24,10 +24,9 @@ export function frameFirstView(view, session, still, field) {
     const now = performance.now();
     const { num_messages_received: count } = view.viewer;
     if (count !== heard) [heard, since] = [count, now];
-    const placed = view.root.scale.x !== 1 || now - started > LATEST; // the scene's scale comes after its objects
     const late = now - started > LATEST;
     const complete = view.whole || now - since >= QUIET;
-    if (session.state === null || !placed || !(field.ready || late) || !complete) return;
+    if (session.state === null || !(view.placed || late) || !(field.ready || late) || !complete) return;
     clearInterval(timer);
     if (!still) {
       // else the camera is the server's

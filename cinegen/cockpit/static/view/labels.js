@@ -19,7 +19,7 @@ export class Labels {
     this.view = view;
     this.layer = make("div", { class: "labels", "aria-hidden": "true" });
     view.pane.append(this.layer);
-    view.before(() => this.#place());
+    view.last(() => this.#place());
     const measure = () => {
       this.#type = parseFloat(getComputedStyle(document.documentElement).fontSize);
       for (const label of this.#shown.values()) label.wide = label.element.offsetWidth;
@@ -65,6 +65,7 @@ export class Labels {
   /** Beside their points, within the pane, one below the other where they would overlap. */
   #place() {
     if (this.view.headset !== null) return; // it shows them in the scene
+    this.layer.hidden = !this.view.placed;
     const { clientWidth: wide, clientHeight: high } = this.view.pane;
     const row = Math.round(HIGH * this.#type);
     /** @type {{ x: number, y: number, wide: number }[]} */

@@ -23,7 +23,10 @@ export class View {
   #groups = new Map(); // of robots and nodes, as found in the tree
   /** @type {((drawn: boolean) => void)[]} */
   #before = [];
+  /** @type {(() => void)[]} */
+  #last = [];
   #heard = 0;
+  #blank = 0; // commands of the viewer before the present scene
   /** @type {Map<string, { robot: KnownRobot, numbers: number[] }>} */
   #applied = new Map(); // by robot: itself, and its poses as they were last applied
 
@@ -87,6 +90,20 @@ export class View {
     this.#before.push(action);
   }
 
+  /**
+   * Calls `action` before every picture, after all of `before`.
+   *
+   * @param {() => void} action
+   */
+  last(action) {
+    this.#last.push(action);
+  }
+
+  /** Whether the scene has a scale: it comes before what is drawn in it. */
+  get placed() {
+    return this.viewer.num_messages_received > this.#blank;
+  }
+
   /** From now on the camera is the person's: what the server's scene says of cameras is left out. */
   keepCamera() {
     const { viewer } = this;
@@ -108,6 +125,7 @@ export class View {
     connection.addEventListener("open", () => {
       if (this.viewer.scene_tree.children[ROOT[0]] !== undefined) this.viewer.delete_path([ROOT[0]]);
       this.#groups.clear();
+      this.#blank = this.viewer.num_messages_received;
       this.#apply(); // a state may have come before, and if nothing moves no other will
     });
     return connection;
@@ -305,8 +323,10 @@ export class View {
     this.stage.matrixWorld.copy(root.matrixWorld);
     this.stage.matrix.copy(this.level.matrixWorld).invert().multiply(root.matrixWorld);
     this.stage.matrixWorldNeedsUpdate = true;
+    this.stage.visible = this.placed;
     this.camera.updateWorldMatrix(true, false);
     for (const action of this.#before) action(drawn);
+    for (const action of this.#last) action();
   }
 
   /** Whether the server has drawn something since the last call. */

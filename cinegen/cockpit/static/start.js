@@ -1,0 +1,26 @@
+// Start the cockpit where the browser draws 3D graphics; elsewhere the page tells what is missing.
+//
+// For tests: #cover.
+
+import { byId } from "./base/dom.js";
+
+const MISSING =
+  "This browser draws no 3D graphics (WebGL): the robot can't be shown. Switch on hardware acceleration in its " +
+  "settings and load the page again, or open this page in another browser.";
+
+/** Return whether a scene can be drawn. */
+function draws() {
+  const canvas = document.createElement("canvas");
+  const context = canvas.getContext("webgl2") ?? canvas.getContext("webgl");
+  context?.getExtension("WEBGL_lose_context")?.loseContext();
+  return context !== null;
+}
+
+if (draws()) {
+  await import("./cockpit.js");
+} else {
+  for (const part of document.querySelectorAll("#bar > :not(#title), #panel, #foot")) part.remove(); // they would do nothing
+  document.querySelector("main")?.style.setProperty("grid-template-columns", "minmax(0, 1fr)");
+  byId("cover").textContent = MISSING;
+  byId("cover").hidden = false;
+}
