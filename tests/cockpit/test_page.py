@@ -29,7 +29,7 @@ def test_a_browser_that_comes_late_gets_the_newest_of_everything_placed_before_i
     _box(page, "a", 1.0)
     _box(page, "b", 2.0)
     _box(page, "a", 3.0)
-    SceneNode(page)["a/<object>"].set_property("visible", True)  # of the object, which must be there
+    Visualizer(window=page)["a/<object>"].set_property("visible", True)  # of the object, which must be there
     feed = page.feed()
     messages = _taken(feed)
     assert [message["type"] for message in messages] == [

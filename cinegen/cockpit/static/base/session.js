@@ -11,7 +11,7 @@ import { Events } from "./events.js";
  * @typedef {"mine" | "other" | "free"} Control
  * @typedef {{ robot: string, node: string }} Part
  * @typedef {import("./messages").RobotDescription & { obstacle: boolean, byName: Map<string, Node> }} KnownRobot
- * @typedef {Pick<import("./link.js").Link, "on" | "send" | "owner" | "configurations" | "connected" | "linkTo">} Line
+ * @typedef {Pick<import("./link.js").Link, "on" | "send" | "owner" | "configurations" | "connected">} Line
  */
 
 /** @extends {Events<import("./link.js").ServerEvents & { control: Control, select: Part | null, denied: undefined }>} */
