@@ -48,20 +48,25 @@ def new_figure(**settings: Any) -> Figure:
 @cache
 def _figure_class() -> type[Figure]:
     from matplotlib.figure import Figure
-    from matplotlib.text import Text
 
     class PlainFigure(Figure):
-        """A figure without formulas but those that matplotlib writes at logarithmic scales."""
+        """A figure without formulas of its own."""
 
         def draw(self, renderer: Any) -> None:
-            axes = [axis for one in self.axes for axis in (one.xaxis, one.yaxis) if axis.get_scale() == "log"]
-            powers = {text for axis in axes for text in axis.get_ticklabels(which="both")}
-            for text in self.findobj(Text):
-                if isinstance(text, Text) and text not in powers:
-                    text.set_parse_math(False)
+            _without_formulas(self)
             super().draw(renderer)
 
     return PlainFigure
+
+
+def _without_formulas(figure: Any) -> None:
+    """Show all texts as they are, but for the powers that matplotlib writes at logarithmic scales."""
+    from matplotlib.text import Text
+
+    axes = [axis for one in figure.axes for axis in (one.xaxis, one.yaxis) if axis.get_scale() == "log"]
+    powers = {text for axis in axes for text in axis.get_ticklabels(which="both")}
+    for text in set(figure.findobj(Text)) - powers:
+        text.set_parse_math(False)
 
 
 def sheet(wide: float, tall: float, first: str, second: str) -> tuple[Figure, Any]:
@@ -108,6 +113,7 @@ def finish(figure: Any) -> None:
             named.values(), labels, loc="outside lower center", ncols=_columns(labels, room), frameon=False,
             fontsize=LABEL,
         )  # fmt: skip
+    _without_formulas(figure)
     figure.get_layout_engine().execute(figure)
 
 

@@ -23,7 +23,7 @@ from cinegen.assembly import assembly_modes
 from cinegen.model.motion_plane import motion_plane
 from cinegen.plotting import DrawingError, Projection, Skeleton, draw_modes, views
 from cinegen.plotting.ground import ground_of
-from cinegen.plotting.sheet import label, sheet
+from cinegen.plotting.sheet import finish, label, sheet
 from cinegen.plotting.stick import hull
 
 PARALLEL = ("tssm", "gough", "delta4", "five_bar", "planar_hybrid", "sr400")
@@ -355,7 +355,7 @@ def test_a_dollar_sign_is_a_dollar_sign():
     axes.set_yscale("log")
     axes.set_xticks([1.0, 2.0], [name, name])
     label(axes, name, name)
-    axes.legend()
+    finish(figure)
     file = io.BytesIO()
     with rc_context({"svg.fonttype": "none"}):
         figure.savefig(file, format="svg")

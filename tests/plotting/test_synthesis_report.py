@@ -17,6 +17,7 @@ from variants import slow
 import cinegen
 from cinegen.design import synthesize
 from cinegen.plotting import synthesis_report
+from cinegen.plotting.sheet import new_figure
 from cinegen.plotting.synthesis.levels import RegionField, draw_field
 from cinegen.plotting.synthesis.page import ReportPage, drawing
 from cinegen.plotting.synthesis.robots import moved_to
@@ -127,8 +128,6 @@ def test_a_report_has_the_numbers_of_the_result(found, report):
 
 
 def test_every_text_of_a_page_is_escaped():
-    from matplotlib.figure import Figure
-
     page = ReportPage(HOSTILE)
     page.section(HOSTILE)
     page.text(HOSTILE)
@@ -137,7 +136,7 @@ def test_every_text_of_a_page_is_escaped():
     page.table(HOSTILE, [HOSTILE], [[HOSTILE]])
     page.listing(HOSTILE)
     with drawing():
-        figure = Figure()
+        figure = new_figure()
         figure.text(0.5, 0.5, HOSTILE)
         page.picture(figure, HOSTILE)
     read = Read(page.text_of_page())
