@@ -16,6 +16,7 @@ from pathlib import Path
 
 import pytest
 from hypothesis import HealthCheck, is_hypothesis_test, settings
+from leftovers import Snapshot, left_since
 
 import cinegen
 
@@ -53,6 +54,22 @@ def pytest_collection_modifyitems(items):
 
 def _laws(items):
     return [item for item in items if is_hypothesis_test(getattr(item, "obj", None))]
+
+
+TIDY = ("cli", "cockpit", "devices", "realtime", "session")
+"""Folders whose tests leave nothing behind."""
+
+
+@pytest.fixture(autouse=True)
+def nothing_is_left(request):
+    """Fail a test that leaves threads, processes or changed settings; a module's fixtures may keep theirs."""
+    if request.path.parent.name not in TIDY:
+        yield
+        return
+    before = Snapshot.take()
+    yield
+    left = left_since(before)
+    assert not left, f"left behind: {'; '.join(left)}"
 
 
 @cache

@@ -69,26 +69,26 @@ class Cockpit:
         self.page = Page(self.title)
         self.scene = draw(self.page, setup)
         self.map = None if setup.map is None else ServedMap(setup.map)
-        self.runner = SessionRunner(setup, own_process)
-        self.hub = Hub(setup, self.runner.send, self._hello, self._watch, lambda: self.runner.waiting)
-        self.server = Server(self.page, self.hub, self.snapshot, host, token, framed, self.map, certificate)
         self._over, self._awake, self._shown = threading.Event(), threading.Event(), threading.Event()
         self._shown.set()
         self._state: SessionState | None = None  # newest that `_feed` has seen
         self._reports: dict[str, RobotReport] = {}
         self._reported = 0
         self.error: BaseException | None = None
-        try:
+        with contextlib.ExitStack() as started:  # nothing runs on if one of them can't start
+            self.runner = started.enter_context(SessionRunner(setup, own_process))
+            self.hub = Hub(setup, self.runner.send, self._hello, self._watch, lambda: self.runner.waiting)
+            self.server = Server(self.page, self.hub, self.snapshot, host, token, framed, self.map, certificate)
             self.server.start(port)
-        except BaseException:
-            self.runner.stop()
-            raise
-        self._threads = [
-            threading.Thread(target=self._feed, name="cinegen frames", daemon=True),
-            threading.Thread(target=self._report, name="cinegen reports", daemon=True),
-        ]
-        for thread in self._threads:
-            thread.start()
+            started.callback(self.server.stop)
+            started.callback(self._over.set)
+            self._threads = [
+                threading.Thread(target=self._feed, name="cinegen frames", daemon=True),
+                threading.Thread(target=self._report, name="cinegen reports", daemon=True),
+            ]
+            for thread in self._threads:
+                thread.start()
+            started.pop_all()
 
     def __repr__(self) -> str:
         return f"<{self.title} at {self.url}>"

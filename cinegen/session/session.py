@@ -93,12 +93,15 @@ class Session:
             ):
                 self.obstacles[name].meet(avoiding, number, obstacle)
         self._change_settings(c.ChangeSettings(gain=self.settings.gain))
-        if self._player is None:
-            for switch in setup.switches:
-                if switch.first is not None:
-                    self.sensors.select(switch.robot, switch.node, switch.first)
-        if setup.record is not None:
-            self._recorder.start(setup.record, setup.overwrite)
+        with contextlib.ExitStack() as opened:
+            opened.callback(self.close)
+            if self._player is None:
+                for switch in setup.switches:
+                    if switch.first is not None:
+                        self.sensors.select(switch.robot, switch.node, switch.first)
+            if setup.record is not None:
+                self._recorder.start(setup.record, setup.overwrite)
+            opened.pop_all()
 
     def close(self) -> None:
         """Close the sensors and the recording."""

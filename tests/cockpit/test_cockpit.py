@@ -208,6 +208,14 @@ def test_only_this_machine_may_do_without_a_token(robot):
         Cockpit(arrange({"r": robot("planar_3r")}), host="0.0.0.0", token="", own_process=False)
 
 
+def test_a_process_of_its_own_ends_where_the_page_cant_be_served(robot):
+    """`nothing_is_left` looks for it."""
+    with pytest.raises(ServerError, match="no free port from 70000"):
+        Cockpit(arrange({"r": robot("planar_3r")}), port=70000)
+    with pytest.raises(ServerError, match="needs a token"):
+        Cockpit(arrange({"r": robot("planar_3r")}), host="0.0.0.0", token="")
+
+
 def test_the_snapshot_shows_everything_as_it_is(cockpit):
     one = cockpit("delta4", follow="circle")
     first = one.snapshot()

@@ -8,10 +8,12 @@ import http.client
 import json
 import threading
 import time
+from concurrent.futures import ThreadPoolExecutor
 from functools import cache
 from urllib.parse import urlsplit
 
 import tornado.websocket
+from leftovers import SHARED
 from tornado.httpclient import HTTPRequest
 
 PLAIN = {"undo", "redo", "end_drag"}
@@ -22,7 +24,8 @@ PLAIN = {"undo", "redo", "end_drag"}
 def _loop():
     """The event loop of all browsers, in a thread that never ends."""
     loop = asyncio.new_event_loop()
-    threading.Thread(target=loop.run_forever, daemon=True).start()
+    loop.set_default_executor(ThreadPoolExecutor(thread_name_prefix=SHARED))
+    threading.Thread(target=loop.run_forever, name=f"{SHARED}: browsers", daemon=True).start()
     return loop
 
 

@@ -14,6 +14,7 @@ from pathlib import Path
 import pytest
 from variants import slow
 
+from cinegen.errors import CinegenError
 from cinegen.session import Session, SessionRunner, arrange
 
 
@@ -39,6 +40,14 @@ def test_what_ended_a_session_is_raised_also_where_the_system_says_so(robot, mon
     runner = SessionRunner(arrange({"arm": robot("planar_3r")}), own_process=False)
     with pytest.raises(OSError, match="in a tick"):
         runner.stop()
+
+
+def test_a_session_that_cant_begin_closes_its_sensors(robot, tmp_path):
+    """The thread of the sensor, and its port; `nothing_is_left` looks for it."""
+    (tmp_path / "run.jsonl").write_text("notes")
+    setup = arrange({"arm": robot("planar_3r")}, sensors=["tool=tcp://127.0.0.1:0"], record=str(tmp_path / "run.jsonl"))
+    with pytest.raises(CinegenError, match="exists"):
+        SessionRunner(setup, own_process=False)
 
 
 START = """

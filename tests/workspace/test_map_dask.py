@@ -130,9 +130,11 @@ def test_a_disk_that_is_full_for_others_is_said_here_and_what_was_finished_stays
             before.update(files(path / "status"))
             client.run(limit, 50)
 
-    with pytest.raises(MapError, match=r"map.zarr can't be written: File too large. Complete chunks stay"):
-        make_map(spec, path, scheduler=address, most=MOST, report=fill)
-    client.run(limit, resource.RLIM_INFINITY)
+    try:
+        with pytest.raises(MapError, match=r"map.zarr can't be written: File too large. Complete chunks stay"):
+            make_map(spec, path, scheduler=address, most=MOST, report=fill)
+    finally:
+        client.run(limit, resource.RLIM_INFINITY)
     assert 0 < MapStore(path).done < spec.region.size
     make_map(spec, path, scheduler=address, most=MOST)
     assert digest(path) == digest(whole)

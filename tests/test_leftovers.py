@@ -1,0 +1,56 @@
+"""A test that leaves something behind is found."""
+
+from __future__ import annotations
+
+import resource
+import subprocess
+import sys
+import threading
+
+import pytest
+from leftovers import SHARED, Snapshot, left_since
+
+
+@pytest.fixture
+def thread():
+    """`thread(name)`: one that ends with the test."""
+    over, made = threading.Event(), []
+
+    def start(name):
+        made.append(threading.Thread(target=over.wait, name=name, daemon=True))
+        made[-1].start()
+
+    yield start
+    over.set()
+    for one in made:
+        one.join()
+
+
+def test_a_thread_is_left_unless_it_ends_or_serves_all_tests(thread):
+    before = Snapshot.take()
+    thread(f"{SHARED}: a loop")
+    threading.Thread(target=lambda: None).start()
+    assert left_since(before) == []
+    thread("loop")
+    assert left_since(before, 0.0) == ["thread 'loop'"]
+
+
+def test_a_process_is_left_unless_it_ends():
+    before = Snapshot.take()
+    with subprocess.Popen([sys.executable, "-c", "input()"], stdin=subprocess.PIPE) as process:
+        (found,) = left_since(before, 0.0)
+        assert found.startswith(f"process {process.pid}: ")
+        process.stdin.close()
+        assert left_since(before) == []
+
+
+def test_settings_are_put_back():
+    before = Snapshot.take()
+    sys.setswitchinterval(0.001)
+    soft = 1 << 40
+    resource.setrlimit(resource.RLIMIT_FSIZE, (soft, before.file_size[1]))
+    assert left_since(before) == [
+        f"a limit of the size of files (RLIMIT_FSIZE) of {(soft, before.file_size[1])} instead of {before.file_size}",
+        f"a switch interval of 0.001 s instead of {before.switch_interval} s",
+    ]
+    assert Snapshot.take() == before
