@@ -9,10 +9,9 @@ import re
 from typing import TYPE_CHECKING, Any
 
 import typer
-from typer.core import TyperCommand
 
 from cinegen.errors import CinegenError
-from raff2urdf.command_line import UsageError, quantity_parser
+from raff2urdf.command_line import Command, UsageError, quantity_parser, ruled
 from raff2urdf.quantities import ANGLE, LENGTH, Dimension, QuantityError, is_quantity, parse, parse_list, parse_range
 
 if TYPE_CHECKING:
@@ -198,7 +197,7 @@ def segment(text: str, option: str) -> tuple[tuple[float, float, float], tuple[f
 
 def quantity_option(
     metavar: str, help: str, dimension: Dimension, default: float | None = None, *names: str,
-    least: float = 0.0, most: float = 1e7, **settings: Any,
+    least: float = 0.0, most: float = 1e7, needs: str = "", unless: str = "", **settings: Any,
 ) -> Any:  # fmt: skip
     """Return an option whose value is one number with an optional unit, SI units and radians.
 
@@ -210,15 +209,18 @@ def quantity_option(
         names: such as `-o`, `--output`; `--parameter` unless given.
         least: smallest valid value.
         most: largest valid value.
+        needs: options without which it has no effect, see `raff2urdf.command_line.Rules`.
+        unless: options with which it has no effect.
         settings: those of `typer.Option`.
     """
-    return typer.Option(
+    info = typer.Option(
         default, *names, metavar=metavar, help=help, show_default=default is not None,
         parser=quantity_parser(dimension, least, most), **settings,
     )  # fmt: skip
+    return ruled(info, needs, unless)
 
 
-class NumberLists(TyperCommand):
+class NumberLists(Command):
     """A command whose lists of numbers may also be separated by blanks: `--at x=10 rz=15`."""
 
     _LISTS = frozenset({"--acceleration", "--at", "--lock", "--values", "--velocity"})

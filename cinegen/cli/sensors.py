@@ -5,15 +5,18 @@ from __future__ import annotations
 import sys
 from pathlib import Path
 
-from cinegen.cli.options import FILES, IGNORE, IGNORE_LOOPS, JSON, SECONDS, option
+from cinegen.cli.numbers import quantity_option
+from cinegen.cli.options import FILES, IGNORE, IGNORE_LOOPS, JSON, STOP_AFTER, option
+from raff2urdf.command_line import no_effect
 from raff2urdf.output import write_at_once
+from raff2urdf.quantities import TIME
 
 
 def run(
     files: list[Path] = FILES,
-    sensor: list[str] = option("N=URL", "another port for sensor N of the files", ()),
+    sensor: list[str] = option("N=URL", "another port for sensor N of the files", (), unless="--monitor"),
     monitor: str | None = option("URL", "show the readings of this port or URL"),
-    seconds: float | None = SECONDS,
+    seconds: float | None = quantity_option("S", STOP_AFTER, TIME, needs="--monitor"),
     ignore_loops: bool = IGNORE_LOOPS,
     ignore: list[str] = IGNORE,
     json: bool = JSON,
@@ -26,6 +29,7 @@ def run(
     from cinegen.devices import monitor as monitoring
 
     if monitor:
+        no_effect("with --monitor, which names one sensor by its URL", "FILE", "--ignore-loops", "--ignore")
         monitoring.monitor(monitor, write_at_once, seconds, json, rewrite=sys.stdout.isatty() and not json)
     else:
         print(monitoring.listing(map(str, files), sensor, json, ignore_loops, ignore))
