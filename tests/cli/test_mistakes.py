@@ -74,6 +74,8 @@ MISTAKES: list[tuple[str, int, str]] = [
     ("cinegen replay runn.jsonl", 1, "runn.jsonl: can't be read: No such file or directory: did you mean 'run.jsonl'?"),
     ("cinegen replay four_bar.raff", 1, "not a mission: record one with `cinegen drive --record FILE.jsonl`"),
     ("cinegen replay /dev/zero", 1, "/dev/zero: can't be read: this is a device, not a file"),
+    ("cinegen export nosuch.csv --to csv", 1, "nosuch.csv: can't be read: No such file or directory"),
+    ("cinegen export mine.csv --to csv", 1, "mine.csv: not a mission: record one with"),
     ("cinegen export '' --to csv", 1, "can't be read: Is a directory"),
     ("cinegen export run.jsonl --to csv", 1, "run.jsonl: not a mission: record one with"),
     ("cinegen close four_bar.raff --start mine.txt", 1, "--start mine.txt: invalid JSON"),
@@ -203,7 +205,7 @@ FILES = {
     "unit.toml": "robot = 'planar_3r.raff'\nsafety = '10 deg'\ngoal = { point = [0.6, 0.3] }\n",
     "metres.raff": "RAFF t\nrobot r { base { } link 1 { type 2 pred 0 parameters { d 0.4 } } }\n",
     "secret.raff": "RAFF a",
-} | dict.fromkeys(("mine.txt", "mine.png", "mine.html", "mine.urdf", "run.jsonl"), "mine")
+} | dict.fromkeys(("mine.txt", "mine.png", "mine.html", "mine.urdf", "mine.csv", "run.jsonl"), "mine")
 
 
 @pytest.fixture(scope="module")
