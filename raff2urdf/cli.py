@@ -12,7 +12,17 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 from typer import Argument, Option
 
-from raff2urdf.command_line import Command, UsageError, Version, new_app, print_error, quantity_parser, run_app
+from raff2urdf.command_line import (
+    Command,
+    UsageError,
+    Version,
+    expand,
+    new_app,
+    print_error,
+    quantity_parser,
+    ruled,
+    run_app,
+)
 from raff2urdf.errors import RaffError, RaffWarning
 from raff2urdf.files import is_stream, output_path
 from raff2urdf.output import run
@@ -35,9 +45,15 @@ Loops = Annotated[
 ]
 
 Output = Annotated[
-    str, Option("--output", "-o", metavar="FILE", help="file to write; a folder if it exists or ends with /; -: stdout")
+    str,
+    ruled(
+        Option("--output", "-o", metavar="FILE", help="file to write; a folder if it exists or ends with /; -: stdout"),
+        unless="--check",
+    ),
 ]
-Force = Annotated[bool, Option("--force", help="replace an existing file that was not generated")]
+Force = Annotated[
+    bool, ruled(Option("--force", help="replace an existing file that was not generated"), unless="--check")
+]
 Json = Annotated[bool, Option("--json", help="print the result as JSON; SI units and radians")]
 
 
@@ -46,7 +62,6 @@ def main(arguments: Sequence[str] | None = None) -> int:
     return run("raff2urdf", lambda: run_app(app, "raff2urdf", arguments))
 
 
-@app.command(cls=Command)
 def raff2urdf(
     files: Annotated[
         list[str], Argument(metavar="FILE...", help="RAFF files, or names of shipped robots", show_default=False)
@@ -55,22 +70,33 @@ def raff2urdf(
     force: Force = False,
     format: Annotated[
         Literal["urdf", "sdf", "mjcf"],
-        Option(help="urdf: URDF and a constraints file; sdf: for Gazebo; mjcf: for MuJoCo, as NAME.xml"),
+        ruled(
+            Option(help="urdf: URDF and a constraints file; sdf: for Gazebo; mjcf: for MuJoCo, as NAME.xml"),
+            unless="--check",
+        ),
     ] = "urdf",
     density: Annotated[
         float | None,
-        Option(
-            metavar="KG_PER_M3",
-            parser=quantity_parser(DENSITY_DIMENSION, -1e12, 1e12),
-            help=f"density of the links, for sdf and mjcf, whose masses are estimated from the graphics [{DENSITY:g}]",
+        ruled(
+            Option(
+                metavar="KG_PER_M3",
+                parser=quantity_parser(DENSITY_DIMENSION, -1e12, 1e12),
+                help="density of the links, for sdf and mjcf, whose masses are estimated from the graphics "
+                f"[{DENSITY:g}]",
+            ),
+            needs="--format sdf, --format mjcf",
         ),
     ] = None,
     dialect: Annotated[
         Literal["json", "constraint", "urdf+", "closing-frames", "mimic", "robot.yaml"],
-        Option(
-            "--loops",
-            help="urdf: dialect in which it declares loops and couplings to other programs; json: none but the "
-            "constraints file, which is always written",
+        ruled(
+            Option(
+                "--loops",
+                help="urdf: dialect in which it declares loops and couplings to other programs; json: none but the "
+                "constraints file, which is always written",
+            ),
+            unless="--check",
+            needs="--format urdf",
         ),
     ] = "json",
     robot: Annotated[str | None, Option(metavar="NAME", help="convert only the robot of this name")] = None,
@@ -82,10 +108,6 @@ def raff2urdf(
     version: Version = False,
 ) -> int:
     """Convert RAFF files (Kleinfinger parameters, loops, sensors) to URDF with a constraints file, SDF or MJCF."""
-    if density is not None and format == "urdf":
-        raise UsageError("--density is for --format sdf or mjcf: a URDF of RAFF has no masses")
-    if dialect != "json" and format != "urdf":
-        raise UsageError(f"--loops is for --format urdf: {format} has its own elements for loops and couplings")
     out, target = _target(output, files, format, json)
     from raff2urdf.conversion import convert
 
@@ -120,6 +142,9 @@ def raff2urdf(
     if json:
         print_json(reports)
     return 1 if failed else 0
+
+
+app.command("raff2urdf", cls=Command)(expand(raff2urdf))
 
 
 def _target(output: str, files: list[str], format: str, json: bool) -> tuple[str, str | None]:

@@ -1,7 +1,8 @@
 """Command lines by Typer: one style of help and errors, suggestions for mistyped names, exit codes 0, 1 and 2.
 
 A command is a function whose parameters are its arguments and options, and which returns its exit code. Options that
-several commands share are the fields of a dataclass: `expand` makes one option of each field.
+several commands share are the fields of a dataclass: `expand` makes one option of each field. An option may have
+`Rules`: `Command` refuses a call in which it would have no effect, or would write a file under another format's ending.
 """
 
 from __future__ import annotations
@@ -12,8 +13,9 @@ import inspect
 import os
 import re
 import sys
-from collections.abc import Callable, Sequence
-from dataclasses import fields, is_dataclass
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from contextvars import ContextVar
+from dataclasses import dataclass, fields, is_dataclass
 from pathlib import Path
 from typing import Annotated, Any, get_type_hints
 
@@ -32,6 +34,82 @@ class UsageError(TyperException):
     exit_code = 2
 
 
+ENDINGS = frozenset((
+    ".c", ".csv", ".dae", ".eps", ".gif", ".h", ".htm", ".html", ".jpeg", ".jpg", ".js", ".json", ".jsonl", ".mjcf",
+    ".mp4", ".npz", ".obj", ".pdf", ".png", ".py", ".raff", ".script", ".sdf", ".stl", ".svg", ".tif", ".tiff", ".toml",
+    ".urdf", ".webm", ".webp", ".xacro", ".xml", ".yaml", ".yml", ".zarr",
+))  # fmt: skip
+"""Endings of the formats that commands read or write: each stands for its format, other endings for none."""
+
+FOLDER = ("/",)
+"""Endings of an option that names a folder."""
+
+
+@dataclass(frozen=True)
+class Rules:
+    """Rules of an option.
+
+    Attributes:
+        needs: options without any of which it has no effect, such as `--over`, or `--format sdf`, one with this value.
+            Those that a command lacks don't count.
+        unless: options, likewise, with which it has no effect.
+        endings: of the file that it writes, the usual one first; or `FOLDER`.
+    """
+
+    needs: tuple[str, ...] = ()
+    unless: tuple[str, ...] = ()
+    endings: tuple[str, ...] = ()
+
+
+def ruled(option: Any, needs: str = "", unless: str = "", endings: tuple[str, ...] = ()) -> Any:
+    """Return an option of Typer with `Rules`; `needs` and `unless` are separated by commas."""
+    needed, excluded = (tuple(filter(None, text.split(", "))) for text in (needs, unless))
+    option.rules = Rules(needed, excluded, endings)
+    return option
+
+
+def no_effect(where: str, *names: str, remedy: str = "leave it out") -> None:
+    """Refuse options that have no effect in a case that only the command knows.
+
+    Args:
+        where: the case, such as "for a recording".
+        names: of options or arguments, such as `--node`.
+        remedy: what to do, behind the options' names.
+
+    Raises:
+        UsageError: one was given.
+    """
+    given = [name for name in names if name in _GIVEN.get()]
+    if given:
+        raise UsageError(f"{' and '.join(given)} {_verb(given)} no effect {where}: {remedy}")
+
+
+def check_ending(name: str, value: object, endings: tuple[str, ...], others: Mapping[str, Rules] | None = None) -> None:
+    """Refuse an output whose ending is another format's.
+
+    Args:
+        name: of the option.
+        value: the path.
+        endings: of the format.
+        others: rules of the command's options, to name one that writes that format.
+
+    Raises:
+        UsageError: the ending is one of `ENDINGS`, and none of the format's.
+    """
+    path = Path(str(value))
+    suffix = path.suffix.lower()
+    if suffix not in ENDINGS or suffix in endings or str(value).endswith("/") or path.is_dir():
+        return
+    writes = "a folder: name" if endings == FOLDER else f"{' or '.join(endings)}: name"
+    other = next((f", or write {one} {path}" for one, rules in (others or {}).items() if suffix in rules.endings), "")
+    better = f"{path.with_suffix('')}{endings[0]}"
+    raise UsageError(f"{name} {path}: {suffix} is another format's ending, {name} writes {writes} {better}{other}")
+
+
+_GIVEN: ContextVar[frozenset[str]] = ContextVar("given", default=frozenset())
+"""Names of the options and arguments that were typed."""
+
+
 class _ColouredHelp:
     """A command or a group whose help has colours."""
 
@@ -42,7 +120,49 @@ class _ColouredHelp:
 
 
 class Command(_ColouredHelp, TyperCommand):
-    """A command."""
+    """A command that checks the `Rules` of its options."""
+
+    def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
+        """Parse the command line; refuse options without effect, and endings of other formats."""
+        left = super().parse_args(ctx, args)
+        names = {one.name: _shown_name(one) for one in self.params if one.name}
+        known = {name: ctx.params.get(key) for key, name in names.items()}
+        typed = [key for key in names if getattr(ctx.get_parameter_source(key), "name", "") == "COMMANDLINE"]
+        _GIVEN.set(frozenset(names[key] for key in typed))
+        rules: dict[str, Rules] = getattr(self.callback, "rules", {})
+        by_name = {names[key]: one for key, one in rules.items()}
+
+        def active(wanted: str) -> bool:
+            name, _, value = wanted.partition(" ")
+            return known[name] == value if value else bool(known[name])
+
+        def there(options: Iterable[str]) -> list[str]:
+            return [one for one in options if one.partition(" ")[0] in known]
+
+        for name in (names[key] for key in typed if key in rules):
+            needs, unless = there(by_name[name].needs), there(by_name[name].unless)
+            if needs and not any(map(active, needs)):
+                raise UsageError(
+                    f"{name} has no effect without {' or '.join(needs)}: add {_one(needs)}, or leave it out"
+                )
+            for one in filter(active, unless):
+                raise UsageError(f"{name} has no effect with {one}: leave one out")
+            if by_name[name].endings:
+                check_ending(name, known[name], by_name[name].endings, by_name)
+        return left
+
+
+def _shown_name(parameter: Any) -> str:
+    is_argument = parameter.param_type_name == "argument"
+    return str(parameter.metavar or parameter.name) if is_argument else max(parameter.opts, key=len)
+
+
+def _verb(names: Sequence[str]) -> str:
+    return "has" if len(names) == 1 else "have"
+
+
+def _one(names: Sequence[str]) -> str:
+    return "that" if len(names) == 1 else "one"
 
 
 class Commands(_ColouredHelp, TyperGroup):
@@ -117,6 +237,7 @@ def expand(function: Callable[..., int]) -> Callable[..., int]:
         name: hint for name, hint in hints.items() if isinstance(hint, type) and is_dataclass(hint)
     }
     parameters: list[inspect.Parameter] = []
+    rules: dict[str, Rules] = {}
     for name, parameter in inspect.signature(function).parameters.items():
         group = groups.get(name)
         members = {name: parameter} if group is None else inspect.signature(group).parameters
@@ -124,6 +245,10 @@ def expand(function: Callable[..., int]) -> Callable[..., int]:
         parameters += [
             one.replace(annotation=types[key], kind=inspect.Parameter.KEYWORD_ONLY) for key, one in members.items()
         ]
+        for key, one in members.items():
+            for info in (one.default, *getattr(types[key], "__metadata__", ())):
+                if isinstance(declared := getattr(info, "rules", None), Rules):
+                    rules[key] = declared
 
     def command(**values: Any) -> int:
         for name, group in groups.items():
@@ -132,6 +257,7 @@ def expand(function: Callable[..., int]) -> Callable[..., int]:
 
     paragraphs = inspect.cleandoc(function.__doc__ or "").split("\n\n")
     command.__doc__ = "\n\n".join(" ".join(paragraph.split()) for paragraph in paragraphs)  # as wide as the terminal
+    command.rules = rules  # type: ignore[attr-defined]
     command.__annotations__ = {one.name: one.annotation for one in parameters}
     command.__signature__ = inspect.Signature(parameters)  # type: ignore[attr-defined]
     return command

@@ -13,7 +13,6 @@ from cinegen.cli.files import check_outputs, count, print_result, write, write_f
 from cinegen.cli.options import FILE, FORCE, JSON, PLOT, flag, option
 from cinegen.cli.progress import Progress
 from cinegen.cli.tolerance import amounts
-from raff2urdf.command_line import UsageError
 from raff2urdf.files import stem_of
 from raff2urdf.quantities import LENGTH
 
@@ -38,8 +37,10 @@ def run(
     keep_outliers: bool = flag("--keep-outliers", "use all readings, also those that contradict the others"),
     folds: int = option("N", "parts of the poses for cross-validation; 0 for none", 5, min=0, max=1000),
     propose: int = option("N", "also propose the poses that should be measured next", 0, min=0, max=1000),
-    poses: Path | None = option("FILE", "CSV file for the poses proposed (default: printed)"),
-    output: Path | None = option("FILE", "the calibrated robot, as RAFF", None, "-o", "--output"),
+    poses: Path | None = option(
+        "FILE", "CSV file for the poses proposed (default: printed)", needs="--propose", endings=(".csv",)
+    ),
+    output: Path | None = option("FILE", "the calibrated robot, as RAFF", None, "-o", "--output", endings=(".raff",)),
     robot: str | None = option("NAME", "the robot of this name"),
     all_: bool = flag("--all", "print all parameters, dependencies and outliers"),
     plot: Path | None = PLOT,
@@ -53,8 +54,6 @@ def run(
     named, and outliers are left out and listed.
     """
     check_outputs(output, poses, plot, force=force, json=json)
-    if poses is not None and not propose:
-        raise UsageError("--poses is where --propose writes: give --propose 20, too")
     from cinegen.design import calibrate
 
     errors = amounts(sigma, "--sigma")

@@ -20,7 +20,8 @@ def run(
 
     Each line of standard input is an object of joint values such as {"joint1": 0.1} (rad, m). It is answered by a line
     with the values of all joints, on the same branch as the line before; the first starts at home. Joints that are not
-    named keep their values. A line that is wrong or can't be reached is answered by {"error": "..."} and moves nothing.
+    named keep their values. A line that is wrong, can't be reached or would bring a joint beyond its limits is answered
+    by {"error": "..."} and moves nothing.
     """
     _, mechanism = options.load_one(file)
     from cinegen.devices import Lines, start_from

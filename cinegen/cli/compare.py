@@ -17,7 +17,7 @@ def run(
     first: Path = _MAP,
     second: Path = _MAP,
     plot: Path | None = PLOT,
-    show: str | None = option("NAME", "quantity whose difference is drawn"),
+    show: str | None = option("NAME", "quantity whose difference is drawn", needs="--plot"),
     json: bool = JSON,
     force: bool = FORCE,
     units: Literal["m", "mm"] = UNITS,

@@ -10,8 +10,9 @@ import typer
 
 from cinegen.cli.drive import serve
 from cinegen.cli.options import flag
-from cinegen.cli.served_page import PageOptions
+from cinegen.cli.served_page import PAGE, PageOptions
 from cinegen.errors import CinegenError
+from raff2urdf.command_line import no_effect
 from raff2urdf.errors import did_you_mean
 from raff2urdf.shipped import description, folder, reference_robots, robots, scenes
 
@@ -30,6 +31,7 @@ def run(
     folder's robots are driven by `cinegen drive FILE`.
     """
     if listing:
+        no_effect("with --list", "NAME", *PAGE)
         print("\n".join(_listed()), flush=True)
         return 0
     known = {**reference_robots(), **robots()}
@@ -44,6 +46,7 @@ def run(
     if name not in programs:
         near = did_you_mean(name, (*known, *scenes(), *programs))
         raise CinegenError(f"no robot, scene or example '{name}'{near} (`cinegen demo --list` lists all)")
+    no_effect(f"on an example ('{name}'), which is a program of its own", *PAGE)
     runpy.run_path(str(programs[name]), run_name="__main__")
     return 0
 

@@ -8,9 +8,9 @@ from typing import TYPE_CHECKING, Literal
 
 from cinegen.cli.files import check_outputs, count, disabled_pairs
 from cinegen.cli.numbers import quantity_option
-from cinegen.cli.options import FILES, SELF_CLEARANCE, RobotOptions, exclude, option
+from cinegen.cli.options import FILES, SELF_CLEARANCE, RobotOptions, option
 from cinegen.cli.served_page import PageOptions, write_snapshot
-from raff2urdf.command_line import UsageError
+from raff2urdf.command_line import UsageError, no_effect
 from raff2urdf.files import stem_of
 from raff2urdf.quantities import FREQUENCY, LENGTH, shown
 
@@ -34,8 +34,15 @@ def run(
         "base pose of a robot: ROBOT.NODE, x,y,z[,roll,pitch,yaw] (m and degrees), or ROBOT.NODE@x,y,z...",
         (),
     ),
-    record: Path | None = option("FILE.jsonl", "record the motion, for `cinegen replay` and `export`"),
-    snapshot: Path | None = option("FILE.html", "write a snapshot, an HTML file to look at: now, or after --seconds"),
+    record: Path | None = option(
+        "FILE.jsonl", "record the motion, for `cinegen replay` and `export`", endings=(".jsonl",)
+    ),
+    snapshot: Path | None = option(
+        "FILE.html",
+        "write a snapshot, an HTML file to look at: now, or after --seconds",
+        unless="--video",
+        endings=(".html", ".htm"),
+    ),
     self_clearance: float | None = SELF_CLEARANCE,
     rate: float = quantity_option("HZ", "ticks per second (Hz)", FREQUENCY, 1000.0, least=10.0, most=1e4),
 ) -> int:
@@ -45,13 +52,16 @@ def run(
     it, the end of each robot follows a path. In a scene, the robot keeps clear of the obstacles, which can be dragged
     too.
     """
+    if snapshot and page.seconds is None:
+        no_effect(
+            "with --snapshot alone, which serves no page", "--record", "--port", "--host", "--token", "--no-token",
+            "--https", "--realtime", remedy="add --seconds, after which the snapshot is written",
+        )  # fmt: skip
     check_outputs(snapshot, force=page.force)
     check_outputs(record, force=page.force, remakeable=False)
     if scene is None:
         if not files:
             raise UsageError("nothing to drive: name a file of a robot, or a scene with --scene SCENE.toml")
-        if self_clearance is not None:
-            raise UsageError("--self-clearance is kept in a scene: name one with --scene SCENE.toml")
         from cinegen.session import arrange
 
         loaded = robots.load(files)
@@ -64,8 +74,7 @@ def run(
     else:
         if files:
             raise UsageError("--scene names its robot: leave FILE out")
-        for name, value in {"robot": robots.robot, "loop": robots.loop, "base": base}.items():
-            exclude(**{"scene": scene, name: value})
+        no_effect("with --scene, which names its robot", "--robot", "--loop", "--base", "--relax")
         from cinegen.collision import load_scene
         from cinegen.session import scene_setup
 

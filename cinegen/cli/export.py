@@ -11,8 +11,8 @@ import typer
 from cinegen.cli.files import check_outputs
 from cinegen.cli.numbers import quantity_option
 from cinegen.cli.options import FORCE, exclude, flag, option
-from cinegen.cli.payloads import DOWN, GRAVITY, PAYLOADS, carried, gravity_of
-from raff2urdf.command_line import UsageError
+from cinegen.cli.payloads import GRAVITY, PAYLOADS, carried, gravity_of
+from raff2urdf.command_line import check_ending, no_effect
 from raff2urdf.files import output_path, stem_of
 from raff2urdf.quantities import FREQUENCY, NUMBER
 
@@ -40,7 +40,9 @@ def run(
     payload: list[str] = PAYLOADS,
     gravity: str = GRAVITY,
     cross_singularities: bool = flag(
-        "--cross-singularities", "with --torques: pass type 2 singularities at a speed that keeps torques within limits"
+        "--cross-singularities",
+        "with --torques: pass type 2 singularities at a speed that keeps torques within limits",
+        needs="--torques",
     ),
     all_joints: bool = flag("--all-joints", "write passive joints too"),
     unsafe: bool = flag("--unsafe", "write the motion even if its check fails"),
@@ -56,10 +58,8 @@ def run(
     from cinegen.planning.torque_limits import TorqueLimits
 
     exclude(fastest=fastest, speed=speed != 1.0)
-    given = {"--payload": payload, "--cross-singularities": cross_singularities, "--gravity": gravity != DOWN}
-    for name, is_given in given.items():
-        if is_given and not torques:
-            raise UsageError(f"{name} has no effect without --torques: add that")
+    if not torques:
+        no_effect("without --torques", "--payload", "--gravity", remedy="add that, or leave it out")
     acceleration_of_gravity = gravity_of(gravity)
 
     def limits(mechanism: Mechanism) -> TorqueLimits:
@@ -67,7 +67,10 @@ def run(
             mechanism, carried(mechanism, payload), gravity=acceleration_of_gravity, crosses=cross_singularities
         )
 
-    path = recording.parent / f"{stem_of(recording)}{format_of(to).suffix}"
+    suffix = format_of(to).suffix
+    if output is not None:
+        check_ending("--output", output, (suffix,))
+    path = recording.parent / f"{stem_of(recording)}{suffix}"
     path = output_path(output, path.name) if output else path
     check_outputs(path, force=force or path == recording, remakeable=False)
     print(report_text(export(

@@ -10,7 +10,7 @@ from cinegen.cli.files import check_outputs
 from cinegen.cli.numbers import quantity_option
 from cinegen.cli.options import FILE, FORCE, RobotOptions, option
 from cinegen.errors import CinegenError
-from raff2urdf.command_line import UsageError
+from raff2urdf.command_line import FOLDER, UsageError
 from raff2urdf.files import write_all
 from raff2urdf.quantities import FREQUENCY
 
@@ -22,7 +22,7 @@ def run(
     options: RobotOptions,
     file: Path = FILE,
     to: Literal["c", "js"] = option(None, "language: C99, or JavaScript (an ES module)", ...),
-    output: Path = option("FOLDER", "folder of the files", Path(), "-o", "--output"),
+    output: Path = option("FOLDER", "folder of the files", Path(), "-o", "--output", endings=FOLDER),
     functions: str = option("LIST", f"what the code can do: {','.join(FUNCTIONS)} (default: all)", ",".join(FUNCTIONS)),
     task: list[str] = option(
         "NODE", "node that follows a target; NODE:position leaves its orientation free (default: the last node)", ()

@@ -12,7 +12,6 @@ from cinegen.cli.numbers import UNITS, parts, values
 from cinegen.cli.options import FILE, JSON, NODE, RobotOptions, flag, option
 from cinegen.cli.progress import Progress
 from cinegen.errors import CinegenError, UnknownNameError
-from raff2urdf.command_line import UsageError
 from raff2urdf.quantities import ANGLE, LENGTH, shown, shown_scale
 
 if TYPE_CHECKING:
@@ -46,7 +45,9 @@ def run(
     node: str | None = NODE,
     all_: bool = flag("--all", "list all solutions, and report whether these are all"),
     lock: str | None = option(
-        "VALUES", f"with --all, joints that keep a value, such as joint3=0.7 of a robot with seven joints ({UNITS})"
+        "VALUES",
+        f"with --all, joints that keep a value, such as joint3=0.7 of a robot with seven joints ({UNITS})",
+        needs="--all",
     ),
     json: bool = JSON,
 ) -> int:
@@ -56,8 +57,6 @@ def run(
     solutions, those nearest home first, and which limits they exceed. The exit code is 1 if the node can't reach the
     pose, or if no solution was found.
     """
-    if lock is not None and not all_:
-        raise UsageError("--lock: joints are locked only where all solutions are listed: add --all")
     name, mechanism = robots.load_one(file)
     asked = pose_task(mechanism, at, node or mechanism.end)
     locked = {} if lock is None else values(lock, "--lock", "joint3=0.7 (m and degrees)", mechanism)

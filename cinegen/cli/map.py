@@ -66,7 +66,7 @@ class MapOptions:
     over: str = option(
         "AXES", "axes, each NAME, NAME=LOW..HIGH or NAME=LOW..HIGH:CELLS: x, y, z, rx, ry, rz of a node ('xy' is x,y), "
         f"azimuth, elevation, radius about --centre, or actuated joints ({UNITS}; "
-        "default: all translations, or the actuated joints where these are fewer)", "",
+        "default: all translations, or the actuated joints where these are fewer)", "", unless="--line",
     )  # fmt: skip
     line: str | None = option("A..B", "instead of axes, a line between two points (m): 0,0,-1..0.5,0,-1:200")
     at: str = option("VALUES", f"values of other coordinates, such as z=-0.9,rx=0 ({UNITS}; default: home)", "")
@@ -74,7 +74,7 @@ class MapOptions:
         None, "orientation to reach: any, a direction of the node's z axis, a full one, or that at home; free is fixed "
         "if rx, ry or rz is given", "free",
     )  # fmt: skip
-    centre: str | None = option("X,Y,Z", "centre of azimuth, elevation and radius, m (default: 0,0,0)")
+    centre: str | None = option("X,Y,Z", "centre of azimuth, elevation and radius, m (default: 0,0,0)", unless="--line")
     node: str | None = option("NAME", "node to reach with (default: the last of the file)")
     grid: int | None = option("N", "cells along each axis without a count (80 for two axes)")
     quantity: list[str] = option(
@@ -101,10 +101,14 @@ class MapOptions:
         "PARAMETER", "map each variant of a RAFF file, such as link2.d=1.5..2.5:11; several parameters together "
         f"(link2.d+link5.d=...), or independently (--vary twice; {UNITS})", (),
     )  # fmt: skip
-    box: str = option("RANGES", "box that variants should reach, such as x=-0.3..0.3,y=-300..300mm", "")
-    output: str | None = option("FOLDER", "folder to write (ROBOT-map.zarr, or ROBOT-sweep)", None, "-o", "--output")
+    box: str = option("RANGES", "box that variants should reach, such as x=-0.3..0.3,y=-300..300mm", "", needs="--vary")
+    output: str | None = option(
+        "FOLDER", "folder to write (ROBOT-map.zarr, or ROBOT-sweep)", None, "-o", "--output", endings=(".zarr",)
+    )
     plot: Path | None = PLOT
-    show: str | None = option("NAME", "quantity to draw and to show (default: the first of --quantity)")
+    show: str | None = option(
+        "NAME", "quantity to draw and to show (default: the first of --quantity)", needs="--plot, --view"
+    )
     view: bool = VIEW
     json: bool = JSON
     workers: int | None = option("N", "processes on this machine (default: its cores)")
@@ -132,8 +136,6 @@ def run(robots: RobotOptions, options: MapOptions, page: PageOptions, file: Path
     show = options.show or next((name for name in asked if name in shown), shown[0])
     if options.vary:
         return _sweep(name, spec, file, robots, options)
-    if options.box:
-        raise CinegenError("--box is for variants of a robot: add --vary, or leave it out")
     path = _folder(options.output, f"{name}-map.zarr")
     if not options.yes and not path.exists():
         _confirm(spec, options)

@@ -14,21 +14,15 @@ if TYPE_CHECKING:
 _WIDTH = 100  # columns
 
 
-def mode_index(modes: str, singular: str, field: str) -> int | None:
+def mode_index(modes: str) -> int | None:
     """Return the index of the assembly mode that `--modes` names, counted from 1 there; None for any.
 
     Args:
         modes: value of `--modes`; empty without the option.
-        singular: value of `--singular`.
-        field: value of `--field`.
 
     Raises:
-        CinegenError: the mode is neither a number from 1 nor `any`; or the options do not fit together.
+        CinegenError: the mode is neither a number from 1 nor `any`.
     """
-    if not modes and singular != "avoid":
-        raise CinegenError(f"--singular {singular} needs --modes any, or --modes with the number of a mode")
-    if modes and field != "vortex":
-        raise CinegenError(f"--field {field}: --modes follows no field; leave one out")
     if modes in ("", "any"):
         return None
     if not modes.isdecimal() or int(modes) < 1:

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 import typer
 
 from cinegen.errors import CinegenError
-from raff2urdf.command_line import Command, UsageError, quantity_parser
+from raff2urdf.command_line import Command, UsageError, quantity_parser, ruled
 from raff2urdf.quantities import ANGLE, LENGTH, Dimension, QuantityError, is_quantity, parse, parse_list, parse_range
 
 if TYPE_CHECKING:
@@ -197,7 +197,7 @@ def segment(text: str, option: str) -> tuple[tuple[float, float, float], tuple[f
 
 def quantity_option(
     metavar: str, help: str, dimension: Dimension, default: float | None = None, *names: str,
-    least: float = 0.0, most: float = 1e7, **settings: Any,
+    least: float = 0.0, most: float = 1e7, needs: str = "", unless: str = "", **settings: Any,
 ) -> Any:  # fmt: skip
     """Return an option whose value is one number with an optional unit, SI units and radians.
 
@@ -209,12 +209,15 @@ def quantity_option(
         names: such as `-o`, `--output`; `--parameter` unless given.
         least: smallest valid value.
         most: largest valid value.
+        needs: options without which it has no effect, see `raff2urdf.command_line.Rules`.
+        unless: options with which it has no effect.
         settings: those of `typer.Option`.
     """
-    return typer.Option(
+    info = typer.Option(
         default, *names, metavar=metavar, help=help, show_default=default is not None,
         parser=quantity_parser(dimension, least, most), **settings,
     )  # fmt: skip
+    return ruled(info, needs, unless)
 
 
 class NumberLists(Command):

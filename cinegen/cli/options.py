@@ -11,17 +11,20 @@ import typer
 
 from cinegen.cli.numbers import quantity_option
 from cinegen.errors import CinegenError
-from raff2urdf.command_line import UsageError
+from raff2urdf.command_line import UsageError, ruled
 from raff2urdf.escape import one_line
 from raff2urdf.extras import needs
 from raff2urdf.files import stem_of
-from raff2urdf.quantities import LENGTH, TIME, show_lengths_in
+from raff2urdf.quantities import LENGTH, show_lengths_in
 
 if TYPE_CHECKING:
     from cinegen.model import Mechanism
 
 
-def option(metavar: str | None, help: str, default: object = None, *names: str, **settings: Any) -> Any:
+def option(
+    metavar: str | None, help: str, default: object = None, *names: str,
+    needs: str = "", unless: str = "", endings: tuple[str, ...] = (), **settings: Any,
+) -> Any:  # fmt: skip
     """Return an option with a value; further settings are those of `typer.Option`.
 
     Args:
@@ -29,13 +32,18 @@ def option(metavar: str | None, help: str, default: object = None, *names: str, 
         help: what it does, with the unit of a number.
         default: shown in the help unless it is empty.
         names: such as `-o`, `--output`; `--parameter` unless given.
+        needs: options without which it has no effect, see `raff2urdf.command_line.Rules`.
+        unless: options with which it has no effect.
+        endings: of the file that it writes.
+        settings: those of `typer.Option`.
     """
-    return typer.Option(default, *names, metavar=metavar, help=help, show_default=bool(default), **settings)
+    info = typer.Option(default, *names, metavar=metavar, help=help, show_default=bool(default), **settings)
+    return ruled(info, needs, unless, endings)
 
 
-def flag(name: str, help: str, **settings: Any) -> Any:
-    """Return an option without a value; further settings are those of `typer.Option`."""
-    return typer.Option(False, name, metavar="", help=help, **settings)
+def flag(name: str, help: str, needs: str = "", unless: str = "", **settings: Any) -> Any:
+    """Return an option without a value; `needs`, `unless` and further settings are those of `option`."""
+    return ruled(typer.Option(False, name, metavar="", help=help, **settings), needs, unless)
 
 
 def _show_units(unit: str) -> str:
@@ -51,20 +59,30 @@ def _check_drawable(picture: Path | None) -> Path | None:
     return picture
 
 
+PICTURES = (".png", ".svg", ".pdf", ".jpg", ".jpeg", ".tif", ".tiff", ".webp", ".eps")
+"""Endings of pictures."""
+
 FILE = typer.Argument(..., metavar="FILE", help="RAFF, URDF, SDF or MJCF file, or the name of a shipped robot")
 FILES = typer.Argument(
     (), metavar="FILE", help="RAFF, URDF, SDF or MJCF files, or names of shipped robots", show_default=False
 )
 FIXED_BASE = flag("--fixed-base", "hold a floating base: nothing moves it")
 FORCE = flag("--force", "replace an existing file that cinegen did not generate, or a recording")
-IGNORE = option("ELEMENT", "leave out loops and couplings of this name or element, such as pin or loop_joint", ())
+IGNORE = option(
+    "ELEMENT", "leave out loops and couplings of this name or element, such as pin or loop_joint", (),
+    unless="--ignore-loops",
+)  # fmt: skip
 IGNORE_LOOPS = flag("--ignore-loops", "leave out all loops and couplings: every joint moves independently")
 JSON = flag("--json", "print JSON: m, rad and s; docs/commands.md lists the keys")
 NODE = option("NAME", "node whose pose is meant (default: the last of the file)")
-PLOT = option("FILE", "draw a picture: .png, .svg or .pdf", callback=_check_drawable)
-PLOT_JOINTS = option("FILE", "draw the joints over time: .png, .svg or .pdf", callback=_check_drawable)
-SECONDS = quantity_option("S", "stop after this time (s; default: at Ctrl-C)", TIME)
-SELF_CLEARANCE = quantity_option("LENGTH", "distance between links of the robot (default: the scene's)", LENGTH)
+PLOT = option("FILE", "draw a picture: .png, .svg or .pdf", callback=_check_drawable, endings=PICTURES)
+PLOT_JOINTS = option(
+    "FILE", "draw the joints over time: .png, .svg or .pdf", callback=_check_drawable, endings=PICTURES
+)
+STOP_AFTER = "stop after this time (s; default: at Ctrl-C)"
+SELF_CLEARANCE = quantity_option(
+    "LENGTH", "distance between links of the robot (default: the scene's)", LENGTH, needs="--scene"
+)
 SRDF = option("FILE", "SRDF with pairs of links that may collide (default: the one next to a URDF)")
 UNITS = option(None, "unit of lengths in text and pictures; angles are in degrees", "m", callback=_show_units)
 VIEW = flag("--view", "show the result in the page")
@@ -76,8 +94,9 @@ class RobotOptions:
 
     robot: str | None = option("NAME", "load only the robot of this name")
     loop: list[str] = option(
-        "NAME=KIND", "close a loop as rigid, prismatic, revolute or ball, instead of what the file declares", ()
-    )
+        "NAME=KIND", "close a loop as rigid, prismatic, revolute or ball, instead of what the file declares", (),
+        unless="--ignore-loops",
+    )  # fmt: skip
     ignore_loops: bool = IGNORE_LOOPS
     ignore: list[str] = IGNORE
     relax: bool | None = option(

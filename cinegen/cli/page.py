@@ -14,7 +14,12 @@ def run(
     options: RobotOptions,
     files: list[Path] = FILES,
     output: Path | None = option(
-        "FILE.html", "file to write (default: named after the first FILE)", None, "-o", "--output"
+        "FILE.html",
+        "file to write (default: named after the first FILE)",
+        None,
+        "-o",
+        "--output",
+        endings=(".html", ".htm"),
     ),
     base: list[str] = option(
         "NAME=POSE",

@@ -29,7 +29,6 @@ from cinegen.cli.options import (
 )
 from cinegen.cli.progress import Progress
 from cinegen.cli.served_page import PageOptions
-from cinegen.errors import CinegenError
 from raff2urdf.files import output_path, stem_of, write_all
 from raff2urdf.quantities import ANGLE, LENGTH, NUMBER, shown, shown_scale
 
@@ -49,19 +48,26 @@ def run(
     page: PageOptions,
     scene: Path = typer.Argument(..., metavar="SCENE", help="robot, obstacles, start and goal: a .toml or .json file"),
     field: Literal["vortex", "firas"] = option(
-        None, "field around obstacles; for comparison: firas, a repulsive potential", "vortex"
+        None,
+        "field around obstacles; for comparison: firas, a repulsive potential",
+        "vortex",
+        unless="--modes, --planner rrtconnect",
     ),
     timeout: float = option("S", "time limit, s", 10.0, min=0, max=10_000_000),
     planner: Literal["auto", "vortex", "rrtconnect"] = option(
         None,
         "auto follows the field and samples configurations (rrtconnect) in turn, until one of them reaches the goal",
         "auto",
+        unless="--modes",
     ),
     modes: str = option(
         "any|N", "go to any other assembly mode, or to mode N of `cinegen modes`; a pose as goal does not count", ""
     ),
     singular: Literal["avoid", "cross"] = option(
-        None, "with --modes: cross allows a path through a singularity of type 2, if none is found around", "avoid"
+        None,
+        "with --modes: cross allows a path through a singularity of type 2, if none is found around",
+        "avoid",
+        needs="--modes",
     ),
     ignore_loops: bool = IGNORE_LOOPS,
     ignore: list[str] = IGNORE,
@@ -69,7 +75,7 @@ def run(
     fixed_base: bool = FIXED_BASE,
     self_clearance: float | None = SELF_CLEARANCE,
     output: str | None = option(
-        "FILE.jsonl", "record the path, for `cinegen replay` and `export`", None, "-o", "--output"
+        "FILE.jsonl", "record the path, for `cinegen replay` and `export`", None, "-o", "--output", endings=(".jsonl",)
     ),
     plot: Path | None = PLOT,
     plot_joints: Path | None = PLOT_JOINTS,
@@ -85,9 +91,7 @@ def run(
     from cinegen.collision import load_scene
 
     exclude(json=json, view=view)
-    if planner == "rrtconnect" and field != "vortex":
-        raise CinegenError(f"--field {field}: --planner {planner} follows no field; leave one out")
-    mode = mode_index(modes, singular, field)
+    mode = mode_index(modes)
     recording = output_path(output, f"{stem_of(scene)}.jsonl") if output else None
     check_outputs(plot, plot_joints, force=page.force, json=json)
     check_outputs(recording, force=page.force, json=json, remakeable=False)

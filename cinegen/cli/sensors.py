@@ -6,15 +6,18 @@ import sys
 from contextlib import nullcontext, redirect_stdout
 from pathlib import Path
 
-from cinegen.cli.options import FILES, IGNORE, IGNORE_LOOPS, JSON, SECONDS, option
+from cinegen.cli.numbers import quantity_option
+from cinegen.cli.options import FILES, IGNORE, IGNORE_LOOPS, JSON, STOP_AFTER, option
+from raff2urdf.command_line import no_effect
 from raff2urdf.output import unescaped, write_at_once
+from raff2urdf.quantities import TIME
 
 
 def run(
     files: list[Path] = FILES,
-    sensor: list[str] = option("N=URL", "another port for sensor N of the files", ()),
+    sensor: list[str] = option("N=URL", "another port for sensor N of the files", (), unless="--monitor"),
     monitor: str | None = option("URL", "show the readings of this port or URL"),
-    seconds: float | None = SECONDS,
+    seconds: float | None = quantity_option("S", STOP_AFTER, TIME, needs="--monitor"),
     ignore_loops: bool = IGNORE_LOOPS,
     ignore: list[str] = IGNORE,
     json: bool = JSON,
@@ -29,6 +32,7 @@ def run(
     from cinegen.devices.reading_json import encode_token
 
     if monitor:
+        no_effect("with --monitor, which names one sensor by its URL", "FILE", "--ignore-loops", "--ignore")
         url, token = split_token(monitor)
         if token:
             print(f"{url}: a program sends first: {encode_token(token)}", file=sys.stderr)

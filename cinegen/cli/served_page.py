@@ -7,52 +7,60 @@ import os
 import re
 import sys
 import webbrowser
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from cinegen.cli.files import check_outputs, write
-from cinegen.cli.options import FORCE, SECONDS, flag, option
+from cinegen.cli.numbers import quantity_option
+from cinegen.cli.options import FORCE, STOP_AFTER, flag, option
 from cinegen.cli.progress import Progress
 from raff2urdf.command_line import UsageError
 from raff2urdf.escape import one_line
 from raff2urdf.output import unescaped, until_stopped
+from raff2urdf.quantities import TIME
 
 if TYPE_CHECKING:
     from cinegen.cockpit import Cockpit
     from cinegen.session import Setup
 
+FILMS = (".mp4", ".webm", ".gif")
+"""Endings of films."""
+
 _REALTIME = 40  # priority of SCHED_FIFO, above ordinary programs and below most kernel threads (50)
 _UNATTENDED = 10.0  # s of motion without a terminal, where Ctrl-C is impossible
-_PANEL = {"rich_help_panel": "Page"}
+_PANEL: dict[str, Any] = {"rich_help_panel": "Page"}
+_SERVED: dict[str, Any] = {**_PANEL, "needs": "--view", "unless": "--video"}
+"""Settings of options of a page that is served; a film is none."""
 
 
 @dataclass(frozen=True)
 class PageOptions:
     """The page of a session."""
 
-    seconds: float | None = SECONDS
-    port: int = option("PORT", "first port to try", 7000, min=1, max=65535, **_PANEL)
-    host: str = option("ADDRESS", "address to listen on, for other machines", "127.0.0.1", **_PANEL)
+    seconds: float | None = quantity_option("S", STOP_AFTER, TIME, needs="--view")
+    port: int = option("PORT", "first port to try", 7000, min=1, max=65535, **_SERVED)
+    host: str = option("ADDRESS", "address to listen on, for other machines", "127.0.0.1", **_SERVED)
     token: str | None = option(
         "TEXT", "token that browsers must send (default: a random one); the environment hides it from other users",
-        envvar="CINEGEN_TOKEN", **_PANEL,
+        envvar="CINEGEN_TOKEN", **_SERVED,
     )  # fmt: skip
-    no_token: bool = flag("--no-token", "let all users of this machine open the page", **_PANEL)
+    no_token: bool = flag("--no-token", "let all users of this machine open the page", **_SERVED)
     https: bool = flag(
-        "--https", "encrypt connections by a self-signed certificate: headsets of the network need it", **_PANEL
+        "--https", "encrypt connections by a self-signed certificate: headsets of the network need it", **_SERVED
     )
-    no_browser: bool = flag("--no-browser", "only print the address of the page", **_PANEL)
+    no_browser: bool = flag("--no-browser", "only print the address of the page", needs="--view", **_PANEL)
     realtime: bool = flag(
         "--realtime", f"run the session in the real-time class SCHED_FIFO, priority {_REALTIME}, if the system permits "
-        "it: more punctual on a busy machine, but other programs must wait", **_PANEL,
+        "it: more punctual on a busy machine, but other programs must wait", **_SERVED,
     )  # fmt: skip
     video: Path | None = option(
-        "FILE.mp4", "film --seconds of the session, as fast as it can be drawn; a folder for its frames", **_PANEL
-    )
-    size: str = option("WxH", "size of the film, pixels", "1280x720", **_PANEL)
+        "FILE.mp4", "film --seconds of the session, as fast as it can be drawn; a folder for its frames",
+        needs="--view", endings=FILMS, **_PANEL,
+    )  # fmt: skip
+    size: str = option("WxH", "size of the film, pixels", "1280x720", needs="--video", **_PANEL)
     force: bool = FORCE
-    aids: bool = flag("--aids", "draw the visual aids in the film", **_PANEL)
+    aids: bool = flag("--aids", "draw the visual aids in the film", needs="--video", **_PANEL)
 
     def show(self, setup: Setup, stem: str, snapshot: Path | None = None) -> int:
         """Serve the page of a session until it ends; return the exit code.
@@ -129,6 +137,10 @@ class PageOptions:
             shape = int(size[1]), int(size[2])
             print(f"film: {film(setup, path, self.seconds, shape, self.aids, progress.fraction)}")
         return 0
+
+
+PAGE = tuple(f"--{field.name.replace('_', '-')}" for field in fields(PageOptions))
+"""Names of the options of a page."""
 
 
 def _wait(cockpit: Cockpit, seconds: float | None) -> None:

@@ -9,9 +9,10 @@ from typing import TYPE_CHECKING
 
 from cinegen.cli.files import check_outputs, print_result, write, write_figure
 from cinegen.cli.numbers import POSE_EXAMPLE, UNITS, configuration_at, interval_of, parts, values
-from cinegen.cli.options import FILE, FORCE, JSON, RobotOptions, option
+from cinegen.cli.options import FILE, FORCE, JSON, PICTURES, RobotOptions, option
 from cinegen.cli.progress import Progress
 from cinegen.errors import CinegenError
+from raff2urdf.command_line import UsageError, no_effect
 from raff2urdf.files import GENERATED, output_path
 
 if TYPE_CHECKING:
@@ -29,9 +30,19 @@ def run(
     over: str | None = option(
         "AXES", f"two coordinates, such as x,y or x=-0.3..0.3,rz=-90..90, or two actuated joints ({UNITS})"
     ),
-    grid: int = option("N", "points along each axis", 61),
-    plot: Path | None = option("FILE", "picture of the scan: .png, .svg or .pdf (ROBOT-singular.png)"),
-    output: str | None = option("FILE", "the scan as JSON, m and rad (ROBOT-singular.json)", None, "-o", "--output"),
+    grid: int = option("N", "points along each axis", 61, needs="--over"),
+    plot: Path | None = option(
+        "FILE", "picture of the scan: .png, .svg or .pdf (ROBOT-singular.png)", needs="--over", endings=PICTURES
+    ),
+    output: str | None = option(
+        "FILE",
+        "the scan as JSON, m and rad (ROBOT-singular.json)",
+        None,
+        "-o",
+        "--output",
+        needs="--over",
+        endings=(".json",),
+    ),
     json: bool = JSON,
     force: bool = FORCE,
 ) -> int:
@@ -43,16 +54,23 @@ def run(
     """
     recordings = [file for file in files if file.suffix == ".jsonl"]
     if recordings:
+        no_effect(
+            f"on a recording ({recordings[0]})", "--node", "--at", "--over", "--loop", "--ignore-loops", "--ignore",
+            "--relax", "--srdf",
+        )  # fmt: skip
+        if len(recordings) < len(files):
+            raise UsageError("recordings (.jsonl) and robots are analysed apart: name only one kind of file")
         _check_recordings(recordings, robots.robot, json)
         return 0
     found = {name: mechanism for name, (mechanism, _) in robots.load(files).items()}
     if over is not None:
+        no_effect("with --over", "--json", remedy="the scan is JSON, in a file, or with -o - on standard output")
         if len(found) > 1 and (plot or output):
             raise CinegenError(f"{files[0]}: --plot and --output need one robot: name one with --robot")
         for name, mechanism in found.items():
             picture = plot or Path(f"{name}-singular.png")
             numbers = output_path(output, f"{name}-singular.json")
-            check_outputs(picture, numbers, force=force, json=json)
+            check_outputs(picture, numbers, force=force)
             _scan(mechanism, name, over, at, node, grid, picture, numbers)
         return 0
     from cinegen.singularities import singularity

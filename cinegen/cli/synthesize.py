@@ -16,11 +16,15 @@ def run(
     file: Path = FILE,
     task: Path = typer.Option(..., "--task", metavar="TASK.toml", help="parameters, points to reach, objectives"),
     output: str | None = option(
-        "FILE", "the robot with its new dimensions (ROBOT-synthesized.raff)", None, "-o", "--output"
+        "FILE", "the robot with its new dimensions (ROBOT-synthesized.raff)", None, "-o", "--output", endings=(".raff",)
     ),
-    state: Path | None = option("FILE", "finished starts, to continue from (ROBOT-synthesis.json, removed at the end)"),
+    state: Path | None = option(
+        "FILE", "finished starts, to continue from (ROBOT-synthesis.json, removed at the end)", endings=(".json",)
+    ),
     report: Path | None = option(
-        "FILE.html", "report with pictures, tables and maps of before and after; needs the plot extra"
+        "FILE.html",
+        "report with pictures, tables and maps of before and after; needs the plot extra",
+        endings=(".html", ".htm"),
     ),
     workers: int | None = option("N", "processes on this machine that share the starts (default: its cores)"),
     scheduler: str | None = option("URL", "scheduler of a Dask cluster, such as tcp://node1:8786"),

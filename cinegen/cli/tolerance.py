@@ -42,7 +42,7 @@ def run(
     ),
     node: str | None = NODE,
     samples: int = option("N", "of Monte Carlo, with loops closed; 0 for none", 10_000, min=0, max=10_000_000),
-    seed: int = option("N", "of the random numbers", 0, min=0),
+    seed: int = option("N", "of the random numbers", 0, min=0, needs="--samples"),
     robot: str | None = option("NAME", "the robot of this name"),
     plot: Path | None = PLOT,
     force: bool = FORCE,

@@ -148,7 +148,7 @@ def _points(table: SceneTable, folder: Path) -> list[Piece]:
 def _robot(table: SceneTable, folder: Path) -> list[Piece]:
     """Another robot, at rest: `file`, and `joints`, the values of some of its joints, the others at home. With
     loops, the named joints keep their values, and the others follow."""
-    path = table.file("file", folder)
+    path = table.robot_file("file", folder)
     try:
         mechanism = load(path)
         bodies = link_bodies(mechanism)

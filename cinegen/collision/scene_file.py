@@ -270,7 +270,7 @@ def _robot(table: SceneTable, folder: Path, mechanism: Mechanism | None, setting
 
 
 def _load(table: SceneTable, key: str, folder: Path, settings: _Settings) -> Mechanism:
-    path = table.file(key, folder)
+    path = table.robot_file(key, folder)
     try:
         return load(path, **settings)
     except (CinegenError, RaffError, OSError) as error:

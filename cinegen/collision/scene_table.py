@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from cinegen.collision.errors import SceneError
 from raff2urdf.errors import did_you_mean
 from raff2urdf.quantities import ANGLE, LENGTH, NUMBER, Dimension, QuantityError, parse
+from raff2urdf.shipped import robots, similar_file
 
 Array = NDArray[np.float64]
 _Value = TypeVar("_Value")
@@ -112,8 +113,14 @@ class SceneTable:
         except (OSError, RuntimeError, ValueError) as error:  # the name is too long, or the user unknown
             raise self.error(key, f"{_shown(text)} can't be read: {error}") from None
         if not found:
-            raise self.error(key, f"'{path}' does not exist")
+            raise self.error(key, f"'{path}' does not exist{similar_file(path)}")
         return path
+
+    def robot_file(self, key: str, folder: Path) -> Path:
+        """Return the path of a robot's file, as `file`; of the shipped robot of that name, if there is no such file."""
+        text = self.text(key)
+        shipped = robots()
+        return shipped[text] if text in shipped and not (folder / text).is_file() else self.file(key, folder)
 
     def vector(self, key: str, *lengths: int, dimension: Dimension = LENGTH) -> Array:
         """Return a vector of one of these lengths, m or rad."""

@@ -6,10 +6,13 @@ import json
 from collections.abc import Callable
 from typing import BinaryIO
 
+import numpy as np
+from numpy.typing import NDArray
+
 from cinegen.errors import CinegenError
 from cinegen.model import ForwardKinematics, Mechanism
 from cinegen.model.plausible import ImplausibleError, check_joint
-from cinegen.tolerances import CLOSURE
+from cinegen.tolerances import AT_LIMIT, CLOSURE
 
 _CHUNK = 1 << 16  # bytes read at once
 
@@ -17,8 +20,9 @@ _CHUNK = 1 << 16  # bytes read at once
 class Lines:
     """Answers lines such as `{"joint1": 0.1}` (rad, m) with a line of all joints, in the order of `mechanism.joints`.
 
-    Joints that a line does not name keep their values; a blank line moves nothing. If a line is invalid, or the loops
-    can't follow it on their branch, nothing moves and the answer is `{"error": "..."}`.
+    Joints that a line does not name keep their values; a blank line moves nothing. If a line is invalid, if a value can
+    only be meant in degrees or mm, if the loops can't follow on their branch, or if a joint, actuated or not, would be
+    beyond its limits (further than before), nothing moves and the answer is `{"error": "..."}`.
 
     Args:
         motion: mechanism on a branch.
@@ -30,24 +34,48 @@ class Lines:
 
     def answer(self, line: str) -> str:
         """Return the answer to a line, without a newline."""
-        values: dict[str, float] = {}
         try:
             values = _values(line)
-            q = self._motion.move(values)
+            self._check_units(values)
+            q = self._moved(values)
         except (CinegenError, _NoValuesError) as error:
-            return json.dumps({"error": self._other_unit(values) or str(error)})
+            return json.dumps({"error": str(error)})
         return self._template % tuple(q[self._picked].tolist())
 
-    def _other_unit(self, values: dict[str, float]) -> str:
-        """Return a message if a value would fit in degrees or mm; empty if none would."""
+    def _check_units(self, values: dict[str, float]) -> None:
+        """Check that no value fits in degrees or mm only.
+
+        Raises:
+            ImplausibleError: one does.
+        """
         mechanism = self._motion.mechanism
         for name, value in values.items():
-            if name in mechanism.joints and isinstance(value, int | float):
+            if name in mechanism.limits and isinstance(value, int | float):
                 try:
                     check_joint(mechanism, name, [value])
                 except ImplausibleError as error:
-                    return f"{error} Values are in rad and m"
-        return ""
+                    raise ImplausibleError(f"{error} Values are in rad and m") from None
+
+    def _moved(self, values: dict[str, float]) -> NDArray[np.float64]:
+        """Move; return the configuration (nq,).
+
+        Raises:
+            CinegenError: the loops can't follow, or a joint would be beyond its limits; nothing moves.
+        """
+        mechanism, before = self._motion.mechanism, self._motion.q
+        q = self._motion.move(values)
+        if mechanism.limits.within(q):
+            return q
+        for name, limit in mechanism.limits.exceeded(q, AT_LIMIT).items():
+            i = mechanism.q_index(name)
+            if abs(q[i] - limit) > abs(before[i] - limit) or not (before[i] - limit) * (q[i] - limit) > 0.0:
+                self._motion.q = before
+                unit = "m" if mechanism.is_prismatic(name) else "rad"
+                follows = "" if name in values else ", as it follows"
+                raise CinegenError(
+                    f"{name} would be at {q[i]:.6g} {unit}{follows}, beyond its limit {limit:.6g} {unit}: nothing moves"
+                )
+        return q
 
     def serve(self, given: BinaryIO, write: Callable[[str], object]) -> None:
         """Answer all lines until the input ends.

@@ -79,9 +79,9 @@ def export(
     """
     source, form = Path(recording_path), format_of(to)
     path = source.with_suffix(form.suffix) if output is None else Path(output)
+    recording = Recording.load(source)
     if os.path.realpath(path) == os.path.realpath(source):
         raise MissionError(f"{path}: is the recording itself; name another file (-o FILE)")
-    recording = Recording.load(source)
     trajectory = resampled(recording, robot, rate, speed, acceleration, jerk, torques)
     joints = trajectory.mechanism.joints if all_joints else trajectory.mechanism.actuated
     content = form.write(trajectory, joints)

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 from typer import Argument, Option
 
 from raff2urdf.cli import Force, Json, Loops, counted, parse_loops, print_json, warnings_printed
-from raff2urdf.command_line import Command, UsageError, Version, new_app, print_error, run_app
+from raff2urdf.command_line import Command, UsageError, Version, expand, new_app, print_error, ruled, run_app
 from raff2urdf.errors import RaffError
 from raff2urdf.files import STANDARD, output_path, stem_of
 from raff2urdf.output import run
@@ -26,16 +26,19 @@ def main(arguments: Sequence[str] | None = None) -> int:
     return run("urdf2raff", lambda: run_app(app, "urdf2raff", arguments))
 
 
-@app.command(cls=Command)
 def urdf2raff(
     file: Annotated[str, Argument(metavar="FILE", help="URDF, SDF or MJCF", show_default=False)],
     output: Annotated[
         str | None,
-        Option(
-            "--output",
-            "-o",
-            metavar="FILE",
-            help="RAFF file to write; a folder if it exists or ends with /; -: stdout [FILE's name with .raff, here]",
+        ruled(
+            Option(
+                "--output",
+                "-o",
+                metavar="FILE",
+                help="RAFF file to write; a folder if it exists or ends with /; -: stdout [FILE's name with .raff, "
+                "here]",
+            ),
+            endings=(".raff",),
         ),
     ] = None,
     force: Force = False,
@@ -54,7 +57,10 @@ def urdf2raff(
     ] = False,
     ignore: Annotated[
         list[str] | None,
-        Option(metavar="ELEMENT", help="leave out loops and couplings of this name or element; may be repeated"),
+        ruled(
+            Option(metavar="ELEMENT", help="leave out loops and couplings of this name or element; may be repeated"),
+            unless="--ignore-loops",
+        ),
     ] = None,
     json: Json = False,
     version: Version = False,
@@ -81,6 +87,9 @@ def urdf2raff(
     else:
         print(_summary(report), file=sys.stderr if path == STANDARD else sys.stdout)
     return 0
+
+
+app.command("urdf2raff", cls=Command)(expand(urdf2raff))
 
 
 def _report(name: str, out: Path, found: RaffImport) -> dict[str, Any]:

@@ -182,6 +182,41 @@ def test_a_base_that_can_move_stays_and_a_tree_is_no_exception(filtered, tmp_pat
     assert said == [{"joint1": 0.0, "joint2": 0.25}, {"joint1": -1.0, "joint2": 0.25}]
 
 
+def test_limits_are_kept_of_joints_that_follow_too(filtered, tmp_path):
+    """The second joint turns twice as far as the first: 0.6 rad are 1.2 there, and its limit is 60 degrees."""
+    mimic = """<robot name="r"><link name="a"/><link name="b"/><link name="c"/>
+<joint name="drive" type="revolute"><parent link="a"/><child link="b"/><axis xyz="0 0 1"/>
+<limit lower="-1.5" upper="1.5" effort="1" velocity="1"/></joint>
+<joint name="follower" type="revolute"><parent link="b"/><child link="c"/><axis xyz="0 0 1"/>
+<limit lower="-1" upper="1" effort="1" velocity="1"/><mimic joint="drive" multiplier="2"/></joint></robot>"""
+    (tmp_path / "gear.urdf").write_text(mimic)
+    lines = [0.5, 0.6, 0.2, 1.6]
+    said = filtered("".join(f'{{"drive": {value}}}\n' for value in lines) + "{}\n", "gear.urdf", folder=tmp_path)
+    assert said[0] == {"drive": 0.5, "follower": 1.0}
+    assert said[1] == {"error": "follower would be at 1.2 rad, as it follows, beyond its limit 1 rad: nothing moves"}
+    assert said[2] == {"drive": 0.2, "follower": pytest.approx(0.4)}
+    assert said[3] == {"error": "drive would be at 1.6 rad, beyond its limit 1.5 rad: nothing moves"}
+    assert said[4] == said[2]
+
+
+def test_a_mechanism_that_begins_beyond_a_limit_may_come_back_but_not_go_on(filtered, tmp_path):
+    (tmp_path / "arm.urdf").write_text(
+        '<robot name="r"><link name="a"/><link name="b"/><joint name="j" type="revolute"><parent link="a"/>'
+        '<child link="b"/><axis xyz="0 0 1"/><limit lower="0.5" upper="1" effort="1" velocity="1"/></joint></robot>'
+    )
+    (tmp_path / "start.json").write_text('{"j": 0.0}')
+    text = '{"j": -0.1}\n{"j": 0.2}\n{"j": 1.2}\n{"j": 0.7}\n{"j": 0.2}\n'
+    said = filtered(text, "arm.urdf", "--start", str(tmp_path / "start.json"), folder=tmp_path)
+    assert ["error" in answer for answer in said] == [True, False, True, False, True]
+
+
+def test_degrees_and_millimetres_are_no_radians_and_metres(filtered):
+    """Each would be many revolutions, and within the limits in degrees."""
+    said = filtered('{"joint1": 30}\n{"joint1": 0.1}\n', "planar_3r.raff")
+    assert "did you mean 30 degrees, which are 0.5236 rad? Values are in rad and m" in said[0]["error"]
+    assert said[1]["joint1"] == 0.1
+
+
 def test_which_robot_and_which_loops(filtered):
     assert filtered("{}\n", "two_arms.raff", "--robot", "right")[0].keys() == {f"joint{i}" for i in range(1, 5)}
     said = filtered('{"joint1": 1.0}\n', "four_bar.raff", "--loop", "frame4-frame5=ball")

@@ -75,8 +75,11 @@ def test_what_makes_no_sense_is_told_and_nothing_is_served(run, tmp_path, argume
         (["robots/delta4.raff", "--rate", "1"], "invalid value for '--rate'"),
         (["robots/delta4.raff", "--follow", "square"], "invalid value for '--follow'"),
         (["robots/rx90.raff", "--scene", "robots/scenes/disc.toml"], "leave FILE out"),
-        (["--scene", "robots/scenes/disc.toml", "--base", "planar_3r=0,0,1"], "--scene and --base exclude each other"),
-        (["--scene", "robots/scenes/disc.toml", "--robot", "arm"], "--scene and --robot exclude each other"),
+        (
+            ["--scene", "robots/scenes/disc.toml", "--base", "planar_3r=0,0,1"],
+            "--base has no effect with --scene, which names its robot",
+        ),
+        (["--scene", "robots/scenes/disc.toml", "--robot", "arm"], "--robot has no effect with --scene"),
     ],
 )
 @pytest.mark.filterwarnings("ignore::cinegen.CinegenWarning")

@@ -40,7 +40,7 @@ MISTAKES: list[tuple[str, int, str]] = [
     ("cinegen export run.jsonl", 2, "missing option '--to'"),
     ("cinegen export run.jsonl --to cvs", 1, "did you mean 'csv'?"),
     ("raff2urdf four_bar.raff --format udrf", 2, "(did you mean 'urdf'?)"),
-    ("raff2urdf four_bar.raff --density 5", 2, "--density is for --format sdf or mjcf"),
+    ("raff2urdf four_bar.raff --density 5", 2, "--density has no effect without --format sdf or --format mjcf"),
     ("raff2urdf four_bar.raff --outptu x", 2, "(did you mean '--output'?)"),
     ("urdf2raff", 2, "missing argument 'FILE'"),
     ("urdf2raff page.urdf --units km", 2, "is not one of 'um', 'mm', 'cm', 'm'"),
@@ -74,6 +74,8 @@ MISTAKES: list[tuple[str, int, str]] = [
     ("cinegen replay runn.jsonl", 1, "runn.jsonl: can't be read: No such file or directory: did you mean 'run.jsonl'?"),
     ("cinegen replay four_bar.raff", 1, "not a mission: record one with `cinegen drive --record FILE.jsonl`"),
     ("cinegen replay /dev/zero", 1, "/dev/zero: can't be read: this is a device, not a file"),
+    ("cinegen export nosuch.csv --to csv", 1, "nosuch.csv: can't be read: No such file or directory"),
+    ("cinegen export mine.csv --to csv", 1, "mine.csv: not a mission: record one with"),
     ("cinegen export '' --to csv", 1, "can't be read: Is a directory"),
     ("cinegen export run.jsonl --to csv", 1, "run.jsonl: not a mission: record one with"),
     ("cinegen close four_bar.raff --start mine.txt", 1, "--start mine.txt: invalid JSON"),
@@ -146,10 +148,25 @@ MISTAKES: list[tuple[str, int, str]] = [
     ("cinegen map planar_3r.raff --over x,y --grid 9999", 1, "Add --yes to start it, or use a coarser --grid"),
     ("cinegen map planar_3r.raff --over x,y --workers 99999999999", 1, "workers (99999999999) must be 1 to "),
     ("cinegen map planar_3r.raff --over x,y --workers 0", 1, "workers (0) must be 1 to "),
-    ("cinegen map planar_3r.raff --box x=0..1", 1, "--box is for variants of a robot: add --vary"),
+    ("cinegen map planar_3r.raff --box x=0..1", 2, "--box has no effect without --vary: add that"),
     ("cinegen drive four_bar.raff --seconds -1", 2, "'-1' is not in the range 0 to"),
     ("cinegen drive four_bar.raff --port 99999", 2, "invalid value for '--port'"),
     ("cinegen drive four_bar.raff --video f.mp4", 2, "--video needs --seconds"),
+    # options without effect, beside those that test_rules.py finds by itself
+    ("cinegen plan disc --modes any --planner rrtconnect", 2, "--planner has no effect with --modes: leave one out"),
+    ("cinegen demo --list --port 7001", 2, "--port has no effect with --list: leave it out"),
+    ("cinegen demo ur5 --list", 2, "NAME has no effect with --list: leave it out"),
+    ("cinegen demo four_bar_mobility --port 7001", 2, "--port has no effect on an example"),
+    ("cinegen singular run.jsonl --at x=1", 2, "--at has no effect on a recording (run.jsonl): leave it out"),
+    ("cinegen singular run.jsonl five_bar.raff", 2, "name only one kind of file"),
+    ("cinegen singular five_bar.raff --over x,y --json", 2, "--json has no effect with --over: the scan is JSON, in a"),
+    ("cinegen drive four_bar.raff --snapshot x.html --record r.jsonl", 2, "--record has no effect with --snapshot al"),
+    ("cinegen drive --scene scene.toml --no-relax", 2, "--relax has no effect with --scene, which names its robot"),
+    ("cinegen sensors four_bar.raff --monitor tcp://x", 2, "FILE has no effect with --monitor"),
+    ("cinegen export run.jsonl --to csv --payload 2kg", 2, "--payload has no effect without --torques: add that"),
+    ("cinegen export run.jsonl --to csv -o run.npz", 2, "--output run.npz: .npz is another format's ending, --output "
+     "writes .csv: name run.csv"),
+    ("cinegen map planar_3r.raff -o map.png", 2, "--output writes .zarr: name map.zarr, or write --plot map.png"),
     # files that are written
     ("cinegen modes five_bar.raff --plot mine.png", 1, "mine.png: exists already: name another file, or"),
     ("cinegen drive four_bar.raff --snapshot mine.html", 1, "mine.html: exists already"),
@@ -188,7 +205,7 @@ FILES = {
     "unit.toml": "robot = 'planar_3r.raff'\nsafety = '10 deg'\ngoal = { point = [0.6, 0.3] }\n",
     "metres.raff": "RAFF t\nrobot r { base { } link 1 { type 2 pred 0 parameters { d 0.4 } } }\n",
     "secret.raff": "RAFF a",
-} | dict.fromkeys(("mine.txt", "mine.png", "mine.html", "mine.urdf", "run.jsonl"), "mine")
+} | dict.fromkeys(("mine.txt", "mine.png", "mine.html", "mine.urdf", "mine.csv", "run.jsonl"), "mine")
 
 
 @pytest.fixture(scope="module")

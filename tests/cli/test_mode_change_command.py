@@ -64,8 +64,6 @@ def test_no_path_is_no_proof(typed):
         ("other", [], "--modes other: give any, or the number of a mode"),
         ("0", [], "--modes 0: give any, or the number of a mode"),
         ("7", [], "there is no assembly mode 7: there are 6"),
-        ("any", ["--field", "firas"], "--field firas: --modes follows no field"),
-        ("", ["--singular", "cross"], "--singular cross needs --modes"),
     ],
 )
 def test_wrong_options_are_refused(typed, modes, options, message):

@@ -216,7 +216,7 @@ def test_json_of_what_got_stuck_says_so_too(typed):
 
 def test_rrt_connect_finds_a_way_in_the_same_scene(typed):
     pytest.importorskip("ompl")
-    said = json.loads(typed("disc", "--planner", "rrtconnect", "--seconds", "20", "--json"))
+    said = json.loads(typed("disc", "--planner", "rrtconnect", "--timeout", "20", "--json"))
     assert (said["planner"], said["field"], said["status"]) == ("rrtconnect", None, "reached")
     assert said["clearance"] >= said["safety"]
     assert said["attempts"][0]["strategy"] == "RRT-Connect"
@@ -269,7 +269,6 @@ def test_a_scene_that_is_wrong_is_one_clear_error(typed, tmp_path, text, says):
     [
         ("none.toml", [], "none.toml: can't be read"),
         ("robot.raff", [], "a scene is a .toml or a .json file"),
-        ("rod", ["--planner", "rrtconnect", "--field", "firas"], "follows no field"),
         ("rod", ["--plot", "way.nonsense"], "way.nonsense: can't be written"),
     ],
 )
@@ -282,7 +281,7 @@ def test_what_is_wrong_is_one_clear_error(typed, monkeypatch, tmp_path, name, op
 
 
 @pytest.mark.parametrize(
-    "options", [["--field", "magnetic"], ["--planner", "astar"], ["--json", "--view"], ["--seconds", "-1"]]
+    "options", [["--field", "magnetic"], ["--planner", "astar"], ["--json", "--view"], ["--view", "--seconds", "-1"]]
 )
 def test_a_command_line_that_makes_no_sense_is_2(root, capsys, options):
     assert main(["plan", str(root / "robots/scenes/rod.toml"), *options]) == 2

@@ -44,7 +44,7 @@ CALLS = {
     "cinegen page": "four_bar.raff -o out.html",
     "cinegen close": "four_bar.raff",
     "cinegen heal": "four_bar.raff out.raff",
-    "cinegen sensors": "four_bar.raff --seconds 0.01",  # else it waits for a device to be plugged in
+    "cinegen sensors": "",
     "cinegen compile": "",
     "raff2urdf": "four_bar.raff -o out/",
     "urdf2raff": "arm.urdf -o out.raff",
@@ -96,6 +96,7 @@ parameters = { "link2.d" = "150..500mm" }
 reach = { points = [[0.5, 0.3]], axes = ["x", "y"], orientation = "home" }
 objective = [{ minimise = "size", of = ["link*.d"] }]
 """
+MORE = {"--monitor": ["--seconds", "0.01"]}  # else it waits for a device to be plugged in
 EACH = 5  # values for each argument and option
 
 
@@ -121,7 +122,7 @@ def mistaken(command: str, each: int) -> Iterator[list[str]]:
                 place = arguments.index(one)
                 yield [*call[:place], value, *call[place + 1 :]]
             else:
-                yield [*call, one.opts[0], value]
+                yield [*call, one.opts[0], value, *MORE.get(one.opts[0], ())]
 
 
 @pytest.fixture(scope="module")

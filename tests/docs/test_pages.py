@@ -1,4 +1,5 @@
-"""What README and docs say is what happens: each page is read from top to bottom, in a folder with a copy of robots/.
+"""What README and docs say is what happens: each page is read from top to bottom, in a folder with a copy of robots/;
+those of docs/howto in an empty one, as of somebody who has installed cinegen.
 
 Python blocks run in one namespace for each page. A `text` block that comes next is what one prints. RAFF blocks are
 read, and whole files converted too; the word behind `raff` may be the name they are saved by ("excerpt": only read,
@@ -37,9 +38,10 @@ COMMANDS = {"raff2urdf": "raff2urdf.cli", "urdf2raff": "raff2urdf.urdf2raff.cli"
 
 
 @pytest.fixture
-def folder(tmp_path, monkeypatch) -> Path:
+def folder(tmp_path, monkeypatch, name) -> Path:
     """A working folder that pages may write to."""
-    shutil.copytree(ROOT / "robots", tmp_path / "robots")
+    if not name.startswith("docs/howto/"):
+        shutil.copytree(ROOT / "robots", tmp_path / "robots")
     monkeypatch.chdir(tmp_path)
     return tmp_path
 

@@ -172,10 +172,11 @@ def test_a_wrong_density_writes_nothing(folder: Path, run: Run) -> None:
     ("options", "words"),
     [
         (["--format", "urdff"], "'urdff' is not one of 'urdf', 'sdf', 'mjcf'"),
-        (["--density", "5"], "--density is for --format sdf or mjcf: a URDF of RAFF has no masses"),
-        (["--format", "sdf", "--loops", "urdf+"], "--loops is for --format urdf"),
+        (["--density", "5"], "--density has no effect without --format sdf or --format mjcf: add one, or leave it out"),
+        (["--format", "sdf", "--loops", "urdf+"], "--loops has no effect without --format urdf: add that"),
+        (["--check", "-o", "generated/"], "--output has no effect with --check: leave one out"),
+        (["--check", "--force"], "--force has no effect with --check"),
     ],
-    ids=["format", "density", "elements"],
 )
 def test_options_that_make_no_sense_together_are_a_wrong_call(
     folder: Path, run: Run, options: list[str], words: str
