@@ -26,6 +26,7 @@ Array = NDArray[np.float64]
 _ORIGIN = pin.SE3.Identity()
 _SHOWN = 1.6  # m: radius at which everything is drawn, so that robots of any size fill the view
 _EYE, _ZOOM = np.array([3.8, -4.9, 3.0]), 2.2  # position of the camera, m; far away, for little perspective distortion
+_ALIKE = 0.5  # part of a radius by which a scene may differ from the one before, whose scale it keeps
 _TILT = 1e-3  # of a camera that looks straight down, so that it has an upper side
 _LOOP = 0xCC79A7  # Okabe and Ito's reddish purple: closed loops
 _TARGET = 0xD55E00  # vermilion: targets
@@ -33,6 +34,10 @@ _GOAL = 0x009E73  # bluish green: the goal of a scene
 _OBSTACLE = np.array([0.62, 0.55, 0.46, 1.0])  # nothing else is brown
 _HELD = np.array([0.94, 0.89, 0.26, 1.0])  # Okabe and Ito's yellow: what a robot holds
 _WALL = np.array([0.62, 0.55, 0.46, 0.35])  # of obstacles that can't be moved: they must not hide what is behind
+
+
+ROOT = "/meshcat/cinegen"
+"""Path of everything that is drawn in a page's scene."""
 
 
 class RobotScene:
@@ -44,6 +49,7 @@ class RobotScene:
         bases: base poses of those that are not at the world's origin (m).
         obstacles: obstacles by name.
         attached: objects that mechanisms hold.
+        before: scene in whose scale it is drawn, unless its size differs much.
     """
 
     def __init__(
@@ -53,6 +59,7 @@ class RobotScene:
         bases: Mapping[str, pin.SE3] | None = None,
         obstacles: Mapping[str, DrawnObstacle] | None = None,
         attached: Iterable[DrawnAttached] = (),
+        before: RobotScene | None = None,
     ) -> None:
         self.page, self.mechanisms = page, dict(mechanisms)
         self.bases = {name: pin.SE3.Identity() for name in mechanisms} | dict(bases or {})
@@ -63,7 +70,7 @@ class RobotScene:
             for name, one in (obstacles or {}).items()
         }
         held = [(one, _geometry(one.shapes, _HELD)) for one in attached]
-        self._fit(drawn.values(), held)
+        self._fit(drawn.values(), held, before)
         for name, (obstacle, objects) in drawn.items():
             self._put(self._root[name][name], objects)
             self.show_obstacle(name, obstacle.placement)
@@ -88,6 +95,11 @@ class RobotScene:
         """Move an obstacle to a pose in the world (m)."""
         self._root[name].set_transform(pose.homogeneous)
 
+    def move_to(self, page: Page) -> None:
+        """Draw into another page from now on, which has everything that was drawn."""
+        self.page = page
+        self._root = SceneNode(page)["cinegen"]
+
     def target(self, name: str, label: str, placement: pin.SE3) -> None:
         """Show a target as a triad; further calls move it."""
         path = f"{name}/targets/{label}"
@@ -111,6 +123,7 @@ class RobotScene:
         self,
         obstacles: Iterable[tuple[DrawnObstacle, list[pin.GeometryObject]]],
         attached: Iterable[tuple[DrawnAttached, list[pin.GeometryObject]]],
+        before: RobotScene | None,
     ) -> None:
         """Scale and move everything so that robots, what they hold and movable obstacles fill the view, with the floor
         below."""
@@ -132,6 +145,11 @@ class RobotScene:
         points = np.vstack(parts)
         centre = (points.min(axis=0) + points.max(axis=0)) / 2.0
         self._radius = float(np.linalg.norm(points - centre, axis=1).max()) or 1.0
+        if before is not None:
+            aside = float(np.linalg.norm(centre - before._centre))
+            if aside < _ALIKE * before._radius and 1.0 / (1.0 + _ALIKE) < self._radius / before._radius < 1.0 + _ALIKE:
+                centre, self._radius = before._centre, before._radius
+        self._centre: Array = centre
         scale = _SHOWN / self._radius
         whole = np.diag([scale, scale, scale, 1.0])
         whole[:3, 3] = -scale * centre

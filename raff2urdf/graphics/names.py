@@ -18,6 +18,7 @@ from pathlib import Path
 from urllib.parse import unquote
 
 from raff2urdf.errors import RaffError
+from raff2urdf.files import note
 
 ALLOWED = "RAFF2URDF_MESH_PATH"
 """Environment variable with folders, separated as in PATH, into which symbolic links may lead."""
@@ -55,6 +56,7 @@ def find(name: str, folder: Path) -> Path:
     else:
         raise RaffError(f"mesh '{name}': '{scheme}://' can't be read: name a file")
     for path, root in candidates:
+        note(path)
         if path.is_file():
             check_mesh(path, root, f"mesh '{name}'")
             return path
@@ -72,6 +74,7 @@ def check_mesh(path: Path, root: Path, label: str) -> None:
     Raises:
         RaffError: it is refused.
     """
+    note(path)
     real = Path(os.path.realpath(path))
     allowed = [str(root), *filter(None, os.environ.get(ALLOWED, "").split(os.pathsep))]
     if not any(real.is_relative_to(os.path.realpath(one)) for one in allowed):
