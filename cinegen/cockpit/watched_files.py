@@ -27,7 +27,7 @@ class Reading(Generic[T]):
     Attributes:
         made: what was made of them; None if they are wrong, or as they were when they were read without errors.
         problem: what is wrong with them, and where; empty if nothing is.
-        warnings: what is probably not intended in them, unless that was said before.
+        warnings: what is probably not intended in them, unless an earlier reading had it.
     """
 
     made: T | None

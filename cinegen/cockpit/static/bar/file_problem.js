@@ -5,14 +5,14 @@
 
 import { byId, make } from "../base/dom.js";
 
+const BLOCK = /(?: {4}.*\n?)+|.+\n?/g; // lines of the file with the marks below them, or a line about them
+
 /** @param {import("../base/session.js").Session} session */
 export function showProblems(session) {
   const place = byId("file-problem");
   session.on("problem", (text) => {
     place.hidden = text === "";
-    place.replaceChildren();
-    if (text === "") return;
-    const lines = make("pre", { tabindex: 0 }, text);
-    place.append(make("p", {}, "The saved file has errors. You still drive the robot as it was before:"), lines);
+    const blocks = (text.match(BLOCK) ?? []).map((block) => make(block.startsWith("    ") ? "pre" : "p", {}, block));
+    place.replaceChildren(make("h2", {}, "The saved file has errors. You still drive the robot as it was before."), ...blocks);
   });
 }
