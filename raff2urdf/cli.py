@@ -10,7 +10,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
-from typer import Argument, Option
+from typer import Argument, Exit, Option
 
 from raff2urdf.command_line import UsageError, Version, new_app, print_error, quantity_parser, run_app
 from raff2urdf.errors import RaffError, RaffWarning
@@ -39,6 +39,23 @@ Output = Annotated[
 ]
 Force = Annotated[bool, Option("--force", help="replace an existing file that was not generated")]
 Json = Annotated[bool, Option("--json", help="print the result as JSON; SI units and radians")]
+
+
+def _print_grammar(wanted: bool) -> None:
+    if wanted:
+        from raff2urdf.raff.grammar import grammar
+
+        print(json.dumps(grammar(), indent=2))
+        raise Exit
+
+
+Grammar = Annotated[
+    bool,
+    Option(
+        "--grammar", is_eager=True, callback=_print_grammar,
+        help="print the TextMate grammar of RAFF, with which editors highlight it, and exit",
+    ),
+]  # fmt: skip
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -79,6 +96,7 @@ def raff2urdf(
         bool, Option("--check", help="only check the files and whether the loops can be closed: write nothing")
     ] = False,
     json: Json = False,
+    grammar: Grammar = False,
     version: Version = False,
 ) -> int:
     """Convert RAFF files (Kleinfinger parameters, loops, sensors) to URDF with a constraints file, SDF or MJCF."""
