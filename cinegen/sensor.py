@@ -117,6 +117,11 @@ class TimedSensor(ABC):
             self._now, self._count = 0.0, 0
             self._begin = time.monotonic()
 
+    def go_on(self, other: TimedSensor) -> None:
+        """Start with the time of another sensor, whose place it takes."""
+        self.start()
+        self._begin = other._begin if other._begin is not None else self._begin
+
     def read(self) -> Reading | None:
         """Return the newest reading; None when it is stopped, at its end, or has no new one."""
         if self._begin is None or self.ended:

@@ -10,7 +10,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
-from typer import Argument, Option
+from typer import Argument, Exit, Option
 
 from raff2urdf.command_line import (
     Command,
@@ -55,6 +55,23 @@ Force = Annotated[
     bool, ruled(Option("--force", help="replace an existing file that was not generated"), unless="--check")
 ]
 Json = Annotated[bool, Option("--json", help="print the result as JSON; SI units and radians")]
+
+
+def _print_grammar(wanted: bool) -> None:
+    if wanted:
+        from raff2urdf.raff.grammar import grammar
+
+        print(json.dumps(grammar(), indent=2))
+        raise Exit
+
+
+Grammar = Annotated[
+    bool,
+    Option(
+        "--grammar", is_eager=True, callback=_print_grammar,
+        help="print the TextMate grammar of RAFF, with which editors highlight it, and exit",
+    ),
+]  # fmt: skip
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -105,6 +122,7 @@ def raff2urdf(
         bool, Option("--check", help="only check the files and whether the loops can be closed: write nothing")
     ] = False,
     json: Json = False,
+    grammar: Grammar = False,
     version: Version = False,
 ) -> int:
     """Convert RAFF files (Kleinfinger parameters, loops, sensors) to URDF with a constraints file, SDF or MJCF."""

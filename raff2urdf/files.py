@@ -19,6 +19,7 @@ import tempfile
 import time
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager, suppress
+from contextvars import ContextVar
 from functools import cache
 from pathlib import Path
 from typing import TextIO
@@ -44,6 +45,39 @@ _TEMPORARY = re.compile(rf"\..+\.[a-z0-9_]{{8}}{re.escape(_SUFFIX)}", re.DOTALL)
 _ABANDONED = 3600.0  # s since a temporary file was written: no process renames it any more
 
 
+Signature = tuple[int, int, int] | None
+"""Of a file: its time of change (ns), its size, and its number, which another file of that name does not have."""
+
+_NOTED: ContextVar[dict[Path, Signature] | None] = ContextVar("noted", default=None)
+
+
+def signature(path: str | Path) -> Signature:
+    """Return the signature of a file; None where there is none."""
+    try:
+        there = os.stat(path)
+    except (OSError, ValueError):
+        return None
+    return there.st_mtime_ns, there.st_size, there.st_ino
+
+
+@contextmanager
+def noting() -> Iterator[dict[Path, Signature]]:
+    """Note the files that this thread reads meanwhile, or looks for in vain, with their signatures before that."""
+    noted: dict[Path, Signature] = {}
+    token = _NOTED.set(noted)
+    try:
+        yield noted
+    finally:
+        _NOTED.reset(token)
+
+
+def note(path: str | Path) -> None:
+    """Note a file before it is read, or looked for, by other means than `read_bytes`."""
+    noted = _NOTED.get()
+    if noted is not None and Path(path) != STANDARD:
+        noted.setdefault(Path(os.path.abspath(path)), signature(path))
+
+
 def read_bytes(path: str | Path, most: int = -1, largest: int | None = None) -> bytes:
     """Return the content of a file.
 
@@ -57,6 +91,7 @@ def read_bytes(path: str | Path, most: int = -1, largest: int | None = None) -> 
     """
     if Path(path) == STANDARD:
         return b"" if sys.stdin is None else _all_of(sys.stdin)
+    note(path)
     try:
         with open(path, "rb") as file:
             kind = os.fstat(file.fileno()).st_mode

@@ -41,7 +41,7 @@ def run(
         from cinegen.collision import load_scene
         from cinegen.session import scene_setup
 
-        return serve(scene_setup(load_scene(scenes()[name])), page, name)
+        return serve(lambda: scene_setup(load_scene(scenes()[name])), page, name)
     programs = _examples()
     if name not in programs:
         near = did_you_mean(name, (*known, *scenes(), *programs))
@@ -54,15 +54,18 @@ def run(
 def _drive_robot(name: str, path: Path, page: PageOptions) -> int:
     from cinegen.model.load import load
     from cinegen.model.load import robots as robots_of
-    from cinegen.session import arrange
+    from cinegen.session import Setup, arrange
 
-    found = {}
-    names = robots_of(path)
-    for robot in names:
-        mechanism = load(path, robot)
-        # the sensors of its file are not those of this machine
-        found[name if len(names) == 1 else mechanism.name] = replace(mechanism, sensor_constraints=())
-    return serve(arrange(found, follow="circle"), page, name)
+    def read() -> Setup:
+        found = {}
+        names = robots_of(path)
+        for robot in names:
+            mechanism = load(path, robot)
+            # the sensors of its file are not those of this machine
+            found[name if len(names) == 1 else mechanism.name] = replace(mechanism, sensor_constraints=())
+        return arrange(found, follow="circle")
+
+    return serve(read, page, name)
 
 
 def _examples() -> dict[str, Path]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal
@@ -64,13 +65,14 @@ def run(
             raise UsageError("nothing to drive: name a file of a robot, or a scene with --scene SCENE.toml")
         from cinegen.session import arrange
 
-        loaded = robots.load(files)
-        setup = arrange(
-            {name: mechanism for name, (mechanism, _) in loaded.items()},
-            files={name: str(file) for name, (_, file) in loaded.items()},
-            sensors=sensor, follow=_shape(follow or "circle"), node=node, bases=base, rate=rate,
-            record=str(record) if record else None,
-        )  # fmt: skip
+        def read() -> Setup:
+            loaded = robots.load(files)
+            return arrange(
+                {name: mechanism for name, (mechanism, _) in loaded.items()},
+                files={name: str(file) for name, (_, file) in loaded.items()},
+                sensors=sensor, follow=_shape(follow or "circle"), node=node, bases=base, rate=rate,
+                record=str(record) if record else None,
+            )  # fmt: skip
     else:
         if files:
             raise UsageError("--scene names its robot: leave FILE out")
@@ -78,23 +80,29 @@ def run(
         from cinegen.collision import load_scene
         from cinegen.session import scene_setup
 
-        loaded_scene = load_scene(
-            scene, robots.ignore_loops, robots.ignore, robots.srdf, self_clearance, robots.fixed_base
-        )
-        recorded = str(record) if record else None
-        setup = scene_setup(loaded_scene, sensor, _shape(follow or "still"), node, rate, recorded)
-    return serve(replace(setup, overwrite=page.force), page, stem_of(scene or [*files, Path()][0]), snapshot)
+        def read() -> Setup:
+            loaded = load_scene(
+                scene, robots.ignore_loops, robots.ignore, robots.srdf, self_clearance, robots.fixed_base
+            )
+            recorded = str(record) if record else None
+            return scene_setup(loaded, sensor, _shape(follow or "still"), node, rate, recorded)
+
+    return serve(lambda: replace(read(), overwrite=page.force), page, stem_of(scene or [*files, Path()][0]), snapshot)
 
 
-def serve(setup: Setup, page: PageOptions, stem: str, snapshot: Path | None = None) -> int:
+def serve(read: Callable[[], Setup], page: PageOptions, stem: str, snapshot: Path | None = None) -> int:
     """Describe a session, then serve its page until it ends, or only write a snapshot; return the exit code.
 
     Args:
-        setup: of the session.
+        read: returns the setup of the session, as its files describe it now: they are read again when they are saved.
         page: options of the page.
         stem: of the snapshot that is written without a terminal.
         snapshot: file of the snapshot.
     """
+    from cinegen.cockpit import SetupFiles
+
+    found, files = SetupFiles.of(read)
+    setup = replace(found, overwrite=page.force)
     _describe(setup)
     if snapshot and page.seconds is None and not page.video:
         from cinegen.cockpit import Page, draw, title_of
@@ -103,7 +111,7 @@ def serve(setup: Setup, page: PageOptions, stem: str, snapshot: Path | None = No
         draw(drawing, setup)
         write_snapshot(snapshot, drawing.html())
         return 0
-    return page.show(setup, stem, snapshot)
+    return page.show(setup, stem, snapshot, files)
 
 
 def _shape(follow: str) -> str | None:

@@ -21,7 +21,7 @@ from raff2urdf.output import unescaped, until_stopped
 from raff2urdf.quantities import TIME
 
 if TYPE_CHECKING:
-    from cinegen.cockpit import Cockpit
+    from cinegen.cockpit import Cockpit, SetupFiles
     from cinegen.session import Setup
 
 FILMS = (".mp4", ".webm", ".gif")
@@ -62,13 +62,14 @@ class PageOptions:
     force: bool = FORCE
     aids: bool = flag("--aids", "draw the visual aids in the film", needs="--video", **_PANEL)
 
-    def show(self, setup: Setup, stem: str, snapshot: Path | None = None) -> int:
+    def show(self, setup: Setup, stem: str, snapshot: Path | None = None, files: SetupFiles | None = None) -> int:
         """Serve the page of a session until it ends; return the exit code.
 
         Args:
             setup: of the session.
             stem: of the snapshot that is written without a terminal.
             snapshot: file of the snapshot that is written in the end.
+            files: files that describe the setup, which are watched.
 
         Raises:
             CinegenError: the page can't be served or filmed, or the recording ended early.
@@ -89,8 +90,9 @@ class PageOptions:
             seconds, snapshot = _UNATTENDED, snapshot or Path(f"{stem}.html")
             check_outputs(snapshot, force=self.force)
         with Cockpit(
-            setup, host=self.host, port=self.port, token="" if self.no_token else self.token or None, https=self.https
-        ) as cockpit:
+            setup, host=self.host, port=self.port, token="" if self.no_token else self.token or None, https=self.https,
+            files=files,
+        ) as cockpit:  # fmt: skip
             self._announce(cockpit, seconds)
             if cockpit.server.certificate is not None:
                 print(f"      browsers warn of its certificate, {cockpit.server.certificate.fingerprint}", flush=True)

@@ -6,11 +6,13 @@ from cinegen.cockpit.notebook import show, show_map
 from cinegen.cockpit.page import Page
 from cinegen.cockpit.scene import RobotScene, make_page
 from cinegen.cockpit.viewer import Viewer
+from cinegen.cockpit.watched_files import SetupFiles
 
 __all__ = [
     "Cockpit",
     "Page",
     "RobotScene",
+    "SetupFiles",
     "Viewer",
     "base_poses_at_start",
     "draw",

@@ -6,7 +6,8 @@ import contextlib
 import socket
 import threading
 import time
-from typing import Self
+from contextvars import copy_context
+from typing import NamedTuple, Self
 
 import numpy as np
 import pinocchio as pin
@@ -17,19 +18,29 @@ from cinegen.cockpit.certificate import self_signed
 from cinegen.cockpit.hub import Hub
 from cinegen.cockpit.messages import HelloMessage, ReportMessage, StateMessage, TickRate
 from cinegen.cockpit.page import Page
-from cinegen.cockpit.scene import RobotScene
+from cinegen.cockpit.scene import ROOT, RobotScene
 from cinegen.cockpit.served_map import ServedMap
 from cinegen.cockpit.server import ALL, Server
+from cinegen.cockpit.watched_files import SetupFiles, WatchedFiles
 from cinegen.errors import CinegenError
 from cinegen.realtime.timing import RecentTiming
 from cinegen.session import Reporter, RobotReport, SessionRunner, SessionState, Setup
 from raff2urdf.escape import html_text
+from raff2urdf.files import noting
 
 REPORTS = 10
 """Reports per second; fewer if they take long."""
 
 _SHARE = 0.15  # of a core for the reports
 _UNWATCHED = 4.0  # looks at the session per second while there are no pages
+
+
+class _Drawn(NamedTuple):
+    """A setup, and its scene in a page."""
+
+    setup: Setup
+    page: Page
+    scene: RobotScene
 
 
 class Cockpit:
@@ -45,6 +56,8 @@ class Cockpit:
         own_process: run the session in a process of its own, which this one doesn't delay.
         framed: let any other page show this one in a frame, as notebooks do.
         https: encrypt connections, with a self-signed certificate that browsers warn of.
+        files: files that describe the setup. When they are saved, the session goes on with what they describe then; the
+            page shows what is wrong with them. None: none are watched.
         height: height of the page in a notebook's cell, pixels.
 
     Raises:
@@ -62,17 +75,21 @@ class Cockpit:
         framed: bool = False,
         https: bool = False,
         height: int = 600,
+        files: SetupFiles | None = None,
     ) -> None:
         certificate = self_signed(socket.gethostname() if host in ALL else host) if https else None
         self.setup, self.height = setup, height
         self.title = title or title_of(setup)
         self.page = Page(self.title)
-        self.scene = draw(self.page, setup)
+        with noting() as noted:
+            self.scene = draw(self.page, setup)
+        self._edition = 0  # number of the setup that is shown
+        self._drawn = {0: _Drawn(setup, self.page, self.scene)}  # by number: shown, or to be shown
         self.map = None if setup.map is None else ServedMap(setup.map)
         self._over, self._awake, self._shown = threading.Event(), threading.Event(), threading.Event()
         self._shown.set()
         self._state: SessionState | None = None  # newest that `_feed` has seen
-        self._reports: dict[str, RobotReport] = {}
+        self._reports: tuple[int, dict[str, RobotReport]] = 0, {}  # and the number of their setup
         self._reported = 0
         self.error: BaseException | None = None
         with contextlib.ExitStack() as started:  # nothing runs on if one of them can't start
@@ -86,6 +103,13 @@ class Cockpit:
                 threading.Thread(target=self._feed, name="cinegen frames", daemon=True),
                 threading.Thread(target=self._report, name="cinegen reports", daemon=True),
             ]
+            if files is not None:
+                watched = WatchedFiles(files, self._draw_again, noted)
+                self._threads.append(
+                    threading.Thread(  # in this context, which has the unit of lengths in messages
+                        target=copy_context().run, args=(self._watch_files, watched), name="cinegen files", daemon=True
+                    )
+                )
             for thread in self._threads:
                 thread.start()
             started.pop_all()
@@ -126,10 +150,12 @@ class Cockpit:
 
     def snapshot(self) -> str:
         """Return a snapshot: the present scene as one HTML file to look at; nothing moves in it."""
-        for name, robot in self.state.robots.items():
-            self.scene.show(name, robot.q, robot.base)
-        for name, obstacle in self.state.obstacles.items():
-            self.scene.show_obstacle(name, obstacle.pose)
+        state = self.state
+        if state.edition == self._edition:  # else they are being exchanged
+            for name, robot in state.robots.items():
+                self.scene.show(name, robot.q, robot.base)
+            for name, obstacle in state.obstacles.items():
+                self.scene.show_obstacle(name, obstacle.pose)
         return self.page.html()
 
     def wait(self, seconds: float | None = None) -> bool:
@@ -171,7 +197,7 @@ class Cockpit:
     def _feed(self) -> None:
         """Send states to all clients. While there are none, or the server is busy, none are built."""
         poses, timing = NodePoses(self.setup.robots), RecentTiming()
-        reported, noticed, shown = 0, 0, None
+        reported, noticed, shown, refused = 0, 0, None, None
         reports: dict[str, RobotReport] = {}  # that pages show
         next_time = time.monotonic()
         while not self._over.is_set():
@@ -183,14 +209,20 @@ class Cockpit:
                 self.server.call(self.hub.notify_all, f"the session has ended: {error}", True)
                 self._over.set()
                 return
+            if state is not None and state.edition != self._edition:
+                poses, reports = NodePoses(self._exchange(state.edition).robots), {}
+            if state is not None and state.refused not in (None, refused):
+                refused = state.refused
+                self.server.call(self.hub.state_problem, state.refused[1])
             if not self.hub.clients:
                 reported, reports = self._reported, {}
                 timing.add(self.runner.report())
             elif state is not None and state is not shown and self._shown.is_set():
                 shown = state
                 report = None
-                if self._reported > reported:
-                    reported, reports = self._reported, dict(self._reports)
+                edition, newest = self._reports
+                if self._reported > reported and edition == state.edition:
+                    reported, reports = self._reported, dict(newest)
                     rate = self._rate(timing, state.at_rest)
                     report = report_message(state, reports, rate, len(self.hub.clients))
                 self._shown.clear()
@@ -209,20 +241,58 @@ class Cockpit:
 
     def _report(self) -> None:
         """Report on all robots, as long as they move and are watched."""
-        reporters = {name: Reporter(one) for name, one in self.setup.robots.items()}
+        edition, reporters = -1, dict[str, Reporter]()
         rested = with_reactions = False  # whether the last reports are of robots at rest, and have reactions
         while not self._over.is_set():
             begin, state = time.monotonic(), self._state
-            if state is not None and (self.hub.clients or not self._reports):
+            drawn = None if state is None else self._drawn.get(state.edition)
+            if state is not None and drawn is not None and (self.hub.clients or not self._reports[1]):
+                if state.edition != edition:
+                    edition, rested = state.edition, False
+                    reporters = {name: Reporter(one) for name, one in drawn.setup.robots.items()}
+                    self._reports = edition, {}
                 wanted = self.hub.wants_reactions
                 if not (rested and state.at_rest and wanted == with_reactions):
                     rested, with_reactions = state.at_rest, wanted
                     for name, reporter in reporters.items():
                         with contextlib.suppress(CinegenError, np.linalg.LinAlgError):  # the last report stays
-                            self._reports[name] = reporter.report(state.robots[name], state.time, wanted)
+                            self._reports[1][name] = reporter.report(state.robots[name], state.time, wanted)
                 self._reported += 1
             spent = time.monotonic() - begin
             self._over.wait(max(1.0 / REPORTS - spent, spent * (1.0 / _SHARE - 1.0)))
+
+    def _watch_files(self, watched: WatchedFiles[_Drawn]) -> None:
+        """Read files again when they are saved, and hand on what they describe."""
+        edition = 0
+        while (reading := watched.wait(self._over)) is not None:
+            for text in reading.warnings:
+                self.server.call(self.hub.notify_all, text, True)
+            if reading.made is None:
+                self.server.call(self.hub.state_problem, reading.problem)
+                continue
+            edition += 1
+            self._drawn[edition] = reading.made
+            self.runner.exchange(reading.made.setup, edition)
+
+    def _draw_again(self, setup: Setup) -> _Drawn:
+        page = Page(self.title)
+        return _Drawn(setup, page, draw(page, setup, self.scene))
+
+    def _exchange(self, edition: int) -> Setup:
+        """Show the robots of another setup, which the session goes on with; return it."""
+        drawn = self._drawn[edition]
+        self._edition, self.scene = edition, drawn.scene
+        for old in [one for one in tuple(self._drawn) if one < edition]:
+            del self._drawn[old]
+        self.server.call(self._meet, drawn.setup)
+        self.page.replace(ROOT, drawn.page)  # browsers know its robots by then
+        drawn.scene.move_to(self.page)
+        return drawn.setup
+
+    def _meet(self, setup: Setup) -> None:
+        self.setup = setup
+        self.hub.exchange(setup)
+        self.hub.state_problem("")
 
     def _rate(self, timing: RecentTiming, at_rest: bool) -> TickRate:
         report = self.runner.report()
@@ -236,9 +306,15 @@ def title_of(setup: Setup) -> str:
     return ", ".join(setup.robots)
 
 
-def draw(page: Page, setup: Setup) -> RobotScene:
-    """Draw the robots of a session, what they hold, and the obstacles into a page, as it begins."""
-    scene = RobotScene(page, setup.robots, base_poses_at_start(setup), setup.obstacles, setup.attached)
+def draw(page: Page, setup: Setup, before: RobotScene | None = None) -> RobotScene:
+    """Draw the robots of a session, what they hold, and the obstacles into a page, as it begins.
+
+    Args:
+        page: page to draw into.
+        setup: setup of the session.
+        before: scene in whose scale it is drawn, unless its size differs much.
+    """
+    scene = RobotScene(page, setup.robots, base_poses_at_start(setup), setup.obstacles, setup.attached, before=before)
     for name, q in setup.starts.items():
         scene.show(name, q)
     avoidance = setup.avoidance

@@ -14,6 +14,7 @@ from cinegen.cockpit.messages import (
     Ack,
     HelloMessage,
     NoticeMessage,
+    ProblemMessage,
     ReportMessage,
     RequestControl,
     RequestRate,
@@ -93,6 +94,8 @@ class Client:
         self.number, self.connection = number, connection
         self.unacknowledged: tuple[int, float] | None = None  # number of a state, and when it was sent
         self.sent = 0  # number of the last state
+        self.met = 0  # number of the last state before it was sent other robots: until it acknowledges a later one, it
+        # may name parts of those before
         self.reported = 0  # number of the last report
         self.frames = 0  # number of acknowledged states
         self.informed = 0  # number of the last list of users
@@ -140,6 +143,7 @@ class Hub:
         self._report: tuple[int, ReportMessage | None] = (0, None)
         self._users: tuple[int, tuple[UserInfo, ...]] = (0, ())
         self._listed = 0.0  # when users were listed
+        self._problem = ""
         self._texts: dict[
             tuple[bool, bool], str
         ] = {}  # of the newest state, with the report and the users, and without
@@ -157,8 +161,28 @@ class Hub:
         if len(self.clients) == 1:
             self._watch(True)
         connection.send(encode(self._hello(client.number)).decode())
+        if self._problem:
+            connection.send(encode(ProblemMessage(self._problem)).decode())
         self._feed(client)
         return client
+
+    def exchange(self, setup: Setup) -> None:
+        """Let all clients meet the robots of another setup, which the next states are of."""
+        self._setup = setup
+        self._state, self._report, self._texts = (self._state[0], None), (self._report[0], None), {}
+        for client in tuple(self.clients.values()):
+            client.met = self._state[0] + 1
+            if client.user is not None:
+                client.user = replace(client.user, robot=None, node=None)
+            client.connection.send(encode(self._hello(client.number)).decode())
+
+    def state_problem(self, text: str) -> None:
+        """State to all clients, also to those that come later, what is wrong with the robots' files; empty: nothing."""
+        if text == self._problem:
+            return
+        self._problem = text
+        for client in tuple(self.clients.values()):
+            client.connection.send(encode(ProblemMessage(text)).decode())
 
     @property
     def wants_reactions(self) -> bool:
@@ -208,15 +232,30 @@ class Hub:
                 client.user = replace(
                     client.user or UserInfo(client.number, "", 0), name=message.name, colour=message.colour
                 )
+            elif not self._names_parts(client, message):
+                return
             elif isinstance(message, SetCursor):
-                check_names(message, self._setup)
                 if client.user is not None:
                     client.user = replace(client.user, **asdict(message))
             else:
-                check_names(message, self._setup)
                 self._command(client, message)
         except CommandError as error:
             self.drop(client, str(error))
+
+    def _names_parts(self, client: Client, message: SetCursor | Command) -> bool:
+        """Return whether the parts exist that a message names. If not, it is late: it was sent before its client knew
+        of the present robots.
+
+        Raises:
+            CommandError: they don't exist, and the client knows that.
+        """
+        try:
+            check_names(message, self._setup)
+        except CommandError:
+            if client.met == 0:
+                raise
+            return False
+        return True
 
     def pause(self, client: Client) -> float:
         """Return the time until the next message of a client is read, s; called after each of them."""
@@ -235,6 +274,8 @@ class Hub:
         if client.unacknowledged is not None and client.unacknowledged[0] == frame:
             client.unacknowledged = None
             client.frames += 1
+            if frame >= client.met:
+                client.met = 0
             self._feed(client)
 
     def _request_control(self, client: Client, on: bool) -> None:

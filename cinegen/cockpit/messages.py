@@ -348,7 +348,17 @@ class NoticeMessage(TypedMessage, frozen=True):
     level: Literal["info", "warning"]
 
 
-ServerMessage = HelloMessage | StateMessage | NoticeMessage
+class ProblemMessage(TypedMessage, frozen=True):
+    """State what is wrong with the robots' files, which were saved; the robots as they were read before stay.
+
+    Attributes:
+        text: every error with its file, line and column where they are known; empty if nothing is wrong any more.
+    """
+
+    text: str
+
+
+ServerMessage = HelloMessage | StateMessage | NoticeMessage | ProblemMessage
 
 
 class AxisShown(Struct, frozen=True):

@@ -101,6 +101,21 @@ class Page:
         if self.wake is not None and self._feeds:
             self.wake()
 
+    def replace(self, path: str, other: Page) -> None:
+        """Show another scene instead of this one.
+
+        Args:
+            path: path below which this scene is drawn: browsers delete it.
+            other: page that has the other scene.
+        """
+        deleted = {(path, "delete", ""): umsgpack.packb({"type": "delete", "path": path})}
+        with self.lock:
+            self._kept = dict(other.scene())
+            for feed in self._feeds:
+                feed.waiting = deleted | self._in_order()
+        if self.wake is not None and self._feeds:
+            self.wake()
+
     def feed(self) -> PageFeed:
         """Return a feed that starts with everything that is drawn."""
         with self.lock:

@@ -29,6 +29,7 @@ _ORIGIN = pin.SE3.Identity()
 _SHOWN = 1.6  # m: radius at which everything is drawn, so that robots of any size fill the view
 _EYE, _ZOOM = np.array([3.8, -4.9, 3.0]), 2.2  # position of the camera, m; far away, for little perspective distortion
 _GAP = 0.05  # m: between what is drawn and the floor
+_ALIKE = 0.5  # part of a radius by which a scene may differ from the one before, whose scale it keeps
 _TILT = 1e-3  # of a camera that looks straight down, so that it has an upper side
 _LOOP = 0xCC79A7  # Okabe and Ito's reddish purple: closed loops
 _TARGET = 0xD55E00  # vermilion: targets
@@ -36,6 +37,10 @@ _GOAL = 0x009E73  # bluish green: the goal of a scene
 _OBSTACLE = np.array([0.62, 0.55, 0.46, 1.0])  # nothing else is brown
 _HELD = np.array([0.94, 0.89, 0.26, 1.0])  # Okabe and Ito's yellow: what a robot holds
 _WALL = np.array([0.62, 0.55, 0.46, 0.35])  # of obstacles that can't be moved: they must not hide what is behind
+
+
+ROOT = "/meshcat/cinegen"
+"""Path of everything that is drawn in a page's scene."""
 
 
 class Window(Protocol):
@@ -55,6 +60,7 @@ class RobotScene:
         obstacles: obstacles by name.
         attached: objects that mechanisms hold.
         scaled: scale everything to one size, in which the view is filled; otherwise the camera moves, and 1 is 1 m.
+        before: scene in whose scale it is drawn, unless its size differs much.
     """
 
     def __init__(
@@ -65,6 +71,7 @@ class RobotScene:
         obstacles: Mapping[str, DrawnObstacle] | None = None,
         attached: Iterable[DrawnAttached] = (),
         scaled: bool = True,
+        before: RobotScene | None = None,
     ) -> None:
         self.mechanisms = dict(mechanisms)
         self.bases = {name: pin.SE3.Identity() for name in mechanisms} | dict(bases or {})
@@ -75,7 +82,7 @@ class RobotScene:
             for name, one in (obstacles or {}).items()
         }
         held = [(one, _geometry(one.shapes, _HELD)) for one in attached]
-        self._fit(drawn.values(), held, scaled)
+        self._fit(drawn.values(), held, scaled, before)
         for name, (obstacle, objects) in drawn.items():
             self._put(_below(self._root, name, name), objects)
             self.show_obstacle(name, obstacle.placement)
@@ -99,6 +106,10 @@ class RobotScene:
     def show_obstacle(self, name: str, pose: pin.SE3) -> None:
         """Move an obstacle to a pose in the world (m)."""
         _below(self._root, name).set_transform(pose.homogeneous)
+
+    def move_to(self, page: Page) -> None:
+        """Draw into another page from now on, which has everything that was drawn."""
+        self._root = Visualizer(window=page)["cinegen"]
 
     def target(self, name: str, label: str, placement: pin.SE3) -> None:
         """Show a target as a triad; further calls move it."""
@@ -124,6 +135,7 @@ class RobotScene:
         obstacles: Iterable[tuple[DrawnObstacle, list[pin.GeometryObject]]],
         attached: Iterable[tuple[DrawnAttached, list[pin.GeometryObject]]],
         scaled: bool,
+        before: RobotScene | None,
     ) -> None:
         """Place everything so that robots, what they hold and movable obstacles fill the view, with the floor below."""
         parts = [
@@ -144,6 +156,11 @@ class RobotScene:
         points = np.vstack(parts)
         centre = (points.min(axis=0) + points.max(axis=0)) / 2.0
         self._radius = float(np.linalg.norm(points - centre, axis=1).max()) or 1.0
+        if before is not None:
+            aside = float(np.linalg.norm(centre - before._centre))
+            if aside < _ALIKE * before._radius and 1.0 / (1.0 + _ALIKE) < self._radius / before._radius < 1.0 + _ALIKE:
+                centre, self._radius = before._centre, before._radius
+        self._centre: Array = centre
         scale = _SHOWN / self._radius
         whole, camera, floor = np.eye(4), np.eye(4), np.eye(4)
         lowest, gap, eye = float(points[:, 2].min()), _GAP / scale, np.array(self._eye()) / scale

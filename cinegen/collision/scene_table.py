@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from cinegen.collision.errors import SceneError
 from raff2urdf.errors import did_you_mean
+from raff2urdf.files import note
 from raff2urdf.quantities import ANGLE, LENGTH, NUMBER, Dimension, QuantityError, parse
 from raff2urdf.shipped import robots, similar_file
 
@@ -109,6 +110,7 @@ class SceneTable:
         text = self.text(key)
         try:
             path = folder / Path(text).expanduser()
+            note(path)
             found = path.is_file()
         except (OSError, RuntimeError, ValueError) as error:  # the name is too long, or the user unknown
             raise self.error(key, f"{_shown(text)} can't be read: {error}") from None

@@ -116,6 +116,14 @@ class AvoidingRobot(DrivenRobot):
         pair = int(self._clearance.distances(q).argmin())
         return f"'{self._clearance.names(pair)[0]}' would hit {self._what(pair)}"
 
+    def contact(self, q: Array) -> str:
+        """See `DrivenRobot`."""
+        distances = self._clearance.distances(q)
+        pair = int(distances.argmin()) if len(distances) else -1
+        if pair < 0 or distances[pair] > 0.0:
+            return ""
+        return f"'{self._clearance.names(pair)[0]}' would touch {self._what(pair)} where it was"
+
     def status(self) -> RobotStatus:
         """See `DrivenRobot`; with the names of obstacles."""
         status = super().status()

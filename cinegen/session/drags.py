@@ -99,6 +99,14 @@ class Drags:
             self.end(pointer)
         return pointer is not None
 
+    def follow(self, tasks: Mapping[int, tuple[DrivenRobot, UserTask]]) -> None:
+        """Go on with other robots, in which tasks have the ids that they had; drags whose task is gone end."""
+        for key, drag in tuple(self._drags.items()):
+            if drag.task.id in tasks:
+                drag.robot, drag.task = tasks[drag.task.id]
+            else:
+                del self._drags[key]
+
     def _release(self, drag: _Drag, as_pin: bool) -> None:
         robot, task = drag.robot, drag.task
         node = task.task.node
@@ -113,5 +121,5 @@ class Drags:
             return
         if drag.pin is not None:
             here = robot.placement(node) * drag.pin.offset
-            robot.restore_pin(self._new_id(), msgspec.structs.replace(drag.pin, target=here))
+            robot.restore(self._new_id(), msgspec.structs.replace(drag.pin, target=here))
         self._sensors.resume(robot.name, node)

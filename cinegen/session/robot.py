@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from cinegen.ik import FrameTask, Solver, Status, Step
 from cinegen.mission import RecordedTask, RobotSample
 from cinegen.model import Mechanism
+from cinegen.session.carried import carried_over, joint_values
 from cinegen.session.holding import Holding
 from cinegen.session.motion import RobotMotion
 from cinegen.session.state import CarriedMass, Obstruction, RobotState, RobotStatus, TaskState
@@ -130,12 +131,13 @@ class DrivenRobot:
             if source in (None, one.source)
         )
 
-    def restore_pin(self, id: int, pin_: RecordedTask) -> None:
-        """Add a pin again, with a new id."""
-        one = self.add_task(id, pin_.node, PIN, PIN, pin_.offset, (pin_.translation, pin_.rotation))
-        one.task.weight = pin_.weight
-        if pin_.target is not None:
-            self.set_target(one, pin_.target)
+    def restore(self, id: int, task: RecordedTask, source: str = PIN) -> UserTask:
+        """Add a task again, with an id."""
+        one = self.add_task(id, task.node, source, source, task.offset, (task.translation, task.rotation))
+        one.task.weight = task.weight
+        if task.target is not None:
+            self.set_target(one, task.target)
+        return one
 
     def set_target(self, task: UserTask, target: pin.SE3) -> None:
         """Set the target of a task, given in the session's world."""
@@ -187,6 +189,20 @@ class DrivenRobot:
             self.solver.q = q
             self._retarget()
         self.step = self.solver.step()
+
+    def succeed(self, other: DrivenRobot) -> str:
+        """Move to where an earlier version of this robot is, with its payload; return a message if that can't be."""
+        if other.carried.node in self.mechanism.nodes:
+            self.carried = other.carried
+        q = carried_over(self.mechanism, joint_values(other.mechanism, other.q), self.q)
+        why = "its loops can't be closed within its limits where it was" if q is None else self.contact(q)
+        if q is not None and not why:
+            self.jump_to(q)
+        return f"{self.name} is at home: {why}" if why else ""
+
+    def contact(self, q: Array) -> str:
+        """Return a message about a collision at q (nq,); empty if there is none."""
+        return ""
 
     def _retarget(self) -> None:
         """Set the targets of its tasks to their present poses."""

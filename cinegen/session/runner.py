@@ -6,6 +6,7 @@ import contextlib
 import ctypes
 import multiprocessing
 import multiprocessing.connection
+import pickle
 import threading
 import time
 import warnings
@@ -19,7 +20,7 @@ from cinegen.errors import CinegenError, CinegenWarning
 from cinegen.jit.starting import COMPILATION
 from cinegen.realtime import Clock, Tick, TimingReport
 from cinegen.session.commands import Command
-from cinegen.session.session import Session
+from cinegen.session.session import OtherRobots, Session
 from cinegen.session.setup import Setup
 from cinegen.session.state import SessionState
 
@@ -49,8 +50,32 @@ class _Watch:
     on: bool
 
 
+@dataclass(frozen=True)
+class _Exchange:
+    """Message about another setup, which is pickled: it is unpickled outside of the ticks.
+
+    Attributes:
+        edition: its number.
+        setup: the setup.
+    """
+
+    edition: int
+    setup: bytes
+
+
+@dataclass(frozen=True)
+class _Refusal:
+    """What becomes of an `_Exchange` whose robots can't be driven."""
+
+    edition: int
+    why: str
+
+
 class _End:
     """The last command."""
+
+
+_Message = Command | _Watch | _Exchange | OtherRobots | _Refusal | _End
 
 
 class _Inbox:
@@ -62,15 +87,30 @@ class _Inbox:
 
     def __init__(self, taken: ctypes.c_longlong) -> None:
         self._taken = taken
-        self._commands: deque[Command | _Watch | _End] = deque()
+        self._commands: deque[_Message] = deque()
         self._woken = threading.Event()
 
-    def put(self, command: Command | _Watch | _End) -> None:
-        """Add a command."""
+    def put(self, command: _Message) -> None:
+        """Add a command. The robots of another setup are made by a thread of its own, and come when they are ready."""
+        if isinstance(command, _Exchange):
+            self._taken.value += 1
+            threading.Thread(target=self._prepare, args=(command,), name="cinegen exchange", daemon=True).start()
+            return
         self._commands.append(command)
         self._woken.set()
 
-    def take(self) -> Command | _Watch | _End | None:
+    def _prepare(self, command: _Exchange) -> None:
+        message: OtherRobots | _Refusal
+        try:
+            with warnings.catch_warnings():  # issued when the setup was made
+                warnings.simplefilter("ignore")
+                message = OtherRobots.of(pickle.loads(command.setup), command.edition)
+        except Exception as error:  # whatever it is, the session goes on with the robots that it has
+            message = _Refusal(command.edition, f"the robots can't be driven: {error}")
+        self._taken.value -= 1  # of a message that nobody sent
+        self.put(message)
+
+    def take(self) -> _Message | None:
         """Return the next command; None if there is none."""
         self._woken.clear()
         if not self._commands:
@@ -119,7 +159,7 @@ class SessionRunner:
             self._taken = context.RawValue(ctypes.c_longlong)
             self._clock.spawn(_in_process, setup, inbox, self._taken)
             inbox.close()
-            self._send: Callable[[Command | _Watch | _End], None] = outbox.send
+            self._send: Callable[[_Message], None] = outbox.send
         else:
             self._taken = ctypes.c_longlong()
             own = _Inbox(self._taken)
@@ -134,7 +174,16 @@ class SessionRunner:
         """Set whether there are clients: if so, there are 60 states per second at rest too."""
         self._try(_Watch(on))
 
-    def _try(self, command: Command | _Watch | _End) -> None:
+    def exchange(self, setup: Setup, edition: int) -> None:
+        """Let the session go on with the robots of another setup (`Session.exchange`), as soon as they are made.
+
+        Args:
+            setup: the other setup, of the same rate.
+            edition: its number, which states have from then on; they have it in `refused` if that can't be.
+        """
+        self._try(_Exchange(edition, pickle.dumps(setup)))
+
+    def _try(self, command: _Message) -> None:
         with contextlib.suppress(OSError):  # the process has ended: `state` raises the reason
             self._send(command)
             self._sent += 1
@@ -205,7 +254,11 @@ def _ticks(session: Session, inbox: _Inbox) -> Callable[[Tick], SessionState | N
                 return None
             if isinstance(command, _Watch):
                 watched = command.on
-            else:
+            elif isinstance(command, OtherRobots):
+                session.exchange(command)
+            elif isinstance(command, _Refusal):
+                session.refuse(command.edition, command.why)
+            elif not isinstance(command, _Exchange):
                 session.obey(command)
             if time.perf_counter() - began > _LONGEST:
                 break

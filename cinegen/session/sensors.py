@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import replace
 
 import numpy as np
@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from cinegen.devices import Gamepad, ScriptedSensor, Sensor, Teleoperation, TwistMapping, open_sensor
 from cinegen.devices.kinds import join_token, scheme
 from cinegen.devices.latest_reading import DeviceSensor
-from cinegen.sensor import Reading, SensorState, Twist
+from cinegen.sensor import Reading, SensorState, TimedSensor, Twist
 from cinegen.session.robot import SENSOR, DrivenRobot, UserTask
 from cinegen.session.setup import Device, Setup
 from cinegen.session.state import SensorReport, Settings
@@ -40,7 +40,7 @@ class SessionSensors:
     """
 
     def __init__(
-        self, setup: Setup, robots: dict[str, DrivenRobot], new_id: Callable[[], int], wake: Callable[[], object]
+        self, setup: Setup, robots: Mapping[str, DrivenRobot], new_id: Callable[[], int], wake: Callable[[], object]
     ) -> None:
         self.robots, self._new_id, self._wake = robots, new_id, wake
         self.selected: dict[tuple[str, str], str | None] = {(one.robot, one.node): None for one in setup.switches}
@@ -51,11 +51,7 @@ class SessionSensors:
         self._driven: dict[tuple[str, str], tuple[UserTask, Teleoperation]] = {}
         self._suspended: set[tuple[str, str]] = set()  # nodes that are dragged
         for device in setup.devices:
-            robot = robots.get(device.robot or "")
-            mechanism, q = (robot.mechanism, robot.solver.q) if robot is not None else (None, None)
-            number = int(device.name) if device.name.isdecimal() else None
-            url = join_token(device.url, device.token)
-            self._sensors[device.name] = open_sensor(url, number, mechanism, device.node, q)
+            self._sensors[device.name] = opened(device, robots)
 
     def close(self) -> None:
         """Close all sensors."""
@@ -70,9 +66,7 @@ class SessionSensors:
             sensor = self._sensors[name]
             if scheme(sensor.url) in _SCRIPTS:
                 sensor.close()  # it starts anew
-            sensor.start()
-            if isinstance(sensor, DeviceSensor):
-                sensor.newest.wake = self._wake
+            self._start(sensor)
             self._connect(robot, node, self._devices[name])
 
     def suspend(self, robot: str, node: str) -> None:
@@ -139,6 +133,60 @@ class SessionSensors:
             reports.append(SensorReport(name, *status, twist))
         return tuple(reports)
 
+    def exchange(self, setup: Setup, fresh: Mapping[str, Sensor], names: Mapping[str, str]) -> list[str]:
+        """Let the robots that have taken the place of others follow the sensors that those followed, as far as they
+        have the nodes. Devices that both setups have stay open.
+
+        Args:
+            setup: of the session with the present robots.
+            fresh: sensors of that setup, not started.
+            names: new names of robots by their old ones, where they differ.
+
+        Returns:
+            messages about nodes that no longer follow a sensor.
+        """
+        before = {(names.get(name, name), node): one for (name, node), one in self.selected.items()}
+        suspended = {(names.get(name, name), node) for name, node in self._suspended}
+        old, devices = self._sensors, self._devices
+        self._driven.clear()
+        self._suspended.clear()
+        self._devices = {device.name: device for device in setup.devices}
+        stays = {name for name, one in self._devices.items() if devices.get(name) == one and not _is_script(one)}
+        self._sensors = {name: old[name] if name in stays else one for name, one in fresh.items()}
+        self.selected = {(one.robot, one.node): None for one in setup.switches}
+        choices = {(one.robot, one.node): one.choices for one in setup.switches}
+        lost = [
+            f"{node} no longer follows sensor {one}"
+            for (robot, node), one in before.items()
+            if one is not None and one not in choices.get((robot, node), ())
+        ]
+        for switch in setup.switches:
+            key = switch.robot, switch.node
+            device = before.get(key, switch.first)
+            if device is None or device not in switch.choices:
+                continue
+            if key not in before and _is_script(self._devices[device]):
+                continue
+            new, was = self._sensors[device], old.get(device)
+            if isinstance(new, TimedSensor) and isinstance(was, TimedSensor):
+                new.go_on(was)
+            elif device not in stays or key not in before:
+                self._start(new)
+            self.selected[key] = device
+            if key in suspended:
+                self._suspended.add(key)
+            else:
+                self._connect(*key, self._devices[device])
+        for name, sensor in old.items():
+            if name not in stays:
+                sensor.close()
+        return lost
+
+    def _start(self, sensor: Sensor) -> None:
+        sensor.start()
+        if isinstance(sensor, DeviceSensor):
+            sensor.newest.wake = self._wake
+
     def _connect(self, name: str, node: str, device: Device) -> None:
         self._suspended.discard((name, node))
         sensor = self._sensors[device.name]
@@ -154,6 +202,22 @@ class SessionSensors:
         driven = self._driven.pop((name, node), None)
         if driven is not None:
             self.robots[name].remove_task(driven[0])
+
+
+def _is_script(device: Device) -> bool:
+    return scheme(device.url) in _SCRIPTS
+
+
+def opened(device: Device, robots: Mapping[str, DrivenRobot]) -> Sensor:
+    """Return the sensor of a device, not started. A script is fitted to its robot's present configuration.
+
+    Raises:
+        CinegenError: there is no such sensor.
+    """
+    robot = robots.get(device.robot or "")
+    mechanism, q = (robot.mechanism, robot.solver.q) if robot is not None else (None, None)
+    number = int(device.name) if device.name.isdecimal() else None
+    return open_sensor(join_token(device.url, device.token), number, mechanism, device.node, q)
 
 
 def default_speed(robots: dict[str, DrivenRobot]) -> float:

@@ -7,7 +7,8 @@ from __future__ import annotations
 
 import contextlib
 from collections import deque
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
 
 import msgspec
 import numpy as np
@@ -16,14 +17,16 @@ import pinocchio as pin
 from cinegen.errors import CinegenError
 from cinegen.ik import Solver
 from cinegen.mission import Player, Recording
+from cinegen.sensor import Sensor
 from cinegen.session import commands as c
 from cinegen.session.avoiding import AvoidingRobot
+from cinegen.session.carried import renamed
 from cinegen.session.drags import Drags
 from cinegen.session.driven_obstacle import DrivenObstacle
 from cinegen.session.holding import Holding, HoldingError, why_no_forces
 from cinegen.session.motion import ConfigurationMotion, JointMotion, LineMotion
 from cinegen.session.robot import PIN, SENSOR, DrivenRobot, UserTask
-from cinegen.session.sensors import SessionSensors, default_speed
+from cinegen.session.sensors import SessionSensors, default_speed, opened
 from cinegen.session.session_recorder import SessionRecorder
 from cinegen.session.setup import Setup
 from cinegen.session.state import CarriedMass, Notice, PlaybackStatus, SessionState, Settings
@@ -63,9 +66,10 @@ class Session:
         self.wake: Callable[[], object] = lambda: None
         self.dt = 1.0 / setup.rate
         self.robots = _robots(setup, self.dt)
-        self.obstacles = {name: DrivenObstacle(name, drawn, self.dt) for name, drawn in setup.obstacles.items()}
+        self.obstacles = _obstacles(setup, self.dt)
         self._driven: dict[str, DrivenRobot] = {**self.robots, **self.obstacles}
-        self._count = 0
+        self._count = self._edition = 0
+        self._refused: tuple[int, str] | None = None
         self.sensors = SessionSensors(setup, self.robots, self._new_id, lambda: self.wake())
         self.time, self.paused = 0.0, False
         self._looked, self._still, self._moved = 0.0, 0.0, np.zeros(0)  # when, how long, where: for `at_rest`
@@ -82,16 +86,8 @@ class Session:
             self._player.set_speed(setup.playback_speed)
             if not setup.stops:
                 self._player.play()
-        for name, robot in self.robots.items():
-            robot.set_base(setup.base(name).placement)
-        self._carry()
-        if setup.avoidance is not None:
-            avoiding = self.robots[setup.avoidance.robot]
-            assert isinstance(avoiding, AvoidingRobot)
-            for number, (name, obstacle) in enumerate(
-                zip(self.obstacles, setup.avoidance.scene.obstacles, strict=True)
-            ):
-                self.obstacles[name].meet(avoiding, number, obstacle)
+        self._place_bases()
+        self._meet_obstacles()
         self._change_settings(c.ChangeSettings(gain=self.settings.gain))
         with contextlib.ExitStack() as opened:
             opened.callback(self.close)
@@ -103,10 +99,79 @@ class Session:
                 self._recorder.start(setup.record, setup.overwrite)
             opened.pop_all()
 
+    def _place_bases(self) -> None:
+        for name, robot in self.robots.items():
+            robot.set_base(self.setup.base(name).placement)
+        self._carry()
+
+    def _meet_obstacles(self) -> None:
+        """Let the robot that avoids obstacles know them."""
+        avoidance = self.setup.avoidance
+        if avoidance is not None:
+            avoiding = self.robots[avoidance.robot]
+            assert isinstance(avoiding, AvoidingRobot)
+            for number, (name, obstacle) in enumerate(zip(self.obstacles, avoidance.scene.obstacles, strict=True)):
+                self.obstacles[name].meet(avoiding, number, obstacle)
+
     def close(self) -> None:
         """Close the sensors and the recording."""
         self.sensors.close()
         self._recorder.close()
+
+    # --- other robots ----------------------------------------------------------------------------------------------
+
+    def exchange(self, other: OtherRobots) -> None:
+        """Go on with other robots, which were read from files that have changed. They are where the present ones are,
+        as far as joints, loops and limits allow. Tasks, drags, undo steps, waypoints, settings and sensors stay.
+        Obstacles stay where they were moved to, unless their file moves them. A recording ends: it describes its robots
+        at its beginning. Notices report what can't stay."""
+        if other.edition < self._edition:  # a later one was ready before
+            return
+        setup, names = other.setup, renamed(list(self.robots), list(other.robots))
+        if self._recorder:
+            self._notice(f"the file was saved, so the recording has ended: {self._recorder.stop()}", warning=True)
+        dragged = bool(self._drags)
+        self._history.detach(names)
+        self._waypoints.detach(names)
+        before = {names.get(name, name): robot for name, robot in self._driven.items()}
+        moved = {name: (one.pose, self.setup.obstacles[name].placement) for name, one in self.obstacles.items()}
+        self.setup = self._recorder.setup = setup
+        self._edition, self._refused, self._still = other.edition, None, 0.0
+        for one in (self.robots, self.obstacles, self._driven):
+            one.clear()
+        self.robots.update(other.robots)
+        self.obstacles.update(other.obstacles)
+        self._driven.update({**self.robots, **self.obstacles})
+        self._carried = [name for name in setup.order() if setup.base(name).robot is not None]
+        self._meet_obstacles()
+        for name, (pose, written) in moved.items():
+            if name in self.obstacles and written.isApprox(setup.obstacles[name].placement):
+                self.obstacles[name].pose = pose
+        self._change_settings(c.ChangeSettings(gain=self.settings.gain, damping=self.settings.damping))
+        for name, robot in self.robots.items():
+            if name in before:
+                self._notice(robot.succeed(before[name]), warning=True)
+        self._place_bases()
+        tasks, lost = dict[int, tuple[DrivenRobot, UserTask]](), self.sensors.exchange(setup, other.sensors, names)
+        for name, was in before.items():
+            for old, recorded in zip(was.tasks, was.recorded_tasks(), strict=True):
+                if old.source == SENSOR:
+                    continue
+                new = self._driven.get(name)
+                if new is not None and recorded.node in new.mechanism.nodes:
+                    tasks[old.id] = new, new.restore(old.id, recorded, old.source)
+                else:
+                    what = "pin" if old.source == PIN else "drag"
+                    lost.append(f"there is no '{recorded.node}' any more: its {what} has ended")
+        self._drags.follow(tasks)
+        if self._drags or dragged:
+            self._history.begin()
+        self._notice("; ".join(lost), warning=True)
+
+    def refuse(self, edition: int, why: str) -> None:
+        """Stay with the present robots, since those of a later setup can't be driven; states report the reason."""
+        if edition > self._edition:
+            self._refused = edition, why
 
     # --- in ------------------------------------------------------------------------------------------------------
 
@@ -121,6 +186,7 @@ class Session:
         if isinstance(command, _INTERRUPTS):
             self._waypoints.stop()
         try:
+            c.check_names(command, self.setup)  # it may have been sent before the robots were exchanged
             getattr(self, f"_{command.__struct_config__.tag}")(command)
         except CinegenError as error:
             self._notice(str(error), warning=True)
@@ -140,8 +206,7 @@ class Session:
             if not self.paused:
                 for robot in self._driven.values():
                     self._move(robot)
-                if problem := self._waypoints.tick():
-                    self._notice(problem, warning=True)
+                self._notice(self._waypoints.tick(), warning=True)
         if self._carried:
             self._carry()
         self._history.tick(self.dt, bool(self._drags))
@@ -182,8 +247,7 @@ class Session:
             problem = robot.tick(self.dt)
         except CinegenError as error:  # a motion that diverged ends, and the robot stays where it is
             robot.motion, problem = None, str(error)
-        if problem:
-            self._notice(problem, warning=True)
+        self._notice(problem, warning=True)
 
     def _carry(self) -> None:
         """Set the base poses of robots that others carry."""
@@ -307,11 +371,11 @@ class Session:
 
     def _undo(self, command: c.Undo) -> None:
         self._drags.end()
-        self._history.undo()
+        self._notice(self._history.undo(), warning=True)
 
     def _redo(self, command: c.Redo) -> None:
         self._drags.end()
-        self._history.redo()
+        self._notice(self._history.redo(), warning=True)
 
     def _pause(self, command: c.Pause) -> None:
         self.paused = command.on
@@ -349,8 +413,8 @@ class Session:
     def _set_recording(self, command: c.SetRecording) -> None:
         if command.on:
             self._recorder.start()
-        elif text := self._recorder.stop():
-            self._notice(text)
+        else:
+            self._notice(self._recorder.stop())
 
     def _record_motion(self, on: bool, arrived: bool = True) -> None:
         """Start or stop a recording; the present moment belongs to it if the robots have arrived."""
@@ -397,6 +461,8 @@ class Session:
             notices=tuple(self._notices),
             answered=self._answered,
             at_rest=self.at_rest,
+            edition=self._edition,
+            refused=self._refused,
         )
 
     def _new_id(self) -> int:
@@ -404,8 +470,45 @@ class Session:
         return self._count
 
     def _notice(self, text: str, warning: bool = False) -> None:
+        if not text:
+            return
         self._noticed += 1
         self._notices.append(Notice(self._noticed, text, warning))
+
+
+@dataclass(frozen=True)
+class OtherRobots:
+    """Robots, obstacles and sensors of another setup, made for a session that is to go on with them.
+
+    Attributes:
+        setup: the other setup.
+        edition: its number.
+        robots: robots by name.
+        obstacles: obstacles by name.
+        sensors: sensors by name, not started.
+    """
+
+    setup: Setup
+    edition: int
+    robots: Mapping[str, DrivenRobot]
+    obstacles: Mapping[str, DrivenObstacle]
+    sensors: Mapping[str, Sensor]
+
+    @classmethod
+    def of(cls, setup: Setup, edition: int) -> OtherRobots:
+        """Return those of a setup; this may take a second.
+
+        Raises:
+            CinegenError: they can't be driven.
+        """
+        dt = 1.0 / setup.rate
+        robots = _robots(setup, dt)
+        sensors = {device.name: opened(device, robots) for device in setup.devices}
+        return cls(setup, edition, robots, _obstacles(setup, dt), sensors)
+
+
+def _obstacles(setup: Setup, dt: float) -> dict[str, DrivenObstacle]:
+    return {name: DrivenObstacle(name, drawn, dt) for name, drawn in setup.obstacles.items()}
 
 
 def _robots(setup: Setup, dt: float) -> dict[str, DrivenRobot]:

@@ -20,12 +20,15 @@ class SessionRecorder:
         setup: setup of the session.
         robots: robots by name.
         obstacles: obstacles by name.
+
+    Attributes:
+        setup: as given; of the robots and obstacles that the mappings hold now.
     """
 
     def __init__(
         self, setup: Setup, robots: Mapping[str, DrivenRobot], obstacles: Mapping[str, DrivenObstacle]
     ) -> None:
-        self._setup, self._robots, self._obstacles = setup, robots, obstacles
+        self.setup, self._robots, self._obstacles = setup, robots, obstacles
         self._recorder: MissionRecorder | None = None
         self._ended: list[MissionRecorder] = []  # whose files may still be written
         self._sampled = -1.0  # time of the last sample, s
@@ -50,7 +53,7 @@ class SessionRecorder:
             return
         path = path or time.strftime("mission-%Y%m%d-%H%M%S.jsonl")
         self._ended = [one for one in self._ended if not one.finished]
-        setup = self._setup
+        setup = self.setup
         self._recorder = MissionRecorder(Path(path), setup.robots, setup.bases, overwrite, setup.obstacles)
 
     def stop(self) -> str:

@@ -269,6 +269,8 @@ class SessionState(SessionInfo, frozen=True, kw_only=True):
         notices: the last few notices.
         answered: number of commands that were carried out.
         at_rest: whether nothing has moved, and no command has come, for a second.
+        edition: number of the setup whose robots these are: 0 at first, see `SessionRunner.exchange`.
+        refused: number of a setup that the session could not take, and why; None if it took the last one.
     """
 
     time: float
@@ -278,3 +280,5 @@ class SessionState(SessionInfo, frozen=True, kw_only=True):
     notices: tuple[Notice, ...]
     answered: int
     at_rest: bool = False
+    edition: int = 0
+    refused: tuple[int, str] | None = None

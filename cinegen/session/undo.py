@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cinegen.mission import RecordedTask
+from cinegen.session.carried import Kept, attached, detached
 from cinegen.session.motion import ConfigurationMotion, Retrace
 from cinegen.session.robot import PIN, DrivenRobot
 from cinegen.session.sensors import SessionSensors
@@ -26,7 +27,7 @@ _NEAR = 0.05  # rad or lengths from the start of a trace: near enough to retrace
 class Snapshot:
     """Configurations and pins of all robots at a moment."""
 
-    q: Mapping[str, Array]
+    q: Mapping[str, Kept]
     pins: Mapping[str, tuple[RecordedTask, ...]]
 
     @classmethod
@@ -36,8 +37,15 @@ class Snapshot:
         return cls(q, {name: robot.recorded_tasks(PIN) for name, robot in robots.items()})
 
     def is_same(self, other: Snapshot) -> bool:
-        """Return whether both are equal, up to rounding."""
-        return self.pins == other.pins and all(np.allclose(q, other.q[name], atol=1e-9) for name, q in self.q.items())
+        """Return whether both are equal, up to rounding; of the same robots."""
+        pairs = ((np.asarray(q), np.asarray(other.q[name])) for name, q in self.q.items())
+        return self.pins == other.pins and all(np.allclose(one, two, atol=1e-9) for one, two in pairs)
+
+    def detached(self, robots: Mapping[str, DrivenRobot], names: Mapping[str, str]) -> Snapshot:
+        """Return it for robots that replace others: joint values, under their new names."""
+        mechanisms = {key: robot.mechanism for key, robot in robots.items()}
+        values = {names.get(key, key): detached(mechanisms.get(key), q) for key, q in self.q.items()}
+        return Snapshot(values, {names.get(key, key): pins for key, pins in self.pins.items()})
 
 
 class MotionTrace:
@@ -119,8 +127,9 @@ class UndoHistory:
             goal, self._goal = self._goal, None
             for name, robot in self._robots.items():
                 robot.motion = None
-                if not robot.collision(goal.q[name]):
-                    robot.jump_to(goal.q[name])
+                q = goal.q.get(name)
+                if isinstance(q, np.ndarray) and not robot.collision(q):
+                    robot.jump_to(q)
             self._restore_pins(goal)
         if self._open is None:
             trace = MotionTrace(1.0 / _RATE)
@@ -139,13 +148,27 @@ class UndoHistory:
             goal, self._goal = self._goal, None
             self._restore_pins(goal)
 
-    def undo(self) -> None:
-        """Undo the last step, which may be in progress."""
-        self._retrace(self._done, self._undone, backwards=True)
+    def undo(self) -> str:
+        """Undo the last step, which may be in progress. Return a message for people; mostly an empty one."""
+        return self._retrace(self._done, self._undone, backwards=True)
 
-    def redo(self) -> None:
-        """Redo the step that was undone last."""
-        self._retrace(self._undone, self._done, backwards=False)
+    def redo(self) -> str:
+        """Redo the step that was undone last. Return a message for people; mostly an empty one."""
+        return self._retrace(self._undone, self._done, backwards=False)
+
+    def detach(self, names: Mapping[str, str]) -> None:
+        """End what is in progress, before other robots take the place of the present ones: steps keep the values of
+        joints and no path.
+
+        Args:
+            names: new names of robots by their old ones, where they differ.
+        """
+        self._finish()
+        for steps in (self._done, self._undone):
+            for _ in range(len(steps)):
+                step = steps.popleft()
+                before, after = (one.detached(self._robots, names) for one in (step.before, step.after))
+                steps.append(UndoStep(before, after, MotionTrace(step.trace.period)))
 
     def _close(self) -> None:
         """Close the step in progress; it is kept if it changed anything."""
@@ -160,7 +183,7 @@ class UndoHistory:
             self._undone.clear()
 
     def _finish(self) -> None:
-        """End every motion in progress."""
+        """End every motion and the step in progress."""
         if self._goal is not None:
             self.begin()
             self._open = None
@@ -168,19 +191,27 @@ class UndoHistory:
             robot.motion = None
         self._close()
 
-    def _retrace(self, source: deque[UndoStep], target: deque[UndoStep], backwards: bool) -> None:
-        """Move the robots through the last step of one list, if there is one, and put it into the other."""
+    def _retrace(self, source: deque[UndoStep], target: deque[UndoStep], backwards: bool) -> str:
+        """Move the robots through the last step of one list, if there is one, and put it into the other. Return a
+        message about those that can't be moved."""
         self._finish()
         if not source:
-            return
+            return ""
         step = source.pop()
         target.append(step)
-        goal = step.before if backwards else step.after
+        there = step.before if backwards else step.after
+        reached, lost = dict[str, Kept](), list[str]()
         name, label = ("undo", "undoing") if backwards else ("redo", "redoing")
         for key, robot in self._robots.items():
             for pin in robot.tasks_of(PIN):
                 robot.remove_task(pin)
-            q, trace = goal.q[key], step.trace.configurations.get(key, [])
+            if key not in there.q:  # it came with a later version of its file
+                continue
+            q, trace = attached(robot.mechanism, there.q[key], robot.q), step.trace.configurations.get(key, [])
+            if q is None:
+                lost.append(key)
+                continue
+            reached[key] = q
             if np.allclose(robot.q, q, atol=1e-9):
                 continue
             self._sensors.stop_scripts(key)
@@ -189,9 +220,14 @@ class UndoHistory:
                 robot.motion = Retrace(path, step.trace.period, name, label)
             else:
                 robot.motion = ConfigurationMotion(robot.mechanism, robot.q, q, name, label)
-        self._goal = goal
+        self._goal = Snapshot(reached, there.pins)
+        what = "before" if backwards else "after"
+        return f"{', '.join(lost)}: the file has changed: no configuration as {what} this step is left" if lost else ""
 
     def _restore_pins(self, snapshot: Snapshot) -> None:
-        for robot, pins in snapshot.pins.items():
-            for pin in pins:
-                self._robots[robot].restore_pin(self._new_id(), pin)
+        """Pin again what a snapshot has pinned, as far as it is there."""
+        for name, pins in snapshot.pins.items():
+            robot = self._robots.get(name)
+            for pin in pins if robot is not None else ():
+                if robot is not None and pin.node in robot.mechanism.nodes:
+                    robot.restore(self._new_id(), pin)

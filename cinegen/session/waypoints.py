@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cinegen.errors import CinegenError
+from cinegen.session.carried import Kept, attached, detached
 from cinegen.session.commands import ChangeWaypoint
 from cinegen.session.motion import ConfigurationMotion
 from cinegen.session.robot import DrivenRobot
@@ -27,11 +28,11 @@ class WaypointError(CinegenError):
 
 @dataclass
 class Waypoint:
-    """Configurations (nq,) of all robots by name, saved under a name."""
+    """Configurations of all robots by name, saved under a name."""
 
     id: int
     name: str
-    configurations: dict[str, NDArray[np.float64]]
+    configurations: Mapping[str, Kept]
 
 
 class Waypoints:
@@ -52,6 +53,7 @@ class Waypoints:
         self._target: Waypoint | None = None
         self._next: deque[Waypoint] = deque()
         self._motions: dict[str, ConfigurationMotion] = {}
+        self._goals: dict[str, NDArray[np.float64]] = {}  # of the robots on the way to the target
         self._plays = False  # whether the motion goes through several waypoints
         self._waits = self._records = False  # whether a recording starts at the first waypoint, or is in progress
 
@@ -106,6 +108,19 @@ class Waypoints:
             raise WaypointError("this waypoint was removed")
         return found
 
+    def detach(self, names: Mapping[str, str]) -> None:
+        """End the motion, before other robots take the place of the present ones: waypoints keep the values of joints.
+
+        Args:
+            names: new names of robots by their old ones, where they differ.
+        """
+        self.stop()
+        for one in self._all:
+            one.configurations = {
+                names.get(key, key): detached(self._robots[key].mechanism if key in self._robots else None, q)
+                for key, q in one.configurations.items()
+            }
+
     # --- the motion ----------------------------------------------------------------------------------------------
 
     def move_to(self, id: int) -> None:
@@ -149,7 +164,7 @@ class Waypoints:
                 return self._fail(f"another motion moves {name}")
         if any(self._robots[name].motion is not None for name in self._motions):
             return ""
-        for name, goal in self._target.configurations.items():
+        for name, goal in self._goals.items():
             if self._robots[name].mechanism.distance(self._robots[name].q, goal) > _THERE:
                 return self._fail(f"{name} did not reach '{self._target.name}'")
         try:
@@ -159,7 +174,10 @@ class Waypoints:
         except CinegenError as error:
             return self._fail(str(error))
         if self._next:
-            self._begin(self._next.popleft())
+            try:
+                self._begin(self._next.popleft())
+            except WaypointError as error:
+                return self._fail(str(error))
         else:
             self._end(arrived=True)
         return ""
@@ -170,8 +188,16 @@ class Waypoints:
         self._begin(self._next.popleft())
 
     def _begin(self, waypoint: Waypoint) -> None:
-        self._target = waypoint
-        for name, goal in waypoint.configurations.items():
+        goals = dict[str, NDArray[np.float64]]()
+        for name, q in waypoint.configurations.items():
+            if name in self._robots:
+                robot = self._robots[name]
+                goal = attached(robot.mechanism, q, robot.q)
+                if goal is None:
+                    raise WaypointError(f"{name} can't be at '{waypoint.name}': its file has changed. Save it again")
+                goals[name] = goal
+        self._target, self._goals = waypoint, goals
+        for name, goal in goals.items():
             robot = self._robots[name]
             label = f"moving to {waypoint.name}"
             robot.motion = self._motions[name] = ConfigurationMotion(robot.mechanism, robot.q, goal, "waypoint", label)

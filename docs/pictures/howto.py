@@ -30,9 +30,10 @@ from headset import Headset
 
 import cinegen
 from cinegen.cli import main as command_line
-from cinegen.cockpit import Cockpit
+from cinegen.cockpit import Cockpit, SetupFiles
 from cinegen.collision import load_scene
 from cinegen.design import calibrate, tolerance
+from cinegen.page import build_page
 from cinegen.planning import plan
 from cinegen.plotting import draw_modes, draw_plan
 from cinegen.plotting.residuals import draw_residuals
@@ -166,6 +167,43 @@ def contributors():
     return draw_tolerance(tolerance("delta4", sigma, encoder=dict.fromkeys(delta.actuated, "0.01deg")), name="delta4")
 
 
+def web_page(browser, path):
+    """Draw a page without a server, whose robot is dragged."""
+    tab = browser.new_page(viewport={"width": 1000, "height": 600}, bypass_csp=True)
+    with TemporaryDirectory() as folder, warnings.catch_warnings():
+        warnings.simplefilter("ignore", cinegen.CinegenWarning)  # the file names a serial port that is not here
+        html, delta = Path(folder, "delta.html"), cinegen.load(ROBOTS / "delta4.raff")
+        html.write_text(build_page(arrange({"delta4": delta}), "Our delta robot"), "utf-8")
+        tab.goto(html.as_uri())
+        tab.wait_for_function("document.documentElement.dataset.view === 'ready'", timeout=120_000)
+        tab.evaluate("cockpit.select('delta4', 'platform')")
+        tab.wait_for_timeout(2000)
+        shot = tab.screenshot(timeout=120_000)
+    tab.close()
+    with Image.open(io.BytesIO(shot)) as image:
+        image.convert("RGB").save(path, quality=82, method=6)
+
+
+def saved_file(browser, path):
+    """Draw the errors of a file that was saved, over the robot before."""
+    tab = browser.new_page(viewport={"width": 1000, "height": 600}, bypass_csp=True)
+    with folder(), warnings.catch_warnings():
+        warnings.simplefilter("ignore", cinegen.CinegenWarning)  # the file names a serial port that is not here
+        file, text = Path("four_bar.raff"), (ROBOTS / "four_bar.raff").read_text(encoding="utf-8")
+        file.write_text(text, encoding="utf-8")
+        setup, files = SetupFiles.of(lambda: arrange({"four_bar": cinegen.load(file)}))
+        with Cockpit(setup, port=8460, own_process=False, files=files) as cockpit:
+            tab.goto(cockpit.url)
+            tab.wait_for_function("document.documentElement.dataset.view === 'ready'", timeout=120_000)
+            file.write_text(text.replace("d 360.0", "d 36O.0").replace("parameters { d 240.0", "paramters { d 240.0"))
+            tab.wait_for_selector("#file-problem:not([hidden])", timeout=120_000)
+            tab.wait_for_timeout(500)
+            shot = tab.screenshot(timeout=120_000)
+    tab.close()
+    with Image.open(io.BytesIO(shot)) as image:
+        image.convert("RGB").save(path, quality=82, method=6)
+
+
 def headset(browser, path):
     """What an emulated headset shows while its right hand drags a platform."""
     tab = browser.new_page(viewport={"width": 1280, "height": 640}, bypass_csp=True)
@@ -223,6 +261,8 @@ DRAWINGS = {
     "howto_my_delta.webp": delta,
     "howto_spacemouse.svg": mouse,
     "howto_urdf_with_loops.webp": lambda browser, path: robot(browser, path, "linkage.urdf", (-75.0, 18.0)),
+    "howto_web_page.webp": web_page,
+    "saved_file.webp": saved_file,
 }
 """Functions that write a picture, with a browser."""
 

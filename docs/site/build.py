@@ -52,7 +52,7 @@ class Site:
         shutil.copytree(ROOT / "docs/pictures", folder / "pictures")
         shutil.copytree(HERE / "templates", folder / "templates")
         (folder / "static").mkdir()
-        for name in ("conf.py", "names.py"):
+        for name in ("conf.py", "names.py", "raff_lexer.py"):
             shutil.copy(HERE / name, folder)
         for file in (HERE / "site.css", HERE / "site.js", ICON):
             shutil.copy(file, folder / "static")

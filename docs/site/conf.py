@@ -13,7 +13,7 @@ author = "the cinegen authors"
 copyright = "the cinegen authors, MIT licence"
 version = release = __version__
 
-sys.path.insert(0, str(Path(__file__).parent))  # names
+sys.path.insert(0, str(Path(__file__).parent))  # names, raff_lexer
 
 extensions = ["myst_parser", "sphinx.ext.autodoc", "sphinx.ext.napoleon", "sphinx.ext.viewcode", "names"]
 source_suffix = {".md": "markdown"}
@@ -79,6 +79,9 @@ def _write_math(writer, node):
 
 def setup(app):
     """Connect what is above; the docstrings' handlers before and after napoleon."""
+    from raff_lexer import RaffLexer
+
+    app.add_lexer("raff", RaffLexer)
     app.add_html_math_renderer("mathml", (_write_math, None), (_write_math, None))
     app.connect("autodoc-process-docstring", _hold_opening, priority=400)
     app.connect("autodoc-process-docstring", _return_opening, priority=600)

@@ -22,7 +22,7 @@ import numpy as np
 
 from raff2urdf.errors import RaffError
 from raff2urdf.extras import check_mesh_reader, needs
-from raff2urdf.files import write_all
+from raff2urdf.files import note, write_all
 from raff2urdf.graphics.names import cache_folder, check_mesh, may_read
 from raff2urdf.raff.document import RaffNode, RaffRobot
 from raff2urdf.urdf_model import UrdfGeometry, UrdfMaterial, UrdfMesh, UrdfVisual
@@ -91,6 +91,7 @@ class Graphics:
             return [], str(error)
 
     def _read(self, path: Path) -> tuple[list[Drawing], str | None]:
+        note(path)
         try:
             if may_read(path, self.folder) and not path.is_file():
                 return [], "not found"

@@ -29,6 +29,7 @@ from typing import NamedTuple
 from urllib.parse import unquote
 
 from raff2urdf.errors import RaffError
+from raff2urdf.files import note
 
 ALLOWED = "RAFF2URDF_MESH_PATH"
 """Environment variable with folders, separated as in PATH, in which graphics may be anywhere."""
@@ -70,6 +71,7 @@ def find(name: str, folder: Path, owner: Path | None = None) -> Path:
         except RaffError as error:
             refused = refused or error
         else:
+            note(path)
             if os.path.isfile(path):
                 _check_content(path, label)
                 return Path(os.path.abspath(path))
@@ -88,6 +90,7 @@ def check_mesh(path: Path, folder: Path, label: str) -> None:
         RaffError: it is elsewhere than in the folders that may be read, it is too large, or a pointer of Git LFS.
         OSError: it can't be read.
     """
+    note(path)
     _check_place(path, home_of(folder), label)
     _check_content(path, label)
 

@@ -43,13 +43,13 @@ from raff2urdf.raff.document import (
 SPACES = r"\t-\r\x1c- \x85\xa0\u1680\u2000-\u200a\u2028\u2029\u202f\u205f\u3000"
 """Unicode's white space, as in the brackets of a regular expression."""
 
-_OF_WORDS = rf'[^{SPACES}{{}}()"/]'
+OF_WORDS = rf'[^{SPACES}{{}}()"/]'
 
 TOKENS = {
     "": r"[ \t\f\r]+|//.*",
-    "NUMBER": rf"[+-]?(?:[0-9]+(?:\.[0-9]*)?|\.[0-9]+)(?:[eE][+-]?[0-9]+)?(?!{_OF_WORDS})",  # `5mm` is a word
+    "NUMBER": rf"[+-]?(?:[0-9]+(?:\.[0-9]*)?|\.[0-9]+)(?:[eE][+-]?[0-9]+)?(?!{OF_WORDS})",  # `5mm` is a word
     "STRING": r'"[^"]*"',
-    "WORD": f"{_OF_WORDS}+",
+    "WORD": f"{OF_WORDS}+",
     "MARK": r"[{}()]",
     "ILLEGAL": ".",
 }

@@ -21,6 +21,7 @@ import numpy as np
 from raff2urdf.constraints import Constraints
 from raff2urdf.errors import RaffError, RaffWarning
 from raff2urdf.escape import shell_word
+from raff2urdf.files import note
 from raff2urdf.readers import (
     Description,
     closing_frames,
@@ -143,7 +144,10 @@ class _Files:
         self.values: Constraints | None = None
         self.checked: list[Mapping[str, Any]] = []
         for own, reader in ((sidecar.constraints_of(path), sidecar), (robot_yaml.sidecar_of(path), robot_yaml)):
-            if own is None or not own.exists():
+            if own is None:
+                continue
+            note(own)
+            if not own.exists():
                 continue
             if ignore.takes(own.name):
                 self.left_out += (own.name,)

@@ -24,6 +24,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from raff2urdf.errors import RaffError, did_you_mean
+from raff2urdf.files import note
 from raff2urdf.placement import inverse, translation
 from raff2urdf.readers.declaration import Declaration
 from raff2urdf.readers.loop_joint import LoopJoint
@@ -58,6 +59,7 @@ class LoopClosures(NamedTuple):
 def sidecar_of(urdf: Path, tree: UrdfTree) -> Path | None:
     """Return the file of this kind that belongs to a URDF: next to it, or in the folder `config` of its package."""
     for path in (urdf.with_name(FILE), urdf.parent.parent / "config" / FILE, urdf.parent.parent / FILE):
+        note(path)
         if path.is_file():
             words = {word for word in _words(_values(path)) if word in tree.links or word in tree.joints}
             if len(words) > 1:

@@ -23,6 +23,7 @@ from lxml import etree
 
 from raff2urdf.constraints import Constraints, loop_entry
 from raff2urdf.errors import RaffError, RaffWarning, did_you_mean
+from raff2urdf.files import note
 from raff2urdf.readers import successive
 from raff2urdf.readers.sidecar import content_of, plain
 from raff2urdf.readers.urdf import ends, joints, parse, root_first
@@ -39,6 +40,8 @@ def sidecar_of(path: Path) -> Path | None:
     Other programs write a `<stem>.yaml` of their own: it must contain one of the keys that only this format has.
     """
     own, shared = plain(path).with_suffix(".yaml"), path.with_name("robot.yaml")
+    for one in (own, shared):
+        note(one)
     if own.is_file() and (own == shared or any(key.encode() in content_of(own) for key in _DISTINCTIVE)):
         return own
     return shared if shared.is_file() else None

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any, TypedDict
 
 from raff2urdf.errors import RaffError, did_you_mean
-from raff2urdf.files import STANDARD
+from raff2urdf.files import STANDARD, note
 from raff2urdf.readers import xacro_file
 from raff2urdf.readers.sidecar import plain
 from raff2urdf.readers.xml_file import error_at, parse_xml, read_text
@@ -33,6 +33,7 @@ class Srdf(TypedDict):
 def srdf_of(urdf: Path) -> Path | None:
     """Return the SRDF next to a URDF, `<stem>.srdf`; None if there is none."""
     path = plain(urdf).with_suffix(ENDING)
+    note(path)
     return path if urdf != STANDARD and path.is_file() else None
 
 

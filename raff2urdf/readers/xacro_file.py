@@ -12,7 +12,7 @@ from lxml import etree
 
 from raff2urdf.errors import RaffError
 from raff2urdf.extras import needs
-from raff2urdf.files import LARGEST_FILE, STANDARD
+from raff2urdf.files import LARGEST_FILE, STANDARD, note
 
 ENDING = ".xacro"
 
@@ -46,6 +46,9 @@ def expanded(path: Path) -> str:
         if "ament_index" in why:
             why = "$(find PACKAGE) needs ROS (its package ament_index_python): load the output of `xacro` there"
         raise RaffError(f"{path}: xacro: {why}") from None
+    finally:
+        for included in xacro.all_includes:
+            note(included)
 
 
 def _is_macro(element: Any) -> bool:

@@ -1,6 +1,6 @@
 // The connections to the server: meshcat's commands on /scene, messages on /session.
 //
-// Events: hello, state, report, notice, lost (reason), dropped (reason).
+// Events: hello, state, report, notice, problem (with the robots' files, or none), lost (reason), dropped (reason).
 // A state is acknowledged when all listeners have applied it; rendering has no part in that.
 
 import { socketUrl } from "./address.js";
@@ -17,7 +17,7 @@ import { Events } from "./events.js";
  */
 
 /**
- * @typedef {{ hello: Hello, state: State, report: Report, notice: Notice, lost: string, dropped: string }} ServerEvents
+ * @typedef {{ hello: Hello, state: State, report: Report, notice: Notice, problem: string, lost: string, dropped: string }} ServerEvents
  */
 
 const SOONEST = 500; // ms to the next attempt to connect
@@ -89,12 +89,16 @@ export class Link extends Events {
       }
       if (message.report) this.emit("report", message.report);
     } else if (message.type === "hello") {
+      const known = this.connected; // then other robots have taken the place of those before
       this.connected = true;
       this.#wait = SOONEST;
       document.documentElement.dataset.connected = "yes";
+      if (!known) this.emit("problem", ""); // if there is one, it follows
       this.emit("hello", message);
     } else if (message.type === "notice") {
       this.emit("notice", message);
+    } else if (message.type === "problem") {
+      this.emit("problem", String(message.text ?? ""));
     }
   }
 

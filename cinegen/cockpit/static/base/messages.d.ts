@@ -454,7 +454,12 @@ export interface NoticeMessage {
   level: "info" | "warning";
 }
 
-export type ServerMessage = HelloMessage | StateMessage | NoticeMessage;
+export interface ProblemMessage {
+  type: "problem";
+  text: string;
+}
+
+export type ServerMessage = HelloMessage | StateMessage | NoticeMessage | ProblemMessage;
 
 export interface MapDescription {
   robot: string;

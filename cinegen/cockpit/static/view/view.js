@@ -180,6 +180,12 @@ export class View {
     this.#groups.clear();
   }
 
+  /** Find the groups of all parts again, which may have been drawn anew, and move them. */
+  #find() {
+    this.#groups.clear();
+    this.#apply();
+  }
+
   #apply() {
     for (const { robot, numbers } of this.#applied.values()) this.#move(robot, numbers);
   }
@@ -340,7 +346,7 @@ export class View {
   drawForHeadset() {
     if (this.headset === null) return;
     const drawn = this.#hear();
-    if (drawn) this.#apply();
+    if (drawn) this.#find();
     this.#prepare(drawn);
     this.viewer.renderer.render(this.viewer.scene, this.headset);
   }
@@ -354,7 +360,7 @@ export class View {
       this.resolution.idle();
       return;
     }
-    if (drawn) this.#apply(); // whatever the scene says of where parts are
+    if (drawn) this.#find(); // whatever the scene says of where parts are
     this.resolution.choose(moving);
     this.#prepare(drawn);
     this.viewer.render();

@@ -1,0 +1,250 @@
+"""Files are read again when they are saved, in every format and with all that is read for them."""
+
+from __future__ import annotations
+
+import os
+import threading
+from dataclasses import replace
+
+import msgspec
+import numpy as np
+import pytest
+import trimesh
+from browsers import Browser, becomes
+
+import cinegen
+from cinegen.cockpit import Cockpit, SetupFiles
+from cinegen.cockpit.watched_files import WatchedFiles
+from cinegen.session import arrange
+from raff2urdf.files import noting
+
+RAFF = """RAFF t
+robot r {
+  link 1 { type 2 pred 0 filename { "part.stl" } }
+  link 2 { type 2 pred 1 parameters { d 400 } }
+  frame 3 { pred 2 parameters { d 300 } }
+}
+"""
+URDF = """<robot name="r">
+  <link name="base"/>
+  <link name="a"><visual><geometry><mesh filename="part.stl"/></geometry></visual></link>
+  <link name="b"/>
+  <joint name="j" type="continuous"><parent link="base"/><child link="a"/><axis xyz="0 0 1"/></joint>
+  <joint name="k" type="continuous">
+    <parent link="a"/><child link="b"/><origin xyz="0.4 0 0"/><axis xyz="0 0 1"/>
+  </joint>
+</robot>
+"""
+SDF = """<sdf version="1.9"><model name="r">
+  <link name="base"/><link name="a"/><link name="b"><pose>0.4 0 0 0 0 0</pose></link>
+  <joint name="f" type="fixed"><parent>world</parent><child>base</child></joint>
+  <joint name="j" type="revolute"><parent>base</parent><child>a</child><axis><xyz>0 0 1</xyz></axis></joint>
+  <joint name="k" type="revolute"><parent>a</parent><child>b</child><axis><xyz>0 0 1</xyz></axis></joint>
+</model></sdf>
+"""
+MJCF = """<mujoco model="r"><compiler angle="radian"/><worldbody>
+  <body name="a"><joint name="j" type="hinge" axis="0 0 1"/><geom type="sphere" size="0.05"/>
+    <body name="b" pos="0.4 0 0"><joint name="k" type="hinge" axis="0 0 1"/><geom type="sphere" size="0.05"/></body>
+  </body>
+</worldbody></mujoco>
+"""
+
+
+def watched(path):
+    """Return the file of a robot, watched, with meshes."""
+
+    def draw(setup):
+        for mechanism in setup.robots.values():
+            mechanism.visual  # noqa: B018
+        return setup.robots["r"]
+
+    setup, files = SetupFiles.of(lambda: arrange({"r": cinegen.load(path)}))
+    with noting() as noted:
+        draw(setup)
+    return WatchedFiles(files, draw, noted)
+
+
+def part(folder, size):
+    trimesh.creation.box([size, 0.1, 0.1]).export(folder / "part.stl")
+
+
+def span(mechanism):
+    return float(np.linalg.norm(mechanism.placement(mechanism.q_home, mechanism.end).translation))
+
+
+@pytest.mark.parametrize(
+    ("name", "text", "old", "new", "bad"),
+    [
+        ("r.raff", RAFF, "d 400", "d 500", "d x"),
+        ("r.urdf", URDF, "0.4 0 0", "0.5 0 0", "0.4 0 zero"),
+        ("r.sdf", SDF, "0.4 0 0", "0.5 0 0", "0.4 0 zero"),
+        ("r.xml", MJCF, "0.4 0 0", "0.5 0 0", "0.4 0 zero"),
+    ],
+)
+def test_each_format_is_read_again_and_its_errors_are_returned(tmp_path, name, text, old, new, bad):
+    part(tmp_path, 0.1)
+    path = tmp_path / name
+    path.write_text(text)
+    files = watched(path)
+    over = threading.Event()
+    before = span(cinegen.load(path))
+    path.write_text(text.replace(old, bad, 1))
+    wrong = files.wait(over)
+    assert wrong.made is None
+    assert name in wrong.problem
+    path.write_text(text.replace(old, new, 1))
+    assert span(files.wait(over).made) == pytest.approx(before + 0.1, abs=1e-6)
+
+
+def test_a_save_by_renaming_and_one_of_the_same_text_are_noticed(tmp_path):
+    path = tmp_path / "r.urdf"
+    path.write_text(URDF)
+    part(tmp_path, 0.1)
+    files, over = watched(path), threading.Event()
+    for text, is_new in ((URDF.replace("0.4", "0.5"), True), (URDF.replace("0.4", "0.5"), False)):
+        other = tmp_path / "r.urdf~"
+        other.write_text(text)
+        os.replace(other, path)
+        reading = files.wait(over)
+        assert (reading.made is not None) is is_new
+        assert reading.problem == ""
+
+
+def test_a_file_that_is_gone_for_a_while_is_an_error_until_it_is_back(tmp_path):
+    path = tmp_path / "r.urdf"
+    path.write_text(URDF)
+    part(tmp_path, 0.1)
+    files, over = watched(path), threading.Event()
+    path.unlink()
+    assert "can't be read" in files.wait(over).problem
+    path.write_text(URDF)
+    assert files.wait(over).problem == ""
+
+
+def test_what_is_next_to_a_file_is_watched_also_where_there_is_none_yet(tmp_path, root):
+    path = tmp_path / "r.urdf"
+    path.write_text(URDF.replace('<mesh filename="part.stl"/>', '<box size="1 1 1"/>'))
+    files, over = watched(path), threading.Event()
+    constraints = tmp_path / "r.constraints.json"
+    constraints.write_text("{")
+    assert "r.constraints.json" in files.wait(over).problem
+    constraints.unlink()
+    assert files.wait(over).problem == ""
+    (tmp_path / "r.srdf").write_text('<robot name="r"><disable_collisions link1="a" link2="b" reason="Never"/></robot>')
+    assert files.wait(over).made.source.srdf is not None
+
+
+@pytest.mark.parametrize(("name", "text", "unit"), [("r.urdf", URDF, 1.0), ("r.raff", RAFF, 1e-3)])
+def test_a_mesh_is_watched(tmp_path, name, text, unit):
+    part(tmp_path, 0.1)
+    path = tmp_path / name
+    path.write_text(text)
+    files, over = watched(path), threading.Event()
+    part(tmp_path, 0.3)
+    (mesh,) = [one for one in files.wait(over).made.visual.geometryObjects if one.meshPath.endswith(".stl")]
+    assert np.ptp(mesh.geometry.vertices(), axis=0).max() == pytest.approx(0.3 * unit)
+
+
+def test_nothing_is_read_while_a_file_keeps_changing(tmp_path, monkeypatch):
+    """A file that is being written is read when two looks find it the same."""
+    path = tmp_path / "r.urdf"
+    path.write_text(URDF)
+    part(tmp_path, 0.1)
+    files, looks = watched(path), []
+
+    class Looks:
+        """Stands for the event: each look finds another part of the text, until it is whole."""
+
+        def wait(self, seconds):
+            looks.append(seconds)
+            if len(looks) <= 4:
+                path.write_text(URDF.replace("0.4", "0.5")[: 100 * len(looks)])
+            if len(looks) == 5:
+                path.write_text(URDF.replace("0.4", "0.5"))
+            return False
+
+    assert files.wait(Looks()).problem == ""
+    assert len(looks) == 6
+
+
+def test_all_browsers_meet_the_new_robot_and_late_commands_do_not_disconnect_them(tmp_path):
+    path = tmp_path / "r.urdf"
+    path.write_text(URDF.replace('<mesh filename="part.stl"/>', '<box size="1 1 1"/>'))
+    text = path.read_text()
+    setup, files = SetupFiles.of(lambda: arrange({"r": cinegen.load(path)}))
+    with Cockpit(setup, port=0, files=files) as cockpit:  # its session has a process of its own
+        first, second = Browser(cockpit.url), Browser(cockpit.url)
+        path.write_text(text.replace('"b"', '"c"'))
+        nodes = [node["name"] for node in _hellos(first)[0]["robots"][0]["nodes"]]
+        assert nodes == ["base", "a", "b"]
+        for one in (first, second):
+            assert becomes(lambda one=one: len(_hellos(one)) == 2)
+            assert [node["name"] for node in _hellos(one)[-1]["robots"][0]["nodes"]] == ["base", "a", "c"]
+        assert becomes(lambda: len(second.state["poses"]["r"]) == 7 * 4)
+        path.write_text(text.replace('type="continuous"', 'type="hinge"', 1))
+        for one in (first, second):
+            assert becomes(lambda one=one: "hinge" in _problem(one))
+        late = Browser(cockpit.url)
+        assert becomes(lambda: "hinge" in _problem(late))
+        assert cockpit.state.robots["r"].closure == 0.0
+        path.write_text(text)
+        for one in (first, second, late):
+            assert becomes(lambda one=one: _problem(one) == "")
+        assert cockpit.state.edition == 2
+
+
+def test_a_client_may_name_what_is_gone_until_it_knows(robot):
+    from cinegen.cockpit.build_messages import hello_message
+    from cinegen.cockpit.hub import Hub
+
+    class Connection:
+        def __init__(self):
+            self.told, self.closed = [], None
+
+        def send(self, text):
+            self.told.append(msgspec.json.decode(text))
+
+        def close(self, code, reason):
+            self.closed = reason
+
+    arm, scara = (arrange({"r": robot(name)}) for name in ("planar_3r", "scara"))
+    now = [arm]
+    hub = Hub(arm, lambda command: None, lambda number: hello_message(now[0], "t", number))
+    connection = Connection()
+    client = hub.join(connection)
+    now[0] = scara
+    hub.exchange(scara)
+    (gone,) = set(arm.robots["r"].nodes[-1:]) - set(scara.robots["r"].nodes) or {arm.robots["r"].joints[-1] + "x"}
+    hub.receive(client, f'{{"type": "pin", "robot": "r", "node": "{gone}"}}')
+    assert connection.closed is None
+    client.unacknowledged = (client.met, 0.0)
+    hub.receive(client, f'{{"type": "ack", "frame": {client.met}}}')
+    hub.receive(client, f'{{"type": "pin", "robot": "r", "node": "{gone}"}}')
+    assert "Unknown node" in connection.closed
+    assert [one["type"] for one in connection.told] == ["hello", "hello"]
+
+
+def test_a_setup_that_can_not_be_driven_is_reported_and_the_session_goes_on(robot):
+    from cinegen.session import SessionRunner
+    from cinegen.session.setup import Device
+
+    setup = arrange({"r": robot("planar_3r")})
+    with SessionRunner(setup, own_process=False) as runner:
+        bad = replace(setup, devices=(Device("x", "path:spiral", robot="r", node="tool"),), switches=())
+        runner.exchange(bad, 1)
+        assert becomes(lambda: runner.state is not None and runner.state.refused is not None)
+        assert runner.state.refused[0] == 1
+        assert "spiral" in runner.state.refused[1]
+        runner.exchange(setup, 2)
+        assert becomes(lambda: runner.state.edition == 2)
+        assert runner.state.refused is None
+        assert runner.waiting == 0
+
+
+def _hellos(browser):
+    return [one for one in browser.told if one["type"] == "hello"]
+
+
+def _problem(browser):
+    found = [one["text"] for one in browser.told if one["type"] == "problem"]
+    return found[-1] if found else ""
