@@ -43,6 +43,7 @@ class CinegenWarning(UserWarning):
 def warn(message: str) -> None:
     """Warn the program that calls this package: the warning is of its line, however deep in the package it arose."""
     frame, level = sys._getframe(1), 2
-    while frame.f_back is not None and frame.f_globals.get("__name__", "").partition(".")[0] == "cinegen":
+    own = ("cinegen", "functools")  # cached properties
+    while frame.f_back is not None and frame.f_globals.get("__name__", "").partition(".")[0] in own:
         frame, level = frame.f_back, level + 1
     warnings.warn(message, CinegenWarning, stacklevel=level)

@@ -169,7 +169,9 @@ def _tree(
     model, missing = tree(document, robot, graphics, out)
     if missing:
         shown = "; ".join(missing[:10]) + (f"; and {len(missing) - 10} more" if len(missing) > 10 else "")
-        message = f"robot '{robot.name}': graphics that can't be shown, drawn as a skeleton instead: {shown}"
+        message = (
+            f"robot '{robot.name}': graphics that can't be shown, for which a skeleton is drawn and collides: {shown}"
+        )
         warnings.warn(message, RaffWarning, stacklevel=3)
     return model, tuple(missing)
 

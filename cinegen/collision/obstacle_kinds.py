@@ -25,6 +25,7 @@ from cinegen.joints import kinematic_data
 from cinegen.model import load
 from raff2urdf.errors import RaffError, did_you_mean
 from raff2urdf.graphics.meshes import CONVERTED, SHOWN, converted
+from raff2urdf.graphics.names import is_pointer
 from raff2urdf.quantities import ANGLE, LENGTH
 
 if TYPE_CHECKING:
@@ -222,6 +223,8 @@ def _read_mesh(table: SceneTable, path: Path, scale: float) -> trimesh.Trimesh:
     suffix = path.suffix.lower()
     if suffix not in SHOWN + CONVERTED:
         raise table.error("file", f"'{path}' has an unknown format: use {', '.join((*SHOWN, *CONVERTED))}")
+    if is_pointer(path):
+        raise table.error("file", f"'{path}' is a Git LFS pointer: run `git lfs pull`")
     try:
         files = [path] if suffix in SHOWN else [drawing.path for drawing in converted(path)]
         meshes = [_triangles(file) for file in files]

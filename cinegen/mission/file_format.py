@@ -95,7 +95,8 @@ class RecordedRobot(Struct, frozen=True, forbid_unknown_fields=True):
         nq: length of q.
         urdf: URDF that the robot is built from.
         constraints: sidecar of the URDF, or null.
-        folder: folder of meshes that the URDF names relatively, or null; only needed to draw them.
+        folder: folder of meshes that the URDF names relatively, or null; only needed to draw them. It is
+            read if it is near the recording, or in `RAFF2URDF_MESH_PATH`.
         source: what errors call the URDF.
         base: base pose.
     """

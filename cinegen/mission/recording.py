@@ -92,7 +92,7 @@ class Recording:
 
     def mechanism(self, name: str) -> Mechanism:
         """Build a robot from the first line, as it was recorded; once for all calls. Its meshes are only read when they
-        are drawn.
+        are drawn, and only where the recording may name them, see `raff2urdf.graphics.names`.
 
         Raises:
             UnknownNameError: there is no such robot.
@@ -105,7 +105,8 @@ class Recording:
             if fingerprint(robot.urdf, robot.constraints) != robot.hash:
                 raise MissionError(f"{self.path}:1: the description of '{name}' was changed after it was recorded")
             try:
-                mechanism = build(robot.urdf, robot.constraints, robot.folder, robot.source)
+                owner = str(self.path.absolute().parent)
+                mechanism = build(robot.urdf, robot.constraints, robot.folder, robot.source, owner=owner)
             except (CinegenError, LookupError, TypeError, ValueError) as error:
                 raise MissionError(f"{self.path}:1: '{name}' can't be built: {error}") from None
             if mechanism.model.nq != robot.nq or mechanism.actuated != robot.actuated:

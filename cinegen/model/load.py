@@ -152,7 +152,7 @@ def _load_xml(
         entries[name]["kind"] = loop_kind(kind).name.lower()
     disabled = _read_srdf(srdf or beside, found.urdf, str(path))
     mechanism = build(
-        found.urdf, constraints, str(path.parent), str(path), found.dialects, found.notes, disabled, relax
+        found.urdf, constraints, str(path.parent), str(path), found.dialects, found.notes, disabled, relax=relax
     )
     if constraints and not loops:
         _check_stated(mechanism, constraints, path)
@@ -264,6 +264,7 @@ def build(
     dialects: tuple[str, ...] = (),
     notes: tuple[str, ...] = (),
     srdf: Srdf | None = None,
+    owner: str | None = None,
     relax: bool | None = False,
 ) -> Mechanism:
     """Build a mechanism from a URDF's text and everything that a URDF cannot express.
@@ -278,6 +279,7 @@ def build(
         dialects: in which loops and couplings were declared.
         notes: about what was read.
         srdf: pairs of links that an SRDF disables.
+        owner: see `MechanismSource`.
         relax: see `load`.
 
     Raises:
@@ -295,7 +297,7 @@ def build(
         q, limits = _followed(system, q), Limits(model, tuple(actuated))
         exact = made_exact(urdf, given, system, q, relax is True, name) if given and relax is not False else None
         if exact is not None:
-            return build(*exact, folder, name, dialects, notes, srdf)
+            return build(*exact, folder, name, dialects, notes, srdf, owner)
         q = q if spherical is None or near is None else spherical.from_successive(near)
         drawn = not any("home" in joint for joint in (given or {}).get("joints", []))
         ranks, determined, moved = _close(system, q, limits, actuated, drawn, f"{name}: robot '{constraints['robot']}'")
@@ -329,7 +331,14 @@ def build(
             (entry["node"], tuple(entry["sensors"])) for entry in constraints.get("sensor_constraints", [])
         ),
         source=MechanismSource(
-            urdf, _stated(given, _degrees_of_freedom(system, sum(ranks)), chosen), folder, name, dialects, notes, srdf
+            urdf=urdf,
+            constraints=_stated(given, _degrees_of_freedom(system, sum(ranks)), chosen),
+            folder=folder,
+            name=name,
+            dialects=dialects,
+            notes=notes,
+            srdf=srdf,
+            owner=owner,
         ),
     )
 

@@ -46,6 +46,8 @@ class MechanismSource(NamedTuple):
         dialects: in which loops and couplings are declared, such as "URDF+" or "mimic".
         notes: about what was read.
         srdf: the pairs of links that an SRDF disables; None without one.
+        owner: the folder of the recording or map that holds all this: it has no access to graphics elsewhere. None
+            where it is the robot's own file.
     """
 
     urdf: str
@@ -55,6 +57,7 @@ class MechanismSource(NamedTuple):
     dialects: tuple[str, ...] = ()
     notes: tuple[str, ...] = ()
     srdf: Srdf | None = None
+    owner: str | None = None
 
 
 @dataclass(frozen=True, eq=False, repr=False, kw_only=True)
@@ -264,21 +267,21 @@ class Mechanism:
 
     @cached_property
     def visual(self) -> pin.GeometryModel:
-        """The visual shapes of all nodes.
+        """The visual shapes of all nodes; a warning names missing meshes, for which sticks are drawn.
 
         Raises:
             LoadError: a mesh can't be read.
         """
-        return shapes(self.model, self.source.urdf, self.source.folder, self.source.name)
+        return shapes(self.model, self.source)
 
     @cached_property
     def collision(self) -> pin.GeometryModel:
         """The collision shapes of all nodes, see `cinegen.model.shapes.collision_shapes`.
 
         Raises:
-            LoadError: a mesh can't be read.
+            LoadError: a mesh is missing, or can't be read.
         """
-        return collision_shapes(self.model, self.source.urdf, self.source.folder, self.source.name)
+        return collision_shapes(self.model, self.source)
 
     @cached_property
     def massless(self) -> tuple[str, ...]:

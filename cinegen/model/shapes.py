@@ -5,74 +5,122 @@ from __future__ import annotations
 import copy
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import coal
 import pinocchio as pin
 from lxml import etree
 
-from cinegen.errors import LoadError
+from cinegen.errors import LoadError, warn
 from cinegen.model.stick import stick_figure
 from raff2urdf.errors import RaffError
 from raff2urdf.graphics.meshes import CONVERTED, SHOWN, Drawing, converted
 from raff2urdf.graphics.names import find
 from raff2urdf.readers.xml_file import parse_xml
 
+if TYPE_CHECKING:
+    from cinegen.model.mechanism import MechanismSource
 
-def shapes(model: pin.Model, urdf: str, folder: str | None, name: str) -> pin.GeometryModel:
+_MOST = 10  # meshes that a warning names
+
+
+def shapes(model: pin.Model, source: MechanismSource) -> pin.GeometryModel:
     """Return the visual shapes of a URDF's links; a stick figure if there are none.
+
+    One warning names the meshes that are missing, or where they are not allowed. Where a link has no other shape, the
+    sticks of its body are drawn.
 
     Args:
         model: of the same URDF.
-        urdf: its text.
-        folder: where its meshes are searched (`raff2urdf.graphics.names`); None where it names them absolutely.
-        name: the file's, for errors.
+        source: the URDF, and where its meshes are searched.
 
     Raises:
-        LoadError: a mesh is missing, can't be read, or is where it is not allowed; with the line that names it.
+        LoadError: a mesh can't be read; with the line that names it.
     """
-    found = _read(parse_xml(urdf, name), model, folder, name)
-    return found if found.geometryObjects else stick_figure(model)
+    tree = parse_xml(source.urdf, source.name)
+    bare, lost = _remove_lost(tree, source)
+    found = _read(tree, model, source)
+    sticks = stick_figure(model)
+    if lost:
+        more = f"; and {len(lost) - _MOST} more" if len(lost) > _MOST else ""
+        warn(f"{'; '.join(lost[:_MOST])}{more}; sticks are drawn instead")
+    if not found.geometryObjects:
+        return sticks
+    joints = {model.frames[model.getFrameId(link, pin.FrameType.BODY)].parentJoint for link in bare}
+    for stick in sticks.geometryObjects:
+        if stick.parentJoint in joints:
+            found.addGeometryObject(stick)
+    return found
 
 
-def collision_shapes(model: pin.Model, urdf: str, folder: str | None, name: str) -> pin.GeometryModel:
+def collision_shapes(model: pin.Model, source: MechanismSource) -> pin.GeometryModel:
     """Return the collision shapes of a URDF's links; the bars of a stick figure if there are no shapes at all.
 
     A link without collision shapes collides by its visual shapes.
 
     Args:
         model: of the same URDF.
-        urdf: its text.
-        folder: where its meshes are searched (`raff2urdf.graphics.names`); None where it names them absolutely.
-        name: the file's, for errors.
+        source: the URDF, and where its meshes are searched.
 
     Raises:
         LoadError: a mesh is missing, can't be read, or is where it is not allowed; with the line that names it.
     """
-    tree = parse_xml(urdf, name)
+    tree = parse_xml(source.urdf, source.name)
     for link in tree.iterchildren("link"):
         collisions = list(link.iterchildren("collision"))
         for visual in list(link.iterchildren("visual")) if collisions else ():
             link.remove(visual)
         for collision in collisions:
             collision.tag = "visual"
-    found = _read(tree, model, folder, name)
+    found = _read(tree, model, source)
     return found if found.geometryObjects else _bars(stick_figure(model))
 
 
-def _read(tree: Any, model: pin.Model, folder: str | None, name: str) -> pin.GeometryModel:
+def _find(mesh: str, source: MechanismSource) -> Path:
+    """Return a mesh by its name.
+
+    Raises:
+        RaffError: it is missing, or is where it is not allowed.
+    """
+    if source.folder is None and source.owner is None:
+        return Path(mesh)
+    owner = None if source.owner is None else Path(source.owner)
+    return find(mesh, Path(source.folder or source.owner or ""), owner)
+
+
+def _remove_lost(tree: Any, source: MechanismSource) -> tuple[list[str], list[str]]:
+    """Remove the visuals of a URDF's tree whose meshes can't be found; return the links that have no others, and what
+    is wrong with each mesh, where it is named first."""
+    bare, lost = list[str](), dict[str, str]()
+    for link in tree.iterchildren("link"):
+        visuals = list(link.iterchildren("visual"))
+        for visual in visuals:
+            for filename in [mesh.get("filename", "") for mesh in visual.iter("mesh")]:
+                try:
+                    _find(filename, source)
+                except RaffError as error:
+                    lost.setdefault(filename, f"{_where(source.name, filename)}: {error}")
+                    link.remove(visual)
+                    break
+        if visuals and link.find("visual") is None:
+            bare.append(link.get("name"))
+    return bare, list(lost.values())
+
+
+def _read(tree: Any, model: pin.Model, source: MechanismSource) -> pin.GeometryModel:
     """Return the <visual> elements of a URDF's tree, which is changed, as shapes.
 
     Raises:
         LoadError: a mesh is missing, can't be read, or is where it is not allowed; with the line that names it.
     """
+    name = source.name
     _keep_shapes(tree)
     meshes: list[tuple[str, str]] = []  # files that Pinocchio reads, and where they are named
     for visual in list(tree.iter("visual")):
         for mesh in visual.iter("mesh"):
             filename = mesh.get("filename", "")
             try:
-                path = Path(filename) if folder is None else find(filename, Path(folder))
+                path = _find(filename, source)
                 mesh.set("filename", str(path))
                 if path.suffix.lower() not in SHOWN:
                     _replace(visual, _converted(path))

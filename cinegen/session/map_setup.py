@@ -6,11 +6,8 @@ import warnings
 from dataclasses import replace
 from pathlib import Path
 
-from lxml import etree
-
-from cinegen.errors import CinegenWarning, LoadError
+from cinegen.errors import CinegenWarning
 from cinegen.model import Mechanism
-from cinegen.model.load import build
 from cinegen.session.scene_setup import scene_setup
 from cinegen.session.setup import MapOverlay, Setup, SetupError, arrange
 from raff2urdf.errors import did_you_mean
@@ -22,7 +19,7 @@ def map_setup(path: str | Path, quantity: str | None = None, mechanism: Mechanis
     Args:
         path: path of the map, which may be incomplete.
         quantity: quantity that colours the cells initially; the map's first unless given.
-        mechanism: the map's robot, loaded from its file, if the map was made on another machine. Otherwise its meshes
+        mechanism: the map's robot, loaded from its file, if the map is far from it. Otherwise its meshes
             are not found there, and it is drawn as a stick figure.
 
     Raises:
@@ -39,7 +36,8 @@ def map_setup(path: str | Path, quantity: str | None = None, mechanism: Mechanis
         known = f"it has {', '.join(spec.quantities) or 'none'}"
         raise SetupError(f"{path}: no quantity '{quantity}'{did_you_mean(quantity, spec.quantities)}; {known}")
     if mechanism is None:
-        mechanism = _drawable(spec.mechanism)
+        source = spec.mechanism.source._replace(owner=str(where.parent))
+        mechanism = replace(spec.mechanism, source=source)
     elif replace(spec, mechanism=mechanism).robot_hash != spec.robot_hash:
         raise SetupError(f"{path} is a map of another robot than {mechanism.name}, or of another version of it")
     if spec.scene is None:
@@ -54,17 +52,3 @@ def map_setup(path: str | Path, quantity: str | None = None, mechanism: Mechanis
         assert setup.avoidance is not None
         robot = setup.avoidance.robot
     return replace(setup, map=MapOverlay(str(where), robot, spec.node, quantity))
-
-
-def _drawable(mechanism: Mechanism) -> Mechanism:
-    """Return a mechanism; without its shapes if they can't be found."""
-    try:
-        _ = mechanism.visual
-    except LoadError:
-        source = mechanism.source
-        urdf = etree.fromstring(source.urdf.encode())
-        for shape in list(urdf.iter("visual", "collision")):
-            shape.getparent().remove(shape)
-        sidecar = None if source.constraints is None else dict(source.constraints)
-        return build(etree.tostring(urdf, encoding="unicode"), sidecar, None, source.name, srdf=source.srdf)
-    return mechanism

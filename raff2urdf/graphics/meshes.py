@@ -23,7 +23,7 @@ import numpy as np
 from raff2urdf.errors import RaffError
 from raff2urdf.extras import check_mesh_reader, needs
 from raff2urdf.files import write_all
-from raff2urdf.graphics.names import check_mesh
+from raff2urdf.graphics.names import cache_folder, check_mesh, may_read
 from raff2urdf.raff.document import RaffNode, RaffRobot
 from raff2urdf.urdf_model import UrdfGeometry, UrdfMaterial, UrdfMesh, UrdfVisual
 
@@ -83,20 +83,18 @@ class Graphics:
     def of_file(self, name: str) -> tuple[list[Drawing], str | None]:
         """Return the drawings of a graphic file, and why it, or a part of it, can't be shown; None if it can."""
         try:
-            root = self.folder / Path(self.robot.path or "").expanduser()
-            path = root / Path(name).expanduser()
-            root = root if path.is_relative_to(root) and ".." not in path.parts else path.parent
+            path = self.folder / Path(self.robot.path or "").expanduser() / Path(name).expanduser()
             if path not in self._found:
-                self._found[path] = self._read(path, root)
+                self._found[path] = self._read(path)
             return self._found[path]
         except RuntimeError as error:  # "~nobody"
             return [], str(error)
 
-    def _read(self, path: Path, root: Path) -> tuple[list[Drawing], str | None]:
+    def _read(self, path: Path) -> tuple[list[Drawing], str | None]:
         try:
-            if not path.is_file():
+            if may_read(path, self.folder) and not path.is_file():
                 return [], "not found"
-            check_mesh(path, root, "it")
+            check_mesh(path, self.folder, "it")
         except OSError as error:
             return [], str(error.strerror)
         except RaffError as error:
@@ -238,13 +236,8 @@ def keep(content: bytes, ending: str) -> Path:
 
 
 def _folders() -> Iterator[Path]:
-    try:
-        configured = os.environ.get("XDG_CACHE_HOME", "")
-        # The XDG base directory specification: a relative one is invalid, to be ignored.
-        home = Path(configured) if os.path.isabs(configured) else Path.home() / ".cache"
-        yield home / "raff2urdf"
-    except RuntimeError:  # there is no home folder
-        pass
+    if (cache := cache_folder()) is not None:
+        yield cache
     yield Path(_temporary().name)
 
 

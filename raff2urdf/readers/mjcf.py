@@ -27,7 +27,7 @@ from numpy.typing import NDArray
 from raff2urdf.constraints import Constraints
 from raff2urdf.errors import RaffError
 from raff2urdf.extras import needs
-from raff2urdf.graphics.names import check_mesh, find, home_of
+from raff2urdf.graphics.names import check_mesh, find
 from raff2urdf.inertia import Inertia
 from raff2urdf.placement import from_quaternion, roll_pitch_yaw, translation
 from raff2urdf.readers.urdf import LARGEST
@@ -125,7 +125,7 @@ def _check_includes(path: Path) -> None:
                     label = f"{inner}:{element.sourceline}: the file '{element.get('file')}'"
                     if not file.is_file():
                         raise RaffError(f"{label} is not a regular file")
-                    check_mesh(file, home_of(folder), label)
+                    check_mesh(file, folder, label)
                     met.add(file.absolute())
                     pending += [file] if file.suffix.lower() in ("", ".xml", ".mjcf", ".urdf") else []
 

@@ -23,10 +23,9 @@ from lxml import etree
 
 from raff2urdf.constraints import Constraints, loop_entry
 from raff2urdf.errors import RaffError, RaffWarning, did_you_mean
-from raff2urdf.graphics.names import find
 from raff2urdf.readers import successive
 from raff2urdf.readers.sidecar import content_of, plain
-from raff2urdf.readers.urdf import ends, joints, parse, remove, root_first
+from raff2urdf.readers.urdf import ends, joints, parse, root_first
 from raff2urdf.readers.yaml_file import nodes_of
 
 _KEYS = ("closed_loop", "type", "name_mot", "joint_name", "joint_type")
@@ -60,7 +59,6 @@ def loops_of(urdf: Path, text: str) -> tuple[str, Constraints] | None:
     if path is None:
         return None
     lists, tree = _Lists(path), parse(text, name)
-    _drop_missing_meshes(tree, path.parent, name)
     nodes = root_first(tree)
     children = {joint.get("name"): ends(joint)[1] for joint in joints(tree)}  # what a joint's frame moves with
     replaced: dict[str, list[str]] = {}
@@ -96,23 +94,6 @@ def loops_of(urdf: Path, text: str) -> tuple[str, Constraints] | None:
         loops.append(loop_entry(own_name, _KINDS[kind.value.lower()], first, second))
     entries = [{"name": joint, **({"actuated": joint in actuated} if actuated else {})} for joint in moving]
     return etree.tostring(tree, encoding="unicode"), {"nodes": nodes, "joints": entries, "loops": loops}
-
-
-def _drop_missing_meshes(tree: Any, folder: Path, name: str) -> None:
-    """Remove visuals whose mesh is missing, with one warning: such models are also distributed without meshes."""
-    lost = []
-    for visual in list(tree.iter("visual")):
-        mesh = visual.find("geometry/mesh")
-        if mesh is None:
-            continue
-        try:
-            find(mesh.get("filename", ""), folder)
-        except RaffError as error:
-            lost.append(f"{name}:{mesh.sourceline}: {error}")
-            remove(visual)
-    if lost:
-        more = f" (and {len(lost) - 1} more like it)" if len(lost) > 1 else ""
-        warnings.warn(f"{lost[0]}{more}; such visuals are left out", RaffWarning, stacklevel=5)
 
 
 def _replace(tree: Any, joint: Any, kind: Any, lists: _Lists, name: str) -> list[str]:

@@ -17,6 +17,8 @@ from raff2urdf.readers.urdf import joints, lacks_limits, listed, parse
 from raff2urdf.urdf2raff.graphics import GraphicsExport, units_of
 from raff2urdf.urdf2raff.robot import RaffImport, import_tree
 
+_MOST = 10  # missing meshes that a warning names
+
 
 def to_raff(
     path: str | Path,
@@ -50,7 +52,7 @@ def to_raff(
 
     Raises:
         RaffError: the file is wrong, holds something for which RAFF has no notation, or declares loops that are not
-            read; a mesh is missing; `out` can't be written.
+            read; a mesh can't be read; `out` can't be written.
     """
     path, out = Path(path), None if out is None else Path(out)
     text, constraints, *_ = readers.read(path, robot, ignore_loops, ignore)
@@ -83,6 +85,10 @@ def to_raff(
         export = GraphicsExport(tree, str(path), path.parent, folder or Path(), out.stem)
         found = replace(found, document=replace(found.document, robots=(export.robot(found.document, found.nodes),)))
         contents |= export.files
+        if lost := list(export.lost.values()):
+            more = f"; and {len(lost) - _MOST} more" if len(lost) > _MOST else ""
+            message = f"{'; '.join(lost[:_MOST])}{more}; left out; links without another shape are drawn as a skeleton"
+            warnings.warn(message, RaffWarning, stacklevel=2)
         if contents and folder is None:
             raise RaffError(
                 f"{path}: graphics can't be written next to {out}: name a regular file, or give --no-graphics"

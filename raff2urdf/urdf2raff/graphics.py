@@ -20,9 +20,9 @@ from numpy.typing import NDArray
 from raff2urdf.errors import RaffError
 from raff2urdf.extras import check_mesh_reader
 from raff2urdf.graphics.meshes import CONVERTED, SHOWN
-from raff2urdf.graphics.names import find
+from raff2urdf.graphics.names import find, may_read
 from raff2urdf.graphics.skeleton import SkeletonDrawing
-from raff2urdf.raff.document import UNITS_PER_METRE, Document, RaffRobot
+from raff2urdf.raff.document import UNITS_PER_METRE, Document, RaffFrame, RaffNode, RaffRobot
 from raff2urdf.readers.urdf import links, numbers, origin, three
 from raff2urdf.readers.xml_file import error_at
 from raff2urdf.writers.tree_at_home import SIZES, shape_of
@@ -53,6 +53,7 @@ class GraphicsExport:
 
     Attributes:
         files: files to be written, with their contents.
+        lost: what is wrong with meshes that are missing, or where they are not allowed, by name: they are left out.
     """
 
     def __init__(self, tree: Any, name: str, folder: Path, out: Path, stem: str) -> None:
@@ -60,6 +61,7 @@ class GraphicsExport:
         self.links = {link.get("name"): link for link in links(tree)}
         self.colours = {m.get("name"): _rgba(m) for m in tree.iterchildren("material") if m.find("color") is not None}
         self.files: dict[Path, bytes] = {}
+        self.lost: dict[str, str] = {}
 
     def robot(self, document: Document, nodes: Mapping[str, str]) -> RaffRobot:
         """Return the document's robot with the graphic files of its nodes.
@@ -69,7 +71,7 @@ class GraphicsExport:
             nodes: the URDF's links -> the robot's nodes.
 
         Raises:
-            RaffError: a mesh is missing, can't be read, or is outside the folders that may be read: with its line.
+            RaffError: a mesh can't be read: with its line.
         """
         robot = document.robot()
         skeleton = SkeletonDrawing(document, robot)
@@ -77,13 +79,24 @@ class GraphicsExport:
         visuals: dict[str, list[Any]] = {node.node: [] for node in (robot.base, *robot.parts)}
         for link, node in nodes.items():
             visuals[node] += self.links[link].iterchildren("visual")
-        bare = not any(visuals.values())
+        if not any(visuals.values()):
+            return robot
+        files: dict[str, tuple[str, ...] | None] = {}
+        drawn: list[RaffNode] = []  # as skeletons, since all that they showed is lost
+        for part in robot.nodes.values():
+            own = visuals[part.node]
+            skeletal = self._is_skeleton(own, skeleton.draw(part))
+            files[part.node] = None if skeletal else tuple(self._files(own, part.node, per_metre))
+            if own and files[part.node] == ():
+                drawn.append(part)
+        for lost in drawn:
+            files[lost.node], carrier = None, lost
+            while isinstance(carrier, RaffFrame):  # its link has the bars
+                carrier = robot.nodes[carrier.pred]
+                files[carrier.node] = files[carrier.node] or None
 
         def with_files(node: Any) -> Any:
-            own = visuals[node.node]
-            if bare or self._is_skeleton(own, skeleton.draw(node)):
-                return node
-            return replace(node, filenames=tuple(self._files(own, node.node, per_metre)))
+            return replace(node, filenames=files[node.node])
 
         return replace(robot, base=with_files(robot.base), parts=tuple(map(with_files, robot.parts)))
 
@@ -92,6 +105,8 @@ class GraphicsExport:
         for visual in visuals:
             mesh = visual.find("geometry/mesh")
             path = None if mesh is None else self._path(mesh)
+            if mesh is not None and path is None:
+                continue
             if mesh is not None and path is not None and self._is_plain(visual, mesh, path, per_metre):
                 named.append(Path(os.path.relpath(path, self.out)).as_posix())
             else:
@@ -102,17 +117,20 @@ class GraphicsExport:
             named.append(file)
         return named
 
-    def _path(self, mesh: Any) -> Path:
+    def _path(self, mesh: Any) -> Path | None:
+        """Return the file of a mesh; None if it is missing, or where it is not allowed, which `lost` reports then."""
         try:
             return find(mesh.get("filename", ""), self.folder)
         except RaffError as error:
-            raise error_at(self.name, mesh, str(error)) from None
+            self.lost.setdefault(mesh.get("filename", ""), str(error_at(self.name, mesh, str(error))))
+            return None
 
     def _is_plain(self, visual: Any, mesh: Any, path: Path, per_metre: float) -> bool:
         """Return whether a file can be named as it is."""
         scale = np.array(three(mesh, "scale", self.name, "1 1 1")) * per_metre
         return bool(
             path.suffix.lower() in (*SHOWN, *CONVERTED)
+            and may_read(path, self.out)
             and np.abs(scale - 1.0).max() <= 1e-9
             and np.array_equal(origin(visual, self.name), np.eye(4))
             and self._colour(visual) is None
@@ -174,8 +192,8 @@ class GraphicsExport:
     def _scene(self, mesh: Any) -> Any:
         import trimesh
 
-        path = self._path(mesh)
-        check_mesh_reader(Path(path).suffix.lower())
+        path = find(mesh.get("filename", ""), self.folder)
+        check_mesh_reader(path.suffix.lower())
         try:
             scene = trimesh.load_scene(path)
             if scene.is_empty:

@@ -85,7 +85,8 @@ def moved_at_least(found, other, node, metres):
 
 
 @pytest.mark.parametrize("name", ["delta4", *slow("rx90")])
-def test_graphics_are_where_the_page_without_an_editor_has_them(name, root, tmp_path, tab):  # noqa: F811
+def test_graphics_are_where_the_page_without_an_editor_has_them(name, root, tmp_path, tab, monkeypatch):  # noqa: F811
+    monkeypatch.setenv("RAFF2URDF_MESH_PATH", str(root / "robots/graphics"))
     robot, joint, angle, length, other, node = CASES[name]
     path = root / "robots" / f"{name}.raff"
     text = path.read_text()

@@ -45,7 +45,7 @@ def edit(page, text):
     page.keyboard.insert_text(text)
 
 
-def test_the_robot_follows_its_text(file, text, root, tab, robot, tmp_path):  # noqa: F811
+def test_the_robot_follows_its_text(file, text, root, tab, robot, tmp_path, monkeypatch):  # noqa: F811
     page = tab(file)
     mechanism, home = robot("delta4"), page.evaluate("cockpit.report.robots.r1.q")
     assert home == pytest.approx(mechanism.q_home, abs=1e-9)
@@ -68,6 +68,7 @@ def test_the_robot_follows_its_text(file, text, root, tab, robot, tmp_path):  # 
     assert page.evaluate("cockpit.report.robots.r1.closure") <= 1e-12
     other = tab(file, page.evaluate("location.hash"))
     edited = tmp_path / "edited.raff"
+    monkeypatch.setenv("RAFF2URDF_MESH_PATH", str(root / "robots/graphics"))
     edited.write_text(changed.replace('path "graphics/"', f'path "{root / "robots/graphics"}/"'))
     assert other.evaluate("cockpit.report.robots.r1.closure") <= 1e-12
     home = cinegen.load(edited).q_home  # loops closed to rounding determine the forearms' cross axes to 1e-5 rad only

@@ -7,8 +7,10 @@ import shutil
 
 import numpy as np
 import pytest
+import trimesh
 from browsers import Browser, becomes, get
 
+import cinegen
 from cinegen.cockpit import Cockpit, show_map
 from cinegen.cockpit.served_map import ServedMap
 from cinegen.session import map_setup
@@ -138,3 +140,23 @@ def test_a_map_that_is_taken_away_meanwhile_ends_nothing(robot, tmp_path):
     assert get(shown.url, "map/about.json")[0] == 200  # it was whole
     assert shown.q["linkage"] == pytest.approx(robot("five_bar").q_home)
     shown.close()
+
+
+def test_a_map_has_no_meshes_shown_that_are_far_from_it(tmp_path, monkeypatch):
+    """Its author may be anybody, and states the folder of the meshes."""
+    for folder in ("my/maps", "there/arm"):
+        (tmp_path / folder).mkdir(parents=True)
+    trimesh.creation.box((0.1, 0.1, 0.4)).export(tmp_path / "there/arm/part.stl")
+    mesh = '<visual><geometry><mesh filename="part.stl"/></geometry></visual>'
+    joint = '<joint name="j" type="continuous"><parent link="a"/><child link="b"/><axis xyz="0 0 1"/></joint>'
+    urdf = tmp_path / "there/arm/arm.urdf"
+    urdf.write_text(f'<robot name="arm"><link name="a">{mesh}</link><link name="b"/>{joint}</robot>')
+    region = Region((GridAxis("j", -1.0, 1.0, 2),))
+    made = tmp_path / "my/maps/arm.zarr"
+    make_map(MapSpecification(cinegen.load(urdf), region, ("sigma_1",)), made, workers=1)
+    drawn = map_setup(made).robots["arm"]
+    with pytest.warns(cinegen.CinegenWarning, match=r"leads out of .*RAFF2URDF_MESH_PATH=.*sticks are drawn instead"):
+        assert not any("part.stl" in shape.meshPath for shape in drawn.visual.geometryObjects)
+    monkeypatch.setenv("RAFF2URDF_MESH_PATH", str(urdf.parent))
+    (shape,) = map_setup(made).robots["arm"].visual.geometryObjects
+    assert shape.meshPath == str(urdf.parent / "part.stl")

@@ -241,3 +241,9 @@ def test_what_is_wrong_with_triangles_and_points_is_reported(tmp_path):
 def test_a_repulsive_potential_refuses_a_mesh_that_is_not_convex():
     with pytest.raises(cinegen.CinegenError, match="need convex obstacles: 'mesh 1' is not"):
         plan(scene_with(as_values(cup()), mobile={"radius": RADIUS}), field="firas")
+
+
+def test_a_pointer_of_git_lfs_is_told(tmp_path):
+    (tmp_path / "part.stl").write_text("version https://git-lfs.github.com/spec/v1\noid sha256:00\nsize 1\n")
+    said = refused({"kind": "mesh", "file": str(tmp_path / "part.stl")})
+    assert f"file '{tmp_path}/part.stl' is a Git LFS pointer: run `git lfs pull`" in said.replace("= ", "")

@@ -13,6 +13,7 @@ import time
 import numpy as np
 import pinocchio as pin
 import pytest
+import trimesh
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from msgspec.structs import replace
@@ -22,6 +23,7 @@ import cinegen.mission.recorder as module
 from cinegen import CinegenError
 from cinegen.errors import UnknownNameError
 from cinegen.mission import BasePose, MissionError, MissionRecorder, Player, RecordedTask, Recording, RobotSample
+from cinegen.model.load import build
 
 finite = st.floats(allow_nan=False, allow_infinity=False)
 doubles = st.lists(finite, min_size=3, max_size=3)
@@ -142,6 +144,35 @@ def test_a_robot_whose_meshes_are_gone_is_built_again(tmp_path):
     (tmp_path / "part.stl").unlink()
     urdf.unlink()
     assert recording.mechanism("robot").joints == ("j",)
+
+
+@pytest.mark.parametrize("is_absolute", [False, True])
+def test_a_recording_has_no_meshes_shown_that_are_far_from_it_unless_the_user_allows_it(
+    tmp_path, monkeypatch, is_absolute
+):
+    """Its author may be anybody, and states the folder; or none, and names the mesh absolutely."""
+    import cinegen
+
+    here, there = tmp_path / "my/runs", tmp_path / "there/robots/arm"
+    here.mkdir(parents=True)
+    there.mkdir(parents=True)
+    trimesh.creation.box((0.1, 0.2, 0.3)).export(there / "part.stl")
+    mesh = '<visual><geometry><mesh filename="part.stl"/></geometry></visual>'
+    joint = '<joint name="j" type="continuous"><parent link="a"/><child link="b"/><axis xyz="0 0 1"/></joint>'
+    (there / "one.urdf").write_text(f'<robot name="one"><link name="a">{mesh}</link><link name="b"/>{joint}</robot>')
+    mechanism = cinegen.load(there / "one.urdf")
+    if is_absolute:
+        source = mechanism.source
+        mechanism = build(source.urdf.replace("part.stl", str(there / "part.stl")), source.constraints)
+    near = record(there / "run.jsonl", mechanism, [0.0], [mechanism.q_home])
+    assert near.mechanism("robot").visual.geometryObjects[0].meshPath == str(there / "part.stl")
+    (there / "run.jsonl").rename(here / "run.jsonl")
+    with pytest.warns(cinegen.CinegenWarning, match=f"leads out of .*RAFF2URDF_MESH_PATH={there}; sticks are drawn"):
+        shapes = Recording.load(here / "run.jsonl").mechanism("robot").visual.geometryObjects
+    assert not any(str(there) in shape.meshPath for shape in shapes)
+    monkeypatch.setenv("RAFF2URDF_MESH_PATH", str(there))
+    (shape,) = Recording.load(here / "run.jsonl").mechanism("robot").visual.geometryObjects
+    assert shape.meshPath == str(there / "part.stl")
 
 
 # --- programs, disks -------------------------------------------------------------------------------------------------

@@ -97,15 +97,18 @@ def test_without_motors_they_are_chosen(write):
     assert "drive" in mechanism.actuated
 
 
-def test_missing_meshes_are_left_out_with_one_warning(write):
+def test_sticks_replace_missing_meshes_with_one_warning(write):
     visual = '<visual><geometry><mesh filename="package:///{0}.stl"/></geometry></visual>'
     urdf = URDF
     for link in ("crank", "rocker"):
         urdf = urdf.replace(f'<link name="{link}"/>', f'<link name="{link}">{visual.format(link)}</link>')
-    with pytest.warns(raff2urdf.RaffWarning, match=r"robot.urdf:3: mesh .*crank.stl.*1 more like it.*left out") as seen:
-        mechanism = cinegen.load(write(urdf=urdf))
+    mechanism = cinegen.load(write(urdf=urdf))
+    with pytest.warns(cinegen.CinegenWarning, match=r"robot.urdf:3: mesh .*crank.stl.*; .*rocker.stl.*sticks") as seen:
+        found = mechanism.visual.geometryObjects
     assert len(seen) == 1
-    assert len(mechanism.visual.geometryObjects) > 4  # a stick figure
+    assert len(found) > 4  # a stick figure
+    with pytest.raises(cinegen.CinegenError, match=r"robot.urdf:3: mesh .*crank.stl' is not found"):
+        _ = mechanism.collision
 
 
 def test_a_joint_that_is_not_there_is_not_replaced_and_told(write):

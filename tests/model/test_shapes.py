@@ -57,13 +57,49 @@ def test_a_mesh_is_found_by_its_path_or_its_package(write, name):
     ("name", "says"),
     [
         ("lost.stl", "mesh 'lost.stl' is not found"),
-        ("../meshes/cut.stl", "cut.stl' can't be read"),
+        ("../meshes/pointer.stl", "mesh '../meshes/pointer.stl' is a Git LFS pointer: run `git lfs pull` in "),
         ("../../../etc/passwd", "leads out of"),
         ("package://arm_description/../../x.stl", "leads out of"),
         ("package://other/x.stl", "the package 'other' is not found"),
+        ("ftp://somewhere/x.stl", "'ftp://' can't be read"),
+    ],
+)
+@pytest.mark.filterwarnings("default::cinegen.CinegenWarning")
+def test_a_mesh_that_cannot_be_had_is_replaced_by_sticks_but_never_for_collisions(write, name, says, tmp_path, capsys):
+    (tmp_path / "arm_description/meshes/pointer.stl").write_text("version https://git-lfs.github.com/spec/v1\n")
+    path = write(VISUAL.format("../meshes/part.stl"), VISUAL.format(name) + VISUAL.format(name))
+    mechanism = cinegen.load(path)
+    with pytest.warns(cinegen.CinegenWarning, match=rf"^\S*arm.urdf:3: .*{says}.*; sticks are drawn instead$") as seen:
+        found = mechanism.visual.geometryObjects
+    assert len(seen) == 1
+    assert str(seen[0].message).count(name) - says.count(name) <= 2  # each file once
+    frames = mechanism.model.frames
+    drawn = {(frames[shape.parentFrame].name, shape.name.partition(" ")[0]) for shape in found}
+    assert drawn == {("base", "base_0"), ("upper", "bar"), ("upper", "joint")}
+    with pytest.raises(cinegen.CinegenError, match=rf"arm.urdf:3: .*{says}"):
+        _ = mechanism.collision
+    page = tmp_path / "page.html"
+    assert main(["drive", str(path), "--snapshot", str(page), "--no-browser"]) == 0
+    said = capsys.readouterr().err
+    assert said.count("sticks are drawn instead") == 1
+    assert page.stat().st_size > 1000
+    assert main(["info", str(path), "--collision"]) == 1
+    assert f"{path}:3: " in capsys.readouterr().err
+
+
+def test_sticks_replace_all_shapes_where_none_can_be_had(write):
+    with pytest.warns(cinegen.CinegenWarning, match=r"arm.urdf:2: .*a.stl.*arm.urdf:3: .*b.stl.*sticks are drawn"):
+        found = cinegen.load(write(VISUAL.format("a.stl"), VISUAL.format("b.stl"))).visual
+    expected = cinegen.load(write()).visual
+    assert [one.name for one in found.geometryObjects] == [one.name for one in expected.geometryObjects]
+
+
+@pytest.mark.parametrize(
+    ("name", "says"),
+    [
+        ("../meshes/cut.stl", "cut.stl' can't be read"),
         ("../meshes/part.step", "part.step' can't be read: only .stl, "),
         ("../meshes/haines.nff", "haines.nff' can't be read"),
-        ("ftp://somewhere/x.stl", "'ftp://' can't be read"),
     ],
 )
 def test_what_is_wrong_with_a_mesh_is_told_by_its_line_when_it_is_shown(write, name, says, tmp_path, capsys):
@@ -107,7 +143,7 @@ def test_a_link_out_of_its_folder_is_refused_unless_that_is_allowed(write, tmp_p
     link.symlink_to(moved)
     path = write(VISUAL.format(name))
     with pytest.raises(cinegen.CinegenError, match=rf"arm.urdf:2: mesh '{name}' leads out of .*, to {elsewhere}"):
-        _ = cinegen.load(path).visual
+        _ = cinegen.load(path).collision
     monkeypatch.setenv("RAFF2URDF_MESH_PATH", f"/nowhere:{elsewhere}")
     assert len(cinegen.load(path).visual.geometryObjects) == 1
 
@@ -121,7 +157,7 @@ def test_a_mesh_of_gigabytes_is_refused(write, tmp_path):
     with open(tmp_path / "arm_description/meshes/huge.stl", "wb") as file:
         file.truncate(600_000_000)  # a sparse file
     with pytest.raises(cinegen.CinegenError, match=r"mesh '../meshes/huge.stl' has 600 MB, and is not read"):
-        _ = cinegen.load(write(VISUAL.format("../meshes/huge.stl"))).visual
+        _ = cinegen.load(write(VISUAL.format("../meshes/huge.stl"))).collision
 
 
 def test_without_shapes_a_stick_figure_stands_in(write):

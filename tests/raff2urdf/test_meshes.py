@@ -168,11 +168,17 @@ def test_the_same_input_makes_the_same_bytes(workshop: Path) -> None:
     assert files_in(workshop / "generated") == first
 
 
-def test_a_path_may_lead_anywhere(workshop: Path) -> None:
-    """It is the author's: out of the folder of the RAFF file, too."""
+@pytest.mark.parametrize("path", ["../../parts", "{0}/parts"])
+def test_a_path_leads_out_of_the_folder_above_if_the_user_allows_it(
+    workshop: Path, monkeypatch: pytest.MonkeyPatch, path: str
+) -> None:
+    """It is the author's, who may be anybody."""
     (workshop / "deep" / "er").mkdir(parents=True)
     raff = write(workshop / "deep" / "er", 'base { filename { "red.nff" } }')
-    raff.write_text(raff.read_text().replace('"parts"', '"../../parts"'))
+    raff.write_text(raff.read_text().replace('"parts"', f'"{path.format(workshop)}"'))
+    with pytest.warns(RaffWarning, match=f"red.nff .it leads out of {workshop}/deep, .*_MESH_PATH={workshop}/parts"):
+        raff2urdf.convert(raff, workshop / "out")
+    monkeypatch.setenv("RAFF2URDF_MESH_PATH", str(workshop / "parts"))
     raff2urdf.convert(raff, workshop / "out")
     assert named(etree.parse(workshop / "out" / "arm.urdf").getroot(), "base") == [("meshes/arm/red.nff.1.stl", RED)]
 
@@ -378,17 +384,16 @@ def test_a_translation_says_what_is_still_to_be_written(workshop: Path, cache: P
 
 
 def test_a_link_out_of_the_folder_is_not_followed_unless_that_is_allowed(
-    workshop: Path, monkeypatch: pytest.MonkeyPatch
+    workshop: Path, tmp_path_factory: pytest.TempPathFactory, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    (workshop / "elsewhere").mkdir()
-    (workshop / "parts" / "bar.stl").rename(workshop / "elsewhere" / "bar.stl")
-    (workshop / "parts" / "bar.stl").symlink_to(workshop / "elsewhere" / "bar.stl")
+    elsewhere = tmp_path_factory.mktemp("elsewhere")
+    (workshop / "package.xml").touch()
+    (workshop / "parts" / "bar.stl").rename(elsewhere / "bar.stl")
+    (workshop / "parts" / "bar.stl").symlink_to(elsewhere / "bar.stl")
     robot = 'base { filename { "bar.stl" } }'
-    assert f"bar.stl (it leads out of {workshop}/parts, to {workshop}/elsewhere" in convert(workshop, robot)[1][0]
-    monkeypatch.setenv("RAFF2URDF_MESH_PATH", str(workshop / "elsewhere"))
+    assert f"bar.stl (it leads out of {workshop}, to {elsewhere}/bar.stl" in convert(workshop, robot)[1][0]
+    monkeypatch.setenv("RAFF2URDF_MESH_PATH", str(elsewhere))
     assert convert(workshop, robot)[1] == []
-    monkeypatch.delenv("RAFF2URDF_MESH_PATH")
-    assert convert(workshop, 'base { filename { "../elsewhere/bar.stl" } }')[1] == []
 
 
 def test_an_archive_that_unpacks_to_gigabytes_is_not_read(workshop: Path) -> None:

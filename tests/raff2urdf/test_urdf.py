@@ -477,6 +477,9 @@ def test_bases_and_frames_have_meshes_too(workshop: Path) -> None:
 
 def test_the_home_folder_may_be_meant(workshop: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("HOME", str(workshop))
+    _, (warned,) = drawn(Path("/elsewhere"), BAR, path="~/parts/")
+    assert f"allow its folder by the environment variable RAFF2URDF_MESH_PATH={workshop}/parts" in warned
+    monkeypatch.setenv("RAFF2URDF_MESH_PATH", str(workshop / "parts"))
     text, warned = drawn(Path("/elsewhere"), BAR, path="~/parts/")
     assert str(workshop / "parts" / "bar.stl") in text
     assert warned == []
