@@ -38,7 +38,7 @@ def shown(tmp_path: Path, mesh: str, material: str = "") -> dict[str, Any]:
     """The object that a URDF of one mesh becomes."""
     text = URDF.format(f'<mesh filename="{mesh}"/>', material)
     (tmp_path / "r.urdf").write_text(text)
-    return drawn(cinegen.load(tmp_path / "r.urdf"))["cinegen/it/base/0 set_object"]["object"]
+    return drawn(cinegen.load(tmp_path / "r.urdf"))["cinegen/:it/:base/0 set_object"]["object"]
 
 
 @pytest.fixture
