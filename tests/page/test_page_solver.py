@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import json
-import shutil
 import subprocess
 
 import numpy as np
 import pinocchio as pin
 import pytest
+from node import NODE, needs_three
 from raff_in_node import tables_in_node
 from variants import slow
 
@@ -20,7 +20,6 @@ from cinegen.page.tables import robot_tables
 from cinegen.singularities.ball_joints import CountedLoops, balls
 from raff2urdf.raff.reader import read
 
-NODE = shutil.which("node")
 RATE, TICKS = 240.0, 12
 GAIN, DAMPING = 100.0, 0.05
 ONE_JOINT = """<robot name="x */ throw new Error('it runs'); /*">
@@ -33,7 +32,7 @@ ROBOTS = [
     *slow("gough", "arm7", "five_bar", "hybrid", "sr400", "ankle", "belt_five_bar", "tssm", "scara"),
 ]
 
-pytestmark = pytest.mark.skipif(NODE is None, reason="NO NODE: the solver in JavaScript is not tested")
+pytestmark = needs_three
 
 
 def in_javascript(tables, calls, root, folder):
