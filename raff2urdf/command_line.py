@@ -315,4 +315,4 @@ def _message(error: TyperException) -> str:
     text = error.format_message().replace("Value error, ", "").strip().removesuffix(".")
     if choice := re.search(r": '(.*)' is not one of (.*)$", text):
         text += _suggestion(choice[1], re.findall(r"'([^']*)'", choice[2]))
-    return text[:1].lower() + text[1:]
+    return text if text[1:2].isupper() else text[:1].lower() + text[1:]

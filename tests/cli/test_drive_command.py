@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 import json
 import os
+import queue
 import re
 import socket
 import subprocess
@@ -18,6 +19,7 @@ import pytest
 
 from cinegen.cli import main
 from cinegen.cli.served_page import PageOptions
+from cinegen.devices.json_socket import JsonSocket
 from cinegen.mission import Recording
 
 
@@ -124,29 +126,23 @@ def test_other_machines_need_the_token_that_is_printed(run):
 
 
 @pytest.mark.usefixtures("session_in_a_thread")
-def test_a_sensor_on_the_command_line_moves_the_node_that_it_names(run, root):
+def test_a_sensor_on_the_command_line_moves_the_node_that_it_names(run, root, monkeypatch):
     """A program connects, says a twist, and the recording holds the motion."""
-    with socket.socket() as free:
-        free.bind(("127.0.0.1", 0))
-        port = free.getsockname()[1]
-    over = threading.Event()
+    ports, over, report = queue.Queue(), threading.Event(), JsonSocket._report_clients
+    monkeypatch.setattr(JsonSocket, "_report_clients", lambda self: (report(self), ports.put(self.port)))
 
     def program():
-        while not over.is_set():
-            try:
-                with socket.create_connection(("127.0.0.1", port), timeout=1.0) as line:
-                    line.sendall(b'{"token": "secret"}\n')
-                    while not over.is_set():
-                        line.sendall(b'{"twist": [0, 0, -1, 0, 0, 0]}\n')
-                        time.sleep(0.02)
-            except OSError:
-                time.sleep(0.05)
+        port = ports.get(timeout=60)
+        with contextlib.suppress(OSError), socket.create_connection(("127.0.0.1", port)) as line:
+            line.sendall(b'{"token": "secret"}\n')
+            while not over.wait(0.02):
+                line.sendall(b'{"twist": [0, 0, -1, 0, 0, 0]}\n')
 
     thread = threading.Thread(target=program)
     thread.start()
     options = [
         "--sensor",
-        f"1=tcp://127.0.0.1:{port}?token=secret",
+        "1=tcp://127.0.0.1:0?token=secret",
         "--record",
         "run.jsonl",
         "--seconds",

@@ -120,8 +120,9 @@ def test_an_error_that_is_only_rounding_is_not_told(typed, monkeypatch, error, s
 @pytest.mark.parametrize(
     "words",
     [
-        *(f"map F --{name}" for name in ("line", "centre", "along", "at", "over", "box", "quantity", "output")),
-        "map F -q", "modes F --values", "modes F --at", "singular F --at", "plan F --plot", "drive F --base",
+        *(f"map F --{name}" for name in ("line", "centre", "along", "at", "over", "quantity", "output")),
+        "map F --vary link2.d=1..2:3 --box", "map F -q", "modes F --values", "modes F --at", "singular F --at",
+        "plan F --plot", "drive F --base",
         "sensors F --sensor", "forces F --gravity",
     ],
 )  # fmt: skip
@@ -217,7 +218,6 @@ def test_two_maps_are_compared(typed, tmp_path):
         (("planar_3r", "-q", "clearance"), "--scene"),
         (("planar_3r", "-q", "all,nonsense"), "unknown quantity 'nonsense'"),
         (("planar_3r", "-q", "solutions"), "infinitely many"),
-        (("planar_3r", "--box", "x=0..1"), "--vary"),
         (("planar_3r", "--vary", "link2.q=1..2:3"), "no parameter 'q'"),
         (("planar_3r", "--vary", "link2.d=300..500:3"), "did you mean 500 mm?"),
         (("planar_3r", "--vary", "link2.d=1..2deg:3"), "'2deg' is an angle: a length is wanted"),

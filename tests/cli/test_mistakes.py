@@ -156,7 +156,7 @@ MISTAKES: list[tuple[str, int, str]] = [
     ("cinegen plan disc --modes any --planner rrtconnect", 2, "--planner has no effect with --modes: leave one out"),
     ("cinegen demo --list --port 7001", 2, "--port has no effect with --list: leave it out"),
     ("cinegen demo ur5 --list", 2, "NAME has no effect with --list: leave it out"),
-    ("cinegen demo four_bar_mobility --port 7001", 2, "--port has no effect on an example"),
+    ("cinegen demo clock --port 7001", 2, "--port has no effect on an example"),
     ("cinegen singular run.jsonl --at x=1", 2, "--at has no effect on a recording (run.jsonl): leave it out"),
     ("cinegen singular run.jsonl five_bar.raff", 2, "name only one kind of file"),
     ("cinegen singular five_bar.raff --over x,y --json", 2, "--json has no effect with --over: the scan is JSON, in a"),

@@ -10,6 +10,7 @@ import subprocess
 import sys
 import tempfile
 import time
+from contextlib import suppress
 from pathlib import Path
 
 import psutil
@@ -197,13 +198,10 @@ class Cluster:
     """A scheduler and a worker as a user starts them; its address."""
 
     def __enter__(self):
-        with socket.create_server(("127.0.0.1", 0)) as free:
-            port = free.getsockname()[1]
-        address = f"tcp://127.0.0.1:{port}"
-        commands = (
-            ["scheduler", "--host", "127.0.0.1", "--port", str(port), "--no-dashboard"],
-            ["worker", address, "--host", "127.0.0.1", "--nworkers", "1", "--no-dashboard", "--no-nanny"],
-        )
+        self._folder = tempfile.TemporaryDirectory()
+        file = Path(self._folder.name, "scheduler.json")  # it names the address when there is one
+        where = ["--host", "127.0.0.1", "--scheduler-file", str(file), "--no-dashboard"]
+        commands = (["scheduler", "--port", "0", *where], ["worker", "--nworkers", "1", "--no-nanny", *where])
         self._running = [
             subprocess.Popen(
                 [sys.executable, "-m", "distributed.cli.dask_" + name, *options], stdin=subprocess.DEVNULL,
@@ -211,12 +209,18 @@ class Cluster:
             )
             for name, *options in commands
         ]  # fmt: skip
-        return address
+        end = time.monotonic() + 60.0
+        while time.monotonic() < end:
+            with suppress(OSError, ValueError):  # it is not there, or not whole
+                return json.loads(file.read_text())["address"]
+            time.sleep(0.05)
+        raise TimeoutError("the scheduler does not start")
 
     def __exit__(self, *_):
         for process in reversed(self._running):  # a worker without a scheduler may wait for ever
             process.kill()
             process.wait()
+        self._folder.cleanup()
 
 
 STRANGER = """

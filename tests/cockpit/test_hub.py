@@ -220,14 +220,14 @@ def test_who_takes_no_frame_for_long_is_given_up(hub, monkeypatch):
     _, line = join(hub)
     hub.show(state())
     now = hubs.time.monotonic()
-    monkeypatch.setattr(hubs.time, "monotonic", lambda: now + hubs.PATIENCE + 1)
+    monkeypatch.setattr(hubs, "time", SimpleNamespace(monotonic=lambda: now + hubs.PATIENCE + 1))
     hub.show(state())
     assert line.closed[0] == 1001
     assert not hub.clients
 
 
 def test_messages_beyond_the_budget_of_all_wait_but_not_those_of_who_has_control_or_sends_little(hub, monkeypatch):
-    monkeypatch.setattr(hubs.time, "monotonic", lambda: now)
+    monkeypatch.setattr(hubs, "time", SimpleNamespace(monotonic=lambda: now))
     now = 100.0
     hub = Hub(SETUP, lambda command: None, lambda number: replace(HELLO, client=number))
     greedy = [join(hub)[0] for _ in range(20)]
@@ -255,7 +255,7 @@ def test_messages_beyond_the_budget_of_all_wait_but_not_those_of_who_has_control
 
 
 def test_clients_that_take_control_in_turns_gain_nothing(hub, monkeypatch):
-    monkeypatch.setattr(hubs.time, "monotonic", lambda: now)
+    monkeypatch.setattr(hubs, "time", SimpleNamespace(monotonic=lambda: now))
     now = 100.0
     hub = Hub(SETUP, lambda command: None, lambda number: replace(HELLO, client=number))
     read = 0

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from types import SimpleNamespace
 
 import pinocchio as pin
 import pytest
@@ -20,7 +21,7 @@ UP = (0.0, 0.0, 1.0, 0.0, 0.0, 0.0)
 def clock(monkeypatch):
     """`clock[0]`: what time it is, s."""
     now = [100.0]
-    monkeypatch.setattr("cinegen.devices.latest_reading.time.monotonic", lambda: now[0])
+    monkeypatch.setattr("cinegen.devices.latest_reading.time", SimpleNamespace(monotonic=lambda: now[0]))
     return now
 
 

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-import contextlib
 import json
 import re
 import socket
 import threading
+import time
+from types import SimpleNamespace
 
 import pytest
 from played import PlayedMagellan
@@ -178,23 +179,20 @@ def test_a_device_is_monitored(tmp_path):
 
 
 def test_a_program_is_monitored():
-    with socket.create_server(("127.0.0.1", 0)) as free:
-        port = free.getsockname()[1]
+    watched = Watched("at +1.000 +2.000 +3.000 m", "buttons 4")
     ended = threading.Event()
 
     def play() -> None:
-        while not ended.wait(0.02):
-            with (
-                contextlib.suppress(OSError),
-                socket.create_connection(("127.0.0.1", port), timeout=1) as client,
-            ):
+        while (port := re.search(r"on port (\d+)", watched.said)) is None and not ended.wait(0.02):
+            pass
+        if port is not None:
+            with socket.create_connection(("127.0.0.1", int(port[1]))) as client:
                 client.sendall(b'{"translation": [1, 2, 3], "quaternion": [0, 0, 0, 1], "buttons": [4]}\n')
                 ended.wait(5)
 
     thread = threading.Thread(target=play)
     thread.start()
-    watched = Watched("at +1.000 +2.000 +3.000 m", "buttons 4")
-    monitor(f"tcp://127.0.0.1:{port}?no-token", watched, 30.0)
+    monitor("tcp://127.0.0.1:0?no-token", watched, 30.0)
     ended.set()
     thread.join()
     assert "at +1.000 +2.000 +3.000 m" in watched.said
@@ -215,7 +213,7 @@ def test_ctrl_c_ends_a_monitor(monkeypatch, capsys):
         if len(calls) > 3:
             raise KeyboardInterrupt
 
-    monkeypatch.setattr("cinegen.devices.monitor.time.sleep", sleep)
+    monkeypatch.setattr("cinegen.devices.monitor.time", SimpleNamespace(monotonic=time.monotonic, sleep=sleep))
     assert main(["sensors", "--monitor", "tcp://127.0.0.1:0?no-token"]) == 0
     assert capsys.readouterr().err == ""
 

@@ -9,6 +9,7 @@ import os
 import signal
 import subprocess
 import sys
+from types import SimpleNamespace
 
 import pinocchio as pin
 import pytest
@@ -47,7 +48,7 @@ def test_what_was_written_is_read(recording):
 def test_it_is_replayed_at_its_times(recording, monkeypatch):
     sensor = open_sensor(f"replay:{recording}")
     clock = [500.0]
-    monkeypatch.setattr("cinegen.sensor.time.monotonic", lambda: clock[0])
+    monkeypatch.setattr("cinegen.sensor.time", SimpleNamespace(monotonic=lambda: clock[0]))
     assert sensor.read() is None
     assert sensor.status.state is SensorState.CLOSED
     sensor.start()

@@ -133,7 +133,7 @@ def _console(block: Block, folder: Path, where: str) -> None:
 
 def _in_a_process(command: list[str]) -> str:
     return subprocess.run(
-        command, stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, timeout=60,
+        command, stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, timeout=300,
         check=False,
     ).stdout  # fmt: skip
 

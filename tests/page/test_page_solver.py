@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import json
-import shutil
 import subprocess
 
 import bipeds
 import numpy as np
 import pinocchio as pin
 import pytest
+from node import NODE, needs_three
 from variants import slow
 
 import cinegen
@@ -19,7 +19,6 @@ from cinegen.page.kernels_module import module
 from cinegen.page.tables import robot_tables
 from cinegen.singularities.ball_joints import CountedLoops, balls
 
-NODE = shutil.which("node")
 RATE, TICKS = 240.0, 12
 GAIN, DAMPING = 100.0, 0.05
 ONE_JOINT = """<robot name="x */ throw new Error('it runs'); /*">
@@ -32,7 +31,7 @@ ROBOTS = [
     *slow("gough", "arm7", "five_bar", "hybrid", "sr400", "ankle", "belt_five_bar", "tssm", "scara"),
 ]
 
-pytestmark = pytest.mark.skipif(NODE is None, reason="NO NODE: the solver in JavaScript is not tested")
+pytestmark = needs_three
 
 
 def in_javascript(tables, calls, root, folder):

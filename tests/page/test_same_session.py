@@ -7,12 +7,12 @@ configurations are equal where motions have ended; during motions that no task c
 from __future__ import annotations
 
 import json
-import shutil
 import subprocess
 
 import numpy as np
 import pinocchio as pin
 import pytest
+from node import NODE, needs_three
 from variants import slow
 
 from cinegen.mission import BasePose
@@ -21,13 +21,12 @@ from cinegen.page.kernels_module import module
 from cinegen.session import Session, Setup
 from cinegen.session.commands import decode_command
 
-NODE = shutil.which("node")
 MOVED = 1e-9  # rad and m: motions of joints, home, and of undo along them
 LOOPS = 1e-7  # rad and m: loops are closed to 1e-12 there and 1e-10 here
 OUTSIDE = np.array([4.0, 0.0, 4.0])  # m
 REACHED = 1e-5  # rad and m: targets that tasks have reached
 
-pytestmark = pytest.mark.skipif(NODE is None, reason="NO NODE: the session in JavaScript is not tested")
+pytestmark = needs_three
 
 
 def in_python(setup, script):

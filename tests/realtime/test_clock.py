@@ -832,15 +832,18 @@ def test_deadlines_at_rest_are_neither_late_nor_skipped():
 
 
 def test_a_present_stall_is_seen_while_it_lasts_and_a_rest_is_none():
-    clock, recent, going, resting = Clock(0.001), RecentTiming(), threading.Event(), threading.Event()
+    clock, stalled, going, resting = Clock(0.001), threading.Event(), threading.Event(), threading.Event()
 
     def tick(tick):
         if tick.number >= 20 and not going.is_set():
-            going.wait(5.0)
+            stalled.set()
+            going.wait(60.0)
         if resting.is_set():
             tick.clock.rest(lambda: time.sleep(0.05))
 
     with clock.start(tick):
+        assert stalled.wait(60.0)
+        recent = RecentTiming()
         time.sleep(1.2)
         report = clock.report()
         rate, missed = recent.add(report)

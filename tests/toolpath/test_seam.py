@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from itertools import pairwise
+from types import SimpleNamespace
 
 import numpy as np
 import pinocchio as pin
@@ -277,7 +278,7 @@ def test_the_approach_is_along_the_tools_axis():
 def clock(monkeypatch):
     """`clock[0]`: what time it is, s."""
     now = [100.0]
-    monkeypatch.setattr("cinegen.sensor.time.monotonic", lambda: now[0])
+    monkeypatch.setattr("cinegen.sensor.time", SimpleNamespace(monotonic=lambda: now[0]))
     return now
 
 
