@@ -156,7 +156,7 @@ def test_a_sensor_on_the_command_line_moves_the_node_that_it_names(run, root, mo
         over.set()
         thread.join()
     assert code == 0
-    assert f'1: tcp://127.0.0.1:{port}: a program sends first: {{"token":"secret"}}' in out
+    assert '1: tcp://127.0.0.1:0: a program sends first: {"token":"secret"}' in out
     assert "recorded: run.jsonl" in out
     recording = Recording.load("run.jsonl")
     delta = recording.mechanism("delta4")
