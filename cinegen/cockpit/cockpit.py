@@ -87,6 +87,7 @@ class Cockpit:
         self._drawn = {0: _Drawn(setup, self.page, self.scene)}  # by number: shown, or to be shown
         self.map = None if setup.map is None else ServedMap(setup.map)
         self._over, self._awake, self._shown = threading.Event(), threading.Event(), threading.Event()
+        self._unreported = threading.Event()  # there are robots without a report
         self._shown.set()
         self._state: SessionState | None = None  # newest that `_feed` has seen
         self._reports: tuple[int, dict[str, RobotReport]] = 0, {}  # and the number of their setup
@@ -173,6 +174,7 @@ class Cockpit:
         """End the session and the server."""
         self._over.set()
         self._awake.set()
+        self._unreported.set()
         for thread in self._threads:
             thread.join(5.0)
         self.server.stop()
@@ -259,7 +261,8 @@ class Cockpit:
                             self._reports[1][name] = reporter.report(state.robots[name], state.time, wanted)
                 self._reported += 1
             spent = time.monotonic() - begin
-            self._over.wait(max(1.0 / REPORTS - spent, spent * (1.0 / _SHARE - 1.0)))
+            self._unreported.wait(max(1.0 / REPORTS - spent, spent * (1.0 / _SHARE - 1.0)))
+            self._unreported.clear()
 
     def _watch_files(self, watched: WatchedFiles[_Drawn]) -> None:
         """Read files again when they are saved, and hand on what they describe."""
@@ -282,6 +285,7 @@ class Cockpit:
         """Show the robots of another setup, which the session goes on with; return it."""
         drawn = self._drawn[edition]
         self._edition, self.scene = edition, drawn.scene
+        self._unreported.set()
         for old in [one for one in tuple(self._drawn) if one < edition]:
             del self._drawn[old]
         self.server.call(self._meet, drawn.setup)

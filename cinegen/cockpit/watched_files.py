@@ -21,8 +21,8 @@ T = TypeVar("T")
 
 
 @dataclass(frozen=True)
-class Reading(Generic[T]):
-    """What was read of files that were saved.
+class FileReading(Generic[T]):
+    """Result of reading files that were saved.
 
     Attributes:
         made: what was made of them; None if they are wrong, or as they were when they were read without errors.
@@ -79,7 +79,7 @@ class WatchedFiles(Generic[T]):
     def __repr__(self) -> str:
         return f"<WatchedFiles: {len(self._known)}>"
 
-    def wait(self, over: threading.Event) -> Reading[T] | None:
+    def wait(self, over: threading.Event) -> FileReading[T] | None:
         """Wait until files were saved, and read them; None if the event comes before."""
         seen = self._known
         while not over.wait(_LOOK):
@@ -89,10 +89,10 @@ class WatchedFiles(Generic[T]):
             seen = now
         return None
 
-    def _read_again(self, now: dict[Path, Signature]) -> Reading[T]:
+    def _read_again(self, now: dict[Path, Signature]) -> FileReading[T]:
         if _digest(now) == self._digest:
             self._known = now
-            return Reading(None)
+            return FileReading(None)
         noted: dict[Path, Signature] = {}
         try:
             with warnings.catch_warnings(record=True) as caught, noting() as noted:
@@ -101,11 +101,11 @@ class WatchedFiles(Generic[T]):
         except Exception as error:  # a file that is being written may hold anything; the session goes on
             self._known = now | noted
             known = isinstance(error, RaffError | CinegenError)
-            return Reading(None, str(error) if known else f"{type(error).__name__}: {error}")
+            return FileReading(None, str(error) if known else f"{type(error).__name__}: {error}")
         self._known, self._digest = noted, _digest(noted)
         texts = [text for text in dict.fromkeys(str(one.message) for one in caught) if text not in self._warned]
         self._warned |= set(texts)
-        return Reading(made, warnings=tuple(texts))
+        return FileReading(made, warnings=tuple(texts))
 
 
 def _digest(paths: Iterable[Path]) -> bytes:

@@ -1,4 +1,4 @@
-"""What robots keep when they are read again from their files: joint values by the names of joints."""
+"""Values that robots keep when they are read again from their files: those of joints, by name."""
 
 from __future__ import annotations
 

@@ -65,7 +65,7 @@ class _Exchange:
 
 @dataclass(frozen=True)
 class _Refusal:
-    """What becomes of an `_Exchange` whose robots can't be driven."""
+    """Answer to an `_Exchange` whose robots can't be driven."""
 
     edition: int
     why: str

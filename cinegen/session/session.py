@@ -504,6 +504,8 @@ class OtherRobots:
         dt = 1.0 / setup.rate
         robots = _robots(setup, dt)
         sensors = {device.name: opened(device, robots) for device in setup.devices}
+        for robot in robots.values():  # what is made at the first closure is not made in a tick
+            robot.succeed(robot)
         return cls(setup, edition, robots, _obstacles(setup, dt), sensors)
 
 
