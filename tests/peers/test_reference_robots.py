@@ -10,7 +10,7 @@ import pytest
 from variants import slow
 
 import raff2urdf
-from cinegen.cli import main
+from cinegen.cli import main, validate
 from cinegen.model import validation
 from raff2urdf import readers
 from raff2urdf.conversion import translate
@@ -84,6 +84,12 @@ def test_a_difference_is_found_and_the_exit_code_is_1(what, name, number, other,
     (report,) = json.loads(capsys.readouterr().out)
     assert not report["agrees"]
     assert report[what] > 1e-7
+
+
+def test_without_the_package_the_extra_is_named(monkeypatch, capsys):
+    monkeypatch.setattr(validate, "reference_robots", dict)
+    assert main(["validate"]) == 1
+    assert 'install "cinegen[robots]"' in capsys.readouterr().err
 
 
 def test_an_unknown_robot_is_named(capsys):
