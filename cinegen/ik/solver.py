@@ -209,7 +209,7 @@ class Solver:
         if closure > CLOSURE:
             raise CinegenError(
                 f"q leaves loops of {self.mechanism.name} open by {closure:.2g} rad or characteristic lengths: "
-                "use mechanism.close(q).q"
+                "use mechanism.close(q)"
             )
         memory = self._memory
         memory.q[:], memory.closure, memory.is_at_q, memory.phase = full, closure, 0, BEGIN

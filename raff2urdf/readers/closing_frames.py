@@ -55,7 +55,8 @@ def find(root: Any) -> Iterator[Declaration]:
         label = f"frames '{name}' and '{last.get('name')}'"
         text = f"the {label} (line {last.sourceline}) declare a loop"
         note = (
-            f"the {label} don't state the kind of loop: their origins coincide; --loop {name[:-2]}=revolute otherwise"
+            f"the {label} don't state the kind of loop: their origins coincide; --loop {name[:-2]}=revolute for a "
+            "hinge about their z axes"
         )
         yield Declaration(
             first.sourceline, DIALECT, label, text, name[:-2], read=_reader(first, last, kind), also=tuple(
