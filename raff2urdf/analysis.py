@@ -28,27 +28,27 @@ class Analysis:
         rows: equations of loops and couplings, all kinds together.
         rank: number of independent ones.
         actuated: names of the actuated joints, in file order.
-        uncontrolled: passive joints that neither the loops nor the actuated joints determine.
-        dependent: actuated joints that the loops and the others determine.
         gap: largest gap of a loop at the configuration as written (rad or characteristic lengths).
         closure: likewise, at home.
         kinds: of all loops.
         home: the value of each joint (rad, m) by name, in file order: as written, moved to where all loops are closed,
             within the limits if possible.
         length: characteristic length at home, m.
+        uncontrolled: passive joints that neither the loops nor the actuated joints determine.
+        dependent: actuated joints that the loops and the others determine.
     """
 
     mobility: int
     rows: int
     rank: int
     actuated: tuple[str, ...]
-    uncontrolled: tuple[str, ...]
-    dependent: tuple[str, ...]
     gap: float
     closure: float
     kinds: tuple[LoopKind, ...]
     home: Mapping[str, float]
     length: float
+    uncontrolled: tuple[str, ...] = ()
+    dependent: tuple[str, ...] = ()
 
 
 def loop_kinds(robot: RaffRobot, replaced: Mapping[str, str] | None = None) -> dict[int, LoopKind]:
@@ -115,7 +115,7 @@ def analyse(document: Document, robot: RaffRobot, loops: Mapping[str, str] | Non
             gap = max(gap, *gaps(cluster, cluster.home))
             closing = close_from_afar(cluster, cluster.start)
             if not closing.closed:
-                why = why_open(cluster, cluster.names, cluster.start, closing)
+                why = why_open(cluster, cluster.names, cluster.start, closing, raff=True)
                 problems.append(document.source.problem(f"robot '{robot.name}': {why}"))
                 continue
             bounds = np.array([limits(document, joint) for joint in cluster.joints]).reshape(-1, 2)
@@ -136,7 +136,7 @@ def analyse(document: Document, robot: RaffRobot, loops: Mapping[str, str] | Non
     if rows:
         length = length_of(document, written, kinds, values)
     kinds_of = tuple(kinds.values())
-    return Analysis(mobility, rows, rank, actuated, uncontrolled, dependent, gap, closure, kinds_of, values, length)
+    return Analysis(mobility, rows, rank, actuated, gap, closure, kinds_of, values, length, uncontrolled, dependent)
 
 
 def _outermost_first(cluster: Cluster, actuated: Mapping[str, bool | None]) -> Sequence[int]:

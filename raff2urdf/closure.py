@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from raff2urdf.escape import shell_word
 from raff2urdf.raff import texts
 from raff2urdf.raff.document import LoopKind
-from raff2urdf.residual import ROWS
+from raff2urdf.residual import ROWS, skew, swing
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
@@ -31,6 +31,7 @@ ROUNDING = 2e-15  # no residual is expected to get below this: iterations stop
 STEP_CAP = 0.6  # rad or lengths: a longer step leaves the range of its linearisation
 RANK = 1e-6  # singular values below this part of the largest are zeros: closing to 1e-14 leaves 1e-7 at a singularity
 NOTHING = 1e-9  # and below this, in any case: loops that no joint can open
+_PARALLEL = 0.5  # degrees: z axes of hinges that are farther apart are not parallel
 _WALK = 0.3  # rad or lengths: step between the random closed configurations
 _SAMPLES = 5  # random closed configurations on which the generic rank is counted
 _WALKS = 8  # to as many, if the rank is not clear there
@@ -51,12 +52,28 @@ class LoopSystem(Protocol):
 class KindedLoops(LoopSystem, Protocol):
     """The loops of a mechanism and their kinds, in the order of their residuals; after these, one of each coupling."""
 
+    length: float
+    """Characteristic length, m."""
+
     @property
     def kinds(self) -> Sequence[LoopKind]:
         """Kinds of all loops."""
         ...
 
-    def with_kinds(self, kinds: Sequence[LoopKind]) -> LoopSystem:
+    @property
+    def ends(self) -> Sequence[tuple[str, str]]:
+        """Names of the nodes at both ends of each loop."""
+        ...
+
+    def placements(self, q: Array) -> list[Array]:
+        """Return the placement (4, 4) of each loop's second end in its first, at q (nq,); m."""
+        ...
+
+    def with_turned(self, turns: Mapping[int, tuple[Array, Array]]) -> KindedLoops:
+        """Return the same loops, the axes of some loops' ends turned by rotations (3, 3) in their own axes."""
+        ...
+
+    def with_kinds(self, kinds: Sequence[LoopKind]) -> KindedLoops:
         """Return the same loops, closed by other kinds of joints."""
         ...
 
@@ -252,33 +269,72 @@ def passive(jacobian: Array, order: Sequence[int]) -> list[int]:
 
 def gaps(loops: KindedLoops, q: Array) -> list[float]:
     """Return the largest residual of each loop and coupling at q (nq,), in rad or characteristic lengths."""
+    return [_largest(part) for part in _residuals(loops, q)]
+
+
+def shown_gaps(loops: KindedLoops, q: Array) -> list[str]:
+    """Return the residual of each loop and coupling at q (nq,) as text: mm and degrees, in the axes of the loop's first
+    end."""
+    found = _residuals(loops, q)
+    texts = [_shown_gap(kind, part, loops.length) for kind, part in zip(loops.kinds, found, strict=False)]
+    return texts + [f"{_largest(part):.3g} rad or characteristic lengths" for part in found[len(texts) :]]
+
+
+def _residuals(loops: KindedLoops, q: Array) -> list[Array]:
     c = loops.evaluate(q)[0]
     ends = np.cumsum([ROWS[kind] for kind in loops.kinds], dtype=int)
     couplings = ends[-1] if ends.size else 0
-    return [_largest(part) for part in [*np.split(c[:couplings], ends)[:-1], *c[couplings:]]]
+    return [*np.split(c[:couplings], ends)[:-1], *c[couplings:, None]]
 
 
-def why_open(loops: KindedLoops, names: Sequence[str], start: Array, best: Closing) -> str:
-    """Return the text of an error: which loops and couplings can't be closed, and which weaker kinds would close them.
+def _shown_gap(kind: LoopKind, c: Array, length: float) -> str:
+    """Return the residual of a loop as text: what is a thousandth of the rest is left out."""
+    count = 2 if kind is LoopKind.PRISMATIC else 3
+    found = []
+    sizes = (c[:count], 1e3 * length, "mm", "along"), (c[count:], math.degrees(1.0), "degrees", "about")
+    for part, scale, unit, word in sizes:
+        if _largest(part) > 1e-3 * _largest(c):
+            size = float(np.linalg.norm(part))
+            axis = f" {word} {'xyz'[int(np.argmax(np.abs(part)))]}" if _largest(part) > 0.95 * size else ""
+            found.append(f"{scale * size:.3g} {unit}{axis}")
+    return " and ".join(found) or "0 mm"
+
+
+def why_open(loops: KindedLoops, names: Sequence[str], start: Array, best: Closing, raff: bool) -> str:
+    """Return the text of an error: which loops and couplings can't be closed, and what would close them: other axes of
+    their ends, or weaker kinds.
 
     Args:
         loops: that can't be closed.
         names: of all loops and couplings.
         start: (nq,) the configuration as written.
         best: the best attempt.
+        raff: whether the file is RAFF, in which the remedy is written then.
     """
+    from raff2urdf.near_redundancy import LARGEST_GAP, MOST_ROWS, near_redundancy  # which imports this module
+
     kinds, remaining = loops.kinds, gaps(loops, best.q)
     open_loops = [i for i, gap in enumerate(remaining) if gap > CLOSED]
     jacobian = loops.evaluate(best.q)[1]
     what = texts.LOOPS_AND_COUPLINGS if len(names) > len(kinds) else texts.LOOPS
     words = [kind.name.lower() for kind in kinds] + ["coupling"] * (len(names) - len(kinds))
-    listed = ", ".join(f"'{names[i]}' ({words[i]}, {remaining[i]:.3g})" for i in open_loops[:8])
+    shown = shown_gaps(loops, best.q)
+    listed = ", ".join(f"'{names[i]}' ({words[i]}, {shown[i]})" for i in open_loops[:8])
     more = texts.MORE_OPEN.format(count=len(open_loops) - 8) if len(open_loops) > 8 else ""
     lines = [
         texts.STAY_OPEN.format(what=what, listed=listed, more=more),
-        f"the numbers are the least gaps found, in rad or characteristic lengths; {jacobian.shape[0]} loop rows of "
+        f"these are the least gaps found, in the axes of each loop's first end; {jacobian.shape[0]} loop rows of "
         f"rank {rank(jacobian)} on {jacobian.shape[1]} joints",
     ]
+    if max(remaining) <= LARGEST_GAP and len(jacobian) <= MOST_ROWS and near_redundancy(loops, best.q, start):
+        lines.append("these loops are nearly redundant, since numbers are rounded: `cinegen heal` writes exact ones")
+    turns = _turns(loops, open_loops, start)
+    apart = [f"{' and '.join(loops.ends[i])} are {angle:.4g} degrees apart" for i, (angle, *_) in turns.items()]
+    turned = loops.with_turned({i: (np.eye(3), turn) for i, (_, _, turn) in turns.items()})
+    if turns and close_from_afar(turned, start).closed:
+        edits = [_edit(loops.ends[i][1], angle, about, raff) for i, (angle, about, _) in turns.items()]
+        lines.append(f"the z axes of {', of '.join(apart)} as written. It closes with {'; and '.join(edits)}")
+        return "\n  ".join(lines)
     for weaker in (LoopKind.REVOLUTE, LoopKind.BALL):
         changed = [i for i in open_loops if i < len(kinds) and ROWS[kinds[i]] > ROWS[weaker]]
         trial = [weaker if i in changed else kind for i, kind in enumerate(kinds)]
@@ -289,11 +345,46 @@ def why_open(loops: KindedLoops, names: Sequence[str], start: Array, best: Closi
             lines.append(
                 f"it closes with {kind} joints there: loops={{{python}}} in Python, {typed} as a command's option"
             )
+            if apart and weaker is LoopKind.BALL:
+                lines.append(f"but hinges need parallel axes: the z axes of {', of '.join(apart)} as written")
             break
     else:
         if any(i < len(kinds) for i in open_loops):
             lines.append("neither revolute nor ball joints there would close it")
     return "\n  ".join(lines)
+
+
+def _turns(loops: KindedLoops, open_loops: Sequence[int], start: Array) -> dict[int, tuple[float, float, Array]]:
+    """Return for open hinges whose z axes are not parallel as written: the angle between them, and about which axis of
+    the second end's x and y it is turned to make them parallel, by its angle from x, degrees; and that rotation."""
+    found, placed = {}, loops.placements(start)
+    for i in open_loops:
+        if i < len(loops.kinds) and loops.kinds[i] is LoopKind.REVOLUTE:
+            swung, _ = swing(placed[i][2, :3])  # the first end's z axis, seen from the second
+            angle = math.degrees(float(np.linalg.norm(swung)))
+            if angle > _PARALLEL:
+                about = math.degrees(math.atan2(swung[1], swung[0]))
+                found[i] = angle, about, _rotation(np.append(swung, 0.0))
+    return found
+
+
+def _rotation(vector: Array) -> Array:
+    """Return the rotation (3, 3) of a rotation vector (3,) that is not 0."""
+    angle = float(np.linalg.norm(vector))
+    k = skew(vector / angle)
+    return np.asarray(np.eye(3) + math.sin(angle) * k + (1.0 - math.cos(angle)) * k @ k)
+
+
+def _edit(end: str, angle: float, about: float, raff: bool) -> str:
+    """Return how the axes of an end are turned."""
+    if raff:
+        around = f"gamma {about:.8g} " if abs(about) > _PARALLEL else ""
+        back = f" theta {-about:.8g}" if around else ""
+        return f"a frame on {end}, 'parameters {{ {around}alpha {angle:.8g}{back} }}', as that end of the loop"
+    axes = {0: "its x", 90: "its y", 180: "its -x", -180: "its -x", -90: "its -y"}
+    near = min(axes, key=lambda at: abs(about - at))
+    axis = axes[near] if abs(about - near) < _PARALLEL else f"an axis {about:.4g} degrees from its x to its y"
+    return f"the frame of {end} turned by {angle:.4g} degrees about {axis}"
 
 
 def _largest(values: Array) -> float:

@@ -165,8 +165,10 @@ class Cluster:
         couplings: Sequence[int],
         kinds: Mapping[int, LoopKind],
         length: float,
+        turns: Mapping[int, tuple[Array, Array]] | None = None,
     ) -> None:
         self.document, self.robot, self.length = document, robot, length
+        self._turns = turns or {}
         self.loops, self.couplings = loops, couplings
         self.kinds = [kinds[i] for i in loops]
         branches = [_branches(robot, i) for i in loops]
@@ -200,7 +202,35 @@ class Cluster:
     def with_kinds(self, kinds: Sequence[LoopKind]) -> Cluster:
         """Return the same loops, closed by other kinds of joints."""
         by_loop = dict(zip(self.loops, kinds, strict=True))
-        return Cluster(self.document, self.robot, self.loops, self.couplings, by_loop, self.length)
+        return Cluster(self.document, self.robot, self.loops, self.couplings, by_loop, self.length, self._turns)
+
+    def with_turned(self, turns: Mapping[int, tuple[Array, Array]]) -> Cluster:
+        """Return the same loops, the axes of some loops' ends turned by rotations (3, 3) in their own axes."""
+        kinds = dict(zip(self.loops, self.kinds, strict=True))
+        return Cluster(self.document, self.robot, self.loops, self.couplings, kinds, self.length, turns)
+
+    @property
+    def ends(self) -> list[tuple[str, str]]:
+        """Names of the nodes at both ends of each loop."""
+        nodes, loops = self.robot.nodes, (self.robot.loops[i] for i in self.loops)
+        return [(nodes[loop.first].node, nodes[loop.second].node) for loop in loops]
+
+    def placements(self, q: Array) -> list[Array]:
+        """Return the placement (4, 4) of each loop's second end in its first, at q (nq,); m."""
+        return [inverse(first) @ second for first, second in self._ends(self._placed(q))]
+
+    def _placed(self, q: Array) -> dict[int, Array]:
+        values = {joint.number: value for joint, value in zip(self.joints, q.tolist(), strict=True)}
+        return _placed(self.parts, self._parameters, values, np.eye(4))
+
+    def _ends(self, placed: Mapping[int, Array]) -> Iterator[tuple[Array, Array]]:
+        """Yield the placements (4, 4) of both ends of each loop."""
+        fixed = np.eye(4)  # the nearest common ancestor, and an end that no joint of the loop moves
+        for i, index in enumerate(self.loops):
+            loop = self.robot.loops[index]
+            ends = placed.get(loop.first, fixed), placed.get(loop.second, fixed)
+            turns = self._turns.get(i)
+            yield ends if turns is None else (_turned(ends[0], turns[0]), _turned(ends[1], turns[1]))
 
     @property
     def start(self) -> Array:
@@ -214,15 +244,11 @@ class Cluster:
 
     def evaluate(self, q: Array) -> tuple[Array, Array]:
         """Return the residual of the loops and couplings, and its derivative by the dimensionless step."""
-        fixed = np.eye(4)  # the nearest common ancestor, and an end that no joint of the loop moves
-        values = {joint.number: value for joint, value in zip(self.joints, q.tolist(), strict=True)}
-        placed = _placed(self.parts, self._parameters, values, fixed)
+        placed = self._placed(q)
         joints = np.array([placed[joint.number] for joint in self.joints]).reshape(-1, 4, 4)
         axes, origins = joints[:, :3, 2], joints[:, :3, 3]
         residuals, blocks = [], []
-        for index, kind, sign in zip(self.loops, self.kinds, self._signs, strict=True):
-            loop = self.robot.loops[index]
-            first, second = placed.get(loop.first, fixed), placed.get(loop.second, fixed)
+        for (first, second), kind, sign in zip(self._ends(placed), self.kinds, self._signs, strict=True):
             residual, derivative = loop_residual(kind, inverse(first) @ second, self.length)
             z = sign * axes
             angular = np.where(self._prismatic, 0.0, z)
@@ -238,6 +264,13 @@ class Cluster:
             residuals.append(np.array([lack / size]))
             blocks.append(row)
         return np.concatenate(residuals), np.vstack(blocks) * self.scale
+
+
+def _turned(placement: Array, turn: Array) -> Array:
+    """Return a placement (4, 4), turned by a rotation (3, 3) in its own axes."""
+    turned = placement.copy()
+    turned[:3, :3] = placement[:3, :3] @ turn
+    return turned
 
 
 def clusters(document: Document, robot: RaffRobot, kinds: Mapping[int, LoopKind], length: float) -> Iterator[Cluster]:

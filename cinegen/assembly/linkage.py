@@ -579,9 +579,13 @@ def _redundant(
     if count == 0:
         return ()
     if follow:
+        matrix = max((mechanism.system.evaluate(q)[1] for q in mechanism.samples), key=closure.rank)
+        leaders = {joint for coupling in mechanism.couplings for joint in coupling.terms if joint != coupling.follower}
+        own = dict(sorted(zip(columns, names, strict=True), key=lambda one: one[1] in leaders))
+        dependent = closure.passive(matrix, [*mechanism.passive_columns.tolist(), *own])
         raise ModesError(
             f"{mechanism.name}: {count} of its actuated joints follow from the others, by loops or couplings"
-            + _remedy(mechanism, mechanism.dependent, "passive")
+            + _remedy(mechanism, [own[column] for column in dependent if column in own], "passive")
         )
     best: list[int] = []
     strongest = 0.0

@@ -120,12 +120,12 @@ def _text(found: Calibration, name: str, most: int | None) -> str:
         lines += ["", f"  cross-validation, {found.folds} parts: root mean square errors of poses that were not used"]
         for one in found.held_out:
             kind = "lengths" if one.dimension is LENGTH else "angles"
-            before, after, noise = (
-                _shown(x, "m" if one.dimension is LENGTH else "rad") for x in (one.before, one.after, one.noise)
+            before, after, kept, noise = (
+                _shown(x, "m" if one.dimension is LENGTH else "rad")
+                for x in (one.before, one.after, one.kept, one.noise)
             )
-            lines.append(
-                f"    {kind:<10}{before:>14} as described{after:>14} calibrated{noise:>14} noise of the readings"
-            )
+            calibrated = f"{after:>14} calibrated" + f" ({kept} without outliers)" * bool(found.outliers)
+            lines.append(f"    {kind:<10}{before:>14} as described{calibrated}{noise:>14} noise of the readings")
     frames = found.observation.frames
     if len(frames):
         lines += ["", "  devices in the world, targets on their nodes"]

@@ -238,7 +238,7 @@ class Solver:
         if closure > CLOSURE:
             raise CinegenError(
                 f"q leaves loops of {self.mechanism.name} open by {closure:.2g} rad or characteristic lengths: "
-                "use mechanism.close(q).q"
+                "use mechanism.close(q)"
             )
         with self._used():
             self._put(full, closure)

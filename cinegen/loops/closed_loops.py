@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -131,6 +131,28 @@ class ClosedLoops:
         """Return the same loops, closed by other kinds of joints."""
         loops = [replace(loop, kind=kind) for loop, kind in zip(self.loops, kinds, strict=True)]
         return ClosedLoops(self.model, loops, self.length, self.couplings)
+
+    def with_turned(self, turns: Mapping[int, tuple[Array, Array]]) -> ClosedLoops:
+        """Return the same loops, the axes of some loops' ends turned by rotations (3, 3) in their own axes."""
+        loops = list(self.loops)
+        for i, (first, second) in turns.items():
+            loops[i] = replace(
+                loops[i],
+                first_placement=loops[i].first_placement * pin.SE3(first, np.zeros(3)),
+                second_placement=loops[i].second_placement * pin.SE3(second, np.zeros(3)),
+            )
+        return ClosedLoops(self.model, loops, self.length, self.couplings)
+
+    @property
+    def ends(self) -> list[tuple[str, str]]:
+        """Names of the nodes at both ends of each loop."""
+        return [(loop.first, loop.second) for loop in self.loops]
+
+    def placements(self, q: Array) -> list[Array]:
+        """Return the placement (4, 4) of each loop's second end in its first, at q (nq,); m."""
+        pin.forwardKinematics(self.model, self.data, q)
+        ends = [(self.data.oMi[a] * on_a, self.data.oMi[b] * on_b) for a, on_a, b, on_b in self.anchors]
+        return [first.actInv(second).homogeneous for first, second in ends]
 
     def integrate(self, q: Array, step: Array) -> Array:
         """Return the configuration (nq,) reached from q (nq,) by a dimensionless step (nv,)."""

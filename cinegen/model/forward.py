@@ -92,7 +92,7 @@ class ForwardKinematics:
         if gap > CLOSURE:
             raise CinegenError(
                 f"q leaves loops of {self.mechanism.name} open by {gap:.2g} rad or characteristic lengths: "
-                "use mechanism.close(q).q"
+                "use mechanism.close(q)"
             )
         self._set(full.copy())
 

@@ -229,7 +229,7 @@ class _Files:
         loops = ", ".join(f"'{name}'" for name in self.gaps)
         return CinegenError(
             f"{self.path}: no small change of the numbers makes these loops exact: {loops}: check their geometry, or "
-            "close them by weaker joints (--relax, or --loop NAME=ball)"
+            "load the robot with weaker joints there (--relax, or --loop NAME=ball, of the other commands)"
         )
 
     def _values(self, changes: Sequence[tuple[tuple[int, int], float]]) -> list[list[float]]:

@@ -30,7 +30,7 @@ from raff2urdf.errors import RaffError
 from raff2urdf.json_lines import line_of
 from raff2urdf.length import characteristic_length, cut_screws
 from raff2urdf.raff.document import LoopKind
-from raff2urdf.readers.actuation import advice, syntax_of
+from raff2urdf.readers.actuation import RAFF, advice, syntax_of
 from raff2urdf.readers.declaration import IgnoreList
 from raff2urdf.readers.sidecar import constraints_of
 from raff2urdf.readers.srdf import Srdf, read_srdf, srdf_of
@@ -157,6 +157,7 @@ def _load_xml(
     except raff2urdf.RaffError as error:
         raise LoadError(str(error)) from None
     entries = {entry["name"]: entry for entry in constraints["loops"]} if constraints else {}
+    balls = {name for name, entry in entries.items() if entry["kind"] == "ball"}
     for name, kind in (loops or {}).items():
         if name not in entries:
             raise UnknownNameError("loop", name, tuple(entries))
@@ -167,6 +168,9 @@ def _load_xml(
     )
     if constraints and not loops:
         _check_stated(mechanism, constraints, path)
+    for name, kind in (loops or {}).items():
+        if name in balls and loop_kind(kind) is LoopKind.REVOLUTE:
+            _check_hinge(mechanism, name, path)
     for link, why in list(mechanism.unphysical.items())[:1]:  # a RAFF file is checked by raff2urdf
         more = f" (and {len(mechanism.unphysical) - 1} more links)" if len(mechanism.unphysical) > 1 else ""
         warn(f"{path}: link '{link}' has an inertia that no body can have: {why}; no forces can be computed{more}")
@@ -203,6 +207,40 @@ def _check_stated(mechanism: Mechanism, constraints: Mapping[str, Any], path: Pa
             raise LoadError(
                 f"{where}: at $.{key}: {why}: correct the number, or restore the joints and loops it was counted for"
             )
+
+
+def _check_hinge(mechanism: Mechanism, name: str, path: Path) -> None:
+    """Check the axis of a hinge in the place of a ball joint, whose frames need not have z along it.
+
+    Raises:
+        LoadError: as a hinge about z the loop takes DoF that it leaves as a ball joint, and about x or y none.
+    """
+    for own, at in subsystems(mechanism.system):
+        index = next((i for i, loop in enumerate(own.loops) if loop.name == name), None)
+        if index is None:
+            continue
+        q, kinds = mechanism.q_home[at], list(own.kinds)
+        kinds[index] = LoopKind.BALL
+        free = closure.generic_rank(own.with_kinds(kinds), q)[0]
+        taken = closure.generic_rank(own, q)[0] - free
+        for axis, turn in _TURNS.items() if taken > 0 else ():
+            other = own.with_turned({index: (turn, turn)})
+            closing = closure.close(other, q)
+            if closing.closed and closure.generic_rank(other, closing.q)[0] == free:
+                first, second = own.ends[index]
+                rpy = "0 1.5707963267948966 0" if axis == "x" else "-1.5707963267948966 0 0"
+                raise LoadError(
+                    f"{path}: loop '{name}' as a hinge about the z axes of {first} and {second} takes {taken} DoF of "
+                    f"the mechanism that it leaves about their {axis} axes, as other joints are: turn both frames by "
+                    f'rpy="{rpy}", or leave the ball joint'
+                )
+
+
+_TURNS = {
+    "x": np.array([[0.0, 0.0, 1.0], [0.0, 1.0, 0.0], [-1.0, 0.0, 0.0]]),
+    "y": np.array([[1.0, 0.0, 0.0], [0.0, 0.0, 1.0], [0.0, -1.0, 0.0]]),
+}
+"""Rotations that take z to x and to y."""
 
 
 def _degrees_of_freedom(system: ClosedLoops, rank: int) -> dict[str, int]:
@@ -303,7 +341,7 @@ def build(
     stated = any("actuated" in joint for joint in constraints["joints"])
     actuated = {joint["name"]: joint.get("actuated", True if stated else None) for joint in entries}
     ranks, determined = list[int](), set[str]()
-    robot = f"{name}: robot '{constraints['robot']}'"
+    robot = f"robot '{constraints['robot']}'"
     if loops or couplings:
         gap = max(closure.gaps(system, q))
         q, limits = _followed(system, q), Limits(model, tuple(actuated))
@@ -312,7 +350,7 @@ def build(
             return build(*exact, folder, name, dialects, notes, srdf, owner)
         q = q if spherical is None or near is None else spherical.from_successive(near)
         drawn = not any("home" in joint for joint in (given or {}).get("joints", []))
-        ranks, determined, moved = _close(system, q, limits, actuated, drawn, robot)
+        ranks, determined, moved = _close(system, q, limits, actuated, drawn, name, robot)
         if not moved:  # else home is a random one
             system = ClosedLoops(model, loops, _length(system, q, constraints["nodes"]), couplings)
         notes += ("all joints at 0 is singular: home is a configuration near it",) if moved else ()
@@ -322,7 +360,7 @@ def build(
     if uncontrolled:
         message = advice(uncontrolled, dependent, syntax_of(Path(name)))
         if dependent:
-            warn(f"{robot}: {message}")
+            warn(f"{name}: {robot}: {message}")
         else:
             notes += (message,)
     return Mechanism(
@@ -497,7 +535,13 @@ def _loop(entry: Mapping[str, Any]) -> LoopConstraint:
 
 
 def _close(
-    system: ClosedLoops, q: Array, limits: Limits, actuated: Mapping[str, bool | None], drawn: bool, name: str
+    system: ClosedLoops,
+    q: Array,
+    limits: Limits,
+    actuated: Mapping[str, bool | None],
+    drawn: bool,
+    name: str,
+    robot: str,
 ) -> tuple[list[int], set[str], bool]:
     """Close all clusters of loops, each by itself: q (nq,) becomes the closed configuration nearest to it, within the
     limits if possible.
@@ -508,7 +552,8 @@ def _close(
         limits: of all joints.
         actuated: whether joints are; None: not stated.
         drawn: whether q is only how the file draws the robot: where it is singular, another one is chosen.
-        name: of the robot, in errors.
+        name: the file's, in errors.
+        robot: of the file, in errors.
 
     Returns:
         the generic rank of each cluster, the joints that others determine (see `_determined`), and whether a singular
@@ -522,7 +567,7 @@ def _close(
         closing = closure.close_from_afar(own, q[at])
         if not closing.closed:
             names = [*(loop.name for loop in own.loops), *(coupling.name for coupling in own.couplings)]
-            problems.append(closure.why_open(own, names, q[at], closing))
+            problems.append(closure.why_open(own, names, q[at], closing, syntax_of(Path(name)) == RAFF))
             continue
         columns = dict(zip(*map(np.ndarray.tolist, scalar_joints(own.model)), strict=True))
         q[at] = closure.close_within(own, closing.q, limits.lower[at], limits.upper[at], columns)
@@ -534,10 +579,10 @@ def _close(
             moved = True
         determined |= _determined(own, generic, actuated)
     if problems:
-        raise ClosureError(f"{name}: " + "\n".join(problems))
+        raise ClosureError(f"{name}: {robot}: " + "\n".join(problems))
     beyond = limits.exceeded(q)
     if beyond:
-        message = f"{name}: with all loops closed, home is outside the limits of {', '.join(beyond)}"
+        message = f"{name}: {robot}: with all loops closed, home is outside the limits of {', '.join(beyond)}"
         warn(message)
     return ranks, determined, moved
 

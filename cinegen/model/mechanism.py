@@ -594,13 +594,12 @@ class Mechanism:
         if closing.closed:
             return closing.q
         self.checked(start)
-        gaps = zip(self.constraint_names, closure.gaps(self.system, closing.q), strict=True)
-        listed = ", ".join(f"'{name}' by {gap:.2g}" for name, gap in gaps if gap > closure.CLOSED)
+        gaps = (closure.gaps(self.system, closing.q), closure.shown_gaps(self.system, closing.q))
+        found = zip(self.constraint_names, *gaps, strict=True)
+        listed = ", ".join(f"'{name}' by {shown}" for name, gap, shown in found if gap > closure.CLOSED)
         what = "loops and couplings" if self.couplings else "loops"
         condition = f" with {len(set(names))} joints locked" if names else ""
-        raise ClosureError(
-            f"{self.name} can't be closed from there{condition}: these {what} remain open: {listed} (rad or lengths)"
-        )
+        raise ClosureError(f"{self.name} can't be closed from there{condition}: these {what} remain open: {listed}")
 
     @property
     def _closer(self) -> Closer:

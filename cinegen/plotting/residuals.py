@@ -14,6 +14,8 @@ from raff2urdf.quantities import ANGLE, LENGTH, Dimension
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
+    from cinegen.design.calibration.estimation import HeldOut
+
 _WIDE, _TALL = 7.5, 2.1  # inches: width, and height of each row
 _LIMIT = 3.0  # standard deviations, drawn as lines
 _MOST = 8.0  # standard deviations, of the lower panel
@@ -32,7 +34,7 @@ def draw_residuals(found: Calibration, name: str | None = None) -> Figure:
     """
     name = name or found.parameters.robot.name
     held = ", ".join(
-        f"{_shown(one.before, one.dimension)} before, {_shown(one.after, one.dimension)} after (noise "
+        f"{_shown(one.before, one.dimension)} before, {_shown(one.after, one.dimension)} after{_kept(one)} (noise "
         f"{_shown(one.noise, one.dimension)})"
         for one in found.held_out
     )
@@ -66,6 +68,10 @@ def draw_residuals(found: Calibration, name: str | None = None) -> Figure:
     label(lower, "pose", "after: residual / sigma")
     finish(figure)
     return figure
+
+
+def _kept(one: HeldOut) -> str:
+    return f", {_shown(one.kept, one.dimension)} without outliers" if one.kept != one.after else ""
 
 
 def _shown(value: float, dimension: Dimension) -> str:

@@ -25,7 +25,7 @@ def syntax_of(path: Path) -> str:
         return RAFF
     root = parse_xml(read_text(path), str(path))
     if root.tag == "mujoco":
-        return '<motor joint="NAME"/> in <actuator>'
+        return '<general joint="NAME"/> in <actuator>'
     if root.tag == "sdf":
         return _SDF
     constraints = sidecar.constraints_of(path)

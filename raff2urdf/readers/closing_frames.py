@@ -55,7 +55,7 @@ def find(root: Any) -> Iterator[Declaration]:
         kind = "revolute" if own in hinges else "ball"
         label = f"frames '{name}' and '{last.get('name')}'"
         text = f"the {label} (line {last.sourceline}) declare a loop"
-        other = f"--loop {shell_word(name[:-2])}=revolute otherwise"
+        other = f"--loop {shell_word(name[:-2])}=revolute for a hinge about their z axes"
         note = f"the {label} don't state the kind of loop: their origins coincide; {other}"
         yield Declaration(
             first.sourceline, DIALECT, label, text, name[:-2], read=_reader(first, last, kind), also=tuple(

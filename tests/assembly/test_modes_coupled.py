@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import re
+
 import pytest
 from assembled import nothing_beside, sound, traced
 
@@ -40,3 +42,34 @@ def test_a_passive_joint_follows_another_one(root, tmp_path):
     traced(modes)
     sound(modes, count=2)
     nothing_beside(modes, ["tool", "link4"], 60)
+
+
+def declared(text: str, joints: tuple[int, ...]) -> str:
+    """A text whose actuated joints are those of these links."""
+    text = text.replace("actuated 1", "")
+    for number in joints:
+        text = re.sub(rf"(link {number} \{{[^\n]*\n)", r"\1 actuated 1\n", text, count=1)
+    return text
+
+
+def test_the_remedies_for_couplings_of_passive_joints_and_for_too_many_actuated_ones_work(root, tmp_path):
+    """Followed one after another, they end where modes are found."""
+    text = (root / "robots" / "five_bar.raff").read_text(encoding="utf-8")
+    tie = 'coupling { name "tie" link 4 link 2 polynomial ( -1 0.001 ) offset 10 }'
+    text = text.replace("constraint { link 5", f"{tie}\n constraint {{ link 5", 1)
+    path, how = tmp_path / "tied.raff", "; 'actuated 1' in its link declares an actuated joint"
+
+    def refused(joints: tuple[int, ...]) -> str:
+        path.write_text(declared(text, joints), encoding="utf-8")
+        with pytest.raises(cinegen.CinegenError) as caught:
+            cinegen.assembly_modes(cinegen.load(path))
+        return str(caught.value)
+
+    assert f"by a ratio of 1 or -1: let 'joint2' be actuated{how}" in refused((1, 3))
+    said = refused((1, 2, 3))
+    assert "2 of its actuated joints follow from the others" in said
+    passive = re.search(r": let 'joint(\d)' and 'joint(\d)' be passive", said)
+    assert passive is not None, said
+    left = tuple({1, 2, 3} - {int(number) for number in passive.groups()})
+    path.write_text(declared(text, left), encoding="utf-8")
+    assert len(cinegen.assembly_modes(cinegen.load(path))) == 2

@@ -255,7 +255,10 @@ MISTAKES = [
         {"platform.x": 0.001},
         r"column platform.x: .* would fit if they were 1000 times as large: are they in m, and read as mm",
     ),
-    ({"platform.z": -1.0}, "column platform.z: the readings differ by .* from what the robot does .* check the unit"),
+    (
+        {"platform.z": -1.0},
+        "column platform.z: the readings differ by .* from what the robot does .* opposite sign of platform.z",
+    ),
     ({"joint1": 1000.0}, "joint1: .* far beyond its limits"),
     (
         dict.fromkeys(("joint1", "joint6", "joint12"), np.radians(1.0)),

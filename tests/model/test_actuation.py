@@ -78,7 +78,7 @@ def mjcf(actuated: str) -> str:
         return f'<body name="{child}" pos="{x} {y} 0"><joint name="{joint}" axis="0 0 1"/>{inner}{inside}</body>'
 
     x, y = np.subtract(TIP, RIGHT[1])
-    motors = "".join(f'<motor joint="{joint}"/>' for joint in actuated)
+    motors = "".join(f'<general joint="{joint}"/>' for joint in actuated)
     return (
         f"<mujoco><worldbody>{body('a', body('b', body('e')))}{body('c', body('d'))}</worldbody><equality>"
         f'<connect body1="r2" body2="tip" anchor="{x} {y} 0"/></equality><actuator>{motors}</actuator></mujoco>'
@@ -147,7 +147,7 @@ SYNTAX = {
     "json": '"actuated": true in r.constraints.json',
     "urdf": "its name in name_mot: [...] of p.yaml",
     "sdf": '<raff:joint name="NAME" actuated="true"/> in the model\'s <raff:robot xmlns:raff="urn:raff2urdf">',
-    "mjcf": '<motor joint="NAME"/> in <actuator>',
+    "mjcf": '<general joint="NAME"/> in <actuator>',
 }
 RAFF_NAMES = dict(zip(("joint1", "joint2", "joint3", "joint4", "joint5"), "abcde", strict=True))
 

@@ -378,17 +378,56 @@ def two_bars_with_a_wrong_angle() -> str:
 
 def test_a_loop_that_stays_open_is_named_with_its_gap_and_its_rows_against_their_rank() -> None:
     said = why(skew_four_bar())
-    assert re.search(r"robot 'r'.*can't be closed.*'link5-frame6' \(rigid, 0\.\d+\)", said)
+    assert re.search(r"robot 'r'.*can't be closed.*'link5-frame6' \(rigid, [\d.]+ mm.* and [\d.]+ degrees", said)
     assert "6 loop rows of rank 4 on 4 joints" in said
 
 
 def test_the_gap_that_is_named_is_the_least_one() -> None:
     """scipy's least squares finds no better configuration around."""
     cluster = cluster_of(skew_four_bar())
-    named = re.search(r"rigid, ([\d.]+)\)", why(skew_four_bar()))
+    named = re.search(r"rigid, ([\d.]+) mm.* and ([\d.]+) degrees", why(skew_four_bar()))
     assert named is not None
     best = least_squares(lambda q: cluster.evaluate(q)[0], cluster.home, xtol=1e-15, ftol=1e-15, gtol=1e-15)
-    assert float(named[1]) == pytest.approx(np.abs(best.fun).max(), rel=0.01)
+    sizes = np.linalg.norm(best.fun[:3]) * 1e3 * cluster.length, np.degrees(np.linalg.norm(best.fun[3:]))
+    assert [float(number) for number in named.groups()] == pytest.approx(sizes, rel=0.01)
+
+
+@pytest.mark.parametrize(
+    ("turned", "edit"),
+    [
+        (turn("x", np.pi), "alpha 180"),
+        (turn("z", np.radians(40.0)) @ turn("x", np.pi), "alpha 180"),
+        (turn("y", np.radians(-70.0)), "gamma 90 alpha 70 theta -90"),
+    ],
+    ids=["opposed", "opposed and rotated", "tilted"],
+)
+def test_hinges_whose_axes_differ_are_told_with_the_frame_that_helps_and_it_does(turned: np.ndarray, edit: str) -> None:
+    """A ball joint would close it, too, and let the link spin."""
+    text = ring(FOUR_BAR_AXES, off=turned)
+    said = why(text)
+    angle = np.degrees(np.arccos(turned[2, 2]))
+    assert f"the z axes of frame5 and frame6 are {angle:.4g} degrees apart as written" in said
+    found = re.search(r"It closes with a frame on frame6, '(parameters \{ .* \})', as that end of the loop", said)
+    assert found is not None, said
+    numbers = [[float(x) for x in re.findall(r"-?[\d.]+", one)] for one in (found[1], edit)]
+    assert numbers[0] == pytest.approx(numbers[1], abs=1e-4)
+    assert "ball" not in said
+    mended = text.replace("frame 5 frame 6", "frame 5 frame 7").replace(
+        "constraint", f"frame 7 {{ {found[1]} pred 6 }}\n  constraint"
+    )
+    document = loads(mended)
+    assert analyse(document, document.robot()).mobility == 1
+
+
+def test_a_gap_is_told_by_its_axis() -> None:
+    """A point that can only move along x is 30 mm off along y."""
+    text = """RAFF slider
+    robot r {
+      link 1 { parameters { gamma 90 alpha 90 theta -90 r 200 } type 1 pred 0 }
+      frame 2 { parameters { gamma 90 d 30 } pred 0 }
+      constraint { frame 2 link 1 type 3 }
+    }"""
+    assert "'frame2-link1' (ball, 30 mm along x)" in why(text)
 
 
 @pytest.mark.parametrize(

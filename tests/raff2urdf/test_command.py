@@ -251,6 +251,7 @@ def test_what_was_found_may_be_had_as_json(folder: Path, command: Run) -> None:
         "loop_rank": 12,
         "mobility": 3,
         "actuated": ["joint1", "joint6", "joint12"],
+        "uncontrolled": [],
         "urdf": "generated/delta4.urdf",
         "constraints": "generated/delta4.constraints.json",
         "files": ["generated/delta4.urdf", "generated/delta4.constraints.json"],

@@ -27,6 +27,7 @@ from numpy.typing import NDArray
 from scipy.optimize import least_squares
 
 from cinegen.design.amounts import Amounts, amount_in, fits, pairs
+from cinegen.design.calibration.hypotheses import ContradictionError, Doubt, doubt, explanation
 from cinegen.design.calibration.identifiability import LISTED, Dependency, Subspace, dependencies, subspace
 from cinegen.design.calibration.measurements import Measurements
 from cinegen.design.calibration.observation import Observation, Prediction
@@ -85,6 +86,7 @@ class HeldOut:
         count: number of readings.
         before: at nominal values.
         after: calibrated.
+        kept: likewise, without outliers.
         noise: of the readings themselves.
     """
 
@@ -92,6 +94,7 @@ class HeldOut:
     count: int
     before: float
     after: float
+    kept: float
     noise: float
 
 
@@ -220,7 +223,7 @@ class Calibration:
             "folds": self.folds,
             "held_out": [
                 {"kind": kinds[one.dimension], "readings": one.count, "before": one.before, "after": one.after,
-                 "noise": one.noise}
+                 "kept": one.kept, "noise": one.noise}
                 for one in self.held_out
             ],
         }  # fmt: skip
@@ -253,21 +256,48 @@ def calibrate(
         robot: name of one robot of a file that holds several.
 
     Raises:
-        DesignError: measurements that don't fit the robot, are in another unit or frame, or determine nothing.
+        DesignError: measurements that don't fit the robot, are in another unit or frame, or determine nothing; most
+            readings of a column contradict the others.
         raff2urdf.RaffError: a file is wrong.
     """
     whole = source if isinstance(source, Parameters) else Parameters(source, robot=robot)
     read = measurements if isinstance(measurements, Measurements) else Measurements.load(measurements, whole.mechanism)
     parameters = whole if isinstance(source, Parameters) else _with_offsets(whole, names, ties, read)
+
+    def estimate(given: Measurements, folds: int = 0) -> Calibration:
+        return _estimate(parameters, given, sigma, gains, robust, folds)
+
+    refusal: ContradictionError | None = None
+    try:
+        found = estimate(read, folds)
+        why = doubt(found)
+    except ContradictionError as error:
+        found, why, refusal = None, Doubt(error.text), error
+    if why is not None:
+        observation = Observation(parameters, read, gains)
+        nominal = predicted(observation)
+        expected = _solver(observation, nominal, sigma).expected(nominal)
+        mistake = explanation(observation, expected, estimate, math.nan if found is None else found.fit)
+        if mistake:
+            raise DesignError(f"{why.text}. They fit {mistake}: is that what was measured?")
+        if found is None or not why.remedy:
+            raise refusal or ContradictionError(why.text)
+        warn(f"{why.text}. If that is real, give what you expect: --sigma {why.remedy}")
+    assert found is not None
+    _warn(found)
+    return found
+
+
+def _estimate(
+    parameters: Parameters, read: Measurements, sigma: Amounts | None, gains: Sequence[str], robust: bool, folds: int
+) -> Calibration:
+    """Estimate parameters, whatever the estimate is; see `calibrate`."""
     observation = Observation(parameters, read, gains)
     nominal = predicted(observation)
     before = observation.residuals(nominal)
-    covariances = observation.covariances(nominal)
-    standard = np.sqrt(np.einsum("nkk->nk", covariances))
-    errors = observation.expected_errors(expected_errors(parameters, sigma))
-    errors[[name in nominal.opening for name in observation.names]] = 0.0
     present = np.isfinite(before)
-    solver = _Solver(observation, covariances, errors)
+    solver = _solver(observation, nominal, sigma)
+    errors, standard = solver.errors, solver.standard
     check_units(observation, nominal, np.where(np.isin(observation.names, observation.frames.names), 0.0, errors))
     space = subspace(solver.whiten(nominal.jacobian, present), errors)
     if not space.basis.shape[1]:
@@ -283,15 +313,19 @@ def calibrate(
     jacobian = solver.whiten(final.jacobian, kept) @ space.changes
     covariance: Array = np.asarray(np.linalg.pinv(jacobian.T @ jacobian, hermitian=True), dtype=float)
     whitened = solver.whiten(after[..., None], kept)
-    calibration = Calibration(
+    return Calibration(
         observation, observation.names, observation.values, theta, space.changes @ covariance @ space.changes.T, space,
         z, covariance, _dependencies(observation, space, errors, nominal.q),
         tuple(n for n, s, e in zip(observation.names, space.lengths, errors, strict=True) if s < _WITHOUT and e > 0.0),
         nominal.opening, before, after, standard, kept, tuple(_outliers(observation, after, standard, present & ~kept)),
         float((whitened**2).sum()), int(kept.sum()) - len(z), *_held_out(solver, space, folds, kept, before, nominal),
     )  # fmt: skip
-    _warn(calibration)
-    return calibration
+
+
+def _solver(observation: Observation, nominal: Prediction, sigma: Amounts | None) -> _Solver:
+    errors = observation.expected_errors(expected_errors(observation.design.parameters, sigma))
+    errors[[name in nominal.opening for name in observation.names]] = 0.0
+    return _Solver(observation, observation.covariances(nominal), errors)
 
 
 def expected_errors(parameters: Parameters, sigma: Amounts | None) -> Array:
@@ -391,9 +425,8 @@ class _Solver:
             kept = wanted
             if kept.sum() < len(z):
                 contrary, count = int(present.sum() - kept.sum()), int(present.sum())
-                raise DesignError(
-                    f"{self.observation.measurements.source}: {contrary} of {count} "
-                    "readings contradict the others: check the signs, the units and the sigmas of the columns"
+                raise ContradictionError(
+                    f"{self.observation.measurements.source}: {contrary} of {count} readings contradict the others"
                 )
             z = self.least_squares(space, z, kept)
         return z, kept
@@ -484,7 +517,7 @@ def _held_out(
     solver: _Solver, space: Subspace, folds: int, kept: Mask, before: Array, nominal: Prediction
 ) -> tuple[int, tuple[HeldOut, ...]]:
     """Return the number of folds, and the errors of poses that an estimate from the other poses has not used; readings
-    that are outliers for all poses together are left out."""
+    that are outliers for all poses together are in none."""
     poses, observation = len(before), solver.observation
     folds = min(folds, poses)
     if folds < 2:
@@ -504,11 +537,16 @@ def _held_out(
     found = []
     for dimension in (LENGTH, ANGLE):
         columns = [one.dimension is dimension for one in observation.quantities]
-        mask = kept & np.array(columns)
+        mask = np.isfinite(before) & np.array(columns)
         if mask.any():
-            rms = [float(np.sqrt(np.mean(x[mask] ** 2))) for x in (before, after, solver.standard)]
+            within = (after, mask & kept) if (mask & kept).any() else (after, mask)
+            rms = [_rms(*one) for one in ((before, mask), (after, mask), within, (solver.standard, mask))]
             found.append(HeldOut(dimension, int(mask.sum()), *rms))
     return folds, tuple(found)
+
+
+def _rms(values: Array, mask: Mask) -> float:
+    return float(np.sqrt(np.mean(values[mask] ** 2)))
 
 
 def _warn(found: Calibration) -> None:

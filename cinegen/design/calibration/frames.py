@@ -30,7 +30,10 @@ Array = NDArray[np.float64]
 
 UNITS = {
     LENGTH: (("mm", "m", 1e3), ("m", "mm", 1e-3), ("mm", "in", 25.4), ("in", "mm", 1.0 / 25.4)),
-    ANGLE: (("deg", "rad", float(np.degrees(1.0))), ("rad", "deg", float(np.radians(1.0)))),
+    ANGLE: (
+        *(("deg", "rad", float(np.degrees(1.0))), ("rad", "deg", float(np.radians(1.0)))),
+        *(("deg", "gon", 0.9), ("rad", "gon", float(np.pi / 200.0))),
+    ),
 }
 """Units in which numbers were read and may have been meant, and the factor between, by dimension."""
 

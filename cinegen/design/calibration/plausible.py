@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cinegen.design.calibration.frames import UNITS
+from cinegen.design.calibration.hypotheses import ContradictionError
 from cinegen.design.calibration.measurements import Measurements
 from cinegen.design.calibration.observation import Observation, Prediction
 from cinegen.design.errors import DesignError
@@ -77,10 +78,11 @@ def check_units(observation: Observation, nominal: Prediction, errors: Array) ->
                     f"as {wrong}?"
                 )
         if off[k] > _OFF * (length if one.dimension is LENGTH else 1.0):
-            raise DesignError(
-                f"{where} (its characteristic length is {shown(length, LENGTH)}): check the unit and the sign of this "
-                "column and those of the joints, and that the device measures in the robot's world frame; if it "
-                f"stands elsewhere, name it: {one.name.partition('@')[0].strip()} @ tracker"
+            raise ContradictionError(
+                f"{where} (its characteristic length is {shown(length, LENGTH)})",
+                "check the unit and the sign of this column and those of the joints, and that the device measures in "
+                f"the robot's world frame; if it stands elsewhere, name it: {one.name.partition('@')[0].strip()} @ "
+                "tracker",
             )
 
 
