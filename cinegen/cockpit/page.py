@@ -41,7 +41,7 @@ for (const text of [{blobs}]) {{
 _ORDER = ("set_transform", "set_object", "set_property")  # properties are an object's, placements those of its node
 
 
-class Command(Protocol):
+class DrawingCommand(Protocol):
     """A command of `meshcat.commands`."""
 
     def lower(self) -> dict[str, Any]:
@@ -83,7 +83,7 @@ class Page:
         self._kept: dict[Key, bytes] = {}
         self._feeds: set[PageFeed] = set()
 
-    def send(self, command: Command) -> None:
+    def send(self, command: DrawingCommand) -> None:
         """Take a drawing command: a page is a window of `meshcat.Visualizer`."""
         lowered = command.lower()
         kind, path = lowered["type"], lowered["path"]

@@ -14,7 +14,7 @@ from meshcat.geometry import Box, Cylinder, Geometry, Material, Mesh, Sphere, Tr
 from numpy.typing import ArrayLike, NDArray
 
 from cinegen.cockpit.graphic_file import draw_file, material, material_of
-from cinegen.cockpit.page import Command, Page
+from cinegen.cockpit.page import DrawingCommand, Page
 from cinegen.collision.body import bounding_box_corners
 from cinegen.collision.triangle_mesh import TriangleMesh
 from cinegen.mission.drawn_obstacle import DrawnObstacle, DrawnShape
@@ -46,7 +46,7 @@ ROOT = "/meshcat/cinegen"
 class Window(Protocol):
     """A receiver of drawing commands, as `meshcat.Visualizer` takes it."""
 
-    def send(self, command: Command) -> object:
+    def send(self, command: DrawingCommand) -> object:
         """Take a drawing command."""
 
 

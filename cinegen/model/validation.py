@@ -45,7 +45,7 @@ class Validation(NamedTuple):
 
     @property
     def agrees(self) -> bool:
-        """Whether no difference is larger than `AGREES`."""
+        """True if no difference is larger than `AGREES`."""
         return bool(max(self[1:]) <= AGREES)
 
 

@@ -154,6 +154,7 @@ QUIET = (
     ("sensors", "robots/four_bar.raff"),
     ("drive", "robots/four_bar.raff", "--snapshot", "page.html"),
     ("compile",),
+    ("validate", "TwoDofs"),
 )
 PAGES_AND_SENSORS = {"replay"}  # tested above
 OTHERS = {"heal", "calibrate", "synthesize"}  # which write files, and start no process

@@ -44,6 +44,7 @@ CALLS = {
     "cinegen page": "four_bar.raff -o out.html",
     "cinegen close": "four_bar.raff",
     "cinegen heal": "four_bar.raff out.raff",
+    "cinegen validate": "TwoDofs",
     "cinegen sensors": "",
     "cinegen compile": "",
     "raff2urdf": "four_bar.raff -o out/",

@@ -26,7 +26,7 @@ _AIM = """([side, robot, node]) => {
   const { Box3, Vector3, Quaternion, Ray } = MeshCat.THREE;
   const tracked = device.primaryInputMode === "hand" ? device.hands[side] : device.controllers[side];
   const from = new Vector3(tracked.position.x, tracked.position.y, tracked.position.z);
-  const group = cockpit.root.children.find((one) => one.name === robot).children.find((one) => one.name === node);
+  const group = cockpit.view.group(robot, node);
   const box = new Box3().setFromObject(group);
   const inside = (x, y, z) => new Vector3(x, y, z).multiply(box.max.clone().sub(box.min)).add(box.min);
   const shares = [0.5, 0.4, 0.6, 0.3, 0.7, 0.2, 0.8, 0.1, 0.9, 0.05, 0.95];

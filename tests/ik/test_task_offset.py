@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shutil
 from dataclasses import replace
 from pathlib import Path
 
@@ -29,7 +30,7 @@ def twins(request, tmp_path_factory):
     frame = RaffFrame(9999, GRIP, father.number, "grip")
     other = replace(robot, parts=(*robot.parts, frame))
     text = raff2urdf.dumps(replace(document, robots=(other,)))
-    (folder / "graphics").symlink_to(ROBOTS / "graphics")
+    shutil.copytree(ROBOTS / "graphics", folder / "graphics")
     (folder / "twin.raff").write_text(text)
     at = pin.SE3(transform(kleinfinger(document, frame.parameters)))
     return cinegen.load(folder / "twin.raff"), father.node, at

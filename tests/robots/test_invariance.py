@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shutil
 import tempfile
 from dataclasses import replace
 from functools import cache
@@ -41,7 +42,7 @@ every_robot = pytest.mark.parametrize(("name", "which"), others_slow(EVERY, FEWE
 
 def loaded(text: str, which: str | None = None) -> cinegen.Mechanism:
     with tempfile.TemporaryDirectory() as folder:
-        (Path(folder) / "graphics").symlink_to(ROBOTS / "graphics")
+        shutil.copytree(ROBOTS / "graphics", Path(folder) / "graphics")
         path = Path(folder) / "any.raff"
         path.write_text(text, encoding="utf-8")
         return cinegen.load(path, which)

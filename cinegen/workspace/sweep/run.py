@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-import os
+import shutil
 import warnings
 from collections.abc import Iterator, Sequence
 from contextlib import suppress
@@ -24,6 +24,7 @@ from cinegen.workspace.sweep.box import BoxConfigurations, WantedBox, dexterity,
 from cinegen.workspace.sweep.result import SweepResult, VariantResult
 from cinegen.workspace.sweep.variants import Variation, variants
 from raff2urdf.files import write_all
+from raff2urdf.graphics.names import may_read
 from raff2urdf.raff.document import Document, RaffRobot
 from raff2urdf.raff.reader import parse, read
 from raff2urdf.raff.writer import dumps
@@ -231,13 +232,21 @@ def _begin(out: Path, asked: dict[str, Any]) -> None:
 
 
 def _in_folder(folder: Path, source: Path, document: Document) -> Document:
-    """Return a document for another folder: its graphics are where they were."""
+    """Return a document for another folder; its graphics are copied next to that, since a file may name none elsewhere."""
 
     def moved(robot: RaffRobot) -> RaffRobot:
-        if not any(part.filenames for part in (robot.base, *robot.parts)):
+        named = {Path(name) for part in (robot.base, *robot.parts) for name in part.filenames or ()}
+        names = {one for one in named if not one.is_absolute() and ".." not in one.parts}
+        if not named:
             return robot
-        there = source.parent.absolute() / Path(robot.path or "").expanduser()
-        return replace(robot, path=Path(os.path.relpath(there, folder)).as_posix())
+        there = source.parent / Path(robot.path or "").expanduser()
+        here = folder.parent / "graphics" / robot.name
+        for name in names:
+            for one in {name, name.with_suffix(".mtl")}:  # the colours of an OBJ
+                if may_read(there / one, source.parent) and (there / one).is_file():
+                    (here / one).parent.mkdir(parents=True, exist_ok=True)
+                    shutil.copyfile(there / one, here / one)
+        return replace(robot, path=f"../graphics/{robot.name}")
 
     return replace(document, robots=tuple(map(moved, document.robots)))
 
