@@ -232,7 +232,7 @@ def _begin(out: Path, asked: dict[str, Any]) -> None:
 
 
 def _in_folder(folder: Path, source: Path, document: Document) -> Document:
-    """Return a document for another folder; its graphics are copied next to that, since a file may name none elsewhere."""
+    """Return a document for another folder, next to which its graphics are copied: a file may name none elsewhere."""
 
     def moved(robot: RaffRobot) -> RaffRobot:
         named = {Path(name) for part in (robot.base, *robot.parts) for name in part.filenames or ()}
