@@ -22,6 +22,7 @@ class Progress:
         self._begin = time.monotonic()
         self._first: int | None = None  # cells that were done before
         self._bar: rich.progress.Progress | None = None
+        self._shown = ""  # the newest text that says what is being done
 
     def __enter__(self) -> Progress:
         return self
@@ -32,7 +33,7 @@ class Progress:
 
     def text(self, text: str) -> None:
         """Show what is being done."""
-        self._show(text, None, None)
+        self._show(text, None, None, text != self._shown)
 
     def fraction(self, fraction: float) -> None:
         """Show which fraction is done, 0 to 1."""
@@ -40,7 +41,7 @@ class Progress:
 
     def steps(self, text: str, done: int, total: int) -> None:
         """Show what is being done, and how many steps are done."""
-        self._show(text, done, total)
+        self._show(text, done, total, text != self._shown)
 
     def cells(self, done: int, total: int) -> None:
         """Show how many cells are done, and how fast."""
@@ -48,7 +49,7 @@ class Progress:
         rate = (done - self._first) / max(time.monotonic() - self._begin, 1e-9)
         self._show(f"{done:,} of {total:,} cells, {rate:,.0f}/s", done, total)
 
-    def _show(self, text: str, done: float | None, total: float | None) -> None:
+    def _show(self, text: str, done: float | None, total: float | None, at_once: bool = False) -> None:
         if self._bar is None:
             if not sys.stderr.isatty() or time.monotonic() - self._begin < _PATIENCE:
                 return
@@ -57,7 +58,8 @@ class Progress:
             self._bar.start()
         from rich.markup import escape
 
-        self._bar.update(self._bar.task_ids[0], description=escape(one_line(text)), completed=done, total=total)
+        self._shown, task, words = text, self._bar.task_ids[0], escape(one_line(text))
+        self._bar.update(task, description=words, completed=done, total=total, refresh=at_once)
 
 
 def _bar() -> rich.progress.Progress:
