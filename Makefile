@@ -94,6 +94,7 @@ bench: export OMP_NUM_THREADS := 1
 bench: export OPENBLAS_NUM_THREADS := 1
 bench: .venv/test-installed kernels ## measure the speed: of a tick, as robots grow, of the cockpit, of assembly modes, ways round obstacles, maps, and beside placo, pink and mink
 	$(BIN)/python benchmarks/tick.py
+	$(BIN)/python benchmarks/kinematics.py
 	$(BIN)/python benchmarks/scaling.py
 	$(BIN)/python benchmarks/large.py
 	$(BIN)/python benchmarks/inverse_kinematics.py

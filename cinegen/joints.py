@@ -63,6 +63,16 @@ def scalar_joints(model: pin.Model) -> tuple[Indices, Indices]:
     return at[:, 0], at[:, 1]
 
 
+def joint_data(model: pin.Model) -> pin.Data:
+    """Return Pinocchio's data of a model for placements and Jacobians of joints, and nothing else."""
+    data = pin.Data()
+    data.joints.extend([joint.createData() for joint in model.joints])
+    for placements in (data.oMi, data.liMi):
+        placements.extend([pin.SE3.Identity()] * model.njoints)
+    data.J = np.zeros((6, model.nv))
+    return data
+
+
 def kinematic_data(model: pin.Model) -> pin.Data:
     """Return Pinocchio's data of a model, for placements and Jacobians of joints and frames.
 
@@ -71,12 +81,9 @@ def kinematic_data(model: pin.Model) -> pin.Data:
     """
     if model.nv <= _LARGE:
         return model.createData()
-    data, last = pin.Data(), [-1] * model.njoints  # last: column of each joint
-    data.joints.extend([joint.createData() for joint in model.joints])
-    for placements in (data.oMi, data.liMi, data.iMf):
-        placements.extend([pin.SE3.Identity()] * model.njoints)
+    data, last = joint_data(model), [-1] * model.njoints  # last: column of each joint
+    data.iMf.extend([pin.SE3.Identity()] * model.njoints)
     data.oMf.extend([pin.SE3.Identity()] * model.nframes)
-    data.J = np.zeros((6, model.nv))
     supporting: list[int] = []  # for each column the one before it on the way to the base
     for j in range(1, model.njoints):
         joint = model.joints[j]

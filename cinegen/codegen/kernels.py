@@ -25,6 +25,7 @@ from cinegen.model.forward import FURTHEST
 class RobotMemory(SolverMemory):
     """A mechanism with tasks, and the poses of its nodes."""
 
+    has_pinocchio = False
     nodes: int = parameter(0)
     node_joint: Table = array("nodes", dtype=int)  # that carries it
     node_offset: Array = array("nodes", 4, 3)  # relative to the joint

@@ -13,7 +13,7 @@ from cinegen.ik.equations import task_rank
 from cinegen.ik.setup import set_up_solver, set_up_solver_tasks
 from cinegen.ik.task import FrameTask
 from cinegen.jit.foreign import frame_of
-from cinegen.loops.arrays import actuate
+from cinegen.loops.arrays import actuate, other_joints
 from cinegen.model import Mechanism
 from cinegen.model.forward import set_up_path
 
@@ -50,10 +50,10 @@ def set_up_robot(memory: RobotMemory, mechanism: Mechanism, tasks: Sequence[Fram
     """
     model = mechanism.model
     memory.dt = dt
+    if others := other_joints(model):
+        named = ", ".join(f"{name} ({kind})" for name, kind in others.items())
+        raise CinegenError(f"{mechanism.name} has joints that no code is generated for: {named}")
     set_up_solver(memory, mechanism)
-    if memory.callback_address:
-        known = {joint.shortname() for joint in list(model.joints)[1:]}
-        raise CinegenError(f"{mechanism.name} has joints that no code is generated for: {', '.join(sorted(known))}")
     set_up_solver_tasks(memory, mechanism, tasks)
     for task in tasks:
         task.read_target()

@@ -85,7 +85,7 @@ class InverseDynamics:
         }
         for name, values in self._single.items():
             self._one.point_at(name, values)
-        self._is_compiled = not self._one.callback_address and bool(mechanism.model.nv)
+        self._is_compiled = not self._one.others and bool(mechanism.model.nv)
         self._find: Callable[[int], None] = start(
             find_torques, DynamicsMemory, install=partial(setattr, self, "_find")
         )  # fmt: skip
@@ -433,11 +433,11 @@ class InverseDynamics:
 
 def _set_up(tree: LoadedTree) -> DynamicsMemory:
     """Return the kernel's memory."""
-    mechanism, model = tree.mechanism, tree.model
+    mechanism = tree.mechanism
     fixed = plain.columns_of(mechanism).start
     memory = set_up(DynamicsMemory(count=1), mechanism.system, mechanism.cluster_ranks, fixed)
     columns = plain.actuated_columns(mechanism)
-    memory.resize(nv=model.nv, actuated=len(columns), mobility=memory.n - memory.rank)
+    memory.resize(actuated=len(columns), mobility=memory.n - memory.rank)
     memory.actuated_dof[:], memory.step[:] = np.array(columns, dtype=int) - fixed, tree.step[columns]
     _load(memory, tree)
     return memory

@@ -56,13 +56,13 @@ def set_up_solver(memory: SolverMemory, mechanism: Mechanism) -> None:
     """Fill a solver's memory as `set_up` does, and with the limits of velocity; all accelerations are unlimited."""
     set_up(memory, mechanism)
     mobility = mechanism.mobility
-    memory.resize(nv=mechanism.model.nv, mobility=mobility, most_active=mobility + 1)
+    memory.resize(mobility=mobility, most_active=mobility + 1)
     make_room_for_barriers(memory, memory.barrier_capacity)
     memory.longest_step[:] = memory.longest_change[:] = np.inf
     set_velocity_limits(memory, mechanism)
     if memory.is_watched:
         loops.set_up_screws(memory, mechanism.screws, len(mechanism.couplings))
-    memory.second_derivative = np.inf if memory.callback_address else _second_derivative(mechanism)
+    memory.second_derivative = np.inf if memory.others else _second_derivative(mechanism)
     memory.is_at_q = 0
 
 

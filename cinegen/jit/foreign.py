@@ -4,7 +4,7 @@ Documented access is used where there is any: Pinocchio's matrices are numpy arr
 checked before it is used, with the installed builds of Pinocchio and Coal; if the check fails, numbers are copied.
 
     target of a task    the numbers of a copied SE3 are at a fixed distance from its Python object: `SE3_DISTANCE`
-    joint placements    `data.oMi` is contiguous: `JointKinematics`
+    joint placements    `data.oMi` and `model.jointPlacements` are contiguous: `frames_in_place`
     distances           `GeometryData.distanceResults` is contiguous: `DistanceResults`
 """
 
@@ -73,6 +73,19 @@ SE3_DISTANCE = _distance()
 # --- Pinocchio's data -------------------------------------------------------------------------------------------------
 
 
+def frames_in_place(placements: Any) -> Array | None:
+    """Return the frames (count, 4, 3) of Pinocchio's list of placements, its own memory; None if it is laid out
+    differently."""
+    begin, last = address(placements[0].rotation), len(placements) - 1
+    is_known = all(
+        address(placements[j].rotation) == begin + 96 * j
+        and address(placements[j].translation) == begin + 96 * j + 72
+        and placements[j].rotation.strides == (8, 24)
+        for j in (0, last)
+    )
+    return numbers_at(begin, (last + 1, 4, 3)) if is_known else None
+
+
 class JointKinematics:
     """Frames and screws of all joints, in place in Pinocchio's data or copied.
 
@@ -87,17 +100,12 @@ class JointKinematics:
     """
 
     def __init__(self, data: pin.Data) -> None:
-        self._data, self._placements, count = data, data.oMi, len(data.oMi)
-        begin = address(self._placements[0].rotation)
-        self.frames_in_place = all(
-            address(placement.rotation) == begin + 96 * j
-            and address(placement.translation) == begin + 96 * j + 72
-            and placement.rotation.strides == (8, 24)
-            for j, placement in enumerate(self._placements)
-        )
-        self.frames = numbers_at(begin, (count, 4, 3)) if self.frames_in_place else np.zeros((count, 4, 3))
+        self._data, self._placements = data, data.oMi
+        found = frames_in_place(self._placements)
+        self.frames_in_place = found is not None
+        self.frames = np.zeros((len(self._placements), 4, 3)) if found is None else found
         screws, again = self._read_screws(), self._read_screws()  # a copy would be another one each time
-        self.screws_in_place = address(screws) == address(again) and screws.flags.c_contiguous
+        self.screws_in_place = not screws.size or (address(screws) == address(again) and screws.flags.c_contiguous)
         self.screws = screws if self.screws_in_place else np.array(screws, order="C")
 
     def _read_screws(self) -> Array:

@@ -205,7 +205,7 @@ class Memory:
         )
 
     def point_at(self, name: str, values: NDArray[Any]) -> None:
-        """Point a foreign array at the memory of `values`, which must be C-contiguous."""
+        """Point an array at the memory of `values`, which must be C-contiguous and stay where it is."""
         field = self.fields[name]
         if values.shape != self.shape(name) or values.dtype != field.dtype or not values.flags.c_contiguous:
             raise ValueError(f"{name} is {self.shape(name)} of {field.dtype}, not {values.shape} of {values.dtype}")

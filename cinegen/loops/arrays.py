@@ -3,20 +3,21 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import TypeVar
+from typing import Any, TypeVar
 
 import numpy as np
 import pinocchio as pin
 from numpy.typing import NDArray
 
-from cinegen.jit.callback import address_of
+from cinegen.errors import CinegenError
+from cinegen.jit import pinocchio_calls
 from cinegen.jit.foreign import frame_of
+from cinegen.jit.pinocchio_calls import NativeTree
 from cinegen.joints import axis
 from cinegen.loops._kernels import kinematics, residual
 from cinegen.loops._kernels.memory import NOWHERE, ClusterMemory, LoopMemory
 from cinegen.loops.closed_loops import LARGE, ClosedLoops
 from cinegen.loops.clusters import clusters
-from cinegen.loops.pinocchio_joints import kinematics_callback
 from cinegen.loops.screws import LoopScrews
 
 _KINDS = {
@@ -25,7 +26,13 @@ _KINDS = {
     "Spherical": kinematics.SPHERICAL,
     "FreeFlyer": kinematics.FREE_FLYER,
 }
-"""Joints that the kernels move, by Pinocchio's names."""
+"""Joints that the kernels can move themselves, by Pinocchio's names."""
+
+_UNITS = {
+    "Spherical": (0, 4), "FreeFlyer": (3, 4), "Planar": (2, 2),
+    **dict.fromkeys(("RUBX", "RUBY", "RUBZ", "RevoluteUnboundedUnaligned"), (0, 2)),
+}  # fmt: skip
+"""First number and size of the unit vector in the q of a joint: a quaternion, or cosine and sine."""
 
 Indices = NDArray[np.intp]
 AnyMemory = TypeVar("AnyMemory", bound=LoopMemory)
@@ -39,11 +46,14 @@ def set_up(memory: AnyMemory, system: ClosedLoops, ranks: Sequence[int], fixed: 
         system: the mechanism's loops.
         ranks: generic rank of each cluster of them.
         fixed: 6 if a floating base is fixed, else 0.
+
+    Raises:
+        CinegenError: a joint is of a kind that only Pinocchio knows, and kernels can't call it.
     """
     model = system.model
     memory.resize(
-        nq=model.nq, n=model.nv - fixed, fixed=fixed, joints=model.njoints, loops=len(system.loops), rows=system.rows,
-        rank=sum(ranks), couplings=len(system.couplings), coupled=model.nq if system.couplings else 0,
+        nq=model.nq, n=model.nv - fixed, fixed=fixed, nv=model.nv, joints=model.njoints, loops=len(system.loops),
+        rows=system.rows, rank=sum(ranks), couplings=len(system.couplings), coupled=model.nq if system.couplings else 0,
         clusters=len(ranks), cut=sum(system.cut_dof), steps=sum(map(len, system.columns[: len(system.loops)])),
     )  # fmt: skip
     memory.length = system.length
@@ -51,9 +61,10 @@ def set_up(memory: AnyMemory, system: ClosedLoops, ranks: Sequence[int], fixed: 
     memory.q_index[:] = -1
     memory.factored_at = NOWHERE
     memory.frames[0, :3] = np.eye(3)
-    if not all([_set_up_joint(memory, model, j, fixed) for j in range(1, model.njoints)]):
-        memory.callback = kinematics_callback(memory, model)
-        memory.callback_address = address_of(memory.callback)
+    for j in range(1, model.njoints):
+        _set_up_joint(memory, model, j, fixed)
+    if memory.has_pinocchio:
+        _set_up_pinocchio(memory, model)
     row = step = cut = 0
     for i, (loop, anchor) in enumerate(zip(system.loops, system.anchors, strict=True)):
         joints, offsets, columns = anchor[::2], anchor[1::2], system.columns[i]
@@ -179,20 +190,53 @@ def _set_up_couplings(memory: LoopMemory, system: ClosedLoops) -> None:
         memory.coupling_constant[i] = coupling.constant / size
 
 
-def _set_up_joint(memory: LoopMemory, model: pin.Model, j: int, fixed: int) -> bool:
-    """Return whether the kernels can move that joint."""
+def other_joints(model: pin.Model) -> dict[str, str]:
+    """Return the joints that the kernels can't move themselves, and their kinds, by Pinocchio's names."""
+    kinds = {model.names[j]: _kind_of(model.joints[j]) for j in range(1, model.njoints)}
+    return {name: kind for name, kind in kinds.items() if kind not in _KINDS}
+
+
+def _kind_of(joint: Any) -> str:
+    return str(joint.shortname().removeprefix("JointModel"))
+
+
+def _set_up_pinocchio(memory: LoopMemory, model: pin.Model) -> None:
+    """Let the kernels call Pinocchio, if they can."""
+    native, others = pinocchio_calls.native(), other_joints(model)
+    if native.reason:
+        for name, kind in others.items():
+            raise CinegenError(
+                f"joint '{name}' is of the kind {kind}, which kernels leave to Pinocchio, but they can't call this "
+                f"build of it: {native.reason}"
+            )
+        return
+    memory.tree = tree = NativeTree(model)
+    memory.point_at("joint_offset", tree.offsets)
+    memory.point_at("frames", tree.frames)
+    memory.point_at("screws", tree.screws[memory.fixed :])
+    memory.model_address, memory.data_address = tree.model_address, tree.data_address
+    memory.evaluate_address, memory.integrate_address = native.evaluate, native.integrate
+    memory.difference_address = native.difference
+    units, found = list[tuple[int, ...]](), list[tuple[int, ...]]()
+    for joint in list(model.joints)[1:]:
+        if (kind := _kind_of(joint)) in _UNITS:
+            at, size = _UNITS[kind]
+            units.append((joint.idx_q + at, size))
+        if kind not in _KINDS:
+            found.append((joint.idx_q, joint.nq, joint.idx_v - memory.fixed, joint.nv))
+    memory.resize(units=len(units), others=len(found))
+    memory.unit[:], memory.other[:] = np.reshape(units, (-1, 2)), np.reshape(found, (-1, 4))
+
+
+def _set_up_joint(memory: LoopMemory, model: pin.Model, j: int, fixed: int) -> None:
     joint = model.joints[j]
     memory.joint_parent[j], memory.joint_offset[j] = model.parents[j], frame_of(model.jointPlacements[j])
     memory.joint_q[j], memory.joint_dof[j] = joint.idx_q, joint.idx_v - fixed
     if joint.nq == joint.nv == 1:
         memory.q_index[joint.idx_v - fixed] = joint.idx_q
-    kind = _KINDS.get(joint.shortname().removeprefix("JointModel"))
-    if kind is None:
-        return False
-    memory.joint_kind[j] = kind
+    memory.joint_kind[j] = kind = _KINDS.get(_kind_of(joint), kinematics.OTHER)
     if kind in (kinematics.REVOLUTE, kinematics.PRISMATIC):
         memory.joint_axis[j] = axis(joint)
-    return True
 
 
 def actuate(memory: LoopMemory, columns: Sequence[int]) -> None:

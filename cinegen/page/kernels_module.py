@@ -48,7 +48,7 @@ _FREE = frozenset(("task_rank", "tasks", "gain", "damping_threshold", "joint", "
 
 FOLDED: Mapping[type[Memory], Mapping[str, float]] = {
     PageMemory: {
-        "callback_address": 0, "has_acceleration_limits": 0, "tasks_are_suspended": 0, "barriers": 0,
+        "evaluate_address": 0, "others": 0, "has_acceleration_limits": 0, "tasks_are_suspended": 0, "barriers": 0,
         "barrier_capacity": 0, "is_guarded": 0, "is_watched": 0, "capacity": MOST_TASKS, "task_rows": 6 * MOST_TASKS,
         "signatures": 1,
     },

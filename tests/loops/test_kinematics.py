@@ -1,4 +1,7 @@
-"""Frames, screws and steps of joints as Pinocchio computes them: every robot, and trees of all kinds of joints."""
+"""Frames, screws and steps of joints as Pinocchio computes them: every robot, and trees of all kinds of joints.
+
+Kernels call Pinocchio, or compute these themselves, where it is not. Both are tested.
+"""
 
 from __future__ import annotations
 
@@ -13,7 +16,9 @@ import cinegen
 import raff2urdf
 from cinegen.errors import CinegenError
 from cinegen.ik import Solver, Status
+from cinegen.jit import pinocchio_calls
 from cinegen.jit.foreign import frame_of
+from cinegen.jit.pinocchio_calls import Native
 from cinegen.joints import kinematic_data
 from cinegen.loops._kernels import kinematics
 from cinegen.loops._kernels.memory import LoopMemory
@@ -50,6 +55,16 @@ OTHERS = {
 """Joints that the kernels leave to Pinocchio."""
 
 
+@pytest.fixture(params=["Pinocchio", "own"])
+def both(request, monkeypatch):
+    """Kernels call Pinocchio, or compute kinematics themselves."""
+    if request.param == "own":
+        monkeypatch.setattr(pinocchio_calls, "native", lambda: Native(reason="a test forbids it"))
+
+
+with_both = pytest.mark.usefixtures("both")
+
+
 def tree(kinds, rng) -> pin.Model:
     model = pin.Model()
     for kind in kinds:
@@ -80,6 +95,7 @@ def check(model: pin.Model, q: np.ndarray, step: np.ndarray) -> None:
     assert back == pytest.approx(pin.difference(model, q, there), abs=1e-11)
 
 
+@with_both
 @pytest.mark.parametrize(("name", "which"), others_slow(EVERY))
 def test_every_robot(name, which):
     model, rng = cinegen.load(ROBOTS / f"{name}.raff", which).model, np.random.default_rng(0)
@@ -87,6 +103,7 @@ def test_every_robot(name, which):
         check(model, pin.integrate(model, pin.neutral(model), rng.normal(size=model.nv)), rng.normal(size=model.nv))
 
 
+@with_both
 @pytest.mark.parametrize("size", [0.0, 1e-9, 1e-5, 1e-2, 1.0, 3.0])
 def test_trees_of_all_kinds_of_joints(size):
     rng = np.random.default_rng(1)
@@ -97,6 +114,14 @@ def test_trees_of_all_kinds_of_joints(size):
         )
 
 
+@with_both
+@pytest.mark.parametrize("count", [0, 1])
+def test_models_of_hardly_any_joint(count):
+    model = tree(["RZ"] * count, np.random.default_rng(11))
+    check(model, np.full(count, 0.3), np.full(count, 0.2))
+
+
+@with_both
 def test_rounding_does_not_grow_along_a_chain():
     rng = np.random.default_rng(2)
     check(tree(["RZ"] * 200, rng), rng.uniform(-3.0, 3.0, 200), rng.normal(size=200))
@@ -126,6 +151,7 @@ def test_data_of_large_models_lack_nothing_that_kinematics_needs():
         assert np.array_equal(*(pin.computeJointJacobian(model, data, q, joint) for data in (small, whole)))
 
 
+@with_both
 def test_what_does_not_move_stays_bit_by_bit():
     rng = np.random.default_rng(3)
     model = tree(KINDS, rng)
@@ -135,6 +161,23 @@ def test_what_does_not_move_stays_bit_by_bit():
     assert there.tobytes() == q.tobytes()
 
 
+@with_both
+def test_unit_vectors_of_other_lengths_are_normalised():
+    rng = np.random.default_rng(9)
+    model = tree(KINDS, rng)
+    q = pin.integrate(model, pin.neutral(model), rng.normal(size=model.nv))
+    memory, data, longer = memory_of(model), model.createData(), q.copy()
+    pin.computeJointJacobians(model, data, q)
+    for joint in model.joints:
+        if joint.nq >= 4:
+            longer[joint.idx_q + joint.nq - 4 : joint.idx_q + joint.nq] *= rng.uniform(0.5, 2.0)
+    given = longer.copy()
+    kinematics.evaluate(memory, given)
+    assert memory.screws == pytest.approx(data.J.T, abs=1e-12)
+    assert np.array_equal(given, longer)
+
+
+@with_both
 def test_a_base_that_stays_has_no_columns():
     rng = np.random.default_rng(4)
     model = tree(["FreeFlyer", "RZ", "PX", "RY"], rng)
@@ -158,7 +201,18 @@ def test_models_with_other_kinds_of_joints():
         there = np.zeros(model.nq)
         kinematics.integrate(memory_of(model), q, np.zeros(model.nv), there)
         assert there.tobytes() == q.tobytes()
-    assert memory_of(tree(KINDS, rng)).callback_address == 0
+    assert memory_of(tree(KINDS, rng)).others == 0
+
+
+@pytest.mark.parametrize("kind", ["Planar", "RUBX", "RUBY", "RUBZ"])
+def test_cosine_and_sine_of_other_lengths_are_normalised(kind):
+    model = tree(["RZ", kind], np.random.default_rng(10))
+    q = pin.integrate(model, pin.neutral(model), np.ones(model.nv))
+    memory, data, longer = memory_of(model), model.createData(), q.copy()
+    longer[-2:] *= 1.7
+    pin.computeJointJacobians(model, data, q)
+    kinematics.evaluate(memory, longer)
+    assert memory.screws == pytest.approx(data.J.T, abs=1e-12)
 
 
 def test_a_base_that_stays_before_other_joints():

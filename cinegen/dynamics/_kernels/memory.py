@@ -26,8 +26,7 @@ class DynamicsMemory(LoopMemory):
     moves: int = parameter(0)  # velocities and accelerations are given, else 0
     completes: int = parameter(0)  # ... only those of the actuated joints
     given_q: Array = foreign("count", "nq")
-    nv: int = parameter(0)  # n, and 6 of a held base: its twist in its own axes, linear, then angular
-    given_v: Array = foreign("count", "nv")
+    given_v: Array = foreign("count", "nv")  # of a held base: its twist in its own axes, linear, then angular
     given_a: Array = foreign("count", "nv")
 
     # results

@@ -149,7 +149,6 @@ MOST_FLAGS = 52  # distinguishable objectives or barriers: bits of a double
 class SolverMemory(TasksMemory):
     """A mechanism that a resolved-rate solver moves."""
 
-    nv: int = parameter(0)
     mobility: int = parameter(0)  # DoF that the loops leave
     lesser: int = parameter(0)  # of task_rows and mobility
     larger: int = parameter(0)

@@ -1,20 +1,23 @@
-"""Frames and screws of all joints, and steps of configurations, as Pinocchio computes them."""
+"""Frames and screws of all joints, and steps of configurations.
+
+Pinocchio computes frames and screws, called by its address (`cinegen.jit.pinocchio_calls`), and the steps of joints of
+kinds that only it knows. What is written out here for the others runs where Pinocchio is not, or can't be called:
+translated to C and JavaScript.
+"""
 
 from __future__ import annotations
 
 import math
 
-from cinegen.jit.callback import call_python
 from cinegen.jit.compiled import Array, compiled
+from cinegen.jit.pinocchio_calls import address_of, call_native
 from cinegen.jit.se3 import combine, compose, cross, dot, log, log_derivative, sinc, turn
 from cinegen.jit.vectors import copy
 from cinegen.loops._kernels.memory import LoopMemory
 
-EVALUATE, INTEGRATE, DIFFERENCE = range(3)
-"""Operations of the callback for models with other joints: see `cinegen.loops.pinocchio_joints`."""
-
-FIXED, REVOLUTE, PRISMATIC, SPHERICAL, FREE_FLYER = range(5)
-"""Kinds of joints. A quaternion is (x, y, z, w), as in Pinocchio; a free flyer's q is its position, then that."""
+FIXED, REVOLUTE, PRISMATIC, SPHERICAL, FREE_FLYER, OTHER = range(6)
+"""Kinds of joints; others are only Pinocchio's. A quaternion is (x, y, z, w), as in Pinocchio; a free flyer's q is its
+position, then that."""
 
 
 @compiled
@@ -23,8 +26,8 @@ def evaluate(memory: LoopMemory, q: Array) -> None:
     memory.evaluations += 1
     if memory.couplings > 0:
         copy(q, memory.coupled_q, memory.nq)
-    if memory.callback_address != 0:
-        call_python(memory.callback_address, EVALUATE, q, q, q)
+    if memory.evaluate_address != 0:
+        _call_pinocchio(memory, q)
         return
     frames, screws = memory.frames, memory.screws
     for j in range(1, memory.joints):
@@ -47,6 +50,32 @@ def evaluate(memory: LoopMemory, q: Array) -> None:
             _evaluate_free(frame, kind == FREE_FLYER, q[at:], memory.vectors)
             if dof >= 0:
                 _free_screws(frame, kind == FREE_FLYER, screws[dof:])
+
+
+@compiled
+def _call_pinocchio(memory: LoopMemory, q: Array) -> None:
+    """Let Pinocchio compute the frames and screws, at q with its unit vectors normalised."""
+    if memory.units > 0:
+        unit_q = memory.full_q
+        copy(q, unit_q, memory.nq)
+        for u in range(memory.units):
+            first, size, square = memory.unit[u, 0], memory.unit[u, 1], 0.0
+            for i in range(first, first + size):
+                square += q[i] * q[i]
+            for i in range(first, first + size):
+                unit_q[i] /= math.sqrt(square)
+        at = _vector(memory, 0, unit_q, memory.nq)
+    else:
+        at = _vector(memory, 0, q, memory.nq)
+    call_native(memory.evaluate_address, (memory.model_address, memory.data_address, at))
+
+
+@compiled
+def _vector(memory: LoopMemory, i: int, values: Array, size: int) -> int:
+    """Return the address of an argument of Pinocchio's functions, a vector of these values."""
+    vector = memory.vector[i]
+    vector[0], vector[1] = address_of(values), size
+    return int(address_of(vector))
 
 
 @compiled
@@ -79,13 +108,12 @@ def _free_screws(frame: Array, floats: bool, screws: Array) -> None:
 @compiled
 def integrate(memory: LoopMemory, q: Array, delta: Array, out: Array) -> None:
     """Write the configuration (nq,) that a step delta (n,), m and rad, reaches from q (nq,)."""
-    if memory.callback_address != 0:
-        call_python(memory.callback_address, INTEGRATE, q, delta, out)
-        return
     copy(q, out, memory.nq)
+    if memory.others > 0:
+        _integrate_others(memory, q, delta, out)
     for j in range(1, memory.joints):
         kind, at, dof = memory.joint_kind[j], memory.joint_q[j], memory.joint_dof[j]
-        if dof < 0:
+        if dof < 0 or (memory.others > 0 and kind == OTHER):
             continue
         if memory.q_index[dof] >= 0:
             out[at] += delta[dof]
@@ -97,6 +125,22 @@ def integrate(memory: LoopMemory, q: Array, delta: Array, out: Array) -> None:
             delta[dof] != 0.0 or delta[dof + 1] != 0.0 or delta[dof + 2] != 0.0
         ):  # otherwise it is unchanged, bit for bit
             _multiply(q[at:], delta[dof:], out[at:], kind == FREE_FLYER)
+
+
+@compiled
+def _integrate_others(memory: LoopMemory, q: Array, delta: Array, out: Array) -> None:
+    """Let Pinocchio move the joints of kinds that only it knows; those at rest remain unchanged, bit for bit."""
+    step, moved = memory.full_v, memory.full_q
+    step[: memory.fixed] = 0.0
+    copy(delta, step[memory.fixed :], memory.n)
+    first, by = _vector(memory, 0, q, memory.nq), _vector(memory, 1, step, memory.nv)
+    call_native(memory.integrate_address, (memory.model_address, first, by, _vector(memory, 2, moved, memory.nq)))
+    for o in range(memory.others):
+        at, dof, moves = memory.other[o, 0], memory.other[o, 2], False
+        for k in range(dof, dof + memory.other[o, 3]):
+            moves = moves or delta[k] != 0.0
+        if moves:
+            copy(moved[at:], out[at:], memory.other[o, 1])
 
 
 @compiled
@@ -147,13 +191,12 @@ def _axes_of(q: Array, axes: Array) -> None:
 @compiled
 def difference(memory: LoopMemory, q: Array, to: Array, out: Array) -> None:
     """Write the step (n,), m and rad, from q to another configuration (nq,)."""
-    if memory.callback_address != 0:
-        call_python(memory.callback_address, DIFFERENCE, q, to, out)
-        return
+    if memory.others > 0:
+        _differ_others(memory, q, to, out)
     vectors = memory.vectors
     for j in range(1, memory.joints):
         kind, at, dof = memory.joint_kind[j], memory.joint_q[j], memory.joint_dof[j]
-        if dof < 0:
+        if dof < 0 or (memory.others > 0 and kind == OTHER):
             continue
         if memory.q_index[dof] >= 0:
             out[dof] = to[at] - q[at]
@@ -174,3 +217,14 @@ def difference(memory: LoopMemory, q: Array, to: Array, out: Array) -> None:
                 seen[1, i] = dot(here[i], seen[0])
             for i in range(3):
                 out[dof + i] = dot(by[i], seen[1])
+
+
+@compiled
+def _differ_others(memory: LoopMemory, q: Array, to: Array, out: Array) -> None:
+    """Write the steps of the joints of kinds that only Pinocchio knows."""
+    step = memory.full_v
+    first, second = _vector(memory, 0, q, memory.nq), _vector(memory, 1, to, memory.nq)
+    call_native(memory.difference_address, (memory.model_address, first, second, _vector(memory, 2, step, memory.nv)))
+    for o in range(memory.others):
+        dof = memory.other[o, 2]
+        copy(step[memory.fixed + dof :], out[dof:], memory.other[o, 3])

@@ -7,10 +7,11 @@ DoF means degrees of freedom here. Frames are (4, 3): see `cinegen.jit.se3`.
 from __future__ import annotations
 
 import math
-from typing import Any
+from typing import Any, ClassVar
 
 from cinegen.jit.compiled import Array, Table
 from cinegen.jit.memory import Memory, array, parameter, state, view
+from cinegen.jit.pinocchio_calls import VECTOR
 
 
 class ClusterMemory(Memory):
@@ -76,12 +77,19 @@ cluster_at = view(ClusterMemory)
 
 
 class LoopMemory(Memory):
-    """A mechanism: its joints and loops, and the data for closing them."""
+    """A mechanism: its joints and loops, and the data for closing them.
+
+    Attributes:
+        has_pinocchio: its kernels run where Pinocchio is: they are not translated.
+    """
+
+    has_pinocchio: ClassVar[bool] = True
 
     # sizes
     nq: int = parameter(0)
     n: int = parameter(0)  # DoF that may move
     fixed: int = parameter(0)  # DoF of a fixed base: they come first in v, and do not count in n
+    nv: int = parameter(0)  # fixed + n
     joints: int = parameter(0)
     loops: int = parameter(0)
     couplings: int = parameter(0)
@@ -98,8 +106,19 @@ class LoopMemory(Memory):
     length: float = parameter(1.0)  # characteristic length, m
 
     # joints; joint 0 is the world
-    callback: Any = None  # keeps what `callback_address` is the address of
-    callback_address: int = parameter(0)  # of Python's kinematics, for a model with joints of other kinds; or 0
+    tree: Any = None  # keeps Pinocchio's model and data, which have the offsets, frames and screws: see `NativeTree`
+    evaluate_address: int = parameter(0)  # of Pinocchio's function, or 0: kernels compute frames and screws themselves
+    integrate_address: int = parameter(0)
+    difference_address: int = parameter(0)
+    model_address: int = parameter(0)
+    data_address: int = parameter(0)
+    vector: Table = array(3, VECTOR, dtype=int)  # arguments of these functions
+    units: int = parameter(0)  # parts of q that are unit vectors
+    unit: Table = array("units", 2, dtype=int)  # first number and size of each: 4 for a quaternion
+    others: int = parameter(0)  # joints of kinds that only Pinocchio knows
+    other: Table = array("others", 4, dtype=int)  # first number and size of each in q, and in the DoF
+    full_q: Array = array("nq")  # scratch
+    full_v: Array = array("nv")
     joint_kind: Table = array("joints", dtype=int)
     joint_parent: Table = array("joints", dtype=int)
     joint_q: Table = array("joints", dtype=int)  # its first number in q
