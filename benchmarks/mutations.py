@@ -6,6 +6,9 @@ two more: a fractional number times 100, and a statement left out. The sample is
 A coverage run records for each test its lines and its time. A mutant then meets the tests that run its line, fastest
 first, until one fails. A constant or a default meets the tests that run the lines that name it. Where none fails, the
 other tests of the folder that mirrors the package follow. A test that kills only counts if it passes on the original.
+
+Kernels are mutated as the Python functions that they are: their mutants meet tests in which no kernel is compiled
+(`interpret`), chosen by a coverage run of its own. With --kernels the sample is one of the kernels alone.
 """
 
 from __future__ import annotations
@@ -40,12 +43,17 @@ cinegen/session/{undo,motion}.py
 cinegen/devices/{magellan,spaceball,serial_mouse,json_socket,reading_json,lines,mouse_events,spacenav}.py
 cinegen/devices/{scripted_path,replay,gamepad,teleoperation}.py
 """
-"""Files of the core, as patterns; without the compiled parts and without `LEFT_OUT`."""
+"""Files of the core, as patterns; without the kernels and without `LEFT_OUT`."""
+
+KERNELS = """
+cinegen/{loops,ik,collision,dynamics,planning}/_kernels/*.py cinegen/jit/{banded,factor,se3,smallest,svd,vectors}.py
+"""
+"""Files of the core's kernels."""
 
 LEFT_OUT = """
-__init__ __main__ _kernels thresholds cli command_line cluster local_cluster zarr_store check
+__init__ __main__ thresholds cli command_line cluster local_cluster zarr_store check
 """
-"""Names of files that are left out: compiled ones, command lines, processes and disks."""
+"""Names of files that are left out: command lines, processes and disks."""
 
 FOLDERS = """
 raff2urdf model loops ik toolpath realtime singularities devices session planning
@@ -53,10 +61,13 @@ assembly workspace collision mission jit
 """
 """Folders in tests/ whose tests may kill."""
 
-SLOWEST = 12.0  # s: a test that takes longer, measured with coverage, is left out
+KERNEL_FOLDERS = "jit loops ik collision dynamics planning model"
+"""Folders in tests/ whose tests may kill a kernel."""
+
+SLOWEST = {"python": 12.0, "kernels": 6.0}  # s: a test that takes longer, measured with coverage, is left out
 FIRST = 10.0  # s of tests that a mutant meets at first
 MOST = 60.0  # s of tests that a mutant meets at most
-COMPILED = {"compiled", "entry", "intrinsic", "overload"}
+NOT_PYTHON = {"intrinsic", "overload"}  # of numba: never run as Python
 
 BINARY = {"Add": ["Sub"], "Sub": ["Add"], "Mul": ["Div"], "Div": ["Mul"], "FloorDiv": ["Mul"], "Mod": ["Mul"],
           "Pow": ["Mul"], "BitOr": ["BitAnd"], "BitAnd": ["BitOr"]}  # fmt: skip
@@ -84,6 +95,11 @@ class Mutant:
     def line(self) -> int:
         """Number of the line."""
         return self.start[0]
+
+    @property
+    def mode(self) -> str:
+        """How its tests run: "python", or "kernels" if no kernel is compiled."""
+        return "kernels" if "/_kernels/" in self.file or self.file.startswith("cinegen/jit/") else "python"
 
 
 # --- The sample -------------------------------------------------------------------------------------------------
@@ -190,13 +206,13 @@ def sites(source: str, families: dict[str, list[Any]]) -> list[tuple[str, Any, l
 
 
 def _annotations(source: str) -> list[tuple[Any, Any]]:
-    """Return the spans that are never run as Python: annotations, type aliases, and functions that numba compiles."""
+    """Return the spans that are never run as Python: annotations, type aliases, and what is for numba alone."""
     spans = []
     for node in ast.walk(ast.parse(source)):
         parts: list[ast.AST | None] = []
         if isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef):
             parts = [node.returns]
-            if any(isinstance(name := d.func if isinstance(d, ast.Call) else d, ast.Name) and name.id in COMPILED
+            if any(isinstance(name := d.func if isinstance(d, ast.Call) else d, ast.Name) and name.id in NOT_PYTHON
                    for d in node.decorator_list):  # fmt: skip
                 parts.append(node)
         elif isinstance(node, ast.arg | ast.AnnAssign):
@@ -214,10 +230,10 @@ def _annotations(source: str) -> list[tuple[Any, Any]]:
     return spans
 
 
-def core(tree: Path) -> list[str]:
-    """Return the files of the core."""
+def core(tree: Path, kernels: bool) -> list[str]:
+    """Return the files of the core, all of them or its kernels."""
     patterns = []
-    for word in CORE.split():
+    for word in KERNELS.split() + ([] if kernels else CORE.split()):
         head, brace, rest = word.partition("{")
         names, _, tail = rest.partition("}")
         patterns += [head + name + tail for name in names.split(",")] if brace else [word]
@@ -233,12 +249,12 @@ def _compiles(source: str) -> bool:
     return True
 
 
-def draw(tree: Path, count: int, seed: int) -> list[Mutant]:
+def draw(tree: Path, count: int, seed: int, kernels: bool) -> list[Mutant]:
     """Return a random sample, the same for the same sources and seed."""
     from cosmic_ray.mutating import MutationVisitor
 
     generator, families = random.Random(seed), operators()
-    sources = {file: (tree / file).read_text(encoding="utf-8") for file in core(tree)}
+    sources = {file: (tree / file).read_text(encoding="utf-8") for file in core(tree, kernels)}
     places = {file: sites(source, families) for file, source in sources.items()}
     sizes = {file: sum(bool(line.strip()) for line in source.splitlines()) for file, source in sources.items()}
     sizes = {file: size for file, size in sizes.items() if places[file]}
@@ -276,14 +292,36 @@ def pytest_runtest_call(item: Any) -> Iterator[None]:
     """End a test of the coverage run that takes too long (this file is a plugin of that run)."""
 
     def ring(*_: object) -> None:
-        raise TimeoutError(f"slower than {SLOWEST} s")
+        raise TimeoutError("too slow to meet mutants")
 
     signal.signal(signal.SIGALRM, ring)
-    signal.setitimer(signal.ITIMER_REAL, SLOWEST)
+    signal.setitimer(signal.ITIMER_REAL, SLOWEST[os.environ["MUTATION_MODE"]])
     try:
         yield
     finally:
         signal.setitimer(signal.ITIMER_REAL, 0.0)
+
+
+def pytest_configure() -> None:
+    """Let the coverage run of the kernels interpret them."""
+    if os.environ["MUTATION_MODE"] == "kernels":
+        interpret()
+
+
+def interpret() -> None:
+    """Let this process run kernels as Python functions, also those that a test calls itself."""
+    from numba.core.registry import CPUDispatcher
+
+    from cinegen.jit import compiled, starting
+    from cinegen.jit.interpreted import interpreted
+
+    def prepare(function: Any, *arguments: Any) -> Any:
+        return starting.InterpretedKernel(function, arguments, lambda _machine_code: None)
+
+    compiled.prepare = starting.prepare = prepare
+    compiled.is_cached = starting.is_cached = lambda *_: False
+    starting.COMPILATION.add = lambda _kernel: None
+    CPUDispatcher.__call__ = lambda self, *arguments: interpreted(self)(*arguments)
 
 
 def pytest_runtest_logreport(report: Any) -> None:
@@ -298,15 +336,17 @@ def pytest_sessionfinish() -> None:
     Path(os.environ["MUTATION_TIMES"]).write_text(json.dumps(TIMES), encoding="utf-8")
 
 
-def measure(work: Path) -> None:
-    """Run the tests once with coverage, with a context for each."""
+def measure(work: Path, mode: str) -> None:
+    """Run the tests that may kill once with coverage, with a context for each."""
     settings = work / "coverage.toml"
     settings.write_text('[tool.coverage.run]\nsource_pkgs = ["cinegen", "raff2urdf"]\n', encoding="utf-8")
-    environment = os.environ | {"MUTATION_TIMES": str(work / "times.json"), "COVERAGE_FILE": str(work / "coverage.db")}
+    environment = os.environ | {"MUTATION_TIMES": str(work / f"{mode}.json"), "COVERAGE_FILE": str(work / f"{mode}.db")}
+    environment["MUTATION_MODE"] = mode
     environment["PYTHONPATH"] = os.pathsep.join([str(work / "tree"), str(Path(__file__).parent), *_python_path()])
     options = ["-q", "-n", "0", "-p", "no:cacheprovider", "-p", "mutations", f"--basetemp={work}/tmp"]
     options += ["--cov", f"--cov-config={settings}", "--cov-context=test", "--cov-report="]
-    command = [sys.executable, "-m", "pytest", *options, *(f"tests/{folder}" for folder in FOLDERS.split())]
+    folders = KERNEL_FOLDERS if mode == "kernels" else FOLDERS
+    command = [sys.executable, "-m", "pytest", *options, *(f"tests/{folder}" for folder in folders.split())]
     subprocess.run(command, cwd=work / "tree", env=environment, check=False)
 
 
@@ -315,15 +355,15 @@ def _python_path() -> list[str]:
 
 
 class Selection:
-    """The tests that can kill a mutant, from the coverage run."""
+    """The tests that can kill a mutant, from the coverage run of a mode."""
 
-    def __init__(self, work: Path) -> None:
+    def __init__(self, work: Path, mode: str) -> None:
         from coverage import CoverageData
 
         self.tree = work / "tree"
-        times = json.loads((work / "times.json").read_text(encoding="utf-8"))
+        times = json.loads((work / f"{mode}.json").read_text(encoding="utf-8"))
         self.seconds = {name: test["seconds"] for name, test in times.items() if test["ok"]}
-        self.data = CoverageData(str(work / "coverage.db"))
+        self.data = CoverageData(str(work / f"{mode}.db"))
         self.data.read()
 
     @functools.cache  # noqa: B019
@@ -413,7 +453,7 @@ class Runner:
         import scipy.optimize
         import scipy.spatial  # noqa: F401
 
-    def run(self, tests: list[str], limit: float, *more: str) -> tuple[str, str]:
+    def run(self, tests: list[str], mode: str, limit: float, *more: str) -> tuple[str, str]:
         """Return what happened, "passed", "failed" or "timeout", and the test that failed."""
         log = self.work / "log.txt"
         child = os.fork()
@@ -441,6 +481,8 @@ class Runner:
                 f"--basetemp={self.work}/tmp",
             ]
             try:
+                if mode == "kernels":
+                    interpret()
                 code = pytest.main([*options, "-rfE", *more, *tests])
             except BaseException:
                 code = 99
@@ -482,7 +524,7 @@ class Runner:
         while chosen:
             try:
                 path.write_text(mutant.text, encoding="utf-8")
-                result, by = self.run(chosen, 60.0 + 5.0 * total)
+                result, by = self.run(chosen, mutant.mode, 60.0 + 5.0 * total)
             finally:
                 path.write_bytes(original)
                 os.utime(path, ns=(stat.st_atime_ns, stat.st_mtime_ns))
@@ -490,7 +532,7 @@ class Runner:
                 result != "passed"
                 and "::" not in by
                 and (lost := self.not_found())
-                and self.run(lost, 60.0, "--collect-only")[0] != "passed"
+                and self.run(lost, mutant.mode, 60.0, "--collect-only")[0] != "passed"
             ):
                 self.bad |= {*lost}  # pytest does not find them by their names
                 chosen = [test for test in chosen if test not in self.bad]
@@ -507,16 +549,17 @@ class Runner:
 
     def verify(self, mutants: list[Mutant]) -> list[Mutant]:
         """Return the mutants that were killed by a test that fails on the original too."""
-        files: dict[str, set[str]] = {}
+        files: dict[tuple[str, str], set[str]] = {}
         for mutant in mutants:
             if mutant.status == "killed" and "::" in mutant.by:
-                files.setdefault(mutant.by.split("::")[0], set()).add(mutant.by)
-        for tests in files.values():
-            result, by = self.run(sorted(tests - self.verified), 300.0) if tests - self.verified else ("passed", "")
+                files.setdefault((mutant.mode, mutant.by.split("::")[0]), set()).add(mutant.by)
+        for (mode, _), tests in files.items():
+            new = sorted(tests - self.verified)
+            result, by = self.run(new, mode, 300.0) if new else ("passed", "")
             while result != "passed":
                 self.bad |= {by} if "::" in by else tests
                 tests -= self.bad
-                result, by = self.run(sorted(tests), 300.0) if tests else ("passed", "")
+                result, by = self.run(sorted(tests), mode, 300.0) if tests else ("passed", "")
             self.verified |= tests
         return [mutant for mutant in mutants if mutant.by in self.bad]
 
@@ -553,11 +596,11 @@ def report(mutants: list[Mutant]) -> None:
 
 def run(work: Path, results: Path, mutants: list[Mutant]) -> None:
     """Judge all mutants, the survivors of the first tests again with more."""
-    runner, selection = Runner(work), Selection(work)
+    runner, selections = Runner(work), {mode: Selection(work, mode) for mode in {mutant.mode for mutant in mutants}}
 
     def judge(which: list[Mutant], most: float) -> None:
         for mutant in which:
-            runner.judge(mutant, selection, most)
+            runner.judge(mutant, selections[mutant.mode], most)
             results.write_text(json.dumps([asdict(one) for one in mutants]), encoding="utf-8")
             where = f"{mutant.file}:{mutant.line}"
             print(
@@ -578,6 +621,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description="Mutation testing of the core.")
     parser.add_argument("--sample", type=int, default=300)
     parser.add_argument("--seed", type=int, default=19)
+    parser.add_argument("--kernels", action="store_true", help="mutate the kernels alone")
     parser.add_argument("--work", type=Path, default=ROOT / "build" / "mutations")
     parser.add_argument("--keep", action="store_true", help="use the copy and the coverage of an earlier run")
     parser.add_argument("--draw", type=Path, help="only draw the sample, into this file")
@@ -586,17 +630,18 @@ def main() -> None:
     work: Path = options.work.resolve()
     results = work / "results.json"
     if options.draw:
-        drawn = draw(work / "tree", options.sample, options.seed)
+        drawn = draw(work / "tree", options.sample, options.seed, options.kernels)
         options.draw.write_text(json.dumps([asdict(mutant) for mutant in drawn]), encoding="utf-8")
         return
     if not options.keep and not options.report:
         copy(work)
-        measure(work)
+        for mode in ("kernels",) if options.kernels else ("python", "kernels"):
+            measure(work, mode)
     if not results.exists():
         # cosmic-ray brings its own versions of other libraries: it does not meet the tests.
         where = os.pathsep.join([str(ROOT / "build" / "cosmic-ray"), *_python_path()])
         command = [sys.executable, __file__, "--draw", str(results), f"--work={work}"]
-        command += [f"--sample={options.sample}", f"--seed={options.seed}"]
+        command += [f"--sample={options.sample}", f"--seed={options.seed}", *(["--kernels"] if options.kernels else [])]
         subprocess.run(command, env=os.environ | {"PYTHONPATH": where}, check=True)
     mutants = [Mutant(**entry) for entry in json.loads(results.read_text(encoding="utf-8"))]
     if not options.report:
