@@ -32,7 +32,8 @@ help: ## list the targets
 demo: .venv/core-installed ## install the core, and drive a robot in the browser
 	$(BIN)/cinegen demo
 
-test: check javascript kernels ## run every check, then the tests but for those of `make nightly`
+test: .venv/test-installed ## run every check, then the tests but for those of `make nightly`
+	@$(MAKE) --no-print-directory -j2 --output-sync check javascript kernels
 	@.ci/chromium
 	$(BIN)/pytest -n $(WORKERS)
 
