@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 import warnings
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -91,6 +91,7 @@ class Conversion:
         loops: number of loops.
         analysis: mobility, actuated joints, rows and rank of the loops, their gap as written.
         files: every file that was written for it.
+        model: its tree, a `yourdfpy.URDF`, without loops; meshes are named relative to the file.
     """
 
     robot: str
@@ -101,6 +102,7 @@ class Conversion:
     loops: int
     analysis: Analysis
     files: tuple[Path, ...]
+    model: ExactUrdf = field(compare=False, repr=False)
 
     @property
     def urdf(self) -> Path | None:
@@ -248,6 +250,7 @@ def convert(
             loops=len(one.loops),
             analysis=made.analysis,
             files=(*written, *made.meshes),
+            model=made.model,
         )
         conversions.append(conversion)
         contents |= made.meshes  # first, so that a robot's own file never exists without its meshes

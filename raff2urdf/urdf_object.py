@@ -14,7 +14,7 @@ import numpy as np
 import yourdfpy
 from lxml import etree
 from numpy.typing import ArrayLike
-from yourdfpy.urdf import filename_handler_magic, filename_handler_null
+from yourdfpy.urdf import filename_handler_magic
 
 from raff2urdf.errors import RaffError
 from raff2urdf.inertia import Inertia
@@ -26,10 +26,27 @@ _ROTATION = 1e-6  # by which the product of a rotation and its transpose may dif
 
 class ExactUrdf(yourdfpy.URDF):  # type: ignore[misc]  # yourdfpy has no types
     """A URDF without a scene, whose XML has all that its links and joints hold: yourdfpy's own writer leaves out three
-    elements of a joint, and its angles lose half of their digits near a pitch of 90 degrees."""
+    elements of a joint, and its angles lose half of their digits near a pitch of 90 degrees.
 
-    def __init__(self, robot: yourdfpy.Robot, filename_handler: Callable[[str], str] = filename_handler_null) -> None:
-        super().__init__(robot, build_scene_graph=False, filename_handler=filename_handler)
+    Args:
+        robot: its links and joints.
+        filename_handler: returns the file of a mesh by its name; by default yourdfpy's, which searches it.
+        folder: in which that one searches.
+
+    Attributes:
+        folder: relative to which the text names its meshes.
+    """
+
+    def __init__(
+        self,
+        robot: yourdfpy.Robot,
+        filename_handler: Callable[[str], str] | None = None,
+        folder: str | Path = "",
+    ) -> None:
+        super().__init__(robot, build_scene_graph=False, filename_handler=filename_handler, mesh_dir=str(folder))
+        handler = self._filename_handler
+        self._searches = getattr(handler, "func", None) is filename_handler_magic
+        self.folder = Path(handler.keywords["dir"] if self._searches else "")
 
     def text(self) -> str:
         """Return the text of its file; numbers read back to the same doubles.
@@ -65,6 +82,10 @@ class ExactUrdf(yourdfpy.URDF):  # type: ignore[misc]  # yourdfpy has no types
                     values = {word: str(value) for word, value in vars(part).items() if value is not None}
                     etree.SubElement(xml_parent[-1], tag, values)
 
+    def _write_mesh(self, xml_parent: etree._Element, mesh: yourdfpy.Mesh) -> None:
+        name = mesh.filename if self._searches else self._filename_handler(mesh.filename)
+        self._write_scale(etree.SubElement(xml_parent, "mesh", filename=name), mesh.scale)
+
     def _write_origin(self, xml_parent: etree._Element, origin: ArrayLike | None) -> None:
         if origin is None:
             return
@@ -87,17 +108,6 @@ class ExactUrdf(yourdfpy.URDF):  # type: ignore[misc]  # yourdfpy has no types
             raise RaffError(f"{part}robot '{self.robot.name}' can't be written as URDF: {error}") from None
 
 
-def exact(model: yourdfpy.URDF) -> tuple[ExactUrdf, Path]:
-    """Return a URDF of any origin to be written, and the folder relative to which it names its meshes.
-
-    A handler of file names other than yourdfpy's own is asked for every mesh.
-    """
-    handler = model._filename_handler
-    if getattr(handler, "func", None) is filename_handler_magic:
-        return ExactUrdf(model.robot), Path(handler.keywords["dir"])
-    return ExactUrdf(model.robot, handler), Path()
-
-
 def inertial(body: Inertia | None) -> yourdfpy.Inertial | None:
     """Return the inertia of a link, in its own axes, as an object; None if it is not known."""
     return body and yourdfpy.Inertial(translation(body.centre), float(body.mass), body.matrix + 0.0)
@@ -118,6 +128,6 @@ def geometry(kind: str, sizes: ArrayLike, file: str = "") -> yourdfpy.Geometry:
     return yourdfpy.Geometry(**{kind: make(*arguments)})
 
 
-def material(name: str, rgba: ArrayLike) -> yourdfpy.Material:
+def material_of(name: str, rgba: ArrayLike) -> yourdfpy.Material:
     """Return a colour, red, green, blue and opacity (4,) from 0 to 1, as an object."""
     return yourdfpy.Material(name, yourdfpy.Color(np.asarray(rgba, dtype=float)))

@@ -157,13 +157,13 @@ def _load_xml(
     if beside is not None and (left_out := beside.name) in ignore:
         beside, ignore = None, [word for word in ignore if word != left_out]
     try:
-        if path is source:
+        if isinstance(source, Path):
             found, folder = readers.read(path, robot, ignore_loops, ignore), path.parent
         else:
-            from raff2urdf.urdf_object import exact
+            from raff2urdf.urdf_object import ExactUrdf
 
-            written, folder = exact(source)
-            found = readers.read_urdf(written.text(), str(path), ignore_loops, ignore)
+            written = ExactUrdf(source.robot, source._filename_handler)
+            found, folder = readers.read_urdf(written.text(), str(path), ignore_loops, ignore), written.folder
         urdf: str = found.urdf
         constraints: Mapping[str, Any] | None = found.constraints
         if fixed_base:

@@ -187,13 +187,13 @@ def _is_empty(path: Path) -> bool:
 
 def _material(colour: Colour | None) -> Material | None:
     """Return a material named by its colour, so that a name never has two meanings."""
-    from raff2urdf.urdf_object import material
+    from raff2urdf.urdf_object import material_of
 
     if colour is None:
         return None
     red, green, blue, opacity = colour
     name = f"rgb{red:02x}{green:02x}{blue:02x}" + (f"{opacity:02x}" if opacity < 255 else "")
-    return material(name, [round(channel / 255.0, 4) for channel in colour])
+    return material_of(name, [round(channel / 255.0, 4) for channel in colour])
 
 
 def _summary(error: RaffError) -> str:

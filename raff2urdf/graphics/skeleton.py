@@ -178,11 +178,11 @@ def _ball(centre: np.ndarray, thickness: float, style: _Style) -> Visual:
 def _visual(kind: str, sizes: ArrayLike, placement: np.ndarray, style: _Style) -> Visual:
     from yourdfpy import Visual
 
-    from raff2urdf.urdf_object import geometry, material
+    from raff2urdf.urdf_object import geometry, material_of
 
     r, g, b = style.colour
     name = f"c{round(255 * r):02x}{round(255 * g):02x}{round(255 * b):02x}"
-    return Visual(origin=placement, geometry=geometry(kind, sizes), material=material(name, (r, g, b, 1.0)))
+    return Visual(origin=placement, geometry=geometry(kind, sizes), material=material_of(name, (r, g, b, 1.0)))
 
 
 def _at(point: np.ndarray, rotation: np.ndarray, style: _Style) -> np.ndarray:

@@ -15,8 +15,7 @@ from raff2urdf.coupling import coupling_entry
 from raff2urdf.inertia import Inertia
 from raff2urdf.placement import inverse, joint_motion, translation
 from raff2urdf.readers.urdf import UNLIMITED
-from raff2urdf.urdf_object import ExactUrdf, geometry, inertial
-from raff2urdf.urdf_object import material as named_material
+from raff2urdf.urdf_object import ExactUrdf, geometry, inertial, material_of
 
 Array = NDArray[np.float64]
 
@@ -148,4 +147,4 @@ def material(rgba: ArrayLike) -> Material:
     """Return a colour, from 0 to 1, as a material that is named by it, so that a name never has two meanings."""
     clipped = np.clip(np.asarray(rgba, dtype=float), 0.0, 1.0)
     name = "".join(f"{round(255 * value):02x}" for value in clipped.tolist())
-    return named_material(f"c{name}", clipped)
+    return material_of(f"c{name}", clipped)

@@ -112,7 +112,7 @@ def tree(
     for part in robot.parts:
         links.append(body(part))
         joints.append(_joint(document, robot, part))
-    return ExactUrdf(Robot(robot.name, links, joints)).checked(), missing
+    return ExactUrdf(Robot(robot.name, links, joints), folder=out or "").checked(), missing
 
 
 def _joint(document: Document, robot: RaffRobot, part: RaffPart) -> Joint:

@@ -9,6 +9,7 @@ import yourdfpy
 from yourdfpy import Joint, Link, Robot
 
 import cinegen
+import raff2urdf
 from cinegen.errors import CinegenWarning, LoadError
 
 URDF = """<robot name="arm">
@@ -115,3 +116,10 @@ def robot(*joints, links=("a", "b", "c")):
 def test_what_is_wrong_with_it_is_named(model, message):
     with pytest.raises(LoadError, match=message):
         cinegen.load(model)
+
+
+def test_what_raff2urdf_converted_is_taken_with_its_meshes(root, tmp_path):
+    (conversion,) = raff2urdf.convert(root / "robots" / "delta4.raff", tmp_path / "made")
+    assert isinstance(conversion.model, yourdfpy.URDF)
+    found = {shape.meshPath for shape in cinegen.load(conversion.model).visual.geometryObjects}
+    assert found >= {str(path) for path in conversion.files if path.suffix == ".stl"}

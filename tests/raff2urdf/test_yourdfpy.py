@@ -22,7 +22,7 @@ import raff2urdf
 from raff2urdf import RaffError
 from raff2urdf.conversion import translate
 from raff2urdf.placement import from_origin
-from raff2urdf.urdf_object import ExactUrdf, geometry, material
+from raff2urdf.urdf_object import ExactUrdf, geometry, material_of
 
 ROBOTS = Path(__file__).parents[2] / "robots"
 ULP = 2.0**-52
@@ -75,7 +75,7 @@ def test_numbers_read_back_to_the_same_doubles_and_rotations_to_rounding(xyz, rp
     ixx, ixy, ixz, iyy, iyz, izz = moments
     inertia = np.array([[ixx, ixy, ixz], [ixy, iyy, iyz], [ixz, iyz, izz]])
     joint = Joint("j", "revolute", "a", "b", placed, np.array(sizes), limit=Limit(*sizes, sizes[2]))
-    visual = Visual(None, placed, geometry("box", sizes), material("grey", (0.1, 0.2, 1.0 / 3.0, 1.0)))
+    visual = Visual(None, placed, geometry("box", sizes), material_of("grey", (0.1, 0.2, 1.0 / 3.0, 1.0)))
     text = ExactUrdf(two_links(joint, visual, inertial=Inertial(placed, sizes[0], inertia))).text()
     robot = read_back(text).robot
     (back,), link = robot.joints, robot.links[1]
