@@ -21,7 +21,7 @@ from raff2urdf.inertia import Inertia
 from raff2urdf.placement import roll_pitch_yaw, translation
 from raff2urdf.writers.xml_text import text_of
 
-_ROTATION = 1e-6  # by which the product of a rotation and its transpose may differ from the identity
+_ROUNDED = 1e-6  # relative error of a rotation's rows, and of an inertia's symmetry
 
 
 class ExactUrdf(yourdfpy.URDF):  # type: ignore[misc]  # yourdfpy has no types
@@ -82,6 +82,19 @@ class ExactUrdf(yourdfpy.URDF):  # type: ignore[misc]  # yourdfpy has no types
                     values = {word: str(value) for word, value in vars(part).items() if value is not None}
                     etree.SubElement(xml_parent[-1], tag, values)
 
+    def _write_geometry(self, xml_parent: etree._Element, geometry: yourdfpy.Geometry | None) -> None:
+        self.clear_errors()
+        self._validate_geometry(geometry or yourdfpy.Geometry())
+        if self.errors:
+            raise ValueError(self.errors[0].msg)
+        super()._write_geometry(xml_parent, geometry)
+
+    def _write_inertia(self, xml_parent: etree._Element, inertia: ArrayLike | None) -> None:
+        matrix = np.zeros((3, 3)) if inertia is None else np.asarray(inertia, dtype=float)
+        if matrix.shape != (3, 3) or not np.abs(matrix - matrix.T).max() <= _ROUNDED * np.abs(matrix).max():
+            raise ValueError("its inertia must be a symmetric (3, 3) matrix")
+        super()._write_inertia(xml_parent, inertia)
+
     def _write_mesh(self, xml_parent: etree._Element, mesh: yourdfpy.Mesh) -> None:
         name = mesh.filename if self._searches else self._filename_handler(mesh.filename)
         self._write_scale(etree.SubElement(xml_parent, "mesh", filename=name), mesh.scale)
@@ -90,13 +103,13 @@ class ExactUrdf(yourdfpy.URDF):  # type: ignore[misc]  # yourdfpy has no types
         if origin is None:
             return
         placed = np.asarray(origin, dtype=float)
-        turned = placed[:3, :3] if placed.shape == (4, 4) else np.zeros((3, 3))
-        if not (np.isfinite(placed).all() and np.abs(turned @ turned.T - np.eye(3)).max() <= _ROTATION):
+        turned = placed[:3, :3] if placed.shape == (4, 4) and np.isfinite(placed).all() else np.zeros((3, 3))
+        if not (np.abs(turned @ turned.T - np.eye(3)).max() <= _ROUNDED and np.linalg.det(turned) > 0.0):
             raise ValueError("its origin must be a (4, 4) matrix of a rotation and a translation")
         rows = {"xyz": placed[:3, 3].tolist(), "rpy": roll_pitch_yaw(placed)}
         texts = {word: " ".join(str(value + 0.0) for value in row) for word, row in rows.items()}  # no -0.0
-        if xml_parent.tag == "inertial":
-            texts["rpy"] = texts["rpy"].replace("0.0 0.0 0.0", "0 0 0")
+        if xml_parent.tag == "inertial" and not any(rows["rpy"]):  # axes are the link's, nearly always
+            texts["rpy"] = "0 0 0"
         etree.SubElement(xml_parent, "origin", texts)
 
     @contextmanager

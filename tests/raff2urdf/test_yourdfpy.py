@@ -16,10 +16,24 @@ import yourdfpy
 from hypothesis import example, given
 from hypothesis import strategies as st
 from strategies import examples
-from yourdfpy import Calibration, Dynamics, Inertial, Joint, Limit, Link, Mimic, Robot, SafetyController, Visual
+from yourdfpy import (
+    Box,
+    Calibration,
+    Dynamics,
+    Geometry,
+    Inertial,
+    Joint,
+    Limit,
+    Link,
+    Mimic,
+    Robot,
+    SafetyController,
+    Sphere,
+    Visual,
+)  # fmt: skip
 
 import raff2urdf
-from raff2urdf import RaffError
+from raff2urdf import RaffError, readers
 from raff2urdf.conversion import translate
 from raff2urdf.placement import from_origin
 from raff2urdf.urdf_object import ExactUrdf, geometry, material_of
@@ -114,6 +128,7 @@ def test_all_that_a_joint_holds_is_written() -> None:
             "joint 'j' of robot 'r' .*: its origin must be a .4, 4. matrix of a rotation",
         ),
         ({"origin": 2.0 * np.eye(4)}, "joint 'j' of robot 'r' .*: its origin must be a .4, 4. matrix of a rotation"),
+        ({"origin": np.diag((1.0, 1.0, -1.0, 1.0))}, "joint 'j' of robot 'r' .*: its origin must be a .4, 4. matrix"),
         ({"origin": np.full((4, 4), np.nan)}, "joint 'j' of robot 'r' .*: its origin must be a .4, 4. matrix"),
         ({"name": "a\0b"}, "joint 'a\0b' of robot 'r' can't be written as URDF: .*XML compatible"),
     ],
@@ -125,10 +140,20 @@ def test_what_can_not_be_written_is_named(change: dict, message: str) -> None:
         ExactUrdf(two_links(joint)).text()
 
 
-def test_the_link_of_a_shape_that_can_not_be_written_is_named() -> None:
-    visual = Visual(None, None, geometry("mesh", (1.0, 1.0, 1.0), None))
-    with pytest.raises(RaffError, match="link 'b' of robot 'r' can't be written as URDF"):
-        ExactUrdf(two_links(Joint("j", "fixed", "a", "b"), visual)).text()
+@pytest.mark.parametrize(
+    ("shapes", "inertia", "message"),
+    [
+        ([Visual(geometry=geometry("mesh", (1.0, 1.0, 1.0), None))], np.eye(3), "Argument must be bytes or unicode"),
+        ([Visual()], np.eye(3), "One of <sphere>, <cylinder>, <box>, <mesh> needs to be defined"),
+        ([Visual(geometry=Geometry(Box(np.ones(3)), sphere=Sphere(1.0)))], np.eye(3), "Too many of <sphere>"),
+        ([], np.eye(2), "its inertia must be a symmetric .3, 3. matrix"),
+        ([], np.array([[1.0, 0.1, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]]), "its inertia must be a symmetric"),
+    ],
+)
+def test_the_link_that_can_not_be_written_is_named(shapes: list[Visual], inertia: np.ndarray, message: str) -> None:
+    robot = two_links(Joint("j", "fixed", "a", "b"), *shapes, inertial=Inertial(np.eye(4), 1.0, inertia))
+    with pytest.raises(RaffError, match=f"link 'b' of robot 'r' can't be written as URDF: {message}"):
+        ExactUrdf(robot).text()
 
 
 PROGRAM = """
@@ -154,3 +179,8 @@ def test_yourdfpy_is_imported_where_a_urdf_is_made(tmp_path: Path) -> None:
     done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, timeout=120, check=True)
     expected = {"import": False, "URDF": False, "a RAFF file that is wrong": False, "RAFF": True}
     assert json.loads(done.stdout) == expected
+
+
+def test_a_model_without_a_name_gets_one(tmp_path: Path) -> None:
+    (tmp_path / "a.sdf").write_text('<sdf version="1.7"><model name=""><link name="a"/></model></sdf>')
+    assert read_back(readers.read(tmp_path / "a.sdf").urdf).robot.name == "model"
