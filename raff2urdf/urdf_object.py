@@ -95,6 +95,10 @@ class ExactUrdf(yourdfpy.URDF):  # type: ignore[misc]  # yourdfpy has no types
             raise ValueError("its inertia must be a symmetric (3, 3) matrix")
         super()._write_inertia(xml_parent, inertia)
 
+    def _write_texture(self, xml_parent: etree._Element, texture: yourdfpy.Texture | None) -> None:
+        if texture is not None and texture.filename is not None:  # as yourdfpy reads an empty element
+            super()._write_texture(xml_parent, texture)
+
     def _write_mesh(self, xml_parent: etree._Element, mesh: yourdfpy.Mesh) -> None:
         name = mesh.filename if self._searches else self._filename_handler(mesh.filename)
         self._write_scale(etree.SubElement(xml_parent, "mesh", filename=name), mesh.scale)

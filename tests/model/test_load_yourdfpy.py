@@ -13,7 +13,7 @@ import raff2urdf
 from cinegen.errors import CinegenWarning, LoadError
 
 URDF = """<robot name="arm">
-  <material name="red"><color rgba="1 0 0 1"/></material>
+  <material name="red"><color rgba="1 0 0 1"/><texture/></material>
   <link name="base"/>
   <link name="upper"><inertial><origin xyz="0.1 0 0" rpy="0.1 0.2 0.3"/><mass value="2"/>
     <inertia ixx="0.1" ixy="0.01" ixz="0" iyy="0.2" iyz="0" izz="0.2"/></inertial>
