@@ -104,7 +104,7 @@ class SdfModelReader:
 
     def model(self, element: Any) -> SdfModel:
         """Return a model with its nested models."""
-        found = SdfModel(str(element.get("name", "model")))
+        found = SdfModel(str(element.get("name") or "model"))
         for include in element.iter("include"):
             uri = include.findtext("uri", "").strip()
             raise self._error(include, f"the included '{uri}' is not read: write its content into the file")
