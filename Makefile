@@ -196,8 +196,8 @@ export CHECK_PYTHON
 # --- The locks ---------------------------------------------------------------------------------------------------
 # Pins with hashes for all that pyproject.toml asks for, and all that asks for in turn: core.txt for what `pip install
 # cinegen` installs, and the build backend; test.txt for what all extras and the tests need besides. embreex is left out:
-# yourdfpy, with which the tests read URDFs, only gets faster by it, and it does not exist for every machine. The locks are
-# for the oldest Python we support, so that every pin exists for it. What is pinned stays pinned unless UPGRADE=1.
+# trimesh only gets faster by it, and it does not exist for every machine. The locks are for the oldest Python we support,
+# so that every pin exists for it. What is pinned stays pinned unless UPGRADE=1.
 lock: build/tools/installed ## pin what pyproject.toml asks for in requirements/, and with UPGRADE=1 the newest versions of it
 	@set -eu; tmp=$$(mktemp -d); trap 'rm -rf "$$tmp"' EXIT; \
 	pins() { \

@@ -5,10 +5,10 @@ from __future__ import annotations
 import os
 import warnings
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from raff2urdf.analysis import Analysis, analyse
 from raff2urdf.constraints import Constraints, check_values, constraints, for_urdf
@@ -24,9 +24,10 @@ from raff2urdf.readers.urdf import hash_of
 from raff2urdf.readers.urdf import parse as parse_urdf
 from raff2urdf.shipped import find_robot
 from raff2urdf.tree import limits
-from raff2urdf.urdf_model import UrdfRobot
 from raff2urdf.writers import WriteOptions, files
-from raff2urdf.writers.urdf import dumps, tree
+
+if TYPE_CHECKING:  # takes half a second
+    from raff2urdf.urdf_object import ExactUrdf
 
 
 @dataclass(frozen=True)
@@ -35,7 +36,7 @@ class Translation:
 
     Attributes:
         robot: that was translated, with one variable at most for each link (`raff2urdf.raff.compound`).
-        model: its tree; meshes are named relative to `out`.
+        model: its tree, a `yourdfpy.URDF`; meshes are named relative to `out`.
         constraints: the contents of its constraints file.
         analysis: mobility, actuated joints, rows and rank of the loops.
         missing: graphics that can't be shown.
@@ -44,7 +45,7 @@ class Translation:
     """
 
     robot: RaffRobot
-    model: UrdfRobot
+    model: ExactUrdf
     constraints: Constraints
     analysis: Analysis
     missing: tuple[str, ...]
@@ -54,7 +55,7 @@ class Translation:
     @cached_property
     def urdf(self) -> str:
         """The text of the URDF."""
-        return dumps(self.model)
+        return self.model.text()
 
     def content(self, mesh: str) -> bytes:
         """Return the content of a mesh, written or not.
@@ -90,6 +91,7 @@ class Conversion:
         loops: number of loops.
         analysis: mobility, actuated joints, rows and rank of the loops, their gap as written.
         files: every file that was written for it.
+        model: its tree, a `yourdfpy.URDF`, without loops; meshes are named relative to the file.
     """
 
     robot: str
@@ -100,6 +102,7 @@ class Conversion:
     loops: int
     analysis: Analysis
     files: tuple[Path, ...]
+    model: ExactUrdf = field(compare=False, repr=False)
 
     @property
     def urdf(self) -> Path | None:
@@ -158,15 +161,17 @@ def describe(
     check_sizes(document, robot)
     links = expanded(robot)
     model, _ = _tree(document, links, Graphics(links, folder))
-    urdf, values = dumps(model), constraints(document, robot, None, loops)
+    urdf, values = model.text(), constraints(document, robot, None, loops)
     check_values(values, f"{document.source.name}: robot '{robot.name}'")
     return urdf, for_urdf(values, hash_of(parse_urdf(urdf, robot.name), robot.name))
 
 
 def _tree(
     document: Document, robot: RaffRobot, graphics: Graphics, out: Path | None = None
-) -> tuple[UrdfRobot, tuple[str, ...]]:
+) -> tuple[ExactUrdf, tuple[str, ...]]:
     """Return the tree and the graphics that can't be shown; one warning lists them."""
+    from raff2urdf.writers.urdf import tree
+
     model, missing = tree(document, robot, graphics, out)
     if missing:
         shown = "; ".join(missing[:10]) + (f"; and {len(missing) - 10} more" if len(missing) > 10 else "")
@@ -245,6 +250,7 @@ def convert(
             loops=len(one.loops),
             analysis=made.analysis,
             files=(*written, *made.meshes),
+            model=made.model,
         )
         conversions.append(conversion)
         contents |= made.meshes  # first, so that a robot's own file never exists without its meshes

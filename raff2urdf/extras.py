@@ -32,22 +32,6 @@ def needs(extra: str, purpose: str) -> Iterator[None]:
         raise MissingExtraError(f"{purpose} need the package {package}: {install(extra)}") from None
 
 
-def check_mesh_reader(suffix: str) -> None:
-    """Check that trimesh has the package by which it reads a format, which it imports itself.
-
-    Args:
-        suffix: of the file's name, such as ".dae".
-
-    Raises:
-        MissingExtraError: it is not installed.
-    """
-    with needs("meshes", f"{suffix} files"):
-        if suffix == ".dae":
-            import collada  # noqa: F401
-        elif suffix == ".3mf":
-            import networkx  # noqa: F401
-
-
 def install(extra: str) -> str:
     """Return the command that installs an extra into this environment, whether cinegen is there from a wheel or from a
     clone: pip finds that cinegen is installed, and installs only what is missing."""

@@ -3,10 +3,11 @@ file and its conversion are the same mechanism, bit for bit."""
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 import pinocchio as pin
@@ -38,13 +39,16 @@ from raff2urdf.readers.urdf import UNLIMITED, parse
 from raff2urdf.readers.xml_file import read_text
 from raff2urdf.shipped import find_robot
 
+if TYPE_CHECKING:  # takes half a second
+    from yourdfpy import URDF
+
 Array = NDArray[np.float64]
 
 _SAMPLES = 20  # configurations of which home is chosen if the file has none and all joints at 0 is singular
 
 
 def load(
-    path: str | Path,
+    path: str | Path | URDF,
     robot: str | None = None,
     loops: Mapping[str, str] | None = None,
     ignore_loops: bool = False,
@@ -58,7 +62,8 @@ def load(
     Args:
         path: a RAFF file, URDF or xacro, SDF or MJCF, or the name of a shipped robot, such as "delta4". Loops and
             couplings of a URDF are read in all dialects of `raff2urdf.readers.dialects`, also from files next to it:
-            `<stem>.constraints.json`, `robot.yaml`, `loop_closures.yaml`.
+            `<stem>.constraints.json`, `robot.yaml`, `loop_closures.yaml`. Or a `yourdfpy.URDF`, which has links, joints
+            and `<mimic>`, but no loops: nothing else that its file declares. Errors name lines of its XML.
         robot: name of one robot of a file that holds several; the first unless given.
         loops: kinds of closure (rigid, prismatic, revolute, ball) that replace those of the file, by the loop's name.
         ignore_loops: leave out all loops and couplings, also those that can't be read. Every joint is actuated then,
@@ -81,12 +86,14 @@ def load(
             can't be read, and that is not ignored. An SRDF is wrong, or names links that the robot does not have.
         UnknownNameError: no such loop.
     """
-    path, described = find_robot(path), None if srdf is None else Path(srdf)
+    described = None if srdf is None else Path(srdf)
+    objects = sys.modules.get("yourdfpy")
+    path = path if objects is not None and isinstance(path, objects.URDF) else find_robot(path)
     if loops and ignore_loops:
         raise LoadError(
             f"{path}: a kind is given for loop '{next(iter(loops))}', but all are to be ignored: leave one out"
         )
-    if readers.holds_xml(path):
+    if not isinstance(path, Path) or readers.holds_xml(path):
         return _load_xml(path, robot, loops, ignore_loops, ignore, relax, described, fixed_base)
     from raff2urdf.conversion import describe
     from raff2urdf.raff.reader import parse as parse_raff
@@ -135,7 +142,7 @@ def robots(path: str | Path) -> list[str | None]:
 
 
 def _load_xml(
-    path: Path,
+    source: Path | URDF,
     robot: str | None,
     loops: Mapping[str, str] | None,
     ignore_loops: bool,
@@ -144,12 +151,19 @@ def _load_xml(
     srdf: Path | None,
     fixed_base: bool,
 ) -> Mechanism:
-    """Load a URDF with its sidecar files, an SDF or an MJCF."""
-    beside = srdf_of(path)
+    """Load a URDF with its sidecar files, an SDF, an MJCF or a `yourdfpy.URDF`."""
+    path = source if isinstance(source, Path) else Path(f"yourdfpy.URDF '{source.robot.name}'")
+    beside = srdf_of(path) if path is source else None
     if beside is not None and (left_out := beside.name) in ignore:
         beside, ignore = None, [word for word in ignore if word != left_out]
     try:
-        found = readers.read(path, robot, ignore_loops, ignore)
+        if isinstance(source, Path):
+            found, folder = readers.read(path, robot, ignore_loops, ignore), path.parent
+        else:
+            from raff2urdf.urdf_object import ExactUrdf
+
+            written = ExactUrdf(source.robot, source._filename_handler)
+            found, folder = readers.read_urdf(written.text(), str(path), ignore_loops, ignore), written.folder
         urdf: str = found.urdf
         constraints: Mapping[str, Any] | None = found.constraints
         if fixed_base:
@@ -163,9 +177,7 @@ def _load_xml(
             raise UnknownNameError("loop", name, tuple(entries))
         entries[name]["kind"] = loop_kind(kind).name.lower()
     disabled = _read_srdf(srdf or beside, urdf, str(path))
-    mechanism = build(
-        urdf, constraints, str(path.parent), str(path), found.dialects, found.notes, disabled, relax=relax
-    )
+    mechanism = build(urdf, constraints, str(folder), str(path), found.dialects, found.notes, disabled, relax=relax)
     if constraints and not loops:
         _check_stated(mechanism, constraints, path)
     for name, kind in (loops or {}).items():

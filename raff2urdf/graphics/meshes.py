@@ -21,13 +21,14 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from raff2urdf.errors import RaffError
-from raff2urdf.extras import check_mesh_reader, needs
+from raff2urdf.extras import needs
 from raff2urdf.files import note, write_all
 from raff2urdf.graphics.names import cache_folder, check_mesh, may_read
 from raff2urdf.raff.document import RaffNode, RaffRobot
-from raff2urdf.urdf_model import UrdfGeometry, UrdfMaterial, UrdfMesh, UrdfVisual
 
 if TYPE_CHECKING:  # slow to import, and only needed where there are graphics
+    from yourdfpy import Material, Visual
+
     from raff2urdf.graphics.surface import Colour, ColouredSurface
 
 SHOWN = (".stl", ".obj", ".dae")  # URDF viewers, Pinocchio and browsers read them
@@ -42,17 +43,20 @@ class Drawing:
     path: Path
     colour: Colour | None = None
 
-    def visual(self, out: Path | None, scale: float) -> UrdfVisual:
+    def visual(self, out: Path | None, scale: float) -> Visual:
         """Return the mesh as a visual of a URDF.
 
         Args:
             out: the folder of the URDF, relative to which the file is named; an absolute name if None.
             scale: metres in the file's unit of length.
         """
+        from yourdfpy import Visual
+
+        from raff2urdf.urdf_object import geometry
+
         path = self.path.resolve()
         name = str(path) if out is None else Path(os.path.relpath(path, out.resolve())).as_posix()
-        mesh = UrdfMesh(filename=name, scale=np.full(3, scale))
-        return UrdfVisual(geometry=UrdfGeometry(mesh=mesh), material=_material(self.colour))
+        return Visual(geometry=geometry("mesh", np.full(3, scale), name), material=_material(self.colour))
 
 
 class Graphics:
@@ -178,19 +182,18 @@ def _surfaces(path: Path) -> tuple[list[ColouredSurface], str | None]:
 def _is_empty(path: Path) -> bool:
     import trimesh  # 0.5 s
 
-    check_mesh_reader(path.suffix.lower())
     return bool(trimesh.load(path, force="mesh").is_empty)
 
 
-def _material(colour: Colour | None) -> UrdfMaterial | None:
+def _material(colour: Colour | None) -> Material | None:
     """Return a material named by its colour, so that a name never has two meanings."""
+    from raff2urdf.urdf_object import material_of
 
     if colour is None:
         return None
     red, green, blue, opacity = colour
     name = f"rgb{red:02x}{green:02x}{blue:02x}" + (f"{opacity:02x}" if opacity < 255 else "")
-    rgba = np.array([round(channel / 255.0, 4) for channel in colour])
-    return UrdfMaterial(name, rgba)
+    return material_of(name, [round(channel / 255.0, 4) for channel in colour])
 
 
 def _summary(error: RaffError) -> str:

@@ -11,7 +11,6 @@ import numpy as np
 import trimesh
 
 from raff2urdf.errors import RaffError
-from raff2urdf.extras import check_mesh_reader
 from raff2urdf.graphics.names import LARGEST_MESH
 from raff2urdf.graphics.surface import Colour, ColouredSurface, solid
 
@@ -23,7 +22,6 @@ def read(path: str | Path) -> list[ColouredSurface]:
         RaffError: it is larger than a mesh may be when it is unpacked.
         Exception: of any type, depending on the reader.
     """
-    check_mesh_reader(Path(path).suffix.lower())
     if zipfile.is_zipfile(path):  # a short 3MF may unpack to more than any memory holds
         with zipfile.ZipFile(path) as archive:
             size = sum(part.file_size for part in archive.infolist())

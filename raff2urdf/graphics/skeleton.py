@@ -13,13 +13,17 @@ from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from itertools import pairwise
 from statistics import median
+from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from raff2urdf.raff.document import Document, JointType, RaffFrame, RaffLink, RaffNode, RaffPart, RaffRobot
 from raff2urdf.raff.kleinfinger import Kleinfinger
 from raff2urdf.tree import home, kleinfinger, limits
-from raff2urdf.urdf_model import UrdfBox, UrdfCylinder, UrdfGeometry, UrdfMaterial, UrdfSphere, UrdfVisual
+
+if TYPE_CHECKING:  # takes half a second
+    from yourdfpy import Visual
 
 # One for each branch of the tree. People with any colour vision can distinguish them, and pages use none for a status.
 _BRANCHES = (
@@ -54,7 +58,7 @@ class SkeletonDrawing:
             branch[part.number] = last if forks else branch[part.pred]
             self.colours[part.number] = _BRANCHES[branch[part.number] % len(_BRANCHES)]
 
-    def draw(self, node: RaffNode) -> list[UrdfVisual]:
+    def draw(self, node: RaffNode) -> list[Visual]:
         """Return the shapes of one node, in its own frame."""
         style = _Style(self.radius, self.colours[node.number])
         shapes = list(self._joint(node, style))
@@ -64,7 +68,7 @@ class SkeletonDrawing:
             shapes.append(_ball(np.zeros(3), 1.2, style))
         return shapes
 
-    def bars(self, node: RaffNode, radius: float) -> list[UrdfVisual]:
+    def bars(self, node: RaffNode, radius: float) -> list[Visual]:
         """Return the node's bars to its children, all of one radius (m), in its own frame: as a body, not a drawing."""
         style = _Style(radius, self.colours[node.number])
         corners = [self.corners(child) for child in self.robot.children.get(node.number, [])]
@@ -80,7 +84,7 @@ class SkeletonDrawing:
         straight = isinstance(child, RaffFrame) or child.type is JointType.FIXED
         return [corners[0], corners[-1]] if straight else corners
 
-    def _joint(self, node: RaffNode, style: _Style) -> Iterator[UrdfVisual]:
+    def _joint(self, node: RaffNode, style: _Style) -> Iterator[Visual]:
         marker = _Style(style.radius, _JOINT)
         if isinstance(node, RaffLink) and node.own_joint is not None and node.type is not JointType.PRISMATIC:
             yield _ball(np.zeros(3), 2.0, marker)  # a joint of several variables
@@ -92,11 +96,11 @@ class SkeletonDrawing:
             yield from _bar(-half, half, 1.5, marker)
         else:
             size = np.array([2.6, 2.6, 3.2]) * style.radius
-            yield _visual(UrdfGeometry(box=UrdfBox(size=_round(size, style))), np.eye(4), marker)
+            yield _visual("box", _round(size, style), np.eye(4), marker)
             *_, rod = self._telescope(node)
             yield from _bar(np.array([0.0, 0.0, -rod]), np.zeros(3), 0.6, style)
 
-    def _bars_to(self, child: RaffPart, style: _Style) -> Iterator[UrdfVisual]:
+    def _bars_to(self, child: RaffPart, style: _Style) -> Iterator[Visual]:
         """Yield bars from the node's origin to a child's joint."""
         thickness = 0.6 if isinstance(child, RaffFrame) else 1.0
         corners = self.corners(child)
@@ -153,7 +157,7 @@ def _lengths(parameters: Iterable[Kleinfinger]) -> list[float]:
     return [length for length in lengths if length > 1e-12] or [1.0]
 
 
-def _bar(start: np.ndarray, end: np.ndarray, thickness: float, style: _Style) -> Iterator[UrdfVisual]:
+def _bar(start: np.ndarray, end: np.ndarray, thickness: float, style: _Style) -> Iterator[Visual]:
     """Yield a cylinder from one point to another; nothing if they coincide."""
     vector = end - start
     length = math.sqrt(math.fsum(x * x for x in vector.tolist()))
@@ -164,19 +168,21 @@ def _bar(start: np.ndarray, end: np.ndarray, thickness: float, style: _Style) ->
     y = np.cross(z, aside)
     y /= math.sqrt(math.fsum(x * x for x in y.tolist()))
     placement = _at((start + end) / 2.0, np.column_stack([np.cross(y, z), y, z]), style)
-    shape = UrdfCylinder(radius=_digits(thickness * style.radius), length=_digits(length))
-    yield _visual(UrdfGeometry(cylinder=shape), placement, style)
+    yield _visual("cylinder", (_digits(thickness * style.radius), _digits(length)), placement, style)
 
 
-def _ball(centre: np.ndarray, thickness: float, style: _Style) -> UrdfVisual:
-    ball = UrdfGeometry(sphere=UrdfSphere(radius=_digits(thickness * style.radius)))
-    return _visual(ball, _at(centre, np.eye(3), style), style)
+def _ball(centre: np.ndarray, thickness: float, style: _Style) -> Visual:
+    return _visual("sphere", (_digits(thickness * style.radius),), _at(centre, np.eye(3), style), style)
 
 
-def _visual(geometry: UrdfGeometry, placement: np.ndarray, style: _Style) -> UrdfVisual:
+def _visual(kind: str, sizes: ArrayLike, placement: np.ndarray, style: _Style) -> Visual:
+    from yourdfpy import Visual
+
+    from raff2urdf.urdf_object import geometry, material_of
+
     r, g, b = style.colour
     name = f"c{round(255 * r):02x}{round(255 * g):02x}{round(255 * b):02x}"
-    return UrdfVisual(origin=placement, geometry=geometry, material=UrdfMaterial(name, np.array([r, g, b, 1.0])))
+    return Visual(origin=placement, geometry=geometry(kind, sizes), material=material_of(name, (r, g, b, 1.0)))
 
 
 def _at(point: np.ndarray, rotation: np.ndarray, style: _Style) -> np.ndarray:

@@ -64,7 +64,6 @@ def read(path: Path, robot: str | None = None, ignore_loops: bool = False, ignor
         RaffError: the file, or its sidecar file, can't be read or is wrong: where and why. A file declares a loop or a
             coupling that can't be read, and that is not ignored. `ignore` names none.
     """
-    from raff2urdf.constraints import check_values
     from raff2urdf.readers import xacro_file
     from raff2urdf.readers.declaration import IgnoreList
 
@@ -78,15 +77,40 @@ def read(path: Path, robot: str | None = None, ignore_loops: bool = False, ignor
         why = _OTHER_ROOTS.get(kind, f"this is not a robot (known: {known})")
         raise error_at(str(path), root, f"its first element is <{kind}>: {why}")
     words = IgnoreList(ignore)
-    found = _without(READERS[kind](text, path, robot, ignore_loops, words), words, ignore_loops)
+    return _checked(READERS[kind](text, path, robot, ignore_loops, words), str(path), words, ignore_loops)
+
+
+def read_urdf(text: str, name: str, ignore_loops: bool = False, ignore: Sequence[str] = ()) -> Description:
+    """Read a URDF that is no file, so that nothing is next to it.
+
+    Args:
+        text: of the URDF.
+        name: of it, in errors, which name lines of the text.
+        ignore_loops: see `read`.
+        ignore: see `read`.
+
+    Raises:
+        RaffError: see `read`.
+    """
+    from raff2urdf.readers.declaration import IgnoreList
+
+    words = IgnoreList(ignore)
+    return _checked(_urdf(text, Path(name), None, ignore_loops, words, is_file=False), name, words, ignore_loops)
+
+
+def _checked(found: Description, name: str, ignore: IgnoreList, ignore_loops: bool) -> Description:
+    """Return a robot without what is ignored, once it is checked."""
+    from raff2urdf.constraints import check_values
+
+    found = _without(found, ignore, ignore_loops)
     if found.constraints is not None:
-        check_values(found.constraints, str(path))
+        check_values(found.constraints, name)
     if not ignore_loops:
-        words.check(str(path))
+        ignore.check(name)
     if found.left_out:
         moves = "; every joint moves independently" if ignore_loops else ""
-        message = f"{path}: left out, as requested{moves}: {', '.join(found.left_out)}"
-        warnings.warn(message, RaffWarning, stacklevel=4)
+        message = f"{name}: left out, as requested{moves}: {', '.join(found.left_out)}"
+        warnings.warn(message, RaffWarning, stacklevel=5)
     return found
 
 
@@ -110,10 +134,12 @@ def _without(found: Description, ignore: IgnoreList, all_of_them: bool) -> Descr
     return found._replace(constraints=kept, left_out=tuple(left_out))
 
 
-def _urdf(text: str, path: Path, robot: str | None, ignore_loops: bool, ignore: IgnoreList) -> Description:
+def _urdf(
+    text: str, path: Path, robot: str | None, ignore_loops: bool, ignore: IgnoreList, is_file: bool = True
+) -> Description:
     from raff2urdf.readers import dialects
 
-    return dialects.read(text, path, ignore, ignore_loops)
+    return dialects.read(text, path, ignore, ignore_loops, is_file)
 
 
 def _sdf(text: str, path: Path, robot: str | None, ignore_loops: bool, ignore: IgnoreList) -> Description:

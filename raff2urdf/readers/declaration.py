@@ -8,6 +8,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from raff2urdf.errors import RaffError, did_you_mean
+from raff2urdf.escape import shell_word
 from raff2urdf.readers.loop_joint import LoopJoint
 from raff2urdf.readers.urdf_tree import UrdfTree
 
@@ -91,6 +92,11 @@ def listed(declarations: Sequence[Declaration], most: int = 20) -> str:
     """Return labels with their lines, the first few of them."""
     shown = ", ".join(f"{one.label} (line {one.line})" if one.line else one.label for one in declarations[:most])
     return shown + (f" and {len(declarations) - most} more" if len(declarations) > most else "")
+
+
+def leave_out(element: str) -> str:
+    """Return the remedy for an element that has no counterpart."""
+    return f"leave it out with --ignore {shell_word(element)} (in Python ignore=[{element!r}])"
 
 
 def tag_of(element: Any) -> str:

@@ -42,7 +42,7 @@ from raff2urdf.readers.urdf_tree import UrdfTree, text_of
 from raff2urdf.readers.xml_file import parse_xml
 
 
-def read(text: str, path: Path, ignore: IgnoreList, ignore_loops: bool) -> Description:
+def read(text: str, path: Path, ignore: IgnoreList, ignore_loops: bool, is_file: bool = True) -> Description:
     """Read the loops and couplings of a URDF.
 
     Args:
@@ -50,6 +50,7 @@ def read(text: str, path: Path, ignore: IgnoreList, ignore_loops: bool) -> Descr
         path: of the URDF.
         ignore: elements to be left out.
         ignore_loops: leave out all of them.
+        is_file: whether files may be next to it; else its path is only a name, in errors.
 
     Raises:
         RaffError: the URDF or a file next to it is wrong; it declares a loop or a coupling that can't be read, and that
@@ -70,7 +71,7 @@ def read(text: str, path: Path, ignore: IgnoreList, ignore_loops: bool) -> Descr
     ]
     declared += declared_loops.find(root, {id(one.element) for one in declared})
     declared.sort(key=lambda one: one.line)
-    files = _Files(path, text, ignore, ignore_loops)
+    files = _Files(path, text, ignore, ignore_loops, is_file)
     left_out = [one for one in declared if ignore_loops or ignore.takes(*one.words)]
     kept = [one for one in declared if not any(one is other for other in left_out)]
     if ignore_loops:
@@ -138,12 +139,13 @@ class _Files:
         left_out: files that were ignored.
     """
 
-    def __init__(self, path: Path, text: str, ignore: IgnoreList, ignore_loops: bool) -> None:
+    def __init__(self, path: Path, text: str, ignore: IgnoreList, ignore_loops: bool, is_file: bool) -> None:
         self.text, self.dialect = text, ""
         self.left_out: tuple[str, ...] = ()
         self.values: Constraints | None = None
         self.checked: list[Mapping[str, Any]] = []
-        for own, reader in ((sidecar.constraints_of(path), sidecar), (robot_yaml.sidecar_of(path), robot_yaml)):
+        near = ((sidecar.constraints_of(path), sidecar), (robot_yaml.sidecar_of(path), robot_yaml))
+        for own, reader in near if is_file else ():
             if own is None:
                 continue
             note(own)
@@ -162,14 +164,15 @@ class _Files:
         if self.values is not None and not ignore_loops and self.dialect.endswith(("raff:robot", ".json")):
             holder = self.dialect if embedded is not None else sidecar.constraints_of(path).name
             sidecar.check_hash(self.values, holder, path, parse(self.text, str(path)))
-        own_closures = loop_closures.sidecar_of(path, UrdfTree(parse(self.text, str(path)), str(path)))
+        tree = UrdfTree(parse(self.text, str(path)), str(path))
+        own_closures = loop_closures.sidecar_of(path, tree) if is_file else None
         if own_closures is not None and ignore.takes(own_closures.name):
             self.left_out += (own_closures.name,)
             own_closures = None
         self._closures = own_closures
         self._read: loop_closures.LoopClosures | None = None
         if self.values is None and own_closures is None and not self.left_out:
-            found = sidecar.misplaced(path, text)
+            found = sidecar.misplaced(path, text) if is_file else None
             if found and not ignore_loops and not ignore.takes(found.file):
                 raise RaffError(found.refusal(path))
             if found:

@@ -23,6 +23,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.polynomial import Polynomial
 from numpy.typing import NDArray
+from yourdfpy import Visual
 
 from raff2urdf.constraints import Constraints
 from raff2urdf.errors import RaffError
@@ -30,11 +31,11 @@ from raff2urdf.extras import needs
 from raff2urdf.graphics.names import check_mesh, find
 from raff2urdf.inertia import Inertia
 from raff2urdf.placement import from_quaternion, roll_pitch_yaw, translation
+from raff2urdf.readers.declaration import leave_out
 from raff2urdf.readers.urdf import LARGEST
-from raff2urdf.readers.urdf_builder import UNBOUNDED, Shape, UrdfBuilder, leave_out, material, shapes
+from raff2urdf.readers.urdf_builder import UNBOUNDED, Shape, UrdfBuilder, material, shapes
 from raff2urdf.readers.xml_file import parse_xml, read_text
 from raff2urdf.tree import WORLD
-from raff2urdf.urdf_model import UrdfVisual
 
 Array = NDArray[np.float64]
 
@@ -464,7 +465,7 @@ class _Reader:
 
     # --- visuals ------------------------------------------------------------------------------------------------
 
-    def visuals(self, body: int) -> Iterator[UrdfVisual]:
+    def visuals(self, body: int) -> Iterator[Visual]:
         model = self.model
         for g in range(int(model.body_geomadr[body]), int(model.body_geomadr[body]) + int(model.body_geomnum[body])):
             if model.geom_group[g] >= _HIDDEN or body == 0:
@@ -476,7 +477,7 @@ class _Reader:
                 raise RaffError(f"{self.name}: {label}: its rgba must be four numbers, not {rgba.tolist()}")
             placed = from_quaternion(model.geom_pos[g], model.geom_quat[g])
             for shape, offset in self.shapes_of(g):
-                yield UrdfVisual(origin=placed @ offset, geometry=shape, material=material(rgba))
+                yield Visual(origin=placed @ offset, geometry=shape, material=material(rgba))
 
     def shapes_of(self, geom: int) -> Iterator[Shape]:
         """Yield the shapes of a geom that URDF has; an ellipsoid becomes the box around it."""

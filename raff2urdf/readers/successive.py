@@ -17,11 +17,9 @@ from typing import Any
 import numpy as np
 from lxml import etree
 
-from raff2urdf.inertia import Inertia
 from raff2urdf.placement import with_z
-from raff2urdf.readers.urdf import MovingJoint, axis, effort, joints, limits, links, parse, remove, velocity
+from raff2urdf.readers.urdf import MOMENTS, MovingJoint, axis, effort, joints, limits, links, parse, remove, velocity
 from raff2urdf.readers.xml_file import error_at
-from raff2urdf.urdf_model import add_inertial
 
 Step = tuple[str, str, Sequence[float]]
 """Suffix of a joint's name, the joint's type, and its axis."""
@@ -126,10 +124,18 @@ def replace(tree: Any, joint: Any, steps: Sequence[Step], file: str) -> list[str
         element.sourceline = joint.sourceline
         made.append(element)
         if not last:
-            made.append(etree.Element("link", name=name))
-            add_inertial(made[-1], Inertia())
+            made.append(massless_link(name))
         parent = name
     for element in made:
         joint.addprevious(element)
     remove(joint)
     return names
+
+
+def massless_link(name: str) -> Any:
+    """Return an element of a link whose mass is stated as 0, such as the cross of a universal joint."""
+    link = etree.Element("link", name=name)
+    inertial = etree.SubElement(link, "inertial")
+    etree.SubElement(inertial, "mass", value="0")
+    etree.SubElement(inertial, "inertia", dict.fromkeys(MOMENTS, "0"))
+    return link

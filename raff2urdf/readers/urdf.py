@@ -275,7 +275,7 @@ def negative_mass(label: str, mass: float) -> str:
 
 def lacks(inertial: Any) -> str | None:
     """Return an element or attribute that an <inertial> lacks; None if it is complete."""
-    for tag, words in (("mass", ("value",)), ("inertia", _MOMENTS)):
+    for tag, words in (("mass", ("value",)), ("inertia", MOMENTS)):
         found = inertial.find(tag)
         missing = [tag] if found is None else [f"{word} of <{tag}>" for word in words if found.get(word) is None]
         if missing:
@@ -287,14 +287,14 @@ def inertia(link: Any, name: str) -> Inertia | None:
     """Return the inertia of a link in its own axes: that of the first complete <inertial>; None without one."""
     for inertial in link.iterchildren("inertial"):
         if lacks(inertial) is None:
-            xx, xy, xz, yy, yz, zz = (number(inertial.find("inertia").get(word)) for word in _MOMENTS)
+            xx, xy, xz, yy, yz, zz = (number(inertial.find("inertia").get(word)) for word in MOMENTS)
             placed, matrix = origin(inertial, name), np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
             found = Inertia(number(inertial.find("mass").get("value")), np.zeros(3), matrix)
             return found.in_frame(placed)
     return None
 
 
-_MOMENTS = ("ixx", "ixy", "ixz", "iyy", "iyz", "izz")
+MOMENTS = ("ixx", "ixy", "ixz", "iyy", "iyz", "izz")
 
 
 def _label(joint: Any) -> str:
@@ -324,7 +324,7 @@ def _check_inertial(link: Any, name: str) -> None:
     left out are not missed."""
     for inertial in link.iterchildren("inertial"):
         origin(inertial, name)
-        for tag, words in (("mass", ("value",)), ("inertia", _MOMENTS)):
+        for tag, words in (("mass", ("value",)), ("inertia", MOMENTS)):
             for element in inertial.iterchildren(tag):
                 for word in words:
                     text = element.get(word)

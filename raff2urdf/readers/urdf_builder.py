@@ -8,33 +8,20 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
+from yourdfpy import Geometry, Joint, Limit, Link, Material, Robot, Visual
 
 from raff2urdf.constraints import Constraints, loop_entry
 from raff2urdf.coupling import coupling_entry
-from raff2urdf.escape import shell_word
 from raff2urdf.inertia import Inertia
 from raff2urdf.placement import inverse, joint_motion, translation
 from raff2urdf.readers.urdf import UNLIMITED
-from raff2urdf.urdf_model import (
-    UrdfBox,
-    UrdfCylinder,
-    UrdfGeometry,
-    UrdfJoint,
-    UrdfLimit,
-    UrdfLink,
-    UrdfMaterial,
-    UrdfMesh,
-    UrdfRobot,
-    UrdfSphere,
-    UrdfVisual,
-)
-from raff2urdf.writers.urdf import dumps
+from raff2urdf.urdf_object import ExactUrdf, geometry, inertial, material_of
 
 Array = NDArray[np.float64]
 
 UNBOUNDED = (-math.inf, math.inf)
 
-Shape = tuple[UrdfGeometry, Array]
+Shape = tuple[Geometry, Array]
 """A shape, and its placement (4, 4) in the visual."""
 
 
@@ -47,7 +34,7 @@ class UrdfBuilder:
 
     def __init__(self, robot: str, taken: Iterable[str]) -> None:
         self.taken = set(taken)
-        self._robot = UrdfRobot(name=robot, links=[], joints=[])
+        self._robot = Robot(robot)
         self._entries: list[dict[str, Any]] = []
         self._loops: list[dict[str, Any]] = []
         self._couplings: list[dict[str, Any]] = []
@@ -60,13 +47,13 @@ class UrdfBuilder:
         self.taken.add(name)
         return name
 
-    def add_link(self, name: str, visuals: Iterable[UrdfVisual] = (), inertial: Inertia | None = None) -> None:
+    def add_link(self, name: str, visuals: Iterable[Visual] = (), inertia: Inertia | None = None) -> None:
         """Add a link; its inertia is in its own axes, None if the file gives none."""
-        self._robot.links.append(UrdfLink(name, list(visuals), inertial))
+        self._robot.links.append(Link(name, inertial(inertia), list(visuals)))
 
     def add_fixed(self, name: str, parent: str, child: str, origin: Array, kind: str = "fixed") -> None:
         """Add a fixed joint, or a floating one."""
-        self._robot.joints.append(UrdfJoint(name=name, type=kind, parent=parent, child=child, origin=origin))
+        self._robot.joints.append(Joint(name=name, type=kind, parent=parent, child=child, origin=origin))
 
     def add_joint(
         self,
@@ -100,11 +87,11 @@ class UrdfBuilder:
         """
         axis = np.array(axis, dtype=float)
         kind = "prismatic" if prismatic else "continuous" if limits == UNBOUNDED else "revolute"
-        limit = UrdfLimit(min(effort, UNLIMITED), min(velocity, UNLIMITED))
+        limit = Limit(min(effort, UNLIMITED), min(velocity, UNLIMITED))
         if kind != "continuous":
             limit.lower, limit.upper = max(limits[0], -UNLIMITED), min(limits[1], UNLIMITED)
         origin = placed @ inverse(joint_motion(prismatic, axis / np.linalg.norm(axis), zero))
-        joint = UrdfJoint(name, kind, *ends, axis=axis, origin=origin, limit=limit)
+        joint = Joint(name, kind, *ends, axis=axis, origin=origin, limit=limit)
         self._robot.joints.append(joint)
         self._entries.append({"name": name, "home": home, **({} if actuated is None else {"actuated": actuated})})
 
@@ -134,12 +121,7 @@ class UrdfBuilder:
             values["balls"] = self._balls
         if self._couplings:
             values["couplings"] = self._couplings
-        return dumps(self._robot), values
-
-
-def leave_out(element: str) -> str:
-    """Return the remedy for an element that has no counterpart."""
-    return f"leave it out with --ignore {shell_word(element)} (in Python ignore=[{element!r}])"
+        return ExactUrdf(self._robot).checked().text(), values
 
 
 def shapes(kind: str, sizes: ArrayLike, file: str = "", height: float = 0.0) -> Iterator[Shape]:
@@ -158,13 +140,11 @@ def shapes(kind: str, sizes: ArrayLike, file: str = "", height: float = 0.0) -> 
         for end in (-0.5, 0.5):
             yield from shapes("sphere", values[:1], height=end * float(values[1]))
         return
-    make = {"box": UrdfBox, "cylinder": UrdfCylinder, "sphere": UrdfSphere, "mesh": UrdfMesh}[kind]
-    arguments = {"box": (values,), "mesh": (file, values)}.get(kind, values.tolist())
-    yield UrdfGeometry(**{kind: make(*arguments)}), translation((0.0, 0.0, height))
+    yield geometry(kind, values, file), translation((0.0, 0.0, height))
 
 
-def material(rgba: ArrayLike) -> UrdfMaterial:
+def material(rgba: ArrayLike) -> Material:
     """Return a colour, from 0 to 1, as a material that is named by it, so that a name never has two meanings."""
     clipped = np.clip(np.asarray(rgba, dtype=float), 0.0, 1.0)
     name = "".join(f"{round(255 * value):02x}" for value in clipped.tolist())
-    return UrdfMaterial(f"c{name}", clipped)
+    return material_of(f"c{name}", clipped)

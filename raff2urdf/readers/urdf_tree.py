@@ -11,12 +11,10 @@ from lxml import etree
 from numpy.typing import NDArray
 
 from raff2urdf.errors import RaffError, did_you_mean
-from raff2urdf.inertia import Inertia
 from raff2urdf.placement import roll_pitch_yaw, with_z
-from raff2urdf.readers.successive import Step
+from raff2urdf.readers.successive import Step, massless_link
 from raff2urdf.readers.urdf import ends, joints, links, origin, three
 from raff2urdf.readers.xml_file import error_at
-from raff2urdf.urdf_model import add_inertial
 
 Array = NDArray[np.float64]
 
@@ -143,8 +141,7 @@ class UrdfTree:
         before = self.links[link]
         for suffix, kind, vector in steps:
             own = self.free_name(f"{name}_{suffix}")
-            body = etree.Element("link", name=own)
-            add_inertial(body, Inertia())  # such as the cross of a universal joint
+            body = massless_link(own)
             joint = etree.Element("joint", name=own, type=kind)
             etree.SubElement(joint, "parent", link=link)
             etree.SubElement(joint, "child", link=own)

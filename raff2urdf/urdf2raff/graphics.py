@@ -18,7 +18,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from raff2urdf.errors import RaffError
-from raff2urdf.extras import check_mesh_reader
 from raff2urdf.graphics.meshes import CONVERTED, SHOWN
 from raff2urdf.graphics.names import find, may_read
 from raff2urdf.graphics.skeleton import SkeletonDrawing
@@ -193,7 +192,6 @@ class GraphicsExport:
         import trimesh
 
         path = find(mesh.get("filename", ""), self.folder)
-        check_mesh_reader(path.suffix.lower())
         try:
             scene = trimesh.load_scene(path)
             if scene.is_empty:
@@ -228,7 +226,7 @@ class GraphicsExport:
             and np.abs(placed[:3, :3]).max() <= _NEAR
             and np.abs(placed[:3, 3]).max() <= _NEAR * size
             and colour is not None
-            and np.abs(np.array(colour) - drawn.material.rgba).max() <= 1.0 / 255.0
+            and np.abs(np.array(colour) - drawn.material.color.rgba).max() <= 1.0 / 255.0
         )
 
 

@@ -46,6 +46,7 @@ from raff2urdf.raff.document import (
 )
 from raff2urdf.raff.kleinfinger import Kleinfinger, transform
 from raff2urdf.readers import successive
+from raff2urdf.readers.declaration import leave_out
 from raff2urdf.readers.urdf import (
     default_value,
     effort,
@@ -58,7 +59,6 @@ from raff2urdf.readers.urdf import (
     root_first,
     velocity,
 )
-from raff2urdf.readers.urdf_builder import leave_out
 from raff2urdf.readers.xml_file import error_at
 from raff2urdf.tree import BASE_JOINT, WORLD, joint_units, kleinfinger
 from raff2urdf.urdf2raff.frames import EXACT, TIDY, RigidBody, choose_frame, gather, path, robot_size, step, tidy

@@ -12,18 +12,19 @@ from dataclasses import dataclass
 from functools import cache
 from io import BytesIO
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from raff2urdf.errors import RaffError
-from raff2urdf.extras import check_mesh_reader
 from raff2urdf.files import read_bytes
 from raff2urdf.inertia import Inertia, sum_of
-from raff2urdf.urdf_model import UrdfGeometry, UrdfRobot
 from raff2urdf.writers import DENSITY
 from raff2urdf.writers.tree_at_home import shape_of
+
+if TYPE_CHECKING:  # takes half a second
+    from yourdfpy import Geometry, Robot
 
 Array = NDArray[np.float64]
 
@@ -71,7 +72,7 @@ class Inertias:
 
 
 def inertias(
-    model: UrdfRobot,
+    model: Robot,
     density: float | None = None,
     read: Reader | None = None,
     moving: Mapping[str, Iterable[tuple[str, Array]]] | None = None,
@@ -95,7 +96,8 @@ def inertias(
         raise RaffError(f"the density is {density:g} kg/m3: it must be a number above 0")
     surface = cache(read or load_surface)
     bodies = {name: carrier for carrier, parts in (moving or {}).items() for name, _ in parts}
-    stated = {link.name: link.inertial for link in model.links if link.inertial is not None}
+    given = {link.name: link.inertial for link in model.links if link.inertial is not None}
+    stated = {name: _placed(Inertia(one.mass, matrix=one.inertia), one.origin) for name, one in given.items()}
     known = {bodies.get(name, name) for name in stated}
     found = {
         link.name: stated.get(link.name, Inertia())
@@ -125,7 +127,7 @@ def inertias(
     return Inertias(found, density, tuple(estimated), bool(stated), tuple(raised))
 
 
-def of_geometry(geometry: UrdfGeometry, density: float, surface: Reader | None = None) -> Inertia:
+def of_geometry(geometry: Geometry, density: float, surface: Reader | None = None) -> Inertia:
     """Return the inertia of a URDF's shape as a solid body, in the shape's own axes."""
     kind, size, file = shape_of(geometry)
     if kind == "mesh":
@@ -175,7 +177,6 @@ def load_surface(path: str | Path, content: bytes | None = None) -> Any:
     """
     import trimesh
 
-    check_mesh_reader(Path(path).suffix.lower())
     content = read_bytes(path) if content is None else content
     try:
         return trimesh.load(BytesIO(content), file_type=Path(path).suffix[1:].lower(), force="mesh")

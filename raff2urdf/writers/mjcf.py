@@ -32,12 +32,13 @@ from raff2urdf.inertia import ROUNDED, Inertia, sum_of
 from raff2urdf.placement import inverse, translation
 from raff2urdf.readers.urdf import UNLIMITED
 from raff2urdf.tree import BASE_JOINT, WORLD
-from raff2urdf.urdf_model import UrdfJoint, UrdfLink
 from raff2urdf.writers.inertia import Inertias, inertias
 from raff2urdf.writers.tree_at_home import TreeAtHome, shape_of, unique_name
 from raff2urdf.writers.xml_text import comment, numeral, numerals, text_of
 
 if TYPE_CHECKING:
+    from yourdfpy import Joint, Link
+
     from raff2urdf.conversion import Translation
     from raff2urdf.writers import WriteOptions
 
@@ -72,7 +73,7 @@ End = tuple[str, Array]
 def files(translation: Translation, stem: str, options: WriteOptions) -> dict[str, bytes]:
     """Return the robot, and those of its meshes that MuJoCo can't read as they are, as binary STL."""
     tree, meshes = TreeAtHome(translation), _MeshAssets(translation, stem)
-    masses = inertias(translation.model, options.density, translation.surface, tree.moving)
+    masses = inertias(tree.model, options.density, translation.surface, tree.moving)
     text = text_of(_Writer(tree, masses, meshes, translation.analysis.length).root())
     meshes.warn()
     return {f"{stem}.xml": text.encode(), **meshes.converted}
@@ -184,7 +185,7 @@ class _Writer:
         add_inertial(ground, Inertia())
         return ground
 
-    def add_joint(self, body: etree._Element, joint: UrdfJoint) -> None:
+    def add_joint(self, body: etree._Element, joint: Joint) -> None:
         entry = self.tree.entries.get(joint.name)
         if entry is not None:
             kind = "slide" if joint.type == "prismatic" else "hinge"
@@ -196,7 +197,7 @@ class _Writer:
         elif joint.type == "floating":
             etree.SubElement(body, "freejoint", name=joint.name)
 
-    def add_shapes(self, body: etree._Element, link: UrdfLink) -> None:
+    def add_shapes(self, body: etree._Element, link: Link) -> None:
         for shape in link.visuals:
             kind, size, file = shape_of(shape.geometry)
             mesh = self.meshes.name(file, tuple(size.tolist())) if kind == "mesh" else ""
@@ -207,7 +208,7 @@ class _Writer:
             geom.set(*(("mesh", mesh) if mesh else ("size", numerals(size * half))))
             geom.attrib.update(pose(np.eye(4) if shape.origin is None else shape.origin))
             if shape.material is not None:
-                geom.set("rgba", numerals(shape.material.rgba))
+                geom.set("rgba", numerals(shape.material.color.rgba))
 
     def home(self, world: etree._Element) -> list[float]:
         """Return the values at home, in MuJoCo's order: that of the joints in the file."""
@@ -324,7 +325,7 @@ class _Writer:
                 targets.append(self.tree.home[joint.name])
         return targets
 
-    def moved_inertia(self, joint: UrdfJoint) -> float:
+    def moved_inertia(self, joint: Joint) -> float:
         """Return the inertia that the joint moves at home, of the tree alone: kg m2 about its axis, or kg."""
         moved = {joint.child: None}  # in order
         for other in self.tree.order:
@@ -424,5 +425,5 @@ class _MeshAssets:
         """Warn of meshes that were left out."""
         if lost := [mesh for mesh, name in self.names.items() if name is None]:
             reason = f"MuJoCo reads meshes from {_LEAST_VERTICES} vertices on up to {_MOST_FACES} faces"
-            robot = self.translation.model.name
+            robot = self.translation.robot.name
             warnings.warn(f"robot '{robot}': left out {', '.join(lost)}: {reason}", RaffWarning, stacklevel=3)

@@ -36,12 +36,13 @@ from raff2urdf.inertia import Inertia, sum_of
 from raff2urdf.placement import roll_pitch_yaw, translation
 from raff2urdf.readers.xml_file import NAMESPACE
 from raff2urdf.tree import BASE_JOINT, WORLD
-from raff2urdf.urdf_model import UrdfJoint
 from raff2urdf.writers.inertia import Inertias, inertias
 from raff2urdf.writers.tree_at_home import TreeAtHome, shape_of, unique_name
 from raff2urdf.writers.xml_text import comment, numeral, numerals, text_of
 
 if TYPE_CHECKING:
+    from yourdfpy import Joint
+
     from raff2urdf.conversion import Translation
     from raff2urdf.writers import WriteOptions
 
@@ -56,7 +57,7 @@ _UNLIMITED = 1e16  # SDF's limit of a joint without limits
 def files(translation: Translation, stem: str, options: WriteOptions) -> dict[str, bytes]:
     """Return the file."""
     tree = TreeAtHome(translation)
-    masses = inertias(translation.model, options.density, translation.surface, tree.moving)
+    masses = inertias(tree.model, options.density, translation.surface, tree.moving)
     return {f"{stem}.sdf": text_of(_Writer(tree, masses).root()).encode()}
 
 
@@ -119,7 +120,7 @@ class _Writer:
         etree.SubElement(joint, "child").text = child
         return joint
 
-    def add_joint(self, model: etree._Element, joint: UrdfJoint) -> None:
+    def add_joint(self, model: etree._Element, joint: Joint) -> None:
         entry = self.tree.entries.get(joint.name)  # none of a fixed joint
         kind = "fixed" if entry is None else entry["type"]
         element = self.new_joint(model, joint.name, kind, self.tree.carriers[joint.parent][0], joint.child)
@@ -225,4 +226,4 @@ def add_shape(element: etree._Element, shape: Any, placement: Array) -> None:
     if shape.material is not None:
         painted = etree.SubElement(element, "material")
         for light in ("ambient", "diffuse"):
-            etree.SubElement(painted, light).text = numerals(shape.material.rgba)
+            etree.SubElement(painted, light).text = numerals(shape.material.color.rgba)

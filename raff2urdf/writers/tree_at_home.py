@@ -17,9 +17,10 @@ from raff2urdf.coupling import Coupling, coupling_of
 from raff2urdf.placement import joint_motion
 from raff2urdf.readers.urdf import UNLIMITED
 from raff2urdf.tree import WORLD
-from raff2urdf.urdf_model import UrdfGeometry, UrdfJoint, UrdfLimit, UrdfLink
 
 if TYPE_CHECKING:
+    from yourdfpy import Geometry, Joint, Limit, Link
+
     from raff2urdf.conversion import Translation
 
 Array = NDArray[np.float64]
@@ -45,19 +46,19 @@ class TreeAtHome:
     """
 
     def __init__(self, translation: Translation) -> None:
-        self.model, self.home = translation.model, translation.analysis.home
+        self.model, self.home = translation.model.robot, translation.analysis.home
         bounds = {joint.name: _bounds(joint.limit) for joint in self.model.joints if joint.limit is not None}
         self.entries = {entry["name"]: entry | bounds[entry["name"]] for entry in translation.constraints["joints"]}
         self.loops = translation.constraints["loops"]
         self.couplings: list[Coupling] = [coupling_of(one) for one in translation.constraints.get("couplings", [])]
-        self.link: dict[str, UrdfLink] = {link.name: link for link in self.model.links}
-        self.joint_of: dict[str, UrdfJoint] = {joint.child: joint for joint in self.model.joints}
+        self.link: dict[str, Link] = {link.name: link for link in self.model.links}
+        self.joint_of: dict[str, Joint] = {joint.child: joint for joint in self.model.joints}
         self.root = next(iter(self.link))
         children = [part.node for part in translation.robot.outward]
         self.order = [self.joint_of[child] for child in ("base", *children) if child in self.joint_of]
         self.floating = self.joint_of["base"] if translation.robot.movable else None
 
-    def placed(self, joint: UrdfJoint) -> Array:
+    def placed(self, joint: Joint) -> Array:
         """Return the placement (4, 4) of the joint's child on its parent at closed home."""
         origin = np.asarray(joint.origin, dtype=float)
         if joint.name not in self.home:
@@ -97,7 +98,7 @@ class TreeAtHome:
         return {carrier: parts for carrier, parts in self.rigid.items() if carrier not in fixed}
 
 
-def _bounds(limit: UrdfLimit) -> dict[str, Any]:
+def _bounds(limit: Limit) -> dict[str, Any]:
     """Return limits, velocity limit and effort limit of a joint; None where it has none."""
     low, high = limit.lower, limit.upper
     unlimited = low is None or high is None or (low <= -UNLIMITED and high >= UNLIMITED)
@@ -112,7 +113,7 @@ SIZES = {"box": ["size"], "cylinder": ["radius", "length"], "sphere": ["radius"]
 """The sizes of each kind of shape in a URDF, by their names there and in SDF."""
 
 
-def shape_of(geometry: UrdfGeometry) -> tuple[str, Array, str]:
+def shape_of(geometry: Geometry) -> tuple[str, Array, str]:
     """Return kind, sizes and file of a shape.
 
     Sizes are the sides (3,) of a box, radius and length of a cylinder along z, the radius of a sphere, m; and the

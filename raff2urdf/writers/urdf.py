@@ -17,6 +17,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 from lxml import etree
+from yourdfpy import Joint, Limit, Link, Robot
 
 from raff2urdf import constraints as constraints_file
 from raff2urdf.errors import RaffWarning
@@ -31,7 +32,7 @@ from raff2urdf.readers.sidecar import ENDING
 from raff2urdf.readers.urdf import UNLIMITED, hash_of
 from raff2urdf.readers.xml_file import NAMESPACE
 from raff2urdf.tree import BASE_JOINT, WORLD, effort, kleinfinger, limits, moved, velocity
-from raff2urdf.urdf_model import UrdfJoint, UrdfLimit, UrdfLink, UrdfRobot, to_xml
+from raff2urdf.urdf_object import ExactUrdf, inertial
 from raff2urdf.writers.xml_text import text_of
 
 if TYPE_CHECKING:
@@ -42,7 +43,7 @@ if TYPE_CHECKING:
 def files(translation: Translation, stem: str, options: WriteOptions) -> dict[str, bytes]:
     """Return the URDF and the constraints file; of the dialect robot.yaml, that file too."""
     values, sidecar, more = translation.constraints, f"{stem}{ENDING}", dict[str, bytes]()
-    root = etree.fromstring(translation.urdf.encode(), etree.XMLParser(remove_blank_text=True))
+    root = translation.model.write_xml().getroot()
     root.insert(0, note(sidecar, len(values["loops"]), len(values.get("couplings", []))))
     if options.dialect != "json":
         more = _add_dialect(root, translation, stem, options.dialect)
@@ -58,21 +59,21 @@ def _add_dialect(root: etree._Element, translation: Translation, stem: str, dial
     """Add loops and couplings in a dialect; return the content of the file that it needs, by name."""
     from raff2urdf.writers.urdf_dialects import UrdfDialectWriter
 
-    joints = translation.model.joints
+    joints = translation.model.robot.joints
     writer = UrdfDialectWriter(root, joints, translation.constraints, translation.analysis.length)
     writer.write(dialect)
     if writer.lost:
         what = f"{dialect} has no notation for {', '.join(writer.lost)}: only cinegen reads them, from raff:robot"
-        warnings.warn(f"robot '{translation.model.name}': {what}", RaffWarning, stacklevel=4)
+        warnings.warn(f"robot '{translation.robot.name}': {what}", RaffWarning, stacklevel=4)
     if writer.extended:
         what = f"URDF+ has no balls: {', '.join(writer.extended)} have the type spherical, which its own parser refuses"
-        warnings.warn(f"robot '{translation.model.name}': {what}", RaffWarning, stacklevel=4)
+        warnings.warn(f"robot '{translation.robot.name}': {what}", RaffWarning, stacklevel=4)
     return {f"{stem}.yaml": f"# {GENERATED}\n{writer.yaml}".encode()} if dialect == "robot.yaml" else {}
 
 
 def tree(
     document: Document, robot: RaffRobot, graphics: Graphics, out: Path | None = None
-) -> tuple[UrdfRobot, list[str]]:
+) -> tuple[ExactUrdf, list[str]]:
     """Return the tree of a robot.
 
     Args:
@@ -93,40 +94,35 @@ def tree(
     masses = RaffMasses(document, graphics, skeleton)
     links, joints = [], []
 
-    def body(node: RaffNode) -> UrdfLink:
+    def body(node: RaffNode) -> Link:
         drawings, reasons = graphics.of(node)
         if reasons:
             missing.append(f"{node.node}: {', '.join(reasons)}")
         visuals = [drawing.visual(out, document.metres(1.0)) for drawing in drawings]
         if not visuals and node.filenames != ():  # `filename { }` shows nothing
             visuals = skeleton.draw(node)
-        return UrdfLink(name=node.node, visuals=visuals, inertial=masses.of(node))
+        return Link(name=node.node, visuals=visuals, inertial=inertial(masses.of(node)))
 
     placement = transform(kleinfinger(document, robot.base.parameters))
     if robot.movable or not np.array_equal(placement, np.eye(4)):
-        links.append(UrdfLink(name=WORLD))
+        links.append(Link(name=WORLD))
         kind = "floating" if robot.movable else "fixed"
-        joints.append(UrdfJoint(name=BASE_JOINT, type=kind, parent=WORLD, child="base", origin=placement))
+        joints.append(Joint(name=BASE_JOINT, type=kind, parent=WORLD, child="base", origin=placement))
     links.append(body(robot.base))
     for part in robot.parts:
         links.append(body(part))
         joints.append(_joint(document, robot, part))
-    return UrdfRobot(name=robot.name, links=links, joints=joints), missing
+    return ExactUrdf(Robot(robot.name, links, joints), folder=out or "").checked(), missing
 
 
-def dumps(model: UrdfRobot) -> str:
-    """Return the text of a URDF."""
-    return text_of(to_xml(model))
-
-
-def _joint(document: Document, robot: RaffRobot, part: RaffPart) -> UrdfJoint:
+def _joint(document: Document, robot: RaffRobot, part: RaffPart) -> Joint:
     parameters = kleinfinger(document, part.parameters)
     origin, parent = transform(moved(part, parameters, 0.0)), robot.nodes[part.pred].node
-    joint = UrdfJoint(part.joint, type="fixed", parent=parent, child=part.node, origin=origin)
+    joint = Joint(part.joint, type="fixed", parent=parent, child=part.node, origin=origin)
     if isinstance(part, RaffLink) and part.type is not JointType.FIXED:
         joint.axis = np.array([0.0, 0.0, 1.0])
         low, high = limits(document, part)
-        joint.limit = UrdfLimit(min(effort(part), UNLIMITED), min(velocity(document, part), UNLIMITED))
+        joint.limit = Limit(min(effort(part), UNLIMITED), min(velocity(document, part), UNLIMITED))
         joint.type = part.type.name.lower()
         if part.type is JointType.REVOLUTE and math.isinf(low):
             joint.type = "continuous"

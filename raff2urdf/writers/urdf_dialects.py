@@ -18,7 +18,7 @@ the element `raff:robot`, the contents of the constraints file as JSON. Readers 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import yaml
@@ -28,8 +28,10 @@ from numpy.typing import NDArray
 from raff2urdf.constraints import Constraints
 from raff2urdf.coupling import Coupling, coupling_of
 from raff2urdf.placement import roll_pitch_yaw, translation
-from raff2urdf.urdf_model import UrdfJoint
 from raff2urdf.writers.xml_text import numeral, numerals
+
+if TYPE_CHECKING:  # takes half a second
+    from yourdfpy import Joint
 
 Array = NDArray[np.float64]
 
@@ -54,7 +56,7 @@ class UrdfDialectWriter:
         yaml: the text of `robot.yaml`; empty in other dialects.
     """
 
-    def __init__(self, root: Any, joints: Sequence[UrdfJoint], values: Constraints, length: float) -> None:
+    def __init__(self, root: Any, joints: Sequence[Joint], values: Constraints, length: float) -> None:
         self.root, self.values, self.length = root, values, length
         self.joints = {joint.name: joint for joint in joints}
         self.elements = {str(joint.get("name")): joint for joint in root.iterchildren("joint")}

@@ -16,7 +16,7 @@ PROGRAM = """
 import contextlib, io, json, sys
 
 MISSING = '''matplotlib xarray zarr google_crc32c dask distributed cryptography mujoco ezdxf playwright imageio_ffmpeg
-ompl collada networkx pandas yourdfpy shapely xacro'''
+ompl pandas xacro'''
 sys.modules.update(dict.fromkeys(MISSING.split()))  # None: as if it were not installed
 from cinegen.cli import main
 from raff2urdf.cli import main as raff2urdf

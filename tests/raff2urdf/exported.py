@@ -90,7 +90,7 @@ class Exported:
 
     @property
     def inertias(self) -> Inertias:
-        return inertias(self.made.model, None, self.made.surface, self.tree.moving)
+        return inertias(self.made.model.robot, None, self.made.surface, self.tree.moving)
 
     def text(self, format: str, **options: Any) -> str:
         """The robot's own file."""

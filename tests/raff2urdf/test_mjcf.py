@@ -240,7 +240,7 @@ def test_pinocchio_shows_its_shapes(folder: Path) -> None:
     path = robot.write("mjcf", folder)
     model = pin.buildModelFromMJCF(str(path))
     shown = pin.buildGeomFromMJCF(model, str(path), pin.GeometryType.VISUAL)
-    assert shown.ngeoms == sum(len(link.visuals) for link in robot.made.model.links)
+    assert shown.ngeoms == sum(len(link.visuals) for link in robot.made.model.robot.links)
 
 
 # --- what is written ---------------------------------------------------------------------------------------------

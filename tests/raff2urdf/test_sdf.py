@@ -223,7 +223,7 @@ def test_shapes_are_all_there_and_in_place(folder: Path) -> None:
     robot = exported("four_bar", folder)
     model = Model(robot.text("sdf"))
     placed = robot.placed(robot.home)
-    for link in robot.made.model.links:
+    for link in robot.made.model.robot.links:
         for number, visual in enumerate(link.visuals, 1):
             bearer = model.bearer(link.name)
             (shown,) = model.links[bearer].findall(f"visual[@name='{link.name}_visual{number}']")

@@ -21,13 +21,14 @@ from typing import Any, NamedTuple
 import numpy as np
 from lxml import etree
 from numpy.typing import NDArray
+from yourdfpy import Material, Visual
 
 from raff2urdf.constraints import IDENTITY, Constraints
 from raff2urdf.errors import RaffError, did_you_mean
 from raff2urdf.inertia import Inertia
 from raff2urdf.placement import inverse, with_z
 from raff2urdf.readers import closing_frames
-from raff2urdf.readers.declaration import label_of, local, tag_of
+from raff2urdf.readers.declaration import label_of, leave_out, local, tag_of
 from raff2urdf.readers.declared_loops import LOOP_LIKE, named_in, own_words
 from raff2urdf.readers.loop_joint import LoopJoint
 from raff2urdf.readers.sdf.model import (
@@ -40,11 +41,10 @@ from raff2urdf.readers.sdf.model import (
     pose,
 )
 from raff2urdf.readers.urdf import LARGEST, SIZE, negative_mass, numbers, parse
-from raff2urdf.readers.urdf_builder import Shape, UrdfBuilder, leave_out, material, shapes
+from raff2urdf.readers.urdf_builder import Shape, UrdfBuilder, material, shapes
 from raff2urdf.readers.urdf_tree import UrdfTree
 from raff2urdf.readers.xml_file import NAMESPACE, error_at, parse_xml
 from raff2urdf.tree import BASE_JOINT, WORLD
-from raff2urdf.urdf_model import UrdfMaterial, UrdfVisual
 from raff2urdf.writers.tree_at_home import SIZES
 
 Array = NDArray[np.float64]
@@ -490,11 +490,11 @@ class _SdfToUrdf:
             raise error_at(self.name, element, f"the inertia of link '{name}' is beyond {LARGEST:g}: check its units")
         return found
 
-    def _visuals(self, link: Any) -> Iterator[UrdfVisual]:
+    def _visuals(self, link: Any) -> Iterator[Visual]:
         for visual in link.iterchildren("visual"):
             for shape, offset in _geometry(visual.find("geometry")):
                 origin = pose(visual, self.name) @ offset
-                yield UrdfVisual(origin=origin, geometry=shape, material=_material(visual))
+                yield Visual(origin=origin, geometry=shape, material=_material(visual))
 
 
 _SIZES = {**SIZES, "capsule": SIZES["cylinder"]}
@@ -509,7 +509,7 @@ def _geometry(geometry: Any) -> Iterator[Shape]:
         yield from shapes(shape.tag, sizes, shape.findtext("uri", "").strip())
 
 
-def _material(visual: Any) -> UrdfMaterial | None:
+def _material(visual: Any) -> Material | None:
     for word in ("diffuse", "ambient"):
         found = numbers(visual.findtext(f"material/{word}", "none"))
         if found is not None and len(found) in (3, 4):
