@@ -21,14 +21,17 @@ if TYPE_CHECKING:
     from cinegen.errors import ClosureError as ClosureError
     from cinegen.ik import FrameTask as FrameTask
     from cinegen.ik import PersistentSolver as PersistentSolver
+    from cinegen.ik import Posture as Posture
     from cinegen.ik import Solver as Solver
     from cinegen.ik import Status as Status
     from cinegen.ik import Step as Step
     from cinegen.ik import evaluate as evaluate
     from cinegen.ik import forecast_motion as forecast_motion
     from cinegen.ik import inverse_kinematics as inverse_kinematics
+    from cinegen.model import ForwardKinematics as ForwardKinematics
     from cinegen.model import Mechanism as Mechanism
     from cinegen.model import load as load
+    from cinegen.planning import AvoidingSolver as AvoidingSolver
     from cinegen.planning import plan as plan
     from cinegen.realtime import Clock as Clock
     from cinegen.singularities import singularity as singularity

@@ -9,6 +9,7 @@ from importlib import import_module
 
 # Only what Python has imported by itself, or nearly: this runs before a command can handle Ctrl-C.
 _PUBLIC = re.compile(r"^\s*from ([\w.]+) import (\w+) as \2$", re.MULTILINE)
+_DUNDER = re.compile("__.*__$")
 
 
 def lazy_names(package: str) -> tuple[list[str], Callable[[str], object], Callable[[], list[str]]]:
@@ -38,4 +39,4 @@ def lazy_names(package: str) -> tuple[list[str], Callable[[str], object], Callab
         setattr(module, name, value)
         return value
 
-    return sorted(homes), get, lambda: sorted({*vars(module), *homes})
+    return sorted(homes), get, lambda: sorted({*homes, *filter(_DUNDER.match, vars(module))})

@@ -21,6 +21,7 @@ from cinegen.ik.solver import Solver
 from cinegen.ik.step import Status
 from cinegen.ik.task import FrameTask
 from cinegen.model import Mechanism
+from cinegen.model.plausible import FAR_TARGET, check_configuration, check_lengths
 from cinegen.tolerances import CLOSURE
 
 Array = NDArray[np.float64]
@@ -161,7 +162,8 @@ def inverse_kinematics(
         UnknownNameError: no such node or joint.
         ConfigurationError: q has a wrong shape or is not finite.
         IKError: all solutions can't be computed, for instance as there is a curve of them.
-        CinegenError: there is no target, a target is invalid, or tolerance or starts is not positive.
+        CinegenError: there is no target, a target is invalid, or tolerance or starts is not positive; or a target or q
+            was meant in mm or degrees.
     """
     if isinstance(targets, Mapping):
         targets = [FrameTask(node, target) for node, target in targets.items()]
@@ -170,9 +172,12 @@ def inverse_kinematics(
     for task in targets:
         if not task.is_valid() or task.twist is not None:
             raise CinegenError(f"a target of '{task.node}' must be a finite pinocchio.SE3, and its weight above 0")
+        check_lengths(mechanism, f"target of '{task.node}'", task.target.translation, FAR_TARGET)
     if not (tolerance > 0.0 and starts > 0):
         raise CinegenError(f"tolerance and starts must be above 0, not {tolerance} and {starts}")
     checked = None if q is None else mechanism.checked(q)
+    if checked is not None:
+        check_configuration(mechanism, checked)
     if all:
         return _all(mechanism, targets, checked, locked or {}, report, effort)
     if locked:

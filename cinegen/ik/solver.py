@@ -24,7 +24,7 @@ from cinegen.ik.equations import task_rank
 from cinegen.ik.objectives import Objective, State
 from cinegen.ik.setup import make_room_for_barriers, set_up_solver, set_up_solver_tasks, set_velocity_limits
 from cinegen.ik.step import Layout, Step
-from cinegen.ik.task import FrameTask
+from cinegen.ik.task import FrameTask, is_count
 from cinegen.ik.thresholds import (
     BEGIN,
     CLEARANCE_NEEDED,
@@ -39,11 +39,14 @@ from cinegen.jit.foreign import SE3_DISTANCE
 from cinegen.jit.starting import InterpretedKernel, start
 from cinegen.loops.arrays import null_space, set_up_screws
 from cinegen.model import Mechanism
+from cinegen.model.plausible import FAR_TARGET, check_configuration, check_lengths
 from cinegen.tolerances import CLOSURE
 from raff2urdf.residual import log
 
 Array = NDArray[np.float64]
 
+LONGEST = 1.0
+"""Longest period of a tick, s: more was meant as a rate."""
 _FASTEST = 1e100  # rad/s or m/s: no objective means more
 
 
@@ -88,7 +91,8 @@ class Solver:
     Raises:
         ConfigurationError: q has a wrong shape or is not finite.
         UnknownNameError: `acceleration` names a joint that does not exist.
-        CinegenError: q leaves loops open; or dt, gain or an acceleration is not positive.
+        CinegenError: q leaves loops open, or was meant in degrees or mm; dt, gain or an acceleration is not positive;
+            or dt is longer than 1 s.
         AttributeError: an attribute is set that a solver does not have.
     """
 
@@ -157,7 +161,7 @@ class Solver:
         the next one, are scaled.
 
         Raises:
-            CinegenError: set to a time that is not positive and finite.
+            CinegenError: set to a time that is not positive, or longer than 1 s.
         """
         return self._dt
 
@@ -227,13 +231,14 @@ class Solver:
 
         Raises:
             ConfigurationError: set to an array of wrong shape, or one that is not finite.
-            CinegenError: set to a configuration with open loops.
+            CinegenError: set to a configuration with open loops, or one that was meant in degrees or mm.
         """
         return self._q.copy()
 
     @q.setter
     def q(self, q: ArrayLike) -> None:
         full = self.mechanism.checked(q)
+        check_configuration(self.mechanism, full)
         closure = self.mechanism.closure(full)
         if closure > CLOSURE:
             raise CinegenError(
@@ -312,11 +317,11 @@ class Solver:
         Raises:
             UnknownNameError: no such node.
             CinegenError: translation or rotation is not 0 to 3, weight is not positive and finite, weights are not six
-                finite numbers of at least 0 or given besides translation or rotation, target is no SE3, or offset is
-                neither an SE3 nor three finite numbers.
+                finite numbers of at least 0 or given besides translation or rotation, target is no SE3, offset is
+                neither an SE3 nor three finite numbers, or a length was meant in mm.
         """
         frame = self.mechanism.frame_id(node)
-        if translation not in range(4) or rotation not in range(4):
+        if not (is_count(translation) and is_count(rotation)):
             raise CinegenError(f"a task constrains 0 to 3 translations and rotations, not {translation} and {rotation}")
         if not 0.0 < weight < np.inf:
             raise CinegenError(f"a task's weight must be positive and finite, not {weight}")
@@ -325,10 +330,12 @@ class Solver:
         if axes not in ("target", "world"):
             self.mechanism.frame_id(axes)
         task = FrameTask(node, pin.SE3.Identity(), translation, rotation, weight, axes, frame, offset, weights)
+        check_lengths(self.mechanism, f"offset on '{node}'", task.offset.translation)
         if target is None:
             target = self.mechanism.placement(self._q, node) * task.offset
         if not isinstance(target, pin.SE3):
             raise CinegenError(f"a task's target is a pinocchio.SE3, not {type(target).__name__}")
+        check_lengths(self.mechanism, f"target of '{node}'", target.translation, FAR_TARGET)
         task.target = target
         if not task.memory.is_valid:
             raise CinegenError(f"a task's weights are six finite numbers of at least 0, not {weights!r:.80}")
@@ -367,8 +374,10 @@ class Solver:
             seconds: time in which its weight fades to 0 first, so that the motion stays smooth.
 
         Raises:
-            CinegenError: seconds is negative or not finite.
+            CinegenError: seconds is negative or not finite, or task is no task.
         """
+        if not isinstance(task, FrameTask):
+            raise CinegenError(f"remove_task takes a task that add_task returned, not {task!r:.80}")
         if seconds != 0.0 and task in self._tasks:
             self.blend(task, seconds=seconds, weight=0.0)
             return
@@ -749,6 +758,9 @@ def _other_thread() -> CinegenError:
 def _checked_period(dt: float) -> float:
     if not (np.isfinite(dt) and dt > 0.0):
         raise CinegenError(f"dt must be a positive time in seconds, not {dt}")
+    if dt > LONGEST:
+        message = f"dt is the period of a tick in seconds, at most {LONGEST:g}, not {dt:g}: did you mean 1/{dt:g}?"
+        raise CinegenError(message)
     return dt
 
 

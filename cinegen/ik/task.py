@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
-from typing import Any
+from operator import index
+from typing import Any, SupportsIndex
 
 import numpy as np
 import pinocchio as pin
@@ -285,11 +286,7 @@ class FrameTask:
 
     def _constrain(self, name: str, count: Any, axes: slice, patterns: Sequence[Sequence[float]]) -> None:
         """Constrain so many axes, each with a weight of 1."""
-        try:
-            good = count in range(4)
-        except (TypeError, ValueError):
-            good = False
-        if good:
+        if is_count(count):
             self._weights[axes] = patterns[int(count)]
             self._accept(name)
             self._write_rows()
@@ -427,6 +424,11 @@ def _pose(offset: pin.SE3 | ArrayLike | None) -> pin.SE3:
     if pose is None or not np.isfinite(pose.homogeneous).all():
         raise CinegenError("offset must be a point of three finite numbers (m) or a pinocchio.SE3")
     return pose
+
+
+def is_count(count: object) -> bool:
+    """Return whether this is a number of constrained axes, 0 to 3; True and False are none."""
+    return isinstance(count, SupportsIndex) and not isinstance(count, bool | np.bool_) and 0 <= index(count) < 4
 
 
 def _nothing() -> None:

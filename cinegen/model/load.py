@@ -4,6 +4,7 @@ file and its conversion are the same mechanism, bit for bit."""
 from __future__ import annotations
 
 import sys
+import warnings
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -26,7 +27,7 @@ from cinegen.model.urdf import completed, kinematics, simple, with_fixed_base
 from raff2urdf import closure, readers
 from raff2urdf.analysis import loop_kind
 from raff2urdf.constraints import without_loops
-from raff2urdf.coupling import coupling_of, followed
+from raff2urdf.coupling import Coupling, coupling_of, followed
 from raff2urdf.errors import RaffError
 from raff2urdf.json_lines import line_of
 from raff2urdf.length import characteristic_length, cut_screws
@@ -48,14 +49,16 @@ _SAMPLES = 20  # configurations of which home is chosen if the file has none and
 
 
 def load(
-    path: str | Path | URDF,
+    path: str | Path | URDF | pin.Model,
     robot: str | None = None,
-    loops: Mapping[str, str] | None = None,
+    loops: Mapping[str, str] | Sequence[pin.RigidConstraintModel] | None = None,
     ignore_loops: bool = False,
     ignore: Sequence[str] = (),
     relax: bool | None = None,
     srdf: str | Path | None = None,
     fixed_base: bool = False,
+    couplings: Sequence[Coupling] = (),
+    actuated: Sequence[str] | None = None,
 ) -> Mechanism:
     """Load a mechanism and close its loops.
 
@@ -63,9 +66,12 @@ def load(
         path: a RAFF file, URDF or xacro, SDF or MJCF, or the name of a shipped robot, such as "delta4". Loops and
             couplings of a URDF are read in all dialects of `raff2urdf.readers.dialects`, also from files next to it:
             `<stem>.constraints.json`, `robot.yaml`, `loop_closures.yaml`. Or a `yourdfpy.URDF`, which has links, joints
-            and `<mimic>`, but no loops: nothing else that its file declares. Errors name lines of its XML.
+            and `<mimic>`, but no loops: nothing else that its file declares. Errors name lines of its XML. Or a
+            `pinocchio.Model` of revolute, prismatic and spherical joints and a free flyer at the root.
         robot: name of one robot of a file that holds several; the first unless given.
         loops: kinds of closure (rigid, prismatic, revolute, ball) that replace those of the file, by the loop's name.
+            Of a `pinocchio.Model`, its loops: `pinocchio.RigidConstraintModel` of the types CONTACT_6D (rigid) and
+            CONTACT_3D (ball).
         ignore_loops: leave out all loops and couplings, also those that can't be read. Every joint is actuated then,
             and one warning lists what was left out.
         ignore: loops and couplings to be left out, by name or by element, such as "pin" or "loop_joint"; or files next
@@ -78,14 +84,23 @@ def load(
             URDF, `<stem>.srdf`, unless `ignore` names it.
         fixed_base: hold a floating base where the file places it: nothing moves it then, and q does not contain its
             pose. Robots without one are loaded as they are.
+        couplings: of a `pinocchio.Model`, equations between its joints.
+        actuated: names of the actuated joints, in place of those that the file states or that are chosen.
 
     Raises:
         raff2urdf.RaffError: the RAFF file, or the constraints, are wrong: where and why.
         ClosureError: the loops can't be closed; names them, their gaps, and what would close them.
         LoadError: the URDF, SDF, MJCF or robot.yaml is wrong: where and why. It declares a loop or a coupling that
             can't be read, and that is not ignored. An SRDF is wrong, or names links that the robot does not have.
-        UnknownNameError: no such loop.
+        UnknownNameError: no such loop, or no such joint.
     """
+    if isinstance(path, pin.Model):
+        for option, value in (("robot", robot), ("ignore_loops", ignore_loops), ("ignore", ignore), ("srdf", srdf)):
+            if value:
+                raise LoadError(f"{option} has no effect on a pinocchio.Model: leave it out")
+        return _load_model(path, () if loops is None else loops, couplings, actuated, relax, fixed_base)
+    if couplings or not isinstance(loops, Mapping | None):
+        raise LoadError(f"{path}: a file declares its loops and couplings: give them with a pinocchio.Model only")
     described = None if srdf is None else Path(srdf)
     objects = sys.modules.get("yourdfpy")
     path = path if objects is not None and isinstance(path, objects.URDF) else find_robot(path)
@@ -94,7 +109,7 @@ def load(
             f"{path}: a kind is given for loop '{next(iter(loops))}', but all are to be ignored: leave one out"
         )
     if not isinstance(path, Path) or readers.holds_xml(path):
-        return _load_xml(path, robot, loops, ignore_loops, ignore, relax, described, fixed_base)
+        return _load_xml(path, robot, loops, ignore_loops, ignore, relax, described, fixed_base, actuated)
     from raff2urdf.conversion import describe
     from raff2urdf.raff.reader import parse as parse_raff
     from raff2urdf.raff.reader import read
@@ -126,6 +141,7 @@ def load(
         constraints = without_loops(constraints)
     if fixed_base:
         urdf, constraints = with_fixed_base(urdf, constraints, str(path))
+    constraints = _with_actuated(urdf, constraints, actuated, str(path))
     return build(urdf, constraints, name=str(path), srdf=_read_srdf(described, urdf, str(path)), relax=relax)
 
 
@@ -150,6 +166,7 @@ def _load_xml(
     relax: bool | None,
     srdf: Path | None,
     fixed_base: bool,
+    actuated: Sequence[str] | None,
 ) -> Mechanism:
     """Load a URDF with its sidecar files, an SDF, an MJCF or a `yourdfpy.URDF`."""
     path = source if isinstance(source, Path) else Path(f"yourdfpy.URDF '{source.robot.name}'")
@@ -177,7 +194,8 @@ def _load_xml(
             raise UnknownNameError("loop", name, tuple(entries))
         entries[name]["kind"] = loop_kind(kind).name.lower()
     disabled = _read_srdf(srdf or beside, urdf, str(path))
-    mechanism = build(urdf, constraints, str(folder), str(path), found.dialects, found.notes, disabled, relax=relax)
+    stated = _with_actuated(urdf, constraints, actuated, str(path))
+    mechanism = build(urdf, stated, str(folder), str(path), found.dialects, found.notes, disabled, relax=relax)
     if constraints and not loops:
         _check_stated(mechanism, constraints, path)
     for name, kind in (loops or {}).items():
@@ -187,6 +205,48 @@ def _load_xml(
         more = f" (and {len(mechanism.unphysical) - 1} more links)" if len(mechanism.unphysical) > 1 else ""
         warn(f"{path}: link '{link}' has an inertia that no body can have: {why}; no forces can be computed{more}")
     return mechanism
+
+
+def _load_model(
+    model: pin.Model,
+    loops: Any,
+    couplings: Sequence[Coupling],
+    actuated: Sequence[str] | None,
+    relax: bool | None,
+    fixed_base: bool,
+) -> Mechanism:
+    """Load a model that a program has built."""
+    from cinegen.model.pinocchio_model import describe_model
+
+    name = f"pinocchio.Model '{model.name}'"
+    described = describe_model(model, loops, couplings)
+    urdf, constraints = with_fixed_base(*described, name) if fixed_base else described
+    return build(urdf, _with_actuated(urdf, constraints, actuated, name), name=name, relax=relax)
+
+
+def _with_actuated(
+    urdf: str, constraints: Mapping[str, Any] | None, actuated: Sequence[str] | None, name: str
+) -> Mapping[str, Any] | None:
+    """Return constraints that state which joints are actuated; as they are if `actuated` is None.
+
+    Raises:
+        UnknownNameError: there is no such joint.
+    """
+    if actuated is None:
+        return constraints
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # `build` warns
+        declared = completed(simple(parse(urdf, name), name), constraints, name)["joints"]
+    names = [joint["name"] for joint in declared]
+    for joint in actuated:
+        if joint not in names:
+            raise UnknownNameError("joint", joint, tuple(names))
+    if constraints is None:
+        entries = [{"name": joint["name"], "home": joint["home"]} for joint in declared]
+    else:
+        entries = constraints.get("joints", [{"name": joint} for joint in names])
+    stated = [{**entry, "actuated": entry["name"] in actuated} for entry in entries]
+    return {**(constraints or {"loops": []}), "joints": stated}
 
 
 def _read_srdf(path: Path | None, urdf: str, name: str) -> Srdf | None:

@@ -10,6 +10,7 @@ import math
 from collections.abc import Sequence
 
 import numpy as np
+from numpy.typing import NDArray
 
 from cinegen.errors import CinegenError
 from cinegen.joints import translations
@@ -18,6 +19,9 @@ from raff2urdf.quantities import ANGLE, LENGTH, shown
 
 FAR = 10.0
 """A length beyond this multiple of the reach can't be meant."""
+
+FAR_TARGET = 100.0
+"""The same for a target in a program, which may mean a direction by it."""
 
 
 class ImplausibleError(CinegenError):
@@ -98,6 +102,28 @@ def check_joint(mechanism: Mechanism, joint: str, values: Sequence[float]) -> No
         )
     if mechanism.is_prismatic(joint):
         check_lengths(mechanism, joint, values)
+
+
+def check_configuration(mechanism: Mechanism, q: NDArray[np.float64]) -> None:
+    """Check a configuration (nq,) as `check_joint` does its joints.
+
+    Raises:
+        ImplausibleError: as `check_joint`.
+    """
+    index, low, high, names = mechanism.derived(_plausible)
+    values = q[index]
+    for i in np.flatnonzero((values < low) | (values > high)):
+        check_joint(mechanism, names[i], [float(values[i])])
+
+
+def _plausible(mechanism: Mechanism) -> tuple[NDArray[np.intp], NDArray[np.float64], NDArray[np.float64], list[str]]:
+    """Return the index in q, and limits that no plausible value exceeds, of each joint that `check_joint` checks."""
+    names = [name for name in mechanism.joints if name in mechanism.limits]
+    low, high = np.array([mechanism.limits[name][:2] for name in names]).reshape(-1, 2).T
+    slack = np.where([mechanism.is_prismatic(name) for name in names], high - low, 2.0 * math.pi)
+    far = np.where([mechanism.is_prismatic(name) for name in names], FAR * reach(mechanism), np.inf)
+    bounds = np.fmax(low - slack, -far), np.fmin(high + slack, far)
+    return np.array([mechanism.q_index(name) for name in names], dtype=np.intp), *bounds, names
 
 
 def check_revolution(name: str, low: float, high: float) -> None:

@@ -1,0 +1,126 @@
+"""`cinegen.load` takes a `pinocchio.Model`, with loops and couplings: what moves is what Pinocchio moves."""
+
+from __future__ import annotations
+
+import pickle
+from pathlib import Path
+
+import numpy as np
+import pinocchio as pin
+import pytest
+
+import cinegen
+from cinegen.errors import CinegenWarning, LoadError, UnknownNameError
+from raff2urdf.coupling import Coupling
+from raff2urdf.shipped import reference_robots
+
+
+def along_x(distance: float) -> pin.SE3:
+    return pin.SE3(np.eye(3), np.array([distance, 0.0, 0.0]))
+
+
+def planar(*lengths: float) -> pin.Model:
+    """A chain of hinges about z in the plane."""
+    model, parent, at = pin.Model(), 0, 0.0
+    model.name = "chain"
+    for i, length in enumerate(lengths):
+        parent = model.addJoint(parent, pin.JointModelRZ(), along_x(at), f"hinge{i + 1}")
+        at = length
+    model.addBodyFrame("tip", parent, along_x(at), 0)
+    return model
+
+
+def closed(model: pin.Model, kind: pin.ContactType, length: float) -> pin.RigidConstraintModel:
+    """A loop from the end of a chain to the base."""
+    return pin.RigidConstraintModel(kind, model, model.njoints - 1, along_x(length), 0, along_x(1.0))
+
+
+@pytest.mark.parametrize("root", [None, pin.JointModelFreeFlyer()], ids=["fixed", "floating"])
+@pytest.mark.parametrize("name", ["ur5_robot", "solo12", "hyq"])
+def test_frames_jacobians_and_masses_are_the_models(name, root):
+    path = str(next(path for known, path in reference_robots().items() if known.startswith(name)))
+    model = pin.buildModelFromUrdf(path) if root is None else pin.buildModelFromUrdf(path, root)
+    mechanism = cinegen.load(model)
+    assert list(mechanism.model.names) == list(model.names)
+    bodies = {frame.name for frame in model.frames if frame.type == pin.FrameType.BODY} - {"universe"}
+    assert bodies <= {*mechanism.nodes}
+    q = pin.integrate(model, pin.neutral(model), np.random.default_rng(1).normal(size=model.nv))
+    one, other = model.createData(), mechanism.model.createData()
+    pin.framesForwardKinematics(model, one, q)
+    pin.framesForwardKinematics(mechanism.model, other, q)
+    jacobians = [pin.computeJointJacobians(*pair, q) for pair in ((model, one), (mechanism.model, other))]
+    np.testing.assert_allclose(jacobians[1], jacobians[0], atol=1e-14)
+    np.testing.assert_allclose(pin.crba(mechanism.model, other, q), pin.crba(model, one, q), atol=1e-13)
+    for body in bodies:
+        there = one.oMf[model.getFrameId(body, pin.FrameType.BODY)]
+        np.testing.assert_allclose(other.oMf[mechanism.frame_id(body)].homogeneous, there.homogeneous, atol=1e-14)
+
+
+@pytest.mark.parametrize("kind", [pin.ContactType.CONTACT_6D, pin.ContactType.CONTACT_3D])
+def test_loops_are_pinocchios(kind):
+    model = planar(0.4, 0.9, 0.7, 0.0) if kind == pin.ContactType.CONTACT_6D else planar(0.4, 0.9, 0.7)
+    loop = closed(model, kind, 0.0 if kind == pin.ContactType.CONTACT_6D else 0.7)
+    mechanism = cinegen.load(model, loops=[loop], actuated=["hinge1"])
+    assert (mechanism.mobility, mechanism.actuated) == (1, ("hinge1",))
+    copy, solver = pickle.loads(pickle.dumps(mechanism)), cinegen.Solver(mechanism, 0.01)
+    assert np.array_equal(copy.q_home, mechanism.q_home)
+    solver.add_task("hinge1_body").target *= pin.SE3(pin.exp3(np.array([0.0, 0.0, 0.3])), np.zeros(3))
+    for _ in range(50):
+        step = solver.step()
+    assert max(step.errors[0]) < 1e-9
+    data, residual = model.createData(), loop.createData()
+    pin.computeJointJacobians(model, data, step.q)
+    jacobian = pin.getConstraintJacobian(model, data, loop, residual)
+    assert np.linalg.matrix_rank(jacobian, 1e-9) == model.nv - 1
+    first, second = data.oMi[loop.joint1_id] * loop.joint1_placement, data.oMi[loop.joint2_id] * loop.joint2_placement
+    relative = first.actInv(second)
+    error = pin.log6(relative).vector if kind == pin.ContactType.CONTACT_6D else relative.translation
+    assert np.abs(error).max() < 1e-11
+
+
+def test_couplings_are_equations_between_its_joints():
+    mechanism = cinegen.load(planar(1.0, 1.0), couplings=[Coupling("gear", {"hinge2": (1.0,), "hinge1": (2.0,)})])
+    assert mechanism.mobility == 1
+    q = mechanism.close(np.array([0.3, 0.0]))
+    assert q[1] == pytest.approx(-2.0 * q[0], abs=1e-12)
+
+
+def test_the_actuated_joints_of_a_file_are_replaced(tmp_path):
+    for robot in ("five_bar", "delta4"):
+        mechanism = cinegen.load(f"robots/{robot}.raff")
+        passive = [joint for joint in mechanism.joints if joint not in mechanism.actuated]
+        chosen = [passive[0], *mechanism.actuated[1:]]
+        with pytest.MonkeyPatch.context() as patch:
+            patch.chdir(tmp_path)
+            assert {*cinegen.load(robot, actuated=chosen).actuated} == {*chosen}
+
+
+def test_joints_in_another_order_are_announced():
+    model = pin.Model()
+    for name in ("b", "a"):
+        model.addJoint(0, pin.JointModelRX(), pin.SE3.Identity(), name)
+    with pytest.warns(CinegenWarning, match="mechanism.q_index finds them"):
+        mechanism = cinegen.load(model)
+    assert (mechanism.q_index("a"), mechanism.q_index("b")) == (0, 1)
+
+
+def test_what_has_no_effect_or_no_urdf_is_an_error_that_names_it():
+    model = planar(1.0)
+    other = planar(1.0)
+    other.addJoint(1, pin.JointModelPlanar(), pin.SE3.Identity(), "sledge")
+    normal = pin.RigidConstraintModel(pin.ContactType.CONTACT_6D, model, 1, pin.SE3.Identity(), 0, pin.SE3.Identity())
+    for error, words, call in (
+        (LoadError, "'sledge' is of the kind Planar.*revolute and prismatic", lambda: cinegen.load(other)),
+        (LoadError, "robot has no effect", lambda: cinegen.load(model, robot="chain")),
+        (
+            LoadError,
+            "PosixPath closes no loop.*CONTACT_6D",
+            lambda: cinegen.load(model, loops=[Path()]),
+        ),
+        (UnknownNameError, "hinge9", lambda: cinegen.load(model, actuated=["hinge9"])),
+        (UnknownNameError, "hinge9", lambda: cinegen.load(model, couplings=[Coupling("c", {"hinge9": (1.0,)})])),
+        (LoadError, "with a pinocchio.Model only", lambda: cinegen.load("five_bar", loops=[normal])),
+        (UnknownNameError, "joint99", lambda: cinegen.load("five_bar", actuated=["joint99"])),
+    ):
+        with pytest.raises(error, match=words):
+            call()
