@@ -104,21 +104,6 @@ def test_distances_that_are_read_in_place_are_what_accessors_say():
             assert (normal == said.normal).all()
 
 
-def test_results_are_only_believed_where_their_numbers_are(monkeypatch):
-    """Evenly spaced, as expected, but 8 bytes off: the numbers decide."""
-    obstacles, rng = around("arm7", 1), np.random.default_rng(1)
-    usual, start = among("arm7", obstacles), within_limits("arm7", rng)
-    usual.distances(start)  # each search begins where the last one ended
-    monkeypatch.setattr(foreign, "NORMAL", 2)
-    clearance = among("arm7", obstacles)
-    clearance.distances(start)
-    monkeypatch.undo()
-    assert not clearance.results.is_in_place
-    for _ in range(5):
-        q = within_limits("arm7", rng)
-        assert (clearance.distances(q) == usual.distances(q)).all()
-
-
 def test_where_coal_keeps_results_elsewhere_they_are_copied(monkeypatch):
     obstacles, rng = around("arm7", 1), np.random.default_rng(1)
     usual = among("arm7", obstacles)
@@ -145,14 +130,6 @@ def test_where_coal_keeps_results_elsewhere_they_are_copied(monkeypatch):
         )
 
 
-def test_nearest_points_are_as_far_apart_as_the_distance_along_the_normal():
-    clearance, rng = among("arm7", around("arm7", 2)), np.random.default_rng(2)
-    distances = clearance.distances(configuration("arm7", rng))
-    for k in np.flatnonzero(distances > 1e-3):
-        one, other, normal = clearance.nearest_points(int(k))
-        assert other - one == pytest.approx(distances[k] * normal, abs=1e-5)
-
-
 def test_an_obstacle_that_is_moved_is_measured_where_it_then_is():
     clearance = point_among([ball(0.1, 1.0, 0.0, 0.0)])
     q = np.zeros(2)
@@ -160,14 +137,6 @@ def test_an_obstacle_that_is_moved_is_measured_where_it_then_is():
     clearance.move(0, at(0.0, 0.5, 0.0))
     assert clearance.distances(q) == pytest.approx([0.4])
     assert clearance.near(q, 1.0).rows == pytest.approx(np.array([[0.0, 1.0]]))
-
-
-def test_links_that_move_are_told_by_name_and_measured_to_every_obstacle():
-    clearance = among("planar_3r", [ball(0.1, 2.0, 0.0, 0.0), ball(0.1, 3.0, 0.0, 0.0)], own=False)
-    moving = [body.name for body in links("planar_3r")[0] if body.joint]
-    assert [clearance.names(k) for k in range(len(clearance.pairs))] == [
-        (link, "ball") for link in moving for _ in "12"
-    ]
 
 
 def test_without_obstacles_nothing_is_near():
@@ -448,16 +417,6 @@ def test_a_bar_that_was_far_away_is_measured_again_when_it_has_moved_or_rotated(
     assert clearance.nearer(moved, 0.01).tolist() == [0]
 
 
-def test_a_bar_is_measured_again_when_the_ball_has_moved():
-    tree, still = boat(), np.zeros(6)
-    bar = Body("bar", 1, pin.SE3.Identity(), coal.Box(1.0, 0.04, 0.04))
-    clearance = Clearance(tree, [bar], obstacles_of([ball(0.05, 0.0, 0.4, 0.0)]))
-    q = pin.neutral(tree.model)
-    assert not len(clearance.uncertain(q, still, 0.01, clearance.every_pair))
-    clearance.move(0, at(0.0, 0.06, 0.0))
-    assert clearance.uncertain(q, still, 0.01, clearance.every_pair) is None
-
-
 def test_a_ball_on_an_arm_comes_nearer_to_a_wall_before_it_though_its_velocity_is_along_the_wall():
     tree = Tree()
     tree.model.addJoint(0, pin.JointModelRZ(), pin.SE3.Identity(), "turn")
@@ -468,11 +427,6 @@ def test_a_ball_on_an_arm_comes_nearer_to_a_wall_before_it_though_its_velocity_i
         left = clearance.uncertain(q, np.array([angle]), 1e-3, clearance.every_pair, np.array([angle]))
         assert len(left) or np.cos(angle) - 0.92 >= 1e-3
     assert not len(clearance.uncertain(q, np.array([0.2]), 1e-3, clearance.every_pair, np.array([0.2])))
-
-
-def test_the_bound_of_a_ball_that_slides_is_its_way():
-    clearance = point_among([ball(0.1, 1.0, 0.0, 0.0)], radius=0.2)
-    assert clearance.motion_bounds(np.zeros(2), np.array([0.3, 0.0]))[1] == pytest.approx([0.3])
 
 
 def test_links_on_one_arm_do_not_come_nearer_by_what_moves_both():

@@ -65,16 +65,6 @@ def test_a_configuration_is_clear_by_a_margin_exactly_where_the_meshes_are(name)
     assert 5 < touching < 100
 
 
-def test_a_ur5_is_refused_no_more_than_its_meshes_require():
-    """One capsule around each link refused 138 of 150 such configurations."""
-    mechanism = load(UR5)
-    meshes = MeshContact(mechanism, configurations(mechanism, 100, 1))
-    clearance = clearance_among_links(mechanism)
-    free = [q for q in configurations(mechanism, 200, 3) if not meshes.touching(q, 1e-3, first=True)]
-    assert len(free) > 80
-    assert all(clearance.least(q) >= 1e-3 - 1e-6 for q in free)
-
-
 @pytest.mark.parametrize("name", [PANDA, UR5])
 def test_rows_of_exact_distances_are_how_they_change(name):
     mechanism, checked, step = load(name), 0, 1e-5
@@ -223,10 +213,3 @@ def test_a_self_clearance_beyond_the_safety_distance_is_refused():
     assert grasping(0.05, self_clearance=0.0).document()["self_clearance"] == 0.0
 
 
-def test_a_gripper_that_is_locked_closed_does_not_keep_an_arm_from_planning():
-    """The pads overlap by 0.04 mm, and no path could separate them."""
-    closed = grasping(0.0)
-    assert set(closed.locked) == {"panda_finger_joint1", "panda_finger_joint2"}
-    assert clearance_of(with_joints_locked(closed)).least(closed.start) >= closed.safety
-    opening = grasping(0.0, locked=[])
-    assert clearance_of(with_joints_locked(opening)).least(opening.start) <= 0.0

@@ -115,18 +115,6 @@ def test_first_contact_is_where_coal_finds_it():
     assert check.first_contact(path[: contact.index + 1]) is None
 
 
-def test_contact_between_two_configurations_of_a_path_is_found():
-    wide = straight(panda(), READY, READY | {"panda_joint1": 1.0})
-    ball = {"kind": "sphere", "radius": 0.02, "point": panda().placement(wide[25], "panda_hand").translation.tolist()}
-    check = MeshCheck(scene(panda(), READY, panda().configuration(READY), obstacle=[ball]))
-    ends = wide[[0, -1]]
-    assert check.contact(ends[0]) == check.contact(ends[1]) == ""
-    contact = check.first_contact(ends)
-    assert contact is not None
-    assert contact.index == 0
-    assert "'sphere 1'" in contact.reason
-
-
 @pytest.mark.parametrize("seed", [0, 1])
 def test_no_random_configuration_with_touching_meshes_is_called_clear(seed):
     model = panda().model
@@ -220,15 +208,6 @@ def test_a_path_with_contact_is_never_reported_as_reached(monkeypatch):
     assert [one.status for one in found.attempts] == [PlanStatus.IN_COLLISION] * 2
     assert not found
     assert "check against the meshes" in found.reason
-    assert not meshes().touch_along(found.path)
-
-
-def test_a_path_that_does_not_reach_is_checked_too_when_no_attempts_are_left(monkeypatch):
-    """What is recorded, or reported as without contact, was checked."""
-    bodies = cinegen.collision.clearance.links_of(panda())[0]
-    monkeypatch.setattr(cinegen.collision.clearance, "links_of", lambda mechanism: (bodies, ()))
-    found = plan(scene(panda(), READY, panda().configuration(FOLDED)), attempts=1, steps=40, planner="vortex")
-    assert found.status is PlanStatus.IN_COLLISION
     assert not meshes().touch_along(found.path)
 
 

@@ -116,34 +116,6 @@ def test_pieces_are_convex_and_fill_the_polygon(seed):
             assert any(_inside(piece, p) for piece in pieces) == _inside(points, p)
 
 
-@settings(max_examples=60)
-@given(st.integers(0, 2**32 - 1))
-def test_distances_to_a_polygon_are_those_to_its_outline(seed):
-    points = _star(seed)
-    size = float(np.ptp(points, axis=0).max())
-    scene = scene_of(
-        {"mobile": {"radius": 0.0}, "goal": {"point": [0, 0]}, "obstacle": [{"kind": "polygon", "points": points}]}
-    )
-    request = coal.DistanceRequest()
-    for p in np.random.default_rng(seed).uniform(-size, size, (20, 2)):
-        at = coal.Transform3s(np.eye(3), np.array([*p, 0.0]))
-        found = min(
-            coal.distance(
-                scene.bodies[0].shape,
-                at,
-                body.shape,
-                coal.Transform3s(body.placement.rotation, body.placement.translation),
-                request,
-                coal.DistanceResult(),
-            )
-            for body in scene.obstacles[0].bodies
-        )
-        if _inside(points, p):
-            assert found <= 1e-9
-        else:
-            assert found == pytest.approx(_to_outline(points, p), abs=1e-6 * max(size, 1.0))
-
-
 @settings(max_examples=800)
 @given(st.lists(st.tuples(integers, integers), min_size=3, max_size=7))
 def test_a_polygon_that_crosses_or_touches_itself_is_told_from_one_that_does_not(points):

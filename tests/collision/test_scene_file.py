@@ -64,65 +64,6 @@ def _given(scene):
     return None if scene.mobile is not None else scene.mechanism
 
 
-@pytest.mark.parametrize("name", FIGURES)
-def test_they_start_free(root, name):
-    scene = load_scene(root / "robots" / "scenes" / f"{name}.toml")
-    if scene.mobile is None:
-        links = _axes_of_links(scene.mechanism, scene.start)
-        clearance = min(
-            to_point(o.bodies, a + t * (b - a))
-            for a, b in links
-            for t in np.linspace(0, 1, 50)
-            for o in scene.obstacles
-        )
-        assert clearance > 0.05
-    else:
-        at = scene.mechanism.placement(scene.start, scene.node)
-        body = Body("robot", 0, at, scene.bodies[0].shape)
-        assert min(distance(body, piece) for o in scene.obstacles for piece in o.bodies) > scene.safety
-
-
-def _axes_of_links(mechanism, q):
-    places = [mechanism.placement(q, node).translation for node in mechanism.nodes]
-    return list(pairwise(places))
-
-
-def test_the_rod_lies_square_across_the_straight_way_and_the_disc_beside_it(root):
-    rod, disc = (load_scene(root / "robots" / "scenes" / f"{name}.toml") for name in ("rod", "disc"))
-    for scene, crosses in ((rod, True), (disc, False)):
-        begin = scene.mechanism.placement(scene.start, scene.node).translation
-        way = scene.goal.translation - begin
-        nearest = min(to_point(scene.obstacles[0].bodies, begin + t * way) for t in np.linspace(0.0, 1.0, 1001))
-        assert (nearest <= 0.0) == crosses
-        if crosses:
-            (along,) = (scene.obstacles[0].placement.rotation[:, 0],)
-            assert abs(along @ way) < 0.01 * np.linalg.norm(way)
-        else:
-            assert nearest > scene.safety
-    # The arm folds between the rod and the base: it reaches where the rod ends.
-    end = rod.obstacles[0].placement.translation[0] - rod.obstacles[0].pieces[0].shape.halfSide[0]
-    assert end - rod.safety > 0.15
-
-
-def test_the_mobile_robots_meet_what_the_figures_show(root):
-    discs = load_scene(root / "robots" / "scenes" / "discs.toml")
-    assert len(discs.obstacles) >= 5
-    assert {o.kind for o in discs.obstacles} == {"disc"}
-    generic = load_scene(root / "robots" / "scenes" / "generic.toml")
-    assert max(len(o.pieces) for o in generic.obstacles if o.kind == "polygon") > 1  # one is not convex
-    for scene in (discs, generic):
-        bodies = [piece for o in scene.obstacles for piece in o.bodies]
-        begin = scene.mechanism.placement(scene.start, scene.node).translation
-        way = scene.goal.translation - begin
-        assert min(to_point(bodies, begin + t * way) for t in np.linspace(0, 1, 500)) < 0.0
-        # there is room for the robot between any two obstacles
-        for one in scene.obstacles:
-            for other in scene.obstacles:
-                if one is not other:
-                    gap = min(distance(a, b) for a in one.bodies for b in other.bodies)
-                    assert gap > 2.0 * (scene.mobile + scene.safety)
-
-
 # --- files that are wrong -------------------------------------------------------------------------------------------
 
 GOOD = """mobile = { radius = 0.1 }
@@ -421,17 +362,6 @@ def test_a_mobile_robot_is_where_it_is_said_to_be():
     assert pickle.loads(pickle.dumps(scene.mechanism)).joints == scene.mechanism.joints
 
 
-@given(st.integers(0, 2**32 - 1))
-def test_a_point_is_as_far_from_a_ball_as_it_should_be(seed):
-    rng = np.random.default_rng(seed)
-    centre, p, radius = rng.normal(size=2) * 3, rng.normal(size=2) * 3, float(rng.uniform(0.1, 1))
-    scene = scene_with({"kind": "disc", "radius": radius, "point": centre}, start={"point": p})
-    at = Body("robot", 0, scene.mechanism.placement(scene.start, scene.node), scene.bodies[0].shape)
-    truth = float(np.linalg.norm(p - centre)) - radius
-    found = distance(at, scene.obstacles[0].bodies[0])
-    assert found == pytest.approx(truth, abs=1e-9) if truth > 0 else found <= 1e-9
-
-
 # --- goals ----------------------------------------------------------------------------------------------------------
 
 
@@ -477,27 +407,6 @@ def test_an_angle_is_that_of_the_nodes_x_axis_seen_from_above(robot, angle, seed
 
 
 # --- values ---------------------------------------------------------------------------------------------------------
-
-
-def test_a_scene_is_read_with_little_work_and_twice_the_obstacles_with_twice_as_much(robot):
-    """Counted in calls, which no other process disturbs: some hundred for each obstacle, and for all else together."""
-    arm = robot("arm7")
-
-    def calls(count):
-        obstacles = [
-            {"kind": "sphere", "radius": 0.1, "point": [1, 0, k]}
-            if k % 2
-            else {"kind": "polygon", "points": [[0, 0], [1, 0], [1, 1], [0.5, 0.4], [0, 1]], "point": [3, k]}
-            for k in range(count)
-        ]
-        values = {"goal": {"point": [0.3, 0.3, 0.3]}, "start": {"joints": {"joint1": 0.1}}, "obstacle": obstacles}
-        profile = cProfile.Profile()
-        profile.runcall(scene_of, values, ".", arm)
-        return pstats.Stats(profile).total_calls
-
-    _, one, two, four = (calls(count) for count in (6, 6, 12, 24))  # the first also pays for imports
-    assert one < 6000
-    assert four - two <= 2.2 * (two - one)
 
 
 def test_what_a_program_gives_is_not_changed(robot):

@@ -158,11 +158,6 @@ def numbered(mechanism, names):
     return {tuple(sorted((joint[a], joint[b]))) for a, b in names}
 
 
-def test_neighbours_of_a_chain_follow_one_another():
-    arm = load("planar_3r")
-    assert neighbours(arm) == numbered(arm, [("base", "link1"), ("link1", "link2"), ("link2", "link3")])
-
-
 def test_links_at_a_loop_are_neighbours():
     linkage = load("five_bar")
     (loop,) = linkage.loops
@@ -229,13 +224,6 @@ def test_all_pairs_of_links_that_an_srdf_watches_are_watched(name, srdf):
     ours = {frozenset((bodies[i].name, bodies[k].name)) for i, k in pairs}
     assert len(watched) >= 10
     assert watched <= ours
-
-
-def test_a_seven_axis_arm_takes_less_than_two_seconds():
-    mechanism = load(PANDA)
-    start = time.process_time()
-    pairs_of(mechanism, bodies_of(mechanism))
-    assert time.process_time() - start < 2.0
 
 
 # --- links that touch, that stand in the world, that never meet ----------------------------------------------------

@@ -197,15 +197,3 @@ def test_maps_keep_the_srdf_of_their_robot(chain):
     assert MapSpecification(bare, region, ("clearance",), scene=scene).text != spec.text
 
 
-def test_disabled_pairs_may_collide(chain):
-    mechanism = cinegen.load(chain(AC))
-    folded = np.array([3.0, 0.0, 0.0, 0.0])
-    links, pairs = links_of(mechanism)
-    distances = Clearance(mechanism, links, (), pairs)
-    named = {"".join(distances.names(pair)): d for pair, d in enumerate(distances.distances(folded))}
-    assert "ac" not in named
-    chain(AC).with_suffix(".srdf").unlink()
-    links, pairs = links_of(cinegen.load(chain(None)))
-    checked = Clearance(mechanism, links, (), pairs)
-    named = {"".join(checked.names(pair)): d for pair, d in enumerate(checked.distances(folded))}
-    assert named["ac"] < 0.0

@@ -10,7 +10,6 @@ import numpy as np
 import pinocchio as pin
 import pytest
 from cusp_platform import LEGS, LENGTHS, configuration, determinant, legs, pose_of, scene
-from variants import slow
 
 from cinegen.collision import PlanningError, load_scene, scene_of
 from cinegen.planning import Planner, PlanStatus, change_mode, plan
@@ -25,8 +24,6 @@ MODES = {  # x and y (10 mm), angle (deg) of the six modes, and the sign of the 
     (-14.8961, 1.5830, 14.055): 1.0,
     (14.9201, -1.3379, 57.413): -1.0,
 }
-
-OTHER_SIDE = [mode for mode, sign in MODES.items() if sign < 0.0]
 
 
 def dense(mechanism, path, step=0.005):
@@ -75,10 +72,9 @@ def test_the_modes_are_those_of_the_closed_form(root):
         assert np.sign(determinant(robot, configuration(robot, pose))) == sign
 
 
-@pytest.mark.parametrize("seed", [0, *slow(1)])
-def test_a_mode_is_changed_without_a_singularity(root, seed):
+def test_a_mode_is_changed_without_a_singularity(root):
     mechanism = (task := scene(root)).mechanism
-    found = change_mode(task, seconds=SECONDS, seed=seed)
+    found = change_mode(task, seconds=SECONDS)
     assert found.plan.status is PlanStatus.REACHED
     assert found
     sides = check_path(found, mechanism, {1.0})
@@ -92,48 +88,6 @@ def test_a_mode_is_changed_without_a_singularity(root, seed):
     assert 0.5 * NEAR_SINGULAR < found.sigma_bound <= min(sigmas)
     assert found.sigma >= NEAR_SINGULAR
     assert str(found) == f"reached: assembly mode {found.mode + 1} of 6, without a singularity of type 2"
-
-
-def to_bars(pose, point):
-    """The distance of a point (2,) from the middle lines of the legs and of the platform's sides, m."""
-    vectors, arms = legs(pose)
-    corners = np.array(pose[:2]) + arms
-    bars = [(corner - vector, corner) for corner, vector in zip(corners, vectors, strict=True)]
-    bars += list(itertools.combinations(corners, 2))
-    found = []
-    for begin, end in bars:
-        part = np.clip((point - begin) @ (end - begin) / ((end - begin) @ (end - begin)), 0.0, 1.0)
-        found.append(np.linalg.norm(begin + part * (end - begin) - point))
-    return min(found)
-
-
-@pytest.mark.slow
-def test_a_mode_is_changed_around_an_obstacle(root):
-    """A disc where the path without obstacles leads is kept clear of, by the lines of legs and platform alone."""
-    free = scene(root)
-    mechanism, radius = free.mechanism, 0.004
-    before = change_mode(free, seconds=SECONDS)
-    along = list(dense(mechanism, before.plan.path))
-    ends = [pose_of(mechanism, q) for q in (along[0], along[-1])]
-    corners = [pose[:2] + arm for pose in map(lambda q: pose_of(mechanism, q), along[::10]) for arm in legs(pose)[1]]
-    point = max(corners, key=lambda corner: min(to_bars(end, corner) for end in ends))
-    assert min(to_bars(pose_of(mechanism, q), point) for q in along) < radius
-    disc = {"kind": "disc", "radius": radius, "point": point.tolist()}
-    task = scene(root, obstacle=[disc], safety=1e-3)
-    found = change_mode(task, seconds=SECONDS)
-    assert found
-    assert min(to_bars(pose_of(mechanism, q), point) for q in dense(mechanism, found.plan.path)) > radius + 1e-3
-    assert found.plan.clearance >= 1e-3
-
-
-def test_constraints_along_the_path_are_refused(root):
-    with pytest.raises(PlanningError, match=r"keeps no constraints along the path: remove them \(path\)"):
-        change_mode(scene(root, path={"line": [1, 0, 0]}))
-
-
-def test_weights_of_joints_are_refused(root):
-    with pytest.raises(PlanningError, match=r"obeys no weights of joints: remove them \(weights\)"):
-        change_mode(scene(root, weights={LEGS[0]: 5.0}))
 
 
 def test_a_mode_is_changed_with_a_leg_locked(root):
@@ -179,7 +133,7 @@ def test_a_mode_on_the_other_side_is_not_reached_around_singularities(root):
     mechanism = (task := scene(root)).mechanism
     modes = change_mode(task, seconds=1e-3).modes
     other = next(k for k, q in enumerate(modes) if determinant(mechanism, q) < 0.0)
-    found = change_mode(task, mode=other, seconds=3.0)
+    found = change_mode(task, mode=other, seconds=1.0)
     assert not found
     assert found.plan.status is PlanStatus.TIME_LIMIT
     assert found.mode is None
@@ -187,8 +141,8 @@ def test_a_mode_on_the_other_side_is_not_reached_around_singularities(root):
     assert "no proof" in found.plan.reason
 
 
-@pytest.mark.parametrize("goal", [(-0.02, -0.16, 0.3), *slow(((-0.09, -0.12, -0.1),), ((0.05, -0.15, -0.4),))])
-def test_a_plan_to_a_pose_keeps_to_its_side_of_the_singularities(root, goal):
+def test_a_plan_to_a_pose_keeps_to_its_side_of_the_singularities(root):
+    goal = (-0.02, -0.16, 0.3)
     task = scene(root, goal={"point": goal[:2], "angle": goal[2]})
     mechanism = task.mechanism
     found = plan(task, seconds=SECONDS)
@@ -198,18 +152,13 @@ def test_a_plan_to_a_pose_keeps_to_its_side_of_the_singularities(root, goal):
     assert all(np.sign(determinant(mechanism, q)) == side for q in dense(mechanism, found.path))
 
 
-@pytest.mark.parametrize("mode", [OTHER_SIDE[0], *slow(*((mode,) for mode in OTHER_SIDE[1:]))])
-@pytest.mark.parametrize("planner", [Planner.RRT_CONNECT, *slow(Planner.AUTO)])
-def test_a_plan_does_not_reach_a_pose_on_the_other_side(root, mode, planner):
-    x, y, angle = mode
+def test_a_plan_does_not_reach_a_pose_on_the_other_side(root):
+    x, y, angle = next(mode for mode, sign in MODES.items() if sign < 0.0)
     task = scene(root, goal={"point": [x / 100, y / 100], "angle": np.radians(angle)})
-    # of AUTO the first attempt has a part of the time, in which it meets the singularity, on a busy machine, too
-    found = plan(task, seconds=12.0 if planner is Planner.AUTO else 4.0, planner=planner)
+    found = plan(task, seconds=2.0, planner=Planner.RRT_CONNECT)
     assert found.status is PlanStatus.TIME_LIMIT
     along = [determinant(task.mechanism, q) for one in found.attempts for q in dense(task.mechanism, one.path)]
     assert min(along) > 0.0
-    if planner is Planner.AUTO:
-        assert found.attempts[0].status is PlanStatus.SINGULARITY
 
 
 def test_modes_outside_limits_are_no_goals(root):
@@ -218,6 +167,18 @@ def test_modes_outside_limits_are_no_goals(root):
     assert found.plan.status is PlanStatus.OUT_OF_REACH
     assert len(found.modes) == 2
     assert "within limits" in found.plan.reason
+
+
+@pytest.mark.parametrize(
+    ("given", "message"),
+    [
+        ({"path": {"line": [1, 0, 0]}}, "remove them \\(path\\)"),
+        ({"weights": {LEGS[0]: 5.0}}, "weights"),
+    ],
+)
+def test_what_is_not_obeyed_is_refused(root, given, message):
+    with pytest.raises(PlanningError, match=message):
+        change_mode(scene(root, **given))
 
 
 @pytest.mark.parametrize(

@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import itertools
 import math
-import time
 
 import numpy as np
 
@@ -20,22 +18,6 @@ def through_a_door(begin, end):
         return True
     y = begin[1] + (end[1] - begin[1]) * (0.5 - begin[0]) / (end[0] - begin[0])
     return 0.8 < y < 0.83
-
-
-def grown(trees, turn):
-    """The first path, in turns of some seconds."""
-    ends = time.monotonic() + 60.0
-    while time.monotonic() < ends:
-        if (path := trees.grow(time.monotonic() + turn)) is not None:
-            return path
-    raise TimeoutError
-
-
-def test_trees_that_grow_in_turns_find_the_same_path_as_at_once():
-    one, other = (grown(Trees(LOW, HIGH, START, [GOAL], through_a_door, 0.1, 3), turn) for turn in (60.0, 1e-4))
-    assert np.array_equal(one, other)
-    assert np.array_equal(one[[0, -1]], [START, GOAL])
-    assert all(through_a_door(*ends) for ends in itertools.pairwise(one))
 
 
 def test_after_a_path_the_trees_find_another_one():

@@ -5,18 +5,14 @@ from __future__ import annotations
 import itertools
 import math
 import sysconfig
-import time
 from pathlib import Path
 
 import numpy as np
-import pinocchio as pin
 import pytest
-from variants import slow
 
 import cinegen
 from cinegen.collision import PlanningError, SceneError, clearance_of, load_scene, scene_of
 from cinegen.planning import PlanStatus, plan
-from cinegen.planning.clear_motion import clear_motion
 from cinegen.planning.locked_joints import with_joints_locked
 from cinegen.planning.shortcuts import shortened
 
@@ -78,21 +74,17 @@ def test_a_trap_that_stops_vortices_is_left_by_sampling_without_being_asked():
     assert found.length < 1.05 * rope
 
 
-@pytest.mark.parametrize("planner", ["auto", "vortex", "rrtconnect"])
-def test_the_time_limit_is_for_everything(planner):
+@pytest.mark.parametrize(("planner", "method"), [("auto", "RRT-Connect and LBKPIECE"), ("rrtconnect", "RRT-Connect")])
+def test_a_cell_without_a_door_ends_at_the_time_limit(planner, method):
     cell = [{"kind": "box", "size": size, "point": point} for point, size in (
         ([0.0, 1.0], [2.1, 0.1]), ([0.0, -1.0], [2.1, 0.1]), ([1.0, 0.0], [0.1, 2.1]), ([-1.0, 0.0], [0.1, 2.1])
     )]  # fmt: skip
     scene = scene_of({"mobile": {"radius": 0.1}, "goal": {"point": [2.0, 0.0]}, "obstacle": cell})
-    plan(scene, seconds=0.1, planner=planner)  # kernels are loaded
-    begin = time.process_time()  # another program may take the core meanwhile
     found = plan(scene, seconds=1.0, planner=planner)
-    assert time.process_time() - begin < 2.0
     assert not found
-    if planner != "vortex":
-        assert found.status is PlanStatus.TIME_LIMIT
-        method = {"auto": "RRT-Connect and LBKPIECE", "rrtconnect": "RRT-Connect"}[planner]
-        assert f"{method} found no path in 1 s" in found.reason
+    assert found.status is PlanStatus.TIME_LIMIT
+    assert f"{method} found no path in 1 s" in found.reason
+    assert np.array_equal(found.path, scene.start[None])
 
 
 def test_where_nothing_is_in_between_joints_move_straight(panda):
@@ -206,7 +198,6 @@ def test_locked_joints_leave_out_the_loops_that_nothing_moves(around_post):
         ({"goal": {"joints": {"panda_joint4": 1.0}}}, "its limits are"),
         ({"goal": {"joints": READY}, "locked": ["panda_joint1"]}, "also a joint of the goal"),
         ({"goal": {"joints": READY}, "locked": ["panda_jiont1"]}, "did you mean 'panda_joint1'"),
-        ({"goal": {"joints": READY}, "locked": 5}, "list of names"),
         ({"goal": {"joints": READY, "point": [0, 0, 0]}}, "unknown key 'point'"),
     ],
 )
@@ -218,7 +209,7 @@ def test_goals_and_locks_that_make_no_sense_are_refused(panda, values, reason):
 # --- shortcuts ----------------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("name", ["rod", "generic", *slow("disc", "discs")])
+@pytest.mark.parametrize("name", ["rod", "generic"])
 def test_paths_of_vortices_become_shorter_and_stay_clear(root, name):
     scene = load_scene(root / f"robots/scenes/{name}.toml")
     raw, short = (plan(scene, planner="vortex", shorten=shorten, seconds=60.0) for shorten in (False, True))
@@ -249,21 +240,3 @@ def test_a_path_through_an_obstacle_is_not_shortened():
     disc = {"kind": "disc", "radius": 0.1, "point": [0.5, 0.5]}
     scene = scene_of({"mobile": {"radius": 0.0}, "goal": {"point": [1.0, 0.0]}, "obstacle": [disc]})
     assert shortened(clearance_of(scene), np.array([[0.0, 0.5], [1.0, 0.5]]), 0.01) is None
-
-
-def test_motions_are_clear_exactly_where_dense_samples_are(around_post):
-    """Bounding volumes decide most pairs: they must never pass what is too near."""
-    scene = with_joints_locked(around_post)
-    clearance, rng, count = clearance_of(scene), np.random.default_rng(0), {True: 0, False: 0}
-    model = pin.Model(scene.mechanism.model)
-    for _ in range(40):
-        begin = pin.randomConfiguration(model)
-        end = begin + rng.normal(scale=0.3, size=len(begin)) * (model.upperPositionLimit > model.lowerPositionLimit)
-        if not scene.mechanism.limits.within(end):
-            continue
-        least = min(clearance.least(q) for q in densely(np.array([begin, end]), 5e-3))
-        motion = clear_motion(clearance, begin, end, scene.safety)
-        count[motion is not None] += 1
-        assert motion is None or least >= scene.safety
-        assert motion is not None or least < scene.safety + 2e-3
-    assert min(count.values()) >= 5

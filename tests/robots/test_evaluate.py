@@ -108,18 +108,6 @@ def test_what_can_not_be_closed_is_no_number_and_does_not_stop_the_others() -> N
     np.testing.assert_allclose(found.q[0], found.q[4], atol=1e-12)
 
 
-@given(st.integers(0, 10**6))
-@settings(deadline=None, max_examples=20)
-def test_one_at_a_time_or_all_at_once_is_the_same(seed: int) -> None:
-    mechanism = mechanism_of("gough")
-    values = around_home(mechanism, 4, seed, size=0.02)
-    together = cinegen.evaluate(mechanism, "platform", values)
-    for i, value in enumerate(values):
-        alone = cinegen.evaluate(mechanism, "platform", [value])
-        np.testing.assert_allclose(alone.singular_values[0], together.singular_values[i], atol=1e-9)
-        np.testing.assert_allclose(alone.placements[0], together.placements[i], atol=1e-9)
-
-
 @pytest.mark.parametrize("name", CLOSED)
 @given(st.integers(0, 10**6))
 @settings(deadline=None, max_examples=8)

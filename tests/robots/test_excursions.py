@@ -7,9 +7,8 @@ from functools import cache
 import numpy as np
 import pinocchio as pin
 import pytest
-from elementary import ROBOTS, document, within_limits
+from elementary import load, one_of_each_kind, within_limits
 from test_dragging import what_could_be_won
-from variants import FEWER, others_slow, slow
 
 import cinegen
 from cinegen import PersistentSolver, Solver, Status, forecast_motion
@@ -17,20 +16,11 @@ from cinegen.ik import Posture
 from cinegen.tolerances import NEAR_SINGULAR
 
 DT = 1 / 60
-FILES = sorted(path.stem for path in ROBOTS.glob("*.raff"))
-EVERY = [pytest.param(name, robot.name, id=f"{name}-{robot.name}") for name in FILES for robot in document(name).robots]
-every_robot = pytest.mark.parametrize(("name", "which"), others_slow(EVERY, FEWER))
 OUT, BACK = 60, 3000
-excursions = pytest.mark.parametrize("excursions", [10, *slow(100)])
 
-DEAD_ENDS = {"rx90": 10, "four_bar": 8, "two_arms": 7, "hybrid": 4, "serial_5dof": 4, "arm7": 3, "belt_five_bar": 1}
-"""So many of a hundred excursions may end where limits, or the curve of a four-bar's tool, pulled the robot into a dead
-end: there no motion brings it nearer to first order, and each of them is held to that."""
-
-
-@cache
-def load(name: str, which: str) -> cinegen.Mechanism:
-    return cinegen.load(ROBOTS / f"{name}.raff", which)
+DEAD_ENDS = {"hybrid": 4, "arm7": 3}
+"""So many excursions may end where limits pulled the robot into a dead end: there no motion brings it nearer to first
+order."""
 
 
 @cache
@@ -81,12 +71,11 @@ def out_and_back(solver: Solver, rng: np.random.Generator) -> cinegen.Step:
     return step
 
 
-@pytest.mark.parametrize(("name", "which"), others_slow(EVERY, FEWER))
-@excursions
-def test_out_of_reach_and_back(name, which, excursions):
+@one_of_each_kind
+def test_out_of_reach_and_back(name, which):
     mechanism, rng, dead_ends = load(name, which), np.random.default_rng(0), 0
     begin = starts(mechanism)
-    for excursion in range(excursions):
+    for excursion in range(6):
         solver = Solver(mechanism, DT, q=begin[excursion % len(begin)])
         step = out_and_back(solver, rng)
         if not is_back(mechanism, step):
@@ -95,12 +84,11 @@ def test_out_of_reach_and_back(name, which, excursions):
     assert dead_ends <= DEAD_ENDS.get(name, 0)
 
 
-@pytest.mark.parametrize(("name", "which"), others_slow(EVERY, FEWER))
-@excursions
-def test_out_of_reach_and_back_a_persistent_solver_always_comes(name, which, excursions):
+@one_of_each_kind
+def test_out_of_reach_and_back_a_persistent_solver_always_comes(name, which):
     mechanism, rng = load(name, which), np.random.default_rng(0)
     begin = starts(mechanism)
-    for excursion in range(excursions):
+    for excursion in range(6):
         step = out_and_back(PersistentSolver(mechanism, DT, q=begin[excursion % len(begin)]), rng)
         assert is_back(mechanism, step), (excursion, step)
 
@@ -193,7 +181,7 @@ def drawn_in(solver: Solver, node: str, away: pin.SE3, ticks: int) -> cinegen.St
 
 
 @pytest.mark.parametrize("name", STRETCHED)
-@pytest.mark.parametrize("aside", [1e-3, 0.1, -0.5])
+@pytest.mark.parametrize("aside", [1e-3, -0.5])
 def test_a_stretched_arm_is_drawn_in_by_a_pull_that_is_not_quite_straight(raff, name, aside):
     arm = raff(STRETCHED[name])
     solver = Solver(arm, DT)
@@ -219,28 +207,7 @@ def test_a_stretched_arm_is_drawn_in_by_a_pull_straight_inwards(raff, name):
     assert step.errors[0][0] < 1e-6 * arm.length
 
 
-@pytest.mark.parametrize("name", STRETCHED)
-def test_a_stretched_arm_that_was_pulled_there_comes_back_from_it(raff, name):
-    """Not exactly straight, as it is when a hand has pulled it there."""
-    arm = raff(STRETCHED[name])
-    rng = np.random.default_rng(1)
-    for _ in range(10):
-        q = 0.5 * rng.normal(size=arm.model.nq)
-        solver = Solver(arm, DT, q=q)
-        home = arm.placement(q, "tool")
-        task = solver.add_task("tool", rotation=0)
-        task.target = pin.SE3(home.rotation, 5.0 * home.translation)
-        for _ in range(300):
-            solver.step()
-        task.target = home
-        for tick in range(400):
-            before, step = solver.q, solver.step()
-            if tick == 0:
-                assert not np.array_equal(step.q, before)
-        assert step.errors[0][0] < 1e-5 * arm.length
-
-
-@pytest.mark.parametrize(("name", "which"), [("planar_3r", "arm"), ("arm7", "arm"), ("rx90", "arm"), ("sr400", "arm")])
+@pytest.mark.parametrize(("name", "which"), [("arm7", "arm"), ("sr400", "arm")])
 def test_in_a_singularity_whatever_is_free_moves_at_once(name, which):
     """All joints at 0: the tool goes in every direction that its Jacobian knows, in the first tick."""
     arm = load(name, which)
@@ -264,7 +231,7 @@ def test_in_a_singularity_whatever_is_free_moves_at_once(name, which):
 # --- away from limits --------------------------------------------------------------------------------------------
 
 
-@every_robot
+@one_of_each_kind
 def test_from_a_limit_it_moves_at_once_in_every_direction_that_is_free(name, which):
     """Pulled against its limits, then in random directions: it moves wherever the linear problem says it can."""
     mechanism, rng = load(name, which), np.random.default_rng(2)

@@ -48,20 +48,6 @@ def circles(a: np.ndarray, ra: float, b: np.ndarray, rb: float, side: float) -> 
 # --- planar_3r ---------------------------------------------------------------------------------------------------
 
 
-def test_the_planar_arm_of_three_joints_adds_up_its_links(robot):
-    arm = robot("planar_3r")
-    low, high = limits(arm, ("joint1", "joint2", "joint3"))
-    lengths = [d_of("planar_3r", number) for number in (2, 3, 20)]
-    rng = np.random.default_rng(0)
-    for _ in range(500):
-        angles = rng.uniform(low, high)
-        q = arm.configuration(dict(zip(arm.joints, angles, strict=True)))
-        point, turned = in_plane(arm, q)
-        sums = np.cumsum(angles)
-        assert point == pytest.approx(sum(l * direction(t) for l, t in zip(lengths, sums, strict=True)), abs=1e-13)  # noqa: E741
-        assert abs(wrapped(turned - sums[-1])) <= 1e-13
-
-
 def test_the_planar_arm_of_three_joints_is_dragged_to_what_its_closed_form_inverts(robot):
     """Wrist = tool less the last link; the elbow's angle by the law of cosines, on either side."""
     arm = robot("planar_3r")
@@ -121,11 +107,6 @@ def test_the_hybrids_extended_jacobian_has_exactly_the_zeros_of_figure_9(robot):
     assert np.array_equal(seen, FIGURE_9)
 
 
-def test_every_entry_that_figure_9_prints_is_there_at_home(robot):
-    arm = robot("planar_hybrid")
-    assert np.abs(figure_9(arm, arm.q_home)[FIGURE_9]).min() > 0.01
-
-
 def test_the_hybrids_extended_jacobian_is_what_plane_geometry_says(robot):
     """A turning joint moves a point at right angles to the way from its axis; the loop's rows are those of its second
     end less those of its first (the figure has the same signs)."""
@@ -144,12 +125,6 @@ def test_the_hybrids_extended_jacobian_is_what_plane_geometry_says(robot):
                 linear = rz(turned).T @ np.array([-arm_of[1], arm_of[0]])
                 expected[rows, JOINTS.index(joint)] = sign * np.array([*linear, 1.0])
         assert matrix == pytest.approx(expected, abs=1e-11)
-
-
-def test_the_hybrids_mobility_is_what_the_figures_columns_less_its_loop_rows_leave(robot):
-    arm = robot("planar_hybrid")
-    assert arm.mobility == FIGURE_9.shape[1] - 3
-    assert np.linalg.matrix_rank(figure_9(arm, arm.q_home)) == 6
 
 
 # --- four_bar ----------------------------------------------------------------------------------------------------
@@ -185,13 +160,7 @@ def test_the_four_bar_is_closed_where_two_circles_meet_on_both_branches(robot, s
         assert same_angles(values(bar, bar.close(rough, locked=["joint1"])), expected, 1e-9)
 
 
-def test_the_four_bars_home_is_on_the_branch_with_the_rocker_up(robot):
-    bar = robot("four_bar")
-    assert same_angles(values(bar, bar.q_home), four_bar(values(bar, bar.q_home)["joint1"], 1.0), 1e-9)
-
-
-@pytest.mark.parametrize("side", [1.0, -1.0])
-@pytest.mark.parametrize("degrees", [5.0, -5.0, 17.0])
+@pytest.mark.parametrize(("side", "degrees"), [(1.0, 17.0), (-1.0, -5.0)])
 def test_the_crank_turns_and_turns_and_closing_stays_on_its_branch(robot, side, degrees):
     bar = robot("four_bar")
     crank = float(bar.q_home[bar.q_index("joint1")])
@@ -206,15 +175,14 @@ def test_the_crank_turns_and_turns_and_closing_stays_on_its_branch(robot, side, 
     assert turned_back == pytest.approx(-math.copysign(4 * 2.0 * math.pi, degrees), abs=0.8)
 
 
-@pytest.mark.parametrize("way", [1.0, -1.0])
-def test_the_solver_turns_the_crank_several_times_without_leaving_the_branch(robot, way):
+def test_the_solver_turns_the_crank_several_times_without_leaving_the_branch(robot):
     bar = robot("four_bar")
     solver = cinegen.Solver(bar, dt=1 / 60)
     task = solver.add_task("link1", translation=0, rotation=1)
     crank = first = float(solver.q[bar.q_index("joint1")])
     rocker = []
     for _ in range(400):
-        crank += way * 0.06
+        crank += 0.06
         task.target = pin.SE3(pin.utils.rotate("z", crank), np.zeros(3))
         step = solver.step()
         found = values(bar, step.q)
@@ -222,21 +190,11 @@ def test_the_solver_turns_the_crank_several_times_without_leaving_the_branch(rob
         assert same_angles(found, four_bar(found["joint1"], 1.0), 1e-9)
         assert within_limits(bar, step.q)
         rocker.append(found["joint3"])
-    assert way * (crank - first) > 3.5 * 2.0 * math.pi
+    assert crank - first > 3.5 * 2.0 * math.pi
     extremes = [math.acos((GROUND**2 + ROCKER**2 - (COUPLER + sign * CRANK) ** 2) / (2 * GROUND * ROCKER))
                 for sign in (1.0, -1.0)]  # fmt: skip
     assert min(rocker) == pytest.approx(math.pi - max(extremes), abs=2e-3)
     assert max(rocker) == pytest.approx(math.pi - min(extremes), abs=2e-3)
-
-
-def test_the_four_bars_tool_draws_the_coupler_curve(robot):
-    bar = robot("four_bar")
-    p = link(document("four_bar"), 20).parameters
-    for crank in np.linspace(-math.pi, math.pi, 100):
-        joints = four_bar(crank, 1.0)
-        expected = CRANK * direction(crank)
-        expected = expected + d_of("four_bar", 20) * direction(crank + joints["joint2"] + math.radians(p.gamma))
-        assert in_plane(bar, bar.configuration(joints))[0] == pytest.approx(expected, abs=1e-12)
 
 
 # --- five_bar ----------------------------------------------------------------------------------------------------
@@ -296,26 +254,6 @@ def test_the_five_bar_is_closed_where_two_circles_meet_on_both_branches(robot, s
                 assert same_angles(found, expected, 1e-9)
                 reached += 1
     assert reached > 300
-
-
-def test_the_five_bars_motors_driven_over_their_range_stay_on_the_branch(robot):
-    """Random motor values, the straight way from one to the next; where the way leads out of reach another is tried."""
-    linkage = robot("five_bar")
-    low, high = limits(linkage, ("joint1", "joint3"))
-    rng = np.random.default_rng(1)
-    q, driven = linkage.q_home, 0
-    while driven < 60:
-        start, goal = at(linkage, q, ("joint1", "joint3")), rng.uniform(low, high)
-        count = int(np.ceil(np.abs(goal - start).max() / 0.1))
-        way = [start + (goal - start) * k / count for k in range(1, count + 1)]
-        forms = [five_bar(*motors, 1.0) for motors in way]
-        if any(form is None or abs(math.sin(form["joint5"])) < 0.15 for form in forms):
-            continue
-        for motors, form in zip(way, forms, strict=True):
-            q = linkage.configuration(dict(zip(("joint1", "joint3"), motors, strict=True)), q)
-            q = linkage.close(q, locked=linkage.actuated)
-            assert same_angles(values(linkage, q), form, 1e-9)
-        driven += 1
 
 
 def test_the_five_bar_is_dragged_to_where_its_closed_form_inverse_says(robot):

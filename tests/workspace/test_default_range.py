@@ -11,7 +11,7 @@ from cinegen.workspace import MapError, MapSpecification
 from cinegen.workspace.default_range import default_range
 
 
-@pytest.mark.parametrize("name", ["delta4", "five_bar", "gough", "planar_3r", "rx90"])
+@pytest.mark.parametrize("name", ["delta4", "planar_3r", "rx90"])
 def test_what_is_reached_from_home_lies_in_the_range_of_each_coordinate_that_can_change(robot, name):
     mechanism = robot(name)
     low, high = mechanism.model.lowerPositionLimit, mechanism.model.upperPositionLimit
@@ -62,7 +62,7 @@ def test_what_there_is_not_is_said(robot):
         default_range(robot("gough"), "q")
 
 
-@pytest.mark.parametrize("name", ["tssm", "sr400", "gough", "hybrid"])
+@pytest.mark.parametrize("name", ["tssm", "gough"])
 def test_a_range_holds_what_is_reached_also_where_few_configurations_are_seen(robot, name):
     """The outermost cells along an axis, of a coarse map over more than what can be reached."""
     mechanism = robot(name)
@@ -77,7 +77,7 @@ def test_a_range_holds_what_is_reached_also_where_few_configurations_are_seen(ro
     assert sum(outside) <= 0.06 * reached.sum()
 
 
-@pytest.mark.parametrize("centre", [(0.0, 0.0, 0.0), (0.5, 0.0, 0.0), (0.0, -0.2, 0.4)])
+@pytest.mark.parametrize("centre", [(0.0, 0.0, 0.0), (0.5, -0.2, 0.4)])
 def test_a_radius_reaches_to_all_places_from_any_centre(robot, centre):
     arm7 = robot("arm7")
     places = [arm7.placement(q, arm7.end).translation for q in arm7.random_closed(100, seed=3)]

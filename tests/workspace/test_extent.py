@@ -35,14 +35,6 @@ def wrist(robot, tmp_path_factory):
 # --- closed forms ------------------------------------------------------------------------------------------------
 
 
-def test_an_arm_of_three_links_reaches_a_disc(robot, tmp_path):
-    spec = MapSpecification(robot("planar_3r"), square(1.0, 41), (), limits=False)
-    found = extent(make_map(spec, tmp_path / "a.zarr", workers=1))
-    assert found.unit == "m^2"
-    assert found.low < math.pi * 0.9**2 < found.high
-    assert found.error < 0.2 * found.value
-
-
 def test_its_wrist_an_annulus(wrist):
     found = extent(wrist)
     assert abs(found.value - math.pi * (0.7**2 - 0.1**2)) < found.error < 0.25

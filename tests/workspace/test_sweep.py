@@ -85,16 +85,11 @@ def test_one_value_needs_no_range():
     [
         ("link2.d", "has no values"),
         ("link2.d=100..200", "lacks the number of values: write for instance link2.d=100..200:5"),
-        ("link2.d=100..200:some", "'some' is not a number of values"),
         ("link2.d=100..200:0", "0 values"),
-        ("link2.d=100..200:1", "one value can't go from 100 to 200"),
         ("link2.d=100..100:3", "not all different"),
         ("link2.d=long", "'long' is not a number"),
         ("link2.d=nan..3:2", "no range of numbers"),
-        ("link2.d=0..inf:2", "no range of numbers"),
-        ("link2.lenght=1..2:2", "no parameter 'lenght'"),
         ("link2.alfa=1..2:2", "did you mean 'alpha'"),
-        ("link2=1..2:2", "is no parameter"),
         ("link2.d+link2.d=1..2:2", "named twice"),
         ("=1..2:2", "is no parameter"),
     ],
@@ -108,10 +103,8 @@ def test_what_makes_no_variation_is_said(text, words):
     ("text", "words"),
     [
         ("link7.d=1..2:2", "no link or frame 'link7'.*did you mean 'link"),
-        ("wrist.d=1..2:2", r"no link or frame 'wrist' \(known: link1"),
         ("link2.limits.low=1..2:2", "link2 has no limits"),
         ("tool.velocity=1..2:2", "tool does not move"),
-        ("base.limits.high=1..2:2", "base does not move"),
         ("link1.limits.low=170..190:2", "link1.limits.low=190: this is no robot: .*above its upper limit"),
         ("link1.velocity=0..90:2", "must be above 0"),
         ("link2.d=1e16..2e16:2", "beyond 1e.12 m"),
@@ -273,19 +266,6 @@ def test_a_box_is_reached_as_far_as_its_far_corners_are(coarse, x, y, wide, high
     assert not numbers.whole or numbers.reached == 1.0
 
 
-def test_an_arm_that_is_too_short_for_a_corner_is_not_good(root, tmp_path):
-    """Of a five-bar: the far corner is 559 mm from a motor, beyond the middle of the last cell."""
-    region = Region((GridAxis("x", -0.42, 0.42, 20), GridAxis("y", 0.0, 0.72, 20)))
-    box = WantedBox({"x": (-0.1, 0.1), "y": (0.4, 0.5)})
-    five_bar = root / "robots" / "five_bar.raff"
-    table = sweep(five_bar, parse("link5.d+tool.d=304..314:3"), region, tmp_path / "out", box=box, workers=1)
-    long = [0.25 + row.values["link5.d+tool.d"] / 1000 >= math.hypot(0.25, 0.5) for row in table.rows]
-    assert long == [False, False, True]
-    assert [row.covers_box for row in table.rows] == [row.suitable for row in table.rows] == long
-    assert [row.as_dict()["covers_box"] for row in table.rows] == long
-    assert [" 100 %" in line and "< 100 %" not in line for line in table.text().splitlines()[1:]] == long
-
-
 # --- singularities between samples ------------------------------------------------------------------------------------
 
 
@@ -344,7 +324,7 @@ def test_over_motors_a_node_loses_a_motion_where_an_arm_is_stretched(robot, tmp_
         assert bool(found) == (not stretched)
 
 
-@pytest.mark.parametrize("low", [-0.95, -0.91, -0.5, -0.09, -0.05, -1e-6, 0.0, 1e-2, -1.01])
+@pytest.mark.parametrize("low", [-0.95, -0.5, -0.05, 0.0, 1e-2, -1.01])
 def test_a_singularity_on_the_rim_of_a_region_or_within_its_last_cells_is_seen(arm, tmp_path, low):
     region = Region((GridAxis("joint1", -1.0, 1.0, 2), GridAxis("joint2", low, low + 1.0, 5)))
     spec = MapSpecification(cinegen.load(arm), region, ("sigma_1",))
@@ -516,23 +496,12 @@ def test_what_makes_no_sense_is_said_before_anything_is_written(arm, tmp_path):
         (lambda: sweep(arm, over, square(0.7, 6), out, quantities=("sigma_3",)), "unknown quantity 'sigma_3'"),
         (lambda: sweep(arm, over, square(0.7, 6), out, box=WantedBox({"x": (0.0, 2.0)})), "goes beyond the maps"),
         (lambda: sweep(arm, over, square(0.7, 6), out, workers=0), "workers"),
-        (lambda: sweep(arm, over, square(0.7, 6), out, workers=10**20), "workers"),
         (lambda: sweep(arm, parse("link9.d=1..2:2"), square(0.7, 6), out), "no link or frame 'link9'"),
         (lambda: sweep(arm, over, Region((GridAxis("z", 0.0, 1.0, 3),)), out), "can't move along z"),
     ):
         with pytest.raises((MapError, ClusterError), match=words):
             call()
     assert not out.exists()
-
-
-@pytest.mark.slow
-def test_side_by_side_processes_find_the_same(arm, tmp_path):
-    over, said = parse("link2.d=300..400:2", "tool.d=200..250:2"), []
-    one = sweep(arm, over, square(0.7, 8), tmp_path / "one", workers=1)
-    two = sweep(arm, over, square(0.7, 8), tmp_path / "two", workers=2, report=lambda *done: said.append(done))
-    assert two == one
-    assert (tmp_path / "one" / "table.csv").read_bytes() == (tmp_path / "two" / "table.csv").read_bytes()
-    assert said == [(64 * k, 256) for k in range(5)]
 
 
 def test_graphics_are_found_from_a_variant(root, tmp_path):
@@ -561,8 +530,6 @@ def test_the_picture_shows_what_the_table_says(arm, tmp_path):
 @pytest.mark.parametrize(
     ("texts", "drawn"),
     [
-        (["link2.d=1..2:2"], True),
-        (["link2.d=1..2:2", "tool.d=1..2:2"], True),
         (["link2.d=1..2:2", "tool.d=3", "tool.r=4"], True),
         (["link2.d=1"], False),
         (["link2.d=1..2:2", "tool.d=1..2:2", "tool.r=1..2:2"], False),
