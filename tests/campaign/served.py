@@ -40,15 +40,8 @@ class Served:
         self._folder = tempfile.TemporaryDirectory(prefix="served")
         self._output = tempfile.TemporaryFile()  # noqa: SIM115 (closed with the process)
         self._read = 0
-        command = [
-            sys.executable,
-            "-m",
-            "cinegen",
-            "drive",
-            *(str(ROOT / one) for one in robots),
-            *("--no-browser", "--no-token", "--seconds", "1e6"),
-            *options,
-        ]
+        command = [sys.executable, "-m", "cinegen", "drive", *(str(ROOT / one) for one in robots)]
+        command += ["--no-browser", "--no-token", "--seconds", "1e6", *options]
         environment = {**os.environ, "PYTHONPATH": str(ROOT), "PYTHONUNBUFFERED": "1", "COLUMNS": "200"}
         self.process = subprocess.Popen(
             command, cwd=self._folder.name, env=environment, start_new_session=True, preexec_fn=_unlimited,
@@ -140,9 +133,8 @@ class Peer:
     def request(self, path: str, *headers: str) -> None:
         """Send a request."""
         query = f"?{self.address.query}" if self.address.query else ""
-        self.socket.sendall(
-            "\r\n".join([f"GET /{path}{query} HTTP/1.1", f"Host: {self.address.netloc}", *headers, "", ""]).encode()
-        )
+        lines = [f"GET /{path}{query} HTTP/1.1", f"Host: {self.address.netloc}", *headers, "", ""]
+        self.socket.sendall("\r\n".join(lines).encode())
 
     def upgrade(self, path: str = "session") -> bool:
         """Open a websocket; return whether that is allowed."""
@@ -190,16 +182,12 @@ class Peer:
 def framed(payload: bytes, opcode: int = 1, final: bool = True, mask: bytes = b"\1\2\3\4") -> bytes:
     """Return a frame of a client."""
     size = len(payload)
-    length = (
-        bytes([0x80 | size])
-        if size < 126
-        else bytes([0x80 | 126]) + struct.pack(">H", size)
-        if size < 65536
-        else bytes([0xFF]) + struct.pack(">Q", size)
-    )
-    masked = (int.from_bytes(payload, "big") ^ int.from_bytes((mask * (size // 4 + 1))[:size], "big")).to_bytes(
-        size, "big"
-    )
+    if size < 126:
+        length = bytes([0x80 | size])
+    else:
+        length = bytes([0x80 | 126]) + struct.pack(">H", size) if size < 65536 else b"\xff" + struct.pack(">Q", size)
+    key = int.from_bytes((mask * (size // 4 + 1))[:size], "big")
+    masked = (int.from_bytes(payload, "big") ^ key).to_bytes(size, "big")
     return bytes([(0x80 if final else 0) | opcode]) + length + mask + masked
 
 

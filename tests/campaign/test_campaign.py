@@ -1,20 +1,16 @@
-"""The campaign finds planted faults, names them and makes them small; and a slice of it finds none in the package."""
+"""The campaign finds planted faults and names them; and a slice of it finds none in the package."""
 
 import os
 import time
 import warnings
 from copy import copy
-from math import inf
 
 import numpy as np
 import pytest
-from variants import slow
 
 from campaign import messages, mutation, workers
-from campaign.cli import minimised
 from campaign.kills import Kills
 from campaign.readers import READERS, Files, Reader, Seed
-from campaign.shrink import least
 from campaign.ticks import Session, Ticks
 from cinegen.errors import CinegenError
 from raff2urdf.errors import RaffError
@@ -30,11 +26,11 @@ def reader(read, **more):
 def found(read, tmp_path, cases=300, wall=600.0, **more):
     files = Files(tmp_path, 0, [reader(read, **more)])
     files.limit = 1.0
-    return files, workers.run(files, cases, workers=1, wall=wall)
+    return workers.run(files, cases, workers=1, wall=wall)
 
 
 def causes(read, tmp_path, cases=300, **more):
-    return {cause.partition(": ")[0] for cause in found(read, tmp_path, cases, **more)[1].causes}
+    return {cause.partition(": ")[0] for cause in found(read, tmp_path, cases, **more).causes}
 
 
 def with_a_number(path):
@@ -51,15 +47,12 @@ def test_a_reader_that_is_right_has_no_findings(tmp_path):
     assert causes(read, tmp_path) == set()
 
 
-def test_an_exception_of_another_kind_is_found_and_its_file_minimised(tmp_path):
+def test_an_exception_of_another_kind_is_found(tmp_path):
     def read(path):
         if b'""' in path.read_bytes():
             raise KeyError("x")
 
-    files, result = found(read, tmp_path)
-    assert set(result.causes) == {"planted exception: KeyError"}
-    files.begin(9)
-    assert minimised(files, int(result.findings[0].case.partition(":")[2]), seconds=inf) == b'""'
+    assert set(found(read, tmp_path).causes) == {"planted exception: KeyError"}
 
 
 def test_an_error_that_does_not_name_its_file_is_found(tmp_path):
@@ -94,7 +87,7 @@ def test_a_hang_a_crash_and_too_much_memory_are_found_and_the_others_go_on(tmp_p
         if len(data) > len(TEXT) + 500:
             bytearray(2 * workers.MEMORY)
 
-    result = found(read, tmp_path)[1]
+    result = found(read, tmp_path)
     assert {cause.partition(": ")[0] for cause in result.causes} == {
         "planted hang", "planted abort or deadlock", "planted memory",
     }  # fmt: skip
@@ -126,10 +119,6 @@ def test_a_case_is_made_from_its_number_alone(tmp_path):
     one, other = (Files(tmp_path / name, 7, [reader(with_a_number)]) for name in "ab")
     assert [one.case(i).data for i in range(50)] == [other.case(i).data for i in reversed(range(50))][::-1]
     assert len({one.case(i).data for i in range(50)}) > 40
-
-
-def test_the_least_list_that_breaks():
-    assert least(range(100), lambda kept: {3, 77} <= set(kept)) == [3, 77]
 
 
 def test_mutations_of_a_tree_leave_a_tree(root):
@@ -186,33 +175,27 @@ def every_reader(tmp_path_factory):
     return Files(tmp_path_factory.mktemp("files"), 0)
 
 
-@pytest.mark.parametrize("cases", [50, *slow(100)])
 @pytest.mark.parametrize("name", READERS)
-def test_a_slice_of_the_files(name, cases, every_reader):
+def test_a_slice_of_the_files(name, every_reader):
     files = copy(every_reader)
     files.readers = (READERS[name],)
-    assert_nothing(workers.run(files, cases, workers=1))
+    assert_nothing(workers.run(files, 40, workers=1))
 
 
-@pytest.mark.parametrize(("sessions", "ticks"), [(10, 20_000), *slow((60, 100_000))])
-def test_a_slice_of_the_ticks(sessions, ticks):
-    result = workers.run(Ticks(), sessions, workers=1)
+def test_a_slice_of_the_ticks():
+    result = workers.run(Ticks(), 10, workers=1)
     assert_nothing(result)
-    assert result.counts["ticks"] > ticks
+    assert result.counts["ticks"] > 20_000
 
 
-@pytest.mark.parametrize(("connections", "least"), [(6, 250), *slow((60, 3000))])
-def test_a_slice_of_the_messages(connections, least):
-    result = workers.run(messages.Messages(), connections, workers=1)
+def test_a_slice_of_the_messages():
+    result = workers.run(messages.Messages(), 6, workers=1)
     assert_nothing(result)
-    assert result.counts["messages"] > least
+    assert result.counts["messages"] > 250
     assert result.counts["honest states"] > 10
 
 
-@pytest.mark.parametrize(
-    ("commands", "seed", "cases", "least"), [(("raff2urdf",), 1, 2, 2), *slow((("raff2urdf", "map"), 0, 4, 3))]
-)
-def test_a_slice_of_the_kills(tmp_path, commands, seed, cases, least):
-    result = workers.run(Kills(tmp_path, seed, commands), cases, workers=1)
+def test_a_slice_of_the_kills(tmp_path):
+    result = workers.run(Kills(tmp_path, 1, ("raff2urdf",)), 2, workers=1)
     assert_nothing(result)
-    assert result.counts["kills"] >= least
+    assert result.counts["kills"] >= 2
