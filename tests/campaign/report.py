@@ -13,8 +13,6 @@ from typing import Any
 from campaign.workers import Result
 from raff2urdf.version import __version__
 
-UNITS = {"ticks": "ticks", "messages": "messages", "kills": "kills", "soak": "s"}
-
 
 def write(folder: Path, what: str, result: Result, command: str) -> None:
     """Add a campaign's result to the report in a folder; replace an earlier one of the same campaign."""
@@ -54,7 +52,7 @@ def table(report: dict[str, Any]) -> str:
         "| --- | --- | --- | --- | --- | --- |",
     ]
     for what, one in report.items():
-        unit = UNITS.get(what, "cases")
+        unit = what if what in one["counts"] else "cases"
         done = one["counts"].get(unit, 0)
         rate = done / max(one["seconds"], 1e-9) / one["workers"]
         worst = "; ".join(f"{name} {shown(value)}" for name, value in one["worst"].items())

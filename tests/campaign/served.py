@@ -25,7 +25,7 @@ from urllib.parse import urlsplit
 from campaign.readers import ROOT
 from campaign.workers import die_with_parent
 
-_BEGUN, _STATES, _GAP, _LAST, _ENDED, _WRONG = range(6)
+_STATES, _GAP, _LAST, _ENDED, _WRONG = range(5)
 
 
 class Served:
@@ -81,17 +81,6 @@ class Served:
     def memory(self) -> float:
         """Return the resident memory of all its processes, MB."""
         return sum(_resident(one) for one in self.processes()) / 1e6
-
-    def cpu(self) -> float:
-        """Return the CPU time of all its processes, s."""
-        ticks = 0
-        for one in self.processes():
-            try:
-                fields = Path(f"/proc/{one}/stat").read_text().rpartition(") ")[2].split()
-            except OSError:
-                continue
-            ticks += int(fields[11]) + int(fields[12])
-        return ticks / os.sysconf("SC_CLK_TCK")
 
     def stop(self) -> int | None:
         """Interrupt it; return its exit code, or None if it had to be killed."""
@@ -203,7 +192,7 @@ class Honest:
 
     def __init__(self, url: str) -> None:
         context = multiprocessing.get_context("fork")
-        self._shared = context.Array("d", 6, lock=False)
+        self._shared = context.Array("d", 5, lock=False)
         self._process = context.Process(target=_watch, args=(url, self._shared), daemon=True)
         self._process.start()
 
@@ -219,10 +208,6 @@ class Honest:
         self._shared[_GAP] = 0.0
         return float(found)
 
-    def rate(self) -> float:
-        """Return the states that it got each second, all along."""
-        return self.states / max(1e-9, time.monotonic() - self._shared[_BEGUN])
-
     def stop(self) -> None:
         """End it."""
         self._process.kill()
@@ -230,7 +215,6 @@ class Honest:
 
 
 def _watch(url: str, shared: Any) -> None:
-    shared[_BEGUN] = time.monotonic()
     while True:
         try:
             peer = Peer(url, 30.0)

@@ -55,25 +55,33 @@ def test_an_exception_of_another_kind_is_found(tmp_path):
     assert set(found(read, tmp_path).causes) == {"planted exception: KeyError"}
 
 
-def test_an_error_that_does_not_name_its_file_is_found(tmp_path):
-    def read(path):
-        raise CinegenError("wrong")
-
-    assert causes(read, tmp_path, 3) == {"planted unnamed file"}
+def warn_and_print(path):
+    warnings.warn("overflow", RuntimeWarning, stacklevel=1)
+    os.write(2, b"error of a library\n")
 
 
-def test_a_warning_and_a_print_of_a_library_are_found(tmp_path):
-    def read(path):
-        warnings.warn("overflow", RuntimeWarning, stacklevel=1)
-        os.write(2, b"error of a library\n")
-
-    assert causes(read, tmp_path, 3) == {"planted warning", "planted printed"}
+def name_nothing(path):
+    raise CinegenError("wrong")
 
 
-def test_a_result_that_is_not_finite_is_found(tmp_path):
-    assert causes(lambda path: np.nan, tmp_path, 3, checks=lambda q: [] if np.isfinite(q) else ["not finite"]) == {
-        "planted invariant"
-    }
+def count_links(path):
+    """Take only elements that are known, and report nothing of others."""
+    return (), 0, 0, [("loop", "ball")] * path.read_bytes().count(b"<link "), 0, (), []
+
+
+@pytest.mark.parametrize(
+    ("read", "cases", "more", "kinds"),
+    [
+        (name_nothing, 3, {}, {"unnamed file"}),
+        (warn_and_print, 3, {}, {"warning", "printed"}),
+        (lambda path: np.nan, 3, {"checks": lambda q: [] if np.isfinite(q) else ["not finite"]}, {"invariant"}),
+        (lambda path: time.sleep(1000), 1, {"wall": 2.0}, {"abort or deadlock"}),
+        (count_links, 300, {"summary": lambda value: value}, {"silent loss"}),
+        (lambda path: path.stat().st_size, 300, {"summary": lambda n: ((), 0, 0, [], n)}, {"layout matters"}),
+    ],
+)
+def test_a_planted_fault_is_found(read, cases, more, kinds, tmp_path):
+    assert {f"planted {kind}" for kind in kinds} <= causes(read, tmp_path, cases, **more)
 
 
 def test_a_hang_a_crash_and_too_much_memory_are_found_and_the_others_go_on(tmp_path):
@@ -92,27 +100,6 @@ def test_a_hang_a_crash_and_too_much_memory_are_found_and_the_others_go_on(tmp_p
         "planted hang", "planted abort or deadlock", "planted memory",
     }  # fmt: skip
     assert result.counts["cases"] == 300
-
-
-def test_a_deadlock_is_found(tmp_path):
-    assert causes(lambda path: time.sleep(1000), tmp_path, 1, wall=2.0) == {"planted abort or deadlock"}
-
-
-def test_a_loop_that_is_lost_in_silence_is_found(tmp_path):
-    """The reader takes only elements that it knows, and reports nothing of others."""
-
-    def meaning(path):
-        loops = [("loop", "ball")] * path.read_bytes().count(b"<link ")
-        return (), 0, 0, loops, 0, (), []
-
-    assert "planted silent loss" in causes(meaning, tmp_path, summary=lambda value: value)
-
-
-def test_a_meaning_that_depends_on_blanks_is_found(tmp_path):
-    def meaning(path):
-        return (), 0, 0, [], len(path.read_bytes()), (), []
-
-    assert "planted layout matters" in causes(meaning, tmp_path, summary=lambda value: value)
 
 
 def test_a_case_is_made_from_its_number_alone(tmp_path):

@@ -11,7 +11,6 @@ from clearings import (
     around,
     at,
     ball,
-    links,
     load,
     measured,
     obstacles_of,
@@ -130,15 +129,6 @@ def test_where_coal_keeps_results_elsewhere_they_are_copied(monkeypatch):
         )
 
 
-def test_an_obstacle_that_is_moved_is_measured_where_it_then_is():
-    clearance = point_among([ball(0.1, 1.0, 0.0, 0.0)])
-    q = np.zeros(2)
-    assert clearance.distances(q) == pytest.approx([0.9])
-    clearance.move(0, at(0.0, 0.5, 0.0))
-    assert clearance.distances(q) == pytest.approx([0.4])
-    assert clearance.near(q, 1.0).rows == pytest.approx(np.array([[0.0, 1.0]]))
-
-
 def test_without_obstacles_nothing_is_near():
     clearance = Clearance(mobile(), [body(0.1)], [])
     q = np.zeros(2)
@@ -208,15 +198,6 @@ def test_rows_of_nearest_points_are_how_distances_change(name):
     assert checked > 20
 
 
-def test_what_is_further_away_is_not_near_and_all_that_is_nearer_is():
-    clearance, rng = among("arm7", around("arm7", 5)), np.random.default_rng(5)
-    for within in (0.05, 0.2, 1.0):
-        q = configuration("arm7", rng)
-        near = clearance.near(q, within)
-        assert (near.distances < within).all()
-        assert set(near.pairs.tolist()) == set(np.flatnonzero(clearance.distances(q) < within).tolist())
-
-
 def test_however_much_is_near_none_of_it_is_left_out():
     obstacles = [ball(0.01, 0.5 + 1e-3 * i, 0.4, 0.0) for i in range(400)] + [ball(0.1, 0.2, 0.0, 0.0)]
     clearance = point_among(obstacles)
@@ -257,19 +238,6 @@ def test_a_motion_that_keeps_all_rows_of_a_link_keeps_its_distance(seed):
     v *= 1e-3 / np.linalg.norm(v)
     after = clearance.distances(pin.integrate(tree.model, q, v))[0]
     assert after >= room[0] - 1e-6
-
-
-def test_both_ends_of_a_link_along_a_wall_have_rows_of_their_own():
-    rod, q = Body("rod", 1, at(0, 0, 0), coal.Capsule(0.05, 0.8)), np.zeros(7)
-    clearance = Clearance(boat(), [rod], obstacles_of([wall([0.0, 0.0, 1.0], -0.3)]))
-    q[3:7] = pin.Quaternion(pin.exp3(np.array([0.0, 0.5 * np.pi - 0.01, 0.0]))).coeffs()
-    near = clearance.near(q, 10.0)
-    ends = 0.4 * np.sin(0.01)
-    assert sorted(near.distances) == pytest.approx([0.25 - ends, 0.25 + ends], abs=1e-9)
-    turning = np.array([0.0, 0.0, 0.0, 0.0, 1.0, 0.0])
-    along = near.rows @ turning
-    assert along[0] * along[1] < 0.0
-    assert np.abs(along) == pytest.approx(0.4 * np.cos(0.01), abs=1e-6)
 
 
 # --- all along a motion ------------------------------------------------------------------------------------------
@@ -404,19 +372,6 @@ def test_a_box_that_slides_along_a_wall_is_certain_though_it_moves_further_than_
     assert not len(clearance.uncertain(q, np.abs(tilted), 2.5e-3, clearance.every_pair, tilted))
 
 
-@pytest.mark.parametrize("later", [[0.0, 0.39, 0.0, 0.0, 0.0, 0.0], [0.0, 0.0, 0.0, 0.0, 0.0, np.pi / 2.0]])
-def test_a_bar_that_was_far_away_is_measured_again_when_it_has_moved_or_rotated(later):
-    tree, still = boat(), np.zeros(6)
-    bar = Body("bar", 1, pin.SE3.Identity(), coal.Box(1.0, 0.04, 0.04))
-    clearance = Clearance(tree, [bar], obstacles_of([ball(5.0, 0.0, 5.4, 0.0)]))
-    q = pin.neutral(tree.model)
-    assert clearance.least(q) == pytest.approx(0.38)
-    assert not len(clearance.uncertain(q, still, 0.01, clearance.every_pair))
-    moved = pin.integrate(tree.model, q, np.array(later))
-    assert clearance.uncertain(moved, still, 0.01, clearance.every_pair) is None
-    assert clearance.nearer(moved, 0.01).tolist() == [0]
-
-
 def test_a_ball_on_an_arm_comes_nearer_to_a_wall_before_it_though_its_velocity_is_along_the_wall():
     tree = Tree()
     tree.model.addJoint(0, pin.JointModelRZ(), pin.SE3.Identity(), "turn")
@@ -427,31 +382,3 @@ def test_a_ball_on_an_arm_comes_nearer_to_a_wall_before_it_though_its_velocity_i
         left = clearance.uncertain(q, np.array([angle]), 1e-3, clearance.every_pair, np.array([angle]))
         assert len(left) or np.cos(angle) - 0.92 >= 1e-3
     assert not len(clearance.uncertain(q, np.array([0.2]), 1e-3, clearance.every_pair, np.array([0.2])))
-
-
-def test_links_on_one_arm_do_not_come_nearer_by_what_moves_both():
-    clearance = among("arm7", [])
-    q = load("arm7").q_home
-    _, ways = clearance.motion_bounds(q, q + 0.5 * np.eye(7)[0])
-    carried = [
-        (clearance.bodies[int(a)].joint > 0) and (clearance.bodies[int(b)].joint > 0) for a, b in clearance.pairs
-    ]
-    assert (ways[np.array(carried)] == 0.0).all()
-    assert any(carried)
-
-
-def test_how_a_motion_leads_nearest_points_is_what_they_do():
-    clearance, rng = among("two_arms", around("two_arms", 9)), np.random.default_rng(9)
-    model = load("two_arms").model
-    q, motion = configuration("two_arms", rng), rng.normal(size=model.nv)
-    clearance.update(q)
-    data, later = model.createData(), model.createData()
-    pin.forwardKinematics(model, data, q)
-    pin.forwardKinematics(model, later, q + 1e-7 * motion)
-    for k, (a, b) in enumerate(clearance.pairs):
-        one, other, _ = clearance.nearest_points(k)
-        found = np.zeros(3)
-        for number, point, sign in ((a, one, 1.0), (b, other, -1.0)):
-            joint = clearance.bodies[int(number)].joint
-            found += sign * ((later.oMi[joint] * data.oMi[joint].inverse()).act(point) - point) / 1e-7
-        assert Vortices(clearance, 1.0, 0.1).point_motion(k, motion) == pytest.approx(found, abs=1e-5)

@@ -13,7 +13,6 @@ import pinocchio as pin
 import pytest
 import trimesh
 from mesh_contact import MeshContact, tree_of
-from variants import slow
 
 import cinegen
 from cinegen.collision import Clearance, scene_of
@@ -22,7 +21,6 @@ from cinegen.collision.clearance import clearance_of
 from cinegen.collision.mobile_robot import mobile_robot
 from cinegen.collision.self_collision import PairReason, link_pairs
 from cinegen.collision.triangle_mesh import TriangleMesh
-from cinegen.planning.locked_joints import with_joints_locked
 
 SHARE = Path(sysconfig.get_path("purelib")) / "cmeel.prefix/share/example-robot-data/robots"
 PANDA, UR5 = "panda_description/urdf/panda.urdf", "ur_description/urdf/ur5_robot.urdf"
@@ -46,15 +44,13 @@ def clearance_among_links(mechanism, within=None):
     return Clearance(mechanism, links.bodies, (), links.of(PairReason.CHECKED), within)
 
 
-@pytest.mark.parametrize(
-    "name", [PANDA, *slow(UR5, "xarm_description/urdf/xarm7.urdf", "talos_data/robots/talos_left_arm.urdf")]
-)
+@pytest.mark.parametrize("name", [PANDA, UR5])
 def test_a_configuration_is_clear_by_a_margin_exactly_where_the_meshes_are(name):
     mechanism, margin = load(name), 2e-3
     meshes = MeshContact(mechanism, configurations(mechanism, 100, 1))
     clearance = clearance_among_links(mechanism, 3e-3)
     touching = 0
-    for q in configurations(mechanism, 150, 2):
+    for q in configurations(mechanism, 100, 2):
         least = clearance.least(q)
         touching += bool(meshes.touching(q, first=True))
         assert (least <= 0.0) == bool(meshes.touching(q, first=True))
@@ -62,12 +58,11 @@ def test_a_configuration_is_clear_by_a_margin_exactly_where_the_meshes_are(name)
             assert meshes.touching(q, margin, first=True)
         elif least > margin + 1e-5:
             assert not meshes.touching(q, margin, first=True)
-    assert 5 < touching < 100
+    assert 5 < touching < 80
 
 
-@pytest.mark.parametrize("name", [PANDA, UR5])
-def test_rows_of_exact_distances_are_how_they_change(name):
-    mechanism, checked, step = load(name), 0, 1e-5
+def test_rows_of_exact_distances_are_how_they_change():
+    mechanism, checked, step = load(UR5), 0, 1e-5
     clearance = clearance_among_links(mechanism)
     for q in configurations(mechanism, 40, 5):
         near = clearance.near(q, 0.1)
@@ -87,10 +82,9 @@ def test_rows_of_exact_distances_are_how_they_change(name):
     assert checked > 8
 
 
-@pytest.mark.parametrize("name", [PANDA, UR5, "xarm_description/urdf/xarm7.urdf"])
-def test_no_pair_that_is_called_certain_on_a_motion_comes_nearer_by_its_meshes(name):
+def test_no_pair_that_is_called_certain_on_a_motion_comes_nearer_by_its_meshes():
     """A robot walks in small steps, so that most is known from measurements of earlier ones."""
-    mechanism, safety, rng = load(name), 2e-3, np.random.default_rng(4)
+    mechanism, safety, rng = load(PANDA), 2e-3, np.random.default_rng(4)
     meshes = MeshContact(mechanism, configurations(mechanism, 100, 1))
     clearance = clearance_among_links(mechanism, 5e-3)
     near = certain = 0
@@ -150,13 +144,6 @@ def test_a_ball_is_in_collision_inside_of_a_bar_of_an_angle_and_free_in_its_corn
         assert (clearance.least(q) <= 0.0) == (depth >= -0.02)
 
 
-def test_winding_numbers_tell_inside_from_outside():
-    mesh = trimesh.creation.torus(0.3, 0.1)
-    points = np.random.default_rng(0).uniform(-0.45, 0.45, (300, 3)) * (1.0, 1.0, 0.3)
-    found = TriangleMesh(tree_of(mesh.vertices, mesh.faces))
-    assert [found.contains(point) for point in points] == mesh.contains(points).tolist()
-
-
 @pytest.mark.parametrize(
     ("mesh", "convex"),
     [
@@ -195,21 +182,7 @@ def test_a_gripper_may_be_almost_closed_while_obstacles_are_kept_away():
     assert clearance_of(closed).least(closed.start) <= 0.0
 
 
-def test_an_obstacle_is_kept_at_the_safety_distance_whatever_the_self_clearance():
-    hand = np.array(grasping(0.05).goal.translation)
-    ball = {"kind": "sphere", "radius": 0.05, "point": (hand + np.array([0.25, 0.0, 0.0])).tolist()}
-    found = []
-    for own in (0.0, 0.01):
-        given = grasping(0.05, self_clearance=own, obstacle=[ball])
-        clearance = clearance_of(given)
-        found.append(clearance.distances(given.start)[clearance.pairs[:, 1] >= len(clearance.links)])
-        assert clearance.offset(len(clearance.pairs) - 1) == 0.0
-    assert found[0] == pytest.approx(found[1])
-
-
 def test_a_self_clearance_beyond_the_safety_distance_is_refused():
     with pytest.raises(cinegen.CinegenError, match="self_clearance"):
         grasping(0.05, self_clearance=0.02)
     assert grasping(0.05, self_clearance=0.0).document()["self_clearance"] == 0.0
-
-

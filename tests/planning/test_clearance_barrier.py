@@ -4,17 +4,15 @@ from __future__ import annotations
 
 from itertools import pairwise
 
-import coal
 import numpy as np
 import pinocchio as pin
 import pytest
-from clearings import among, around, at, ball, load, point_among, wall
+from clearings import among, around, at, ball, point_among, wall
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from cinegen import Solver, Status
 from cinegen.collision import PlanningError
-from cinegen.collision.body import Body
 from cinegen.ik import Posture
 from cinegen.planning.clearance_barrier import STOP, ClearanceBarrier, is_clear, path_clearance
 
@@ -107,30 +105,6 @@ def test_along_a_wall_a_point_goes_to_the_nearest_point_to_its_target(seed):
     assert bool(step.active_barriers) == (beyond > 1e-5)
 
 
-def test_an_arm_that_is_led_into_a_wall_stops_before_it_and_comes_back(robot):
-    mechanism = robot("arm7")
-    tool = mechanism.placement(mechanism.q_home, "tool").translation
-    way = tool / np.linalg.norm(tool) * (1.0, 1.0, 0.0)
-    way /= np.linalg.norm(way)
-    clearance = among("arm7", [wall(-way, -(tool @ way) - 0.25 * mechanism.length)], own=False)
-    home = clearance.least(mechanism.q_home)
-    assert home > 0.02
-    safety = 0.25 * home
-    solver = kept(clearance, safety)
-    task = solver.add_task("tool", rotation=0, axes="world")
-    start = task.target
-    task.target = at(*(tool + 0.5 * mechanism.length * way))
-    for _ in range(300):
-        step = solver.step()
-    assert step.status is Status.BARRED
-    assert clearance.least(step.q) == pytest.approx(STOP * safety, rel=0.02)
-    task.target = start
-    for _ in range(300):
-        step = solver.step()
-    assert step.status is Status.FOLLOWING
-    assert step.errors[0][0] < 1e-6
-
-
 # --- what is too near already --------------------------------------------------------------------------------------
 
 
@@ -209,36 +183,7 @@ def test_a_robot_that_an_obstacle_was_put_near_goes_away_from_it(robot, name, se
         assert now.min() > before.min()
 
 
-def test_links_that_stand_too_near_for_ever_hold_nothing_up():
-    """What no joint can part is no reason to stay."""
-    clearance = among("arm7", [ball(0.1, 9.0, 9.0, 9.0)], own=False)
-    mechanism = load("arm7")
-    base = next(i for i, body in enumerate(clearance.bodies) if body.joint == 1)
-    clearance.update(mechanism.q_home)
-    one = clearance.bodies[base]
-    axis = clearance._data.oMi[1].act(one.centre)
-    lower = axis * (0.0, 0.0, 1.0)
-    clearance.move(0, at(*(lower - [0.0, 0.0, 0.1 + one.as_described.shape.halfLength + 0.005])))
-    near = clearance.near(mechanism.q_home, 0.02)
-    solver = kept(clearance, 0.02)
-    task = solver.add_task("tool", rotation=0)
-    task.target = pin.SE3(np.eye(3), task.target.translation + np.array([0.0, 0.03, 0.0]))
-    assert len(near.pairs)
-    for _ in range(100):
-        step = solver.step()
-    assert step.errors[0][0] < 1e-5
-
-
 # --- all along a way -----------------------------------------------------------------------------------------------
-
-
-def test_a_way_through_a_thin_wall_is_not_clear_though_its_ends_are():
-    clearance = point_among([Body("sheet", 0, at(0.5, 0.0, 0.0), coal.Box(1e-3, 2.0, 2.0))])
-    begin, end = np.zeros(2), np.array([1.0, 0.01])
-    assert min(clearance.least(begin), clearance.least(end)) > 0.49
-    assert not is_clear(clearance, begin, end, 0.01)
-    assert is_clear(clearance, begin, np.array([0.48, 0.5]), 0.01)
-    assert is_clear(clearance, begin, begin, 0.01)
 
 
 @settings(max_examples=60)
@@ -270,23 +215,6 @@ def test_the_least_along_a_path_is_below_what_is_seen_on_it_and_hardly_so(robot,
         assert bound >= (1.0 - sharp) * seen - 1e-3 * size - EXACT
     if bound < 0.0:
         assert seen < 1e-3
-
-
-def test_the_least_along_a_path_that_overlaps_is_the_deepest_overlap_seen():
-    clearance = point_among([ball(0.2, 0.5, 0.0, 0.0)])
-    path = np.array([[0.0, 0.0], [0.35, 0.0], [1.0, 0.0]])
-    assert path_clearance(clearance, path) == pytest.approx(-0.05)
-    assert path_clearance(clearance, path[:1]) == pytest.approx(0.3)
-
-
-@given(seed=seeds, part=st.floats(0.5, 0.995))
-def test_a_distance_that_is_kept_is_shown_to_be_kept_however_roughly_the_rest_is_told(robot, seed, part):
-    mechanism, rng = robot("planar_3r"), np.random.default_rng(seed)
-    clearance = among("planar_3r", around("planar_3r", seed % 5), own=False)
-    path = mechanism.q_home + np.cumsum(0.1 * rng.normal(size=(6, 3)), axis=0)
-    asked = part * densely(clearance, path, 200)
-    if asked > 0.01 * mechanism.length:
-        assert path_clearance(clearance, path, 0.5, asked) >= asked
 
 
 @pytest.mark.parametrize(("safety", "rate"), [(-0.1, 1.0), (np.nan, 1.0), (np.inf, 1.0), (0.1, 0.0), (0.1, np.nan)])

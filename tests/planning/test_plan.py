@@ -13,7 +13,6 @@ import pytest
 import cinegen
 from cinegen.collision import PlanningError, SceneError, clearance_of, load_scene, scene_of
 from cinegen.planning import PlanStatus, plan
-from cinegen.planning.locked_joints import with_joints_locked
 from cinegen.planning.shortcuts import shortened
 
 READY = {f"panda_joint{i}": value for i, value in enumerate((0.0, -0.785, 0.0, -2.356, 0.0, 1.571, 0.785), 1)}
@@ -162,16 +161,6 @@ def test_some_joint_values_leave_the_others_free(root):
     assert scene.mechanism.values(found.path[-1])["joint3"] == pytest.approx(1.0, abs=1e-4)
 
 
-def test_user_locked_joints_keep_their_values(root):
-    scene = load_scene(root / "robots/scenes/rod.toml")
-    free = scene_of({"node": "tool", "goal": {"point": [0.5, 0.3]}}, mechanism=scene.mechanism)
-    locked = scene_of({**free.document(), "locked": ["joint2"]}, mechanism=scene.mechanism)
-    found = plan(locked)
-    assert found.status is PlanStatus.REACHED
-    assert np.ptp(found.path[:, scene.mechanism.q_index("joint2")]) == 0.0
-    assert found.trace[-1][:2] == pytest.approx([0.5, 0.3], abs=1e-4)
-
-
 def test_links_that_cannot_separate_are_no_collision(panda):
     """A closed gripper: its fingers are nearer to each other than the safety distance, and stay so."""
     closed = {**READY, "panda_finger_joint1": 0.0, "panda_finger_joint2": 0.0}
@@ -179,15 +168,6 @@ def test_links_that_cannot_separate_are_no_collision(panda):
     assert clearance_of(scene_of(values, mechanism=panda)).least(panda.configuration(closed)) < 0.01
     found = plan(scene_of(values, mechanism=panda))
     assert found.status is PlanStatus.REACHED
-
-
-def test_locked_joints_leave_out_the_loops_that_nothing_moves(around_post):
-    scene = with_joints_locked(around_post)
-    assert not scene.mechanism.is_constrained
-    assert around_post.mechanism.is_constrained  # by the coupling of the fingers
-    assert scene.mechanism.limits["panda_finger_joint1"][:2] == (0.02, 0.02)
-    q = scene.mechanism.configuration(AIM, scene.start)
-    assert scene.mechanism.placement(q, "panda_hand").isApprox(around_post.goal, 1e-12)
 
 
 @pytest.mark.parametrize(
@@ -228,12 +208,6 @@ def densely(path, step):
         count = max(1, math.ceil(float(np.abs(end - begin).max()) / step))
         yield from (begin + k / count * (end - begin) for k in range(count))
     yield path[-1]
-
-
-def test_a_path_along_two_sides_of_a_triangle_becomes_the_third_side():
-    scene = scene_of({"mobile": {"radius": 0.0}, "goal": {"point": [1.0, 0.0]}})
-    path = np.array([[0.0, 0.0], [0.5, 5.0], [1.0, 0.0]])
-    assert np.array_equal(shortened(clearance_of(scene), path, 0.01), path[[0, 2]])
 
 
 def test_a_path_through_an_obstacle_is_not_shortened():

@@ -9,7 +9,6 @@ from clearings import load, measured
 
 from cinegen.collision import clearance_of, scene_of
 from cinegen.ik import Solver, Status
-from cinegen.ik.objectives import Posture
 from cinegen.planning import AvoidingSolver
 
 SAFETY = 0.01
@@ -98,7 +97,7 @@ def test_it_goes_round_a_pole_where_a_damper_alone_is_held():
     assert Status.DETOUR in seen
     alone = Solver(avoiding.mechanism, 1e-3, scene("planar_3r", rod, start=start).start)
     alone.barriers = avoiding.barriers
-    step, seen = pulled(alone, 3000)
+    step, seen = pulled(alone, 1500)
     assert step.errors[0][0] > 0.1
     assert step.status is Status.BARRED
     assert clearance.least(step.q) >= SAFETY
@@ -132,22 +131,10 @@ def test_a_pull_that_makes_no_sense_beside_one_that_is_held_off():
     for wrong in ("nowhere", None, pin.SE3(np.eye(3), np.full(3, np.nan))):
         other.target = wrong
         moved(tool, [x, -y - 0.6, z])
-        for _ in range(400):
+        for _ in range(150):
             step = solver.step()
             assert step.status is Status.BAD_TARGET
         assert clearance.least(step.q) >= SAFETY
-
-
-def test_objectives_wait_and_are_kept():
-    solver, _ = hand(scene("arm7", pole(0.45, 0.0)))
-    posture = Posture()
-    solver.objectives = (posture,)
-    task = solver.add_task("tool", translation=3, rotation=0)
-    x, y, z = task.target.translation
-    moved(task, [x, -y - 0.6, z])
-    for _ in range(800):
-        solver.step()
-        assert solver.objectives == (posture,)
 
 
 def test_a_fault_of_its_own_is_reported_and_it_stays_clear(monkeypatch, caplog):

@@ -105,19 +105,6 @@ def test_a_path_of_a_closed_robot():
     law_abiding(motion, scene)
 
 
-def test_where_a_corner_can_not_be_cut_it_stops_there():
-    """A point goes around a corner of a box at exactly the safety distance."""
-    box = {"name": "box", "kind": "box", "size": [0.5, 0.5], "point": [0.25, 0.25]}
-    scene = scene_of(
-        {"mobile": {"radius": 0.0}, "safety": 0.1, "start": {"point": [-0.1, 0.4]}, "goal": {"point": [0.4, -0.1]},
-         "obstacle": [box]}
-    )  # fmt: skip
-    found = made(scene, np.array([[-0.1, 0.4], [-0.1, -0.1], [0.4, -0.1]]))
-    motion = timed_path(found)
-    law_abiding(motion, scene)
-    assert min(measured(found._clearance, q).min() for q in motion.q) >= 0.1 - 3e-6
-
-
 def made(scene, path):
     """A plan with a path of our own."""
     from cinegen.collision import clearance_of

@@ -10,7 +10,6 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from vortex_field import Vortex, facing
 
-import cinegen
 from cinegen.planning.descent import closeness
 from cinegen.planning.vortices import Vortices
 
@@ -139,26 +138,3 @@ def test_a_point_that_is_led_at_a_ball_is_turned_aside(axis):
 def test_it_fades_to_nothing_where_it_ends(distance, modulus):
     found, _ = point_turned([1.5 - distance, 0.0], [1.0, 0.0], about())
     assert found == pytest.approx([1.0, -modulus], abs=1e-3)
-
-
-def test_loops_stay_closed_and_the_link_is_led_all_the_same():
-    mechanism = load("delta4")
-    x, y, z = mechanism.placement(mechanism.q_home, "platform").translation
-    clearance = among("delta4", [ball(0.05, x + 0.9, y, z)])
-    q, post = mechanism.q_home, len(clearance.bodies) - 1
-    met = [p for p, (one, other) in enumerate(clearance.pairs) if other == post and clearance.names(p)[0] == "platform"]
-    pair = min(met, key=lambda p: clearance.distances(q)[p])
-    normal = clearance.nearest_points(pair)[2]
-    towards = cinegen.Solver(mechanism, 1.0)
-    task = towards.add_task("platform", rotation=0)
-    task.target = pin.SE3(task.target.rotation, task.target.translation + 0.02 * normal)
-    motion = pin.difference(mechanism.model, q, towards.step().q)
-    which = np.where(np.arange(len(clearance.pairs)) == pair, 0, 1)
-    axis = np.cross(-normal, [0.0, 0.0, 1.0])
-    states = np.array([[1.0, *axis / np.linalg.norm(axis)], [0.0, 0.0, 0.0, 1.0]])
-    led = Vortices(clearance, 1.0, 0.1).point_motion(pair, motion)
-    turned_, _ = deflected(clearance, q, motion, which, states, 2.0, 1.0, 1.0)  # nearer than it stops: full strength
-    more = turned_ - motion
-    assert np.abs(mechanism.loop_jacobian(q) @ more).max() <= 1e-9 * np.abs(more).max()
-    rise = Vortices(clearance, 1.0, 0.1).point_motion(pair, more)
-    assert rise @ np.cross(axis / np.linalg.norm(axis), -normal) == pytest.approx(normal @ led, rel=0.05)

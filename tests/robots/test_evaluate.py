@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from test_inverse_kinematics import CLOSED, SERIAL, configurations, end_of, limits_of, mechanism_of
+from test_inverse_kinematics import CLOSED, SERIAL, configurations, end_of, mechanism_of
 
 import cinegen
 from cinegen.ik.batch import BatchEvaluator
@@ -84,17 +84,6 @@ def test_singular_values_are_those_of_a_tick(name: str, translation: int, rotati
         expected = solver.step().singular_values
         np.testing.assert_allclose(sigma[: len(expected)], expected, atol=1e-9)
         np.testing.assert_allclose(sigma[len(expected) :], 0.0, atol=1e-9)
-
-
-def test_a_long_way_of_the_motors_stays_on_the_branch() -> None:
-    mechanism = mechanism_of("delta4")
-    low, high = limits_of(mechanism)
-    ends = [motors(mechanism, np.maximum(low, -0.5)), motors(mechanism, np.minimum(high, 0.6))]
-    there = cinegen.evaluate(mechanism, "platform", [ends[0], ends[1], ends[0]], 3, 0)
-    steps = np.linspace(ends[0], ends[1], 100)
-    slowly = cinegen.evaluate(mechanism, "platform", steps, 3, 0)
-    np.testing.assert_allclose(there.q[1], slowly.q[-1], atol=1e-9)
-    np.testing.assert_allclose(there.q[2], slowly.q[0], atol=1e-9)
 
 
 def test_what_can_not_be_closed_is_no_number_and_does_not_stop_the_others() -> None:

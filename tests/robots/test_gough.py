@@ -79,37 +79,6 @@ def inverse(name: str, pose: np.ndarray) -> dict[str, float]:
     return found | {"joint4": t4, "joint5": t5, "joint6": math.atan2(last[1, 0], last[0, 0])}
 
 
-def distances(name: str, mechanism, q: np.ndarray) -> np.ndarray:
-    return geometry(name).legs(mechanism.placement(q, "platform").homogeneous)
-
-
-@pytest.mark.parametrize("name", NAMES)
-def test_at_random_closed_configurations_the_jacks_are_as_long_as_the_way_they_bridge(robot, name):
-    mechanism = robot(name)
-    for q in mechanism.random_closed(300, seed=5):
-        assert np.abs(at(mechanism, q, LEGS)) == pytest.approx(distances(name, mechanism, q), abs=1e-10)
-
-
-@pytest.mark.parametrize("name", NAMES)
-def test_the_legs_locked_disturbed_passive_joints_close_to_the_same_pose(robot, name):
-    """Forward kinematics, tried from near by where the legs determine the pose well."""
-    mechanism, rng, tried = robot(name), np.random.default_rng(0), 0
-    passive = [mechanism.v_index(joint) for joint in mechanism.joints if joint not in LEGS]
-    for q in (q for seed in range(30) for q in mechanism.random_closed(5, seed)):
-        if np.linalg.svd(mechanism.system.evaluate(q)[1][:, passive], compute_uv=False)[-1] < 0.05:
-            continue
-        there = mechanism.placement(q, "platform")
-        rough = q.copy()
-        rough[[mechanism.q_index(mechanism.columns[i]) for i in passive]] += rng.normal(0.0, 0.01, len(passive))
-        again = mechanism.close(rough, locked=LEGS)
-        assert np.array_equal(at(mechanism, again, LEGS), at(mechanism, q, LEGS))
-        pose = mechanism.placement(again, "platform")
-        assert pose.translation == pytest.approx(there.translation, abs=1e-10 * mechanism.length)
-        assert angle_between(pose.rotation, there.rotation) <= 1e-10
-        tried += 1
-    assert tried >= 50
-
-
 def random_pose(name: str, rng: np.random.Generator, far: float, turned: float) -> np.ndarray:
     home = placed(document(name), document(name).robot(), {})["platform"]
     pose = home.copy()
@@ -124,7 +93,7 @@ REACH = {"gough": 0.25, "tssm": 0.005}  # m
 @pytest.mark.parametrize("name", NAMES)
 def test_the_closed_form_of_all_joints_closes_every_loop_at_random_poses(robot, name):
     mechanism, rng = robot(name), np.random.default_rng(1)
-    for _ in range(300):
+    for _ in range(80):
         pose = random_pose(name, rng, REACH[name], 0.6)
         q = mechanism.configuration(inverse(name, pose))
         assert mechanism.closure(q) <= 1e-12

@@ -19,7 +19,6 @@ from making import (
     bennett,
     planar,
     ring,
-    somewhere,
 )
 
 import cinegen
@@ -121,7 +120,6 @@ def _of_q(mechanism: cinegen.Mechanism) -> np.ndarray:
 RINGS = {  # how to make them, and a task that determines their motion: translations, rotations
     "four-bar": (lambda rng: planar(rng.normal(size=(4, 2))), (1, 0)),
     "Bennett": (bennett, (1, 0)),
-    "eight-bar": (lambda rng: [somewhere(rng) for _ in range(8)], (2, 0)),
 }
 
 

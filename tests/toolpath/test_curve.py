@@ -69,21 +69,6 @@ def test_its_speed_is_1_along_its_tangent(seed):
         assert jumps.max() <= curve.length / 399 * (1 + 1e-5)
 
 
-def test_a_circle_is_one():
-    turn = np.radians(np.arange(0, 361, 10))
-    points = np.stack([0.2 * np.cos(turn), 0.2 * np.sin(turn), 0 * turn], axis=1)
-    points[-1] = points[0]
-    (part,) = smooth_runs(points[:7], flat(points[:7]))
-    assert part.at(0.0)[1] == pytest.approx([0, 1, 0], abs=1e-9)  # at an end, too
-    (curve,) = smooth_runs(points, flat(points))
-    assert curve.length == pytest.approx(0.4 * math.pi, rel=2e-5)
-    for part in np.linspace(0, 1, 50):
-        point, tangent, _ = curve.at(part * curve.length)
-        assert np.linalg.norm(point) == pytest.approx(0.2, abs=1e-5)
-        assert tangent @ point == pytest.approx(0.0, abs=1e-3 * 0.2)
-    assert curve.at(0.0)[1] == pytest.approx(curve.at(curve.length)[1], abs=1e-12)  # where it closes, too
-
-
 def test_long_straight_parts_stay_so_and_short_ones_do_no_harm():
     """A line of 300 mm, a quarter of a circle of 5 mm in steps of 9 degrees, and a line of 300 mm."""
     turn = np.radians(np.arange(0, 91, 9))

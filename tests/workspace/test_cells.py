@@ -33,14 +33,6 @@ def test_over_motors_no_cell_is_lost_in_a_pocket_that_the_way_led_into(robot):
     assert (q <= model.upperPositionLimit + 1e-8).all()
 
 
-def test_the_share_that_closes_does_not_depend_on_the_grid(robot):
-    axes = (("joint3", 0.018, 0.048, 10), ("joint9", 0.018, 0.048, 10))
-    tssm = robot("tssm")
-    spec = MapSpecification(tssm, over(*axes), ("sigma_1",))
-    together, alone = mapped(spec)["reachable"], mapped(spec, most=1)["reachable"]
-    assert (together >= alone).all()
-
-
 @pytest.mark.parametrize("count", [35, 36])
 def test_a_wave_does_not_change_branches_in_a_cell_where_two_meet(robot, count):
     """With odd counts a cell of this grid is exactly where both arms of the five-bar are folded."""
@@ -107,12 +99,6 @@ def test_roll_pitch_and_yaw_can_be_given_where_they_change():
 def _angles(arm):
     rng = np.random.default_rng(0)
     return np.array([pin.rpy.matrixToRpy(arm.placement(rng.uniform(-1, 1, 2), arm.end).rotation) for _ in range(9)])
-
-
-def test_curves_need_two_cells_along_both_axes(robot, tmp_path):
-    spec = MapSpecification(robot("planar_3r"), over(("x", 0.1, 0.5, 1), ("y", 0.1, 0.5, 3)), ("sigma_1",))
-    with pytest.raises(MapError, match="two cells or more each; this one has 1 x 3 cells over x, y"):
-        loci(make_map(spec, tmp_path / "map.zarr", workers=1), spec)
 
 
 def test_the_codes_of_stored_maps_stay():

@@ -62,14 +62,6 @@ def test_quantities_differ_as_the_closed_form_says(both, robot):
     assert median == pytest.approx(0.0, abs=1e-6)
 
 
-def test_a_map_and_itself_differ_in_nothing(both):
-    found = compare(both[0], both[0])
-    assert found.both.value == found.first.value
-    assert found.only_first.cells == found.only_second.cells == 0
-    assert found.differences["manipulability"].range == (0.0, 0.0, 0.0)
-    assert not found.remarks
-
-
 def test_grids_that_overlap_are_compared_where_they_do(made, both):
     """The same robot, cut finer and elsewhere: on the coarser cells both say the same, but for cells on the border."""
     fine = made(0.0, (-0.3, 1.5, 90), (-1.5, 1.5, 150), limits=False)
@@ -86,14 +78,6 @@ def test_grids_that_overlap_are_compared_where_they_do(made, both):
         assert extent.low < exact < extent.high
         assert extent.value == pytest.approx(exact, rel=0.05)
     assert found.only_first.value + found.only_second.value < 0.1 * found.both.value
-
-
-def test_grids_that_are_parts_of_one_agree_to_the_bit(made, both):
-    part = made(0.0, (-0.2, 0.6, 20), (-1.0, 1.0, 50), limits=False)
-    found = compare(both[0], part)
-    assert found.region.shape == (20, 50)
-    assert (found.only_first.cells, found.only_second.cells) == (0, 0)
-    assert max(map(abs, found.differences["manipulability"].range)) < 1e-6
 
 
 def test_it_is_said_in_words_and_as_json(both):

@@ -2,7 +2,6 @@
 
 import os
 import resource
-import shutil
 import signal
 import subprocess
 import sys
@@ -136,19 +135,6 @@ def test_a_disk_that_is_full_for_others_is_said_here_and_what_was_finished_stays
     assert digest(path) == digest(whole)
     assert before.items() <= files(path / "status").items()
     assert capfd.readouterr() == ("", "")
-
-
-def test_damaged_chunks_are_found_by_those_who_read(spec, whole, address, tmp_path):
-    path = Path(shutil.copytree(whole, tmp_path / "map.zarr"))
-    (path / "margin/c.0.2.0").write_bytes(b"")
-    MapStore(path).discard(0)
-    before = files(path)
-    make_map(spec, path, scheduler=address)
-    assert digest(path) == digest(whole)
-    changed = {name for name, file in files(path).items() if before.get(name) != file}
-    assert changed == {f"{name}/c.{index}{more}" for index in ("0.0.0", "0.2.0")
-                       for name, more in (("sigma_1", ""), ("margin", ""), ("configuration", ".0"), ("reachable", ""),
-                                          ("status", ""))}  # fmt: skip
 
 
 def test_few_tasks_are_under_way_however_many_there_are(client):

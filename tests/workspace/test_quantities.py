@@ -4,11 +4,11 @@ import functools
 import math
 import re
 
-import coal
 import numpy as np
 import pinocchio as pin
 import pytest
 import trimesh
+from clearings import measured
 from closed_forms import rx90
 from hypothesis import given
 from hypothesis import strategies as st
@@ -16,6 +16,7 @@ from mapped import mapped, middles, over
 from scipy.optimize import linprog
 
 import cinegen
+from cinegen.collision import clearance_of, scene_of
 from cinegen.model.load import build
 from cinegen.singularities import singularity
 from cinegen.workspace import QUANTITIES, MapError, MapSpecification, make_map
@@ -120,21 +121,6 @@ def test_two_bars_have_the_manipulability_and_the_speeds_that_textbooks_give_the
         assert values["velocity"] == pytest.approx(np.abs(j.T @ [0.6, 0.8]) @ speeds, rel=1e-5)
         assert values["force"] == pytest.approx(1.0 / np.abs(j.T @ [0.6, 0.8]).max(), rel=1e-5)
         assert values["margin"] == 1.0  # no limits
-
-
-def test_five_bar_is_singular_where_a_leg_is_stretched_and_where_its_outer_bars_are_in_line(robot):
-    """Both kinds of loci: the smallest singular values are as small as the sines that vanish there."""
-    region = over(("x", -0.83, 0.81, 60), ("y", -0.83, 0.82, 60))
-    found = mapped(MapSpecification(robot("five_bar"), region, ("sigma_1", "sigma_2"), limits=False))
-    reached = found["reachable"]
-    q = found["configuration"][reached]
-    first = np.minimum(np.abs(np.sin(q[:, 1])), np.abs(np.sin(q[:, 3])))
-    second = np.abs(np.sin(q[:, 0] + q[:, 1] - q[:, 2] - q[:, 3]))
-    for sigma, sine in ((found["sigma_1"][reached], first), (found["sigma_2"][reached], second)):
-        assert sine.min() < 0.05  # cells come near
-        ratio = sigma / sine
-        assert ratio.min() > 0.02
-        assert ratio.max() < 2.0
 
 
 # --- capability ------------------------------------------------------------------------------------------------------
@@ -250,15 +236,6 @@ def test_where_a_passive_joint_outside_loops_moves_the_node_sigma_2_is_0_and_the
         assert singularity(arm, q).sigma[1] == 0.0
 
 
-def test_an_arm_that_is_stretched_can_t_move_outward(robot):
-    region = over(("joint2", -1e-12, 1e-12, 1), at={"joint1": 0.0, "joint3": 0.0})
-    stretched = MapSpecification(robot("planar_3r"), region, ("velocity", "condition", "force"), along=(1.0, 0.0, 0.0))
-    values = {name: v.item() for name, v in mapped(stretched).items() if v.size == 1}
-    assert values["velocity"] == pytest.approx(0.0, abs=1e-9)
-    assert values["force"] > 1e9  # the structure bears it alone
-    assert values["condition"] > 1e9
-
-
 # --- limits, directions, obstacles -----------------------------------------------------------------------------------
 
 
@@ -277,13 +254,6 @@ def test_a_wrist_points_everywhere_but_where_its_limits_forbid(robot, limits):
         assert angle == pytest.approx(wanted, abs=1.01 * 4.0 * math.pi / 80)
 
 
-def test_directions_are_even_and_of_unit_length():
-    directions = fibonacci_sphere(500)
-    np.testing.assert_allclose(np.linalg.norm(directions, axis=1), 1.0)
-    np.testing.assert_allclose(directions.mean(axis=0), 0.0, atol=5e-3)
-    np.testing.assert_allclose(3.0 * directions.T @ directions / 500, np.eye(3), atol=2e-2)
-
-
 def test_clearance_is_what_coal_measures_between_shapes(robot):
     ball, size = np.array([0.3, 0.3, 0.4]), 0.15
     scene = {
@@ -292,25 +262,9 @@ def test_clearance_is_what_coal_measures_between_shapes(robot):
     }
     mechanism = robot("arm7")
     spec = MapSpecification(mechanism, SPECIFICATIONS["arm7"], ("clearance",), scene=scene)
-    from cinegen.collision.clearance import links_of
-
-    bodies, links = links_of(mechanism)
-    bodies = tuple(body.as_described for body in bodies)
+    clearance = clearance_of(scene_of(scene, mechanism=mechanism))
     for q, values in cells(spec):
-        pin.forwardKinematics(mechanism.model, data := mechanism.model.createData(), q)
-        places = [data.oMi[body.joint] * body.placement for body in bodies]
-        obstacle = coal.Sphere(size), pin.SE3(np.eye(3), ball)
-        pairs = [((body.shape, at), obstacle) for body, at in zip(bodies, places, strict=True)]
-        pairs += [((bodies[a].shape, places[a]), (bodies[b].shape, places[b])) for a, b in links]
-        least = min(
-            coal.distance(
-                one[0], coal.Transform3s(one[1].rotation, one[1].translation),
-                two[0], coal.Transform3s(two[1].rotation, two[1].translation),
-                coal.DistanceRequest(), coal.DistanceResult(),
-            )
-            for one, two in pairs
-        )  # fmt: skip
-        assert values["clearance"] == pytest.approx(least, abs=1e-5)
+        assert values["clearance"] == pytest.approx(measured(clearance, q).min(), abs=1e-5)
 
 
 def test_all_quantities_in_one_pass_are_those_one_by_one(robot):
@@ -321,15 +275,6 @@ def test_all_quantities_in_one_pass_are_those_one_by_one(robot):
         np.testing.assert_array_equal(
             mapped(MapSpecification(robot("five_bar"), region, (name,)))[name], together[name]
         )
-
-
-def test_a_mechanism_of_another_process_says_the_same(robot):
-    spec = MapSpecification(robot("five_bar"), SPECIFICATIONS["five_bar"], ("sigma_1", "velocity"))
-    again = MapSpecification.of_attributes(spec.attributes)
-    assert isinstance(again.mechanism, cinegen.Mechanism)
-    one, two = mapped(spec), mapped(again)
-    for name, values in one.items():
-        np.testing.assert_array_equal(values, two[name])
 
 
 BALL = {"name": "ball", "kind": "sphere", "radius": 0.1, "point": [0.4, 0.0, 0.3]}
@@ -382,44 +327,6 @@ def test_a_motor_whose_name_a_map_can_t_hold_is_refused(name):
     with pytest.raises(MapError, match=f"the name of joint '{name}' .*: rename it"):
         MapSpecification(arm, over((name, -0.5, 0.5, 3)))
     assert MapSpecification(arm, over(("x", -0.5, 0.5, 3))).region.size == 3
-
-
-def test_a_quantity_is_the_same_whatever_others_are_asked_for(robot):
-    """Ball joints that are written as three joints count as balls for all of them."""
-    mechanism = robot("gough")
-    home = mechanism.placement(mechanism.q_home, mechanism.end).translation
-    size = 0.03 * mechanism.length
-    region = over(*((axis, at - size, at + size, 2) for axis, at in zip("xyz", home, strict=True)))
-    alone = mapped(MapSpecification(mechanism, region, ("sigma_1",)))
-    both = mapped(MapSpecification(mechanism, region, ("sigma_1", "sigma_2")))
-    np.testing.assert_allclose(alone["sigma_1"], both["sigma_1"], rtol=1e-6)
-
-
-def test_where_it_is_singular_speed_is_what_a_linear_programme_finds(robot):
-    """rx90 with its wrist straight: axes 4 and 6 are one."""
-    rx90 = robot("rx90")
-    axes = (("joint1", -0.5, 0.5, 2), ("joint2", -0.4, 0.4, 2), ("joint3", 1.2, 1.6, 2))
-    spec = MapSpecification(
-        rx90, over(*axes, at={"joint5": 0.0}), ("velocity", "condition"), along=(0.0, 1.0, 1.0), limits=False
-    )
-    found = mapped(spec)
-    assert np.isinf(found["condition"]).all()
-    for q, speed in zip(found["configuration"].reshape(-1, 6), found["velocity"].ravel(), strict=True):
-        assert speed == pytest.approx(greatest_speed(rx90, q, rx90.end, spec.along), rel=1e-5)
-
-
-def test_where_the_direction_of_z_is_held_it_counts(robot):
-    """Five rows: as with a tool that may spin about its axis, and nothing else."""
-    rx90 = robot("rx90")
-    at = rx90.placement(rx90.q_home, rx90.end).translation
-    region = over(("x", at[0] - 0.1, at[0] - 0.05, 2), at={"y": at[1], "z": at[2]}, orientation="axis")
-    spec = MapSpecification(rx90, region, ("sigma_1",))
-    found = mapped(spec)
-    assert spec.counted == (3, 2)
-    units = np.repeat([1.0 / rx90.length, 1.0], 3)[:, None] * rx90.scale
-    for q, sigma in zip(found["configuration"], found["sigma_1"], strict=True):
-        jacobian = rx90.jacobian(q, rx90.end)
-        assert sigma == pytest.approx(np.linalg.svd((jacobian * units)[:5])[1][4], rel=1e-5)
 
 
 @given(st.tuples(*(st.floats(-3.0, 3.0),) * 3).filter(lambda along: math.hypot(*along) > 0.01))

@@ -72,14 +72,6 @@ def test_a_ball_seen_from_a_centre_measures_what_it_should():
     assert math.isclose(np.einsum("i,j->", *sphere.sizes), 4.0 * math.pi * 0.25)
 
 
-def test_a_line_goes_from_one_point_to_the_other():
-    region = line_region((0.0, 0.0, 1.0), (3.0, 4.0, 1.0), 5)
-    points, _ = region.poses(HOME, region.values(whole(region)))
-    np.testing.assert_allclose(points[:, 0], [0.3, 0.9, 1.5, 2.1, 2.7])
-    np.testing.assert_allclose(points[:, 1], np.array([0.3, 0.9, 1.5, 2.1, 2.7]) * 4 / 3)
-    np.testing.assert_allclose(points[:, 2], 1.0)
-
-
 def test_a_region_reads_back_from_its_document():
     region = Region((GridAxis("azimuth", 0.0, 1.0, 3), GridAxis("elevation", 0.0, 1.0, 3)), {"radius": 1.0, "rx": 0.1},
                     "fixed", (0.0, 1.0, 2.0))  # fmt: skip
@@ -105,17 +97,6 @@ def test_a_region_reads_back_from_its_document():
 def test_what_makes_no_sense_is_refused(make, says):
     with pytest.raises(MapError, match=says):
         make()
-
-
-@pytest.mark.parametrize(("axes", "at", "size"), [
-    ((("elevation", -0.5, 0.5, 7),), {"radius": 0.5, "azimuth": 0.0}, 1.0),
-    ((("elevation", -0.5, 0.5, 7), ("radius", 0.4, 0.6, 5)), {"azimuth": 0.0}, 0.2),
-    ((("azimuth", -0.5, 0.5, 7), ("elevation", 0.0, 0.5, 5)), {"radius": 0.5}, 0.25 * math.sin(0.5)),
-    ((("azimuth", -0.5, 0.5, 7), ("elevation", 0.0, 0.5, 5), ("radius", 0.0, 0.6, 3)), {}, 0.072 * math.sin(0.5)),
-])  # fmt: skip
-def test_cells_measure_parts_of_a_sphere_where_both_angles_vary(axes, at, size):
-    region = Region(tuple(GridAxis(*axis) for axis in axes), at)
-    assert math.prod(float(sizes.sum()) for sizes in region.sizes) == pytest.approx(size)
 
 
 @pytest.mark.parametrize("axis", [("elevation", 0.0, 2.0, 4), ("azimuth", -5.0, 5.0, 4)])

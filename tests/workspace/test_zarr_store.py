@@ -25,7 +25,6 @@ from cinegen.cluster import ClusterError
 from cinegen.workspace import GridAxis, MapError, MapSpecification, Region, make_map, open_map
 from cinegen.workspace.chunks import chunk_cells, chunk_counts, chunk_shape
 from cinegen.workspace.evaluator import ChunkEvaluator
-from cinegen.workspace.maps import chunk_size
 from cinegen.workspace.zarr_store import _ENCODING, MapStore, _is_sound
 
 MOST = 15  # cells of a chunk: 10 chunks, those at the end smaller
@@ -83,14 +82,6 @@ def test_what_is_read_is_what_was_found_in_every_cell(spec, whole):
     assert all((np.asarray(group[name]) == values).all() for name, values in found.items() if values.dtype == bool)
     assert read["sigma_1"].attrs["units"] == "1"
     assert read.attrs["robot_sha256"] == spec.robot_hash
-
-
-def test_a_coordinate_of_one_cell_at_0_is_there(robot, tmp_path):
-    mechanism = robot("planar_3r")
-    spec = over_joints(mechanism)
-    axes = (type(spec.region.axes[0])(mechanism.actuated[0], -1.0, 1.0, 1),)
-    read = make_map(type(spec)(mechanism, type(spec.region)(axes)), tmp_path / "map.zarr")
-    np.testing.assert_array_equal(read[mechanism.actuated[0]].values, [0.0])
 
 
 @pytest.mark.parametrize("name", ["gough", "delta4_linear"])
@@ -227,13 +218,6 @@ def test_killed_between_two_chunks_or_in_one_it_goes_on(spec, whole, tmp_path, r
     assert made[0] == len(MapStore(path).complete()) - done
     assert digest(path) == digest(whole)
     assert os.listdir(tmp_path) == ["map.zarr"]
-
-
-def test_what_is_finished_is_never_touched_again(spec, copied, made):
-    before = files(copied)
-    again(spec, copied)
-    assert made[0] == 0
-    assert files(copied) == before
 
 
 # --- damaged -------------------------------------------------------------------------------------------------------
@@ -392,10 +376,3 @@ def test_numbers_that_make_no_sense_are_refused(spec, tmp_path, given):
     with pytest.raises((MapError, ClusterError), match="must be 1 "):
         make_map(spec, tmp_path / "map.zarr", **given)
     assert os.listdir(tmp_path) == []
-
-
-def test_large_maps_have_larger_chunks_but_not_beyond_measure():
-    sizes = [chunk_size(10**k, 20_000) for k in range(19)]
-    assert sizes == sorted(sizes)
-    assert sizes[9] == 20_000  # as small as tasks
-    assert sizes[12] == sizes[18] == 200_000
