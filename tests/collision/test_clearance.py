@@ -91,18 +91,6 @@ def test_distances_are_those_that_coal_measures_between_bodies_where_their_joint
         assert clearance.least(q) == clearance.distances(q).min()
 
 
-def test_distances_that_are_read_in_place_are_what_accessors_say():
-    clearance, rng = among("arm7", around("arm7", 1)), np.random.default_rng(1)
-    for _ in range(20):
-        clearance.update(within_limits("arm7", rng))
-        for k, said in enumerate(clearance.results.shapes.distanceResults):
-            one, other, normal = clearance.nearest_points(k)
-            assert clearance.results.table[k, 0] == said.min_distance
-            assert (one == said.getNearestPoint1()).all()
-            assert (other == said.getNearestPoint2()).all()
-            assert (normal == said.normal).all()
-
-
 def test_where_coal_keeps_results_elsewhere_they_are_copied(monkeypatch):
     obstacles, rng = around("arm7", 1), np.random.default_rng(1)
     usual = among("arm7", obstacles)
@@ -370,15 +358,3 @@ def test_a_box_that_slides_along_a_wall_is_certain_though_it_moves_further_than_
     tilted = np.array([0.0, 0.0, 0.0, 0.02, 0.0, 0.0])  # a corner comes nearer by 2 mm
     assert len(clearance.uncertain(q, np.abs(tilted), 4e-3, clearance.every_pair, tilted)) == 1
     assert not len(clearance.uncertain(q, np.abs(tilted), 2.5e-3, clearance.every_pair, tilted))
-
-
-def test_a_ball_on_an_arm_comes_nearer_to_a_wall_before_it_though_its_velocity_is_along_the_wall():
-    tree = Tree()
-    tree.model.addJoint(0, pin.JointModelRZ(), pin.SE3.Identity(), "turn")
-    inner = Body("wall", 0, at(0.55, 0.0, 0.0), coal.Box(0.7, 4.0, 1.0))  # up to x = 0.9
-    clearance = Clearance(tree, [Body("ball", 1, at(1.0, 0.0, 0.0), coal.Sphere(0.02))], obstacles_of([inner]))
-    q = np.zeros(1)
-    for angle in (0.05, 0.2, 0.3, 0.4, 0.45, 0.6):
-        left = clearance.uncertain(q, np.array([angle]), 1e-3, clearance.every_pair, np.array([angle]))
-        assert len(left) or np.cos(angle) - 0.92 >= 1e-3
-    assert not len(clearance.uncertain(q, np.array([0.2]), 1e-3, clearance.every_pair, np.array([0.2])))

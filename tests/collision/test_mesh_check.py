@@ -5,14 +5,13 @@ from __future__ import annotations
 import sysconfig
 import warnings
 from functools import cache
-from itertools import combinations, pairwise
+from itertools import pairwise
 from pathlib import Path
 
-import coal
 import numpy as np
 import pinocchio as pin
 import pytest
-from lxml import etree
+from mesh_contact import MeshContact
 
 import cinegen
 from cinegen.collision import clearance_of, scene_of
@@ -49,50 +48,18 @@ def scene(mechanism, start, goal, **more):
     return scene_of({"start": {"joints": start}, "goal": aim, "node": mechanism.end, **more}, mechanism=mechanism)
 
 
-class Meshes:
-    """Contact of meshes by coal alone, of all pairs but those that an SRDF calls adjacent, or never in contact.
-
-    Pairs that it disables by "Default" touch in the zero configuration and may touch elsewhere: they count.
-    """
-
-    def __init__(self, mechanism, srdf):
-        self.model, self.data = mechanism.model, mechanism.model.createData()
-        self.shapes = list(mechanism.collision.geometryObjects)
-        link = [self.model.frames[shape.parentFrame].name for shape in self.shapes]
-        disabled = {
-            frozenset((entry.get("link1"), entry.get("link2")))
-            for entry in etree.parse(SHARE / srdf).iter("disable_collisions")
-            if entry.get("reason") in ("Adjacent", "Never")
-        }
-        self.pairs = [
-            (i, k)
-            for i, k in combinations(range(len(self.shapes)), 2)
-            if link[i] != link[k] and frozenset((link[i], link[k])) not in disabled
-        ]
-
-    def touch(self, q):
-        pin.forwardKinematics(self.model, self.data, q)
-        poses = [self.data.oMi[shape.parentJoint] * shape.placement for shape in self.shapes]
-        at = [coal.Transform3s(pose.rotation, pose.translation) for pose in poses]
-        return any(
-            coal.collide(
-                self.shapes[i].geometry, at[i], self.shapes[k].geometry, at[k],
-                coal.CollisionRequest(), coal.CollisionResult(),
-            )
-            for i, k in self.pairs
-        )  # fmt: skip
-
-    def touch_along(self, path, parts=5):
-        return any(
-            self.touch(pin.interpolate(self.model, begin, end, part / parts))
-            for begin, end in pairwise(path)
-            for part in range(parts + 1)
-        )
-
-
 @cache
 def meshes():
-    return Meshes(panda(), "panda_description/srdf/panda.srdf")
+    model, rng = panda().model, np.random.default_rng(5)
+    return MeshContact(panda(), rng.uniform(model.lowerPositionLimit, model.upperPositionLimit, size=(100, model.nq)))
+
+
+def touch_along(path, parts=5):
+    return any(
+        meshes().touches(pin.interpolate(panda().model, begin, end, part / parts))
+        for begin, end in pairwise(path)
+        for part in range(parts + 1)
+    )
 
 
 def straight(mechanism, begin, end, count=50):
@@ -107,7 +74,7 @@ def test_first_contact_is_where_coal_finds_it():
     check = MeshCheck(scene(panda(), READY, panda().configuration(READY)))
     path = straight(panda(), READY, FOLDED)
     contact = check.first_contact(path)
-    first = next(i for i, q in enumerate(path) if meshes().touch(q))
+    first = next(i for i, q in enumerate(path) if meshes().touches(q))
     assert contact is not None
     assert contact.index in (first - 1, first - 2)  # it may begin between two configurations
     assert "'panda_link5'" in contact.reason
@@ -121,7 +88,7 @@ def test_no_random_configuration_with_touching_meshes_is_called_clear():
     rng = np.random.default_rng(0)
     touching = 0
     for q in rng.uniform(model.lowerPositionLimit, model.upperPositionLimit, size=(200, model.nq)):
-        if meshes().touch(q):
+        if meshes().touches(q):
             touching += 1
             assert check.contact(q)
             assert clearance.least(q) <= 0.0
@@ -192,7 +159,7 @@ def test_allowed_collisions_that_make_no_sense_are_refused(given, reason):
 
 def test_a_plan_that_used_to_lead_the_hand_into_link_5_is_free_of_contact():
     found = plan(scene(panda(), READY, panda().configuration(FOLDED)))
-    assert not meshes().touch_along(found.path)
+    assert not touch_along(found.path)
     assert found.status is PlanStatus.REACHED  # by another configuration: FOLDED itself is in collision
 
 
@@ -204,7 +171,7 @@ def test_a_path_with_contact_is_never_reported_as_reached(monkeypatch):
     assert [one.status for one in found.attempts] == [PlanStatus.IN_COLLISION] * 2
     assert not found
     assert "check against the meshes" in found.reason
-    assert not meshes().touch_along(found.path)
+    assert not touch_along(found.path)
 
 
 # --- dragging ------------------------------------------------------------------------------------------------------
@@ -218,5 +185,5 @@ def test_dragging_does_not_lead_the_hand_into_link_5():
     task.target = panda().placement(panda().configuration(FOLDED), panda().end)
     for tick in range(300):
         step = solver.step()
-        assert tick % 5 or not meshes().touch(step.q)
+        assert tick % 5 or not meshes().touches(step.q)
     assert float(np.abs(step.q - given.start).max()) > 0.3

@@ -263,18 +263,3 @@ def test_another_robot_is_an_obstacle_at_its_joint_values_and_base_pose(root):
     assert min(found) == pytest.approx(expected, abs=1e-6)
     (again,) = scene_of(made.document(), root).obstacles
     assert [one.placement for one in again.bodies] == [one.placement for one in obstacle.bodies]
-
-
-@pytest.mark.parametrize(
-    ("values", "reason"),
-    [
-        ({}, "file is missing"),
-        ({"file": "robots/planar_3r.raff", "joints": {"jiont1": 0.1}}, "did you mean 'joint1'"),
-        ({"file": "README.md"}, "can't be loaded"),
-    ],
-)
-def test_another_robot_that_makes_no_sense_is_refused(root, values, reason):
-    with pytest.raises(SceneError, match=reason):
-        scene_of(
-            {"mobile": {"radius": 0.1}, "goal": {"point": [3, 0]}, "obstacle": [{"kind": "robot", **values}]}, root
-        )

@@ -4,14 +4,13 @@ from __future__ import annotations
 
 import json
 import math
-import pickle
 
 import numpy as np
 import pinocchio as pin
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from scenes_of_tables import refused, scene_with
+from scenes_of_tables import refused
 
 import cinegen
 from cinegen.collision import PlanningError, SceneError, load_scene, scene_of
@@ -318,20 +317,6 @@ def test_a_floating_base_may_be_placed(tmp_path):
     assert placement.isApprox(pin.SE3(pin.rpy.rpyToMatrix(0.1, 0.2, 0.3), np.array([1.0, 2, 3])), 1e-12)
     again = scene_of(json.loads(json.dumps(scene.document())), tmp_path)
     assert np.abs(again.start - scene.start).max() < 1e-12
-
-
-def test_a_mobile_robot_is_where_it_is_said_to_be():
-    scene = scene_with(start={"point": [0.5, 3.0]}, mobile={"radius": 0.3})
-    assert scene.mechanism.placement(scene.start, scene.node).translation == pytest.approx([0.5, 3.0, 0.0])
-    (body,) = scene.bodies
-    assert body.radius == 0.3
-    # its body moves with both slides
-    data = scene.mechanism.model.createData()
-    pin.forwardKinematics(scene.mechanism.model, data, scene.start)
-    assert (data.oMi[body.joint] * body.placement).translation == pytest.approx([0.5, 3.0, 0.0])
-    # all of them share one mechanism
-    assert scene_with(mobile={"radius": 0.1}).mechanism is scene.mechanism
-    assert pickle.loads(pickle.dumps(scene.mechanism)).joints == scene.mechanism.joints
 
 
 # --- goals ----------------------------------------------------------------------------------------------------------

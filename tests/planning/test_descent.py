@@ -2,12 +2,10 @@
 
 from __future__ import annotations
 
-import math
-
 import numpy as np
 import pinocchio as pin
 import pytest
-from descents import ROBOTS, apart, attraction, bodies, figure, moved, point, slopes
+from descents import ROBOTS, apart, attraction, bodies, figure, moved, slopes
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
@@ -43,18 +41,6 @@ def test_firas_has_the_gradient_of_its_total_potential_for_an_arm(step, reach):
     assert found.value(q) == pytest.approx(firas(scene, q, reach, STRENGTH), rel=1e-6)
     wanted = slopes(scene, lambda q: firas(scene, q, reach, STRENGTH), q, 1e-5)
     assert found.gradient(q) == pytest.approx(wanted, abs=2e-4 * (1.0 + np.abs(wanted).max()))
-
-
-@pytest.mark.parametrize("part", [0.1, 0.9, 2.0])
-def test_repulsion_fades_by_the_square_of_the_error_from_where_fading_starts(part):
-    """Its weight is 1 - (1 - u)^2 with u the square of the error relative to that distance, and 1 from there on."""
-    scene = point([{"kind": "disc", "radius": 0.3, "point": [4.0, 0.7]}])
-    q, fading = np.array([3.8, 0.1]), math.sqrt(2.0 * GoalPotential(scene).value([3.8, 0.1])) / part
-    full, faded = (potential(scene, 0.6, fading=start) for start in (1e-9, fading))
-    repulsion = full.value(q) - full.goal.value(q)
-    assert repulsion > 1e-3
-    weight = 1.0 - (1.0 - min(part, 1.0) ** 2) ** 2
-    assert faded.value(q) - faded.goal.value(q) == pytest.approx(weight * repulsion, rel=1e-9)
 
 
 def test_the_attraction_counts_rotation_too():

@@ -376,6 +376,37 @@ def test_how_links_are_numbered_and_in_what_order_they_stand_does_not_matter(see
     assert {back[joint] for joint in one.joints} == set(other.joints)
 
 
+@pytest.mark.parametrize("name", RINGS)
+@law(4)
+@given(seed=SEEDS)
+def test_which_joint_was_cut_does_not_matter(name, seed):
+    axes = RINGS[name][0](np.random.default_rng(seed))
+    sigma = ring(axes).singular_values()
+    assume(not ((sigma > 1e-9) & (sigma < 0.05)).any())
+    one = exactly(ring(axes))
+    for cut in range(len(axes)):
+        same_tool(one, exactly(ring(axes, None, cut, ("joint", "rigid")[cut % 2])), np.eye(4), 1.0, seed)
+
+
+@law(15)
+@given(SEEDS, st.sampled_from([1e-9, 1e-6, 1e-3, 1e3, 1e6]))
+def test_a_robot_of_micrometres_moves_like_its_twin_of_metres(seed, factor):
+    mechanism = closed(seed)
+    one, other = exactly(mechanism), exactly(mechanism.scaled(factor), "um" if factor < 1.0 else "m")
+    assert other.length == pytest.approx(factor * one.length, rel=1e-12)
+    solvers = [cinegen.Solver(each, DT) for each in (one, other)]
+    tasks = [solver.add_task("tool", rotation=0) for solver in solvers]
+    rng = np.random.default_rng(seed)
+    for tick in range(40):
+        if tick % 20 == 0:
+            away = rng.normal(size=3)
+            for task, each in zip(tasks, (one, other), strict=True):
+                task.target.translation = each.placement(each.q_home, "tool").translation + 0.3 * each.length * away
+        steps = [solver.step() for solver in solvers]
+        assert steps[0].status is steps[1].status
+        assert steps[1].q / other.scale == pytest.approx(steps[0].q / one.scale, abs=1e-5)
+
+
 # --- driving them ------------------------------------------------------------------------------------------------
 
 

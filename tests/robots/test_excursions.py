@@ -186,29 +186,3 @@ def test_a_stretched_arm_is_drawn_in_by_a_pull_that_is_not_quite_straight(raff, 
 
 
 # --- away from limits --------------------------------------------------------------------------------------------
-
-
-@one_of_each_kind
-def test_from_a_limit_it_moves_at_once_in_every_direction_that_is_free(name, which):
-    """Pulled against its limits, then in random directions: it moves wherever the linear problem says it can."""
-    mechanism, rng = load(name, which), np.random.default_rng(2)
-    node, moved, begin = mechanism.nodes[-1], 0, starts(mechanism)
-    for i in range(6):
-        solver = Solver(mechanism, DT, q=begin[i % len(begin)])
-        here, way = mechanism.placement(solver.q, node), rng.normal(size=3)
-        task = solver.add_task(node, rotation=0)
-        task.target = pin.SE3(here.rotation, here.translation + 20.0 * mechanism.length * way)
-        for _ in range(200):
-            solver.step()
-        q = solver.q
-        here = mechanism.placement(q, node)
-        for _ in range(6):
-            solver.q = q
-            task.target = pin.SE3(here.rotation, here.translation + 0.05 * mechanism.length * rng.normal(size=3))
-            could = could_be_won(solver)
-            distance = float(np.linalg.norm(task.target.translation - here.translation))
-            step = solver.step()
-            if could > 0.05:
-                assert step.errors[0][0] < distance * (1.0 - 1e-4), (i, could, step)
-                moved += 1
-    assert moved > 10 or mechanism.mobility == 1

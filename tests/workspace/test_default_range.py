@@ -5,9 +5,8 @@ import math
 import numpy as np
 import pinocchio as pin
 import pytest
-from mapped import mapped, over
 
-from cinegen.workspace import MapError, MapSpecification
+from cinegen.workspace import MapError
 from cinegen.workspace.default_range import default_range
 
 
@@ -50,18 +49,3 @@ def test_turns_are_at_most_half_a_turn_and_a_sphere_is_whole(robot):
     assert default_range(gough, "elevation") == (-math.pi / 2, math.pi / 2)
     home = pin.SE3(gough.placement(gough.q_home, gough.end)).translation
     assert default_range(gough, "radius")[1] > np.linalg.norm(home)
-
-
-@pytest.mark.parametrize("name", ["tssm", "gough"])
-def test_a_range_holds_what_is_reached_also_where_few_configurations_are_seen(robot, name):
-    """The outermost cells along an axis, of a coarse map over more than what can be reached."""
-    mechanism = robot(name)
-    axes = []
-    for coordinate in "xyz":
-        low, high = default_range(mechanism, coordinate)
-        axes.append((coordinate, low - 0.3 * (high - low), high + 0.3 * (high - low), 8))
-    reached = mapped(MapSpecification(mechanism, over(*axes), ()))["reachable"]
-    outside = [
-        np.delete(reached, slice(2, 6), axis=axis).sum() for axis in range(3)
-    ]  # cells wholly outside: 0, 1, 6, 7
-    assert sum(outside) <= 0.06 * reached.sum()

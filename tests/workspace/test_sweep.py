@@ -13,8 +13,6 @@ from hypothesis import strategies as st
 
 import cinegen
 import raff2urdf
-from cinegen.cluster import ClusterError
-from cinegen.plotting import DrawingError
 from cinegen.plotting.sweep import draw_sweep
 from cinegen.workspace import GridAxis, MapError, MapSpecification, Region, make_map, open_map
 from cinegen.workspace.sweep import SweptParameter, Variation, WantedBox, sweep, variants
@@ -385,31 +383,4 @@ def test_a_folder_of_something_else_is_refused_and_left_alone(arm, tmp_path):
         sweep(arm, over, square(0.7, 6), arm)
 
 
-def test_what_makes_no_sense_is_said_before_anything_is_written(arm, tmp_path):
-    out, over = tmp_path / "out", parse("link2.d=300..400:2")
-    for call, words in (
-        (lambda: sweep(arm, over, square(0.7, 6), out, quantities=("sigma_3",)), "unknown quantity 'sigma_3'"),
-        (lambda: sweep(arm, over, square(0.7, 6), out, box=WantedBox({"x": (0.0, 2.0)})), "goes beyond the maps"),
-        (lambda: sweep(arm, over, square(0.7, 6), out, workers=0), "workers"),
-        (lambda: sweep(arm, parse("link9.d=1..2:2"), square(0.7, 6), out), "no link or frame 'link9'"),
-        (lambda: sweep(arm, over, Region((GridAxis("z", 0.0, 1.0, 3),)), out), "can't move along z"),
-    ):
-        with pytest.raises((MapError, ClusterError), match=words):
-            call()
-    assert not out.exists()
-
-
 # --- the picture ------------------------------------------------------------------------------------------------------
-
-
-def test_the_picture_shows_what_the_table_says(arm, tmp_path):
-    one = sweep(arm, parse("tool.d=200..300:3"), square(0.7, 6), tmp_path / "one", workers=1)
-    above, below = draw_sweep(one).axes
-    np.testing.assert_allclose(above.lines[0].get_ydata(), [row.extent.value for row in one.rows])
-    np.testing.assert_allclose(below.lines[0].get_ydata(), [row.dexterity.conditioning.worst for row in one.rows])
-    assert "(mm)" in below.get_xlabel()
-    two = sweep(arm, parse("tool.d=200..300:3", "link2.d=300..400:2"), square(0.7, 6), tmp_path / "two", workers=1)
-    image = draw_sweep(two).axes[0].images[0].get_array()
-    np.testing.assert_allclose(np.asarray(image).T.ravel(), [row.extent.value for row in two.rows])
-    with pytest.raises(DrawingError, match="here 0 do"):
-        draw_sweep(replace(one, rows=one.rows[:1]))
