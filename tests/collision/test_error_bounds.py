@@ -8,7 +8,8 @@ import pinocchio as pin
 import pytest
 import trimesh
 from mesh_contact import tree_of
-from test_exact_distances import PANDA, clearance_among_links, configurations, load
+from reference import PANDA, load
+from test_exact_distances import clearance_among_links, configurations
 
 from cinegen.collision.body import Body, PlacedShape
 from cinegen.collision.report import collision_report, depth_at_least, excess

@@ -2,35 +2,17 @@
 
 from __future__ import annotations
 
-import sysconfig
-import warnings
-from functools import cache
-from pathlib import Path
-
-import coal
 import numpy as np
-import pinocchio as pin
 import pytest
 import trimesh
 from mesh_contact import MeshContact, tree_of
+from reference import PANDA, UR5, load
 
 import cinegen
 from cinegen.collision import Clearance, scene_of
-from cinegen.collision.body import Body, PlacedShape
 from cinegen.collision.clearance import clearance_of
-from cinegen.collision.mobile_robot import mobile_robot
 from cinegen.collision.self_collision import PairReason, link_pairs
 from cinegen.collision.triangle_mesh import TriangleMesh
-
-SHARE = Path(sysconfig.get_path("purelib")) / "cmeel.prefix/share/example-robot-data/robots"
-PANDA, UR5 = "panda_description/urdf/panda.urdf", "ur_description/urdf/ur5_robot.urdf"
-
-
-@cache
-def load(name):
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore")
-        return cinegen.load(SHARE / name)
 
 
 def configurations(mechanism, count, seed):
@@ -107,41 +89,6 @@ def test_no_pair_that_is_called_certain_on_a_motion_comes_nearer_by_its_meshes()
 
 
 # --- bodies inside of meshes ---------------------------------------------------------------------------------------
-
-
-def point_robot(radius):
-    """A ball that moves in the plane."""
-    mechanism = mobile_robot()
-    return mechanism, Body("ball", mechanism.model.getJointId("y"), pin.SE3.Identity(), coal.Sphere(radius))
-
-
-def obstacle_of(mesh):
-    """A mesh in its hull."""
-    found = tree_of(mesh.vertices, mesh.faces)
-    corners = coal.StdVec_Vec3s()
-    corners.extend(list(np.asarray(mesh.convex_hull.vertices)))
-    shape = coal.Convex.convexHull(corners, True, "Qt")
-    return Body("mesh", 0, pin.SE3.Identity(), shape, PlacedShape(pin.SE3.Identity(), found))
-
-
-def test_a_ball_is_in_collision_inside_of_a_bar_of_an_angle_and_free_in_its_corner():
-    sides = [
-        trimesh.creation.box(bounds=[[0, 0, -0.2], [1, 0.3, 0.2]]),
-        trimesh.creation.box(bounds=[[0, 0, -0.2], [0.3, 1, 0.2]]),
-    ]
-    angle = trimesh.boolean.union(sides)
-    assert angle.is_watertight
-    mechanism, body = point_robot(0.02)
-    clearance = Clearance(mechanism, [body], [cinegen.collision.Obstacle("angle", (obstacle_of(angle),))], (), 0.05)
-    inside, corner, near = np.array([0.7, 0.15]), np.array([0.45, 0.45]), np.array([0.5, 0.33])
-    assert clearance.least(inside) < 0.0
-    assert clearance.least(near) == pytest.approx(0.01, abs=1e-6)
-    assert clearance.least(corner) == pytest.approx(0.13, abs=1e-6)
-    rng = np.random.default_rng(0)
-    for q in rng.uniform(-0.1, 1.1, (300, 2)):
-        point = np.array([[*q, 0.0]])
-        depth = float(trimesh.proximity.signed_distance(angle, point)[0])  # above 0 inside
-        assert (clearance.least(q) <= 0.0) == (depth >= -0.02)
 
 
 @pytest.mark.parametrize(

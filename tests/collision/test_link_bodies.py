@@ -3,10 +3,7 @@
 from __future__ import annotations
 
 import math
-import sysconfig
-import warnings
 from functools import cache
-from pathlib import Path
 
 import coal
 import numpy as np
@@ -15,6 +12,7 @@ import pytest
 import trimesh
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from reference import PANDA, UR5, load
 from scipy.spatial import ConvexHull
 
 import cinegen
@@ -23,25 +21,12 @@ from cinegen.collision.links import TIGHT, is_inside
 from cinegen.collision.links import convex_shape as solid
 from cinegen.collision.links import link_bodies as bodies_of
 
-ROBOTS = Path(__file__).resolve().parents[2] / "robots"
-SHARE = Path(sysconfig.get_path("purelib")) / "cmeel.prefix/share/example-robot-data/robots"
-SOME = ["delta4", "gough", "hybrid", "panda_description/urdf/panda.urdf", "ur_description/urdf/ur5_robot.urdf"]
-
-
-@cache
-def load(path):
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore")
-        return cinegen.load(path)
-
-
-def drawn(name):
-    return load(ROBOTS / f"{name}.raff") if (ROBOTS / f"{name}.raff").exists() else load(SHARE / name)
+SOME = ["delta4", "gough", "hybrid", PANDA, UR5]
 
 
 @cache
 def bodies_named(name):
-    return bodies_of(drawn(name))
+    return bodies_of(load(name))
 
 
 # --- the tests' own idea of where a shape is -----------------------------------------------------------------------
@@ -102,7 +87,7 @@ def seen(placement, points):
 
 @pytest.mark.parametrize("name", SOME)
 def test_nothing_that_can_be_hit_is_outside_of_the_bodies_which_are_called_by_their_links(name):
-    mechanism, rng = drawn(name), np.random.default_rng(0)
+    mechanism, rng = load(name), np.random.default_rng(0)
     bodies = bodies_named(name)
     for body in bodies:
         assert mechanism.model.frames[mechanism.frame_id(body.name)].parentJoint == body.joint
@@ -116,7 +101,7 @@ def test_nothing_that_can_be_hit_is_outside_of_the_bodies_which_are_called_by_th
 
 @pytest.mark.parametrize("name", ["delta4", *SOME[3:]])
 def test_no_body_is_much_larger_than_the_hull_of_a_piece(name):
-    mechanism = drawn(name)
+    mechanism = load(name)
     rng = np.random.default_rng(0)
     volumes = []
     for piece in mechanism.collision.geometryObjects:

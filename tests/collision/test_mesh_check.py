@@ -2,16 +2,14 @@
 
 from __future__ import annotations
 
-import sysconfig
-import warnings
 from functools import cache
 from itertools import pairwise
-from pathlib import Path
 
 import numpy as np
 import pinocchio as pin
 import pytest
 from mesh_contact import MeshContact
+from reference import PANDA, load
 
 import cinegen
 from cinegen.collision import clearance_of, scene_of
@@ -19,7 +17,6 @@ from cinegen.collision.mesh_check import MeshCheck
 from cinegen.ik.local_ik import LocalIK
 from cinegen.planning import AvoidingSolver, PlanStatus, plan
 
-SHARE = Path(sysconfig.get_path("purelib")) / "cmeel.prefix/share/example-robot-data/robots"
 READY = dict(zip([f"panda_joint{i}" for i in range(1, 8)], [0, -0.785, 0, -2.356, 0, 1.571, -0.785], strict=True)) | {
     "panda_finger_joint1": 0.04,
     "panda_finger_joint2": 0.04,
@@ -27,15 +24,8 @@ READY = dict(zip([f"panda_joint{i}" for i in range(1, 8)], [0, -0.785, 0, -2.356
 FOLDED = READY | {"panda_joint6": 0.15}  # the hand is inside of link 5
 
 
-@cache
-def load(name):
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore")
-        return cinegen.load(SHARE / name)
-
-
 def panda():
-    return load("panda_description/urdf/panda.urdf")
+    return load(PANDA)
 
 
 def talos():

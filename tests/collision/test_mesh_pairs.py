@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from reference import PANDA, load
 from test_mesh_check import READY, panda, scene
-from test_self_collision import load as load_any
 from test_srdf import AC, chain
 
 import cinegen
@@ -20,17 +20,9 @@ def names(bodies, pairs):
     return {frozenset((bodies[i].name, bodies[k].name)) for i, k in pairs}
 
 
-@pytest.mark.parametrize(
-    "name",
-    [
-        "delta4",
-        "hybrid",
-        "two_arms",
-        "panda_description/urdf/panda.urdf",
-    ],
-)
+@pytest.mark.parametrize("name", ["delta4", "two_arms", PANDA])
 def test_both_selections_of_pairs_agree_but_for_links_at_a_constant_distance(name):
-    mechanism = load_any(name)
+    mechanism = load(name)
     own, others = mechanism.derived(mesh_pairs), mechanism.derived(link_pairs)
     by_meshes = names(own.bodies, own.pairs)
     by_distance = names(others.bodies, others.of(PairReason.CHECKED))

@@ -2,11 +2,8 @@
 
 from __future__ import annotations
 
-import sysconfig
-import warnings
 from functools import cache
 from itertools import combinations
-from pathlib import Path
 
 import coal
 import numpy as np
@@ -14,25 +11,15 @@ import pinocchio as pin
 import pytest
 from lxml import etree
 from mesh_contact import adjacent_links
+from reference import PANDA, SHARE, load
 from variants import FEWER
 
-import cinegen
 from cinegen.collision.links import link_bodies as bodies_of
 from cinegen.collision.self_collision import adjacent_joints as neighbours
 from cinegen.collision.self_collision import collision_pairs as pairs_of
 
-ROBOTS = Path(__file__).resolve().parents[2] / "robots"
-SHARE = Path(sysconfig.get_path("purelib")) / "cmeel.prefix/share/example-robot-data/robots"
-PANDA = "panda_description/urdf/panda.urdf"
 SOLO = "solo_description/robots/solo12.urdf"
 of_each_kind = pytest.mark.parametrize("name", [*sorted(FEWER), PANDA, SOLO])
-
-
-@cache
-def load(name):
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore")
-        return cinegen.load(SHARE / name if name.endswith(".urdf") else ROBOTS / f"{name}.raff")
 
 
 @cache

@@ -4,19 +4,18 @@ from __future__ import annotations
 
 import json
 import pickle
-import sysconfig
 from itertools import combinations, pairwise
 from pathlib import Path
 
 import pytest
 from lxml import etree
+from reference import SHARE
 
 import cinegen
 from cinegen.cli import main
 from cinegen.collision import clearance_of, load_scene
 from cinegen.collision.self_collision import PairReason, disabled_by_srdf, link_pairs
 
-SHARE = Path(sysconfig.get_path("purelib")) / "cmeel.prefix/share/example-robot-data/robots"
 PANDA, PANDA_SRDF = SHARE / "panda_description/urdf/panda.urdf", SHARE / "panda_description/srdf/panda.srdf"
 
 LINKS = "abcde"
@@ -100,11 +99,6 @@ def test_the_srdf_stays_with_the_mechanism(chain):
     ("body", "message"),
     [
         (AC.replace('"a"', '"hand"'), r"chain.srdf: 'hand' \(line 3\) is not a link of robot 'chain'"),
-        (
-            AC.replace('"a"', '"hand"').replace('"c"', '"foot"'),
-            r"'hand' \(line 3\), 'foot' \(line 3\) are not links|'foot' \(line 3\), 'hand' \(line 3\) are not links",
-        ),
-        ('<disable_default_collisions link="hand"/>', "'hand'"),
         ('<disable_collisions link1="a"/>', "chain.srdf:3: <disable_collisions> has no link2"),
         (AC.replace('"a"', '"c"'), "chain.srdf:3: <disable_collisions> names 'c' twice"),
         ("<disable_collisions", "chain.srdf:.: invalid XML"),

@@ -7,9 +7,9 @@ import itertools
 import re
 
 import numpy as np
-import pinocchio as pin
 import pytest
 from cusp_platform import LEGS, LENGTHS, configuration, determinant, legs, pose_of, scene
+from paths import along
 
 from cinegen.collision import PlanningError, scene_of
 from cinegen.planning import Planner, PlanStatus, change_mode, plan
@@ -28,11 +28,7 @@ MODES = {  # x and y (10 mm), angle (deg) of the six modes, and the sign of the 
 
 def dense(mechanism, path, step=0.01):
     """Configurations along a path, loops closed, no further apart than a step (rad and characteristic lengths)."""
-    for begin, end in itertools.pairwise(path):
-        count = max(1, int(np.ceil(mechanism.distance(begin, end) / step)))
-        for k in range(count):
-            yield mechanism.close(pin.interpolate(mechanism.model, begin, end, k / count))
-    yield path[-1]
+    return (mechanism.close(q) for q in along(mechanism, path, step))
 
 
 def open_by(mechanism, q):

@@ -10,10 +10,10 @@ import sys
 import time
 
 import numpy as np
-import pinocchio as pin
 import pytest
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
+from paths import along
 
 import cinegen
 from cinegen.collision import PlanningError, clearance_of, load_scene, scene_of
@@ -22,15 +22,6 @@ from cinegen.planning import PlanStatus, rrt_connect
 from cinegen.planning.clear_motion import clear_motion
 from cinegen.planning.path_sampler import PathSampler
 from raff2urdf.extras import MissingExtraError
-
-
-def along(scene, path, step):
-    """Configurations on a path, joints straight, none further from the next than a step (rad or lengths)."""
-    model, scale = scene.mechanism.model, scene.mechanism.scale
-    for begin, end in itertools.pairwise(path):
-        count = max(1, math.ceil(float(np.abs(pin.difference(model, begin, end) / scale).max()) / step))
-        yield from (pin.interpolate(model, begin, end, k / count) for k in range(count))
-    yield path[-1]
 
 
 def is_at_goal(scene, q):
@@ -71,7 +62,7 @@ def test_the_scenes_of_the_figures_are_solved(root, name):
     assert is_at_goal(scene, found.path[-1])
     assert found.clearance >= scene.safety
     clearance = clearance_of(scene)
-    assert min(clearance.least(q) for q in along(scene, found.path, 2e-3)) >= found.clearance
+    assert min(clearance.least(q) for q in along(scene.mechanism, found.path, 2e-3)) >= found.clearance
     model = scene.mechanism.model
     assert ((found.path >= model.lowerPositionLimit) & (found.path <= model.upperPositionLimit)).all()
 
@@ -165,7 +156,7 @@ def test_an_edge_is_clear_all_along_and_none_is_where_something_is_too_near(rod,
     begin, end = low + np.array(parts).reshape(2, 3) * (high - low)
     assume(np.abs(end - begin).max() > 1e-3)
     found = clear_motion(clearance, begin, end, scene.safety)
-    least = min(clearance.least(q) for q in along(scene, [begin, end], 2e-3))
+    least = min(clearance.least(q) for q in along(scene.mechanism, [begin, end], 2e-3))
     assert (found is None) == (clear_motion(clearance, end, begin, scene.safety) is None)
     if found is None:
         assert least < scene.safety + 1e-3  # what it can't tell for sure within a hair's breadth, it refuses

@@ -9,6 +9,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from paths import along
 
 import cinegen
 from cinegen.collision import PlanningError, SceneError, clearance_of, load_scene, scene_of
@@ -173,12 +174,10 @@ def test_links_that_cannot_separate_are_no_collision(panda):
 @pytest.mark.parametrize(
     ("values", "reason"),
     [
-        ({"goal": {"joints": {}}}, "joints is empty"),
         ({"goal": {"joints": {"panda_joint9": 0.0}}}, "'panda_joint9' is not a joint"),
         ({"goal": {"joints": {"panda_joint4": 1.0}}}, "its limits are"),
         ({"goal": {"joints": READY}, "locked": ["panda_joint1"]}, "also a joint of the goal"),
         ({"goal": {"joints": READY}, "locked": ["panda_jiont1"]}, "did you mean 'panda_joint1'"),
-        ({"goal": {"joints": READY, "point": [0, 0, 0]}}, "unknown key 'point'"),
     ],
 )
 def test_goals_and_locks_that_make_no_sense_are_refused(panda, values, reason):
@@ -199,15 +198,8 @@ def test_paths_of_vortices_become_shorter_and_stay_clear(root, name):
     assert np.array_equal(short.path[0], raw.path[0])
     assert short.path[-1] == pytest.approx(raw.path[-1], abs=1e-3)
     clearance = clearance_of(scene)
-    assert min(clearance.least(q) for q in densely(short.path, 2e-3)) >= scene.safety
+    assert min(clearance.least(q) for q in along(scene.mechanism, short.path, 2e-3)) >= scene.safety
     assert short.clearance >= scene.safety
-
-
-def densely(path, step):
-    for begin, end in itertools.pairwise(path):
-        count = max(1, math.ceil(float(np.abs(end - begin).max()) / step))
-        yield from (begin + k / count * (end - begin) for k in range(count))
-    yield path[-1]
 
 
 def test_a_path_through_an_obstacle_is_not_shortened():

@@ -102,14 +102,6 @@ def reachable(name: str, count: int, seed: int, margin: float = 0.0) -> list[tup
 NAMES = ["delta4", "delta4_linear"]
 
 
-def test_the_platform_radius_is_what_the_papers_numbers_leave():
-    text = document("delta4")
-    forearm = link(text, 4).parameters.d
-    assert link(text, 1).parameters.d == 1500.0
-    assert link(text, 2).parameters.d == 2000.0
-    assert link(text, 20).parameters.d == pytest.approx(3500.0 + forearm * math.cos(math.radians(211.21)), abs=0.005)
-
-
 @pytest.mark.parametrize("name", NAMES)
 def test_motors_set_by_the_closed_form_bring_the_platform_there_with_its_orientation_kept(robot, name):
     """The way there leads from home through closed configurations."""

@@ -37,28 +37,6 @@ def test_a_wild_hand_neither_tears_a_robot_nor_drives_it_over_a_limit(name, whic
 
 
 @one_of_each_kind
-def test_a_target_that_is_no_number_gets_a_status_and_moves_nothing(name, which):
-    mechanism = load(name, which)
-    solver = cinegen.Solver(mechanism, DT)
-    task = solver.add_task(mechanism.nodes[-1])
-    for bad in (math.nan, math.inf):
-        for i in range(0, 12, 3):
-            numbers = np.eye(4)
-            numbers[i // 4, i % 4] = bad
-            target = pin.SE3.Identity()
-            target.rotation, target.translation = numbers[:3, :3], numbers[:3, 3]
-            task.target = target
-            step = solver.step()
-            assert step.status is Status.BAD_TARGET
-            assert np.array_equal(step.q, mechanism.q_home)
-            assert not step.v.any()
-        task.target, task.weight = mechanism.placement(mechanism.q_home, mechanism.nodes[-1]), bad
-        assert solver.step().status is Status.BAD_TARGET
-        task.weight = 1.0
-        assert solver.step().status is Status.FOLLOWING
-
-
-@one_of_each_kind
 def test_targets_and_weights_as_far_as_numbers_go_are_survived(name, which):
     mechanism = load(name, which)
     solver = cinegen.Solver(mechanism, DT)

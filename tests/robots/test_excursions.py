@@ -148,38 +148,17 @@ def chain(*lengths: float) -> str:
     return "robot r { base { } " + " ".join([*links, end]) + " }"
 
 
-UR = """robot r { base { }
-  link 1 { parameters { theta 0 r 89 } type 2 pred 0 }
-  link 2 { parameters { theta 0 alpha 90 } type 2 pred 1 }
-  link 3 { parameters { theta 0 d -425 } type 2 pred 2 }
-  link 4 { parameters { theta 0 d -392 r 109 } type 2 pred 3 }
-  link 5 { parameters { theta 0 alpha 90 r 95 } type 2 pred 4 }
-  link 6 { parameters { theta 0 alpha -90 r 82 } type 2 pred 5 }
-  frame 7 { parameters { } pred 6 name "tool" } }"""
-"""Like a UR5: shoulder, elbow and wrist with parallel axes, all stretched."""
-
-STRETCHED = {"2R": chain(400, 300), "3R": chain(400, 300, 200), "5R": chain(*[200] * 5), "ur": UR}
-
-
-def drawn_in(solver: Solver, node: str, away: pin.SE3, ticks: int) -> cinegen.Step:
-    solver.add_task(node, away, rotation=0)
-    for _ in range(ticks):
-        step = solver.step()
-    return step
-
-
-@pytest.mark.parametrize("name", STRETCHED)
+@pytest.mark.parametrize("lengths", [(400, 300), (400, 300, 200), (200,) * 5])
 @pytest.mark.parametrize("aside", [1e-3, -0.5])
-def test_a_stretched_arm_is_drawn_in_by_a_pull_that_is_not_quite_straight(raff, name, aside):
-    arm = raff(STRETCHED[name])
+def test_a_stretched_arm_is_drawn_in_by_a_pull_that_is_not_quite_straight(raff, lengths, aside):
+    arm = raff(chain(*lengths))
     solver = Solver(arm, DT)
     begin = arm.placement(solver.q, "tool").translation
     inwards = -begin / np.linalg.norm(begin)
-    across = np.cross([0.0, 0.0, 1.0], inwards) if name != "ur" else np.cross([0.0, 1.0, 0.0], inwards)
-    goal = begin + 0.4 * arm.length * (inwards + aside * across)
+    goal = begin + 0.4 * arm.length * (inwards + aside * np.cross([0.0, 0.0, 1.0], inwards))
     first = solver.q
-    step = drawn_in(solver, "tool", pin.SE3(np.eye(3), goal), 1)
-    assert not np.array_equal(step.q, first)  # at once
+    solver.add_task("tool", pin.SE3(np.eye(3), goal), rotation=0)
+    assert not np.array_equal(solver.step().q, first)  # at once
     for _ in range(1500):
         step = solver.step()
     assert step.errors[0][0] < 1e-6 * arm.length

@@ -13,8 +13,6 @@ import numpy as np
 import pytest
 from elementary import at, document, length, link, turn
 
-import cinegen
-
 HINGES, JACKS = ("joint1", "joint6", "joint8"), ("joint2", "joint7", "joint9")
 GAMMAS = (0.0, math.radians(120.0), math.radians(240.0))
 
@@ -59,16 +57,3 @@ def test_the_plate_drifts_as_lee_and_shahs_constraints_say(robot):
         assert u[1] == pytest.approx(v[0], abs=1e-10)
         assert p[0] == pytest.approx(PLATE * (u[0] - v[1]) / 2.0, abs=1e-10)
         assert p[1] == pytest.approx(-PLATE * u[1], abs=1e-10)
-
-
-def test_dragging_the_hand_leaves_the_legs_in_their_planes(robot):
-    hybrid, rng = robot("hybrid"), np.random.default_rng(0)
-    solver = cinegen.Solver(hybrid, dt=1 / 60)
-    task = solver.add_task("tool", rotation=2)
-    home = hybrid.placement(hybrid.q_home, "tool")
-    for tick in range(400):
-        if tick % 40 == 0:
-            task.target = home.copy()
-            task.target.translation = home.translation + rng.normal(0.0, 0.3, 3)
-        q = solver.step().q
-        assert balls_of_plate(hybrid, q) == pytest.approx(balls_of_legs(hybrid, q), abs=1e-9)

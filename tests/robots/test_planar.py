@@ -7,7 +7,7 @@ import math
 import numpy as np
 import pinocchio as pin
 import pytest
-from elementary import at, document, length, limits, link, values, within_limits, wrapped
+from elementary import document, length, link, values, within_limits, wrapped
 
 import cinegen
 
@@ -33,43 +33,7 @@ def in_plane(mechanism, q: np.ndarray, node: str = "tool") -> tuple[np.ndarray, 
     return m[:2, 3], math.atan2(m[1, 0], m[0, 0])
 
 
-def circles(a: np.ndarray, ra: float, b: np.ndarray, rb: float, side: float) -> np.ndarray | None:
-    """Where two circles meet: the point to the left (side 1) or right (-1) of the way from a to b; None: nowhere."""
-    way = b - a
-    far = float(np.linalg.norm(way))
-    along = (ra * ra - rb * rb + far * far) / (2.0 * far)
-    squared = ra * ra - along * along
-    if squared < 0.0:
-        return None
-    x = way / far
-    return a + along * x + side * math.sqrt(squared) * np.array([-x[1], x[0]])
-
-
 # --- planar_3r ---------------------------------------------------------------------------------------------------
-
-
-def test_the_planar_arm_of_three_joints_is_dragged_to_what_its_closed_form_inverts(robot):
-    """Wrist = tool less the last link; the elbow's angle by the law of cosines, on either side."""
-    arm = robot("planar_3r")
-    l1, l2, l3 = (d_of("planar_3r", number) for number in (2, 3, 20))
-    rng = np.random.default_rng(1)
-    solver = cinegen.Solver(arm, dt=1.0)
-    task = solver.add_task("tool")
-    for _ in range(40):
-        angles = at(arm, solver.q, arm.joints) + rng.uniform(-0.8, 0.8, 3)
-        angles = np.clip(angles, [-2.5, 0.3, -2.4], [2.5, 2.4, 2.4])
-        task.target = arm.placement(arm.configuration(dict(zip(arm.joints, angles, strict=True))), "tool")
-        for _ in range(300):
-            step = solver.step()
-            if max(step.errors[0]) <= 1e-11:
-                break
-        assert max(step.errors[0]) <= 1e-9, step.status
-        found = at(arm, step.q, arm.joints)
-        wrist = task.target.translation[:2] - l3 * task.target.rotation[:2, 0]
-        elbow = math.copysign(math.acos((wrist @ wrist - l1 * l1 - l2 * l2) / (2.0 * l1 * l2)), found[1])
-        shoulder = math.atan2(wrist[1], wrist[0]) - math.atan2(l2 * math.sin(elbow), l1 + l2 * math.cos(elbow))
-        last = math.atan2(task.target.rotation[1, 0], task.target.rotation[0, 0]) - shoulder - elbow
-        assert np.abs(wrapped(found - np.array([shoulder, elbow, last]))).max() <= 1e-8
 
 
 # --- planar_hybrid: figure 9 -------------------------------------------------------------------------------------
@@ -135,8 +99,10 @@ CRANK, COUPLER, GROUND, ROCKER = (d_of("four_bar", number) for number in (2, 4, 
 def four_bar(crank: float, side: float) -> dict[str, float]:
     """All joints from the crank: the pin between coupler and rocker is where two circles meet."""
     knee, pivot = CRANK * direction(crank), np.array([GROUND, 0.0])
-    pin_at = circles(knee, COUPLER, pivot, ROCKER, side)
-    coupler, rocker = pin_at - knee, pin_at - pivot
+    far = float(np.linalg.norm(pivot - knee))
+    along, x = (COUPLER**2 - ROCKER**2 + far**2) / (2.0 * far), (pivot - knee) / far
+    coupler = along * x + side * math.sqrt(COUPLER**2 - along**2) * np.array([-x[1], x[0]])
+    rocker = knee + coupler - pivot
     return {
         "joint1": crank,
         "joint2": float(wrapped(math.atan2(coupler[1], coupler[0]) - crank)),
@@ -180,52 +146,3 @@ def test_the_solver_turns_the_crank_several_times_without_leaving_the_branch(rob
                 for sign in (1.0, -1.0)]  # fmt: skip
     assert min(rocker) == pytest.approx(math.pi - max(extremes), abs=2e-3)
     assert max(rocker) == pytest.approx(math.pi - min(extremes), abs=2e-3)
-
-
-# --- five_bar ----------------------------------------------------------------------------------------------------
-
-LEFT, RIGHT = (np.array([d_of("five_bar", number), 0.0]) for number in (1, 3))
-INNER, OUTER = (d_of("five_bar", 2), d_of("five_bar", 4)), (d_of("five_bar", 20), d_of("five_bar", 5))
-
-
-def five_bar(left: float, right: float, side: float) -> dict[str, float] | None:
-    """All joints from the motors; None where the outer bars don't reach each other."""
-    knees = [base + inner * direction(angle) for base, inner, angle in zip((LEFT, RIGHT), INNER, (left, right),
-                                                                           strict=True)]  # fmt: skip
-    tool = circles(knees[0], OUTER[0], knees[1], OUTER[1], side)
-    return None if tool is None else _five_bar_through(tool, left, right, knees)
-
-
-def _five_bar_through(tool, left, right, knees):
-    ways = [tool - knee for knee in knees]
-    angles = [math.atan2(way[1], way[0]) for way in ways]
-    return {
-        "joint1": left,
-        "joint2": float(wrapped(angles[0] - left)),
-        "joint3": right,
-        "joint4": float(wrapped(angles[1] - right)),
-        "joint5": float(wrapped(angles[0] - angles[1])),  # the pin coincides with the left arm's end, axes and all
-    }
-
-
-@pytest.mark.parametrize("side", [1.0, -1.0])
-def test_the_five_bar_is_closed_where_two_circles_meet_on_both_branches(robot, side):
-    linkage = robot("five_bar")
-    low, high = limits(linkage, ("joint1", "joint3"))
-    rng = np.random.default_rng(0)
-    reached = 0
-    for left in np.linspace(low[0], high[0], 25):
-        for right in np.linspace(low[1], high[1], 25):
-            expected = five_bar(left, right, side)
-            if expected is None:
-                continue
-            q = linkage.configuration(expected)
-            assert linkage.closure(q) <= 1e-12
-            knee_to_knee = abs(math.sin(expected["joint5"]))
-            if knee_to_knee > 0.3:  # far enough from where both branches meet
-                passive = ("joint2", "joint4", "joint5")
-                rough = linkage.configuration({j: expected[j] + rng.normal(0.0, 0.03) for j in passive}, q)
-                found = values(linkage, linkage.close(rough, locked=linkage.actuated))
-                assert same_angles(found, expected, 1e-9)
-                reached += 1
-    assert reached > 300

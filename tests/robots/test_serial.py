@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 import pytest
-from elementary import document, forward, length, limits, link, product, shift, turn, values, wrapped
+from elementary import document, forward, length, limits, link, values, wrapped
 
 
 def random_configurations(mechanism, count: int, seed: int) -> list[np.ndarray]:
@@ -71,22 +71,6 @@ def test_the_rx90s_jacobian_vanishes_in_the_published_singularities(robot):
 
 
 # --- arm7, serial_5dof, two_arms ---------------------------------------------------------------------------------
-
-
-def alternating(alphas: list[float], lengths: list[float], thetas: list[float]) -> np.ndarray:
-    """Rx(alpha) Rz(theta) Tz(r), one after the other; degrees, m, rad."""
-    steps = zip(alphas, lengths, thetas, strict=True)
-    return product(*(product(turn("x", math.radians(a)), turn("z", t), shift("z", r)) for a, r, t in steps))
-
-
-def test_the_arm_with_seven_joints_is_the_product_of_elementary_transforms(robot):
-    """The maker's lengths stand here again, so that no slip of the file goes by."""
-    arm = robot("arm7")
-    for q in random_configurations(arm, 300, seed=0):
-        expected = alternating(
-            [0, -90, 90, 90, -90, -90, 90], [0.340, 0.0, 0.400, 0.0, 0.400, 0.0, 0.0], angles(arm, q)
-        ) @ shift("z", 0.126)
-        assert arm.placement(q, "tool").homogeneous == pytest.approx(expected, abs=1e-13)
 
 
 # --- sr400 -------------------------------------------------------------------------------------------------------

@@ -9,7 +9,6 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from scipy.optimize import minimize_scalar
 
 from cinegen.devices import SensorError
 from cinegen.toolpath.curve import PointError, smooth_runs
@@ -33,23 +32,6 @@ def wandering(seed: int, bend: float, count: int = 9) -> np.ndarray:
 
 def flat(points: np.ndarray) -> np.ndarray:
     return np.tile(UP, (len(points), 1))
-
-
-@settings(max_examples=15)
-@given(st.integers(0, 10_000))
-def test_it_goes_through_all_its_points(seed):
-    points = wandering(seed, math.radians(60)) * [1, 1, 0.1]
-    curves = smooth_runs(points, flat(points))
-    dense = [(curve, s, curve.at(s)[0]) for curve in curves for s in np.linspace(0, curve.length, 200)]
-    for point in points:
-        curve, s, _ = min(dense, key=lambda one: np.linalg.norm(one[2] - point))
-        found = minimize_scalar(
-            lambda s, curve=curve, point=point: np.linalg.norm(curve.at(s)[0] - point),
-            bounds=(s - curve.length / 199, s + curve.length / 199),
-            method="bounded",
-            options={"xatol": 1e-10},
-        )
-        assert found.fun < 1e-8
 
 
 @settings(max_examples=25)

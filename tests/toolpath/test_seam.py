@@ -284,12 +284,8 @@ def test_an_arm_follows_a_seam(robot, clock):
         ({"speed": 0.0}, "speed must be more than 0"),
         ({"work": 1.6}, "work must be between -90 and 90 degrees"),
         ({"approach": -0.1}, "approach must be 0 or more"),
-        ({"wait": math.inf}, "wait must be a finite number, not inf"),
-        ({"roll": "1"}, "roll must be a finite number, not 1"),
         ({"again": "bakc"}, "unknown value 'bakc' of again: did you mean 'back'"),
-        ({"points": [[0, 0, 0]], "normals": [UP]}, "two points at least"),
         ({"points": [[0, 0], [1, 0]]}, "as many normals as points"),
-        ({"normals": [UP, "up"]}, "must be numbers"),
         ({"normals": [UP, [0, 0, 0]]}, "point 2: its normal is 0 0 0"),
         ({"points": [[0, math.nan, 0], [1, 0, 0]]}, "point 1: its numbers must be finite"),
         ({"points": [[0, 0, 0], [1e7, 0, 0]]}, r"point 2: it is more than 1e\+06 m away"),
@@ -301,8 +297,3 @@ def test_what_is_no_seam(options, why):
     values = {"points": [[0, 0, 0], [1, 0, 0]], "normals": [UP, UP], **options}
     with pytest.raises(SensorError, match=why):
         Seam(**values)
-
-
-def test_normals_of_any_length():
-    seam = Seam([[0, 0, 0], [1, 0, 0]], [[0, 0, 1e-300], [0, 0, 1e300]], 1.0)
-    assert seam.at(0.5).translation == pytest.approx([0.5, 0, 1])

@@ -1,7 +1,6 @@
 """How cells come to their configurations: on home's branch, and none is lost for the way that was taken."""
 
 import numpy as np
-import pinocchio as pin
 import pytest
 from mapped import mapped, over
 
@@ -72,33 +71,6 @@ def test_a_base_that_floats_rests(tmp_path):
     assert np.linalg.matrix_rank(rows) == 2
     with pytest.raises(MapError, match="can't move along y"):
         MapSpecification(flying, over(("y", -1.0, 1.0, 3)), node="tool")
-
-
-def test_roll_pitch_and_yaw_can_be_given_where_they_change():
-    """An arm that turns about y, whose tool is turned by 90 degrees about z: its angle is a roll."""
-    limit = '<limit lower="-0.6" upper="0.6" effort="1" velocity="1"/>'
-    arm = build(
-        f"""<robot name="arm"><link name="base"/><link name="a"/><link name="b"/><link name="tool"/>
-        <joint name="one" type="revolute"><parent link="base"/><child link="a"/><axis xyz="0 1 0"/>{limit}</joint>
-        <joint name="two" type="revolute"><parent link="a"/><child link="b"/><axis xyz="0 1 0"/>
-          <origin xyz="0.3 0 0"/>{limit}</joint>
-        <joint name="end" type="fixed"><parent link="b"/><child link="tool"/>
-          <origin xyz="0.2 0 0" rpy="0 0 1.5707963267948966"/></joint></robot>""",
-        None,
-    )
-    changes = np.ptp(_angles(arm), axis=0) > 1e-9
-    np.testing.assert_array_equal(changes, [True, False, False])
-    for name, can in zip(("rx", "ry", "rz"), changes, strict=True):
-        if can:
-            assert MapSpecification(arm, over((name, -1.0, 1.0, 3))).region.size == 3
-        else:
-            with pytest.raises(MapError, match=f"can't move along {name}"):
-                MapSpecification(arm, over((name, -1.0, 1.0, 3)))
-
-
-def _angles(arm):
-    rng = np.random.default_rng(0)
-    return np.array([pin.rpy.matrixToRpy(arm.placement(rng.uniform(-1, 1, 2), arm.end).rotation) for _ in range(9)])
 
 
 def test_the_codes_of_stored_maps_stay():

@@ -1,6 +1,5 @@
 """Two maps compared: what one of both reaches, and by how much they differ."""
 
-import json
 import math
 
 import numpy as np
@@ -80,27 +79,6 @@ def test_grids_that_overlap_are_compared_where_they_do(made, both):
     assert found.only_first.value + found.only_second.value < 0.1 * found.both.value
 
 
-def test_it_is_said_in_words_and_as_json(both):
-    found = compare(*both)
-    said = str(found)
-    assert "50 x 50 cells over x -1 to 1 m, y -1 to 1 m" in said
-    lines = {line.split("  ")[1]: line for line in said.splitlines() if line.startswith("  ")}
-    assert lines["both"].endswith(f"  {found.both}")
-    assert "second minus first" in lines["manipulability"]
-    told = json.loads(json.dumps(found.as_dict()))
-    assert told["extents"]["both"]["value"] == found.both.value
-    assert told["differences"]["manipulability"]["min"] == found.differences["manipulability"].range[0]
-
-
-def test_what_nobody_has_looked_at_is_in_the_bound(both):
-    part = both[1].load().copy(deep=True)
-    part["status"][20:30] = 0
-    part["reachable"][20:30] = False
-    found, whole = compare(both[0], part), compare(*both)
-    assert found.both.value < whole.both.value <= found.both.high
-    assert found.only_first.low <= whole.only_first.value
-
-
 def test_maps_that_cannot_be_compared(made, both, robot, tmp_path):
     def small(*axes, name="planar_3r", at=None, centre=None):
         spec = MapSpecification(robot(name), Region(axes, at or {}, centre=centre), ())
@@ -124,13 +102,3 @@ def test_maps_that_cannot_be_compared(made, both, robot, tmp_path):
     one, other = (small(GridAxis(slide, 0.0, 0.1, 2), name=name) for name in ("planar_3r", "delta4_linear"))
     with pytest.raises(MapError, match="measured in rad, the other's in m: they can't be compared"):
         compare(one, other)
-
-
-def test_other_robots_are_named(made):
-    """A tool that is nearer, in a robot of another name."""
-    one = made(None, (0.2, 0.3, 2), (0.2, 0.3, 2), ("sigma_1", "sigma_2"), name="five_bar", limits=False)
-    other = made(None, (0.2, 0.3, 2), (0.2, 0.3, 2), ("sigma_1",), limits=False)
-    found = compare(one, other)
-    assert found.names == (one.attrs["robot"], other.attrs["robot"])
-    assert any(remark.startswith("robot: ") for remark in found.remarks)
-    assert list(found.differences) == ["sigma_1"]  # the arm has nothing passive

@@ -8,7 +8,7 @@ import numpy as np
 import pinocchio as pin
 import pytest
 import trimesh
-from clearings import measured
+from clearings import among, ball, measured
 from closed_forms import rx90
 from hypothesis import given
 from hypothesis import strategies as st
@@ -16,7 +16,6 @@ from mapped import mapped, middles, over
 from scipy.optimize import linprog
 
 import cinegen
-from cinegen.collision import clearance_of, scene_of
 from cinegen.model.load import build
 from cinegen.singularities import singularity
 from cinegen.workspace import QUANTITIES, MapError, MapSpecification, make_map
@@ -176,44 +175,6 @@ def test_speeds_and_forces_through_couplings_are_those_of_linear_programmes(robo
         assert force == pytest.approx(greatest_force(mechanism, q, spec.node, along), rel=1e-4)
 
 
-def table_lift(actuated):
-    """Two bars of 600 mm pinned at their middles, upright; the table is pinned to one and slides on the other."""
-    across, words = 600.0 * math.cos(math.radians(35.0)), ["actuated 0"] * 6
-    words[actuated] = f"actuated 1 velocity {30 if actuated in (1, 3) else 100}"
-    return f"""robot lift {{
-      base {{ parameters {{ alpha 90 }} }}
-      link 1 {{ parameters {{ theta 35 }} type 2 pred 0 {words[1]} }}
-      link 2 {{ parameters {{ gamma 90 alpha 90 r {across!r} }} type 1 pred 0 {words[2]} }}
-      link 3 {{ parameters {{ alpha -90 theta 55 }} type 2 pred 2 {words[3]} }}
-      link 4 {{ name "table" parameters {{ d 600 theta -145 }} type 2 pred 3 {words[4]} }}
-      link 5 {{ parameters {{ gamma 90 alpha 90 r {across!r} }} type 1 pred 4 {words[5]} }}
-      frame 6 {{ parameters {{ d 300 }} pred 1 }}
-      frame 7 {{ parameters {{ d 300 }} pred 3 }}
-      frame 8 {{ parameters {{ d 600 }} pred 1 }}
-      frame 9 {{ parameters {{ alpha -90 }} pred 5 }}
-      constraint {{ frame 6 frame 7 type 2 }}
-      constraint {{ frame 8 frame 9 type 2 }}
-      frame 10 {{ name "corner" parameters {{ d 300 }} pred 4 }}
-    }}"""
-
-
-@pytest.mark.parametrize("actuated", [1, 2, 3])
-def test_a_lift_with_a_table_rises_as_fast_as_its_height_changes(raff, actuated):
-    """Closed form: the height is 600 sin(angle), the foot at 600 cos(angle); along z by default."""
-    lift = raff(table_lift(actuated))
-    spec = MapSpecification(lift, over(("z", 0.15, 0.5, 6)), ("velocity", "force"))
-    assert spec.along == (0.0, 0.0, 1.0)
-    for q, values in cells(spec):
-        height = lift.placement(q, "corner").translation[2]
-        width = math.sqrt(0.36 - height**2)  # change of the height, m/rad or m/m
-        rate = width / height if actuated == 2 else width
-        speed = 0.1 if actuated == 2 else math.radians(30.0)
-        assert values["velocity"] == pytest.approx(rate * speed, rel=1e-4)
-        assert values["velocity"] == pytest.approx(greatest_speed(lift, q, "corner", spec.along), rel=1e-4)
-        assert values["force"] == pytest.approx(1.0 / rate, rel=1e-4)
-        assert values["force"] == pytest.approx(greatest_force(lift, q, "corner", spec.along), rel=1e-4)
-
-
 def test_where_the_actuated_joints_control_nothing_there_is_no_speed_and_no_force(robot):
     """A five-bar with its elbows in one point: the linear programme has no bound, and rounding is no figure."""
     five_bar, elbow = robot("five_bar"), math.atan2(-200.0, 150.0)
@@ -255,14 +216,14 @@ def test_a_wrist_points_everywhere_but_where_its_limits_forbid(robot, limits):
 
 
 def test_clearance_is_what_coal_measures_between_shapes(robot):
-    ball, size = np.array([0.3, 0.3, 0.4]), 0.15
+    point, size = [0.3, 0.3, 0.4], 0.15
     scene = {
         "goal": {"point": [0.4, 0.4, 0.4]},
-        "obstacle": [{"kind": "sphere", "radius": size, "point": ball.tolist()}],
+        "obstacle": [{"kind": "sphere", "radius": size, "point": point}],
     }
     mechanism = robot("arm7")
     spec = MapSpecification(mechanism, SPECIFICATIONS["arm7"], ("clearance",), scene=scene)
-    clearance = clearance_of(scene_of(scene, mechanism=mechanism))
+    clearance = among("arm7", [ball(size, *point)])
     for q, values in cells(spec):
         assert values["clearance"] == pytest.approx(measured(clearance, q).min(), abs=1e-5)
 
@@ -352,7 +313,6 @@ def test_an_upright_arm_holds_what_statics_gives_it(tmp_path):
     region = over(("x", -0.8, 0.8, 15), ("z", -0.8, 0.8, 15))
     found = list(cells(MapSpecification(arm, region, ("torque", "payload"), "tip")))
     assert len(found) > 50
-    refused = 0
     for q, values in found:
         upper, fore = 0.5 * math.cos(q[0]), 0.3 * math.cos(q[0] + q[1])
         weight = 9.81 * np.array([3.0 * upper + fore, fore])
@@ -360,15 +320,12 @@ def test_an_upright_arm_holds_what_statics_gives_it(tmp_path):
         assert values["torque"] == pytest.approx(np.abs(weight / limits).max(), rel=1e-5)
         most = min((limits[i] - np.sign(arms[i]) * weight[i]) / abs(arms[i]) for i in range(2) if arms[i])
         assert values["payload"] == pytest.approx(most, rel=1e-4)
-        refused += np.isnan(values["payload"])
-    assert not refused
     weak = path.read_text().replace('effort="30.0"', 'effort="10"')
     path.write_text(weak)
     masses = [
         values["payload"] for _, values in cells(MapSpecification(cinegen.load(path), region, ("payload",), "tip"))
     ]
-    assert np.isnan(masses).any()
-    assert not np.isnan(masses).all()
+    assert {True, False} == set(np.isnan(masses))
     path.write_text(weak.replace('effort="10"', 'effort="0"').replace('effort="7.0"', 'effort="0"'))
     with pytest.raises(cinegen.CinegenError, match="no actuated joint has a limit of torque or force"):
         MapSpecification(cinegen.load(path), region, ("payload",), "tip")

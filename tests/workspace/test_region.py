@@ -84,11 +84,8 @@ def test_a_region_reads_back_from_its_document():
     ("make", "says"),
     [
         (lambda: GridAxis("x", 1.0, 0.0, 5), "give the lower end first"),
-        (lambda: GridAxis("x", 0.0, math.nan, 5), "is no range"),
         (lambda: GridAxis("x", 0.0, 1.0, 0), "give 1 or more"),
-        (lambda: Region(()), "at least one axis"),
         (lambda: Region((GridAxis("x", 0, 1, 2),), {"x": 0.5}), "x is given twice"),
-        (lambda: Region((GridAxis("x", 0, 1, 2),), {"z": math.inf}), "z=inf"),
         (lambda: Region((GridAxis("x", 0, 1, 2),), {}, "fixd"), "fixed"),
         (lambda: Region((GridAxis("azimuth", 0, 1, 2),)), "only together with elevation, radius"),
         (lambda: Region((GridAxis("distance", 0, 1, 2),), {"x": 0.0}), "leave one out"),

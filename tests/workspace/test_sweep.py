@@ -79,12 +79,9 @@ def test_a_variation_is_read_as_it_is_written(low, high, count, names):
         ("link2.d", "has no values"),
         ("link2.d=100..200", "lacks the number of values: write for instance link2.d=100..200:5"),
         ("link2.d=100..200:0", "0 values"),
-        ("link2.d=100..100:3", "not all different"),
         ("link2.d=long", "'long' is not a number"),
-        ("link2.d=nan..3:2", "no range of numbers"),
         ("link2.alfa=1..2:2", "did you mean 'alpha'"),
         ("link2.d+link2.d=1..2:2", "named twice"),
-        ("=1..2:2", "is no parameter"),
     ],
 )
 def test_what_makes_no_variation_is_said(text, words):
@@ -99,8 +96,6 @@ def test_what_makes_no_variation_is_said(text, words):
         ("link2.limits.low=1..2:2", "link2 has no limits"),
         ("tool.velocity=1..2:2", "tool does not move"),
         ("link1.limits.low=170..190:2", "link1.limits.low=190: this is no robot: .*above its upper limit"),
-        ("link1.velocity=0..90:2", "must be above 0"),
-        ("link2.d=1e16..2e16:2", "beyond 1e.12 m"),
     ],
 )
 def test_what_the_robot_does_not_have_is_said(arm, text, words):
