@@ -4,14 +4,13 @@ from __future__ import annotations
 
 import math
 import tempfile
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pinocchio as pin
 import pytest
 from elementary import kleinfinger, values
-from hand import DT, Hand, check
+from hand import DT, check
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 from making import (
@@ -29,7 +28,6 @@ from making import (
     platform,
     ring,
     sarrus,
-    six,
     somewhere,
 )
 
@@ -413,36 +411,6 @@ def test_a_robot_of_micrometres_moves_like_its_twin_of_metres(seed, factor):
 
 
 # --- driving them ------------------------------------------------------------------------------------------------
-
-
-def limited(mechanism: Mechanism, rng: np.random.Generator) -> Mechanism:
-    """With limits about home, tight ones too, and velocity limits, for some of the joints."""
-    places, bodies = mechanism.places, []
-    for body in mechanism.bodies:
-        if body.kind in (PRISMATIC, REVOLUTE) and rng.random() < 0.6:
-            _, _, _, _, theta, r = six(np.linalg.inv(places[body.pred]) @ body.place)
-            home, width = (math.degrees(theta), 60.0) if body.kind == REVOLUTE else (1e3 * r, 300.0)
-            low, high = home - width * rng.uniform(0.01, 1.5), home + width * rng.uniform(0.01, 1.5)
-            more = f"limits {{ {float(low)!r} {float(high)!r} }}"
-            if rng.random() < 0.5:
-                more += f" velocity {rng.uniform(10.0, 200.0)}"
-            body = replace(body, more=more)
-        bodies.append(body)
-    return replace(mechanism, bodies=tuple(bodies))
-
-
-@law(25)
-@given(SEEDS)
-def test_no_random_mechanism_is_torn_or_driven_over_a_limit(seed):
-    rng = np.random.default_rng(seed)
-    mechanism = exactly(limited(graph(rng, 9, 0) if seed % 8 == 0 else any_closed(rng), rng))
-    solver = cinegen.Solver(mechanism, DT)
-    hand = Hand(mechanism, solver, seed)
-    hand.grasp()
-    for _ in range(150):
-        hand.act()
-        before = solver.q.copy()
-        check(mechanism, before, solver.step())
 
 
 @pytest.mark.parametrize("closed_to_a_ring", [False, True])

@@ -37,26 +37,6 @@ def test_a_wild_hand_neither_tears_a_robot_nor_drives_it_over_a_limit(name, whic
 
 
 @one_of_each_kind
-def test_targets_and_weights_as_far_as_numbers_go_are_survived(name, which):
-    mechanism = load(name, which)
-    solver = cinegen.Solver(mechanism, DT)
-    task = solver.add_task(mechanism.nodes[-1])
-    for far in (1e6, 1e30, 1e150, 1e300, 1.7e308):
-        for direction in (*np.eye(3), *-np.eye(3), np.ones(3)):
-            task.target = pin.SE3(np.eye(3), far * direction)
-            for _ in range(3):
-                before = solver.q.copy()
-                check(mechanism, before, solver.step())
-    task.target = mechanism.placement(solver.q, mechanism.nodes[-1])
-    task.target.translation = task.target.translation + 0.1 * mechanism.length
-    solver.add_task(mechanism.nodes[-2], rotation=0)
-    for task.weight in (1e-300, 1e-160, 1e-12, 1e12, 1e160, 1e300):
-        for _ in range(3):
-            before = solver.q.copy()
-            check(mechanism, before, solver.step())
-
-
-@one_of_each_kind
 def test_the_weight_of_a_pull_that_is_alone_does_not_matter(name, which):
     mechanism = load(name, which)
     end = mechanism.nodes[-1]

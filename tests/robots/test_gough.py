@@ -7,23 +7,20 @@ it turns, the last axis is (cos t1 sin t2, sin t1 sin t2, -cos t2), since both t
 
 from __future__ import annotations
 
-import json
 import math
 from dataclasses import dataclass
 from functools import cache
-from pathlib import Path
 
 import numpy as np
 import pinocchio as pin
 import pytest
-from elementary import angle_between, at, document, link, local, placed, turn, wrapped
+from elementary import document, link, local, placed, turn, wrapped
 from scipy.spatial.transform import Rotation
 
 import cinegen
 
 LEGS = tuple(f"joint{n}" for n in (3, 9, 12, 15, 18, 21))
 NAMES = ("gough", "tssm")
-TSSM = json.loads((Path(__file__).parent / "data" / "tssm_merlet.json").read_text(encoding="utf-8"))
 
 
 @dataclass(frozen=True)
@@ -117,43 +114,3 @@ def test_dragged_to_random_poses_all_joints_are_where_the_closed_form_says(robot
                 break
         assert np.abs(wrapped((step.q - goal) / mechanism.scale)).max() <= 1e-8, step.status
         arrived += 1
-
-
-# --- the TSSM and its table --------------------------------------------------------------------------------------
-
-
-def from_table(row: list[float]) -> np.ndarray:
-    """x, y, z, psi, theta, phi of the paper, R = Rz(psi) Rx(theta) Rz(phi), as a pose in metres: its unit is a mm."""
-    pose = np.eye(4)
-    pose[:3, 3] = np.array(row[:3]) / 1e3
-    pose[:3, :3] = Rotation.from_euler("ZXZ", row[3:], degrees=True).as_matrix()
-    return pose
-
-
-NOMINAL = from_table([TSSM["nominal_pose"][key] for key in ("x", "y", "z", "psi", "theta", "phi")])
-
-
-def test_the_tssms_joints_are_where_the_paper_has_them():
-    shape = geometry("tssm")
-    assert shape.base == pytest.approx(np.array(TSSM["base"]) / 1e3, abs=1e-9)
-    assert shape.platform == pytest.approx(np.array(TSSM["platform"])[TSSM["leg_to_platform"]] / 1e3, abs=1e-9)
-
-
-def test_the_tssms_home_is_the_nominal_pose(robot):
-    tssm = robot("tssm")
-    pose = tssm.placement(tssm.q_home, "platform").homogeneous
-    assert pose[:3, 3] == pytest.approx(NOMINAL[:3, 3], abs=1e-9)
-    assert angle_between(pose[:3, :3], NOMINAL[:3, :3]) <= 1e-7
-    assert at(tssm, tssm.q_home, LEGS) == pytest.approx(geometry("tssm").legs(NOMINAL), abs=1e-9)
-
-
-@pytest.mark.parametrize("row", range(8))
-def test_each_pose_of_the_tssms_table_is_an_assembly_mode_of_homes_legs(robot, row):
-    """Home's legs exactly, and forward kinematics from the printed pose: it stays within the printed digits."""
-    tssm, pose = robot("tssm"), from_table(TSSM["table1"][row])
-    legs = dict(zip(LEGS, at(tssm, tssm.q_home, LEGS), strict=True))
-    closed = tssm.close(tssm.configuration(inverse("tssm", pose) | legs), locked=LEGS)
-    mode = tssm.placement(closed, "platform")
-    assert np.array_equal(at(tssm, closed, LEGS), at(tssm, tssm.q_home, LEGS))
-    assert mode.translation == pytest.approx(pose[:3, 3], abs=1e-3 * TSSM["tolerance"]["position"])
-    assert math.degrees(angle_between(mode.rotation, pose[:3, :3])) <= TSSM["tolerance"]["angle_deg"]

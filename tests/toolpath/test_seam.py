@@ -181,24 +181,6 @@ def test_back_is_the_same_in_reverse(time):
         assert seam.target(turned + time).isApprox(seam.target(turned - time), 1e-9)
 
 
-def test_loops():
-    closed = Seam(SQUARE * 0.3, flat(SQUARE), 0.02, turning=3.0, again="loop")
-    plain = Seam(SQUARE * 0.3, flat(SQUARE), 0.02, turning=3.0)
-    home = 0.5 * math.pi / 3.0 + 0.25  # it only has to turn by a corner
-    for time in np.linspace(0, plain.duration, 40):
-        assert closed.target(1.0 + time) == plain.target(1.0 + time)
-        again = closed.target(1.0 + plain.duration + home + time)
-        assert again.isApprox(plain.target(1.0 + time), 1e-6)
-    round_ = np.radians(np.arange(0, 361, 15))
-    ring = 0.1 * np.stack([np.cos(round_), np.sin(round_), 0 * round_], axis=1)
-    seam = Seam(ring, flat(ring), 0.02, approach=0.05, again="loop")
-    for time in np.linspace(0, seam.duration, 40):
-        assert seam.target(1.0 + seam.duration + time).isApprox(seam.target(1.0 + time), 1e-6)
-    line = Seam([[0, 0, 0], [0.1, 0, 0]], [UP, UP], 0.02, speed=0.1, approach=0.05, again="loop")
-    halfway = line.target(1.0 + line.duration + 0.5 * (1.0 + 0.25))  # on its way through the air
-    assert halfway.translation == pytest.approx([0.05, 0, 0.07], abs=1e-9)
-
-
 def test_the_approach_is_along_the_tools_axis():
     seam = Seam([[0, 0, 0], [0.1, 0, 0]], [UP, UP], 0.01, 0.3, 0.2, 0.05, approach=0.04, wait=0.5, ramp=0.1)
     for time, along in ((0.0, 0.0), (0.4, 0.0), (0.5 + seam.duration, 0.1), (1e9, 0.1)):
@@ -297,3 +279,21 @@ def test_what_is_no_seam(options, why):
     values = {"points": [[0, 0, 0], [1, 0, 0]], "normals": [UP, UP], **options}
     with pytest.raises(SensorError, match=why):
         Seam(**values)
+
+
+def test_loops():
+    closed = Seam(SQUARE * 0.3, flat(SQUARE), 0.02, turning=3.0, again="loop")
+    plain = Seam(SQUARE * 0.3, flat(SQUARE), 0.02, turning=3.0)
+    home = 0.5 * math.pi / 3.0 + 0.25  # it only has to turn by a corner
+    for time in np.linspace(0, plain.duration, 40):
+        assert closed.target(1.0 + time) == plain.target(1.0 + time)
+        again = closed.target(1.0 + plain.duration + home + time)
+        assert again.isApprox(plain.target(1.0 + time), 1e-6)
+    round_ = np.radians(np.arange(0, 361, 15))
+    ring = 0.1 * np.stack([np.cos(round_), np.sin(round_), 0 * round_], axis=1)
+    seam = Seam(ring, flat(ring), 0.02, approach=0.05, again="loop")
+    for time in np.linspace(0, seam.duration, 40):
+        assert seam.target(1.0 + seam.duration + time).isApprox(seam.target(1.0 + time), 1e-6)
+    line = Seam([[0, 0, 0], [0.1, 0, 0]], [UP, UP], 0.02, speed=0.1, approach=0.05, again="loop")
+    halfway = line.target(1.0 + line.duration + 0.5 * (1.0 + 0.25))  # on its way through the air
+    assert halfway.translation == pytest.approx([0.05, 0, 0.07], abs=1e-9)

@@ -1,12 +1,11 @@
 """Maps against inverse kinematics in closed form: every cell that is farther than a cell from a boundary is right."""
 
 import math
-import re
 
 import numpy as np
 import pinocchio as pin
 import pytest
-from closed_forms import delta4, five_bar, gough, planar_3r, rx90, two_bars, within
+from closed_forms import delta4, five_bar, planar_3r, rx90, two_bars, within
 from mapped import mapped, middles, over
 from scipy.ndimage import label, maximum_filter, minimum_filter
 
@@ -74,27 +73,6 @@ def test_delta4_has_one_solution_within_limits_and_eight_without(robot):
         wanted = delta4(*middles(region), -1.8, limits)
         assert wanted.max() == (1 if limits else 8)
         agree(found["solutions"], wanted)
-
-
-@pytest.mark.parametrize("passive", [True, False])
-def test_gough_at_a_fixed_orientation_reaches_what_is_in_six_shells(robot, raff, root, passive):
-    mechanism = robot("gough")
-    if not passive:  # universal and ball joints go anywhere
-        text = (root / "robots/gough.raff").read_text(encoding="utf-8").split("\n", 1)[1]
-        mechanism = raff(re.sub(r"(type 2\s+pred \d+\s+)limits \{[^}]*\}", r"\1", text))
-    at = {"rx": 0.2, "ry": -0.3, "rz": 0.5}
-    region = over(("x", -0.8, 0.81, 30), ("y", -0.8, 0.82, 30), at=at, orientation="fixed")
-    found = mapped(MapSpecification(mechanism, region, ()))
-    points, rotations = region.poses(
-        mechanism.placement(mechanism.q_home, "platform"), region.values((slice(None), slice(None)))
-    )
-    wanted = gough(points, rotations[0], passive).reshape(region.shape)
-    if passive:
-        agree(found["reachable"], wanted)
-    else:
-        np.testing.assert_array_equal(found["reachable"], wanted)
-        np.testing.assert_array_equal(found["status"] == CellStatus.UNREACHABLE_PROVED, ~wanted)
-    searched(found)
 
 
 # --- other regions ---------------------------------------------------------------------------------------------------

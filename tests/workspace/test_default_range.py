@@ -49,3 +49,8 @@ def test_turns_are_at_most_half_a_turn_and_a_sphere_is_whole(robot):
     assert default_range(gough, "elevation") == (-math.pi / 2, math.pi / 2)
     home = pin.SE3(gough.placement(gough.q_home, gough.end)).translation
     assert default_range(gough, "radius")[1] > np.linalg.norm(home)
+
+
+def test_motors_go_as_far_as_their_limits_or_half_a_turn(robot):
+    five_bar = robot("five_bar")
+    assert default_range(five_bar, "joint1") == pytest.approx((math.radians(60.0), math.radians(200.0)))

@@ -285,22 +285,6 @@ def test_a_singularity_on_the_rim_of_a_region_or_within_its_last_cells_is_seen(a
     assert of_box(spec, inside, q).first == (low + 0.03 <= 0.0 <= low + 0.97)
 
 
-def test_a_box_through_which_a_limit_goes_is_reached_but_not_on_one_branch(arm, tmp_path):
-    """With its elbow bent one way the arm comes to this box with its shoulder at 180 or at -180 degrees."""
-    arm.write_text(ARM.format(limits="-180 180").replace("velocity 90", "limits { 5 170 }"), encoding="utf-8")
-    behind = math.acos((0.5**2 + 0.4**2 - 0.25**2) / (2.0 * 0.5 * 0.4)) - math.pi
-    boxes = []
-    for angle in (behind, behind + 0.8):
-        x, y = 0.5 * math.cos(angle), 0.5 * math.sin(angle)
-        boxes.append(WantedBox({"x": (x - 0.05, x + 0.05), "y": (y - 0.05, y + 0.05)}))
-    rows = [
-        sweep(arm, parse("tool.d=250"), square(0.6, 40), tmp_path / "out", box=box, workers=1).rows[0] for box in boxes
-    ]
-    assert [row.covers_box for row in rows] == [True, True]
-    assert [row.singular for row in rows] == ["branches meet", "no"]
-    assert [row.suitable for row in rows] == [False, True]
-
-
 # --- loops that don't close -------------------------------------------------------------------------------------------
 
 
