@@ -18,6 +18,7 @@ from pathlib import Path
 from typing import Any
 
 from campaign import report, workers
+from campaign.soak import soak
 from campaign.workers import Result
 
 ENDLESS = 10**12
@@ -29,7 +30,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(
         prog="python -m campaign", description=__doc__, formatter_class=argparse.RawTextHelpFormatter
     )
-    parser.add_argument("what", choices=("all", *MAKE, "replay"))
+    parser.add_argument("what", choices=("all", *MAKE, "soak", "replay"))
     parser.add_argument("case", nargs="?", help="of replay, such as raff:123")
     parser.add_argument("--cases", type=lambda text: int(float(text)), default=ENDLESS, help="number of cases [no end]")
     parser.add_argument("--seconds", type=float, default=float("inf"), help="after which no case is begun [no end]")
@@ -76,7 +77,7 @@ MAKE = {what: _make(what) for what in ("files", "ticks", "messages", "kills")}
 """Make the campaigns, by name."""
 
 
-SHARES = {"files": 0.4, "ticks": 0.2, "messages": 0.25, "kills": 0.15}
+SHARES = {"files": 0.4, "ticks": 0.2, "messages": 0.15, "kills": 0.15, "soak": 0.1}
 """Parts of the hours of `all`."""
 
 
@@ -98,8 +99,11 @@ def campaign(what: str, options: Any, folder: Path) -> bool:
             written = result.seconds
             report.write(options.output, what, result, command)
 
-    made = MAKE[what](options, folder / what)
-    result = workers.run(made, options.cases, options.seconds, options.workers, progress)
+    if what == "soak":
+        result = soak(folder, min(options.seconds, 1e9), options.seed, progress)
+    else:
+        made = MAKE[what](options, folder / what)
+        result = workers.run(made, options.cases, options.seconds, options.workers, progress)
     report.write(options.output, what, result, command)
     print(file=sys.stderr)
     print(report.table({what: json.loads((options.output / "report.json").read_text())[what]}))

@@ -52,7 +52,7 @@ def table(report: dict[str, Any]) -> str:
         "| --- | --- | --- | --- | --- | --- |",
     ]
     for what, one in report.items():
-        unit = what if what in one["counts"] else "cases"
+        unit = "s" if what == "soak" else what if what in one["counts"] else "cases"
         done = one["counts"].get(unit, 0)
         rate = done / max(one["seconds"], 1e-9) / one["workers"]
         worst = "; ".join(f"{name} {shown(value)}" for name, value in one["worst"].items())

@@ -46,7 +46,7 @@ def test_a_configuration_is_clear_by_a_margin_exactly_where_the_meshes_are(name)
 def test_rows_of_exact_distances_are_how_they_change():
     mechanism, checked, step = load(UR5), 0, 1e-5
     clearance = clearance_among_links(mechanism)
-    for q in configurations(mechanism, 40, 5):
+    for q in configurations(mechanism, 20, 5):
         near = clearance.near(q, 0.1)
         first = {int(pair): i for i, pair in reversed(list(enumerate(near.pairs)))}
         distances, rows, excess = near.distances.copy(), near.rows.copy(), clearance.memory.excess.copy()
@@ -61,7 +61,7 @@ def test_rows_of_exact_distances_are_how_they_change():
             if jumps.max() < 1e-2:  # the nearest points stay on the same triangles
                 assert rows[i] == pytest.approx(-slopes, abs=2e-4 * mechanism.length)
                 checked += 1
-    assert checked > 8
+    assert checked > 4
 
 
 def test_no_pair_that_is_called_certain_on_a_motion_comes_nearer_by_its_meshes():

@@ -94,8 +94,8 @@ def test_links_whose_solids_always_overlap_are_checked_by_their_meshes():
     assert clearance.distances(talos().q_home)[pair] > 0.0
     check = MeshCheck(given)
     assert both not in map(frozenset, check.unchecked)
-    free = LocalIK(talos()).samples(50, np.random.default_rng(3))
-    beyond = np.random.default_rng(0).uniform(-np.pi, np.pi, size=(100, talos().model.nq))  # limits apart
+    free = LocalIK(talos()).samples(20, np.random.default_rng(3))
+    beyond = np.random.default_rng(0).uniform(-np.pi, np.pi, size=(60, talos().model.nq))  # limits apart
     named = [[both <= set(check.contact(q).split("'")) for q in some] for some in (free, beyond)]
     assert not any(named[0])
     assert any(named[1])

@@ -61,9 +61,9 @@ def test_however_it_is_pulled_it_stays_clear_all_along(name, node, dt, accelerat
     solver, clearance = hand(scene(name, *balls), dt, acceleration)
     task = solver.add_task(node, translation=3, rotation=0, axes="world")
     before, barred = solver.q, 0
-    for tick in range(240):
-        if tick % 40 == 0:
-            moved(task, balls[tick // 40 % 4]["point"] + rng.uniform(-0.05, 0.05, 3) * mechanism.length)
+    for tick in range(120):
+        if tick % 30 == 0:
+            moved(task, balls[tick // 30]["point"] + rng.uniform(-0.05, 0.05, 3) * mechanism.length)
         step = solver.step()
         for part in (0.5, 1.0):
             between = pin.interpolate(mechanism.model, before, step.q, part)
@@ -80,7 +80,7 @@ def test_it_goes_round_a_pole_where_a_damper_alone_is_held():
     start = {"joints": {"joint1": -1.18, "joint2": 0.99, "joint3": 0.88}}
     goal = [0.6, 0.3, 0.0]
 
-    def pulled(solver, ticks=6000):
+    def pulled(solver, ticks=1500):
         task = solver.add_task("tool", translation=2, rotation=0, axes="world")
         moved(task, goal)
         seen = set()
@@ -91,13 +91,13 @@ def test_it_goes_round_a_pole_where_a_damper_alone_is_held():
                 break
         return step, seen
 
-    avoiding, clearance = hand(scene("planar_3r", rod, start=start))
+    avoiding, clearance = hand(scene("planar_3r", rod, start=start), dt=4e-3)
     step, seen = pulled(avoiding)
     assert step.errors[0][0] < 1e-3
     assert Status.DETOUR in seen
-    alone = Solver(avoiding.mechanism, 1e-3, scene("planar_3r", rod, start=start).start)
+    alone = Solver(avoiding.mechanism, 4e-3, scene("planar_3r", rod, start=start).start)
     alone.barriers = avoiding.barriers
-    step, seen = pulled(alone, 1500)
+    step, seen = pulled(alone, 400)
     assert step.errors[0][0] > 0.1
     assert step.status is Status.BARRED
     assert clearance.least(step.q) >= SAFETY

@@ -8,16 +8,12 @@ document.
 from __future__ import annotations
 
 import math
-import warnings
 from collections.abc import Iterable, Mapping
 from functools import cache
 from pathlib import Path
 
 import numpy as np
-import pytest
-from variants import FEWER
 
-import cinegen
 import raff2urdf
 from raff2urdf.raff.document import Document, JointType, RaffBase, RaffFrame, RaffLink, RaffRobot
 
@@ -144,21 +140,3 @@ def angle_between(one: np.ndarray, other: np.ndarray) -> float:
     m = one.T @ other
     sine = 0.5 * np.linalg.norm([m[2, 1] - m[1, 2], m[0, 2] - m[2, 0], m[1, 0] - m[0, 1]])
     return float(math.atan2(sine, 0.5 * (np.trace(m) - 1.0)))
-
-
-EVERY = [
-    pytest.param(name, robot.name, id=f"{name}-{robot.name}")
-    for name in sorted(path.stem for path in ROBOTS.glob("*.raff"))
-    for robot in document(name).robots
-]
-"""All robots of the repository, by file and name."""
-
-one_of_each_kind = pytest.mark.parametrize(("name", "which"), [one for one in EVERY if one.values[0] in FEWER])
-
-
-@cache
-def load(name: str, which: str | None = None) -> cinegen.Mechanism:
-    """A robot of the repository; none of them loads with a warning."""
-    with warnings.catch_warnings():
-        warnings.simplefilter("error")
-        return cinegen.load(ROBOTS / f"{name}.raff", which)

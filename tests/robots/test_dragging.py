@@ -7,8 +7,8 @@ import math
 import numpy as np
 import pinocchio as pin
 import pytest
-from elementary import load, one_of_each_kind
 from hand import DT, Hand, check
+from repository import load, one_of_each_kind
 from scipy.optimize import linprog
 
 import cinegen

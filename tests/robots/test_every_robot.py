@@ -7,7 +7,8 @@ import re
 import numpy as np
 import pinocchio as pin
 import pytest
-from elementary import EVERY, ROBOTS, document, load, placed, values, within_limits
+from elementary import ROBOTS, document, placed, values, within_limits
+from repository import EVERY, load
 
 import cinegen
 import raff2urdf

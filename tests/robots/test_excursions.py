@@ -7,7 +7,8 @@ from functools import cache
 import numpy as np
 import pinocchio as pin
 import pytest
-from elementary import load, one_of_each_kind, within_limits
+from elementary import within_limits
+from repository import load, one_of_each_kind
 from test_dragging import what_could_be_won
 
 import cinegen

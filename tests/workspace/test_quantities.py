@@ -8,7 +8,7 @@ import numpy as np
 import pinocchio as pin
 import pytest
 import trimesh
-from clearings import among, ball, measured
+from clearings import ball, measured, obstacles_of
 from closed_forms import rx90
 from hypothesis import given
 from hypothesis import strategies as st
@@ -16,6 +16,7 @@ from mapped import mapped, middles, over
 from scipy.optimize import linprog
 
 import cinegen
+from cinegen.collision.clearance import Clearance, links_of
 from cinegen.model.load import build
 from cinegen.singularities import singularity
 from cinegen.workspace import QUANTITIES, MapError, MapSpecification, make_map
@@ -223,7 +224,8 @@ def test_clearance_is_what_coal_measures_between_shapes(robot):
     }
     mechanism = robot("arm7")
     spec = MapSpecification(mechanism, SPECIFICATIONS["arm7"], ("clearance",), scene=scene)
-    clearance = among("arm7", [ball(size, *point)])
+    bodies, pairs = links_of(mechanism)
+    clearance = Clearance(mechanism, bodies, obstacles_of([ball(size, *point)]), pairs, np.inf)
     for q, values in cells(spec):
         assert values["clearance"] == pytest.approx(measured(clearance, q).min(), abs=1e-5)
 
