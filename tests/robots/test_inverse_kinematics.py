@@ -190,3 +190,29 @@ def test_what_makes_no_sense_is_refused() -> None:
     ):
         with pytest.raises(cinegen.CinegenError, match=message):
             cinegen.inverse_kinematics(mechanism, targets, **options)
+
+
+def test_a_hundredth_of_a_millimetre_beyond_reach_is_too_far_unless_that_is_tolerated() -> None:
+    """Links of 400, 300 and 200 mm."""
+    mechanism = mechanism_of("planar_3r")
+    target = pin.SE3(np.eye(3), np.array([0.9 + 1e-5, 0.0, 0.0]))
+    task = cinegen.FrameTask("tool", target, 3, 0)
+    reached = cinegen.inverse_kinematics(mechanism, [task], limits=False)
+    assert not reached
+    assert reached.errors[0][0] == pytest.approx(1e-5, rel=1e-2)
+    assert cinegen.inverse_kinematics(mechanism, [task], limits=False, tolerance=1e-4)
+
+
+def test_two_nodes_at_once() -> None:
+    mechanism = mechanism_of("arm7")
+    elbow, end = mechanism.nodes[4], end_of(mechanism)
+    for known in configurations(mechanism, 20, seed=5):
+        elbow_there, end_there = (mechanism.placement(known, node) for node in (elbow, end))
+        reached = cinegen.inverse_kinematics(
+            mechanism, [cinegen.FrameTask(elbow, elbow_there, 3, 0), cinegen.FrameTask(end, end_there)]
+        )
+        assert reached
+        assert len(reached.errors) == 2
+        assert max(map(max, reached.errors)) <= 1e-6
+        left = mechanism.placement(reached.q, elbow).translation - elbow_there.translation
+        assert np.linalg.norm(left) <= 1e-6
