@@ -81,18 +81,14 @@ def judged(act: Callable[[], Any], names: Iterable[str], checks: Callable[[Any],
         warnings.simplefilter("always")
         try:
             found.value = act()
-            found.broken += [
-                ("invariant", re.sub(r"[-+]?\d[\d.e+-]*", "N", wrong), wrong) for wrong in checks(found.value)
-            ]
+            for wrong in checks(found.value):
+                found.broken.append(("invariant", re.sub(r"[-+]?\d[\d.e+-]*", "N", wrong), wrong))
         except (RaffError, CinegenError) as error:
             found.status, found.message = "refused", str(error)
             found.broken += list(_of_message(error, tuple(names)))
-        except MemoryError as error:
-            found.status = "raised"
-            found.broken.append(("memory", where(error), "".join(traceback.format_exception(error))))
         except Exception as error:
-            found.status = "raised"
-            found.broken.append(("exception", where(error), "".join(traceback.format_exception(error))))
+            found.status, kind = "raised", "memory" if isinstance(error, MemoryError) else "exception"
+            found.broken.append((kind, where(error), "".join(traceback.format_exception(error))))
     found.seconds = time.process_time() - began
     for one in warned:
         if issubclass(one.category, (RaffWarning, CinegenWarning)):
@@ -137,9 +133,8 @@ def leaks(found: Outcome) -> Iterator[None]:
     size = os.fstat(_Captured.file).st_size
     if size > start:
         text = os.pread(_Captured.file, 4000, start).decode(errors="replace")
-        found.broken.append(
-            ("printed", re.sub(r"\d+|'[^']*'|\"[^\"]*\"|/\S+", "", text.strip().split("\n")[0])[:60], text)
-        )
+        first = re.sub(r"\d+|'[^']*'|\"[^\"]*\"|/\S+", "", text.strip().split("\n")[0])
+        found.broken.append(("printed", first[:60], text))
 
 
 class _Captured:

@@ -23,6 +23,7 @@ from typing import Any
 
 from campaign.judge import Finding
 from campaign.readers import ROOT
+from campaign.workers import Campaign
 
 _CHANGES = re.compile(rb'"created":"[^"]*"')  # what differs from run to run
 _LEFT = 15.0  # s in which the processes of a killed command must end
@@ -79,10 +80,7 @@ WRITERS = {
     "raff2urdf-sdf": Writer("raff2urdf robot.raff -o out/ --format sdf", _FOUR_BAR),
     "raff2urdf-mjcf": Writer("raff2urdf robot.raff -o out/ --format mjcf", _robot("planar_3r", b"d 400.0", b"d 401.0")),
     "urdf2raff": Writer("raff2urdf.urdf2raff robot.urdf -o out.raff --force", _arm()),
-    "heal": Writer(
-        "cinegen heal robot.raff out.raff --force",
-        {"robot.raff": (_tilted(b"0.003"), _tilted(b"0.004"))},
-    ),
+    "heal": Writer("cinegen heal robot.raff out.raff --force", {"robot.raff": (_tilted(b"0.003"), _tilted(b"0.004"))}),
     "map": Writer(
         "cinegen map robot.raff --over x=-0.5..0.5:60,y=-0.5..0.5:60 --workers 1 -o out.zarr",
         _both("robot.raff", (ROOT / "robots/planar_3r.raff").read_bytes()),
@@ -103,7 +101,7 @@ WRITERS = {
 }  # fmt: skip
 
 
-class Kills:
+class Kills(Campaign):
     """Kills of all writers.
 
     Args:
@@ -138,9 +136,6 @@ class Kills:
         """Begin in a process of its own."""
         self.folder = self.folder / f"worker{worker}"
 
-    def end(self) -> None:
-        """End there."""
-
     def evidence(self, number: int) -> tuple[str, dict[str, bytes]]:
         """Return the name of a case."""
         return f"{self.names[number % len(self.names)]}:{number // len(self.names)}", {}
@@ -159,11 +154,9 @@ class Kills:
             (path / file).write_bytes(data)
         _put(writer, path, 1, self.folder.parent)
         broken: list[tuple[str, str, str]] = []
-        delay = rng.uniform(0.0, 1.05 * self._seconds[name])
-        delays = [
-            delay,
-            *(rng.uniform(0.0, 1.05 * self._seconds[name]) for _ in range(rng.randint(0, 2 * writer.resumes))),
-        ]
+        count = 1 + rng.randint(0, 2 * writer.resumes)
+        delays = [rng.uniform(0.0, 1.05 * self._seconds[name]) for _ in range(count)]
+        when = f"killed after {delays[0]:.3f} s"
         ends = [self._killed(writer, path, one, broken) for one in delays]
         if writer.resumes:
             code = _ended(_start(writer, path), 0.0)
@@ -176,20 +169,14 @@ class Kills:
             if data is None and not has_old:
                 whole["absent"] += 1
             elif data is None or (writer.appends and not _is_read(path / file, broken)):
-                broken.append(("lost", file, f"killed after {delay:.3f} s"))
+                broken.append(("lost", file, when))
             elif not writer.appends and data not in (new[file], old.get(file) if has_old else None):
-                broken.append(
-                    (
-                        "half a file",
-                        _kind(file),
-                        f"{file}, killed after {delay:.3f} s: {len(data)} bytes, not {len(new[file])}",
-                    )
-                )
+                broken.append(("half a file", _kind(file), f"{file}, {when}: {len(data)} bytes, not {len(new[file])}"))
             else:
                 whole["whole"] += 1
         strangers = [file for file in found if not Path(file).name.startswith(".") and file not in old]
         if strangers and (writer.resumes or not writer.appends):
-            broken.append(("strange file", _kind(strangers[0]), f"{strangers}, killed after {delay:.3f} s"))
+            broken.append(("strange file", _kind(strangers[0]), f"{strangers}, {when}"))
         killed = sum(one[0] for one in ends)
         counts = {"cases": 1, "kills": killed, "ended before": len(ends) - killed, f"{name} kills": killed}
         counts |= {**whole, "temporary files left": len(found) - len(strangers)}

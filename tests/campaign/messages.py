@@ -23,6 +23,7 @@ import msgspec
 from campaign import mutation as m
 from campaign.judge import Finding
 from campaign.served import Honest, Peer, Served, framed
+from campaign.workers import Campaign
 from cinegen.cockpit.messages import ClientMessage
 
 BURST = 390
@@ -47,35 +48,25 @@ _SCHEMA = msgspec.json.schema(ClientMessage)
 _KINDS = [one["$ref"].rpartition("/")[2] for one in _SCHEMA["anyOf"]]
 _WITHOUT_SENSORS = [kind for kind in _KINDS if kind != "SelectSensor"]
 _PATHS = (
-    "",
-    "session",
-    "scene",
-    "viewer.js",
-    "snapshot.html",
-    "static/cockpit.js",
-    "static/index.html",
-    "map/about.json",
-    "map/cell/1",
-    "robots.txt",
+    *("", "session", "scene", "viewer.js", "snapshot.html", "static/cockpit.js", "static/index.html"),
+    *("map/about.json", "map/cell/1", "robots.txt"),
+)
+_STRANGE = (
+    *("../" * 9 + "etc/hostname", "static/../../x", "%2e%2e/", "%00", "a" * 9000, "\u00e9", "session?token=%ff"),
+    *("scene#", "//", "*", "session/"),
 )
 _METHODS = ("GET", "POST", "HEAD", "PUT", "DELETE", "OPTIONS", "CONNECT", "PATCH", "get", "GET GET", "\0")
 _HEADERS = (
     *("Host: example.com", "Host: [::1", "Origin: http://example.com", "Origin: null", "Cookie: " + "a" * 3000),
     *("Content-Length: 99999999999", "Content-Length: -1", "Content-Length: 5", "Transfer-Encoding: chunked"),
-    *(
-        "Connection: Upgrade",
-        "Upgrade: websocket",
-        "Sec-WebSocket-Version: 99",
-        "X: \x00",
-        ": ",
-        "Expect: 100-continue",
-    ),
+    *("Connection: Upgrade", "Upgrade: websocket", "Sec-WebSocket-Version: 99", "X: \x00", ": "),
+    "Expect: 100-continue",
     *("Sec-WebSocket-Extensions: permessage-deflate", "Range: bytes=0-0,1-1,2-2", "Range: bytes=-99999999999"),
     "If-Modified-Since: yesterday",
 )
 
 
-class Messages:
+class Messages(Campaign):
     """Connections to a server; each worker has its own.
 
     Args:
@@ -83,7 +74,7 @@ class Messages:
         robots: files of the robots that are driven.
     """
 
-    limit = 120.0
+    name = "messages"
 
     def __init__(
         self, seed: int = 0, robots: tuple[str, ...] = ("robots/planar_3r.raff", "robots/five_bar.raff")
@@ -102,10 +93,6 @@ class Messages:
         self.honest.stop()
         self.server.stop()
 
-    def evidence(self, number: int) -> tuple[str, dict[str, bytes]]:
-        """Return the name of a case."""
-        return f"messages:{number}", {}
-
     def run(self, number: int) -> tuple[dict[str, int], dict[str, Any], list[Finding]]:
         """Make a connection; return what is counted, what is measured, and the findings."""
         case, rng = f"messages:{number}", Random(f"{self.seed}/messages:{number}")
@@ -122,9 +109,8 @@ class Messages:
                 answer, counts["messages"] = _answer(peer, sent, number_of_messages, PATIENCE)
                 if answer == "pong" and rng.random() < 0.8:
                     sent += (last := self._broken_frame(rng))
-                    answer, handled = _answer(
-                        peer, last + _ping(number_of_messages + 1), number_of_messages + 1, _SHORT
-                    )
+                    following = number_of_messages + 1
+                    answer, handled = _answer(peer, last + _ping(following), following, _SHORT)
                     counts["messages"] += handled > 0
                     answer = "not to the last" if answer == "never" else answer  # it may take the ping for its own part
                 counts[f"answered {answer}"] = 1
@@ -153,9 +139,8 @@ class Messages:
         output = self.server.output()
         if "Traceback" in output or "Error" in output or "WARNING" in output:
             frames = re.findall(r'File "[^"]*/(cinegen/[^"]*)", line \d+, in (\w+)', output)
-            broken.append(
-                ("printed", ":".join(frames[-1]) if frames else output.strip().splitlines()[-1][:80], output[-3000:])
-            )
+            place = ":".join(frames[-1]) if frames else output.strip().splitlines()[-1][:80]
+            broken.append(("printed", place, output[-3000:]))
         gap = self.honest.gap
         if gap > GAP:
             broken.append(("honest client starved", "", f"no state for {gap:.1f} s"))
@@ -205,9 +190,8 @@ class Messages:
         if kind < 0.8:
             return framed(rng.randbytes(rng.randint(0, 130)), rng.choice((0, 3, 8, 9, 10, 11, 15)), rng.random() < 0.5)
         if kind < 0.9:
-            return framed(text[:5], 1, final=False) + framed(
-                rng.choice((text[5:], b"\xff\xfe", b"")), rng.choice((0, 1)), final=rng.random() < 0.8
-            )
+            rest = rng.choice((text[5:], b"\xff\xfe", b""))
+            return framed(text[:5], 1, final=False) + framed(rest, rng.choice((0, 1)), final=rng.random() < 0.8)
         return m.change_bytes(rng, framed(text), ())
 
 
@@ -273,23 +257,7 @@ def names_of(url: str) -> list[dict[str, list[Any]]]:
 
 
 def _request(rng: Random) -> bytes:
-    path = rng.choice(_PATHS)
-    if rng.random() < 0.4:
-        path = rng.choice(
-            (
-                "../" * 9 + "etc/hostname",
-                "static/../../x",
-                "%2e%2e/",
-                "%00",
-                "a" * 9000,
-                "\u00e9",
-                path + "?token=%ff",
-                path + "#",
-                "//",
-                "*",
-                path + "/",
-            )
-        )
+    path = rng.choice(_STRANGE if rng.random() < 0.4 else _PATHS)
     method, version = rng.choice(("GET", "GET", "GET", *_METHODS)), rng.choice(("1.1", "1.1", "1.0", "2", "9.9", ""))
     lines = [f"{method} /{path} HTTP/{version}"]
     lines += ["Host: 127.0.0.1"] if rng.random() < 0.9 else []
@@ -312,10 +280,8 @@ def value(rng: Random, schema: dict[str, Any]) -> Any:
         return {name: value(rng, one) for name, one in fields.items() if name in required or rng.random() < 0.6}
     if kind == "array":
         items = [value(rng, one) for one in schema.get("prefixItems", ())]
-        return items or [
-            value(rng, schema["items"])
-            for _ in range(rng.randint(schema.get("minItems", 0), schema.get("maxItems", 8)))
-        ]
+        count = rng.randint(schema.get("minItems", 0), schema.get("maxItems", 8))
+        return items or [value(rng, schema["items"]) for _ in range(count)]
     if kind in ("number", "integer"):
         low, high = schema.get("minimum", -1e6), schema.get("maximum", schema.get("exclusiveMaximum", 1e6 + 1) - 1)
         number = rng.choice((low, high, 0.0, 1.0, rng.gauss(0.0, 1.0), rng.uniform(low, high)))

@@ -24,24 +24,8 @@ Mutation = Callable[[Random, bytes, Words], bytes]
 NUMBERS = (
     *("0", "-0", "1", "-1", "2", "0.5", "-0.25", "3.141592653589793", "90", "1e-9", "1e-300", "5e-324", "1e6", "1e16"),
     *("1e150", "-1e308", "1.7976931348623157e308", "1e309", "1e400", "-1e400", "nan", "NaN", "inf", "-inf", "Infinity"),
-    *(
-        "9" * 25,
-        "9" * 400,
-        "0x10",
-        "1_000",
-        "1,5",
-        "1e",
-        "--1",
-        "+-2",
-        "१",
-        "²",
-        "1 2",
-        "",
-        " ",
-        "None",
-        "true",
-        "4294967296",
-    ),
+    *("9" * 25, "9" * 400, "0x10", "1_000", "1,5", "1e", "--1", "+-2", "१", "²", "1 2", "", " ", "None", "true"),
+    "4294967296",
 )
 """Numbers, and words in places of numbers, at which readers go wrong."""
 
@@ -134,9 +118,8 @@ def _number(rng: Random, found: str) -> str:
         value = float(found)
     except ValueError:
         return rng.choice(NUMBERS)
-    return repr(
-        rng.choice((-value, value * 1000.0, value / 1000.0, value + 1e-9, value * (1 + 1e-6), value + 1.0, value * 1e9))
-    )
+    near = (value + 1e-9, value * (1 + 1e-6), value + 1.0)
+    return repr(rng.choice((-value, value * 1000.0, value / 1000.0, value * 1e9, *near)))
 
 
 def _some(rng: Random, pattern: re.Pattern[bytes], data: bytes) -> list[re.Match[bytes]]:
@@ -168,9 +151,8 @@ def change_xml(rng: Random, data: bytes, words: Words) -> bytes:
     parent = node.getparent()
     kind = rng.randrange(8)
     if kind < 4:
-        _change_attribute(
-            rng, node if node.attrib else rng.choice([one for one in nodes if one.attrib] or nodes), words
-        )
+        others = [one for one in nodes if one.attrib] or nodes
+        _change_attribute(rng, node if node.attrib else rng.choice(others), words)
     elif kind == 4 or parent is None:
         node.tag = _tag(rng, node.tag, words)
     elif kind == 5:
@@ -181,9 +163,8 @@ def change_xml(rng: Random, data: bytes, words: Words) -> bytes:
         if rng.random() < 0.5:
             _change_attribute(rng, copied, words)
     else:
-        node.text = rng.choice(
-            (_number(rng, node.text or ""), rng.choice(words) if words else "x", "", "1 2", "0 0 0 0 0 0 0")
-        )
+        word = rng.choice(words) if words else "x"
+        node.text = rng.choice((_number(rng, node.text or ""), word, "", "1 2", "0 0 0 0 0 0 0"))
     return etree.tostring(root)
 
 
@@ -357,16 +338,12 @@ def _changed(rng: Random, values: Any, words: Words) -> Any:
     elif kind == 2 and isinstance(table, dict):
         table[misspelt(rng, str(key))] = table.pop(key)
     elif kind == 3:
-        table[key] = rng.choice(
-            (None, True, [], {}, "", "x", 0, -1, 1e308, -1e308, 2**63, 10**30, [value], {"x": value}, "\ud83d")
-        )
+        numbers = (0, -1, 1e308, -1e308, 2**63, 10**30)
+        table[key] = rng.choice((None, True, [], {}, "", "x", *numbers, [value], {"x": value}, "\ud83d"))
     elif kind == 4:
         other = rng.choice(containers)
-        table[key] = (
-            other
-            if other is not table and rng.random() < 0.3 and not _holds(other, table)
-            else rng.choice(words or ("x",))
-        )
+        holds = any(one is table for one in _containers(other))
+        table[key] = other if rng.random() < 0.3 and not holds else rng.choice(words or ("x",))
     elif kind == 5 and isinstance(value, str):
         table[key] = misspelt(rng, value)
     elif kind == 6 and isinstance(table, list):
@@ -380,10 +357,6 @@ def _changed(rng: Random, values: Any, words: Words) -> Any:
     else:
         table[key] = rng.choice(words or ("x",))
     return values
-
-
-def _holds(outer: Any, inner: Any) -> bool:
-    return any(one is inner for one in _containers(outer))
 
 
 # --- RAFF --------------------------------------------------------------------------------------------------------
@@ -418,10 +391,8 @@ def misspell_raff(rng: Random, data: bytes, _: Words) -> bytes:
     """Misspell a word."""
     text, found = data.decode(), _statements(data)
     start = rng.choice(found)[0]
-    word = re.match(r"\w*", text[start:])
-    return (
-        text[:start] + misspelt(rng, word[0] if word else "") + text[start + len(word[0] if word else "") :]
-    ).encode()
+    word = re.match(r"\w*", text[start:])[0]
+    return (text[:start] + misspelt(rng, word) + text[start + len(word) :]).encode()
 
 
 def statement(rng: Random, block: str, depth: int = 3) -> str:
@@ -439,8 +410,8 @@ def statement(rng: Random, block: str, depth: int = 3) -> str:
 
 def _token(rng: Random, kind: str) -> str:
     if kind == "NUMBER":
-        return (
-            rng.choice(NUMBERS) if rng.random() < 0.2 else str(rng.choice((0, 1, 2, 3, 4, 5, 9, -30, 90, 120.5, 300)))
+        return rng.choice(
+            NUMBERS if rng.random() < 0.2 else ["0", "1", "2", "3", "4", "5", "9", "-30", "90", "120.5", "300"]
         )
     if kind in ("STRING", "NAME"):
         return rng.choice(('"a b"', '""', '"../x.stl"', '"é"', '"<&>"', "r1" if kind == "NAME" else '"r1"'))
@@ -484,20 +455,9 @@ def _statements(data: bytes) -> list[tuple[int, int, str]]:
 
 PLAIN: tuple[Mutation, ...] = (change_bytes, change_number, change_number, change_word, change_lines)
 """Mutations of any text."""
-BINARY: tuple[Mutation, ...] = (change_bytes,)
 XML: tuple[Mutation, ...] = (*PLAIN, change_xml, change_xml, change_xml, change_xml, change_xml)
 JSON: tuple[Mutation, ...] = (*PLAIN, change_json, change_json, change_json, change_json, change_json)
 YAML: tuple[Mutation, ...] = (*PLAIN, change_yaml, change_yaml, change_yaml, change_yaml, change_yaml)
 RAFF: tuple[Mutation, ...] = (*PLAIN, change_raff, change_raff, change_raff, change_raff)
-MISSPELL: dict[tuple[Mutation, ...], Mutation] = {
-    XML: misspell_xml,
-    JSON: misspell_json,
-    YAML: misspell_yaml,
-    RAFF: misspell_raff,
-}
-RELAYOUT: dict[tuple[Mutation, ...], Mutation] = {
-    XML: relayout_xml,
-    JSON: relayout_json,
-    YAML: relayout_yaml,
-    RAFF: relayout_raff,
-}
+MISSPELL = {XML: misspell_xml, JSON: misspell_json, YAML: misspell_yaml, RAFF: misspell_raff}
+RELAYOUT = {XML: relayout_xml, JSON: relayout_json, YAML: relayout_yaml, RAFF: relayout_raff}

@@ -25,6 +25,7 @@ import raff2urdf
 from campaign import mutation as m
 from campaign.corpus import Seed, entries, seed_of
 from campaign.judge import Finding, Outcome, judged
+from campaign.workers import Campaign
 from raff2urdf.raff.syntax import STATEMENTS
 from raff2urdf.readers.ignored import _MJCF, _SDF, _URDF
 
@@ -82,15 +83,8 @@ def meaning_of(mechanism: cinegen.Mechanism) -> Any:
     """Return what two files of the same meaning agree on."""
     loops = sorted((loop.name, loop.kind.name) for loop in mechanism.loops)
     q = [round(float(value), 6) for value in mechanism.q_home]
-    return (
-        mechanism.nodes,
-        mechanism.model.nq,
-        mechanism.mobility,
-        loops,
-        len(mechanism.couplings),
-        mechanism.actuated,
-        q,
-    )
+    nq, couplings = mechanism.model.nq, len(mechanism.couplings)
+    return mechanism.nodes, nq, mechanism.mobility, loops, couplings, mechanism.actuated, q
 
 
 def constraints_in(meaning: Any) -> int:
@@ -179,22 +173,10 @@ _DIALECTS = ("urdf+", "closing-frames", "mimic", "constraint")
 
 def _robot_yaml(folder: Path) -> list[Seed]:
     seeds = _of_folder(folder / "robot.yaml", ".yaml", ".urdf")
-    seeds = [
+    return [
         Seed({name: data for name, data in one.files.items() if not name.endswith(".json")}, one.subject, one.main)
         for one in seeds
     ]
-    return seeds + [
-        Seed({name: (path / name).read_bytes() for name in ("robot.urdf", "robot.yaml")}, "robot.yaml", "robot.urdf")
-        for path in [ROOT / "tests/peers/data/example-parallel-robots/5bar_linkage"]
-    ]
-
-
-def _sdf(folder: Path) -> list[Seed]:
-    return _of_folder(folder / "sdf", ".sdf")
-
-
-def _mjcf(folder: Path) -> list[Seed]:
-    return _of_folder(folder / "mjcf", ".xml")
 
 
 def _scene(_: Path) -> list[Seed]:
@@ -207,7 +189,8 @@ def _scene(_: Path) -> list[Seed]:
     return seeds
 
 
-def _corpus_alone(_: Path) -> list[Seed]:
+def _none(_: Path) -> list[Seed]:
+    """The corpus has all."""
     return []
 
 
@@ -305,116 +288,28 @@ def _tags(table: Any) -> tuple[str, ...]:
 
 
 _RAFF_WORDS = tuple({word for block in STATEMENTS.values() for word in block})
-_DIALECT_WORDS = tuple(
-    [
-        "constraint",
-        "loop",
-        "coupling",
-        "loop_joint",
-        "predecessor",
-        "successor",
-        "mimic",
-        "multiplier",
-        "offset",
-        "independent",
-        "type",
-        "name",
-        "link",
-        "joint",
-        "parent",
-        "child",
-        "origin",
-        "xyz",
-        "rpy",
-        "axis",
-        "limit",
-        "lower",
-        "upper",
-        "revolute",
-        "prismatic",
-        "continuous",
-        "fixed",
-        "floating",
-        "planar",
-        "spherical",
-        "universal",
-        "ball",
-        "drake:joint",
-        "linear_bushing_rpy",
-        "gazebo",
-        "plugin",
-    ]
+_DIALECT_WORDS = (
+    *("constraint", "loop", "coupling", "loop_joint", "predecessor", "successor", "mimic", "multiplier", "offset"),
+    *("independent", "type", "name", "link", "joint", "parent", "child", "origin", "xyz", "rpy", "axis", "limit"),
+    *("lower", "upper", "revolute", "prismatic", "continuous", "fixed", "floating", "planar", "spherical"),
+    *("universal", "ball", "drake:joint", "linear_bushing_rpy", "gazebo", "plugin"),
 )
 _MJCF_WORDS = (
     *_tags(_MJCF),
-    *[
-        "connect",
-        "weld",
-        "joint",
-        "tendon",
-        "class",
-        "childclass",
-        "euler",
-        "quat",
-        "axisangle",
-        "ref",
-        "range",
-        "ball",
-        "free",
-        "slide",
-        "hinge",
-    ],
+    *("connect", "weld", "joint", "tendon", "class", "childclass", "euler", "quat", "axisangle", "ref", "range"),
+    *("ball", "free", "slide", "hinge"),
 )
-_SCENE_WORDS = tuple(
-    [
-        "robot",
-        "node",
-        "mobile",
-        "start",
-        "goal",
-        "obstacle",
-        "kind",
-        "disc",
-        "box",
-        "capsule",
-        "polygon",
-        "sphere",
-        "radius",
-        "point",
-        "points",
-        "mesh",
-        "pose",
-    ]
+_SCENE_WORDS = (
+    *("robot", "node", "mobile", "start", "goal", "obstacle", "kind", "disc", "box", "capsule", "polygon"),
+    *("sphere", "radius", "point", "points", "mesh", "pose"),
 )
-_YAML_WORDS = tuple(
-    [
-        "closed_loop",
-        "type",
-        "name_mot",
-        "joint_name",
-        "joint_type",
-        "SPHERICAL",
-        "UJOINT_XY",
-        "3d",
-        "6d",
-        "closures",
-        "pin_loops",
-        "ball_loops",
-        "link_a",
-        "link_b",
-        "parent_xyz",
-        "child_xyz",
-        "point",
-        "axis",
-        "actuated_joints",
-    ]
+_YAML_WORDS = (
+    *("closed_loop", "type", "name_mot", "joint_name", "joint_type", "SPHERICAL", "UJOINT_XY", "3d", "6d"),
+    *("closures", "pin_loops", "ball_loops", "link_a", "link_b", "parent_xyz", "child_xyz", "point", "axis"),
+    *("actuated_joints",),
 )
 _SCHEMA_WORDS = tuple(set(_keys(json.loads((ROOT / "raff2urdf/constraints.schema.json").read_text()))))
 _RECORDING_WORDS = ("robots", "obstacles", "tasks", "status", "q", "t", "null")
-
-
-def _constraints(folder: Path) -> list[Seed]:
-    return _of_folder(folder / "json", ".json", ".urdf")
 
 
 def _missions(folder: Path) -> list[Seed]:
@@ -430,18 +325,18 @@ READERS = {
     for one in (
         _mechanism("raff", _raff, m.RAFF, _RAFF_WORDS),
         _mechanism("urdf", _urdf, m.XML, (*_DIALECT_WORDS, *_tags(_URDF))),
-        _mechanism("constraints", _constraints, m.JSON, _SCHEMA_WORDS),
-        _mechanism("sdf", _sdf, m.XML, _tags(_SDF)),
-        _mechanism("mjcf", _mjcf, m.XML, _MJCF_WORDS),
-        _mechanism("xacro", _corpus_alone, m.XML, _DIALECT_WORDS),
+        _mechanism("constraints", lambda folder: _of_folder(folder / "json", ".json", ".urdf"), m.JSON, _SCHEMA_WORDS),
+        _mechanism("sdf", lambda folder: _of_folder(folder / "sdf", ".sdf"), m.XML, _tags(_SDF)),
+        _mechanism("mjcf", lambda folder: _of_folder(folder / "mjcf", ".xml"), m.XML, _MJCF_WORDS),
+        _mechanism("xacro", _none, m.XML, _DIALECT_WORDS),
         _mechanism("robot_yaml", _robot_yaml, m.YAML, _YAML_WORDS),
-        _mechanism("loop_closures", _corpus_alone, m.YAML, _YAML_WORDS),
+        _mechanism("loop_closures", _none, m.YAML, _YAML_WORDS),
         Reader("scene", _scene, _read_scene, m.JSON, _SCENE_WORDS, _wrong_with_scene),
         Reader("recording", _missions, _read_recording, m.PLAIN, _RECORDING_WORDS, _wrong_with_recording),
-        Reader("seam", _corpus_alone, _read_seam, m.PLAIN, ("x", "nz", "mm", "deg"), _wrong_with_seam),
+        Reader("seam", _none, _read_seam, m.PLAIN, ("x", "nz", "mm", "deg"), _wrong_with_seam),
         Reader("nff", _graphics(".nff"), _read_graphics, m.PLAIN, (), _wrong_with_drawings),
         Reader("dxf", _graphics(".dxf"), _read_graphics, m.PLAIN, (), _wrong_with_drawings),
-        Reader("mesh", _corpus_alone, _read_graphics, m.PLAIN, (), _wrong_with_drawings),
+        Reader("mesh", _none, _read_graphics, m.PLAIN, (), _wrong_with_drawings),
         Reader("map", _zarr, _read_map, m.JSON, ("shape", "chunks", "codecs", "attributes")),
     )
 }
@@ -468,7 +363,7 @@ class Case(NamedTuple):
     compare: Callable[[Outcome, Outcome], list[tuple[str, str, str]]] | None = None
 
 
-class Files:
+class Files(Campaign):
     """Cases of readers: a mutated file is read. The same number is the same file.
 
     Args:
@@ -509,9 +404,6 @@ class Files:
         for _ in range(rng.choice((1, 1, 1, 2, 2, 3, 5))):
             data = rng.choice(reader.mutations)(rng, data, reader.words)
         return Case(name, reader, i, data)
-
-    def end(self) -> None:
-        """End there."""
 
     def evidence(self, number: int) -> tuple[str, dict[str, bytes]]:
         """Return the name of a case, and its files."""
@@ -568,13 +460,8 @@ def _changed(original: Outcome, found: Outcome) -> list[tuple[str, str, str]]:
     """Blanks, comments and the order of attributes mean nothing."""
     if (original.status, original.value) == (found.status, found.value):
         return []
-    return [
-        (
-            "layout matters",
-            f"{original.status} became {found.status}",
-            f"{original.value}\n{found.value}\n{found.message}",
-        )
-    ]
+    detail = f"{original.value}\n{found.value}\n{found.message}"
+    return [("layout matters", f"{original.status} became {found.status}", detail)]
 
 
 def write(files: dict[str, bytes], folder: Path) -> None:

@@ -13,15 +13,6 @@ from typing import Any
 from campaign.workers import Result
 from raff2urdf.version import __version__
 
-UNITS = {
-    "files": "files",
-    "ticks": "ticks",
-    "messages": "messages",
-    "kills": "kills",
-    "commands": "commands",
-    "soak": "s",
-}
-
 
 def write(folder: Path, what: str, result: Result, command: str) -> None:
     """Add a campaign's result to the report in a folder; replace an earlier one of the same campaign."""
@@ -43,12 +34,11 @@ def write(folder: Path, what: str, result: Result, command: str) -> None:
     (folder / "report.md").write_text(table(report))
     for one in result.findings:
         name = f"{one.case.replace(':', '-')}-{hashlib.sha1(one.key.encode()).hexdigest()[:6]}"
-        for file, data in one.files.items():
-            target = folder / "findings" / name / file
+        text = f"{one.key}\n\n{one.detail}\n".encode(errors="replace")
+        for file, data in {f"{name}.txt": text, **{f"{name}/{file}": data for file, data in one.files.items()}}.items():
+            target = folder / "findings" / file
             target.parent.mkdir(parents=True, exist_ok=True)
             target.write_bytes(data)
-        (folder / "findings" / f"{name}.txt").parent.mkdir(parents=True, exist_ok=True)
-        (folder / "findings" / f"{name}.txt").write_text(f"{one.key}\n\n{one.detail}\n", errors="replace")
 
 
 def _first(result: Result, key: str) -> str:
@@ -62,19 +52,12 @@ def table(report: dict[str, Any]) -> str:
         "| --- | --- | --- | --- | --- | --- |",
     ]
     for what, one in report.items():
-        unit = UNITS.get(what, "cases")
-        done = one["counts"].get(unit, one["counts"].get("cases", 0))
+        unit = "s" if what == "soak" else what if what in one["counts"] else "cases"
+        done = one["counts"].get(unit, 0)
         rate = done / max(one["seconds"], 1e-9) / one["workers"]
         worst = "; ".join(f"{name} {shown(value)}" for name, value in one["worst"].items())
-        cells = (
-            what,
-            f"{done:,} {unit} in {one['seconds']:.0f} s",
-            f"{rate:,.0f}/s",
-            worst,
-            str(len(one["causes"])),
-            f"`{one['command']}`",
-        )
-        lines.append(f"| {' | '.join(cells)} |")
+        done_in = f"{done:,} {unit} in {one['seconds']:.0f} s"
+        lines.append(f"| {what} | {done_in} | {rate:,.0f}/s | {worst} | {len(one['causes'])} | `{one['command']}` |")
     for what, one in report.items():
         lines += ["", f"**{what}**: " + ", ".join(f"{name} {n:,}" for name, n in one["counts"].items())]
         lines += ["", *(f"- {cause['number']:,} x {key} (`{cause['case']}`)" for key, cause in one["causes"].items())]

@@ -25,7 +25,7 @@ from urllib.parse import urlsplit
 from campaign.readers import ROOT
 from campaign.workers import die_with_parent
 
-_BEGUN, _STATES, _GAP, _LAST, _ENDED, _WRONG = range(6)
+_STATES, _GAP, _LAST, _ENDED, _WRONG = range(5)
 
 
 class Served:
@@ -40,15 +40,8 @@ class Served:
         self._folder = tempfile.TemporaryDirectory(prefix="served")
         self._output = tempfile.TemporaryFile()  # noqa: SIM115 (closed with the process)
         self._read = 0
-        command = [
-            sys.executable,
-            "-m",
-            "cinegen",
-            "drive",
-            *(str(ROOT / one) for one in robots),
-            *("--no-browser", "--no-token", "--seconds", "1e6"),
-            *options,
-        ]
+        command = [sys.executable, "-m", "cinegen", "drive", *(str(ROOT / one) for one in robots)]
+        command += ["--no-browser", "--no-token", "--seconds", "1e6", *options]
         environment = {**os.environ, "PYTHONPATH": str(ROOT), "PYTHONUNBUFFERED": "1", "COLUMNS": "200"}
         self.process = subprocess.Popen(
             command, cwd=self._folder.name, env=environment, start_new_session=True, preexec_fn=_unlimited,
@@ -88,17 +81,6 @@ class Served:
     def memory(self) -> float:
         """Return the resident memory of all its processes, MB."""
         return sum(_resident(one) for one in self.processes()) / 1e6
-
-    def cpu(self) -> float:
-        """Return the CPU time of all its processes, s."""
-        ticks = 0
-        for one in self.processes():
-            try:
-                fields = Path(f"/proc/{one}/stat").read_text().rpartition(") ")[2].split()
-            except OSError:
-                continue
-            ticks += int(fields[11]) + int(fields[12])
-        return ticks / os.sysconf("SC_CLK_TCK")
 
     def stop(self) -> int | None:
         """Interrupt it; return its exit code, or None if it had to be killed."""
@@ -140,9 +122,8 @@ class Peer:
     def request(self, path: str, *headers: str) -> None:
         """Send a request."""
         query = f"?{self.address.query}" if self.address.query else ""
-        self.socket.sendall(
-            "\r\n".join([f"GET /{path}{query} HTTP/1.1", f"Host: {self.address.netloc}", *headers, "", ""]).encode()
-        )
+        lines = [f"GET /{path}{query} HTTP/1.1", f"Host: {self.address.netloc}", *headers, "", ""]
+        self.socket.sendall("\r\n".join(lines).encode())
 
     def upgrade(self, path: str = "session") -> bool:
         """Open a websocket; return whether that is allowed."""
@@ -190,16 +171,12 @@ class Peer:
 def framed(payload: bytes, opcode: int = 1, final: bool = True, mask: bytes = b"\1\2\3\4") -> bytes:
     """Return a frame of a client."""
     size = len(payload)
-    length = (
-        bytes([0x80 | size])
-        if size < 126
-        else bytes([0x80 | 126]) + struct.pack(">H", size)
-        if size < 65536
-        else bytes([0xFF]) + struct.pack(">Q", size)
-    )
-    masked = (int.from_bytes(payload, "big") ^ int.from_bytes((mask * (size // 4 + 1))[:size], "big")).to_bytes(
-        size, "big"
-    )
+    if size < 126:
+        length = bytes([0x80 | size])
+    else:
+        length = bytes([0x80 | 126]) + struct.pack(">H", size) if size < 65536 else b"\xff" + struct.pack(">Q", size)
+    key = int.from_bytes((mask * (size // 4 + 1))[:size], "big")
+    masked = (int.from_bytes(payload, "big") ^ key).to_bytes(size, "big")
     return bytes([(0x80 if final else 0) | opcode]) + length + mask + masked
 
 
@@ -215,7 +192,7 @@ class Honest:
 
     def __init__(self, url: str) -> None:
         context = multiprocessing.get_context("fork")
-        self._shared = context.Array("d", 6, lock=False)
+        self._shared = context.Array("d", 5, lock=False)
         self._process = context.Process(target=_watch, args=(url, self._shared), daemon=True)
         self._process.start()
 
@@ -231,10 +208,6 @@ class Honest:
         self._shared[_GAP] = 0.0
         return float(found)
 
-    def rate(self) -> float:
-        """Return the states that it got each second, all along."""
-        return self.states / max(1e-9, time.monotonic() - self._shared[_BEGUN])
-
     def stop(self) -> None:
         """End it."""
         self._process.kill()
@@ -242,7 +215,6 @@ class Honest:
 
 
 def _watch(url: str, shared: Any) -> None:
-    shared[_BEGUN] = time.monotonic()
     while True:
         try:
             peer = Peer(url, 30.0)

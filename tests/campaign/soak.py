@@ -1,4 +1,4 @@
-"""A long session with browsers that come and go: its memory stays flat, and an honest client is served."""
+"""A long session with clients and browsers that come and go: its memory stays flat, and an honest client is served."""
 
 from __future__ import annotations
 
@@ -28,9 +28,7 @@ _LONG = 600.0  # s of flat memory, without which growth is not judged
 _CHROMIUM = next(filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))), None)
 
 
-def soak(
-    folder: Path, seconds: float, seed: int = 0, progress: Callable[[Result, float], None] = lambda *_: None
-) -> Result:
+def soak(folder: Path, seconds: float, seed: int, progress: Callable[[Result, float], None]) -> Result:
     """Run a session.
 
     Args:
@@ -47,6 +45,10 @@ def soak(
     memory: list[tuple[float, float]] = []
     pages: list[subprocess.Popen[bytes]] = []
     looked, ended = 0.0, 0
+
+    def find(kind: str, where: str = "", detail: str = "") -> None:
+        result.add({}, {}, [Finding("soak:0", kind, where, detail)])
+
     try:
         while (now := time.monotonic() - began) < seconds and server.process.poll() is None:
             result.counts.update(_visit(rng, visitor, server.url))
@@ -58,30 +60,24 @@ def soak(
             if now - looked > _EVERY:
                 looked = now
                 memory.append((now, server.memory()))
-                late = _rate(server.url)
                 gap = honest.gap
                 result.counts["s"] = int(now)
                 worst = {"longest gap of an honest client, s": [gap, f"at {now:.0f} s"], "memory, MB": [memory[-1][1]]}
-                worst |= late
                 result.add({}, worst, [])
                 output = server.output()
                 if "Traceback" in output:
-                    result.add(
-                        {}, {}, [Finding("soak:0", "printed", output.strip().splitlines()[-1][:80], output[-3000:])]
-                    )
+                    find("printed", output.strip().splitlines()[-1][:80], output[-3000:])
                 if gap > GAP:
-                    detail = f"{gap:.1f} s without a state at {now:.0f} s"
-                    result.add({}, {}, [Finding("soak:0", "honest client starved", "", detail)])
+                    find("honest client starved", "", f"{gap:.1f} s without a state at {now:.0f} s")
                 if honest.ended > ended:
                     ended = honest.ended
-                    result.add({}, {}, [Finding("soak:0", "honest client disconnected", "", f"at {now:.0f} s")])
+                    find("honest client disconnected", "", f"at {now:.0f} s")
                 result.seconds = now
                 progress(result, now / seconds)
         result.counts["honest states"] = honest.states
-        result.worst["states of an honest client per second"] = honest.rate()
-        result.worst["CPU, cores"] = server.cpu() / max(1e-9, time.monotonic() - began)
+        result.worst["states of an honest client per second"] = honest.states / (time.monotonic() - began)
         if server.process.poll() is not None:
-            result.add({}, {}, [Finding("soak:0", "server died", str(server.process.returncode), server.output())])
+            find("server died", str(server.process.returncode), server.output())
         result.add({}, {}, list(_growth(memory, result)))
     finally:
         for page in pages:
@@ -89,7 +85,7 @@ def soak(
         honest.stop()
         code = server.stop()
     if code not in (0, 130):
-        result.add({}, {}, [Finding("soak:0", "not stopped", str(code), server.output())])
+        find("not stopped", str(code), server.output())
     result.seconds = time.monotonic() - began
     return result
 
@@ -125,35 +121,13 @@ def _visit(rng: Random, visitor: Messages, url: str) -> dict[str, int]:
                 if rng.random() < 0.5:
                     peer.send(**visitor.message(rng))
                     messages += 1
-        how = rng.randrange(3)
-        if how == 0:
+        if (how := rng.randrange(3)) == 0:
             peer.vanish()
         elif how == 1:
             peer.socket.shutdown(socket.SHUT_WR)
-            peer.socket.close()
-        else:
-            peer.socket.close()
+        peer.socket.close()
     time.sleep(rng.expovariate(10.0))
     return {"visits": 1, "messages": messages}
-
-
-def _rate(url: str) -> dict[str, Any]:
-    """Return how late ticks are, as reported to the page."""
-    with contextlib.suppress(OSError, ValueError):
-        peer = Peer(url, 5.0)
-        peer.upgrade()
-        while (frame := peer.frame()) is not None and frame[0] != 8:
-            message = json.loads(frame[1]) if frame[0] == 1 else {}
-            if rate := message.get("report", {}).get("rate"):
-                peer.socket.close()
-                return {
-                    f"ticks, {name}": [float(value)]
-                    for name, value in rate.items()
-                    if "missed" in name or name == "late"
-                }
-            if message.get("type") == "state":
-                peer.send(type="ack", frame=message["frame"])
-    return {}
 
 
 def _page(url: str, number: int, folder: Path) -> subprocess.Popen[bytes]:

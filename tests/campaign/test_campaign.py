@@ -1,20 +1,16 @@
-"""The campaign finds planted faults, names them and makes them small; and a slice of it finds none in the package."""
+"""The campaign finds planted faults and names them; and a slice of it finds none in the package."""
 
 import os
 import time
 import warnings
 from copy import copy
-from math import inf
 
 import numpy as np
 import pytest
-from variants import slow
 
 from campaign import messages, mutation, workers
-from campaign.cli import minimised
 from campaign.kills import Kills
 from campaign.readers import READERS, Files, Reader, Seed
-from campaign.shrink import least
 from campaign.ticks import Session, Ticks
 from cinegen.errors import CinegenError
 from raff2urdf.errors import RaffError
@@ -30,11 +26,11 @@ def reader(read, **more):
 def found(read, tmp_path, cases=300, wall=600.0, **more):
     files = Files(tmp_path, 0, [reader(read, **more)])
     files.limit = 1.0
-    return files, workers.run(files, cases, workers=1, wall=wall)
+    return workers.run(files, cases, workers=1, wall=wall)
 
 
 def causes(read, tmp_path, cases=300, **more):
-    return {cause.partition(": ")[0] for cause in found(read, tmp_path, cases, **more)[1].causes}
+    return {cause.partition(": ")[0] for cause in found(read, tmp_path, cases, **more).causes}
 
 
 def with_a_number(path):
@@ -51,36 +47,41 @@ def test_a_reader_that_is_right_has_no_findings(tmp_path):
     assert causes(read, tmp_path) == set()
 
 
-def test_an_exception_of_another_kind_is_found_and_its_file_minimised(tmp_path):
+def test_an_exception_of_another_kind_is_found(tmp_path):
     def read(path):
         if b'""' in path.read_bytes():
             raise KeyError("x")
 
-    files, result = found(read, tmp_path)
-    assert set(result.causes) == {"planted exception: KeyError"}
-    files.begin(9)
-    assert minimised(files, int(result.findings[0].case.partition(":")[2]), seconds=inf) == b'""'
+    assert set(found(read, tmp_path).causes) == {"planted exception: KeyError"}
 
 
-def test_an_error_that_does_not_name_its_file_is_found(tmp_path):
-    def read(path):
-        raise CinegenError("wrong")
-
-    assert causes(read, tmp_path, 3) == {"planted unnamed file"}
+def warn_and_print(path):
+    warnings.warn("overflow", RuntimeWarning, stacklevel=1)
+    os.write(2, b"error of a library\n")
 
 
-def test_a_warning_and_a_print_of_a_library_are_found(tmp_path):
-    def read(path):
-        warnings.warn("overflow", RuntimeWarning, stacklevel=1)
-        os.write(2, b"error of a library\n")
-
-    assert causes(read, tmp_path, 3) == {"planted warning", "planted printed"}
+def name_nothing(path):
+    raise CinegenError("wrong")
 
 
-def test_a_result_that_is_not_finite_is_found(tmp_path):
-    assert causes(lambda path: np.nan, tmp_path, 3, checks=lambda q: [] if np.isfinite(q) else ["not finite"]) == {
-        "planted invariant"
-    }
+def count_links(path):
+    """Take only elements that are known, and report nothing of others."""
+    return (), 0, 0, [("loop", "ball")] * path.read_bytes().count(b"<link "), 0, (), []
+
+
+@pytest.mark.parametrize(
+    ("read", "cases", "more", "kinds"),
+    [
+        (name_nothing, 3, {}, {"unnamed file"}),
+        (warn_and_print, 3, {}, {"warning", "printed"}),
+        (lambda path: np.nan, 3, {"checks": lambda q: [] if np.isfinite(q) else ["not finite"]}, {"invariant"}),
+        (lambda path: time.sleep(1000), 1, {"wall": 2.0}, {"abort or deadlock"}),
+        (count_links, 300, {"summary": lambda value: value}, {"silent loss"}),
+        (lambda path: path.stat().st_size, 300, {"summary": lambda n: ((), 0, 0, [], n)}, {"layout matters"}),
+    ],
+)
+def test_a_planted_fault_is_found(read, cases, more, kinds, tmp_path):
+    assert {f"planted {kind}" for kind in kinds} <= causes(read, tmp_path, cases, **more)
 
 
 def test_a_hang_a_crash_and_too_much_memory_are_found_and_the_others_go_on(tmp_path):
@@ -94,42 +95,17 @@ def test_a_hang_a_crash_and_too_much_memory_are_found_and_the_others_go_on(tmp_p
         if len(data) > len(TEXT) + 500:
             bytearray(2 * workers.MEMORY)
 
-    result = found(read, tmp_path)[1]
+    result = found(read, tmp_path)
     assert {cause.partition(": ")[0] for cause in result.causes} == {
         "planted hang", "planted abort or deadlock", "planted memory",
     }  # fmt: skip
     assert result.counts["cases"] == 300
 
 
-def test_a_deadlock_is_found(tmp_path):
-    assert causes(lambda path: time.sleep(1000), tmp_path, 1, wall=2.0) == {"planted abort or deadlock"}
-
-
-def test_a_loop_that_is_lost_in_silence_is_found(tmp_path):
-    """The reader takes only elements that it knows, and reports nothing of others."""
-
-    def meaning(path):
-        loops = [("loop", "ball")] * path.read_bytes().count(b"<link ")
-        return (), 0, 0, loops, 0, (), []
-
-    assert "planted silent loss" in causes(meaning, tmp_path, summary=lambda value: value)
-
-
-def test_a_meaning_that_depends_on_blanks_is_found(tmp_path):
-    def meaning(path):
-        return (), 0, 0, [], len(path.read_bytes()), (), []
-
-    assert "planted layout matters" in causes(meaning, tmp_path, summary=lambda value: value)
-
-
 def test_a_case_is_made_from_its_number_alone(tmp_path):
     one, other = (Files(tmp_path / name, 7, [reader(with_a_number)]) for name in "ab")
     assert [one.case(i).data for i in range(50)] == [other.case(i).data for i in reversed(range(50))][::-1]
     assert len({one.case(i).data for i in range(50)}) > 40
-
-
-def test_the_least_list_that_breaks():
-    assert least(range(100), lambda kept: {3, 77} <= set(kept)) == [3, 77]
 
 
 def test_mutations_of_a_tree_leave_a_tree(root):
@@ -186,33 +162,27 @@ def every_reader(tmp_path_factory):
     return Files(tmp_path_factory.mktemp("files"), 0)
 
 
-@pytest.mark.parametrize("cases", [50, *slow(100)])
 @pytest.mark.parametrize("name", READERS)
-def test_a_slice_of_the_files(name, cases, every_reader):
+def test_a_slice_of_the_files(name, every_reader):
     files = copy(every_reader)
     files.readers = (READERS[name],)
-    assert_nothing(workers.run(files, cases, workers=1))
+    assert_nothing(workers.run(files, 40, workers=1))
 
 
-@pytest.mark.parametrize(("sessions", "ticks"), [(10, 20_000), *slow((60, 100_000))])
-def test_a_slice_of_the_ticks(sessions, ticks):
-    result = workers.run(Ticks(), sessions, workers=1)
+def test_a_slice_of_the_ticks():
+    result = workers.run(Ticks(), 10, workers=1)
     assert_nothing(result)
-    assert result.counts["ticks"] > ticks
+    assert result.counts["ticks"] > 20_000
 
 
-@pytest.mark.parametrize(("connections", "least"), [(6, 250), *slow((60, 3000))])
-def test_a_slice_of_the_messages(connections, least):
-    result = workers.run(messages.Messages(), connections, workers=1)
+def test_a_slice_of_the_messages():
+    result = workers.run(messages.Messages(), 6, workers=1)
     assert_nothing(result)
-    assert result.counts["messages"] > least
+    assert result.counts["messages"] > 250
     assert result.counts["honest states"] > 10
 
 
-@pytest.mark.parametrize(
-    ("commands", "seed", "cases", "least"), [(("raff2urdf",), 1, 2, 2), *slow((("raff2urdf", "map"), 0, 4, 3))]
-)
-def test_a_slice_of_the_kills(tmp_path, commands, seed, cases, least):
-    result = workers.run(Kills(tmp_path, seed, commands), cases, workers=1)
+def test_a_slice_of_the_kills(tmp_path):
+    result = workers.run(Kills(tmp_path, 1, ("raff2urdf",)), 2, workers=1)
     assert_nothing(result)
-    assert result.counts["kills"] >= least
+    assert result.counts["kills"] >= 2

@@ -8,10 +8,7 @@ checked afterwards, of all ticks at once, and of some by Pinocchio.
 
 from __future__ import annotations
 
-import gc
 import math
-import resource
-import shutil
 import sys
 import tempfile
 import time
@@ -28,6 +25,7 @@ import pinocchio as pin
 import cinegen
 from campaign.judge import Finding, where
 from campaign.readers import ROOT
+from campaign.workers import Campaign
 from cinegen.errors import CinegenError
 from cinegen.ik import Solver, objectives
 from cinegen.ik._kernels import memory as m
@@ -49,7 +47,7 @@ _SCENES = ("disc", "discs", "rod")
 Array = np.ndarray
 
 
-class Ticks:
+class Ticks(Campaign):
     """Sessions of random robots of the repository, and of random mechanisms.
 
     Args:
@@ -57,7 +55,7 @@ class Ticks:
         robots: names of the robots; all of the repository unless given.
     """
 
-    limit = 120.0
+    name = "ticks"
 
     def __init__(self, seed: int = 0, robots: tuple[str, ...] = ()) -> None:
         self.seed = seed
@@ -66,16 +64,6 @@ class Ticks:
         self._loaded: dict[str, cinegen.Mechanism] = {}
         self._folder = Path(tempfile.mkdtemp(prefix="ticks"))
         _wait_for_kernels()
-
-    def begin(self, worker: int) -> None:
-        """Begin in a process of its own; compile nothing there."""
-
-    def end(self) -> None:
-        """End there."""
-
-    def evidence(self, number: int) -> tuple[str, dict[str, bytes]]:
-        """Return the name of a case."""
-        return f"ticks:{number}", {}
 
     def run(self, number: int) -> tuple[dict[str, int], dict[str, Any], list[Finding]]:
         """Run a session; return what is counted, what is measured, and the findings."""
@@ -89,14 +77,9 @@ class Ticks:
             warnings.simplefilter("ignore", ResourceWarning)  # of what others left to the garbage collector
             session.run()
         session.check()
-        session.broken += [
-            (
-                "warning",
-                f"{one.category.__name__} of {'/'.join(Path(one.filename).parts[-2:])}:{one.lineno}",
-                str(one.message),
-            )
-            for one in warned
-        ]
+        for one in warned:
+            place = f"{one.category.__name__} of {'/'.join(Path(one.filename).parts[-2:])}:{one.lineno}"
+            session.broken.append(("warning", place, str(one.message)))
         found = [Finding(case, *one) for one in dict.fromkeys(session.broken)]
         worst = {name: [*value, session.name, case] for name, value in session.worst.items()}
         return {"cases": 1, **session.counts}, worst, found
@@ -144,10 +127,8 @@ def _random_text(rng: Random) -> str:
     from making import graph
 
     bodies = rng.randint(2, 8)
-    return (
-        "RAFF random\n"
-        + graph(np.random.default_rng(rng.randrange(2**32)), bodies, rng.randint(0, min(3, bodies - 1))).text()
-    )
+    made = graph(np.random.default_rng(rng.randrange(2**32)), bodies, rng.randint(0, min(3, bodies - 1)))
+    return f"RAFF random\n{made.text()}"
 
 
 def _with_limits(rng: Random, text: str) -> str:
@@ -157,11 +138,8 @@ def _with_limits(rng: Random, text: str) -> str:
         if "type" in parts[i - 1][-40:] and rng.random() < 0.6 and "limits" not in parts[i].split("link")[0]:
             low = rng.choice((0.0, 1e-6, 1.0, 30.0, 400.0))
             number, space, rest = parts[i].partition(" ")
-            speed = (
-                f"velocity {10 ** rng.uniform(-3, 4):g} "
-                if rng.random() < 0.5 and "velocity" not in rest.split("link")[0]
-                else ""
-            )
+            is_free = rng.random() < 0.5 and "velocity" not in rest.split("link")[0]
+            speed = f"velocity {10 ** rng.uniform(-3, 4):g} " if is_free else ""
             parts[i] = f"{number}{space}limits {{ {-low:g} {low * rng.choice((0.0, 1.0, 2.0)):g} }} {speed}{rest}"
     return " pred ".join(parts)
 
@@ -223,32 +201,17 @@ class Session:
 
     def run(self) -> None:
         """Run all ticks."""
-        solver, rng, clock, usage = self.solver, self.rng, time.perf_counter_ns, resource.getrusage
-        who = resource.RUSAGE_THREAD
-        collected: list[int] = []
-        gc.callbacks.append(note := lambda phase, info: collected.append(info["generation"]))
+        solver, rng = self.solver, self.rng
         following, layout, rows, first = 0, None, [], 0
-        before = usage(who)
         for tick in range(self.ticks):
-            acted = tick >= following
-            if acted:
+            if tick >= following:
                 following = tick + 1 + int(rng.expovariate(1.0 / _EVERY))
                 self._intervene(tick)
-                before = usage(who)
-            collected.clear()
-            began = clock()
             try:
                 step = solver.step()
             except Exception as error:
-                self._break(
-                    "exception", where(error), f"after {self.last_action}: {''.join(traceback.format_exception(error))}"
-                )
+                self._raised(f"after {self.last_action}", error)
                 break
-            took = clock() - began
-            after = usage(who)
-            if took > self._slowest.get(acted, 0) or collected:
-                self._note_time(took / 1e3, acted, collected, before, after, step)
-            before = after
             if step._layout is not layout:
                 if rows:
                     self.records.append((first, layout, np.array(rows)))
@@ -257,29 +220,12 @@ class Session:
             self.counts["ticks"] += 1
         if rows:
             self.records.append((first, layout, np.array(rows)))
-        gc.callbacks.remove(note)
-
-    _slowest: dict[bool, float] = {}  # noqa: RUF012 (of this process, not of a session: only records are looked at)
-
-    def _note_time(self, us: float, acted: bool, collected: list[int], before: Any, after: Any, step: Any) -> None:
-        """Note a slow tick by its cause."""
-        if after.ru_nivcsw > before.ru_nivcsw or after.ru_nvcsw > before.ru_nvcsw:
-            cause = "another process had the core"
-        elif collected:
-            cause = f"garbage collection of generation {max(collected)}"
-        elif after.ru_majflt > before.ru_majflt or after.ru_minflt > before.ru_minflt + 1:
-            cause = "page faults"
-        elif acted:
-            cause = f"first tick after: {self.last_action}"
-        else:
-            cause = f"the tick itself: {step.status.name.lower()}"
-            self._slowest[acted] = us * 1e3
-        name = f"tick, us: {cause.partition(':')[0]}"
-        if us > self.worst.get(name, [0.0])[0]:
-            self.worst[name] = [us, cause, f"{step.evaluations} evaluations", f"{step.sweeps} sweeps"]
 
     def _break(self, kind: str, place: str, detail: str) -> None:
         self.broken.append((kind, place, f"{self.name}, dt {self.solver.dt}, gain {self.solver.gain}: {detail}"))
+
+    def _raised(self, when: str, error: Exception) -> None:
+        self._break("exception", where(error), f"{when}: {''.join(traceback.format_exception(error))}")
 
     # --- interventions -------------------------------------------------------------------------------------------
 
@@ -292,9 +238,7 @@ class Session:
         except CinegenError:
             self.counts["refused"] = self.counts.get("refused", 0) + 1
         except Exception as error:
-            self._break(
-                "exception", where(error), f"in {self.last_action}: {''.join(traceback.format_exception(error))}"
-            )
+            self._raised(f"in {self.last_action}", error)
 
     def _pose(self) -> pin.SE3:
         """Return a target: near, reachable, far away, singular (stretched), NaN or infinite."""
@@ -308,10 +252,8 @@ class Session:
             far = mechanism.length * 10 ** rng.uniform(-9, rng.choice((0, 1, 12, 300)))
             away = np.array([rng.gauss(0, 1) for _ in range(3)])
             with np.errstate(over="ignore"):
-                return pin.SE3(
-                    pose.rotation @ pin.exp3(np.array([rng.gauss(0, 2) for _ in range(3)])),
-                    pose.translation + far * away,
-                )
+                turn = pin.exp3(np.array([rng.gauss(0, 2) for _ in range(3)]))
+                return pin.SE3(pose.rotation @ turn, pose.translation + far * away)
         matrix = pose.homogeneous.copy()
         if kind == 13:
             matrix[rng.randrange(3), rng.randrange(4)] = rng.choice((math.nan, math.inf, -math.inf, 1e308))
@@ -326,14 +268,12 @@ class Session:
         rng, solver = self.rng, self.solver
         if len(solver.tasks) > 6:
             solver.remove_task(rng.choice(solver.tasks))
-        offset = (
-            np.array([rng.gauss(0, 1) for _ in range(3)]) * rng.choice((0.0, 0.1, 1e6)) if rng.random() < 0.3 else None
-        )
+        offset = np.array([rng.gauss(0, 1) for _ in range(3)]) * rng.choice((0.0, 0.1, 1e6))
         nodes = self.mechanism.nodes
-        return solver.add_task(
-            rng.choice(nodes), self._pose() if rng.random() < 0.7 else None, rng.randint(0, 3), rng.randint(0, 3),
-            10 ** rng.uniform(-12, 12), rng.choice(("target", "world", rng.choice(nodes))), offset,
-        )  # fmt: skip
+        target, offset = self._pose() if rng.random() < 0.7 else None, offset if rng.random() < 0.3 else None
+        axes = rng.choice(("target", "world", rng.choice(nodes)))
+        counts = rng.randint(0, 3), rng.randint(0, 3)
+        return solver.add_task(rng.choice(nodes), target, *counts, 10 ** rng.uniform(-12, 12), axes, offset)
 
     def _remove(self, _: int) -> None:
         if self.solver.tasks:
@@ -354,19 +294,15 @@ class Session:
             self._task().twist = size * np.array([self.rng.gauss(0, 1) for _ in range(6)])
 
     def _reweigh(self, _: int) -> None:
-        self._task().weight = self.rng.choice(
-            (0.0, 1.0, 1e-300, 1e300, -1.0, math.nan, math.inf, 10 ** self.rng.uniform(-6, 6))
-        )
+        some = (0.0, 1.0, 1e-300, 1e300, -1.0, math.nan, math.inf, 10 ** self.rng.uniform(-6, 6))
+        self._task().weight = self.rng.choice(some)
 
     def _reweigh_axes(self, _: int) -> None:
         self._task().weights = [self.rng.choice((0.0, 0.0, 1.0, 1e-9, 1e12, math.nan)) for _ in range(6)]
 
     def _count(self, _: int) -> None:
-        setattr(
-            self._task(),
-            self.rng.choice(("translation", "rotation")),
-            self.rng.choice((0, 1, 2, 3, 3, 4, -1, 1.5, "x")),
-        )
+        which, count = self.rng.choice(("translation", "rotation")), self.rng.choice((0, 1, 2, 3, 3, 4, -1, 1.5, "x"))
+        setattr(self._task(), which, count)
 
     def _gain(self, _: int) -> None:
         self.solver.gain = self.rng.choice((math.inf, 1e-300, 1e300, 1.0, 100.0, 0.0, math.nan))
@@ -394,9 +330,8 @@ class Session:
         self.solver.objectives = rng.sample(own, rng.randint(0, 2)) if rng.random() < 0.4 else []
 
     def _blend(self, _: int) -> None:
-        self.solver.blend(
-            self._task(), self._pose(), self.rng.choice((0.0, 0.05, 1e9)), self.rng.choice((None, 0.0, 1.0, 1e300))
-        )
+        seconds, speed = self.rng.choice((0.0, 0.05, 1e9)), self.rng.choice((None, 0.0, 1.0, 1e300))
+        self.solver.blend(self._task(), self._pose(), seconds, speed)
 
     def _calm(self, tick: int) -> None:
         """Ask for the pose in which it is: that is followed at once, whatever was before, unless it has to brake."""
@@ -410,9 +345,7 @@ class Session:
         step = solver.step()
         self.jumps.add(tick)  # this tick is not recorded
         if step.status.name not in ("FOLLOWING", "DETOUR", "BARRED"):
-            self._break(
-                "not calm", step.status.name, f"the task is the present pose, and the status {step.status.name}"
-            )
+            self._break("not calm", step.status.name, "though the task is the present pose")
 
     _actions: tuple[Callable[[Session, int], Any], ...] = (
         _add, _add, _remove, _retarget, _retarget, _retarget, _retarget, _change_in_place, _twist, _reweigh,
@@ -479,8 +412,3 @@ class Session:
     def _measure(self, name: str, values: Array) -> None:
         if len(values):
             self.worst[name] = max(self.worst.get(name, [-math.inf]), [float(np.max(values))])
-
-
-def clean(folder: Path) -> None:
-    """Remove what a campaign wrote."""
-    shutil.rmtree(folder, ignore_errors=True)

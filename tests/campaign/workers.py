@@ -16,7 +16,7 @@ from collections import Counter
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from multiprocessing.connection import Connection, wait
-from typing import Any, Protocol
+from typing import Any
 
 from campaign import judge
 from campaign.judge import Finding, limit_memory
@@ -30,10 +30,13 @@ WALL = 120.0
 _KEPT = 3  # findings of one cause that are kept
 
 
-class Campaign(Protocol):
+class Campaign:
     """Cases by their numbers."""
 
-    limit: float
+    name = ""
+    """Of its cases."""
+
+    limit = 120.0
     """CPU seconds of a case."""
 
     def begin(self, worker: int) -> None:
@@ -44,9 +47,11 @@ class Campaign(Protocol):
 
     def evidence(self, number: int) -> tuple[str, dict[str, bytes]]:
         """Return the name of a case, and its files."""
+        return f"{self.name}:{number}", {}
 
     def run(self, number: int) -> tuple[dict[str, int], dict[str, Any], list[Finding]]:
         """Run a case; return what is counted, the largest of what is measured, and the findings."""
+        raise NotImplementedError
 
 
 @dataclass
@@ -75,18 +80,15 @@ class Result:
         for name, value in worst.items():
             self.worst[name] = max(self.worst.get(name, value), value)
         self.causes.update(one.key for one in findings)
-        self._keep(findings)
-
-    def merge(self, other: Result) -> None:
-        """Add what another process did."""
-        self.add(dict(other.counts), other.worst, [])
-        self.causes.update(other.causes)
-        self._keep(other.findings)
-
-    def _keep(self, findings: list[Finding]) -> None:
         for one in findings:
             if sum(one.key == kept.key for kept in self.findings) < _KEPT:
                 self.findings.append(one)
+
+    def merge(self, other: Result) -> None:
+        """Add what another process did."""
+        self.add(dict(other.counts), other.worst, other.findings)
+        self.causes.update(other.causes)
+        self.causes.subtract(one.key for one in other.findings)
 
 
 @dataclass
@@ -165,10 +167,7 @@ def run(
 def _start(context: Any, campaign: Campaign, index: int, first: int, step: int, cases: int, end: float) -> _Worker:
     here, there = context.Pipe(duplex=False)
     trace = tempfile.TemporaryFile()  # noqa: SIM115 (read when the process has died)
-    process = context.Process(
-        target=_work,
-        args=(there, trace, campaign, index, range(first, cases, step), end),
-    )
+    process = context.Process(target=_work, args=(there, trace, campaign, index, range(first, cases, step), end))
     process.start()
     there.close()
     return _Worker(process, here, trace, index, first, time.monotonic())

@@ -11,7 +11,6 @@ from clearings import (
     around,
     at,
     ball,
-    links,
     load,
     measured,
     obstacles_of,
@@ -76,6 +75,24 @@ def random_tree(rng, count):
     return tree
 
 
+SHAPES = (coal.Capsule(0.05, 0.4), coal.Box(0.1, 0.4, 0.2), coal.Cylinder(0.1, 0.5), coal.Sphere(0.1))
+
+
+def random_scene(rng, shapes=SHAPES):
+    """A tree, its bodies, obstacles with a wall below, and all pairs of bodies."""
+    tree = random_tree(rng, int(rng.integers(1, 6)))
+    bodies = []
+    for j in range(1, tree.model.njoints):
+        place = pin.SE3(pin.exp3(rng.normal(size=3)), 0.3 * rng.normal(size=3))
+        bodies.append(Body(f"link{j}", j, place, shapes[rng.integers(len(shapes))]))
+    obstacles = [
+        some(kind, pin.SE3(pin.exp3(rng.normal(size=3)), rng.normal(size=3)), 0.3)
+        for kind in ("ball", "box", "capsule")
+    ]
+    own = [(i, k) for k in range(len(bodies)) for i in range(k)]
+    return tree, bodies, obstacles_of([*obstacles, wall([0.0, 0.0, 1.0], -1.0)]), own
+
+
 def configuration(name, rng):
     return load(name).q_home + rng.uniform(-0.3, 0.3, load(name).model.nq) * load(name).scale
 
@@ -90,33 +107,6 @@ def test_distances_are_those_that_coal_measures_between_bodies_where_their_joint
         q = configuration(name, rng)
         assert clearance.distances(q) == pytest.approx(measured(clearance, q), abs=3e-6)  # as exact as hulls are
         assert clearance.least(q) == clearance.distances(q).min()
-
-
-def test_distances_that_are_read_in_place_are_what_accessors_say():
-    clearance, rng = among("arm7", around("arm7", 1)), np.random.default_rng(1)
-    for _ in range(20):
-        clearance.update(within_limits("arm7", rng))
-        for k, said in enumerate(clearance.results.shapes.distanceResults):
-            one, other, normal = clearance.nearest_points(k)
-            assert clearance.results.table[k, 0] == said.min_distance
-            assert (one == said.getNearestPoint1()).all()
-            assert (other == said.getNearestPoint2()).all()
-            assert (normal == said.normal).all()
-
-
-def test_results_are_only_believed_where_their_numbers_are(monkeypatch):
-    """Evenly spaced, as expected, but 8 bytes off: the numbers decide."""
-    obstacles, rng = around("arm7", 1), np.random.default_rng(1)
-    usual, start = among("arm7", obstacles), within_limits("arm7", rng)
-    usual.distances(start)  # each search begins where the last one ended
-    monkeypatch.setattr(foreign, "NORMAL", 2)
-    clearance = among("arm7", obstacles)
-    clearance.distances(start)
-    monkeypatch.undo()
-    assert not clearance.results.is_in_place
-    for _ in range(5):
-        q = within_limits("arm7", rng)
-        assert (clearance.distances(q) == usual.distances(q)).all()
 
 
 def test_where_coal_keeps_results_elsewhere_they_are_copied(monkeypatch):
@@ -143,31 +133,6 @@ def test_where_coal_keeps_results_elsewhere_they_are_copied(monkeypatch):
         assert all(
             (a == b).all() for a, b in zip(clearance.motion_bounds(q, to), usual.motion_bounds(q, to), strict=True)
         )
-
-
-def test_nearest_points_are_as_far_apart_as_the_distance_along_the_normal():
-    clearance, rng = among("arm7", around("arm7", 2)), np.random.default_rng(2)
-    distances = clearance.distances(configuration("arm7", rng))
-    for k in np.flatnonzero(distances > 1e-3):
-        one, other, normal = clearance.nearest_points(int(k))
-        assert other - one == pytest.approx(distances[k] * normal, abs=1e-5)
-
-
-def test_an_obstacle_that_is_moved_is_measured_where_it_then_is():
-    clearance = point_among([ball(0.1, 1.0, 0.0, 0.0)])
-    q = np.zeros(2)
-    assert clearance.distances(q) == pytest.approx([0.9])
-    clearance.move(0, at(0.0, 0.5, 0.0))
-    assert clearance.distances(q) == pytest.approx([0.4])
-    assert clearance.near(q, 1.0).rows == pytest.approx(np.array([[0.0, 1.0]]))
-
-
-def test_links_that_move_are_told_by_name_and_measured_to_every_obstacle():
-    clearance = among("planar_3r", [ball(0.1, 2.0, 0.0, 0.0), ball(0.1, 3.0, 0.0, 0.0)], own=False)
-    moving = [body.name for body in links("planar_3r")[0] if body.joint]
-    assert [clearance.names(k) for k in range(len(clearance.pairs))] == [
-        (link, "ball") for link in moving for _ in "12"
-    ]
 
 
 def test_without_obstacles_nothing_is_near():
@@ -239,15 +204,6 @@ def test_rows_of_nearest_points_are_how_distances_change(name):
     assert checked > 20
 
 
-def test_what_is_further_away_is_not_near_and_all_that_is_nearer_is():
-    clearance, rng = among("arm7", around("arm7", 5)), np.random.default_rng(5)
-    for within in (0.05, 0.2, 1.0):
-        q = configuration("arm7", rng)
-        near = clearance.near(q, within)
-        assert (near.distances < within).all()
-        assert set(near.pairs.tolist()) == set(np.flatnonzero(clearance.distances(q) < within).tolist())
-
-
 def test_however_much_is_near_none_of_it_is_left_out():
     obstacles = [ball(0.01, 0.5 + 1e-3 * i, 0.4, 0.0) for i in range(400)] + [ball(0.1, 0.2, 0.0, 0.0)]
     clearance = point_among(obstacles)
@@ -258,14 +214,6 @@ def test_however_much_is_near_none_of_it_is_left_out():
     near = arm.near(load("arm7").q_home, 100.0)
     assert set(near.pairs.tolist()) == set(range(len(arm.pairs)))
     assert len(near.pairs) > 2 * len(arm.pairs)
-
-
-def ends_in_world(clearance, data, number):
-    """(2, 3) centres of a capsule's ends, and its radius."""
-    one = clearance.bodies[number]
-    place = data.oMi[one.joint] * one.placement
-    half = one.shape.halfLength * np.eye(3)[2]
-    return np.array([place.act(half), place.act(-half)]), one.shape.radius
 
 
 @settings(max_examples=60)
@@ -290,19 +238,6 @@ def test_a_motion_that_keeps_all_rows_of_a_link_keeps_its_distance(seed):
     assert after >= room[0] - 1e-6
 
 
-def test_both_ends_of_a_link_along_a_wall_have_rows_of_their_own():
-    rod, q = Body("rod", 1, at(0, 0, 0), coal.Capsule(0.05, 0.8)), np.zeros(7)
-    clearance = Clearance(boat(), [rod], obstacles_of([wall([0.0, 0.0, 1.0], -0.3)]))
-    q[3:7] = pin.Quaternion(pin.exp3(np.array([0.0, 0.5 * np.pi - 0.01, 0.0]))).coeffs()
-    near = clearance.near(q, 10.0)
-    ends = 0.4 * np.sin(0.01)
-    assert sorted(near.distances) == pytest.approx([0.25 - ends, 0.25 + ends], abs=1e-9)
-    turning = np.array([0.0, 0.0, 0.0, 0.0, 1.0, 0.0])
-    along = near.rows @ turning
-    assert along[0] * along[1] < 0.0
-    assert np.abs(along) == pytest.approx(0.4 * np.cos(0.01), abs=1e-6)
-
-
 # --- all along a motion ------------------------------------------------------------------------------------------
 
 
@@ -310,17 +245,8 @@ def test_both_ends_of_a_link_along_a_wall_have_rows_of_their_own():
 @given(seed=seeds, size=st.sampled_from([1e-3, 0.05, 0.5, 3.0]))
 def test_no_distance_changes_more_than_its_bound_anywhere_on_the_way(seed, size):
     rng = np.random.default_rng(seed)
-    tree = random_tree(rng, int(rng.integers(1, 6)))
-    bodies = [
-        Body(f"link{j}", j, pin.SE3(pin.exp3(rng.normal(size=3)), 0.3 * rng.normal(size=3)), coal.Capsule(0.05, 0.4))
-        for j in range(1, tree.model.njoints)
-    ]
-    obstacles = [
-        some(kind, pin.SE3(pin.exp3(rng.normal(size=3)), rng.normal(size=3)), 0.3)
-        for kind in ("ball", "box", "capsule")
-    ]
-    own = [(i, k) for k in range(len(bodies)) for i in range(k)]
-    clearance = Clearance(tree, bodies, obstacles_of([*obstacles, wall([0.0, 0.0, 1.0], -1.0)]), own)
+    tree, bodies, given_, own = random_scene(rng, SHAPES[:1])
+    clearance = Clearance(tree, bodies, given_, own)
     q = pin.integrate(tree.model, pin.neutral(tree.model), rng.normal(size=tree.model.nv))
     motion = size * rng.normal(size=tree.model.nv)
     to = pin.integrate(tree.model, q, motion)
@@ -330,28 +256,6 @@ def test_no_distance_changes_more_than_its_bound_anywhere_on_the_way(seed, size)
     # coal looks for overlaps with a tolerance of its own
     assert (np.abs(seen - before) <= ways + 1e-5).all()
     assert (np.abs(np.diff(seen, axis=0)).sum(axis=0) <= ways + 4e-4).all()  # not even all ups and downs together
-
-
-@settings(max_examples=40)
-@given(seed=seeds)
-def test_a_bound_of_a_small_motion_is_hardly_more_than_what_points_really_do(seed):
-    """Not more than three times as far as the farthest point of a link goes, for an arm that turns one joint, and than
-    all of them together, for one that turns several."""
-    rng, model = np.random.default_rng(seed), load("arm7").model
-    clearance = among("arm7", [ball(0.1, 2.0, 0.0, 0.0)], own=False)
-    q, motion = within_limits("arm7", rng), 1e-4 * rng.normal(size=7)
-    _, ways = clearance.motion_bounds(q, q + motion)
-    ways = ways.copy()
-    data, later = model.createData(), model.createData()
-    for k, (number, _) in enumerate(clearance.pairs):
-        one = clearance.bodies[int(number)]
-        far = 0.0
-        for j in range(7):  # one after the other: how far each moves the ends of the link
-            pin.forwardKinematics(model, data, q)
-            pin.forwardKinematics(model, later, q + motion * np.eye(7)[j])
-            here, there = (ends_in_world(clearance, some_data, int(number))[0] for some_data in (data, later))
-            far += float(np.linalg.norm(there - here, axis=1).max()) + abs(motion[j]) * one.shape.radius
-        assert ways[k] <= 3.0 * far
 
 
 def check_uncertain(clearance, q, motion, straight, safety, rng):
@@ -373,18 +277,7 @@ def check_uncertain(clearance, q, motion, straight, safety, rng):
 @given(seed=seeds, size=st.sampled_from([1e-3, 0.02, 0.1, 0.5]))
 def test_pairs_that_are_certain_keep_the_distance_whatever_was_measured_before(seed, size):
     rng = np.random.default_rng(seed)
-    tree = random_tree(rng, int(rng.integers(1, 6)))
-    shapes = (coal.Capsule(0.05, 0.4), coal.Box(0.1, 0.4, 0.2), coal.Cylinder(0.1, 0.5), coal.Sphere(0.1))
-    bodies = [
-        Body(f"link{j}", j, pin.SE3(pin.exp3(rng.normal(size=3)), 0.3 * rng.normal(size=3)), shapes[rng.integers(4)])
-        for j in range(1, tree.model.njoints)
-    ]
-    obstacles = [
-        some(kind, pin.SE3(pin.exp3(rng.normal(size=3)), rng.normal(size=3)), 0.3)
-        for kind in ("ball", "box", "capsule")
-    ]
-    own = [(i, k) for k in range(len(bodies)) for i in range(k)]
-    given_ = obstacles_of([*obstacles, wall([0.0, 0.0, 1.0], -1.0)])
+    tree, bodies, given_, own = random_scene(rng)
     clearance = Clearance(tree, bodies, given_, own)
     q = pin.integrate(tree.model, pin.neutral(tree.model), rng.normal(size=tree.model.nv))
     for step in range(6):
@@ -433,71 +326,3 @@ def test_a_box_that_slides_along_a_wall_is_certain_though_it_moves_further_than_
     tilted = np.array([0.0, 0.0, 0.0, 0.02, 0.0, 0.0])  # a corner comes nearer by 2 mm
     assert len(clearance.uncertain(q, np.abs(tilted), 4e-3, clearance.every_pair, tilted)) == 1
     assert not len(clearance.uncertain(q, np.abs(tilted), 2.5e-3, clearance.every_pair, tilted))
-
-
-@pytest.mark.parametrize("later", [[0.0, 0.39, 0.0, 0.0, 0.0, 0.0], [0.0, 0.0, 0.0, 0.0, 0.0, np.pi / 2.0]])
-def test_a_bar_that_was_far_away_is_measured_again_when_it_has_moved_or_rotated(later):
-    tree, still = boat(), np.zeros(6)
-    bar = Body("bar", 1, pin.SE3.Identity(), coal.Box(1.0, 0.04, 0.04))
-    clearance = Clearance(tree, [bar], obstacles_of([ball(5.0, 0.0, 5.4, 0.0)]))
-    q = pin.neutral(tree.model)
-    assert clearance.least(q) == pytest.approx(0.38)
-    assert not len(clearance.uncertain(q, still, 0.01, clearance.every_pair))
-    moved = pin.integrate(tree.model, q, np.array(later))
-    assert clearance.uncertain(moved, still, 0.01, clearance.every_pair) is None
-    assert clearance.nearer(moved, 0.01).tolist() == [0]
-
-
-def test_a_bar_is_measured_again_when_the_ball_has_moved():
-    tree, still = boat(), np.zeros(6)
-    bar = Body("bar", 1, pin.SE3.Identity(), coal.Box(1.0, 0.04, 0.04))
-    clearance = Clearance(tree, [bar], obstacles_of([ball(0.05, 0.0, 0.4, 0.0)]))
-    q = pin.neutral(tree.model)
-    assert not len(clearance.uncertain(q, still, 0.01, clearance.every_pair))
-    clearance.move(0, at(0.0, 0.06, 0.0))
-    assert clearance.uncertain(q, still, 0.01, clearance.every_pair) is None
-
-
-def test_a_ball_on_an_arm_comes_nearer_to_a_wall_before_it_though_its_velocity_is_along_the_wall():
-    tree = Tree()
-    tree.model.addJoint(0, pin.JointModelRZ(), pin.SE3.Identity(), "turn")
-    inner = Body("wall", 0, at(0.55, 0.0, 0.0), coal.Box(0.7, 4.0, 1.0))  # up to x = 0.9
-    clearance = Clearance(tree, [Body("ball", 1, at(1.0, 0.0, 0.0), coal.Sphere(0.02))], obstacles_of([inner]))
-    q = np.zeros(1)
-    for angle in (0.05, 0.2, 0.3, 0.4, 0.45, 0.6):
-        left = clearance.uncertain(q, np.array([angle]), 1e-3, clearance.every_pair, np.array([angle]))
-        assert len(left) or np.cos(angle) - 0.92 >= 1e-3
-    assert not len(clearance.uncertain(q, np.array([0.2]), 1e-3, clearance.every_pair, np.array([0.2])))
-
-
-def test_the_bound_of_a_ball_that_slides_is_its_way():
-    clearance = point_among([ball(0.1, 1.0, 0.0, 0.0)], radius=0.2)
-    assert clearance.motion_bounds(np.zeros(2), np.array([0.3, 0.0]))[1] == pytest.approx([0.3])
-
-
-def test_links_on_one_arm_do_not_come_nearer_by_what_moves_both():
-    clearance = among("arm7", [])
-    q = load("arm7").q_home
-    _, ways = clearance.motion_bounds(q, q + 0.5 * np.eye(7)[0])
-    carried = [
-        (clearance.bodies[int(a)].joint > 0) and (clearance.bodies[int(b)].joint > 0) for a, b in clearance.pairs
-    ]
-    assert (ways[np.array(carried)] == 0.0).all()
-    assert any(carried)
-
-
-def test_how_a_motion_leads_nearest_points_is_what_they_do():
-    clearance, rng = among("two_arms", around("two_arms", 9)), np.random.default_rng(9)
-    model = load("two_arms").model
-    q, motion = configuration("two_arms", rng), rng.normal(size=model.nv)
-    clearance.update(q)
-    data, later = model.createData(), model.createData()
-    pin.forwardKinematics(model, data, q)
-    pin.forwardKinematics(model, later, q + 1e-7 * motion)
-    for k, (a, b) in enumerate(clearance.pairs):
-        one, other, _ = clearance.nearest_points(k)
-        found = np.zeros(3)
-        for number, point, sign in ((a, one, 1.0), (b, other, -1.0)):
-            joint = clearance.bodies[int(number)].joint
-            found += sign * ((later.oMi[joint] * data.oMi[joint].inverse()).act(point) - point) / 1e-7
-        assert Vortices(clearance, 1.0, 0.1).point_motion(k, motion) == pytest.approx(found, abs=1e-5)

@@ -2,15 +2,14 @@
 
 from __future__ import annotations
 
-from itertools import product
-
 import coal
 import numpy as np
 import pinocchio as pin
 import pytest
 import trimesh
 from mesh_contact import tree_of
-from test_exact_distances import PANDA, clearance_among_links, configurations, load
+from reference import PANDA, load
+from test_exact_distances import clearance_among_links, configurations
 
 from cinegen.collision.body import Body, PlacedShape
 from cinegen.collision.report import _distances, collision_report, depth_at_least, excess
@@ -18,73 +17,7 @@ from cinegen.collision.report import _distances, collision_report, depth_at_leas
 HERE = pin.SE3.Identity()
 
 
-def moved(rng, size):
-    return pin.SE3(pin.exp3(rng.normal(size=3)), rng.normal(size=3) * size)
-
-
 # --- brute force -----------------------------------------------------------------------------------------------------
-
-
-def between_segments(one, other):
-    """The distance of two segments (2, 3): at the common perpendicular, or at an end."""
-    (a, b), (c, d) = one, other
-    found = [np.linalg.norm(p - (s + np.clip((p - s) @ (e - s) / ((e - s) @ (e - s)), 0, 1) * (e - s)))
-             for p, (s, e) in ((a, other), (b, other), (c, one), (d, one))]  # fmt: skip
-    u, v, w = b - a, d - c, a - c
-    rows = np.array([[u @ u, -u @ v], [-u @ v, v @ v]])
-    if abs(np.linalg.det(rows)) > 1e-12:
-        s, t = np.linalg.solve(rows, [-u @ w, v @ w])
-        if 0 <= s <= 1 and 0 <= t <= 1:
-            found.append(np.linalg.norm(w + s * u - t * v))
-    return min(found)
-
-
-def brute(one, other):
-    """The distance of two meshes apart: between edges, and between corners and triangles."""
-    corners = [
-        np.linalg.norm(
-            trimesh.triangles.closest_point(b.triangles, np.tile(p, (len(b.triangles), 1))) - p, axis=1
-        ).min()
-        for a, b in ((one, other), (other, one))
-        for p in a.vertices
-    ]
-    edges = [mesh.vertices[mesh.edges_unique] for mesh in (one, other)]
-    return min(*corners, *(between_segments(a, b) for a, b in product(*edges)))
-
-
-def coal_distance(one, other, there):
-    return coal.distance(one, coal.Transform3s(), other, there, coal.DistanceRequest(), coal.DistanceResult())
-
-
-def test_distances_of_meshes_are_exact_to_a_nanometre_and_of_hulls_to_three_micrometres():
-    rng, worst, worst_hull = np.random.default_rng(3), 0.0, 0.0
-    for _ in range(4):
-        meshes = []
-        for _ in range(2):
-            mesh = trimesh.creation.icosphere(subdivisions=0, radius=0.1)
-            mesh.vertices = mesh.vertices * rng.uniform(0.3, 2.0, 3)
-            meshes.append(mesh)
-        placed = moved(rng, 0.2)
-        second = meshes[1].copy()
-        second.apply_transform(placed.homogeneous)
-        least = brute(meshes[0], second)
-        if least < 1e-3:
-            continue
-        there = coal.Transform3s(placed.rotation, placed.translation)
-        shapes = [tree_of(mesh.vertices, mesh.faces) for mesh in meshes]
-        found = coal.distance(
-            shapes[0], coal.Transform3s(), shapes[1], there, coal.DistanceRequest(), coal.DistanceResult()
-        )
-        worst = max(worst, abs(found - least))
-        for shape in shapes:
-            shape.buildConvexHull(True, "Qt")
-        hulls = [shape.convex for shape in shapes]
-        found = coal.distance(
-            hulls[0], coal.Transform3s(), hulls[1], there, coal.DistanceRequest(), coal.DistanceResult()
-        )
-        worst_hull = max(worst_hull, abs(found - least))
-    assert 0.0 < worst < 1e-9
-    assert worst_hull < 3e-6
 
 
 # --- how much convex bodies exceed exact ones ------------------------------------------------------------------------

@@ -2,37 +2,17 @@
 
 from __future__ import annotations
 
-import sysconfig
-import warnings
-from functools import cache
-from pathlib import Path
-
-import coal
 import numpy as np
-import pinocchio as pin
 import pytest
 import trimesh
 from mesh_contact import MeshContact, tree_of
-from variants import slow
+from reference import PANDA, UR5, load
 
 import cinegen
 from cinegen.collision import Clearance, scene_of
-from cinegen.collision.body import Body, PlacedShape
 from cinegen.collision.clearance import clearance_of
-from cinegen.collision.mobile_robot import mobile_robot
 from cinegen.collision.self_collision import PairReason, link_pairs
 from cinegen.collision.triangle_mesh import TriangleMesh
-from cinegen.planning.locked_joints import with_joints_locked
-
-SHARE = Path(sysconfig.get_path("purelib")) / "cmeel.prefix/share/example-robot-data/robots"
-PANDA, UR5 = "panda_description/urdf/panda.urdf", "ur_description/urdf/ur5_robot.urdf"
-
-
-@cache
-def load(name):
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore")
-        return cinegen.load(SHARE / name)
 
 
 def configurations(mechanism, count, seed):
@@ -46,15 +26,13 @@ def clearance_among_links(mechanism, within=None):
     return Clearance(mechanism, links.bodies, (), links.of(PairReason.CHECKED), within)
 
 
-@pytest.mark.parametrize(
-    "name", [PANDA, *slow(UR5, "xarm_description/urdf/xarm7.urdf", "talos_data/robots/talos_left_arm.urdf")]
-)
+@pytest.mark.parametrize("name", [PANDA, UR5])
 def test_a_configuration_is_clear_by_a_margin_exactly_where_the_meshes_are(name):
     mechanism, margin = load(name), 2e-3
     meshes = MeshContact(mechanism, configurations(mechanism, 100, 1))
     clearance = clearance_among_links(mechanism, 3e-3)
     touching = 0
-    for q in configurations(mechanism, 150, 2):
+    for q in configurations(mechanism, 100, 2):
         least = clearance.least(q)
         touching += bool(meshes.touching(q, first=True))
         assert (least <= 0.0) == bool(meshes.touching(q, first=True))
@@ -62,24 +40,13 @@ def test_a_configuration_is_clear_by_a_margin_exactly_where_the_meshes_are(name)
             assert meshes.touching(q, margin, first=True)
         elif least > margin + 1e-5:
             assert not meshes.touching(q, margin, first=True)
-    assert 5 < touching < 100
+    assert 5 < touching < 80
 
 
-def test_a_ur5_is_refused_no_more_than_its_meshes_require():
-    """One capsule around each link refused 138 of 150 such configurations."""
-    mechanism = load(UR5)
-    meshes = MeshContact(mechanism, configurations(mechanism, 100, 1))
+def test_rows_of_exact_distances_are_how_they_change():
+    mechanism, checked, step = load(UR5), 0, 1e-5
     clearance = clearance_among_links(mechanism)
-    free = [q for q in configurations(mechanism, 200, 3) if not meshes.touching(q, 1e-3, first=True)]
-    assert len(free) > 80
-    assert all(clearance.least(q) >= 1e-3 - 1e-6 for q in free)
-
-
-@pytest.mark.parametrize("name", [PANDA, UR5])
-def test_rows_of_exact_distances_are_how_they_change(name):
-    mechanism, checked, step = load(name), 0, 1e-5
-    clearance = clearance_among_links(mechanism)
-    for q in configurations(mechanism, 40, 5):
+    for q in configurations(mechanism, 20, 5):
         near = clearance.near(q, 0.1)
         first = {int(pair): i for i, pair in reversed(list(enumerate(near.pairs)))}
         distances, rows, excess = near.distances.copy(), near.rows.copy(), clearance.memory.excess.copy()
@@ -94,13 +61,12 @@ def test_rows_of_exact_distances_are_how_they_change(name):
             if jumps.max() < 1e-2:  # the nearest points stay on the same triangles
                 assert rows[i] == pytest.approx(-slopes, abs=2e-4 * mechanism.length)
                 checked += 1
-    assert checked > 8
+    assert checked > 4
 
 
-@pytest.mark.parametrize("name", [PANDA, UR5, "xarm_description/urdf/xarm7.urdf"])
-def test_no_pair_that_is_called_certain_on_a_motion_comes_nearer_by_its_meshes(name):
+def test_no_pair_that_is_called_certain_on_a_motion_comes_nearer_by_its_meshes():
     """A robot walks in small steps, so that most is known from measurements of earlier ones."""
-    mechanism, safety, rng = load(name), 2e-3, np.random.default_rng(4)
+    mechanism, safety, rng = load(PANDA), 2e-3, np.random.default_rng(4)
     meshes = MeshContact(mechanism, configurations(mechanism, 100, 1))
     clearance = clearance_among_links(mechanism, 5e-3)
     near = certain = 0
@@ -123,48 +89,6 @@ def test_no_pair_that_is_called_certain_on_a_motion_comes_nearer_by_its_meshes(n
 
 
 # --- bodies inside of meshes ---------------------------------------------------------------------------------------
-
-
-def point_robot(radius):
-    """A ball that moves in the plane."""
-    mechanism = mobile_robot()
-    return mechanism, Body("ball", mechanism.model.getJointId("y"), pin.SE3.Identity(), coal.Sphere(radius))
-
-
-def obstacle_of(mesh):
-    """A mesh in its hull."""
-    found = tree_of(mesh.vertices, mesh.faces)
-    corners = coal.StdVec_Vec3s()
-    corners.extend(list(np.asarray(mesh.convex_hull.vertices)))
-    shape = coal.Convex.convexHull(corners, True, "Qt")
-    return Body("mesh", 0, pin.SE3.Identity(), shape, PlacedShape(pin.SE3.Identity(), found))
-
-
-def test_a_ball_is_in_collision_inside_of_a_bar_of_an_angle_and_free_in_its_corner():
-    sides = [
-        trimesh.creation.box(bounds=[[0, 0, -0.2], [1, 0.3, 0.2]]),
-        trimesh.creation.box(bounds=[[0, 0, -0.2], [0.3, 1, 0.2]]),
-    ]
-    angle = trimesh.boolean.union(sides)
-    assert angle.is_watertight
-    mechanism, body = point_robot(0.02)
-    clearance = Clearance(mechanism, [body], [cinegen.collision.Obstacle("angle", (obstacle_of(angle),))], (), 0.05)
-    inside, corner, near = np.array([0.7, 0.15]), np.array([0.45, 0.45]), np.array([0.5, 0.33])
-    assert clearance.least(inside) < 0.0
-    assert clearance.least(near) == pytest.approx(0.01, abs=1e-6)
-    assert clearance.least(corner) == pytest.approx(0.13, abs=1e-6)
-    rng = np.random.default_rng(0)
-    for q in rng.uniform(-0.1, 1.1, (300, 2)):
-        point = np.array([[*q, 0.0]])
-        depth = float(trimesh.proximity.signed_distance(angle, point)[0])  # above 0 inside
-        assert (clearance.least(q) <= 0.0) == (depth >= -0.02)
-
-
-def test_winding_numbers_tell_inside_from_outside():
-    mesh = trimesh.creation.torus(0.3, 0.1)
-    points = np.random.default_rng(0).uniform(-0.45, 0.45, (300, 3)) * (1.0, 1.0, 0.3)
-    found = TriangleMesh(tree_of(mesh.vertices, mesh.faces))
-    assert [found.contains(point) for point in points] == mesh.contains(points).tolist()
 
 
 @pytest.mark.parametrize(
@@ -205,28 +129,7 @@ def test_a_gripper_may_be_almost_closed_while_obstacles_are_kept_away():
     assert clearance_of(closed).least(closed.start) <= 0.0
 
 
-def test_an_obstacle_is_kept_at_the_safety_distance_whatever_the_self_clearance():
-    hand = np.array(grasping(0.05).goal.translation)
-    ball = {"kind": "sphere", "radius": 0.05, "point": (hand + np.array([0.25, 0.0, 0.0])).tolist()}
-    found = []
-    for own in (0.0, 0.01):
-        given = grasping(0.05, self_clearance=own, obstacle=[ball])
-        clearance = clearance_of(given)
-        found.append(clearance.distances(given.start)[clearance.pairs[:, 1] >= len(clearance.links)])
-        assert clearance.offset(len(clearance.pairs) - 1) == 0.0
-    assert found[0] == pytest.approx(found[1])
-
-
 def test_a_self_clearance_beyond_the_safety_distance_is_refused():
     with pytest.raises(cinegen.CinegenError, match="self_clearance"):
         grasping(0.05, self_clearance=0.02)
     assert grasping(0.05, self_clearance=0.0).document()["self_clearance"] == 0.0
-
-
-def test_a_gripper_that_is_locked_closed_does_not_keep_an_arm_from_planning():
-    """The pads overlap by 0.04 mm, and no path could separate them."""
-    closed = grasping(0.0)
-    assert set(closed.locked) == {"panda_finger_joint1", "panda_finger_joint2"}
-    assert clearance_of(with_joints_locked(closed)).least(closed.start) >= closed.safety
-    opening = grasping(0.0, locked=[])
-    assert clearance_of(with_joints_locked(opening)).least(opening.start) <= 0.0

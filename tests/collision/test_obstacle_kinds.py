@@ -19,7 +19,7 @@ import cinegen
 from cinegen.collision import Clearance, Obstacle, SceneError, scene_of
 from cinegen.collision.body import Body
 from cinegen.collision.links import link_bodies
-from cinegen.collision.obstacle_kinds import HEIGHT, KINDS
+from cinegen.collision.obstacle_kinds import HEIGHT
 
 seeds = st.integers(0, 2**32 - 1)
 
@@ -43,7 +43,6 @@ def _ends_frame(a, b):
 
 A, B = np.array([0.3, -0.2, 0.1]), np.array([-0.4, 0.5, 0.9])
 NORMAL = np.array([1.0, 2.0, -2.0])
-TETRAHEDRON = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1.0]])
 SHAPES = {
     "sphere": ({"radius": 0.4}, lambda p: np.linalg.norm(p) - 0.4),
     "box": ({"size": [0.2, 0.4, 0.6]}, lambda p: _outside_box(p, np.array([0.1, 0.2, 0.3]))),
@@ -101,51 +100,7 @@ def test_points_are_as_far_from_an_obstacle_as_geometry_says(case, seed):
     assert to_point(moved.bodies, away.act(seen)) == pytest.approx(to_point(obstacle.bodies, there), abs=2e-5)
 
 
-def test_every_kind_is_tried():
-    tried = {case.split()[0] for case in SHAPES}
-    assert tried | {"mesh", "points", "robot"} == set(KINDS)
-
-
-@given(seeds)
-def test_bounding_balls_hold_their_shapes(seed):
-    rng = np.random.default_rng(seed)
-    for case, (shape, truth) in SHAPES.items():
-        scene = scene_with({"kind": case.split()[0], **shape})
-        for body in scene.obstacles[0].bodies:
-            if case.startswith("half"):
-                assert body.radius == math.inf
-                assert truth(body.centre) == pytest.approx(0.0, abs=1e-12)
-                continue
-            directions = rng.normal(size=(200, 3))
-            on_ball = body.centre + 1.000001 * body.radius * directions / np.linalg.norm(directions, axis=1)[:, None]
-            assert min(map(truth, on_ball)) >= 0.0
-            # and just inside, some point of the shape: the ball is no larger than it must be
-            rim = body.radius * (1.0 - 1e-9)
-            furthest = max(np.linalg.norm(body.placement.act(c) - body.centre) for c in _extreme(body.shape))
-            assert furthest >= rim
-
-
-def _extreme(shape):
-    """Points of a shape that are furthest from its middle."""
-    name = type(shape).__name__
-    if name == "Sphere":
-        return [np.array([shape.radius, 0, 0])]
-    if name == "Box":
-        return [np.array(shape.halfSide)]
-    if name == "Cylinder":
-        return [np.array([shape.radius, 0, shape.halfLength])]
-    if name == "Capsule":
-        return [np.array([0, 0, shape.halfLength + shape.radius])]
-    return list(np.array(shape.points()))
-
-
 # --- meshes -----------------------------------------------------------------------------------------------------------
-
-
-def _l_shape():
-    outline = np.array([[0, 0], [2, 0], [2, 1], [1, 1], [1, 2], [0, 2.0]])
-    faces = np.array([[0, 1, 3], [1, 2, 3], [0, 3, 5], [3, 4, 5]])
-    return trimesh.creation.extrude_triangulation(outline, faces, 1.0)
 
 
 def _reads(folder, mesh, suffix="stl", **keys):
@@ -154,7 +109,7 @@ def _reads(folder, mesh, suffix="stl", **keys):
     return scene_of(values | {"obstacle": [{"kind": "mesh", "file": f"thing.{suffix}", **keys}]}, folder).obstacles[0]
 
 
-@pytest.mark.parametrize("suffix", ["stl", "obj", "ply", "off", "glb"])
+@pytest.mark.parametrize("suffix", ["stl", "glb"])
 def test_a_convex_mesh_is_one_piece(tmp_path, suffix):
     box = trimesh.creation.box((1.0, 2.0, 3.0))
     obstacle = _reads(tmp_path, box, suffix, scale=0.1)
@@ -175,13 +130,6 @@ def test_a_mesh_of_convex_parts_is_as_many_pieces(tmp_path):
     assert sorted(piece.shape.computeVolume() for piece in obstacle.pieces) == pytest.approx(
         sorted([1.0, ball.volume]), rel=1e-5
     )
-
-
-def test_the_hull_of_a_mesh_that_is_not_convex_is_one_piece(tmp_path):
-    hull = _reads(tmp_path, _l_shape(), convex="hull")
-    assert len(hull.pieces) == 1
-    assert hull.pieces[0].exact is None
-    assert hull.pieces[0].shape.computeVolume() == pytest.approx(3.5)  # 3 for the L, 0.5 for what its hull fills
 
 
 def test_damaged_meshes_and_flat_hulls_are_refused(tmp_path):
@@ -212,34 +160,20 @@ def test_damaged_meshes_and_flat_hulls_are_refused(tmp_path):
     ("obstacle", "said"),
     [
         ({"kind": "sphere", "name": "post", "radius": 0.0}, "obstacle 1 'post': radius must be above 0, not 0.0"),
-        ({"kind": "sphere", "radius": -1}, "obstacle 1: radius must be above 0, not -1.0"),
         ({"kind": "sphere", "radius": math.nan}, "radius must be finite, not nan"),
-        ({"kind": "sphere", "radius": math.inf}, "radius must be finite, not inf"),
         ({"kind": "sphere", "radius": 10**400}, "radius must be finite, not inf"),
         ({"kind": "sphere", "radius": 1e7}, "radius is 1e+07: the largest value is 1e+06"),
         ({"kind": "sphere", "radius": 1e-9}, "radius is 1e-09 m: the least size"),
         ({"kind": "sphere", "radius": "0.1 pc"}, "radius is wrong: '0.1 pc': unknown unit 'pc'"),
-        ({"kind": "sphere", "radius": True}, "radius must be a number, not True"),
-        ({"kind": "sphere"}, "radius is missing"),
         ({"kind": "sphere", "raduis": 1.0}, "radius is missing: is 'raduis' misspelled?"),
-        ({"kind": "sphere", "radius": 1, "hight": 2}, "unknown key 'hight'"),
         ({"kind": "disc", "radius": 1, "hieght": 2}, "unknown key 'hieght': did you mean 'height'?"),
         ({"kind": "spheer", "radius": 1}, "kind 'spheer' is unknown: did you mean 'sphere'?"),
         ({"radius": 1}, "kind is missing"),
-        ({"kind": 3}, "kind must be a string, not 3"),
         ({"kind": "sphere", "radius": 1, "name": ""}, "name must be a string"),
-        ({"kind": "box", "size": [1, 0, 1]}, "size must be above 0"),
         ({"kind": "box", "size": [1]}, "size must be a list of 2 or 3 numbers"),
         ({"kind": "box", "size": [1, [2], 3]}, "size must be a number, not [2]"),
         ({"kind": "capsule", "radius": 1, "ends": [[0, 0], [0, 0, 0]]}, "ends coincide: for a sphere, write kind"),
-        ({"kind": "capsule", "radius": 1, "ends": [[0, 0]]}, "ends must be 2 points, not 1"),
-        (
-            {"kind": "capsule", "radius": 1, "ends": [[0, 0], [1, 0]], "length": 1},
-            "length cannot be combined with ends",
-        ),
-        ({"kind": "cylinder", "radius": 1}, "length is missing"),
         ({"kind": "half_plane", "normal": [0, 0]}, "normal must be a direction: [0.0, 0.0] has length 0"),
-        ({"kind": "disc", "radius": 1, "point": [0, math.nan]}, "point must be finite, not nan"),
         ({"kind": "disc", "radius": 1, "angle": 1, "rpy": [0, 0, 0]}, "angle cannot be combined with rpy"),
     ],
 )
@@ -329,19 +263,3 @@ def test_another_robot_is_an_obstacle_at_its_joint_values_and_base_pose(root):
     assert min(found) == pytest.approx(expected, abs=1e-6)
     (again,) = scene_of(made.document(), root).obstacles
     assert [one.placement for one in again.bodies] == [one.placement for one in obstacle.bodies]
-
-
-@pytest.mark.parametrize(
-    ("values", "reason"),
-    [
-        ({}, "file is missing"),
-        ({"file": "robots/none.raff"}, "does not exist"),
-        ({"file": "robots/planar_3r.raff", "joints": {"jiont1": 0.1}}, "did you mean 'joint1'"),
-        ({"file": "README.md"}, "can't be loaded"),
-    ],
-)
-def test_another_robot_that_makes_no_sense_is_refused(root, values, reason):
-    with pytest.raises(SceneError, match=reason):
-        scene_of(
-            {"mobile": {"radius": 0.1}, "goal": {"point": [3, 0]}, "obstacle": [{"kind": "robot", **values}]}, root
-        )

@@ -4,10 +4,6 @@ from __future__ import annotations
 
 import json
 import math
-import sysconfig
-import warnings
-from functools import cache
-from pathlib import Path
 
 import numpy as np
 import pinocchio as pin
@@ -15,13 +11,13 @@ import pytest
 import trimesh
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from reference import UR5, load
 from scenes_of_tables import refused, scene_with
 
 import cinegen
 from cinegen.collision import clearance_of, scene_of
 from cinegen.planning import plan
 
-SHARE = Path(sysconfig.get_path("purelib")) / "cmeel.prefix/share/example-robot-data/robots"
 seeds = st.integers(0, 2**32 - 1)
 
 INNER, OUTER, HALF = 0.4, 0.6, 0.3
@@ -53,31 +49,9 @@ def to_triangles(corners, points):
     )
 
 
-@cache
-def ur5():
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore")
-        return cinegen.load(SHARE / "ur_description/urdf/ur5_robot.urdf")
-
-
 def among(clearance, q):
     """The least distance of links from obstacles."""
     return float(clearance.distances(q)[clearance.pairs[:, 1] >= len(clearance.links)].min())
-
-
-def link_triangles(mechanism, q):
-    """The triangles (n, 3, 3) of all meshes of a robot's moving links at q, in the world."""
-    data = mechanism.model.createData()
-    pin.forwardKinematics(mechanism.model, data, q)
-    found = []
-    for one in mechanism.collision.geometryObjects:
-        if one.parentJoint:
-            is_box = one.meshPath == "BOX"
-            mesh = trimesh.creation.box(2 * one.geometry.halfSide) if is_box else trimesh.load_mesh(one.meshPath)
-            pose = data.oMi[one.parentJoint] * one.placement
-            corners = mesh.triangles * np.asarray(one.meshScale)
-            found.append(corners @ pose.rotation.T + pose.translation)
-    return np.vstack(found)
 
 
 # --- triangles -------------------------------------------------------------------------------------------------------
@@ -99,28 +73,6 @@ def test_a_ball_is_as_far_from_a_mesh_that_is_not_convex_as_from_its_nearest_tri
                 assert found <= 1e-9
             elif across[0] < INNER or across[0] > OUTER:
                 assert found == pytest.approx(distance, abs=1e-6)
-
-
-def test_a_ball_is_free_in_a_pipe_and_in_an_open_box_but_not_in_their_walls():
-    def least(mesh, *point):
-        return clearance_of(scene_with(as_values(mesh), mobile={"radius": RADIUS})).least(np.array(point))
-
-    assert least(tube(), 0.0, 0.0) > 0.01
-    assert least(tube(), 0.5, 0.0) < 0.0  # touches none of the triangles
-    assert least(cup(), 0.2, 0.1) > 0.01
-    assert least(cup(), 0.48, 0.1) < 0.01
-
-
-def test_many_parts_are_few_pieces_and_all_of_them_are_solid():
-    balls = [trimesh.creation.icosphere(subdivisions=1, radius=0.1) for _ in range(70)]
-    for i, ball in enumerate(balls):
-        ball.apply_translation([0.3 * (i % 10), 0.3 * (i // 10), 0.0])
-    scene = scene_with(as_values(trimesh.util.concatenate(balls)), mobile={"radius": 0.01})
-    assert len(scene.obstacles[0].pieces) == 1
-    clearance = clearance_of(scene)
-    for ball in balls[::7]:
-        assert clearance.least(ball.centroid[:2]) < 0.0
-        assert clearance.least(ball.centroid[:2] + 0.15) > 0.0
 
 
 def test_a_path_leads_out_of_a_pipe_whose_hull_fills_it(tmp_path):
@@ -157,30 +109,9 @@ def test_the_distance_of_a_ball_from_points_is_never_overestimated_nor_by_more_t
             assert found >= truth - math.sqrt(3.0) * size - 1e-9
 
 
-@pytest.mark.parametrize("is_exact", [True, False])
-def test_the_distance_of_a_robot_from_points_is_never_overestimated(is_exact):
-    """By brute force over all points and all triangles of the robot's links."""
-    mechanism, rng, size = ur5(), np.random.default_rng(3), 0.02
-    shell = rng.normal(size=(60, 3))
-    points = [0.4, 0.0, 0.6] + 0.25 * shell / np.linalg.norm(shell, axis=1)[:, None]
-    obstacle = {"kind": "points", "points": points, "voxel": size}
-    scene = scene_of({"goal": {"point": [0.4, 0.1, 0.4]}, "obstacle": [obstacle]}, mechanism=mechanism)
-    clearance = clearance_of(scene, is_exact)
-    model, seen = mechanism.model, 0
-    for _ in range(6):
-        q = rng.uniform(np.maximum(model.lowerPositionLimit, -3), np.minimum(model.upperPositionLimit, 3))
-        truth = float(to_triangles(link_triangles(mechanism, q), points).min())
-        found = among(clearance, q)
-        assert found <= max(truth, 0.0) + 1e-6
-        if is_exact and found > 0.0:
-            seen += 1
-            assert found >= truth - math.sqrt(3.0) * size - 1e-6
-    assert seen or not is_exact
-
-
 def test_a_speck_inside_of_a_link_is_in_collision():
     """It touches no triangle of the link's mesh, and the block to which it belongs lies outside of the link."""
-    mechanism = ur5()
+    mechanism = load(UR5)
     q = mechanism.q_home
     link = next(one for one in mechanism.collision.geometryObjects if one.parentJoint == 2)
     mesh = trimesh.load_mesh(link.meshPath, process=True)
@@ -194,7 +125,7 @@ def test_a_speck_inside_of_a_link_is_in_collision():
         assert (among(clearance_of(scene), q) <= 0.0) == is_hit
 
 
-@pytest.mark.parametrize("suffix", ["npy", "ply", "txt", "xyz"])
+@pytest.mark.parametrize("suffix", ["npy", "ply", "txt"])
 def test_points_are_read_from_files(tmp_path, suffix):
     points, path = np.random.default_rng(1).normal(size=(50, 3)).round(4), tmp_path / f"cloud.{suffix}"
     if suffix == "npy":
@@ -219,11 +150,8 @@ def test_what_is_wrong_with_triangles_and_points_is_reported(tmp_path):
     for obstacle, message in [
         (cloud | {"points": [[0, 0]]}, "points must be a list of rows of 3 numbers"),
         (cloud | {"points": [[0, 0, math.nan], [1, 1, 1]]}, "points has 1 points that are not finite: remove them"),
-        (cloud | {"points": [[0, 0, 2e6]]}, "points is empty, or has coordinates beyond 1e+06 m"),
         (cloud | {"voxel": 1e-6, "points": [[0, 0, 5]]}, "beyond 1048576 voxels; make voxel larger than 1e-06 m"),
-        (cloud | {"voxel": 0}, "voxel must be above 0"),
         (corners | {"triangles": [[0, 1, 3]]}, "triangles must be indices of vertices, from 0 to 2"),
-        (corners | {"triangles": [[0, 1, 0.5]]}, "triangles must be indices of vertices"),
         (corners | {"triangles": [[0, 1, 1]]}, "vertices has no triangle with an area"),
     ]:
         assert message in refused(obstacle)

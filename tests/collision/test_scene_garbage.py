@@ -10,7 +10,7 @@ import trimesh
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from cinegen.collision import SceneError, load_scene, scene_of
+from cinegen.collision import SceneError, scene_of
 from cinegen.collision.obstacle_kinds import KINDS
 
 FULL = {
@@ -76,7 +76,7 @@ def _put(path, value):
     return values
 
 
-@settings(max_examples=1200)
+@settings(max_examples=500)
 @given(st.sampled_from(PLACES), json_values)
 def test_any_value_anywhere_is_read_or_refused(robot, folder, path, value):
     values = _put(path, value)
@@ -91,17 +91,3 @@ def test_any_value_anywhere_is_read_or_refused(robot, folder, path, value):
     again = scene_of(json.loads(json.dumps(scene.document(), allow_nan=False)), folder, robot("planar_3r"))
     assert again.start.tolist() == scene.start.tolist()
     assert len(again.obstacles) == len(scene.obstacles)
-
-
-def test_the_example_is_a_scene(robot, folder):
-    assert len(scene_of(FULL, folder, robot("planar_3r")).obstacles) == 7
-
-
-@settings(max_examples=200)
-@given(st.text(max_size=40), st.sampled_from([".toml", ".json"]))
-def test_any_text_is_refused(tmp_path_factory, text, suffix):
-    path = tmp_path_factory.mktemp("text") / f"scene{suffix}"
-    path.write_text(text, encoding="utf-8", errors="surrogatepass")
-    with pytest.raises(SceneError) as error:
-        load_scene(path)
-    assert str(error.value).startswith(str(path))

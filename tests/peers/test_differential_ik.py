@@ -10,7 +10,7 @@ import json
 import numpy as np
 import pinocchio as pin
 import pytest
-from ask_peers import DT, FAR, KEPT, PROBLEMS, PYTHON, SHARE, ask, scene
+from ask_peers import DT, FAR, KEPT, PROBLEMS, PYTHON, ask, scene
 
 import cinegen
 import raff2urdf
@@ -57,7 +57,3 @@ def test_what_is_kept_is_what_they_say():
     problem, urdf = scene(answer["urdf"], answer["node"], answer["rotation"])
     for peer in ("pink", "placo"):
         assert np.allclose(ask(peer, problem, urdf), answer[peer], atol=1e-9)
-
-
-def test_the_reference_robots_are_where_they_were():
-    assert all((SHARE / name).is_file() for name, _, _ in PROBLEMS)

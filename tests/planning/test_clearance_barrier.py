@@ -4,17 +4,15 @@ from __future__ import annotations
 
 from itertools import pairwise
 
-import coal
 import numpy as np
 import pinocchio as pin
 import pytest
-from clearings import among, around, at, ball, load, point_among, wall
+from clearings import among, around, at, ball, point_among, wall
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from cinegen import Solver, Status
 from cinegen.collision import PlanningError
-from cinegen.collision.body import Body
 from cinegen.ik import Posture
 from cinegen.planning.clearance_barrier import STOP, ClearanceBarrier, is_clear, path_clearance
 
@@ -48,8 +46,8 @@ def densely(clearance, path, count=9):
 # --- never nearer ------------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("name", ["planar_3r", "arm7", "two_arms", "five_bar", "delta4"])
-@settings(max_examples=24)
+@pytest.mark.parametrize("name", ["planar_3r", "arm7", "five_bar", "delta4"])
+@settings(max_examples=20)
 @given(
     seed=seeds,
     accelerated=st.booleans(),
@@ -86,36 +84,6 @@ def test_whatever_leads_it_nothing_comes_nearer_than_the_safety_distance(
     assert np.abs(path[-1] - path[0]).max() > 1e-3
 
 
-@settings(max_examples=60)
-@given(seed=seeds, fast=st.booleans())
-def test_a_point_among_obstacles_stays_clear(seed, fast):
-    rng = np.random.default_rng(seed)
-    obstacles = [
-        Body("box", 0, at(*rng.uniform(-1, 1, 2), 0.0), coal.Box(*rng.uniform(0.05, 0.4, 2), 1.0)) for _ in "12345"
-    ]
-    obstacles += [ball(rng.uniform(0.05, 0.3), *rng.uniform(-1, 1, 2), 0.0) for _ in "123"]
-    clearance = point_among(obstacles)
-    q = next(q for q in rng.uniform(-2, 2, (1000, 2)) if clearance.least(q) > 0.03)
-    solver = kept(clearance, 0.02, q)
-    task = solver.add_task("mobile", rotation=0, translation=2, axes="world")
-    path = [solver.q]
-    for tick in range(150):
-        if fast or tick % 50 == 0:
-            task.target = at(*rng.uniform(-1.5, 1.5, 2), 0.0)
-        path.append(solver.step().q)
-    assert path_clearance(clearance, np.array(path), 0.01) >= 0.99 * 0.02 - EXACT
-
-
-def test_with_thousands_of_obstacles_the_nearest_still_counts():
-    obstacles = [ball(0.001, 0.3 + 1e-5 * i, 0.25, 0.0) for i in range(500)] + [ball(0.1, 0.3, 0.0, 0.0)]
-    solver = kept(point_among(obstacles), 0.02)
-    solver.add_task("mobile", at(1.0, 0.0, 0.0), translation=2, rotation=0, axes="world")
-    for _ in range(40):
-        step = solver.step()
-    assert step.q == pytest.approx([0.2 - 0.02 * STOP, 0.0], abs=1e-6)
-    assert step.status is Status.BARRED
-
-
 # --- and as near to the target as that allows ----------------------------------------------------------------------
 
 
@@ -137,56 +105,10 @@ def test_along_a_wall_a_point_goes_to_the_nearest_point_to_its_target(seed):
     assert bool(step.active_barriers) == (beyond > 1e-5)
 
 
-def test_in_a_corner_a_point_goes_to_the_nearest_point_to_its_target():
-    clearance = point_among([wall([-1.0, 0.0, 0.0], -0.4), wall([0.0, -1.0, 0.0], -0.2)])
-    solver = kept(clearance, 0.04)
-    solver.add_task("mobile", at(1.0, 0.7, 0.0), translation=2, rotation=0, axes="world")
-    for _ in range(100):
-        step = solver.step()
-    assert step.q == pytest.approx([0.35, 0.15], abs=1e-6)
-
-
-def test_without_a_safety_distance_it_comes_as_near_as_it_likes_and_no_nearer():
-    clearance = point_among([wall([-1.0, 0.0, 0.0], -0.4)])
-    solver = kept(clearance, 0.0)
-    solver.add_task("mobile", at(1.0, 0.7, 0.0), translation=2, rotation=0, axes="world")
-    for _ in range(12):
-        step = solver.step()
-        assert clearance.least(step.q) >= 0.0
-    assert step.q[0] == pytest.approx(0.4, abs=1e-2)
-    assert step.q[1] > 0.5
-
-
-@pytest.mark.parametrize("name", ["arm7", "planar_3r"])
-def test_an_arm_that_is_led_into_a_wall_stops_before_it_and_comes_back(robot, name):
-    mechanism = robot(name)
-    tool = mechanism.placement(mechanism.q_home, "tool").translation
-    way = tool / np.linalg.norm(tool) * (1.0, 1.0, 0.0)
-    way /= np.linalg.norm(way)
-    clearance = among(name, [wall(-way, -(tool @ way) - 0.25 * mechanism.length)], own=False)
-    home = clearance.least(mechanism.q_home)
-    assert home > 0.02
-    safety = 0.25 * home
-    solver = kept(clearance, safety)
-    task = solver.add_task("tool", rotation=0, axes="world")
-    start = task.target
-    task.target = at(*(tool + 0.5 * mechanism.length * way))
-    for _ in range(300):
-        step = solver.step()
-    assert step.status is Status.BARRED
-    assert clearance.least(step.q) == pytest.approx(STOP * safety, rel=0.02)
-    task.target = start
-    for _ in range(300):
-        step = solver.step()
-    assert step.status is Status.FOLLOWING
-    assert step.errors[0][0] < 1e-6
-
-
 # --- what is too near already --------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("led", ["not", "in", "out", "there"])
-@pytest.mark.parametrize("deep", [-0.04, 0.01, 0.03])
+@pytest.mark.parametrize(("led", "deep"), [("not", -0.04), ("in", -0.04), ("in", 0.01), ("out", 0.03), ("there", 0.03)])
 def test_what_an_obstacle_was_put_onto_only_goes_away(led, deep):
     """And gets away, whether it is pulled or not."""
     clearance = point_among([ball(0.1, 3.0, 0.0, 0.0)])
@@ -215,8 +137,8 @@ def past_a_ball(begin, least):
     return clearance, np.array([-aside, 0.0]), np.array([aside, 0.0])
 
 
-@pytest.mark.parametrize("begin", [1e-4, 1e-3, 0.01, 0.04])
-@pytest.mark.parametrize("part", [-1.0, 0.0, 0.01, 0.1, 0.25, 0.45])
+@pytest.mark.parametrize("begin", [1e-4, 0.04])
+@pytest.mark.parametrize("part", [-1.0, 0.0, 0.45])
 def test_a_path_on_which_what_is_too_near_comes_much_nearer_still_is_not_clear(begin, part):
     """Though it ends as far away as it began."""
     clearance, first, last = past_a_ball(begin, part * begin)
@@ -227,7 +149,7 @@ def test_a_path_on_which_what_is_too_near_comes_much_nearer_still_is_not_clear(b
     assert is_clear(clearance, first, 1.5 * first, 0.05), "it may go away"
 
 
-@pytest.mark.parametrize("name", ["arm7", "planar_3r", "five_bar", "delta4"])
+@pytest.mark.parametrize("name", ["arm7", "planar_3r", "delta4"])
 @settings(max_examples=16)
 @given(seed=seeds, accelerated=st.booleans())
 def test_a_robot_that_an_obstacle_was_put_near_goes_away_from_it(robot, name, seed, accelerated):
@@ -245,7 +167,7 @@ def test_a_robot_that_an_obstacle_was_put_near_goes_away_from_it(robot, name, se
     place = clearance.bodies[link]
     clearance.update(mechanism.q_home)
     middle = clearance._data.oMi[place.joint].act(place.centre)
-    aside = rng.normal(size=3) * (1.0, 1.0, 0.0 if name in ("planar_3r", "five_bar") else 1.0)
+    aside = rng.normal(size=3) * (1.0, 1.0, 0.0 if name == "planar_3r" else 1.0)
     aside /= np.linalg.norm(aside)
     reach = place.radius + 0.1 * mechanism.length
     clearance.move(0, at(*(middle + aside * reach)))
@@ -261,51 +183,7 @@ def test_a_robot_that_an_obstacle_was_put_near_goes_away_from_it(robot, name, se
         assert now.min() > before.min()
 
 
-def test_links_that_stand_too_near_for_ever_hold_nothing_up():
-    """What no joint can part is no reason to stay."""
-    clearance = among("arm7", [ball(0.1, 9.0, 9.0, 9.0)], own=False)
-    mechanism = load("arm7")
-    base = next(i for i, body in enumerate(clearance.bodies) if body.joint == 1)
-    clearance.update(mechanism.q_home)
-    one = clearance.bodies[base]
-    axis = clearance._data.oMi[1].act(one.centre)
-    lower = axis * (0.0, 0.0, 1.0)
-    clearance.move(0, at(*(lower - [0.0, 0.0, 0.1 + one.as_described.shape.halfLength + 0.005])))
-    near = clearance.near(mechanism.q_home, 0.02)
-    solver = kept(clearance, 0.02)
-    task = solver.add_task("tool", rotation=0)
-    task.target = pin.SE3(np.eye(3), task.target.translation + np.array([0.0, 0.03, 0.0]))
-    assert len(near.pairs)
-    for _ in range(100):
-        step = solver.step()
-    assert step.errors[0][0] < 1e-5
-
-
 # --- all along a way -----------------------------------------------------------------------------------------------
-
-
-def test_a_way_through_a_thin_wall_is_not_clear_though_its_ends_are():
-    clearance = point_among([Body("sheet", 0, at(0.5, 0.0, 0.0), coal.Box(1e-3, 2.0, 2.0))])
-    begin, end = np.zeros(2), np.array([1.0, 0.01])
-    assert min(clearance.least(begin), clearance.least(end)) > 0.49
-    assert not is_clear(clearance, begin, end, 0.01)
-    assert is_clear(clearance, begin, np.array([0.48, 0.5]), 0.01)
-    assert is_clear(clearance, begin, begin, 0.01)
-
-
-def test_nor_is_one_of_an_arm(robot):
-    mechanism = robot("planar_3r")
-    q = np.array([0.6, 0.0, 0.0])
-    tool = mechanism.placement(q * 0.0, "tool").translation
-    clearance = among("planar_3r", [Body("sheet", 0, at(*tool), coal.Box(0.05, 1e-3, 0.2))], own=False)
-    assert clearance.least(q) > 0.02
-    assert clearance.least(-q) > 0.02
-    assert not is_clear(clearance, q, -q, 1e-3)
-    solver = kept(clearance, 1e-3, q)
-    solver.add_task("tool", mechanism.placement(-q, "tool"), rotation=3, axes="world")
-    path = np.array([q, *(solver.step().q for _ in range(200))])
-    assert path_clearance(clearance, path) > 0.0
-    assert np.abs(path[-1] - q).max() > 0.05
 
 
 @settings(max_examples=60)
@@ -339,39 +217,10 @@ def test_the_least_along_a_path_is_below_what_is_seen_on_it_and_hardly_so(robot,
         assert seen < 1e-3
 
 
-def test_the_least_along_a_path_that_overlaps_is_the_deepest_overlap_seen():
-    clearance = point_among([ball(0.2, 0.5, 0.0, 0.0)])
-    path = np.array([[0.0, 0.0], [0.35, 0.0], [1.0, 0.0]])
-    assert path_clearance(clearance, path) == pytest.approx(-0.05)
-    assert path_clearance(clearance, path[:1]) == pytest.approx(0.3)
-
-
-def test_a_path_that_is_far_from_everything_nearly_everywhere_is_bound_as_sharply():
-    clearance = point_among([ball(0.1, 0.0, -0.102, 0.0)])
-    path = np.array([[-0.3, 0.0], [0.3, 0.0], [3.0, 1.0], [-3.0, 1.0]])
-    assert 0.95 * 0.002 <= path_clearance(clearance, path) <= 0.002
-
-
-@given(seed=seeds, part=st.floats(0.5, 0.995))
-def test_a_distance_that_is_kept_is_shown_to_be_kept_however_roughly_the_rest_is_told(robot, seed, part):
-    mechanism, rng = robot("planar_3r"), np.random.default_rng(seed)
-    clearance = among("planar_3r", around("planar_3r", seed % 5), own=False)
-    path = mechanism.q_home + np.cumsum(0.1 * rng.normal(size=(6, 3)), axis=0)
-    asked = part * densely(clearance, path, 200)
-    if asked > 0.01 * mechanism.length:
-        assert path_clearance(clearance, path, 0.5, asked) >= asked
-
-
-@pytest.mark.parametrize("safety", [-0.1, np.nan, np.inf])
-def test_a_safety_distance_that_is_none_is_refused(safety):
-    with pytest.raises(PlanningError, match="the safety distance is"):
-        ClearanceBarrier(point_among([]), safety)
-
-
-@pytest.mark.parametrize("rate", [0.0, -1.0, np.nan])
-def test_a_rate_that_is_none_is_refused(rate):
-    with pytest.raises(PlanningError, match="the rate of approach"):
-        ClearanceBarrier(point_among([]), 0.1, rate)
+@pytest.mark.parametrize(("safety", "rate"), [(-0.1, 1.0), (np.nan, 1.0), (np.inf, 1.0), (0.1, 0.0), (0.1, np.nan)])
+def test_safety_distances_and_rates_that_make_no_sense_are_refused(safety, rate):
+    with pytest.raises(PlanningError, match="the rate of approach" if safety == 0.1 else "the safety distance is"):
+        ClearanceBarrier(point_among([]), safety, rate)
 
 
 def test_what_held_is_told_by_pair_and_stays_when_somebody_looks_elsewhere():

@@ -6,9 +6,8 @@ import numpy as np
 import pytest
 
 import cinegen
-from cinegen.collision import PlanningError, SceneError, clearance_of, scene_of
+from cinegen.collision import PlanningError, SceneError, scene_of
 from cinegen.planning import plan
-from cinegen.planning.path_sampler import SamplingSpace
 
 
 @pytest.fixture(scope="module")
@@ -45,20 +44,6 @@ def test_fields_refuse_weights_and_are_left_out_without_being_asked(arm):
     strategies = {one.strategy for one in plan(heavy, seconds=20.0).attempts}
     assert strategies <= {"RRT-Connect", "LBKPIECE", "all joints straight to the goal"}
     plan(scene(arm, weights={"joint1": 1.0}), planner="vortex", steps=3)  # changes nothing
-
-
-def test_points_of_the_sampled_box_are_configurations_and_back(arm):
-    robot = cinegen.load("planar_3r")
-    made = scene_of({"goal": {"point": [0.3, 0.3]}, "weights": {"joint1": 4.0, "joint3": 0.25}}, mechanism=robot)
-    space, rng = SamplingSpace(made, clearance_of(made)), np.random.default_rng(0)
-    for _ in range(20):
-        x = rng.uniform(space.low, space.high)
-        assert space.point(space.at(x)) == pytest.approx(x, abs=1e-9)
-        q = space.at(x)
-        for point in space.points(q):  # with whole revolutions, the same configuration
-            assert np.cos(space.at(point) - q) == pytest.approx(np.ones(len(q)))
-            assert (point >= space.low - 1e-9).all()
-            assert (point <= space.high + 1e-9).all()
 
 
 def test_weights_are_written_and_read_again_and_wrong_ones_reported(arm):

@@ -23,7 +23,7 @@ def among(*obstacles):
     return mechanism, clearance, joints
 
 
-@pytest.mark.parametrize("seed", range(4))
+@pytest.mark.parametrize("seed", range(2))
 def test_a_manoeuvre_is_what_its_ticks_add_up_to(seed):
     _, _, joints = among()
     rng = np.random.default_rng(seed)
@@ -42,7 +42,7 @@ def test_a_manoeuvre_is_what_its_ticks_add_up_to(seed):
     assert (np.max(speeds, axis=0) <= joints.fastest_between(own, whole, 0.0, 120 * DT) + 1e-9).all()
 
 
-@pytest.mark.parametrize("where", np.linspace(0.15, 0.75, 5))
+@pytest.mark.parametrize("where", [0.15, 0.45, 0.75])
 def test_a_thin_obstacle_anywhere_along_a_manoeuvre_is_met(where):
     """A rod of 2 mm, which few instants would miss, somewhere in the arc of the tool."""
     mechanism, _, joints = among()

@@ -7,12 +7,11 @@ import itertools
 import re
 
 import numpy as np
-import pinocchio as pin
 import pytest
 from cusp_platform import LEGS, LENGTHS, configuration, determinant, legs, pose_of, scene
-from variants import slow
+from paths import along
 
-from cinegen.collision import PlanningError, load_scene, scene_of
+from cinegen.collision import PlanningError, scene_of
 from cinegen.planning import Planner, PlanStatus, change_mode, plan
 from cinegen.tolerances import NEAR_SINGULAR
 
@@ -26,16 +25,10 @@ MODES = {  # x and y (10 mm), angle (deg) of the six modes, and the sign of the 
     (14.9201, -1.3379, 57.413): -1.0,
 }
 
-OTHER_SIDE = [mode for mode, sign in MODES.items() if sign < 0.0]
 
-
-def dense(mechanism, path, step=0.005):
+def dense(mechanism, path, step=0.01):
     """Configurations along a path, loops closed, no further apart than a step (rad and characteristic lengths)."""
-    for begin, end in itertools.pairwise(path):
-        count = max(1, int(np.ceil(mechanism.distance(begin, end) / step)))
-        for k in range(count):
-            yield mechanism.close(pin.interpolate(mechanism.model, begin, end, k / count))
-    yield path[-1]
+    return (mechanism.close(q) for q in along(mechanism, path, step))
 
 
 def open_by(mechanism, q):
@@ -75,10 +68,9 @@ def test_the_modes_are_those_of_the_closed_form(root):
         assert np.sign(determinant(robot, configuration(robot, pose))) == sign
 
 
-@pytest.mark.parametrize("seed", [0, *slow(1)])
-def test_a_mode_is_changed_without_a_singularity(root, seed):
+def test_a_mode_is_changed_without_a_singularity(root):
     mechanism = (task := scene(root)).mechanism
-    found = change_mode(task, seconds=SECONDS, seed=seed)
+    found = change_mode(task, seconds=SECONDS)
     assert found.plan.status is PlanStatus.REACHED
     assert found
     sides = check_path(found, mechanism, {1.0})
@@ -94,48 +86,6 @@ def test_a_mode_is_changed_without_a_singularity(root, seed):
     assert str(found) == f"reached: assembly mode {found.mode + 1} of 6, without a singularity of type 2"
 
 
-def to_bars(pose, point):
-    """The distance of a point (2,) from the middle lines of the legs and of the platform's sides, m."""
-    vectors, arms = legs(pose)
-    corners = np.array(pose[:2]) + arms
-    bars = [(corner - vector, corner) for corner, vector in zip(corners, vectors, strict=True)]
-    bars += list(itertools.combinations(corners, 2))
-    found = []
-    for begin, end in bars:
-        part = np.clip((point - begin) @ (end - begin) / ((end - begin) @ (end - begin)), 0.0, 1.0)
-        found.append(np.linalg.norm(begin + part * (end - begin) - point))
-    return min(found)
-
-
-@pytest.mark.slow
-def test_a_mode_is_changed_around_an_obstacle(root):
-    """A disc where the path without obstacles leads is kept clear of, by the lines of legs and platform alone."""
-    free = scene(root)
-    mechanism, radius = free.mechanism, 0.004
-    before = change_mode(free, seconds=SECONDS)
-    along = list(dense(mechanism, before.plan.path))
-    ends = [pose_of(mechanism, q) for q in (along[0], along[-1])]
-    corners = [pose[:2] + arm for pose in map(lambda q: pose_of(mechanism, q), along[::10]) for arm in legs(pose)[1]]
-    point = max(corners, key=lambda corner: min(to_bars(end, corner) for end in ends))
-    assert min(to_bars(pose_of(mechanism, q), point) for q in along) < radius
-    disc = {"kind": "disc", "radius": radius, "point": point.tolist()}
-    task = scene(root, obstacle=[disc], safety=1e-3)
-    found = change_mode(task, seconds=SECONDS)
-    assert found
-    assert min(to_bars(pose_of(mechanism, q), point) for q in dense(mechanism, found.plan.path)) > radius + 1e-3
-    assert found.plan.clearance >= 1e-3
-
-
-def test_constraints_along_the_path_are_refused(root):
-    with pytest.raises(PlanningError, match=r"keeps no constraints along the path: remove them \(path\)"):
-        change_mode(scene(root, path={"line": [1, 0, 0]}))
-
-
-def test_weights_of_joints_are_refused(root):
-    with pytest.raises(PlanningError, match=r"obeys no weights of joints: remove them \(weights\)"):
-        change_mode(scene(root, weights={LEGS[0]: 5.0}))
-
-
 def test_a_mode_is_changed_with_a_leg_locked(root):
     """As in the sections of joint space that the literature draws."""
     mechanism = (task := scene(root)).mechanism
@@ -143,18 +93,6 @@ def test_a_mode_is_changed_with_a_leg_locked(root):
     assert found
     check_path(found, mechanism, {1.0})
     assert np.ptp(found.plan.path[:, mechanism.q_index(LEGS[0])]) < 1e-12
-
-
-def test_a_mode_of_other_joint_values_is_reached(root):
-    """Those of the scene's goal."""
-    lengths = [0.16, 0.15, 0.13]
-    task = scene(root, goal={"joints": dict(zip(LEGS, lengths, strict=True))})
-    mechanism = task.mechanism
-    found = change_mode(task, seconds=SECONDS)
-    assert found
-    path = found.plan.path
-    assert np.linalg.norm(legs(pose_of(mechanism, path[-1]))[0], axis=1) == pytest.approx(lengths, abs=1e-8)
-    assert {np.sign(determinant(mechanism, q)) for q in dense(mechanism, path)} == {1.0}
 
 
 def test_a_mode_on_the_other_side_is_reached_through_a_singularity_that_is_reported(root):
@@ -179,7 +117,7 @@ def test_a_mode_on_the_other_side_is_not_reached_around_singularities(root):
     mechanism = (task := scene(root)).mechanism
     modes = change_mode(task, seconds=1e-3).modes
     other = next(k for k, q in enumerate(modes) if determinant(mechanism, q) < 0.0)
-    found = change_mode(task, mode=other, seconds=3.0)
+    found = change_mode(task, mode=other, seconds=1.0)
     assert not found
     assert found.plan.status is PlanStatus.TIME_LIMIT
     assert found.mode is None
@@ -187,8 +125,8 @@ def test_a_mode_on_the_other_side_is_not_reached_around_singularities(root):
     assert "no proof" in found.plan.reason
 
 
-@pytest.mark.parametrize("goal", [(-0.02, -0.16, 0.3), *slow(((-0.09, -0.12, -0.1),), ((0.05, -0.15, -0.4),))])
-def test_a_plan_to_a_pose_keeps_to_its_side_of_the_singularities(root, goal):
+def test_a_plan_to_a_pose_keeps_to_its_side_of_the_singularities(root):
+    goal = (-0.02, -0.16, 0.3)
     task = scene(root, goal={"point": goal[:2], "angle": goal[2]})
     mechanism = task.mechanism
     found = plan(task, seconds=SECONDS)
@@ -198,18 +136,13 @@ def test_a_plan_to_a_pose_keeps_to_its_side_of_the_singularities(root, goal):
     assert all(np.sign(determinant(mechanism, q)) == side for q in dense(mechanism, found.path))
 
 
-@pytest.mark.parametrize("mode", [OTHER_SIDE[0], *slow(*((mode,) for mode in OTHER_SIDE[1:]))])
-@pytest.mark.parametrize("planner", [Planner.RRT_CONNECT, *slow(Planner.AUTO)])
-def test_a_plan_does_not_reach_a_pose_on_the_other_side(root, mode, planner):
-    x, y, angle = mode
+def test_a_plan_does_not_reach_a_pose_on_the_other_side(root):
+    x, y, angle = next(mode for mode, sign in MODES.items() if sign < 0.0)
     task = scene(root, goal={"point": [x / 100, y / 100], "angle": np.radians(angle)})
-    # of AUTO the first attempt has a part of the time, in which it meets the singularity, on a busy machine, too
-    found = plan(task, seconds=12.0 if planner is Planner.AUTO else 4.0, planner=planner)
+    found = plan(task, seconds=2.0, planner=Planner.RRT_CONNECT)
     assert found.status is PlanStatus.TIME_LIMIT
     along = [determinant(task.mechanism, q) for one in found.attempts for q in dense(task.mechanism, one.path)]
     assert min(along) > 0.0
-    if planner is Planner.AUTO:
-        assert found.attempts[0].status is PlanStatus.SINGULARITY
 
 
 def test_modes_outside_limits_are_no_goals(root):
@@ -221,12 +154,22 @@ def test_modes_outside_limits_are_no_goals(root):
 
 
 @pytest.mark.parametrize(
+    ("given", "message"),
+    [
+        ({"path": {"line": [1, 0, 0]}}, "remove them \\(path\\)"),
+        ({"weights": {LEGS[0]: 5.0}}, "weights"),
+    ],
+)
+def test_what_is_not_obeyed_is_refused(root, given, message):
+    with pytest.raises(PlanningError, match=message):
+        change_mode(scene(root, **given))
+
+
+@pytest.mark.parametrize(
     ("wrong", "message"),
     [
         ({"singular": "maybe"}, "singular must be one of 'avoid', 'cross', not 'maybe'"),
         ({"margin": 0.0}, "margin must be above 0"),
-        ({"margin": 5.0}, "the start is singular up to sigma .*, below the margin of 5"),
-        ({"seconds": 0.0}, "seconds must be above 0"),
         ({"seed": -1}, "seed must be 0 or above"),
         ({"mode": 6}, "there is no assembly mode 7: there are 6"),
     ],
@@ -234,8 +177,3 @@ def test_modes_outside_limits_are_no_goals(root):
 def test_wrong_arguments_are_refused(root, wrong, message):
     with pytest.raises(PlanningError, match=message):
         change_mode(scene(root), **wrong)
-
-
-def test_a_robot_without_loops_has_no_modes(root):
-    with pytest.raises(Exception, match="loops"):
-        change_mode(load_scene(root / "robots/scenes/rod.toml"))

@@ -5,19 +5,15 @@ from __future__ import annotations
 import itertools
 import math
 import sysconfig
-import time
 from pathlib import Path
 
 import numpy as np
-import pinocchio as pin
 import pytest
-from variants import slow
+from paths import along
 
 import cinegen
 from cinegen.collision import PlanningError, SceneError, clearance_of, load_scene, scene_of
 from cinegen.planning import PlanStatus, plan
-from cinegen.planning.clear_motion import clear_motion
-from cinegen.planning.locked_joints import with_joints_locked
 from cinegen.planning.shortcuts import shortened
 
 READY = {f"panda_joint{i}": value for i, value in enumerate((0.0, -0.785, 0.0, -2.356, 0.0, 1.571, 0.785), 1)}
@@ -78,21 +74,17 @@ def test_a_trap_that_stops_vortices_is_left_by_sampling_without_being_asked():
     assert found.length < 1.05 * rope
 
 
-@pytest.mark.parametrize("planner", ["auto", "vortex", "rrtconnect"])
-def test_the_time_limit_is_for_everything(planner):
+@pytest.mark.parametrize(("planner", "method"), [("auto", "RRT-Connect and LBKPIECE"), ("rrtconnect", "RRT-Connect")])
+def test_a_cell_without_a_door_ends_at_the_time_limit(planner, method):
     cell = [{"kind": "box", "size": size, "point": point} for point, size in (
         ([0.0, 1.0], [2.1, 0.1]), ([0.0, -1.0], [2.1, 0.1]), ([1.0, 0.0], [0.1, 2.1]), ([-1.0, 0.0], [0.1, 2.1])
     )]  # fmt: skip
     scene = scene_of({"mobile": {"radius": 0.1}, "goal": {"point": [2.0, 0.0]}, "obstacle": cell})
-    plan(scene, seconds=0.1, planner=planner)  # kernels are loaded
-    begin = time.process_time()  # another program may take the core meanwhile
     found = plan(scene, seconds=1.0, planner=planner)
-    assert time.process_time() - begin < 2.0
     assert not found
-    if planner != "vortex":
-        assert found.status is PlanStatus.TIME_LIMIT
-        method = {"auto": "RRT-Connect and LBKPIECE", "rrtconnect": "RRT-Connect"}[planner]
-        assert f"{method} found no path in 1 s" in found.reason
+    assert found.status is PlanStatus.TIME_LIMIT
+    assert f"{method} found no path in 1 s" in found.reason
+    assert np.array_equal(found.path, scene.start[None])
 
 
 def test_where_nothing_is_in_between_joints_move_straight(panda):
@@ -170,16 +162,6 @@ def test_some_joint_values_leave_the_others_free(root):
     assert scene.mechanism.values(found.path[-1])["joint3"] == pytest.approx(1.0, abs=1e-4)
 
 
-def test_user_locked_joints_keep_their_values(root):
-    scene = load_scene(root / "robots/scenes/rod.toml")
-    free = scene_of({"node": "tool", "goal": {"point": [0.5, 0.3]}}, mechanism=scene.mechanism)
-    locked = scene_of({**free.document(), "locked": ["joint2"]}, mechanism=scene.mechanism)
-    found = plan(locked)
-    assert found.status is PlanStatus.REACHED
-    assert np.ptp(found.path[:, scene.mechanism.q_index("joint2")]) == 0.0
-    assert found.trace[-1][:2] == pytest.approx([0.5, 0.3], abs=1e-4)
-
-
 def test_links_that_cannot_separate_are_no_collision(panda):
     """A closed gripper: its fingers are nearer to each other than the safety distance, and stay so."""
     closed = {**READY, "panda_finger_joint1": 0.0, "panda_finger_joint2": 0.0}
@@ -189,25 +171,13 @@ def test_links_that_cannot_separate_are_no_collision(panda):
     assert found.status is PlanStatus.REACHED
 
 
-def test_locked_joints_leave_out_the_loops_that_nothing_moves(around_post):
-    scene = with_joints_locked(around_post)
-    assert not scene.mechanism.is_constrained
-    assert around_post.mechanism.is_constrained  # by the coupling of the fingers
-    assert scene.mechanism.limits["panda_finger_joint1"][:2] == (0.02, 0.02)
-    q = scene.mechanism.configuration(AIM, scene.start)
-    assert scene.mechanism.placement(q, "panda_hand").isApprox(around_post.goal, 1e-12)
-
-
 @pytest.mark.parametrize(
     ("values", "reason"),
     [
-        ({"goal": {"joints": {}}}, "joints is empty"),
         ({"goal": {"joints": {"panda_joint9": 0.0}}}, "'panda_joint9' is not a joint"),
         ({"goal": {"joints": {"panda_joint4": 1.0}}}, "its limits are"),
         ({"goal": {"joints": READY}, "locked": ["panda_joint1"]}, "also a joint of the goal"),
         ({"goal": {"joints": READY}, "locked": ["panda_jiont1"]}, "did you mean 'panda_joint1'"),
-        ({"goal": {"joints": READY}, "locked": 5}, "list of names"),
-        ({"goal": {"joints": READY, "point": [0, 0, 0]}}, "unknown key 'point'"),
     ],
 )
 def test_goals_and_locks_that_make_no_sense_are_refused(panda, values, reason):
@@ -218,7 +188,7 @@ def test_goals_and_locks_that_make_no_sense_are_refused(panda, values, reason):
 # --- shortcuts ----------------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("name", ["rod", "generic", *slow("disc", "discs")])
+@pytest.mark.parametrize("name", ["rod", "generic"])
 def test_paths_of_vortices_become_shorter_and_stay_clear(root, name):
     scene = load_scene(root / f"robots/scenes/{name}.toml")
     raw, short = (plan(scene, planner="vortex", shorten=shorten, seconds=60.0) for shorten in (False, True))
@@ -228,42 +198,11 @@ def test_paths_of_vortices_become_shorter_and_stay_clear(root, name):
     assert np.array_equal(short.path[0], raw.path[0])
     assert short.path[-1] == pytest.approx(raw.path[-1], abs=1e-3)
     clearance = clearance_of(scene)
-    assert min(clearance.least(q) for q in densely(short.path, 2e-3)) >= scene.safety
+    assert min(clearance.least(q) for q in along(scene.mechanism, short.path, 2e-3)) >= scene.safety
     assert short.clearance >= scene.safety
-
-
-def densely(path, step):
-    for begin, end in itertools.pairwise(path):
-        count = max(1, math.ceil(float(np.abs(end - begin).max()) / step))
-        yield from (begin + k / count * (end - begin) for k in range(count))
-    yield path[-1]
-
-
-def test_a_path_along_two_sides_of_a_triangle_becomes_the_third_side():
-    scene = scene_of({"mobile": {"radius": 0.0}, "goal": {"point": [1.0, 0.0]}})
-    path = np.array([[0.0, 0.0], [0.5, 5.0], [1.0, 0.0]])
-    assert np.array_equal(shortened(clearance_of(scene), path, 0.01), path[[0, 2]])
 
 
 def test_a_path_through_an_obstacle_is_not_shortened():
     disc = {"kind": "disc", "radius": 0.1, "point": [0.5, 0.5]}
     scene = scene_of({"mobile": {"radius": 0.0}, "goal": {"point": [1.0, 0.0]}, "obstacle": [disc]})
     assert shortened(clearance_of(scene), np.array([[0.0, 0.5], [1.0, 0.5]]), 0.01) is None
-
-
-def test_motions_are_clear_exactly_where_dense_samples_are(around_post):
-    """Bounding volumes decide most pairs: they must never pass what is too near."""
-    scene = with_joints_locked(around_post)
-    clearance, rng, count = clearance_of(scene), np.random.default_rng(0), {True: 0, False: 0}
-    model = pin.Model(scene.mechanism.model)
-    for _ in range(40):
-        begin = pin.randomConfiguration(model)
-        end = begin + rng.normal(scale=0.3, size=len(begin)) * (model.upperPositionLimit > model.lowerPositionLimit)
-        if not scene.mechanism.limits.within(end):
-            continue
-        least = min(clearance.least(q) for q in densely(np.array([begin, end]), 5e-3))
-        motion = clear_motion(clearance, begin, end, scene.safety)
-        count[motion is not None] += 1
-        assert motion is None or least >= scene.safety
-        assert motion is not None or least < scene.safety + 2e-3
-    assert min(count.values()) >= 5

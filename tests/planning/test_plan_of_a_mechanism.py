@@ -58,9 +58,7 @@ def test_what_is_missing_or_given_twice_is_reported(arm):
     for given, keys, message in [
         (arm, {}, "goal is missing: write plan"),
         (scene, {"goal": [0, 0, 1]}, "give them only with a mechanism"),
-        (scene, {"obstacles": [BALL]}, "give them only with a mechanism"),
         (arm, {"goal": [0, 0]}, "goal must be a pose"),
-        (arm, {"goal": "up"}, "goal must be a pose"),
         (arm, {"goal": {"elbow": 1.0}}, "'elbow' is not a joint of"),
         (arm, {"goal": [0, 0, 1], "start": [0.0]}, "start must have 7 numbers"),
         (arm, {"goal": [0, 0, 1], "node": "hand"}, "'hand' is not a node of"),

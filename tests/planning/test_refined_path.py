@@ -6,13 +6,10 @@ from itertools import pairwise
 
 import numpy as np
 import pinocchio as pin
-import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from cinegen.planning.planner import refined
-
-NEAR = 1e-12
 
 
 @settings(max_examples=20)
@@ -33,18 +30,3 @@ def test_no_step_is_longer_and_nothing_is_lost(robot, name, seed, step):
     slack = 1.2 if mechanism.is_constrained else 1.0 + 1e-9  # loops bend the way
     assert max(steps) <= slack * step
     assert max(map(mechanism.closure, found)) < 1e-9
-
-
-def test_without_loops_all_lie_on_the_straight_way(robot):
-    mechanism = robot("planar_3r")
-    path = np.array([[0.0, 0.5, -0.5], [0.3, -0.4, 0.1], [0.3, -0.4, 0.1], [1.0, 0.2, 0.3]])
-    found = refined(mechanism, path, 0.05)
-    assert len(found) == 1 + 18 + 1 + 14
-    first = found[:19]
-    parts = np.linspace(0.0, 1.0, 19)[:, None]
-    assert first == pytest.approx(path[0] + parts * (path[1] - path[0]), abs=NEAR)
-
-
-def test_a_single_configuration_stays_one(robot):
-    mechanism = robot("arm7")
-    assert (refined(mechanism, mechanism.q_home[None]) == mechanism.q_home).all()

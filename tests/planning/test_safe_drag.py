@@ -6,11 +6,9 @@ import numpy as np
 import pinocchio as pin
 import pytest
 from clearings import load, measured
-from variants import slow
 
 from cinegen.collision import clearance_of, scene_of
 from cinegen.ik import Solver, Status
-from cinegen.ik.objectives import Posture
 from cinegen.planning import AvoidingSolver
 
 SAFETY = 0.01
@@ -50,21 +48,22 @@ def balls_about(name, node, rng):
     return found
 
 
-@pytest.mark.parametrize(("dt", "acceleration"), [(0.01, None), *slow((0.05, np.inf), (1e-3, np.inf))])
-@pytest.mark.parametrize(("name", "node"), [("arm7", "tool"), *slow(("planar_3r", "tool")), ("delta4", "platform")])
-@pytest.mark.parametrize("seed", [0, *slow(1, 2)])
-def test_however_it_is_pulled_it_stays_clear_all_along(name, node, dt, acceleration, seed):
+@pytest.mark.parametrize(
+    ("name", "node", "dt", "acceleration"),
+    [("arm7", "tool", 0.01, None), ("delta4", "platform", 0.01, None), ("planar_3r", "tool", 0.05, np.inf)],
+)
+def test_however_it_is_pulled_it_stays_clear_all_along(name, node, dt, acceleration):
     """Dragged into one ball after another, no step comes nearer than the safety distance, anywhere on it, by distances
     of coal itself; loops stay closed. Something is held off each time: no drag is harmless."""
     mechanism = load(name)
-    rng = np.random.default_rng(seed)
+    rng = np.random.default_rng(0)
     balls = balls_about(name, node, rng)
     solver, clearance = hand(scene(name, *balls), dt, acceleration)
     task = solver.add_task(node, translation=3, rotation=0, axes="world")
     before, barred = solver.q, 0
-    for tick in range(240):
-        if tick % 40 == 0:
-            moved(task, balls[tick // 40 % 4]["point"] + rng.uniform(-0.05, 0.05, 3) * mechanism.length)
+    for tick in range(120):
+        if tick % 30 == 0:
+            moved(task, balls[tick // 30]["point"] + rng.uniform(-0.05, 0.05, 3) * mechanism.length)
         step = solver.step()
         for part in (0.5, 1.0):
             between = pin.interpolate(mechanism.model, before, step.q, part)
@@ -81,7 +80,7 @@ def test_it_goes_round_a_pole_where_a_damper_alone_is_held():
     start = {"joints": {"joint1": -1.18, "joint2": 0.99, "joint3": 0.88}}
     goal = [0.6, 0.3, 0.0]
 
-    def pulled(solver, ticks=6000):
+    def pulled(solver, ticks=1500):
         task = solver.add_task("tool", translation=2, rotation=0, axes="world")
         moved(task, goal)
         seen = set()
@@ -92,13 +91,13 @@ def test_it_goes_round_a_pole_where_a_damper_alone_is_held():
                 break
         return step, seen
 
-    avoiding, clearance = hand(scene("planar_3r", rod, start=start))
+    avoiding, clearance = hand(scene("planar_3r", rod, start=start), dt=4e-3)
     step, seen = pulled(avoiding)
     assert step.errors[0][0] < 1e-3
     assert Status.DETOUR in seen
-    alone = Solver(avoiding.mechanism, 1e-3, scene("planar_3r", rod, start=start).start)
+    alone = Solver(avoiding.mechanism, 4e-3, scene("planar_3r", rod, start=start).start)
     alone.barriers = avoiding.barriers
-    step, seen = pulled(alone, 3000)
+    step, seen = pulled(alone, 400)
     assert step.errors[0][0] > 0.1
     assert step.status is Status.BARRED
     assert clearance.least(step.q) >= SAFETY
@@ -132,44 +131,10 @@ def test_a_pull_that_makes_no_sense_beside_one_that_is_held_off():
     for wrong in ("nowhere", None, pin.SE3(np.eye(3), np.full(3, np.nan))):
         other.target = wrong
         moved(tool, [x, -y - 0.6, z])
-        for _ in range(400):
+        for _ in range(150):
             step = solver.step()
             assert step.status is Status.BAD_TARGET
         assert clearance.least(step.q) >= SAFETY
-
-
-@pytest.mark.slow
-def test_where_nothing_leads_on_an_obstacle_that_goes_away_is_noticed():
-    """A mobile point in a box: it waits; a wall is taken away, and it goes."""
-    walls = [([0.0, 0.5], [1.2, 0.1]), ([0.0, -0.5], [1.2, 0.1]), ([-0.5, 0.0], [0.1, 1.2]), ([0.5, 0.0], [0.1, 1.2])]
-    listed = [{"name": f"w{i}", "kind": "box", "point": at, "size": size} for i, (at, size) in enumerate(walls)]
-    around_ = scene_of(
-        {"mobile": {"radius": 0.05}, "safety": SAFETY, "start": {"point": [0.0, 0.0]}, "goal": {"point": [2.0, 0.0]},
-         "obstacle": listed}
-    )  # fmt: skip
-    solver, clearance = hand(around_)
-    task = solver.add_task("mobile", translation=2, rotation=0, axes="world")
-    moved(task, [2.0, 0.0, 0.0])
-    for _ in range(6000):
-        step = solver.step()
-    assert np.abs(step.q).max() < 0.45
-    last = len(clearance.obstacles) - 1
-    solver.move(last, pin.SE3(np.eye(3), np.array([0.5, 5.0, 0.0])))
-    for _ in range(6000):
-        step = solver.step()
-    assert step.errors[0][0] < 1e-3
-
-
-def test_objectives_wait_and_are_kept():
-    solver, _ = hand(scene("arm7", pole(0.45, 0.0)))
-    posture = Posture()
-    solver.objectives = (posture,)
-    task = solver.add_task("tool", translation=3, rotation=0)
-    x, y, z = task.target.translation
-    moved(task, [x, -y - 0.6, z])
-    for _ in range(800):
-        solver.step()
-        assert solver.objectives == (posture,)
 
 
 def test_a_fault_of_its_own_is_reported_and_it_stays_clear(monkeypatch, caplog):
@@ -195,24 +160,6 @@ def test_a_fault_of_its_own_is_reported_and_it_stays_clear(monkeypatch, caplog):
     assert "in broken" in caplog.text
     monkeypatch.undo()
     assert solver.step().exceptions == ()
-
-
-def test_an_objective_that_raises_beside_obstacles_is_reported(caplog):
-    class Wrong:
-        def velocity(self, state):
-            raise ValueError("wrong")
-
-    solver, clearance = hand(scene("delta4", {"kind": "sphere", "radius": 0.05, "point": [0.6, 0.0, -0.8]}))
-    task = solver.add_task("platform", rotation=0)
-    moved(task, task.target.translation + np.array([0.05, 0.0, -0.05]))
-    solver.objectives = [Wrong()]
-    for _ in range(300):
-        step = solver.step()
-        assert [str(error) for error in step.exceptions] == ["wrong"]
-        assert step.closure <= 1e-10
-        assert clearance.least(step.q) >= SAFETY
-    assert step.errors[0][0] < 1e-6
-    assert len([record for record in caplog.records if record.name == "cinegen"]) == 1
 
 
 @pytest.mark.filterwarnings("error")

@@ -9,10 +9,8 @@ import numpy as np
 import pinocchio as pin
 import pytest
 from clearings import load
-from variants import slow
 
 from cinegen.collision import clearance_of, scene_of
-from cinegen.errors import CinegenError
 from cinegen.ik import Status
 from cinegen.model.motion_limits import motion_limits
 from cinegen.planning import AvoidingSolver
@@ -66,38 +64,22 @@ def accelerations(mechanism, q, dt=DT):
     return float(np.abs(changes[:, [mechanism.v_index(joint) for joint in mechanism.actuated]]).max())
 
 
-@pytest.mark.parametrize("seed", [2, *slow(3, 5)])
-@pytest.mark.parametrize(("name", "node"), [("arm7", "tool"), *slow(("planar_3r", "tool")), ("delta4", "platform")])
-def test_accelerations_are_obeyed_whatever_happens(name, node, seed):
+@pytest.mark.parametrize(("name", "node"), [("arm7", "tool"), ("delta4", "platform")])
+def test_accelerations_are_obeyed_whatever_happens(name, node):
     """A target that jumps, and a ball that comes at 1 m/s."""
     solver, clearance = among_a_ball(name)
-    rng, mechanism = np.random.default_rng(seed), solver.mechanism
+    rng, mechanism = np.random.default_rng(2), solver.mechanism
     task = solver.add_task(node, rotation=0, axes="world")
     home = task.target.translation.copy()
-    flat = np.array([1.0, 1.0, 0.0 if name == "planar_3r" else 1.0])
-    direction = rng.normal(size=3) * flat
+    direction = rng.normal(size=3)
     direction /= np.linalg.norm(direction)
 
     def aim(tick):
         if tick % 60 == 0:
-            task.target = pin.SE3(task.target.rotation, home + rng.uniform(-0.3, 0.3, 3) * flat)
+            task.target = pin.SE3(task.target.rotation, home + rng.uniform(-0.3, 0.3, 3))
 
     q, _, _, _ = run(solver, clearance, home - 0.9 * direction, SPEED * direction, 360, aim)
     assert accelerations(mechanism, q) <= ACCELERATION * (1.0 + 1e-6)
-
-
-@pytest.mark.parametrize("acceleration", [3.0, {"joint1": 2.0}])
-def test_limits_that_are_given_are_obeyed_in_a_drag_without_obstacles(acceleration):
-    solver, _ = among_a_ball("arm7", acceleration=acceleration)
-    task = solver.add_task("tool", rotation=0)
-    task.target = pin.SE3(task.target.rotation, task.target.translation + np.array([-0.2, 0.3, 0.1]))
-    q = np.array([solver.q, *(solver.step().q for _ in range(300))])
-    changes = np.abs(np.diff(np.vstack([q[:1], q]), n=2, axis=0)).max(axis=0) / DT**2
-    limits = np.full(7, 3.0) if acceleration == 3.0 else np.array([2.0, *[10.0] * 6])
-    assert (changes <= limits * (1.0 + 1e-6)).all()
-    assert (changes > 0.5 * limits).any()
-    with pytest.raises(CinegenError):
-        among_a_ball("arm7", acceleration=-1.0)
 
 
 def test_a_ball_that_comes_is_evaded():
@@ -112,12 +94,12 @@ def test_a_ball_that_comes_is_evaded():
     assert min(distance(clearance, q[0], home + s * side) for s in np.linspace(-0.1, 0.1, 21)) < 0.0  # at rest
 
 
-@pytest.mark.parametrize("name", ["arm7", *slow("planar_3r"), "delta4"])
+@pytest.mark.parametrize("name", ["arm7", "delta4"])
 def test_the_status_and_the_threat_where_a_collision_is_not_avoided(name):
     """A ball at 1 m/s through a link near the base, which can't get away; it goes on through the robot."""
     solver, clearance = among_a_ball(name)
     mechanism = solver.mechanism
-    node = {"arm7": "link1", "planar_3r": "link1", "delta4": "platform"}[name]
+    node = {"arm7": "link1", "delta4": "platform"}[name]
     task = solver.add_task(mechanism.end, rotation=0)
     if name == "delta4":  # its platform gets out of the way of slower ones
         begin, velocity = mechanism.placement(solver.q, node).translation - [0.0, 0.0, 0.8], np.array([0.0, 0.0, 8.0])
@@ -148,32 +130,16 @@ def _centre(mechanism, q, body):
     return data.oMi[body.joint].act(np.asarray(body.centre))
 
 
-BOXED = [([0.0, 0.35], [1.0, 0.1]), ([0.0, -0.35], [1.0, 0.1]), ([-0.35, 0.0], [0.1, 0.8]), ([0.35, 0.0], [0.1, 0.8])]
-
-
-def boxed_in(name):
-    """A solver among four walls that are near, and a ball that has the last index; the walls do not touch it."""
-    if name == "mobile":
-        listed = [{"name": f"w{i}", "kind": "box", "point": p, "size": size} for i, (p, size) in enumerate(BOXED)]
-        start, mechanism = {"mobile": {"radius": 0.1}, "start": {"point": [0.0, 0.0]}}, None
-    else:
-        listed = [{"name": "cage", "kind": "cylinder", "radius": 0.5, "length": 0.05, "point": [0.0, 0.0, 1.6]}]
-        start, mechanism = {"start": {}}, load(name)
-    listed.append({"name": "ball", "kind": "sphere", "radius": 0.12, "point": [9.0, 9.0, 0.0]})
-    document = {"safety": SAFETY, "goal": {"point": [2.0, 0.0]}, "obstacle": listed, **start}
-    clearance = clearance_of(scene_of(document, mechanism=mechanism))
-    return AvoidingSolver(clearance, DT, SAFETY), clearance
-
-
-@pytest.mark.parametrize(
-    ("name", "away"), [("mobile", 0.32), ("delta4", 0.5), *slow(("planar_3r", 0.32), ("arm7", 0.32))]
-)
-def test_where_nothing_can_be_done_it_comes_to_a_full_stop_within_its_limits(name, away):
-    """Dragged about, and a large ball comes at 2 m/s, straight to a link near the base, or between walls."""
-    solver, clearance = boxed_in(name)
+def test_where_nothing_can_be_done_it_comes_to_a_full_stop_within_its_limits():
+    """Dragged about under a cage, and a large ball comes at 2 m/s, straight to a link near the base."""
+    cage = {"name": "cage", "kind": "cylinder", "radius": 0.5, "length": 0.05, "point": [0.0, 0.0, 1.6]}
+    ball = {"name": "ball", "kind": "sphere", "radius": 0.12, "point": [9.0, 9.0, 0.0]}
+    document = {"safety": SAFETY, "start": {}, "goal": {"point": [2.0, 0.0]}, "obstacle": [cage, ball]}
+    clearance = clearance_of(scene_of(document, mechanism=load("delta4")))
+    solver, away = AvoidingSolver(clearance, DT, SAFETY), 0.5
     mechanism = solver.mechanism
     task = solver.add_task(mechanism.end, rotation=0, axes="world")
-    body = next(one for one in clearance.links if one.joint == (mechanism.model.njoints - 1 if name == "mobile" else 1))
+    body = next(one for one in clearance.links if one.joint == 1)
     index, q, statuses, v = len(clearance.obstacles) - 1, [solver.q], [], []
     aim = task.target.translation + np.array([0.1, 0.1, 0.0])
     begin = None

@@ -10,7 +10,6 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from vortex_field import Vortex, facing
 
-import cinegen
 from cinegen.planning.descent import closeness
 from cinegen.planning.vortices import Vortices
 
@@ -139,77 +138,3 @@ def test_a_point_that_is_led_at_a_ball_is_turned_aside(axis):
 def test_it_fades_to_nothing_where_it_ends(distance, modulus):
     found, _ = point_turned([1.5 - distance, 0.0], [1.0, 0.0], about())
     assert found == pytest.approx([1.0, -modulus], abs=1e-3)
-
-
-def test_nearer_than_where_links_are_stopped_and_inside_it_is_no_stronger():
-    for x in (1.45, 1.499, 1.6):
-        assert point_turned([x, 0.0], [1.0, 0.0], about())[0] == pytest.approx([1.0, -1.0], abs=1e-3)
-
-
-def test_what_leads_away_or_past_is_not_turned_and_lets_the_vortex_rest():
-    for motion in ([-1.0, 0.3], [0.0, 1.0]):
-        states = about()
-        found, asks = point_turned([1.4, 0.0], motion, states)
-        assert (found == motion).all()
-        assert (asks == -1).all()
-        assert states[0, 0] == 0.0
-
-
-def test_a_vortex_that_rests_says_what_is_led_into_it_and_does_nothing():
-    states = about(awake=0.0)
-    found, asks = point_turned([1.4, 0.0], [1.0, 0.2], states)
-    assert (found == [1.0, 0.2]).all()
-    assert (asks == 0).all()
-    assert states[0, 0] == 0.0
-
-
-def test_of_several_pairs_the_nearest_asks():
-    clearance = point_among([ball(0.1, 0.9, 0.0, 0.0), ball(0.1, 0.5, 0.1, 0.0), ball(0.1, 0.6, 0.0, 0.0)])
-    _, asks = deflected(
-        clearance, np.zeros(2), np.array([1.0, 0.0]), np.zeros(3, dtype=np.int64), about(awake=0.0), 2.0, 0.1, 1.0
-    )
-    assert asks.tolist() == [1]
-
-
-def test_an_axis_along_the_normal_turns_nothing():
-    states = np.array([[1.0, 1.0, 0.0, 0.0]])
-    found, _ = point_turned([1.4, 0.0], [1.0, 0.0], states)
-    assert (found == [1.0, 0.0]).all()
-    assert states[0, 0] == 1.0  # it is needed all the same
-
-
-def test_what_a_joint_can_hardly_do_is_not_asked_of_it(robot):
-    """A stretched arm is led along itself: aside its first joint moves it, up or down none does."""
-    mechanism = robot("planar_3r")
-    q = np.zeros(3)
-    tool = mechanism.placement(q, "tool").translation
-    clearance = among("planar_3r", [ball(0.05, tool[0] + 0.1, *tool[1:])], own=False)
-    up = np.array([[1.0, 0.0, 1.0, 0.0]])
-    which = np.zeros(len(clearance.pairs), dtype=np.int64)
-    motion = np.array([0.3, -1.0, 1.0])
-    found, _ = deflected(clearance, q, motion, which, up, 1.0, 0.01, 1.0)
-    assert np.isfinite(found).all()
-    assert found == pytest.approx(motion, abs=1e-9)
-
-
-def test_loops_stay_closed_and_the_link_is_led_all_the_same():
-    mechanism = load("delta4")
-    x, y, z = mechanism.placement(mechanism.q_home, "platform").translation
-    clearance = among("delta4", [ball(0.05, x + 0.9, y, z)])
-    q, post = mechanism.q_home, len(clearance.bodies) - 1
-    met = [p for p, (one, other) in enumerate(clearance.pairs) if other == post and clearance.names(p)[0] == "platform"]
-    pair = min(met, key=lambda p: clearance.distances(q)[p])
-    normal = clearance.nearest_points(pair)[2]
-    towards = cinegen.Solver(mechanism, 1.0)
-    task = towards.add_task("platform", rotation=0)
-    task.target = pin.SE3(task.target.rotation, task.target.translation + 0.02 * normal)
-    motion = pin.difference(mechanism.model, q, towards.step().q)
-    which = np.where(np.arange(len(clearance.pairs)) == pair, 0, 1)
-    axis = np.cross(-normal, [0.0, 0.0, 1.0])
-    states = np.array([[1.0, *axis / np.linalg.norm(axis)], [0.0, 0.0, 0.0, 1.0]])
-    led = Vortices(clearance, 1.0, 0.1).point_motion(pair, motion)
-    turned_, _ = deflected(clearance, q, motion, which, states, 2.0, 1.0, 1.0)  # nearer than it stops: full strength
-    more = turned_ - motion
-    assert np.abs(mechanism.loop_jacobian(q) @ more).max() <= 1e-9 * np.abs(more).max()
-    rise = Vortices(clearance, 1.0, 0.1).point_motion(pair, more)
-    assert rise @ np.cross(axis / np.linalg.norm(axis), -normal) == pytest.approx(normal @ led, rel=0.05)

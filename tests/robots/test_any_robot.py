@@ -3,24 +3,19 @@
 from __future__ import annotations
 
 import math
-import subprocess
-import sys
 import tempfile
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pinocchio as pin
 import pytest
 from elementary import kleinfinger, values
-from hand import DT, Hand, check
+from hand import DT, check
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 from making import (
-    BALL,
     PRISMATIC,
     REVOLUTE,
-    RIGID,
     TOOL,
     Body,
     Mechanism,
@@ -33,10 +28,8 @@ from making import (
     platform,
     ring,
     sarrus,
-    six,
     somewhere,
 )
-from variants import slow
 
 import cinegen
 import raff2urdf
@@ -131,17 +124,6 @@ def test_a_random_tree_stands_where_the_products_of_six_elementary_transforms_pu
             assert mechanism.placement(q, node).homogeneous == pytest.approx(place(number), abs=2e-12)
 
 
-@law(100)
-@given(SEEDS)
-def test_the_six_parameters_of_a_placement_give_the_placement_back(seed):
-    """Of this folder's own helper: what follows rests on it."""
-    rng = np.random.default_rng(seed)
-    place = somewhere(rng)
-    if seed % 3 == 0:
-        place[:3, :3] = np.eye(3) * [1.0, 1.0, 1.0] if seed % 2 else np.diag([1.0, -1.0, -1.0])
-    assert kleinfinger(*six(place)) == pytest.approx(place, abs=1e-12)
-
-
 # --- loops -------------------------------------------------------------------------------------------------------
 
 
@@ -184,39 +166,6 @@ def test_platforms_on_legs_have_the_mobility_of_gruebler_and_kutzbach(seed):
     assert one.mobility == max(0, expected)
 
 
-@law(40)
-@given(SEEDS)
-def test_planar_platforms_on_three_legs_of_three_joints_have_mobility_3(seed):
-    """3-RRR, 3-RPR, 3-PRR and mixtures, all in one plane, whose three loop rows out of the plane are void."""
-    rng = np.random.default_rng(seed)
-    parts, loops, number = [], [], 1
-    first = 0
-    for word in (str(rng.choice(["RRR", "RPR", "PRR", "RRP"])) for _ in range(3)):
-        pred = 0
-        for letter in word:
-            point = (*rng.normal(size=2), 0.0)
-            along = (0.0, 0.0, 1.0) if letter == "R" else (*rng.normal(size=2), 0.0)
-            parts.append(Body(number, pred, axis(point, along), REVOLUTE if letter == "R" else PRISMATIC))
-            pred, number = number, number + 1
-        if not first:
-            first = pred
-            continue
-        place = axis((*rng.normal(size=2), 0.0))
-        parts += [Body(number, pred, place, None), Body(number + 1, first, place, None)]
-        loops.append((number, number + 1, RIGID))
-        number += 2
-    mechanism = Mechanism(tuple(parts), tuple(loops)).moved(somewhere(rng, 2.0))
-    assume(mechanism.mobility() == 3)
-    assert loaded(mechanism).mobility == 3
-
-
-@law(40)
-@given(SEEDS, st.integers(1, 5), st.integers(2, 4))
-def test_stacked_parallelograms_have_one_freedom_a_storey_however_many_cranks(seed, storeys, cranks):
-    mechanism = parallelograms(np.random.default_rng(seed), storeys, cranks)
-    assert loaded(mechanism).mobility == storeys
-
-
 @pytest.mark.parametrize("lean", [0.0, math.pi])
 @pytest.mark.parametrize("cranks", [2, 3, 4])
 def test_a_parallelogram_drawn_flat_has_one_freedom_however_many_cranks(lean, cranks):
@@ -231,18 +180,12 @@ RINGS = {
     "Bennett": (bennett, 1),
     "Sarrus": (sarrus, 1),
     "planar four-bar": (lambda rng: planar(rng.normal(size=(4, 2))), 1),
-    "planar six-bar": (lambda rng: planar(rng.normal(size=(6, 2))), 3),
     "spherical four-bar": (lambda rng: [axis(z, z) for z in (direction(rng) for _ in range(4))], 1),
     "spatial seven-bar": (lambda rng: [somewhere(rng) for _ in range(7)], 1),
-    "spatial eight-bar": (lambda rng: [somewhere(rng) for _ in range(8)], 2),
 }
 
 
-FEW = ("Bennett", "planar four-bar", "spatial seven-bar")
-some_rings = pytest.mark.parametrize("name", [*FEW, *slow(*(name for name in RINGS if name not in FEW))])
-
-
-@some_rings
+@pytest.mark.parametrize("name", RINGS)
 @law(8)
 @given(seed=SEEDS)
 def test_a_ring_has_its_known_mobility_whichever_joint_is_cut_and_however(name, seed):
@@ -256,25 +199,6 @@ def test_a_ring_has_its_known_mobility_whichever_joint_is_cut_and_however(name, 
             one = loaded(mechanism)
             assert one.closure(one.q_home) <= 1e-12
             assert one.mobility == mobility, (cut, how)
-
-
-@law(12)
-@given(SEEDS)
-def test_a_ring_with_slides_may_be_cut_at_a_slide(seed):
-    rng = np.random.default_rng(seed)
-    kinds = [REVOLUTE] * 4 + [int(rng.choice([PRISMATIC, REVOLUTE])) for _ in range(int(rng.integers(3, 6)))]
-    rng.shuffle(kinds)
-    axes = [somewhere(rng) for _ in kinds]
-    for cut, _ in enumerate(kinds):
-        mechanism = ring(axes, kinds, cut)
-        assume(mechanism.mobility() == len(kinds) - 6)
-        assert loaded(mechanism).mobility == len(kinds) - 6
-
-
-def test_a_loop_cut_as_a_ball_frees_two_turns_more_than_its_hinge():
-    rng = np.random.default_rng(0)
-    axes = [somewhere(rng) for _ in range(7)]
-    assert loaded(ring(axes, None, 3, "ball")).mobility == 3
 
 
 @pytest.mark.parametrize(
@@ -303,28 +227,10 @@ def test_a_loop_cut_as_a_ball_frees_two_turns_more_than_its_hinge():
             id="a single joint and its double",
         ),
         pytest.param(
-            "link 1 { parameters { d 100 theta 5 } type 2 pred 0 } frame 2 { parameters { d 100 } pred 0 }"
-            "constraint { link 1 frame 2 }",
-            0,
-            id="a single joint held rigidly",
-        ),
-        pytest.param(
-            "link 1 { parameters { d 100 theta 5 } type 2 pred 0 } link 2 { parameters { d -100 } type 2 pred 1 }"
-            "constraint { base link 2 }",
-            0,
-            id="two joints back to the base",
-        ),
-        pytest.param(
             "link 1 { parameters { d 100 } type 2 pred 0 } link 2 { parameters { d 100 } type 2 pred 0 }"
             "constraint { link 1 link 2 } constraint { link 1 link 2 }",
             1,
             id="the same loop twice",
-        ),
-        pytest.param(
-            "link 1 { parameters { d 100 } type 2 pred 0 } link 2 { parameters { d 50 } type 2 pred 1 }"
-            "frame 3 { pred 1 } frame 4 { pred 1 } constraint { frame 3 frame 4 }",
-            2,
-            id="a loop that no joint moves",
         ),
     ],
 )
@@ -343,47 +249,23 @@ def test_small_and_odd_loops_are_counted_right(body, mobility):
         check(mechanism, before, solver.step())
 
 
-@pytest.mark.parametrize("kind", [PRISMATIC, REVOLUTE])
-def test_a_robot_of_a_single_joint_moves(kind):
-    link = f"link 1 {{ parameters {{ d 100 }} type {kind} pred 0 }}"
-    mechanism = load(f"robot r {{ {link} frame 2 {{ parameters {{ d 50 }} pred 1 }} }}")
-    assert mechanism.jacobian(mechanism.q_home, "frame2").shape == (6, 1)
-    assert mechanism.extended_jacobian(mechanism.q_home, ["frame2"]).shape == (6, 1)
-    solver = cinegen.Solver(mechanism, DT)
-    goal = mechanism.placement(mechanism.q_home + 0.05, "frame2")
-    solver.add_task("frame2", goal)
-    for _ in range(10):
-        step = solver.step()
-    assert mechanism.placement(step.q, "frame2").homogeneous == pytest.approx(goal.homogeneous, abs=1e-9)
+FIXED_LINK = "link 1 { parameters { d 100 } type 0 pred 0 }"
 
 
-STILL = """
-import sys, cinegen
-for path in sys.argv[1:]:
-    print(path)
-    mechanism = cinegen.load(path)
+@pytest.mark.parametrize(
+    "body",
+    [
+        "",
+        f"{FIXED_LINK} frame 2 {{ pred 1 }}",
+        f"{FIXED_LINK} frame 2 {{ parameters {{ d 100 }} pred 0 }} constraint {{ link 1 frame 2 }}",
+    ],
+)
+def test_robots_without_joints_stand_still(body):
+    mechanism = load(f"robot r {{ {body} }}")
     solver = cinegen.Solver(mechanism, 0.01)
     solver.add_task(mechanism.nodes[-1]).target.translation += 1.0
-    step = solver.step()
-    assert mechanism.mobility == len(step.q) == 0
+    assert mechanism.mobility == len(solver.step().q) == 0
     assert mechanism.jacobian(mechanism.q_home, mechanism.nodes[-1]).shape == (6, 0)
-"""
-
-
-def test_robots_without_joints_stand_still(tmp_path):
-    """In a process of their own, for a fault of a library would end it."""
-    fixed = "link 1 { parameters { d 100 } type 0 pred 0 }"
-    bodies = {
-        "nothing": "",
-        "a_base": "base { }",
-        "a_fixed_link": f"{fixed} frame 2 {{ pred 1 }}",
-        "a_fixed_loop": f"{fixed} frame 2 {{ parameters {{ d 100 }} pred 0 }} constraint {{ link 1 frame 2 }}",
-    }
-    for name, body in bodies.items():
-        (tmp_path / f"{name}.raff").write_text(f"RAFF {name}\nrobot r {{ {body} }}\n", encoding="utf-8")
-    files = [str(tmp_path / f"{name}.raff") for name in bodies]
-    run = subprocess.run([sys.executable, "-c", STILL, *files], capture_output=True, text=True, timeout=60)
-    assert run.returncode == 0, run.stdout + run.stderr[-2000:]
 
 
 # --- what does not matter ----------------------------------------------------------------------------------------
@@ -442,19 +324,24 @@ def same_tool(one: cinegen.Mechanism, other: cinegen.Mechanism, place: np.ndarra
     assert reaches(other, elsewhere(one.placement(q, "tool")))
 
 
-def closed(seed: int) -> Mechanism:
-    """A mechanism with loops and a tool, well away from singularities; its numbers are its own, not rounded."""
-    rng = np.random.default_rng(seed)
+def any_closed(rng: np.random.Generator) -> Mechanism:
+    """A mechanism with loops and a tool."""
     makers = [
-        lambda: platform(rng, ["UPS", "RUS", "PUS"]),
+        lambda: platform(rng, ["UPS", "RUS", "PUS"], str(rng.choice(["rigid", "joint"]))),
         lambda: platform(rng, ["RPS", "RRS", "PRS"], "joint"),
+        lambda: platform(rng, ["UPU"] * 3),
         lambda: parallelograms(rng, 3, 3),
         lambda: ring([somewhere(rng) for _ in range(8)], None, int(rng.integers(8))),
         lambda: ring(sarrus(rng), None, int(rng.integers(6))),
         lambda: ring(bennett(rng), None, int(rng.integers(4))),
         lambda: ring(planar(rng.normal(size=(6, 2)))),
     ]
-    mechanism = makers[int(rng.integers(len(makers)))]()
+    return makers[int(rng.integers(len(makers)))]()
+
+
+def closed(seed: int) -> Mechanism:
+    """Well away from singularities; its numbers are its own, not rounded."""
+    mechanism = any_closed(np.random.default_rng(seed))
     sigma = mechanism.singular_values()
     assume(not ((sigma > 1e-9) & (sigma < 0.05)).any())
     return mechanism
@@ -492,7 +379,7 @@ def test_how_links_are_numbered_and_in_what_order_they_stand_does_not_matter(see
     assert {back[joint] for joint in one.joints} == set(other.joints)
 
 
-@some_rings
+@pytest.mark.parametrize("name", RINGS)
 @law(4)
 @given(seed=SEEDS)
 def test_which_joint_was_cut_does_not_matter(name, seed):
@@ -526,50 +413,9 @@ def test_a_robot_of_micrometres_moves_like_its_twin_of_metres(seed, factor):
 # --- driving them ------------------------------------------------------------------------------------------------
 
 
-def limited(mechanism: Mechanism, rng: np.random.Generator) -> Mechanism:
-    """With limits about home, tight ones too, and velocity limits, for some of the joints."""
-    places, bodies = mechanism.places, []
-    for body in mechanism.bodies:
-        if body.kind in (PRISMATIC, REVOLUTE) and rng.random() < 0.6:
-            _, _, _, _, theta, r = six(np.linalg.inv(places[body.pred]) @ body.place)
-            home, width = (math.degrees(theta), 60.0) if body.kind == REVOLUTE else (1e3 * r, 300.0)
-            low, high = home - width * rng.uniform(0.01, 1.5), home + width * rng.uniform(0.01, 1.5)
-            more = f"limits {{ {float(low)!r} {float(high)!r} }}"
-            if rng.random() < 0.5:
-                more += f" velocity {rng.uniform(10.0, 200.0)}"
-            body = replace(body, more=more)
-        bodies.append(body)
-    return replace(mechanism, bodies=tuple(bodies))
-
-
-@law(25)
-@given(SEEDS)
-def test_no_random_mechanism_is_torn_or_driven_over_a_limit(seed):
-    rng = np.random.default_rng(seed)
-    makers = [
-        lambda: platform(rng, ["UPS", "RUS", "PUS"], "joint"),
-        lambda: platform(rng, ["RPS", "RRS", "PRS"]),
-        lambda: platform(rng, ["UPU"] * 3),
-        lambda: parallelograms(rng, 2, 3),
-        lambda: ring([somewhere(rng) for _ in range(8)]),
-        lambda: ring(sarrus(rng), None, 2, "rigid"),
-        lambda: ring(bennett(rng)),
-        lambda: graph(rng, 9, 0),
-    ]
-    mechanism = exactly(limited(makers[int(rng.integers(len(makers)))](), rng))
-    solver = cinegen.Solver(mechanism, DT)
-    hand = Hand(mechanism, solver, seed)
-    hand.grasp()
-    for _ in range(150):
-        hand.act()
-        before = solver.q.copy()
-        check(mechanism, before, solver.step())
-
-
-@pytest.mark.parametrize("count", [30, 60])
 @pytest.mark.parametrize("closed_to_a_ring", [False, True])
-def test_chains_of_many_joints_load_close_and_follow(count, closed_to_a_ring):
-    rng = np.random.default_rng(count)
+def test_chains_of_many_joints_load_close_and_follow(closed_to_a_ring):
+    count, rng = 60, np.random.default_rng(60)
     around = np.linspace(0.0, 1.8 * math.pi, count)
     axes = [axis((math.cos(t), math.sin(t), 0.1 * t), direction(rng)) for t in around]
     if closed_to_a_ring:
@@ -582,40 +428,3 @@ def test_chains_of_many_joints_load_close_and_follow(count, closed_to_a_ring):
     goal = mechanism.placement(mechanism.q_home, "tool")
     goal.translation = goal.translation + np.array([0.1, 0.2, 0.1])
     assert reaches(mechanism, goal)
-
-
-@law(20)
-@given(SEEDS)
-def test_a_rough_guess_of_the_posture_is_closed(seed):
-    """Joint values a tenth of a radian off: loading assembles the mechanism, with its mobility."""
-    rng = np.random.default_rng(seed)
-    mechanism = platform(rng, [str(rng.choice(["UPS", "RUS", "PUS"])) for _ in range(4)])
-    assume(mechanism.mobility() == 6)
-    one = load(mechanism.text(joint_digits=1))
-    assert one.gap_as_written > 1e-4
-    assert one.closure(one.q_home) <= 1e-12
-    assert one.mobility == 6
-
-
-def test_two_coupled_loops_share_their_joints_and_are_closed_together():
-    """A six-bar after Watt: two four-bars that have a bar in common. Mobility 1: M = 3 (6 - 1) - 2 * 7."""
-    points = planar(np.array([[0.0, 0.0], [0.1, 0.4], [0.7, 0.6], [0.8, 0.0], [0.4, 0.9], [1.0, 1.1], [1.0, 0.5]]))
-    parts = (
-        Body(1, 0, points[0]),
-        Body(2, 1, points[1]),
-        Body(3, 0, points[3]),
-        Body(4, 2, points[4]),
-        Body(5, 3, points[6]),
-        Body(11, 2, points[2], None),
-        Body(12, 3, points[2], None),
-        Body(13, 4, points[5], None),
-        Body(14, 5, points[5], None),
-    )
-    for first, second in ((REVOLUTE, REVOLUTE), (BALL, REVOLUTE), (REVOLUTE, BALL)):
-        text = Mechanism(parts, ((11, 12, first), (13, 14, second))).text(digits=5, joint_digits=4)
-        assert converted(text) == 1
-        mechanism = load(text)
-        assert mechanism.mobility == 1
-        assert mechanism.loop_rank == 4
-        for q in mechanism.random_closed(10):
-            assert mechanism.closure(q) <= 1e-12

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from test_inverse_kinematics import CLOSED, SERIAL, configurations, end_of, limits_of, mechanism_of
+from test_inverse_kinematics import CLOSED, SERIAL, configurations, end_of, mechanism_of
 
 import cinegen
 from cinegen.ik.batch import BatchEvaluator
@@ -86,17 +86,6 @@ def test_singular_values_are_those_of_a_tick(name: str, translation: int, rotati
         np.testing.assert_allclose(sigma[len(expected) :], 0.0, atol=1e-9)
 
 
-def test_a_long_way_of_the_motors_stays_on_the_branch() -> None:
-    mechanism = mechanism_of("delta4")
-    low, high = limits_of(mechanism)
-    ends = [motors(mechanism, np.maximum(low, -0.5)), motors(mechanism, np.minimum(high, 0.6))]
-    there = cinegen.evaluate(mechanism, "platform", [ends[0], ends[1], ends[0]], 3, 0)
-    steps = np.linspace(ends[0], ends[1], 100)
-    slowly = cinegen.evaluate(mechanism, "platform", steps, 3, 0)
-    np.testing.assert_allclose(there.q[1], slowly.q[-1], atol=1e-9)
-    np.testing.assert_allclose(there.q[2], slowly.q[0], atol=1e-9)
-
-
 def test_what_can_not_be_closed_is_no_number_and_does_not_stop_the_others() -> None:
     mechanism = mechanism_of("five_bar")
     home = motors(mechanism, mechanism.q_home)
@@ -106,18 +95,6 @@ def test_what_can_not_be_closed_is_no_number_and_does_not_stop_the_others() -> N
     for field in (found.q, found.placements, found.jacobians, found.singular_values):
         np.testing.assert_array_equal(np.isfinite(field).reshape(5, -1).all(axis=1), np.isfinite(found.closure))
     np.testing.assert_allclose(found.q[0], found.q[4], atol=1e-12)
-
-
-@given(st.integers(0, 10**6))
-@settings(deadline=None, max_examples=20)
-def test_one_at_a_time_or_all_at_once_is_the_same(seed: int) -> None:
-    mechanism = mechanism_of("gough")
-    values = around_home(mechanism, 4, seed, size=0.02)
-    together = cinegen.evaluate(mechanism, "platform", values)
-    for i, value in enumerate(values):
-        alone = cinegen.evaluate(mechanism, "platform", [value])
-        np.testing.assert_allclose(alone.singular_values[0], together.singular_values[i], atol=1e-9)
-        np.testing.assert_allclose(alone.placements[0], together.placements[i], atol=1e-9)
 
 
 @pytest.mark.parametrize("name", CLOSED)

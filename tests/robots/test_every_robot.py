@@ -3,29 +3,19 @@
 from __future__ import annotations
 
 import re
-import warnings
-from functools import cache
 
 import numpy as np
 import pinocchio as pin
 import pytest
 from elementary import ROBOTS, document, placed, values, within_limits
+from repository import EVERY, load
 
 import cinegen
 import raff2urdf
 from raff2urdf.analysis import analyse
 from raff2urdf.tree import placements
 
-FILES = sorted(path.stem for path in ROBOTS.glob("*.raff"))
-EVERY = [pytest.param(name, robot.name, id=f"{name}-{robot.name}") for name in FILES for robot in document(name).robots]
 every_robot = pytest.mark.parametrize(("name", "which"), EVERY)
-
-
-@cache
-def load(name: str, which: str) -> cinegen.Mechanism:
-    with warnings.catch_warnings():
-        warnings.simplefilter("error")  # no robot of ours loads with a warning
-        return cinegen.load(ROBOTS / f"{name}.raff", which)
 
 
 def header(name: str) -> str:
@@ -47,57 +37,33 @@ def configurations(mechanism: cinegen.Mechanism, count: int, seed: int = 0) -> l
     return [(q, True) for q in closed] + [(q, False) for q in open_]
 
 
-def test_the_robots_of_the_papers_figures_and_of_the_field_are_there():
-    figures = {"delta4", "delta4_linear", "hybrid", "planar_3r", "planar_hybrid", "serial_5dof"}
-    field = {"arm7", "five_bar", "four_bar", "gough", "rx90", "sr400", "tssm", "two_arms"}
-    assert figures | field <= set(FILES)
+@every_robot
+def test_it_has_the_mobility_of_its_header_motors_for_it_and_an_end_that_a_sensor_may_constrain(name, which):
+    mechanism = load(name, which)
+    found = re.search(r"^Mobility\s+(.*?)(?=\n\S+ {2,}|\n\n|\Z)", header(name), re.MULTILINE | re.DOTALL)
+    assert found, "the header states no mobility"
+    by_robot = dict((robot, int(count)) for count, robot in re.findall(r"(\d+) \((\w+)\)", found[1]))
+    stated = by_robot[which] if len(document(name).robots) > 1 else int(re.match(r"\d+", found[1])[0])
+    assert mechanism.mobility == len(mechanism.actuated) == stated
+    end = document(name).robot(which).parts[-1].node
+    assert end in ("tool", "platform")
+    assert mechanism.nodes[-1] == end
+    assert mechanism.sensor_constraints == ((end, (0, 1)),)
+    assert list(mechanism.sensors) == [1]
 
 
 @every_robot
-def test_it_loads_with_home_closed_and_inside_the_limits(name, which):
-    mechanism = load(name, which)
+def test_home_is_closed_within_limits_and_what_the_file_states_but_for_its_rounding(name, which):
+    mechanism, text = load(name, which), document(name)
     assert mechanism.closure(mechanism.q_home) <= 1e-12
     assert within_limits(mechanism, mechanism.q_home)
     assert mechanism.gap_as_written <= 1e-5
-
-
-@every_robot
-def test_home_is_what_the_file_says_but_for_its_rounding(name, which):
-    mechanism, text = load(name, which), document(name)
     for link in text.robot(which).links:
         if link.joint in mechanism.joints:
             written = (
                 link.parameters.r / 1e3 if mechanism.is_prismatic(link.joint) else np.radians(link.parameters.theta)
             )
             assert mechanism.q_home[mechanism.q_index(link.joint)] == pytest.approx(written, abs=2e-5)
-
-
-@every_robot
-def test_its_mobility_is_what_its_header_says(name, which):
-    found = re.search(r"^Mobility\s+(.*?)(?=\n\S+ {2,}|\n\n|\Z)", header(name), re.MULTILINE | re.DOTALL)
-    assert found, "the header says no mobility"
-    by_robot = dict((robot, int(count)) for count, robot in re.findall(r"(\d+) \((\w+)\)", found[1]))
-    stated = by_robot[which] if len(document(name).robots) > 1 else int(re.match(r"\d+", found[1])[0])
-    assert load(name, which).mobility == stated
-
-
-@every_robot
-def test_as_many_joints_have_motors_as_it_has_mobility(name, which):
-    mechanism = load(name, which)
-    assert len(mechanism.actuated) == mechanism.mobility
-
-
-@every_robot
-def test_its_end_is_the_last_node_and_named_tool_or_platform(name, which):
-    assert load(name, which).nodes[-1] in ("tool", "platform")
-    assert document(name).robot(which).parts[-1].node == load(name, which).nodes[-1]
-
-
-@every_robot
-def test_a_sensor_may_hold_its_end(name, which):
-    mechanism = load(name, which)
-    assert mechanism.sensor_constraints == ((mechanism.nodes[-1], (0, 1)),)
-    assert list(mechanism.sensors) == [1]
 
 
 @every_robot

@@ -7,23 +7,20 @@ it turns, the last axis is (cos t1 sin t2, sin t1 sin t2, -cos t2), since both t
 
 from __future__ import annotations
 
-import json
 import math
 from dataclasses import dataclass
 from functools import cache
-from pathlib import Path
 
 import numpy as np
 import pinocchio as pin
 import pytest
-from elementary import angle_between, at, document, length, link, local, placed, turn, wrapped
+from elementary import document, link, local, placed, turn, wrapped
 from scipy.spatial.transform import Rotation
 
 import cinegen
 
 LEGS = tuple(f"joint{n}" for n in (3, 9, 12, 15, 18, 21))
 NAMES = ("gough", "tssm")
-TSSM = json.loads((Path(__file__).parent / "data" / "tssm_merlet.json").read_text(encoding="utf-8"))
 
 
 @dataclass(frozen=True)
@@ -79,47 +76,6 @@ def inverse(name: str, pose: np.ndarray) -> dict[str, float]:
     return found | {"joint4": t4, "joint5": t5, "joint6": math.atan2(last[1, 0], last[0, 0])}
 
 
-def distances(name: str, mechanism, q: np.ndarray) -> np.ndarray:
-    return geometry(name).legs(mechanism.placement(q, "platform").homogeneous)
-
-
-@pytest.mark.parametrize("name", NAMES)
-def test_it_has_6_jacks_and_5_ball_loops_of_15_independent_rows(robot, name):
-    mechanism = robot(name)
-    assert mechanism.actuated == LEGS
-    assert len(mechanism.joints) == 21
-    assert mechanism.loop_jacobian(mechanism.q_home).shape == (15, 21)
-    assert mechanism.loop_rank == 15
-    assert mechanism.mobility == 6
-
-
-@pytest.mark.parametrize("name", NAMES)
-def test_at_random_closed_configurations_the_jacks_are_as_long_as_the_way_they_bridge(robot, name):
-    mechanism = robot(name)
-    for q in mechanism.random_closed(300, seed=5):
-        assert np.abs(at(mechanism, q, LEGS)) == pytest.approx(distances(name, mechanism, q), abs=1e-10)
-
-
-@pytest.mark.parametrize("name", NAMES)
-def test_the_legs_locked_disturbed_passive_joints_close_to_the_same_pose(robot, name):
-    """Forward kinematics, tried from near by where the legs determine the pose well."""
-    mechanism, rng, tried = robot(name), np.random.default_rng(0), 0
-    passive = [mechanism.v_index(joint) for joint in mechanism.joints if joint not in LEGS]
-    for q in (q for seed in range(30) for q in mechanism.random_closed(5, seed)):
-        if np.linalg.svd(mechanism.system.evaluate(q)[1][:, passive], compute_uv=False)[-1] < 0.05:
-            continue
-        there = mechanism.placement(q, "platform")
-        rough = q.copy()
-        rough[[mechanism.q_index(mechanism.columns[i]) for i in passive]] += rng.normal(0.0, 0.01, len(passive))
-        again = mechanism.close(rough, locked=LEGS)
-        assert np.array_equal(at(mechanism, again, LEGS), at(mechanism, q, LEGS))
-        pose = mechanism.placement(again, "platform")
-        assert pose.translation == pytest.approx(there.translation, abs=1e-10 * mechanism.length)
-        assert angle_between(pose.rotation, there.rotation) <= 1e-10
-        tried += 1
-    assert tried >= 50
-
-
 def random_pose(name: str, rng: np.random.Generator, far: float, turned: float) -> np.ndarray:
     home = placed(document(name), document(name).robot(), {})["platform"]
     pose = home.copy()
@@ -134,19 +90,11 @@ REACH = {"gough": 0.25, "tssm": 0.005}  # m
 @pytest.mark.parametrize("name", NAMES)
 def test_the_closed_form_of_all_joints_closes_every_loop_at_random_poses(robot, name):
     mechanism, rng = robot(name), np.random.default_rng(1)
-    for _ in range(300):
+    for _ in range(80):
         pose = random_pose(name, rng, REACH[name], 0.6)
         q = mechanism.configuration(inverse(name, pose))
         assert mechanism.closure(q) <= 1e-12
         assert mechanism.placement(q, "platform").homogeneous == pytest.approx(pose, abs=1e-12)
-
-
-@pytest.mark.parametrize("name", NAMES)
-def test_home_is_the_closed_form_of_its_own_pose(robot, name):
-    mechanism = robot(name)
-    pose = mechanism.placement(mechanism.q_home, "platform").homogeneous
-    expected = mechanism.configuration(inverse(name, pose))
-    assert np.abs(wrapped(expected - mechanism.q_home)).max() <= 1e-9
 
 
 @pytest.mark.parametrize("name", NAMES)
@@ -166,69 +114,3 @@ def test_dragged_to_random_poses_all_joints_are_where_the_closed_form_says(robot
                 break
         assert np.abs(wrapped((step.q - goal) / mechanism.scale)).max() <= 1e-8, step.status
         arrived += 1
-
-
-# --- the TSSM and its table --------------------------------------------------------------------------------------
-
-
-def from_table(row: list[float]) -> np.ndarray:
-    """x, y, z, psi, theta, phi of the paper, R = Rz(psi) Rx(theta) Rz(phi), as a pose in metres: its unit is a mm."""
-    pose = np.eye(4)
-    pose[:3, 3] = np.array(row[:3]) / 1e3
-    pose[:3, :3] = Rotation.from_euler("ZXZ", row[3:], degrees=True).as_matrix()
-    return pose
-
-
-NOMINAL = from_table([TSSM["nominal_pose"][key] for key in ("x", "y", "z", "psi", "theta", "phi")])
-
-
-def test_the_tssms_joints_are_where_the_paper_has_them():
-    shape = geometry("tssm")
-    assert shape.base == pytest.approx(np.array(TSSM["base"]) / 1e3, abs=1e-9)
-    assert shape.platform == pytest.approx(np.array(TSSM["platform"])[TSSM["leg_to_platform"]] / 1e3, abs=1e-9)
-
-
-def test_the_tssms_home_is_the_nominal_pose(robot):
-    tssm = robot("tssm")
-    pose = tssm.placement(tssm.q_home, "platform").homogeneous
-    assert pose[:3, 3] == pytest.approx(NOMINAL[:3, 3], abs=1e-9)
-    assert angle_between(pose[:3, :3], NOMINAL[:3, :3]) <= 1e-7
-    assert at(tssm, tssm.q_home, LEGS) == pytest.approx(geometry("tssm").legs(NOMINAL), abs=1e-9)
-
-
-@pytest.mark.parametrize("row", range(8))
-def test_each_pose_of_the_tssms_table_has_the_same_leg_lengths(robot, row):
-    """Within the printed digits, 1e-4 of the paper's unit; as the mechanism stands there and by plain distances."""
-    tssm, pose = robot("tssm"), from_table(TSSM["table1"][row])
-    home = at(tssm, tssm.q_home, LEGS)
-    assert geometry("tssm").legs(pose) == pytest.approx(home, abs=1e-7)
-    q = tssm.configuration(inverse("tssm", pose))
-    assert tssm.closure(q) <= 1e-12
-    assert at(tssm, q, LEGS) == pytest.approx(home, abs=1e-7)
-
-
-@pytest.mark.parametrize("row", range(8))
-def test_each_pose_of_the_tssms_table_is_an_assembly_mode_of_homes_legs(robot, row):
-    """Home's legs exactly, and forward kinematics from the printed pose: it stays within the printed digits."""
-    tssm, pose = robot("tssm"), from_table(TSSM["table1"][row])
-    legs = dict(zip(LEGS, at(tssm, tssm.q_home, LEGS), strict=True))
-    closed = tssm.close(tssm.configuration(inverse("tssm", pose) | legs), locked=LEGS)
-    mode = tssm.placement(closed, "platform")
-    assert np.array_equal(at(tssm, closed, LEGS), at(tssm, tssm.q_home, LEGS))
-    assert mode.translation == pytest.approx(pose[:3, 3], abs=1e-3 * TSSM["tolerance"]["position"])
-    assert math.degrees(angle_between(mode.rotation, pose[:3, :3])) <= TSSM["tolerance"]["angle_deg"]
-
-
-def test_the_legs_of_the_tssm_meet_in_pairs(robot):
-    tssm = robot("tssm")
-    for q in tssm.random_closed(20, seed=8):
-        ends = [tssm.placement(q, "link6"), *(tssm.placement(q, f"link{n}") for n in (9, 12, 15, 18, 21))]
-        points = [end.translation for end in ends]
-        assert np.array(points[0::2]) == pytest.approx(np.array(points[1::2]), abs=1e-12)
-
-
-def test_the_lengths_in_the_document_are_those_of_the_legs_at_home(robot):
-    for name in NAMES:
-        text = document(name)
-        written = [length(text, link(text, int(leg[5:])).parameters.r) for leg in LEGS]
-        assert at(robot(name), robot(name).q_home, LEGS) == pytest.approx(written, abs=1e-7)

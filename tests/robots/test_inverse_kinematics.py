@@ -18,7 +18,6 @@ import pytest
 from elementary import angle_between
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from variants import slow
 
 import cinegen
 
@@ -26,20 +25,19 @@ pytestmark = pytest.mark.filterwarnings("ignore:.*should mimic another joint")  
 
 ROBOTS = Path(__file__).parents[2] / "robots"
 EXAMPLES = Path(sysconfig.get_path("purelib")) / "cmeel.prefix/share/example-robot-data/robots"
-CLOSED = ("delta4", "delta4_linear", "five_bar", "four_bar", "gough", "hybrid", "planar_hybrid", "sr400", "tssm")
-SERIAL = ("arm7", "planar_3r", "rx90", "serial_5dof", "two_arms")
+CLOSED = ("delta4", "five_bar", "gough", "hybrid", "planar_hybrid", "sr400")
+SERIAL = ("arm7", "planar_3r", "rx90")
 
 
 @cache
 def mechanism_of(name: str) -> cinegen.Mechanism:
-    if name in ("panda", "ur5"):
-        part = {"panda": "panda_description/urdf/panda.urdf", "ur5": "ur_description/urdf/ur5_robot.urdf"}[name]
-        return cinegen.load(EXAMPLES / part)
+    if name == "panda":
+        return cinegen.load(EXAMPLES / "panda_description/urdf/panda.urdf")
     return cinegen.load(ROBOTS / f"{name}.raff")
 
 
 def end_of(mechanism: cinegen.Mechanism) -> str:
-    ends = [node for node in ("panda_hand", "tool0", "platform") if node in mechanism.nodes]
+    ends = [node for node in ("panda_hand", "platform") if node in mechanism.nodes]
     return ends[0] if ends else mechanism.nodes[-1]
 
 
@@ -73,7 +71,7 @@ def configurations(mechanism: cinegen.Mechanism, count: int, seed: int) -> list[
 
 @pytest.mark.parametrize(
     ("name", "count"),
-    [("panda", 1000), *slow(("ur5", 1000)), *((name, 40) for name in SERIAL), *((name, 40) for name in CLOSED)],
+    [("panda", 300), *((name, 20) for name in (*SERIAL, *CLOSED))],
 )
 def test_every_reachable_pose_is_found(name: str, count: int) -> None:
     mechanism = mechanism_of(name)
@@ -89,17 +87,7 @@ def test_every_reachable_pose_is_found(name: str, count: int) -> None:
         assert within(mechanism, reached.q)
 
 
-@pytest.mark.parametrize("name", ["arm7", "delta4", "gough", "planar_hybrid"])
-def test_from_where_it_is_there_already_it_stays(name: str) -> None:
-    mechanism = mechanism_of(name)
-    node = end_of(mechanism)
-    for known in configurations(mechanism, 10, seed=3):
-        reached = cinegen.inverse_kinematics(mechanism, {node: mechanism.placement(known, node)}, known)
-        assert reached.starts == 1
-        np.testing.assert_allclose(reached.q, known, atol=1e-9)
-
-
-@pytest.mark.parametrize("name", ["arm7", "delta4", "five_bar", "hybrid"])
+@pytest.mark.parametrize("name", ["arm7", "five_bar"])
 def test_from_nearby_the_nearby_solution_is_taken(name: str) -> None:
     mechanism = mechanism_of(name)
     node = end_of(mechanism)
@@ -128,18 +116,7 @@ def test_where_a_planar_arm_reaches_is_a_disc() -> None:
                 assert reached.errors[0][0] == pytest.approx(0.001 * reach, rel=1e-3)
 
 
-def test_a_hundredth_of_a_millimetre_beyond_reach_is_too_far_unless_that_is_tolerated() -> None:
-    """Links of 400, 300 and 200 mm."""
-    mechanism = mechanism_of("planar_3r")
-    target = pin.SE3(np.eye(3), np.array([0.9 + 1e-5, 0.0, 0.0]))
-    task = cinegen.FrameTask("tool", target, 3, 0)
-    reached = cinegen.inverse_kinematics(mechanism, [task], limits=False)
-    assert not reached
-    assert reached.errors[0][0] == pytest.approx(1e-5, rel=1e-2)
-    assert cinegen.inverse_kinematics(mechanism, [task], limits=False, tolerance=1e-4)
-
-
-@pytest.mark.parametrize("name", ["arm7", "delta4", "gough", "sr400"])
+@pytest.mark.parametrize("name", ["arm7", "gough"])
 def test_out_of_reach_it_says_what_was_tried_and_stays_whole(name: str) -> None:
     mechanism = mechanism_of(name)
     node = end_of(mechanism)
@@ -186,6 +163,46 @@ def test_only_what_a_pull_holds_is_brought_there(translation: int, rotation: int
     assert np.abs(np.concatenate([straight, turn])).max(initial=0.0) <= 1e-6
 
 
+def test_what_was_asked_before_makes_no_difference() -> None:
+    """Not even where starts at random are needed."""
+    mechanism = mechanism_of("panda")
+    poses = [mechanism.placement(q, "panda_hand") for q in configurations(mechanism, 60, seed=12)]
+    first = [cinegen.inverse_kinematics(mechanism, {"panda_hand": pose}, seed=3) for pose in poses]
+    assert max(reached.starts for reached in first) > 9
+    for pose, before in reversed(list(zip(poses, first, strict=True))):
+        again = cinegen.inverse_kinematics(mechanism, {"panda_hand": pose}, seed=3)
+        np.testing.assert_array_equal(again.q, before.q)
+
+
+def test_what_makes_no_sense_is_refused() -> None:
+    mechanism = mechanism_of("rx90")
+    node = end_of(mechanism)
+    good = mechanism.placement(mechanism.q_home, node)
+    bad = good.copy()
+    bad.translation = np.array([np.nan, 0.0, 0.0])
+    for targets, options, message in (
+        ({}, {}, "at least one node"),
+        ({node: bad}, {}, "finite"),
+        ({node: "there"}, {}, "finite"),
+        ({"nowhere": good}, {}, "nowhere"),
+        ({node: good}, {"starts": 0}, "above 0"),
+        ({node: good}, {"q": np.zeros(99)}, "99"),
+    ):
+        with pytest.raises(cinegen.CinegenError, match=message):
+            cinegen.inverse_kinematics(mechanism, targets, **options)
+
+
+def test_a_hundredth_of_a_millimetre_beyond_reach_is_too_far_unless_that_is_tolerated() -> None:
+    """Links of 400, 300 and 200 mm."""
+    mechanism = mechanism_of("planar_3r")
+    target = pin.SE3(np.eye(3), np.array([0.9 + 1e-5, 0.0, 0.0]))
+    task = cinegen.FrameTask("tool", target, 3, 0)
+    reached = cinegen.inverse_kinematics(mechanism, [task], limits=False)
+    assert not reached
+    assert reached.errors[0][0] == pytest.approx(1e-5, rel=1e-2)
+    assert cinegen.inverse_kinematics(mechanism, [task], limits=False, tolerance=1e-4)
+
+
 def test_two_nodes_at_once() -> None:
     mechanism = mechanism_of("arm7")
     elbow, end = mechanism.nodes[4], end_of(mechanism)
@@ -199,54 +216,3 @@ def test_two_nodes_at_once() -> None:
         assert max(map(max, reached.errors)) <= 1e-6
         left = mechanism.placement(reached.q, elbow).translation - elbow_there.translation
         assert np.linalg.norm(left) <= 1e-6
-
-
-def test_the_same_question_has_the_same_answer() -> None:
-    mechanism = mechanism_of("rx90")
-    node = end_of(mechanism)
-    (known,) = configurations(mechanism, 1, seed=9)
-    target = {node: mechanism.placement(known, node)}
-    first = cinegen.inverse_kinematics(mechanism, target)
-    other = cinegen.inverse_kinematics(cinegen.load(ROBOTS / "rx90.raff"), target)
-    np.testing.assert_array_equal(first.q, other.q)
-
-
-def test_what_was_asked_before_makes_no_difference() -> None:
-    """Not even where starts at random are needed."""
-    mechanism = mechanism_of("panda")
-    poses = [mechanism.placement(q, "panda_hand") for q in configurations(mechanism, 200, seed=12)]
-    first = [cinegen.inverse_kinematics(mechanism, {"panda_hand": pose}, seed=3) for pose in poses]
-    assert max(reached.starts for reached in first) > 9
-    for pose, before in reversed(list(zip(poses, first, strict=True))):
-        again = cinegen.inverse_kinematics(mechanism, {"panda_hand": pose}, seed=3)
-        np.testing.assert_array_equal(again.q, before.q)
-
-
-@pytest.mark.parametrize("tolerance", [1e-2, 1e-4])
-def test_no_more_is_left_than_the_tolerance(tolerance: float) -> None:
-    mechanism = mechanism_of("sr400")
-    node = end_of(mechanism)
-    for known in configurations(mechanism, 20, seed=6):
-        reached = cinegen.inverse_kinematics(mechanism, {node: mechanism.placement(known, node)}, tolerance=tolerance)
-        assert reached
-        assert max(reached.errors[0]) <= tolerance
-
-
-def test_what_makes_no_sense_is_refused() -> None:
-    mechanism = mechanism_of("rx90")
-    node = end_of(mechanism)
-    good = mechanism.placement(mechanism.q_home, node)
-    bad = good.copy()
-    bad.translation = np.array([np.nan, 0.0, 0.0])
-    with pytest.raises(cinegen.CinegenError, match="at least one node"):
-        cinegen.inverse_kinematics(mechanism, {})
-    with pytest.raises(cinegen.CinegenError, match="finite"):
-        cinegen.inverse_kinematics(mechanism, {node: bad})
-    with pytest.raises(cinegen.CinegenError, match="finite"):
-        cinegen.inverse_kinematics(mechanism, {node: "there"})
-    with pytest.raises(cinegen.CinegenError, match="nowhere"):
-        cinegen.inverse_kinematics(mechanism, {"nowhere": good})
-    with pytest.raises(cinegen.CinegenError, match="above 0"):
-        cinegen.inverse_kinematics(mechanism, {node: good}, starts=0)
-    with pytest.raises(cinegen.CinegenError):
-        cinegen.inverse_kinematics(mechanism, {node: good}, q=np.zeros(99))

@@ -82,7 +82,6 @@ def test_what_cannot_be_completed_is_left_out_and_told(root, tmp_path, states):
     ("robot", "topic", "made", "message"),
     [
         ("delta4", "/states", "made", r"no joint states on topic /states: name one of --topic /joint_states"),
-        ("delta4", "/chatter", "made", r"no joint states on topic /chatter: name one of --topic /joint_states"),
         ("delta4", "/joint_states", "given", "exists: name another folder"),
         ("delta99", "/joint_states", "made", "delta99"),
     ],

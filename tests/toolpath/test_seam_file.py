@@ -68,24 +68,17 @@ FIRST = "0,0,0,0,0,1\n"
     ("text", "why"),
     [
         ("", "weld.csv: is empty; begin it with a line x,y,z,nx,ny,nz"),
-        ("# nothing\n", "weld.csv: is empty"),
-        (HEAD, "'seam:weld.csv': a seam needs two points at least"),
         (HEAD + FIRST, "two points at least"),
-        (HEAD + FIRST + FIRST, "two points at least"),
         ("\nx,y,z,nx,ny\n", "weld.csv:2: no column 'nz'; the first line names the columns"),
         ("x;y;z;nx;ny;nz\n", "weld.csv:1: no column 'x'"),
         ("x [deg],y,z,nx,ny,nz\n", "weld.csv:1: column 'x': 'deg' is not a unit of length"),
         ("x,y,z,nx,ny,nz,x\n", "weld.csv:1: two columns 'x'"),
         (HEAD + FIRST + "1,0,0,0,0\n", "weld.csv:3: 5 values, but 6 columns are named"),
         (HEAD + FIRST + "#\n1,0,l,0,0,1\n", "weld.csv:4: z: 'l' is not a length"),
-        (HEAD + "0,0,0,0,,1\n", "weld.csv:2: ny: '' is not a number"),
-        (HEAD + FIRST + "1,0,nan,0,0,1\n", "weld.csv:3: z: 'nan' is not a length"),
         (HEAD + FIRST + "1,0,0,0,0,1e999\n", "weld.csv:3: nz: '1e999' is not a number"),
         (HEAD + FIRST + "\n\n1,0,0,0,0,0 # no\n", "weld.csv:5: its normal is 0 0 0"),
         (HEAD + FIRST + "# \n1,0,0,1,0,0\n", "weld.csv:4: the seam is parallel to its normal here"),
-        (HEAD + FIRST + "1,0,0,0,0,-1\n", "weld.csv:3: its normal is opposite"),
         (HEAD + FIRST + "1e12,0,0,0,0,1\n", r"weld.csv:3: it is more than 1e\+06 m away"),
-        (HEAD + "0,0,0,0,0,1\n" * 2 + "0,0,0,0,1,0\n9,0,0,0,1,0\n", "weld.csv:2: it is where its neighbour is"),
     ],
 )
 def test_what_is_wrong_with_a_file_is_said_with_its_line(weld, text, why):
@@ -99,17 +92,11 @@ def test_what_is_wrong_with_a_file_is_said_with_its_line(weld, text, why):
         ("distanec=10", r"'seam:weld.csv\?distanec=10': unknown option 'distanec': did you mean 'distance'\?"),
         ("foo=1", r"unknown option 'foo' \(known: distance, work, .*again\)"),
         ("distance=ten", r"'seam:weld.csv\?distance=ten': distance: 'ten' is not a length"),
-        ("distance", "distance: '' is not a length"),
-        ("work=nan", "work: 'nan' is not an angle"),
         ("work=90", r"'seam:weld.csv\?work=90': work must be between -90 and 90 degrees"),
         ("distance=15deg", "distance: '15deg' is an angle: a length is wanted"),
-        ("speed=20mm", "speed: '20mm' is a length: a speed is wanted"),
         ("distance=10", "distance: 10 m, for a seam of 0.2006 m: did you mean distance=10mm"),
-        ("approach=20", "did you mean approach=20mm"),
         ("speed=25", "speed: 25 m/s, for a seam of 0.2006 m: did you mean speed=25mm/s"),
-        ("speed=0", "speed must be more than 0"),
         ("speed=1&speed=2", "speed is given twice"),
-        ("again=bck", "unknown value 'bck' of again: did you mean 'back'"),
     ],
 )
 def test_what_is_wrong_with_a_url(weld, query, why):
@@ -128,7 +115,6 @@ def test_points_in_millimetres_without_a_unit_are_refused_where_the_robot_is_kno
 def test_files_that_are_none(weld, tmp_path):
     for url, why in (
         ("seam:", r"'seam:': write seam:FILE.csv"),
-        ("seam:?speed=2", "write seam:FILE.csv"),
         ("seam:none.csv", "none.csv: can't be read: No such file"),
         (f"seam:{tmp_path}", "can't be read: Is a directory"),
     ):

@@ -68,58 +68,6 @@ def delta4(x, y, z, limits=True):
     return count
 
 
-BASES = ((15.0, 820.0, 0.0), (95.0, 870.0, 35.0), (128.0, 790.0, -20.0), (218.0, 850.0, 50.0), (250.0, 800.0, 10.0),
-         (340.0, 880.0, -30.0))  # fmt: skip
-PLATFORM = ((40.0, 420.0, -15.0), (70.0, 450.0, 20.0), (160.0, 400.0, -25.0), (185.0, 460.0, 10.0),
-            (280.0, 430.0, -10.0), (315.0, 410.0, 30.0))  # fmt: skip
-
-
-def cylindrical(degrees, radius, height):
-    """A point, m, of an angle in degrees and lengths in mm."""
-    return np.array([radius * cos(radians(degrees)), radius * sin(radians(degrees)), height]) / 1000.0
-
-
-def about_z(angle):
-    c, s = cos(angle), sin(angle)
-    return np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
-
-
-def about_x(degrees):
-    c, s = cos(radians(degrees)), sin(radians(degrees))
-    return np.array([[1.0, 0.0, 0.0], [0.0, c, -s], [0.0, s, c]])
-
-
-def gough(points, rotation, passive=True):
-    """(n,) whether the legs have lengths from 700 to 1300; and, if passive joints count, their universal joints and the
-    ball of leg 1 angles within limits."""
-    ok = np.ones(len(points), dtype=bool)
-    for base, own in zip(BASES, PLATFORM, strict=True):
-        legs = points + rotation @ cylindrical(*own) - cylindrical(*base)
-        lengths = np.linalg.norm(legs, axis=1)
-        ok &= (lengths >= 0.7) & (lengths <= 1.3)
-        if passive:
-            frame = about_z(radians(base[0])) @ about_x(90.0)
-            along = legs @ frame / lengths[:, None]
-            one, two = np.arctan2(along[:, 1], along[:, 0]), np.arccos(-along[:, 2])
-            ok &= within(one, 20, 170) & within(two, 20, 170)
-            if base is BASES[0]:
-                ok &= [_ball(frame, rotation, *angles) for angles in zip(one, two, strict=True)]
-    return ok
-
-
-def _ball(frame, rotation, one, two):
-    """Whether the three angles of leg 1's ball joint are within limits, in one of two ways."""
-    jack = frame @ about_z(one) @ about_x(90.0) @ about_z(two) @ about_x(90.0)
-    carried = rotation @ about_z(radians(140.0)).T  # link 6 with the platform's frame at 140 degrees on it
-    m = about_x(60.0).T @ jack.T @ carried
-    five = np.arccos(np.clip(-m[2, 2], -1.0, 1.0))  # and -five, which its limits leave out
-    return bool(
-        within(np.arctan2(m[1, 2], m[0, 2]), 10, 170)
-        & within(five, 20, 160)
-        & within(np.arctan2(-m[2, 1], m[2, 0]), -90, 120)
-    )
-
-
 def rx90(points, rotations, limits=True, order=True):
     """(n,) solutions of an arm of 450 and 450 whose wrist's axes meet where the tool is; or, where it only matters how
     the tool's z lies (`order` false), whether there is one: the wrist bends so far, about any direction."""

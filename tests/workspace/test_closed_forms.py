@@ -1,18 +1,15 @@
 """Maps against inverse kinematics in closed form: every cell that is farther than a cell from a boundary is right."""
 
 import math
-import re
 
 import numpy as np
 import pinocchio as pin
 import pytest
-from closed_forms import delta4, five_bar, gough, planar_3r, rx90, two_bars, within
+from closed_forms import delta4, five_bar, planar_3r, rx90, two_bars, within
 from mapped import mapped, middles, over
 from scipy.ndimage import label, maximum_filter, minimum_filter
-from variants import slow
 
-from cinegen.assembly import assembly_modes
-from cinegen.workspace import CellStatus, GridAxis, MapError, MapSpecification, Region, line_region, make_map
+from cinegen.workspace import CellStatus, MapError, MapSpecification
 from cinegen.workspace.reach_bounds import ReachBounds
 
 
@@ -38,7 +35,7 @@ def searched(found):
 PLANE = ("x", -0.83, 0.81, 36), ("y", -0.83, 0.82, 36)
 
 
-@pytest.mark.parametrize(("most", "limits"), [(10**6, True), (50, False), *slow((10**6, False), (50, True))])
+@pytest.mark.parametrize(("most", "limits"), [(10**6, True), (50, False)])
 def test_five_bar_reaches_what_both_its_arms_reach_in_all_working_modes(robot, limits, most):
     region = over(*PLANE)
     found = mapped(MapSpecification(robot("five_bar"), region, ("solutions",), limits=limits), most)
@@ -47,7 +44,7 @@ def test_five_bar_reaches_what_both_its_arms_reach_in_all_working_modes(robot, l
     searched(found)
 
 
-@pytest.mark.parametrize(("turned", "limits"), [(0.5, True), (-2.0, False), *slow((0.5, False), (-2.0, True))])
+@pytest.mark.parametrize(("turned", "limits"), [(0.5, True), (-2.0, False)])
 def test_planar_3r_reaches_an_annulus_about_where_its_last_link_begins(robot, limits, turned):
     region = over(("x", -1.01, 1.02, 36), ("y", -1.01, 1.03, 36), at={"rz": turned})
     found = mapped(MapSpecification(robot("planar_3r"), region, ("solutions",), limits=limits))
@@ -60,19 +57,7 @@ def test_planar_3r_reaches_an_annulus_about_where_its_last_link_begins(robot, li
         np.testing.assert_array_equal(found["reachable"], (away >= 0.1) & (away <= 0.7))
 
 
-def test_planar_3r_however_it_is_turned_reaches_a_disc(robot):
-    region = over(("x", -1.01, 1.02, 40), ("y", -1.01, 1.03, 40))
-    found = mapped(MapSpecification(robot("planar_3r"), region, (), limits=False))
-    np.testing.assert_array_equal(found["reachable"], np.hypot(*middles(region)) <= 0.9)
-
-
-def test_planar_3r_over_place_and_angle(robot):
-    region = over(("x", -1.01, 1.02, 16), ("y", -1.01, 1.03, 14), ("rz", -math.pi, math.pi, 12))
-    found = mapped(MapSpecification(robot("planar_3r"), region, ("solutions",)), 500)
-    agree(found["solutions"], planar_3r(*middles(region)))
-
-
-@pytest.mark.parametrize(("counts", "most"), [*slow(((14, 13, 12), 10**6)), ((14, 13, 12), 60), ((7, 6, 5), 10**6)])
+@pytest.mark.parametrize(("counts", "most"), [((14, 13, 12), 60), ((7, 6, 5), 10**6)])
 def test_delta4_s_working_volume_also_where_cells_are_large(robot, counts, most):
     lows, highs = (-5.0, -5.0, -6.0), (5.1, 5.2, 3.0)
     region = over(*zip("xyz", lows, highs, counts, strict=True))
@@ -90,85 +75,14 @@ def test_delta4_has_one_solution_within_limits_and_eight_without(robot):
         agree(found["solutions"], wanted)
 
 
-POSES = ({}, {"rx": 0.2, "ry": -0.3, "rz": 0.5}, {"z": 0.6, "rx": 0.0, "ry": 0.4, "rz": 0.0}, {"z": 0.85, "rz": 1.2})
-
-
-@pytest.mark.parametrize("at", [*slow(POSES[0]), POSES[1], *slow(*POSES[2:])])
-@pytest.mark.parametrize("passive", [True, False])
-def test_gough_at_a_fixed_orientation_reaches_what_is_in_six_shells(robot, raff, root, at, passive):
-    mechanism = robot("gough")
-    if not passive:  # universal and ball joints go anywhere
-        text = (root / "robots/gough.raff").read_text(encoding="utf-8").split("\n", 1)[1]
-        mechanism = raff(re.sub(r"(type 2\s+pred \d+\s+)limits \{[^}]*\}", r"\1", text))
-    region = over(("x", -0.8, 0.81, 50), ("y", -0.8, 0.82, 50), at=at, orientation="fixed")
-    found = mapped(MapSpecification(mechanism, region, ()))
-    points, rotations = region.poses(
-        mechanism.placement(mechanism.q_home, "platform"), region.values((slice(None), slice(None)))
-    )
-    wanted = gough(points, rotations[0], passive).reshape(region.shape)
-    if passive:
-        agree(found["reachable"], wanted)
-    else:
-        np.testing.assert_array_equal(found["reachable"], wanted)
-        np.testing.assert_array_equal(found["status"] == CellStatus.UNREACHABLE_PROVED, ~wanted)
-    searched(found)
-
-
-def test_gough_s_orientations_at_a_point(robot):
-    at = np.array([-0.1, 0.1, 0.45])
-    place = dict(zip("xyz", at.tolist(), strict=True))
-    region = over(("rx", -1.3, 1.3, 10), ("ry", -1.3, 1.3, 10), ("rz", -1.5, 2.0, 10), at=place)
-    found = mapped(MapSpecification(robot("gough"), region, ("solutions",)))
-    angles = np.stack(middles(region), axis=-1).reshape(-1, 3)
-    wanted = [gough(at[None], pin.rpy.rpyToMatrix(*each))[0] for each in angles]
-    bare = [gough(at[None], pin.rpy.rpyToMatrix(*each), passive=False)[0] for each in angles]
-    assert wanted != bare  # limits of universal and ball joints matter here
-    agree(found["reachable"], np.reshape(wanted, region.shape))
-    assert set(np.unique(found["solutions"])) == {0, 1}
-
-
 # --- other regions ---------------------------------------------------------------------------------------------------
 
 
-def test_a_line(robot):
-    region = line_region((-0.8, 0.1, 0.0), (0.8, 0.5, 0.0), 200)
-    found = mapped(MapSpecification(robot("five_bar"), region, ("solutions",), limits=False))
-    way = middles(region)[0] / math.hypot(1.6, 0.4)
-    agree(found["solutions"], five_bar(-0.8 + 1.6 * way, 0.1 + 0.4 * way, limits=False))
-
-
-def test_a_sphere_seen_from_a_centre(robot):
-    axes = ("azimuth", -math.pi, math.pi, 14), ("elevation", -1.5, 1.5, 11), ("radius", 0.1, 3.0, 8)
-    region = over(*axes, centre=(0.1, 0.2, -2.0))
-    found = mapped(MapSpecification(robot("delta4"), region, ()))
-    azimuth, elevation, radius = middles(region)
-    x = 0.1 + radius * np.cos(elevation) * np.cos(azimuth)
-    y = 0.2 + radius * np.cos(elevation) * np.sin(azimuth)
-    agree(found["reachable"], delta4(x, y, -2.0 + radius * np.sin(elevation)) > 0)
-
-
-def test_a_layer_that_is_one_cell_thin(robot):
-    region = over(("x", -0.83, 0.81, 300), ("y", 0.41, 0.411, 1))
-    found = mapped(MapSpecification(robot("five_bar"), region, ()))
-    agree(found["reachable"][:, 0], five_bar(*middles(region))[:, 0] > 0)
-
-
-@pytest.mark.parametrize("limits", [True, *slow(False)])
-def test_rx90_s_full_pose_at_a_fixed_orientation(robot, limits):
+def test_rx90_s_full_pose_at_a_fixed_orientation(robot):
     region = over(("x", -1.0, 1.0, 9), ("y", -1.0, 1.1, 9), ("z", -1.0, 1.0, 8), at={"rx": 0.4, "ry": 1.9, "rz": -0.3})
-    found = mapped(MapSpecification(robot("rx90"), region, ("solutions",), limits=limits))
+    found = mapped(MapSpecification(robot("rx90"), region, ("solutions",)))
     points, rotations = region.poses(pin.SE3.Identity(), region.values((slice(None),) * 3))
-    agree(found["solutions"], rx90(points, rotations, limits).reshape(region.shape))
-
-
-def test_rx90_s_axis_at_a_point(robot):
-    at = {"x": 0.5, "y": -0.1, "z": 0.5}
-    region = over(("rx", -math.pi, math.pi, 24), ("ry", -1.5, 1.5, 12), at=at, orientation="axis")
-    found = mapped(MapSpecification(robot("rx90"), region, ()))
-    points, rotations = region.poses(
-        robot("rx90").placement(robot("rx90").q_home, "tool"), region.values((slice(None),) * 2)
-    )
-    agree(found["reachable"], rx90(points, rotations, order=False).reshape(region.shape))
+    agree(found["solutions"], rx90(points, rotations).reshape(region.shape))
 
 
 def test_seven_joints_without_limits_reach_a_ball(robot):
@@ -189,8 +103,7 @@ def variant(raff, root, name, *changes):
     return raff(text)
 
 
-@pytest.mark.parametrize("most", [10**6, 100])
-def test_both_parts_are_found_where_limits_part_an_arm_s_poses(raff, root, most):
+def test_both_parts_are_found_where_limits_part_an_arm_s_poses(raff, root):
     arm = variant(
         raff, root, "planar_3r", ("theta 25.0", "theta 60.0"), ("theta 50.0", "theta 40.0"),
         ("theta -70.0", "theta 0.0"), ("{ -170.0 170.0 }", "{ -120.0 120.0 }"),
@@ -204,33 +117,15 @@ def test_both_parts_are_found_where_limits_part_an_arm_s_poses(raff, root, most)
         one, two, ok = two_bars(x + 0.2, y, 0.4, 0.3, elbow)
         wanted |= ok & within(one, -120, 120) & within(two, -100, 100) & within(math.pi - one - two, -30, 30)
     assert label(wanted)[1] == 2
-    found = mapped(MapSpecification(arm, region, ()), most)
+    found = mapped(MapSpecification(arm, region, ()), 100)
     agree(found["reachable"], wanted)
     searched(found)
 
 
-def test_both_parts_are_found_where_bars_are_too_long_for_what_is_between(raff, root):
-    bars = variant(
-        raff, root, "five_bar", ("d -150.0", "d -300.0"), ("d 150.0", "d 300.0"), ("d 250.0", "d 100.0"),
-        ("d 400.0", "d 500.0"), ("theta 125.0", "theta 90.0"), ("theta -85.310313", "theta -50.0"),
-        ("theta 50.0", "theta 90.0"), ("theta 87.792189", "theta 50.0"),
-    )  # fmt: skip
-    region = over(*PLANE)
-    x, y = middles(region)
-    away = np.array([np.hypot(x + 0.3, y), np.hypot(x - 0.3, y)])
-    wanted = ((away >= 0.4) & (away <= 0.6)).all(axis=0)
-    assert label(wanted)[1] == 2
-    np.testing.assert_array_equal(mapped(MapSpecification(bars, region, (), limits=False))["reachable"], wanted)
-
-
 # --- certainty -------------------------------------------------------------------------------------------------------
 
-ROBOTS = ("arm7", "delta4", "gough", "hybrid", "sr400")
-OTHERS = ("delta4_linear", "five_bar", "four_bar", "planar_3r", "planar_hybrid", "rx90", "serial_5dof", "tssm",
-          "two_arms")  # fmt: skip
 
-
-@pytest.mark.parametrize("name", [*ROBOTS, *slow(*OTHERS)])
+@pytest.mark.parametrize("name", ["arm7", "delta4", "gough", "hybrid", "sr400"])
 @pytest.mark.parametrize("limits", [True, False])
 def test_what_a_robot_does_is_never_said_to_be_too_far(robot, name, limits):
     from cinegen.ik.local_ik import LocalIK
@@ -263,8 +158,7 @@ def test_what_is_too_far_is_so_by_chains_that_are_known(robot):
 # --- motors ----------------------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("limits", [True, False])
-@pytest.mark.parametrize("most", [10**6, 77])
+@pytest.mark.parametrize(("limits", "most"), [(True, 77), (False, 10**6)])
 def test_five_bar_s_motors_close_it_on_home_s_side(robot, limits, most):
     region = over(("joint1", -math.pi, math.pi, 30), ("joint3", -math.pi, math.pi, 30))
     found = mapped(MapSpecification(robot("five_bar"), region, (), limits=limits), most)
@@ -302,38 +196,7 @@ def test_motors_have_as_many_assembly_modes_as_two_circles_have_points_in_common
     assert (found["status"][wanted == 0] == CellStatus.LOOPS_OPEN).all()
 
 
-@pytest.mark.slow
-def test_delta4_s_motors_have_as_many_modes_as_three_spheres_have_points_in_common(robot):
-    names = robot("delta4").actuated
-    nearly_in_line = (2.4, 3.9), (0.3, 1.6), (-1.6, 0.3)  # elbows
-    region = over(*((name, *ends, 4) for name, ends in zip(names, nearly_in_line, strict=True)))
-    found = mapped(MapSpecification(robot("delta4"), region, ("solutions",), limits=False))
-    wanted = []
-    for angles in np.stack(middles(region), axis=-1).reshape(-1, 3):
-        out, turn = 1.5 - 0.50654 + 2.0 * np.cos(angles), np.radians([0.0, 120.0, 240.0])
-        centres = np.column_stack([out * np.cos(turn), out * np.sin(turn), 2.0 * np.sin(angles)])
-        one, two = centres[1] - centres[0], centres[2] - centres[0]
-        gram = np.array([[one @ one, one @ two], [one @ two, two @ two]])
-        middle = np.linalg.solve(gram, [one @ one / 2.0, two @ two / 2.0]) @ np.array([one, two])  # of the circumcircle
-        wanted.append(2 if np.linalg.norm(middle) < 3.5 else 0)
-    assert set(wanted) == {0, 2}
-    values = region.joint_values(robot("delta4"), region.values((slice(None),) * 3))
-    for count, level, motors in zip(found["solutions"].ravel(), wanted, values, strict=True):
-        if count != level:  # there is none with the platform level, and one in which it has turned
-            (q,) = assembly_modes(robot("delta4"), motors)
-            assert (count, level) == (1, 0)
-            assert np.abs(robot("delta4").placement(q, "platform").rotation - np.eye(3)).max() > 0.05
-
-
 # --- the whole way ---------------------------------------------------------------------------------------------------
-
-
-def test_what_is_written_is_what_was_found(robot, tmp_path):
-    region = over(("x", -0.83, 0.81, 20), ("y", -0.83, 0.82, 20))
-    spec = MapSpecification(robot("five_bar"), region, ("solutions",), limits=False)
-    dataset = make_map(spec, tmp_path / "map.zarr", workers=1, most=150)
-    agree(dataset["solutions"].values, five_bar(*middles(region), limits=False))
-    np.testing.assert_allclose(dataset["x"].values, region.axes[0].middles())
 
 
 def test_a_region_out_of_reach_is_a_map_without_a_cell(robot):
@@ -349,23 +212,15 @@ def test_a_region_out_of_reach_is_a_map_without_a_cell(robot):
     ("name", "region", "quantities", "more", "said"),
     [
         ("five_bar", over(("z", 0.0, 1.0, 3)), (), {}, "can't move along z"),
-        ("five_bar", over(("x", 0.0, 1.0, 3), at={"z": 0.1}), (), {}, "can't move along z"),
         ("five_bar", over(("x", 0.0, 1.0, 3)), ("sigma",), {}, "unknown quantity 'sigma'"),
         ("arm7", over(("x", 0.0, 1.0, 3)), ("solutions",), {}, "infinitely many solutions"),
-        ("planar_3r", over(("x", 0.0, 1.0, 3)), ("solutions",), {}, "infinitely many solutions"),
-        ("rx90", over(("x", 0.0, 1.0, 3)), ("clearance",), {}, "clearance"),
+        ("planar_3r", over(("x", 0.2, 0.6, 2), orientation="axis"), ("solutions",), {}, "infinitely many solutions"),
         ("rx90", over(("x", 0.0, 1.0, 3)), ("clearance",), {"scene": {"nonsense": 1}}, "scene can't be read"),
         ("rx90", over(("rx", 0.0, 1.0, 3)), ("solid_angle",), {}, "leave its orientation free"),
-        ("rx90", over(("joint1", 0.0, 1.0, 3)), ("solid_angle",), {}, "leave its orientation free"),
-        ("rx90", over(("x", 0.0, 1.0, 3)), (), {"along": (0.0, 0.0, 0.0)}, "direction"),
         ("rx90", over(("x", 0.0, 1.0, 3)), (), {"starts": -1}, "starts"),
+        ("rx90", over(("x", 0.0, 1.0, 3)), (), {"directions": 0}, "directions"),
     ],
 )
 def test_what_makes_no_sense_is_said_before_anything_is_done(robot, name, region, quantities, more, said):
     with pytest.raises(MapError, match=said):
         MapSpecification(robot(name), region, quantities, **more)
-
-
-def test_a_coordinate_that_stays_may_be_given_as_it_is(robot):
-    region = Region((GridAxis("x", -0.1, 0.1, 3),), {"y": 0.4, "z": 0.0})
-    assert mapped(MapSpecification(robot("five_bar"), region, ()))["reachable"].all()

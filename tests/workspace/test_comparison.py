@@ -1,6 +1,5 @@
 """Two maps compared: what one of both reaches, and by how much they differ."""
 
-import json
 import math
 
 import numpy as np
@@ -62,14 +61,6 @@ def test_quantities_differ_as_the_closed_form_says(both, robot):
     assert median == pytest.approx(0.0, abs=1e-6)
 
 
-def test_a_map_and_itself_differ_in_nothing(both):
-    found = compare(both[0], both[0])
-    assert found.both.value == found.first.value
-    assert found.only_first.cells == found.only_second.cells == 0
-    assert found.differences["manipulability"].range == (0.0, 0.0, 0.0)
-    assert not found.remarks
-
-
 def test_grids_that_overlap_are_compared_where_they_do(made, both):
     """The same robot, cut finer and elsewhere: on the coarser cells both say the same, but for cells on the border."""
     fine = made(0.0, (-0.3, 1.5, 90), (-1.5, 1.5, 150), limits=False)
@@ -86,35 +77,6 @@ def test_grids_that_overlap_are_compared_where_they_do(made, both):
         assert extent.low < exact < extent.high
         assert extent.value == pytest.approx(exact, rel=0.05)
     assert found.only_first.value + found.only_second.value < 0.1 * found.both.value
-
-
-def test_grids_that_are_parts_of_one_agree_to_the_bit(made, both):
-    part = made(0.0, (-0.2, 0.6, 20), (-1.0, 1.0, 50), limits=False)
-    found = compare(both[0], part)
-    assert found.region.shape == (20, 50)
-    assert (found.only_first.cells, found.only_second.cells) == (0, 0)
-    assert max(map(abs, found.differences["manipulability"].range)) < 1e-6
-
-
-def test_it_is_said_in_words_and_as_json(both):
-    found = compare(*both)
-    said = str(found)
-    assert "50 x 50 cells over x -1 to 1 m, y -1 to 1 m" in said
-    lines = {line.split("  ")[1]: line for line in said.splitlines() if line.startswith("  ")}
-    assert lines["both"].endswith(f"  {found.both}")
-    assert "second minus first" in lines["manipulability"]
-    told = json.loads(json.dumps(found.as_dict()))
-    assert told["extents"]["both"]["value"] == found.both.value
-    assert told["differences"]["manipulability"]["min"] == found.differences["manipulability"].range[0]
-
-
-def test_what_nobody_has_looked_at_is_in_the_bound(both):
-    part = both[1].load().copy(deep=True)
-    part["status"][20:30] = 0
-    part["reachable"][20:30] = False
-    found, whole = compare(both[0], part), compare(*both)
-    assert found.both.value < whole.both.value <= found.both.high
-    assert found.only_first.low <= whole.only_first.value
 
 
 def test_maps_that_cannot_be_compared(made, both, robot, tmp_path):
@@ -140,13 +102,3 @@ def test_maps_that_cannot_be_compared(made, both, robot, tmp_path):
     one, other = (small(GridAxis(slide, 0.0, 0.1, 2), name=name) for name in ("planar_3r", "delta4_linear"))
     with pytest.raises(MapError, match="measured in rad, the other's in m: they can't be compared"):
         compare(one, other)
-
-
-def test_other_robots_are_named(made):
-    """A tool that is nearer, in a robot of another name."""
-    one = made(None, (0.2, 0.3, 2), (0.2, 0.3, 2), ("sigma_1", "sigma_2"), name="five_bar", limits=False)
-    other = made(None, (0.2, 0.3, 2), (0.2, 0.3, 2), ("sigma_1",), limits=False)
-    found = compare(one, other)
-    assert found.names == (one.attrs["robot"], other.attrs["robot"])
-    assert any(remark.startswith("robot: ") for remark in found.remarks)
-    assert list(found.differences) == ["sigma_1"]  # the arm has nothing passive

@@ -2,7 +2,6 @@
 
 import os
 import resource
-import shutil
 import signal
 import subprocess
 import sys
@@ -12,7 +11,6 @@ from pathlib import Path
 
 import pytest
 from folders import digest, files, of_delta, over_joints
-from variants import slow
 
 from cinegen import cluster
 from cinegen.cluster import ClusterError
@@ -81,11 +79,8 @@ def children(pid):
     return [int(child) for child in Path(f"/proc/{pid}/task/{pid}/children").read_text().split()]
 
 
-@pytest.mark.parametrize(
-    ("name", "of"), [("delta4", of_delta), *slow(("delta4", over_joints), ("planar_3r", over_joints))]
-)
-def test_two_processes_make_the_same_bytes_as_one(robot, address, tmp_path, capfd, name, of):
-    spec = of(robot(name))
+def test_two_processes_make_the_same_bytes_as_one(robot, address, tmp_path, capfd):
+    spec = of_delta(robot("delta4"))
     make_map(spec, tmp_path / "one.zarr", workers=1, most=MOST)
     told = []
     with warnings.catch_warnings():
@@ -142,19 +137,6 @@ def test_a_disk_that_is_full_for_others_is_said_here_and_what_was_finished_stays
     assert capfd.readouterr() == ("", "")
 
 
-def test_damaged_chunks_are_found_by_those_who_read(spec, whole, address, tmp_path):
-    path = Path(shutil.copytree(whole, tmp_path / "map.zarr"))
-    (path / "margin/c.0.2.0").write_bytes(b"")
-    MapStore(path).discard(0)
-    before = files(path)
-    make_map(spec, path, scheduler=address)
-    assert digest(path) == digest(whole)
-    changed = {name for name, file in files(path).items() if before.get(name) != file}
-    assert changed == {f"{name}/c.{index}{more}" for index in ("0.0.0", "0.2.0")
-                       for name, more in (("sigma_1", ""), ("margin", ""), ("configuration", ".0"), ("reachable", ""),
-                                          ("status", ""))}  # fmt: skip
-
-
 def test_few_tasks_are_under_way_however_many_there_are(client):
     begun, most = 0, 0
 
@@ -183,7 +165,7 @@ def test_a_task_that_fails_is_said_and_so_are_cinegen_s_own_errors(client):
 def test_where_no_scheduler_answers_that_is_said_and_the_map_goes_on_later(spec, whole, tmp_path, monkeypatch, capfd):
     monkeypatch.setattr(cluster, "_PATIENCE", 0.5)
     path = tmp_path / "map.zarr"
-    for wrong in ("tcp://127.0.0.1:9", "nonsense://there", "tcp://no.such.host.invalid:8786"):
+    for wrong in ("tcp://127.0.0.1:9", "nonsense://there"):
         with pytest.raises(ClusterError, match=f"no Dask scheduler answers at {wrong}"):
             make_map(spec, path, scheduler=wrong, most=MOST)
     assert capfd.readouterr() == ("", "")
@@ -206,8 +188,7 @@ make_map(over_joints(cinegen.load(sys.argv[1]), 6), sys.argv[2], workers=2, most
 """
 
 
-@pytest.mark.parametrize("how", [signal.SIGKILL, *slow(signal.SIGINT)])
-def test_a_script_without_a_guard_that_is_stopped_takes_its_processes_along(how, spec, whole, address, tmp_path, root):
+def test_a_script_without_a_guard_that_is_killed_takes_its_processes_along(spec, whole, address, tmp_path, root):
     script, robot, path = tmp_path / "script.py", root / "robots/planar_3r.raff", tmp_path / "map.zarr"
     script.write_text(SCRIPT)
     command = [sys.executable, str(script), str(robot), str(path)]
@@ -216,12 +197,10 @@ def test_a_script_without_a_guard_that_is_stopped_takes_its_processes_along(how,
     assert int(process.stdout.readline()) > 0
     others = [pid for pid in children(process.pid) if alive(pid)]
     assert len(others) == 2
-    process.send_signal(how)
-    said = process.communicate()[1].decode()
+    process.kill()
+    assert process.communicate()[1] == b""
     until(lambda: not any(map(alive, others)))
-    assert process.returncode == -how
-    assert said.count("Traceback") == (how == signal.SIGINT)  # Python's own
-    assert said.rstrip().endswith("KeyboardInterrupt" if how == signal.SIGINT else "")
+    assert process.returncode == -signal.SIGKILL
     done = MapStore(path).done
     assert 0 < done < spec.region.size
     before = files(path / "status")

@@ -1,15 +1,14 @@
 """What maps tell of cells: against the study of single configurations, numpy, linear programmes and closed forms."""
 
 import functools
-import itertools
 import math
 import re
 
-import coal
 import numpy as np
 import pinocchio as pin
 import pytest
 import trimesh
+from clearings import ball, measured, obstacles_of
 from closed_forms import rx90
 from hypothesis import given
 from hypothesis import strategies as st
@@ -17,7 +16,7 @@ from mapped import mapped, middles, over
 from scipy.optimize import linprog
 
 import cinegen
-from cinegen.dynamics.errors import MassError
+from cinegen.collision.clearance import Clearance, links_of
 from cinegen.model.load import build
 from cinegen.singularities import singularity
 from cinegen.workspace import QUANTITIES, MapError, MapSpecification, make_map
@@ -32,7 +31,6 @@ SPECIFICATIONS = {
     "planar_3r": over(("x", -0.8, 0.8, 6), ("y", -0.8, 0.8, 6)),
     "arm7": over(("x", -0.8, 0.8, 5), ("z", -0.4, 1.1, 5)),
     "hybrid": over(("x", -0.5, 0.5, 4), ("y", -0.5, 0.5, 4)),
-    "tssm": over(("x", -0.01, 0.01, 4), ("y", -0.01, 0.01, 4)),
     "sr400": over(("x", 0.4, 1.4, 4), ("z", 0.0, 1.4, 4)),
 }
 
@@ -62,33 +60,36 @@ def by_motors(spec, q):
     return mechanism.jacobian(q, spec.node) @ moved
 
 
+ALONG = {"five_bar": (0.6, 0.8, 0.0), "planar_3r": (0.6, 0.8, 0.0)}
+SEVERAL = ("sigma_1", "sigma_2", "condition", "manipulability", "velocity", "force", "margin")
+
+
 @pytest.mark.parametrize("name", SPECIFICATIONS)
-def test_smallest_singular_values_are_those_of_the_study_of_singularities(robot, name):
-    mechanism = robot(name)
-    region = SPECIFICATIONS[name]
-    spec = MapSpecification(mechanism, region, ("sigma_1", "sigma_2"))
+def test_quantities_are_those_of_singularities_numpy_and_linear_programmes(robot, name):
+    """The linear programmes are in all joints' velocities and all loops' forces, not in those of actuated joints."""
+    mechanism, along = robot(name), ALONG.get(name, (0.48, 0.6, 0.64))
+    spec = MapSpecification(mechanism, SPECIFICATIONS[name], SEVERAL, along=along)
     assert ("sigma_2" in spec.quantities) == bool(mechanism.passive_rank)
+    scale = mechanism.scale[[mechanism.v_index(joint) for joint in mechanism.actuated]]
     for q, values in cells(spec):
         studied = singularity(mechanism, q)
         if spec.counted == (3, 3) or spec._rank(6) == spec._rank(3):
             assert values["sigma_1"] == pytest.approx(studied.sigma[0], rel=1e-5, abs=1e-7)
         if mechanism.passive_rank:
             assert values["sigma_2"] == pytest.approx(studied.sigma[1], rel=1e-5, abs=1e-7)
-
-
-@pytest.mark.parametrize("name", SPECIFICATIONS)
-def test_condition_and_manipulability_are_numpy_s(robot, name):
-    spec = MapSpecification(robot(name), SPECIFICATIONS[name], ("sigma_1", "condition", "manipulability"))
-    straight, turn = spec.counted
-    length = spec.mechanism.length
-    scale = spec.mechanism.scale[[spec.mechanism.v_index(n) for n in spec.mechanism.actuated]]
-    for q, values in cells(spec):
-        matrix = (np.repeat([1.0 / length, 1.0], 3)[:, None] * by_motors(spec, q) * scale)[: straight + turn]
-        sigma = np.linalg.svd(matrix, compute_uv=False)[: spec.rank]
+        units = np.repeat([1.0 / mechanism.length, 1.0], 3)[:, None]
+        sigma = np.linalg.svd((units * by_motors(spec, q) * scale)[: sum(spec.counted)], compute_uv=False)[: spec.rank]
         assert values["condition"] == pytest.approx(sigma[0] / sigma[-1], rel=1e-4)
         assert values["manipulability"] == pytest.approx(np.prod(sigma), rel=1e-4, abs=1e-9)
-        if not spec.mechanism.is_constrained:
+        if not mechanism.is_constrained:
             assert values["sigma_1"] == pytest.approx(sigma[-1], rel=1e-4, abs=1e-7)
+        assert values["velocity"] == pytest.approx(greatest_speed(mechanism, q, spec.node, along), rel=1e-4)
+        assert values["force"] == pytest.approx(greatest_force(mechanism, q, spec.node, along), rel=1e-4)
+        low, high = mechanism.model.lowerPositionLimit, mechanism.model.upperPositionLimit
+        with np.errstate(invalid="ignore"):
+            margins = 1.0 - np.abs(q - 0.5 * (low + high)) / (0.5 * (high - low))
+        assert values["margin"] == pytest.approx(np.nanmin(margins), abs=1e-6)
+        assert -1e-6 <= values["margin"] <= 1.0
 
 
 TWO_BARS = """
@@ -120,21 +121,6 @@ def test_two_bars_have_the_manipulability_and_the_speeds_that_textbooks_give_the
         assert values["velocity"] == pytest.approx(np.abs(j.T @ [0.6, 0.8]) @ speeds, rel=1e-5)
         assert values["force"] == pytest.approx(1.0 / np.abs(j.T @ [0.6, 0.8]).max(), rel=1e-5)
         assert values["margin"] == 1.0  # no limits
-
-
-def test_five_bar_is_singular_where_a_leg_is_stretched_and_where_its_outer_bars_are_in_line(robot):
-    """Both kinds of loci: the smallest singular values are as small as the sines that vanish there."""
-    region = over(("x", -0.83, 0.81, 60), ("y", -0.83, 0.82, 60))
-    found = mapped(MapSpecification(robot("five_bar"), region, ("sigma_1", "sigma_2"), limits=False))
-    reached = found["reachable"]
-    q = found["configuration"][reached]
-    first = np.minimum(np.abs(np.sin(q[:, 1])), np.abs(np.sin(q[:, 3])))
-    second = np.abs(np.sin(q[:, 0] + q[:, 1] - q[:, 2] - q[:, 3]))
-    for sigma, sine in ((found["sigma_1"][reached], first), (found["sigma_2"][reached], second)):
-        assert sine.min() < 0.05  # cells come near
-        ratio = sigma / sine
-        assert ratio.min() > 0.02
-        assert ratio.max() < 2.0
 
 
 # --- capability ------------------------------------------------------------------------------------------------------
@@ -174,23 +160,12 @@ def greatest_force(mechanism, q, node, along):
     return -best.fun
 
 
-@pytest.mark.parametrize("name", SPECIFICATIONS)
-def test_speeds_and_forces_are_those_of_linear_programmes(robot, name):
-    """In all joints' velocities and all loops' forces, not in what motors do."""
-    along = (0.48, 0.6, 0.64) if name not in ("five_bar", "planar_3r") else (0.6, 0.8, 0.0)
-    mechanism = robot(name)
-    spec = MapSpecification(mechanism, SPECIFICATIONS[name], ("velocity", "force"), along=along)
-    for q, values in cells(spec):
-        assert values["velocity"] == pytest.approx(greatest_speed(mechanism, q, spec.node, along), rel=1e-4)
-        assert values["force"] == pytest.approx(greatest_force(mechanism, q, spec.node, along), rel=1e-4)
-
-
-@pytest.mark.parametrize("name", ["belt_five_bar", "planetary_gear", "differential_wrist", "scara", "delta4_linear"])
+@pytest.mark.parametrize("name", ["belt_five_bar", "differential_wrist"])
 def test_speeds_and_forces_through_couplings_are_those_of_linear_programmes(robot, name):
     mechanism = robot(name)
     homes = [(joint, mechanism.q_home[mechanism.q_index(joint)]) for joint in mechanism.actuated]
     axes = ((joint, home - 0.05, home + 0.05, 2) for joint, home in homes)
-    along = np.array([1.0, 0.0, 0.0] if name == "planetary_gear" else [0.48, 0.6, 0.64])
+    along = np.array([0.48, 0.6, 0.64])
     spec = MapSpecification(mechanism, over(*axes), ("velocity", "force"), along=tuple(along), limits=False)
     found = mapped(spec)
     reached = found["reachable"]
@@ -199,95 +174,6 @@ def test_speeds_and_forces_through_couplings_are_those_of_linear_programmes(robo
     for q, speed, force in zip(*rows, strict=True):
         assert speed == pytest.approx(greatest_speed(mechanism, q, spec.node, along), rel=1e-4)
         assert force == pytest.approx(greatest_force(mechanism, q, spec.node, along), rel=1e-4)
-
-
-@pytest.mark.parametrize("name", SPECIFICATIONS)
-def test_the_largest_force_takes_all_of_an_actuated_joint_s_effort(robot, name):
-    """Against the inverse dynamics: pushed back with that force, one joint is at its limit, and none beyond."""
-    along = np.array((0.48, 0.6, 0.64) if name not in ("five_bar", "planar_3r") else (0.6, 0.8, 0.0))
-    mechanism = robot(name)
-    spec = MapSpecification(mechanism, SPECIFICATIONS[name], ("velocity", "force"), along=tuple(along))
-    columns = [mechanism.v_index(joint) for joint in mechanism.actuated]
-    efforts = limits_of(mechanism, mechanism.model.upperEffortLimit)[columns]
-    speeds = limits_of(mechanism, mechanism.model.upperVelocityLimit)[columns]
-    for q, values in cells(spec):
-        load = cinegen.Payload(spec.node, wrench=(*(-values["force"] * along), 0.0, 0.0, 0.0))
-        torques = cinegen.forces(mechanism, q, payloads=[load], gravity=(0.0, 0.0, 0.0)).torques
-        assert np.abs(torques / efforts).max() == pytest.approx(1.0, rel=1e-4)
-        power = np.abs(torques) @ speeds  # at the largest velocity all joints are at their limits
-        assert power == pytest.approx(values["force"] * values["velocity"], rel=1e-4)
-
-
-BAR = "parameters { theta 40 } type 2 pred 0 limits { 5 85 } velocity 30"
-FOOT = "parameters { gamma 90 alpha 90 r 306.418 } type 1 pred 0 velocity 50"
-SCISSOR = """
-robot scissor {
-  base { }
-  link 1 { %s } // a bar of 400 mm, in the plane x, y
-  link 2 { %s } // the other one's foot, along x
-  link 3 { parameters { alpha -90 theta 50 } type 2 pred 2 }
-  frame 4 { parameters { d 200 } pred 1 }
-  frame 5 { parameters { d 200 } pred 3 }
-  constraint { frame 4 frame 5 type 2 } // they are pinned at their middles
-  frame 6 { name "corner" parameters { d 400 } pred 1 } // of the table, above the foot: it moves sideways too
-}
-"""
-
-
-@pytest.mark.parametrize(("motor", "low", "high"), [("joint1", 0.2, 1.3), ("joint2", 0.1, 0.38)])
-def test_a_scissor_lift_rises_as_fast_as_finite_differences_say(raff, motor, low, high):
-    lift = raff(SCISSOR % ((BAR + " actuated 1", FOOT) if motor == "joint1" else (BAR, FOOT + " actuated 1")))
-    assert lift.actuated == (motor,)
-    speed = lift.model.upperVelocityLimit[lift.v_index(motor)]
-    spec = MapSpecification(lift, over((motor, low, high, 6)), ("velocity", "force"), along=(0.0, 1.0, 0.0))
-    for q, values in cells(spec):
-        heights = []
-        for step in (1e-6, -1e-6):
-            moved = q.copy()
-            moved[lift.q_index(motor)] += step
-            heights.append(lift.placement(lift.close(moved, [motor]), "corner").translation[1])
-        rate = abs(heights[0] - heights[1]) / 2e-6
-        assert values["velocity"] == pytest.approx(rate * speed, rel=1e-4)
-        assert values["velocity"] > 0.005
-        assert values["force"] == pytest.approx(1.0 / rate, rel=1e-4)
-
-
-def table_lift(actuated):
-    """Two bars of 600 mm pinned at their middles, upright; the table is pinned to one and slides on the other."""
-    across, words = 600.0 * math.cos(math.radians(35.0)), ["actuated 0"] * 6
-    words[actuated] = f"actuated 1 velocity {30 if actuated in (1, 3) else 100}"
-    return f"""robot lift {{
-      base {{ parameters {{ alpha 90 }} }}
-      link 1 {{ parameters {{ theta 35 }} type 2 pred 0 {words[1]} }}
-      link 2 {{ parameters {{ gamma 90 alpha 90 r {across!r} }} type 1 pred 0 {words[2]} }}
-      link 3 {{ parameters {{ alpha -90 theta 55 }} type 2 pred 2 {words[3]} }}
-      link 4 {{ name "table" parameters {{ d 600 theta -145 }} type 2 pred 3 {words[4]} }}
-      link 5 {{ parameters {{ gamma 90 alpha 90 r {across!r} }} type 1 pred 4 {words[5]} }}
-      frame 6 {{ parameters {{ d 300 }} pred 1 }}
-      frame 7 {{ parameters {{ d 300 }} pred 3 }}
-      frame 8 {{ parameters {{ d 600 }} pred 1 }}
-      frame 9 {{ parameters {{ alpha -90 }} pred 5 }}
-      constraint {{ frame 6 frame 7 type 2 }}
-      constraint {{ frame 8 frame 9 type 2 }}
-      frame 10 {{ name "corner" parameters {{ d 300 }} pred 4 }}
-    }}"""
-
-
-@pytest.mark.parametrize("actuated", [1, 2, 3])
-def test_a_lift_with_a_table_rises_as_fast_as_its_height_changes(raff, actuated):
-    """Closed form: the height is 600 sin(angle), the foot at 600 cos(angle); along z by default."""
-    lift = raff(table_lift(actuated))
-    spec = MapSpecification(lift, over(("z", 0.15, 0.5, 6)), ("velocity", "force"))
-    assert spec.along == (0.0, 0.0, 1.0)
-    for q, values in cells(spec):
-        height = lift.placement(q, "corner").translation[2]
-        width = math.sqrt(0.36 - height**2)  # change of the height, m/rad or m/m
-        rate = width / height if actuated == 2 else width
-        speed = 0.1 if actuated == 2 else math.radians(30.0)
-        assert values["velocity"] == pytest.approx(rate * speed, rel=1e-4)
-        assert values["velocity"] == pytest.approx(greatest_speed(lift, q, "corner", spec.along), rel=1e-4)
-        assert values["force"] == pytest.approx(1.0 / rate, rel=1e-4)
-        assert values["force"] == pytest.approx(greatest_force(lift, q, "corner", spec.along), rel=1e-4)
 
 
 def test_where_the_actuated_joints_control_nothing_there_is_no_speed_and_no_force(robot):
@@ -303,57 +189,16 @@ def test_where_the_actuated_joints_control_nothing_there_is_no_speed_and_no_forc
         assert math.isnan(found[name].item())
 
 
-def test_sigma_2_is_0_where_a_passive_joint_outside_loops_moves_the_node(raff):
+def test_where_a_passive_joint_outside_loops_moves_the_node_sigma_2_is_0_and_there_is_no_speed_and_no_force(raff):
     arm = raff(TWO_BARS.replace("type 2 pred 1 velocity 180.0", "type 2 pred 1 actuated 0"))
-    found = mapped(MapSpecification(arm, over(("joint1", 0.0, 1.0, 3)), ("sigma_1", "sigma_2")))
+    found = mapped(MapSpecification(arm, over(("joint1", 0.0, 1.0, 3)), ("sigma_1", "sigma_2", "velocity", "force")))
     assert (found["sigma_2"] == 0.0).all()
+    assert np.isnan([found["velocity"], found["force"]]).all()
     for q in found["configuration"]:
         assert singularity(arm, q).sigma[1] == 0.0
 
 
-def test_no_motors_at_random_are_faster_and_some_are_as_fast(robot):
-    """Of the redundant arm: speeds are greatest at the corners of what limits allow."""
-    spec = MapSpecification(robot("planar_3r"), SPECIFICATIONS["planar_3r"], ("velocity",), along=(1.0, 0.0, 0.0))
-    limits = robot("planar_3r").model.upperVelocityLimit
-    for q, values in cells(spec):
-        jacobian = (robot("planar_3r").placement(q, "tool").rotation @ by_motors(spec, q)[:3])[0]
-        corners = [jacobian @ (np.array(signs) * limits) for signs in itertools.product((-1.0, 1.0), repeat=3)]
-        assert values["velocity"] == pytest.approx(max(corners), rel=1e-5)
-
-
-def test_what_motors_do_not_determine_has_no_speed_and_no_force(raff):
-    """The second bar swings as it likes."""
-    arm = raff(TWO_BARS.replace("type 2 pred 1 velocity 180.0", "type 2 pred 1 actuated 0"))
-    assert arm.actuated == ("joint1",)
-    found = mapped(MapSpecification(arm, over(("joint1", 0.0, 1.0, 3)), ("velocity", "force")))
-    assert np.isnan(found["velocity"]).all()
-    assert np.isnan(found["force"]).all()
-
-
-def test_an_arm_that_is_stretched_can_t_move_outward(robot):
-    region = over(("joint2", -1e-12, 1e-12, 1), at={"joint1": 0.0, "joint3": 0.0})
-    stretched = MapSpecification(robot("planar_3r"), region, ("velocity", "condition", "force"), along=(1.0, 0.0, 0.0))
-    values = {name: v.item() for name, v in mapped(stretched).items() if v.size == 1}
-    assert values["velocity"] == pytest.approx(0.0, abs=1e-9)
-    assert values["force"] > 1e9  # the structure bears it alone
-    assert values["condition"] > 1e9
-
-
 # --- limits, directions, obstacles -----------------------------------------------------------------------------------
-
-
-@pytest.mark.parametrize("name", SPECIFICATIONS)
-def test_margin_is_the_least_of_all_joints(robot, name):
-    mechanism = robot(name)
-    for q, values in cells(MapSpecification(mechanism, SPECIFICATIONS[name], ("margin",))):
-        margins = []
-        for joint in mechanism.joints:
-            low, high = (getattr(mechanism.model, f"{end}PositionLimit")[mechanism.q_index(joint)]
-                         for end in ("lower", "upper"))  # fmt: skip
-            if math.isfinite(high - low):
-                margins.append(1.0 - abs(q[mechanism.q_index(joint)] - 0.5 * (low + high)) / (0.5 * (high - low)))
-        assert values["margin"] == pytest.approx(min(margins), abs=1e-6)
-        assert -1e-6 <= values["margin"] <= 1.0
 
 
 @pytest.mark.parametrize("limits", [True, False])
@@ -371,40 +216,18 @@ def test_a_wrist_points_everywhere_but_where_its_limits_forbid(robot, limits):
         assert angle == pytest.approx(wanted, abs=1.01 * 4.0 * math.pi / 80)
 
 
-def test_directions_are_even_and_of_unit_length():
-    directions = fibonacci_sphere(500)
-    np.testing.assert_allclose(np.linalg.norm(directions, axis=1), 1.0)
-    np.testing.assert_allclose(directions.mean(axis=0), 0.0, atol=5e-3)
-    np.testing.assert_allclose(3.0 * directions.T @ directions / 500, np.eye(3), atol=2e-2)
-
-
 def test_clearance_is_what_coal_measures_between_shapes(robot):
-    ball, size = np.array([0.3, 0.3, 0.4]), 0.15
+    point, size = [0.3, 0.3, 0.4], 0.15
     scene = {
         "goal": {"point": [0.4, 0.4, 0.4]},
-        "obstacle": [{"kind": "sphere", "radius": size, "point": ball.tolist()}],
+        "obstacle": [{"kind": "sphere", "radius": size, "point": point}],
     }
     mechanism = robot("arm7")
     spec = MapSpecification(mechanism, SPECIFICATIONS["arm7"], ("clearance",), scene=scene)
-    from cinegen.collision.clearance import links_of
-
-    bodies, links = links_of(mechanism)
-    bodies = tuple(body.as_described for body in bodies)
+    bodies, pairs = links_of(mechanism)
+    clearance = Clearance(mechanism, bodies, obstacles_of([ball(size, *point)]), pairs, np.inf)
     for q, values in cells(spec):
-        pin.forwardKinematics(mechanism.model, data := mechanism.model.createData(), q)
-        places = [data.oMi[body.joint] * body.placement for body in bodies]
-        obstacle = coal.Sphere(size), pin.SE3(np.eye(3), ball)
-        pairs = [((body.shape, at), obstacle) for body, at in zip(bodies, places, strict=True)]
-        pairs += [((bodies[a].shape, places[a]), (bodies[b].shape, places[b])) for a, b in links]
-        least = min(
-            coal.distance(
-                one[0], coal.Transform3s(one[1].rotation, one[1].translation),
-                two[0], coal.Transform3s(two[1].rotation, two[1].translation),
-                coal.DistanceRequest(), coal.DistanceResult(),
-            )
-            for one, two in pairs
-        )  # fmt: skip
-        assert values["clearance"] == pytest.approx(least, abs=1e-5)
+        assert values["clearance"] == pytest.approx(measured(clearance, q).min(), abs=1e-5)
 
 
 def test_all_quantities_in_one_pass_are_those_one_by_one(robot):
@@ -415,15 +238,6 @@ def test_all_quantities_in_one_pass_are_those_one_by_one(robot):
         np.testing.assert_array_equal(
             mapped(MapSpecification(robot("five_bar"), region, (name,)))[name], together[name]
         )
-
-
-def test_a_mechanism_of_another_process_says_the_same(robot):
-    spec = MapSpecification(robot("five_bar"), SPECIFICATIONS["five_bar"], ("sigma_1", "velocity"))
-    again = MapSpecification.of_attributes(spec.attributes)
-    assert isinstance(again.mechanism, cinegen.Mechanism)
-    one, two = mapped(spec), mapped(again)
-    for name, values in one.items():
-        np.testing.assert_array_equal(values, two[name])
 
 
 BALL = {"name": "ball", "kind": "sphere", "radius": 0.1, "point": [0.4, 0.0, 0.3]}
@@ -446,22 +260,17 @@ def test_clearance_is_of_shapes_that_lie_in_files_beside_the_robot(tmp_path):
     np.testing.assert_allclose(found.clearance, np.hypot(across, above) - 0.1, atol=1e-5)
 
 
-@pytest.mark.parametrize("name", ["delta4", "rx90", "gough"])
-def test_a_robot_is_the_same_wherever_its_file_and_its_shapes_lie(root, robot, tmp_path, name):
+def test_a_robot_is_the_same_wherever_its_shapes_lie_and_another_if_it_moves_otherwise(robot, tmp_path):
     """RAFF's graphics become files whose paths differ from machine to machine: no number of a map depends on them."""
-    source = robot(name).source
+    source, region = robot("delta4").source, over(("x", -0.1, 0.1, 3))
     elsewhere = re.sub(r'filename="[^"]*/', 'filename="/elsewhere/', source.urdf)
-    assert (elsewhere != source.urdf) == (name != "gough")  # which has no graphics
+    assert elsewhere != source.urdf
     moved = build(elsewhere, source.constraints, str(tmp_path), "another name")
-    one, two = (MapSpecification(mechanism, over(("x", -0.1, 0.1, 3))) for mechanism in (robot(name), moved))
-    assert one.text == two.text
-    assert one.robot_hash == two.robot_hash
-
-
-def test_a_robot_that_moves_in_another_way_is_another(robot):
+    one, two = (MapSpecification(mechanism, region) for mechanism in (robot("delta4"), moved))
+    assert (one.text, one.robot_hash) == (two.text, two.robot_hash)
     source = robot("five_bar").source
     longer = build(source.urdf.replace("0.25", "0.26"), source.constraints)
-    one, two = (MapSpecification(mechanism, over(("x", -0.1, 0.1, 3))) for mechanism in (robot("five_bar"), longer))
+    one, two = (MapSpecification(mechanism, region) for mechanism in (robot("five_bar"), longer))
     assert one.robot_hash != two.robot_hash
 
 
@@ -475,59 +284,12 @@ def _slide(name):
     )
 
 
-@pytest.mark.parametrize("name", ["sigma_1", "status", "joint", "left/elbow"])
+@pytest.mark.parametrize("name", ["sigma_1", "left/elbow"])
 def test_a_motor_whose_name_a_map_can_t_hold_is_refused(name):
     arm = _slide(name)
     with pytest.raises(MapError, match=f"the name of joint '{name}' .*: rename it"):
         MapSpecification(arm, over((name, -0.5, 0.5, 3)))
     assert MapSpecification(arm, over(("x", -0.5, 0.5, 3))).region.size == 3
-
-
-@pytest.mark.parametrize("name", ["hybrid", "gough", "tssm"])
-def test_a_quantity_is_the_same_whatever_others_are_asked_for(robot, name):
-    """Ball joints that are written as three joints count as balls for all of them."""
-    mechanism = robot(name)
-    home = mechanism.placement(mechanism.q_home, mechanism.end).translation
-    size = 0.03 * mechanism.length
-    region = over(*((axis, at - size, at + size, 2) for axis, at in zip("xyz", home, strict=True)))
-    alone = mapped(MapSpecification(mechanism, region, ("sigma_1",)))
-    both = mapped(MapSpecification(mechanism, region, ("sigma_1", "sigma_2")))
-    np.testing.assert_allclose(alone["sigma_1"], both["sigma_1"], rtol=1e-6)
-
-
-def test_where_it_is_singular_speed_is_what_a_linear_programme_finds(robot):
-    """rx90 with its wrist straight: axes 4 and 6 are one."""
-    rx90 = robot("rx90")
-    axes = (("joint1", -0.5, 0.5, 2), ("joint2", -0.4, 0.4, 2), ("joint3", 1.2, 1.6, 2))
-    spec = MapSpecification(
-        rx90, over(*axes, at={"joint5": 0.0}), ("velocity", "condition"), along=(0.0, 1.0, 1.0), limits=False
-    )
-    found = mapped(spec)
-    assert np.isinf(found["condition"]).all()
-    for q, speed in zip(found["configuration"].reshape(-1, 6), found["velocity"].ravel(), strict=True):
-        assert speed == pytest.approx(greatest_speed(rx90, q, rx90.end, spec.along), rel=1e-5)
-
-
-def test_where_the_direction_of_z_is_held_it_counts(robot):
-    """Five rows: as with a tool that may spin about its axis, and nothing else."""
-    rx90 = robot("rx90")
-    at = rx90.placement(rx90.q_home, rx90.end).translation
-    region = over(("x", at[0] - 0.1, at[0] - 0.05, 2), at={"y": at[1], "z": at[2]}, orientation="axis")
-    spec = MapSpecification(rx90, region, ("sigma_1",))
-    found = mapped(spec)
-    assert spec.counted == (3, 2)
-    units = np.repeat([1.0 / rx90.length, 1.0], 3)[:, None] * rx90.scale
-    for q, sigma in zip(found["configuration"], found["sigma_1"], strict=True):
-        jacobian = rx90.jacobian(q, rx90.end)
-        assert sigma == pytest.approx(np.linalg.svd((jacobian * units)[:5])[1][4], rel=1e-5)
-
-
-def test_solutions_without_end_are_refused_in_a_plane_too(robot):
-    """z of a planar arm's tool says nothing about its angle."""
-    with pytest.raises(MapError, match="infinitely many solutions"):
-        MapSpecification(
-            robot("planar_3r"), over(("x", 0.2, 0.6, 2), ("y", 0.2, 0.6, 2), orientation="axis"), ("solutions",)
-        )
 
 
 @given(st.tuples(*(st.floats(-3.0, 3.0),) * 3).filter(lambda along: math.hypot(*along) > 0.01))
@@ -553,7 +315,6 @@ def test_an_upright_arm_holds_what_statics_gives_it(tmp_path):
     region = over(("x", -0.8, 0.8, 15), ("z", -0.8, 0.8, 15))
     found = list(cells(MapSpecification(arm, region, ("torque", "payload"), "tip")))
     assert len(found) > 50
-    refused = 0
     for q, values in found:
         upper, fore = 0.5 * math.cos(q[0]), 0.3 * math.cos(q[0] + q[1])
         weight = 9.81 * np.array([3.0 * upper + fore, fore])
@@ -561,20 +322,12 @@ def test_an_upright_arm_holds_what_statics_gives_it(tmp_path):
         assert values["torque"] == pytest.approx(np.abs(weight / limits).max(), rel=1e-5)
         most = min((limits[i] - np.sign(arms[i]) * weight[i]) / abs(arms[i]) for i in range(2) if arms[i])
         assert values["payload"] == pytest.approx(most, rel=1e-4)
-        refused += np.isnan(values["payload"])
-    assert not refused
     weak = path.read_text().replace('effort="30.0"', 'effort="10"')
     path.write_text(weak)
     masses = [
         values["payload"] for _, values in cells(MapSpecification(cinegen.load(path), region, ("payload",), "tip"))
     ]
-    assert np.isnan(masses).any()
-    assert not np.isnan(masses).all()
+    assert {True, False} == set(np.isnan(masses))
     path.write_text(weak.replace('effort="10"', 'effort="0"').replace('effort="7.0"', 'effort="0"'))
     with pytest.raises(cinegen.CinegenError, match="no actuated joint has a limit of torque or force"):
         MapSpecification(cinegen.load(path), region, ("payload",), "tip")
-
-
-def test_torques_take_masses(robot):
-    with pytest.raises(MassError, match="have no mass"):
-        MapSpecification(robot("planar_3r"), over(("x", -0.8, 0.8, 3), ("y", -0.8, 0.8, 3)), ("torque",))

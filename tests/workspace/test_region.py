@@ -72,14 +72,6 @@ def test_a_ball_seen_from_a_centre_measures_what_it_should():
     assert math.isclose(np.einsum("i,j->", *sphere.sizes), 4.0 * math.pi * 0.25)
 
 
-def test_a_line_goes_from_one_point_to_the_other():
-    region = line_region((0.0, 0.0, 1.0), (3.0, 4.0, 1.0), 5)
-    points, _ = region.poses(HOME, region.values(whole(region)))
-    np.testing.assert_allclose(points[:, 0], [0.3, 0.9, 1.5, 2.1, 2.7])
-    np.testing.assert_allclose(points[:, 1], np.array([0.3, 0.9, 1.5, 2.1, 2.7]) * 4 / 3)
-    np.testing.assert_allclose(points[:, 2], 1.0)
-
-
 def test_a_region_reads_back_from_its_document():
     region = Region((GridAxis("azimuth", 0.0, 1.0, 3), GridAxis("elevation", 0.0, 1.0, 3)), {"radius": 1.0, "rx": 0.1},
                     "fixed", (0.0, 1.0, 2.0))  # fmt: skip
@@ -92,11 +84,8 @@ def test_a_region_reads_back_from_its_document():
     ("make", "says"),
     [
         (lambda: GridAxis("x", 1.0, 0.0, 5), "give the lower end first"),
-        (lambda: GridAxis("x", 0.0, math.nan, 5), "is no range"),
         (lambda: GridAxis("x", 0.0, 1.0, 0), "give 1 or more"),
-        (lambda: Region(()), "at least one axis"),
         (lambda: Region((GridAxis("x", 0, 1, 2),), {"x": 0.5}), "x is given twice"),
-        (lambda: Region((GridAxis("x", 0, 1, 2),), {"z": math.inf}), "z=inf"),
         (lambda: Region((GridAxis("x", 0, 1, 2),), {}, "fixd"), "fixed"),
         (lambda: Region((GridAxis("azimuth", 0, 1, 2),)), "only together with elevation, radius"),
         (lambda: Region((GridAxis("distance", 0, 1, 2),), {"x": 0.0}), "leave one out"),
@@ -105,17 +94,6 @@ def test_a_region_reads_back_from_its_document():
 def test_what_makes_no_sense_is_refused(make, says):
     with pytest.raises(MapError, match=says):
         make()
-
-
-@pytest.mark.parametrize(("axes", "at", "size"), [
-    ((("elevation", -0.5, 0.5, 7),), {"radius": 0.5, "azimuth": 0.0}, 1.0),
-    ((("elevation", -0.5, 0.5, 7), ("radius", 0.4, 0.6, 5)), {"azimuth": 0.0}, 0.2),
-    ((("azimuth", -0.5, 0.5, 7), ("elevation", 0.0, 0.5, 5)), {"radius": 0.5}, 0.25 * math.sin(0.5)),
-    ((("azimuth", -0.5, 0.5, 7), ("elevation", 0.0, 0.5, 5), ("radius", 0.0, 0.6, 3)), {}, 0.072 * math.sin(0.5)),
-])  # fmt: skip
-def test_cells_measure_parts_of_a_sphere_where_both_angles_vary(axes, at, size):
-    region = Region(tuple(GridAxis(*axis) for axis in axes), at)
-    assert math.prod(float(sizes.sum()) for sizes in region.sizes) == pytest.approx(size)
 
 
 @pytest.mark.parametrize("axis", [("elevation", 0.0, 2.0, 4), ("azimuth", -5.0, 5.0, 4)])
@@ -130,3 +108,22 @@ def test_numbers_of_all_kinds_are_written_like_floats(kind):
     other = Region((GridAxis("x", kind(-1), kind(2), 3),), {"y": kind(0)}, centre=(kind(0), kind(0), kind(1)))
     floats = Region((GridAxis("x", -1.0, 2.0, 3),), {"y": 0.0}, centre=(0.0, 0.0, 1.0))
     assert json.dumps(other.document()) == json.dumps(floats.document())
+
+
+@pytest.mark.parametrize(("axes", "at", "size"), [
+    ((("elevation", -0.5, 0.5, 7),), {"radius": 0.5, "azimuth": 0.0}, 1.0),
+    ((("elevation", -0.5, 0.5, 7), ("radius", 0.4, 0.6, 5)), {"azimuth": 0.0}, 0.2),
+    ((("azimuth", -0.5, 0.5, 7), ("elevation", 0.0, 0.5, 5)), {"radius": 0.5}, 0.25 * math.sin(0.5)),
+    ((("azimuth", -0.5, 0.5, 7), ("elevation", 0.0, 0.5, 5), ("radius", 0.0, 0.6, 3)), {}, 0.072 * math.sin(0.5)),
+])  # fmt: skip
+def test_cells_measure_parts_of_a_sphere_where_both_angles_vary(axes, at, size):
+    region = Region(tuple(GridAxis(*axis) for axis in axes), at)
+    assert math.prod(float(sizes.sum()) for sizes in region.sizes) == pytest.approx(size)
+
+
+def test_a_line_goes_from_one_point_to_the_other():
+    region = line_region((0.0, 0.0, 1.0), (3.0, 4.0, 1.0), 5)
+    points, _ = region.poses(HOME, region.values(whole(region)))
+    np.testing.assert_allclose(points[:, 0], [0.3, 0.9, 1.5, 2.1, 2.7])
+    np.testing.assert_allclose(points[:, 1], np.array([0.3, 0.9, 1.5, 2.1, 2.7]) * 4 / 3)
+    np.testing.assert_allclose(points[:, 2], 1.0)

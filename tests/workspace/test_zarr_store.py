@@ -4,13 +4,10 @@ import errno
 import json
 import math
 import os
-import random
-import resource
 import shutil
 import signal
 import subprocess
 import sys
-import time
 import warnings
 from pathlib import Path
 
@@ -23,7 +20,6 @@ from folders import digest, files, of_delta, over_joints
 from hypothesis import given
 from hypothesis import strategies as st
 from mapped import mapped
-from variants import slow
 
 from cinegen.cluster import ClusterError
 from cinegen.workspace import GridAxis, MapError, MapSpecification, Region, make_map, open_map
@@ -83,34 +79,15 @@ def test_what_is_read_is_what_was_found_in_every_cell(spec, whole):
     assert 0 < int(read["reachable"].sum()) < spec.region.size
     for axis in spec.region.axes:
         np.testing.assert_array_equal(read[axis.name].values, axis.middles())
+    group = zarr.open_group(whole, mode="r")
+    assert all((np.asarray(group[name]) == values).all() for name, values in found.items() if values.dtype == bool)
     assert read["sigma_1"].attrs["units"] == "1"
     assert read.attrs["robot_sha256"] == spec.robot_hash
 
 
-def test_zarr_alone_reads_it(spec, whole):
-    group = zarr.open_group(whole, mode="r")
-    for name, values in mapped(spec).items():
-        np.testing.assert_array_equal(np.asarray(group[name]), values)
-
-
-def test_a_coordinate_of_one_cell_at_0_is_there(robot, tmp_path):
-    mechanism = robot("planar_3r")
-    spec = over_joints(mechanism)
-    axes = (type(spec.region.axes[0])(mechanism.actuated[0], -1.0, 1.0, 1),)
-    read = make_map(type(spec)(mechanism, type(spec.region)(axes)), tmp_path / "map.zarr")
-    np.testing.assert_array_equal(read[mechanism.actuated[0]].values, [0.0])
-
-
-def test_xarray_alone_reads_it(spec, whole):
-    with xarray.open_zarr(whole, consolidated=False) as read:
-        for name, values in mapped(spec).items():
-            np.testing.assert_array_equal(read[name].values, values)
-
-
-@pytest.mark.parametrize("name", ["planar_3r", "gough", "delta4_linear"])
-def test_xarray_opens_a_map_without_a_warning_and_finds_a_name_a_unit_and_a_coordinate(robot, tmp_path, name):
+def test_xarray_opens_a_map_without_a_warning_and_finds_a_name_a_unit_and_a_coordinate(robot, tmp_path):
     """Attributes as the CF conventions have them."""
-    mechanism = robot(name)
+    mechanism = robot("gough")
     axes = (GridAxis(mechanism.actuated[0], -0.01, 0.01, 3),)
     quantities = ("sigma_1", "velocity", "force", "condition", "margin", "manipulability")
     make_map(MapSpecification(mechanism, Region(axes), quantities, limits=False), tmp_path / "map.zarr", workers=1)
@@ -148,7 +125,7 @@ def test_a_chunk_with_any_bit_wrong_or_any_byte_missing_is_not_sound(seed, dtype
     assert not _is_sound(data[:at])
 
 
-@pytest.mark.parametrize(("name", "of"), [("delta4", of_delta), ("delta4", over_joints), ("planar_3r", over_joints)])
+@pytest.mark.parametrize(("name", "of"), [("delta4", of_delta), ("planar_3r", over_joints)])
 def test_a_chunk_comes_to_the_same_whatever_was_made_before(robot, name, of):
     spec = of(robot(name))
     shape = spec.region.shape
@@ -166,7 +143,7 @@ def test_a_chunk_comes_to_the_same_whatever_was_made_before(robot, name, of):
 # --- broken off ----------------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("written", [0, 1, 6, *slow(3, 5, 17, 29)])
+@pytest.mark.parametrize("written", [0, 6])
 def test_a_full_disk_costs_no_chunk_that_was_finished(spec, whole, tmp_path, monkeypatch, made, written):
     path, put, left = tmp_path / "map.zarr", zarr.storage._local._put, [written]
 
@@ -191,22 +168,6 @@ def test_a_full_disk_costs_no_chunk_that_was_finished(spec, whole, tmp_path, mon
     assert before.items() <= files(path / "status").items()
     assert digest(path) == digest(whole)
     assert os.listdir(tmp_path) == ["map.zarr"]
-
-
-def test_a_limit_of_the_system_is_said_and_leaves_nothing_half_written(spec, whole, tmp_path):
-    path = tmp_path / "map.zarr"
-    again(spec, path)
-    MapStore(path).discard(0)
-    soft, hard = resource.getrlimit(resource.RLIMIT_FSIZE)
-    try:
-        resource.setrlimit(resource.RLIMIT_FSIZE, (100, hard))
-        with pytest.raises(MapError, match="File too large"):
-            again(spec, path)
-    finally:
-        resource.setrlimit(resource.RLIMIT_FSIZE, (soft, hard))
-    assert os.listdir(tmp_path) == ["map.zarr"]
-    again(spec, path)
-    assert digest(path) == digest(whole)
 
 
 def test_ctrl_c_anywhere_leaves_a_map_that_goes_on(spec, whole, tmp_path, made):
@@ -259,20 +220,6 @@ def test_killed_between_two_chunks_or_in_one_it_goes_on(spec, whole, tmp_path, r
     assert os.listdir(tmp_path) == ["map.zarr"]
 
 
-def test_a_clock_that_jumps_changes_nothing(spec, whole, tmp_path, monkeypatch):
-    jump = random.Random(0)
-    monkeypatch.setattr(time, "time", lambda: jump.uniform(-1e9, 4e9))
-    again(spec, tmp_path / "map.zarr")
-    assert digest(tmp_path / "map.zarr") == digest(whole)
-
-
-def test_what_is_finished_is_never_touched_again(spec, copied, made):
-    before = files(copied)
-    again(spec, copied)
-    assert made[0] == 0
-    assert files(copied) == before
-
-
 # --- damaged -------------------------------------------------------------------------------------------------------
 
 
@@ -284,12 +231,9 @@ def rubbish(path):
     path.write_bytes(np.random.default_rng(0).bytes(300))
 
 
-def emptied(path):
-    path.write_bytes(b"")
-
-
-@pytest.mark.parametrize("damage", [cut, rubbish, *slow(emptied), Path.unlink])
-@pytest.mark.parametrize("name", ["sigma_1/c.1.1.0", *slow("configuration/c.1.1.0.0"), "reachable/c.1.1.0"])
+@pytest.mark.parametrize(
+    ("damage", "name"), [(cut, "sigma_1/c.1.1.0"), (rubbish, "reachable/c.1.1.0"), (Path.unlink, "sigma_1/c.1.1.0")]
+)
 def test_a_damaged_chunk_is_said_when_read_and_made_again_when_gone_on(spec, whole, copied, made, damage, name):
     damage(copied / name)
     read = open_map(copied)
@@ -300,7 +244,7 @@ def test_a_damaged_chunk_is_said_when_read_and_made_again_when_gone_on(spec, who
     assert digest(copied) == digest(whole)
 
 
-@pytest.mark.parametrize("damage", [cut, rubbish, emptied])
+@pytest.mark.parametrize("damage", [cut, rubbish])
 def test_so_is_the_status_which_tells_that_a_chunk_is_complete(spec, whole, copied, made, damage):
     damage(copied / "status/c.0.1.0")
     with pytest.raises(MapError, match=r"status/c\.0\.1\.0 is damaged"):
@@ -318,21 +262,11 @@ def edit(path, change):
 
 WRONG = {
     "an array is missing": (lambda p: shutil.rmtree(p / "sigma_1"), "sigma_1 is missing"),
-    "an array's description is cut": (lambda p: cut(p / "sigma_1/zarr.json"), "sigma_1 is missing, or its description"),
     "an array has another shape": (
         lambda p: edit(p / "margin/zarr.json", lambda d: d.update(shape=[1, 2, 3])),
         "margin is missing, or its description is wrong",
     ),
-    "the description is cut": (lambda p: cut(p / "zarr.json"), "is not a zarr group"),
     "the description is gone": (lambda p: (p / "zarr.json").unlink(), "is not a zarr group"),
-    "the specification is cut": (
-        lambda p: edit(p / "zarr.json", lambda d: d["attributes"].update(specification="{")),
-        "its description is invalid",
-    ),
-    "the specification is gone": (
-        lambda p: edit(p / "zarr.json", lambda d: d["attributes"].pop("specification")),
-        "its description is invalid",
-    ),
     "the specification is a number": (
         lambda p: edit(p / "zarr.json", lambda d: d["attributes"].update(specification="7")),
         "map.zarr: the map is damaged: its description is invalid",
@@ -346,20 +280,7 @@ WRONG = {
         ),
         r"map\.zarr: the map is damaged: its description is invalid \(.*joint1",
     ),
-    "chunks make no sense": (
-        lambda p: edit(p / "zarr.json", lambda d: d["attributes"].update(chunks=[1])),
-        "is damaged",
-    ),
-    "a coordinate's description is gone": (lambda p: (p / "joint1/zarr.json").unlink(), "joint1 is missing"),
     "a coordinate's description is empty": (lambda p: (p / "joint1/zarr.json").write_bytes(b""), "joint1 is missing"),
-    "numbers are said to be the other way round": (
-        lambda p: (p / "sigma_1/zarr.json").write_text((p / "sigma_1/zarr.json").read_text().replace("little", "big")),
-        "sigma_1 is missing, or its description is wrong",
-    ),
-    "the fill value is too large for its type": (
-        lambda p: edit(p / "sigma_1/zarr.json", lambda d: d.update(fill_value=1e308)),
-        "sigma_1 is missing, or its description is wrong",
-    ),
     "a coordinate is cut": (lambda p: cut(p / "joint1/c.0"), "the values of joint1 are missing or wrong"),
     "it is another's group": (
         lambda p: edit(p / "zarr.json", lambda d: d.update(attributes={})),
@@ -441,7 +362,7 @@ def test_two_processes_do_not_make_the_same_map(spec, copied, whole):
     assert digest(copied) == digest(whole)
 
 
-@pytest.mark.parametrize("given", [{"workers": 0}, {"most": 0}, {"workers": -1}, {"workers": 10**9}])
+@pytest.mark.parametrize("given", [{"workers": 0}, {"most": 0}, {"workers": 10**9}])
 def test_numbers_that_make_no_sense_are_refused(spec, tmp_path, given):
     with pytest.raises((MapError, ClusterError), match="must be 1 "):
         make_map(spec, tmp_path / "map.zarr", **given)

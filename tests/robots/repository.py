@@ -1,0 +1,29 @@
+"""The robots of the repository, and one of each kind of them."""
+
+from __future__ import annotations
+
+import warnings
+from functools import cache
+
+import pytest
+from elementary import ROBOTS, document
+from variants import FEWER
+
+import cinegen
+
+EVERY = [
+    pytest.param(name, robot.name, id=f"{name}-{robot.name}")
+    for name in sorted(path.stem for path in ROBOTS.glob("*.raff"))
+    for robot in document(name).robots
+]
+"""All robots of the repository, by file and name."""
+
+one_of_each_kind = pytest.mark.parametrize(("name", "which"), [one for one in EVERY if one.values[0] in FEWER])
+
+
+@cache
+def load(name: str, which: str | None = None) -> cinegen.Mechanism:
+    """A robot of the repository; none of them loads with a warning."""
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        return cinegen.load(ROBOTS / f"{name}.raff", which)
