@@ -5,23 +5,17 @@ from __future__ import annotations
 import importlib.util
 import math
 import re
-import shutil
 
 import numpy as np
 import pytest
-from playwright.sync_api import sync_playwright
-from test_cockpit_page import FLAGS
+from pages import IN_BROWSER
 
 from raff2urdf.raff.kleinfinger import Kleinfinger, transform
 
-CHROMIUM = shutil.which("chromium")
 NAMES = ("gamma", "epsilon", "alpha", "d", "theta", "r")
 PATTERN = re.compile(r"(\w+) (-?\d+)")
 
-pytestmark = [
-    pytest.mark.browser,
-    pytest.mark.skipif(CHROMIUM is None, reason="NO CHROMIUM: the page is not tested in a real browser"),
-]
+pytestmark = IN_BROWSER
 
 
 @pytest.fixture(scope="module")
@@ -34,23 +28,9 @@ def file(root, tmp_path_factory):
     return folder / "extra/live/six_parameters.html"
 
 
-@pytest.fixture(scope="module")
-def browser():
-    with sync_playwright() as playwright:
-        yield playwright.chromium.launch(executable_path=CHROMIUM, args=FLAGS)
-
-
 @pytest.fixture
-def page(browser, file):
-    wrong = []
-    context = browser.new_context(viewport={"width": 800, "height": 900}, offline=True)
-    tab = context.new_page()
-    tab.on("pageerror", lambda error: wrong.append(str(error)))
-    tab.on("console", lambda message: wrong.append(message.text) if message.type == "error" else None)
-    tab.goto(file.as_uri())
-    yield tab
-    context.close()
-    assert wrong == []
+def page(tab, file):
+    return tab(file, ready="true", viewport={"width": 800, "height": 900})
 
 
 def put(page, values):
@@ -129,10 +109,7 @@ def test_keys_move_sliders_and_turn_the_view(page):
     assert page.locator("#gamma").input_value() == "40"
 
 
-def test_without_a_script_the_picture_is_there(browser, file):
-    context = browser.new_context(java_script_enabled=False, offline=True)
-    tab = context.new_page()
-    tab.goto(file.as_uri())
-    assert tab.locator("noscript svg").is_visible()
-    assert not tab.locator("#live").is_visible()
-    context.close()
+def test_without_a_script_the_picture_is_there(tab, file):
+    page = tab(file, ready="true", java_script_enabled=False)
+    assert page.locator("noscript svg").is_visible()
+    assert not page.locator("#live").is_visible()
