@@ -38,11 +38,9 @@ def values_of(found) -> dict[str, float]:
     return dict(zip(found.parameters.names, found.p, strict=True))
 
 
-@pytest.mark.parametrize("points", [pytest.param(NINE[:8:2], id="four"), *slow(NINE)])
-def test_path(points, tmp_path):
-    found = synthesize(
-        "four_bar", {"parameters": RANGES, "path": {"points": points}, "starts": 6 if len(points) < 9 else 24}
-    )
+@pytest.mark.parametrize(("points", "starts"), [(NINE[:8:2], 6), *slow((NINE, 24))], ids=["four", "nine"])
+def test_path(points, starts, tmp_path):
+    found = synthesize("four_bar", {"parameters": RANGES, "path": {"points": points}, "starts": starts})
     assert found.error.max() < 1e-9
     assert found.one_circuit
     assert found.in_order
