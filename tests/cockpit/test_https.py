@@ -21,7 +21,7 @@ from cinegen.session import Setup
 
 @pytest.fixture(scope="module")
 def cockpit(robot):
-    with Cockpit(Setup({"four_bar": robot("four_bar")}), port=7900, https=True) as one:
+    with Cockpit(Setup({"four_bar": robot("four_bar")}), port=0, https=True) as one:
         yield one
 
 

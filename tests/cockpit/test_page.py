@@ -32,11 +32,8 @@ def test_a_browser_that_comes_late_gets_the_newest_of_everything_placed_before_i
     Visualizer(window=page)["a/<object>"].set_property("visible", True)  # of the object, which must be there
     feed = page.feed()
     messages = _taken(feed)
-    assert [message["type"] for message in messages] == [
-        *["set_transform"] * 2,
-        *["set_object"] * 2,
-        "set_property",
-    ]
+    kinds = [*["set_transform"] * 2, *["set_object"] * 2, "set_property"]
+    assert [message["type"] for message in messages] == kinds
     moved = {message["path"]: message["matrix"][12] for message in messages[:2]}
     assert moved == {"/meshcat/a": 3.0, "/meshcat/b": 2.0}
     assert _taken(feed) == []
