@@ -1,84 +1,70 @@
-"""Twenty clients that ask for all that the rules allow, and one that only watches: it still sees the robot move.
-
-Run as a program, this file is the greedy clients: `test_greedy.py KIND URL`.
-"""
+"""Clients that ask for scenes without end, and one that only watches: it still sees the robot move."""
 
 from __future__ import annotations
 
 import asyncio
-import os
 import socket
-import subprocess
-import sys
+import threading
+import time
 from contextlib import suppress
 from urllib.parse import urlsplit
 
 import pytest
 import tornado.websocket
 from browsers import Browser, becomes, get
-from tornado.httpclient import AsyncHTTPClient
-from tornado.simple_httpclient import SimpleAsyncHTTPClient
-from variants import slow
 
 from cinegen.cockpit import Cockpit
 from cinegen.cockpit.hub import MOST
-from cinegen.cockpit.server import CONNECTIONS
+from cinegen.cockpit.server import _TURN, CONNECTIONS
 from cinegen.session import arrange
 
 pytestmark = pytest.mark.filterwarnings("ignore:.*no such port:cinegen.CinegenWarning")
-GREEDY = 20
+GREEDY = 8
 
 
-async def fetch(address, path):
-    client = AsyncHTTPClient()
-    while True:
-        with suppress(Exception):
-            await client.fetch(f"http://{address}/{path}")
-
-
-async def draw(address, _):
+async def draw(address, drawn):
     """Connect, take the first of the scene, and connect again."""
     while True:
         with suppress(Exception):
             connection = await tornado.websocket.websocket_connect(f"ws://{address}/scene")
             await connection.read_message()
+            drawn.append(address)
             connection.close()
-
-
-KINDS = {
-    "scenes": (draw, ""),
-    "snapshots": (fetch, "snapshot.html"),
-}
-
-
-async def greedy(kind, url):
-    behave, what = KINDS[kind]
-    AsyncHTTPClient.configure(SimpleAsyncHTTPClient, max_clients=GREEDY, max_buffer_size=1 << 28)
-    print("begun", flush=True)
-    await asyncio.gather(*(behave(urlsplit(url).netloc, what) for _ in range(GREEDY)))
 
 
 @pytest.fixture
 def page(robot):
     setup = arrange({"delta4": robot("delta4")}, follow="circle")
-    with Cockpit(setup, port=0, token="") as one:
+    with Cockpit(setup, port=0, token="", own_process=False) as one:
         yield one
 
 
-@pytest.mark.parametrize("kind", ["scenes", *slow("snapshots")])
-def test_an_honest_viewer_sees_states_among_greedy_clients(page, kind):
-    command = ["nice", sys.executable, __file__, kind, page.url]  # they must not starve the machine
-    environment = {**os.environ, "PYTHONPATH": os.pathsep.join(sys.path)}
-    with subprocess.Popen(command, stdout=subprocess.PIPE, text=True, env=environment) as others:
-        try:
-            assert others.stdout.readline() == "begun\n"
-            browser = Browser(page.url)
-            assert becomes(lambda: browser.state is not None)
-            before = browser.frames
-            assert becomes(lambda: browser.frames >= before + 40, 60.0)  # two seconds on a machine of its own
-            assert others.poll() is None
-        finally:
-            others.kill()
+@pytest.fixture
+def greedy():
+    """`greedy(url)`: begins, with an event loop of their own; a list that grows with each scene."""
+    loop = asyncio.new_event_loop()
+    thread = threading.Thread(target=loop.run_forever)
+    thread.start()
+    begun, drawn = [], []
+
+    def begin(url):
+        address = urlsplit(url).netloc
+        begun.extend(asyncio.run_coroutine_threadsafe(draw(address, drawn), loop) for _ in range(GREEDY))
+        return drawn
+
+    yield begin
+    for one in begun:
+        one.cancel()
+    loop.call_soon_threadsafe(loop.stop)
+    thread.join()
+
+
+def test_an_honest_viewer_sees_states_among_greedy_clients(page, greedy):
+    """Whole scenes are sent one after the other, with a pause after each, however many are asked for."""
+    begin = time.monotonic()
+    drawn, browser = greedy(page.url), Browser(page.url)
+    assert becomes(lambda: browser.frames >= 20 and len(drawn) >= 20, 60.0)
+    assert len(drawn) <= (time.monotonic() - begin) / _TURN + 1
 
 
 def _is_served(url):
@@ -117,7 +103,3 @@ def test_who_asks_slowly_is_disconnected(robot, monkeypatch):
             peer.sendall(half)
             assert peer.recv(1) == b""
             peer.close()
-
-
-if __name__ == "__main__":
-    asyncio.run(greedy(*sys.argv[1:]))

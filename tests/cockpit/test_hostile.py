@@ -122,14 +122,14 @@ def test_static_files_that_there_are_not(page, host):
 
 def test_hosts_that_are_none(page):
     url = page().url
-    for host in ("[::1", "[", "]", "a]b", "[x]", "[127.0.0.1]", ""):
+    for host in ("evil.example:80", "127.0.0.1.evil.example", "[::1", "[", "]", "a]b", "[x]", "[127.0.0.1]", ""):
         for path in ("", "session", "scene", "snapshot.html", "static/cockpit.js", "map/about.json"):
             assert (host, path, Peer(url).ask(path, host=host).status()) == (host, path, 403)
 
 
 def test_origins_that_are_none(page):
     url = page().url
-    for origin in ("http://[x", "http://]", "http://[x]:80", "null", "", "😀"):
+    for origin in ("http://evil.example", "http://[x", "http://]", "http://[x]:80", "null", "", "😀"):
         for path in ("session", "scene"):
             with pytest.raises(HTTPClientError, match="403"):
                 Browser(url, path=path, Origin=origin.encode().decode("latin-1"))

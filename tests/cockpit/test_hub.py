@@ -185,14 +185,6 @@ def test_who_floods_is_dropped(hub):
     assert len(hub.obeyed) < 1.5 * hubs.FASTEST
 
 
-def test_there_is_room_for_so_many(hub):
-    lines = [join(hub) for _ in range(hubs.MOST + 20)]
-    assert len(hub.clients) == hubs.MOST
-    assert all(line.closed[0] == 1013 for client, line in lines if client is None)
-    hub.leave(lines[0][0])
-    assert join(hub)[0] is not None
-
-
 def test_who_takes_no_frame_for_long_is_given_up(hub, monkeypatch):
     _, line = join(hub)
     hub.show(state())

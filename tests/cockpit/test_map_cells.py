@@ -80,26 +80,6 @@ def test_of_a_large_map_fewer_cells_are_shown_each_still_where_it_is(made, robot
         assert axis.low + axis.step * index == pytest.approx(cloud.arrays["points"][:, "xyz".index(axis.name)])
 
 
-def test_a_map_that_is_being_made_is_shown_as_far_as_it_is(robot, tmp_path):
-    path = tmp_path / "growing.zarr"
-    make_map(MapSpecification(robot("delta4"), Region(BOX), ("sigma_1",)), path, workers=1, most=40)
-    taken = [chunk for name in ("status", "reachable", "configuration", "sigma_1")
-             for chunk in (path / name).glob("c.0.*")]  # fmt: skip
-    kept = {chunk: tmp_path / f"kept {k}" for k, chunk in enumerate(taken)}
-    for chunk, there in kept.items():
-        chunk.rename(there)
-    shown = serve(path)
-    before = shown.cells()
-    assert 0 < before.description.done < before.description.cells
-    assert shown.cells() is before  # nothing is read again
-    assert before.arrays["points"][:, 0].min() > -1.3 + 0.3
-    for chunk, there in kept.items():
-        there.rename(chunk)
-    after = shown.cells()
-    assert after.description.done == after.description.cells
-    assert set(before.arrays["numbers"].tolist()) < set(after.arrays["numbers"].tolist())
-
-
 def test_all_of_a_sphere_is_shown_with_every_second_cell(made):
     """The chord of an angle a on a circle of radius r is 2 r sin(a / 2)."""
     region = Region(

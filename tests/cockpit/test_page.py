@@ -61,18 +61,6 @@ def test_what_is_deleted_is_not_sent_any_more():
     assert [path for path, _, _ in page.scene()] == ["/meshcat/ab", "/meshcat/ab"]
 
 
-def test_the_static_page_holds_the_viewer_and_every_part(robot):
-    delta = robot("delta4")
-    page = Page()
-    scene = RobotScene(page, {"delta": delta})
-    text = page.html()
-    assert "MeshCat.Viewer" in text
-    assert text.count('"', text.index("for (const text of [")) > 2 * len(delta.nodes)
-    assert len(text) < 2_000_000
-    scene.show("delta", delta.random_closed(1)[0])
-    assert page.html() != text
-
-
 def test_every_part_is_drawn_where_it_is(robot):
     delta = robot("delta4")
     page = Page()

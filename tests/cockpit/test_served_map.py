@@ -13,7 +13,7 @@ from browsers import Browser, becomes, get
 import cinegen
 from cinegen.cockpit import Cockpit, show_map
 from cinegen.cockpit.served_map import ServedMap
-from cinegen.session import Setup, map_setup
+from cinegen.session import map_setup
 from cinegen.workspace import GridAxis, MapSpecification, Region, make_map
 
 pytestmark = pytest.mark.filterwarnings("ignore:.*no such port:cinegen.CinegenWarning")
@@ -105,15 +105,6 @@ def test_a_cell_says_how_it_is_reached_and_the_robot_goes_there(cockpit, path):
 def test_what_is_not_there_is_not_found(cockpit):
     wrong = ("cell/40", "cell/999999999999999999", "cell/-1", "cell/x", "")
     assert {get(cockpit.url, f"map/{name}")[0] for name in wrong} == {404}
-
-
-def test_without_a_map_there_is_nothing_to_be_told(robot):
-    with Cockpit(Setup({"delta4": robot("delta4")}), port=0, own_process=False) as one:
-        assert {get(one.url, f"map/{name}")[0] for name in ("about.json", "cells.bin", "cell/0")} == {404}
-        browser = Browser(one.url)
-        assert becomes(lambda: browser.told)
-        assert browser.told[0]["map"] is None
-        browser.leave()
 
 
 def test_a_map_is_kept_from_who_has_no_token(path):
