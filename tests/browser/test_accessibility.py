@@ -107,25 +107,6 @@ def test_a_page_without_a_server(open_tab, page_of):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(("motion", "moves"), [("no-preference", True), ("reduce", False)])
-def test_the_moving_picture_of_the_site_can_be_paused(root, browser, motion, moves):
-    path = root / "build" / "site" / "html" / "index.html"
-    if not path.is_file():
-        pytest.skip("the site is not built: `make docs` builds it")
-    context = browser.new_context(reduced_motion=motion)
-    page = context.new_page()
-    page.goto(path.as_uri())
-    button = page.locator("p.moving > button")
-    for shown in (moves, not moves, moves):
-        assert button.inner_text() == ("Pause" if shown else "Play")
-        assert page.locator("img.moving").is_visible() == shown
-        assert page.locator("canvas[role=img][aria-label]").is_visible() != shown
-        button.focus()
-        page.keyboard.press("Enter")
-    context.close()
-
-
-@pytest.mark.slow
 def test_every_page_of_the_site(root, browser):
     site = root / "build" / "site" / "html"
     if not site.is_dir():

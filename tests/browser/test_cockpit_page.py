@@ -7,14 +7,11 @@ import math
 import numpy as np
 import pinocchio as pin
 import pytest
-from pages import IN_BROWSER, PIXELS, WHERE, becomes, find, grab, held, picture, place, rests
+from pages import IN_BROWSER, PIXELS, becomes, find, grab, held, picture, place, rests
 
 import cinegen
-from cinegen.collision import scene_of
-from cinegen.dynamics import Payload
 from cinegen.mission.results import record_modes
-from cinegen.session import replay_setup, scene_setup
-from cinegen.session.state import CarriedMass
+from cinegen.session import replay_setup
 
 pytestmark = IN_BROWSER
 
@@ -198,66 +195,6 @@ def test_panel_sliders_switches_frames_and_meters(cockpit, tab):
     picture(page, "panel")
 
 
-def test_payload_torques_and_reactions(cockpit, tab):
-    one = cockpit("delta4", "tssm")
-    page = tab(one)
-    delta = one.setup.robots["delta4"]
-    text = page.inner_text("[data-missing='tssm']")
-    assert "no mass is given for " in text
-    assert all(link in text for link in one.setup.robots["tssm"].massless)
-    assert page.locator("[data-torque^='tssm/']").count() == 0
-
-    def shown():
-        return [page.inner_text(f"[data-torque='delta4/{joint}']") for joint in delta.actuated]
-
-    def torques(mass):
-        return cinegen.forces(delta, one.q["delta4"], payloads=[Payload("platform", mass)]).torques
-
-    assert becomes(page, lambda: shown() == [f"{value:.3g} N m" for value in torques(0.0)])
-    page.focus("[data-payload='delta4'] input[type=range]")
-    for _ in range(3):
-        page.keyboard.press("ArrowRight")  # 1 kg each
-    assert becomes(page, lambda: one.state.robots["delta4"].carried == CarriedMass("platform", 3.0))
-    assert becomes(page, lambda: shown() == [f"{value:.3g} N m" for value in torques(3.0)])
-    assert page.evaluate("cockpit.report.robots.delta4.reactions") is None  # nobody has asked
-    page.check("#reactions")
-    assert becomes(page, lambda: page.inner_text("[data-reactions='delta4']") != "")
-    forces = cinegen.forces(delta, one.q["delta4"], payloads=[Payload("platform", 3.0)])
-    largest = max(np.linalg.norm(reaction.force) for reaction in forces.reactions)
-    assert becomes(page, lambda: page.locator(".label.force").all_inner_texts() == [f"{largest:.3g} N"])
-    page.evaluate("document.querySelectorAll('.fold').forEach((fold) => { fold.open = true; })")
-    texts = page.locator(".row.reaction").all_inner_texts()
-    assert [line.split()[1] for line in texts] == [f"{np.linalg.norm(one.force):.3g}" for one in forces.reactions]
-    picture(page, "forces")
-    page.uncheck("#reactions")
-    assert becomes(page, lambda: page.evaluate("cockpit.report.robots.delta4.reactions") is None)
-    assert page.locator(".label.force").count() == 0
-
-
-PAD = """() => {
-  window.axes = [0, 0, 0, 0];
-  const pad = { connected: true, index: 0, id: "pad", mapping: "standard", buttons: [...Array(17)].map(() => (
-    { pressed: false, touched: false, value: 0 })) };
-  navigator.getGamepads = () => [{ ...pad, axes: window.axes, timestamp: performance.now() }];
-}"""
-"""Plays a gamepad, as browsers show them."""
-
-
-def test_the_browsers_gamepad_moves_what_it_is_switched_to_and_comes_to_rest(cockpit, tab):
-    one = cockpit("delta4")
-    page = tab(one, f"({PAD})()")
-    page.evaluate("window.dispatchEvent(new Event('gamepadconnected'))")
-    page.select_option("[data-switch='delta4/platform'] select", "gamepad")
-    assert becomes(page, lambda: held(one, "delta4", "sensor"))
-    begin = place(one, "delta4", "platform")
-    page.evaluate("window.axes = [1, 0, 0, 0]")  # the left stick to the right
-    assert becomes(page, lambda: place(one, "delta4", "platform")[0] > begin[0] + 0.05)
-    page.evaluate("window.axes = [0, 0, 0, 0]")
-    moved = place(one, "delta4", "platform") - begin
-    assert np.abs(moved[1:]).max() < 0.05 * moved[0]
-    rests(page, one, accuracy=0.0)
-
-
 def test_a_second_browser_sees_it_is_told_how_to_drive_and_takes_control(cockpit, tab):
     one = cockpit("five_bar")
     first, second = tab(one), tab(one)
@@ -321,31 +258,3 @@ def test_the_buttons_lead_from_mode_to_mode(robot, cockpit, tab, tmp_path):
         assert becomes(page, lambda n=wanted: np.abs(one.state.robots["five_bar"].q - modes[n - 1]).max() < 1e-9)
     assert page.is_hidden("#hint")  # nothing can be dragged
     picture(page, "modes")
-
-
-@pytest.mark.slow
-def test_obstacles_are_seen_and_dragged_and_push_the_robot(robot, cockpit, tab):
-    pole = {"name": "pole", "kind": "capsule", "radius": 0.03, "length": 1.0, "point": [0.45, 0.25, 0.5]}
-    floor = {"name": "floor", "kind": "half_space", "normal": [0, 0, 1], "point": [0, 0, -0.05]}
-    said = {"robot": "arm7.raff", "safety": 0.02, "goal": {"point": [0.5, -0.3, 0.5]}, "obstacle": [pole, floor]}
-    one = cockpit(setup=scene_setup(scene_of(said, mechanism=robot("arm7"))))
-    page = tab(one)
-    x, y, *_ = find(page, "pole", "pole")
-    assert page.evaluate(WHERE, ["floor", "floor"]) is None  # beside the others, the view is turned
-    assert page.locator("[data-meter^='pole']").count() == 0
-    begin, rest = place(one, "pole", "pole"), one.state.robots["arm7"].q
-    grab(page, one, "pole", "pole")
-    near, far = np.array(page.evaluate(PIXELS, [begin.tolist(), (begin + np.array([-0.1, -0.25, 0.0])).tolist()]))
-    statuses = set()
-    for part in np.linspace(0.0, 1.0, 30):
-        page.mouse.move(*(np.array([x, y]) + part * (far - near)))
-        page.wait_for_timeout(20)
-        statuses.add(page.text_content("#status"))
-    picture(page, "obstacle_dragged")
-    assert becomes(page, lambda: np.linalg.norm(place(one, "pole", "pole") - begin) > 0.1)
-    assert becomes(page, lambda: np.abs(one.state.robots["arm7"].q - rest).max() > 0.01)
-    assert "arm7: pushed by 'pole'" in statuses
-    page.mouse.up()
-    assert becomes(page, lambda: not one.state.obstacles["pole"].tasks)
-    page.keyboard.press("Control+z")
-    assert becomes(page, lambda: np.linalg.norm(place(one, "pole", "pole") - begin) < 1e-9)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from headset import Headset, needs_emulator
-from pages import IN_BROWSER, becomes, grab, held, picture, place, rests
+from pages import IN_BROWSER, becomes, grab, held, place, rests
 
 RIGHT, LEFT = (0.15, 1.35, -0.3), (-0.16, 1.03, -0.6)
 POINT = (0.1, 0.2, 0.3)
@@ -86,36 +86,6 @@ def test_a_controller_takes_a_part_drags_it_and_lets_it_go_and_the_page_comes_ba
     assert becomes(page, lambda: page.get_attribute("html", "data-headset") is None)
     assert becomes(page, lambda: np.allclose(np.hstack(page.evaluate(appearance)), np.hstack(before), atol=1e-9))
     grab(page, one, "delta4", "link5")  # by the mouse
-
-
-@pytest.mark.slow
-def test_both_controllers_drag_at_once_and_each_lets_go_by_itself(worn):
-    """The trigger drags a point, the squeeze button a pose."""
-    one, page, headset = worn("delta4", "rx90")
-    scale = headset.scale()
-    pull = grasp(one, page, headset, "left", "delta4", "link5")
-    start = place(one, "delta4", "link5", pull.offset.translation)
-    pose = one.state.robots["rx90"].base * one.setup.robots["rx90"].placement(one.state.robots["rx90"].q, "tool")
-    whole = grasp(one, page, headset, "right", "rx90", "link6", button="squeeze")
-    assert (pull.rotation, whole.rotation) == (0, 3)
-    turned = place(one, "rx90", "link6")
-    way = np.array([0.02, 0.02, 0.01])
-    headset.put("left", np.array(LEFT) + way)
-    headset.put("right", np.array(RIGHT) - way)
-
-    def moved():
-        delta = place(one, "delta4", "link5", pull.offset.translation) - start - in_robots(way, scale)
-        arm = place(one, "rx90", "link6") - turned + in_robots(way, scale)
-        return np.linalg.norm(delta) < EXACT and np.linalg.norm(arm) < EXACT
-
-    assert becomes(page, moved)
-    now = one.state.robots["rx90"].base * one.setup.robots["rx90"].placement(one.state.robots["rx90"].q, "tool")
-    assert np.abs(now.rotation - pose.rotation).max() < 1e-4  # the hand did not rotate
-    headset.press("left", 0.0)
-    assert becomes(page, lambda: not held(one, "delta4"))
-    assert len(held(one, "rx90")) == 1
-    headset.press("right", 0.0, "squeeze")
-    assert becomes(page, lambda: not held(one, "rx90"))
 
 
 @pytest.mark.slow
@@ -206,27 +176,6 @@ def test_one_user_has_a_browser_and_one_a_headset(worn, tab):
     page.evaluate("cockpit.presentation.end()")
     assert becomes(seated, lambda: not held(one, "delta4"))  # who takes off the headset lets go
     assert becomes(seated, lambda: one.hub.rate == 60.0)
-
-
-@pytest.mark.slow
-def test_the_headset_shows_status_ghost_and_ellipsoid(worn):
-    one, page, headset = worn("delta4")
-    headset.press("left", 1.0, "y-button")
-    headset.press("left", 0.0, "y-button")
-    grasp(one, page, headset, "right", "delta4", "link5", 1.0)
-    headset.put("right", np.add(RIGHT, [0.15, -0.45, 0.0]))
-    assert becomes(page, lambda: headset.panel()["label"].startswith("at limit: joint"))
-    assert headset.panel()["tone"] == "warn"
-    assert becomes(page, lambda: any("away" in text for text in page.evaluate("cockpit.presentation.tags.texts")))
-    assert [meter["label"] for meter in headset.panel()["meters"]] == ["lost DoF", "uncontrolled DoF"]
-    colours = """() => {
-      const seen = new Set();
-      const isBall = (one) => one.geometry?.type === "SphereGeometry";
-      cockpit.viewer.scene.traverseVisible((one) => isBall(one) && seen.add(one.material.color.getHex()));
-      return [...seen];
-    }"""
-    assert becomes(page, lambda: 0x009E73 in page.evaluate(colours))  # the ellipsoid
-    picture(page, "headset")
 
 
 @pytest.mark.slow

@@ -57,10 +57,7 @@ def address(root, tmp_path_factory):
 def test_all_that_is_loaded_is_light_and_the_robot_comes_last(address, tab):
     responses = []
     page = tab(
-        address,
-        WATCH,
-        f"painted['{HERO}'] !== undefined",
-        prepare=lambda page: page.on("response", responses.append),
+        address, WATCH, f"painted['{HERO}'] !== undefined", prepare=lambda page: page.on("response", responses.append)
     )
     live = page.frame_locator("iframe.robot").locator("html[data-view='ready']")
     live.wait_for(state="attached", timeout=180_000)

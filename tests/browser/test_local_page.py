@@ -77,17 +77,6 @@ def test_loops_stay_closed_far_outside(robot, tab, page_of):
     page.mouse.up()
 
 
-def test_a_slider_and_home(file, tab):
-    page = tab(file)
-    home = configuration(page)
-    page.locator('[data-joint="rx90/joint1"] input[type=number]').fill("80")
-    page.keyboard.press("Enter")
-    assert becomes(page, f"Math.abs(cockpit.report.robots.rx90.q[0] - {np.radians(80.0)}) < 1e-9")
-    page.click("#home")
-    assert becomes(page, "cockpit.report.moving === null && cockpit.report.undo === 2")
-    assert configuration(page) == pytest.approx(home, abs=1e-12)
-
-
 def test_what_only_a_server_does_is_hidden(file, tab):
     page = tab(file)
     page.click("#aids")

@@ -1,12 +1,9 @@
-"""Plots, poses, links, films and other users in the real page, with a server and without one."""
+"""Waypoints, links and other users in the real page."""
 
 from __future__ import annotations
 
-import csv
-import io
 import json
 
-import imageio_ffmpeg
 import numpy as np
 import pytest
 from browsers import Browser
@@ -22,78 +19,8 @@ def five_bar(cockpit):
     return cockpit("five_bar")
 
 
-def downloaded(page, press):
-    """The content of the file that the page saves, and its name."""
-    with page.expect_download() as saved:
-        press()
-    return saved.value.path().read_bytes(), saved.value.suggested_filename
-
-
 def unfold(page, section):
     page.evaluate("id => { document.getElementById(`section-${id}`).open = true; }", section)
-
-
-LINES = """([plot, variable]) => {
-  const canvas = document.querySelector(`[data-plot="${plot}"] canvas`);
-  canvas.scrollIntoView();
-  const colour = getComputedStyle(canvas).getPropertyValue(variable);
-  const wanted = [1, 3, 5].map((at) => parseInt(colour.slice(at, at + 2), 16));
-  const { data, width } = canvas.getContext("2d").getImageData(0, 0, canvas.width, canvas.height);
-  const columns = new Set();
-  for (let i = 0; i < data.length; i += 4) {
-    const same = wanted.every((value, k) => Math.abs(data[i + k] - value) < 12);
-    if (same && data[i + 3] > 120) columns.add((i / 4) % width);
-  }
-  return columns.size;
-}"""
-"""Number of columns of a plot in which a line of a colour is drawn."""
-
-
-def test_joints_are_plotted_paused_and_exported(five_bar, page_of, tab):
-    page = tab(five_bar)
-    assert page.get_attribute("#section-plots", "open") is None
-    unfold(page, "plots")
-    mechanism = five_bar.setup.robots["five_bar"]
-    first, *_ = mechanism.actuated
-    before = five_bar.state.robots["five_bar"].q
-    goal = before[mechanism.q_index(first)] + 0.2
-    page.evaluate(
-        "([joint, value]) => cockpit.send({ type: 'move_joint', robot: 'five_bar', joint, value })", [first, goal]
-    )
-
-    def arrived():
-        return abs(five_bar.state.robots["five_bar"].q[mechanism.q_index(first)] - goal) < 1e-9
-
-    assert becomes(page, arrived)
-    page.evaluate("cockpit.send({ type: 'end_joint_motion' })")
-    assert becomes(page, lambda: page.evaluate(LINES, ["angles", "--blue"]) > 10)
-    line = page.locator(f'[data-line="angles/five_bar/{first}"]')
-    assert becomes(page, lambda: abs(float(line.locator("output").inner_text()) - np.degrees(goal)) < 0.051)
-    picture(page, "plots")
-    line.click()
-    assert becomes(page, lambda: page.evaluate(LINES, ["angles", "--blue"]) == 0)
-    assert page.evaluate(LINES, ["angles", "--vermilion"]) > 10  # the other actuated joint
-    index = mechanism.q_index(first)
-    assert becomes(page, f"Math.abs(cockpit.report.robots.five_bar.q[{index}] - {goal}) < 1e-9")
-    page.click("#plots-pause")
-    content, name = downloaded(page, lambda: page.click("#plots-csv"))
-    assert name == "five_bar.csv"
-    header, *rows = csv.reader(io.StringIO(content.decode(), newline=""))
-    column = header.index(f"q of five_bar/{first} (rad)")
-    reported = [(float(row[0]), float(row[column])) for row in rows if row[column]]
-    assert reported[0][1] == pytest.approx(before[mechanism.q_index(first)], abs=1e-9)
-    assert reported[-1][1] == pytest.approx(goal, abs=1e-9)
-    assert np.all(np.diff([moment for moment, _ in reported]) > 0.05)
-    kept = page.evaluate("cockpit.plots.quantities.reports.count")
-    frame = int(page.get_attribute("html", "data-frame"))
-    assert becomes(page, lambda: int(page.get_attribute("html", "data-frame")) > frame + 15)
-    assert page.evaluate("cockpit.plots.quantities.reports.count") == kept
-    local = tab(page_of("five_bar"))
-    unfold(local, "plots")
-    local.evaluate(
-        "cockpit.send({ type: 'move_joint', robot: 'five_bar', joint: 'joint1', value: 1 })".replace("joint1", first)
-    )
-    assert becomes(local, lambda: local.evaluate(LINES, ["angles", "--blue"]) > 5)
 
 
 HOSTILE = '<img src=x onerror="alert(1)">'
@@ -193,45 +120,6 @@ def test_a_link_has_the_camera_and_offers_its_configuration(five_bar, tab):
     assert becomes(page, lambda: page.locator(".toast.warning").count() == 2)
     assert page.locator(".toast img").count() == 0
     assert page.evaluate(NEAR, CAMERA)
-
-
-SMALL = {"width": 800, "height": 300}  # drawn quickly
-FRAMES = "Number(document.getElementById('film-stop').dataset.frames)"
-ENDED = "document.getElementById('film-stop').hidden"
-
-
-def has_moved(page, joint):
-    """Move the five-bar while a film is made, until frames before and after the motion are in it."""
-    assert becomes(page, lambda: page.evaluate(f"{FRAMES} > 2"))
-    page.evaluate("joint => cockpit.send({ type: 'move_joint', robot: 'five_bar', joint, value: 2.6 })", joint)
-    index = page.evaluate("joint => cockpit.hello.robots[0].joints.findIndex(({ name }) => name === joint)", joint)
-    assert becomes(page, lambda: page.evaluate(f"Math.abs(cockpit.report.robots.five_bar.q[{index}] - 2.6) < 1e-6"))
-    seen = page.evaluate(FRAMES)
-    assert becomes(page, lambda: page.evaluate(f"{FRAMES} > {seen + 2} || {ENDED}"))
-
-
-@pytest.mark.slow
-def test_a_film_of_what_the_view_shows(five_bar, tab, tmp_path):
-    page = tab(five_bar)
-    first, *_ = five_bar.setup.robots["five_bar"].actuated
-    page.set_viewport_size(SMALL)
-    page.click("#snapshot")
-    page.click("#film-video")
-    assert page.is_visible("#film-stop")
-    has_moved(page, first)
-    assert page.inner_text("#film-stop").strip().endswith("/ 60 s")
-    content, name = downloaded(page, lambda: page.click("#film-stop"))
-    assert name == "five_bar.webm"
-    assert not page.is_visible("#film-stop")
-    path = tmp_path / name
-    path.write_bytes(content)
-    meta, *frames = imageio_ffmpeg.read_frames(str(path), pix_fmt="rgb24")
-    width, height = meta["size"]
-    assert (width, height) == tuple(page.evaluate("[cockpit.view.canvas.width, cockpit.view.canvas.height]"))
-    ends = (frames[0], frames[-1])
-    start, end = (np.frombuffer(frame, np.uint8).reshape(height, width, 3).astype(int) for frame in ends)
-    assert (start.max(axis=2) - start.min(axis=2) > 60).mean() > 0.002  # a robot in colours
-    assert np.abs(end - start).max() > 60  # that has moved
 
 
 def test_users_see_who_points_at_a_part(five_bar, tab):

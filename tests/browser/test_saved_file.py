@@ -59,10 +59,6 @@ def drawn(node):
     return f"cockpit.view.group('arm', '{node}').children.some((one) => one.children.length || one.isMesh)"
 
 
-def values(edited):
-    return dict(zip(edited.cockpit.setup.robots["arm"].joints, edited.cockpit.q["arm"], strict=True))
-
-
 def test_each_save_is_seen_and_errors_stand_over_the_scene(edited):
     page = edited.page
     before = page.evaluate("cockpit.view.pose('arm', 'tip').position.toArray()")
@@ -101,21 +97,3 @@ def test_each_save_is_seen_and_errors_stand_over_the_scene(edited):
     edited.write(ARM.replace("d 300", "d 420"))  # the same as before the errors
     assert edited.shows("document.getElementById('file-problem').hidden")
     picture(page, "file_after")
-
-
-def test_a_joint_is_renamed_a_link_is_added_and_another_robot_comes(edited):
-    at = values(edited)
-    edited.write(ARM.replace("link 2", "link 7").replace("pred 2", "pred 7"))
-    assert edited.shows("cockpit.hello.robots[0].joints.some((joint) => joint.name === 'joint7') && cockpit.report")
-    assert edited.shows(drawn("link7"))
-    assert values(edited)["joint7"] == pytest.approx(at["joint2"], abs=1e-9)
-    assert edited.page.locator("[data-joint='arm/joint7']").count() == 1
-    assert edited.page.locator("[data-joint='arm/joint2']").count() == 0
-    edited.write(ARM.replace("frame 4 { pred 3", "link 8 { type 1 pred 3 parameters { r 90 } } frame 4 { pred 8"))
-    assert edited.shows("cockpit.hello.robots[0].joints.length === 4 && cockpit.report")
-    assert edited.shows(drawn("link8"))
-    edited.write("RAFF t\nrobot other { link 1 { type 1 pred 0 parameters { r 500 } } }\n")
-    assert edited.shows("cockpit.hello.robots[0].nodes.length === 2 && cockpit.report")
-    assert edited.shows(f"{drawn('link1')} && cockpit.root.children.length === 1")
-    assert not edited.page.evaluate(drawn("link3"))
-    picture(edited.page, "file_other")
