@@ -55,22 +55,6 @@ def test_speeds_of_the_tool_by_differences():
     np.testing.assert_allclose(robot.singular_values(at)[0], speeds, rtol=1e-8)
 
 
-def test_no_circle_is_wider_than_a_leg_s_annulus():
-    random = np.random.default_rng(5)
-    for inner, outer, half, height in random.uniform([0.1, 0.1, 0.0, 0.0], [0.5, 0.5, 0.4, 0.8], (30, 4)):
-        assert FiveBar(inner, outer, half).radius(height, 1e-9, 0.5) <= min(inner, outer) + 1e-9
-
-
-def test_the_circle_of_an_annulus_is_attained_without_a_floor():
-    """For outer bars longer than inner ones, coincident base joints and a centre at the outer bars' length."""
-    floors = (0.1, 0.03, 0.01, 0.003, 0.001, 1e-4)
-    radii = [FiveBar(0.25, 0.4, 1e-9).radius(0.4, floor, 0.5) for floor in floors]
-    assert np.all(np.diff(radii) > 0.0)
-    assert 0.25 - 1e-6 < radii[-1] < 0.25
-    apart = [FiveBar(0.25, 0.4, half).radius(0.4, 1e-4, 0.5) for half in (1e-9, 0.01, 0.02, 0.05)]
-    assert np.all(np.diff(apart) < 0.0)
-
-
 # --- the synthesis ----------------------------------------------------------------------------------------------
 
 

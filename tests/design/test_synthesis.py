@@ -130,34 +130,6 @@ def best_five_bar(tmp_path_factory):
     return synthesize("five_bar", FIVE_BAR, state=state), state
 
 
-def test_condition_of_a_five_bar_is_that_of_the_loaded_robot(best_five_bar, tmp_path):
-    found, _ = best_five_bar
-    assert found.values[0] < 0.9 * found.before[0]
-    path = tmp_path / "best.raff"
-    path.write_text(found.raff, encoding="utf-8")
-    robot = cinegen.load(path)
-    targets = np.array([[x, y] for x in (-0.15, 0.0, 0.15) for y in (0.3, 0.4, 0.5)])
-    q, worst = robot.q_home, []
-    for target in targets:
-        actuated = [robot.v_index(name) for name in robot.actuated]
-        begin = robot.placement(q, "tool").translation[:2]
-        for part in np.linspace(0.0, 1.0, 60):
-            for _ in range(4):
-                missing = begin + part * (target - begin) - robot.placement(q, "tool").translation[:2]
-                loops, node = robot.loop_jacobian(q), robot.jacobian(q, "tool")
-                rotation = robot.placement(q, "tool").rotation
-                rows = np.vstack([loops, (rotation @ node[:3])[:2]])
-                q = robot.close(robot.integrate(q, np.linalg.pinv(rows) @ np.append(np.zeros(len(loops)), missing)))
-        follow = np.zeros((robot.model.nv, 2))
-        follow[actuated] = np.eye(2)
-        passive = np.setdiff1d(np.arange(robot.model.nv), actuated)
-        follow[passive] = -np.linalg.pinv(loops[:, passive], rcond=1e-9) @ loops[:, actuated]
-        worst.append(np.linalg.cond((node[:3] @ follow)[:2]))
-        assert np.abs(missing).max() < 1e-9
-    assert max(worst) <= found.values[0] * (1.0 + 1e-5)
-    assert found.check.condition <= found.values[0] * (1.0 + 1e-3)
-
-
 def test_state_continues(best_five_bar, tmp_path):
     first, whole = best_five_bar
     state = tmp_path / "state.json"
@@ -331,7 +303,7 @@ def test_several_processes_find_the_same(tmp_path):
 @pytest.mark.parametrize(
     ("values", "message"),
     [
-        (changed(reach={"x": "-150..150mm", "y": "3..5m"}), r"y [35]000 mm is still [\d.e+]+ mm away"),
+        (changed(reach={"x": "-150..150mm", "y": "3..5m"}, starts=1), r"y [35]000 mm is still [\d.e+]+ mm away"),
         (changed(reach={"x": "-150..150mm"}), "which is 1 coordinates, but 2 actuated joints move it"),
         (changed(parameters={"link2.d": "150..500mm", "link5.theta": "-170..-10deg"}), "is the variable of joint5"),
         (changed(parameters={"link2.alpha": "-5..5deg"}, ties=[]), "link2.alpha: a change opens the loops"),

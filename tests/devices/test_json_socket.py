@@ -167,13 +167,6 @@ def test_a_flood_is_dropped(sensor):
         comes(sensor, lambda r: r.twist == (0, 0, 1, 0, 0, 0))
 
 
-def test_a_client_that_never_listens_holds_nobody_up(sensor):
-    with Program(sensor) as deaf, Program(sensor) as good:
-        deaf.send(b"x\n" * 15)
-        good.send({"twist": [1, 0, 0, 0, 0, 0]})
-        comes(sensor, lambda r: r.twist == (1, 0, 0, 0, 0, 0))
-
-
 def test_a_hundred_programs(sensor):
     programs = [Program(sensor) for _ in range(100)]
     assert all("already" in program.answer() for program in programs[CLIENTS:])

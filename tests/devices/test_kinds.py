@@ -4,10 +4,7 @@ from __future__ import annotations
 
 import json
 import re
-import socket
 import threading
-import time
-from types import SimpleNamespace
 
 import pytest
 from played import PlayedMagellan
@@ -170,41 +167,8 @@ def test_a_device_is_monitored(tmp_path):
     assert json.loads(recorded.said.splitlines()[-1])["twist"] == [0.5, 0, 0, 0, 1, 0]
 
 
-def test_a_program_is_monitored():
-    watched = Watched("at +1.000 +2.000 +3.000 m", "buttons 4")
-    ended = threading.Event()
-
-    def play() -> None:
-        while (port := re.search(r"on port (\d+)", watched.said)) is None and not ended.wait(0.02):
-            pass
-        if port is not None:
-            with socket.create_connection(("127.0.0.1", int(port[1]))) as client:
-                client.sendall(b'{"translation": [1, 2, 3], "quaternion": [0, 0, 0, 1], "buttons": [4]}\n')
-                ended.wait(5)
-
-    thread = threading.Thread(target=play)
-    thread.start()
-    monitor("tcp://127.0.0.1:0?no-token", watched, 30.0)
-    ended.set()
-    thread.join()
-    assert "at +1.000 +2.000 +3.000 m" in watched.said
-
-
 def test_the_command_monitors(capsys):
     assert main(["sensors", "--monitor", "tcp://127.0.0.1:0", "--seconds", "0.3", "--json"]) == 0
     said = capsys.readouterr()
     assert json.loads(said.out) == {"cinegen": "readings", "version": 1, "timeout": 0.25}
     assert re.fullmatch(r'tcp://127.0.0.1:0: a program sends first: \{"token":"[\w-]{22}"\}\n', said.err)
-
-
-def test_ctrl_c_ends_a_monitor(monkeypatch, capsys):
-    calls = []
-
-    def sleep(seconds: float) -> None:
-        calls.append(seconds)
-        if len(calls) > 3:
-            raise KeyboardInterrupt
-
-    monkeypatch.setattr("cinegen.devices.monitor.time", SimpleNamespace(monotonic=time.monotonic, sleep=sleep))
-    assert main(["sensors", "--monitor", "tcp://127.0.0.1:0?no-token"]) == 0
-    assert capsys.readouterr().err == ""

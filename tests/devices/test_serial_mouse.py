@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import random
-import socket
-import threading
 
 import pytest
 from mouse_streams import magellan_motion, magellan_twist, spaceball_twist
@@ -176,35 +174,3 @@ def test_a_port_that_hears_itself_is_no_mouse():
     mouse.start()
     wait(lambda: mouse.status.state is SensorState.REFUSED)
     mouse.close()
-
-
-def test_a_mouse_behind_a_socket(tmp_path):
-    """pyserial's `socket://`, as a serial server offers it."""
-    server = socket.create_server(("127.0.0.1", 0))
-    ended = threading.Event()
-
-    def serve() -> None:
-        client, _ = server.accept()
-        waiting = b""
-        with client:
-            while not ended.is_set() and (data := client.recv(100)):
-                *asked, waiting = (waiting + data).split(b"\r")
-                for question in asked:
-                    if question == b"vQ":
-                        client.sendall(b"vMAGELLAN  Version 6.60\r")
-                    elif question == b"kQ":
-                        client.sendall(b"k000\r" + magellan_motion((40, 0, 0, 0, 0, 0)))
-
-    thread = threading.Thread(target=serve, daemon=True)
-    thread.start()
-    mouse = SerialMouse(f"socket://127.0.0.1:{server.getsockname()[1]}", patience=0.5)
-    mouse.start()
-    try:
-        wait(lambda: mouse.newest.last.twist == (0.1, 0, 0, 0, 0, 0))
-        wait(lambda: mouse.status.state is SensorState.SILENT)
-        assert "has sent nothing" in mouse.status.message
-    finally:
-        ended.set()
-        mouse.close()
-        server.close()
-        thread.join(5)

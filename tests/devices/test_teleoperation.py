@@ -10,7 +10,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from cinegen.devices import Reading, ScriptedSensor, SensorState, SensorStatus, Teleoperation, TwistMapping, fit_path
+from cinegen.devices import Reading, SensorState, SensorStatus, Teleoperation, TwistMapping
 from cinegen.errors import CinegenError, UnknownNameError
 from cinegen.ik import FrameTask
 
@@ -212,24 +212,6 @@ def test_a_rotation_stays_one_for_hours():
         hold.advance(DT)
     rotation = hold.task.target.rotation
     assert np.abs(rotation.T @ rotation - np.eye(3)).max() < 1e-14
-
-
-def test_a_script_is_a_sensor(robot):
-    mechanism = robot("five_bar")
-    path = fit_path(mechanism, "tool")
-    sensor = ScriptedSensor(path)
-    hold = Teleoperation(sensor, FrameTask("tool", path.home))
-    assert hold.advance(DT) is None
-    assert sensor.status.state is SensorState.CLOSED
-    sensor.start()
-    reading = hold.advance(DT)
-    assert reading.twist is None
-    assert hold.task.target == reading.target
-    assert path.home.translation == pytest.approx(reading.target.translation, abs=0.01)
-    assert "circle" in sensor.status.message
-    assert hold.status.state is SensorState.LIVE
-    sensor.close()
-    assert sensor.read() is None
 
 
 @pytest.mark.parametrize("order", [(0, 1, 2), (2, 0, 1)])
