@@ -88,10 +88,10 @@ def test_hello_says_who_is_there(cockpit):
     assert hello["switches"] == [{"robot": "delta4", "node": "platform", "choices": choices, "first": "path"}]
 
 
-def test_nonsense_oversized_messages_floods_silence_and_laziness_hold_up_nobody_else(cockpit):
+def test_nonsense_oversized_messages_silence_and_laziness_hold_up_nobody_else(cockpit):
     one = cockpit("delta4")
-    wild, large, fast, lazy, good = (Browser(one.url, lazy=k == 3) for k in range(5))
-    assert becomes(lambda: all(browser.state for browser in (wild, large, fast, lazy, good)))
+    wild, large, lazy, good = (Browser(one.url, lazy=k == 2) for k in range(4))
+    assert becomes(lambda: all(browser.state for browser in (wild, large, lazy, good)))
     wild.say(b"\x00\x01\x02")
     assert becomes(lambda: wild.closed is not None)
     assert wild.closed[0] == 1008
@@ -102,10 +102,6 @@ def test_nonsense_oversized_messages_floods_silence_and_laziness_hold_up_nobody_
     large.say("x" * (2 * LARGEST))
     assert becomes(lambda: large.closed is not None)
     assert large.closed[0] == 1009
-    for _ in range(1000):
-        fast.say("move_drag", position=[0, 0, 0])
-    assert becomes(lambda: fast.closed is not None)
-    assert "messages per second" in fast.closed[1]
     before = drag(good, "delta4", "platform", [0, 0, -0.1])
     assert becomes(lambda: _is_at(good, "delta4", "platform", before + np.array([0, 0, -0.1])))
     assert lazy.frames == 1 < good.frames
