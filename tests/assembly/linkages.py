@@ -170,7 +170,7 @@ def points(rng, base=1.0, platform=0.5, height=1.0) -> tuple[np.ndarray, np.ndar
 
 
 def rod(rng, foot, head, word="UpS") -> list[Joint]:
-    """UpS, SpS, SpU (a universal joint at the head), rUS (a crank at the foot) or pUS (a slide there)."""
+    """UpS, SpS, SpU (a universal joint at the head), or rUS (a crank at the foot)."""
     along = head - foot
     first = np.cross(along, direction(rng))
     second = np.cross(along, first)
@@ -183,8 +183,7 @@ def rod(rng, foot, head, word="UpS") -> list[Joint]:
     low = foot + 0.3 * direction(rng) * [1.0, 1.0, 0.2]
     first = np.cross(head - foot, direction(rng))
     second = np.cross(head - foot, first)
-    motor = hinge(low, direction(rng), True) if word == "rUS" else slide(low, direction(rng), True)
-    return [motor, *universal(foot, first, second), *ball(head, rng)]
+    return [hinge(low, direction(rng), True), *universal(foot, first, second), *ball(head, rng)]
 
 
 def hexapod(rng, word="UpS", feet=None, heads=None, cut="ball", **more) -> Mechanism:

@@ -17,7 +17,6 @@ from linkages import delta, five_bar, hexapod, hinge, ring, three_legs, tripod
 from making import bennett, sarrus
 from mpmath import mp
 from numpy.random import default_rng as rng
-from variants import slow
 
 from cinegen.assembly import assembly_modes
 from cinegen.assembly.certify import EndEquations, LoopEquations, Unknowns
@@ -164,9 +163,7 @@ def test_derivatives_are_those_of_the_equations(built, kind, pose):
 # --- what is certified ----------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize(
-    "name", ["five_bar", "delta4", *slow("four_bar", "sr400", "belt_five_bar", "delta4_linear", "planar_hybrid")]
-)
+@pytest.mark.parametrize("name", ["five_bar", "delta4"])
 def test_modes_of_our_robots_are_certified_as_a_whole(robot, name):
     modes = assembly_modes(robot(name))
     assert modes.certified == len(modes) > 0
@@ -174,7 +171,7 @@ def test_modes_of_our_robots_are_certified_as_a_whole(robot, name):
     assert_enclosed(modes)
 
 
-@pytest.mark.parametrize("name", ["gough", "tssm", "hybrid"])
+@pytest.mark.parametrize("name", ["gough", "hybrid"])
 def test_all_modes_of_platforms_are_certified(robot, name):
     modes = assembly_modes(robot(name))
     assert modes.certified == len(modes) > 1
@@ -197,13 +194,6 @@ def test_the_solution_is_in_the_box(built, made, seed):
     assert modes.certified <= sum(count == 1 for count in modes.coincident)
     assert all(one.gap < 1e-15 for one in modes.certificates if one)  # links are at heights that round differently
     assert_enclosed(modes)
-
-
-@pytest.mark.parametrize("made", sorted(MADE))
-def test_modes_of_random_mechanisms_are_certified(built, made):
-    for seed in range(3):
-        modes = assembly_modes(built(MADE[made](rng(seed))))
-        assert modes.certified == sum(count == 1 for count in modes.coincident) > 0
 
 
 def test_a_rod_that_rotates_about_itself_stays_where_it_is(built):
@@ -256,7 +246,7 @@ def test_closed_forms_are_in_the_boxes(robot):
 def test_nearly_double_modes_are_distinguished_or_not_certified_and_never_wrong(robot):
     """At (pi, 0) both elbows of the five-bar coincide; the modes there are about 0.8 e apart at (pi - e, 0)."""
     m = robot("five_bar")
-    for exponent in range(1, 17):
+    for exponent in range(1, 17, 3):
         actuated = [math.pi - 10.0**-exponent, 0.0]
         modes = assembly_modes(m, actuated)
         assert modes.certified in (0, 2)
@@ -302,16 +292,21 @@ def test_modes_that_have_just_become_complex_are_not_certified(built):
 
 
 def test_what_is_no_mode_is_not_certified(robot):
-    for name in ("five_bar", "delta4", "gough"):
+    for name in ("five_bar", "gough"):
         m = robot(name)
         modes = assembly_modes(m)
         passive = [m.q_index(joint) for joint in m.joints if joint not in m.actuated]
-        for seed in range(5):
+        for seed in range(2):
             off = np.zeros(m.model.nq)
             off[passive] = 1e-3 * rng(seed).normal(size=len(passive))
             assert replace(modes, configurations=tuple(q + off for q in modes)).certified == 0
             assert replace(modes, configurations=tuple(q + 1e3 * off for q in modes)).certified == 0
         assert replace(modes, actuated=modes.actuated + 1e-3).certified == 0
+    # a rotation through pi does not close a rigid loop, though its equations are 0 there, too
+    m = robot("five_bar")
+    half = math.pi * (np.arange(m.model.nq) == m.q_index("joint5"))
+    modes = assembly_modes(m)
+    assert replace(modes, configurations=tuple(q + half for q in modes)).certified == 0
 
 
 def test_a_mode_that_is_listed_twice_counts_once(robot):
@@ -327,15 +322,6 @@ def test_a_mode_that_is_listed_twice_counts_once(robot):
     assert others
     for other in others:
         assert replace(modes, configurations=(q, other), coincident=(1, 1)).certified == 1
-
-
-def test_turned_ends_are_no_solution(robot):
-    """A rigid loop is not closed by a rotation through pi, where its equations are 0 too."""
-    m = robot("five_bar")
-    modes = assembly_modes(m)
-    k = m.q_index("joint5")
-    flipped = tuple(q + math.pi * (np.arange(m.model.nq) == k) for q in modes)
-    assert replace(modes, configurations=flipped).certified == 0
 
 
 def test_certificates_are_in_json_and_words(robot):

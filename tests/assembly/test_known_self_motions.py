@@ -12,7 +12,6 @@ from linkages import MOTOR, direction, hexapod, hinge, ring
 from making import REVOLUTE, TOOL, Body, Mechanism, axis
 from numpy.random import default_rng as rng
 from test_self_motions import moves, on_self_motions, unlisted
-from variants import slow
 
 import cinegen
 from cinegen.assembly import ModesError, assembly_modes
@@ -45,17 +44,14 @@ def elsewhere(mechanism: Mechanism, m: cinegen.Mechanism, step: float) -> Mechan
 # --- platforms on six legs ------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("word", ["UpS", *slow("SpS")])
-@pytest.mark.parametrize("seed", [0, *slow(1, 2)])
-def test_a_platform_moves_as_the_half_turn_of_its_base_about_a_line(built, seed, word):
+def test_a_platform_moves_as_the_half_turn_of_its_base_about_a_line(built):
     """E. Borel and R. Bricard, "Mémoire sur les déplacements à trajectoires sphériques", 1908 and 1906; M. Gallet,
     G. Nawratil, J. Schicho, J. Selig, "Mobile icosapods", 2017. A half-turn about any line brings M as near to m as m
     to M: three pairs of legs constrain its line, of four parameters, three times."""
-    r = rng(seed)
-    base, platform = r.uniform(-1.0, 1.0, (2, 3, 3))
+    base, platform = rng(0).uniform(-1.0, 1.0, (2, 3, 3))
     platform[:, 2] += 1.0
     feet, heads = np.vstack([base, platform]), np.vstack([platform, base]) @ HALF_TURN
-    m = built(hexapod(rng(1), word, feet, heads))
+    m = built(hexapod(rng(1), "UpS", feet, heads))
     modes = assembly_modes(m)
     assert moves(modes) == [(1, 12)]
     assert not modes.complete
@@ -65,12 +61,11 @@ def test_a_platform_moves_as_the_half_turn_of_its_base_about_a_line(built, seed,
     assert np.abs(turned - np.diag([-1.0, -1.0, 1.0, 1.0])).max() > 0.01
 
 
-@pytest.mark.parametrize("seed", [0, *slow(1, 2)])
 @pytest.mark.parametrize("symmetry", ["line", "plane"])
-def test_bricards_octahedra_are_flexible(built, symmetry, seed):
+def test_bricards_octahedra_are_flexible(built, symmetry):
     """R. Bricard, "Mémoire sur la théorie de l'octaèdre articulé", J. math. pures et appliquées 3, 1897. One face is
     the base, the opposite one the platform, and Merlet's determinant vanishes."""
-    r = rng(seed)
+    r = rng(0)
     base = r.uniform(-1.0, 1.0, (3, 3))
     platform = base @ HALF_TURN
     if symmetry == "plane":  # two pairs of vertices are mirrored, and two vertices are in the plane
@@ -112,23 +107,21 @@ def test_a_platform_that_mirrors_its_base_translates_on_a_circle(built):
     assert there[2, 3] == pytest.approx(0.0, abs=1e-9)
 
 
-@pytest.mark.parametrize("scale", [1.0, *slow(0.5)])
-def test_a_wren_platform_is_refused(built, scale):
-    """Parallel equal legs from a circle to a circle, or to a smaller one: it moves with legs of any lengths."""
+def test_a_wren_platform_is_refused(built):
+    """Parallel equal legs from a circle to a circle: it moves with legs of any lengths."""
     around = np.array([0.0, 0.7, 2.1, 2.8, 4.2, 4.9])
     base = np.c_[np.cos(around), np.sin(around), np.zeros(6)]
     with pytest.raises(ModesError, match=r"architecturally singular.*there is a curve of configurations"):
-        assembly_modes(built(hexapod(rng(1), "UpS", base, scale * base + [0.0, 0.0, 1.0])))
+        assembly_modes(built(hexapod(rng(1), "UpS", base, base + np.array([0.0, 0.0, 1.0]))))
 
 
 # --- rings ------------------------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("seed", [0, *slow(1)])
-def test_bricards_line_symmetric_loop_moves_at_one_value_of_a_seventh_joint(built, seed):
+def test_bricards_line_symmetric_loop_moves_at_one_value_of_a_seventh_joint(built):
     """R. Bricard, "Leçons de cinématique" II, 1927: six axes, three of them half-turns of the others. A seventh, which
     is actuated, is in one of its links; at other values six axes are general and the modes are isolated."""
-    r, cut, step = rng(seed), 3, 0.4
+    r, cut, step = rng(0), 3, 0.4
     axes = [(r.uniform(-1.0, 1.0, 3), direction(r)) for _ in range(3)]
     axes += [(HALF_TURN @ point, HALF_TURN @ along) for point, along in axes]
     joints = [hinge(point, along) for point, along in axes]

@@ -80,7 +80,7 @@ def four_points(seed):
     return np.array([[0.0, 0.0], [0.2, 0.8], [1.2, 1.0], [1.3, 0.1]]) + rng(seed).uniform(-0.1, 0.1, (4, 2))
 
 
-@pytest.mark.parametrize(("cut", "how"), [(1, "joint"), (2, "rigid"), (3, "joint"), (2, "ball"), (3, "ball")])
+@pytest.mark.parametrize(("cut", "how"), [(1, "joint"), (2, "rigid"), (3, "ball")])
 def test_a_four_bar_has_the_same_two_modes_wherever_and_however_it_is_cut(built, cut, how):
     p = four_points(1)
     m = built(ring([hinge(p[0], motor=True), *map(hinge, p[1:])], cut, how))
@@ -111,32 +111,6 @@ def test_a_parallelogram_is_also_an_antiparallelogram(built):
             assert modes.complete
             assert "sets" not in modes.method
         assert np.abs(turns[0]).max() < 1e-12 < 1e-2 < np.abs(turns[1]).max()
-
-
-@pytest.mark.parametrize("driven", ["crank", "slide"])
-def test_a_slider_crank_is_a_circle_and_a_line(built, driven):
-    p, along = four_points(2), np.array([0.98, 0.199])
-    along /= np.linalg.norm(along)
-    joints = [hinge(p[0], motor=driven == "crank"), hinge(p[1]), hinge(p[3])]
-    m = built(ring([*joints, slide(p[3], along, driven == "slide")], 1))
-    modes = assembly_modes(m, home(m) + 0.1)
-    rod = np.linalg.norm(p[3] - p[1])
-    if driven == "slide":
-        expected = circles(p[0], p[3] + 0.1 * along, np.linalg.norm(p[1] - p[0]), rod)
-        assert len(expected) == 2
-    else:
-        crank = turned(0.1, p[1], p[0]) - p[3]
-        mean, rest = crank @ along, rod**2 - crank @ crank
-        expected = [p[3] + (mean + sign * np.sqrt(mean**2 + rest)) * along for sign in (1.0, -1.0)]
-    sound(modes, count=2)
-    if driven == "slide":
-        assert modes.complete
-    else:
-        traced(modes)
-    nothing_beside(modes, ["tool"], 20)
-    if driven == "crank":
-        slider = next(f"link{j[5:]}" for j in m.joints if m.is_prismatic(j))
-        alike([places(m, q, [slider])[0, :2, 3] for q in modes], expected, 1e-9)
 
 
 @pytest.mark.parametrize("seed", range(2))
@@ -231,8 +205,7 @@ def planar_poses(feet, heads, lengths):
     return poses, count
 
 
-@pytest.mark.parametrize("word", ["RpR", "rRR", "pRR"])
-@pytest.mark.parametrize("seed", range(2))
+@pytest.mark.parametrize(("word", "seed"), [("RpR", 0), ("rRR", 1), ("pRR", 0)])
 def test_three_legs_in_a_plane_are_a_sextic(built, word, seed):
     mechanism = three_legs(rng(seed), word)
     m = built(mechanism)
@@ -292,11 +265,10 @@ def spherical_poses(on_base, on_platform, cosines):
     return poses
 
 
-@pytest.mark.parametrize("seed", range(3))
-def test_three_legs_about_a_point_are_an_octic(built, seed):
-    legs = spherical_legs(rng(seed), [3, 3, 3])
+def test_three_legs_about_a_point_are_an_octic(built):
+    legs = spherical_legs(rng(0), [3, 3, 3])
     m = built(about_a_point(legs, [0, 0, 0]))
-    shift = rng(seed).uniform(-0.2, 0.2, 3)
+    shift = rng(0).uniform(-0.2, 0.2, 3)
     modes = assembly_modes(m, home(m) + shift)
     on_base = [rotation(leg[0], s) @ leg[1] for leg, s in zip(legs, shift, strict=True)]
     start = places(m, m.q_home, ["tool"])[0, :3, :3]
@@ -309,18 +281,15 @@ def test_three_legs_about_a_point_are_an_octic(built, seed):
 
 # --- rods ---------------------------------------------------------------------------------------------------------
 
-WORDS = ("UpS", "SpS", "SpU", "rUS", "pUS")
-
 
 def rods_of(m, modes, word):
     """(modes, 6) lengths of the rods, from where links are."""
     feet, heads = points(rng(3))
-    driven = {"rUS": 0, "pUS": 0}.get(word)
     lengths = []
     for q in modes:
         tool, start = places(m, q, ["tool"])[0], places(m, m.q_home, ["tool"])[0]
         there = (tool @ np.linalg.inv(start) @ np.c_[heads, np.ones(6)].T)[:3].T
-        if driven is None:
+        if word != "rUS":
             lengths.append(np.linalg.norm(there - feet, axis=1))
         else:
             motors = [f"link{name[5:]}" for name in m.actuated]
@@ -333,7 +302,7 @@ def rods_of(m, modes, word):
     return np.array(lengths), np.linalg.norm(heads - feet, axis=1)
 
 
-@pytest.mark.parametrize("word", WORDS)
+@pytest.mark.parametrize("word", ["UpS", "SpU", "rUS"])
 def test_six_rods_have_forty_modes_of_which_an_even_number_is_real(built, word):
     m = built(hexapod(rng(3), word, *points(rng(3)), cut="rigid" if word == "SpU" else "ball"))
     shift = 0.03 * np.arange(-2.5, 3.0)
@@ -343,13 +312,13 @@ def test_six_rods_have_forty_modes_of_which_an_even_number_is_real(built, word):
     assert len(modes) % 2 == 0 < len(modes)
     assert modes.counts.real + modes.counts.complex == 40
     assert modes.complete
-    assert np.abs(lengths - asked - (shift if word in ("UpS", "SpS", "SpU") else 0.0)).max() < 1e-9
+    assert np.abs(lengths - asked - (shift if word != "rUS" else 0.0)).max() < 1e-9
     nothing_beside(modes, ["tool"], 10)
     start = places(m, m.q_home, ["tool"])
     assert apart(start, [places(m, q, ["tool"]) for q in assembly_modes(m)]) < 1e-8
 
 
-@pytest.mark.parametrize("more", [{"hung": (2, 4)}, {"cut": "rigid", "tool": 3}, {"cut": "rigid", "hung": (1,)}])
+@pytest.mark.parametrize("more", [{"hung": (2, 4)}, {"cut": "rigid", "tool": 3}])
 def test_six_rods_are_the_same_however_the_tree_is_rooted_and_wherever_the_tool_is(built, more):
     feet, heads = points(rng(4))
     plain, other = built(hexapod(rng(4), "UpS", feet, heads)), built(hexapod(rng(4), "UpS", feet, heads, **more))
@@ -360,23 +329,20 @@ def test_six_rods_are_the_same_however_the_tree_is_rooted_and_wherever_the_tool_
     alike([places(plain, q, [node]) for q in one], [places(other, q, [node]) for q in two])
 
 
-@pytest.mark.parametrize("which", ["6-3", "3-6", "3-3", "3-3 turned", "6-4", "5-6"])
+@pytest.mark.parametrize("which", ["3-6", "3-3", "6-4"])
 def test_rods_that_meet_have_the_modes_of_rods_that_almost_do(built, which):
     feet, heads = points(rng(5))
     two, other = [0, 0, 1, 1, 2, 2], [5, 0, 0, 2, 2, 5]
     feet, heads = {
-        "6-3": (feet, heads[two]),
         "3-6": (feet[two], heads),
         "3-3": (feet[two], heads[other]),
-        "3-3 turned": (feet[other], heads[two]),
         "6-4": (feet, heads[[0, 0, 2, 2, 4, 5]]),
-        "5-6": (feet[[0, 0, 2, 3, 4, 5]], heads),
     }[which]
     m = built(hexapod(rng(5), "UpS", feet, heads))
     modes = assembly_modes(m)
     seen = sound(modes, ["tool"])
     assert modes.complete
-    assert ("polynomial" in modes.method) == which.startswith(("6-3", "3-6", "3-3"))
+    assert ("polynomial" in modes.method) == which.startswith("3-")
     start = places(m, m.q_home, ["tool"])[0]
     expected = Hexapod(feet, heads).modes(np.linalg.norm(heads - feet, axis=1)).placements
     alike([s[0] @ np.linalg.inv(start) for s in seen], list(expected), 1e-6)

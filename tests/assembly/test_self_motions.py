@@ -88,12 +88,11 @@ def test_curves_are_found_whole_whichever_planes_are_drawn(root):
     """Planes far from a curve, in relation to its extent, would seldom permute its points."""
     m = cinegen.load(root / "tests/robots/data/peaucellier.raff")
     linkage = Linkage(m)
-    for seed in range(10):
+    for seed in range(4):
         search = SelfMotions(linkage, linkage.locked_values(m.q_home))
         search._rng = rng(seed)
-        assert [(found.dimension, found.degree) for found in search.through(list(search.random_solutions()[1]))] == [
-            (1, 2)
-        ] * 2
+        found = search.through(list(search.random_solutions()[1]))
+        assert [(one.dimension, one.degree) for one in found] == [(1, 2)] * 2
 
 
 @pytest.mark.parametrize("lengths", [(1.0, 0.7, 0.7, 1.0), (1.0, 1.0, 1.0, 1.0)])
@@ -214,9 +213,8 @@ def special(r, kind):
 
 
 @pytest.mark.parametrize("kind", ["four-bar", "five-bar", "platform", "spherical", "delta"])
-@pytest.mark.parametrize("seed", range(3))
-def test_what_is_called_complete_leaves_nothing_to_random_closings(built, kind, seed):
-    r = rng(seed)
+def test_what_is_called_complete_leaves_nothing_to_random_closings(built, kind):
+    r = rng(0)
     m = built(special(r, kind))
     for _ in range(4):
         steps = np.array(

@@ -5,57 +5,39 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from axe import needs_axe, violations
-from playwright.sync_api import sync_playwright
-from test_cockpit_page import CHROMIUM, FLAGS, READY, SIZE
-from test_local_page import becomes
-from variants import slow
-
-from cinegen.cockpit import Cockpit
-from cinegen.page import build_page
-from cinegen.session import Setup, arrange, map_setup
-from cinegen.workspace import GridAxis, MapSpecification, Region, make_map
+from pages import IN_BROWSER, becomes
 
 HIGH = {"width": 900, "height": 3200}  # the panel does not scroll: axe-core judges no colours of what is scrolled away
 LOW = "document.getElementById('pane').style.maxHeight = '400px'"  # drawing in software takes long
 UNFOLD = "document.querySelectorAll('details').forEach((one) => { one.open = true; })"
-SITE = "index", "tutorial", "reference/commands", "gallery", "examples"
 SCHEMES = ("light", "dark")
 SPOKEN = """() => [...document.querySelectorAll("input[type=range], [role=meter]")]
   .filter((one) => one.checkVisibility())
   .map((one) => [one.getAttribute("aria-label"), one.getAttribute("aria-valuetext")])"""
 
-pytestmark = [
-    pytest.mark.browser,
-    pytest.mark.filterwarnings("ignore:.*no such port:cinegen.CinegenWarning"),
-    pytest.mark.skipif(CHROMIUM is None, reason="NO CHROMIUM: the page is not tested in a real browser"),
-    needs_axe,
-]
+# Controls without a label or a hint.
+BARE = """() => [...document.querySelectorAll("button, input, select, [role=button]")].filter((control) => {
+  const label = control.getAttribute("aria-label") || control.innerText?.trim() || control.labels?.[0]?.innerText
+    || control.title;
+  const hint = control.title || control.closest("[title]")?.title || control.labels?.[0]?.title;
+  return !label || !hint;
+}).map((control) => control.outerHTML.slice(0, 120))"""
 
-
-@pytest.fixture(scope="module")
-def browser():
-    with sync_playwright() as playwright:
-        yield playwright.chromium.launch(executable_path=CHROMIUM, args=FLAGS)
+pytestmark = [*IN_BROWSER, needs_axe]
 
 
 @pytest.fixture
-def tab(browser):
-    """`tab(address)`: a page that shows it, all of its panel open."""
-    contexts = []
+def open_tab(tab):
+    """`open_tab(shown)`: a page that shows it, all of its panel open."""
 
-    def open_tab(address):
-        contexts.append(browser.new_context(viewport=SIZE))
-        page = contexts[-1].new_page()
-        page.goto(address, timeout=60_000)
-        assert becomes(page, f"Boolean({READY})")
+    def opened(shown):
+        page = tab(shown)
         for script in (UNFOLD, LOW):
             page.evaluate(script)
         page.set_viewport_size(HIGH)
         return page
 
-    yield open_tab
-    for context in contexts:
-        context.close()
+    return opened
 
 
 def in_both_schemes(page, state):
@@ -78,10 +60,9 @@ def ranges(page):
     return found
 
 
-def test_sliders_and_number_fields_have_names_units_and_ranges(robot, tab, tmp_path):
+def test_sliders_and_number_fields_have_names_units_and_ranges(robot, open_tab, page_of):
     mechanism = robot("scara")
-    (tmp_path / "page.html").write_text(build_page(Setup({"scara": mechanism})))
-    page = tab((tmp_path / "page.html").as_uri())
+    page = open_tab(page_of("scara"))
     found = ranges(page)
     for joint in mechanism.actuated:
         i = mechanism.q_index(joint)
@@ -96,88 +77,33 @@ def test_sliders_and_number_fields_have_names_units_and_ranges(robot, tab, tmp_p
     assert all(texts.values())
     page.click("#units")
     assert any(name == "joint1 of scara, in radians" for name, *_ in ranges(page))
-    page.locator("[data-joint='scara/joint1'] input[type=range]").press(
-        "Home"
-    )  # to its least value, which is read at once
-    assert page.get_attribute("[data-joint='scara/joint1'] input[type=range]", "aria-valuetext").startswith(
-        "minus 2.269 "
-    )
+    slider = page.locator("[data-joint='scara/joint1'] input[type=range]")
+    slider.press("Home")  # to its least value, which is read at once
+    assert slider.get_attribute("aria-valuetext").startswith("minus 2.269 ")
 
 
-def test_the_served_page(robot, tab):
-    names = ("delta4", "rx90")
-    with Cockpit(arrange({name: robot(name) for name in names}), port=8700, own_process=False) as one:
-        page = tab(one.url)
-        page.evaluate("cockpit.select('delta4', 'platform')")
-        page.evaluate("""for (const id of ["crowd", "cover"]) document.getElementById(id).hidden = false;
-          document.getElementById("cover").textContent = "Connection lost, trying again.";""")
-        page.check("#reactions")
-        found = in_both_schemes(page, "all open")
-        for button in ("aids", "snapshot", "help"):
-            page.click(f"#{button}")
-            found += in_both_schemes(page, button)
-            page.keyboard.press("Escape")
-        page.click("#pin")
-        assert becomes(page, "document.querySelector('[data-task]') !== null")
-        found += in_both_schemes(page, "a pin")
-    assert found == []
-
-
-@pytest.mark.slow
-def test_a_map(robot, tab, tmp_path):
-    region = Region((GridAxis("x", -1.2, 1.2, 3), GridAxis("y", -1.2, 1.2, 3), GridAxis("z", -2.6, -1.2, 3)))
-    make_map(MapSpecification(robot("delta4"), region, ("condition",)), tmp_path / "map.zarr", workers=1)
-    with Cockpit(map_setup(tmp_path / "map.zarr"), port=8700, own_process=False) as one:
-        page = tab(one.url)
-        assert page.is_visible("#legend")
-        assert page.is_visible("#section-map")
-        assert in_both_schemes(page, "map") == []
-
-
-def test_a_page_without_a_server(robot, tab, tmp_path):
-    (tmp_path / "page.html").write_text(build_page(Setup({"delta4": robot("delta4")})))
-    page = tab((tmp_path / "page.html").as_uri())
+def test_the_served_page(cockpit, open_tab):
+    page = open_tab(cockpit("delta4", "rx90"))
     page.evaluate("cockpit.select('delta4', 'platform')")
+    page.evaluate("""for (const id of ["crowd", "cover"]) document.getElementById(id).hidden = false;
+      document.getElementById("cover").textContent = "Connection lost, trying again.";""")
+    page.check("#reactions")
+    assert page.evaluate(BARE) == []
+    found = in_both_schemes(page, "all open")
+    for button in ("aids", "snapshot", "help"):
+        page.click(f"#{button}")
+        found += in_both_schemes(page, button)
+        page.keyboard.press("Escape")
+    page.click("#pin")
+    assert becomes(page, "document.querySelector('[data-task]') !== null")
+    assert found + in_both_schemes(page, "a pin") == []
+
+
+def test_a_page_without_a_server(open_tab, page_of):
+    page = open_tab(page_of("scara"))
     page.evaluate("cockpit.send({ type: 'set_recording', on: true })")
     assert becomes(page, "document.querySelector('#toasts .toast') !== null")
     assert in_both_schemes(page, "a notice") == []
-
-
-@pytest.mark.parametrize(
-    ("name", "width"),
-    [
-        ("index", 1280),
-        *slow(*((name, width) for width in (1280, 420) for name in SITE)),
-    ],
-)
-def test_the_site(root, browser, name, width):
-    path = root / "build" / "site" / "html" / f"{name}.html"
-    if not path.is_file():
-        pytest.skip("the site is not built: `make docs` builds it")
-    page = browser.new_page(viewport={"width": width, "height": 900})
-    page.goto(path.as_uri())
-    found = in_both_schemes(page, name)
-    page.close()
-    assert found == []
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize(("motion", "moves"), [("no-preference", True), ("reduce", False)])
-def test_the_moving_picture_of_the_site_can_be_paused(root, browser, motion, moves):
-    path = root / "build" / "site" / "html" / "index.html"
-    if not path.is_file():
-        pytest.skip("the site is not built: `make docs` builds it")
-    context = browser.new_context(reduced_motion=motion)
-    page = context.new_page()
-    page.goto(path.as_uri())
-    button = page.locator("p.moving > button")
-    for shown in (moves, not moves, moves):
-        assert button.inner_text() == ("Pause" if shown else "Play")
-        assert page.locator("img.moving").is_visible() == shown
-        assert page.locator("canvas[role=img][aria-label]").is_visible() != shown
-        button.focus()
-        page.keyboard.press("Enter")
-    context.close()
 
 
 @pytest.mark.slow

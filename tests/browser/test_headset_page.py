@@ -5,72 +5,34 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from headset import Headset, needs_emulator
-from playwright.sync_api import sync_playwright
-from test_cockpit_page import CHROMIUM, FLAGS, PICTURES, READY, SIZE, becomes, grab, held, place
-from variants import slow
-
-from cinegen.cockpit import Cockpit
-from cinegen.session import arrange
+from pages import IN_BROWSER, becomes, grab, held, place, rests
 
 RIGHT, LEFT = (0.15, 1.35, -0.3), (-0.16, 1.03, -0.6)
 POINT = (0.1, 0.2, 0.3)
 EXACT = 2e-5  # m: a task that follows, of robots of a metre or more
 
-pytestmark = [
-    pytest.mark.browser,
-    pytest.mark.filterwarnings("ignore:.*no such port:cinegen.CinegenWarning"),
-    pytest.mark.skipif(CHROMIUM is None, reason="NO CHROMIUM: the cockpit is not tested in a real browser"),
-    needs_emulator,
-]
-
-
-@pytest.fixture(scope="module")
-def browser():
-    with sync_playwright() as playwright:
-        yield playwright.chromium.launch(executable_path=CHROMIUM, args=FLAGS)
+pytestmark = [*IN_BROWSER, needs_emulator]
 
 
 @pytest.fixture
-def cockpit(robot):
-    opened = []
+def page_with_headset(tab):
+    """`page_with_headset(cockpit)`: a page, and the headset that its browser has."""
 
-    def open_cockpit(*names):
-        setup = arrange({name: robot(name) for name in names}, follow=None)
-        opened.append(Cockpit(setup, port=8450, own_process=False))
-        return opened[-1]
+    def opened(one):
+        found = []
+        page = tab(one, prepare=lambda page: found.append(Headset(page)))
+        return page, *found
 
-    yield open_cockpit
-    for one in opened:
-        one.close()
+    return opened
 
 
 @pytest.fixture
-def tab(browser):
-    """`tab(cockpit)`: a page, and the headset that its browser has; None without one."""
-    opened, wrong = [], []
-
-    def open_tab(cockpit, worn=True):
-        page = browser.new_page(viewport=SIZE, bypass_csp=True)
-        page.on("pageerror", lambda error: wrong.append(str(error)))
-        headset = Headset(page) if worn else None
-        page.goto(cockpit.url, timeout=60_000)
-        page.wait_for_function(READY, polling=100, timeout=60_000)
-        opened.append(page)
-        return page, headset
-
-    yield open_tab
-    for page in opened:
-        page.close()
-    assert wrong == []
-
-
-@pytest.fixture
-def worn(cockpit, tab):
+def worn(cockpit, page_with_headset):
     """`worn("delta4")`: a robot's session, its page, and a headset that shows it, with both controllers in front."""
 
     def open_worn(*names):
-        one = cockpit(*names)
-        page, headset = tab(one)
+        one = cockpit(*names, follow=None)
+        page, headset = page_with_headset(one)
         headset.enter()
         headset.put("right", RIGHT)
         headset.put("left", LEFT)
@@ -85,17 +47,6 @@ def in_robots(way, scale):
     return np.array([x, -z, y]) / scale
 
 
-def rests(one, page):
-    """Wait until no robot moves."""
-
-    def same():
-        before = {name: robot.q for name, robot in one.state.robots.items()}
-        page.wait_for_timeout(150)
-        return all(np.abs(robot.q - before[name]).max() < 1e-7 for name, robot in one.state.robots.items())
-
-    assert becomes(page, same)
-
-
 def grasp(one, page, headset, side, name, node, strength=0.75, button="trigger"):
     """Point at a node and press a button; the task, once there is one."""
     headset.aim(side, name, node)
@@ -105,15 +56,9 @@ def grasp(one, page, headset, side, name, node, strength=0.75, button="trigger")
     return next(task for task in held(one, name) if task.id not in before)
 
 
-def test_without_a_headset_there_are_no_buttons(cockpit, tab):
-    page, _ = tab(cockpit("five_bar"), worn=False)
-    assert not page.is_visible("#enter-vr")
-    assert not page.is_visible("#enter-ar")
-
-
-def test_a_controller_takes_a_part_drags_it_and_lets_it_go_and_the_page_comes_back(cockpit, tab):
-    one = cockpit("delta4")
-    page, headset = tab(one)
+def test_a_controller_takes_a_part_drags_it_and_lets_it_go_and_the_page_comes_back(cockpit, page_with_headset):
+    one = cockpit("delta4", follow=None)
+    page, headset = page_with_headset(one)
     appearance = "[cockpit.viewer.scene.matrix.toArray(), cockpit.viewer.camera.matrixWorld.toArray(), \
         cockpit.viewer.renderer.domElement.width, cockpit.viewer.scene.background.getHex()]"
     before = page.evaluate(appearance)
@@ -135,42 +80,12 @@ def test_a_controller_takes_a_part_drags_it_and_lets_it_go_and_the_page_comes_ba
     assert becomes(page, lambda: headset.panel()["label"] == "following")
     headset.press("right", 0.0)
     assert becomes(page, lambda: not held(one, "delta4"))
-    rests(one, page)
+    rests(page, one, 1e-7)
     assert np.linalg.norm(place(one, "delta4", "link5", task.offset.translation) - expected) < EXACT
     page.evaluate("cockpit.presentation.end()")
     assert becomes(page, lambda: page.get_attribute("html", "data-headset") is None)
     assert becomes(page, lambda: np.allclose(np.hstack(page.evaluate(appearance)), np.hstack(before), atol=1e-9))
     grab(page, one, "delta4", "link5")  # by the mouse
-
-
-@pytest.mark.slow
-def test_both_controllers_drag_at_once_and_each_lets_go_by_itself(worn):
-    """The trigger drags a point, the squeeze button a pose."""
-    one, page, headset = worn("delta4", "rx90")
-    scale = headset.scale()
-    pull = grasp(one, page, headset, "left", "delta4", "link5")
-    start = place(one, "delta4", "link5", pull.offset.translation)
-    pose = one.state.robots["rx90"].base * one.setup.robots["rx90"].placement(one.state.robots["rx90"].q, "tool")
-    whole = grasp(one, page, headset, "right", "rx90", "link6", button="squeeze")
-    assert (pull.rotation, whole.rotation) == (0, 3)
-    turned = place(one, "rx90", "link6")
-    way = np.array([0.02, 0.02, 0.01])
-    headset.put("left", np.array(LEFT) + way)
-    headset.put("right", np.array(RIGHT) - way)
-
-    def moved():
-        delta = place(one, "delta4", "link5", pull.offset.translation) - start - in_robots(way, scale)
-        arm = place(one, "rx90", "link6") - turned + in_robots(way, scale)
-        return np.linalg.norm(delta) < EXACT and np.linalg.norm(arm) < EXACT
-
-    assert becomes(page, moved)
-    now = one.state.robots["rx90"].base * one.setup.robots["rx90"].placement(one.state.robots["rx90"].q, "tool")
-    assert np.abs(now.rotation - pose.rotation).max() < 1e-4  # the hand did not rotate
-    headset.press("left", 0.0)
-    assert becomes(page, lambda: not held(one, "delta4"))
-    assert len(held(one, "rx90")) == 1
-    headset.press("right", 0.0, "squeeze")
-    assert becomes(page, lambda: not held(one, "rx90"))
 
 
 @pytest.mark.slow
@@ -202,8 +117,9 @@ def test_thumbsticks_scale_and_move_the_world(worn):
     assert np.linalg.norm(goal - start) < 0.02 / (1.4 * scale)  # a larger world is dragged more finely
 
 
-@pytest.mark.parametrize("angle", slow(0.0, 0.4))
-def test_two_hands_that_hold_the_world_scale_and_rotate_it(worn, angle):
+@pytest.mark.slow
+def test_two_hands_that_hold_the_world_scale_and_rotate_it(worn):
+    angle = 0.4
     _, page, headset = worn("five_bar")
     before = headset.scale(), headset.at(POINT)
     for side, x in (("left", -0.1), ("right", 0.1)):
@@ -231,16 +147,15 @@ def test_two_hands_that_hold_the_world_scale_and_rotate_it(worn, angle):
 
 
 @pytest.mark.slow
-def test_one_user_has_a_browser_and_one_a_headset(cockpit, tab):
-    one = cockpit("delta4")
-    seated, _ = tab(one, worn=False)
-    page, headset = tab(one)
-    headset.enter()
-    headset.put("right", RIGHT)
+def test_one_user_has_a_browser_and_one_a_headset(worn, tab):
+    one, page, headset = worn("delta4")
+    seated = tab(one)
+    assert not seated.is_visible("#enter-vr")
+    assert not seated.is_visible("#enter-ar")
     assert one.hub.rate == pytest.approx(90.0)
     task = grasp(one, page, headset, "right", "delta4", "link5")
     headset.put("right", np.add(RIGHT, [0.0, -0.03, 0.0]))
-    rests(one, page)
+    rests(page, one, 1e-7)
     shown = "cockpit.state.tasks.map((task) => task.position).flat()"
     at = place(one, "delta4", "link5", task.offset.translation)
     assert becomes(seated, lambda: np.allclose(seated.evaluate(shown), at, atol=1e-6))
@@ -264,47 +179,19 @@ def test_one_user_has_a_browser_and_one_a_headset(cockpit, tab):
 
 
 @pytest.mark.slow
-def test_the_headset_shows_status_ghost_and_ellipsoid(worn):
-    one, page, headset = worn("delta4")
-    headset.press("left", 1.0, "y-button")
-    headset.press("left", 0.0, "y-button")
-    grasp(one, page, headset, "right", "delta4", "link5", 1.0)
-    headset.put("right", np.add(RIGHT, [0.15, -0.45, 0.0]))
-    assert becomes(page, lambda: headset.panel()["label"].startswith("at limit: joint"))
-    assert headset.panel()["tone"] == "warn"
-    assert becomes(page, lambda: any("away" in text for text in page.evaluate("cockpit.presentation.tags.texts")))
-    assert [meter["label"] for meter in headset.panel()["meters"]] == ["lost DoF", "uncontrolled DoF"]
-    colours = """() => {
-      const seen = new Set();
-      const isBall = (one) => one.geometry?.type === "SphereGeometry";
-      cockpit.viewer.scene.traverseVisible((one) => isBall(one) && seen.add(one.material.color.getHex()));
-      return [...seen];
-    }"""
-    assert becomes(page, lambda: 0x009E73 in page.evaluate(colours))  # the ellipsoid
-    PICTURES.mkdir(parents=True, exist_ok=True)
-    page.screenshot(path=PICTURES / "headset.png")
-
-
-@pytest.mark.parametrize("mode", slow("ar"))
-def test_augmented_reality_shows_the_room_behind_the_robots(cockpit, tab, mode):
-    page, headset = tab(cockpit("five_bar"))
-    headset.enter(mode)
+def test_a_hand_pinches_parts_and_the_room_is_behind_them_in_augmented_reality(cockpit, page_with_headset):
+    one = cockpit("five_bar", follow=None)
+    page, headset = page_with_headset(one)
+    page.evaluate("device.primaryInputMode = 'hand'")
+    headset.enter("ar")
     assert page.get_attribute("html", "data-headset") == "immersive-ar"
     assert page.evaluate("cockpit.viewer.scene.background") is None
+    headset.put("right", RIGHT, hand=True)
+    headset.aim("right", "five_bar", "link2")
+    page.evaluate("device.hands.right.updatePinchValue(1)")
+    assert becomes(page, lambda: held(one, "five_bar"))
+    assert held(one, "five_bar")[0].weight == 1.0  # a pinch has no strength
+    page.evaluate("device.hands.right.updatePinchValue(0)")
+    assert becomes(page, lambda: not held(one, "five_bar"))
     page.evaluate("cockpit.presentation.end()")
     assert becomes(page, lambda: page.evaluate("cockpit.viewer.scene.background !== null"))
-
-
-@pytest.mark.parametrize("name", slow("five_bar"))
-def test_a_hand_takes_parts_by_pinching(cockpit, tab, name):
-    one = cockpit(name)
-    page, headset = tab(one)
-    page.evaluate("device.primaryInputMode = 'hand'")
-    headset.enter()
-    headset.put("right", RIGHT, hand=True)
-    headset.aim("right", name, "link2")
-    page.evaluate("device.hands.right.updatePinchValue(1)")
-    assert becomes(page, lambda: held(one, name))
-    assert held(one, name)[0].weight == 1.0  # a pinch has no strength
-    page.evaluate("device.hands.right.updatePinchValue(0)")
-    assert becomes(page, lambda: not held(one, name))

@@ -5,12 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pinocchio as pin
 import pytest
-from test_cockpit_page import CHROMIUM, becomes, browser, cockpit, held, place, tab  # noqa: F401
-from test_local_page import becomes as comes_true
-from test_local_page import tab as local_tab  # noqa: F401
-
-from cinegen.page import build_page
-from cinegen.session import Setup
+from pages import IN_BROWSER, becomes, held, place
 
 FOCUSED = """() => {
   const { activeElement: one } = document;
@@ -22,18 +17,14 @@ FOCUSED = """() => {
   };
 }"""
 
-pytestmark = [
-    pytest.mark.browser,
-    pytest.mark.filterwarnings("ignore:.*no such port:cinegen.CinegenWarning"),
-    pytest.mark.skipif(CHROMIUM is None, reason="NO CHROMIUM: the page is not tested in a real browser"),
-]
+pytestmark = IN_BROWSER
 
 
 def announced(page):
     return page.locator("#announcer p").all_inner_texts()
 
 
-def test_arrow_keys_move_a_part_and_are_undone(cockpit, tab):  # noqa: F811
+def test_arrow_keys_move_a_part_and_are_undone(cockpit, tab):
     one = cockpit("delta4", follow=None)
     page = tab(one)
     home = one.state.robots["delta4"].q
@@ -71,23 +62,9 @@ def test_arrow_keys_move_a_part_and_are_undone(cockpit, tab):  # noqa: F811
     assert not one.state.robots["delta4"].tasks
 
 
-@pytest.mark.slow
-def test_a_limit_that_is_reached_by_keys_is_announced(cockpit, tab):  # noqa: F811
-    one = cockpit("delta4", follow=None)
-    page = tab(one)
-    page.evaluate("cockpit.select('delta4', 'platform')")
-    page.locator("#scene canvas").focus()
-    for _ in range(150):
-        page.keyboard.down("ArrowRight")  # as a key that repeats: 3 m
-    assert becomes(page, lambda: any(text.startswith("at limit: joint") for text in announced(page)))
-    assert len(announced(page)) <= 3
-    page.keyboard.up("ArrowRight")
-
-
-def test_rotations_and_the_order_of_focus_without_a_server(robot, local_tab, tmp_path):  # noqa: F811
+def test_rotations_and_the_order_of_focus_without_a_server(robot, tab, page_of):
     mechanism = robot("rx90")
-    (tmp_path / "rx90.html").write_text(build_page(Setup({"rx90": mechanism})))
-    page = local_tab(tmp_path / "rx90.html")
+    page = tab(page_of("rx90"))
     order = []
     for _ in range(80):
         page.keyboard.press("Tab")
@@ -106,7 +83,7 @@ def test_rotations_and_the_order_of_focus_without_a_server(robot, local_tab, tmp
     for _ in range(4):
         page.keyboard.press("Control+ArrowUp")
     page.keyboard.press("ArrowLeft")
-    assert comes_true(page, "cockpit.state.tasks.length === 0 && cockpit.report.undo === 1")
+    assert becomes(page, "cockpit.state.tasks.length === 0 && cockpit.report.undo === 1")
     q = np.array(page.evaluate("cockpit.report.robots.rx90.q"))
     end = mechanism.placement(q, "tool")
     assert pin.log3(end.rotation @ start.rotation.T) == pytest.approx([0.0, np.radians(8.0), 0.0], abs=1e-4)

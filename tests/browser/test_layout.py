@@ -3,11 +3,7 @@
 from __future__ import annotations
 
 import pytest
-from test_local_page import CHROMIUM, becomes, browser, tab  # noqa: F401
-from variants import slow
-
-from cinegen.page import build_page
-from cinegen.session import Setup
+from pages import IN_BROWSER, becomes
 
 # The page as a server has it: all parts are shown that a page without a server hides.
 PREPARE = """() => {
@@ -67,42 +63,17 @@ CUT = """() => [...document.querySelectorAll("#bar, #pane > :not(#scene), #panel
   }).map((one) => `${one.tagName} ${one.id} ${one.textContent}`))"""
 TOGETHER = (["hint"], ["toasts"], ["crowd"], ["legend"], ["cover"])
 ALL = ["hint", "toasts", "crowd", "legend", "cover"]
-SMALL, ZOOMED, LARGE = (360, 640), (640, 360), (2560, 1440)  # 1280 x 720 at a zoom of 200 % is half of it
+SIZES = [(360, 640), (640, 360), (900, 560), (2560, 1440)]  # the second: 1280 x 720 at a zoom of 200 %
 
-pytestmark = [
-    pytest.mark.browser,
-    pytest.mark.skipif(CHROMIUM is None, reason="NO CHROMIUM: the page is not tested in a real browser"),
-]
+pytestmark = IN_BROWSER
 
 
-@pytest.fixture(scope="module")
-def file(robot, tmp_path_factory):
-    path = tmp_path_factory.mktemp("layout") / "rx90.html"
-    path.write_text(build_page(Setup({"rx90": robot("rx90")})))
-    return path
-
-
-SIZES = [SMALL, ZOOMED, (900, 560), LARGE]
-MORE = [
-    (360, 800),
-    (480, 640),
-    (560, 480),
-    (700, 1000),
-    (761, 600),
-    (1024, 600),
-    (1160, 800),
-    (1280, 720),
-    (1920, 1080),
-]
-
-
-@pytest.mark.parametrize("sizes", [SIZES, *slow(MORE)], ids=["sizes", "more"])
-def test_nothing_covers_the_selection_bar_and_no_text_is_cut(file, tab, sizes):  # noqa: F811
-    page = tab(file)
+def test_nothing_covers_the_selection_bar_and_no_text_is_cut(page_of, tab):
+    page = tab(page_of("rx90"))
     page.evaluate(PREPARE)
     page.evaluate("cockpit.select('rx90', 'tool')")
     found = []
-    for width, height in sizes:
+    for width, height in SIZES:
         page.set_viewport_size({"width": width, "height": height})
         assert becomes(page, f"innerWidth === {width} && innerHeight === {height}")
         page.evaluate("new Promise((done) => requestAnimationFrame(() => requestAnimationFrame(done)))")
@@ -111,17 +82,11 @@ def test_nothing_covers_the_selection_bar_and_no_text_is_cut(file, tab, sizes): 
             found += [f"{width}x{height}, {' '.join(shown)}: {fault}" for fault in page.evaluate(FAULTS, shown)]
         found += [f"{width}x{height}: {text} is cut" for text in page.evaluate(CUT)]
     assert found == []
-    sizes_of_type = "parseFloat(getComputedStyle(document.documentElement).fontSize)"
-    assert page.evaluate(sizes_of_type) >= (16 if sizes[-1] == LARGE else 13)
+    assert page.evaluate("parseFloat(getComputedStyle(document.documentElement).fontSize)") >= 16
 
 
-def test_reduced_motion_and_forced_colours(file, browser):  # noqa: F811
-    context = browser.new_context(
-        viewport={"width": 700, "height": 500}, reduced_motion="reduce", forced_colors="active"
-    )
-    page = context.new_page()
-    page.goto(file.as_uri())
-    assert becomes(page, "document.documentElement.dataset.view === 'ready' && Boolean(window.cockpit?.report)")
+def test_reduced_motion_and_forced_colours(page_of, tab):
+    page = tab(page_of("rx90"), viewport={"width": 700, "height": 500}, reduced_motion="reduce", forced_colors="active")
     camera = "cockpit.viewer.camera.matrixWorld.toArray()"
     before = page.evaluate(camera)
     page.evaluate("cockpit.send({ type: 'move_joint', robot: 'rx90', joint: 'joint2', value: 0.9 })")  # out of the view
@@ -139,7 +104,6 @@ def test_reduced_motion_and_forced_colours(file, browser):  # noqa: F811
         pressed: of("#move").backgroundColor, other: of("#turn").backgroundColor,
       };
     }""")
-    context.close()
     assert (shown["chip"], shown["meter"], shown["slider"]) == ("solid", "solid", "auto")
     assert shown["bar"] != shown["paper"]
     assert shown["pressed"] != shown["other"]

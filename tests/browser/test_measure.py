@@ -6,18 +6,11 @@ import re
 
 import numpy as np
 import pytest
-from test_cockpit_page import PIXELS, WHERE
-from test_local_page import CHROMIUM, PICTURES, becomes, browser, tab  # noqa: F401
-
-from cinegen.page import build_page
-from cinegen.session import Setup
+from pages import IN_BROWSER, PIXELS, WHERE, becomes, picture
 
 NUMBERS = re.compile(r"(distance|dx|dy|dz|at) (-?[\d.]+)")
 
-pytestmark = [
-    pytest.mark.browser,
-    pytest.mark.skipif(CHROMIUM is None, reason="NO CHROMIUM: the page is not tested in a real browser"),
-]
+pytestmark = IN_BROWSER
 
 
 def shown(page):
@@ -33,10 +26,9 @@ def expected(mechanism, q, nodes):
     return {"distance": np.linalg.norm([x, y, z]), "dx": x, "dy": y, "dz": z, "at": angle}
 
 
-def test_points_by_keys_follow_the_robot_and_points_by_the_pointer(robot, tab, tmp_path):  # noqa: F811
+def test_points_by_keys_follow_the_robot_and_points_by_the_pointer(robot, tab, page_of):
     mechanism, nodes = robot("delta4"), ("link7", "platform")
-    (tmp_path / "delta4.html").write_text(build_page(Setup({"delta4": mechanism})))
-    page = tab(tmp_path / "delta4.html")
+    page = tab(page_of("delta4"))
     page.keyboard.press("m")
     assert page.get_attribute("#measure-mode", "aria-pressed") == "true"
     for node in nodes:
@@ -52,10 +44,8 @@ def test_points_by_keys_follow_the_robot_and_points_by_the_pointer(robot, tab, t
     q = np.array(page.evaluate("cockpit.report.robots.delta4.q"))
     wanted = expected(mechanism, q, nodes)
     assert abs(wanted["distance"] - expected(mechanism, mechanism.q_home, nodes)["distance"]) > 5.0  # mm
-    page.wait_for_timeout(300)
-    assert shown(page) == pytest.approx(wanted, abs=0.06)
-    PICTURES.mkdir(parents=True, exist_ok=True)
-    page.screenshot(path=PICTURES / "measure.png")
+    assert becomes(page, lambda: shown(page) == pytest.approx(wanted, abs=0.06))
+    picture(page, "measure")
     # a point of a surface, under the pointer, after a third point begins anew
     box = page.locator("#scene canvas").bounding_box()
     for node in ("link8", "link2", "link6", "link13", "link7"):

@@ -5,23 +5,17 @@ from __future__ import annotations
 import importlib.util
 import math
 import re
-import shutil
 
 import numpy as np
 import pytest
-from playwright.sync_api import sync_playwright
-from test_cockpit_page import FLAGS
+from pages import IN_BROWSER
 
 from raff2urdf.raff.kleinfinger import Kleinfinger, transform
 
-CHROMIUM = shutil.which("chromium")
 NAMES = ("gamma", "epsilon", "alpha", "d", "theta", "r")
 PATTERN = re.compile(r"(\w+) (-?\d+)")
 
-pytestmark = [
-    pytest.mark.browser,
-    pytest.mark.skipif(CHROMIUM is None, reason="NO CHROMIUM: the page is not tested in a real browser"),
-]
+pytestmark = IN_BROWSER
 
 
 @pytest.fixture(scope="module")
@@ -34,23 +28,9 @@ def file(root, tmp_path_factory):
     return folder / "extra/live/six_parameters.html"
 
 
-@pytest.fixture(scope="module")
-def browser():
-    with sync_playwright() as playwright:
-        yield playwright.chromium.launch(executable_path=CHROMIUM, args=FLAGS)
-
-
 @pytest.fixture
-def page(browser, file):
-    wrong = []
-    context = browser.new_context(viewport={"width": 800, "height": 900}, offline=True)
-    tab = context.new_page()
-    tab.on("pageerror", lambda error: wrong.append(str(error)))
-    tab.on("console", lambda message: wrong.append(message.text) if message.type == "error" else None)
-    tab.goto(file.as_uri())
-    yield tab
-    context.close()
-    assert wrong == []
+def page(tab, file):
+    return tab(file, ready="true", viewport={"width": 800, "height": 900})
 
 
 def put(page, values):
@@ -111,28 +91,7 @@ def test_the_frames_are_drawn_where_python_has_them(page):
         assert np.abs(pixels - scale * flat).max() < 0.02
 
 
-def test_keys_move_sliders_and_turn_the_view(page):
-    page.keyboard.press("Tab")
-    assert page.evaluate("document.activeElement.id") == "picture"
-    before = page.locator("#picture").evaluate("svg => svg.dataset.azimuth")
-    page.keyboard.press("ArrowRight")
-    assert page.locator("#picture").evaluate("svg => svg.dataset.azimuth") != before
-    for name in NAMES:
-        page.keyboard.press("Tab")
-        assert page.evaluate("document.activeElement.id") == name
-        value = int(page.locator(f"#{name}").input_value())
-        page.keyboard.press("ArrowRight")
-        assert page.locator(f"#{name}-value").inner_text().replace("−", "-").startswith(str(value + 1))
-        assert page.locator(f"#{name}").get_attribute("aria-valuetext").startswith(str(value + 1))
-    page.keyboard.press("Tab")
-    page.keyboard.press("Enter")
-    assert page.locator("#gamma").input_value() == "40"
-
-
-def test_without_a_script_the_picture_is_there(browser, file):
-    context = browser.new_context(java_script_enabled=False, offline=True)
-    tab = context.new_page()
-    tab.goto(file.as_uri())
-    assert tab.locator("noscript svg").is_visible()
-    assert not tab.locator("#live").is_visible()
-    context.close()
+def test_without_a_script_the_picture_is_there(tab, file):
+    page = tab(file, ready="true", java_script_enabled=False)
+    assert page.locator("noscript svg").is_visible()
+    assert not page.locator("#live").is_visible()

@@ -5,8 +5,8 @@ from __future__ import annotations
 import os
 
 import pytest
-from axe import needs_axe, violations
-from test_cockpit_page import CHROMIUM, FLAGS, READY, SIZE, becomes, find, picture
+from axe import AXE, violations
+from pages import IN_BROWSER, becomes, find, picture
 
 import cinegen
 from cinegen.cockpit import Cockpit, SetupFiles
@@ -21,32 +21,18 @@ robot arm {
 }
 """
 
-pytestmark = [
-    pytest.mark.browser,
-    pytest.mark.skipif(CHROMIUM is None, reason="NO CHROMIUM: edited files are not tested in a real browser"),
-]
-
-
-@pytest.fixture(scope="module")
-def browser():
-    from playwright.sync_api import sync_playwright
-
-    with sync_playwright() as playwright:
-        yield playwright.chromium.launch(executable_path=CHROMIUM, args=FLAGS)
+pytestmark = IN_BROWSER
 
 
 class Edited:
     """A file that is driven in a page, and what an editor does to it."""
 
-    def __init__(self, path, browser):
-        self.path, self.wrong = path, []
+    def __init__(self, path, tab):
+        self.path = path
         self.write(ARM)
         setup, files = SetupFiles.of(lambda: arrange({"arm": cinegen.load(path)}))
         self.cockpit = Cockpit(setup, port=0, own_process=False, files=files)
-        self.page = browser.new_page(viewport=SIZE, bypass_csp=True)
-        self.page.on("pageerror", lambda error: self.wrong.append(str(error)))
-        self.page.goto(self.cockpit.url, timeout=60_000)
-        self.page.wait_for_function(READY, polling=100, timeout=60_000)
+        self.page = tab(self.cockpit)
 
     def write(self, text):
         self.path.write_text(text)
@@ -62,21 +48,15 @@ class Edited:
 
 
 @pytest.fixture
-def edited(tmp_path, browser):
-    one = Edited(tmp_path / "arm.raff", browser)
+def edited(tmp_path, tab):
+    one = Edited(tmp_path / "arm.raff", tab)
     yield one
-    one.page.close()
     one.cockpit.close()
-    assert one.wrong == []
 
 
 def drawn(node):
     """JavaScript: whether meshes of a node are in the scene."""
     return f"cockpit.view.group('arm', '{node}').children.some((one) => one.children.length || one.isMesh)"
-
-
-def values(edited):
-    return dict(zip(edited.cockpit.setup.robots["arm"].joints, edited.cockpit.q["arm"], strict=True))
 
 
 def test_each_save_is_seen_and_errors_stand_over_the_scene(edited):
@@ -106,37 +86,14 @@ def test_each_save_is_seen_and_errors_stand_over_the_scene(edited):
     page.mouse.move(x + 30, y - 20, steps=4)
     assert edited.shows("cockpit.state.tasks.some((task) => task.source === 'pointer')")
     page.mouse.up()
-    late = edited.page.context.browser.new_page(viewport=SIZE, bypass_csp=True)  # who comes later sees them too
+    late = page.context.new_page()  # who comes later sees them too
     late.goto(edited.cockpit.url)
     assert becomes(late, lambda: "2S0" in late.inner_text("#file-problem"))
     late.close()
+    if AXE.is_file():
+        for scheme in ("light", "dark"):
+            page.emulate_media(color_scheme=scheme)
+            assert violations(page) == []
     edited.write(ARM.replace("d 300", "d 420"))  # the same as before the errors
     assert edited.shows("document.getElementById('file-problem').hidden")
     picture(page, "file_after")
-
-
-def test_a_joint_is_renamed_a_link_is_added_and_another_robot_comes(edited):
-    at = values(edited)
-    edited.write(ARM.replace("link 2", "link 7").replace("pred 2", "pred 7"))
-    assert edited.shows("cockpit.hello.robots[0].joints.some((joint) => joint.name === 'joint7') && cockpit.report")
-    assert edited.shows(drawn("link7"))
-    assert values(edited)["joint7"] == pytest.approx(at["joint2"], abs=1e-9)
-    assert edited.page.locator("[data-joint='arm/joint7']").count() == 1
-    assert edited.page.locator("[data-joint='arm/joint2']").count() == 0
-    edited.write(ARM.replace("frame 4 { pred 3", "link 8 { type 1 pred 3 parameters { r 90 } } frame 4 { pred 8"))
-    assert edited.shows("cockpit.hello.robots[0].joints.length === 4 && cockpit.report")
-    assert edited.shows(drawn("link8"))
-    edited.write("RAFF t\nrobot other { link 1 { type 1 pred 0 parameters { r 500 } } }\n")
-    assert edited.shows("cockpit.hello.robots[0].nodes.length === 2 && cockpit.report")
-    assert edited.shows(f"{drawn('link1')} && cockpit.root.children.length === 1")
-    assert not edited.page.evaluate(drawn("link3"))
-    picture(edited.page, "file_other")
-
-
-@needs_axe
-def test_errors_are_accessible(edited):
-    edited.write(ARM.replace("d 250", "d 2S0"))
-    assert edited.shows("!document.getElementById('file-problem').hidden")
-    for scheme in ("light", "dark"):
-        edited.page.emulate_media(color_scheme=scheme)
-        assert violations(edited.page) == []

@@ -13,9 +13,8 @@ from browsers import Browser, becomes, get
 from tornado.httpclient import HTTPClientError
 
 from cinegen.cockpit import Cockpit
-from cinegen.cockpit.hub import MOST
 from cinegen.cockpit.server import LARGEST, ServerError
-from cinegen.session import Session, arrange
+from cinegen.session import arrange
 from cinegen.tolerances import NEAR_SINGULAR
 
 pytestmark = pytest.mark.filterwarnings("ignore:.*no such port:cinegen.CinegenWarning")
@@ -26,9 +25,9 @@ def cockpit(robot):
     opened = []
 
     def open_cockpit(*names, **options):
-        own = {name: options.pop(name) for name in ("host", "token", "own_process") if name in options}
+        own = {name: options.pop(name) for name in ("host", "port", "token", "own_process") if name in options}
         setup = arrange({name: robot(name) for name in names}, **options)
-        opened.append(Cockpit(setup, port=8100, **{"own_process": False, **own}))
+        opened.append(Cockpit(setup, **{"port": 0, "own_process": False, **own}))
         return opened[-1]
 
     yield open_cockpit
@@ -70,20 +69,6 @@ def test_what_one_browser_drags_all_see(cockpit):
     assert becomes(lambda: second.state["controller"] is None and second.state["tasks"] == [])
 
 
-def test_a_report_says_how_near_singularities_are(cockpit):
-    one = cockpit("five_bar")
-    browser = Browser(one.url)
-    assert becomes(lambda: browser.report is not None and browser.report["robots"])
-    report = browser.report["robots"]["five_bar"]
-    mechanism = one.setup.robots["five_bar"]
-    from cinegen.ik.singular import passive_singular_values
-
-    assert report["type2"]["sigma"] == pytest.approx(passive_singular_values(mechanism, mechanism.q_home)[-1])
-    assert report["q"] == pytest.approx([mechanism.q_home[mechanism.q_index(joint)] for joint in mechanism.joints])
-    assert report["closure"] < 1e-10
-    assert browser.report["rate"]["ticks"] > 100
-
-
 def test_hello_says_who_is_there(cockpit):
     one = cockpit("delta4", follow="circle")
     browser = Browser(one.url)
@@ -103,84 +88,25 @@ def test_hello_says_who_is_there(cockpit):
     assert hello["switches"] == [{"robot": "delta4", "node": "platform", "choices": choices, "first": "path"}]
 
 
-@pytest.mark.parametrize(
-    ("said", "why"),
-    [
-        (b"\x00\x01\x02", "text"),
-        ("{", "truncated"),
-        ('{"type": "move_drag", "position": [NaN, 0, 0]}', "malformed"),
-        ('{"type": "start_drag", "robot": "delta4", "node": "nose", "point": [0, 0, 0]}', "Unknown node 'nose'"),
-        ('{"type": "' + "x" * 3000 + '"}', "characters"),
-    ],
-)
-def test_an_offender_is_dropped_with_a_reason_and_the_session_goes_on(cockpit, said, why):
+def test_nonsense_oversized_messages_silence_and_laziness_hold_up_nobody_else(cockpit):
     one = cockpit("delta4")
-    wild, good = Browser(one.url), Browser(one.url)
-    assert becomes(lambda: wild.state and good.state)
-    wild.say(said)
+    wild, large, lazy, good = (Browser(one.url, lazy=k == 2) for k in range(4))
+    assert becomes(lambda: all(browser.state for browser in (wild, large, lazy, good)))
+    wild.say(b"\x00\x01\x02")
     assert becomes(lambda: wild.closed is not None)
     assert wild.closed[0] == 1008
-    assert why in wild.closed[1]
-    before = drag(good, "delta4", "platform", [0, 0, -0.1])
-    assert becomes(lambda: _is_at(good, "delta4", "platform", before + np.array([0, 0, -0.1])))
-
-
-def test_oversized_messages_and_floods_end_only_who_sends_them(cockpit):
-    one = cockpit("delta4")
-    large, fast, good = (Browser(one.url) for _ in range(3))
-    assert becomes(lambda: large.state and fast.state and good.state)
+    assert "text" in wild.closed[1]
+    address = urlsplit(one.url)
+    dumb, rude = (socket.create_connection((address.hostname, address.port)) for _ in range(2))  # one says nothing
+    rude.sendall(b"GET /session HTTP/1.1\r\n\x00\xff garbage\r\n\r\n")
     large.say("x" * (2 * LARGEST))
     assert becomes(lambda: large.closed is not None)
     assert large.closed[0] == 1009
-    for _ in range(1000):
-        fast.say("move_drag", position=[0, 0, 0])
-    assert becomes(lambda: fast.closed is not None)
-    assert "messages per second" in fast.closed[1]
-    frames = good.frames
-    assert becomes(lambda: good.frames > frames + 20)
-
-
-@pytest.mark.slow
-def test_of_two_hundred_browsers_as_many_as_there_is_room_for_are_served(cockpit):
-    one = cockpit("planar_3r")
-    browsers = [Browser(one.url) for _ in range(200)]
-    assert becomes(lambda: sum(browser.closed is None and browser.state is not None for browser in browsers) == MOST)
-    assert {browser.closed[0] for browser in browsers if browser.closed is not None} == {1013}
-    for browser in browsers:
-        browser.leave()
-    assert becomes(lambda: not one.hub.clients)
-    assert becomes(lambda: Browser(one.url).closed is None)
-
-
-def test_a_silent_connection_and_a_lazy_browser_hold_up_nobody(cockpit):
-    one = cockpit("delta4")
-    lazy, good = Browser(one.url, lazy=True), Browser(one.url)
-    address = urlsplit(one.url)
-    dumb = socket.create_connection((address.hostname, address.port))  # says nothing at all
-    rude = socket.create_connection((address.hostname, address.port))
-    rude.sendall(b"GET /session HTTP/1.1\r\n\x00\xff garbage\r\n\r\n")
-    assert becomes(lambda: good.frames > 60)
-    assert lazy.frames == 1
-    dumb.close()
-    rude.close()
-
-
-def test_foreign_pages_and_names_are_refused(cockpit):
-    one = cockpit("planar_3r", token="")
-    assert get(one.url)[0] == 200
-    assert get(one.url, host="evil.example:8100")[0] == 403
-    assert get(one.url, host="127.0.0.1.evil.example")[0] == 403
-    for path in ("session", "scene"):
-        with pytest.raises(HTTPClientError, match="403"):
-            Browser(one.url, path=path, Origin="http://evil.example")
-    assert becomes(lambda: Browser(one.url, Origin=one.url.rstrip("/")).state is not None or True)
-
-
-@pytest.mark.parametrize(
-    "path", ["static/../cockpit.py", "static/%2e%2e/cockpit.py", "static//etc/passwd", "static/no"]
-)
-def test_only_the_pages_own_files_are_served(cockpit, path):
-    assert get(cockpit("planar_3r").url, path)[0] in (403, 404)
+    before = drag(good, "delta4", "platform", [0, 0, -0.1])
+    assert becomes(lambda: _is_at(good, "delta4", "platform", before + np.array([0, 0, -0.1])))
+    assert lazy.frames == 1 < good.frames
+    for peer in (dumb, rude):
+        peer.close()
 
 
 @pytest.mark.parametrize("host", ["127.0.0.1", "0.0.0.0"])
@@ -203,19 +129,6 @@ def test_nobody_gets_in_without_the_token(cockpit, host):
     assert becomes(lambda: browser.state is not None)
 
 
-def test_only_this_machine_may_do_without_a_token(robot):
-    with pytest.raises(ServerError, match="needs a token"):
-        Cockpit(arrange({"r": robot("planar_3r")}), host="0.0.0.0", token="", own_process=False)
-
-
-def test_a_process_of_its_own_ends_where_the_page_cant_be_served(robot):
-    """`nothing_is_left` looks for it."""
-    with pytest.raises(ServerError, match="no free port from 70000"):
-        Cockpit(arrange({"r": robot("planar_3r")}), port=70000)
-    with pytest.raises(ServerError, match="needs a token"):
-        Cockpit(arrange({"r": robot("planar_3r")}), host="0.0.0.0", token="")
-
-
 def test_the_snapshot_shows_everything_as_it_is(cockpit):
     one = cockpit("delta4", follow="circle")
     first = one.snapshot()
@@ -225,13 +138,23 @@ def test_the_snapshot_shows_everything_as_it_is(cockpit):
     assert b"MeshCat.Viewer" in page
 
 
-def test_a_port_in_use_is_passed_over_and_none_free_is_an_error(cockpit, robot):
-    one, two = cockpit("planar_3r"), cockpit("planar_3r")
-    assert one.server.port != two.server.port
-    with pytest.raises(ServerError, match="no free port from 70000"):
-        Cockpit(arrange({"r": robot("planar_3r")}), port=70000, own_process=False)
-    with pytest.raises(ServerError, match="no such host"):
-        Cockpit(arrange({"r": robot("planar_3r")}), host="no such host", own_process=False)
+def test_a_port_in_use_is_passed_over(cockpit):
+    one = cockpit("planar_3r")
+    assert cockpit("planar_3r", port=one.server.port).server.port > one.server.port
+
+
+@pytest.mark.parametrize(
+    ("options", "why"),
+    [
+        ({"port": 70000}, "no free port from 70000"),
+        ({"host": "no such host"}, "no such host"),
+        ({"host": "0.0.0.0", "token": "", "own_process": True}, "needs a token"),
+    ],
+)
+def test_where_the_page_cant_be_served_the_session_ends(robot, options, why):
+    """`nothing_is_left` looks for its thread or process."""
+    with pytest.raises(ServerError, match=why):
+        Cockpit(arrange({"r": robot("planar_3r")}), **{"own_process": False, **options})
 
 
 def test_a_session_in_a_process_of_its_own_is_the_same(cockpit):
@@ -251,35 +174,6 @@ def test_the_end_of_a_session_is_told(cockpit, monkeypatch):
     assert browser.closed == (1001, "the session has ended")
 
 
-def test_an_objective_that_raises_is_told_in_the_page_once_and_the_session_goes_on(cockpit, monkeypatch, caplog):
-    class Wrong:
-        now = False
-
-        def velocity(self, state):
-            if self.now:
-                raise ValueError("the objective is wrong")
-            return np.zeros(state.mechanism.model.nv)
-
-    def begin(self, setup):
-        own(self, setup)
-        self.robots["delta4"].solver.objectives = [Wrong()]
-
-    own = Session.__init__
-    monkeypatch.setattr(Session, "__init__", begin)
-    one = cockpit("delta4")
-    browser = Browser(one.url)
-    assert becomes(lambda: browser.state)
-    Wrong.now = True
-    place = drag(browser, "delta4", "platform", [0.1, 0.05, -0.2]) + np.array([0.1, 0.05, -0.2])
-    assert becomes(lambda: _is_at(browser, "delta4", "platform", place))
-    (notice,) = [said for said in browser.told if said["type"] == "notice"]
-    assert notice["level"] == "warning"
-    assert "objective 0 (Wrong) of " in notice["text"]
-    assert "ValueError: the objective is wrong" in notice["text"]
-    (record,) = [record for record in caplog.records if record.name == "cinegen"]
-    assert record.exc_info[0] is ValueError
-
-
 def test_the_status_never_contradicts_the_meters(cockpit):
     """From the first report on, in every state that a page is sent."""
     one = cockpit("gough")
@@ -297,7 +191,7 @@ def test_the_status_never_contradicts_the_meters(cockpit):
     place = mechanism.placement(mechanism.q_home, mechanism.end).translation
     away = 2.0 * mechanism.length * np.random.default_rng(2).normal(size=3)  # through a singularity
     browser.say("start_drag", robot="gough", node=mechanism.end, point=[0, 0, 0])
-    for part in np.linspace(0.0, 1.0, 200):
+    for part in np.linspace(0.0, 1.0, 100):
         browser.say("move_drag", position=(place + part * away).tolist())
         time.sleep(0.01)
     assert becomes(lambda: browser.report["robots"]["gough"]["type2"]["sigma"] < NEAR_SINGULAR)
@@ -311,22 +205,8 @@ def test_the_status_never_contradicts_the_meters(cockpit):
     assert found == {True, False}
 
 
-def test_a_stall_is_shown_at_once(cockpit, monkeypatch):
-    one = cockpit("planar_3r", follow="circle")
-    browser = Browser(one.url)
-    assert becomes(lambda: browser.report is not None and browser.report["rate"]["ticks"] > 30)
-    before = browser.report["rate"]["missed_in_all"]
-    own = Session.tick
-    monkeypatch.setattr(Session, "tick", lambda self: (time.sleep(0.1), own(self)))
-    assert becomes(lambda: browser.report["rate"]["ticks"] < 20 and browser.report["rate"]["missed"] > 30)
-    monkeypatch.setattr(Session, "tick", own)
-    assert becomes(lambda: browser.report["rate"]["ticks"] > 30)
-    assert browser.report["rate"]["missed_in_all"] > before + 30
-
-
-@pytest.mark.parametrize("host", ["127.0.0.1", "0.0.0.0"])
-def test_every_answer_has_the_headers_that_protect_it(cockpit, host):
-    one = cockpit("planar_3r", host=host)
+def test_every_answer_has_the_headers_that_protect_it(cockpit):
+    one = cockpit("planar_3r", host="0.0.0.0")
     address = urlsplit(one.server.local_url)
     for path in ("", "viewer.js", "snapshot.html", "static/cockpit.js", "static/none.js", "none", "map/about.json"):
         connection = http.client.HTTPConnection(address.netloc, timeout=10)

@@ -1,15 +1,10 @@
-"""Twenty clients that ask for all that the rules allow, and one that only watches: it still sees the robot move.
-
-Run as a program, this file is the greedy clients: `test_greedy.py KIND URL`.
-"""
+"""Clients that ask for scenes without end, and one that only watches: it still sees the robot move."""
 
 from __future__ import annotations
 
 import asyncio
-import json
-import os
-import subprocess
-import sys
+import socket
+import threading
 import time
 from contextlib import suppress
 from urllib.parse import urlsplit
@@ -17,111 +12,59 @@ from urllib.parse import urlsplit
 import pytest
 import tornado.websocket
 from browsers import Browser, becomes, get
-from tornado.httpclient import AsyncHTTPClient
-from tornado.simple_httpclient import SimpleAsyncHTTPClient
 
 from cinegen.cockpit import Cockpit
 from cinegen.cockpit.hub import MOST
-from cinegen.cockpit.server import CONNECTIONS
+from cinegen.cockpit.server import _TURN, CONNECTIONS
 from cinegen.session import arrange
 
-GREEDY = 20
-VIEW = json.dumps({"type": "set_view", "quaternion": [0, 0, 0, 1]})
+pytestmark = pytest.mark.filterwarnings("ignore:.*no such port:cinegen.CinegenWarning")
+GREEDY = 8
 
 
-async def talk(address, message):
-    """Send just under 400 messages per second, and acknowledge every state."""
-    connection = await tornado.websocket.websocket_connect(f"ws://{address}/session")
-
-    async def listen():
-        while (text := await connection.read_message()) is not None:
-            message = json.loads(text)
-            if message["type"] == "state":
-                await connection.write_message(json.dumps({"type": "ack", "frame": message["frame"]}))
-
-    listening = asyncio.ensure_future(listen())
-    while not listening.done():
-        for _ in range(16):
-            await connection.write_message(message)
-        await asyncio.sleep(0.05)
-
-
-async def take_turns(address, message):
-    """Connect, take control, send as many messages as are allowed at once, and connect again."""
-    while True:
-        with suppress(Exception):
-            connection = await tornado.websocket.websocket_connect(f"ws://{address}/session")
-            await connection.write_message(json.dumps({"type": "request_control", "on": True}))
-            for _ in range(390):
-                await connection.write_message(message)
-            await asyncio.sleep(0.2)
-            connection.close()
-
-
-async def fetch(address, path):
-    client = AsyncHTTPClient()
-    while True:
-        with suppress(Exception):
-            await client.fetch(f"http://{address}/{path}")
-
-
-async def draw(address, _):
+async def draw(address, drawn):
     """Connect, take the first of the scene, and connect again."""
     while True:
         with suppress(Exception):
             connection = await tornado.websocket.websocket_connect(f"ws://{address}/scene")
             await connection.read_message()
+            drawn.append(address)
             connection.close()
-
-
-KINDS = {
-    "views": (talk, VIEW),
-    "controls": (talk, json.dumps({"type": "request_control", "on": True})),
-    "refused commands": (talk, json.dumps({"type": "undo"})),
-    "slow commands": (talk, json.dumps({"type": "move_home"})),
-    "slow commands in turns": (take_turns, json.dumps({"type": "move_home"})),
-    "snapshots": (fetch, "snapshot.html"),
-    "viewers": (fetch, "viewer.js"),
-    "pages": (fetch, ""),
-    "scenes": (draw, ""),
-}
-
-
-async def greedy(kind, url):
-    behave, what = KINDS[kind]
-    AsyncHTTPClient.configure(SimpleAsyncHTTPClient, max_clients=GREEDY, max_buffer_size=1 << 28)
-    print("begun", flush=True)
-    await asyncio.gather(*(behave(urlsplit(url).netloc, what) for _ in range(GREEDY)))
 
 
 @pytest.fixture
 def page(robot):
     setup = arrange({"delta4": robot("delta4")}, follow="circle")
-    with Cockpit(setup, port=8300, token="") as one:
+    with Cockpit(setup, port=0, token="", own_process=False) as one:
         yield one
 
 
-HARDEST = ("scenes",)
+@pytest.fixture
+def greedy():
+    """`greedy(url)`: begins, with an event loop of their own; a list that grows with each scene."""
+    loop = asyncio.new_event_loop()
+    thread = threading.Thread(target=loop.run_forever)
+    thread.start()
+    begun, drawn = [], []
+
+    def begin(url):
+        address = urlsplit(url).netloc
+        begun.extend(asyncio.run_coroutine_threadsafe(draw(address, drawn), loop) for _ in range(GREEDY))
+        return drawn
+
+    yield begin
+    for one in begun:
+        one.cancel()
+    loop.call_soon_threadsafe(loop.stop)
+    thread.join()
 
 
-@pytest.mark.parametrize(
-    "kind", [pytest.param(kind, marks=[] if kind in HARDEST else pytest.mark.slow) for kind in KINDS]
-)
-@pytest.mark.filterwarnings("ignore:.*no such port:cinegen.CinegenWarning")
-def test_an_honest_viewer_sees_states_among_greedy_clients(page, kind):
-    command = ["nice", sys.executable, __file__, kind, page.url]  # they must not starve the machine
-    environment = {**os.environ, "PYTHONPATH": os.pathsep.join(sys.path)}
-    with subprocess.Popen(command, stdout=subprocess.PIPE, text=True, env=environment) as others:
-        try:
-            assert others.stdout.readline() == "begun\n"
-            time.sleep(1.0)
-            browser = Browser(page.url)
-            assert becomes(lambda: browser.state is not None)
-            before = browser.frames
-            assert becomes(lambda: browser.frames >= before + 60, 60.0)  # three seconds on a machine of its own
-            assert others.poll() is None
-        finally:
-            others.kill()
+def test_an_honest_viewer_sees_states_among_greedy_clients(page, greedy):
+    """Whole scenes are sent one after the other, with a pause after each, however many are asked for."""
+    begin = time.monotonic()
+    drawn, browser = greedy(page.url), Browser(page.url)
+    assert becomes(lambda: browser.frames >= 20 and len(drawn) >= 20, 60.0)
+    assert len(drawn) <= (time.monotonic() - begin) / _TURN + 1
 
 
 def _is_served(url):
@@ -130,10 +73,7 @@ def _is_served(url):
     return False
 
 
-@pytest.mark.filterwarnings("ignore:.*no such port:cinegen.CinegenWarning")
 def test_scenes_and_connections_are_limited(page):
-    import socket
-
     scenes = [Browser(page.url, path="scene") for _ in range(MOST)]
     one_more = Browser(page.url, path="scene")
     assert becomes(lambda: one_more.closed is not None)
@@ -150,12 +90,9 @@ def test_scenes_and_connections_are_limited(page):
     assert becomes(lambda: _is_served(page.url))  # once the server has seen that they have gone
 
 
-@pytest.mark.filterwarnings("ignore:.*no such port:cinegen.CinegenWarning")
 def test_who_asks_slowly_is_disconnected(robot, monkeypatch):
-    import socket
-
     monkeypatch.setattr("cinegen.cockpit.server._SLOW", 0.3)
-    with Cockpit(arrange({"delta4": robot("delta4")}), port=8300, token="", own_process=False) as one:
+    with Cockpit(arrange({"delta4": robot("delta4")}), port=0, token="", own_process=False) as one:
         for half in (
             b"",
             b"GET / HTTP/1.1\r\nHost: ",
@@ -166,7 +103,3 @@ def test_who_asks_slowly_is_disconnected(robot, monkeypatch):
             peer.sendall(half)
             assert peer.recv(1) == b""
             peer.close()
-
-
-if __name__ == "__main__":
-    asyncio.run(greedy(*sys.argv[1:]))

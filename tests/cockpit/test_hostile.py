@@ -25,23 +25,24 @@ pytestmark = pytest.mark.filterwarnings("ignore:.*no such port:cinegen.CinegenWa
 
 @pytest.fixture
 def page(robot, caplog):
-    """`page()`: the address of a cockpit in which nobody may have raised anything in the end."""
+    """`page()`: a cockpit that is still served in the end, and in which nobody may have raised anything."""
     caplog.set_level(logging.WARNING)
-    opened = []
+    used = []
 
-    def open_page(host="127.0.0.1"):
-        setup = arrange({"delta4": robot("delta4")}, follow="circle")
-        opened.append(Cockpit(setup, host=host, port=8150, token=None if host == "0.0.0.0" else "", own_process=False))
-        return opened[-1]
+    def use(host="127.0.0.1"):
+        setup, token = arrange({"delta4": robot("delta4")}, follow="circle"), None if host == "0.0.0.0" else ""
+        used.append(Cockpit(setup, host=host, port=0, token=token, own_process=False))
+        return used[-1]
 
-    yield open_page
-    time.sleep(0.3)
-    gc.collect()  # asyncio logs a failure that nobody looked at when it is collected
-    time.sleep(0.1)
-    for one in opened:
-        browser = Browser(one.server.local_url)
-        assert becomes(lambda browser=browser: browser.state is not None), "the page is served no more"
-        browser.leave()
+    yield use
+    for _ in range(2):
+        for one in used:
+            browser = Browser(one.server.local_url)
+            assert becomes(lambda browser=browser: browser.state is not None), "the page is served no more"
+            browser.leave()
+            assert becomes(lambda one=one: not one.hub.clients)
+        gc.collect()  # asyncio logs a failure that nobody looked at when it is collected
+    for one in used:
         one.close()
     records = [record for phase in ("setup", "call", "teardown") for record in caplog.get_records(phase)]
     logged = [record.getMessage() for record in records if record.exc_info or record.levelno >= logging.ERROR]
@@ -91,15 +92,12 @@ class Peer:
     ("said", "why"),
     [
         ('{"type": "\\ud83d"}', "Input data was truncated"),
-        ('{"\\udfff\\udfff": 1}', "JSON is malformed"),
         (json.dumps({"type": "😀" * 40}, ensure_ascii=False), "Invalid value '" + "😀" * 26),
-        (json.dumps({"type": "😀" * 40}), "Invalid value '" + "😀" * 26),
         (json.dumps({"type": "ä" * 40}), "Invalid value '" + "ä" * 40 + "'"),
         (json.dumps({"type": "undo", "😀" * 40: 1}), "Object contains unknown field `" + "😀" * 20),
         (json.dumps({"type": "pin", "robot": "ä" * 100, "node": "link5"}), "Unknown robot '" + "ä" * 50),
-        (json.dumps({"type": "ack", "frame": "😀"}), "Expected `int`, got `str` - at `$.frame`"),
     ],
-    ids=["surrogate", "two", "emoji", "escaped emoji", "umlauts", "field", "robot", "ack"],
+    ids=["surrogate", "emoji", "umlauts", "field", "robot"],
 )
 def test_a_name_that_no_close_frame_can_hold(page, said, why):
     browser = Browser(page().url)
@@ -117,19 +115,21 @@ def test_static_files_that_there_are_not(page, host):
     """Where others may come too, without the token."""
     url = f"http://127.0.0.1:{page(host=host).server.port}/"
     names = ("a" * 4000, "%F0%9F%98%80" * 300, "a/" * 2000, "a%00b", "base/" + "a" * 300, "base", "no")
+    outside = ("../cockpit.py", "%2e%2e/cockpit.py", "/etc/passwd")
     assert {name[:20]: get(url, f"static/{name}")[0] for name in names} == {name[:20]: 404 for name in names}
+    assert {get(url, f"static/{name}")[0] for name in outside} <= {403, 404}
 
 
 def test_hosts_that_are_none(page):
     url = page().url
-    for host in ("[::1", "[", "]", "a]b", "[x]", "[127.0.0.1]", ""):
+    for host in ("evil.example:80", "127.0.0.1.evil.example", "[::1", "[", "]", "a]b", "[x]", "[127.0.0.1]", ""):
         for path in ("", "session", "scene", "snapshot.html", "static/cockpit.js", "map/about.json"):
             assert (host, path, Peer(url).ask(path, host=host).status()) == (host, path, 403)
 
 
 def test_origins_that_are_none(page):
     url = page().url
-    for origin in ("http://[x", "http://]", "http://[x]:80", "null", "", "😀"):
+    for origin in ("http://evil.example", "http://[x", "http://]", "http://[x]:80", "null", "", "😀"):
         for path in ("session", "scene"):
             with pytest.raises(HTTPClientError, match="403"):
                 Browser(url, path=path, Origin=origin.encode().decode("latin-1"))
@@ -146,7 +146,7 @@ def test_who_asks_and_vanishes(page):
     url = page().url
     for path in ("", "viewer.js", "snapshot.html", "static/cockpit.js"):
         for delay in (0.0, 0.001, 0.01, 0.05):
-            for _ in range(5):
+            for _ in range(3):
                 peer = Peer(url, 2048).ask(path)
                 time.sleep(delay)
                 peer.vanish()
@@ -157,7 +157,7 @@ def test_who_looks_and_vanishes(page, path):
     """At once, in the middle of the first words, or after some time."""
     one = page()
     for delay in (0.0, 0.0005, 0.001, 0.005, 0.02, 0.1):
-        for _ in range(15):
+        for _ in range(5):
             peer = Peer(one.url, 2048).upgrade(path)
             time.sleep(delay)
             peer.vanish()
@@ -167,9 +167,9 @@ def test_who_looks_and_vanishes(page, path):
 def test_who_commands_and_vanishes(page):
     one = page()
     for said in ({"hand": True}, {"nonsense": 1}, {"ack": 1}, {"pause": True}, {"pause": False}):
-        for _ in range(10):
+        for _ in range(4):
             peer = Peer(one.url, 2048).upgrade("session")
-            time.sleep(0.02)
+            assert becomes(lambda: one.hub.clients)
             peer.say(**said)
             peer.vanish()
     assert becomes(lambda: not one.hub.clients and one.hub.controller is None)
@@ -179,7 +179,7 @@ def test_who_acknowledges_without_reading_and_vanishes(page):
     """What is sent piles up; it is in the middle of being sent when the connection ends."""
     one = page()
     peers = [Peer(one.url, 2048).upgrade("session") for _ in range(3)]
-    for frame in range(400):
+    for frame in range(200):
         for peer in peers:
             peer.say(type="ack", frame=frame)
         time.sleep(0.005)
@@ -197,7 +197,7 @@ def test_a_connection_that_is_half_open(page, path, half):
     assert becomes(lambda: len(one.hub.clients) + len(one.server.scenes) == 5)
     for peer in peers:
         peer.socket.shutdown(half)
-    time.sleep(0.5)
+    time.sleep(0.1)
     for peer in peers:
         with contextlib.suppress(OSError):
             peer.vanish()

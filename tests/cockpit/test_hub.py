@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-from time import sleep
 from types import SimpleNamespace
 
 import pytest
@@ -60,15 +59,15 @@ def hub():
 def test_the_fastest_client_decides_how_often_states_are_sent(hub):
     (slow_client, _), (fast, _) = join(hub), join(hub)
     assert hub.rate == 60.0
-    hub.receive(fast, json.dumps({"type": "request_rate", "rate": 90.0}))
+    says(hub, fast, type="request_rate", rate=90.0)
     assert (hub.rate, hub.controller) == (90.0, None)  # it takes no control
-    hub.receive(slow_client, json.dumps({"type": "request_rate", "rate": 72.0}))
+    says(hub, slow_client, type="request_rate", rate=72.0)
     assert hub.rate == 90.0
     hub.leave(fast)
     assert hub.rate == 72.0
-    hub.receive(slow_client, json.dumps({"type": "request_rate"}))
+    says(hub, slow_client, type="request_rate")
     assert hub.rate == 60.0
-    hub.receive(slow_client, json.dumps({"type": "request_rate", "rate": 121.0}))
+    says(hub, slow_client, type="request_rate", rate=121.0)
     assert not hub.clients
 
 
@@ -108,17 +107,6 @@ def test_reactions_are_wanted_while_a_browser_asks_which_needs_no_control(hub):
     assert line.notices() == []
     hub.leave(second)
     assert not hub.wants_reactions
-
-
-def test_a_slow_one_holds_up_nobody(hub):
-    slow, slow_line = join(hub)
-    quick, quick_line = join(hub)
-    for time in range(1, 11):
-        hub.show(state(time))
-        says(hub, quick, type="ack", frame=time)
-    assert slow_line.frames() == [1]
-    assert quick_line.frames() == list(range(1, 11))
-    assert slow.frames == 0
 
 
 def test_who_comes_late_sees_the_newest_at_once_with_its_report(hub):
@@ -165,27 +153,16 @@ def test_the_first_who_does_something_holds_the_hand_until_it_is_taken_or_gone(h
     assert hub.controller is None
 
 
-def test_frames_say_who_holds_it(hub):
-    client, line = join(hub)
-    hub.show(state())
-    says(hub, client, type="ack", frame=1)
-    says(hub, client, **START)
-    hub.show(state())
-    assert [said["controller"] for said in line.told[1:]] == [None, client.number]
-
-
 @pytest.mark.parametrize(
     "message",
     [
         b"\x00\x01",
         "",
-        "null",
         "[]",
         '{"type": "ack"}',
-        '{"type": "request_control"}',
-        '{"type": "move_drag", "position": [1]}',
+        '{"type": "move_drag", "position": [NaN, 0, 0]}',
+        '{"type": "start_drag", "robot": "delta", "node": "nose", "point": [0, 0, 0]}',
         "x" * 5000,
-        '{"": 1}',
     ],
 )
 def test_who_talks_nonsense_is_dropped_and_told_why(hub, message):
@@ -208,14 +185,6 @@ def test_who_floods_is_dropped(hub):
     assert len(hub.obeyed) < 1.5 * hubs.FASTEST
 
 
-def test_there_is_room_for_so_many(hub):
-    lines = [join(hub) for _ in range(hubs.MOST + 20)]
-    assert len(hub.clients) == hubs.MOST
-    assert all(line.closed[0] == 1013 for client, line in lines if client is None)
-    hub.leave(lines[0][0])
-    assert join(hub)[0] is not None
-
-
 def test_who_takes_no_frame_for_long_is_given_up(hub, monkeypatch):
     _, line = join(hub)
     hub.show(state())
@@ -232,7 +201,7 @@ def test_messages_beyond_the_budget_of_all_wait_but_not_those_of_who_has_control
     hub = Hub(SETUP, lambda command: None, lambda number: replace(HELLO, client=number))
     greedy = [join(hub)[0] for _ in range(20)]
     modest, driver = join(hub)[0], join(hub)[0]
-    hub.receive(driver, json.dumps({"type": "request_control", "on": True}))
+    says(hub, driver, type="request_control", on=True)
     read = dict.fromkeys(greedy, 0)
     free = dict.fromkeys(greedy, now)
     waited = 0.0
@@ -261,7 +230,7 @@ def test_clients_that_take_control_in_turns_gain_nothing(hub, monkeypatch):
     read = 0
     while now < 105.0:
         client, _ = join(hub)
-        hub.receive(client, json.dumps({"type": "request_control", "on": True}))
+        says(hub, client, type="request_control", on=True)
         for _ in range(hubs.FASTEST):
             now += 1e-4 + hub.pause(client)
             read += 1
@@ -295,10 +264,6 @@ def test_it_receives_whether_anybody_watches(hub):
     assert "report" not in late.told[-1]
 
 
-def receive(hub, client, message):
-    hub.receive(client, json.dumps(message))
-
-
 def show(hub, *clients):
     """A new state, which the clients acknowledge."""
     hub.show(state())
@@ -311,18 +276,20 @@ def users_of(line):
 
 
 def test_users_and_their_pointers_are_seen_by_all_as_often_as_is_useful(hub, monkeypatch):
+    now = 100.0
+    monkeypatch.setattr(hubs, "time", SimpleNamespace(monotonic=lambda: now))
     monkeypatch.setattr(hubs, "USERS", 0.05)
     first, one = join(hub)
     second, other = join(hub)
     cursor = {"type": "set_cursor", "robot": "delta", "node": "link5", "point": [0, 0, 0.1]}
-    receive(hub, first, cursor)  # who has no name is not shown
+    says(hub, first, **cursor)  # who has no name is not shown
     show(hub, first, second)
     assert users_of(one) == users_of(other) == []
-    receive(hub, first, {"type": "set_user", "name": "<b>Ada</b>", "colour": 3})
-    receive(hub, first, cursor | {"dragging": True})
+    says(hub, first, **{"type": "set_user", "name": "<b>Ada</b>", "colour": 3})
+    says(hub, first, **(cursor | {"dragging": True}))
     for _ in range(40):  # many messages, few lists
-        receive(hub, first, cursor)
-        receive(hub, first, cursor | {"dragging": True})
+        says(hub, first, **cursor)
+        says(hub, first, **(cursor | {"dragging": True}))
         show(hub, first, second)
     assert users_of(other)[0] == [(first.number, "<b>Ada</b>")]
     (seen,) = next(said["users"] for said in other.told if "users" in said)
@@ -333,7 +300,7 @@ def test_users_and_their_pointers_are_seen_by_all_as_often_as_is_useful(hub, mon
     show(hub, late)
     assert users_of(line)[0] == [(first.number, "<b>Ada</b>")]
     hub.leave(first)
-    sleep(0.06)
+    now += 0.06
     show(hub, second, late)
     assert users_of(line)[-1] == users_of(other)[-1] == []
     assert hub.obeyed == []  # none of that needs control, or reaches the session
@@ -353,6 +320,6 @@ def test_users_and_their_pointers_are_seen_by_all_as_often_as_is_useful(hub, mon
 )
 def test_users_and_pointers_that_are_not_valid_are_refused(hub, message, reason):
     client, line = join(hub)
-    receive(hub, client, message)
+    says(hub, client, **message)
     assert line.closed[0] == 1008
     assert reason in line.closed[1]

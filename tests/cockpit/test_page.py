@@ -32,11 +32,8 @@ def test_a_browser_that_comes_late_gets_the_newest_of_everything_placed_before_i
     Visualizer(window=page)["a/<object>"].set_property("visible", True)  # of the object, which must be there
     feed = page.feed()
     messages = _taken(feed)
-    assert [message["type"] for message in messages] == [
-        *["set_transform"] * 2,
-        *["set_object"] * 2,
-        "set_property",
-    ]
+    kinds = [*["set_transform"] * 2, *["set_object"] * 2, "set_property"]
+    assert [message["type"] for message in messages] == kinds
     moved = {message["path"]: message["matrix"][12] for message in messages[:2]}
     assert moved == {"/meshcat/a": 3.0, "/meshcat/b": 2.0}
     assert _taken(feed) == []
@@ -62,18 +59,6 @@ def test_what_is_deleted_is_not_sent_any_more():
     _box(page, "ab")
     Visualizer(window=page)["a"].delete()
     assert [path for path, _, _ in page.scene()] == ["/meshcat/ab", "/meshcat/ab"]
-
-
-def test_the_static_page_holds_the_viewer_and_every_part(robot):
-    delta = robot("delta4")
-    page = Page()
-    scene = RobotScene(page, {"delta": delta})
-    text = page.html()
-    assert "MeshCat.Viewer" in text
-    assert text.count('"', text.index("for (const text of [")) > 2 * len(delta.nodes)
-    assert len(text) < 2_000_000
-    scene.show("delta", delta.random_closed(1)[0])
-    assert page.html() != text
 
 
 def test_every_part_is_drawn_where_it_is(robot):

@@ -14,8 +14,11 @@ from browsers import Browser, becomes
 
 import cinegen
 from cinegen.cockpit import Cockpit, SetupFiles
+from cinegen.cockpit.build_messages import hello_message
+from cinegen.cockpit.hub import Hub
 from cinegen.cockpit.watched_files import WatchedFiles
-from cinegen.session import arrange
+from cinegen.session import SessionRunner, arrange
+from cinegen.session.setup import Device
 from raff2urdf.files import noting
 
 RAFF = """RAFF t
@@ -96,10 +99,14 @@ def test_each_format_is_read_again_and_its_errors_are_returned(tmp_path, name, t
     assert span(files.wait(over).made) == pytest.approx(before + 0.1, abs=1e-6)
 
 
-def test_a_save_by_renaming_and_one_of_the_same_text_are_noticed(tmp_path):
-    path = tmp_path / "r.urdf"
-    path.write_text(URDF)
+@pytest.fixture
+def path(tmp_path):
+    (tmp_path / "r.urdf").write_text(URDF)
     part(tmp_path, 0.1)
+    return tmp_path / "r.urdf"
+
+
+def test_saves_by_renaming_and_of_the_same_text_are_noticed_and_a_file_that_is_gone_is_an_error(path, tmp_path):
     files, over = watched(path), threading.Event()
     for text, is_new in ((URDF.replace("0.4", "0.5"), True), (URDF.replace("0.4", "0.5"), False)):
         other = tmp_path / "r.urdf~"
@@ -108,20 +115,13 @@ def test_a_save_by_renaming_and_one_of_the_same_text_are_noticed(tmp_path):
         reading = files.wait(over)
         assert (reading.made is not None) is is_new
         assert reading.problem == ""
-
-
-def test_a_file_that_is_gone_for_a_while_is_an_error_until_it_is_back(tmp_path):
-    path = tmp_path / "r.urdf"
-    path.write_text(URDF)
-    part(tmp_path, 0.1)
-    files, over = watched(path), threading.Event()
     path.unlink()
     assert "can't be read" in files.wait(over).problem
     path.write_text(URDF)
     assert files.wait(over).problem == ""
 
 
-def test_what_is_next_to_a_file_is_watched_also_where_there_is_none_yet(tmp_path, root):
+def test_what_is_next_to_a_file_is_watched_also_where_there_is_none_yet(tmp_path):
     path = tmp_path / "r.urdf"
     path.write_text(URDF.replace('<mesh filename="part.stl"/>', '<box size="1 1 1"/>'))
     files, over = watched(path), threading.Event()
@@ -145,11 +145,8 @@ def test_a_mesh_is_watched(tmp_path, name, text, unit):
     assert np.ptp(mesh.geometry.vertices(), axis=0).max() == pytest.approx(0.3 * unit)
 
 
-def test_nothing_is_read_while_a_file_keeps_changing(tmp_path, monkeypatch):
+def test_nothing_is_read_while_a_file_keeps_changing(path):
     """A file that is being written is read when two looks find it the same."""
-    path = tmp_path / "r.urdf"
-    path.write_text(URDF)
-    part(tmp_path, 0.1)
     files, looks = watched(path), []
 
     class Looks:
@@ -194,9 +191,6 @@ def test_all_browsers_meet_the_new_robot_and_late_commands_do_not_disconnect_the
 
 
 def test_a_client_may_name_what_is_gone_until_it_knows(robot):
-    from cinegen.cockpit.build_messages import hello_message
-    from cinegen.cockpit.hub import Hub
-
     class Connection:
         def __init__(self):
             self.told, self.closed = [], None
@@ -225,9 +219,6 @@ def test_a_client_may_name_what_is_gone_until_it_knows(robot):
 
 
 def test_a_setup_that_can_not_be_driven_is_reported_and_the_session_goes_on(robot):
-    from cinegen.session import SessionRunner
-    from cinegen.session.setup import Device
-
     setup = arrange({"r": robot("planar_3r")})
     with SessionRunner(setup, own_process=False) as runner:
         bad = replace(setup, devices=(Device("x", "path:spiral", robot="r", node="tool"),), switches=())

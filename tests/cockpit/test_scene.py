@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import sysconfig
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
@@ -20,11 +19,11 @@ COLOUR = '<material name="m"><color rgba="{}"/></material>'
 
 
 @pytest.fixture(autouse=True)
-def _no_cache(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def _no_cache(tmp_path, monkeypatch):
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
 
 
-def drawn(mechanism: cinegen.Mechanism) -> dict[str, Any]:
+def drawn(mechanism):
     """What the page is sent of objects and transforms, by path and kind."""
     page = Page()
     RobotScene(page, {"it": mechanism})
@@ -34,7 +33,7 @@ def drawn(mechanism: cinegen.Mechanism) -> dict[str, Any]:
     }
 
 
-def shown(tmp_path: Path, mesh: str, material: str = "") -> dict[str, Any]:
+def shown(tmp_path, mesh, material=""):
     """The object that a URDF of one mesh becomes."""
     text = URDF.format(f'<mesh filename="{mesh}"/>', material)
     (tmp_path / "r.urdf").write_text(text)
@@ -42,7 +41,7 @@ def shown(tmp_path: Path, mesh: str, material: str = "") -> dict[str, Any]:
 
 
 @pytest.fixture
-def box(tmp_path: Path) -> trimesh.Trimesh:
+def box(tmp_path):
     """Of 2 x 2 x 2, as box.stl, box.obj and blue box.dae."""
     box = trimesh.creation.box((2.0, 2.0, 2.0))
     box.export(tmp_path / "box.stl")
@@ -58,7 +57,7 @@ def box(tmp_path: Path) -> trimesh.Trimesh:
 
 
 @pytest.mark.parametrize("ending", ["stl", "obj", "dae"])
-def test_a_mesh_has_the_colour_that_the_urdf_says(tmp_path: Path, box: trimesh.Trimesh, ending: str) -> None:
+def test_a_mesh_has_the_colour_that_the_urdf_says(tmp_path, box, ending):
     thing = shown(tmp_path, f"box.{ending}", COLOUR.format("1 0.5 0 0.25"))
     assert thing["object"]["type"] == "Mesh"
     assert (thing["materials"][0]["color"], thing["materials"][0]["opacity"]) == (0xFF8000, 0.25)
@@ -68,9 +67,7 @@ def test_a_mesh_has_the_colour_that_the_urdf_says(tmp_path: Path, box: trimesh.T
     ("rgba", "colour", "opacity"),
     [("nan 0 1 1", 0x8000FF, 1.0), ("-3 2 inf 1", 0x00FFFF, 1.0), ("1e300 0 0 -1", 0xFF0000, 0.0)],
 )
-def test_odd_colours_are_no_failure(
-    tmp_path: Path, box: trimesh.Trimesh, rgba: str, colour: int, opacity: float
-) -> None:
+def test_odd_colours_are_no_failure(tmp_path, box, rgba, colour, opacity):
     """Whatever Pinocchio makes of them: some it takes for none."""
     material = shown(tmp_path, "box.stl", COLOUR.format(rgba))["materials"][0]
     assert 0 <= material["color"] <= 0xFFFFFF
@@ -80,16 +77,14 @@ def test_odd_colours_are_no_failure(
 
 
 @pytest.mark.parametrize(("name", "colour"), [("box.dae", 0x0000FF), ("box.obj", 0xFF0000)])
-def test_a_mesh_with_colours_of_its_own_is_shown_in_them(
-    tmp_path: Path, box: trimesh.Trimesh, name: str, colour: int
-) -> None:
+def test_a_mesh_with_colours_of_its_own_is_shown_in_them(tmp_path, box, name, colour):
     thing = shown(tmp_path, name)
     assert thing["materials"][0]["color"] == colour
     corners = np.frombuffer(thing["geometries"][0]["data"]["attributes"]["position"]["array"].data, np.float32)
     assert (corners.min(), corners.max()) == (-1.0, 1.0)
 
 
-def test_every_colour_of_a_mesh_is_shown(tmp_path: Path) -> None:
+def test_every_colour_of_a_mesh_is_shown(tmp_path):
     """Collada may lay several materials on one mesh, which the viewer's own reader loses."""
     share = Path(sysconfig.get_path("purelib")) / "cmeel.prefix/share/example-robot-data/robots"
     ur5 = cinegen.load(share / "ur_description/urdf/ur5_robot.urdf")
@@ -100,13 +95,13 @@ def test_every_colour_of_a_mesh_is_shown(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("name", ["plain.obj", "gone.obj", "box.stl"])
-def test_a_mesh_without_colours_has_the_usual_one(tmp_path: Path, box: trimesh.Trimesh, name: str) -> None:
+def test_a_mesh_without_colours_has_the_usual_one(tmp_path, box, name):
     thing = shown(tmp_path, name)
     assert thing["object"]["type"] == "Mesh"
     assert thing["materials"][0]["color"] == 0xE6E6E6
 
 
-def test_the_view_holds_all_of_a_mesh_and_the_floor_is_below_it(root: Path) -> None:
+def test_the_view_holds_all_of_a_mesh_and_the_floor_is_below_it(root):
     """rx90 stands with its shoulder at the origin, on a pedestal of 420 mm."""
     sent = drawn(cinegen.load(root / "robots" / "rx90.raff"))
     whole = np.reshape(sent["cinegen set_transform"]["matrix"], (4, 4)).T

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from functools import cache
 
 import numpy as np
 import pytest
 from calibration_data import POSE, changes, errors_of, everything, exact, noisy
-from variants import slow
 
 import cinegen
 import raff2urdf
@@ -17,7 +17,7 @@ from cinegen.design.calibration.proposal import propose
 from cinegen.design.poses import random_poses
 from cinegen.errors import CinegenWarning
 
-IDENTIFIABLE = [("delta4", 114, 42, 38), ("five_bar", 42, 13, 12), ("gough", 168, 51, 48), ("tssm", 174, 43, 40)]
+IDENTIFIABLE = [("delta4", 114, 42, 38), ("five_bar", 42, 13, 12)]
 """Parameters, and combinations that full poses and positions determine (issue: identifiability of the design)."""
 
 
@@ -61,7 +61,7 @@ def test_derivatives_against_differences():
         np.testing.assert_allclose(here.jacobian[:, :, k], (ends[0] - ends[1]) / 2e-6, atol=1e-8)
 
 
-@pytest.mark.parametrize(("name", "count", "full", "position"), [*IDENTIFIABLE[:2], *slow(*IDENTIFIABLE[2:])])
+@pytest.mark.parametrize(("name", "count", "full", "position"), IDENTIFIABLE)
 def test_identifiable_combinations(name, count, full, position):
     for columns, wanted in ((POSE, full), (POSE[:3], position)):
         parameters, _, readings = measured(name, columns)
@@ -72,9 +72,8 @@ def test_identifiable_combinations(name, count, full, position):
         assert counted + sum(len(one.changes) for one in found.dependencies) == count
 
 
-@pytest.mark.parametrize("name", ["delta4", *slow("gough")])
-def test_dependencies_change_no_reading(name):
-    parameters, _, readings = measured(name, POSE)
+def test_dependencies_change_no_reading():
+    parameters, _, readings = measured("delta4", POSE)
     found = calibrate(parameters, noisy(readings, 1), folds=0, robust=False)
     observation = Observation(parameters, readings)
     for one in found.dependencies:
@@ -88,8 +87,7 @@ def test_dependencies_change_no_reading(name):
             assert np.abs(ends[0] - ends[1]).max() < 1e-6 * 0.01 * np.abs(change).max()
     texts = [one.text for one in found.dependencies]
     assert "base.gamma and base.theta: only their sum" in texts
-    legs = {"gough": "link1, link7, link10, link13, link16, link19", "delta4": "link1, link6, link12"}[name]
-    assert any(text.startswith(f"base moved, and {legs} on it moved back") for text in texts)
+    assert any(text.startswith("base moved, and link1, link6, link12 on it moved back") for text in texts)
 
 
 def test_base_and_platform_that_move_together_are_named():
@@ -108,29 +106,8 @@ def test_base_and_platform_that_move_together_are_named():
     assert np.abs(found.values - found.nominal).max() < 1e-9  # nothing is wrong with this robot
 
 
-@pytest.mark.parametrize("name", ["delta4", *slow("gough")])
-def test_rotations_about_the_fixed_point_of_a_ball_bar_are_named(name):
-    parameters, fixed = everything(name), np.array([0.3, 0.2, 0.1])
-    end = parameters.mechanism.end
-    columns = [f"{end}({point}).distance(0.3 0.2 0.1)" for point in ("0.1 0 0", "0 0.1 0.05", "0 0 0")]
-    found = calibrate(parameters, exact(parameters, columns, parameters.values, 60), folds=0, robust=False)
-    design, q = Design(parameters), random_poses(Design(parameters), 3, 8)
-    here = design.evaluate(q=q)
-    turns = []
-    for one in found.dependencies:
-        if one.text.startswith("base and platform move together as one body"):
-            at = [found.names.index(n) for n in one.names]
-            for twist, pose in zip(here.pose_derivative(end, "world")[:, :, at], here.placements(end), strict=True):
-                v, w = np.split(twist @ one.changes[0], 2)
-                if name == "gough":  # a delta's platform keeps its orientation: moving its frame is no different
-                    np.testing.assert_allclose(v, np.cross(w, pose[:3, 3] - fixed), atol=1e-6 * np.linalg.norm(w))
-                turns.append(w / np.linalg.norm(w))
-    assert np.linalg.matrix_rank(turns, tol=1e-6) == 3
-
-
-@pytest.mark.parametrize("name", ["delta4", *slow("gough")])
-def test_estimates_obey_the_cramer_rao_bound(name):
-    parameters, truth, readings = measured(name, POSE)
+def test_estimates_obey_the_cramer_rao_bound():
+    parameters, truth, readings = measured("delta4", POSE)
     found = calibrate(parameters, noisy(readings, 3))
     wanted = combinations(found, truth)
     sigma = np.sqrt(np.diag(found.combination_covariance))
@@ -146,9 +123,8 @@ def test_estimates_obey_the_cramer_rao_bound(name):
             assert abs(found.values[i] - truth[i]) < 4.5 * found.sigmas[i]
 
 
-@pytest.mark.parametrize("name", ["delta4", *slow("gough")])
-def test_outliers_change_little_and_are_listed(name):
-    parameters, _, readings = measured(name, POSE)
+def test_outliers_change_little_and_are_listed():
+    parameters, _, readings = measured("delta4", POSE)
     good, bad = noisy(readings, 3), noisy(readings, 3, 0.05)
     found, again = calibrate(parameters, good, folds=0), calibrate(parameters, bad, folds=0)
     assert (changes(again, found) < 1.0).mean() > 0.98
@@ -158,14 +134,6 @@ def test_outliers_change_little_and_are_listed(name):
     with pytest.warns(CinegenWarning, match="times what the sigmas of the readings allow"):
         naive = calibrate(parameters, bad, folds=0, robust=False)
     assert changes(naive, found).max() > 10.0
-
-
-def test_outliers_count_as_readings_that_are_missing():
-    parameters, _, readings = measured("delta4", POSE)
-    good, bad = noisy(readings, 3), noisy(readings, 3, 0.2)
-    blank = np.where(bad.values != good.values, np.nan, bad.values)
-    without = calibrate(parameters, Measurements(bad.quantities, blank, bad.sigmas, bad.labels), folds=0)
-    assert changes(calibrate(parameters, bad, folds=0), without).max() < 1e-4
 
 
 def test_dependent_columns_on_which_divide_and_conquer_fails():
@@ -221,15 +189,6 @@ def test_noise_of_encoders_widens_the_covariance():
     assert (sigma > np.sqrt(np.diag(exact_ones.combination_covariance))).all()
 
 
-def test_serial_arm():
-    parameters, truth, readings = measured("arm7", POSE[:3])
-    found = calibrate(parameters, noisy(readings, 4))
-    assert found.held_out[0].after < 1.7 * found.held_out[0].noise < 0.2 * found.held_out[0].before
-    assert (
-        np.abs(found.combinations - combinations(found, truth)) <= 3.5 * np.sqrt(np.diag(found.combination_covariance))
-    ).mean() > 0.95
-
-
 @pytest.mark.filterwarnings("ignore:.*graphics that can't be shown")
 def test_the_raff_file_is_the_calibrated_robot(tmp_path):
     """Loaded anew, it is where the robot was measured."""
@@ -251,14 +210,6 @@ def test_the_raff_file_is_the_calibrated_robot(tmp_path):
 
 MISTAKES = [
     ({"platform.x": 1000.0}, "platform.x: .* is far beyond the reach .* did you mean"),
-    (
-        {"platform.x": 0.001},
-        r"column platform.x: .* would fit if they were 1000 times as large: are they in m, and read as mm",
-    ),
-    (
-        {"platform.z": -1.0},
-        "column platform.z: the readings differ by .* from what the robot does .* opposite sign of platform.z",
-    ),
     ({"joint1": 1000.0}, "joint1: .* far beyond its limits"),
     (
         dict.fromkeys(("joint1", "joint6", "joint12"), np.radians(1.0)),
@@ -278,30 +229,37 @@ def test_wrong_units_are_asked_back(factors, message):
         calibrate(parameters, Measurements.loads(bad.text("m", "rad"), parameters.mechanism, "m.csv"))
 
 
-@pytest.mark.parametrize(("name", "what"), [("delta4_linear", "all columns fit"), *slow(("gough", "the loops close"))])
-def test_strokes_in_another_unit(name, what):
-    parameters = Parameters(name, ["link1.r"])
+def test_strokes_in_another_unit():
+    parameters = Parameters("delta4_linear", ["link1.r"])
     readings = exact(parameters, [f"{parameters.mechanism.end}.{c}" for c in POSE], parameters.values, 8)
     text = readings.text("m", "rad").replace(" [m]", " [mm]", len(parameters.mechanism.actuated))
-    with pytest.raises(
-        DesignError, match=rf"{what} if these readings are 1000 times as large, .* in m, and read as mm"
-    ):
+    told = "all columns fit if these readings are 1000 times as large, .* in m, and read as mm"
+    with pytest.raises(DesignError, match=told):
         calibrate(parameters, Measurements.loads(text, parameters.mechanism, "m.csv"))
+
+
+def test_angles_of_a_node_in_another_unit():
+    parameters = Parameters("arm7", ["link*.r"])
+    readings = exact(parameters, [f"tool.{c}" for c in POSE], parameters.values, 8)
+    readings.values[:, -3:] *= np.pi / 180.0
+    told = r"column tool.rx: the readings differ by .* 57.3 times as large: are they in rad, and read as"
+    with pytest.raises(DesignError, match=told):
+        calibrate(parameters, readings)
 
 
 @pytest.mark.parametrize(
     ("factor", "message"),
     [
-        (180.0 / np.pi, "0.01745 times as large: are they in deg"),
-        (np.pi / 180.0, "57.3 times as large: are they in rad"),
+        (0.2, "times what the sigmas of the readings allow"),
+        (100.0, r"residuals are only 0.0\d+ times what the sigmas .* in another unit"),
     ],
 )
-def test_angles_of_a_node_in_another_unit(factor, message):
-    parameters = Parameters("arm7", ["link*.r"])
-    readings = exact(parameters, [f"tool.{c}" for c in POSE], parameters.values, 8)
-    readings.values[:, -3:] *= factor
-    with pytest.raises(DesignError, match=rf"column tool.rx: the readings differ by .* {message}, and read as"):
-        calibrate(parameters, readings)
+def test_sigmas_that_are_wrong_are_told(factor, message):
+    parameters, _, readings = measured("delta4", POSE)
+    good = noisy(readings, 2)
+    with pytest.warns(CinegenWarning, match=message):
+        found = calibrate(parameters, replace(good, sigmas=factor * good.sigmas), folds=0)
+    assert len(found.outliers) < 10
 
 
 def test_joints_that_nothing_determines_are_named():
@@ -323,23 +281,6 @@ def test_too_few_poses_are_told():
     with pytest.warns(CinegenWarning, match="any errors fit"):
         found = calibrate(parameters, few, folds=0)
     assert found.subspace.rank < 42
-
-
-def test_sigmas_that_are_too_small_are_told():
-    parameters, _, readings = measured("delta4", POSE)
-    good = noisy(readings, 2)
-    small = Measurements(good.quantities, good.values, 0.2 * good.sigmas, good.labels)
-    with pytest.warns(CinegenWarning, match="times what the sigmas of the readings allow"):
-        found = calibrate(parameters, small, folds=0)
-    assert len(found.outliers) < 10
-
-
-def test_sigmas_in_another_unit_are_told():
-    parameters, _, readings = measured("delta4", POSE)
-    good = noisy(readings, 2)
-    large = Measurements(good.quantities, good.values, 100.0 * good.sigmas, good.labels)
-    with pytest.warns(CinegenWarning, match=r"residuals are only 0.0\d+ times what the sigmas .* in another unit"):
-        calibrate(parameters, large, folds=0)
 
 
 def test_proposed_poses_are_better_than_random_ones():

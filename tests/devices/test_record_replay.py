@@ -109,7 +109,9 @@ def test_a_full_disk_is_said_at_the_start(device):
     assert full.is_char_device()
 
 
-def test_a_full_disk_does_not_raise_later(tmp_path, monkeypatch):
+def test_a_full_disk_does_not_raise_later_and_no_file_stays_open(tmp_path, monkeypatch):
+    before = len(os.listdir("/proc/self/fd"))
+
     def full(*_):
         raise OSError(errno.ENOSPC, "No space left on device")
 
@@ -119,14 +121,6 @@ def test_a_full_disk_does_not_raise_later(tmp_path, monkeypatch):
     assert recorder.error == "the disk is full"
     recorder.close()
     recorder.write(READINGS[0])
-
-
-def test_it_leaves_no_file_open(tmp_path):
-    if not os.path.isdir("/proc/self/fd"):
-        pytest.skip("no /proc here")
-    before = len(os.listdir("/proc/self/fd"))
-    for i in range(20):
-        ReadingRecorder(tmp_path / f"{i}").close()
     assert len(os.listdir("/proc/self/fd")) == before
 
 
@@ -134,19 +128,10 @@ def test_it_leaves_no_file_open(tmp_path):
     ("text", "why"),
     [
         ("", "not a recording"),
-        ("hello\n", "not a recording"),
         ("[]\n", "not a recording"),
         ('{"cinegen": "readings", "version": 2}\n', "version 2; only version 1"),
-        ('{"cinegen": "readings", "version": 1, "timeout": "x"}\n', r"got `str` - at `\$.timeout`"),
         ('{"cinegen": "readings", "version": 1, "timeout": -1}\n', "time-out"),
-        (
-            '{"cinegen": "readings", "version": 1}\n{"time": 1}\n\n{"time": 0}\n',
-            r":4: Expected a time not before",
-        ),
-        (
-            '{"cinegen": "readings", "version": 1}\n{"twist": [0, 0, 0, 0, 0, 0]}\n',
-            ":2: .* field `time`",
-        ),
+        ('{"cinegen": "readings", "version": 1}\n{"time": 1}\n\n{"time": 0}\n', r":4: Expected a time not before"),
         ('{"cinegen": "readings", "version": 1}\n{"time": 0, "pressed": "x"}\n', r":2: .*`\$.pressed`"),
         ('{"cinegen": "readings", "version": 1}\n{"time": 0, "twist": [NaN]}\n', ":2: JSON is malformed"),
     ],

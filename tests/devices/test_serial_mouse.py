@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import random
-import threading
-import time
 
 import pytest
 from mouse_streams import magellan_motion, magellan_twist, spaceball_twist
@@ -14,6 +12,10 @@ from cinegen.devices import SensorState
 from cinegen.devices.serial_mouse import SerialMouse
 
 KINDS = {"Magellan SpaceMouse": (PlayedMagellan, magellan_twist), "Spaceball 2003": (PlayedSpaceball, spaceball_twist)}
+COMPLAINTS = {
+    "Magellan SpaceMouse": (b"eA0\r", "the Magellan reports an unknown command"),
+    "Spaceball 2003": (b"E7\r", "the Spaceball reports error"),
+}
 
 
 @pytest.fixture(params=KINDS)
@@ -25,6 +27,17 @@ def played(request, tmp_path):
     mouse.longest = 0.1
     mouse.start()
     yield device, mouse, twist, request.param
+    mouse.close()
+    device.unplug()
+
+
+@pytest.fixture
+def magellan(tmp_path):
+    device = PlayedMagellan(tmp_path / "port").plug()
+    mouse = SerialMouse(str(device.path), patience=0.3)
+    mouse.start()
+    wait(lambda: mouse.status.state is SensorState.LIVE)
+    yield device, mouse
     mouse.close()
     device.unplug()
 
@@ -49,6 +62,9 @@ def test_it_is_found_started_and_read(played):
     for counts in [(20, -30, 40, 50, -60, 70), (0, 0, 0, 0, 0, 0), (1, 2, 3, 4, 5, 6)]:
         reads(mouse, twist(counts), device, counts)
     assert mouse.status.state is SensorState.LIVE
+    complaint, why = COMPLAINTS[name]
+    device.send(complaint)
+    wait(lambda: why in mouse.status.message)
     mouse.close()
     assert mouse.status.state is SensorState.CLOSED
 
@@ -97,17 +113,6 @@ def test_a_device_at_rest_is_asked_again_and_again_and_stays_live(played):
     assert states <= {SensorState.LIVE, SensorState.SILENT}
 
 
-def test_what_a_device_complains_of_is_reported(played):
-    device, mouse, _, name = played
-    wait(device.started.is_set)
-    wait(lambda: mouse.status.state is SensorState.LIVE)
-    device.send(b"eA0\r" if name.startswith("Magellan") else b"E7\r")
-    expected = (
-        "the Magellan reports an unknown command" if name.startswith("Magellan") else "the Spaceball reports error"
-    )
-    wait(lambda: expected in mouse.status.message)
-
-
 def test_garbage_and_halves_do_no_harm(played):
     device, mouse, twist, _ = played
     wait(device.started.is_set)
@@ -122,67 +127,32 @@ def test_garbage_and_halves_do_no_harm(played):
     assert mouse.status.state is SensorState.LIVE
 
 
-def test_presses_are_kept_for_a_slow_reader_and_motion_is_not(tmp_path):
-    device = PlayedMagellan(tmp_path / "port").plug()
-    mouse = SerialMouse(str(device.path), patience=0.3)
-    mouse.start()
-    try:
-        wait(device.started.is_set)
-        wait(lambda: mouse.status.state is SensorState.LIVE)
-        time.sleep(0.1)
-        before = mouse.status.packets
-        for keys in (1, 0, 2, 3, 0):
-            device.press(keys)
-            device.move((keys,) * 6)
-        wait(lambda: mouse.status.packets >= before + 10)
-        reading = mouse.read()
-        assert reading is not None
-        assert reading.twist == magellan_twist((0,) * 6)
-        assert reading.buttons == frozenset()
-        assert reading.pressed == (0, 1, 0)
-        assert mouse.read() is None
-    finally:
-        mouse.close()
-        device.unplug()
+def test_presses_are_kept_for_a_slow_reader_and_of_motion_the_newest(magellan):
+    device, mouse = magellan
+    wait(lambda: device.heard.endswith(b"kQ\r"))
+    for keys in (1, 0, 2, 3, 0):
+        device.press(keys)
+        device.move((keys,) * 6)
+    for i in range(500):
+        device.move((i % 400,) * 6)
+    device.move((111,) * 6)
+    wait(lambda: mouse.newest.last.twist == magellan_twist((111,) * 6))
+    reading = mouse.read()
+    assert reading.twist == magellan_twist((111,) * 6)
+    assert reading.buttons == frozenset()
+    assert reading.pressed == (0, 1, 0)
+    assert mouse.read() is None
 
 
-def test_a_flood_leaves_the_newest(tmp_path):
-    device = PlayedMagellan(tmp_path / "port").plug()
-    mouse = SerialMouse(str(device.path), patience=0.3)
-    mouse.start()
-    try:
-        wait(device.started.is_set)
-        wait(lambda: mouse.status.state is SensorState.LIVE)
-        for i in range(2000):
-            device.move((i % 400,) * 6)
-        device.move((111,) * 6)
-        last = None
-
-        def newest() -> bool:
-            nonlocal last
-            last = mouse.read() or last
-            return last is not None and last.twist == magellan_twist((111,) * 6)
-
-        wait(newest)
-    finally:
-        mouse.close()
-        device.unplug()
-
-
-def test_nobody_answers(tmp_path):
-    device = PlayedMagellan(tmp_path / "port")
+def test_nobody_answers(magellan):
+    device, mouse = magellan
+    mouse.close()
     device.deaf = True
-    device.plug()
-    mouse = SerialMouse(str(device.path), patience=0.1)
     mouse.start()
-    try:
-        wait(lambda: mouse.status.state is SensorState.REFUSED)
-        assert "no 3D mouse answers" in mouse.status.message
-        device.deaf = False
-        wait(lambda: mouse.status.state is SensorState.LIVE)
-    finally:
-        mouse.close()
-        device.unplug()
+    wait(lambda: mouse.status.state is SensorState.REFUSED)
+    assert "no 3D mouse answers" in mouse.status.message
+    device.deaf = False
+    wait(lambda: mouse.status.state is SensorState.LIVE)
 
 
 def test_no_port_and_closing_at_once(tmp_path):
@@ -204,37 +174,3 @@ def test_a_port_that_hears_itself_is_no_mouse():
     mouse.start()
     wait(lambda: mouse.status.state is SensorState.REFUSED)
     mouse.close()
-
-
-def test_a_mouse_behind_a_socket(tmp_path):
-    """pyserial's `socket://`, as a serial server offers it."""
-    import socket
-
-    server = socket.create_server(("127.0.0.1", 0))
-    ended = threading.Event()
-
-    def serve() -> None:
-        client, _ = server.accept()
-        waiting = b""
-        with client:
-            while not ended.is_set() and (data := client.recv(100)):
-                *asked, waiting = (waiting + data).split(b"\r")
-                for question in asked:
-                    if question == b"vQ":
-                        client.sendall(b"vMAGELLAN  Version 6.60\r")
-                    elif question == b"kQ":
-                        client.sendall(b"k000\r" + magellan_motion((40, 0, 0, 0, 0, 0)))
-
-    thread = threading.Thread(target=serve, daemon=True)
-    thread.start()
-    mouse = SerialMouse(f"socket://127.0.0.1:{server.getsockname()[1]}", patience=0.5)
-    mouse.start()
-    try:
-        wait(lambda: mouse.newest.last.twist == (0.1, 0, 0, 0, 0, 0))
-        wait(lambda: mouse.status.state is SensorState.SILENT)
-        assert "has sent nothing" in mouse.status.message
-    finally:
-        ended.set()
-        mouse.close()
-        server.close()
-        thread.join(5)

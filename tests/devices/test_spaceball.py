@@ -26,9 +26,7 @@ packets = st.one_of(
 
 @pytest.mark.parametrize(
     ("minor", "name", "buttons"),
-    [(35, "Spaceball 3003", 2), (62, "Spaceball 3003", 2), (43, "Spaceball 4000FLX", 12), (45, "Spaceball 4000FLX", 12)]
-    + [(minor, "Spaceball 2003", 8) for minor in (2, 13, 15, 42)]
-    + [(99, "Spaceball", 8)],
+    [(35, "Spaceball 3003", 2), (43, "Spaceball 4000FLX", 12), (2, "Spaceball 2003", 8), (99, "Spaceball", 8)],
 )
 def test_who_it_is(minor, name, buttons):
     decoder = Spaceball()
@@ -109,8 +107,8 @@ def test_a_fast_hand_is_followed_and_letting_go_is_never_doubted():
 
 
 @pytest.mark.parametrize("sign", [1, -1])
-@pytest.mark.parametrize("start", [-2800, -1600, 0, 800])
-@pytest.mark.parametrize("axis", range(6))
+@pytest.mark.parametrize("start", [-2800, -1600, 0])
+@pytest.mark.parametrize("axis", [0, 4])
 def test_a_swing_at_constant_speed_is_confirmed_by_its_third_packet(axis, start, sign):
     """Wherever it begins: also where it passes through rest to the same deflection on the other side."""
     scale = sign * (1 if axis < 3 else 0.2)
@@ -133,7 +131,7 @@ def test_a_single_wild_packet_is_left_out():
     assert decoder.damaged == 2
 
 
-def false_accepts(seed: int, packets: int = 20_000, share: float = 0.3) -> tuple[float, float, float]:
+def false_accepts(seed: int, packets: int, share: float) -> tuple[float, float, float]:
     """What a hand's motion does through a line that damages packets: the shares of damaged packets that get through
     with another value, and with one that is wrong by more than JUMP; and of whole packets that are used."""
     chance = random.Random(seed)
@@ -165,9 +163,9 @@ def false_accepts(seed: int, packets: int = 20_000, share: float = 0.3) -> tuple
     return false / max(damaged, 1), wild / max(damaged, 1), used / (packets - damaged)
 
 
-@pytest.mark.parametrize(("share", "least"), [(0.3, 0.78), (0.05, 0.95), (0.0, 0.999)])
+@pytest.mark.parametrize(("share", "least"), [(0.3, 0.78), (0.0, 0.999)])
 def test_how_much_of_what_is_damaged_gets_through(share, least):
-    false, wild, used = false_accepts(1, 10_000, share)
+    false, wild, used = false_accepts(1, 5_000, share)
     assert wild < 0.015
     assert false < 0.25  # nearly all by no more than JUMP: in a low byte nothing tells
     assert used >= least  # the others came behind a damaged one, in a jump

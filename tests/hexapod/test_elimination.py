@@ -76,10 +76,10 @@ def test_bezouts_matrix_is_singular_where_20_to_22_hold_and_has_the_tangents_in_
 
 @pytest.mark.parametrize("height", [0.0, 0.5])
 def test_eigenvalues_are_the_angles_before_newtons_method(height):
-    """Half of all digits at least, in 99 of 100 cases: what Newton's method begins with."""
+    """Half of all digits at least, in 9 of 10 cases: what Newton's method begins with."""
     rng = np.random.default_rng(5)
     off = []
-    for _ in range(100):
+    for _ in range(40):
         tssm, _, lengths = drawn(rng, height)
         _, equations, _ = solved(tssm, lengths)
         (w,), vanishes = eigen_directions((TANGENTS @ equations @ TANGENTS.T)[None], tssm.plane)

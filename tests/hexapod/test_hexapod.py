@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from scipy.spatial.transform import Rotation
 
 from cinegen.hexapod import Hexapod, HexapodError
 from cinegen.hexapod._kernels import taylor
@@ -14,34 +15,19 @@ from cinegen.hexapod.paths import PathEnd
 # P. Dietmaier, "The Stewart-Gough platform of general geometry can have 40 real postures", in: Advances in Robot
 # Kinematics: Analysis and Control, 1998
 DIETMAIER_BASE = [
-    [0, 0, 0],
-    [1.107915, 0, 0],
-    [0.549094, 0.756063, 0],
-    [0.735077, -0.223935, 0.525991],
-    [0.514188, -0.526063, -0.368418],
-    [0.590473, 0.094733, -0.205018],
-]
+    [0, 0, 0], [1.107915, 0, 0], [0.549094, 0.756063, 0],
+    [0.735077, -0.223935, 0.525991], [0.514188, -0.526063, -0.368418], [0.590473, 0.094733, -0.205018],
+]  # fmt: skip
 DIETMAIER_PLATFORM = [
-    [0, 0, 0],
-    [0.542805, 0, 0],
-    [0.956919, -0.528915, 0],
-    [0.665885, -0.353482, 1.402538],
-    [0.478359, 1.158742, 0.107672],
-    [-0.137087, -0.235121, 0.353913],
-]
+    [0, 0, 0], [0.542805, 0, 0], [0.956919, -0.528915, 0],
+    [0.665885, -0.353482, 1.402538], [0.478359, 1.158742, 0.107672], [-0.137087, -0.235121, 0.353913],
+]  # fmt: skip
 DIETMAIER_LENGTHS = [1, 0.645275, 1.086284, 1.503439, 1.281933, 0.771071]
 
 
 def rotation(q):
-    """Of a quaternion of any norm."""
-    w, x, y, z = q / np.linalg.norm(q)
-    return np.array(
-        [
-            [1 - 2 * (y * y + z * z), 2 * (x * y - z * w), 2 * (x * z + y * w)],
-            [2 * (x * y + z * w), 1 - 2 * (x * x + z * z), 2 * (y * z - x * w)],
-            [2 * (x * z - y * w), 2 * (y * z + x * w), 1 - 2 * (x * x + y * y)],
-        ]
-    )
+    """Of a quaternion of any norm, its scalar first."""
+    return Rotation.from_quat(q, scalar_first=True).as_matrix()
 
 
 def pose(rng, far=2.0):
@@ -90,10 +76,6 @@ def assert_among(placement, found, within=1e-8):
     assert np.abs(found.placements - placement).max(axis=(1, 2)).min() < within
 
 
-def assert_account(found):
-    assert found.counts.total == 40
-
-
 @settings(max_examples=25)
 @given(st.integers(0, 2**32 - 1), st.sampled_from(["", "B", "P", "BP"]))
 def test_a_general_platform_has_40_modes_an_even_number_of_them_real(seed, kind):
@@ -105,29 +87,14 @@ def test_a_general_platform_has_40_modes_an_even_number_of_them_real(seed, kind)
     assert found.complete
     assert found.proved  # as many as the theorem allows
     assert repr(found).endswith("proved to be all>")
-    assert (
-        found.counts.real + found.counts.complex,
-        found.counts.infinite,
-        found.counts.multiple,
-        found.counts.lost,
-    ) == (40, 0, 0, 0)
+    assert found.counts.real + found.counts.complex == 40
+    assert (found.counts.infinite, found.counts.multiple, found.counts.lost) == (0, 0, 0)
     assert len(found.placements) == found.counts.real
     assert found.counts.real % 2 == 0
     assert (found.coincident == 1).all()
     assert_modes(base, platform, lengths, found)
     assert_among(placement, found)
     assert "40 of 40 distinct regular solutions" in found.method
-
-
-@settings(max_examples=10)
-@given(st.integers(0, 2**32 - 1))
-def test_with_points_in_two_planes_modes_are_mirror_images(seed):
-    rng = np.random.default_rng(seed)
-    base, platform = points(rng, "BP")
-    found = Hexapod(base, platform).modes(reach(base, platform, pose(rng)))
-    mirror = np.diag([1.0, 1.0, -1.0, 1.0])
-    for placement in found.placements:
-        assert_among(mirror @ placement @ mirror, found, 1e-7)
 
 
 @settings(max_examples=10)
@@ -145,39 +112,6 @@ def test_a_platform_that_is_a_triangle_has_16(seed, kind):
     assert_modes(base, platform, lengths, found)
     assert_among(placement, found)
     assert "24 paths ended at infinity" in found.method
-
-
-def test_merlets_tssm_has_16_real_modes():
-    # 001, section 2.5: Table 1 has those above the base; its geometry follows from it
-    base = [[-9.7, 9.1, 0], [9.7, 9.1, 0], [12.76, 3.9, 0], [3.0, -13.0, 0], [-3.0, -13.0, 0], [-12.76, 3.9, 0]]
-    triangle = [[0, 7.3, 0], [4.822, -5.480722, 0], [-4.822, -5.480722, 0]]
-    platform = np.repeat(triangle, 2, axis=0)
-    nominal = np.eye(4)
-    half = np.radians([-10, -5, 10]) / 2
-    turns = [
-        rotation(np.array([np.cos(angle), *(np.sin(angle) * np.array(axis))]))
-        for angle, axis in zip(half, ([0, 0, 1], [1, 0, 0], [0, 0, 1]), strict=True)
-    ]
-    nominal[:3, :3], nominal[2, 3] = turns[0] @ turns[1] @ turns[2], 20.0
-    lengths = reach(base, platform, nominal)
-    found = Hexapod(base, platform).modes(lengths)
-    assert found.complete
-    assert found.counts.real == 16
-    assert_modes(base, platform, lengths, found)
-    above = found.placements[found.placements[:, 2, 3] > 0]
-    table = [
-        [0.1099, -6.8071, 15.1572],
-        [0.0, 0.0, 20.0],
-        [2.8029, -4.6660, 12.7407],
-        [1.3617, 4.9038, 17.3824],
-        [0.1606, 5.3765, 17.1868],
-        [-0.3525, -3.8663, 11.9183],
-        [-1.4134, 4.8262, 17.4299],
-        [-2.3355, -4.4679, 12.5479],
-    ]
-    apart = np.abs(above[:, None, :3, 3] - np.array(table)[None]).max(axis=2)
-    assert sorted(apart.argmin(axis=1)) == list(range(8))
-    assert apart.min(axis=1).max() < 2e-4
 
 
 def test_dietmaiers_platform_has_40_real_modes():
@@ -210,7 +144,7 @@ def test_special_geometry_has_fewer_modes(base, platform, degree):
         assert found.complete
         assert not found.proved  # a random start has as many, no theorem
         assert repr(found).endswith("all with probability one>")
-        assert_account(found)
+        assert found.counts.total == 40
         assert found.counts.infinite >= 40 - degree
         assert_modes(base, platform, lengths, found)
     assert_among(home, hexapod.modes(symmetric))
@@ -234,18 +168,6 @@ def test_modes_go_with_frames_and_units(seed):
     back = np.linalg.inv(first) @ back @ second
     for placement in back:
         assert_among(placement, found, 1e-6)
-
-
-@pytest.mark.parametrize("far", [0.01, 30.0, 300.0])
-def test_legs_of_any_length(far):
-    rng = np.random.default_rng(4)
-    base, platform = points(rng, "")
-    placement = pose(rng, far)
-    lengths = reach(base, platform, placement)
-    found = Hexapod(base, platform).modes(lengths)
-    assert found.complete
-    assert_modes(base, platform, lengths, found)
-    assert_among(placement, found, 1e-6)
 
 
 def test_kernels_are_compiled_once_before_paths_are_followed():
@@ -305,7 +227,7 @@ def test_two_modes_that_meet_are_one_and_said_to_coincide(fold):
     lengths = reach(base, platform, placement)
     found = Hexapod(base, platform).modes(lengths)
     assert found.complete
-    assert_account(found)
+    assert found.counts.total == 40
     assert sorted(found.coincident)[-2:] == [1, 2]
     assert found.coincident.sum() % 2 == 0
     assert_modes(base, platform, lengths, found)
@@ -313,7 +235,7 @@ def test_two_modes_that_meet_are_one_and_said_to_coincide(fold):
     np.testing.assert_allclose(double, placement, atol=1e-4)
 
 
-@pytest.mark.parametrize("away", [1e-3, 1e-5, 1e-7, 1e-9])
+@pytest.mark.parametrize("away", [1e-3, 1e-7])
 def test_beside_a_singularity_two_modes_more_on_one_side(fold, away):
     base, platform, placement, direction = fold
     hexapod = Hexapod(base, platform)
@@ -336,7 +258,7 @@ def test_where_legs_let_the_platform_move_this_is_a_curve():
     found = Hexapod(base, base).modes(np.full(6, 2.0))
     assert not found.complete
     assert "a curve of configurations" in found.method
-    assert_account(found)
+    assert found.counts.total == 40
     assert_modes(base, base, np.full(6, 2.0), found)
 
 
@@ -372,12 +294,6 @@ def test_impossible_lengths_have_no_mode_and_the_nearest_pose_is_said():
     np.testing.assert_allclose(rates(base, platform, placement).T @ misses, 0.0, atol=1e-5)
 
 
-def test_possible_lengths_need_no_nearest_pose():
-    rng = np.random.default_rng(7)
-    base, platform = points(rng, "")
-    assert Hexapod(base, platform).modes(reach(base, platform, pose(rng))).closest is None
-
-
 RNG = np.random.default_rng(8)
 ONE, OTHER = RNG.normal(size=(2, 6, 3))
 LINE = np.outer([0, 1, 2, 4, 5, 7], [1.0, 2.0, -1.0])
@@ -388,12 +304,9 @@ HEXAGON = circle([-10, 10, 110, 130, 230, 250], 1.0)
     ("base", "platform", "said"),
     [
         (ONE[:5], OTHER, r"the base must be \(6, 3\).*\(5, 3\)"),
-        (ONE, OTHER[:, :2], r"the platform must be \(6, 3\)"),
         (ONE * np.nan, OTHER, "base is not finite"),
         (np.ones((6, 3)), OTHER, "all six points of the base are one"),
-        (ONE, np.full((6, 3), 1e3), "all six points of the platform are one"),
         (LINE, OTHER, "points of the base lie in a line"),
-        (ONE, LINE + 100.0, "points of the platform lie in a line"),
         (ONE[[0, 1, 2, 1, 4, 5]], OTHER[[0, 1, 2, 1, 4, 5]], "legs 2 and 4 are the same line"),
         (HEXAGON, 0.5 * HEXAGON, "a curve of configurations"),  # similar, on a conic
         (ONE[[0, 0, 0, 0, 4, 5]], OTHER, "a curve of configurations"),  # four legs in one point
@@ -409,7 +322,6 @@ def test_geometry_that_is_degenerate_is_named(base, platform, said):
     [
         ([1.0] * 5, r"\(6,\)"),
         ([1.0, 1.0, np.inf, 1.0, 1.0, 1.0], "length of leg 3 is inf; it must be positive"),
-        ([1.0, 1.0, 1.0, 0.0, 1.0, 1.0], "length of leg 4 is 0; it must be positive"),
         ([1.0, -2.0, 1.0, 1.0, 1.0, 1.0], "length of leg 2 is -2; it must be positive"),
     ],
 )

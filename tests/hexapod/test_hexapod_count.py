@@ -8,7 +8,6 @@ added to them, with the conjugates.
 from __future__ import annotations
 
 import numpy as np
-import pytest
 
 from cinegen.hexapod import Hexapod
 
@@ -68,9 +67,8 @@ def distinct(x):
     return np.array(kept)
 
 
-@pytest.mark.parametrize("seed", [1, 2])
-def test_from_one_pose_lengths_that_go_round_lead_to_the_same_modes(seed):
-    rng = np.random.default_rng(seed)
+def test_from_one_pose_lengths_that_go_round_lead_to_the_same_modes():
+    rng = np.random.default_rng(1)
     base, platform = rng.normal(size=(2, 6, 3))
     x = rng.normal(size=(1, 7)) + 0j
     x[:, :4] /= np.linalg.norm(x[:, :4])

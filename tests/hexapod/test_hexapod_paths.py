@@ -46,7 +46,7 @@ def hexapod(rng):
     return base, platform, lengths_at(base, platform, x), x
 
 
-@pytest.mark.parametrize("seed", range(5))
+@pytest.mark.parametrize("seed", range(2))
 def test_the_equations_are_distances(seed):
     rng = np.random.default_rng(seed)
     base, platform = rng.normal(size=(2, 6, 3))
@@ -61,7 +61,7 @@ def test_the_equations_are_distances(seed):
     assert residual(coefficients(base, platform, s), x[None])[0] < 1e-11
 
 
-@pytest.mark.parametrize("seed", range(5))
+@pytest.mark.parametrize("seed", range(2))
 def test_the_left_sides_are_those_of_quaternions(seed):
     rng = np.random.default_rng(seed)
     base, platform, s, x = random(rng, 6, 3), random(rng, 6, 3), random(rng, 6), random(rng, 8)
@@ -122,16 +122,6 @@ def test_newton_in_the_kernel_is_numpys():
     taylor.polish(coefficients(base, platform, s), near, error, taylor.tracking_scratch())
     assert error[0] < 1e-14
     assert distances(near, x[None])[0, 0] < 1e-13
-
-
-def test_a_path_that_comes_back_ends_where_it_began():
-    kept = start_system()
-    rng = np.random.default_rng(4)
-    here, there = (coefficients(kept.base, kept.platform, s) for s in (kept.s, kept.s + random(rng, 6)))
-    away = follow(family(here, there), kept.x, 1e-4)
-    back = follow(family(there, here), away.x, 1e-4)
-    assert (back.end == PathEnd.REGULAR).all()
-    assert np.diag(distances(back.x, kept.x)).max() < 1e-12
 
 
 def test_at_a_fold_two_paths_end_in_one_point():

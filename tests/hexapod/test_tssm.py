@@ -98,27 +98,20 @@ def test_table_1_and_its_mirror_images_are_all_modes():
 
 
 @given(seeds)
-def test_the_pose_that_lengths_come_from_is_among_the_modes(rng):
-    tssm, placement = some(rng), pose(rng, rng.choice([0.1, 1.0, 5.0]))
-    modes = tssm.modes(lengths_at(tssm, placement))
-    assert modes.complete, modes.method
-    near = np.abs(modes.placements - placement).max(axis=(1, 2)).argmin()
-    assert np.abs(modes.placements[near] - placement).max() <= (1e-5 if modes.coincident[near] == 1 else 1e-3)
-
-
-@given(seeds)
-def test_every_mode_is_a_placement_with_these_lengths(rng):
-    tssm = some(rng)
-    lengths = np.array(lengths_at(tssm, pose(rng)))
+def test_every_mode_is_a_placement_with_these_lengths_and_the_pose_that_they_come_from_is_one(rng):
+    tssm, start = some(rng), pose(rng, rng.choice([0.1, 1.0, 5.0]))
+    lengths = np.array(lengths_at(tssm, start))
     modes = tssm.modes(lengths)
+    assert modes.complete, modes.method
+    assert (modes.counts.total, modes.counts.lost) == (16, 0)
+    near = np.abs(modes.placements - start).max(axis=(1, 2)).argmin()
+    assert np.abs(modes.placements[near] - start).max() <= (1e-5 if modes.coincident[near] == 1 else 1e-3)
     for placement in modes.placements:
         rotation = placement[:3, :3]
         assert np.abs(rotation.T @ rotation - np.eye(3)).max() <= 1e-13
         assert np.linalg.det(rotation) > 0.0
         assert placement[3].tolist() == [0.0, 0.0, 0.0, 1.0]
         assert np.abs(lengths_at(tssm, placement) - lengths).max() <= 1e-12 * lengths.max()
-    assert modes.counts.total == 16
-    assert modes.complete == (modes.counts.lost == 0)
 
 
 @given(seeds)
@@ -178,6 +171,8 @@ def flat_pose(rng):
 @given(seeds)
 def test_a_flat_pose_is_eight_solutions_in_one(rng):
     modes, far = flat_pose(rng)
+    assert modes.counts.total == 16
+    assert modes.counts.real >= len(modes.placements)  # where rounding decides no mode is listed twice
     if modes.complete:  # some can't be followed to where so many meet
         assert far.min() <= 1e-4
         assert modes.coincident[far.argmin()] > 1
@@ -191,18 +186,10 @@ WHERE_A_CIRCLE_IS_SMALL = (1803, 2268, 2852, 5547, 7082, 7092, 9412, 9475, 10950
 WHERE_NEWTON_IS_SLOW = (1841, 2834, 2989, 3551, 5367, 6379, 13196)
 
 
-@pytest.mark.parametrize("seed", [*range(400), *WHERE_A_CIRCLE_IS_SMALL, *WHERE_NEWTON_IS_SLOW])
+@pytest.mark.parametrize("seed", [*range(20), *WHERE_A_CIRCLE_IS_SMALL, *WHERE_NEWTON_IS_SLOW])
 def test_no_flat_pose_is_missed(seed):
     _, far = flat_pose(np.random.default_rng(seed))
     assert far.min(initial=np.inf) <= 1e-4
-
-
-@given(seeds)
-def test_where_rounding_decides_no_mode_is_listed_twice(rng):
-    modes, _ = flat_pose(rng)
-    points = [placement[:3, 3] for placement in modes.placements]
-    assert modes.counts.total == 16
-    assert modes.counts.real >= len(points)
 
 
 @given(seeds)
@@ -251,9 +238,7 @@ def one_point_on_both_axes(rng, base, heads):
     moved[0] = about(base[:2], heads[:1], away)[0]
     side = np.linalg.norm(heads[0] - heads[2])
     for _ in range(60):  # Newton's method, for the angle of the third point
-        gaps = [
-            np.linalg.norm(moved[0] - about(base[4:], heads[2:], away + step)[0]) - side for step in (0.0, 1e-7)
-        ]  # fmt: skip
+        gaps = [np.linalg.norm(moved[0] - about(base[4:], heads[2:], away + h)[0]) - side for h in (0.0, 1e-7)]
         away -= gaps[0] * 1e-7 / (gaps[1] - gaps[0])
     moved[2] = about(base[4:], heads[2:], away)[0]
     return moved
@@ -261,7 +246,7 @@ def one_point_on_both_axes(rng, base, heads):
 
 @pytest.mark.parametrize("height", [0.0, 0.5])
 @pytest.mark.parametrize("where", [two_points_on_the_third_axis, one_point_on_both_axes])
-@pytest.mark.parametrize("seed", range(6))
+@pytest.mark.parametrize("seed", range(2))
 def test_a_curve_on_which_an_angle_stays_is_not_excluded(seed, where, height):
     """The determinant need not vanish for it: the other angles vary, the eliminated one does not."""
     rng = np.random.default_rng(seed)
@@ -365,7 +350,6 @@ def changed(points, row, value):
     ("base", "platform", "legs", "words"),
     [
         (GOOD[0][:5], GOOD[1], None, r"the base must be \(6, 3\)"),
-        (GOOD[0], GOOD[1][:, :2], None, r"the platform must be \(3, 3\)"),
         (changed(GOOD[0], 2, np.nan), GOOD[1], None, "a point of the base is not finite"),
         (GOOD[0], changed(GOOD[1], 2, GOOD[1][0]), None, "platform points 0 and 2 are the same"),
         (GOOD[0], [[0, 0, 0], [1, 1, 1], [3, 3, 3]], None, "the platform points lie in a line"),
@@ -386,7 +370,6 @@ def test_degenerate_geometry_is_named(base, platform, legs, words):
     [
         ([1, 2, 3], r"lengths must be \(6,\), one for each leg, not \(3,\)"),
         ([1, 2, 3, 4, 5, 0], "the length of leg 6 is 0; it must be positive"),
-        ([1, -2, 3, 4, 5, 6], "the length of leg 2 is -2"),
         ([1, 2, np.inf, 4, 5, 6], "the length of leg 3 is inf"),
     ],
 )
@@ -398,12 +381,3 @@ def test_lengths_that_are_none_are_refused(lengths, words):
         tssm.batch([lengths])
     with pytest.raises(HexapodError):
         tssm.circles([lengths])
-
-
-def test_points_that_are_given_stay_as_they_are():
-    base = np.array(BASE)
-    tssm = TSSM(base, PLATFORM)
-    base[0] = 0.0
-    assert tssm.base[0].tolist() == BASE[0]
-    with pytest.raises(ValueError, match="read-only"):
-        tssm.base[0] = 0.0

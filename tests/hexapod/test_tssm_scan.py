@@ -16,11 +16,10 @@ import os
 import numpy as np
 import pytest
 from scipy.optimize import brentq
-from variants import slow
 
 from cinegen.hexapod import TSSM
 
-SCANS = int(os.environ.get("CINEGEN_SCANS", "12"))
+SCANS = int(os.environ.get("CINEGEN_SCANS", "6"))
 PLACES = 1440  # on a circle
 SIDES = ((0, 1), (0, 2), (1, 2))
 
@@ -161,36 +160,6 @@ def space(rng):
     return *drawn, reach(*drawn, pose(rng))
 
 
-def any_lengths(rng):
-    """Most of which are impossible."""
-    return *anything(rng, rng.choice([0.0, 0.5])), rng.uniform(1.0, 3.0, 6)
-
-
-def like_merlet(rng):
-    """The same on the left and on the right, as in figure 2."""
-    a, b, c, d, e, f = rng.uniform(0.3, 2.0, 6)
-    base = np.array([[-a, b, 0], [a, b, 0], [c, d, 0], [e, -f, 0], [-e, -f, 0], [-c, d, 0]])
-    g, h = rng.uniform(0.3, 1.5, 2)
-    return base, np.array([[0, 1.0, 0], [g, -h, 0], [-g, -h, 0]]), np.array([0, 0, 1, 1, 2, 2])
-
-
-def symmetric(rng):
-    """... and so is the platform's pose: roots are double where p12 alone tells them apart."""
-    drawn, tilt = like_merlet(rng), rng.uniform(-1.0, 1.0)
-    placement = np.eye(4)
-    placement[1:3, 1:3] = [[np.cos(tilt), -np.sin(tilt)], [np.sin(tilt), np.cos(tilt)]]
-    placement[1:3, 3] = rng.normal(size=2)
-    return *drawn, reach(*drawn, placement)
-
-
-def equal_pairs(rng):
-    return *like_merlet(rng), np.repeat(rng.uniform(1.0, 3.0, 3), 2)
-
-
-def all_equal(rng):
-    return *like_merlet(rng), np.full(6, rng.uniform(1.5, 3.0))
-
-
 def regular(rng):
     """Three symmetries, and equal lengths."""
     at, there = np.radians([70, 110, 190, 230, 310, 350]), np.radians([90, 210, 330])
@@ -207,14 +176,9 @@ def parallel(rng):
     return *drawn, reach(*drawn, pose(rng))
 
 
-KINDS = (plane, space, any_lengths, symmetric, equal_pairs, all_equal, regular, parallel)
-
-
-@pytest.mark.parametrize(
-    "kind", [space, regular, parallel, *slow(plane, any_lengths, symmetric, equal_pairs, all_equal)]
-)
+@pytest.mark.parametrize("kind", [plane, space, regular, parallel])
 def test_all_modes_are_those_of_a_scan(kind):
-    rng = np.random.default_rng(KINDS.index(kind))
+    rng = np.random.default_rng(1)
     for _ in range(SCANS):
         modes = compare(*kind(rng))
         assert (modes.counts.infinite > 0) == (kind is parallel)

@@ -53,7 +53,9 @@ test("a lost connection takes the pointers of others away", async () => {
   assert.equal(labels.all.size, 0);
 });
 
-test("a pointer is sent where others see it, at most ten times per second, and only when it has changed", async () => {
+test("a pointer is sent where others see it, at most ten times per second, and only when it has changed", async (t) => {
+  t.mock.timers.enable({ apis: ["setTimeout", "Date"], now: 1e6 });
+  t.mock.method(performance, "now", () => Date.now());
   const { link, session, view } = await page();
   const drag = Object.assign(new Events(), { part: null });
   sendCursor({ view, session, drag });
@@ -61,20 +63,20 @@ test("a pointer is sent where others see it, at most ten times per second, and o
   const over = (x) => drag.emit("hover", { robot: "arm", node: "tool", group, point: new Vector3(x, 0, 0) });
   link.emit("report", { clients: 1, robots: {} });
   over(1);
-  await new Promise((done) => setTimeout(done, 120));
+  t.mock.timers.tick(120);
   assert.deepEqual(link.sent, []); // no one else is here
   link.emit("report", { clients: 2, robots: {} });
   for (let i = 0; i < 50; i += 1) over(i);
-  await new Promise((done) => setTimeout(done, 150));
+  t.mock.timers.tick(150);
   over(49);
-  await new Promise((done) => setTimeout(done, 150));
+  t.mock.timers.tick(150);
   const cursor = { type: "set_cursor", robot: "arm", node: "tool", dragging: false };
   assert.deepEqual(link.sent, [{ ...cursor, point: [0, 0, 0] }, { ...cursor, point: [49, 0, 0] }]);
   drag.emit("drag", { robot: "arm", node: "tool", at: new Vector3(0.123456, 0, 0) });
-  await new Promise((done) => setTimeout(done, 150));
+  t.mock.timers.tick(150);
   assert.deepEqual(link.sent.at(-1), { ...cursor, point: [0.1235, 0, 0], dragging: true });
   view.canvas.dispatchEvent(new Event("pointerleave"));
-  await new Promise((done) => setTimeout(done, 150));
+  t.mock.timers.tick(150);
   assert.deepEqual(link.sent.at(-1), { type: "set_cursor" });
 });
 

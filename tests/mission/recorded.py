@@ -6,9 +6,8 @@ import math
 from pathlib import Path
 
 import numpy as np
-import pinocchio as pin
 
-from cinegen import Mechanism, Solver
+from cinegen import Mechanism
 from cinegen.mission import MissionRecorder, Recording, RobotSample
 from cinegen.model import ForwardKinematics
 
@@ -38,18 +37,3 @@ def swung(mechanism: Mechanism, seconds: float = 2.0, rate: float = 100.0, part:
         phase = 2.0 * math.pi * time / seconds
         q.append(forward.move({joint: home + size * math.sin(f * phase) for joint, (home, size, f) in swings.items()}))
     return times, np.array(q)
-
-
-def dragged(mechanism: Mechanism, way, seconds: float = 1.0, rate: float = 100.0, rotation: int = 0):
-    """Times and configurations of the end pulled along `way` (3,), m, by a solver of 1 kHz."""
-    solver = Solver(mechanism, 0.001)
-    task = solver.add_task(mechanism.end, rotation=rotation)
-    begin, every = task.target.translation.copy(), round(1000 / rate)
-    times, found = [0.0], [solver.q]
-    for tick in range(1, round(1000 * seconds) + 1):
-        task.target = pin.SE3(task.target.rotation, begin + np.asarray(way) * (tick / (1000 * seconds)))
-        solver.step()
-        if tick % every == 0:
-            times.append(tick / 1000)
-            found.append(solver.q)
-    return np.array(times), np.array(found)

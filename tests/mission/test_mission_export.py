@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import csv
 import io
-import math
 import re
 import sys
 
@@ -12,20 +11,9 @@ import numpy as np
 import pytest
 import yaml
 from recorded import record, swung
-from variants import slow
 
 from cinegen.errors import UnknownNameError
-from cinegen.mission import (
-    FORMATS,
-    MissionError,
-    MissionRecorder,
-    Recording,
-    RobotSample,
-    export,
-    report_text,
-    resampled,
-)
-from cinegen.mission.formats import format_of
+from cinegen.mission import MissionError, MissionRecorder, Recording, RobotSample, export, report_text, resampled
 
 
 @pytest.fixture
@@ -45,13 +33,7 @@ def _table(path):
     return names, np.array(rows, dtype=float)
 
 
-@pytest.mark.parametrize(
-    ("name", "all_joints"),
-    [
-        *(("planar_3r", False), ("four_bar", False), ("four_bar", True), ("gough", True)),
-        *slow(("planar_3r", True), ("gough", False), ("delta4", True), ("delta4", False)),
-    ],
-)
+@pytest.mark.parametrize(("name", "all_joints"), [("planar_3r", False), ("four_bar", True)])
 def test_a_table(robot, recording, name, all_joints):
     path, mechanism = recording(name), robot(name)
     report = export(path, "csv", all_joints=all_joints)
@@ -79,12 +61,12 @@ def test_arrays(recording, tmp_path):
         assert (float(found["rate"]), str(found["robot"])) == (50.0, "delta4")
 
 
-@pytest.mark.parametrize("name", ["four_bar", "gough", "rx90"])
-def test_a_goal_of_ros_2(recording, name):
-    path = recording(name, 1.5)
+def test_a_goal_of_ros_2(recording):
+    path = recording("four_bar", 1.5)
     report = export(path, "ros2", rate=60.0)
     motion = report.trajectory
     assert report.path.name == "run.yaml"
+    assert not re.search(r"[ \[]-?\d+e", report.path.read_text())  # YAML takes such numbers for text
     (key, goal), *more = yaml.safe_load(report.path.read_text()).items()
     assert (key, more) == ("trajectory", [])
     assert goal["joint_names"] == list(motion.mechanism.actuated)
@@ -112,12 +94,13 @@ def test_a_goal_that_is_too_long_for_a_shell_is_noted(recording):
 SERVO = re.compile(r"  servoj\(\[([-\d., ]+)\], 0, 0, ([\d.]+), 0\.1, 300\)")
 
 
-@pytest.mark.parametrize("rate", [125.0, *slow(500.0)])
-def test_a_program_in_urscript(recording, rate):
+def test_a_program_in_urscript(recording):
+    rate = 125.0
     path = recording("rx90")
     report = export(path, "urscript", rate=rate)
     motion = report.trajectory
     assert report.path.name == "run.script"
+    assert "-0.000000" not in report.path.read_text()
     lines = report.path.read_text().splitlines()
     begin = lines.index("def cinegen_motion():")
     assert all(line.startswith("# ") for line in lines[:begin])
@@ -134,22 +117,13 @@ def test_a_program_in_urscript(recording, rate):
 
 
 @pytest.mark.parametrize(
-    ("name", "all_joints", "has"),
-    [("delta4", False, "has 3$"), ("gough", False, "has 0, and 6 other joints"), ("sr400", True, "has 6, and 3 other")],
+    ("name", "all_joints", "has"), [("delta4", False, "has 3$"), ("gough", False, "has 0, and 6 other joints")]
 )
 def test_urscript_is_for_six_motors_that_turn(recording, name, all_joints, has):
     path = recording(name)
     with pytest.raises(MissionError, match=f"six actuated revolute joints: {name} {has}"):
         export(path, "urscript", all_joints=all_joints)
     assert [one.name for one in path.parent.iterdir()] == ["run.jsonl"]
-
-
-def test_formats_are_listed_once():
-    for name in FORMATS:
-        form = format_of(name)
-        assert form.suffix.startswith(".")
-    with pytest.raises(UnknownNameError, match="no format 'cvs'"):
-        format_of("cvs")
 
 
 # --- findings --------------------------------------------------------------------------------------------------------
@@ -166,7 +140,7 @@ def forbidden(robot, tmp_path):
     return tmp_path / "run.jsonl"
 
 
-def test_what_must_not_be_sent_is_not_written(forbidden):
+def test_what_must_not_be_sent_is_not_written_unless_that_is_asked_for(forbidden):
     with pytest.raises(MissionError) as refused:
         export(forbidden, "csv")
     words = str(refused.value)
@@ -174,9 +148,6 @@ def test_what_must_not_be_sent_is_not_written(forbidden):
     assert "record another motion" in words
     assert "--unsafe" in words
     assert [one.name for one in forbidden.parent.iterdir()] == ["run.jsonl"]
-
-
-def test_unless_that_is_asked_for(forbidden):
     report = export(forbidden, "csv", unsafe=True)
     assert report.path.exists()
     assert "DO NOT SEND THIS TO A ROBOT: at 0.5" in report_text(report)
@@ -206,25 +177,16 @@ def test_one_of_several_robots(robot, tmp_path):
     path = tmp_path / "run.jsonl"
     with MissionRecorder(path, {"arm": arm, "delta": delta}) as recorder:
         for i in range(20):
-            recorder.write(
-                i / 20,
-                {"arm": RobotSample(np.full(3, 0.5 + i / 40), "IDLE"), "delta": RobotSample(delta.q_home, "IDLE")},
-            )
+            arms = {"arm": RobotSample(np.full(3, 0.5 + i / 40), "IDLE"), "delta": RobotSample(delta.q_home, "IDLE")}
+            recorder.write(i / 20, arms)
     with pytest.raises(MissionError, match="several robots: name one of arm, delta"):
         export(path, "csv")
     with pytest.raises(UnknownNameError, match="no robot 'amr'"):
         export(path, "csv", robot="amr")
+    with pytest.raises(UnknownNameError, match="no format 'cvs'"):
+        export(path, "cvs", robot="arm")
     assert export(path, "csv", robot="arm").joints == arm.joints
     assert _table(tmp_path / "run.csv")[0] == ["time", *arm.joints]
-
-
-def test_faster_and_slower(recording):
-    path = recording("planar_3r", 2.0)
-    once, slow = export(path, "csv"), export(path, "csv", speed=0.5)
-    assert 4.0 <= slow.trajectory.seconds <= 2.0 * once.trajectory.seconds + 0.01
-    assert export(path, "csv", speed=100.0).trajectory.seconds > 0.05
-    with pytest.raises(MissionError, match=r"speed must be from 0\.01 to 100, or infinite, not 0"):
-        export(path, "csv", speed=0.0)
 
 
 def test_a_file_is_written_whole_or_not_at_all(recording, tmp_path, monkeypatch):
@@ -250,11 +212,3 @@ def test_a_file_is_written_whole_or_not_at_all(recording, tmp_path, monkeypatch)
     with pytest.raises(MissionError, match="can't be written"):
         export(path, "csv", tmp_path)
     assert sorted(one.name for one in tmp_path.iterdir()) == ["link", "out.csv", "run.jsonl"]
-
-
-def test_numbers_are_not_dressed_up(recording):
-    """No -0.000000 in programs, no number in words that YAML takes for text."""
-    path = recording("rx90")
-    assert "-0.000000" not in export(path, "urscript").path.read_text()
-    assert not re.search(r"[ \[]-?\d+e", export(path, "ros2").path.read_text())
-    assert math.isfinite(export(path, "csv").findings.sigma)

@@ -20,8 +20,8 @@ from hypothesis import strategies as st
 from msgspec.structs import replace
 from recorded import record, swung
 
+import cinegen
 import cinegen.mission.recorder as module
-from cinegen import CinegenError
 from cinegen.errors import UnknownNameError
 from cinegen.mission import BasePose, MissionError, MissionRecorder, Player, RecordedTask, Recording, RobotSample
 from cinegen.model.load import build
@@ -108,7 +108,7 @@ def test_what_does_not_change_is_not_written_again(robot, tmp_path):
     assert np.signbit(Recording.load(path).q["arm"][-1, 0])
 
 
-@pytest.mark.parametrize("name", ["planar_3r", "four_bar", "delta4", "gough", "hybrid", "sr400"])
+@pytest.mark.parametrize("name", ["planar_3r", "hybrid"])
 def test_the_robot_is_built_again_from_the_file_alone(robot, tmp_path, name):
     mechanism = robot(name)
     times, q = swung(mechanism, 0.2)
@@ -127,33 +127,11 @@ def test_the_robot_is_built_again_from_the_file_alone(robot, tmp_path, name):
     assert again.placement(q[-1], again.end) == mechanism.placement(q[-1], mechanism.end)
 
 
-def test_a_robot_whose_meshes_are_gone_is_built_again(tmp_path):
-    (tmp_path / "part.stl").write_bytes(b"solid\nendsolid\n")
-    urdf = tmp_path / "one.urdf"
-    urdf.write_text(
-        '<robot name="one"><link name="a"><visual><geometry><mesh filename="part.stl"/></geometry></visual></link>'
-        '<link name="b"/><joint name="j" type="continuous"><parent link="a"/><child link="b"/><axis xyz="0 0 1"/>'
-        "</joint></robot>"
-    )
-    import cinegen
-
-    mechanism = cinegen.load(urdf)
-    recording = record(tmp_path / "run.jsonl", mechanism, [0.0], [mechanism.q_home])
-    assert json.loads((tmp_path / "run.jsonl").read_text().splitlines()[0])["robots"]["robot"]["folder"] == str(
-        tmp_path
-    )
-    (tmp_path / "part.stl").unlink()
-    urdf.unlink()
-    assert recording.mechanism("robot").joints == ("j",)
-
-
 @pytest.mark.parametrize("is_absolute", [False, True])
 def test_a_recording_has_no_meshes_shown_that_are_far_from_it_unless_the_user_allows_it(
     tmp_path, monkeypatch, is_absolute
 ):
     """Its author may be anybody, and states the folder; or none, and names the mesh absolutely."""
-    import cinegen
-
     here, there = tmp_path / "my/runs", tmp_path / "there/robots/arm"
     here.mkdir(parents=True)
     there.mkdir(parents=True)
@@ -195,7 +173,7 @@ for i in itertools.count():
 """
     with subprocess.Popen([sys.executable, "-c", program], stdout=subprocess.PIPE, text=True) as process:
         said = [process.stdout.readline() for _ in range(100)]
-        time.sleep(0.1)
+        _wait(lambda: path.read_bytes().count(b"\n") > 101)
         process.send_signal(signal.SIGKILL)
     assert said[-1] == "99\n"
     recording = Recording.load(path)
@@ -296,9 +274,9 @@ def test_what_makes_no_sense_is_left_out(robot, tmp_path):
             {"arm": None},
             None,
         ):
-            recorder.write(2.0 + recorder.lost, robots)
-            _wait(lambda: not recorder._queue)
-            time.sleep(0.03)
+            lost = recorder.lost
+            recorder.write(2.0 + lost, robots)
+            _wait(lambda lost=lost: recorder.lost > lost)
         recorder.write(0.5, {"arm": RobotSample(good, "IDLE")})  # earlier
         recorder.write(float("nan"), {"arm": RobotSample(good, "IDLE")})
         task = replace(_task(), target="somewhere")
@@ -326,8 +304,6 @@ def test_a_loop_closes_without_waiting(robot, tmp_path, monkeypatch):
 
 
 def test_it_leaves_no_file_and_no_thread(robot, tmp_path):
-    if not os.path.isdir("/proc/self/fd"):
-        pytest.skip("no /proc here")
     files, threads = len(os.listdir("/proc/self/fd")), threading.active_count()
     for i in range(5):
         MissionRecorder(tmp_path / f"{i}", {"arm": robot("planar_3r")}).close()
@@ -359,8 +335,13 @@ def test_nothing_that_is_there_is_lost(robot, tmp_path):
     with pytest.raises(MissionError, match="exists, and is not a mission: name another"):
         MissionRecorder(path, {"arm": arm})
     assert path.read_text() == "my notes\n"
-    with pytest.raises(MissionError, match="no robot"):
-        MissionRecorder(path, {"arm": arm}, {"other": BasePose()}, overwrite=True)
+    for places, why in (
+        ({"leg": BasePose()}, "no robot 'leg'"),
+        ({"arm": BasePose("leg", "tool")}, "'tool' of 'leg'"),
+        ({"arm": BasePose("arm", "hat")}, "'hat' of 'arm'"),
+    ):
+        with pytest.raises(MissionError, match=why):
+            MissionRecorder(path, {"arm": arm}, places, overwrite=True)
     assert path.read_text() == "my notes\n"  # a recording that does not begin replaces nothing
     path.unlink()
     record(path, arm, [0.0, 1.0], np.zeros((2, 3)))
@@ -376,53 +357,19 @@ def test_nothing_that_is_there_is_lost(robot, tmp_path):
         MissionRecorder(tmp_path, {"arm": arm})
 
 
-def test_places_of_robots_that_are_not_there(robot, tmp_path):
-    for places, why in (
-        ({"leg": BasePose()}, "no robot 'leg'"),
-        ({"arm": BasePose("leg", "tool")}, "'tool' of 'leg'"),
-        ({"arm": BasePose("arm", "hat")}, "'hat' of 'arm'"),
-    ):
-        with pytest.raises(MissionError, match=why):
-            MissionRecorder(tmp_path / "run.jsonl", {"arm": robot("planar_3r")}, places)
-    assert not list(tmp_path.iterdir())
-
-
 @pytest.mark.parametrize(
     ("change", "why"),
     [
         (lambda lines: [b"", *lines], "not a mission"),
-        (lambda lines: [b"[]"], "not a mission"),
         (lambda lines: [lines[0].replace(b'"created":"', b'"created":"\xff', 1)], "run.jsonl: line 1: .*utf-8"),
-        (lambda lines: [*lines, b'{"t":9,"robots":{"\xff":{"q":[1],"status":"X"}}}'], ":5: .*utf-8"),
         (lambda lines: [b'{"cinegen":"readings","version":1}'], "It is a recording of sensor readings"),
         (lambda lines: [lines[0].replace(b'"version":3', b'"version":7', 1)], "version 7; only version 3"),
-        (lambda lines: [b'{"cinegen":"mission","version":3,"robots":{}}'], "Object missing required field `created`"),
         (lambda lines: [b'{"cinegen":"mission","version":3,"created":"","robots":{}}'], "Expected at least one robot"),
-        (
-            lambda lines: [b'{"cinegen":"mission","version":3,"created":"","robots":{"a":{"nq":1}}}'],
-            r"field `robot` - at `\$.robots",
-        ),
         (lambda lines: [*lines[:2], lines[2][:-5], *lines[3:]], ":3: (Input data was truncated|JSON is malformed)"),
         (lambda lines: [*lines[:3], lines[1]], r":4: Expected a time after .* at `\$.t`"),
-        (
-            lambda lines: [*lines, b'{"t":9,"robots":{"leg":{}}}'],
-            r":5: .* field `q` - at `\$.robots",
-        ),
-        (lambda lines: [*lines, b'{"t":NaN,"robots":{}}'], ":5: JSON is malformed"),
         (lambda lines: [*lines, b'{"t":9,"robots":{"leg":{"q":[],"status":"X"}}}'], ":5: robot 'leg' is not in"),
         (lambda lines: [*lines, b'{"t":1e999,"robots":{}}'], r":5: Number out of range - at `\$.t`"),
-        (
-            lambda lines: [*lines, b'{"t":9,"robots":{"robot":{"q":[1],"status":"X"}}}'],
-            ":5: .* of length 3",
-        ),
-        (
-            lambda lines: [*lines, b'{"t":9,"robots":{"robot":{"q":[1,2,3]}}}'],
-            ":5: .* field `status`",
-        ),
-        (
-            lambda lines: [*lines, b'{"t":9,"robots":{"robot":{"q":[1,2,3],"status":"X","tasks":[3]}}}'],
-            r"tasks\[0\]`",
-        ),
+        (lambda lines: [*lines, b'{"t":9,"robots":{"robot":{"q":[1],"status":"X"}}}'], ":5: .* of length 3"),
         (
             lambda lines: [
                 *lines,
@@ -441,12 +388,9 @@ def test_a_file_that_is_damaged_or_something_else(robot, tmp_path, change, why):
         Recording.load(path)
 
 
-def test_a_file_that_is_not_there(tmp_path):
+def test_a_description_that_was_changed_and_a_file_that_is_not_there(robot, tmp_path):
     with pytest.raises(MissionError, match="can't be read: No such file"):
         Recording.load(tmp_path / "none")
-
-
-def test_a_description_that_was_changed(robot, tmp_path):
     path = tmp_path / "run.jsonl"
     recording = record(path, robot("planar_3r"), [0.0], np.zeros((1, 3)))
     with pytest.raises(UnknownNameError, match="no robot 'leg'"):
@@ -459,7 +403,7 @@ def test_a_description_that_was_changed(robot, tmp_path):
 # --- played ----------------------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("name", ["planar_3r", "five_bar", "delta4", "gough"])
+@pytest.mark.parametrize("name", ["five_bar", "delta4"])
 def test_between_two_moments_loops_are_closed(robot, tmp_path, name):
     mechanism = robot(name)
     times, q = swung(mechanism, 1.0, rate=25.0)
@@ -472,18 +416,6 @@ def test_between_two_moments_loops_are_closed(robot, tmp_path, name):
             assert at == pytest.approx(q[i] + x * (q[i + 1] - q[i]), abs=2e-2)
     for time_, end in ((-1.0, q[0]), (99.0, q[-1]), (float("inf"), q[-1])):
         assert (recording.at(time_)["robot"] == end).all()
-
-
-def test_across_a_leap_it_is_on_one_side(robot, tmp_path):
-    """Between two assembly modes of a four-bar there may be no way: then nothing is made up."""
-    mechanism = robot("four_bar")
-    q = mechanism.q_home
-    other = mechanism.close(mechanism.configuration({"joint2": -q[1], "joint3": -q[2]}), ["joint1"])
-    assert mechanism.closure(other) < 1e-12
-    assert np.abs(other - q).max() > 1.0
-    recording = record(tmp_path / "run.jsonl", mechanism, [0.0, 1.0], [q, other])
-    for x in np.linspace(0.0, 1.0, 11):
-        assert mechanism.closure(recording.at(x)["robot"]) < 1e-12
 
 
 def test_a_player(robot, tmp_path):
@@ -514,16 +446,8 @@ def test_a_player(robot, tmp_path):
     assert player.time == 0.0
     player.seek(float("inf"))
     assert player.time == 2.0
-
-
-def test_a_player_of_nothing(robot, tmp_path):
-    arm = robot("planar_3r")
     player = Player(record(tmp_path / "run.jsonl", arm, [], []))
     player.play()
     assert not player.playing
     assert (player.advance(0.1)["robot"] == arm.q_home).all()
     assert player.index == 0
-
-
-def test_errors_are_cinegens():
-    assert issubclass(MissionError, CinegenError)

@@ -13,14 +13,14 @@ from cinegen.planning import plan
 @pytest.fixture(scope="module")
 def rod(root):
     """A way of a planar arm."""
-    return plan(load_scene(root / "robots/scenes/rod.toml"))
+    return plan(load_scene(root / "robots/scenes/rod.toml"), seconds=600.0)
 
 
 @pytest.fixture(scope="module")
 def disc():
     """A way of a mobile robot, which has no limits of speed."""
     values = {"mobile": {"radius": 0.1}, "goal": {"point": [2, 0]}}
-    return plan(scene_of(values | {"obstacle": [{"kind": "disc", "radius": 0.3, "point": [1, 0.05]}]}))
+    return plan(scene_of(values | {"obstacle": [{"kind": "disc", "radius": 0.3, "point": [1, 0.05]}]}), seconds=600.0)
 
 
 def test_a_recording_holds_the_motion(rod, tmp_path):
@@ -34,6 +34,8 @@ def test_a_recording_holds_the_motion(rod, tmp_path):
     (task,) = recording.tasks[name][0]
     assert (task.node, task.translation, task.rotation) == ("tool", 2, 0)
     assert task.target.isApprox(rod.scene.goal, 1e-12)
+    with pytest.raises(MissionError, match="exists, and is a mission"):
+        record_plan(rod, tmp_path / "rod.jsonl")
 
 
 @pytest.mark.parametrize("name", ["rod", "disc"])
@@ -52,9 +54,3 @@ def test_what_does_not_move_is_refused(tmp_path):
     with pytest.raises(MissionError, match="there is no path to record: reached"):
         record_plan(way, tmp_path / "way.jsonl")
     assert not list(tmp_path.iterdir())
-
-
-def test_a_recording_is_not_overwritten(rod, tmp_path):
-    record_plan(rod, tmp_path / "rod.jsonl")
-    with pytest.raises(MissionError, match="exists, and is a mission"):
-        record_plan(rod, tmp_path / "rod.jsonl")

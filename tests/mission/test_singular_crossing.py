@@ -18,7 +18,7 @@ import cinegen
 from cinegen.cli import main
 from cinegen.dynamics import InverseDynamics
 from cinegen.errors import CinegenError
-from cinegen.mission import export, report_text, resampled
+from cinegen.mission import resampled
 from cinegen.planning.singular_crossing import CrossingDynamics, guided
 from cinegen.planning.timing import TimingError
 from cinegen.planning.torque_limits import TorqueLimits
@@ -160,16 +160,6 @@ def test_without_the_option_and_where_there_is_no_pace_it_is_refused(five_bar, f
         resampled(fall, jerk=100.0, torques=partial(heavy_limits, crosses=True))
 
 
-def test_the_export_says_that_a_singularity_is_crossed(fall, tmp_path):
-    report = export(fall.path, "csv", tmp_path / "fall.csv", speed=math.inf, acceleration=NEVER,
-                    torques=partial(heavy_limits, crosses=True))  # fmt: skip
-    text = report_text(report)
-    assert "DO NOT SEND" not in text
-    assert "it passes through a type 2 singularity" in text
-    assert "at a speed at which torques stay within their limits" in text
-    assert "no type 2 singularity passed" not in text
-
-
 def test_the_option_of_the_command(root, fall, tmp_path, capsys):
     """With the masses of the file and limits in it: too weak to hold the linkage at rest near the singularity."""
     text = re.sub(r"limits {[^}]*}", "", (root / "robots/five_bar.raff").read_text())
@@ -184,7 +174,10 @@ def test_the_option_of_the_command(root, fall, tmp_path, capsys):
     assert main([*command, *crossing]) == 0
     out = capsys.readouterr().out
     assert "of its 4 Nm" in out
+    assert "DO NOT SEND" not in out
+    assert "it passes through a type 2 singularity" in out
     assert "at a speed at which torques stay within their limits" in out
+    assert "no type 2 singularity passed" not in out
     assert main([*command, "--torques", "--gravity", "0,-9.81,0"]) == 1
     assert "--cross-singularities" in capsys.readouterr().err
     assert main([*command, *crossing, "--jerk", "100"]) == 1

@@ -18,7 +18,7 @@ from cinegen.cli import main
 from cinegen.dynamics import Payload
 from cinegen.dynamics.errors import MassError
 from cinegen.errors import CinegenError, UnknownNameError
-from cinegen.mission import Recording, export, report_text, resampled
+from cinegen.mission import Recording, resampled
 from cinegen.planning.torque_limits import TorqueLimits
 
 MASS, FORCE, GRAVITY = 2.0, 30.0, 9.81
@@ -48,8 +48,7 @@ def shortest(up: float, down: float, distance: float = 1.0) -> float:
     return speed / up + speed / down
 
 
-@pytest.mark.parametrize(("axis", "pull"), [("1 0 0", 0.0), ("0 0 1", GRAVITY), ("0 0 -1", -GRAVITY)])
-@pytest.mark.parametrize("load", [0.0, 0.5])
+@pytest.mark.parametrize(("axis", "pull", "load"), [("1 0 0", 0.0, 0.0), ("0 0 1", GRAVITY, 0.5)])
 def test_a_mass_on_a_rail_moves_as_fast_as_the_textbook_has_it(slid, axis, pull, load):
     mechanism, recording = slid(axis)
     torques = TorqueLimits(mechanism, [Payload("cart", load)])
@@ -83,7 +82,7 @@ def required(mechanism: cinegen.Mechanism, q: np.ndarray, rate: float) -> np.nda
     return np.array(found)
 
 
-@pytest.mark.parametrize("name", ["planar_3r", "delta4", "five_bar"])
+@pytest.mark.parametrize("name", ["planar_3r", "delta4"])
 def test_robots_move_as_fast_as_their_torques_allow(robot, tmp_path, name):
     mechanism = massive(robot(name))
     recording = record(tmp_path / "run.jsonl", mechanism, *swung(mechanism, 1.0, 25.0), name=name)
@@ -97,19 +96,6 @@ def test_robots_move_as_fast_as_their_torques_allow(robot, tmp_path, name):
     assert np.median(used.max(axis=1)) > 0.75  # one of them is near its limit most of the time
     slower = resampled(recording, rate=rate, speed=math.inf, acceleration=0.05, torques=lambda _: torques)
     assert slower.seconds > motion.seconds
-
-
-def test_a_payload_takes_time(robot, tmp_path):
-    mechanism = massive(robot("delta4"))
-    record(tmp_path / "run.jsonl", mechanism, *swung(mechanism, 1.0, 25.0))
-    seconds = []
-    for mass in (0.0, 1.0, 2.0):
-        limits = TorqueLimits(mechanism, [Payload(mechanism.end, mass)], efforts=400.0)
-        options = {"speed": math.inf, "acceleration": NEVER, "torques": lambda _, limits=limits: limits}
-        report = export(tmp_path / "run.jsonl", "csv", **options)
-        seconds.append(report.trajectory.seconds)
-        assert "% of its 400 Nm" in report_text(report)
-    assert seconds == sorted(set(seconds))
 
 
 def test_limits_that_are_missing_or_wrong(robot, slid):

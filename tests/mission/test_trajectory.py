@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from recorded import dragged, record, swung
+from recorded import record, swung
 from scipy.interpolate import CubicSpline
 
 from cinegen.errors import CinegenError, UnknownNameError
@@ -101,9 +101,8 @@ def test_it_obeys_all_limits_and_stays_closed(robot, tmp_path_factory, name, see
     assert findings.closure <= 1e-10
 
 
-@pytest.mark.parametrize("name", ["planar_3r", "delta4", "gough"])
-def test_it_is_near_what_was_recorded(robot, tmp_path, name):
-    mechanism = robot(name)
+def test_it_is_near_what_was_recorded(robot, tmp_path):
+    mechanism = robot("delta4")
     times, q = swung(mechanism, 2.0, rate=50.0)
     recording = record(tmp_path / "run.jsonl", mechanism, times, q)
     motion = resampled(recording, rate=400.0, acceleration=200.0)
@@ -113,35 +112,6 @@ def test_it_is_near_what_was_recorded(robot, tmp_path, name):
     exact = CubicSpline(motion.times, motion.q)(motion.passes[:, 0])
     assert exact == pytest.approx(q, abs=2e-5)
     assert motion.v[1:-1] == pytest.approx((motion.q[2:] - motion.q[:-2]) * 200.0, abs=1e-9)
-
-
-@pytest.mark.parametrize("name", ["planar_3r", "five_bar"])
-def test_half_as_fast_takes_twice_as_long(robot, tmp_path, name):
-    mechanism = robot(name)
-    times, q = swung(mechanism, 2.0)
-    recording = record(tmp_path / "run.jsonl", mechanism, times, q)
-    once, twice = (resampled(recording, speed=speed, acceleration=200.0) for speed in (1.0, 0.5))
-    assert 4.0 <= twice.passes[-1, 0] <= 2.0 * once.passes[-1, 0] + 1e-3
-    middle = slice(40, -40)  # limits act at start and end
-    assert np.diff(twice.passes[:, 0])[middle] == pytest.approx(2.0 * np.diff(once.passes[:, 0])[middle], rel=1e-3)
-
-
-@settings(max_examples=10)
-@given(seeds, st.integers(1, 6))
-def test_any_positions_of_a_serial_robot_are_passed_in_order(robot, tmp_path_factory, seed, count):
-    arm, rng = robot("rx90"), np.random.default_rng(seed)
-    low, high = arm.model.lowerPositionLimit, arm.model.upperPositionLimit
-    q = rng.uniform(low, high, (count, 6))
-    motion = resampled(record(tmp_path_factory.mktemp("mission") / "run.jsonl", arm, np.arange(count) / 100, q))
-    assert (_steps(motion) <= 1.0 + 1e-6).all()
-    assert not check(motion).serious
-    reached = 0
-    for k in range(count):  # the sample next to the time at which it is passed is at most a step away
-        near = round(motion.passes[k, 0] * motion.rate)
-        near = min(near, len(motion.q) - 1)
-        assert near >= reached
-        reached = near
-        assert (np.abs(motion.q[near] - q[k]) <= arm.model.upperVelocityLimit / motion.rate).all()
 
 
 # --- limits ----------------------------------------------------------------------------------------------------------
@@ -186,28 +156,18 @@ robot linkage {
 """
 
 
-@pytest.mark.parametrize("rate", [20.0, 125.0])
-def test_joints_without_motors_obey_their_limits_too(raff, tmp_path, rate):
+def test_joints_without_motors_obey_their_limits_too(raff, tmp_path):
     slow = raff(FOUR_BAR)
     forward, begin = ForwardKinematics(slow), slow.q_home[0]
     times = np.arange(101) / 100
     q = [forward.move({"joint1": begin + 2.0 * math.pi * time}) for time in times]
-    motion = resampled(record(tmp_path / "run.jsonl", slow, times, q), rate=rate)
+    motion = resampled(record(tmp_path / "run.jsonl", slow, times, q), rate=20.0)
     taken = _steps(motion)[:, slow.v_index("joint3")]
     assert taken.max() <= 1.0 + 1e-6
     assert taken.max() > 0.95
     assert motion.seconds < 2.0 * 2.0 * np.abs(np.diff([one[2] for one in q])).sum() / math.radians(20.0)
     assert not check(motion).serious
     assert np.median(taken) > 0.5  # it is slow only where it must be
-
-
-def test_standing_still_is_a_trajectory_too(robot, tmp_path):
-    arm = robot("planar_3r")
-    still = record(tmp_path / "still.jsonl", arm, [0.0, 1.0, 2.0], np.zeros((3, 3)))
-    assert len(resampled(still).q) == 251
-    one = resampled(record(tmp_path / "one.jsonl", arm, [5.0], np.ones((1, 3))))
-    assert (one.times.tolist(), one.q.tolist(), one.v.tolist()) == ([0.0], [[1.0] * 3], [[0.0] * 3])
-    assert not check(one).serious
 
 
 # --- what can't be sampled -------------------------------------------------------------------------------------------
@@ -301,8 +261,7 @@ def _area(mechanism, x, y):
     return math.sin(q["joint1"] + q["joint2"] - q["joint3"] - q["joint4"])
 
 
-@pytest.mark.parametrize(("step", "rate"), [(0.01, 125.0), (0.1, 125.0), (0.2, 500.0), (0.1, 10.0)])
-@pytest.mark.parametrize("x", [0.0, 0.03])
+@pytest.mark.parametrize(("step", "rate", "x"), [(0.01, 125.0, 0.0), (0.2, 500.0, 0.03), (0.1, 10.0, 0.03)])
 def test_a_type_2_singularity_between_two_samples_is_found(robot, tmp_path, step, rate, x):
     """The tool goes straight, from 0.57 to 0.62 m: in between, both elbows are at the same place."""
     mechanism = robot("five_bar")
@@ -345,8 +304,8 @@ def rocker(robot, raff, root):
     return mechanism, np.array(dead)
 
 
-@pytest.mark.parametrize("step", [0.01, 0.05])
-def test_dead_points_of_a_rocker_that_drives_a_crank(robot, rocker, tmp_path, step):
+def test_dead_points_of_a_rocker_that_drives_a_crank(robot, rocker, tmp_path):
+    step = 0.05
     (mechanism, dead), crank = rocker, robot("four_bar")
     forward, begin = ForwardKinematics(crank), crank.q_home[0]
     times = np.arange(round(1.0 / step) + 1) * step
@@ -373,7 +332,7 @@ def test_singularities_far_apart_from_samples(robot, rocker):
 
 
 @pytest.mark.parametrize("turn", [0.0, 1.0, 1.8, 2.6])
-@pytest.mark.parametrize("zero", [-1.0, 0.1, 0.37, 0.8, 2.0])
+@pytest.mark.parametrize("zero", [-1.0, 0.1, 0.37])
 def test_a_matrix_that_turns_between_two_samples(robot, turn, zero):
     """Its singular vectors turn by so much (rad) that from sample to sample they may seem to have turned round."""
     arm = robot("planar_3r")
@@ -417,17 +376,6 @@ def test_an_elbow_that_is_stretched_is_noted(robot, tmp_path):
     assert not findings.serious
     assert found.sigma < 1e-6
     assert findings.passive_sigma == math.inf
-
-
-@pytest.mark.parametrize("name", ["delta4", "gough", "rx90", "hybrid"])
-def test_what_a_solver_did_can_be_sent(robot, tmp_path, name):
-    mechanism = robot(name)
-    way = 0.05 * mechanism.length * np.array([1.0, 0.5, 0.3])
-    times, q = dragged(mechanism, way, 0.5)
-    motion = resampled(record(tmp_path / "run.jsonl", mechanism, times, q))
-    assert not check(motion).serious
-    moved = mechanism.placement(motion.q[-1], mechanism.end).translation
-    assert moved == pytest.approx(mechanism.placement(q[-1], mechanism.end).translation, abs=1e-9)
 
 
 # --- what a check finds ----------------------------------------------------------------------------------------------
@@ -502,9 +450,8 @@ def test_joints_without_limits_obey_stated_defaults(raff, tmp_path):
     assert not check(motion).serious
 
 
-@pytest.mark.parametrize("name", ["planar_3r", "delta4"])
-def test_limits_of_acceleration_and_jerk_that_are_given(robot, tmp_path, name):
-    mechanism = robot(name)
+def test_limits_of_acceleration_and_jerk_that_are_given(robot, tmp_path):
+    mechanism = robot("delta4")
     times, q = swung(mechanism, 1.0)
     recording = record(tmp_path / "run.jsonl", mechanism, times, q)
     joints = mechanism.actuated

@@ -11,7 +11,6 @@ from hypothesis import assume, given
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 from scipy.spatial.transform import Rotation
-from vortex_field import FieldError
 
 from cinegen.planning.descent import CONTACT
 
@@ -84,18 +83,3 @@ def test_a_prism_does_not_know_of_height():
     low, high = rod.value([[-0.3, 0.1, 0.0], [-0.3, 0.1, 5.0]])
     assert low == high
     assert rod.gradient([-0.3, 0.1, 2.0])[2] == 0.0
-
-
-@pytest.mark.parametrize(
-    ("make", "said"),
-    [
-        (lambda: Elliptical([0, 0, math.nan], [1.0, 1.0, 1.0]), "centre"),
-        (lambda: Elliptical([0, 0, 0], [1.0, 0.0, 1.0]), "half the edges"),
-        (lambda: Elliptical([0, 0, 0], [math.inf] * 3), "half the edges"),
-        (lambda: Elliptical([0, 0, 0], [1.0, 1.0, 1.0], axes=np.ones((3, 3))), "rotation"),
-        (lambda: Elliptical([0, 0, 0], [1.0, 1.0, 1.0], rounding=1.9), "less than 1.82"),
-    ],
-)
-def test_what_is_no_potential_is_refused(make, said):
-    with pytest.raises(FieldError, match=said):
-        make()

@@ -59,15 +59,13 @@ def test_in_space_the_scissors_jump_where_facing_does_not():
     before, after = Y - 1e-9 * n, Y + 1e-9 * n
     assert facing([before, after], [n, n]) == pytest.approx(0.0, abs=1e-8)
     assert scissors([before, after], [vortex, vortex], [n, n]) == pytest.approx([1.0, 0.0])
-
-
-def test_no_attraction_no_weight():
-    assert scissors([0.0, 0.0, 0.0], Y, X) == 0.0
+    assert scissors([0.0, 0.0, 0.0], Y, X) == 0.0  # no attraction, no weight
 
 
 # --- plans -------------------------------------------------------------------------------------------------------
 
 
+@pytest.mark.usefixtures("unhurried")
 @pytest.mark.parametrize("radius", [0.0, 0.15])
 def test_a_disc_beside_the_path_stops_no_mobile_robot(radius):
     scene = point([{"kind": "disc", "radius": 0.4, "point": [2.0, 0.05]}], radius)
@@ -77,13 +75,15 @@ def test_a_disc_beside_the_path_stops_no_mobile_robot(radius):
     assert found.length > 4.05  # it obstructed the straight path
 
 
+@pytest.mark.usefixtures("unhurried")
 def test_a_disc_straight_ahead_does_not_stop_it():
     found = plan_literally(point([{"kind": "disc", "radius": 0.4, "point": [2.0, 0.0]}]))
     assert found
     assert found.field == "LiteralVortices"
 
 
-@pytest.mark.parametrize("name", ["rod", "disc", "discs", "generic"])
+@pytest.mark.usefixtures("unhurried")
+@pytest.mark.parametrize("name", ["rod", "discs"])
 def test_nothing_comes_nearer_than_the_safety_distance(root, name):
     scene = load_scene(root / "robots" / "scenes" / f"{name}.toml")
     found = plan_literally(scene)

@@ -57,10 +57,6 @@ def test_one_that_is_not_discarded_does():
     assert facing(-velocity, X) == 0.0  # and discarded it is not there
 
 
-def test_no_attraction_no_weight():
-    assert facing([0.0, 0.0, 0.0], X) == 0.0
-
-
 @given(vectors, vectors)
 def test_the_vortex_begins_along_the_tangential_part_of_the_direction(n, tau):
     n = unit(n)
@@ -88,12 +84,6 @@ def test_head_on_the_next_direction_counts():
     assert np.cross(rotation_axis(Z, -Z), Z) == pytest.approx(X)
 
 
-@pytest.mark.parametrize("n", [[0.0, 0.0, 0.0], [math.nan, 0.0, 1.0]])
-def test_without_a_normal_there_is_no_axis(n):
-    with pytest.raises(PlanningError, match="normal"):
-        rotation_axis(n, X)
-
-
 def test_folding_is_toward_the_base():
     point, base = np.array([1.0, 0.5, 0.8]), np.array([0.0, 0.0, 0.2])
     assert folding(point, base) == pytest.approx([-1.0, -0.5, -0.6])
@@ -107,3 +97,9 @@ def test_a_folding_vortex_comes_nearer_to_the_axis_of_the_base(n, point, base):
     velocity = Vortex(1.0, 1.0).velocity(0.1, n, rotation_axis(n, to))
     near = np.linalg.norm((point + 1e-6 * velocity - base)[:2])
     assert near < np.linalg.norm((point - base)[:2])
+
+
+@pytest.mark.parametrize("n", [[0.0, 0.0, 0.0], [math.nan, 0.0, 1.0]])
+def test_without_a_normal_there_is_no_axis(n):
+    with pytest.raises(PlanningError, match="normal"):
+        rotation_axis(n, X)

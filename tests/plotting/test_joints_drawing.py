@@ -22,7 +22,7 @@ def test_each_joint_that_moves_is_drawn_from_start_to_goal_within_limits(robot, 
     home = mechanism.values(mechanism.q_home)
     goal = {name: 0.5 * (home[name] + value) + 0.01 for name, value in middle.items()}
     pairs = itertools.combinations(mechanism.nodes, 2)  # links that are drawn in each other
-    found = plan(scene_for(mechanism, goal, allowed_collisions=[list(pair) for pair in pairs]))
+    found = plan(scene_for(mechanism, goal, allowed_collisions=[list(pair) for pair in pairs]), seconds=600.0)
     assert found
     motion, figure = timed_path(found), draw_joints(found)
     FigureCanvasAgg(figure).draw()

@@ -12,14 +12,13 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.colors import BoundaryNorm, LogNorm, to_hex
+from matplotlib.figure import Figure
 from matplotlib.text import Text
-from variants import slow
 
 from cinegen.plotting.comparison import BOTH, FIRST, SECOND, draw_comparison
-from cinegen.plotting.loci import TYPE_1, TYPE_2
+from cinegen.plotting.loci import TYPE_2
 from cinegen.plotting.map import draw_map
 from cinegen.plotting.plane import ROBOT
-from cinegen.plotting.shades import differing
 from cinegen.plotting.sheet import wrapped
 from cinegen.plotting.solid import net
 from cinegen.plotting.units import extent_text
@@ -127,16 +126,6 @@ def test_an_arm_of_two_links_is_singular_where_its_elbow_is_straight(wrist):
     assert (radii < 0.4).sum() >= 8
 
 
-def test_over_its_motors_it_is_singular_on_a_line(made):
-    """Of place and direction in the plane: where joint 2 is 0, whatever joint 3 is."""
-    turns = made("planar_3r", ("joint2", -0.8, 0.9, 12), ("joint3", -0.9, 0.8, 9), at={"joint1": 0.3})
-    (curve,) = loci(turns)
-    assert (curve.kind, curve.border) == (SingularityType.TYPE_1, False)
-    assert np.abs(curve.points[:, 0]).max() < 1e-6
-    assert len(curve.points) == 9
-    assert all(abs(b - a) == pytest.approx(1.7 / 9.0) for a, b in pairwise(curve.points[:, 1]))
-
-
 def test_a_joints_limit_is_no_singularity(made, robot):
     """Joint 2 within 5 to 170 degrees either way stops five_bar's arms before they are stretched."""
     curves = loci(made("five_bar", ("x", -0.5, 0.5, 25), ("y", 0.0, 0.7, 20), limits=True))
@@ -146,14 +135,6 @@ def test_a_joints_limit_is_no_singularity(made, robot):
         near = np.minimum(curve.q - model.lowerPositionLimit, model.upperPositionLimit - curve.q).min(axis=1)
         assert (near > -1e-8).all()
         assert (near < 1e-3).all()
-
-
-def test_a_fine_map_is_thinned(wrist, monkeypatch):
-    monkeypatch.setattr("cinegen.workspace.loci.MOST", 19)
-    points = points_of(loci(wrist), SingularityType.TYPE_1)
-    radii = np.hypot(points[:, 0] - 0.2, points[:, 1])
-    assert np.abs(radii[:, None] - [0.7, 0.1]).min(axis=1).max() < 1e-6
-    assert 20 < len(points) < 110
 
 
 def test_beside_what_nobody_has_looked_at_nothing_ends(wrist):
@@ -175,7 +156,7 @@ def test_a_line_has_no_curves(made):
 # --- two axes ----------------------------------------------------------------------------------------------------
 
 
-def test_a_picture_has_colours_levels_curves_and_the_robot(drawn, five_bar):
+def test_a_picture_has_colours_levels_curves_and_the_robot(drawn, five_bar, robot):
     axes = drawn.axes[0]
     out, shades = [mesh for mesh in axes.collections if type(mesh).__name__ == "QuadMesh"]
     reached = five_bar.reachable.values
@@ -184,24 +165,15 @@ def test_a_picture_has_colours_levels_curves_and_the_robot(drawn, five_bar):
     assert to_hex(out.get_cmap()(1.0)) == "#e9ebee"
     assert any(type(lines).__name__ == "QuadContourSet" and len(lines.levels) for lines in axes.collections)
     assert axes.get_aspect() == 1.0
-    assert any(artist.get_gid() == ROBOT for artist in axes.get_children())
-
-
-def test_its_curves_are_where_they_should_be_in_m(drawn):
-    axes = drawn.axes[0]
     second = np.vstack([np.column_stack(line.get_data()) for line in axes.lines if line.get_color() == TYPE_2])
     off = np.abs([np.hypot(second[:, 0], second[:, 1] - y) - 0.4 for y in (-0.2, 0.2)]).min(axis=0)
-    assert off.max() < 1e-6
-    first = np.vstack([np.column_stack(line.get_data()) for line in axes.lines if line.get_color() == TYPE_1 and
-                       line.get_gid() != ROBOT])  # fmt: skip
-    away = np.array([np.hypot(first[:, 0] - x, first[:, 1]) for x in (-0.15, 0.15)])
-    assert np.abs(away[:, :, None] - [0.65, 0.15]).min(axis=(0, 2)).max() < 1e-5
-
-
-def test_the_robot_is_where_it_is_at_home(drawn, robot):
+    assert off.max() < 1e-6  # its curves are where they should be, in m
     tool = robot("five_bar").placement(robot("five_bar").q_home, "tool").translation[:2]
-    ends = [np.column_stack(artist.get_data()) for artist in drawn.axes[0].lines if artist.get_gid() == ROBOT]
+    ends = [np.column_stack(artist.get_data()) for artist in axes.lines if artist.get_gid() == ROBOT]
     assert min(np.abs(points - tool).max(axis=1).min() for points in ends) < 1e-9
+    bare = draw_map(five_bar, curves=False, robot=False).axes[0]
+    assert not [line for line in bare.lines if len(line.get_xdata())]
+    assert not [artist for artist in bare.get_children() if artist.get_gid() == ROBOT]
 
 
 def test_its_words_say_what_it_is(drawn, five_bar):
@@ -213,12 +185,6 @@ def test_its_words_say_what_it_is(drawn, five_bar):
                  "type 2: uncontrolled DoF", "robot at home", "out of reach"):  # fmt: skip
         assert part in said
     assert draw_map(five_bar, name="a linkage", curves=False).get_suptitle() == "a linkage: reach of tool"
-
-
-def test_what_is_left_out_is_not_there(five_bar):
-    axes = draw_map(five_bar, curves=False, robot=False).axes[0]
-    assert not [line for line in axes.lines if len(line.get_xdata())]
-    assert not [artist for artist in axes.get_children() if artist.get_gid() == ROBOT]
 
 
 def test_each_quantity_has_its_scale(made, five_bar):
@@ -250,23 +216,9 @@ def test_turns_are_in_degrees_and_have_no_robot(made):
     assert "joint1 17.19°" in words(figure)
 
 
-def test_a_map_that_reaches_nothing_is_drawn_all_the_same(made):
-    far = made("planar_3r", ("x", 2.0, 3.0, 4), ("y", 2.0, 3.0, 5))
-    said = words(rendered(draw_map(far)))
-    assert "reached: 0 m²" in said
-    assert "out of reach" in said
-
-
-def test_a_robot_out_of_the_picture_is_not_in_the_legend(made):
-    away = made("planar_3r", ("x", 0.2, 0.3, 3), ("y", -0.8, -0.7, 3))
-    figure = rendered(draw_map(away, curves=False))
-    assert "robot at home" not in words(figure)
-    assert not [artist for artist in figure.axes[0].get_children() if artist.get_gid() == ROBOT]
-
-
-@pytest.mark.parametrize("sides", [(2.0, 0.4), *slow(((0.1, 0.2),), ((0.1, 0.7),))])
-def test_a_long_name_takes_nothing_from_the_picture(made, sides):
+def test_a_long_name_takes_nothing_from_the_picture(made):
     """And neither it nor any other word sticks out of the sheet."""
+    sides = (2.0, 0.4)
     axes = [(name, -0.5 * side, 0.5 * side, 4) for name, side in zip("xy", sides, strict=True)]
     region = made("planar_3r", *axes, at={"rz": 0.0}, quantities=("solutions", "sigma_1"))
     short, long = (rendered(draw_map(region, "status", curves=False, name=name)) for name in ("arm", "a_name" * 20))
@@ -280,21 +232,11 @@ def test_a_long_name_takes_nothing_from_the_picture(made, sides):
 @given(st.text("Wiaou_ ", min_size=1, max_size=80), st.floats(0.5, 6.0), st.floats(6.0, 12.0))
 @settings(max_examples=60, deadline=None)
 def test_words_are_put_in_lines_that_fit(said, room, points):
-    from matplotlib.figure import Figure
-
     lines = wrapped(said, room, points)
     assert "".join(lines.split()) == "".join(said.split())
     figure = Figure(dpi=150)
     FigureCanvasAgg(figure)
     assert figure.text(0.0, 0.0, lines, fontsize=points).get_window_extent().width <= 1.02 * 150.0 * room + 2.0
-
-
-@given(st.floats(-1e4, 1e4), st.floats(-5.0, 3.0))
-@settings(max_examples=60, deadline=None)
-def test_ticks_have_as_many_digits_as_tell_them_apart(middle, magnitude):
-    look = replace(differing("", "1", "force", np.ones(3)), ticks=middle + 10.0**magnitude * np.arange(5))
-    assert len({look.number(tick) for tick in look.ticks}) == 5
-    assert differing("", "1", "force", np.ones(3)).number(0.5) == "0.5"
 
 
 def test_an_error_that_is_rounding_is_not_written():
@@ -320,15 +262,6 @@ def test_over_a_line_it_is_a_curve(made):
     assert axes.get_xlabel() == "x (m)"
 
 
-@pytest.mark.parametrize("quantity", ["force", "solutions"])
-def test_long_words_beside_a_line_are_whole(made, quantity):
-    line = made("planar_3r", ("x", 0.2, 0.8, 7), at={"y": 0.0, "rz": 0.0}, quantities=("force", "solutions"))
-    figure = rendered(draw_map(line, quantity, name="a_name" * 20))
-    assert cut_off(figure) == []
-    label = figure.axes[0].yaxis.label.get_window_extent()
-    assert label.y1 < min(box.get_window_extent().y0 for box in figure.findobj(Text) if "a_name" in box.get_text())
-
-
 def test_a_single_cell_in_a_line_is_seen(made):
     line = made("planar_3r", ("x", 0.0, 1.2, 3), at={"y": 0.0, "rz": 0.0})
     assert list(line.reachable.values) == [False, True, False]
@@ -347,7 +280,7 @@ def test_directions_seen_from_a_centre_are_on_a_map_of_the_sphere(made):
     assert [axes.name for axes in two.axes[:2]] == ["hammer", "hammer"]
 
 
-@pytest.mark.parametrize("low", [-180.0, 0.0, -90.0, 37.0])
+@pytest.mark.parametrize("low", [0.0, 37.0])
 def test_wherever_azimuths_begin_the_sphere_is_whole_and_its_numbers_are_right(made, low):
     azimuths = ("azimuth", math.radians(low), math.radians(low + 360.0), 12)
     sphere = made("rx90", azimuths, ("elevation", -math.pi / 2, math.pi / 2, 6), at={"radius": 0.6},
@@ -363,17 +296,9 @@ def test_wherever_azimuths_begin_the_sphere_is_whole_and_its_numbers_are_right(m
         assert math.remainder(turned, 2.0 * math.pi) == pytest.approx(0.0, abs=1e-9)
 
 
-def test_a_whole_ball_is_drawn(made):
-    ball = made("rx90", ("azimuth", -math.pi, math.pi, 6), ("elevation", -math.pi / 2, math.pi / 2, 4),
-                ("radius", 0.0, 1.0, 4), quantities=("sigma_1",))  # fmt: skip
-    figure = rendered(draw_map(ball, curves=False))
-    assert [axes.name for axes in figure.axes].count("hammer") > 1
-    assert cut_off(figure) == []
-
-
-@pytest.mark.parametrize("layers", [1, 2])
-def test_a_solid_is_within_its_axes(made, layers):
+def test_a_solid_is_within_its_axes(made):
     """Whose limits are those of its cells and a little room, and as thick as these are."""
+    layers = 1
     slab = made("rx90", ("x", -1.0, 1.0, 8), ("y", -1.0, 1.0, 8), ("z", 0.2, 0.2 + 0.1 * layers, layers),
                 quantities=("sigma_1",))  # fmt: skip
     figure = rendered(draw_map(slab, curves=False))
@@ -385,14 +310,6 @@ def test_a_solid_is_within_its_axes(made, layers):
     assert (body[:, 1] <= limits[:, 1]).all()
     assert solid._box_aspect[2] < 0.2 * solid._box_aspect[:2].max()
     assert [running_together(axis) for axis in (solid.xaxis, solid.yaxis, solid.zaxis)] == [0, 0, 0]
-
-
-def test_numbers_of_slices_of_angles_stay_apart(made):
-    turns = made("rx90", *((f"joint{k}", -2.5, 2.5, 6) for k in (1, 2, 3)), quantities=("sigma_1",))
-    figure = rendered(draw_map(turns, curves=False))
-    slices = [axes for axes in figure.axes if axes.get_title().startswith("joint3 ")]
-    assert len(slices) > 2
-    assert not any(running_together(axis) for axes in slices for axis in (axes.xaxis, axes.yaxis))
 
 
 def test_over_three_axes_there_are_slices_and_a_solid(made):
@@ -410,10 +327,9 @@ def test_over_three_axes_there_are_slices_and_a_solid(made):
     assert str(extent(box)).replace("m^2", "m²") in words(figure)
 
 
-@pytest.mark.parametrize("thin", ["x", *slow("y")])
-def test_a_sliver_of_space_has_a_picture_of_usual_size(made, thin):
+def test_a_sliver_of_space_has_a_picture_of_usual_size(made):
     """Were what is as long drawn as long, it would be a kilometre high."""
-    sides = {"x": 0.8, "y": 0.8, "z": 0.4, thin: 0.0004}
+    sides = {"x": 0.0004, "y": 0.8, "z": 0.4}
     for names in ("xy", "xyz"):
         axes = [(name, -0.5 * sides[name] - (1.8 if name == "z" else 0.0),
                  0.5 * sides[name] - (1.8 if name == "z" else 0.0), 4) for name in names]  # fmt: skip
@@ -485,26 +401,3 @@ def test_two_maps_show_what_each_reaches_alone(made, wrist):
     assert "only" in said
     with pytest.raises(MapError, match="the maps don't both have 'force'"):
         draw_comparison(wrist, other, "force")
-
-
-@pytest.mark.parametrize("letters", slow(49, 19))
-def test_long_names_of_two_maps_take_nothing_from_their_picture(made, wrist, letters, monkeypatch):
-    from cinegen.plotting import comparison
-
-    def drawn_as(*names):
-        monkeypatch.setattr(comparison, "compare", lambda one, other: replace(measured, names=names))
-        return rendered(draw_comparison(wrist, wrist))
-
-    measured = comparison.compare(wrist, wrist)
-    short, long = drawn_as("a", "b"), drawn_as("a" * letters, "b" * letters)
-    sizes = [[axes.get_window_extent().size for axes in figure.axes[:2]] for figure in (short, long)]
-    np.testing.assert_allclose(*sizes, rtol=0.02)
-    assert cut_off(long) == []
-
-
-def test_two_lines_show_it_too(made):
-    lines = [made("planar_3r", ("x", -1.2, 1.2, 24), at={"y": 0.0, "rz": rz}) for rz in (0.0, math.pi)]
-    axes = rendered(draw_comparison(*lines)).axes[0]
-    values = axes.lines[0].get_ydata()
-    both = lines[0].reachable.values & lines[1].reachable.values
-    np.testing.assert_array_equal(np.isfinite(values), both)

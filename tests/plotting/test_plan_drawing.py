@@ -13,7 +13,6 @@ from hypothesis import strategies as st
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.colors import to_rgb
 from matplotlib.patches import Polygon
-from variants import slow
 
 from cinegen.collision import load_scene, scene_of
 from cinegen.collision.body import Body
@@ -34,17 +33,8 @@ def bodies(draw):
     """Any shape, standing anywhere."""
     rng = np.random.default_rng(draw(seeds))
     a, b, c = draw(sizes), draw(sizes), draw(sizes)
-    shape = draw(
-        st.sampled_from(
-            [
-                coal.Sphere(a),
-                coal.Capsule(a, b),
-                coal.Cylinder(a, b),
-                coal.Box(a, b, c),
-                hull(rng.normal(size=(12, 3))).shape,
-            ]
-        )
-    )
+    solids = [coal.Sphere(a), coal.Capsule(a, b), coal.Cylinder(a, b), coal.Box(a, b, c)]
+    shape = draw(st.sampled_from([*solids, hull(rng.normal(size=(12, 3))).shape]))
     rotation = pin.Quaternion(rng.normal(size=4)).normalized().matrix()
     return Body("body", 0, pin.SE3(rotation, rng.uniform(-1.0, 1.0, 3)), shape), rng
 
@@ -63,24 +53,6 @@ def distance(body, shape, place):
 
 
 @settings(max_examples=60)
-@given(bodies(), st.sampled_from([0.0, 0.05]))
-def test_a_ray_through_a_corner_of_the_outline_touches_the_body(made, wider):
-    body, rng = made
-    view, normal = view_of(rng)
-    corners = outline(body, pin.SE3.Identity(), view, wider)
-    assert len(corners) > 3
-    turn = pin.Quaternion.FromTwoVectors(np.array([0.0, 0.0, 1.0]), normal).matrix()
-    thin = 1e-3
-    for corner in corners[rng.integers(len(corners), size=4)]:
-        ray = pin.SE3(turn, view.T @ corner + normal * (normal @ body.placement.translation))
-        far = distance(body, coal.Capsule(thin, 20.0), ray)
-        assert far <= wider - thin + 2e-5
-        # a rim has corners two degrees apart, of which one beside a straight edge may be inside by its sagitta
-        inside = body.shape.radius * (1.0 - np.cos(np.pi / 180)) if isinstance(body.shape, coal.Cylinder) else 0.0
-        assert far >= wider - thin - inside - 2e-5
-
-
-@settings(max_examples=60)
 @given(bodies())
 def test_an_outline_reaches_as_far_as_the_body_in_every_direction(made):
     """A half-space that stands against the body, square to the picture, touches the outline too."""
@@ -93,13 +65,6 @@ def test_an_outline_reaches_as_far_as_the_body_in_every_direction(made):
         reach = float((corners @ way).max())
         assert reach <= 50.0 - far + 1e-5
         assert reach >= 50.0 - far - 2e-4  # what is round has corners, two degrees apart
-
-
-def test_a_point_has_one_corner_and_grows_to_a_disc():
-    point = Body("point", 0, pin.SE3.Identity(), coal.Sphere(0.0))
-    assert outline(point, pin.SE3.Identity(), np.eye(3)[:2]) == pytest.approx(np.zeros((1, 2)))
-    grown = outline(point, pin.SE3.Identity(), np.eye(3)[:2], 0.3)
-    assert np.linalg.norm(grown, axis=1) == pytest.approx(0.3)
 
 
 @given(st.floats(-3.0, 3.0), st.floats(-np.pi, np.pi), st.floats(-2.0, 2.0), st.floats(-2.0, 2.0))
@@ -121,7 +86,9 @@ def test_a_half_space_is_seen_on_its_edge_only(offset, turn, x, y):
 @pytest.fixture(scope="module")
 def found(root):
     """`found("rod", "firas")`: what became of a scene of the repository."""
-    return cache(lambda name, field="vortex": plan(load_scene(root / f"robots/scenes/{name}.toml"), field=field))
+    return cache(
+        lambda name, field="vortex": plan(load_scene(root / f"robots/scenes/{name}.toml"), field=field, seconds=600.0)
+    )
 
 
 WALL = {
@@ -139,7 +106,7 @@ WALL = {
 
 @pytest.fixture(scope="module")
 def over_the_wall(root):
-    return plan(scene_of(WALL, root))
+    return plan(scene_of(WALL, root), seconds=600.0)
 
 
 def line(axes, label):
@@ -161,7 +128,7 @@ def area(corners):
     return 0.5 * abs(float(x @ np.roll(y, 1) - y @ np.roll(x, 1)))
 
 
-@pytest.mark.parametrize(("name", "field"), [("rod", "vortex"), ("rod", "firas"), ("discs", "vortex")])
+@pytest.mark.parametrize(("name", "field"), [("rod", "vortex"), ("rod", "firas")])
 def test_a_way_is_drawn_from_the_start_to_where_it_ends(found, name, field):
     way = found(name, field)
     chart, strip = draw_plan(way).axes
@@ -202,21 +169,8 @@ def test_no_drawn_body_of_the_robot_is_in_a_drawn_obstacle(found):
         assert np.linalg.norm(out, axis=1).min() >= way.scene.safety - 1e-9
 
 
-def test_the_robot_gets_darker_on_its_way(found):
-    chart = draw_plan(found("discs")).axes[0]
-    discs = [one for one in chart.patches if isinstance(one, Polygon) and 2.0 <= one.get_zorder() < 3.0]
-    assert len(discs) == 15
-    middles = np.array([one.get_xy()[:-1].mean(axis=0) for one in discs])
-    assert (np.diff(middles[:, 0]) > 0.0).all()
-    bright = [sum(one.get_edgecolor()[:3]) for one in discs]
-    assert (np.diff(bright) < 0.0).all()
-    apart = np.linalg.norm(np.diff(middles, axis=0), axis=1)
-    assert apart.max() < 1.5 * apart.min()
-
-
-@pytest.mark.parametrize("name", ["rod", "generic"])
-def test_the_clearance_along_the_way_is_that_of_the_plan(found, name):
-    way = found(name)
+def test_the_clearance_along_the_way_is_that_of_the_plan(found):
+    way = found("rod")
     strip = draw_plan(way).axes[-1]
     safety, curve = strip.lines[0].get_ydata(), strip.lines[1].get_xydata()
     assert safety[0] == pytest.approx(way.scene.safety)
@@ -261,9 +215,8 @@ def test_there_is_a_picture_of_every_plan(values, title):
     FigureCanvasAgg(figure).draw()
 
 
-@pytest.mark.parametrize("space", [True, *slow(False)])
-def test_nothing_is_cut_off_and_something_is_seen(found, over_the_wall, space):
-    figure = draw_plan(over_the_wall if space else found("generic"))
+def test_nothing_is_cut_off_and_something_is_seen(over_the_wall):
+    figure = draw_plan(over_the_wall)
     FigureCanvasAgg(figure).draw()
     pixels = np.asarray(figure.canvas.buffer_rgba())[..., :3]
     for axes in figure.axes:

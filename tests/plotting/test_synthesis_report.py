@@ -12,15 +12,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 from playwright.sync_api import sync_playwright
-from variants import slow
 
-import cinegen
 from cinegen.design import synthesize
 from cinegen.plotting import synthesis_report
 from cinegen.plotting.sheet import new_figure
 from cinegen.plotting.synthesis.levels import RegionField, draw_field
 from cinegen.plotting.synthesis.page import ReportPage, drawing
-from cinegen.plotting.synthesis.robots import moved_to
 
 CHROMIUM = shutil.which("chromium")
 PICTURES = Path(os.environ.get("CINEGEN_PICTURES", "build/pictures"))
@@ -145,11 +142,6 @@ def test_every_text_of_a_page_is_escaped():
     assert ("aria-label", HOSTILE) in read.attributes
 
 
-@pytest.mark.slow
-def test_equal_results_give_equal_reports(found, report):
-    assert synthesis_report(found) == report
-
-
 def test_what_is_missed_and_at_a_bound_is_marked(found):
     start = replace(found.starts[0], index=1, violation=0.3, missed=0.0123, at=[-0.15, 0.5])
     changed = replace(
@@ -178,7 +170,7 @@ def test_a_report_of_a_linkage(linkage):
 # --- pictures ----------------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize(("axes", "is_region"), [(0, False), (1, True), *slow((2, True)), (3, True), (2, False)])
+@pytest.mark.parametrize(("axes", "is_region"), [(0, False), (1, True), (3, True), (2, False)])
 def test_fields_of_any_dimension_are_drawn(axes, is_region):
     lines = [np.linspace(0.1, 0.3, 5) if k < axes else np.array([0.2]) for k in range(3)]
     targets = np.stack(np.meshgrid(*lines, indexing="ij"), -1).reshape(-1, 3)
@@ -190,7 +182,7 @@ def test_fields_of_any_dimension_are_drawn(axes, is_region):
         figure = draw_field(field, is_region)
         page.picture(figure, "a picture")
     Read(page.text_of_page())
-    assert len(figure.axes) == {0: 1, 1: 1, 2: 3 if is_region else 1, 3: 8}[axes]
+    assert len(figure.axes) == {0: 1, 1: 1, 2: 1, 3: 8}[axes]
     assert field.varying == list(range(axes))
     assert field.worst(1) == len(targets) - 1
 
@@ -205,21 +197,13 @@ def test_colours_mean_the_same_before_and_after():
     assert [axes.get_title(loc="left") for axes in figure.axes[:2]] == ["before: at worst 5", "after: at worst 1.2"]
 
 
-def test_a_robot_is_drawn_where_it_reaches():
-    robot = cinegen.load("five_bar")
-    target = np.array([-0.1, 0.35])
-    q = moved_to(robot, "tool", [0, 1], target)
-    np.testing.assert_allclose(robot.placement(q, "tool").translation[:2], target, atol=1e-8)
-    assert moved_to(robot, "tool", [0, 1], np.array([0.0, 2.0])) is None
-
-
 # --- in a browser ------------------------------------------------------------------------------------------------
 
 
 @pytest.mark.browser
 @pytest.mark.skipif(CHROMIUM is None, reason="NO CHROMIUM: the report is not tested in a real browser")
-@pytest.mark.parametrize("wide", [1280, *slow(420)])
-def test_a_report_in_a_browser_and_on_paper(report, wide, tmp_path):
+def test_a_report_in_a_browser_and_on_paper(report, tmp_path):
+    wide = 420
     path = tmp_path / "report.html"
     path.write_text(report, encoding="utf-8")
     PICTURES.mkdir(parents=True, exist_ok=True)

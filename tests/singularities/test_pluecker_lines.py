@@ -12,12 +12,7 @@ from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
 from cinegen.errors import CinegenError
-from cinegen.singularities.pluecker import (
-    LineFrame,
-    PlueckerError,
-    PlueckerLine,
-    Screw,
-)
+from cinegen.singularities.pluecker import LineFrame, PlueckerError, PlueckerLine, Screw
 
 seeds = st.integers(0, 2**32 - 1)
 

@@ -73,8 +73,7 @@ def moved(rows, turn, shift, scale):
 
 
 @pytest.mark.parametrize("name", SYSTEMS)
-@pytest.mark.parametrize("seed", range(6))
-@pytest.mark.parametrize("noise", [0.0, 1e-9])
+@pytest.mark.parametrize(("seed", "noise"), [(0, 0.0), (1, 1e-9)])
 def test_a_system_is_recognised_wherever_it_is_and_whatever_its_scale(name, seed, noise):
     given, kind, twists, wrenches = SYSTEMS[name]
     rng = np.random.default_rng(seed)
@@ -109,9 +108,8 @@ def _numbers(text):
     return np.array([[float(x) for x in group.split(",")] for group in re.findall(r"\(([^()]*,[^()]*)\)", text)])
 
 
-@pytest.mark.parametrize("seed", range(5))
-def test_the_text_names_the_point_the_plane_and_the_axis(seed):
-    rng = np.random.default_rng(seed)
+def test_the_text_names_the_point_the_plane_and_the_axis():
+    rng = np.random.default_rng(0)
     turn, point = varieties.rotation(rng), rng.normal(size=3)
     frame = LineFrame(HOME, 1.0)
     a, b, c = turn
@@ -133,19 +131,3 @@ def test_the_text_names_the_point_the_plane_and_the_axis(seed):
     near = [[np.linalg.norm(np.cross(pair[0] - p, d)) + np.linalg.norm(np.cross(pair[1], d)) for p, d in axes]
             for pair in (first, second)]  # fmt: skip
     assert min(near[0][0] + near[1][1], near[0][1] + near[1][0]) < 0.01
-
-
-def test_a_hundred_random_systems_keep_their_type_and_pitches():
-    """Whatever the origin and the basis: the class is no matter of how a system is written."""
-    rng = np.random.default_rng(0)
-    for _ in range(100):
-        order = int(rng.integers(1, 6))
-        rows = np.linalg.qr(rng.normal(size=(6, order)))[0].T
-        one = ScrewSystem(rows, LineFrame(HOME, 1.0), 1e-9)
-        shift, turn = rng.normal(size=3), varieties.rotation(rng)
-        other = ScrewSystem(np.linalg.svd(moved(rows, turn, shift, 1.0), full_matrices=False)[2],
-                            LineFrame(HOME, 1.0), 1e-9)  # fmt: skip
-        assert one.type == other.type
-        if order < 4:
-            pitches = [sorted(screw.pitch for screw in system.screws) for system in (one, other)]
-            assert pitches[0] == pytest.approx(pitches[1], rel=1e-6, abs=1e-8)

@@ -11,9 +11,7 @@ import pytest
 import varieties
 from hypothesis import given
 from hypothesis import strategies as st
-from scipy.linalg import null_space
 from scipy.optimize import minimize_scalar
-from variants import slow
 
 import cinegen
 from cinegen.singularities import SingularityType, leg_lines, singularity
@@ -21,9 +19,6 @@ from cinegen.singularities.ball_joints import balls, counted
 from cinegen.singularities.grassmann import GrassmannClass
 from cinegen.singularities.pluecker import PlueckerLine
 from cinegen.singularities.slice import Coordinates
-
-CLOSED = ["five_bar", "four_bar", "planar_hybrid", "sr400", "hybrid", "delta4", "delta4_linear", "tssm", "gough"]
-OTHERS = ["five_bar", "four_bar", "planar_hybrid", "sr400", "delta4_linear", "tssm", "planar_3r"]
 
 
 def three_rrr(elbows, platform, base=((0.0, 0.0), (1.0, 0.1), (0.4, 0.9))) -> str:
@@ -45,7 +40,6 @@ def three_rrr(elbows, platform, base=((0.0, 0.0), (1.0, 0.1), (0.4, 0.9))) -> st
             "type 2 pred 0 actuated 1 }"
         )
         bar, turn = away(foot, elbow), second - first
-        bar, turn = away(foot, elbow), second - first
         lines.append(f"link {n + 2} {{ parameters {{ d {bar!r} theta {turn!r} }} type 2 pred {n + 1} }}")
         if leg == 0:
             bar, turn = away(elbow, head), angle(head, platform[1]) - second
@@ -62,7 +56,7 @@ def three_rrr(elbows, platform, base=((0.0, 0.0), (1.0, 0.1), (0.4, 0.9))) -> st
 ELBOWS, HEADS = ((0.1, 0.5), (1.2, 0.5), (0.8, 1.1)), ((0.35, 0.4), (0.75, 0.45), (0.5, 0.75))
 
 
-@pytest.mark.parametrize("name", ["hybrid", "delta4", "gough", "arm7", *slow(*OTHERS)])
+@pytest.mark.parametrize("name", ["hybrid", "delta4", "arm7"])
 @given(seed=st.integers(0, 2**32 - 1))
 def test_random_poses_are_regular(robot, name, seed):
     mechanism = robot(name)
@@ -73,13 +67,11 @@ def test_random_poses_are_regular(robot, name, seed):
     assert found.dependence is None or found.dependence.nearly
 
 
-@pytest.mark.parametrize("name", ["five_bar", "hybrid", "delta4", "tssm", "gough"])
+@pytest.mark.parametrize("name", ["five_bar", "delta4", "gough"])
 def test_the_gained_motion_opens_loops_least_and_moves_the_node_as_its_screw_says(robot, name):
     mechanism = robot(name)
     q = mechanism.random_closed(1, 7)[0]
     found = singularity(mechanism, q)
-    if found.uncontrolled_dof is None:
-        assert name == "delta4"  # it has one: never here
     step = 1e-6
     size = np.abs(found.motion / mechanism.scale).max()
     assert all(found.motion[mechanism.v_index(motor)] == 0.0 for motor in mechanism.actuated)
@@ -134,18 +126,6 @@ def test_type_1_of_a_five_bar_is_where_an_arm_is_stretched(robot):
     assert np.allclose(np.cross(line.direction, arm), 0.0, atol=1e-9)  # which bears a force along itself
 
 
-def test_a_3rrr_is_regular_where_its_outer_bars_go_nowhere_together(raff):
-    mechanism = raff(three_rrr(ELBOWS, HEADS))
-    assert mechanism.mobility == 3
-    found = singularity(mechanism, mechanism.q_home)
-    assert found.kind is SingularityType.NONE
-    for line, elbow, head in zip(found.legs, ELBOWS, HEADS, strict=True):
-        expected = PlueckerLine.through([*elbow, 0.0], [*head, 0.0])
-        assert np.allclose(line.coordinates, expected.coordinates, atol=1e-9) or np.allclose(
-            line.coordinates, -expected.coordinates, atol=1e-9
-        )
-
-
 @pytest.mark.parametrize("parallel", [False, True])
 def test_a_3rrr_gains_a_motion_where_its_outer_bars_meet_in_a_point_or_are_parallel(raff, parallel):
     heads = np.array(HEADS)
@@ -165,21 +145,6 @@ def test_a_3rrr_gains_a_motion_where_its_outer_bars_meet_in_a_point_or_are_paral
         assert found.uncontrolled_dof.pitch == pytest.approx(0.0, abs=1e-7)
         assert np.allclose(found.uncontrolled_dof.axis.nearest(np.zeros(3))[:2], centre, atol=1e-7)
         assert "meet in one point" in found.message
-
-
-def test_a_3rrr_loses_a_motion_where_a_leg_is_stretched(raff):
-    feet, heads = np.array(((0.0, 0.0), (1.0, 0.1), (0.4, 0.9))), np.array(HEADS)
-    elbows = np.array(ELBOWS)
-    elbows[0] = feet[0] + 0.55 * (heads[0] - feet[0])
-    mechanism = raff(three_rrr(elbows, heads))
-    found = singularity(mechanism, mechanism.q_home, tolerance=1e-7)
-    assert found.kind is SingularityType.TYPE_1
-    # the structure bears a force along the stretched leg, and the lost motion does work on it
-    assert found.supported_wrench.pitch == pytest.approx(0.0, abs=1e-7)
-    along = heads[0] - feet[0]
-    expected = PlueckerLine.along([*feet[0], 0.0], [*along, 0.0])
-    assert abs(found.supported_wrench.axis.direction @ expected.direction) == pytest.approx(1.0, abs=1e-12)
-    assert np.allclose(found.supported_wrench.axis.nearest(np.zeros(3)), expected.nearest(np.zeros(3)), atol=1e-7)
 
 
 # --- legs that are lines -----------------------------------------------------------------------------------------
@@ -206,8 +171,7 @@ def test_the_legs_are_the_lines_between_their_joints(robot):
         assert np.allclose(line.coordinates, expected, atol=1e-8) or np.allclose(line.coordinates, -expected, atol=1e-8)
 
 
-@pytest.mark.parametrize("place", [(0.0, 0.0, 20.0), (2.0, -3.0, 14.0)])
-@pytest.mark.parametrize("side", [90.0, -90.0])
+@pytest.mark.parametrize(("place", "side"), [((0.0, 0.0, 20.0), 90.0), ((2.0, -3.0, 14.0), -90.0)])
 def test_fichters_singularity(robot, place, side):
     """The platform turned by 90 degrees over the base: all six legs belong to one complex, wherever it is."""
     mechanism = robot("tssm")
@@ -241,12 +205,6 @@ def test_hunts_singularity(robot):
 # --- several motions at once -------------------------------------------------------------------------------------
 
 
-def circle(radius, turn, height):
-    """(6, 3) points in pairs on a circle."""
-    around = turn + np.repeat(2.0 * math.pi * np.arange(3) / 3.0, 2) + np.tile([-0.3, 0.3], 3)
-    return np.c_[radius * np.cos(around), radius * np.sin(around), np.full(6, height)]
-
-
 def concurrent(rng, point):
     """Feet and heads of six legs whose lines meet in a point."""
     feet = linkages.points(rng)[0] - [0.0, 0.0, 0.5]
@@ -273,9 +231,8 @@ def assert_motions_keep_leg_lengths(mechanism, q, found, feet, heads):
         assert gaps[1] < 5.0 * gaps[0] + 1e-12
 
 
-@pytest.mark.parametrize("seed", range(3))
-def test_legs_that_meet_in_one_point_leave_all_rotations_about_it(raff, seed):
-    rng, point = np.random.default_rng(seed), np.array([0.1, 0.0, 0.3])
+def test_legs_that_meet_in_one_point_leave_all_rotations_about_it(raff):
+    rng, point = np.random.default_rng(0), np.array([0.1, 0.0, 0.3])
     feet, heads = concurrent(rng, point)
     mechanism = raff(linkages.hexapod(rng, feet=feet, heads=heads).text(joint_digits=None))
     found = singularity(mechanism, mechanism.q_home)
@@ -300,10 +257,8 @@ def test_legs_that_meet_in_one_point_leave_all_rotations_about_it(raff, seed):
 
 
 SIX_LINES = [
-    varieties.flat_pencil, varieties.parallels_in_plane, varieties.hyperboloid, varieties.paraboloid, varieties.bundle,
-    varieties.parallels, varieties.plane, varieties.elliptic, varieties.hyperbolic, varieties.hyperbolic_one_far,
-    varieties.parabolic, varieties.parabolic_far, varieties.general_complex, varieties.special_complex,
-    varieties.special_complex_far,
+    varieties.flat_pencil, varieties.hyperboloid, varieties.parallels, varieties.plane, varieties.elliptic,
+    varieties.hyperbolic_one_far, varieties.parabolic, varieties.general_complex, varieties.special_complex_far,
 ]  # fmt: skip
 
 
@@ -319,38 +274,6 @@ def test_legs_in_any_variety_leave_six_motions_minus_their_rank(raff, maker):
     assert found.dependence.rank == built.grassmann_class.rank == 6 - found.uncontrolled.order
     assert found.dependence.motions.type == found.uncontrolled.type
     assert found.grassmann_class is built.grassmann_class
-    assert_motions_keep_leg_lengths(mechanism, mechanism.q_home, found, feet, heads)
-
-
-def test_similar_hexagons_rotated_by_90_degrees_leave_three_screws(raff):
-    """Similar hexagons are singular wherever they are; here the legs are lines of one regulus."""
-    feet, heads = circle(1.0, 0.0, 0.0), circle(0.5, math.pi / 2.0, 1.0)
-    mechanism = raff(linkages.hexapod(np.random.default_rng(1), feet=feet, heads=heads).text(joint_digits=None))
-    found = singularity(mechanism, mechanism.q_home)
-    assert found.kind is SingularityType.TYPE_2
-    assert len(found.legs) == 6
-    assert found.dependence.rank == 3
-    assert found.dependence.class_of_all is GrassmannClass.REGULUS
-    assert found.uncontrolled.text() == (
-        "any combination of a screw of pitch -0.5 m/rad about the axis through (0, 0, 0) m along (0, 0, 1) and a screw "
-        "of pitch 0.4 m/rad about an axis through the point (0, 0, 0.8) m in the plane normal to (0, 0, 1)"
-    )
-    assert_motions_keep_leg_lengths(mechanism, mechanism.q_home, found, feet, heads)
-    legs = np.array([line.coordinates for line in found.legs])
-    free = null_space(np.roll(legs, 3, axis=1), rcond=1e-9)
-    assert free.shape[1] == found.uncontrolled.order == 3
-    assert np.linalg.matrix_rank(np.vstack([free.T, found.uncontrolled.coordinates]), tol=1e-6) == 3
-
-
-def test_a_platform_that_is_singular_everywhere_is_singular(raff):
-    """Similar hexagons, level or not."""
-    feet, heads = circle(1.0, 0.0, 0.0), circle(0.5, 0.7, 0.0) @ pin.exp3(np.array([0.3, -0.2, 0.1])) + [0.1, 0.2, 1.0]
-    mechanism = raff(linkages.hexapod(np.random.default_rng(1), feet=feet, heads=heads).text(joint_digits=None))
-    found = singularity(mechanism, mechanism.q_home)
-    assert found.kind is SingularityType.TYPE_2
-    assert found.sigma[1] == 0.0
-    assert found.uncontrolled.order == 1
-    assert found.dependence.rank == 5
     assert_motions_keep_leg_lengths(mechanism, mechanism.q_home, found, feet, heads)
 
 
@@ -404,23 +327,8 @@ def test_an_arm_loses_what_numpy_finds(robot, straight, lost):
         assert ("2 DoF" in found.message) == (lost == 2)
 
 
-def test_a_five_bar_with_both_arms_stretched_loses_all_it_has(robot):
-    mechanism = robot("five_bar")
-    q = mechanism.close(mechanism.configuration({"joint2": 0.0, "joint4": 0.0}), ["joint2", "joint4"])
-    found = singularity(mechanism, q)
-    assert found.kind is SingularityType.TYPE_1
-    y = mechanism.placement(q, "tool").translation[1]
-    assert found.lost.type == "IIC"
-    assert repr(found.supported) == (
-        "<ScrewSystem of order 2, type IIA: any force along a line through the point "
-        f"(0, {y:.4f}, 0) m in the plane normal to (0, 0, 1)>"
-    )
-    assert "loses, or nearly, 2 DoF: any translation normal to (0, 0, 1); the structure supports any" in found.message
-
-
-@pytest.mark.parametrize("name", ["tssm", "gough"])
-def test_a_ball_joint_in_gimbal_lock_is_no_singularity(robot, name):
-    mechanism = robot(name)
+def test_a_ball_joint_in_gimbal_lock_is_no_singularity(robot):
+    mechanism = robot("gough")
     q = mechanism.close(mechanism.configuration({"joint5": 0.0}), ["joint5"])
     passive = mechanism.system.evaluate(q)[1][:, mechanism.passive_columns]
     assert np.linalg.svd(passive, compute_uv=False)[-1] < 1e-12
@@ -429,7 +337,7 @@ def test_a_ball_joint_in_gimbal_lock_is_no_singularity(robot, name):
     assert found.sigma[1] > 0.02
 
 
-@pytest.mark.parametrize("name", ["tssm", "gough", "hybrid"])
+@pytest.mark.parametrize("name", ["gough", "hybrid"])
 def test_a_ball_counted_as_one_joint_moves_what_its_three_joints_move(robot, name):
     mechanism = robot(name)
     q = mechanism.random_closed(1, 3)[0]
@@ -459,7 +367,7 @@ def test_a_stretched_arm_is_singular_of_type_1(robot):
     )
 
 
-@pytest.mark.parametrize("name", ["planar_3r", *CLOSED])
+@pytest.mark.parametrize("name", ["planar_3r", "five_bar", "delta4", "gough"])
 def test_a_regular_configuration_loses_and_supports_nothing(robot, name):
     mechanism = robot(name)
     found = singularity(mechanism, mechanism.q_home)

@@ -1,0 +1,81 @@
+"""A chromium for each file, tabs and cockpits for each test."""
+
+from __future__ import annotations
+
+from functools import cache
+from pathlib import Path
+
+import pytest
+from pages import CHROMIUM, FLAGS, READY, SIZE, becomes
+from playwright.sync_api import sync_playwright
+
+from cinegen.cockpit import Cockpit
+from cinegen.page import build_page
+from cinegen.session import Setup, arrange
+
+
+@pytest.fixture(scope="module")
+def browser():
+    with sync_playwright() as playwright:
+        yield playwright.chromium.launch(executable_path=CHROMIUM, args=FLAGS)
+
+
+@pytest.fixture
+def tab(browser):
+    """`tab(shown)`: a page of a cockpit, a file or an address; files are shown with the network off.
+
+    What goes wrong in the page is an error here, and so is what its policy refuses. `strict` false: but for what its
+    console says.
+    """
+    contexts, wrong = [], []
+
+    def open_tab(shown, script="", ready=READY, strict=True, prepare=lambda page: None, **options):
+        address = shown.as_uri() if isinstance(shown, Path) else getattr(shown, "url", shown)
+        offline = address.startswith("file:")
+        contexts.append(browser.new_context(**{"viewport": SIZE, "offline": offline, **options}))
+        page = contexts[-1].new_page()
+        page.set_default_timeout(60_000)
+        page.on("pageerror", lambda error: wrong.append(str(error)))
+        if strict:
+            page.on("console", lambda message: wrong.append(message.text) if message.type == "error" else None)
+        if offline:
+            local = ("file:", "data:", "blob:")
+            page.on("request", lambda one: None if one.url.startswith(local) else wrong.append(one.url))
+        page.add_init_script(script)
+        prepare(page)
+        page.goto(address)
+        assert becomes(page, ready)
+        return page
+
+    yield open_tab
+    for context in contexts:
+        context.close()
+    assert wrong == []
+
+
+@pytest.fixture
+def cockpit(robot):
+    """`cockpit("delta4")`: its session runs in a thread; a process of its own takes two seconds of CPU to start."""
+    opened = []
+
+    def open_cockpit(*names, setup=None, **options):
+        setup = setup or arrange({name: robot(name) for name in names}, **options)
+        opened.append(Cockpit(setup, port=0, own_process=False))
+        return opened[-1]
+
+    yield open_cockpit
+    for one in opened:
+        one.close()
+
+
+@pytest.fixture(scope="module")
+def page_of(robot, tmp_path_factory):
+    """`page_of("rx90")`: the file of a page without a server."""
+
+    @cache
+    def build(name):
+        path = tmp_path_factory.mktemp("page") / f"{name}.html"
+        path.write_text(build_page(Setup({name: robot(name)})))
+        return path
+
+    return build

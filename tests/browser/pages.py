@@ -1,0 +1,109 @@
+"""A chromium, and what people do at the page of a cockpit."""
+
+from __future__ import annotations
+
+import os
+import shutil
+import time
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+CHROMIUM = shutil.which("chromium")
+FLAGS = [
+    *("--no-sandbox", "--use-angle=swiftshader", "--enable-unsafe-swiftshader", "--disable-quic", "--no-first-run"),
+    *("--disable-gpu-rasterization", "--disable-gpu-compositing"),  # the software renderer draws scenes, not texts
+    *("--disable-background-networking", "--disable-component-update", "--disable-sync"),
+]
+IN_BROWSER = [
+    pytest.mark.browser,
+    pytest.mark.filterwarnings("ignore:.*no such port:cinegen.CinegenWarning"),
+    pytest.mark.skipif(CHROMIUM is None, reason="NO CHROMIUM: pages are not tested in a real browser"),
+]
+SIZE = {"width": 900, "height": 560}
+PICTURES = Path(os.environ.get("CINEGEN_PICTURES", "build/pictures"))
+READY = "document.documentElement.dataset.view === 'ready' && Boolean(window.cockpit?.report)"
+# Where on the screen (pixels) a node can be touched, and what is touched there in the world's metres.
+WHERE = """([robot, node]) => {
+  const box = cockpit.viewer.renderer.domElement.getBoundingClientRect();
+  const at = (x, y) => cockpit.pick.touched({ clientX: box.left + x, clientY: box.top + y });
+  const is = (hit) => hit !== null && hit.robot === robot && hit.node === node;
+  for (const [room, step] of [[9, 6], [5, 6], [2, 2], [0, 1]]) { // a part may be seen between others only
+    for (let y = 12; y < box.height; y += step) for (let x = 12; x < box.width; x += step) {
+      const hit = at(x, y);
+      if (is(hit) && [[-1, 0], [1, 0], [0, -1], [0, 1]].every(([a, b]) => is(at(x + room * a, y + room * b)))) {
+        return [box.left + x, box.top + y, ...cockpit.root.worldToLocal(hit.point.clone()).toArray()];
+      }
+    }
+  }
+  return null;
+}"""
+# The pixels of two points of the world.
+PIXELS = """([from, to]) => [from, to].map((point) => {
+  const seen = cockpit.root.localToWorld(new MeshCat.THREE.Vector3(...point)).project(cockpit.viewer.camera);
+  const box = cockpit.viewer.renderer.domElement.getBoundingClientRect();
+  return [(seen.x + 1) / 2 * box.width, (1 - seen.y) / 2 * box.height];
+})"""
+
+
+def becomes(page, condition, seconds=60.0):
+    """Whether it comes true in time: a function, or JavaScript, asked from outside since the page refuses `eval`."""
+    last = time.monotonic() + seconds
+    while not (page.evaluate(condition) if isinstance(condition, str) else condition()):
+        if time.monotonic() > last:
+            return False
+        page.wait_for_timeout(30)
+    return True
+
+
+def place(cockpit, name, node, point=(0.0, 0.0, 0.0)):
+    if name in cockpit.state.obstacles:
+        return cockpit.state.obstacles[name].pose.act(np.array(point))
+    robot = cockpit.state.robots[name]
+    return (robot.base * cockpit.setup.robots[name].placement(robot.q, node)).act(np.array(point))
+
+
+def held(cockpit, name, who="pointer"):
+    state = cockpit.state
+    owner = state.obstacles[name] if name in state.obstacles else state.robots[name]
+    return [task for task in owner.tasks if task.source == who]
+
+
+def picture(page, name):
+    """Kept for people to look at."""
+    PICTURES.mkdir(parents=True, exist_ok=True)
+    page.screenshot(path=PICTURES / f"{name}.png")
+
+
+def find(page, name, node):
+    """Where a part that stands still can be touched, as `WHERE` says, once it is drawn there."""
+    found = [None]
+
+    def stays():
+        found.append(page.evaluate(WHERE, [name, node]))
+        return found[-1] is not None and found[-1] == found[-2]
+
+    assert becomes(page, stays), f"{node} of {name} can't be seen"
+    return found[-1]
+
+
+def grab(page, cockpit, name, node):
+    """Presses on a part and draws it a little; where it was touched, in pixels and as the task has it."""
+    x, y, *point = find(page, name, node)
+    page.mouse.move(x, y)
+    page.mouse.down()
+    page.mouse.move(x + 6, y + 4)
+    assert becomes(page, lambda: held(cockpit, name))
+    return x, y, np.array(point)
+
+
+def rests(page, cockpit, accuracy=1e-6):
+    """Wait until no robot moves."""
+
+    def same():
+        before = {name: robot.q for name, robot in cockpit.state.robots.items()}
+        page.wait_for_timeout(150)
+        return all(np.abs(robot.q - before[name]).max() <= accuracy for name, robot in cockpit.state.robots.items())
+
+    assert becomes(page, same)
