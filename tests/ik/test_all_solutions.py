@@ -8,7 +8,6 @@ from dataclasses import replace
 import numpy as np
 import pinocchio as pin
 import pytest
-from variants import slow
 
 import cinegen
 from cinegen.assembly.homotopy import Homotopy
@@ -122,9 +121,12 @@ def test_a_manipulator_with_sixteen_real_solutions():
     found = solved(arm, pin.SE3(left @ right, np.array([-1.140175, 0.0, 0.0])))
     assert (len(found), found.complete, found.counts.complex) == (16, True, 0)
     assert "as many as there can be" in found.method
+    assert found.certified == 16
+    assert found.as_dict()["certified"] == 16
+    assert found.as_dict()["solutions"][0]["certificate"]["equations"] == 6
 
 
-@pytest.mark.parametrize("seed", range(3))
+@pytest.mark.parametrize("seed", range(2))
 def test_puma_has_the_eight_solutions_of_its_closed_form(seed):
     """R. Paul and H. Zhang, "Computationally efficient kinematics for manipulators with spherical wrists", Int. J.
     Robotics Research 5, 1986: shoulder, elbow and wrist have two configurations each."""
@@ -157,7 +159,7 @@ def test_puma_has_the_eight_solutions_of_its_closed_form(seed):
     alike(PUMA, found, expected)
 
 
-@pytest.mark.parametrize("seed", range(3))
+@pytest.mark.parametrize("seed", range(2))
 def test_ur5_has_the_solutions_of_its_closed_form(seed):
     """K. Hawkins, "Analytic inverse kinematics for the Universal Robots UR-5/UR-10 arms", 2013."""
     pose = random_pose(UR5, seed)
@@ -235,8 +237,8 @@ def test_a_planar_arm_has_two_elbows_and_none_out_of_its_reach(robot):
 @pytest.mark.parametrize(
     ("name", "count", "task"),
     [
-        ("delta4", 8, {}), ("delta4_linear", 8, {}), ("gough", 64, {}), ("tssm", 64, {}), ("four_bar", 1, {}),
-        ("five_bar", 4, {"rotation": 0}), ("rx90", 8, {}), ("sr400", 16, {}),
+        ("delta4", 8, {}), ("gough", 64, {}), ("four_bar", 1, {}), ("five_bar", 4, {"rotation": 0}), ("rx90", 8, {}),
+        ("sr400", 16, {}),
     ],
 )  # fmt: skip
 def test_legs_and_parallelograms_have_two_solutions_each(robot, name, count, task):
@@ -262,9 +264,7 @@ def test_a_leg_of_negative_length_is_outside_its_limits(robot):
     assert len(found.within_limits) == 1
 
 
-@pytest.mark.parametrize(
-    ("name", "starts"), [("rx90", 300), ("delta4", 120), *slow(("serial_5dof", 200), ("five_bar", 150))]
-)
+@pytest.mark.parametrize(("name", "starts"), [("rx90", 200), ("delta4", 100)])
 def test_newton_from_random_starts_finds_no_other_solution(robot, name, starts):
     mechanism = robot(name)
     node, q = mechanism.end, mechanism.random_closed(3, seed=2)[-1]
@@ -433,8 +433,6 @@ def test_the_result_as_text_and_json(robot):
     assert [one["within_limits"] for one in document["solutions"]] == [True, True]
     assert document["closest"] is None
     assert len(found.placements()) == 2
-    said = []
-    cinegen.inverse_kinematics(arm, {"link3": arm.placement(arm.q_home, "link3")}, all=True, report=said.append)
     assert found[:1][0] is found[0]
 
 

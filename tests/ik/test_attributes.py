@@ -6,8 +6,7 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
-import cinegen
-from cinegen import CinegenError, FrameTask, Solver, Status
+from cinegen import CinegenError, Solver, Status
 from cinegen.ik import LimitMargin, Manipulability, PersistentSolver, Posture
 
 DT = 1.0 / 240.0
@@ -123,22 +122,6 @@ def test_misspelt_attributes_are_errors(arm, robot):
             setattr(thing, name, 1.0)
     with pytest.raises(AttributeError, match="frame"):
         task.frame = 3  # it is the node's
-
-
-def test_tasks_for_inverse_kinematics_take_offsets_as_add_task_does(robot):
-    arm = robot("arm7")
-    q = arm.random_closed(1, seed=5)[0]
-    node = arm.nodes[-1]
-    point = arm.placement(q, node).act(POINT)
-    task = FrameTask(node, pin.SE3(np.eye(3), point), rotation=0, offset=POINT)
-    found = cinegen.inverse_kinematics(arm, [task])
-    assert found
-    np.testing.assert_allclose(arm.placement(found.q, node).act(POINT), point, atol=1e-6)
-    task.offset = pin.SE3.Identity()
-    again = cinegen.inverse_kinematics(arm, [task])
-    np.testing.assert_allclose(arm.placement(again.q, node).translation, point, atol=1e-6)
-    with pytest.raises(CinegenError, match="three finite numbers"):
-        FrameTask(node, point, offset=(1.0, 2.0))
 
 
 # --- objectives --------------------------------------------------------------------------------------------------

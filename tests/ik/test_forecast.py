@@ -14,13 +14,12 @@ from planar import TWO_R, root, singular_values, two_r
 
 from cinegen import CinegenError, Solver, forecast_motion
 from cinegen.ik import EventKind, LimitMargin, LookAhead, Posture
-from cinegen.ik.forecast import _interpolated
 from cinegen.tolerances import NEAR_SINGULAR
 
 DT = 0.01
 A, B = 0.4, 0.3
 seeds = st.integers(0, 2**32 - 1)
-ROBOTS = ["planar_3r", "rx90", "arm7", "four_bar", "five_bar", "delta4", "gough", "hybrid", "sr400"]
+ROBOTS = ["planar_3r", "arm7", "five_bar", "delta4", "hybrid", "sr400"]
 
 
 def _two_r(raff, second=60):
@@ -38,8 +37,7 @@ def _first(forecast, kind):
 # --- type 1 ----------------------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("how", ["target", "twist"])
-@pytest.mark.parametrize("dt", [None, DT, 3 * DT])
+@pytest.mark.parametrize(("how", "dt"), [("target", None), ("twist", DT), ("twist", 3 * DT)])
 def test_when_an_arm_is_stretched(raff, how, dt):
     """Its end goes straight out at a constant speed: the law of cosines tells the elbow, and so the singular value."""
     arm, speed, ran = _two_r(raff), 0.05, 5
@@ -162,9 +160,8 @@ SWING = """
     frame 2 { parameters { d 300 } pred 1 name "tool" } }"""
 
 
-@pytest.mark.parametrize("dt", [None, DT, 0.07])
-@pytest.mark.parametrize(("speed", "bound"), [(0.5, 70), (-0.3, -20), (1.4, 70)])
-def test_when_a_joint_meets_its_limit(raff, dt, speed, bound):
+@pytest.mark.parametrize(("speed", "bound", "dt"), [(0.5, 70, None), (-0.3, -20, DT), (1.4, 70, 0.07)])
+def test_when_a_joint_meets_its_limit(raff, speed, bound, dt):
     arm = raff(SWING % {"velocity": ""})
     solver = Solver(arm, DT)
     task = solver.add_task("tool", translation=0, rotation=1)
@@ -308,7 +305,9 @@ def test_looking_ahead_changes_nothing(robot, seed, name, acceleration):
 def test_with_the_solvers_own_dt_it_says_exactly_what_will_happen(robot, seed, name):
     mechanism, rng = robot(name), np.random.default_rng(seed)
     solver = Solver(mechanism, DT, gain=-np.log(0.3) / DT, acceleration=30.0)
-    task = solver.add_task(mechanism.end)
+    if name == "arm7":
+        solver.objectives = [Posture(mechanism.q_home + 0.3), LimitMargin()]
+    task = solver.add_task(mechanism.end, rotation=0)
     task.target.translation += 0.05 * mechanism.length * rng.normal(size=3)
     for _ in range(4):
         solver.step()
@@ -316,17 +315,6 @@ def test_with_the_solvers_own_dt_it_says_exactly_what_will_happen(robot, seed, n
     assert np.array_equal(forecast.q, [solver.q, *(solver.step().q for _ in range(30))])
     task.twist = 0.2 * rng.normal(size=6)
     for _ in range(4):
-        solver.step()
-    forecast = forecast_motion(solver, 0.3, DT)
-    assert np.array_equal(forecast.q, [solver.q, *(solver.step().q for _ in range(30))])
-
-
-def test_redundancy_goes_on_as_its_objectives_wish(robot):
-    arm = robot("arm7")
-    solver = Solver(arm, DT)
-    solver.objectives = [Posture(arm.q_home + 0.3), LimitMargin()]
-    solver.add_task("tool", rotation=0).twist = [0.05, 0.0, 0.02, 0.0, 0.0, 0.0]
-    for _ in range(10):
         solver.step()
     forecast = forecast_motion(solver, 0.3, DT)
     assert np.array_equal(forecast.q, [solver.q, *(solver.step().q for _ in range(30))])
@@ -408,13 +396,6 @@ def test_a_target_that_made_no_sense_in_between_does_not_go_on(robot):
     assert not np.allclose(forecast_motion(solver, 0.5).q, forecast_motion(solver, 0.5, moving=False).q, atol=1e-6)
 
 
-@given(st.lists(st.floats(-1e3, 1e3), min_size=2, max_size=9), st.floats(0.0, 1.0))
-def test_between_ticks_values_are_linear_up_to_the_last_tick(values, part):
-    last = len(values) - 1
-    for x in (0.0, part * last, float(last)):
-        assert _interpolated(np.array(values), x) == pytest.approx(np.interp(x, range(last + 1), values), abs=1e-9)
-
-
 def test_a_base_that_can_move_is_foreseen_too(raff):
     mechanism = raff("""
       sensor 1 { port "x" translation 3 rotation 3 }
@@ -450,17 +431,6 @@ def test_pulls_that_make_no_sense_are_left_out(robot):
             assert np.array_equal(forecast_motion(solver, 1.0).q, expected.q)
     solver.step()
     assert forecast_motion(solver, 1.0).q[-1] == pytest.approx(forecast_motion(alone, 1.01).q[-1], abs=1e-2)
-
-
-@pytest.mark.filterwarnings("ignore::RuntimeWarning")
-def test_a_rotation_that_is_none_raises_nothing(robot):
-    solver = Solver(robot("delta4"), DT)
-    task = solver.add_task("platform")
-    for number in (0.0, 7.0, 7.01, -1e200, 1e308):
-        task.target.rotation = np.full((3, 3), number)
-        step = solver.step()
-        assert np.isfinite(forecast_motion(solver, 0.3).q).all()
-        assert step.lost_dof is None or np.isfinite(step.lost_dof.sigma)
 
 
 def test_where_nothing_is_pulled_nothing_lies_ahead(robot):

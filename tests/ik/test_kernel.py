@@ -15,7 +15,7 @@ from hypothesis import strategies as st
 from numba import types
 from reference_tick import resolve
 from scipy.optimize import linprog, nnls
-from variants import FEWER, others_slow, slow
+from variants import FEWER, others_slow
 
 import cinegen
 import raff2urdf
@@ -212,7 +212,7 @@ def test_the_step_of_a_tick_is_that_of_the_plain_statement(name, which):
     """From home on: random closed places, random tasks, limits near and far."""
     mechanism, rng = load(name, which), np.random.default_rng(3)
     seen = []
-    for q in [mechanism.q_home, *mechanism.random_closed(30, seed=3)]:
+    for q in [mechanism.q_home, *mechanism.random_closed(20, seed=3)]:
         solver = Solver(mechanism, 1.0, q=q)
         for _ in range(int(rng.integers(1, 3))):
             node = mechanism.nodes[-1] if rng.random() < 0.7 else str(rng.choice(mechanism.nodes[1:]))
@@ -228,8 +228,8 @@ def test_the_step_of_a_tick_is_that_of_the_plain_statement(name, which):
     assert {"free", "slowed"} & set(seen)
 
 
-@pytest.mark.parametrize("bent", [0.0, 1e-12, 1e-6, 1e-3, 1e-2, 0.04])
-@pytest.mark.parametrize(("name", "which"), [("planar_3r", "arm"), ("rx90", "arm"), ("arm7", "arm"), ("sr400", "arm")])
+@pytest.mark.parametrize("bent", [0.0, 1e-6, 1e-2])
+@pytest.mark.parametrize(("name", "which"), [("planar_3r", "arm"), ("arm7", "arm"), ("sr400", "arm")])
 def test_near_singularities_too(name, which, bent):
     """All joints at 0 but for a little: arms are stretched, wrists in line."""
     mechanism, rng = load(name, which), np.random.default_rng(4)
@@ -250,7 +250,7 @@ def test_near_singularities_too(name, which, bent):
         assert "bent" in seen
 
 
-@pytest.mark.parametrize("off", [0.0, 1e-9, 1e-6, 1e-5, 1e-3, 1e-2])
+@pytest.mark.parametrize("off", [0.0, 1e-6, 1e-2])
 def test_near_a_singularity_of_the_loops_too(raff, off):
     """A parallelogram that lies flat could go on as an antiparallelogram: its loop loses a rank there."""
     mechanism = raff("""robot r { base { }
@@ -320,17 +320,11 @@ def orthogonal(rng: np.random.Generator, n: int) -> np.ndarray:
     return np.linalg.qr(rng.normal(size=(n, n)))[0]
 
 
-@law(150)
+@law(200)
 @given(seeds, st.sampled_from(SCALES))
-def test_singular_values_are_numpys_from_nothing(seed, scale):
-    matrix, _ = random_matrix(seed)
-    assert 1 <= check_decomposition(scale * matrix) <= 15
-
-
-@law(150)
-@given(seeds, st.sampled_from(SCALES))
-def test_singular_values_are_numpys_from_any_guess(seed, scale):
+def test_singular_values_are_numpys_from_nothing_and_from_any_guess(seed, scale):
     matrix, rng = random_matrix(seed)
+    assert 1 <= check_decomposition(scale * matrix) <= 15
     assert 1 <= check_decomposition(scale * matrix, orthogonal(rng, len(matrix))) <= 6 + 15
 
 
@@ -343,13 +337,6 @@ def test_a_guess_of_the_matrix_before_takes_a_sweep_or_two(seed):
     guess = decomposed(matrix)[0]
     assert check_decomposition(matrix, guess) == 1
     assert check_decomposition(matrix + 1e-3 * rng.normal(size=matrix.shape), guess, 1e-10) <= 4
-
-
-def test_a_stale_guess_costs_sweeps_and_nothing_else():
-    rng = np.random.default_rng(6)
-    guess = decomposed(rng.normal(size=(6, 7)))[0]
-    for _ in range(200):
-        check_decomposition(rng.normal(size=(6, 7)), guess)
 
 
 @pytest.mark.parametrize("bad", [np.nan, np.inf, 1e200])
@@ -370,7 +357,7 @@ def test_singular_vectors_that_are_carried_on_for_long_stay_orthogonal():
     first, way = rng.normal(size=(6, 7)), rng.normal(size=(2, 6, 7))
     u, b, square = np.eye(6), np.zeros((6, 7)), np.zeros(6)
     worst = 0.0
-    for tick in range(100_000):
+    for tick in range(20_000):
         t = 1e-3 * tick
         matrix = first + np.sin(t) * way[0] + np.cos(0.7 * t) * way[1]
         if tick % 32 == 0:  # as in a tick
@@ -561,20 +548,11 @@ def test_bounds_that_contradict_each_other_are_known(seed):
         assert not nearest(wanted, g, low, high)[0]
 
 
-def test_a_wish_that_keeps_all_bounds_is_granted_as_it_is():
-    wanted, g = np.array([0.1, -0.2]), np.eye(2)
-    found, x, held = nearest(wanted, g, np.full(2, -0.2), np.full(2, 0.1))
-    assert found
-    assert np.array_equal(x, wanted)
-    assert not held.any()
-
-
 # --- memory ------------------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize(("name", "which"), [*slow(("planar_3r", "arm")), ("five_bar", "linkage")])
-def test_ticks_leave_nothing_behind(name, which):
-    mechanism = load(name, which)
+def test_ticks_leave_nothing_behind():
+    mechanism = load("five_bar", "linkage")
     solver = Solver(mechanism, 0.01)
     task = solver.add_task("tool", rotation=0)
     targets = [near(mechanism, task.target, np.random.default_rng(8), 0.1) for _ in range(50)]
@@ -588,8 +566,8 @@ def test_ticks_leave_nothing_behind(name, which):
 
     before = run(2000)
     collected = gc.get_stats()[0]["collections"]
-    assert run(50_000) - before < 100
-    assert gc.get_stats()[0]["collections"] - collected < 200  # a step is no cycle that the collector has to find
+    assert run(20_000) - before < 100
+    assert gc.get_stats()[0]["collections"] - collected < 100  # a step is no cycle that the collector has to find
 
 
 def test_where_nothing_can_be_kept_kernels_run_all_the_same(monkeypatch):

