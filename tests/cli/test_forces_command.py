@@ -61,16 +61,6 @@ def test_what_is_not_determined_is_a_question_mark(typed):
     assert [word == "?" for word in line.split()] == [False, False, True, True, True, False]
 
 
-def test_a_load_that_nothing_holds_is_answered_by_no(typed, tmp_path):
-    (tmp_path / "swing.raff").write_text(
-        "RAFF swing\nrobot swing { link 1 { type 2 pred 0 actuated 1 } link 2 { parameters { d 300 } type 2 pred 1 "
-        "actuated 0 } frame 3 { parameters { d 200 } pred 2 } }\n"
-    )
-    text = typed("swing.raff", "--massless", "--payload", "1kg", "--gravity", "0,-9.81,0", code=1)
-    assert "no torques of the actuated joints hold the load: " in " ".join(text.split())
-    assert "?" not in text
-
-
 def test_torques_along_a_recorded_motion(root, typed, tmp_path, capsys):
     """Three times the mass needs three times the torque, at the same times."""
     assert main(["plan", "disc", "-o", "run.jsonl"]) == 0

@@ -94,19 +94,6 @@ def test_an_objective_that_raises_is_in_each_step_and_once_in_the_log(robot, cap
     assert "in velocity" in text
 
 
-def test_another_exception_is_reported_too(robot, caplog):
-    objective = Objective(fails)
-    _, tick = dragged(robot("arm7"), [objective])
-    tick()
-    objective.answer = lambda state: {}["key"]
-    assert [type(error) for error in tick().exceptions] == [KeyError]
-    objective.answer = lambda state: 1 / 0
-    assert [type(error) for error in tick().exceptions] == [ZeroDivisionError]
-    objective.answer = fails
-    assert [type(error) for error in tick().exceptions] == [ValueError]
-    assert [record.exc_info[0] for record in records(caplog)] == [ValueError, KeyError, ZeroDivisionError]
-
-
 def test_two_objectives_that_raise_are_both_reported(robot, caplog):
     _, tick = dragged(robot("arm7"), [Objective(fails), Posture(), Objective(fails)])
     for _ in range(3):
@@ -133,9 +120,10 @@ def test_an_objective_that_raises_sometimes_is_used_in_all_other_ticks(robot, ca
         step = tick()
         assert bool(step.exceptions) == (i % 3 == 0) == bool(step.failed_objectives)
     assert len(records(caplog)) == 1
-    assert solver.exception_log.messages == [
-        f"objective 0 (Objective) of {mechanism.name}: RuntimeError: tick 3",
-    ]
+    solver.objectives[0].answer = lambda state: {}["another"]
+    assert [type(error) for error in tick().exceptions] == [KeyError]
+    assert [record.exc_info[0] for record in records(caplog)] == [RuntimeError, KeyError]
+    assert solver.exception_log.messages[0] == f"objective 0 (Objective) of {mechanism.name}: RuntimeError: tick 3"
 
 
 @pytest.mark.parametrize(

@@ -67,17 +67,6 @@ def test_the_trunk_is_dragged_with_the_feet_held_by_tasks(tmp_path):
         assert of_pinocchio(mechanism, step.q, node).isApprox(pose, 1e-8)
 
 
-def test_inverse_kinematics_moves_the_base_too(tmp_path):
-    mechanism = loaded(tmp_path)
-    start = bent(mechanism)
-    targets = {node: of_pinocchio(mechanism, start, node) for node in bipeds.FEET}
-    targets["trunk"] = moved(of_pinocchio(mechanism, start, "trunk"), SQUAT)
-    found = cinegen.inverse_kinematics(mechanism, targets, start)
-    assert found
-    for node, pose in targets.items():
-        assert of_pinocchio(mechanism, found.q, node).isApprox(pose, 1e-6)
-
-
 @formats
 def test_a_hand_takes_the_base_along_where_nothing_holds_it(tmp_path, form):
     mechanism = loaded(tmp_path, form)
@@ -110,11 +99,6 @@ def test_a_base_that_is_loaded_as_fixed_does_not_move(tmp_path, form):
     found = cinegen.inverse_kinematics(held, {"hand": target})
     assert found
     assert of_pinocchio(held, found.q, "hand").isApprox(target, 1e-6)
-
-
-def test_a_fixed_robot_is_loaded_the_same_with_a_fixed_base(robot, root):
-    held = cinegen.load(root / "robots" / "delta4.raff", fixed_base=True)
-    assert held.source == robot("delta4").source
 
 
 def test_with_a_fixed_base_the_loops_of_a_robot_are_counted_again(raff, root):

@@ -112,10 +112,3 @@ def test_a_stretched_arm_is_not_certified():
     assert found.certified == 0
     task.target = pin.SE3(np.eye(3), np.array([0.75, 0.0, 0.0]))
     assert cinegen.inverse_kinematics(arm, [task], all=True).certified == 2
-
-
-def test_a_local_search_has_no_certificates(robot):
-    m = robot("rx90")
-    found = cinegen.inverse_kinematics(m, {m.end: m.placement(m.q_home, m.end)}).as_solutions()
-    assert found.certificates == (None,)
-    assert found.certification == "Not certified: found by a local search."

@@ -82,22 +82,6 @@ def test_a_joint_brakes_before_its_limit_and_ends_on_it(raff):
         assert solver.q[0] == arm.model.upperPositionLimit[0]
 
 
-def test_a_joint_brakes_before_its_limit_whatever_the_others_do(raff):
-    """The first joint goes on and on; that must be no leave for the second one to go on, too."""
-    arm = raff("""robot r { base { }
-      link 1 { parameters { theta 0 } type 2 pred 0 }
-      link 2 { parameters { theta 0 d 1000 } type 2 pred 1 limits { -60 60 } }
-      frame 3 { parameters { d 1000 } pred 2 name "tool" } }""")
-    solver = Solver(arm, 0.01, acceleration=2.0)
-    first, second = solver.add_task("link1", translation=0), solver.add_task("tool", translation=0)
-
-    def lead(tick):
-        ahead = solver.q[0] + 1.0
-        first.target, second.target = turned(ahead), turned(ahead + solver.q[1] + 1.0)
-
-    assert worst_acceleration(solver, arm, 2.0, 160, lead) <= ROUNDING
-
-
 @pytest.mark.parametrize("name", FREE + CLOSED)
 @pytest.mark.parametrize("every", [1, 60])
 def test_all_limits_are_kept_however_the_target_leaps(robot, name, every):
@@ -118,23 +102,6 @@ def test_all_limits_are_kept_however_the_target_leaps(robot, name, every):
             assert (np.abs(step.v) <= model.upperVelocityLimit * ROUNDING).all()
             assert step.closure <= 1e-10
             v = step.v
-
-
-@pytest.mark.parametrize("name", ["delta4", "five_bar", "hybrid"])
-def test_a_robot_that_is_pulled_against_its_limits_brakes_before_them(robot, name):
-    """It neither stops at once nor is refused a step."""
-    mechanism, rng, against = robot(name), np.random.default_rng(1), 0
-    for _ in range(4):
-        solver = Solver(mechanism, DT, acceleration=allowed(mechanism, 10.0))
-        solver.add_task(mechanism.end, away(mechanism, mechanism.end, rng, 3.0), rotation=0)
-        v = np.zeros(mechanism.model.nv)
-        for _ in range(400):
-            step = solver.step()
-            assert step.status is not Status.REFUSED
-            assert np.abs((step.v - v) / mechanism.scale).max() / DT <= 10.0 * ROUNDING
-            v = step.v
-        against += bool(step.saturated)
-    assert against >= 2
 
 
 def test_let_go_on_its_way_a_robot_brakes(robot):
@@ -263,21 +230,6 @@ def test_pressed_against_a_wall_a_robot_rests_on_its_limits_and_leaves_them_at_o
         step = solver.step()
     assert step.status is Status.FOLLOWING
     assert step.errors[0][0] < 1e-6 * mechanism.length
-
-
-def test_the_joint_that_holds_the_motion_is_named_and_the_one_that_leaves_is_not(raff):
-    arm = raff(ONE_JOINT)
-    solver = Solver(arm, 0.01)
-    task = solver.add_task("tool", turned(2.0), translation=0)
-    for _ in range(20):
-        step = solver.step()
-    assert step.saturated == ("joint1",)
-    assert step.status is Status.AT_LIMIT
-    assert step.q[0] == arm.model.upperPositionLimit[0]
-    task.target = turned(0.0)
-    step = solver.step()
-    assert step.saturated == ()
-    assert step.v[0] < 0.0
 
 
 def test_a_robot_that_begins_beyond_a_limit_comes_back_and_goes_no_further(raff):

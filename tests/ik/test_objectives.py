@@ -140,21 +140,6 @@ def test_only_the_joints_that_are_named_go_back():
     assert (step.q[others] == q[others]).all()
 
 
-def test_the_elbow_takes_a_joint_away_from_its_limit_while_the_tool_stands():
-    arm = load("arm7")
-    low, high = arm.model.lowerPositionLimit, arm.model.upperPositionLimit
-    i = arm.q_index("joint1")
-    q = begin(arm)
-    q[i] = high[i] - 0.01 * (high[i] - low[i])
-    solver = Solver(arm, DT, q=q)
-    solver.add_task("tool")
-    solver.objectives = [LimitMargin(0.1, joints="joint1", rate=5.0)]
-    for _ in range(2000):
-        step = solver.step()
-        assert step.errors[0][1] < 1e-9
-    assert high[i] - step.q[i] == pytest.approx(0.1 * (high[i] - low[i]), rel=1e-3)
-
-
 def test_a_margin_is_kept_by_loops_too_and_finite_at_a_limit_and_beyond():
     delta = load("delta4")
     margin = LimitMargin(0.1)
@@ -262,20 +247,6 @@ def test_a_robot_in_micrometres_moves_like_its_twin_in_metres(raff, objective):
         ways.append(pin.difference(twin.model, twin.q_home, way[-1]) / twin.scale)
     assert np.abs(ways[0]).max() > 1e-3
     assert ways[1] == pytest.approx(ways[0], abs=1e-6)
-
-
-@kinds
-def test_how_long_a_tick_is_does_not_matter(kind):
-    arm = load("arm7")
-    ends = []
-    for dt in (0.05, 0.01):
-        solver = Solver(arm, dt, q=begin(arm))
-        solver.add_task("tool")
-        solver.objectives = [made(kind, arm)]
-        for _ in range(round(1.0 / dt)):
-            step = solver.step()
-        ends.append(step.q)
-    assert ends[0] == pytest.approx(ends[1], abs=0.05 * np.abs(ends[1] - begin(arm)).max() + 1e-12)
 
 
 @settings(max_examples=40)

@@ -22,11 +22,7 @@ def moved(pose: pin.SE3, twist: np.ndarray) -> pin.SE3:
 
 @pytest.mark.parametrize(
     ("weights", "translation", "rotation"),
-    [
-        ((1, 1, 0, 1, 1, 0), 2, 2),
-        ((1, 0, 0, 0, 0, 1), 1, 1),
-        ((0, 0, 0, 1, 1, 1), 0, 3),
-    ],
+    [((1, 1, 0, 1, 1, 0), 2, 2), ((1, 0, 0, 0, 0, 1), 1, 1), ((0, 0, 0, 1, 1, 1), 0, 3)],
 )
 def test_the_counts_are_a_shorthand(robot, weights, translation, rotation):
     """The same ticks, bit by bit."""
@@ -82,22 +78,6 @@ def test_rows_are_the_derivative_of_the_error():
         assert weighted @ rows == pytest.approx(weighted @ exact, abs=1e-6)
         if pattern[3:].sum() < 3:
             assert rows == pytest.approx(exact, abs=1e-6)
-
-
-def test_where_not_all_can_be_met_the_heavier_axis_is_nearer(robot):
-    """A target beyond the reach of a planar arm, off to one side: weights trade x for y."""
-    arm, left = robot("planar_3r"), []
-    for weights in ((1.0, 1.0, 0, 0, 0, 0), (10.0, 1.0, 0, 0, 0, 0), (1.0, 10.0, 0, 0, 0, 0)):
-        solver = cinegen.Solver(arm, DT)
-        far = 3.0 * arm.length
-        solver.add_task("tool", pin.SE3(np.eye(3), np.array([far, 0.6 * far, 0.0])), weights=weights)
-        for _ in range(3000):
-            step = solver.step()
-        there = arm.placement(step.q, "tool").translation
-        left.append(np.abs(np.array([far, 0.6 * far]) - there[:2]))
-    even, heavy_x, heavy_y = left
-    assert heavy_x[0] < even[0] < heavy_y[0]
-    assert heavy_x[1] > even[1] > heavy_y[1]
 
 
 def test_weights_may_be_set_between_ticks(robot):
@@ -165,14 +145,3 @@ def test_inverse_kinematics_leaves_an_axis_of_weight_0_free(robot):
         assert result
         linear, angular = task.errors(arm.placement(result.q, "tool"))
         assert np.concatenate([linear, angular]) == pytest.approx(0.0, abs=1e-9)
-
-
-def test_a_solver_that_takes_over_another_ones_state_takes_its_weights(robot):
-    solver, other = (cinegen.Solver(robot("arm7"), DT) for _ in range(2))
-    task = solver.add_task("tool", weights=(1, 0.2, 1, 0, 1, 0.5))
-    task.target = moved(task.target, np.full(6, 0.1))
-    solver.step()
-    task.weights = (0.5, 0.2, 1, 0, 1, 0.5)
-    other.copy_state(solver)
-    for _ in range(10):
-        assert np.array_equal(other.step().q, solver.step().q)

@@ -5,7 +5,6 @@ from __future__ import annotations
 import os
 import subprocess
 import sys
-from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
@@ -15,7 +14,7 @@ from numba import types
 from numba.core.caching import NullCache
 
 import cinegen
-from cinegen.jit import foreign, whole_program
+from cinegen.jit import foreign
 from cinegen.jit.compiled import Array, Table, compiled, entry, prepare
 from cinegen.jit.memory import Memory, array, parameter, state, view
 from cinegen.jit.memory import foreign as declare_foreign
@@ -91,19 +90,12 @@ def test_a_kernel_and_python_see_the_same():
     run = prepare(add_up, Weighted)
     assert run(memory.handle) == 1
     assert memory.sum == expected
+    assert all(one.ctypes.data % 64 == 0 for one in (memory.point, memory.label, memory.weight, memory.first))
     assert memory.point[:, 0].tolist() == [-1.0] * 4
     assert memory.last.tolist() == [0.5, 1.5, 2.5, 3.5]
     memory.factor = 0.0
     assert run(memory.handle) == memory.calls == 2
     assert memory.sum == 0.0
-
-
-def test_arrays_are_aligned_and_do_not_overlap():
-    memory = weighted(5)
-    ends = [(array.ctypes.data, array.nbytes) for array in (memory.point, memory.label, memory.weight, memory.first)]
-    assert all(begin % 64 == 0 for begin, _ in ends)
-    ends.sort()
-    assert all(begin + size <= following for (begin, size), (following, _) in pairwise(ends))
 
 
 def test_a_block_is_one_array():
@@ -131,24 +123,6 @@ def test_handles_lead_to_other_memory():
     several = [weighted(1), weighted(2)]
     several[0].sum, several[1].sum = 1.5, 2.0
     assert prepare(sum_of, types.int64[::1])(np.array([memory.handle for memory in several])) == 3.5
-
-
-def test_helpers_are_compiled_for_what_they_declare(monkeypatch):
-    """And not once more for each memory that has more."""
-    monkeypatch.setattr(whole_program, "TESTED", ())  # else they are forgotten
-
-    @entry
-    def total_of(memory: Weighted) -> float:
-        return total(memory)
-
-    total_of._cache = NullCache()
-    memory = weighted(3)
-    assert prepare(total_of, Weighted)(memory.handle) == total(memory)
-    assert {signature[0] for signature in total.overloads} == {Points.numba_type, Weighted.numba_type}  # by Python, too
-    total._reset_overloads()
-    total_of._reset_overloads()
-    prepare(total_of, Weighted)
-    assert {signature[0] for signature in total.overloads} == {Points.numba_type}
 
 
 def test_a_name_is_declared_once():
