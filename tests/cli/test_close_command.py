@@ -195,17 +195,6 @@ def test_limits_are_kept_of_joints_that_follow_too(filtered, tmp_path):
     assert said[4] == said[2]
 
 
-def test_a_mechanism_that_begins_beyond_a_limit_may_come_back_but_not_go_on(filtered, tmp_path):
-    (tmp_path / "arm.urdf").write_text(
-        '<robot name="r"><link name="a"/><link name="b"/><joint name="j" type="revolute"><parent link="a"/>'
-        '<child link="b"/><axis xyz="0 0 1"/><limit lower="0.5" upper="1" effort="1" velocity="1"/></joint></robot>'
-    )
-    (tmp_path / "start.json").write_text('{"j": 0.0}')
-    text = '{"j": -0.1}\n{"j": 0.2}\n{"j": 1.2}\n{"j": 0.7}\n{"j": 0.2}\n'
-    said = filtered(text, "arm.urdf", "--start", str(tmp_path / "start.json"), folder=tmp_path)
-    assert ["error" in answer for answer in said] == [True, False, True, False, True]
-
-
 def test_degrees_and_millimetres_are_no_radians_and_metres(filtered):
     """Each would be many revolutions, and within the limits in degrees."""
     said = filtered('{"joint1": 30}\n{"joint1": 0.1}\n', "planar_3r.raff")

@@ -147,27 +147,6 @@ def test_a_scene_is_driven_recorded_and_shown_again(run, tmp_path):
     assert recording.q["mobile"][-1] == pytest.approx([0.5, 0.8])
 
 
-@pytest.mark.usefixtures("session_in_a_thread")
-def test_pairs_that_an_srdf_disables_are_reported_when_a_scene_is_driven(run, tmp_path):
-    links = "".join(
-        f'<link name="{name}"><collision><geometry><sphere radius="0.05"/></geometry></collision></link>'
-        for name in ("base", "upper", "lower", "tip")
-    )
-    joints = "".join(
-        f'<joint name="{one}-{other}" type="revolute"><parent link="{one}"/><child link="{other}"/>'
-        '<origin xyz="0.3 0 0"/><axis xyz="0 0 1"/><limit lower="-1" upper="1" effort="1" velocity="1"/></joint>'
-        for one, other in (("base", "upper"), ("upper", "lower"), ("lower", "tip"))
-    )
-    (tmp_path / "arm.urdf").write_text(f'<robot name="arm">{links}{joints}</robot>')
-    disabled = '<disable_collisions link1="base" link2="lower" reason="Never"/>'
-    (tmp_path / "other.srdf").write_text(f'<robot name="arm">{disabled}</robot>')
-    robot = 'robot = { file = "arm.urdf", srdf = "other.srdf" }'
-    (tmp_path / "scene.toml").write_text(f"{robot}\n[goal]\npoint = [0.5, 0.5, 0]\n")
-    code, out, err = run("drive", "--scene", "scene.toml", "--no-browser", "--seconds", "0.1")
-    assert (code, err) == (0, "")
-    assert "  not checked, by other.srdf: 1 pair of links" in out.splitlines()
-
-
 def test_a_session_that_is_killed_leaves_its_recording_whole(root, tmp_path):
     command = [sys.executable, "-m", "cinegen", "drive", str(root / "robots/five_bar.raff"), "--no-browser"]
     process = subprocess.Popen(

@@ -56,23 +56,6 @@ def test_the_answer_as_json_has_all_numbers_in_si(typed):
     assert sum(found["status"].values()) == 64
 
 
-def test_a_line_a_sphere_motors_and_a_scene(typed, root):
-    on_line = json.loads(typed("map", "planar_3r", "--line", "0,0,0..1.2,0,0:30", "--json", "-o", "1.zarr"))
-    assert on_line["extent"]["unit"] == "m"
-    around = json.loads(
-        typed("map", "delta4", "--over", "azimuth:6,elevation:4", "--at", "radius=0.2", "--centre=0,0,-1.8", "--json",
-              "-o", "2.zarr")
-    )  # fmt: skip
-    assert around["extent"]["value"] == pytest.approx(4.0 * math.pi * 0.04)
-    by_motors = json.loads(typed("map", "five_bar", "--over", "joint1:9,joint3=0..90deg:9", "--json", "-o", "3.zarr"))
-    assert by_motors["over"]["joint3"][1] == pytest.approx(math.pi / 2)
-    scene = root / "robots/scenes/rod.toml"
-    kept = json.loads(
-        typed("map", "planar_3r", "--over", "xy", "--grid", 6, "--scene", scene, "--json", "-o", "4.zarr")
-    )
-    assert "clearance" in kept["quantities"]
-
-
 @pytest.mark.parametrize(("allowed", "least"), [([], (-1.0, 1.0)), (["base", "link2", "link3"], (5.0, 20.0))])
 def test_collisions_that_a_scene_allows_do_not_count_as_clearance(typed, root, tmp_path, allowed, least):
     """A box 10 m away; nearer are only the arm's own links."""

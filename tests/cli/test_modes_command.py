@@ -43,25 +43,6 @@ def _is_number(word):
     return word.lstrip("-").replace(".", "", 1).isdecimal() and "." in word
 
 
-def test_the_table_says_where_the_end_is_and_which_limits_are_passed(robot, typed):
-    said = typed("gough")
-    gough = robot("gough")
-    found = assembly_modes(gough)
-    assert max(map(len, said.splitlines())) <= 100
-    for (number, numbers, note), q in zip(rows(said), found, strict=True):
-        assert number == str(1 + [q is one for one in found].index(True))
-        placement = gough.placement(q, gough.end)
-        np.testing.assert_allclose(numbers[:3], placement.translation, atol=6e-7)
-        np.testing.assert_allclose(
-            pin.rpy.rpyToMatrix(np.radians(numbers[3:])), placement.rotation, atol=np.radians(0.03)
-        )
-        beyond = gough.limits.outside(q)
-        assert bool(note) == bool(beyond)
-        if beyond:
-            assert note.split()[0] == next(iter(beyond))
-        assert (f"{len(beyond) - 1} more" in note) == (len(beyond) > 1)
-
-
 @pytest.mark.parametrize(
     "values", [["0.9", "0.95", "1", "1.05", "1.0", "1.01"], ["900mm,", "95 cm, 1000mm 1050mm,1 m,1.01m"]]
 )

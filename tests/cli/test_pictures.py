@@ -75,8 +75,3 @@ def luminance(colour: str) -> float:
     parts = np.array([int(colour[k : k + 2], 16) for k in (1, 3, 5)]) / 255.0
     linear = np.where(parts <= 0.04045, parts / 12.92, ((parts + 0.055) / 1.055) ** 2.4)
     return float(linear @ [0.2126, 0.7152, 0.0722])
-
-
-def test_texts_are_legible_on_white():
-    for colour in (sheet.INK, sheet.FAINT):
-        assert 1.05 / (luminance(colour) + 0.05) >= 4.5

@@ -262,11 +262,3 @@ def test_the_command(capsys, root, tmp_path):
     assert (made / "four_bar.c").read_text() == "mine"
     assert main([*call, "--functions", "fk,jump"]) == 2
     assert "there is no 'jump'; use fk, close, tick, sigma, ik" in capsys.readouterr().err
-
-
-def test_robots_of_one_file_have_files_of_their_own(root, tmp_path):
-    for name in ("left", "right"):
-        words = ["--to", "js", "--robot", name, "-o", str(tmp_path)]
-        assert main(["generate", str(root / "robots/two_arms.raff"), *words]) == 0
-    made = sorted(path.name for path in tmp_path.iterdir())
-    assert made == [f"two_arms_{one}{end}" for one in ("left", "right") for end in (".mjs", "_test.mjs")]

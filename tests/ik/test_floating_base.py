@@ -9,7 +9,6 @@ import pytest
 
 import cinegen
 from cinegen import Solver, Status
-from cinegen.ik.batch import evaluate
 from raff2urdf import to_raff
 
 DT = 1.0 / 240.0
@@ -108,13 +107,3 @@ def test_with_a_fixed_base_the_loops_of_a_robot_are_counted_again(raff, root):
     assert (free.floating, held.floating) == (True, False)
     assert held.mobility == free.mobility - 6
     assert held.loop_rank == free.loop_rank
-
-
-def test_a_batch_moves_the_actuated_joints_alone(tmp_path):
-    mechanism, held = loaded(tmp_path), loaded(tmp_path, fixed_base=True)
-    values = np.array([[mechanism.q_home[mechanism.q_index(name)] for name in mechanism.actuated]])
-    for node in ("hand", "trunk"):
-        free = evaluate(mechanism, node, values)
-        fixed = evaluate(held, node, values)
-        np.testing.assert_allclose(free.jacobians, fixed.jacobians, atol=1e-12)
-        np.testing.assert_allclose(free.singular_values, fixed.singular_values, atol=1e-12)

@@ -77,18 +77,6 @@ def test_when_an_arm_is_stretched(raff, how, dt):
     )
 
 
-def test_what_is_near_already_is_said_at_once(raff):
-    arm = _two_r(raff, second=1)
-    solver = Solver(arm, DT)
-    solver.add_task("tool", rotation=0)
-    (event,) = forecast_motion(solver, 1.0).events
-    assert event.kind is EventKind.TYPE_1
-    assert event.time == 0.0
-    assert str(event) == "now: near a type 1 singularity, the tasks lose a direction"
-    sigma = singular_values(two_r(A, B, 0.0, math.radians(1)) / arm.length)[1]
-    assert event.sigma == pytest.approx(sigma)
-
-
 # --- type 2 ----------------------------------------------------------------------------------------------------------
 
 

@@ -10,11 +10,9 @@ import pytest
 from variants import FEWER
 
 from cinegen.ik import LimitMargin, Solver
-from cinegen.ik._kernels.memory import SolverMemory
 from cinegen.ik._kernels.tick import tick
 from cinegen.jit.interpreted import interpreted
 from cinegen.loops._kernels.closure import close_from_trial
-from cinegen.loops._kernels.memory import LoopMemory
 
 pytestmark = pytest.mark.filterwarnings("ignore::cinegen.CinegenWarning")
 
@@ -97,13 +95,3 @@ def test_division_by_zero_and_roots_of_negative_numbers_do_not_raise_in_python(t
         assert interpreted(odd_kernels.divide)(1.0, 1.0) == math.inf == odd_kernels.divide(1.0, 1.0)
         assert math.isnan(interpreted(odd_kernels.root)(-1.0))
     del sys.modules["odd_kernels"]
-
-
-def test_a_kernel_finds_memories_by_their_handles_in_python():
-    memory = SolverMemory()
-    from cinegen.jit.memory import memory_at
-
-    assert memory_at(memory.handle) is memory
-    handle = LoopMemory().handle
-    with pytest.raises(KeyError):
-        memory_at(handle)

@@ -2,11 +2,6 @@
 
 from __future__ import annotations
 
-import os
-import subprocess
-import sys
-from pathlib import Path
-
 import numpy as np
 import pinocchio as pin
 import pytest
@@ -18,8 +13,6 @@ from cinegen.jit import foreign
 from cinegen.jit.compiled import Array, Table, compiled, entry, prepare
 from cinegen.jit.memory import Memory, array, parameter, state, view
 from cinegen.jit.memory import foreign as declare_foreign
-
-ROOT = Path(__file__).resolve().parents[2]
 
 
 class Points(Memory):
@@ -98,15 +91,6 @@ def test_a_kernel_and_python_see_the_same():
     assert memory.sum == 0.0
 
 
-def test_a_block_is_one_array():
-    memory = weighted(3)
-    whole, fields = memory.block("record")
-    memory.first[:], memory.last[:] = (1.0, 2.0), (3.0, 4.0, 5.0)
-    assert whole.tolist() == [1.0, 2.0, 3.0, 4.0, 5.0]
-    where, shape = fields["last"]
-    assert whole[where].reshape(shape).tolist() == [3.0, 4.0, 5.0]
-
-
 def test_only_what_changes_its_shape_begins_anew():
     memory = weighted(3)
     memory.sum, first = 7.0, memory.point
@@ -151,45 +135,6 @@ def test_memory_of_others_must_fit(wrong):
 
 
 # --- bounds ----------------------------------------------------------------------------------------------------------
-
-CONTROL = """
-from numba import types
-from cinegen.jit.compiled import Array, compiled, entry, prepare
-from cinegen.jit.memory import Memory, array, parameter
-
-class Row(Memory):
-    n: int = parameter(3)
-    a: Array = array(2, "n")
-
-@compiled
-def get(memory: Row, i: int, k: int) -> float:
-    return memory.a[i, k]
-
-@entry
-def look(memory: Row, i: int, k: int) -> float:
-    return get(memory, i, k)
-
-def run(i, k):
-    memory = Row()
-    return prepare(look, Row, types.int64, types.int64)(memory.handle, i, k)
-
-assert run(1, 2) == 0.0
-for i, k in ((1, 3), (2, 0), (0, -4)):
-    try:
-        run(i, k)
-    except IndexError:
-        continue
-    raise SystemExit(f"a[{i}, {k}] was not found")
-print("found")
-"""
-
-
-def test_an_index_out_of_bounds_is_found(tmp_path):
-    """The positive control of `make bounds`, compiled as it compiles: helpers inlined, in a cache of its own."""
-    (tmp_path / "control.py").write_text(CONTROL)
-    env = {**os.environ, "NUMBA_BOUNDSCHECK": "1", "NUMBA_CACHE_DIR": str(tmp_path), "PYTHONPATH": str(ROOT)}
-    done = subprocess.run([sys.executable, tmp_path / "control.py"], env=env, capture_output=True, text=True)
-    assert done.stdout == "found\n", done.stderr
 
 
 # --- memory of others ------------------------------------------------------------------------------------------------

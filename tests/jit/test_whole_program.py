@@ -12,7 +12,6 @@ from numba.core.caching import NullCache
 from cinegen.jit import compiled as kernels
 from cinegen.jit import whole_program
 from cinegen.jit.compiled import compiled, entry, together
-from cinegen.jit.smallest import smallest_singular_value
 
 VECTOR = float64[::1]
 
@@ -88,25 +87,3 @@ def test_two_threads_may_compile_at_once():
         thread.join()
     assert [function(np.arange(4.0)) for _, function in pairs] == [21.0] * 2
     assert [helper(np.arange(4.0), 1.0) for helper, _ in pairs] == [14.0] * 2
-
-
-def test_a_kernel_finds_the_same_either_way(monkeypatch):
-    """Multiplication and addition may be fused in other places: equal but for rounding."""
-
-    def new_entry():
-        def smallest(a, x, y):
-            return smallest_singular_value(a, a.shape[0], a.shape[1], x, y)
-
-        function = not_kept(entry(smallest))
-        function.compile((float64[:, ::1], VECTOR, VECTOR))
-        return function
-
-    whole = new_entry()
-    monkeypatch.setattr(whole_program, "TESTED", ())
-    usual = new_entry()
-    assert smallest_singular_value.overloads
-    rng = np.random.default_rng(0)
-    for _ in range(200):
-        a = rng.normal(size=(9, 6))
-        found = [function(a.copy(), np.empty(6), np.empty(6)) for function in (whole, usual)]
-        assert found == pytest.approx([np.linalg.svd(a, compute_uv=False)[-1]] * 2, rel=1e-12)

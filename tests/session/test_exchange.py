@@ -13,7 +13,6 @@ import pytest
 
 import cinegen
 from cinegen.collision.body import PlacedShape
-from cinegen.mission import Recording
 from cinegen.mission.drawn_obstacle import DrawnObstacle, DrawnShape
 from cinegen.session import Session, Setup, arrange
 from cinegen.session import commands as c
@@ -166,17 +165,6 @@ def test_undo_goes_back_across_the_edit_by_joint_names(load):
     session.obey(c.Redo())
     run(session, 3000)
     assert value(session, "joint1") == pytest.approx(0.9, abs=1e-6)
-
-
-def test_a_recording_ends_with_a_message_and_can_be_replayed(load, tmp_path):
-    path = tmp_path / "mission.jsonl"
-    session = Session(replace(arrange({"arm": load(ARM)}), record=str(path)))
-    run(session, 200)
-    state = exchanged(session, load(ARM.replace("d 250", "d 260")))
-    assert state.recording is None
-    assert "the recording has ended: recorded" in texts(session)
-    session.close()
-    assert list(Recording.load(path).q) == ["arm"]
 
 
 def test_an_obstacle_stays_where_it_was_dragged_unless_its_file_moves_it(load, box):

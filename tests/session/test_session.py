@@ -192,16 +192,6 @@ def test_a_robot_on_another_goes_along_and_what_is_pinned_stays_in_the_world(rob
     one.close()
 
 
-def test_what_can_not_be_done_is_a_notice(session, tmp_path, monkeypatch):
-    one = session("delta4")
-    (tmp_path / "file").write_text("")
-    path = str(tmp_path / "file" / "run.jsonl")
-    monkeypatch.setattr("cinegen.session.session_recorder.time.strftime", lambda text: path)
-    state = run(one, 0.01, c.SetRecording(True))
-    assert state.recording is None
-    assert any(notice.warning and "run.jsonl" in notice.text for notice in state.notices)
-
-
 def test_hundreds_of_random_commands_never_stop_it(session):
     rng = np.random.default_rng(8)
     one = session("delta4", "planar_3r", follow="circle")

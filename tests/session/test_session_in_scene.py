@@ -159,18 +159,6 @@ def test_an_obstacle_that_is_thrown_at_a_robot_stops_before_it(session):
     assert min(least) > 0.5 * SAFETY
 
 
-def test_an_obstacle_stops_where_the_robot_cannot_yield(session):
-    """A pillar that stands fixed is the robot's base: there is nothing that could yield."""
-    one = session("arm7", {**POLE, "point": [0.3, -0.4, 0.1], "length": 0.2})
-    begin = point(one, "pole", "pole")
-    one.obey(c.StartDrag("pole", "pole", (0.0, 0.0, 0.0)))
-    lead(one, line(begin, [0.0, 0.0, 0.1], 50))
-    state = run(one, 50)
-    assert np.linalg.norm(point(one, "pole", "pole")[:2]) > 0.03
-    assert state.obstacles["pole"].status.name == "BARRED"
-    assert state.obstacles["pole"].status.label.startswith("barred by '")
-
-
 def test_home_stops_before_it_hits_and_says_what(session):
     one = session("arm7", {**POLE, "point": [5.0, 5.0, 0.5]})
     begin = one.state().robots["arm7"].q
@@ -246,22 +234,6 @@ def test_motions_of_joints_home_and_to_a_configuration_obey_the_limits_of_accele
     assert (changes <= motion_limits(mechanism).acceleration[columns] * (1.0 + 1e-6)).all()
     assert changes.max() > 5.0
     assert max(map(mechanism.closure, q)) <= 1e-9
-
-
-def test_home_leads_back_to_where_the_scene_starts_and_leaves_obstacles_where_they_are(session):
-    one = session("planar_3r", {"kind": "disc", "radius": 0.05, "point": [0.0, 0.6], "name": "disc"}, safety=0.01,
-                  start={"joints": {"joint1": -0.3, "joint2": -0.6}})  # fmt: skip
-    begin = one.state().robots["planar_3r"].q
-    run(one, 0, c.StartDrag("planar_3r", "tool", (0, 0, 0)))
-    at = point(one, "planar_3r", "tool")
-    lead(one, line(at, at + np.array([-0.1, -0.1, 0.0]), 10))
-    run(one, 50, c.StartDrag("disc", "disc", (0, 0, 0)), c.MoveDrag((-0.2, 0.6, 0.0)))
-    run(one, 0, c.EndDrag())
-    state = run(one, 500, c.MoveHome(None))
-    assert np.allclose(state.robots["planar_3r"].q, begin, atol=1e-9)
-    assert np.allclose(point(one, "disc", "disc"), [-0.2, 0.6, 0.0], atol=1e-6)
-    run(one, 750, c.MoveHome("disc"))
-    assert np.allclose(point(one, "disc", "disc"), [0.0, 0.6, 0.0], atol=1e-9)
 
 
 def test_a_disc_that_moves_by_itself_keeps_clear_too(root):
