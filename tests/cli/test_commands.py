@@ -1,4 +1,4 @@
-"""The command `cinegen`, as typed."""
+"""The command `cinegen`, as typed, and `cinegen info`."""
 
 from __future__ import annotations
 

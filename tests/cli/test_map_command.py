@@ -1,4 +1,4 @@
-"""The commands `cinegen map` and `cinegen compare`: maps made, gone on with, told, drawn, varied, and refused."""
+"""The commands `cinegen map` and `cinegen compare`: maps made, told, drawn, varied, and refused."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The command `cinegen modes`: all assembly modes, on the terminal, as JSON, as a picture and in the page."""
+"""The command `cinegen modes`: all assembly modes, on the terminal, as JSON and in the page."""
 
 from __future__ import annotations
 

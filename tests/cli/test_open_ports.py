@@ -16,6 +16,7 @@ import psutil
 import pytest
 import typer
 from distributed import LocalCluster
+from variants import slow
 
 import cinegen.cli
 from cinegen import cluster
@@ -24,9 +25,20 @@ PATIENCE = 120.0  # s, on a busy machine
 LOOPBACK = ("127.", "::1")
 MAP = ("robots/delta4.raff", "--over", "x=-1..1:30,y=-1..1:30,z=-2..-1:10", "--yes")
 PAGE = ("--seconds", "0.5", "--no-browser")
+ELSEWHERE = ("drive", "robots/five_bar.raff", "--host", "0.0.0.0", *PAGE)
 PAGES = (
     ("drive", "robots/five_bar.raff", "--sensor", "tool=tcp://127.0.0.1:0", "--record", "run.jsonl", *PAGE),
-    ("drive", "robots/five_bar.raff", "--host", "0.0.0.0", *PAGE),
+    ELSEWHERE,
+)
+OTHER_PAGES = (
+    ("map", "robots/planar_3r.raff", "--over", "xy", "--grid", "10", "--view", *PAGE),
+    ("sensors", "--monitor", "tcp://127.0.0.1:0", "--seconds", "0.5"),
+    ("drive", "robots/five_bar.raff", "--record", "run.jsonl", *PAGE),
+    ("replay", "run.jsonl", *PAGE),
+    ("drive", "--scene", "robots/scenes/disc.toml", *PAGE),
+    ("modes", "robots/four_bar.raff", "--view", *PAGE),
+    ("plan", "robots/scenes/disc.toml", "--view", *PAGE),
+    ELSEWHERE,
 )
 
 
@@ -102,10 +114,12 @@ def beyond(found):
     return {(address, port) for _, address, port in found if not address.startswith(LOOPBACK)}
 
 
-def test_pages_and_sensors_listen_on_this_machine_only(watched):
-    found, elsewhere = watched(*PAGES)
-    assert found
-    assert not beyond(found)
+@pytest.mark.parametrize("commands", [PAGES, *slow((OTHER_PAGES,))])
+def test_pages_and_sensors_listen_on_this_machine_only(watched, commands):
+    *found, elsewhere = watched(*commands)
+    for command, listened in zip(commands, found, strict=False):
+        assert listened, command
+        assert not beyond(listened), command
     assert beyond(elsewhere)  # a page for other machines is seen here
 
 

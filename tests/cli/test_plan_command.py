@@ -1,4 +1,4 @@
-"""The command `cinegen plan`: a way around obstacles, on the terminal, as JSON, as a picture and as a recording."""
+"""The command `cinegen plan`: a way around obstacles, or to another assembly mode; as text, JSON and a recording."""
 
 from __future__ import annotations
 
@@ -160,9 +160,6 @@ def test_json_is_json_where_there_is_no_way_and_nothing_to_meet(typed, scene):
     assert said["path"] == [{"x": 0.0, "y": 0.0}]
 
 
-# --- the other planner -------------------------------------------------------------------------------------------
-
-
 def test_the_fields_to_choose_from_are_those_of_the_planner():
     (option,) = [one for one in typer.main.get_command(app).commands["plan"].params if one.name == "field"]
     assert set(option.type_descriptor.choices) == {field.value for field in AvoidanceField} - {"none"}
@@ -191,7 +188,7 @@ def test_a_scene_that_is_wrong_is_one_clear_error(typed, tmp_path, text, says):
     assert said.count("\n") == 1
 
 
-# --- pictures and recordings -------------------------------------------------------------------------------------
+# --- recordings -------------------------------------------------------------------------------------------------
 
 
 def test_a_way_is_recorded_for_replay_and_export(typed, tmp_path, capsys):

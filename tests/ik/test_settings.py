@@ -1,4 +1,4 @@
-"""Gain and damping, set while a robot moves."""
+"""Gain, damping and period, set while a robot moves."""
 
 from __future__ import annotations
 

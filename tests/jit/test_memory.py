@@ -1,4 +1,4 @@
-"""Memory of kernels: the same fields in Python and in compiled functions, checked bounds, and memory of others."""
+"""Memory of kernels: the same fields in Python and in compiled functions, and memory of others."""
 
 from __future__ import annotations
 

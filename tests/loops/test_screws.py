@@ -1,4 +1,4 @@
-"""Characteristic length and singular values belong to the mechanism: not to frames, cuts, the base, or the order."""
+"""Characteristic length and singular values belong to the mechanism: not to frames, cuts, order, or format."""
 
 from __future__ import annotations
 

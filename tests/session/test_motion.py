@@ -1,4 +1,4 @@
-"""Motions of robots that wait for what is in their path, and those that go back the way they came."""
+"""Motions of robots that wait for what is in their path, those that go back as they came, and their trace."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A session that runs at its rate: how it is scheduled."""
+"""A session that runs at its rate: how it is scheduled, and while its kernels are compiled."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What a session is made of: sensors by file, stands, robots side by side."""
+"""What a session is made of: sensors by file, stands, robots side by side, and where robots start."""
 
 from __future__ import annotations
 
