@@ -252,24 +252,3 @@ def test_a_motion_that_leads_astray_ends_and_is_told(session):
     assert np.array_equal(state.robots["delta4"].q, before)
     assert "leaves loops" in state.notices[-1].text
     assert state.moving is None
-
-
-def test_an_objective_that_raises_is_a_notice_once_and_the_robot_goes_on(session, caplog):
-    class Wrong:
-        def velocity(self, state):
-            raise ValueError("the objective is wrong")
-
-    one = session("delta4", "arm7")
-    one.robots["arm7"].solver.objectives = [Wrong()]
-    one.robots["delta4"].solver.objectives = [Wrong()]
-    begin = place(one.state(), one, "delta4", "link5", POINT)
-    to = begin + np.array([0.1, 0.05, -0.3])
-    state = run(one, 0.5, c.StartDrag("delta4", "link5", POINT), c.MoveDrag(tuple(to)))
-    assert np.linalg.norm(place(state, one, "delta4", "link5", POINT) - to) < 1e-6
-    assert state.robots["delta4"].closure < 1e-11
-    warned = sorted(notice.text for notice in state.notices if notice.warning)
-    assert len(warned) == 2
-    assert all("objective 0 (Wrong) of " in words and "ValueError: the objective is wrong" in words for words in warned)
-    assert len([record for record in caplog.records if record.name == "cinegen"]) == 2
-    run(one, 0.1, c.MoveHome("delta4"))  # led by its motors now
-    assert len(one.state().notices) == 2
