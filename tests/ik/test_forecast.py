@@ -263,7 +263,7 @@ def test_targets_go_on_as_they_moved(robot, seed, name):
     assert forecast.q == pytest.approx(np.array([solver.q, *(step(tick) for tick in range(6, 36))]), abs=1e-7)
 
 
-@settings(max_examples=20)
+@settings(max_examples=12)
 @given(seeds, st.sampled_from(ROBOTS))
 def test_singular_values_are_those_of_the_path(robot, seed, name):
     mechanism, rng = robot(name), np.random.default_rng(seed)
