@@ -104,6 +104,17 @@ def test_who_changes_the_target_meanwhile_takes_over(delta: cinegen.Mechanism, t
     assert task.target == there
 
 
+def test_who_sets_the_weight_meanwhile_keeps_it(delta: cinegen.Mechanism) -> None:
+    solver = cinegen.Solver(delta, DT)
+    task = solver.add_task("platform")
+    solver.blend(task, seconds=0.05, weight=5.0)
+    solver.step()
+    task.weight = 2.0
+    for _ in range(60):
+        solver.step()
+    assert task.weight == 2.0
+
+
 def test_a_later_blend_replaces_the_one_before_and_may_take_no_time(delta: cinegen.Mechanism) -> None:
     solver = cinegen.Solver(delta, DT)
     task = solver.add_task("platform")

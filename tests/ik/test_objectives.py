@@ -249,6 +249,14 @@ def test_a_robot_in_micrometres_moves_like_its_twin_in_metres(raff, objective):
     assert ways[1] == pytest.approx(ways[0], abs=1e-6)
 
 
+@pytest.mark.parametrize("dt", [0.001, 0.05, 1.0])
+def test_distances_decay_exponentially_however_long_a_tick_is(dt):
+    arm = load("arm7")
+    q = begin(arm)
+    moved = dt * Posture(rate=2.0).velocity(State(arm, q, dt))
+    assert moved == pytest.approx((1.0 - math.exp(-2.0 * dt)) * (arm.q_home - q), abs=1e-12)
+
+
 @settings(max_examples=40)
 @given(
     st.sampled_from(["arm7", "planar_hybrid", "delta4", "hybrid"]),
