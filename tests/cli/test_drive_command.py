@@ -73,10 +73,9 @@ def test_a_wrong_call_of_drive_is_exit_code_2(run, arguments, says):
     assert says in err
 
 
-@pytest.mark.usefixtures("session_in_a_thread")
 @pytest.mark.filterwarnings("always::cinegen.CinegenWarning")
 def test_a_port_that_is_not_there_is_a_warning_with_what_to_do(run):
-    code, _, err = run("drive", "robots/delta4.raff", "--no-browser", "--seconds", "0.2")
+    code, _, err = run("drive", "robots/delta4.raff", "--snapshot", "page.html")
     assert code == 0
     assert "warning: sensor 1, '/dev/ttyd2': there is no such port here (/dev/ttyd2 is a name from IRIX)" in err
     assert "--sensor 1=/dev/ttyUSB0 names another" in err
