@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import pytest
 
-import cinegen
-import raff2urdf
 from cinegen.cli import main
 from raff2urdf import shipped
 from raff2urdf.cli import main as main_of_raff2urdf
@@ -34,10 +32,11 @@ def test_the_list_has_a_line_for_everything(run, root):
 
 
 @pytest.mark.parametrize(
-    ("name", "says"), [("four_bar", "four_bar: 3 joints, 1 loop"), ("two_arms", "right: 4 joints")]
+    ("name", "says"),
+    [("four_bar", "four_bar: 3 joints, 1 loop"), ("two_arms", "right: 4 joints"), ("disc", "clear of 1 obstacle")],
 )
 @pytest.mark.usefixtures("session_in_a_thread")
-def test_a_robot_is_driven(run, name, says):
+def test_a_robot_or_a_scene_is_driven(run, name, says):
     code, out, err = run("demo", name, "--seconds", "0.2", "--no-browser")
     assert code == 0
     assert says in out
@@ -45,23 +44,10 @@ def test_a_robot_is_driven(run, name, says):
     assert "warning" not in err
 
 
-@pytest.mark.usefixtures("session_in_a_thread")
-def test_a_scene_is_driven(run):
-    code, out, _ = run("demo", "disc", "--seconds", "0.2", "--no-browser")
-    assert code == 0
-    assert "clear of 1 obstacle" in out
-
-
 def test_an_example_is_run(run):
     code, out, _ = run("demo", "kleinfinger")
     assert code == 0
     assert out.strip()
-
-
-def test_an_unknown_name_is_answered_by_a_similar_one(run):
-    code, _, err = run("demo", "detla4")
-    assert (code, err) == (1, "cinegen: no robot, scene or example 'detla4': did you mean 'delta4'? "
-                              "(`cinegen demo --list` lists all)\n")  # fmt: skip
 
 
 def test_commands_take_the_names_of_robots_and_scenes(run, tmp_path):
@@ -75,18 +61,6 @@ def test_commands_take_the_names_of_robots_and_scenes(run, tmp_path):
 def test_a_file_comes_before_a_shipped_robot_of_its_name(run, root, tmp_path):
     (tmp_path / "delta4").write_bytes((root / "robots/four_bar.raff").read_bytes())
     assert run("info", "delta4")[1].startswith("delta4: robot 'linkage'")
-
-
-def test_a_name_without_a_file_is_answered_by_a_similar_one(run):
-    says = "dleta4: there is no such file, and no robot of this name is shipped: did you mean 'delta4'?\n"
-    assert run("info", "dleta4") == (1, "", f"cinegen: {says}")
-    assert run("dleta4", command=main_of_raff2urdf) == (1, "", says)
-    assert "no scene of this name" in run("plan", "dics")[2]
-
-
-def test_programs_take_the_names_of_robots():
-    assert cinegen.load("four_bar").mobility == 1
-    assert raff2urdf.load("four_bar").robots[0].name == "linkage"
 
 
 @pytest.mark.parametrize("name", [*shipped.robots(), *shipped.scenes()])

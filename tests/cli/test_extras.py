@@ -31,11 +31,10 @@ print(json.dumps(found))
 WORK = {
     "info": ["info", "rx90"],
     "modes": ["modes", "four_bar"],
-    "drive": ["drive", "delta4", "--seconds", "0.2", "--no-browser"],
-    "demo": ["demo", "--seconds", "0.2", "--no-browser"],
-    "snapshot": ["drive", "gough", "--snapshot", "gough.html"],
+    "drive": ["demo", "four_bar", "--seconds", "0.2", "--no-browser"],
+    "snapshot": ["drive", "four_bar", "--snapshot", "four_bar.html"],
     "plan": ["plan", "disc"],
-    "convert": ["raff2urdf", "gough"],
+    "convert": ["raff2urdf", "four_bar"],
     "sdf": ["raff2urdf", "delta4", "--format", "sdf"],
 }
 NEED = {

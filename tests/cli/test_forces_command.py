@@ -54,23 +54,6 @@ def test_velocities_are_in_degrees_and_the_power_is_printed(typed):
     assert "power" in text
 
 
-def test_what_is_not_determined_is_a_question_mark(typed):
-    text = typed("four_bar", "--massless", "--payload", "2kg@tool", "--gravity", "0,-9.81,0", "--reactions")
-    assert "3 of its 5 equations of loops and couplings depend on the others" in " ".join(text.split())
-    line = text.splitlines()[next(i for i, row in enumerate(text.splitlines()) if "joint joint1 on" in row) + 1]
-    assert [word == "?" for word in line.split()] == [False, False, True, True, True, False]
-
-
-def test_a_load_that_nothing_holds_is_answered_by_no(typed, tmp_path):
-    (tmp_path / "swing.raff").write_text(
-        "RAFF swing\nrobot swing { link 1 { type 2 pred 0 actuated 1 } link 2 { parameters { d 300 } type 2 pred 1 "
-        "actuated 0 } frame 3 { parameters { d 200 } pred 2 } }\n"
-    )
-    text = typed("swing.raff", "--massless", "--payload", "1kg", "--gravity", "0,-9.81,0", code=1)
-    assert "no torques of the actuated joints hold the load: " in " ".join(text.split())
-    assert "?" not in text
-
-
 def test_torques_along_a_recorded_motion(root, typed, tmp_path, capsys):
     """Three times the mass needs three times the torque, at the same times."""
     assert main(["plan", "disc", "-o", "run.jsonl"]) == 0

@@ -10,7 +10,6 @@ import shlex
 import sys
 
 import pytest
-import yaml
 from hostile_names import CONTROLS, JOINTS, LINKS, urdf
 
 import cinegen
@@ -18,7 +17,6 @@ from cinegen.cli import main
 from cinegen.errors import CinegenError
 from cinegen.mission import MissionRecorder, RobotSample
 from raff2urdf import output
-from raff2urdf.command_line import print_error
 
 SHOWN = r"a\u009b2Jb\nchecked: all is well\u202edc\u200b"
 CONTROL = re.compile("[\x00-\x08\x0b-\x1f\x7f-\x9f\u200b\u200e\u200f\u2028-\u202e\u2066-\u2069]")
@@ -57,9 +55,6 @@ def test_the_name_of_a_robot_is_one_printable_line(arm, capsys):
     assert f"robot '{SHOWN}'" in said
     assert not CONTROL.search(said)
     assert "\nchecked" not in said
-
-
-def test_json_has_it_too(arm, capsys):
     assert main(["info", str(arm), "--json"]) == 0
     said = capsys.readouterr().out
     assert not CONTROL.search(said)
@@ -91,19 +86,6 @@ def test_whatever_reaches_a_stream_of_a_command_is_text(capsys):
     assert "\x1b" not in said.err
 
 
-def test_colours_of_an_error_are_those_of_the_command(capsys, monkeypatch):
-    monkeypatch.delenv("NO_COLOR", raising=False)
-    monkeypatch.setenv("TERM", "xterm")
-    monkeypatch.setattr(sys.stderr, "isatty", lambda: True)
-
-    def command():
-        print_error("place: a\x1b[2Jb")
-        return 1
-
-    output.run("thing", command)
-    assert capsys.readouterr().err == "\x1b[1;31mplace: \x1b[0ma\\u001b[2Jb\n"
-
-
 def test_a_recording_adds_no_statement_to_urscript(recording, capsys):
     assert main(["export", str(recording), "--to", "urscript"]) == 0
     assert not CONTROL.search(capsys.readouterr().out)
@@ -128,13 +110,6 @@ def test_a_table_computes_nothing(recording, tmp_path):
             recorder.write(0.1 * tick, {"sums": RobotSample(mechanism.q_home + 0.001 * tick, "IDLE")})
     assert main(["export", str(tmp_path / "sums.jsonl"), "--to", "csv"]) == 0
     assert (tmp_path / "sums.csv").read_text().splitlines()[0] == "time,'=1+1,'@x"
-
-
-def test_a_goal_of_ros_has_the_names(recording):
-    assert main(["export", str(recording), "--to", "ros2"]) == 0
-    goal = yaml.safe_load(recording.with_suffix(".yaml").read_text(encoding="utf-8"))
-    assert goal["trajectory"]["joint_names"] == list(JOINTS[-6:])
-    assert list(goal) == ["trajectory"]
 
 
 def test_two_names_that_are_shown_alike_are_refused(recording, capsys):

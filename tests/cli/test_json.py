@@ -58,12 +58,7 @@ def schema(rows):
             continue
         properties[name] = found
         required += [] if optional else [name]
-    return {
-        "type": ["object", "null"],
-        "properties": properties,
-        "required": required,
-        "additionalProperties": other,
-    }
+    return {"type": ["object", "null"], "properties": properties, "required": required, "additionalProperties": other}
 
 
 def check(root, document, command, number=0):

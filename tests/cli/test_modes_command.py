@@ -1,4 +1,4 @@
-"""The command `cinegen modes`: all assembly modes, on the terminal, as JSON, as a picture and in the page."""
+"""The command `cinegen modes`: all assembly modes, on the terminal, as JSON and in the page."""
 
 from __future__ import annotations
 
@@ -8,7 +8,6 @@ import math
 import numpy as np
 import pinocchio as pin
 import pytest
-from variants import slow
 
 from cinegen.assembly import assembly_modes
 from cinegen.cli import main
@@ -44,83 +43,15 @@ def _is_number(word):
     return word.lstrip("-").replace(".", "", 1).isdecimal() and "." in word
 
 
-def test_the_sixteen_modes_of_the_paper_are_listed(root, typed):
-    """Merlet's table 1 prints eight; the others are their mirror images in the base."""
-    table = json.loads((root / "tests/robots/data/tssm_merlet.json").read_text())
-    said = typed("tssm")
-    assert "16 assembly modes" in said
-    assert "These are all." in said
-    listed = [numbers for _, numbers, _ in rows(said)]
-    assert len(listed) == 16
-    for x, y, z, *_ in table["table1"]:
-        for mirrored in (z, -z):
-            near = [row for row in listed if np.allclose(row[:3], np.array([x, y, mirrored]) / 1e3, atol=2e-6)]
-            assert len(near) == 1
-
-
-def test_the_table_says_where_the_end_is_and_which_limits_are_passed(robot, typed):
-    said = typed("gough")
-    gough = robot("gough")
-    found = assembly_modes(gough)
-    assert max(map(len, said.splitlines())) <= 100
-    for (number, numbers, note), q in zip(rows(said), found, strict=True):
-        assert number == str(1 + [q is one for one in found].index(True))
-        placement = gough.placement(q, gough.end)
-        np.testing.assert_allclose(numbers[:3], placement.translation, atol=6e-7)
-        np.testing.assert_allclose(
-            pin.rpy.rpyToMatrix(np.radians(numbers[3:])), placement.rotation, atol=np.radians(0.03)
-        )
-        beyond = gough.limits.outside(q)
-        assert bool(note) == bool(beyond)
-        if beyond:
-            assert note.split()[0] == next(iter(beyond))
-        assert (f"{len(beyond) - 1} more" in note) == (len(beyond) > 1)
-
-
-def test_of_a_planar_mechanism_only_what_varies_is_listed(robot, typed):
-    bar = robot("five_bar")
-    listed = [numbers for _, numbers, _ in rows(typed("five_bar"))]
-    expected = [pose_numbers(placement)[[0, 1, 5]] for placement in assembly_modes(bar).placements()]
-    np.testing.assert_allclose(listed, expected, atol=6e-3)
-    np.testing.assert_allclose(np.array(listed)[:, :2], np.array(expected)[:, :2], atol=6e-7)
-
-
-def test_another_node_may_be_asked_for(robot, typed):
-    bar = robot("five_bar")
-    listed = [numbers[:2] for _, numbers, _ in rows(typed("five_bar", "--node", "link2"))]
-    expected = [placement.translation[:2] for placement in assembly_modes(bar).placements("link2")]
-    np.testing.assert_allclose(listed, expected, atol=6e-7)
-
-
-def test_json_is_what_python_gives(robot, typed):
-    assert json.loads(typed("gough", "--json")) == [assembly_modes(robot("gough")).as_dict()]
-
-
 @pytest.mark.parametrize(
-    "values",
-    [
-        ["0.9", "0.95", "1", "1.05", "1.0", "1.01"],
-        ["900mm,950mm,1000mm", "1050mm,1000mm,1010mm"],
-        ["900mm,", "95 cm, 1000mm 1050mm,1 m,1.01m"],
-    ],
+    "values", [["0.9", "0.95", "1", "1.05", "1.0", "1.01"], ["900mm,", "95 cm, 1000mm 1050mm,1 m,1.01m"]]
 )
 def test_lengths_are_typed_with_blanks_or_commas_in_m_or_with_units(robot, typed, values):
     expected = assembly_modes(robot("gough"), [0.9, 0.95, 1.0, 1.05, 1.0, 1.01]).as_dict()
     assert json.loads(typed("gough", "--values", *values, "--json")) == [expected]
 
 
-def test_motors_that_turn_are_typed_in_degrees_and_some_by_name(robot, typed):
-    bar = robot("five_bar")
-    home = bar.q_home[bar.q_index("joint1")]
-    expected = assembly_modes(bar, [home, math.radians(-10.0)]).as_dict()
-    assert json.loads(typed("five_bar", "--values", "joint3=-10", "--json")) == [expected]
-    expected = assembly_modes(bar, np.radians([125.0, -10.5])).as_dict()
-    assert json.loads(typed("five_bar", "--values", "125", "-10.5", "--json")) == [expected]
-
-
-@pytest.mark.parametrize(
-    ("name", "mode"), [("tssm", 3), *slow(("tssm", 12), ("gough", 2), ("delta4", 0)), ("delta4", 1), ("five_bar", 1)]
-)
+@pytest.mark.parametrize(("name", "mode"), [("tssm", 3), ("delta4", 1), ("five_bar", 1)])
 def test_modes_at_a_mode_that_was_listed_contain_it(typed, name, mode):
     """What one copies from the table and types again is marked there."""
     first = rows(typed(name))
@@ -184,73 +115,28 @@ def test_what_is_not_proved_is_not_called_all(typed):
 
 
 @pytest.mark.parametrize(
-    ("name", "options", "says"),
+    ("name", "options", "code", "says"),
     [
-        (
-            "gough",
-            ["--values", "0.9,0.95"],
-            "2 values for the 6 actuated joints of hexapod: joint3 (0.939043 m at home), joint9",
-        ),
-        ("five_bar", ["--values", "1", "2", "3"], "joint1 (125.000 deg at home), joint3 (50.000 deg at home)"),
-        ("five_bar", ["--values", "joint2=1"], "no actuated joint 'joint2'"),
-        (
-            "gough",
-            ["--values", "900,950,1000,1050,1000,1010"],
-            "joint3: 900 m is far beyond its limits, 0.7 m to 1.3 m: did you mean 900 mm?",
-        ),
-        ("gough", ["--at", "x=-20,y=30,z=880"], "--at y: 30 m is far beyond the reach of hexapod"),
-        ("tssm", ["--values", "joint3=21.7"], "did you mean 21.7 mm?"),
-        (
-            "five_bar",
-            ["--values", "125rad,50"],
-            "joint1: 7162 deg is far beyond its limits, 60 deg to 200 deg: did you "
-            "mean 125 degrees, which are 2.182 rad?",
-        ),
-        ("five_bar", ["--at", "1,2"], "not 2 numbers"),
-        ("five_bar", ["--at", "x=0.1,u=2"], "no coordinate 'u'"),
-        ("five_bar", ["--at", "0,1.5,0"], f"misses it by {1.5 - math.sqrt(0.65**2 - 0.15**2):.4g} m"),
-        ("five_bar", ["--node", "nose"], "no node 'nose'"),
-        ("five_bar", ["--plot", "modes.nonsense"], "modes.nonsense: can't be written"),
-        ("rx90", [], "has no loops"),
-        ("two_arms", ["--view"], "name one by --robot (left, right)"),
+        ("gough", "--values 0.9,0.95", 1, "2 values for the 6 actuated joints of hexapod: joint3 (0.939043 m at home)"),
+        ("five_bar", "--values 1 2 3", 1, "joint1 (125.000 deg at home), joint3 (50.000 deg at home)"),
+        ("five_bar", "--values joint2=1", 1, "no actuated joint 'joint2'"),
+        ("gough", "--at x=-20,y=30,z=880", 1, "--at y: 30 m is far beyond the reach of hexapod"),
+        ("tssm", "--values joint3=21.7", 1, "did you mean 21.7 mm?"),
+        ("five_bar", "--at 1,2", 1, "not 2 numbers"),
+        ("five_bar", "--at x=0.1,u=2", 1, "no coordinate 'u'"),
+        ("five_bar", "--at 0,1.5,0", 1, f"misses it by {1.5 - math.sqrt(0.65**2 - 0.15**2):.4g} m"),
+        ("rx90", "", 1, "has no loops"),
+        ("two_arms", "--view", 1, "name one by --robot (left, right)"),
+        ("five_bar", "--values joint3=1 2", 2, "write NAME=VALUE"),
+        ("five_bar", "--values joint3=1 joint3=2", 2, "--values: joint3 is given twice"),
+        ("five_bar", "--at x=5pc", 2, "unknown unit 'pc'"),
     ],
 )
-def test_what_is_wrong_is_one_clear_error(typed, monkeypatch, tmp_path, name, options, says):
-    monkeypatch.chdir(tmp_path)
-    said = typed(name, *options, code=1)
+def test_what_is_wrong_is_one_clear_error(typed, name, options, code, says):
+    said = typed(name, *options.split(), code=code)
     assert says in said
-    assert said.startswith("cinegen: ")
-    assert said.count("\n") == 1
-
-
-@pytest.mark.parametrize(
-    ("options", "says"),
-    [
-        (["--values", "1,two"], "'two' is not an angle"),
-        (["--values", "1,nan"], "'nan' is not an angle"),
-        (["--values", "joint3=1", "2"], "write NAME=VALUE"),
-        (["--values", "joint3=1", "joint3=2"], "--values: joint3 is given twice"),
-        (["--values", "1mm,2"], "--values: joint1: '1mm' is a length: an angle is wanted"),
-        (["--at", "x=1,y=2,x=3"], "--at: x is given twice"),
-        (["--at", "x=5pc"], "unknown unit 'pc'"),
-        (["--at", "x=5kg"], "'5kg' is a mass: a length is wanted"),
-    ],
-)
-def test_a_number_that_is_none_is_a_wrong_call(typed, options, says):
-    assert says in typed("five_bar", *options, code=2)
-
-
-def test_a_picture_is_written(typed, tmp_path):
-    for ending, begin in (("png", b"\x89PNG"), ("svg", b"<?xml"), ("pdf", b"%PDF")):
-        path = tmp_path / f"new/modes.{ending}"
-        assert f"picture: {path}" in typed("five_bar", "--plot", path)
-        assert path.read_bytes().startswith(begin)
-
-
-def test_progress_is_told_to_a_person_who_waits_and_taken_away(typed, terminal):
-    screen = terminal()
-    typed("five_bar", "--method", "monodromy")
-    assert "found by closed paths" in screen.getvalue()
+    assert said.startswith("cinegen: " if code == 1 else "cinegen modes: ")
+    assert said.count("\n") == code
 
 
 def test_at_second_k_the_page_shows_mode_k(robot, tmp_path):
@@ -268,6 +154,6 @@ def test_at_second_k_the_page_shows_mode_k(robot, tmp_path):
 @pytest.mark.usefixtures("session_in_a_thread")
 def test_the_page_is_served_with_view(typed, monkeypatch, tmp_path):
     monkeypatch.chdir(tmp_path)
-    said = typed("five_bar", "--view", "--seconds", "0.5", "--port", "7900", "--no-browser")
+    said = typed("five_bar", "--view", "--seconds", "0.5", "--no-browser")
     assert "page: http://127.0.0.1:" in said
     assert not list(tmp_path.iterdir())

@@ -10,13 +10,12 @@ import subprocess
 import sys
 import tempfile
 import time
-from contextlib import suppress
 from pathlib import Path
 
 import psutil
 import pytest
 import typer
-from distributed import Client
+from distributed import LocalCluster
 from variants import slow
 
 import cinegen.cli
@@ -24,9 +23,23 @@ from cinegen import cluster
 
 PATIENCE = 120.0  # s, on a busy machine
 LOOPBACK = ("127.", "::1")
-PAGE = ("--seconds", "0.5", "--no-browser", "--port", "8500")
 MAP = ("robots/delta4.raff", "--over", "x=-1..1:30,y=-1..1:30,z=-2..-1:10", "--yes")
-VARY = ("robots/five_bar.raff", "--over", "x=-0.2..0.2:30,y=0.3..0.5:30", "--vary", "link2.d=110..130mm:3", "--yes")
+PAGE = ("--seconds", "0.5", "--no-browser")
+ELSEWHERE = ("drive", "robots/five_bar.raff", "--host", "0.0.0.0", *PAGE)
+PAGES = (
+    ("drive", "robots/five_bar.raff", "--sensor", "tool=tcp://127.0.0.1:0", "--record", "run.jsonl", *PAGE),
+    ELSEWHERE,
+)
+OTHER_PAGES = (
+    ("map", "robots/planar_3r.raff", "--over", "xy", "--grid", "10", "--view", *PAGE),
+    ("sensors", "--monitor", "tcp://127.0.0.1:0", "--seconds", "0.5"),
+    ("drive", "robots/five_bar.raff", "--record", "run.jsonl", *PAGE),
+    ("replay", "run.jsonl", *PAGE),
+    ("drive", "--scene", "robots/scenes/disc.toml", *PAGE),
+    ("modes", "robots/four_bar.raff", "--view", *PAGE),
+    ("plan", "robots/scenes/disc.toml", "--view", *PAGE),
+    ELSEWHERE,
+)
 
 
 def sockets(pid):
@@ -101,22 +114,6 @@ def beyond(found):
     return {(address, port) for _, address, port in found if not address.startswith(LOOPBACK)}
 
 
-PAGES = (
-    ("drive", "robots/five_bar.raff", "--sensor", "tool=tcp://127.0.0.1:0", "--record", "run.jsonl", *PAGE),
-    ("drive", "robots/five_bar.raff", "--host", "0.0.0.0", *PAGE),
-)
-OTHER_PAGES = (
-    ("map", "robots/planar_3r.raff", "--over", "xy", "--grid", "10", "--view", *PAGE),
-    ("sensors", "--monitor", "tcp://127.0.0.1:0", "--seconds", "0.5"),
-    ("drive", "robots/five_bar.raff", "--record", "run.jsonl", *PAGE),
-    ("replay", "run.jsonl", *PAGE),
-    ("drive", "--scene", "robots/scenes/disc.toml", *PAGE),
-    ("modes", "robots/four_bar.raff", "--view", *PAGE),
-    ("plan", "robots/scenes/disc.toml", "--view", *PAGE),
-    ("drive", "robots/five_bar.raff", "--host", "0.0.0.0", *PAGE),
-)
-
-
 @pytest.mark.parametrize("commands", [PAGES, *slow((OTHER_PAGES,))])
 def test_pages_and_sensors_listen_on_this_machine_only(watched, commands):
     *found, elsewhere = watched(*commands)
@@ -126,10 +123,9 @@ def test_pages_and_sensors_listen_on_this_machine_only(watched, commands):
     assert beyond(elsewhere)  # a page for other machines is seen here
 
 
-@pytest.mark.parametrize("wanted", [MAP, *slow((VARY,))], ids=["map", "maps of variants"])
 @pytest.mark.slow
-def test_processes_that_share_a_map_listen_on_this_machine_only_and_serve_no_http(watched, wanted):
-    (found,) = watched(("map", *wanted, "--workers", "2"))
+def test_processes_that_share_a_map_listen_on_this_machine_only_and_serve_no_http(watched):
+    (found,) = watched(("map", *MAP, "--workers", "2"))
     assert len({pid for pid, *_ in found}) == 3  # the scheduler and both workers
     # One socket each: another one would be an HTTP server's. A process that begins holds its parent's for a moment.
     assert len({(address, port) for _, address, port in found}) == 3
@@ -189,41 +185,6 @@ def test_processes_that_share_a_map_keep_their_files_to_themselves(tmp_path, mon
     assert [path.name for path in tmp_path.iterdir()] == ["dask-scratch-space"]
 
 
-@pytest.mark.slow
-def test_who_makes_a_map_on_a_cluster_listens_nowhere(watched):
-    with Cluster() as address:
-        assert watched(("map", *MAP, "--scheduler", address)) == [set()]
-
-
-class Cluster:
-    """A scheduler and a worker as a user starts them; its address."""
-
-    def __enter__(self):
-        self._folder = tempfile.TemporaryDirectory()
-        file = Path(self._folder.name, "scheduler.json")  # it names the address when there is one
-        where = ["--host", "127.0.0.1", "--scheduler-file", str(file), "--no-dashboard"]
-        commands = (["scheduler", "--port", "0", *where], ["worker", "--nworkers", "1", "--no-nanny", *where])
-        self._running = [
-            subprocess.Popen(
-                [sys.executable, "-m", "distributed.cli.dask_" + name, *options], stdin=subprocess.DEVNULL,
-                stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL,
-            )
-            for name, *options in commands
-        ]  # fmt: skip
-        end = time.monotonic() + 60.0
-        while time.monotonic() < end:
-            with suppress(OSError, ValueError):  # it is not there, or not whole
-                return json.loads(file.read_text())["address"]
-            time.sleep(0.05)
-        raise TimeoutError("the scheduler does not start")
-
-    def __exit__(self, *_):
-        for process in reversed(self._running):  # a worker without a scheduler may wait for ever
-            process.kill()
-            process.wait()
-        self._folder.cleanup()
-
-
 STRANGER = """
 import asyncio, os, sys
 from distributed.core import rpc
@@ -266,7 +227,6 @@ def test_another_process_of_this_machine_can_run_nothing_in_those_that_make_a_ma
 
 
 def test_that_stranger_runs_functions_where_nothing_keeps_it_from_that(root):
-    with Cluster() as address:
-        Client(address, timeout=PATIENCE).close()  # waits until it answers
-        (answer,) = of_a_stranger(root, address, "run_function")
+    with LocalCluster(n_workers=0, processes=False, protocol="tcp", host="127.0.0.1", dashboard_address=None) as unsafe:
+        (answer,) = of_a_stranger(root, unsafe.scheduler_address, "run_function")
     assert answer.isdecimal()

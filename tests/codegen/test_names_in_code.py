@@ -40,14 +40,6 @@ def test_c_has_its_own_functions_only(folder):
     assert not re.search(r"\.(init_array|ctors|fini_array)", sections)
 
 
-@pytest.mark.skipif(GCC is None, reason="there is no gcc")
-def test_c_runs_nothing_else(folder):
-    subprocess.run([GCC, *STRICT, "arm.c", "arm_test.c", "-o", "test", "-lm"], cwd=folder, check=True)
-    done = subprocess.run([folder / "test"], capture_output=True, text=True)
-    assert (done.returncode, done.stderr) == (0, "")
-    assert re.fullmatch(r"forward \S+\n0 wrong results, largest difference \S+\n", done.stdout)
-
-
 @pytest.mark.skipif(NODE is None, reason="there is no node")
 def test_javascript_has_the_names_and_nothing_else(folder):
     program = """

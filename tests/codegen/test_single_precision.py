@@ -19,10 +19,6 @@ from cinegen.model import ForwardKinematics
 
 GCC = shutil.which("gcc")
 STRICT = ("-std=c99", "-Wall", "-Wextra", "-Wconversion", "-Wdouble-promotion", "-Werror")
-OTHERS = (
-    "ankle", "arm7", "belt_five_bar", "cusp_3rpr", "delta4_linear", "differential_wrist", "five_bar", "four_bar",
-    "gough", "hybrid", "planar_3r", "planar_hybrid", "planetary_gear", "rx90", "scara", "serial_5dof", "sr400", "tssm",
-)  # fmt: skip
 REGULAR = 0.1  # smallest singular value of the passive joints: no singularity is near
 
 pytestmark = pytest.mark.skipif(GCC is None, reason="there is no gcc")
@@ -38,7 +34,7 @@ def built(folder, mechanism, *options, output, **settings):
     return folder / output
 
 
-@pytest.mark.parametrize("name", ["delta4", *slow(*OTHERS)])
+@pytest.mark.parametrize("name", ["delta4", *slow("arm7", "hybrid")])
 def test_recorded_cases_are_met(robot, tmp_path, name):
     program = built(tmp_path, robot(name), "-O1", "-g", "-fsanitize=address,undefined", output="test")
     done = subprocess.run([program], capture_output=True, text=True)
@@ -50,7 +46,7 @@ def test_recorded_cases_are_met(robot, tmp_path, name):
         assert not re.search(r"\b\d+\.\d*(e[-+]?\d+)?(?![\df.e])", code)  # a constant without f is a double
 
 
-@pytest.mark.parametrize(("name", "count"), [("delta4", 300), *slow(*((name, 3000) for name in ("delta4", *OTHERS)))])
+@pytest.mark.parametrize(("name", "count"), [("delta4", 300), *slow(("arm7", 3000), ("gough", 3000))])
 def test_the_stated_error_is_kept(robot, tmp_path, name, count):
     """At random values of the actuated joints, wherever double precision gets to and no singularity is near."""
     mechanism, rng = robot(name), np.random.default_rng(4)
@@ -85,7 +81,6 @@ def test_the_stated_error_is_kept(robot, tmp_path, name, count):
             placement = mechanism.placement(there, node)
             assert np.abs(frame[:3].T - placement.rotation).max() <= POSITION_ERROR
             assert np.linalg.norm(frame[3] - placement.translation) <= POSITION_ERROR * mechanism.length
-    print(name, compared, refused)
     assert compared > 0.3 * count
     assert refused <= 0.01 * count
 

@@ -35,7 +35,7 @@ def posed(ankle, pitch, roll):
     return ankle.close(guess, locked=["joint1", "joint2"])
 
 
-POSES = [*np.random.default_rng(5).uniform([-0.5, -0.3], [0.6, 0.3], (12, 2)), np.zeros(2)]
+POSES = [*np.random.default_rng(5).uniform([-0.5, -0.3], [0.6, 0.3], (3, 2)), np.zeros(2)]
 
 
 @pytest.mark.parametrize(("pitch", "roll"), POSES)
@@ -52,22 +52,3 @@ def test_motor_forces_are_the_moments_by_the_transposed_inverse_of_the_jacobian(
         expected = np.linalg.solve(jacobian.T, moments)
         np.testing.assert_allclose(forces.torques, expected, atol=1e-9 * np.abs(expected).max())
         assert forces.undetermined == ()
-
-
-def test_a_payload_is_held_as_its_potential_energy_asks(robot):
-    """The forces that it adds to those of the weights of foot and actuators."""
-    ankle, pitch, roll, step = robot("ankle"), 0.2, -0.1, 1e-6
-    load = cinegen.Payload("platform", 40.0)
-    added = [cinegen.InverseDynamics(ankle, carried).torques(posed(ankle, pitch, roll)) for carried in ([load], [])]
-
-    def height(pitch, roll):
-        return (rotations(pitch, roll)[0] @ [0.04, 0.0, -0.072])[2]
-
-    slopes = np.array(
-        [
-            (height(pitch + step, roll) - height(pitch - step, roll)) / (2 * step),
-            (height(pitch, roll + step) - height(pitch, roll - step)) / (2 * step),
-        ]
-    )
-    expected = np.linalg.solve(legs(pitch, roll)[1].T, 40.0 * 9.81 * slopes)
-    np.testing.assert_allclose(added[0] - added[1], expected, rtol=1e-7)

@@ -43,18 +43,3 @@ def random_motion(mechanism: cinegen.Mechanism, q: np.ndarray, rng: np.random.Ge
     if mechanism.is_constrained:
         a = a - np.linalg.pinv(mechanism.loop_jacobian(q), rcond=1e-9) @ drift(mechanism, q, v)
     return v, a
-
-
-def forward_dynamics(mechanism: cinegen.Mechanism, q, v, torques, model=None) -> np.ndarray:
-    """Return the acceleration (nv,) of the closed mechanism under torques of its actuated joints."""
-    model = mechanism.model if model is None else model
-    data, free = model.createData(), free_motions(mechanism, q)
-    mass = np.array(pin.crba(model, data, q))
-    mass = np.triu(mass) + np.triu(mass, 1).T
-    rest = -np.array(pin.nonLinearEffects(model, data, q, v))
-    rest[[mechanism.v_index(name) for name in mechanism.actuated]] += torques
-    particular = np.zeros(model.nv)
-    if mechanism.is_constrained:
-        particular = -np.linalg.pinv(mechanism.loop_jacobian(q), rcond=1e-9) @ drift(mechanism, q, v)
-    y = np.linalg.solve(free.T @ mass @ free, free.T @ (rest - mass @ particular))
-    return particular + free @ y

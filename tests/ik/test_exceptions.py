@@ -13,7 +13,6 @@ import pytest
 
 import cinegen
 from cinegen import Solver, Status
-from cinegen.exception_log import ExceptionLog
 from cinegen.ik import Posture
 from cinegen.ik.barrier import Bounds
 
@@ -78,7 +77,7 @@ def test_an_objective_that_raises_is_in_each_step_and_once_in_the_log(robot, cap
     mechanism = robot(name)
     good, expected = dragged(mechanism, [Posture()])
     _, tick = dragged(mechanism, [Objective(fails), Posture()])
-    for _ in range(50):
+    for _ in range(10):
         step = tick()
         assert (step.q == expected().q).all()  # as without that objective
         (error,) = step.exceptions
@@ -95,30 +94,17 @@ def test_an_objective_that_raises_is_in_each_step_and_once_in_the_log(robot, cap
     assert "in velocity" in text
 
 
-@robots
-def test_another_exception_is_reported_too(robot, caplog, name):
-    objective = Objective(fails)
-    _, tick = dragged(robot(name), [objective])
-    tick()
-    objective.answer = lambda state: {}["key"]
-    assert [type(error) for error in tick().exceptions] == [KeyError]
-    objective.answer = lambda state: 1 / 0
-    assert [type(error) for error in tick().exceptions] == [ZeroDivisionError]
-    objective.answer = fails
-    assert [type(error) for error in tick().exceptions] == [ValueError]
-    assert [record.exc_info[0] for record in records(caplog)] == [ValueError, KeyError, ZeroDivisionError]
-
-
 def test_two_objectives_that_raise_are_both_reported(robot, caplog):
     _, tick = dragged(robot("arm7"), [Objective(fails), Posture(), Objective(fails)])
     for _ in range(3):
-        assert len(tick().exceptions) == 2
+        step = tick()
+        assert len(step.exceptions) == 2
+        assert step.failed_objectives == (0, 2)
     assert [record.getMessage()[:11] for record in records(caplog)] == ["objective 0", "objective 2"]
 
 
-@robots
-def test_an_objective_that_raises_sometimes_is_used_in_all_other_ticks(robot, caplog, name):
-    mechanism = robot(name)
+def test_an_objective_that_raises_sometimes_is_used_in_all_other_ticks(robot, caplog):
+    mechanism = robot("arm7")
     count = 0
 
     def sometimes(state):
@@ -134,9 +120,10 @@ def test_an_objective_that_raises_sometimes_is_used_in_all_other_ticks(robot, ca
         step = tick()
         assert bool(step.exceptions) == (i % 3 == 0) == bool(step.failed_objectives)
     assert len(records(caplog)) == 1
-    assert solver.exception_log.messages == [
-        f"objective 0 (Objective) of {mechanism.name}: RuntimeError: tick 3",
-    ]
+    solver.objectives[0].answer = lambda state: {}["another"]
+    assert [type(error) for error in tick().exceptions] == [KeyError]
+    assert [record.exc_info[0] for record in records(caplog)] == [RuntimeError, KeyError]
+    assert solver.exception_log.messages[0] == f"objective 0 (Objective) of {mechanism.name}: RuntimeError: tick 3"
 
 
 @pytest.mark.parametrize(
@@ -168,40 +155,55 @@ def test_what_an_objective_returns_that_makes_no_sense_is_an_exception_of_the_st
     assert len(records(caplog)) == 1
 
 
-@robots
-def test_a_step_without_exceptions_has_none(robot, caplog, name):
-    _, tick = dragged(robot(name), [Posture()], [Barrier()])
-    assert all(tick().exceptions == () for _ in range(5))
-    assert not records(caplog)
-
-
 # --- barriers ------------------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize(
-    ("make", "text"),
-    [
-        (lambda: Barrier(bounds=fails), "the objective is wrong"),
-        (lambda: Barrier(clear=lambda state, q: fails(state)), "the objective is wrong"),
-        (lambda: Barrier(bounds=lambda state: Bounds(np.ones((2, 1)), np.ones(2))), "rows (2, 1) and most (2,)"),
-        (lambda: Barrier(bounds=lambda state: Bounds(np.ones((1, 7)), 1.0)), "most ()"),
-        (lambda: Barrier(clear=lambda state, q: np.nan), "returned nan: return a number from 0 to 1"),
-        (lambda: Barrier(clear=lambda state, q: -0.5), "returned -0.5"),
-    ],
-)
+NAN, ONE = np.nan, np.array([1.0])
+WRONG_BOUNDS = {
+    "raises": (lambda nv: fails(None), "the objective is wrong"),
+    "nothing": (lambda nv: None, ""),
+    "nan in a row": (lambda nv: Bounds(np.full((1, nv), NAN), ONE), ""),
+    "a row without end": (lambda nv: Bounds(np.full((1, nv), np.inf), ONE), ""),
+    "nan for a bound": (lambda nv: Bounds(np.ones((1, nv)), np.array([NAN])), ""),
+    "one column": (lambda nv: Bounds(np.ones((2, 1)), np.ones(2)), "rows (2, 1) and most (2,)"),
+    "too many columns": (lambda nv: Bounds(np.ones((1, nv + 1)), ONE), ""),
+    "too few bounds": (lambda nv: Bounds(np.ones((3, nv)), np.ones(2)), ""),
+    "a number for bounds": (lambda nv: Bounds(np.ones((1, nv)), 1.0), "most ()"),
+    "bounds as a column": (lambda nv: Bounds(np.ones((3, nv)), np.ones((3, 1))), ""),
+    "a flat row": (lambda nv: Bounds(np.ones(nv), ONE), ""),
+    "words": (lambda nv: Bounds([["a"] * nv], ["b"]), ""),
+}
+WRONG_PARTS = {
+    "raises": (lambda: fails(None), "the objective is wrong"),
+    "nan": (lambda: NAN, "returned nan: return a number from 0 to 1"),
+    "negative": (lambda: -0.5, "returned -0.5"),
+    "nothing": (lambda: None, ""),
+    "text": (lambda: "x", ""),
+    "several": (lambda: np.zeros(3), ""),
+}
+
+
+@pytest.mark.parametrize("method", ["bounds", "clear"])
 @robots
-def test_a_barrier_that_fails_stops_the_motion_and_is_reported_once(robot, caplog, name, make, text):
+def test_a_barrier_that_fails_stops_the_motion_and_is_reported_once(robot, caplog, name, method):
     mechanism = robot(name)
-    solver, tick = dragged(mechanism, barriers=[Barrier(), make()])
-    for _ in range(20):
-        step = tick()
-        (error,) = step.exceptions
-        assert text in str(error)
-        assert (step.q == mechanism.q_home).all()
-        assert step.status is Status.BARRED
-    (record,) = records(caplog)
-    assert f"barrier 1 (Barrier) of {mechanism.name}: " in record.getMessage()
-    assert caplog.text.count("Traceback (most recent call last)") == 1
+    nv = mechanism.model.nv
+    for answer, text in (WRONG_BOUNDS if method == "bounds" else WRONG_PARTS).values():
+        caplog.clear()
+        bad = (
+            Barrier(lambda state, a=answer: a(nv)) if method == "bounds" else Barrier(clear=lambda s, q, a=answer: a())
+        )
+        for barriers in ([Barrier(), bad], [bad, Barrier()]):
+            solver, tick = dragged(mechanism, barriers=barriers)
+            for _ in range(3):
+                step = tick()
+                (error,) = step.exceptions
+                assert text in str(error)
+                assert (step.q == mechanism.q_home).all()
+                assert step.status is Status.BARRED
+        barred_first, barred_second = records(caplog)[::-1]
+        assert f"barrier 1 (Barrier) of {mechanism.name}: " in barred_second.getMessage()
+        assert f"barrier 0 (Barrier) of {mechanism.name}: " in barred_first.getMessage()
     solver.barriers = []
     step = tick()
     assert step.exceptions == ()
@@ -285,12 +287,6 @@ def test_a_forecast_reports_nothing_twice(robot, caplog):
     assert len(records(caplog)) == 1
 
 
-def test_each_solver_reports_for_itself(robot, caplog):
-    for _ in range(2):
-        dragged(robot("arm7"), [Objective(fails)])[1]()
-    assert len(records(caplog)) == 2
-
-
 def test_an_exception_of_the_package_is_refused_as_before(robot, caplog):
     def unfit(state):
         raise cinegen.CinegenError("does not fit")
@@ -298,12 +294,3 @@ def test_an_exception_of_the_package_is_refused_as_before(robot, caplog):
     with pytest.raises(cinegen.CinegenError, match="does not fit"):
         dragged(robot("arm7"), [Objective(unfit)])
     assert not records(caplog)
-
-
-def test_an_exception_that_was_never_raised_can_be_reported(caplog):
-    log = ExceptionLog()
-    log.report("here", ValueError("x"))
-    log.report("here", ValueError("y"))
-    log.report("there", ValueError("x"))
-    assert log.messages == ["here: ValueError: x", "there: ValueError: x"]
-    assert len(records(caplog)) == 2

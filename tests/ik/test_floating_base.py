@@ -8,24 +8,23 @@ import pinocchio as pin
 import pytest
 
 import cinegen
-from cinegen import FrameTask, Solver, Status
-from cinegen.ik.batch import evaluate
+from cinegen import Solver, Status
 from raff2urdf import to_raff
 
 DT = 1.0 / 240.0
+formats = pytest.mark.parametrize("form", ["urdf", "xml", "raff"])
 SQUAT = np.array([0.03, 0.02, -0.1])  # m
 
 
-@pytest.fixture(params=["urdf", "xml", "raff"])
-def biped(request, tmp_path):
-    """A function that loads the biped; the one in RAFF is converted from the URDF."""
-    path = tmp_path / f"biped.{request.param}"
-    if request.param == "raff":
-        (tmp_path / "biped.urdf").write_text(bipeds.URDF)
-        to_raff(tmp_path / "biped.urdf", path)
+def loaded(folder, form="urdf", **options):
+    """The biped in a format; the one in RAFF is converted from the URDF."""
+    path = folder / f"biped.{form}"
+    if form == "raff":
+        (folder / "biped.urdf").write_text(bipeds.URDF)
+        to_raff(folder / "biped.urdf", path)
     else:
-        path.write_text(bipeds.URDF if request.param == "urdf" else bipeds.MJCF)
-    return lambda **options: cinegen.load(path, **options)
+        path.write_text(bipeds.MJCF if form == "xml" else bipeds.URDF)
+    return cinegen.load(path, **options)
 
 
 def of_pinocchio(mechanism, q, node):
@@ -51,8 +50,8 @@ def bent(mechanism):
     return found.q
 
 
-def test_the_trunk_is_dragged_with_the_feet_held_by_tasks(biped):
-    mechanism = biped()
+def test_the_trunk_is_dragged_with_the_feet_held_by_tasks(tmp_path):
+    mechanism = loaded(tmp_path)
     start = bent(mechanism)
     feet = {node: of_pinocchio(mechanism, start, node) for node in bipeds.FEET}
     solver = Solver(mechanism, DT, start)
@@ -67,19 +66,9 @@ def test_the_trunk_is_dragged_with_the_feet_held_by_tasks(biped):
         assert of_pinocchio(mechanism, step.q, node).isApprox(pose, 1e-8)
 
 
-def test_inverse_kinematics_moves_the_base_too(biped):
-    mechanism = biped()
-    start = bent(mechanism)
-    targets = {node: of_pinocchio(mechanism, start, node) for node in bipeds.FEET}
-    targets["trunk"] = moved(of_pinocchio(mechanism, start, "trunk"), SQUAT)
-    found = cinegen.inverse_kinematics(mechanism, targets, start)
-    assert found
-    for node, pose in targets.items():
-        assert of_pinocchio(mechanism, found.q, node).isApprox(pose, 1e-6)
-
-
-def test_a_hand_takes_the_base_along_where_nothing_holds_it(biped):
-    mechanism = biped()
+@formats
+def test_a_hand_takes_the_base_along_where_nothing_holds_it(tmp_path, form):
+    mechanism = loaded(tmp_path, form)
     solver = Solver(mechanism, DT)
     goal = moved(of_pinocchio(mechanism, mechanism.q_home, "hand"), np.array([2.0, 0.0, 1.0]))
     task = solver.add_task("hand", goal)
@@ -91,8 +80,9 @@ def test_a_hand_takes_the_base_along_where_nothing_holds_it(biped):
     assert np.array_equal(solver.step().q, step.q)  # without a task it stays
 
 
-def test_a_base_that_is_loaded_as_fixed_does_not_move(biped):
-    free, held = biped(), biped(fixed_base=True)
+@formats
+def test_a_base_that_is_loaded_as_fixed_does_not_move(tmp_path, form):
+    free, held = loaded(tmp_path, form), loaded(tmp_path, form, fixed_base=True)
     assert (free.floating, held.floating) == (True, False)
     assert (held.mobility, held.model.nq) == (free.mobility - 6, free.model.nq - 7)
     assert (held.joints, held.actuated, held.nodes) == (free.joints, free.actuated, free.nodes)
@@ -110,11 +100,6 @@ def test_a_base_that_is_loaded_as_fixed_does_not_move(biped):
     assert of_pinocchio(held, found.q, "hand").isApprox(target, 1e-6)
 
 
-def test_a_fixed_robot_is_loaded_the_same_with_a_fixed_base(robot, root):
-    held = cinegen.load(root / "robots" / "delta4.raff", fixed_base=True)
-    assert held.source == robot("delta4").source
-
-
 def test_with_a_fixed_base_the_loops_of_a_robot_are_counted_again(raff, root):
     text = (root / "robots" / "four_bar.raff").read_text().partition("\n")[2]
     text = text.replace("base { }", "base { } constraint { base sensor ( 0 ) }")
@@ -122,24 +107,3 @@ def test_with_a_fixed_base_the_loops_of_a_robot_are_counted_again(raff, root):
     assert (free.floating, held.floating) == (True, False)
     assert held.mobility == free.mobility - 6
     assert held.loop_rank == free.loop_rank
-
-
-def test_a_batch_moves_the_actuated_joints_alone(biped):
-    mechanism, held = biped(), biped(fixed_base=True)
-    values = np.array([[mechanism.q_home[mechanism.q_index(name)] for name in mechanism.actuated]])
-    for node in ("hand", "trunk"):
-        free = evaluate(mechanism, node, values)
-        fixed = evaluate(held, node, values)
-        np.testing.assert_allclose(free.jacobians, fixed.jacobians, atol=1e-12)
-        np.testing.assert_allclose(free.singular_values, fixed.singular_values, atol=1e-12)
-
-
-def test_a_task_may_follow_a_part_and_the_base_another(biped):
-    """Frame tasks as inverse kinematics takes them, with an offset as an array."""
-    mechanism = biped()
-    point = moved(of_pinocchio(mechanism, mechanism.q_home, "hand"), np.array([0.5, 0.1, 0.2]))
-    task = FrameTask("hand", point, rotation=0, offset=np.array([0.0, 0.0, -0.1]))
-    found = cinegen.inverse_kinematics(mechanism, [task])
-    assert found
-    at = of_pinocchio(mechanism, found.q, "hand").act(np.array([0.0, 0.0, -0.1]))
-    np.testing.assert_allclose(at, point.translation, atol=1e-6)

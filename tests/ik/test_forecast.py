@@ -10,17 +10,16 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from loop_openings import pin_screws
-from planar import TWO_R, root, singular_values, two_r
+from planar import ROCKER, TWO_R, root, singular_values, two_r
 
 from cinegen import CinegenError, Solver, forecast_motion
 from cinegen.ik import EventKind, LimitMargin, LookAhead, Posture
-from cinegen.ik.forecast import _interpolated
 from cinegen.tolerances import NEAR_SINGULAR
 
 DT = 0.01
 A, B = 0.4, 0.3
 seeds = st.integers(0, 2**32 - 1)
-ROBOTS = ["planar_3r", "rx90", "arm7", "four_bar", "five_bar", "delta4", "gough", "hybrid", "sr400"]
+ROBOTS = ["planar_3r", "arm7", "five_bar", "delta4", "hybrid", "sr400"]
 
 
 def _two_r(raff, second=60):
@@ -38,8 +37,7 @@ def _first(forecast, kind):
 # --- type 1 ----------------------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("how", ["target", "twist"])
-@pytest.mark.parametrize("dt", [None, DT, 3 * DT])
+@pytest.mark.parametrize(("how", "dt"), [("target", None), ("twist", DT), ("twist", 3 * DT)])
 def test_when_an_arm_is_stretched(raff, how, dt):
     """Its end goes straight out at a constant speed: the law of cosines tells the elbow, and so the singular value."""
     arm, speed, ran = _two_r(raff), 0.05, 5
@@ -67,6 +65,7 @@ def test_when_an_arm_is_stretched(raff, how, dt):
     event = _first(forecast, EventKind.TYPE_1)
     assert event.time == pytest.approx(near, abs=0.2 * (dt or 0.03))
     assert event.sigma == NEAR_SINGULAR
+    assert _first(forecast_motion(solver, 3.0, dt, threshold=2.0 * NEAR_SINGULAR), EventKind.TYPE_1).time < event.time
     assert event.q[1] == pytest.approx(elbow(near), abs=2e-2)
     before = forecast.times < near
     assert forecast.sigma_min[before] == pytest.approx([sigma(time) for time in forecast.times[before]], abs=4e-3)
@@ -78,37 +77,7 @@ def test_when_an_arm_is_stretched(raff, how, dt):
     )
 
 
-def test_a_threshold_may_be_given(raff):
-    arm = _two_r(raff)
-    solver = Solver(arm, DT)
-    solver.add_task("tool", rotation=0, axes="world").twist = [0.05, 0.02, 0.0, 0.0, 0.0, 0.0]
-    times = [_first(forecast_motion(solver, 4.0, threshold=t), EventKind.TYPE_1).time for t in (0.2, 0.1, 0.05)]
-    assert times == sorted(times)
-    assert times[0] < times[1] < times[2]
-
-
-def test_what_is_near_already_is_said_at_once(raff):
-    arm = _two_r(raff, second=1)
-    solver = Solver(arm, DT)
-    solver.add_task("tool", rotation=0)
-    (event,) = forecast_motion(solver, 1.0).events
-    assert event.kind is EventKind.TYPE_1
-    assert event.time == 0.0
-    assert str(event) == "now: near a type 1 singularity, the tasks lose a direction"
-    sigma = singular_values(two_r(A, B, 0.0, math.radians(1)) / arm.length)[1]
-    assert event.sigma == pytest.approx(sigma)
-
-
 # --- type 2 ----------------------------------------------------------------------------------------------------------
-
-ROCKER = """
-  robot r { base { }
-    link 1 { parameters { theta 20 } type 2 pred 0 }
-    link 2 { parameters { theta 10 d 120 } type 2 pred 1 }
-    link 3 { parameters { theta 100 d 400 } type 2 pred 0 actuated 1 }
-    frame 4 { parameters { d 360 } pred 2 }
-    frame 5 { parameters { d 240 } pred 3 }
-    constraint { frame 4 frame 5 type 2 } }"""
 
 
 def _pins(crank, side):
@@ -162,9 +131,8 @@ SWING = """
     frame 2 { parameters { d 300 } pred 1 name "tool" } }"""
 
 
-@pytest.mark.parametrize("dt", [None, DT, 0.07])
-@pytest.mark.parametrize(("speed", "bound"), [(0.5, 70), (-0.3, -20), (1.4, 70)])
-def test_when_a_joint_meets_its_limit(raff, dt, speed, bound):
+@pytest.mark.parametrize(("speed", "bound", "dt"), [(0.5, 70, None), (-0.3, -20, DT), (1.4, 70, 0.07)])
+def test_when_a_joint_meets_its_limit(raff, speed, bound, dt):
     arm = raff(SWING % {"velocity": ""})
     solver = Solver(arm, DT)
     task = solver.add_task("tool", translation=0, rotation=1)
@@ -182,25 +150,6 @@ def test_when_a_joint_meets_its_limit(raff, dt, speed, bound):
         time -= 5 * DT
 
 
-def test_a_slide_and_a_limit_of_speed(raff):
-    arm = raff("""robot r { base { }
-        link 1 { parameters { r 100 } type 1 pred 0 limits { 0 400 } velocity 50 }
-        frame 2 { pred 1 name "tool" } }""")
-    solver = Solver(arm, DT)
-    solver.add_task("tool").target.translation += [0.0, 0.0, 5.0]
-    assert _first(forecast_motion(solver, 8.0), EventKind.LIMIT).time == pytest.approx(6.0, abs=1e-6)
-
-
-def test_a_limit_of_acceleration(raff):
-    """Up to speed and down again in even ramps: the way takes d / v + v / a."""
-    arm, speed, most = raff(SWING % {"velocity": ""}), 0.5, 2.0
-    solver = Solver(arm, 1e-3, acceleration=most)
-    solver.add_task("tool", translation=0, rotation=1).twist = [0.0, 0.0, 0.0, 0.0, 0.0, speed]
-    time = math.radians(60) / speed + speed / most
-    for dt in (1e-3, 0.02):
-        assert _first(forecast_motion(solver, 4.0, dt), EventKind.LIMIT).time == pytest.approx(time, abs=2.5 * dt)
-
-
 def test_a_joint_that_is_held_by_its_limit_is_said_at_once(raff):
     arm = raff(SWING % {"velocity": ""})
     solver = Solver(arm, DT, q=[math.radians(70)])
@@ -214,24 +163,15 @@ def test_a_joint_that_is_held_by_its_limit_is_said_at_once(raff):
     assert forecast_motion(solver, 1.0).events == ()
 
 
-def test_limits_that_a_looped_robot_meets_are_met_closed(robot):
-    gough = robot("gough")
-    solver = Solver(gough, DT)
-    solver.add_task(gough.end).twist = [0.0, 0.3 * gough.length, 0.1 * gough.length, 0.0, 0.0, 0.2]
-    events = [event for event in forecast_motion(solver, 4.0).events if event.kind is EventKind.LIMIT]
-    assert events
-    for event in events:
-        i = gough.q_index(event.joint)
-        assert event.q[i] in (gough.model.lowerPositionLimit[i], gough.model.upperPositionLimit[i])
-        assert gough.closure(event.q) < 1e-12
-
-
 def test_a_limit_that_holds_for_long_is_said_once(robot):
     """While a joint is pressed against its limit, closing the loops moves it off by a hair now and then."""
     bar = robot("five_bar")
     solver = Solver(bar, 1 / 240)
     solver.add_task("tool", rotation=0).twist = [0.1, 0.0, 0.0, 0.0, 0.0, 0.0]
     forecast = forecast_motion(solver, 4.0)
+    met = forecast.events[1].q
+    assert met[bar.q_index("joint2")] in (*bar.limits.lower, *bar.limits.upper)
+    assert bar.closure(met) < 1e-12
     assert [(event.kind, event.joint) for event in forecast.events] == [
         (EventKind.TYPE_1, None),
         (EventKind.LIMIT, "joint2"),
@@ -241,42 +181,20 @@ def test_a_limit_that_holds_for_long_is_said_once(robot):
 # --- the end of reach ------------------------------------------------------------------------------------------------
 
 
-def test_where_a_target_is_out_of_reach_all_comes_to_rest(raff):
-    arm = _two_r(raff)
-    solver = Solver(arm, DT)
-    solver.add_task("tool", pin.SE3(np.eye(3), np.array([1.0, 0.5, 0.0])), rotation=0)
-    forecast = forecast_motion(solver, 30.0, DT)
-    event = _first(forecast, EventKind.STOPPED)
-    assert _kinds(forecast) == [EventKind.TYPE_1, EventKind.STOPPED]
-    reached = arm.placement(event.q, "tool").translation
-    assert np.linalg.norm(reached) == pytest.approx(A + B, rel=1e-3)
-    assert np.abs(forecast.q[-1] - event.q).max() < 1e-4
-
-
 # --- what then happens -----------------------------------------------------------------------------------------------
 
 
-def _play(solver, seed, ticks, each=lambda tick: None):
+def _play(solver, seed, each=lambda tick: None):
     """Ticks with targets and twists at random; all configurations."""
-    rng = np.random.default_rng(seed)
-    mechanism = solver.mechanism
-    path = []
-    first = solver.add_task(mechanism.end)
-    for tick in range(ticks):
-        if tick % 7 == 0:
-            move = 0.1 * mechanism.length * rng.normal(size=3)
+    rng, mechanism, path = np.random.default_rng(seed), solver.mechanism, []
+    task, move = solver.add_task(mechanism.end), 0.1 * solver.mechanism.length * rng.normal(size=3)
+    for tick in range(30):
+        if tick == 10:
+            other = solver.add_task(mechanism.nodes[-2], rotation=int(rng.integers(0, 4)), weight=0.3)
         if tick == 20:
-            second = solver.add_task(mechanism.nodes[-2], rotation=int(rng.integers(0, 4)), weight=0.3)
-            second.target.translation += 0.1 * mechanism.length
-        if tick == 27:
-            first.twist = 0.2 * rng.normal(size=6)
-        if tick == 34:
-            second.weight = 2.0
-            first.target = mechanism.placement(solver.q, mechanism.end)
-        if tick == 40:
-            solver.remove_task(second)
-        if first.twist is None:
-            first.target.translation += move * solver.dt
+            task.twist, other.weight = 0.2 * rng.normal(size=6), 2.0
+        if task.twist is None:
+            task.target.translation += move * solver.dt
         each(tick)
         path.append(solver.step().q)
     return np.array(path)
@@ -295,7 +213,7 @@ def test_looking_ahead_changes_nothing(robot, seed, name, acceleration):
         look_ahead.copy(looking, moving=tick % 2 == 0)
         look_ahead.forecast(0.05 + 0.01 * (tick % 3))
 
-    assert np.array_equal(_play(looking, seed, 45, look), _play(other, seed, 45))
+    assert np.array_equal(_play(looking, seed, look), _play(other, seed))
     look_ahead.copy(looking)
     one, two = look_ahead.forecast(0.2), forecast_motion(other, 0.2)
     assert np.array_equal(one.q, two.q)
@@ -308,7 +226,11 @@ def test_looking_ahead_changes_nothing(robot, seed, name, acceleration):
 def test_with_the_solvers_own_dt_it_says_exactly_what_will_happen(robot, seed, name):
     mechanism, rng = robot(name), np.random.default_rng(seed)
     solver = Solver(mechanism, DT, gain=-np.log(0.3) / DT, acceleration=30.0)
-    task = solver.add_task(mechanism.end)
+    if name == "arm7":
+        solver.objectives = [Posture(mechanism.q_home + 0.3), LimitMargin()]
+    solver.damping_threshold = 0.2
+    solver.add_task(mechanism.nodes[-2], weights=(1, 0.2, 1, 0, 1, 0.5), weight=0.3)
+    task = solver.add_task(mechanism.end, rotation=0)
     task.target.translation += 0.05 * mechanism.length * rng.normal(size=3)
     for _ in range(4):
         solver.step()
@@ -316,17 +238,6 @@ def test_with_the_solvers_own_dt_it_says_exactly_what_will_happen(robot, seed, n
     assert np.array_equal(forecast.q, [solver.q, *(solver.step().q for _ in range(30))])
     task.twist = 0.2 * rng.normal(size=6)
     for _ in range(4):
-        solver.step()
-    forecast = forecast_motion(solver, 0.3, DT)
-    assert np.array_equal(forecast.q, [solver.q, *(solver.step().q for _ in range(30))])
-
-
-def test_redundancy_goes_on_as_its_objectives_wish(robot):
-    arm = robot("arm7")
-    solver = Solver(arm, DT)
-    solver.objectives = [Posture(arm.q_home + 0.3), LimitMargin()]
-    solver.add_task("tool", rotation=0).twist = [0.05, 0.0, 0.02, 0.0, 0.0, 0.0]
-    for _ in range(10):
         solver.step()
     forecast = forecast_motion(solver, 0.3, DT)
     assert np.array_equal(forecast.q, [solver.q, *(solver.step().q for _ in range(30))])
@@ -352,7 +263,7 @@ def test_targets_go_on_as_they_moved(robot, seed, name):
     assert forecast.q == pytest.approx(np.array([solver.q, *(step(tick) for tick in range(6, 36))]), abs=1e-7)
 
 
-@settings(max_examples=20)
+@settings(max_examples=12)
 @given(seeds, st.sampled_from(ROBOTS))
 def test_singular_values_are_those_of_the_path(robot, seed, name):
     mechanism, rng = robot(name), np.random.default_rng(seed)
@@ -392,84 +303,18 @@ def test_a_leap_of_a_target_and_the_end_of_a_twist_do_not_go_on(robot):
     assert np.array_equal(forecast_motion(solver, 0.5).q, forecast_motion(solver, 0.5, moving=False).q)
 
 
-def test_a_target_that_made_no_sense_in_between_does_not_go_on(robot):
-    delta = robot("delta4")
-    solver = Solver(delta, DT)
-    task = solver.add_task("platform")
-    solver.step()
-    begin = task.target.translation.copy()
-    for k, there in enumerate((begin, np.full(3, np.nan), begin + 0.001 * np.eye(3)[0])):
-        task.target.translation = there
-        solver.step()
-        if k:
-            assert np.array_equal(forecast_motion(solver, 0.5).q, forecast_motion(solver, 0.5, moving=False).q)
-    task.target.translation += [0.001, 0.0, 0.0]
-    solver.step()
-    assert not np.allclose(forecast_motion(solver, 0.5).q, forecast_motion(solver, 0.5, moving=False).q, atol=1e-6)
-
-
-@given(st.lists(st.floats(-1e3, 1e3), min_size=2, max_size=9), st.floats(0.0, 1.0))
-def test_between_ticks_values_are_linear_up_to_the_last_tick(values, part):
-    last = len(values) - 1
-    for x in (0.0, part * last, float(last)):
-        assert _interpolated(np.array(values), x) == pytest.approx(np.interp(x, range(last + 1), values), abs=1e-9)
-
-
-def test_a_base_that_can_move_is_foreseen_too(raff):
-    mechanism = raff("""
-      sensor 1 { port "x" translation 3 rotation 3 }
-      robot r { base { }
-        link 1 { parameters { theta 20 } type 2 pred 0 }
-        link 2 { parameters { theta 40 d 300 } type 2 pred 1 }
-        frame 3 { parameters { d 200 } pred 2 name "tool" }
-        constraint { base sensor ( 0 1 ) } }""")
-    solver = Solver(mechanism, DT)
-    solver.add_task("tool", rotation=0).twist = [0.05, 0.0, 0.0, 0.0, 0.0, 0.0]
-    for node in ("tool", "base"):
-        if node == "base":
-            solver.add_task("base").twist = [0.1, 0.0, 0.2, 0.0, 0.3, 0.0]
-        forecast = forecast_motion(solver, 0.2, DT)
-        assert np.array_equal(forecast.q, [solver.q, *(solver.step().q for _ in range(20))])
-
-
 # --- what can't be followed ------------------------------------------------------------------------------------------
 
 
-def test_pulls_that_make_no_sense_are_left_out(robot):
-    arm = robot("arm7")
-    solver = Solver(arm, DT)
-    wrong = solver.add_task("link3")
-    solver.add_task("tool").twist = [0.1, 0.0, 0.0, 0.0, 0.0, 0.0]
-    alone = Solver(arm, DT)
-    alone.add_task("tool").twist = [0.1, 0.0, 0.0, 0.0, 0.0, 0.0]
-    expected = forecast_motion(alone, 1.0)
-    nowhere = pin.SE3(np.eye(3), np.array([np.nan, 0.0, np.inf]))
-    for attribute, value in (("target", None), ("target", nowhere), ("weight", 0.0), ("rotation", 9), ("twist", "x")):
-        setattr(wrong, attribute, value)
-        for _ in range(3):
-            assert np.array_equal(forecast_motion(solver, 1.0).q, expected.q)
-    solver.step()
-    assert forecast_motion(solver, 1.0).q[-1] == pytest.approx(forecast_motion(alone, 1.01).q[-1], abs=1e-2)
-
-
-@pytest.mark.filterwarnings("ignore::RuntimeWarning")
-def test_a_rotation_that_is_none_raises_nothing(robot):
-    solver = Solver(robot("delta4"), DT)
-    task = solver.add_task("platform")
-    for number in (0.0, 7.0, 7.01, -1e200, 1e308):
-        task.target.rotation = np.full((3, 3), number)
-        step = solver.step()
-        assert np.isfinite(forecast_motion(solver, 0.3).q).all()
-        assert step.lost_dof is None or np.isfinite(step.lost_dof.sigma)
-
-
-def test_where_nothing_is_pulled_nothing_lies_ahead(robot):
-    for name in ("arm7", "delta4"):
-        mechanism = robot(name)
-        forecast = forecast_motion(Solver(mechanism, DT), 1.0)
-        assert (forecast.q == mechanism.q_home).all()
-        assert np.isinf(forecast.sigma_min).all()
-        assert not forecast.events
+def test_tasks_that_are_invalid_are_left_out(robot):
+    forecasts = []
+    for wrong in ({}, {"target": None}, {"weight": 0.0}, {"twist": "x"}):
+        solver = Solver(robot("arm7"), DT)
+        if wrong:
+            setattr(solver.add_task("link3"), *wrong.popitem())
+        solver.add_task("tool").twist = [0.1, 0.0, 0.0, 0.0, 0.0, 0.0]
+        forecasts.append(forecast_motion(solver, 1.0).q)
+    assert all(np.array_equal(one, forecasts[0]) for one in forecasts[1:])
 
 
 def test_times_that_make_no_sense_are_refused(robot):

@@ -11,13 +11,12 @@ import pinocchio as pin
 import pytest
 from mpmath import mp
 from numpy.random import default_rng as rng
-from test_all_solutions import PUMA, RIGHT, UR5, chain, denavit_hartenberg, random_pose, solved
-from variants import slow
+from test_all_solutions import PUMA, chain, random_pose, solved
 
 import cinegen
 from cinegen.ik import FrameTask
 
-ROBOTS = ["rx90", "scara", "planar_3r", "serial_5dof", "five_bar", "delta4", "sr400", "belt_five_bar", *slow("hybrid")]
+ROBOTS = ["scara", "five_bar", "delta4", "sr400", "belt_five_bar"]
 
 
 def exact(placement):
@@ -58,32 +57,17 @@ def refined(arm, pose, q):
     return values, max(map(abs, missing(values)))
 
 
-@pytest.mark.parametrize("arm", [PUMA, *slow(UR5)], ids=["puma", "ur5"])
-@pytest.mark.parametrize("seed", [1])
-def test_solutions_of_arms_are_in_their_boxes(arm, seed):
-    pose = random_pose(arm, seed)
-    found = solved(arm, pose)
+def test_solutions_of_arms_are_in_their_boxes():
+    pose = random_pose(PUMA, 1)
+    found = solved(PUMA, pose)
     assert found.certified == len(found) > 0
     with mpmath.workdps(50):
         for q, certificate in zip(found, found.certificates, strict=True):
-            values, left = refined(arm, pose, q)
+            values, left = refined(PUMA, pose, q)
             assert left < 1e-40
             off = max(abs(mp.mpf(float(x)) - value) for x, value in zip(q, values, strict=True))
             assert off <= certificate.error < certificate.radius
             assert (certificate.equations, certificate.others) == (6, 0)
-
-
-def test_sixteen_solutions_are_certified():
-    one = math.radians(1.0)
-    arm = denavit_hartenberg(
-        (0.3, 1.0, 0.0, 1.5, 0.0, 0.0), (0.0, 0.0, 0.2, 0.0, 0.0, 0.0), (RIGHT, one, RIGHT, one, RIGHT, 0.0)
-    )
-    written = [[-0.760117, -0.641689, 0.102262], [0.133333, 0.0, 0.991071], [-0.635959, 0.766965, 0.085558]]
-    left, _, right = np.linalg.svd(written)
-    found = solved(arm, pin.SE3(left @ right, np.array([-1.140175, 0.0, 0.0])))
-    assert found.certified == len(found) == 16
-    assert found.as_dict()["certified"] == 16
-    assert found.as_dict()["solutions"][0]["certificate"]["equations"] == 6
 
 
 @pytest.mark.parametrize("name", ROBOTS)
@@ -128,10 +112,3 @@ def test_a_stretched_arm_is_not_certified():
     assert found.certified == 0
     task.target = pin.SE3(np.eye(3), np.array([0.75, 0.0, 0.0]))
     assert cinegen.inverse_kinematics(arm, [task], all=True).certified == 2
-
-
-def test_a_local_search_has_no_certificates(robot):
-    m = robot("rx90")
-    found = cinegen.inverse_kinematics(m, {m.end: m.placement(m.q_home, m.end)}).as_solutions()
-    assert found.certificates == (None,)
-    assert found.certification == "Not certified: found by a local search."

@@ -12,10 +12,9 @@ import pinocchio as pin
 import pytest
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
-from numba import types
-from reference_tick import resolve
-from scipy.optimize import linprog, nnls
-from variants import FEWER, others_slow, slow
+from reference_tick import damping, resolve
+from scipy.optimize import LinearConstraint, linprog, minimize, nnls
+from variants import FEWER, others_slow
 
 import cinegen
 import raff2urdf
@@ -23,11 +22,12 @@ from cinegen import Solver
 from cinegen.ik._kernels import bounds, tasks
 from cinegen.ik._kernels.memory import SolverMemory
 from cinegen.ik.equations import axes_of, equations, task_rank
-from cinegen.ik.thresholds import FULL, REST
-from cinegen.jit import compiled, factor, svd
+from cinegen.ik.thresholds import FULL, REST, RESTING
+from cinegen.jit import factor, svd
 from cinegen.loops._kernels import kinematics, residual
 from cinegen.loops._kernels.memory import LoopMemory
 from cinegen.loops.arrays import set_up
+from cinegen.loops.motions import free_motions
 from cinegen.loops.thresholds import HEALTHY
 from cinegen.tolerances import NEAR_SINGULAR
 from raff2urdf.residual import loop_residual
@@ -212,7 +212,7 @@ def test_the_step_of_a_tick_is_that_of_the_plain_statement(name, which):
     """From home on: random closed places, random tasks, limits near and far."""
     mechanism, rng = load(name, which), np.random.default_rng(3)
     seen = []
-    for q in [mechanism.q_home, *mechanism.random_closed(30, seed=3)]:
+    for q in [mechanism.q_home, *mechanism.random_closed(20, seed=3)]:
         solver = Solver(mechanism, 1.0, q=q)
         for _ in range(int(rng.integers(1, 3))):
             node = mechanism.nodes[-1] if rng.random() < 0.7 else str(rng.choice(mechanism.nodes[1:]))
@@ -228,8 +228,8 @@ def test_the_step_of_a_tick_is_that_of_the_plain_statement(name, which):
     assert {"free", "slowed"} & set(seen)
 
 
-@pytest.mark.parametrize("bent", [0.0, 1e-12, 1e-6, 1e-3, 1e-2, 0.04])
-@pytest.mark.parametrize(("name", "which"), [("planar_3r", "arm"), ("rx90", "arm"), ("arm7", "arm"), ("sr400", "arm")])
+@pytest.mark.parametrize("bent", [0.0, 1e-6, 1e-2])
+@pytest.mark.parametrize(("name", "which"), [("planar_3r", "arm"), ("arm7", "arm"), ("sr400", "arm")])
 def test_near_singularities_too(name, which, bent):
     """All joints at 0 but for a little: arms are stretched, wrists in line."""
     mechanism, rng = load(name, which), np.random.default_rng(4)
@@ -250,7 +250,7 @@ def test_near_singularities_too(name, which, bent):
         assert "bent" in seen
 
 
-@pytest.mark.parametrize("off", [0.0, 1e-9, 1e-6, 1e-5, 1e-3, 1e-2])
+@pytest.mark.parametrize("off", [0.0, 1e-6, 1e-2])
 def test_near_a_singularity_of_the_loops_too(raff, off):
     """A parallelogram that lies flat could go on as an antiparallelogram: its loop loses a rank there."""
     mechanism = raff("""robot r { base { }
@@ -320,36 +320,12 @@ def orthogonal(rng: np.random.Generator, n: int) -> np.ndarray:
     return np.linalg.qr(rng.normal(size=(n, n)))[0]
 
 
-@law(150)
+@law(200)
 @given(seeds, st.sampled_from(SCALES))
-def test_singular_values_are_numpys_from_nothing(seed, scale):
-    matrix, _ = random_matrix(seed)
-    assert 1 <= check_decomposition(scale * matrix) <= 15
-
-
-@law(150)
-@given(seeds, st.sampled_from(SCALES))
-def test_singular_values_are_numpys_from_any_guess(seed, scale):
+def test_singular_values_are_numpys_from_nothing_and_from_any_guess(seed, scale):
     matrix, rng = random_matrix(seed)
+    assert 1 <= check_decomposition(scale * matrix) <= 15
     assert 1 <= check_decomposition(scale * matrix, orthogonal(rng, len(matrix))) <= 6 + 15
-
-
-@law(100)
-@given(seeds)
-def test_a_guess_of_the_matrix_before_takes_a_sweep_or_two(seed):
-    rng = np.random.default_rng(seed)
-    before, (sigma, vt) = orthogonal(rng, 5), (np.array([2.0, 1.5, 1.0, 0.5, 0.1]), orthogonal(rng, 8)[:5])
-    matrix = before.T @ np.diag(sigma) @ vt
-    guess = decomposed(matrix)[0]
-    assert check_decomposition(matrix, guess) == 1
-    assert check_decomposition(matrix + 1e-3 * rng.normal(size=matrix.shape), guess, 1e-10) <= 4
-
-
-def test_a_stale_guess_costs_sweeps_and_nothing_else():
-    rng = np.random.default_rng(6)
-    guess = decomposed(rng.normal(size=(6, 7)))[0]
-    for _ in range(200):
-        check_decomposition(rng.normal(size=(6, 7)), guess)
 
 
 @pytest.mark.parametrize("bad", [np.nan, np.inf, 1e200])
@@ -370,7 +346,7 @@ def test_singular_vectors_that_are_carried_on_for_long_stay_orthogonal():
     first, way = rng.normal(size=(6, 7)), rng.normal(size=(2, 6, 7))
     u, b, square = np.eye(6), np.zeros((6, 7)), np.zeros(6)
     worst = 0.0
-    for tick in range(100_000):
+    for tick in range(20_000):
         t = 1e-3 * tick
         matrix = first + np.sin(t) * way[0] + np.cos(0.7 * t) * way[1]
         if tick % 32 == 0:  # as in a tick
@@ -561,20 +537,11 @@ def test_bounds_that_contradict_each_other_are_known(seed):
         assert not nearest(wanted, g, low, high)[0]
 
 
-def test_a_wish_that_keeps_all_bounds_is_granted_as_it_is():
-    wanted, g = np.array([0.1, -0.2]), np.eye(2)
-    found, x, held = nearest(wanted, g, np.full(2, -0.2), np.full(2, 0.1))
-    assert found
-    assert np.array_equal(x, wanted)
-    assert not held.any()
-
-
 # --- memory ------------------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize(("name", "which"), [*slow(("planar_3r", "arm")), ("five_bar", "linkage")])
-def test_ticks_leave_nothing_behind(name, which):
-    mechanism = load(name, which)
+def test_ticks_leave_nothing_behind():
+    mechanism = load("five_bar", "linkage")
     solver = Solver(mechanism, 0.01)
     task = solver.add_task("tool", rotation=0)
     targets = [near(mechanism, task.target, np.random.default_rng(8), 0.1) for _ in range(50)]
@@ -588,24 +555,50 @@ def test_ticks_leave_nothing_behind(name, which):
 
     before = run(2000)
     collected = gc.get_stats()[0]["collections"]
-    assert run(50_000) - before < 100
-    assert gc.get_stats()[0]["collections"] - collected < 200  # a step is no cycle that the collector has to find
+    assert run(20_000) - before < 100
+    assert gc.get_stats()[0]["collections"] - collected < 100  # a step is no cycle that the collector has to find
 
 
-def test_where_nothing_can_be_kept_kernels_run_all_the_same(monkeypatch):
-    compile_it = compiled.njit
+# --- the yardstick itself --------------------------------------------------------------------------------------------
 
-    def nowhere(**options):
-        if options.pop("cache", False):
-            raise RuntimeError("no locator available")
-        return compile_it(**options)
 
-    monkeypatch.setattr(compiled, "njit", nowhere)
+def _loops(rng, rows, nv, rank):
+    return rng.normal(size=(rows, rank)) @ rng.normal(size=(rank, nv))
 
-    @compiled.entry
-    def twice(x: int) -> int:
-        return 2 * x
 
-    compiled.prepare(twice, types.int64)
-    assert twice(21) == 42
-    assert len(twice.signatures) == 1
+@given(seeds)
+def test_with_bounds_it_is_the_best_of_all_steps_within_them(seed):
+    """Against a general optimiser, on the function that the docstring states."""
+    rng = np.random.default_rng(seed)
+    loops, tasks, error = _loops(rng, 4, 7, 2), rng.normal(size=(3, 7)), rng.normal(size=3)
+    low, high = -rng.uniform(0.0, 0.4, 7), rng.uniform(0.0, 0.4, 7)
+    found = resolve(loops, 2, tasks, 3, error, low, high)
+    assert np.abs(loops @ found.step).max() < 1e-9
+    assert (found.step <= high + 1e-11).all()
+    assert (found.step >= low - 1e-11).all()
+    motions, _ = free_motions(loops, 2)
+    _, sigma, wt = np.linalg.svd(tasks @ motions)
+    weight = np.concatenate([damping(sigma, float(np.linalg.norm(error))), np.full(2, RESTING)])
+
+    def cost(y):
+        return np.sum((tasks @ motions @ y - error) ** 2) + weight @ (wt @ y) ** 2
+
+    within = LinearConstraint(motions, low, high)
+    best = minimize(cost, np.zeros(5), constraints=[within], method="SLSQP", options={"ftol": 1e-14, "maxiter": 500})
+    assert cost(motions.T @ found.step) <= best.fun + 1e-6
+
+
+def test_the_free_motions_keep_their_width_where_the_loops_lose_a_rank():
+    loops = np.diag([1.0, 1.0, 1e-14, 0.0])
+    motions, sigma = free_motions(loops, 3)
+    assert motions.shape == (4, 1)
+    assert sigma == pytest.approx([1.0, 1.0, 0.0], abs=1e-13)
+
+
+def test_damping_is_exactly_none_away_from_singularities_and_smooth_up_to_them():
+    assert not damping(np.array([10.0, 1.0, NEAR_SINGULAR]), 0.1).any()
+    sigma = np.linspace(0.0, 2 * NEAR_SINGULAR, 4001)
+    values = damping(sigma, 0.05)
+    assert values[0] == RESTING + 0.05
+    assert (np.diff(values) <= 0.0).all()
+    assert np.abs(np.diff(values, 2)).max() < 1e-6  # no kink

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import sysconfig
 from functools import cache
 from pathlib import Path
 
@@ -12,35 +11,26 @@ import pinocchio as pin
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from variants import slow
 
 import cinegen
 from cinegen import Solver, Status
 from cinegen.ik import LimitMargin, Manipulability, Posture, State
 from cinegen.loops.motions import free_motions
 
-pytestmark = pytest.mark.filterwarnings("ignore:.*should mimic another joint")  # the panda's second finger
-
 DT = 0.01
 ROBOTS = Path(__file__).resolve().parents[2] / "robots"
-PANDA = Path(sysconfig.get_path("purelib")) / "cmeel.prefix/share/example-robot-data/robots/panda_description/urdf"
 
 
 @cache
 def load(name: str) -> cinegen.Mechanism:
-    if name == "panda":
-        return cinegen.load(PANDA / "panda.urdf")
     return cinegen.load(ROBOTS / f"{name}.raff")
 
 
 def begin(mechanism: cinegen.Mechanism, seed: int = 1, far: float = 0.15) -> np.ndarray:
     """A closed configuration a little way from home, within limits."""
     model, rng = mechanism.model, np.random.default_rng(seed)
-    home = mechanism.q_home
-    if mechanism.name.startswith("panda"):
-        home = np.array([0.0, -0.8, 0.0, -2.4, 0.0, 1.6, 0.8, *[0.02] * (model.nq - 7)])
     while True:
-        q = mechanism.close(home + far * rng.uniform(-1.0, 1.0, model.nq) * mechanism.scale)
+        q = mechanism.close(mechanism.q_home + far * rng.uniform(-1.0, 1.0, model.nq) * mechanism.scale)
         if (q > model.lowerPositionLimit).all() and (q < model.upperPositionLimit).all():
             return q
 
@@ -62,13 +52,6 @@ REDUNDANT = [  # robot, node, translation, rotation
     ("planar_hybrid", "tool", 2, 1),
     ("gough", None, 3, 0),
     ("delta4", "platform", 2, 0),
-    *slow(
-        ("arm7", "tool", 3, 0),
-        ("panda", "panda_hand", 3, 3),
-        ("planar_hybrid", "tool", 3, 0),
-        ("sr400", None, 3, 0),
-        ("hybrid", None, 2, 0),
-    ),
 ]
 redundant = pytest.mark.parametrize(("name", "node", "translation", "rotation"), REDUNDANT)
 
@@ -128,12 +111,12 @@ def test_an_objective_gets_better_and_better_until_the_robot_rests(name, node, t
     assert step.status is Status.FOLLOWING
 
 
-@pytest.mark.parametrize("name", ["arm7", "panda", "delta4", "planar_hybrid", "gough"])
+@pytest.mark.parametrize("name", ["arm7", "delta4", "planar_hybrid"])
 def test_with_nothing_pulled_a_posture_is_reached_and_loops_stay_closed(name):
     mechanism = load(name)
     posture, solver = elsewhere(mechanism), Solver(mechanism, DT, q=begin(mechanism))
     solver.objectives = [Posture(posture, rate=5.0)]
-    for _ in range(1000):
+    for _ in range(500):
         step = solver.step()
         assert step.status is Status.IDLE
         assert step.closure <= 1e-10
@@ -142,21 +125,6 @@ def test_with_nothing_pulled_a_posture_is_reached_and_loops_stay_closed(name):
     solver.objectives = ()
     before = solver.q
     assert (solver.step().q == before).all()
-
-
-def test_a_posture_is_reached_exactly_with_the_tool_held_where_the_null_space_allows():
-    arm = load("arm7")
-    solver = Solver(arm, DT)
-    solver.add_task("tool")
-    solver.objectives = [Manipulability(rate=3.0)]
-    for _ in range(100):
-        solver.step()  # swings its elbow
-    assert np.abs(solver.q - arm.q_home).max() > 0.01
-    solver.objectives = [Posture(rate=5.0)]
-    for _ in range(1000):
-        step = solver.step()
-    assert step.q == pytest.approx(arm.q_home, abs=1e-8)
-    assert step.status is Status.FOLLOWING
 
 
 def test_only_the_joints_that_are_named_go_back():
@@ -170,21 +138,6 @@ def test_only_the_joints_that_are_named_go_back():
     others = [i for i in range(arm.model.nq) if i not in named]
     assert step.q[named] == pytest.approx(arm.q_home[named], abs=1e-5)
     assert (step.q[others] == q[others]).all()
-
-
-def test_the_elbow_takes_a_joint_away_from_its_limit_while_the_tool_stands():
-    arm = load("arm7")
-    low, high = arm.model.lowerPositionLimit, arm.model.upperPositionLimit
-    i = arm.q_index("joint1")
-    q = begin(arm)
-    q[i] = high[i] - 0.01 * (high[i] - low[i])
-    solver = Solver(arm, DT, q=q)
-    solver.add_task("tool")
-    solver.objectives = [LimitMargin(0.1, joints="joint1", rate=5.0)]
-    for _ in range(2000):
-        step = solver.step()
-        assert step.errors[0][1] < 1e-9
-    assert high[i] - step.q[i] == pytest.approx(0.1 * (high[i] - low[i]), rel=1e-3)
 
 
 def test_a_margin_is_kept_by_loops_too_and_finite_at_a_limit_and_beyond():
@@ -201,24 +154,6 @@ def test_a_margin_is_kept_by_loops_too_and_finite_at_a_limit_and_beyond():
         assert (velocity[~limited] == 0.0).all()
     middle = np.where(limited, 0.5 * (low + high), delta.q_home)
     assert not margin.velocity(State(delta, middle, DT)).any()
-
-
-def test_an_objective_that_pushes_against_a_limit_disturbs_nobody():
-    arm = load("arm7")
-    q = begin(arm)
-    solver = Solver(arm, DT, q=q)
-    task = solver.add_task("tool", rotation=0)
-    home = task.target.copy()
-    beyond = arm.q_home.copy()
-    i = arm.q_index("joint1")
-    beyond[i] = arm.model.upperPositionLimit[i] + 1.0
-    solver.objectives = [Posture(beyond, rate=3.0)]
-    for tick in range(1500):
-        task.target = target(home, arm.length, tick * DT)
-        step = solver.step()
-        assert step.errors[0][0] < 1e-9
-        assert (step.q <= arm.model.upperPositionLimit).all()
-        assert (np.abs(step.v) <= arm.model.upperVelocityLimit).all()
 
 
 def test_it_keeps_limits_of_speed_and_acceleration_without_slowing_the_pulls_down():
@@ -254,14 +189,13 @@ def logarithm(mechanism: cinegen.Mechanism, q: np.ndarray, node: str, rows: int)
 
 @pytest.mark.parametrize(
     ("name", "node", "rows"),
-    [("arm7", "tool", 6), ("panda", "panda_hand", 6), ("planar_hybrid", "tool", 3), ("sr400", None, 3),
-     ("hybrid", None, 3), ("gough", None, 3), ("delta4", "platform", 3), ("five_bar", "tool", 3)],
-)  # fmt: skip
+    [("arm7", "tool", 6), ("planar_hybrid", "tool", 3), ("hybrid", None, 3), ("delta4", "platform", 3)],
+)
 @pytest.mark.parametrize("pulled", [True, False])
 def test_its_gradient_is_that_of_finite_differences_over_closed_configurations(name, node, rows, pulled):
     mechanism = load(name)
     node, rotation = node or mechanism.nodes[-1], 3 * (rows == 6)
-    for seed in range(3):
+    for seed in range(2):
         q = begin(mechanism, seed)
         solver = Solver(mechanism, DT, q=q)
         if pulled:
@@ -315,18 +249,12 @@ def test_a_robot_in_micrometres_moves_like_its_twin_in_metres(raff, objective):
     assert ways[1] == pytest.approx(ways[0], abs=1e-6)
 
 
-@kinds
-def test_how_long_a_tick_is_does_not_matter(kind):
+@pytest.mark.parametrize("dt", [0.001, 0.05, 1.0])
+def test_distances_decay_exponentially_however_long_a_tick_is(dt):
     arm = load("arm7")
-    ends = []
-    for dt in (0.05, 0.01):
-        solver = Solver(arm, dt, q=begin(arm))
-        solver.add_task("tool")
-        solver.objectives = [made(kind, arm)]
-        for _ in range(round(1.0 / dt)):
-            step = solver.step()
-        ends.append(step.q)
-    assert ends[0] == pytest.approx(ends[1], abs=0.05 * np.abs(ends[1] - begin(arm)).max() + 1e-12)
+    q = begin(arm)
+    moved = dt * Posture(rate=2.0).velocity(State(arm, q, dt))
+    assert moved == pytest.approx((1.0 - math.exp(-2.0 * dt)) * (arm.q_home - q), abs=1e-12)
 
 
 @settings(max_examples=40)
@@ -365,59 +293,19 @@ def test_whatever_is_wished_for_the_tool_stands_and_no_loop_opens(name, seed, wi
 # --- objectives that make no sense ---------------------------------------------------------------------------------
 
 
-class Bad:
-    """Returns or raises what it is given, once the solver has it."""
-
-    def __init__(self, answer):
-        self.answer = answer
-
-    def velocity(self, state):
-        if isinstance(self.answer, Exception):
-            raise self.answer
-        return self.answer
-
-
-@pytest.mark.parametrize(
-    "answer",
-    [ValueError("no"), np.full(7, math.nan), np.full(7, math.inf), np.full(7, 1e300), np.zeros(3), None, "fast", 1.0,
-     cinegen.CinegenError("no")],
-    ids=str,
-)  # fmt: skip
-def test_one_that_fails_is_left_out_and_the_others_go_on(answer):
-    arm = load("arm7")
-    good, both = Solver(arm, DT, q=begin(arm)), Solver(arm, DT, q=begin(arm))
-    bad = Bad(np.zeros(7))
-    for solver, objectives in ((good, [Posture()]), (both, [bad, Posture(), bad])):
-        solver.add_task("tool")
-        solver.objectives = objectives
-    bad.answer = answer
-    for _ in range(20):
-        one, other = good.step(), both.step()
-        assert (one.q == other.q).all()
-        assert one.failed_objectives == ()
-        assert other.failed_objectives == (0, 2)
-    bad.answer = np.zeros(7)
-    assert both.step().failed_objectives == ()
-    both.objectives = []
-    assert both.step().failed_objectives == ()
-
-
 def test_wrong_objectives_are_refused_when_they_are_set():
     solver = Solver(load("arm7"), DT)
     for wrong in ([1.0], [None], [Posture(joints=["jont1"])], [Posture([0.0, 0.0])], [Manipulability("tol")]):
         with pytest.raises(cinegen.CinegenError):
             solver.objectives = wrong
         assert solver.objectives == ()
-    for make in (
-        lambda: Posture(rate=0.0),
-        lambda: Posture(rate=math.nan),
-        lambda: Posture(joints={"joint1": -1.0}),
-        lambda: LimitMargin(0.6),
-        lambda: LimitMargin(0.0),
-        lambda: Manipulability(rotation=4),
+    for kind, wrong in (
+        (Posture, {"rate": math.nan}),
+        (LimitMargin, {"margin": 0.0}),
+        (Manipulability, {"rotation": 4}),
     ):
         with pytest.raises(cinegen.CinegenError):
-            make()
+            kind(**wrong)
 
 
 def test_objectives_move_a_floating_base_only_as_its_tasks_need_it(raff):

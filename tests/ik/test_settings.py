@@ -1,4 +1,4 @@
-"""Gain and damping, set while a robot moves."""
+"""Gain, damping and period, set while a robot moves."""
 
 from __future__ import annotations
 
@@ -9,9 +9,8 @@ import pinocchio as pin
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from reference_tick import damping
 
-from cinegen import CinegenError, Solver, Status, forecast_motion, load
+from cinegen import CinegenError, Solver, Status, load
 
 ARM = load("robots/planar_3r.raff")
 END = ARM.nodes[-1]
@@ -48,30 +47,6 @@ def test_damping_sets_in_below_the_value_that_is_set():
     assert lively == pytest.approx(1e-4, rel=1e-2)  # not damped at all
 
 
-def test_the_plain_damping_has_the_same_setting():
-    sigma = np.linspace(0.0, 0.2, 50)
-    assert np.array_equal(damping(sigma, 0.1, 0.05), damping(sigma, 0.1))
-    assert not damping(sigma, 0.1, 0.1)[sigma >= 0.1].any()
-    assert (damping(sigma, 0.1, 0.1)[sigma < 0.1] > 0.0).all()
-
-
-def test_a_forecast_goes_by_the_same_settings():
-    solver = Solver(ARM, 0.01)
-    solver.gain, solver.damping_threshold = 20.0, 0.2
-    task = solver.add_task(END, rotation=0, translation=2)
-    task.target = task.target * pin.SE3(np.eye(3), np.array([0.05, 0.02, 0.0]))
-    ahead = forecast_motion(solver, 0.1, dt=0.01)
-    for tick in range(1, 11):
-        assert np.allclose(solver.step().q, ahead.q[tick], atol=1e-12)
-        if tick == 1:
-            assert solver.damping_threshold == 0.2
-
-
-def test_by_default_a_tick_corrects_all_of_an_error():
-    solver = Solver(ARM, 0.01)
-    assert (solver.gain, solver.tick_gain) == (math.inf, 1.0)
-
-
 @pytest.mark.parametrize("value", [0.0, -1.0, 1.5, math.nan])
 def test_invalid_settings_are_refused_and_nothing_changes(value):
     solver = Solver(ARM, 0.01, gain=50.0)
@@ -90,3 +65,52 @@ def test_a_gentle_pull_is_followed_to_the_end_and_never_said_to_be_out_of_reach(
     statuses = {solver.step().status for _ in range(2000)}
     assert statuses == {Status.FOLLOWING}
     assert solver.step().errors[0][0] < 1e-6 * ARM.length
+
+
+# --- the period ------------------------------------------------------------------------------------------------------
+
+
+SLOW, FAST = 1.0 / 60.0, 1e-3
+
+
+def aside(task, step):
+    task.target = task.target * pin.SE3(np.eye(3), np.array([0.0, step, 0.0]))
+
+
+@pytest.mark.parametrize("name", ["planar_3r", "delta4"])
+@pytest.mark.parametrize("accelerated", [False, True])
+@pytest.mark.parametrize(("before", "after"), [(SLOW, FAST), (FAST, SLOW)])
+def test_ticks_go_on_as_those_of_a_solver_with_the_new_period(robot, name, accelerated, before, after):
+    mechanism = robot(name)
+    acceleration = 5.0 if accelerated else None
+    solver = Solver(mechanism, before, gain=20.0, acceleration=acceleration)
+    task, speed = solver.add_task(mechanism.end, rotation=0), 0.05 * mechanism.length
+    for _ in range(20):
+        aside(task, speed * before)
+        solver.step()
+    other = Solver(mechanism, after, gain=20.0, acceleration=acceleration)
+    other.copy_state(solver)
+    v = solver.v
+    solver.dt = after
+    assert solver.v == pytest.approx(v, rel=1e-12)
+    for _ in range(5):
+        for one in (solver, other):
+            aside(one.tasks[0], speed * after)
+        step, expected = solver.step(), other.step()
+        assert step.q == pytest.approx(expected.q, abs=1e-12)
+        assert step.v == pytest.approx(expected.v, rel=1e-9, abs=1e-12)
+
+
+def test_limits_that_are_lifted_stay_lifted(robot):
+    solver = Solver(robot("planar_3r"), SLOW)
+    solver.lift_limits(position=False)
+    solver.dt = FAST
+    assert np.isinf(solver._memory.longest_step).all()
+
+
+@pytest.mark.parametrize("dt", [0.0, -1.0, np.nan, np.inf])
+def test_a_period_that_is_none_is_refused(robot, dt):
+    solver = Solver(robot("planar_3r"), SLOW)
+    with pytest.raises(CinegenError, match="dt must be a positive time"):
+        solver.dt = dt
+    assert solver.dt == SLOW

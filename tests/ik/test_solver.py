@@ -24,7 +24,7 @@ def _offset(mechanism, node, vector):
     return pin.SE3(home.rotation, home.translation + np.array(vector))
 
 
-@pytest.mark.parametrize("name", ["delta4", "gough", "tssm", "hybrid", "arm7", "rx90", "sr400", "planar_hybrid"])
+@pytest.mark.parametrize("name", ["delta4", "gough", "hybrid", "arm7", "planar_hybrid"])
 def test_a_target_within_reach_is_reached_exactly(robot, name):
     mechanism = robot(name)
     lower, upper = mechanism.model.lowerPositionLimit, mechanism.model.upperPositionLimit
@@ -44,131 +44,12 @@ def test_a_target_within_reach_is_reached_exactly(robot, name):
         assert step.closure <= 1e-12
 
 
-def test_the_origin_goes_straight_to_its_target(robot):
-    arm = robot("rx90")
-    solver = Solver(arm, DT)
-    home = arm.placement(arm.q_home, "tool")
-    target = pin.SE3(
-        home.rotation @ pin.exp3(np.array([0.2, 0.1, -0.3])), home.translation + np.array([-0.08, 0.1, 0.05])
-    )
-    solver.add_task("tool", target)
-    line = target.translation - home.translation
-    for _ in range(100):
-        solver.step()
-        way = arm.placement(solver.q, "tool").translation - home.translation
-        assert np.linalg.norm(np.cross(way, line)) / np.linalg.norm(line) < 3e-3
-
-
-def test_a_target_out_of_reach_brings_the_robot_to_rest_and_back(robot):
-    delta = robot("delta4")
-    home = delta.placement(delta.q_home, "platform")
-    solver = Solver(delta, DT)
-    task = solver.add_task("platform", _offset(delta, "platform", [0.0, 0.0, -9.0]), rotation=0)
-    step = _run(solver, 1000)
-    assert step.status in (Status.AT_LIMIT, Status.OUT_OF_REACH, Status.SINGULAR)
-    assert np.abs(step.v).max() < 1e-3  # at rest: no jitter
-    task.target = home
-    step = _run(solver, 2000)
-    assert step.errors[0][0] < 1e-9
-    assert step.status is Status.FOLLOWING
-
-
 def test_a_stretched_arm_comes_to_rest_without_jitter(robot):
     arm = robot("planar_3r")
     solver = Solver(arm, DT)
     solver.add_task("tool", pin.SE3(np.eye(3), np.array([20.0, 3.0, 0.0])), rotation=0)
-    _run(solver, 3000)
+    assert {len(solver.step().singular_values) for _ in range(3000)} == {2}
     assert max(np.abs(solver.step().v).max() for _ in range(50)) < 1e-4
-
-
-def test_limits_are_met_exactly_never_crossed_and_left_again(robot):
-    arm = robot("serial_5dof")
-    solver = Solver(arm, DT)
-    task = solver.add_task("tool", rotation=0)
-    lower, upper = arm.model.lowerPositionLimit, arm.model.upperPositionLimit
-    rng = np.random.default_rng(0)
-    held = set()
-    for tick in range(2000):
-        if tick % 100 == 0:
-            task.target = _offset(arm, "tool", rng.normal(0.0, 2.0 * arm.length, 3))
-        step = solver.step()
-        assert (step.q >= lower).all()
-        assert (step.q <= upper).all()
-        for joint in step.saturated:
-            i = arm.q_index(joint)
-            if step.q[i] in (lower[i], upper[i]):
-                held.add(joint)
-    assert held  # some were met
-    task.target = arm.placement(arm.q_home, "tool")
-    assert _run(solver, 3000).errors[0][0] < 1e-6
-
-
-def test_velocity_limits_slow_the_whole_motion_down(robot):
-    arm = robot("arm7")
-    solver = Solver(arm, 1e-3)
-    solver.add_task("tool", _offset(arm, "tool", [0.2, 0.2, -0.2]))
-    step = solver.step()
-    assert step.speed_scale < 1.0
-    assert (np.abs(step.v) <= arm.model.upperVelocityLimit).all()
-    assert (np.abs(step.v) / arm.model.upperVelocityLimit).max() > 0.99
-
-
-def test_a_robot_in_micrometres_moves_like_its_twin_in_metres(raff):
-    body = """
-      robot r { base { }
-        link 1 { parameters { theta 20 r %(a)s } type 2 pred 0 }
-        link 2 { parameters { theta 30 d %(b)s alpha 90 } type 2 pred 1 limits { -100 100 } }
-        link 3 { parameters { r %(c)s d %(a)s alpha -90 } type 1 pred 2 limits { 0 %(b)s } velocity %(b)s }
-        frame 4 { parameters { d %(a)s } pred 3 name "tool" } }"""
-    micro = raff("units um" + body % {"a": 310, "b": 450, "c": 200}, name="micro")
-    macro = raff("units m" + body % {"a": 310, "b": 450, "c": 200}, name="macro")
-    solvers = [Solver(micro, DT), Solver(macro, DT)]
-    rng = np.random.default_rng(3)
-    tasks = [solver.add_task("tool", rotation=1) for solver in solvers]
-    for tick in range(300):
-        if tick % 30 == 0:
-            offset, turn = rng.normal(0, 200, 3), pin.exp3(rng.normal(0, 1, 3))
-            for task, mechanism, unit in zip(tasks, (micro, macro), (1e-6, 1.0), strict=True):
-                home = mechanism.placement(mechanism.q_home, "tool")
-                task.target = pin.SE3(home.rotation @ turn, home.translation + unit * offset)
-        one, other = (solver.step() for solver in solvers)
-        assert one.q / micro.scale * micro.length == pytest.approx(other.q / macro.scale * micro.length, abs=1e-9)
-        assert one.status is other.status
-
-
-def test_several_pulls_are_weighed_where_they_cant_all_be_met(robot):
-    arm = robot("planar_3r")
-    results = []
-    for weight in (1.0, 10.0):
-        solver = Solver(arm, DT)
-        first = solver.add_task("tool", _offset(arm, "tool", [0.0, 0.1, 0.0]), rotation=0)
-        solver.add_task("link2", rotation=3)
-        first.weight = weight
-        results.append(_run(solver, 1500).errors)
-    assert results[1][0][0] < results[0][0][0]
-    assert results[1][1][0] >= results[0][1][0] - 1e-12
-
-
-def test_pulls_are_released(robot):
-    delta = robot("delta4")
-    solver = Solver(delta, DT)
-    task = solver.add_task("platform", _offset(delta, "platform", [0.1, 0, 0]))
-    assert solver.tasks == (task,)
-    assert np.abs(solver.step().v).max() > 0.0
-    solver.remove_task(task)
-    solver.remove_task(task)
-    step = solver.step()
-    assert step.status is Status.IDLE
-    assert not step.v.any()
-
-
-def test_any_part_can_be_pulled(robot):
-    delta = robot("delta4")
-    for node in ("link2", "link9", "link12"):
-        solver = Solver(delta, DT)
-        there = delta.close(delta.configuration({"joint1": 0.05, "joint6": -0.04, "joint12": 0.03}), delta.actuated)
-        solver.add_task(node, delta.placement(there, node), rotation=0)
-        assert _run(solver).errors[0][0] < 1e-8
 
 
 def test_targets_that_are_no_numbers_give_a_status_and_leave_the_rest_alone(robot):
@@ -183,10 +64,14 @@ def test_targets_that_are_no_numbers_give_a_status_and_leave_the_rest_alone(robo
         assert step.status is Status.BAD_TARGET
         assert np.array_equal(step.q, delta.q_home)
         assert np.isnan(step.errors[0][0])
-    for wrong in ({"target": np.eye(4)}, {"weight": "a"}, {"translation": 7}):
+    for attribute, value in (
+        ("target", np.eye(4)), ("target", None), ("translation", 7), ("rotation", -1), ("rotation", "all"),
+        ("weight", "a"), ("weight", np.inf), ("weight", 0.0),
+    ):  # fmt: skip
         task = solver.add_task("platform")
-        for attribute, value in wrong.items():
-            setattr(task, attribute, value)
+        assert task.is_valid()
+        setattr(task, attribute, value)
+        assert not task.is_valid()
         assert solver.step().status is Status.BAD_TARGET
         solver.remove_task(task)
     task.target = _offset(delta, "platform", [1e300, 0.0, 0.0])
@@ -206,29 +91,6 @@ def test_targets_that_are_no_rotations_give_a_status(robot, matrix):
         assert (solver.step().status is not Status.BAD_TARGET) == known
         assert task.is_valid() == known
         solver.remove_task(task)
-
-
-def test_the_approach_of_a_singularity_shows_and_the_width_does_not_flicker(robot):
-    arm = robot("planar_3r")
-    solver = Solver(arm, DT)
-    solver.add_task("tool", pin.SE3(np.eye(3), np.array([20.0, 0.0, 0.0])), rotation=0)
-    first, widths = solver.step(), set()
-    for _ in range(1500):
-        step = solver.step()
-        widths.add(len(step.singular_values))
-    assert widths == {2}
-    assert step.singular_values[-1] < 0.1 * first.singular_values[-1]
-
-
-def test_a_four_bar_is_driven_through_by_its_coupler_and_never_torn(robot):
-    bar = robot("four_bar")
-    solver = Solver(bar, DT)
-    task = solver.add_task("tool", rotation=0)
-    home = bar.placement(bar.q_home, "tool").translation
-    for tick in range(600):
-        turn = 0.05 * tick
-        task.target = pin.SE3(np.eye(3), home + 3.0 * bar.length * np.array([np.cos(turn), np.sin(turn), 0.0]))
-        assert solver.step().closure <= 1e-12
 
 
 def test_wrong_calls_are_refused_before_the_loop(robot):

@@ -12,6 +12,7 @@ import pytest
 
 import cinegen
 import raff2urdf
+from cinegen.ik import FrameTask
 from raff2urdf.raff.document import RaffFrame, RaffParameters
 from raff2urdf.raff.kleinfinger import transform
 from raff2urdf.tree import kleinfinger
@@ -20,7 +21,7 @@ ROBOTS = Path(__file__).resolve().parents[2] / "robots"
 GRIP = RaffParameters(theta=30, r=120, d=80, alpha=50, gamma=-20, epsilon=40)  # mm and degrees
 
 
-@pytest.fixture(params=["arm7", "delta4", "planar_hybrid", "gough"], scope="module")
+@pytest.fixture(params=["arm7", "delta4"], scope="module")
 def twins(request, tmp_path_factory):
     """A robot with a frame `grip` on its last link, that link's name, and the frame's placement on it."""
     path, folder = ROBOTS / f"{request.param}.raff", tmp_path_factory.mktemp("twins")
@@ -36,8 +37,7 @@ def twins(request, tmp_path_factory):
     return cinegen.load(folder / "twin.raff"), father.node, at
 
 
-@pytest.mark.parametrize("rotation", [0, 1, 2, 3])
-@pytest.mark.parametrize("axes", ["target", "world", "base"])
+@pytest.mark.parametrize(("rotation", "axes"), [(0, "world"), (1, "target"), (2, "base"), (3, "target")])
 def test_a_grip_moves_as_a_frame_does(twins, rotation, axes):
     robot, node, at = twins
     solver, other = cinegen.Solver(robot, 0.01), cinegen.Solver(robot, 0.01)
@@ -56,24 +56,10 @@ def test_a_grip_moves_as_a_frame_does(twins, rotation, axes):
         assert np.allclose(ours.singular_values, theirs.singular_values, atol=1e-9)
 
 
-def test_a_point_is_enough(robot):
-    arm = robot("arm7")
-    solver = cinegen.Solver(arm, 0.01)
-    point = np.array([0.05, -0.1, 0.02])
-    task = solver.add_task("link5", rotation=0, offset=point)
-    task.target.translation += [0.02, 0.03, -0.01]
-    for _ in range(200):
-        step = solver.step()
-    reached = arm.placement(step.q, "link5").act(point)
-    assert np.allclose(reached, task.target.translation, atol=1e-6)
-
-
 def test_reach_and_forecast_know_of_it(twins):
     robot, node, at = twins
     q = robot.random_closed(1)[0]
     there = robot.placement(q, node) * at
-    from cinegen.ik import FrameTask
-
     found = cinegen.inverse_kinematics(robot, [FrameTask(node, there, rotation=0, offset=at)], limits=False)
     assert found
     assert np.allclose((robot.placement(found.q, node) * at).translation, there.translation, atol=1e-6)

@@ -89,24 +89,3 @@ def test_threads_at_once_end_in_errors_not_in_a_crash(robot):
         list(pool.map(lambda _: run(), range(4)))
     assert solver.mechanism.closure(solver.q) < 1e-10
     assert solver.step().errors[0][0] < 1e-9
-
-
-def test_an_objective_that_steps_its_own_solver_is_reported(robot):
-    solver = _pulled(robot("delta4"))
-
-    class Recursive:
-        steps = False
-
-        def velocity(self, state):
-            if self.steps:
-                solver.step()
-            return np.zeros(state.mechanism.model.nv)
-
-    objective = Recursive()
-    solver.objectives = (objective,)
-    objective.steps = True
-    step = solver.step()
-    assert step.failed_objectives == (0,)
-    assert "one thread at a time" in str(step.exceptions[0])
-    objective.steps = False
-    assert not solver.step().exceptions

@@ -3,25 +3,17 @@
 from __future__ import annotations
 
 import math
-from pathlib import Path
 
 import numpy as np
 import pinocchio as pin
 import pytest
-from variants import FEWER, others_slow, slow
+from variants import FEWER
 
 import cinegen
-import raff2urdf
 from cinegen import Solver, Status
 
 DT = 1 / 240
-ROBOTS = Path(__file__).resolve().parents[2] / "robots"
-EVERY = [
-    pytest.param(path.stem, robot.name, id=f"{path.stem}-{robot.name}")
-    for path in sorted(ROBOTS.glob("*.raff"))
-    for robot in raff2urdf.load(path).robots
-]
-every_robot = pytest.mark.parametrize(("name", "which"), others_slow(EVERY, FEWER))
+every_kind = pytest.mark.parametrize("name", sorted(FEWER))
 
 SIX = """robot r { base { }
   link 1 { parameters { r 500 theta 90 alpha 90 } type 1 pred 0 }
@@ -42,8 +34,8 @@ def carried(begin: pin.SE3, twist: np.ndarray, seconds: float, axes: str) -> pin
     return pin.SE3(begin.rotation @ pin.exp3(angular), begin.translation + begin.rotation @ linear)
 
 
-@pytest.mark.parametrize("axes", ["world", "target", "tool", "base"])
-@pytest.mark.parametrize("way", [*range(6), "line", "turn", "both"])
+@pytest.mark.parametrize("axes", ["world", "target", "tool"])
+@pytest.mark.parametrize("way", [0, 5, "line", "turn", "both"])
 def test_a_twist_moves_the_node_by_itself_times_the_seconds(raff, axes, way):
     arm = raff(SIX)
     twist = np.zeros(6)
@@ -79,27 +71,13 @@ def test_a_twist_moves_the_node_by_itself_times_the_seconds(raff, axes, way):
     assert there.rotation == pytest.approx(expected.rotation, abs=exact)
 
 
-@pytest.mark.parametrize("name", ["delta4", "gough", "planar_hybrid"])
-def test_so_it_does_with_a_closed_robot(robot, name):
-    mechanism = robot(name)
-    node = mechanism.nodes[-1]
-    solver = Solver(mechanism, DT)
-    begin = mechanism.placement(solver.q, node)
-    speed = 0.05 * mechanism.length
-    solver.add_task(node, rotation=0, axes="world").twist = [speed, 0.0, 0.0, 0.0, 0.0, 0.0]
-    for _ in range(120):
-        solver.step()
-    gone = mechanism.placement(solver.q, node).translation - begin.translation
-    assert gone == pytest.approx([0.5 * speed, 0.0, 0.0], abs=1e-9 * mechanism.length)
-
-
 @pytest.mark.parametrize("axes", ["target", "world"])
-def test_what_is_0_in_a_twist_does_not_drift_in_ten_thousand_ticks(raff, axes):
+def test_what_is_0_in_a_twist_does_not_drift_in_thousands_of_ticks(raff, axes):
     arm = raff(SIX)
     solver = Solver(arm, 1e-3)
     begin = arm.placement(solver.q, "tool")
     task = solver.add_task("tool", axes=axes)
-    for tick in range(10_000):
+    for tick in range(2500):
         task.twist = [0.1 * math.sin(1e-3 * tick), 0.0, 0.0, 0.0, 0.0, 0.0]
         solver.step()
     gone = arm.placement(solver.q, "tool")
@@ -113,18 +91,7 @@ def test_what_is_0_in_a_twist_does_not_drift_in_ten_thousand_ticks(raff, axes):
     assert gone.rotation == pytest.approx(begin.rotation, abs=1e-11)
 
 
-def test_a_twist_of_0_holds_the_node_where_it_is(raff):
-    arm = raff(SIX)
-    solver = Solver(arm, 1e-3)
-    solver.add_task("tool").twist = np.zeros(6)
-    begin = solver.q
-    for _ in range(1000):
-        step = solver.step()
-    assert step.q == pytest.approx(begin, abs=1e-12)
-    assert step.status is Status.FOLLOWING
-
-
-@pytest.mark.parametrize(("name", "way"), [("serial_5dof", 2), ("delta4", 2), ("planar_3r", 0), ("five_bar", 1)])
+@pytest.mark.parametrize(("name", "way"), [("serial_5dof", 2), ("delta4", 2), ("five_bar", 1)])
 def test_a_twist_against_a_wall_winds_nothing_up_and_leads_back_at_once(robot, name, way):
     mechanism = robot(name)
     node = mechanism.nodes[-1]
@@ -143,46 +110,6 @@ def test_a_twist_against_a_wall_winds_nothing_up_and_leads_back_at_once(robot, n
         if tick == 2:
             assert mechanism.placement(step.q, node).translation[way] > at_the_wall + 1e-4 * mechanism.length
     assert mechanism.placement(step.q, node).translation[way] > at_the_wall + 0.05 * mechanism.length
-
-
-def test_a_twist_that_is_no_number_is_left_out_and_moves_nothing(robot):
-    delta = robot("delta4")
-    solver = Solver(delta, DT)
-    task = solver.add_task("platform", rotation=0, axes="world")
-    task.twist = [0.1, 0.0, 0.0, 0.0, 0.0, 0.0]
-    moving = solver.step()
-    assert moving.status is Status.FOLLOWING
-    before = solver.q
-    for bad in ([math.nan] * 6, [0.0, math.inf, 0.0, 0.0, 0.0, 0.0], [1.0, 2.0], "fast", object()):
-        task.twist = bad
-        step = solver.step()
-        assert step.status is Status.BAD_TARGET
-        assert np.array_equal(step.q, before)
-        assert np.isnan(step.errors[0]).all()
-    task.twist = [0.1, 0.0, 0.0, 0.0, 0.0, 0.0]
-    step = solver.step()
-    assert step.status is Status.FOLLOWING
-    assert not np.array_equal(step.q, before)
-
-
-@every_robot
-def test_twists_as_far_as_numbers_go_are_survived(name, which):
-    mechanism = cinegen.load(ROBOTS / f"{name}.raff", which)
-    solver = Solver(mechanism, DT)
-    task = solver.add_task(mechanism.nodes[-1])
-    for fast in (1e-300, 1e3, 1e30, 1e150, 1e300, 1.7e308):
-        for twist in (*np.eye(6), -np.ones(6)):
-            task.twist = fast * twist
-            for _ in range(2):
-                check(mechanism, solver.step())
-    # and nothing of it is left
-    goal = mechanism.placement(mechanism.random_closed(1, seed=3)[0], mechanism.nodes[-1])
-    other = Solver(mechanism, DT, q=solver.q)
-    other.add_task(mechanism.nodes[-1], goal)
-    task.target = goal
-    for _ in range(20):
-        assert solver.step().q == pytest.approx(other.step().q, abs=1e-9)
-    assert not np.array_equal(solver.q, mechanism.q_home)
 
 
 def test_a_target_and_a_twist_in_turn_end_each_other(raff):
@@ -263,11 +190,10 @@ class Whim:
                     task.twist = [math.nan] * 6
 
 
-@pytest.mark.parametrize(("name", "which"), others_slow(EVERY, FEWER))
-@pytest.mark.parametrize("acceleration", [10.0, *slow(None)])
-def test_whatever_becomes_of_the_pulls_there_is_a_status_and_nothing_breaks(name, which, acceleration):
-    mechanism = cinegen.load(ROBOTS / f"{name}.raff", which)
-    solver = Solver(mechanism, 1 / 60, acceleration=acceleration)
+@every_kind
+def test_whatever_becomes_of_the_pulls_there_is_a_status_and_nothing_breaks(robot, name):
+    mechanism = robot(name)
+    solver = Solver(mechanism, 1 / 60, acceleration=10.0)
     whim = Whim(mechanism, solver, 0)
     statuses = set()
     for _ in range(300):

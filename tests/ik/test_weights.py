@@ -11,7 +11,6 @@ import pytest
 import cinegen
 from cinegen.errors import CinegenError
 from cinegen.ik import FrameTask, Status
-from cinegen.ik.local_ik import LocalIK
 
 DT = 0.01
 PATTERNS = [np.array(pattern) for pattern in itertools.product((0.0, 1.0), repeat=6)]
@@ -23,12 +22,7 @@ def moved(pose: pin.SE3, twist: np.ndarray) -> pin.SE3:
 
 @pytest.mark.parametrize(
     ("weights", "translation", "rotation"),
-    [
-        ((1, 1, 1, 1, 1, 1), 3, 3),
-        ((1, 1, 0, 1, 1, 0), 2, 2),
-        ((1, 0, 0, 0, 0, 1), 1, 1),
-        ((0, 0, 0, 1, 1, 1), 0, 3),
-    ],
+    [((1, 1, 0, 1, 1, 0), 2, 2), ((1, 0, 0, 0, 0, 1), 1, 1), ((0, 0, 0, 1, 1, 1), 0, 3)],
 )
 def test_the_counts_are_a_shorthand(robot, weights, translation, rotation):
     """The same ticks, bit by bit."""
@@ -43,7 +37,7 @@ def test_the_counts_are_a_shorthand(robot, weights, translation, rotation):
     assert np.array_equal(*records)
 
 
-@pytest.mark.parametrize("pattern", PATTERNS[1:], ids=lambda pattern: "".join(f"{int(w)}" for w in pattern))
+@pytest.mark.parametrize("pattern", PATTERNS[1::5], ids=lambda pattern: "".join(f"{int(w)}" for w in pattern))
 def test_an_axis_of_weight_0_is_free_and_the_others_are_exact(robot, pattern):
     rng = np.random.default_rng(int("".join(f"{int(w)}" for w in pattern), 2))
     arm = robot("arm7")
@@ -84,22 +78,6 @@ def test_rows_are_the_derivative_of_the_error():
         assert weighted @ rows == pytest.approx(weighted @ exact, abs=1e-6)
         if pattern[3:].sum() < 3:
             assert rows == pytest.approx(exact, abs=1e-6)
-
-
-def test_where_not_all_can_be_met_the_heavier_axis_is_nearer(robot):
-    """A target beyond the reach of a planar arm, off to one side: weights trade x for y."""
-    arm, left = robot("planar_3r"), []
-    for weights in ((1.0, 1.0, 0, 0, 0, 0), (10.0, 1.0, 0, 0, 0, 0), (1.0, 10.0, 0, 0, 0, 0)):
-        solver = cinegen.Solver(arm, DT)
-        far = 3.0 * arm.length
-        solver.add_task("tool", pin.SE3(np.eye(3), np.array([far, 0.6 * far, 0.0])), weights=weights)
-        for _ in range(3000):
-            step = solver.step()
-        there = arm.placement(step.q, "tool").translation
-        left.append(np.abs(np.array([far, 0.6 * far]) - there[:2]))
-    even, heavy_x, heavy_y = left
-    assert heavy_x[0] < even[0] < heavy_y[0]
-    assert heavy_x[1] > even[1] > heavy_y[1]
 
 
 def test_weights_may_be_set_between_ticks(robot):
@@ -145,19 +123,6 @@ def test_weights_that_can_not_be_used(robot):
     assert solver.step().status is Status.FOLLOWING
 
 
-def test_only_proportions_matter(robot):
-    """Weights of two tasks, six rows each: all times 1000 is the same."""
-    found = []
-    for factor in (1.0, 1000.0):
-        solver = cinegen.Solver(robot("arm7"), DT)
-        weights = np.array([1.0, 0.5, 0.25, 0.5, 1.0, 0.125]) * factor
-        for node, off in (("tool", 0.1), ("link4", -0.1)):
-            task = solver.add_task(node, weights=weights)
-            task.target = moved(task.target, np.full(6, off))
-        found.append([solver.step().q for _ in range(50)])
-    assert np.allclose(*found, rtol=0.0, atol=1e-12)
-
-
 def test_inverse_kinematics_leaves_an_axis_of_weight_0_free(robot):
     arm, rng = robot("arm7"), np.random.default_rng(2)
     for weights in ((1, 1, 1, 0, 1, 1), (0, 1, 1, 1, 0, 1), (1, 1, 0, 0, 0, 0.01)):
@@ -167,25 +132,3 @@ def test_inverse_kinematics_leaves_an_axis_of_weight_0_free(robot):
         assert result
         linear, angular = task.errors(arm.placement(result.q, "tool"))
         assert np.concatenate([linear, angular]) == pytest.approx(0.0, abs=1e-9)
-
-
-def test_weights_do_not_slow_local_inverse_kinematics(robot):
-    """All tasks are to be met: a light one is met in as many iterations."""
-    delta, iterations = robot("delta4"), []
-    target = moved(delta.placement(delta.q_home, "platform"), np.array([0.02, 0.03, -0.05, 0, 0, 0]))
-    for weights in (np.ones(6), np.array([1.0, 0.01, 1.0, 0.0, 0.0, 0.0])):
-        local = LocalIK(delta, (FrameTask("platform", target, weights=weights * (1, 1, 1, 0, 0, 0)),))
-        assert local.solve(delta.q_home, 1e-10)
-        iterations.append(local.iterations)
-    assert iterations[0] == iterations[1]
-
-
-def test_a_solver_that_takes_over_another_ones_state_takes_its_weights(robot):
-    solver, other = (cinegen.Solver(robot("arm7"), DT) for _ in range(2))
-    task = solver.add_task("tool", weights=(1, 0.2, 1, 0, 1, 0.5))
-    task.target = moved(task.target, np.full(6, 0.1))
-    solver.step()
-    task.weights = (0.5, 0.2, 1, 0, 1, 0.5)
-    other.copy_state(solver)
-    for _ in range(10):
-        assert np.array_equal(other.step().q, solver.step().q)

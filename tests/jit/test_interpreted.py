@@ -3,22 +3,17 @@
 import importlib
 import math
 import sys
-from pathlib import Path
 
 import numpy as np
 import pinocchio as pin
 import pytest
-from variants import ONE_OF_EACH_KIND, slow
+from variants import FEWER
 
-import cinegen
 from cinegen.ik import LimitMargin, Solver
-from cinegen.ik._kernels.memory import SolverMemory
 from cinegen.ik._kernels.tick import tick
 from cinegen.jit.interpreted import interpreted
 from cinegen.loops._kernels.closure import close_from_trial
-from cinegen.loops._kernels.memory import LoopMemory
 
-ROBOTS = [path if path.stem in ONE_OF_EACH_KIND else slow(path)[0] for path in sorted(Path("robots").glob("*.raff"))]
 pytestmark = pytest.mark.filterwarnings("ignore::cinegen.CinegenWarning")
 
 
@@ -48,17 +43,17 @@ def drive(solver: Solver, ticks: int = 40, size: float = 0.2) -> np.ndarray:
     return np.array(found)
 
 
-@pytest.mark.parametrize("path", ROBOTS, ids=lambda path: path.stem)
-def test_a_tick_in_python_computes_what_machine_code_does(path):
-    mechanism = cinegen.load(path)
+@pytest.mark.parametrize("name", sorted(FEWER))
+def test_a_tick_in_python_computes_what_machine_code_does(robot, name):
+    mechanism = robot(name)
     compiled = drive(Solver(mechanism, dt=1 / 60))
     python = drive(in_python(Solver(mechanism, dt=1 / 60)))
     assert np.ptp(compiled, axis=0).max() > 0.01
     np.testing.assert_allclose(python, compiled, rtol=0.0, atol=1e-10)
 
 
-def test_limits_objectives_and_accelerations_are_the_same_in_python():
-    arm7 = cinegen.load("robots/arm7.raff")
+def test_limits_objectives_and_accelerations_are_the_same_in_python(robot):
+    arm7 = robot("arm7")
 
     def solver() -> Solver:
         made = Solver(arm7, dt=1 / 60, acceleration=2.0)
@@ -68,8 +63,8 @@ def test_limits_objectives_and_accelerations_are_the_same_in_python():
     np.testing.assert_allclose(drive(in_python(solver())), drive(solver()), rtol=0.0, atol=1e-9)
 
 
-def test_loops_are_closed_in_python_as_in_machine_code():
-    mechanism = cinegen.load("robots/gough.raff")
+def test_loops_are_closed_in_python_as_in_machine_code(robot):
+    mechanism = robot("gough")
     rng = np.random.default_rng(3)
     close = interpreted(close_from_trial)
     for _ in range(5):
@@ -100,13 +95,3 @@ def test_division_by_zero_and_roots_of_negative_numbers_do_not_raise_in_python(t
         assert interpreted(odd_kernels.divide)(1.0, 1.0) == math.inf == odd_kernels.divide(1.0, 1.0)
         assert math.isnan(interpreted(odd_kernels.root)(-1.0))
     del sys.modules["odd_kernels"]
-
-
-def test_a_kernel_finds_memories_by_their_handles_in_python():
-    memory = SolverMemory()
-    from cinegen.jit.memory import memory_at
-
-    assert memory_at(memory.handle) is memory
-    handle = LoopMemory().handle
-    with pytest.raises(KeyError):
-        memory_at(handle)

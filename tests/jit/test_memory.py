@@ -1,12 +1,6 @@
-"""Memory of kernels: the same fields in Python and in compiled functions, checked bounds, and memory of others."""
+"""Memory of kernels: the same fields in Python and in compiled functions, and memory of others."""
 
 from __future__ import annotations
-
-import os
-import subprocess
-import sys
-from itertools import pairwise
-from pathlib import Path
 
 import numpy as np
 import pinocchio as pin
@@ -15,12 +9,10 @@ from numba import types
 from numba.core.caching import NullCache
 
 import cinegen
-from cinegen.jit import foreign, whole_program
+from cinegen.jit import foreign
 from cinegen.jit.compiled import Array, Table, compiled, entry, prepare
 from cinegen.jit.memory import Memory, array, parameter, state, view
 from cinegen.jit.memory import foreign as declare_foreign
-
-ROOT = Path(__file__).resolve().parents[2]
 
 
 class Points(Memory):
@@ -91,28 +83,12 @@ def test_a_kernel_and_python_see_the_same():
     run = prepare(add_up, Weighted)
     assert run(memory.handle) == 1
     assert memory.sum == expected
+    assert all(one.ctypes.data % 64 == 0 for one in (memory.point, memory.label, memory.weight, memory.first))
     assert memory.point[:, 0].tolist() == [-1.0] * 4
     assert memory.last.tolist() == [0.5, 1.5, 2.5, 3.5]
     memory.factor = 0.0
     assert run(memory.handle) == memory.calls == 2
     assert memory.sum == 0.0
-
-
-def test_arrays_are_aligned_and_do_not_overlap():
-    memory = weighted(5)
-    ends = [(array.ctypes.data, array.nbytes) for array in (memory.point, memory.label, memory.weight, memory.first)]
-    assert all(begin % 64 == 0 for begin, _ in ends)
-    ends.sort()
-    assert all(begin + size <= following for (begin, size), (following, _) in pairwise(ends))
-
-
-def test_a_block_is_one_array():
-    memory = weighted(3)
-    whole, fields = memory.block("record")
-    memory.first[:], memory.last[:] = (1.0, 2.0), (3.0, 4.0, 5.0)
-    assert whole.tolist() == [1.0, 2.0, 3.0, 4.0, 5.0]
-    where, shape = fields["last"]
-    assert whole[where].reshape(shape).tolist() == [3.0, 4.0, 5.0]
 
 
 def test_only_what_changes_its_shape_begins_anew():
@@ -131,24 +107,6 @@ def test_handles_lead_to_other_memory():
     several = [weighted(1), weighted(2)]
     several[0].sum, several[1].sum = 1.5, 2.0
     assert prepare(sum_of, types.int64[::1])(np.array([memory.handle for memory in several])) == 3.5
-
-
-def test_helpers_are_compiled_for_what_they_declare(monkeypatch):
-    """And not once more for each memory that has more."""
-    monkeypatch.setattr(whole_program, "TESTED", ())  # else they are forgotten
-
-    @entry
-    def total_of(memory: Weighted) -> float:
-        return total(memory)
-
-    total_of._cache = NullCache()
-    memory = weighted(3)
-    assert prepare(total_of, Weighted)(memory.handle) == total(memory)
-    assert {signature[0] for signature in total.overloads} == {Points.numba_type, Weighted.numba_type}  # by Python, too
-    total._reset_overloads()
-    total_of._reset_overloads()
-    prepare(total_of, Weighted)
-    assert {signature[0] for signature in total.overloads} == {Points.numba_type}
 
 
 def test_a_name_is_declared_once():
@@ -177,45 +135,6 @@ def test_memory_of_others_must_fit(wrong):
 
 
 # --- bounds ----------------------------------------------------------------------------------------------------------
-
-CONTROL = """
-from numba import types
-from cinegen.jit.compiled import Array, compiled, entry, prepare
-from cinegen.jit.memory import Memory, array, parameter
-
-class Row(Memory):
-    n: int = parameter(3)
-    a: Array = array(2, "n")
-
-@compiled
-def get(memory: Row, i: int, k: int) -> float:
-    return memory.a[i, k]
-
-@entry
-def look(memory: Row, i: int, k: int) -> float:
-    return get(memory, i, k)
-
-def run(i, k):
-    memory = Row()
-    return prepare(look, Row, types.int64, types.int64)(memory.handle, i, k)
-
-assert run(1, 2) == 0.0
-for i, k in ((1, 3), (2, 0), (0, -4)):
-    try:
-        run(i, k)
-    except IndexError:
-        continue
-    raise SystemExit(f"a[{i}, {k}] was not found")
-print("found")
-"""
-
-
-def test_an_index_out_of_bounds_is_found(tmp_path):
-    """The positive control of `make bounds`, compiled as it compiles: helpers inlined, in a cache of its own."""
-    (tmp_path / "control.py").write_text(CONTROL)
-    env = {**os.environ, "NUMBA_BOUNDSCHECK": "1", "NUMBA_CACHE_DIR": str(tmp_path), "PYTHONPATH": str(ROOT)}
-    done = subprocess.run([sys.executable, tmp_path / "control.py"], env=env, capture_output=True, text=True)
-    assert done.stdout == "found\n", done.stderr
 
 
 # --- memory of others ------------------------------------------------------------------------------------------------

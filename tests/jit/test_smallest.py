@@ -26,23 +26,16 @@ def with_values(rng, rows, values):
     return (left * values) @ right
 
 
-@given(st.integers(0, 2**32), st.integers(1, 18), st.integers(0, 6), st.floats(-17.0, 0.0), st.integers(1, 3))
-def test_it_is_right_to_rounding_however_small_and_however_often_it_occurs(seed, n, more, power, times):
+@given(
+    st.integers(0, 2**32), st.integers(1, 18), st.integers(0, 6), st.floats(-17.0, 0.0), st.integers(1, 3),
+    st.sampled_from((1e-8, 1.0, 1e8)),
+)  # fmt: skip
+def test_it_is_right_to_rounding_however_small_and_however_often_it_occurs(seed, n, more, power, times, scale):
     rng = np.random.default_rng(seed)
     values = rng.uniform(1.0, 2.0, n)
     values[:times] = 10.0**power
-    assert smallest(with_values(rng, n + more, values)) == pytest.approx(values.min(), rel=1e-12, abs=2e-15 * n)
-
-
-@given(st.integers(0, 2**32), st.floats(-8.0, 8.0))
-def test_it_grows_with_the_matrix(seed, power):
-    a = np.random.default_rng(seed).normal(size=(9, 6))
-    assert smallest(10.0**power * a) == pytest.approx(10.0**power * smallest(a), rel=1e-11)
-
-
-@pytest.mark.parametrize("a", [np.eye(4), np.diag([3.0, 1.0, 2.0]), np.ones((5, 1)), np.eye(7)[:, ::-1][:, :4]])
-def test_simple_matrices(a):
-    assert smallest(a) == pytest.approx(np.linalg.svd(a, compute_uv=False)[-1], rel=1e-14)
+    found = smallest(scale * with_values(rng, n + more, values)) / scale
+    assert found == pytest.approx(values.min(), rel=1e-12, abs=2e-15 * n)
 
 
 @pytest.mark.parametrize("a", [np.zeros((3, 2)), np.ones((4, 3)), np.c_[np.eye(5), np.zeros(5)]])
@@ -50,7 +43,7 @@ def test_dependent_columns_have_0(a):
     assert smallest(a) <= 1e-15
 
 
-@pytest.mark.parametrize("name", ["planar_3r", "rx90", "five_bar", "delta4", "gough"])
+@pytest.mark.parametrize("name", ["arm7", "five_bar", "delta4"])
 @pytest.mark.parametrize("counted", [(3, 3), (3, 0), (2, 1)])
 def test_a_sampler_that_is_asked_for_less_gives_the_same(robot, name, counted):
     mechanism = robot(name)

@@ -5,7 +5,6 @@ import logging
 import os
 import subprocess
 import sys
-import time
 from functools import partial
 
 import pytest
@@ -131,11 +130,9 @@ def test_a_kernel_without_a_place_on_disk_is_compiled_in_this_process(kernel, mo
     monkeypatch.setattr(kernel.add, "_cache", caching.NullCache())
     assert compiled.is_cached(kernel.add, kernel.Numbers)
     caplog.set_level(logging.WARNING)
-    begin = time.monotonic()
     owner = Owner(kernel)
     assert owner.call() == (3, 7.0)
     assert starting.COMPILATION.done is None
-    assert time.monotonic() - begin < 60.0
 
 
 def test_where_the_package_cannot_be_written_machine_code_is_kept_in_a_folder_of_the_user(

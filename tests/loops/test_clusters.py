@@ -3,22 +3,16 @@
 from __future__ import annotations
 
 import importlib.util
-import subprocess
-import sys
 from pathlib import Path
 
 import numpy as np
 import pytest
-from variants import slow
 
 import cinegen
-import raff2urdf
 from cinegen.errors import ClosureError
 from cinegen.loops.arrays import null_space
 from cinegen.loops.clusters import clusters, subsystems
 from cinegen.loops.motions import free_motions
-from cinegen.session import Session, arrange
-from cinegen.session import commands as c
 
 _SPEC = importlib.util.spec_from_file_location(
     "large_mechanisms", Path(__file__).resolve().parents[2] / "benchmarks/large.py"
@@ -66,19 +60,19 @@ def dragged(
     return solver, step.errors[0][0]
 
 
-@pytest.mark.parametrize("joints", [10, 30, 100])
 @pytest.mark.parametrize("family", FAMILIES)
-def test_mobility_is_as_counted_by_hand(made, family, joints):
-    mechanism = made(family, joints)
-    assert mechanism.mobility == large.MOBILITY[family](joints)
+def test_mobility_is_as_counted_by_hand_and_loops_stay_closed(made, family):
+    mechanism = made(family, 30)
+    assert mechanism.mobility == large.MOBILITY[family](30)
     assert len(mechanism.actuated) == mechanism.mobility
     one = family in ("train", "girder")
     assert len(mechanism.cluster_ranks) == (1 if one else len(mechanism.loops))
+    dragged(mechanism, ticks=100)
 
 
-@pytest.mark.parametrize("family", slow("snake", "star"))
-def test_a_thousand_joints_with_a_hundred_loops(made, family):
-    mechanism = made(family, 1000)
+@pytest.mark.slow
+def test_a_thousand_joints_with_a_hundred_loops(made):
+    mechanism = made("snake", 1000)
     assert (mechanism.model.nv, len(mechanism.loops), mechanism.mobility) == (1000, 100, 800)
     assert mechanism.cluster_ranks == (2,) * 100
     rng = np.random.default_rng(0)
@@ -86,16 +80,10 @@ def test_a_thousand_joints_with_a_hundred_loops(made, family):
         q = mechanism.close(mechanism.q_home + size * rng.uniform(-1.0, 1.0, 1000))
         assert mechanism.closure(q) <= 1e-12
     solver, left = dragged(mechanism, wait=130)
-    assert left < 1e-5 * mechanism.length  # the star is 20 m wide: motions of a segment are small, and damped
+    assert left < 1e-5 * mechanism.length
     motions = null_space(solver._memory)
     assert motions.shape == (800, 1100)  # of the joints, and of those that were cut
     assert motions @ motions.T == pytest.approx(np.eye(800), abs=1e-12)
-
-
-def test_a_thousand_joints_without_loops(made):
-    mechanism = made("chain", 1000)
-    assert mechanism.mobility == 1000
-    assert dragged(mechanism)[1] < 1e-6
 
 
 def test_jacobians_of_a_thousand_joints_are_derivatives(made):
@@ -114,44 +102,9 @@ def test_jacobians_of_a_thousand_joints_are_derivatives(made):
         assert here.rotation @ node[:3, column] == pytest.approx((there - back) / (2.0 * h), abs=1e-7)
 
 
-@pytest.mark.slow
-def test_a_thousand_joints_are_converted_and_described(made, folder):
-    mechanism = made("snake", 1000)
-    written = raff2urdf.convert(folder / "snake1000.raff", folder / "out")[0]
-    again = cinegen.load(written.file)
-    assert np.array_equal(again.q_home, mechanism.q_home)
-    assert again.cluster_ranks == mechanism.cluster_ranks
-    command = [sys.executable, "-m", "cinegen", "info", str(folder / "snake1000.raff")]
-    run = subprocess.run(command, capture_output=True, text=True, timeout=120, check=True)
-    assert run.stdout.startswith("snake1000: robot 'r', mobility 800, 1000 joints (800 actuated), 100 loops")
-
-
-def test_a_thousand_joints_are_driven_in_a_session(made):
-    mechanism = made("snake", 1000)
-    session = Session(arrange({"snake": mechanism}))
-    to = mechanism.placement(mechanism.q_home, mechanism.end).translation + np.array([0.01, -0.02, 0.01])
-    session.obey(c.StartDrag("snake", mechanism.end, (0.0, 0.0, 0.0)))
-    session.obey(c.MoveDrag(tuple(to)))
-    for _ in range(200):
-        session.tick()
-    robot = session.state().robots["snake"]
-    session.close()
-    assert np.linalg.norm(mechanism.placement(robot.q, mechanism.end).translation - to) < 1e-6
-    assert mechanism.closure(robot.q) <= 1e-10
-
-
 def test_modes_of_many_loops_are_refused(made):
     with pytest.raises(cinegen.CinegenError, match="200 independent equations"):
         cinegen.assembly_modes(made("snake", 1000))
-
-
-@pytest.mark.parametrize("family", ["train", "girder"])
-def test_loops_that_share_joints_with_their_neighbours(made, family):
-    mechanism = made(family, 100)
-    rng = np.random.default_rng(2)
-    q = mechanism.close(mechanism.q_home + 1e-2 * rng.uniform(-1.0, 1.0, mechanism.model.nq))
-    assert mechanism.closure(q) <= 1e-12
-    dragged(mechanism)
 
 
 # --- clusters ------------------------------------------------------------------------------------------------------
@@ -234,9 +187,8 @@ def test_random_configurations_move_all_joints_of_several_clusters(tmp_path):
     assert max(mechanism.closure(q) for q in found) <= 1e-12
 
 
-@pytest.mark.parametrize("family", ["girder", *slow("snake", "star")])
-def test_motions_of_large_jacobians_are_those_of_their_singular_vectors(made, family):
-    mechanism = made(family, 300 if family == "girder" else 1000)
+def test_motions_of_large_jacobians_are_those_of_their_singular_vectors(made):
+    mechanism = made("girder", 300)
     jacobian = mechanism.system.evaluate(mechanism.random_closed(1)[0])[1]
     motions, sigma = free_motions(jacobian, mechanism.loop_rank)
     assert motions.shape == (mechanism.model.nv, mechanism.mobility)

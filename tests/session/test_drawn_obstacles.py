@@ -71,16 +71,6 @@ def test_an_obstacle_moves_freely_in_space_in_the_plane_of_a_planar_robot_and_a_
         assert [DrivenObstacle(key, one, 0.01).mechanism.mobility for key, one in drawn.items()] == dof
 
 
-@pytest.mark.parametrize("dof", [3, 6])
-def test_an_obstacle_is_where_it_is_put(dof):
-    placement = pin.SE3(pin.rpy.rpyToMatrix(0.0, 0.0, 0.3), np.array([0.1, 0.2, 0.3]))
-    one = DrivenObstacle("ball", DrawnObstacle((), placement, dof), 0.01)
-    assert np.allclose(one.pose.homogeneous, placement.homogeneous)
-    goal = placement * pin.SE3(pin.rpy.rpyToMatrix(0.0, 0.0, -2.0), np.array([1.0, -2.0, 0.0]))
-    one.pose = goal
-    assert np.allclose(one.pose.homogeneous, goal.homogeneous)
-
-
 def test_what_is_drawn_in_the_plane_is_flat_where_the_robot_moves_in_it(scene):
     flat = [
         {"name": "disc", "kind": "disc", "radius": 0.1, "point": [0.5, 0.5]},
@@ -99,20 +89,6 @@ def test_what_is_drawn_in_the_plane_is_flat_where_the_robot_moves_in_it(scene):
     assert height < planar.mechanism.length
     assert heights(planar) == pytest.approx([height, height, height, 0.7], abs=1e-4)
     assert heights(spatial) == pytest.approx([HEIGHT, HEIGHT, HEIGHT, 0.7], abs=1e-4)
-
-
-@pytest.mark.parametrize("name", ["arm7", "planar_3r"])
-@pytest.mark.parametrize("normal", [[0, 0, 1], [0, 1, 0], [0.6, 0.8, 0]])
-def test_a_half_space_is_a_slab_behind_its_plane(scene, name, normal):
-    made = scene(name, {"kind": "half_space", "normal": normal, "point": [-0.4, -0.3, -0.2]})
-    (obstacle,) = made.obstacles
-    slab = SceneAppearance(made).obstacle(obstacle).shapes[0].placed()
-    placed = PlacedShape(obstacle.placement * slab.placement, slab.shape)
-    unit = np.array(normal) / np.linalg.norm(normal)
-    reach = 1e3 - 1e-3 - support(placed, unit)  # the plane, and nothing above it
-    assert reach == pytest.approx(float(unit @ [-0.4, -0.3, -0.2]), abs=1e-6)
-    sides = 2.0 * slab.shape.halfSide
-    assert min(sides) == pytest.approx(0.02 * max(sides))
 
 
 def test_a_recording_keeps_the_poses_of_obstacles(robot, tmp_path):

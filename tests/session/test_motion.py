@@ -1,6 +1,8 @@
-"""Motions of robots that wait for what is in their path, and those that go back the way they came."""
+"""Motions of robots that wait for what is in their path, those that go back as they came, and their trace."""
 
 from __future__ import annotations
+
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -8,6 +10,7 @@ import pytest
 from cinegen.session import Session, arrange
 from cinegen.session import commands as c
 from cinegen.session.motion import ConfigurationMotion, Retrace
+from cinegen.session.undo import MotionTrace
 
 DT = 0.01
 KINDS = ("straight", "retrace")
@@ -82,3 +85,19 @@ def test_undo_goes_back_along_the_way_and_not_straight(robot):
     straight = 0.5 * (there[-1] + arm.q_home)
     assert np.abs(way - straight).max(axis=1).min() > 0.1
     session.close()
+
+
+PERIOD = 0.02
+
+
+@pytest.mark.parametrize("count", [1, 600, 601, 602, 1202, 5000])
+def test_a_trace_of_any_length_begins_at_the_beginning_and_is_evenly_sampled(count):
+    """The robot's one coordinate is the time since the undo step began, so that the trace says when each was taken."""
+    robot, trace = SimpleNamespace(q=np.zeros(1)), MotionTrace(PERIOD)
+    for tick in range(count):
+        robot.q = np.array([tick * PERIOD])
+        trace.note({"robot": robot})
+    times = np.concatenate(trace.configurations["robot"])
+    assert times == pytest.approx(trace.period * np.arange(len(times)), abs=1e-9)
+    assert 0.0 <= robot.q[0] - times[-1] < trace.period - 1e-9
+    assert min(count, 300) <= len(times) <= 600

@@ -1,4 +1,4 @@
-"""A session that runs at its rate: how it is scheduled."""
+"""A session that runs at its rate: how it is scheduled, and while its kernels are compiled."""
 
 from __future__ import annotations
 
@@ -11,11 +11,14 @@ import time
 from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
 import pytest
-from variants import slow
 
 from cinegen.errors import CinegenError
+from cinegen.jit.starting import COMPILATION
 from cinegen.session import Session, SessionRunner, arrange
+from cinegen.session import commands as c
+from cinegen.session.runner import INTERPRETED_RATE, _next_period
 
 
 @pytest.mark.parametrize(("priority", "scheduling"), [(0, "ordinary scheduling"), (7, "SCHED_FIFO 7")])
@@ -74,14 +77,7 @@ def _of_family(mark):
 
 
 @pytest.mark.skipif(not Path("/proc/self/environ").exists(), reason="processes are looked for in /proc")
-@pytest.mark.parametrize(
-    ("end", "delay"),
-    [
-        (signal.SIGKILL, None),
-        (signal.SIGINT, 0.1),
-        *slow((signal.SIGKILL, 0.02), (signal.SIGKILL, 0.4), (signal.SIGINT, 1.0)),
-    ],
-)
+@pytest.mark.parametrize(("end", "delay"), [(signal.SIGKILL, None), (signal.SIGINT, 0.1)])
 def test_the_process_of_a_session_ends_with_its_parent_at_any_moment(tmp_path, end, delay):
     program, mark = tmp_path / "program.py", f"MARK={os.getpid()} {time.time()}"
     program.write_text(START)
@@ -105,3 +101,63 @@ def test_the_process_of_a_session_ends_with_its_parent_at_any_moment(tmp_path, e
     assert too_early <= (delay is not None and delay <= 0.1)
     assert output.count("Traceback") == (end == signal.SIGINT) + too_early  # of this program itself
     assert "cinegen" not in output or end == signal.SIGINT
+
+
+# --- its rate --------------------------------------------------------------------------------------------------------
+
+
+pytestmark = pytest.mark.filterwarnings("ignore:.*no such port:cinegen.CinegenWarning")
+
+
+def becomes(condition, seconds=60.0):
+    end = time.monotonic() + seconds
+    while not condition():
+        if time.monotonic() > end:
+            return False
+        time.sleep(0.01)
+    return True
+
+
+def test_a_session_has_its_rate_as_soon_as_its_kernels_are_compiled(robot, monkeypatch):
+    monkeypatch.setattr(COMPILATION, "_waiting", [object()])
+    setup = arrange({"arm": robot("planar_3r")}, follow="circle", rate=500.0)
+    with SessionRunner(setup, own_process=False) as runner:
+        assert becomes(lambda: runner.report().period == 1.0 / INTERPRETED_RATE)
+        before = runner.state.time
+        COMPILATION._waiting.clear()
+        assert becomes(lambda: runner.report().period == 1.0 / 500.0)
+        assert becomes(lambda: runner.state.time > before + 0.5)
+
+
+def test_a_rate_rises_by_and_by_and_one_below_that_of_interpreted_kernels_is_kept(monkeypatch):
+    period, passed = 1.0 / INTERPRETED_RATE, 0.0
+    while (period := _next_period(500.0, period)) > 1.0 / 500.0:
+        passed += period
+    assert passed > 0.3
+    assert _next_period(20.0, 1.0 / 20.0) == 1.0 / 20.0
+    monkeypatch.setattr(COMPILATION, "_waiting", [object()])
+    assert _next_period(20.0, 1.0 / 20.0) == 1.0 / 20.0
+    assert _next_period(500.0, 1.0 / INTERPRETED_RATE) == 1.0 / INTERPRETED_RATE
+
+
+@pytest.mark.parametrize("name", ["planar_3r", "delta4"])
+def test_velocities_do_not_jump_when_the_rate_changes(robot, name):
+    """A drag at a constant speed. If the rate changed at once, the speed would be twice as high for a while."""
+    session = Session(arrange({name: robot(name)}))
+    session.dt, end = 1.0 / INTERPRETED_RATE, robot(name).end
+    begin = here = session.robots[name].placement(end).translation
+    speed, speeds = 0.02 * robot(name).length, []
+    session.obey(c.StartDrag(name, end, (0.0, 0.0, 0.0)))
+    while session.time < 3.0:
+        aside = [-speed * session.time, 0.0, 0.0]
+        session.obey(c.MoveDrag(tuple(begin + aside)))
+        session.tick()
+        there = session.robots[name].placement(end).translation
+        if session.time > 0.5:
+            speeds.append(float(np.linalg.norm(there - here)) / session.dt)
+        here = there
+        if session.time > 1.0:
+            session.dt = _next_period(1000.0, session.dt)
+    assert session.dt == 1e-3
+    assert np.array(speeds) == pytest.approx(speed, rel=0.035)
+    session.close()

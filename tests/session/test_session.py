@@ -7,39 +7,14 @@ import re
 import numpy as np
 import pinocchio as pin
 import pytest
+from leading import run
 
 import cinegen
 from cinegen.mission import BasePose
-from cinegen.session import Session, Setup, arrange
+from cinegen.session import Session, Setup, arrange, replay_setup
 from cinegen.session import commands as c
 
-DT = 1e-3
-
-
-@pytest.fixture
-def session(robot):
-    """`session("delta4", "arm7")`: these robots, base_poses_at_start still."""
-    opened = []
-
-    def open_session(*names, **options):
-        found = arrange({name: robot(name) for name in names}, **options)
-        opened.append(Session(found))
-        return opened[-1]
-
-    yield open_session
-    for one in opened:
-        one.close()
-
-
 pytestmark = pytest.mark.filterwarnings("ignore:.*no such port:cinegen.CinegenWarning")
-
-
-def run(session, seconds, *commands):
-    for command in commands:
-        session.obey(command)
-    for _ in range(round(seconds / DT)):
-        session.tick()
-    return session.state()
 
 
 def place(state, session, name, node, point=(0.0, 0.0, 0.0)):
@@ -61,25 +36,6 @@ def test_the_point_that_is_taken_goes_where_it_is_led_and_stays_when_it_is_let_g
     after = run(one, 0.1, c.EndDrag())
     assert after.robots["delta4"].tasks == ()
     assert np.array_equal(after.robots["delta4"].q, state.robots["delta4"].q)
-
-
-def test_an_elbow_can_be_taken_too(session):
-    one = session("delta4")
-    begin = place(one.state(), one, "delta4", "link8", POINT)
-    to = begin + np.array([0.0, 0.0, -0.2])
-    state = run(one, 0.5, c.StartDrag("delta4", "link8", POINT), c.MoveDrag(tuple(to)))
-    moved = place(state, one, "delta4", "link8", POINT) - begin
-    assert moved @ (to - begin) > 0.5 * (to - begin) @ (to - begin)
-
-
-def test_a_whole_node_is_led_with_its_turns(session):
-    one = session("rx90")
-    home = one.robots["rx90"].placement("tool")
-    to = home * pin.SE3(pin.exp3(np.array([0.2, -0.1, 0.3])), np.array([0.03, -0.05, -0.04]))
-    pose = pin.SE3ToXYZQUAT(to).tolist()
-    state = run(one, 1.0, c.StartDrag("rx90", "tool", None, True), c.MoveDrag(tuple(pose[:3]), tuple(pose[3:])))
-    assert np.linalg.norm(pin.log6(one.robots["rx90"].placement("tool").actInv(to)).vector) < 1e-6
-    assert state.robots["rx90"].status.name == "FOLLOWING"
 
 
 def test_out_of_reach_is_said_with_how_far(session):
@@ -108,27 +64,11 @@ def test_a_joint_that_its_limit_stops_is_named(raff):
     one.close()
 
 
-def test_pins_hold_while_another_part_is_dragged(session):
-    one = session("arm7")
-    run(one, 0.01, c.Pin("arm7", "tool"))
-    pinned = one.robots["arm7"].placement("tool")
-    elbow = one.robots["arm7"].placement("link4").translation
-    weigh = c.ChangeTask(one.state().robots["arm7"].tasks[0].id, weight=100.0)
-    run(one, 1.0, weigh, c.StartDrag("arm7", "link4", (0, 0, 0)), c.MoveDrag(tuple(elbow + np.array([0.0, 0.1, 0.0]))))
-    assert np.linalg.norm(one.robots["arm7"].placement("link4").translation - elbow) > 0.02
-    assert np.linalg.norm(one.robots["arm7"].placement("tool").translation - pinned.translation) < 2e-3
-
-
 def test_what_is_let_go_as_a_pin_stays_held_and_what_was_pinned_is_pinned_again_where_it_was_led(session):
     one = session("delta4")
     begin = place(one.state(), one, "delta4", "platform")
-    state = run(
-        one,
-        0.5,
-        c.StartDrag("delta4", "platform", (0, 0, 0)),
-        c.MoveDrag(tuple(begin + np.array([0.1, 0, 0]))),
-        c.EndDrag(True),
-    )
+    aside = c.MoveDrag(tuple(begin + np.array([0.1, 0, 0])))
+    state = run(one, 0.5, c.StartDrag("delta4", "platform", (0, 0, 0)), aside, c.EndDrag(True))
     assert [task.source for task in state.robots["delta4"].tasks] == ["pin"]
     state = run(
         one, 0.5, c.StartDrag("delta4", "platform", (0, 0, 0)), c.MoveDrag(tuple(begin + np.array([0, 0, -0.2])))
@@ -141,7 +81,7 @@ def test_what_is_let_go_as_a_pin_stays_held_and_what_was_pinned_is_pinned_again_
     assert run(one, 0.01, c.RemoveTask(task.id)).robots["delta4"].tasks == ()
 
 
-@pytest.mark.parametrize("name", ["delta4", "gough", "rx90", "hybrid", "five_bar"])
+@pytest.mark.parametrize("name", ["delta4", "rx90"])
 def test_undo_goes_the_way_back_and_redo_goes_it_again(session, name):
     one = session(name)
     home = one.state().robots[name].q
@@ -163,18 +103,7 @@ def test_undo_goes_the_way_back_and_redo_goes_it_again(session, name):
     assert state.robots[name].closure < 1e-10
 
 
-def test_another_gesture_forgets_what_was_undone(session):
-    one = session("planar_3r")
-    for value in (0.2, 0.4):
-        run(one, 0.5, c.MoveJoint("planar_3r", "joint1", value), c.EndJointMotion())
-    assert run(one, 1.0, c.Undo()).redo == 1
-    state = run(one, 0.5, c.MoveJoint("planar_3r", "joint2", 0.1), c.EndJointMotion())
-    assert (state.undo, state.redo) == (2, 0)
-    before = run(one, 2.0, c.Undo(), c.Undo(), c.Undo(), c.Undo())  # more than there are
-    assert before.undo == 0
-
-
-@pytest.mark.parametrize("name", ["delta4", "gough", "sr400", "planar_3r", "four_bar"])
+@pytest.mark.parametrize("name", ["delta4", "gough", "planar_3r"])
 def test_a_motor_goes_where_its_slider_says_and_loops_stay_closed(session, name):
     one = session(name)
     mechanism = one.setup.robots[name]
@@ -191,30 +120,6 @@ def test_a_motor_goes_where_its_slider_says_and_loops_stay_closed(session, name)
     assert run(one, 0.1, c.EndJointMotion()).moving is None
 
 
-def test_a_motor_stops_where_the_loops_can_follow_no_further(session):
-    one = session("delta4")
-    mechanism = one.setup.robots["delta4"]
-    state = run(one, 4.0, c.MoveJoint("delta4", "joint1", 10.0))
-    q = state.robots["delta4"].q
-    assert state.robots["delta4"].closure < 1e-10
-    assert (q <= mechanism.model.upperPositionLimit + 1e-6).all()
-    assert run(one, 1.0, c.EndJointMotion()).moving is None
-
-
-def test_a_motor_is_no_faster_than_it_may_be(session):
-    one = session("five_bar")
-    mechanism = one.setup.robots["five_bar"]
-    limit = mechanism.model.upperVelocityLimit[mechanism.v_index("joint1")]
-    i = mechanism.q_index("joint1")
-    one.obey(c.MoveJoint("five_bar", "joint1", mechanism.q_home[i] + 0.3))
-    before = one.state().robots["five_bar"].q[i]
-    for _ in range(100):
-        one.tick()
-        now = one.state().robots["five_bar"].q[i]
-        assert now - before <= limit * DT * (1 + 1e-9)
-        before = now
-
-
 def test_home_is_reached_exactly_from_anywhere(session):
     one = session("gough", "arm7")
     for name in ("gough", "arm7"):
@@ -225,21 +130,6 @@ def test_home_is_reached_exactly_from_anywhere(session):
     for name in ("gough", "arm7"):
         assert np.abs(state.robots[name].q - one.setup.robots[name].q_home).max() < 1e-9
     assert state.moving is None
-
-
-def test_pause_stops_everything_and_goes_on(session):
-    one = session("delta4", follow="circle")
-    before = run(one, 0.5, c.Pause(True)).robots["delta4"].q
-    assert np.array_equal(run(one, 0.5).robots["delta4"].q, before)
-    assert not np.array_equal(run(one, 0.5, c.Pause(False)).robots["delta4"].q, before)
-
-
-def test_a_script_leads_until_a_hand_takes_any_part_of_the_robot(session):
-    one = session("delta4", follow="circle")
-    assert one.state().switches == {("delta4", "platform"): "path"}
-    state = run(one, 0.1, c.StartDrag("delta4", "link8", POINT))
-    assert state.switches == {("delta4", "platform"): None}
-    assert [task.source for task in state.robots["delta4"].tasks] == ["pointer"]
 
 
 def test_a_switch_ties_a_sensor_to_a_node_and_the_hand_borrows_it(session):
@@ -265,8 +155,7 @@ def test_a_switch_ties_a_sensor_to_a_node_and_the_hand_borrows_it(session):
 
 
 @pytest.mark.parametrize(
-    ("frame", "way"),
-    [("world", [0, 1, 0]), ("base", [-1, 0, 0]), ("view", [-1, 0, 0]), ("tool", None)],
+    ("frame", "way"), [("world", [0, 1, 0]), ("base", [-1, 0, 0]), ("view", [-1, 0, 0]), ("tool", None)]
 )
 def test_a_sensor_moves_along_the_frame_of_command(robot, frame, way):
     """A push away from oneself: the robot stands turned by a quarter about z, and is looked at along the world's -x."""
@@ -303,52 +192,11 @@ def test_a_robot_on_another_goes_along_and_what_is_pinned_stays_in_the_world(rob
     one.close()
 
 
-def test_gain_and_damping_reach_the_solvers(session):
-    one = session("delta4", "rx90")
-    run(one, 0.01, c.ChangeSettings(gain=20.0), c.ChangeSettings(damping=0.2))
-    for robot in one.robots.values():
-        assert robot.solver.gain == 20.0
-        assert robot.solver.damping_threshold == 0.2
-    assert one.state().settings.gain == 20.0
-
-
-def test_what_can_not_be_done_is_a_notice(session, tmp_path, monkeypatch):
-    one = session("delta4")
-    (tmp_path / "file").write_text("")
-    path = str(tmp_path / "file" / "run.jsonl")
-    monkeypatch.setattr("cinegen.session.session_recorder.time.strftime", lambda text: path)
-    state = run(one, 0.01, c.SetRecording(True))
-    assert state.recording is None
-    assert any(notice.warning and "run.jsonl" in notice.text for notice in state.notices)
-
-
-def test_the_page_can_record_and_the_record_is_the_motion(session, tmp_path, monkeypatch):
-    monkeypatch.chdir(tmp_path)
-    one = session("delta4")
-    begin = place(one.state(), one, "delta4", "platform")
-    state = run(
-        one, 0.5, c.SetRecording(True), c.StartDrag("delta4", "platform", (0, 0, 0)), c.MoveDrag(tuple(begin + 0.1))
-    )
-    assert state.recording.seconds > 0.4
-    state = run(one, 0.01, c.SetRecording(False))
-    assert state.recording is None
-    assert "recorded" in state.notices[-1].text
-    one.close()  # the file is whole then
-    (file,) = tmp_path.glob("mission-*.jsonl")
-    from cinegen.mission import Recording
-
-    recording = Recording.load(file)
-    assert recording.seconds == pytest.approx(0.5, abs=0.03)
-    assert recording.tasks["delta4"][-1][0].node == "platform"
-    mechanism = one.setup.robots["delta4"]
-    assert np.linalg.norm(mechanism.placement(recording.q["delta4"][-1], "platform").translation - begin - 0.1) < 1e-3
-
-
-def test_a_thousand_random_commands_never_stop_it(session):
+def test_hundreds_of_random_commands_never_stop_it(session):
     rng = np.random.default_rng(8)
     one = session("delta4", "planar_3r", follow="circle")
     names = {"delta4": ("link5", "link8", "platform"), "planar_3r": ("link1", "link3")}
-    for _ in range(1000):
+    for _ in range(300):
         name = rng.choice(list(names))
         node, value = str(rng.choice(names[name])), float(rng.normal())
         kinds = [
@@ -372,8 +220,6 @@ def test_a_thousand_random_commands_never_stop_it(session):
 
 
 def test_a_recording_is_shown_and_can_not_be_driven(session, tmp_path):
-    from cinegen.session import replay_setup
-
     one = session("delta4", record=str(tmp_path / "run.jsonl"), follow="circle")
     run(one, 1.0)
     one.close()
@@ -391,21 +237,6 @@ def test_a_recording_is_shown_and_can_not_be_driven(session, tmp_path):
     shown.close()
 
 
-def test_cinegen_errors_are_all_that_a_setup_raises(robot):
-    with pytest.raises(cinegen.CinegenError):
-        Setup({})
-
-
-def test_more_nodes_than_anybody_needs_can_not_be_held(session):
-    one = session("gough", "hybrid", "delta4")
-    nodes = [(name, node) for name in one.robots for node in one.setup.robots[name].nodes]
-    for name, node in nodes:
-        one.obey(c.Pin(name, node))
-    state = one.state()
-    assert sum(len(robot.tasks) for robot in state.robots.values()) == min(64, len(nodes))
-    assert len(nodes) < 64 or state.notices[-1].warning
-
-
 def test_a_motion_that_leads_astray_ends_and_is_told(session):
     one = session("delta4")
 
@@ -421,24 +252,3 @@ def test_a_motion_that_leads_astray_ends_and_is_told(session):
     assert np.array_equal(state.robots["delta4"].q, before)
     assert "leaves loops" in state.notices[-1].text
     assert state.moving is None
-
-
-def test_an_objective_that_raises_is_a_notice_once_and_the_robot_goes_on(session, caplog):
-    class Wrong:
-        def velocity(self, state):
-            raise ValueError("the objective is wrong")
-
-    one = session("delta4", "arm7")
-    one.robots["arm7"].solver.objectives = [Wrong()]
-    one.robots["delta4"].solver.objectives = [Wrong()]
-    begin = place(one.state(), one, "delta4", "link5", POINT)
-    to = begin + np.array([0.1, 0.05, -0.3])
-    state = run(one, 0.5, c.StartDrag("delta4", "link5", POINT), c.MoveDrag(tuple(to)))
-    assert np.linalg.norm(place(state, one, "delta4", "link5", POINT) - to) < 1e-6
-    assert state.robots["delta4"].closure < 1e-11
-    warned = sorted(notice.text for notice in state.notices if notice.warning)
-    assert len(warned) == 2
-    assert all("objective 0 (Wrong) of " in words and "ValueError: the objective is wrong" in words for words in warned)
-    assert len([record for record in caplog.records if record.name == "cinegen"]) == 2
-    run(one, 0.1, c.MoveHome("delta4"))  # led by its motors now
-    assert len(one.state().notices) == 2

@@ -12,9 +12,8 @@ import pytest
 
 from cinegen.collision import load_scene, scene_of
 from cinegen.collision.links import link_bodies
-from cinegen.mission import Recording
 from cinegen.model.motion_limits import motion_limits
-from cinegen.session import Session, replay_setup, scene_setup
+from cinegen.session import Session, scene_setup
 from cinegen.session import commands as c
 
 SAFETY = 0.02
@@ -31,7 +30,7 @@ def session(robot):
     """`session("arm7", POLE)`: a session with a robot among these obstacles."""
     opened = []
 
-    def open_session(name, *obstacles, record=None, rate=1000.0, **keys):
+    def open_session(name, *obstacles, record=None, rate=250.0, **keys):
         mechanism = robot(name)
         said = {"robot": f"{name}.raff", "goal": {"point": [0.0, 0.0, 0.0]}, "safety": SAFETY, **keys}
         scene = scene_of({**said, "obstacle": list(obstacles)}, mechanism=mechanism)
@@ -76,7 +75,7 @@ def run(session, ticks, *said):
     return session.state()
 
 
-def lead(session, way, each=10, seen=None):
+def lead(session, way, each=3, seen=None):
     """Leads the hand along points; calls `seen` with the state after every tick."""
     for point in way:
         session.obey(c.MoveDrag(tuple(point)))
@@ -95,61 +94,33 @@ def line(begin, end, count):
     return np.linspace(begin, end, count + 1)[1:]
 
 
-@pytest.mark.slow
-def test_an_arm_that_is_dragged_past_a_pole_never_comes_nearer_than_the_safety_distance(session):
-    one = session("arm7", POLE)
-    far = Measured(one, "arm7", {"pole": coal.Capsule(0.03, 1.0)})
-    begin = point(one, "arm7", "tool")
-    least, statuses = [far(one.state())], set()
+@pytest.mark.parametrize(
+    ("name", "node", "obstacles", "shape", "ways"),
+    [
+        ("arm7", "tool", [POLE], coal.Capsule(0.03, 1.0), [[-0.15, 0.35, 0.0]]),  # through the pole
+        ("delta4", "platform", POSTS, coal.Cylinder(0.1, 3.0), [[0.86, 0.27, -0.36], [-0.66, 0.61, -0.36]]),
+    ],
+)
+def test_a_robot_that_is_dragged_past_obstacles_never_comes_nearer_than_the_safety_distance(
+    session, name, node, obstacles, shape, ways
+):
+    one = session(name, *obstacles)
+    far = Measured(one, name, {obstacle["name"]: shape for obstacle in obstacles})
+    begin, least, states = point(one, name, node), [], []
 
     def seen(state):
         least.append(far(state))
-        statuses.add(state.robots["arm7"].status)
+        states.append(state.robots[name])
 
-    one.obey(c.StartDrag("arm7", "tool", (0, 0, 0)))
-    lead(one, line(begin, begin + np.array([-0.15, 0.35, 0.0]), 60), seen=seen)  # through the pole, to the other side
-    run(one, 500)
-    lead(one, line(begin, begin, 1), seen=seen)
-    assert min(least) >= SAFETY
-    assert min(least) < 2.0 * SAFETY  # it was in the way
-    words = {status.label for status in statuses if status.name in ("BARRED", "DETOUR")}
-    assert words
-    assert words <= {"barred by 'pole'", "detour around 'pole'", "detour", "barred by its own 'link6'"}
-    assert np.linalg.norm(point(one, "arm7", "tool") - begin) < 0.4
+    one.obey(c.StartDrag(name, node, (0, 0, 0)))
+    for way in ways:
+        lead(one, line(begin, begin + np.array(way), 25), each=2, seen=seen)
+    assert SAFETY <= min(least) < 3.0 * SAFETY  # they were in the way
+    assert {"BARRED", "DETOUR"} & {state.status.name for state in states}
+    assert max(state.closure for state in states) <= 1e-9
 
 
-def test_what_is_not_in_the_way_is_followed_exactly(session):
-    one = session("arm7", POLE, FLOOR)
-    begin = point(one, "arm7", "tool")
-    to = begin + np.array([0.03, -0.2, 0.1])
-    run(one, 0, c.StartDrag("arm7", "tool", (0, 0, 0)))
-    lead(one, line(begin, to, 40))
-    state = run(one, 200)
-    assert np.linalg.norm(point(one, "arm7", "tool") - to) < 1e-6
-    assert state.robots["arm7"].status.label == "following"
-
-
-@pytest.mark.slow
-def test_loops_stay_closed_among_posts(session):
-    one = session("delta4", *POSTS)
-    far = Measured(one, "delta4", {post["name"]: coal.Cylinder(0.1, 3.0) for post in POSTS})
-    begin = point(one, "delta4", "platform")
-    least, closure = [], []
-
-    def seen(state):
-        least.append(far(state))
-        closure.append(state.robots["delta4"].closure)
-
-    one.obey(c.StartDrag("delta4", "platform", (0, 0, 0)))
-    for a in (0.3, 2.4, -1.8):
-        way = line(begin, begin + 0.9 * np.array([np.cos(a), np.sin(a), -0.4]), 25)
-        lead(one, way, each=4, seen=seen)
-    assert min(least) >= SAFETY
-    assert min(least) < 3.0 * SAFETY
-    assert max(closure) <= 1e-9
-
-
-def test_an_obstacle_that_is_dragged_pushes_the_robot_and_never_touches_it(session):
+def test_an_obstacle_that_is_dragged_pushes_the_robot_never_touches_it_and_both_go_back_by_undo(session):
     one = session("arm7", POLE)
     far = Measured(one, "arm7", {"pole": coal.Capsule(0.03, 1.0)})
     at_rest = one.state().robots["arm7"].q
@@ -162,8 +133,8 @@ def test_an_obstacle_that_is_dragged_pushes_the_robot_and_never_touches_it(sessi
 
     one.obey(c.StartDrag("pole", "pole", (0.0, 0.0, 0.1)))
     up = np.array([0.0, 0.0, 0.1])
-    lead(one, line(begin + up, begin + up + np.array([-0.1, -0.25, 0.0]), 100), each=10, seen=seen)
-    for _ in range(500):  # it yields within its limits of acceleration: the pole arrives later than the pointer
+    lead(one, line(begin + up, begin + up + np.array([-0.1, -0.25, 0.0]), 100), each=2, seen=seen)
+    for _ in range(120):  # it yields within its limits of acceleration: the pole arrives later than the pointer
         seen(run(one, 1))
     assert np.abs(one.state().robots["arm7"].q - at_rest).max() > 0.1  # it has yielded
     assert ("PUSHED", "pushed by 'pole'") in {(status.name, status.label) for status in statuses}
@@ -171,6 +142,10 @@ def test_an_obstacle_that_is_dragged_pushes_the_robot_and_never_touches_it(sessi
     assert np.linalg.norm(point(one, "pole", "pole") - begin - [-0.1, -0.25, 0.0]) < 5e-3
     turned = one.obstacles["pole"].pose.rotation
     assert np.allclose(turned, np.eye(3), atol=1e-6)  # dragged, it is not turned
+    run(one, 5, c.EndDrag())
+    state = run(one, 750, c.Undo())
+    assert np.allclose(state.robots["arm7"].q, at_rest, atol=1e-9)
+    assert np.allclose(state.obstacles["pole"].pose.translation, begin, atol=1e-9)
 
 
 def test_an_obstacle_that_is_thrown_at_a_robot_stops_before_it(session):
@@ -180,45 +155,23 @@ def test_an_obstacle_that_is_thrown_at_a_robot_stops_before_it(session):
     begin = point(one, "pole", "pole")
     one.obey(c.StartDrag("pole", "pole", (0.0, 0.0, 0.0)))
     least = []
-    lead(one, [begin + np.array([-0.5, -2.0, 0.0])], each=300, seen=lambda state: least.append(far(state)))
+    lead(one, [begin + np.array([-0.5, -2.0, 0.0])], each=75, seen=lambda state: least.append(far(state)))
     assert min(least) > 0.5 * SAFETY
-
-
-def test_an_obstacle_stops_where_the_robot_cannot_yield(session):
-    """A pillar that stands fixed is the robot's base: there is nothing that could yield."""
-    one = session("arm7", {**POLE, "point": [0.3, -0.4, 0.1], "length": 0.2})
-    begin = point(one, "pole", "pole")
-    one.obey(c.StartDrag("pole", "pole", (0.0, 0.0, 0.0)))
-    lead(one, line(begin, [0.0, 0.0, 0.1], 50))
-    state = run(one, 200)
-    assert np.linalg.norm(point(one, "pole", "pole")[:2]) > 0.03
-    assert state.obstacles["pole"].status.name == "BARRED"
-    assert state.obstacles["pole"].status.label.startswith("barred by '")
-
-
-def test_a_robot_at_rest_is_left_alone_by_obstacles_that_are_let_go(session):
-    one = session("arm7", POLE)
-    begin = point(one, "pole", "pole")
-    run(one, 20, c.StartDrag("pole", "pole", (0, 0, 0)), c.MoveDrag(tuple(begin + np.array([0.1, 0.0, 0.0]))))
-    state = run(one, 5, c.EndDrag())
-    moved = state.obstacles["pole"].pose
-    assert state.obstacles["pole"].status.name == "IDLE"
-    assert run(one, 50).obstacles["pole"].pose == moved
 
 
 def test_home_stops_before_it_hits_and_says_what(session):
     one = session("arm7", {**POLE, "point": [5.0, 5.0, 0.5]})
     begin = one.state().robots["arm7"].q
     run(one, 0, c.MoveJoint("arm7", "joint1", 1.2))
-    run(one, 2000, c.EndJointMotion())
+    run(one, 500, c.EndJointMotion())
     assert abs(one.state().robots["arm7"].q[0] - begin[0]) > 0.5
     middle = (point(one, "arm7", "link5") + np.array([0.6, 0.04, 0.47])) / 2.0  # where the forearm comes by
     run(one, 0, c.StartDrag("pole", "pole", (0, 0, 0)))
-    lead(one, [[middle[0] * 1.15, middle[1] * 1.15, 0.45]], each=500)
+    lead(one, [[middle[0] * 1.15, middle[1] * 1.15, 0.45]], each=125)
     run(one, 5, c.EndDrag())
     far = Measured(one, "arm7", {"pole": coal.Capsule(0.03, 1.0)})
     one.obey(c.MoveHome("arm7"))
-    least = [far(run(one, 1)) for _ in range(2500)]
+    least = [far(run(one, 1)) for _ in range(700)]
     state = one.state()
     assert min(least) >= SAFETY
     assert state.moving is None
@@ -233,36 +186,48 @@ def test_a_motor_that_is_led_into_an_obstacle_stays_before_it(session):
     one = session("arm7", POLE)
     far = Measured(one, "arm7", {"pole": coal.Capsule(0.03, 1.0)})
     one.obey(c.MoveJoint("arm7", "joint1", 3.0))
-    least = [far(run(one, 1)) for _ in range(1000)]
+    least = [far(run(one, 1)) for _ in range(250)]
     assert min(least) >= SAFETY
     status = one.state().robots["arm7"].status
     name, words = status.name, status.label
     assert name == "JOINTS"
     assert words.endswith("would hit 'pole'")
     one.obey(c.MoveJoint("arm7", "joint1", -0.5))  # a slider that moves on tries again
-    assert run(one, 1500).robots["arm7"].q[0] == pytest.approx(-0.5)
+    assert run(one, 400).robots["arm7"].q[0] == pytest.approx(-0.5)
 
 
-@pytest.mark.parametrize(("name", "joint"), [("arm7", "joint2"), ("delta4", "joint1")])
-def test_joint_and_home_motions_obey_the_limits_of_acceleration(session, name, joint):
-    """Also where one replaces the other on its way, and a drag that."""
+@pytest.mark.parametrize(
+    ("name", "joint", "moved"), [("arm7", "joint2", (0.5, -0.3, 0.4, 0.2)), ("delta4", "joint1", (0.2, 0.1, 0.15))]
+)
+def test_motions_of_joints_home_and_to_a_configuration_obey_the_limits_of_acceleration(session, name, joint, moved):
+    """Also where one replaces the other on its way, and a drag that, and where one begins while the robot moves."""
     one = session(name, {**POLE, "point": [5.0, 5.0, 0.5]}, rate=240.0)
     mechanism, robot = one.setup.robots[name], one.robots[name]
-    begin, q = robot.q, [robot.q]
-    at = begin[mechanism.q_index(joint)]
+    begin, q, there = robot.q, [robot.q], robot.q.copy()
+    for other, change in zip(mechanism.actuated, moved, strict=False):
+        there[mechanism.q_index(other)] += change
+    there = mechanism.close(there, mechanism.actuated)
+    at, drag = begin[mechanism.q_index(joint)], c.StartDrag(name, mechanism.end, (0, 0, 0))
     for command, ticks in (
         (c.MoveJoint(name, joint, at + 0.4), 40),
         (c.MoveJoint(name, joint, at - 0.2), 20),
         (c.MoveHome(name), 15),
-        (c.StartDrag(name, mechanism.end, (0, 0, 0)), 20),
-        (c.MoveHome(name), 500),
+        (drag, 20),
+        (c.MoveHome(name), None),
+        (c.MoveTo(name, mechanism.end, tuple(there)), 60),
+        (drag, 10),
+        (c.MoveTo(name, mechanism.end, tuple(there)), None),
     ):
         one.obey(command)
-        for _ in range(ticks):
+        while ticks is None or ticks > 0:
             one.tick()
             q.append(robot.q)
-    assert robot.motion is None
-    assert q[-1] == pytest.approx(begin, abs=1e-9)
+            ticks = None if ticks is None else ticks - 1
+            if ticks is None and robot.motion is None:
+                break
+        if isinstance(command, c.MoveHome) and ticks is None:
+            assert robot.q == pytest.approx(begin, abs=1e-9)
+    assert q[-1] == pytest.approx(there, abs=1e-6)
     v = np.array([mechanism.difference(a, b) for a, b in itertools.pairwise(q)]) * 240.0
     columns = [mechanism.v_index(one) for one in mechanism.actuated]
     changes = np.abs(np.diff(np.vstack([0.0 * v[:1], v]), axis=0))[:, columns] * 240.0
@@ -271,83 +236,8 @@ def test_joint_and_home_motions_obey_the_limits_of_acceleration(session, name, j
     assert max(map(mechanism.closure, q)) <= 1e-9
 
 
-@pytest.mark.parametrize(("name", "moved"), [("arm7", (0.5, -0.3, 0.4, 0.2)), ("delta4", (0.2, 0.1, 0.15))])
-def test_a_line_to_a_configuration_obeys_the_limits_of_acceleration(session, name, moved):
-    """Also where a drag takes over on its way, and where it begins while the robot is still moving."""
-    one = session(name, {**POLE, "point": [5.0, 5.0, 0.5]}, rate=240.0)
-    mechanism, robot = one.setup.robots[name], one.robots[name]
-    there = robot.q.copy()
-    for joint, change in zip(mechanism.actuated, moved, strict=False):
-        there[mechanism.q_index(joint)] += change
-    there, q = mechanism.close(there, mechanism.actuated), [robot.q]
-    line = c.MoveTo(name, mechanism.end, tuple(there))
-    for command, ticks in ((line, 60), (c.StartDrag(name, mechanism.end, (0, 0, 0)), 10), (line, 1500)):
-        one.obey(command)
-        for _ in range(ticks):
-            one.tick()
-            q.append(robot.q)
-    assert robot.motion is None
-    assert q[-1] == pytest.approx(there, abs=1e-6)
-    v = np.array([mechanism.difference(a, b) for a, b in itertools.pairwise(q)]) * 240.0
-    columns = [mechanism.v_index(one) for one in mechanism.actuated]
-    changes = np.abs(np.diff(np.vstack([0.0 * v[:1], v]), axis=0))[:, columns] * 240.0
-    assert (changes <= motion_limits(mechanism).acceleration[columns] * (1.0 + 1e-6)).all()
-    assert changes.max() > 1.0
-    assert max(map(mechanism.closure, q)) <= 1e-9
-
-
-def test_home_leads_back_to_where_the_scene_starts_and_leaves_obstacles_where_they_are(session):
-    one = session("planar_3r", {"kind": "disc", "radius": 0.05, "point": [0.0, 0.6], "name": "disc"}, safety=0.01,
-                  start={"joints": {"joint1": -0.3, "joint2": -0.6}})  # fmt: skip
-    begin = one.state().robots["planar_3r"].q
-    run(one, 0, c.StartDrag("planar_3r", "tool", (0, 0, 0)))
-    at = point(one, "planar_3r", "tool")
-    lead(one, line(at, at + np.array([-0.1, -0.1, 0.0]), 10))
-    run(one, 200, c.StartDrag("disc", "disc", (0, 0, 0)), c.MoveDrag((-0.2, 0.6, 0.0)))
-    run(one, 0, c.EndDrag())
-    state = run(one, 2000, c.MoveHome(None))
-    assert np.allclose(state.robots["planar_3r"].q, begin, atol=1e-9)
-    assert np.allclose(point(one, "disc", "disc"), [-0.2, 0.6, 0.0], atol=1e-6)
-    run(one, 3000, c.MoveHome("disc"))
-    assert np.allclose(point(one, "disc", "disc"), [0.0, 0.6, 0.0], atol=1e-9)
-
-
-@pytest.mark.slow
-def test_dragging_an_obstacle_is_undone_with_the_robot_that_yielded(session):
-    one = session("arm7", POLE)
-    before = one.state().robots["arm7"].q
-    begin = point(one, "pole", "pole")
-    run(one, 0, c.StartDrag("pole", "pole", (0, 0, 0)))
-    lead(one, line(begin, begin + np.array([-0.1, -0.2, 0.0]), 120))
-    run(one, 500, c.EndDrag())
-    assert np.abs(one.state().robots["arm7"].q - before).max() > 0.05
-    state = run(one, 3000, c.Undo())
-    assert np.allclose(state.robots["arm7"].q, before, atol=1e-9)
-    assert np.allclose(state.obstacles["pole"].pose.translation, begin, atol=1e-9)
-
-
-def test_what_moves_in_the_plane_stays_in_it(session):
-    one = session("planar_3r", {"kind": "disc", "radius": 0.05, "point": [0.0, 0.6], "name": "disc"}, safety=0.01)
-    run(one, 0, c.StartDrag("disc", "disc", (0.02, 0.0, 0.05)))
-    lead(one, line([0.02, 0.6, 0.05], [0.1, 0.7, 0.4], 20))
-    state = run(one, 300)
-    assert np.allclose(point(one, "disc", "disc"), [0.08, 0.7, 0.0], atol=1e-6)
-    assert state.obstacles["disc"].status.label == "following"
-
-
-def test_a_half_space_stays_where_it_is(session):
-    one = session("arm7", FLOOR)
-    state = run(one, 50, c.StartDrag("floor", "floor", (0, 0, 0)), c.MoveDrag((0.0, 0.0, 1.0)))
-    assert np.allclose(point(one, "floor", "floor"), [0, 0, -0.05])
-    begin = point(one, "arm7", "tool")
-    assert state.robots["arm7"].status.name == "IDLE"
-    run(one, 0, c.StartDrag("arm7", "tool", (0, 0, 0)))
-    lead(one, line(begin, begin * [1, 1, 0] - [0, 0, 0.3], 40))
-    assert point(one, "arm7", "tool")[2] > -0.05 + SAFETY - 1e-9
-
-
 def test_a_disc_that_moves_by_itself_keeps_clear_too(root):
-    one = Session(scene_setup(load_scene(root / "robots" / "scenes" / "discs.toml")))
+    one = Session(scene_setup(load_scene(root / "robots" / "scenes" / "discs.toml"), rate=250.0))
     scene = one.setup.avoidance.scene
     begin = point(one, "mobile", "mobile")
     run(one, 0, c.StartDrag("mobile", "mobile", (0, 0, 0)))
@@ -360,33 +250,10 @@ def test_a_disc_that_moves_by_itself_keeps_clear_too(root):
             for obstacle in scene.obstacles
         )
 
-    lead(one, line(begin, scene.goal.translation, 300), each=5, seen=seen)
+    lead(one, line(begin, scene.goal.translation, 200), each=2, seen=seen)
     assert min(least) >= scene.safety
     assert min(least) < 3.0 * scene.safety
     one.close()
-
-
-def test_a_session_in_a_scene_is_recorded_and_shown_again(session, tmp_path):
-    path = tmp_path / "scene.jsonl"
-    one = session("planar_3r", {"name": "block", "kind": "polygon", "points": [[0, 0], [0.1, 0], [0, 0.1]],
-                                "point": [0.0, 0.6]}, FLOOR | {"normal": [0, 1], "point": [0, -0.9]},
-                  record=str(path), safety=0.01)  # fmt: skip
-    begin = point(one, "block", "block")
-    run(one, 0, c.StartDrag("block", "block", (0, 0, 0)))
-    lead(one, line(begin, begin + np.array([0.2, 0.1, 0.0]), 20))
-    last = one.state()
-    one.close()
-    setup = replay_setup(path)
-    assert list(setup.robots) == ["planar_3r"]
-    assert {name: obstacle.dof for name, obstacle in setup.obstacles.items()} == {"block": 3, "floor": 0}
-    shown = Session(setup)
-    run(shown, 1)
-    state = run(shown, 0, c.ControlPlayback(time=Recording.load(path).seconds))
-    state = run(shown, 2)
-    assert np.allclose(last.robots["planar_3r"].q, state.robots["planar_3r"].q, atol=1e-3)
-    for name, obstacle in last.obstacles.items():
-        assert np.allclose(obstacle.pose.homogeneous, state.obstacles[name].pose.homogeneous, atol=1e-3)
-    shown.close()
 
 
 def test_names_that_mean_something_to_the_page_or_are_taken_are_changed(session):

@@ -5,34 +5,11 @@ from __future__ import annotations
 import numpy as np
 import pinocchio as pin
 import pytest
+from leading import run
 
-from cinegen.session import Session, arrange
 from cinegen.session import commands as c
 
-DT = 1e-3
-
 pytestmark = pytest.mark.filterwarnings("ignore:.*no such port:cinegen.CinegenWarning")
-
-
-@pytest.fixture
-def session(robot):
-    opened = []
-
-    def open_session(*names):
-        opened.append(Session(arrange({name: robot(name) for name in names})))
-        return opened[-1]
-
-    yield open_session
-    for one in opened:
-        one.close()
-
-
-def run(session, seconds, *commands):
-    for command in commands:
-        session.obey(command)
-    for _ in range(round(seconds / DT)):
-        session.tick()
-    return session.state()
 
 
 def at(session, name, node, point=(0.0, 0.0, 0.0)):
@@ -94,24 +71,6 @@ def test_the_harder_pull_wins(session):
     assert np.linalg.norm(at(one, "rx90", "tool") - expected) < 1e-4
 
 
-def test_the_pin_of_a_part_that_both_drag_comes_back_when_the_second_lets_go(session):
-    one = session("delta4")
-    run(one, 0.1, c.Pin("delta4", "platform"))
-    begin = at(one, "delta4", "platform")
-    for pointer in (0, 1):
-        one.obey(c.StartDrag("delta4", "platform", (0, 0, 0), pointer=pointer))
-        one.obey(c.MoveDrag(tuple(begin + np.array([0.0, 0.0, -0.1])), pointer=pointer))
-
-    def sources(state):
-        return sorted(task.source for task in state.robots["delta4"].tasks)
-
-    assert sources(run(one, 0.5)) == ["pointer", "pointer"]
-    assert sources(run(one, 0.1, c.EndDrag(pointer=0))) == ["pointer"]
-    state = run(one, 0.1, c.EndDrag(pointer=1))
-    assert sources(state) == ["pin"]
-    assert np.linalg.norm(state.robots["delta4"].tasks[0].target.translation - begin - [0, 0, -0.1]) < 1e-6
-
-
 def test_both_drags_are_one_undo_step(session):
     one = session("delta4", "rx90")
     home = {name: robot.q for name, robot in one.state().robots.items()}
@@ -126,12 +85,3 @@ def test_both_drags_are_one_undo_step(session):
     assert all(np.abs(state.robots[name].q - home[name]).max() > 1e-3 for name in home)
     state = run(one, 2.0, c.Undo())
     assert all(np.abs(state.robots[name].q - home[name]).max() < 1e-9 for name in home)
-
-
-def test_the_task_of_a_drag_is_removed_alone(session):
-    one = session("delta4", "rx90")
-    for pointer, (name, node) in enumerate((("delta4", "platform"), ("rx90", "tool"))):
-        one.obey(c.StartDrag(name, node, (0, 0, 0), pointer=pointer))
-    tasks = {name: robot.tasks for name, robot in run(one, 0.01).robots.items()}
-    state = run(one, 0.01, c.RemoveTask(tasks["rx90"][0].id))
-    assert [len(state.robots[name].tasks) for name in ("delta4", "rx90")] == [1, 0]

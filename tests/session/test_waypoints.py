@@ -7,7 +7,6 @@ import json
 import numpy as np
 import pytest
 
-from cinegen.assembly import assembly_modes
 from cinegen.mission import Recording, export
 from cinegen.session import Session, Setup
 from cinegen.session import commands as c
@@ -155,26 +154,6 @@ def test_whatever_else_moves_a_robot_ends_the_motion_and_its_recording(session, 
     else:
         run(session)
     assert len(session.state().waypoints) == 2
-
-
-def test_a_waypoint_in_another_assembly_mode_ends_the_motion_with_a_reason(session, tmp_path):
-    place(session, 0.1, "a")
-    run(session, c.MoveHome())
-    five_bar = session.robots["five_bar"]
-    mechanism = five_bar.mechanism
-    other = max(assembly_modes(mechanism), key=lambda q: mechanism.distance(q, five_bar.home))
-    five_bar.jump_to(other)
-    session.obey(c.SaveWaypoint("other"))
-    five_bar.jump_to(five_bar.home)
-    session.obey(c.SaveWaypoint("last"))
-    session.obey(c.PlayWaypoints(on=True, record=True))
-    run(session)
-    texts = [one.text for one in session.state().notices]
-    assert any("no longer played: five_bar can't reach 'other' on a path" in text for text in texts), texts
-    assert session.state().recording is None
-    session.close()
-    (path,) = tmp_path.glob("mission-*.jsonl")
-    assert np.abs(np.diff(Recording.load(path).q["five_bar"], axis=0)).max() < 0.05  # the jump is not recorded
 
 
 def test_playing_needs_two_waypoints_and_no_other_recording(session):
