@@ -60,18 +60,18 @@ def test_a_fault_is_named_where_it_stands(body: str, line: int, column: int, wor
     assert (problem.location.line, problem.location.column) == (line, column)
 
 
-def test_a_second_robot_of_a_name_is_refused_where_it_stands() -> None:
-    (problem,) = problems_of("RAFF t\nrobot a { }\nrobot b { }\nrobot a { }")
+@pytest.mark.parametrize(
+    ("text", "column", "what"),
+    [
+        ("RAFF t\nrobot a { }\nrobot b { }\nrobot a { }", 7, "robot 'a'"),
+        ('RAFF t\nsensor 1 { port "a" }\nrobot r { }\nsensor 1 { port "b" }', 8, "sensor 1"),
+    ],
+)
+def test_a_name_or_number_that_is_taken_is_refused_where_it_stands(text: str, column: int, what: str) -> None:
+    (problem,) = problems_of(text)
     assert problem.location is not None
-    assert (problem.location.line, problem.location.column) == (4, 7)
-    assert problem.message == "robot 'a' is defined twice, first on line 2: change one of them"
-
-
-def test_a_second_sensor_of_a_number_is_refused_where_it_stands() -> None:
-    (problem,) = problems_of('RAFF t\nsensor 1 { port "a" }\nrobot r { }\nsensor 1 { port "b" }')
-    assert problem.location is not None
-    assert (problem.location.line, problem.location.column) == (4, 8)
-    assert problem.message == "sensor 1 is defined twice, first on line 2: change one of them"
+    assert (problem.location.line, problem.location.column) == (4, column)
+    assert problem.message == f"{what} is defined twice, first on line 2: change one of them"
 
 
 @pytest.mark.parametrize("name", ["4bar", '"left arm"', '""', "-r"])
@@ -80,13 +80,9 @@ def test_a_robots_name_must_be_one_that_xml_takes(name: str) -> None:
     assert "can't name a robot" in problem.message
 
 
-@pytest.mark.parametrize("name", ["robot", "_", "a.b-c", "Ёлка", "机器人", "délta4", "x·y"])
+@pytest.mark.parametrize("name", ["robot", "a.b-c", "机器人", "x·y"])
 def test_a_name_that_xml_takes_is_taken(name: str) -> None:
     raff2urdf.check(raff2urdf.loads(f'RAFF t\nrobot {name} {{ base {{ }} link 1 {{ type 2 pred 0 name "{name}" }} }}'))
-
-
-def test_robots_of_a_file_do_not_disturb_each_other() -> None:
-    raff2urdf.check(raff2urdf.loads(f"RAFF t\nrobot a {{ base {{ }} {ONE} }}\nrobot b {{ base {{ }} {ONE} }}"))
 
 
 def test_an_unknown_sensor_is_answered_with_those_that_exist() -> None:
@@ -94,12 +90,7 @@ def test_an_unknown_sensor_is_answered_with_those_that_exist() -> None:
     assert problems_of(text)[0].message == "sensor 3 is not declared (declared: 2, 7)"
 
 
-def test_sensor_0_needs_no_declaration() -> None:
-    """It stands for "left free" (figure 6)."""
-    assert warnings_of(text_of(f"{ONE}\nconstraint {{ link 1 sensor ( 0 ) }}")) == []
-
-
-@pytest.mark.parametrize("length", [1, 2, 9, 3000])
+@pytest.mark.parametrize("length", [1, 3000])
 def test_a_cycle_of_parents_is_one_fault_however_long(length: int) -> None:
     ring = [RaffLink(i, RaffParameters(), JointType.REVOLUTE, 1 + i % length) for i in range(1, length + 1)]
     on_it = [RaffFrame(length + i, RaffParameters(), i) for i in range(1, length + 1)]
@@ -152,19 +143,6 @@ def test_what_is_probably_not_meant_is_a_warning_with_its_place(link: str, colum
     assert warning.startswith(f"<text>:3:{column}: ")
     for word in words.split():
         assert word in warning
-
-
-@pytest.mark.parametrize(
-    "link",
-    [
-        "type 0 pred 0 actuated 0",
-        "parameters { theta 90 r 500 } type 2 pred 0 limits { 0 90 }",
-        "parameters { theta 500 r 0 } type 1 pred 0 limits { 0 90 }",
-        "type 2 pred 0 limits { 0 0 }",
-    ],
-)
-def test_what_makes_sense_is_no_warning(link: str) -> None:
-    assert warnings_of(text_of(f"link 1 {{ {link} }}")) == []
 
 
 def test_a_robot_of_some_mm_must_state_its_units() -> None:

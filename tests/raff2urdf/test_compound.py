@@ -13,7 +13,7 @@ import raff2urdf
 from raff2urdf.constraints import constraints
 from raff2urdf.conversion import describe
 from raff2urdf.raff.compound import VARIABLES, expanded
-from raff2urdf.raff.document import CompoundKind, RaffParameters
+from raff2urdf.raff.document import CompoundKind
 from raff2urdf.raff.kleinfinger import transform
 from raff2urdf.readers.successive import moving
 from raff2urdf.tree import home, kleinfinger, placements
@@ -112,13 +112,6 @@ def test_limits_velocity_and_actuated_are_of_a_variable() -> None:
     assert translation["home"] == 0.07
 
 
-@pytest.mark.parametrize("kind", KINDS)
-def test_the_text_of_a_document_reads_back(kind: str) -> None:
-    document = raff2urdf.loads(text(kind, HOMES.get(kind, "")))
-    assert raff2urdf.loads(raff2urdf.dumps(document)) == document
-    assert f"joint {kind}" in raff2urdf.dumps(document)
-
-
 @pytest.mark.parametrize(
     ("link", "message"),
     [
@@ -150,9 +143,3 @@ def test_a_coupling_of_such_a_joint_is_an_error() -> None:
 def test_a_home_outside_its_limits_is_warned_of() -> None:
     with pytest.warns(raff2urdf.RaffWarning, match="home 15 of variable z of link 1 is outside its limits 20 to 40"):
         raff2urdf.check(raff2urdf.loads(text("planar", "variable z { limits { 20 40 } }")))
-
-
-def test_a_robot_without_such_joints_is_not_copied() -> None:
-    robot = raff2urdf.loads("RAFF Arm robot r { link 1 { type 2 pred 0 } }").robot()
-    assert expanded(robot) is robot
-    assert robot.links[0].parameters == RaffParameters()
