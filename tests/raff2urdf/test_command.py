@@ -18,7 +18,6 @@ import yourdfpy
 from command import Run
 from lxml import etree
 from mechanisms import delta, four_bar, skew_four_bar
-from variants import slow
 
 import cinegen
 import raff2urdf
@@ -114,7 +113,7 @@ def test_the_json_names_meshes_that_were_converted(folder: Path, run: Run) -> No
     assert all((folder / file).is_file() for file in report["files"])
 
 
-@pytest.mark.parametrize("format", ["urdf", *slow("sdf", "mjcf")])
+@pytest.mark.parametrize("format", ["urdf", "sdf", "mjcf"])
 def test_every_format_has_the_same_bytes_every_time(folder: Path, command: Run, format: str) -> None:
     for seed in ("1", "2"):
         assert command("delta4.raff", "-o", f"made{seed}/", "--format", format, PYTHONHASHSEED=seed).code == 0

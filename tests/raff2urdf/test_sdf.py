@@ -211,10 +211,6 @@ def test_a_link_bears_the_mass_of_all_that_is_fixed_on_it(robot: Exported) -> No
         assert a > 0.0, name
         assert a + b >= c * (1.0 - 1e-9), name
     assert total == pytest.approx(expected)
-
-
-def test_moving_links_have_a_mass(robot: Exported) -> None:
-    model = Model(robot.text("sdf"))
     moved = {joint.findtext("child") for joint in model.joints.values() if joint.get("type") != "fixed"}
     assert all(model.links[name].find("inertial") is not None for name in moved)
 
@@ -233,19 +229,6 @@ def test_shapes_are_all_there_and_in_place(folder: Path) -> None:
 
 
 # --- what is written ---------------------------------------------------------------------------------------------
-
-
-def test_the_same_robot_gives_the_same_bytes(robot: Exported) -> None:
-    assert robot.text("sdf") == robot.text("sdf")
-
-
-def test_it_says_how_dense(folder: Path) -> None:
-    assert "2700 kg/m3" in exported("four_bar", folder).text("sdf", density=2700.0)
-
-
-def test_a_base_that_moves_is_held_by_nothing(folder: Path) -> None:
-    model = Model(exported("floating", folder).text("sdf"))
-    assert all(joint.findtext("child") != "base" for joint in model.joints.values())
 
 
 def test_a_mesh_is_named_as_seen_from_the_file(tmp_path: Path) -> None:

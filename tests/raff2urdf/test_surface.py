@@ -75,11 +75,6 @@ def test_a_concave_quadrangle_is_cut_along_its_inner_diagonal() -> None:
         assert area(cut(corners)) == pytest.approx(0.5)
 
 
-def test_a_bent_quadrangle_keeps_its_corners() -> None:
-    corners = np.array([(0.0, 0.0, 0.0), (1.0, 0.0, 0.2), (1.0, 1.0, 0.0), (0.0, 1.0, 0.2)])
-    assert {tuple(point) for point in cut(corners).reshape(-1, 3)} == {tuple(p) for p in np.float32(corners)}
-
-
 @given(outlines())
 @examples(30)
 def test_what_is_seen_from_both_sides_faces_both(outline: list[tuple[float, float]]) -> None:

@@ -319,11 +319,6 @@ def test_a_tidy_number_is_short_and_stays_as_it_is(value, decimals):
     assert tidy(short + 1e-10, 1e-9) == short
 
 
-def test_every_joint_of_the_file_is_there_once():
-    found = import_tree(parse(CHAIN, "x"), "x")
-    assert len(found.joints) == len([j for j in joints(parse(CHAIN, "x")) if j.get("type") != "fixed"])
-
-
 def chain(count):
     links = "".join(f'<link name="l{i}"/>' for i in range(count))
     turns = (
