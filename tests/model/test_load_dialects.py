@@ -27,8 +27,6 @@ from raff2urdf.errors import RaffError, RaffWarning
 from raff2urdf.readers.ignored import ignored
 from raff2urdf.readers.xml_file import parse_xml
 
-DATA = Path(__file__).parent / "data"
-
 JOINT = (
     '<joint name="{}" type="continuous"> <parent link="{}"/> <child link="{}"/> <origin xyz="{}"/> <axis xyz="0 0 1"/>'
 )
@@ -147,7 +145,9 @@ def write(tmp_path):
 @pytest.mark.parametrize("dialect", LOOPS)
 def test_a_loop_of_each_dialect_is_closed(dialect, write):
     added, name, loop, kind = LOOPS[dialect]
-    mechanism = cinegen.load(write(added))
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        mechanism = cinegen.load(write(added))
     assert mechanism.mobility == 1
     assert mechanism.joints == ("drive", "elbow", "swing")
     assert mechanism.actuated == ("drive",)
@@ -238,14 +238,6 @@ def test_the_axis_of_a_gazebo_joint_is_in_its_own_frame_unless_told_otherwise(wr
     assert mechanism.mobility == 0  # a hinge in the plane
 
 
-def test_the_pose_of_a_gazebo_joint_may_be_relative_to_a_link(write):
-    pose = '<pose relative_to="ground">2 1 0 0 0 0</pose>'
-    joint = f'<joint name="pin" type="ball">{SDF_ENDS}{pose}</joint>'
-    mechanism = cinegen.load(write(f"<gazebo>{joint}</gazebo>"))
-    assert mechanism.gap_as_written < 1e-15
-    assert dragged(mechanism, 60)[0] <= 1e-10
-
-
 def test_a_gazebo_joint_to_the_world_ends_at_the_base(write):
     joints = (
         '<joint name="a" type="fixed"><parent>world</parent><child>ground</child></joint>'
@@ -269,38 +261,37 @@ def test_the_closed_loop_plugin_is_a_hinge_about_y(write):
         assert mechanism.source.dialects == ("Gazebo plugins",)
 
 
-# --- real robots -------------------------------------------------------------------------------------------------
+# --- what URDF+ says of joints -----------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize(
-    ("file", "dialect", "mobility", "actuated"),
-    [
-        ("urdf_plus/four_bar", "URDF+", 3 - 2, 1),  # three joints in a plane, and a pin
-        ("urdf_plus/six_bar", "URDF+", 5 - 2, 3),
-        ("urdf_plus/mini_cheetah", "URDF+", 6 + 24 - 12, 12),  # a free base, and a gear for each of twelve rotors
-        ("ability_hand/ability_hand_left_large", "mimic", 10 - 4, 6),  # four fingers whose second joint follows
-    ],
-)
-def test_robots_of_the_field(file, dialect, mobility, actuated):
-    mechanism = cinegen.load(DATA / f"{file}.urdf")
-    assert (mechanism.mobility, len(mechanism.actuated)) == (mobility, actuated)
-    assert mechanism.source.dialects == (dialect,)
-    closure, farthest = dragged(mechanism)
-    assert closure <= 1e-10
-    assert farthest > 0.1
+def test_urdf_plus_tells_which_joints_are_passive(write):
+    base = BARS
+    for joint, independent in (("drive", "false"), ("elbow", "false"), ("swing", "true")):
+        base = base.replace(f'"{joint}" type', f'"{joint}" independent="{independent}" type')
+    assert cinegen.load(write(LOOPS["URDF+"][0], base)).actuated == ("swing",)
 
 
-def test_urdf_plus_tells_which_joints_are_passive():
-    assert cinegen.load(DATA / "urdf_plus" / "four_bar.urdf").actuated == ("joint1",)
-    assert cinegen.load(DATA / "urdf_plus" / "six_bar.urdf").actuated == ("joint1", "joint2", "joint3")
-    cheetah = cinegen.load(DATA / "urdf_plus" / "mini_cheetah.urdf")
-    assert not [joint for joint in cheetah.actuated if "rotor" in joint]
-    q = cheetah.random_closed(1, 3)[0]
-    q = q if np.ndim(q) else cheetah.random_closed(1, 3)
-    for joint, ratio in (("FR_abad", 6.0), ("FR_hip", 6.0)):
-        link = {"FR_abad": "torso_to_FR_abad_j", "FR_hip": "FR_abad_to_hip_j"}[joint]
-        rotor = link.replace("_j", "_rotor_j")
-        assert q[cheetah.q_index(rotor)] == pytest.approx(ratio * q[cheetah.q_index(link)], abs=1e-10)
+def test_a_rotor_of_urdf_plus_turns_with_its_gear_on_a_base_that_floats(write):
+    turn = '<parent link="hull"/><child link="{0}"/><axis xyz="1 0 0"/>'
+    parts = ["".join(f'<link name="{link}"/>' for link in ("world", "hull", "leg", "rotor"))]
+    parts += ['<joint name="free" type="floating"><parent link="world"/><child link="hull"/></joint>']
+    parts += [f'<joint name="hip" type="continuous">{turn.format("leg")}</joint>']
+    parts += [f'<joint name="spin" type="continuous" independent="false">{turn.format("rotor")}</joint>']
+    gear = '<coupling name="gear"><predecessor link="leg"/><successor link="rotor"/><ratio value="6.0"/></coupling>'
+    mechanism = cinegen.load(write(gear, f'<robot name="walker">{"".join(parts)}'))
+    assert (mechanism.floating, mechanism.mobility, mechanism.actuated) == (True, 6 + 2 - 1, ("hip",))
+    assert mechanism.source.dialects == ("URDF+",)
+    for q in mechanism.random_closed(3, 3):
+        assert q[mechanism.q_index("spin")] == pytest.approx(6.0 * q[mechanism.q_index("hip")], abs=1e-10)
+
+
+def test_home_at_a_singular_drawing_is_beside_it(write):
+    """Four bars that are drawn stretched out, on one line: there they could move in no direction."""
+    base = BARS.replace('xyz="0 1 0"', 'xyz="1 0 0"')
+    mechanism = cinegen.load(write(LOOPS["URDF+"][0].replace(ON_ROCKER, "0.5 0 0"), base))
+    assert mechanism.mobility == 1
+    assert mechanism.q_home.any()
+    assert "all joints at 0 is singular: home is a configuration near it" in mechanism.source.notes
 
 
 def test_passive_joints_of_urdf_plus_that_nothing_constrains_are_warned_of(write):
@@ -310,13 +301,6 @@ def test_passive_joints_of_urdf_plus_that_nothing_constrains_are_warned_of(write
     ):
         assert cinegen.load(write("", base)).mobility == 3
     assert cinegen.load(write(LOOPS["URDF+"][0], base)).mobility == 1
-
-
-def test_home_at_a_singular_drawing_is_beside_it():
-    """The four bars are drawn stretched out: there they could move in no direction."""
-    mechanism = cinegen.load(DATA / "urdf_plus" / "four_bar.urdf")
-    assert mechanism.q_home.any()
-    assert "all joints at 0 is singular: home is a configuration near it" in mechanism.source.notes
 
 
 # --- couplings ---------------------------------------------------------------------------------------------------
@@ -392,7 +376,6 @@ def test_a_ratio_of_urdf_plus_counts_the_joints_of_both_chains(write):
         ("<mimic/>", r"bars\.urdf:3: <mimic> in joint 'b' names joint ''"),
         ('<mimic joint="f"/>', r"couples joint 'f', which is fixed: correct it, or leave it out with --ignore mimic"),
         ('<mimic joint="a" multiplier="x"/>', r"the multiplier 'x' of <mimic> in joint 'b' is not a number"),
-        ('<mimic joint="a" offset="inf"/>', r"the offset 'inf'"),
     ],
 )
 def test_mimic_joints_that_follow_nothing_are_refused(mimic, says, write):
@@ -518,10 +501,8 @@ def test_loop_closures_of_robonex(kind, write, tmp_path):
             "closures: [{link_a: coupler, link_b: rockr, point: [0, 0, 0], axis: [0, 0, 1]}]\n#rocker",
             "link_b of a loop",
         ),
-        ("closures: [{link_a: coupler, link_b: rocker, point: [0, 0], axis: [0, 0, 1]}]", "point of a loop must be"),
         ("closures: [{link_a: coupler, link_b: rocker, point: [0, 0, 0], axis: [0, 0, 0]}]", "must not be 0 0 0"),
         ("closure: [{link_a: coupler, link_b: rocker}]", "unknown key 'closure'"),
-        ("closures: {link_a: coupler, link_b: rocker}", "closures must be a list"),
         ("dependent: [coupler, rocker]", "dependent names 'coupler', which is not a joint"),
     ],
 )
@@ -535,10 +516,8 @@ def test_loop_closures_that_are_wrong_are_refused(text, says, write, tmp_path):
 
 
 @pytest.mark.parametrize("one", LOOPS)
-@pytest.mark.parametrize("other", ["URDF+", "Isaac Sim", "onshape-to-robot", "second parent", "Gazebo joint"])
+@pytest.mark.parametrize("other", ["Isaac Sim", "Gazebo joint"])
 def test_a_loop_that_two_dialects_declare_is_closed_once(one, other, write):
-    if ("second parent" in one and "second parent" in other) or ("onshape" in one and "onshape" in other):
-        pytest.skip("the same names")
     mechanism = cinegen.load(write(LOOPS[one][0] + LOOPS[other][0]))
     assert len(mechanism.loops) == 1
     assert mechanism.mobility == 1
@@ -606,41 +585,7 @@ def test_a_name_that_nothing_has_is_refused(write):
         cinegen.load(write(LOOPS["URDF+"][0]), ignore=["pim"])
 
 
-@pytest.mark.parametrize("format", ["raff", "sdf", "mjcf", "urdf"])
-def test_a_loop_is_left_out_by_name_in_every_format(format, root, tmp_path):
-    import raff2urdf
-
-    path = root / "robots" / "five_bar.raff"
-    if format != "raff":
-        path = raff2urdf.convert(path, tmp_path, format=format)[0].file
-    name = cinegen.load(path).loops[0].name
-    with pytest.warns(UserWarning, match=f"left out, as requested: .*'{name}'"):
-        mechanism = cinegen.load(path, ignore=[name])
-    assert (len(mechanism.loops), mechanism.mobility) == (0, 5)
-
-
 # --- our own URDFs -----------------------------------------------------------------------------------------------
-
-
-def test_our_own_elements_close_the_loops_where_the_constraints_are_lost(root, tmp_path):
-    import raff2urdf
-
-    raff2urdf.convert(root / "robots" / "five_bar.raff", tmp_path, dialect="constraint")
-    path = tmp_path / "five_bar.urdf"
-    whole = cinegen.load(path)
-    assert len(whole.loops) == 1
-    (tmp_path / "five_bar.constraints.json").unlink()
-    found = cinegen.load(path)
-    assert (found.mobility, [loop.name for loop in found.loops]) == (2, [loop.name for loop in whole.loops])
-    assert found.source.dialects == ("raff:robot", "constraint elements")
-    assert dragged(found)[0] <= 1e-10
-
-
-def test_what_is_read_raises_no_warning(write):
-    with warnings.catch_warnings():
-        warnings.simplefilter("error")
-        for added, *_ in LOOPS.values():
-            readers.read(write(added))
 
 
 @pytest.mark.parametrize(
@@ -676,7 +621,7 @@ def test_loops_that_make_no_sense_are_refused(loop, says, write):
 VALUES = ("", "x", "nan", "1e400", "1 2", "0 0 0", "crank", "ground", "world", "1e300 0 0", "pin", "fixed", "-1", "  ")
 
 
-@pytest.mark.parametrize("seed", range(4))
+@pytest.mark.parametrize("seed", range(2))
 def test_damaged_files_are_read_or_refused_and_nothing_else(seed, write):
     rng = random.Random(seed)
     texts = [(BARS, added) for added, *_ in LOOPS.values()]

@@ -212,12 +212,6 @@ def test_what_has_no_name_gets_one_that_is_free(write):
     assert mechanism.joints == ("joint1", "joint1_")
 
 
-def test_a_place_beyond_all_measure_is_refused(write):
-    text = "<mujoco><worldbody><body pos='1e200 0 0'><joint/><geom size='1'/></body></worldbody></mujoco>"
-    with pytest.raises(cinegen.CinegenError, match="a number of a body is beyond"):
-        cinegen.load(write(text=text))
-
-
 @pytest.mark.parametrize("free", ["<freejoint name='f'/>", ""])
 def test_a_body_that_is_tied_to_the_world_is_turned_into_raff(write, free):
     arm = "<body name='arm'><joint name='j'/><geom size='1'/></body>"

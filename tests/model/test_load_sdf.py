@@ -277,18 +277,6 @@ def test_what_stands_on_nothing_keeps_its_joints(write):
     assert mechanism.placement(mechanism.q_home, "d").translation.tolist() == [3.0, 0.0, 0.0]
 
 
-def test_a_static_model_stands_in_its_world(write):
-    text = PARALLELOGRAM.format(kind="revolute").replace(
-        '<link name="ground"/>', '<static>true</static><pose>1 0 0 0 0 0</pose><link name="ground"/>'
-    )
-    text = text.replace(
-        '<joint name="world_joint" type="fixed"><parent>world</parent><child>ground</child></joint>', ""
-    )
-    mechanism = cinegen.load(write(text))
-    assert mechanism.nodes[0] == "world"
-    assert mechanism.placement(mechanism.q_home, "ground").translation.tolist() == [1.0, 0.0, 0.0]
-
-
 @pytest.mark.parametrize(
     ("old", "new", "says"),
     [
