@@ -134,12 +134,6 @@ def test_those_that_are_not_named_stay_and_nothing_moves_where_it_fails(robot):
     assert motion.move({"joint6": q[delta.q_index("joint6")]}) == pytest.approx(q, abs=1e-12)
 
 
-def test_integers_and_numbers_of_numpy_will_do(robot):
-    bar = robot("four_bar")
-    for value in (1, np.float32(1.0), np.int64(1), np.float64(1.0)):
-        assert ForwardKinematics(bar).move({"joint1": value})[bar.q_index("joint1")] == 1.0
-
-
 def test_it_begins_on_the_branch_that_it_is_given(robot):
     bar = robot("four_bar")
     crank, coupler, rocker = (bar.q_home[bar.q_index(joint)] for joint in ("joint1", "joint2", "joint3"))

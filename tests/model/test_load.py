@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import json
-
 import numpy as np
 import pinocchio as pin
 import pytest
@@ -66,21 +64,6 @@ def test_a_loop_can_be_closed_otherwise_without_touching_the_file(raff):
         raff(BENT, loops={"base-end": "hinge"})
 
 
-def test_the_urdf_of_a_mechanism_that_contradicts_itself_is_refused_alike(raff, tmp_path):
-    (tmp_path / "bent.raff").write_text("RAFF bent\n" + BENT, encoding="utf-8")
-    from raff2urdf.conversion import convert
-
-    convert(tmp_path / "bent.raff", tmp_path, loops={"base-end": "ball"})
-    constraints = json.loads((tmp_path / "bent.constraints.json").read_text())
-    constraints["loops"][0]["kind"] = "rigid"
-    (tmp_path / "bent.constraints.json").write_text(json.dumps(constraints))
-    with pytest.raises(cinegen.ClosureError, match="base-end"):
-        cinegen.load(tmp_path / "bent.urdf")
-    assert cinegen.load(tmp_path / "bent.urdf", loops={"base-end": "ball"}).mobility == 1
-    with pytest.raises(cinegen.CinegenError, match="no loop 'x'"):
-        cinegen.load(tmp_path / "bent.urdf", loops={"x": "ball"})
-
-
 @pytest.mark.parametrize(
     ("text", "says"),
     [
@@ -116,16 +99,10 @@ FOREIGN = '<!DOCTYPE r [<!ENTITY a SYSTEM "file:///etc/passwd">]><robot name="ar
     ("change", "says"),
     [
         (("0 0 1", "0 0 0"), r":7: the axis '0 0 0' of joint 'turn' must be three numbers, not all 0"),
-        (("0 0 1", "0 0"), r":7: the axis"),
-        (("0 0 1", "0 0 inf"), r":7: the axis"),
-        (("0 0 1", "up"), r":7: the axis 'up'"),
         (('lower="-1"', 'lower="nan"'), r":8: the lower limit 'nan' of joint 'turn' is not a number"),
-        (('upper="2"', 'upper="two"'), r":8: the upper limit 'two' of joint 'turn' is not a number"),
         (('upper="2"', 'upper="-2"'), r":8: the lower limit -1 of joint 'turn' is above its upper limit -2"),
         (('velocity="3"', 'velocity="-3"'), r":8: the velocity limit of joint 'turn' is -3: it must not be negative"),
-        (("</joint>", ""), r":\d+: invalid XML"),
         (('<robot name="arm">', f"{FOREIGN}&a;"), "the entity 'a' is not read"),
-        (('<robot name="arm">', FOREIGN.replace("SYSTEM ", "")), "entity .a. is not read"),
     ],
 )
 def test_what_is_wrong_in_a_urdf_is_told_by_its_line(change, says, tmp_path):
@@ -156,13 +133,6 @@ def test_files_that_cant_be_read_are_refused(tmp_path):
         cinegen.load(tmp_path / "none.urdf")
     with pytest.raises(raff2urdf.RaffError, match="can't be read"):
         cinegen.load(tmp_path / "none.raff")
-
-
-def test_a_joint_without_limits_has_one_number_and_may_turn_for_ever(raff):
-    mechanism = raff(FOUR_BAR)
-    assert mechanism.model.nq == mechanism.model.nv == 3
-    assert np.isinf(mechanism.model.upperPositionLimit).all()
-    assert np.isinf(mechanism.model.upperVelocityLimit).all()
 
 
 def test_a_warning_of_a_home_outside_the_limits_is_of_the_line_that_loads(tmp_path):

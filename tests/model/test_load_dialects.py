@@ -66,11 +66,6 @@ LOOPS = {
         f'<child_origin xyz="{ON_ROCKER}"/><child_axis xyz="0 0 1"/></constraint>',
         "constraint elements", "pin", "revolute",
     ),
-    "proposal to ROS, ball": (
-        f'<constraint name="pin" type="spherical">{ENDS}<parent_origin xyz="{ON_COUPLER}"/>'
-        f'<child_origin xyz="{ON_ROCKER}"/></constraint>',
-        "constraint elements", "pin", "ball",
-    ),
     "Isaac Sim": (
         f'<loop_joint name="pin" type="spherical"><link1 link="coupler" rpy="0 0 0" xyz="{ON_COUPLER}"/>'
         f'<link2 link="rocker" rpy="0 0 0" xyz="{ON_ROCKER}"/></loop_joint>',
@@ -124,10 +119,6 @@ LOOPS = {
         f'<gazebo><joint name="pin" type="revolute">{SDF_ENDS}<pose>{ON_ROCKER} 0 0 0</pose>'
         "<axis><xyz>0 0 1</xyz></axis></joint></gazebo>",
         "Gazebo joints", "pin", "revolute",
-    ),
-    "Gazebo ball joint": (
-        f'<gazebo><joint name="pin" type="ball">{SDF_ENDS}<pose>{ON_ROCKER} 0 0 0</pose></joint></gazebo>',
-        "Gazebo joints", "pin", "ball",
     ),
 }  # fmt: skip
 
@@ -189,36 +180,6 @@ def test_each_kind_of_joint_closes_a_loop(kind, element, write):
     assert mechanism.mobility == 0 or dragged(mechanism, 60)[0] <= 1e-10
 
 
-def test_a_universal_loop_in_space(write):
-    """The end of an arm of six joints (three translations, three rotations) on a cross: four equations."""
-    links = "".join(f'<link name="l{i}"/>' for i in range(7))
-    kinds = [("prismatic", "1 0 0"), ("prismatic", "0 1 0"), ("prismatic", "0 0 1")]
-    kinds += [("continuous", "1 0 0"), ("continuous", "0 1 0"), ("continuous", "0 0 1")]
-    joints = "".join(
-        f'<joint name="j{i}" type="{kind}"><parent link="l{i}"/><child link="l{i + 1}"/><axis xyz="{axis}"/>'
-        '<limit lower="-9" upper="9" effort="1" velocity="9"/></joint>'
-        for i, (kind, axis) in enumerate(kinds)
-    )
-    loop = (
-        '<constraint name="cross" type="universal"><parent link="l0"/><child link="l6"/>'
-        '<parent_origin xyz="1 2 3" rpy="0.3 0.2 0.1"/><parent_axis xyz="0 1 1"/><child_origin xyz="0.1 0 0"/>'
-        '<child_axis xyz="1 0 0"/></constraint>'
-    )
-    mechanism = cinegen.load(write(loop, f'<robot name="arm">{links}{joints}'))
-    assert mechanism.mobility == 2
-    rotation = mechanism.placement(mechanism.q_home, "l0").rotation @ pin_rotation(0.3, 0.2, 0.1)
-    for q in [mechanism.q_home, *mechanism.random_closed(5, 0)]:
-        placed = mechanism.placement(q, "l6")
-        np.testing.assert_allclose(placed.translation + placed.rotation @ (0.1, 0.0, 0.0), (1, 2, 3), atol=1e-9)
-        assert abs((rotation @ (0, 1, 1)) @ (placed.rotation @ (1, 0, 0))) < 1e-9
-
-
-def pin_rotation(roll, pitch, yaw):
-    import pinocchio as pin
-
-    return pin.rpy.rpyToMatrix(roll, pitch, yaw)
-
-
 # --- joints and plugins for Gazebo ---------------------------------------------------------------------------------
 
 
@@ -236,16 +197,6 @@ def test_the_axis_of_a_gazebo_joint_is_in_its_own_frame_unless_told_otherwise(wr
         assert mechanism.gap_as_written < 1e-15
     mechanism = cinegen.load(write(f"<gazebo>{joint}<xyz>0 0 1</xyz></axis></joint></gazebo>"))
     assert mechanism.mobility == 0  # a hinge in the plane
-
-
-def test_a_gazebo_joint_to_the_world_ends_at_the_base(write):
-    joints = (
-        '<joint name="a" type="fixed"><parent>world</parent><child>ground</child></joint>'
-        '<joint name="b" type="revolute"><parent>world</parent><child>bars::coupler</child></joint>'
-    )
-    mechanism = cinegen.load(write(f"<gazebo>{joints}</gazebo>"))
-    assert [(loop.first, loop.second) for loop in mechanism.loops] == [("ground", "coupler")]
-    assert mechanism.mobility == 2  # the coupler rotates about its end, and the rocker; the crank stays
 
 
 def test_the_closed_loop_plugin_is_a_hinge_about_y(write):
@@ -292,15 +243,6 @@ def test_home_at_a_singular_drawing_is_beside_it(write):
     assert mechanism.mobility == 1
     assert mechanism.q_home.any()
     assert "all joints at 0 is singular: home is a configuration near it" in mechanism.source.notes
-
-
-def test_passive_joints_of_urdf_plus_that_nothing_constrains_are_warned_of(write):
-    base = BARS.replace('"swing" type="continuous"', '"swing" type="continuous" independent="false"')
-    with pytest.warns(
-        RaffWarning, match=r"bars\.urdf:5: joint 'swing': the joint depends on others .* it moves freely"
-    ):
-        assert cinegen.load(write("", base)).mobility == 3
-    assert cinegen.load(write(LOOPS["URDF+"][0], base)).mobility == 1
 
 
 # --- couplings ---------------------------------------------------------------------------------------------------
@@ -373,9 +315,7 @@ def test_a_ratio_of_urdf_plus_counts_the_joints_of_both_chains(write):
     [
         ('<mimic joint="b"/>', r"bars\.urdf:3: <mimic> in joint 'b' mimics the joint itself"),
         ('<mimic joint="z"/>', r"bars\.urdf:3: <mimic> in joint 'b' names joint 'z', which the URDF lacks"),
-        ("<mimic/>", r"bars\.urdf:3: <mimic> in joint 'b' names joint ''"),
         ('<mimic joint="f"/>', r"couples joint 'f', which is fixed: correct it, or leave it out with --ignore mimic"),
-        ('<mimic joint="a" multiplier="x"/>', r"the multiplier 'x' of <mimic> in joint 'b' is not a number"),
     ],
 )
 def test_mimic_joints_that_follow_nothing_are_refused(mimic, says, write):
@@ -394,10 +334,8 @@ def test_joints_that_mimic_each_other_are_refused(write):
 @pytest.mark.parametrize(
     ("coupling", "says"),
     [
-        ('<successor link="l1"/><ratio value="2"/>', "has no <predecessor>"),
         ('<predecessor link="l1"/><successor link="lx"/><ratio value="2"/>', "names 'lx', which is not a link"),
         ('<predecessor link="l1"/><successor link="l2"/>', "has no <ratio>"),
-        ('<predecessor link="l1"/><successor link="l2"/><ratio value="six"/>', "the ratio 'six' of <coupling> 'g'"),
         ('<predecessor link="l2"/><successor link="l3"/><ratio value="2"/>', "couples no joint"),
     ],
 )
@@ -501,9 +439,7 @@ def test_loop_closures_of_robonex(kind, write, tmp_path):
             "closures: [{link_a: coupler, link_b: rockr, point: [0, 0, 0], axis: [0, 0, 1]}]\n#rocker",
             "link_b of a loop",
         ),
-        ("closures: [{link_a: coupler, link_b: rocker, point: [0, 0, 0], axis: [0, 0, 0]}]", "must not be 0 0 0"),
         ("closure: [{link_a: coupler, link_b: rocker}]", "unknown key 'closure'"),
-        ("dependent: [coupler, rocker]", "dependent names 'coupler', which is not a joint"),
     ],
 )
 def test_loop_closures_that_are_wrong_are_refused(text, says, write, tmp_path):
@@ -523,16 +459,6 @@ def test_a_loop_that_two_dialects_declare_is_closed_once(one, other, write):
     assert mechanism.mobility == 1
     kinds = {LOOPS[one][3], LOOPS[other][3]}
     assert mechanism.loops[0].kind.name.lower() == ("revolute" if "revolute" in kinds else "ball")
-
-
-def test_a_loop_of_a_sidecar_file_keeps_its_name(write, tmp_path):
-    (tmp_path / "robot.yaml").write_text(
-        "closed_loop: [[closing_pin_1, closing_pin_2]]\ntype: [3d]\nname_mot: [swing]\n"
-    )
-    mechanism = cinegen.load(write(PAIR + LOOPS["URDF+"][0]))
-    assert [(loop.name, loop.kind.name) for loop in mechanism.loops] == [("closing_pin_1-closing_pin_2", "REVOLUTE")]
-    assert mechanism.actuated == ("swing",)
-    assert mechanism.source.dialects == ("robot.yaml", "URDF+", "closing frames")
 
 
 def test_dialects_that_contradict_each_other_are_an_error(write):
@@ -558,17 +484,8 @@ def test_couplings_that_contradict_each_other_are_an_error(write):
 # --- --ignore ----------------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("dialect", LOOPS)
-def test_each_loop_can_be_left_out_by_its_dialect_or_its_name(dialect, write):
-    added, name, loop, _ = LOOPS[dialect]
-    for word in {name, loop} - {"coupler-rocker"}:
-        with pytest.warns(RaffWarning, match="left out, as requested: ") as seen:
-            assert cinegen.load(write(added), ignore=[word]).mobility == 3
-        assert len(seen) == 1
-
-
 @pytest.mark.parametrize("dialect", [*LOOPS, *COUPLINGS])
-def test_all_are_opened_by_ignore_loops(dialect, write):
+def test_all_are_opened_by_ignore_loops_and_each_loop_by_its_dialect_or_its_name(dialect, write):
     path = (
         write(LOOPS[dialect][0])
         if dialect in LOOPS
@@ -578,6 +495,9 @@ def test_all_are_opened_by_ignore_loops(dialect, write):
         mechanism = cinegen.load(path, ignore_loops=True)
     assert len(seen) == 1
     assert mechanism.mobility == len(mechanism.actuated) == 3
+    for word in set(LOOPS.get(dialect, ())[1:3]) - {"coupler-rocker"}:
+        with pytest.warns(RaffWarning, match="left out, as requested: "):
+            assert cinegen.load(path, ignore=[word]).mobility == 3
 
 
 def test_a_name_that_nothing_has_is_refused(write):
@@ -593,20 +513,11 @@ def test_a_name_that_nothing_has_is_refused(write):
     [
         ('<loop name="x" type="revolute"><predecessor link="coupler"/></loop>', "has no <successor>"),
         ('<loop name="x"><predecessor link="coupler"/><successor link="rocker"/></loop>', "has no type"),
-        (
-            '<loop name="x" type="screw"><predecessor link="coupler"/><successor link="rocker"/></loop>',
-            "'screw' of",
-        ),
         ('<loop name="x" type="fixed"><predecessor link="coupler"/><successor link="rock"/></loop>', "not a link"),
         ('<loop name="x" type="fixed"><predecessor link="coupler"/><successor link="coupler"/></loop>', "to itself"),
         (
             '<constraint name="x" type="floating"><parent link="crank"/><child link="rocker"/></constraint>',
             "constrains",
-        ),
-        ('<loop_joint name="x" type="spherical"><link1 link="crank"/></loop_joint>', "must name two links"),
-        (
-            '<drake:ball_constraint><drake:ball_constraint_body_A name="coupler"/></drake:ball_constraint>',
-            "has no <ball_",
         ),
     ],
 )

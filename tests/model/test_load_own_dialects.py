@@ -240,18 +240,6 @@ def test_each_dialect_names_what_it_lacks(tmp_path):
         assert converted(path, "slide", tmp_path / dialect, dialect)[1] == []
 
 
-def test_urdf_plus_couples_links_of_one_parent_and_mimics_the_others(tmp_path):
-    path = tmp_path / "siblings.raff"
-    path.write_text(MORE["siblings"])
-    urdf, _ = converted(path, "siblings", tmp_path, "urdf+")
-    root = etree.fromstring(urdf.read_bytes())
-    (coupling,) = root.findall("coupling")
-    assert [child.tag for child in coupling] == ["predecessor", "successor", "ratio"]
-    assert coupling.find("ratio").get("value") == "-2"
-    (mimic,) = root.findall("joint/mimic")
-    assert (mimic.getparent().get("name"), mimic.get("joint"), mimic.get("multiplier")) == ("joint3", "joint2", "0.3")
-
-
 @pytest.mark.parametrize("dialect", ["constraint", "urdf+", "closing-frames"])
 def test_an_edited_loop_contradicts_what_is_kept_for_cinegen(dialect, tmp_path):
     urdf, _ = converted(ROBOTS / "four_bar.raff", "linkage", tmp_path, dialect)

@@ -12,10 +12,6 @@ from cinegen.errors import ConfigurationError
 CLOSED = ["delta4", "delta4_linear", "five_bar", "gough", "hybrid"]
 
 
-def test_nodes_are_named_base_first_in_file_order(robot):
-    assert robot("delta4").nodes == ("base", *(f"link{i}" for i in range(1, 18)), "platform")
-
-
 def test_what_is_no_configuration_is_refused(robot):
     delta = robot("delta4")
     with pytest.raises(ConfigurationError, match="15 numbers"):

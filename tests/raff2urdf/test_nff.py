@@ -85,16 +85,6 @@ def test_the_version_may_be_left_out_and_unknown_lines_of_the_head_too() -> None
     assert found(f"{head}\nlight 0 0 1 0.5\nambient 0.3\n{body}") == found(CUBE)
 
 
-def test_several_objects_have_vertices_of_their_own() -> None:
-    triangle = "{}\n3\n0 0 0\n{} 0 0\n0 1 0\n1\n3 0 1 2 {}\n"
-    text = "nff\n" + triangle.format("first part", 2, "0xf00") + triangle.format("2", 4, "0x0f0")
-    assert found(text + triangle.format("third\nmtable things", 6, "")) == {
-        (255, 0, 0, 255): 1.0,
-        (0, 255, 0, 255): 2.0,
-        None: 3.0,
-    }
-
-
 @pytest.mark.parametrize(
     ("word", "colour"),
     [
@@ -119,11 +109,6 @@ def test_a_colour_has_12_or_24_bits(word: str, colour: tuple[int, int, int]) -> 
 def test_a_colour_that_all_corners_share_is_the_polygons(vertices: tuple[str, ...], colour: tuple[int, ...]) -> None:
     a, b, c = vertices
     assert list(found(f"nff\na\n3\n0 0 0 {a}\n1 0 0 {b}\n0 1 0 {c}\n1\n3 0 1 2 0xf00\n")) == [colour]
-
-
-def test_what_has_no_area_is_no_error() -> None:
-    assert nff.loads("nff\na\n2\n0 0 0\n1 0 0\n2\n2 0 1 0xfff\n1 0 0xfff\n") == []
-    assert nff.loads("nff\nempty\n0\n0\n") == []
 
 
 # --- written and read back ---------------------------------------------------------------------------------------
@@ -196,10 +181,6 @@ def test_what_is_wrong_is_told_with_its_line(old: str, new: str, place: int, rea
     assert said.startswith(f"part.nff:{place}:")
     assert reason in said
     assert len(said) < 500
-
-
-def test_the_word_that_is_wrong_is_marked() -> None:
-    assert wrong(CUBE.replace("3 2 1 0", "3 2 1 12")).splitlines()[1:] == ["    4 3 2 1 12 0xf00", "            ^^"]
 
 
 @pytest.mark.parametrize(

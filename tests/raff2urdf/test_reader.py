@@ -19,36 +19,11 @@ from raff2urdf.raff.document import (
     JointType,
     LoopKind,
     RaffBase,
-    RaffFrame,
     RaffLink,
     RaffLoop,
     RaffParameters,
     RaffRobot,
-    RaffSensor,
-    SensorConstraint,
 )
-
-# Figure 6 of the same paper. The sensor stands outside all robots, the constraint inside one.
-FIGURE_6_SENSOR = """\
-// declare a new sensor on serial port 2
-// outside all other robot declaration !
-
-sensor 1 {
-  port "/dev/ttyd2"
-  translation 3           // 3 dof in translation
-  rotation 3             // and 3 dof in rotation
-}
-"""
-FIGURE_6_CONSTRAINT = """\
-// in a robot declaration
-// define some potential constraints
-constraint {
-  link 5                 // link 5 must follow
-  sensor ( 0 1 )        // either sensor 0 or
-                        // sensor 1 (when 0, then the
-                        // link is no more constrained)
-}
-"""
 
 
 def repaired_figure_5() -> str:
@@ -87,14 +62,6 @@ def test_figure_5_as_printed_has_two_errors_which_are_shown_with_what_is_meant()
     ]
 
 
-def test_each_slip_is_found_without_the_other_too() -> None:
-    spelt = FIGURE_5.replace("alphah", "alpha")
-    assert [(p.location.line, p.location.column) for p in problems_of(spelt) if p.location] == [(33, 3)]
-    lines = FIGURE_5.splitlines(keepends=True)
-    del lines[30]
-    assert [(p.location.line, p.location.column) for p in problems_of("".join(lines)) if p.location] == [(29, 7)]
-
-
 def test_figure_5_repaired_means_what_it_says() -> None:
     document = raff2urdf.loads(repaired_figure_5())
     assert (document.name, document.units) == ("MiniDelta", "mm")
@@ -111,17 +78,6 @@ def test_figure_5_repaired_means_what_it_says() -> None:
     assert robot.loops == (RaffLoop(5, 11, LoopKind.RIGID),)
 
 
-def test_figures_5_and_6_go_together() -> None:
-    """Figure 5 is an excerpt: constraints may name links that it lacks, as long as nothing is converted."""
-    robot, end = repaired_figure_5().rsplit("}", 1)
-    document = raff2urdf.loads(f"{robot}{FIGURE_6_CONSTRAINT}}}{end}{FIGURE_6_SENSOR}")
-    assert document.sensors == (RaffSensor(1, "/dev/ttyd2", translation=3, rotation=3),)
-    assert document.robots[0].sensor_constraints == (SensorConstraint(5, (0, 1)),)
-    assert document.robots[0].loops == (RaffLoop(5, 11),)
-    with pytest.raises(RaffError, match="which does not exist"):
-        raff2urdf.check(document)
-
-
 # --- every construct ---------------------------------------------------------------------------------------------
 
 
@@ -131,14 +87,6 @@ def test_units_say_what_a_length_is(unit: str, metres: float) -> None:
     assert document.units == unit
     assert document.metres(1500.0) == metres
     assert raff2urdf.loads("RAFF test").units == "mm"
-
-
-def test_a_file_may_hold_several_robots_and_sensors_in_any_order() -> None:
-    document = raff2urdf.loads(
-        'RAFF test\nrobot a { }\nsensor 7 { port "COM1" }\nrobot b { }\nsensor 2 { rotation 0 port "x" translation 1 }'
-    )
-    assert [robot.name for robot in document.robots] == ["a", "b"]
-    assert document.sensors == (RaffSensor(7, "COM1", 3, 3), RaffSensor(2, "x", 1, 0))
 
 
 def test_the_six_parameters_stand_in_any_order_and_default_to_zero() -> None:
@@ -160,29 +108,6 @@ def test_a_link_may_have_limits_a_speed_a_motor_and_a_name() -> None:
     link = link_of("")
     assert (link.limits, link.velocity, link.actuated, link.name, link.filenames) == (None,) * 5
     assert (link.node, link.joint) == ("link1", "joint1")
-
-
-def test_frames_stand_on_bases_links_and_frames_and_share_the_links_numbering() -> None:
-    robot = robot_of(
-        """
-        link 1 { type 2 pred 0 }
-        frame 20 { pred 0 }
-        frame 21 { pred 1 name "flange" filename { "f.stl" } }
-        frame 22 { parameters { r 50 } pred 21 }
-        """
-    )
-    assert robot.frames == (
-        RaffFrame(20, RaffParameters(), 0),
-        RaffFrame(21, RaffParameters(), 1, "flange", ("f.stl",)),
-        RaffFrame(22, RaffParameters(r=50), 21),
-    )
-    assert [node.node for node in robot.nodes.values()] == ["base", "link1", "frame20", "flange", "frame22"]
-
-
-def test_a_child_may_be_written_before_its_father() -> None:
-    robot = robot_of("link 3 { type 2 pred 2 } link 1 { type 2 pred 0 } link 2 { type 2 pred 1 }")
-    assert [link.number for link in robot.links] == [3, 1, 2]
-    assert [link.number for link in robot.outward] == [1, 2, 3]
 
 
 def test_loops_between_the_same_nodes_have_names_of_their_own() -> None:
@@ -256,10 +181,7 @@ robot s {
     ]
 
 
-@pytest.mark.parametrize(
-    "wrong",
-    ["velocty 5", "parameters { d 5mm }", "limits { 1 }", "name tool"],
-)
+@pytest.mark.parametrize("wrong", ["velocty 5", "parameters { d 5mm }", "limits { 1 }", "name tool"])
 def test_an_error_does_not_hide_those_behind_it(wrong: str) -> None:
     found = problems_of(f"{LINK}type 2 pred 0\n    {wrong}{END}units inch")
     assert [problem.location and problem.location.line for problem in found] == [5, 8]
@@ -272,10 +194,7 @@ def test_everything_that_blocks_lack_is_reported_at_once() -> None:
     ]  # fmt: skip
 
 
-@pytest.mark.parametrize(
-    "line",
-    ["lnk 1 { type 2 pred 0 }", "link 1 { parameters { d x } }", "frame 1 { }"],
-)
+@pytest.mark.parametrize("line", ["lnk 1 { type 2 pred 0 }", "link 1 { parameters { d x } }", "frame 1 { }"])
 def test_a_file_full_of_errors_tells_the_first_hundred(line: str) -> None:
     """No one reads more, and nothing is gained by falling over the thousandth."""
     found = problems_of(f"RAFF t\nrobot r {{\n{5000 * (line + chr(10))}}}")

@@ -202,18 +202,3 @@ def test_a_hinges_gap_is_the_angle_between_its_axes_whatever_the_turn_about_them
 
 
 # --- units -------------------------------------------------------------------------------------------------------
-
-
-@given(kinds, placements(), st.floats(0.1, 10.0), st.floats(1e-3, 1e3))
-@examples(100)
-def test_a_gap_has_no_unit(kind: LoopKind, placement: Matrix, length: float, scale: float) -> None:
-    """A mechanism `scale` times as large has the same residual; only the velocities' columns know their unit."""
-    scaled = placement.copy()
-    scaled[:3, 3] *= scale
-    (one, by_one), (other, by_other) = (
-        loop_residual(kind, placement, length),
-        loop_residual(kind, scaled, length * scale),
-    )
-    assert np.allclose(one, other, rtol=0, atol=1e-12 / length)
-    per_unit = np.diag([1 / scale, 1 / scale, 1 / scale, 1, 1, 1])
-    assert np.allclose(by_one @ per_unit, by_other, rtol=1e-11, atol=1e-13)

@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import io
 import math
-import warnings
 from collections.abc import Iterable, Iterator
 from pathlib import Path
 from typing import Any
@@ -12,8 +10,6 @@ from typing import Any
 import numpy as np
 import pinocchio as pin
 import pytest
-import trimesh
-import yourdfpy
 from hypothesis import given
 from hypothesis import strategies as st
 from lxml import etree
@@ -21,7 +17,7 @@ from mechanisms import shift, turn
 from strategies import EXTREME, UNITS, documents, examples
 
 import raff2urdf
-from raff2urdf import RaffError, RaffWarning, loads
+from raff2urdf import RaffError, loads
 from raff2urdf.conversion import Translation, translate
 from raff2urdf.placement import roll_pitch_yaw
 from raff2urdf.raff.document import Document, JointType, RaffLink, RaffParameters, RaffRobot
@@ -139,13 +135,6 @@ def test_limits_are_in_radians_metres_and_seconds() -> None:
     assert model.upperPositionLimit.tolist() == [math.radians(80), 0.21121]
     assert model.velocityLimit.tolist() == [math.radians(90), 0.5]
     assert model.effortLimit.tolist() == [12.5, UNLIMITED]
-
-
-def test_a_joint_without_limits_has_none_that_matter() -> None:
-    model = pin.buildModelFromXML(text_of("link 1 { type 1 pred 0 }"))
-    assert (model.lowerPositionLimit.tolist(), model.upperPositionLimit.tolist()) == ([-UNLIMITED], [UNLIMITED])
-    assert model.velocityLimit.tolist() == [UNLIMITED]
-    assert UNLIMITED >= 1e9
 
 
 @given(st.tuples(EXTREME, EXTREME), EXTREME.filter(bool), st.sampled_from([1, 2]), st.sampled_from(UNITS))
@@ -348,41 +337,3 @@ def test_a_joint_that_reaches_0_slides_along_a_rail(words: str) -> None:
 
 
 # --- graphics ----------------------------------------------------------------------------------------------------
-
-
-@pytest.fixture
-def workshop(tmp_path: Path) -> Path:
-    """A folder with a RAFF file's graphics in its `parts`."""
-    (tmp_path / "parts").mkdir()
-    trimesh.creation.box((100.0, 50.0, 20.0)).export(tmp_path / "parts" / "bar.stl")
-    return tmp_path
-
-
-def drawn(workshop: Path, links: str, path: str = "parts", out: Path | None = None) -> tuple[str, list[str]]:
-    """The URDF of links with graphics, and what was warned of."""
-    document = loads(f'RAFF t\nrobot arm {{ path "{path}" {links} }}')
-    with warnings.catch_warnings(record=True) as caught:
-        warnings.simplefilter("always")
-        text = translated(document, beside=workshop, out=out).urdf
-    assert all(warning.category is RaffWarning for warning in caught)
-    return text, [str(warning.message) for warning in caught]
-
-
-BAR = 'link 1 { type 2 pred 0 filename { "bar.stl" } }'
-
-
-def test_a_mesh_has_the_files_unit(workshop: Path) -> None:
-    """Its box of 100 x 50 x 20 mm is 0.1 x 0.05 x 0.02 m in the viewer."""
-    text, _ = drawn(workshop, f'base {{ filename {{ "bar.stl" }} }} {BAR}')
-    model = yourdfpy.URDF.load(io.BytesIO(text.encode()))
-    assert model.scene.extents == pytest.approx([0.1, 0.05, 0.02])
-
-
-def test_the_home_folder_may_be_meant(workshop: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setenv("HOME", str(workshop))
-    _, (warned,) = drawn(Path("/elsewhere"), BAR, path="~/parts/")
-    assert f"allow its folder by the environment variable RAFF2URDF_MESH_PATH={workshop}/parts" in warned
-    monkeypatch.setenv("RAFF2URDF_MESH_PATH", str(workshop / "parts"))
-    text, warned = drawn(Path("/elsewhere"), BAR, path="~/parts/")
-    assert str(workshop / "parts" / "bar.stl") in text
-    assert warned == []

@@ -46,10 +46,7 @@ UNREAD = {
         '<drake:tendon_constraint_joint name="swing"/></drake:tendon_constraint>',
         "<drake:tendon_constraint> ('drive', 'swing') declares a coupling",
     ),
-    "gear": (
-        '<gear name="g"><joint1 name="drive"/><joint2 name="swing"/></gear>',
-        "<gear> 'g' ('drive', 'swing')",
-    ),
+    "gear": ('<gear name="g"><joint1 name="drive"/><joint2 name="swing"/></gear>', "<gear> 'g' ('drive', 'swing')"),
     "Gazebo plugin with other words": (
         '<gazebo><plugin name="ClosedLoop" filename="x.so"><a>coupler</a><b>rocker</b></plugin></gazebo>',
         "<plugin> 'ClosedLoop' in <gazebo> ('coupler', 'rocker') declares a loop",

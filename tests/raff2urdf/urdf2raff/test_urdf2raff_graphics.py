@@ -131,11 +131,8 @@ def test_what_raff2urdf_draws_itself_is_drawn_again(root, tmp_path):
     ("visual", "says"),
     [
         (MESH.format("cut.stl", "", ""), r"arm.urdf:3: the mesh .*cut.stl' can't be read"),
-        (MESH.format("cut.dae", "", ""), r"arm.urdf:3: the mesh .*cut.dae' can't be read"),
         (MESH.format("meshes/part.stl", ' scale="1 1"', ""), r'arm.urdf:3: scale="1 1" of <mesh> in link .* must be 3'),
-        ('<visual><geometry><cylinder radius="-1" length="1"/></geometry></visual>', r"arm.urdf:3: radius=.-1. of"),
         ('<visual><geometry><torus radius="1"/></geometry></visual>', r"arm.urdf:3: the shape <torus> is not in URDF"),
-        ("<visual/>", r"arm.urdf:3: this visual has no shape"),
     ],
 )  # fmt: skip
 def test_a_mesh_that_is_cut_short_is_told_by_its_line(there, capsys, visual, says):
