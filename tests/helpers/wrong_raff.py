@@ -67,6 +67,15 @@ constraint {
 } // end of robot definition
 """
 
+
+def assert_in_order(words: str, said: str) -> None:
+    """Words, parted by blanks, stand in a text one behind another."""
+    rest = said
+    for word in words.split():
+        assert word in rest, f"{word} is missing, or stands too early, in: {said}"
+        rest = rest.split(word, 1)[1]
+
+
 # --- of the grammar -------------------------------------------------------------------------------------------------
 
 LINK = "RAFF t\nrobot r {\n  link 1 {\n    "  # what follows stands on line 4, from column 5

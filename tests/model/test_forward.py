@@ -156,16 +156,6 @@ def test_it_begins_on_the_branch_that_it_is_given(robot):
         motion.q = bar.q_home + 0.1
 
 
-def test_without_loops_joints_are_where_they_are_sent(robot):
-    arm = robot("rx90")
-    motion = ForwardKinematics(arm)
-    q = motion.move({"joint2": 0.5})
-    assert q[arm.q_index("joint2")] == 0.5
-    assert np.count_nonzero(q != arm.q_home) == 1
-    with pytest.raises(cinegen.CinegenError, match="no joint"):
-        motion.move({"elbow": 0.5})
-
-
 def test_a_mechanism_in_micrometres_moves_as_its_twin_in_metres(raff):
     """All thresholds are parts of the characteristic length."""
     body = """units mm robot r {{ base {{ }}

@@ -349,14 +349,3 @@ def test_an_equality_without_counterpart_is_an_error_that_names_it(write, equali
     if "MuJoCo" not in str(failed.value):
         assert "--ignore e " in str(failed.value)
         assert mjcf.read(path, ignore=["e"])[2][0] == "equality constraint 'e'"
-
-
-def test_a_flex_is_left_out_with_its_constraints_only_on_request(write):
-    grid = """<flexcomp name="cloth" type="grid" count="3 3 1" spacing="0.1 0.1 0.1" radius="0.01" mass="1">
-      <edge equality="true"/></flexcomp><body><joint name="j"/><geom size="0.1"/></body>"""
-    path = write(f"<mujoco><worldbody>{grid}</worldbody></mujoco>", "cloth.xml")
-    with pytest.raises(
-        cinegen.CinegenError, match=r"constrains the flex 'cloth', and only rigid bodies .*--ignore cloth"
-    ):
-        cinegen.load(path)
-    assert mjcf.read(path, ignore=["cloth"])[2] == ["equality constraint 'cloth'"]

@@ -182,15 +182,6 @@ def test_no_log_is_left_behind(write, monkeypatch, tmp_path):
     assert list(folder.iterdir()) == []
 
 
-def test_a_free_body_beside_others_keeps_its_six_joints(write):
-    """It was taken for a base that moves, and its joints were lost."""
-    geom = "<geom size='1'/>"
-    text = f"<body name='a'><freejoint name='f'/>{geom}</body><body name='b' pos='1 0 0'>{geom}</body>"
-    mechanism = cinegen.load(write(text=f"<mujoco><worldbody>{text}</worldbody></mujoco>"))
-    assert not mechanism.floating
-    assert mechanism.joints == ("f_TX", "f_TY", "f_TZ", "f_X", "f_Y", "f_Z")
-
-
 def test_what_has_no_name_gets_one_that_is_free(write):
     geom = "<geom size='1'/>"
     text = f"<body name='body2'><joint name='joint1'/>{geom}<body><joint/>{geom}</body></body>"

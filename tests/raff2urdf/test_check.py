@@ -8,7 +8,7 @@ from dataclasses import replace
 import pytest
 from hypothesis import given
 from strategies import documents, examples
-from wrong_raff import ONE, text_of
+from wrong_raff import ONE, assert_in_order, text_of
 from wrong_raff import WRONG_BODIES as WRONG
 
 import raff2urdf
@@ -52,10 +52,7 @@ def at(entry: tuple[str, int, int, str]) -> str:
 @pytest.mark.parametrize(("body", "line", "column", "words"), WRONG, ids=map(at, WRONG))
 def test_a_fault_is_named_where_it_stands(body: str, line: int, column: int, words: str) -> None:
     (problem,) = problems_of(text_of(body))
-    said = problem.message
-    for word in words.split():
-        assert word in said, f"{word} is missing, or stands too early, in: {problem.message}"
-        said = said.split(word, 1)[1]
+    assert_in_order(words, problem.message)
     assert problem.location is not None
     assert (problem.location.line, problem.location.column) == (line, column)
 

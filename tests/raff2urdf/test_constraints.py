@@ -80,10 +80,14 @@ def test_everything_that_the_file_says_is_there(values: constraints.Constraints)
     assert (values["name"], values["robot"]) == ("MiniDelta", "r1")
     assert values["nodes"] == ["base", "link1", "coupler", "link3", "link4", "frame5"]
     assert values["floating"] == "joint0"
+    words = ("name", "type", "home", "actuated")
     assert values["joints"] == [
-        {"name": "joint1", "type": "revolute", "home": math.radians(30), "actuated": True},
-        {"name": "joint2", "type": "revolute", "home": math.radians(-20), "actuated": False},
-        {"name": "joint3", "type": "prismatic", "home": 0.05, "actuated": False},
+        dict(zip(words, joint, strict=True))
+        for joint in [
+            ("joint1", "revolute", math.radians(30), True),
+            ("joint2", "revolute", math.radians(-20), False),
+            ("joint3", "prismatic", 0.05, False),
+        ]
     ]
     unmoved = [[1, 0, 0, 0], [0, 1, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1]]
     assert values["loops"] == [

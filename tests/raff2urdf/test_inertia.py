@@ -134,12 +134,6 @@ def test_two_halves_are_the_whole(x: float, y: float, z: float, place: np.ndarra
     assert_same(sum_of(parts), of_geometry(box(x, y, z), RHO).in_frame(place))
 
 
-def test_nothing_added_changes_nothing() -> None:
-    body = of_geometry(box(1.0, 2.0, 3.0), RHO).in_frame(shift("x", 1.0))
-    assert_same(sum_of([Inertia(), body, Inertia()]), body)
-    assert sum_of([]).mass == 0.0
-
-
 @given(st.lists(st.tuples(SIZES, SIZES, SIZES, PLACES), min_size=1, max_size=4), st.sampled_from("bcs"))
 @examples(60)
 def test_whatever_is_drawn_some_body_has_that_inertia(
@@ -185,9 +179,3 @@ def test_a_body_that_is_raised_stays_physical() -> None:
     assert found.raised == ("a",)
     assert_physical(found.links["a"])
     assert np.linalg.eigvalsh(found.links["a"].matrix)[0] >= LEAST_MOMENT * (1 - 1e-9)
-
-
-def test_the_sentence_says_from_what_and_how_dense() -> None:
-    said = inertias(drawn(Visual(geometry=box(1.0, 1.0, 1.0))), RHO).sentence()
-    assert "graphics" in said
-    assert "700 kg/m3" in said

@@ -261,15 +261,6 @@ def test_cinegen_shows_the_same_meshes_without_a_folder_of_outputs(workshop: Pat
     assert sorted(path.name for path in (workshop).iterdir()) == ["arm.raff", "cache", "generated", "parts"]
 
 
-def test_a_mesh_is_kept_once_by_its_content(cache: Path) -> None:
-    first = keep(b"some bytes", ".stl")
-    before = first.stat()
-    assert keep(b"some bytes", ".stl") == first
-    assert (first.stat().st_mtime_ns, first.stat().st_ino) == (before.st_mtime_ns, before.st_ino)
-    assert keep(b"others", ".stl") != first
-    assert len(list(cache.iterdir())) == 2
-
-
 def test_a_damaged_mesh_of_the_cache_is_mended(cache: Path) -> None:
     path = keep(b"some bytes", ".stl")
     for damaged in (b"", b"some bytez", b"some"):

@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from strategies import documents, examples
-from wrong_raff import END, FIGURE_5, LINK
+from wrong_raff import END, FIGURE_5, LINK, assert_in_order
 from wrong_raff import WRONG_TEXTS as WRONG
 
 import raff2urdf
@@ -140,10 +140,7 @@ def at(entry: tuple[str, int, int, str]) -> str:
 def test_an_error_says_where_it_is_and_what_is_likely_meant(text: str, line: int, column: int, words: str) -> None:
     (problem,) = problems_of(text)
     assert problem.location is not None
-    said = problem.message
-    for word in words.split():
-        assert word in said, f"{word} is missing, or stands too early, in: {problem.message}"
-        said = said.split(word, 1)[1]
+    assert_in_order(words, problem.message)
     assert (problem.location.line, problem.location.column) == (line, column)
     assert problem.text == (text.split("\n")[line - 1])
 

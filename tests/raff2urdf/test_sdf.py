@@ -12,7 +12,6 @@ from typing import Any
 import numpy as np
 import pinocchio as pin
 import pytest
-import trimesh
 from exported import ALL, Exported, exported
 from lxml import etree
 from numpy.typing import NDArray
@@ -208,16 +207,6 @@ def test_shapes_are_all_there_and_in_place(folder: Path) -> None:
 
 
 # --- what is written ---------------------------------------------------------------------------------------------
-
-
-def test_a_mesh_is_named_as_seen_from_the_file(tmp_path: Path) -> None:
-    trimesh.creation.box((100.0, 50.0, 20.0)).export(tmp_path / "bar.stl")
-    raff = tmp_path / "arm.raff"
-    raff.write_text('RAFF t\nrobot arm { link 1 { type 2 pred 0 filename { "bar.stl" } } }')
-    (conversion,) = convert(raff, tmp_path / "out", format="sdf")
-    (mesh,) = etree.parse(conversion.file).findall(".//mesh")
-    assert (conversion.file.parent / mesh.findtext("uri")).is_file()
-    assert mesh.findtext("scale") == "0.001 0.001 0.001"
 
 
 def test_names_that_meet_are_parted_and_told(tmp_path: Path) -> None:

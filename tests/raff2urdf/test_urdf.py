@@ -173,12 +173,6 @@ def test_a_base_that_can_move_floats_in_a_world() -> None:
 # --- the same for the same ---------------------------------------------------------------------------------------
 
 
-def test_nodes_and_joints_stand_in_the_files_order() -> None:
-    xml = xml_of("link 3 { type 2 pred 9 } frame 2 { pred 3 } link 9 { type 2 pred 0 }")
-    assert [link.get("name") for link in xml.findall("link")] == ["base", "link3", "frame2", "link9"]
-    assert [joint.get("name") for joint in xml.findall("joint")] == ["joint3", "joint2", "joint9"]
-
-
 def test_a_name_in_any_script_reaches_the_readers() -> None:
     text = text_of('link 1 { name "плечо_机器人" type 2 pred 0 }')
     assert "плечо_机器人" in pinocchios(text, {})
