@@ -167,16 +167,6 @@ def test_too_few_actuated_joints_are_noted_with_those_that_are_missing(kind, tmp
     assert (uncontrolled(mechanism), met) == (0, [])
 
 
-def test_a_check_of_raff_warns_alike(tmp_path, capsys):
-    from raff2urdf.cli import main
-
-    (tmp_path / "p.raff").write_text(raff("abc"), encoding="utf-8")
-    assert main(["--check", str(tmp_path / "p.raff")]) == 0
-    out, err = capsys.readouterr()
-    assert "mobility 3 (1 of them uncontrolled: joint5)" in out
-    assert "let joint5 be actuated instead of joint2; 'actuated 1' in its link declares that" in err
-
-
 def test_what_an_sdf_says_of_actuated_joints_must_be_true_or_false(tmp_path):
     own = '<raff:robot xmlns:raff="urn:raff2urdf"><raff:joint name="a" actuated="yes"/></raff:robot>'
     with pytest.raises(cinegen.CinegenError, match="actuated='yes' of a raff:joint must be true or false"):

@@ -16,17 +16,11 @@ ARM = """robot r { base { }
   link 1 { type 2 pred 0 limits { -30 90 } }
   link 2 { parameters { d 100 } type 1 pred 1 limits { -50 200 } }
   link 3 { parameters { d 100 } type 2 pred 2 } }"""
-LIMITS = {"joint1": (math.radians(-30), math.radians(90)), "joint2": (-0.05, 0.2), "joint3": (-math.inf, math.inf)}
 
 
 @pytest.fixture
 def arm(raff):
     return raff(ARM)
-
-
-@pytest.mark.parametrize("joint", LIMITS)
-def test_limits_are_those_of_the_file_in_rad_and_m(arm, joint):
-    assert arm.limits[joint][:2] == pytest.approx(LIMITS[joint], abs=1e-12)
 
 
 @pytest.mark.parametrize(

@@ -146,14 +146,10 @@ goal = { point = [1.5, 0, 0] }
 
 COMMANDS = {
     "info": ["info", "four_bar.urdf"],
-    "modes": ["modes", "four_bar.urdf"],
-    "singular": ["singular", "four_bar.urdf"],
     "map": ["map", "four_bar.urdf"],
     "drive": ["drive", "four_bar.urdf", "--snapshot", "page.html"],
     "drive --scene": ["drive", "--scene", "scene.toml", "--snapshot", "page.html"],
     "plan": ["plan", "scene.toml"],
-    "close": ["close", "four_bar.urdf"],
-    "sensors": ["sensors", "four_bar.urdf"],
 }
 
 

@@ -266,8 +266,3 @@ def test_two_copies_that_differ_are_an_error(tmp_path):
         cinegen.CinegenError, match=r"four_bar.urdf:\d+: raff:robot differs from four_bar.constraints.json"
     ):
         cinegen.load(urdf)
-
-
-def test_a_dialect_that_does_not_exist_is_answered_with_those_that_do(tmp_path):
-    with pytest.raises(raff2urdf.RaffError, match="there is no dialect 'urdf': did you mean 'urdf\\+'"):
-        convert(ROBOTS / "four_bar.raff", tmp_path, dialect="urdf")

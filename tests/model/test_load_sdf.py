@@ -63,15 +63,6 @@ def test_a_parallelogram_keeps_its_coupler_upright(write):
         assert np.allclose(stands.translation, [0.2 * np.cos(angle), 0.2 * np.sin(angle), 0.0], atol=1e-12)
 
 
-def test_a_model_that_is_fixed_to_the_world_stands_where_it_is_put(write):
-    text = PARALLELOGRAM.format(kind="revolute").replace(
-        '<link name="ground"/>', '<pose>1 2 3 0 0 0</pose><link name="ground"/>'
-    )
-    mechanism = cinegen.load(write(text))
-    assert mechanism.nodes[0] == "world"
-    assert mechanism.placement(mechanism.q_home, "rocker").translation == pytest.approx([1.0, 2.4, 3.0])
-
-
 def test_limits_and_shapes_are_read(write):
     mechanism = cinegen.load(write(PARALLELOGRAM.format(kind="ball")))
     i, j = mechanism.q_index("drive"), mechanism.v_index("drive")

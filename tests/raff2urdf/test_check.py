@@ -98,11 +98,6 @@ def test_a_cycle_of_parents_is_one_fault_however_long(length: int) -> None:
     assert len(problem.message) < 200
 
 
-def test_each_ring_is_a_fault_of_its_own() -> None:
-    rings = "link 1 { type 2 pred 2 } link 2 { type 2 pred 1 }\nlink 3 { type 2 pred 3 }\nlink 4 { type 2 pred 0 }"
-    assert [problem.location and problem.location.line for problem in problems_of(text_of(rings))] == [3, 4]
-
-
 def test_all_faults_are_reported_at_once_in_the_order_of_the_text() -> None:
     body = "\n".join(
         ["link 1 { type 2 pred 9 limits { 2 1 } }", ONE, "link 3 { type 2 pred 3 }", "constraint { base link 8 }"]

@@ -139,6 +139,23 @@ def test_closing_never_ends_farther_open_than_it_began_and_leaves_its_input_alon
     assert closing.gap == np.abs(cluster.evaluate(closing.q)[0]).max()
 
 
+@given(chains, seeds)
+@examples(30)
+def test_no_step_goes_farther_than_a_linearisation_can_know(name: str, seed: int) -> None:
+    """A radian, or a characteristic length, however far the way."""
+    cluster = cluster_of(KNOWN[name][0])
+    watched = Counted(cluster)
+    steps = []
+
+    def integrate(q: np.ndarray, step: np.ndarray) -> np.ndarray:
+        steps.append(np.abs(step).max())
+        return cluster.integrate(q, step)
+
+    watched.integrate = integrate
+    close(watched, perturbed(cluster, seed, 3.0))
+    assert max(steps) <= 1.0
+
+
 SLIDES = [f"joint{10 * leg + 3}" for leg in range(6)]  # of the 6-UPS
 
 
@@ -157,6 +174,14 @@ def test_joints_that_are_held_do_not_move_and_the_others_close(name: str, seed: 
     assert (closing.q[~free] == q[~free]).all()
     assert closing.closed
     assert apart(document, cluster, closing.q) <= MET
+
+
+def test_where_all_joints_are_held_nothing_moves() -> None:
+    cluster = cluster_of(four_bar())
+    q = perturbed(cluster, 1, 0.1)
+    closing = close(cluster, q, np.zeros(len(q), dtype=bool))
+    assert (closing.q == q).all()
+    assert not closing.closed
 
 
 # --- the equations -----------------------------------------------------------------------------------------------
@@ -273,6 +298,11 @@ def test_a_walk_stays_closed_and_gets_somewhere(name: str) -> None:
     assert len(steps) >= 3
     assert all(apart(document, cluster, q) <= MET for q in steps)
     assert all(np.abs((b - a) / cluster.scale).max() > 0.01 for a, b in pairwise([cluster.home, *steps]))
+
+
+def test_where_nothing_can_move_there_is_no_walk() -> None:
+    cluster = cluster_of(KNOWN["truss"][0])
+    assert list(closed_walk(cluster, cluster.home, samples=5)) == []
 
 
 # --- what can't be closed ----------------------------------------------------------------------------------------

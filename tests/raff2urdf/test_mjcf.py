@@ -13,7 +13,6 @@ import pinocchio as pin
 import pytest
 import trimesh
 from exported import ALL, Exported, exported
-from lxml import etree
 from mechanisms import KNOWN
 
 from raff2urdf import RaffWarning, convert, loads
@@ -192,13 +191,6 @@ def test_pinocchio_reads_the_same_robot(robot: Exported) -> None:
 # --- what is written ---------------------------------------------------------------------------------------------
 
 
-def test_it_says_how_dense_and_what_mjcf_cannot_say(folder: Path) -> None:
-    said = exported("four_bar", folder).text("mjcf", density=2700.0)
-    assert "2700 kg/m3" in said
-    assert "velocity" in said
-    assert "LOOP.axis" in said
-
-
 def test_a_free_robot_falls_and_its_loops_stay_closed(folder: Path) -> None:
     robot = exported("loose", folder)
     model, data = read(robot)
@@ -262,12 +254,3 @@ def test_a_mesh_that_mujoco_cannot_have_is_left_out_with_a_warning(workshop: Pat
     assert warning.category is RaffWarning
     assert "triangle.stl" in str(warning.message)
     assert mujoco.MjModel.from_xml_path(str(path)).nmesh == 1
-
-
-def test_comments_hold_what_xml_forbids(tmp_path: Path) -> None:
-    raff = tmp_path / "arm.raff"
-    raff.write_text('RAFF t\nrobot arm { link 1 { name "b--c" type 2 pred 0 filename { } } }')
-    (conversion,) = convert(raff, tmp_path / "out", format="mjcf")
-    text = conversion.file.read_text()
-    assert "b- -c" in text
-    assert etree.fromstring(text.encode()).find(".//body[@name='b--c']") is not None

@@ -86,19 +86,6 @@ def test_the_version_may_be_left_out_and_unknown_lines_of_the_head_too() -> None
 
 
 @pytest.mark.parametrize(
-    ("word", "colour"),
-    [
-        ("0X8A1", (0x88, 0xAA, 0x11)),
-        ("0xf0", (0, 255, 0)),  # 0x0f0, as %x prints it
-        ("0x102030", (16, 32, 48)),
-        ("0xff00", (0, 255, 0)),
-    ],
-)
-def test_a_colour_has_12_or_24_bits(word: str, colour: tuple[int, int, int]) -> None:
-    assert list(found(f"nff\na\n3\n0 0 0\n1 0 0\n0 1 0\n1\n3 0 1 2 {word}\n")) == [(*colour, 255)]
-
-
-@pytest.mark.parametrize(
     ("vertices", "colour"),
     [
         (("0x00ff00", "0x00ff00", "0x00ff00"), (0, 255, 0, 255)),  # as WorldToolKit has it: they count more

@@ -113,17 +113,6 @@ def test_a_sidecar_file_must_close_as_many_loops_as_are_declared(bars, tmp_path)
         readers.read(bars(loop))
 
 
-@pytest.mark.parametrize("within", ["link", "joint"])
-def test_a_loop_like_element_within_a_link_or_a_joint_is_not_lost(within, bars):
-    path = bars("")
-    text = path.read_text().replace('<link name="crank"/>', '<link name="crank"><constraint name="x"/></link>')
-    if within == "joint":
-        text = path.read_text().replace('<child link="crank"/>', '<child link="crank"/><Constraint name="x"/>')
-    path.write_text(text)
-    with pytest.raises(RaffError, match=rf":{2 if within == 'link' else 3}: <[cC]onstraint> 'x' declares a loop"):
-        readers.read(path)
-
-
 @pytest.mark.parametrize(
     "added",
     [
