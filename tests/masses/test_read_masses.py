@@ -94,6 +94,17 @@ def test_masses_that_need_a_missing_mesh_are_unknown(
     assert any(why in note for note in mechanism.source.notes)
 
 
+def test_a_mesh_elsewhere_is_not_read_for_its_mass(tmp_path: Path) -> None:
+    inner = tmp_path / "one" / "two"
+    inner.mkdir(parents=True)
+    path = mjcf(inner)
+    path.write_text(path.read_text().replace('file="ball.stl"', 'file="../../../ball.stl" name="ball"'))
+    (inner / "meshes" / "ball.stl").rename(tmp_path / "ball.stl")
+    mechanism = cinegen.load(path)
+    assert mechanism.massless == ("b",)
+    assert any("leads out of" in note for note in mechanism.source.notes)
+
+
 def test_bodies_without_geoms_have_no_mass(tmp_path: Path) -> None:
     path = tmp_path / "bare.xml"
     path.write_text(

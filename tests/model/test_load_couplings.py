@@ -240,6 +240,12 @@ def test_no_element_that_sounds_like_a_loop_is_dropped_in_silence(tmp_path_facto
         assert cinegen.load(path, ignore=["e"]).mobility == 3
 
 
+def test_limits_of_a_joint_that_closes_a_loop_are_noted(write):
+    cut = CUT.format("revolute").replace("</xyz></axis>", "</xyz><limit><lower>-1</lower></limit></axis>", 1)
+    mechanism = cinegen.load(write(linkage("ball", "ball", more=cut)))
+    assert mechanism.source.notes == ("not read: limits of joint 'cut', which closes a loop",)
+
+
 @pytest.mark.parametrize(("hinge", "kind", "mobility"), [(False, "ball", 0), (True, "revolute", 0)])
 def test_frames_that_coincide_close_a_loop(write, hinge, kind, mobility):
     frame = '<frame name="closing_pin_{}" attached_to="{}"><pose relative_to="input">0.1 0 {} 0 0 0</pose></frame>'
@@ -349,3 +355,14 @@ def test_an_equality_without_counterpart_is_an_error_that_names_it(write, equali
     if "MuJoCo" not in str(failed.value):
         assert "--ignore e " in str(failed.value)
         assert mjcf.read(path, ignore=["e"])[2][0] == "equality constraint 'e'"
+
+
+def test_a_flex_is_left_out_with_its_constraints_only_on_request(write):
+    grid = """<flexcomp name="cloth" type="grid" count="3 3 1" spacing="0.1 0.1 0.1" radius="0.01" mass="1">
+      <edge equality="true"/></flexcomp><body><joint name="j"/><geom size="0.1"/></body>"""
+    path = write(f"<mujoco><worldbody>{grid}</worldbody></mujoco>", "cloth.xml")
+    with pytest.raises(
+        cinegen.CinegenError, match=r"constrains the flex 'cloth', and only rigid bodies .*--ignore cloth"
+    ):
+        cinegen.load(path)
+    assert mjcf.read(path, ignore=["cloth"])[2] == ["equality constraint 'cloth'"]

@@ -183,6 +183,11 @@ def test_yaml(tmp_path: Path, text: str, message: str) -> None:
     refused(tmp_path, message, r__urdf=URDF.format("", ""), loop_closures__yaml=text)
 
 
+def test_robot_yaml_without_aliases_too(tmp_path: Path) -> None:
+    text = "closed_loop: &a [[a, c]]\ntype: *a\n"
+    refused(tmp_path, r"robot.yaml:2: .*aliases are not read", r__urdf=URDF.format("", ""), robot__yaml=text)
+
+
 def test_a_joint_of_sdf_that_is_misspelt_is_no_loss(tmp_path: Path) -> None:
     text = SDF.format("", '<joiint name="k" type="revolute"><parent>a</parent><child>b</child></joiint>')
     refused(tmp_path, "<joiint> 'k' seems to declare a loop or a coupling, which can't be read", r__sdf=text)
