@@ -108,6 +108,20 @@ def test_a_polygon_mesh_is_a_grid_that_may_be_closed(
     assert len(read(drawing)[0][0].triangles) == 2 * expected
 
 
+def test_of_a_smooth_polygon_mesh_the_smooth_surface_is_drawn(drawing: Drawing, read: Read) -> None:
+    """Its frame of control points is kept in the file, but not seen."""
+    mesh = drawing.modelspace().add_polymesh((2, 2))
+    for i in range(2):
+        for j in range(2):
+            mesh.set_mesh_vertex((i, j), (10.0 * i, 10.0 * j, 0.0))
+    for vertex in mesh.vertices:
+        vertex.dxf.flags |= vertex.SPLINE_FRAME_CONTROL_POINT
+    smooth = [(float(i), float(j), 0.0) for i in range(3) for j in range(4)]
+    mesh.append_vertices(smooth, dxfattribs={"flags": 64 + 8})
+    mesh.dxf.smooth_type, mesh.dxf.m_smooth_density, mesh.dxf.n_smooth_density = 5, 3, 4
+    assert areas(read, drawing) == {WHITE: 6.0}
+
+
 @given(st.lists(outlines(), min_size=1, max_size=4))
 @examples(20)
 def test_the_faces_of_a_mesh_have_any_number_of_corners(
