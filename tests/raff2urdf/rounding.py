@@ -52,8 +52,8 @@ def largest_change(before: str, after: str) -> float:
     return max(float(np.abs(change - np.eye(4)).max()) for change in changes)
 
 
-def walker(tilt: float = 4e-5, digits: int = 6) -> str:
-    """Return an SDF of two legs on a body, each a five-bar of two hips and two universal knees.
+def walker(legs: int = 2, tilt: float = 4e-5, digits: int = 6) -> str:
+    """Return an SDF of one or two legs on a body, each a five-bar of two hips and two universal knees.
 
     Hips are tilted against each other by twice an angle (rad), and positions (m) are rounded, a unit up or down.
     """
@@ -69,7 +69,7 @@ def walker(tilt: float = 4e-5, digits: int = 6) -> str:
     def joint(name: str, kind: str, parent: str, child: str, more: str) -> str:
         return f'<joint name="{name}" type="{kind}"><parent>{parent}</parent><child>{child}</child>{more}</joint>'
 
-    for leg, (x, y) in enumerate([(0.25, 0.12), (-0.25, -0.12)]):
+    for leg, (x, y) in enumerate([(0.25, 0.12), (-0.25, -0.12)][:legs]):
         for side in (1, -1):
             hip, knee = np.array([x + 0.02 * side, y, 0.0]), np.array([x + 0.11 * side, y, -0.05])
             upper, lower = f"upper_{leg}{side:+}", f"lower_{leg}{side:+}"
