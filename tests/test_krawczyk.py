@@ -70,10 +70,7 @@ def test_a_solution_near_the_point_is_certified_with_its_distance():
     assert 0.99e-7 < certified(polynomial(-2.0, 0.0, 1.0), 2.0**0.5 + 1e-7).error < 1.01e-7
 
 
-@given(
-    st.lists(st.floats(-3.0, 3.0), min_size=2, max_size=6),
-    st.floats(-12.0, -1.0),
-)
+@given(st.lists(st.floats(-3.0, 3.0), min_size=2, max_size=6), st.floats(-12.0, -1.0))
 def test_what_is_certified_is_a_root_and_the_only_one_in_its_box(roots, exponent):
     """Roots of random polynomials, the last two of them 10**exponent apart."""
     roots[-1] = roots[-2] + 10.0**exponent

@@ -35,17 +35,6 @@ def test_a_law_is_tried_on_a_part_of_its_examples(tried, part, count):
     assert len(seen) == count
 
 
-def test_a_law_that_says_nothing_of_examples_is_tried_on_a_part_of_the_usual_ones(tried):
-    seen = []
-
-    @given(st.integers())
-    def law(number):
-        seen.append(number)
-
-    tried(law, 0.25)
-    assert len(seen) == settings.default.max_examples / 4
-
-
 def test_a_law_of_a_class_is_tried_on_a_part_of_its_examples_too(tried):
     seen = []
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import email
 import os
 import subprocess
 import sys
@@ -66,26 +65,6 @@ def test_the_wheel_has_the_packages_their_data_and_the_licences(built):
     assert {name.split("/")[0].split("-")[0] for name in names} == {"cinegen", "raff2urdf"}
     assert any(name.endswith("licenses/LICENSE") for name in names)
     assert not [name for name in names if "__pycache__" in name]
-
-
-def test_the_metadata_say_what_the_project_is(built):
-    archive = zipfile.ZipFile(built[0])
-    (name,) = (name for name in archive.namelist() if name.endswith("dist-info/METADATA"))
-    metadata = email.message_from_bytes(archive.read(name))
-    assert metadata["Summary"]
-    assert metadata["License-Expression"] == "MIT"
-    assert "Programming Language :: Python :: 3.11" in metadata.get_all("Classifier")
-    assert set(metadata.get_all("Provides-Extra")) >= {
-        "all",
-        "cluster",
-        "dxf",
-        "film",
-        "maps",
-        "mjcf",
-        "plot",
-        "sampling",
-    }
-    assert metadata["Description-Content-Type"] == "text/markdown"
 
 
 def test_the_source_distribution_is_the_whole_project(built):

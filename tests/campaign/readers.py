@@ -162,10 +162,9 @@ def _raff(_: Path) -> list[Seed]:
 
 
 def _urdf(folder: Path) -> list[Seed]:
-    data = ROOT / "tests/model/data/urdf_plus"
     declared = [one for dialect in _DIALECTS for one in _of_folder(folder / dialect, ".urdf")]
     alone = [Seed({one.subject: one.files[one.subject]}, one.subject, one.subject) for one in declared]
-    return [*alone, *_of_folder(folder / "json", ".urdf"), *_alone(data / "four_bar.urdf", data / "six_bar.urdf")]
+    return [*alone, *_of_folder(folder / "json", ".urdf")]
 
 
 _DIALECTS = ("urdf+", "closing-frames", "mimic", "constraint")

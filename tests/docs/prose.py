@@ -4,6 +4,7 @@
   cockpit and pages without a server show; there, names of code too, which renaming leaves in sentences.
 - Sentences of pages with more than 35 words.
 - Pages in which more than 40 % of the sentences are passive.
+- Docstrings of the packages that open with a clause, and public classes that share a name.
 """
 
 from __future__ import annotations
@@ -39,6 +40,9 @@ _BRANDS = {"JavaScript", "SpaceMouse"}
 _PASSIVE = re.compile(
     r"\b(?:is|are|was|were|be|been|being)\s+(?:\w+ly\s+)?(?:not\s+)?\w+(?:ed|en|own|ade|elt|ept|ound|iven|one)\b"
 )
+
+
+_OPENINGS = re.compile(r"\s*(What|Whether|How|Of|Where|Who|Whose|Whom|That|Those)\b")
 
 
 @dataclass(frozen=True)
@@ -101,6 +105,23 @@ def strings(package: str) -> Iterator[tuple[str, int, str]]:
         for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
             if isinstance(node, ast.Constant) and isinstance(node.value, str) and " " in node.value:
                 yield str(path.relative_to(ROOT)), node.lineno, node.value
+
+
+def code_findings_of(*packages: str) -> list[str]:
+    """Return a line for each docstring that opens with a clause, and for each public class whose name is taken."""
+    found, places = [], dict[str, str]()
+    for path in (path for package in packages for path in sorted((ROOT / package).rglob("*.py"))):
+        name, tree = str(path.relative_to(ROOT)), ast.parse(path.read_text(encoding="utf-8"))
+        for node in ast.walk(tree):
+            if isinstance(node, ast.Module | ast.ClassDef | ast.FunctionDef | ast.AsyncFunctionDef):
+                text = ast.get_docstring(node) or ""
+                if _OPENINGS.match(text):
+                    found.append(f"{name}:{getattr(node, 'lineno', 1)}: opens with a clause: {text.splitlines()[0]}")
+        for one in tree.body:
+            public = isinstance(one, ast.ClassDef) and not one.name.startswith("_")
+            if public and (other := places.setdefault(one.name, name)) != name:
+                found.append(f"{name}:{one.lineno}: class {one.name} is also in {other}")
+    return found
 
 
 def shown(folder: str) -> Iterator[tuple[str, int, str]]:
@@ -170,7 +191,7 @@ def findings_of(path: Path) -> list[str]:
 
 def main() -> int:
     """Print all findings."""
-    found = [one for path in pages() for one in findings_of(path)]
+    found = [one for path in pages() for one in findings_of(path)] + code_findings_of("cinegen", "raff2urdf")
     for package in PACKAGES:
         for file, line, text in strings(package):
             found += words_of(text, file, line, file)

@@ -5,7 +5,6 @@ from __future__ import annotations
 import ast
 import runpy
 import shutil
-import subprocess
 import sys
 from pathlib import Path
 
@@ -41,18 +40,6 @@ def test_an_example_runs_and_says_something(
     out, err = capfd.readouterr()
     assert out.strip()
     assert not err
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("path", EXAMPLES, ids=lambda path: path.stem)
-def test_an_example_runs_by_itself(path: Path):
-    has_what_it_needs(path)
-    done = subprocess.run(
-        [sys.executable, path.relative_to(ROOT)], cwd=ROOT, capture_output=True, text=True, timeout=120, check=False
-    )
-    assert done.returncode == 0, done.stderr
-    assert done.stdout.strip()
-    assert not done.stderr
 
 
 @pytest.mark.parametrize("path", EXAMPLES, ids=lambda path: path.stem)

@@ -30,13 +30,6 @@ def test_a_picture_of_a_how_to_page_is_of_its_blocks(picture: str):
     assert f"](../pictures/{picture})" in (ROOT / "docs/howto" / f"{HOWTO[picture][0]}.md").read_text(encoding="utf-8")
 
 
-def test_the_blocks_of_a_picture_of_a_how_to_page_are_in_its_page():
-    code, console = howto_blocks("howto_export.png")
-    assert code.startswith("from math import")
-    assert console.startswith("$ cinegen export run.jsonl")
-    assert mark_of([code, console]) != mark_of([code, console.replace("20", "21", 1)])
-
-
 def test_every_step_of_the_tutorial_has_a_picture():
     text = (ROOT / "docs/tutorial.md").read_text(encoding="utf-8")
     steps = text.split("\n## ")[1:-1]
@@ -54,19 +47,3 @@ def test_a_picture_follows_every_change_of_its_source():
         replace(source, python=()),
     ]
     assert len({one.mark for one in (source, *changed)}) == 4
-
-
-def test_a_source_is_the_last_raff_text_above_and_the_code_between():
-    text = "\n".join([
-        "```raff a.raff", "one", "```", "![a](pictures/a.svg)", "```python", "x = 1", "```", "![b](pictures/b.webp)",
-        "```raff wrong a.raff", "no", "```", "![c](pictures/c.svg)", "```raff", "two", "```", "![d](pictures/d.svg)",
-        "",
-    ])  # fmt: skip
-    found = [(one.picture, one.raff, one.python) for one in sources(text)]
-    code = ("x = 1\n",)
-    assert found == [
-        ("a.svg", "one\n", ()),
-        ("b.webp", "one\n", code),
-        ("c.svg", "one\n", code),
-        ("d.svg", "two\n", ()),
-    ]

@@ -124,12 +124,3 @@ def test_code_is_left_as_it_is(builder, tmp_path, monkeypatch):
     site = builder.Site(tmp_path / "site")
     site.copy("docs/page.md", "page")
     assert (tmp_path / "site/page.md").read_text() == f"$a$\n{block}\n"
-
-
-def test_the_six_parameters_have_sliders(builder, source, tmp_path):
-    assert 'src="live/six_parameters.html"' in (source / "joints.md").read_text()
-    builder.Site(tmp_path / "site").parameters()
-    page = (tmp_path / "site/extra/live/six_parameters.html").read_text()
-    assert "{{picture}}" not in page
-    assert "{{script}}" not in page
-    assert not re.search(r"^(import|export) ", page, flags=re.MULTILINE)

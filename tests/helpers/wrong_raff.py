@@ -67,6 +67,15 @@ constraint {
 } // end of robot definition
 """
 
+
+def assert_in_order(words: str, said: str) -> None:
+    """Words, parted by blanks, stand in a text one behind another."""
+    rest = said
+    for word in words.split():
+        assert word in rest, f"{word} is missing, or stands too early, in: {said}"
+        rest = rest.split(word, 1)[1]
+
+
 # --- of the grammar -------------------------------------------------------------------------------------------------
 
 LINK = "RAFF t\nrobot r {\n  link 1 {\n    "  # what follows stands on line 4, from column 5
@@ -77,39 +86,25 @@ WRONG_TEXTS = [
     (f"{LINK}type 2 pred 0 limts {{ 0 1 }}{END}", 4, 19, "unknown word 'limts' link 1 did you mean 'limits'"),
     (f"{LINK}type 2 pred 0 parameters {{ thta 1 }}{END}", 4, 32, "unknown parameter 'thta' did you mean 'theta'"),
     ("RAFF t\nrobto r { }", 2, 1, "unknown word 'robto' did you mean 'robot'"),
-    ("RAFF t\nrobot r {\n  lnik 1 { type 2 pred 0 }\n}", 3, 3, "unknown word 'lnik' robot r did you mean 'link'"),
     ("RAFF t\nrobot r {\n  Link 1 { type 2 pred 0 }\n}", 3, 3, "unknown word 'Link' did you mean 'link'"),
     ("RAFF t\nrobot r {\n  frame 1 { type 2 pred 0 }\n}", 3, 13, "'type' does not belong frame 1 'link"),
     ("RAFF t\nrobot r { }\nlink 1 { type 2 pred 0 }", 3, 1, "'link' is outside a robot robot r closed on line 2"),
     ('RAFF t\nrobot r {\n  sensor 1 { port "x" }\n}', 3, 3, "'sensor' outside robot"),
-    ("RAFF t\nrobot r {\n  units cm\n}", 3, 3, "'units' outside robot"),
     # braces
     ("RAFF t\nrobot r {\n  link 1 {\n    type 2\n    pred 0", 5, 11, "ends inside link 1 line 3 '}' missing"),
     ("RAFF t\nrobot r {\n  link 1 { type 2 pred 0 }\n", 3, 27, "ends inside robot r line 2 '}' missing"),
     ("RAFF t\nrobot r {\n}\n}", 4, 1, "'}' too many robot r closed on line 3"),
     (f"{LINK}type 2 pred 0 limits 0 1{END}", 4, 26, "expected '{' found '0'"),
-    ("RAFF t\nrobot r {\n  link {", 3, 8, "'link' needs a number"),
     # numbers
     ("RAFF t\nrobot r {\n  link one { type 2 pred 0 }\n}", 3, 8, "'link' needs a number 'one'"),
     (f"{LINK}type revolute pred 0{END}", 4, 10, "'type' needs a number 'revolute' 2 revolute"),
     (f"{LINK}type 2 pred 0 parameters {{ d NaN }}{END}", 4, 34, "'d' needs a number 'NaN'"),
-    (f"{LINK}type 2 pred 0 parameters {{ d inf }}{END}", 4, 34, "'d' needs a number 'inf'"),
     (f"{LINK}type 2 pred 0 parameters {{ d 1e400 }}{END}", 4, 34, "'1e400' too large"),
-    (f"{LINK}type 2 pred 0 parameters {{ d -1e400 }}{END}", 4, 34, "'-1e400' too large"),
     (f"{LINK}type 2 pred 0 parameters {{ d 5mm }}{END}", 4, 34, "'d' needs a number '5mm' units"),
     (f"{LINK}type 2 pred 0 parameters {{ d 1,5 }}{END}", 4, 34, "'d' needs a number '1,5'"),
     (f"{LINK}type 2 pred 0 parameters {{ d \u0663\u0660 }}{END}", 4, 34, "'d' needs a number '\u0663\u0660'"),  # Arabic
-    (f"{LINK}type 2 pred 0 parameters {{ d 1.\uff15 }}{END}", 4, 34, "'d' needs a number '1.\uff15'"),  # full width
-    (f"{LINK}type \u0662 pred 0{END}", 4, 10, "'type' needs a number '\u0662' 2 revolute"),
-    ("RAFF t\nrobot r {\n  link \u0967 { type 2 pred 0 }\n}", 3, 8, "'link' needs a number '\u0967'"),  # Devanagari
-    (f"{LINK}type 2 pred 0 limits {{ nan 1 }}{END}", 4, 28, "'limits' needs a number 'nan'"),
     (f"{LINK}type 2 pred 0 limits {{ 1 }}{END}", 4, 30, "'limits' needs two numbers"),
-    (f"{LINK}type 2 pred 0 limits {{ 1 2 3 }}{END}", 4, 32, "'3' limits"),
-    (f"{LINK}type 2 pred 0 velocity 1e400{END}", 4, 28, "'1e400' too large"),
-    (f"{LINK}type 1e400 pred 0{END}", 4, 10, "'1e400' too large"),
     (f"{LINK}type 2 pred 0.5{END}", 4, 17, "'0.5' whole number"),
-    (f"{LINK}type 2 pred -1{END}", 4, 17, "'-1' whole number from 0"),
-    ("RAFF t\nrobot r { link 1.5 { type 2 pred 0 } }", 2, 16, "'1.5' whole number"),
     ("RAFF t\nrobot r { link 0 { type 2 pred 0 } }", 2, 16, "'0' whole number from 1"),
     ("RAFF t\nrobot r { constraint { base sensor ( ) } }", 2, 38, "'sensor' needs a number"),
     # texts
@@ -119,16 +114,13 @@ WRONG_TEXTS = [
     (f"{LINK}type 2 / pred 0{END}", 4, 12, "lone '/' comments begin with '//'"),
     # the file's beginning
     ("", 1, 1, "begins with 'RAFF <name>'"),
-    ("// nothing but a comment", 1, 1, "begins with 'RAFF <name>'"),
     ("robot r { }", 1, 1, "begins with 'RAFF <name>' not with 'robot'"),
-    ("RAFF", 1, 5, "'RAFF <name>'"),
     ("RAFF\nrobot r { }", 1, 1, "'RAFF <name>'"),
     # given twice
     (f"{LINK}type 2 pred 0\n    type 1{END}", 5, 10, "'type' given twice in link 1 first on line 4"),
     (f"{LINK}type 2 pred 0 parameters {{ d 1\n d 2 }}{END}", 5, 2, "'d' given twice first on line 4"),
     ("RAFF t\nunits mm\nunits cm", 3, 7, "'units' given twice first on line 2"),
     ('RAFF t\nrobot r {\n  path "a"\n  path "b"\n}', 4, 8, "'path' given twice robot r first on line 3"),
-    ("RAFF t\nrobot r {\n  base { }\n  base { }\n}", 4, 3, "'base' given twice robot r first on line 3"),
     # what does not exist
     (f"{LINK}type 3 pred 0{END}", 4, 10, "joint type 3 unknown 0 fixed 1 prismatic 2 revolute"),
     (f"{LINK}type 2 pred 0 actuated 2{END}", 4, 28, "'actuated' 2 unknown 0 1"),
@@ -141,10 +133,8 @@ WRONG_TEXTS = [
     # what is missing
     ("RAFF t\nrobot r { link 7 { type 2 } }", 2, 16, "link 7 no 'pred'"),
     ("RAFF t\nrobot r { link 7 { pred 0 } }", 2, 16, "link 7 no 'type'"),
-    ("RAFF t\nrobot r { frame 7 { } }", 2, 17, "frame 7 no 'pred'"),
     ("RAFF t\nsensor 7 { }", 2, 8, "sensor 7 no 'port'"),
     ("RAFF t\nrobot r { link 1 { type 2 pred 0 }\n  constraint { link 1 } }", 3, 21, "constraint must name two nodes"),
-    ("RAFF t\nrobot r {\n  constraint { } }", 3, 3, "constraint must name two nodes"),
     (
         "RAFF t\nrobot r { link 1 { type 2 pred 0 }\n  constraint { base link 1 sensor ( 0 ) } }",
         3, 16, "constraint with sensors must name one node",
@@ -165,111 +155,31 @@ ONE = "link 1 { type 2 pred 0 }"
 WRONG_BODIES = [
     # parents
     ("link 1 { type 2 pred 7 }", 3, 22, "link 1 7 does not exist 0 (the base)"),
-    ("frame 1 { pred 7 }", 3, 16, "frame 1 7 does not exist"),
     # cycles
     ("link 1 { type 2 pred 1 }", 3, 22, "link 1 cycle of parents 1 -> 1"),
     ("link 1 { type 2 pred 2 }\nlink 2 { type 2 pred 1 }", 3, 22, "link 1 cycle 1 -> 2 -> 1"),
-    ("link 5 { type 2 pred 0 }\nlink 6 { type 2 pred 7 }\nframe 7 { pred 6 }", 4, 22, "link 6 cycle 6 -> 7 -> 6"),
-    (
-        "link 9 { type 2 pred 1 }\nlink 1 { type 2 pred 2 }\nlink 2 { type 2 pred 1 }",
-        4,
-        22,
-        "link 1 cycle 1 -> 2 -> 1",
-    ),
+    ("link 9 { type 2 pred 1 }\nlink 1 { type 2 pred 2 }\nlink 2 { type 2 pred 1 }", 4, 22, "link 1 cycle 1 -> 2 -> 1"),
     # numbers
     (f"{ONE}\nlink 1 {{ type 2 pred 0 }}", 4, 6, "number 1 defined twice first on line 3"),
-    (f"{ONE}\nframe 1 {{ pred 0 }}", 4, 7, "number 1 defined twice first on line 3"),
     # names
     (f'{ONE}\nlink 2 {{ type 2 pred 0 name "link1" }}', 4, 29, "'link1' link 1 choose another"),
     ('link 1 { type 2 pred 0 name "a" }\nframe 2 { pred 0 name "a" }', 4, 23, "'a' link 1 choose another"),
     ('link 1 { type 2 pred 0 name "base" }', 3, 29, "'base' reserved the root"),
     ('frame 1 { pred 0 name "world" }', 3, 23, "'world' reserved"),
-    ('frame 1 { pred 0 name "universe" }', 3, 23, "'universe' reserved"),
     ('link 1 { type 2 pred 0 name "4bar" }', 3, 29, "'4bar' can't name a link"),
-    ('link 1 { type 2 pred 0 name "left arm" }', 3, 29, "'left arm' can't name a link"),
     ('frame 1 { pred 0 name "" }', 3, 23, "'' can't name a frame"),
-    ('frame 1 { pred 0 name "a:b" }', 3, 23, "'a:b' can't name a frame"),
     ('frame 1 { pred 0 name "a<b" }', 3, 23, "'a<b' can't name a frame"),
     ('frame 1 { pred 0 name "\u0301a" }', 3, 23, "can't name a frame"),
     # limits
     ("link 1 { type 2 pred 0 limits { 80 -85 } }", 3, 33, "lower limit 80 link 1 above upper limit -85 swap"),
     ("link 1 { type 2 pred 0 velocity 0 }", 3, 33, "velocity link 1 above 0"),
-    ("link 1 { type 1 pred 0 velocity -5 }", 3, 33, "velocity link 1 above 0"),
     ("link 1 { type 1 pred 0 effort 0 }", 3, 31, "effort link 1 is 0 above 0 (N m or N)"),
     ("link 1 { joint ball pred 0 effort 2 }", 3, 35, "ball joint link 1 several variables 'effort' 'variable x { }'"),
     # loops
     (f"{ONE}\nconstraint {{ link 1 link 11 }}", 4, 26, "loop 'r' 11 does not exist"),
-    (f"{ONE}\nconstraint {{ link 11 base }}", 4, 19, "loop 'r' 11 does not exist"),
     (f"{ONE}\nconstraint {{ link 1 link 1 type 2 }}", 4, 19, "loop joins 1 to itself"),
-    (f"{ONE}\nconstraint {{ base base }}", 4, 14, "loop joins 0 to itself"),
     # sensors
     (f"{ONE}\nconstraint {{ link 2 sensor ( 0 ) }}", 4, 19, "sensor constraint 'r' 2 does not exist"),
     (f"{ONE}\nconstraint {{ link 1 sensor ( 0 4 ) }}", 4, 32, "sensor 4 not declared"),
 ]
 """The body of a robot, line and column of its error, and words of it; see `text_of`."""
-
-MORE_WRONG = [
-    *(
-        "RAFF t\n" + 20_000 * "x",
-        "RAFF t\nrobot r {\xa0}",
-        "<robot/>",
-        "RAFF t\nrobot",
-        "RAFF nothing",
-        "RAFF t }",
-        'RAFF t\nrobot r "s" { }',
-    ),
-    "RAFF t\nrobot r { link 1 { type 2 pred 0 parameters { d 1 } } }\nd 5",
-    text_of(f"link {10**15} {{ type 2 pred 0 }}"),
-    text_of("link 1 { joint bal pred 0 }"),
-    text_of(f"{ONE} coupling {{ ratio 2 }}"),
-    text_of(f"{ONE} coupling {{ }}"),
-    text_of(f"{ONE} coupling {{ link 1 }}"),
-    text_of(f"{ONE} coupling {{ link 1 link 2 }}"),
-    text_of(f"{ONE} coupling {{ link 1 link 2 link 3 ratio 2 }}"),
-    "RAFF t\nrobot r { link 1 { type 2 pred 0 parameters { d 1 } } }",
-    text_of("link 1 { type 2 pred 0 parameters { d 1e300 } }"),
-    text_of("link 1 { type 2 pred 0 inertial { mass 1e300 } }"),
-    text_of("link 1 { type 2 pred 0 variable x { } }"),
-    text_of("link 1 { type 2 joint planar pred 0 variable z { home 4 } variable z { } variable y { } }"),
-    text_of('link 1 { joint ball pred 0 }\nframe 2 { pred 0 name "link1_X" }'),
-    text_of("link 1 { type 2 pred 0 inertial { mass -1 } }"),
-    text_of("link 1 { type 2 pred 0 inertial { mass 1 radius 0 } }"),
-    text_of("link 1 { type 2 pred 0 inertial { mass 1 density 0 centre { 0 0 0 } } }"),
-    text_of("link 1 { type 2 pred 0 inertial { mass 0 moments { 1 1 1 } } }"),
-    text_of("link 1 { type 2 pred 0 inertial { mass 1 moments { 1 1 -1 } } }"),
-    text_of("link 1 { type 2 pred 0 inertial { mass 1 moments { 1 1 3 } products { 0.1 0.2 0.3 } } }"),
-    text_of("link 1 { type 0 pred 0 velocity 5 }\nlink 2 { type 2 pred 1 limits { 1 2 } effort 3 actuated 0 }"),
-    text_of(
-        "link 1 { joint universal pred 0 parameters { theta 50 } variable z { limits { 0 1 } effort 2 actuated 0 } }"
-    ),
-    *(
-        text_of(
-            f"{ONE} link 2 {{ type 1 pred 1 }} link 3 {{ joint ball pred 2 }} constraint {{ link 2 base }}\n{coupling}"
-        )
-        for coupling in (
-            "coupling { link 1 link 2 ratio 1 }",
-            "coupling { link 1 link 3 ratio 1 }",
-            "coupling { link 1 link 9 ratio 1 }",
-            "coupling { link 1 link 1 lead 1 }",
-            "coupling { link 1 link 2 radius 0 }",
-            "coupling { link 1 link 2 radius 1e-300 offset 1e300 }",
-            f"coupling {{ link 1 link 2 polynomial ( {300 * '1e300 '}) }}",
-            'coupling { link 1 link 2 radius 1 name "a" } coupling { link 1 link 2 radius 1 name "a" }',
-            'coupling { link 1 link 2 radius 1 name "link2-base" }',
-        )
-    ),
-]
-"""Texts with the other errors and warnings that there are."""
-
-EXACT = [
-    text_of("link 1 { type 2 pred 0 limits { 1000000.5 -1e-5 } velocity -1234567.5 }"),
-    text_of("link 1 { type 2 pred 0 limits { 123456.5 -0 } effort -2.5e-7 }"),
-    text_of("link 1 { type 2 pred 0 parameters { theta 1e16 } limits { 1e-7 1.5e22 } }"),
-    text_of("link 1 { type 2 pred 0 parameters { theta -0.00001 } limits { 0.0001 1e15 } }"),
-    "RAFF \U0001f9be { \U0001f9be\n" + 30 * "\U0001f9be" + " }",
-    "RAFF t robot r { link 1 { type 2 pred 0 velocty\U0001f9be 5 } \t\u2028 }",
-    f"RAFF t robot r {{ {300 * ' '} limts 5 {300 * 'a '} }}",
-    f"RAFF t robot r {{ {9000 * 'a'} 5 }}",
-    "RAFF t robot r { __proto__ 5 constructor { } link 1 { joint ball pred 0 variable __proto__ { } toString 1 } }",
-]
-"""Texts whose errors hold numbers, characters and excerpts that two languages write in different ways."""

@@ -53,11 +53,6 @@ def test_moments_are_in_kg_and_the_files_unit_of_length(tmp_path: Path, text: st
     np.testing.assert_allclose(found.inertia, expected, rtol=1e-14)
 
 
-def test_what_is_left_out_is_0(tmp_path: Path) -> None:
-    found = body(loaded(tmp_path, robot("inertial { mass 3 }")))
-    assert (found.mass, found.lever.tolist(), found.inertia.any()) == (3.0, [0.0, 0.0, 0.0], False)
-
-
 @pytest.mark.parametrize("text", [IN_MM, "inertial { mass 0 }", "inertial { density 2700 radius 5 }"])
 def test_inertials_are_written_as_they_were_read(text: str) -> None:
     frame = f'frame 2 {{ pred 1 parameters {{ d 100 }} {text} }} base {{ filename {{ "a.stl" }} {text} }}'
@@ -145,12 +140,6 @@ def test_a_density_without_a_volume_is_refused(tmp_path: Path, text: str, why: s
             loaded(tmp_path, robot(text))
 
 
-def test_an_inertia_of_a_density_beyond_all_numbers_is_refused(tmp_path: Path) -> None:
-    more = "link 2 { type 2 pred 1 parameters { d 4e11 } }"
-    with pytest.raises(RaffError, match=r"a.raff:4:45: link 1 has an inertia beyond 1e\+12 in SI units, the largest"):
-        loaded(tmp_path, robot("inertial { density 2700 radius 10 }", more))
-
-
 # --- wrong ones ----------------------------------------------------------------------------------------------------
 
 
@@ -163,24 +152,14 @@ def test_an_inertia_of_a_density_beyond_all_numbers_is_refused(tmp_path: Path) -
             "inertial { mass 1kg }",
             r"'mass' needs a number, and '1kg' is not one \(numbers have no unit: .* masses in kg",
         ),
-        ("inertial { mass 1 mass 2 }", "'mass' is given twice in the inertial: first on line 4"),
         ("inertial { density 0 radius 1 }", "the density of link 1 is 0: it must be above 0"),
-        ("inertial { density 1 radius -2 }", "the radius of link 1 is -2: it must be above 0"),
         (
             "inertial { density 1 }",
             "link 1 has a 'density' but no graphics: name files, or give the 'radius' of its bars",
         ),
-        (
-            "inertial { mass 1 radius 1 }",
-            "'radius' of link 1 is that of bars of a 'density': add it, or remove 'radius'",
-        ),
         ("inertial { mass 1 density 1 radius 1 }", "link 1 has a 'density', from which 'mass' follows: remove one of"),
-        ("inertial { density 1 radius 1 centre { 0 0 0 } }", "link 1 has a 'density', from which 'centre' follows"),
-        ("inertial { mass 1 centre { 1 2 } }", "'centre' needs three numbers here"),
-        ("inertial { mass 1 moments { 1 2 3 4 } }", "unexpected '4' in the moments"),
         ("mass 1", r"'mass' does not belong in link 1, but in 'inertial \{ \}'"),
         ("inertial { mass 1e13 }", r"'mass' of the inertial of link 1 is beyond 1e\+12 in SI units"),
-        ("inertial { mass 1 moments { 0 1e300 0 } }", r"'moments' of the inertial of link 1 is beyond 1e\+12"),
     ],
 )
 def test_a_wrong_inertial_is_refused_with_its_place(text: str, why: str) -> None:

@@ -11,15 +11,11 @@ import pytest
 import scipy.optimize
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from variants import slow
 
 import cinegen
 from cinegen.model import ForwardKinematics
 from raff2urdf import closure
 
-CLOSED = (
-    "delta4", "delta4_linear", "five_bar", "four_bar", "gough", "hybrid", "planar_hybrid", "sr400", "tssm",
-)  # fmt: skip
 SOME = ("delta4", "five_bar", "gough", "hybrid")
 seeds = st.integers(0, 2**32 - 1)
 
@@ -53,7 +49,7 @@ def slowly(mechanism: cinegen.Mechanism, q: np.ndarray, goal: np.ndarray) -> np.
     return q
 
 
-@pytest.mark.parametrize("name", [*SOME, *slow(*(name for name in CLOSED if name not in SOME))])
+@pytest.mark.parametrize("name", SOME)
 @law(8)
 @given(seed=seeds)
 def test_a_jump_ends_where_a_slow_motion_does(robot, name, seed):
@@ -86,19 +82,6 @@ def area(mechanism: cinegen.Mechanism, q: np.ndarray, corners: tuple[str, str, s
     """Of the triangle of three nodes in the plane, m^2: positive where they go round to the left."""
     a, b, c = (mechanism.placement(q, node).translation for node in corners)
     return float(np.cross(b - a, c - a)[2]) / 2.0
-
-
-def test_a_four_bars_crank_may_jump_for_ever_and_the_coupler_never_flips(robot):
-    bar, rng = robot("four_bar"), np.random.default_rng(0)
-    corners = ("link2", "link3", "frame5")  # crank's end, rocker's foot, and the pin between coupler and rocker
-    motion = ForwardKinematics(bar)
-    first = area(bar, bar.q_home, corners)
-    for jump in (*rng.uniform(-20.0, 20.0, 60), *rng.uniform(-1.0, 1.0, 200)):
-        crank = motors(bar, motion.q)[0] + jump
-        q = motion.move({"joint1": crank})
-        assert q[bar.q_index("joint1")] == crank
-        assert bar.closure(q) <= 1e-12
-        assert area(bar, q, corners) * first > 0.0
 
 
 def test_a_five_bars_tool_never_changes_to_the_other_side_of_its_elbows(robot):
@@ -151,12 +134,6 @@ def test_those_that_are_not_named_stay_and_nothing_moves_where_it_fails(robot):
     assert motion.move({"joint6": q[delta.q_index("joint6")]}) == pytest.approx(q, abs=1e-12)
 
 
-def test_integers_and_numbers_of_numpy_will_do(robot):
-    bar = robot("four_bar")
-    for value in (1, np.float32(1.0), np.int64(1), np.float64(1.0)):
-        assert ForwardKinematics(bar).move({"joint1": value})[bar.q_index("joint1")] == 1.0
-
-
 def test_it_begins_on_the_branch_that_it_is_given(robot):
     bar = robot("four_bar")
     crank, coupler, rocker = (bar.q_home[bar.q_index(joint)] for joint in ("joint1", "joint2", "joint3"))
@@ -179,16 +156,6 @@ def test_it_begins_on_the_branch_that_it_is_given(robot):
         motion.q = bar.q_home + 0.1
 
 
-def test_without_loops_joints_are_where_they_are_sent(robot):
-    arm = robot("rx90")
-    motion = ForwardKinematics(arm)
-    q = motion.move({"joint2": 0.5})
-    assert q[arm.q_index("joint2")] == 0.5
-    assert np.count_nonzero(q != arm.q_home) == 1
-    with pytest.raises(cinegen.CinegenError, match="no joint"):
-        motion.move({"elbow": 0.5})
-
-
 def test_a_mechanism_in_micrometres_moves_as_its_twin_in_metres(raff):
     """All thresholds are parts of the characteristic length."""
     body = """units mm robot r {{ base {{ }}
@@ -206,7 +173,7 @@ def test_a_mechanism_in_micrometres_moves_as_its_twin_in_metres(raff):
         assert one.move({"joint1": crank}) == pytest.approx(other.move({"joint1": crank}), abs=1e-9)
 
 
-@pytest.mark.parametrize("name", [*CLOSED, "differential_wrist", "rx90"])
+@pytest.mark.parametrize("name", [*SOME, "delta4_linear", "differential_wrist", "rx90"])
 def test_rates_are_derivatives_of_the_motion(robot, name):
     mechanism, h = robot(name), 1e-4
     rng, sizes = np.random.default_rng(0), [mechanism.scale[mechanism.v_index(joint)] for joint in mechanism.actuated]

@@ -27,8 +27,6 @@ from raff2urdf.errors import RaffError, RaffWarning
 from raff2urdf.readers.ignored import ignored
 from raff2urdf.readers.xml_file import parse_xml
 
-DATA = Path(__file__).parent / "data"
-
 JOINT = (
     '<joint name="{}" type="continuous"> <parent link="{}"/> <child link="{}"/> <origin xyz="{}"/> <axis xyz="0 0 1"/>'
 )
@@ -67,11 +65,6 @@ LOOPS = {
         f'<constraint name="pin" type="revolute">{ENDS}<parent_origin xyz="{ON_COUPLER}"/><parent_axis xyz="0 0 1"/>'
         f'<child_origin xyz="{ON_ROCKER}"/><child_axis xyz="0 0 1"/></constraint>',
         "constraint elements", "pin", "revolute",
-    ),
-    "proposal to ROS, ball": (
-        f'<constraint name="pin" type="spherical">{ENDS}<parent_origin xyz="{ON_COUPLER}"/>'
-        f'<child_origin xyz="{ON_ROCKER}"/></constraint>',
-        "constraint elements", "pin", "ball",
     ),
     "Isaac Sim": (
         f'<loop_joint name="pin" type="spherical"><link1 link="coupler" rpy="0 0 0" xyz="{ON_COUPLER}"/>'
@@ -127,10 +120,6 @@ LOOPS = {
         "<axis><xyz>0 0 1</xyz></axis></joint></gazebo>",
         "Gazebo joints", "pin", "revolute",
     ),
-    "Gazebo ball joint": (
-        f'<gazebo><joint name="pin" type="ball">{SDF_ENDS}<pose>{ON_ROCKER} 0 0 0</pose></joint></gazebo>',
-        "Gazebo joints", "pin", "ball",
-    ),
 }  # fmt: skip
 
 
@@ -147,7 +136,9 @@ def write(tmp_path):
 @pytest.mark.parametrize("dialect", LOOPS)
 def test_a_loop_of_each_dialect_is_closed(dialect, write):
     added, name, loop, kind = LOOPS[dialect]
-    mechanism = cinegen.load(write(added))
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        mechanism = cinegen.load(write(added))
     assert mechanism.mobility == 1
     assert mechanism.joints == ("drive", "elbow", "swing")
     assert mechanism.actuated == ("drive",)
@@ -189,36 +180,6 @@ def test_each_kind_of_joint_closes_a_loop(kind, element, write):
     assert mechanism.mobility == 0 or dragged(mechanism, 60)[0] <= 1e-10
 
 
-def test_a_universal_loop_in_space(write):
-    """The end of an arm of six joints (three translations, three rotations) on a cross: four equations."""
-    links = "".join(f'<link name="l{i}"/>' for i in range(7))
-    kinds = [("prismatic", "1 0 0"), ("prismatic", "0 1 0"), ("prismatic", "0 0 1")]
-    kinds += [("continuous", "1 0 0"), ("continuous", "0 1 0"), ("continuous", "0 0 1")]
-    joints = "".join(
-        f'<joint name="j{i}" type="{kind}"><parent link="l{i}"/><child link="l{i + 1}"/><axis xyz="{axis}"/>'
-        '<limit lower="-9" upper="9" effort="1" velocity="9"/></joint>'
-        for i, (kind, axis) in enumerate(kinds)
-    )
-    loop = (
-        '<constraint name="cross" type="universal"><parent link="l0"/><child link="l6"/>'
-        '<parent_origin xyz="1 2 3" rpy="0.3 0.2 0.1"/><parent_axis xyz="0 1 1"/><child_origin xyz="0.1 0 0"/>'
-        '<child_axis xyz="1 0 0"/></constraint>'
-    )
-    mechanism = cinegen.load(write(loop, f'<robot name="arm">{links}{joints}'))
-    assert mechanism.mobility == 2
-    rotation = mechanism.placement(mechanism.q_home, "l0").rotation @ pin_rotation(0.3, 0.2, 0.1)
-    for q in [mechanism.q_home, *mechanism.random_closed(5, 0)]:
-        placed = mechanism.placement(q, "l6")
-        np.testing.assert_allclose(placed.translation + placed.rotation @ (0.1, 0.0, 0.0), (1, 2, 3), atol=1e-9)
-        assert abs((rotation @ (0, 1, 1)) @ (placed.rotation @ (1, 0, 0))) < 1e-9
-
-
-def pin_rotation(roll, pitch, yaw):
-    import pinocchio as pin
-
-    return pin.rpy.rpyToMatrix(roll, pitch, yaw)
-
-
 # --- joints and plugins for Gazebo ---------------------------------------------------------------------------------
 
 
@@ -238,24 +199,6 @@ def test_the_axis_of_a_gazebo_joint_is_in_its_own_frame_unless_told_otherwise(wr
     assert mechanism.mobility == 0  # a hinge in the plane
 
 
-def test_the_pose_of_a_gazebo_joint_may_be_relative_to_a_link(write):
-    pose = '<pose relative_to="ground">2 1 0 0 0 0</pose>'
-    joint = f'<joint name="pin" type="ball">{SDF_ENDS}{pose}</joint>'
-    mechanism = cinegen.load(write(f"<gazebo>{joint}</gazebo>"))
-    assert mechanism.gap_as_written < 1e-15
-    assert dragged(mechanism, 60)[0] <= 1e-10
-
-
-def test_a_gazebo_joint_to_the_world_ends_at_the_base(write):
-    joints = (
-        '<joint name="a" type="fixed"><parent>world</parent><child>ground</child></joint>'
-        '<joint name="b" type="revolute"><parent>world</parent><child>bars::coupler</child></joint>'
-    )
-    mechanism = cinegen.load(write(f"<gazebo>{joints}</gazebo>"))
-    assert [(loop.first, loop.second) for loop in mechanism.loops] == [("ground", "coupler")]
-    assert mechanism.mobility == 2  # the coupler rotates about its end, and the rocker; the crank stays
-
-
 def test_the_closed_loop_plugin_is_a_hinge_about_y(write):
     upright = BARS.replace('xyz="0 0 1"', 'xyz="0 1 0"').replace('<origin xyz="0 1 0"/>', '<origin xyz="0 0 1"/>')
     for place in ("<position>-0.5 0 1</position><rotation>0 0 0.7</rotation>", "<position>-0.5 0 1</position>"):
@@ -269,38 +212,28 @@ def test_the_closed_loop_plugin_is_a_hinge_about_y(write):
         assert mechanism.source.dialects == ("Gazebo plugins",)
 
 
-# --- real robots -------------------------------------------------------------------------------------------------
+# --- what URDF+ says of joints -----------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize(
-    ("file", "dialect", "mobility", "actuated"),
-    [
-        ("urdf_plus/four_bar", "URDF+", 3 - 2, 1),  # three joints in a plane, and a pin
-        ("urdf_plus/six_bar", "URDF+", 5 - 2, 3),
-        ("urdf_plus/mini_cheetah", "URDF+", 6 + 24 - 12, 12),  # a free base, and a gear for each of twelve rotors
-        ("ability_hand/ability_hand_left_large", "mimic", 10 - 4, 6),  # four fingers whose second joint follows
-    ],
-)
-def test_robots_of_the_field(file, dialect, mobility, actuated):
-    mechanism = cinegen.load(DATA / f"{file}.urdf")
-    assert (mechanism.mobility, len(mechanism.actuated)) == (mobility, actuated)
-    assert mechanism.source.dialects == (dialect,)
-    closure, farthest = dragged(mechanism)
-    assert closure <= 1e-10
-    assert farthest > 0.1
+def test_urdf_plus_tells_which_joints_are_passive(write):
+    base = BARS
+    for joint, independent in (("drive", "false"), ("elbow", "false"), ("swing", "true")):
+        base = base.replace(f'"{joint}" type', f'"{joint}" independent="{independent}" type')
+    assert cinegen.load(write(LOOPS["URDF+"][0], base)).actuated == ("swing",)
 
 
-def test_urdf_plus_tells_which_joints_are_passive():
-    assert cinegen.load(DATA / "urdf_plus" / "four_bar.urdf").actuated == ("joint1",)
-    assert cinegen.load(DATA / "urdf_plus" / "six_bar.urdf").actuated == ("joint1", "joint2", "joint3")
-    cheetah = cinegen.load(DATA / "urdf_plus" / "mini_cheetah.urdf")
-    assert not [joint for joint in cheetah.actuated if "rotor" in joint]
-    q = cheetah.random_closed(1, 3)[0]
-    q = q if np.ndim(q) else cheetah.random_closed(1, 3)
-    for joint, ratio in (("FR_abad", 6.0), ("FR_hip", 6.0)):
-        link = {"FR_abad": "torso_to_FR_abad_j", "FR_hip": "FR_abad_to_hip_j"}[joint]
-        rotor = link.replace("_j", "_rotor_j")
-        assert q[cheetah.q_index(rotor)] == pytest.approx(ratio * q[cheetah.q_index(link)], abs=1e-10)
+def test_a_rotor_of_urdf_plus_turns_with_its_gear_on_a_base_that_floats(write):
+    turn = '<parent link="hull"/><child link="{0}"/><axis xyz="1 0 0"/>'
+    parts = ["".join(f'<link name="{link}"/>' for link in ("world", "hull", "leg", "rotor"))]
+    parts += ['<joint name="free" type="floating"><parent link="world"/><child link="hull"/></joint>']
+    parts += [f'<joint name="hip" type="continuous">{turn.format("leg")}</joint>']
+    parts += [f'<joint name="spin" type="continuous" independent="false">{turn.format("rotor")}</joint>']
+    gear = '<coupling name="gear"><predecessor link="leg"/><successor link="rotor"/><ratio value="6.0"/></coupling>'
+    mechanism = cinegen.load(write(gear, f'<robot name="walker">{"".join(parts)}'))
+    assert (mechanism.floating, mechanism.mobility, mechanism.actuated) == (True, 6 + 2 - 1, ("hip",))
+    assert mechanism.source.dialects == ("URDF+",)
+    for q in mechanism.random_closed(3, 3):
+        assert q[mechanism.q_index("spin")] == pytest.approx(6.0 * q[mechanism.q_index("hip")], abs=1e-10)
 
 
 def test_passive_joints_of_urdf_plus_that_nothing_constrains_are_warned_of(write):
@@ -312,9 +245,11 @@ def test_passive_joints_of_urdf_plus_that_nothing_constrains_are_warned_of(write
     assert cinegen.load(write(LOOPS["URDF+"][0], base)).mobility == 1
 
 
-def test_home_at_a_singular_drawing_is_beside_it():
-    """The four bars are drawn stretched out: there they could move in no direction."""
-    mechanism = cinegen.load(DATA / "urdf_plus" / "four_bar.urdf")
+def test_home_at_a_singular_drawing_is_beside_it(write):
+    """Four bars that are drawn stretched out, on one line: there they could move in no direction."""
+    base = BARS.replace('xyz="0 1 0"', 'xyz="1 0 0"')
+    mechanism = cinegen.load(write(LOOPS["URDF+"][0].replace(ON_ROCKER, "0.5 0 0"), base))
+    assert mechanism.mobility == 1
     assert mechanism.q_home.any()
     assert "all joints at 0 is singular: home is a configuration near it" in mechanism.source.notes
 
@@ -389,10 +324,7 @@ def test_a_ratio_of_urdf_plus_counts_the_joints_of_both_chains(write):
     [
         ('<mimic joint="b"/>', r"bars\.urdf:3: <mimic> in joint 'b' mimics the joint itself"),
         ('<mimic joint="z"/>', r"bars\.urdf:3: <mimic> in joint 'b' names joint 'z', which the URDF lacks"),
-        ("<mimic/>", r"bars\.urdf:3: <mimic> in joint 'b' names joint ''"),
         ('<mimic joint="f"/>', r"couples joint 'f', which is fixed: correct it, or leave it out with --ignore mimic"),
-        ('<mimic joint="a" multiplier="x"/>', r"the multiplier 'x' of <mimic> in joint 'b' is not a number"),
-        ('<mimic joint="a" offset="inf"/>', r"the offset 'inf'"),
     ],
 )
 def test_mimic_joints_that_follow_nothing_are_refused(mimic, says, write):
@@ -411,10 +343,8 @@ def test_joints_that_mimic_each_other_are_refused(write):
 @pytest.mark.parametrize(
     ("coupling", "says"),
     [
-        ('<successor link="l1"/><ratio value="2"/>', "has no <predecessor>"),
         ('<predecessor link="l1"/><successor link="lx"/><ratio value="2"/>', "names 'lx', which is not a link"),
         ('<predecessor link="l1"/><successor link="l2"/>', "has no <ratio>"),
-        ('<predecessor link="l1"/><successor link="l2"/><ratio value="six"/>', "the ratio 'six' of <coupling> 'g'"),
         ('<predecessor link="l2"/><successor link="l3"/><ratio value="2"/>', "couples no joint"),
     ],
 )
@@ -518,11 +448,7 @@ def test_loop_closures_of_robonex(kind, write, tmp_path):
             "closures: [{link_a: coupler, link_b: rockr, point: [0, 0, 0], axis: [0, 0, 1]}]\n#rocker",
             "link_b of a loop",
         ),
-        ("closures: [{link_a: coupler, link_b: rocker, point: [0, 0], axis: [0, 0, 1]}]", "point of a loop must be"),
-        ("closures: [{link_a: coupler, link_b: rocker, point: [0, 0, 0], axis: [0, 0, 0]}]", "must not be 0 0 0"),
         ("closure: [{link_a: coupler, link_b: rocker}]", "unknown key 'closure'"),
-        ("closures: {link_a: coupler, link_b: rocker}", "closures must be a list"),
-        ("dependent: [coupler, rocker]", "dependent names 'coupler', which is not a joint"),
     ],
 )
 def test_loop_closures_that_are_wrong_are_refused(text, says, write, tmp_path):
@@ -535,25 +461,13 @@ def test_loop_closures_that_are_wrong_are_refused(text, says, write, tmp_path):
 
 
 @pytest.mark.parametrize("one", LOOPS)
-@pytest.mark.parametrize("other", ["URDF+", "Isaac Sim", "onshape-to-robot", "second parent", "Gazebo joint"])
+@pytest.mark.parametrize("other", ["Isaac Sim", "Gazebo joint"])
 def test_a_loop_that_two_dialects_declare_is_closed_once(one, other, write):
-    if ("second parent" in one and "second parent" in other) or ("onshape" in one and "onshape" in other):
-        pytest.skip("the same names")
     mechanism = cinegen.load(write(LOOPS[one][0] + LOOPS[other][0]))
     assert len(mechanism.loops) == 1
     assert mechanism.mobility == 1
     kinds = {LOOPS[one][3], LOOPS[other][3]}
     assert mechanism.loops[0].kind.name.lower() == ("revolute" if "revolute" in kinds else "ball")
-
-
-def test_a_loop_of_a_sidecar_file_keeps_its_name(write, tmp_path):
-    (tmp_path / "robot.yaml").write_text(
-        "closed_loop: [[closing_pin_1, closing_pin_2]]\ntype: [3d]\nname_mot: [swing]\n"
-    )
-    mechanism = cinegen.load(write(PAIR + LOOPS["URDF+"][0]))
-    assert [(loop.name, loop.kind.name) for loop in mechanism.loops] == [("closing_pin_1-closing_pin_2", "REVOLUTE")]
-    assert mechanism.actuated == ("swing",)
-    assert mechanism.source.dialects == ("robot.yaml", "URDF+", "closing frames")
 
 
 def test_dialects_that_contradict_each_other_are_an_error(write):
@@ -579,17 +493,8 @@ def test_couplings_that_contradict_each_other_are_an_error(write):
 # --- --ignore ----------------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("dialect", LOOPS)
-def test_each_loop_can_be_left_out_by_its_dialect_or_its_name(dialect, write):
-    added, name, loop, _ = LOOPS[dialect]
-    for word in {name, loop} - {"coupler-rocker"}:
-        with pytest.warns(RaffWarning, match="left out, as requested: ") as seen:
-            assert cinegen.load(write(added), ignore=[word]).mobility == 3
-        assert len(seen) == 1
-
-
 @pytest.mark.parametrize("dialect", [*LOOPS, *COUPLINGS])
-def test_all_are_opened_by_ignore_loops(dialect, write):
+def test_all_are_opened_by_ignore_loops_and_each_loop_by_its_dialect_or_its_name(dialect, write):
     path = (
         write(LOOPS[dialect][0])
         if dialect in LOOPS
@@ -599,6 +504,9 @@ def test_all_are_opened_by_ignore_loops(dialect, write):
         mechanism = cinegen.load(path, ignore_loops=True)
     assert len(seen) == 1
     assert mechanism.mobility == len(mechanism.actuated) == 3
+    for word in set(LOOPS.get(dialect, ())[1:3]) - {"coupler-rocker"}:
+        with pytest.warns(RaffWarning, match="left out, as requested: "):
+            assert cinegen.load(path, ignore=[word]).mobility == 3
 
 
 def test_a_name_that_nothing_has_is_refused(write):
@@ -606,41 +514,7 @@ def test_a_name_that_nothing_has_is_refused(write):
         cinegen.load(write(LOOPS["URDF+"][0]), ignore=["pim"])
 
 
-@pytest.mark.parametrize("format", ["raff", "sdf", "mjcf", "urdf"])
-def test_a_loop_is_left_out_by_name_in_every_format(format, root, tmp_path):
-    import raff2urdf
-
-    path = root / "robots" / "five_bar.raff"
-    if format != "raff":
-        path = raff2urdf.convert(path, tmp_path, format=format)[0].file
-    name = cinegen.load(path).loops[0].name
-    with pytest.warns(UserWarning, match=f"left out, as requested: .*'{name}'"):
-        mechanism = cinegen.load(path, ignore=[name])
-    assert (len(mechanism.loops), mechanism.mobility) == (0, 5)
-
-
 # --- our own URDFs -----------------------------------------------------------------------------------------------
-
-
-def test_our_own_elements_close_the_loops_where_the_constraints_are_lost(root, tmp_path):
-    import raff2urdf
-
-    raff2urdf.convert(root / "robots" / "five_bar.raff", tmp_path, dialect="constraint")
-    path = tmp_path / "five_bar.urdf"
-    whole = cinegen.load(path)
-    assert len(whole.loops) == 1
-    (tmp_path / "five_bar.constraints.json").unlink()
-    found = cinegen.load(path)
-    assert (found.mobility, [loop.name for loop in found.loops]) == (2, [loop.name for loop in whole.loops])
-    assert found.source.dialects == ("raff:robot", "constraint elements")
-    assert dragged(found)[0] <= 1e-10
-
-
-def test_what_is_read_raises_no_warning(write):
-    with warnings.catch_warnings():
-        warnings.simplefilter("error")
-        for added, *_ in LOOPS.values():
-            readers.read(write(added))
 
 
 @pytest.mark.parametrize(
@@ -648,20 +522,11 @@ def test_what_is_read_raises_no_warning(write):
     [
         ('<loop name="x" type="revolute"><predecessor link="coupler"/></loop>', "has no <successor>"),
         ('<loop name="x"><predecessor link="coupler"/><successor link="rocker"/></loop>', "has no type"),
-        (
-            '<loop name="x" type="screw"><predecessor link="coupler"/><successor link="rocker"/></loop>',
-            "'screw' of",
-        ),
         ('<loop name="x" type="fixed"><predecessor link="coupler"/><successor link="rock"/></loop>', "not a link"),
         ('<loop name="x" type="fixed"><predecessor link="coupler"/><successor link="coupler"/></loop>', "to itself"),
         (
             '<constraint name="x" type="floating"><parent link="crank"/><child link="rocker"/></constraint>',
             "constrains",
-        ),
-        ('<loop_joint name="x" type="spherical"><link1 link="crank"/></loop_joint>', "must name two links"),
-        (
-            '<drake:ball_constraint><drake:ball_constraint_body_A name="coupler"/></drake:ball_constraint>',
-            "has no <ball_",
         ),
     ],
 )
@@ -676,7 +541,7 @@ def test_loops_that_make_no_sense_are_refused(loop, says, write):
 VALUES = ("", "x", "nan", "1e400", "1 2", "0 0 0", "crank", "ground", "world", "1e300 0 0", "pin", "fixed", "-1", "  ")
 
 
-@pytest.mark.parametrize("seed", range(4))
+@pytest.mark.parametrize("seed", range(2))
 def test_damaged_files_are_read_or_refused_and_nothing_else(seed, write):
     rng = random.Random(seed)
     texts = [(BARS, added) for added, *_ in LOOPS.values()]

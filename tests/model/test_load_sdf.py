@@ -63,15 +63,6 @@ def test_a_parallelogram_keeps_its_coupler_upright(write):
         assert np.allclose(stands.translation, [0.2 * np.cos(angle), 0.2 * np.sin(angle), 0.0], atol=1e-12)
 
 
-def test_a_model_that_is_fixed_to_the_world_stands_where_it_is_put(write):
-    text = PARALLELOGRAM.format(kind="revolute").replace(
-        '<link name="ground"/>', '<pose>1 2 3 0 0 0</pose><link name="ground"/>'
-    )
-    mechanism = cinegen.load(write(text))
-    assert mechanism.nodes[0] == "world"
-    assert mechanism.placement(mechanism.q_home, "rocker").translation == pytest.approx([1.0, 2.4, 3.0])
-
-
 def test_limits_and_shapes_are_read(write):
     mechanism = cinegen.load(write(PARALLELOGRAM.format(kind="ball")))
     i, j = mechanism.q_index("drive"), mechanism.v_index("drive")
@@ -180,17 +171,6 @@ def test_a_joint_that_leads_inwards_is_walked_the_other_way(write):
         assert mechanism.placement(mechanism.configuration({"j": angle}), "b").isApprox(wanted, 1e-12)
 
 
-def test_models_within_models_stand_where_they_are_put(write):
-    text = """<sdf version="1.9"><model name="outer"><link name="base"/>
-      <model name="inner"><pose>0 0 2 0 0 0</pose><link name="part"><pose>1 0 0 0 0 0</pose></link></model>
-      <joint name="j" type="revolute"><parent>base</parent><child>inner::part</child><pose relative_to="base"/>
-        <axis><xyz>0 0 1</xyz></axis></joint></model></sdf>"""
-    mechanism = cinegen.load(write(text))
-    assert mechanism.nodes == ("base", "inner::part")
-    stands = mechanism.placement(mechanism.configuration({"j": np.pi / 2}), "inner::part")
-    assert np.allclose(stands.translation, [0.0, 1.0, 2.0], atol=1e-12)
-
-
 def test_the_first_model_is_loaded_unless_another_is_named(write):
     text = '<sdf version="1.9"><model name="x"><link name="a"/></model><model name="y"><link name="b"/></model></sdf>'
     path = write(text)
@@ -204,22 +184,14 @@ def test_the_first_model_is_loaded_unless_another_is_named(write):
     ("change", "says"),
     [
         (("<child>b</child>", "<child>c</child>"), r":7: joint 'j' has the child 'c', which is not a link"),
-        (("<parent>a</parent>", "<parent>x</parent>"), r":7: joint 'j' has the parent 'x', which is not a link"),
         (("0 1 0</xyz>", "0 0 0</xyz>"), r":8: the axis '0 0 0' of joint 'j' must be three numbers, not all 0"),
-        (("0 1 0</xyz>", "0 nan 0</xyz>"), r":8: the axis '0 nan 0' of joint 'j'"),
         (("</axis>", "<limit><lower>2</lower><upper>1</upper></limit></axis>"), r":8: .*lower limit 2 of joint 'j'"),
-        (("</axis>", "<limit><lower>nan</lower></limit></axis>"), r":8: the lower limit 'nan' of .* is not a number"),
-        (("</axis>", "<limit><velocity>-2</velocity></limit></axis>"), r":8: the velocity limit of joint 'j' is -2"),
         (("0 0 1 0 0 0.5", "0 0 1 0 0"), r":5: the pose '0 0 1 0 0' must be six numbers"),
-        (("<pose>0 0 1 0 0 0.5", '<pose rotation_format="quat_xyzw">0 0 1 0 0 0'), r":5: the pose .* must be seven"),
-        (("<pose>0 0 1 0 0 0.5", '<pose rotation_format="quat_xyzw">0 0 1 0 0 0 0'), r":5: the quaternion .* is 0"),
         (("<pose>0 0 1", '<pose relative_to="lost">0 0 1'), r":5: there is no frame 'lost'"),
         (("<pose>0 0 1", '<pose relative_to="b">0 0 1'), r":5: the pose of 'b' is given relative to itself"),
-        (('type="revolute"', 'type="skrew"'), r":7: joint 'j' has the type 'skrew', which can't be converted"),
         (('<link name="b">', '<link name="a">'), r":5: link 'a' is defined twice"),
         (("<axis><xyz>0 1 0</xyz></axis>", ""), r":7: joint 'j' has 0 of 1 axes: add <axis>"),
         (('<link name="a"/>', '<link name="a"/><include><uri>model://sun</uri></include>'), r":4: the included 'model://sun'"),
-        (("</sdf>", ""), r":\d+: invalid XML"),
     ],
 )  # fmt: skip
 def test_what_is_wrong_is_told_by_its_line(write, change, says):
@@ -277,26 +249,12 @@ def test_what_stands_on_nothing_keeps_its_joints(write):
     assert mechanism.placement(mechanism.q_home, "d").translation.tolist() == [3.0, 0.0, 0.0]
 
 
-def test_a_static_model_stands_in_its_world(write):
-    text = PARALLELOGRAM.format(kind="revolute").replace(
-        '<link name="ground"/>', '<static>true</static><pose>1 0 0 0 0 0</pose><link name="ground"/>'
-    )
-    text = text.replace(
-        '<joint name="world_joint" type="fixed"><parent>world</parent><child>ground</child></joint>', ""
-    )
-    mechanism = cinegen.load(write(text))
-    assert mechanism.nodes[0] == "world"
-    assert mechanism.placement(mechanism.q_home, "ground").translation.tolist() == [1.0, 0.0, 0.0]
-
-
 @pytest.mark.parametrize(
     ("old", "new", "says"),
     [
         ('name="elbow"', 'name="drive"', r":14: joint 'drive' is defined twice, first on line 12"),
-        ('<link name="ground"/>', '<link name="world"/>', r":5: a link can't be called 'world'"),
         ("<parent>crank</parent>", "<parent>coupler</parent>", r":14: joint 'elbow' joins 'coupler' to itself"),
         ('relative_to="crank"', 'relative_to="coupler"', "the pose of 'coupler' is given relative to itself"),
-        ("<pose>0.1 0 0 0 0 0</pose>", "<pose>1e308 0 0 0 0 0</pose>", r":7: the pose '1e308.* must be six numbers"),
     ],
 )
 def test_what_makes_no_sense_is_told_by_its_own_line(write, old, new, says):

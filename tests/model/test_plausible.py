@@ -10,7 +10,7 @@ import pytest
 from cinegen.model.plausible import ImplausibleError, check_joint, check_lengths, check_revolution, reach
 
 
-@pytest.mark.parametrize("name", ["arm7", "delta4", "five_bar", "four_bar", "gough", "planar_3r", "rx90", "tssm"])
+@pytest.mark.parametrize("name", ["arm7", "delta4", "four_bar", "gough"])
 def test_no_node_gets_further_than_the_reach_and_the_reach_is_no_wild_guess(robot, name):
     mechanism = robot(name)
     far = max(
@@ -22,7 +22,7 @@ def test_no_node_gets_further_than_the_reach_and_the_reach_is_no_wild_guess(robo
     assert reach(mechanism) < 10.0 * far
 
 
-@pytest.mark.parametrize("name", ["arm7", "delta4", "five_bar", "gough", "planar_3r", "rx90", "tssm"])
+@pytest.mark.parametrize("name", ["arm7", "delta4", "five_bar", "gough"])
 def test_every_point_within_reach_is_accepted_in_m_and_refused_in_mm(robot, name):
     mechanism = robot(name)
     node = mechanism.end

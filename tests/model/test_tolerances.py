@@ -15,7 +15,7 @@ from cinegen.planning.clear_motion import _is_valid
 from cinegen.session.motion import LineMotion
 from cinegen.tolerances import CLOSED, CLOSURE
 
-CLOSED_ROBOTS = ("delta4", "five_bar", "gough", "sr400", "tssm")
+CLOSED_ROBOTS = ("delta4", "five_bar", "gough")
 
 
 def barely_closed(mechanism: cinegen.Mechanism) -> np.ndarray:

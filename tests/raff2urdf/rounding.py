@@ -50,3 +50,35 @@ def largest_change(before: str, after: str) -> float:
     pairs = zip(joints(etree.fromstring(before.encode())), joints(etree.fromstring(after.encode())), strict=True)
     changes = [inverse(origin(one, "")) @ origin(other, "") for one, other in pairs]
     return max(float(np.abs(change - np.eye(4)).max()) for change in changes)
+
+
+def walker(legs: int = 2, tilt: float = 4e-5, digits: int = 6) -> str:
+    """Return an SDF of one or two legs on a body, each a five-bar of two hips and two universal knees.
+
+    Hips are tilted against each other by twice an angle (rad), and positions (m) are rounded, a unit up or down.
+    """
+    rng, parts = np.random.default_rng(0), ['<sdf version="1.9"><model name="walker"><link name="body"/>']
+    axis = '<{0}><xyz expressed_in="__model__">{1}</xyz></{0}>'
+
+    def link(name: str, place: np.ndarray, pitch: float) -> str:
+        place = np.round(place + 10.0**-digits * rng.integers(-1, 2, 3), digits)
+        return (
+            f'<link name="{name}"><pose>{" ".join(map(repr, place.tolist()))} 0 {round(pitch, digits)} 0</pose></link>'
+        )
+
+    def joint(name: str, kind: str, parent: str, child: str, more: str) -> str:
+        return f'<joint name="{name}" type="{kind}"><parent>{parent}</parent><child>{child}</child>{more}</joint>'
+
+    for leg, (x, y) in enumerate([(0.25, 0.12), (-0.25, -0.12)][:legs]):
+        for side in (1, -1):
+            hip, knee = np.array([x + 0.02 * side, y, 0.0]), np.array([x + 0.11 * side, y, -0.05])
+            upper, lower = f"upper_{leg}{side:+}", f"lower_{leg}{side:+}"
+            parts += [link(upper, hip, 0.5 * side), link(lower, knee, 0.3 * side)]
+            parts += [joint(f"hip_{leg}{side:+}", "revolute", "body", upper, axis.format("axis", f"{side * tilt} 1 0"))]
+            across = axis.format("axis", "0 1 0") + axis.format("axis2", "1 0 0")
+            parts += [joint(f"knee_{leg}{side:+}", "universal", upper, lower, across)]
+        at = f'<pose relative_to="__model__">{x} {y} -0.2 0 0 0</pose>'
+        parts += [
+            joint(f"foot_{leg}", "revolute", f"lower_{leg}+1", f"lower_{leg}-1", at + axis.format("axis", "0 1 0"))
+        ]
+    return "\n".join([*parts, "</model></sdf>"])

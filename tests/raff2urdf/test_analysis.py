@@ -14,29 +14,22 @@ from hypothesis import given
 from hypothesis import strategies as st
 from mechanisms import (
     CLOSED_CHAINS,
-    FOUR_BAR_AXES,
     KNOWN,
     PARALLELOGRAM_AXES,
-    Part,
     axis_at,
     bennett,
     delta,
     five_bar,
     four_bar,
     gough_stewart,
-    polygon,
-    raff_of,
     ring,
     sarrus,
     serial,
     shift,
     skew_four_bar,
-    slider_crank,
 )
 from strategies import examples
-from variants import slow
 
-import raff2urdf
 from raff2urdf import RaffError, loads
 from raff2urdf.analysis import Analysis, analyse, loop_kinds
 from raff2urdf.closure import gaps
@@ -62,7 +55,7 @@ def test_the_mobility_of_known_mechanisms_is_found(name: str) -> None:
     assert analysis_of(text).mobility == mobility
 
 
-@pytest.mark.parametrize("n", [0, 1, 2, 13])
+@pytest.mark.parametrize("n", [0, 13])
 def test_a_serial_arm_has_the_mobility_of_its_joints(n: int) -> None:
     joints = tuple(f"joint{i}" for i in range(1, n + 1))
     home = {joint: 0.01 if i % 2 else 0.0 for i, joint in enumerate(joints)}  # slides, of r 10, and turns
@@ -74,15 +67,10 @@ def test_a_serial_arm_has_the_mobility_of_its_joints(n: int) -> None:
     ("name", "rows", "rank"),
     [
         ("four-bar", 5, 2),  # planar: heights and tilts are closed already
-        ("parallelogram with a redundant bar", 10, 3),
         ("planar 3-RRR", 10, 4),
-        ("delta", 12, 12),
         ("6-UPS", 15, 15),
         ("Sarrus", 5, 4),
         ("Bennett", 5, 2),
-        ("four-bar, closed rigidly", 6, 3),
-        ("slider-crank, cut at the slide", 5, 2),
-        ("serial arm of 7", 0, 0),
     ],
 )
 def test_rows_that_only_repeat_others_are_not_counted(name: str, rows: int, rank: int) -> None:
@@ -91,32 +79,12 @@ def test_rows_that_only_repeat_others_are_not_counted(name: str, rows: int, rank
     assert (analysis.rows, analysis.rank) == (rows, rank)
 
 
-@pytest.mark.parametrize("n", range(4, 9))
-def test_a_planar_polygon_of_n_bars_has_mobility_n_less_3(n: int) -> None:
-    assert analysis_of(polygon(n)).mobility == n - 3
-
-
 @given(st.integers(0, 2**32 - 1), st.sampled_from([7, 8]), st.integers(0, 6))
 @examples(10)
 def test_a_ring_of_n_skew_hinges_has_mobility_n_less_6(seed: int, n: int, cut: int) -> None:
     rng = np.random.default_rng(seed)
     axes = [axis_at(rng.uniform(-1, 1, 3), rng.normal(size=3)) for _ in range(n)]
     assert analysis_of(ring(axes, cut)).mobility == n - 6
-
-
-def test_loops_that_share_no_joints_are_counted_one_by_one() -> None:
-    """Three four-bars on one base, and a free arm of two joints."""
-    parts, constraints = [], []
-    for i in range(3):
-        o, a, b, c = (shift("y", i) @ axis for axis in FOUR_BAR_AXES)
-        n = 10 * i
-        parts += [Part(n + 1, 0, o), Part(n + 2, n + 1, a), Part(n + 3, 0, c)]
-        parts += [Part(n + 4, n + 2, b, None), Part(n + 5, n + 3, b, None)]
-        constraints.append(f"frame {n + 4} frame {n + 5} type 2")
-    parts += [Part(51, 0, shift("y", 5.0)), Part(52, 51, shift("y", 6.0))]
-    analysis = analysis_of(raff_of(parts, *constraints))
-    assert (analysis.mobility, analysis.rows, analysis.rank) == (3 + 2, 15, 6)
-    assert analysis.actuated == ("joint1", "joint11", "joint21", "joint51", "joint52")
 
 
 def test_a_base_that_can_move_adds_six() -> None:
@@ -129,59 +97,18 @@ def test_a_fixed_link_adds_nothing() -> None:
     assert analysis_of(KNOWN["four-bar"][0].replace("frame 5 {", "link 5 { type 0")).mobility == 1
 
 
-def test_a_singular_posture_does_not_count() -> None:
-    """A parallelogram laid flat could move in two ways at once, but only there."""
-    assert analysis_of(KNOWN["flat parallelogram"][0]).rank == 2
-
-
-@pytest.mark.parametrize("size", ["5e-324", "1e-310", "1e-160", "1e100", "1e155", "1e160", "1e300", "1.7e308"])
-@pytest.mark.parametrize("kind", [1, 2])
-def test_lengths_that_no_one_builds_are_counted_or_refused(size: str, kind: int) -> None:
-    text = f"""RAFF t
-    robot r {{
-      base {{ }}
-      link 1 {{ parameters {{ d {size} }} type {kind} pred 0 }}
-      link 2 {{ parameters {{ d 100 alpha 90 }} type 2 pred 1 }}
-      constraint {{ base link 2 type 3 }}
-    }}"""
-    document = loads(text)
-    try:
-        raff2urdf.check(document)
-        mobility = analyse(document, document.robot()).mobility
-    except RaffError:
-        return
-    assert 0 <= mobility <= 2
-
-
 # --- what the mobility does not depend on ------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("cut", range(4))
-@pytest.mark.parametrize("rigid", [False, True])
-def test_a_four_bar_may_be_cut_at_any_joint(cut: int, rigid: bool) -> None:
-    assert analysis_of(four_bar(cut, rigid)).mobility == 1
-    assert analysis_of(ring(PARALLELOGRAM_AXES, cut, rigid)).mobility == 1
+CUTS = [(four_bar(cut, rigid), 1) for cut in range(4) for rigid in (False, True)]
+CUTS += [(sarrus(cut, rigid), 1) for cut in range(6) for rigid in (False, True)]
+CUTS += [(ring(PARALLELOGRAM_AXES, cut, rigid), 1) for cut in range(4) for rigid in (False, True)]
+CUTS += [(five_bar(cut), 2) for cut in range(5)]
 
 
-@pytest.mark.parametrize("cut", range(5))
-def test_a_five_bar_may_be_cut_at_any_joint(cut: int) -> None:
-    assert analysis_of(five_bar(cut)).mobility == 2
-
-
-@pytest.mark.parametrize("cut", range(6))
-@pytest.mark.parametrize("rigid", [False, True])
-def test_a_sarrus_linkage_may_be_cut_at_any_joint(cut: int, rigid: bool) -> None:
-    assert analysis_of(sarrus(cut, rigid)).mobility == 1
-
-
-@pytest.mark.parametrize("cut", ["slide", "pin"])
-def test_a_slider_crank_may_be_cut_at_its_slide_or_at_its_pin(cut: str) -> None:
-    assert analysis_of(slider_crank(cut)).mobility == 1
-
-
-@pytest.mark.parametrize("theta", [20.0, 70.0, 150.0, 200.0])
-def test_a_bennett_linkage_may_be_written_in_any_posture(theta: float) -> None:
-    assert analysis_of(bennett(theta)).mobility == 1
+@pytest.mark.parametrize(("text", "mobility"), [*CUTS, *[(bennett(theta), 1) for theta in (20.0, 150.0, 200.0)]])
+def test_a_mechanism_may_be_cut_at_any_joint_and_written_in_any_posture(text: str, mobility: int) -> None:
+    assert analysis_of(text).mobility == mobility
 
 
 def renumbered(document: Document, new: Mapping[int, int]) -> Document:
@@ -232,16 +159,6 @@ def test_it_does_not_matter_where_the_base_stands(name: str, place: RaffParamete
     assert (moved.mobility, moved.rank, moved.actuated) == (there.mobility, there.rank, there.actuated)
 
 
-@pytest.mark.parametrize("units", ["um", "m", *slow(*(unit for unit in UNITS_PER_METRE if unit not in ("um", "m")))])
-@pytest.mark.parametrize("name", CLOSED_CHAINS)
-def test_it_does_not_matter_in_which_unit_lengths_are_written(name: str, units: str) -> None:
-    document = loads(KNOWN[name][0])
-    again = in_units(document, units)
-    one, other = analyse(document, document.robot()), analyse(again, again.robot())
-    assert (other.mobility, other.rank, other.actuated) == (one.mobility, one.rank, one.actuated)
-    assert other.gap == pytest.approx(one.gap, abs=1e-14)
-
-
 @pytest.mark.parametrize("scale", [1e-4, 1e4])
 @pytest.mark.parametrize("name", CLOSED_CHAINS)
 def test_it_does_not_matter_how_large_a_mechanism_is(name: str, scale: float) -> None:
@@ -258,24 +175,16 @@ def test_it_does_not_matter_how_large_a_mechanism_is(name: str, scale: float) ->
     assert (other.mobility, other.rank, other.actuated) == (one.mobility, one.rank, one.actuated)
 
 
-@pytest.mark.parametrize("name", CLOSED_CHAINS)
-def test_it_does_not_matter_which_end_of_a_loop_is_named_first(name: str) -> None:
-    document = loads(KNOWN[name][0])
-    robot = document.robot()
-    loops = tuple(replace(loop, first=loop.second, second=loop.first) for loop in robot.loops)
-    one, other = analyse(document, robot), analyse(document, replace(robot, loops=loops))
-    assert (other.mobility, other.rank, other.actuated) == (one.mobility, one.rank, one.actuated)
-
-
 @given(st.randoms(use_true_random=False))
 @pytest.mark.parametrize("name", CLOSED_CHAINS)
 @FEW
-def test_it_does_not_matter_in_which_order_parts_stand_in_the_file(name: str, random: Random) -> None:
+def test_order_does_not_matter_of_parts_in_the_file_of_loops_and_of_their_ends(name: str, random: Random) -> None:
     document = loads(KNOWN[name][0])
     robot = document.robot()
-    parts, loops = list(robot.parts), list(robot.loops)
-    random.shuffle(parts)
-    random.shuffle(loops)
+    parts = random.sample(robot.parts, len(robot.parts))
+    loops = [
+        replace(loop, first=loop.second, second=loop.first) for loop in random.sample(robot.loops, len(robot.loops))
+    ]
     other = analyse(document, replace(robot, parts=tuple(parts), loops=tuple(loops)))
     one = analyse(document, robot)
     assert (other.mobility, other.rank, len(other.actuated)) == (one.mobility, one.rank, len(one.actuated))
@@ -295,20 +204,15 @@ def test_there_are_as_many_motors_as_freedoms_where_the_file_says_nothing(name: 
     [
         (delta(), "1 6 12"),  # the three shoulders
         (four_bar(3), "1"),
-        (four_bar(1), "1"),
         (five_bar(2), "1 4"),  # both on the base
         (KNOWN["planar 3-RRR"][0], "1 11 21"),
         (gough_stewart(), "1 2 11 12 21 22"),
         (KNOWN["truss"][0], ""),
     ],
-    ids=["delta", "four-bar", "four-bar cut in the middle", "five-bar", "3-RRR", "6-UPS", "truss"],
+    ids=["delta", "four-bar", "five-bar", "3-RRR", "6-UPS", "truss"],
 )
 def test_motors_sit_on_the_joints_nearest_the_base_that_suffice(text: str, motors: str) -> None:
     assert analysis_of(text).actuated == tuple(f"joint{number}" for number in motors.split())
-
-
-def test_without_loops_every_joint_has_a_motor() -> None:
-    assert analysis_of(serial(3)).actuated == ("joint1", "joint2", "joint3")
 
 
 def saying(text: str, **actuated: int) -> str:
@@ -349,16 +253,6 @@ def test_a_joint_said_to_have_no_motor_gets_none() -> None:
 # --- how the loops stand as written ------------------------------------------------------------------------------
 
 
-def test_the_gap_as_written_is_that_of_the_rounded_values() -> None:
-    """Figure 5 prints 211.21: values rounded to 0.01 leave a delta of some metres open by less than a millimetre."""
-    rounded = re.sub(r"(-?\d+\.\d{3,})", lambda number: f"{float(number[0]):.2f}", delta(3501.2345))
-    assert rounded != delta(3501.2345)
-    analysis = analysis_of(rounded)
-    assert 1e-7 < analysis.gap < 1e-3
-    assert analysis.mobility == 3
-    assert analysis_of(delta(3501.2345)).gap < 1e-12
-
-
 def test_the_gap_is_a_part_of_the_characteristic_length() -> None:
     """Ends 4 mm apart, over the root of 3 times the mean square distance of the axes from their centre."""
     corners = [(math.cos(a), math.sin(a), 0.0) for a in (0.1, 1.6, 3.3, 4.9)]
@@ -377,16 +271,17 @@ def test_a_loop_may_be_closed_by_another_kind_than_the_file_says() -> None:
     assert (analysis.mobility, analysis.rows, analysis.rank) == (1, 3, 2)
 
 
-def test_asking_for_a_loop_that_is_not_there_lists_those_that_are() -> None:
-    with pytest.raises(RaffError, match=r"no loop 'frame5-fram6': did you mean 'frame5-frame6'\?"):
-        analysis_of(four_bar(), {"frame5-fram6": "ball"})
-
-
-def test_asking_for_a_kind_that_is_not_there_lists_those_that_are() -> None:
-    with pytest.raises(RaffError, match=r"'bal' is not a kind of loop: did you mean 'ball'\?"):
-        analysis_of(four_bar(), {"frame5-frame6": "bal"})
-    with pytest.raises(RaffError, match=r"\(known: rigid, prismatic, revolute, ball\)"):
-        analysis_of(four_bar(), {"frame5-frame6": "weld"})
+@pytest.mark.parametrize(
+    ("name", "kind", "says"),
+    [
+        ("frame5-fram6", "ball", r"no loop 'frame5-fram6': did you mean 'frame5-frame6'\?"),
+        ("frame5-frame6", "bal", r"'bal' is not a kind of loop: did you mean 'ball'\?"),
+        ("frame5-frame6", "weld", r"\(known: rigid, prismatic, revolute, ball\)"),
+    ],
+)
+def test_asking_for_what_is_not_there_lists_what_is(name: str, kind: str, says: str) -> None:
+    with pytest.raises(RaffError, match=says):
+        analysis_of(four_bar(), {name: kind})
 
 
 # --- home --------------------------------------------------------------------------------------------------------

@@ -8,7 +8,7 @@ from dataclasses import replace
 import pytest
 from hypothesis import given
 from strategies import documents, examples
-from wrong_raff import ONE, text_of
+from wrong_raff import ONE, assert_in_order, text_of
 from wrong_raff import WRONG_BODIES as WRONG
 
 import raff2urdf
@@ -52,26 +52,23 @@ def at(entry: tuple[str, int, int, str]) -> str:
 @pytest.mark.parametrize(("body", "line", "column", "words"), WRONG, ids=map(at, WRONG))
 def test_a_fault_is_named_where_it_stands(body: str, line: int, column: int, words: str) -> None:
     (problem,) = problems_of(text_of(body))
-    said = problem.message
-    for word in words.split():
-        assert word in said, f"{word} is missing, or stands too early, in: {problem.message}"
-        said = said.split(word, 1)[1]
+    assert_in_order(words, problem.message)
     assert problem.location is not None
     assert (problem.location.line, problem.location.column) == (line, column)
 
 
-def test_a_second_robot_of_a_name_is_refused_where_it_stands() -> None:
-    (problem,) = problems_of("RAFF t\nrobot a { }\nrobot b { }\nrobot a { }")
+@pytest.mark.parametrize(
+    ("text", "column", "what"),
+    [
+        ("RAFF t\nrobot a { }\nrobot b { }\nrobot a { }", 7, "robot 'a'"),
+        ('RAFF t\nsensor 1 { port "a" }\nrobot r { }\nsensor 1 { port "b" }', 8, "sensor 1"),
+    ],
+)
+def test_a_name_or_number_that_is_taken_is_refused_where_it_stands(text: str, column: int, what: str) -> None:
+    (problem,) = problems_of(text)
     assert problem.location is not None
-    assert (problem.location.line, problem.location.column) == (4, 7)
-    assert problem.message == "robot 'a' is defined twice, first on line 2: change one of them"
-
-
-def test_a_second_sensor_of_a_number_is_refused_where_it_stands() -> None:
-    (problem,) = problems_of('RAFF t\nsensor 1 { port "a" }\nrobot r { }\nsensor 1 { port "b" }')
-    assert problem.location is not None
-    assert (problem.location.line, problem.location.column) == (4, 8)
-    assert problem.message == "sensor 1 is defined twice, first on line 2: change one of them"
+    assert (problem.location.line, problem.location.column) == (4, column)
+    assert problem.message == f"{what} is defined twice, first on line 2: change one of them"
 
 
 @pytest.mark.parametrize("name", ["4bar", '"left arm"', '""', "-r"])
@@ -80,13 +77,9 @@ def test_a_robots_name_must_be_one_that_xml_takes(name: str) -> None:
     assert "can't name a robot" in problem.message
 
 
-@pytest.mark.parametrize("name", ["robot", "_", "a.b-c", "Ёлка", "机器人", "délta4", "x·y"])
+@pytest.mark.parametrize("name", ["robot", "a.b-c", "机器人", "x·y"])
 def test_a_name_that_xml_takes_is_taken(name: str) -> None:
     raff2urdf.check(raff2urdf.loads(f'RAFF t\nrobot {name} {{ base {{ }} link 1 {{ type 2 pred 0 name "{name}" }} }}'))
-
-
-def test_robots_of_a_file_do_not_disturb_each_other() -> None:
-    raff2urdf.check(raff2urdf.loads(f"RAFF t\nrobot a {{ base {{ }} {ONE} }}\nrobot b {{ base {{ }} {ONE} }}"))
 
 
 def test_an_unknown_sensor_is_answered_with_those_that_exist() -> None:
@@ -94,12 +87,7 @@ def test_an_unknown_sensor_is_answered_with_those_that_exist() -> None:
     assert problems_of(text)[0].message == "sensor 3 is not declared (declared: 2, 7)"
 
 
-def test_sensor_0_needs_no_declaration() -> None:
-    """It stands for "left free" (figure 6)."""
-    assert warnings_of(text_of(f"{ONE}\nconstraint {{ link 1 sensor ( 0 ) }}")) == []
-
-
-@pytest.mark.parametrize("length", [1, 2, 9, 3000])
+@pytest.mark.parametrize("length", [1, 3000])
 def test_a_cycle_of_parents_is_one_fault_however_long(length: int) -> None:
     ring = [RaffLink(i, RaffParameters(), JointType.REVOLUTE, 1 + i % length) for i in range(1, length + 1)]
     on_it = [RaffFrame(length + i, RaffParameters(), i) for i in range(1, length + 1)]
@@ -108,11 +96,6 @@ def test_a_cycle_of_parents_is_one_fault_however_long(length: int) -> None:
     (problem,) = caught.value.problems
     assert "link 1 is part of a cycle of parents: 1 -> " in problem.message
     assert len(problem.message) < 200
-
-
-def test_each_ring_is_a_fault_of_its_own() -> None:
-    rings = "link 1 { type 2 pred 2 } link 2 { type 2 pred 1 }\nlink 3 { type 2 pred 3 }\nlink 4 { type 2 pred 0 }"
-    assert [problem.location and problem.location.line for problem in problems_of(text_of(rings))] == [3, 4]
 
 
 def test_all_faults_are_reported_at_once_in_the_order_of_the_text() -> None:
@@ -152,19 +135,6 @@ def test_what_is_probably_not_meant_is_a_warning_with_its_place(link: str, colum
     assert warning.startswith(f"<text>:3:{column}: ")
     for word in words.split():
         assert word in warning
-
-
-@pytest.mark.parametrize(
-    "link",
-    [
-        "type 0 pred 0 actuated 0",
-        "parameters { theta 90 r 500 } type 2 pred 0 limits { 0 90 }",
-        "parameters { theta 500 r 0 } type 1 pred 0 limits { 0 90 }",
-        "type 2 pred 0 limits { 0 0 }",
-    ],
-)
-def test_what_makes_sense_is_no_warning(link: str) -> None:
-    assert warnings_of(text_of(f"link 1 {{ {link} }}")) == []
 
 
 def test_a_robot_of_some_mm_must_state_its_units() -> None:

@@ -13,7 +13,6 @@ from hypothesis import assume, given
 from hypothesis import strategies as st
 from mechanisms import (
     CLOSED_CHAINS,
-    FLAT_PARALLELOGRAM_AXES,
     FOUR_BAR_AXES,
     KNOWN,
     Part,
@@ -22,7 +21,6 @@ from mechanisms import (
     clusters_of,
     delta,
     four_bar,
-    planar,
     raff_of,
     ring,
     shift,
@@ -34,7 +32,7 @@ from strategies import documents, examples
 
 from raff2urdf import loads
 from raff2urdf.analysis import analyse
-from raff2urdf.closure import close, close_from_afar, closed_walk, generic_rank, passive, rank
+from raff2urdf.closure import close, closed_walk, generic_rank, passive, rank
 from raff2urdf.errors import RaffClosureError
 from raff2urdf.raff.document import Document, LoopKind
 from raff2urdf.tree import Cluster, placements
@@ -77,38 +75,6 @@ def test_a_mechanism_pulled_apart_closes_again(name: str, seed: int, size: float
     (cluster,) = clusters_of(document)
     assume(name != "truss" or size <= 0.1)
     closing = close(cluster, perturbed(cluster, seed, size))
-    assert closing.closed
-    assert apart(document, cluster, closing.q) <= MET
-
-
-@given(seeds, st.integers(4, 9), st.integers(0, 3))
-@examples(30)
-def test_a_random_planar_polygon_closes(seed: int, n: int, cut: int) -> None:
-    rng = np.random.default_rng(seed)
-    document = loads(ring(planar(*rng.uniform(-0.5, 0.5, (n, 2)).tolist()), cut))
-    (cluster,) = clusters_of(document)
-    closing = close(cluster, perturbed(cluster, seed, 0.05))
-    assert closing.closed
-    assert apart(document, cluster, closing.q) <= MET
-
-
-@given(seeds, st.integers(7, 9), st.integers(0, 6))
-@examples(30)
-def test_a_random_ring_of_skew_hinges_closes(seed: int, n: int, cut: int) -> None:
-    rng = np.random.default_rng(seed)
-    document = loads(ring([axis_at(rng.uniform(-1, 1, 3), rng.normal(size=3)) for _ in range(n)], cut))
-    (cluster,) = clusters_of(document)
-    closing = close_from_afar(cluster, perturbed(cluster, seed, 0.05))
-    assert closing.closed
-    assert apart(document, cluster, closing.q) <= MET
-
-
-@given(seeds, st.floats(2600, 6000))
-@examples(20)
-def test_a_delta_closes_whatever_its_forearm(seed: int, forearm: float) -> None:
-    document = loads(delta(forearm))
-    (cluster,) = clusters_of(document)
-    closing = close(cluster, perturbed(cluster, seed, 0.2))
     assert closing.closed
     assert apart(document, cluster, closing.q) <= MET
 
@@ -188,14 +154,6 @@ def test_no_step_goes_farther_than_a_linearisation_can_know(name: str, seed: int
     watched.integrate = integrate
     close(watched, perturbed(cluster, seed, 3.0))
     assert max(steps) <= 1.0
-
-
-@given(seeds)
-@examples(10)
-def test_closing_from_afar_ends_at_the_same_place_every_time(seed: int) -> None:
-    cluster = cluster_of(four_bar())
-    q = perturbed(cluster, seed, 2.0)
-    assert (close_from_afar(cluster, q).q == close_from_afar(cluster, q).q).all()
 
 
 SLIDES = [f"joint{10 * leg + 3}" for leg in range(6)]  # of the 6-UPS
@@ -332,12 +290,6 @@ def test_the_generic_rank_is_joints_less_mobility_and_reached_on_a_closed_config
     assert apart(document, cluster, where) <= MET
 
 
-def test_a_singular_start_does_not_lower_the_generic_rank() -> None:
-    cluster = cluster_of(ring(FLAT_PARALLELOGRAM_AXES))
-    assert rank(cluster.evaluate(cluster.home)[1]) == 1
-    assert generic_rank(cluster, cluster.home)[0] == 2
-
-
 @pytest.mark.parametrize("name", [name for name in CLOSED_CHAINS if name != "truss"])
 def test_a_walk_stays_closed_and_gets_somewhere(name: str) -> None:
     document = loads(KNOWN[name][0])
@@ -446,22 +398,14 @@ def test_where_no_weaker_closure_helps_that_is_said() -> None:
     assert "neither revolute nor ball joints there would close it" in why(out_of_reach())
 
 
-def test_only_loops_that_stay_open_are_named() -> None:
-    """A good four-bar beside one that is out of reach."""
-    good = four_bar().split("base { }")[1].rsplit("}", 1)[0]
+@pytest.mark.parametrize("beside", [four_bar(), out_of_reach()], ids=["closed", "open"])
+def test_all_loops_that_stay_open_are_named_and_no_others(beside: str) -> None:
+    """A four-bar that is out of reach, and another one on the same base."""
+    other = beside.split("base { }")[1].rsplit("}", 1)[0]
     bad = re.sub(r"\b(link|frame|pred) ([1-9])", r"\1 1\2", out_of_reach().split("base { }")[1].rsplit("}", 1)[0])
-    said = why(f"RAFF both\nrobot r {{ {good} {bad} }}")
+    said = why(f"RAFF both\nrobot r {{ {other} {bad} }}")
     assert "'frame15-frame16'" in said
-    assert "'frame5-frame6'" not in said
-
-
-def test_open_loops_are_named_whether_or_not_they_share_joints() -> None:
-    """Two four-bars on one base, both out of reach."""
-    one = out_of_reach().split("base { }")[1].rsplit("}", 1)[0]
-    other = re.sub(r"\b(link|frame|pred) ([1-9])", r"\1 1\2", one)
-    said = why(f"RAFF both\nrobot r {{ {one} {other} }}")
-    assert "'frame5-frame6'" in said
-    assert "'frame15-frame16'" in said
+    assert ("'frame5-frame6'" in said) == (beside != four_bar())
 
 
 def test_of_many_open_loops_the_first_few_are_named() -> None:

@@ -11,20 +11,16 @@ import warnings
 from collections.abc import Callable
 from pathlib import Path
 
-import pinocchio as pin
 import pytest
 import trimesh
-import yourdfpy
 from command import Run
-from lxml import etree
 from mechanisms import delta, four_bar, skew_four_bar
-from variants import slow
+from wrong_raff import assert_in_order
 
 import cinegen
 import raff2urdf
-from raff2urdf import RaffError, constraints
+from raff2urdf import constraints
 from raff2urdf.cli import main
-from raff2urdf.writers.urdf_dialects import UrdfDialectWriter
 
 ARM = "RAFF arm\nrobot r { base { }\n  link 1 { type 2 pred 0 }\n  link 2 { parameters { d 100 } type 2 pred 1 }\n}\n"
 TWO = "RAFF two\nrobot left { base { } link 1 { type 2 pred 0 } }\nrobot right { base { } link 1 { type 1 pred 0 } }\n"
@@ -46,25 +42,15 @@ def files_in(folder: Path) -> dict[str, bytes]:
 # --- what is written ---------------------------------------------------------------------------------------------
 
 
-def test_a_file_becomes_a_urdf_and_its_constraints(folder: Path, command: Run) -> None:
-    done = command("delta4.raff")
-    assert (done.code, done.err) == (0, "")
-    assert sorted(files_in(folder / "generated")) == ["delta4.constraints.json", "delta4.urdf"]
-    assert pin.buildModelFromUrdf(str(folder / "generated" / "delta4.urdf")).njoints == 1 + 15
-    assert constraints.load(folder / "generated" / "delta4.constraints.json")["mobility"] == 3
-
-
 def test_it_says_what_it_found_and_where_it_wrote(folder: Path, run: Run) -> None:
-    said = run("delta4.raff", "-o", "made/").out
+    done = run("delta4.raff", "-o", "made/")
+    assert (done.code, done.err) == (0, "")
+    assert sorted(files_in(folder / "made")) == ["delta4.constraints.json", "delta4.urdf"]
+    said = done.out
     for words in ("delta4.raff", "'r1'", "17 links", "15 joints", "2 loops", "12 rows of rank 12", "mobility 3"):
         assert words in said
     assert "made/delta4.urdf" in said
     assert "made/delta4.constraints.json" in said
-
-
-def test_the_folder_to_write_to_is_made(folder: Path, run: Run) -> None:
-    assert run("arm.raff", "--output", "a/b/c/").code == 0
-    assert sorted(files_in(folder / "a" / "b" / "c")) == ["arm.constraints.json", "arm.urdf"]
 
 
 def test_each_robot_of_a_file_becomes_files_of_its_own(folder: Path, run: Run) -> None:
@@ -74,36 +60,18 @@ def test_each_robot_of_a_file_becomes_files_of_its_own(folder: Path, run: Run) -
     ]  # fmt: skip
 
 
-def test_one_robot_may_be_asked_for(folder: Path, run: Run) -> None:
-    assert run("two.raff", "--robot", "right").code == 0
-    assert sorted(files_in(folder / "generated")) == ["two.right.constraints.json", "two.right.urdf"]
-
-
-def test_a_robot_that_is_not_there_is_answered_with_those_that_are(folder: Path, run: Run) -> None:
-    done = run("two.raff", "--robot", "rigth")
-    assert done.code == 1
-    assert "two.raff: there is no robot 'rigth': did you mean 'right'?" in done.err
-    assert not (folder / "generated").exists()
-
-
-def test_the_same_file_makes_the_same_bytes_every_time(folder: Path, command: Run) -> None:
-    for seed in ("1", "2"):
-        assert command("delta4.raff", "-o", f"made{seed}/", PYTHONHASHSEED=seed).code == 0
-    assert files_in(folder / "made1") == files_in(folder / "made2")
-
-
-def test_the_library_writes_what_the_command_does(folder: Path, run: Run) -> None:
-    run("delta4.raff", "-o", "command/")
-    (conversion,) = raff2urdf.convert(folder / "delta4.raff", folder / "library")
+@pytest.mark.parametrize(("format", "density"), [("urdf", ()), ("sdf", ("--density", "2700"))])
+def test_the_library_writes_what_the_command_does(
+    folder: Path, run: Run, format: str, density: tuple[str, ...]
+) -> None:
+    run("delta4.raff", "-o", "command/", "--format", format, *density)
+    options = {"density": float(density[1])} if density else {}
+    (conversion,) = raff2urdf.convert(folder / "delta4.raff", folder / "library", format=format, **options)
     assert files_in(folder / "command") == files_in(folder / "library")
+    assert conversion.file == folder / "library" / f"delta4.{format}"
+    assert (conversion.urdf is None, conversion.constraints is None) == 2 * (format != "urdf",)
     assert (conversion.robot, conversion.links, conversion.joints, conversion.loops) == ("r1", 17, 15, 2)
     assert (conversion.analysis.mobility, conversion.analysis.actuated) == (3, ("joint1", "joint6", "joint12"))
-
-
-def test_lines_end_alike_on_every_system(folder: Path, run: Run) -> None:
-    (folder / "dos.raff").write_bytes(ARM.replace("\n", "\r\n").encode())
-    run("dos.raff")
-    assert all(b"\r" not in data for data in files_in(folder / "generated").values())
 
 
 # --- other formats -----------------------------------------------------------------------------------------------
@@ -111,18 +79,14 @@ def test_lines_end_alike_on_every_system(folder: Path, run: Run) -> None:
 
 @pytest.mark.parametrize(("format", "suffix"), [("sdf", ".sdf"), ("mjcf", ".xml")])
 def test_another_format_is_one_file_for_each_robot(folder: Path, run: Run, format: str, suffix: str) -> None:
-    done = run("two.raff", "--format", format)
+    done = run("two.raff", "--json", "--format", format)
     assert (done.code, done.err) == (0, "")
-    assert sorted(files_in(folder / "generated")) == [f"two.left{suffix}", f"two.right{suffix}"]
-    assert f"-> generated/two.left{suffix}\n" in done.out
-
-
-@pytest.mark.parametrize(("format", "suffix"), [("sdf", ".sdf"), ("mjcf", ".xml")])
-def test_the_json_names_the_file_of_another_format(folder: Path, run: Run, format: str, suffix: str) -> None:
-    (report,) = json.loads(run("arm.raff", "--json", "--format", format).out)
-    assert report[format] == f"generated/arm{suffix}"
-    assert report["files"] == [f"generated/arm{suffix}"]
-    assert not {"urdf", "constraints"} & set(report)
+    files = [f"two.left{suffix}", f"two.right{suffix}"]
+    assert sorted(files_in(folder / "generated")) == files
+    for report, file in zip(json.loads(done.out), files, strict=True):
+        assert report[format] == f"generated/{file}"
+        assert report["files"] == [f"generated/{file}"]
+        assert not {"urdf", "constraints"} & set(report)
 
 
 def test_the_json_names_meshes_that_were_converted(folder: Path, run: Run) -> None:
@@ -135,36 +99,29 @@ def test_the_json_names_meshes_that_were_converted(folder: Path, run: Run) -> No
     assert all((folder / file).is_file() for file in report["files"])
 
 
-@pytest.mark.parametrize("format", ["urdf", *slow("sdf", "mjcf")])
+@pytest.mark.parametrize("format", ["urdf", "sdf", "mjcf"])
 def test_every_format_has_the_same_bytes_every_time(folder: Path, command: Run, format: str) -> None:
     for seed in ("1", "2"):
         assert command("delta4.raff", "-o", f"made{seed}/", "--format", format, PYTHONHASHSEED=seed).code == 0
     assert files_in(folder / "made1") == files_in(folder / "made2")
 
 
-def test_the_library_writes_other_formats_as_the_command_does(folder: Path, run: Run) -> None:
-    run("delta4.raff", "-o", "command/", "--format", "sdf", "--density", "2700")
-    (conversion,) = raff2urdf.convert(folder / "delta4.raff", folder / "library", format="sdf", density=2700.0)
-    assert files_in(folder / "command") == files_in(folder / "library")
-    assert conversion.file == folder / "library" / "delta4.sdf"
-    assert conversion.files == (conversion.file,)
-    assert conversion.urdf is None
-    assert conversion.constraints is None
-
-
-def test_the_density_makes_it_heavier(folder: Path, run: Run) -> None:
-    masses = []
-    for density in ("1000", "2000"):
-        run("arm.raff", "--format", "sdf", "--density", density)
-        root = etree.parse(folder / "generated" / "arm.sdf")
-        masses.append(sum(float(mass.text) for mass in root.iter("mass")))
-    assert masses[1] == pytest.approx(2 * masses[0])
-
-
-def test_a_wrong_density_writes_nothing(folder: Path, run: Run) -> None:
-    done = run("arm.raff", "--format", "sdf", "--density", "-1")
+@pytest.mark.parametrize(
+    ("call", "words"),
+    [
+        (("two.raff", "--robot", "rigth"), "two.raff: there is no robot 'rigth': did you mean 'right'?"),
+        (("arm.raff", "--format", "sdf", "--density", "-1"), "the density is -1 kg/m3: it must be a number above 0"),
+        (("skew.raff", "--loop", "link5-frame7=ball"), "no loop 'link5-frame7': did you mean 'link5-frame6'?"),
+        (("skew.raff", "--loop", "link5-frame6=bal"), "'bal' is not a kind of loop: did you mean 'ball'?"),
+        (("skew.raff", "--loop", "link5-frame6"), "write NAME=KIND"),
+    ],
+)
+def test_what_is_asked_for_wrongly_is_an_error_that_writes_nothing(
+    folder: Path, run: Run, call: tuple[str, ...], words: str
+) -> None:
+    done = run(*call)
     assert done.code == 1
-    assert "the density is -1 kg/m3: it must be a number above 0" in done.err
+    assert words in done.err
     assert not (folder / "generated").exists()
 
 
@@ -187,58 +144,20 @@ def test_options_that_make_no_sense_together_are_a_wrong_call(
     assert not (folder / "generated").exists()
 
 
-def test_a_format_that_is_not_there_is_answered_with_those_that_are(folder: Path) -> None:
-    with pytest.raises(RaffError, match="there is no format 'mjfc': did you mean 'mjcf'"):
-        raff2urdf.convert(folder / "arm.raff", folder / "made", format="mjfc")
-    assert not (folder / "made").exists()
-
-
-def test_a_home_outside_the_limits_is_told_where_a_simulation_begins_there(folder: Path, run: Run) -> None:
+@pytest.mark.parametrize("options", [("--format", "mjcf"), ("--check",)])
+def test_a_home_outside_the_limits_is_told(folder: Path, run: Run, options: tuple[str, ...]) -> None:
     text = skew_four_bar().replace("link 1 {", "link 1 { limits { 170 171 } ", 1)
     (folder / "stuck.raff").write_text(text)
-    done = run("stuck.raff", "--format", "mjcf", "--loop", "link5-frame6=ball")
+    done = run("stuck.raff", *options, "--loop", "link5-frame6=ball")
     assert done.code == 0
     assert "with loops closed, home is outside the limits of joint1" in done.err
-
-
-def test_loops_may_stand_in_the_urdf_too(folder: Path, run: Run) -> None:
-    """As ros/urdfdom_headers#108 proposes; readers of URDF pass over them."""
-    run("delta4.raff", "--loops", "constraint", "-o", "with/")
-    run("delta4.raff", "-o", "without/")
-    path = folder / "with" / "delta4.urdf"
-    found = etree.parse(path).findall("constraint")
-    assert [(one.get("name"), one.get("type")) for one in found] == [("link5-link11", "link"), ("link5-link17", "link")]
-    assert [(one.find("parent").get("link"), one.find("child").get("link")) for one in found] == [
-        ("link5", "link11"), ("link5", "link17"),
-    ]  # fmt: skip
-    assert all(one.find(f"{end}_origin").get("xyz") == "0 0 0" for one in found for end in ("parent", "child"))
-    assert pin.buildModelFromUrdf(str(path)) == pin.buildModelFromUrdf(str(folder / "without" / "delta4.urdf"))
-    assert len(yourdfpy.URDF.load(str(path)).actuated_joint_names) == 15
-    beside = [(folder / name / "delta4.constraints.json").read_bytes() for name in ("with", "without")]
-    assert beside[0] == beside[1]
-
-
-@pytest.mark.parametrize(
-    ("kind", "word", "axes"),
-    [("rigid", "link", 0), ("prismatic", "prismatic", 2), ("revolute", "revolute", 2), ("ball", "spherical", 0)],
-)
-def test_each_kind_of_loop_has_the_proposals_word(kind: str, word: str, axes: int) -> None:
-    turned = [[0.0, -1.0, 0.0, 0.1], [1.0, 0.0, 0.0, 0.2], [0.0, 0.0, 1.0, 0.3], [0.0, 0.0, 0.0, 1.0]]
-    ends = {which: {"node": which, "placement": turned} for which in ("first", "second")}
-    root = etree.fromstring('<robot name="r"><link name="first"/></robot>')
-    UrdfDialectWriter(root, [], {"loops": [{"name": "l", "kind": kind, **ends}]}, 1.0).write("constraint")
-    (element,) = root.findall("constraint")
-    assert element.get("type") == word
-    assert [e.get("xyz") for e in element if e.tag.endswith("_axis")] == ["0 0 1"] * axes
-    assert element.find("child_origin").get("xyz") == "0.1 0.2 0.3"
-    assert element.find("child_origin").get("rpy") == "0 0 1.5707963267948966"
 
 
 # --- options -----------------------------------------------------------------------------------------------------
 
 
-def test_what_was_found_may_be_had_as_json(folder: Path, command: Run) -> None:
-    (report,) = json.loads(command("delta4.raff", "--json").out)
+def test_what_was_found_may_be_had_as_json(folder: Path, run: Run) -> None:
+    (report,) = json.loads(run("delta4.raff", "--json").out)
     assert report.pop("gap_as_written") < 1e-12
     assert report.pop("closure_at_home") < 1e-12
     assert report == {
@@ -282,74 +201,20 @@ def test_a_check_writes_nothing(folder: Path, run: Run) -> None:
     assert not (folder / "generated").exists()
 
 
-def test_a_check_refuses_loops_that_cannot_be_closed(folder: Path, run: Run) -> None:
-    done = run("--check", "arm.raff", "skew.raff")
-    assert done.code == 1
-    assert "'link5-frame6'" in done.err
-    assert "skew.raff: robot" not in done.out
-    assert run("--check", "skew.raff", "--loop", "link5-frame6=ball").code == 0
-
-
-def test_a_check_reports_a_home_beyond_limits(folder: Path, run: Run) -> None:
-    text = (folder / "delta4.raff").read_text()
-    (folder / "tight.raff").write_text(text.replace("limits { 185 355 }", "limits { 300 301 }"))
-    done = run("--check", "tight.raff")
-    assert "with loops closed, home is outside the limits of joint" in done.err
-
-
-def test_a_check_finds_what_is_wrong(folder: Path, run: Run) -> None:
-    (folder / "bad.raff").write_text(ARM.replace("pred 1", "pred 7"))
-    done = run("--check", "bad.raff")
-    assert done.code == 1
-    assert "bad.raff:4:45: the parent of link 2 is 7" in done.err
-
-
 def test_a_loop_may_be_closed_by_another_kind(folder: Path, run: Run) -> None:
+    """The error names the option that helps: the library's `loops={...}` is of no use to one who typed a command."""
     refused = run("skew.raff")
     assert refused.code == 1
-    assert "'link5-frame6'" in refused.err
+    assert refused.err.startswith("skew.raff: ")
+    assert "--loop link5-frame6=ball" in refused.err
     done = run("skew.raff", "--loop", "link5-frame6=ball")
     assert (done.code, done.err) == (0, "")
     assert constraints.load(folder / "generated" / "skew.constraints.json")["loops"][0]["kind"] == "ball"
 
 
-@pytest.mark.parametrize(
-    ("asked", "words"),
-    [
-        ("link5-frame7=ball", "no loop 'link5-frame7': did you mean 'link5-frame6'?"),
-        ("link5-frame6=bal", "'bal' is not a kind of loop: did you mean 'ball'?"),
-        ("link5-frame6", "write NAME=KIND"),
-    ],
-)
-def test_a_loop_that_is_asked_for_wrongly_is_refused(folder: Path, run: Run, asked: str, words: str) -> None:
-    done = run("skew.raff", "--loop", asked)
-    assert done.code == 1
-    assert words in done.err
-    assert not (folder / "generated").exists()
-
-
-def test_the_error_tells_how_to_close_the_loop_from_the_command(folder: Path, run: Run) -> None:
-    """The library's `loops={...}` is of no use to one who typed a command."""
-    assert "--loop link5-frame6=ball" in run("skew.raff").err
-
-
-def test_help_names_every_option(run: Run) -> None:
-    done = run("--help")
-    assert done.code == 0
-    options = ("--output", "--robot", "--loop", "--check", "--json", "--format", "--density", "--loops")
-    for option in options:
-        assert option in done.out
-
-
-def test_an_option_that_is_not_there_is_a_wrong_call(run: Run) -> None:
-    done = run("arm.raff", "--nonsense")
-    assert done.code == 2
-    assert "Traceback" not in done.err
-
-
-def test_a_warning_is_a_line_on_stderr_and_no_failure(folder: Path, command: Run) -> None:
+def test_a_warning_is_a_line_on_stderr_and_no_failure(folder: Path, run: Run) -> None:
     (folder / "odd.raff").write_text(ARM.replace("pred 1", 'pred 1 limits { 10 20 } filename { "a.stl" }'))
-    done = command("odd.raff")
+    done = run("odd.raff")
     assert done.code == 0
     lines = [line for line in done.err.splitlines() if not line.startswith(" ")]
     assert len(lines) == 2
@@ -361,11 +226,14 @@ def test_a_warning_is_a_line_on_stderr_and_no_failure(folder: Path, command: Run
 # --- wrong input -------------------------------------------------------------------------------------------------
 
 
-def test_one_bad_file_does_not_stop_the_others(folder: Path, command: Run) -> None:
+def test_files_that_are_bad_or_cannot_be_read_do_not_stop_the_others(folder: Path, command: Run) -> None:
+    (folder / "folder.raff").mkdir()
     (folder / "bad.raff").write_text("RAFF bad\nrobot r { link 1 { type 2 pred 5 } }")
-    done = command("arm.raff", "bad.raff", "missing.raff", "two.raff")
+    done = command("arm.raff", "bad.raff", "missing.raff", "folder.raff", "two.raff")
     assert done.code == 1
-    assert [line.split(":")[0] for line in done.err.splitlines() if ": " in line] == ["bad.raff", "missing.raff"]
+    lines = [line for line in done.err.splitlines() if ": " in line]
+    assert [line.split(":")[0] for line in lines] == ["bad.raff", "missing.raff", "folder.raff"]
+    assert all("can't be read: " in line for line in lines[1:])
     assert {name.split(".")[0] for name in files_in(folder / "generated")} == {"arm", "two"}
 
 
@@ -383,17 +251,7 @@ def a_large_file(path: Path) -> None:
 
 
 WRONG: dict[str, tuple[str | bytes | Callable[[Path], None], str]] = {
-    "an unknown parent": (f"{BODY}link 1 {{ type 2 pred 7 }}\n}}", "bad.raff:3:24: 7 does not exist"),
-    "a cycle of parents": (f"{BODY}link 1 {{ type 2 pred 1 }}\n}}", "bad.raff:3:24: cycle of parents"),
     "a number used twice": (f"{BODY}{ONE}\n  {ONE}\n}}", "bad.raff:4:8: number 1 twice first line 3"),
-    "a loop on a missing link": (f"{BODY}{ONE}\nconstraint {{ link 1 link 9 }} }}", "bad.raff:4:26: 9 does not exist"),
-    "limits the wrong way": (
-        f"{BODY}link 1 {{ type 2 pred 0 limits {{ 2 1 }} }} }}",
-        "bad.raff:3:35: lower limit above upper swap",
-    ),
-    "NaN": (f"{BODY}link 1 {{ type 2 pred 0 parameters {{ d NaN }} }} }}", "bad.raff:3:41: 'd' number 'NaN'"),
-    "1e400": (f"{BODY}link 1 {{ type 2 pred 0 velocity 1e400 }} }}", "bad.raff:3:35: '1e400' too large"),
-    "a name that XML has not": (f'{BODY}frame 1 {{ pred 0 name "a b" }} }}', "bad.raff:3:25: 'a b' can't name a frame"),
     "a loop that can't be closed": (skew_four_bar(), "robot 'r' can't be closed 'link5-frame6'"),
     "no robot": ("RAFF bad\n", "bad.raff: has no robot"),
     "an empty file": ("", "bad.raff:1:1: RAFF"),
@@ -411,13 +269,6 @@ def write_wrong(path: Path, content: str | bytes | Callable[[Path], None]) -> No
         path.write_bytes(content)
     else:
         content(path)
-
-
-def assert_in_order(words: str, said: str) -> None:
-    rest = said
-    for word in words.split():
-        assert word in rest, f"{word} is missing, or stands too early, in: {said}"
-        rest = rest.split(word, 1)[1]
 
 
 @pytest.fixture
@@ -445,45 +296,6 @@ def test_wrong_input_is_refused_with_its_place_and_cause_and_nothing_is_touched(
     assert files_in(generated) == before
 
 
-def test_no_wrong_input_makes_the_command_fall_over(folder: Path, generated: Path, command: Run) -> None:
-    """All of them in one go, and good ones before and behind."""
-    for i, (content, _) in enumerate(WRONG.values()):
-        (folder / str(i)).mkdir()
-        write_wrong(folder / str(i) / "bad.raff", content)
-    before = files_in(generated)
-    done = command("arm.raff", *[f"{i}/bad.raff" for i in range(len(WRONG))], "two.raff")
-    for i in range(len(WRONG)):
-        (folder / str(i) / "bad.raff").unlink()
-    assert done.code == 1
-    assert "Traceback" not in done.err
-    for _, words in WRONG.values():
-        assert_in_order(words, done.err)
-    after = files_in(generated)
-    assert {name: after[name] for name in before} == before
-    assert {name.split(".")[0] for name in after} == {"arm", "bad", "two"}
-
-
-def test_an_error_that_loops_stay_open_names_the_file(folder: Path, run: Run) -> None:
-    assert run("skew.raff").err.startswith("skew.raff: ")
-
-
-def test_all_faults_of_a_file_are_said_at_once(folder: Path, run: Run) -> None:
-    """Whether they concern the tree or its constraints."""
-    body = f"{BODY}{ONE}\n  link 2 {{ type 2 pred 7 }}\n  constraint {{ link 1 link 9 }}\n}}"
-    (folder / "bad.raff").write_text(body)
-    said = run("bad.raff").err
-    assert "the parent of link 2 is 7" in said
-    assert "ends at 9" in said
-
-
-def test_a_file_that_cannot_be_read_is_named(folder: Path, run: Run) -> None:
-    (folder / "folder.raff").mkdir()
-    done = run("missing.raff", "folder.raff")
-    assert done.code == 1
-    assert [line.split(": can't be read: ")[0] for line in done.err.splitlines()] == ["missing.raff", "folder.raff"]
-    assert not (folder / "generated").exists()
-
-
 def test_an_output_folder_that_is_a_file_is_named_and_left_alone(folder: Path, run: Run) -> None:
     (folder / "taken").write_bytes(b"something else")
     for out in ("taken/", "taken/below/"):
@@ -492,18 +304,6 @@ def test_an_output_folder_that_is_a_file_is_named_and_left_alone(folder: Path, r
         assert re.match(rf"{out}arm.*: can't be written: ", done.err)
         assert "Traceback" not in done.err
     assert (folder / "taken").read_bytes() == b"something else"
-
-
-def test_an_output_that_is_a_folder_leaves_the_other_files_alone(folder: Path, run: Run) -> None:
-    """All files or none: here the URDF could be put in place, its constraints could not."""
-    generated = folder / "generated"
-    (generated / "arm.constraints.json").mkdir(parents=True)
-    (generated / "arm.urdf").write_bytes(b"an older URDF")
-    done = run("arm.raff", "--force")
-    assert done.code == 1
-    assert "Traceback" not in done.err
-    assert "can't be written" in done.err
-    assert files_in(generated) == {"arm.urdf": b"an older URDF"}
 
 
 def test_one_bad_robot_keeps_the_whole_file_from_being_written(folder: Path, run: Run) -> None:
@@ -521,11 +321,10 @@ def chain(links: int) -> str:
     return "\n".join(["RAFF chain", "robot r {", "  base { }", *lines, "}", ""])
 
 
-@pytest.mark.slow
-def test_a_file_of_10000_links_converts(folder: Path, run: Run) -> None:
-    (folder / "long.raff").write_text(chain(10_000))
+def test_a_file_of_more_links_than_python_recurses_converts(folder: Path, run: Run) -> None:
+    (folder / "long.raff").write_text(chain(1500))
     (report,) = json.loads(run("long.raff", "--json").out)
-    assert (report["links"], report["mobility"]) == (10_000, 10_000)
+    assert (report["links"], report["mobility"]) == (1500, 1500)
 
 
 def four_bars(count: int) -> str:
@@ -558,22 +357,10 @@ def test_twice_the_robot_takes_twice_the_work(tmp_path: Path, text_of: Callable[
 # --- in the same process -----------------------------------------------------------------------------------------
 
 
-def test_main_returns_its_exit_code(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    assert main([str(folder / "arm.raff"), "--check"]) == 0
-    assert main([str(folder / "missing.raff"), "--check"]) == 1
-    assert "missing.raff: can't be read" in capsys.readouterr().err
-
-
 def test_main_leaves_the_callers_warnings_alone(folder: Path) -> None:
     before = warnings.showwarning
     main([str(folder / "arm.raff"), "--check"])
     assert warnings.showwarning is before
-
-
-def test_the_library_raises_what_the_command_says(folder: Path) -> None:
-    with pytest.raises(RaffError, match="can't be closed"):
-        raff2urdf.convert(folder / "skew.raff", folder / "generated")
-    assert not (folder / "generated").exists()
 
 
 @pytest.mark.parametrize("dialect", ["json", "mimic"])

@@ -13,7 +13,7 @@ import raff2urdf
 from raff2urdf.constraints import constraints
 from raff2urdf.conversion import describe
 from raff2urdf.raff.compound import VARIABLES, expanded
-from raff2urdf.raff.document import CompoundKind, RaffParameters
+from raff2urdf.raff.document import CompoundKind
 from raff2urdf.raff.kleinfinger import transform
 from raff2urdf.readers.successive import moving
 from raff2urdf.tree import home, kleinfinger, placements
@@ -112,24 +112,13 @@ def test_limits_velocity_and_actuated_are_of_a_variable() -> None:
     assert translation["home"] == 0.07
 
 
-@pytest.mark.parametrize("kind", KINDS)
-def test_the_text_of_a_document_reads_back(kind: str) -> None:
-    document = raff2urdf.loads(text(kind, HOMES.get(kind, "")))
-    assert raff2urdf.loads(raff2urdf.dumps(document)) == document
-    assert f"joint {kind}" in raff2urdf.dumps(document)
-
-
 @pytest.mark.parametrize(
     ("link", "message"),
     [
         ("joint bal pred 0", "4:18: unknown joint 'bal': did you mean 'ball'?"),
-        ("joint ball type 2 pred 0", "link 1 has both 'type' and 'joint': remove one of them"),
-        ("pred 0", "link 1 has no 'type' (0 fixed, 1 prismatic, 2 revolute)"),
         ("joint ball pred 0 limits { 0 1 }", "write 'limits' for one of them, in 'variable x { }'"),
         ("joint ball pred 0 variable tx { }", "a ball joint has no variable 'tx' (known: x, y, z)"),
         ("joint ball pred 0 variable x { } variable x { }", "variable x of link 1 is defined twice"),
-        ("joint ball pred 0 variable x { limits { 3 2 } }", "variable x of link 1"),
-        ("joint ball pred 0 variable x { velocity 0 }", "the velocity limit of variable x of link 1 is 0"),
         ("joint universal pred 0 variable z { home 3 }", "is 'theta' of its parameters: write it there"),
         ("type 2 pred 0 variable z { }", "link 1 has variables but no joint that has several"),
         ('joint ball pred 0 name "link1_X"', "the name 'link1_X' is needed for a joint of link 1"),
@@ -141,18 +130,6 @@ def test_errors_name_the_place_and_the_remedy(link: str, message: str) -> None:
     assert message in str(caught.value)
 
 
-def test_a_coupling_of_such_a_joint_is_an_error() -> None:
-    links = "link 1 { joint cylindrical pred 0 } link 2 { type 2 pred 1 }"
-    with pytest.raises(raff2urdf.RaffError, match="whose cylindrical joint has several variables: write it as succ"):
-        raff2urdf.check(raff2urdf.loads(f"RAFF Wrong robot r {{ {links} coupling {{ link 1 link 2 lead 5 }} }}"))
-
-
 def test_a_home_outside_its_limits_is_warned_of() -> None:
     with pytest.warns(raff2urdf.RaffWarning, match="home 15 of variable z of link 1 is outside its limits 20 to 40"):
         raff2urdf.check(raff2urdf.loads(text("planar", "variable z { limits { 20 40 } }")))
-
-
-def test_a_robot_without_such_joints_is_not_copied() -> None:
-    robot = raff2urdf.loads("RAFF Arm robot r { link 1 { type 2 pred 0 } }").robot()
-    assert expanded(robot) is robot
-    assert robot.links[0].parameters == RaffParameters()

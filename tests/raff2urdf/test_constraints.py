@@ -18,10 +18,10 @@ from mechanisms import KNOWN
 from strategies import UNITS, documents, examples
 
 from raff2urdf import RaffError, constraints, loads
-from raff2urdf.analysis import analyse, loop_kind
+from raff2urdf.analysis import analyse
 from raff2urdf.conversion import translate
 from raff2urdf.raff.check import LARGEST
-from raff2urdf.raff.document import Document, JointType, LoopKind, RaffLink, RaffParameters, RaffRobot
+from raff2urdf.raff.document import Document, JointType, RaffLink, RaffParameters, RaffRobot
 from raff2urdf.readers.urdf import MovingJoint
 
 SCHEMA = json.loads(files("raff2urdf").joinpath("constraints.schema.json").read_text(encoding="utf-8"))
@@ -59,10 +59,6 @@ def values() -> constraints.Constraints:
 # --- what is written ---------------------------------------------------------------------------------------------
 
 
-def test_the_schema_is_a_schema() -> None:
-    jsonschema.Draft202012Validator.check_schema(SCHEMA)
-
-
 @pytest.mark.parametrize("name", KNOWN)
 def test_what_is_written_of_known_mechanisms_is_what_the_schema_describes(name: str) -> None:
     text = constraints.dumps(made(loads(KNOWN[name][0])))
@@ -84,25 +80,14 @@ def test_everything_that_the_file_says_is_there(values: constraints.Constraints)
     assert (values["name"], values["robot"]) == ("MiniDelta", "r1")
     assert values["nodes"] == ["base", "link1", "coupler", "link3", "link4", "frame5"]
     assert values["floating"] == "joint0"
+    words = ("name", "type", "home", "actuated")
     assert values["joints"] == [
-        {
-            "name": "joint1",
-            "type": "revolute",
-            "home": math.radians(30),
-            "actuated": True,
-        },
-        {
-            "name": "joint2",
-            "type": "revolute",
-            "home": math.radians(-20),
-            "actuated": False,
-        },
-        {
-            "name": "joint3",
-            "type": "prismatic",
-            "home": 0.05,
-            "actuated": False,
-        },
+        dict(zip(words, joint, strict=True))
+        for joint in [
+            ("joint1", "revolute", math.radians(30), True),
+            ("joint2", "revolute", math.radians(-20), False),
+            ("joint3", "prismatic", 0.05, False),
+        ]
     ]
     unmoved = [[1, 0, 0, 0], [0, 1, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1]]
     assert values["loops"] == [
@@ -118,10 +103,7 @@ def test_everything_that_the_file_says_is_there(values: constraints.Constraints)
         {"number": 1, "port": "/dev/ttyd2", "translation": 3, "rotation": 2},
         {"number": 7, "port": "COM1", "translation": 3, "rotation": 3},
     ]
-    assert values["sensor_constraints"] == [
-        {"node": "coupler", "sensors": [0, 7, 1]},
-        {"node": "base", "sensors": [7]},
-    ]
+    assert values["sensor_constraints"] == [{"node": "coupler", "sensors": [0, 7, 1]}, {"node": "base", "sensors": [7]}]
 
 
 @pytest.mark.parametrize("name", KNOWN)
@@ -131,10 +113,6 @@ def test_names_are_the_urdfs(name: str) -> None:
     moving = [joint.get("name") for joint in xml.findall("joint") if joint.get("type") != "fixed"]
     assert made.constraints["nodes"] == [link.get("name") for link in xml.findall("link")]
     assert [joint["name"] for joint in made.constraints["joints"]] == moving
-
-
-def test_a_base_that_stands_still_does_not_float() -> None:
-    assert made(loads(KNOWN["delta"][0]))["floating"] is None
 
 
 @given(st.floats(-1e9, 1e9), st.sampled_from([1, 2]), st.sampled_from(UNITS))
@@ -151,14 +129,6 @@ def test_numbers_read_back_to_the_same_double(home: float, kind: int, units: str
         assert abs(si(home)) > LARGEST
         return
     assert joint["home"] == si(home)
-
-
-def test_a_text_in_any_script_is_written_as_it_is() -> None:
-    document = loads('RAFF дельта robot r { link 1 { name "плечо" type 2 pred 0 } }')
-    text = constraints.dumps(made(document))
-    assert '"дельта"' in text
-    assert '"плечо"' in text
-    assert constraints.loads(text)["nodes"] == ["base", "плечо"]
 
 
 # --- what is refused ---------------------------------------------------------------------------------------------
@@ -183,24 +153,13 @@ def changed(values: constraints.Constraints, path: str, value: Any) -> constrain
     [
         ("format", "something else", "$.format"),
         ("version", 3, "$.version"),
-        ("urdf_sha256", "abc", "$.urdf_sha256"),
-        ("mobility", -1, "$.mobility"),
         ("mobility", 1.5, "$.mobility"),
         ("mobility", ..., "'mobility'"),
-        ("nodes", [], "$.nodes"),
         ("nodes", ["base", "base"], "$.nodes"),
-        ("joints/1/home", "0", "$.joints[1].home"),
         ("joints/1/home", ..., "$.joints[1]: 'home'"),
-        ("joints/0/limits", [0.0], "$.joints[0].limits"),
-        ("joints/0/velocity", 0.0, "$.joints[0].velocity"),
-        ("joints/0/type", "fixed", "$.joints[0].type"),
         ("joints/0/torque", 5.0, "'torque'"),
-        ("loops/0/kind", "weld", "$.loops[0].kind"),
         ("loops/0/first/placement", [[1, 0, 0, 0]], "$.loops[0].first.placement"),
         ("loops/0/second/node", "link99", "link99"),
-        ("sensors/0/number", 0, "$.sensors[0].number"),
-        ("sensors/0/rotation", 4, "$.sensors[0].rotation"),
-        ("sensor_constraints/0/sensors", [], "$.sensor_constraints[0].sensors"),
         ("sensor_constraints/0/node", "link99", "link99"),
         ("drawing", "x", "'drawing'"),
     ],
@@ -215,13 +174,6 @@ def test_a_wrong_value_is_refused_at_its_place(
     assert place in str(caught.value)
 
 
-@pytest.mark.parametrize("number", ["NaN", "Infinity", "-Infinity", "1e400"])
-def test_a_number_that_is_none_is_refused(values: constraints.Constraints, number: str) -> None:
-    text = json.dumps(changed(values, "joints/0/home", "HERE")).replace('"HERE"', number)
-    with pytest.raises(RaffError):
-        constraints.loads(text)
-
-
 @pytest.mark.parametrize("text", ["", "{", "[]", "null", "5", "RAFF t", 100_000 * "["])
 def test_what_is_no_such_file_is_refused_by_name(text: str) -> None:
     with pytest.raises(RaffError, match=r"^some\.json:1: "):
@@ -234,15 +186,6 @@ def test_a_file_that_cannot_be_read_is_named(tmp_path: Path) -> None:
         with pytest.raises(RaffError) as caught:
             constraints.load(tmp_path / name)
         assert str(tmp_path / name) in str(caught.value)
-
-
-def test_a_file_reads_as_its_text_does(tmp_path: Path, values: constraints.Constraints) -> None:
-    (tmp_path / "some.json").write_text(constraints.dumps(values), encoding="utf-8")
-    assert constraints.load(tmp_path / "some.json") == values
-
-
-def test_the_kind_of_a_loop_is_raffs(values: constraints.Constraints) -> None:
-    assert [loop_kind(entry["kind"]) for entry in values["loops"]] == [LoopKind.BALL]
 
 
 def test_a_wrong_name_is_told_by_its_line(values: constraints.Constraints) -> None:
@@ -278,8 +221,7 @@ def refused(text: str, says: str, **given: Any) -> None:
 
 
 @pytest.mark.parametrize(
-    ("key", "path"),
-    [('"loops": []', "$.loops"), ('"mobility": 5', "$.mobility"), ('"robot": "x"', "$.robot")],
+    ("key", "path"), [('"loops": []', "$.loops"), ('"mobility": 5', "$.mobility"), ('"robot": "x"', "$.robot")]
 )
 def test_a_key_that_is_there_twice_is_refused_by_both_lines(
     values: constraints.Constraints, key: str, path: str
@@ -318,7 +260,6 @@ def test_a_number_beyond_all_doubles_is_refused_at_its_place(
     [
         ("joints/1/name", "joint1", "$.joints[1].name: 'joint1' is listed twice, also in $.joints[0]"),
         ("joints/1/home", 1e300, "$.joints[1].home: the home of joint 'joint2' is 1e+300, beyond 1e+13"),
-        ("joints/1/home", 10**300, "$.joints[1].home: the home of joint 'joint2' is 1e+300, beyond 1e+13"),
         ("loops/0/second/node", "coupler", "$.loops[0].second.node: loop 'coupler-link3' joins 'coupler' to itself"),
         ("sensors/1/number", 1, "$.sensors[1].number: '1' is listed twice, also in $.sensors[0]"),
         ("robot", "\ud800", "$.robot: this text holds half a character"),

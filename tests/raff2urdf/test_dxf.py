@@ -77,18 +77,14 @@ def add_box(layout: Any, size: float = 1.0, **attributes: Any) -> None:
 # --- faces -------------------------------------------------------------------------------------------------------
 
 
-def test_a_3dface_has_three_corners_or_four(drawing: Drawing, read: Read) -> None:
-    drawing.modelspace().add_3dface(SQUARE[:3], dxfattribs={"color": 1})
-    drawing.modelspace().add_3dface(SQUARE, dxfattribs={"color": 2})
-    assert areas(read, drawing) == {RED: 0.5, YELLOW: 1.0}
-
-
-def test_solids_and_traces_are_faces_too(drawing: Drawing, read: Read) -> None:
-    """Their last corners are stored crosswise."""
+def test_faces_of_three_corners_or_four_solids_and_traces_are_faces(drawing: Drawing, read: Read) -> None:
+    """The last corners of solids and traces are stored crosswise."""
     crosswise = [SQUARE[0], SQUARE[1], SQUARE[3], SQUARE[2]]
     drawing.modelspace().add_solid(crosswise, dxfattribs={"color": 1})
     drawing.modelspace().add_trace(crosswise, dxfattribs={"color": 2})
-    assert areas(read, drawing) == {RED: 1.0, YELLOW: 1.0}
+    drawing.modelspace().add_3dface(SQUARE[:3], dxfattribs={"color": 3})
+    drawing.modelspace().add_3dface(SQUARE, dxfattribs={"color": 5})
+    assert areas(read, drawing) == {RED: 1.0, YELLOW: 1.0, GREEN: 0.5, BLUE: 1.0}
 
 
 def test_a_polyface_mesh_has_faces_of_their_own_colours(drawing: Drawing, read: Read) -> None:
@@ -182,22 +178,10 @@ def test_what_stands_in_a_block_may_have_the_blocks_colour_and_layer(drawing: Dr
     block.add_3dface([(2 * x, y, z) for x, y, z in SQUARE])  # by layer, on layer 0: the layer of the INSERT
     block.add_3dface([(3 * x, y, z) for x, y, z in SQUARE], dxfattribs={"layer": "blue"})
     drawing.modelspace().add_blockref("part", (0, 0), dxfattribs={"color": 1, "layer": "green"})
-    assert areas(read, drawing) == {RED: 1.0, GREEN: 2.0, BLUE: 3.0}
-
-
-def test_a_colour_goes_down_through_blocks_in_blocks(drawing: Drawing, read: Read) -> None:
-    drawing.layers.add("green", color=3)
-    drawing.blocks.new("inner").add_3dface(SQUARE, dxfattribs={"color": ezdxf.colors.BYBLOCK})
-    outer = drawing.blocks.new("outer")
-    outer.add_blockref("inner", (0, 0), dxfattribs={"color": ezdxf.colors.BYBLOCK})
-    outer.add_blockref("inner", (0, 0))  # by layer 0: the outer INSERT's
-    drawing.modelspace().add_blockref("outer", (0, 0), dxfattribs={"color": 1, "layer": "green"})
-    assert areas(read, drawing) == {RED: 1.0, GREEN: 1.0}
-
-
-def test_by_block_outside_of_blocks_is_white(drawing: Drawing, read: Read) -> None:
-    drawing.modelspace().add_3dface(SQUARE, dxfattribs={"color": ezdxf.colors.BYBLOCK})
-    assert areas(read, drawing) == {WHITE: 1.0}
+    outer = drawing.blocks.new("outer")  # at 20: the same through a block in a block
+    outer.add_blockref("part", (0, 0), dxfattribs={"color": ezdxf.colors.BYBLOCK})
+    drawing.modelspace().add_blockref("outer", (20, 0), dxfattribs={"color": 2, "layer": "green"})
+    assert areas(read, drawing) == {RED: 1.0, YELLOW: 1.0, GREEN: 4.0, BLUE: 6.0}
 
 
 def test_what_is_hidden_stays_hidden(drawing: Drawing, read: Read) -> None:
@@ -222,17 +206,15 @@ def test_a_block_is_placed_scaled_and_turned(drawing: Drawing, read: Read) -> No
     drawing.blocks.new("part", base_point=(1, 0, 0)).add_3dface(SQUARE)
     attributes = {"xscale": 2.0, "yscale": 3.0, "zscale": 4.0, "rotation": 90.0}
     drawing.modelspace().add_blockref("part", (10, 20, 30), dxfattribs=attributes)
-    assert points(read, drawing) == {(10, 18, 30), (10, 20, 30), (7, 18, 30), (7, 20, 30)}
-
-
-def test_blocks_in_blocks_are_placed_one_in_the_other(drawing: Drawing, read: Read) -> None:
+    placed = {(10, 18, 30), (10, 20, 30), (7, 18, 30), (7, 20, 30)}
+    assert points(read, drawing) == placed
     drawing.blocks.new("inner").add_3dface(SQUARE[:3])
     drawing.blocks.new("outer").add_blockref("inner", (1, 0), dxfattribs={"rotation": 90.0})
     drawing.modelspace().add_blockref("outer", (0, 0, 5), dxfattribs={"xscale": 2.0})
-    assert points(read, drawing) == {(2, 0, 5), (2, 1, 5), (0, 1, 5)}
+    assert points(read, drawing) == placed | {(2, 0, 5), (2, 1, 5), (0, 1, 5)}
 
 
-@pytest.mark.parametrize("scale", [(1, 1, 1), (-1, 1, 1), (1, -1, -1), (-1, -1, -1), (1, 1, -2)])
+@pytest.mark.parametrize("scale", [(-1, 1, 1), (1, -1, -1), (1, 1, -2)])
 def test_a_mirrored_block_is_not_turned_inside_out(drawing: Drawing, read: Read, scale: tuple[int, ...]) -> None:
     add_box(drawing.blocks.new("part"))
     attributes = dict(zip(("xscale", "yscale", "zscale"), scale, strict=True))
@@ -290,17 +272,13 @@ def test_solids_are_said_to_be_left_out(drawing: Drawing, read: Read, tmp_path: 
     assert lacking == "without its 1 3DSOLID: solids can't be read"
 
 
-@pytest.mark.parametrize("content", [b"", b"this is no drawing", b"0\nEOF\n", b"nff\n", b"\x00\x01\x02"])
+@pytest.mark.parametrize("content", [b"", b"0\nEOF\n", b"\x00\x01\x02"])
 def test_what_is_no_dxf_is_refused(tmp_path: Path, content: bytes) -> None:
     (tmp_path / "part.dxf").write_bytes(content)
     assert wrong(tmp_path / "part.dxf") == "this is no DXF file"
 
 
-def test_a_file_that_is_gone_is_said_to_be(tmp_path: Path) -> None:
-    assert wrong(tmp_path / "gone.dxf") == "No such file or directory"
-
-
-@pytest.mark.parametrize("part", [0.1, 0.5, 0.8, 0.95, 0.999])
+@pytest.mark.parametrize("part", [0.1, 0.8, 0.999])
 def test_a_file_that_ends_too_early_is_refused(drawing: Drawing, tmp_path: Path, part: float) -> None:
     add_box(drawing.modelspace())
     drawing.saveas(tmp_path / "whole.dxf")
@@ -309,16 +287,19 @@ def test_a_file_that_ends_too_early_is_refused(drawing: Drawing, tmp_path: Path,
     assert wrong(tmp_path / "part.dxf").startswith("damaged: ")
 
 
-def test_blocks_that_contain_themselves_are_refused(drawing: Drawing, tmp_path: Path) -> None:
-    drawing.blocks.new("a").add_blockref("b", (0, 0))
-    drawing.blocks.new("b").add_blockref("a", (0, 0))
-    drawing.modelspace().add_blockref("a", (0, 0))
-    assert refused(tmp_path, drawing) == "block 'a' contains itself"
-
-
-def test_a_block_that_is_not_there_is_named(drawing: Drawing, tmp_path: Path) -> None:
-    drawing.modelspace().add_blockref("gone", (0, 0))
-    assert refused(tmp_path, drawing) == "the block 'gone' is missing"
+def test_what_refers_to_what_is_not_there_is_refused(tmp_path: Path) -> None:
+    ring, missing, mesh, grid = (ezdxf.new("R2010") for _ in range(4))
+    ring.blocks.new("a").add_blockref("b", (0, 0))
+    ring.blocks.new("b").add_blockref("a", (0, 0))
+    ring.modelspace().add_blockref("a", (0, 0))
+    missing.modelspace().add_blockref("gone", (0, 0))
+    with mesh.modelspace().add_mesh().edit_data() as data:
+        data.vertices, data.faces = SQUARE, [(0, 1, 4)]
+    grid.modelspace().add_polymesh((3, 3)).dxf.m_count = 100
+    assert refused(tmp_path, ring) == "block 'a' contains itself"
+    assert refused(tmp_path, missing) == "the block 'gone' is missing"
+    assert refused(tmp_path, mesh) == "a MESH of 4 points refers to point 5"
+    assert refused(tmp_path, grid) == "a polygon mesh of 100 x 3 points has 9 points"
 
 
 def test_more_blocks_than_any_memory_holds_are_refused(
@@ -338,15 +319,3 @@ def test_more_blocks_than_any_memory_holds_are_refused(
     drawing.blocks.new("empty")
     insert.dxf.name = "empty"
     assert refused(tmp_path, drawing) == "its blocks have more than 2000 entities in all"
-
-
-def test_a_mesh_that_names_a_point_it_has_not_is_refused(drawing: Drawing, tmp_path: Path) -> None:
-    with drawing.modelspace().add_mesh().edit_data() as data:
-        data.vertices, data.faces = SQUARE, [(0, 1, 4)]
-    assert refused(tmp_path, drawing) == "a MESH of 4 points refers to point 5"
-
-
-def test_a_polygon_mesh_of_too_few_points_is_refused(drawing: Drawing, tmp_path: Path) -> None:
-    mesh = drawing.modelspace().add_polymesh((3, 3))
-    mesh.dxf.m_count = 100
-    assert refused(tmp_path, drawing) == "a polygon mesh of 100 x 3 points has 9 points"

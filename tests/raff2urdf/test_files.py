@@ -28,21 +28,14 @@ def test_a_link_stays_a_link_and_its_file_is_written(tmp_path: Path) -> None:
     real.write_bytes(b"old")
     (tmp_path / "link").symlink_to("elsewhere/real")
     (tmp_path / "link to link").symlink_to("link")
-    write_all({tmp_path / "link to link": b"new"})
+    with real.open("rb") as before:  # it is replaced by a rename
+        write_all({tmp_path / "link to link": b"new"})
+        assert before.read() == b"old"
     assert real.read_bytes() == b"new"
     assert os.readlink(tmp_path / "link") == "elsewhere/real"
     assert os.readlink(tmp_path / "link to link") == "link"
     assert names(tmp_path) == ["elsewhere", "link", "link to link"]
     assert names(real.parent) == ["real"]
-
-
-def test_the_file_behind_a_link_is_replaced_by_a_rename(tmp_path: Path) -> None:
-    """Who has opened it reads the old content to its end."""
-    (tmp_path / "real").write_bytes(b"old")
-    (tmp_path / "link").symlink_to("real")
-    with (tmp_path / "real").open("rb") as before:
-        write_all({tmp_path / "link": b"new"})
-        assert before.read() == b"old"
 
 
 def test_a_dangling_link_creates_its_target(tmp_path: Path) -> None:
@@ -106,7 +99,7 @@ def test_a_folder_and_a_socket_are_errors(tmp_path: Path) -> None:
     assert stat.S_ISSOCK((tmp_path / "socket").stat().st_mode)
 
 
-@pytest.mark.parametrize("mode", [0o600, 0o640, 0o755, 0o666])
+@pytest.mark.parametrize("mode", [0o600, 0o755])
 def test_a_file_that_is_replaced_keeps_its_permissions(tmp_path: Path, mode: int) -> None:
     path = tmp_path / "file"
     path.write_bytes(b"old")
@@ -216,20 +209,3 @@ def test_standard_output_that_is_a_file(stdout: Path, tmp_path: Path) -> None:
         out.flush()
         assert program(stdout, stdout=out).returncode == 0
     assert (tmp_path / "out").read_text() == "first\nbefore\ncontent\nafter\n"
-
-
-def test_standard_output_that_is_a_socket(stdout: Path) -> None:
-    ours, theirs = socket.socketpair()
-    with ours:
-        with theirs:
-            assert program(stdout, stdout=theirs.fileno()).returncode == 0
-        assert ours.makefile().read() == "before\ncontent\nafter\n"
-
-
-def test_standard_output_that_is_full(stdout: Path, device: Device) -> None:
-    full = device("full")
-    with full.open("wb", buffering=0) as out:
-        done = program(stdout, stdout=out)
-    assert done.returncode != 0
-    assert "No space left on device" in done.stderr
-    assert stat.S_ISCHR(full.lstat().st_mode)

@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from strategies import documents, examples
-from wrong_raff import END, FIGURE_5, LINK
+from wrong_raff import END, FIGURE_5, LINK, assert_in_order
 from wrong_raff import WRONG_TEXTS as WRONG
 
 import raff2urdf
@@ -19,36 +19,11 @@ from raff2urdf.raff.document import (
     JointType,
     LoopKind,
     RaffBase,
-    RaffFrame,
     RaffLink,
     RaffLoop,
     RaffParameters,
     RaffRobot,
-    RaffSensor,
-    SensorConstraint,
 )
-
-# Figure 6 of the same paper. The sensor stands outside all robots, the constraint inside one.
-FIGURE_6_SENSOR = """\
-// declare a new sensor on serial port 2
-// outside all other robot declaration !
-
-sensor 1 {
-  port "/dev/ttyd2"
-  translation 3           // 3 dof in translation
-  rotation 3             // and 3 dof in rotation
-}
-"""
-FIGURE_6_CONSTRAINT = """\
-// in a robot declaration
-// define some potential constraints
-constraint {
-  link 5                 // link 5 must follow
-  sensor ( 0 1 )        // either sensor 0 or
-                        // sensor 1 (when 0, then the
-                        // link is no more constrained)
-}
-"""
 
 
 def repaired_figure_5() -> str:
@@ -80,28 +55,11 @@ def link_of(body: str) -> RaffLink:
 # --- the paper's example -----------------------------------------------------------------------------------------
 
 
-def test_figure_5_as_printed_has_exactly_two_errors() -> None:
-    assert len(problems_of(FIGURE_5)) == 2
-
-
-def test_the_misprinted_parameter_is_shown_with_its_right_name() -> None:
-    assert str(problems_of(FIGURE_5, "delta4.raff")[0]) == (
-        "delta4.raff:29:7: unknown parameter 'alphah': did you mean 'alpha'?\n          alphah 0.0\n          ^^^^^^"
-    )
-
-
-def test_the_misprinted_brace_is_found_from_the_word_that_stands_outside() -> None:
-    assert str(problems_of(FIGURE_5, "delta4.raff")[1]) == (
-        "delta4.raff:33:3: 'type' is outside a link: link 2 was closed on line 31\n      type 2\n      ^^^^"
-    )
-
-
-def test_each_slip_is_found_without_the_other_too() -> None:
-    spelt = FIGURE_5.replace("alphah", "alpha")
-    assert [(p.location.line, p.location.column) for p in problems_of(spelt) if p.location] == [(33, 3)]
-    lines = FIGURE_5.splitlines(keepends=True)
-    del lines[30]
-    assert [(p.location.line, p.location.column) for p in problems_of("".join(lines)) if p.location] == [(29, 7)]
+def test_figure_5_as_printed_has_two_errors_which_are_shown_with_what_is_meant() -> None:
+    assert [str(problem) for problem in problems_of(FIGURE_5, "delta4.raff")] == [
+        "delta4.raff:29:7: unknown parameter 'alphah': did you mean 'alpha'?\n          alphah 0.0\n          ^^^^^^",
+        "delta4.raff:33:3: 'type' is outside a link: link 2 was closed on line 31\n      type 2\n      ^^^^",
+    ]
 
 
 def test_figure_5_repaired_means_what_it_says() -> None:
@@ -120,17 +78,6 @@ def test_figure_5_repaired_means_what_it_says() -> None:
     assert robot.loops == (RaffLoop(5, 11, LoopKind.RIGID),)
 
 
-def test_figures_5_and_6_go_together() -> None:
-    """Figure 5 is an excerpt: constraints may name links that it lacks, as long as nothing is converted."""
-    robot, end = repaired_figure_5().rsplit("}", 1)
-    document = raff2urdf.loads(f"{robot}{FIGURE_6_CONSTRAINT}}}{end}{FIGURE_6_SENSOR}")
-    assert document.sensors == (RaffSensor(1, "/dev/ttyd2", translation=3, rotation=3),)
-    assert document.robots[0].sensor_constraints == (SensorConstraint(5, (0, 1)),)
-    assert document.robots[0].loops == (RaffLoop(5, 11),)
-    with pytest.raises(RaffError, match="which does not exist"):
-        raff2urdf.check(document)
-
-
 # --- every construct ---------------------------------------------------------------------------------------------
 
 
@@ -139,27 +86,7 @@ def test_units_say_what_a_length_is(unit: str, metres: float) -> None:
     document = raff2urdf.loads(f"RAFF test\nunits {unit}\nrobot r {{ }}")
     assert document.units == unit
     assert document.metres(1500.0) == metres
-
-
-def test_millimetres_are_meant_where_no_unit_is_said() -> None:
-    assert raff2urdf.loads("RAFF test").metres(211.21) == 0.21121
-
-
-def test_a_file_may_hold_several_robots_and_sensors_in_any_order() -> None:
-    document = raff2urdf.loads(
-        'RAFF test\nrobot a { }\nsensor 7 { port "COM1" }\nrobot b { }\nsensor 2 { rotation 0 port "x" translation 1 }'
-    )
-    assert [robot.name for robot in document.robots] == ["a", "b"]
-    assert document.sensors == (RaffSensor(7, "COM1", 3, 3), RaffSensor(2, "x", 1, 0))
-
-
-def test_an_empty_robot_is_a_base_at_the_worlds_origin() -> None:
-    assert robot_of("") == RaffRobot("r", RaffBase(RaffParameters()))
-
-
-def test_a_base_may_be_placed_and_drawn() -> None:
-    robot = robot_of('base { parameters { gamma 30 epsilon 200 } filename { "a.stl" "b.stl" } }')
-    assert robot.base == RaffBase(RaffParameters(gamma=30, epsilon=200), ("a.stl", "b.stl"))
+    assert raff2urdf.loads("RAFF test").units == "mm"
 
 
 def test_the_six_parameters_stand_in_any_order_and_default_to_zero() -> None:
@@ -168,98 +95,31 @@ def test_the_six_parameters_stand_in_any_order_and_default_to_zero() -> None:
     assert link_of("").parameters == RaffParameters(0, 0, 0, 0, 0, 0)
 
 
-@pytest.mark.parametrize("text", ["12", "12.", "12.0", "+12", "1.2e1", "1200e-2", "0.12E+2", ".12e2"])
+@pytest.mark.parametrize("text", ["12.", "+12", "1200e-2", "0.12E+2", ".12e2"])
 def test_a_number_may_be_written_in_many_ways(text: str) -> None:
     assert link_of(f"parameters {{ d {text} }}").parameters.d == 12.0
 
 
-@pytest.mark.parametrize(("number", "kind"), [(0, "FIXED"), (1, "PRISMATIC"), (2, "REVOLUTE")])
-def test_a_links_type_says_how_it_moves(number: int, kind: str) -> None:
-    assert robot_of(f"link 1 {{ type {number} pred 0 }}").links[0].type is JointType[kind]
-
-
 def test_a_link_may_have_limits_a_speed_a_motor_and_a_name() -> None:
-    link = link_of('limits { -10 20 } velocity 90 actuated 1 name "tool"')
+    link = link_of('limits { -10 20 } filename { "a.dxf" } velocity 90 actuated 1 name "tool" filename { "b.stl" }')
     assert (link.limits, link.velocity, link.actuated) == ((-10, 20), 90, True)
+    assert link.filenames == ("a.dxf", "b.stl")
     assert (link.name, link.node, link.joint) == ("tool", "tool", "joint1")
-
-
-def test_what_a_link_does_not_say_is_left_open() -> None:
     link = link_of("")
     assert (link.limits, link.velocity, link.actuated, link.name, link.filenames) == (None,) * 5
     assert (link.node, link.joint) == ("link1", "joint1")
 
 
-def test_a_link_may_say_that_it_has_no_motor() -> None:
-    assert link_of("actuated 0").actuated is False
-
-
-def test_a_link_may_have_several_graphic_files() -> None:
-    assert link_of('filename { "a.dxf" "b.nff" } filename { "c.stl" }').filenames == ("a.dxf", "b.nff", "c.stl")
-
-
-def test_frames_stand_on_bases_links_and_frames_and_share_the_links_numbering() -> None:
-    robot = robot_of(
-        """
-        link 1 { type 2 pred 0 }
-        frame 20 { pred 0 }
-        frame 21 { pred 1 name "flange" filename { "f.stl" } }
-        frame 22 { parameters { r 50 } pred 21 }
-        """
-    )
-    assert robot.frames == (
-        RaffFrame(20, RaffParameters(), 0),
-        RaffFrame(21, RaffParameters(), 1, "flange", ("f.stl",)),
-        RaffFrame(22, RaffParameters(r=50), 21),
-    )
-    assert [node.node for node in robot.nodes.values()] == ["base", "link1", "frame20", "flange", "frame22"]
-
-
-def test_a_child_may_be_written_before_its_father() -> None:
-    robot = robot_of("link 3 { type 2 pred 2 } link 1 { type 2 pred 0 } link 2 { type 2 pred 1 }")
-    assert [link.number for link in robot.links] == [3, 1, 2]
-    assert [link.number for link in robot.outward] == [1, 2, 3]
-
-
-@pytest.mark.parametrize(("said", "kind"), [(0, "RIGID"), (1, "PRISMATIC"), (2, "REVOLUTE"), (3, "BALL")])
-def test_a_loop_may_say_which_joint_was_cut(said: int, kind: str) -> None:
-    robot = robot_of(f"link 1 {{ type 2 pred 0 }} constraint {{ base link 1 type {said} }}")
-    assert robot.loops == (RaffLoop(0, 1, LoopKind[kind]),)
-
-
-def test_a_loop_is_rigid_where_it_does_not_say() -> None:
-    robot = robot_of("link 1 { type 2 pred 0 } frame 2 { pred 0 } constraint { frame 2 link 1 }")
-    assert robot.loops == (RaffLoop(2, 1, LoopKind.RIGID),)
-    assert robot.loop_names == ("frame2-link1",)
-
-
 def test_loops_between_the_same_nodes_have_names_of_their_own() -> None:
     robot = robot_of("link 1 { type 2 pred 0 }" + 3 * " constraint { base link 1 type 3 }")
     assert robot.loop_names == ("base-link1", "base-link1#2", "base-link1#3")
-
-
-@pytest.mark.parametrize(("node", "number"), [("base", 0), ("link 1", 1), ("frame 2", 2)])
-def test_any_node_may_follow_sensors(node: str, number: int) -> None:
-    robot = robot_of(f"link 1 {{ type 2 pred 0 }} frame 2 {{ pred 1 }} constraint {{ {node} sensor ( 0 2 1 ) }}")
-    assert robot.sensor_constraints == (SensorConstraint(number, (0, 2, 1)),)
-    assert robot.movable is (number == 0)
+    robot = robot_of("link 1 { type 2 pred 0 } frame 2 { pred 0 } constraint { frame 2 link 1 }")
+    assert robot.loops == (RaffLoop(2, 1, LoopKind.RIGID),)
 
 
 def test_comments_run_to_the_end_of_their_line() -> None:
     text = 'RAFF test // name } {\nrobot r { // "\n//link 1\nlink 2 { type 2//3\npred 0 } }//'
     assert [link.number for link in raff2urdf.loads(text).robots[0].links] == [2]
-
-
-def test_a_comment_sign_in_quotes_is_text() -> None:
-    assert robot_of('path "http://x//y"').path == "http://x//y"
-
-
-def test_a_documents_robot_is_found_by_name() -> None:
-    document = raff2urdf.loads("RAFF test robot left { } robot right { }")
-    assert document.robot().name == "left"
-    assert document.robot("right").name == "right"
-    with pytest.raises(RaffError, match=r"no robot 'rihgt': did you mean 'right'\?"):
-        document.robot("rihgt")
 
 
 def test_a_file_reads_as_its_text_does(tmp_path: Path) -> None:
@@ -280,29 +140,14 @@ def at(entry: tuple[str, int, int, str]) -> str:
 def test_an_error_says_where_it_is_and_what_is_likely_meant(text: str, line: int, column: int, words: str) -> None:
     (problem,) = problems_of(text)
     assert problem.location is not None
-    said = problem.message
-    for word in words.split():
-        assert word in said, f"{word} is missing, or stands too early, in: {problem.message}"
-        said = said.split(word, 1)[1]
+    assert_in_order(words, problem.message)
     assert (problem.location.line, problem.location.column) == (line, column)
     assert problem.text == (text.split("\n")[line - 1])
 
 
-def test_the_caret_stands_under_the_offending_word() -> None:
-    (problem,) = problems_of(f"{LINK}type 2 pred 0 velocty 5{END}")
-    _, shown, carets = str(problem).split("\n")
-    assert [word for word, caret in zip(shown, carets, strict=False) if caret == "^"] == list("velocty")
-
-
-@pytest.mark.parametrize("before", ["\t\t", 'name "Ж" '])
-def test_the_caret_is_not_led_astray_by_what_stands_before_it(before: str) -> None:
-    (problem,) = problems_of(f"{LINK}{before}type 2 pred 0 velocty 5{END}")
-    _, shown, carets = str(problem).split("\n")
-    assert [word for word, caret in zip(shown, carets, strict=False) if caret == "^"] == list("velocty")
-
-
-def test_a_long_line_is_shown_around_its_error() -> None:
-    (problem,) = problems_of(f"{LINK}{300 * ' '}type 2 pred 0 velocty 5 {300 * ' '}{END}")
+@pytest.mark.parametrize("before", ["", "\t\t", 'name "Ж" ', 300 * " "])
+def test_the_caret_stands_under_the_offending_word_in_an_excerpt(before: str) -> None:
+    (problem,) = problems_of(f"{LINK}{before}type 2 pred 0 velocty 5 {300 * ' '}{END}")
     _, shown, carets = str(problem).split("\n")
     assert len(shown) < 120
     assert [word for word, caret in zip(shown, carets, strict=False) if caret == "^"] == list("velocty")
@@ -333,23 +178,10 @@ robot s {
     ]
 
 
-def test_two_misspelt_parameters_on_one_line_are_two_errors() -> None:
-    found = problems_of(f"{LINK}parameters {{ thetaa 3 alfa 2 }} type 2 pred 0{END}")
-    assert [problem.message.split("'")[1] for problem in found] == ["thetaa", "alfa"]
-
-
-@pytest.mark.parametrize(
-    "wrong",
-    ["velocty 5", "parameters { e 5 }", "parameters { d 5mm }", "limits { 1 }", "limits { 1 2 3 }", "name tool"],
-)
+@pytest.mark.parametrize("wrong", ["velocty 5", "parameters { d 5mm }", "limits { 1 }", "name tool"])
 def test_an_error_does_not_hide_those_behind_it(wrong: str) -> None:
     found = problems_of(f"{LINK}type 2 pred 0\n    {wrong}{END}units inch")
     assert [problem.location and problem.location.line for problem in found] == [5, 8]
-
-
-def test_several_errors_of_meaning_are_reported_at_once() -> None:
-    found = problems_of("RAFF t\nrobot r {\nlink 1 { type 2 pred 7 }\nlink 2 { type 2 pred 0 limits { 2 1 } }\n}")
-    assert [problem.location.line for problem in found if problem.location] == [3, 4]
 
 
 def test_everything_that_blocks_lack_is_reported_at_once() -> None:
@@ -359,31 +191,13 @@ def test_everything_that_blocks_lack_is_reported_at_once() -> None:
     ]  # fmt: skip
 
 
-def test_a_word_said_thrice_is_told_where_it_was_said_first() -> None:
-    found = problems_of("RAFF t\nunits mm\nunits cm\nunits m")
-    assert [problem.message.split(": ")[1] for problem in found] == 2 * ["first on line 2"]
-
-
-@pytest.mark.parametrize(
-    "line",
-    [
-        "lnk 1 { type 2 pred 0 }",
-        "link 1 { parameters { e 5 } }",
-        "link 1 { parameters { d x } }",
-        'path "a"',
-        "frame 1 { }",
-    ],
-)
+@pytest.mark.parametrize("line", ["lnk 1 { type 2 pred 0 }", "link 1 { parameters { d x } }", "frame 1 { }"])
 def test_a_file_full_of_errors_tells_the_first_hundred(line: str) -> None:
     """No one reads more, and nothing is gained by falling over the thousandth."""
     found = problems_of(f"RAFF t\nrobot r {{\n{5000 * (line + chr(10))}}}")
     assert len(found) == 100
     assert found[0].location is not None
     assert found[0].location.line <= 4
-
-
-def test_an_error_knows_its_file() -> None:
-    assert problems_of("RAFF t\nunits inch", "robots/arm.raff")[0].source == "robots/arm.raff"
 
 
 def test_a_wrong_text_leaves_nothing_behind_for_the_next_one() -> None:
@@ -415,24 +229,6 @@ def test_whatever_is_done_to_a_text_it_is_a_document_or_an_error_with_its_place(
 
 
 # --- files that are no RAFF --------------------------------------------------------------------------------------
-
-
-@pytest.mark.parametrize(
-    ("data", "words"),
-    [
-        (b"RAFF t\n\x00\x01\x02", "line 2 binary"),
-        (b"RAFF t\nrobot r { path \"\xff\xfe\" }", "line 2 UTF-8"),
-        (b"RAFF t\n\n" + 20_000 * b"x", "line 3 20000 characters"),
-    ],
-    ids=["zeros", "latin-1", "long line"],
-)  # fmt: skip
-def test_a_file_that_is_no_text_is_refused_by_its_line(tmp_path: Path, data: bytes, words: str) -> None:
-    path = tmp_path / "wrong.raff"
-    path.write_bytes(data)
-    with pytest.raises(RaffError) as caught:
-        raff2urdf.load(path)
-    for word in [*words.split(), str(path)]:
-        assert word in str(caught.value)
 
 
 def test_a_file_that_cannot_be_read_is_named(tmp_path: Path) -> None:

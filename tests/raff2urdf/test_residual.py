@@ -59,13 +59,6 @@ def test_the_rotation_vector_is_the_logarithm(direction: np.ndarray, angle: floa
     assert np.allclose(log(rotation), pin.log3(rotation), rtol=0, atol=1e-12)
 
 
-@given(directions(), st.floats(0, math.pi) | st.floats(-15, -1).map(lambda exponent: math.pi - 10.0**exponent))
-@examples(150)
-def test_the_exponential_of_the_rotation_vector_is_the_rotation(direction: np.ndarray, angle: float) -> None:
-    rotation = pin.exp3(angle * direction)
-    assert np.abs(pin.exp3(log(rotation)) - rotation).max() <= 1e-14
-
-
 @given(directions(), st.floats(-100, -1).map(lambda exponent: 10.0**exponent))
 @examples(100)
 def test_a_small_rotation_keeps_its_relative_precision(direction: np.ndarray, angle: float) -> None:
@@ -90,10 +83,6 @@ def test_a_rotation_by_pi_has_one_of_its_two_vectors(direction: np.ndarray) -> N
     assert min(np.abs(vector - math.pi * direction).max(), np.abs(vector + math.pi * direction).max()) <= 2e-15
 
 
-def test_no_rotation_has_no_vector() -> None:
-    assert log(np.eye(3)).tolist() == [0.0, 0.0, 0.0]
-
-
 SMALL = 3e-3  # rad: below, Pinocchio's is wrong by up to 2e-9
 
 
@@ -112,26 +101,6 @@ def test_the_derivative_of_a_small_rotation_vector_is_its_series(direction: np.n
     cross = angle * skew(direction)
     series = np.eye(3) - cross / 2.0 + cross @ cross / 12.0 - np.linalg.matrix_power(cross, 4) / 720.0
     assert np.allclose(log_derivative(angle * direction), series, rtol=0, atol=1e-15)
-
-
-@given(directions(), st.floats(0, 3.1) | st.floats(-3, -1.5).map(lambda exponent: 10.0**exponent))
-@examples(150)
-def test_the_derivative_of_the_rotation_vector_inverts_that_of_the_exponential(
-    direction: np.ndarray, angle: float
-) -> None:
-    """Which is the sum of [v]^n / (n + 1)!."""
-    cross = angle * skew(direction)
-    term, total = np.eye(3), np.zeros((3, 3))
-    for n in range(40):
-        total += term
-        term = term @ cross / (n + 2)
-    assert np.abs(log_derivative(angle * direction) @ total - np.eye(3)).max() <= 1e-14
-
-
-@given(vectors, vectors)
-@examples(60)
-def test_skew_is_the_cross_product(v: np.ndarray, w: np.ndarray) -> None:
-    assert np.abs(skew(v) @ w - np.cross(v, w)).max() <= 1e-15
 
 
 # --- the gap's derivative ----------------------------------------------------------------------------------------
@@ -158,22 +127,6 @@ def test_the_derivative_of_a_gap_is_that_of_finite_differences(
     found = loop_residual(kind, placement, length)[1]
     error = np.abs(found - numeric(kind, placement, length)).max()
     assert error <= NUMERIC * max(1.0, np.abs(found).max()) ** 3
-
-
-@pytest.mark.parametrize("angle", [0.0, 1e-9, 0.9e-4, 1.1e-4, 0.9e-2, 1.1e-2])
-@pytest.mark.parametrize("kind", LoopKind)
-def test_the_derivative_is_smooth_where_its_formula_changes(kind: LoopKind, angle: float) -> None:
-    placement = placement_of(pin.exp3(angle * np.array([0.6, 0.64, 0.48])), np.array([0.1, -0.2, 0.3]))
-    assert np.abs(loop_residual(kind, placement, 0.7)[1] - numeric(kind, placement, 0.7)).max() <= NUMERIC
-
-
-@pytest.mark.parametrize("kind", LoopKind)
-def test_every_kind_has_its_number_of_rows(kind: LoopKind) -> None:
-    residual, derivative = loop_residual(kind, turn("x", 0.5), 1.0)
-    rows = {"RIGID": 6, "PRISMATIC": 5, "REVOLUTE": 5, "BALL": 3}[kind.name]
-    assert residual.shape == (rows,)
-    assert derivative.shape == (rows, 6)
-    assert ROWS[kind] == rows
 
 
 # --- where it is zero --------------------------------------------------------------------------------------------
@@ -249,18 +202,3 @@ def test_a_hinges_gap_is_the_angle_between_its_axes_whatever_the_turn_about_them
 
 
 # --- units -------------------------------------------------------------------------------------------------------
-
-
-@given(kinds, placements(), st.floats(0.1, 10.0), st.floats(1e-3, 1e3))
-@examples(100)
-def test_a_gap_has_no_unit(kind: LoopKind, placement: Matrix, length: float, scale: float) -> None:
-    """A mechanism `scale` times as large has the same residual; only the velocities' columns know their unit."""
-    scaled = placement.copy()
-    scaled[:3, 3] *= scale
-    (one, by_one), (other, by_other) = (
-        loop_residual(kind, placement, length),
-        loop_residual(kind, scaled, length * scale),
-    )
-    assert np.allclose(one, other, rtol=0, atol=1e-12 / length)
-    per_unit = np.diag([1 / scale, 1 / scale, 1 / scale, 1, 1, 1])
-    assert np.allclose(by_one @ per_unit, by_other, rtol=1e-11, atol=1e-13)

@@ -12,7 +12,6 @@ from typing import Any
 import numpy as np
 import pinocchio as pin
 import pytest
-import trimesh
 from exported import ALL, Exported, exported
 from lxml import etree
 from numpy.typing import NDArray
@@ -194,31 +193,6 @@ def test_limits_are_shifted_by_home(robot: Exported) -> None:
         )
 
 
-def test_a_link_bears_the_mass_of_all_that_is_fixed_on_it(robot: Exported) -> None:
-    model = Model(robot.text("sdf"))
-    total, expected = 0.0, sum(body.mass for body in robot.inertias.links.values())
-    for name, link in model.links.items():
-        if link.find("inertial") is None:
-            continue
-        total += float(link.findtext("inertial/mass"))
-        m = {
-            word: float(link.findtext(f"inertial/inertia/{word}"))
-            for word in ("ixx", "ixy", "ixz", "iyy", "iyz", "izz")
-        }
-        a, b, c = np.linalg.eigvalsh(
-            [[m["ixx"], m["ixy"], m["ixz"]], [m["ixy"], m["iyy"], m["iyz"]], [m["ixz"], m["iyz"], m["izz"]]]
-        )
-        assert a > 0.0, name
-        assert a + b >= c * (1.0 - 1e-9), name
-    assert total == pytest.approx(expected)
-
-
-def test_moving_links_have_a_mass(robot: Exported) -> None:
-    model = Model(robot.text("sdf"))
-    moved = {joint.findtext("child") for joint in model.joints.values() if joint.get("type") != "fixed"}
-    assert all(model.links[name].find("inertial") is not None for name in moved)
-
-
 def test_shapes_are_all_there_and_in_place(folder: Path) -> None:
     robot = exported("four_bar", folder)
     model = Model(robot.text("sdf"))
@@ -233,29 +207,6 @@ def test_shapes_are_all_there_and_in_place(folder: Path) -> None:
 
 
 # --- what is written ---------------------------------------------------------------------------------------------
-
-
-def test_the_same_robot_gives_the_same_bytes(robot: Exported) -> None:
-    assert robot.text("sdf") == robot.text("sdf")
-
-
-def test_it_says_how_dense(folder: Path) -> None:
-    assert "2700 kg/m3" in exported("four_bar", folder).text("sdf", density=2700.0)
-
-
-def test_a_base_that_moves_is_held_by_nothing(folder: Path) -> None:
-    model = Model(exported("floating", folder).text("sdf"))
-    assert all(joint.findtext("child") != "base" for joint in model.joints.values())
-
-
-def test_a_mesh_is_named_as_seen_from_the_file(tmp_path: Path) -> None:
-    trimesh.creation.box((100.0, 50.0, 20.0)).export(tmp_path / "bar.stl")
-    raff = tmp_path / "arm.raff"
-    raff.write_text('RAFF t\nrobot arm { link 1 { type 2 pred 0 filename { "bar.stl" } } }')
-    (conversion,) = convert(raff, tmp_path / "out", format="sdf")
-    (mesh,) = etree.parse(conversion.file).findall(".//mesh")
-    assert (conversion.file.parent / mesh.findtext("uri")).is_file()
-    assert mesh.findtext("scale") == "0.001 0.001 0.001"
 
 
 def test_names_that_meet_are_parted_and_told(tmp_path: Path) -> None:

@@ -14,7 +14,7 @@ from mechanisms import turn
 from strategies import examples
 
 from raff2urdf import RaffError
-from raff2urdf.graphics.surface import LARGEST, MOST_CORNERS, ColouredSurface, Polygons, area, fewer_colours, stl
+from raff2urdf.graphics.surface import LARGEST, MOST_CORNERS, Polygons, area, fewer_colours, stl
 
 COLOURS = st.tuples(*[st.integers(0, 255)] * 4)
 
@@ -73,11 +73,6 @@ def test_a_concave_quadrangle_is_cut_along_its_inner_diagonal() -> None:
     for shift in range(4):
         corners = np.array(dart[shift:] + dart[:shift])
         assert area(cut(corners)) == pytest.approx(0.5)
-
-
-def test_a_bent_quadrangle_keeps_its_corners() -> None:
-    corners = np.array([(0.0, 0.0, 0.0), (1.0, 0.0, 0.2), (1.0, 1.0, 0.0), (0.0, 1.0, 0.2)])
-    assert {tuple(point) for point in cut(corners).reshape(-1, 3)} == {tuple(p) for p in np.float32(corners)}
 
 
 @given(outlines())
@@ -150,15 +145,6 @@ def test_colours_become_few_and_no_area_is_lost(parts: list[tuple[list[tuple[flo
         assert (None in {one.colour for one in few}) == (None in {colour for _, colour in parts})
         if len(surfaces) <= most:
             assert [one.colour for one in few] == [one.colour for one in surfaces]
-
-
-def test_near_colours_become_their_mean_by_area() -> None:
-    triangle = np.array([[(0, 0, 0), (1, 0, 0), (0, 1, 0)]], np.float32)
-    twice = np.concatenate([triangle, triangle])
-    grey = [ColouredSurface(triangle, (8 * i, 0, 0, 255)) for i in range(20)]
-    few = fewer_colours([*grey, ColouredSurface(twice, (3, 0, 0, 255))], 20)
-    assert few[0].colour == (2, 0, 0, 255)
-    assert [one.colour for one in few[1:]] == [one.colour for one in grey[1:]]
 
 
 # --- STL ---------------------------------------------------------------------------------------------------------

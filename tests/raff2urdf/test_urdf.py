@@ -2,26 +2,22 @@
 
 from __future__ import annotations
 
-import io
 import math
-import re
-import warnings
+from collections.abc import Iterable, Iterator
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pinocchio as pin
 import pytest
-import trimesh
-import yourdfpy
 from hypothesis import given
 from hypothesis import strategies as st
 from lxml import etree
-from mechanisms import KNOWN, shift, turn
-from strategies import ANGLES, EXTREME, UNITS, documents, examples
+from mechanisms import shift, turn
+from strategies import EXTREME, UNITS, documents, examples
 
 import raff2urdf
-from raff2urdf import RaffError, RaffWarning, loads
+from raff2urdf import RaffError, loads
 from raff2urdf.conversion import Translation, translate
 from raff2urdf.placement import roll_pitch_yaw
 from raff2urdf.raff.document import Document, JointType, RaffLink, RaffParameters, RaffRobot
@@ -79,12 +75,6 @@ def pinocchios(text: str, q: dict[str, float]) -> dict[str, np.ndarray]:
     }
 
 
-def yourdfpys(text: str, q: dict[str, float]) -> dict[str, np.ndarray]:
-    model = yourdfpy.URDF.load(io.BytesIO(text.encode()), load_meshes=False)
-    model.update_cfg({name: value for name, value in q.items() if name in model.actuated_joint_names})
-    return {name: model.get_transform(name) for name in model.link_map}
-
-
 @given(trees, st.integers(0, 2**32 - 1))
 @examples(60)
 def test_pinocchio_places_every_node_where_raff_does(document: Document, seed: int) -> None:
@@ -95,36 +85,6 @@ def test_pinocchio_places_every_node_where_raff_does(document: Document, seed: i
         assert set(found) - {"world"} == {node.node for node in robot.nodes.values()}
         for number, node in robot.nodes.items():
             assert np.abs(found[node.node] - expected[number]).max() <= EXACT
-
-
-@given(trees, st.integers(0, 2**32 - 1))
-@examples(25)
-def test_yourdfpy_places_every_node_where_raff_does(document: Document, seed: int) -> None:
-    for robot in document.robots:
-        q = drawn_q(document, robot, seed)
-        found = yourdfpys(translated(document, robot).urdf, q)
-        expected = placements(document, robot, q)
-        for number, node in robot.nodes.items():
-            assert np.abs(found[node.node] - expected[number]).max() <= EXACT
-
-
-@pytest.mark.parametrize("name", KNOWN)
-def test_known_mechanisms_stand_at_home_as_written(name: str) -> None:
-    document = loads(KNOWN[name][0])
-    robot = document.robot()
-    made = translated(document)
-    found = pinocchios(made.urdf, {joint["name"]: joint["home"] for joint in made.constraints["joints"]})
-    for number, placement in placements(document, robot).items():
-        assert np.abs(found[robot.nodes[number].node] - placement).max() <= EXACT
-
-
-@given(ANGLES, ANGLES, ANGLES, st.floats(-0.5, 0.5))
-@examples(60)
-def test_a_slide_stands_right_however_its_axis_points(gamma: float, alpha: float, theta: float, r: float) -> None:
-    """At a pitch of 90 degrees roll and yaw turn about one line: the place where URDF's angles lose their digits."""
-    text = text_of(f"link 1 {{ parameters {{ gamma {gamma!r} alpha {alpha!r} theta {theta!r} }} type 1 pred 0 }}")
-    expected = turn("z", math.radians(gamma)) @ turn("x", math.radians(alpha)) @ turn("z", math.radians(theta))
-    assert np.abs(pinocchios(text, {"joint1": r})["link1"] - expected @ shift("z", r)).max() <= EXACT
 
 
 @pytest.mark.parametrize("near", [0.0, 1e-15, 1e-12, 1e-9, 1e-8, 1e-7, 1e-5, 1e-3])
@@ -163,12 +123,6 @@ def test_a_joint_has_the_type_that_its_link_says(link: str, kind: str) -> None:
     assert (joint.find("parent").get("link"), joint.find("child").get("link")) == ("base", "link1")
 
 
-def test_a_frame_is_a_link_held_by_a_fixed_joint() -> None:
-    xml = xml_of('frame 7 { name "tool" parameters { r 50 } pred 0 }')
-    assert [link.get("name") for link in xml.findall("link")] == ["base", "tool"]
-    assert [(joint.get("name"), joint.get("type")) for joint in xml.findall("joint")] == [("joint7", "fixed")]
-
-
 def test_limits_are_in_radians_metres_and_seconds() -> None:
     text = text_of(
         """
@@ -181,13 +135,6 @@ def test_limits_are_in_radians_metres_and_seconds() -> None:
     assert model.upperPositionLimit.tolist() == [math.radians(80), 0.21121]
     assert model.velocityLimit.tolist() == [math.radians(90), 0.5]
     assert model.effortLimit.tolist() == [12.5, UNLIMITED]
-
-
-def test_a_joint_without_limits_has_none_that_matter() -> None:
-    model = pin.buildModelFromXML(text_of("link 1 { type 1 pred 0 }"))
-    assert (model.lowerPositionLimit.tolist(), model.upperPositionLimit.tolist()) == ([-UNLIMITED], [UNLIMITED])
-    assert model.velocityLimit.tolist() == [UNLIMITED]
-    assert UNLIMITED >= 1e9
 
 
 @given(st.tuples(EXTREME, EXTREME), EXTREME.filter(bool), st.sampled_from([1, 2]), st.sampled_from(UNITS))
@@ -203,18 +150,7 @@ def test_limits_read_back_to_the_same_double(pair: tuple[float, float], speed: f
     assert float(limit.get("velocity")) == min(si(abs(speed)), UNLIMITED)
 
 
-@given(st.floats(-1e6, 1e6))
-@examples(60)
-def test_lengths_read_back_to_the_same_double(length: float) -> None:
-    xml = xml_of(f"link 1 {{ parameters {{ d {length!r} }} type 2 pred 0 }}")
-    assert numbers(xml.find("joint/origin").get("xyz"))[0] == length / 1000.0
-
-
 # --- the base ----------------------------------------------------------------------------------------------------
-
-
-def test_a_base_at_the_origin_is_the_root() -> None:
-    assert [link.get("name") for link in xml_of("base { }").findall("link")] == ["base"]
 
 
 def test_a_base_that_was_moved_stands_in_a_world() -> None:
@@ -237,24 +173,9 @@ def test_a_base_that_can_move_floats_in_a_world() -> None:
 # --- the same for the same ---------------------------------------------------------------------------------------
 
 
-@given(documents(moderate=True, loops=False, least_robots=1))
-@examples(20)
-def test_the_same_robot_makes_the_same_text(document: Document) -> None:
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore", RaffWarning)
-        assert translated(document).urdf == translated(document).urdf
-
-
-def test_nodes_and_joints_stand_in_the_files_order() -> None:
-    xml = xml_of("link 3 { type 2 pred 9 } frame 2 { pred 3 } link 9 { type 2 pred 0 }")
-    assert [link.get("name") for link in xml.findall("link")] == ["base", "link3", "frame2", "link9"]
-    assert [joint.get("name") for joint in xml.findall("joint")] == ["joint3", "joint2", "joint9"]
-
-
 def test_a_name_in_any_script_reaches_the_readers() -> None:
     text = text_of('link 1 { name "плечо_机器人" type 2 pred 0 }')
     assert "плечо_机器人" in pinocchios(text, {})
-    assert "плечо_机器人" in yourdfpys(text, {})
 
 
 # --- the skeleton ------------------------------------------------------------------------------------------------
@@ -282,13 +203,7 @@ def test_every_robot_is_drawn_with_shapes_that_can_be_shown(document: Document) 
         assert check_shapes(translated(document, robot).urdf) >= max(1, moves)
 
 
-@pytest.mark.parametrize("name", KNOWN)
-def test_known_mechanisms_are_drawn(name: str) -> None:
-    document = loads(KNOWN[name][0])
-    assert check_shapes(translated(document).urdf) >= len(document.robot().links)
-
-
-SIZES = [5e-324, 1e-320, 1e-310, 1e-300, 1e-160, 1e-20, 1e20, 1e100, 1e155, 1e160, 1e300, 1.7e308]
+SIZES = [5e-324, 1e-310, 1e-160, 1e-20, 1e20, 1e155, 1.7e308]
 
 
 @pytest.mark.parametrize("word", ["d", "r", "epsilon"])
@@ -338,20 +253,24 @@ def test_bars_lead_all_the_way_to_where_a_child_stands(k: Kleinfinger) -> None:
     assert min(np.linalg.norm(end - child) for end in ends) <= 1e-5
 
 
-def covered(document: Document, robot: RaffRobot, link: RaffLink, value: float) -> list[tuple[float, float]]:
-    """The intervals (m) of a prismatic joint's axis, on which its origin is 0 and its part at `value`, that cylinders
-    along it cover: the parent's, then the part's own."""
-    on_axis = []
+def covered(
+    document: Document, robot: RaffRobot, link: RaffLink, values: Iterable[float]
+) -> Iterator[tuple[float, list[tuple[float, float]]]]:
+    """For each value of a prismatic joint the intervals (m) of its axis, on which its origin is 0 and its part at that
+    value, that cylinders along it cover: the parent's, then the part's own."""
     placed = np.linalg.inv(transform(moved(link, kleinfinger(document, link.parameters), 0.0)))
-    for node, pose in (
-        (robot.nodes[link.pred].node, placed),
-        (link.node, transform(Kleinfinger(0, 0, 0, 0, 0, value))),
-    ):
-        ends = np.array(ends_of_bars(document, robot).get(node, np.zeros((0, 3)))) @ pose[:3, :3].T + pose[:3, 3]
-        for start, end in ends.reshape(-1, 2, 3):
-            if np.abs([start[:2], end[:2]]).max() < 1e-6:
-                on_axis.append((min(start[2], end[2]), max(start[2], end[2])))
-    return on_axis
+    bars = ends_of_bars(document, robot)
+    for value in values:
+        on_axis = []
+        for node, pose in (
+            (robot.nodes[link.pred].node, placed),
+            (link.node, transform(Kleinfinger(0, 0, 0, 0, 0, value))),
+        ):
+            ends = np.array(bars.get(node, np.zeros((0, 3)))) @ pose[:3, :3].T + pose[:3, 3]
+            for start, end in ends.reshape(-1, 2, 3):
+                if np.abs([start[:2], end[:2]]).max() < 1e-6:
+                    on_axis.append((min(start[2], end[2]), max(start[2], end[2])))
+        yield value, on_axis
 
 
 def gap(intervals: list[tuple[float, float]], value: float) -> float:
@@ -364,186 +283,51 @@ def gap(intervals: list[tuple[float, float]], value: float) -> float:
     return missing + max(0.0, last - reached)
 
 
-@pytest.mark.parametrize("name", [path.stem for path in sorted(ROBOTS.glob("*.raff"))])
+@pytest.mark.parametrize("name", ["scara", "gough", "tssm", "cusp_3rpr", "delta4_linear"])
 def test_no_prismatic_joint_of_a_shipped_robot_comes_apart_within_its_limits(name: str) -> None:
     document = raff2urdf.load(ROBOTS / f"{name}.raff")
-    for robot in document.robots:
-        for link in robot.links:
-            if link.type is JointType.PRISMATIC and link.filenames is None:
-                low, high = limits(document, link)
-                for value in np.linspace(low, high, 7):
-                    assert gap(covered(document, robot, link, value), value) <= 1e-6 * high
+    robot = document.robot()
+    sliders = [link for link in robot.links if link.type is JointType.PRISMATIC and link.filenames is None]
+    assert sliders
+    for link in sliders:
+        low, high = limits(document, link)
+        for value, pieces in covered(document, robot, link, np.linspace(low, high, 7)):
+            assert gap(pieces, value) <= 1e-6 * high
 
 
 @pytest.mark.parametrize(
-    ("words", "low", "high"),
+    ("words", "low", "high", "more"),
     [
-        ("parameters { r 939 } limits { 700 1300 }", 0.7, 1.3),
-        ("parameters { r 900 } limits { 900 900 }", 0.9, 0.9),
-        ("parameters { r 500 } limits { 500 1000 }", 0.5, 1.0),
-        ("parameters { r -300 } limits { -500 -260 }", -0.5, -0.26),
-        ("parameters { gamma 30 epsilon 40 alpha 70 d 50 r 300 }", 0.3, 0.3),
-        ("parameters { r -300 }", -0.3, -0.3),
-        ("parameters { r 300 } limits { 200 1e9 }", 0.2, 0.3),
+        ("parameters { r 939 } limits { 700 1300 }", 0.7, 1.3, 0.0),
+        ("parameters { r 900 } limits { 900 900 }", 0.9, 0.9, 0.0),
+        ("parameters { r -300 } limits { -500 -260 }", -0.5, -0.26, 0.0),
+        ("parameters { gamma 30 epsilon 40 alpha 70 d 50 r 300 }", 0.3, 0.3, 0.0),
+        ("parameters { r -300 }", -0.3, -0.3, 0.0),
+        ("parameters { r 300 } limits { 200 1e9 }", 0.2, 0.3, 0.0),
+        ("parameters { r 100 } limits { 40 320 }", 0.04, 0.32, 0.12),
+        ("parameters { r 100 } limits { -1000 -10 }", -1.0, -0.01, 0.49),
     ],
 )
-def test_a_telescope_stays_together_and_within_its_ends(words: str, low: float, high: float) -> None:
-    """Two pieces can do that where the upper limit is at most twice the lower one; without limits, at home."""
+def test_a_telescope_stays_together_and_within_its_ends(words: str, low: float, high: float, more: float) -> None:
+    """Two pieces can do that where the upper limit is at most twice the lower one; without limits, at home.
+
+    Else both protrude alike: by half of the upper limit less the lower one.
+    """
     document = loads(f"RAFF t\nrobot r {{ link 1 {{ type 1 pred 0 {words} }} }}")
     robot = document.robot()
-    for value in np.linspace(low, high, 7):
-        pieces = covered(document, robot, robot.links[0], value)
+    for value, pieces in covered(document, robot, robot.links[0], np.linspace(low, high, 7)):
         assert len(pieces) == 2
         assert gap(pieces, value) <= 1e-6
-        assert min(start for start, _ in pieces) >= min(0.0, value) - 1e-6
-        assert max(end for _, end in pieces) <= max(0.0, value) + 1e-6
-
-
-@pytest.mark.parametrize("words", ["limits { 40 320 }", "limits { 10 1000 }", "limits { -320 -40 }"])
-def test_a_telescope_with_a_long_stroke_protrudes_by_half_of_what_is_too_much(words: str) -> None:
-    """Both pieces protrude alike: by half of the upper limit less the lower one."""
-    document = loads(f"RAFF t\nrobot r {{ link 1 {{ parameters {{ r 100 }} type 1 pred 0 {words} }} }}")
-    robot = document.robot()
-    low, high = limits(document, robot.links[0])
-    near, far = sorted((abs(low), abs(high)))
-    for value in np.linspace(low, high, 7):
-        pieces = covered(document, robot, robot.links[0], value)
-        assert gap(pieces, value) <= 1e-6
-        assert min(start for start, _ in pieces) >= min(0.0, value) - (far / 2.0 - near) - 1e-6
-        assert max(end for _, end in pieces) <= max(0.0, value) + (far / 2.0 - near) + 1e-6
+        assert min(start for start, _ in pieces) >= min(0.0, value) - more - 1e-6
+        assert max(end for _, end in pieces) <= max(0.0, value) + more + 1e-6
 
 
 @pytest.mark.parametrize("words", ["limits { -500 700 }", "limits { 0 700 }", "limits { -500 0 }"])
 def test_a_joint_that_reaches_0_slides_along_a_rail(words: str) -> None:
     document = loads(f"RAFF t\nrobot r {{ link 1 {{ type 1 pred 0 {words} }} }}")
     robot = document.robot()
-    (rail,) = covered(document, robot, robot.links[0], 0.1)
+    ((_, (rail,)),) = covered(document, robot, robot.links[0], [0.1])
     assert rail == pytest.approx(limits(document, robot.links[0]), abs=1e-6)
 
 
 # --- graphics ----------------------------------------------------------------------------------------------------
-
-
-@pytest.fixture
-def workshop(tmp_path: Path) -> Path:
-    """A folder with a RAFF file's graphics in its `parts`."""
-    (tmp_path / "parts").mkdir()
-    trimesh.creation.box((100.0, 50.0, 20.0)).export(tmp_path / "parts" / "bar.stl")
-    return tmp_path
-
-
-def drawn(workshop: Path, links: str, path: str = "parts", out: Path | None = None) -> tuple[str, list[str]]:
-    """The URDF of links with graphics, and what was warned of."""
-    document = loads(f'RAFF t\nrobot arm {{ path "{path}" {links} }}')
-    with warnings.catch_warnings(record=True) as caught:
-        warnings.simplefilter("always")
-        text = translated(document, beside=workshop, out=out).urdf
-    assert all(warning.category is RaffWarning for warning in caught)
-    return text, [str(warning.message) for warning in caught]
-
-
-BAR = 'link 1 { type 2 pred 0 filename { "bar.stl" } }'
-
-
-def test_a_mesh_is_shown_instead_of_the_skeleton(workshop: Path) -> None:
-    text, warned = drawn(workshop, BAR)
-    (visual,) = etree.fromstring(text.encode()).findall("link[@name='link1']/visual")
-    assert Path(visual.find("geometry/mesh").get("filename")) == workshop / "parts" / "bar.stl"
-    assert warned == []
-
-
-def test_a_mesh_has_the_files_unit(workshop: Path) -> None:
-    """Its box of 100 x 50 x 20 mm is 0.1 x 0.05 x 0.02 m in the viewer."""
-    text, _ = drawn(workshop, f'base {{ filename {{ "bar.stl" }} }} {BAR}')
-    model = yourdfpy.URDF.load(io.BytesIO(text.encode()))
-    assert model.scene.extents == pytest.approx([0.1, 0.05, 0.02])
-
-
-def test_a_mesh_is_found_from_the_folder_of_the_urdf(workshop: Path) -> None:
-    out = workshop / "generated"
-    text, _ = drawn(workshop, BAR, out=out)
-    assert re.findall(r'filename="(.*?)"', text) == ["../parts/bar.stl"]
-
-
-def test_several_meshes_of_a_node_are_all_shown(workshop: Path) -> None:
-    text, _ = drawn(workshop, 'link 1 { type 2 pred 0 filename { "bar.stl" "bar.stl" } }')
-    assert len(re.findall("bar.stl", text)) == 2
-
-
-def test_bases_and_frames_have_meshes_too(workshop: Path) -> None:
-    text, _ = drawn(workshop, 'base { filename { "bar.stl" } } frame 1 { pred 0 filename { "bar.stl" } }')
-    assert len(re.findall("bar.stl", text)) == 2
-
-
-def test_the_home_folder_may_be_meant(workshop: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setenv("HOME", str(workshop))
-    _, (warned,) = drawn(Path("/elsewhere"), BAR, path="~/parts/")
-    assert f"allow its folder by the environment variable RAFF2URDF_MESH_PATH={workshop}/parts" in warned
-    monkeypatch.setenv("RAFF2URDF_MESH_PATH", str(workshop / "parts"))
-    text, warned = drawn(Path("/elsewhere"), BAR, path="~/parts/")
-    assert str(workshop / "parts" / "bar.stl") in text
-    assert warned == []
-
-
-@pytest.mark.parametrize(
-    ("name", "content", "reason"),
-    [
-        ("bras.nff", None, "not found"),
-        ("bras.nff", b"p 3\n0 0 0\n", ".nff"),
-        ("platform.dxf", b"0\nEOF\n", ".dxf"),
-        ("bare", b"", "no extension"),
-        ("wrong.stl", b"this is no mesh", "wrong.stl ("),
-        ("empty.stl", b"", "empty.stl ("),
-        ("empty.obj", b"# nothing\n", "empty.obj ("),
-        ("folder.stl", "folder", "not found"),
-        ("~no-such-user/bar.stl", None, "~no-such-user/bar.stl ("),
-        (250 * "x" + ".stl", None, "not found"),
-        (300 * "x" + ".stl", None, "xxx.stl ("),
-    ],
-    ids=[
-        "missing",
-        "nff",
-        "dxf",
-        "bare",
-        "no mesh",
-        "empty",
-        "no surface",
-        "folder",
-        "no home",
-        "long",
-        "too long",
-    ],
-)
-def test_graphics_that_cannot_be_shown_are_named_once_and_replaced_by_the_skeleton(
-    workshop: Path, name: str, content: bytes | str | None, reason: str
-) -> None:
-    if isinstance(content, bytes):
-        (workshop / "parts" / name).write_bytes(content)
-    elif content == "folder":
-        (workshop / "parts" / name).mkdir()
-    text, (warned,) = drawn(workshop, f'link 3 {{ type 2 pred 0 filename {{ "{name}" }} }}')
-    assert "'arm'" in warned
-    assert f"link3: {name} (" in warned
-    assert reason in warned
-    shown = etree.fromstring(text.encode()).findall("link[@name='link3']/visual")
-    assert shown
-    assert not any(visual.findall("geometry/mesh") for visual in shown)
-
-
-def test_a_path_into_the_home_of_someone_unknown_is_a_warning(workshop: Path) -> None:
-    text, (warned,) = drawn(workshop, BAR, path="~no-such-user/parts")
-    assert "link1: bar.stl (" in warned
-    assert "mesh" not in text
-
-
-def test_one_warning_names_all_nodes_without_graphics(workshop: Path) -> None:
-    links = [f'link {i} {{ type 2 pred {i - 1} filename {{ "gone{i}.stl" }} }}' for i in range(1, 5)]
-    _, (warned,) = drawn(workshop, "\n".join(links))
-    assert all(f"link{i}: gone{i}.stl (not found)" in warned for i in range(1, 5))
-
-
-def test_what_can_be_shown_is_shown_beside_what_cannot(workshop: Path) -> None:
-    text, (warned,) = drawn(workshop, 'link 1 { type 2 pred 0 filename { "bar.stl" "gone.stl" } }')
-    assert len(re.findall("bar.stl", text)) == 1
-    assert "gone.stl" in warned
-    assert "bar.stl" not in warned

@@ -7,7 +7,7 @@ import warnings
 from pathlib import Path
 
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 from loop_like_names import names
 
@@ -90,6 +90,7 @@ def test_the_command_lists_them(tmp_path, capsys):
 # --- nothing that looks like a loop is dropped in silence --------------------------------------------------------
 
 
+@settings(max_examples=300)
 @given(name=names(), form=st.integers(0, 5), prefix=st.sampled_from(["", "drake:", "gz:", "my:"]))
 def test_no_loop_like_element_is_dropped_in_silence(name, form, prefix, tmp_path_factory):
     """It is read, refused at its line, or warned of; and it is never in the list of what is ignored."""

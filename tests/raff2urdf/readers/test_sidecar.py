@@ -41,9 +41,7 @@ def test_a_urdf_that_was_renamed(five_bar):
     )
 
 
-@pytest.mark.parametrize(
-    "name", ["loops.json", "five_bar.json", "five_bar.urdf.constraints.json", "five_bar_constraints.json"]
-)
+@pytest.mark.parametrize("name", ["loops.json", "five_bar.urdf.constraints.json"])
 def test_constraints_that_were_renamed(name, five_bar):
     (five_bar / "five_bar.constraints.json").rename(five_bar / name)
     refused(five_bar / "five_bar.urdf", f"{name} fits this URDF and no other one here: rename it to five_bar")
@@ -62,22 +60,12 @@ def test_a_link_to_nowhere(name, five_bar):
 
 
 @pytest.mark.parametrize(
-    ("name", "wanted"),
-    [("robot.yml", "robot.yaml"), ("Robot.yaml", "robot.yaml"), ("five_bar.yml", "five_bar.yaml")],
+    ("name", "wanted"), [("robot.yml", "robot.yaml"), ("Robot.yaml", "robot.yaml"), ("five_bar.yml", "five_bar.yaml")]
 )
 def test_a_robot_yaml_under_another_name(name, wanted, five_bar):
     (five_bar / "five_bar.constraints.json").unlink()
     (five_bar / name).write_text("closed_loop: [[link5, link3]]\ntype: [6d]\n")
     refused(five_bar / "five_bar.urdf", f"{name} is not read under this name: rename it to {wanted}")
-
-
-def test_a_urdf_to_which_a_tool_has_added_links_still_fits(five_bar):
-    path = five_bar / "five_bar.urdf"
-    added = (
-        '<link name="camera"/><joint name="c" type="fixed"><parent link="base"/><child link="camera"/></joint></robot>'
-    )
-    path.rename(five_bar / "r.urdf").write_text(path.with_name("r.urdf").read_text().replace("</robot>", added))
-    refused(five_bar / "r.urdf", "five_bar.constraints.json fits")
 
 
 def test_a_copy_of_a_urdf_without_its_constraints(five_bar):
@@ -180,12 +168,6 @@ def test_constraints_of_another_robot(five_bar, root):
     (five_bar / "four_bar.urdf").unlink()
     urdf = five_bar / "planar_3r.urdf"
     urdf.write_text(re.sub("  <!--.*-->\n", "", urdf.read_text()))
-    assert quiet(urdf) is None
-
-
-def test_constraints_that_belong_to_another_urdf(five_bar):
-    urdf = five_bar / "r.urdf"
-    urdf.write_text((five_bar / "five_bar.urdf").read_text().replace('xyz="0.25 0.0 0.0"', 'xyz="0.3 0.0 0.0"'))
     assert quiet(urdf) is None
 
 

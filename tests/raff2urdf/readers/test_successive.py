@@ -51,23 +51,6 @@ def placement(model, names, values):
 ORIGIN = pin.SE3(pin.rpy.rpyToMatrix(0.4, 0.5, 0.6), np.array([0.1, 0.2, 0.3]))
 
 
-@given(st.tuples(*[angles] * 6))
-def test_a_floating_joint_is_three_slides_and_three_turns(values):
-    names, model = replaced("floating")
-    assert names == ["j_TX", "j_TY", "j_TZ", "j_X", "j_Y", "j_Z"]
-    turn = pin.utils.rotate("x", values[3]) @ pin.utils.rotate("y", values[4]) @ pin.utils.rotate("z", values[5])
-    wanted = ORIGIN * pin.SE3(turn, np.array(values[:3]))
-    assert placement(model, names, values).isApprox(wanted, 1e-12)
-
-
-@given(st.tuples(*[angles] * 3))
-def test_a_ball_is_three_turns(values):
-    names, model = replaced("spherical")
-    assert names == ["j_X", "j_Y", "j_Z"]
-    turn = pin.utils.rotate("x", values[0]) @ pin.utils.rotate("y", values[1]) @ pin.utils.rotate("z", values[2])
-    assert placement(model, names, values).isApprox(ORIGIN * pin.SE3(turn, np.zeros(3)), 1e-12)
-
-
 @given(st.tuples(*[angles] * 3), st.sampled_from(["0 0 1", "0 1 0", "1 0 0", "1 2 -3"]))
 def test_a_planar_joint_slides_at_right_angles_to_its_axis_and_turns_about_it(values, axis):
     names, model = replaced("planar", axis)
@@ -85,17 +68,6 @@ def test_a_floating_joint_that_frees_the_whole_robot_may_be_kept():
     tree = parse(text, "x")
     assert successive.replace_compound(tree, "x", keep_root=True) == {}
     assert successive.replace_compound(tree, "x", keep_root=False).keys() == {"first"}
-
-
-def test_two_axes_are_turned_about_one_after_the_other():
-    tree = parse(BODY.format(kind="revolute", axis="0 0 1"), "x")
-    joint = joints(tree)[1]
-    steps = [successive.ROTATIONS[axis] for axis in "ZX"]
-    assert successive.replace(tree, joint, steps, "x") == ["j_Z", "j_X"]
-    again = parse(etree.tostring(tree, encoding="unicode"), "x")
-    model = pin.buildModelFromXML(etree.tostring(again, encoding="unicode"))
-    turn = pin.utils.rotate("z", 0.3) @ pin.utils.rotate("x", 0.7)
-    assert placement(model, ["j_Z", "j_X"], [0.3, 0.7]).isApprox(ORIGIN * pin.SE3(turn, np.zeros(3)), 1e-12)
 
 
 def test_a_name_that_is_taken_is_refused():

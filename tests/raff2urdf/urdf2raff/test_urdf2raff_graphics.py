@@ -127,45 +127,12 @@ def test_what_raff2urdf_draws_itself_is_drawn_again(root, tmp_path):
     assert made.urdf.read_bytes() == (tmp_path / "four_bar.urdf").read_bytes()
 
 
-def test_a_robot_with_legacy_graphics_comes_back_with_its_colours(root, tmp_path):
-    convert(root / "robots/rx90.raff", tmp_path)
-    raff2urdf.to_raff(tmp_path / "rx90.urdf", tmp_path / "out/rx90.raff")
-    (made,) = convert(tmp_path / "out/rx90.raff", tmp_path / "again")
-
-    def coloured(urdf):
-        colours: dict[object, float] = {}
-        for surfaces in shown_meshes(urdf).values():
-            for area, _, colour in surfaces:
-                colours[colour] = colours.get(colour, 0.0) + area
-        return colours
-
-    before, after = coloured(tmp_path / "rx90.urdf"), coloured(made.urdf)
-    assert len(before) >= 3
-    for colour, area in before.items():
-        assert after[colour] == pytest.approx(area, rel=1e-4)
-
-
-def shown_meshes(urdf):
-    """As `shown`, of links that show meshes only."""
-    tree = etree.parse(str(urdf)).getroot()
-    for link in tree.findall("link"):
-        for visual in link.findall("visual"):
-            if visual.find("geometry/mesh") is None:
-                link.remove(visual)
-    copy = urdf.with_name("meshes_only.urdf")
-    copy.write_bytes(etree.tostring(tree))
-    return shown(copy)
-
-
 @pytest.mark.parametrize(
     ("visual", "says"),
     [
         (MESH.format("cut.stl", "", ""), r"arm.urdf:3: the mesh .*cut.stl' can't be read"),
-        (MESH.format("cut.dae", "", ""), r"arm.urdf:3: the mesh .*cut.dae' can't be read"),
         (MESH.format("meshes/part.stl", ' scale="1 1"', ""), r'arm.urdf:3: scale="1 1" of <mesh> in link .* must be 3'),
-        ('<visual><geometry><cylinder radius="-1" length="1"/></geometry></visual>', r"arm.urdf:3: radius=.-1. of"),
         ('<visual><geometry><torus radius="1"/></geometry></visual>', r"arm.urdf:3: the shape <torus> is not in URDF"),
-        ("<visual/>", r"arm.urdf:3: this visual has no shape"),
     ],
 )  # fmt: skip
 def test_a_mesh_that_is_cut_short_is_told_by_its_line(there, capsys, visual, says):
@@ -192,8 +159,6 @@ def test_a_mesh_that_is_cut_short_is_told_by_its_line(there, capsys, visual, say
     [
         ("lost.stl", "is not found"),
         ("pointer.stl", "is a Git LFS pointer: run `git lfs pull`"),
-        ("../../etc/passwd", "leads out of"),
-        ("package://arm/../../x.stl", "the package 'arm' is not found"),
         ("file:///etc/passwd", "leads out of"),
         ("http://example.com/x.stl", "'http://' can't be read"),
     ],
@@ -222,23 +187,3 @@ def test_a_mesh_that_the_raff_file_may_not_name_is_copied(there):
     assert ("arm_graphics/base_link.glb",) in files
     (made,) = convert(there / "far/away/arm.raff", there / "again")
     assert shown(made.urdf)["base_link"][0][0] == pytest.approx(shown(path)["base_link"][0][0], rel=1e-5)
-
-
-def test_packages_are_found_by_name(there, monkeypatch):
-    (there / "arm_description/meshes").mkdir(parents=True)
-    (there / "arm_description/urdf").mkdir()
-    (there / "meshes/part.stl").rename(there / "arm_description/meshes/part.stl")
-    name = "package://arm_description/meshes/part.stl"
-    path = write(there / "arm_description/urdf", base=MESH.format(name, "", ""))
-    assert raff2urdf.to_raff(path, path.with_suffix(".raff")).document.units == "m"
-    elsewhere = there / "elsewhere"
-    elsewhere.mkdir()
-    path = write(elsewhere, base=MESH.format(name.replace("arm_desc", "an_arm_desc"), "", ""))
-    with pytest.warns(
-        raff2urdf.RaffWarning, match=r"the package 'an_arm_description' is not found: .*ROS_PACKAGE_PATH"
-    ):
-        raff2urdf.to_raff(path, path.with_suffix(".raff"))
-    (there / "far").mkdir()
-    (there / "arm_description").rename(there / "far/an_arm_description")
-    monkeypatch.setenv("ROS_PACKAGE_PATH", str(there / "far"))
-    raff2urdf.to_raff(path, path.with_suffix(".raff"))
