@@ -10,7 +10,8 @@ import msgspec
 import numpy as np
 import pinocchio as pin
 from msgspec import Meta
-from numpy.typing import NDArray
+
+from cinegen.arrays import Array
 
 Vector3 = tuple[float, float, float]
 Vector4 = tuple[float, float, float, float]
@@ -59,7 +60,7 @@ def _decoded(kind: Any, value: Any) -> Any:
     raise NotImplementedError(f"a {kind} has no form in JSON")
 
 
-def _converted(value: Any, kind: Any) -> NDArray[np.float64]:
+def _converted(value: Any, kind: Any) -> Array:
     try:
         return np.array(msgspec.convert(value, kind), dtype=float)
     except msgspec.ValidationError as error:  # msgspec adds the path of the whole field

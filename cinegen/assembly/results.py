@@ -13,16 +13,14 @@ from typing import Any, overload
 
 import numpy as np
 import pinocchio as pin
-from numpy.typing import NDArray
 
+from cinegen.arrays import Array
 from cinegen.assembly.certify import LoopEquations, Unknowns
 from cinegen.hexapod import SolutionCounts
 from cinegen.html import table
 from cinegen.krawczyk import Certificate
 from cinegen.model import Mechanism
 from cinegen.model.spherical import SphericalJoints
-
-Array = NDArray[np.float64]
 
 _WITHOUT = "singular or nearly so, not exact, or not distinct"  # solutions without a certificate
 

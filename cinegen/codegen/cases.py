@@ -7,16 +7,14 @@ from dataclasses import dataclass, field
 
 import numpy as np
 import pinocchio as pin
-from numpy.typing import NDArray
 
+from cinegen.arrays import Array, Indices
 from cinegen.codegen.inverse import TOLERANCE, InverseKinematics
 from cinegen.codegen.program import Function
 from cinegen.errors import ClosureError
 from cinegen.ik import Solver
 from cinegen.jit.foreign import frame_of
 from cinegen.model import ForwardKinematics, Mechanism
-
-Array = NDArray[np.float64]
 
 _COUNT = 20
 _TICKS = 60
@@ -48,10 +46,10 @@ class Cases:
     targets: Array = field(default_factory=lambda: np.zeros((0, 0, 4, 3)))
     ticked: Array = field(default_factory=lambda: np.zeros((0, 0)))
     reached: Array = field(default_factory=lambda: np.zeros((0, 0, 4, 3)))
-    statuses: NDArray[np.intp] = field(default_factory=lambda: np.zeros(0, dtype=np.intp))
+    statuses: Indices = field(default_factory=lambda: np.zeros(0, dtype=np.intp))
     aims: Array = field(default_factory=lambda: np.zeros((0, 0, 4, 3)))
     solved: Array = field(default_factory=lambda: np.zeros((0, 0)))
-    found: NDArray[np.intp] = field(default_factory=lambda: np.zeros((0, 2), dtype=np.intp))
+    found: Indices = field(default_factory=lambda: np.zeros((0, 2), dtype=np.intp))
 
 
 def recorded(

@@ -11,12 +11,10 @@ from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from cinegen.arrays import Array
 from cinegen.design.errors import DesignError
 from raff2urdf.quantities import ANGLE, Dimension, QuantityError, has_unit, parse
-
-Array = NDArray[np.float64]
 
 _TERM = re.compile(r"\s*([+-]?(?:\s*-)?)\s*((?:[eE][+-]?\d|[^+-])*)")
 _FACTOR = re.compile(r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?")

@@ -29,10 +29,10 @@ from typing import Any, NamedTuple
 
 import numpy as np
 import pinocchio as pin
-from numpy.typing import ArrayLike, NDArray
 from scipy.optimize import brentq
 from scipy.special import ndtr, ndtri
 
+from cinegen.arrays import Array, ArrayLike, Bools, Indices
 from cinegen.design.amounts import Amounts, amount_in, fits, matching, pairs
 from cinegen.design.chains import COMPONENTS
 from cinegen.design.design import Design, DesignEvaluation
@@ -42,8 +42,6 @@ from cinegen.loops.thresholds import CLOSURE
 from raff2urdf.errors import did_you_mean
 from raff2urdf.quantities import ANGLE, LENGTH, Dimension, has_unit, shown
 from raff2urdf.raff.document import Document, LoopKind
-
-Array = NDArray[np.float64]
 
 INTERVAL = 3.0
 """Half-width of the interval of an error, in standard deviations."""
@@ -205,12 +203,12 @@ class ToleranceReport:
         return float(np.abs((self.monte_carlo.covariance - self.covariance)[at] / size).max(initial=0.0))
 
     @property
-    def _compared(self) -> NDArray[np.intp]:
+    def _compared(self) -> Indices:
         """Components whose deviation is not negligible beside that of others of their kind."""
         largest = np.repeat([self.sigma[:3].max(), self.sigma[3:].max()], 3)
         return np.flatnonzero(self.sigma > np.maximum(_SMALL * largest, 1e-15))
 
-    def _ratios(self) -> tuple[NDArray[np.intp], Array]:
+    def _ratios(self) -> tuple[Indices, Array]:
         assert self.monte_carlo is not None
         compared = self._compared
         return compared, np.sqrt(np.diag(self.monte_carlo.covariance)[compared]) / self.sigma[compared]
@@ -460,7 +458,7 @@ class Tolerances:
             float(long.sum(axis=0).max(initial=0.0)), float(turned.sum(axis=0).max(initial=0.0)),
         )  # fmt: skip
 
-    def _regular(self, here: DesignEvaluation) -> NDArray[np.bool_]:
+    def _regular(self, here: DesignEvaluation) -> Bools:
         if not self.design.rank:
             return np.ones(len(here), dtype=bool)
         inverse = here._decomposed[1]

@@ -8,8 +8,8 @@ from functools import cached_property
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
 
+from cinegen.arrays import Array, ArrayLike
 from cinegen.dynamics import plain
 from cinegen.dynamics.inverse_dynamics import InverseDynamics, Motion
 from cinegen.dynamics.loads import GRAVITY
@@ -22,8 +22,6 @@ from cinegen.model import Mechanism
 from cinegen.singularities import Singularity, SingularityType, singularity
 from cinegen.singularities.singularity import SINGULAR
 from cinegen.tolerances import NEAR_SINGULAR
-
-Array = NDArray[np.float64]
 
 _MOVES = 0.1
 """A joint whose part in a motion is larger, as a fraction of the largest, is named."""

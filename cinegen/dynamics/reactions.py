@@ -12,14 +12,12 @@ from typing import Any
 
 import numpy as np
 import pinocchio as pin
-from numpy.typing import NDArray
 
+from cinegen.arrays import Array
 from cinegen.dynamics import plain
 from cinegen.dynamics.loads import LoadedTree
 from cinegen.joints import axis
 from raff2urdf.residual import loop_residual
-
-Array = NDArray[np.float64]
 
 _STRESSED = 1e-5
 """A component to which a unit stress contributes less, dimensionless, is determined."""

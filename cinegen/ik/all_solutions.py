@@ -13,8 +13,8 @@ from typing import Any
 
 import numpy as np
 import pinocchio as pin
-from numpy.typing import NDArray
 
+from cinegen.arrays import Array
 from cinegen.assembly import AssemblyModes, ModesError, SelfMotion
 from cinegen.assembly.certify import EndEquations, LoopEquations, Unknowns
 from cinegen.assembly.results import SolutionSet
@@ -26,8 +26,6 @@ from cinegen.inverse.task_parts import NodeTask, TaskParts
 from cinegen.model import Mechanism
 from cinegen.tolerances import AT_LIMIT
 from raff2urdf.coupling import followed
-
-Array = NDArray[np.float64]
 
 _OFF = 1e-6  # rad, characteristic lengths: a pose this near to those that can be reached is one of them
 _POLISHED = 1e-13  # rad, characteristic lengths

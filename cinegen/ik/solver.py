@@ -10,8 +10,8 @@ from typing import NamedTuple
 
 import numpy as np
 import pinocchio as pin
-from numpy.typing import ArrayLike, NDArray
 
+from cinegen.arrays import Array, ArrayLike
 from cinegen.errors import CinegenError
 from cinegen.exception_log import ExceptionLog
 from cinegen.ik._kernels import memory as m
@@ -41,8 +41,6 @@ from cinegen.loops.arrays import null_space, set_up_screws
 from cinegen.model import Mechanism
 from cinegen.tolerances import CLOSURE
 from raff2urdf.residual import log
-
-Array = NDArray[np.float64]
 
 _FASTEST = 1e100  # rad/s or m/s: no objective means more
 

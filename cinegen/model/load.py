@@ -10,9 +10,9 @@ from typing import Any, NamedTuple
 
 import numpy as np
 import pinocchio as pin
-from numpy.typing import NDArray
 
 import raff2urdf
+from cinegen.arrays import Array
 from cinegen.errors import ClosureError, LoadError, UnknownNameError, warn
 from cinegen.joints import scalar_joints, supporting_columns
 from cinegen.loops.closed_loops import ClosedLoops, LoopConstraint
@@ -37,8 +37,6 @@ from raff2urdf.readers.srdf import Srdf, read_srdf, srdf_of
 from raff2urdf.readers.urdf import UNLIMITED, parse
 from raff2urdf.readers.xml_file import read_text
 from raff2urdf.shipped import find_robot
-
-Array = NDArray[np.float64]
 
 _SAMPLES = 20  # configurations of which home is chosen if the file has none and all joints at 0 is singular
 

@@ -7,8 +7,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from cinegen.arrays import Bools
 from cinegen.plotting.plane import Line, Plane, bar
 from cinegen.plotting.shades import OUT, differing, pretty
 from cinegen.plotting.sheet import BLUE, INK, LABEL, ORANGE, UNDER, finish, sheet, wrapped
@@ -23,7 +23,6 @@ if TYPE_CHECKING:
     import xarray
     from matplotlib.figure import Figure
 
-Bools = NDArray[np.bool_]
 
 FIRST, SECOND, BOTH = BLUE, ORANGE, "#b7c3cf"
 """Colours of the cells that only the first map reaches, only the second, and both."""

@@ -8,8 +8,8 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
+from cinegen.arrays import Array
 from cinegen.plotting.skeleton import Pose
 from cinegen.plotting.stick import hull
 from cinegen.plotting.view import Projection
@@ -17,7 +17,6 @@ from cinegen.plotting.view import Projection
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-Array = NDArray[np.float64]
 
 GROUND, SHADOW = "#eef0f3", "#868f9a"
 """Colours of the ground and of contact shadows."""

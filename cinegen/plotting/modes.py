@@ -12,8 +12,8 @@ from functools import partial
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
+from cinegen.arrays import Array
 from cinegen.assembly import AssemblyModes
 from cinegen.errors import CinegenError
 from cinegen.model.motion_plane import motion_plane
@@ -29,7 +29,6 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
     from matplotlib.transforms import Bbox
 
-Array = NDArray[np.float64]
 
 _SHAPE = 1.35  # width of a figure over its height, about
 _ROOM = 0.06  # around the drawing, relative to its size

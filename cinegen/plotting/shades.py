@@ -6,8 +6,8 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from cinegen.arrays import Array
 from cinegen.plotting.sheet import BLUE, SKY
 from cinegen.workspace.cells import CellStatus
 from cinegen.workspace.errors import MapError
@@ -18,7 +18,6 @@ if TYPE_CHECKING:
     import xarray
     from matplotlib.colors import Colormap, Normalize
 
-Array = NDArray[np.float64]
 
 OUT = "#e9ebee"
 """Colour of unreachable cells."""

@@ -6,8 +6,8 @@ from collections.abc import Iterable, Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from cinegen.arrays import Array
 from cinegen.plotting.modes import DrawingError
 from cinegen.plotting.sheet import BLUE, FAINT, GREEN, INK, LABEL, SKY, VERMILION, finish, label, sheet
 from cinegen.plotting.units import raised
@@ -16,8 +16,6 @@ from raff2urdf.raff.writer import number
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
-
-Array = NDArray[np.float64]
 
 
 def check_drawable(variations: Sequence[Variation]) -> None:

@@ -40,8 +40,8 @@ from math import comb
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from cinegen.arrays import Array
 from cinegen.singularities import reason
 from cinegen.singularities.pluecker import (
     KLEIN,
@@ -57,8 +57,6 @@ from cinegen.singularities.pluecker import (
     sense,
 )
 from cinegen.singularities.screw_system import ScrewSystem
-
-Array = NDArray[np.float64]
 
 DEPENDENT = 1e-7
 """Lines whose smallest singular value is at most this are dependent."""

@@ -12,14 +12,12 @@ from itertools import count as counter
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from cinegen.arrays import Array, Bools
 from cinegen.html import table
 from cinegen.singularities.branch import flood, neighbours
 from cinegen.singularities.contour import SingularCurve, SingularityGrid
 from cinegen.singularities.slice import Slice, SliceError
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -53,7 +51,7 @@ class SingularLoci:
         return table(repr(self), ("type", "where", "points"), rows)
 
     @property
-    def reached(self) -> NDArray[np.bool_]:
+    def reached(self) -> Bools:
         """(m, n) whether there is a configuration."""
         return np.asarray(np.isfinite(self.q).all(axis=2))
 

@@ -14,8 +14,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from cinegen.arrays import Array, Bools
 from cinegen.html import table
 from cinegen.workspace.cells import CellStatus
 from cinegen.workspace.errors import MapError
@@ -27,8 +27,6 @@ from raff2urdf.quantities import shown_unit
 if TYPE_CHECKING:
     import xarray
 
-Array = NDArray[np.float64]
-Bools = NDArray[np.bool_]
 
 _SAME = 1e-9  # of a cell's width
 

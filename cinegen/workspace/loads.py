@@ -11,8 +11,8 @@ from functools import lru_cache
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
+from cinegen.arrays import Array
 from cinegen.dynamics import InverseDynamics, Payload
 from cinegen.dynamics.elasticity import Elasticity
 from cinegen.dynamics.errors import MotionError
@@ -24,7 +24,6 @@ if TYPE_CHECKING:
     from cinegen.workspace.cells import Cells
     from cinegen.workspace.specification import MapSpecification
 
-Array = NDArray[np.float64]
 
 LIMITED = frozenset({"torque", "payload", "payload_any"})
 """Quantities that take limits of torque, and masses."""

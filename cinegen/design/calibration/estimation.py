@@ -23,9 +23,9 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.optimize import least_squares
 
+from cinegen.arrays import Array, Bools
 from cinegen.design.amounts import Amounts, amount_in, fits, pairs
 from cinegen.design.calibration.hypotheses import ContradictionError, Doubt, doubt, explanation
 from cinegen.design.calibration.identifiability import LISTED, Dependency, Subspace, dependencies, subspace
@@ -38,9 +38,6 @@ from cinegen.errors import warn
 from raff2urdf import closure
 from raff2urdf.quantities import ANGLE, LENGTH, Dimension
 from raff2urdf.raff.document import Document
-
-Array = NDArray[np.float64]
-Mask = NDArray[np.bool_]
 
 LENGTH_ERROR, ANGLE_ERROR = 3e-4, math.radians(0.05)
 """Expected errors of manufacture and assembly, m and rad, of parameters for which none is given."""
@@ -140,7 +137,7 @@ class Calibration:
     before: Array
     after: Array
     standard: Array
-    kept: Mask
+    kept: Bools
     outliers: tuple[Outlier, ...]
     chi2: float
     degrees_of_freedom: int
@@ -162,7 +159,7 @@ class Calibration:
         return np.sqrt(np.diag(self.covariance))
 
     @property
-    def separate(self) -> Mask:
+    def separate(self) -> Bools:
         """(parameters,) which are determined by themselves."""
         return np.asarray(self.subspace.lengths > _OWN)
 
@@ -360,7 +357,7 @@ class _Solver:
         known = len(self.errors) - len(self.observation.frames)
         return np.asarray(np.sqrt(self.standard**2 + ((nominal.jacobian * self.errors)[..., :known] ** 2).sum(axis=2)))
 
-    def whiten(self, rows: Array, kept: Mask) -> Array:
+    def whiten(self, rows: Array, kept: Bools) -> Array:
         """Return rows (poses, outputs, .) of the readings kept (poses, outputs), whitened: (rows, .)."""
         is_diagonal = not self.observation.input_sigmas.any()
         if is_diagonal:
@@ -372,7 +369,7 @@ class _Solver:
                 found.append(np.linalg.solve(factor, one[mask]))
         return np.concatenate(found)
 
-    def least_squares(self, space: Subspace, z: Array, kept: Mask, loss: str = "linear", scale: float = 1.0) -> Array:
+    def least_squares(self, space: Subspace, z: Array, kept: Bools, loss: str = "linear", scale: float = 1.0) -> Array:
         """Return the combinations (combinations,) that minimise the loss of the readings kept, from z. Losses that are
         not linear take readings as independent."""
         observation = self.observation
@@ -407,7 +404,7 @@ class _Solver:
             warn(f"{observation.measurements.source}: the estimate has not converged in {done.nfev} evaluations")
         return np.asarray(done.x)
 
-    def robust(self, space: Subspace, nominal: Prediction, before: Array) -> tuple[Array, Mask]:
+    def robust(self, space: Subspace, nominal: Prediction, before: Array) -> tuple[Array, Bools]:
         """Return combinations, and which readings (poses, outputs) are no outliers."""
         present = np.isfinite(before)
         sizes = np.abs(before) / self.expected(nominal)
@@ -431,7 +428,7 @@ class _Solver:
             z = self.least_squares(space, z, kept)
         return z, kept
 
-    def _studentised(self, space: Subspace, found: Prediction, kept: Mask) -> Array:
+    def _studentised(self, space: Subspace, found: Prediction, kept: Bools) -> Array:
         """Return residuals (poses, outputs) in their standard deviations, were they estimated without themselves."""
         residuals = self.observation.residuals(found) / self.standard
         rows = found.jacobian @ space.changes / self.standard[..., None]
@@ -500,7 +497,7 @@ def _keyword(parameters: Parameters, number: int | None) -> str:
     return f"{parameters.robot.nodes[number].keyword}{number}" if number else "base"
 
 
-def _outliers(observation: Observation, after: Array, standard: Array, left_out: Mask) -> Iterable[Outlier]:
+def _outliers(observation: Observation, after: Array, standard: Array, left_out: Bools) -> Iterable[Outlier]:
     for pose, k in np.argwhere(left_out).tolist():
         column = observation.outputs[k]
         residual = float(after[pose, k])
@@ -514,7 +511,7 @@ def _outliers(observation: Observation, after: Array, standard: Array, left_out:
 
 
 def _held_out(
-    solver: _Solver, space: Subspace, folds: int, kept: Mask, before: Array, nominal: Prediction
+    solver: _Solver, space: Subspace, folds: int, kept: Bools, before: Array, nominal: Prediction
 ) -> tuple[int, tuple[HeldOut, ...]]:
     """Return the number of folds, and the errors of poses that an estimate from the other poses has not used; readings
     that are outliers for all poses together are in none."""
@@ -545,7 +542,7 @@ def _held_out(
     return folds, tuple(found)
 
 
-def _rms(values: Array, mask: Mask) -> float:
+def _rms(values: Array, mask: Bools) -> float:
     return float(np.sqrt(np.mean(values[mask] ** 2)))
 
 

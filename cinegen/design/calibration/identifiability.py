@@ -15,11 +15,10 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.linalg import lstsq, svd
 from scipy.optimize import linprog
 
-Array = NDArray[np.float64]
+from cinegen.arrays import Array
 
 DEPENDENT = 1e-9
 """Singular values below this fraction of the largest are those of dependent combinations."""

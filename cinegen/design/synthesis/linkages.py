@@ -20,8 +20,8 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from cinegen.arrays import Array, Indices
 from cinegen.design.design import Design, DesignEvaluation
 from cinegen.design.errors import DesignError
 from cinegen.design.parameters import Parameters
@@ -29,8 +29,6 @@ from cinegen.design.synthesis.nearest import closed_motions, nearest
 from cinegen.design.synthesis.task import Precision
 from cinegen.errors import UnknownNameError
 from raff2urdf import Document, closure
-
-Array = NDArray[np.float64]
 
 EXACT = 1e-9
 """What may be missing at a precision point, characteristic lengths and rad."""
@@ -175,7 +173,7 @@ class PrecisionProblem:
 
     # --- what is missing -----------------------------------------------------------------------------------------
 
-    def missing(self, here: DesignEvaluation, at: NDArray[np.intp]) -> Array:
+    def missing(self, here: DesignEvaluation, at: Indices) -> Array:
         """Return what is missing (n, rows) at precision points by their indices, dimensionless."""
         targets = self._targets[at]
         if self._joints:
@@ -365,12 +363,12 @@ def _turns_back(values: Array) -> bool:
     return bool(len(steps) and steps.min() < 0.0 < steps.max())
 
 
-def _in_order(costs: Array) -> tuple[float, NDArray[np.intp], NDArray[np.intp]]:
+def _in_order(costs: Array) -> tuple[float, Indices, Indices]:
     """Return the least sum of costs (steps, points) of points at increasing steps, these steps (points,), and all steps
     between the first and the last, in either direction and from the step that is best for the first point."""
     steps, n = costs.shape
     nothing = np.zeros(n, dtype=np.intp)
-    best: tuple[float, NDArray[np.intp], NDArray[np.intp]] = (np.inf, nothing, nothing)
+    best: tuple[float, Indices, Indices] = (np.inf, nothing, nothing)
     for direction in (1, -1):
         order = np.arange(steps)[::direction]
         first = int(np.argmin(costs[order, 0]))

@@ -16,8 +16,8 @@ from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
 
+from cinegen.arrays import Array, ArrayLike
 from cinegen.design.errors import DesignError
 from cinegen.design.parameters import Parameters
 from cinegen.design.synthesis.objectives import ScoreRows, Scores, Scoring
@@ -25,8 +25,6 @@ from cinegen.design.synthesis.reaching import Reached, Reaching
 from cinegen.design.synthesis.region import Reach
 from cinegen.design.synthesis.task import DesignObjective, Task
 from raff2urdf import Document
-
-Array = NDArray[np.float64]
 
 FEASIBLE = 1e-6
 """A constraint that is violated by no more, dimensionless, holds."""

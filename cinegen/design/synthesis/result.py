@@ -8,15 +8,13 @@ from dataclasses import asdict, dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from cinegen.arrays import Array
 from cinegen.design.parameters import Parameters
 from cinegen.design.rewriting import rewritten
 from cinegen.design.synthesis.problem import FEASIBLE, SynthesisProblem
 from cinegen.design.synthesis.task import DesignObjective, Task
 from raff2urdf.quantities import NUMBER, shown
-
-Array = NDArray[np.float64]
 
 _SLIGHT = 1e-3  # by what part constraints may be violated between the targets of the optimiser
 _FAILED = 3  # starts whose reasons are listed

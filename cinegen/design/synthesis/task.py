@@ -9,14 +9,10 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any, Literal
 
-import numpy as np
-from numpy.typing import NDArray
-
+from cinegen.arrays import Array
 from cinegen.design.amounts import Amounts
 from cinegen.design.synthesis.quantities import QUANTITIES
 from cinegen.design.synthesis.region import Reach
-
-Array = NDArray[np.float64]
 
 FLOOR = 0.01
 """Least distance to singularities of both types unless the task gives one: the smallest singular value, and the inverse

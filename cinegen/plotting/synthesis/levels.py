@@ -6,8 +6,8 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from cinegen.arrays import Array
 from cinegen.plotting.shades import OUT
 from cinegen.plotting.sheet import BLUE, FAINT, INK, LABEL, ORANGE, VERMILION, finish, label, new_figure
 from cinegen.plotting.synthesis.wording import heading_of
@@ -16,7 +16,6 @@ from raff2urdf.quantities import LENGTH, shown_scale
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-Array = NDArray[np.float64]
 
 _WIDE = 7.2  # inches
 _BANDS = 20

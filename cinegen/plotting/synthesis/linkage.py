@@ -6,8 +6,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
+from cinegen.arrays import Array
 from cinegen.design.synthesis import LinkageSynthesis, PrecisionProblem
 from cinegen.design.synthesis.linkages import EXACT
 from cinegen.design.synthesis.nearest import closed_motions
@@ -23,7 +23,6 @@ from raff2urdf.quantities import ANGLE, LENGTH, shown, shown_scale
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-Array = NDArray[np.float64]
 
 _WIDE = 7.2  # inches
 _TALL = 5.2  # inches, at most

@@ -6,7 +6,6 @@ import json
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
 from cinegen.design.synthesis import LinkageSynthesis, Reach, Start, Synthesis, SynthesisProblem
 from cinegen.errors import CinegenError
@@ -26,8 +25,6 @@ from cinegen.plotting.synthesis.wording import (
     value_text,
 )
 from raff2urdf.quantities import LENGTH, shown
-
-Array = NDArray[np.float64]
 
 _GRID = {0: 1, 1: 101, 2: 31}  # points along each axis of a region, by the axes along which it is wide
 _VOLUME = 9

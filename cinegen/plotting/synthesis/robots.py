@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pinocchio as pin
-from numpy.typing import NDArray
 
+from cinegen.arrays import Array
 from cinegen.design.synthesis import Reach
 from cinegen.errors import CinegenError
 from cinegen.model import Mechanism
@@ -25,7 +25,6 @@ from raff2urdf.quantities import LENGTH, shown
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-Array = NDArray[np.float64]
 
 _WIDE = 7.2  # inches
 _TALLEST = 3.6  # inches, of a row

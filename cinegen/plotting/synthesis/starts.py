@@ -5,8 +5,8 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from cinegen.arrays import Array
 from cinegen.design.synthesis import Synthesis
 from cinegen.plotting.sheet import BLUE, FAINT, ORANGE, VERMILION, finish, label, new_figure
 from cinegen.plotting.synthesis.wording import heading_of, unit_of
@@ -14,7 +14,6 @@ from cinegen.plotting.synthesis.wording import heading_of, unit_of
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-Array = NDArray[np.float64]
 
 _WIDE = 7.2  # inches
 
