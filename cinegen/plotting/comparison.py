@@ -55,8 +55,7 @@ def draw_comparison(
     elif quantity not in known:
         raise MapError(f"the maps don't both have '{quantity}'{did_you_mean(quantity, known)}")
     figure = (_over_one if len(found.region.axes) == 1 else _over_two)(found, spec, quantity, size)
-    finish(figure)
-    return figure
+    return finish(figure)
 
 
 def _classes(found: Comparison) -> list[tuple[Bools, str, str]]:

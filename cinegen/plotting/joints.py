@@ -80,8 +80,7 @@ def draw_joints(plan: Plan, motion: TimedPath | None = None) -> Figure:
     label(panels[-1], "time (s)", "velocity / limit")
     for axes in panels:
         axes.grid(color=FAINT, alpha=0.25)
-    finish(figure)
-    return figure
+    return finish(figure)
 
 
 def _line(number: int) -> dict[str, Any]:

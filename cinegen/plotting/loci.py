@@ -60,8 +60,7 @@ def draw_loci(loci: SingularLoci, size: float = 7.0, name: str | None = None) ->
         axes.set_aspect("equal")
     axes.set_xlim(u[0], u[-1])
     axes.set_ylim(v[0], v[-1])
-    finish(figure)
-    return figure
+    return finish(figure)
 
 
 def paint_curves(

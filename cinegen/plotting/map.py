@@ -77,8 +77,7 @@ def draw_map(
     picture = _Picture(dataset, spec, values, shades(dataset, shown, values), curves, robot)
     first, second = _heading(spec, name), _given(spec, text)
     figure = (picture.over_one, picture.over_two, picture.over_three)[len(spec.region.axes) - 1](size, first, second)
-    finish(figure)
-    return figure
+    return finish(figure)
 
 
 @dataclass(frozen=True)

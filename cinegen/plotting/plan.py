@@ -73,8 +73,7 @@ def draw_plan(plan: Plan, margin: bool = True) -> Figure:
     for axes, view in zip(maps, layout.views, strict=True):
         _paint(axes, layout, view, margin)
     _clearance(strip, layout)
-    finish(figure)
-    return figure
+    return finish(figure)
 
 
 def robot_name(scene: Scene) -> str:

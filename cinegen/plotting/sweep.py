@@ -48,8 +48,7 @@ def draw_sweep(result: SweepResult, size: float = 7.0, name: str | None = None) 
     text = f"{len(result.suitable)} of {len(result.rows)} reach the whole wanted box without a singularity"
     figure, body = sheet(1.5 * size, 0.65 * size, title, text) if flat else sheet(size, 0.9 * size, title, text)
     (_surfaces if flat else _lines)(body, result, varied)
-    finish(figure)
-    return figure
+    return finish(figure)
 
 
 def _check(varied: int) -> None:

@@ -9,7 +9,7 @@ import numpy as np
 
 from cinegen.arrays import Array
 from cinegen.plotting.shades import OUT
-from cinegen.plotting.sheet import BLUE, FAINT, INK, LABEL, ORANGE, VERMILION, finish, label, new_figure
+from cinegen.plotting.sheet import BLUE, FAINT, INK, LABEL, ORANGE, VERMILION, finish, graph, label, new_figure
 from cinegen.plotting.synthesis.wording import heading_of
 from raff2urdf.quantities import LENGTH, shown_scale
 
@@ -78,7 +78,7 @@ def draw_field(field: RegionField, is_region: bool) -> Figure:
 
 
 def _bars(field: RegionField) -> Figure:
-    figure, axes = _figure(2.6)
+    figure, axes = graph(_WIDE, 2.6)
     at = np.arange(1, len(field.targets) + 1)
     for side, (name, colour) in enumerate(zip(_SIDES, _COLOURS, strict=True)):
         values = field.values[side]
@@ -90,12 +90,11 @@ def _bars(field: RegionField) -> Figure:
     axes.grid(axis="y", color=FAINT, alpha=0.25)
     axes.set_axisbelow(True)
     label(axes, "point", heading_of(field.quantity), room=2.2)
-    finish(figure)
-    return figure
+    return finish(figure)
 
 
 def _line(field: RegionField, varying: list[int]) -> Figure:
-    figure, axes = _figure(2.8)
+    figure, axes = graph(_WIDE, 2.8)
     scale, unit = shown_scale(LENGTH)
     k = varying[0]
     order = np.argsort(field.targets[:, k])
@@ -107,15 +106,13 @@ def _line(field: RegionField, varying: list[int]) -> Figure:
               label="points of the optimiser", clip_on=False)  # fmt: skip
     axes.grid(color=FAINT, alpha=0.25)
     label(axes, f"{field.axes[k]} ({unit})", heading_of(field.quantity), room=2.2)
-    finish(figure)
-    return figure
+    return finish(figure)
 
 
 def _sorted(field: RegionField) -> Figure:
-    figure, axes = _figure(2.8)
+    figure, axes = graph(_WIDE, 2.8)
     _draw_sorted(axes, field, "points")
-    finish(figure)
-    return figure
+    return finish(figure)
 
 
 def _draw_sorted(axes: Any, field: RegionField, of: str) -> None:
@@ -138,7 +135,7 @@ def _area(field: RegionField) -> Figure:
     targets = field.targets[:, [first, second]]
     wide, tall = np.ptp(targets, axis=0)
     panel = (_WIDE - 1.6) / 2.0
-    figure, both = _figure(min(max(panel * tall / wide, 0.9), 5.0) + 0.95, 2)
+    figure, both = graph(_WIDE, min(max(panel * tall / wide, 0.9), 5.0) + 0.95, 2)
     colours, drawn = _colours(field.values), None
     for side, axes in enumerate(both):
         drawn = _levels(axes, targets, field.values[side], colours) or drawn
@@ -148,8 +145,7 @@ def _area(field: RegionField) -> Figure:
             _mark(axes, targets[[worst]], "X", VERMILION, "worst")
         _frame(axes, field, side, (first, second), "", worst)
     _bar(figure, list(both), drawn, colours, heading_of(field.quantity))
-    finish(figure)
-    return figure
+    return finish(figure)
 
 
 def _volume(field: RegionField) -> Figure:
@@ -172,8 +168,7 @@ def _volume(field: RegionField) -> Figure:
             _frame(axes, field, side, (across[0], across[1]), plane, None)
     _bar(above, list(panels.flat), drawn, colours, heading_of(field.quantity))
     _draw_sorted(below.subplots(), field, "region")
-    finish(figure)
-    return figure
+    return finish(figure)
 
 
 # --- parts of pictures -------------------------------------------------------------------------------------------
@@ -184,12 +179,6 @@ class _Colours:
     levels: Array
     norm: Any
     extend: str
-
-
-def _figure(tall: float, columns: int = 1) -> tuple[Figure, Any]:
-
-    figure = new_figure(figsize=(_WIDE, tall), dpi=150, layout="constrained")
-    return figure, figure.subplots(1, columns)
 
 
 def _colours(values: Array) -> _Colours:
