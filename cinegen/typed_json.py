@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import json
 import math
+from dataclasses import asdict, is_dataclass
+from enum import Enum
 from typing import Annotated, Any, TypeVar, get_origin
 
 import msgspec
@@ -39,6 +41,26 @@ def encode(message: Any) -> bytes:
     except UnicodeEncodeError:  # the name of a file, which is not UTF-8: it is escaped
         text = json.dumps(msgspec.to_builtins(message, enc_hook=_encoded))
         return json.dumps(json.loads(text, parse_constant=lambda _: None)).encode()
+
+
+def as_json(of: object, *names: str, **others: Any) -> dict[str, Any]:
+    """Return attributes of an object by their names, and other values, as what JSON holds: arrays and tuples as lists,
+    enums as their values, dataclasses by their fields, None for what is not finite."""
+    return {name: _plain(value) for name, value in ({name: getattr(of, name) for name in names} | others).items()}
+
+
+def _plain(value: Any) -> Any:
+    if is_dataclass(value) and not isinstance(value, type):
+        return _plain(asdict(value))
+    if isinstance(value, dict):
+        return {name: _plain(one) for name, one in value.items()}
+    if isinstance(value, list | tuple):
+        return [_plain(one) for one in value]
+    if isinstance(value, np.ndarray | np.generic):
+        return _plain(value.tolist())
+    if isinstance(value, Enum):
+        return value.value
+    return None if isinstance(value, float) and not math.isfinite(value) else value
 
 
 def _encoded(value: Any) -> Any:

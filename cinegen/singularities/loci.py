@@ -18,6 +18,7 @@ from cinegen.html import table
 from cinegen.singularities.branch import flood, neighbours
 from cinegen.singularities.contour import SingularCurve, SingularityGrid
 from cinegen.singularities.slice import Slice, SliceError
+from cinegen.typed_json import as_json
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -57,21 +58,15 @@ class SingularLoci:
 
     def as_dict(self) -> dict[str, Any]:
         """Return what JSON shows: m and rad."""
-        curves = [
-            {"kind": c.kind.value, "border": c.border, "points": c.points.tolist(), "q": c.q.tolist()}
-            for c in self.curves
-        ]
-        return {
-            "robot": self.of.mechanism.name,
-            "node": self.of.node,
-            "axes": [axis.name for axis in self.of.axes],
-            "fixed": self.of.given(*self.of.start()),
-            "u": self.u.tolist(),
-            "v": self.v.tolist(),
-            "type 1": _numbers(self.first),
-            "type 2": _numbers(self.second),
-            "curves": curves,
-        }
+        return as_json(
+            self, "u", "v",
+            robot=self.of.mechanism.name,
+            node=self.of.node,
+            axes=[axis.name for axis in self.of.axes],
+            fixed=self.of.given(*self.of.start()),
+            **{"type 1": self.first, "type 2": self.second},
+            curves=[as_json(curve, "kind", "border", "points", "q") for curve in self.curves],
+        )  # fmt: skip
 
 
 def singular_loci(of: Slice, count: int = 61, report: Callable[[float], None] | None = None) -> SingularLoci:
@@ -129,7 +124,3 @@ def _first(grid: SingularityGrid, of: Slice) -> int:
         f"{of.mechanism.name}: no point of this slice over {axes} can be reached from home: choose one nearer to "
         f"home, which is at {at}"
     )
-
-
-def _numbers(values: Array) -> list[list[float | None]]:
-    return [[float(value) if np.isfinite(value) else None for value in row] for row in values]

@@ -17,6 +17,7 @@ import numpy as np
 
 from cinegen.arrays import Array, Bools
 from cinegen.html import table
+from cinegen.typed_json import as_json
 from cinegen.workspace.cells import CellStatus
 from cinegen.workspace.errors import MapError
 from cinegen.workspace.extent import Extent, bounds, extent_of
@@ -70,8 +71,7 @@ class QuantityDifference:
 
     def as_dict(self) -> dict[str, Any]:
         """Return JSON values."""
-        values = zip(("min", "median", "max"), self.range, strict=True)
-        return {"unit": self.unit, **{name: x if math.isfinite(x) else None for name, x in values}}
+        return as_json(self, "unit", **dict(zip(("min", "median", "max"), self.range, strict=True)))
 
 
 @dataclass(frozen=True, eq=False, repr=False)

@@ -25,6 +25,7 @@ import numpy as np
 from scipy.ndimage import maximum_filter
 
 from cinegen.arrays import Array, Bools, Indices
+from cinegen.typed_json import as_json
 from cinegen.workspace.cells import CellStatus
 from cinegen.workspace.errors import MapError
 from cinegen.workspace.region import Region
@@ -73,8 +74,7 @@ class Extent:
 
     def as_dict(self) -> dict[str, Any]:
         """Return JSON values."""
-        return {"value": self.value, "error": self.error, "low": self.low, "high": self.high, "unit": self.unit,
-                "cells": self.cells}  # fmt: skip
+        return as_json(self, "value", "error", "low", "high", "unit", "cells")
 
 
 def extent(dataset: xarray.Dataset, where: xarray.DataArray | None = None) -> Extent:
