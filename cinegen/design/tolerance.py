@@ -33,12 +33,14 @@ from scipy.optimize import brentq
 from scipy.special import ndtr, ndtri
 
 from cinegen.arrays import Array, ArrayLike, Bools, Indices
-from cinegen.design.amounts import Amounts, amount_in, fits, matching, pairs
+from cinegen.design.amounts import Amounts, amount_in, matching, pairs
 from cinegen.design.chains import COMPONENTS
 from cinegen.design.design import Design, DesignEvaluation
 from cinegen.design.errors import DesignError
 from cinegen.design.parameters import Parameters, is_pattern
+from cinegen.design.ties import fits
 from cinegen.loops.thresholds import CLOSURE
+from cinegen.typed_json import as_json
 from raff2urdf.errors import did_you_mean
 from raff2urdf.quantities import ANGLE, LENGTH, Dimension, has_unit, shown
 from raff2urdf.raff.document import Document, LoopKind
@@ -226,47 +228,23 @@ class ToleranceReport:
 
     def as_dict(self) -> dict[str, Any]:
         """Return what JSON shows: m and rad."""
-        found = self.monte_carlo
-        return {
-            "node": self.node,
-            "pose": self.pose.tolist(),
-            "interval": self.interval,
-            "sigma": self.sigma.tolist(),
-            "position": self.position,
-            "orientation": self.orientation,
-            "covariance": self.covariance.tolist(),
-            "worst_case": {"linear": self.linear.tolist(), "second_order": self.second_order.tolist()},
-            "contributors": [
-                {
-                    "name": one.name,
-                    "sigma": one.sigma,
-                    "half_width": one.half_width,
-                    "position": float(share[0]),
-                    "orientation": float(share[1]),
-                }
+        found, names = self.monte_carlo, ("node", "pose", "interval", "sigma", "position", "orientation", "covariance")
+        return as_json(
+            self,
+            *names,
+            worst_case=as_json(self, "linear", "second_order"),
+            contributors=[
+                as_json(one, "name", "sigma", "half_width", position=share[0], orientation=share[1])
                 for one, share in zip(self.sources, self.shares, strict=True)
             ],
-            "idle": list(self.idle),
-            "forced": {
-                "names": list(self.forced.names),
-                "position": self.forced.position.tolist(),
-                "angle": self.forced.angle.tolist(),
-                "worst_position": self.forced.worst_position,
-                "worst_angle": self.forced.worst_angle,
-            },
-            "monte_carlo": None
-            if found is None
-            else {
-                "samples": found.count,
-                "failed": found.failed,
-                "mean": found.mean.tolist(),
-                "covariance": found.covariance.tolist(),
-                "largest": found.largest.tolist(),
-                "outside": found.outside,
-                "covariance_error": self.covariance_error,
-                "message": self.agreement,
-            },
-        }
+            idle=self.idle,
+            forced=as_json(self.forced, "names", "position", "angle", "worst_position", "worst_angle"),
+            monte_carlo=found
+            and as_json(
+                found, "failed", "mean", "covariance", "largest", "outside", samples=found.count,
+                covariance_error=self.covariance_error, message=self.agreement,
+            ),
+        )  # fmt: skip
 
 
 class Tolerances:

@@ -26,7 +26,7 @@ import numpy as np
 from scipy.optimize import least_squares
 
 from cinegen.arrays import Array, Bools
-from cinegen.design.amounts import Amounts, amount_in, fits, pairs
+from cinegen.design.amounts import Amounts, amount_in, pairs
 from cinegen.design.calibration.hypotheses import ContradictionError, Doubt, doubt, explanation
 from cinegen.design.calibration.identifiability import LISTED, Dependency, Subspace, dependencies, subspace
 from cinegen.design.calibration.measurements import Measurements
@@ -34,7 +34,9 @@ from cinegen.design.calibration.observation import Observation, Prediction
 from cinegen.design.calibration.plausible import check_units, predicted
 from cinegen.design.errors import DesignError
 from cinegen.design.parameters import Parameters
+from cinegen.design.ties import fits
 from cinegen.errors import warn
+from cinegen.typed_json import as_json
 from raff2urdf import closure
 from raff2urdf.quantities import ANGLE, LENGTH, Dimension
 from raff2urdf.raff.document import Document
@@ -186,44 +188,30 @@ class Calibration:
     def as_dict(self) -> dict[str, Any]:
         """Return what JSON shows: m and rad."""
         kinds = {LENGTH: "length", ANGLE: "angle"}
-        return {
-            "poses": len(self.observation.measurements),
-            "readings": int(np.isfinite(self.before).sum()),
-            "parameters": [
-                {
-                    "name": name, "unit": self.unit(name), "nominal": float(a), "value": float(b), "sigma": float(s),
-                    "separate": bool(own),
-                }
-                for name, a, b, s, own in zip(
-                    self.names, self.nominal, self.values, self.sigmas, self.separate, strict=True
-                )
-                if name not in (*self.without_effect, *self.opening, *self.observation.frames.names)
+        columns = zip(self.names, self.nominal, self.values, self.sigmas, self.separate, strict=True)
+        left_out = (*self.without_effect, *self.opening, *self.observation.frames.names)
+        return as_json(
+            self, "names", "covariance", "without_effect", "opening", "chi2", "degrees_of_freedom", "folds",
+            poses=len(self.observation.measurements),
+            readings=int(np.isfinite(self.before).sum()),
+            parameters=[
+                {"name": name, "unit": self.unit(name), "nominal": a, "value": b, "sigma": s, "separate": own}
+                for name, a, b, s, own in columns
+                if name not in left_out
             ],
-            "frames": [{"name": name, "pose": pose.tolist()} for name, pose in self.frames.items()],
-            "names": list(self.names),
-            "covariance": self.covariance.tolist(),
-            "identifiable": self.subspace.rank,
-            "estimated": self.subspace.basis.shape[1],
-            "dependencies": [
-                {"names": list(one.names), "changes": one.changes.tolist(), "text": one.text}
-                for one in self.dependencies
-            ],
-            "without_effect": list(self.without_effect),
-            "opening": list(self.opening),
-            "outliers": [
-                {"pose": self.observation.measurements.labels[one.pose], "text": one.where, "residual": one.residual,
-                 "sigmas": one.sigmas}
+            frames=[{"name": name, "pose": pose} for name, pose in self.frames.items()],
+            identifiable=self.subspace.rank,
+            estimated=self.subspace.basis.shape[1],
+            dependencies=[as_json(one, "names", "changes", "text") for one in self.dependencies],
+            outliers=[
+                as_json(one, "residual", "sigmas", pose=self.observation.measurements.labels[one.pose], text=one.where)
                 for one in self.outliers
             ],
-            "chi2": self.chi2,
-            "degrees_of_freedom": self.degrees_of_freedom,
-            "folds": self.folds,
-            "held_out": [
-                {"kind": kinds[one.dimension], "readings": one.count, "before": one.before, "after": one.after,
-                 "kept": one.kept, "noise": one.noise}
+            held_out=[
+                as_json(one, "before", "after", "kept", "noise", kind=kinds[one.dimension], readings=one.count)
                 for one in self.held_out
             ],
-        }  # fmt: skip
+        )  # fmt: skip
 
 
 def calibrate(
@@ -335,7 +323,7 @@ def expected_errors(parameters: Parameters, sigma: Amounts | None) -> Array:
     found = np.array([LENGTH_ERROR if parameters.all[i].unit == "m" else ANGLE_ERROR for i in indices])
     for pattern, amount in pairs(sigma):
         matching = parameters.matching([pattern])
-        fitting = [i for i in matching if fits(amount, parameters.all[i].dimension)] or matching
+        fitting = [i for i in matching if fits(str(amount), parameters.all[i].dimension)] or matching
         for i in set(fitting) & set(indices):
             value = amount_in(f"expected error of {pattern}", amount, parameters.all[i].dimension)
             if not value > 0.0:

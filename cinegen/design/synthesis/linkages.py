@@ -26,8 +26,9 @@ from cinegen.design.design import Design, DesignEvaluation
 from cinegen.design.errors import DesignError
 from cinegen.design.parameters import Parameters
 from cinegen.design.synthesis.nearest import closed_motions, nearest
-from cinegen.design.synthesis.task import Precision
+from cinegen.design.synthesis.task import Precision, check_bounds
 from cinegen.errors import UnknownNameError
+from cinegen.typed_json import as_json
 from raff2urdf import Document, closure
 
 EXACT = 1e-9
@@ -94,30 +95,33 @@ class LinkageSynthesis:
         ]
         for name, old, new in zip(self.parameters.names, self.parameters.values, self.p, strict=True):
             lines.append(f"  {name:<12} {self.parameters.text(name, old)} -> {self.parameters.text(name, new, 9)}")
-        circuit = (
-            "all points are on one circuit" if self.one_circuit else "circuit defect: points are on several circuits"
+        return "\n".join([*lines, f"  {self.defects}"])
+
+    @property
+    def defects(self) -> str:
+        """Whether the linkage has defects, as people read it."""
+        return "; ".join(
+            good if holds else bad
+            for holds, good, bad in (
+                (self.one_circuit, "all points are on one circuit", "circuit defect: points are on several circuits"),
+                (self.in_order, "passed in their order", "order defect: passed in another order"),
+                (
+                    self.one_branch,
+                    "the actuated joint never turns back",
+                    "branch defect: the actuated joint turns back",
+                ),
+            )
         )
-        order = "passed in their order" if self.in_order else "order defect: passed in another order"
-        branch = (
-            "the actuated joint never turns back" if self.one_branch else "branch defect: the actuated joint turns back"
-        )
-        lines.append(f"  {circuit}; {order}; {branch}")
-        return "\n".join(lines)
 
     def as_dict(self) -> dict[str, Any]:
         """Return the result for JSON: m and rad."""
+        names = ("one_circuit", "in_order", "one_branch", "starts", "exact", "evaluations", "holds")
         return {
             "robot": self.parameters.robot.name,
             "parameters": dict(zip(self.parameters.names, self.p.tolist(), strict=True)),
             "before": dict(zip(self.parameters.names, self.parameters.values.tolist(), strict=True)),
             "errors": self.error.tolist(),
-            "one_circuit": self.one_circuit,
-            "in_order": self.in_order,
-            "one_branch": self.one_branch,
-            "starts": self.starts,
-            "exact": self.exact,
-            "evaluations": self.evaluations,
-            "holds": self.holds,
+            **as_json(self, *names),
         }
 
 
@@ -142,13 +146,7 @@ class PrecisionProblem:
         self.task = task
         self.parameters = Parameters(source, list(task.parameters), task.ties, task.parameters, robot)
         self.mechanism = mechanism = self.parameters.mechanism
-        loose = [
-            name
-            for name, bounds in zip(self.parameters.names, self.parameters.bounds, strict=True)
-            if not np.isfinite(bounds).all()
-        ]
-        if loose:
-            raise DesignError(f"{', '.join(loose)}: without bounds: give them in [parameters], as low..high")
+        check_bounds(self.parameters)
         if mechanism.mobility != 1:
             raise DesignError(
                 f"{mechanism.name} has mobility {mechanism.mobility}: precision points are of linkages with 1"

@@ -20,7 +20,6 @@ from cinegen.design.errors import DesignError
 from cinegen.design.parameters import Parameters
 from cinegen.design.synthesis.nearest import nearest
 from cinegen.design.synthesis.region import Reach
-from cinegen.errors import UnknownNameError
 from raff2urdf import closure
 
 REACHED = 1e-9
@@ -81,8 +80,6 @@ class Reaching:
         self.parameters = parameters
         self.mechanism = mechanism = parameters.mechanism
         self.node = node or mechanism.end
-        if self.node not in mechanism.nodes:
-            raise UnknownNameError("node", self.node, mechanism.nodes)
         self.every, self.design = Design(parameters, fixed=()), Design(further)
         self.home = self.every.evaluate().placements(self.node)[0]
         self.reach = reach.relative_to(self.home[:3, :3])
