@@ -33,7 +33,6 @@ _NEAR = 1.5  # steps: a configuration is on a motion
 _COLOURS = (BLUE, ORANGE, SKY, GREEN)  # of circuits
 _ROOM = 0.06
 _HAND = 0.06  # length of the axes of a pose, parts of the picture
-_DIGITS = 9
 
 
 def write_linkage(found: LinkageSynthesis) -> str:
@@ -61,15 +60,7 @@ def write_linkage(found: LinkageSynthesis) -> str:
     page.section("Precision points")
     page.table("What is missing is in characteristic lengths and rad", *_points(found))
     page.section("Parameters")
-    rows = [
-        [
-            parameters.tied_name(k),
-            *(parameters.text(one, x, _DIGITS) for x in (parameters.values[k], found.p[k])),
-            " to ".join(parameters.text(one, x) for x in parameters.bounds[k]),
-        ]
-        for k, one in enumerate(parameters.names)
-    ]
-    page.table("Free parameters", ["parameter", "before", "after", "range"], rows)
+    page.parameters(parameters, found.p, [parameters.tied_name(k) for k in range(len(parameters))], digits=9)
     if task.ties:
         page.terms(("tie", tie) for tie in task.ties)
     page.section("What was checked, and what is not proved")
