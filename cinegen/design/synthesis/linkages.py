@@ -99,7 +99,7 @@ class LinkageSynthesis:
 
     @property
     def defects(self) -> str:
-        """Whether the linkage has defects, as people read it."""
+        """The defects that the linkage has or has not, as people read them."""
         return "; ".join(
             good if holds else bad
             for holds, good, bad in (
