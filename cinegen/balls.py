@@ -7,13 +7,11 @@ from contextlib import contextmanager
 from threading import RLock
 from typing import TYPE_CHECKING
 
-import numpy as np
-from numpy.typing import NDArray
+from cinegen.arrays import Array
 
 if TYPE_CHECKING:
     from flint import arb, arb_mat
 
-Array = NDArray[np.float64]
 
 _BITS = 128  # of midpoints
 _LOCK = RLock()

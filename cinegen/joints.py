@@ -6,10 +6,8 @@ from typing import Any
 
 import numpy as np
 import pinocchio as pin
-from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
-Indices = NDArray[np.intp]
+from cinegen.arrays import Array, Indices
 
 _TRANSLATIONS = {"FreeFlyer": 3, "Planar": 2, "Translation": 3, "PrismaticUnaligned": 1, "PX": 1, "PY": 1, "PZ": 1}
 """Number of translational velocities, which come first, by Pinocchio's name for a type of joint."""

@@ -25,15 +25,14 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.linalg import qr
 
+from cinegen.arrays import Array
 from cinegen.balls import precise
 
 if TYPE_CHECKING:
     from flint import arb
 
-Array = NDArray[np.float64]
 
 _RADII = 1e-8, 1e-10, 1e-12  # of boxes that are tried, from the largest
 _MARGIN, _LARGEST = 4.0, 1e-6  # ... and a box so many times as large as a Newton step, up to this

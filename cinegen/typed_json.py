@@ -4,13 +4,16 @@ from __future__ import annotations
 
 import json
 import math
+from dataclasses import asdict, is_dataclass
+from enum import Enum
 from typing import Annotated, Any, TypeVar, get_origin
 
 import msgspec
 import numpy as np
 import pinocchio as pin
 from msgspec import Meta
-from numpy.typing import NDArray
+
+from cinegen.arrays import Array
 
 Vector3 = tuple[float, float, float]
 Vector4 = tuple[float, float, float, float]
@@ -40,6 +43,26 @@ def encode(message: Any) -> bytes:
         return json.dumps(json.loads(text, parse_constant=lambda _: None)).encode()
 
 
+def as_json(of: object, *names: str, **others: Any) -> dict[str, Any]:
+    """Return attributes of an object by their names, and other values, as what JSON holds: arrays and tuples as lists,
+    enums as their values, dataclasses by their fields, None for what is not finite."""
+    return {name: _plain(value) for name, value in ({name: getattr(of, name) for name in names} | others).items()}
+
+
+def _plain(value: Any) -> Any:
+    if is_dataclass(value) and not isinstance(value, type):
+        return _plain(asdict(value))
+    if isinstance(value, dict):
+        return {name: _plain(one) for name, one in value.items()}
+    if isinstance(value, list | tuple):
+        return [_plain(one) for one in value]
+    if isinstance(value, np.ndarray | np.generic):
+        return _plain(value.tolist())
+    if isinstance(value, Enum):
+        return value.value
+    return None if isinstance(value, float) and not math.isfinite(value) else value
+
+
 def _encoded(value: Any) -> Any:
     if isinstance(value, pin.SE3):
         return pin.SE3ToXYZQUAT(value).tolist()
@@ -59,7 +82,7 @@ def _decoded(kind: Any, value: Any) -> Any:
     raise NotImplementedError(f"a {kind} has no form in JSON")
 
 
-def _converted(value: Any, kind: Any) -> NDArray[np.float64]:
+def _converted(value: Any, kind: Any) -> Array:
     try:
         return np.array(msgspec.convert(value, kind), dtype=float)
     except msgspec.ValidationError as error:  # msgspec adds the path of the whole field

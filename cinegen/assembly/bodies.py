@@ -17,14 +17,12 @@ from typing import NamedTuple
 
 import numpy as np
 import pinocchio as pin
-from numpy.typing import NDArray
 
+from cinegen.arrays import Array
 from cinegen.assembly._kernels import COLUMN, IS_PRISMATIC, PARENT
 from cinegen.jit.compiled import Table
 from cinegen.joints import common_point
 from raff2urdf.raff.document import LoopKind
-
-Array = NDArray[np.float64]
 
 _MEET = 1e-8  # characteristic lengths: distance of axes that meet, as samples are closed to no more
 _INDEPENDENT = 0.03  # sine of two vectors that determine the orientation of a body

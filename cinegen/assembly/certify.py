@@ -20,8 +20,8 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 import pinocchio as pin
-from numpy.typing import NDArray
 
+from cinegen.arrays import Array
 from cinegen.balls import axes_and_origin, combined, cross, dot, frame, minus, precise, unit
 from cinegen.joints import axis, translations
 from cinegen.krawczyk import Certificate, Values, certify, distinct
@@ -31,7 +31,6 @@ from raff2urdf.raff.document import LoopKind
 if TYPE_CHECKING:
     from flint import arb, arb_mat
 
-Array = NDArray[np.float64]
 
 _AXES = (0, 1, 2)
 _NEXT = ((0, 1, 2), (1, 2, 0), (2, 0, 1))

@@ -20,15 +20,12 @@ Besides the families of assembly modes these are known (R: revolute, P: prismati
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
 from cinegen.assembly.bodies import LinkageBodies, LinkageJoint
 from cinegen.assembly.families import Family, RigidGroups, recognise
 from cinegen.assembly.linkage import Linkage
 from cinegen.joints import common_point
 from raff2urdf.raff.document import LoopKind
-
-Array = NDArray[np.float64]
 
 _SAME = 1e-8  # characteristic lengths, radians
 _CHAIN = {0: 16, 1: 16, 2: 8, 3: 2}  # solutions of six joints, by the number of prismatic ones

@@ -12,10 +12,10 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from cinegen.arrays import Array, Bools, Integers
 from cinegen.assembly._kernels import ARRIVED, INFINITE, LOST, SINGULAR, Complex
-from cinegen.assembly.linkage import SAME, Array, Linkage, Tracked
+from cinegen.assembly.linkage import SAME, Linkage, Tracked
 
 _REGULAR = 1e-6  # smallest pivot over the largest
 _FIRST, _SMALLEST, _SHRINK = 1e-2, 1e-9, 0.1  # radii of the circles about s = 1
@@ -36,7 +36,7 @@ class PathEnds(NamedTuple):
         features: (count, 3 f) at the end.
     """
 
-    ends: NDArray[np.int64]
+    ends: Integers
     solutions: Complex
     features: Complex
 
@@ -64,7 +64,7 @@ def path_ends(linkage: Linkage, solutions: Complex, start: Complex, goal: Comple
     return PathEnds(ends, there, features)
 
 
-def _duplicates(features: Complex, among: NDArray[np.bool_]) -> NDArray[np.bool_]:
+def _duplicates(features: Complex, among: Bools) -> Bools:
     """Return which ends (count,) coincide with another although both are regular: a path has jumped."""
     rows = np.flatnonzero(among)
     close = np.abs(features[rows, None] - features[rows]).max(axis=2, initial=0.0) < SAME
@@ -79,7 +79,7 @@ class _Circles:
     def __init__(self, linkage: Linkage, start: Complex, goal: Complex | Array) -> None:
         self._linkage, self._start, self._goal = linkage, start, goal
 
-    def ends(self, solutions: Complex) -> tuple[NDArray[np.int64], Complex, Complex]:
+    def ends(self, solutions: Complex) -> tuple[Integers, Complex, Complex]:
         """Return ends, solutions and features of paths that don't end in regular solutions."""
         linkage, count = self._linkage, len(solutions)
         tracked = linkage.track(solutions, linkage.straight(self._start, self._at(_FIRST)))
@@ -116,7 +116,7 @@ class _Circles:
         """Continue solutions from s = 1 - start to s = 1 - goal."""
         return self._linkage.track(solutions, self._linkage.straight(self._at(start), self._at(goal)))
 
-    def _means(self, solutions: Complex, radius: float) -> tuple[Complex, Array, NDArray[np.bool_]]:
+    def _means(self, solutions: Complex, radius: float) -> tuple[Complex, Array, Bools]:
         """Return means of features over a circle, the largest ones on it, and whether it closed, for each solution."""
         linkage, count = self._linkage, len(solutions)
         first = linkage.features(solutions, self._at(radius))

@@ -22,14 +22,12 @@ from typing import NamedTuple
 
 import numpy as np
 import pinocchio as pin
-from numpy.typing import NDArray
 
+from cinegen.arrays import Array
 from cinegen.assembly._kernels import COLUMN, PARENT
 from cinegen.assembly.bodies import JointCentre, LinkageBodies, LinkageJoint
 from cinegen.assembly.linkage import Linkage
 from raff2urdf.raff.document import LoopKind
-
-Array = NDArray[np.float64]
 
 _SAME = 1e-8  # characteristic lengths, radians: samples are closed to no more
 _STILL = 1e-7  # a platform that rotates slower does not

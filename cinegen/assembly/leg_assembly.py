@@ -6,8 +6,8 @@ from typing import NamedTuple
 
 import numpy as np
 import pinocchio as pin
-from numpy.typing import NDArray
 
+from cinegen.arrays import Array
 from cinegen.assembly import _kernels as kernel
 from cinegen.assembly._kernels import COLUMN, Complex, LinkageScratch, LinkageTables, ParameterPath
 from cinegen.assembly.bodies import CutJoint
@@ -15,8 +15,6 @@ from cinegen.assembly.families import RigidGroups, Rod
 from cinegen.assembly.linkage import ACCURACY, Linkage, attached, scratch_of
 from raff2urdf.closure import rank
 from raff2urdf.raff.document import LoopKind
-
-Array = NDArray[np.float64]
 
 _ATTEMPTS = 40
 _ROUNDING = 1e-9

@@ -13,9 +13,9 @@ from typing import NamedTuple
 import numpy as np
 import pinocchio as pin
 from numba import complex128, float64, int64, typeof
-from numpy.typing import NDArray
 from scipy.linalg import qr
 
+from cinegen.arrays import Array, Integers
 from cinegen.assembly import _kernels as kernel
 from cinegen.assembly._kernels import Complex, LinkageScratch, LinkageTables, ParameterPath
 from cinegen.assembly.bodies import CutJoint, Feature, LinkageBodies
@@ -30,8 +30,6 @@ from raff2urdf import closure
 from raff2urdf.coupling import Coupling, followed
 from raff2urdf.raff.document import LoopKind
 from raff2urdf.readers.actuation import syntax_of
-
-Array = NDArray[np.float64]
 
 ACCURACY = 3e-4
 """Target error of a prediction along a path, radians and characteristic lengths."""
@@ -74,7 +72,7 @@ class Tracked(NamedTuple):
     """
 
     solutions: Complex
-    ends: NDArray[np.int64]
+    ends: Integers
     pivots: Array
 
     @property
@@ -377,7 +375,7 @@ class Linkage:
 
     def newton(
         self, guesses: Complex, where: Complex | Array | ParameterPath, rank: int | None = None
-    ) -> tuple[Complex, NDArray[np.int64]]:
+    ) -> tuple[Complex, Integers]:
         """Apply Newton's method to guesses (count, k + 1) at values (locked,) or at a path's beginning, with a rank of
         the loops unless it is the general one. Return where it ends, and how: ARRIVED, SINGULAR or LOST."""
         path = where if isinstance(where, ParameterPath) else self.fixed(where)

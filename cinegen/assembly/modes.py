@@ -8,8 +8,8 @@ from dataclasses import replace
 from functools import partial
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
 
+from cinegen.arrays import Array, ArrayLike, Complex
 from cinegen.assembly.certify import BodyFeature, Unknowns
 from cinegen.assembly.families import Family, recognise
 from cinegen.assembly.homotopy import Homotopy
@@ -17,8 +17,6 @@ from cinegen.assembly.linkage import Linkage, ModesError
 from cinegen.assembly.results import AssemblyModes, NearestConfiguration
 from cinegen.assembly.six_rods import SixRods
 from cinegen.model import Mechanism
-
-Array = NDArray[np.float64]
 
 _MOST_EQUATIONS = 100
 _THERE = 1e-6  # rad, characteristic lengths: a redundant joint is at the value asked for
@@ -130,7 +128,7 @@ class ModesSolver:
         """The points and directions that distinguish modes."""
         return self._linkage.body_features
 
-    def features(self, q: Array) -> NDArray[np.complex128]:
+    def features(self, q: Array) -> Complex:
         """Return the points and directions (3 f,) that distinguish modes, in the configuration q (nq,)."""
         linkage = self._linkage
         return np.asarray(linkage.features(linkage.unknowns(q)[None], linkage.locked_values(q))[0])

@@ -7,22 +7,21 @@ from __future__ import annotations
 
 from abc import abstractmethod
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from functools import cached_property
 from typing import Any, overload
 
 import numpy as np
 import pinocchio as pin
-from numpy.typing import NDArray
 
+from cinegen.arrays import Array
 from cinegen.assembly.certify import LoopEquations, Unknowns
 from cinegen.hexapod import SolutionCounts
 from cinegen.html import table
 from cinegen.krawczyk import Certificate
 from cinegen.model import Mechanism
 from cinegen.model.spherical import SphericalJoints
-
-Array = NDArray[np.float64]
+from cinegen.typed_json import as_json
 
 _WITHOUT = "singular or nearly so, not exact, or not distinct"  # solutions without a certificate
 
@@ -81,12 +80,7 @@ class SelfMotion:
 
     def as_dict(self, mechanism: Mechanism) -> dict[str, Any]:
         """Return what JSON shows: rad and m."""
-        return {
-            "dimension": self.dimension,
-            "degree": self.degree,
-            "moving": list(self.moving),
-            "joints": mechanism.values(self.configuration),
-        }
+        return as_json(self, "dimension", "degree", "moving", joints=mechanism.values(self.configuration))
 
 
 class SolutionSet(Sequence[Array]):
@@ -174,9 +168,6 @@ class SolutionSet(Sequence[Array]):
     def _equations(self, unknowns: Unknowns) -> LoopEquations:
         """Return the equations that are certified."""
 
-    def _certificates_as_dicts(self) -> list[dict[str, Any] | None]:
-        return [None if certificate is None else asdict(certificate) for certificate in self.certificates]
-
 
 @dataclass(frozen=True, eq=False, repr=False)
 class AssemblyModes(SolutionSet):
@@ -245,30 +236,17 @@ class AssemblyModes(SolutionSet):
 
     def as_dict(self) -> dict[str, Any]:
         """Return what JSON shows: rad and m, and the end's placements."""
-        return {
-            "robot": self.mechanism.name,
-            "actuated": dict(zip(self.mechanism.actuated, map(float, self.actuated), strict=True)),
-            "complete": self.complete,
-            "proved": self.proved,
-            "trace_test": self.trace_test,
-            "method": self.method,
-            "counts": vars(self.counts),
-            "certified": self.certified,
-            "end": self.mechanism.end,
-            "modes": [
-                {
-                    "joints": self.mechanism.values(q),
-                    "position": placement.translation.tolist(),
-                    "rotation": placement.rotation.tolist(),
-                    "coincident": count,
-                    "isolated": isolated,
-                    "certificate": certificate,
-                }
-                for q, placement, count, isolated, certificate in zip(
-                    self, self.placements(), self.coincident, self.isolated, self._certificates_as_dicts(), strict=True
-                )
+        columns = zip(self, self.placements(), self.coincident, self.isolated, self.certificates, strict=True)
+        return as_json(
+            self, "complete", "proved", "trace_test", "method", "counts", "certified",
+            robot=self.mechanism.name,
+            actuated=dict(zip(self.mechanism.actuated, self.actuated, strict=True)),
+            end=self.mechanism.end,
+            modes=[
+                {"joints": self.mechanism.values(q), "position": placement.translation, "rotation": placement.rotation,
+                 "coincident": count, "isolated": isolated, "certificate": certificate}
+                for q, placement, count, isolated, certificate in columns
             ],
-            "self_motions": [motion.as_dict(self.mechanism) for motion in self.self_motions],
-            "closest": self.closest
-            and {"gap": self.closest.gap, "message": self.closest.message, "q": self.closest.q.tolist()},
-        }
+            self_motions=[motion.as_dict(self.mechanism) for motion in self.self_motions],
+            closest=self.closest,
+        )  # fmt: skip

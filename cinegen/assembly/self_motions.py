@@ -20,8 +20,9 @@ from typing import NamedTuple
 
 import numpy as np
 
+from cinegen.arrays import Array
 from cinegen.assembly._kernels import ARRIVED, LOST, SINGULAR, Complex, ParameterPath
-from cinegen.assembly.linkage import ACCURACY, Array, DistinctSolutions, Linkage, Tracked
+from cinegen.assembly.linkage import ACCURACY, DistinctSolutions, Linkage, Tracked
 from cinegen.assembly.results import SelfMotion
 
 STARTS = 64

@@ -7,10 +7,11 @@ from typing import Protocol
 
 import numpy as np
 
+from cinegen.arrays import Array
 from cinegen.assembly._kernels import Complex
 from cinegen.assembly.families import Family, RigidGroups, SixLegs
 from cinegen.assembly.leg_assembly import LegAssembly, is_out_of_reach
-from cinegen.assembly.linkage import Array, Linkage, ModesError
+from cinegen.assembly.linkage import Linkage, ModesError
 from cinegen.assembly.results import AssemblyModes, NearestConfiguration, SelfMotion
 from cinegen.assembly.self_motions import SelfMotions
 from cinegen.hexapod import TSSM, Hexapod, HexapodError, NearestPlacement, PlatformModes, SolutionCounts

@@ -16,8 +16,9 @@ from typing import NamedTuple
 
 import numpy as np
 
+from cinegen.arrays import Array
 from cinegen.assembly._kernels import ARRIVED, INFINITE, Complex, ParameterPath
-from cinegen.assembly.linkage import ACCURACY, Array, DistinctSolutions, Linkage, Tracked
+from cinegen.assembly.linkage import ACCURACY, DistinctSolutions, Linkage, Tracked
 
 _QUIET = 12  # closed paths without new points, after which it is given up
 _WEIGHTS = 0.3, 1.0, 3.0, 10.0  # of alpha: near poles little is permuted if it is small, elsewhere if it is large

@@ -15,9 +15,7 @@ from cinegen.errors import CinegenError, UnknownNameError
 from raff2urdf.quantities import ANGLE, LENGTH, shown, shown_scale
 
 if TYPE_CHECKING:
-    import numpy as np
-    from numpy.typing import NDArray
-
+    from cinegen.arrays import Array
     from cinegen.assembly import SelfMotion
     from cinegen.assembly.results import SolutionSet
     from cinegen.ik import FrameTask, IKSolutions
@@ -118,7 +116,7 @@ def missed_text(task: FrameTask, errors: tuple[float, float]) -> str:
     return f"{missed} and {shown(errors[1], ANGLE)}" if task.rotation else missed
 
 
-def limits_text(mechanism: Mechanism, q: NDArray[np.float64]) -> str:
+def limits_text(mechanism: Mechanism, q: Array) -> str:
     """Return the first joint that is outside its limits, and how many others are; empty if all are inside."""
     from cinegen.plotting.units import in_user_units, length_digits, rounded
 

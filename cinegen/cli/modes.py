@@ -17,10 +17,9 @@ from cinegen.errors import CinegenError, UnknownNameError
 from raff2urdf.quantities import LENGTH, shown_scale
 
 if TYPE_CHECKING:
-    import numpy as np
     import pinocchio as pin
-    from numpy.typing import NDArray
 
+    from cinegen.arrays import Array
     from cinegen.assembly import AssemblyModes
     from cinegen.ik import FrameTask
     from cinegen.model import Mechanism
@@ -95,7 +94,7 @@ def run(
 # --- the actuated joints -----------------------------------------------------------------------------------------
 
 
-def _values(mechanism: Mechanism, text: str) -> NDArray[np.float64]:
+def _values(mechanism: Mechanism, text: str) -> Array:
     """Return the values (n,) of the actuated joints, rad and m, from --values.
 
     Raises:
@@ -122,7 +121,7 @@ def _values(mechanism: Mechanism, text: str) -> NDArray[np.float64]:
     return np.array([home[joint] for joint in joints])
 
 
-def _solved(mechanism: Mechanism, asked: FrameTask) -> NDArray[np.float64]:
+def _solved(mechanism: Mechanism, asked: FrameTask) -> Array:
     """Return the values (n,) of the actuated joints with a node at its target, within limits if possible, near home.
 
     Raises:

@@ -33,9 +33,7 @@ from raff2urdf.files import output_path, stem_of, write_all
 from raff2urdf.quantities import ANGLE, LENGTH, NUMBER, shown, shown_scale
 
 if TYPE_CHECKING:
-    import numpy as np
-    from numpy.typing import NDArray
-
+    from cinegen.arrays import Array
     from cinegen.collision import Scene
     from cinegen.planning import ModeChange, Plan
 
@@ -301,7 +299,7 @@ def _length_text(metres: float) -> str:
     return shown(metres, LENGTH, 3)
 
 
-def _point(point: NDArray[np.float64]) -> str:
+def _point(point: Array) -> str:
     """Return two or three coordinates of a point (m) as text."""
     scale, unit = shown_scale(LENGTH)
     coordinates = zip("xyz", point.tolist(), strict=False)

@@ -8,8 +8,8 @@ from typing import Any, get_args
 import msgspec
 import numpy as np
 import pinocchio as pin
-from numpy.typing import NDArray
 
+from cinegen.arrays import Array
 from cinegen.cockpit.messages import (
     PROTOCOL,
     ForcesDescription,
@@ -33,8 +33,6 @@ from cinegen.session import RobotReport, SessionState, Setup, agreed_status
 from cinegen.session.commands import CommandFrame
 from cinegen.session.holding import largest_payload, why_no_forces
 from cinegen.session.state import PlaybackStatus, SessionInfo, TaskInfo, TaskState
-
-Array = NDArray[np.float64]
 
 
 def hello_message(setup: Setup, title: str, client: int, playback: PlaybackStatus | None = None) -> HelloMessage:

@@ -11,8 +11,8 @@ from typing import NamedTuple, Self
 
 import numpy as np
 import pinocchio as pin
-from numpy.typing import NDArray
 
+from cinegen.arrays import Array
 from cinegen.cockpit.build_messages import NodePoses, hello_message, report_message, state_message
 from cinegen.cockpit.certificate import self_signed
 from cinegen.cockpit.hub import Hub
@@ -145,7 +145,7 @@ class Cockpit:
         return state
 
     @property
-    def q(self) -> dict[str, NDArray[np.float64]]:
+    def q(self) -> dict[str, Array]:
         """Configuration (nq,) of each robot, by name."""
         return {name: robot.q for name, robot in self.state.robots.items()}
 

@@ -11,8 +11,9 @@ import numpy as np
 import pinocchio as pin
 from meshcat import Visualizer
 from meshcat.geometry import Box, Cylinder, Geometry, Material, Mesh, Sphere, TriangularMeshGeometry, triad
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
+from cinegen.arrays import Array, ArrayLike, Integers
 from cinegen.cockpit.graphic_file import draw_file, material, material_of
 from cinegen.cockpit.page import DrawingCommand, Page
 from cinegen.collision.body import bounding_box_corners
@@ -22,8 +23,6 @@ from cinegen.model import Mechanism
 from cinegen.model.motion_plane import motion_plane
 from cinegen.session.setup import DrawnAttached
 from raff2urdf.escape import path_segment
-
-Array = NDArray[np.float64]
 
 _ORIGIN = pin.SE3.Identity()
 _SHOWN = 1.6  # m: radius at which everything is drawn, so that robots of any size fill the view
@@ -281,7 +280,7 @@ def _triangles(hull: coal.Convex) -> tuple[Array, NDArray[np.uint32]]:
     return points[faces.ravel()], np.arange(faces.size, dtype=np.uint32).reshape(-1, 3)
 
 
-def _capsule(capsule: coal.Capsule) -> tuple[Array, NDArray[np.int64]]:
+def _capsule(capsule: coal.Capsule) -> tuple[Array, Integers]:
     """Return corners (n, 3) and triangles (m, 3)."""
     import trimesh
 

@@ -11,12 +11,11 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import NDArray
 
+from cinegen.arrays import Array
 from cinegen.cockpit.messages import ArrayDescription, AxisShown, MapCell, MapDescription, QuantityShown
 from cinegen.joints import kinematic_data
 from cinegen.session.setup import MapOverlay
 from cinegen.typed_json import encode
-
-Array = NDArray[np.float64]
 
 MOST = 200_000
 """Largest number of cells that are shown."""

@@ -242,23 +242,14 @@ def _code(program: Program) -> list[str]:
 
 def _test(program: Program, cases: Cases) -> list[str]:
     name, language, real = program.name, program.translation.language, program.translation.language.real
-    fabs, fmax = function("abs", language), function("fmax", language)
+    fabs, fmax, is_single = function("abs", language), function("fmax", language), language.is_single
+    nq, nodes, tasks, aims = program.memory.nq, program.mechanism.nodes, program.tasks, 12 * len(program.tasks)
     lines = [*header(program, "Test of the kinematics"), f'#include "{name}.h"', ""]
     lines += ["#include <math.h>", "#include <stdio.h>", "#include <string.h>", ""]
-    counts = {"forward": len(cases.forward), "close": len(cases.closed), "tick": len(cases.ticked)}
-    unused = ("SOLVED", "TICKED") if language.is_single else ("REACHED",)
-    for what, values in (
-        ("ACTUATED", cases.actuated), ("FORWARD", cases.forward), ("FRAMES", cases.frames), ("OPEN", cases.open),
-        ("CLOSED", cases.closed), ("TARGETS", cases.targets), ("AIMS", cases.aims),
-        ("TICKED", cases.ticked), ("REACHED", cases.reached),
-        ("SOLVED", cases.solved),
-    ):  # fmt: skip
-        if values.size and what not in unused:
-            lines += [f"static const {real} {what}[] = {{", *table(values.ravel().tolist(), language), "};"]
-    if counts["tick"]:
-        lines += [f"static const int STATUSES[] = {{ {numbers(cases.statuses.tolist(), language)} }};"]
-    if cases.found.size:
-        lines += [f"static const int FOUND[] = {{ {numbers(cases.found.ravel().tolist(), language)} }};"]
+    for what, values in cases.items():
+        if what not in (("solved", "ticked") if is_single else ("reached",)):
+            kind = real if values.dtype.kind == "f" else "int"
+            lines += [f"static const {kind} {what.upper()}[] = {{", *table(values.ravel().tolist(), language), "};"]
     lines += [
         "",
         "/* Largest difference of two lists. */",
@@ -274,101 +265,67 @@ def _test(program: Program, cases: Cases) -> list[str]:
         f"  static {name}_robot robot;",
         f"  {real} largest, error = 0;",
         "  int i, wrong = 0;",
-        *(["  bool found;"] if cases.found.size else []),
     ]
-    nq, nodes = program.memory.nq, program.memory.nodes
-    if counts["forward"]:
-        lines += [
-            f"  {name}_init(&robot);",
-            "  largest = 0;",
-            f"  for (i = 0; i < {counts['forward']}; i++) {{",
-            f"    wrong += !{name}_forward(&robot, ACTUATED + {program.memory.actuated} * i);",
-            f"    {name}_place(&robot);",
-            f"    largest = {fmax}(largest, apart({name}_q(&robot), FORWARD + {nq} * i, {nq}));",
-            f"    largest = {fmax}(largest, apart({name}_node(&robot, 0), FRAMES + {12 * nodes} * i, {12 * nodes}));",
-            "  }",
-            '  printf("forward %.3g\\n", (double) largest);',
-            f"  error = {fmax}(error, largest);",
+
+    def compared(found: str, wanted: str, size: int, begin: int = 0, count: int = 0) -> str:
+        return f"largest = {fmax}(largest, apart({found}, {wanted} + {size} * i + {begin}, {count or size}));"
+
+    def aimed(targets: str) -> list[str]:
+        return [
+            f"for (int task = 0; task < {len(tasks)}; task++) {{",
+            f"  memcpy({name}_target(&robot, task), {targets} + {aims} * i + 12 * task, 12 * sizeof({real}));",
+            "}",
         ]
-    if counts["close"]:
-        lines += [
-            f"  {name}_init(&robot);",
-            "  largest = 0;",
-            f"  for (i = 0; i < {counts['close']}; i++) {{",
-            f"    {real} q[{name}_NQ];",
-            f"    memcpy(q, OPEN + {nq} * i, sizeof q);",
-            f"    wrong += !({name}_close(&robot, q, NULL) <= {literal(program.closure, language)});",
-            f"    largest = {fmax}(largest, apart(q, CLOSED + {nq} * i, {nq}));",
-            "  }",
-            '  printf("close %.3g\\n", (double) largest);',
-            f"  error = {fmax}(error, largest);",
+
+    def placed(wanted: str, first: int) -> list[str]:
+        """Return lines that compare the nodes of the tasks with frames, from one of the twelve numbers on: rounding
+        moves joints further where parts hardly move, and a robot with more DoF than its task may be elsewhere."""
+        return [f"{name}_place(&robot);"] + [
+            compared(f"{name}_node(&robot, {nodes.index(task)}) + {first}", wanted, aims, 12 * k + first, 12 - first)
+            for k, task in enumerate(tasks)
         ]
-    if counts["tick"]:
-        tasks = program.memory.tasks
-        lines += [
-            f"  {name}_init(&robot);",
-            "  largest = 0;",
-            f"  for (i = 0; i < {counts['tick']}; i++) {{",
-            f"    for (int task = 0; task < {tasks}; task++) {{",
-            f"      memcpy({name}_target(&robot, task), TARGETS + {12 * tasks} * i + 12 * task, 12 * sizeof({real}));",
-            "    }",
-            f"    wrong += (int) {name}_tick(&robot) != STATUSES[i];",
-            *(
-                _reached(program, fmax)
-                if language.is_single
-                else [f"    largest = {fmax}(largest, apart({name}_q(&robot), TICKED + {nq} * i, {nq}));"]
-            ),
-            "  }",
-            '  printf("tick %.3g\\n", (double) largest);',
-            f"  error = {fmax}(error, largest);",
-        ]
-    if cases.found.size:
-        tasks, exact = program.memory.tasks, int(not language.is_single)  # rounding may take another iteration
-        compared = [f"    largest = {fmax}(largest, apart({name}_q(&robot), SOLVED + {nq} * i, {nq}));"]
-        lines += [
-            f"  {name}_init(&robot);",
-            "  largest = 0;",
-            f"  for (i = 0; i < {len(cases.found)}; i++) {{",
-            f"    for (int task = 0; task < {tasks}; task++) {{",
-            f"      memcpy({name}_target(&robot, task), AIMS + {12 * tasks} * i + 12 * task, 12 * sizeof({real}));",
-            "    }",
-            f"    found = {name}_ik(&robot, {literal(program.ik_tolerance, language)}) == {name}_IK_FOUND;",
-            "    wrong += found != (FOUND[2 * i] == 1);",
-            f"    wrong += {exact} && FOUND[2 * i] == 1 && {name}_ik_iterations(&robot) != FOUND[2 * i + 1];",
-            *(_positions(program, fmax) if language.is_single else compared),
-            "  }",
-            '  printf("ik %.3g\\n", (double) largest);',
-            f"  error = {fmax}(error, largest);",
-        ]
+
+    at_q, tolerance = f"{name}_q(&robot)", literal(program.ik_tolerance, language)
+    solved = ["if (FOUND[2 * i] == 1) {", *placed("AIMS", 9), "}"] if is_single else [compared(at_q, "SOLVED", nq)]
+    for what, count, body in (
+        ("forward", "forward", [
+            f"wrong += !{name}_forward(&robot, ACTUATED + {program.memory.actuated} * i);",
+            f"{name}_place(&robot);",
+            compared(at_q, "FORWARD", nq),
+            compared(f"{name}_node(&robot, 0)", "FRAMES", 12 * program.memory.nodes),
+        ]),
+        ("close", "closed", [
+            f"{real} q[{name}_NQ];",
+            f"memcpy(q, OPEN + {nq} * i, sizeof q);",
+            f"wrong += !({name}_close(&robot, q, NULL) <= {literal(program.closure, language)});",
+            compared("q", "CLOSED", nq),
+        ]),
+        ("tick", "ticked", [
+            *aimed("TARGETS"),
+            f"wrong += (int) {name}_tick(&robot) != STATUSES[i];",
+            *(placed("REACHED", 0) if is_single else [compared(at_q, "TICKED", nq)]),
+        ]),
+        ("ik", "found", [
+            *aimed("AIMS"),
+            f"wrong += ({name}_ik(&robot, {tolerance}) == {name}_IK_FOUND) != (FOUND[2 * i] == 1);",
+            # rounding may take another iteration
+            f"wrong += {int(not is_single)} && FOUND[2 * i] == 1 && {name}_ik_iterations(&robot) != FOUND[2 * i + 1];",
+            *solved,
+        ]),
+    ):  # fmt: skip
+        if count in cases:
+            lines += [
+                f"  {name}_init(&robot);",
+                "  largest = 0;",
+                f"  for (i = 0; i < {len(cases[count])}; i++) {{",
+                *(f"    {line}" for line in body),
+                "  }",
+                f'  printf("{what} %.3g\\n", (double) largest);',
+                f"  error = {fmax}(error, largest);",
+            ]
     return [
         *lines,
         '  printf("%d wrong results, largest difference %.3g\\n", wrong, (double) error);',
         f"  return wrong > 0 || !(error <= {literal(program.tolerance, language)});",
         "}",
-    ]
-
-
-def _reached(program: Program, fmax: str) -> list[str]:
-    """Return lines that compare frames after a tick: rounding moves joints further where parts hardly move."""
-    name, nodes, tasks = program.name, program.mechanism.nodes, program.memory.tasks
-    return [
-        f"    {name}_place(&robot);",
-        *(
-            f"    largest = {fmax}(largest, apart({name}_node(&robot, {nodes.index(task)}), "
-            f"REACHED + {12 * tasks} * i + {12 * k}, 12));"
-            for k, task in enumerate(program.tasks)
-        ),
-    ]
-
-
-def _positions(program: Program, fmax: str) -> list[str]:
-    """Return lines that compare positions with targets: a robot with more DoF than its task may be elsewhere."""
-    name, nodes, count = program.name, program.mechanism.nodes, 12 * program.memory.tasks
-    return [
-        f"    {name}_place(&robot);",
-        *(
-            f"    largest = FOUND[2 * i] == 1 ? {fmax}(largest, apart({name}_node(&robot, {nodes.index(task)}) + 9, "
-            f"AIMS + {count} * i + {12 * k + 9}, 3)) : largest;"
-            for k, task in enumerate(program.tasks)
-        ),
     ]

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 import pinocchio as pin
 from numpy.typing import NDArray
 
+from cinegen.arrays import Array
 from cinegen.codegen.inverse import TOLERANCE, InverseKinematics
 from cinegen.codegen.program import Function
 from cinegen.errors import ClosureError
@@ -16,42 +17,27 @@ from cinegen.ik import Solver
 from cinegen.jit.foreign import frame_of
 from cinegen.model import ForwardKinematics, Mechanism
 
-Array = NDArray[np.float64]
-
 _COUNT = 20
 _TICKS = 60
 
 
-@dataclass
-class Cases:
-    """Attributes:
-    actuated: (n, actuated) values of the actuated joints, one after the other.
-    forward: (n, nq) configurations to which they lead.
-    frames: (n, nodes, 4, 3) frames of all nodes there: three axes, then the origin, m.
-    open: (n, nq) configurations with open loops.
-    closed: (n, nq) those to which they are closed.
-    targets: (ticks, tasks, 4, 3) targets of each tick, as frames.
-    ticked: (ticks, nq) configurations after it.
-    reached: (ticks, tasks, 4, 3) frames of the nodes of the tasks there.
-    statuses: (ticks,) its status.
-    aims: (n, tasks, 4, 3) targets of inverse kinematics, as frames.
-    solved: (n, nq) configurations that are found, each the first start for the next target; the one before where none
-        is found.
-    found: (n, 2) whether one is found, and the number of iterations.
-    """
+Cases = dict[str, NDArray[Any]]
+"""Arrays by names; those of functions that are not tested are missing.
 
-    actuated: Array = field(default_factory=lambda: np.zeros((0, 0)))
-    forward: Array = field(default_factory=lambda: np.zeros((0, 0)))
-    frames: Array = field(default_factory=lambda: np.zeros((0, 0, 4, 3)))
-    open: Array = field(default_factory=lambda: np.zeros((0, 0)))
-    closed: Array = field(default_factory=lambda: np.zeros((0, 0)))
-    targets: Array = field(default_factory=lambda: np.zeros((0, 0, 4, 3)))
-    ticked: Array = field(default_factory=lambda: np.zeros((0, 0)))
-    reached: Array = field(default_factory=lambda: np.zeros((0, 0, 4, 3)))
-    statuses: NDArray[np.intp] = field(default_factory=lambda: np.zeros(0, dtype=np.intp))
-    aims: Array = field(default_factory=lambda: np.zeros((0, 0, 4, 3)))
-    solved: Array = field(default_factory=lambda: np.zeros((0, 0)))
-    found: NDArray[np.intp] = field(default_factory=lambda: np.zeros((0, 2), dtype=np.intp))
+actuated: (n, actuated) values of the actuated joints, one after the other.
+forward: (n, nq) configurations to which they lead.
+frames: (n, 12 nodes) frames of all nodes there: three axes, then the origin, m.
+open: (n, nq) configurations with open loops.
+closed: (n, nq) those to which they are closed.
+targets: (ticks, tasks, 12) targets of each tick, as frames.
+ticked: (ticks, nq) configurations after it.
+reached: (ticks, tasks, 12) frames of the nodes of the tasks there.
+statuses: (ticks,) its status.
+aims: (n, tasks, 12) targets of inverse kinematics, as frames.
+solved: (n, nq) configurations that are found, each the first start for the next target; the one before where none is
+    found.
+found: (n, 2) whether one is found, and the number of iterations.
+"""
 
 
 def recorded(
@@ -72,20 +58,20 @@ def recorded(
     """
     cases, rng, functions = Cases(), np.random.default_rng(seed), set(functions)
     if Function.FORWARD in functions:
-        _record_forward(cases, mechanism, rng)
+        values, found = _moved(mechanism, rng, 0.2)
+        frames = [_frames(mechanism.placement(q, node) for node in mechanism.nodes).ravel() for q in found]
+        cases = _arrays(actuated=values, forward=found, frames=frames)
     if Function.CLOSE in functions:
-        _record_close(cases, mechanism, rng)
+        cases |= _closed(mechanism, rng)
     if Function.TICK in functions:
-        _record_ticks(cases, mechanism, solver, rng)
+        cases |= _ticked(mechanism, solver, rng)
     if inverse is not None:
-        _record_inverse(cases, mechanism, solver, inverse, rng)
-    return cases
+        cases |= _solved(mechanism, solver, inverse, rng)
+    return {name: values for name, values in cases.items() if values.size}
 
 
-def _record_forward(cases: Cases, mechanism: Mechanism, rng: np.random.Generator) -> None:
-    values, found = _moved(mechanism, rng, 0.2)
-    cases.actuated, cases.forward = np.reshape(values, (len(values), -1)), np.reshape(found, (len(found), -1))
-    cases.frames = np.array([[frame_of(mechanism.placement(q, node)) for node in mechanism.nodes] for q in found])
+def _arrays(**lists: list[Any]) -> Cases:
+    return {name: np.array(values) for name, values in lists.items()}
 
 
 def _moved(mechanism: Mechanism, rng: np.random.Generator, most: float) -> tuple[list[Array], list[Array]]:
@@ -104,7 +90,7 @@ def _moved(mechanism: Mechanism, rng: np.random.Generator, most: float) -> tuple
     return values, found
 
 
-def _record_close(cases: Cases, mechanism: Mechanism, rng: np.random.Generator) -> None:
+def _closed(mechanism: Mechanism, rng: np.random.Generator) -> Cases:
     opened, closed = list[Array](), list[Array]()
     for _ in range(_COUNT):
         step = 0.05 * mechanism.scale * rng.uniform(-1.0, 1.0, mechanism.model.nv)
@@ -116,11 +102,11 @@ def _record_close(cases: Cases, mechanism: Mechanism, rng: np.random.Generator) 
         except ClosureError:
             continue
         opened.append(given)
-    cases.open, cases.closed = np.array(opened), np.array(closed)
+    return _arrays(open=opened, closed=closed)
 
 
-def _record_ticks(cases: Cases, mechanism: Mechanism, solver: Solver, rng: np.random.Generator) -> None:
-    targets, found, statuses = list[Array](), list[Array](), list[int]()
+def _ticked(mechanism: Mechanism, solver: Solver, rng: np.random.Generator) -> Cases:
+    targets, ticked, reached, statuses = list[Array](), list[Array](), list[Array](), list[int]()
     begins = [task.target.copy() for task in solver.tasks]
     directions = rng.uniform(-1.0, 1.0, (len(begins), 6))
     for tick in range(_TICKS):
@@ -129,19 +115,19 @@ def _record_ticks(cases: Cases, mechanism: Mechanism, solver: Solver, rng: np.ra
             moved = part * direction * np.repeat([mechanism.length, 1.0], 3)
             turned = begin.rotation @ pin.exp3(moved[3:])
             task.target = pin.SE3(turned, begin.translation + moved[:3])
-        targets.append(np.array([frame_of(task.target) for task in solver.tasks]))
+        targets.append(_frames(task.target for task in solver.tasks))
         step = solver.step()
-        found.append(step.q)
+        ticked.append(step.q)
+        reached.append(_frames(mechanism.placement(step.q, task.node) for task in solver.tasks))
         statuses.append(list(type(step.status)).index(step.status))
-    cases.targets, cases.ticked, cases.statuses = np.array(targets), np.array(found), np.array(statuses)
-    cases.reached = np.array(
-        [[frame_of(mechanism.placement(q, task.node)) for task in solver.tasks] for q in cases.ticked]
-    )
+    return _arrays(targets=targets, ticked=ticked, reached=reached, statuses=statuses)
 
 
-def _record_inverse(
-    cases: Cases, mechanism: Mechanism, solver: Solver, inverse: InverseKinematics, rng: np.random.Generator
-) -> None:
+def _frames(poses: Iterable[pin.SE3]) -> Array:
+    return np.array([frame_of(pose).ravel() for pose in poses])
+
+
+def _solved(mechanism: Mechanism, solver: Solver, inverse: InverseKinematics, rng: np.random.Generator) -> Cases:
     """Record targets that configurations near home reach, and some that are far out of reach."""
     q, aims, solved, found = mechanism.q_home, list[Array](), list[Array](), list[tuple[bool, int]]()
     for i, there in enumerate(_moved(mechanism, rng, 0.3)[1]):
@@ -151,7 +137,7 @@ def _record_inverse(
                 target.translation += 100.0 * mechanism.length * rng.uniform(0.5, 1.0, 3)
         found_q, iterations = inverse.find(targets, q, TOLERANCE)
         q = q if found_q is None else found_q
-        aims.append(np.array([frame_of(target) for target in targets]))
+        aims.append(_frames(targets))
         solved.append(q)
         found.append((found_q is not None, iterations))
-    cases.aims, cases.solved, cases.found = np.array(aims), np.array(solved), np.array(found, dtype=np.intp)
+    return _arrays(aims=aims, solved=solved, found=found)

@@ -6,8 +6,8 @@ from collections.abc import Sequence
 
 import numpy as np
 import pinocchio as pin
-from numpy.typing import NDArray
 
+from cinegen.arrays import Array
 from cinegen.codegen.inverse_kernels import InverseMemory
 from cinegen.ik.global_ik import placement_weights
 from cinegen.ik.local_ik import LocalIK
@@ -15,8 +15,6 @@ from cinegen.ik.task import FrameTask
 from cinegen.jit.foreign import frame_of
 from cinegen.model import Mechanism
 from cinegen.tolerances import CLOSURE
-
-Array = NDArray[np.float64]
 
 STARTS = 8
 """Configurations that the code keeps: 8 nq bytes each."""

@@ -129,14 +129,7 @@ def translated_functions(program: Program) -> list[str]:
 
 
 def _test(program: Program, cases: Cases) -> list[str]:
-    given = {
-        "actuated": cases.actuated, "forward": cases.forward, "open": cases.open, "closed": cases.closed,
-        "ticked": cases.ticked, "statuses": cases.statuses, "aims": cases.aims, "solved": cases.solved,
-        "found": cases.found,
-    }  # fmt: skip
-    data = {name: values.tolist() for name, values in given.items() if values.size}
-    data |= {"frames": [one.ravel().tolist() for one in cases.frames]}
-    data |= {"targets": [[one.ravel().tolist() for one in targets] for targets in cases.targets]}
+    data = {name: values.tolist() for name, values in cases.items() if name != "reached"}
     return [
         *header(program, "Test of the kinematics"),
         f'import create, {{ names }} from "./{program.name}.mjs";',
@@ -182,7 +175,7 @@ def _test(program: Program, cases: Cases) -> list[str]:
         "}",
         "if (cases.aims) {",
         "  cases.aims.forEach((targets, i) => {",
-        "    targets.forEach((target, task) => robot.targets[task].set(target.flat()));",
+        "    targets.forEach((target, task) => robot.targets[task].set(target));",
         f'    if ((robot.ik({TOLERANCE!r}) === "FOUND") !== (cases.found[i][0] === 1)) wrong += 1;',
         "    if (cases.found[i][0] === 1 && robot.ikIterations() !== cases.found[i][1]) wrong += 1;",
         "    compare(robot.q, cases.solved[i]);",

@@ -12,13 +12,12 @@ from typing import NamedTuple
 import coal
 import numpy as np
 import pinocchio as pin
-from numpy.typing import NDArray
 
+from cinegen.arrays import Array
 from cinegen.collision.convex_hull import hull
 from cinegen.collision.triangle_mesh import TriangleMesh
 from cinegen.model.mechanism import Mechanism
 
-Array = NDArray[np.float64]
 Pairs = Sequence[tuple[int, int]]
 """Indices of two bodies each."""
 

@@ -14,10 +14,9 @@ from functools import cache
 import coal
 import numpy as np
 import pinocchio as pin
-from numpy.typing import NDArray
 from scipy.optimize import minimize
 
-Array = NDArray[np.float64]
+from cinegen.arrays import Array, Indices
 
 _DIRECTIONS = 200  # over a half-sphere, 8 degrees apart: starts of the search
 _OUTERMOST = 400  # directions whose extreme points determine the capsule closely enough for the search
@@ -112,7 +111,7 @@ def perpendicular(axis: Array) -> Array:
     return np.column_stack([first, np.cross(axis, first)])
 
 
-def _outermost(points: Array) -> NDArray[np.intp]:
+def _outermost(points: Array) -> Indices:
     """Return the indices of the points (n, 3) that are extreme in some of many directions."""
     if len(points) <= _OUTERMOST:
         return np.arange(len(points))

@@ -11,8 +11,8 @@ import coal
 import numpy as np
 import pinocchio as pin
 from numba import types
-from numpy.typing import NDArray
 
+from cinegen.arrays import Array, Integers
 from cinegen.collision._kernels.memory import ClearanceMemory
 from cinegen.collision._kernels.near import approach
 from cinegen.collision._kernels.sweep import advance, remember, separate, sweep
@@ -35,10 +35,6 @@ from cinegen.jit.foreign import (
 from cinegen.joints import kinematic_data, supporting_columns
 from cinegen.model import Mechanism
 
-Array = NDArray[np.float64]
-Table = NDArray[np.int64]
-
-
 EXACT_WITHIN = 0.02
 """Of the characteristic length: default of `Clearance.exact_within`."""
 
@@ -56,7 +52,7 @@ class NearPairs(NamedTuple):
         rows: (m, nv) rate at which joint velocities shorten the distance, m/s by rad/s and m/s.
     """
 
-    pairs: Table
+    pairs: Integers
     distances: Array
     rows: Array
 
@@ -240,8 +236,8 @@ class Clearance:
         return self.memory.before, self.memory.bounds
 
     def uncertain(
-        self, q: Array, motion: Array, safety: float, pairs: Table, straight: Array | None = None
-    ) -> Table | None:
+        self, q: Array, motion: Array, safety: float, pairs: Integers, straight: Array | None = None
+    ) -> Integers | None:
         """Return the pairs that may come nearer than a distance on a motion about a configuration.
 
         Distances are measured only where neither bounding volumes decide, nor the last distance that was measured, less
@@ -269,7 +265,7 @@ class Clearance:
                 found.append(pair)
         return np.array(found, dtype=np.int64)
 
-    def nearer(self, q: Array, distance: float) -> Table:
+    def nearer(self, q: Array, distance: float) -> Integers:
         """Return the pairs (n,) whose distance at q (nq,) is below a distance, m: faster than `distances`."""
         if not len(self.pairs):
             return self.every_pair
@@ -277,7 +273,7 @@ class Clearance:
         return np.array([one for one in left if self._measure(one)[0] < self.memory.needed[one]], dtype=np.int64)
 
     def _undecided(
-        self, q: Array, motion: Array, safety: float, pairs: Table, straight: Array | None = None
+        self, q: Array, motion: Array, safety: float, pairs: Integers, straight: Array | None = None
     ) -> list[int]:
         """Return the pairs that are decided by measuring only, those that may be nearest first; see `uncertain`."""
         pin.computeJointJacobians(self._model, self._data, q)
@@ -339,7 +335,7 @@ def links_of(mechanism: Mechanism) -> tuple[tuple[Body, ...], tuple[tuple[int, i
     return links.bodies, links.of(PairReason.CHECKED)
 
 
-def _groups(pairs: Table, links: Sequence[Body], obstacles: Sequence[Obstacle]) -> Table:
+def _groups(pairs: Integers, links: Sequence[Body], obstacles: Sequence[Obstacle]) -> Integers:
     """Return `Clearance.groups`."""
     joints = np.array([link.joint for link in links], dtype=np.int64)
     owner = np.array([i for i, obstacle in enumerate(obstacles) for _ in obstacle.pieces], dtype=np.int64)

@@ -13,10 +13,9 @@ from dataclasses import dataclass
 
 import coal
 import numpy as np
-from numpy.typing import NDArray
 from scipy.spatial import ConvexHull, HalfspaceIntersection
 
-Array = NDArray[np.float64]
+from cinegen.arrays import Array
 
 CLOSE = 0.01
 """Largest excess of a simplified hull over the exact one, as a fraction of its extent."""

@@ -8,16 +8,14 @@ from typing import Any, TypeAlias
 
 import numpy as np
 import pinocchio as pin
-from numpy.typing import NDArray
 
+from cinegen.arrays import Array
 from cinegen.collision.errors import SceneError
 from cinegen.collision.obstacle import Obstacle
 from cinegen.collision.scene import Scene
 from cinegen.collision.scene_file import scene_of
 from cinegen.collision.scene_table import pose_keys
 from cinegen.model import Mechanism
-
-Array = NDArray[np.float64]
 
 Goal: TypeAlias = "pin.SE3 | Sequence[float] | Array | Mapping[str, Any]"
 """Goal of `scene_for`."""

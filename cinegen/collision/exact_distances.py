@@ -7,13 +7,10 @@ from collections.abc import Sequence
 import coal
 import numpy as np
 import pinocchio as pin
-from numpy.typing import NDArray
 
+from cinegen.arrays import Array, Integers
 from cinegen.collision.body import Body, rounded_hull
 from cinegen.jit.foreign import DISTANCE, FIRST_POINT, NORMAL, SECOND_POINT
-
-Array = NDArray[np.float64]
-Table = NDArray[np.int64]
 
 
 class ExactDistances:
@@ -28,7 +25,7 @@ class ExactDistances:
         pairs: (pairs, 2) indices into `bodies`.
     """
 
-    def __init__(self, bodies: Sequence[Body], pairs: Table) -> None:
+    def __init__(self, bodies: Sequence[Body], pairs: Integers) -> None:
         self._pairs: list[tuple[int, int]] = [(first, second) for first, second in pairs.tolist()]
         self._is_enclosed = np.array([any(bodies[i].exact is not None for i in pair) for pair in pairs], dtype=bool)
         used = sorted({i for pair in pairs[self._is_enclosed].tolist() for i in pair})

@@ -15,15 +15,13 @@ from dataclasses import replace
 import coal
 import numpy as np
 import pinocchio as pin
-from numpy.typing import NDArray
 
+from cinegen.arrays import Array
 from cinegen.collision.body import Body, PlacedShape, bounding_box_corners, rounded_hull
 from cinegen.collision.capsule import BoundingCapsule, bounding_capsule
 from cinegen.collision.convex_hull import hull, simplified
 from cinegen.collision.triangle_mesh import TriangleMesh
 from cinegen.model.mechanism import Mechanism
-
-Array = NDArray[np.float64]
 
 TIGHT = 1.75
 """Largest volume of a capsule, as a multiple of the convex hull's volume. A long bar of square section gets a capsule

@@ -14,16 +14,13 @@ from itertools import pairwise
 import coal
 import numpy as np
 import pinocchio as pin
-from numpy.typing import NDArray
 
+from cinegen.arrays import Array, Integers
 from cinegen.collision.body import geometry_model
 from cinegen.collision.mesh_pairs import mesh_pairs
 from cinegen.collision.scene import Scene
 from cinegen.errors import ClosureError
 from cinegen.joints import kinematic_data, translations
-
-Array = NDArray[np.float64]
-Table = NDArray[np.int64]
 
 STEP = 1e-3
 """Of the characteristic length: by how much two shapes move relative to each other at most from one checked
@@ -132,7 +129,7 @@ class MeshCheck:
                 left += [(middle, high, near), (low, middle, near)]  # the earlier half first
         return ""
 
-    def _nearer(self, q: Array, pairs: Table, margins: Array) -> Table:
+    def _nearer(self, q: Array, pairs: Integers, margins: Array) -> Integers:
         """Return which of some pairs may be nearer at q (nq,) than their margins (pairs,), m; places the shapes."""
         pin.updateGeometryPlacements(self._model, self._data, self._geometry, self._shapes, q)
         frames = self._data.oMi
@@ -198,7 +195,7 @@ class MeshCheck:
         return np.asarray(_CURVED * (np.linalg.norm(moved, axis=(1, 2)) + self._radii[moving] * angles))
 
     @staticmethod
-    def _relative(poses: list[pin.SE3], moving: Table, seen_from: Table) -> tuple[Array, Array]:
+    def _relative(poses: list[pin.SE3], moving: Integers, seen_from: Integers) -> tuple[Array, Array]:
         """Return rotations (n, 3, 3) and positions (n, 3, 1) of bodies relative to others."""
         rotations, points = np.array([one.rotation for one in poses]), np.array([one.translation for one in poses])
         back = rotations[seen_from].transpose(0, 2, 1)

@@ -15,15 +15,14 @@ from itertools import combinations
 import coal
 import numpy as np
 import pinocchio as pin
-from numpy.typing import NDArray
 
+from cinegen.arrays import Array
 from cinegen.collision.body import Body
 from cinegen.joints import kinematic_data
 from cinegen.model import Mechanism
 from raff2urdf.raff.document import LoopKind
 from raff2urdf.readers.urdf import parse
 
-Array = NDArray[np.float64]
 Pair = tuple[int, int]
 _Touching = Callable[[Array, Sequence[Pair]], set[Pair]]
 

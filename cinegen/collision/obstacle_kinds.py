@@ -12,8 +12,8 @@ from typing import TYPE_CHECKING, Any
 import coal
 import numpy as np
 import pinocchio as pin
-from numpy.typing import NDArray
 
+from cinegen.arrays import Array
 from cinegen.collision.body import Piece, PlacedShape
 from cinegen.collision.convex_hull import hull, is_flat, prism
 from cinegen.collision.links import link_bodies
@@ -31,7 +31,6 @@ from raff2urdf.quantities import ANGLE, LENGTH
 if TYPE_CHECKING:
     import trimesh
 
-Array = NDArray[np.float64]
 
 HEIGHT = 4.0
 """Height of obstacles that are given in the plane, m: half above it, half below. Distances between much taller shapes

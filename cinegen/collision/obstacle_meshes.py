@@ -8,10 +8,10 @@ from typing import TYPE_CHECKING
 import coal
 import numpy as np
 import pinocchio as pin
-from numpy.typing import NDArray
 from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import connected_components
 
+from cinegen.arrays import Array, Integers
 from cinegen.collision.body import Interior, Piece, PlacedShape
 from cinegen.collision.convex_hull import hull
 from cinegen.collision.links import convex_shape
@@ -20,8 +20,6 @@ from cinegen.collision.triangle_mesh import TriangleMesh, tree_of
 if TYPE_CHECKING:
     import trimesh
 
-Array = NDArray[np.float64]
-Indices = NDArray[np.int64]
 
 MOST_VOXELS = 200_000
 """Largest number of voxels of an obstacle."""
@@ -95,13 +93,13 @@ def _enclosed(tree: coal.BVHModelOBBRSS, interior: Interior) -> Piece:
 # --- points ------------------------------------------------------------------------------------------------------
 
 
-def voxels_of(points: Array, size: float) -> Indices:
+def voxels_of(points: Array, size: float) -> Integers:
     """Return the indices (m, 3) of the cubes of a grid that contain points (n, 3), each once; the cube (0, 0, 0) has
     one corner at the origin and the opposite one at (size, size, size), m."""
     return np.unique(np.floor(points / size).astype(np.int64), axis=0)
 
 
-def voxel_pieces(voxels: Indices, size: float) -> list[Piece]:
+def voxel_pieces(voxels: Integers, size: float) -> list[Piece]:
     """Return solid cubes (see `voxels_of`) as pieces: blocks of about 1000 cubes, each a tree of its outer faces.
 
     The trees of triangles serve meshes ten times as fast as coal's octree does.
@@ -109,7 +107,7 @@ def voxel_pieces(voxels: Indices, size: float) -> list[Piece]:
     return [_block(block, size) for block in _blocks(voxels)]
 
 
-def _blocks(voxels: Indices) -> list[Indices]:
+def _blocks(voxels: Integers) -> list[Integers]:
     """Return voxels halved along the longest side of their box, until there are few enough."""
     if len(voxels) <= _BLOCK:
         return [voxels]
@@ -118,7 +116,7 @@ def _blocks(voxels: Indices) -> list[Indices]:
     return [*_blocks(voxels[first]), *_blocks(voxels[~first])]
 
 
-def _block(voxels: Indices, size: float) -> Piece:
+def _block(voxels: Integers, size: float) -> Piece:
     keys = _Keys(voxels)
     quads, pairs = [], []
     for side, corners in _SIDES:
@@ -141,13 +139,13 @@ def _block(voxels: Indices, size: float) -> Piece:
 class _Keys:
     """Numbers of voxels (n, 3), by which they are found again."""
 
-    def __init__(self, voxels: Indices) -> None:
+    def __init__(self, voxels: Integers) -> None:
         self._low, self._sizes = voxels.min(axis=0), np.ptp(voxels, axis=0) + 1
         numbers = np.ravel_multi_index(tuple((voxels - self._low).T), tuple(self._sizes))
         self._order = np.argsort(numbers)
         self._sorted = numbers[self._order]
 
-    def find(self, voxels: Indices) -> Indices:
+    def find(self, voxels: Integers) -> Integers:
         """Return the indices (m,) of voxels (m, 3), -1 of those that are not there."""
         local = voxels - self._low
         is_near = ((local >= 0) & (local < self._sizes)).all(axis=1)

@@ -4,11 +4,10 @@ from __future__ import annotations
 
 import mapbox_earcut
 import numpy as np
-from numpy.typing import NDArray
 
+from cinegen.arrays import Array
 from cinegen.collision.scene_table import LEAST
 
-Array = NDArray[np.float64]
 _Piece = list[int]  # indices of corners, counterclockwise
 
 _MOST = 2000  # points: each edge is tested against each other

@@ -7,16 +7,14 @@ from typing import Any
 import coal
 import numpy as np
 import pinocchio as pin
-from numpy.typing import NDArray
 
+from cinegen.arrays import Array
 from cinegen.collision.body import Body, rounded_hull
 from cinegen.collision.clearance import Clearance
 from cinegen.collision.convex_hull import hull
 from cinegen.collision.self_collision import LinkPairs, PairReason, disabled_by_srdf, link_pairs
 from cinegen.collision.triangle_mesh import TriangleMesh
 from cinegen.model import Mechanism
-
-Array = NDArray[np.float64]
 
 _MESH = coal.BVHModelOBBRSS
 _SIDES = 32  # of the polyhedron in a capsule

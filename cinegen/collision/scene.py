@@ -10,10 +10,9 @@ from functools import cached_property
 from pathlib import Path
 from typing import Any, NamedTuple
 
-import numpy as np
 import pinocchio as pin
-from numpy.typing import NDArray
 
+from cinegen.arrays import Array
 from cinegen.collision.attached import Attached, attached_pairs
 from cinegen.collision.body import Body
 from cinegen.collision.mobile_robot import X, Y, mobile_body
@@ -23,8 +22,6 @@ from cinegen.html import table
 from cinegen.joints import supporting_columns
 from cinegen.loops.closed_loops import linked
 from cinegen.model import Mechanism
-
-Array = NDArray[np.float64]
 
 
 class PathConstraints(NamedTuple):

@@ -12,8 +12,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 import pinocchio as pin
-from numpy.typing import NDArray
 
+from cinegen.arrays import Array
 from cinegen.collision.attached import Attached, read_attached
 from cinegen.collision.errors import SceneError
 from cinegen.collision.mobile_robot import X, Y, mobile_robot
@@ -29,8 +29,6 @@ from raff2urdf.files import STANDARD, stem_of
 from raff2urdf.quantities import ANGLE, LENGTH, NUMBER, shown
 from raff2urdf.readers.xml_file import read_text
 from raff2urdf.shipped import find_scene
-
-Array = NDArray[np.float64]
 
 SAFETY = 0.01
 """Default safety distance, m."""

@@ -11,15 +11,14 @@ from typing import Any, TypeVar
 
 import numpy as np
 import pinocchio as pin
-from numpy.typing import NDArray
 
+from cinegen.arrays import Array
 from cinegen.collision.errors import SceneError
 from raff2urdf.errors import did_you_mean
 from raff2urdf.files import note
 from raff2urdf.quantities import ANGLE, LENGTH, NUMBER, Dimension, QuantityError, parse
 from raff2urdf.shipped import robots, similar_file
 
-Array = NDArray[np.float64]
 _Value = TypeVar("_Value")
 
 LEAST = 1e-6

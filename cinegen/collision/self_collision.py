@@ -15,16 +15,14 @@ from itertools import combinations, product
 import coal
 import numpy as np
 import pinocchio as pin
-from numpy.typing import NDArray
 
+from cinegen.arrays import Array
 from cinegen.collision.body import Body, Pairs, geometry_model
 from cinegen.collision.links import link_bodies
 from cinegen.ik.local_ik import LocalIK
 from cinegen.joints import kinematic_data, translations
 from cinegen.model.mechanism import Mechanism
 from raff2urdf.raff.document import LoopKind
-
-Array = NDArray[np.float64]
 
 SAMPLES = 2000
 """Configurations in which a pair must touch to be left out."""

@@ -7,11 +7,9 @@ from functools import cached_property
 
 import coal
 import numpy as np
-from numpy.typing import NDArray
 
+from cinegen.arrays import Array, Integers
 from cinegen.collision.convex_hull import Hull, hull
-
-Array = NDArray[np.float64]
 
 _FLAT = 1e-4  # of the size: depth of dents that count as convex
 _FULL = 1e-3  # of the volume of the hull: a convex mesh may lack that much
@@ -68,7 +66,7 @@ class TriangleMesh:
         return abs(float(np.arctan2(volume, below).sum())) > np.pi  # half of the 2 pi of a point inside
 
 
-def tree_of(vertices: Array, triangles: NDArray[np.int64]) -> coal.BVHModelOBBRSS:
+def tree_of(vertices: Array, triangles: Integers) -> coal.BVHModelOBBRSS:
     """Return coal's tree of boxes over triangles.
 
     Args:

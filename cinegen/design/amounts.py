@@ -7,6 +7,7 @@ from collections.abc import Iterable, Mapping
 
 from cinegen.design.errors import DesignError
 from cinegen.design.parameters import Parameters
+from cinegen.design.ties import fits
 from raff2urdf.quantities import ANGLE, Dimension, QuantityError, has_unit, parse
 
 Amounts = Mapping[str, float | str] | Iterable[tuple[str, float | str]]
@@ -39,17 +40,6 @@ def amount_in(name: str, amount: float | str, dimension: Dimension) -> float:
     if not 0.0 <= value < math.inf:
         raise DesignError(f"{name}: a tolerance is not negative, as {amount} is")
     return value
-
-
-def fits(amount: float | str, dimension: Dimension) -> bool:
-    """Return whether an amount may be of a dimension."""
-    if not isinstance(amount, str):
-        return True
-    try:
-        parse(amount, dimension)
-    except QuantityError:
-        return False
-    return True
 
 
 def matching(parameters: Parameters, pattern: str, amount: float | str) -> list[int]:

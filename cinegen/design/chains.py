@@ -18,8 +18,8 @@ from typing import Any, TypeAlias
 
 import numpy as np
 import pinocchio as pin
-from numpy.typing import NDArray
 
+from cinegen.arrays import Array
 from cinegen.design._kernels.evaluate import PX, PZ, RX, RZ
 from cinegen.design.errors import DesignError
 from cinegen.design.parameters import WORDS, Parameters
@@ -28,8 +28,6 @@ from raff2urdf.errors import did_you_mean
 from raff2urdf.raff.compound import expanded
 from raff2urdf.raff.document import JointType, RaffLink, RaffPart, RaffRobot
 from raff2urdf.tree import kleinfinger
-
-Array = NDArray[np.float64]
 
 KINDS = dict(zip(WORDS, (RZ, PZ, RX, PX, RZ, PZ), strict=True))
 """The elementary motion of each parameter."""

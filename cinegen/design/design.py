@@ -16,8 +16,8 @@ from functools import cached_property, partial
 
 import numpy as np
 import pinocchio as pin
-from numpy.typing import ArrayLike, NDArray
 
+from cinegen.arrays import Array, ArrayLike, Indices
 from cinegen.design._kernels.evaluate import CONSTANT, PX, evaluate_designs
 from cinegen.design._kernels.memory import DesignMemory
 from cinegen.design.chains import Chain, Chains, chains_of
@@ -29,9 +29,6 @@ from cinegen.jit.starting import start
 from cinegen.joints import supporting_columns
 from cinegen.loops.arrays import set_up
 from raff2urdf import closure
-
-Array = NDArray[np.float64]
-Indices = NDArray[np.intp]
 
 _RESULTS = ("result_q", "gaps", "poses", "all_screws", "all_frames", "motion_screws", "jacobians", "maps")
 _BATCH = 2048  # evaluations of one call of the kernel

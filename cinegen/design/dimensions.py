@@ -11,15 +11,13 @@ from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
 
+from cinegen.arrays import Array, ArrayLike
 from cinegen.design.parameters import Parameters
 from raff2urdf.graphics.meshes import Graphics
 from raff2urdf.graphics.skeleton import SkeletonDrawing
 from raff2urdf.raff.document import CompoundKind, Document, JointType, RaffLink, RaffPart
 from raff2urdf.raff.masses import RaffMasses
-
-Array = NDArray[np.float64]
 
 _STEP = 1e-5  # characteristic lengths or rad
 _LENGTHS = ("epsilon", "d", "r")  # of the bars to a child

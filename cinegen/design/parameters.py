@@ -16,9 +16,9 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
 
 import raff2urdf
+from cinegen.arrays import Array, ArrayLike
 from cinegen.design.errors import DesignError
 from cinegen.design.ties import Ties, resolve
 from cinegen.errors import warn
@@ -40,8 +40,6 @@ from raff2urdf.raff.document import (
 from raff2urdf.raff.kleinfinger import Kleinfinger
 from raff2urdf.shipped import find_robot
 from raff2urdf.tree import kleinfinger
-
-Array = NDArray[np.float64]
 
 WORDS = Kleinfinger._fields
 """Kleinfinger's six parameters, in the order in which they place a node on its parent."""

@@ -5,14 +5,12 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numpy.typing import NDArray
 
+from cinegen.arrays import Array, Bools
 from cinegen.design.design import Design
 from cinegen.errors import CinegenError
 from cinegen.model.mechanism import Mechanism
 from raff2urdf import closure
-
-Array = NDArray[np.float64]
 
 _STEPS = 16  # of the line to a target
 _FAR = 1.0  # rad or characteristic lengths: how far from home joints without limits go
@@ -66,7 +64,7 @@ def _range(mechanism: Mechanism, joint: str) -> tuple[float, float]:
     return (low if math.isfinite(low) else home - far), (high if math.isfinite(high) else home + far)
 
 
-def _allowed(mechanism: Mechanism, q: Array) -> NDArray[np.bool_]:
+def _allowed(mechanism: Mechanism, q: Array) -> Bools:
     """Return which configurations (count, nq) are within the limits of all joints."""
     found = np.ones(len(q), dtype=bool)
     for joint in mechanism.joints:
@@ -76,7 +74,7 @@ def _allowed(mechanism: Mechanism, q: Array) -> NDArray[np.bool_]:
     return found
 
 
-def _regular(design: Design, jacobians: Array) -> NDArray[np.bool_]:
+def _regular(design: Design, jacobians: Array) -> Bools:
     """Return in which configurations the loops, (count, rows, nv), determine the joints that move well."""
     if not design.rank:
         return np.ones(len(jacobians), dtype=bool)

@@ -11,12 +11,10 @@ from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from cinegen.arrays import Array
 from cinegen.design.errors import DesignError
-from raff2urdf.quantities import ANGLE, Dimension, QuantityError, has_unit, parse
-
-Array = NDArray[np.float64]
+from raff2urdf.quantities import ANGLE, LENGTH, Dimension, QuantityError, has_unit, parse
 
 _TERM = re.compile(r"\s*([+-]?(?:\s*-)?)\s*((?:[eE][+-]?\d|[^+-])*)")
 _FACTOR = re.compile(r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?")
@@ -85,9 +83,7 @@ def _constant(text: str, dimension: Dimension | None, whole: str) -> float:
     """Return a constant in m or rad; of an expression without names, of the dimension that its unit has."""
     try:
         if dimension is None:
-            from raff2urdf.quantities import LENGTH
-
-            dimension = next((one for one in (LENGTH, ANGLE) if _fits(text, one)), LENGTH)
+            dimension = next((one for one in (LENGTH, ANGLE) if fits(text, one) and has_unit(text)), LENGTH)
         value = parse(text, dimension)
     except QuantityError as error:
         raise DesignError(f"'{whole}': {error}") from None
@@ -96,12 +92,13 @@ def _constant(text: str, dimension: Dimension | None, whole: str) -> float:
     return value
 
 
-def _fits(text: str, dimension: Dimension) -> bool:
+def fits(text: str, dimension: Dimension) -> bool:
+    """Return whether a text may be an amount of a dimension."""
     try:
         parse(text, dimension)
     except QuantityError:
         return False
-    return has_unit(text)
+    return True
 
 
 def _example(dimension: Dimension) -> str:
@@ -174,7 +171,7 @@ def resolve(
             target = root(left[0])
             if target in rules:
                 raise DesignError(_twice(names[left[0]], rules[target][1], text))
-            if not parsed[-1].coefficients and parsed[-1].constant and _wrong(sides[-1], dimensions[target]):
+            if not parsed[-1].coefficients and parsed[-1].constant and not fits(sides[-1].strip(), dimensions[target]):
                 raise DesignError(f"'{text}': {sides[-1].strip()} is not {dimensions[target].name}")
             rules[target] = parsed[-1], text
     values: dict[int, Expression] = {}
@@ -212,12 +209,3 @@ def resolve(
 
 def _twice(name: str, first: str, second: str) -> str:
     return f"contradictory ties: '{first.strip()}' and '{second.strip()}' both determine {name}: remove one"
-
-
-def _wrong(text: str, dimension: Dimension) -> bool:
-    """Return whether a constant has the unit of another dimension."""
-    try:
-        parse(text.strip(), dimension)
-    except QuantityError:
-        return True
-    return False

@@ -29,21 +29,21 @@ from typing import Any, NamedTuple
 
 import numpy as np
 import pinocchio as pin
-from numpy.typing import ArrayLike, NDArray
 from scipy.optimize import brentq
 from scipy.special import ndtr, ndtri
 
-from cinegen.design.amounts import Amounts, amount_in, fits, matching, pairs
+from cinegen.arrays import Array, ArrayLike, Bools, Indices
+from cinegen.design.amounts import Amounts, amount_in, matching, pairs
 from cinegen.design.chains import COMPONENTS
 from cinegen.design.design import Design, DesignEvaluation
 from cinegen.design.errors import DesignError
 from cinegen.design.parameters import Parameters, is_pattern
+from cinegen.design.ties import fits
 from cinegen.loops.thresholds import CLOSURE
+from cinegen.typed_json import as_json
 from raff2urdf.errors import did_you_mean
 from raff2urdf.quantities import ANGLE, LENGTH, Dimension, has_unit, shown
 from raff2urdf.raff.document import Document, LoopKind
-
-Array = NDArray[np.float64]
 
 INTERVAL = 3.0
 """Half-width of the interval of an error, in standard deviations."""
@@ -205,12 +205,12 @@ class ToleranceReport:
         return float(np.abs((self.monte_carlo.covariance - self.covariance)[at] / size).max(initial=0.0))
 
     @property
-    def _compared(self) -> NDArray[np.intp]:
+    def _compared(self) -> Indices:
         """Components whose deviation is not negligible beside that of others of their kind."""
         largest = np.repeat([self.sigma[:3].max(), self.sigma[3:].max()], 3)
         return np.flatnonzero(self.sigma > np.maximum(_SMALL * largest, 1e-15))
 
-    def _ratios(self) -> tuple[NDArray[np.intp], Array]:
+    def _ratios(self) -> tuple[Indices, Array]:
         assert self.monte_carlo is not None
         compared = self._compared
         return compared, np.sqrt(np.diag(self.monte_carlo.covariance)[compared]) / self.sigma[compared]
@@ -228,47 +228,23 @@ class ToleranceReport:
 
     def as_dict(self) -> dict[str, Any]:
         """Return what JSON shows: m and rad."""
-        found = self.monte_carlo
-        return {
-            "node": self.node,
-            "pose": self.pose.tolist(),
-            "interval": self.interval,
-            "sigma": self.sigma.tolist(),
-            "position": self.position,
-            "orientation": self.orientation,
-            "covariance": self.covariance.tolist(),
-            "worst_case": {"linear": self.linear.tolist(), "second_order": self.second_order.tolist()},
-            "contributors": [
-                {
-                    "name": one.name,
-                    "sigma": one.sigma,
-                    "half_width": one.half_width,
-                    "position": float(share[0]),
-                    "orientation": float(share[1]),
-                }
+        found, names = self.monte_carlo, ("node", "pose", "interval", "sigma", "position", "orientation", "covariance")
+        return as_json(
+            self,
+            *names,
+            worst_case=as_json(self, "linear", "second_order"),
+            contributors=[
+                as_json(one, "name", "sigma", "half_width", position=share[0], orientation=share[1])
                 for one, share in zip(self.sources, self.shares, strict=True)
             ],
-            "idle": list(self.idle),
-            "forced": {
-                "names": list(self.forced.names),
-                "position": self.forced.position.tolist(),
-                "angle": self.forced.angle.tolist(),
-                "worst_position": self.forced.worst_position,
-                "worst_angle": self.forced.worst_angle,
-            },
-            "monte_carlo": None
-            if found is None
-            else {
-                "samples": found.count,
-                "failed": found.failed,
-                "mean": found.mean.tolist(),
-                "covariance": found.covariance.tolist(),
-                "largest": found.largest.tolist(),
-                "outside": found.outside,
-                "covariance_error": self.covariance_error,
-                "message": self.agreement,
-            },
-        }
+            idle=self.idle,
+            forced=as_json(self.forced, "names", "position", "angle", "worst_position", "worst_angle"),
+            monte_carlo=found
+            and as_json(
+                found, "failed", "mean", "covariance", "largest", "outside", samples=found.count,
+                covariance_error=self.covariance_error, message=self.agreement,
+            ),
+        )  # fmt: skip
 
 
 class Tolerances:
@@ -460,7 +436,7 @@ class Tolerances:
             float(long.sum(axis=0).max(initial=0.0)), float(turned.sum(axis=0).max(initial=0.0)),
         )  # fmt: skip
 
-    def _regular(self, here: DesignEvaluation) -> NDArray[np.bool_]:
+    def _regular(self, here: DesignEvaluation) -> Bools:
         if not self.design.rank:
             return np.ones(len(here), dtype=bool)
         inverse = here._decomposed[1]

@@ -14,15 +14,13 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
 
+from cinegen.arrays import Array, ArrayLike
 from cinegen.design.design import DesignEvaluation
 from cinegen.design.dimensions import LinkMass
 from cinegen.design.errors import DesignError
 from cinegen.dynamics.errors import MassError
 from cinegen.model.masses import stated
-
-Array = NDArray[np.float64]
 
 GRAVITY = (0.0, 0.0, -9.81)
 _CONSISTENT = 1e-8  # dimensionless: the loops that the fixed joints' motions leave open

@@ -12,9 +12,7 @@ from os.path import realpath
 from pathlib import Path as File
 from urllib.parse import quote, unquote
 
-import numpy as np
-from numpy.typing import NDArray
-
+from cinegen.arrays import Array
 from cinegen.devices.gamepad import Gamepad
 from cinegen.devices.json_socket import JsonSocket
 from cinegen.devices.replay import Replay
@@ -26,8 +24,6 @@ from cinegen.model import Mechanism
 from cinegen.sensor import Sensor, SensorError
 from cinegen.toolpath.seam_file import open_seam
 from raff2urdf.errors import did_you_mean
-
-Array = NDArray[np.float64]
 
 
 def _serial(url: str, *_: object) -> Sensor:

@@ -6,9 +6,7 @@ import json
 from collections.abc import Callable
 from typing import BinaryIO
 
-import numpy as np
-from numpy.typing import NDArray
-
+from cinegen.arrays import Array
 from cinegen.errors import CinegenError
 from cinegen.model import ForwardKinematics, Mechanism
 from cinegen.model.plausible import ImplausibleError, check_joint
@@ -56,7 +54,7 @@ class Lines:
                 except ImplausibleError as error:
                     raise ImplausibleError(f"{error} Values are in rad and m") from None
 
-    def _moved(self, values: dict[str, float]) -> NDArray[np.float64]:
+    def _moved(self, values: dict[str, float]) -> Array:
         """Move; return the configuration (nq,).
 
         Raises:

@@ -9,15 +9,13 @@ from typing import ClassVar
 
 import numpy as np
 import pinocchio as pin
-from numpy.typing import NDArray
 
+from cinegen.arrays import Array
 from cinegen.errors import CinegenError
 from cinegen.ik import Solver, Status
 from cinegen.model import ForwardKinematics, Mechanism
 from cinegen.sensor import Reading, TimedSensor
 from raff2urdf.closure import rank
-
-Array = NDArray[np.float64]
 
 SHAPES: Mapping[str, Callable[[float], tuple[float, float]]] = {
     "circle": lambda angle: (math.cos(angle), math.sin(angle)),

@@ -7,13 +7,11 @@ from dataclasses import dataclass
 
 import numpy as np
 import pinocchio as pin
-from numpy.typing import NDArray
 
+from cinegen.arrays import Array
 from cinegen.errors import CinegenError, UnknownNameError
 from cinegen.ik import FrameTask
 from cinegen.sensor import NO_TWIST, Reading, Sensor, SensorState, SensorStatus, Twist
-
-Array = NDArray[np.float64]
 
 REST = 0.1
 """Time in which a target comes to rest when its sensor falls silent, s."""

@@ -16,16 +16,14 @@ from collections.abc import Mapping
 import numpy as np
 import pinocchio as pin
 import scipy.linalg
-from numpy.typing import ArrayLike, NDArray
 
+from cinegen.arrays import Array, ArrayLike
 from cinegen.dynamics import plain
 from cinegen.dynamics.errors import MotionError
 from cinegen.dynamics.inverse_dynamics import InverseDynamics
 from cinegen.dynamics.node_wrench import node_motions
 from cinegen.errors import CinegenError
 from cinegen.singularities.singularity import SINGULAR
-
-Array = NDArray[np.float64]
 
 
 class Elasticity:

@@ -8,8 +8,8 @@ from functools import cached_property
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
 
+from cinegen.arrays import Array, ArrayLike
 from cinegen.dynamics import plain
 from cinegen.dynamics.inverse_dynamics import InverseDynamics, Motion
 from cinegen.dynamics.loads import GRAVITY
@@ -22,8 +22,7 @@ from cinegen.model import Mechanism
 from cinegen.singularities import Singularity, SingularityType, singularity
 from cinegen.singularities.singularity import SINGULAR
 from cinegen.tolerances import NEAR_SINGULAR
-
-Array = NDArray[np.float64]
+from cinegen.typed_json import as_json
 
 _MOVES = 0.1
 """A joint whose part in a motion is larger, as a fraction of the largest, is named."""
@@ -156,30 +155,18 @@ class Forces:
 
     def as_dict(self) -> dict[str, Any]:
         """Return what JSON shows: N, N m, W, m and rad; null for what is not determined."""
-
-        def number(value: float) -> float | None:
-            return float(value) if np.isfinite(value) else None
-
-        names = self.mechanism.actuated
-        limits = self.mechanism.limits
-        return {
-            "held": self.is_held,
-            "message": self.message,
-            "torques": [
-                {
-                    "joint": name, "value": number(torque), "unit": self.unit_of(name),
-                    "limit": number(limits[name].effort), "part_of_limit": number(part),
-                }
+        names, limits = self.mechanism.actuated, self.mechanism.limits
+        return as_json(
+            self, "message", "power", "prestress", "couplings", "undetermined", "singular_value",
+            held=self.is_held,
+            torques=[
+                {"joint": name, "value": torque, "unit": self.unit_of(name), "limit": limits[name].effort,
+                 "part_of_limit": part}
                 for name, torque, part in zip(names, self.torques, self.used, strict=True)
             ],
-            "power": number(self.power),
-            "prestress": self.prestress.tolist(),
-            "reactions": [one.as_dict() for one in self.reactions],
-            "couplings": {name: {j: number(x) for j, x in one.items()} for name, one in self.couplings.items()},
-            "redundant_equations": self.redundant,
-            "undetermined": list(self.undetermined),
-            "singular_value": number(self.singular_value),
-        }  # fmt: skip
+            reactions=[one.as_dict() for one in self.reactions],
+            redundant_equations=self.redundant,
+        )  # fmt: skip
 
 
 def forces(

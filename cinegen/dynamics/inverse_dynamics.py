@@ -8,8 +8,8 @@ from typing import Any
 
 import numpy as np
 import pinocchio as pin
-from numpy.typing import ArrayLike, NDArray
 
+from cinegen.arrays import Array, ArrayLike, Bools
 from cinegen.dynamics import plain
 from cinegen.dynamics._kernels.masses import find_masses
 from cinegen.dynamics._kernels.memory import DynamicsMemory
@@ -26,7 +26,6 @@ from cinegen.loops.arrays import set_up
 from cinegen.model import Mechanism
 from cinegen.tolerances import CLOSURE
 
-Array = NDArray[np.float64]
 Motion = ArrayLike | Mapping[str, float]
 """Velocity or acceleration (nv,) of all joints; or those of actuated joints by name, 0 for the others."""
 
@@ -76,7 +75,7 @@ class InverseDynamics:
             self.tree.check_masses(massless)
         self._names = {name: mechanism.v_index(name) for name in mechanism.actuated}
         self._rest = np.zeros(mechanism.model.nv)
-        self._undetermined = dict[str, NDArray[np.bool_]]()
+        self._undetermined = dict[str, Bools]()
         self._one, self._many = _set_up(self.tree), _set_up(self.tree)
         self._single = {
             name: np.zeros(self._one.shape(name), self._one.fields[name].dtype)
@@ -181,7 +180,7 @@ class InverseDynamics:
         found[:, unknown] = np.nan
         return found
 
-    def undetermined_of(self, name: str) -> NDArray[np.bool_]:
+    def undetermined_of(self, name: str) -> Bools:
         """Return (6,) true for the components of the reaction of a joint or loop that statics does not determine in
         nearly all configurations: in one of `Mechanism.samples` at least.
 

@@ -7,14 +7,12 @@ from functools import cached_property
 
 import numpy as np
 import pinocchio as pin
-from numpy.typing import ArrayLike, NDArray
 
+from cinegen.arrays import Array, ArrayLike
 from cinegen.dynamics.errors import MassError, PayloadError
 from cinegen.dynamics.payload import Payload
 from cinegen.joints import step_scale
 from cinegen.model import Mechanism
-
-Array = NDArray[np.float64]
 
 GRAVITY = (0.0, 0.0, -9.81)
 """Gravity, m/s^2, downwards, as Pinocchio and MuJoCo have it unless another is given."""

@@ -6,15 +6,13 @@ from dataclasses import dataclass
 
 import numpy as np
 import pinocchio as pin
-from numpy.typing import ArrayLike, NDArray
 
+from cinegen.arrays import Array, ArrayLike
 from cinegen.dynamics import plain
 from cinegen.dynamics.inverse_dynamics import InverseDynamics, Motion
 from cinegen.dynamics.loads import LoadedTree
 from cinegen.errors import ConfigurationError
 from cinegen.singularities.singularity import SINGULAR
-
-Array = NDArray[np.float64]
 
 _LEAST = 1e-300  # divisor
 

@@ -8,11 +8,9 @@ from typing import Literal
 
 import numpy as np
 import pinocchio as pin
-from numpy.typing import ArrayLike, NDArray
 
+from cinegen.arrays import Array, ArrayLike
 from cinegen.dynamics.errors import PayloadError
-
-Array = NDArray[np.float64]
 
 _PHYSICAL = 1e-9  # relative: a principal moment of inertia exceeds the sum of the others by no more
 

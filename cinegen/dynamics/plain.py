@@ -20,15 +20,13 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
 
+from cinegen.arrays import Array
 from cinegen.dynamics.loads import LoadedTree
 from cinegen.loops.motions import orthonormal
 from cinegen.model import Mechanism
 from cinegen.singularities.singularity import SINGULAR
 from raff2urdf.closure import rank
-
-Array = NDArray[np.float64]
 
 _LEAST = 1e-300  # divisor
 

@@ -12,14 +12,13 @@ from typing import Any
 
 import numpy as np
 import pinocchio as pin
-from numpy.typing import NDArray
 
+from cinegen.arrays import Array
 from cinegen.dynamics import plain
 from cinegen.dynamics.loads import LoadedTree
 from cinegen.joints import axis
+from cinegen.typed_json import as_json
 from raff2urdf.residual import loop_residual
-
-Array = NDArray[np.float64]
 
 _STRESSED = 1e-5
 """A component to which a unit stress contributes less, dimensionless, is determined."""
@@ -73,12 +72,10 @@ class Reaction:
 
     def as_dict(self) -> dict[str, Any]:
         """Return what JSON shows: N, N m and m; null for what is undetermined."""
-        force, moment = ([None if np.isnan(x) else float(x) for x in part] for part in (self.force, self.moment))
-        return {
-            "name": self.name, "kind": self.kind, "on": self.body, "force": force, "moment": moment,
-            "determined": self.is_determined, "frame": self.frame, "origin": self.placement.translation.tolist(),
-            "axes": self.placement.rotation.T.tolist(),
-        }  # fmt: skip
+        return as_json(
+            self, "name", "kind", "force", "moment", "frame", on=self.body, determined=self.is_determined,
+            origin=self.placement.translation, axes=self.placement.rotation.T,
+        )  # fmt: skip
 
 
 def reactions(tree: LoadedTree, found: plain.Balance) -> tuple[Reaction, ...]:

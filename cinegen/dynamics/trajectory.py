@@ -5,13 +5,11 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
 
+from cinegen.arrays import Array, ArrayLike
 from cinegen.dynamics.inverse_dynamics import InverseDynamics
 from cinegen.errors import ConfigurationError
 from cinegen.tolerances import CLOSURE
-
-Array = NDArray[np.float64]
 
 _EVEN = 1e-6  # relative difference of two sampling periods
 

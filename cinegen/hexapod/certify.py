@@ -12,19 +12,17 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
+from cinegen.arrays import Array, Integers
 from cinegen.balls import axes_and_origin, combined, cross, dot, frame, minus, precise
 from cinegen.krawczyk import Certificate, Values, certify, distinct
 
 if TYPE_CHECKING:
     from flint import arb
 
-Array = NDArray[np.float64]
-
 
 def certificates(
-    base: Array, platform: Array, lengths: Array, placements: Array, coincident: NDArray[np.int64]
+    base: Array, platform: Array, lengths: Array, placements: Array, coincident: Integers
 ) -> tuple[Certificate | None, ...]:
     """Return the certificate of each placement (n, 4, 4): None where it can't be certified, as where several coincide,
     or where it is not distinct from one before it.

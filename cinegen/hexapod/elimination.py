@@ -25,10 +25,8 @@ from __future__ import annotations
 
 import numpy as np
 from numpy.polynomial import Polynomial
-from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
-Complex = NDArray[np.complex128]
+from cinegen.arrays import Array, Bools, Complex
 
 SOLUTIONS = 16
 PLANAR_DEGREE, SPATIAL_DEGREE = 2, 4
@@ -40,7 +38,7 @@ _ROW, _COLUMN = np.indices((4, 4))
 _ODD = np.array([0, 1, 1, 0])  # powers of y in rows and columns, for base points in one plane
 
 
-def eigen_directions(tangents: Array, planar: bool) -> tuple[Complex, NDArray[np.bool_]]:
+def eigen_directions(tangents: Array, planar: bool) -> tuple[Complex, Bools]:
     """Compute exp(i p34) of all solutions for m sets of leg lengths.
 
     Planar base points: 8 values, each for a pair of mirror images, whose other one has the inverse value. Else 16.

@@ -15,16 +15,13 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
 
+from cinegen.arrays import Array, ArrayLike, Bools, Complex, Integers
 from cinegen.hexapod import legs, study
 from cinegen.hexapod._kernels import taylor
 from cinegen.hexapod.legs import HexapodError, checked_lengths, checked_points, leg_lengths
 from cinegen.hexapod.paths import PathEnd, TrackedPaths, follow_surely, lie_on_curve
 from cinegen.hexapod.platform_modes import NearestPlacement, PlatformModes, SolutionCounts
-
-Array = NDArray[np.float64]
-Complex = NDArray[np.complex128]
 
 _SAME = 1e-9  # parts of the hexapod's size: points that coincide, or lie in a line
 _SINGULAR = 1e-9  # part of the largest singular value
@@ -154,7 +151,7 @@ class Hexapod:
             self._restored(kept), coincident, counts, complete, method, closest, almost_surely=by_chance
         )
 
-    def _real(self, asked: Array, paths: TrackedPaths) -> tuple[Array, NDArray[np.bool_]]:
+    def _real(self, asked: Array, paths: TrackedPaths) -> tuple[Array, Bools]:
         """Return the placements (n, 4, 4) of real ends, and which ends are real (.,)."""
         multiple = paths.end == PathEnd.MULTIPLE
         finite = multiple | (paths.end == PathEnd.REGULAR)
@@ -211,7 +208,7 @@ def _random(rng: np.random.Generator, *shape: int) -> Complex:
     return np.asarray(rng.normal(size=shape) + 1j * rng.normal(size=shape))
 
 
-def _merged(found: Array) -> tuple[Array, NDArray[np.int64]]:
+def _merged(found: Array) -> tuple[Array, Integers]:
     """Return one of all placements that coincide, and how many do."""
     close = np.abs(found[:, None] - found).max(axis=(2, 3), initial=0.0) <= _COINCIDENT
     firsts = np.array([row.argmax() for row in close], dtype=np.int64)  # the first that each coincides with

@@ -6,13 +6,11 @@ All for many placements at once, as 4x4 matrices, in plain numpy.
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
 from scipy.optimize import root
 from scipy.spatial.transform import Rotation
 
+from cinegen.arrays import Array, ArrayLike
 from cinegen.errors import CinegenError
-
-Array = NDArray[np.float64]
 
 _NEWTON_STEPS = 12
 _DESCENT_STEPS = 40  # of Levenberg and Marquardt

@@ -13,12 +13,10 @@ from dataclasses import dataclass
 from enum import IntEnum
 
 import numpy as np
-from numpy.typing import NDArray
 
+from cinegen.arrays import Array, Bools, Complex, Integers
 from cinegen.hexapod._kernels import taylor
-from cinegen.hexapod.study import Array, Complex, distances, infinity, residual
-
-Integers = NDArray[np.int64]
+from cinegen.hexapod.study import distances, infinity, residual
 
 TOLERANCE = 1e-4  # of a path's prediction, |x| = 1
 HALF_STEPS = 0.5**taylor.ORDER  # of a tolerance: steps are half as long
@@ -68,7 +66,7 @@ class TrackedPaths:
         """Return how many end so."""
         return int((self.end == end).sum())
 
-    def replace(self, which: NDArray[np.bool_], other: TrackedPaths) -> None:
+    def replace(self, which: Bools, other: TrackedPaths) -> None:
         """Replace some paths by those of another attempt."""
         self.x[which], self.end[which], self.error[which] = other.x, other.end, other.error
         self.steps[which] += other.steps
@@ -190,7 +188,7 @@ def follow_surely(path: Path, x: Complex, real: bool) -> TrackedPaths:
     return paths
 
 
-def _doubts(paths: TrackedPaths, real: bool) -> NDArray[np.bool_]:
+def _doubts(paths: TrackedPaths, real: bool) -> Bools:
     """Return which paths may have jumped or have no end (n,); if a conjugate is missing, all that may be it."""
     regular = paths.end == PathEnd.REGULAR
     doubts = (paths.end == PathEnd.FAILED) | _coincide(paths).any(axis=1)
@@ -205,7 +203,7 @@ def _doubts(paths: TrackedPaths, real: bool) -> NDArray[np.bool_]:
     return np.asarray(doubts)
 
 
-def _coincide(paths: TrackedPaths) -> NDArray[np.bool_]:
+def _coincide(paths: TrackedPaths) -> Bools:
     """Return which regular ends coincide, (n, n)."""
     regular = paths.end == PathEnd.REGULAR
     same = (distances(paths.x, paths.x) <= _SAME) & regular & regular[:, None]

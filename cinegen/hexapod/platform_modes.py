@@ -5,13 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 from functools import cached_property
 
-import numpy as np
-from numpy.typing import NDArray
-
+from cinegen.arrays import Array, Integers
 from cinegen.hexapod.certify import certificates
 from cinegen.krawczyk import Certificate
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
@@ -70,7 +66,7 @@ class PlatformModes:
     """
 
     placements: Array
-    coincident: NDArray[np.int64]
+    coincident: Integers
     counts: SolutionCounts
     complete: bool
     method: str

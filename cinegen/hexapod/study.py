@@ -18,10 +18,8 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
-Complex = NDArray[np.complex128]
+from cinegen.arrays import Array, Complex
 
 SOLUTIONS = 40
 """Number of solutions of a general hexapod (F. Ronga and T. Vust, "Stewart platforms without computer?", 1992)."""

@@ -6,18 +6,14 @@ from typing import NamedTuple
 
 import numpy as np
 from numba import boolean, complex128, float64, int64, typeof
-from numpy.typing import ArrayLike, NDArray
 
+from cinegen.arrays import Array, ArrayLike, Bools, Complex, Integers
 from cinegen.hexapod._kernels import roots as kernel
 from cinegen.hexapod._kernels.placements import write_placements
 from cinegen.hexapod.elimination import SOLUTIONS, eigen_directions
 from cinegen.hexapod.legs import HexapodError, checked_lengths, checked_points, leg_lengths, nearest, refine
 from cinegen.hexapod.platform_modes import NearestPlacement, PlatformModes, SolutionCounts
 from cinegen.jit.compiled import prepare, together
-
-Array = NDArray[np.float64]
-Complex = NDArray[np.complex128]
-Integers = NDArray[np.int64]
 
 _FLAT = 1e-12  # of the base's size: height of points that are in one plane
 _THIN = 1e-9  # of their size: points in a line, or coincident
@@ -219,7 +215,7 @@ class TSSM:
 
     # --- from lengths to placements -----------------------------------------------------------------------------------
 
-    def _circles(self, lengths: Array) -> tuple[PlatformCircles, NDArray[np.bool_]]:
+    def _circles(self, lengths: Array) -> tuple[PlatformCircles, Bools]:
         """Return the circles, and whether the legs of each pair meet, (m,): equations 1-9.
 
         The largest circle comes first: equations 20-26 hold whichever point is called 12, 34 or 56, but where a small
@@ -247,7 +243,7 @@ class TSSM:
         equations = np.moveaxis(np.array(rows), (0, 1), (2, 3))
         return np.asarray(equations / np.abs(equations).max(axis=(2, 3), keepdims=True), order="C")
 
-    def _roots(self, lengths: Array) -> tuple[PlatformCircles, NDArray[np.bool_], Complex, Integers, Integers]:
+    def _roots(self, lengths: Array) -> tuple[PlatformCircles, Bools, Complex, Integers, Integers]:
         """Return the circles; whether legs meet (m,); the distinct roots (m, 17, 3), with base points in one plane one
         of each pair of mirror images, their multiplicities (m, 17) and counts (m, kernel.COUNTS_WIDTH)."""
         circles, meets = self._circles(lengths)
@@ -293,9 +289,9 @@ class TSSM:
         return _Solved(*found, counts[:, kernel.OUTCOME], circles)
 
     def _merged(
-        self, good: NDArray[np.bool_], sure: NDArray[np.bool_], placements: Array, of: Integers, times: Integers,
+        self, good: Bools, sure: Bools, placements: Array, of: Integers, times: Integers,
         longest: Array,
-    ) -> tuple[NDArray[np.bool_], Integers]:  # fmt: skip
+    ) -> tuple[Bools, Integers]:  # fmt: skip
         """Return which placements are kept, and how many solutions each stands for, if those that are not surely real
         but have the lengths asked for are one with others next to them."""
         good, times, points = good.copy(), times.copy(), _points(self.platform, placements)

@@ -13,8 +13,8 @@ from typing import Any
 
 import numpy as np
 import pinocchio as pin
-from numpy.typing import NDArray
 
+from cinegen.arrays import Array
 from cinegen.assembly import AssemblyModes, ModesError, SelfMotion
 from cinegen.assembly.certify import EndEquations, LoopEquations, Unknowns
 from cinegen.assembly.results import SolutionSet
@@ -25,9 +25,8 @@ from cinegen.ik.task import FrameTask
 from cinegen.inverse.task_parts import NodeTask, TaskParts
 from cinegen.model import Mechanism
 from cinegen.tolerances import AT_LIMIT
+from cinegen.typed_json import as_json
 from raff2urdf.coupling import followed
-
-Array = NDArray[np.float64]
 
 _OFF = 1e-6  # rad, characteristic lengths: a pose this near to those that can be reached is one of them
 _POLISHED = 1e-13  # rad, characteristic lengths
@@ -133,40 +132,26 @@ class IKSolutions(SolutionSet):
     def as_dict(self) -> dict[str, Any]:
         """Return what JSON shows: rad and m."""
         target = self.task.target
-        return {
-            "robot": self.mechanism.name,
-            "node": self.task.node,
-            "position": target.translation.tolist(),
-            "rotation": target.rotation.tolist() if self.task.rotation else None,
-            "locked": dict(self.locked),
-            "complete": self.complete,
-            "proved": self.proved,
-            "trace_test": self.trace_test,
-            "method": self.method,
-            "counts": vars(self.counts),
-            "certified": self.certified,
-            "solutions": [
-                {
-                    **_values(self.mechanism, q),
-                    "within_limits": not beyond,
-                    "outside": beyond,
-                    "coincident": count,
-                    "error": list(error),
-                    "closure": self.mechanism.closure(q),
-                    "certificate": certificate,
-                }
-                for q, beyond, count, error, certificate in zip(
-                    self, self.outside, self.coincident, self.errors, self._certificates_as_dicts(), strict=True
-                )
+        columns = zip(self, self.outside, self.coincident, self.errors, self.certificates, strict=True)
+        return as_json(
+            self, "locked", "complete", "proved", "trace_test", "method", "counts", "certified",
+            robot=self.mechanism.name,
+            node=self.task.node,
+            position=target.translation,
+            rotation=target.rotation if self.task.rotation else None,
+            solutions=[
+                {**_values(self.mechanism, q), "within_limits": not beyond, "outside": beyond, "coincident": count,
+                 "error": error, "closure": self.mechanism.closure(q), "certificate": certificate}
+                for q, beyond, count, error, certificate in columns
             ],
-            "self_motions": [motion.as_dict(self.mechanism) for motion in self.self_motions],
-            "closest": None
+            self_motions=[motion.as_dict(self.mechanism) for motion in self.self_motions],
+            closest=None
             if self.closest is None
             else {
                 **_values(self.mechanism, self.closest),
-                "error": list(self.task.distances(self.mechanism, self.closest)),
+                "error": self.task.distances(self.mechanism, self.closest),
             },
-        }
+        )  # fmt: skip
 
 
 def _values(mechanism: Mechanism, q: Array) -> dict[str, Any]:

@@ -4,12 +4,8 @@ from __future__ import annotations
 
 from typing import NamedTuple, Protocol
 
-import numpy as np
-from numpy.typing import NDArray
-
+from cinegen.arrays import Array
 from cinegen.ik.objectives import State
-
-Array = NDArray[np.float64]
 
 
 class Bounds(NamedTuple):

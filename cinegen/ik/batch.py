@@ -7,8 +7,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
 
+from cinegen.arrays import Array, ArrayLike
 from cinegen.errors import CinegenError
 from cinegen.ik._kernels.batch import measure_all
 from cinegen.ik._kernels.memory import BatchMemory
@@ -18,8 +18,6 @@ from cinegen.joints import supporting_columns
 from cinegen.loops.arrays import actuate, set_up, set_up_screws
 from cinegen.loops.thresholds import CORRECTION
 from cinegen.model import Mechanism
-
-Array = NDArray[np.float64]
 
 _TOLERANCE = 1e-11  # rad or lengths: largest loop residual
 _STRIDE = 0.3  # rad or lengths: largest step of a joint, so that the assembly mode stays the same

@@ -8,14 +8,12 @@ tiny step along one of the branches, the Jacobian allows the velocities of that 
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from cinegen.arrays import Array
 from cinegen.loops.closed_loops import ClosedLoops
 from cinegen.loops.clusters import subsystems
 from cinegen.model import Mechanism
 from raff2urdf import closure
-
-Array = NDArray[np.float64]
 
 _SINGULAR = 3e-4  # smallest singular value of the loops, relative to the largest, that is so near to a branching
 _STEPS = (1e-3, 3e-3, 1e-2)  # rad or lengths

@@ -10,16 +10,14 @@ from collections.abc import Sequence
 
 import numpy as np
 import pinocchio as pin
-from numpy.typing import NDArray
 
+from cinegen.arrays import Array
 from cinegen.ik.task import FrameTask
 from cinegen.ik.thresholds import ERROR_CAP
 from cinegen.loops.closed_loops import ClosedLoops
 from cinegen.loops.motions import motions_of
 from cinegen.model import Mechanism
 from raff2urdf.closure import rank
-
-Array = NDArray[np.float64]
 
 
 def axes_of(task: FrameTask, mechanism: Mechanism, system: ClosedLoops) -> Array:

@@ -11,16 +11,13 @@ from dataclasses import dataclass
 from enum import Enum
 
 import numpy as np
-from numpy.typing import NDArray
 
+from cinegen.arrays import Array, Bools
 from cinegen.html import table
 from cinegen.ik.step import Status
 from cinegen.ik.thresholds import REST
 from cinegen.model import Mechanism
 from raff2urdf.closure import close
-
-Array = NDArray[np.float64]
-Mask = NDArray[np.bool_]
 
 _AT_LIMIT = 1e-9  # rad or lengths: distance at which a joint has met its limit
 _OFF_LIMIT = 0.02  # rad or lengths: distance from which a joint may meet its limit again
@@ -181,7 +178,7 @@ def _signed(matrices: Array, rank: int) -> Array:
     return np.asarray(signed)
 
 
-def _onsets(inside: Mask, outside: Mask) -> Iterator[int]:
+def _onsets(inside: Bools, outside: Bools) -> Iterator[int]:
     """Yield the ticks at which a condition begins to hold; again only after it clearly did not (hysteresis).
 
     Args:

@@ -10,8 +10,8 @@ from typing import Literal, overload
 
 import numpy as np
 import pinocchio as pin
-from numpy.typing import ArrayLike, NDArray
 
+from cinegen.arrays import Array, ArrayLike
 from cinegen.errors import CinegenError
 from cinegen.hexapod import SolutionCounts
 from cinegen.html import table
@@ -23,8 +23,6 @@ from cinegen.ik.task import FrameTask
 from cinegen.model import Mechanism
 from cinegen.model.plausible import FAR_TARGET, check_configuration, check_lengths
 from cinegen.tolerances import CLOSURE
-
-Array = NDArray[np.float64]
 
 _SAMPLES = 1000  # configurations that starts are taken from
 _CLOSED_SAMPLES = 400  # with loops, where they cost more

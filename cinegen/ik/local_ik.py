@@ -7,16 +7,14 @@ from functools import partial
 
 import numpy as np
 import pinocchio as pin
-from numpy.typing import NDArray
 
+from cinegen.arrays import Array
 from cinegen.ik._kernels.local_ik import solve
 from cinegen.ik._kernels.memory import LocalIKMemory
 from cinegen.ik.setup import set_up, set_up_tasks
 from cinegen.ik.task import FrameTask
 from cinegen.jit.starting import start
 from cinegen.model import Mechanism
-
-Array = NDArray[np.float64]
 
 _ITERATIONS = 60  # from one start
 _STRIDE = 0.6  # rad or lengths: from one configuration of the tree to the next

@@ -7,16 +7,14 @@ from collections.abc import Sequence
 
 import numpy as np
 import pinocchio as pin
-from numpy.typing import NDArray
 
+from cinegen.arrays import Array
 from cinegen.errors import CinegenError
 from cinegen.ik.forecast import Forecast, Rollout, forecast_of
 from cinegen.ik.solver import Solver
 from cinegen.ik.task import FrameTask
 from cinegen.model import Mechanism
 from cinegen.tolerances import NEAR_SINGULAR
-
-Array = NDArray[np.float64]
 
 _TICKS = 100  # of a forecast, at most, unless its dt is given
 

@@ -14,14 +14,12 @@ from types import MappingProxyType
 from typing import Protocol
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
 
+from cinegen.arrays import Array, ArrayLike, Indices
 from cinegen.errors import CinegenError
 from cinegen.ik.equations import axes_of, equations
 from cinegen.ik.task import FrameTask
 from cinegen.model import Mechanism
-
-Array = NDArray[np.float64]
 
 _STEP = 1e-5  # rad or lengths: step of central differences; their error is 1e-10
 _LOST = 1e-6  # relative singular value below which it counts as 0
@@ -192,7 +190,7 @@ class LimitMargin(_Rated):
         if not 0.0 < margin <= 0.5:
             raise CinegenError(f"the margin must be in (0, 0.5], not {margin}")
         self._margin = margin
-        self._ranges: tuple[Mechanism, NDArray[np.intp], NDArray[np.intp], Array, Array] | None = None
+        self._ranges: tuple[Mechanism, Indices, Indices, Array, Array] | None = None
 
     def velocity(self, state: State) -> Array:
         """Return the desired joint velocity (nv,), rad/s and m/s."""
@@ -215,7 +213,7 @@ class LimitMargin(_Rated):
         return depth
 
 
-def _ranges(mechanism: Mechanism, margin: float) -> tuple[NDArray[np.intp], NDArray[np.intp], Array, Array]:
+def _ranges(mechanism: Mechanism, margin: float) -> tuple[Indices, Indices, Array, Array]:
     """Return the joints with two limits: their indices in q and v, and the inner ends of their margins, rad and m."""
     at_q, at_v = mechanism.scalar_joints
     wide = mechanism.limits.upper[at_q] - mechanism.limits.lower[at_q]

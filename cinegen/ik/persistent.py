@@ -7,10 +7,11 @@ from collections.abc import Mapping
 
 from numpy.typing import ArrayLike
 
+from cinegen.arrays import Array
 from cinegen.errors import CinegenError
 from cinegen.ik.global_ik import inverse_kinematics
 from cinegen.ik.objectives import Posture
-from cinegen.ik.solver import Array, Solver
+from cinegen.ik.solver import Solver
 from cinegen.ik.step import Status, Step
 from cinegen.model import Mechanism
 

@@ -12,15 +12,13 @@ from dataclasses import dataclass
 
 import numpy as np
 import pinocchio as pin
-from numpy.typing import NDArray
 
+from cinegen.arrays import Array
 from cinegen.ik.equations import equations, units
 from cinegen.ik.task import FrameTask
 from cinegen.loops.closed_loops import ClosedLoops
 from cinegen.loops.motions import motions_of
 from cinegen.model import Mechanism
-
-Array = NDArray[np.float64]
 
 _EVER = 1e-6  # relative singular value below which no configuration moves the tasks along a direction
 

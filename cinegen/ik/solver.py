@@ -10,8 +10,8 @@ from typing import NamedTuple
 
 import numpy as np
 import pinocchio as pin
-from numpy.typing import ArrayLike, NDArray
 
+from cinegen.arrays import Array, ArrayLike
 from cinegen.errors import CinegenError
 from cinegen.exception_log import ExceptionLog
 from cinegen.ik._kernels import memory as m
@@ -42,8 +42,6 @@ from cinegen.model import Mechanism
 from cinegen.model.plausible import FAR_TARGET, check_configuration, check_lengths
 from cinegen.tolerances import CLOSURE
 from raff2urdf.residual import log
-
-Array = NDArray[np.float64]
 
 LONGEST = 1.0
 """Longest period of a tick, s: more was meant as a rate."""

@@ -9,8 +9,8 @@ from enum import Enum
 
 import numpy as np
 import pinocchio as pin
-from numpy.typing import NDArray
 
+from cinegen.arrays import Array
 from cinegen.html import table
 from cinegen.ik._kernels import memory as m
 from cinegen.ik.equations import equations
@@ -19,8 +19,6 @@ from cinegen.ik.task import FrameTask
 from cinegen.loops.closed_loops import ClosedLoops
 from cinegen.loops.motions import motions_of
 from cinegen.model import Mechanism
-
-Array = NDArray[np.float64]
 
 
 class Status(Enum):

@@ -9,8 +9,8 @@ from typing import Any, SupportsIndex
 
 import numpy as np
 import pinocchio as pin
-from numpy.typing import ArrayLike, NDArray
 
+from cinegen.arrays import Array, ArrayLike
 from cinegen.errors import CinegenError, UnknownNameError
 from cinegen.ik._kernels.memory import TaskMemory
 from cinegen.ik._kernels.tasks import FURTHEST
@@ -18,8 +18,6 @@ from cinegen.ik.thresholds import ROTATION
 from cinegen.jit.foreign import SE3_DISTANCE, address, frame_of
 from cinegen.model import Mechanism
 from raff2urdf.residual import log, log_derivative, swing
-
-Array = NDArray[np.float64]
 
 _TRANSLATIONS = ((0.0, 0.0, 0.0), (1.0, 0.0, 0.0), (1.0, 1.0, 0.0), (1.0, 1.0, 1.0))
 _ROTATIONS = ((0.0, 0.0, 0.0), (0.0, 0.0, 1.0), (1.0, 1.0, 0.0), (1.0, 1.0, 1.0))

@@ -11,9 +11,8 @@ from dataclasses import dataclass
 
 import numpy as np
 import pinocchio as pin
-from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from cinegen.arrays import Array
 
 _RANK = 1e-7  # part of the largest singular value
 

@@ -16,8 +16,8 @@ from typing import NamedTuple
 
 import numpy as np
 import pinocchio as pin
-from numpy.typing import NDArray
 
+from cinegen.arrays import Array
 from cinegen.assembly.certify import Unknowns
 from cinegen.assembly.chains import recognise_part
 from cinegen.assembly.linkage import FreeMotionError, ModesError
@@ -32,8 +32,6 @@ from cinegen.model.mechanism import MechanismSource
 from raff2urdf import closure
 from raff2urdf.coupling import Coupling
 from raff2urdf.raff.document import LoopKind
-
-Array = NDArray[np.float64]
 
 _STILL = 1e-9  # rad, characteristic lengths: a joint that moves the node and the loops less does not move them
 _WALK, _STEP = 3, 0.4  # configurations besides the first that motions are examined at; rad, characteristic lengths

@@ -5,17 +5,13 @@ from __future__ import annotations
 from collections.abc import Sequence
 from functools import partial
 
-import numpy as np
-from numpy.typing import NDArray
-
+from cinegen.arrays import Array
 from cinegen.jit.starting import start
 from cinegen.loops._kernels.closure import close_from_trial
 from cinegen.loops._kernels.memory import LoopMemory
 from cinegen.loops.arrays import set_up
 from cinegen.loops.closed_loops import ClosedLoops
 from raff2urdf.closure import Closing
-
-Array = NDArray[np.float64]
 
 
 class Closer:

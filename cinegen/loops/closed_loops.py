@@ -8,16 +8,13 @@ from functools import cached_property
 
 import numpy as np
 import pinocchio as pin
-from numpy.typing import NDArray
 
+from cinegen.arrays import Array, Indices
 from cinegen.joints import kinematic_data, step_scale, supporting_columns
 from raff2urdf.coupling import Coupling, coupled_scales
 from raff2urdf.length import cut_screws, moments
 from raff2urdf.raff.document import LoopKind
 from raff2urdf.residual import ROWS, loop_residual
-
-Array = NDArray[np.float64]
-Indices = NDArray[np.intp]
 
 LARGE = 64
 """Velocities of a cluster of loops (`cinegen.loops.clusters`) beyond which it is factored block by block."""

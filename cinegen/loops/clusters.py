@@ -6,11 +6,9 @@ from dataclasses import dataclass
 
 import numpy as np
 import pinocchio as pin
-from numpy.typing import NDArray
 
+from cinegen.arrays import Indices
 from cinegen.loops.closed_loops import ClosedLoops, linked
-
-Indices = NDArray[np.intp]
 
 
 @dataclass(frozen=True, slots=True)

@@ -6,11 +6,9 @@ The kernels compute the same in each tick, and are tested against this; it serve
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from cinegen.arrays import Array, Indices
 from cinegen.loops.closed_loops import ClosedLoops, linked
-
-Array = NDArray[np.float64]
 
 _LARGE = 100  # columns of a Jacobian that is decomposed block by block
 
@@ -63,6 +61,6 @@ def free_motions(loops: Array, rank: int) -> tuple[Array, Array]:
     return np.vstack(motions).T, sigma[largest]
 
 
-def _blocks(matrix: Array) -> list[tuple[list[int], NDArray[np.intp]]]:
+def _blocks(matrix: Array) -> list[tuple[list[int], Indices]]:
     """Return the blocks of a matrix, by their rows and columns: it is zero outside them."""
     return linked([np.flatnonzero(row) for row in matrix])

@@ -22,14 +22,12 @@ from collections.abc import Iterable, Sequence
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from cinegen.arrays import Array, Bools
 from cinegen.loops.closed_loops import ClosedLoops
 from cinegen.loops.clusters import clusters
 from raff2urdf.length import centre, cut_screws, moments, scale_of, spread
 from raff2urdf.raff.document import LoopKind
-
-Array = NDArray[np.float64]
 
 
 class AxisPoint(NamedTuple):
@@ -68,7 +66,7 @@ class LoopScrews:
         model, count, nv = system.model, len(system.loops), system.model.nv
         system.evaluate(q_home)
         screws = system.screws()
-        turning: NDArray[np.bool_] = np.any(screws[3:] != 0.0, axis=0)
+        turning: Bools = np.any(screws[3:] != 0.0, axis=0)
         owner = np.concatenate(  # of each column: a joint of the model, or a loop
             [
                 np.repeat(np.arange(model.njoints), list(model.nvs)),

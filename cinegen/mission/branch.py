@@ -3,14 +3,12 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from cinegen.arrays import Array
 from cinegen.errors import ClosureError
 from cinegen.mission.file_format import MissionError
 from cinegen.model import ForwardKinematics, Mechanism
 from cinegen.tolerances import CLOSURE
-
-Array = NDArray[np.float64]
 
 _SAME = 1e-6  # rad or lengths: distance at which a configuration counts as reached
 _JUMP = 0.5  # rad or lengths: a longer step that the actuated joints do not produce is a jump

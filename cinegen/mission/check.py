@@ -9,8 +9,8 @@ from functools import partial
 from itertools import pairwise
 
 import numpy as np
-from numpy.typing import NDArray
 
+from cinegen.arrays import Array, Bools
 from cinegen.ik.singular import gained
 from cinegen.mission.recording import between
 from cinegen.mission.trajectory import Trajectory
@@ -18,9 +18,6 @@ from cinegen.model import Mechanism
 from cinegen.singularities.crossing import Rows, crossings, of_end, of_passive_joints
 from cinegen.tolerances import AT_SINGULAR, CLOSURE, NEAR_SINGULAR
 from raff2urdf.quantities import ANGLE, ANGULAR_SPEED, LENGTH, SPEED, shown
-
-Array = NDArray[np.float64]
-Mask = NDArray[np.bool_]
 
 _AWAY = 1.2  # times a threshold, above which a singular value has left it
 _ACTUATED = 1e-9  # rad or lengths: rounding at a limit
@@ -151,7 +148,7 @@ def _at(trajectory: Trajectory, kind: FindingKind, sample: int, message: str) ->
     return _finding(trajectory, kind, trajectory.times[sample], message, trajectory.q[sample])
 
 
-def _intervals(inside: Mask, outside: Mask | None = None) -> Iterator[slice]:
+def _intervals(inside: Bools, outside: Bools | None = None) -> Iterator[slice]:
     """Iterate over the intervals of samples in which a condition holds, until it has clearly ended."""
     ended = ~inside if outside is None else outside
     begin: int | None = None

@@ -3,10 +3,9 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.interpolate import CubicHermiteSpline, PchipInterpolator, PPoly
 
-Array = NDArray[np.float64]
+from cinegen.arrays import Array
 
 
 def curve_through(s: Array, points: Array) -> PPoly:

@@ -13,19 +13,16 @@ from datetime import UTC, datetime
 from typing import Any, Literal
 
 import msgspec
-import numpy as np
 import pinocchio as pin
 from msgspec import UNSET, Struct, UnsetType
-from numpy.typing import NDArray
 
+from cinegen.arrays import Array
 from cinegen.errors import CinegenError
 from cinegen.mission.drawn_obstacle import DrawnObstacle
 from cinegen.model.fingerprint import fingerprint
 from cinegen.model.mechanism import Mechanism
 from cinegen.typed_json import DoF, decoder, encode
 from raff2urdf.escape import one_line
-
-Array = NDArray[np.float64]
 
 VERSION: Literal[3] = 3
 

@@ -18,14 +18,11 @@ from typing import Any, NamedTuple
 
 import numpy as np
 import yaml
-from numpy.typing import NDArray
 
 from cinegen.errors import UnknownNameError
 from cinegen.mission.file_format import MissionError
 from cinegen.mission.trajectory import Trajectory
 from raff2urdf.escape import csv_cell, line_comment
-
-Array = NDArray[np.float64]
 
 _LONGEST = 128 * 1024  # bytes: Linux limits the length of an argument
 _DIGITS = 9

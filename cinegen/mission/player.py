@@ -4,13 +4,10 @@ from __future__ import annotations
 
 import math
 
-import numpy as np
 import pinocchio as pin
-from numpy.typing import NDArray
 
+from cinegen.arrays import Array
 from cinegen.mission.recording import Recording
-
-Array = NDArray[np.float64]
 
 SLOWEST, FASTEST = 0.01, 100.0
 """Limits of the playback speed; 1 is real time."""

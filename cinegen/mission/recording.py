@@ -9,8 +9,8 @@ from typing import Self
 import numpy as np
 import pinocchio as pin
 from msgspec import UnsetType
-from numpy.typing import NDArray
 
+from cinegen.arrays import Array
 from cinegen.errors import CinegenError, ClosureError, UnknownNameError
 from cinegen.line_file import read_lines
 from cinegen.mission.file_format import (
@@ -26,8 +26,6 @@ from cinegen.mission.file_format import (
 from cinegen.model import Mechanism
 from cinegen.model.fingerprint import fingerprint
 from cinegen.model.load import build
-
-Array = NDArray[np.float64]
 
 
 class Recording:

@@ -7,9 +7,9 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.interpolate import CubicHermiteSpline, PchipInterpolator, PPoly
 
+from cinegen.arrays import Array, Indices
 from cinegen.errors import CinegenError, ClosureError, UnknownNameError
 from cinegen.mission.branch import Branch
 from cinegen.mission.curve import curve_through
@@ -29,8 +29,6 @@ from cinegen.planning.timing import (
     time_law,
 )
 from cinegen.planning.torque_limits import TorqueLimits, TorqueTerms
-
-Array = NDArray[np.float64]
 
 _ROUNDING = 1e-9
 _SLOWER = 1.001  # more than needed, so that few rounds suffice
@@ -389,7 +387,7 @@ class _Timing:
         return _closed(self._branch, self._knots, along, ends, self._recorded, self._name)
 
 
-def _closed(branch: Branch, knots: Array, along: Array, ends: NDArray[np.intp], recorded: Array, name: str) -> Array:
+def _closed(branch: Branch, knots: Array, along: Array, ends: Indices, recorded: Array, name: str) -> Array:
     """Return configurations (n, nq) on the branch, with the actuated joints of others.
 
     Args:

@@ -10,8 +10,8 @@ from numbers import Real
 from types import MappingProxyType
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
 
+from cinegen.arrays import Array, ArrayLike, Indices
 from cinegen.errors import CinegenError, ClosureError, ConfigurationError, UnknownNameError
 from cinegen.jit.starting import start
 from cinegen.loops._kernels.follow import follow
@@ -20,8 +20,6 @@ from cinegen.loops.arrays import actuate, set_up
 from cinegen.model.mechanism import Mechanism
 from cinegen.tolerances import CLOSED, CLOSURE
 from raff2urdf.closure import RANK
-
-Array = NDArray[np.float64]
 
 _TOLERANCE = 2e-15  # rad or lengths: loops are closed to rounding
 _STRIDE = 0.1  # rad or lengths: longest step of a joint, to stay on the branch
@@ -175,7 +173,7 @@ class ForwardKinematics:
             self._complete(jacobian, a, -jacobian @ (a / scale) - system.drift(self._q, v), passive)
         return v, a
 
-    def _complete(self, jacobian: Array, vector: Array, wanted: Array, passive: NDArray[np.intp]) -> None:
+    def _complete(self, jacobian: Array, vector: Array, wanted: Array, passive: Indices) -> None:
         """Write the rates of the passive joints, whose rows of the loops are wanted (rows,)."""
         columns = jacobian[:, passive]
         found = np.linalg.lstsq(columns, wanted, rcond=RANK)[0]

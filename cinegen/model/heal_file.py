@@ -11,8 +11,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 import pinocchio as pin
-from numpy.typing import NDArray
 
+from cinegen.arrays import Array, Indices
 from cinegen.errors import CinegenError, LoadError
 from cinegen.joints import axis
 from cinegen.loops.closed_loops import ClosedLoops
@@ -32,9 +32,6 @@ from raff2urdf.readers.sidecar import constraints_of
 from raff2urdf.readers.urdf import hash_of
 from raff2urdf.readers.urdf import parse as parse_urdf
 from raff2urdf.written_numbers import Adjustable, WrittenNumber, adjustables, rewritten
-
-Array = NDArray[np.float64]
-Indices = NDArray[np.intp]
 
 _DIFFERENCE = 1e-7  # rad or lengths: change of a number by which its effect is found
 _NO_EFFECT = 1e-6  # of a twist by a change of that size, relative to it

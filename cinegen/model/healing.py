@@ -22,14 +22,12 @@ from dataclasses import replace
 
 import numpy as np
 import pinocchio as pin
-from numpy.typing import NDArray
 
+from cinegen.arrays import Array
 from cinegen.loops.closed_loops import ClosedLoops
 from cinegen.model.intended import Relation, errors, relations
 from raff2urdf.near_redundancy import NearRedundancy, settle
 from raff2urdf.residual import loop_residual
-
-Array = NDArray[np.float64]
 
 LARGEST_CHANGE = 5e-3
 """rad, or characteristic lengths: a larger change is more than rounding."""

@@ -10,14 +10,13 @@ from typing import NamedTuple
 
 import numpy as np
 import pinocchio as pin
-from numpy.typing import NDArray
 
+from cinegen.arrays import Array
 from cinegen.joints import axis
 from cinegen.loops.closed_loops import ClosedLoops
 from raff2urdf.raff.document import LoopKind
 from raff2urdf.residual import skew
 
-Array = NDArray[np.float64]
 Relation = tuple[int, int, int, str]
 """A body, two of its axes, and what is nearly true: parallel, perpendicular, intersecting or coincident."""
 

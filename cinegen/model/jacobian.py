@@ -6,11 +6,9 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from cinegen.arrays import Array
 from cinegen.html import table
-
-Array = NDArray[np.float64]
 
 COMPONENTS = ("x", "y", "z", "rx", "ry", "rz")
 

@@ -7,13 +7,11 @@ from typing import NamedTuple
 
 import numpy as np
 import pinocchio as pin
-from numpy.typing import NDArray
 
+from cinegen.arrays import Array, Bools
 from cinegen.joints import translations
 from cinegen.tolerances import AT_LIMIT
 from raff2urdf.errors import did_you_mean
-
-Array = NDArray[np.float64]
 
 
 class JointLimits(NamedTuple):
@@ -72,7 +70,7 @@ class Limits(Mapping[str, JointLimits]):
     def __repr__(self) -> str:
         return f"<Limits of {len(self)} joint{'s' * (len(self) != 1)}>"
 
-    def within(self, q: Array, rounding: float = AT_LIMIT) -> NDArray[np.bool_]:
+    def within(self, q: Array, rounding: float = AT_LIMIT) -> Bools:
         """Return whether no joint of q (..., nq) is beyond its limits by more than `rounding` (rad, m); shape (...)."""
         return np.asarray(((q >= self.lower - rounding) & (q <= self.upper + rounding)).all(axis=-1))
 

@@ -12,9 +12,9 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 import pinocchio as pin
-from numpy.typing import NDArray
 
 import raff2urdf
+from cinegen.arrays import Array
 from cinegen.errors import ClosureError, LoadError, UnknownNameError, warn
 from cinegen.joints import scalar_joints, supporting_columns
 from cinegen.loops.closed_loops import ClosedLoops, LoopConstraint
@@ -42,8 +42,6 @@ from raff2urdf.shipped import find_robot
 
 if TYPE_CHECKING:  # takes half a second
     from yourdfpy import URDF
-
-Array = NDArray[np.float64]
 
 _SAMPLES = 20  # configurations of which home is chosen if the file has none and all joints at 0 is singular
 

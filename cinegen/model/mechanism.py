@@ -10,8 +10,8 @@ from typing import Any, NamedTuple, TypeVar
 
 import numpy as np
 import pinocchio as pin
-from numpy.typing import ArrayLike, NDArray
 
+from cinegen.arrays import Array, ArrayLike, Indices
 from cinegen.errors import CinegenError, ClosureError, ConfigurationError, UnknownNameError
 from cinegen.html import table
 from cinegen.joints import scalar_joints, translations
@@ -27,8 +27,6 @@ from cinegen.model.spherical import SphericalJoints
 from raff2urdf import closure
 from raff2urdf.coupling import Coupling
 from raff2urdf.readers.srdf import Srdf
-
-Array = NDArray[np.float64]
 
 _Result = TypeVar("_Result")
 
@@ -357,7 +355,7 @@ class Mechanism:
         return translations(self._joint(joint)) > 0
 
     @cached_property
-    def scalar_joints(self) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+    def scalar_joints(self) -> tuple[Indices, Indices]:
         """Indices in q and in v of the joints that are one number each: all but a free base."""
         return scalar_joints(self.model)
 
@@ -373,7 +371,7 @@ class Mechanism:
         return tuple(names)
 
     @cached_property
-    def passive_columns(self) -> NDArray[np.intp]:
+    def passive_columns(self) -> Indices:
         """The columns of the passive joints (not actuated) in a Jacobian; never those of a free base."""
         passive = [self._joint(name) for name in (*self.joints, *self.balls) if name not in self.actuated]
         return np.array([joint.idx_v + i for joint in passive for i in range(joint.nv)], dtype=np.intp)
@@ -386,7 +384,7 @@ class Mechanism:
         return max(found) if self.is_constrained else 0
 
     @cached_property
-    def passive_screws(self) -> NDArray[np.intp]:
+    def passive_screws(self) -> Indices:
         """The columns of the passive joints in `screw_matrix`: `passive_columns`, and the joints that were cut."""
         nv = self.model.nv
         return np.concatenate([self.passive_columns, np.arange(nv, nv + self.screws.cut)])

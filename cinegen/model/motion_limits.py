@@ -7,13 +7,11 @@ from collections.abc import Mapping
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from cinegen.arrays import Array, Bools
 from cinegen.errors import CinegenError
 from cinegen.joints import step_scale
 from cinegen.model.mechanism import Mechanism
-
-Array = NDArray[np.float64]
 
 DEFAULT_VELOCITY = 1.0, 0.25
 """rad/s and m/s, where a description has no limit. 0.25 m/s is the reduced speed of industrial robots (ISO 10218-1)."""
@@ -91,9 +89,7 @@ def _default(mechanism: Mechanism, values: tuple[float, float]) -> Array:
     return angular * step_scale(mechanism.model, linear / angular)
 
 
-def _given(
-    mechanism: Mechanism, what: str, values: float | Mapping[str, float] | None, free: NDArray[np.bool_]
-) -> Array:
+def _given(mechanism: Mechanism, what: str, values: float | Mapping[str, float] | None, free: Bools) -> Array:
     """Return limits (nv,) that are given; infinite elsewhere."""
     found = np.full(mechanism.model.nv, np.inf)
     if values is None:

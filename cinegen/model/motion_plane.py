@@ -4,12 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 import pinocchio as pin
-from numpy.typing import NDArray
 
+from cinegen.arrays import Array
 from cinegen.joints import kinematic_data
 from cinegen.model.mechanism import Mechanism
-
-Array = NDArray[np.float64]
 
 _PARALLEL = 1e-9
 

@@ -9,8 +9,8 @@ from typing import Any
 import numpy as np
 import pinocchio as pin
 from lxml import etree
-from numpy.typing import NDArray
 
+from cinegen.arrays import Array
 from cinegen.errors import warn
 from cinegen.loops.closed_loops import ClosedLoops
 from cinegen.loops.clusters import subsystems
@@ -21,8 +21,6 @@ from raff2urdf.placement import roll_pitch_yaw
 from raff2urdf.raff.document import LoopKind
 from raff2urdf.readers.urdf import joints, origin, parse
 from raff2urdf.residual import ROWS
-
-Array = NDArray[np.float64]
 
 
 def made_exact(

@@ -10,8 +10,8 @@ import math
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
+from cinegen.arrays import Array, Indices
 from cinegen.errors import CinegenError
 from cinegen.joints import translations
 from cinegen.model.mechanism import Mechanism
@@ -104,7 +104,7 @@ def check_joint(mechanism: Mechanism, joint: str, values: Sequence[float]) -> No
         check_lengths(mechanism, joint, values)
 
 
-def check_configuration(mechanism: Mechanism, q: NDArray[np.float64]) -> None:
+def check_configuration(mechanism: Mechanism, q: Array) -> None:
     """Check a configuration (nq,) as `check_joint` does its joints.
 
     Raises:
@@ -116,7 +116,7 @@ def check_configuration(mechanism: Mechanism, q: NDArray[np.float64]) -> None:
         check_joint(mechanism, names[i], [float(values[i])])
 
 
-def _plausible(mechanism: Mechanism) -> tuple[NDArray[np.intp], NDArray[np.float64], NDArray[np.float64], list[str]]:
+def _plausible(mechanism: Mechanism) -> tuple[Indices, Array, Array, list[str]]:
     """Return the index in q, and limits that no plausible value exceeds, of each joint that `check_joint` checks."""
     names = [name for name in mechanism.joints if name in mechanism.limits]
     low, high = np.array([mechanism.limits[name][:2] for name in names]).reshape(-1, 2).T

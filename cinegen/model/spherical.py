@@ -13,12 +13,10 @@ from collections.abc import Iterable, Mapping, Sequence
 
 import numpy as np
 import pinocchio as pin
-from numpy.typing import NDArray
 
+from cinegen.arrays import Array
 from cinegen.errors import LoadError
 from cinegen.joints import axis, kinematic_data
-
-Array = NDArray[np.float64]
 
 _EXACT = 1e-9  # m, rad: error of axes that meet at right angles
 _LOCKED = 1e-9  # cosine of the middle angle at gimbal lock

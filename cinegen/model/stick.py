@@ -5,11 +5,9 @@ from __future__ import annotations
 import coal
 import numpy as np
 import pinocchio as pin
-from numpy.typing import NDArray
 
+from cinegen.arrays import Array
 from cinegen.joints import axis, translations
-
-Array = NDArray[np.float64]
 
 _THICK = 0.06  # of the median length: radius of a bar
 _BAR, _JOINT = (0.0, 0.45, 0.7, 1.0), (0.2, 0.22, 0.25, 1.0)  # Okabe and Ito's blue; nearly black

@@ -9,16 +9,14 @@ from typing import Any, NamedTuple
 
 import numpy as np
 import pinocchio as pin
-from numpy.typing import NDArray
 
+from cinegen.arrays import Array
 from cinegen.errors import LoadError
 from cinegen.model.load import load
 from cinegen.model.mechanism import Mechanism
 from raff2urdf import dumps, readers
 from raff2urdf.readers.urdf import parse
 from raff2urdf.urdf2raff.robot import RaffImport, import_tree
-
-Array = NDArray[np.float64]
 
 AGREES = 1e-9
 """Largest difference of robots that agree, m and rad; of mass matrices, relative to their largest entry."""

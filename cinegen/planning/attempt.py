@@ -9,8 +9,8 @@ from dataclasses import dataclass, replace
 from enum import Enum
 
 import numpy as np
-from numpy.typing import NDArray
 
+from cinegen.arrays import Array
 from cinegen.collision.clearance import Clearance
 from cinegen.collision.mesh_check import MeshCheck
 from cinegen.ik import Solver
@@ -18,8 +18,6 @@ from cinegen.ik.objectives import Objective
 from cinegen.planning.clearance_barrier import ClearanceBarrier
 from cinegen.singularities.crossing import passes_type_2
 from raff2urdf.quantities import LENGTH, shown
-
-Array = NDArray[np.float64]
 
 _REST = 1e-5  # rad or characteristic lengths in a step: less is no motion
 _STILL = 6  # steps without motion end an attempt

@@ -7,14 +7,12 @@ from typing import Protocol
 
 import numpy as np
 import pinocchio as pin
-from numpy.typing import NDArray
 
+from cinegen.arrays import Array
 from cinegen.ik import Solver
 from cinegen.ik.objectives import State
 from cinegen.model import Mechanism
 from cinegen.planning.vortices import Vortices
-
-Array = NDArray[np.float64]
 
 _GAIN = 0.25  # fraction of the remaining error that a step corrects, of at most 0.2 characteristic lengths
 _LONGEST = 0.06  # rad or characteristic lengths: largest step of a joint

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from cinegen.arrays import Array
 from cinegen.collision.clearance import Clearance
 from cinegen.errors import ClosureError
 from cinegen.ik.barrier import Bounds
@@ -12,8 +12,6 @@ from cinegen.ik.objectives import State
 from cinegen.loops.clusters import clusters
 from cinegen.planning.clearance_barrier import ClearanceBarrier
 from cinegen.planning.evasion import Evasion
-
-Array = NDArray[np.float64]
 
 _RANGE = 0.25  # characteristic lengths beyond the stop distance: pairs further apart have no bound
 _CAPACITY = 0.5  # of the acceleration by which joints can separate a pair: other tasks and bounds need the rest

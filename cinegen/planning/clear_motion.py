@@ -7,16 +7,14 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from cinegen.arrays import Array
 from cinegen.collision.clearance import Clearance
 from cinegen.errors import ClosureError
 from cinegen.model import Mechanism
 from cinegen.planning.path_constraints import Projection
 from cinegen.singularities.crossing import passes_type_2
 from cinegen.tolerances import CLOSURE
-
-Array = NDArray[np.float64]
 
 _SHORTEST = 1e-4  # rad or characteristic lengths: half of a segment that is not divided any more
 _SHORTEST_PART = 1e-9  # of a motion, that is not divided any more: joints jump there, however short it is

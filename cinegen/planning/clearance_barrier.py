@@ -7,15 +7,13 @@ from heapq import heapify, heappop, heappush
 from itertools import pairwise
 
 import numpy as np
-from numpy.typing import NDArray
 
+from cinegen.arrays import Array, Integers
 from cinegen.collision.clearance import Clearance
 from cinegen.collision.errors import PlanningError
 from cinegen.ik.barrier import Bounds
 from cinegen.ik.objectives import State
 from cinegen.model import Mechanism
-
-Array = NDArray[np.float64]
 
 STOP = 1.25
 """Distance at which the velocity damper stops links, as a multiple of the safety distance. The second-order error of a
@@ -65,7 +63,7 @@ class ClearanceBarrier:
         if not approach > 0.0:
             raise PlanningError(f"the rate of approach is {approach!r}; give one above 0 (1/s)")
         self.clearance, self.safety, self.approach = clearance, safety, approach
-        self.pairs: NDArray[np.int64] = np.zeros(0, dtype=np.int64)
+        self.pairs: Integers = np.zeros(0, dtype=np.int64)
 
     @property
     def safety(self) -> float:

@@ -15,8 +15,8 @@ from enum import Enum
 from typing import NamedTuple, NoReturn
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
 
+from cinegen.arrays import Array, ArrayLike, Integers
 from cinegen.collision.body import Body
 from cinegen.collision.clearance import Clearance
 from cinegen.collision.errors import PlanningError
@@ -26,8 +26,6 @@ from cinegen.ik.objectives import State
 from cinegen.ik.task import FrameTask
 from cinegen.loops.motions import free_motions
 from cinegen.model import Mechanism
-
-Array = NDArray[np.float64]
 
 LONGEST = 0.06
 """Largest step of a joint, rad or characteristic lengths."""
@@ -144,7 +142,7 @@ class NearestPoints(NamedTuple):
         points: (m, 3) L_i of the links, m.
     """
 
-    joints: NDArray[np.int64]
+    joints: Integers
     distances: Array
     normals: Array
     points: Array

@@ -8,16 +8,14 @@ from typing import NamedTuple
 
 import numpy as np
 import pinocchio as pin
-from numpy.typing import NDArray
 
+from cinegen.arrays import Array, Integers
 from cinegen.collision.clearance import Clearance
 from cinegen.errors import ClosureError
 from cinegen.jit.foreign import DISTANCE, FIRST_POINT, NORMAL, SECOND_POINT, DistanceResults
 from cinegen.joints import kinematic_data
 from cinegen.planning.manoeuvres import Manoeuvre, ReactingJoints
 from cinegen.planning.obstacle_motion import ObstacleMotion
-
-Array = NDArray[np.float64]
 
 HORIZON = 1.0
 """Collisions that are further away are not predicted, s."""
@@ -236,7 +234,7 @@ class Encounters:
         except ClosureError:
             return False
 
-    def _keeps(self, q: Array, v: Array, manoeuvre: Manoeuvre, pairs: NDArray[np.int64], least: float) -> bool:
+    def _keeps(self, q: Array, v: Array, manoeuvre: Manoeuvre, pairs: Integers, least: float) -> bool:
         """Return whether pairs keep a least distance (m) during a manoeuvre, by bounds of their change in parts of it,
         which are halved where they do not suffice."""
 

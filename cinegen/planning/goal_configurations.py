@@ -7,8 +7,8 @@ from typing import NamedTuple
 
 import numpy as np
 import pinocchio as pin
-from numpy.typing import NDArray
 
+from cinegen.arrays import Array
 from cinegen.collision.clearance import Clearance
 from cinegen.collision.mesh_check import MeshCheck
 from cinegen.collision.scene import Scene
@@ -21,8 +21,6 @@ from cinegen.planning.attraction import TaskAttraction
 from cinegen.planning.path_constraints import path_tasks, projection
 from cinegen.tolerances import CLOSURE
 from raff2urdf.quantities import LENGTH, shown
-
-Array = NDArray[np.float64]
 
 TOLERANCE = 1e-4
 """Tolerance of a goal, characteristic lengths and rad."""

@@ -7,21 +7,19 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from cinegen.arrays import Array, Indices
 from cinegen.collision.body import Body
 from cinegen.joints import translations
 from cinegen.loops.clusters import clusters
 from cinegen.loops.motions import free_motions
 from cinegen.model import Mechanism
 
-Array = NDArray[np.float64]
-
 _USABLE = 0.98  # of limits: closing loops, and the solver's tick, need the remainder
 _FASTEST = 0.9  # of the limits of velocity, as for redundancy
 
 
-def driven_motions(mechanism: Mechanism, q: Array, columns: NDArray[np.intp]) -> Array:
+def driven_motions(mechanism: Mechanism, q: Array, columns: Indices) -> Array:
     """Return the velocities (nv, columns) of all joints of a mechanism with loops at q (nq,), by those of some."""
     free, _ = free_motions(mechanism.system.evaluate(q)[1], mechanism.loop_rank)
     basis = mechanism.scale[:, None] * free

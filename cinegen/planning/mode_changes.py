@@ -20,8 +20,8 @@ from functools import partial
 from itertools import pairwise
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
 
+from cinegen.arrays import Array, ArrayLike
 from cinegen.assembly.modes import assembly_modes
 from cinegen.assembly.results import AssemblyModes
 from cinegen.collision.clearance import clearance_of
@@ -35,8 +35,6 @@ from cinegen.planning.clear_motion import clear_motion
 from cinegen.planning.planner import Plan
 from cinegen.singularities.crossing import crossings, of_passive_joints
 from cinegen.tolerances import NEAR_SINGULAR
-
-Array = NDArray[np.float64]
 
 _AROUND = "RRT-Connect, around singularities"
 _THROUGH = "RRT-Connect, through singularities"

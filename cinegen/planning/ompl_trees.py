@@ -12,9 +12,9 @@ import numpy as np
 import ompl.base as ob
 import ompl.geometric as og
 import ompl.util as ou
-from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from cinegen.arrays import Array
+
 Free = Callable[[Array, Array], bool]
 Close = Callable[[Array], Array | None]
 

@@ -6,14 +6,13 @@ from collections.abc import Callable
 
 import numpy as np
 import pinocchio as pin
-from numpy.typing import NDArray
 
+from cinegen.arrays import Array
 from cinegen.collision.scene import Scene
 from cinegen.ik.local_ik import LocalIK
 from cinegen.ik.task import FrameTask
 from cinegen.tolerances import CLOSURE
 
-Array = NDArray[np.float64]
 Projection = Callable[[Array], Array | None]
 """Returns a configuration (nq,) near a given one, on which all equations are satisfied; None without one."""
 

@@ -8,8 +8,8 @@ from collections.abc import Sequence
 from itertools import pairwise
 
 import numpy as np
-from numpy.typing import NDArray
 
+from cinegen.arrays import Array
 from cinegen.collision.body import bounding_box_corners
 from cinegen.collision.clearance import Clearance
 from cinegen.collision.scene import Scene
@@ -17,8 +17,6 @@ from cinegen.errors import ClosureError
 from cinegen.planning.clear_motion import clear_motion
 from cinegen.planning.path_constraints import path_tasks, projection
 from raff2urdf.extras import needs
-
-Array = NDArray[np.float64]
 
 RRT_CONNECT, LBKPIECE = "RRT-Connect", "LBKPIECE"
 _TURN = 30.0  # tests of motions: in a turn of each method

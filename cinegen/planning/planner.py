@@ -14,8 +14,8 @@ from itertools import pairwise, product
 from typing import Any, NoReturn
 
 import numpy as np
-from numpy.typing import NDArray
 
+from cinegen.arrays import Array
 from cinegen.collision.clearance import Clearance, clearance_of
 from cinegen.collision.direct_scene import Goal, scene_for
 from cinegen.collision.errors import PlanningError, SceneError
@@ -41,7 +41,6 @@ from cinegen.planning.vortices import STRENGTH, DetourDirection, Vortices
 from raff2urdf.extras import install
 from raff2urdf.quantities import TIME, shown
 
-Array = NDArray[np.float64]
 FieldFunction = Callable[[Scene, Clearance, float], Objective]
 """Makes the objective of a field from a scene, its clearance and the field's reach, m."""
 

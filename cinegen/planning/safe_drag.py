@@ -9,8 +9,8 @@ from typing import NamedTuple
 
 import numpy as np
 import pinocchio as pin
-from numpy.typing import ArrayLike, NDArray
 
+from cinegen.arrays import Array, ArrayLike
 from cinegen.collision.clearance import Clearance
 from cinegen.ik import FrameTask, LookAhead, Solver, Status, Step
 from cinegen.ik.local_ik import LocalIK
@@ -24,8 +24,6 @@ from cinegen.planning.evasion import Evasion, Threat
 from cinegen.planning.manoeuvres import driven_motions
 from cinegen.planning.vortices import DetourDirection, Vortices
 from cinegen.tolerances import CLOSURE
-
-Array = NDArray[np.float64]
 
 _PREDICTION_GAIN = -math.log1p(-0.2)  # 1/tick: a prediction arrives within a few ticks
 _PREDICTION_PERIOD = 4e-3  # s between two ticks of the prediction, at least

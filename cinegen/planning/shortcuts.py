@@ -8,14 +8,12 @@ from collections.abc import Callable
 from itertools import pairwise
 
 import numpy as np
-from numpy.typing import NDArray
 
+from cinegen.arrays import Array
 from cinegen.collision.clearance import Clearance
 from cinegen.model import Mechanism
 from cinegen.planning.clear_motion import clear_motion
 from cinegen.planning.path_constraints import Projection
-
-Array = NDArray[np.float64]
 
 _TRIALS = 300  # random shortcuts
 _DECADES = 2.0  # of the lengths of those about a corner

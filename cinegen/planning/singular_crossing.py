@@ -20,15 +20,13 @@ from dataclasses import replace
 import numpy as np
 import scipy.linalg
 import scipy.optimize
-from numpy.typing import NDArray
 
+from cinegen.arrays import Array
 from cinegen.dynamics import InverseDynamics, plain
 from cinegen.dynamics.loads import LoadedTree
 from cinegen.errors import CinegenError
 from cinegen.model import Mechanism
 from cinegen.tolerances import NEAR_SINGULAR
-
-Array = NDArray[np.float64]
 
 _TRIED = 30  # configurations of a path by which its guides are chosen
 _INDEPENDENT = 1e-3  # smallest singular value of the guides' motions, dimensionless

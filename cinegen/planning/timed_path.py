@@ -8,17 +8,15 @@ from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.interpolate import CubicHermiteSpline, PPoly
 
+from cinegen.arrays import Array, Indices
 from cinegen.errors import ClosureError
 from cinegen.model import Mechanism
 from cinegen.model.motion_limits import MotionLimits, motion_limits
 from cinegen.planning.clearance_barrier import is_clear
 from cinegen.planning.planner import Plan
 from cinegen.planning.timing import TimingError, averaged, averaging_window, excess, time_law
-
-Array = NDArray[np.float64]
 
 _COARSE = 0.1  # rad or characteristic lengths: between two control points where nothing is near
 _FINE = 0.005  # the same, where the clearance needs it
@@ -198,7 +196,7 @@ def _closed(mechanism: Mechanism, q: Array) -> Array:
         return mechanism.close(q)
 
 
-def _too_near(plan: Plan, q: Array, required: float) -> NDArray[np.intp]:
+def _too_near(plan: Plan, q: Array, required: float) -> Indices:
     """Return the samples of q (n, nq) at or after which anything comes nearer than required (m), or meshes touch."""
     clearance = plan._clearance
     near = [

@@ -12,16 +12,14 @@ from itertools import pairwise
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
 from scipy.interpolate import PPoly
 
+from cinegen.arrays import Array, ArrayLike
 from cinegen.errors import CinegenError
 from cinegen.model import Mechanism
 from cinegen.model.motion_limits import MotionLimits
 from cinegen.planning.torque_limits import TorqueTerms
 from raff2urdf.extras import needs
-
-Array = NDArray[np.float64]
 
 _EXTRA = "sampling"
 _INSIDE = 1.0 - 1e-9  # of a limit

@@ -19,16 +19,14 @@ from collections.abc import Callable, Mapping, Sequence
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
 
+from cinegen.arrays import Array, ArrayLike
 from cinegen.dynamics import InverseDynamics, Payload
 from cinegen.dynamics.loads import GRAVITY
 from cinegen.errors import CinegenError, UnknownNameError
 from cinegen.model import Mechanism
 from cinegen.planning.singular_crossing import CrossingDynamics, crossings
 from raff2urdf.quantities import FORCE, TORQUE, Dimension, shown
-
-Array = NDArray[np.float64]
 
 _INSIDE = 1.0 - 1e-6  # of a limit, which the samples then keep in spite of rounding
 _AT = 1e-5  # weight up to which a point is at a singularity: torques are 0 / 0 there, up to rounding

@@ -8,8 +8,8 @@ from enum import Enum
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
 
+from cinegen.arrays import Array, ArrayLike, Indices, Integers
 from cinegen.collision._kernels.memory import ClearanceMemory
 from cinegen.collision.clearance import Clearance
 from cinegen.collision.errors import PlanningError
@@ -19,8 +19,6 @@ from cinegen.model.motion_plane import motion_plane
 from cinegen.planning._kernels.memory import VortexMemory
 from cinegen.planning._kernels.vortex import ACTIVE, AXIS, deflect
 from cinegen.planning.clearance_barrier import stop_distance
-
-Array = NDArray[np.float64]
 
 STRENGTH = 1.5
 """Strength of a vortex relative to the attraction at the same point, at the stop distance: above 1, or links would not
@@ -92,7 +90,7 @@ class Vortices:
         self._base = np.array(model.jointPlacements[min(1, model.njoints - 1)].translation)
 
     @property
-    def active(self) -> NDArray[np.intp]:
+    def active(self) -> Indices:
         """Indices of the active vortices."""
         return np.flatnonzero(self.states[:, ACTIVE])
 
@@ -125,7 +123,7 @@ class Vortices:
         """Return the groups nearer than the safety distance at q (nq,)."""
         return frozenset(self.clearance.groups[self.clearance.nearer(q, self.safety)].tolist())
 
-    def _deflected(self, q: Array, motion: Array) -> tuple[Array, NDArray[np.int64]]:
+    def _deflected(self, q: Array, motion: Array) -> tuple[Array, Integers]:
         """Return the motion with the active vortices, and for each inactive one the nearest pair that moves toward it,
         else -1."""
         clearance, mechanism = self.clearance, self.clearance.mechanism

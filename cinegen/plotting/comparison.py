@@ -7,8 +7,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from cinegen.arrays import Bools
 from cinegen.plotting.plane import Line, Plane, bar
 from cinegen.plotting.shades import OUT, differing, pretty
 from cinegen.plotting.sheet import BLUE, INK, LABEL, ORANGE, UNDER, finish, sheet, wrapped
@@ -23,7 +23,6 @@ if TYPE_CHECKING:
     import xarray
     from matplotlib.figure import Figure
 
-Bools = NDArray[np.bool_]
 
 FIRST, SECOND, BOTH = BLUE, ORANGE, "#b7c3cf"
 """Colours of the cells that only the first map reaches, only the second, and both."""
@@ -56,8 +55,7 @@ def draw_comparison(
     elif quantity not in known:
         raise MapError(f"the maps don't both have '{quantity}'{did_you_mean(quantity, known)}")
     figure = (_over_one if len(found.region.axes) == 1 else _over_two)(found, spec, quantity, size)
-    finish(figure)
-    return figure
+    return finish(figure)
 
 
 def _classes(found: Comparison) -> list[tuple[Bools, str, str]]:

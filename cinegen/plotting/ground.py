@@ -8,16 +8,15 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
+from cinegen.arrays import Array
 from cinegen.plotting.skeleton import Pose
-from cinegen.plotting.stick import hull
+from cinegen.plotting.stick import Pen, hull, paint
 from cinegen.plotting.view import Projection
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-Array = NDArray[np.float64]
 
 GROUND, SHADOW = "#eef0f3", "#868f9a"
 """Colours of the ground and of contact shadows."""
@@ -99,3 +98,22 @@ def bounds(seen: Sequence[Projection], points: Array, ground: Ground | None) -> 
         flat = view.project(drawn)[0]
         low[k], high[k] = flat.min(axis=0), flat.max(axis=0)
     return low, high
+
+
+def corners(seen: Sequence[Projection], points: Array, ground: Ground | None, room: float) -> Array:
+    """Return the lower left and upper right corner of each view (views, 2, 2), m: all points with a margin, relative to
+    their size, and the ground in perspective. All views are equally high, so that they have one scale."""
+    low, high = bounds(seen, points, ground)
+    middle, half = (low + high) / 2.0, (high - low) / 2.0
+    half += 2.0 * room * half.max(axis=1, keepdims=True)
+    half[:, 1] = half[:, 1].max()
+    return np.stack([middle - half, middle + half], axis=1)
+
+
+def paint_on_ground(axes: Axes, pose: Pose, view: Projection, limits: Array, ground: Ground | None, pen: Pen) -> None:
+    """Draw a robot into axes of a view with these corners (2, 2), and the ground if it rests there."""
+    axes.set_axis_off()
+    axes.set(xlim=limits[:, 0], ylim=limits[:, 1], aspect="equal")
+    if ground is not None and math.isfinite(view.distance) and rests_on_base(pose):
+        ground.paint(axes, pose, view, 2.0 * pen.link)
+    paint(axes, pose, view, pen)

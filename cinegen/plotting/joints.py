@@ -5,7 +5,6 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from cinegen.planning.planner import Plan
 from cinegen.planning.timed_path import TimedPath, timed_path
@@ -17,7 +16,6 @@ from raff2urdf.quantities import ANGLE, LENGTH, shown_scale
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-Array = NDArray[np.float64]
 
 _COLOURS = BLUE, VERMILION, GREEN, ORANGE, SKY, INK
 _STYLES = "-", "--", ":", "-."  # of the first six joints, the next six ...
@@ -82,8 +80,7 @@ def draw_joints(plan: Plan, motion: TimedPath | None = None) -> Figure:
     label(panels[-1], "time (s)", "velocity / limit")
     for axes in panels:
         axes.grid(color=FAINT, alpha=0.25)
-    finish(figure)
-    return figure
+    return finish(figure)
 
 
 def _line(number: int) -> dict[str, Any]:

@@ -6,8 +6,8 @@ from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from cinegen.arrays import Array
 from cinegen.plotting.sheet import BLUE, INK, LABEL, VERMILION, finish, label, sheet
 from cinegen.plotting.units import coordinate_text, user_scale
 from cinegen.singularities.contour import SingularCurve
@@ -18,7 +18,6 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-Array = NDArray[np.float64]
 
 TYPE_1, TYPE_2 = BLUE, VERMILION
 """Colours of singular curves."""
@@ -61,8 +60,7 @@ def draw_loci(loci: SingularLoci, size: float = 7.0, name: str | None = None) ->
         axes.set_aspect("equal")
     axes.set_xlim(u[0], u[-1])
     axes.set_ylim(v[0], v[-1])
-    finish(figure)
-    return figure
+    return finish(figure)
 
 
 def paint_curves(

@@ -7,8 +7,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from cinegen.arrays import Array, Bools
 from cinegen.plotting.loci import TYPE_1, paint_curves
 from cinegen.plotting.plane import Line, Plane, bar
 from cinegen.plotting.shades import OUT, Shades, chosen, shades, values_of
@@ -28,7 +28,6 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-Array = NDArray[np.float64]
 
 _SLICES = 6
 _RIGHT, _GAP = 0.5, 0.06  # of the width: for the slices, and between them and the solid
@@ -78,8 +77,7 @@ def draw_map(
     picture = _Picture(dataset, spec, values, shades(dataset, shown, values), curves, robot)
     first, second = _heading(spec, name), _given(spec, text)
     figure = (picture.over_one, picture.over_two, picture.over_three)[len(spec.region.axes) - 1](size, first, second)
-    finish(figure)
-    return figure
+    return finish(figure)
 
 
 @dataclass(frozen=True)
@@ -155,12 +153,12 @@ class _Picture:
         return plane.shade(axes, values, self.look)
 
 
-def _out_of_reach(dataset: xarray.Dataset) -> NDArray[np.bool_]:
+def _out_of_reach(dataset: xarray.Dataset) -> Bools:
     """Return the cells that were evaluated and are not reachable."""
     return np.asarray(~dataset["reachable"].values & (dataset["status"].values != CellStatus.NOT_EVALUATED))
 
 
-def _layers(reached: NDArray[np.bool_]) -> list[int]:
+def _layers(reached: Bools) -> list[int]:
     """Return cells of the last axis for slices: evenly over those where anything is reached."""
     layers = np.flatnonzero(reached.any(axis=(0, 1)))
     if not len(layers):

@@ -12,24 +12,22 @@ from functools import partial
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
 from cinegen.assembly import AssemblyModes
 from cinegen.errors import CinegenError
 from cinegen.model.motion_plane import motion_plane
-from cinegen.plotting.ground import Ground, bounds, ground_of, rests_on_base
-from cinegen.plotting.sheet import FAINT, INK, new_figure, round_length
-from cinegen.plotting.skeleton import Pose, Skeleton
-from cinegen.plotting.stick import ACTUATED, BACK, END, FRONT, Pen, paint
+from cinegen.plotting.ground import corners, ground_of, paint_on_ground
+from cinegen.plotting.sheet import FAINT, INK, explain, new_figure
+from cinegen.plotting.skeleton import Skeleton
+from cinegen.plotting.stick import ACTUATED, BACK, END, FRONT, Pen
 from cinegen.plotting.units import length_digits, rounded, value_text
-from cinegen.plotting.view import Projection, views
-from raff2urdf.quantities import LENGTH, shown, shown_scale
+from cinegen.plotting.view import views
+from raff2urdf.quantities import LENGTH, shown_scale
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
     from matplotlib.transforms import Bbox
 
-Array = NDArray[np.float64]
 
 _SHAPE = 1.35  # width of a figure over its height, about
 _ROOM = 0.06  # around the drawing, relative to its size
@@ -68,7 +66,7 @@ def draw_modes(modes: AssemblyModes, node: str | None = None, name: str | None =
     poses = [skeleton.at(q) for q in modes]
     seen = views(np.vstack([pose.points for pose in poses]), motion_plane(mechanism))
     ground = ground_of(poses) if len(seen) > 1 else None  # a planar mechanism is seen from above
-    limits = _limits(seen, poses, ground)
+    limits = corners(seen, np.vstack([pose.points for pose in poses]), ground, _ROOM)
     longest = float(np.interp(count, (8, 40), (_LARGE, _SMALL))) * (1.6 if len(seen) == 1 else 1.0)
     scale = longest / float(np.ptp(limits, axis=1).max())  # inches for a metre
     sizes = scale * np.ptp(limits, axis=1)
@@ -85,28 +83,17 @@ def draw_modes(modes: AssemblyModes, node: str | None = None, name: str | None =
     pen = Pen() if longest > 1.5 else Pen(1.0, 0.7, 2.0)
     for k, pose in enumerate(poses):
         panels = grid[k].subgridspec(1, len(seen), width_ratios=sizes[:, 0], wspace=0.0)
-        for j, (view, (low, high)) in enumerate(zip(seen, limits, strict=True)):
+        for j, view in enumerate(seen):
             axes = figure.add_subplot(panels[j], label=f"mode {k + 1} {view.name}".strip())
-            axes.set_axis_off()
-            axes.set(xlim=(low[0], high[0]), ylim=(low[1], high[1]), aspect="equal")
-            if ground is not None and math.isfinite(view.distance) and rests_on_base(pose):
-                ground.paint(axes, pose, view, 2.0 * pen.link)
-            paint(axes, pose, view, pen)
+            paint_on_ground(axes, pose, view, limits[j], ground, pen)
             if k < columns and len(seen) > 1:
                 axes.set_title(view.name, color=FAINT, fontsize=6.5)
     _write(figure, [grid[k].get_position(figure) for k in range(count)], modes, node, name or mechanism.name)
-    _explain(figure, scale, node, poses[0])
+    marks = [(ACTUATED, "actuated joint", "o"), (END, node, "o")]
+    if any(part.normal is not None and not part.is_base for part in poses[0].parts):
+        marks += [(FRONT, "side that is up at home", "s"), (BACK, "its other side", "s")]
+    explain(figure, marks, scale, _MARGIN, 0.5, 7.0)
     return figure
-
-
-def _limits(seen: tuple[Projection, ...], poses: list[Pose], ground: Ground | None) -> Array:
-    """Return the lower left and upper right corner of each view (views, 2, 2), m: all poses with a margin, and the
-    ground in perspective. All views are equally high, so that they have one scale."""
-    low, high = bounds(seen, np.vstack([pose.points for pose in poses]), ground)
-    middle, half = (low + high) / 2.0, (high - low) / 2.0
-    half += 2.0 * _ROOM * half.max(axis=1, keepdims=True)
-    half[:, 1] = half[:, 1].max()
-    return np.stack([middle - half, middle + half], axis=1)
 
 
 def _write(figure: Figure, blocks: list[Bbox], modes: AssemblyModes, node: str, name: str) -> None:
@@ -135,25 +122,3 @@ def _write(figure: Figure, blocks: list[Bbox], modes: AssemblyModes, node: str, 
     if max(modes.coincident) > 1:
         found = "×2: two solutions coincide. " + found
     put(_MARGIN, 0.42, "\n".join(textwrap.wrap(found, int(wide * _LETTERS))[:2]), color=FAINT, fontsize=7, va="top")
-
-
-def _explain(figure: Figure, scale: float, node: str, pose: Pose) -> None:
-    """Add the legend and the scale (inches for a metre)."""
-    from matplotlib.lines import Line2D
-
-    (width, height), inches = figure.get_size_inches(), figure.dpi_scale_trans
-    marks = [(ACTUATED, "actuated joint", "o"), (END, node, "o")]
-    if any(part.normal is not None and not part.is_base for part in pose.parts):
-        marks += [(FRONT, "side that is up at home", "s"), (BACK, "its other side", "s")]
-    dots = [
-        Line2D([], [], color=colour, label=text, marker=marker, markersize=4.5, linestyle="none")
-        for colour, text, marker in marks
-    ]
-    figure.legend(
-        handles=dots, loc="lower left", bbox_to_anchor=(_MARGIN / width, 0.5 / height), ncols=len(dots), frameon=False,
-        fontsize=7, labelcolor=INK, borderpad=0.0, borderaxespad=0.0, handletextpad=0.0, columnspacing=1.0,
-    )  # fmt: skip
-    right, length = width - _MARGIN, round_length(0.8 / scale)
-    wide = length * scale
-    figure.add_artist(Line2D([right - wide, right], [0.55, 0.55], color=INK, linewidth=1.5, transform=inches))
-    figure.text(right - wide / 2, 0.6, shown(length, LENGTH), color=INK, fontsize=7, ha="center", transform=inches)

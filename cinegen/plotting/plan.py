@@ -11,8 +11,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pinocchio as pin
-from numpy.typing import NDArray
 
+from cinegen.arrays import Array
 from cinegen.collision.body import Body, rounded_hull
 from cinegen.collision.clearance import clearance_of
 from cinegen.collision.scene import Scene
@@ -28,7 +28,6 @@ from raff2urdf.quantities import LENGTH, shown_scale
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-Array = NDArray[np.float64]
 
 OBSTACLE, PATH, STOP, LINK = "#c9ced4", BLUE, VERMILION, SKY
 MARGIN = "#f1f3f5"
@@ -74,8 +73,7 @@ def draw_plan(plan: Plan, margin: bool = True) -> Figure:
     for axes, view in zip(maps, layout.views, strict=True):
         _paint(axes, layout, view, margin)
     _clearance(strip, layout)
-    finish(figure)
-    return figure
+    return finish(figure)
 
 
 def robot_name(scene: Scene) -> str:

@@ -7,8 +7,8 @@ from collections.abc import Iterable
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from cinegen.arrays import Array, Bools
 from cinegen.plotting.shades import Shades
 from cinegen.plotting.sheet import INK, LABEL, UNDER, label, wrapped
 from cinegen.plotting.skeleton import Skeleton
@@ -22,7 +22,6 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.collections import QuadMesh
 
-Array = NDArray[np.float64]
 
 ROBOT = "robot"
 """Group of the artists of the robot."""
@@ -56,7 +55,7 @@ class Line:
         (self._axis,) = spec.region.axes
         self._scale, self._unit = user_scale(spec.mechanism, self._axis.name)
 
-    def fill(self, axes: Axes, cells: NDArray[np.bool_], colour: str, text: str, alpha: float = 1.0) -> None:
+    def fill(self, axes: Axes, cells: Bools, colour: str, text: str, alpha: float = 1.0) -> None:
         """Fill the bands of cells (n,) with a colour that the legend explains by a text."""
         for first, last in _runs(cells):
             ends = self._axis.borders[[first, last]] * self._scale
@@ -146,7 +145,7 @@ class Plane:
 
     # --- colours -------------------------------------------------------------------------------------------------
 
-    def fill(self, axes: Axes, cells: NDArray[np.bool_], colour: str, text: str = "") -> None:
+    def fill(self, axes: Axes, cells: Bools, colour: str, text: str = "") -> None:
         """Fill cells (m, n) with one colour, which the legend explains by a text, if there is one."""
         from matplotlib.colors import ListedColormap
 
@@ -243,7 +242,7 @@ def bar(figure: Any, mesh: Any, axes: Any, look: Shades, tall: float) -> None:
     shown.outline.set_linewidth(0.5)
 
 
-def _runs(cells: NDArray[np.bool_]) -> list[tuple[int, int]]:
+def _runs(cells: Bools) -> list[tuple[int, int]]:
     """Return the runs of successive cells (n,) as (first, end)."""
     changes = np.flatnonzero(np.diff(np.r_[False, cells, False].astype(int)))
     return [(int(first), int(last)) for first, last in changes.reshape(-1, 2)]
@@ -259,7 +258,7 @@ def _is_round(region: Region) -> bool:
     return once and around > math.pi and upwards > 0.5 * math.pi
 
 
-def _jumps(shown: Array) -> NDArray[np.bool_]:
+def _jumps(shown: Array) -> Bools:
     """Return (m, n) the cells with a neighbour of quite another value, all from 0 to 1: further away than in a steep
     part, where the next steps are steep too."""
     found = np.zeros(shown.shape, dtype=bool)

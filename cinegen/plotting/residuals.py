@@ -66,8 +66,7 @@ def draw_residuals(found: Calibration, name: str | None = None) -> Figure:
     lower.set_ylim(-_MOST, _MOST)
     label(upper, y="before: residual / sigma")
     label(lower, "pose", "after: residual / sigma")
-    finish(figure)
-    return figure
+    return finish(figure)
 
 
 def _kept(one: HeldOut) -> str:

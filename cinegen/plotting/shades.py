@@ -6,8 +6,8 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from cinegen.arrays import Array
 from cinegen.plotting.sheet import BLUE, SKY
 from cinegen.workspace.cells import CellStatus
 from cinegen.workspace.errors import MapError
@@ -18,7 +18,6 @@ if TYPE_CHECKING:
     import xarray
     from matplotlib.colors import Colormap, Normalize
 
-Array = NDArray[np.float64]
 
 OUT = "#e9ebee"
 """Colour of unreachable cells."""
@@ -112,7 +111,6 @@ def shades(dataset: xarray.Dataset, name: str, values: Array) -> Shades:
         values: all that are to be shown, see `values_of`.
     """
     import matplotlib
-    from matplotlib.colors import ListedColormap, LogNorm, Normalize
 
     attributes = dataset[name].attrs
     text = _described(name, str(attributes.get("long_name", name)), str(attributes.get("units", "1")))
@@ -128,17 +126,33 @@ def shades(dataset: xarray.Dataset, name: str, values: Array) -> Shades:
         numbers = np.unique(known) if known.size else np.ones(1)
         colours = viridis(np.linspace(_DARKEST, 1.0, len(numbers)))
         return _classes(name, text, list(colours), [f"{number:.0f}" for number in numbers], numbers)
-    shown = ListedColormap(viridis(np.linspace(_DARKEST, 1.0, 256)), "viridis")
+    return scaled(name, text, known, _SPAN if name in _LOGARITHMIC else np.inf)
+
+
+def scaled(name: str, text: str, known: Array, span: float, far: float = _FAR) -> Shades:
+    """Return shades for finite values.
+
+    Args:
+        name: of the quantity.
+        text: description and unit.
+        known: (n,) all that are to be shown.
+        span: ratio of values: those of a larger one are shown on a logarithmic scale.
+        far: part of the largest: if all values are above it, colours don't begin at 0.
+    """
+    import matplotlib
+    from matplotlib.colors import ListedColormap, LogNorm, Normalize
+
+    shown = ListedColormap(matplotlib.colormaps["viridis"](np.linspace(_DARKEST, 1.0, 256)), "viridis")
     least, most, largest = 0.0, 1.0, 1.0
     if known.size:
         least, most, largest = float(known.min()), float(np.quantile(known, _MOST)), float(known.max())
     if largest <= 1.3 * most:
         most = largest
     extend = "max" if largest > most * (1.0 + _ALMOST) + _ALMOST else "neither"
-    if name in _LOGARITHMIC and least > 0.0 and most > _SPAN * least:
+    if least > 0.0 and most > span * least:
         ticks = _logarithmic_ticks(least, most)
         return Shades(name, text, shown, LogNorm(least, most), ticks, ticks, extend=extend)
-    low = least if least > _FAR * most else min(least, 0.0)
+    low = least if least > far * most else min(least, 0.0)
     if most - low <= _ALMOST * abs(most):
         most = low + max(abs(low), 1.0) * 1e-3
     ticks = _linear_ticks(low, most)

@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import math
 import textwrap
+from collections.abc import Iterable
 from functools import cache
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from raff2urdf.extras import needs
+from raff2urdf.quantities import LENGTH, shown
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -99,9 +101,46 @@ def label(axes: Any, x: str = "", y: str = "", *, room: float = np.inf, size: fl
     axes.tick_params(labelsize="small", color=INK)
 
 
-def finish(figure: Any) -> None:
+def graph(wide: float, tall: float, columns: int = 1) -> tuple[Figure, Any]:
+    """Return a figure without titles (inches), and its axes: side by side if there are several columns."""
+    figure = new_figure(figsize=(wide, tall), dpi=150, layout="constrained")
+    return figure, figure.subplots(1, columns)
+
+
+def explain(
+    figure: Figure, marks: Iterable[tuple[str, str, str]], scale: float, margin: float, below: float, size: float
+) -> None:
+    """Add what marks mean, at the lower left, and a bar of a round length at the lower right.
+
+    Args:
+        figure: in which all views have one scale.
+        marks: colour, text and marker of each.
+        scale: inches for a metre.
+        margin: inches, to the left and right.
+        below: inches.
+        size: of the font, points.
+    """
+    from matplotlib.lines import Line2D
+
+    (width, height), inches = figure.get_size_inches(), figure.dpi_scale_trans
+    dots = [
+        Line2D([], [], color=colour, label=text, marker=marker, markersize=4.5, linestyle="none")
+        for colour, text, marker in marks
+    ]
+    figure.legend(
+        handles=dots, loc="lower left", bbox_to_anchor=(margin / width, below / height), ncols=len(dots), frameon=False,
+        fontsize=size, labelcolor=INK, borderpad=0.0, borderaxespad=0.0, handletextpad=0.0, columnspacing=1.0,
+    )  # fmt: skip
+    right, length, level = width - margin, round_length(0.8 / scale), below + 0.05
+    bar = [right - length * scale, right]
+    figure.add_artist(Line2D(bar, [level, level], color=INK, linewidth=1.5, transform=inches))
+    text = shown(length, LENGTH)
+    figure.text(sum(bar) / 2.0, level + 0.05, text, color=INK, fontsize=size, ha="center", transform=inches)
+
+
+def finish(figure: Figure) -> Figure:
     """Add the legend, and lay the figure out once before it is drawn: the tick labels of an axis depend on its length,
-    which depends on their size."""
+    which depends on their size. Return the figure."""
     named: dict[str, Any] = {}
     for axes in figure.axes:
         for handle, text in zip(*axes.get_legend_handles_labels(), strict=True):
@@ -114,7 +153,9 @@ def finish(figure: Any) -> None:
             fontsize=LABEL,
         )  # fmt: skip
     _without_formulas(figure)
-    figure.get_layout_engine().execute(figure)
+    layout: Any = figure.get_layout_engine()
+    layout.execute(figure)
+    return figure
 
 
 def round_length(metres: float) -> float:

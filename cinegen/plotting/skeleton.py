@@ -13,13 +13,11 @@ from functools import cached_property
 
 import numpy as np
 import pinocchio as pin
-from numpy.typing import NDArray
 
+from cinegen.arrays import Array
 from cinegen.joints import kinematic_data
 from cinegen.model import Mechanism
 from raff2urdf.raff.document import LoopKind
-
-Array = NDArray[np.float64]
 
 _Anchor = tuple[int, Array]
 

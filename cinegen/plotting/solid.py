@@ -12,17 +12,13 @@ from __future__ import annotations
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from cinegen.arrays import Array, Bools, Indices
 from cinegen.plotting.shades import Shades
 from cinegen.plotting.sheet import INK
 from cinegen.plotting.units import user_scale
 from cinegen.workspace.region import SPHERICAL
 from cinegen.workspace.specification import MapSpecification
-
-Array = NDArray[np.float64]
-Bools = NDArray[np.bool_]
-Ints = NDArray[np.intp]
 
 _ROUNDS = 10  # of smoothing
 _TO, _FRO = 0.6, -0.63  # steps to the middle of a point's neighbours, relative to its distance
@@ -47,9 +43,9 @@ class Net(NamedTuple):
     """
 
     points: Array
-    quads: Ints
-    inside: Ints
-    outside: Ints
+    quads: Indices
+    inside: Indices
+    outside: Indices
 
 
 def net(cells: Bools, rounds: int = _ROUNDS) -> Net:
@@ -76,7 +72,7 @@ def net(cells: Bools, rounds: int = _ROUNDS) -> Net:
     return Net(_smoothed(middles, quads, rounds), quads, np.concatenate(insides) - 1, np.concatenate(outsides) - 1)
 
 
-def _smoothed(middles: Array, quads: Ints, rounds: int) -> Array:
+def _smoothed(middles: Array, quads: Indices, rounds: int) -> Array:
     """Return the points (n, 3) of a surface, each moved by at most half a cell from its middle."""
     points = middles.copy()
     edges = np.concatenate([np.roll(quads, -k, axis=1)[:, :2] for k in range(4)])

@@ -6,9 +6,9 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.spatial import ConvexHull, QhullError
 
+from cinegen.arrays import Array
 from cinegen.plotting.sheet import BLUE, FAINT, INK, ORANGE, SKY, VERMILION
 from cinegen.plotting.skeleton import Pose
 from cinegen.plotting.view import Projection
@@ -17,7 +17,6 @@ if TYPE_CHECKING:
     from matplotlib.artist import Artist
     from matplotlib.axes import Axes
 
-Array = NDArray[np.float64]
 
 BASE, BODY = "#c9ced4", "#dfe3e8"
 FRONT, BACK = SKY, ORANGE

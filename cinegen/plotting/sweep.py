@@ -6,8 +6,8 @@ from collections.abc import Iterable, Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from cinegen.arrays import Array
 from cinegen.plotting.modes import DrawingError
 from cinegen.plotting.sheet import BLUE, FAINT, GREEN, INK, LABEL, SKY, VERMILION, finish, label, sheet
 from cinegen.plotting.units import raised
@@ -16,8 +16,6 @@ from raff2urdf.raff.writer import number
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
-
-Array = NDArray[np.float64]
 
 
 def check_drawable(variations: Sequence[Variation]) -> None:
@@ -50,8 +48,7 @@ def draw_sweep(result: SweepResult, size: float = 7.0, name: str | None = None) 
     text = f"{len(result.suitable)} of {len(result.rows)} reach the whole wanted box without a singularity"
     figure, body = sheet(1.5 * size, 0.65 * size, title, text) if flat else sheet(size, 0.9 * size, title, text)
     (_surfaces if flat else _lines)(body, result, varied)
-    finish(figure)
-    return figure
+    return finish(figure)
 
 
 def _check(varied: int) -> None:

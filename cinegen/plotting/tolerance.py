@@ -49,8 +49,7 @@ def draw_tolerance(report: ToleranceReport, size: float = 9.0, name: str | None 
         axes.grid(axis="x", color=FAINT, alpha=0.25)
         more = f"\n({len(found) - _MOST} more not shown)" if len(found) > _MOST else ""
         label(axes, f"{'orientation' if turned else 'position'} by one source alone, 1 sigma ({unit}){more}")
-    finish(figure)
-    return figure
+    return finish(figure)
 
 
 def _amount(sigma: float, is_angle: bool) -> str:

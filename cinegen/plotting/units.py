@@ -9,15 +9,14 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 import pinocchio as pin
-from numpy.typing import NDArray
 
+from cinegen.arrays import Array
 from cinegen.model import Mechanism
 from raff2urdf.quantities import ANGLE, LENGTH, Dimension, shown_scale
 
 if TYPE_CHECKING:
     from cinegen.workspace.extent import Extent
 
-Array = NDArray[np.float64]
 
 _ROUNDING = 1e-9  # of an extent
 _LONG = ("x", "y", "z", "radius", "distance")

@@ -6,9 +6,8 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from cinegen.arrays import Array
 
 _AZIMUTH, _ELEVATION = math.radians(-62.0), math.radians(24.0)  # of the eye of the perspective view
 _FAR = 4.0  # distance of that eye, radii of the drawing

@@ -6,8 +6,8 @@ from collections.abc import Iterable, Iterator, Sequence
 
 import numpy as np
 import pinocchio as pin
-from numpy.typing import NDArray
 
+from cinegen.arrays import Array
 from cinegen.collision.body import Body
 from cinegen.collision.clearance import clearance_of
 from cinegen.collision.scene import Scene
@@ -18,8 +18,6 @@ from cinegen.planning.clearance_barrier import is_clear
 from cinegen.session.motion import PATIENCE, JointMotion
 from cinegen.session.robot import DrivenRobot
 from cinegen.session.state import Obstruction, RobotStatus
-
-Array = NDArray[np.float64]
 
 _AT_REST = 1e-3  # rad/s and m/s
 _LAG = 0.5  # rad or characteristic lengths: a motion waits while the robot is farther behind

@@ -9,8 +9,8 @@ from typing import Literal
 
 import numpy as np
 from msgspec import Struct
-from numpy.typing import NDArray
 
+from cinegen.arrays import Array
 from cinegen.dynamics import Reaction
 from cinegen.dynamics.reactions import reactions
 from cinegen.model import Mechanism
@@ -88,6 +88,6 @@ class BearingReporter:
         )
 
 
-def _vector(values: NDArray[np.float64]) -> Vector3:
+def _vector(values: Array) -> Vector3:
     x, y, z = (float(value) for value in values)
     return x, y, z

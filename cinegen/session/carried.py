@@ -5,15 +5,13 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
+from cinegen.arrays import Array
 from cinegen.errors import ClosureError
 from cinegen.joints import scalar_joints, translations
 from cinegen.loops.clusters import subsystems
 from cinegen.model import Mechanism
 from raff2urdf.closure import close_within
-
-Array = NDArray[np.float64]
 
 JointValues = Mapping[str, tuple[bool, Array]]
 """Of each joint, by its name and in the order of the model: whether it translates, and its numbers in q."""

@@ -8,8 +8,8 @@ from typing import Any
 import msgspec
 import numpy as np
 import pinocchio as pin
-from numpy.typing import NDArray
 
+from cinegen.arrays import Array
 from cinegen.collision.clearance import Clearance
 from cinegen.collision.obstacle import Obstacle
 from cinegen.ik import Solver
@@ -20,8 +20,6 @@ from cinegen.planning.clearance_barrier import ClearanceBarrier, is_clear
 from cinegen.session.avoiding import AvoidingRobot
 from cinegen.session.robot import DrivenRobot, UserTask
 from cinegen.session.state import ObstacleState, RobotStatus
-
-Array = NDArray[np.float64]
 
 _NEAREST = 0.5  # of the safety distance: it does not come nearer
 

@@ -8,15 +8,13 @@ from __future__ import annotations
 
 import numpy as np
 import pinocchio as pin
-from numpy.typing import NDArray
 
+from cinegen.arrays import Array
 from cinegen.dynamics import InverseDynamics, Payload
 from cinegen.dynamics.loads import GRAVITY
 from cinegen.errors import CinegenError
 from cinegen.model import Mechanism
 from cinegen.session.state import CarriedMass
-
-Array = NDArray[np.float64]
 
 _BOUND = 1e3
 """Torques beyond the moment of so many times the whole weight at the characteristic length occur next to a type 2

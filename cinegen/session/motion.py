@@ -12,16 +12,14 @@ from typing import Protocol
 
 import numpy as np
 import pinocchio as pin
-from numpy.typing import NDArray
 
+from cinegen.arrays import Array
 from cinegen.errors import CinegenError
 from cinegen.ik import Solver
 from cinegen.ik.blend import eased
 from cinegen.ik.objectives import Posture
 from cinegen.model import ForwardKinematics, Mechanism
 from cinegen.tolerances import CLOSURE
-
-Array = NDArray[np.float64]
 
 _FASTEST = 2.0  # rad/s, or characteristic lengths per second: of a joint without a velocity limit
 _LIMIT = 1e-9  # rad or m: rounding at a limit

@@ -3,13 +3,11 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from cinegen.arrays import Array
 from cinegen.ik.local_ik import LocalIK
 from cinegen.model import Mechanism
 from cinegen.tolerances import NEAR_SINGULAR
-
-Array = NDArray[np.float64]
 
 _SAMPLES = 200
 _ZERO = 1e-6  # singular value (dimensionless)

@@ -11,8 +11,8 @@ import numpy as np
 import pinocchio as pin
 from msgspec import Struct
 from msgspec.structs import replace
-from numpy.typing import NDArray
 
+from cinegen.arrays import Array
 from cinegen.ik import Event, EventKind, FrameTask, LookAhead, Step
 from cinegen.ik.singular import gained
 from cinegen.loops.motions import motions_of
@@ -22,8 +22,6 @@ from cinegen.session.holding import HoldingError
 from cinegen.session.state import CarriedMass, RobotState, RobotStatus
 from cinegen.singularities.ball_joints import CountedLoops, balls
 from cinegen.tolerances import NEAR_SINGULAR
-
-Array = NDArray[np.float64]
 
 HORIZON = 1.5
 """Duration of the forecast, s."""

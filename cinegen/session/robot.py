@@ -8,8 +8,8 @@ from dataclasses import dataclass
 
 import numpy as np
 import pinocchio as pin
-from numpy.typing import NDArray
 
+from cinegen.arrays import Array
 from cinegen.ik import FrameTask, Solver, Status, Step
 from cinegen.mission import RecordedTask, RobotSample
 from cinegen.model import Mechanism
@@ -17,8 +17,6 @@ from cinegen.session.carried import carried_over, joint_values
 from cinegen.session.holding import Holding
 from cinegen.session.motion import RobotMotion
 from cinegen.session.state import CarriedMass, Obstruction, RobotState, RobotStatus, TaskState
-
-Array = NDArray[np.float64]
 
 POINTER, PIN, SENSOR = "pointer", "pin", "sensor"
 """Sources of tasks."""

@@ -10,8 +10,8 @@ from typing import Literal
 import coal
 import numpy as np
 import pinocchio as pin
-from numpy.typing import NDArray
 
+from cinegen.arrays import Array
 from cinegen.collision import Obstacle, Scene
 from cinegen.collision.attached import Attached
 from cinegen.collision.body import PlacedShape
@@ -21,8 +21,6 @@ from cinegen.collision.obstacle_kinds import HEIGHT
 from cinegen.mission.drawn_obstacle import DrawnObstacle, DrawnShape
 from cinegen.model.motion_plane import motion_plane
 from cinegen.session.setup import RATE, Avoidance, DrawnAttached, Setup, arrange
-
-Array = NDArray[np.float64]
 
 _FLAT = 0.25  # characteristic lengths
 _THIN = 0.02  # of a half-space's width

@@ -6,7 +6,6 @@ from collections.abc import Callable, Mapping
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from cinegen.devices import Gamepad, ScriptedSensor, Sensor, Teleoperation, TwistMapping, open_sensor
 from cinegen.devices.kinds import join_token, scheme
@@ -15,8 +14,6 @@ from cinegen.sensor import Reading, SensorState, TimedSensor, Twist
 from cinegen.session.robot import SENSOR, DrivenRobot, UserTask
 from cinegen.session.setup import Device, Setup
 from cinegen.session.state import SensorReport, Settings
-
-Array = NDArray[np.float64]
 
 _FRAMES = {"world": "world", "base": "base", "tool": "node", "view": "view"}  # those of `Teleoperation`
 _SCRIPTS = ("path", "seam", "replay")  # kinds that start when they are selected, and that a user's action ends

@@ -14,8 +14,8 @@ from pathlib import Path
 import numpy as np
 import pinocchio as pin
 from msgspec import Struct
-from numpy.typing import NDArray
 
+from cinegen.arrays import Array
 from cinegen.collision import Scene
 from cinegen.devices.kinds import exposure, overrides, refusal, split_token, why_missing
 from cinegen.errors import CinegenError, CinegenWarning, UnknownNameError
@@ -36,8 +36,6 @@ _ROOM = 0.3  # characteristic lengths, around robots that are placed side by sid
 
 PATH = "path"
 """Name of the script that moves a robot until a user drags it."""
-
-Array = NDArray[np.float64]
 
 
 class SetupError(CinegenError):

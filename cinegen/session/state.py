@@ -2,16 +2,13 @@
 
 from __future__ import annotations
 
-import numpy as np
 import pinocchio as pin
 from msgspec import Struct
-from numpy.typing import NDArray
 
+from cinegen.arrays import Array
 from cinegen.sensor import SensorState
 from cinegen.session.commands import CommandFrame
 from cinegen.typed_json import DoF, Vector3, Vector6
-
-Array = NDArray[np.float64]
 
 
 class TaskInfo(Struct, frozen=True, kw_only=True):

@@ -7,15 +7,13 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from cinegen.arrays import Array
 from cinegen.mission import RecordedTask
 from cinegen.session.carried import Kept, attached, detached
 from cinegen.session.motion import ConfigurationMotion, Retrace
 from cinegen.session.robot import PIN, DrivenRobot
 from cinegen.session.sensors import SessionSensors
-
-Array = NDArray[np.float64]
 
 _MOST = 100  # undo steps that are kept
 _LONGEST = 600  # configurations of a trace; a longer one is thinned

@@ -6,9 +6,7 @@ from collections import deque
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
-import numpy as np
-from numpy.typing import NDArray
-
+from cinegen.arrays import Array
 from cinegen.errors import CinegenError
 from cinegen.session.carried import Kept, attached, detached
 from cinegen.session.commands import ChangeWaypoint
@@ -53,7 +51,7 @@ class Waypoints:
         self._target: Waypoint | None = None
         self._next: deque[Waypoint] = deque()
         self._motions: dict[str, ConfigurationMotion] = {}
-        self._goals: dict[str, NDArray[np.float64]] = {}  # of the robots on the way to the target
+        self._goals: dict[str, Array] = {}  # of the robots on the way to the target
         self._plays = False  # whether the motion goes through several waypoints
         self._waits = self._records = False  # whether a recording starts at the first waypoint, or is in progress
 
@@ -188,7 +186,7 @@ class Waypoints:
         self._begin(self._next.popleft())
 
     def _begin(self, waypoint: Waypoint) -> None:
-        goals = dict[str, NDArray[np.float64]]()
+        goals = dict[str, Array]()
         for name, q in waypoint.configurations.items():
             if name in self._robots:
                 robot = self._robots[name]

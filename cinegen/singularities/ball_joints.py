@@ -12,14 +12,12 @@ from typing import NamedTuple
 
 import numpy as np
 import pinocchio as pin
-from numpy.typing import NDArray
 
+from cinegen.arrays import Array
 from cinegen.assembly.linkage import FreeMotionError, Linkage, ModesError
 from cinegen.joints import common_point
 from cinegen.loops.closed_loops import ClosedLoops
 from cinegen.model import Mechanism
-
-Array = NDArray[np.float64]
 
 
 class CountedLoops(ClosedLoops):

@@ -9,12 +9,10 @@ from collections import deque
 from collections.abc import Callable, Iterable, Iterator, Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
+from cinegen.arrays import Array, Indices
 from cinegen.model import Mechanism
 from cinegen.singularities.crossing import Crossing, Rows, crossings, of_passive_joints, turned
-
-Array = NDArray[np.float64]
 
 JUMP = 0.7
 """rad or characteristic lengths: a joint that moves further between neighbours may have changed branches."""
@@ -121,7 +119,7 @@ def flood(starts: Iterable[int], neighbours: Sequence[Iterable[int]], reach: Cal
         waiting += [there for there in neighbours[here] if there >= 0 and reach(here, there)]
 
 
-def neighbours(shape: Sequence[int]) -> NDArray[np.intp]:
+def neighbours(shape: Sequence[int]) -> Indices:
     """Return (n, 2 axes) the numbers of the points next to each one of a grid, last axis fastest; -1 at the edge."""
     padded = np.pad(np.arange(math.prod(shape)).reshape(shape), 1, constant_values=-1)
     inner = (slice(1, -1),) * len(shape)

@@ -14,14 +14,11 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from cinegen.arrays import Array, Bools
 from cinegen.singularities.branch import BranchTracker, neighbours
 from cinegen.singularities.crossing import Rows
 from cinegen.singularities.singularity import SingularityType
-
-Array = NDArray[np.float64]
-Bools = NDArray[np.bool_]
 
 Edge = tuple[int, int]
 """Numbers of two neighbours on the grid, the smaller one first."""

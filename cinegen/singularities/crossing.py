@@ -7,15 +7,13 @@ from typing import NamedTuple
 
 import numpy as np
 import pinocchio as pin
-from numpy.typing import NDArray
 
+from cinegen.arrays import Array
 from cinegen.errors import ClosureError
 from cinegen.loops.motions import free_motions, orthonormal
 from cinegen.model import Mechanism
 from cinegen.singularities.ball_joints import counted_screws
 from raff2urdf.closure import rank
-
-Array = NDArray[np.float64]
 
 _SURE = 0.7  # product of the cosines between singular vectors that belong together
 _DEPTH = 7  # times a path is halved until they do

@@ -40,8 +40,8 @@ from math import comb
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from cinegen.arrays import Array
 from cinegen.singularities import reason
 from cinegen.singularities.pluecker import (
     KLEIN,
@@ -57,8 +57,7 @@ from cinegen.singularities.pluecker import (
     sense,
 )
 from cinegen.singularities.screw_system import ScrewSystem
-
-Array = NDArray[np.float64]
+from cinegen.typed_json import as_json
 
 DEPENDENT = 1e-7
 """Lines whose smallest singular value is at most this are dependent."""
@@ -208,15 +207,10 @@ class Dependence:
             }
             for some in self.sets
         ]
-        return {
-            "rank": self.rank,
-            "sigma": self.sigma,
-            "near": self.nearly,
-            "class_of_all": self.class_of_all.title,
-            "forces": self.forces.as_dict(),
-            "motions": self.motions.as_dict(),
-            "sets": sets,
-        }
+        systems = {name: getattr(self, name).as_dict() for name in ("forces", "motions")}
+        return as_json(
+            self, "rank", "sigma", near=self.nearly, class_of_all=self.class_of_all.title, **systems, sets=sets
+        )
 
 
 def classify(lines: Sequence[PlueckerLine], length: float, tolerance: float = DEPENDENT) -> Dependence | None:

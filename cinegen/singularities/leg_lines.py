@@ -4,16 +4,12 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-import numpy as np
-from numpy.typing import NDArray
-
+from cinegen.arrays import Array
 from cinegen.assembly.families import Rod, recognise
 from cinegen.assembly.linkage import Linkage
 from cinegen.model import Mechanism
 from cinegen.singularities.ball_joints import linkage_of
 from cinegen.singularities.pluecker import PlueckerLine
-
-Array = NDArray[np.float64]
 
 
 class LegEnd(NamedTuple):

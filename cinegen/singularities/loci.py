@@ -12,14 +12,13 @@ from itertools import count as counter
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from cinegen.arrays import Array, Bools
 from cinegen.html import table
 from cinegen.singularities.branch import flood, neighbours
 from cinegen.singularities.contour import SingularCurve, SingularityGrid
 from cinegen.singularities.slice import Slice, SliceError
-
-Array = NDArray[np.float64]
+from cinegen.typed_json import as_json
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -53,27 +52,21 @@ class SingularLoci:
         return table(repr(self), ("type", "where", "points"), rows)
 
     @property
-    def reached(self) -> NDArray[np.bool_]:
+    def reached(self) -> Bools:
         """(m, n) whether there is a configuration."""
         return np.asarray(np.isfinite(self.q).all(axis=2))
 
     def as_dict(self) -> dict[str, Any]:
         """Return what JSON shows: m and rad."""
-        curves = [
-            {"kind": c.kind.value, "border": c.border, "points": c.points.tolist(), "q": c.q.tolist()}
-            for c in self.curves
-        ]
-        return {
-            "robot": self.of.mechanism.name,
-            "node": self.of.node,
-            "axes": [axis.name for axis in self.of.axes],
-            "fixed": self.of.given(*self.of.start()),
-            "u": self.u.tolist(),
-            "v": self.v.tolist(),
-            "type 1": _numbers(self.first),
-            "type 2": _numbers(self.second),
-            "curves": curves,
-        }
+        return as_json(
+            self, "u", "v",
+            robot=self.of.mechanism.name,
+            node=self.of.node,
+            axes=[axis.name for axis in self.of.axes],
+            fixed=self.of.given(*self.of.start()),
+            **{"type 1": self.first, "type 2": self.second},
+            curves=[as_json(curve, "kind", "border", "points", "q") for curve in self.curves],
+        )  # fmt: skip
 
 
 def singular_loci(of: Slice, count: int = 61, report: Callable[[float], None] | None = None) -> SingularLoci:
@@ -131,7 +124,3 @@ def _first(grid: SingularityGrid, of: Slice) -> int:
         f"{of.mechanism.name}: no point of this slice over {axes} can be reached from home: choose one nearer to "
         f"home, which is at {at}"
     )
-
-
-def _numbers(values: Array) -> list[list[float | None]]:
-    return [[float(value) if np.isfinite(value) else None for value in row] for row in values]

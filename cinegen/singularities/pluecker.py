@@ -16,11 +16,9 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
 
+from cinegen.arrays import Array, ArrayLike
 from cinegen.errors import CinegenError
-
-Array = NDArray[np.float64]
 
 KLEIN = np.kron([[0.0, 1.0], [1.0, 0.0]], np.eye(3))
 """(6, 6) K, with x.K.y the mutual moment of two lines x and y, or the power of the wrench x on the twist y."""

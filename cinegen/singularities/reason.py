@@ -6,16 +6,13 @@ import math
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
-import numpy as np
-from numpy.typing import NDArray
-
+from cinegen.arrays import Array
 from cinegen.singularities.pluecker import AnyLine, LineAtInfinity, LinePlane, PlueckerLine, ProjectivePoint
 from raff2urdf.quantities import LENGTH, shown_scale
 
 if TYPE_CHECKING:
     from cinegen.singularities.grassmann import DependentSet
 
-Array = NDArray[np.float64]
 
 _NUMBERS = ("no", "one", "two", "three", "four", "five", "six")
 _DIGITS = 4  # of the characteristic length that are written

@@ -16,12 +16,10 @@ from functools import cached_property
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from cinegen.arrays import Array
 from cinegen.singularities.pluecker import KLEIN, LineAtInfinity, LineFrame, Screw, sense
 from cinegen.singularities.reason import GeometryWriter
-
-Array = NDArray[np.float64]
 
 _NO_PITCH = 1e-9  # characteristic lengths
 

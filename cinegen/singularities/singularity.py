@@ -14,8 +14,8 @@ from enum import Enum
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
 
+from cinegen.arrays import Array, ArrayLike
 from cinegen.errors import ClosureError
 from cinegen.html import table
 from cinegen.loops.motions import free_motions, orthonormal
@@ -27,8 +27,6 @@ from cinegen.singularities.pluecker import LineFrame, PlueckerLine, Screw, sense
 from cinegen.singularities.screw_system import ScrewSystem
 from cinegen.tolerances import NEAR_SINGULAR
 from raff2urdf.closure import rank
-
-Array = NDArray[np.float64]
 
 SINGULAR = 1e-6
 """A singular value (dimensionless) up to this is 0."""

@@ -9,16 +9,14 @@ from typing import NamedTuple
 
 import numpy as np
 import pinocchio as pin
-from numpy.typing import NDArray
 
+from cinegen.arrays import Array
 from cinegen.errors import CinegenError, ClosureError
 from cinegen.loops.motions import motions_of
 from cinegen.model import Mechanism
 from cinegen.singularities.branch import BranchTracker
 from cinegen.singularities.crossing import of_end
 from raff2urdf.closure import rank
-
-Array = NDArray[np.float64]
 
 POSE = ("x", "y", "z", "rx", "ry", "rz")
 """Coordinates of a pose: metres, and roll, pitch and yaw in radians, R = Rz(rz) Ry(ry) Rx(rx)."""

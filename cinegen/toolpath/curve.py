@@ -12,12 +12,10 @@ import math
 from bisect import bisect_right
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.interpolate import CubicHermiteSpline
 
+from cinegen.arrays import Array, Indices
 from cinegen.sensor import SensorError
-
-Array = NDArray[np.float64]
 
 CORNER = math.radians(30.0)
 """Larger changes of direction of the line through the points are corners, where the curve is not smooth."""
@@ -70,7 +68,7 @@ class SeamCurve:
         self,
         points: Array,
         normals: Array,
-        numbers: NDArray[np.intp],
+        numbers: Indices,
         before: Array | None = None,
         behind: Array | None = None,
     ) -> None:
@@ -82,7 +80,7 @@ class SeamCurve:
         self._angles, self._normals = _turns(normals, numbers)
         self._check_sides(numbers)
 
-    def _check_sides(self, numbers: NDArray[np.intp]) -> None:
+    def _check_sides(self, numbers: Indices) -> None:
         """Check that the curve is nowhere parallel to its normal."""
         spans = np.arange(len(self._cubics)) // self._parts
         angles = self._angles[spans] * (self._along[:-1] - self._along[spans * self._parts]) / self._spans[spans]
@@ -163,7 +161,7 @@ def angle(a: Array, b: Array) -> Array:
     return np.asarray(np.arctan2(np.linalg.norm(np.cross(a, b), axis=-1), np.sum(a * b, axis=-1)))
 
 
-def _turns(normals: Array, numbers: NDArray[np.intp]) -> tuple[Array, Array]:
+def _turns(normals: Array, numbers: Indices) -> tuple[Array, Array]:
     """Return the rotation of the normal from each point to the next: first cos(angle) + aside sin(angle).
 
     Returns:

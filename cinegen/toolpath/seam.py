@@ -29,14 +29,12 @@ from typing import NamedTuple
 
 import numpy as np
 import pinocchio as pin
-from numpy.typing import ArrayLike, NDArray
 
+from cinegen.arrays import Array, ArrayLike, Bools
 from cinegen.sensor import Reading, SensorError, TimedSensor
 from cinegen.toolpath.curve import PointError, smooth_runs
 from raff2urdf.errors import did_you_mean
 from raff2urdf.quantities import LENGTH, shown
-
-Array = NDArray[np.float64]
 
 AGAIN = ("stay", "back", "loop")
 """At the end: stay there; go back and forth; or return to the start along a straight line, and repeat."""
@@ -300,7 +298,7 @@ def _checked(points: ArrayLike, normals: ArrayLike) -> tuple[Array, Array]:
     return found, given / np.linalg.norm(given, axis=1)[:, None]
 
 
-def _raise_where(wrong: NDArray[np.bool_], message: str) -> None:
+def _raise_where(wrong: Bools, message: str) -> None:
     if wrong.any():
         raise PointError(int(np.argmax(wrong)), message)
 

@@ -16,8 +16,8 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from cinegen.arrays import Array
 from cinegen.model import Mechanism
 from cinegen.model.plausible import ImplausibleError, check_lengths
 from cinegen.sensor import SensorError
@@ -37,8 +37,6 @@ from raff2urdf.quantities import (
     parse,
     shown,
 )
-
-Array = NDArray[np.float64]
 
 OPTIONS: Mapping[str, Dimension] = {
     "distance": LENGTH,

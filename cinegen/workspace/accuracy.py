@@ -7,8 +7,8 @@ from functools import lru_cache
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from cinegen.arrays import Array
 from cinegen.design import Tolerances
 from cinegen.workspace.errors import MapError
 from raff2urdf.raff.reader import parse
@@ -17,7 +17,6 @@ if TYPE_CHECKING:
     from cinegen.workspace.cells import Cells
     from cinegen.workspace.specification import MapSpecification
 
-Array = NDArray[np.float64]
 
 ACCURACY = "accuracy"
 """The name of the quantity."""

@@ -7,13 +7,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from cinegen.arrays import Array, Indices
 from cinegen.ik.batch import BatchEvaluator, Evaluations
 from cinegen.singularities.branch import flood, neighbours
 from cinegen.workspace.cells import Cells, CellStatus
 from cinegen.workspace.chunks import back_and_forth
 from cinegen.workspace.specification import MapSpecification
-
-Array = NDArray[np.float64]
 
 _, _REACHABLE, _, _, _, _OPEN, _BEYOND_LIMITS = map(int, CellStatus)  # numpy compares these faster
 _FIELDS = tuple(Evaluations.__dataclass_fields__)
@@ -63,7 +62,7 @@ class ByActuatedJoints:
             status[np.isfinite(done.q).all(axis=1) & ~self.spec.mechanism.limits.within(done.q)] = _BEYOND_LIMITS
         return status
 
-    def _retry(self, values: Array, near: NDArray[np.intp], done: Evaluations, status: NDArray[np.uint8]) -> None:
+    def _retry(self, values: Array, near: Indices, done: Evaluations, status: NDArray[np.uint8]) -> None:
         """Retry cells that the path through the chunk did not reach: from each neighbour that is reachable and, where
         none is, straight from home. Changes `done` and `status`."""
         home = self.spec.mechanism.q_home

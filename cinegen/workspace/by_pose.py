@@ -16,6 +16,7 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import NDArray
 
+from cinegen.arrays import Array, Indices
 from cinegen.ik.batch import BatchEvaluator, Evaluations
 from cinegen.ik.local_ik import LocalIK
 from cinegen.ik.task import FrameTask
@@ -24,9 +25,6 @@ from cinegen.workspace.cells import Cells, CellStatus
 from cinegen.workspace.continuation import GOAL, Continuation
 from cinegen.workspace.reach_bounds import ReachBounds
 from cinegen.workspace.specification import MapSpecification
-
-Array = NDArray[np.float64]
-Ints = NDArray[np.intp]
 
 _NOT_EVALUATED, _REACHABLE, _BY_SEARCH, _PROVED, _NOT_FOUND, *_ = map(int, CellStatus)  # numpy compares these faster
 
@@ -113,7 +111,7 @@ class ByPose(Continuation):
         """Return the joint values (nv,) of a configuration, rad or lengths."""
         return self.mechanism.scaled_difference(self._neutral, q)
 
-    def apart(self, marks: Array, known: Array, joints: Ints) -> Array:
+    def apart(self, marks: Array, known: Array, joints: Indices) -> Array:
         """Return how far (k,) some joints are from those of known configurations (k, nv), up to whole revolutions."""
         gaps = (known - marks)[:, joints]
         turns = np.where(self._revolute[joints], np.rint(gaps / (2.0 * np.pi)), 0.0)

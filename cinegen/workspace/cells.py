@@ -10,11 +10,12 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from cinegen.arrays import Array, Bools
+
 if TYPE_CHECKING:
     from cinegen.ik.batch import Evaluations
     from cinegen.workspace.specification import MapSpecification
 
-Array = NDArray[np.float64]
 
 UNBOUNDED = 1e10
 """A dimensionless Jacobian beyond is rounding: the actuated joints do not control the node."""
@@ -85,12 +86,12 @@ class Cells:
         return np.asarray(self.evaluations.jacobians * units)
 
     @cached_property
-    def is_controlled(self) -> NDArray[np.bool_]:
+    def is_controlled(self) -> Bools:
         """(n,) true where the actuated joints determine the node's motion: not at singularities of type 2."""
         return bounded(self.jacobians)
 
 
-def bounded(jacobians: Array) -> NDArray[np.bool_]:
+def bounded(jacobians: Array) -> Bools:
     """Return (n,) true where a dimensionless Jacobian (n, ., .) is known."""
     with np.errstate(invalid="ignore"):
         return np.asarray((np.abs(jacobians) < UNBOUNDED).all(axis=(1, 2)))

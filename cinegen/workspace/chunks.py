@@ -9,9 +9,9 @@ import math
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
-Ints = NDArray[np.intp]
+from cinegen.arrays import Indices
+
 Shape = Sequence[int]
 
 _ROUNDING = 1e-9
@@ -48,7 +48,7 @@ def chunk_cells(chunk: int, shape: Shape, chunk_shape: Shape) -> tuple[slice, ..
     )
 
 
-def back_and_forth(shape: Shape) -> Ints:
+def back_and_forth(shape: Shape) -> Indices:
     """Return (n,) the numbers of all cells in an order in which each is next to the one before."""
     order = np.zeros((1,), dtype=np.intp)
     for count in shape:

@@ -14,9 +14,10 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from cinegen.arrays import Array, Bools
 from cinegen.html import table
+from cinegen.typed_json import as_json
 from cinegen.workspace.cells import CellStatus
 from cinegen.workspace.errors import MapError
 from cinegen.workspace.extent import Extent, bounds, extent_of
@@ -27,8 +28,6 @@ from raff2urdf.quantities import shown_unit
 if TYPE_CHECKING:
     import xarray
 
-Array = NDArray[np.float64]
-Bools = NDArray[np.bool_]
 
 _SAME = 1e-9  # of a cell's width
 
@@ -72,8 +71,7 @@ class QuantityDifference:
 
     def as_dict(self) -> dict[str, Any]:
         """Return JSON values."""
-        values = zip(("min", "median", "max"), self.range, strict=True)
-        return {"unit": self.unit, **{name: x if math.isfinite(x) else None for name, x in values}}
+        return as_json(self, "unit", **dict(zip(("min", "median", "max"), self.range, strict=True)))
 
 
 @dataclass(frozen=True, eq=False, repr=False)

@@ -4,16 +4,14 @@ from __future__ import annotations
 
 import numpy as np
 import pinocchio as pin
-from numpy.typing import NDArray
 
+from cinegen.arrays import Array
 from cinegen.errors import ClosureError
 from cinegen.ik.local_ik import LocalIK
 from cinegen.ik.task import FrameTask
 from cinegen.singularities.branch import BranchTracker
 from cinegen.singularities.crossing import Rows, of_node
 from cinegen.workspace.specification import MapSpecification
-
-Array = NDArray[np.float64]
 
 GOAL = 1e-10
 """rad or characteristic lengths: largest remaining error of a solution."""

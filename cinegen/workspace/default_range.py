@@ -7,8 +7,8 @@ from functools import lru_cache
 
 import numpy as np
 import pinocchio as pin
-from numpy.typing import NDArray
 
+from cinegen.arrays import Array
 from cinegen.ik.local_ik import LocalIK
 from cinegen.ik.task import FrameTask
 from cinegen.model import Mechanism
@@ -17,8 +17,6 @@ from cinegen.workspace.errors import MapError
 from cinegen.workspace.reach_bounds import ReachBounds
 from cinegen.workspace.region import SPHERICAL
 from raff2urdf.errors import did_you_mean
-
-Array = NDArray[np.float64]
 
 _SAMPLES = 400
 _MARGIN = 0.15  # of the range, to both sides, as samples are only some configurations

@@ -22,9 +22,10 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.ndimage import maximum_filter
 
+from cinegen.arrays import Array, Bools, Indices
+from cinegen.typed_json import as_json
 from cinegen.workspace.cells import CellStatus
 from cinegen.workspace.errors import MapError
 from cinegen.workspace.region import Region
@@ -34,7 +35,6 @@ from raff2urdf.quantities import shown_unit
 if TYPE_CHECKING:
     import xarray
 
-Bools = NDArray[np.bool_]
 
 _AT_ONCE = 4_000_000  # cells in memory
 
@@ -74,8 +74,7 @@ class Extent:
 
     def as_dict(self) -> dict[str, Any]:
         """Return JSON values."""
-        return {"value": self.value, "error": self.error, "low": self.low, "high": self.high, "unit": self.unit,
-                "cells": self.cells}  # fmt: skip
+        return as_json(self, "value", "error", "low", "high", "unit", "cells")
 
 
 def extent(dataset: xarray.Dataset, where: xarray.DataArray | None = None) -> Extent:
@@ -136,7 +135,7 @@ def extent_of(region: Region, unit: str, counts: Bools, low: Bools, high: Bools)
     return Extent(value, least, most, unit, int(counts.sum()))
 
 
-def _in_slabs(region: Region, unit: str, slab: Callable[[NDArray[np.intp]], tuple[Bools, Bools]]) -> Extent:
+def _in_slabs(region: Region, unit: str, slab: Callable[[Indices], tuple[Bools, Bools]]) -> Extent:
     """Return the extent, computed slab by slab along the first axis, so that large maps take no more memory.
 
     Args:
@@ -161,8 +160,8 @@ def _in_slabs(region: Region, unit: str, slab: Callable[[NDArray[np.intp]], tupl
     return Extent(float(sums[0]), float(sums[1]), float(sums[2]), unit, cells)
 
 
-def _sum(sizes: tuple[NDArray[np.float64], ...], cells: Bools) -> float:
-    found: NDArray[np.float64] = cells.astype(float)
+def _sum(sizes: tuple[Array, ...], cells: Bools) -> float:
+    found: Array = cells.astype(float)
     for one in reversed(sizes):
         found = found @ one
     return float(found)

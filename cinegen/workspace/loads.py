@@ -11,8 +11,8 @@ from functools import lru_cache
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
+from cinegen.arrays import Array
 from cinegen.dynamics import InverseDynamics, Payload
 from cinegen.dynamics.elasticity import Elasticity
 from cinegen.dynamics.errors import MotionError
@@ -24,7 +24,6 @@ if TYPE_CHECKING:
     from cinegen.workspace.cells import Cells
     from cinegen.workspace.specification import MapSpecification
 
-Array = NDArray[np.float64]
 
 LIMITED = frozenset({"torque", "payload", "payload_any"})
 """Quantities that take limits of torque, and masses."""
@@ -38,6 +37,7 @@ ELASTIC = frozenset({"stiffness", "rotational_stiffness", "frequency"})
 LOADED = (*sorted(LIMITED), *REACTIONS, *sorted(ELASTIC))
 
 _HEAVIEST = 1e9  # kg: more is borne by the structure alone
+_NO_GRAVITY = (0.0, 0.0, 0.0)
 _ROUNDING = 1e-11  # of the largest component of a reaction, dimensionless
 _COMPONENTS = {"reaction_force": "force", "reaction_moment": "moment"}
 
@@ -54,7 +54,7 @@ def torque(cells: Cells) -> Array:
 def payload(cells: Cells) -> Array:
     """Return (n,) the largest mass at the node's origin, kg, that torques within their limits hold at rest: at most
     1e9. NaN where they do not hold the mechanism itself."""
-    weight, loaded = _used(cells, _dynamics_of(cells.spec)), _used(cells, _with_a_kilogram(cells.spec))
+    weight, loaded = _used(cells, _dynamics_of(cells.spec)), _used(cells, _dynamics_of(cells.spec, more=1.0))
     with np.errstate(divide="ignore", invalid="ignore"):
         by_mass = loaded - weight
         masses = np.where(by_mass != 0.0, (1.0 - np.sign(by_mass) * weight) / np.abs(by_mass), np.inf).min(axis=1)
@@ -69,10 +69,10 @@ def payload_any(cells: Cells) -> Array:
     joint holds m if |w + m p| <= 1 - |c|: the largest of d . (w + m p) + c over all directions d.
     """
     spec = cells.spec
-    pushed = np.abs(_used(cells, _in_gravity(spec, None, 0.0)))
+    pushed = np.abs(_used(cells, _dynamics_of(spec, _NO_GRAVITY, is_carried=False)))
     weight, by_mass = np.zeros((2, 3, *pushed.shape))
-    for axis in range(3):
-        first, second = (_used(cells, _in_gravity(spec, axis, mass)) for mass in (0.0, 1.0))
+    for axis, gravity in enumerate(np.diag([np.linalg.norm(spec.gravity)] * 3).tolist()):
+        first, second = (_used(cells, _dynamics_of(spec, tuple(gravity), mass, is_pushed=False)) for mass in (0.0, 1.0))
         with np.errstate(invalid="ignore"):
             weight[axis], by_mass[axis] = first, second - first
     with np.errstate(divide="ignore", invalid="ignore"):
@@ -228,39 +228,21 @@ def _one_by_one(spec: MapSpecification, q: Array, value: Callable[[Elasticity], 
 # --- what is kept from chunk to chunk ---------------------------------------------------------------------------------
 
 
-@lru_cache(maxsize=2)
-def _dynamics_of(spec: MapSpecification) -> InverseDynamics:
-    """Return the dynamics of the mechanism with its payloads and wrenches."""
-    return InverseDynamics(spec.mechanism, [*_carried(spec), *_pushed(spec)], spec.gravity)
-
-
-@lru_cache(maxsize=2)
-def _with_a_kilogram(spec: MapSpecification) -> InverseDynamics:
-    """Return the same with 1 kg more at the node."""
-    return InverseDynamics(spec.mechanism, [*_carried(spec), *_pushed(spec), Payload(spec.node, 1.0)], spec.gravity)
-
-
 @lru_cache(maxsize=14)
-def _in_gravity(spec: MapSpecification, axis: int | None, more: float) -> InverseDynamics:
-    """Return the dynamics with gravity along an axis and more mass (kg) at the node, or that of wrenches alone."""
-    if axis is None:
-        return InverseDynamics(spec.mechanism, _pushed(spec), (0.0, 0.0, 0.0))
-    gravity = np.linalg.norm(spec.gravity) * np.eye(3)[axis]
-    return InverseDynamics(spec.mechanism, [*_carried(spec), Payload(spec.node, more)], gravity)
+def _dynamics_of(
+    spec: MapSpecification, gravity: tuple[float, ...] | None = None, more: float = 0.0, *, is_carried: bool = True,
+    is_pushed: bool = True,
+) -> InverseDynamics:  # fmt: skip
+    """Return the dynamics of the mechanism with its payloads and wrenches, and more mass (kg) at the node."""
+    loads = [Payload(node, mass) for node, mass in spec.payloads.items()] if is_carried else []
+    loads += [Payload(node, wrench=wrench) for node, wrench in spec.wrenches.items()] if is_pushed else []
+    loads += [Payload(spec.node, more)] if more else []
+    return InverseDynamics(spec.mechanism, loads, spec.gravity if gravity is None else gravity)
 
 
-@lru_cache(maxsize=2)
 def _unloaded(spec: MapSpecification) -> InverseDynamics:
     """Return the dynamics without gravity and wrenches."""
-    return InverseDynamics(spec.mechanism, _carried(spec), (0.0, 0.0, 0.0))
-
-
-def _carried(spec: MapSpecification) -> list[Payload]:
-    return [Payload(node, mass) for node, mass in spec.payloads.items()]
-
-
-def _pushed(spec: MapSpecification) -> list[Payload]:
-    return [Payload(node, wrench=wrench) for node, wrench in spec.wrenches.items()]
+    return _dynamics_of(spec, _NO_GRAVITY, is_pushed=False)
 
 
 def _limits_of(spec: MapSpecification) -> Array:

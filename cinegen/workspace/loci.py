@@ -10,9 +10,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import TYPE_CHECKING
 
-import numpy as np
-from numpy.typing import NDArray
-
+from cinegen.arrays import Array
 from cinegen.singularities.contour import SingularCurve, SingularityGrid
 from cinegen.workspace.cells import CellStatus
 from cinegen.workspace.continuation import Continuation
@@ -22,7 +20,6 @@ from cinegen.workspace.specification import MapSpecification, specification_of
 if TYPE_CHECKING:
     import xarray
 
-Array = NDArray[np.float64]
 
 MOST = 121
 """Grid points along an axis, at most: of a finer map every second cell is taken, or every third."""

@@ -12,8 +12,8 @@ from threading import Lock
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from cinegen.arrays import Indices
 from cinegen.cluster import check_workers, connected, each, processes
 from cinegen.workspace.chunks import chunk_shape
 from cinegen.workspace.errors import MapError
@@ -129,7 +129,7 @@ def _make(store: MapStore, usual: int, workers: int | None, scheduler: str | Non
             report(done, size)
 
 
-def _lists(store: MapStore, chunks: NDArray[np.intp], most: int) -> Iterator[Chunks]:
+def _lists(store: MapStore, chunks: Indices, most: int) -> Iterator[Chunks]:
     """Divide chunks (n,) into lists with at most so many cells each, unless a chunk has more."""
     count = max(1, most // math.prod(store.chunk_shape))
     return (chunks[first : first + count].tolist() for first in range(0, len(chunks), count))

@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from cinegen.arrays import Array, Bools
 from cinegen.workspace import loads
 from cinegen.workspace.accuracy import accuracy
 from cinegen.workspace.cells import UNBOUNDED, bounded
@@ -23,7 +24,6 @@ if TYPE_CHECKING:
     from cinegen.workspace.cells import Cells
     from cinegen.workspace.specification import MapSpecification
 
-Array = NDArray[np.float64]
 Values = NDArray[Any]
 
 _UNIT_LIMIT = 1.0  # rad/s, m/s, N m or N: of actuated joints whose speed or effort is not limited
@@ -63,7 +63,7 @@ def _margin(cells: Cells) -> Values:
     return np.asarray((np.minimum(q - low, high - q) / (0.5 * (high - low))).min(axis=1))
 
 
-def _moves_node(spec: MapSpecification) -> NDArray[np.bool_]:
+def _moves_node(spec: MapSpecification) -> Bools:
     """Return (nq,) true for joint variables on which the pose of the node depends: not for those of fingers."""
     mechanism = spec.mechanism
     model, system = mechanism.model, mechanism.system

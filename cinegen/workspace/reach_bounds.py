@@ -15,13 +15,11 @@ from typing import NamedTuple
 
 import numpy as np
 import pinocchio as pin
-from numpy.typing import ArrayLike, NDArray
 
+from cinegen.arrays import Array, ArrayLike, Bools
 from cinegen.joints import axis, translations
 from cinegen.model import Mechanism
 from raff2urdf.raff.document import LoopKind
-
-Array = NDArray[np.float64]
 
 _CHAINS = 40  # of a node, at most
 _BODIES = 60  # of a chain, at most
@@ -123,7 +121,7 @@ class ReachBounds:
         self.outer = np.array([one[2] for one in found]) * (1.0 + _ROUNDING) + slack
         self.offsets = np.array([one[3] for one in found]).reshape(-1, 3)
 
-    def exclude(self, points: Array, rotations: Array) -> NDArray[np.bool_]:
+    def exclude(self, points: Array, rotations: Array) -> Bools:
         """Return (n,) whether poses are proved to be unreachable.
 
         Args:

@@ -16,15 +16,13 @@ from typing import Any
 import msgspec
 import numpy as np
 import pinocchio as pin
-from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
+from cinegen.arrays import Array
 from cinegen.model import Mechanism
 from cinegen.singularities.slice import POSE
 from cinegen.workspace.errors import MapError
 from raff2urdf.errors import did_you_mean
-
-Array = NDArray[np.float64]
 
 SPHERICAL = ("azimuth", "elevation", "radius")
 """Position seen from a centre: rad about z from x, rad up from the plane of x and y, m."""

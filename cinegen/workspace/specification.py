@@ -11,8 +11,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pinocchio as pin
-from numpy.typing import NDArray
 
+from cinegen.arrays import Array
 from cinegen.dynamics.loads import GRAVITY
 from cinegen.errors import CinegenError
 from cinegen.model import Mechanism
@@ -31,7 +31,6 @@ from raff2urdf.errors import RaffError, did_you_mean
 if TYPE_CHECKING:
     import xarray
 
-Array = NDArray[np.float64]
 
 VERSION = 8
 """Version of a map's folder: changes when its layout changes, or when the same specification gives other numbers."""

@@ -23,8 +23,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from filelock import FileLock, Timeout
-from numpy.typing import NDArray
 
+from cinegen.arrays import Bools, Indices, Integers
 from cinegen.workspace.cells import CellStatus
 from cinegen.workspace.chunks import chunk_cells, chunk_counts
 from cinegen.workspace.errors import MapError
@@ -121,13 +121,13 @@ class MapStore:
         """Return the cells of a chunk, given by its number (C order)."""
         return chunk_cells(chunk, self.spec.region.shape, self.chunk_shape)
 
-    def sizes(self, chunks: NDArray[np.intp]) -> NDArray[np.int64]:
+    def sizes(self, chunks: Indices) -> Integers:
         """Return the number of cells (n,) of each of some chunks (n,)."""
         index = np.unravel_index(chunks, self.chunk_counts)
         widths = zip(index, self.chunk_shape, self.spec.region.shape, strict=True)
         return np.asarray(math.prod(np.minimum(width, count - i * width) for i, width, count in widths), dtype=np.int64)
 
-    def complete(self) -> NDArray[np.bool_]:
+    def complete(self) -> Bools:
         """Return whether each chunk (n,) is complete. Lists a folder, which is faster than asking for each file."""
         found = np.zeros(self.chunk_counts, dtype=bool)
         for entry in os.scandir(self.path / LAST):

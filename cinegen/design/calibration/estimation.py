@@ -23,10 +23,10 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.optimize import least_squares
 
-from cinegen.design.amounts import Amounts, amount_in, fits, pairs
+from cinegen.arrays import Array, Bools
+from cinegen.design.amounts import Amounts, amount_in, pairs
 from cinegen.design.calibration.hypotheses import ContradictionError, Doubt, doubt, explanation
 from cinegen.design.calibration.identifiability import LISTED, Dependency, Subspace, dependencies, subspace
 from cinegen.design.calibration.measurements import Measurements
@@ -34,13 +34,12 @@ from cinegen.design.calibration.observation import Observation, Prediction
 from cinegen.design.calibration.plausible import check_units, predicted
 from cinegen.design.errors import DesignError
 from cinegen.design.parameters import Parameters
+from cinegen.design.ties import fits
 from cinegen.errors import warn
+from cinegen.typed_json import as_json
 from raff2urdf import closure
 from raff2urdf.quantities import ANGLE, LENGTH, Dimension
 from raff2urdf.raff.document import Document
-
-Array = NDArray[np.float64]
-Mask = NDArray[np.bool_]
 
 LENGTH_ERROR, ANGLE_ERROR = 3e-4, math.radians(0.05)
 """Expected errors of manufacture and assembly, m and rad, of parameters for which none is given."""
@@ -140,7 +139,7 @@ class Calibration:
     before: Array
     after: Array
     standard: Array
-    kept: Mask
+    kept: Bools
     outliers: tuple[Outlier, ...]
     chi2: float
     degrees_of_freedom: int
@@ -162,7 +161,7 @@ class Calibration:
         return np.sqrt(np.diag(self.covariance))
 
     @property
-    def separate(self) -> Mask:
+    def separate(self) -> Bools:
         """(parameters,) which are determined by themselves."""
         return np.asarray(self.subspace.lengths > _OWN)
 
@@ -189,44 +188,30 @@ class Calibration:
     def as_dict(self) -> dict[str, Any]:
         """Return what JSON shows: m and rad."""
         kinds = {LENGTH: "length", ANGLE: "angle"}
-        return {
-            "poses": len(self.observation.measurements),
-            "readings": int(np.isfinite(self.before).sum()),
-            "parameters": [
-                {
-                    "name": name, "unit": self.unit(name), "nominal": float(a), "value": float(b), "sigma": float(s),
-                    "separate": bool(own),
-                }
-                for name, a, b, s, own in zip(
-                    self.names, self.nominal, self.values, self.sigmas, self.separate, strict=True
-                )
-                if name not in (*self.without_effect, *self.opening, *self.observation.frames.names)
+        columns = zip(self.names, self.nominal, self.values, self.sigmas, self.separate, strict=True)
+        left_out = (*self.without_effect, *self.opening, *self.observation.frames.names)
+        return as_json(
+            self, "names", "covariance", "without_effect", "opening", "chi2", "degrees_of_freedom", "folds",
+            poses=len(self.observation.measurements),
+            readings=int(np.isfinite(self.before).sum()),
+            parameters=[
+                {"name": name, "unit": self.unit(name), "nominal": a, "value": b, "sigma": s, "separate": own}
+                for name, a, b, s, own in columns
+                if name not in left_out
             ],
-            "frames": [{"name": name, "pose": pose.tolist()} for name, pose in self.frames.items()],
-            "names": list(self.names),
-            "covariance": self.covariance.tolist(),
-            "identifiable": self.subspace.rank,
-            "estimated": self.subspace.basis.shape[1],
-            "dependencies": [
-                {"names": list(one.names), "changes": one.changes.tolist(), "text": one.text}
-                for one in self.dependencies
-            ],
-            "without_effect": list(self.without_effect),
-            "opening": list(self.opening),
-            "outliers": [
-                {"pose": self.observation.measurements.labels[one.pose], "text": one.where, "residual": one.residual,
-                 "sigmas": one.sigmas}
+            frames=[{"name": name, "pose": pose} for name, pose in self.frames.items()],
+            identifiable=self.subspace.rank,
+            estimated=self.subspace.basis.shape[1],
+            dependencies=[as_json(one, "names", "changes", "text") for one in self.dependencies],
+            outliers=[
+                as_json(one, "residual", "sigmas", pose=self.observation.measurements.labels[one.pose], text=one.where)
                 for one in self.outliers
             ],
-            "chi2": self.chi2,
-            "degrees_of_freedom": self.degrees_of_freedom,
-            "folds": self.folds,
-            "held_out": [
-                {"kind": kinds[one.dimension], "readings": one.count, "before": one.before, "after": one.after,
-                 "kept": one.kept, "noise": one.noise}
+            held_out=[
+                as_json(one, "before", "after", "kept", "noise", kind=kinds[one.dimension], readings=one.count)
                 for one in self.held_out
             ],
-        }  # fmt: skip
+        )  # fmt: skip
 
 
 def calibrate(
@@ -338,7 +323,7 @@ def expected_errors(parameters: Parameters, sigma: Amounts | None) -> Array:
     found = np.array([LENGTH_ERROR if parameters.all[i].unit == "m" else ANGLE_ERROR for i in indices])
     for pattern, amount in pairs(sigma):
         matching = parameters.matching([pattern])
-        fitting = [i for i in matching if fits(amount, parameters.all[i].dimension)] or matching
+        fitting = [i for i in matching if fits(str(amount), parameters.all[i].dimension)] or matching
         for i in set(fitting) & set(indices):
             value = amount_in(f"expected error of {pattern}", amount, parameters.all[i].dimension)
             if not value > 0.0:
@@ -360,7 +345,7 @@ class _Solver:
         known = len(self.errors) - len(self.observation.frames)
         return np.asarray(np.sqrt(self.standard**2 + ((nominal.jacobian * self.errors)[..., :known] ** 2).sum(axis=2)))
 
-    def whiten(self, rows: Array, kept: Mask) -> Array:
+    def whiten(self, rows: Array, kept: Bools) -> Array:
         """Return rows (poses, outputs, .) of the readings kept (poses, outputs), whitened: (rows, .)."""
         is_diagonal = not self.observation.input_sigmas.any()
         if is_diagonal:
@@ -372,7 +357,7 @@ class _Solver:
                 found.append(np.linalg.solve(factor, one[mask]))
         return np.concatenate(found)
 
-    def least_squares(self, space: Subspace, z: Array, kept: Mask, loss: str = "linear", scale: float = 1.0) -> Array:
+    def least_squares(self, space: Subspace, z: Array, kept: Bools, loss: str = "linear", scale: float = 1.0) -> Array:
         """Return the combinations (combinations,) that minimise the loss of the readings kept, from z. Losses that are
         not linear take readings as independent."""
         observation = self.observation
@@ -407,7 +392,7 @@ class _Solver:
             warn(f"{observation.measurements.source}: the estimate has not converged in {done.nfev} evaluations")
         return np.asarray(done.x)
 
-    def robust(self, space: Subspace, nominal: Prediction, before: Array) -> tuple[Array, Mask]:
+    def robust(self, space: Subspace, nominal: Prediction, before: Array) -> tuple[Array, Bools]:
         """Return combinations, and which readings (poses, outputs) are no outliers."""
         present = np.isfinite(before)
         sizes = np.abs(before) / self.expected(nominal)
@@ -431,7 +416,7 @@ class _Solver:
             z = self.least_squares(space, z, kept)
         return z, kept
 
-    def _studentised(self, space: Subspace, found: Prediction, kept: Mask) -> Array:
+    def _studentised(self, space: Subspace, found: Prediction, kept: Bools) -> Array:
         """Return residuals (poses, outputs) in their standard deviations, were they estimated without themselves."""
         residuals = self.observation.residuals(found) / self.standard
         rows = found.jacobian @ space.changes / self.standard[..., None]
@@ -500,7 +485,7 @@ def _keyword(parameters: Parameters, number: int | None) -> str:
     return f"{parameters.robot.nodes[number].keyword}{number}" if number else "base"
 
 
-def _outliers(observation: Observation, after: Array, standard: Array, left_out: Mask) -> Iterable[Outlier]:
+def _outliers(observation: Observation, after: Array, standard: Array, left_out: Bools) -> Iterable[Outlier]:
     for pose, k in np.argwhere(left_out).tolist():
         column = observation.outputs[k]
         residual = float(after[pose, k])
@@ -514,7 +499,7 @@ def _outliers(observation: Observation, after: Array, standard: Array, left_out:
 
 
 def _held_out(
-    solver: _Solver, space: Subspace, folds: int, kept: Mask, before: Array, nominal: Prediction
+    solver: _Solver, space: Subspace, folds: int, kept: Bools, before: Array, nominal: Prediction
 ) -> tuple[int, tuple[HeldOut, ...]]:
     """Return the number of folds, and the errors of poses that an estimate from the other poses has not used; readings
     that are outliers for all poses together are in none."""
@@ -545,7 +530,7 @@ def _held_out(
     return folds, tuple(found)
 
 
-def _rms(values: Array, mask: Mask) -> float:
+def _rms(values: Array, mask: Bools) -> float:
     return float(np.sqrt(np.mean(values[mask] ** 2)))
 
 

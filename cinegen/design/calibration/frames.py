@@ -17,16 +17,14 @@ from typing import NamedTuple
 
 import numpy as np
 import pinocchio as pin
-from numpy.typing import NDArray
 from scipy.optimize import least_squares
 
+from cinegen.arrays import Array
 from cinegen.design.calibration.measurements import COORDINATES, MeasuredQuantity
 from cinegen.design.calibration.reading import read
 from cinegen.design.errors import DesignError
 from cinegen.errors import warn
 from raff2urdf.quantities import ANGLE, LENGTH, Dimension
-
-Array = NDArray[np.float64]
 
 UNITS = {
     LENGTH: (("mm", "m", 1e3), ("m", "mm", 1e-3), ("mm", "in", 25.4), ("in", "mm", 1.0 / 25.4)),

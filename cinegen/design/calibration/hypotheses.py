@@ -14,8 +14,8 @@ from itertools import combinations
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from cinegen.arrays import Array
 from cinegen.design.calibration.frames import UNITS
 from cinegen.design.calibration.measurements import COORDINATES, Measurements
 from cinegen.design.calibration.observation import Observation
@@ -25,7 +25,6 @@ from raff2urdf.quantities import ANGLE, LENGTH, shown
 if TYPE_CHECKING:
     from cinegen.design.calibration.estimation import Calibration
 
-Array = NDArray[np.float64]
 
 MOVED = 20.0
 """Expected errors by which a parameter changes at most without a question."""

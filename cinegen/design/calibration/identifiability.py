@@ -15,11 +15,10 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.linalg import lstsq, svd
 from scipy.optimize import linprog
 
-Array = NDArray[np.float64]
+from cinegen.arrays import Array
 
 DEPENDENT = 1e-9
 """Singular values below this fraction of the largest are those of dependent combinations."""
@@ -181,7 +180,7 @@ def _echelon(matrix: Array) -> Array:
 
 def _fewest(a: Array, wanted: Array) -> Array | None:
     """Return the solution of a x = wanted of least 1-norm, which has few components; None if there is none."""
-    if not np.allclose(a @ _solved(a, wanted), wanted, atol=_ZERO * np.abs(wanted).max()):
+    if np.linalg.norm(a @ _solved(a, wanted) - wanted) > _ZERO * np.linalg.norm(wanted):
         return None
     u, s, _ = svd_by_qr(a)
     left = u[:, s > _ZERO * s[0]].T
@@ -201,24 +200,12 @@ def _circuits(rows: Array, chosen: Sequence[int], first: Sequence[Array] = ()) -
     unit = matrix / np.linalg.norm(matrix, axis=0)
     count = unit.shape[1] - int((svd_by_qr(unit)[1] > _ZERO).sum()) if unit.size else 0
     candidates = list[Array]()
-    if count:
-        for k in range(unit.shape[1]):
-            others = np.delete(np.arange(unit.shape[1]), k)
-            weights = _solved(unit[:, others], unit[:, k])
-            if np.linalg.norm(unit[:, others] @ weights - unit[:, k]) > _ZERO:
-                continue
-            a = unit[:, others]
-            u, s, _ = svd_by_qr(a)
-            left = u[:, s > _ZERO].T
-            done = linprog(np.ones(2 * len(others)), A_eq=np.hstack([left @ a, -left @ a]), b_eq=left @ unit[:, k])
-            if done.status == 0:
-                weights = done.x[: len(others)] - done.x[len(others) :]
-            support = np.abs(weights) > _ZERO
-            exact = _solved(a[:, support], unit[:, k])
+    for k in range(unit.shape[1] if count else 0):
+        others = np.delete(np.arange(unit.shape[1]), k)
+        weights = _fewest(unit[:, others], unit[:, k])
+        if weights is not None:
             w = np.zeros(len(rows))
-            w[np.array(chosen)[others[support]]] = -exact
-            w[chosen[k]] = 1.0
-            w[list(chosen)] /= np.linalg.norm(matrix, axis=0)
+            w[list(chosen)] = np.insert(-weights, k, 1.0) / np.linalg.norm(matrix, axis=0)
             candidates.append(w / np.abs(w).max())
     candidates.sort(key=lambda w: int((np.abs(w) > _ZERO).sum()))
     picked = list(first)

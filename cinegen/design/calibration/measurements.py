@@ -33,8 +33,8 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
 
+from cinegen.arrays import Array, ArrayLike
 from cinegen.design.errors import DesignError
 from cinegen.model.mechanism import Mechanism
 from cinegen.model.plausible import ImplausibleError, check_joint, check_lengths
@@ -42,8 +42,6 @@ from raff2urdf.errors import did_you_mean
 from raff2urdf.escape import csv_cell, csv_text
 from raff2urdf.files import read_bytes
 from raff2urdf.quantities import ANGLE, LENGTH, Dimension, QuantityError, has_unit, parse, parse_list
-
-Array = NDArray[np.float64]
 
 COORDINATES = ("x", "y", "z", "rx", "ry", "rz")
 """Of a node's pose, m and rad."""

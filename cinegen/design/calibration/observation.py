@@ -19,8 +19,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from cinegen.arrays import Array
 from cinegen.design.calibration.frames import MeasuringFrames
 from cinegen.design.calibration.measurements import MeasuredQuantity, Measurements
 from cinegen.design.design import Design, DesignEvaluation
@@ -28,9 +28,6 @@ from cinegen.design.errors import DesignError
 from cinegen.design.parameters import Parameters
 from raff2urdf import closure
 from raff2urdf.quantities import ANGLE, LENGTH
-
-Array = NDArray[np.float64]
-Indices = NDArray[np.intp]
 
 _STEPS = 24  # on the straight line of the inputs from home to each pose
 

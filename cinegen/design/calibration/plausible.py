@@ -5,16 +5,14 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numpy.typing import NDArray
 
+from cinegen.arrays import Array
 from cinegen.design.calibration.frames import UNITS
 from cinegen.design.calibration.hypotheses import ContradictionError
 from cinegen.design.calibration.measurements import Measurements
 from cinegen.design.calibration.observation import Observation, Prediction
 from cinegen.design.errors import DesignError
 from raff2urdf.quantities import ANGLE, LENGTH, Dimension, shown
-
-Array = NDArray[np.float64]
 
 _FAR = 20.0  # standard deviations by errors of the robot beyond which other units are tried
 _CLEAR = 3.0  # standard deviations of the readings that a difference exceeds at least

@@ -11,16 +11,14 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from cinegen.arrays import Array
 from cinegen.design.calibration.estimation import Calibration
 from cinegen.design.calibration.identifiability import DEPENDENT, svd_by_qr
 from cinegen.design.calibration.measurements import Measurements
 from cinegen.design.calibration.observation import Observation
 from cinegen.design.design import Design
 from cinegen.design.poses import random_poses
-
-Array = NDArray[np.float64]
 
 CANDIDATES = 300
 """Random poses of which some are proposed."""

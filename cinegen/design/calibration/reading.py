@@ -5,12 +5,10 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numpy.typing import NDArray
 
+from cinegen.arrays import Array
 from cinegen.design.calibration.measurements import MeasuredQuantity
 from cinegen.design.errors import DesignError
-
-Array = NDArray[np.float64]
 
 _GIMBAL = math.radians(1.0)  # roll and yaw are not measured so near to a pitch of 90 degrees
 

@@ -7,15 +7,13 @@ them, the derivative of the distance is that of the two points there, with u and
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from cinegen.arrays import Array
 from cinegen.design.design import DesignEvaluation
 from cinegen.design.dimensions import DimensionedBars
 from cinegen.design.errors import DesignError
 from cinegen.design.synthesis.reaching import Reaching
 from cinegen.design.synthesis.task import DesignClearance
-
-Array = NDArray[np.float64]
 
 _MEETING = 1e-9  # characteristic lengths
 _LEAST = 1e-300

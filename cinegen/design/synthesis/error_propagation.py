@@ -8,15 +8,13 @@ differences along the motion of the configuration.
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from cinegen.arrays import Array
 from cinegen.design.errors import DesignError
 from cinegen.design.parameters import Parameters
 from cinegen.design.synthesis.reaching import Reaching
 from cinegen.design.synthesis.task import DesignErrors
 from cinegen.design.tolerance import Tolerances
-
-Array = NDArray[np.float64]
 
 _STEP = 1e-5  # characteristic lengths or rad
 

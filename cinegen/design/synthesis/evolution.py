@@ -11,13 +11,11 @@ from collections.abc import Callable
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from cinegen.arrays import Array
 from cinegen.design.synthesis.problem import SynthesisProblem
 from cinegen.errors import CinegenError
 from raff2urdf.extras import needs
-
-Array = NDArray[np.float64]
 
 _IMPOSSIBLE = 1e3  # violation of a design that can't be evaluated
 _APART = 1e-3  # of the ranges: designs that are nearer are one start

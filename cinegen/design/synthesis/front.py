@@ -10,14 +10,12 @@ from __future__ import annotations
 from collections.abc import Callable
 
 import numpy as np
-from numpy.typing import NDArray
 
+from cinegen.arrays import Array
 from cinegen.design.errors import DesignError
 from cinegen.design.synthesis.problem import FEASIBLE, Goal, SynthesisProblem
 from cinegen.errors import CinegenError
 from raff2urdf.extras import needs
-
-Array = NDArray[np.float64]
 
 _SPAN = 1e-9  # of a score: below, both ends are the same
 

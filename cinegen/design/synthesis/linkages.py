@@ -20,17 +20,16 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from cinegen.arrays import Array, Indices
 from cinegen.design.design import Design, DesignEvaluation
 from cinegen.design.errors import DesignError
 from cinegen.design.parameters import Parameters
 from cinegen.design.synthesis.nearest import closed_motions, nearest
-from cinegen.design.synthesis.task import Precision
+from cinegen.design.synthesis.task import Precision, check_bounds
 from cinegen.errors import UnknownNameError
+from cinegen.typed_json import as_json
 from raff2urdf import Document, closure
-
-Array = NDArray[np.float64]
 
 EXACT = 1e-9
 """What may be missing at a precision point, characteristic lengths and rad."""
@@ -96,30 +95,33 @@ class LinkageSynthesis:
         ]
         for name, old, new in zip(self.parameters.names, self.parameters.values, self.p, strict=True):
             lines.append(f"  {name:<12} {self.parameters.text(name, old)} -> {self.parameters.text(name, new, 9)}")
-        circuit = (
-            "all points are on one circuit" if self.one_circuit else "circuit defect: points are on several circuits"
+        return "\n".join([*lines, f"  {self.defects}"])
+
+    @property
+    def defects(self) -> str:
+        """The defects that the linkage has or has not, as people read them."""
+        return "; ".join(
+            good if holds else bad
+            for holds, good, bad in (
+                (self.one_circuit, "all points are on one circuit", "circuit defect: points are on several circuits"),
+                (self.in_order, "passed in their order", "order defect: passed in another order"),
+                (
+                    self.one_branch,
+                    "the actuated joint never turns back",
+                    "branch defect: the actuated joint turns back",
+                ),
+            )
         )
-        order = "passed in their order" if self.in_order else "order defect: passed in another order"
-        branch = (
-            "the actuated joint never turns back" if self.one_branch else "branch defect: the actuated joint turns back"
-        )
-        lines.append(f"  {circuit}; {order}; {branch}")
-        return "\n".join(lines)
 
     def as_dict(self) -> dict[str, Any]:
         """Return the result for JSON: m and rad."""
+        names = ("one_circuit", "in_order", "one_branch", "starts", "exact", "evaluations", "holds")
         return {
             "robot": self.parameters.robot.name,
             "parameters": dict(zip(self.parameters.names, self.p.tolist(), strict=True)),
             "before": dict(zip(self.parameters.names, self.parameters.values.tolist(), strict=True)),
             "errors": self.error.tolist(),
-            "one_circuit": self.one_circuit,
-            "in_order": self.in_order,
-            "one_branch": self.one_branch,
-            "starts": self.starts,
-            "exact": self.exact,
-            "evaluations": self.evaluations,
-            "holds": self.holds,
+            **as_json(self, *names),
         }
 
 
@@ -144,13 +146,7 @@ class PrecisionProblem:
         self.task = task
         self.parameters = Parameters(source, list(task.parameters), task.ties, task.parameters, robot)
         self.mechanism = mechanism = self.parameters.mechanism
-        loose = [
-            name
-            for name, bounds in zip(self.parameters.names, self.parameters.bounds, strict=True)
-            if not np.isfinite(bounds).all()
-        ]
-        if loose:
-            raise DesignError(f"{', '.join(loose)}: without bounds: give them in [parameters], as low..high")
+        check_bounds(self.parameters)
         if mechanism.mobility != 1:
             raise DesignError(
                 f"{mechanism.name} has mobility {mechanism.mobility}: precision points are of linkages with 1"
@@ -175,7 +171,7 @@ class PrecisionProblem:
 
     # --- what is missing -----------------------------------------------------------------------------------------
 
-    def missing(self, here: DesignEvaluation, at: NDArray[np.intp]) -> Array:
+    def missing(self, here: DesignEvaluation, at: Indices) -> Array:
         """Return what is missing (n, rows) at precision points by their indices, dimensionless."""
         targets = self._targets[at]
         if self._joints:
@@ -365,12 +361,12 @@ def _turns_back(values: Array) -> bool:
     return bool(len(steps) and steps.min() < 0.0 < steps.max())
 
 
-def _in_order(costs: Array) -> tuple[float, NDArray[np.intp], NDArray[np.intp]]:
+def _in_order(costs: Array) -> tuple[float, Indices, Indices]:
     """Return the least sum of costs (steps, points) of points at increasing steps, these steps (points,), and all steps
     between the first and the last, in either direction and from the step that is best for the first point."""
     steps, n = costs.shape
     nothing = np.zeros(n, dtype=np.intp)
-    best: tuple[float, NDArray[np.intp], NDArray[np.intp]] = (np.inf, nothing, nothing)
+    best: tuple[float, Indices, Indices] = (np.inf, nothing, nothing)
     for direction in (1, -1):
         order = np.arange(steps)[::direction]
         first = int(np.argmin(costs[order, 0]))

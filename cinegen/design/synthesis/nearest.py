@@ -5,13 +5,12 @@ from __future__ import annotations
 from collections.abc import Callable
 
 import numpy as np
-from numpy.typing import NDArray
 
+from cinegen.arrays import Array, Indices
 from cinegen.design.design import Design, DesignEvaluation
 from raff2urdf import closure
 
-Array = NDArray[np.float64]
-Residual = Callable[[DesignEvaluation, NDArray[np.intp]], tuple[Array, Array]]
+Residual = Callable[[DesignEvaluation, Indices], tuple[Array, Array]]
 
 _LARGEST_STEP = 0.3  # rad or characteristic lengths, of all joints in one step
 _MOST_STEPS = 40

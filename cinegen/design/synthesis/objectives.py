@@ -12,8 +12,8 @@ from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from cinegen.arrays import Array, Indices
 from cinegen.design.dimensions import DimensionedMasses, LinkMass
 from cinegen.design.errors import DesignError
 from cinegen.design.synthesis.clearance import BarClearance
@@ -23,8 +23,6 @@ from cinegen.design.synthesis.reaching import Reached, Reaching
 from cinegen.design.synthesis.task import DesignObjective, Task
 from cinegen.design.torques import holding_torques
 from raff2urdf.quantities import FORCE, NUMBER, TORQUE, Dimension, QuantityError, parse
-
-Array = NDArray[np.float64]
 
 _INDEX = {"sigma_1": 0, "sigma_max": 1, "condition": 2}
 _SMALL = 1e-9  # reference values below are replaced by 1
@@ -92,7 +90,7 @@ class Scores:
             slopes[lost] = -self._distance_slopes(lost)[:, None]
         return ScoreRows(values, slopes)
 
-    def _distance_slopes(self, lost: NDArray[np.intp]) -> Array:
+    def _distance_slopes(self, lost: Indices) -> Array:
         reaching, reached = self._reaching, self.reached
         here = reaching.every.evaluate(reached.p, reached.q[lost])
         moved = here.pose_derivative(reaching.node, "world")[:, reaching.rows] * reaching.weights[:, None]

@@ -16,17 +16,15 @@ from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
 
+from cinegen.arrays import Array, ArrayLike
 from cinegen.design.errors import DesignError
 from cinegen.design.parameters import Parameters
 from cinegen.design.synthesis.objectives import ScoreRows, Scores, Scoring
 from cinegen.design.synthesis.reaching import Reached, Reaching
 from cinegen.design.synthesis.region import Reach
-from cinegen.design.synthesis.task import DesignObjective, Task
+from cinegen.design.synthesis.task import DesignObjective, Task, check_bounds
 from raff2urdf import Document
-
-Array = NDArray[np.float64]
 
 FEASIBLE = 1e-6
 """A constraint that is violated by no more, dimensionless, holds."""
@@ -113,9 +111,7 @@ class SynthesisProblem:
             joint = parameters.all[parameters.find(name)].joint
             if joint:
                 raise DesignError(f"{name} is the variable of {joint}, which moves: the task can't choose it")
-        loose = [name for name, b in zip(parameters.names, parameters.bounds, strict=True) if not np.isfinite(b).all()]
-        if loose:
-            raise DesignError(f"{', '.join(loose)}: without bounds: give them in [parameters], as low..high")
+        check_bounds(parameters)
 
     def _check_opening(self) -> None:
         mechanism, parameters = self.parameters.mechanism, self.parameters

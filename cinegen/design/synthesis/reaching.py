@@ -13,17 +13,14 @@ from dataclasses import dataclass
 
 import numpy as np
 import pinocchio as pin
-from numpy.typing import NDArray
 
+from cinegen.arrays import Array, Bools, Indices
 from cinegen.design.design import Design, DesignEvaluation
 from cinegen.design.errors import DesignError
 from cinegen.design.parameters import Parameters
 from cinegen.design.synthesis.nearest import nearest
 from cinegen.design.synthesis.region import Reach
-from cinegen.errors import UnknownNameError
 from raff2urdf import closure
-
-Array = NDArray[np.float64]
 
 REACHED = 1e-9
 """Distance from a wanted pose within which it is reached, characteristic lengths and rad."""
@@ -53,7 +50,7 @@ class Reached:
     distance: Array
 
     @property
-    def is_reached(self) -> NDArray[np.bool_]:
+    def is_reached(self) -> Bools:
         """(count,) whether each pose is reached."""
         return np.asarray(self.distance <= REACHED)
 
@@ -83,8 +80,6 @@ class Reaching:
         self.parameters = parameters
         self.mechanism = mechanism = parameters.mechanism
         self.node = node or mechanism.end
-        if self.node not in mechanism.nodes:
-            raise UnknownNameError("node", self.node, mechanism.nodes)
         self.every, self.design = Design(parameters, fixed=()), Design(further)
         self.home = self.every.evaluate().placements(self.node)[0]
         self.reach = reach.relative_to(self.home[:3, :3])
@@ -168,7 +163,7 @@ class Reaching:
         return found
 
     def _solve(self, p: Array, targets: Array, q: Array) -> Reached:
-        def residual(here: DesignEvaluation, at: NDArray[np.intp]) -> tuple[Array, Array]:
+        def residual(here: DesignEvaluation, at: Indices) -> tuple[Array, Array]:
             columns = here.node_joints(self.node, "world")[:, self.rows] * self.mechanism.scale
             return self._missing(here, targets[at]) * self.weights, columns * self.weights[:, None]
 

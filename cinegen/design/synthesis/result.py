@@ -8,15 +8,14 @@ from dataclasses import asdict, dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from cinegen.arrays import Array
 from cinegen.design.parameters import Parameters
 from cinegen.design.rewriting import rewritten
 from cinegen.design.synthesis.problem import FEASIBLE, SynthesisProblem
 from cinegen.design.synthesis.task import DesignObjective, Task
+from cinegen.typed_json import as_json
 from raff2urdf.quantities import NUMBER, shown
-
-Array = NDArray[np.float64]
 
 _SLIGHT = 1e-3  # by what part constraints may be violated between the targets of the optimiser
 _FAILED = 3  # starts whose reasons are listed
@@ -237,45 +236,34 @@ class Synthesis:
     def as_dict(self) -> dict[str, Any]:
         """Return the result for JSON: m and rad; null for what is infinite, and where the file's own values do not do
         the task."""
-        names = self.parameters.names
-        return {
-            "robot": self.parameters.robot.name,
-            "parameters": dict(zip(names, self.p.tolist(), strict=True)),
-            "before": dict(zip(names, self.parameters.values.tolist(), strict=True)),
-            "region": self.scale,
-            "objectives": [
-                {"objective": one.text, "value": _finite(new), "before": _finite(old)}
+        names, parameters = self.parameters.names, self.parameters
+        return as_json(
+            self,
+            robot=parameters.robot.name,
+            parameters=dict(zip(names, self.p, strict=True)),
+            before=dict(zip(names, parameters.values, strict=True)),
+            region=self.scale,
+            objectives=[
+                {"objective": one.text, "value": new, "before": old}
                 for one, new, old in zip(self.task.objectives, self.values, self.before, strict=True)
             ],
-            "check": _as_dict(self.check),
-            "evaluations": self.evaluations,
-            "configurations": self.configurations,
-            "starts": [{k: v for k, v in asdict(start).items() if k != "targets"} for start in self.starts],
-            "front": [
+            check=_as_dict(self.check),
+            evaluations=self.evaluations,
+            configurations=self.configurations,
+            starts=[{k: v for k, v in asdict(start).items() if k != "targets"} for start in self.starts],
+            front=[
                 {
-                    "values": [_finite(x) for x in point.values],
-                    "parameters": dict(zip(names, point.p.tolist(), strict=True)),
+                    "values": point.values,
+                    "parameters": dict(zip(names, point.p, strict=True)),
                     "region": point.scale,
                     "check": _as_dict(point.check),
                 }
                 for point in self.front
             ],
-            "at_bound": list(self.bound),
-        }
+            at_bound=self.bound,
+        )
 
 
 def _as_dict(check: Check) -> dict[str, Any]:
-    return {
-        "points": check.points,
-        "reached": check.reached,
-        "within_limits": check.within_limits,
-        "singular_values": [_finite(x) for x in check.sigma],
-        "condition": _finite(check.condition),
-        "objectives": [_finite(x) for x in check.values],
-        "margins": {name: _finite(x) for name, x in check.margins.items()},
-        "holds": check.holds,
-    }
-
-
-def _finite(value: float) -> float | None:
-    return float(value) if math.isfinite(value) else None
+    names = ("points", "reached", "within_limits", "condition", "margins", "holds")
+    return as_json(check, *names, singular_values=check.sigma, objectives=check.values)

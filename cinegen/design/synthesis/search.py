@@ -13,8 +13,8 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from cinegen.arrays import Array
 from cinegen.cluster import check_workers, connected, each, processes
 from cinegen.design.errors import DesignError
 from cinegen.design.synthesis.evolution import evolved
@@ -28,7 +28,6 @@ from cinegen.errors import CinegenError
 from raff2urdf import Document
 from raff2urdf.files import write_all
 
-Array = NDArray[np.float64]
 Report = Callable[[str, int, int], object]
 
 _UNSEEN = 512  # targets of the check

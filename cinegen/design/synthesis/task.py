@@ -10,13 +10,13 @@ from dataclasses import dataclass, field
 from typing import Any, Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
+from cinegen.arrays import Array
 from cinegen.design.amounts import Amounts
+from cinegen.design.errors import DesignError
+from cinegen.design.parameters import Parameters
 from cinegen.design.synthesis.quantities import QUANTITIES
 from cinegen.design.synthesis.region import Reach
-
-Array = NDArray[np.float64]
 
 FLOOR = 0.01
 """Least distance to singularities of both types unless the task gives one: the smallest singular value, and the inverse
@@ -25,6 +25,13 @@ of the largest, dimensionless."""
 GRAVITY = (0.0, 0.0, -9.81)
 STARTS = 8
 FRONT = 9
+
+
+def check_bounds(parameters: Parameters) -> None:
+    """Raise a `DesignError` if a parameter has no bounds."""
+    loose = [name for name, b in zip(parameters.names, parameters.bounds, strict=True) if not np.isfinite(b).all()]
+    if loose:
+        raise DesignError(f"{', '.join(loose)}: without bounds: give them in [parameters], as low..high")
 
 
 @dataclass(frozen=True)

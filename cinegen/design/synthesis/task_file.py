@@ -27,7 +27,6 @@ from typing import Any
 
 import numpy as np
 import pinocchio as pin
-from numpy.typing import NDArray
 
 from cinegen.collision.errors import SceneError
 from cinegen.collision.scene_table import SceneTable
@@ -48,8 +47,6 @@ from cinegen.design.synthesis.task import (
 from raff2urdf.errors import RaffError, did_you_mean
 from raff2urdf.files import read_bytes
 from raff2urdf.quantities import ANGLE, LENGTH, MASS, NUMBER, Dimension, QuantityError, parse, parse_range
-
-Array = NDArray[np.float64]
 
 _MOST = 10_000  # starts, points of a front, population, generations
 _BOUNDED = {"condition": NUMBER, "mass": MASS, "accuracy": LENGTH}

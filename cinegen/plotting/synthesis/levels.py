@@ -6,22 +6,21 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-from cinegen.plotting.shades import OUT
-from cinegen.plotting.sheet import BLUE, FAINT, INK, LABEL, ORANGE, VERMILION, finish, label, new_figure
+from cinegen.arrays import Array
+from cinegen.plotting.plane import bar
+from cinegen.plotting.shades import OUT, Shades, scaled
+from cinegen.plotting.sheet import BLUE, FAINT, INK, LABEL, ORANGE, VERMILION, finish, graph, label, new_figure
 from cinegen.plotting.synthesis.wording import heading_of
 from raff2urdf.quantities import LENGTH, shown_scale
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-Array = NDArray[np.float64]
 
-_WIDE = 7.2  # inches
+_WIDE, _TALL = 7.2, 7.2  # inches: width of pictures, and height of those of volumes
 _BANDS = 20
 _SPAN = 8.0  # ratio of values: larger ones are shown on a logarithmic scale
-_MOST = 0.98  # of all values: larger ones have the colour of this one
 _SAME = 1e-9  # of the region's size
 _BARS = 16  # points that are drawn as bars; more are drawn as curves
 _SIDES = ("before", "after")
@@ -79,7 +78,7 @@ def draw_field(field: RegionField, is_region: bool) -> Figure:
 
 
 def _bars(field: RegionField) -> Figure:
-    figure, axes = _figure(2.6)
+    figure, axes = graph(_WIDE, 2.6)
     at = np.arange(1, len(field.targets) + 1)
     for side, (name, colour) in enumerate(zip(_SIDES, _COLOURS, strict=True)):
         values = field.values[side]
@@ -91,12 +90,11 @@ def _bars(field: RegionField) -> Figure:
     axes.grid(axis="y", color=FAINT, alpha=0.25)
     axes.set_axisbelow(True)
     label(axes, "point", heading_of(field.quantity), room=2.2)
-    finish(figure)
-    return figure
+    return finish(figure)
 
 
 def _line(field: RegionField, varying: list[int]) -> Figure:
-    figure, axes = _figure(2.8)
+    figure, axes = graph(_WIDE, 2.8)
     scale, unit = shown_scale(LENGTH)
     k = varying[0]
     order = np.argsort(field.targets[:, k])
@@ -108,15 +106,13 @@ def _line(field: RegionField, varying: list[int]) -> Figure:
               label="points of the optimiser", clip_on=False)  # fmt: skip
     axes.grid(color=FAINT, alpha=0.25)
     label(axes, f"{field.axes[k]} ({unit})", heading_of(field.quantity), room=2.2)
-    finish(figure)
-    return figure
+    return finish(figure)
 
 
 def _sorted(field: RegionField) -> Figure:
-    figure, axes = _figure(2.8)
+    figure, axes = graph(_WIDE, 2.8)
     _draw_sorted(axes, field, "points")
-    finish(figure)
-    return figure
+    return finish(figure)
 
 
 def _draw_sorted(axes: Any, field: RegionField, of: str) -> None:
@@ -139,27 +135,26 @@ def _area(field: RegionField) -> Figure:
     targets = field.targets[:, [first, second]]
     wide, tall = np.ptp(targets, axis=0)
     panel = (_WIDE - 1.6) / 2.0
-    figure, both = _figure(min(max(panel * tall / wide, 0.9), 5.0) + 0.95, 2)
-    colours, drawn = _colours(field.values), None
+    figure, both = graph(_WIDE, min(max(panel * tall / wide, 0.9), 5.0) + 0.95, 2)
+    look, drawn = _look(field), None
     for side, axes in enumerate(both):
-        drawn = _levels(axes, targets, field.values[side], colours) or drawn
+        drawn = _levels(axes, targets, field.values[side], look) or drawn
         _mark(axes, field.points[:, [first, second]], "o", INK, "points of the optimiser")
         worst = field.worst(side)
         if worst is not None:
             _mark(axes, targets[[worst]], "X", VERMILION, "worst")
         _frame(axes, field, side, (first, second), "", worst)
-    _bar(figure, list(both), drawn, colours, heading_of(field.quantity))
-    finish(figure)
-    return figure
+    if drawn is not None:
+        bar(figure, drawn, both, look, figure.get_figheight())
+    return finish(figure)
 
 
 def _volume(field: RegionField) -> Figure:
-
-    figure = new_figure(figsize=(_WIDE, 7.2), dpi=150, layout="constrained")
+    figure = new_figure(figsize=(_WIDE, _TALL), dpi=150, layout="constrained")
     parts: Any = figure.subfigures(2, 1, height_ratios=[2.0, 1.0])
     above, below = parts
     panels = above.subplots(2, 3, squeeze=False)
-    colours, drawn = _colours(field.values), None
+    look, drawn = _look(field), None
     scale, unit = shown_scale(LENGTH)
     for j, k in enumerate(field.varying[:3]):
         across = [i for i in field.varying[:3] if i != k]
@@ -168,52 +163,26 @@ def _volume(field: RegionField) -> Figure:
         inside = np.abs(field.targets[:, k] - middle) < 1e-9
         for side in (0, 1):
             axes = panels[side, j]
-            drawn = _levels(axes, field.targets[inside][:, across], field.values[side][inside], colours) or drawn
+            drawn = _levels(axes, field.targets[inside][:, across], field.values[side][inside], look) or drawn
             plane = f"{field.axes[k]} = {scale * middle + 0.0:.4g} {unit}".replace("-", "−")
             _frame(axes, field, side, (across[0], across[1]), plane, None)
-    _bar(above, list(panels.flat), drawn, colours, heading_of(field.quantity))
+    if drawn is not None:
+        bar(above, drawn, panels, look, _TALL * 2.0 / 3.0)
     _draw_sorted(below.subplots(), field, "region")
-    finish(figure)
-    return figure
+    return finish(figure)
 
 
 # --- parts of pictures -------------------------------------------------------------------------------------------
 
 
-@dataclass(frozen=True, eq=False)
-class _Colours:
-    levels: Array
-    norm: Any
-    extend: str
+def _look(field: RegionField) -> Shades:
+    """Return one scale for both pictures."""
+    return scaled(field.quantity, heading_of(field.quantity), field.values[np.isfinite(field.values)], _SPAN, far=0.0)
 
 
-def _figure(tall: float, columns: int = 1) -> tuple[Figure, Any]:
-
-    figure = new_figure(figsize=(_WIDE, tall), dpi=150, layout="constrained")
-    return figure, figure.subplots(1, columns)
-
-
-def _colours(values: Array) -> _Colours:
-    """Return levels for all values: one scale for both pictures."""
-    from matplotlib.colors import LogNorm, Normalize
-    from matplotlib.ticker import MaxNLocator
-
-    known = values[np.isfinite(values)]
-    low, high = (float(known.min()), float(known.max())) if known.size else (0.0, 1.0)
-    most = max(float(np.quantile(known, _MOST)), low) if known.size else high
-    extend = "neither"
-    if high > 1.3 * most > 0.0:
-        high, extend = most, "max"
-    if high - low <= 1e-9 * max(abs(high), 1e-30):
-        low, high = low - 0.5 * (abs(low) or 1.0), high + 0.5 * (abs(high) or 1.0)
-    if low > 0.0 and high > _SPAN * low:
-        return _Colours(np.geomspace(low, high, _BANDS + 1), LogNorm(low, high), extend)
-    levels = np.asarray(MaxNLocator(_BANDS, steps=[1, 2, 2.5, 5, 10]).tick_values(low, high))
-    return _Colours(levels, Normalize(levels[0], levels[-1]), extend)
-
-
-def _levels(axes: Any, targets: Array, values: Array, colours: _Colours) -> Any:
+def _levels(axes: Any, targets: Array, values: Array, look: Shades) -> Any:
     """Fill the area between points (n, 2) with the colours of levels, and return these; what is not reached is grey."""
+    from matplotlib.ticker import MaxNLocator
     from matplotlib.tri import Triangulation
 
     scale, _ = shown_scale(LENGTH)
@@ -225,9 +194,13 @@ def _levels(axes: Any, targets: Array, values: Array, colours: _Colours) -> Any:
     triangles.set_mask(unknown[triangles.triangles].any(axis=1))
     if triangles.mask is None or triangles.mask.all():
         return None
-    filled = np.where(unknown, colours.levels[0], values)
-    style = {"levels": colours.levels, "norm": colours.norm}
-    drawn = axes.tricontourf(triangles, filled, cmap="viridis", extend=colours.extend, **style)
+    norm: Any = look.norm
+    if look.logarithmic:
+        levels = np.geomspace(norm.vmin, norm.vmax, _BANDS + 1)
+    else:
+        levels = np.asarray(MaxNLocator(_BANDS, steps=[1, 2, 2.5, 5, 10]).tick_values(norm.vmin, norm.vmax))
+    filled, style = np.where(unknown, norm.vmin, values), {"levels": levels, "norm": norm}
+    drawn = axes.tricontourf(triangles, filled, cmap=look.colours, extend=look.extend, **style)
     axes.tricontour(triangles, filled, colors="white", linewidths=0.4, alpha=0.6, **style)
     return drawn
 
@@ -250,16 +223,3 @@ def _frame(axes: Any, field: RegionField, side: int, across: tuple[int, int], pl
     axes.set_title(text.replace("-", "−"), fontsize=LABEL, color=INK, loc="left")
     axes.set_aspect("equal")
     label(axes, f"{field.axes[across[0]]} ({unit})", f"{field.axes[across[1]]} ({unit})")
-
-
-def _bar(figure: Any, axes: list[Any], drawn: Any, colours: _Colours, text: str) -> None:
-    """Add the colours of levels that were drawn."""
-    if drawn is None:
-        return
-    bar = figure.colorbar(drawn, ax=axes, shrink=0.9, pad=0.02)
-    every = -(-len(colours.levels) // 8)
-    ticks = colours.levels[::every]
-    bar.set_ticks(ticks, labels=[f"{tick:.3g}".replace("-", "−") for tick in ticks])
-    bar.minorticks_off()
-    bar.ax.tick_params(labelsize="small", color=INK)
-    bar.set_label(text, fontsize=LABEL, color=INK)

@@ -6,13 +6,13 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
+from cinegen.arrays import Array
 from cinegen.design.synthesis import LinkageSynthesis, PrecisionProblem
 from cinegen.design.synthesis.linkages import EXACT
 from cinegen.design.synthesis.nearest import closed_motions
 from cinegen.model.motion_plane import motion_plane
-from cinegen.plotting.sheet import BLUE, FAINT, GREEN, INK, LABEL, ORANGE, SKY, VERMILION, finish, label, new_figure
+from cinegen.plotting.sheet import BLUE, FAINT, GREEN, INK, LABEL, ORANGE, SKY, VERMILION, finish, graph, label
 from cinegen.plotting.skeleton import Skeleton
 from cinegen.plotting.stick import Pen, paint
 from cinegen.plotting.synthesis.page import ReportPage
@@ -21,9 +21,9 @@ from raff2urdf import closure
 from raff2urdf.quantities import ANGLE, LENGTH, shown, shown_scale
 
 if TYPE_CHECKING:
+    from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-Array = NDArray[np.float64]
 
 _WIDE = 7.2  # inches
 _TALL = 5.2  # inches, at most
@@ -33,7 +33,6 @@ _NEAR = 1.5  # steps: a configuration is on a motion
 _COLOURS = (BLUE, ORANGE, SKY, GREEN)  # of circuits
 _ROOM = 0.06
 _HAND = 0.06  # length of the axes of a pose, parts of the picture
-_DIGITS = 9
 
 
 def write_linkage(found: LinkageSynthesis) -> str:
@@ -46,7 +45,7 @@ def write_linkage(found: LinkageSynthesis) -> str:
     source = Path(parameters.document.source.name).name
     met = int((found.error <= EXACT).sum())
     page.text(f"Dimensions of {name} ({source}) with which it meets {count} {kind} exactly.")
-    page.status(f"{met} of {count} {kind} are met; {_defects(found)}.", good=found.holds)
+    page.status(f"{met} of {count} {kind} are met; {found.defects}.", good=found.holds)
     page.section("Motion")
     problem = PrecisionProblem(parameters.document, task, name)
     circuits = _circuits(found, problem)
@@ -61,15 +60,7 @@ def write_linkage(found: LinkageSynthesis) -> str:
     page.section("Precision points")
     page.table("What is missing is in characteristic lengths and rad", *_points(found))
     page.section("Parameters")
-    rows = [
-        [
-            parameters.tied_name(k),
-            *(parameters.text(one, x, _DIGITS) for x in (parameters.values[k], found.p[k])),
-            " to ".join(parameters.text(one, x) for x in parameters.bounds[k]),
-        ]
-        for k, one in enumerate(parameters.names)
-    ]
-    page.table("Free parameters", ["parameter", "before", "after", "range"], rows)
+    page.parameters(parameters, found.p, [parameters.tied_name(k) for k in range(len(parameters))], digits=9)
     if task.ties:
         page.terms(("tie", tie) for tie in task.ties)
     page.section("What was checked, and what is not proved")
@@ -79,17 +70,6 @@ def write_linkage(found: LinkageSynthesis) -> str:
         f"may meet the same {kind}: starts are random, and the first result without a defect is taken."
     )
     return page.text_of_page()
-
-
-def _defects(found: LinkageSynthesis) -> str:
-    return "; ".join(
-        good if holds else bad
-        for holds, good, bad in (
-            (found.one_circuit, "all are on one circuit", "circuit defect: they are on several circuits"),
-            (found.in_order, "they are passed in their order", "order defect: they are passed in another order"),
-            (found.one_branch, "the actuated joint never turns back", "branch defect: the actuated joint turns back"),
-        )
-    )
 
 
 def _points(found: LinkageSynthesis) -> tuple[list[str], list[list[str]]]:
@@ -140,7 +120,6 @@ def _distances(motion: Array, q: Array, scale: Array) -> Array:
 
 
 def _draw_path(found: LinkageSynthesis, circuits: list[Array], node: str) -> Figure:
-
     mechanism = found.parameters.mechanism_with(found.p)
     paths = [np.array([mechanism.placement(q, node).translation for q in circuit]) for circuit in circuits]
     pose = Skeleton(mechanism, node).at(found.q[0])
@@ -153,56 +132,48 @@ def _draw_path(found: LinkageSynthesis, circuits: list[Array], node: str) -> Fig
     room = _ROOM * (high - low).max()
     low, high = low - room, high + room
     wide, tall = high - low
-    figure = new_figure(figsize=(_WIDE, min(_TALL, _WIDE * tall / wide + 0.6)), dpi=150, layout="constrained")
-    axes = figure.subplots()
+    figure, axes = graph(_WIDE, min(_TALL, _WIDE * tall / wide + 0.6))
     axes.set(xlim=(low[0], high[0]), ylim=(low[1], high[1]), aspect="equal")
     for k, path in enumerate(paths):
         text = f"path of node {node}" if len(paths) == 1 else f"path, circuit {k + 1}"
         axes.plot(*view.project(path)[0].T, color=_COLOURS[k % len(_COLOURS)], linewidth=1.2, label=text, zorder=1.5)
     paint(axes, pose, view, Pen(1.6, 0.9, 3.2))
-    met = found.error <= EXACT
-    at = view.project(targets)[0]
-    for chosen, colour, text in ((met, GREEN, "precision point"), (~met, VERMILION, "missed precision point")):
-        if chosen.any():
-            axes.plot(*at[chosen].T, "o", markerfacecolor="none", markeredgecolor=colour, markeredgewidth=1.6,
-                      markersize=8.0, linestyle="none", label=text, zorder=6.0)  # fmt: skip
+    _mark(axes, found, view.project(targets)[0])
     if len(found.task.rows) == 3:
         size = _HAND * max(wide, tall)
         for (x, y, _), angle in zip(targets, found.task.targets[:, 2], strict=True):
             tip = np.array([[x, y, height], [x + size * np.cos(angle), y + size * np.sin(angle), height]])
             axes.plot(*view.project(tip)[0].T, color=GREEN, linewidth=1.6, zorder=6.0, clip_on=False)
-    for k, (x, y) in enumerate(at):
-        axes.annotate(str(k + 1), (x, y), (6.0, 5.0), textcoords="offset points", fontsize=LABEL, color=INK, zorder=7.0)
     scale, unit = shown_scale(LENGTH)
-    ticks = {"x": axes.xaxis, "y": axes.yaxis}
-    for axis in ticks.values():
+    for axis in (axes.xaxis, axes.yaxis):
         axis.set_major_formatter(lambda value, _: f"{scale * value + 0.0:.4g}".replace("-", "−"))
     axes.grid(color=FAINT, alpha=0.25)
     label(axes, f"x ({unit})", f"y ({unit})")
-    finish(figure)
-    return figure
+    return finish(figure)
 
 
 def _draw_function(found: LinkageSynthesis, circuits: list[Array]) -> Figure:
 
     mechanism, joints = found.parameters.mechanism, found.task.joints
-    figure = new_figure(figsize=(_WIDE, 4.0), dpi=150, layout="constrained")
-    axes = figure.subplots()
+    figure, axes = graph(_WIDE, 4.0)
     columns = [mechanism.q_index(name) for name in joints]
     for k, circuit in enumerate(circuits):
         values = np.degrees(np.unwrap(circuit[:, columns], axis=0))
         shift = 360.0 * np.round((np.degrees(found.task.targets[0]) - values[0]) / 360.0) if k == 0 else 0.0
         text = "motion" if len(circuits) == 1 else f"motion, circuit {k + 1}"
         axes.plot(*(values + shift).T, color=_COLOURS[k % len(_COLOURS)], linewidth=1.2, label=text)
-    met = found.error <= EXACT
-    pairs = np.degrees(found.task.targets)
-    for chosen, colour, text in ((met, GREEN, "precision point"), (~met, VERMILION, "missed precision point")):
-        if chosen.any():
-            axes.plot(*pairs[chosen].T, "o", markerfacecolor="none", markeredgecolor=colour, markeredgewidth=1.6,
-                      markersize=8.0, linestyle="none", label=text, zorder=6.0)  # fmt: skip
-    for k, pair in enumerate(pairs):
-        axes.annotate(str(k + 1), pair, (6.0, 5.0), textcoords="offset points", fontsize=LABEL, color=INK)
+    _mark(axes, found, np.degrees(found.task.targets))
     axes.grid(color=FAINT, alpha=0.25)
     label(axes, f"{joints[0]} (°)", f"{joints[1]} (°)")
-    finish(figure)
-    return figure
+    return finish(figure)
+
+
+def _mark(axes: Axes, found: LinkageSynthesis, at: Array) -> None:
+    """Draw the precision points, with their numbers, at (n, 2)."""
+    met = found.error <= EXACT
+    for chosen, colour, text in ((met, GREEN, "precision point"), (~met, VERMILION, "missed precision point")):
+        if chosen.any():
+            axes.plot(*at[chosen].T, "o", markerfacecolor="none", markeredgecolor=colour, markeredgewidth=1.6,
+                      markersize=8.0, linestyle="none", label=text, zorder=6.0)  # fmt: skip
+    for k, point in enumerate(at):
+        axes.annotate(str(k + 1), point, (6.0, 5.0), textcoords="offset points", fontsize=LABEL, color=INK, zorder=7.0)

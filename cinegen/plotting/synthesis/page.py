@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from io import BytesIO
 from typing import TYPE_CHECKING
 
+from cinegen.arrays import Array
+from cinegen.design.parameters import Parameters
 from cinegen.html import table
 from cinegen.plotting.sheet import FAINT, GREEN, INK, VERMILION
 from raff2urdf.escape import html_text
@@ -98,6 +100,17 @@ class ReportPage:
     def table(self, caption: str, headings: Iterable[str], rows: Iterable[Iterable[object]]) -> None:
         """Add a table."""
         self._parts.append(f'<div class="scroll">{table(caption, headings, rows)}</div>')
+
+    def parameters(
+        self, of: Parameters, p: Array, names: Sequence[str], notes: Sequence[str] = (), digits: int = 7
+    ) -> None:
+        """Add the table of free parameters with their values p after a synthesis."""
+        rows = [
+            [title, *(of.text(name, x, digits) for x in (before, after)), " to ".join(of.text(name, x) for x in bounds)]
+            for title, name, before, after, bounds in zip(names, of.names, of.values, p, of.bounds, strict=True)
+        ]
+        rows = [[*row, note] for row, note in zip(rows, notes, strict=True)] if notes else rows
+        self.table("Free parameters", ["parameter", "before", "after", "range", *[""] * bool(notes)], rows)
 
     def listing(self, text: str) -> None:
         """Add preformatted text."""

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
+import itertools
 import json
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
 from cinegen.design.synthesis import LinkageSynthesis, Reach, Start, Synthesis, SynthesisProblem
 from cinegen.errors import CinegenError
@@ -27,13 +27,10 @@ from cinegen.plotting.synthesis.wording import (
 )
 from raff2urdf.quantities import LENGTH, shown
 
-Array = NDArray[np.float64]
-
 _GRID = {0: 1, 1: 101, 2: 31}  # points along each axis of a region, by the axes along which it is wide
 _VOLUME = 9
 _SAME = 1e-3  # of the ranges of the parameters
 _MOST = 50  # starts and points of a front that are listed
-_DIGITS = 7
 
 
 def synthesis_report(found: Synthesis | LinkageSynthesis) -> str:
@@ -137,15 +134,11 @@ class _Report:
     def _parameters(self) -> None:
         found, parameters = self.found, self.parameters
         self.page.section("Parameters")
-        rows = []
-        for k, name in enumerate(parameters.names):
-            low, high = parameters.bounds[k]
-            note = ""
-            if name in found.bound:
-                note = f"at its {'lower' if found.p[k] - low < high - found.p[k] else 'upper'} bound"
-            texts = [parameters.text(name, x, _DIGITS) for x in (parameters.values[k], found.p[k], low, high)]
-            rows.append([name, texts[0], texts[1], f"{texts[2]} to {texts[3]}", note])
-        self.page.table("Free parameters", ["parameter", "before", "after", "range", ""], rows)
+        notes = [
+            f"at its {'lower' if p - low < high - p else 'upper'} bound" if name in found.bound else ""
+            for name, p, (low, high) in zip(parameters.names, found.p, parameters.bounds, strict=True)
+        ]
+        self.page.parameters(parameters, found.p, parameters.names, notes)
         if found.bound:
             self.page.text("A wider range of the parameters that are at a bound may improve the objectives further.")
         good = [self.problem.split(np.array(start.x))[0] for start in found.starts if start.is_feasible]
@@ -200,10 +193,9 @@ class _Report:
             f"{len(found.front)} robots, each better than any other in one objective and worse in another. The chosen "
             "one is nearest to the best of all objectives, each divided by its range."
         )
-        for k in range(len(objectives)):
-            for j in range(k + 1, len(objectives)):
-                self.page.picture(draw_front(found, k, j), f"{name_of(objectives[j].quantity)} over "
-                                  f"{name_of(objectives[k].quantity)}")  # fmt: skip
+        names = [name_of(one.quantity) for one in objectives]
+        for k, j in itertools.combinations(range(len(names)), 2):
+            self.page.picture(draw_front(found, k, j), f"{names[j]} over {names[k]}")
         rows = [
             [
                 *(self._text(one.quantity, value) for one, value in zip(objectives, point.values, strict=True)),
@@ -213,7 +205,7 @@ class _Report:
             ]
             for point, mark in zip(found.front, chosen, strict=True)
         ]  # fmt: skip
-        headings = [*(name_of(one.quantity) for one in objectives), *self.parameters.names, "at other points", ""]
+        headings = [*names, *self.parameters.names, "at other points", ""]
         self.page.table("Robots of the front", headings, rows[:_MOST])
         if len(rows) > _MOST:
             self.page.text(f"{len(rows) - _MOST} more are not listed.")
@@ -265,11 +257,10 @@ class _Report:
     def _check(self) -> None:
         check = self.found.check
         self.page.section("What was checked, and what is not proved")
-        points = "points of the task" if len(self.task.reach.given) else "points that the optimiser did not see"
         limits = f"at {check.within_limits} the joints are within their limits"
         self.page.text(
-            f"The robot was loaded from the file with the new dimensions, and evaluated at {check.points} {points}: "
-            f"{check.reached} are reached from home without a change of the assembly mode, "
+            f"The robot was loaded from the file with the new dimensions, and evaluated at {check.points} "
+            f"{self._unseen}: {check.reached} are reached from home without a change of the assembly mode, "
             f"{limits if self.task.joint_limits else 'limits of joints are ignored'}. Singular values there are "
             f"{check.sigma[0]:.4g} to {value_text('sigma_max', check.sigma[1], 4)}, the condition number is at most "
             f"{value_text('condition', check.condition, 4)}."

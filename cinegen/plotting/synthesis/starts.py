@@ -5,16 +5,15 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from cinegen.arrays import Array
 from cinegen.design.synthesis import Synthesis
-from cinegen.plotting.sheet import BLUE, FAINT, ORANGE, VERMILION, finish, label, new_figure
+from cinegen.plotting.sheet import BLUE, FAINT, ORANGE, VERMILION, finish, graph, label
 from cinegen.plotting.synthesis.wording import heading_of, unit_of
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-Array = NDArray[np.float64]
 
 _WIDE = 7.2  # inches
 
@@ -29,8 +28,7 @@ def draw_parameters(found: Synthesis, good: list[Array]) -> Figure:
 
     names = found.parameters.names
     low, high = found.parameters.bounds.T
-    figure = new_figure(figsize=(_WIDE, 0.9 + 0.3 * len(names)), dpi=150, layout="constrained")
-    axes = figure.subplots()
+    figure, axes = graph(_WIDE, 0.9 + 0.3 * len(names))
     at = np.arange(len(names))
     axes.hlines(at, 0.0, 1.0, color=FAINT, linewidth=0.8)
     style: dict[str, Any] = {"linestyle": "none", "clip_on": False, "zorder": 4.0}
@@ -49,8 +47,7 @@ def draw_parameters(found: Synthesis, good: list[Array]) -> Figure:
         axes.spines[side].set_visible(False)
     axes.tick_params(axis="y", length=0, pad=8.0)
     label(axes)
-    finish(figure)
-    return figure
+    return finish(figure)
 
 
 def draw_front(found: Synthesis, first: int, second: int) -> Figure:
@@ -59,8 +56,7 @@ def draw_front(found: Synthesis, first: int, second: int) -> Figure:
     objectives = [found.task.objectives[k] for k in (first, second)]
     scales = np.array([unit_of(one.quantity, found.torque_unit)[0] for one in objectives])
     values = np.array([one.values for one in found.front])[:, [first, second]] * scales
-    figure = new_figure(figsize=(_WIDE, 3.4), dpi=150, layout="constrained")
-    axes = figure.subplots()
+    figure, axes = graph(_WIDE, 3.4)
     if len(found.task.objectives) == 2:
         order = np.argsort(values[:, 0])
         axes.plot(*values[order].T, color=BLUE, linewidth=0.9)
@@ -79,5 +75,4 @@ def draw_front(found: Synthesis, first: int, second: int) -> Figure:
             for one in objectives
         ),
     )
-    finish(figure)
-    return figure
+    return finish(figure)

@@ -15,8 +15,8 @@ from dataclasses import dataclass, field
 from functools import reduce
 
 import numpy as np
-from numpy.typing import NDArray
 
+from cinegen.arrays import Array, Bools, Indices
 from cinegen.ik.batch import BatchEvaluator
 from cinegen.singularities.ball_joints import balls
 from cinegen.singularities.branch import SINGULAR, flood, neighbours
@@ -29,9 +29,6 @@ from cinegen.workspace.quantities import QUANTITIES
 from cinegen.workspace.region import GridAxis, Region
 from cinegen.workspace.specification import MapSpecification
 from raff2urdf.errors import did_you_mean
-
-Array = NDArray[np.float64]
-Ints = NDArray[np.intp]
 
 _EDGE = 1e-9  # of a cell's width: a box that ends on a border does not touch the next cell
 _WHOLE = 1e-6  # of a cell's width: less is not cut off
@@ -104,11 +101,11 @@ class BoxGrid:
         self.values: Array = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, len(axes))
         self.sizes = np.asarray(reduce(np.multiply.outer, along)).ravel()
         numbers = np.arange(len(self.values)).reshape(self.shape)
-        self.middles: Ints = numbers[(slice(1, -1),) * len(axes)].ravel()
+        self.middles: Indices = numbers[(slice(1, -1),) * len(axes)].ravel()
         self.cut = (self.values[self.middles] != region.values(self.cells)).any(axis=1)
         rows = [np.moveaxis(numbers, k, 0) for k in range(len(axes))]
         pairs = [np.column_stack([row[:-1].ravel(), row[1:].ravel()]) for row in rows]
-        self.edges: Ints = np.concatenate(pairs)
+        self.edges: Indices = np.concatenate(pairs)
 
 
 def _touched(axis: GridAxis, ends: tuple[float, float]) -> slice:
@@ -157,7 +154,7 @@ class BoxConfigurations(Continuation):
         self._continue()
 
     @property
-    def reached(self) -> NDArray[np.bool_]:
+    def reached(self) -> Bools:
         """(n,) whether each point is reached."""
         return np.isfinite(self.q[:, 0])
 
@@ -176,7 +173,7 @@ class BoxConfigurations(Continuation):
 
     # --- continuation --------------------------------------------------------------------------------------------
 
-    def _from_map(self, configurations: Array) -> tuple[Array, NDArray[np.bool_]]:
+    def _from_map(self, configurations: Array) -> tuple[Array, Bools]:
         """Return (n, nq) what the map knows of the points, and (n,) which ones it does not know to be unreachable."""
         grid = self.grid
         count = len(grid.values)
@@ -256,7 +253,7 @@ def regularity(box: BoxConfigurations) -> Regularity:
     return Regularity(found[SingularityType.TYPE_1], found[SingularityType.TYPE_2], joined)
 
 
-def _candidates(box: BoxConfigurations, rows: Rows, edges: Ints) -> Iterator[tuple[int, int]]:
+def _candidates(box: BoxConfigurations, rows: Rows, edges: Indices) -> Iterator[tuple[int, int]]:
     """Yield neighbours between which the singular value can pass through 0 (`crossing.may_cross`), or of which it is 0
     at one; layer by layer, so that few matrices are kept."""
     layers = box.grid.shape[0]

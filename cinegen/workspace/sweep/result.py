@@ -12,6 +12,7 @@ from typing import Any
 
 from cinegen.html import table
 from cinegen.singularities.singularity import SingularityType
+from cinegen.typed_json import as_json
 from cinegen.workspace.extent import Extent
 from cinegen.workspace.sweep.box import Dexterity, Regularity, WantedBox
 from raff2urdf.escape import csv_cell
@@ -66,11 +67,7 @@ class VariantResult:
 
     def as_dict(self) -> dict[str, Any]:
         """Return flat JSON values, with the names of the columns of a CSV file; None for missing numbers."""
-        values = {name: _attribute(self, path) for name, path in _FIELDS.items()}
-        values = {
-            name: None if isinstance(one, float) and not math.isfinite(one) else one for name, one in values.items()
-        }
-        return {**self.values, **values}
+        return {**self.values, **as_json(self, **{name: _attribute(self, path) for name, path in _FIELDS.items()})}
 
     def cells(self) -> list[str]:
         """Return the columns of a table for people, but for the remark."""
