@@ -43,7 +43,7 @@ from cinegen.model.plausible import FAR_TARGET, check_configuration, check_lengt
 from cinegen.tolerances import CLOSURE
 from raff2urdf.residual import log
 
-LONGEST = 1.0
+LONGEST = 10.0
 """Longest period of a tick, s: more was meant as a rate."""
 _FASTEST = 1e100  # rad/s or m/s: no objective means more
 
@@ -90,7 +90,7 @@ class Solver:
         ConfigurationError: q has a wrong shape or is not finite.
         UnknownNameError: `acceleration` names a joint that does not exist.
         CinegenError: q leaves loops open, or was meant in degrees or mm; dt, gain or an acceleration is not positive;
-            or dt is longer than 1 s.
+            or dt is longer than 10 s.
         AttributeError: an attribute is set that a solver does not have.
     """
 
@@ -159,7 +159,7 @@ class Solver:
         the next one, are scaled.
 
         Raises:
-            CinegenError: set to a time that is not positive, or longer than 1 s.
+            CinegenError: set to a time that is not positive, or longer than 10 s.
         """
         return self._dt
 

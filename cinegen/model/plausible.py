@@ -120,9 +120,9 @@ def _plausible(mechanism: Mechanism) -> tuple[Indices, Array, Array, list[str]]:
     """Return the index in q, and limits that no plausible value exceeds, of each joint that `check_joint` checks."""
     names = [name for name in mechanism.joints if name in mechanism.limits]
     low, high = np.array([mechanism.limits[name][:2] for name in names]).reshape(-1, 2).T
-    slack = np.where([mechanism.is_prismatic(name) for name in names], high - low, 2.0 * math.pi)
-    far = np.where([mechanism.is_prismatic(name) for name in names], FAR * reach(mechanism), np.inf)
-    bounds = np.fmax(low - slack, -far), np.fmin(high + slack, far)
+    slides = np.array([mechanism.is_prismatic(name) for name in names], dtype=bool)
+    far = FAR * reach(mechanism)  # of a short stroke a program may mean a start beyond it
+    bounds = np.where(slides, -far, low - 2.0 * math.pi), np.where(slides, far, high + 2.0 * math.pi)
     return np.array([mechanism.q_index(name) for name in names], dtype=np.intp), *bounds, names
 
 

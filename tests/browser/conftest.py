@@ -6,8 +6,8 @@ from functools import cache
 from pathlib import Path
 
 import pytest
-from pages import CHROMIUM, FLAGS, READY, SIZE, becomes
 from playwright.sync_api import sync_playwright
+from tabs import CHROMIUM, FLAGS, READY, SIZE, becomes
 
 from cinegen.cockpit import Cockpit
 from cinegen.page import build_page

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from axe import needs_axe, violations
-from pages import IN_BROWSER, becomes
+from tabs import IN_BROWSER, becomes
 
 HIGH = {"width": 900, "height": 3200}  # the panel does not scroll: axe-core judges no colours of what is scrolled away
 LOW = "document.getElementById('pane').style.maxHeight = '400px'"  # drawing in software takes long

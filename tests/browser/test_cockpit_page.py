@@ -7,7 +7,7 @@ import math
 import numpy as np
 import pinocchio as pin
 import pytest
-from pages import IN_BROWSER, PIXELS, becomes, find, grab, held, picture, place, rests
+from tabs import IN_BROWSER, PIXELS, becomes, find, grab, held, picture, place, rests
 
 import cinegen
 from cinegen.mission.results import record_modes

@@ -8,8 +8,8 @@ import subprocess
 import imageio_ffmpeg
 import numpy as np
 import pytest
-from pages import IN_BROWSER
 from PIL import Image
+from tabs import IN_BROWSER
 
 from cinegen.cockpit import film
 from cinegen.cockpit.film import FPS, FilmError

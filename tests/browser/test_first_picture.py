@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 import umsgpack
-from pages import IN_BROWSER, READY, becomes, find, grab, picture
+from tabs import IN_BROWSER, READY, becomes, find, grab, picture
 
 from cinegen.cockpit import Cockpit
 from cinegen.session import arrange

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from headset import Headset, needs_emulator
-from pages import IN_BROWSER, becomes, grab, held, place, rests
+from tabs import IN_BROWSER, becomes, grab, held, place, rests
 
 RIGHT, LEFT = (0.15, 1.35, -0.3), (-0.16, 1.03, -0.6)
 POINT = (0.1, 0.2, 0.3)

@@ -12,7 +12,7 @@ import sys
 import threading
 
 import pytest
-from pages import IN_BROWSER
+from tabs import IN_BROWSER
 
 import cinegen.cli
 

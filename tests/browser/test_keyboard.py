@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pinocchio as pin
 import pytest
-from pages import IN_BROWSER, becomes, held, place
+from tabs import IN_BROWSER, becomes, held, place
 
 FOCUSED = """() => {
   const { activeElement: one } = document;

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import pytest
-from pages import IN_BROWSER, becomes
+from tabs import IN_BROWSER, becomes
 
 # The page as a server has it: all parts are shown that a page without a server hides.
 PREPARE = """() => {

@@ -7,8 +7,8 @@ import io
 import numpy as np
 import pytest
 from hostile_names import JOINTS, LINKS, urdf
-from pages import IN_BROWSER, WHERE, becomes, picture
 from PIL import Image
+from tabs import IN_BROWSER, WHERE, becomes, picture
 
 import cinegen
 from cinegen.page import build_page

@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 
 import numpy as np
-from pages import IN_BROWSER, becomes, picture
+from tabs import IN_BROWSER, becomes, picture
 
 from cinegen.session import map_setup
 from cinegen.workspace import GridAxis, MapSpecification, Region, make_map

@@ -6,7 +6,7 @@ import re
 
 import numpy as np
 import pytest
-from pages import IN_BROWSER, PIXELS, WHERE, becomes, picture
+from tabs import IN_BROWSER, PIXELS, WHERE, becomes, picture
 
 NUMBERS = re.compile(r"(distance|dx|dy|dz|at) (-?[\d.]+)")
 

@@ -7,7 +7,7 @@ import json
 import numpy as np
 import pytest
 from browsers import Browser
-from pages import IN_BROWSER, READY, becomes, find, picture
+from tabs import IN_BROWSER, READY, becomes, find, picture
 
 from cinegen.mission import Recording
 

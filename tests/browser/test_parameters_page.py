@@ -8,7 +8,7 @@ import re
 
 import numpy as np
 import pytest
-from pages import IN_BROWSER
+from tabs import IN_BROWSER
 
 from raff2urdf.raff.kleinfinger import Kleinfinger, transform
 

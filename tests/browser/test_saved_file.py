@@ -6,7 +6,7 @@ import os
 
 import pytest
 from axe import AXE, violations
-from pages import IN_BROWSER, becomes, find, picture
+from tabs import IN_BROWSER, becomes, find, picture
 
 import cinegen
 from cinegen.cockpit import Cockpit, SetupFiles

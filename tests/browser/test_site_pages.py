@@ -10,7 +10,7 @@ import subprocess
 import sys
 
 import pytest
-from pages import IN_BROWSER
+from tabs import IN_BROWSER
 
 pytestmark = [*IN_BROWSER, pytest.mark.slow]
 LINK = re.compile(r'<a class="reference internal" href="([^"#]*)#([^"]+)"[^>]*><code')

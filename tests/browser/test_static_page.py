@@ -7,8 +7,8 @@ import io
 import ezdxf
 import numpy as np
 import pytest
-from pages import IN_BROWSER
 from PIL import Image
+from tabs import IN_BROWSER
 
 import cinegen
 from cinegen.cockpit import Page, RobotScene

@@ -145,6 +145,7 @@ def _in_this_process(words: list[str], given: str) -> tuple[str, int]:
     monkey.setattr(sys, "stdin", io.TextIOWrapper(io.BytesIO(given.encode())))
     with contextlib.redirect_stdout(said), contextlib.redirect_stderr(said), warnings.catch_warnings():
         warnings.simplefilter("default")
+        warnings.simplefilter("ignore", DeprecationWarning)  # as Python does, in modules of others
         code = importlib.import_module(COMMANDS[words[0]]).main(words[1:])
     monkey.undo()
     return said.getvalue(), code
