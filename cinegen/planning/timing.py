@@ -25,6 +25,11 @@ _EXTRA = "sampling"
 _INSIDE = 1.0 - 1e-9  # of a limit
 _MOST = 50.0  # times the usual rate, where nothing limits it
 _EQUAL = 1e-9  # by which torques times their weight may exceed limits: an equation has two sides
+_REST = 1e-9  # of the largest tangent: a curve whose tangent at an end is less is at rest there, up to rounding
+_TIGHTER = (0.0, 1e-6, 1e-5, 1e-4)
+"""Fractions by which limits are tightened, each by another part of it, where toppra finds no motion: its linear
+programmes of two variables fail by rounding where several bounds are equal."""
+_GOLDEN = 0.5 * (math.sqrt(5.0) - 1.0)
 _INTERVALS = 64  # of a whole grid, at least
 
 
@@ -179,15 +184,18 @@ def _fastest_rates(
     class Limits(LinearConstraint):  # type: ignore[misc]
         """Accelerations and torques at three points of each interval, relative to their limits, and the rate itself."""
 
-        def __init__(self) -> None:
+        def __init__(self, tighter: float) -> None:
             super().__init__()
             self.identical = bool((room == 1.0).all())
+            parts = np.modf(_GOLDEN * np.arange(by_growth.size).reshape(by_growth.shape))[0]
+            self.more = np.where(room < 1.0, 1.0, 1.0 + tighter * parts)  # near singularities they are equations
 
         def get_dof(self) -> int:
             return int(tangents.shape[2])
 
         def compute_constraint_params(self, path: Any, gridpoints: Array, *_: Any) -> tuple[Any, ...]:
-            terms = [np.vstack([one, one[-1:]]) for one in (by_growth, by_square, fixed)]
+            scaled = (self.more * one for one in (by_growth, by_square, fixed))
+            terms = [np.vstack([one, one[-1:]]) for one in scaled]
             both = np.vstack([np.eye(width), -np.eye(width)])
             if self.identical:
                 return (*terms, both, np.ones(2 * width), None, squares)
@@ -200,22 +208,26 @@ def _fastest_rates(
         path_interval = np.array([s[0], s[-1]])
         dof = int(tangents.shape[2])
 
-    search = TOPPRA([Limits()], Path(), gridpoints=s, solver_wrapper="seidel", parametrizer="ParametrizeConstAccel")
-    at_rest = np.abs(tangents[0][0]).max(initial=0.0), np.abs(tangents[2][-1]).max(initial=0.0)
+    still = _REST * np.abs(tangents).max(initial=0.0)
+    at_ends = np.abs(tangents[0][0]).max(initial=0.0), np.abs(tangents[2][-1]).max(initial=0.0)
     ends = [
-        0.0 if moves else _rate_at_end(by_square_at, fixed_at, limit)
-        for moves, by_square_at, fixed_at, limit in zip(
-            at_rest,
+        0.0 if tangent > still else _rate_at_end(by_square_at, fixed_at, limit)
+        for tangent, by_square_at, fixed_at, limit in zip(
+            at_ends,
             (second[0][0] / weights[0][0], second[2][-1] / weights[2][-1]),
             (constant[0][0] / weights[0][0], constant[2][-1] / weights[2][-1]),
             (most[0], most[-1]),
             strict=True,
         )
     ]
-    for scale in (1.0, 0.5, 0.0):
-        _, rates, _ = search.compute_parameterization(scale * ends[0], scale * ends[1])
-        if rates is not None and np.isfinite(rates).all() and (rates[1:] + rates[:-1] > 0.0).all():
-            return np.asarray(unit * rates)
+    for tighter in _TIGHTER:
+        search = TOPPRA(
+            [Limits(tighter)], Path(), gridpoints=s, solver_wrapper="seidel", parametrizer="ParametrizeConstAccel"
+        )
+        for scale in (1.0, 0.5, 0.0):
+            _, rates, _ = search.compute_parameterization(scale * ends[0], scale * ends[1])
+            if rates is not None and np.isfinite(rates).all() and (rates[1:] + rates[:-1] > 0.0).all():
+                return np.asarray(unit * rates)
     kinds = "velocity and acceleration" if torques is None else "velocity, acceleration and torque"
     raise TimingError(f"no motion along the path is within the limits of {kinds}")
 
