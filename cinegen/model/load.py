@@ -219,7 +219,10 @@ def _load_model(
     name = f"pinocchio.Model '{model.name}'"
     described = describe_model(model, loops, couplings)
     urdf, constraints = with_fixed_base(*described, name) if fixed_base else described
-    return build(urdf, _with_actuated(urdf, constraints, actuated, name), name=name, relax=relax)
+    mechanism = build(urdf, _with_actuated(urdf, constraints, actuated, name), name=name, relax=relax)
+    if list(mechanism.model.names)[1:] != list(model.names)[1:]:
+        warn(f"{name}: q has other joints than the model's, or in another order: mechanism.q_index finds each")
+    return mechanism
 
 
 def _with_actuated(

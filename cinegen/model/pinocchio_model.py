@@ -2,20 +2,21 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
 import pinocchio as pin
 
-from cinegen.errors import LoadError, UnknownNameError, warn
+from cinegen.errors import LoadError, UnknownNameError
 from cinegen.joints import axis, translations
-from cinegen.model.urdf import kinematics
 from raff2urdf.constraints import Constraints, loop_entry
 from raff2urdf.coupling import Coupling, coupling_entry
-from raff2urdf.readers.urdf import UNLIMITED, parse
+from raff2urdf.readers.urdf import UNLIMITED
 
 _FREE = {"FreeFlyer": "floating", "Spherical": "spherical"}
+_NODES = (pin.FrameType.BODY, pin.FrameType.OP_FRAME, pin.FrameType.SENSOR)
 _KINDS = {"CONTACT_6D": "rigid", "CONTACT_3D": "ball"}
 
 
@@ -24,7 +25,8 @@ def describe_model(
 ) -> tuple[str, Constraints | None]:
     """Return a model as a URDF and, where it has loops or couplings, its constraints.
 
-    A node is each body of the model, and each joint without one; frames of other types are left out.
+    A node is each body, operational frame and sensor of the model, and each joint without a body. Limits and inertias
+    are those of the model; its gravity, friction, armatures and reference configurations are not taken.
 
     Args:
         model: revolute, prismatic and spherical joints, and a free flyer at the root.
@@ -32,7 +34,7 @@ def describe_model(
         couplings: equations between its joints.
 
     Raises:
-        LoadError: a joint or a loop is of a kind that no URDF and no constraint expresses.
+        LoadError: a joint or a loop is of a kind that no URDF and no constraint expresses; or a name is used twice.
         UnknownNameError: there is no such joint.
     """
     from yourdfpy import Robot
@@ -50,15 +52,17 @@ def describe_model(
             raise UnknownNameError("joint", name, tuple(names))
     robot = model.name or "robot"
     urdf = ExactUrdf(Robot(robot, links, joints)).text()
-    _check_order(model, urdf, robot)
     coupled = [coupling_entry(one.name, one.terms, one.constant) for one in couplings]
     closing = [_loop(constraint, f"loop{i + 1}", nodes) for i, constraint in enumerate(loops)]
+    for kind, used in (("node", [link.name for link in links]), ("loop", [loop["name"] for loop in closing])):
+        if twice := [name for name, count in Counter(used).items() if count > 1]:
+            raise LoadError(f"model '{model.name}': {kind} name '{twice[0]}' is used twice: give each its own")
     return urdf, {"loops": closing, "couplings": coupled} if closing or coupled else None
 
 
 def _nodes(model: pin.Model) -> list[str]:
     """Return the name of each joint's body: of one with the joint's own frame, else the joint's."""
-    names, taken = [""] * model.njoints, {frame.name for frame in model.frames if frame.type == pin.FrameType.BODY}
+    names, taken = [""] * model.njoints, {frame.name for frame in model.frames if frame.type in _NODES}
     for frame in model.frames:
         is_own = frame.type == pin.FrameType.BODY and frame.placement.isIdentity(0.0)
         if is_own and not names[frame.parentJoint]:
@@ -98,23 +102,23 @@ def _joint(model: pin.Model, j: int, nodes: Sequence[str]) -> Any:
         )
     at, v = joint.idx_q, joint.idx_v
     effort, velocity = (min(float(x[v]), UNLIMITED) for x in (model.upperEffortLimit, model.upperVelocityLimit))
-    low, high = (float(x[at]) for x in (model.lowerPositionLimit, model.upperPositionLimit))
+    low, high = np.clip([model.lowerPositionLimit[at], model.upperPositionLimit[at]], -UNLIMITED, UNLIMITED).tolist()
     made = Joint(name, "prismatic" if translations(joint) else "revolute", nodes[parent], nodes[j], placed, axis(joint))
     made.limit = Limit(effort, velocity)
-    if joint.nq == 1 and np.isfinite([low, high]).all():
-        made.limit.lower, made.limit.upper = low, high
-    elif made.type == "revolute":
+    if joint.nq == 2 or (made.type == "revolute" and low == -UNLIMITED and high == UNLIMITED):
         made.type = "continuous"
+    else:
+        made.limit.lower, made.limit.upper = low, high
     return made
 
 
 def _frames(model: pin.Model, nodes: Sequence[str]) -> list[tuple[Any, Any]]:
-    """Return the bodies that are fixed to those of joints, each with its joint."""
+    """Return the links of frames that are fixed to the bodies of joints, each with its joint."""
     from yourdfpy import Joint, Link
 
     found, taken = [], {*model.names}
     for frame in model.frames:
-        if frame.type != pin.FrameType.BODY or frame.name in nodes:
+        if frame.type not in _NODES or (frame.type == pin.FrameType.BODY and frame.name == nodes[frame.parentJoint]):
             continue
         name = f"{frame.name}_fixed"
         while name in taken:
@@ -131,13 +135,10 @@ def _loop(constraint: Any, name: str, nodes: Sequence[str]) -> dict[str, Any]:
         raise LoadError(
             f"loops: {given} closes no loop: give pinocchio.RigidConstraintModel of the type CONTACT_6D or CONTACT_3D"
         )
+    if not constraint.desired_contact_placement.isIdentity(0.0):
+        raise LoadError(
+            f"loops: {constraint.name or name}: its ends meet: move desired_contact_placement into one of them"
+        )
     first, second = nodes[constraint.joint1_id], nodes[constraint.joint2_id]
     placements = [placed.homogeneous for placed in (constraint.joint1_placement, constraint.joint2_placement)]
     return loop_entry(constraint.name or name, _KINDS[constraint.type.name], first, second, placements)
-
-
-def _check_order(model: pin.Model, urdf: str, robot: str) -> None:
-    """Warn if joints are in another order in q than in the model: Pinocchio sorts those of a URDF."""
-    names = list(pin.buildModelFromXML(kinematics(parse(urdf, robot))).names)[1:]
-    if names != list(model.names)[1:]:
-        warn(f"model '{robot}': Pinocchio orders joints of a URDF by name, so those in q: mechanism.q_index finds them")

@@ -99,9 +99,26 @@ def test_joints_in_another_order_are_announced():
     model = pin.Model()
     for name in ("b", "a"):
         model.addJoint(0, pin.JointModelRX(), pin.SE3.Identity(), name)
-    with pytest.warns(CinegenWarning, match="mechanism.q_index finds them"):
+    with pytest.warns(CinegenWarning, match="mechanism.q_index finds each"):
         mechanism = cinegen.load(model)
     assert (mechanism.q_index("a"), mechanism.q_index("b")) == (0, 1)
+
+
+def test_limits_of_one_side_frames_and_ball_joints_are_taken():
+    model = planar(1.0, 1.0)
+    model.addFrame(pin.Frame("camera", 1, 0, along_x(0.5), pin.FrameType.OP_FRAME))
+    lower, upper = np.full(2, -np.inf), np.array([2.0, np.inf])
+    lower[1] = -1.0
+    model.lowerPositionLimit, model.upperPositionLimit = lower, upper
+    mechanism = cinegen.load(model)
+    assert (mechanism.limits["hinge1"].upper, mechanism.limits["hinge2"].lower) == (2.0, -1.0)
+    assert min(-mechanism.limits["hinge1"].lower, mechanism.limits["hinge2"].upper) >= 1e9
+    assert mechanism.placement(mechanism.q_home, "camera").translation == pytest.approx([0.5, 0.0, 0.0])
+    model = planar(0.4, 0.9)
+    model.addJoint(2, pin.JointModelSpherical(), along_x(0.7), "ball")
+    loop = closed(model, pin.ContactType.CONTACT_6D, 0.0)
+    mechanism = cinegen.load(model, loops=[loop], actuated=[])
+    assert (mechanism.balls, mechanism.mobility) == (("ball",), 0)
 
 
 def test_what_has_no_effect_or_no_urdf_is_an_error_that_names_it():
@@ -109,8 +126,12 @@ def test_what_has_no_effect_or_no_urdf_is_an_error_that_names_it():
     other = planar(1.0)
     other.addJoint(1, pin.JointModelPlanar(), pin.SE3.Identity(), "sledge")
     normal = pin.RigidConstraintModel(pin.ContactType.CONTACT_6D, model, 1, pin.SE3.Identity(), 0, pin.SE3.Identity())
+    apart, same = closed(model, pin.ContactType.CONTACT_3D, 1.0), closed(model, pin.ContactType.CONTACT_3D, 1.0)
+    apart.desired_contact_placement, same.name = along_x(0.1), "same"
     for error, words, call in (
         (LoadError, "'sledge' is of the kind Planar.*revolute and prismatic", lambda: cinegen.load(other)),
+        (LoadError, "move desired_contact_placement", lambda: cinegen.load(model, loops=[apart])),
+        (LoadError, "loop name 'same' is used twice", lambda: cinegen.load(model, loops=[same, same])),
         (LoadError, "robot has no effect", lambda: cinegen.load(model, robot="chain")),
         (
             LoadError,
