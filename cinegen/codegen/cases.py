@@ -107,18 +107,18 @@ def _closed(mechanism: Mechanism, rng: np.random.Generator) -> Cases:
 
 def _ticked(mechanism: Mechanism, solver: Solver, rng: np.random.Generator) -> Cases:
     targets, ticked, reached, statuses = list[Array](), list[Array](), list[Array](), list[int]()
-    begins = [task.target.copy() for task in solver.tasks]
+    begins = [task.target.copy() for task in solver.frame_tasks]
     directions = rng.uniform(-1.0, 1.0, (len(begins), 6))
     for tick in range(_TICKS):
         part = 0.2 * np.sin(2.0 * np.pi * tick / _TICKS)
-        for task, begin, direction in zip(solver.tasks, begins, directions, strict=True):
+        for task, begin, direction in zip(solver.frame_tasks, begins, directions, strict=True):
             moved = part * direction * np.repeat([mechanism.length, 1.0], 3)
             turned = begin.rotation @ pin.exp3(moved[3:])
             task.target = pin.SE3(turned, begin.translation + moved[:3])
-        targets.append(_frames(task.target for task in solver.tasks))
+        targets.append(_frames(task.target for task in solver.frame_tasks))
         step = solver.step()
         ticked.append(step.q)
-        reached.append(_frames(mechanism.placement(step.q, task.node) for task in solver.tasks))
+        reached.append(_frames(mechanism.placement(step.q, task.node) for task in solver.frame_tasks))
         statuses.append(list(type(step.status)).index(step.status))
     return _arrays(targets=targets, ticked=ticked, reached=reached, statuses=statuses)
 
@@ -131,7 +131,7 @@ def _solved(mechanism: Mechanism, solver: Solver, inverse: InverseKinematics, rn
     """Record targets that configurations near home reach, and some that are far out of reach."""
     q, aims, solved, found = mechanism.q_home, list[Array](), list[Array](), list[tuple[bool, int]]()
     for i, there in enumerate(_moved(mechanism, rng, 0.3)[1]):
-        targets = [mechanism.placement(there, task.node) * task.offset for task in solver.tasks]
+        targets = [mechanism.placement(there, task.node) * task.offset for task in solver.frame_tasks]
         if i % 5 == 4:
             for target in targets:
                 target.translation += 100.0 * mechanism.length * rng.uniform(0.5, 1.0, 3)

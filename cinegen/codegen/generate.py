@@ -76,14 +76,14 @@ def generate(
         if what not in ("", "pose", "position"):
             raise GenerationError(f"task '{task}': write NODE or NODE:position")
         solver.add_task(node, rotation=0 if what == "position" else 3)
-    memory, chosen = robot_memory(mechanism, solver.tasks, dt), list(functions)
-    inverse = InverseKinematics(mechanism, solver.tasks) if Function.IK in chosen else None
+    memory, chosen = robot_memory(mechanism, solver.frame_tasks, dt), list(functions)
+    inverse = InverseKinematics(mechanism, solver.frame_tasks) if Function.IK in chosen else None
     if inverse is not None:
         inverse.set_up(memory)
     entries = [kernels.place, *(kernel for one in chosen for kernel in _KERNELS[one])]
     fields = [name for one in (None, *chosen) for name in FIELDS[one]]
     translation = translated(language, memory, entries, fields, _FREE, _STRUCTURE)
-    nodes = tuple(task.node for task in solver.tasks)
+    nodes = tuple(task.node for task in solver.frame_tasks)
     program = Program(mechanism, memory, translation, name, source, tuple(chosen), nodes, dt, most_iterations(memory))
     cases = recorded(mechanism, solver, chosen, inverse)
     return c_code.files(program, cases) if language.is_c else javascript.files(program, cases)

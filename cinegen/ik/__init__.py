@@ -15,19 +15,31 @@ if TYPE_CHECKING:
     from cinegen.ik.forecast import Event as Event
     from cinegen.ik.forecast import EventKind as EventKind
     from cinegen.ik.forecast import Forecast as Forecast
+    from cinegen.ik.given_task import Task as Task
     from cinegen.ik.global_ik import IKResult as IKResult
     from cinegen.ik.global_ik import inverse_kinematics as inverse_kinematics
+    from cinegen.ik.kinds import AxisAlong as AxisAlong
+    from cinegen.ik.kinds import CenterOfMass as CenterOfMass
+    from cinegen.ik.kinds import Damping as Damping
+    from cinegen.ik.kinds import JointEquality as JointEquality
+    from cinegen.ik.kinds import JointValues as JointValues
+    from cinegen.ik.kinds import LookAt as LookAt
+    from cinegen.ik.kinds import PointAtDistance as PointAtDistance
+    from cinegen.ik.kinds import PointInPlane as PointInPlane
+    from cinegen.ik.kinds import PointOnLine as PointOnLine
+    from cinegen.ik.kinds import RelativePose as RelativePose
     from cinegen.ik.look_ahead import LookAhead as LookAhead
     from cinegen.ik.look_ahead import forecast_motion as forecast_motion
     from cinegen.ik.objectives import LimitMargin as LimitMargin
     from cinegen.ik.objectives import Manipulability as Manipulability
     from cinegen.ik.objectives import Objective as Objective
     from cinegen.ik.objectives import Posture as Posture
-    from cinegen.ik.objectives import State as State
     from cinegen.ik.persistent import PersistentSolver as PersistentSolver
+    from cinegen.ik.range import Range as Range
     from cinegen.ik.singular import LostDoF as LostDoF
     from cinegen.ik.singular import UncontrolledDoF as UncontrolledDoF
     from cinegen.ik.solver import Solver as Solver
+    from cinegen.ik.state import State as State
     from cinegen.ik.step import Status as Status
     from cinegen.ik.step import Step as Step
     from cinegen.ik.task import FrameTask as FrameTask

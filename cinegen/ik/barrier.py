@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import NamedTuple, Protocol
 
 from cinegen.arrays import Array
-from cinegen.ik.objectives import State
+from cinegen.ik.state import State
 
 
 class Bounds(NamedTuple):

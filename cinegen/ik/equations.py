@@ -12,6 +12,8 @@ import numpy as np
 import pinocchio as pin
 
 from cinegen.arrays import Array
+from cinegen.ik.given_task import AnyTask, GivenTask, rows_of
+from cinegen.ik.state import State
 from cinegen.ik.task import FrameTask
 from cinegen.ik.thresholds import ERROR_CAP
 from cinegen.loops.closed_loops import ClosedLoops
@@ -69,19 +71,25 @@ def units(task: FrameTask, length: float) -> Array:
     return np.where(np.arange(task.rows) < task.translation, 1.0 / length, 1.0)
 
 
-def task_rank(mechanism: Mechanism, system: ClosedLoops, tasks: Sequence[FrameTask]) -> int:
+def task_rank(mechanism: Mechanism, system: ClosedLoops, tasks: Sequence[AnyTask]) -> int:
     """Return the generic rank of all tasks. A planar mechanism never moves along z, and is not singular for that.
 
     Args:
         mechanism: mechanism that is moved.
         system: its loops; scratch.
         tasks: valid tasks.
+
+    Raises:
+        Exception: of a task in Python.
     """
     highest = 0
     for q in mechanism.samples:
         motions = motions_of(system, q, mechanism.loop_rank)
-        with_axes = [(task, axes_of(task, mechanism, system)) for task in tasks]
-        highest = max(highest, rank(equations(mechanism, system, with_axes, weighted=False)[1] @ motions))
+        frames = [task for task in tasks if isinstance(task, FrameTask)]
+        with_axes = [(task, axes_of(task, mechanism, system)) for task in frames]
+        rows, state = [equations(mechanism, system, with_axes, weighted=False)[1]], State(mechanism, q, 1.0)
+        rows += [rows_of(task.task, state) for task in tasks if isinstance(task, GivenTask)]
+        highest = max(highest, rank(np.vstack(rows) @ motions))
     return highest
 
 

@@ -81,7 +81,9 @@ class LookAhead:
         self.velocities = ()
         if moving:
             tasks = zip(solver.tasks, solver.target_velocities, strict=True)
-            self.velocities = tuple(velocity for task, velocity in tasks if task.is_valid())
+            self.velocities = tuple(
+                velocity for task, velocity in tasks if isinstance(task, FrameTask) and task.is_valid()
+            )
 
     def step(self, q: Array, tasks: Sequence[FrameTask]) -> Array:
         """Return the configuration (nq,) one tick after a configuration at rest.
@@ -112,7 +114,7 @@ class LookAhead:
         solver.keeps_linearisation = True
         moving = [
             (task, task.target.copy(), velocity)
-            for task, velocity in zip(solver.tasks, self.velocities, strict=False)
+            for task, velocity in zip(solver.frame_tasks, self.velocities, strict=False)
             if velocity.np.any()
         ]
         q, v = [solver.q], [solver.v]

@@ -8,38 +8,22 @@ behavior of multibody mechanisms", IEEE Trans. Systems, Man, and Cybernetics 7, 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Iterable, Mapping
 from types import MappingProxyType
-from typing import Protocol
+from typing import Any, Protocol
 
 import numpy as np
 
 from cinegen.arrays import Array, ArrayLike, Indices
 from cinegen.errors import CinegenError
 from cinegen.ik.equations import axes_of, equations
+from cinegen.ik.given_task import rows_of
+from cinegen.ik.state import State
 from cinegen.ik.task import FrameTask
 from cinegen.model import Mechanism
 
 _STEP = 1e-5  # rad or lengths: step of central differences; their error is 1e-10
 _LOST = 1e-6  # relative singular value below which it counts as 0
-
-
-@dataclass(frozen=True, slots=True)
-class State:
-    """State of a solver before a tick, for objectives and barriers.
-
-    Attributes:
-        mechanism: mechanism that moves.
-        q: (nq,) configuration.
-        dt: period of the tick, s.
-        tasks: tasks of the solver.
-    """
-
-    mechanism: Mechanism
-    q: Array
-    dt: float
-    tasks: Sequence[FrameTask] = ()
 
 
 class Objective(Protocol):
@@ -304,7 +288,7 @@ class Manipulability(_Rated):
                 gradient += slope * direction
         return gradient
 
-    def _measured(self, state: State) -> list[FrameTask] | None:
+    def _measured(self, state: State) -> list[Any] | None:
         """Return a task of the node; None if all tasks of the solver count."""
         if self.node is None:
             return None
@@ -312,7 +296,7 @@ class Manipulability(_Rated):
         pose = state.mechanism.placement(state.q, self.node)
         return [FrameTask(self.node, pose, self.translation, self.rotation, frame=frame)]
 
-    def _rows(self, state: State, measured: list[FrameTask] | None, q: Array) -> tuple[Array, Array, Array]:
+    def _rows(self, state: State, measured: list[Any] | None, q: Array) -> tuple[Array, Array, Array]:
         """Return the Jacobians of loops, tasks, and measured tasks at q, dimensionless."""
         mechanism = state.mechanism
         system = mechanism.system
@@ -322,8 +306,11 @@ class Manipulability(_Rated):
             if tasks is None:
                 found.append(found[0])
                 continue
-            with_axes = [(task, axes_of(task, mechanism, system)) for task in tasks if task.is_valid()]
-            found.append(equations(mechanism, system, with_axes)[1])
+            frames = [task for task in tasks if isinstance(task, FrameTask) and task.is_valid()]
+            rows = [equations(mechanism, system, [(task, axes_of(task, mechanism, system)) for task in frames])[1]]
+            here = State(mechanism, q, state.dt)
+            rows += [rows_of(task, here) for task in tasks if not isinstance(task, FrameTask)]
+            found.append(np.vstack(rows))
         return loops, found[0], found[1]
 
 

@@ -71,13 +71,13 @@ class PersistentSolver(Solver):
         return step
 
     def _targets(self) -> tuple[bytes, ...]:
-        return tuple(task.target.homogeneous.tobytes() for task in self._tasks if task.is_valid())
+        return tuple(task.target.homogeneous.tobytes() for task in self.frame_tasks if task.is_valid())
 
     def _search(self) -> None:
         """Search for a configuration that reaches the targets; if there is one, suspend the tasks and move there."""
         self._tried = self._targets()
-        tasks = [task for task in self._tasks if task.is_valid()]
-        if not tasks or any(task.twist is not None for task in tasks):
+        tasks = [task for task in self.frame_tasks if task.is_valid()]
+        if not tasks or len(self.frame_tasks) < len(self.tasks) or any(task.twist is not None for task in tasks):
             return
         try:
             result = inverse_kinematics(self.mechanism, tasks, starts=_STARTS)

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from cinegen.ik._kernels.memory import OF_NODE, OF_TARGET, OF_WORLD, SolverMemory, TasksMemory
-from cinegen.ik.task import FrameTask
+from cinegen.ik.given_task import AnyTask, GivenTask
 from cinegen.ik.thresholds import STEP_CAP
 from cinegen.jit.foreign import frame_of
 from cinegen.joints import supporting_columns, translations
@@ -29,21 +29,34 @@ def set_up(memory: TasksMemory, mechanism: Mechanism, fixed: int = 0) -> None:
     memory.lower[at_v - fixed], memory.upper[at_v - fixed] = mechanism.limits.lower[at_q], mechanism.limits.upper[at_q]
 
 
-def set_up_tasks(memory: TasksMemory, mechanism: Mechanism, tasks: Sequence[FrameTask]) -> None:
-    """Fill a memory with tasks, whose numbers it uses where they are."""
-    for task in tasks:
+def set_up_tasks(
+    memory: TasksMemory, mechanism: Mechanism, tasks: Sequence[AnyTask], priorities: Sequence[int] = (0,)
+) -> None:
+    """Fill a memory with tasks, whose numbers it uses where they are.
+
+    Args:
+        memory: of a solver.
+        mechanism: mechanism to move.
+        tasks: in the order in which they were added.
+        priorities: distinct, the smallest first: each is a level. With one, all tasks are of one level.
+    """
+    for place, task in enumerate(tasks):
         _bind(task, mechanism, memory.fixed)
+        task.memory.place = place
+        task.memory.level = priorities.index(task.priority) if len(priorities) > 1 else 0
     rows = sum(task.memory.translation + task.memory.rotation for task in tasks)
-    memory.resize(tasks=len(tasks), task_rows=rows)
-    memory.task_handles[:] = [task.memory.handle for task in tasks]
+    memory.resize(tasks=len(tasks), task_rows=rows, levels=len(priorities))
+    memory.task_handles[:] = [task.memory.handle for task in sorted(tasks, key=lambda task: task.memory.level)]
     memory.signature = -1
 
 
-def _bind(task: FrameTask, mechanism: Mechanism, fixed: int) -> None:
+def _bind(task: AnyTask, mechanism: Mechanism, fixed: int) -> None:
     """Write into a task's memory what depends on the mechanism."""
     model, memory = mechanism.model, task.memory
-    frame = model.frames[task.frame]
     memory.resize(n=model.nv - fixed)
+    if isinstance(task, GivenTask):
+        return
+    frame = model.frames[task.frame]
     memory.joint, memory.offset[:] = frame.parentJoint, frame_of(frame.placement * task.offset)
     memory.moved_by[:] = supporting_columns(model, frame.parentJoint)[fixed:]
     memory.axes_of = {"target": OF_TARGET, "world": OF_WORLD}.get(task.axes, OF_NODE)
@@ -73,11 +86,17 @@ def set_velocity_limits(memory: SolverMemory, mechanism: Mechanism) -> None:
     memory.longest_step[at_v] = np.minimum(limits, STEP_CAP)
 
 
-def set_up_solver_tasks(memory: SolverMemory, mechanism: Mechanism, tasks: Sequence[FrameTask]) -> None:
-    """Fill a solver's memory with tasks."""
-    set_up_tasks(memory, mechanism, tasks)
-    rows, mobility = memory.task_rows, memory.mobility
-    memory.resize(lesser=min(rows, mobility), larger=max(rows, mobility))
+def set_up_solver_tasks(memory: SolverMemory, mechanism: Mechanism, tasks: Sequence[AnyTask]) -> None:
+    """Fill a solver's memory with tasks, in levels by their priorities."""
+    priorities = sorted({task.priority for task in tasks}) or [0]
+    set_up_tasks(memory, mechanism, tasks, priorities)
+    rows, mobility, several = memory.task_rows, memory.mobility, len(priorities) > 1
+    lesser, larger = min(rows, mobility), max(rows, mobility)
+    memory.resize(lesser=lesser, larger=larger, parts=len(priorities) + 1 if several else 0)
+    sizes = (lesser, larger, mobility) if several else (0, 0, 0)
+    memory.resize(**dict(zip(("level_lesser", "level_larger", "level_free"), sizes, strict=True)))
+    memory.level_scale[:], memory.level_last[:] = 1.0, 0.0
+    memory.has_given = int(any(isinstance(task, GivenTask) for task in tasks))
     memory.is_warm = 0
 
 

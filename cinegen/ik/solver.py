@@ -6,7 +6,7 @@ import contextlib
 import math
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from functools import partial
-from typing import NamedTuple
+from typing import Any, NamedTuple, TypeVar, overload
 
 import numpy as np
 import pinocchio as pin
@@ -21,8 +21,11 @@ from cinegen.ik.barrier import Barrier, Bounds
 from cinegen.ik.bifurcation import regular_neighbour
 from cinegen.ik.blend import Blend
 from cinegen.ik.equations import task_rank
-from cinegen.ik.objectives import Objective, State
+from cinegen.ik.given_task import AnyTask, GivenTask, Task, is_task
+from cinegen.ik.objectives import Objective
+from cinegen.ik.range import Range
 from cinegen.ik.setup import make_room_for_barriers, set_up_solver, set_up_solver_tasks, set_velocity_limits
+from cinegen.ik.state import State
 from cinegen.ik.step import Layout, Step
 from cinegen.ik.task import FrameTask, is_count
 from cinegen.ik.thresholds import (
@@ -30,6 +33,7 @@ from cinegen.ik.thresholds import (
     CLEARANCE_NEEDED,
     DONE,
     ERROR_CAP,
+    ERRORS_NEEDED,
     PROPOSED,
     RANK_NEEDED,
     SINGULAR,
@@ -37,6 +41,7 @@ from cinegen.ik.thresholds import (
 )
 from cinegen.jit.foreign import SE3_DISTANCE
 from cinegen.jit.starting import InterpretedKernel, start
+from cinegen.joints import kinematic_data
 from cinegen.loops.arrays import null_space, set_up_screws
 from cinegen.model import Mechanism
 from cinegen.model.plausible import FAR_TARGET, check_configuration, check_lengths
@@ -45,6 +50,8 @@ from raff2urdf.residual import log
 
 LONGEST = 10.0
 """Longest period of a tick, s: more was meant as a rate."""
+AddedTask = TypeVar("AddedTask", bound="Task | Range")
+
 _FASTEST = 1e100  # rad/s or m/s: no objective means more
 
 
@@ -95,10 +102,10 @@ class Solver:
     """
 
     __slots__ = (
-        "__weakref__", "_accelerations", "_barriers", "_blends", "_blocked", "_caught", "_changed", "_detour", "_dt",
-        "_earlier", "_gain", "_handle", "_is_in_use", "_keeps_linearisation", "_latest", "_layout", "_memory", "_model",
-        "_objectives", "_q", "_ranks", "_record", "_refused_at", "_tasks", "_tick", "exception_log", "linearisation",
-        "mechanism",
+        "__weakref__", "_accelerations", "_barriers", "_blends", "_blocked", "_caught", "_changed", "_data", "_detour",
+        "_dt", "_earlier", "_gain", "_handle", "_is_in_use", "_keeps_linearisation", "_latest", "_layout", "_memory",
+        "_model", "_objectives", "_q", "_ranks", "_record", "_refused_at", "_tasks", "_tick", "exception_log",
+        "linearisation", "mechanism",
     )  # fmt: skip
 
     def __init__(
@@ -113,7 +120,8 @@ class Solver:
         self._tick = start(tick, SolverMemory, install=partial(setattr, self, "_tick"))
         self.mechanism = mechanism
         self._model = mechanism.model
-        self._tasks: list[FrameTask] = []
+        self._data = kinematic_data(mechanism.model)  # for tasks in Python, objectives and barriers
+        self._tasks: list[AnyTask] = []
         self._blends: list[Blend] = []
         self._objectives: tuple[Objective, ...] = ()
         self._detour: tuple[Objective, ...] | None = None  # objectives that replace them, until they are set
@@ -139,7 +147,7 @@ class Solver:
         self.q = mechanism.q_home if q is None else q
 
     def __repr__(self) -> str:
-        tasks = ", ".join(task.node for task in self.tasks) or "none"
+        tasks = ", ".join(task.node if isinstance(task, FrameTask) else repr(task) for task in self.tasks) or "none"
         return f"<Solver of {self.mechanism.name}: dt {self.dt:g} s, tasks: {tasks}>"
 
     @contextlib.contextmanager
@@ -283,10 +291,19 @@ class Solver:
     # --- tasks ---------------------------------------------------------------------------------------------------
 
     @property
-    def tasks(self) -> tuple[FrameTask, ...]:
+    def tasks(self) -> tuple[FrameTask | Task, ...]:
         """Tasks in the order in which they were added."""
-        return tuple(self._tasks)
+        return tuple(task.task if isinstance(task, GivenTask) else task for task in self._tasks)
 
+    @property
+    def frame_tasks(self) -> tuple[FrameTask, ...]:
+        """Those tasks that are frames."""
+        return tuple(task for task in self._tasks if isinstance(task, FrameTask))
+
+    @overload
+    def add_task(self, node: AddedTask) -> AddedTask: ...
+
+    @overload
     def add_task(
         self,
         node: str,
@@ -297,11 +314,26 @@ class Solver:
         axes: str = "target",
         offset: pin.SE3 | ArrayLike | None = None,
         weights: ArrayLike | None = None,
-    ) -> FrameTask:
+        priority: int = 0,
+    ) -> FrameTask: ...
+
+    def add_task(
+        self,
+        node: Any,
+        target: pin.SE3 | None = None,
+        translation: int = 3,
+        rotation: int = 3,
+        weight: float = 1.0,
+        axes: str = "target",
+        offset: pin.SE3 | ArrayLike | None = None,
+        weights: ArrayLike | None = None,
+        priority: int = 0,
+    ) -> Any:
         """Add a task: a frame on a node follows a target pose. Set `task.target` or `task.twist` to move it.
 
         Args:
-            node: name of a base, link or frame.
+            node: name of a base, link or frame; or, alone, a task of another kind (`cinegen.ik.kinds`), any object that
+                follows the protocol `Task`, or a `Range`.
             target: pose in the world; the present pose unless given.
             translation: number of constrained translations, 0 to 3; see `FrameTask.translation`.
             rotation: number of constrained rotations, 0 to 3; see `FrameTask.rotation`.
@@ -311,6 +343,10 @@ class Solver:
                 frame unless given.
             weights: (6,) weights of the translations along, then the rotations about, x, y and z of `axes`, in place of
                 `translation` and `rotation`; an axis of weight 0 is not constrained. See `FrameTask.weights`.
+            priority: level of the task; 0 is served first, larger numbers in the freedom that it leaves.
+
+        Returns:
+            the task.
 
         Raises:
             UnknownNameError: no such node.
@@ -318,6 +354,8 @@ class Solver:
                 finite numbers of at least 0 or given besides translation or rotation, target is no SE3, offset is
                 neither an SE3 nor three finite numbers, or a length was meant in mm.
         """
+        if not isinstance(node, str):
+            return self._add_given(node)
         frame = self.mechanism.frame_id(node)
         if not (is_count(translation) and is_count(rotation)):
             raise CinegenError(f"a task constrains 0 to 3 translations and rotations, not {translation} and {rotation}")
@@ -327,7 +365,9 @@ class Solver:
             raise CinegenError("weights select the constrained axes: leave out translation and rotation")
         if axes not in ("target", "world"):
             self.mechanism.frame_id(axes)
-        task = FrameTask(node, pin.SE3.Identity(), translation, rotation, weight, axes, frame, offset, weights)
+        task = FrameTask(
+            node, pin.SE3.Identity(), translation, rotation, weight, axes, frame, offset, weights, priority
+        )
         check_lengths(self.mechanism, f"offset on '{node}'", task.offset.translation)
         if target is None:
             target = self.mechanism.placement(self._q, node) * task.offset
@@ -339,6 +379,23 @@ class Solver:
             raise CinegenError(f"a task's weights are six finite numbers of at least 0, not {weights!r:.80}")
         task.changed, task.measure, task.find_frame = self._mark_changed, self._error_of, self.mechanism.frame_id
         self._tasks.append(task)
+        self._changed = True
+        return task
+
+    def _add_given(self, task: Any) -> Any:
+        if isinstance(task, Range):
+            self.barriers = (*self._barriers, task)
+            return task
+        if not is_task(task):
+            raise CinegenError(
+                f"add_task takes the name of a node, or an object with priority, weight, error(state) and "
+                f"jacobian(state), not {task!r:.80}"
+            )
+        if any(task is own for own in self.tasks):
+            raise CinegenError(f"{task!r} is one of this solver's tasks already")
+        given = GivenTask(task, self.state)
+        given.changed = self._mark_changed
+        self._tasks.append(given)
         self._changed = True
         return task
 
@@ -364,7 +421,7 @@ class Solver:
         blend = Blend(task, seconds, target, weight)
         self._blends = [other for other in self._blends if other.task is not task] + [blend]
 
-    def remove_task(self, task: FrameTask, seconds: float = 0.0) -> None:
+    def remove_task(self, task: FrameTask | Task | Range, seconds: float = 0.0) -> None:
         """Remove a task. Does nothing if it has been removed already.
 
         Args:
@@ -374,16 +431,22 @@ class Solver:
         Raises:
             CinegenError: seconds is negative or not finite, or task is no task.
         """
-        if not isinstance(task, FrameTask):
+        if isinstance(task, Range):
+            self.barriers = [barrier for barrier in self._barriers if barrier is not task]
+            return
+        if not (isinstance(task, FrameTask) or is_task(task)):
             raise CinegenError(f"remove_task takes a task that add_task returned, not {task!r:.80}")
         if seconds != 0.0 and task in self._tasks:
+            if not isinstance(task, FrameTask):
+                raise CinegenError("the weight of a task in Python can't fade: leave out seconds")
             self.blend(task, seconds=seconds, weight=0.0)
             return
         self._blends = [blend for blend in self._blends if blend.task is not task]
-        if task in self._tasks:
-            task.changed = _nothing
-            self._tasks.remove(task)
-            self._changed = True
+        for i, own in enumerate(self.tasks):
+            if own is task:
+                self._tasks.pop(i).changed = _nothing
+                self._changed = True
+                break
 
     def _advance_blends(self) -> None:
         for blend in self._blends[:]:
@@ -417,7 +480,10 @@ class Solver:
             if self._accelerations is not None:
                 memory.longest_change[:] = self._accelerations * (self.dt * self.dt)
         set_up_solver_tasks(memory, self.mechanism, self._tasks)
-        tasks = tuple((task.node, task.axes, task.offset) for task in self._tasks)
+        tasks = tuple(
+            (task.node, task.axes, task.offset) if isinstance(task, FrameTask) else (repr(task), "world", None)
+            for task in self._tasks
+        )
         self._record, fields = memory.block("record")
         self._layout = Layout(self.mechanism, tasks, fields)
         self._earlier, self._latest = None, None
@@ -425,12 +491,22 @@ class Solver:
 
     def _rank(self) -> None:
         """Compute the generic rank of the valid tasks."""
-        tasks = [task for task in self._tasks if task.is_valid()]
-        offsets = [(task.frame, task.axes, *task.offset.homogeneous.ravel().tolist()) for task in tasks]
-        key = tuple((place, *(task.weights > 0.0).tolist()) for place, task in zip(offsets, tasks, strict=True))
+        memory, before = self._memory, 0
+        for level in range(memory.levels):
+            tasks = [task for task in self._tasks if task.is_valid() and task.memory.level <= level]
+            rank = self._rank_of(tasks)
+            memory.level_rank[level], before = rank - before, rank
+        memory.task_rank, memory.is_warm = int(memory.level_rank[0]), 0
+
+    def _rank_of(self, tasks: Sequence[AnyTask]) -> int:
+        key = tuple(_place(task) for task in tasks)
         if key not in self._ranks:
-            self._ranks[key] = task_rank(self.mechanism, self.mechanism.system, tasks)
-        self._memory.task_rank, self._memory.is_warm = self._ranks[key], 0
+            try:
+                self._ranks[key] = task_rank(self.mechanism, self.mechanism.system, tasks)
+            except Exception as error:  # of a task in Python: the loop must go on
+                self._catch(f"a task of {self.mechanism.name}", error)
+                return sum(task.rows for task in tasks)
+        return self._ranks[key]
 
     # --- copies for a look-ahead ---------------------------------------------------------------------------------
 
@@ -447,9 +523,11 @@ class Solver:
         """
         return tuple(self._target_velocity(i, task) for i, task in enumerate(self._tasks))
 
-    def _target_velocity(self, i: int, task: FrameTask) -> pin.Motion:
+    def _target_velocity(self, i: int, task: AnyTask) -> pin.Motion:
         earlier, latest = self._earlier, self._latest
-        if earlier is None or latest is None or self._changed or task.twist is not None:
+        if earlier is None or latest is None or self._changed or isinstance(task, GivenTask):
+            return pin.Motion.Zero()
+        if task.twist is not None:
             return pin.Motion.Zero()
         if task.memory.is_followed:  # a twist
             return pin.Motion.Zero()
@@ -465,21 +543,27 @@ class Solver:
             return pin.Motion.Zero()
         return pin.Motion(linear / self.dt, angular / self.dt)
 
-    def copy_tasks(self, tasks: Sequence[FrameTask]) -> None:
+    def copy_tasks(self, tasks: Sequence[FrameTask | Task]) -> None:
         """Replace the tasks by copies of another solver's; tasks of the same frames keep what they have followed.
 
         Args:
             tasks: valid tasks of a solver of the same mechanism.
         """
-        if [_kind(own) for own in self._tasks] != [_kind(task) for task in tasks]:
+        if [_kind(own) for own in self.tasks] != [_kind(task) for task in tasks]:
             for own in self.tasks:
                 self.remove_task(own)
             for task in tasks:
-                self.add_task(task.node, weights=task.weights, axes=task.axes, offset=task.offset)
-        for own, task in zip(self._tasks, tasks, strict=True):
-            own.weight, own.target = task.weight, task.target
-            if task.twist is not None:
-                own.twist = task.twist
+                if isinstance(task, FrameTask):
+                    self.add_task(
+                        task.node, weights=task.weights, axes=task.axes, offset=task.offset, priority=task.priority
+                    )
+                else:
+                    self.add_task(task)
+        for own, task in zip(self.tasks, tasks, strict=True):
+            if isinstance(own, FrameTask) and isinstance(task, FrameTask):
+                own.weight, own.target = task.weight, task.target
+                if task.twist is not None:
+                    own.twist = task.twist
 
     def copy_state(self, other: Solver) -> None:
         """Take over the configuration, valid tasks, objectives, gain and accelerations of another solver, and the
@@ -498,8 +582,8 @@ class Solver:
             self._copy_state(other)
 
     def _copy_state(self, other: Solver) -> None:
-        valid = [task for task in other.tasks if task.is_valid()]
-        self.copy_tasks(valid)
+        valid = [task for task in other._tasks if task.is_valid()]
+        self.copy_tasks([task.task if isinstance(task, GivenTask) else task for task in valid])
         if self._changed:
             self._write_tasks()
         own, memory, ratio = self._memory, other._memory, self.dt / other.dt
@@ -514,7 +598,10 @@ class Solver:
             getattr(own, name)[:] = getattr(memory, name) * ratio
         for copy, task in zip(self._tasks, valid, strict=True):
             copy.memory.aim[:], copy.memory.is_followed = task.memory.aim, task.memory.is_followed
+            copy.memory.kept_error[:] = task.memory.kept_error
         if not other._changed and len(valid) == len(other.tasks):
+            own.level_scale[:], own.level_rank[:] = memory.level_scale, memory.level_rank
+            own.level_last[:] = memory.level_last * ratio
             for name in ("is_warm", "signature", "task_rank"):
                 setattr(own, name, getattr(memory, name))
             own.left[:] = memory.left
@@ -574,7 +661,7 @@ class Solver:
     @property
     def state(self) -> State:
         """State that objectives and barriers are given."""
-        return State(self.mechanism, self.q, self.dt, self.tasks)
+        return State(self.mechanism, self.q, self.dt, self.tasks, self._data)
 
     # --- barriers ------------------------------------------------------------------------------------------------
 
@@ -700,14 +787,18 @@ class Solver:
             self._evaluate_objectives(objectives)
         if self._barriers:
             self._evaluate_barriers()
+        if self._memory.has_given:
+            self._evaluate_given()
         if SE3_DISTANCE is None:  # targets may have been changed in place
-            for task in self._tasks:
+            for task in self.frame_tasks:
                 task.read_target()
         keeps = self._keeps_linearisation
         request = self._tick(self._handle)
         while request != DONE:
             if request == CLEARANCE_NEEDED:
                 self._memory.clear_part = self._clear()
+            elif request == ERRORS_NEEDED:
+                self._evaluate_errors()
             elif request == RANK_NEEDED:
                 self._rank()
             elif request == PROPOSED:
@@ -724,6 +815,30 @@ class Solver:
             caught, self._caught = self._caught, ()
             return Step(record, self._layout, caught)
         return Step(record, self._layout)
+
+    def _evaluate_given(self) -> None:
+        """Evaluate the tasks in Python for this tick."""
+        state = State(self.mechanism, self.q, self.dt, (), self._data)
+        for i, task in enumerate(self._tasks):
+            if isinstance(task, GivenTask):
+                try:
+                    task.evaluate(state)
+                except Exception as error:  # the loop must go on
+                    self._catch(self._source("task", i, task.task), error)
+        if self._changed:  # a priority
+            self._write_tasks()
+            self._evaluate_given()
+
+    def _evaluate_errors(self) -> None:
+        """Evaluate the errors of the tasks in Python at a trial."""
+        state = State(self.mechanism, self._memory.trial.copy(), self.dt, (), self._data)
+        for i, task in enumerate(self._tasks):
+            if isinstance(task, GivenTask) and task.memory.is_active:
+                try:
+                    task.evaluate_error(state)
+                except Exception as error:  # the loop must go on
+                    task.memory.given_error[:] = np.inf  # no such step
+                    self._catch(self._source("task", i, task.task), error)
 
     def _leave_bifurcation(self) -> None:
         """Replace a refused tick by a motion along a branch of closed configurations if several meet at q. It is at
@@ -777,9 +892,18 @@ def _checked(bounds: Bounds, nv: int) -> Bounds:
     return Bounds(rows, most)
 
 
-def _kind(task: FrameTask) -> tuple[object, ...]:
+def _kind(task: FrameTask | Task) -> tuple[object, ...]:
     """Return what `copy_tasks` copies by another task."""
-    return task.node, task.axes, task.weights.tolist(), task.offset
+    if not isinstance(task, FrameTask):
+        return (id(task),)
+    return task.node, task.axes, task.weights.tolist(), task.offset, task.priority
+
+
+def _place(task: AnyTask) -> tuple[object, ...]:
+    """Return what the generic rank depends on."""
+    if isinstance(task, GivenTask):
+        return (id(task), task.memory.given)
+    return task.frame, task.axes, *task.offset.homogeneous.ravel().tolist(), *(task.weights > 0.0).tolist()
 
 
 def _nothing() -> None:

@@ -6,6 +6,7 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from enum import Enum
+from typing import NamedTuple
 
 import numpy as np
 import pinocchio as pin
@@ -37,9 +38,23 @@ class Status(Enum):
     BARRED = "a barrier restricts the motion"
     UNAVOIDABLE = "no motion was found that avoids a collision: braking to a stop"
     IN_COLLISION = "two bodies are in contact"
+    NO_FREEDOM = "tasks of higher priority leave no freedom for a task"
 
 
-STATUSES = tuple(Status)  # in the kernel's order, which knows the first nine
+STATUSES = tuple(Status)  # in the kernel's order, which knows all but UNAVOIDABLE and IN_COLLISION
+
+
+class Level(NamedTuple):
+    """Outcome of a tick for the tasks of one priority.
+
+    Attributes:
+        status: outcome.
+        smallest_singular_value: of its tasks in the freedom that the levels above leave, dimensionless; infinite if it
+            was not needed, or there is none.
+    """
+
+    status: Status
+    smallest_singular_value: float
 
 
 @dataclass(frozen=True)
@@ -53,7 +68,7 @@ class Layout:
     """
 
     mechanism: Mechanism
-    tasks: tuple[tuple[str, str, pin.SE3], ...]
+    tasks: tuple[tuple[str, str, pin.SE3 | None], ...]
     fields: Mapping[str, tuple[slice, tuple[int, ...]]]
 
     def get(self, record: Array, name: str) -> Array:
@@ -124,11 +139,19 @@ class Step:
         kept, aims, axes = (layout.get(record, f"record_{name}") for name in ("tasks", "aims", "axes"))
         for i, (node, _, offset) in enumerate(layout.tasks):
             weight, is_active, weights = kept[i, 0], kept[i, 1], kept[i, 2:]
-            if is_active:
+            if is_active and offset is not None:
                 aim, frame = pin.SE3(aims[i, :3].T, aims[i, 3]), layout.mechanism.frame_id(node)
                 task = FrameTask(node, aim, weight=weight, frame=frame, offset=offset, weights=weights)
                 tasks.append((task, axes[i].T))
         return tasks
+
+    @property
+    def levels(self) -> tuple[Level, ...]:
+        """Outcome of each level of priority, the first first. A level's errors are those of its tasks in `errors`."""
+        return tuple(
+            Level(STATUSES[int(status)], smallest)
+            for status, smallest in self._layout.get(self._record, "record_levels")
+        )
 
     @property
     def singular_values(self) -> Array:

@@ -44,6 +44,7 @@ class FrameTask:
         offset: point (3,) or pose on the node, in the node's frame (m), that follows the target; the node's own frame
             unless given.
         weights: see `weights`; in place of `translation` and `rotation`.
+        priority: see `priority`.
 
     Attributes:
         memory: the task's numbers, as kernels see them.
@@ -54,8 +55,8 @@ class FrameTask:
     """
 
     __slots__ = (
-        "__weakref__", "_axes", "_constrained", "_frame", "_largest", "_node", "_offset", "_special", "_target",
-        "_weight", "_weights", "_words", "_wrong", "changed", "find_frame", "measure", "memory",
+        "__weakref__", "_axes", "_constrained", "_frame", "_largest", "_node", "_offset", "_priority", "_special",
+        "_target", "_weight", "_weights", "_words", "_wrong", "changed", "find_frame", "measure", "memory",
     )  # fmt: skip
 
     def __init__(
@@ -69,7 +70,9 @@ class FrameTask:
         frame: int = 0,
         offset: pin.SE3 | ArrayLike | None = None,
         weights: ArrayLike | None = None,
+        priority: int = 0,
     ) -> None:
+        self._priority = checked_priority(priority)
         self._node, self._axes, self._frame, self._offset = node, axes, frame, _pose(offset)
         self.memory = TaskMemory()
         self._words = self.memory.words
@@ -95,7 +98,7 @@ class FrameTask:
         frame = self.frame if frame is None else frame
         copied = FrameTask(
             self._node, self._target, weight=self._weight, axes=self._axes, frame=frame, offset=self._offset,
-            weights=self._weights,
+            weights=self._weights, priority=self._priority,
         )  # fmt: skip
         for name, value in self._wrong.items():
             copied._refuse(name, value)
@@ -282,6 +285,21 @@ class FrameTask:
         else:
             self._refuse("weight", weight)
 
+    @property
+    def priority(self) -> int:
+        """Level of the task: 0 is served first, larger numbers in the freedom that it leaves; tasks of equal priority
+        are weighed against each other.
+
+        Raises:
+            CinegenError: set to what is no whole number of at least 0.
+        """
+        return self._priority
+
+    @priority.setter
+    def priority(self, priority: int) -> None:
+        self._priority = checked_priority(priority)
+        self.changed()
+
     def _constrain(self, name: str, count: Any, axes: slice, patterns: Sequence[Sequence[float]]) -> None:
         """Constrain so many axes, each with a weight of 1."""
         if is_count(count):
@@ -422,6 +440,17 @@ def _pose(offset: pin.SE3 | ArrayLike | None) -> pin.SE3:
     if pose is None or not np.isfinite(pose.homogeneous).all():
         raise CinegenError("offset must be a point of three finite numbers (m) or a pinocchio.SE3")
     return pose
+
+
+def checked_priority(priority: Any) -> int:
+    """Return a valid priority.
+
+    Raises:
+        CinegenError: it is no whole number of at least 0.
+    """
+    if isinstance(priority, bool) or not isinstance(priority, int | np.integer) or priority < 0:
+        raise CinegenError(f"a task's priority is a whole number, 0 or more (0 is served first), not {priority!r:.80}")
+    return int(priority)
 
 
 def is_count(count: object) -> bool:

@@ -1,13 +1,14 @@
 """Requests, statuses and phases of a tick as numbers, and its thresholds."""
 
-DONE, RANK_NEEDED, CLEARANCE_NEEDED, PROPOSED, REJECTED = range(5)
+DONE, RANK_NEEDED, CLEARANCE_NEEDED, PROPOSED, REJECTED, ERRORS_NEEDED = range(6)
 """Requests of a tick."""
 
 BAD_TARGET, REFUSED, AT_LIMIT, SINGULAR, OUT_OF_REACH, FOLLOWING, IDLE, DETOUR, BARRED = range(9)
+NO_FREEDOM = 11
 """Statuses of a tick, in the order of `cinegen.ik.Status`."""
 
-BEGIN, GUARD = 0, 1
-"""Phases of a tick: besides PROPOSED, it begins, or waits for the clearance of its trial."""
+BEGIN, GUARD, JUDGE = 0, 1, 6
+"""Phases of a tick: besides PROPOSED, it begins, or waits for the clearance or the errors of its trial."""
 
 RESTING = 6.25e-4
 """NEAR_SINGULAR^2 / 4: least damping of a squared singular value of 0.
@@ -37,6 +38,7 @@ FULL = 1.0 - 1e-9  # usable fraction of a velocity limit: rounding never exceeds
 NOISE = 1e-26  # of the cost of the tasks: rounding at a reached target
 TRIES = 10  # number of times that a step is shortened
 SECONDARY_TRIES = 4  # number of times that the secondary step is shortened before; then it is left out
+LEVEL_TRIES = 6  # number of times that a level's part of the step is halved; then it is left out
 BRAKINGS = 3  # number of times that braking is scaled to what closing the loops leaves of it
 IDLE_SECONDARY = 1e-12  # rad or lengths in a tick: a shorter secondary step is left out
 SCALE_GROWS = 1.25  # from tick to tick, up to 1

@@ -10,7 +10,7 @@ import pinocchio as pin
 
 from cinegen.arrays import Array
 from cinegen.ik import Solver
-from cinegen.ik.objectives import State
+from cinegen.ik.state import State
 from cinegen.model import Mechanism
 from cinegen.planning.vortices import Vortices
 

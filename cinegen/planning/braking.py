@@ -8,7 +8,7 @@ from cinegen.arrays import Array
 from cinegen.collision.clearance import Clearance
 from cinegen.errors import ClosureError
 from cinegen.ik.barrier import Bounds
-from cinegen.ik.objectives import State
+from cinegen.ik.state import State
 from cinegen.loops.clusters import clusters
 from cinegen.planning.clearance_barrier import ClearanceBarrier
 from cinegen.planning.evasion import Evasion

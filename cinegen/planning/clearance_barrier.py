@@ -12,7 +12,7 @@ from cinegen.arrays import Array, Integers
 from cinegen.collision.clearance import Clearance
 from cinegen.collision.errors import PlanningError
 from cinegen.ik.barrier import Bounds
-from cinegen.ik.objectives import State
+from cinegen.ik.state import State
 from cinegen.model import Mechanism
 
 STOP = 1.25

@@ -22,7 +22,7 @@ from cinegen.collision.clearance import Clearance
 from cinegen.collision.errors import PlanningError
 from cinegen.collision.obstacle import Obstacle
 from cinegen.collision.scene import Scene
-from cinegen.ik.objectives import State
+from cinegen.ik.state import State
 from cinegen.ik.task import FrameTask
 from cinegen.loops.motions import free_motions
 from cinegen.model import Mechanism

@@ -14,7 +14,7 @@ from cinegen.arrays import Array, ArrayLike
 from cinegen.collision.clearance import Clearance
 from cinegen.ik import FrameTask, LookAhead, Solver, Status, Step
 from cinegen.ik.local_ik import LocalIK
-from cinegen.ik.objectives import State
+from cinegen.ik.state import State
 from cinegen.ik.thresholds import SECONDARY_TRIES, TRIES
 from cinegen.loops.arrays import null_space
 from cinegen.model.motion_limits import motion_limits
@@ -256,7 +256,7 @@ class AvoidingSolver(Solver):
 
     def _guide(self) -> None:
         """Find out before a tick what obstructs the tasks, and set the objectives that get around it."""
-        tasks = [task for task in self.tasks if task.is_valid()]
+        tasks = [task for task in self.frame_tasks if task.is_valid()]
         if not tasks or any(task.twist is not None for task in tasks):
             if self._targets:
                 self._restart()

@@ -191,7 +191,7 @@ class Reporter:
         """
         mechanism, q = self.mechanism, robot.q
         self._set_tasks(robot)
-        tasks = self._solver.tasks
+        tasks = self._solver.frame_tasks
         self._loops = self._own if any(task.node in self._within for task in tasks) else self._counted
         node, at = tasks[0].node, tasks[0].offset
         self._look_ahead.velocities = self._velocities(robot, time)
@@ -229,7 +229,7 @@ class Reporter:
     def _step_at(self, q: Array) -> Step:
         """Return a step of length 0, whose numbers are those of q."""
         self._solver.q = q
-        for task in self._solver.tasks:
+        for task in self._solver.frame_tasks:
             task.target = self.mechanism.placement(q, task.node) * task.offset
         return self._solver.step()
 
@@ -347,7 +347,7 @@ class Reporter:
         mechanism = self.mechanism
         if not robot.tasks:
             return np.zeros((0, 3)), ()
-        for own, task in zip(self._solver.tasks, robot.tasks, strict=True):
+        for own, task in zip(self._solver.frame_tasks, robot.tasks, strict=True):
             own.target = task.target
         forecast = self._look_ahead.forecast(HORIZON, NEAR_SINGULAR)
         every = max(1, len(forecast.q) // _POINTS)

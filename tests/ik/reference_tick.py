@@ -3,13 +3,14 @@ possible. Everything is dimensionless. The compiled kernels are tested against i
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import nnls
 
-from cinegen.ik.thresholds import RESTING
+from cinegen.ik.thresholds import FULL, REST, RESTING, SPARE_SPEED
 from cinegen.loops.motions import free_motions, orthonormal
 from cinegen.tolerances import NEAR_SINGULAR
 
@@ -100,6 +101,62 @@ def resolve(
     x, frozen = _nearest(wanted, joints, low, high)
     step = joints @ x
     return Resolution(step * _within(step, low, high), sigma, loop_sigma, frozen)
+
+
+def resolve_levels(
+    loops: Array,
+    rank: int,
+    levels: Sequence[tuple[Array, Array, int]],
+    low: Array,
+    high: Array,
+    longest: Array,
+    cut_rates: Array,
+) -> Array | None:
+    """Return the step (nv,) by levels of tasks: each is resolved as above in the freedom Z that those before leave,
+    whatever the bounds leave of it, and its directions are removed from Z. None where it is anyone's choice, since a
+    direction is lost, or where `_nearest` fails.
+
+    Args:
+        loops, rank, cut_rates: as above.
+        levels: of each its rows (k, nv), the desired motion (k,) and its generic rank in the freedom that is left.
+        low: (nv,) lowest step of each joint by its position, at most 0.
+        high: (nv,) highest, at least 0.
+        longest: (nv,) by its velocity. The first level is scaled to it, for the others it is a bound.
+    """
+    motions = orthonormal(free_motions(loops, rank)[0], cut_rates)
+    left, step, carry = np.eye(motions.shape[1]), np.zeros(len(low)), 0.0
+    for k, (rows, error, own_rank) in enumerate(levels):
+        width = left.shape[1]
+        if width == 0:
+            break
+        u, sigma, wt = np.linalg.svd(rows @ motions @ left, full_matrices=True)
+        if (k == 0 and own_rank == 0) or (own_rank and sigma[own_rank - 1] < 1e-9):
+            return None
+        sigmas, along, used = np.zeros(width), np.zeros(width), min(len(sigma), width)
+        residual = error - rows @ step
+        sigmas[:used], along[:used] = sigma[:used], (u.T @ residual)[:used]
+        size = float(np.linalg.norm(residual))
+        squared = sigmas**2 + damping(sigmas, size)
+        squared[own_rank:] = RESTING
+        scale = np.sqrt(squared + carry)
+        wanted, joints = sigmas / scale * along, motions @ left @ wt.T / scale
+        if k == 0:
+            pace = min(1.0, FULL / float((np.abs(joints @ wanted) / longest).max()))
+            lower, upper, wanted = np.maximum(low, -longest), np.minimum(high, longest), pace * wanted
+        else:
+            fastest = np.maximum(SPARE_SPEED * longest, np.abs(step))
+            lower, upper = np.maximum(low, -fastest) - step, np.minimum(high, fastest) - step
+            lower, upper = np.minimum(lower, 0.0), np.maximum(upper, 0.0)
+        own = joints @ _nearest(wanted, joints, lower, upper)[0]
+        if (own > upper + 1e-9).any() or (own < lower - 1e-9).any():  # nnls is not exact
+            return None
+        won = float(residual @ rows @ own)
+        if k == 0 or won > REST * size or won >= 0.5 * size * size:  # else the level is at rest
+            step = step + own
+        left = left @ wt.T[:, own_rank:]
+        damped = np.maximum(0.0, 1.0 - (sigma[:own_rank] / NEAR_SINGULAR) ** 2) ** 2
+        carry = max(carry, 100.0 * size * float(damped.max(initial=0.0)))
+    return step
 
 
 def _nearest(wanted: Array, joints: Array, low: Array, high: Array) -> tuple[Array, tuple[int, ...]]:

@@ -163,10 +163,29 @@ def add_solution(memory: SolverMemory, error: Array, y: Array) -> None:
         for i in range(p):
             add_multiple(inner(memory.triangle[1, i], error, i + 1), memory.reduced[i], y, k)
         return
-    for i in range(min(memory.task_rank, p, k)):
+    for i in range(_corrected(memory)):
         s = _along(memory, i, error) / memory.squares[i]
         for j in range(k):
             y[j] += s * (memory.right[i, j] if p <= k else memory.left[i, j])
+
+
+@compiled
+def _corrected(memory: SolverMemory) -> int:
+    """Return the number of singular directions in which errors are corrected with the loops."""
+    if memory.parts > 0:
+        return memory.refined_rank
+    return min(memory.task_rank, memory.active_rows, memory.mobility)
+
+
+@compiled
+def find_corrected(memory: SolverMemory) -> None:
+    """Let errors be corrected with the loops in all singular directions that are not damped."""
+    rank, least = 0, memory.damping_threshold * memory.damping_threshold
+    if memory.found_by != BASIS:
+        for i in range(min(memory.task_rank, memory.active_rows, memory.mobility)):
+            if memory.squares[i] >= least:
+                rank += 1
+    memory.refined_rank = rank
 
 
 @compiled
@@ -187,7 +206,7 @@ def reach_of(memory: SolverMemory, error: Array) -> float:
         for j in range(p):
             largest = max(largest, abs(error[j]))
         return largest
-    for i in range(min(memory.task_rank, p, k)):
+    for i in range(_corrected(memory)):
         s = abs(_along(memory, i, error))
         largest = max(largest, s if p <= k else s / math.sqrt(memory.squares[i]))
     return largest

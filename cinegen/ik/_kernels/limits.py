@@ -8,6 +8,7 @@ import numpy as np
 
 from cinegen.ik._kernels.bounds import TOUCH, keeps_bounds, nearest, reduce_barriers
 from cinegen.ik._kernels.decomposition import find_axes, project_step, to_joints
+from cinegen.ik._kernels.levels import add_levels
 from cinegen.ik._kernels.memory import LIMITING_DOF, SPEED_SCALE, SolverMemory
 from cinegen.ik._kernels.secondary import add_secondary
 from cinegen.ik.thresholds import FULL
@@ -55,6 +56,11 @@ def keep_limits(memory: SolverMemory, ticks_left: float) -> None:
     if must_go_back(memory):
         _bound_by_speed(memory)
     has_secondary = memory.has_secondary != 0
+    if memory.parts > 0:
+        if not keeps_bounds(memory, step, memory.floor, memory.ceiling):
+            _bend(memory)
+        add_levels(memory)
+        return
     if has_secondary and add_secondary(memory, True):
         return
     if not keeps_bounds(memory, step, memory.floor, memory.ceiling):

@@ -14,17 +14,21 @@ OF_TARGET, OF_WORLD, OF_NODE = range(3)
 
 
 class TaskMemory(Memory):
-    """One task: a frame on a node follows a pose or a twist."""
+    """One task: a frame on a node follows a pose or a twist, or Python gives its error and rows."""
 
     n: int = parameter(0)
     is_valid: int = parameter(1)
+    place: int = parameter(0)  # among all tasks, in the order in which they were added
+    level: int = parameter(0)  # 0 is served first
+    given: int = parameter(0)  # rows that Python gives, or 0
     joint: int = parameter(0)  # joint that carries the node
     translation: int = parameter(3)  # rows of translations: they come first
     rotation: int = parameter(3)  # rows of rotations; if 2, they are those of a swing
     weight: float = parameter(1.0)  # of its heaviest row
     is_even: int = parameter(1)  # all rotations have the same weight
     row_axis: Table = array(6, dtype=int)  # of each row: translation along 0 to 2, rotation about 3 to 5
-    row_weight: Array = array(6)  # of each row, as a part of `weight`
+    row_weight: Array = array("weighed")  # of each row, as a part of `weight`
+    weighed: int = parameter(6)
     axes_of: int = parameter(OF_TARGET)
     axes_joint: int = parameter(0)  # joint that carries the node whose axes are used
     is_twist: int = parameter(0)
@@ -34,9 +38,13 @@ class TaskMemory(Memory):
     axes: Array = array(3, 3)  # of that node, relative to the joint
     twist: Array = array(6)
     moved_by: Array = array("n")  # 1 for DoF that move the node, else 0
+    given_error: Array = array("given")  # of the last evaluation, dimensionless: lengths come first
+    given_rows: Array = array("given", "n")  # at q; how the error shrinks by steps, dimensionless
 
     # in the present tick
     is_active: int = state(0)
+    share: float = state(1.0)  # weight, as a fraction of the heaviest of its level
+    kept_error: Array = array("given")  # at the end of the last tick
     aim: Array = array(4, 3)  # target of this tick
     world_axes: Array = array(3, 3)
     distance: float = state(0.0)  # remaining distance, m
@@ -44,6 +52,8 @@ class TaskMemory(Memory):
     linear: float = state(0.0)  # the same, rows weighted by `row_weight`; lengths
     angular: float = state(0.0)  # rad
     is_followed: int = state(0)  # a twist was followed in the last tick
+    is_still: int = state(0)  # the target has not moved
+    remaining: float = state(0.0)  # error at the end of the tick, dimensionless
 
 
 task_at = view(TaskMemory)
@@ -60,8 +70,10 @@ class TasksMemory(LoopMemory):
     lower: Array = array("n")  # position limits, m and rad
     upper: Array = array("n")
 
-    active_rows: int = state(0)  # of the tasks that are valid in this tick
-    heaviest: float = state(1.0)  # weight of the active tasks
+    levels: int = parameter(1)
+    level_end: Table = array("levels", dtype=int)  # of each level, one more than its last row in this tick
+    heaviest: Array = array("levels")  # weight of its active tasks
+    active_rows: int = state(0)  # of the first level's tasks that are valid in this tick
     signature: int = state(-1)  # bits of the tasks that were active when their rank was requested
     error: Array = array("task_rows")  # remaining errors
     wanted: Array = array("task_rows")  # to be corrected in this tick: capped and weighted
@@ -202,6 +214,44 @@ class SolverMemory(TasksMemory):
     axes: Array = array("mobility", "mobility")
     size: Array = array("mobility")
 
+    # levels below the first, and after them the objectives
+    parts: int = parameter(0)  # levels + 1 if there are several, else 0
+    has_given: int = parameter(0)  # Python gives errors of tasks
+    level_rank: Table = array("levels", dtype=int)  # generic, of the freedom that the levels above leave
+    level_scale: Array = array("parts")  # step scale
+    level_still: Array = array("parts")  # 1 if no target of its tasks has moved
+    level_part: Array = array("parts", "n")  # of the step: that of each level
+    level_last: Array = array("parts", "n")  # of the last tick
+    level_promised: Array = array("levels")  # predicted reduction
+    level_cost: Array = array("levels")  # cost of its tasks at the beginning of the tick
+    level_sigma: Array = array("levels")  # smallest singular value
+    level_limit: Table = array("levels", dtype=int)  # status of what restricts its part, or -1
+    level_freedom: Table = array("levels", dtype=int)  # dimensions that the levels above leave
+    level_stopped: Array = array("n")  # as `stopped`, by lower levels
+    guarded_levels: int = state(0)  # that are corrected with the loops
+    level_tries: int = state(0)  # number of times that lower levels were shortened
+    carry: float = state(0.0)  # damping that levels above leave
+    first_free: int = state(0)  # first of `axes` that no level uses
+    first_speed: float = state(0.0)  # largest motion of a joint by the first level, dimensionless
+    refined_rank: int = state(0)  # directions of the first level that are corrected
+    aimed: Array = array("task_rows")  # what the step corrects, to first order
+    level_error: Array = array("task_rows")  # what is left for a level
+    level_lesser: int = parameter(0)  # as lesser, larger and mobility, or 0 with one level
+    level_larger: int = parameter(0)
+    level_free: int = parameter(0)
+    level_reduced: Array = array("level_lesser", "level_larger")
+    level_left: Array = array("level_lesser", "level_lesser")
+    level_right: Array = array("level_lesser", "level_larger")
+    level_squares: Array = array("level_lesser")
+    level_axes: Array = array("level_free", "level_free")
+    level_kept: Table = array("levels", dtype=int)  # directions in which a level is corrected
+    level_in: Array = array("parts", "level_lesser", "task_rows")  # component of an error, in each direction
+    level_out: Array = array("parts", "level_lesser", "n")  # joint step that corrects it
+
+    # a step that is made if the one out of a singularity fails
+    has_spare: int = state(0)
+    spare: Array = array("n")
+
     # steps, dimensionless
     step: Array = array("n")
     attempted: Array = array("n")
@@ -233,5 +283,6 @@ class SolverMemory(TasksMemory):
     record_aims: Array = array("tasks", 4, 3, block="record")
     record_axes: Array = array("tasks", 3, 3, block="record")
     record_tasks: Array = array("tasks", 8, block="record")  # weight, 1 if active, weights of the six axes
+    record_levels: Array = array("levels", 2, block="record")  # status, smallest singular value
     record_sigma: Array = array("lesser", block="record")
     record_stopped: Array = array("nv", block="record")

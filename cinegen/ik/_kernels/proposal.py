@@ -6,12 +6,14 @@ import math
 
 from cinegen.ik._kernels.decomposition import (
     find_basis,
+    find_corrected,
     find_singular_values,
     predict_gain,
     solve_damped,
     to_joints,
 )
 from cinegen.ik._kernels.escape import nudge
+from cinegen.ik._kernels.levels import promise
 from cinegen.ik._kernels.limits import keep_limits, must_go_back
 from cinegen.ik._kernels.memory import LIMITING_DOF, SPEED_SCALE, SVD, SolverMemory, task_at
 from cinegen.ik._kernels.secondary import project_secondary
@@ -32,7 +34,8 @@ def propose(memory: SolverMemory) -> bool:
     still = aim_tasks(memory)
     if memory.tasks_are_suspended != 0:
         memory.active_rows = 0
-    memory.task_distance = tasks_left(memory)
+        memory.level_end[:] = 0
+    memory.task_distance = tasks_left(memory, 0)
     if memory.mobility == 0:
         return False
     if memory.rows > 0:
@@ -48,20 +51,26 @@ def propose(memory: SolverMemory) -> bool:
         solve_damped(memory)
     to_joints(memory, memory.free_step, step)
     had_secondary = memory.has_secondary != 0
-    if had_secondary and not project_secondary(memory):
+    if memory.parts == 0 and had_secondary and not project_secondary(memory):
         memory.has_secondary = 0
     keep_limits(memory, _ticks_left(memory) if still else math.inf)
     largest, to_win, rest = _largest(step), 0.0, REST * memory.gain
-    if largest < rest and p > 0 and memory.has_secondary == 0 and memory.task_distance > ARRIVED * ARRIVED:
+    if _first_speed(memory) < rest and p > 0 and memory.task_distance > ARRIVED * ARRIVED:
+        copy(step, memory.spare, n)
         to_win = nudge(memory)
         if to_win > 0.0:
-            memory.is_nudged = 1
+            memory.is_nudged, memory.has_spare = 1, 1 if memory.has_secondary != 0 and largest > 0.0 else 0
             largest = _largest(step)
+        elif memory.has_secondary != 0:
+            copy(memory.spare, step, n)
     if not largest > 0.0:
         return False
     memory.factors_gap = largest
     scale = memory.report[SPEED_SCALE]
-    _scale_turns(memory, still)
+    if memory.parts > 0:
+        memory.turn_scale = 1.0
+    else:
+        _scale_turns(memory, still)
     if memory.turn_scale < 1.0:
         scale *= memory.turn_scale
         for j in range(n):
@@ -71,16 +80,34 @@ def propose(memory: SolverMemory) -> bool:
     predict_gain(memory)
     if memory.is_nudged != 0:
         memory.promised = to_win * math.sqrt(2.0 * memory.task_distance)
-    memory.is_refined = 1 if _can_be_refined(memory, had_secondary) else 0
-    if memory.is_refined != 0 and scale < 1.0:  # this tick corrects less of them
+    memory.is_refined = 1 if can_be_refined(memory, had_secondary) else 0
+    if memory.parts > 0:
+        promise(memory)
+        find_corrected(memory)
+    elif memory.is_refined != 0 and scale < 1.0:  # this tick corrects less of them
         for i in range(p):
             wanted[i] *= scale
     return True
 
 
 @compiled
+def _first_speed(memory: SolverMemory) -> float:
+    """Return the largest motion of a joint by the tasks of the first level."""
+    if memory.parts > 0:
+        memory.first_speed = _largest(memory.level_part[0])
+        return memory.first_speed
+    if memory.has_secondary == 0:
+        return _largest(memory.step)
+    largest = 0.0
+    for j in range(memory.n):
+        largest = max(largest, abs(memory.step[j] - memory.secondary[j]))
+    return largest
+
+
+@compiled
 def _begin(memory: SolverMemory) -> None:
     memory.ticks += 1
+    memory.level_tries, memory.has_spare, memory.first_speed = 0, 0, 0.0
     memory.tries, memory.closes, memory.sweeps, memory.is_nudged, memory.clear_part = 0, 0, 0, 0, 1.0
     memory.found_by = SVD
     memory.sigma, memory.promised = math.inf, 0.0
@@ -99,9 +126,12 @@ def _largest(step: Array) -> float:
 
 
 @compiled
-def _can_be_refined(memory: SolverMemory, had_secondary: bool) -> bool:
+def can_be_refined(memory: SolverMemory, had_secondary: bool) -> bool:
     """Return whether tasks can be corrected together with the loops, or with a secondary step: no limit restricts them
-    and no damping acts."""
+    and no damping acts. The first of several levels can be, to what the step promises, unless a velocity limit
+    restricts it: then it is far from its targets, and corrections would exceed the limit."""
+    if memory.parts > 0:
+        return memory.is_nudged == 0 and memory.report[SPEED_SCALE] == 1.0
     scaled = memory.rank == 0 or memory.report[SPEED_SCALE] != 1.0
     if (scaled and not had_secondary) or memory.active_rows == 0 or memory.is_nudged != 0:
         return False
@@ -135,6 +165,8 @@ def is_sure(memory: SolverMemory) -> bool:
     """Return whether the trial can be accepted without evaluation: no loop, limit or singularity is involved, and the
     second-order error of the step is far less than the reduction of the error."""
     if memory.found_by == SVD or memory.rows > 0 or memory.active_rows == 0 or memory.is_guarded != 0:
+        return False
+    if memory.parts > 0 or memory.has_given != 0:
         return False
     total, largest = 0.0, 0.0
     for j in range(memory.n):

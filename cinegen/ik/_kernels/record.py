@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 
 from cinegen.ik._kernels import memory as m
+from cinegen.ik._kernels.levels import keep_parts
 from cinegen.ik._kernels.memory import SVD, SolverMemory, task_at
 from cinegen.ik._kernels.tasks import measure
 from cinegen.ik.thresholds import (
@@ -16,6 +17,7 @@ from cinegen.ik.thresholds import (
     DETOUR,
     FOLLOWING,
     IDLE,
+    NO_FREEDOM,
     OUT_OF_REACH,
     REFUSED,
     REST,
@@ -23,6 +25,7 @@ from cinegen.ik.thresholds import (
     TRIES,
 )
 from cinegen.jit.compiled import compiled
+from cinegen.jit.vectors import copy
 from cinegen.loops.thresholds import AT_SINGULAR
 
 
@@ -34,6 +37,9 @@ def finish(memory: SolverMemory, accepted: bool, is_sure: bool) -> None:
     if is_sure:
         memory.is_at_q = 0
     left, active = _record_tasks(memory, accepted)
+    if memory.parts > 0:
+        keep_parts(memory, accepted)
+        fastest = min(fastest, memory.first_speed)
     smallest = _record_singular_values(memory)
     saturated, barred = _record_limits(memory)
     if accepted:
@@ -58,6 +64,8 @@ def finish(memory: SolverMemory, accepted: bool, is_sure: bool) -> None:
         status = SINGULAR
     else:
         status = FOLLOWING
+    if memory.parts > 0:
+        status = _record_levels(memory, status, smallest, accepted)
     report[m.STATUS] = status
     report[m.CLOSURE] = memory.closure if memory.rows > 0 else 0.0
     report[m.TASK_RANK] = min(memory.task_rank, memory.active_rows, memory.mobility)
@@ -92,30 +100,37 @@ def _accept(memory: SolverMemory, accepted: bool) -> float:
 
 @compiled
 def _record_tasks(memory: SolverMemory, accepted: bool) -> tuple[float, int]:
-    """Record the tasks; return the largest error, dimensionless, and how many of them are active."""
+    """Record the tasks; return the largest error of the first level, dimensionless, and how many are active."""
     row, left, active = 0, 0.0, 0
     for i in range(memory.tasks):
-        task, errors, kept = task_at(memory.task_handles[i]), memory.record_errors[i], memory.record_tasks[i]
+        task = task_at(memory.task_handles[i])
+        place = task.place
+        errors, kept = memory.record_errors[place], memory.record_tasks[place]
         for k in range(3):
             for c in range(4):
-                memory.record_aims[i, c, k] = task.aim[c, k]
+                memory.record_aims[place, c, k] = task.aim[c, k]
             for c in range(3):
-                memory.record_axes[i, c, k] = task.world_axes[c, k]
+                memory.record_axes[place, c, k] = task.world_axes[c, k]
         kept[0], kept[1] = task.weight, task.is_active
         for a in range(6):
             kept[2 + a] = 0.0
-        for k in range(task.translation + task.rotation):
-            kept[2 + task.row_axis[k]] = task.row_weight[k]
+        if task.given == 0:
+            for k in range(task.translation + task.rotation):
+                kept[2 + task.row_axis[k]] = task.row_weight[k]
         if task.is_active == 0:
             errors[0] = errors[1] = math.nan
             continue
         if not accepted:  # the errors are those at the beginning
             measure(task, memory.error[row:], memory.length)
+        elif task.given > 0:
+            copy(task.given_error, task.kept_error, task.given)
         row += task.translation + task.rotation
         active += 1
         errors[0], errors[1] = task.distance, task.angle
         error = max(task.distance / memory.length, task.angle)
-        left = max(left, error)
+        task.remaining = error
+        if task.level == 0:
+            left = max(left, error)
         task.is_followed = 1 if task.is_twist != 0 and error < 1e-3 else 0
     return left, active
 
@@ -137,8 +152,52 @@ def _record_limits(memory: SolverMemory) -> tuple[bool, int]:
     saturated, barred = False, 0
     for j in range(memory.n):
         memory.record_stopped[memory.fixed + j] = memory.stopped[j]
+        if memory.parts > 0 and memory.stopped[j] == 0.0:
+            memory.record_stopped[memory.fixed + j] = memory.level_stopped[j]
         saturated = saturated or memory.stopped[j] != 0.0
     for b in range(memory.barriers):
         if memory.stopped[memory.n + b] != 0.0:
             barred |= 1 << min(b, m.MOST_FLAGS)
     return saturated, barred
+
+
+@compiled
+def _record_levels(memory: SolverMemory, first: int, smallest: float, accepted: bool) -> int:
+    """Record status and smallest singular value of each level; return the first status that is not FOLLOWING.
+
+    Args:
+        memory: at the end of a tick.
+        first: status of the first level, or one of all levels.
+        smallest: singular value of the first level.
+        accepted: the mechanism moved.
+    """
+    found = first
+    memory.record_levels[0, 0], memory.record_levels[0, 1] = first, smallest
+    for level in range(1, memory.levels):
+        status = first
+        if first != BAD_TARGET and first != REFUSED and first != DETOUR:
+            status = _status_of(memory, level, accepted)
+        memory.record_levels[level, 0], memory.record_levels[level, 1] = status, memory.level_sigma[level]
+        if found == FOLLOWING:
+            found = status
+    return found
+
+
+@compiled
+def _status_of(memory: SolverMemory, level: int, accepted: bool) -> int:
+    left, fastest = 0.0, 0.0
+    for i in range(memory.tasks):
+        task = task_at(memory.task_handles[i])
+        if task.level == level and task.is_active != 0:
+            left = max(left, task.remaining)
+    for j in range(memory.n):
+        fastest = max(fastest, abs(memory.moved[j]))
+    if left <= ARRIVED:
+        return FOLLOWING
+    if memory.level_freedom[level] <= 0 or memory.level_rank[level] == 0:
+        return NO_FREEDOM
+    if memory.level_limit[level] >= 0:
+        return int(memory.level_limit[level])
+    if fastest < REST * memory.gain or not accepted:
+        return OUT_OF_REACH
+    return SINGULAR if memory.level_sigma[level] < memory.damping_threshold else FOLLOWING

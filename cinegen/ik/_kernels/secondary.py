@@ -87,7 +87,7 @@ def _bound_secondary(memory: SolverMemory) -> bool:
         return False
     for i in range(width):
         to_joints(memory, axes[first + i], memory.fresh)
-        _write_orthonormal(memory, i)
+        write_orthonormal(memory, i)
         x[i] = 0.0
         for c in range(memory.n):
             x[i] += g[c, i] * memory.secondary[c]
@@ -107,7 +107,7 @@ def _bound_secondary(memory: SolverMemory) -> bool:
 
 
 @compiled
-def _write_orthonormal(memory: SolverMemory, i: int) -> None:
+def write_orthonormal(memory: SolverMemory, i: int) -> None:
     """Write the part of `fresh` that is orthogonal to the columns of `normals` before the i-th, with length 1, into
     that column."""
     n, g, fresh = memory.n, memory.normals, memory.fresh

@@ -12,6 +12,7 @@ from cinegen.jit.foreign import frame_at
 from cinegen.jit.se3 import combine, compose, dot
 from cinegen.jit.vectors import copy
 
+_SAME = 1e-13  # rad or lengths: rounding of an error that is evaluated twice
 FURTHEST = 1e100  # m: targets are clipped to this, so that no square overflows
 
 
@@ -31,11 +32,11 @@ def is_rotation(target: Array) -> bool:
 def read_tasks(memory: TasksMemory) -> bool:
     """Read which tasks are valid. Return False if their rank is not known."""
     signature = 0
-    memory.heaviest = 0.0
+    memory.heaviest[:] = 0.0
     for i in range(memory.tasks):
         task = task_at(memory.task_handles[i])
         good = task.is_valid != 0
-        if good:
+        if good and task.given == 0:
             target = frame_at(task.target)
             for c in range(4):
                 for k in range(3):
@@ -44,7 +45,10 @@ def read_tasks(memory: TasksMemory) -> bool:
         task.is_active = 1 if good else 0
         if good:
             signature |= 1 << (i % 62)
-            memory.heaviest = max(memory.heaviest, task.weight)
+            memory.heaviest[task.level] = max(memory.heaviest[task.level], task.weight)
+    for i in range(memory.tasks):
+        task = task_at(memory.task_handles[i])
+        task.share = task.weight / memory.heaviest[task.level]
     if signature != memory.signature:
         memory.signature = signature
         return False
@@ -55,26 +59,25 @@ def read_tasks(memory: TasksMemory) -> bool:
 def aim_tasks(memory: TasksMemory) -> bool:
     """Compute the target of each task in this tick, its error and rows. Return whether no target has moved."""
     row, still = 0, True
-    error, wanted, frame = memory.error, memory.wanted, memory.ends[0]
+    error, wanted = memory.error, memory.wanted
+    memory.level_end[:] = 0
     for i in range(memory.tasks):
         task = task_at(memory.task_handles[i])
         if task.is_active == 0:
             continue
-        compose(memory.frames[task.joint], task.offset, frame)
-        target = frame_at(task.target)
-        _find_axes(memory, task, target)
-        if task.is_twist != 0:
-            still = False
-            _advance(memory, task)
+        if task.given > 0:
+            is_still = _is_unmoved(task)
+            copy(task.given_error, error[row:], task.given)
         else:
-            for c in range(4):
-                for k in range(3):
-                    still = still and task.aim[c, k] == target[c, k]
-                    task.aim[c, k] = target[c, k]
-        _find_error(memory, task, error[row:])
+            is_still = _aim(memory, task)
+            _find_error(memory, task, error[row:])
+        still = still and (is_still or task.level > 0)
         for k in range(task.translation + task.rotation):
-            memory.row_weights[row + k] = task.weight / memory.heaviest * task.row_weight[k]
-        _find_rows(memory, task, memory.row_weights[row:], memory.task_jacobian[row:])
+            memory.row_weights[row + k] = task.share * task.row_weight[k]
+        if task.given > 0:
+            _take_rows(memory, task, row)
+        else:
+            _find_rows(memory, task, memory.row_weights[row:], memory.task_jacobian[row:])
         measure(task, error[row:], memory.length)
         gain = 1.0 if task.is_twist != 0 else memory.gain
         linear = gain * min(1.0, ERROR_CAP / max(task.linear, 1e-300))
@@ -84,19 +87,59 @@ def aim_tasks(memory: TasksMemory) -> bool:
                 memory.row_weights[row + k] * error[row + k] * (linear if k < task.translation else angular)
             )
         row += task.translation + task.rotation
-    memory.active_rows = row
+        memory.level_end[task.level] = row
+        task.is_still = 1 if is_still else 0
+    for level in range(1, memory.levels):
+        memory.level_end[level] = max(memory.level_end[level], memory.level_end[level - 1])
+    memory.active_rows = memory.level_end[0]
     return still
 
 
 @compiled
-def tasks_left(memory: TasksMemory) -> float:
-    """Return the cost whose gradient the capped errors are: half the squared error up to the cap, linear beyond
-    (Huber), from the distances in the tasks."""
+def _aim(memory: TasksMemory, task: TaskMemory) -> bool:
+    """Compute the target and the axes of a task in this tick; its frame becomes ends[0]. Return whether the target has
+    not moved."""
+    compose(memory.frames[task.joint], task.offset, memory.ends[0])
+    target = frame_at(task.target)
+    _find_axes(memory, task, target)
+    if task.is_twist != 0:
+        _advance(memory, task)
+        return False
+    still = True
+    for c in range(4):
+        for k in range(3):
+            still = still and task.aim[c, k] == target[c, k]
+            task.aim[c, k] = target[c, k]
+    return still
+
+
+@compiled
+def _is_unmoved(task: TaskMemory) -> bool:
+    """Return whether a task whose error Python gives has the same as at the end of the last tick, where the mechanism
+    still is: its target has not moved, then."""
+    still = True
+    for k in range(task.given):
+        still = still and abs(task.given_error[k] - task.kept_error[k]) <= _SAME
+    copy(task.given_error, task.kept_error, task.given)
+    return still
+
+
+@compiled
+def _take_rows(memory: TasksMemory, task: TaskMemory, row: int) -> None:
+    for k in range(task.given):
+        for j in range(memory.n):
+            memory.task_jacobian[row + k, j] = memory.row_weights[row + k] * task.given_rows[k, j]
+
+
+@compiled
+def tasks_left(memory: TasksMemory, level: int) -> float:
+    """Return the cost of a level whose gradient the capped errors are: half the squared error up to the cap, linear
+    beyond (Huber), from the distances in the tasks."""
     total = 0.0
     for i in range(memory.tasks):
         task = task_at(memory.task_handles[i])
-        if task.is_active != 0:
-            weight = task.weight / memory.heaviest
+        if task.is_active != 0 and task.level == level:
+            weight = task.share
             a, b = min(task.linear, ERROR_CAP), min(task.angular, ERROR_CAP)
             total += weight * weight * (a * (task.linear - 0.5 * a) + b * (task.angular - 0.5 * b))
     return total
@@ -104,16 +147,20 @@ def tasks_left(memory: TasksMemory) -> float:
 
 @compiled
 def try_tasks(memory: TasksMemory) -> float:
-    """Return `tasks_left` at the present frames of the joints; errors are written to `trial_error`."""
+    """Return `tasks_left` of the first level at the present frames of the joints; all errors are written to
+    `trial_error`."""
     row = 0
     for i in range(memory.tasks):
         task = task_at(memory.task_handles[i])
         if task.is_active != 0:
-            compose(memory.frames[task.joint], task.offset, memory.ends[0])
-            _find_error(memory, task, memory.trial_error[row:])
+            if task.given > 0:
+                copy(task.given_error, memory.trial_error[row:], task.given)
+            else:
+                compose(memory.frames[task.joint], task.offset, memory.ends[0])
+                _find_error(memory, task, memory.trial_error[row:])
             measure(task, memory.trial_error[row:], memory.length)
             row += task.translation + task.rotation
-    return tasks_left(memory)
+    return tasks_left(memory, 0)
 
 
 @compiled

@@ -6,8 +6,8 @@ from cinegen.ik._kernels.memory import STATUS, SolverMemory
 from cinegen.ik._kernels.proposal import is_sure, propose
 from cinegen.ik._kernels.record import finish
 from cinegen.ik._kernels.tasks import read_tasks
-from cinegen.ik._kernels.trial import guard, set_out, try_step
-from cinegen.ik.thresholds import BEGIN, DONE, GUARD, PROPOSED, RANK_NEEDED, REFUSED, REJECTED
+from cinegen.ik._kernels.trial import guard, judge_given, set_out, try_step
+from cinegen.ik.thresholds import BEGIN, DONE, GUARD, JUDGE, PROPOSED, RANK_NEEDED, REFUSED, REJECTED
 from cinegen.jit.compiled import compiled, entry
 from cinegen.loops._kernels.kinematics import evaluate
 from cinegen.loops._kernels.screws import find_screws
@@ -19,8 +19,9 @@ def tick(memory: SolverMemory) -> int:
 
     Returns:
         DONE; REJECTED if it is done and its status is REFUSED; or what is needed before the next call: RANK_NEEDED,
-        `task_rank` of the tasks in `signature`; CLEARANCE_NEEDED, `clear_part` of the path to `trial`; PROPOSED,
-        nothing: the step may be inspected.
+        `task_rank` and `level_rank` of the tasks in `signature`; CLEARANCE_NEEDED, `clear_part` of the path to
+        `trial`; ERRORS_NEEDED, `given_error` at `trial`, where the joints are evaluated; PROPOSED, nothing: the step
+        may be inspected.
     """
     request = _continue(memory)
     return REJECTED if request == DONE and memory.report[STATUS] == REFUSED else request
@@ -46,6 +47,8 @@ def _continue(memory: SolverMemory) -> int:
             return PROPOSED
     if memory.phase == GUARD:
         return guard(memory)
+    if memory.phase == JUDGE:
+        return judge_given(memory)
     memory.phase = BEGIN
     return _make_step(memory)
 

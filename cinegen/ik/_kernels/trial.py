@@ -8,24 +8,36 @@ from cinegen.ik._kernels.bounds import TOUCH
 from cinegen.ik._kernels.decomposition import (
     add_solution,
     find_basis,
+    find_corrected,
     find_singular_values,
     predict_gain,
     reach_of,
     to_joints,
 )
+from cinegen.ik._kernels.levels import (
+    correct_lower,
+    find_lower_lack,
+    promise,
+    scale_parts,
+    shorten_levels,
+)
 from cinegen.ik._kernels.limits import must_go_back
 from cinegen.ik._kernels.memory import SVD_UNLOCKED, SolverMemory
+from cinegen.ik._kernels.proposal import can_be_refined
 from cinegen.ik._kernels.record import finish
 from cinegen.ik._kernels.tasks import try_tasks
 from cinegen.ik.thresholds import (
     ARMIJO,
+    BEGIN,
     BRAKINGS,
     CLEARANCE_NEEDED,
     CORRECTIONS,
     DONE,
+    ERRORS_NEEDED,
     EXACT,
     FULL,
     GUARD,
+    JUDGE,
     LEAST_SCALE,
     NOISE,
     SECONDARY_TRIES,
@@ -77,13 +89,24 @@ def _move(memory: SolverMemory) -> None:
 
 @compiled
 def try_step(memory: SolverMemory) -> int:
-    """Try the step, shortened until it is accepted; return DONE or CLEARANCE_NEEDED."""
+    """Try the step, shortened until it is accepted; return DONE, ERRORS_NEEDED or CLEARANCE_NEEDED."""
     request = _AGAIN
     while request == _AGAIN:
         evaluate(memory, memory.trial)
         memory.is_at_q = 0
+        if memory.has_given != 0:
+            memory.phase = JUDGE
+            return ERRORS_NEEDED
         request = _judge(memory)
     return request
+
+
+@compiled
+def judge_given(memory: SolverMemory) -> int:
+    """Judge a trial for which Python has given errors."""
+    memory.phase = BEGIN
+    request = _judge(memory)
+    return try_step(memory) if request == _AGAIN else request
 
 
 @compiled
@@ -129,9 +152,7 @@ def _judge(memory: SolverMemory) -> int:
             return _shorten(memory, 0.5)
         else:
             memory.is_refined = 0  # the corrections of the tasks do not know the limits
-            if memory.factored_at == AT_TRIAL:
-                memory.factored_at = NOWHERE
-            set_out(memory)
+            _set_out_again(memory)
             return _AGAIN
     if added > CORRECTION * size + CLOSURE:
         return _shorten(memory, 0.5)
@@ -143,11 +164,21 @@ def _judge(memory: SolverMemory) -> int:
     forced = forced or (promised <= 0.0 and must_go_back(memory))  # at a cost for the tasks
     if memory.active_rows > 0 and not forced and won < ARMIJO * promised - noise:
         return _shorten(memory, min(max(0.5 * promised / (promised - won), 0.1), 0.7))  # minimum of a parabola
+    if memory.parts > 0 and memory.is_nudged == 0 and not last_try and shorten_levels(memory):
+        _set_out_again(memory)
+        return _AGAIN
     if memory.is_guarded != 0:
         memory.phase = GUARD
         return CLEARANCE_NEEDED
     finish(memory, True, False)
     return DONE
+
+
+@compiled
+def _set_out_again(memory: SolverMemory) -> None:
+    if memory.factored_at == AT_TRIAL:
+        memory.factored_at = NOWHERE
+    set_out(memory)
 
 
 @compiled
@@ -172,9 +203,7 @@ def _brake_again(memory: SolverMemory) -> None:
         factor = min(max(wanted / memory.moved[worst], 0.9), 1.1)
         for j in range(memory.n):
             memory.attempted[j] *= factor
-    if memory.factored_at == AT_TRIAL:
-        memory.factored_at = NOWHERE
-    set_out(memory)
+    _set_out_again(memory)
 
 
 @compiled
@@ -201,6 +230,10 @@ def _find_lack(memory: SolverMemory) -> float:
     """Set `trial_error` to the errors that remain of those to be corrected in this tick; return the largest component
     that can be corrected."""
     lack = memory.trial_error
+    if memory.parts > 0:
+        for i in range(memory.level_end[memory.levels - 1]):
+            lack[i] = memory.row_weights[i] * (lack[i] - memory.error[i]) + memory.aimed[i]
+        return max(reach_of(memory, lack), find_lower_lack(memory))
     for i in range(memory.active_rows):
         lack[i] = memory.row_weights[i] * (lack[i] - memory.error[i]) + memory.wanted[i]
     return reach_of(memory, lack)
@@ -225,6 +258,8 @@ def _correct(memory: SolverMemory) -> None:
             to_joints(memory, memory.free_step, memory.fresh)
             for j in range(memory.n):
                 correction[j] += memory.fresh[j]
+            if memory.parts > 0:
+                correct_lower(memory, is_locked)
     cut_correction(memory)
     _move(memory)
 
@@ -234,7 +269,7 @@ def _leave_out_locked(memory: SolverMemory) -> bool:
     """Decompose the tasks again without locked joints; return False if they are singular then."""
     if memory.is_singular != 0:
         return False
-    for i in range(memory.active_rows):
+    for i in range(memory.level_end[memory.levels - 1]):
         for j in range(memory.n):
             if memory.locked[j] != 0.0:
                 memory.task_jacobian[i, j] = 0.0
@@ -244,6 +279,9 @@ def _leave_out_locked(memory: SolverMemory) -> bool:
         return True
     find_singular_values(memory)
     memory.found_by = SVD_UNLOCKED
+    if memory.parts > 0:
+        find_corrected(memory)
+        return True
     if rank > 0 and memory.squares[rank - 1] >= memory.damping_threshold * memory.damping_threshold:
         return True
     memory.is_refined = 0
@@ -273,6 +311,9 @@ def _shorten(memory: SolverMemory, part: float) -> int:
     has_secondary, accelerated = memory.has_secondary != 0, memory.has_acceleration_limits != 0
     attempted, secondary, braking = memory.attempted, memory.secondary, memory.braking
     memory.tries += 1
+    if memory.is_nudged != 0 and memory.has_spare != 0:
+        _make_spare_step(memory)
+        return _AGAIN
     if memory.tries >= _most_tries(memory) or memory.is_nudged != 0:
         finish(memory, False, False)
         return DONE
@@ -282,6 +323,7 @@ def _shorten(memory: SolverMemory, part: float) -> int:
             attempted[j] -= (1.0 - spare) * secondary[j]
             secondary[j] *= spare
         memory.secondary_scale = max(spare * memory.secondary_scale, LEAST_SCALE)
+        scale_parts(memory, spare, True)
     else:
         last_try = accelerated and memory.tries == _most_tries(memory) - 1
         if last_try:
@@ -294,10 +336,21 @@ def _shorten(memory: SolverMemory, part: float) -> int:
             for i in range(cluster.n):  # which may be more than what closed the loops
                 attempted[cluster.dof[i]] += memory.drift[cluster.dof[i]]
         memory.promised *= part
+        scale_parts(memory, part, False)
         if accelerated:
             predict_gain(memory)
         memory.is_refined = 0
-    if memory.factored_at == AT_TRIAL:
-        memory.factored_at = NOWHERE
-    set_out(memory)
+    _set_out_again(memory)
     return _AGAIN
+
+
+@compiled
+def _make_spare_step(memory: SolverMemory) -> None:
+    """Set out with the step that an escape from a singularity replaced, since that failed."""
+    memory.is_nudged, memory.has_spare, memory.tries, memory.clear_part = 0, 0, 0, 1.0
+    copy(memory.spare, memory.attempted, memory.n)
+    predict_gain(memory)
+    memory.is_refined = 1 if memory.parts > 0 or can_be_refined(memory, True) else 0
+    if memory.parts > 0:
+        promise(memory)
+    _set_out_again(memory)
