@@ -15,6 +15,7 @@ from cinegen.ik.state import State
 from cinegen.ik.task import FrameTask, checked_priority
 from cinegen.jit.foreign import address
 
+_VALID = TaskMemory.fields["is_valid"].slot
 _STEP = 1e-6  # rad or lengths: of the difference by which a Jacobian's sign is checked
 
 
@@ -66,38 +67,39 @@ class GivenTask:
 
     def __init__(self, task: Task, state: State) -> None:
         self.task, self.memory = task, TaskMemory()
+        self._words = self.memory.words
         self.changed: Callable[[], None] = lambda: None
         self.memory.own_target[:3] = np.eye(3)
         self.memory.target = address(self.memory.own_target)
         self.priority = checked_priority(task.priority)
-        checked_weight(task.weight)
-        error = _checked_error(task.error(state), None)
-        rows = len(error)
-        if not rows:
-            raise CinegenError(f"{task!r}: error(state) is empty: return at least one row")
+        error = np.asarray(task.error(state), dtype=float)
+        if error.ndim != 1 or not len(error):
+            raise CinegenError(f"{task!r}: error(state) returned shape {error.shape}: return (m,), m > 0")
+        rows, nv = len(error), state.model.nv
         units = _units(task, rows)
-        self._order = np.argsort([unit == "rad" for unit in units], kind="stable")  # lengths come first
-        self._scale = np.array([1.0 if unit == "rad" else 1.0 / state.mechanism.length for unit in units])[self._order]
-        jacobian = _checked_jacobian(task.jacobian(state), (rows, state.model.nv))
-        self._check_sign(state, error, jacobian)
-        lengths = sum(unit == "m" for unit in units)
+        angles = [unit == "rad" for unit in units]
+        self._order = np.argsort(angles, kind="stable")  # lengths come first
+        self._is_ordered = bool((np.diff(self._order) > 0).all())
+        self._scale = np.where(angles, 1.0, 1.0 / state.mechanism.length)[self._order]
+        self._shape, self._columns = (rows, nv), state.mechanism.scale
         memory = self.memory
-        memory.resize(weighed=rows, given=rows, n=state.model.nv)
-        memory.translation, memory.rotation, memory.row_weight[:] = lengths, rows - lengths, 1.0
-        self._columns = state.mechanism.scale
-        self._is_good = True
+        memory.resize(weighed=rows, given=rows, n=nv)
+        memory.translation, memory.rotation, memory.row_weight[:] = rows - sum(angles), sum(angles), 1.0
+        self._factor, self._weight = self._scale[:, None] * self._columns, math.nan
+        self.evaluate(state)
+        self._check_sign(state)
 
     def __repr__(self) -> str:
         return repr(self.task)
 
     def is_valid(self) -> bool:
         """Return whether the last evaluation succeeded."""
-        return self._is_good
+        return bool(self._words[_VALID])
 
     @property
     def rows(self) -> int:
         """Number of equations."""
-        return int(self.memory.given)
+        return self._shape[0]
 
     def evaluate(self, state: State) -> None:
         """Evaluate the task at the beginning of a tick.
@@ -106,35 +108,42 @@ class GivenTask:
             Exception: any of the task's own, or one that says what is wrong with what it returned; the task is left out
                 of the tick.
         """
-        memory = self.memory
-        memory.is_valid, self._is_good = 0, False
-        priority = checked_priority(self.task.priority)
-        if priority != self.priority:
-            self.priority = priority
+        task = self.task
+        self._words[_VALID] = 0
+        if task.priority != self.priority:
+            self.priority = checked_priority(task.priority)
             self.changed()
-        memory.weight = checked_weight(self.task.weight)
+        if task.weight != self._weight:
+            self._weight = self.memory.weight = checked_weight(task.weight)
         self.evaluate_error(state)
-        rows = _checked_jacobian(self.task.jacobian(state), (self.rows, state.model.nv))[self._order]
-        memory.given_rows[:] = rows[:, len(self._columns) - memory.n :] * self._columns * self._scale[:, None]
-        memory.is_valid, self._is_good = 1, True
+        rows = np.asarray(task.jacobian(state), dtype=float)
+        if rows.shape != self._shape:
+            raise CinegenError(f"jacobian(state) returned shape {rows.shape}: return {self._shape}")
+        given = self.memory.given_rows
+        np.multiply(rows if self._is_ordered else rows[self._order], self._factor, out=given)
+        if not math.isfinite(np.vdot(given, given)):
+            raise CinegenError("jacobian(state) is not finite")
+        self._words[_VALID] = 1
 
     def evaluate_error(self, state: State) -> None:
         """Evaluate the error only, at a configuration that a tick tries."""
-        error = _checked_error(self.task.error(state), self.rows)
-        self.memory.given_error[:] = -error[self._order] * self._scale
+        error, given = np.asarray(self.task.error(state), dtype=float), self.memory.given_error
+        if error.shape != given.shape:
+            raise CinegenError(f"error(state) returned shape {error.shape}: return {given.shape}")
+        np.multiply(error if self._is_ordered else error[self._order], -self._scale, out=given)
+        if not math.isfinite(np.vdot(given, given)):
+            raise CinegenError("error(state) is not finite")
 
-    def _check_sign(self, state: State, error: Array, jacobian: Array) -> None:
+    def _check_sign(self, state: State) -> None:
         """Compare the Jacobian with a difference of errors: the opposite sign is a mistake that no tick can mend."""
+        mechanism, given = state.mechanism, self.memory.given_error
         direction = np.cos(np.arange(1.0, state.model.nv + 1.0))
-        system = state.mechanism.system
-        ahead = system.integrate(state.q, _STEP * direction)
-        found = (_checked_error(self.task.error(State(state.mechanism, ahead, state.dt)), len(error)) - error) / _STEP
-        told = jacobian @ (direction * state.mechanism.scale)
-        size = float(np.linalg.norm(told))
+        before, told = given.copy(), self.memory.given_rows @ direction
+        ahead = mechanism.system.integrate(state.q, _STEP * direction)
+        self.evaluate_error(State(mechanism, ahead, state.dt))
+        found, size = (before - given) / _STEP, float(np.linalg.norm(told))
         if size > 1e-3 and np.linalg.norm(found + told) < 1e-2 * size:
-            raise CinegenError(
-                f"{self.task!r}: jacobian(state) has the opposite sign: return the derivative of the error"
-            )
+            raise CinegenError(f"{self.task!r}: jacobian(state) has the wrong sign: return the derivative of the error")
 
 
 AnyTask: TypeAlias = FrameTask | GivenTask
@@ -148,7 +157,6 @@ def rows_of(task: Task, state: State) -> Array:
         Exception: any of the task's own, or one that says what is wrong with what it returned.
     """
     found = np.asarray(task.jacobian(state), dtype=float)
-    _checked_jacobian(found, (len(found), state.model.nv))
     scale = np.array([1.0 if unit == "rad" else 1.0 / state.mechanism.length for unit in _units(task, len(found))])
     return np.asarray(found * state.mechanism.scale * scale[:, None])
 
@@ -174,22 +182,3 @@ def _units(task: Task, rows: int) -> Sequence[str]:
     if len(units) != rows or not set(units) <= {"m", "rad"}:
         raise CinegenError(f"{task!r}: unit is 'm' or 'rad', or one of these for each of {rows} rows, not {unit!r:.80}")
     return units
-
-
-def _checked_error(error: ArrayLike, rows: int | None) -> Array:
-    found = np.asarray(error, dtype=float)
-    if found.ndim != 1 or (rows is not None and len(found) != rows):
-        wanted = "(m,)" if rows is None else (rows,)
-        raise CinegenError(f"error(state) returned shape {found.shape}: return {wanted}")
-    if not np.isfinite(found).all():
-        raise CinegenError("error(state) is not finite")
-    return found
-
-
-def _checked_jacobian(jacobian: ArrayLike, shape: tuple[int, int]) -> Array:
-    found = np.asarray(jacobian, dtype=float)
-    if found.shape != shape:
-        raise CinegenError(f"jacobian(state) returned shape {found.shape}: return {shape}")
-    if not np.isfinite(found).all():
-        raise CinegenError("jacobian(state) is not finite")
-    return found

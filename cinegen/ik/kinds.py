@@ -32,9 +32,10 @@ def _point(value: Any) -> Array:
 
 def _direction(value: Any) -> Array:
     found = np.array(value, dtype=float).reshape(3)
-    found /= np.abs(found).max()
-    found = _point(found / np.linalg.norm(found))
-    return found
+    largest = float(np.abs(found).max())
+    if not 0.0 < largest < math.inf:
+        raise ValueError
+    return _point(found / largest / np.linalg.norm(found / largest))
 
 
 def _pose(value: Any) -> pin.SE3:
@@ -128,9 +129,8 @@ class _Kind:
 
     def __setattr__(self, name: str, value: Any) -> None:
         if name not in (*self._own, "priority", "weight"):
-            raise AttributeError(
-                f"{type(self).__name__} has no attribute '{name}' that can be set: {', '.join(self._own)}"
-            )
+            own = ", ".join((*self._own, "priority", "weight"))
+            raise AttributeError(f"{type(self).__name__} has no attribute '{name}' that can be set; it has {own}")
         convert, what = _FIELDS[name]
         try:
             object.__setattr__(self, name, convert(value))
@@ -236,6 +236,8 @@ class CenterOfMass(_Kind):
     def error(self, state: State) -> Array:
         """Return the distance from the position along the axes, m."""
         centre = pin.centerOfMass(state.model, state.data, state.q, False)
+        if not np.isfinite(centre).all():
+            raise CinegenError(f"{state.mechanism.name} has no masses, and no centre of mass: give its links masses")
         return np.asarray((centre - self.position)[self._rows])
 
     def jacobian(self, state: State) -> Array:

@@ -80,7 +80,7 @@ class Range:
         if self._step > 0.0:
             bend = (after - before - rows @ step) / self._step
             self._bend = np.maximum(self._bend, np.maximum(bend, 0.0))
-        beyond = after > np.maximum(before, 0.0) + _TOLERANCE
+        beyond = after > np.maximum(before, _TOLERANCE)
         parts = (_TOLERANCE - before[beyond]) / (after[beyond] - before[beyond])
         return float(np.clip(parts, 0.0, 1.0).min(initial=1.0))
 

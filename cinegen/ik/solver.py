@@ -436,7 +436,7 @@ class Solver:
             return
         if not (isinstance(task, FrameTask) or is_task(task)):
             raise CinegenError(f"remove_task takes a task that add_task returned, not {task!r:.80}")
-        if seconds != 0.0 and task in self._tasks:
+        if seconds != 0.0 and any(task is own for own in self.tasks):
             if not isinstance(task, FrameTask):
                 raise CinegenError("the weight of a task in Python can't fade: leave out seconds")
             self.blend(task, seconds=seconds, weight=0.0)

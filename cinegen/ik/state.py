@@ -11,6 +11,11 @@ import pinocchio as pin
 from cinegen.arrays import Array, ArrayLike
 from cinegen.joints import kinematic_data
 from cinegen.model import Mechanism
+from raff2urdf.residual import skew
+
+_ALIGNED = pin.ReferenceFrame.LOCAL_WORLD_ALIGNED
+_CROSS = -np.stack([skew(axis) for axis in np.eye(3)], axis=-1)
+"""(_CROSS @ r) @ w = w x r."""
 
 
 class State:
@@ -89,12 +94,14 @@ class State:
         Raises:
             UnknownNameError: no such node.
         """
-        model, data, frame = self.model, self.data, self.mechanism.frame_id(node)
-        placement = pin.updateFramePlacement(model, data, frame)
+        mechanism, data = self.mechanism, self.data
+        model, frame = mechanism.model, mechanism.frame_id(node)
         if not model.nv:
             return np.zeros((6, 0))
-        found = pin.getFrameJacobian(model, data, frame, pin.ReferenceFrame.LOCAL_WORLD_ALIGNED).reshape(6, -1)
+        placement = pin.updateFramePlacement(model, data, frame)
+        found: Array = pin.getFrameJacobian(model, data, frame, _ALIGNED)
+        if found.ndim == 1:  # one column
+            found = found.reshape(6, 1)
         if point is not None:
-            x, y, z = placement.rotation @ np.asarray(point, dtype=float)
-            found[:3] -= np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]]) @ found[3:]
-        return np.asarray(found)
+            found[:3] += _CROSS @ (placement.rotation @ point) @ found[3:]
+        return found

@@ -148,10 +148,11 @@ class Step:
     @property
     def levels(self) -> tuple[Level, ...]:
         """Outcome of each level of priority, the first first. A level's errors are those of its tasks in `errors`."""
-        return tuple(
-            Level(STATUSES[int(status)], smallest)
-            for status, smallest in self._layout.get(self._record, "record_levels")
-        )
+        found = self._layout.get(self._record, "record_levels").tolist()
+        if len(found) == 1:
+            known = self._record[m.SIGMA_KNOWN] and self._record[m.TASK_RANK]
+            return (Level(self.status, float(self.singular_values[-1]) if known else math.inf),)
+        return tuple(Level(STATUSES[int(status)], smallest) for status, smallest in found)
 
     @property
     def singular_values(self) -> Array:

@@ -2,13 +2,20 @@
 
 from __future__ import annotations
 
+import math
+
+import bipeds
 import numpy as np
+import pinocchio as pin
 import pytest
 from reference_tick import resolve_levels
+from scipy.optimize import minimize
 from test_kernel import EVERY, load, near
 from variants import FEWER, others_slow
 
-from cinegen import Solver
+import cinegen
+from cinegen import Solver, Status
+from cinegen.ik import PointInPlane, RelativePose
 from cinegen.ik.equations import axes_of, equations, task_rank
 
 several = [param for param in EVERY if load(*param.values).mobility > 1]
@@ -61,3 +68,183 @@ def test_the_step_of_each_level_is_that_of_the_plain_statement(name, which):
             bent += bool(step.saturated)
     assert compared > 10
     assert bent
+
+
+def moved(pose: pin.SE3, by: tuple[float, float, float]) -> pin.SE3:
+    return pin.SE3(pose.rotation, pose.translation + np.array(by))
+
+
+def settle(solver: Solver, most: int = 400) -> cinegen.Step:
+    for _ in range(most):
+        step = solver.step()
+        if not step.v.any():
+            return step
+    raise AssertionError(f"no rest after {most} ticks: {np.abs(step.v).max():.2g}")
+
+
+def test_hand_first_elbow_second_ends_where_an_optimiser_does():
+    arm = load("arm7", "arm")
+    solver = Solver(arm, 0.01)
+    hand, elbow = solver.add_task("tool"), solver.add_task("link4", rotation=0, priority=1)
+    hand.target, elbow.target = moved(hand.target, (-0.1, 0.15, -0.1)), moved(elbow.target, (0.3, 0.6, 0.4))
+    step = settle(solver)
+
+    def off(q: np.ndarray) -> float:
+        return float(np.sum((arm.placement(q, "link4").translation - elbow.target.translation) ** 2))
+
+    def slip(q: np.ndarray) -> np.ndarray:
+        return pin.log6(hand.target.actInv(arm.placement(q, "tool"))).vector
+
+    best = minimize(off, step.q, constraints={"type": "eq", "fun": slip}, method="SLSQP", options={"ftol": 1e-15})
+    assert np.abs(slip(step.q)).max() < 1e-12
+    assert step.errors[1][0] == pytest.approx(math.sqrt(best.fun), abs=1e-6)
+    assert [level.status for level in step.levels] == [Status.FOLLOWING, Status.OUT_OF_REACH]
+    assert step.status is Status.OUT_OF_REACH
+
+
+def test_priorities_swapped_swap_who_wins_and_any_integers_order_them():
+    arm = load("arm7", "arm")
+    there, elsewhere = arm.q_home + 0.3, arm.q_home - 0.25
+    for first, second in ((0, 7), (7, 0)):
+        solver = Solver(arm, 0.01)
+        tool = solver.add_task("tool", arm.placement(there, "tool"), priority=first)
+        mid = solver.add_task("link5", arm.placement(elsewhere, "link5"), priority=second)
+        step = settle(solver)
+        winner, loser = step.errors if first < second else step.errors[::-1]
+        assert max(winner) < 1e-9
+        assert max(loser) > 1e-3
+    mid.priority, tool.priority = 2, 1  # at run time
+    assert max(settle(solver).errors[0]) < 1e-9
+
+
+def test_the_same_task_twice_is_met_once_and_the_second_level_has_no_freedom():
+    delta = load("delta4", "r1")
+    solver = Solver(delta, 0.01)
+    twice = [solver.add_task("platform", rotation=0, priority=level) for level in (0, 1)]
+    for task in twice:
+        task.target = moved(task.target, (0.02, 0.03, -0.02))
+    assert np.abs(settle(solver).errors).max() < 1e-9
+    twice[1].target = moved(twice[1].target, (0.02, 0.0, 0.0))
+    assert settle(solver).levels[1].status is Status.NO_FREEDOM
+
+
+def test_levels_with_one_priority_are_one_level_bit_for_bit():
+    arm, motions = load("arm7", "arm"), []
+    for priority in (0, 5):
+        solver = Solver(arm, 0.01)
+        task = solver.add_task("tool", priority=priority)
+        task.target = moved(task.target, (0.1, 0.1, 0.1))
+        motions.append([solver.step().q for _ in range(50)])
+    assert np.array_equal(*motions)
+
+
+def test_a_stretched_arm_comes_to_rest_and_a_lower_level_never_vetoes():
+    arm = load("arm7", "arm")
+    far = Solver(arm, 0.01)
+    hand, elbow = far.add_task("tool", rotation=0), far.add_task("link4", rotation=0, priority=1)
+    hand.target, elbow.target = moved(hand.target, (3.0, 1.0, 0.5)), moved(elbow.target, (-0.2, 0.3, 0.2))
+    alone = Solver(arm, 0.01)
+    alone.add_task("tool", hand.target, rotation=0)
+    speeds = []
+    for _ in range(600):
+        step, reference = far.step(), alone.step()
+        speeds.append(float(np.abs(step.v).max()) * far.dt)
+    assert step.errors[0][0] == pytest.approx(reference.errors[0][0], abs=1e-5)
+    assert max(speeds[-50:]) < 1e-3  # rad in a tick
+    assert max(np.abs(np.diff(speeds))) < 0.1
+
+
+def test_two_arms_carry_an_object_within_limits(raff):
+    chain = [(20, 300, 0, 0), (30, 0, 0, 90), (-40, 320, 0, -90), (70, 0, 0, 90), (20, 280, 0, -90), (50, 0, 0, 90)]
+
+    def arm(first: int, base: int, side: int) -> str:
+        lines = [
+            f"link {first + i} {{ parameters {{ theta {side * a} r {r} d {d if i else base} alpha {alpha} }} type 2 "
+            f"pred {first + i - 1 if i else 0} }}"
+            for i, (a, r, d, alpha) in enumerate([*chain, (10, 0, 0, -90)])
+        ]
+        return "\n".join(
+            [*lines, f'frame {first + 7} {{ parameters {{ r 120 }} pred {first + 6} name "hand{first}" }}']
+        )
+
+    both = raff(f"robot both {{ base {{ }}\n{arm(1, 0, 1)}\n{arm(11, 500, -1)} }}")
+    solver = Solver(both, 0.01)
+    solver._write_tasks()
+    solver._memory.lower[:], solver._memory.upper[:] = both.q_home - 0.35, both.q_home + 0.35
+    solver.add_task(RelativePose("hand11", "hand1", solver.state.frame("hand11", "hand1")))
+    hand = solver.add_task("hand1", priority=1)
+    start, worst, limited = hand.target.copy(), 0.0, 0
+    for tick in range(1500):
+        w = 2.0 * np.pi * tick / 700.0
+        hand.target = pin.SE3(
+            start.rotation @ pin.exp3(0.4 * np.array([np.sin(w), np.sin(2.0 * w), 0.0])),
+            start.translation + 0.25 * np.array([np.sin(w), np.cos(2.0 * w) - 1.0, np.sin(3.0 * w)]),
+        )
+        step = solver.step()
+        worst, limited = max(worst, *step.errors[0]), limited + bool(step.saturated)
+    assert worst < 1e-10
+    assert limited > 500
+
+
+def test_a_biped_keeps_its_feet_while_its_trunk_circles(tmp_path):
+    path = tmp_path / "biped.urdf"
+    path.write_text(bipeds.URDF)
+    biped = cinegen.load(path)
+    bends = {"pitch": -0.5, "knee": 1.0, "ankle": -0.5}
+    bent = {f"{side}_{joint}": angle for side in ("left", "right") for joint, angle in bends.items()}
+    solver = Solver(biped, 0.01, q=biped.configuration(bent))
+    for foot in bipeds.FEET:
+        solver.add_task(foot)
+    trunk = solver.add_task("trunk", priority=1)
+    start, worst = trunk.target.copy(), 0.0
+    for tick in range(400):
+        w = 2.0 * np.pi * tick / 200.0
+        trunk.target = moved(start, (0.08 * np.sin(w), 0.08 * (np.cos(w) - 1.0), -0.03 * (1.0 - np.cos(w))))
+        step = solver.step()
+        worst = max(worst, *step.errors[0], *step.errors[1])
+    assert worst < 1e-10
+    assert step.errors[2][0] < 1e-3
+
+
+def test_an_objective_acts_below_all_levels():
+    arm = load("arm7", "arm")
+    solver = Solver(arm, 0.01)
+    solver.add_task("tool", rotation=0)
+    level = solver.add_task(PointInPlane("link4", priority=1))
+    level.through = solver.state.frame("link4").translation
+    solver.objectives = [posture := cinegen.Posture(arm.q_home + 0.3, rate=5.0)]
+    before = posture.value(solver.state)
+    for _ in range(200):
+        step = solver.step()
+        assert max(*step.errors[0], *step.errors[1]) < 1e-9
+    assert posture.value(solver.state) < 0.8 * before
+
+
+@pytest.mark.parametrize("spins", [False, True])
+def test_an_outstretched_arm_escapes_while_an_objective_moves_it(spins):
+    """A target straight inwards: the error has no gradient there."""
+    arm = load("planar_3r", "arm")
+    solver = Solver(arm, 0.01, q=np.zeros(3))
+
+    class Spin:
+        def velocity(self, state):
+            return np.array([0.0, 0.2, -0.2])
+
+    if spins:
+        solver.objectives = [Spin()]
+    task = solver.add_task("tool", rotation=0)
+    task.target = moved(task.target, (-0.19, 0.0, 0.0))
+    steps = [solver.step() for _ in range(300)]
+    assert min(step.errors[0][0] for step in steps) < 1e-6
+
+
+def test_wrong_priorities_are_errors_with_the_remedy():
+    solver = Solver(load("arm7", "arm"), 0.01)
+    task = solver.add_task("tool")
+    for wrong in (-1, 0.5, True, "first", None):
+        with pytest.raises(cinegen.CinegenError, match="0 or more"):
+            task.priority = wrong
+        with pytest.raises(cinegen.CinegenError, match="0 or more"):
+            solver.add_task("tool", priority=wrong)
+    task.priority = 3
+    assert solver.step().status is Status.FOLLOWING

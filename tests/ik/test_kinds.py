@@ -1,0 +1,300 @@
+"""Kinds of tasks in Python, ranges, and tasks of a program's own."""
+
+from __future__ import annotations
+
+import numpy as np
+import pinocchio as pin
+import pytest
+from test_kernel import load
+from variants import FEWER
+
+import cinegen
+from cinegen import CinegenError, Solver, Status
+from cinegen.ik import (
+    AxisAlong,
+    CenterOfMass,
+    Damping,
+    JointEquality,
+    JointValues,
+    LookAt,
+    PointAtDistance,
+    PointInPlane,
+    PointOnLine,
+    Range,
+    RelativePose,
+    State,
+)
+
+
+def all_kinds(mechanism: cinegen.Mechanism) -> list:
+    node, other = mechanism.nodes[-1], mechanism.nodes[len(mechanism.nodes) // 2]
+    pose = pin.SE3(pin.exp3(np.array([0.3, 0.2, 1.0])), np.array([0.1, 0.2, 0.3]))
+    joints = list(mechanism.joints)
+    at = (0.1, -0.2, 0.3)
+    return [
+        RelativePose(node, other, pose), RelativePose(node, other, pose, rotation=False), CenterOfMass(at),
+        CenterOfMass(at, "xy"), LookAt(node, (1.0, 2.0, 3.0), (1.0, 1.0, 0.0), at), LookAt(node, at, on=other),
+        AxisAlong(node, (1.0, 2.0, 3.0)), AxisAlong(node, (0.0, 1.0, 1.0), on=other),
+        PointOnLine(node, at, (1.0, 0.0, 1.0), at),
+        PointInPlane(node, at, (1.0, 2.0, 2.0), at), PointAtDistance(node, at, 0.3, at),
+        PointAtDistance(node, at, 0.3, on=other),
+        JointValues({joints[0]: 0.3}), JointEquality({joints[0]: 1.0, joints[-1]: -2.0}, 0.1), Damping(),
+    ]  # fmt: skip
+
+
+@pytest.mark.parametrize("name", sorted(FEWER))
+def test_jacobians_are_the_derivatives_of_errors(name):
+    mechanism = load(name, None)
+    closed = mechanism.random_closed(2, seed=4)
+    opened = [mechanism.integrate(q, 0.1 * np.sin(np.arange(mechanism.model.nv))) for q in closed]
+    for q in [*closed, *opened]:
+        state = State(mechanism, q, 0.01)
+        for task in all_kinds(mechanism):
+            if isinstance(task, Damping) or (isinstance(task, CenterOfMass) and mechanism.massless):
+                continue
+            for column, unit in enumerate(np.eye(mechanism.model.nv)):
+                ahead, behind = (State(mechanism, mechanism.integrate(q, h * unit), 0.01) for h in (1e-6, -1e-6))
+                slope = (task.error(ahead) - task.error(behind)) / 2e-6
+                assert task.jacobian(state)[:, column] == pytest.approx(slope, abs=1e-7), task
+
+
+def test_every_kind_is_reached_and_changes_at_run_time():
+    arm = load("arm7", "arm")
+    there = State(arm, arm.q_home + 0.2, 0.01)
+    tool = there.frame("tool")
+    tasks = [
+        RelativePose("tool", "link3", there.frame("tool", "link3")),
+        LookAt("tool", tool.act(np.array([0.0, 0.0, 0.5]))),
+        AxisAlong("tool", tool.rotation[:, 0], axis=(1.0, 0.0, 0.0)),
+        PointOnLine("tool", tool.translation, (1.0, 2.0, 0.5)),
+        PointInPlane("tool", tool.translation, (1.0, 0.0, 1.0)),
+        PointAtDistance("tool", tool.act(np.array([0.1, 0.0, 0.0])), 0.1),
+        JointValues({"joint2": there.q[1], "joint4": there.q[3]}),
+        JointEquality({"joint2": 1.0, "joint4": -1.0}, there.q[1] - there.q[3]),
+    ]
+    for task in tasks:
+        solver = Solver(arm, 0.01)
+        solver.add_task(task)
+        for _ in range(150):
+            step = solver.step()
+        assert max(step.errors[0]) < 1e-9, task
+        assert np.abs(task.error(solver.state)).max() < 1e-9
+        solver.remove_task(task)
+        assert solver.step().status is Status.IDLE
+    solver.add_task(gaze := LookAt("tool", tool.act(np.array([0.3, 0.0, 0.2])), priority=1))
+    worst = 0.0
+    for tick in range(400):  # a target that moves
+        gaze.point = tool.act(np.array([0.3, 0.3 * np.sin(tick / 50.0), 0.2]))
+        step = solver.step()
+        worst = max(worst, step.errors[0][1]) if tick > 100 else 0.0
+    assert worst < 2e-4  # second order of a tick
+
+
+def test_the_centre_of_mass_stays_over_a_point(tmp_path):
+    text = """<robot name="r"><link name="base"/>{}</robot>"""
+    link = (
+        '<link name="l{0}"><inertial><origin xyz="0 0 0.2"/><mass value="{1}"/><inertia ixx="1" iyy="1" izz="1" ixy="0"'
+        ' ixz="0" iyz="0"/></inertial></link>'
+        '<joint name="j{0}" type="revolute"><parent link="{2}"/><child link="l{0}"/>'
+        '<origin xyz="0 0 0.4"/><axis xyz="{3}"/><limit lower="-2" upper="2" effort="1" velocity="9"/></joint>'
+    )
+    links = [link.format(i, i + 1, f"l{i - 1}" if i else "base", ("1 0 0", "0 1 0")[i % 2]) for i in range(6)]
+    path = tmp_path / "r.urdf"
+    path.write_text(text.format("".join(links)))
+    tower = cinegen.load(path)
+    solver = Solver(tower, 0.01)
+    solver.add_task(CenterOfMass((0.0, 0.0, 0.0), "xy"))
+    hand = solver.add_task("l5", rotation=0, priority=1)
+    hand.target = pin.SE3(hand.target.rotation, hand.target.translation + np.array([0.4, 0.3, -0.4]))
+    for _ in range(300):
+        step = solver.step()
+        assert step.errors[0][0] < 1e-9
+    data = tower.model.createData()
+    assert np.abs(pin.centerOfMass(tower.model, data, step.q)[:2]).max() < 1e-9
+    assert step.errors[1][0] < 0.3
+
+
+def test_damping_slows_and_the_rest_of_its_level_is_reached():
+    arm, rates = load("arm7", "arm"), []
+    for weight in (0.1, 10.0):
+        solver = Solver(arm, 0.01)
+        task = solver.add_task("tool", arm.placement(arm.q_home + 0.1, "tool"))
+        solver.add_task(Damping(weight=weight))
+        rates.append(float(np.abs(solver.step().v).max()))
+        for _ in range(100 if weight < 1.0 else 3000):
+            step = solver.step()
+        assert max(step.errors[0]) < 1e-3, task
+    assert rates[1] < 0.5 * rates[0]
+
+
+# --- ranges ----------------------------------------------------------------------------------------------------------
+
+
+def test_a_cone_about_upright_is_never_left():
+    arm = load("arm7", "arm")
+    solver = Solver(arm, 0.01)
+    tool = solver.add_task("tool")
+    start, most = tool.target.copy(), np.radians(10.0)
+    solver.add_task(Range(up := AxisAlong("tool", start.rotation[:, 2]), radius=most))
+    angles = []
+    for tick in range(800):
+        w = 2.0 * np.pi * tick / 400.0
+        turn = pin.exp3(np.radians(25.0) * np.array([np.cos(w), np.sin(w), 0.0]))
+        tool.target = pin.SE3(
+            start.rotation @ turn, start.translation + 0.05 * np.array([np.sin(w), np.cos(w) - 1.0, 0.0])
+        )
+        solver.step()
+        angles.append(float(np.linalg.norm(up.error(solver.state))))
+    assert max(angles) < most + 1e-6
+    assert np.mean(angles[100:]) > most - np.radians(0.1)  # along its edge
+
+
+def test_a_height_above_a_floor_and_a_start_below_it():
+    arm = load("arm7", "arm")
+    solver = Solver(arm, 0.01)
+    tool = solver.add_task("tool", rotation=0)
+    height = PointInPlane("tool", (0.0, 0.0, tool.target.translation[2] + 0.05))
+    floor = solver.add_task(Range(height, low=0.0))
+    before = height.error(solver.state)[0]
+    for _ in range(200):
+        step = solver.step()
+        now = height.error(solver.state)[0]
+        assert now >= min(before, 0.0) - 1e-6
+        before = now
+    assert now == pytest.approx(0.0, abs=1e-6)
+    assert step.status is Status.BARRED
+    assert step.active_barriers == (0,)
+    solver.remove_task(floor)
+    for _ in range(200):
+        step = solver.step()
+    assert step.errors[0][0] < 1e-9
+
+
+@pytest.mark.parametrize(
+    ("options", "says"),
+    [({}, "low or high"), ({"low": 1, "high": 0}, "low must not exceed"), ({"radius": 0.0}, "radius must be above 0"),
+     ({"low": np.nan}, "low must not exceed"), ({"low": 0, "radius": 1.0}, "low or high")],
+)  # fmt: skip
+def test_ranges_without_sense_are_errors(options, says):
+    with pytest.raises(CinegenError, match=says):
+        Range(PointInPlane("tool"), **options)
+
+
+# --- one's own -------------------------------------------------------------------------------------------------------
+
+
+class Distance:
+    """The task of the how-to."""
+
+    priority, weight = 0, 1.0
+
+    def __init__(self, node, other, distance):
+        self.node, self.other, self.distance = node, other, distance
+
+    def error(self, state):
+        apart = state.frame(self.node).translation - state.frame(self.other).translation
+        return [np.linalg.norm(apart) - self.distance]
+
+    def jacobian(self, state):
+        apart = state.frame(self.node).translation - state.frame(self.other).translation
+        relative = state.jacobian(self.node)[:3] - state.jacobian(self.other)[:3]
+        return (apart / np.linalg.norm(apart))[None, :] @ relative
+
+
+@pytest.mark.parametrize("name", ["arm7", "delta4", "gough", "hybrid"])
+def test_a_task_of_ones_own_in_twenty_lines(name):
+    mechanism = load(name, None)
+    node, other = mechanism.end, mechanism.nodes[0]
+    here = State(mechanism, mechanism.q_home, 0.01)
+    apart = float(np.linalg.norm(here.frame(node).translation - here.frame(other).translation))
+    solver = Solver(mechanism, 0.01)
+    task = solver.add_task(Distance(node, other, 1.02 * apart))
+    for _ in range(200):
+        step = solver.step()
+        assert step.closure < 1e-9
+    assert step.errors[0][0] < 1e-9
+    assert solver.tasks == (task,)
+    task.distance = 0.99 * apart
+    for _ in range(200):
+        step = solver.step()
+    assert step.errors[0][0] < 1e-9
+
+
+def raises(state):
+    raise RuntimeError("out of order")
+
+
+@pytest.mark.parametrize(
+    ("name", "broken", "says"),
+    [("error", raises, "out of order"), ("jacobian", raises, "out of order"),
+     ("error", lambda state: [1.0, 2.0], r"returned shape \(2,\): return \(1,\)"),
+     ("error", lambda state: [np.nan], "not finite"), ("jacobian", lambda state: np.zeros((1, 2)), "return"),
+     ("weight", 0.0, "positive"), ("priority", -1, "0 or more")],
+)  # fmt: skip
+def test_a_task_that_fails_is_left_out_of_the_tick_and_told(name, broken, says):
+    arm = load("arm7", "arm")
+    solver = Solver(arm, 0.01)
+    own, tool = solver.add_task(Distance("tool", "base", 0.6)), solver.add_task("tool", rotation=0)
+    solver.step()
+    good = getattr(own, name)
+    setattr(own, name, broken)
+    for _ in range(3):
+        step = solver.step()
+        assert step.status is Status.BAD_TARGET
+        assert np.isnan(step.errors[0]).all()
+        assert step.exceptions
+    assert says.replace("\\", "") in str(step.exceptions[0]) or pytest.fail(str(step.exceptions[0]))
+    assert len(solver.exception_log.messages) == 1
+    setattr(own, name, good)
+    solver.remove_task(tool)
+    for _ in range(200):
+        step = solver.step()
+    assert step.status is Status.FOLLOWING
+    assert not step.exceptions
+
+
+def test_what_is_no_task_is_an_error_when_it_is_added():
+    solver = Solver(load("arm7", "arm"), 0.01)
+
+    class Wrong(Distance):
+        def jacobian(self, state):
+            return -super().jacobian(state)
+
+    with pytest.raises(CinegenError, match="wrong sign"):
+        solver.add_task(Wrong("tool", "base", 0.6))
+    with pytest.raises(CinegenError, match="has no masses"):
+        Solver(load("scara", None), 0.01).add_task(CenterOfMass((0.0, 0.0, 0.0)))
+    for what in (object(), 3, None):
+        with pytest.raises(CinegenError, match="priority, weight, error"):
+            solver.add_task(what)
+    task = solver.add_task(Distance("tool", "base", 0.6))
+    with pytest.raises(CinegenError, match="already"):
+        solver.add_task(task)
+    with pytest.raises(CinegenError, match="can't fade"):
+        solver.remove_task(task, seconds=1.0)
+    solver.remove_task(task)
+    assert solver.tasks == ()
+
+
+@pytest.mark.parametrize(
+    ("name", "wrong"),
+    [("point", "here"), ("axis", (0, 0, 0)), ("point", (1, np.inf, 0)), ("weight", 0), ("priority", 0.5)],
+)
+def test_attributes_of_kinds_are_checked_when_they_are_set(name, wrong):
+    task = LookAt("tool", (1.0, 0.0, 0.0))
+    with pytest.raises(CinegenError, match=r"must be|0 or more"):
+        setattr(task, name, wrong)
+    with pytest.raises(AttributeError, match="node, point"):
+        task.points = (1.0, 0.0, 0.0)
+
+
+def test_copies_for_a_look_ahead_follow_bit_for_bit():
+    arm = load("arm7", "arm")
+    solver = Solver(arm, 0.01)
+    tool = solver.add_task("tool", arm.placement(arm.q_home + 0.2, "tool"))
+    solver.add_task(Distance("link4", "base", 0.5)).priority = 1
+    for _ in range(5):
+        solver.step()
+    forecast = cinegen.forecast_motion(solver, 0.2, dt=0.01, moving=False)
+    assert np.array_equal(forecast.q[-1], [solver.step().q for _ in range(20)][-1])
+    assert tool.priority == 0
