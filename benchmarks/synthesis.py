@@ -21,7 +21,7 @@ from pathlib import Path
 import numpy as np
 from scipy.optimize import differential_evolution
 
-from cinegen.design.synthesis import SynthesisProblem, Task, task_of
+from cinegen.design.synthesis import SynthesisProblem, SynthesisTask, task_of
 from cinegen.design.synthesis.problem import Goal
 
 sys.path.insert(0, str(Path(__file__).parent.parent / "tests/helpers"))
@@ -63,7 +63,7 @@ def main(seed: int) -> None:
         glide.write_text(orthoglide(), encoding="utf-8")
         for name, source, values in (("five_bar", "five_bar", FIVE_BAR), ("orthoglide", glide, ORTHOGLIDE)):
             task = task_of(values)
-            assert isinstance(task, Task)
+            assert isinstance(task, SynthesisTask)
             measure(name, SynthesisProblem(source, task), seed)
 
 

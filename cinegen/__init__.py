@@ -25,6 +25,7 @@ if TYPE_CHECKING:
     from cinegen.ik import Solver as Solver
     from cinegen.ik import Status as Status
     from cinegen.ik import Step as Step
+    from cinegen.ik import Task as Task
     from cinegen.ik import evaluate as evaluate
     from cinegen.ik import forecast_motion as forecast_motion
     from cinegen.ik import inverse_kinematics as inverse_kinematics

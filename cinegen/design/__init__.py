@@ -16,7 +16,7 @@ from cinegen.design.calibration import Calibration, Measurements, calibrate
 from cinegen.design.design import Design, DesignEvaluation
 from cinegen.design.errors import DesignError
 from cinegen.design.parameters import Parameter, Parameters
-from cinegen.design.synthesis import Synthesis, Task, load_task, synthesize
+from cinegen.design.synthesis import Synthesis, SynthesisTask, load_task, synthesize
 from cinegen.design.tolerance import ToleranceReport, Tolerances, tolerance
 from cinegen.design.torques import holding_torques
 
@@ -29,7 +29,7 @@ __all__ = [
     "Parameter",
     "Parameters",
     "Synthesis",
-    "Task",
+    "SynthesisTask",
     "ToleranceReport",
     "Tolerances",
     "calibrate",

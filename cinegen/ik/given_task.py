@@ -20,10 +20,10 @@ _STEP = 1e-6  # rad or lengths: of the difference by which a Jacobian's sign is 
 
 
 class Task(Protocol):
-    """What a solver asks of a task. Any object with these four serves; see docs/howto.md, "Write your own task".
+    """Protocol of a task in Python: any object with these four is one. See docs/howto/own-task.md.
 
-    The attributes may be set between two ticks. An optional attribute `unit`, "m" or "rad", or a sequence of these for
-    the rows, says what `error` is in; it is "m" unless given. A tick calls `error` at the solver's configuration and at
+    The attributes may be set between two ticks. An optional attribute `unit` is the unit of `error`: "m" or "rad", or a
+    sequence of these for the rows; "m" unless given. A tick calls `error` at the solver's configuration and at
     those that it tries: let it depend on the state and on the task's own attributes alone.
 
     Attributes:
@@ -105,8 +105,8 @@ class GivenTask:
         """Evaluate the task at the beginning of a tick.
 
         Raises:
-            Exception: any of the task's own, or one that says what is wrong with what it returned; the task is left out
-                of the tick.
+            Exception: of the task's own, or one that names what is wrong with what it returned; then the task is left
+                out of the tick.
         """
         task = self.task
         self._words[_VALID] = 0
@@ -146,6 +146,15 @@ class GivenTask:
             raise CinegenError(f"{self.task!r}: jacobian(state) has the wrong sign: return the derivative of the error")
 
 
+def errors_of(task: FrameTask | Task, state: State) -> tuple[float, float]:
+    """Return the remaining error of a task at a state: m and rad."""
+    if isinstance(task, FrameTask):
+        return task.distances(state.mechanism, state.q)
+    error = np.asarray(task.error(state), dtype=float)
+    angles = np.array([unit == "rad" for unit in _units(task, len(error))])
+    return math.hypot(*error[~angles]), math.hypot(*error[angles])
+
+
 AnyTask: TypeAlias = FrameTask | GivenTask
 """A task as a solver keeps it."""
 
@@ -154,7 +163,7 @@ def rows_of(task: Task, state: State) -> Array:
     """Return the rows (m, nv) of a task at a state, dimensionless.
 
     Raises:
-        Exception: any of the task's own, or one that says what is wrong with what it returned.
+        Exception: of the task's own, or one that names what is wrong with what it returned.
     """
     found = np.asarray(task.jacobian(state), dtype=float)
     scale = np.array([1.0 if unit == "rad" else 1.0 / state.mechanism.length for unit in _units(task, len(found))])

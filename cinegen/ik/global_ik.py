@@ -16,8 +16,11 @@ from cinegen.errors import CinegenError
 from cinegen.hexapod import SolutionCounts
 from cinegen.html import table
 from cinegen.ik.all_solutions import IKError, IKSolutions, all_solutions, with_closest
+from cinegen.ik.by_ticks import solve_by_ticks
+from cinegen.ik.given_task import Task, errors_of
 from cinegen.ik.local_ik import LocalIK
 from cinegen.ik.solver import Solver
+from cinegen.ik.state import State
 from cinegen.ik.step import Status
 from cinegen.ik.task import FrameTask
 from cinegen.model import Mechanism
@@ -52,12 +55,13 @@ class IKResult:
     iterations: int
     saturated: tuple[str, ...]
     _mechanism: Mechanism = field(repr=False)
-    _tasks: tuple[FrameTask, ...] = field(repr=False)
+    _tasks: tuple[FrameTask | Task, ...] = field(repr=False)
 
     @property
     def errors(self) -> tuple[tuple[float, float], ...]:
         """Remaining error of each target: m and rad."""
-        return tuple(task.distances(self._mechanism, self.q) for task in self._tasks)
+        state = State(self._mechanism, self.q, 1.0)
+        return tuple(errors_of(task, state) for task in self._tasks)
 
     def as_solutions(self) -> IKSolutions:
         """Return the result of a single task as a list of one solution, or of none with this as the closest.
@@ -65,10 +69,11 @@ class IKResult:
         Raises:
             IKError: there are several tasks.
         """
-        if len(self._tasks) > 1:
+        task = self._tasks[0]
+        if len(self._tasks) > 1 or not isinstance(task, FrameTask):
             raise IKError("solutions are listed for one node at a time")
         none = IKSolutions(
-            self._mechanism, self._tasks[0], self._mechanism.q_home, {}, (), (), (), False, f"local search: {self}",
+            self._mechanism, task, self._mechanism.q_home, {}, (), (), (), False, f"local search: {self}",
             SolutionCounts(),
         )  # fmt: skip
         return with_closest(none, self.q, self.found)
@@ -90,14 +95,16 @@ class IKResult:
     def _repr_html_(self) -> str:
         """Show the error of each target as a table in a notebook."""
         errors = zip(self._tasks, self.errors, strict=True)
-        rows = [(task.node, f"{linear:.3g}", f"{angular:.3g}") for task, (linear, angular) in errors]
+        rows = [
+            (getattr(task, "node", repr(task)), f"{linear:.3g}", f"{angular:.3g}") for task, (linear, angular) in errors
+        ]
         return table(f"{self._mechanism.name}: {self}", ("node", "error (m)", "error (rad)"), rows)
 
 
 @overload
 def inverse_kinematics(
     mechanism: Mechanism,
-    targets: Mapping[str, pin.SE3] | Sequence[FrameTask],
+    targets: Mapping[str, pin.SE3] | Sequence[FrameTask | Task],
     q: ArrayLike | None = None,
     *,
     tolerance: float = 1e-6,
@@ -119,7 +126,7 @@ def inverse_kinematics(
 ) -> IKSolutions: ...
 def inverse_kinematics(
     mechanism: Mechanism,
-    targets: Mapping[str, pin.SE3] | Sequence[FrameTask],
+    targets: Mapping[str, pin.SE3] | Sequence[FrameTask | Task],
     q: ArrayLike | None = None,
     *,
     tolerance: float = 1e-6,
@@ -144,6 +151,8 @@ def inverse_kinematics(
     Args:
         mechanism: mechanism.
         targets: pose of each node in the world; or tasks, where a pose is constrained in part. With `all` a single one.
+            Tasks may be of any kind (`Task`) and priority: then the solver runs from each start until it rests, and the
+            best configuration is that whose first level has the smallest error, then the second, and so on.
         q: (nq,) first start, loops closed or not; a solution near it is preferred. With `all` the configuration from
             which distances are measured; joints that don't move the node stay there.
         tolerance: largest error, m and rad. Usually less than 1e-12 remains.
@@ -167,7 +176,8 @@ def inverse_kinematics(
         targets = [FrameTask(node, target) for node, target in targets.items()]
     if not targets:
         raise CinegenError("inverse kinematics needs a target for at least one node")
-    for task in targets:
+    frames = [task for task in targets if isinstance(task, FrameTask)]
+    for task in frames:
         if not task.is_valid() or task.twist is not None:
             raise CinegenError(f"a target of '{task.node}' must be a finite pinocchio.SE3, and its weight above 0")
         check_lengths(mechanism, f"target of '{task.node}'", task.target.translation, FAR_TARGET)
@@ -176,12 +186,21 @@ def inverse_kinematics(
     checked = None if q is None else mechanism.checked(q)
     if checked is not None:
         check_configuration(mechanism, checked)
+    of_levels = len(frames) < len(targets) or len({task.priority for task in targets}) > 1
+    if all and of_levels:
+        raise IKError("all solutions are computed for the pose of a node, not for tasks of other kinds or priorities")
     if all:
-        return _all(mechanism, targets, checked, locked or {}, report, effort)
+        return _all(mechanism, frames, checked, locked or {}, report, effort)
     if locked:
         raise CinegenError("joints are locked only where all solutions are computed: all=True")
-    poses = [task.target for task in targets]
-    return _global_ik(mechanism, tuple(targets), limits, seed).solve(poses, checked, tolerance, starts)
+    if of_levels:
+        found, at, tried, ticks, saturated = solve_by_ticks(
+            mechanism, targets, checked, tolerance, limits, starts, seed
+        )
+        closure = mechanism.closure(at)
+        return IKResult(found, at, closure, tried, ticks, () if found else saturated, mechanism, tuple(targets))
+    poses = [task.target for task in frames]
+    return _global_ik(mechanism, tuple(frames), limits, seed).solve(poses, checked, tolerance, starts)
 
 
 def _all(

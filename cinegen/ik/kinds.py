@@ -566,7 +566,7 @@ class JointEquality(_Kind):
 
 
 class Damping(_Kind):
-    """All joints resist motion, as much as the weight says: the least motion that serves the other tasks of its
+    """All joints resist motion, as much as the weight demands: the least motion that serves the other tasks of its
     priority.
 
     Args:

@@ -31,7 +31,7 @@ class Range:
         task: task whose `error` is the value: 0 is what the task by itself would reach.
         low: smallest value of each row, or one number for all; m or rad. -inf unless given.
         high: largest; inf unless given.
-        radius: largest length of all rows together: half the angle of a cone, say. In place of low and high.
+        radius: largest length of all rows together: half the angle of a cone, for instance. In place of low and high.
 
     Raises:
         CinegenError: the task does not follow the protocol `Task`, no bound is given or all three, a bound is NaN, low

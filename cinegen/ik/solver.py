@@ -297,7 +297,7 @@ class Solver:
 
     @property
     def frame_tasks(self) -> tuple[FrameTask, ...]:
-        """Those tasks that are frames."""
+        """Tasks that are frames, in the order in which they were added."""
         return tuple(task for task in self._tasks if isinstance(task, FrameTask))
 
     @overload

@@ -18,6 +18,7 @@ HOWTO = {
     "howto_linkage.svg": ("linkage", "python"),
     "howto_my_delta.webp": ("my-delta", "raff my_delta.raff"),
     "howto_obstacles.png": ("obstacles", "toml bench.toml"),
+    "howto_own_task.png": ("own-task", "python"),
     "howto_urdf_with_loops.webp": ("urdf-with-loops", "xml linkage.urdf"),
 }
 """The page of each picture, and the first lines of its blocks; of those alike the first in the page."""

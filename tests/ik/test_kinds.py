@@ -298,3 +298,22 @@ def test_copies_for_a_look_ahead_follow_bit_for_bit():
     forecast = cinegen.forecast_motion(solver, 0.2, dt=0.01, moving=False)
     assert np.array_equal(forecast.q[-1], [solver.step().q for _ in range(20)][-1])
     assert tool.priority == 0
+
+
+def test_inverse_kinematics_takes_all_kinds_and_priorities():
+    arm = load("arm7", "arm")
+    there = State(arm, arm.q_home + 0.4, 0.01)
+    pose = cinegen.FrameTask("tool", there.frame("tool"), frame=arm.frame_id("tool"))
+    gaze = LookAt("link5", there.frame("link5").act(np.array([0.0, 0.0, 1.0])), priority=1)
+    result = cinegen.inverse_kinematics(arm, [pose, gaze])
+    assert result
+    assert np.abs(result.errors).max() < 1e-9
+    assert np.abs(gaze.error(State(arm, result.q, 0.01))).max() < 1e-9
+    elbow = cinegen.FrameTask("link4", arm.placement(arm.q_home - 0.5, "link4"), rotation=0, priority=1)
+    elbow.find_frame = arm.frame_id
+    elbow.node = "link4"
+    result = cinegen.inverse_kinematics(arm, [pose, elbow], starts=4)
+    assert not result
+    assert max(result.errors[0]) < 1e-9 < result.errors[1][0]
+    with pytest.raises(CinegenError, match="kinds or priorities"):
+        cinegen.inverse_kinematics(arm, [pose, gaze], all=True)

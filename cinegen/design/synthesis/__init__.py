@@ -6,7 +6,7 @@ from cinegen.design.synthesis.quantities import QUANTITIES
 from cinegen.design.synthesis.region import Reach
 from cinegen.design.synthesis.result import Check, FrontPoint, Start, Synthesis
 from cinegen.design.synthesis.search import synthesize
-from cinegen.design.synthesis.task import DesignObjective, Precision, Task
+from cinegen.design.synthesis.task import DesignObjective, Precision, SynthesisTask
 from cinegen.design.synthesis.task_file import load_task, task_of
 
 __all__ = [
@@ -21,7 +21,7 @@ __all__ = [
     "Start",
     "Synthesis",
     "SynthesisProblem",
-    "Task",
+    "SynthesisTask",
     "load_task",
     "synthesize",
     "task_of",

@@ -20,7 +20,7 @@ from cinegen.design.synthesis.clearance import BarClearance
 from cinegen.design.synthesis.error_propagation import ErrorPropagation
 from cinegen.design.synthesis.quantities import QUANTITIES
 from cinegen.design.synthesis.reaching import Reached, Reaching
-from cinegen.design.synthesis.task import DesignObjective, Task
+from cinegen.design.synthesis.task import DesignObjective, SynthesisTask
 from cinegen.design.torques import holding_torques
 from raff2urdf.quantities import FORCE, NUMBER, TORQUE, Dimension, QuantityError, parse
 
@@ -157,7 +157,7 @@ class Scoring:
         MassError: links have no mass, and torques are wanted.
     """
 
-    def __init__(self, task: Task, reaching: Reaching) -> None:
+    def __init__(self, task: SynthesisTask, reaching: Reaching) -> None:
         self.task, self.reaching, self.load = task, reaching, task.load
         mechanism, limits = reaching.mechanism, reaching.mechanism.limits
         named = [(mechanism.q_index(j), mechanism.v_index(j)) for j in mechanism.joints if j in limits]

@@ -23,7 +23,7 @@ from cinegen.design.parameters import Parameters
 from cinegen.design.synthesis.objectives import ScoreRows, Scores, Scoring
 from cinegen.design.synthesis.reaching import Reached, Reaching
 from cinegen.design.synthesis.region import Reach
-from cinegen.design.synthesis.task import DesignObjective, Task, check_bounds
+from cinegen.design.synthesis.task import DesignObjective, SynthesisTask, check_bounds
 from raff2urdf import Document
 
 FEASIBLE = 1e-6
@@ -83,7 +83,7 @@ class SynthesisProblem:
         DesignError: the task does not fit the mechanism; a parameter has no effect.
     """
 
-    def __init__(self, source: str | Path | Document, task: Task, robot: str | None = None) -> None:
+    def __init__(self, source: str | Path | Document, task: SynthesisTask, robot: str | None = None) -> None:
         self.task = task
         common = {"ties": task.ties, "robot": robot}
         self.parameters = Parameters(source, list(task.parameters), bounds=task.parameters, **common)  # type: ignore[arg-type]

@@ -13,7 +13,7 @@ from cinegen.arrays import Array
 from cinegen.design.parameters import Parameters
 from cinegen.design.rewriting import rewritten
 from cinegen.design.synthesis.problem import FEASIBLE, SynthesisProblem
-from cinegen.design.synthesis.task import DesignObjective, Task
+from cinegen.design.synthesis.task import DesignObjective, SynthesisTask
 from cinegen.typed_json import as_json
 from raff2urdf.quantities import NUMBER, shown
 
@@ -151,7 +151,7 @@ class Synthesis:
     configurations: int
 
     @property
-    def task(self) -> Task:
+    def task(self) -> SynthesisTask:
         """The task as given."""
         return self.problem.task
 

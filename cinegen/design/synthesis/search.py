@@ -22,7 +22,7 @@ from cinegen.design.synthesis.front import front_of, knee
 from cinegen.design.synthesis.linkages import LinkageSynthesis, PrecisionProblem
 from cinegen.design.synthesis.problem import Goal, SynthesisProblem
 from cinegen.design.synthesis.result import Check, FrontPoint, Start, Synthesis
-from cinegen.design.synthesis.task import Precision, Task
+from cinegen.design.synthesis.task import Precision, SynthesisTask
 from cinegen.design.synthesis.task_file import load_task, task_of
 from cinegen.errors import CinegenError
 from raff2urdf import Document
@@ -36,7 +36,7 @@ _AROUND = 1e-3  # bounds around the values of the written file, m and rad
 
 def synthesize(
     source: str | Path | Document,
-    task: Task | Precision | Mapping[str, Any] | str | Path,
+    task: SynthesisTask | Precision | Mapping[str, Any] | str | Path,
     robot: str | None = None,
     state: Path | None = None,
     report: Report = lambda text, done, total: None,
@@ -60,7 +60,7 @@ def synthesize(
         MissingExtraError: a package of an extra is needed.
     """
     check_workers(workers, scheduler)
-    if not isinstance(task, Task | Precision):
+    if not isinstance(task, SynthesisTask | Precision):
         task = task_of(task) if isinstance(task, Mapping) else load_task(task)
     if isinstance(task, Precision):
         return PrecisionProblem(source, task, robot).solved(report)

@@ -100,7 +100,7 @@ class DesignClearance:
 
 
 @dataclass(frozen=True)
-class Task:
+class SynthesisTask:
     """Parameters, targets, objectives and constraints of a synthesis.
 
     Attributes:

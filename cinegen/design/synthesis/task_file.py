@@ -42,7 +42,7 @@ from cinegen.design.synthesis.task import (
     DesignLoad,
     DesignObjective,
     Precision,
-    Task,
+    SynthesisTask,
 )
 from raff2urdf.errors import RaffError, did_you_mean
 from raff2urdf.files import read_bytes
@@ -52,7 +52,7 @@ _MOST = 10_000  # starts, points of a front, population, generations
 _BOUNDED = {"condition": NUMBER, "mass": MASS, "accuracy": LENGTH}
 
 
-def load_task(path: str | Path) -> Task | Precision:
+def load_task(path: str | Path) -> SynthesisTask | Precision:
     """Return the task of a TOML file; numbers without a unit are in m and degrees.
 
     Raises:
@@ -67,7 +67,7 @@ def load_task(path: str | Path) -> Task | Precision:
     return task_of(values, str(path))
 
 
-def task_of(values: Mapping[str, Any], where: str = "task") -> Task | Precision:
+def task_of(values: Mapping[str, Any], where: str = "task") -> SynthesisTask | Precision:
     """Return the task of the keys and values that a file would have.
 
     Raises:
@@ -79,7 +79,7 @@ def task_of(values: Mapping[str, Any], where: str = "task") -> Task | Precision:
         raise DesignError(str(error)) from None
 
 
-def _task(table: SceneTable, values: Mapping[str, Any]) -> Task | Precision:
+def _task(table: SceneTable, values: Mapping[str, Any]) -> SynthesisTask | Precision:
     given = table.table("parameters")
     parameters = {name: given.text(name) for name in given}
     if not parameters:
@@ -107,12 +107,12 @@ def _task(table: SceneTable, values: Mapping[str, Any]) -> Task | Precision:
     if "tolerances" in table:
         settings["errors"] = _errors(table.table("tolerances"))
     table.finish()
-    found = Task(parameters, reach, objectives, ties, node, written=dict(values), **settings)
+    found = SynthesisTask(parameters, reach, objectives, ties, node, written=dict(values), **settings)
     _check_needs(table, found)
     return found
 
 
-def _check_needs(table: SceneTable, task: Task) -> None:
+def _check_needs(table: SceneTable, task: SynthesisTask) -> None:
     if task.uses("accuracy") != (task.errors != DesignErrors()):
         why = "is missing: accuracy is that by tolerances" if task.uses("accuracy") else "is of no use without accuracy"
         raise table.error("tolerances", f'{why}: sigma = {{ "link*.d" = "0.05mm" }}')

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 
-from cinegen.design.synthesis import QUANTITIES, DesignObjective, Reach, Task
+from cinegen.design.synthesis import QUANTITIES, DesignObjective, Reach, SynthesisTask
 from raff2urdf.quantities import LENGTH, shown, shown_scale
 
 _UNITS = {"size": "m", "region": "", "mass": "kg", "accuracy": "mm", "clearance": "mm"}
@@ -83,7 +83,7 @@ def reach_text(reach: Reach) -> str:
     return f"every point with {', '.join(ends)}{orientation}"
 
 
-def constraint_texts(task: Task, most_of: Mapping[str, float], torque: str = "N m") -> list[str]:
+def constraint_texts(task: SynthesisTask, most_of: Mapping[str, float], torque: str = "N m") -> list[str]:
     """Return the constraints, one text each.
 
     Args:
