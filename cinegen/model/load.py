@@ -26,6 +26,7 @@ from cinegen.model.spherical import SphericalJoints
 from cinegen.model.urdf import completed, kinematics, simple, with_fixed_base
 from raff2urdf import closure, readers
 from raff2urdf.analysis import loop_kind
+from raff2urdf.axes import UNCHANGED
 from raff2urdf.constraints import without_loops
 from raff2urdf.coupling import Coupling, coupling_of, followed
 from raff2urdf.errors import RaffError
@@ -453,11 +454,7 @@ def build(
         cluster_ranks=tuple(ranks),
         gap_as_written=gap,
         sensors={
-            sensor["number"]: {
-                **sensor,
-                "translation": sensor.get("translation", 3),
-                "rotation": sensor.get("rotation", 3),
-            }
+            sensor["number"]: sensor | {"translation": 3, "rotation": 3, "axes": UNCHANGED} | sensor
             for sensor in constraints.get("sensors", [])
         },
         sensor_constraints=tuple(
