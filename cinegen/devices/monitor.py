@@ -76,6 +76,7 @@ def named(
         raff2urdf.RaffError: the RAFF file is invalid.
         CinegenError: the file is invalid.
     """
+    path = Path(path)
     mechanisms = [load(path, robot, ignore_loops=ignore_loops, ignore=ignore) for robot in robots(path)]
     found: dict[int, dict[str, Any]] = {}
     for mechanism in mechanisms:
