@@ -151,7 +151,10 @@ def open_sensor(
     """
     kind = scheme(url)
     if _AXES in url:
-        raise SensorError(f"'{url}': readings have the axes of the device: TwistMapping(axes=...) changes them")
+        raise SensorError(
+            f"'{url}': readings have the axes of the device: leave {_AXES}... out; TwistMapping(axes=...) and --sensor "
+            "of cinegen drive change them"
+        )
     if kind not in KINDS:
         raise SensorError(
             f"{_named(url, number)}: no kind of sensor '{kind}:'{did_you_mean(kind, tuple(filter(None, KINDS)))}"
