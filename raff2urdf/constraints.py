@@ -17,6 +17,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from raff2urdf.analysis import Analysis, declared_actuated, loop_kinds
+from raff2urdf.axes import UNCHANGED, parse_axes
 from raff2urdf.coupling import coupling_entry
 from raff2urdf.errors import RaffError, did_you_mean
 from raff2urdf.json_lines import line_of, repeated_key
@@ -107,6 +108,7 @@ def constraints(
         "loop_rank": rank,
         "sensors": [
             {"number": s.number, "port": s.port, "translation": s.translation, "rotation": s.rotation}
+            | ({} if s.axes is None else {"axes": s.axes})
             for s in document.sensors
             if s.number in used
         ],
@@ -327,6 +329,11 @@ def _contradictions(values: Constraints) -> _Problems:
             j = first.setdefault(entry[word], i)
             if j != i:
                 yield [key, i, word], f"'{entry[word]}' is listed twice, also in {_shown([key, j])}: remove one of them"
+    for i, sensor in enumerate(values.get("sensors", [])):
+        try:
+            parse_axes(sensor.get("axes", UNCHANGED))
+        except RaffError as error:
+            yield ["sensors", i, "axes"], str(error)
     listed = {0, *(sensor["number"] for sensor in values.get("sensors", []))}
     for i, entry in enumerate(values.get("sensor_constraints", [])):
         for j, number in enumerate(entry["sensors"]):

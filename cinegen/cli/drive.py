@@ -29,7 +29,11 @@ def run(
         "path of the end effector, as large as workspace and limits allow (default: circle; in a scene still: none)",
     ),
     node: str | None = option("NAME", "node that follows it (default: the last of the file)"),
-    sensor: list[str] = option("N=URL", "another port for sensor N of the files; NODE=URL: a sensor for any node", ()),
+    sensor: list[str] = option(
+        "N=URL",
+        "another port for sensor N of the files; NODE=URL: a sensor for any node; URL#axes=x,-z,y changes its axes",
+        (),
+    ),
     base: list[str] = option(
         "NAME=POSE",
         "base pose of a robot: ROBOT.NODE, x,y,z[,roll,pitch,yaw] (m and degrees), or ROBOT.NODE@x,y,z...",

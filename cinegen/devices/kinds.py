@@ -23,11 +23,29 @@ from cinegen.errors import CinegenWarning
 from cinegen.model import Mechanism
 from cinegen.sensor import Sensor, SensorError
 from cinegen.toolpath.seam_file import open_seam
-from raff2urdf.errors import did_you_mean
+from raff2urdf.axes import UNCHANGED, parse_axes
+from raff2urdf.errors import RaffError, did_you_mean
 
 
 def _serial(url: str, *_: object) -> Sensor:
     return SerialMouse(url)
+
+
+_AXES = "#axes="
+
+
+def split_axes(url: str) -> tuple[str, str | None]:
+    """Return a sensor's URL without the axes that may follow it, `spnav:#axes=x,-z,y`, and those axes.
+
+    Raises:
+        SensorError: no such axes.
+    """
+    own, mark, axes = url.partition(_AXES)
+    try:
+        parse_axes(axes if mark else UNCHANGED)
+    except RaffError as error:
+        raise SensorError(f"'{url}': {error}") from None
+    return own, axes if mark else None
 
 
 _TOKEN = re.compile(r"(tcp://[^?]*)\?(?:no-token|token=(.+))", re.IGNORECASE | re.DOTALL)
@@ -132,6 +150,11 @@ def open_sensor(
         CinegenError: the sensor can't be constructed, such as from a damaged file.
     """
     kind = scheme(url)
+    if _AXES in url:
+        raise SensorError(
+            f"'{url}': readings have the axes of the device: leave {_AXES}... out; TwistMapping(axes=...) and --sensor "
+            "of cinegen drive change them"
+        )
     if kind not in KINDS:
         raise SensorError(
             f"{_named(url, number)}: no kind of sensor '{kind}:'{did_you_mean(kind, tuple(filter(None, KINDS)))}"

@@ -10,18 +10,18 @@ from typing import Any
 
 from serial.tools import list_ports
 
-from cinegen.devices.kinds import KINDS, open_sensor, overrides, refusal, scheme, what_is, why_missing
+from cinegen.devices.kinds import KINDS, open_sensor, overrides, refusal, scheme, split_axes, what_is, why_missing
 from cinegen.devices.reading_json import encode_header, encode_recorded
 from cinegen.devices.spacenav import socket_path
 from cinegen.errors import UnknownNameError
 from cinegen.model.load import load, robots
 from cinegen.sensor import NO_TWIST, Reading, Sensor, SensorError, SensorState, SensorStatus
+from raff2urdf.axes import AXES, UNCHANGED, parse_axes
 from raff2urdf.escape import one_line
 from raff2urdf.output import until_stopped
 
 Write = Callable[[str], object]
 
-_AXES = ("x", "y", "z", "rx", "ry", "rz")
 _BAR = 10  # characters of a bar, to each side
 _SHOWN = 0.1  # s between two lines of the monitor
 _POLL = 0.002  # s
@@ -76,13 +76,16 @@ def named(
         raff2urdf.RaffError: the RAFF file is invalid.
         CinegenError: the file is invalid.
     """
+    path = Path(path)
     mechanisms = [load(path, robot, ignore_loops=ignore_loops, ignore=ignore) for robot in robots(path)]
     found: dict[int, dict[str, Any]] = {}
     for mechanism in mechanisms:
         for number, sensor in mechanism.sensors.items():
-            url = ports.get(number, sensor["port"])
-            entry = found.setdefault(number, {**sensor, "port": url, "nodes": [], "kind": what_is(url)})
-            reason = "" if number in ports else refusal(url)
+            own, axes = split_axes(ports.get(number, ""))
+            url = own or sensor["port"]
+            changed = {"port": url, "axes": axes or sensor["axes"]}
+            entry = found.setdefault(number, {**sensor, **changed, "nodes": [], "kind": what_is(url)})
+            reason = "" if own else refusal(url)
             entry["missing"] = f"sensor {number}: not opened: it {reason}" if reason else why_missing(url, number)
             for node, numbers in mechanism.sensor_constraints:
                 if number in numbers:
@@ -106,6 +109,7 @@ def _listed(files: Mapping[str, list[dict[str, Any]]], found: Mapping[str, Any])
         lines.append(f"{name}: {len(sensors) or 'no'} sensor{'s' * (len(sensors) != 1)}")
         for sensor in sensors:
             dof = f"translation {sensor['translation']}, rotation {sensor['rotation']}"
+            dof += f", axes {sensor['axes']}" * (parse_axes(sensor["axes"]) != parse_axes(UNCHANGED))
             nodes = f"for {', '.join(sensor['nodes'])}" if sensor["nodes"] else "for no node"
             lines.append(f"  {sensor['number']}: {sensor['port']} ({dof}) {nodes}")
             if sensor["kind"] is None:
@@ -200,7 +204,7 @@ def _line(last: Reading, pressed: Iterable[int], status: SensorStatus, rate: int
     if last.target is not None:
         parts.append("at " + " ".join(f"{value:+.3f}" for value in last.target.translation) + " m")
     else:
-        parts += [f"{name} {bar(value)}" for name, value in zip(_AXES, last.twist or NO_TWIST, strict=True)]
+        parts += [f"{name} {bar(value)}" for name, value in zip(AXES, last.twist or NO_TWIST, strict=True)]
     down = sorted(last.buttons | set(pressed))
     parts.append(f"buttons {' '.join(map(str, down)) or '-'}")
     parts.append(f"{rate:3d}/s")

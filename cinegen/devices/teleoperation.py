@@ -12,6 +12,8 @@ from cinegen.arrays import Array
 from cinegen.errors import CinegenError, UnknownNameError
 from cinegen.ik import FrameTask
 from cinegen.sensor import NO_TWIST, Reading, Sensor, SensorState, SensorStatus, Twist
+from raff2urdf.axes import UNCHANGED, parse_axes
+from raff2urdf.errors import RaffError
 
 REST = 0.1
 """Time in which a target comes to rest when its sensor falls silent, s."""
@@ -32,6 +34,8 @@ class TwistMapping:
         translation: number of commanded translations, as in RAFF: 3 all; 2 along x and y of the command frame; 1 along
             x; 0 none.
         rotation: number of commanded rotations: 3 all; 2 about x and y (the direction of z); 1 about z; 0 none.
+        axes: axes of the sensor that command x, y, z, rx, ry and rz, each with a sign and a factor, as in RAFF:
+            "x, -z, y, rx, -rz, 0.5*ry". Targets of a sensor have no such axes, and stay.
 
     Raises:
         CinegenError: a value is out of range.
@@ -43,6 +47,7 @@ class TwistMapping:
     dominant: bool = False
     translation: int = 3
     rotation: int = 3
+    axes: str = UNCHANGED
 
     def __post_init__(self) -> None:
         if not (0.0 <= self.speed < math.inf and 0.0 <= self.turning < math.inf):
@@ -51,6 +56,10 @@ class TwistMapping:
             raise CinegenError(f"the dead zone must be in [0, 1), not {self.dead}")
         if self.translation not in _TRANSLATIONS or self.rotation not in _ROTATIONS:
             raise CinegenError(f"translation and rotation must be 0 to 3, not {self.translation} and {self.rotation}")
+        try:
+            parse_axes(self.axes)
+        except RaffError as error:
+            raise CinegenError(str(error)) from None
 
     @property
     def commanded(self) -> tuple[int, ...]:
@@ -59,11 +68,15 @@ class TwistMapping:
 
     def velocity(self, twist: Twist) -> Array:
         """Return the velocity (6,) of a deflection, m/s and rad/s in the axes of the command frame."""
-        values = [_beyond(value, self.dead) * free for value, free in zip(twist, self.commanded, strict=True)]
+        parts = [
+            (factor * free, axis) for (factor, axis), free in zip(parse_axes(self.axes), self.commanded, strict=True)
+        ]
+        values = [_beyond(value, self.dead) for value in twist]
         if self.dominant:
-            most = max(range(6), key=lambda i: abs(values[i]))
-            values = [value if i == most else 0.0 for i, value in enumerate(values)]
-        return np.array([value * (self.speed if i < 3 else self.turning) for i, value in enumerate(values)])
+            most = max((axis for factor, axis in parts if factor), key=lambda axis: abs(values[axis]), default=0)
+            values = [value if axis == most else 0.0 for axis, value in enumerate(values)]
+        speeds = (self.speed,) * 3 + (self.turning,) * 3
+        return np.array([factor * values[axis] * speed for (factor, axis), speed in zip(parts, speeds, strict=True)])
 
 
 def _beyond(value: float, dead: float) -> float:

@@ -26,6 +26,7 @@ from cinegen.model.spherical import SphericalJoints
 from cinegen.model.urdf import completed, kinematics, simple, with_fixed_base
 from raff2urdf import closure, readers
 from raff2urdf.analysis import loop_kind
+from raff2urdf.axes import UNCHANGED
 from raff2urdf.constraints import without_loops
 from raff2urdf.coupling import Coupling, coupling_of, followed
 from raff2urdf.errors import RaffError
@@ -64,8 +65,10 @@ def load(
         path: a RAFF file, URDF or xacro, SDF or MJCF, or the name of a shipped robot, such as "delta4". Loops and
             couplings of a URDF are read in all dialects of `raff2urdf.readers.dialects`, also from files next to it:
             `<stem>.constraints.json`, `robot.yaml`, `loop_closures.yaml`. Or a `yourdfpy.URDF`, which has links, joints
-            and `<mimic>`, but no loops: nothing else that its file declares. Errors name lines of its XML. Or a
-            `pinocchio.Model` of revolute, prismatic and spherical joints and a free flyer at the root.
+            and `<mimic>`, but no loops: nothing else that its file declares. Errors name lines of its XML. Or the text
+            of a RAFF file, URDF, SDF or MJCF: a string that begins with `<` or has several lines; meshes are searched
+            from the current folder, and nothing is next to it. A `Path` is never a text. Or a `pinocchio.Model` of
+            revolute, prismatic and spherical joints and a free flyer at the root.
         robot: name of one robot of a file that holds several; the first unless given.
         loops: kinds of closure (rigid, prismatic, revolute, ball) that replace those of the file, by the loop's name.
             Of a `pinocchio.Model`, its loops: `pinocchio.RigidConstraintModel` of the types CONTACT_6D (rigid) and
@@ -97,22 +100,25 @@ def load(
             if value:
                 raise LoadError(f"{option} has no effect on a pinocchio.Model: leave it out")
         return _load_model(path, () if loops is None else loops, couplings, actuated, relax, fixed_base)
+    text = path if isinstance(path, str) and readers.is_text(path) else None
+    path = path if text is None else Path(readers.TEXT)
     if couplings or not isinstance(loops, Mapping | None):
         raise LoadError(f"{path}: a file declares its loops and couplings: give them with a pinocchio.Model only")
     described = None if srdf is None else Path(srdf)
     objects = sys.modules.get("yourdfpy")
-    path = path if objects is not None and isinstance(path, objects.URDF) else find_robot(path)
+    if text is None and (objects is None or not isinstance(path, objects.URDF)):
+        path = find_robot(path)
     if loops and ignore_loops:
         raise LoadError(
             f"{path}: a kind is given for loop '{next(iter(loops))}', but all are to be ignored: leave one out"
         )
-    if not isinstance(path, Path) or readers.holds_xml(path):
-        return _load_xml(path, robot, loops, ignore_loops, ignore, relax, described, fixed_base, actuated)
+    if not isinstance(path, Path) or (readers.holds_xml(path) if text is None else text.lstrip().startswith("<")):
+        return _load_xml(path, text, robot, loops, ignore_loops, ignore, relax, described, fixed_base, actuated)
     from raff2urdf.conversion import describe
     from raff2urdf.raff.reader import parse as parse_raff
     from raff2urdf.raff.reader import read
 
-    document = parse_raff(read(path), str(path))
+    document = parse_raff(read(path) if text is None else text, str(path))
     raff2urdf.check(document)
     chosen = document.robot(robot)
     for name in loops or {}:
@@ -157,6 +163,7 @@ def robots(path: str | Path) -> list[str | None]:
 
 def _load_xml(
     source: Path | URDF,
+    text: str | None,
     robot: str | None,
     loops: Mapping[str, str] | None,
     ignore_loops: bool,
@@ -166,13 +173,15 @@ def _load_xml(
     fixed_base: bool,
     actuated: Sequence[str] | None,
 ) -> Mechanism:
-    """Load a URDF with its sidecar files, an SDF, an MJCF or a `yourdfpy.URDF`."""
+    """Load a URDF with its sidecar files, an SDF, an MJCF, a text of one of these, or a `yourdfpy.URDF`."""
     path = source if isinstance(source, Path) else Path(f"yourdfpy.URDF '{source.robot.name}'")
-    beside = srdf_of(path) if path is source else None
+    beside = srdf_of(path) if path is source and text is None else None
     if beside is not None and (left_out := beside.name) in ignore:
         beside, ignore = None, [word for word in ignore if word != left_out]
     try:
-        if isinstance(source, Path):
+        if text is not None:
+            found, folder = readers.read_xml(text, str(path), robot, ignore_loops, ignore), Path.cwd()
+        elif isinstance(source, Path):
             found, folder = readers.read(path, robot, ignore_loops, ignore), path.parent
         else:
             from raff2urdf.urdf_object import ExactUrdf
@@ -453,11 +462,7 @@ def build(
         cluster_ranks=tuple(ranks),
         gap_as_written=gap,
         sensors={
-            sensor["number"]: {
-                **sensor,
-                "translation": sensor.get("translation", 3),
-                "rotation": sensor.get("rotation", 3),
-            }
+            sensor["number"]: sensor | {"translation": 3, "rotation": 3, "axes": UNCHANGED} | sensor
             for sensor in constraints.get("sensors", [])
         },
         sensor_constraints=tuple(

@@ -16,6 +16,7 @@ from cinegen.model.stick import stick_figure
 from raff2urdf.errors import RaffError
 from raff2urdf.graphics.meshes import CONVERTED, SHOWN, Drawing, converted
 from raff2urdf.graphics.names import find
+from raff2urdf.readers import TEXT
 from raff2urdf.readers.xml_file import parse_xml
 
 if TYPE_CHECKING:
@@ -85,7 +86,12 @@ def _find(mesh: str, source: MechanismSource) -> Path:
     if source.folder is None and source.owner is None:
         return Path(mesh)
     owner = None if source.owner is None else Path(source.owner)
-    return find(mesh, Path(source.folder or source.owner or ""), owner)
+    try:
+        return find(mesh, Path(source.folder or source.owner or ""), owner)
+    except RaffError as error:
+        if source.name != TEXT:
+            raise
+        raise RaffError(f"{error}: a text names files from the folder that was current when it was loaded") from None
 
 
 def _remove_lost(tree: Any, source: MechanismSource) -> tuple[list[str], list[str]]:

@@ -22,6 +22,8 @@ from msgspec import Meta, Struct
 from cinegen.errors import CinegenError
 from cinegen.session.setup import Setup
 from cinegen.typed_json import Button, DoF, Vector4, Vector6
+from raff2urdf.axes import parse_axes
+from raff2urdf.errors import RaffError
 
 LONGEST = 2000
 """Characters of a message."""
@@ -276,6 +278,24 @@ class SelectSensor(TypedMessage, frozen=True):
     sensor: str | None
 
 
+class ChangeSensor(TypedMessage, frozen=True):
+    """Change the axes of a sensor.
+
+    Attributes:
+        sensor: sensor that sends deflections.
+        axes: its axes that command x, y, z, rx, ry and rz of a node, such as `x, -z, y, rx, -rz, 0.5*ry`.
+    """
+
+    sensor: str
+    axes: str
+
+    def __post_init__(self) -> None:
+        try:
+            parse_axes(self.axes)
+        except RaffError as error:
+            raise ValueError(f"{error.problems[0].message} - at `$.axes`") from None
+
+
 class ChangeSettings(TypedMessage, frozen=True):
     """Change settings; what is null stays.
 
@@ -363,7 +383,8 @@ class ControlPlayback(TypedMessage, frozen=True):
 Command = (
     StartDrag | MoveDrag | EndDrag | Pin | RemoveTask | ChangeTask | MoveJoint | EndJointMotion | MoveHome | MoveTo
     | SaveWaypoint | ChangeWaypoint | RemoveWaypoint | MoveToWaypoint | PlayWaypoints | Undo | Redo | Pause
-    | SelectSensor | ChangeSettings | SetPayload | SetView | SetRecording | GamepadInput | ControlPlayback
+    | SelectSensor | ChangeSensor | ChangeSettings | SetPayload | SetView | SetRecording | GamepadInput
+    | ControlPlayback
 )  # fmt: skip
 
 
@@ -374,6 +395,8 @@ def check_names(command: TypedMessage, setup: Setup) -> None:
         CommandError: one of them does not exist; the message names the field.
     """
     robot = getattr(command, "robot", None)
+    if isinstance(command, ChangeSensor) and command.sensor not in [one.name for one in setup.devices if one.has_axes]:
+        raise CommandError(f"Unknown sensor {command.sensor!r:.80} - at `$.sensor`")
     if robot is None:
         return
     mechanism, switch = setup.robots.get(robot), (robot, getattr(command, "node", ""))

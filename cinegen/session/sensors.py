@@ -14,6 +14,7 @@ from cinegen.sensor import Reading, SensorState, TimedSensor, Twist
 from cinegen.session.robot import SENSOR, DrivenRobot, UserTask
 from cinegen.session.setup import Device, Setup
 from cinegen.session.state import SensorReport, Settings
+from raff2urdf.axes import format_axes, parse_axes
 
 _FRAMES = {"world": "world", "base": "base", "tool": "node", "view": "view"}  # those of `Teleoperation`
 _SCRIPTS = ("path", "seam", "replay")  # kinds that start when they are selected, and that a user's action ends
@@ -30,6 +31,7 @@ class SessionSensors:
 
     Attributes:
         selected: sensor that each node follows, by robot and node; None: no sensor.
+        axes: axes of each sensor, in all six entries.
         view: (3, 3) axes of the view in the world as columns: to the right, away from the viewer, up.
 
     Raises:
@@ -43,6 +45,7 @@ class SessionSensors:
         self.selected: dict[tuple[str, str], str | None] = {(one.robot, one.node): None for one in setup.switches}
         self.view = np.eye(3)
         self._devices = {device.name: device for device in setup.devices}
+        self.axes = {name: format_axes(parse_axes(device.axes)) for name, device in self._devices.items()}
         self._sensors: dict[str, Sensor] = {}
         self._readings: dict[str, Reading] = {}
         self._driven: dict[tuple[str, str], tuple[UserTask, Teleoperation]] = {}
@@ -65,6 +68,13 @@ class SessionSensors:
                 sensor.close()  # it starts anew
             self._start(sensor)
             self._connect(robot, node, self._devices[name])
+
+    def change_axes(self, name: str, axes: str) -> None:
+        """Change the axes of a sensor; the nodes that follow it go on from their present poses."""
+        self.axes[name] = format_axes(parse_axes(axes))
+        for key, (_, teleoperation) in self._driven.items():
+            if self.selected[key] == name:
+                teleoperation.mapping = replace(teleoperation.mapping, axes=self.axes[name])
 
     def suspend(self, robot: str, node: str) -> None:
         """Suspend the sensor of a node that is dragged, and stop the scripts of its robot."""
@@ -127,12 +137,13 @@ class SessionSensors:
             status = (driving.get(name) or sensor).status
             reading = self._readings.get(name)
             twist = reading.twist if reading is not None else None
-            reports.append(SensorReport(name, *status, twist))
+            axes = self.axes[name] if self._devices[name].has_axes else None
+            reports.append(SensorReport(name, *status, twist, axes))
         return tuple(reports)
 
     def exchange(self, setup: Setup, fresh: Mapping[str, Sensor], names: Mapping[str, str]) -> list[str]:
         """Let the robots that have taken the place of others follow the sensors that those followed, as far as they
-        have the nodes. Devices that both setups have stay open.
+        have the nodes. Devices that both setups have stay open, and keep their axes unless the setups' differ.
 
         Args:
             setup: of the session with the present robots.
@@ -148,7 +159,17 @@ class SessionSensors:
         self._driven.clear()
         self._suspended.clear()
         self._devices = {device.name: device for device in setup.devices}
-        stays = {name for name, one in self._devices.items() if devices.get(name) == one and not _is_script(one)}
+        self.axes = {
+            name: self.axes[name]
+            if name in devices and devices[name].axes == one.axes and one.has_axes
+            else format_axes(parse_axes(one.axes))
+            for name, one in self._devices.items()
+        }
+        stays = {
+            name
+            for name, one in self._devices.items()
+            if name in devices and replace(devices[name], axes=one.axes) == one and not _is_script(one)
+        }
         self._sensors = {name: old[name] if name in stays else one for name, one in fresh.items()}
         self.selected = {(one.robot, one.node): None for one in setup.switches}
         choices = {(one.robot, one.node): one.choices for one in setup.switches}
@@ -191,7 +212,7 @@ class SessionSensors:
         dof = device.translation, rotation
         task = self.robots[name].add_task(self._new_id(), node, SENSOR, f"sensor {device.name}", dof=dof)
         task.scripted = scheme(device.url) in _SCRIPTS
-        mapping = TwistMapping(translation=device.translation, rotation=device.rotation)
+        mapping = TwistMapping(translation=device.translation, rotation=device.rotation, axes=self.axes[device.name])
         self._driven[name, node] = task, Teleoperation(sensor, task.task, mapping)
 
     def _disconnect(self, name: str, node: str) -> None:

@@ -385,6 +385,9 @@ class Session:
     def _select_sensor(self, command: c.SelectSensor) -> None:
         self.sensors.select(command.robot, command.node, command.sensor)
 
+    def _change_sensor(self, command: c.ChangeSensor) -> None:
+        self.sensors.change_axes(command.sensor, command.axes)
+
     def _set_view(self, command: c.SetView) -> None:
         x, y, z = pin.Quaternion(np.array(command.quaternion)).matrix().T
         self.sensors.view = np.column_stack([x, -z, y])

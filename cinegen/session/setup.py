@@ -17,13 +17,14 @@ from msgspec import Struct
 
 from cinegen.arrays import Array
 from cinegen.collision import Scene
-from cinegen.devices.kinds import exposure, overrides, refusal, split_token, why_missing
+from cinegen.devices.kinds import exposure, overrides, refusal, scheme, split_axes, split_token, why_missing
 from cinegen.errors import CinegenError, CinegenWarning, UnknownNameError
 from cinegen.mission import BasePose, Recording
 from cinegen.mission.drawn_obstacle import DrawnObstacle, DrawnShape
 from cinegen.model import Mechanism
 from cinegen.model.plausible import FAR, reach
 from cinegen.session.regular_start import regular_start
+from raff2urdf.axes import UNCHANGED
 from raff2urdf.quantities import ANGLE, LENGTH, QuantityError, parse_list, shown
 
 RATE = 1000.0
@@ -54,6 +55,7 @@ class Device:
         robot: robot that a script is made for; None: any.
         node: node that a script is made for.
         token: token that programs must send first; empty: none.
+        axes: axes that command the node's, see `cinegen.devices.TwistMapping`.
     """
 
     name: str
@@ -63,6 +65,12 @@ class Device:
     robot: str | None = None
     node: str | None = None
     token: str = field(default="", repr=False)
+    axes: str = UNCHANGED
+
+    @property
+    def has_axes(self) -> bool:
+        """False if it sends targets only, which have no axes to map."""
+        return scheme(self.url) not in ("path", "seam")
 
 
 class SensorSwitch(Struct, frozen=True):
@@ -280,7 +288,7 @@ def arrange(
         files: file of each robot; all from one unless given. Sensors are numbered by file, and robots of several files
             are placed side by side.
         sensors: texts such as `1=/dev/ttyUSB0`, another port for the files' sensor 1; or `NODE=URL`, `ROBOT.NODE=URL`,
-            a sensor that a node follows.
+            a sensor that a node follows. `#axes=x,-z,y` may follow the URL, or replace it for a file's sensor.
         follow: shape of the path that each robot's end, or `node`, follows until a user drags the robot.
         node: node that follows it.
         bases: texts as `parse_base_pose` reads them.
@@ -310,14 +318,16 @@ def arrange(
                 if entry is None:
                     continue
                 used.add(number)
-                url = numbered.get(number, entry["port"])
-                reason = "" if number in numbered else refusal(url)
+                own_url, axes = split_axes(numbered.get(number, ""))
+                url = own_url or entry["port"]
+                reason = "" if own_url else refusal(url)
                 if reason:
                     raise SetupError(
                         f"{name}: the file's sensor {number}, {url!r}, {reason}. If that is wanted, give --sensor "
                         f"{number}={url}; else name another one, such as --sensor {number}=tcp://127.0.0.1:7070"
                     )
-                devices.setdefault(label, _device(label, url, number, entry["translation"], entry["rotation"]))
+                dof = entry["translation"], entry["rotation"]
+                devices.setdefault(label, _device(label, url, number, *dof, axes=axes or entry["axes"]))
                 choices_of.setdefault(follower, []).append(label)
                 if number in numbered:
                     first[follower] = label
@@ -326,7 +336,8 @@ def arrange(
             if of not in ("", name) or own not in mechanism.nodes:
                 continue
             label = _free(own, devices)
-            devices[label] = _device(label, url, None, 3, 3, name, own)
+            own_url, axes = split_axes(url)
+            devices[label] = _device(label, own_url, None, 3, 3, name, own, axes or UNCHANGED)
             choices_of.setdefault(own, [None]).append(label)
             first[own] = label
         if follow is not None:
@@ -396,7 +407,7 @@ def _split(texts: Sequence[str]) -> tuple[dict[int, str], list[tuple[str, str]]]
     others = []
     for text in texts:
         node, _, url = text.partition("=")
-        if not (node and url):
+        if not node or not (url if node.isdecimal() else split_axes(url)[0]):
             raise SetupError(
                 f"--sensor {text}: write NUMBER=URL for a sensor of the file, or NODE=URL for one that a node follows, "
                 "for example --sensor 1=/dev/ttyUSB0"
@@ -407,13 +418,17 @@ def _split(texts: Sequence[str]) -> tuple[dict[int, str], list[tuple[str, str]]]
 
 
 def _device(
-    name: str, url: str, number: int | None, translation: int, rotation: int, robot: str | None = None, node: str = ""
-) -> Device:
+    name: str, url: str, number: int | None, translation: int, rotation: int, robot: str | None = None, node: str = "",
+    axes: str = UNCHANGED,
+) -> Device:  # fmt: skip
     """Return a sensor, with a warning if its port does not exist, or if other machines reach it."""
     own, token = split_token(url)
     for warning in filter(None, (why_missing(url, number), exposure(url, number))):
         warnings.warn(warning, CinegenWarning, stacklevel=3)
-    return Device(name, own, translation, rotation, robot, node or None, token)
+    device = Device(name, own, translation, rotation, robot, node or None, token, axes)
+    if axes != UNCHANGED and not device.has_axes:
+        raise SetupError(f"sensor {name}, '{own}', sends targets, which have no axes to change: remove axes '{axes}'")
+    return device
 
 
 def _free(label: str, taken: Mapping[str, object]) -> str:

@@ -139,6 +139,7 @@ class SensorReport(Struct, frozen=True):
         packets: number of readings since it was started.
         damaged: number of packets that were not valid.
         twist: deflection, -1 to 1; None if it reports none.
+        axes: its axes that command x, y, z, rx, ry and rz; None if it sends targets only.
     """
 
     id: str
@@ -147,6 +148,7 @@ class SensorReport(Struct, frozen=True):
     packets: int
     damaged: int
     twist: Vector6 | None
+    axes: str | None
 
 
 class Settings(Struct, frozen=True):

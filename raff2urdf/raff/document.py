@@ -258,12 +258,16 @@ class SensorConstraint:
 
 @dataclass(frozen=True, slots=True)
 class RaffSensor:
-    """An input device on a port, with the number of translations and rotations that it commands."""
+    """An input device on a port, with the number of translations and rotations that it commands.
+
+    `axes` is a text as `raff2urdf.axes` describes it; None: unchanged.
+    """
 
     number: int
     port: str
     translation: int = 3
     rotation: int = 3
+    axes: str | None = None
     locations: Locations = field(default_factory=_no_locations, compare=False, repr=False)
 
 

@@ -16,7 +16,8 @@ from dataclasses import dataclass, field, replace
 from enum import IntEnum
 from typing import Any, NamedTuple
 
-from raff2urdf.errors import SourceLocation, did_you_mean
+from raff2urdf.axes import parse_axes
+from raff2urdf.errors import RaffError, SourceLocation, did_you_mean
 from raff2urdf.raff import texts
 from raff2urdf.raff.document import (
     UNITS_PER_METRE,
@@ -212,6 +213,16 @@ def _units(report: Report, token: Token) -> str:
     return token.text
 
 
+def _axes(report: Report, token: Token) -> str:
+    try:
+        parse_axes(token.string)
+    except RaffError as error:
+        for problem in error.problems:
+            at = problem.location or SourceLocation(1, 1)
+            report(problem.message, replace(at, line=token.line, column=token.column + at.column))
+    return token.string
+
+
 def _strings(_: Report, *found: Token) -> tuple[str, ...]:
     return tuple(token.string for token in found)
 
@@ -399,6 +410,7 @@ STATEMENTS: dict[str, dict[str, Statement]] = {
         "port": replace(_TEXT, required=""),
         "translation": Statement("NUMBER", Choice("'translation'", _DOF)),  # number of degrees of freedom
         "rotation": Statement("NUMBER", Choice("'rotation'", _DOF)),
+        "axes": Statement("STRING", _axes),  # what commands x y z rx ry rz, such as "x, -z, y, rx, -rz, 0.5*ry"
     },
     **{word: {} for word in ("limits", "filename", "centre", "moments", "products")},
 }

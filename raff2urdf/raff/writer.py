@@ -70,7 +70,7 @@ def _robot(robot: RaffRobot, notes: Mapping[int, str]) -> Iterator[str]:
         yield f"  constraint {{ {_node(robot, constraint.node)} sensor ( {sensors} ) }}"
 
 
-_OF_SENSORS = ("port", "translation", "rotation")
+_OF_SENSORS = ("port", "translation", "rotation", "axes")
 _OF_JOINT = ("limits", "velocity", "effort", "actuated")
 _OF_INERTIAL = ("mass", "centre", "moments", "products", "density", "radius")
 _OF_VARIABLES = ("home", *_OF_JOINT)

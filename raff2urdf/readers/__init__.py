@@ -12,7 +12,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
-from raff2urdf.errors import RaffWarning
+from raff2urdf.errors import RaffError, RaffWarning
 from raff2urdf.files import STANDARD, read_bytes
 from raff2urdf.readers.xml_file import error_at, parse_xml, read_text
 
@@ -41,6 +41,9 @@ class Description(NamedTuple):
     ignored: tuple[str, ...] = ()
 
 
+TEXT = "<text>"
+"""Name, in errors, of a robot's text that is no file. It names other files relative to the current folder."""
+
 ENDINGS = (".urdf", ".xml", ".sdf", ".world", ".mjcf", ".xacro")
 """Endings of files that are read here. They hold XML; the root element determines the format."""
 
@@ -48,6 +51,11 @@ ENDINGS = (".urdf", ".xml", ".sdf", ".world", ".mjcf", ".xacro")
 def holds_xml(path: Path) -> bool:
     """Return whether a file is read here: by its ending; of standard input (`-`) by its first character."""
     return path.suffix.lower() in ENDINGS or (path == STANDARD and read_bytes(path).lstrip()[:1] == b"<")
+
+
+def is_text(source: object) -> bool:
+    """Return whether a robot is given as text, not as a path: it begins with `<`, or has several lines."""
+    return isinstance(source, str) and (source.lstrip().startswith("<") or "\n" in source)
 
 
 def read(path: Path, robot: str | None = None, ignore_loops: bool = False, ignore: Sequence[str] = ()) -> Description:
@@ -64,12 +72,37 @@ def read(path: Path, robot: str | None = None, ignore_loops: bool = False, ignor
         RaffError: the file, or its sidecar file, can't be read or is wrong: where and why. A file declares a loop or a
             coupling that can't be read, and that is not ignored. `ignore` names none.
     """
+    return _checked(*_described(read_text(path), path, robot, ignore_loops, ignore))
+
+
+def read_xml(
+    text: str, name: str = TEXT, robot: str | None = None, ignore_loops: bool = False, ignore: Sequence[str] = ()
+) -> Description:
+    """Read the robot of a URDF, SDF or MJCF that is no file, so that nothing is next to it.
+
+    Args:
+        text: of the URDF, SDF or MJCF. Files that it names are searched relative to the current folder.
+        name: of it, in errors, which name lines of the text.
+        robot: see `read`.
+        ignore_loops: see `read`.
+        ignore: see `read`.
+
+    Raises:
+        RaffError: see `read`; or the text is xacro.
+    """
+    return _checked(*_described(text, Path(name), robot, ignore_loops, ignore, is_file=False))
+
+
+def _described(
+    text: str, path: Path, robot: str | None, ignore_loops: bool, ignore: Sequence[str], is_file: bool = True
+) -> tuple[Description, str, IgnoreList, bool]:
     from raff2urdf.readers import xacro_file
     from raff2urdf.readers.declaration import IgnoreList
 
-    text = read_text(path)
     root = parse_xml(text, str(path))
     if root.tag == "robot" and xacro_file.is_xacro(path, root):
+        if not is_file:
+            raise RaffError(f"{path}: xacro is a program: load its file, .urdf.xacro, or the output of `xacro`")
         text = xacro_file.expanded(path)
     kind = str(root.tag)
     if kind not in READERS:
@@ -77,7 +110,7 @@ def read(path: Path, robot: str | None = None, ignore_loops: bool = False, ignor
         why = _OTHER_ROOTS.get(kind, f"this is not a robot (known: {known})")
         raise error_at(str(path), root, f"its first element is <{kind}>: {why}")
     words = IgnoreList(ignore)
-    return _checked(READERS[kind](text, path, robot, ignore_loops, words), str(path), words, ignore_loops)
+    return READERS[kind](text, path, robot, ignore_loops, words, is_file), str(path), words, ignore_loops
 
 
 def read_urdf(text: str, name: str, ignore_loops: bool = False, ignore: Sequence[str] = ()) -> Description:
@@ -142,16 +175,20 @@ def _urdf(
     return dialects.read(text, path, ignore, ignore_loops, is_file)
 
 
-def _sdf(text: str, path: Path, robot: str | None, ignore_loops: bool, ignore: IgnoreList) -> Description:
+def _sdf(
+    text: str, path: Path, robot: str | None, ignore_loops: bool, ignore: IgnoreList, is_file: bool
+) -> Description:
     from raff2urdf.readers import sdf
 
     return _of_format("SDF", ignore, *sdf.read(text, str(path), robot, ignore.given))
 
 
-def _mjcf(text: str, path: Path, robot: str | None, ignore_loops: bool, ignore: IgnoreList) -> Description:
+def _mjcf(
+    text: str, path: Path, robot: str | None, ignore_loops: bool, ignore: IgnoreList, is_file: bool
+) -> Description:
     from raff2urdf.readers import mjcf
 
-    return _of_format("MJCF", ignore, *mjcf.read(path, ignore.given))
+    return _of_format("MJCF", ignore, *mjcf.read(path, ignore.given, None if is_file else text))
 
 
 def _of_format(dialect: str, ignore: IgnoreList, urdf: str, values: Constraints, ignored: Sequence[str]) -> Description:

@@ -17,10 +17,10 @@ def syntax_of(path: Path) -> str:
     """Return how a robot's file, or the file next to it, declares that a joint is actuated.
 
     Args:
-        path: of the RAFF file, URDF, xacro, SDF or MJCF. Of what is no file, the syntax of constraints is returned.
+        path: of the RAFF file, URDF, xacro, SDF or MJCF. Of what is no file, the option of a program is returned.
     """
     if not path.is_file():
-        return f"{_CONSTRAINTS}the constraints"
+        return "load(..., actuated=[...])"
     if not holds_xml(path):
         return RAFF
     root = parse_xml(read_text(path), str(path))

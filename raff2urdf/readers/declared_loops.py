@@ -67,12 +67,13 @@ def lost(unread: Sequence[Declaration], spare: int, closed: int) -> list[Declara
     return notes + [one for one in elements if one.coupling or spare == 0 or spare < most]
 
 
-def refusal(lost: Sequence[Declaration], urdf: Path) -> str:
+def refusal(lost: Sequence[Declaration], urdf: Path, is_file: bool) -> str:
     """Return the error for declarations that are lost: place, cause and remedy.
 
     Args:
         lost: at least one.
         urdf: path of the URDF.
+        is_file: whether files may be next to it.
     """
     sidecar = constraints_of(urdf).name
     more = f". Also not read: {listed(lost[1:], 3)}" if len(lost) > 1 else ""
@@ -82,7 +83,10 @@ def refusal(lost: Sequence[Declaration], urdf: Path) -> str:
     what = "couplings" if all(one.coupling for one in lost) else "loops"
     remedy = f"Declare the {what} in {sidecar} next to the URDF, {leave}"
     if lost[0].dialect == COMMENT:
-        remedy = f"Restore that file next to the URDF as {sidecar}, or leave the loops open with {IGNORE}"
+        leave = f"or leave the loops open with {IGNORE}"
+        remedy = f"Restore that file next to the URDF as {sidecar}, {leave}"
+    if not is_file:
+        remedy = f"Load the URDF from a file with such a file, NAME.constraints.json, next to it, {leave}"
     return f"{urdf}:{lost[0].line}: {lost[0].text}{more}. {remedy}"
 
 

@@ -92,7 +92,7 @@ def read(text: str, path: Path, ignore: IgnoreList, ignore_loops: bool, is_file:
         composed.add_all([one for one in closures.declared if not ignore.takes(*one.words)])
     composed.add_all([one for one in kept if one.read is not None])
     unread = [one for one in kept if one.read is None]
-    _check_unread(unread, composed, root, path)
+    _check_unread(unread, composed, root, path, is_file)
     if files.values is None and not files.left_out:
         _warn_of_missing(unread, path)
     if not left_out and not composed.closed and not composed.coupled:
@@ -100,12 +100,12 @@ def read(text: str, path: Path, ignore: IgnoreList, ignore_loops: bool, is_file:
     return composed.result(names + files.left_out)
 
 
-def _check_unread(unread: Sequence[Declaration], composed: _Composed, root: Any, path: Path) -> None:
+def _check_unread(unread: Sequence[Declaration], composed: _Composed, root: Any, path: Path, is_file: bool) -> None:
     """Refuse declarations that can't be read, or warn of those that may declare nothing."""
     lost = declared_loops.lost(unread, composed.spare, composed.closed)
     certain = [one for one in lost if one.certain]
     if certain:
-        raise RaffError(f"{declared_loops.refusal(certain, path)}{xacro_hint(root, str(path))}")
+        raise RaffError(f"{declared_loops.refusal(certain, path, is_file)}{xacro_hint(root, str(path))}")
     if lost:
         also = f". Also not read: {listed(lost[1:], 3)}" if lost[1:] else ""
         warnings.warn(f"{path}:{lost[0].line}: {lost[0].text}{also}", RaffWarning, stacklevel=6)

@@ -44,7 +44,7 @@ _LEAST = 1e-14
 _HIDDEN = 3  # MuJoCo's viewer shows geoms of the groups 0 to 2; collision shapes are in those above
 
 
-def read(path: Path, ignore: Collection[str] = ()) -> tuple[str, Constraints, list[str]]:
+def read(path: Path, ignore: Collection[str] = (), text: str | None = None) -> tuple[str, Constraints, list[str]]:
     """Return a URDF, its constraints, and the elements that were ignored, from an MJCF.
 
     Meshes are not read, only named, unless the mass of a body depends on them; they may be missing.
@@ -52,6 +52,7 @@ def read(path: Path, ignore: Collection[str] = ()) -> tuple[str, Constraints, li
     Args:
         path: of the file.
         ignore: names of equality constraints, or of flexes with all their equality constraints, to be left out.
+        text: of an MJCF that is no file; the path is only a name then.
 
     Raises:
         RaffError: MuJoCo can't read it, for the reason that it gives; an equality constraint has no counterpart.
@@ -59,7 +60,7 @@ def read(path: Path, ignore: Collection[str] = ()) -> tuple[str, Constraints, li
     """
     with needs("mjcf", f"{path}: MJCF files"):
         import mujoco
-    _check_includes(path)
+    _check_includes(path, text)
     before = mujoco.get_mju_user_warning()
     mujoco.set_mju_user_warning(lambda _: None)  # its warnings concern simulation; it would write them to a file
     try:
@@ -68,7 +69,8 @@ def read(path: Path, ignore: Collection[str] = ()) -> tuple[str, Constraints, li
             # After some errors MuJoCo 4.0 keeps a handler of warnings that calls itself for ever, one for each thread:
             # hence a new thread.
             with ThreadPoolExecutor(1) as thread:
-                spec = thread.submit(mujoco.MjSpec.from_file, str(path)).result()
+                read = mujoco.MjSpec.from_file if text is None else mujoco.MjSpec.from_string
+                spec = thread.submit(read, str(path) if text is None else text).result()
             soft = _remove_flexes(spec, str(path), ignore)
             needed, unknown = _weighing_meshes(mujoco, spec, path)
             weighing = spec.copy() if needed else spec
@@ -109,7 +111,7 @@ def read(path: Path, ignore: Collection[str] = ()) -> tuple[str, Constraints, li
     return urdf, constraints, [*soft, *reader.ignored, *left_out]
 
 
-def _check_includes(path: Path) -> None:
+def _check_includes(path: Path, text: str | None) -> None:
     """Check the files that a file includes or attaches, before MuJoCo reads them: they must be near it.
 
     Raises:
@@ -118,7 +120,7 @@ def _check_includes(path: Path) -> None:
     folder, pending, met = path.absolute().parent, [path], {path.absolute()}
     while pending:
         inner = pending.pop()
-        root = parse_xml(read_text(inner), str(inner))
+        root = parse_xml(read_text(inner) if text is None or inner is not path else text, str(inner))
         places = [folder, *(folder / e.get("assetdir") for e in root.iter("compiler") if e.get("assetdir"))]
         for element in root.iter("include", "model"):
             for file in (place / element.get("file", "") for place in places):

@@ -59,12 +59,15 @@ XML_NAMES = st.builds(str.__add__, _FIRST, _REST)
 TEXTS = st.text(st.characters(exclude_categories=["Cs"], exclude_characters='"\n\0'), max_size=12)
 """What RAFF can write between quotation marks."""
 
+SENSOR_AXES = st.none() | st.permutations(["x", "-y", "0.1*z", "rx", "-2e-3*ry", "0"]).map(", ".join)
+"""What commands a node's axes, in any order."""
+
 KEYWORDS = st.sampled_from(
     re.findall(
         r"\w+",
         "RAFF robot sensor units path base link frame constraint parameters type joint ball variable home pred limits "
-        "velocity effort actuated name filename theta r d alpha gamma epsilon port translation rotation mm coupling "
-        "ratio lead radius polynomial offset inertial mass centre moments products density",
+        "velocity effort actuated name filename theta r d alpha gamma epsilon port translation rotation axes mm "
+        "coupling ratio lead radius polynomial offset inertial mass centre moments products density",
     )
 )
 
@@ -95,7 +98,7 @@ def documents(
     lengths, angles, least_speed = (LENGTHS, ANGLES, 1e-3) if moderate else (EXTREME, EXTREME, 1e-5)
     numbers = draw(st.lists(st.integers(1, 10**6), unique=True, max_size=3))
     counts = st.integers(0, 3)
-    sensors = [RaffSensor(number, draw(TEXTS), translation=draw(counts), rotation=draw(counts)) for number in numbers]
+    sensors = [RaffSensor(number, draw(TEXTS), draw(counts), draw(counts), draw(SENSOR_AXES)) for number in numbers]
     names = draw(st.lists(XML_NAMES | KEYWORDS, unique=True, min_size=least_robots, max_size=max(2, least_robots)))
     robots = [
         draw(

@@ -35,7 +35,7 @@ def made(document: Document, robot: RaffRobot | None = None) -> constraints.Cons
 ARM_WITH_SENSORS = """
 RAFF MiniDelta
 units cm
-sensor 1 { port "/dev/ttyd2" translation 3 rotation 2 }
+sensor 1 { port "/dev/ttyd2" translation 3 rotation 2 axes "x -z" }
 sensor 7 { port "COM1" }
 sensor 9 { port "unused" }
 robot r1 {
@@ -100,7 +100,7 @@ def test_everything_that_the_file_says_is_there(values: constraints.Constraints)
     ]
     assert (values["mobility"], values["loop_rows"], values["loop_rank"]) == (3 + 6 - 2, 3, 2)
     assert values["sensors"] == [
-        {"number": 1, "port": "/dev/ttyd2", "translation": 3, "rotation": 2},
+        {"number": 1, "port": "/dev/ttyd2", "translation": 3, "rotation": 2, "axes": "x -z"},
         {"number": 7, "port": "COM1", "translation": 3, "rotation": 3},
     ]
     assert values["sensor_constraints"] == [{"node": "coupler", "sensors": [0, 7, 1]}, {"node": "base", "sensors": [7]}]
@@ -262,6 +262,7 @@ def test_a_number_beyond_all_doubles_is_refused_at_its_place(
         ("joints/1/home", 1e300, "$.joints[1].home: the home of joint 'joint2' is 1e+300, beyond 1e+13"),
         ("loops/0/second/node", "coupler", "$.loops[0].second.node: loop 'coupler-link3' joins 'coupler' to itself"),
         ("sensors/1/number", 1, "$.sensors[1].number: '1' is listed twice, also in $.sensors[0]"),
+        ("sensors/0/axes", "x, q", "$.sensors[0].axes: axes:1:4: 'q' is no axis of a sensor"),
         ("robot", "\ud800", "$.robot: this text holds half a character"),
     ],
 )

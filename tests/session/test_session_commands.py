@@ -15,7 +15,7 @@ from hypothesis import strategies as st
 
 from cinegen.session import Command, CommandError, Session, decode_command
 from cinegen.session import commands as c
-from cinegen.session.setup import SensorSwitch
+from cinegen.session.setup import Device, SensorSwitch
 
 SETUP = SimpleNamespace(
     robots={
@@ -24,6 +24,7 @@ SETUP = SimpleNamespace(
     },
     obstacles={},
     switches=(SensorSwitch("delta", "link5", (None, "1")),),
+    devices=(Device("1", "spnav:"),),
 )
 TYPES = {command.__struct_config__.tag for command in get_args(Command)}
 
@@ -63,6 +64,7 @@ def decoded(message):
          c.SelectSensor("delta", "link5", "1")),
         ({"type": "select_sensor", "robot": "delta", "node": "link5", "sensor": None},
          c.SelectSensor("delta", "link5", None)),
+        ({"type": "change_sensor", "sensor": "1", "axes": "x, -z, y"}, c.ChangeSensor("1", "x, -z, y")),
         ({"type": "set_payload", "robot": "arm", "node": "tool", "mass": 2}, c.SetPayload("arm", "tool", 2.0)),
         ({"type": "set_view", "quaternion": [0, 0, 0, 1]}, c.SetView((0.0, 0.0, 0.0, 1.0))),
         ({"type": "change_settings", "damping": 0.1, "frame": "tool"}, c.ChangeSettings(damping=0.1, frame="tool")),
@@ -114,6 +116,8 @@ def of(kind, **fields):
         (of("move_joint", robot="arm", joint="joint1", value=0), "Unknown joint 'joint1' - at `$.joint`"),
         (of("select_sensor", robot="delta", node="link5", sensor="2"), "Unknown sensor '2' - at `$.sensor`"),
         (of("select_sensor", robot="arm", node="tool", sensor=None), "Unknown sensor None - at `$.sensor`"),
+        (of("change_sensor", sensor="2", axes="x"), "Unknown sensor '2' - at `$.sensor`"),
+        (of("change_sensor", sensor="1", axes="x, q"), "'q' is no axis of a sensor"),
         (of("save_waypoint", name=""), "length >= 1 - at `$.name`"),
         (of("save_waypoint", name="x" * 41), "length <= 40 - at `$.name`"),
         (of("save_waypoint", name="a\nb"), "matching regex"),

@@ -147,6 +147,12 @@ export interface SelectSensor {
   sensor: string | null;
 }
 
+export interface ChangeSensor {
+  type: "change_sensor";
+  sensor: string;
+  axes: string;
+}
+
 export interface ChangeSettings {
   type: "change_settings";
   gain?: number | null;
@@ -186,7 +192,7 @@ export interface ControlPlayback {
   speed?: number | null;
 }
 
-export type ClientMessage = Ack | RequestControl | RequestReactions | RequestRate | SetUser | SetCursor | StartDrag | MoveDrag | EndDrag | Pin | RemoveTask | ChangeTask | MoveJoint | EndJointMotion | MoveHome | MoveTo | SaveWaypoint | ChangeWaypoint | RemoveWaypoint | MoveToWaypoint | PlayWaypoints | Undo | Redo | Pause | SelectSensor | ChangeSettings | SetPayload | SetView | SetRecording | GamepadInput | ControlPlayback;
+export type ClientMessage = Ack | RequestControl | RequestReactions | RequestRate | SetUser | SetCursor | StartDrag | MoveDrag | EndDrag | Pin | RemoveTask | ChangeTask | MoveJoint | EndJointMotion | MoveHome | MoveTo | SaveWaypoint | ChangeWaypoint | RemoveWaypoint | MoveToWaypoint | PlayWaypoints | Undo | Redo | Pause | SelectSensor | ChangeSensor | ChangeSettings | SetPayload | SetView | SetRecording | GamepadInput | ControlPlayback;
 
 export interface HelloMessage {
   type: "hello";
@@ -349,6 +355,7 @@ export interface SensorReport {
   packets: number;
   damaged: number;
   twist: [number, number, number, number, number, number] | null;
+  axes: string | null;
 }
 
 export interface Settings {

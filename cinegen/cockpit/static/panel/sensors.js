@@ -5,10 +5,10 @@
 
 import { make, write } from "../base/dom.js";
 import { units } from "../base/units.js";
+import { AXES, AxesControl } from "./axes.js";
 import { Section } from "./section.js";
 import { logSlider } from "./slider.js";
 
-const AXES = ["x", "y", "z", "rx", "ry", "rz"];
 /** @type {Record<string, string>} */
 const TONES = { live: "good", silent: "none", opening: "none", lost: "warn", refused: "bad", closed: "none" };
 const PORTS = "Name its port when starting: --sensor ID=PORT";
@@ -16,7 +16,7 @@ const PORTS = "Name its port when starting: --sensor ID=PORT";
 /** @typedef {import("../base/messages").SensorDescription} Sensor */
 /**
  * @typedef {{ element: HTMLElement, dot: HTMLElement, state: HTMLElement, message: HTMLElement, count: HTMLElement,
- *   bars: HTMLElement, beams: HTMLElement[], url: string }} Card
+ *   bars: HTMLElement, beams: HTMLElement[], axes: AxesControl, url: string }} Card
  */
 
 export class Sensors {
@@ -123,6 +123,9 @@ export class Sensors {
       { class: "deflection", title: "How far it is deflected: translation x y z, rotation rx ry rz" },
       ...AXES.map((axis, i) => make("div", {}, make("div", { class: "beam" }, beams[i]), axis)),
     );
+    const axes = new AxesControl(sensor.id, (text) => {
+      if (this.session.mayAct()) this.session.send({ type: "change_sensor", sensor: sensor.id, axes: text });
+    });
     const element = make(
       "div",
       { class: "card", data: { sensor: sensor.id } },
@@ -136,9 +139,10 @@ export class Sensors {
       make("div", { class: "description quiet" }, [sensor.id, sensor.url].filter(Boolean).join(" · ")),
       message,
       bars,
+      axes.element,
       count,
     );
-    this.#cards.set(sensor.id, { element, dot, state, message, count, bars, beams, url: sensor.url ?? "" });
+    this.#cards.set(sensor.id, { element, dot, state, message, count, bars, beams, axes, url: sensor.url ?? "" });
     return element;
   }
 
@@ -155,6 +159,7 @@ export class Sensors {
       const damaged = report.damaged > 0 ? `, ${report.damaged} damaged` : "";
       write(card.count, report.packets > 0 ? `${report.packets} packets${damaged}` : "");
       card.count.hidden = card.count.textContent === "";
+      card.axes.show(report.axes);
       card.bars.hidden = !Array.isArray(report.twist);
       card.beams.forEach((beam, i) => {
         const value = Math.min(1, Math.max(-1, report.twist?.[i] ?? 0));
