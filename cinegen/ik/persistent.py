@@ -80,7 +80,7 @@ class PersistentSolver(Solver):
         if not tasks or any(task.twist is not None for task in tasks):
             return
         try:
-            result = inverse_kinematics(self.mechanism, tasks, starts=_STARTS)
+            result = inverse_kinematics(self._joints.limited, tasks, starts=_STARTS)
         except CinegenError:
             return
         if result:

@@ -86,7 +86,11 @@ class ClosedLoops:
         sizes: for each loop, of the velocities that change it: these signs times `scale`.
         rows: number of equations.
         data: Pinocchio's, with the placements and Jacobians of the joints at the last evaluated q.
+        held: columns of joints that do not move: none here, see `cinegen.loops.held_loops`.
+        rest: (nq,) configuration of joints that no loop moves.
     """
+
+    held: Indices = np.zeros(0, dtype=np.intp)
 
     def __init__(
         self, model: pin.Model, loops: Sequence[LoopConstraint], length: float, couplings: Sequence[Coupling] = ()
@@ -98,6 +102,7 @@ class ClosedLoops:
             for loop in self.loops
         ]
         self.data = kinematic_data(model)
+        self.rest = np.asarray(pin.neutral(model))
         self.kinds = [loop.kind for loop in self.loops]
         self.cut_dof = [6 - loop.rows for loop in self.loops]
         self.rows = sum(loop.rows for loop in self.loops) + len(self.couplings)
@@ -106,7 +111,7 @@ class ClosedLoops:
         scales = coupled_scales(self.couplings, self._scales_of(names), self._outermost(names))
         for name, joint in self._coupled.items():
             self.scale[joint.idx_v] = scales[name]
-        self.coupling_sizes = [coupling.size(scales) for coupling in self.couplings]
+        self.coupling_sizes = [coupling.size(scales) or 1.0 for coupling in self.couplings]
         supports = [[supporting_columns(model, joint) for joint in anchor[::2]] for anchor in self.anchors]
         self.signs = signs = [second - first for first, second in supports]
         coupled = [[self._coupled[name].idx_v for name in coupling.terms] for coupling in self.couplings]
