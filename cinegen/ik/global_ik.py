@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import threading
 from collections import OrderedDict
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Literal, overload
 
@@ -16,6 +16,7 @@ from cinegen.errors import CinegenError
 from cinegen.hexapod import SolutionCounts
 from cinegen.html import table
 from cinegen.ik.all_solutions import IKError, IKSolutions, all_solutions, with_closest
+from cinegen.ik.joints import checked_names
 from cinegen.ik.local_ik import LocalIK
 from cinegen.ik.solver import Solver
 from cinegen.ik.step import Status
@@ -105,6 +106,7 @@ def inverse_kinematics(
     starts: int = 100,
     seed: int = 0,
     all: Literal[False] = False,
+    locked: Mapping[str, float] | Iterable[str] | None = None,
 ) -> IKResult: ...
 @overload
 def inverse_kinematics(
@@ -113,7 +115,7 @@ def inverse_kinematics(
     q: ArrayLike | None = None,
     *,
     all: Literal[True],
-    locked: Mapping[str, float] | None = None,
+    locked: Mapping[str, float] | Iterable[str] | None = None,
     report: Callable[[str], None] | None = None,
     effort: float = 1.0,
 ) -> IKSolutions: ...
@@ -127,7 +129,7 @@ def inverse_kinematics(
     starts: int = 100,
     seed: int = 0,
     all: bool = False,
-    locked: Mapping[str, float] | None = None,
+    locked: Mapping[str, float] | Iterable[str] | None = None,
     report: Callable[[str], None] | None = None,
     effort: float = 1.0,
 ) -> IKResult | IKSolutions:
@@ -151,7 +153,8 @@ def inverse_kinematics(
         starts: largest number of starts. A target is reported as not reached only after all of them.
         seed: seed of the samples and random starts.
         all: whether all solutions are computed; then the four above are not used.
-        locked: with `all`, joints that keep a value, rad and m.
+        locked: joints that do not move: by name where q has them, or a mapping to the values that they keep, rad and m.
+            A floating base, "base", is named only; with `all` it is locked in any case.
         report: with `all`, called with a sentence on the progress, if it takes long.
         effort: with `all`, how much may be done the first time for a mechanism of no known family; 1 is about half a
             minute. What was not done is stated in the result, and done if more is allowed.
@@ -160,8 +163,9 @@ def inverse_kinematics(
         UnknownNameError: no such node or joint.
         ConfigurationError: q has a wrong shape or is not finite.
         IKError: all solutions can't be computed, for instance as there is a curve of them.
-        CinegenError: there is no target, a target is invalid, or tolerance or starts is not positive; or a target or q
-            was meant in mm or degrees.
+        ClosureError: the loops can't be closed with joints locked at these values.
+        CinegenError: there is no target, a target is invalid, or tolerance or starts is not positive; or a target, q or
+            a value was meant in mm or degrees.
     """
     if isinstance(targets, Mapping):
         targets = [FrameTask(node, target) for node, target in targets.items()]
@@ -176,12 +180,31 @@ def inverse_kinematics(
     checked = None if q is None else mechanism.checked(q)
     if checked is not None:
         check_configuration(mechanism, checked)
+    names = checked_names(mechanism, locked or ())
+    if names:
+        checked = _with_values(mechanism, locked if isinstance(locked, Mapping) else {}, names, checked)
     if all:
-        return _all(mechanism, targets, checked, locked or {}, report, effort)
-    if locked:
-        raise CinegenError("joints are locked only where all solutions are computed: all=True")
-    poses = [task.target for task in targets]
-    return _global_ik(mechanism, tuple(targets), limits, seed).solve(poses, checked, tolerance, starts)
+        assert checked is not None or not names
+        values = {name: _value(mechanism, name, checked) for name in names if name != mechanism.base}
+        return _all(mechanism, targets, checked, values, report, effort)
+    poses, held = [task.target for task in targets], _held(mechanism, names, checked)
+    found = _global_ik(held, tuple(targets), limits, seed).solve(poses, checked, tolerance, starts)
+    return replace(found, _mechanism=mechanism)
+
+
+def _with_values(mechanism: Mechanism, values: Mapping[str, float], names: tuple[str, ...], q: Array | None) -> Array:
+    """Return a closed configuration (nq,) near q or home in which locked joints have their values."""
+    if mechanism.base in names and ("base" in values or mechanism.base in values):
+        raise CinegenError("the base keeps its pose in q: name it without a value, as in locked=['base']")
+    there = mechanism.configuration(values, q)
+    check_configuration(mechanism, there)
+    return there if mechanism.closure(there) <= CLOSURE else mechanism.close(there, names)
+
+
+def _value(mechanism: Mechanism, joint: str, q: Array | None) -> float:
+    if q is None or joint not in mechanism.joints:
+        raise IKError(f"'{joint}' can't be locked where all solutions are computed: it is not one number")
+    return float(q[mechanism.q_index(joint)])
 
 
 def _all(
@@ -285,9 +308,24 @@ class _Kept(threading.local):
 
     def __init__(self) -> None:
         self.recent: OrderedDict[tuple[object, ...], _GlobalIK] = OrderedDict()
+        self.held: OrderedDict[tuple[object, ...], tuple[Mechanism, Mechanism]] = OrderedDict()
 
 
 _kept = _Kept()
+
+
+def _held(mechanism: Mechanism, joints: tuple[str, ...], q: Array | None) -> Mechanism:
+    """Return the mechanism with joints locked where q has them."""
+    if not joints or q is None:
+        return mechanism
+    parts = [mechanism.model.joints[mechanism.model.getJointId(name)] for name in joints]
+    values = np.concatenate([q[joint.idx_q : joint.idx_q + joint.nq] for joint in parts])
+    key, kept = (id(mechanism), joints, values.tobytes()), _kept.held
+    if key not in kept:
+        kept[key] = mechanism, mechanism.with_held(joints, q)  # keeps the mechanism, so that its id stays
+        if len(kept) > _KEPT:
+            kept.popitem(last=False)
+    return kept[key][1]
 
 
 def _global_ik(mechanism: Mechanism, tasks: tuple[FrameTask, ...], limits: bool, seed: int) -> _GlobalIK:

@@ -332,6 +332,11 @@ class JointControl:
         """Names of the joints that are locked."""
         return self._joints.held.held
 
+    @property
+    def held_mechanism(self) -> Mechanism:
+        """The mechanism in which the locked joints are fixed, see `Mechanism.with_held`; itself without any."""
+        return self._joints.held
+
     def lock(self, *joints: str) -> None:
         """Lock joints: they do not move at all, whatever tasks and objectives need.
 

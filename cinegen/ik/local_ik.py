@@ -114,7 +114,7 @@ class LocalIK:
             return np.array([self.random_start(rng) for _ in range(count)])
         home = self.mechanism.held_at
         found, points = [home], [home[self._at] / self._scale]
-        for _ in range(4 * count):
+        for _ in range(4 * count if len(self._at) else 0):
             if len(found) == count:
                 break
             wanted = self.random_start(rng)[self._at] / self._scale
