@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 import math
 from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import replace
 from functools import partial
 from typing import NamedTuple
 
@@ -20,6 +21,7 @@ from cinegen.ik._kernels.tick import tick
 from cinegen.ik.barrier import Barrier, Bounds
 from cinegen.ik.bifurcation import regular_neighbour
 from cinegen.ik.blend import Blend
+from cinegen.ik.branch import passes_toggle
 from cinegen.ik.equations import task_rank
 from cinegen.ik.joints import ACCELERATION, JointControl, JointSettings
 from cinegen.ik.objectives import Objective, State
@@ -86,6 +88,7 @@ class Solver(JointControl):
         gain: rate at which pose errors decay, 1/s; see `Solver.gain`.
         acceleration: limits of the joint accelerations, rad/s^2 and m/s^2: one number for all joints but a floating
             base, or a mapping by joint name; see `acceleration_limits`. Accelerations are unlimited unless given.
+        keep_branch: whether no tick passes a toggle of the actuated joints; see `Solver.keep_branch`.
 
     Attributes:
         exception_log: exceptions of objectives and barriers, each logged once; see `ExceptionLog`.
@@ -101,7 +104,8 @@ class Solver(JointControl):
 
     __slots__ = (
         "__weakref__", "_barriers", "_blends", "_blocked", "_caught", "_changed", "_detour", "_dt", "_earlier", "_gain",
-        "_handle", "_is_in_use", "_joints", "_keeps_linearisation", "_latest", "_layout", "_lifted", "_memory",
+        "_handle", "_is_in_use", "_joints", "_keeps_branch", "_keeps_linearisation", "_latest", "_layout", "_lifted",
+        "_memory",
         "_model", "_objectives", "_q", "_ranks", "_record", "_refused_at", "_tasks", "_tick", "exception_log",
         "linearisation", "mechanism",
     )  # fmt: skip
@@ -113,6 +117,7 @@ class Solver(JointControl):
         q: ArrayLike | None = None,
         gain: float = math.inf,
         acceleration: float | Mapping[str, float] | None = None,
+        keep_branch: bool = False,
     ) -> None:
         self._is_in_use = False
         self._tick = start(tick, SolverMemory, install=partial(setattr, self, "_tick"))
@@ -142,6 +147,8 @@ class Solver(JointControl):
         self._changed = True
         self._earlier: Array | None = None  # records of the last two ticks: they tell how fast targets move
         self._latest: Array | None = None
+        self._keeps_branch = False
+        self.keep_branch = keep_branch
         self.linearisation = Linearisation(np.zeros((0, 0)), np.zeros((0, 0)), np.zeros((0, 0)), 0)
         self._refused_at = np.zeros(0)
         self.q = mechanism.q_home if q is None else q
@@ -185,6 +192,7 @@ class Solver(JointControl):
         for steps in (memory.last, memory.drift, memory.secondary):
             steps *= ratio
         self._joints.write(memory, self._lifted)
+        self._layout: Layout = replace(self._layout, dt=dt)
         self._earlier = None
 
     @property
@@ -419,7 +427,7 @@ class Solver(JointControl):
         set_up_solver_tasks(memory, self._joints.held, self._tasks)
         tasks = tuple((task.node, task.axes, task.offset) for task in self._tasks)
         self._record, fields = memory.block("record")
-        self._layout = Layout(self._joints.held, tasks, fields)
+        self._layout = Layout(self._joints.held, tasks, fields, self._dt)
         self._earlier, self._latest = None, None
         self._changed = False
 
@@ -504,7 +512,7 @@ class Solver(JointControl):
         if self._changed:
             self._write_tasks()
         own, memory, ratio = self._memory, other._memory, self.dt / other.dt
-        self.gain = other.gain
+        self.gain, self.keep_branch = other.gain, other.keep_branch
         self._q[:], self._objectives, self._detour = other._q, other._objectives, other._detour
         self.exception_log = other.exception_log  # the same objectives: none of their exceptions is logged twice
         for name in ("closure", "secondary_scale", "damping_threshold", "ticks"):
@@ -597,7 +605,19 @@ class Solver(JointControl):
             if not (callable(getattr(barrier, "bounds", None)) and callable(getattr(barrier, "clear", None))):
                 raise CinegenError(f"a barrier has the methods `bounds` and `clear`; {barrier!r} lacks one")
         self._barriers = given
-        self._memory.is_guarded, self._memory.barriers = bool(given), 0
+        self._memory.barriers, self.keep_branch = 0, self._keeps_branch
+
+    @property
+    def keep_branch(self) -> bool:
+        """True if no tick passes a toggle of the actuated joints (type 2), where two branches of closed configurations
+        meet; False by default. Steps that would pass one are shortened, and refused in the end: the status is BARRED
+        then. It may be set at any time. A tick takes longer; see also `Step.branch_changed`."""
+        return self._keeps_branch
+
+    @keep_branch.setter
+    def keep_branch(self, keeps: bool) -> None:
+        self._keeps_branch = bool(keeps)
+        self._memory.is_guarded = bool(self._barriers) or (self._keeps_branch and self.mechanism.is_constrained)
 
     def _evaluate_barriers(self) -> None:
         """Collect the barriers' bounds for this tick."""
@@ -637,6 +657,8 @@ class Solver(JointControl):
             except Exception as error:  # the loop must go on
                 self._blocked = True
                 self._catch(self._source("barrier", i, barrier), error)
+        if self._keeps_branch and least > 0.0 and passes_toggle(self._joints.held, self._q, self._memory.trial.copy()):
+            least = min(least, 0.5)
         return 0.0 if self._blocked else least
 
     def _evaluate_objectives(self, objectives: tuple[Objective, ...]) -> None:
@@ -733,7 +755,8 @@ class Solver(JointControl):
         """Replace a refused tick by a motion along a branch of closed configurations if several meet at q. It is at
         most as long as a tick may be."""
         q, memory = self._q.copy(), self._memory
-        if not self.mechanism.loops or self._barriers or np.array_equal(q, self._refused_at):
+        guarded = self._barriers or self._keeps_branch
+        if not self.mechanism.loops or guarded or np.array_equal(q, self._refused_at):
             return
         self._refused_at = q
         is_number = memory.q_index >= 0
