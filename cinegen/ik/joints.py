@@ -220,7 +220,7 @@ class JointSettings:
 
     # --- the kernel's memory --------------------------------------------------------------------------------------
 
-    def write(self, memory: SolverMemory, lifted: tuple[bool, bool]) -> None:
+    def write(self, memory: SolverMemory, lifted: tuple[bool, bool] = (False, False)) -> None:
         """Write limits and weights into a solver's memory, which is set up for `held`.
 
         Args:
