@@ -8,8 +8,9 @@ import pytest
 from leading import run
 
 import cinegen
+from cinegen.collision import load_scene
 from cinegen.errors import CinegenError, UnknownNameError
-from cinegen.session import Reporter, Session, arrange
+from cinegen.session import Reporter, Session, arrange, scene_setup
 from cinegen.session import commands as c
 from cinegen.session.session import OtherRobots
 
@@ -148,3 +149,20 @@ def test_the_report_is_that_of_the_robot_with_locked_joints(session):
     one.obey(c.LockJoint("gough", "joint3", False))
     again = reporter.report(one.state().robots["gough"], 0.2)
     assert again.type1.sigma == pytest.approx(free.type1.sigma, abs=1e-12)
+
+
+def test_a_robot_that_avoids_obstacles_keeps_its_locks(root):
+    one = Session(scene_setup(load_scene(root / "robots/scenes/rod.toml")))
+    (name,) = one.robots
+    one.obey(c.LockJoint(name, "joint1", True))
+    before = one.robots[name].q
+    drag(one, name, np.array([0.0, 0.05, 0.0]))
+    after = one.robots[name].q
+    assert after[0] == before[0]
+    assert np.abs(after - before).max() > 1e-3
+    one.obey(c.MoveJoint(name, "joint2", float(after[1] + 0.1)))
+    one.obey(c.EndJointMotion())
+    run(one, 2.0)
+    assert one.robots[name].q[0] == before[0]
+    assert one.robots[name].q[1] == pytest.approx(after[1] + 0.1, abs=1e-3)
+    one.close()
