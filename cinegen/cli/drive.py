@@ -49,6 +49,7 @@ def run(
         endings=(".html", ".htm"),
     ),
     self_clearance: float | None = SELF_CLEARANCE,
+    lock: str | None = option("JOINTS", "joints that do not move until they are unlocked, such as joint3,arm.joint4"),
     rate: float = quantity_option("HZ", "ticks per second (Hz)", FREQUENCY, 1000.0, least=10.0, most=1e4),
 ) -> int:
     """Drive robots in a page: drag any part, move actuated joints, plug in sensors.
@@ -91,7 +92,13 @@ def run(
             recorded = str(record) if record else None
             return scene_setup(loaded, sensor, _shape(follow or "still"), node, rate, recorded)
 
-    return serve(lambda: replace(read(), overwrite=page.force), page, stem_of(scene or [*files, Path()][0]), snapshot)
+    locked = lock.replace(",", " ").split() if lock else []
+    return serve(
+        lambda: replace(read().with_locked(locked), overwrite=page.force),
+        page,
+        stem_of(scene or [*files, Path()][0]),
+        snapshot,
+    )
 
 
 def serve(read: Callable[[], Setup], page: PageOptions, stem: str, snapshot: Path | None = None) -> int:

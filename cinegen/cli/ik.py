@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from cinegen.cli.files import count, print_result
-from cinegen.cli.numbers import UNITS, parts, values
+from cinegen.cli.numbers import UNITS, locked_joints, parts, values
 from cinegen.cli.options import FILE, JSON, NODE, RobotOptions, flag, option
 from cinegen.cli.progress import Progress
 from cinegen.errors import CinegenError, UnknownNameError
@@ -43,9 +43,8 @@ def run(
     node: str | None = NODE,
     all_: bool = flag("--all", "list all solutions, and report whether these are all"),
     lock: str | None = option(
-        "VALUES",
-        f"with --all, joints that keep a value, such as joint3=0.7 of a robot with seven joints ({UNITS})",
-        needs="--all",
+        "JOINTS",
+        f"joints that do not move, such as joint3,joint4=0.7: at home, or at a value ({UNITS})",
     ),
     json: bool = JSON,
 ) -> int:
@@ -57,17 +56,15 @@ def run(
     """
     name, mechanism = robots.load_one(file)
     asked = pose_task(mechanism, at, node or mechanism.end)
-    locked = {} if lock is None else values(lock, "--lock", "joint3=0.7 (m and degrees)", mechanism)
-    for joint in locked:
-        if joint not in mechanism.joints:
-            raise UnknownNameError("joint", joint, mechanism.joints)
+    names, at_values = locked_joints(lock, mechanism)
+    start = mechanism.close(mechanism.configuration(at_values), names)
     from cinegen.ik import inverse_kinematics
 
     if all_:
         with Progress() as progress:
-            found = inverse_kinematics(mechanism, [asked], all=True, locked=locked, report=progress.text)
+            found = inverse_kinematics(mechanism, [asked], start, all=True, locked=names, report=progress.text)
     else:
-        found = inverse_kinematics(mechanism, [asked], mechanism.q_home).as_solutions()
+        found = inverse_kinematics(mechanism, [asked], start, locked=names).as_solutions()
     print_result(found.as_dict(), "\n".join(_lines(name, found, all_)), json)
     return 0 if len(found) else 1
 

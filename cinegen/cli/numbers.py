@@ -100,6 +100,20 @@ def values(text: str, option: str, example: str, mechanism: Mechanism) -> dict[s
     return found
 
 
+def locked_joints(text: str | None, mechanism: Mechanism) -> tuple[tuple[str, ...], dict[str, float]]:
+    """Return the joints that --lock names, and the values of those that it gives one, m and rad.
+
+    Raises:
+        UsageError: as `values`.
+        UnknownNameError: there is no such joint.
+    """
+    from cinegen.ik.joints import checked_names
+
+    given = parts(text or "")
+    found = values(",".join(part for part in given if "=" in part), "--lock", "joint3=0.7 (m and degrees)", mechanism)
+    return checked_names(mechanism, [part.partition("=")[0] for part in given]), found
+
+
 def configuration_at(mechanism: Mechanism, at: str, node: str | None) -> Any:
     """Return the configuration (nq,) that --at gives: of a node's pose, or of actuated joints; home without any.
 

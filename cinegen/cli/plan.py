@@ -71,6 +71,7 @@ def run(
     ignore: list[str] = IGNORE,
     srdf: Path | None = SRDF,
     fixed_base: bool = FIXED_BASE,
+    lock: str | None = option("JOINTS", "joints that do not move, such as joint3,joint4", unless="--modes"),
     self_clearance: float | None = SELF_CLEARANCE,
     output: str | None = option(
         "FILE.jsonl", "record the path, for `cinegen replay` and `export`", None, "-o", "--output", endings=(".jsonl",)
@@ -94,6 +95,7 @@ def run(
     check_outputs(plot, plot_joints, force=page.force, json=json)
     check_outputs(recording, force=page.force, json=json, remakeable=False)
     loaded = load_scene(scene, ignore_loops, ignore, srdf, self_clearance, fixed_base)
+    locked = lock.replace(",", " ").split() if lock else []
     if not json:
         print("\n".join(_task(loaded, goal_text(mode, loaded) if modes else None)), flush=True)
     change: ModeChange | None = None
@@ -104,7 +106,7 @@ def run(
             change = change_mode(loaded, mode=mode, singular=singular, seconds=timeout, report=progress.text)
             found = change.plan
         else:
-            found = plan(loaded, seconds=timeout, planner=planner, field=field, report=progress.text)
+            found = plan(loaded, locked=locked, seconds=timeout, planner=planner, field=field, report=progress.text)
     if json:
         document = _document(found) | ({"mode_change": change_document(change)} if change is not None else {})
         print_result({"file": str(scene), "planner": None if modes else planner, **document}, None, json)

@@ -79,6 +79,7 @@ def _robot(setup: Setup, name: str, mechanism: Mechanism) -> RobotDescription:
             largest_payload(mechanism),
             tuple(other for other in setup.robots if setup.base(other).robot == name),
         ),
+        root=mechanism.base,
     )
 
 

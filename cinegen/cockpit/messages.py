@@ -142,6 +142,7 @@ class RobotDescription(Struct, frozen=True):
         loops: its loops.
         couplings: equations between its joints.
         forces: data about the forces in it.
+        root: joint of its floating base, which can be locked, or null.
     """
 
     name: str
@@ -155,6 +156,7 @@ class RobotDescription(Struct, frozen=True):
     loops: tuple[LoopDescription, ...]
     couplings: tuple[CouplingDescription, ...]
     forces: ForcesDescription
+    root: str | None = None
 
 
 class ObstacleDescription(Struct, frozen=True):

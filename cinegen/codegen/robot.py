@@ -10,6 +10,7 @@ from cinegen.codegen.inverse_kernels import InverseMemory
 from cinegen.codegen.kernels import RobotMemory
 from cinegen.errors import CinegenError
 from cinegen.ik.equations import task_rank
+from cinegen.ik.joints import JointSettings
 from cinegen.ik.setup import set_up_solver, set_up_solver_tasks
 from cinegen.ik.task import FrameTask
 from cinegen.jit.foreign import frame_of
@@ -54,6 +55,7 @@ def set_up_robot(memory: RobotMemory, mechanism: Mechanism, tasks: Sequence[Fram
         named = ", ".join(f"{name} ({kind})" for name, kind in others.items())
         raise CinegenError(f"{mechanism.name} has joints that no code is generated for: {named}")
     set_up_solver(memory, mechanism)
+    JointSettings(mechanism).write(memory)
     set_up_solver_tasks(memory, mechanism, tasks)
     for task in tasks:
         task.read_target()

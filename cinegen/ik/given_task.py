@@ -92,6 +92,11 @@ class GivenTask:
     def __repr__(self) -> str:
         return repr(self.task)
 
+    def hold(self, columns: Sequence[int]) -> None:
+        """Let locked joints, by their columns, not move the task; all others do."""
+        self._factor = self._scale[:, None] * self._columns
+        self._factor[:, columns] = 0.0
+
     def is_valid(self) -> bool:
         """Return whether the last evaluation succeeded."""
         return bool(self._words[_VALID])

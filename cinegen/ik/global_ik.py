@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import threading
 from collections import OrderedDict
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Literal, overload
 
@@ -18,6 +18,7 @@ from cinegen.html import table
 from cinegen.ik.all_solutions import IKError, IKSolutions, all_solutions, with_closest
 from cinegen.ik.by_ticks import solve_by_ticks
 from cinegen.ik.given_task import Task, errors_of
+from cinegen.ik.joints import checked_names
 from cinegen.ik.local_ik import LocalIK
 from cinegen.ik.solver import Solver
 from cinegen.ik.state import State
@@ -112,6 +113,7 @@ def inverse_kinematics(
     starts: int = 100,
     seed: int = 0,
     all: Literal[False] = False,
+    locked: Mapping[str, float] | Iterable[str] | None = None,
 ) -> IKResult: ...
 @overload
 def inverse_kinematics(
@@ -120,7 +122,7 @@ def inverse_kinematics(
     q: ArrayLike | None = None,
     *,
     all: Literal[True],
-    locked: Mapping[str, float] | None = None,
+    locked: Mapping[str, float] | Iterable[str] | None = None,
     report: Callable[[str], None] | None = None,
     effort: float = 1.0,
 ) -> IKSolutions: ...
@@ -134,7 +136,7 @@ def inverse_kinematics(
     starts: int = 100,
     seed: int = 0,
     all: bool = False,
-    locked: Mapping[str, float] | None = None,
+    locked: Mapping[str, float] | Iterable[str] | None = None,
     report: Callable[[str], None] | None = None,
     effort: float = 1.0,
 ) -> IKResult | IKSolutions:
@@ -160,7 +162,8 @@ def inverse_kinematics(
         starts: largest number of starts. A target is reported as not reached only after all of them.
         seed: seed of the samples and random starts.
         all: whether all solutions are computed; then the four above are not used.
-        locked: with `all`, joints that keep a value, rad and m.
+        locked: joints that do not move: by name where q has them, or a mapping to the values that they keep, rad and m.
+            A floating base, "base", is named only; with `all` it is locked in any case.
         report: with `all`, called with a sentence on the progress, if it takes long.
         effort: with `all`, how much may be done the first time for a mechanism of no known family; 1 is about half a
             minute. What was not done is stated in the result, and done if more is allowed.
@@ -169,8 +172,9 @@ def inverse_kinematics(
         UnknownNameError: no such node or joint.
         ConfigurationError: q has a wrong shape or is not finite.
         IKError: all solutions can't be computed, for instance as there is a curve of them.
-        CinegenError: there is no target, a target is invalid, or tolerance or starts is not positive; or a target or q
-            was meant in mm or degrees.
+        ClosureError: the loops can't be closed with joints locked at these values.
+        CinegenError: there is no target, a target is invalid, or tolerance or starts is not positive; or a target, q or
+            a value was meant in mm or degrees.
     """
     if isinstance(targets, Mapping):
         targets = [FrameTask(node, target) for node, target in targets.items()]
@@ -189,18 +193,36 @@ def inverse_kinematics(
     of_levels = len(frames) < len(targets) or len({task.priority for task in targets}) > 1
     if all and of_levels:
         raise IKError("all solutions are computed for the pose of a node, not for tasks of other kinds or priorities")
+    names = checked_names(mechanism, locked or ())
+    if names:
+        checked = _with_values(mechanism, locked if isinstance(locked, Mapping) else {}, names, checked)
     if all:
-        return _all(mechanism, frames, checked, locked or {}, report, effort)
-    if locked:
-        raise CinegenError("joints are locked only where all solutions are computed: all=True")
+        assert checked is not None or not names
+        values = {name: _value(mechanism, name, checked) for name in names if name != mechanism.base}
+        return _all(mechanism, frames, checked, values, report, effort)
+    held = _held(mechanism, names, checked)
     if of_levels:
-        found, at, tried, ticks, saturated = solve_by_ticks(
-            mechanism, targets, checked, tolerance, limits, starts, seed
-        )
+        found, at, tried, ticks, saturated = solve_by_ticks(held, targets, checked, tolerance, limits, starts, seed)
         closure = mechanism.closure(at)
         return IKResult(found, at, closure, tried, ticks, () if found else saturated, mechanism, tuple(targets))
     poses = [task.target for task in frames]
-    return _global_ik(mechanism, tuple(frames), limits, seed).solve(poses, checked, tolerance, starts)
+    solved = _global_ik(held, tuple(frames), limits, seed).solve(poses, checked, tolerance, starts)
+    return replace(solved, _mechanism=mechanism)
+
+
+def _with_values(mechanism: Mechanism, values: Mapping[str, float], names: tuple[str, ...], q: Array | None) -> Array:
+    """Return a closed configuration (nq,) near q or home in which locked joints have their values."""
+    if mechanism.base in names and ("base" in values or mechanism.base in values):
+        raise CinegenError("the base keeps its pose in q: name it without a value, as in locked=['base']")
+    there = mechanism.configuration(values, q)
+    check_configuration(mechanism, there)
+    return there if mechanism.closure(there) <= CLOSURE else mechanism.close(there, names)
+
+
+def _value(mechanism: Mechanism, joint: str, q: Array | None) -> float:
+    if q is None or joint not in mechanism.joints:
+        raise IKError(f"'{joint}' can't be locked where all solutions are computed: it is not one number")
+    return float(q[mechanism.q_index(joint)])
 
 
 def _all(
@@ -304,9 +326,24 @@ class _Kept(threading.local):
 
     def __init__(self) -> None:
         self.recent: OrderedDict[tuple[object, ...], _GlobalIK] = OrderedDict()
+        self.held: OrderedDict[tuple[object, ...], tuple[Mechanism, Mechanism]] = OrderedDict()
 
 
 _kept = _Kept()
+
+
+def _held(mechanism: Mechanism, joints: tuple[str, ...], q: Array | None) -> Mechanism:
+    """Return the mechanism with joints locked where q has them."""
+    if not joints or q is None:
+        return mechanism
+    parts = [mechanism.model.joints[mechanism.model.getJointId(name)] for name in joints]
+    values = np.concatenate([q[joint.idx_q : joint.idx_q + joint.nq] for joint in parts])
+    key, kept = (id(mechanism), joints, values.tobytes()), _kept.held
+    if key not in kept:
+        kept[key] = mechanism, mechanism.with_held(joints, q)  # keeps the mechanism, so that its id stays
+        if len(kept) > _KEPT:
+            kept.popitem(last=False)
+    return kept[key][1]
 
 
 def _global_ik(mechanism: Mechanism, tasks: tuple[FrameTask, ...], limits: bool, seed: int) -> _GlobalIK:

@@ -50,10 +50,11 @@ class LocalIK:
         if not limits:
             memory.lower[:], memory.upper[:] = -np.inf, np.inf
         scalar = memory.q_index >= 0
+        scalar[[column - memory.fixed for column in mechanism.held_columns]] = False
         self._at = memory.q_index[scalar]
         low, high, scale = memory.lower[scalar], memory.upper[scalar], memory.scale[scalar]
         reach = np.where(scale == 1.0, np.pi, mechanism.length)  # of joints without limits
-        middle = mechanism.q_home[self._at]
+        middle = mechanism.held_at[self._at]
         self._scale = scale
         self._low = np.where(np.isfinite(low), low, np.where(np.isfinite(high), high, middle) - reach)
         self._high = np.where(np.isfinite(high), high, np.where(np.isfinite(low), low, middle) + reach)
@@ -98,7 +99,7 @@ class LocalIK:
 
     def random_start(self, rng: np.random.Generator) -> Array:
         """Return a configuration (nq,) with all joints at random within their limits, loops open."""
-        q = self.mechanism.q_home.copy()
+        q = self.mechanism.held_at.copy()
         q[self._at] = rng.uniform(self._low, self._high)
         return q
 
@@ -111,9 +112,9 @@ class LocalIK:
         """
         if not self.mechanism.is_constrained:
             return np.array([self.random_start(rng) for _ in range(count)])
-        home = self.mechanism.q_home
+        home = self.mechanism.held_at
         found, points = [home], [home[self._at] / self._scale]
-        for _ in range(4 * count):
+        for _ in range(4 * count if len(self._at) else 0):
             if len(found) == count:
                 break
             wanted = self.random_start(rng)[self._at] / self._scale

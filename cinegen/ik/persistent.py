@@ -43,11 +43,12 @@ class PersistentSolver(Solver):
         q: ArrayLike | None = None,
         gain: float = math.inf,
         acceleration: float | Mapping[str, float] | None = None,
+        keep_branch: bool = False,
     ) -> None:
         self._goal: Array | None = None
         self._resting = 0  # ticks at rest
         self._tried: tuple[bytes, ...] = ()  # targets of the last search
-        super().__init__(mechanism, dt, q, gain, acceleration)
+        super().__init__(mechanism, dt, q, gain, acceleration, keep_branch)
 
     def _mark_changed(self) -> None:
         super()._mark_changed()
@@ -80,7 +81,7 @@ class PersistentSolver(Solver):
         if not tasks or len(self.frame_tasks) < len(self.tasks) or any(task.twist is not None for task in tasks):
             return
         try:
-            result = inverse_kinematics(self.mechanism, tasks, starts=_STARTS)
+            result = inverse_kinematics(self._joints.limited, tasks, starts=_STARTS)
         except CinegenError:
             return
         if result:

@@ -6,9 +6,9 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from cinegen.arrays import Array
 from cinegen.ik._kernels.memory import OF_NODE, OF_TARGET, OF_WORLD, SolverMemory, TasksMemory
 from cinegen.ik.given_task import AnyTask, GivenTask
-from cinegen.ik.thresholds import STEP_CAP
 from cinegen.jit.foreign import frame_of
 from cinegen.joints import supporting_columns, translations
 from cinegen.loops import arrays as loops
@@ -27,6 +27,8 @@ def set_up(memory: TasksMemory, mechanism: Mechanism, fixed: int = 0) -> None:
     at_q, at_v = mechanism.scalar_joints
     memory.lower[:], memory.upper[:] = -np.inf, np.inf
     memory.lower[at_v - fixed], memory.upper[at_v - fixed] = mechanism.limits.lower[at_q], mechanism.limits.upper[at_q]
+    for column in mechanism.held_columns:  # it does not move: nothing limits it
+        memory.lower[column - fixed], memory.upper[column - fixed] = -np.inf, np.inf
 
 
 def set_up_tasks(
@@ -55,10 +57,12 @@ def _bind(task: AnyTask, mechanism: Mechanism, fixed: int) -> None:
     model, memory = mechanism.model, task.memory
     memory.resize(n=model.nv - fixed)
     if isinstance(task, GivenTask):
+        task.hold(mechanism.held_columns)
         return
     frame = model.frames[task.frame]
     memory.joint, memory.offset[:] = frame.parentJoint, frame_of(frame.placement * task.offset)
     memory.moved_by[:] = supporting_columns(model, frame.parentJoint)[fixed:]
+    memory.moved_by[[column - fixed for column in mechanism.held_columns]] = 0.0
     memory.axes_of = {"target": OF_TARGET, "world": OF_WORLD}.get(task.axes, OF_NODE)
     if memory.axes_of == OF_NODE:
         axes = model.frames[mechanism.frame_id(task.axes)]
@@ -66,24 +70,14 @@ def _bind(task: AnyTask, mechanism: Mechanism, fixed: int) -> None:
 
 
 def set_up_solver(memory: SolverMemory, mechanism: Mechanism) -> None:
-    """Fill a solver's memory as `set_up` does, and with the limits of velocity; all accelerations are unlimited."""
+    """Fill a solver's memory as `set_up` does; `JointSettings.write` adds limits and weights."""
     set_up(memory, mechanism)
     mobility = mechanism.mobility
     memory.resize(mobility=mobility, most_active=mobility + 1)
     make_room_for_barriers(memory, memory.barrier_capacity)
-    memory.longest_step[:] = memory.longest_change[:] = np.inf
-    set_velocity_limits(memory, mechanism)
     if memory.is_watched:
         loops.set_up_screws(memory, mechanism.screws, len(mechanism.couplings))
-    memory.second_derivative = np.inf if memory.others else _second_derivative(mechanism)
     memory.is_at_q = 0
-
-
-def set_velocity_limits(memory: SolverMemory, mechanism: Mechanism) -> None:
-    """Fill a solver's memory with the limits of velocity, for its period."""
-    at_v = mechanism.scalar_joints[1]
-    limits = mechanism.limits.velocity[at_v] * memory.dt / mechanism.scale[at_v]
-    memory.longest_step[at_v] = np.minimum(limits, STEP_CAP)
 
 
 def set_up_solver_tasks(memory: SolverMemory, mechanism: Mechanism, tasks: Sequence[AnyTask]) -> None:
@@ -105,16 +99,23 @@ def make_room_for_barriers(memory: SolverMemory, count: int) -> None:
     memory.resize(barrier_capacity=count, bounds=memory.n + count)
 
 
-def _second_derivative(mechanism: Mechanism) -> float:
+def second_derivative(mechanism: Mechanism, lower: Array, upper: Array) -> float:
     """Return a bound of the second derivative of any placement by the joints, in characteristic lengths; infinite where
-    a joint may slide without end or has more than one degree of freedom."""
-    model = mechanism.model
+    a joint may slide without end or has more than one degree of freedom.
+
+    Args:
+        mechanism: its held joints do not move.
+        lower: (nq,) least positions, rad and m.
+        upper: (nq,) greatest positions.
+    """
+    model, held = mechanism.model, mechanism.held_columns
     reach = sum(float(np.linalg.norm(placement.translation)) for placement in model.jointPlacements)
     reach += max(float(np.linalg.norm(frame.placement.translation)) for frame in model.frames)
     for joint in model.joints:
-        if joint.idx_v >= 0 and not (joint.nq == 1 and joint.nv == 1):
+        is_held = joint.idx_v in held
+        if joint.idx_v >= 0 and not (joint.nq == 1 and joint.nv == 1) and not is_held:
             return np.inf
         if joint.idx_v >= 0 and translations(joint):
-            low, high = mechanism.limits.lower[joint.idx_q], mechanism.limits.upper[joint.idx_q]
-            reach += max(abs(low), abs(high))
+            low, high = lower[joint.idx_q], upper[joint.idx_q]
+            reach += abs(mechanism.held_at[joint.idx_q]) if is_held else max(abs(low), abs(high))
     return reach / mechanism.length + 1.0

@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 import math
 from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import replace
 from functools import partial
 from typing import Any, NamedTuple, TypeVar, overload
 
@@ -20,11 +21,13 @@ from cinegen.ik._kernels.tick import tick
 from cinegen.ik.barrier import Barrier, Bounds
 from cinegen.ik.bifurcation import regular_neighbour
 from cinegen.ik.blend import Blend
+from cinegen.ik.branch import passes_toggle
 from cinegen.ik.equations import task_rank
 from cinegen.ik.given_task import AnyTask, GivenTask, Task, is_task
+from cinegen.ik.joints import ACCELERATION, JointControl, JointSettings
 from cinegen.ik.objectives import Objective
 from cinegen.ik.range import Range
-from cinegen.ik.setup import make_room_for_barriers, set_up_solver, set_up_solver_tasks, set_velocity_limits
+from cinegen.ik.setup import make_room_for_barriers, set_up_solver, set_up_solver_tasks
 from cinegen.ik.state import State
 from cinegen.ik.step import Layout, Step
 from cinegen.ik.task import FrameTask, is_count
@@ -72,22 +75,27 @@ class Linearisation(NamedTuple):
     task_rank: int
 
 
-class Solver:
+class Solver(JointControl):
     """Resolved-rate solver of one mechanism. It owns the configuration q.
 
     A solver may be used by one thread at a time; the mechanism may be shared. Its methods raise in a second thread that
     calls one meanwhile, `step` too: no status could be right there, since a tick and what another thread reads or
     writes would share one memory. The first thread goes on unharmed.
 
-    A floating base moves like any joint: hold it by tasks, or load the robot with `fixed_base=True`.
+    A floating base moves like any joint: hold it by tasks, or by `lock("base")`.
+
+    Joints can be locked at any time (`lock`, `unlock`, `locked`), have other limits than the model's
+    (`position_limits`, `velocity_limits`, `acceleration_limits`), and weights in the motion that tasks leave free
+    (`joint_weights`).
 
     Args:
         mechanism: mechanism to move.
         dt: period of a tick, s.
         q: (nq,) initial configuration with closed loops; the home configuration unless given.
         gain: rate at which pose errors decay, 1/s; see `Solver.gain`.
-        acceleration: limits of the joint accelerations, rad/s^2 and m/s^2: one number for all joints, or a mapping by
-            joint name. Accelerations are unlimited unless given.
+        acceleration: limits of the joint accelerations, rad/s^2 and m/s^2: one number for all joints but a floating
+            base, or a mapping by joint name; see `acceleration_limits`. Accelerations are unlimited unless given.
+        keep_branch: whether no tick passes a toggle of the actuated joints; see `Solver.keep_branch`.
 
     Attributes:
         exception_log: exceptions of objectives and barriers, each logged once; see `ExceptionLog`.
@@ -102,8 +110,9 @@ class Solver:
     """
 
     __slots__ = (
-        "__weakref__", "_accelerations", "_barriers", "_blends", "_blocked", "_caught", "_changed", "_data", "_detour",
-        "_dt", "_earlier", "_gain", "_handle", "_is_in_use", "_keeps_linearisation", "_latest", "_layout", "_memory",
+        "__weakref__", "_barriers", "_blends", "_blocked", "_caught", "_changed", "_data", "_detour", "_dt", "_earlier",
+        "_gain", "_handle", "_is_in_use", "_joints", "_keeps_branch", "_keeps_linearisation", "_latest", "_layout",
+        "_lifted", "_memory",
         "_model", "_objectives", "_q", "_ranks", "_record", "_refused_at", "_tasks", "_tick", "exception_log",
         "linearisation", "mechanism",
     )  # fmt: skip
@@ -115,6 +124,7 @@ class Solver:
         q: ArrayLike | None = None,
         gain: float = math.inf,
         acceleration: float | Mapping[str, float] | None = None,
+        keep_branch: bool = False,
     ) -> None:
         self._is_in_use = False
         self._tick = start(tick, SolverMemory, install=partial(setattr, self, "_tick"))
@@ -133,15 +143,20 @@ class Solver:
         self._memory = SolverMemory()
         self._dt = self._memory.dt = _checked_period(dt)
         self._handle = self._memory.handle
-        self._accelerations: Array | None = None
+        self._joints = JointSettings(mechanism)
+        self._lifted = False, False  # limits of velocity, and of position, are ignored
         self._keeps_linearisation = False
         self.gain = gain
-        self._limit_accelerations(acceleration)
+        if acceleration is not None and not isinstance(acceleration, Mapping):
+            acceleration = dict.fromkeys(mechanism.joints, acceleration)
+        self._joints.set_columns(ACCELERATION, acceleration)
         self._write_tasks()
         self._q = self._memory.q
         self._changed = True
         self._earlier: Array | None = None  # records of the last two ticks: they tell how fast targets move
         self._latest: Array | None = None
+        self._keeps_branch = False
+        self.keep_branch = keep_branch
         self.linearisation = Linearisation(np.zeros((0, 0)), np.zeros((0, 0)), np.zeros((0, 0)), 0)
         self._refused_at = np.zeros(0)
         self.q = mechanism.q_home if q is None else q
@@ -184,10 +199,8 @@ class Solver:
         self.gain = self._gain
         for steps in (memory.last, memory.drift, memory.secondary):
             steps *= ratio
-        memory.longest_change *= ratio * ratio
-        lifted = np.isinf(memory.longest_step)
-        set_velocity_limits(memory, self.mechanism)
-        memory.longest_step[lifted] = np.inf
+        self._joints.write(memory, self._lifted)
+        self._layout: Layout = replace(self._layout, dt=dt)
         self._earlier = None
 
     @property
@@ -253,6 +266,9 @@ class Solver:
             )
         with self._used():
             self._put(full, closure)
+            if self.locked and not self._joints.holds(full):
+                self._joints.hold(self.locked, full)
+                self._rewrite_joints(True)
 
     def _put(self, q: Array, closure: float) -> None:
         memory = self._memory
@@ -270,23 +286,16 @@ class Solver:
         with self._used():
             if self._changed:
                 self._write_tasks()
-            self._memory.longest_step[:] = np.inf
-            if position:
-                self._memory.lower[:], self._memory.upper[:] = -np.inf, np.inf
+            self._lifted = True, position
+            self._joints.write(self._memory, self._lifted)
 
-    def _limit_accelerations(self, acceleration: float | Mapping[str, float] | None) -> None:
-        if acceleration is None:
-            return
-        mechanism = self.mechanism
-        if not isinstance(acceleration, Mapping):
-            acceleration = dict.fromkeys(mechanism.joints, acceleration)
-        limits = self._accelerations = np.full(self._model.nv, np.inf)
-        for joint, limit in acceleration.items():
-            if not limit > 0.0:
-                raise CinegenError(f"the acceleration of '{joint}' must be positive, not {limit}")
-            column = mechanism.v_index(joint)
-            limits[column] = limit / mechanism.scale[column]
-        self._memory.has_acceleration_limits = 1
+    def _rewrite_joints(self, relocked: bool) -> None:
+        """Write what was set of the joints into the kernel's memory; all of it anew if other joints are locked."""
+        if relocked:
+            set_up_solver(self._memory, self._joints.held)
+            self._ranks.clear()
+            self._changed = True
+        self._joints.write(self._memory, self._lifted)
 
     # --- tasks ---------------------------------------------------------------------------------------------------
 
@@ -476,16 +485,15 @@ class Solver:
         """Write the tasks into the kernel's memory, which is allocated again for their number."""
         memory = self._memory
         if memory.joints == 0:  # it is not set up
-            set_up_solver(memory, self.mechanism)
-            if self._accelerations is not None:
-                memory.longest_change[:] = self._accelerations * (self.dt * self.dt)
-        set_up_solver_tasks(memory, self.mechanism, self._tasks)
+            set_up_solver(memory, self._joints.held)
+            self._joints.write(memory, self._lifted)
+        set_up_solver_tasks(memory, self._joints.held, self._tasks)
         tasks = tuple(
             (task.node, task.axes, task.offset) if isinstance(task, FrameTask) else (repr(task), "world", None)
             for task in self._tasks
         )
         self._record, fields = memory.block("record")
-        self._layout = Layout(self.mechanism, tasks, fields)
+        self._layout = Layout(self._joints.held, tasks, fields, self._dt)
         self._earlier, self._latest = None, None
         self._changed = False
 
@@ -502,7 +510,7 @@ class Solver:
         key = tuple(_place(task) for task in tasks)
         if key not in self._ranks:
             try:
-                self._ranks[key] = task_rank(self.mechanism, self.mechanism.system, tasks)
+                self._ranks[key] = task_rank(self._joints.held, self._joints.held.system, tasks)
             except Exception as error:  # of a task in Python: the loop must go on
                 self._catch(f"a task of {self.mechanism.name}", error)
                 return sum(task.rows for task in tasks)
@@ -566,8 +574,8 @@ class Solver:
                     own.twist = task.twist
 
     def copy_state(self, other: Solver) -> None:
-        """Take over the configuration, valid tasks, objectives, gain and accelerations of another solver, and the
-        memory of its last tick.
+        """Take over the configuration, valid tasks, objectives, gain, locks, limits and weights of joints of another
+        solver, and the memory of its last tick.
 
         With the same dt and without barriers and blends, which are not copied, the ticks that follow are those of the
         other solver, bit for bit.
@@ -583,17 +591,17 @@ class Solver:
 
     def _copy_state(self, other: Solver) -> None:
         valid = [task for task in other._tasks if task.is_valid()]
+        self._copy_joints(other)
         self.copy_tasks([task.task if isinstance(task, GivenTask) else task for task in valid])
         if self._changed:
             self._write_tasks()
         own, memory, ratio = self._memory, other._memory, self.dt / other.dt
-        self.gain = other.gain
+        self.gain, self.keep_branch = other.gain, other.keep_branch
         self._q[:], self._objectives, self._detour = other._q, other._objectives, other._detour
         self.exception_log = other.exception_log  # the same objectives: none of their exceptions is logged twice
-        for name in ("closure", "secondary_scale", "damping_threshold", "has_acceleration_limits", "ticks"):
+        for name in ("closure", "secondary_scale", "damping_threshold", "ticks"):
             setattr(own, name, getattr(memory, name))
         own.tasks_are_suspended, own.is_warm = memory.tasks_are_suspended, 0
-        own.longest_change[:] = memory.longest_change * (ratio * ratio)
         for name in ("last", "drift", "secondary"):  # of the last tick
             getattr(own, name)[:] = getattr(memory, name) * ratio
         for copy, task in zip(self._tasks, valid, strict=True):
@@ -617,14 +625,14 @@ class Solver:
         with self._used():
             self._keeps_linearisation, self._memory.is_watched = keeps, int(keeps)
             if keeps:
-                set_up_screws(self._memory, self.mechanism.screws, len(self.mechanism.couplings))
+                set_up_screws(self._memory, self._joints.held.screws, len(self.mechanism.couplings))
 
     def _linearise(self) -> Linearisation:
         """Return the Jacobians with which the tick began; a trial overwrites those of the loops."""
         memory = self._memory
         tasks = memory.task_jacobian[: memory.active_rows]
         rank = min(memory.task_rank, len(tasks), memory.mobility)
-        passive = memory.screw_matrix[:, self.mechanism.passive_screws]
+        passive = memory.screw_matrix[:, self._joints.held.passive_screws]
         return Linearisation(tasks.copy(), null_space(memory), passive, rank)
 
     # --- redundancy ----------------------------------------------------------------------------------------------
@@ -661,7 +669,7 @@ class Solver:
     @property
     def state(self) -> State:
         """State that objectives and barriers are given."""
-        return State(self.mechanism, self.q, self.dt, self.tasks, self._data)
+        return State(self._joints.limited, self.q, self.dt, self.tasks, self._data)
 
     # --- barriers ------------------------------------------------------------------------------------------------
 
@@ -684,7 +692,19 @@ class Solver:
             if not (callable(getattr(barrier, "bounds", None)) and callable(getattr(barrier, "clear", None))):
                 raise CinegenError(f"a barrier has the methods `bounds` and `clear`; {barrier!r} lacks one")
         self._barriers = given
-        self._memory.is_guarded, self._memory.barriers = bool(given), 0
+        self._memory.barriers, self.keep_branch = 0, self._keeps_branch
+
+    @property
+    def keep_branch(self) -> bool:
+        """True if no tick passes a toggle of the actuated joints (type 2), where two branches of closed configurations
+        meet; False by default. Steps that would pass one are shortened, and refused in the end: the status is BARRED
+        then. It may be set at any time. A tick takes longer; see also `Step.branch_changed`."""
+        return self._keeps_branch
+
+    @keep_branch.setter
+    def keep_branch(self, keeps: bool) -> None:
+        self._keeps_branch = bool(keeps)
+        self._memory.is_guarded = bool(self._barriers) or (self._keeps_branch and self.mechanism.is_constrained)
 
     def _evaluate_barriers(self) -> None:
         """Collect the barriers' bounds for this tick."""
@@ -707,6 +727,8 @@ class Solver:
         if count:
             memory.barrier_rows[:count] = np.vstack(rows)
             memory.barrier_room[:count] = np.concatenate(most)
+            if self.locked:
+                memory.barrier_rows[:count, self._joints.held.held_columns] = 0.0
 
     def _clear(self) -> float:
         """Return the fraction of the step to the trial configuration that barriers allow."""
@@ -722,6 +744,8 @@ class Solver:
             except Exception as error:  # the loop must go on
                 self._blocked = True
                 self._catch(self._source("barrier", i, barrier), error)
+        if self._keeps_branch and least > 0.0 and passes_toggle(self._joints.held, self._q, self._memory.trial.copy()):
+            least = min(least, 0.5)
         return 0.0 if self._blocked else least
 
     def _evaluate_objectives(self, objectives: tuple[Objective, ...]) -> None:
@@ -741,6 +765,8 @@ class Solver:
             else:
                 total += velocity
         total *= self.dt / self.mechanism.scale
+        if self.locked:
+            total[self._joints.held.held_columns] = 0.0
         total *= STEP_CAP / max(STEP_CAP, np.abs(total).max(initial=0.0))
         memory = self._memory
         memory.secondary_wanted[:] = total
@@ -844,7 +870,8 @@ class Solver:
         """Replace a refused tick by a motion along a branch of closed configurations if several meet at q. It is at
         most as long as a tick may be."""
         q, memory = self._q.copy(), self._memory
-        if not self.mechanism.loops or self._barriers or np.array_equal(q, self._refused_at):
+        guarded = self._barriers or self._keeps_branch
+        if not self.mechanism.loops or guarded or np.array_equal(q, self._refused_at):
             return
         self._refused_at = q
         is_number = memory.q_index >= 0
@@ -853,7 +880,7 @@ class Solver:
         lower, upper = np.full(len(q), -np.inf), np.full(len(q), np.inf)
         lower[at] = np.minimum(q[at], np.maximum(memory.lower[is_number], q[at] - reach))
         upper[at] = np.maximum(q[at], np.minimum(memory.upper[is_number], q[at] + reach))
-        near = regular_neighbour(self.mechanism, q, lower, upper)
+        near = regular_neighbour(self._joints.held, q, lower, upper)
         if near is not None:
             self._put(near, self.mechanism.closure(near))
             memory.record_q[:], memory.record_v[:] = near, self.mechanism.difference(q, near) / self.dt

@@ -14,6 +14,7 @@ import pinocchio as pin
 from cinegen.arrays import Array
 from cinegen.html import table
 from cinegen.ik._kernels import memory as m
+from cinegen.ik.branch import passes_toggle
 from cinegen.ik.equations import equations
 from cinegen.ik.singular import LostDoF, UncontrolledDoF, gained, lost, passive_singular_values
 from cinegen.ik.task import FrameTask
@@ -65,11 +66,13 @@ class Layout:
         mechanism: mechanism that was moved.
         tasks: node, axes and offset of each task.
         fields: where the parts of a record are, and their shapes.
+        dt: period of the tick, s.
     """
 
     mechanism: Mechanism
     tasks: tuple[tuple[str, str, pin.SE3 | None], ...]
     fields: Mapping[str, tuple[slice, tuple[int, ...]]]
+    dt: float
 
     def get(self, record: Array, name: str) -> Array:
         """Return a part of a record, by the name that `SolverMemory` has for it."""
@@ -201,6 +204,13 @@ class Step:
         """Motion that the actuated joints control least at q, with its singular value (type 2); None without loops.
         Computed on access."""
         return gained(self._layout.mechanism, self.q)
+
+    @property
+    def branch_changed(self) -> bool:
+        """True if the tick passed a toggle of the actuated joints (type 2): the sign of the determinant of the passive
+        joints' Jacobian of the loops has changed. `Solver(keep_branch=True)` does not pass one. Computed on access."""
+        mechanism, q = self._layout.mechanism, self.q
+        return passes_toggle(mechanism, mechanism.integrate(q, -self._layout.dt * self.v), q)
 
     @property
     def saturated(self) -> tuple[str, ...]:

@@ -60,6 +60,7 @@ def set_up(memory: AnyMemory, system: ClosedLoops, ranks: Sequence[int], fixed: 
     memory.scale[:] = system.scale[fixed:]
     memory.q_index[:] = -1
     memory.factored_at = NOWHERE
+    memory.jacobian[:] = memory.cut_rates[:] = 0.0  # kernels write only what is not always zero
     memory.frames[0, :3] = np.eye(3)
     for j in range(1, model.njoints):
         _set_up_joint(memory, model, j, fixed)
@@ -98,7 +99,8 @@ def _set_up_clusters(memory: LoopMemory, system: ClosedLoops, ranks: Sequence[in
         found.append(one)
     memory.cluster_memories = found
     memory.cluster_handles[:] = [one.handle for one in found]
-    idle = np.setdiff1d(np.arange(memory.n), np.concatenate([np.zeros(0, int), *(one.dof for one in found)]))
+    busy = np.concatenate([system.held - memory.fixed, *(one.dof for one in found)])
+    idle = np.setdiff1d(np.arange(memory.n), busy)
     memory.resize(idle=len(idle))
     memory.idle_dof[:] = idle
 

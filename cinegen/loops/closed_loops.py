@@ -10,7 +10,8 @@ import numpy as np
 import pinocchio as pin
 
 from cinegen.arrays import Array, Indices
-from cinegen.joints import kinematic_data, step_scale, supporting_columns
+from cinegen.joints import axis, kinematic_data, step_scale, supporting_columns, translations
+from cinegen.loops.thresholds import NEAR_SINGULAR
 from raff2urdf.coupling import Coupling, coupled_scales
 from raff2urdf.length import cut_screws, moments
 from raff2urdf.raff.document import LoopKind
@@ -18,6 +19,8 @@ from raff2urdf.residual import ROWS, loop_residual
 
 LARGE = 64
 """Velocities of a cluster of loops (`cinegen.loops.clusters`) beyond which it is factored block by block."""
+
+_ON_AXIS = 1e-9  # rad, characteristic lengths: what is nearer is on an axis
 
 _COMPONENTS = {
     LoopKind.RIGID: ("x", "y", "z", "rx", "ry", "rz"),
@@ -86,7 +89,11 @@ class ClosedLoops:
         sizes: for each loop, of the velocities that change it: these signs times `scale`.
         rows: number of equations.
         data: Pinocchio's, with the placements and Jacobians of the joints at the last evaluated q.
+        held: columns of joints that do not move: none here, see `cinegen.loops.held_loops`.
+        rest: (nq,) configuration of joints that no loop moves.
     """
+
+    held: Indices = np.zeros(0, dtype=np.intp)
 
     def __init__(
         self, model: pin.Model, loops: Sequence[LoopConstraint], length: float, couplings: Sequence[Coupling] = ()
@@ -98,15 +105,19 @@ class ClosedLoops:
             for loop in self.loops
         ]
         self.data = kinematic_data(model)
+        self.rest = np.asarray(pin.neutral(model))
         self.kinds = [loop.kind for loop in self.loops]
         self.cut_dof = [6 - loop.rows for loop in self.loops]
         self.rows = sum(loop.rows for loop in self.loops) + len(self.couplings)
         names = dict.fromkeys(joint for coupling in self.couplings for joint in coupling.terms)
         self._coupled = {name: model.joints[model.getJointId(name)] for name in names}
-        scales = coupled_scales(self.couplings, self._scales_of(names), self._outermost(names))
+        alone, outermost = self._scales_of(names), self._outermost(names)
+        scales = coupled_scales(self.couplings, alone, outermost)
+        if screws := self._screws(alone, scales):
+            scales = coupled_scales(self.couplings, alone, [*outermost, *screws])
         for name, joint in self._coupled.items():
             self.scale[joint.idx_v] = scales[name]
-        self.coupling_sizes = [coupling.size(scales) for coupling in self.couplings]
+        self.coupling_sizes = [coupling.size(scales) or 1.0 for coupling in self.couplings]
         supports = [[supporting_columns(model, joint) for joint in anchor[::2]] for anchor in self.anchors]
         self.signs = signs = [second - first for first, second in supports]
         coupled = [[self._coupled[name].idx_v for name in coupling.terms] for coupling in self.couplings]
@@ -123,6 +134,46 @@ class ClosedLoops:
         ends = {joint for anchor in self.anchors for joint in anchor[::2]}
         alone = {name: list(self.model.subtrees[self._coupled[name].id]) for name in names}
         return [name for name, behind in alone.items() if len(behind) == 1 and behind[0] not in ends]
+
+    def _screws(self, alone: Mapping[str, float], scales: Mapping[str, float]) -> list[str]:
+        """Return the revolute joints that alone drive others by screws of fine pitch, and behind which everything is on
+        their axis: their rotation displaces nothing. Measured as 1 rad, their motion would seem nearly singular.
+
+        Args:
+            alone: scales without couplings.
+            scales: those with the joints that only drive others.
+        """
+        found = list[str]()
+        for coupling in self.couplings:
+            if any(scales[name] > alone[name] for name in coupling.terms):
+                continue
+            for name, (own, *_) in coupling.terms.items():
+                driven = max(
+                    (abs(c[0]) * alone[other] for other, c in coupling.terms.items() if other != name), default=0.0
+                )
+                if driven > abs(own) * alone[name] / NEAR_SINGULAR > 0.0 and self._is_coaxial(name):
+                    found.append(name)
+        return found
+
+    def _is_coaxial(self, name: str) -> bool:
+        """Return whether a revolute joint carries only joints, nodes and ends of loops on its own axis."""
+        model, data, turning = self.model, self.data, self._coupled[name]
+        if translations(turning):
+            return False
+        pin.forwardKinematics(model, data, pin.neutral(model))
+        behind, on = list(model.subtrees[turning.id]), data.oMi[turning.id]
+        way, points = on.rotation @ axis(turning), list[Array]()
+        for j in behind:
+            if model.joints[j].nq != 1 or model.joints[j].nv != 1:
+                return False
+            if np.linalg.norm(np.cross(data.oMi[j].rotation @ axis(model.joints[j]), way)) > _ON_AXIS:
+                return False
+            points += [] if translations(model.joints[j]) else [data.oMi[j].translation]
+        frames = [(one.parentJoint, one.placement) for one in model.frames if one.type == pin.FrameType.BODY]
+        ends = [end for a, on_a, b, on_b in self.anchors for end in ((a, on_a), (b, on_b))]
+        points += [(data.oMi[j] * placed).translation for j, placed in (*frames, *ends) if j in behind]
+        off = [float(np.linalg.norm(np.cross(point - on.translation, way))) for point in points]
+        return max(off, default=0.0) <= _ON_AXIS * self.length
 
     def with_kinds(self, kinds: Sequence[LoopKind]) -> ClosedLoops:
         """Return the same loops, closed by other kinds of joints."""

@@ -45,11 +45,12 @@ def clusters(system: ClosedLoops) -> list[LoopCluster]:
 
 def subsystems(system: ClosedLoops) -> list[tuple[ClosedLoops, Indices]]:
     """Return each cluster as a mechanism of its own joints, and the indices of its numbers in q; a single cluster is
-    the mechanism itself, with all its joints. All other joints are at zero, which changes no loop."""
+    the mechanism itself, with all its joints. All other joints are at zero, which changes no loop; locked ones are part
+    of the links that carry them."""
     found = clusters(system)
-    if len(found) == 1:
+    if len(found) == 1 and not len(system.held):
         return [(system, np.arange(system.model.nq))]
-    pin.forwardKinematics(system.model, system.data, pin.neutral(system.model))
+    pin.forwardKinematics(system.model, system.data, system.rest)
     return [_subsystem(system, cluster) for cluster in found]
 
 

@@ -23,7 +23,7 @@ def motions_of(system: ClosedLoops, q: Array, rank: int) -> Array:
         rank: generic rank of the loops.
     """
     loops = system.evaluate(q)[1]
-    return orthonormal(free_motions(loops, rank)[0], system.cut_rates())
+    return orthonormal(free_motions(loops, rank, system.held)[0], system.cut_rates())
 
 
 def orthonormal(motions: Array, cut_rates: Array) -> Array:
@@ -38,12 +38,19 @@ def orthonormal(motions: Array, cut_rates: Array) -> Array:
     return np.asarray(np.linalg.solve(factor, motions.T).T)
 
 
-def free_motions(loops: Array, rank: int) -> tuple[Array, Array]:
+def free_motions(loops: Array, rank: int, held: Indices | None = None) -> tuple[Array, Array]:
     """Return an orthonormal basis of the motions that keep all loops closed, (nv, nv - rank), and the singular values
     of their rows.
 
-    The width is the generic mobility: near a type 2 singularity, where the loops lose a rank, it stays the same.
+    The width is the generic mobility: near a type 2 singularity, where the loops lose a rank, it stays the same. It is
+    less by the number of locked columns, `held`.
     """
+    if held is not None and len(held):
+        free = np.delete(np.arange(loops.shape[1]), held)
+        own, sigma = free_motions(loops[:, free], rank)
+        wide = np.zeros((loops.shape[1], own.shape[1]))
+        wide[free] = own
+        return wide, sigma
     if rank == 0:
         return np.eye(loops.shape[1]), np.zeros(0)
     if loops.shape[1] <= _LARGE:

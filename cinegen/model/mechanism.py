@@ -18,6 +18,7 @@ from cinegen.joints import scalar_joints, translations
 from cinegen.loops.close import Closer
 from cinegen.loops.closed_loops import ClosedLoops, LoopConstraint, linked
 from cinegen.loops.clusters import subsystems
+from cinegen.loops.held_loops import HeldLoops
 from cinegen.loops.screws import LoopScrews
 from cinegen.model.jacobian import COMPONENTS, ExtendedJacobian
 from cinegen.model.limits import Limits
@@ -79,6 +80,8 @@ class Mechanism:
         spherical: the ball joints that are one spherical joint of the model each, with a quaternion in q; None without.
         uncontrolled: passive joints that neither the loops nor the actuated joints determine.
         dependent: actuated joints that the loops and the others determine.
+        held: joints that are locked where `held_q` has them, see `with_held`: none as loaded.
+        held_q: (nq,) closed configuration in which they are locked.
         floating: whether the base can move; then q begins with its seven numbers.
         q_home: (nq,) the configuration as written, moved to where all loops are closed; read-only.
         cluster_ranks: number of independent equations (generic rank) of each cluster of loops and couplings, see
@@ -111,6 +114,8 @@ class Mechanism:
     spherical: SphericalJoints | None = None
     uncontrolled: tuple[str, ...] = ()
     dependent: tuple[str, ...] = ()
+    held: tuple[str, ...] = ()
+    held_q: Array | None = None
     _scratch: threading.local = field(init=False, default_factory=threading.local)
     _masks: dict[tuple[str, ...], Array] = field(init=False, default_factory=dict)
     _derived: dict[Callable[[Mechanism], Any], Any] = field(init=False, default_factory=dict)
@@ -157,7 +162,7 @@ class Mechanism:
         """Return what builds a copy in another process: Pinocchio's constraint models can't be pickled."""
         from cinegen.model.load import build
 
-        return build, tuple(self.source)
+        return (_held_copy, (self.source, self.held, self.held_at)) if self.held else (build, tuple(self.source))
 
     @property
     def loop_rank(self) -> int:
@@ -194,7 +199,26 @@ class Mechanism:
     @property
     def mobility(self) -> int:
         """Degrees of freedom that loops and couplings leave, counted on random closed configurations."""
-        return int(self.model.nv) - self.loop_rank
+        return int(self.model.nv) - len(self.held_columns) - self.loop_rank
+
+    @cached_property
+    def held_columns(self) -> list[int]:
+        """The columns of the joints that are `held`, in a Jacobian."""
+        return sorted(column for joint in self.held for column in self.columns_of(joint))
+
+    def columns_of(self, joint: str) -> list[int]:
+        """Return the columns of a joint, a ball joint or a floating base (`base`) in every Jacobian.
+
+        Raises:
+            UnknownNameError: no such joint.
+        """
+        found = self._joint(joint)
+        return list(range(found.idx_v, found.idx_v + found.nv))
+
+    @cached_property
+    def base(self) -> str | None:
+        """Name of the joint of a floating base, for `lock` and limits; None where the base can't move."""
+        return next(name for name in self.model.names if name != "universe") if self.floating else None
 
     @property
     def is_constrained(self) -> bool:
@@ -227,7 +251,8 @@ class Mechanism:
 
     def own_system(self) -> ClosedLoops:
         """Return the loops as equations, with scratch data of the caller's own."""
-        return ClosedLoops(self.model, self.loops, self.length, self.couplings)
+        loops = self.model, self.loops, self.length, self.couplings
+        return HeldLoops(*loops, self.held_columns, self.held_at) if self.held else ClosedLoops(*loops)
 
     def derived(self, compute: Callable[[Mechanism], _Result]) -> _Result:
         """Return what a function computes from this mechanism; it is computed once and kept with the mechanism."""
@@ -266,6 +291,29 @@ class Mechanism:
         )
         found._derived.update({compute: self.derived(compute) for compute in unaffected})
         return found
+
+    def with_held(self, joints: Iterable[str], q: Array) -> Mechanism:
+        """Return the same mechanism with some joints locked where they are: motions, ranks and mobility are those of
+        the mechanism in which they are fixed. Configurations, names and the scale stay the same.
+
+        Args:
+            joints: names of joints, ball joints or the floating base (`base`); all others are unlocked.
+            q: (nq,) closed.
+
+        Raises:
+            UnknownNameError: no such joint.
+        """
+        held = tuple(dict.fromkeys(joints))
+        columns = [column for joint in held for column in self.columns_of(joint)]
+        here = np.array(q, dtype=float)
+        system = HeldLoops(self.model, self.loops, self.length, self.couplings, columns, here)
+        ranks = [closure.generic_rank(own, here[at])[0] if own.model.nv else 0 for own, at in subsystems(system)]
+        return replace(self, held=held, held_q=here, cluster_ranks=tuple(ranks))
+
+    @property
+    def held_at(self) -> Array:
+        """(nq,) a closed configuration in which the locked joints are where they are locked; home without any."""
+        return self.q_home if self.held_q is None else self.held_q
 
     @cached_property
     def visual(self) -> pin.GeometryModel:
@@ -372,8 +420,9 @@ class Mechanism:
 
     @cached_property
     def passive_columns(self) -> Indices:
-        """The columns of the passive joints (not actuated) in a Jacobian; never those of a free base."""
-        passive = [self._joint(name) for name in (*self.joints, *self.balls) if name not in self.actuated]
+        """The columns of the passive joints (not actuated, not held) in a Jacobian; never those of a free base."""
+        known = {*self.actuated, *self.held}
+        passive = [self._joint(name) for name in (*self.joints, *self.balls) if name not in known]
         return np.array([joint.idx_v + i for joint in passive for i in range(joint.nv)], dtype=np.intp)
 
     @cached_property
@@ -536,7 +585,7 @@ class Mechanism:
     @cached_property
     def screws(self) -> LoopScrews:
         """The data with which `screw_matrix` is computed."""
-        return LoopScrews(self.own_system(), self.q_home)
+        return LoopScrews(self.own_system(), self.held_at)
 
     def screw_matrix(self, q: Array, system: ClosedLoops | None = None) -> Array:
         """Return the screw matrix of all loops and couplings, (rows, nv + cut joints' velocities), dimensionless: its
@@ -620,23 +669,31 @@ class Mechanism:
     @cached_property
     def samples(self) -> tuple[Array, ...]:
         """A few closed configurations (nq,), home first: what holds on one of them holds generically."""
-        return (self.q_home, *self.random_closed(3))
+        return (self.held_at, *self.random_closed(3))
 
     def random_closed(self, count: int, seed: int = 0) -> list[Array]:
         """Return random closed configurations (nq,) along a walk from home: at most `count`, fewer where little can
         move. Joint limits are not considered."""
         rng = np.random.default_rng(seed)
         if not self.is_constrained:
-            return [self.system.integrate(self.q_home, rng.normal(size=self.model.nv)) for _ in range(count)]
+            return [self.system.integrate(self.held_at, rng.normal(size=self.model.nv)) for _ in range(count)]
         parts = subsystems(self.system)
-        walks = [list(closure.closed_walk(own, self.q_home[at], count, seed + i)) for i, (own, at) in enumerate(parts)]
+        walks = [list(closure.closed_walk(own, self.held_at[at], count, seed + i)) for i, (own, at) in enumerate(parts)]
         idle = np.ones(self.model.nv)  # joints in no cluster; a single cluster has all joints
         idle[np.concatenate(self.system.columns)] = 0.0
-        found, steps = list[Array](), count if len(parts) > 1 and idle.any() else max(map(len, walks))
+        many = len(parts) > 1 or bool(self.held)
+        found, steps = list[Array](), count if many and idle.any() else max(map(len, walks))
         for i in range(steps):
-            q = self.system.integrate(self.q_home, idle * rng.normal(size=len(idle)))
+            q = self.system.integrate(self.held_at, idle * rng.normal(size=len(idle)))
             for (_, at), walk in zip(parts, walks, strict=True):
                 if walk:
                     q[at] = walk[min(i, len(walk) - 1)]
             found.append(q)
         return found
+
+
+def _held_copy(source: MechanismSource, held: tuple[str, ...], q: Array) -> Mechanism:
+    """Return what `Mechanism.with_held` does, in another process."""
+    from cinegen.model.load import build
+
+    return build(*source).with_held(held, q)

@@ -104,6 +104,27 @@ def check_joint(mechanism: Mechanism, joint: str, values: Sequence[float]) -> No
         check_lengths(mechanism, joint, values)
 
 
+def check_speed(mechanism: Mechanism, joint: str, value: float) -> None:
+    """Check that a speed of a joint is not 1000 or 57.3 times too large.
+
+    Args:
+        mechanism: the robot.
+        joint: name of the joint; only those of one variable that the model limits are checked.
+        value: rad/s or m/s.
+
+    Raises:
+        ImplausibleError: it is far beyond the model's limit, and would be within it in mm/s or degrees/s.
+    """
+    most = mechanism.limits[joint].velocity if joint in mechanism.limits else math.inf
+    slides = joint in mechanism.limits and mechanism.is_prismatic(joint)
+    factor, unit, other = (1000.0, "m/s", "mm/s") if slides else (math.degrees(1.0), "rad/s", "degrees/s")
+    if FAR * most < value <= factor * most:
+        raise ImplausibleError(
+            f"{joint}: {value:.6g} {unit} is far beyond its limit, {most:.6g} {unit}: did you mean {value:.6g} "
+            f"{other}, which are {value / factor:.4g} {unit}?"
+        )
+
+
 def check_configuration(mechanism: Mechanism, q: Array) -> None:
     """Check a configuration (nq,) as `check_joint` does its joints.
 

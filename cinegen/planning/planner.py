@@ -24,6 +24,7 @@ from cinegen.collision.obstacle import Obstacle
 from cinegen.collision.scene import Scene
 from cinegen.errors import ClosureError
 from cinegen.html import table
+from cinegen.ik.joints import checked_names
 from cinegen.ik.objectives import Objective
 from cinegen.model import Mechanism
 from cinegen.model.motion_plane import motion_plane
@@ -159,6 +160,7 @@ def plan(
     start: Array | Sequence[float] | Mapping[str, float] | None = None,
     obstacles: Iterable[Mapping[str, Any] | Obstacle] = (),
     node: str | None = None,
+    locked: Iterable[str] = (),
     seconds: float = 10.0,
     planner: Planner | str = Planner.AUTO,
     field: AvoidanceField | str | FieldFunction = AvoidanceField.VORTEX,
@@ -194,6 +196,7 @@ def plan(
         start: of a mechanism: (nq,) configuration, or values of joints, the others at home.
         obstacles: around a mechanism: each an `Obstacle` or its keys and values.
         node: of a mechanism: the node that is to reach the goal, its end by default.
+        locked: names of joints that keep their values of the start, besides those that a scene locks.
         seconds: time limit, s; the final check against the meshes may take longer.
         planner: one of `Planner` or its value.
         field: one of `AvoidanceField` or its value; or a function that makes the objective of another field, for one
@@ -207,10 +210,13 @@ def plan(
     Raises:
         PlanningError: unknown planner or field; a field is to be followed with constraints along the path or with
             weights of joints; seconds or seed is invalid.
-        SceneError: a mechanism has no goal, or a scene has two; or a value is invalid.
+        SceneError: a mechanism has no goal, or a scene has two; or a value is invalid; or a joint of the goal is
+            locked.
+        UnknownNameError: there is no such joint to be locked.
         MissingExtraError: `planner` is RRT_CONNECT, and OMPL is not installed.
     """
     scene = _scene_of(scene, goal, start, tuple(obstacles), node)
+    scene = _locking(scene, locked)
     if not (math.isfinite(seconds) and seconds > 0.0):
         raise PlanningError(f"seconds must be above 0, not {seconds}")
     if seed < 0:
@@ -260,6 +266,19 @@ def plan(
     reason = "" if last.status is PlanStatus.REACHED else reason + missing
     used = None if last.strategy in (DIRECT, sampler and sampler.method) else name
     return Plan(scene, last.status, last.path, tuple(made), reason, clearance, check, used)
+
+
+def _locking(scene: Scene, joints: Iterable[str]) -> Scene:
+    """Return a scene that locks some more joints."""
+    names = checked_names(scene.mechanism, joints)
+    for name in names:
+        if name in scene.goal_joints:
+            raise SceneError(f"'{name}' is a joint of the goal: it can't be locked")
+        if name == scene.mechanism.base:
+            raise SceneError("a plan can't lock a floating base: load the robot with fixed_base=True, or --fixed-base")
+        if name not in scene.mechanism.joints:
+            raise SceneError(f"a plan can't lock the ball joint '{name}': lock the joints that move it")
+    return replace(scene, locked=tuple(dict.fromkeys((*scene.locked, *names)))) if names else scene
 
 
 def _scene_of(

@@ -17,6 +17,7 @@ from cinegen.ik.local_ik import LocalIK
 from cinegen.ik.state import State
 from cinegen.ik.thresholds import SECONDARY_TRIES, TRIES
 from cinegen.loops.arrays import null_space
+from cinegen.model import Mechanism
 from cinegen.model.motion_limits import motion_limits
 from cinegen.planning.braking import BrakingBarrier
 from cinegen.planning.clearance_barrier import ClearanceBarrier
@@ -270,6 +271,8 @@ class AvoidingSolver(Solver):
             return
         q = self.q
         configuration = self._strategies[0].configuration
+        for look_ahead in (self._unobstructed, self._prediction):
+            look_ahead.solver._copy_joints(self, accelerations=False)
         self._predict(q, tasks, configuration)
         if configuration is None:
             self._unobstructed.solver.dt, self._unobstructed.solver.gain = self.dt, self.gain
@@ -357,7 +360,7 @@ class AvoidingSolver(Solver):
     def _search_configurations(self, tasks: Sequence[FrameTask]) -> None:
         """Search from one more start, once for each situation; at the end the configurations found are tried."""
         if self._search is None:
-            self._search = _configurations(self.clearance, tasks, self.barrier.safety)
+            self._search = _configurations(self._joints.limited, self.clearance, tasks, self.barrier.safety)
         found = next(self._search, None)
         if found is not None:
             nearest = sorted(found, key=lambda q: self.mechanism.distance(self._q, q))[:_CONFIGURATIONS]
@@ -368,12 +371,14 @@ class AvoidingSolver(Solver):
             self._suspend_tasks(bool(self._strategies))
 
 
-def _configurations(clearance: Clearance, tasks: Sequence[FrameTask], safety: float) -> Iterator[list[Array] | None]:
+def _configurations(
+    mechanism: Mechanism, clearance: Clearance, tasks: Sequence[FrameTask], safety: float
+) -> Iterator[list[Array] | None]:
     """Search for configurations in which all targets are reached and the safety distance is kept.
 
     Yields None after each start, and the configurations found at the end.
     """
-    local, rng = LocalIK(clearance.mechanism, tuple(tasks)), np.random.default_rng(0)
+    local, rng = LocalIK(mechanism, tuple(tasks)), np.random.default_rng(0)
     found = []
     for _ in range(_STARTS):
         if local.solve(local.random_start(rng), 1e-8) and local.closure <= CLOSURE:

@@ -71,6 +71,7 @@ class AvoidingRobot(DrivenRobot):
         if motion is None:
             solver.destination = None
             return super()._advance(dt)
+        self._hold(self.locked)
         there = solver.destination
         if there is None:
             there, self._waited, self._nearest = self.q, 0.0, np.inf

@@ -20,6 +20,8 @@ import msgspec
 from msgspec import Meta, Struct
 
 from cinegen.errors import CinegenError
+from cinegen.ik.joints import names_of
+from cinegen.model import Mechanism
 from cinegen.session.setup import Setup
 from cinegen.typed_json import Button, DoF, Vector4, Vector6
 from raff2urdf.axes import parse_axes
@@ -160,6 +162,20 @@ class MoveJoint(TypedMessage, frozen=True):
     robot: str
     joint: str
     value: Coordinate
+
+
+class LockJoint(TypedMessage, frozen=True):
+    """Lock a joint, so that nothing moves it, or unlock it.
+
+    Attributes:
+        robot: robot.
+        joint: joint of it, a ball joint, or "base", its floating base.
+        locked: whether it is locked.
+    """
+
+    robot: str
+    joint: str
+    locked: bool
 
 
 class EndJointMotion(TypedMessage, frozen=True):
@@ -381,7 +397,8 @@ class ControlPlayback(TypedMessage, frozen=True):
 
 
 Command = (
-    StartDrag | MoveDrag | EndDrag | Pin | RemoveTask | ChangeTask | MoveJoint | EndJointMotion | MoveHome | MoveTo
+    StartDrag | MoveDrag | EndDrag | Pin | RemoveTask | ChangeTask | MoveJoint | LockJoint | EndJointMotion
+    | MoveHome | MoveTo
     | SaveWaypoint | ChangeWaypoint | RemoveWaypoint | MoveToWaypoint | PlayWaypoints | Undo | Redo | Pause
     | SelectSensor | ChangeSensor | ChangeSettings | SetPayload | SetView | SetRecording | GamepadInput
     | ControlPlayback
@@ -403,13 +420,17 @@ def check_names(command: TypedMessage, setup: Setup) -> None:
     known: dict[str, Collection[str | None]] = {
         "robot": (*setup.robots, *setup.obstacles),
         "node": (robot,) if mechanism is None else mechanism.nodes,
-        "joint": () if mechanism is None else mechanism.actuated,
+        "joint": () if mechanism is None else _joints_of(command, mechanism),
         "sensor": next((one.choices for one in setup.switches if (one.robot, one.node) == switch), ()),
     }
     for name in command.__struct_fields__:
         value = getattr(command, name)
         if name in known and value not in known[name]:
             raise CommandError(f"Unknown {name} {value!r:.80} - at `$.{name}`")
+
+
+def _joints_of(command: TypedMessage, mechanism: Mechanism) -> Collection[str]:
+    return (*names_of(mechanism), "base") if isinstance(command, LockJoint) else mechanism.actuated
 
 
 def decode(message: str | bytes, decoder: msgspec.json.Decoder[_Message]) -> _Message:

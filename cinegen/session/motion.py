@@ -229,6 +229,7 @@ class LineMotion:
         goal: (nq,) configuration with closed loops.
         node: node that moves along the line.
         dt: period of a tick, s.
+        locked: names of joints that do not move.
 
     Raises:
         ConfigurationError: the goal is not a configuration.
@@ -237,13 +238,16 @@ class LineMotion:
 
     name, label, jumps = "move_to", "moving to a configuration", False
 
-    def __init__(self, mechanism: Mechanism, q: Array, goal: Array, node: str, dt: float) -> None:
+    def __init__(
+        self, mechanism: Mechanism, q: Array, goal: Array, node: str, dt: float, locked: Sequence[str] = ()
+    ) -> None:
         self.problem = ""
         self._mechanism, self._goal, self._dt = mechanism, mechanism.checked(goal), dt
         closure = mechanism.closure(self._goal)
         if closure > CLOSURE:
             raise CinegenError(f"the goal would open loops of {mechanism.name} by {closure:.2g}: it stays where it is")
         self._solver = Solver(mechanism, dt, q)
+        self._solver.lock(*locked)
         self._task = self._solver.add_task(node, rotation=3 if mechanism.mobility >= _SPATIAL else 0)
         self._from, self._to = mechanism.placement(q, node), mechanism.placement(self._goal, node)
         self._rotation = pin.log3(self._from.rotation.T @ self._to.rotation)

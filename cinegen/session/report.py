@@ -118,6 +118,7 @@ class RobotReport(Struct, frozen=True):
         carried: its payload; None for a robot whose links have no masses.
         reactions: reactions in its joints and loops, none where no torques hold the load; None unless a client has
             asked for them.
+        locked: joints that are locked; None where joints can't be locked.
     """
 
     q: Array
@@ -130,6 +131,7 @@ class RobotReport(Struct, frozen=True):
     forecast: ForecastReport
     carried: CarriedMass | None = None
     reactions: tuple[ReactionReport, ...] | None = None
+    locked: tuple[str, ...] | None = None
 
 
 def agreed_status(status: RobotStatus, report: RobotReport | None) -> RobotStatus:
@@ -189,10 +191,17 @@ class Reporter:
             time: time of the session, s.
             with_reactions: whether reactions are wanted.
         """
-        mechanism, q = self.mechanism, robot.q
+        q = robot.q
         self._set_tasks(robot)
+        if set(robot.locked) != set(self._solver.locked):
+            self._solver.unlock()
+            self._solver.q = q
+            self._solver.lock(*robot.locked)
         tasks = self._solver.frame_tasks
         self._loops = self._own if any(task.node in self._within for task in tasks) else self._counted
+        mechanism = self._solver.held_mechanism
+        if robot.locked:
+            self._loops = mechanism.system
         node, at = tasks[0].node, tasks[0].offset
         self._look_ahead.velocities = self._velocities(robot, time)
         here, step = mechanism.placement(q, node) * at, self._step_at(q)
@@ -224,6 +233,7 @@ class Reporter:
             ForecastReport(path @ base.rotation.T + base.translation, events),
             robot.carried,
             self._bearing.report(robot) if with_reactions and self._bearing is not None else None,
+            robot.locked,
         )
 
     def _step_at(self, q: Array) -> Step:
@@ -320,7 +330,7 @@ class Reporter:
 
     def _ellipsoid(self, q: Array, node: str, at: pin.SE3) -> Array | None:
         """Return the half axes as rows (3, 3), m, in the axes of the robot's own world."""
-        mechanism = self.mechanism
+        mechanism = self._solver.held_mechanism
         motions = motions_of(self._loops, q, mechanism.loop_rank)
         if motions.shape[1] == 0:
             return None

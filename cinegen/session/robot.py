@@ -11,15 +11,18 @@ import pinocchio as pin
 
 from cinegen.arrays import Array
 from cinegen.ik import FrameTask, Solver, Status, Step
+from cinegen.ik.joints import checked_names, names_of
 from cinegen.mission import RecordedTask, RobotSample
 from cinegen.model import Mechanism
 from cinegen.session.carried import carried_over, joint_values
 from cinegen.session.holding import Holding
-from cinegen.session.motion import RobotMotion
+from cinegen.session.motion import Retrace, RobotMotion
 from cinegen.session.state import CarriedMass, Obstruction, RobotState, RobotStatus, TaskState
 
 POINTER, PIN, SENSOR = "pointer", "pin", "sensor"
 """Sources of tasks."""
+
+_STAYS = 1e-9  # rad or lengths: a locked joint that a motion changes by less stays
 
 
 @dataclass(eq=False)
@@ -51,6 +54,7 @@ class DrivenRobot:
     Attributes:
         base: base pose: placement of its own world in the session's (m).
         home: (nq,) initial configuration, to which it is sent home.
+        locked: names of the joints that are locked: only an undo moves them.
         tasks: its tasks, in the order in which they were added.
         motion: motion that moves it instead of its tasks; None: the tasks do.
         step: last step of the solver.
@@ -65,6 +69,7 @@ class DrivenRobot:
         self.mechanism: Mechanism = solver.mechanism
         self.base = pin.SE3.Identity()
         self.home = solver.q
+        self.locked: tuple[str, ...] = ()
         self.tasks: list[UserTask] = []
         self.motion: RobotMotion | None = None
         self.holding: Holding | None = None
@@ -143,6 +148,24 @@ class DrivenRobot:
 
     # --- motion --------------------------------------------------------------------------------------------------
 
+    def lock(self, joint: str, locked: bool) -> None:
+        """Lock a joint, or unlock it.
+
+        Raises:
+            UnknownNameError: no such joint.
+            CinegenError: the base does not float.
+        """
+        names = checked_names(self.mechanism, [joint])
+        others = tuple(name for name in self.locked if name not in names)
+        self.locked = (*others, *names) if locked else others
+
+    def _moved_locked(self, q: Array) -> list[str]:
+        """Return the locked joints that are elsewhere in q (nq,)."""
+        moved, found = np.abs(self.mechanism.scaled_difference(self.q, q)) > _STAYS, list[str]()
+        for name in self.locked:
+            found += [name] * bool(moved[self.mechanism.columns_of(name)].any())
+        return found
+
     def set_base(self, base: pin.SE3) -> None:
         """Set the base pose. Targets keep their pose in the session's world."""
         moved = base.actInv(self.base)
@@ -164,18 +187,29 @@ class DrivenRobot:
     def _advance(self, dt: float) -> str:
         motion = self.motion
         if motion is None:
+            self._hold(self.locked)
             self.step = self.solver.step()
             return ""
+        self._hold(())  # motions know what is locked
         q = motion.advance(dt)
         if q is None:
             self.motion = None
             return f"{self.name}: {motion.problem}" if motion.problem else ""
-        collision = self.collision(q)
-        if collision:
-            motion.block(self.q, collision)
+        problem = self.collision(q)
+        if self.locked and not problem and not isinstance(motion, Retrace):
+            names = self._moved_locked(q)
+            problem = f"locked: {', '.join(names[:3])}" if names else ""
+        if problem:
+            motion.block(self.q, problem)
         else:
             self.jump_to(q)
         return ""
+
+    def _hold(self, joints: tuple[str, ...]) -> None:
+        """Lock these joints of the solver, and no others."""
+        if set(self.solver.locked) != set(joints):
+            self.solver.unlock()
+            self.solver.lock(*joints)
 
     def collision(self, q: Array) -> str:
         """Return a message about the collision on the straight line to q (nq,); empty if there is none."""
@@ -192,6 +226,7 @@ class DrivenRobot:
         """Move to where an earlier version of this robot is, with its payload; return a message if that can't be."""
         if other.carried.node in self.mechanism.nodes:
             self.carried = other.carried
+        self.locked = tuple(name for name in other.locked if name in names_of(self.mechanism))
         q = carried_over(self.mechanism, joint_values(other.mechanism, other.q), self.q)
         why = "its loops can't be closed within its limits where it was" if q is None else self.contact(q)
         if q is not None and not why:
@@ -248,7 +283,7 @@ class DrivenRobot:
             carried, torques = self.carried, self.holding.torques(q)
         return RobotState(
             q, self.base.copy(), tasks, self.status(), step.saturated, step.closure, self.obstruction(), carried,
-            torques,
+            torques, self.locked,
         )  # fmt: skip
 
     def obstruction(self) -> Obstruction | None:

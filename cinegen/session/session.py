@@ -307,11 +307,17 @@ class Session:
 
     def _move_joint(self, command: c.MoveJoint) -> None:
         robot = self._driven[command.robot]
+        if command.joint in robot.locked:
+            self._notice(f"{command.joint} of {robot.name} is locked: unlock it to move it", warning=True)
+            return
         if not isinstance(robot.motion, JointMotion):
             self._history.begin()
             self.sensors.stop_scripts(command.robot)
             robot.motion = JointMotion(robot.mechanism, robot.q)
         robot.motion.move(command.joint, command.value)
+
+    def _lock_joint(self, command: c.LockJoint) -> None:
+        self._driven[command.robot].lock(command.joint, command.locked)
 
     def _end_joint_motion(self, command: c.EndJointMotion) -> None:
         for robot in self.robots.values():
@@ -327,7 +333,7 @@ class Session:
 
     def _move_to(self, command: c.MoveTo) -> None:
         robot = self._driven[command.robot]
-        motion = LineMotion(robot.mechanism, robot.q, np.array(command.q), command.node, self.dt)
+        motion = LineMotion(robot.mechanism, robot.q, np.array(command.q), command.node, self.dt, robot.locked)
         self._drags.end()
         self._history.begin()
         self._free(robot)
@@ -523,6 +529,8 @@ def _robots(setup: Setup, dt: float) -> dict[str, DrivenRobot]:
             robots[name] = AvoidingRobot(name, setup.avoidance.scene, tuple(setup.obstacles), dt)
         else:
             robots[name] = DrivenRobot(name, Solver(mechanism, dt, setup.start(name)))
+        for joint in setup.locked.get(name, ()):
+            robots[name].lock(joint, True)
         with contextlib.suppress(HoldingError):  # without masses there are no torques
             robots[name].holding = Holding(mechanism)
     return robots

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import warnings
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from graphlib import CycleError, TopologicalSorter
 from pathlib import Path
 
@@ -19,6 +19,7 @@ from cinegen.arrays import Array
 from cinegen.collision import Scene
 from cinegen.devices.kinds import exposure, overrides, refusal, scheme, split_axes, split_token, why_missing
 from cinegen.errors import CinegenError, CinegenWarning, UnknownNameError
+from cinegen.ik.joints import checked_names, names_of
 from cinegen.mission import BasePose, Recording
 from cinegen.mission.drawn_obstacle import DrawnObstacle, DrawnShape
 from cinegen.model import Mechanism
@@ -159,6 +160,7 @@ class Setup:
         priority: real-time priority (SCHED_FIFO) of the session, 1 to 99; 0: ordinary scheduling.
         attached: objects that robots hold.
         caption: text that the page shows over a replay.
+        locked: names of joints that are locked at the start, by robot.
     """
 
     robots: Mapping[str, Mechanism]
@@ -178,6 +180,7 @@ class Setup:
     overwrite: bool = False
     attached: tuple[DrawnAttached, ...] = ()
     caption: str = ""
+    locked: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         if not self.robots:
@@ -192,6 +195,27 @@ class Setup:
     def start(self, robot: str) -> Array:
         """Return the configuration (nq,) of a robot at the start."""
         return self.starts.get(robot, self.robots[robot].q_home)
+
+    def with_locked(self, joints: Iterable[str]) -> Setup:
+        """Return the same setup with joints that are locked at the start: each a joint's name, or ROBOT.JOINT.
+
+        Raises:
+            UnknownNameError: no robot has such a joint.
+            CinegenError: several robots have it, or a base does not float.
+        """
+        found = dict(self.locked)
+        for text in joints:
+            robot, _, joint = text.rpartition(".") if text.rpartition(".")[0] in self.robots else ("", "", text)
+            robots = [robot] if robot else list(self.robots)
+            known = [one for one in robots if joint in (*names_of(self.robots[one]), "base")]
+            if not known:
+                names = tuple(name for one in robots for name in names_of(self.robots[one]))
+                raise UnknownNameError("joint", joint, names)
+            if len(known) > 1:
+                raise SetupError(f"several robots have a joint '{joint}': name one, such as {known[0]}.{joint}")
+            names = checked_names(self.robots[known[0]], [joint])
+            found[known[0]] = tuple(dict.fromkeys((*found.get(known[0], ()), *names)))
+        return replace(self, locked=found)
 
     def base(self, robot: str) -> BasePose:
         """Return the base pose of a robot."""

@@ -102,6 +102,7 @@ class RobotState(Struct, frozen=True):
         carried: its payload; None for a robot whose links have no masses.
         torques: (actuated,) torques (N m) and forces (N) of the actuated joints that hold it at rest with its payload;
             NaN where none do. None for a robot whose links have no masses.
+        locked: names of the joints that are locked.
     """
 
     q: Array
@@ -113,6 +114,7 @@ class RobotState(Struct, frozen=True):
     obstruction: Obstruction | None = None
     carried: CarriedMass | None = None
     torques: Array | None = None
+    locked: tuple[str, ...] = ()
 
 
 class ObstacleState(Struct, frozen=True):

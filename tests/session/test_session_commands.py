@@ -19,7 +19,9 @@ from cinegen.session.setup import Device, SensorSwitch
 
 SETUP = SimpleNamespace(
     robots={
-        "delta": SimpleNamespace(nodes=("base", "link5"), actuated=("joint1",)),
+        "delta": SimpleNamespace(
+            nodes=("base", "link5"), actuated=("joint1",), joints=("joint1",), balls=(), base=None
+        ),
         "arm": SimpleNamespace(nodes=("tool",), actuated=()),
     },
     obstacles={},
@@ -48,6 +50,8 @@ def decoded(message):
         ({"type": "change_task", "task": 4, "weight": 2}, c.ChangeTask(4, weight=2.0)),
         ({"type": "move_joint", "robot": "delta", "joint": "joint1", "value": 0.5},
          c.MoveJoint("delta", "joint1", 0.5)),
+        ({"type": "lock_joint", "robot": "delta", "joint": "joint1", "locked": True},
+         c.LockJoint("delta", "joint1", True)),
         ({"type": "end_joint_motion"}, c.EndJointMotion()),
         ({"type": "move_home"}, c.MoveHome(None)),
         ({"type": "move_home", "robot": "arm"}, c.MoveHome("arm")),

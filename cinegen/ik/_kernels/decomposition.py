@@ -20,7 +20,7 @@ _LOST = 1e-12  # directions of singular values below this fraction of the larges
 def to_free(memory: SolverMemory, x: Array, y: Array) -> None:
     """Write the products y (mobility,) of a row x (n,) with the basis of the loops' null space: those of its clusters,
     then those of joints in none."""
-    if memory.clusters == 0:
+    if memory.idle == memory.n:  # no loop, and no joint is locked
         copy(x, y, memory.n)
         return
     at = 0
@@ -60,7 +60,7 @@ def _to_orthonormal(memory: SolverMemory, y: Array) -> None:
 @compiled
 def to_joints(memory: SolverMemory, y: Array, x: Array) -> None:
     """Write the joint step x (n,) of a step y (mobility,) in the null space."""
-    if memory.clusters == 0:
+    if memory.idle == memory.n:  # no loop, and no joint is locked
         copy(y, x, memory.n)
         return
     at = 0
@@ -273,11 +273,11 @@ def _leave_tasks_alone(memory: SolverMemory, y: Array) -> None:
     """Remove from y (mobility,), in the orthonormal basis, all motion of the tasks; `axes` is used."""
     p, k, rows, known = memory.active_rows, memory.mobility, memory.axes, 0
     for i in range(min(memory.task_rank, p, k)):
-        if memory.found_by == SVD and p <= k and memory.squares[i] <= _LOST * _LOST * memory.squares[0]:
+        if is_lost(memory, i):
             continue
         row = rows[known]
         for j in range(k):
-            row[j] = _direction(memory, i, j)
+            row[j] = direction(memory, i, j)
         _to_orthonormal(memory, row)
         for c in range(known):
             add_multiple(-inner(rows[c], row, k), rows[c], row, k)
@@ -289,7 +289,14 @@ def _leave_tasks_alone(memory: SolverMemory, y: Array) -> None:
 
 
 @compiled
-def _direction(memory: SolverMemory, i: int, j: int) -> float:
+def is_lost(memory: SolverMemory, i: int) -> bool:
+    """Return whether the i-th direction of the tasks is undetermined: its singular value is nothing but rounding."""
+    is_wide = memory.active_rows <= memory.mobility
+    return bool(memory.found_by == SVD and is_wide and memory.squares[i] <= _LOST * _LOST * memory.squares[0])
+
+
+@compiled
+def direction(memory: SolverMemory, i: int, j: int) -> float:
     """Return a component of the i-th direction of those that span the tasks."""
     if memory.found_by != SVD:
         return float(memory.reduced[i, j])

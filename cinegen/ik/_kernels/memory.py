@@ -252,6 +252,15 @@ class SolverMemory(TasksMemory):
     has_spare: int = state(0)
     spare: Array = array("n")
 
+    # weights of joints in the motion that tasks leave free: `cinegen.ik._kernels.weights`
+    weighted: int = parameter(0)  # mobility, or 0 if all weights are the same
+    weighted_dof: int = parameter(0)  # n, or 0
+    root_weight: Array = array("weighted_dof")
+    weighted_rows: Array = array("weighted", "weighted_dof")
+    weighted_left: Array = array("weighted", "weighted")
+    weighted_right: Array = array("weighted", "weighted_dof")
+    weighted_square: Array = array("weighted")
+
     # steps, dimensionless
     step: Array = array("n")
     attempted: Array = array("n")

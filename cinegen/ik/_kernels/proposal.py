@@ -18,6 +18,7 @@ from cinegen.ik._kernels.limits import keep_limits, must_go_back
 from cinegen.ik._kernels.memory import LIMITING_DOF, SPEED_SCALE, SVD, SolverMemory, task_at
 from cinegen.ik._kernels.secondary import project_secondary
 from cinegen.ik._kernels.tasks import aim_tasks, tasks_left
+from cinegen.ik._kernels.weights import weigh
 from cinegen.ik.thresholds import ARRIVED, ERROR_CAP, LEAST_SCALE, NOISE, REST
 from cinegen.jit.compiled import Array, compiled
 from cinegen.jit.vectors import copy
@@ -50,6 +51,8 @@ def propose(memory: SolverMemory) -> bool:
         find_singular_values(memory)
         solve_damped(memory)
     to_joints(memory, memory.free_step, step)
+    if memory.weighted != 0:
+        weigh(memory)
     had_secondary = memory.has_secondary != 0
     if memory.parts == 0 and had_secondary and not project_secondary(memory):
         memory.has_secondary = 0

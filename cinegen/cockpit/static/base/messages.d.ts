@@ -83,6 +83,13 @@ export interface MoveJoint {
   value: number;
 }
 
+export interface LockJoint {
+  type: "lock_joint";
+  robot: string;
+  joint: string;
+  locked: boolean;
+}
+
 export interface EndJointMotion {
   type: "end_joint_motion";
 }
@@ -192,7 +199,7 @@ export interface ControlPlayback {
   speed?: number | null;
 }
 
-export type ClientMessage = Ack | RequestControl | RequestReactions | RequestRate | SetUser | SetCursor | StartDrag | MoveDrag | EndDrag | Pin | RemoveTask | ChangeTask | MoveJoint | EndJointMotion | MoveHome | MoveTo | SaveWaypoint | ChangeWaypoint | RemoveWaypoint | MoveToWaypoint | PlayWaypoints | Undo | Redo | Pause | SelectSensor | ChangeSensor | ChangeSettings | SetPayload | SetView | SetRecording | GamepadInput | ControlPlayback;
+export type ClientMessage = Ack | RequestControl | RequestReactions | RequestRate | SetUser | SetCursor | StartDrag | MoveDrag | EndDrag | Pin | RemoveTask | ChangeTask | MoveJoint | LockJoint | EndJointMotion | MoveHome | MoveTo | SaveWaypoint | ChangeWaypoint | RemoveWaypoint | MoveToWaypoint | PlayWaypoints | Undo | Redo | Pause | SelectSensor | ChangeSensor | ChangeSettings | SetPayload | SetView | SetRecording | GamepadInput | ControlPlayback;
 
 export interface HelloMessage {
   type: "hello";
@@ -222,6 +229,7 @@ export interface RobotDescription {
   loops: LoopDescription[];
   couplings: CouplingDescription[];
   forces: ForcesDescription;
+  root?: string | null;
 }
 
 export interface NodeDescription {
@@ -388,6 +396,7 @@ export interface RobotReport {
   forecast: ForecastReport;
   carried?: CarriedMass | null;
   reactions?: ReactionReport[] | null;
+  locked?: string[] | null;
 }
 
 export interface SingularityReport {

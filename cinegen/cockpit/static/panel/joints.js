@@ -2,9 +2,10 @@
 //
 // For tests: [data-joint="ROBOT/JOINT"] with input[type=range] and input[type=number] in it where the joint is actuated
 // (in the units that are shown), data-limit "near" or "at"; passive ones have data-passive and .number.
+// [data-lock="ROBOT/JOINT"] (aria-pressed) where joints can be locked, also of a floating base.
 // [data-torque="ROBOT/JOINT"] (a meter) where links have masses, data-tone "good", "warn", "bad" or "none".
 
-import { atMostEvery, make, write } from "../base/dom.js";
+import { atMostEvery, make, sign, write } from "../base/dom.js";
 import { valueOf } from "../base/names.js";
 import { speak, spoken } from "../base/speech.js";
 import { amount, fixed, units } from "../base/units.js";
@@ -29,6 +30,8 @@ const WIDE = { revolute: Math.PI, prismatic: 0.5 }; // to each side of home, whe
 export class Joints {
   /** @type {Map<string, Row>} */
   #rows = new Map();
+  /** @type {{ robot: string, joint: string, button: HTMLButtonElement }[]} */
+  #locks = [];
   /** @type {Row | null} */
   #moving = null; // the row whose slider is moved
   /** @type {ReturnType<typeof setTimeout> | undefined} */
@@ -54,11 +57,13 @@ export class Joints {
 
   #build() {
     this.#rows.clear();
+    this.#locks = [];
     this.#moving = null;
     byRobot(this.section.body, this.session.robots, (robot, body) => {
       const rows = robot.joints.map((joint) => this.#row(robot, joint));
       const actuated = rows.filter(({ joint }) => joint.actuated);
       const passive = rows.filter(({ joint }) => !joint.actuated);
+      if (robot.root) body.append(make("div", { class: "row base" }, this.#named(robot, robot.root, make("span", { class: "name" }, "Floating base"))));
       body.append(...actuated.map(({ element }) => element));
       if (passive.length > 0) {
         const hint = "Passive joints: loops and couplings move them";
@@ -99,10 +104,40 @@ export class Joints {
         : "no limits";
     const coupled = robot.couplings.filter(({ terms }) => Object.hasOwn(terms, joint.name)).map(({ equation }) => `; ${equation} (rad, m)`);
     const title = `${joint.name}: ${joint.type}, ${limits}${coupled.join("")}`;
-    const name = make("span", { class: "name", title }, joint.name);
+    const name = this.#named(robot, joint.name, make("span", { class: "name", title }, joint.name));
     row.element = joint.actuated ? this.#actuated(row, name, limits) : this.#passive(row, name, limits);
     this.#rows.set(row.key, row);
     return row;
+  }
+
+  /**
+   * A joint's name with its padlock.
+   *
+   * @param {KnownRobot} robot
+   * @param {string} joint
+   * @param {HTMLElement} name
+   */
+  #named(robot, joint, name) {
+    const button = make(
+      "button",
+      {
+        type: "button",
+        class: "lock",
+        hidden: true,
+        data: { lock: `${robot.name}/${joint}` },
+        "aria-pressed": "false",
+        "aria-label": `Lock ${joint} of ${robot.name}`,
+        title: "Lock it: nothing moves this joint",
+      },
+      sign("lock"),
+    );
+    button.addEventListener("click", () => {
+      if (!this.session.mayAct()) return;
+      const locked = button.getAttribute("aria-pressed") !== "true";
+      this.session.send({ type: "lock_joint", robot: robot.name, joint, locked });
+    });
+    this.#locks.push({ robot: robot.name, joint, button });
+    return make("span", { class: "lockable" }, button, name);
   }
 
   /**
@@ -247,6 +282,16 @@ export class Joints {
   }
 
   #show() {
+    for (const { robot, joint, button } of this.#locks) {
+      const locked = valueOf(this.session.report?.robots, robot)?.locked;
+      const pressed = String(locked?.includes(joint) ?? false);
+      const row = this.#rows.get(`${robot}/${joint}`);
+      button.hidden = !locked;
+      if (row) row.range.disabled = row.number.disabled = pressed === "true";
+      if (button.getAttribute("aria-pressed") === pressed) continue;
+      button.setAttribute("aria-pressed", pressed);
+      button.title = pressed === "true" ? "Unlock it" : "Lock it: nothing moves this joint";
+    }
     for (const robot of this.session.robots) {
       const report = valueOf(this.session.report?.robots, robot.name);
       if (!report) continue;

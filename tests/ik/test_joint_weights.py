@@ -1,0 +1,165 @@
+"""Weights of joints: the least weighted motion of those that do the same for the tasks, and nothing else changes."""
+
+from __future__ import annotations
+
+import bipeds
+import numpy as np
+import pinocchio as pin
+import pytest
+from scipy.linalg import null_space
+
+import cinegen
+from cinegen import Solver, Status
+
+DT = 1.0 / 240.0
+SMALL = 1e-5  # lengths: of a target, so that a tick is as good as linear
+
+
+def aimed(mechanism, lengths, q=None, node=None, rotation=0, seed=0):
+    """A solver with a target in a random direction."""
+    solver = Solver(mechanism, DT, q)
+    task = solver.add_task(node or mechanism.end, rotation=rotation)
+    way = np.random.default_rng(seed).normal(size=3)
+    way *= lengths * mechanism.length / np.linalg.norm(way)
+    task.target = pin.SE3(task.target.rotation, task.target.translation + way)
+    return solver
+
+
+def least(mechanism, q, node, weights, moved):
+    """The motion (nv,), rad and lengths, that moves a node as `moved` does, with the least weighted sum: by Pinocchio's
+    Jacobians alone."""
+    data = mechanism.model.createData()
+    frame = mechanism.model.getFrameId(node, pin.FrameType.BODY)
+    jacobian = pin.computeFrameJacobian(mechanism.model, data, q, frame, pin.LOCAL)[:3] * mechanism.scale
+    kept = np.vstack([jacobian, mechanism.loop_jacobian(q) * mechanism.scale])
+    free = null_space(kept, rcond=1e-9)
+    root = np.sqrt(weights)[:, None]
+    return moved - free @ np.linalg.lstsq(root * free, root[:, 0] * moved, rcond=None)[0]
+
+
+@pytest.mark.parametrize("name", ["arm7", "planar_3r", "two_arms"])
+def test_a_tick_is_the_least_weighted_motion(robot, name):
+    mechanism, rng = robot(name), np.random.default_rng(1)
+    q = mechanism.samples[1] if name != "two_arms" else mechanism.q_home
+    weights = rng.uniform(0.5, 40.0, mechanism.model.nv)
+    plain, solver = aimed(mechanism, SMALL, q), aimed(mechanism, SMALL, q)
+    solver.joint_weights = {name: weights[mechanism.v_index(name)] for name in mechanism.joints}
+    moved, expected = (one.step().v * DT / mechanism.scale for one in (solver, plain))
+    expected = least(mechanism, q, mechanism.end, weights, expected)
+    assert np.abs(moved - expected).max() < 1e-4 * np.abs(expected).max()
+    assert np.abs(plain.v * DT / mechanism.scale - expected).max() > 0.01 * np.abs(expected).max()
+
+
+@pytest.mark.parametrize("name", ["hybrid", "planar_hybrid", "gough", "sr400"])
+def test_with_loops_the_weighted_motion_of_the_actuated_joints_is_least(robot, name):
+    mechanism = robot(name)
+    q, rng = mechanism.samples[1], np.random.default_rng(2)
+    weights = np.zeros(mechanism.model.nv)
+    plain, solver = aimed(mechanism, SMALL, q), aimed(mechanism, SMALL, q)
+    for joint in mechanism.actuated:
+        weights[mechanism.v_index(joint)] = solver.joint_weights[joint] = rng.uniform(1.0, 40.0)
+    moved, before = (one.step().v * DT / mechanism.scale for one in (solver, plain))
+    expected = least(mechanism, q, mechanism.end, weights, before)
+    assert np.abs(moved - expected).max() < 1e-4 * np.abs(expected).max()
+    assert solver.step().closure < 1e-10
+
+
+@pytest.mark.parametrize("name", ["arm7", "gough", "hybrid"])
+@pytest.mark.parametrize("weight", [1.0, 7.0])
+def test_a_uniform_weight_changes_nothing(robot, name, weight):
+    mechanism = robot(name)
+    solver, other = aimed(mechanism, 0.1), aimed(mechanism, 0.1)
+    solver.joint_weights = dict.fromkeys(mechanism.actuated, weight)
+    for _ in range(30):
+        assert (solver.step().q == other.step().q).all()
+
+
+@pytest.mark.parametrize("name", ["delta4", "five_bar", "scara"])
+def test_a_mechanism_without_redundancy_does_not_notice_weights(robot, name):
+    """Up to rounding: the motion that tasks leave is none."""
+    mechanism = robot(name)
+    translations = {"delta4": 3, "five_bar": 2, "scara": 3}[name]
+    rotation = 3 if name == "scara" else 0
+    solver, other = aimed(mechanism, 0.1, rotation=rotation), aimed(mechanism, 0.1, rotation=rotation)
+    assert translations <= mechanism.mobility
+    solver.joint_weights = {mechanism.actuated[0]: 1e4}
+    for _ in range(30):
+        assert (solver.step().q == other.step().q).all()
+
+
+def test_a_heavy_joint_changes_neither_singular_values_nor_statuses_nor_what_is_reached(robot):
+    mechanism = robot("arm7")
+    for seed in range(5):
+        solver, other = aimed(mechanism, 0.6, seed=seed), aimed(mechanism, 0.6, seed=seed)
+        heavy = mechanism.joints[seed]
+        solver.joint_weights[heavy] = 1e5
+        first, second = solver.step(), other.step()
+        assert first.status is second.status
+        q = solver.q
+        other.q = q
+        first, second = solver.step(), other.step()
+        assert first.status is second.status
+        solver.q = other.q = mechanism.q_home
+        ends = []
+        for one in (solver, other):
+            for _ in range(400):
+                step = one.step()
+            ends.append((step.status, step.errors[0][0]))
+        assert ends[0][0] is ends[1][0]
+        assert abs(ends[0][1] - ends[1][1]) < 1e-6 * mechanism.length
+
+
+def test_the_singular_values_at_a_configuration_do_not_depend_on_weights(robot):
+    mechanism = robot("gough")
+    q = mechanism.samples[1]
+    solver, other = aimed(mechanism, 0.0, q), aimed(mechanism, 0.0, q)
+    solver.joint_weights[mechanism.actuated[0]] = 1e5
+    first, second = solver.step(), other.step()
+    assert (first.q == second.q).all()
+    assert (first.singular_values == second.singular_values).all()
+
+
+def test_a_heavy_base_stays_nearly_still_while_a_foot_is_dragged(tmp_path):
+    (tmp_path / "biped.urdf").write_text(bipeds.URDF)
+    mechanism = cinegen.load(tmp_path / "biped.urdf")
+    distances, q = [], mechanism.configuration({"left_knee": 1.0, "left_pitch": -0.5})
+    for weight in (None, 1e4):
+        solver = Solver(mechanism, DT, q)
+        if weight:
+            solver.joint_weights["base"] = weight
+            assert solver.joint_weights["base"] == (weight,) * 6
+        task = solver.add_task(bipeds.FEET[0], rotation=0)
+        for _ in range(100):
+            task.target = pin.SE3(task.target.rotation, task.target.translation + np.array([5e-4, 0.0, 1e-3]))
+            step = solver.step()
+        assert step.status is Status.FOLLOWING
+        assert step.errors[0][0] < 1e-5
+        distances.append(float(np.linalg.norm(solver.q[:3] - mechanism.q_home[:3])))
+    assert distances[1] < 0.02 * distances[0]
+
+
+def test_a_weighted_motion_keeps_limits_and_makes_no_task_slower(robot):
+    mechanism = robot("arm7")
+    low = mechanism.q_home[mechanism.q_index("joint3")] - 0.02
+    solver, other = aimed(mechanism, 0.5), aimed(mechanism, 0.5)
+    for one in (solver, other):
+        one.velocity_limits = 0.2
+        one.position_limits["joint3"] = (low, low + 0.05)
+    solver.joint_weights = {"joint1": 50.0, "joint2": 20.0}
+    first, second = solver.step(), other.step()
+    assert first.speed_scale >= second.speed_scale * (1.0 - 1e-9)
+    for _ in range(100):
+        step = solver.step()
+        assert np.abs(step.v).max() <= 0.2
+        assert low <= step.q[mechanism.q_index("joint3")] <= low + 0.05
+
+
+def test_at_rest_nothing_moves(robot):
+    mechanism = robot("arm7")
+    solver = aimed(mechanism, 0.1)
+    solver.joint_weights["joint2"] = 30.0
+    for _ in range(100):
+        solver.step()
+    q = solver.q
+    for _ in range(50):
+        assert (solver.step().q == q).all()

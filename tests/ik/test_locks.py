@@ -1,0 +1,285 @@
+"""Locked joints: the motion is that of the model in which they are fixed."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import bipeds
+import numpy as np
+import pinocchio as pin
+import pytest
+from lxml import etree
+
+import cinegen
+from cinegen import Solver, Status, forecast_motion
+from cinegen.errors import CinegenError, UnknownNameError
+from cinegen.ik import Posture
+from cinegen.model.load import build
+
+DT = 1.0 / 240.0
+
+LOCKED = [
+    ("arm7", ["joint4"]),
+    ("arm7", ["joint1", "joint7"]),
+    ("serial_5dof", ["joint2"]),
+    ("two_arms", ["joint1"]),
+    ("five_bar", ["joint1"]),
+    ("planar_hybrid", ["joint1"]),
+    ("gough", ["joint3"]),
+    ("gough", ["joint3", "joint9"]),
+    ("delta4", ["joint1"]),
+    ("hybrid", ["joint1"]),
+    ("sr400", ["joint1"]),
+    ("scara", ["joint1"]),
+]
+
+
+def fixed(mechanism, joints, q):
+    """The mechanism with these joints made fixed joints of its URDF, where q (nq,) has them; measured by the same
+    characteristic length."""
+    urdf = etree.fromstring(mechanism.source.urdf.encode())
+    for joint in urdf.iter("joint"):
+        if joint.get("name") not in joints:
+            continue
+        value, axis = q[mechanism.q_index(joint.get("name"))], np.array(joint.find("axis").get("xyz").split(), float)
+        by = axis / np.linalg.norm(axis) * value
+        slides = mechanism.is_prismatic(joint.get("name"))
+        moved = pin.SE3(np.eye(3), by) if slides else pin.SE3(pin.exp3(by), np.zeros(3))
+        origin = joint.find("origin")
+        xyz, rpy = ([float(x) for x in origin.get(name, "0 0 0").split()] for name in ("xyz", "rpy"))
+        placed = pin.SE3(pin.rpy.rpyToMatrix(*rpy), np.array(xyz)) * moved
+        origin.set("xyz", " ".join(map(repr, placed.translation.tolist())))
+        origin.set("rpy", " ".join(map(repr, pin.rpy.matrixToRpy(placed.rotation).tolist())))
+        joint.set("type", "fixed")
+    constraints = dict(mechanism.source.constraints or {})
+    entries = constraints.get("joints", [{"name": name} for name in mechanism.joints])
+    constraints["joints"] = [
+        {**entry, "home": float(q[mechanism.q_index(entry["name"])]), "actuated": entry["name"] in mechanism.actuated}
+        for entry in entries
+        if entry["name"] not in joints
+    ]
+    source = mechanism.source._replace(urdf=etree.tostring(urdf).decode(), constraints=constraints)
+    return replace(build(*source), length=mechanism.length)
+
+
+def bent(mechanism):
+    """A closed configuration (nq,) away from home."""
+    rng = np.random.default_rng(3)
+    solver = Solver(mechanism, DT)
+    task = solver.add_task(mechanism.end, rotation=0)
+    move(task, 0.1 * mechanism.length * rng.normal(size=3))
+    for _ in range(20):
+        solver.step()
+    return solver.q
+
+
+def values(mechanism, q, joints):
+    return np.array([q[mechanism.q_index(name)] for name in joints])
+
+
+def move(task, by):
+    task.target = pin.SE3(task.target.rotation, task.target.translation + np.asarray(by))
+
+
+def carried(mechanism, q, reference):
+    """The same configuration of another model of it."""
+    return reference.configuration(dict(zip(reference.joints, values(mechanism, q, reference.joints), strict=True)))
+
+
+def set_out(robot, name, joints, rotation):
+    """A solver with locked joints and one of the model in which they are fixed, on the way to the same target."""
+    mechanism = robot(name)
+    q = bent(mechanism)
+    reference = fixed(mechanism, joints, q)
+    solver, other = Solver(mechanism, DT, q), Solver(reference, DT, carried(mechanism, q, reference))
+    solver.lock(*joints)
+    away = 0.1 * mechanism.length * np.random.default_rng(5).normal(size=3)
+    for one in (solver, other):
+        task = one.add_task(mechanism.end, rotation=rotation)
+        move(task, away)
+    return solver, other, mechanism, reference
+
+
+@pytest.mark.parametrize("rotation", [0, 3])
+@pytest.mark.parametrize(("name", "joints"), LOCKED)
+def test_each_tick_with_locks_is_that_of_the_model_in_which_the_joints_are_fixed(robot, name, joints, rotation):
+    solver, other, mechanism, reference = set_out(robot, name, joints, rotation)
+    assert solver.locked == tuple(joints)
+    start = values(mechanism, solver.q, joints)
+    for tick in range(40):
+        step, expected = solver.step(), other.step()
+        assert step.status is expected.status
+        if np.abs(expected.v / reference.scale).max() * DT < 1e-5:  # near an optimum rounding decides
+            assert tick >= 5
+            break
+        assert np.abs(carried(mechanism, step.q, reference) - expected.q).max(initial=0.0) <= 1e-12
+        assert len(step.singular_values) == len(expected.singular_values)
+        assert np.abs(step.singular_values - expected.singular_values).max(initial=0.0) <= 1e-12
+        assert (values(mechanism, step.q, joints) == start).all()
+        solver.q, other.q = step.q, carried(mechanism, step.q, reference)  # at rest near the target rounding grows
+
+
+@pytest.mark.parametrize(
+    ("name", "joints"), [("arm7", ["joint4"]), ("gough", ["joint3"]), ("gough", ["joint9", "joint12"])]
+)
+def test_a_motion_with_locks_and_an_objective_is_that_of_the_model_in_which_the_joints_are_fixed(robot, name, joints):
+    solver, other, mechanism, reference = set_out(robot, name, joints, 0)
+    solver.objectives = [Posture(rate=1.0)]
+    other.objectives = [Posture(carried(mechanism, mechanism.q_home, reference), rate=1.0)]
+    for _ in range(60):
+        step, expected = solver.step(), other.step()
+        assert step.status is expected.status
+        assert np.abs(carried(mechanism, step.q, reference) - expected.q).max() <= 1e-12
+
+
+@pytest.mark.parametrize(("name", "joints"), [("gough", ["joint3"]), ("delta4", ["joint1"]), ("sr400", ["joint1"])])
+def test_the_singularities_of_a_locked_mechanism_are_those_of_the_model(robot, name, joints):
+    solver, other, *_ = set_out(robot, name, joints, 0)
+    step, expected = solver.step(), other.step()
+    for values_of in ("loop_singular_values", "passive_singular_values"):
+        found, known = getattr(step, values_of), getattr(expected, values_of)
+        assert len(found) == len(known)
+        assert np.abs(found - known).max() <= 1e-12
+    assert abs(step.lost_dof.sigma - expected.lost_dof.sigma) <= 1e-12
+    assert abs(step.uncontrolled_dof.sigma - expected.uncontrolled_dof.sigma) <= 1e-12
+
+
+def loaded(folder, **options):
+    (folder / "biped.urdf").write_text(bipeds.URDF)
+    return cinegen.load(folder / "biped.urdf", **options)
+
+
+@pytest.mark.parametrize("word", ["base", "its name"])
+def test_a_locked_base_equals_the_model_with_a_fixed_base(tmp_path, word):
+    mechanism, reference = loaded(tmp_path), loaded(tmp_path, fixed_base=True)
+    reference = replace(reference, length=mechanism.length)
+    q = mechanism.q_home
+    solver, other = Solver(mechanism, DT), Solver(reference, DT, q[7:])
+    solver.lock("base" if word == "base" else mechanism.base)
+    assert solver.locked == (mechanism.base,)
+    for one in (solver, other):
+        task = one.add_task(bipeds.FEET[0], rotation=0)
+        move(task, [0.05, 0.0, 0.1])
+    for _ in range(60):
+        step, expected = solver.step(), other.step()
+        assert step.status is expected.status
+        assert np.abs(step.q[7:] - expected.q).max() <= 1e-12
+        assert (step.q[:7] == q[:7]).all()
+
+
+def test_a_base_that_is_turned_stays_locked_to_the_last_bit(tmp_path):
+    mechanism = loaded(tmp_path)
+    q = mechanism.q_home.copy()
+    q[:7] = [0.1, -0.2, 0.3, *pin.Quaternion(pin.exp3(np.array([0.3, 0.2, -0.5]))).coeffs()]
+    solver = Solver(mechanism, DT, q)
+    before = solver.q[:7]
+    solver.lock("base")
+    task = solver.add_task(bipeds.FEET[1], rotation=0)
+    move(task, [0.05, 0.03, 0.1])
+    for _ in range(100):
+        assert (solver.step().q[:7] == before).all()
+    solver.unlock("base")
+    move(task, [0.3, 0.0, 0.1])
+    solver.step()
+    assert not (solver.q[:7] == before).all()
+
+
+def test_a_mechanism_whose_lock_leaves_no_motion_stays(robot):
+    mechanism = robot("four_bar")
+    solver = Solver(mechanism, DT)
+    solver.lock(mechanism.actuated[0])
+    task = solver.add_task(mechanism.end, rotation=0)
+    move(task, [0.01, 0.01, 0.0])
+    for _ in range(5):
+        step = solver.step()
+    assert (step.q == mechanism.q_home).all()
+    assert step.status is Status.OUT_OF_REACH
+    assert len(step.singular_values) == 0
+
+
+@pytest.mark.parametrize("name", ["arm7", "gough", "sr400"])
+def test_a_solver_that_was_unlocked_moves_as_if_it_had_never_been_locked(robot, name):
+    mechanism = robot(name)
+    solver, other = Solver(mechanism, DT), Solver(mechanism, DT)
+    solver.lock(*mechanism.actuated[:2])
+    solver.step()
+    solver.unlock()
+    assert solver.locked == ()
+    for one in (solver, other):
+        task = one.add_task(mechanism.end)
+        move(task, 0.05 * mechanism.length)
+    for _ in range(20):
+        assert (solver.step().q == other.step().q).all()
+
+
+def test_a_joint_stops_at_once_when_it_is_locked_while_it_moves(robot):
+    mechanism = robot("arm7")
+    solver = Solver(mechanism, DT, acceleration=2.0)
+    task = solver.add_task(mechanism.end, rotation=0)
+    move(task, -0.5)
+    for _ in range(30):
+        solver.step()
+    name = mechanism.joints[int(np.argmax(np.abs(solver.v)))]
+    solver.lock(name)
+    before = solver.q[mechanism.q_index(name)]
+    v = solver.v
+    for _ in range(30):
+        step = solver.step()
+        assert step.q[mechanism.q_index(name)] == before
+        others = np.arange(7) != mechanism.v_index(name)
+        assert np.abs(step.v - v)[others].max() <= 2.0 * DT * (1.0 + 1e-7)
+        v = step.v
+
+
+def test_setting_q_moves_locked_joints_and_locks_them_there(robot):
+    mechanism = robot("gough")
+    q = bent(mechanism)
+    solver = Solver(mechanism, DT)
+    solver.lock("joint3")
+    solver.q = q
+    task = solver.add_task(mechanism.end)
+    move(task, 0.05 * mechanism.length)
+    for _ in range(20):
+        assert solver.step().q[mechanism.q_index("joint3")] == q[mechanism.q_index("joint3")]
+    other = Solver(mechanism, DT, q)
+    other.lock("joint3")
+    other.add_task(mechanism.end).target = task.target
+    for _ in range(20):
+        other.step()
+    assert (other.q == solver.q).all()
+
+
+def test_a_copy_and_a_forecast_know_the_locks(robot):
+    mechanism = robot("arm7")
+    solver, twin = Solver(mechanism, DT), Solver(mechanism, DT)
+    solver.lock("joint2")
+    solver.velocity_limits["joint3"] = 0.1
+    task = solver.add_task(mechanism.end, rotation=0)
+    move(task, -0.2)
+    solver.step()
+    twin.copy_state(solver)
+    assert twin.locked == ("joint2",)
+    assert twin.velocity_limits["joint3"] == 0.1
+    assert (twin.step().q == solver.step().q).all()
+    solver.unlock()
+    twin.copy_state(solver)
+    assert (twin.step().q == solver.step().q).all()
+    solver.lock("joint2")
+    ahead = forecast_motion(solver, 0.2)
+    assert np.ptp(ahead.q[:, mechanism.q_index("joint2")]) == 0.0
+
+
+def test_what_cannot_be_locked_is_an_error_that_changes_nothing(robot):
+    mechanism = robot("arm7")
+    solver = Solver(mechanism, DT)
+    solver.lock("joint1")
+    with pytest.raises(UnknownNameError, match="no joint 'joint11': did you mean 'joint1'"):
+        solver.lock("joint2", "joint11")
+    with pytest.raises(CinegenError, match=r"the base of .* does not float"):
+        solver.lock("base")
+    with pytest.raises(UnknownNameError):
+        solver.unlock("elbow")
+    assert solver.locked == ("joint1",)
+    solver.lock("joint1")
+    solver.unlock("joint2")
+    assert solver.locked == ("joint1",)

@@ -1,0 +1,118 @@
+"""Sizes do not matter: micro and giant robots move alike, and so do screws of any pitch."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+import numpy as np
+import pinocchio as pin
+import pytest
+
+import cinegen
+from cinegen import Solver, Status
+
+DT = 1.0 / 240.0
+
+QUILL = """robot arm {{ base {{ }}
+  link 1 {{ type 2 pred 0 parameters {{ theta 0 }} }}
+  link 2 {{ type 2 pred 1 parameters {{ theta 40 d 200 }} }}
+  link 3 {{ type 2 pred 2 parameters {{ theta 0 d 200 }} }}
+  link 4 {{ type 1 pred 3 parameters {{ r 100 }} limits {{ 0 500 }} }}
+  frame 5 {{ pred 4 name "tool" parameters {{ {frame} }} }}
+  coupling {{ link 4 link 3 lead {lead} offset 100 }} }}"""
+
+JACK = """<sdf version="1.7"><model name="jack">
+  <link name="base"/><link name="nut"><pose>0 0 0.1 0 0 0</pose></link>
+  <joint name="screw" type="screw"><parent>base</parent><child>nut</child>
+    <axis><xyz>0 0 1</xyz></axis><screw_thread_pitch>{pitch}</screw_thread_pitch></joint></model></sdf>"""
+
+BLOCK = re.compile(r"\blink\s+\d+\s*\{(?:[^{}]|\{[^{}]*\})*\}")
+INERTIAL = re.compile(r"\binertial\s*\{(?:[^{}]|\{[^{}]*\})*\}")
+
+
+def enlarged(text, factor):
+    """A RAFF file with all lengths multiplied; without masses."""
+
+    def times(found):
+        return found[0] if found is None else f"{found[1]} {float(found[2]) * factor!r}"
+
+    def stroke(found):
+        block = found[0]
+        if re.search(r"\btype\s+1\b", block):  # prismatic
+            block = re.sub(
+                r"limits\s*\{\s*(\S+)\s+(\S+)\s*\}",
+                lambda ends: f"limits {{ {float(ends[1]) * factor!r} {float(ends[2]) * factor!r} }}",
+                block,
+            )
+            block = re.sub(r"\b(velocity)\s+(-?[\d.]+)", times, block)
+        return block
+
+    text = BLOCK.sub(stroke, INERTIAL.sub("", re.sub(r"//.*", "", text)))
+    text = re.sub(r"\b(d|epsilon|r|lead)\s+(-?[\d.]+)", times, text)
+    return re.sub(r"(RAFF [^\n]*\n)", r"\1units mm\n", text, count=1)
+
+
+@pytest.mark.parametrize("factor", [1e-3, 1e3])
+@pytest.mark.parametrize("name", ["arm7", "scara", "gough", "delta4_linear", "hybrid", "rx90"])
+@pytest.mark.filterwarnings("ignore")
+def test_micro_and_giant_robots_move_alike(root, tmp_path, name, factor):
+    text = (root / f"robots/{name}.raff").read_text()
+    robots = []
+    for one in (1.0, factor):
+        path = Path(tmp_path / f"{one}.raff")
+        path.write_text(enlarged(text, one))
+        robots.append(cinegen.load(path))
+    first, second = robots
+    assert second.length == pytest.approx(factor * first.length, rel=1e-12)
+    assert (first.mobility, first.actuated) == (second.mobility, second.actuated)
+    solvers = [Solver(robot, DT) for robot in robots]
+    for robot, solver in zip(robots, solvers, strict=True):
+        task = solver.add_task(robot.end, rotation=0)
+        way = robot.length * np.array([0.05, -0.04, 0.03])
+        task.target = pin.SE3(task.target.rotation, task.target.translation + way)
+    for _ in range(30):
+        steps = [solver.step() for solver in solvers]
+        assert steps[0].status is steps[1].status
+        moved = [robot.scaled_difference(robot.q_home, step.q) for robot, step in zip(robots, steps, strict=True)]
+        assert np.abs(moved[0] - moved[1]).max() < 1e-11
+        assert steps[0].speed_scale == pytest.approx(steps[1].speed_scale, rel=1e-9)
+        assert np.abs(steps[0].singular_values - steps[1].singular_values).max() < 1e-11
+
+
+@pytest.mark.parametrize("lead", [20.0, 0.1, 0.001])
+def test_a_screw_of_any_pitch_lifts_the_tool_on_its_axis(raff, lead):
+    """The joint that turns the shaft carries it, and nothing off its axis. Before it counted by its angle, the arm was
+    singular everywhere, and did not lift the tool."""
+    arm, reference = raff(QUILL.format(lead=lead, frame="d 0")), raff(QUILL.format(lead=1.0, frame="d 0"))
+    solvers = Solver(arm, DT), Solver(reference, DT)
+    for solver in solvers:
+        task = solver.add_task("tool", rotation=0)
+        task.target = pin.SE3(task.target.rotation, task.target.translation + np.array([0.01, -0.02, 0.05]))
+    for _ in range(100):
+        step, expected = (solver.step() for solver in solvers)
+        assert step.status is expected.status
+        assert np.abs(step.singular_values - expected.singular_values).max() < 1e-6
+        assert np.abs(step.q[[0, 1, 3]] - expected.q[[0, 1, 3]]).max() < 1e-6
+    assert step.status is Status.FOLLOWING
+    assert step.errors[0][0] < 1e-9
+    turns = (step.q[2] - arm.q_home[2]) / (2.0 * np.pi)
+    assert turns * lead / 1000.0 == pytest.approx(0.05, abs=1e-9)
+
+
+def test_a_screw_that_swings_a_tool_around_its_axis_counts_by_its_angle(raff):
+    arm = raff(QUILL.format(lead=0.1, frame="d 50"))
+    assert arm.scale[arm.v_index("joint3")] == 1.0
+
+
+def test_a_screw_joint_of_sdf_with_a_pitch_of_a_tenth_of_a_millimetre(tmp_path):
+    (tmp_path / "jack.sdf").write_text(JACK.format(pitch=1e-4))
+    jack = cinegen.load(tmp_path / "jack.sdf")
+    solver = Solver(jack, DT)
+    task = solver.add_task("nut", rotation=0)
+    task.target = pin.SE3(task.target.rotation, task.target.translation + np.array([0.0, 0.0, 0.01]))
+    for _ in range(60):
+        step = solver.step()
+    assert step.status is Status.FOLLOWING
+    assert step.singular_values == pytest.approx([np.sqrt(0.5)])
+    assert step.q[jack.q_index("screw")] == pytest.approx(100 * 2.0 * np.pi)
