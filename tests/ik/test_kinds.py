@@ -317,3 +317,23 @@ def test_inverse_kinematics_takes_all_kinds_and_priorities():
     assert max(result.errors[0]) < 1e-9 < result.errors[1][0]
     with pytest.raises(CinegenError, match="kinds or priorities"):
         cinegen.inverse_kinematics(arm, [pose, gaze], all=True)
+
+
+@pytest.mark.parametrize("name", ["arm7", "gough"])
+def test_locked_joints_do_not_move_for_tasks_of_any_kind_and_level(name):
+    mechanism = load(name, None)
+    joint = mechanism.actuated[1]
+    column, end = mechanism.v_index(joint), mechanism.end
+    height = PointInPlane(end, mechanism.placement(mechanism.q_home, end).act(np.array([0.0, 0.0, 0.02])))
+    solver = Solver(mechanism, 0.01)
+    solver.add_task(height)
+    solver.add_task(AxisAlong(end, (0.05, 0.0, 1.0), priority=1))
+    solver.lock(joint)
+    for _ in range(100):
+        step = solver.step()
+        assert step.v[column] == 0.0
+        assert step.closure < 1e-9
+    assert step.errors[0][0] < 1e-9
+    result = cinegen.inverse_kinematics(mechanism, [height, AxisAlong(end, priority=1)], locked=[joint], starts=2)
+    assert result.q[mechanism.q_index(joint)] == mechanism.q_home[mechanism.q_index(joint)]
+    assert result.errors[0][0] < 1e-9
