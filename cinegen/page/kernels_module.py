@@ -43,7 +43,9 @@ VIEWS = (
 )  # fmt: skip
 """Arrays and numbers that the page reads or writes."""
 
-_FREE = frozenset(("task_rank", "tasks", "gain", "damping_threshold", "joint", "translation", "rotation", "weight"))
+_FREE = frozenset(
+    ("task_rank", "tasks", "gain", "damping_threshold", "joint", "place", "translation", "rotation", "weight")
+)
 """Parameters that change while a robot moves."""
 
 FOLDED: Mapping[type[Memory], Mapping[str, float]] = {

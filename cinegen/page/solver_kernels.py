@@ -59,7 +59,7 @@ def take_tasks(memory: PageMemory) -> None:
     """Read all of the tasks but their targets."""
     for i in range(memory.tasks):
         task, node = task_at(memory.task_handles[i]), memory.task_node[i]
-        task.joint = memory.node_joint[node]
+        task.joint, task.place = memory.node_joint[node], i
         compose(memory.node_offset[node], memory.task_offset[i], task.offset)
         copy(memory.joint_moved_by[task.joint], task.moved_by, memory.n)
         task.translation, task.rotation = memory.task_dof[i, 0], memory.task_dof[i, 1]
