@@ -33,16 +33,3 @@ def test_a_law_is_tried_on_a_part_of_its_examples(tried, part, count):
 
     tried(law, part)
     assert len(seen) == count
-
-
-def test_a_law_of_a_class_is_tried_on_a_part_of_its_examples_too(tried):
-    seen = []
-
-    class Laws:
-        @settings(max_examples=40)
-        @given(st.integers())
-        def law(self, number):
-            seen.append(number)
-
-    tried(Laws().law, 0.25)
-    assert len(seen) == 10

@@ -107,14 +107,6 @@ def test_a_platform_that_mirrors_its_base_translates_on_a_circle(built):
     assert there[2, 3] == pytest.approx(0.0, abs=1e-9)
 
 
-def test_a_wren_platform_is_refused(built):
-    """Parallel equal legs from a circle to a circle: it moves with legs of any lengths."""
-    around = np.array([0.0, 0.7, 2.1, 2.8, 4.2, 4.9])
-    base = np.c_[np.cos(around), np.sin(around), np.zeros(6)]
-    with pytest.raises(ModesError, match=r"architecturally singular.*there is a curve of configurations"):
-        assembly_modes(built(hexapod(rng(1), "UpS", base, base + np.array([0.0, 0.0, 1.0]))))
-
-
 # --- rings ------------------------------------------------------------------------------------------------------------
 
 
@@ -188,14 +180,3 @@ def test_harts_inversor_has_no_self_motion(built):
             flat = places(m, modes[0])
             assert all(apart(places(m, q), [flat]) < 1e-3 for q in modes)
     assert len(assembly_modes(m, crank_at(m, 0.0)[:1])) == 0
-
-
-def test_harts_linkage_of_equal_bars_swings_where_its_pivots_meet(built):
-    """Both A, about the pivots, and C, about B and D, which are one point."""
-    m = built(hart(np.array([[0.0, 0.0], [0.6, 0.3], [1.2, 0.0], [0.6, -0.3]]), np.array([-0.4, 0.0])))
-    modes = assembly_modes(m, crank_at(m, 0.0)[:1])
-    assert moves(modes) == [(2, None)]
-    assert not modes.complete
-    q = modes.self_motions[0].configuration
-    b, d = (m.placement(q, node).translation for node in ("link3", "link4"))
-    assert b == pytest.approx(d, abs=1e-9)

@@ -89,9 +89,3 @@ def test_the_frames_are_drawn_where_python_has_them(page):
         scale = np.linalg.norm(pixels) / np.linalg.norm(flat)
         assert 0.2 < scale < 1.1
         assert np.abs(pixels - scale * flat).max() < 0.02
-
-
-def test_without_a_script_the_picture_is_there(tab, file):
-    page = tab(file, ready="true", java_script_enabled=False)
-    assert page.locator("noscript svg").is_visible()
-    assert not page.locator("#live").is_visible()

@@ -76,14 +76,6 @@ def test_odd_colours_are_no_failure(tmp_path, box, rgba, colour, opacity):
     assert (made.color, made.opacity) == (colour, opacity)
 
 
-@pytest.mark.parametrize(("name", "colour"), [("box.dae", 0x0000FF), ("box.obj", 0xFF0000)])
-def test_a_mesh_with_colours_of_its_own_is_shown_in_them(tmp_path, box, name, colour):
-    thing = shown(tmp_path, name)
-    assert thing["materials"][0]["color"] == colour
-    corners = np.frombuffer(thing["geometries"][0]["data"]["attributes"]["position"]["array"].data, np.float32)
-    assert (corners.min(), corners.max()) == (-1.0, 1.0)
-
-
 def test_every_colour_of_a_mesh_is_shown(tmp_path):
     """Collada may lay several materials on one mesh, which the viewer's own reader loses."""
     share = Path(sysconfig.get_path("purelib")) / "cmeel.prefix/share/example-robot-data/robots"

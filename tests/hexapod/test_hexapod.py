@@ -9,7 +9,6 @@ from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
 from cinegen.hexapod import Hexapod, HexapodError
-from cinegen.hexapod._kernels import taylor
 from cinegen.hexapod.paths import PathEnd
 
 # P. Dietmaier, "The Stewart-Gough platform of general geometry can have 40 real postures", in: Advances in Robot
@@ -168,11 +167,6 @@ def test_modes_go_with_frames_and_units(seed):
     back = np.linalg.inv(first) @ back @ second
     for placement in back:
         assert_among(placement, found, 1e-6)
-
-
-def test_kernels_are_compiled_once_before_paths_are_followed():
-    Hexapod(*points(np.random.default_rng(4), "")).modes(np.full(6, 3.0))
-    assert len(taylor.follow.signatures) == len(taylor.polish.signatures) == 1
 
 
 # --- where modes meet -----------------------------------------------------------------------------------------------

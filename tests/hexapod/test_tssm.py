@@ -115,15 +115,6 @@ def test_every_mode_is_a_placement_with_these_lengths_and_the_pose_that_they_com
 
 
 @given(seeds)
-def test_over_a_plane_modes_are_mirror_images(rng):
-    tssm = some(rng, 0.0)
-    placements = tssm.modes(lengths_at(tssm, pose(rng))).placements
-    assert tssm.plane
-    for placement in placements:
-        assert np.abs(placements - mirrored(placement, tssm.platform)).max(axis=(1, 2)).min() <= 1e-5
-
-
-@given(seeds)
 def test_modes_do_not_depend_on_frames_units_or_the_order_of_legs(rng):
     tssm, there, own, unit = some(rng), pose(rng), pose(rng), 10.0 ** rng.uniform(-3, 3)
     lengths = np.array(lengths_at(tssm, pose(rng)))

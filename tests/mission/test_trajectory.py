@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from recorded import record, swung
 from scipy.interpolate import CubicSpline
 
-from cinegen.errors import CinegenError, UnknownNameError
+from cinegen.errors import UnknownNameError
 from cinegen.mission import (
     FindingKind,
     MissionError,
@@ -448,22 +448,3 @@ def test_joints_without_limits_obey_stated_defaults(raff, tmp_path):
     assert (np.abs(np.diff(motion.q, axis=0)) * motion.rate <= np.array([1.0, 0.25]) * (1.0 + 1e-6)).all()
     assert (_accelerations(motion) <= 1.0 + 1e-6).all()
     assert not check(motion).serious
-
-
-def test_limits_of_acceleration_and_jerk_that_are_given(robot, tmp_path):
-    mechanism = robot("delta4")
-    times, q = swung(mechanism, 1.0)
-    recording = record(tmp_path / "run.jsonl", mechanism, times, q)
-    joints = mechanism.actuated
-    motion = resampled(recording, rate=250.0, acceleration=dict.fromkeys(joints, 4.0), jerk=50.0)
-    at = motion.positions(joints)
-    still = np.vstack([*[at[:1]] * 3, at, *[at[-1:]] * 3])
-    for order, limit in ((2, 4.0), (3, 50.0)):
-        assert np.abs(np.diff(still, n=order, axis=0)).max() * 250.0**order <= limit * (1.0 + 1e-6)
-    assert max(map(mechanism.closure, motion.q)) <= 1e-10
-    assert motion.q[[0, -1]] == pytest.approx(q[[0, -1]], abs=1e-9)
-    assert "acceleration" not in str(motion.limits)
-    with pytest.raises(CinegenError, match="the jerk limit is -1"):
-        resampled(recording, jerk=-1.0)
-    with pytest.raises(UnknownNameError, match="no joint 'jonit1'"):
-        resampled(recording, acceleration={"jonit1": 1.0})

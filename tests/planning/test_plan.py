@@ -144,14 +144,6 @@ def test_joints_that_do_not_move_the_node_are_locked_by_default(panda, root):
     assert goal.locked == ()
 
 
-def test_a_scene_with_joint_values_is_the_same_when_it_is_read_again(around_post, panda):
-    again = scene_of(around_post.document(), mechanism=panda)
-    assert again.goal_joints == around_post.goal_joints
-    assert again.goal_configuration == pytest.approx(around_post.goal_configuration, abs=1e-12)
-    assert again.goal.isApprox(around_post.goal, 1e-9)
-    assert again.locked == around_post.locked
-
-
 def test_some_joint_values_leave_the_others_free(root):
     """At the start's value of joint1 the arm would be inside a disc at the goal."""
     post = {"kind": "disc", "radius": 0.1, "point": [0.6, 0.55]}

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import io
 import math
 from dataclasses import replace
 from functools import cache
@@ -12,8 +11,6 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
-from lxml import etree
-from matplotlib import rc_context
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from scipy.spatial import ConvexHull
@@ -22,7 +19,6 @@ from cinegen.assembly import assembly_modes
 from cinegen.model.motion_plane import motion_plane
 from cinegen.plotting import DrawingError, Projection, Skeleton, draw_modes, views
 from cinegen.plotting.ground import ground_of
-from cinegen.plotting.sheet import finish, label, sheet
 from cinegen.plotting.stick import hull
 
 PARALLEL = ("tssm", "delta4", "planar_hybrid")
@@ -102,27 +98,6 @@ def test_links_of_the_delta_are_as_long_as_its_file_says(robot):
         np.testing.assert_allclose(plate.normal, [0.0, 0.0, 1.0], atol=1e-9)
 
 
-def test_a_plate_keeps_its_side(robot, modes):
-    """The delta's platform never turns over; the TSSM's does."""
-    for name, turned in (("delta4", {True}), ("tssm", {True, False})):
-        skeleton = Skeleton(robot(name))
-        sides = set()
-        for q in modes(name):
-            (plate,) = [part for part in skeleton.at(q).parts if part.normal is not None and not part.is_base]
-            assert np.linalg.norm(plate.normal) == pytest.approx(1.0)
-            assert np.ptp(plate.points @ plate.normal) < 1e-9
-            sides.add(bool(plate.normal[2] > 0.0))
-        assert sides == turned
-
-
-@pytest.mark.parametrize(("name", "plane"), [("five_bar", [0, 0, 1]), ("sr400", None)])
-def test_what_moves_in_a_plane_is_known(robot, name, plane):
-    found = motion_plane(robot(name))
-    assert (found is None) == (plane is None)
-    if plane is not None:
-        np.testing.assert_allclose(found, plane, atol=1e-12)
-
-
 # --- views -------------------------------------------------------------------------------------------------------
 
 
@@ -170,11 +145,6 @@ def test_an_outline_is_the_convex_hull(points):
     area = 0.5 * sum(a[0] * b[1] - a[1] * b[0] for a, b in zip(found, np.roll(found, -1, axis=0), strict=True))
     assert area == pytest.approx(expected.volume, rel=1e-9)
     assert {tuple(corner) for corner in found} <= {tuple(point) for point in points}
-
-
-def test_a_plate_seen_on_its_edge_is_a_line():
-    line = np.array([[0.0, 0.0], [1.0, 2.0], [3.0, 6.0], [2.0, 4.0]])
-    assert {tuple(corner) for corner in hull(line)} == {(0.0, 0.0), (3.0, 6.0)}
 
 
 # --- sheets ------------------------------------------------------------------------------------------------------
@@ -276,18 +246,6 @@ def test_words_are_on_the_sheet_and_not_on_each_other(drawn, name):
         assert not any(_overlap(box, other) for other in boxes[:k])
 
 
-def test_forty_modes_are_still_a_sheet(modes):
-    few = modes("delta4")
-    many = replace(few, configurations=few.configurations * 20, coincident=(1, 2) + (1,) * 38)
-    figure = draw_modes(many, name="a robot of forty")
-    assert len(figure.axes) == 120
-    assert max(figure.get_size_inches()) < 25.0
-    FigureCanvasAgg(figure)
-    boxes = [text.get_window_extent() for text in figure.texts if text.get_text()]
-    assert not any(_overlap(box, other) for k, box in enumerate(boxes) for other in boxes[:k])
-    assert any("×2" in text.get_text() for text in figure.texts)
-
-
 def test_what_is_outside_its_limits_is_marked(robot, modes, drawn):
     figure, _ = drawn("tssm")
     marked = sum("outside" in text.get_text() for text in figure.texts)
@@ -301,21 +259,3 @@ def test_nothing_can_be_drawn_of_no_mode(modes):
 
 
 # --- limits ------------------------------------------------------------------------------------------------------
-
-
-def test_a_dollar_sign_is_a_dollar_sign():
-    """Before, names with two of them were formulas: changed, or an error where they are no valid ones."""
-    name = r"$\nonsense{$"
-    figure, body = sheet(5.0, 3.0, name, name)
-    axes = body.subplots()
-    axes.plot([1.0, 2.0], [1.0, 1000.0], label=name)
-    axes.set_yscale("log")
-    axes.set_xticks([1.0, 2.0], [name, name])
-    label(axes, name, name)
-    finish(figure)
-    file = io.BytesIO()
-    with rc_context({"svg.fonttype": "none"}):
-        figure.savefig(file, format="svg")
-    texts = ["".join(one.itertext()) for one in etree.fromstring(file.getvalue()).iter("{*}text")]
-    assert texts.count(name) == 7
-    assert "102" in ["".join(one.split()) for one in texts]  # powers stay formulas: 10 to the power of 2

@@ -13,7 +13,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from cinegen.session import Command, CommandError, Session, decode_command
+from cinegen.session import Command, CommandError, decode_command
 from cinegen.session import commands as c
 from cinegen.session.setup import SensorSwitch
 
@@ -153,7 +153,3 @@ def test_nor_for_a_known_type(kind, fields):
 @given(st.lists(st.floats(-1, 1), min_size=4, max_size=4).filter(lambda x: 0.91 < math.hypot(*x) < 1.09))
 def test_a_quaternion_is_normalized(numbers):
     assert math.hypot(*decoded({"type": "set_view", "quaternion": numbers}).quaternion) == pytest.approx(1.0, abs=1e-12)
-
-
-def test_a_session_has_a_method_for_each_command():
-    assert all(callable(getattr(Session, f"_{kind.__struct_config__.tag}")) for kind in get_args(Command))

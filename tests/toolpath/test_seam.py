@@ -297,19 +297,3 @@ def test_loops():
     line = Seam([[0, 0, 0], [0.1, 0, 0]], [UP, UP], 0.02, speed=0.1, approach=0.05, again="loop")
     halfway = line.target(1.0 + line.duration + 0.5 * (1.0 + 0.25))  # on its way through the air
     assert halfway.translation == pytest.approx([0.05, 0, 0.07], abs=1e-9)
-
-
-def test_again_never_ends(clock):
-    for again in ("back", "loop"):
-        seam = Seam(SQUARE[:3], flat(SQUARE[:3]), again=again)
-        seam.start()
-        for _ in range(50):
-            clock[0] += 7.0
-            assert seam.read() is not None
-            assert seam.status.state is SensorState.LIVE
-            assert 0 <= float(seam.status.message.split()[1]) <= 200
-
-
-def test_normals_of_any_length():
-    seam = Seam([[0, 0, 0], [1, 0, 0]], [[0, 0, 1e-300], [0, 0, 1e300]], 1.0)
-    assert seam.at(0.5).translation == pytest.approx([0.5, 0, 1])

@@ -85,13 +85,6 @@ def test_rx90_s_full_pose_at_a_fixed_orientation(robot):
     agree(found["solutions"], rx90(points, rotations).reshape(region.shape))
 
 
-def test_seven_joints_without_limits_reach_a_ball(robot):
-    region = over(("x", -1.0, 1.0, 9), ("y", -1.0, 1.1, 9), ("z", -0.7, 1.4, 9))
-    found = mapped(MapSpecification(robot("arm7"), region, (), limits=False))
-    x, y, z = middles(region)
-    np.testing.assert_array_equal(found["reachable"], np.sqrt(x**2 + y**2 + (z - 0.34) ** 2) <= 0.926)
-
-
 # --- what is apart ---------------------------------------------------------------------------------------------------
 
 

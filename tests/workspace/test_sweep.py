@@ -182,25 +182,6 @@ def test_a_wanted_box_is_wholly_reached_or_not(arm, tmp_path):
     assert table.rows[0].dexterity.reached == pytest.approx(0.5, abs=0.2)
 
 
-def test_of_a_box_that_is_out_of_reach_nothing_is_known(arm, tmp_path):
-    box = WantedBox({"x": (0.6, 0.7), "y": (0.6, 0.7)})
-    (row,) = sweep(arm, parse("tool.d=250"), square(0.7, 14), tmp_path / "out", box=box, workers=1).rows
-    assert (row.dexterity.reached, row.covers_box, row.suitable, row.singular) == (0.0, False, False, "-")
-    assert row.as_dict()["sigma_1_worst"] is None
-
-
-def test_cells_of_a_box_are_those_that_it_touches():
-    region = Region((GridAxis("x", -1.0, 1.0, 20), GridAxis("y", 0.0, 0.3, 3)))
-    assert WantedBox().grid(region).cells == (slice(0, 20), slice(0, 3))
-    assert WantedBox({"x": (-0.3, 0.1), "y": (0.1, 0.2)}).grid(region).cells == (slice(7, 11), slice(1, 2))
-    assert WantedBox({"x": (-0.31, 0.11)}).grid(region).cells[0] == slice(6, 12)
-    for box, words in (({"z": (0.0, 1.0)}, "no axis 'z'"), ({"x": (0.0, 1.2)}, "goes beyond the maps")):
-        with pytest.raises(MapError, match=words):
-            WantedBox(box).grid(region)
-    with pytest.raises(MapError, match="lower end first"):
-        WantedBox({"x": (1.0, 0.0)})
-
-
 @pytest.fixture(scope="module")
 def coarse(tmp_path_factory):
     """A specification of the planar arm in few cells, and the configurations of its map."""
