@@ -1,4 +1,4 @@
-"""A chromium for each file, tabs and cockpits for each test."""
+"""One chromium, tabs and cockpits for each test."""
 
 from __future__ import annotations
 
@@ -14,16 +14,45 @@ from cinegen.page import build_page
 from cinegen.session import Setup, arrange
 
 
-@pytest.fixture(scope="module")
+class OneChromium:
+    """A chromium for one test after the other, as long as the next one wants it, too: its start takes 3 s of CPU.
+
+    While it runs, this thread has an event loop, and others can't have one of theirs.
+    """
+
+    playwright = browser = None
+
+    @classmethod
+    def open(cls):
+        if cls.browser is None or not cls.browser.is_connected():
+            cls.close()
+            cls.playwright = sync_playwright().start()
+            cls.browser = cls.playwright.chromium.launch(executable_path=CHROMIUM, args=FLAGS)
+        return cls.browser
+
+    @classmethod
+    def close(cls):
+        if cls.playwright is not None:
+            cls.playwright.stop()
+        cls.playwright = cls.browser = None
+
+
+@pytest.hookimpl(trylast=True)
+def pytest_runtest_teardown(nextitem):
+    if "browser" not in getattr(nextitem, "fixturenames", ()):
+        OneChromium.close()
+
+
+@pytest.fixture
 def browser():
-    with sync_playwright() as playwright:
-        yield playwright.chromium.launch(executable_path=CHROMIUM, args=FLAGS)
+    return OneChromium.open()
 
 
-@pytest.fixture(scope="module")
+@pytest.fixture
 def spare(browser):
     """A page that one test after the other shows something in: half as much work as in a new one."""
-    return browser.new_context(viewport=SIZE).new_page()
+    context, *_ = browser.contexts or [browser.new_context(viewport=SIZE)]
+    return context.pages[0] if context.pages else context.new_page()
 
 
 @pytest.fixture
@@ -70,6 +99,7 @@ def tab(browser, spare):
     for one in heard:
         one[0].remove_listener(*one[1:])
     if not spares:
+        spare.mouse.up()
         spare.evaluate("try { localStorage.clear(); } catch {}")
         spare.context.clear_permissions()
         spare.goto("about:blank")
@@ -91,7 +121,7 @@ def cockpit(robot):
         one.close()
 
 
-@pytest.fixture(scope="module")
+@pytest.fixture(scope="session")
 def page_of(robot, tmp_path_factory):
     """`page_of("rx90")`: the file of a page without a server."""
 
