@@ -234,20 +234,6 @@ def test_what_motors_do_not_determine_is_no_number(built, robot):
         assembly_modes(built(ring([hinge(p[0], motor=True), *map(hinge, p[1:])])))
 
 
-@pytest.mark.parametrize(
-    ("special", "words"),
-    [
-        (lambda f, h: (f, h[0] + np.linspace(0.0, 1.0, 6)[:, None] * (h[1] - h[0])), "platform lie in a line"),
-        (lambda f, h: (f[[0, 0, 2, 3, 4, 5]], h[[0, 0, 2, 3, 4, 5]]), "legs 1 and 2 are the same line"),
-        (lambda f, h: (f[[0] * 6], h), "points of the base are one"),
-    ],
-)
-def test_rods_that_are_too_special_are_named(built, special, words):
-    m = built(hexapod(rng(1), "UpS", *special(*points(rng(1)))))
-    with pytest.raises(ModesError, match=words):
-        assembly_modes(m)
-
-
 def test_fewer_modes_than_the_theorem_allows_are_all_with_probability_one(built):
     """Semi-regular hexagons: 12 of 40 solutions are at infinity at all lengths, counted from a random start."""
     base, platform = (

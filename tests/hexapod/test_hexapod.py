@@ -309,16 +309,3 @@ HEXAGON = circle([-10, 10, 110, 130, 230, 250], 1.0)
 def test_geometry_that_is_degenerate_is_named(base, platform, said):
     with pytest.raises(HexapodError, match=said):
         Hexapod(base, platform)
-
-
-@pytest.mark.parametrize(
-    ("lengths", "said"),
-    [
-        ([1.0] * 5, r"\(6,\)"),
-        ([1.0, 1.0, np.inf, 1.0, 1.0, 1.0], "length of leg 3 is inf; it must be positive"),
-        ([1.0, -2.0, 1.0, 1.0, 1.0, 1.0], "length of leg 2 is -2; it must be positive"),
-    ],
-)
-def test_lengths_that_are_none_are_named(lengths, said):
-    with pytest.raises(HexapodError, match=said):
-        Hexapod(ONE, OTHER).modes(lengths)

@@ -131,18 +131,6 @@ def test_a_leap_becomes_a_motion_at_the_limit(robot, tmp_path):
     assert motion.recorded(motion.passes[60, 0]) == pytest.approx(0.6)
 
 
-def test_a_leap_of_a_closed_robot_stays_on_its_branch(robot, tmp_path):
-    delta = robot("delta4")
-    forward = ForwardKinematics(delta)
-    home = forward.q
-    there = forward.move({name: home[delta.q_index(name)] + 0.5 for name in delta.actuated})
-    motion = resampled(record(tmp_path / "run.jsonl", delta, [0.0, 0.01, 0.02], [home, there, home]))
-    assert motion.seconds > 0.4
-    assert (_steps(motion) <= 1.0 + 1e-6).all()
-    assert not check(motion).serious
-    assert motion.q[-1] == pytest.approx(home, abs=1e-9)
-
-
 FOUR_BAR = """
 robot linkage {
   base { }
@@ -302,19 +290,6 @@ def rocker(robot, raff, root):
     for way, turned in ((0.48, 0.0), (0.24, math.pi)):  # from the crank's axis to the rocker's end
         dead.append(math.acos((0.4**2 + way**2 - 0.24**2) / (2.0 * 0.4 * way)) + turned)
     return mechanism, np.array(dead)
-
-
-def test_dead_points_of_a_rocker_that_drives_a_crank(robot, rocker, tmp_path):
-    step = 0.05
-    (mechanism, dead), crank = rocker, robot("four_bar")
-    forward, begin = ForwardKinematics(crank), crank.q_home[0]
-    times = np.arange(round(1.0 / step) + 1) * step
-    q = [forward.move({"joint1": begin + 2.0 * math.pi * time}) for time in times]
-    findings = check(resampled(record(tmp_path / "run.jsonl", mechanism, times, q)))
-    found = [one.recorded for one in findings if one.kind is FindingKind.TYPE_2]
-    assert found == pytest.approx(sorted((dead - begin) % (2.0 * math.pi) / (2.0 * math.pi)), abs=0.05 * step)
-    assert FindingKind.TYPE_1 not in _kinds(findings)
-    assert not check(resampled(record(tmp_path / "run.jsonl", crank, times, q))).serious
 
 
 def test_singularities_far_apart_from_samples(robot, rocker):

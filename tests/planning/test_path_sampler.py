@@ -183,12 +183,3 @@ def test_without_ompl_it_is_said_how_to_get_it(monkeypatch):
     monkeypatch.setitem(sys.modules, "ompl.base", None)
     with pytest.raises(MissingExtraError, match=r'install "cinegen\[sampling\]"'):
         rrt_connect(mobile(CELL, [0.0, 0.0], [3.0, 0.0]))
-
-
-def test_ompl_keeps_silent_and_is_left_as_it_was(capfd):
-    import ompl.util as ou
-
-    before = ou.getLogLevel()
-    rrt_connect(mobile(SPIRAL, [1.0, 1.5], [5.0, 1.0]), seconds=60)
-    assert ou.getLogLevel() == before
-    assert capfd.readouterr() == ("", "")

@@ -12,13 +12,11 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 from matplotlib.backends.backend_agg import FigureCanvasAgg
-from matplotlib.figure import Figure
 from scipy.spatial import ConvexHull
 
 from cinegen.assembly import assembly_modes
 from cinegen.model.motion_plane import motion_plane
-from cinegen.plotting import DrawingError, Projection, Skeleton, draw_modes, views
-from cinegen.plotting.ground import ground_of
+from cinegen.plotting import DrawingError, Skeleton, draw_modes, views
 from cinegen.plotting.stick import hull
 
 PARALLEL = ("tssm", "delta4", "planar_hybrid")
@@ -85,17 +83,6 @@ def test_a_jack_is_as_long_as_its_motor_says(robot, modes):
         for joint, length in zip(robot(name).actuated, modes(name).actuated, strict=True):
             assert math.dist(*slides[joint].points) == pytest.approx(length, abs=1e-12)
             assert slides[joint].actuated
-
-
-def test_links_of_the_delta_are_as_long_as_its_file_says(robot):
-    pose = Skeleton(robot("delta4")).at(robot("delta4").q_home)
-    bars = sorted(math.dist(*part.points) for part in pose.parts if len(part.points) == 2)
-    assert bars == pytest.approx([2.0] * 3 + [3.5] * 3)
-    plates = [part for part in pose.parts if part.normal is not None]
-    assert [len(plate.points) for plate in plates] == [3, 3]
-    for plate, radius in zip(plates, (1.5, 0.50654), strict=True):
-        assert np.linalg.norm(plate.points[:, :2], axis=1) == pytest.approx([radius] * 3, abs=1e-5)
-        np.testing.assert_allclose(plate.normal, [0.0, 0.0, 1.0], atol=1e-9)
 
 
 # --- views -------------------------------------------------------------------------------------------------------
@@ -196,39 +183,6 @@ def test_every_panel_shows_something_and_stands_for_itself(drawn, name):
     assert (taken > 1).sum() <= 2 * sum(pixels.shape[:2]) * len(figure.axes)  # a pixel at their edges
 
 
-@pytest.mark.parametrize("name", ["tssm", "five_bar"])
-def test_robots_above_their_base_have_a_ground_and_a_shadow(modes, drawn, name):
-    """Of each robot some modes are above the plane of the base, and others hang from it."""
-    figure, _ = drawn(name)
-    heights = [pose.translation[2] for pose in modes(name).placements()]
-    stand = [height > 1e-9 for height in heights]
-    assert any(stand) == (name != "five_bar")  # which is seen from above
-    assert not all(stand)
-    for axes in figure.axes:
-        _, number, *view = axes.get_label().split()
-        behind = [one for one in [*axes.patches, *axes.lines] if one.get_zorder() < 2.0]
-        assert (len(behind) > 6) == (stand[int(number) - 1] and view == ["perspective"])
-
-
-def test_a_shadow_is_below_what_throws_it(robot):
-    skeleton = Skeleton(robot("gough"))
-    pose = skeleton.at(robot("gough").q_home)
-    ground = ground_of([pose])
-    view = Projection("top", np.eye(3), np.zeros(3))
-    axes = Figure().add_subplot()
-    ground.paint(axes, pose, view, 2.0)
-    disc, *plates = axes.patches
-    assert ground.height == pytest.approx(min(part.points[:, 2].min() for part in pose.parts if part.is_base))
-    assert np.hypot(*(disc.get_xy() - disc.get_xy().mean(axis=0)).T).min() > 0.0
-    (platform,) = (part for part in pose.parts if len(part.points) > 2 and not part.is_base)
-    (shadow,) = plates
-    corners = {tuple(np.round(point[:2], 12)) for point in platform.points}
-    assert {tuple(np.round(point, 12)) for point in shadow.get_xy()} <= corners
-    inside = disc.get_path().contains_points(np.vstack([line.get_xydata() for line in axes.lines]))
-    assert len(axes.lines) >= 6
-    assert inside.all()
-
-
 def _overlap(one, other):
     return one.x0 < other.x1 and other.x0 < one.x1 and one.y0 < other.y1 and other.y0 < one.y1
 
@@ -244,12 +198,6 @@ def test_words_are_on_the_sheet_and_not_on_each_other(drawn, name):
         assert box.x1 <= sheet.width
         assert box.y1 <= sheet.height
         assert not any(_overlap(box, other) for other in boxes[:k])
-
-
-def test_what_is_outside_its_limits_is_marked(robot, modes, drawn):
-    figure, _ = drawn("tssm")
-    marked = sum("outside" in text.get_text() for text in figure.texts)
-    assert marked == sum(bool(robot("tssm").limits.outside(q)) for q in modes("tssm"))
 
 
 def test_nothing_can_be_drawn_of_no_mode(modes):

@@ -2,7 +2,6 @@
 
 import math
 import warnings
-from itertools import pairwise
 
 import numpy as np
 import pytest
@@ -41,7 +40,7 @@ def made(robot, tmp_path_factory):
 def five_bar(made):
     """The whole plane of its tool, in cells that are not square."""
     return made(
-        "five_bar", ("x", -0.7, 0.7, 34), ("y", -0.75, 0.75, 40), quantities=("sigma_1", "sigma_2", "condition")
+        "five_bar", ("x", -0.7, 0.7, 22), ("y", -0.75, 0.75, 26), quantities=("sigma_1", "sigma_2", "condition")
     )
 
 
@@ -61,12 +60,6 @@ def rendered(figure):
         warnings.simplefilter("error", UserWarning)  # that its layout does not fit
         FigureCanvasAgg(figure).draw()
     return figure
-
-
-def running_together(axis):
-    """Neighbouring numbers of an axis that overlap."""
-    boxes = [label.get_window_extent() for label in axis.get_ticklabels() if label.get_text()]
-    return sum(one.overlaps(other) for one, other in pairwise(boxes))
 
 
 def points_of(curves, kind):
@@ -91,10 +84,10 @@ def test_a_five_bars_curves_are_circles(five_bar, robot):
     assert np.abs(away[:, :, None] - [0.65, 0.15]).min(axis=(0, 2)).max() < 1e-5
     for x in (-0.15, 0.15):
         for radius in (0.65, 0.15):
-            assert (np.abs(np.hypot(first[:, 0] - x, first[:, 1]) - radius) < 1e-5).sum() > 15
+            assert (np.abs(np.hypot(first[:, 0] - x, first[:, 1]) - radius) < 1e-5).sum() > 8
     off = np.abs([np.hypot(second[:, 0], second[:, 1] - y) - 0.4 for y in (-0.2, 0.2)]).min(axis=0)
     assert off.max() < 1e-6
-    assert len(second) > 20
+    assert len(second) > 10
     for curve in curves:
         for point, q in zip(curve.points[::5], curve.q[::5], strict=True):
             np.testing.assert_allclose(robot("five_bar").placement(q, "tool").translation[:2], point, atol=1e-7)
@@ -133,11 +126,6 @@ def test_beside_what_nobody_has_looked_at_nothing_ends(wrist):
     assert (points[:, 1] < 0.0).all()
     radii = np.hypot(points[:, 0] - 0.2, points[:, 1])
     assert np.abs(radii[:, None] - [0.7, 0.1]).min(axis=1).max() < 1e-6
-
-
-def test_a_line_has_no_curves(made):
-    with pytest.raises(MapError, match="maps over two axes with two cells or more each; this one has 3 cells over x"):
-        loci(made("planar_3r", ("x", 0.2, 0.4, 3)))
 
 
 # --- two axes ----------------------------------------------------------------------------------------------------
@@ -180,18 +168,6 @@ def test_each_quantity_has_its_scale(made, five_bar):
         draw_map(five_bar, "sigma_3")
 
 
-def test_turns_are_in_degrees_and_have_no_robot(made):
-    turns = made("planar_3r", ("joint2", -0.8, 0.9, 5), ("joint3", -0.9, 0.8, 4), at={"joint1": 0.3})
-    figure = rendered(draw_map(turns))
-    axes = figure.axes[0]
-    assert axes.get_xlabel() == "joint2 (°)"
-    np.testing.assert_allclose(axes.get_xlim(), np.degrees([-0.8, 0.9]))
-    assert not [artist for artist in axes.get_children() if artist.get_gid() == ROBOT]
-    (line,) = [line for line in axes.lines if len(line.get_xdata())]
-    assert np.abs(line.get_xdata()).max() < 1e-4
-    assert "joint1 17.19°" in words(figure)
-
-
 # --- other numbers of axes ---------------------------------------------------------------------------------------
 
 
@@ -222,22 +198,6 @@ def test_wherever_azimuths_begin_the_sphere_is_whole_and_its_numbers_are_right(m
     for place, degrees in zip(axes.get_xticks(), shown, strict=True):
         turned = math.radians(degrees) - place - math.radians(low) - math.pi
         assert math.remainder(turned, 2.0 * math.pi) == pytest.approx(0.0, abs=1e-9)
-
-
-def test_a_solid_is_within_its_axes(made):
-    """Whose limits are those of its cells and a little room, and as thick as these are."""
-    layers = 1
-    slab = made("rx90", ("x", -1.0, 1.0, 8), ("y", -1.0, 1.0, 8), ("z", 0.2, 0.2 + 0.1 * layers, layers),
-                quantities=("sigma_1",))  # fmt: skip
-    figure = rendered(draw_map(slab, curves=False))
-    (solid,) = [axes for axes in figure.axes if axes.name == "3d"]
-    limits = np.array([solid.get_xlim(), solid.get_ylim(), solid.get_zlim()])
-    assert limits[2] == pytest.approx([0.2, 0.2 + 0.1 * layers], abs=0.05 * 0.1 * layers)
-    body = np.column_stack([solid.xy_dataLim.get_points(), solid.zz_dataLim.intervalx]).T
-    assert (body[:, 0] >= limits[:, 0]).all()
-    assert (body[:, 1] <= limits[:, 1]).all()
-    assert solid._box_aspect[2] < 0.2 * solid._box_aspect[:2].max()
-    assert [running_together(axis) for axis in (solid.xaxis, solid.yaxis, solid.zaxis)] == [0, 0, 0]
 
 
 def test_over_three_axes_there_are_slices_and_a_solid(made):

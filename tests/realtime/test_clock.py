@@ -177,15 +177,6 @@ def test_a_report_is_what_numpy_makes_of_the_list(pairs, period):
     assert report.scheduling == "as it is"
 
 
-def test_a_report_can_be_read_by_a_person(scene):
-    clock = Clock(0.001, spin=0.0, priority=0)
-    assert str(clock.report()) == "no tick of 1 ms yet"
-    assert math.isnan(clock.report().mean)
-    text = str(clock.run(lambda tick: scene.work(0.0062 if tick.number == 7 else 0.0003), seconds=0.1))
-    for part in ("95 ticks of 1 ms", "5 skipped", "mean 1.0", "1 overruns, the longest 5.2 ms", "ordinary scheduling"):
-        assert part in text
-
-
 # --- threads ---------------------------------------------------------------------------------------------------------
 
 
@@ -219,16 +210,6 @@ def test_a_thread_of_its_own_begins_at_once_and_ends_when_told():
     clock.stop()  # once more does no harm
 
 
-def test_a_thread_of_its_own_ends_from_inside_and_after_its_time():
-    clock = Clock(0.001).start(lambda tick: tick.clock.stop() if tick.number >= 3 else None)
-    assert clock.join(30.0)
-    assert not clock.running
-    clock.start(lambda tick: None, seconds=0.05)
-    assert clock.join()
-    report = clock.report()
-    assert report.ticks + report.skipped == 50
-
-
 def test_a_thread_whose_tick_does_not_end_is_told_of():
     go = threading.Event()
     clock = Clock(0.001).start(lambda tick: go.wait(30.0))
@@ -236,23 +217,6 @@ def test_a_thread_whose_tick_does_not_end_is_told_of():
         clock.stop(timeout=0.05)
     go.set()
     clock.stop()
-
-
-def test_commands_go_in_and_states_come_out():
-    clock = Clock(0.001)
-    assert clock.state is None
-    assert clock.command is None
-    clock.command = 1
-    with clock.start(lambda tick: tick.command * 10 if tick.number % 2 else None):
-        while clock.state != 10:
-            time.sleep(0.002)
-        clock.command = 2
-        while clock.state != 20:
-            time.sleep(0.002)
-    assert clock.command == 2
-    assert clock.state == 20
-    assert clock.run(lambda tick: tick.command + 1, seconds=0.001).ticks == 1
-    assert clock.state == 3
 
 
 def test_one_loop_at_a_time():

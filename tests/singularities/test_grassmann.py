@@ -11,8 +11,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from cinegen.singularities.grassmann import GrassmannClass, class_of_lines, class_of_wrenches, classify, near
-from cinegen.singularities.pluecker import LineAtInfinity, LineFrame, PlueckerError, PlueckerLine
-from cinegen.singularities.screw_system import ScrewSystem
+from cinegen.singularities.pluecker import LineAtInfinity, PlueckerError, PlueckerLine
 
 seeds = st.integers(0, 2**32 - 1)
 HOME, X, Y, Z = np.zeros(3), *np.eye(3)
@@ -146,14 +145,6 @@ def test_two_lines_that_do_not_meet_are_skew():
         assert class_of_lines([*lines, *lines], 1.0) is GrassmannClass.SKEW_LINES
     assert GrassmannClass.SKEW_LINES.title == "skew lines (2a)"
     assert class_of_lines([PlueckerLine.through(*rng.normal(size=(2, 3))) for _ in range(6)], 1.0) is None
-
-
-@pytest.mark.parametrize("pitches", [(0.3,), (0.3, 0.5), (0.3, 0.5, 0.7), (0.0, 0.2)])
-def test_wrenches_that_no_forces_make_up_have_no_class(pitches):
-    rows = np.array([[*axis, *(h * axis)] for axis, h in zip(np.eye(3), pitches, strict=False)])
-    couples = np.hstack([np.zeros((len(rows), 3)), rows[:, :3]])
-    for vectors in (rows, couples):
-        assert class_of_wrenches(ScrewSystem(vectors, LineFrame(HOME, 1.0), 1e-9, wrenches=True)) is None
 
 
 def test_the_smallest_set_and_all_lines_may_be_of_different_classes():

@@ -302,12 +302,6 @@ def test_an_upright_arm_holds_what_statics_gives_it(tmp_path):
         assert values["torque"] == pytest.approx(np.abs(weight / limits).max(), rel=1e-5)
         most = min((limits[i] - np.sign(arms[i]) * weight[i]) / abs(arms[i]) for i in range(2) if arms[i])
         assert values["payload"] == pytest.approx(most, rel=1e-4)
-    weak = path.read_text().replace('effort="30.0"', 'effort="10"')
-    path.write_text(weak)
-    masses = [
-        values["payload"] for _, values in cells(MapSpecification(cinegen.load(path), region, ("payload",), "tip"))
-    ]
-    assert {True, False} == set(np.isnan(masses))
-    path.write_text(weak.replace('effort="10"', 'effort="0"').replace('effort="7.0"', 'effort="0"'))
+    path.write_text(path.read_text().replace('effort="30.0"', 'effort="0"').replace('effort="7.0"', 'effort="0"'))
     with pytest.raises(cinegen.CinegenError, match="no actuated joint has a limit of torque or force"):
         MapSpecification(cinegen.load(path), region, ("payload",), "tip")
