@@ -163,16 +163,14 @@ def test_derivatives_are_those_of_the_equations(built, kind, pose):
 # --- what is certified ----------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("name", ["five_bar", "delta4"])
-def test_modes_of_our_robots_are_certified_as_a_whole(robot, name):
-    modes = assembly_modes(robot(name))
-    assert modes.certified == len(modes) > 0
+def test_modes_of_a_robot_are_certified_as_a_whole(robot):
+    modes = assembly_modes(robot("five_bar"))
     assert all((one.others, one.gap) == (0, 0.0) for one in modes.certificates)
     assert_enclosed(modes)
 
 
-@pytest.mark.parametrize("name", ["gough", "hybrid"])
-def test_all_modes_of_platforms_are_certified(robot, name):
+@pytest.mark.parametrize("name", ["five_bar", "gough", "hybrid"])
+def test_all_modes_of_robots_are_certified(robot, name):
     modes = assembly_modes(robot(name))
     assert modes.certified == len(modes) > 1
     assert max(one.error for one in modes.certificates) < 1e-12
@@ -185,7 +183,7 @@ MADE = {
 }  # fmt: skip
 
 
-@settings(max_examples=16, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@settings(max_examples=12, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(st.sampled_from(sorted(MADE)), st.integers(0, 10**6))
 def test_the_solution_is_in_the_box(built, made, seed):
     """Of random mechanisms at random values of their actuated joints, near home."""
@@ -258,15 +256,6 @@ def test_nearly_double_modes_are_distinguished_or_not_certified_and_never_wrong(
                 assert max(abs(one[name] - two[name]) for name in one) > 10.0 ** -(exponent + 1)
 
 
-def test_a_double_mode_is_never_certified(robot):
-    m = robot("five_bar")
-    modes = assembly_modes(m, [math.pi, 0.0])
-    assert modes.certified == 0
-    single = replace(modes, coincident=(1,) * len(modes))
-    assert single.certified == 0
-    assert "certified: singular or nearly so" in single.certification
-
-
 def test_modes_that_have_just_become_complex_are_not_certified(built):
     """Between two neighbouring doubles a pair of modes becomes complex, with an imaginary part of about 1e-8: closed to
     1e-12 it looks real."""
@@ -322,12 +311,3 @@ def test_a_mode_that_is_listed_twice_counts_once(robot):
     assert others
     for other in others:
         assert replace(modes, configurations=(q, other), coincident=(1, 1)).certified == 1
-
-
-def test_certificates_are_in_json_and_words(robot):
-    modes = assembly_modes(robot("five_bar"))
-    entry = modes.as_dict()
-    assert entry["certified"] == 2
-    assert set(entry["modes"][0]["certificate"]) == {"radius", "error", "equations", "others", "gap"}
-    assert modes.certification == ("2 of 2 are certified: real, and unique within 1e-08 (rad, characteristic lengths).")
-    assert modes.certificates is modes.certificates  # computed once

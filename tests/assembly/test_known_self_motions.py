@@ -7,11 +7,11 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from assembled import apart, closings, places, sound
-from linkages import MOTOR, direction, hexapod, hinge, ring
-from making import REVOLUTE, TOOL, Body, Mechanism, axis
+from assembled import apart, closings, places
+from linkages import direction, hexapod, hinge, ring
+from making import TOOL, Mechanism
 from numpy.random import default_rng as rng
-from test_self_motions import moves, on_self_motions, unlisted
+from test_self_motions import moves, on_self_motions
 
 import cinegen
 from cinegen.assembly import ModesError, assembly_modes
@@ -93,28 +93,6 @@ def test_bricards_octahedra_are_flexible(built, symmetry):
         assert in_plane @ normal == pytest.approx(np.zeros(3), abs=1e-9)
 
 
-def test_a_platform_that_mirrors_its_base_translates_on_a_circle(built):
-    """G. Nawratil, "On equiform Stewart Gough platforms with self-motions", J. for Geometry and Graphics 17, 2013: all
-    feet less their heads are on one line, so that the platform moves about it without rotating."""
-    feet = rng(3).uniform(-1.0, 1.0, (6, 3))
-    m = built(hexapod(rng(1), "UpS", feet, feet * [1.0, 1.0, -1.0] + [0.4, 0.3, 1.2]))
-    modes = assembly_modes(m)
-    assert moves(modes) == [(1, 2)]
-    assert not modes.complete
-    there = moved(m, modes.self_motions[0].configuration)
-    assert there[:3, :3] == pytest.approx(np.eye(3), abs=1e-9)
-    assert np.hypot(*(there[:2, 3] + [0.4, 0.3])) == pytest.approx(0.5)
-    assert there[2, 3] == pytest.approx(0.0, abs=1e-9)
-
-
-def test_a_wren_platform_is_refused(built):
-    """Parallel equal legs from a circle to a circle: it moves with legs of any lengths."""
-    around = np.array([0.0, 0.7, 2.1, 2.8, 4.2, 4.9])
-    base = np.c_[np.cos(around), np.sin(around), np.zeros(6)]
-    with pytest.raises(ModesError, match=r"architecturally singular.*there is a curve of configurations"):
-        assembly_modes(built(hexapod(rng(1), "UpS", base, base + np.array([0.0, 0.0, 1.0]))))
-
-
 # --- rings ------------------------------------------------------------------------------------------------------------
 
 
@@ -148,54 +126,3 @@ def test_bricards_line_symmetric_loop_moves_at_one_value_of_a_seventh_joint(buil
 
 
 # --- in a plane -------------------------------------------------------------------------------------------------------
-
-
-def hart(corners: np.ndarray, crank: np.ndarray) -> Mechanism:
-    """Hart's inversor: bars AB, BC, CD, DA (4, 2); AB pivots at 0.4 AB, and a crank from a point (2,) leads 0.4 AD."""
-    a, b, c, d = corners
-    places = [axis([*point, 0.0]) for point in (a + 0.4 * (b - a), a, b, d, crank, c, a + 0.4 * (d - a))]
-    o, a, b, d, e, c, p = places
-    bodies = [Body(k, pred, place) for k, pred, place in ((1, 0, o), (2, 1, a), (3, 1, b), (4, 2, d))]
-    bodies.append(Body(5, 0, e, REVOLUTE, MOTOR))
-    bodies += [Body(k, pred, place, None) for k, pred, place in ((6, 4, c), (7, 3, c), (8, 5, p), (9, 2, p))]
-    bodies.append(Body(TOOL, 3, c, None, 'name "tool"'))
-    return Mechanism(tuple(bodies), ((6, 7, REVOLUTE), (8, 9, REVOLUTE)))
-
-
-def crank_at(m: cinegen.Mechanism, distance: float) -> list[float]:
-    """The crank's two values at which its end is at a distance from the pivot of AB, as far from its own as that is."""
-    o, e, p = (m.placement(m.q_home, node).translation[:2] for node in ("link1", "link5", "frame8"))
-    to_pivot, now = (math.atan2(*(point - e)[::-1]) for point in (o, p))
-    swing = 2.0 * math.asin(0.5 * distance / np.linalg.norm(o - e))
-    return [m.q_home[m.q_index("joint5")] + to_pivot - now + side * swing for side in (1.0, -1.0)]
-
-
-def test_harts_inversor_has_no_self_motion(built):
-    """H. Hart, 1874. A is at its distances from both pivots, on one of two sides; C is where it makes a parallelogram
-    or an antiparallelogram: four modes, and no crank lets both pivots meet. Flat, all four meet."""
-    p, s, h = 0.3, 0.5, 0.4
-    m = built(hart(np.array([[-p, 0.0], [s, h], [p, 0.0], [-s, h]]), np.array([-0.18, -0.44])))
-    long, short = math.hypot(p + s, h), math.hypot(s - p, h)
-    modes = assembly_modes(m)
-    sound(modes, count=4)
-    assert moves(modes) == []
-    assert not unlisted(modes)
-    for diagonal in (long - short, long + short):
-        for crank in crank_at(m, 0.4 * diagonal):
-            modes = assembly_modes(m, [crank])
-            assert moves(modes) == []
-            assert all(modes.isolated)
-            flat = places(m, modes[0])
-            assert all(apart(places(m, q), [flat]) < 1e-3 for q in modes)
-    assert len(assembly_modes(m, crank_at(m, 0.0)[:1])) == 0
-
-
-def test_harts_linkage_of_equal_bars_swings_where_its_pivots_meet(built):
-    """Both A, about the pivots, and C, about B and D, which are one point."""
-    m = built(hart(np.array([[0.0, 0.0], [0.6, 0.3], [1.2, 0.0], [0.6, -0.3]]), np.array([-0.4, 0.0])))
-    modes = assembly_modes(m, crank_at(m, 0.0)[:1])
-    assert moves(modes) == [(2, None)]
-    assert not modes.complete
-    q = modes.self_motions[0].configuration
-    b, d = (m.placement(q, node).translation for node in ("link3", "link4"))
-    assert b == pytest.approx(d, abs=1e-9)

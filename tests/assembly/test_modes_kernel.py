@@ -171,10 +171,3 @@ def test_what_ends_in_a_double_point_is_found_there(hybrid):
         assert found.count(ARRIVED) + found.count(SINGULAR) == 16
         between = np.abs(found.features[:, None] - found.features[None]).max(axis=2) + np.eye(16)
         assert (between.min(axis=1) < 1e-4).sum() >= 2
-
-
-def test_distinct_solutions_are_kept_once():
-    found = DistinctSolutions(lambda solutions: solutions[:, :1])
-    assert found.add(np.array([[1.0, 5.0], [2.0, 5.0], [1.0 + 1e-9, 7.0]], dtype=complex)) == 2
-    assert found.indices(np.array([[2.0, 0.0], [np.nan, 0.0], [3.0, 0.0]], dtype=complex)) == [1, -1, 2]
-    assert len(found) == 3

@@ -8,7 +8,7 @@ import making
 import numpy as np
 import pytest
 from assembled import apart, closings, home, places, sound
-from linkages import delta, five_bar, hexapod, hinge, legged, ring, slide, spherical_legs, three_legs, universal
+from linkages import delta, five_bar, hinge, legged, ring, slide, spherical_legs, three_legs, universal
 from numpy.random import default_rng as rng
 
 import cinegen
@@ -95,36 +95,12 @@ def test_curves_are_found_whole_whichever_planes_are_drawn(root):
         assert [(one.dimension, one.degree) for one in found] == [(1, 2)] * 2
 
 
-@pytest.mark.parametrize("lengths", [(1.0, 0.7, 0.7, 1.0), (1.0, 1.0, 1.0, 1.0)])
-def test_a_folded_kite_swings(built, lengths):
-    """Its crank lies along the ground, and coupler and rocker are one rod about one point."""
-    m = built(four_bar(*lengths))
-    folded = assembly_modes(m, home(m) - 1.0)
-    assert moves(folded) == [(1, 2)]
-    assert not folded.complete
-    assert not any(folded.isolated)
-    assert on_self_motions(folded, unlisted(folded))
-    open_ = assembly_modes(m, home(m) - 0.99)
-    sound(open_, count=2)
-    assert (open_.complete, moves(open_)) == (True, [])
-    assert not unlisted(open_)
-
-
 def test_a_flat_parallelogram_is_a_double_mode_and_moves_only_infinitesimally(built):
     m = built(four_bar(0.5, 1.0, 0.5, 1.0))
     flat = assembly_modes(m, home(m) - 1.0)
     sound(flat, count=1)
     assert (flat.coincident, flat.isolated, flat.complete, moves(flat)) == ((2,), (True,), True, [])
     assert not unlisted(flat)
-
-
-def test_knees_that_meet_let_a_five_bar_swing(built):
-    q = np.array([[0.0, 0.0], [0.0, 0.5], [0.5, 1.2], [1.0, 0.5], [1.0, 0.0]])
-    legs = [[hinge(q[0], motor=True), hinge(q[1]), hinge(q[2])], [hinge(q[4], motor=True), hinge(q[3])]]
-    m = built(legged(legs))
-    modes = assembly_modes(m, home(m) + np.array([-0.5, 0.5]) * np.pi)
-    assert moves(modes) == [(1, 2)]
-    assert not modes.complete
 
 
 def test_a_platform_like_its_base_translates_on_equal_legs_and_has_isolated_modes_too(built):
@@ -143,18 +119,6 @@ def test_a_platform_like_its_base_translates_on_equal_legs_and_has_isolated_mode
 # --- in space -------------------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("word", ["SpS", "UpS"])
-def test_a_hexapod_with_a_platform_like_its_base_translates_on_equal_legs(built, word):
-    """On a sphere: two DoF, though its loops leave three motions to first order. Its points lie on two cylinders of
-    revolution: it also rotates by a about the axis of each and moves along it, p^2 = l^2 - 2 r^2 (1 - cos a)."""
-    around = np.array([0.0, 0.7, 2.1, 2.8, 4.2, 4.9])
-    base = np.c_[np.cos(around), np.sin(around), [0.0, 0.1, -0.1, 0.2, 0.0, 0.1]]
-    modes = assembly_modes(built(hexapod(rng(1), word, base, base + np.array([0.3, 0.2, 1.0]))))
-    assert moves(modes) == [(1, 4), (1, 4), (2, None)]
-    assert not modes.complete
-    assert not any(modes.isolated)
-
-
 def test_a_delta_with_a_platform_like_its_base_moves_on_a_sphere(built):
     legs = []
     for around in 2.0 * math.pi * np.arange(3) / 3.0:
@@ -166,17 +130,6 @@ def test_a_delta_with_a_platform_like_its_base_moves_on_a_sphere(built):
         )
     modes = assembly_modes(built(legged(legs)))
     assert moves(modes) == [(2, None)]
-    assert not modes.complete
-
-
-def test_a_platform_about_the_axis_of_two_of_its_points_rotates(built):
-    """Merlet's elimination sees no root of it."""
-    r = rng(3)
-    feet, heads = r.uniform(-1.0, 1.0, (6, 3)), r.uniform(-1.0, 1.0, (3, 3))
-    heads[:, 2] += 1.0
-    heads[:2] = feet[4] + r.uniform(-1.0, 1.0, (2, 1)) * (feet[5] - feet[4])
-    modes = assembly_modes(built(hexapod(rng(1), "UpS", feet, heads[[0, 0, 1, 1, 2, 2]], cut="ball")))
-    assert (1, 2) in moves(modes)
     assert not modes.complete
 
 

@@ -1,4 +1,4 @@
-"""A chromium for each file, tabs and cockpits for each test."""
+"""One chromium, tabs and cockpits for each test."""
 
 from __future__ import annotations
 
@@ -14,35 +14,81 @@ from cinegen.page import build_page
 from cinegen.session import Setup, arrange
 
 
-@pytest.fixture(scope="module")
-def browser():
-    with sync_playwright() as playwright:
-        yield playwright.chromium.launch(executable_path=CHROMIUM, args=FLAGS)
+class OneChromium:
+    """A chromium for one test after the other, as long as the next one wants it, too: its start takes 3 s of CPU.
+
+    While it runs, this thread has an event loop, and others can't have one of theirs.
+    """
+
+    playwright = browser = None
+
+    @classmethod
+    def open(cls):
+        if cls.browser is None or not cls.browser.is_connected():
+            cls.close()
+            cls.playwright = sync_playwright().start()
+            cls.browser = cls.playwright.chromium.launch(executable_path=CHROMIUM, args=FLAGS)
+        return cls.browser
+
+    @classmethod
+    def close(cls):
+        if cls.playwright is not None:
+            cls.playwright.stop()
+        cls.playwright = cls.browser = None
+
+
+@pytest.hookimpl(trylast=True)
+def pytest_runtest_teardown(nextitem):
+    if "browser" not in getattr(nextitem, "fixturenames", ()):
+        OneChromium.close()
 
 
 @pytest.fixture
-def tab(browser):
+def browser():
+    return OneChromium.open()
+
+
+@pytest.fixture
+def spare(browser):
+    """A page that one test after the other shows something in: half as much work as in a new one."""
+    context, *_ = browser.contexts or [browser.new_context(viewport=SIZE)]
+    return context.pages[0] if context.pages else context.new_page()
+
+
+@pytest.fixture
+def tab(browser, spare):
     """`tab(shown)`: a page of a cockpit, a file or an address; files are shown with the network off.
 
     What goes wrong in the page is an error here, and so is what its policy refuses. `strict` false: but for what its
     console says.
     """
-    contexts, wrong = [], []
+    contexts, spares, heard, wrong = [], [spare], [], []
 
-    def open_tab(shown, script="", ready=READY, strict=True, prepare=lambda page: None, **options):
+    def hear(page, event, what):
+        page.on(event, what)
+        heard.append((page, event, what))
+
+    def open_tab(shown, script="", ready=READY, strict=True, prepare=None, **options):
         address = shown.as_uri() if isinstance(shown, Path) else getattr(shown, "url", shown)
         offline = address.startswith("file:")
-        contexts.append(browser.new_context(**{"viewport": SIZE, "offline": offline, **options}))
-        page = contexts[-1].new_page()
+        if spares and not (script or prepare or options):
+            page = spares.pop()
+            page.context.set_offline(offline)
+            page.set_viewport_size(SIZE)
+            page.emulate_media(color_scheme="light")
+        else:
+            contexts.append(browser.new_context(**{"viewport": SIZE, "offline": offline, **options}))
+            page = contexts[-1].new_page()
+            page.add_init_script(script)
         page.set_default_timeout(60_000)
-        page.on("pageerror", lambda error: wrong.append(str(error)))
+        hear(page, "pageerror", lambda error: wrong.append(str(error)))
         if strict:
-            page.on("console", lambda message: wrong.append(message.text) if message.type == "error" else None)
+            hear(page, "console", lambda message: wrong.append(message.text) if message.type == "error" else None)
         if offline:
             local = ("file:", "data:", "blob:")
-            page.on("request", lambda one: None if one.url.startswith(local) else wrong.append(one.url))
-        page.add_init_script(script)
-        prepare(page)
+            hear(page, "request", lambda one: None if one.url.startswith(local) else wrong.append(one.url))
+        if prepare is not None:
+            prepare(page)
         page.goto(address)
         assert becomes(page, ready)
         return page
@@ -50,6 +96,13 @@ def tab(browser):
     yield open_tab
     for context in contexts:
         context.close()
+    for one in heard:
+        one[0].remove_listener(*one[1:])
+    if not spares:
+        spare.mouse.up()
+        spare.evaluate("try { localStorage.clear(); } catch {}")
+        spare.context.clear_permissions()
+        spare.goto("about:blank")
     assert wrong == []
 
 
@@ -68,7 +121,7 @@ def cockpit(robot):
         one.close()
 
 
-@pytest.fixture(scope="module")
+@pytest.fixture(scope="session")
 def page_of(robot, tmp_path_factory):
     """`page_of("rx90")`: the file of a page without a server."""
 

@@ -29,8 +29,16 @@ WHERE = """([robot, node]) => {
   const box = cockpit.viewer.renderer.domElement.getBoundingClientRect();
   const at = (x, y) => cockpit.pick.touched({ clientX: box.left + x, clientY: box.top + y });
   const is = (hit) => hit !== null && hit.robot === robot && hit.node === node;
+  const { Box3, Vector3 } = MeshCat.THREE;
+  const { min, max } = new Box3().setFromObject(cockpit.view.group(robot, node));
+  const corners = [0, 1, 2, 3, 4, 5, 6, 7].map((i) =>
+    new Vector3(i & 1 ? min.x : max.x, i & 2 ? min.y : max.y, i & 4 ? min.z : max.z).project(cockpit.viewer.camera));
+  const across = corners.map(({ x }) => (x + 1) / 2 * box.width);
+  const down = corners.map(({ y }) => (1 - y) / 2 * box.height);
+  const left = Math.max(12, Math.ceil(Math.min(...across))), right = Math.min(box.width, Math.max(...across));
+  const top = Math.max(12, Math.ceil(Math.min(...down))), bottom = Math.min(box.height, Math.max(...down));
   for (const [room, step] of [[9, 6], [5, 6], [2, 2], [0, 1]]) { // a part may be seen between others only
-    for (let y = 12; y < box.height; y += step) for (let x = 12; x < box.width; x += step) {
+    for (let y = top; y < bottom; y += step) for (let x = left; x < right; x += step) {
       const hit = at(x, y);
       if (is(hit) && [[-1, 0], [1, 0], [0, -1], [0, 1]].every(([a, b]) => is(at(x + room * a, y + room * b)))) {
         return [box.left + x, box.top + y, ...cockpit.root.worldToLocal(hit.point.clone()).toArray()];

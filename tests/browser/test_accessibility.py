@@ -40,12 +40,12 @@ def open_tab(tab):
     return opened
 
 
-def in_both_schemes(page, state):
-    """Return the violations of a page in a state, in light and in dark colours."""
+def in_both_schemes(page, state, scope=None):
+    """Return the violations of a page (or of what is in a scope) in a state, in light and in dark colours."""
     found = []
     for scheme in SCHEMES:
         page.emulate_media(color_scheme=scheme)
-        found += [f"{state}, {scheme}: {text}" for text in violations(page)]
+        found += [f"{state}, {scheme}: {text}" for text in violations(page, scope)]
     return found
 
 
@@ -60,7 +60,7 @@ def ranges(page):
     return found
 
 
-def test_sliders_and_number_fields_have_names_units_and_ranges(robot, open_tab, page_of):
+def test_sliders_and_number_fields_of_a_page_without_a_server_have_names_units_and_ranges(robot, open_tab, page_of):
     mechanism = robot("scara")
     page = open_tab(page_of("scara"))
     found = ranges(page)
@@ -80,6 +80,9 @@ def test_sliders_and_number_fields_have_names_units_and_ranges(robot, open_tab, 
     slider = page.locator("[data-joint='scara/joint1'] input[type=range]")
     slider.press("Home")  # to its least value, which is read at once
     assert slider.get_attribute("aria-valuetext").startswith("minus 2.269 ")
+    page.evaluate("cockpit.send({ type: 'set_recording', on: true })")
+    assert becomes(page, "document.querySelector('#toasts .toast') !== null")
+    assert in_both_schemes(page, "a notice") == []
 
 
 def test_the_served_page(cockpit, open_tab):
@@ -89,21 +92,15 @@ def test_the_served_page(cockpit, open_tab):
       document.getElementById("cover").textContent = "Connection lost, trying again.";""")
     page.check("#reactions")
     assert page.evaluate(BARE) == []
-    found = in_both_schemes(page, "all open")
-    for button in ("aids", "snapshot", "help"):
-        page.click(f"#{button}")
-        found += in_both_schemes(page, button)
-        page.keyboard.press("Escape")
     page.click("#pin")
     assert becomes(page, "document.querySelector('[data-task]') !== null")
-    assert found + in_both_schemes(page, "a pin") == []
-
-
-def test_a_page_without_a_server(open_tab, page_of):
-    page = open_tab(page_of("scara"))
-    page.evaluate("cockpit.send({ type: 'set_recording', on: true })")
-    assert becomes(page, "document.querySelector('#toasts .toast') !== null")
-    assert in_both_schemes(page, "a notice") == []
+    found = in_both_schemes(page, "all open, and a pin")
+    for button, shown in (("aids", "#aids-menu"), ("snapshot", "#snapshot-menu"), ("help", "#keys")):
+        page.click(f"#{button}")
+        assert page.is_visible(shown)
+        found += in_both_schemes(page, button, shown)
+        page.keyboard.press("Escape")
+    assert found == []
 
 
 @pytest.mark.slow

@@ -3,9 +3,7 @@
 from __future__ import annotations
 
 import shutil
-import subprocess
 
-import imageio_ffmpeg
 import numpy as np
 import pytest
 from PIL import Image
@@ -31,18 +29,6 @@ def test_frames_show_the_robot_as_it_moves(robot, tmp_path):
     assert np.abs(drawn[-1] - drawn[0]).max() > 60  # that has moved
     assert told[-1] == pytest.approx(1.0)
     assert told == sorted(told)
-
-
-@pytest.mark.slow
-def test_a_film_has_so_many_pictures_of_that_size(robot, tmp_path):
-    setup = arrange({"delta": robot("five_bar")}, follow="circle")
-    path = film(setup, tmp_path / "out" / "film.mp4", 0.3, (321, 181), aids=True)
-    said = subprocess.run(
-        [imageio_ffmpeg.get_ffmpeg_exe(), "-i", path, "-f", "null", "-"], capture_output=True, text=True
-    ).stderr
-    assert "h264" in said
-    assert "322x182" in said  # most players want even numbers
-    assert f"frame={round(0.3 * FPS):5d}" in said
 
 
 def test_what_is_missing_is_told(robot, tmp_path, monkeypatch):

@@ -89,35 +89,6 @@ def test_a_controller_takes_a_part_drags_it_and_lets_it_go_and_the_page_comes_ba
 
 
 @pytest.mark.slow
-def test_thumbsticks_scale_and_move_the_world(worn):
-    one, page, headset = worn("five_bar")
-    scale, middle = headset.scale(), headset.middle()
-    before = [headset.at(point) for point in (POINT, (0.0, 0.0, 0.0))]
-    headset.push("right", 0.0, -1.0)  # away: larger
-    assert becomes(page, lambda: headset.scale() > 1.5 * scale)
-    headset.push("right", 0.0, 0.0)
-    headset.frames()
-    factor = headset.scale() / scale
-    after = [headset.at(point) for point in (POINT, (0.0, 0.0, 0.0))]
-    fixed = [(now - factor * was) / (1.0 - factor) for was, now in zip(before, after, strict=True)]
-    assert fixed[0] == pytest.approx(fixed[1], abs=1e-6)  # nothing rotates
-    assert np.linalg.norm(fixed[0] - middle) < 0.1  # about the robots
-    middle = headset.middle()
-    headset.push("left", 0.0, -1.0)
-    assert becomes(page, lambda: headset.middle()[2] < middle[2] - 0.3)
-    headset.push("left", 0.0, 0.0)
-    headset.frames()
-    larger = headset.scale()
-    assert headset.panel()["lines"][0] == f"scale {float(f'{larger:.2g}'):g} : 1"
-    task = grasp(one, page, headset, "right", "five_bar", "link2")
-    start = place(one, "five_bar", "link2", task.offset.translation)
-    headset.put("right", np.add(RIGHT, [0.02, 0.0, 0.0]))
-    goal = start + in_robots(np.array([0.02, 0.0, 0.0]), larger)
-    assert becomes(page, lambda: np.linalg.norm(held(one, "five_bar")[0].target.translation - goal) < EXACT)
-    assert np.linalg.norm(goal - start) < 0.02 / (1.4 * scale)  # a larger world is dragged more finely
-
-
-@pytest.mark.slow
 def test_two_hands_that_hold_the_world_scale_and_rotate_it(worn):
     angle = 0.4
     _, page, headset = worn("five_bar")

@@ -77,25 +77,7 @@ def test_loops_stay_closed_far_outside(robot, tab, page_of):
     page.mouse.up()
 
 
-def test_what_only_a_server_does_is_hidden(file, tab):
-    page = tab(file)
-    page.click("#aids")
-    for selector in ("#section-sensors", "#section-record", "#section-forces", "#frame", "[data-aid=forecast]"):
-        assert not page.locator(selector).is_visible(), selector
-    for selector in ("#section-joints", "#section-tasks", "[data-aid=trail]"):
-        assert page.locator(selector).is_visible(), selector
-    page.evaluate("cockpit.send({ type: 'set_recording', on: true })")
-    assert becomes(page, "document.querySelector('#toasts .toast')?.textContent.includes('cinegen drive')")
-
-
-def test_a_link_that_is_none_leaves_the_robot_at_home(file, tab, robot):
-    page = tab(f"{file.as_uri()}#<img%20src=x%20onerror=alert(1)>=1")
-    assert page.locator("#toasts .toast").first.is_visible()
-    assert page.evaluate("document.querySelectorAll('#toasts img, #toasts script').length") == 0
-    assert configuration(page) == pytest.approx(robot("rx90").q_home, abs=1e-12)
-
-
-def test_a_soft_shadow_darkens_the_floor_and_nothing_else(file, tab):
+def test_a_soft_shadow_darkens_the_floor_alone_and_what_only_a_server_does_is_hidden(file, tab):
     page = tab(file)
     shadow = "cockpit.viewer.scene_tree.find(['Grid']).object.children[0].children[0]"
     seen = []
@@ -110,6 +92,20 @@ def test_a_soft_shadow_darkens_the_floor_and_nothing_else(file, tab):
     assert lighter.min() >= -2
     assert lighter.max() > 20
     assert 0.002 < np.mean(lighter > 4) < 0.3
+    page.click("#aids")
+    for selector in ("#section-sensors", "#section-record", "#section-forces", "#frame", "[data-aid=forecast]"):
+        assert not page.locator(selector).is_visible(), selector
+    for selector in ("#section-joints", "#section-tasks", "[data-aid=trail]"):
+        assert page.locator(selector).is_visible(), selector
+    page.evaluate("cockpit.send({ type: 'set_recording', on: true })")
+    assert becomes(page, "document.querySelector('#toasts .toast')?.textContent.includes('cinegen drive')")
+
+
+def test_a_link_that_is_none_leaves_the_robot_at_home(file, tab, robot):
+    page = tab(f"{file.as_uri()}#<img%20src=x%20onerror=alert(1)>=1")
+    assert page.locator("#toasts .toast").first.is_visible()
+    assert page.evaluate("document.querySelectorAll('#toasts img, #toasts script').length") == 0
+    assert configuration(page) == pytest.approx(robot("rx90").q_home, abs=1e-12)
 
 
 def test_names_that_objects_of_javascript_have(tab, tmp_path):

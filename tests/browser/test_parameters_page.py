@@ -63,35 +63,3 @@ def test_the_matrix_is_that_of_python(page):
             name: int(value) for name, value in PATTERN.findall(text.partition("{ parameters {")[2].partition("}")[0])
         }
         assert written == {name: value for name, value in zip(NAMES, values, strict=True) if value}
-
-
-def test_the_frames_are_drawn_where_python_has_them(page):
-    """Their pixels are one projection of Python's origins, which are not on a plane: 8 numbers for 2 x 4 x 3."""
-    drawn, origins, directions = [], [], []
-    for values in ([40, 120, -50, 180, 60, 110], [-70, 60, 110, -120, -150, -90], [10, -150, 80, 100, 0, 190]):
-        put(page, values)
-        circles = page.locator("circle[data-frame]")
-        pixels = circles.evaluate_all("all => all.map((one) => [one.getAttribute('cx'), one.getAttribute('cy')])")
-        assert circles.evaluate_all("all => all.map((one) => one.dataset.frame)") == ["F0", "F1", "F2", "F3"]
-        steps = (values[:2] + 4 * [0], values[:4] + 2 * [0], values)
-        points = np.array([np.zeros(3), *(matrix(step)[:3, 3] for step in steps)])
-        relative = np.array(pixels, dtype=float)
-        origins.append(points[1:] - points[0])
-        drawn.append(relative[1:] - relative[0])
-        directions.append(page.locator("#picture").evaluate("svg => [svg.dataset.azimuth, svg.dataset.elevation]"))
-    azimuth, elevation = np.radians(np.array(directions[0], dtype=float))
-    right = np.array([-math.sin(azimuth), math.cos(azimuth), 0.0])
-    eye = np.array(
-        [math.cos(azimuth) * math.cos(elevation), math.sin(azimuth) * math.cos(elevation), math.sin(elevation)]
-    )
-    for points, pixels in zip(origins, drawn, strict=True):
-        flat = np.column_stack([points @ right, -points @ np.cross(eye, right)])
-        scale = np.linalg.norm(pixels) / np.linalg.norm(flat)
-        assert 0.2 < scale < 1.1
-        assert np.abs(pixels - scale * flat).max() < 0.02
-
-
-def test_without_a_script_the_picture_is_there(tab, file):
-    page = tab(file, ready="true", java_script_enabled=False)
-    assert page.locator("noscript svg").is_visible()
-    assert not page.locator("#live").is_visible()

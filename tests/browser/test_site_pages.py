@@ -3,11 +3,7 @@ wider than the window."""
 
 from __future__ import annotations
 
-import os
 import re
-import shutil
-import subprocess
-import sys
 
 import pytest
 from tabs import IN_BROWSER
@@ -63,19 +59,3 @@ def test_no_page_is_wider_than_the_window(site, browser, width):
         page.goto((site / f"{name}.html").as_uri())
         assert page.evaluate("document.documentElement.scrollWidth - window.innerWidth") <= 0, name
     page.close()
-
-
-@pytest.mark.usefixtures("site")
-def test_pages_are_printed_as_one_pdf(root, tmp_path):
-    source = tmp_path / "source"
-    shutil.copytree(root / "build/site/source", source, ignore=shutil.ignore_patterns("*.md", "extra"))
-    (source / "extra").mkdir()
-    (source / "index.md").write_text("# Robots\n\n```{toctree}\ndelta\n```\n")
-    (source / "delta.md").write_text("# Delta\n\nIt has [a reference](reference/api.md).\n")
-    command = [sys.executable, root / "docs/site/pdf.py", tmp_path]
-    environment = os.environ | {"PYTHONPATH": str(root / "build/sphinx")}
-    done = subprocess.run(command, capture_output=True, text=True, env=environment)
-    assert done.returncode == 0, done.stderr
-    written = (tmp_path / "cinegen.pdf").read_bytes()
-    assert written.startswith(b"%PDF")
-    assert b"/Outlines" in written

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import http.client
 import socket
-import time
 from urllib.parse import urlsplit
 
 import numpy as np
@@ -15,7 +14,6 @@ from tornado.httpclient import HTTPClientError
 from cinegen.cockpit import Cockpit
 from cinegen.cockpit.server import LARGEST, ServerError
 from cinegen.session import arrange
-from cinegen.tolerances import NEAR_SINGULAR
 
 pytestmark = pytest.mark.filterwarnings("ignore:.*no such port:cinegen.CinegenWarning")
 
@@ -157,14 +155,6 @@ def test_where_the_page_cant_be_served_the_session_ends(robot, options, why):
         Cockpit(arrange({"r": robot("planar_3r")}), **{"own_process": False, **options})
 
 
-def test_a_session_in_a_process_of_its_own_is_the_same(cockpit):
-    one = cockpit("delta4", own_process=True)
-    browser = Browser(one.url)
-    assert becomes(lambda: browser.state is not None)
-    before = drag(browser, "delta4", "platform", [0.1, 0, -0.1])
-    assert becomes(lambda: _is_at(browser, "delta4", "platform", before + np.array([0.1, 0, -0.1])))
-
-
 def test_the_end_of_a_session_is_told(cockpit, monkeypatch):
     one = cockpit("delta4")
     browser = Browser(one.url)
@@ -172,37 +162,6 @@ def test_the_end_of_a_session_is_told(cockpit, monkeypatch):
     one.close()
     assert becomes(lambda: browser.closed is not None)
     assert browser.closed == (1001, "the session has ended")
-
-
-def test_the_status_never_contradicts_the_meters(cockpit):
-    """From the first report on, in every state that a page is sent."""
-    one = cockpit("gough")
-    shown = []
-    show = one.hub.show
-
-    def look(state, report=None):
-        shown.append((state, report))
-        show(state, report)
-
-    one.hub.show = look
-    browser = Browser(one.url)
-    assert becomes(lambda: browser.report is not None)
-    mechanism = one.setup.robots["gough"]
-    place = mechanism.placement(mechanism.q_home, mechanism.end).translation
-    away = 2.0 * mechanism.length * np.random.default_rng(2).normal(size=3)  # through a singularity
-    browser.say("start_drag", robot="gough", node=mechanism.end, point=[0, 0, 0])
-    for part in np.linspace(0.0, 1.0, 100):
-        browser.say("move_drag", position=(place + part * away).tolist())
-        time.sleep(0.01)
-    assert becomes(lambda: browser.report["robots"]["gough"]["type2"]["sigma"] < NEAR_SINGULAR)
-    found, near = set(), None
-    for state, report in shown:
-        if report is not None:
-            near = report.robots["gough"].type2.is_near
-        if near is not None:
-            found.add(near)
-            assert (state.statuses["gough"].name == "UNCONTROLLED") == near
-    assert found == {True, False}
 
 
 def test_every_answer_has_the_headers_that_protect_it(cockpit):

@@ -157,10 +157,7 @@ def test_the_first_who_does_something_holds_the_hand_until_it_is_taken_or_gone(h
     "message",
     [
         b"\x00\x01",
-        "",
-        "[]",
         '{"type": "ack"}',
-        '{"type": "move_drag", "position": [NaN, 0, 0]}',
         '{"type": "start_drag", "robot": "delta", "node": "nose", "point": [0, 0, 0]}',
         "x" * 5000,
     ],
@@ -310,11 +307,9 @@ def test_users_and_their_pointers_are_seen_by_all_as_often_as_is_useful(hub, mon
     ("message", "reason"),
     [
         ({"type": "set_user", "name": "", "colour": 0}, "length >= 1"),
-        ({"type": "set_user", "name": "x" * 41, "colour": 0}, "length <= 40"),
         ({"type": "set_user", "name": "a\u202eb", "colour": 0}, "matching regex"),
         ({"type": "set_user", "name": "a", "colour": 8}, "<= 7"),
         ({"type": "set_cursor", "robot": "delta", "node": "nose"}, "Unknown node 'nose'"),
-        ({"type": "set_cursor", "robot": "nobody", "node": "link5"}, "Unknown robot"),
         ({"type": "set_cursor", "robot": "delta", "node": "link5", "point": [0, 0, 1e9]}, "1000000.0"),
     ],
 )

@@ -26,12 +26,3 @@ def test_a_cell_holds_the_live_page(robot):
         browser.say("start_drag", robot="r1", node="platform", point=[0, 0, 0])
         browser.say("move_drag", position=[0.1, 0.0, -2.0])
         assert becomes(lambda: np.abs(shown.q["r1"] - before).max() > 0.01)
-
-
-def test_several_robots_have_names_of_their_own(robot):
-    arm = robot("planar_3r")
-    with cinegen.show([arm, arm], port=0, follow="circle") as shown:
-        assert list(shown.q) == [arm.name, f"{arm.name}'"]
-    with cinegen.show({"<b>": arm}, port=0) as shown:
-        assert "<b>" not in shown._repr_html_()
-        assert list(shown.q) == ["<b>"]

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import coal
 import numpy as np
 import pytest
@@ -73,11 +71,6 @@ def test_attached_objects_are_drawn_on_the_node_that_holds_them(robot):
     at = next(command for (_, kind), command in found.items() if kind == "set_transform")
     matrix = np.reshape(umsgpack.unpackb(at)["matrix"], (4, 4)).T  # by columns
     assert matrix[:3, 3] == pytest.approx([0.0, 0.0, 0.2])
-
-
-def test_the_caption_of_a_replay_is_in_the_first_message(setup):
-    assert hello_message(replace(setup, caption="attempt 1: stuck"), "arm7", 1).caption == "attempt 1: stuck"
-    assert hello_message(setup, "arm7", 1).caption == ""
 
 
 def test_robot_obstacles_and_goal_are_in_the_page_where_the_scene_has_them(root):

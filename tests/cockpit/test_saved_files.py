@@ -53,6 +53,12 @@ MJCF = """<mujoco model="r"><compiler angle="radian"/><worldbody>
 """
 
 
+@pytest.fixture(autouse=True)
+def looks(monkeypatch):
+    """Files are looked at often."""
+    monkeypatch.setattr("cinegen.cockpit.watched_files._LOOK", 0.03)
+
+
 def watched(path):
     """Return the file of a robot, watched, with meshes."""
 
@@ -164,13 +170,15 @@ def test_nothing_is_read_while_a_file_keeps_changing(path):
     assert len(looks) == 6
 
 
-def test_all_browsers_meet_the_new_robot_and_late_commands_do_not_disconnect_them(tmp_path):
+def test_all_browsers_meet_the_new_robot_of_a_session_in_a_process_of_its_own(tmp_path):
     path = tmp_path / "r.urdf"
     path.write_text(URDF.replace('<mesh filename="part.stl"/>', '<box size="1 1 1"/>'))
     text = path.read_text()
     setup, files = SetupFiles.of(lambda: arrange({"r": cinegen.load(path)}))
-    with Cockpit(setup, port=0, files=files) as cockpit:  # its session has a process of its own
+    with Cockpit(setup, port=0, files=files) as cockpit:
         first, second = Browser(cockpit.url), Browser(cockpit.url)
+        first.say("move_joint", robot="r", joint="j", value=0.3)
+        assert becomes(lambda: cockpit.state and cockpit.state.robots["r"].q.tolist() == [0.3, 0.0])
         path.write_text(text.replace('"b"', '"c"'))
         nodes = [node["name"] for node in _hellos(first)[0]["robots"][0]["nodes"]]
         assert nodes == ["base", "a", "b"]

@@ -12,7 +12,6 @@ import umsgpack
 
 import cinegen
 from cinegen.cockpit import Page, RobotScene
-from cinegen.cockpit.graphic_file import material_of
 
 URDF = """<robot name="r"><link name="base"><visual><geometry>{}</geometry>{}</visual></link></robot>"""
 COLOUR = '<material name="m"><color rgba="{}"/></material>'
@@ -61,27 +60,6 @@ def test_a_mesh_has_the_colour_that_the_urdf_says(tmp_path, box, ending):
     thing = shown(tmp_path, f"box.{ending}", COLOUR.format("1 0.5 0 0.25"))
     assert thing["object"]["type"] == "Mesh"
     assert (thing["materials"][0]["color"], thing["materials"][0]["opacity"]) == (0xFF8000, 0.25)
-
-
-@pytest.mark.parametrize(
-    ("rgba", "colour", "opacity"),
-    [("nan 0 1 1", 0x8000FF, 1.0), ("-3 2 inf 1", 0x00FFFF, 1.0), ("1e300 0 0 -1", 0xFF0000, 0.0)],
-)
-def test_odd_colours_are_no_failure(tmp_path, box, rgba, colour, opacity):
-    """Whatever Pinocchio makes of them: some it takes for none."""
-    material = shown(tmp_path, "box.stl", COLOUR.format(rgba))["materials"][0]
-    assert 0 <= material["color"] <= 0xFFFFFF
-    assert 0.0 <= material["opacity"] <= 1.0
-    made = material_of([float(word) for word in rgba.split()])
-    assert (made.color, made.opacity) == (colour, opacity)
-
-
-@pytest.mark.parametrize(("name", "colour"), [("box.dae", 0x0000FF), ("box.obj", 0xFF0000)])
-def test_a_mesh_with_colours_of_its_own_is_shown_in_them(tmp_path, box, name, colour):
-    thing = shown(tmp_path, name)
-    assert thing["materials"][0]["color"] == colour
-    corners = np.frombuffer(thing["geometries"][0]["data"]["attributes"]["position"]["array"].data, np.float32)
-    assert (corners.min(), corners.max()) == (-1.0, 1.0)
 
 
 def test_every_colour_of_a_mesh_is_shown(tmp_path):

@@ -12,7 +12,7 @@ from reference import PANDA, load
 from test_exact_distances import clearance_among_links, configurations
 
 from cinegen.collision.body import Body, PlacedShape
-from cinegen.collision.report import _distances, collision_report, depth_at_least, excess
+from cinegen.collision.report import collision_report, depth_at_least, excess
 
 HERE = pin.SE3.Identity()
 
@@ -78,10 +78,3 @@ def test_the_report_has_the_depth_at_home_of_the_panda_and_no_other_pair():
     fingers = touching[frozenset(("panda_leftfinger", "panda_rightfinger"))]
     assert fingers["depth_at_home"] == pytest.approx(4e-5, abs=1e-5)
     assert len(touching) == 3
-
-
-def test_distances_of_many_points_are_those_of_the_box():
-    """coal only refers to the point that it measures from: it was freed while it was used."""
-    points = np.random.default_rng(0).uniform(1.0, 3.0, size=(2000, 3))
-    found = _distances(points, coal.Box(1.0, 2.0, 1.0), pin.SE3.Identity())
-    assert found == pytest.approx(np.linalg.norm(np.maximum(points - [0.5, 1.0, 0.5], 0.0), axis=1), abs=1e-9)

@@ -103,20 +103,6 @@ def numbered(mechanism, names):
     return {tuple(sorted((joint[a], joint[b]))) for a, b in names}
 
 
-def test_links_on_both_sides_of_a_universal_or_a_ball_joint_are_neighbours():
-    hexapod = load("gough")
-    near = neighbours(hexapod)
-    ball = combinations(("link3", "link4", "link5", "link6"), 2)  # link 3 is a jack, link 6 the platform
-    assert numbered(hexapod, ball) <= near
-    for first in (1, 7, 10, 13, 16, 19):  # universal joint: links first and first + 1
-        assert numbered(hexapod, combinations(("base", f"link{first}", f"link{first + 1}"), 2)) <= near
-        jack = f"link{first + 2}"
-        assert numbered(hexapod, [("base", jack), (f"link{first}", jack)]).isdisjoint(near)
-        assert numbered(hexapod, [("link6", jack)]) <= near  # by the legs' loops
-    legs = numbered(hexapod, combinations([f"link{first + 2}" for first in (1, 7, 10, 13, 16, 19)], 2))
-    assert legs.isdisjoint(near)
-
-
 @pytest.mark.parametrize("name", ["gough", "hybrid", "arm7", "sr400", PANDA])
 def test_neighbours_that_are_none_in_the_tree_or_by_a_loop_share_a_point(name):
     mechanism = load(name)

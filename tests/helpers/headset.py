@@ -90,10 +90,6 @@ class Headset:
         self.page.evaluate(f"device.controllers.{side}.updateButtonValue('{button}', {strength})")
         self.frames()
 
-    def push(self, side, x, y):
-        """Deflect a thumbstick: y is negative away from the user, as WebXR has it."""
-        self.page.evaluate(f"device.controllers.{side}.updateAxes('thumbstick', {x}, {y})")
-
     def panel(self):
         """What the panel reads."""
         return self.page.evaluate("cockpit.presentation.panel.content")
@@ -107,12 +103,3 @@ class Headset:
     def scale(self):
         """Metres of the room per metre of the robots, by two points of the robots' world."""
         return np.linalg.norm(self.at((1.0, 0.0, 0.0)) - self.at((0.0, 0.0, 0.0)))
-
-    def middle(self):
-        """The middle of the box around all that is drawn of the robots, in the room."""
-        return np.array(
-            self.page.evaluate(
-                "cockpit.root.children.reduce((box, one) => box.expandByObject(one), new MeshCat.THREE.Box3())"
-                ".getCenter(new MeshCat.THREE.Vector3()).toArray()"
-            )
-        )

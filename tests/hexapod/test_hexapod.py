@@ -9,7 +9,6 @@ from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
 from cinegen.hexapod import Hexapod, HexapodError
-from cinegen.hexapod._kernels import taylor
 from cinegen.hexapod.paths import PathEnd
 
 # P. Dietmaier, "The Stewart-Gough platform of general geometry can have 40 real postures", in: Advances in Robot
@@ -170,11 +169,6 @@ def test_modes_go_with_frames_and_units(seed):
         assert_among(placement, found, 1e-6)
 
 
-def test_kernels_are_compiled_once_before_paths_are_followed():
-    Hexapod(*points(np.random.default_rng(4), "")).modes(np.full(6, 3.0))
-    assert len(taylor.follow.signatures) == len(taylor.polish.signatures) == 1
-
-
 # --- where modes meet -----------------------------------------------------------------------------------------------
 
 
@@ -315,16 +309,3 @@ HEXAGON = circle([-10, 10, 110, 130, 230, 250], 1.0)
 def test_geometry_that_is_degenerate_is_named(base, platform, said):
     with pytest.raises(HexapodError, match=said):
         Hexapod(base, platform)
-
-
-@pytest.mark.parametrize(
-    ("lengths", "said"),
-    [
-        ([1.0] * 5, r"\(6,\)"),
-        ([1.0, 1.0, np.inf, 1.0, 1.0, 1.0], "length of leg 3 is inf; it must be positive"),
-        ([1.0, -2.0, 1.0, 1.0, 1.0, 1.0], "length of leg 2 is -2; it must be positive"),
-    ],
-)
-def test_lengths_that_are_none_are_named(lengths, said):
-    with pytest.raises(HexapodError, match=said):
-        Hexapod(ONE, OTHER).modes(lengths)

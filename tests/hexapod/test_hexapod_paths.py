@@ -5,7 +5,6 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from cinegen.hexapod._kernels import taylor
 from cinegen.hexapod.paths import PathEnd, follow, follow_surely, lie_on_curve
 from cinegen.hexapod.study import (
     coefficients,
@@ -61,14 +60,6 @@ def test_the_equations_are_distances(seed):
     assert residual(coefficients(base, platform, s), x[None])[0] < 1e-11
 
 
-@pytest.mark.parametrize("seed", range(2))
-def test_the_left_sides_are_those_of_quaternions(seed):
-    rng = np.random.default_rng(seed)
-    base, platform, s, x = random(rng, 6, 3), random(rng, 6, 3), random(rng, 6), random(rng, 8)
-    found = residual(coefficients(base, platform, s), x[None])[0]
-    np.testing.assert_allclose(found, np.abs(left_sides(base, platform, s, x)).max(), rtol=1e-12)
-
-
 def tangent(polynomial, parameter, x):
     """dx by the parameter, with x's length and phase at rest: from differences of the left sides alone."""
 
@@ -111,17 +102,6 @@ def test_a_path_is_that_of_small_steps(lengths_alone):
     assert found.end[0] == PathEnd.REGULAR
     assert distances(found.x, y[None])[0, 0] < 1e-6
     assert residual(polynomial.sum(axis=0), found.x)[0] < 1e-13
-
-
-def test_newton_in_the_kernel_is_numpys():
-    rng = np.random.default_rng(3)
-    base, platform, s, x = hexapod(rng)
-    near = (x + 1e-3 * random(rng, 8))[None]
-    near /= np.linalg.norm(near)
-    error = np.empty(1)
-    taylor.polish(coefficients(base, platform, s), near, error, taylor.tracking_scratch())
-    assert error[0] < 1e-14
-    assert distances(near, x[None])[0, 0] < 1e-13
 
 
 def test_at_a_fold_two_paths_end_in_one_point():

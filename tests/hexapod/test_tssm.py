@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from itertools import pairwise
-
 import numpy as np
 import pinocchio as pin
 import pytest
@@ -115,15 +113,6 @@ def test_every_mode_is_a_placement_with_these_lengths_and_the_pose_that_they_com
 
 
 @given(seeds)
-def test_over_a_plane_modes_are_mirror_images(rng):
-    tssm = some(rng, 0.0)
-    placements = tssm.modes(lengths_at(tssm, pose(rng))).placements
-    assert tssm.plane
-    for placement in placements:
-        assert np.abs(placements - mirrored(placement, tssm.platform)).max(axis=(1, 2)).min() <= 1e-5
-
-
-@given(seeds)
 def test_modes_do_not_depend_on_frames_units_or_the_order_of_legs(rng):
     tssm, there, own, unit = some(rng), pose(rng), pose(rng), 10.0 ** rng.uniform(-3, 3)
     lengths = np.array(lengths_at(tssm, pose(rng)))
@@ -139,22 +128,6 @@ def test_modes_do_not_depend_on_frames_units_or_the_order_of_legs(rng):
     assert len(back) == len(modes.placements)
     for placement, together in zip(modes.placements, modes.coincident, strict=True):
         assert np.abs(back - placement).max(axis=(1, 2)).min() <= (1e-6 if together == 1 else 1e-3)
-
-
-@given(seeds)
-def test_modes_are_sorted_by_height_and_then_by_their_points(rng):
-    base = rng.normal(size=(6, 3)) * [1.0, 1.0, 0.0]
-    base[3:] = base[:3] * [-1.0, 1.0, 1.0]  # the same left and right: heights are equal in pairs
-    tssm = TSSM(base, rng.normal(size=(3, 3)) * [0, 1, 1] + [[1, 0, 0], [-1, 0, 0], [0, 0, 0]], [0, 1, 2, 1, 0, 2])
-    placement = pose(rng)
-    placement[:3, :3] = np.eye(3)
-    placement[0, 3] = 0.0
-    lengths = np.array(lengths_at(tssm, placement))
-    points = [[found[:3, :3] @ p + found[:3, 3] for p in tssm.platform] for found in tssm.modes(lengths).placements]
-    keys = [np.array([np.mean(p, axis=0) @ tssm.up, *np.ravel(p)]) for p in points]
-    for one, two in pairwise(keys):
-        apart = np.flatnonzero(np.abs(one - two) > 1e-9 * lengths.max())
-        assert one[apart[0]] > two[apart[0]]
 
 
 # --- multiple ones --------------------------------------------------------------------------------------------------

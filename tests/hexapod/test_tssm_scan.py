@@ -15,7 +15,6 @@ import os
 
 import numpy as np
 import pytest
-from scipy.optimize import brentq
 
 from cinegen.hexapod import TSSM
 
@@ -182,38 +181,3 @@ def test_all_modes_are_those_of_a_scan(kind):
     for _ in range(SCANS):
         modes = compare(*kind(rng))
         assert (modes.counts.infinite > 0) == (kind is parallel)
-
-
-def near_singular(rng):
-    """A pose where the Jacobian is singular, but for as much as a pair of modes is apart."""
-    base, platform, legs = anything(rng, rng.choice([0.0, 0.5]))
-
-    def volume(placement):
-        arms = (platform @ placement[:3, :3].T)[legs]
-        along = arms + placement[:3, 3] - base
-        along /= np.linalg.norm(along, axis=1)[:, None]
-        return np.linalg.det(np.hstack([along, np.cross(arms, along)]))
-
-    while True:
-        start, way = pose(rng), rng.normal(size=3)
-
-        def at(x, start=start, way=way):
-            there = start.copy()
-            there[:3, 3] += x * way
-            return there
-
-        if volume(at(-3.0)) * volume(at(3.0)) < 0.0:
-            x = brentq(lambda x: volume(at(x)), -3.0, 3.0, xtol=1e-15)
-            return base, platform, legs, at(x + rng.choice([0.0, 1e-9, 1e-7, 1e-6, 1e-5, 1e-4]))
-
-
-def test_modes_that_meet_are_found_and_said_to_coincide():
-    rng = np.random.default_rng(17)
-    met = 0
-    for _ in range(3 * SCANS):
-        base, platform, legs, placement = near_singular(rng)
-        modes = compare(base, platform, legs, reach(base, platform, legs, placement))
-        nearest = np.abs(modes.placements - placement).max(axis=(1, 2)).argmin()
-        assert np.abs(modes.placements[nearest] - placement).max() < 1e-5
-        met += modes.coincident[nearest] > 1
-    assert met >= SCANS

@@ -84,13 +84,6 @@ def test_a_goal_of_ros_2(recording):
     assert report.notes == ()
 
 
-def test_a_goal_that_is_too_long_for_a_shell_is_noted(recording):
-    report = export(recording("arm7"), "ros2", rate=2000.0)
-    assert report.path.stat().st_size > 128 * 1024
-    assert "--stdin" in report.notes[0]
-    assert report.notes[0] in report_text(report)
-
-
 SERVO = re.compile(r"  servoj\(\[([-\d., ]+)\], 0, 0, ([\d.]+), 0\.1, 300\)")
 
 

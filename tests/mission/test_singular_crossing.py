@@ -180,8 +180,6 @@ def test_the_option_of_the_command(root, fall, tmp_path, capsys):
     assert "no type 2 singularity passed" not in out
     assert main([*command, "--torques", "--gravity", "0,-9.81,0"]) == 1
     assert "--cross-singularities" in capsys.readouterr().err
-    assert main([*command, *crossing, "--jerk", "100"]) == 1
-    assert "jerks are not limited" in capsys.readouterr().err
     for option in (["--cross-singularities"], ["--gravity", "0,-9.81,0"]):
         assert main([*command, *option]) == 2
         assert f"{option[0]} has no effect without --torques" in capsys.readouterr().err

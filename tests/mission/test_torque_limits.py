@@ -14,7 +14,6 @@ from random_masses import free_motions, massive
 from recorded import record, swung
 
 import cinegen
-from cinegen.cli import main
 from cinegen.dynamics import Payload
 from cinegen.dynamics.errors import MassError
 from cinegen.errors import CinegenError, UnknownNameError
@@ -109,20 +108,3 @@ def test_limits_that_are_missing_or_wrong(robot, slid):
     with pytest.raises(UnknownNameError, match="joint2"):
         TorqueLimits(heavy, efforts={"joint2": 3.0})
     assert TorqueLimits(heavy, efforts={"joint6": 3.0}).joints == ("joint6",)
-
-
-def test_the_command_says_what_the_motion_takes(slid, tmp_path, capsys):
-    slid("0 0 1")
-    run = [str(tmp_path / "run.jsonl"), "--to", "csv", "--acceleration", "100", "--force"]
-    assert main(["export", *run]) == 0
-    assert "torques" not in capsys.readouterr().out
-    assert main(["export", *run, "--torques", "--fastest"]) == 0
-    out = capsys.readouterr().out
-    assert "torques: x needs at most 100 % of its 30 N" in out
-    assert "slowed down" not in out
-    assert main(["export", *run, "--torques", "--payload", "500g", "--payload", "1.1@cart"]) == 1
-    assert "x needs 35.32 N to hold" in capsys.readouterr().err
-    assert main(["export", *run, "--payload", "500g"]) == 2
-    assert "without --torques" in capsys.readouterr().err
-    assert main(["export", *run, "--fastest", "--speed", "2"]) == 2
-    assert "exclude each other" in capsys.readouterr().err

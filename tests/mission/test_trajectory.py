@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from recorded import record, swung
 from scipy.interpolate import CubicSpline
 
-from cinegen.errors import CinegenError, UnknownNameError
+from cinegen.errors import UnknownNameError
 from cinegen.mission import (
     FindingKind,
     MissionError,
@@ -129,18 +129,6 @@ def test_a_leap_becomes_a_motion_at_the_limit(robot, tmp_path):
     assert _accelerations(motion).max() == pytest.approx(1.0, abs=0.05)
     assert np.diff(motion.q[:, 1]).min() >= 0.0
     assert motion.recorded(motion.passes[60, 0]) == pytest.approx(0.6)
-
-
-def test_a_leap_of_a_closed_robot_stays_on_its_branch(robot, tmp_path):
-    delta = robot("delta4")
-    forward = ForwardKinematics(delta)
-    home = forward.q
-    there = forward.move({name: home[delta.q_index(name)] + 0.5 for name in delta.actuated})
-    motion = resampled(record(tmp_path / "run.jsonl", delta, [0.0, 0.01, 0.02], [home, there, home]))
-    assert motion.seconds > 0.4
-    assert (_steps(motion) <= 1.0 + 1e-6).all()
-    assert not check(motion).serious
-    assert motion.q[-1] == pytest.approx(home, abs=1e-9)
 
 
 FOUR_BAR = """
@@ -304,19 +292,6 @@ def rocker(robot, raff, root):
     return mechanism, np.array(dead)
 
 
-def test_dead_points_of_a_rocker_that_drives_a_crank(robot, rocker, tmp_path):
-    step = 0.05
-    (mechanism, dead), crank = rocker, robot("four_bar")
-    forward, begin = ForwardKinematics(crank), crank.q_home[0]
-    times = np.arange(round(1.0 / step) + 1) * step
-    q = [forward.move({"joint1": begin + 2.0 * math.pi * time}) for time in times]
-    findings = check(resampled(record(tmp_path / "run.jsonl", mechanism, times, q)))
-    found = [one.recorded for one in findings if one.kind is FindingKind.TYPE_2]
-    assert found == pytest.approx(sorted((dead - begin) % (2.0 * math.pi) / (2.0 * math.pi)), abs=0.05 * step)
-    assert FindingKind.TYPE_1 not in _kinds(findings)
-    assert not check(resampled(record(tmp_path / "run.jsonl", crank, times, q))).serious
-
-
 def test_singularities_far_apart_from_samples(robot, rocker):
     """However far two samples are apart, as far as the way between them is known: each is found, and nothing else."""
     (mechanism, dead), rng = rocker, np.random.default_rng(1)
@@ -448,22 +423,3 @@ def test_joints_without_limits_obey_stated_defaults(raff, tmp_path):
     assert (np.abs(np.diff(motion.q, axis=0)) * motion.rate <= np.array([1.0, 0.25]) * (1.0 + 1e-6)).all()
     assert (_accelerations(motion) <= 1.0 + 1e-6).all()
     assert not check(motion).serious
-
-
-def test_limits_of_acceleration_and_jerk_that_are_given(robot, tmp_path):
-    mechanism = robot("delta4")
-    times, q = swung(mechanism, 1.0)
-    recording = record(tmp_path / "run.jsonl", mechanism, times, q)
-    joints = mechanism.actuated
-    motion = resampled(recording, rate=250.0, acceleration=dict.fromkeys(joints, 4.0), jerk=50.0)
-    at = motion.positions(joints)
-    still = np.vstack([*[at[:1]] * 3, at, *[at[-1:]] * 3])
-    for order, limit in ((2, 4.0), (3, 50.0)):
-        assert np.abs(np.diff(still, n=order, axis=0)).max() * 250.0**order <= limit * (1.0 + 1e-6)
-    assert max(map(mechanism.closure, motion.q)) <= 1e-10
-    assert motion.q[[0, -1]] == pytest.approx(q[[0, -1]], abs=1e-9)
-    assert "acceleration" not in str(motion.limits)
-    with pytest.raises(CinegenError, match="the jerk limit is -1"):
-        resampled(recording, jerk=-1.0)
-    with pytest.raises(UnknownNameError, match="no joint 'jonit1'"):
-        resampled(recording, acceleration={"jonit1": 1.0})

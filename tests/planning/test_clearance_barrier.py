@@ -235,15 +235,3 @@ def test_what_held_is_told_by_pair_and_stays_when_somebody_looks_elsewhere():
     assert keep.pairs[step.active_barriers[0]] == 1
     clearance.near(np.array([3.0, 0.3]), 0.5)
     assert keep.pairs[step.active_barriers[0]] == 1
-
-
-def test_a_safety_distance_may_be_set_and_links_stop_for_it():
-    clearance = point_among([])
-    barrier, made = ClearanceBarrier(clearance, 0.1), ClearanceBarrier(clearance, 0.3)
-    barrier.safety = 0.3
-    assert (barrier.safety, barrier.stop) == (made.safety, made.stop)
-    with pytest.raises(PlanningError, match="safety distance"):
-        barrier.safety = -1.0
-    assert barrier.safety == 0.3
-    with pytest.raises(AttributeError, match="safty"):
-        barrier.safty = 0.1

@@ -10,7 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
-from cinegen.collision import PlanningError, scene_of
+from cinegen.collision import scene_of
 from cinegen.planning import PlanStatus, plan
 from cinegen.planning.descent import STRENGTH, GoalPotential, Potential
 
@@ -91,8 +91,3 @@ def test_descent_only_goes_down():
     values = [total.value(q) for q in plan(scene, field="firas", steps=15).path]
     assert values[0] - values[-1] > 0.1
     assert np.diff(values).max() < 1e-9
-
-
-def test_there_is_no_other_field():
-    with pytest.raises(PlanningError, match="unknown field 'magnetic'; use one of vortex, firas"):
-        plan(figure("rod"), field="magnetic")

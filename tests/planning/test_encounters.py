@@ -30,7 +30,7 @@ def test_no_distance_below_the_safety_distance_is_overlooked(spin):
     joints.dt = DT
     encounters, outcomes = Encounters(clearance, SAFETY, joints), []
     links = [one for one in clearance.links if one.joint]
-    for number in range(20):
+    for number in range(12):
         q = mechanism.q_home + rng.uniform(-0.5, 0.5, 7)
         v = rng.uniform(-1.0, 1.0, 7) * (number % 2)
         manoeuvre = joints.manoeuvre(q, v, rng.uniform(-1.0, 1.0, 7), 0.2) if number % 3 else joints.braking

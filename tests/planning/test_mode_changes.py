@@ -68,13 +68,15 @@ def test_the_modes_are_those_of_the_closed_form(root):
         assert np.sign(determinant(robot, configuration(robot, pose))) == sign
 
 
-def test_a_mode_is_changed_without_a_singularity(root):
+def test_a_mode_is_changed_without_a_singularity_also_with_a_leg_locked(root):
+    """As in the sections of joint space that the literature draws."""
     mechanism = (task := scene(root)).mechanism
-    found = change_mode(task, seconds=SECONDS)
+    found = change_mode(task, locked=[LEGS[0]], seconds=SECONDS)
     assert found.plan.status is PlanStatus.REACHED
     assert found
     sides = check_path(found, mechanism, {1.0})
     assert sides.min() > 0.1 * determinant(mechanism, mechanism.q_home)
+    assert np.ptp(found.plan.path[:, mechanism.q_index(LEGS[0])]) < 1e-12
     assert found.crossed == ()
     columns, rank = mechanism.passive_screws, mechanism.passive_rank + mechanism.screws.cut
     sigmas = [
@@ -86,21 +88,15 @@ def test_a_mode_is_changed_without_a_singularity(root):
     assert str(found) == f"reached: assembly mode {found.mode + 1} of 6, without a singularity of type 2"
 
 
-def test_a_mode_is_changed_with_a_leg_locked(root):
-    """As in the sections of joint space that the literature draws."""
-    mechanism = (task := scene(root)).mechanism
-    found = change_mode(task, locked=[LEGS[0]], seconds=SECONDS)
-    assert found
-    check_path(found, mechanism, {1.0})
-    assert np.ptp(found.plan.path[:, mechanism.q_index(LEGS[0])]) < 1e-12
-
-
 def test_a_mode_on_the_other_side_is_reached_through_a_singularity_that_is_reported(root):
     mechanism = (task := scene(root)).mechanism
     other = next(k for k, q in enumerate(change_mode(task, seconds=1e-3).modes) if determinant(mechanism, q) < 0.0)
-    found = change_mode(task, mode=other, singular="cross", seconds=4.0)
+    found = change_mode(task, mode=other, singular="cross", seconds=2.0)
     assert found.mode == other
-    assert [attempt.status for attempt in found.plan.attempts] == [PlanStatus.TIME_LIMIT, PlanStatus.REACHED]
+    around, through = found.plan.attempts
+    assert (around.status, through.status) == (PlanStatus.TIME_LIMIT, PlanStatus.REACHED)
+    assert len(around.path) == 1
+    assert "no proof" in around.reason
     sides = check_path(found, mechanism, {1.0, -1.0})
     changes = np.count_nonzero(np.diff(np.sign(sides)))
     assert len(found.crossed) == changes
@@ -111,18 +107,6 @@ def test_a_mode_on_the_other_side_is_reached_through_a_singularity_that_is_repor
         begin, end = found.plan.path[crossed.segment : crossed.segment + 2]
         assert determinant(mechanism, begin) * determinant(mechanism, end) < 0.0
     assert re.search(r"through (a singularity|\d+ singularities) of type 2", str(found))
-
-
-def test_a_mode_on_the_other_side_is_not_reached_around_singularities(root):
-    mechanism = (task := scene(root)).mechanism
-    modes = change_mode(task, seconds=1e-3).modes
-    other = next(k for k, q in enumerate(modes) if determinant(mechanism, q) < 0.0)
-    found = change_mode(task, mode=other, seconds=1.0)
-    assert not found
-    assert found.plan.status is PlanStatus.TIME_LIMIT
-    assert found.mode is None
-    assert len(found.plan.path) == 1
-    assert "no proof" in found.plan.reason
 
 
 def test_a_plan_to_a_pose_keeps_to_its_side_of_the_singularities(root):
@@ -139,7 +123,7 @@ def test_a_plan_to_a_pose_keeps_to_its_side_of_the_singularities(root):
 def test_a_plan_does_not_reach_a_pose_on_the_other_side(root):
     x, y, angle = next(mode for mode, sign in MODES.items() if sign < 0.0)
     task = scene(root, goal={"point": [x / 100, y / 100], "angle": np.radians(angle)})
-    found = plan(task, seconds=2.0, planner=Planner.RRT_CONNECT)
+    found = plan(task, seconds=0.7, planner=Planner.RRT_CONNECT)
     assert found.status is PlanStatus.TIME_LIMIT
     along = [determinant(task.mechanism, q) for one in found.attempts for q in dense(task.mechanism, one.path)]
     assert min(along) > 0.0

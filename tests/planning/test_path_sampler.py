@@ -16,7 +16,7 @@ from hypothesis import strategies as st
 from paths import along
 
 import cinegen
-from cinegen.collision import PlanningError, clearance_of, load_scene, scene_of
+from cinegen.collision import clearance_of, load_scene, scene_of
 from cinegen.collision.clearance import Clearance
 from cinegen.planning import PlanStatus, rrt_connect
 from cinegen.planning.clear_motion import clear_motion
@@ -86,13 +86,6 @@ def test_a_joint_without_limits_goes_the_long_way_round(tmp_path):
     assert found.clearance >= scene.safety
 
 
-def test_the_same_seed_finds_the_same_way(root):
-    scene = load_scene(root / "robots/scenes/discs.toml")
-    one, again, other = (rrt_connect(scene, seed=seed, seconds=600.0).path for seed in (3, 3, 4))
-    assert np.array_equal(one, again)
-    assert one.shape != other.shape or not np.allclose(one, other)
-
-
 def test_methods_in_turn_find_the_same_path_whenever_they_are_interrupted():
     scene = mobile(SPIRAL, [1.0, 1.5], [5.0, 1.0])
     clearance, found = clearance_of(scene), []
@@ -105,16 +98,6 @@ def test_methods_in_turn_find_the_same_path_whenever_they_are_interrupted():
     (one, path), (other, again) = found
     assert one == other
     assert np.array_equal(path, again)
-
-
-def test_what_is_done_is_said_and_what_was_tried_is_in_the_plan():
-    said = []
-    found = rrt_connect(mobile(SPIRAL, [1.0, 1.5], [5.0, 1.0]), seconds=60.0, report=said.append)
-    assert said[0] == "searching configurations at the goal"
-    assert re.fullmatch(r"RRT-Connect, \d+(\.\d+)? s at most", said[1])
-    assert said[2:] == ["RRT-Connect: shortening the path", "RRT-Connect: checking the path"]
-    assert [attempt.strategy for attempt in found.attempts] == ["RRT-Connect"]
-    assert found.attempts[0].path is found.path
 
 
 # --- loops -----------------------------------------------------------------------------------------------------------
@@ -200,18 +183,3 @@ def test_without_ompl_it_is_said_how_to_get_it(monkeypatch):
     monkeypatch.setitem(sys.modules, "ompl.base", None)
     with pytest.raises(MissingExtraError, match=r'install "cinegen\[sampling\]"'):
         rrt_connect(mobile(CELL, [0.0, 0.0], [3.0, 0.0]))
-
-
-@pytest.mark.parametrize("keys", [{"seconds": 0.0}, {"seconds": math.nan}, {"seconds": math.inf}, {"seed": -1}])
-def test_no_time_and_no_seed_are_refused(keys):
-    with pytest.raises(PlanningError, match=f"{next(iter(keys))} must"):
-        rrt_connect(mobile(CELL, [0.0, 0.0], [3.0, 0.0]), **keys)
-
-
-def test_ompl_keeps_silent_and_is_left_as_it_was(capfd):
-    import ompl.util as ou
-
-    before = ou.getLogLevel()
-    rrt_connect(mobile(SPIRAL, [1.0, 1.5], [5.0, 1.0]), seconds=60)
-    assert ou.getLogLevel() == before
-    assert capfd.readouterr() == ("", "")

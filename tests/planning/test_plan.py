@@ -74,16 +74,15 @@ def test_a_trap_that_stops_vortices_is_left_by_sampling_without_being_asked():
     assert found.length < 1.05 * rope
 
 
-@pytest.mark.parametrize(("planner", "method"), [("auto", "RRT-Connect and LBKPIECE"), ("rrtconnect", "RRT-Connect")])
-def test_a_cell_without_a_door_ends_at_the_time_limit(planner, method):
+def test_a_cell_without_a_door_ends_at_the_time_limit():
     cell = [{"kind": "box", "size": size, "point": point} for point, size in (
         ([0.0, 1.0], [2.1, 0.1]), ([0.0, -1.0], [2.1, 0.1]), ([1.0, 0.0], [0.1, 2.1]), ([-1.0, 0.0], [0.1, 2.1])
     )]  # fmt: skip
     scene = scene_of({"mobile": {"radius": 0.1}, "goal": {"point": [2.0, 0.0]}, "obstacle": cell})
-    found = plan(scene, seconds=1.0, planner=planner)
+    found = plan(scene, seconds=0.5)
     assert not found
     assert found.status is PlanStatus.TIME_LIMIT
-    assert f"{method} found no path in 1 s" in found.reason
+    assert "RRT-Connect and LBKPIECE found no path in 0.5 s" in found.reason
     assert np.array_equal(found.path, scene.start[None])
 
 
@@ -144,14 +143,6 @@ def test_joints_that_do_not_move_the_node_are_locked_by_default(panda, root):
     assert goal.locked == ()
 
 
-def test_a_scene_with_joint_values_is_the_same_when_it_is_read_again(around_post, panda):
-    again = scene_of(around_post.document(), mechanism=panda)
-    assert again.goal_joints == around_post.goal_joints
-    assert again.goal_configuration == pytest.approx(around_post.goal_configuration, abs=1e-12)
-    assert again.goal.isApprox(around_post.goal, 1e-9)
-    assert again.locked == around_post.locked
-
-
 def test_some_joint_values_leave_the_others_free(root):
     """At the start's value of joint1 the arm would be inside a disc at the goal."""
     post = {"kind": "disc", "radius": 0.1, "point": [0.6, 0.55]}
@@ -188,9 +179,8 @@ def test_goals_and_locks_that_make_no_sense_are_refused(panda, values, reason):
 # --- shortcuts ----------------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("name", ["rod", "generic"])
-def test_paths_of_vortices_become_shorter_and_stay_clear(root, name):
-    scene = load_scene(root / f"robots/scenes/{name}.toml")
+def test_paths_of_vortices_become_shorter_and_stay_clear(root):
+    scene = load_scene(root / "robots/scenes/rod.toml")
     raw, short = (plan(scene, planner="vortex", shorten=shorten, seconds=60.0) for shorten in (False, True))
     assert raw
     assert short

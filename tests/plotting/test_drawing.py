@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import io
 import math
 from dataclasses import replace
 from functools import cache
@@ -12,17 +11,12 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
-from lxml import etree
-from matplotlib import rc_context
 from matplotlib.backends.backend_agg import FigureCanvasAgg
-from matplotlib.figure import Figure
 from scipy.spatial import ConvexHull
 
 from cinegen.assembly import assembly_modes
 from cinegen.model.motion_plane import motion_plane
-from cinegen.plotting import DrawingError, Projection, Skeleton, draw_modes, views
-from cinegen.plotting.ground import ground_of
-from cinegen.plotting.sheet import finish, label, sheet
+from cinegen.plotting import DrawingError, Skeleton, draw_modes, views
 from cinegen.plotting.stick import hull
 
 PARALLEL = ("tssm", "delta4", "planar_hybrid")
@@ -91,38 +85,6 @@ def test_a_jack_is_as_long_as_its_motor_says(robot, modes):
             assert slides[joint].actuated
 
 
-def test_links_of_the_delta_are_as_long_as_its_file_says(robot):
-    pose = Skeleton(robot("delta4")).at(robot("delta4").q_home)
-    bars = sorted(math.dist(*part.points) for part in pose.parts if len(part.points) == 2)
-    assert bars == pytest.approx([2.0] * 3 + [3.5] * 3)
-    plates = [part for part in pose.parts if part.normal is not None]
-    assert [len(plate.points) for plate in plates] == [3, 3]
-    for plate, radius in zip(plates, (1.5, 0.50654), strict=True):
-        assert np.linalg.norm(plate.points[:, :2], axis=1) == pytest.approx([radius] * 3, abs=1e-5)
-        np.testing.assert_allclose(plate.normal, [0.0, 0.0, 1.0], atol=1e-9)
-
-
-def test_a_plate_keeps_its_side(robot, modes):
-    """The delta's platform never turns over; the TSSM's does."""
-    for name, turned in (("delta4", {True}), ("tssm", {True, False})):
-        skeleton = Skeleton(robot(name))
-        sides = set()
-        for q in modes(name):
-            (plate,) = [part for part in skeleton.at(q).parts if part.normal is not None and not part.is_base]
-            assert np.linalg.norm(plate.normal) == pytest.approx(1.0)
-            assert np.ptp(plate.points @ plate.normal) < 1e-9
-            sides.add(bool(plate.normal[2] > 0.0))
-        assert sides == turned
-
-
-@pytest.mark.parametrize(("name", "plane"), [("five_bar", [0, 0, 1]), ("sr400", None)])
-def test_what_moves_in_a_plane_is_known(robot, name, plane):
-    found = motion_plane(robot(name))
-    assert (found is None) == (plane is None)
-    if plane is not None:
-        np.testing.assert_allclose(found, plane, atol=1e-12)
-
-
 # --- views -------------------------------------------------------------------------------------------------------
 
 
@@ -170,11 +132,6 @@ def test_an_outline_is_the_convex_hull(points):
     area = 0.5 * sum(a[0] * b[1] - a[1] * b[0] for a, b in zip(found, np.roll(found, -1, axis=0), strict=True))
     assert area == pytest.approx(expected.volume, rel=1e-9)
     assert {tuple(corner) for corner in found} <= {tuple(point) for point in points}
-
-
-def test_a_plate_seen_on_its_edge_is_a_line():
-    line = np.array([[0.0, 0.0], [1.0, 2.0], [3.0, 6.0], [2.0, 4.0]])
-    assert {tuple(corner) for corner in hull(line)} == {(0.0, 0.0), (3.0, 6.0)}
 
 
 # --- sheets ------------------------------------------------------------------------------------------------------
@@ -226,39 +183,6 @@ def test_every_panel_shows_something_and_stands_for_itself(drawn, name):
     assert (taken > 1).sum() <= 2 * sum(pixels.shape[:2]) * len(figure.axes)  # a pixel at their edges
 
 
-@pytest.mark.parametrize("name", ["tssm", "five_bar"])
-def test_robots_above_their_base_have_a_ground_and_a_shadow(modes, drawn, name):
-    """Of each robot some modes are above the plane of the base, and others hang from it."""
-    figure, _ = drawn(name)
-    heights = [pose.translation[2] for pose in modes(name).placements()]
-    stand = [height > 1e-9 for height in heights]
-    assert any(stand) == (name != "five_bar")  # which is seen from above
-    assert not all(stand)
-    for axes in figure.axes:
-        _, number, *view = axes.get_label().split()
-        behind = [one for one in [*axes.patches, *axes.lines] if one.get_zorder() < 2.0]
-        assert (len(behind) > 6) == (stand[int(number) - 1] and view == ["perspective"])
-
-
-def test_a_shadow_is_below_what_throws_it(robot):
-    skeleton = Skeleton(robot("gough"))
-    pose = skeleton.at(robot("gough").q_home)
-    ground = ground_of([pose])
-    view = Projection("top", np.eye(3), np.zeros(3))
-    axes = Figure().add_subplot()
-    ground.paint(axes, pose, view, 2.0)
-    disc, *plates = axes.patches
-    assert ground.height == pytest.approx(min(part.points[:, 2].min() for part in pose.parts if part.is_base))
-    assert np.hypot(*(disc.get_xy() - disc.get_xy().mean(axis=0)).T).min() > 0.0
-    (platform,) = (part for part in pose.parts if len(part.points) > 2 and not part.is_base)
-    (shadow,) = plates
-    corners = {tuple(np.round(point[:2], 12)) for point in platform.points}
-    assert {tuple(np.round(point, 12)) for point in shadow.get_xy()} <= corners
-    inside = disc.get_path().contains_points(np.vstack([line.get_xydata() for line in axes.lines]))
-    assert len(axes.lines) >= 6
-    assert inside.all()
-
-
 def _overlap(one, other):
     return one.x0 < other.x1 and other.x0 < one.x1 and one.y0 < other.y1 and other.y0 < one.y1
 
@@ -276,24 +200,6 @@ def test_words_are_on_the_sheet_and_not_on_each_other(drawn, name):
         assert not any(_overlap(box, other) for other in boxes[:k])
 
 
-def test_forty_modes_are_still_a_sheet(modes):
-    few = modes("delta4")
-    many = replace(few, configurations=few.configurations * 20, coincident=(1, 2) + (1,) * 38)
-    figure = draw_modes(many, name="a robot of forty")
-    assert len(figure.axes) == 120
-    assert max(figure.get_size_inches()) < 25.0
-    FigureCanvasAgg(figure)
-    boxes = [text.get_window_extent() for text in figure.texts if text.get_text()]
-    assert not any(_overlap(box, other) for k, box in enumerate(boxes) for other in boxes[:k])
-    assert any("×2" in text.get_text() for text in figure.texts)
-
-
-def test_what_is_outside_its_limits_is_marked(robot, modes, drawn):
-    figure, _ = drawn("tssm")
-    marked = sum("outside" in text.get_text() for text in figure.texts)
-    assert marked == sum(bool(robot("tssm").limits.outside(q)) for q in modes("tssm"))
-
-
 def test_nothing_can_be_drawn_of_no_mode(modes):
     none = replace(modes("five_bar"), configurations=(), coincident=())
     with pytest.raises(DrawingError, match="no assembly mode"):
@@ -301,21 +207,3 @@ def test_nothing_can_be_drawn_of_no_mode(modes):
 
 
 # --- limits ------------------------------------------------------------------------------------------------------
-
-
-def test_a_dollar_sign_is_a_dollar_sign():
-    """Before, names with two of them were formulas: changed, or an error where they are no valid ones."""
-    name = r"$\nonsense{$"
-    figure, body = sheet(5.0, 3.0, name, name)
-    axes = body.subplots()
-    axes.plot([1.0, 2.0], [1.0, 1000.0], label=name)
-    axes.set_yscale("log")
-    axes.set_xticks([1.0, 2.0], [name, name])
-    label(axes, name, name)
-    finish(figure)
-    file = io.BytesIO()
-    with rc_context({"svg.fonttype": "none"}):
-        figure.savefig(file, format="svg")
-    texts = ["".join(one.itertext()) for one in etree.fromstring(file.getvalue()).iter("{*}text")]
-    assert texts.count(name) == 7
-    assert "102" in ["".join(one.split()) for one in texts]  # powers stay formulas: 10 to the power of 2

@@ -2,8 +2,6 @@
 
 import math
 import warnings
-from dataclasses import replace
-from itertools import pairwise
 
 import numpy as np
 import pytest
@@ -12,21 +10,17 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.colors import BoundaryNorm, LogNorm, to_hex
-from matplotlib.figure import Figure
 from matplotlib.text import Text
 
 from cinegen.plotting.comparison import BOTH, FIRST, SECOND, draw_comparison
 from cinegen.plotting.loci import TYPE_2
 from cinegen.plotting.map import draw_map
 from cinegen.plotting.plane import ROBOT
-from cinegen.plotting.sheet import wrapped
 from cinegen.plotting.solid import net
-from cinegen.plotting.units import extent_text
 from cinegen.singularities import SingularityType, singularity
 from cinegen.workspace import GridAxis, MapError, MapSpecification, Region, make_map
-from cinegen.workspace.extent import Extent, extent
+from cinegen.workspace.extent import extent
 from cinegen.workspace.loci import loci
-from cinegen.workspace.specification import specification_of
 
 
 @pytest.fixture(scope="module")
@@ -46,7 +40,7 @@ def made(robot, tmp_path_factory):
 def five_bar(made):
     """The whole plane of its tool, in cells that are not square."""
     return made(
-        "five_bar", ("x", -0.7, 0.7, 34), ("y", -0.75, 0.75, 40), quantities=("sigma_1", "sigma_2", "condition")
+        "five_bar", ("x", -0.7, 0.7, 22), ("y", -0.75, 0.75, 26), quantities=("sigma_1", "sigma_2", "condition")
     )
 
 
@@ -66,20 +60,6 @@ def rendered(figure):
         warnings.simplefilter("error", UserWarning)  # that its layout does not fit
         FigureCanvasAgg(figure).draw()
     return figure
-
-
-def cut_off(figure):
-    """What is written, but for numbers of solids, and sticks out of the sheet."""
-    solid = {text for axes in figure.axes if axes.name == "3d" for text in axes.findobj(Text)}
-    found = [text for text in set(figure.findobj(Text)) - solid if text.get_text() and text.get_visible()]
-    page = figure.bbox.padded(1.0)
-    return [text.get_text() for text in found if page.count_contains(text.get_window_extent().corners()) < 4]
-
-
-def running_together(axis):
-    """Neighbouring numbers of an axis that overlap."""
-    boxes = [label.get_window_extent() for label in axis.get_ticklabels() if label.get_text()]
-    return sum(one.overlaps(other) for one, other in pairwise(boxes))
 
 
 def points_of(curves, kind):
@@ -104,10 +84,10 @@ def test_a_five_bars_curves_are_circles(five_bar, robot):
     assert np.abs(away[:, :, None] - [0.65, 0.15]).min(axis=(0, 2)).max() < 1e-5
     for x in (-0.15, 0.15):
         for radius in (0.65, 0.15):
-            assert (np.abs(np.hypot(first[:, 0] - x, first[:, 1]) - radius) < 1e-5).sum() > 15
+            assert (np.abs(np.hypot(first[:, 0] - x, first[:, 1]) - radius) < 1e-5).sum() > 8
     off = np.abs([np.hypot(second[:, 0], second[:, 1] - y) - 0.4 for y in (-0.2, 0.2)]).min(axis=0)
     assert off.max() < 1e-6
-    assert len(second) > 20
+    assert len(second) > 10
     for curve in curves:
         for point, q in zip(curve.points[::5], curve.q[::5], strict=True):
             np.testing.assert_allclose(robot("five_bar").placement(q, "tool").translation[:2], point, atol=1e-7)
@@ -148,11 +128,6 @@ def test_beside_what_nobody_has_looked_at_nothing_ends(wrist):
     assert np.abs(radii[:, None] - [0.7, 0.1]).min(axis=1).max() < 1e-6
 
 
-def test_a_line_has_no_curves(made):
-    with pytest.raises(MapError, match="maps over two axes with two cells or more each; this one has 3 cells over x"):
-        loci(made("planar_3r", ("x", 0.2, 0.4, 3)))
-
-
 # --- two axes ----------------------------------------------------------------------------------------------------
 
 
@@ -176,17 +151,6 @@ def test_a_picture_has_colours_levels_curves_and_the_robot(drawn, five_bar, robo
     assert not [artist for artist in bare.get_children() if artist.get_gid() == ROBOT]
 
 
-def test_its_words_say_what_it_is(drawn, five_bar):
-    said = words(drawn)
-    spec = specification_of(five_bar)
-    measured = extent(five_bar)
-    for part in ("x (m)", "y (m)", "σ₁: smallest singular value of type 1", f"{spec.mechanism.name}: reach of tool",
-                 str(measured).replace("m^2", "m²"), "joint limits left out", "type 1: lost DoF",
-                 "type 2: uncontrolled DoF", "robot at home", "out of reach"):  # fmt: skip
-        assert part in said
-    assert draw_map(five_bar, name="a linkage", curves=False).get_suptitle() == "a linkage: reach of tool"
-
-
 def test_each_quantity_has_its_scale(made, five_bar):
     condition = draw_map(five_bar, "condition", curves=False)
     shades = [mesh for mesh in condition.axes[0].collections if type(mesh).__name__ == "QuadMesh"][-1]
@@ -202,48 +166,6 @@ def test_each_quantity_has_its_scale(made, five_bar):
     assert {"reachable", "reachable\n(by search)"} <= {tick.get_text() for tick in settled.axes[1].get_yticklabels()}
     with pytest.raises(MapError, match="this map has no quantity 'sigma_3': did you mean 'sigma_2'"):
         draw_map(five_bar, "sigma_3")
-
-
-def test_turns_are_in_degrees_and_have_no_robot(made):
-    turns = made("planar_3r", ("joint2", -0.8, 0.9, 5), ("joint3", -0.9, 0.8, 4), at={"joint1": 0.3})
-    figure = rendered(draw_map(turns))
-    axes = figure.axes[0]
-    assert axes.get_xlabel() == "joint2 (°)"
-    np.testing.assert_allclose(axes.get_xlim(), np.degrees([-0.8, 0.9]))
-    assert not [artist for artist in axes.get_children() if artist.get_gid() == ROBOT]
-    (line,) = [line for line in axes.lines if len(line.get_xdata())]
-    assert np.abs(line.get_xdata()).max() < 1e-4
-    assert "joint1 17.19°" in words(figure)
-
-
-def test_a_long_name_takes_nothing_from_the_picture(made):
-    """And neither it nor any other word sticks out of the sheet."""
-    sides = (2.0, 0.4)
-    axes = [(name, -0.5 * side, 0.5 * side, 4) for name, side in zip("xy", sides, strict=True)]
-    region = made("planar_3r", *axes, at={"rz": 0.0}, quantities=("solutions", "sigma_1"))
-    short, long = (rendered(draw_map(region, "status", curves=False, name=name)) for name in ("arm", "a_name" * 20))
-    sizes = [figure.axes[0].get_window_extent().size for figure in (short, long)]
-    np.testing.assert_allclose(*sizes, rtol=0.02)
-    assert sizes[0].max() > 0.45 * min(short.bbox.size)
-    counts = rendered(draw_map(region, "solutions", curves=False))
-    assert cut_off(short) == cut_off(long) == cut_off(counts) == []
-
-
-@given(st.text("Wiaou_ ", min_size=1, max_size=80), st.floats(0.5, 6.0), st.floats(6.0, 12.0))
-@settings(max_examples=60, deadline=None)
-def test_words_are_put_in_lines_that_fit(said, room, points):
-    lines = wrapped(said, room, points)
-    assert "".join(lines.split()) == "".join(said.split())
-    figure = Figure(dpi=150)
-    FigureCanvasAgg(figure)
-    assert figure.text(0.0, 0.0, lines, fontsize=points).get_window_extent().width <= 1.02 * 150.0 * room + 2.0
-
-
-def test_an_error_that_is_rounding_is_not_written():
-    ball = Extent(4.524, 4.524 - 8.9e-16, 4.524 + 8.9e-16, "m^2", 12)
-    assert extent_text(ball) == "4.524 m²"
-    assert extent_text(replace(ball, low=4.4)) == "4.52 ± 0.12 m²"
-    assert extent_text(Extent(0.0, 0.0, 0.5, "m^2", 0)) == "0.00 ± 0.50 m²"
 
 
 # --- other numbers of axes ---------------------------------------------------------------------------------------
@@ -262,24 +184,6 @@ def test_over_a_line_it_is_a_curve(made):
     assert axes.get_xlabel() == "x (m)"
 
 
-def test_a_single_cell_in_a_line_is_seen(made):
-    line = made("planar_3r", ("x", 0.0, 1.2, 3), at={"y": 0.0, "rz": 0.0})
-    assert list(line.reachable.values) == [False, True, False]
-    for figure in (draw_map(line), draw_comparison(line, line)):
-        dots = [artist for artist in figure.axes[0].lines if artist.get_marker() == "."]
-        assert [list(dot.get_xdata()) for dot in dots] == [pytest.approx([0.6])]
-
-
-def test_directions_seen_from_a_centre_are_on_a_map_of_the_sphere(made):
-    sphere = made("rx90", ("azimuth", -math.pi, math.pi, 12), ("elevation", -math.pi / 2, math.pi / 2, 6),
-                  at={"radius": 0.5}, centre=(0.0, 0.0, 0.42))  # fmt: skip
-    figure = rendered(draw_map(sphere, curves=False))
-    assert figure.axes[0].name == "hammer"
-    assert "radius 0.5 m; seen from x 0 m, y 0 m, z 0.42 m" in words(figure)
-    two = rendered(draw_comparison(sphere, sphere))
-    assert [axes.name for axes in two.axes[:2]] == ["hammer", "hammer"]
-
-
 @pytest.mark.parametrize("low", [0.0, 37.0])
 def test_wherever_azimuths_begin_the_sphere_is_whole_and_its_numbers_are_right(made, low):
     azimuths = ("azimuth", math.radians(low), math.radians(low + 360.0), 12)
@@ -296,22 +200,6 @@ def test_wherever_azimuths_begin_the_sphere_is_whole_and_its_numbers_are_right(m
         assert math.remainder(turned, 2.0 * math.pi) == pytest.approx(0.0, abs=1e-9)
 
 
-def test_a_solid_is_within_its_axes(made):
-    """Whose limits are those of its cells and a little room, and as thick as these are."""
-    layers = 1
-    slab = made("rx90", ("x", -1.0, 1.0, 8), ("y", -1.0, 1.0, 8), ("z", 0.2, 0.2 + 0.1 * layers, layers),
-                quantities=("sigma_1",))  # fmt: skip
-    figure = rendered(draw_map(slab, curves=False))
-    (solid,) = [axes for axes in figure.axes if axes.name == "3d"]
-    limits = np.array([solid.get_xlim(), solid.get_ylim(), solid.get_zlim()])
-    assert limits[2] == pytest.approx([0.2, 0.2 + 0.1 * layers], abs=0.05 * 0.1 * layers)
-    body = np.column_stack([solid.xy_dataLim.get_points(), solid.zz_dataLim.intervalx]).T
-    assert (body[:, 0] >= limits[:, 0]).all()
-    assert (body[:, 1] <= limits[:, 1]).all()
-    assert solid._box_aspect[2] < 0.2 * solid._box_aspect[:2].max()
-    assert [running_together(axis) for axis in (solid.xaxis, solid.yaxis, solid.zaxis)] == [0, 0, 0]
-
-
 def test_over_three_axes_there_are_slices_and_a_solid(made):
     box = made("planar_3r", ("x", -1.0, 1.0, 10), ("y", -1.0, 1.0, 9), ("rz", -3.0, 3.0, 7), quantities=("sigma_1",))
     figure = rendered(draw_map(box, curves=False))
@@ -325,25 +213,6 @@ def test_over_three_axes_there_are_slices_and_a_solid(made):
         (shades,) = axes.collections[-1:]
         assert np.ma.count(shades.get_array()) == int(cells.reachable.sum())
     assert str(extent(box)).replace("m^2", "m²") in words(figure)
-
-
-def test_a_sliver_of_space_has_a_picture_of_usual_size(made):
-    """Were what is as long drawn as long, it would be a kilometre high."""
-    sides = {"x": 0.0004, "y": 0.8, "z": 0.4}
-    for names in ("xy", "xyz"):
-        axes = [(name, -0.5 * sides[name] - (1.8 if name == "z" else 0.0),
-                 0.5 * sides[name] - (1.8 if name == "z" else 0.0), 4) for name in names]  # fmt: skip
-        wide, tall = draw_map(made("delta4", *axes, at={} if len(names) == 3 else {"z": -1.8})).get_size_inches()
-        assert 0.2 < tall / wide < 1.5
-
-
-def test_over_more_axes_the_middle_is_shown_and_said(made):
-    full = made("arm7", ("x", -0.5, 0.5, 4), ("y", -0.5, 0.5, 3), ("z", 0.2, 0.6, 3), ("rz", -1.0, 1.0, 3),
-                quantities=("sigma_1",))  # fmt: skip
-    said = words(rendered(draw_map(full, curves=False)))
-    assert "middle slice; in all reached:" in said
-    assert "z 0.4 m" in said
-    assert "rz 0°" in said
 
 
 # --- solids ------------------------------------------------------------------------------------------------------
@@ -370,13 +239,6 @@ def volume(surface):
         corners = surface.points[surface.quads]
         total += np.einsum("ni,ni->", corners[:, a], np.cross(corners[:, b], corners[:, c])) / 6.0
     return total
-
-
-def test_a_ball_of_cells_becomes_a_ball():
-    cells = np.linalg.norm(np.moveaxis(np.indices((21, 21, 21)), 0, -1) - 10.0, axis=-1) <= 8.3
-    radii = np.linalg.norm(net(cells).points - 10.0, axis=1)
-    assert np.abs(radii - 8.3).max() < 0.5
-    assert volume(net(cells)) == pytest.approx(4.0 / 3.0 * math.pi * 8.3**3, rel=0.03)
 
 
 # --- two maps ----------------------------------------------------------------------------------------------------

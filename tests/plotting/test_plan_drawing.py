@@ -169,20 +169,6 @@ def test_no_drawn_body_of_the_robot_is_in_a_drawn_obstacle(found):
         assert np.linalg.norm(out, axis=1).min() >= way.scene.safety - 1e-9
 
 
-def test_the_clearance_along_the_way_is_that_of_the_plan(found):
-    way = found("rod")
-    strip = draw_plan(way).axes[-1]
-    safety, curve = strip.lines[0].get_ydata(), strip.lines[1].get_xydata()
-    assert safety[0] == pytest.approx(way.scene.safety)
-    assert (curve[0, 0], curve[-1, 0]) == pytest.approx((0.0, 100.0))
-    assert curve[0, 1] == pytest.approx(way.clearances[0])
-    assert curve[-1, 1] == pytest.approx(way.clearances[-1])
-    assert curve[:, 1].min() >= way.clearance - 1e-9
-    assert curve[:, 1].min() <= way.clearances.min() + 1e-9
-    low, high = strip.get_ylim()
-    assert low <= curve[:, 1].min() < high
-
-
 def test_what_moves_in_space_is_seen_from_three_sides(over_the_wall):
     way = over_the_wall
     assert way

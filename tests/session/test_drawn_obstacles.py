@@ -16,7 +16,7 @@ from cinegen.collision.obstacle_kinds import HEIGHT
 from cinegen.collision.triangle_mesh import tree_of
 from cinegen.mission import MissionError, MissionRecorder, Recording, RobotSample
 from cinegen.mission.drawn_obstacle import DrawnObstacle, DrawnShape
-from cinegen.session import Setup, SetupError, scene_setup
+from cinegen.session import scene_setup
 from cinegen.session.driven_obstacle import DrivenObstacle
 from cinegen.session.scene_setup import SceneAppearance
 from cinegen.typed_json import decoder, encode
@@ -106,11 +106,3 @@ def test_a_recording_keeps_the_poses_of_obstacles(robot, tmp_path):
     path.write_text(path.read_text().replace('"obstacles":{"ball":[', '"obstacles":{"bell":['))
     with pytest.raises(MissionError, match=r"jsonl:3: obstacle 'bell' is not in the first line"):
         Recording.load(path)
-
-
-def test_a_robot_and_an_obstacle_have_different_names(robot, tmp_path):
-    arm, box = robot("planar_3r"), DrawnObstacle((), pin.SE3.Identity(), 0)
-    with pytest.raises(SetupError, match="both a robot and an obstacle are called 'arm'"):
-        Setup({"arm": arm}, obstacles={"arm": box})
-    with pytest.raises(MissionError, match="both a robot and an obstacle are called 'arm'"):
-        MissionRecorder(tmp_path / "run.jsonl", {"arm": arm}, obstacles={"arm": box})

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from itertools import pairwise
 
 import numpy as np
@@ -12,8 +11,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import cinegen
-from cinegen.session import Session, Setup, decode_command
-from cinegen.session.commands import MoveTo, Undo
+from cinegen.session import Session, Setup
+from cinegen.session.commands import MoveTo
 from cinegen.session.motion import LineMotion
 
 DT = 2e-3
@@ -80,26 +79,6 @@ def test_another_assembly_mode_is_come_to_at_once_and_said(robot):
     assert "moved there without a path" in trouble
     assert max(bars.closure(q) for q in passed) < 1e-9
     assert np.sort(steps(bars, passed))[-2] < LONGEST  # but for that one
-
-
-def test_in_a_session_it_is_an_undo_step(robot):
-    delta = robot("delta4")
-    goal = cinegen.model.ForwardKinematics(delta).move({"joint1": 0.3, "joint6": -0.2})
-    session = Session(Setup({"delta4": delta}))
-    home = session.robots["delta4"].q
-    message = {"type": "move_to", "robot": "delta4", "node": "platform", "q": goal.tolist()}
-    session.obey(decode_command(json.dumps(message), session.setup))
-    session.tick()
-    assert session.state().moving == "move_to"
-    for _ in range(4000):
-        session.tick()
-    assert session.state().moving is None
-    assert session.state().robots["delta4"].q.tolist() == goal.tolist()
-    session.obey(Undo())
-    for _ in range(4000):
-        session.tick()
-    assert session.state().robots["delta4"].q == pytest.approx(home, abs=1e-9)
-    session.close()
 
 
 @pytest.mark.parametrize(("wrong", "words"), [(0.1, "open loops"), (None, "numbers")])

@@ -8,7 +8,6 @@ import signal
 import subprocess
 import sys
 import time
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -19,18 +18,6 @@ from cinegen.jit.starting import COMPILATION
 from cinegen.session import Session, SessionRunner, arrange
 from cinegen.session import commands as c
 from cinegen.session.runner import INTERPRETED_RATE, _next_period
-
-
-@pytest.mark.parametrize(("priority", "scheduling"), [(0, "ordinary scheduling"), (7, "SCHED_FIFO 7")])
-def test_a_session_has_the_priority_that_its_setup_asks_for(robot, monkeypatch, priority, scheduling):
-    monkeypatch.setattr("os.sched_setscheduler", lambda *_: None)
-    monkeypatch.setattr("os.sched_getaffinity", lambda _: {0, 1})
-    monkeypatch.setattr("cinegen.realtime.scheduling._RESERVED", f"\0cinegen test {os.getpid()} ")
-    setup = replace(arrange({"arm": robot("planar_3r")}), priority=priority)
-    with SessionRunner(setup, own_process=False) as runner:
-        while runner.state is None:
-            pass
-    assert runner.report().scheduling == scheduling
 
 
 def test_what_ended_a_session_is_raised_also_where_the_system_says_so(robot, monkeypatch):
@@ -127,17 +114,6 @@ def test_a_session_has_its_rate_as_soon_as_its_kernels_are_compiled(robot, monke
         COMPILATION._waiting.clear()
         assert becomes(lambda: runner.report().period == 1.0 / 500.0)
         assert becomes(lambda: runner.state.time > before + 0.5)
-
-
-def test_a_rate_rises_by_and_by_and_one_below_that_of_interpreted_kernels_is_kept(monkeypatch):
-    period, passed = 1.0 / INTERPRETED_RATE, 0.0
-    while (period := _next_period(500.0, period)) > 1.0 / 500.0:
-        passed += period
-    assert passed > 0.3
-    assert _next_period(20.0, 1.0 / 20.0) == 1.0 / 20.0
-    monkeypatch.setattr(COMPILATION, "_waiting", [object()])
-    assert _next_period(20.0, 1.0 / 20.0) == 1.0 / 20.0
-    assert _next_period(500.0, 1.0 / INTERPRETED_RATE) == 1.0 / INTERPRETED_RATE
 
 
 @pytest.mark.parametrize("name", ["planar_3r", "delta4"])

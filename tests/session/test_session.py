@@ -120,18 +120,6 @@ def test_a_motor_goes_where_its_slider_says_and_loops_stay_closed(session, name)
     assert run(one, 0.1, c.EndJointMotion()).moving is None
 
 
-def test_home_is_reached_exactly_from_anywhere(session):
-    one = session("gough", "arm7")
-    for name in ("gough", "arm7"):
-        end = one.setup.robots[name].end
-        begin = place(one.state(), one, name, end)
-        run(one, 0.3, c.StartDrag(name, end, (0, 0, 0)), c.MoveDrag(tuple(begin + 0.05)), c.EndDrag())
-    state = run(one, 5.0, c.MoveHome(None))
-    for name in ("gough", "arm7"):
-        assert np.abs(state.robots[name].q - one.setup.robots[name].q_home).max() < 1e-9
-    assert state.moving is None
-
-
 def test_a_switch_ties_a_sensor_to_a_node_and_the_hand_borrows_it(session):
     one = session("delta4")
     state = run(one, 0.2, c.SelectSensor("delta4", "platform", "gamepad"))

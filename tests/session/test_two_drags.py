@@ -54,23 +54,6 @@ def test_two_pointers_on_one_part_rotate_it(session):
     assert np.linalg.norm(line - goal.rotation[:, 0]) < 1e-6
 
 
-def test_the_harder_pull_wins(session):
-    """Both pull one point, from opposite sides: it comes to rest where the weighted squares of both errors, w² |e|²,
-    are least, between the two by w² : 1."""
-    one = session("rx90")
-    begin, way = at(one, "rx90", "tool"), np.array([0.0, 0.05, 0.0])
-    for pointer, side in enumerate((1.0, -1.0)):
-        one.obey(c.StartDrag("rx90", "tool", (0, 0, 0), pointer=pointer))
-        one.obey(c.MoveDrag(tuple(begin + side * way), pointer=pointer))
-    run(one, 1.0)
-    assert np.linalg.norm(at(one, "rx90", "tool") - begin) < 1e-4  # equal weights
-    weight = 3.0
-    state = run(one, 2.0, c.MoveDrag(tuple(begin + way), weight=weight))
-    assert [task.weight for task in state.robots["rx90"].tasks] == [weight, 1.0]
-    expected = begin + way * (weight**2 - 1.0) / (weight**2 + 1.0)
-    assert np.linalg.norm(at(one, "rx90", "tool") - expected) < 1e-4
-
-
 def test_both_drags_are_one_undo_step(session):
     one = session("delta4", "rx90")
     home = {name: robot.q for name, robot in one.state().robots.items()}

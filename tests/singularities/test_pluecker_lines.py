@@ -37,15 +37,6 @@ def test_its_moment_is_that_of_all_its_points(seed, length):
 
 
 @given(seeds)
-def test_the_nearest_point_is_on_it_and_straight_across(seed):
-    rng = np.random.default_rng(seed)
-    line, point = _random(rng), rng.normal(size=3)
-    nearest = line.nearest(point)
-    assert np.cross(nearest - line.point, line.direction) == pytest.approx(np.zeros(3), abs=1e-12)
-    assert (nearest - point) @ line.direction == pytest.approx(0.0, abs=1e-12)
-
-
-@given(seeds)
 def test_it_moves_with_its_points(seed):
     rng = np.random.default_rng(seed)
     a, b, shift = rng.normal(size=(3, 3))
@@ -56,11 +47,6 @@ def test_it_moves_with_its_points(seed):
     )
     for name in ("direction", "moment", "point"):
         assert getattr(moved, name) == pytest.approx(getattr(expected, name), abs=1e-12)
-
-
-def test_directions_of_any_size_make_a_line():
-    for size in (1e-300, 1.0, 1e300):
-        assert PlueckerLine.along([0, 0, 1], [size, 0, 0]).coordinates == pytest.approx([1, 0, 0, 0, 1, 0])
 
 
 @pytest.mark.parametrize(
@@ -96,10 +82,3 @@ def test_a_screw_is_the_velocity_of_its_motion(seed, pitch):
     assert back.pitch == pytest.approx(pitch, abs=1e-8)
     assert abs(back.axis.direction @ axis.direction) == pytest.approx(1.0)
     assert back.axis.nearest(axis.point) == pytest.approx(axis.point, abs=1e-9)
-
-
-def test_a_translation_turns_about_a_line_at_infinity():
-    screw = LineFrame(np.zeros(3), 2.0).screw(np.array([0, 0, 0, 0, -3.0, 0]), 1e-9)
-    assert screw.pitch == math.inf
-    assert screw.axis.normal == pytest.approx([0, 1, 0])
-    assert screw.coordinates == pytest.approx([0, 0, 0, 0, 1, 0])

@@ -112,20 +112,6 @@ def test_type_2_of_a_five_bar_is_where_its_outer_bars_are_in_line(robot):
     assert "with all actuated joints locked tool can make a rotation about the axis" in found.message
 
 
-def test_type_1_of_a_five_bar_is_where_an_arm_is_stretched(robot):
-    mechanism = robot("five_bar")
-    q = mechanism.close(mechanism.configuration({"joint2": 0.0}), ["joint2"])
-    found = singularity(mechanism, q)
-    assert found.kind is SingularityType.TYPE_1
-    arm = mechanism.placement(q, "tool").translation - mechanism.placement(q, "link1").translation
-    assert found.lost_dof.pitch == math.inf
-    lost = found.lost_dof.axis.coordinates[3:]
-    assert abs(lost @ arm) == pytest.approx(np.linalg.norm(arm), rel=1e-9)  # along the stretched arm
-    line = found.supported_wrench.axis
-    assert found.supported_wrench.pitch == pytest.approx(0.0, abs=1e-9)
-    assert np.allclose(np.cross(line.direction, arm), 0.0, atol=1e-9)  # which bears a force along itself
-
-
 @pytest.mark.parametrize("parallel", [False, True])
 def test_a_3rrr_gains_a_motion_where_its_outer_bars_meet_in_a_point_or_are_parallel(raff, parallel):
     heads = np.array(HEADS)
@@ -277,21 +263,6 @@ def test_legs_in_any_variety_leave_six_motions_minus_their_rank(raff, maker):
     assert_motions_keep_leg_lengths(mechanism, mechanism.q_home, found, feet, heads)
 
 
-def test_legs_that_nearly_meet_in_one_point_nearly_leave_all_rotations(raff):
-    rng, point = np.random.default_rng(0), np.array([0.1, 0.0, 0.3])
-    feet, heads = concurrent(rng, point)
-    heads = heads + 1e-4 * rng.normal(size=heads.shape)
-    mechanism = raff(linkages.hexapod(rng, feet=feet, heads=heads).text(joint_digits=None))
-    found = singularity(mechanism, mechanism.q_home)
-    assert not found
-    assert found.near is SingularityType.TYPE_2
-    assert found.uncontrolled.order == 3
-    assert found.uncontrolled.type == "IIA"
-    assert "tool can nearly make any rotation about the point" in found.message
-    assert found.dependence.nearly
-    assert found.dependence.class_of_all is GrassmannClass.BUNDLE
-
-
 @pytest.mark.parametrize(("straight", "lost"), [((), 0), (("joint5",), 1), (("joint3", "joint5"), 2)])
 def test_an_arm_loses_what_numpy_finds(robot, straight, lost):
     """rx90: its wrist straight, and its elbow too."""
@@ -354,42 +325,9 @@ def test_a_ball_counted_as_one_joint_moves_what_its_three_joints_move(robot, nam
         assert np.allclose(matrices.node @ back, node, atol=1e-12)
 
 
-def test_a_stretched_arm_is_singular_of_type_1(robot):
-    mechanism = robot("planar_3r")
-    found = singularity(mechanism, np.zeros(3))
-    assert found.kind is SingularityType.TYPE_1
-    assert found.second.size == 0
-    assert found.uncontrolled_dof is None
-    assert found.as_dict()["kind"] == "type 1"
-    assert found.message.partition("; ")[2] == (
-        "tool loses, or nearly, a translation along (1, 0, 0); the structure supports a force through (0, 0, 0) m "
-        "along (1, 0, 0) without its actuated joints"
-    )
-
-
-@pytest.mark.parametrize("name", ["planar_3r", "five_bar", "delta4", "gough"])
-def test_a_regular_configuration_loses_and_supports_nothing(robot, name):
-    mechanism = robot(name)
-    found = singularity(mechanism, mechanism.q_home)
-    assert found.near is SingularityType.NONE
-    for words in ("loses", "without its actuated joints", "locked", "can't support"):
-        assert words not in found.message
-
-
 def test_open_loops_are_told(robot):
     mechanism = robot("five_bar")
     q = mechanism.q_home.copy()
     q[0] += 0.1
     with pytest.raises(cinegen.ClosureError, match=r"are open by 0\.\d+ .*close\(q\) first"):
         singularity(mechanism, q)
-
-
-def test_a_short_text_and_a_table_show_singularities(robot):
-    mechanism = robot("tssm")
-    here = singularity(mechanism, mechanism.q_home)
-    assert repr(here).startswith("<Singularity: regular (smallest singular values: ")
-    assert len(repr(here)) < 200
-    turned = Coordinates(mechanism, ("rx", "ry", "rz")).from_home({"rx": 0.0, "ry": 0.0, "rz": math.pi / 2})
-    shown = singularity(mechanism, turned)._repr_html_()
-    assert "general complex (5a)" in shown
-    assert "type 2" in shown

@@ -22,7 +22,7 @@ FLOATING = """<robot name="flying"><link name="world"/><link name="base"/><link 
 
 def test_over_motors_no_cell_is_lost_in_a_pocket_that_the_way_led_into(robot):
     """Each cell on its own straight way from home is the least that a whole piece must hold."""
-    axes = (("joint1", -2.5, 2.5, 14), ("joint6", -2.5, 2.5, 14))
+    axes = (("joint1", -2.5, 2.5, 10), ("joint6", -2.5, 2.5, 10))
     spec = MapSpecification(robot("delta4"), over(*axes), ("sigma_1",))
     together, alone = mapped(spec), mapped(spec, most=1)
     assert (together["reachable"] >= alone["reachable"]).all()

@@ -67,7 +67,7 @@ def test_delta4_s_working_volume_also_where_cells_are_large(robot, counts, most)
 
 
 def test_delta4_has_one_solution_within_limits_and_eight_without(robot):
-    region = over(("x", -5.0, 5.1, 20), ("y", -5.0, 5.2, 20), at={"z": -1.8, "rx": 0.0, "ry": 0.0, "rz": 0.0})
+    region = over(("x", -5.0, 5.1, 14), ("y", -5.0, 5.2, 14), at={"z": -1.8, "rx": 0.0, "ry": 0.0, "rz": 0.0})
     for limits in (True, False):
         found = mapped(MapSpecification(robot("delta4"), region, ("solutions",), limits=limits))
         wanted = delta4(*middles(region), -1.8, limits)
@@ -83,13 +83,6 @@ def test_rx90_s_full_pose_at_a_fixed_orientation(robot):
     found = mapped(MapSpecification(robot("rx90"), region, ("solutions",)))
     points, rotations = region.poses(pin.SE3.Identity(), region.values((slice(None),) * 3))
     agree(found["solutions"], rx90(points, rotations).reshape(region.shape))
-
-
-def test_seven_joints_without_limits_reach_a_ball(robot):
-    region = over(("x", -1.0, 1.0, 9), ("y", -1.0, 1.1, 9), ("z", -0.7, 1.4, 9))
-    found = mapped(MapSpecification(robot("arm7"), region, (), limits=False))
-    x, y, z = middles(region)
-    np.testing.assert_array_equal(found["reachable"], np.sqrt(x**2 + y**2 + (z - 0.34) ** 2) <= 0.926)
 
 
 # --- what is apart ---------------------------------------------------------------------------------------------------
@@ -131,7 +124,7 @@ def test_what_a_robot_does_is_never_said_to_be_too_far(robot, name, limits):
     from cinegen.ik.local_ik import LocalIK
 
     mechanism = robot(name)
-    some = LocalIK(mechanism, (), limits).samples(25, np.random.default_rng(1))
+    some = LocalIK(mechanism, (), limits).samples(12, np.random.default_rng(1))
     for node in mechanism.nodes[1:]:
         placements = [mechanism.placement(q, node) for q in some]
         points, rotations = (np.array([getattr(p, part) for p in placements]) for part in ("translation", "rotation"))

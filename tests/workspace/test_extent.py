@@ -35,15 +35,6 @@ def wrist(robot, tmp_path_factory):
 # --- closed forms ------------------------------------------------------------------------------------------------
 
 
-def test_and_where_it_is_dexterous_a_narrower_one(wrist, robot):
-    """Yoshikawa's measure is l1 l2 |sin q2|, and r^2 = l1^2 + l2^2 + 2 l1 l2 cos q2 of the wrist."""
-    scale = 1.0 / robot("planar_3r").length ** 2
-    found = extent(wrist, wrist.manipulability > 0.4 * 0.3 * scale * 0.6)
-    exact = math.pi * 4.0 * 0.4 * 0.3 * 0.8
-    assert found.low < exact < found.high
-    assert found.value == pytest.approx(exact, rel=0.05)
-
-
 @given(st.floats(0.2, 1.0), st.floats(-0.3, 0.3), st.floats(-0.3, 0.3), st.integers(20, 60), st.integers(20, 60))
 @settings(max_examples=200)
 def test_a_disc_is_always_within_the_bound(radius, x, y, rows, columns):

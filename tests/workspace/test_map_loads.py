@@ -9,7 +9,6 @@ import numpy as np
 import pinocchio as pin
 import pytest
 from mapped import mapped, over
-from random_masses import massive
 
 import cinegen
 from cinegen.dynamics.errors import MassError
@@ -149,26 +148,6 @@ def test_a_spring_at_the_foot_of_a_scissor_lift(raff):
         assert values["stiffness"] == pytest.approx(50.0 / 0.4**2, rel=1e-9)
 
 
-@pytest.mark.parametrize("name", ["five_bar", "sr400", "differential_wrist"])
-def test_reactions_are_those_of_single_configurations(robot, name):
-    mechanism = massive(robot(name))
-    homes = [(joint, float(mechanism.q_home[mechanism.q_index(joint)])) for joint in mechanism.actuated[:2]]
-    region = over(*((joint, home - 0.1, home + 0.1, 2) for joint, home in homes))
-    payloads, wrench = {mechanism.end: 2.0}, (3.0, -20.0, 4.0, 0.1, 0.5, -0.9)
-    given = [cinegen.Payload(mechanism.end, 2.0), cinegen.Payload(mechanism.end, wrench=wrench)]
-    for joint in (mechanism.joints[-1], *(loop.name for loop in mechanism.loops[:1])):
-        spec = MapSpecification(
-            mechanism, region, ("reaction_force", "reaction_moment"), limits=False, payloads=payloads,
-            wrenches={mechanism.end: wrench}, gravity=(1.0, 2.0, -9.0), reaction=joint,
-        )  # fmt: skip
-        for q, values in cells(spec):
-            found = cinegen.forces(mechanism, q, payloads=given, gravity=(1.0, 2.0, -9.0)).reaction(joint)
-            size = 1e-8 * (1.0 + np.linalg.norm(np.nan_to_num(found.wrench)))
-            force, moment = (np.linalg.norm(np.nan_to_num(part)) for part in (found.force, found.moment))
-            assert values["reaction_force"] == pytest.approx(force, rel=1e-8, abs=size)
-            assert values["reaction_moment"] == pytest.approx(moment, rel=1e-8, abs=size)
-
-
 def test_at_a_singularity_forces_have_no_bound_and_nothing_is_stiff(robot):
     """A five-bar with its elbows in one point."""
     five_bar, elbow = robot("five_bar"), math.atan2(-200.0, 150.0)
@@ -181,20 +160,6 @@ def test_at_a_singularity_forces_have_no_bound_and_nothing_is_stiff(robot):
     assert math.isinf(found["reaction_force"].item())
     assert found["stiffness"].item() == 0.0
     assert found["frequency"].item() == 0.0
-
-
-def test_a_map_of_loads_is_the_same_in_another_process(arm):
-    spec = MapSpecification(
-        arm, over(("x", 0.1, 0.8, 4), ("z", -0.5, 0.7, 4)), ("reaction_force", "frequency"), "tip",
-        payloads={"tip": 1}, wrenches={"tip": [1, 2, 3, 4, 5, 6]}, gravity=(0, 0, -3), reaction="elbow",
-        stiffness=SPRINGS,
-    )  # fmt: skip
-    again = MapSpecification.of_attributes(spec.attributes)
-    one, two = mapped(spec), mapped(again)
-    for name in spec.quantities:
-        np.testing.assert_array_equal(one[name], two[name])
-    other = MapSpecification(arm, spec.region, ("frequency",), "tip", stiffness=SPRINGS)
-    assert ("payloads", "{'tip': 1.0}", "{}") in spec.differences(other)
 
 
 @pytest.mark.parametrize(

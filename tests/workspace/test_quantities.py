@@ -19,9 +19,8 @@ import cinegen
 from cinegen.collision.clearance import Clearance, links_of
 from cinegen.model.load import build
 from cinegen.singularities import singularity
-from cinegen.workspace import QUANTITIES, MapError, MapSpecification, make_map
+from cinegen.workspace import MapError, MapSpecification, make_map
 from cinegen.workspace.by_pose import fibonacci_sphere
-from cinegen.workspace.loads import LOADED
 
 SPECIFICATIONS = {
     "five_bar": over(("x", -0.5, 0.5, 6), ("y", -0.5, 0.5, 6)),
@@ -189,15 +188,6 @@ def test_where_the_actuated_joints_control_nothing_there_is_no_speed_and_no_forc
         assert math.isnan(found[name].item())
 
 
-def test_where_a_passive_joint_outside_loops_moves_the_node_sigma_2_is_0_and_there_is_no_speed_and_no_force(raff):
-    arm = raff(TWO_BARS.replace("type 2 pred 1 velocity 180.0", "type 2 pred 1 actuated 0"))
-    found = mapped(MapSpecification(arm, over(("joint1", 0.0, 1.0, 3)), ("sigma_1", "sigma_2", "velocity", "force")))
-    assert (found["sigma_2"] == 0.0).all()
-    assert np.isnan([found["velocity"], found["force"]]).all()
-    for q in found["configuration"]:
-        assert singularity(arm, q).sigma[1] == 0.0
-
-
 # --- limits, directions, obstacles -----------------------------------------------------------------------------------
 
 
@@ -228,16 +218,6 @@ def test_clearance_is_what_coal_measures_between_shapes(robot):
     clearance = Clearance(mechanism, bodies, obstacles_of([ball(size, *point)]), pairs, np.inf)
     for q, values in cells(spec):
         assert values["clearance"] == pytest.approx(measured(clearance, q).min(), abs=1e-5)
-
-
-def test_all_quantities_in_one_pass_are_those_one_by_one(robot):
-    region = over(("x", -0.5, 0.5, 5), ("y", -0.5, 0.5, 5))
-    names = [name for name in QUANTITIES if name not in ("clearance", "solid_angle", "accuracy", *LOADED)]
-    together = mapped(MapSpecification(robot("five_bar"), region, tuple(names)))
-    for name in names:
-        np.testing.assert_array_equal(
-            mapped(MapSpecification(robot("five_bar"), region, (name,)))[name], together[name]
-        )
 
 
 BALL = {"name": "ball", "kind": "sphere", "radius": 0.1, "point": [0.4, 0.0, 0.3]}
@@ -322,12 +302,6 @@ def test_an_upright_arm_holds_what_statics_gives_it(tmp_path):
         assert values["torque"] == pytest.approx(np.abs(weight / limits).max(), rel=1e-5)
         most = min((limits[i] - np.sign(arms[i]) * weight[i]) / abs(arms[i]) for i in range(2) if arms[i])
         assert values["payload"] == pytest.approx(most, rel=1e-4)
-    weak = path.read_text().replace('effort="30.0"', 'effort="10"')
-    path.write_text(weak)
-    masses = [
-        values["payload"] for _, values in cells(MapSpecification(cinegen.load(path), region, ("payload",), "tip"))
-    ]
-    assert {True, False} == set(np.isnan(masses))
-    path.write_text(weak.replace('effort="10"', 'effort="0"').replace('effort="7.0"', 'effort="0"'))
+    path.write_text(path.read_text().replace('effort="30.0"', 'effort="0"').replace('effort="7.0"', 'effort="0"'))
     with pytest.raises(cinegen.CinegenError, match="no actuated joint has a limit of torque or force"):
         MapSpecification(cinegen.load(path), region, ("payload",), "tip")

@@ -110,17 +110,6 @@ def test_numbers_of_all_kinds_are_written_like_floats(kind):
     assert json.dumps(other.document()) == json.dumps(floats.document())
 
 
-@pytest.mark.parametrize(("axes", "at", "size"), [
-    ((("elevation", -0.5, 0.5, 7),), {"radius": 0.5, "azimuth": 0.0}, 1.0),
-    ((("elevation", -0.5, 0.5, 7), ("radius", 0.4, 0.6, 5)), {"azimuth": 0.0}, 0.2),
-    ((("azimuth", -0.5, 0.5, 7), ("elevation", 0.0, 0.5, 5)), {"radius": 0.5}, 0.25 * math.sin(0.5)),
-    ((("azimuth", -0.5, 0.5, 7), ("elevation", 0.0, 0.5, 5), ("radius", 0.0, 0.6, 3)), {}, 0.072 * math.sin(0.5)),
-])  # fmt: skip
-def test_cells_measure_parts_of_a_sphere_where_both_angles_vary(axes, at, size):
-    region = Region(tuple(GridAxis(*axis) for axis in axes), at)
-    assert math.prod(float(sizes.sum()) for sizes in region.sizes) == pytest.approx(size)
-
-
 def test_a_line_goes_from_one_point_to_the_other():
     region = line_region((0.0, 0.0, 1.0), (3.0, 4.0, 1.0), 5)
     points, _ = region.poses(HOME, region.values(whole(region)))

@@ -16,7 +16,7 @@ import raff2urdf
 from cinegen.plotting.sweep import draw_sweep
 from cinegen.workspace import GridAxis, MapError, MapSpecification, Region, make_map, open_map
 from cinegen.workspace.sweep import SweptParameter, Variation, WantedBox, sweep, variants
-from cinegen.workspace.sweep.box import BoxConfigurations, Regularity, dexterity, regularity
+from cinegen.workspace.sweep.box import BoxConfigurations, dexterity, regularity
 from cinegen.workspace.sweep.variants import KLEINFINGER
 
 ARM = """RAFF Arm
@@ -182,25 +182,6 @@ def test_a_wanted_box_is_wholly_reached_or_not(arm, tmp_path):
     assert table.rows[0].dexterity.reached == pytest.approx(0.5, abs=0.2)
 
 
-def test_of_a_box_that_is_out_of_reach_nothing_is_known(arm, tmp_path):
-    box = WantedBox({"x": (0.6, 0.7), "y": (0.6, 0.7)})
-    (row,) = sweep(arm, parse("tool.d=250"), square(0.7, 14), tmp_path / "out", box=box, workers=1).rows
-    assert (row.dexterity.reached, row.covers_box, row.suitable, row.singular) == (0.0, False, False, "-")
-    assert row.as_dict()["sigma_1_worst"] is None
-
-
-def test_cells_of_a_box_are_those_that_it_touches():
-    region = Region((GridAxis("x", -1.0, 1.0, 20), GridAxis("y", 0.0, 0.3, 3)))
-    assert WantedBox().grid(region).cells == (slice(0, 20), slice(0, 3))
-    assert WantedBox({"x": (-0.3, 0.1), "y": (0.1, 0.2)}).grid(region).cells == (slice(7, 11), slice(1, 2))
-    assert WantedBox({"x": (-0.31, 0.11)}).grid(region).cells[0] == slice(6, 12)
-    for box, words in (({"z": (0.0, 1.0)}, "no axis 'z'"), ({"x": (0.0, 1.2)}, "goes beyond the maps")):
-        with pytest.raises(MapError, match=words):
-            WantedBox(box).grid(region)
-    with pytest.raises(MapError, match="lower end first"):
-        WantedBox({"x": (1.0, 0.0)})
-
-
 @pytest.fixture(scope="module")
 def coarse(tmp_path_factory):
     """A specification of the planar arm in few cells, and the configurations of its map."""
@@ -240,11 +221,6 @@ def five_bar_map(robot, tmp_path, region, **more):
     return spec, dataset
 
 
-def of_box(spec, box, configurations) -> Regularity:
-    grid = box.grid(spec.region)
-    return regularity(BoxConfigurations(spec, grid, configurations[grid.cells]))
-
-
 def between_bars(q):
     """(n,) the angle between a five-bar's outer bars: at 0 and pi its motors hold it no more."""
     left, right = q[..., 0] + q[..., 1], q[..., 2] + q[..., 3]
@@ -271,18 +247,6 @@ def test_motors_lose_hold_of_a_five_bar_where_its_outer_bars_are_in_line(robot, 
         assert found.second == (signs.min() < signs.max())
         sure += 1 + 100 * found.second
     assert sure > 120  # both were among them
-
-
-@pytest.mark.parametrize("low", [-0.95, -0.5, -0.05, 0.0, 1e-2, -1.01])
-def test_a_singularity_on_the_rim_of_a_region_or_within_its_last_cells_is_seen(arm, tmp_path, low):
-    region = Region((GridAxis("joint1", -1.0, 1.0, 2), GridAxis("joint2", low, low + 1.0, 5)))
-    spec = MapSpecification(cinegen.load(arm), region, ("sigma_1",))
-    q = make_map(spec, tmp_path / "map.zarr", workers=1).configuration.values
-    found = of_box(spec, WantedBox(), q)
-    assert found.first == (low <= 0.0 <= low + 1.0)
-    assert bool(found) != found.first
-    inside = WantedBox({"joint2": (low + 0.03, low + 0.97)})
-    assert of_box(spec, inside, q).first == (low + 0.03 <= 0.0 <= low + 0.97)
 
 
 # --- loops that don't close -------------------------------------------------------------------------------------------

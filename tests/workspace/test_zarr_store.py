@@ -21,11 +21,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 from mapped import mapped
 
-from cinegen.cluster import ClusterError
 from cinegen.workspace import GridAxis, MapError, MapSpecification, Region, make_map, open_map
 from cinegen.workspace.chunks import chunk_cells, chunk_counts, chunk_shape
 from cinegen.workspace.evaluator import ChunkEvaluator
-from cinegen.workspace.maps import chunk_size
 from cinegen.workspace.zarr_store import _ENCODING, MapStore, _is_sound
 
 MOST = 15  # cells of a chunk: 10 chunks, those at the end smaller
@@ -244,16 +242,6 @@ def test_a_damaged_chunk_is_said_when_read_and_made_again_when_gone_on(spec, who
     assert digest(copied) == digest(whole)
 
 
-@pytest.mark.parametrize("damage", [cut, rubbish])
-def test_so_is_the_status_which_tells_that_a_chunk_is_complete(spec, whole, copied, made, damage):
-    damage(copied / "status/c.0.1.0")
-    with pytest.raises(MapError, match=r"status/c\.0\.1\.0 is damaged"):
-        open_map(copied)["status"].values  # noqa: B018
-    again(spec, copied)
-    assert made[0] == 1
-    assert digest(copied) == digest(whole)
-
-
 def edit(path, change):
     document = json.loads(path.read_text())
     change(document)
@@ -360,17 +348,3 @@ def test_two_processes_do_not_make_the_same_map(spec, copied, whole):
         assert open_map(copied)["status"].values.min() == 0  # reading is free
     again(spec, copied)
     assert digest(copied) == digest(whole)
-
-
-@pytest.mark.parametrize("given", [{"workers": 0}, {"most": 0}, {"workers": 10**9}])
-def test_numbers_that_make_no_sense_are_refused(spec, tmp_path, given):
-    with pytest.raises((MapError, ClusterError), match="must be 1 "):
-        make_map(spec, tmp_path / "map.zarr", **given)
-    assert os.listdir(tmp_path) == []
-
-
-def test_large_maps_have_larger_chunks_but_not_beyond_measure():
-    sizes = [chunk_size(10**k, 20_000) for k in range(19)]
-    assert sizes == sorted(sizes)
-    assert sizes[9] == 20_000  # as small as tasks
-    assert sizes[12] == sizes[18] == 200_000

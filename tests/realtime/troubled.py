@@ -1,0 +1,44 @@
+"""What goes wrong in a clock's process: a module of its own, so that such a process imports little."""
+
+from __future__ import annotations
+
+import os
+import time
+
+import numpy as np
+
+from cinegen.realtime.channel import LARGEST
+
+
+def trip(tick):
+    if tick.number >= 3:
+        raise RuntimeError("tripped")
+
+
+class UnsendableError(Exception):
+    def __init__(self, first, second):
+        super().__init__(first)
+
+
+def troubled(kind):
+    """Made in the clock's process."""
+
+    def step(tick):
+        if kind == "stop":
+            if tick.number >= 10:
+                tick.clock.stop()
+        elif kind == "raise":
+            trip(tick)
+        elif kind == "unsendable":
+            raise UnsendableError("one", "two")
+        elif kind == "exit":
+            os._exit(3)
+        elif kind == "hang":
+            time.sleep(60.0)
+        elif kind == "large":
+            return np.zeros(LARGEST)
+        return tick.number
+
+    if kind == "factory":
+        raise RuntimeError("not made")
+    return step
