@@ -76,10 +76,3 @@ def test_contours_are_the_box_near_it_and_spheres_far_away():
     assert field.gradient(20.0 * way) == pytest.approx(
         -np.linalg.norm(field.gradient(20.0 * way), axis=1)[:, None] * way, abs=1e-12
     )
-
-
-def test_a_prism_does_not_know_of_height():
-    rod = Elliptical([0, 0, 0], [0.02, 0.4, math.inf])
-    low, high = rod.value([[-0.3, 0.1, 0.0], [-0.3, 0.1, 5.0]])
-    assert low == high
-    assert rod.gradient([-0.3, 0.1, 2.0])[2] == 0.0

@@ -17,11 +17,10 @@ from enclosures import Enclosure
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
-from scipy.optimize import minimize
 
 from cinegen.collision.body import Body
 from cinegen.planning import PlanStatus, plan
-from cinegen.planning.descent import CONTACT, GoalPotential, Potential
+from cinegen.planning.descent import CONTACT, Potential
 
 KINDS = (SphericalPotential, EllipticalPotential)
 points = arrays(float, 3, elements=st.floats(-2.0, 2.0).map(lambda x: round(x, 4)))
@@ -51,19 +50,6 @@ def test_spherical_is_equation_2_measured_from_the_ball(centre, point, radius, g
     got = field.gradient(away - radius, (point - centre) / away)
     wanted = slopes_at(lambda p: field.value(np.linalg.norm(p - centre) - radius), point)
     assert got == pytest.approx(wanted, rel=1e-4, abs=1e-4 * (1.0 + np.linalg.norm(got)))
-
-
-def test_one_ball_in_the_way_makes_no_minimum():
-    """ "No local minima arise": what starts beside the line arrives; where the gradient vanishes there is a saddle."""
-    goal, ball = np.array([1.0, 0.0, 0.0]), Spherical(0.01)
-
-    def total(p):
-        p = np.append(p, 0.0)
-        return float(0.5 * (p - goal) @ (p - goal) + ball.value(np.linalg.norm(p) - 0.2))
-
-    ends = [minimize(total, [-1.0, y], method="Nelder-Mead", options={"xatol": 1e-8}).x for y in (-0.3, -1e-3, 0.1)]
-    assert np.ptp(ends, axis=0) == pytest.approx(0.0, abs=1e-5)
-    assert ends[0] == pytest.approx(goal[:2], abs=0.1)
 
 
 # --- the total potential -----------------------------------------------------------------------------------------
@@ -142,43 +128,12 @@ def test_where_repulsion_fades_it_is_still_the_gradient(kind, x, y):
 
 
 @pytest.mark.parametrize("kind", KINDS)
-@pytest.mark.parametrize("part", [0.1, 0.9, 2.0])
-def test_repulsion_fades_by_the_square_of_the_error_from_where_fading_starts(kind, part):
-    """Its weight is 1 - (1 - u)^2 with u the square of the error relative to that distance, and 1 from there on."""
-    scene = point([{"kind": "disc", "radius": 0.3, "point": [4.0, 0.7]}])
-    q, fading = np.array([3.8, 0.1]), math.sqrt(2.0 * GoalPotential(scene).value([3.8, 0.1])) / part
-    full, faded = (kind(scene, bodies(scene), 0.6, fading=start) for start in (1e-9, fading))
-    repulsion = full.value(q) - full.goal.value(q)
-    assert repulsion > 1e-3
-    weight = 1.0 - (1.0 - min(part, 1.0) ** 2) ** 2
-    assert faded.value(q) - faded.goal.value(q) == pytest.approx(weight * repulsion, rel=1e-9)
-
-
-@pytest.mark.parametrize("kind", KINDS)
 def test_at_the_goal_nothing_is_left_but_the_goal(kind):
     scene = point([{"kind": "disc", "radius": 0.3, "point": [4.0, 0.5]}])
     found = kind(scene, bodies(scene), 0.6)
     at_goal = np.array([4.0, 0.0])
     assert found.value(at_goal) == 0.0
     assert found.gradient(at_goal) == pytest.approx([0.0, 0.0])
-
-
-@pytest.mark.parametrize(("kind", "field"), [(SphericalPotential, spherical), (EllipticalPotential, elliptical)])
-def test_descent_only_goes_down(kind, field):
-    scene = figure("rod")
-    total = kind(scene, bodies(scene), 0.5 * scene.mechanism.length)
-    values = [total.value(q) for q in plan(scene, field=field, steps=15, seconds=600.0).path]
-    assert values[0] - values[-1] > 0.1
-    assert np.diff(values).max() < 1e-9
-
-
-@pytest.mark.parametrize("radius", [0.0, 0.15])
-def test_a_disc_beside_the_way_stops_no_mobile_robot(radius):
-    scene = point([{"kind": "disc", "radius": 0.4, "point": [2.0, 0.05]}], radius)
-    found = plan(scene, field=spherical, seconds=600.0)
-    assert found
-    assert found.clearance >= scene.safety
-    assert found.length > 4.05  # it was in the way
 
 
 def test_with_a_disc_straight_ahead_repulsion_stops():

@@ -54,13 +54,6 @@ def test_the_mutual_moment_is_distance_times_sine(seed):
     assert distance(a, b) == pytest.approx(_apart(a, b), abs=1e-9)
 
 
-def test_a_line_at_infinity_meets_what_is_parallel_to_its_planes():
-    far = LineAtInfinity(np.array([0.0, 0.0, 1.0]))
-    assert mutual_moment(far, PlueckerLine.along([1, 2, 3], [3, 4, 0])) == 0.0
-    assert mutual_moment(PlueckerLine.along([1, 2, 3], [0, 0.6, 0.8]), far) == pytest.approx(0.8)
-    assert mutual_moment(far, LineAtInfinity(np.array([1.0, 0.0, 0.0]))) == 0.0
-
-
 @given(st.floats(0.0, 3.1), st.floats(0.1, 10.0), seeds)
 def test_lines_at_a_known_angle_and_distance(turn, apart, seed):
     rng = np.random.default_rng(seed)
@@ -79,14 +72,6 @@ def test_tolerances_are_relative_to_the_characteristic_length():
     assert are_coplanar(a, b, 1e3)
     assert not are_coplanar(a, b, 1.0)
     assert not are_parallel(a, b)
-
-
-def test_parallel_lines_are_coplanar_but_do_not_meet():
-    a, b = PlueckerLine.along([0, 0, 0], [1, 0, 0]), PlueckerLine.along([5, 2, 0], [-1, 0, 0])
-    assert are_parallel(a, b)
-    assert are_coplanar(a, b, 1.0)
-    assert not meet(a, b, 1.0)
-    assert distance(a, b) == pytest.approx(2.0)
 
 
 # --- several lines ----------------------------------------------------------------------------------------------------
@@ -149,9 +134,3 @@ def test_four_lines_of_a_congruence_are_met_by_its_directors(maker, count, seed)
 def test_four_dependent_lines_have_infinitely_many_transversals(maker):
     found = varieties.placed(maker, np.random.default_rng(4), others=0)
     assert transversals(found.lines, found.length).infinitely_many
-
-
-def test_two_lines_through_a_point_of_the_plane_of_two_others_have_a_pencil_of_transversals():
-    a, b = PlueckerLine.along([0, 0, 0], [1, 0, 1]), PlueckerLine.along([0, 0, 0], [0, 1, 1])
-    c, d = PlueckerLine.along([1, 2, 0], [1, 1, 0]), PlueckerLine.along([-3, 1, 0], [1, -2, 0])
-    assert transversals([a, b, c, d], 1.0).infinitely_many

@@ -40,20 +40,6 @@ def test_in_the_plane_both_weights_are_one(n, alpha, sense, size):
     assert scissors(attraction, 3.0 * vortex, normal_) == pytest.approx(weight, abs=1e-12)
 
 
-def test_both_close_at_q_without_a_jump():
-    """Round a disc: alpha runs through 0 at Q, where the line to the goal is a tangent."""
-    goal, radius = np.array([2.0, 0.0, 0.0]), 1.0
-    turn = np.linspace(math.pi, 2.0 * math.pi, 4001)  # counterclockwise: below
-    normals = np.array([direction(t) for t in turn])
-    attractions = goal - radius * normals
-    weights = facing(attractions, normals)
-    assert weights == pytest.approx(scissors(attractions, np.cross(Z, normals), normals), abs=1e-12)
-    assert np.abs(np.diff(weights)).max() < 2e-3
-    q = turn[np.flatnonzero(weights > 0.0)[-1]]
-    assert q == pytest.approx(2.0 * math.pi - math.acos(radius / 2.0), abs=1e-3)  # a right angle at Q
-    assert weights[0] == pytest.approx(1.0)
-
-
 def test_in_space_the_scissors_jump_where_facing_does_not():
     vortex, n = X, Z
     before, after = Y - 1e-9 * n, Y + 1e-9 * n
@@ -73,13 +59,6 @@ def test_a_disc_beside_the_path_stops_no_mobile_robot(radius):
     assert found
     assert found.clearance >= scene.safety
     assert found.length > 4.05  # it obstructed the straight path
-
-
-@pytest.mark.usefixtures("unhurried")
-def test_a_disc_straight_ahead_does_not_stop_it():
-    found = plan_literally(point([{"kind": "disc", "radius": 0.4, "point": [2.0, 0.0]}]))
-    assert found
-    assert found.field == "LiteralVortices"
 
 
 @pytest.mark.usefixtures("unhurried")

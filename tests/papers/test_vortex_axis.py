@@ -51,12 +51,6 @@ def test_a_discarded_vortex_stops_nobody(attraction, n, axis, d, strength):
     assert np.linalg.norm(total) > 1e-6 * np.linalg.norm(attraction)
 
 
-def test_one_that_is_not_discarded_does():
-    velocity = Vortex(1.0, 2.0).velocity(0.5, X, Z)
-    assert -velocity + velocity == pytest.approx(0.0)
-    assert facing(-velocity, X) == 0.0  # and discarded it is not there
-
-
 @given(vectors, vectors)
 def test_the_vortex_begins_along_the_tangential_part_of_the_direction(n, tau):
     n = unit(n)

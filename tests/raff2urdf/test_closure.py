@@ -176,14 +176,6 @@ def test_joints_that_are_held_do_not_move_and_the_others_close(name: str, seed: 
     assert apart(document, cluster, closing.q) <= MET
 
 
-def test_where_all_joints_are_held_nothing_moves() -> None:
-    cluster = cluster_of(four_bar())
-    q = perturbed(cluster, 1, 0.1)
-    closing = close(cluster, q, np.zeros(len(q), dtype=bool))
-    assert (closing.q == q).all()
-    assert not closing.closed
-
-
 # --- the equations -----------------------------------------------------------------------------------------------
 
 
@@ -264,20 +256,6 @@ def test_passive_joints_are_the_first_in_order_that_depend_on_none_before_them(
     first = [column for column, (before, after) in zip(order, pairwise(ranks), strict=True) if after > before]
     assert passive(matrix, order) == first
     assert len(first) == expected
-
-
-@given(matrices(), st.lists(st.integers(0, 7), max_size=3), seeds)
-@examples(100)
-def test_columns_of_rounding_are_no_passive_joints(made: tuple[np.ndarray, int], places: list[int], seed: int) -> None:
-    """A joint whose axis is that of the loop's own joint moves its ends by rounding only."""
-    matrix, expected = made
-    size = np.abs(matrix).max() or 1.0
-    for place in places:
-        noise = 4e-16 * size * np.random.default_rng(seed).normal(size=len(matrix))
-        matrix = np.insert(matrix, min(place, matrix.shape[1]), noise, axis=1)
-    chosen = passive(matrix, range(matrix.shape[1]))
-    assert len(chosen) == expected
-    assert np.linalg.matrix_rank(matrix[:, chosen] / size, tol=1e-9) == expected
 
 
 @pytest.mark.parametrize("name", CLOSED_CHAINS)

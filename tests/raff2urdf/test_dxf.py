@@ -12,10 +12,6 @@ import numpy as np
 import pytest
 from ezdxf.colors import aci2rgb
 from ezdxf.document import Drawing
-from hypothesis import given
-from hypothesis import strategies as st
-from strategies import examples
-from test_surface import outlines, shoelace
 
 from raff2urdf import RaffError
 from raff2urdf.graphics import dxf
@@ -120,33 +116,6 @@ def test_of_a_smooth_polygon_mesh_the_smooth_surface_is_drawn(drawing: Drawing, 
     mesh.append_vertices(smooth, dxfattribs={"flags": 64 + 8})
     mesh.dxf.smooth_type, mesh.dxf.m_smooth_density, mesh.dxf.n_smooth_density = 5, 3, 4
     assert areas(read, drawing) == {WHITE: 6.0}
-
-
-@given(st.lists(outlines(), min_size=1, max_size=4))
-@examples(20)
-def test_the_faces_of_a_mesh_have_any_number_of_corners(
-    tmp_path_factory: pytest.TempPathFactory, shapes: list[list[tuple[float, float]]]
-) -> None:
-    drawing = ezdxf.new("R2010")
-    vertices, faces = [], []
-    for z, outline in enumerate(shapes):
-        faces.append(list(range(len(vertices), len(vertices) + len(outline))))
-        vertices += [(x, y, float(z)) for x, y in outline]
-    with drawing.modelspace().add_mesh().edit_data() as data:
-        data.vertices, data.faces = vertices, faces
-    path = tmp_path_factory.getbasetemp() / "mesh.dxf"
-    drawing.saveas(path)
-    ((surface,), lacking) = dxf.read(path)
-    assert lacking is None
-    assert area(surface.triangles) == pytest.approx(sum(map(shoelace, shapes)), rel=1e-4)
-
-
-def test_a_drawing_of_the_oldest_kind_needs_no_tables(tmp_path: Path) -> None:
-    corners = [f"{10 * (k + 1) + i}\n{x}" for i, point in enumerate(SQUARE) for k, x in enumerate(point)]
-    face = "\n".join(["0", "3DFACE", "8", "plate", "62", "1", *corners])
-    (tmp_path / "old.dxf").write_text(f"0\nSECTION\n2\nENTITIES\n{face}\n0\nENDSEC\n0\nEOF\n")
-    ((surface,), _) = dxf.read(tmp_path / "old.dxf")
-    assert (surface.colour, area(surface.triangles)) == (RED, 1.0)
 
 
 # --- colours -----------------------------------------------------------------------------------------------------

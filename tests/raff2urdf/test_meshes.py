@@ -129,15 +129,6 @@ def test_files_of_one_name_are_kept_apart(workshop: Path) -> None:
     ]
 
 
-def test_several_robots_of_a_file_have_their_own_folders(workshop: Path) -> None:
-    base = 'base { filename { "red.nff" } }'
-    text = f'RAFF two robot left {{ path "parts" {base} }} robot right {{ path "parts" {base} }}'
-    (workshop / "two.raff").write_text(text)
-    raff2urdf.convert(workshop / "two.raff", workshop / "generated")
-    stls = {str(path.relative_to(workshop / "generated")) for path in (workshop / "generated").rglob("*.stl")}
-    assert stls == {"meshes/two.left/red.nff.1.stl", "meshes/two.right/red.nff.1.stl"}
-
-
 # --- other formats -----------------------------------------------------------------------------------------------
 
 
@@ -233,17 +224,6 @@ def test_what_cannot_be_shown_is_warned_of_once_and_replaced_by_the_skeleton(
 
 
 # --- all or nothing ----------------------------------------------------------------------------------------------
-
-
-def test_a_failed_conversion_leaves_the_old_meshes_alone(workshop: Path) -> None:
-    robot = 'base { filename { "red.nff" } }'
-    convert(workshop, robot)
-    before = files_in(workshop / "generated")
-    (workshop / "parts" / "red.nff").write_text(RED_NFF.replace("0xf00", "0x0f0").replace("100", "200"))
-    open_loop = "link 1 { type 0 pred 0 } link 2 { parameters { d 9 } type 0 pred 0 } constraint { link 1 link 2 }"
-    with pytest.raises(RaffError, match="can't be closed"):
-        convert(workshop, f"{robot} {open_loop}")
-    assert files_in(workshop / "generated") == before
 
 
 @pytest.mark.parametrize("taken", ["meshes", "meshes/arm", "meshes/arm/red.nff.1.stl", "arm.constraints.json"])

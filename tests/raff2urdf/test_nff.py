@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
@@ -183,11 +182,3 @@ def test_what_is_wrong_is_told_with_its_line(old: str, new: str, place: int, rea
 )
 def test_another_format_is_named(text: str, reason: str) -> None:
     assert reason in wrong(text)
-
-
-@given(st.text(st.sampled_from("nff 0123456789.-x\n\t/#evc\xff\x00"), max_size=200), st.integers(0, 300))
-@examples(200)
-def test_no_text_makes_the_reader_fall_over(noise: str, at: int) -> None:
-    for text in (noise, CUBE[:at] + noise + CUBE[at:], f"nff\na\n3\n{noise}"):
-        with suppress(RaffError):
-            nff.loads(text)

@@ -178,12 +178,6 @@ robot s {
     ]
 
 
-@pytest.mark.parametrize("wrong", ["velocty 5", "parameters { d 5mm }", "limits { 1 }", "name tool"])
-def test_an_error_does_not_hide_those_behind_it(wrong: str) -> None:
-    found = problems_of(f"{LINK}type 2 pred 0\n    {wrong}{END}units inch")
-    assert [problem.location and problem.location.line for problem in found] == [5, 8]
-
-
 def test_everything_that_blocks_lack_is_reported_at_once() -> None:
     found = problems_of("RAFF t\nrobot r {\nlink 1 { }\nframe 2 { }\n}\nsensor 1 { }")
     assert [(problem.location.line, problem.message.split("'")[1]) for problem in found if problem.location] == [
@@ -198,12 +192,6 @@ def test_a_file_full_of_errors_tells_the_first_hundred(line: str) -> None:
     assert len(found) == 100
     assert found[0].location is not None
     assert found[0].location.line <= 4
-
-
-def test_a_wrong_text_leaves_nothing_behind_for_the_next_one() -> None:
-    for wrong in (FIGURE_5, "", 'RAFF "', "RAFF t robot {"):
-        problems_of(wrong)
-        assert raff2urdf.loads("RAFF t robot r { }").robots == (RaffRobot("r"),)
 
 
 _SCRAPS = ["{", "}", "(", ")", '"', "/", "5", "1e999", "-", "link", "type", "robot", "RAFF", "d", "x", "\n", "\0", "é"]

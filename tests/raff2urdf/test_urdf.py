@@ -98,16 +98,6 @@ def test_angles_are_exact_at_a_pitch_near_90_degrees(near: float, side: float) -
 # --- joints ------------------------------------------------------------------------------------------------------
 
 
-def test_joint_variables_keep_raffs_own_zero() -> None:
-    """The written theta or r is home, not part of the joint's origin."""
-    xml = xml_of(
-        "link 1 { parameters { theta 30 r 20 d 100 } type 2 pred 0 } link 2 { parameters { r 50 } type 1 pred 1 }"
-    )
-    assert [numbers(origin.get("xyz")) for origin in xml.findall("joint/origin")] == [[0.1, 0, 0.02], [0, 0, 0]]
-    assert [numbers(origin.get("rpy")) for origin in xml.findall("joint/origin")] == [[0, 0, 0], [0, 0, 0]]
-    assert [axis.get("xyz") for axis in xml.findall("joint/axis")] == ["0.0 0.0 1.0", "0.0 0.0 1.0"]
-
-
 @pytest.mark.parametrize(
     ("link", "kind"),
     [
@@ -153,15 +143,6 @@ def test_limits_read_back_to_the_same_double(pair: tuple[float, float], speed: f
 # --- the base ----------------------------------------------------------------------------------------------------
 
 
-def test_a_base_that_was_moved_stands_in_a_world() -> None:
-    text = text_of("base { parameters { gamma 30 epsilon 200 } }")
-    (joint,) = etree.fromstring(text.encode()).findall("joint")
-    assert (joint.get("name"), joint.get("type")) == ("joint0", "fixed")
-    assert (joint.find("parent").get("link"), joint.find("child").get("link")) == ("world", "base")
-    expected = turn("z", math.radians(30)) @ shift("z", 0.2)
-    assert np.abs(pinocchios(text, {})["base"] - expected).max() <= EXACT
-
-
 def test_a_base_that_can_move_floats_in_a_world() -> None:
     text = text_of("base { parameters { epsilon 200 } } link 1 { type 2 pred 0 } constraint { base sensor ( 0 ) }")
     model = pin.buildModelFromXML(text)
@@ -171,11 +152,6 @@ def test_a_base_that_can_move_floats_in_a_world() -> None:
 
 
 # --- the same for the same ---------------------------------------------------------------------------------------
-
-
-def test_a_name_in_any_script_reaches_the_readers() -> None:
-    text = text_of('link 1 { name "плечо_机器人" type 2 pred 0 }')
-    assert "плечо_机器人" in pinocchios(text, {})
 
 
 # --- the skeleton ------------------------------------------------------------------------------------------------
@@ -281,18 +257,6 @@ def gap(intervals: list[tuple[float, float]], value: float) -> float:
         missing += max(0.0, min(low, last) - reached)
         reached = max(reached, high)
     return missing + max(0.0, last - reached)
-
-
-@pytest.mark.parametrize("name", ["scara", "gough", "tssm", "cusp_3rpr", "delta4_linear"])
-def test_no_prismatic_joint_of_a_shipped_robot_comes_apart_within_its_limits(name: str) -> None:
-    document = raff2urdf.load(ROBOTS / f"{name}.raff")
-    robot = document.robot()
-    sliders = [link for link in robot.links if link.type is JointType.PRISMATIC and link.filenames is None]
-    assert sliders
-    for link in sliders:
-        low, high = limits(document, link)
-        for value, pieces in covered(document, robot, link, np.linspace(low, high, 7)):
-            assert gap(pieces, value) <= 1e-6 * high
 
 
 @pytest.mark.parametrize(

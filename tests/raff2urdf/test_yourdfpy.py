@@ -3,10 +3,7 @@
 from __future__ import annotations
 
 import io
-import json
 import math
-import subprocess
-import sys
 from pathlib import Path
 
 import numpy as np
@@ -154,31 +151,6 @@ def test_the_link_that_can_not_be_written_is_named(shapes: list[Visual], inertia
     robot = two_links(Joint("j", "fixed", "a", "b"), *shapes, inertial=Inertial(np.eye(4), 1.0, inertia))
     with pytest.raises(RaffError, match=f"link 'b' of robot 'r' can't be written as URDF: {message}"):
         ExactUrdf(robot).text()
-
-
-PROGRAM = """
-import contextlib, io, json, sys, cinegen, raff2urdf
-found = {}
-def note(name): found[name] = "yourdfpy" in sys.modules
-from cinegen import Solver, load
-note("import")
-load(sys.argv[1] + "/generated/delta4.urdf").collision
-note("URDF")
-from raff2urdf.cli import main
-with contextlib.redirect_stderr(io.StringIO()):
-    main(["robots/none.raff"])
-note("a RAFF file that is wrong")
-load("delta4")
-note("RAFF")
-print(json.dumps(found))
-"""
-
-
-def test_yourdfpy_is_imported_where_a_urdf_is_made(tmp_path: Path) -> None:
-    command = [sys.executable, "-c", PROGRAM, str(ROBOTS.parent)]
-    done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, timeout=120, check=True)
-    expected = {"import": False, "URDF": False, "a RAFF file that is wrong": False, "RAFF": True}
-    assert json.loads(done.stdout) == expected
 
 
 def test_a_model_without_a_name_gets_one(tmp_path: Path) -> None:
