@@ -1,7 +1,5 @@
 """The filter `cinegen close`: values of actuated joints in, values of all joints out."""
 
-from __future__ import annotations
-
 import contextlib
 import io
 import json
@@ -200,25 +198,3 @@ def test_degrees_and_millimetres_are_no_radians_and_metres(filtered):
     said = filtered('{"joint1": 30}\n{"joint1": 0.1}\n', "planar_3r.raff")
     assert "did you mean 30 degrees, which are 0.5236 rad? Values are in rad and m" in said[0]["error"]
     assert said[1]["joint1"] == 0.1
-
-
-@pytest.mark.parametrize(
-    ("arguments", "says"),
-    [
-        (["two_arms.raff"], "holds several robots: name one by --robot (left, right)"),
-        (["four_bar.raff", "--start", "none.json"], "none.json: can't be read"),
-        (["four_bar.raff", "--start", "other.json"], "no joint 'joint9'"),
-        (["four_bar.raff", "--start", "text.json"], "a joint's value is not a number"),
-        (["gough.raff", "--start", "open.json"], "can't be closed from there with 6 joints locked"),
-    ],
-)
-def test_what_is_wrong_from_the_start_is_one_clear_error_and_exit_code_1(root, tmp_path, capsys, arguments, says):
-    (tmp_path / "other.json").write_text('{"joint9": 1}')
-    (tmp_path / "text.json").write_text('{"joint1": "one"}')
-    (tmp_path / "open.json").write_text('{"joint3": 100.0}')
-    words = [str(tmp_path / word) if word.endswith(".json") else word for word in arguments]
-    assert main(["close", str(root / "robots" / words[0]), *words[1:]]) == 1
-    out, err = capsys.readouterr()
-    assert says in err
-    assert err.startswith("cinegen: ")
-    assert out == ""

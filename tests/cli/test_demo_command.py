@@ -1,7 +1,5 @@
 """`cinegen demo`, and the names of shipped robots and scenes in other commands, from a folder without any file."""
 
-from __future__ import annotations
-
 import pytest
 
 from cinegen.cli import main

@@ -4,8 +4,6 @@ Streams that are closed, broken or full, and signals, are in test_streams.py; de
 test_outputs.py.
 """
 
-from __future__ import annotations
-
 import io
 import os
 import shlex
@@ -103,7 +101,7 @@ MISTAKES: list[tuple[str, int, str]] = [
     ("cinegen map planar_3r.raff --over x,y --workers 99999999999", 1, "workers (99999999999) must be 1 to "),
     ("cinegen drive four_bar.raff --seconds -1", 2, "'-1' is not in the range 0 to"),
     ("cinegen drive four_bar.raff --port 99999", 2, "invalid value for '--port'"),
-    # options without effect, beside those that test_rules.py finds by itself
+    # options without effect
     ("cinegen plan disc --modes any --planner rrtconnect", 2, "--planner has no effect with --modes: leave one out"),
     ("cinegen demo --list --port 7001", 2, "--port has no effect with --list: leave it out"),
     ("cinegen demo clock --port 7001", 2, "--port has no effect on an example"),

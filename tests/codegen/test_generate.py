@@ -1,7 +1,5 @@
 """Generated C and JavaScript, compiled and run: what they compute is what Python computes."""
 
-from __future__ import annotations
-
 import json
 import re
 import shutil
@@ -175,17 +173,6 @@ def test_values_that_are_not_finite_or_far_away_move_nothing(robot, tmp_path):
     (tmp_path / "invalid.mjs").write_text(INVALID.replace("COUNT", str(len(mechanism.actuated))))
     done = subprocess.run([NODE, "invalid.mjs"], cwd=tmp_path, capture_output=True, text=True, check=True)
     assert json.loads(done.stdout) == [False, False, False, True, None]  # JSON has no NaN
-
-
-@needs_gcc
-def test_what_is_not_asked_for_is_left_out(robot, tmp_path):
-    delta = robot("delta4")
-    written(tmp_path, delta, Language.C, functions=[Function.FORWARD])
-    text = (tmp_path / "robot.h").read_text()
-    assert "robot_forward" in text
-    assert "robot_tick" not in text
-    assert "robot_close" not in text
-    assert largest(subprocess.run([compiled(tmp_path, *STRICT)], capture_output=True, text=True).stdout) < 1e-12
 
 
 @needs_gcc

@@ -1,7 +1,5 @@
 """Generated C in single precision: Pinocchio, in double precision, judges its frames and loops."""
 
-from __future__ import annotations
-
 import ctypes
 import re
 import shutil

@@ -1,7 +1,5 @@
 """Measurements with one mistake, made from readings of a five-bar: the calibration names it, and refuses."""
 
-from __future__ import annotations
-
 import warnings
 from dataclasses import replace
 

@@ -1,7 +1,5 @@
 """CSV files of measurements: what they say, and what is wrong with them."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 
@@ -69,10 +67,3 @@ def test_mistakes_are_named(text, message):
     with pytest.raises(DesignError) as caught:
         read(text)
     assert message in str(caught.value)
-
-
-def test_arrays_without_sigma_are_refused():
-    with pytest.raises(DesignError, match=r"tool\.x: give the standard deviation"):
-        Measurements.of(ROBOT, ["joint1", "tool.x"], [[0.0, 0.1]], [0.0, 0.0])
-    with pytest.raises(DesignError, match="values are"):
-        Measurements.of(ROBOT, ["joint1", "tool.x"], [[0.0]], [0.0, 1.0])

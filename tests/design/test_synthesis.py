@@ -1,7 +1,5 @@
 """Synthesis against published and elementary optima, and differences of independent evaluations."""
 
-from __future__ import annotations
-
 import json
 
 import coal
@@ -289,15 +287,6 @@ def test_the_written_robot_is_in_the_assembly_mode_that_was_optimised(tmp_path):
         robot = cinegen.load(path)
     goal = pin.SE3(robot.placement(robot.q_home, robot.end).rotation, np.array([0.2, -0.2, -2.3]))
     assert cinegen.inverse_kinematics(robot, {robot.end: goal}).found
-
-
-@pytest.mark.slow
-def test_several_processes_find_the_same(tmp_path):
-    values = changed(starts=3)
-    one, two = (synthesize("five_bar", values, workers=workers) for workers in (1, 2))
-    for a, b in zip(one.starts, two.starts, strict=True):
-        np.testing.assert_allclose(a.x, b.x, rtol=1e-9)
-    assert one.values == pytest.approx(two.values, rel=1e-9)
 
 
 @pytest.mark.parametrize(

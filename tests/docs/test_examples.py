@@ -1,7 +1,5 @@
 """Every example runs as it stands, from the repository's root, and says something."""
 
-from __future__ import annotations
-
 import ast
 import runpy
 import shutil

@@ -1,7 +1,5 @@
 """Every entry of the glossary is complete, listed at its beginning, and each guide links the glossary."""
 
-from __future__ import annotations
-
 import re
 
 import pytest

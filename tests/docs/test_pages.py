@@ -9,8 +9,6 @@ is printed. A number below 1e-12 is as good as another, digits beyond the 12th d
 stands for any lines.
 """
 
-from __future__ import annotations
-
 import contextlib
 import importlib
 import io

@@ -1,7 +1,5 @@
 """Files that the project works by agree with each other: citation, hooks, targets of make, packages of npm."""
 
-from __future__ import annotations
-
 import json
 import os
 import re

@@ -1,7 +1,5 @@
 """Names in code font lead to the reference where they mean one public thing."""
 
-from __future__ import annotations
-
 import importlib.util
 
 import pytest

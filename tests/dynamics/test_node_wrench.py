@@ -1,7 +1,5 @@
 """Wrenches that torques produce, compliance and natural frequencies, against closed forms."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Closing loops quickly is closing loops: `Mechanism.close` beside `raff2urdf.closure.close`, which it stands for."""
 
-from __future__ import annotations
-
 import pickle
 import threading
 

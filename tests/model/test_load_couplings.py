@@ -1,7 +1,5 @@
 """Couplings of SDF and MJCF, compared with what the formats define: rotations of links, and MuJoCo's own residuals."""
 
-from __future__ import annotations
-
 import mujoco
 import numpy as np
 import pinocchio as pin
@@ -156,13 +154,6 @@ def test_a_screw_advances_by_its_pitch(write, pitch, travel, reverse):
         assert moved[1:] == pytest.approx([0.0, 0.0], abs=1e-10)
 
 
-def test_the_second_axis_of_a_joint_can_lead(write):
-    mimic = '<mimic joint="drive" axis="axis2"><multiplier>0.05</multiplier></mimic>'
-    mechanism = cinegen.load(write(linkage("universal", mimic=mimic)))
-    assert [str(coupling) for coupling in mechanism.couplings] == ["slide - 0.05 drive_2 = 0"]
-    assert mechanism.mobility == 2
-
-
 CUT = """<joint name="cut" type="{}"><pose>0.3 0.5 0.2 0 0 0</pose><parent>slider</parent><child>rod</child>
   <axis><xyz>0 0.6 0.8</xyz></axis><axis2><xyz>1 0 0</xyz></axis2></joint>"""
 
@@ -238,12 +229,6 @@ def test_no_element_that_sounds_like_a_loop_is_dropped_in_silence(tmp_path_facto
         cinegen.load(path)
     with pytest.warns(UserWarning, match="left out, as requested: 'e'"):
         assert cinegen.load(path, ignore=["e"]).mobility == 3
-
-
-def test_limits_of_a_joint_that_closes_a_loop_are_noted(write):
-    cut = CUT.format("revolute").replace("</xyz></axis>", "</xyz><limit><lower>-1</lower></limit></axis>", 1)
-    mechanism = cinegen.load(write(linkage("ball", "ball", more=cut)))
-    assert mechanism.source.notes == ("not read: limits of joint 'cut', which closes a loop",)
 
 
 @pytest.mark.parametrize(("hinge", "kind", "mobility"), [(False, "ball", 0), (True, "revolute", 0)])

@@ -1,7 +1,5 @@
 """Loops that are opened on purpose, in every format and command; numbers that a constraints file states."""
 
-from __future__ import annotations
-
 import io
 import json
 import sys
@@ -37,35 +35,6 @@ robot bent {
   constraint { base frame 5 }
 }
 """
-
-
-def test_a_robot_in_urdf_plus_loads_with_a_sidecar_file(tmp_path):
-    (tmp_path / "four_bar.urdf").write_text(PLUS)
-    placed = [[[1, 0, 0, x], [0, 1, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1]] for x in (1.0, 0.4)]
-    with pytest.warns(raff2urdf.RaffWarning, match="left out"):
-        names = cinegen.load(tmp_path / "four_bar.urdf", ignore_loops=True)
-    (tmp_path / "four_bar.constraints.json").write_text(
-        json.dumps(
-            {
-                "format": "raff2urdf constraints",
-                "version": 1,
-                "robot": "four_bar",
-                "nodes": names.nodes,
-                "joints": [{"name": joint, "home": 0.5} for joint in names.joints],
-                "loops": [
-                    {
-                        "name": "loop1",
-                        "kind": "revolute",
-                        "first": {"node": "link2", "placement": placed[0]},
-                        "second": {"node": "link3", "placement": placed[1]},
-                    }
-                ],
-                "mobility": 1,
-            }
-        )
-    )
-    with pytest.warns(raff2urdf.RaffWarning, match="does not name its URDF, so that a change of either is not"):
-        assert cinegen.load(tmp_path / "four_bar.urdf").mobility == 1
 
 
 # --- numbers that a constraints file states ----------------------------------------------------------------------

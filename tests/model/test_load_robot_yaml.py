@@ -1,7 +1,5 @@
 """A `robot.yaml` beside a URDF: loops between frames, motors, joints that become others."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """Numbers in the wrong unit are refused by the geometry of the robot; whatever may be meant is not."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

@@ -1,7 +1,5 @@
 """What is seen of a mechanism: its meshes, where they may lie, and a stick figure where there are none."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 import trimesh

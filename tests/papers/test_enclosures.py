@@ -1,7 +1,5 @@
 """Balls and boxes hold what they stand for."""
 
-from __future__ import annotations
-
 import math
 
 import coal
@@ -63,16 +61,6 @@ def test_ball_and_box_hold_what_they_stand_for(shape, turn, where):
         assert abs(axes[:, 2] @ plane) == pytest.approx(1.0)
     away = np.linalg.norm(off, axis=1)
     assert (away <= radius + 1e-9).all()
-
-
-@given(st.integers(3, 9), sizes, st.floats(0.0, 6.0))
-def test_the_circle_around_a_regular_polygon_is_its_circumcircle(corners, size, turn):
-    angles = turn + 2.0 * np.pi * np.arange(corners) / corners
-    points = size * np.column_stack([np.cos(angles), np.sin(angles)])
-    scene = point([{"kind": "polygon", "points": points.tolist(), "point": [9.0, 9.0]}], goal=(1.0, 0.0))
-    ring = Enclosure(scene.obstacles[0].bodies[0], Z).ball
-    assert ring.shape.radius == pytest.approx(size, rel=0.01)
-    assert ring.placement.translation[:2] == pytest.approx([9.0, 9.0], abs=0.01 * size)
 
 
 @given(sizes, sizes, st.floats(-3.0, 3.0))

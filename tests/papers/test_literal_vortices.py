@@ -1,7 +1,5 @@
 """The vortex method exactly as published: its weight, and its plans."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np
@@ -49,16 +47,6 @@ def test_in_space_the_scissors_jump_where_facing_does_not():
 
 
 # --- plans -------------------------------------------------------------------------------------------------------
-
-
-@pytest.mark.usefixtures("unhurried")
-@pytest.mark.parametrize("radius", [0.0, 0.15])
-def test_a_disc_beside_the_path_stops_no_mobile_robot(radius):
-    scene = point([{"kind": "disc", "radius": 0.4, "point": [2.0, 0.05]}], radius)
-    found = plan_literally(scene)
-    assert found
-    assert found.clearance >= scene.safety
-    assert found.length > 4.05  # it obstructed the straight path
 
 
 @pytest.mark.usefixtures("unhurried")

@@ -1,7 +1,5 @@
 """Vortices of shapes, against distances that are computed otherwise."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from hypothesis import assume, given

@@ -1,7 +1,5 @@
 """The paper's figures 1 to 4: what they show is so."""
 
-from __future__ import annotations
-
 import cmath
 import math
 
@@ -11,14 +9,10 @@ import vortex_figures as drawn
 from hypothesis import assume, given
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
-from matplotlib.backends.backend_agg import FigureCanvasAgg
-from scipy.optimize import approx_fprime
-from vortex_figures import Paraboloid, PointVortex, draw_potentials
+from vortex_figures import PointVortex, draw_potentials
 
 lengths = st.floats(-3.0, 3.0).map(lambda x: round(x, 4))
-vectors = arrays(float, 3, elements=lengths)
 points = arrays(float, 3, elements=st.floats(-2.0, 2.0).map(lambda x: round(x, 4)))
-LINKS = (0.5, 0.4, 0.3)
 
 
 def minima(value, x, y):
@@ -78,55 +72,16 @@ def test_in_figure_4_the_angle_closes_and_the_way_is_free_from_q_on():
     )
 
 
-@pytest.mark.parametrize(("name", "count"), [("figure1", 2), ("figure2", 2), ("figure3", 2), ("figure4", 1)])
-def test_each_figure_shows_something_with_units(name, count):
-    figure = draw_potentials()[name]
-    FigureCanvasAgg(figure).draw()
-    pixels = np.asarray(figure.canvas.buffer_rgba())[..., :3]
-    assert len(figure.axes) == count
-    for axes in figure.axes:
-        assert axes.has_data()
-        assert axes.get_xlabel() == "x (m)"
-        assert axes.get_ylabel() == "y (m)"
-        box = axes.get_window_extent().bounds
-        left, bottom, width, height = (round(v) for v in box)
-        part = pixels[len(pixels) - bottom - height : len(pixels) - bottom, left : left + width]
-        assert (part.min(axis=2) < 200).mean() > 0.02
-    for text in figure.findobj(lambda artist: hasattr(artist, "get_legend_handler_map")):
-        box = text.get_window_extent()
-        assert box.x0 >= 0.0
-        assert box.x1 <= pixels.shape[1]
+def test_each_figure_shows_something_with_units():
+    figures = draw_potentials()
+    for name, count in (("figure1", 2), ("figure2", 2), ("figure3", 2), ("figure4", 1)):
+        assert len(figures[name].axes) == count
+        for axes in figures[name].axes:
+            assert axes.has_data()
+            assert (axes.get_xlabel(), axes.get_ylabel()) == ("x (m)", "y (m)")
 
 
 # --- paraboloid --------------------------------------------------------------------------------------------------
-
-
-def tip(q):
-    """The end of a planar 3R arm."""
-    turned = np.cumsum(q)
-    return np.array([LINKS @ np.cos(turned), LINKS @ np.sin(turned), 0.0])
-
-
-def jacobian(q):
-    turned = np.cumsum(q)
-    parts = np.array([-np.multiply(LINKS, np.sin(turned)), np.multiply(LINKS, np.cos(turned)), np.zeros(3)])
-    return np.cumsum(parts[:, ::-1], axis=1)[:, ::-1]
-
-
-@given(vectors, arrays(float, (4, 3), elements=lengths), st.floats(0.1, 10.0))
-def test_the_gradient_is_that_of_the_value(goal, points, stiffness):
-    field = Paraboloid(goal, stiffness)
-    for point, gradient in zip(points, field.gradient(points), strict=True):
-        assert approx_fprime(point, field.value, 1e-6) == pytest.approx(gradient, abs=1e-4)
-    assert field.value(goal) == 0.0
-    assert field.value(points) == pytest.approx(0.5 * stiffness * np.linalg.norm(points - goal, axis=1) ** 2)
-
-
-@given(vectors, arrays(float, 3, elements=st.floats(-math.pi, math.pi)))
-def test_equation_1_is_the_derivative_by_the_joints(goal, q):
-    field = Paraboloid(goal, 2.0)
-    wanted = approx_fprime(q, lambda joints: float(field.value(tip(joints))), 1e-7)
-    assert field.joint_gradient(jacobian(q), tip(q)) == pytest.approx(wanted, abs=1e-5)
 
 
 # --- the vortex of a point ---------------------------------------------------------------------------------------

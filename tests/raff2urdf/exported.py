@@ -1,7 +1,5 @@
 """Robots as simulators get them: made once for each file, and what the tests of all formats ask of them."""
 
-from __future__ import annotations
-
 import warnings
 from dataclasses import dataclass
 from functools import cache

@@ -1,7 +1,5 @@
 """Mobility, and which joints have motors: properties of the mechanism, not of how it was written down."""
 
-from __future__ import annotations
-
 import math
 import re
 from collections.abc import Mapping

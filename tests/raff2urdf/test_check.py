@@ -1,7 +1,5 @@
 """Checks beyond the grammar: parents, numbers, names, limits, and constraints on what does not exist."""
 
-from __future__ import annotations
-
 import warnings
 from dataclasses import replace
 

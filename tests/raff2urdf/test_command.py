@@ -1,7 +1,5 @@
 """The command: what it writes, what it says, and what it leaves alone when something is wrong."""
 
-from __future__ import annotations
-
 import cProfile
 import json
 import os

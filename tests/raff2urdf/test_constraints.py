@@ -1,7 +1,5 @@
 """What a URDF can't say stands in `<name>.constraints.json`, as the published schema describes it."""
 
-from __future__ import annotations
-
 import copy
 import json
 import math

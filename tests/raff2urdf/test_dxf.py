@@ -1,7 +1,5 @@
 """DXF files, made by ezdxf: which faces are drawn, where, and in which colour."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable
 from pathlib import Path
@@ -104,20 +102,6 @@ def test_a_polygon_mesh_is_a_grid_that_may_be_closed(
     assert len(read(drawing)[0][0].triangles) == 2 * expected
 
 
-def test_of_a_smooth_polygon_mesh_the_smooth_surface_is_drawn(drawing: Drawing, read: Read) -> None:
-    """Its frame of control points is kept in the file, but not seen."""
-    mesh = drawing.modelspace().add_polymesh((2, 2))
-    for i in range(2):
-        for j in range(2):
-            mesh.set_mesh_vertex((i, j), (10.0 * i, 10.0 * j, 0.0))
-    for vertex in mesh.vertices:
-        vertex.dxf.flags |= vertex.SPLINE_FRAME_CONTROL_POINT
-    smooth = [(float(i), float(j), 0.0) for i in range(3) for j in range(4)]
-    mesh.append_vertices(smooth, dxfattribs={"flags": 64 + 8})
-    mesh.dxf.smooth_type, mesh.dxf.m_smooth_density, mesh.dxf.n_smooth_density = 5, 3, 4
-    assert areas(read, drawing) == {WHITE: 6.0}
-
-
 # --- colours -----------------------------------------------------------------------------------------------------
 
 
@@ -189,14 +173,6 @@ def test_a_mirrored_block_is_not_turned_inside_out(drawing: Drawing, read: Read,
     attributes = dict(zip(("xscale", "yscale", "zscale"), scale, strict=True))
     drawing.modelspace().add_blockref("part", (3, 4, 5), dxfattribs=attributes)
     assert volume(read, drawing) == pytest.approx(abs(math.prod(scale)), rel=1e-5)
-
-
-def test_a_block_may_be_repeated_in_rows_and_columns(drawing: Drawing, read: Read) -> None:
-    drawing.blocks.new("part").add_3dface(SQUARE)
-    attributes = {"row_count": 2, "row_spacing": 5.0, "column_count": 3, "column_spacing": 7.0}
-    drawing.modelspace().add_blockref("part", (0, 0), dxfattribs=attributes)
-    expected = {(7.0 * i + x, 5.0 * j + y, 0.0) for i in range(3) for j in range(2) for x, y, _ in SQUARE}
-    assert points(read, drawing) == expected
 
 
 def test_an_entity_lies_in_its_own_plane(drawing: Drawing, read: Read) -> None:

@@ -1,7 +1,5 @@
 """Writing files: symbolic links are followed, devices and FIFOs written through, all files are written or none."""
 
-from __future__ import annotations
-
 import errno
 import os
 import socket

@@ -1,7 +1,5 @@
 """The grammar for editors marks RAFF as the reader reads it: it is applied by the rules of TextMate's manual."""
 
-from __future__ import annotations
-
 import json
 import re
 

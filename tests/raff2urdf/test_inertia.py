@@ -1,7 +1,5 @@
 """Inertia is what a solid body of the shape drawn has, whatever the shape is made of."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Six parameters stand for one rigid transform, and back."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

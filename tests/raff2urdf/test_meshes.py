@@ -1,7 +1,5 @@
 """Graphics that are converted: each colour becomes an STL file that other programs read, in its place and size."""
 
-from __future__ import annotations
-
 import stat
 import warnings
 import zipfile
@@ -155,21 +153,6 @@ def export(folder: Path, kind: str) -> None:
         scene().to_geometry().export(folder / f"part{kind}")
     else:
         scene().export(folder / f"part{kind}")
-
-
-@pytest.mark.parametrize("path", ["../../parts", "{0}/parts"])
-def test_a_path_leads_out_of_the_folder_above_if_the_user_allows_it(
-    workshop: Path, monkeypatch: pytest.MonkeyPatch, path: str
-) -> None:
-    """It is the author's, who may be anybody."""
-    (workshop / "deep" / "er").mkdir(parents=True)
-    raff = write(workshop / "deep" / "er", 'base { filename { "red.nff" } }')
-    raff.write_text(raff.read_text().replace('"parts"', f'"{path.format(workshop)}"'))
-    with pytest.warns(RaffWarning, match=f"red.nff .it leads out of {workshop}/deep, .*_MESH_PATH={workshop}/parts"):
-        raff2urdf.convert(raff, workshop / "out")
-    monkeypatch.setenv("RAFF2URDF_MESH_PATH", str(workshop / "parts"))
-    raff2urdf.convert(raff, workshop / "out")
-    assert named(etree.parse(workshop / "out" / "arm.urdf").getroot(), "base") == [("meshes/arm/red.nff.1.stl", RED)]
 
 
 @pytest.mark.parametrize("kind", CONVERTED[2:])

@@ -1,7 +1,5 @@
 """The Neutral File Format of WorldToolKit: what is written is read back, and what is wrong is said with its line."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Any
 
@@ -167,18 +165,3 @@ def test_what_is_wrong_is_told_with_its_line(old: str, new: str, place: int, rea
     assert said.startswith(f"part.nff:{place}:")
     assert reason in said
     assert len(said) < 500
-
-
-@pytest.mark.parametrize(
-    ("text", "reason"),
-    [
-        ("", "is empty"),
-        ("nff\n", "holds no object"),
-        ("v\nfrom 0 0 1\nat 0 0 0\n", "this is Haines' Neutral File Format (it begins with 'v')"),
-        ("# a comment\np 3\n0 0 0\n", "this is Haines' Neutral File Format (it begins with '#')"),
-        ("solid cube\n", "this is not a Neutral File Format: its first word is 'solid', not 'nff'"),
-        ("\x7fELF\x02\x01\x01\x00", "its first word is '?ELF????', not 'nff'"),
-    ],
-)
-def test_another_format_is_named(text: str, reason: str) -> None:
-    assert reason in wrong(text)

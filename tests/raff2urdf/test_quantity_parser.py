@@ -1,7 +1,5 @@
 """Numbers as people type them: every unit, ranges and lists, and what can't be meant or could be read two ways."""
 
-from __future__ import annotations
-
 import contextlib
 import contextvars
 import math

@@ -1,7 +1,5 @@
 """RAFF text as a person writes it, and what the reader says where it is wrong."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import pytest

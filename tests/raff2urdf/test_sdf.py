@@ -1,8 +1,6 @@
 """SDF: resolved by the rules of its specification, links and frames stand and move as RAFF says, and loops are closed
 where the file begins."""
 
-from __future__ import annotations
-
 import dataclasses
 import math
 from collections.abc import Mapping

@@ -4,8 +4,6 @@ Colour vision is simulated by the matrices of Machado, Oliveira and Fernandes, "
 simulation of color vision deficiency" (2009), severity 1.0; differences are CIE 1976, where 2.3 is just noticeable.
 """
 
-from __future__ import annotations
-
 import re
 from itertools import combinations
 from pathlib import Path

@@ -1,7 +1,5 @@
 """What is written reads back as the same document."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import replace
 

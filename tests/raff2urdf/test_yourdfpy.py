@@ -1,7 +1,5 @@
 """What raff2urdf builds and writes is a `yourdfpy.URDF`, and its text reads back as the same numbers."""
 
-from __future__ import annotations
-
 import io
 import math
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Loops and couplings in a URDF that can't be read: refused at their line, never lost."""
 
-from __future__ import annotations
-
 import re
 import warnings
 from pathlib import Path

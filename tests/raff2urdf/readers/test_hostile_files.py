@@ -1,7 +1,5 @@
 """Files that are made to break a reader: each is refused with a message, at once, and without a word of others."""
 
-from __future__ import annotations
-
 import json
 import os
 import re
@@ -312,12 +310,6 @@ def test_an_error_lists_twenty_problems(tmp_path: Path) -> None:
     with pytest.raises(RaffError, match=r"and 79 more$") as caught:
         cinegen.load(tmp_path / "r.raff")
     assert len(caught.value.problems) == 99
-
-
-def test_warnings_of_expressions_in_xacro(tmp_path: Path) -> None:
-    pytest.importorskip("xacro")
-    xacro = '<robot name="r" xmlns:xacro="http://ros.org/wiki/xacro"><link name="${1inf}"/></robot>'
-    refused(tmp_path, "xacro: invalid syntax", r__xacro=xacro)
 
 
 def test_an_error_quotes_some_of_a_long_text(tmp_path: Path) -> None:

@@ -1,7 +1,5 @@
 """A URDF is read with what is wrong in it told by its line."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from lxml import etree

@@ -1,7 +1,5 @@
 """URDF -> RAFF: every link stands where it stood, at any joint values; gamma and epsilon only where a link branches."""
 
-from __future__ import annotations
-
 import math
 from collections import Counter
 from pathlib import Path

@@ -1,7 +1,5 @@
 """What a URDF shows is shown by the RAFF file that becomes of it."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np
