@@ -12,7 +12,6 @@ import time
 import numpy as np
 import pytest
 
-import cinegen
 from cinegen.cli import main
 from cinegen.model import ForwardKinematics
 
@@ -164,16 +163,6 @@ def test_it_goes_on_where_it_was_left(filtered, tmp_path):
     last = filtered('{"joint1": 0.3, "joint6": -0.1}\n', "delta4.raff")[-1]
     (tmp_path / "last.json").write_text(json.dumps(last))
     assert filtered("\n", "delta4.raff", "--start", str(tmp_path / "last.json")) == [last]
-
-
-def test_a_base_that_can_move_stays_and_a_tree_is_no_exception(filtered, tmp_path):
-    (tmp_path / "walker.raff").write_text(
-        'RAFF walker\nsensor 1 { port "x" translation 3 rotation 3 }\nrobot r { base { }\n'
-        "link 1 { type 2 pred 0 } link 2 { type 1 pred 1 }\nconstraint { base sensor ( 0 1 ) } }\n"
-    )
-    assert cinegen.load(tmp_path / "walker.raff").floating
-    said = filtered('{"joint2": 0.25}\n{"joint1": -1}\n', "walker.raff", folder=tmp_path)
-    assert said == [{"joint1": 0.0, "joint2": 0.25}, {"joint1": -1.0, "joint2": 0.25}]
 
 
 def test_limits_are_kept_of_joints_that_follow_too(filtered, tmp_path):

@@ -92,10 +92,6 @@ def test_variants_get_a_table_and_files(typed, tmp_path):
     assert (tmp_path / "all/link2.d=300/robot.raff").is_file()
     assert (tmp_path / "all/table.csv").is_file()
     assert (tmp_path / "all.png").stat().st_size > 10_000
-    found = json.loads(typed("map", "planar_3r", "--over", "xy", "--grid", 12, "--vary", "link2.d=0.3..0.5:2", "--box",
-                             "x=0.2..0.4,y=0..0.2", "-o", "all", "--json"))  # fmt: skip
-    assert [row["link2.d"] for row in found["rows"]] == [0.3, 0.5]
-    assert found["units"] == {"link2.d": "m"}
 
 
 def test_what_is_without_bound_is_said(typed):

@@ -6,13 +6,11 @@ import re
 
 import numpy as np
 import pytest
-import typer
 
-from cinegen.cli import app, main
+from cinegen.cli import main
 from cinegen.collision import load_scene
 from cinegen.mission import MissionError, Recording
 from cinegen.planning import plan
-from cinegen.planning.descent import AvoidanceField
 
 
 @pytest.fixture
@@ -141,11 +139,6 @@ def test_json_is_json_where_there_is_no_way_and_nothing_to_meet(typed, scene):
     said = json.loads(typed(scene(obstacle=[{"kind": "disc", "radius": 0.1}]), "--json", code=1))
     assert (said["status"], said["attempts"]) == ("start in collision", [])
     assert said["path"] == [{"x": 0.0, "y": 0.0}]
-
-
-def test_the_fields_to_choose_from_are_those_of_the_planner():
-    (option,) = [one for one in typer.main.get_command(app).commands["plan"].params if one.name == "field"]
-    assert set(option.type_descriptor.choices) == {field.value for field in AvoidanceField} - {"none"}
 
 
 # --- what is wrong -----------------------------------------------------------------------------------------------

@@ -34,7 +34,7 @@ def built(folder, mechanism, *options, output, **settings):
 
 @pytest.mark.parametrize("name", ["delta4", *slow("arm7", "hybrid")])
 def test_recorded_cases_are_met(robot, tmp_path, name):
-    program = built(tmp_path, robot(name), "-O1", "-g", "-fsanitize=address,undefined", output="test")
+    program = built(tmp_path, robot(name), "-O0", "-g", "-fsanitize=address,undefined", output="test")
     done = subprocess.run([program], capture_output=True, text=True)
     assert done.returncode == 0, done.stdout + done.stderr
     assert done.stderr == ""

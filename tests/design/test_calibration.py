@@ -87,22 +87,6 @@ def test_dependencies_change_no_reading():
     assert any(text.startswith("base moved, and link1, link6, link12 on it moved back") for text in texts)
 
 
-def test_base_and_platform_that_move_together_are_named():
-    """A ball bar at one fixed point does not see the robot rotate about it."""
-    parameters = Parameters("delta4", ["base.*"])
-    mechanism = parameters.mechanism
-    q = random_poses(Design(parameters), 12)
-    values = np.column_stack([*(q[:, mechanism.q_index(j)] for j in mechanism.actuated), np.zeros(len(q))])
-    columns = [*mechanism.actuated, "platform.distance(0.3 0.2 0.1)"]
-    for k, one in enumerate(q):
-        values[k, -1] = np.linalg.norm(mechanism.placement(one, "platform").translation - [0.3, 0.2, 0.1])
-    found = calibrate(parameters, Measurements.of(mechanism, columns, values, [0.0] * 3 + [1e-5]), folds=0)
-    assert found.subspace.rank == 3
-    rigid = [one for one in found.dependencies if one.text.startswith("base and platform move together")]
-    assert rigid
-    assert np.abs(found.values - found.nominal).max() < 1e-9  # nothing is wrong with this robot
-
-
 def test_estimates_obey_the_cramer_rao_bound():
     parameters, truth, readings = measured("delta4", POSE)
     found = calibrate(parameters, noisy(readings, 3))

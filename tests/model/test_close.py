@@ -80,16 +80,6 @@ def test_where_loops_lose_a_rank_too(raff, off):
             assert found == pytest.approx(expected.q, abs=1e-9)
 
 
-def test_what_is_given_is_not_what_comes_back(robot):
-    """Closed already or not: who changes one does not change the other."""
-    delta = robot("delta4")
-    for _ in range(3):
-        q = delta.q_home.copy()
-        closed = delta.close(q, delta.actuated)
-        closed[:] = 0.0
-        assert np.array_equal(q, delta.q_home)
-
-
 @pytest.mark.parametrize("name", CLOSED)
 def test_the_same_call_gives_the_same_result_whatever_was_called_before(robot, name):
     """From near, where compiled steps suffice, and from far, where they do not."""

@@ -160,23 +160,6 @@ def test_what_no_motion_depends_on_may_be_wrong(tmp_path):
     assert ball.meshColor.tolist() == [1.0, 0.0, 0.0, 1.0]
 
 
-def test_blanks_around_numbers_mean_nothing(tmp_path, capfd):
-    """URDF's own parser refuses them, prints an error, and goes on without the mass."""
-    path = tmp_path / "arm.urdf"
-    mass = (
-        '<inertial><origin xyz="1 2 3"/><mass value="{}"/><inertia ixx="3" ixy="0" ixz="0" iyy="3" iyz="0" izz="{}"/>'
-    )
-    found = []
-    for mass_value, izz, limit in (("2", "3", "-1"), (" 2\t", "3\n", " -1 ")):
-        text = mass.format(mass_value, izz) + "</inertial>"
-        path.write_text(arm(f'<limit lower="{limit}"/>', f'<link name="a"/><link name="b">{text}</link>', ""))
-        model = cinegen.load(path).model
-        found.append((model.inertias[1].toDynamicParameters().tolist(), model.lowerPositionLimit.tolist()))
-    assert found[0] == found[1]
-    assert found[0][0][0] == 2.0
-    assert capfd.readouterr() == ("", "")
-
-
 def test_a_thousand_joints_load_without_pinocchios_tensors_of_second_derivatives(tmp_path):
     path = tmp_path / "long.urdf"
     links = "".join(f'<link name="l{i}"/>' for i in range(1001))

@@ -245,22 +245,6 @@ def test_frames_that_coincide_close_a_loop(write, hinge, kind, mobility):
     assert [loop.name for loop in cinegen.load(write(train(gear=frames + joint))).loops] == ["pin"]
 
 
-def test_plugins_that_couple_joints_are_not_dropped_in_silence(write):
-    plugins = {
-        '<plugin name="p" filename="libmimic.so"><joint>in</joint><mimicJoint>out</mimicJoint></plugin>': 1,
-        '<plugin name="p" filename="x.so"><joint><parent>input</parent><child>output</child></joint></plugin>': 1,
-        '<plugin name="p" filename="libclosed_loop_control.so"><joint>in</joint></plugin>': 0,
-        '<plugin name="p" filename="libstate.so"><joint_name>in</joint_name><joint_name>out</joint_name></plugin>': 0,
-    }
-    for plugin, lost in plugins.items():
-        path = write(train(gear=plugin))
-        if lost:
-            with pytest.raises(cinegen.CinegenError, match="seems to declare a loop or a coupling"):
-                cinegen.load(path)
-        else:
-            assert cinegen.load(path).mobility == 3
-
-
 # --- MJCF --------------------------------------------------------------------------------------------------------
 
 ROW = """<mujoco>

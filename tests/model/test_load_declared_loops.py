@@ -24,17 +24,6 @@ PLUS = """<robot name="four_bar">
 """
 
 # Bennett's linkage with one length wrong: no rigid closure is possible.
-BENT = """
-robot bent {
-  base { }
-  link 1 { parameters { theta 40 } type 2 pred 0 }
-  link 2 { parameters { theta 60 d 200 alpha 30 } type 2 pred 1 }
-  link 3 { parameters { theta 70 d 301 alpha 50 } type 2 pred 2 }
-  link 4 { parameters { theta 50 d 200 alpha 30 } type 2 pred 3 actuated 0 }
-  frame 5 { parameters { d 303 alpha 58 } pred 4 name "end" }
-  constraint { base frame 5 }
-}
-"""
 
 
 # --- numbers that a constraints file states ----------------------------------------------------------------------
@@ -85,14 +74,6 @@ def test_loops_are_opened_in_every_format_all_or_by_name(format, root, tmp_path)
     with pytest.warns(UserWarning, match=f"left out, as requested: .*'{name}'"):
         mechanism = cinegen.load(path, ignore=[name])
     assert (len(mechanism.loops), mechanism.mobility) == (0, 5)
-
-
-def test_a_robot_that_cannot_be_closed_is_opened(raff):
-    with pytest.raises(cinegen.ClosureError):
-        raff(BENT)
-    with pytest.warns(cinegen.CinegenWarning, match="left out, as requested"):
-        mechanism = raff(BENT, ignore_loops=True)
-    assert mechanism.mobility == len(mechanism.actuated) == 4
 
 
 def test_a_robot_without_loops_is_loaded_without_a_word(root, recwarn):

@@ -332,19 +332,6 @@ def test_joints_that_mimic_each_other_are_refused(write):
         cinegen.load(write("", ARM.format('<mimic joint="b"/>', '<mimic joint="a" multiplier="2"/>', "")))
 
 
-@pytest.mark.parametrize(
-    ("coupling", "says"),
-    [
-        ('<predecessor link="l1"/><successor link="lx"/><ratio value="2"/>', "names 'lx', which is not a link"),
-        ('<predecessor link="l1"/><successor link="l2"/>', "has no <ratio>"),
-        ('<predecessor link="l2"/><successor link="l3"/><ratio value="2"/>', "couples no joint"),
-    ],
-)
-def test_couplings_of_urdf_plus_that_make_no_sense_are_refused(coupling, says, write):
-    with pytest.raises(CinegenError, match=says):
-        cinegen.load(write(f'<coupling name="g">{coupling}</coupling>', ARM.format("", "", "")))
-
-
 # --- links with two parents --------------------------------------------------------------------------------------
 
 

@@ -167,14 +167,6 @@ def test_no_log_is_left_behind(write, monkeypatch, tmp_path):
     assert list(folder.iterdir()) == []
 
 
-def test_what_has_no_name_gets_one_that_is_free(write):
-    geom = "<geom size='1'/>"
-    text = f"<body name='body2'><joint name='joint1'/>{geom}<body><joint/>{geom}</body></body>"
-    mechanism = cinegen.load(write(text=f"<mujoco><worldbody>{text}</worldbody></mujoco>"))
-    assert mechanism.nodes == ("world", "body2", "body2_")
-    assert mechanism.joints == ("joint1", "joint1_")
-
-
 @pytest.mark.parametrize("free", ["<freejoint name='f'/>", ""])
 def test_a_body_that_is_tied_to_the_world_is_turned_into_raff(write, free):
     arm = "<body name='arm'><joint name='j'/><geom size='1'/></body>"

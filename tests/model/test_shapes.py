@@ -125,12 +125,6 @@ def test_a_stick_figure_has_a_bar_to_each_joint_on_the_base(robot, name, count):
     assert all(min(np.linalg.norm(end - point) for point in on_base) < 1e-9 for end in ends)
 
 
-def test_one_body_alone_has_nothing_to_draw(tmp_path):
-    path = tmp_path / "one.urdf"
-    path.write_text('<robot name="one"><link name="base"/></robot>')
-    assert len(cinegen.load(path).visual.geometryObjects) == 0
-
-
 def test_a_robot_of_one_joint_has_a_plane(tmp_path):
     """Pinocchio returns its Jacobian as a vector."""
     links = '<link name="a"/><link name="b"/>'

@@ -38,14 +38,6 @@ def test_in_the_plane_both_weights_are_one(n, alpha, sense, size):
     assert scissors(attraction, 3.0 * vortex, normal_) == pytest.approx(weight, abs=1e-12)
 
 
-def test_in_space_the_scissors_jump_where_facing_does_not():
-    vortex, n = X, Z
-    before, after = Y - 1e-9 * n, Y + 1e-9 * n
-    assert facing([before, after], [n, n]) == pytest.approx(0.0, abs=1e-8)
-    assert scissors([before, after], [vortex, vortex], [n, n]) == pytest.approx([1.0, 0.0])
-    assert scissors([0.0, 0.0, 0.0], Y, X) == 0.0  # no attraction, no weight
-
-
 # --- plans -------------------------------------------------------------------------------------------------------
 
 

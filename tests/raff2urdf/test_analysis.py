@@ -13,15 +13,12 @@ from hypothesis import strategies as st
 from mechanisms import (
     CLOSED_CHAINS,
     KNOWN,
-    PARALLELOGRAM_AXES,
     axis_at,
-    bennett,
     delta,
     five_bar,
     four_bar,
     gough_stewart,
     ring,
-    sarrus,
     serial,
     shift,
 )
@@ -69,17 +66,6 @@ def test_a_fixed_link_adds_nothing() -> None:
 
 
 # --- what the mobility does not depend on ------------------------------------------------------------------------
-
-
-CUTS = [(four_bar(cut, rigid), 1) for cut in range(4) for rigid in (False, True)]
-CUTS += [(sarrus(cut, rigid), 1) for cut in range(6) for rigid in (False, True)]
-CUTS += [(ring(PARALLELOGRAM_AXES, cut, rigid), 1) for cut in range(4) for rigid in (False, True)]
-CUTS += [(five_bar(cut), 2) for cut in range(5)]
-
-
-@pytest.mark.parametrize(("text", "mobility"), [*CUTS, *[(bennett(theta), 1) for theta in (20.0, 150.0, 200.0)]])
-def test_a_mechanism_may_be_cut_at_any_joint_and_written_in_any_posture(text: str, mobility: int) -> None:
-    assert analysis_of(text).mobility == mobility
 
 
 def in_units(document: Document, units: str) -> Document:

@@ -77,18 +77,6 @@ def test_the_library_writes_what_the_command_does(
 # --- other formats -----------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize(("format", "suffix"), [("sdf", ".sdf"), ("mjcf", ".xml")])
-def test_another_format_is_one_file_for_each_robot(folder: Path, run: Run, format: str, suffix: str) -> None:
-    done = run("two.raff", "--json", "--format", format)
-    assert (done.code, done.err) == (0, "")
-    files = [f"two.left{suffix}", f"two.right{suffix}"]
-    assert sorted(files_in(folder / "generated")) == files
-    for report, file in zip(json.loads(done.out), files, strict=True):
-        assert report[format] == f"generated/{file}"
-        assert report["files"] == [f"generated/{file}"]
-        assert not {"urdf", "constraints"} & set(report)
-
-
 def test_the_json_names_meshes_that_were_converted(folder: Path, run: Run) -> None:
     box = trimesh.creation.box((10.0, 20.0, 30.0))
     box.export(folder / "box.dae")
@@ -262,16 +250,6 @@ def test_wrong_input_is_refused_with_its_place_and_cause_and_nothing_is_touched(
     assert len(done.err) < 2000
     assert_in_order(words, done.err)
     assert files_in(generated) == before
-
-
-def test_an_output_folder_that_is_a_file_is_named_and_left_alone(folder: Path, run: Run) -> None:
-    (folder / "taken").write_bytes(b"something else")
-    for out in ("taken/", "taken/below/"):
-        done = run("arm.raff", "-o", out)
-        assert (done.code, done.out) == (1, "")
-        assert re.match(rf"{out}arm.*: can't be written: ", done.err)
-        assert "Traceback" not in done.err
-    assert (folder / "taken").read_bytes() == b"something else"
 
 
 def test_one_bad_robot_keeps_the_whole_file_from_being_written(folder: Path, run: Run) -> None:

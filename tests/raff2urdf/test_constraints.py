@@ -206,11 +206,6 @@ def test_a_key_that_is_there_twice_is_refused_by_both_lines(
     assert str(caught.value) == f"some.json:{line}: at {path}: this key is on line {first} already: remove one of them"
 
 
-def test_a_key_that_is_twice_in_an_entry_is_refused(values: constraints.Constraints) -> None:
-    text = json.dumps(values).replace('"node": "link3"', '"node": "base", "node": "link3"', 1)
-    refused(text, "some.json:1: at $.loops[0].second.node: this key is on line 1 already")
-
-
 @pytest.mark.parametrize("number", ["NaN", "Infinity", "-Infinity", "1e400", "9" * 400, "-" + "9" * 5000])
 @pytest.mark.parametrize(
     "path", ["joints/0/home", "joints/2/home", "mobility", "loop_rank", "loops/0/first/placement/0/3"]

@@ -90,18 +90,6 @@ def test_a_polyface_mesh_has_faces_of_their_own_colours(drawing: Drawing, read: 
     assert volume(read, drawing) == pytest.approx(1.0)
 
 
-@pytest.mark.parametrize(("closed", "expected"), [((False, False), 4), ((True, False), 6), ((True, True), 9)])
-def test_a_polygon_mesh_is_a_grid_that_may_be_closed(
-    drawing: Drawing, read: Read, closed: tuple[bool, bool], expected: int
-) -> None:
-    mesh = drawing.modelspace().add_polymesh((3, 3))
-    for i in range(3):
-        for j in range(3):
-            mesh.set_mesh_vertex((i, j), (math.cos(2.1 * i), math.sin(2.1 * i) + math.cos(2.1 * j), math.sin(2.1 * j)))
-    mesh.close(*closed)
-    assert len(read(drawing)[0][0].triangles) == 2 * expected
-
-
 # --- colours -----------------------------------------------------------------------------------------------------
 
 

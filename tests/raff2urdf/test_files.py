@@ -133,13 +133,6 @@ def test_a_write_protected_file_is_left_alone(tmp_path: Path, monkeypatch: pytes
     assert path.read_bytes() == b"mine"
 
 
-def test_a_name_as_long_as_names_may_be(tmp_path: Path) -> None:
-    """In bytes, not in characters."""
-    name = "😀" * 63
-    write_all({tmp_path / name: b"new"})
-    assert names(tmp_path) == [name]
-
-
 def test_nothing_is_left_where_it_is_stopped(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     def stop(*_: object) -> None:
         raise KeyboardInterrupt

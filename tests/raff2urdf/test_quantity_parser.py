@@ -78,12 +78,6 @@ def test_decimal_numbers_are_converted_exactly():
     assert parse("250", LENGTH, "mm") == 0.25
 
 
-@given(numbers)
-def test_numbers_are_read_as_they_are_written(number):
-    assert parse(repr(number), LENGTH) == number
-    assert parse(repr(number), NUMBER) == number
-
-
 @given(st.floats(1e-4, 1e5), st.sampled_from([LENGTH, ANGLE, SPEED, ANGULAR_SPEED, TIME]), st.sampled_from(["m", "mm"]))
 def test_what_is_shown_can_be_typed(number, dimension, unit):
     def both() -> tuple[str, float]:

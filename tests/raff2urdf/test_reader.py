@@ -98,16 +98,6 @@ def test_a_number_may_be_written_in_many_ways(text: str) -> None:
     assert link_of(f"parameters {{ d {text} }}").parameters.d == 12.0
 
 
-def test_a_link_may_have_limits_a_speed_a_motor_and_a_name() -> None:
-    link = link_of('limits { -10 20 } filename { "a.dxf" } velocity 90 actuated 1 name "tool" filename { "b.stl" }')
-    assert (link.limits, link.velocity, link.actuated) == ((-10, 20), 90, True)
-    assert link.filenames == ("a.dxf", "b.stl")
-    assert (link.name, link.node, link.joint) == ("tool", "tool", "joint1")
-    link = link_of("")
-    assert (link.limits, link.velocity, link.actuated, link.name, link.filenames) == (None,) * 5
-    assert (link.node, link.joint) == ("link1", "joint1")
-
-
 def test_loops_between_the_same_nodes_have_names_of_their_own() -> None:
     robot = robot_of("link 1 { type 2 pred 0 }" + 3 * " constraint { base link 1 type 3 }")
     assert robot.loop_names == ("base-link1", "base-link1#2", "base-link1#3")
