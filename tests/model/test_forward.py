@@ -206,3 +206,14 @@ def test_rates_at_a_dead_centre_are_refused(robot):
     with pytest.raises(cinegen.ClosureError, match="singular"):
         driven.rates({"joint3": 1.0})
     assert np.abs(driven.rates({"joint3": 0.0})[0]).max() == 0.0
+
+
+def test_rates_that_are_wrong_are_told(robot):
+    motion = ForwardKinematics(robot("four_bar"))
+    for rates, says in (
+        (({"joint2": 1.0},), "passive"),
+        (({"crank": 1.0},), "no joint"),
+        (({"joint1": 1.0}, {"joint1": np.inf}), "rate of joint 'joint1' is not a finite number: inf"),
+    ):
+        with pytest.raises(cinegen.CinegenError, match=says):
+            motion.rates(*rates)

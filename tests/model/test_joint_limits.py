@@ -5,6 +5,7 @@ The limits below are written into the description, in degrees and mm; expected v
 
 import math
 
+import numpy as np
 import pytest
 
 import cinegen
@@ -118,3 +119,10 @@ def test_limits_of_velocity_and_effort_are_those_of_a_urdf_and_infinite_where_it
     found = cinegen.load(path).limits
     nothing = (-1, 1, math.inf, math.inf)
     assert [tuple(found[joint]) for joint in found] == [(-1, 1, 0.3, 0.5), nothing, nothing]
+
+
+def test_whether_configurations_are_within_limits_is_told_of_many_at_once(arm):
+    inside, at, outside = (arm.configuration({"joint2": value}) for value in (0.0, 0.2, 0.2 + 2e-9))
+    assert arm.limits.within(np.array([inside, at, outside])).tolist() == [True, True, False]
+    assert arm.limits.within(outside, rounding=1e-8)
+    assert not arm.limits.within(at, rounding=-1e-6)

@@ -228,15 +228,6 @@ def test_a_rotor_of_urdf_plus_turns_with_its_gear_on_a_base_that_floats(write):
         assert q[mechanism.q_index("spin")] == pytest.approx(6.0 * q[mechanism.q_index("hip")], abs=1e-10)
 
 
-def test_passive_joints_of_urdf_plus_that_nothing_constrains_are_warned_of(write):
-    base = BARS.replace('"swing" type="continuous"', '"swing" type="continuous" independent="false"')
-    with pytest.warns(
-        RaffWarning, match=r"bars\.urdf:5: joint 'swing': the joint depends on others .* it moves freely"
-    ):
-        assert cinegen.load(write("", base)).mobility == 3
-    assert cinegen.load(write(LOOPS["URDF+"][0], base)).mobility == 1
-
-
 def test_home_at_a_singular_drawing_is_beside_it(write):
     """Four bars that are drawn stretched out, on one line: there they could move in no direction."""
     base = BARS.replace('xyz="0 1 0"', 'xyz="1 0 0"')

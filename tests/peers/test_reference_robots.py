@@ -43,11 +43,6 @@ def constraints_of(name):
         return readers.read(ROBOTS[name]).constraints
 
 
-def test_names_are_of_files_and_where_several_have_one_of_folders():
-    assert len(ROBOTS) >= 60
-    assert {"panda", "anymal_b_simple", "anymal_c_simple"} | OF_EACH_KIND <= set(ROBOTS)
-
-
 @pytest.mark.parametrize("name", others_slow(sorted(set(ROBOTS) - RIGID - set(UNREADABLE))))
 def test_a_robot_agrees_with_pinocchio(name):
     assert validation.validate(ROBOTS[name]).agrees
