@@ -29,7 +29,7 @@ import cinegen
 import raff2urdf
 from raff2urdf.graphics import nff
 
-LONG = {"docs/avoidance.md", "docs/cockpit.md", "docs/design.md", "docs/howto/synthesis.md"}
+LONG = {f"docs/{name}.md" for name in ("avoidance", "cockpit", "design", "forces", "howto/synthesis", "maps")}
 """Pages of commands and calls that take long, and that other tests run too."""
 
 COMMANDS = {"raff2urdf": "raff2urdf.cli", "urdf2raff": "raff2urdf.urdf2raff.cli", "cinegen": "cinegen.cli"}
