@@ -4,8 +4,6 @@ python -m campaign files --cases 1e6          1e6 mutated files for all readers
 python -m campaign replay raff:123            one case again, in this process
 """
 
-from __future__ import annotations
-
 import argparse
 import json
 import secrets

@@ -4,8 +4,6 @@
 error of the package. Those that are read are also what the campaign mutates.
 """
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import NamedTuple
 

@@ -1,7 +1,5 @@
 """Judge what a case did: it succeeds, or raises an error of the package that names the file; all else is a finding."""
 
-from __future__ import annotations
-
 import os
 import re
 import resource

@@ -4,8 +4,6 @@ or what the same command resumes; never half of it. No process stays behind.
 A new command that writes is a new entry in `WRITERS`.
 """
 
-from __future__ import annotations
-
 import contextlib
 import os
 import re

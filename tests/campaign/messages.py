@@ -8,8 +8,6 @@ A message is counted if the server has certainly handled it: a ping that was sen
 that ended the connection.
 """
 
-from __future__ import annotations
-
 import contextlib
 import json
 import math

@@ -5,8 +5,6 @@ Mutations of a tree (XML, JSON, YAML, RAFF) leave a file that parses, so that th
 those of bytes, words and lines attack the parser. A file that a mutation can't parse is mutated by words instead.
 """
 
-from __future__ import annotations
-
 import json
 import re
 from collections.abc import Callable, Sequence

@@ -3,8 +3,6 @@
 A new reader is a new entry in `READERS`.
 """
 
-from __future__ import annotations
-
 import json
 import os
 import shutil

@@ -1,7 +1,5 @@
 """Write what campaigns did: `report.json`, its table `report.md`, and the files of each finding."""
 
-from __future__ import annotations
-
 import hashlib
 import json
 import os

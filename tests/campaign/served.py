@@ -1,8 +1,6 @@
 """A page that is served by a process of its own, and clients of it: one that is honest, and the sockets of those that
 are not."""
 
-from __future__ import annotations
-
 import base64
 import json
 import math

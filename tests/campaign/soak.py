@@ -1,7 +1,5 @@
 """A long session with clients and browsers that come and go: its memory stays flat, and an honest client is served."""
 
-from __future__ import annotations
-
 import contextlib
 import json
 import shutil

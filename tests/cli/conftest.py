@@ -1,7 +1,5 @@
 """What tests of several commands share."""
 
-from __future__ import annotations
-
 import io
 import sys
 from functools import partial

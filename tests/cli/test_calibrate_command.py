@@ -1,7 +1,5 @@
 """`cinegen calibrate`: from a file of measurements to a robot, its report, its picture and the next poses."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """The filter `cinegen close`: values of actuated joints in, values of all joints out."""
 
-from __future__ import annotations
-
 import contextlib
 import io
 import json
@@ -14,7 +12,6 @@ import time
 import numpy as np
 import pytest
 
-import cinegen
 from cinegen.cli import main
 from cinegen.model import ForwardKinematics
 
@@ -168,16 +165,6 @@ def test_it_goes_on_where_it_was_left(filtered, tmp_path):
     assert filtered("\n", "delta4.raff", "--start", str(tmp_path / "last.json")) == [last]
 
 
-def test_a_base_that_can_move_stays_and_a_tree_is_no_exception(filtered, tmp_path):
-    (tmp_path / "walker.raff").write_text(
-        'RAFF walker\nsensor 1 { port "x" translation 3 rotation 3 }\nrobot r { base { }\n'
-        "link 1 { type 2 pred 0 } link 2 { type 1 pred 1 }\nconstraint { base sensor ( 0 1 ) } }\n"
-    )
-    assert cinegen.load(tmp_path / "walker.raff").floating
-    said = filtered('{"joint2": 0.25}\n{"joint1": -1}\n', "walker.raff", folder=tmp_path)
-    assert said == [{"joint1": 0.0, "joint2": 0.25}, {"joint1": -1.0, "joint2": 0.25}]
-
-
 def test_limits_are_kept_of_joints_that_follow_too(filtered, tmp_path):
     """The second joint turns twice as far as the first: 0.6 rad are 1.2 there, and its limit is 60 degrees."""
     mimic = """<robot name="r"><link name="a"/><link name="b"/><link name="c"/>
@@ -200,25 +187,3 @@ def test_degrees_and_millimetres_are_no_radians_and_metres(filtered):
     said = filtered('{"joint1": 30}\n{"joint1": 0.1}\n', "planar_3r.raff")
     assert "did you mean 30 degrees, which are 0.5236 rad? Values are in rad and m" in said[0]["error"]
     assert said[1]["joint1"] == 0.1
-
-
-@pytest.mark.parametrize(
-    ("arguments", "says"),
-    [
-        (["two_arms.raff"], "holds several robots: name one by --robot (left, right)"),
-        (["four_bar.raff", "--start", "none.json"], "none.json: can't be read"),
-        (["four_bar.raff", "--start", "other.json"], "no joint 'joint9'"),
-        (["four_bar.raff", "--start", "text.json"], "a joint's value is not a number"),
-        (["gough.raff", "--start", "open.json"], "can't be closed from there with 6 joints locked"),
-    ],
-)
-def test_what_is_wrong_from_the_start_is_one_clear_error_and_exit_code_1(root, tmp_path, capsys, arguments, says):
-    (tmp_path / "other.json").write_text('{"joint9": 1}')
-    (tmp_path / "text.json").write_text('{"joint1": "one"}')
-    (tmp_path / "open.json").write_text('{"joint3": 100.0}')
-    words = [str(tmp_path / word) if word.endswith(".json") else word for word in arguments]
-    assert main(["close", str(root / "robots" / words[0]), *words[1:]]) == 1
-    out, err = capsys.readouterr()
-    assert says in err
-    assert err.startswith("cinegen: ")
-    assert out == ""

@@ -1,7 +1,5 @@
 """The command `cinegen`, as typed, and `cinegen info`."""
 
-from __future__ import annotations
-
 import io
 import json
 import os
@@ -11,10 +9,8 @@ import select
 import signal
 import subprocess
 import sys
-import sysconfig
 import time
 import urllib.request
-from pathlib import Path
 
 import pytest
 import typer
@@ -108,30 +104,16 @@ def _until(master, said, words):
     return said
 
 
-def test_a_loop_that_cant_be_closed_says_what_to_type(tmp_path, here):
-    (tmp_path / "bent.raff").write_text(
-        "RAFF bent\nrobot r { base { } link 1 { type 2 pred 0 } link 2 { parameters { d 200 alpha 30 theta 60 } type 2"
-        " pred 1 } link 3 { parameters { d 301 alpha 50 theta 70 } type 2 pred 2 } link 4 { parameters { d 200 alpha 30"
-        " theta 50 } type 2 pred 3 } frame 5 { parameters { d 303 alpha 58 } pred 4 } constraint { base frame 5 } }\n"
-    )
-    code, _, said = here("info", "bent.raff")
-    assert code == 1
-    assert '"base-frame5": "ball"' in said
-    assert here("info", "bent.raff", "--loop", "base-frame5=ball")[0] == 0
+def test_completion_and_colours_of_a_shell(root):
+    def printed(*arguments, **variables):
+        command = [sys.executable, "-c", "import sys; from cinegen.cli import main; sys.exit(main())", *arguments]
+        environment = os.environ | {"PYTHONPATH": str(root)} | variables
+        return subprocess.run(command, text=True, capture_output=True, env=environment, timeout=60, check=False).stdout
 
-
-def _in_a_shell(root, *arguments, **environment):
-    """What `cinegen` prints, where a shell sets variables."""
-    return subprocess.run(
-        [sys.executable, "-c", "import sys; from cinegen.cli import main; sys.exit(main())", *arguments], text=True,
-        capture_output=True, env=os.environ | {"PYTHONPATH": str(root)} | environment, timeout=60, check=False,
-    ).stdout  # fmt: skip
-
-
-def test_colours_are_for_those_who_want_them(root):
-    assert "\x1b[1;36m" in _in_a_shell(root, "--help", FORCE_COLOR="1")
-    assert "\x1b[1;36m" not in _in_a_shell(root, "--help", FORCE_COLOR="1", NO_COLOR="1")
-    assert "\x1b" not in _in_a_shell(root, "--help")
+    assert "_CINEGEN_COMPLETE" in printed(_CINEGEN_COMPLETE="source_bash")
+    assert "--version" in printed(_CINEGEN_COMPLETE="complete_bash", COMP_WORDS="cinegen --vers", COMP_CWORD="1")
+    assert "\x1b[1;36m" in printed("--help", FORCE_COLOR="1")
+    assert "\x1b[1;36m" not in printed("--help", FORCE_COLOR="1", NO_COLOR="1")
 
 
 @pytest.mark.parametrize("no_color", ["", "1"])
@@ -142,26 +124,6 @@ def test_errors_are_red_at_a_terminal(monkeypatch, no_color):
     monkeypatch.setenv("TERM", "xterm")
     assert main(["info", "none.raff"]) == 1
     assert stream.getvalue().startswith("cinegen: " if no_color else "\x1b[1;31mcinegen: \x1b[0mnone.raff: ")
-
-
-ONE_OF_EACH = (("cinegen", "bash"), ("raff2urdf", "zsh"), ("urdf2raff", "fish"))
-
-
-@pytest.mark.parametrize(("program", "shell"), ONE_OF_EACH)
-def test_each_shell_gets_its_completion(root, program, shell):
-    module = {"cinegen": "cinegen.cli", "raff2urdf": "raff2urdf.cli", "urdf2raff": "raff2urdf.urdf2raff.cli"}[program]
-    variable = f"_{program.upper()}_COMPLETE"
-    code = f"import sys; from {module} import main; sys.exit(main())"
-
-    def printed(**variables):
-        environment = os.environ | {"PYTHONPATH": str(root)} | variables
-        return subprocess.run([sys.executable, "-c", code], text=True, capture_output=True, env=environment).stdout
-
-    assert variable in printed(**{variable: f"source_{shell}"})
-    typed = f"{program} --vers"
-    words = {"COMP_WORDS": typed, "COMP_CWORD": "1", "_TYPER_COMPLETE_ARGS": typed}
-    words["_TYPER_COMPLETE_FISH_ACTION"] = "get-args"
-    assert "--version" in printed(**{variable: f"complete_{shell}"}, **words)
 
 
 def test_help_shows_all_that_is_said_about_every_option(capsys, monkeypatch):
@@ -176,25 +138,6 @@ def test_help_shows_all_that_is_said_about_every_option(capsys, monkeypatch):
         for parameter in command.params:
             assert parameter.help
             assert parameter.help in text
-
-
-PANDA = (
-    Path(sysconfig.get_path("purelib"))
-    / "cmeel.prefix/share/example-robot-data/robots/panda_description/urdf/panda.urdf"
-)
-
-
-def test_all_pairs_are_listed_with_reasons_and_contact_at_home(capsys):
-    assert main(["info", str(PANDA), "--collision", "--json"]) == 0
-    (report,) = json.loads(capsys.readouterr().out)
-    found = {frozenset(pair["links"]): pair for pair in report["collision"]["pairs"]}
-    assert found[frozenset(("panda_link1", "panda_link2"))]["reason"].startswith("adjacent")
-    contact = found[frozenset(("panda_link5", "panda_hand"))]
-    assert contact["reason"] == "checked"
-    assert contact["depth_at_home"] > 0.01
-    assert "depth_at_home" not in found[frozenset(("panda_link0", "panda_hand"))]
-    shapes = {shape["link"]: shape["shape"] for shape in report["collision"]["shapes"]}
-    assert "mesh" in shapes["panda_hand"] or "hull" in shapes["panda_hand"]
 
 
 def test_pairs_are_printed(capsys):

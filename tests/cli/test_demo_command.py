@@ -1,7 +1,5 @@
 """`cinegen demo`, and the names of shipped robots and scenes in other commands, from a folder without any file."""
 
-from __future__ import annotations
-
 import pytest
 
 from cinegen.cli import main
@@ -61,10 +59,3 @@ def test_commands_take_the_names_of_robots_and_scenes(run, tmp_path):
 def test_a_file_comes_before_a_shipped_robot_of_its_name(run, root, tmp_path):
     (tmp_path / "delta4").write_bytes((root / "robots/four_bar.raff").read_bytes())
     assert run("info", "delta4")[1].startswith("delta4: robot 'linkage'")
-
-
-@pytest.mark.parametrize("name", [*shipped.robots(), *shipped.scenes()])
-def test_every_robot_and_scene_says_what_it_is(name):
-    text = shipped.description({**shipped.robots(), **shipped.scenes()}[name])
-    assert 10 < len(text) < 110
-    assert text[0].isupper() or text[0].isdigit()

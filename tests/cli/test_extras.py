@@ -1,7 +1,5 @@
 """Without the packages of the extras commands work, and those that need one say which."""
 
-from __future__ import annotations
-
 import json
 import subprocess
 import sys

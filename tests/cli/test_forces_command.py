@@ -1,7 +1,5 @@
 """`cinegen forces`: loads as they are typed, and what is printed."""
 
-from __future__ import annotations
-
 import json
 import math
 

@@ -1,7 +1,5 @@
 """`cinegen heal`: a file whose numbers make its loops exact, and nothing else in it changed."""
 
-from __future__ import annotations
-
 import math
 import re
 

@@ -1,7 +1,5 @@
 """Names of robots are text, not commands: at the terminal, and in the files that commands write."""
 
-from __future__ import annotations
-
 import csv
 import io
 import json

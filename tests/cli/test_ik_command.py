@@ -1,7 +1,5 @@
 """The command `cinegen ik`: one solution or all, on the terminal and as JSON."""
 
-from __future__ import annotations
-
 import json
 
 import bipeds

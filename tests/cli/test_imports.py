@@ -1,7 +1,5 @@
 """Nobody waits for what a call does not need: `import cinegen` and every `--help` import nothing that computes."""
 
-from __future__ import annotations
-
 import json
 import subprocess
 import sys
@@ -59,8 +57,8 @@ def test_import_cinegen_imports_no_other_package(imported):
 
 HEAVY = {
     "asyncio", "cinegen.assembly", "cinegen.cockpit", "cinegen.collision", "cinegen.hexapod", "flint", "matplotlib",
-    "meshcat", "pydantic", "scipy.linalg", "scipy.optimize", "scipy.spatial", "scipy.special", "trimesh", "typer",
-    "unittest.mock", "websockets", "xarray", "zarr",
+    "meshcat", "networkx", "pydantic", "scipy.linalg", "scipy.optimize", "scipy.spatial", "scipy.special", "trimesh",
+    "typer", "unittest.mock", "websockets", "xarray", "yourdfpy", "zarr",
 }  # fmt: skip
 """Modules that no solver needs until it moves, and most programs never."""
 

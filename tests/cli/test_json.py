@@ -1,7 +1,5 @@
 """What `--json` prints has the shape that the tables of docs/commands.md describe: each table is a JSON schema."""
 
-from __future__ import annotations
-
 import json
 import re
 

@@ -4,8 +4,6 @@ Streams that are closed, broken or full, and signals, are in test_streams.py; de
 test_outputs.py.
 """
 
-from __future__ import annotations
-
 import io
 import os
 import shlex
@@ -31,11 +29,9 @@ MISTAKES: list[tuple[str, int, str]] = [
     ("cinegen modes five_bar.raff --method monodrom", 2, "(did you mean 'monodromy'?)"),
     ("cinegen map five_bar.raff --orientation up", 2, "'free', 'axis', 'fixed', 'home'"),
     ("cinegen export run.jsonl", 2, "missing option '--to'"),
-    ("cinegen export run.jsonl --to cvs", 1, "did you mean 'csv'?"),
     ("urdf2raff page.urdf --units km", 2, "is not one of 'um', 'mm', 'cm', 'm'"),
     # files that are read
     ("cinegen info four_bra.raff", 1, "can't be read: No such file or directory: did you mean 'four_bar.raff'?"),
-    ("cinegen info nowhere/rx90.raff", 1, "can't be read: No such file or directory: did you mean 'rx90'?"),
     ("cinegen demo delt4", 1, "no robot, scene or example 'delt4': did you mean 'delta4'?"),
     ("cinegen info folder", 1, "folder: can't be read: Is a directory"),
     ("cinegen info secret.raff", 1, "secret.raff: can't be read: Permission denied"),
@@ -44,12 +40,10 @@ MISTAKES: list[tuple[str, int, str]] = [
     ("cinegen info urdf.raff", 1, "a URDF, SDF or MJCF is read by its ending"),
     ("cinegen info page.urdf", 1, "this is not a robot (known: <robot>, <sdf>, <mujoco>)"),
     ("cinegen info typo.raff", 1, "typo.raff:2:20: unknown word 'lnk' in robot a: did you mean 'link'?"),
-    ("cinegen info brace.raff", 1, "a '}' is missing"),
     ("cinegen info -", 1, "-:1:1: the file ends too early"),
     ("urdf2raff nothing.urdf", 1, "nothing.urdf: can't be read: No such file"),
     ("cinegen plan scene.tml", 1, "scene.tml: a scene is a .toml or a .json file"),
     ("cinegen plan empty.toml", 1, "empty.toml: goal is missing: write the goal of the robot"),
-    ("cinegen plan invalid.toml", 1, "invalid.toml: invalid TOML"),
     ("cinegen plan dsic", 1, "did you mean 'disc'?"),
     ("cinegen replay runn.jsonl", 1, "runn.jsonl: can't be read: No such file or directory: did you mean 'run.jsonl'?"),
     ("cinegen replay /dev/zero", 1, "/dev/zero: can't be read: this is a device, not a file"),
@@ -57,7 +51,6 @@ MISTAKES: list[tuple[str, int, str]] = [
     ("cinegen export '' --to csv", 1, "can't be read: Is a directory"),
     ("cinegen close four_bar.raff --start mine.txt", 1, "--start mine.txt: invalid JSON"),
     ("cinegen compare folder folder", 1, "not a map"),
-    ("cinegen compare none.zarr none.zarr", 1, "there is no map at"),
     ("cinegen drive", 2, "nothing to drive: name a file of a robot, or a scene"),
     ("cinegen drive four_bar.raff --scene scene.toml", 2, "--scene names its robot: leave FILE out"),
     # robots, nodes, joints, loops, quantities
@@ -68,26 +61,17 @@ MISTAKES: list[tuple[str, int, str]] = [
     ("cinegen info four_bar.raff --loop frame4-frame6=ball", 1, "no loop 'frame4-frame6': did you mean 'frame4-fr"),
     ("cinegen info four_bar.raff --loop frame4-frame5=bal", 1, "did you mean 'ball'?"),
     ("cinegen singular five_bar.raff --at jont1=10", 1, "(did you mean 'joint1'?)"),
-    ("cinegen singular five_bar.raff --over x,q", 1, "no coordinate 'q' here: there are x, y, z"),
     ("cinegen map planar_3r.raff -q sigma_9", 1, "unknown quantity 'sigma_9': did you mean"),
-    ("cinegen map planar_3r.raff --show sigma_3 --plot p.png", 1, "no quantity 'sigma_3': did you mean 'sigma_1'?"),
     # numbers and regions
     ("cinegen singular five_bar.raff --at x=900mm", 1, "can't be reached along a straight line from home"),
     ("cinegen modes five_bar.raff --values 1,2,3", 1, "3 values for the 2 actuated joints"),
-    ("cinegen modes five_bar.raff --values 1,two", 2, "'two' is not an angle: write a number, with a unit"),
     ("cinegen modes gough --at 0,0,900", 1, "far beyond the reach of hexapod, at most 3 m: did you mean 900 mm?"),
-    ("cinegen modes five_bar.raff --at x=10deg", 2, "'10deg' is an angle: a length is wanted (m, um, mm, cm, in)"),
     ("cinegen modes five_bar.raff --values 125rad,50", 1, "did you mean 125 degrees, which are 2.182 rad?"),
-    ("cinegen singular five_bar.raff --at x=0.1MM", 2, "unknown unit 'MM': did you mean mm?"),
-    ("cinegen map planar_3r.raff --over x=0...1", 2, "'0...1' has 3 dots: write LOW..HIGH with two dots"),
-    ("cinegen map planar_3r.raff --over x=-500mm..500", 2, "can be read two ways: write the unit behind both ends"),
     ("cinegen map planar_3r.raff --over x=-600..600,y", 1, "at most 0.9 m: did you mean -600 mm?"),
-    ("cinegen map planar_3r.raff --centre 1,0,500mm", 2, "can be read two ways: '500mm' has a unit, '1' has none"),
     ("cinegen drive four_bar.raff --seconds 5m", 2, "'5m' is a length: a time is wanted (s, ms, us, min)"),
     ("cinegen forces five_bar.raff --massless --payload=-2kg", 1, "the payload on 'tool' has a negative mass"),
     ("cinegen forces five_bar.raff --massless --wrench tol=1,2,3", 1, "no node 'tol': did you mean 'tool'?"),
     ("cinegen forces five_bar.raff --massless --wrench tool=1,2", 2, "write NODE=FX,FY,FZ or NODE=FX,FY,FZ,MX,MY,MZ"),
-    ("cinegen forces five_bar.raff --massless --gravity 9.81", 2, "an acceleration is x,y,z, such as 0,0,-9.81"),
     ("cinegen forces five_bar.raff --massless --velocity jont1=3", 1, "no actuated joint 'jont1': did you mean"),
     ("cinegen forces planar_3r.raff", 1, "these links have no mass: 'link1'"),
     ("cinegen forces five_bar.raff --massless --at joint1=9 --trajectory run.jsonl", 2, "exclude each other"),
@@ -96,14 +80,11 @@ MISTAKES: list[tuple[str, int, str]] = [
     ("cinegen info metres.raff", 1, "metres.raff:2:43: all lengths of robot 'r' are below 5 mm, the longest is 0.4 mm: "
      "did you mean metres? Write 'units m' after the first line"),
     ("cinegen singular five_bar.raff --over x", 1, "name two coordinates"),
-    ("cinegen map planar_3r.raff --over x=1..0", 2, "give the lower end first"),
-    ("cinegen map planar_3r.raff --over x=0..1:0", 1, "a grid of 0 cells: give 1 or more"),
     ("cinegen map planar_3r.raff --over x,y --at x=0", 1, "x is given twice"),
     ("cinegen map planar_3r.raff --over x,y --grid 9999", 1, "Add --yes to start it, or use a coarser --grid"),
     ("cinegen map planar_3r.raff --over x,y --workers 99999999999", 1, "workers (99999999999) must be 1 to "),
-    ("cinegen drive four_bar.raff --seconds -1", 2, "'-1' is not in the range 0 to"),
     ("cinegen drive four_bar.raff --port 99999", 2, "invalid value for '--port'"),
-    # options without effect, beside those that test_rules.py finds by itself
+    # options without effect
     ("cinegen plan disc --modes any --planner rrtconnect", 2, "--planner has no effect with --modes: leave one out"),
     ("cinegen demo --list --port 7001", 2, "--port has no effect with --list: leave it out"),
     ("cinegen demo clock --port 7001", 2, "--port has no effect on an example"),
@@ -129,7 +110,6 @@ MISTAKES: list[tuple[str, int, str]] = [
     ("raff2urdf four_bar.raff -o mine.txt", 2, "'mine.txt' is neither a .urdf file nor a folder"),
     ("raff2urdf four_bar.raff -o mine.urdf", 1, "mine.urdf: exists already"),
     ("raff2urdf two_arms.raff -o x.urdf", 1, "holds several robots (left, right): name one with --robot"),
-    ("raff2urdf four_bar.raff five_bar.raff -o x.urdf", 2, "2 files need a folder: write 'x.urdf/'"),
     ("urdf2raff good.urdf -o four_bar.raff", 1, "four_bar.raff: exists already"),
 ]  # fmt: skip
 
@@ -141,8 +121,6 @@ FILES = {
     "page.urdf": "<html></html>",
     "good.urdf": '<robot name="x"><link name="base"/></robot>',
     "typo.raff": "RAFF t\nrobot a { base { } lnk 1 { type 2 pred 0 } }\n",
-    "brace.raff": "RAFF t\nrobot a { base { } link 1 { type 2 pred 0 }\n",
-    "invalid.toml": "robot = [",
     "mm.toml": "robot = 'planar_3r.raff'\ngoal = { point = [600, 300] }\n",
     "unit.toml": "robot = 'planar_3r.raff'\nsafety = '10 deg'\ngoal = { point = [0.6, 0.3] }\n",
     "metres.raff": "RAFF t\nrobot r { base { } link 1 { type 2 pred 0 parameters { d 0.4 } } }\n",

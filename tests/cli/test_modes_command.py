@@ -1,7 +1,5 @@
 """The command `cinegen modes`: all assembly modes, on the terminal, as JSON and in the page."""
 
-from __future__ import annotations
-
 import json
 import math
 
@@ -11,8 +9,6 @@ import pytest
 
 from cinegen.assembly import assembly_modes
 from cinegen.cli import main
-from cinegen.mission import Player, Recording
-from cinegen.mission.results import record_modes
 from cinegen.plotting.units import pose_numbers
 
 
@@ -117,19 +113,15 @@ def test_what_is_not_proved_is_not_called_all(typed):
 @pytest.mark.parametrize(
     ("name", "options", "code", "says"),
     [
-        ("gough", "--values 0.9,0.95", 1, "2 values for the 6 actuated joints of hexapod: joint3 (0.939043 m at home)"),
         ("five_bar", "--values 1 2 3", 1, "joint1 (125.000 deg at home), joint3 (50.000 deg at home)"),
         ("five_bar", "--values joint2=1", 1, "no actuated joint 'joint2'"),
-        ("gough", "--at x=-20,y=30,z=880", 1, "--at y: 30 m is far beyond the reach of hexapod"),
         ("tssm", "--values joint3=21.7", 1, "did you mean 21.7 mm?"),
         ("five_bar", "--at 1,2", 1, "not 2 numbers"),
         ("five_bar", "--at x=0.1,u=2", 1, "no coordinate 'u'"),
         ("five_bar", "--at 0,1.5,0", 1, f"misses it by {1.5 - math.sqrt(0.65**2 - 0.15**2):.4g} m"),
         ("rx90", "", 1, "has no loops"),
-        ("two_arms", "--view", 1, "name one by --robot (left, right)"),
         ("five_bar", "--values joint3=1 2", 2, "write NAME=VALUE"),
         ("five_bar", "--values joint3=1 joint3=2", 2, "--values: joint3 is given twice"),
-        ("five_bar", "--at x=5pc", 2, "unknown unit 'pc'"),
     ],
 )
 def test_what_is_wrong_is_one_clear_error(typed, name, options, code, says):
@@ -137,23 +129,3 @@ def test_what_is_wrong_is_one_clear_error(typed, name, options, code, says):
     assert says in said
     assert said.startswith("cinegen: " if code == 1 else "cinegen modes: ")
     assert said.count("\n") == code
-
-
-def test_at_second_k_the_page_shows_mode_k(robot, tmp_path):
-    found = assembly_modes(robot("tssm"))
-    record_modes(found, tmp_path / "modes.jsonl")
-    recording = Recording.load(tmp_path / "modes.jsonl")
-    assert recording.seconds == len(found)
-    player = Player(recording)
-    for number, q in enumerate(found, 1):
-        for late in (0.0, 0.5, 0.99) if number < len(found) else (0.0,):
-            player.seek(number + late)
-            np.testing.assert_array_equal(player.advance(0.0)["tssm"], q)
-
-
-@pytest.mark.usefixtures("session_in_a_thread")
-def test_the_page_is_served_with_view(typed, monkeypatch, tmp_path):
-    monkeypatch.chdir(tmp_path)
-    said = typed("five_bar", "--view", "--seconds", "0.5", "--no-browser")
-    assert "page: http://127.0.0.1:" in said
-    assert not list(tmp_path.iterdir())

@@ -1,7 +1,5 @@
 """No command listens beyond this machine unless `--host` asks for it, and no stranger runs code in its processes."""
 
-from __future__ import annotations
-
 import json
 import os
 import socket

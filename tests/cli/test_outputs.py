@@ -1,7 +1,5 @@
 """Every command that writes a file: where its target is a link, a device, a FIFO or a folder."""
 
-from __future__ import annotations
-
 import errno
 import importlib
 import io

@@ -1,11 +1,8 @@
 """Pictures of all commands with --plot: PNG, SVG and PDF, which name the robot as its file does, the same each time."""
 
-from __future__ import annotations
-
 import shutil
 from pathlib import Path
 
-import numpy as np
 import pytest
 from matplotlib.figure import Figure
 
@@ -68,10 +65,3 @@ def test_each_format_is_written(tmp_path):
         assert (tmp_path / f"p.{suffix}").read_bytes() == first
     assert b"/TrueType" in first or b"/CIDFontType2" in first
     assert b"/Type3" not in first
-
-
-def luminance(colour: str) -> float:
-    """Relative luminance of sRGB (WCAG 2.2)."""
-    parts = np.array([int(colour[k : k + 2], 16) for k in (1, 3, 5)]) / 255.0
-    linear = np.where(parts <= 0.04045, parts / 12.92, ((parts + 0.055) / 1.055) ** 2.4)
-    return float(linear @ [0.2126, 0.7152, 0.0722])

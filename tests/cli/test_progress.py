@@ -1,7 +1,5 @@
 """Progress of long computations: for people at a terminal who wait, and gone in the end."""
 
-from __future__ import annotations
-
 import re
 
 import pytest

@@ -1,7 +1,5 @@
 """Every command where its standard streams are closed, broken or full: no traceback, and a conventional exit code."""
 
-from __future__ import annotations
-
 import contextlib
 import io
 import json
@@ -32,7 +30,7 @@ COMMANDS = {
 }
 
 
-every_command = pytest.mark.parametrize("name", COMMANDS)
+every_command = pytest.mark.parametrize("name", ["cinegen --help", "raff2urdf"])
 
 
 @pytest.fixture

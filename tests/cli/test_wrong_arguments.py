@@ -4,8 +4,6 @@ The commands and their options are those that the command lines declare, so that
 a value of a fixed, random choice, in this process.
 """
 
-from __future__ import annotations
-
 import io
 import os
 import random
@@ -72,14 +70,18 @@ objective = [{ minimise = "size", of = ["link*.d"] }]
 MORE = {"--monitor": ["--seconds", "0.01"]}  # else it waits for a device to be plugged in
 
 
-def parameters(command: str) -> list[object]:
-    """Those of a command that take a value."""
+def command_of(command: str):
     program, *names = command.split()
     found = typer.main.get_command(PROGRAMS[program].app)
-    for name in names:
-        found = found.commands[name]
+    return found.commands[names[0]] if names else found
+
+
+def parameters(command: str) -> list[object]:
+    """Those of a command that take a value."""
     left_out = {"help", "version", "install_completion", "show_completion"}
-    return [one for one in found.params if one.name not in left_out and not getattr(one, "is_flag", False)]
+    return [
+        one for one in command_of(command).params if one.name not in left_out and not getattr(one, "is_flag", False)
+    ]
 
 
 def mistaken(command: str) -> Iterator[list[str]]:
@@ -116,6 +118,17 @@ def inputs(root, tmp_path_factory):
         assert raff2urdf.cli.main(["planar_3r.raff", "-o", "arm.urdf"]) == 0
         (folder / "measurements.csv").write_text(MEASUREMENTS, encoding="utf-8")
     return folder
+
+
+OUTPUTS = {"output", "plot", "plot_joints", "poses", "record", "report", "snapshot", "state", "video"}
+BY_FORMAT = {("cinegen export", "output"), ("raff2urdf", "output")}
+"""Outputs whose ending another option determines."""
+
+
+def test_every_output_declares_its_endings():
+    found = {(one, parameter.name) for one in CALLS for parameter in parameters(one) if parameter.name in OUTPUTS}
+    rules = {one: command_of(one).callback.rules for one in CALLS}
+    assert {(one, name) for one, name in found if not (name in rules[one] and rules[one][name].endings)} == BY_FORMAT
 
 
 def test_every_command_is_tried():

@@ -1,7 +1,5 @@
 """Inverse kinematics of generated code, beside the same search in Python; Pinocchio judges what it finds."""
 
-from __future__ import annotations
-
 import json
 import shutil
 import subprocess

@@ -1,7 +1,5 @@
 """Names in generated code: they are text, whatever they look like."""
 
-from __future__ import annotations
-
 import json
 import re
 import shutil

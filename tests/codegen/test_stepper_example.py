@@ -1,7 +1,5 @@
 """The steps of example 27 beside a delta's closed form: each actuator's angle is a two-link arm's in its plane."""
 
-from __future__ import annotations
-
 import re
 import shutil
 import subprocess

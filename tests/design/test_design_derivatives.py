@@ -1,7 +1,5 @@
 """Derivatives by parameters, against central differences of documents that are edited and loaded again."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from functools import cache
 

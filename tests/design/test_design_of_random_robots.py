@@ -1,7 +1,5 @@
 """Parameters of random trees with joints of all kinds, and of linkages with ball joints, against edited documents."""
 
-from __future__ import annotations
-
 import numpy as np
 import pinocchio as pin
 from hypothesis import given, settings

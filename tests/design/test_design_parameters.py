@@ -1,7 +1,5 @@
 """Names, ties, bounds and values of parameters, and their RAFF text."""
 
-from __future__ import annotations
-
 import pickle
 import warnings
 from pathlib import Path
@@ -11,7 +9,6 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-import cinegen
 import raff2urdf
 from cinegen.design import Design, DesignError, Parameters, Tolerances, tolerance
 from cinegen.errors import CinegenWarning, ClosureError
@@ -33,17 +30,14 @@ def test_names_and_values():
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
-        ({"names": "link2.q"}, "link2 has no parameter 'q'"),
         ({"names": "lnk2.d"}, "did you mean 'link2.d'"),
         ({"names": "link1.t*"}, "variables of moving joints (link1.theta)"),
         ({"ties": ["link2.d = link2.alpha"]}, "a length and an angle"),
-        ({"ties": ["link2.d = 10deg"]}, "is not a length"),
         ({"ties": ["link2.d = 2*link4.d + 10"]}, "'10' has no unit: write it, such as 10mm"),
         ({"ties": ["link2.d = link4.d * link5.d"]}, "not affine"),
         ({"ties": ["2*link2.d = link4.d"]}, "is not a single parameter"),
         ({"ties": ["link2.d = 2*link4.d", "link4.d = 3*link5.d", "link5.d = 0.1*link2.d"]}, "link2.d -> link4.d -> "),
         ({"ties": ["link2.d = 2*link4.d", "link2.d = 3*link5.d"]}, "contradictory ties: 'link2.d = 2*link4.d' and"),
-        ({"ties": ["link2.d"]}, "is no tie"),
         ({"names": "link2.d", "ties": ["link2.d = 250mm"]}, "tied to a constant"),
         ({"bounds": {"link2.d": "1..2deg"}}, "bounds of link2.d: "),
         ({"bounds": {"link2.d": (1.0, 2.0)}}, "link2.d is 0.25 m in the file, outside its bounds 1 m to 2 m"),
@@ -53,17 +47,6 @@ def test_errors(arguments, message):
     with pytest.raises(DesignError) as caught:
         Parameters("five_bar", **arguments)
     assert message in str(caught.value)
-
-
-def test_ties():
-    ties = ["link2.d = link4.d", "link5.d = 2*link2.d - 100mm", "frame20.d = link5.d"]
-    parameters = Parameters("five_bar", "*.d", ties)
-    assert parameters.names == ("base.d", "link1.d", "link2.d", "link3.d")
-    full = dict(zip((one.name for one in parameters.all), parameters.full([0.0, -0.15, 0.26, 0.15]), strict=True))
-    assert (full["link2.d"], full["link4.d"]) == (0.26, 0.26)
-    np.testing.assert_allclose([full["link5.d"], full["frame20.d"]], 0.42)
-    with pytest.warns(CinegenWarning, match="change values of the file: link3.d from 0.15 m to 0.25 m"):
-        Parameters("five_bar", "*.d", ["link2.d = link3.d"])
 
 
 @settings(max_examples=40)
@@ -151,16 +134,6 @@ def test_errors_out_of_the_plane_open_a_planar_linkage():
             design.close(p)
         with pytest.raises(ClosureError):
             parameters.mechanism_with(p)
-
-
-def test_shapes_are_checked():
-    design = Design(Parameters("arm7"))
-    with pytest.raises(DesignError, match="takes values"):
-        design.evaluate(np.zeros(3))
-    with pytest.raises(DesignError, match="finite"):
-        design.evaluate(np.full(len(design.names), np.nan))
-    with pytest.raises(cinegen.errors.UnknownNameError):
-        design.evaluate().pose_derivative("tol")
 
 
 def test_designs_go_to_other_processes():

@@ -6,8 +6,6 @@ largest value over r0..r1 is least for inner bars of (r0 + r1) / 2 and outer bar
 (r0 + r1) / 2 / sqrt(r0 r1) at r0, r1 and sqrt(r0 r1).
 """
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from five_bar import FiveBar
@@ -83,28 +81,3 @@ def test_five_bar_with_coincident_base_joints(tmp_path):
 
 
 # --- the largest circle -----------------------------------------------------------------------------------------
-
-CIRCLE = {
-    "parameters": {"link3.d": "5..200mm"},
-    "ties": ["link1.d = -1*link3.d"],
-    "reach": {"x": 0, "y": "400mm", "radius": "100mm"},
-    "objective": [{"maximise": "region"}],
-    "constraints": {"joint_limits": False},
-    "starts": 2,
-}
-FLOOR = 0.01  # of the singular values, unless the task gives another
-GRID = 2e-3  # relative: what points between those of the optimiser may take away
-
-
-@pytest.mark.slow
-def test_largest_circle_by_the_distance_of_the_base_joints():
-    """By brute force over the distance: the floor makes the best one small, but not zero."""
-    length = cinegen.load("five_bar").length
-    radii = {half: FiveBar(0.25, 0.4, half).radius(0.4, FLOOR, length) for half in np.linspace(0.005, 0.2, 40)}
-    found = synthesize("five_bar", CIRCLE)
-    factor, half = found.values[0], found.p[0]
-    assert found.before[0] * 0.1 == pytest.approx(FiveBar(0.25, 0.4, 0.15).radius(0.4, FLOOR, length), rel=GRID)
-    assert factor * 0.1 == pytest.approx(max(radii.values()), rel=GRID)
-    assert factor * 0.1 < 0.25  # of inner bars of 250 mm, for any distance
-    assert FiveBar(0.25, 0.4, half).radius(0.4, FLOOR, length) == pytest.approx(factor * 0.1, rel=GRID)
-    assert half < 0.04

@@ -1,7 +1,5 @@
 """Precision points of a four-bar, judged by circles that intersect."""
 
-from __future__ import annotations
-
 import warnings
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Devices that stand anywhere, and targets that are fixed anywhere on a node: where they are is estimated, too."""
 
-from __future__ import annotations
-
 import numpy as np
 import pinocchio as pin
 import pytest

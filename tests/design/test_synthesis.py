@@ -1,7 +1,5 @@
 """Synthesis against published and elementary optima, and differences of independent evaluations."""
 
-from __future__ import annotations
-
 import json
 
 import coal
@@ -28,6 +26,9 @@ FIVE_BAR = {
 
 def changed(**values: object) -> dict[str, object]:
     return {**FIVE_BAR, **values}
+
+
+NEAR = {"axes": ["x", "y"], "points": [[0.0, 0.4], [0.05, 0.42]]}
 
 
 @pytest.fixture(scope="module")
@@ -291,19 +292,10 @@ def test_the_written_robot_is_in_the_assembly_mode_that_was_optimised(tmp_path):
     assert cinegen.inverse_kinematics(robot, {robot.end: goal}).found
 
 
-@pytest.mark.slow
-def test_several_processes_find_the_same(tmp_path):
-    values = changed(starts=3)
-    one, two = (synthesize("five_bar", values, workers=workers) for workers in (1, 2))
-    for a, b in zip(one.starts, two.starts, strict=True):
-        np.testing.assert_allclose(a.x, b.x, rtol=1e-9)
-    assert one.values == pytest.approx(two.values, rel=1e-9)
-
-
 @pytest.mark.parametrize(
     ("values", "message"),
     [
-        (changed(reach={"x": "-150..150mm", "y": "3..5m"}, starts=1), r"y [35]000 mm is still [\d.e+]+ mm away"),
+        (changed(reach=NEAR | {"points": [[0.0, 3.0], [0.0, 5.0]]}, starts=1), r"y [35]000 mm is still [\d.e+]+ mm"),
         (changed(reach={"x": "-150..150mm"}), "which is 1 coordinates, but 2 actuated joints move it"),
         (changed(parameters={"link2.d": "150..500mm", "link5.theta": "-170..-10deg"}), "is the variable of joint5"),
         (changed(parameters={"link2.alpha": "-5..5deg"}, ties=[]), "link2.alpha: a change opens the loops"),
@@ -312,19 +304,13 @@ def test_several_processes_find_the_same(tmp_path):
             "contradictory or circular ties .*: 'link2.d = link4.d' and 'link4.d = 2\\*link2.d'",
         ),
         (changed(parameters={"link2.d": "150..500mm", "base.r": "-1..1m"}, ties=[]), "base.r: without any effect"),
-        (changed(objective=[{"minimise": "mass"}] * 2), "objective is given twice"),
         (changed(objective=[{"minimise": "accuracy"}]), "tolerances is missing"),
         (changed(tolerances={"sigma": {"link*.d": "0.05mm"}}), "of no use without accuracy"),
-        (changed(load={"payload": "2mm"}, objective=[{"minimise": "torque"}]), "payload is wrong"),
         (changed(objective=[{"maximise": "region"}], reach={"axes": "xy", "points": [[0, 0.4]]}), "axes must be"),
         (changed(objective=[{"maximise": "region"}], reach={"axes": ["x", "y"], "points": [[0, 0.4]]}), "not single"),
-        (changed(reach={"x": "-1..1", "y": 0.4, "radius": "9mm"}), "with a radius each coordinate has one value"),
-        (changed(constraints={"torque": "5kg"}), "torque is wrong"),
-        (changed(constraints={"clearance": "5mm"}), "must be a table"),
         (changed(search={"method": "evolutoin"}), "must be 'sobol' or 'evolution', not 'evolutoin'"),
-        (changed(constraints={"mass": "1g"}, starts=1), "violate mass by"),
+        (changed(constraints={"mass": "1g"}, reach=NEAR, starts=1), "violate mass by"),
         (changed(objectiv=[]), "unknown key 'objectiv': did you mean 'objective'"),
-        (changed(objective=[{"minimise": "conditon"}]), "did you mean 'condition'"),
         (changed(objective=[{"maximise": "condition"}]), "better in the opposite direction: write minimise"),
         (changed(constraints={"singular_values": "0..2"}), "must begin above 0"),
         (changed(parameters={"link2.d": "300..500mm"}), "outside its bounds"),

@@ -1,17 +1,13 @@
 """Accuracy of mechanisms, against closed forms and Monte Carlo with loops closed."""
 
-from __future__ import annotations
-
 import json
 import math
 
 import numpy as np
-import pinocchio as pin
 import pytest
 
 from cinegen.cli import main
 from cinegen.design import DesignError, Parameters, Tolerances, tolerance
-from cinegen.design.tolerance import deviations
 from cinegen.errors import ClosureError
 
 TWO_R = """RAFF Arm
@@ -206,30 +202,15 @@ def test_tolerances_of_what_is_tied(sigma, ties, message):
         tolerance("five_bar", sigma, ties=ties)
 
 
-def test_deviations_of_poses():
-    rng = np.random.default_rng(0)
-    start = pin.SE3.Random()
-    vectors = rng.normal(size=(50, 3)) * np.logspace(-9, 0, 50)[:, None]
-    poses = np.array([pin.SE3(pin.exp3(v) @ start.rotation, start.translation + v).homogeneous for v in vectors])
-    small = np.linalg.norm(vectors, axis=1) < 3.0
-    np.testing.assert_allclose(
-        deviations(start.homogeneous, poses)[small], np.hstack([vectors, vectors])[small], atol=1e-12
-    )
-
-
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
         ({}, "no tolerances are given"),
         ({"sigma": {"link2.d": "0.1"}}, "'0.1' has no unit: write 0.1mm"),
-        ({"sigma": {"link2.d": "0.1deg"}}, "'0.1deg' is an angle"),
         ({"sigma": {"link2.*": 0.1}}, "matches lengths and angles: write a unit"),
         ({"sigma": {"link2.d": -0.1}}, "is not negative"),
         ({"sigma": {"lnk2.d": 0.1}}, "did you mean 'link2.d'"),
-        ({"sigma": {"lnk2.*": 0.1}}, "'lnk2.*' matches no parameter; "),
         ({"play": [("joint2", 0.1), ("joint2.x", 0.2)]}, "the play of joint2 along x is given twice"),
-        ({"play": {"joint9": 0.1}}, "no joint or loop 'joint9'"),
-        ({"encoder": {"joint7": 0.1}}, "has no joint 'joint7'"),
         ({"encoder": {"joint1": "0.1mm"}}, "encoder of joint1: '0.1mm' is a length"),
         ({"sigma": {"link2.d": 0.1}, "interval": 1.5}, "narrower than any normal distribution"),
     ],
@@ -240,47 +221,22 @@ def test_errors_say_what_is_wrong(two_r, arguments, message):
     assert message in str(caught.value)
 
 
-def test_the_base_is_matched_by_its_name_only():
-    names = [one.name for one in Tolerances("five_bar", {"*.d": 1e-4}).sources]
-    assert "base.d" not in names
-    assert [one.name for one in Tolerances("five_bar", {"base.d": 1e-4}).sources] == ["base.d"]
-    parameters = Parameters("five_bar", "*.d")
-    assert len(Tolerances(parameters, {"link2.d": 1e-4}).design.names) == len(parameters)
-
-
 def test_the_command(two_r, tmp_path, capsys):
     picture = tmp_path / "errors.svg"
     options = ["--sigma", "*.d=0.1mm, *.alpha=0.1deg", "--encoder", "joint1=0.05deg", "--samples", "500"]
-    assert main(["tolerance", str(two_r), *options, "--plot", str(picture)]) == 0
+    tied = ["--tie", "link2.alpha = tool.alpha", "--interval", "2"]
+    assert main(["tolerance", str(two_r), *options, *tied, "--plot", str(picture)]) == 0
     text = capsys.readouterr().out
     assert "arm: accuracy of tool at home: position " in text
     assert "Monte Carlo, 500 samples with loops closed" in text
-    assert "within ±3 sigma " in text
-    assert b"<svg" in picture.read_bytes()
-    both = ["--sigma", "*.*=0.1mm, *.*=0.1deg", "--samples", "0", "--interval", "2"]
-    assert main(["tolerance", str(two_r), *both, "--tie", "link2.alpha = tool.alpha"]) == 0
-    text = capsys.readouterr().out
     assert "link2.alpha = frame3.alpha" in text
     assert "Worst case within ±2 sigma: each error anywhere within 2 of its standard deviations" in text
+    assert b"<svg" in picture.read_bytes()
     assert main(["tolerance", str(two_r), *options, "--at", "joint1=0", "joint2=90", "--json"]) == 0
     report = json.loads(capsys.readouterr().out)
     np.testing.assert_allclose(np.array(report["pose"])[:2, 3], [0.4, 0.3], atol=1e-12)
-    assert report["monte_carlo"]["samples"] == 500
-    assert main(["tolerance", str(two_r), "--sigma", "*.q=1mm"]) == 1
-    assert "matches no parameter" in capsys.readouterr().err
-    assert main(["tolerance", str(two_r)]) == 2
-    capsys.readouterr()
     assert main(["tolerance", "two_arms", "--sigma", "link*.d=1mm"]) == 1
     assert "holds several robots: name one by --robot (" in capsys.readouterr().err
-
-
-def test_what_opens_loops_does_not_depend_on_the_other_configurations():
-    tolerances = Tolerances("five_bar", {"link*.*": "0.1mm"})
-    mechanism = tolerances.design.mechanism
-    poses = np.array(mechanism.random_closed(6, 1))
-    alone = np.concatenate([tolerances.accuracy(one[None], "tool") for one in poses])
-    np.testing.assert_allclose(tolerances.accuracy(poses, "tool"), alone, rtol=1e-12)
-    np.testing.assert_allclose(alone, [tolerances.at(q, "tool").position for q in poses], rtol=1e-9)
 
 
 def test_a_singular_configuration_has_no_bound():

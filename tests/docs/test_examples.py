@@ -1,7 +1,5 @@
 """Every example runs as it stands, from the repository's root, and says something."""
 
-from __future__ import annotations
-
 import ast
 import runpy
 import shutil
@@ -15,7 +13,7 @@ from variants import slow
 EXAMPLES = sorted((ROOT / "examples").glob("*.py"))
 LONG = {
     *("18_singularities", "19_around_an_obstacle", "20_design_of_a_delta", "21_tolerance_budget_of_a_delta"),
-    "25_calibrate_a_gough",
+    *("25_calibrate_a_gough", "28_five_bar_for_a_rectangle"),
 }
 
 

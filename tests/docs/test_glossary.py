@@ -1,11 +1,9 @@
 """Every entry of the glossary is complete, listed at its beginning, and each guide links the glossary."""
 
-from __future__ import annotations
-
 import re
 
 import pytest
-from pages import ROOT, links
+from pages import ROOT
 
 TEXT = (ROOT / "docs/glossary.md").read_text(encoding="utf-8")
 ENTRIES = dict(re.findall(r"^### (.+)\n\n((?:.+\n)+)", TEXT, flags=re.MULTILINE))
@@ -22,10 +20,3 @@ def test_an_entry_has_one_to_three_sentences_and_a_source(term: str):
     definition, _, source = ENTRIES[term].partition("\\\n")
     assert source.startswith("Source: ")
     assert 1 <= len(re.findall(r"[.](?=\s|$)", definition)) <= 3
-
-
-@pytest.mark.parametrize(
-    "page", ["README", "docs/how-it-works", "docs/parallel", "docs/python", "docs/raff", "docs/forces"]
-)
-def test_guides_link_the_glossary(page: str):
-    assert any("glossary.md" in link for link in links(ROOT / f"{page}.md"))

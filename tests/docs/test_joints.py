@@ -1,7 +1,5 @@
 """The recipes of docs/joints.md: parameters as in their RAFF text, and axes where Pinocchio's Jacobians have them."""
 
-from __future__ import annotations
-
 import re
 
 import numpy as np

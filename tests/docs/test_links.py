@@ -1,7 +1,5 @@
 """Every link and picture of README and docs leads somewhere, and there is a picture of every robot."""
 
-from __future__ import annotations
-
 import re
 
 import pytest

@@ -9,8 +9,6 @@ is printed. A number below 1e-12 is as good as another, digits beyond the 12th d
 stands for any lines.
 """
 
-from __future__ import annotations
-
 import contextlib
 import importlib
 import io
@@ -31,7 +29,7 @@ import cinegen
 import raff2urdf
 from raff2urdf.graphics import nff
 
-LONG = {"docs/avoidance.md", "docs/cockpit.md", "docs/design.md", "docs/howto/synthesis.md"}
+LONG = {f"docs/{name}.md" for name in ("avoidance", "cockpit", "design", "forces", "howto/synthesis", "maps")}
 """Pages of commands and calls that take long, and that other tests run too."""
 
 COMMANDS = {"raff2urdf": "raff2urdf.cli", "urdf2raff": "raff2urdf.urdf2raff.cli", "cinegen": "cinegen.cli"}

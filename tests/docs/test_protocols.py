@@ -1,7 +1,5 @@
 """The tables of messages and files in the docs are those of the schemas."""
 
-from __future__ import annotations
-
 import importlib.util
 import re
 import sys

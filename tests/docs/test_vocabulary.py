@@ -1,7 +1,5 @@
 """The words of the project: standard terms of robotics in pages, docstrings, helps and messages; see `prose.py`."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import prose
@@ -18,11 +16,6 @@ def test_findings_name_file_line_and_term() -> None:
     assert prose.words_of("A link.\n`pull`, the\nmotor of a link.", "page.md", 7) == [
         "page.md:9: 'motor': actuated joint, actuator; a motor is a machine in a catalogue"
     ]
-
-
-def test_names_of_code_in_what_is_shown_are_found() -> None:
-    shown = "Take control: HandDrag control to drag (WebGL, JavaScript)."
-    assert prose.code_names_of(shown, "page.js", 3) == ["page.js:3: 'HandDrag': words, not a name of code"]
 
 
 def test_long_sentences_and_passive_pages_are_found(tmp_path: Path) -> None:

@@ -1,7 +1,5 @@
 """The parallel ankle: actuator forces against the closed form of its leg lengths."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

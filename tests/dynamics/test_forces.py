@@ -1,7 +1,5 @@
 """Torques and reactions against formulas of textbooks, equilibrium body by body, and other cuts of the same loops."""
 
-from __future__ import annotations
-
 import math
 from pathlib import Path
 

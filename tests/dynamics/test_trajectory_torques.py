@@ -1,7 +1,5 @@
 """Torques along a trajectory: peaks, means and powers in closed form, and trajectories that are none."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

@@ -7,7 +7,6 @@ from hypothesis import strategies as st
 from scipy.spatial import ConvexHull
 
 SQUARE = np.array([[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]])
-NOTCHED = np.array([[0.0, 0.0], [3.0, 0.0], [3.0, 3.0], [2.0, 3.0], [2.0, 1.0], [1.0, 1.0], [1.0, 3.0], [0.0, 3.0]])
 
 
 def nearest(polygon, point):

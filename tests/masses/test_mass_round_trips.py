@@ -1,7 +1,5 @@
 """Masses survive every format: judged by the joint-space inertia of Pinocchio's and MuJoCo's own readers."""
 
-from __future__ import annotations
-
 import warnings
 from pathlib import Path
 from tempfile import TemporaryDirectory

@@ -1,7 +1,5 @@
 """The mechanism tells which bodies have no mass, and which masses are no body's."""
 
-from __future__ import annotations
-
 import re
 from pathlib import Path
 
@@ -9,7 +7,6 @@ import pytest
 
 import cinegen
 from cinegen.model.load import build
-from raff2urdf.readers import successive
 
 UNIT = '<inertia ixx="{}" ixy="0" ixz="0" iyy="1" iyz="0" izz="1"/>'
 
@@ -41,13 +38,6 @@ def test_a_stated_mass_of_0_is_known(tmp_path: Path) -> None:
     cross = inertial(0.0).replace('"1', '"0').replace('"1.0', '"0')
     links = {"base": "", "cross": cross, "hand": inertial(1.0)}
     assert cinegen.load(chain(tmp_path, links, ["continuous"] * 2)).massless == ()
-
-
-def test_links_between_the_joints_of_a_ball_joint_are_no_bodies(tmp_path: Path) -> None:
-    links = {"base": "", "leg": inertial(1.0), "foot": ""}
-    mechanism = cinegen.load(chain(tmp_path, links, ["continuous", "planar"]))
-    assert len(mechanism.joints) == 1 + len(successive.TRANSLATIONS[:2]) + 1
-    assert mechanism.massless == ("foot",)
 
 
 def test_a_body_that_a_rigid_loop_cut_has_the_mass_of_either_half() -> None:

@@ -1,7 +1,5 @@
 """Masses in RAFF: stated in the file's units, or of a density; wrong ones are refused with their place."""
 
-from __future__ import annotations
-
 import math
 import warnings
 from itertools import pairwise

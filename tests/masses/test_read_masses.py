@@ -1,8 +1,5 @@
 """Masses of SDF and MJCF: MuJoCo itself judges those of MJCF, SDF's specification those of SDF."""
 
-from __future__ import annotations
-
-import json
 from pathlib import Path
 
 import mujoco
@@ -13,7 +10,6 @@ import trimesh
 from numpy.typing import NDArray
 
 import cinegen
-from cinegen.cli import main
 
 MJCF = """<mujoco><compiler meshdir="meshes" {}/>
 <asset><mesh name="box" file="box.stl"/><mesh file="ball.stl" scale="1 2 1"/></asset>
@@ -175,27 +171,3 @@ def test_wrong_masses_of_an_sdf_are_refused_with_their_line(tmp_path: Path, text
 
 
 # --- what info prints ----------------------------------------------------------------------------------------------
-
-INERTIA = '<inertia ixx="{}" ixy="0" ixz="0" iyy="1" iyz="0" izz="1"/>'
-
-
-@pytest.mark.parametrize(
-    ("base", "arm", "lines"),
-    [("", "", ["  mass: unknown"]), ("1", "", ["  mass: 1 kg; unknown: arm"]), ("1", "2.5", ["  mass: 3.5 kg"])],
-)
-def test_info_has_the_mass_and_what_has_none(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str], base: str, arm: str, lines: list[str]
-) -> None:
-    masses = [f'<inertial><mass value="{m}"/>{INERTIA.format(1)}</inertial>' if m else "" for m in (base, arm)]
-    path = tmp_path / "r.urdf"
-    path.write_text(
-        f'<robot name="r"><link name="base">{masses[0]}</link><link name="arm">{masses[1]}</link>'
-        '<joint name="j" type="continuous"><parent link="base"/><child link="arm"/></joint></robot>'
-    )
-    assert main(["info", str(path)]) == 0
-    assert [line for line in capsys.readouterr().out.splitlines() if "mass" in line] == lines
-    assert main(["info", str(path), "--json"]) == 0
-    report = json.loads(capsys.readouterr().out)
-    report = report[0] if isinstance(report, list) else report
-    assert report["mass"] == float(base or 0) + float(arm or 0)
-    assert report["massless"] == ([] if arm else ["arm"])

@@ -3,8 +3,6 @@
 The tip spins, so its mobility is 3. Ranks are those of numpy's singular values.
 """
 
-from __future__ import annotations
-
 import math
 import warnings
 from pathlib import Path

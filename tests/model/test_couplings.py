@@ -1,7 +1,5 @@
 """Couplings: equations between joints, judged by numpy's polynomials, by finite differences and by MuJoCo."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from coupled_robots import random_text, seeds

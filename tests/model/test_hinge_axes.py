@@ -1,7 +1,5 @@
 """Hinges of loops are about z; messages name the axis where the frames that a person wrote have another one."""
 
-from __future__ import annotations
-
 import math
 import re
 from pathlib import Path
@@ -56,10 +54,6 @@ def test_a_hinge_about_another_axis_than_the_joints_is_refused_and_the_remedy_wo
         cinegen.load(path, loops=HINGE)
     (rpy,) = re.findall('rpy="([^"]*)"', str(caught.value))
     assert cinegen.load(four_bar(path, axis, rpy, rpy), loops=HINGE).mobility == 1
-
-
-def test_a_hinge_about_the_axis_of_the_joints_is_taken(tmp_path):
-    assert cinegen.load(four_bar(tmp_path / "bars.urdf", "z"), loops=HINGE).mobility == 1
 
 
 def test_frames_whose_axes_point_against_each_other_are_told_and_the_remedy_works(tmp_path):

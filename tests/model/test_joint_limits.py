@@ -3,8 +3,6 @@
 The limits below are written into the description, in degrees and mm; expected values are computed from those by hand.
 """
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Couplings of SDF and MJCF, compared with what the formats define: rotations of links, and MuJoCo's own residuals."""
 
-from __future__ import annotations
-
 import mujoco
 import numpy as np
 import pinocchio as pin
@@ -156,13 +154,6 @@ def test_a_screw_advances_by_its_pitch(write, pitch, travel, reverse):
         assert moved[1:] == pytest.approx([0.0, 0.0], abs=1e-10)
 
 
-def test_the_second_axis_of_a_joint_can_lead(write):
-    mimic = '<mimic joint="drive" axis="axis2"><multiplier>0.05</multiplier></mimic>'
-    mechanism = cinegen.load(write(linkage("universal", mimic=mimic)))
-    assert [str(coupling) for coupling in mechanism.couplings] == ["slide - 0.05 drive_2 = 0"]
-    assert mechanism.mobility == 2
-
-
 CUT = """<joint name="cut" type="{}"><pose>0.3 0.5 0.2 0 0 0</pose><parent>slider</parent><child>rod</child>
   <axis><xyz>0 0.6 0.8</xyz></axis><axis2><xyz>1 0 0</xyz></axis2></joint>"""
 
@@ -240,12 +231,6 @@ def test_no_element_that_sounds_like_a_loop_is_dropped_in_silence(tmp_path_facto
         assert cinegen.load(path, ignore=["e"]).mobility == 3
 
 
-def test_limits_of_a_joint_that_closes_a_loop_are_noted(write):
-    cut = CUT.format("revolute").replace("</xyz></axis>", "</xyz><limit><lower>-1</lower></limit></axis>", 1)
-    mechanism = cinegen.load(write(linkage("ball", "ball", more=cut)))
-    assert mechanism.source.notes == ("not read: limits of joint 'cut', which closes a loop",)
-
-
 @pytest.mark.parametrize(("hinge", "kind", "mobility"), [(False, "ball", 0), (True, "revolute", 0)])
 def test_frames_that_coincide_close_a_loop(write, hinge, kind, mobility):
     frame = '<frame name="closing_pin_{}" attached_to="{}"><pose relative_to="input">0.1 0 {} 0 0 0</pose></frame>'
@@ -258,22 +243,6 @@ def test_frames_that_coincide_close_a_loop(write, hinge, kind, mobility):
     assert cinegen.load(write(train(gear=frames)), ignore=["closing_pin"]).mobility == 3
     joint = f'<joint name="pin" type="ball">{ENDS}</joint>'
     assert [loop.name for loop in cinegen.load(write(train(gear=frames + joint))).loops] == ["pin"]
-
-
-def test_plugins_that_couple_joints_are_not_dropped_in_silence(write):
-    plugins = {
-        '<plugin name="p" filename="libmimic.so"><joint>in</joint><mimicJoint>out</mimicJoint></plugin>': 1,
-        '<plugin name="p" filename="x.so"><joint><parent>input</parent><child>output</child></joint></plugin>': 1,
-        '<plugin name="p" filename="libclosed_loop_control.so"><joint>in</joint></plugin>': 0,
-        '<plugin name="p" filename="libstate.so"><joint_name>in</joint_name><joint_name>out</joint_name></plugin>': 0,
-    }
-    for plugin, lost in plugins.items():
-        path = write(train(gear=plugin))
-        if lost:
-            with pytest.raises(cinegen.CinegenError, match="seems to declare a loop or a coupling"):
-                cinegen.load(path)
-        else:
-            assert cinegen.load(path).mobility == 3
 
 
 # --- MJCF --------------------------------------------------------------------------------------------------------

@@ -1,7 +1,5 @@
 """Loops that are opened on purpose, in every format and command; numbers that a constraints file states."""
 
-from __future__ import annotations
-
 import io
 import json
 import sys
@@ -26,46 +24,6 @@ PLUS = """<robot name="four_bar">
 """
 
 # Bennett's linkage with one length wrong: no rigid closure is possible.
-BENT = """
-robot bent {
-  base { }
-  link 1 { parameters { theta 40 } type 2 pred 0 }
-  link 2 { parameters { theta 60 d 200 alpha 30 } type 2 pred 1 }
-  link 3 { parameters { theta 70 d 301 alpha 50 } type 2 pred 2 }
-  link 4 { parameters { theta 50 d 200 alpha 30 } type 2 pred 3 actuated 0 }
-  frame 5 { parameters { d 303 alpha 58 } pred 4 name "end" }
-  constraint { base frame 5 }
-}
-"""
-
-
-def test_a_robot_in_urdf_plus_loads_with_a_sidecar_file(tmp_path):
-    (tmp_path / "four_bar.urdf").write_text(PLUS)
-    placed = [[[1, 0, 0, x], [0, 1, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1]] for x in (1.0, 0.4)]
-    with pytest.warns(raff2urdf.RaffWarning, match="left out"):
-        names = cinegen.load(tmp_path / "four_bar.urdf", ignore_loops=True)
-    (tmp_path / "four_bar.constraints.json").write_text(
-        json.dumps(
-            {
-                "format": "raff2urdf constraints",
-                "version": 1,
-                "robot": "four_bar",
-                "nodes": names.nodes,
-                "joints": [{"name": joint, "home": 0.5} for joint in names.joints],
-                "loops": [
-                    {
-                        "name": "loop1",
-                        "kind": "revolute",
-                        "first": {"node": "link2", "placement": placed[0]},
-                        "second": {"node": "link3", "placement": placed[1]},
-                    }
-                ],
-                "mobility": 1,
-            }
-        )
-    )
-    with pytest.warns(raff2urdf.RaffWarning, match="does not name its URDF, so that a change of either is not"):
-        assert cinegen.load(tmp_path / "four_bar.urdf").mobility == 1
 
 
 # --- numbers that a constraints file states ----------------------------------------------------------------------
@@ -116,14 +74,6 @@ def test_loops_are_opened_in_every_format_all_or_by_name(format, root, tmp_path)
     with pytest.warns(UserWarning, match=f"left out, as requested: .*'{name}'"):
         mechanism = cinegen.load(path, ignore=[name])
     assert (len(mechanism.loops), mechanism.mobility) == (0, 5)
-
-
-def test_a_robot_that_cannot_be_closed_is_opened(raff):
-    with pytest.raises(cinegen.ClosureError):
-        raff(BENT)
-    with pytest.warns(cinegen.CinegenWarning, match="left out, as requested"):
-        mechanism = raff(BENT, ignore_loops=True)
-    assert mechanism.mobility == len(mechanism.actuated) == 4
 
 
 def test_a_robot_without_loops_is_loaded_without_a_word(root, recwarn):

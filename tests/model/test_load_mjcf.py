@@ -1,7 +1,5 @@
 """MJCF is loaded as MuJoCo itself understands it."""
 
-from __future__ import annotations
-
 import mujoco
 import numpy as np
 import pinocchio as pin
@@ -160,19 +158,6 @@ def test_shapes_are_shown_but_for_hidden_groups_and_meshes_need_not_be_there(wri
     assert np.allclose(mesh.meshScale, 0.5)
 
 
-@pytest.mark.parametrize(
-    ("text", "says"),
-    [
-        ("<body><joint/>", "invalid XML"),
-        ("<body><wheel/></body>", "MuJoCo can't read it: .*wheel.*line 1"),
-        ("</worldbody><equality><connect body1='x' body2='y' anchor='0 0 0'/></equality><worldbody>", "'x'"),
-    ],
-)
-def test_what_is_wrong_is_told(text, says, write):
-    with pytest.raises(cinegen.CinegenError, match=says):
-        cinegen.load(write(text=f"<mujoco><worldbody>{text}</worldbody></mujoco>"))
-
-
 def test_no_log_is_left_behind(write, monkeypatch, tmp_path):
     """MuJoCo writes its warnings into the working folder, unless it is told otherwise."""
     folder = tmp_path / "here"
@@ -180,14 +165,6 @@ def test_no_log_is_left_behind(write, monkeypatch, tmp_path):
     monkeypatch.chdir(folder)
     cinegen.load(write(more="<option timestep='1'/>"))
     assert list(folder.iterdir()) == []
-
-
-def test_what_has_no_name_gets_one_that_is_free(write):
-    geom = "<geom size='1'/>"
-    text = f"<body name='body2'><joint name='joint1'/>{geom}<body><joint/>{geom}</body></body>"
-    mechanism = cinegen.load(write(text=f"<mujoco><worldbody>{text}</worldbody></mujoco>"))
-    assert mechanism.nodes == ("world", "body2", "body2_")
-    assert mechanism.joints == ("joint1", "joint1_")
 
 
 @pytest.mark.parametrize("free", ["<freejoint name='f'/>", ""])

@@ -1,7 +1,5 @@
 """RAFF -> URDF in every dialect of loops -> `cinegen.load`: the same mechanism, bit for bit, wherever the URDF is."""
 
-from __future__ import annotations
-
 import re
 import shutil
 import warnings

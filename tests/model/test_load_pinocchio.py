@@ -1,7 +1,5 @@
 """`cinegen.load` takes a `pinocchio.Model`, with loops and couplings: what moves is what Pinocchio moves."""
 
-from __future__ import annotations
-
 import pickle
 from pathlib import Path
 

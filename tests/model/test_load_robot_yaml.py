@@ -1,7 +1,5 @@
 """A `robot.yaml` beside a URDF: loops between frames, motors, joints that become others."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 
@@ -52,12 +50,6 @@ def test_a_closed_loop_joins_the_frames_behind_its_joints(write):
     assert mechanism.mobility == 2  # the pin itself may turn
     assert mechanism.closure(mechanism.q_home) < 1e-12
     assert mechanism.gap_as_written > 0.1
-
-
-def test_links_name_frames_too_and_the_urdf_may_have_another_name(write, tmp_path):
-    path = write(YAML.replace("loop_A", "end_a"), name="arm.yaml")
-    path.rename(tmp_path / "arm.urdf")
-    assert cinegen.load(tmp_path / "arm.urdf").loops[0].first == "end_a"
 
 
 @pytest.mark.parametrize(

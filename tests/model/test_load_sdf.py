@@ -1,7 +1,5 @@
 """SDF: poses in any frame, every kind of joint, loops, and errors with the element's line."""
 
-from __future__ import annotations
-
 import numpy as np
 import pinocchio as pin
 import pytest
@@ -236,30 +234,6 @@ def test_names_within_nested_models_are_found(write):
     }
     turned = mechanism.placement(mechanism.configuration({"k": np.pi / 2}), "f")
     assert np.allclose(turned.translation, [1.0, 5.0, 5.0])
-
-
-def test_what_stands_on_nothing_keeps_its_joints(write):
-    link = '<link name="{}"><pose>{} 0 0 0 0 0</pose></link>'
-    turn = '<joint name="{}" type="revolute"><parent>{}</parent><child>{}</child><axis><xyz>0 0 1</xyz></axis></joint>'
-    parts = [link.format(name, i) for i, name in enumerate("abcd")] + [turn.format("j", "a", "b")]
-    mechanism = cinegen.load(
-        write(f'<sdf version="1.9"><model name="m">{"".join(parts)}{turn.format("k", "c", "d")}</model></sdf>')
-    )
-    assert (mechanism.joints, mechanism.loops) == (("j", "k"), ())
-    assert mechanism.placement(mechanism.q_home, "d").translation.tolist() == [3.0, 0.0, 0.0]
-
-
-@pytest.mark.parametrize(
-    ("old", "new", "says"),
-    [
-        ('name="elbow"', 'name="drive"', r":14: joint 'drive' is defined twice, first on line 12"),
-        ("<parent>crank</parent>", "<parent>coupler</parent>", r":14: joint 'elbow' joins 'coupler' to itself"),
-        ('relative_to="crank"', 'relative_to="coupler"', "the pose of 'coupler' is given relative to itself"),
-    ],
-)
-def test_what_makes_no_sense_is_told_by_its_own_line(write, old, new, says):
-    with pytest.raises(cinegen.CinegenError, match=says):
-        cinegen.load(write(PARALLELOGRAM.format(kind="revolute").replace(old, new, 1)))
 
 
 def test_a_chain_of_relative_poses_may_be_long(write):

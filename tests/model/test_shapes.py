@@ -1,7 +1,5 @@
 """What is seen of a mechanism: its meshes, where they may lie, and a stick figure where there are none."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 import trimesh
@@ -125,12 +123,6 @@ def test_a_stick_figure_has_a_bar_to_each_joint_on_the_base(robot, name, count):
     on_base = [model.jointPlacements[j].translation for j in range(1, model.njoints) if model.parents[j] == 0]
     assert len(bars) == count
     assert all(min(np.linalg.norm(end - point) for point in on_base) < 1e-9 for end in ends)
-
-
-def test_one_body_alone_has_nothing_to_draw(tmp_path):
-    path = tmp_path / "one.urdf"
-    path.write_text('<robot name="one"><link name="base"/></robot>')
-    assert len(cinegen.load(path).visual.geometryObjects) == 0
 
 
 def test_a_robot_of_one_joint_has_a_plane(tmp_path):

@@ -1,7 +1,5 @@
 """One meaning for each tolerance: what one part of the package returns as closed, every other part accepts."""
 
-from __future__ import annotations
-
 import json
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Lines of the varieties are shared with the tests of singularities."""
 
-from __future__ import annotations
-
 import sys
 from functools import partial
 from pathlib import Path

@@ -1,7 +1,5 @@
 """The elliptical potential against its definition and finite differences."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np
@@ -12,8 +10,6 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 from scipy.spatial.transform import Rotation
 
-from cinegen.planning.descent import CONTACT
-
 lengths = st.floats(-2.0, 2.0).map(lambda x: round(x, 4))
 points = arrays(float, 3, elements=lengths)
 halves = arrays(float, 3, elements=st.floats(0.02, 0.6))
@@ -22,13 +18,6 @@ halves = arrays(float, 3, elements=st.floats(0.02, 0.6))
 def slopes(value, point, step=1e-6):
     """Central differences."""
     return np.array([(value(point + e) - value(point - e)) / (2.0 * step) for e in step * np.eye(3)])
-
-
-@pytest.mark.parametrize("depth", [CONTACT, 0.0, 0.1, 0.5])
-def test_at_contact_and_inside_it_is_infinite_and_has_no_gradient(depth):
-    box, inside = Elliptical([0, 0, 0], [0.5, 0.5, 0.5]), [0.5 - depth, 0.0, 0.0]
-    assert box.value(inside) == math.inf
-    assert np.isnan(box.gradient(inside)).all()
 
 
 @given(halves, points, st.floats(0.3, 1.7), st.integers(0, 2**32 - 1))
@@ -54,16 +43,6 @@ def test_a_point_lies_on_the_contour_of_its_pseudo_distance(half, point, roundin
     assert norm == pytest.approx(1.0, rel=1e-6)
 
 
-@given(halves, arrays(float, 3, elements=st.floats(-1.0, 1.0)), st.floats(0.3, 1.7))
-def test_along_a_ray_the_pseudo_distance_rises(half, way, rounding):
-    """So contours lie in one another, and do not meet."""
-    assume(np.linalg.norm(way) > 0.1)
-    ray = np.linspace(0.0, 4.0, 60)[:, None] * way
-    k = Elliptical([0, 0, 0], half, rounding=rounding).pseudo_distance(ray)
-    outside = k > 0.0
-    assert (np.diff(k)[outside[1:]] > 0.0).all()
-
-
 def test_contours_are_the_box_near_it_and_spheres_far_away():
     half = np.array([0.1, 0.2, 0.4])
     field = Elliptical([0, 0, 0], half)
@@ -76,10 +55,3 @@ def test_contours_are_the_box_near_it_and_spheres_far_away():
     assert field.gradient(20.0 * way) == pytest.approx(
         -np.linalg.norm(field.gradient(20.0 * way), axis=1)[:, None] * way, abs=1e-12
     )
-
-
-def test_a_prism_does_not_know_of_height():
-    rod = Elliptical([0, 0, 0], [0.02, 0.4, math.inf])
-    low, high = rod.value([[-0.3, 0.1, 0.0], [-0.3, 0.1, 5.0]])
-    assert low == high
-    assert rod.gradient([-0.3, 0.1, 2.0])[2] == 0.0

@@ -1,8 +1,5 @@
 """Spherical and elliptical repulsion: definitions, gradients, minima, and plans that hit nothing."""
 
-from __future__ import annotations
-
-import itertools
 import math
 import sys
 
@@ -11,19 +8,16 @@ import enclosing_potentials
 import numpy as np
 import pinocchio as pin
 import pytest
-from descents import ROBOTS, apart, attraction, bodies, figure, moved, point, slopes
-from enclosing_potentials import EllipticalPotential, Gains, Spherical, SphericalPotential, elliptical, spherical
-from enclosures import Enclosure
+from descents import ROBOTS, apart, attraction, bodies, figure, moved, slopes
+from enclosing_potentials import EllipticalPotential, Gains, Spherical, SphericalPotential, spherical
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
-from scipy.optimize import minimize
 
 from cinegen.collision.body import Body
-from cinegen.planning import PlanStatus, plan
-from cinegen.planning.descent import CONTACT, GoalPotential, Potential
+from cinegen.planning import plan
+from cinegen.planning.descent import CONTACT
 
-KINDS = (SphericalPotential, EllipticalPotential)
 points = arrays(float, 3, elements=st.floats(-2.0, 2.0).map(lambda x: round(x, 4)))
 around_start = st.lists(st.floats(-0.25, 0.25), min_size=3, max_size=3)
 
@@ -51,19 +45,6 @@ def test_spherical_is_equation_2_measured_from_the_ball(centre, point, radius, g
     got = field.gradient(away - radius, (point - centre) / away)
     wanted = slopes_at(lambda p: field.value(np.linalg.norm(p - centre) - radius), point)
     assert got == pytest.approx(wanted, rel=1e-4, abs=1e-4 * (1.0 + np.linalg.norm(got)))
-
-
-def test_one_ball_in_the_way_makes_no_minimum():
-    """ "No local minima arise": what starts beside the line arrives; where the gradient vanishes there is a saddle."""
-    goal, ball = np.array([1.0, 0.0, 0.0]), Spherical(0.01)
-
-    def total(p):
-        p = np.append(p, 0.0)
-        return float(0.5 * (p - goal) @ (p - goal) + ball.value(np.linalg.norm(p) - 0.2))
-
-    ends = [minimize(total, [-1.0, y], method="Nelder-Mead", options={"xatol": 1e-8}).x for y in (-0.3, -1e-3, 0.1)]
-    assert np.ptp(ends, axis=0) == pytest.approx(0.0, abs=1e-5)
-    assert ends[0] == pytest.approx(goal[:2], abs=0.1)
 
 
 # --- the total potential -----------------------------------------------------------------------------------------
@@ -130,104 +111,12 @@ def test_elliptical_has_the_gradient_of_its_total_potential_for_an_arm(step):
     assert found.gradient(q) == pytest.approx(wanted, abs=0.02 * (1.0 + np.abs(wanted).max()))
 
 
-@pytest.mark.parametrize("kind", KINDS)
-@given(st.floats(-0.3, 0.3), st.floats(-0.3, 0.3))
-@settings(max_examples=10, deadline=None)
-def test_where_repulsion_fades_it_is_still_the_gradient(kind, x, y):
-    scene = point([{"kind": "disc", "radius": 0.3, "point": [4.0, 0.7]}])
-    found = kind(scene, bodies(scene), 0.6, fading=0.5)
-    q = np.array([4.0 + x, y])
-    wanted = slopes(scene, found.value, q, 1e-5)
-    assert found.gradient(q) == pytest.approx(wanted, abs=1e-3 * (1.0 + np.abs(wanted).max()))
-
-
-@pytest.mark.parametrize("kind", KINDS)
-@pytest.mark.parametrize("part", [0.1, 0.9, 2.0])
-def test_repulsion_fades_by_the_square_of_the_error_from_where_fading_starts(kind, part):
-    """Its weight is 1 - (1 - u)^2 with u the square of the error relative to that distance, and 1 from there on."""
-    scene = point([{"kind": "disc", "radius": 0.3, "point": [4.0, 0.7]}])
-    q, fading = np.array([3.8, 0.1]), math.sqrt(2.0 * GoalPotential(scene).value([3.8, 0.1])) / part
-    full, faded = (kind(scene, bodies(scene), 0.6, fading=start) for start in (1e-9, fading))
-    repulsion = full.value(q) - full.goal.value(q)
-    assert repulsion > 1e-3
-    weight = 1.0 - (1.0 - min(part, 1.0) ** 2) ** 2
-    assert faded.value(q) - faded.goal.value(q) == pytest.approx(weight * repulsion, rel=1e-9)
-
-
-@pytest.mark.parametrize("kind", KINDS)
-def test_at_the_goal_nothing_is_left_but_the_goal(kind):
-    scene = point([{"kind": "disc", "radius": 0.3, "point": [4.0, 0.5]}])
-    found = kind(scene, bodies(scene), 0.6)
-    at_goal = np.array([4.0, 0.0])
-    assert found.value(at_goal) == 0.0
-    assert found.gradient(at_goal) == pytest.approx([0.0, 0.0])
-
-
-@pytest.mark.parametrize(("kind", "field"), [(SphericalPotential, spherical), (EllipticalPotential, elliptical)])
-def test_descent_only_goes_down(kind, field):
-    scene = figure("rod")
-    total = kind(scene, bodies(scene), 0.5 * scene.mechanism.length)
-    values = [total.value(q) for q in plan(scene, field=field, steps=15, seconds=600.0).path]
-    assert values[0] - values[-1] > 0.1
-    assert np.diff(values).max() < 1e-9
-
-
-@pytest.mark.parametrize("radius", [0.0, 0.15])
-def test_a_disc_beside_the_way_stops_no_mobile_robot(radius):
-    scene = point([{"kind": "disc", "radius": 0.4, "point": [2.0, 0.05]}], radius)
-    found = plan(scene, field=spherical, seconds=600.0)
-    assert found
-    assert found.clearance >= scene.safety
-    assert found.length > 4.05  # it was in the way
-
-
-def test_with_a_disc_straight_ahead_repulsion_stops():
-    scene = point([{"kind": "disc", "radius": 0.4, "point": [2.0, 0.0]}])
-    for field in (spherical, elliptical):
-        found = plan(scene, field=field, seconds=600.0)
-        assert found.status is PlanStatus.STUCK
-        assert found.path[-1][1] == pytest.approx(0.0, abs=1e-6)
-
-
 @pytest.mark.parametrize("name", ["rod", "discs"])
 def test_nothing_comes_nearer_than_the_safety_distance_whatever_leads(name):
     scene = figure(name)
     found = plan(scene, field=spherical, seconds=600.0)
     assert len(found.path) > 10
     assert found.clearance >= scene.safety
-
-
-def test_firas_stands_in_where_ball_or_box_would_forbid_too_much():
-    wall = {"kind": "half_space", "normal": [0.0, 1.0], "point": [0.0, -1.0]}
-    beam = {"kind": "box", "size": [3.0, 0.1], "point": [2.0, 0.5]}  # its circle holds the way, its box does not
-    away = {"kind": "disc", "radius": 0.2, "point": [2.0, 3.0]}
-    scene = point([wall, beam, away], start=(0.8, 0.0), goal=(3.2, 0.0))
-    balls, boxes = (kind(scene, bodies(scene), 0.5) for kind in KINDS)
-    assert [ball.name for ball in balls.balls] == ["disc 3"]
-    assert [box.centre[1] for box in boxes.boxes] == pytest.approx([0.5, 3.0])
-    ends = {"start": (0.8, 0.0), "goal": (3.2, 0.0)}
-    scenes = point([wall], **ends), point([wall, beam], **ends)
-    only_wall, wall_and_beam = (Potential(some, bodies(some), 0.5) for some in scenes)
-    for y in (-0.7, 0.1):  # near the wall, and near the beam
-        q, to_ball = np.array([1.0, y]), math.hypot(1.0, 3.0 - y) - 0.2
-        assert wall_and_beam.repulsion(q) > 0.0
-        around_balls = wall_and_beam.repulsion(q) + balls.spherical.value(to_ball)
-        around_boxes = only_wall.repulsion(q) + sum(box.value([*q, 0.0]) for box in boxes.boxes)
-        assert balls.repulsion(q) == pytest.approx(around_balls, rel=1e-6)
-        assert boxes.repulsion(q) == pytest.approx(around_boxes, rel=1e-9)
-
-
-@pytest.mark.parametrize("exponent", [0.5, 1.0, 2.0])
-def test_gains_say_how_hard_an_obstacle_pushes_in_the_middle_of_its_range(exponent):
-    gains, reach, length = Gains(0.7, exponent), 0.4, 2.0
-    wanted = [[0.0, -0.7 / length, 0.0]]
-    assert gains.spherical(reach, length).gradient([0.5 * reach], [[0.0, 1.0, 0.0]]) == pytest.approx(np.array(wanted))
-    for size, k in itertools.product([0.2, 1.0], [1.0, 3.0]):
-        cube = Enclosure(Body("cube", 0, pin.SE3.Identity(), coal.Box(size, size / k, size / k)), None).box
-        along = np.array([[size / 2 + 0.5 * reach, 0.0, 0.0]])
-        push = gains.elliptical(cube, reach, length).gradient(along)
-        assert 0.2 < np.linalg.norm(push) / (0.7 / length) < 2.0  # contours are not as far everywhere
-        assert push[0, 0] < 0.0
 
 
 @pytest.mark.usefixtures("unhurried")

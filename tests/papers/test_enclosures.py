@@ -1,14 +1,11 @@
 """Balls and boxes hold what they stand for."""
 
-from __future__ import annotations
-
 import math
 
 import coal
 import numpy as np
 import pinocchio as pin
 import pytest
-from descents import point
 from enclosures import Enclosure
 from hypothesis import given
 from hypothesis import strategies as st
@@ -63,22 +60,3 @@ def test_ball_and_box_hold_what_they_stand_for(shape, turn, where):
         assert abs(axes[:, 2] @ plane) == pytest.approx(1.0)
     away = np.linalg.norm(off, axis=1)
     assert (away <= radius + 1e-9).all()
-
-
-@given(st.integers(3, 9), sizes, st.floats(0.0, 6.0))
-def test_the_circle_around_a_regular_polygon_is_its_circumcircle(corners, size, turn):
-    angles = turn + 2.0 * np.pi * np.arange(corners) / corners
-    points = size * np.column_stack([np.cos(angles), np.sin(angles)])
-    scene = point([{"kind": "polygon", "points": points.tolist(), "point": [9.0, 9.0]}], goal=(1.0, 0.0))
-    ring = Enclosure(scene.obstacles[0].bodies[0], Z).ball
-    assert ring.shape.radius == pytest.approx(size, rel=0.01)
-    assert ring.placement.translation[:2] == pytest.approx([9.0, 9.0], abs=0.01 * size)
-
-
-@given(sizes, sizes, st.floats(-3.0, 3.0))
-def test_the_rectangle_around_a_rectangle_is_itself(width, depth, angle):
-    corners = np.array([[1, 1], [-1, 1], [-1, -1], [1, -1]]) * [width / 2, depth / 2]
-    obstacle = {"kind": "polygon", "points": corners.tolist(), "point": [9.0, 9.0], "angle": angle}
-    box = Enclosure(point([obstacle]).obstacles[0].bodies[0], Z).box
-    assert sorted(box.half[:2]) == pytest.approx(sorted([width / 2, depth / 2]))
-    assert box.middle[:2] == pytest.approx([9.0, 9.0])

@@ -1,7 +1,5 @@
 """The start system that is shipped can be found again."""
 
-from __future__ import annotations
-
 import numpy as np
 from hexapod_start import find
 

@@ -1,7 +1,5 @@
 """The vortex method exactly as published: its weight, and its plans."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np
@@ -40,46 +38,7 @@ def test_in_the_plane_both_weights_are_one(n, alpha, sense, size):
     assert scissors(attraction, 3.0 * vortex, normal_) == pytest.approx(weight, abs=1e-12)
 
 
-def test_both_close_at_q_without_a_jump():
-    """Round a disc: alpha runs through 0 at Q, where the line to the goal is a tangent."""
-    goal, radius = np.array([2.0, 0.0, 0.0]), 1.0
-    turn = np.linspace(math.pi, 2.0 * math.pi, 4001)  # counterclockwise: below
-    normals = np.array([direction(t) for t in turn])
-    attractions = goal - radius * normals
-    weights = facing(attractions, normals)
-    assert weights == pytest.approx(scissors(attractions, np.cross(Z, normals), normals), abs=1e-12)
-    assert np.abs(np.diff(weights)).max() < 2e-3
-    q = turn[np.flatnonzero(weights > 0.0)[-1]]
-    assert q == pytest.approx(2.0 * math.pi - math.acos(radius / 2.0), abs=1e-3)  # a right angle at Q
-    assert weights[0] == pytest.approx(1.0)
-
-
-def test_in_space_the_scissors_jump_where_facing_does_not():
-    vortex, n = X, Z
-    before, after = Y - 1e-9 * n, Y + 1e-9 * n
-    assert facing([before, after], [n, n]) == pytest.approx(0.0, abs=1e-8)
-    assert scissors([before, after], [vortex, vortex], [n, n]) == pytest.approx([1.0, 0.0])
-    assert scissors([0.0, 0.0, 0.0], Y, X) == 0.0  # no attraction, no weight
-
-
 # --- plans -------------------------------------------------------------------------------------------------------
-
-
-@pytest.mark.usefixtures("unhurried")
-@pytest.mark.parametrize("radius", [0.0, 0.15])
-def test_a_disc_beside_the_path_stops_no_mobile_robot(radius):
-    scene = point([{"kind": "disc", "radius": 0.4, "point": [2.0, 0.05]}], radius)
-    found = plan_literally(scene)
-    assert found
-    assert found.clearance >= scene.safety
-    assert found.length > 4.05  # it obstructed the straight path
-
-
-@pytest.mark.usefixtures("unhurried")
-def test_a_disc_straight_ahead_does_not_stop_it():
-    found = plan_literally(point([{"kind": "disc", "radius": 0.4, "point": [2.0, 0.0]}]))
-    assert found
-    assert found.field == "LiteralVortices"
 
 
 @pytest.mark.usefixtures("unhurried")

@@ -1,18 +1,13 @@
 """Table 2 of the paper: poses that satisfy a row are singular, for the reason that it gives; others are not."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from line_geometry import are_coplanar, distance, mutual_moment, transversals
 from scipy.spatial.transform import Rotation
 from table2 import COORDINATES, ROWS, Geometry, concurrency
-from varieties import nearness
 
-from cinegen.singularities.grassmann import GrassmannClass, classify
-from cinegen.singularities.pluecker import PlueckerLine
+from cinegen.singularities.grassmann import classify
 
 # The paper's example (J-P. Merlet, "Symbolic computation for the determination of the minimal direct kinematics
 # polynomial and the singular configurations of parallel manipulators"): its geometry, identified from Table 1. With it
@@ -112,34 +107,6 @@ def test_poses_at_random_satisfy_no_row(seed):
             assert classify(tssm.lines(pose), tssm.length) is None
 
 
-@pytest.mark.parametrize("row", ROWS, ids=lambda row: row.name)
-def test_a_row_is_asked_of_other_legs_by_renaming_them(row):
-    rng = np.random.default_rng(9)
-    order = [5, 4, 0, 1, 3, 2]
-    renamed = PAPER.relabelled(order)
-    pose = row.complete(renamed, _any_pose(rng))[0]
-    found = classify(PAPER.lines(pose), PAPER.length)
-    assert found.grassmann_class is row.grassmann_class
-    assert found.lines == tuple(sorted(order[i - 1] for i in row.legs))
-
-
-@pytest.mark.parametrize("row", ROWS, ids=lambda row: row.name)
-def test_the_platform_makes_the_gained_motion_though_the_legs_are_held(row):
-    rng = np.random.default_rng(17)
-    tssm = _any_tssm(rng)
-    pose = row.complete(tssm, _any_pose(rng))[0]
-    (screw,) = classify(tssm.lines(pose), tssm.length).uncontrolled
-    w, v = screw.coordinates[:3], screw.coordinates[3:]
-    turn = Rotation.from_euler("ZXZ", pose[3:]).as_matrix()
-    velocity = v + np.cross(w, pose[:3])
-    step = 1e-4 / max(np.linalg.norm(w), np.linalg.norm(velocity) / tssm.length)
-    after, before = (
-        _lengths(tssm, pose[:3] + s * velocity, Rotation.from_rotvec(s * w).as_matrix() @ turn) for s in (step, -step)
-    )
-    assert after == pytest.approx(before, abs=1e-7 * tssm.length)  # a motion at random changes them by 1e-4
-    assert step * np.linalg.norm([*w * tssm.length, *velocity]) > 9e-5
-
-
 # --- all singularities ------------------------------------------------------------------------------------------------
 
 
@@ -158,73 +125,7 @@ def test_concurrent_planes_are_the_determinant(seed):
     assert -concurrency(tssm, pose) == pytest.approx(determinant / size, abs=1e-12)
 
 
-def test_the_four_planes_of_a_singular_tssm_share_a_point():
-    rng = np.random.default_rng(4)
-    for tssm in _robots(rng):
-        for pose in CUBIC.complete(tssm, _any_pose(rng)):
-            corners = tssm.corners(pose)
-            planes = [(b, p, q) for b, p, q in zip(corners, tssm.base[::2], tssm.base[1::2], strict=True)]
-            rows = []
-            for a, b, c in [*planes, tuple(corners)]:
-                normal = np.cross(b - a, c - a)
-                normal /= np.linalg.norm(normal)
-                rows.append([*normal, -normal @ a / tssm.length])
-            assert np.linalg.svd(rows)[1][-1] < 1e-10
-
-
 # --- what the rows say of themselves ----------------------------------------------------------------------------------
-
-
-def test_the_first_row_is_the_printed_one_on_the_papers_robot():
-    (xa3, ya3, _), (xa4, ya4, _) = PAPER.base[2], PAPER.base[3]
-    for pose in PLANE.complete(PAPER, _any_pose(np.random.default_rng(0))):
-        assert np.tan(pose[3]) == pytest.approx((ya3 - ya4) / (xa3 + xa4))
-        found = classify(PAPER.lines(pose), PAPER.length)
-        assert found.text().startswith("legs 1, 2, 3 and 5 meet in one point")
-        assert found.sets[0].points[0].xyz == pytest.approx(PAPER.corners(pose)[0])
-
-
-def test_with_any_fifth_leg_the_first_case_is_a_hyperbolic_congruence():
-    """One director goes through B1 in the plane of legs 3 and 4, one through B3 in that of legs 1 and 2."""
-    rng = np.random.default_rng(6)
-    for tssm in _robots(rng):
-        pose = FIRST.complete(tssm, _any_pose(rng))[0]
-        lines, corners = tssm.lines(pose), tssm.corners(pose)
-        for fifth in (4, 5):
-            for corner, (a, b), others in ((0, (2, 3), (0, 2, 3, fifth)), (1, (0, 1), (0, 1, 2, fifth))):
-                normal = np.cross(lines[a].direction, lines[b].direction)
-                leg = lines[fifth]
-                s = normal @ (corners[corner] - leg.point) / (normal @ leg.direction)
-                director = PlueckerLine.through(corners[corner], leg.point + s * leg.direction)
-                for line in (*lines[:4], leg):
-                    assert mutual_moment(director, line) == pytest.approx(0.0, abs=1e-9 * np.abs(pose[:3]).max())
-                assert len(others) == 4
-
-
-def test_in_the_second_case_leg_5_lies_in_the_platforms_plane():
-    rng = np.random.default_rng(7)
-    for tssm in _robots(rng):
-        pose = SECOND.complete(tssm, _any_pose(rng))[0]
-        lines, corners = tssm.lines(pose), tssm.corners(pose)
-        directors = classify(lines, tssm.length).sets[0].directors
-        side = PlueckerLine.through(corners[0], corners[1])
-        assert min(distance(side, line) for line in directors if are_coplanar(side, line, tssm.length, 1e-6)) < 1e-6
-        assert len(transversals([lines[i] for i in (0, 1, 2, 4)], tssm.length).lines) == 2
-        cut = np.cross(np.cross(corners[1] - corners[0], corners[2] - corners[0]), lines[4].direction)
-        assert np.linalg.norm(cut) > 0.0
-        assert np.linalg.det([corners[1] - corners[0], corners[2] - corners[0], tssm.base[4] - corners[0]]) == (
-            pytest.approx(0.0, abs=1e-8 * np.abs(pose[:3]).max() * tssm.length**2)
-        )
-
-
-@pytest.mark.parametrize("psi", [-1.0, 0.0, 0.5, np.pi / 2, -np.pi / 2])
-def test_fichter_turns_the_papers_platform_by_a_quarter(psi):
-    poses = FICHTER.complete(PAPER, np.array([1.0, 2.0, 20.0, psi, 0.7, 0.3]))
-    assert sorted(np.cos(poses[:, 3] + poses[:, 5])) == pytest.approx([0.0, 0.0], abs=1e-12)
-    for pose in poses:
-        found = classify(PAPER.lines(pose), PAPER.length)
-        assert found.grassmann_class is GrassmannClass.GENERAL_COMPLEX
-        assert found.text().startswith("all six legs belong to one linear complex, of pitch ")
 
 
 def test_fichters_singularity_as_printed():
@@ -236,39 +137,6 @@ def test_fichters_singularity_as_printed():
         assert abs(screw.pitch) > 0.1
         pitches.append(screw.pitch)
     assert pitches[0] == pytest.approx(-pitches[1])  # one pose is the other in the robot's mirror
-
-
-def test_fichters_angle_depends_on_the_robot_without_its_mirror():
-    tssm = _any_tssm(np.random.default_rng(12))
-    poses = FICHTER.complete(tssm, np.array([1.0, 2.0, 20.0, 0.3, 0.0, 0.0]))
-    chi = poses[:, 3] + poses[:, 5]
-    assert chi[1] - chi[0] == pytest.approx(np.pi)
-    assert abs(np.cos(chi[0])) > 1e-2
-    for height in (5.0, 30.0):
-        assert nearness(tssm.lines([-3.0, 4.0, height, 0.0, 0.0, chi[0]]), tssm.length) < 1e-12
-
-
-def test_hunts_legs_all_meet_a_side_of_the_platform():
-    rng = np.random.default_rng(8)
-    for tssm in _robots(rng):
-        for pose in HUNT.complete(tssm, _any_pose(rng)):
-            found = classify(tssm.lines(pose), tssm.length)
-            side = PlueckerLine.through(*tssm.corners(pose)[:2])
-            (axis,) = found.sets[0].directors
-            assert distance(axis, side) < 1e-8
-            assert abs(axis.direction @ side.direction) == pytest.approx(1.0)
-            assert found.uncontrolled[0].pitch == 0.0
-
-
-def test_the_special_row_has_the_line_from_the_base_lines_crossing():
-    rng = np.random.default_rng(13)
-    for tssm in _robots(rng):
-        pose = SPECIAL.complete(tssm, _any_pose(rng))[0]
-        ways = np.column_stack([tssm.base[1] - tssm.base[0], tssm.base[2] - tssm.base[3]])
-        crossing = tssm.base[0] + np.linalg.lstsq(ways, tssm.base[2] - tssm.base[0])[0][0] * ways[:, 0]
-        (axis,) = classify(tssm.lines(pose), tssm.length).sets[0].directors
-        for point in (crossing, tssm.corners(pose)[2]):
-            assert axis.nearest(point) == pytest.approx(point, abs=1e-8 * np.abs([*point, *pose[:3]]).max())
 
 
 def test_heights_are_all_those_at_which_the_determinant_changes_its_sign():
@@ -287,58 +155,7 @@ def test_heights_are_all_those_at_which_the_determinant_changes_its_sign():
         assert all(heights[i] <= z <= heights[i + 1] for i, z in zip(crossed, inside, strict=True))
 
 
-def test_the_printed_side_condition_of_the_cubic_is_neither_needed_nor_enough():
-    """theta = +- pi / 2 or psi = phi."""
-    for pose in ([1.0, 2.0, 20.0, 0.4, np.pi / 2, 0.7], [1.0, 2.0, 20.0, 0.4, 0.3, 0.4]):
-        assert nearness(PAPER.lines(pose), PAPER.length) > 1e-3
-    pose = CUBIC.complete(PAPER, np.array([1.0, 2.0, 0.0, 0.4, 0.3, 0.7]))[0]
-    assert nearness(PAPER.lines(pose), PAPER.length) < 1e-12
-
-
-def test_the_cubic_loses_its_leading_term_where_the_side_condition_must_have_been():
-    """At theta = +- pi / 2, and on the paper's robot where tan psi tan phi = (p + q cos theta) / (q + p cos theta)."""
-
-    def leading(psi, theta, phi):  # F / z0^3 is seen from far away
-        far = np.array([0.0, 0.0, 1e7, psi, theta, phi])
-        return concurrency(PAPER, far)
-
-    p, q = _mirrored(PAPER)
-    rng = np.random.default_rng(21)
-    for _ in range(20):
-        psi, theta, phi = rng.uniform(-1.4, 1.4, 3)
-        m11 = np.cos(psi) * np.cos(phi) - np.sin(psi) * np.cos(theta) * np.sin(phi)
-        m22 = -np.sin(psi) * np.sin(phi) + np.cos(psi) * np.cos(theta) * np.cos(phi)
-        assert leading(psi, theta, phi) == pytest.approx(np.cos(theta) * (p * m11 + q * m22), abs=1e-5)
-        vanishing = np.arctan((p + q * np.cos(theta)) / ((q + p * np.cos(theta)) * np.tan(psi)))
-        for angles in ((psi, theta, vanishing), (psi, np.pi / 2, phi), (psi, -np.pi / 2, phi)):
-            assert leading(*angles) == pytest.approx(0.0, abs=1e-5)
-            poses = CUBIC.complete(PAPER, np.array([3.0, 2.0, 0.0, *angles]))
-            assert len(poses) <= 2
-            assert all(nearness(PAPER.lines(pose), PAPER.length) < 1e-10 for pose in poses)
-
-
-def _mirrored(tssm):
-    """p and q, from poses that see them alone: cos theta (p M11 + q M22) at theta = 0, and at theta = pi."""
-    level, over = (concurrency(tssm, np.array([0.0, 0.0, 1e7, 0.0, theta, 0.0])) for theta in (0.0, np.pi))
-    return (level - over) / 2, (level + over) / 2
-
-
 # --- coplanar legs, and errors ----------------------------------------------------------------------------------------
-
-
-def test_four_legs_in_the_base_are_coplanar():
-    """Both ends of the side B1B3 lie in the base: the platform stands on it."""
-    pose = np.array([1.0, 2.0, 0.0, 0.4, 1.0, 0.0])
-    turned = PAPER.corners(pose)
-    phi = np.arctan2(*(PAPER.platform[0] - PAPER.platform[1])[[1, 0]])
-    pose[5] = -phi  # the side is along the node line
-    pose[2] = -PAPER.corners(pose)[0, 2]
-    corners = PAPER.corners(pose)
-    assert corners[:2, 2] == pytest.approx([0.0, 0.0], abs=1e-12)
-    assert not np.allclose(turned, corners)
-    found = classify(PAPER.lines(pose), PAPER.length)
-    assert found.grassmann_class is GrassmannClass.PLANE
-    assert found.text() == "legs 1, 2, 3 and 4 lie in one plane, with normal (0, 0, 1) at 0 from the origin"
 
 
 def test_rows_without_a_solution_have_no_poses():

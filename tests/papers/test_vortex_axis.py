@@ -1,7 +1,5 @@
 """The axis of a vortex, and its weight."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np
@@ -12,7 +10,6 @@ from hypothesis.extra.numpy import arrays
 from polygons import convex, distance, holds, normal
 from vortex_field import Vortex, facing
 
-from cinegen.collision import PlanningError
 from cinegen.planning.vortices import folding, rotation_axis
 
 X, Y, Z = np.eye(3)
@@ -39,24 +36,6 @@ def test_where_the_weight_is_nothing_the_way_is_free(polygon, ends):
         assert not any(holds(polygon, p) for p in way)
 
 
-@given(vectors, vectors, vectors, st.floats(0.01, 1.0), st.floats(0.1, 10.0))
-def test_a_discarded_vortex_stops_nobody(attraction, n, axis, d, strength):
-    """Attraction and weighted vortex are together nothing only where the attraction is."""
-    assume(np.linalg.norm(attraction) > 0.05)
-    n, axis = unit(n), unit(axis)
-    velocity = Vortex(strength, 2.0).velocity(d, n, axis)
-    total = attraction + facing(attraction, n) * velocity
-    # Its part along n is the attraction's; and where that is nothing, there is no vortex.
-    assert total @ n == pytest.approx(attraction @ n, abs=1e-9 * strength / d)
-    assert np.linalg.norm(total) > 1e-6 * np.linalg.norm(attraction)
-
-
-def test_one_that_is_not_discarded_does():
-    velocity = Vortex(1.0, 2.0).velocity(0.5, X, Z)
-    assert -velocity + velocity == pytest.approx(0.0)
-    assert facing(-velocity, X) == 0.0  # and discarded it is not there
-
-
 @given(vectors, vectors)
 def test_the_vortex_begins_along_the_tangential_part_of_the_direction(n, tau):
     n = unit(n)
@@ -76,20 +55,6 @@ def test_in_a_plane_the_axis_is_its_normal(n, tau):
     assert (rotation_axis(direction(n), direction(tau), plane=Z) == sense * Z).all()
 
 
-def test_head_on_the_next_direction_counts():
-    assert rotation_axis(-X, X, -Y) == pytest.approx(Z)
-    assert rotation_axis(-X, X, [0.0, 0.0, 0.0], Y, plane=Z) == pytest.approx(-Z)
-    assert rotation_axis(-X, X, plane=Z) == pytest.approx(Z)
-    assert np.cross(rotation_axis(-X, X), -X) == pytest.approx(Z)  # over it
-    assert np.cross(rotation_axis(Z, -Z), Z) == pytest.approx(X)
-
-
-def test_folding_is_toward_the_base():
-    point, base = np.array([1.0, 0.5, 0.8]), np.array([0.0, 0.0, 0.2])
-    assert folding(point, base) == pytest.approx([-1.0, -0.5, -0.6])
-    assert folding(point, base, 2.0 * Z) == pytest.approx([-1.0, -0.5, 0.0])
-
-
 @given(angles, vectors, vectors)
 def test_a_folding_vortex_comes_nearer_to_the_axis_of_the_base(n, point, base):
     n, to = direction(n), folding(point, base, Z)
@@ -97,9 +62,3 @@ def test_a_folding_vortex_comes_nearer_to_the_axis_of_the_base(n, point, base):
     velocity = Vortex(1.0, 1.0).velocity(0.1, n, rotation_axis(n, to))
     near = np.linalg.norm((point + 1e-6 * velocity - base)[:2])
     assert near < np.linalg.norm((point - base)[:2])
-
-
-@pytest.mark.parametrize("n", [[0.0, 0.0, 0.0], [math.nan, 0.0, 1.0]])
-def test_without_a_normal_there_is_no_axis(n):
-    with pytest.raises(PlanningError, match="normal"):
-        rotation_axis(n, X)

@@ -8,8 +8,6 @@ compares with what is kept in data/differential_ik.json, and asks again where .v
 one answer each: as many joints as the task has rows, and a robot that is not singular.
 """
 
-from __future__ import annotations
-
 import json
 import subprocess
 import sysconfig

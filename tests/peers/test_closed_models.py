@@ -1,8 +1,7 @@
 """Closed mechanisms as CAD exports them, in URDF and robot.yaml: and Cassie of others, in SDF."""
 
-from __future__ import annotations
-
 import sysconfig
+import warnings
 from pathlib import Path
 
 import numpy as np
@@ -70,9 +69,17 @@ def case(request):
     return request.param
 
 
+@pytest.fixture(scope="module")
+def loaded(file_of):
+    """`loaded(case)`: a model, loaded once."""
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        return {case: cinegen.load(file_of(case)) for case in MODELS}.__getitem__
+
+
 @pytest.fixture
-def mechanism(case, file_of, recwarn):
-    return cinegen.load(file_of(case))
+def mechanism(case, loaded, recwarn):
+    return loaded(case)
 
 
 def test_it_closes_at_the_first_try(case, mechanism):

@@ -3,8 +3,6 @@
 Our robot is the round trip's: URDF -> RAFF -> the mechanism that `cinegen.load` makes of it.
 """
 
-from __future__ import annotations
-
 import json
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Runs the command `raff2urdf`: in this process, which is quick, or in one of its own, as a person does."""
 
-from __future__ import annotations
-
 import os
 import subprocess
 import sys

@@ -4,8 +4,6 @@ Most are given by where their joint axes lie in the world (metres; z of a placem
 through `raff_of`; those that stand in a book by their own parameters are written out.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass

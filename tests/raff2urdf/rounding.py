@@ -1,7 +1,5 @@
 """Descriptions whose numbers are rounded, so that axes which should be parallel are not quite."""
 
-from __future__ import annotations
-
 import copy
 
 import numpy as np

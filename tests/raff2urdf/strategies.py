@@ -1,7 +1,5 @@
 """Random RAFF documents, and random ways to lay out the same text."""
 
-from __future__ import annotations
-
 import re
 from itertools import cycle
 from typing import Any

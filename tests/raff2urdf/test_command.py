@@ -1,12 +1,12 @@
 """The command: what it writes, what it says, and what it leaves alone when something is wrong."""
 
-from __future__ import annotations
-
 import cProfile
 import json
 import os
 import pstats
 import re
+import subprocess
+import sys
 import warnings
 from collections.abc import Callable
 from pathlib import Path
@@ -77,18 +77,6 @@ def test_the_library_writes_what_the_command_does(
 # --- other formats -----------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize(("format", "suffix"), [("sdf", ".sdf"), ("mjcf", ".xml")])
-def test_another_format_is_one_file_for_each_robot(folder: Path, run: Run, format: str, suffix: str) -> None:
-    done = run("two.raff", "--json", "--format", format)
-    assert (done.code, done.err) == (0, "")
-    files = [f"two.left{suffix}", f"two.right{suffix}"]
-    assert sorted(files_in(folder / "generated")) == files
-    for report, file in zip(json.loads(done.out), files, strict=True):
-        assert report[format] == f"generated/{file}"
-        assert report["files"] == [f"generated/{file}"]
-        assert not {"urdf", "constraints"} & set(report)
-
-
 def test_the_json_names_meshes_that_were_converted(folder: Path, run: Run) -> None:
     box = trimesh.creation.box((10.0, 20.0, 30.0))
     box.export(folder / "box.dae")
@@ -99,10 +87,18 @@ def test_the_json_names_meshes_that_were_converted(folder: Path, run: Run) -> No
     assert all((folder / file).is_file() for file in report["files"])
 
 
-@pytest.mark.parametrize("format", ["urdf", "sdf", "mjcf"])
-def test_every_format_has_the_same_bytes_every_time(folder: Path, command: Run, format: str) -> None:
-    for seed in ("1", "2"):
-        assert command("delta4.raff", "-o", f"made{seed}/", "--format", format, PYTHONHASHSEED=seed).code == 0
+EVERY_FORMAT = """
+import sys, raff2urdf
+for format in ("urdf", "sdf", "mjcf"):
+    raff2urdf.convert("delta4.raff", f"made{sys.argv[1]}", format=format)
+"""
+
+
+def test_every_format_has_the_same_bytes_every_time(folder: Path) -> None:
+    for seed in "12":
+        environment = os.environ | {"PYTHONHASHSEED": seed}
+        subprocess.run([sys.executable, "-c", EVERY_FORMAT, seed], cwd=folder, env=environment, check=True)
+    assert len(files_in(folder / "made1")) == 4
     assert files_in(folder / "made1") == files_in(folder / "made2")
 
 
@@ -125,25 +121,6 @@ def test_what_is_asked_for_wrongly_is_an_error_that_writes_nothing(
     assert not (folder / "generated").exists()
 
 
-@pytest.mark.parametrize(
-    ("options", "words"),
-    [
-        (["--format", "urdff"], "'urdff' is not one of 'urdf', 'sdf', 'mjcf'"),
-        (["--density", "5"], "--density has no effect without --format sdf or --format mjcf: add one, or leave it out"),
-        (["--format", "sdf", "--loops", "urdf+"], "--loops has no effect without --format urdf: add that"),
-        (["--check", "-o", "generated/"], "--output has no effect with --check: leave one out"),
-        (["--check", "--force"], "--force has no effect with --check"),
-    ],
-)
-def test_options_that_make_no_sense_together_are_a_wrong_call(
-    folder: Path, run: Run, options: list[str], words: str
-) -> None:
-    done = run("arm.raff", *options)
-    assert done.code == 2
-    assert words in done.err
-    assert not (folder / "generated").exists()
-
-
 @pytest.mark.parametrize("options", [("--format", "mjcf"), ("--check",)])
 def test_a_home_outside_the_limits_is_told(folder: Path, run: Run, options: tuple[str, ...]) -> None:
     text = skew_four_bar().replace("link 1 {", "link 1 { limits { 170 171 } ", 1)
@@ -154,27 +131,6 @@ def test_a_home_outside_the_limits_is_told(folder: Path, run: Run, options: tupl
 
 
 # --- options -----------------------------------------------------------------------------------------------------
-
-
-def test_what_was_found_may_be_had_as_json(folder: Path, run: Run) -> None:
-    (report,) = json.loads(run("delta4.raff", "--json").out)
-    assert report.pop("gap_as_written") < 1e-12
-    assert report.pop("closure_at_home") < 1e-12
-    assert report == {
-        "file": "delta4.raff",
-        "robot": "r1",
-        "links": 17,
-        "joints": 15,
-        "loops": 2,
-        "loop_rows": 12,
-        "loop_rank": 12,
-        "mobility": 3,
-        "actuated": ["joint1", "joint6", "joint12"],
-        "uncontrolled": [],
-        "urdf": "generated/delta4.urdf",
-        "constraints": "generated/delta4.constraints.json",
-        "files": ["generated/delta4.urdf", "generated/delta4.constraints.json"],
-    }
 
 
 def test_errors_are_in_the_json_and_on_stderr(folder: Path, run: Run) -> None:
@@ -226,10 +182,10 @@ def test_a_warning_is_a_line_on_stderr_and_no_failure(folder: Path, run: Run) ->
 # --- wrong input -------------------------------------------------------------------------------------------------
 
 
-def test_files_that_are_bad_or_cannot_be_read_do_not_stop_the_others(folder: Path, command: Run) -> None:
+def test_files_that_are_bad_or_cannot_be_read_do_not_stop_the_others(folder: Path, run: Run) -> None:
     (folder / "folder.raff").mkdir()
     (folder / "bad.raff").write_text("RAFF bad\nrobot r { link 1 { type 2 pred 5 } }")
-    done = command("arm.raff", "bad.raff", "missing.raff", "folder.raff", "two.raff")
+    done = run("arm.raff", "bad.raff", "missing.raff", "folder.raff", "two.raff")
     assert done.code == 1
     lines = [line for line in done.err.splitlines() if ": " in line]
     assert [line.split(":")[0] for line in lines] == ["bad.raff", "missing.raff", "folder.raff"]
@@ -242,7 +198,7 @@ ONE = "link 1 { type 2 pred 0 }"
 
 
 def a_long_line(path: Path) -> None:
-    path.write_bytes(b"RAFF bad\n" + 100_000_000 * b"x")
+    path.write_bytes(b"RAFF bad\n" + 10_000_000 * b"x")
 
 
 def a_large_file(path: Path) -> None:
@@ -257,7 +213,7 @@ WRONG: dict[str, tuple[str | bytes | Callable[[Path], None], str]] = {
     "an empty file": ("", "bad.raff:1:1: RAFF"),
     "binary": (b"\x7fELF\x02\x01\x01\x00\x00", "bad.raff: line 1 binary"),
     "not UTF-8": (b"RAFF t\nrobot \xe9 { }", "bad.raff: line 2 UTF-8"),
-    "a line of 100 MB": (a_long_line, "bad.raff:2:1: line 2 100000000 characters"),
+    "a line of 10 MB": (a_long_line, "bad.raff:2:1: line 2 10000000 characters"),
     "a file of 300 MB": (a_large_file, "bad.raff: larger than 256 MiB"),
 }
 
@@ -296,16 +252,6 @@ def test_wrong_input_is_refused_with_its_place_and_cause_and_nothing_is_touched(
     assert files_in(generated) == before
 
 
-def test_an_output_folder_that_is_a_file_is_named_and_left_alone(folder: Path, run: Run) -> None:
-    (folder / "taken").write_bytes(b"something else")
-    for out in ("taken/", "taken/below/"):
-        done = run("arm.raff", "-o", out)
-        assert (done.code, done.out) == (1, "")
-        assert re.match(rf"{out}arm.*: can't be written: ", done.err)
-        assert "Traceback" not in done.err
-    assert (folder / "taken").read_bytes() == b"something else"
-
-
 def test_one_bad_robot_keeps_the_whole_file_from_being_written(folder: Path, run: Run) -> None:
     bad = skew_four_bar().split("\n", 1)[1]
     (folder / "both.raff").write_text(f"RAFF both\nrobot good {{ base {{ }} {ONE} }}\n{bad}")
@@ -342,7 +288,7 @@ def four_bars(count: int) -> str:
 @pytest.mark.parametrize("text_of", [chain, four_bars])
 def test_twice_the_robot_takes_twice_the_work(tmp_path: Path, text_of: Callable[[int], str]) -> None:
     """Counted in calls, which no other process disturbs."""
-    sizes = (100, 200, 400) if text_of is chain else (10, 20, 40)
+    sizes = (50, 100, 200) if text_of is chain else (5, 10, 20)
     calls = []
     for size in (sizes[0], *sizes):  # the first run also pays for imports
         path = tmp_path / f"{size}.raff"

@@ -1,14 +1,12 @@
 """The conventions of all command lines: suggestions, exit codes, version, completion, colours, groups of options."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import Annotated
 
 import pytest
 import typer
 
-from raff2urdf.command_line import UsageError, Version, expand, new_app, run_app
+from raff2urdf.command_line import Command, UsageError, Version, expand, new_app, ruled, run_app
 from raff2urdf.output import STOPPED, run
 from raff2urdf.version import __version__
 
@@ -17,6 +15,9 @@ from raff2urdf.version import __version__
 class Lengths:
     width: Annotated[float, typer.Option(min=0.0, help="width, m")] = 1.0
     name: Annotated[str | None, typer.Option("-n", "--name", metavar="NAME", help="of it")] = None
+    plot: Annotated[str | None, ruled(typer.Option(), endings=(".png", ".svg"))] = None
+    title: Annotated[str | None, ruled(typer.Option(), needs="--plot, --name x")] = None
+    quiet: Annotated[bool, ruled(typer.Option("--quiet"), unless="--plot")] = False
 
 
 def draw(files: Annotated[list[str], typer.Argument(metavar="FILE", help="file")], lengths: Lengths) -> int:
@@ -38,7 +39,7 @@ def typed(capsys):
     """`typed("draw", "a.txt")`: exit code, standard output, standard error."""
     app = new_app(no_args_is_help=True)
     app.callback()(main)
-    app.command("draw")(expand(draw))
+    app.command("draw", cls=Command)(expand(draw))
     app.command("delete")(expand(draw))
 
     def call(*arguments):
@@ -51,6 +52,8 @@ def typed(capsys):
 def test_the_fields_of_a_dataclass_are_options(typed):
     assert typed("draw", "a", "b") == (1, "['a', 'b'] 1.0 None\n", "")
     assert typed("draw", "a", "--width", "2", "-n", "x") == (0, "['a'] 2.0 x\n", "")
+    for more in (["--title", "t"], ["--title", "t", "--plot", "p.SVG"], ["--quiet"], ["--plot", "p.2026-11-28"]):
+        assert typed("draw", "a", "-n", "x", *more)[0] == 0
 
 
 @pytest.mark.parametrize(
@@ -62,6 +65,15 @@ def test_the_fields_of_a_dataclass_are_options(typed):
         (("draw",), "thing draw: missing argument 'FILE'"),
         (("draw", "a", "--width"), "thing draw: option '--width' requires an argument"),
         (("draw", "a", "--width", "wide"), "thing draw: invalid value for '--width'"),
+        (
+            ("draw", "a", "--title", "t", "-n", "y"),
+            "thing draw: --title has no effect without --plot or",
+        ),
+        (("draw", "a", "--quiet", "--plot", "p"), "thing draw: --quiet has no effect with --plot: leave one out"),
+        (
+            ("draw", "a", "--plot", "p.csv"),
+            "thing draw: --plot p.csv: .csv is another format's ending, --plot writes .png or .svg: name p.png",
+        ),
         (("draw", "a", "--name", "wrong"), "thing draw: this name can't be\nTry 'thing draw --help'."),
     ],
 )

@@ -1,7 +1,5 @@
 """Joints of several variables: the motion that RAFF's reference defines, their successive joints, and errors."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from pathlib import Path
 

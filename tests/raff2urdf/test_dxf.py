@@ -1,7 +1,5 @@
 """DXF files, made by ezdxf: which faces are drawn, where, and in which colour."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable
 from pathlib import Path
@@ -12,10 +10,6 @@ import numpy as np
 import pytest
 from ezdxf.colors import aci2rgb
 from ezdxf.document import Drawing
-from hypothesis import given
-from hypothesis import strategies as st
-from strategies import examples
-from test_surface import outlines, shoelace
 
 from raff2urdf import RaffError
 from raff2urdf.graphics import dxf
@@ -96,59 +90,6 @@ def test_a_polyface_mesh_has_faces_of_their_own_colours(drawing: Drawing, read: 
     assert volume(read, drawing) == pytest.approx(1.0)
 
 
-@pytest.mark.parametrize(("closed", "expected"), [((False, False), 4), ((True, False), 6), ((True, True), 9)])
-def test_a_polygon_mesh_is_a_grid_that_may_be_closed(
-    drawing: Drawing, read: Read, closed: tuple[bool, bool], expected: int
-) -> None:
-    mesh = drawing.modelspace().add_polymesh((3, 3))
-    for i in range(3):
-        for j in range(3):
-            mesh.set_mesh_vertex((i, j), (math.cos(2.1 * i), math.sin(2.1 * i) + math.cos(2.1 * j), math.sin(2.1 * j)))
-    mesh.close(*closed)
-    assert len(read(drawing)[0][0].triangles) == 2 * expected
-
-
-def test_of_a_smooth_polygon_mesh_the_smooth_surface_is_drawn(drawing: Drawing, read: Read) -> None:
-    """Its frame of control points is kept in the file, but not seen."""
-    mesh = drawing.modelspace().add_polymesh((2, 2))
-    for i in range(2):
-        for j in range(2):
-            mesh.set_mesh_vertex((i, j), (10.0 * i, 10.0 * j, 0.0))
-    for vertex in mesh.vertices:
-        vertex.dxf.flags |= vertex.SPLINE_FRAME_CONTROL_POINT
-    smooth = [(float(i), float(j), 0.0) for i in range(3) for j in range(4)]
-    mesh.append_vertices(smooth, dxfattribs={"flags": 64 + 8})
-    mesh.dxf.smooth_type, mesh.dxf.m_smooth_density, mesh.dxf.n_smooth_density = 5, 3, 4
-    assert areas(read, drawing) == {WHITE: 6.0}
-
-
-@given(st.lists(outlines(), min_size=1, max_size=4))
-@examples(20)
-def test_the_faces_of_a_mesh_have_any_number_of_corners(
-    tmp_path_factory: pytest.TempPathFactory, shapes: list[list[tuple[float, float]]]
-) -> None:
-    drawing = ezdxf.new("R2010")
-    vertices, faces = [], []
-    for z, outline in enumerate(shapes):
-        faces.append(list(range(len(vertices), len(vertices) + len(outline))))
-        vertices += [(x, y, float(z)) for x, y in outline]
-    with drawing.modelspace().add_mesh().edit_data() as data:
-        data.vertices, data.faces = vertices, faces
-    path = tmp_path_factory.getbasetemp() / "mesh.dxf"
-    drawing.saveas(path)
-    ((surface,), lacking) = dxf.read(path)
-    assert lacking is None
-    assert area(surface.triangles) == pytest.approx(sum(map(shoelace, shapes)), rel=1e-4)
-
-
-def test_a_drawing_of_the_oldest_kind_needs_no_tables(tmp_path: Path) -> None:
-    corners = [f"{10 * (k + 1) + i}\n{x}" for i, point in enumerate(SQUARE) for k, x in enumerate(point)]
-    face = "\n".join(["0", "3DFACE", "8", "plate", "62", "1", *corners])
-    (tmp_path / "old.dxf").write_text(f"0\nSECTION\n2\nENTITIES\n{face}\n0\nENDSEC\n0\nEOF\n")
-    ((surface,), _) = dxf.read(tmp_path / "old.dxf")
-    assert (surface.colour, area(surface.triangles)) == (RED, 1.0)
-
-
 # --- colours -----------------------------------------------------------------------------------------------------
 
 
@@ -220,14 +161,6 @@ def test_a_mirrored_block_is_not_turned_inside_out(drawing: Drawing, read: Read,
     attributes = dict(zip(("xscale", "yscale", "zscale"), scale, strict=True))
     drawing.modelspace().add_blockref("part", (3, 4, 5), dxfattribs=attributes)
     assert volume(read, drawing) == pytest.approx(abs(math.prod(scale)), rel=1e-5)
-
-
-def test_a_block_may_be_repeated_in_rows_and_columns(drawing: Drawing, read: Read) -> None:
-    drawing.blocks.new("part").add_3dface(SQUARE)
-    attributes = {"row_count": 2, "row_spacing": 5.0, "column_count": 3, "column_spacing": 7.0}
-    drawing.modelspace().add_blockref("part", (0, 0), dxfattribs=attributes)
-    expected = {(7.0 * i + x, 5.0 * j + y, 0.0) for i in range(3) for j in range(2) for x, y, _ in SQUARE}
-    assert points(read, drawing) == expected
 
 
 def test_an_entity_lies_in_its_own_plane(drawing: Drawing, read: Read) -> None:

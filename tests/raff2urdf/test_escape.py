@@ -1,7 +1,5 @@
 """Any text is text in each language: judged by that language's own reader."""
 
-from __future__ import annotations
-
 import csv
 import html
 import io

@@ -1,7 +1,5 @@
 """Writing files: symbolic links are followed, devices and FIFOs written through, all files are written or none."""
 
-from __future__ import annotations
-
 import errno
 import os
 import socket
@@ -118,12 +116,6 @@ def test_a_file_that_is_replaced_keeps_its_owner(tmp_path: Path) -> None:
     assert (path.stat().st_uid, path.stat().st_gid) == (12345, 23456)
 
 
-def test_a_fresh_file_has_the_usual_permissions(tmp_path: Path) -> None:
-    write_all({tmp_path / "ours": b""})
-    (tmp_path / "usual").write_bytes(b"")
-    assert (tmp_path / "ours").stat().st_mode == (tmp_path / "usual").stat().st_mode
-
-
 def test_a_write_protected_file_is_left_alone(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     path = tmp_path / "file"
     path.write_bytes(b"mine")
@@ -133,13 +125,6 @@ def test_a_write_protected_file_is_left_alone(tmp_path: Path, monkeypatch: pytes
     with pytest.raises(PermissionError):
         write_all({path: b"new"})
     assert path.read_bytes() == b"mine"
-
-
-def test_a_name_as_long_as_names_may_be(tmp_path: Path) -> None:
-    """In bytes, not in characters."""
-    name = "😀" * 63
-    write_all({tmp_path / name: b"new"})
-    assert names(tmp_path) == [name]
 
 
 def test_nothing_is_left_where_it_is_stopped(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

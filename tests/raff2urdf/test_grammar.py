@@ -1,15 +1,11 @@
 """The grammar for editors marks RAFF as the reader reads it: it is applied by the rules of TextMate's manual."""
 
-from __future__ import annotations
-
 import json
 import re
 
-import pytest
-
 from raff2urdf.cli import main
 from raff2urdf.raff.grammar import grammar
-from raff2urdf.raff.syntax import STATEMENTS, tokens
+from raff2urdf.raff.syntax import tokens
 
 
 def scopes(text):
@@ -67,16 +63,6 @@ def test_robots_have_nothing_illegal_and_every_token_has_a_scope(root):
         for token in tokens(text.splitlines()):
             if token.kind not in ("END", ")", "("):
                 assert (token.line, token.column) in at, (path.name, token)
-
-
-@pytest.mark.parametrize("kind", [kind for kind in STATEMENTS if STATEMENTS[kind]])
-def test_each_block_marks_its_own_words_and_no_others(kind):
-    rules = grammar()["repository"][kind or "file"]["patterns"]
-    others = {word for words in STATEMENTS.values() for word in words} - set(STATEMENTS[kind])
-    for word in STATEMENTS[kind]:
-        assert any(re.match(one.get("begin") or one["match"], word) for one in rules[:-1])
-    for word in others:
-        assert not any(re.match(one.get("begin") or one["match"], word) for one in rules[:-1]), word
 
 
 def test_what_does_not_belong_is_illegal():

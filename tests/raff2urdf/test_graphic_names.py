@@ -1,7 +1,5 @@
 """Which graphic files the author of a robot's file may have read, and how the user allows others."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from pathlib import Path
 

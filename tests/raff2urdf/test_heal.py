@@ -1,7 +1,5 @@
 """Files of all formats are healed: numbers change by less than they were rounded, and everything else stays."""
 
-from __future__ import annotations
-
 import json
 import re
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Graphics that are converted: each colour becomes an STL file that other programs read, in its place and size."""
 
-from __future__ import annotations
-
 import stat
 import warnings
 import zipfile
@@ -129,15 +127,6 @@ def test_files_of_one_name_are_kept_apart(workshop: Path) -> None:
     ]
 
 
-def test_several_robots_of_a_file_have_their_own_folders(workshop: Path) -> None:
-    base = 'base { filename { "red.nff" } }'
-    text = f'RAFF two robot left {{ path "parts" {base} }} robot right {{ path "parts" {base} }}'
-    (workshop / "two.raff").write_text(text)
-    raff2urdf.convert(workshop / "two.raff", workshop / "generated")
-    stls = {str(path.relative_to(workshop / "generated")) for path in (workshop / "generated").rglob("*.stl")}
-    assert stls == {"meshes/two.left/red.nff.1.stl", "meshes/two.right/red.nff.1.stl"}
-
-
 # --- other formats -----------------------------------------------------------------------------------------------
 
 
@@ -164,21 +153,6 @@ def export(folder: Path, kind: str) -> None:
         scene().to_geometry().export(folder / f"part{kind}")
     else:
         scene().export(folder / f"part{kind}")
-
-
-@pytest.mark.parametrize("path", ["../../parts", "{0}/parts"])
-def test_a_path_leads_out_of_the_folder_above_if_the_user_allows_it(
-    workshop: Path, monkeypatch: pytest.MonkeyPatch, path: str
-) -> None:
-    """It is the author's, who may be anybody."""
-    (workshop / "deep" / "er").mkdir(parents=True)
-    raff = write(workshop / "deep" / "er", 'base { filename { "red.nff" } }')
-    raff.write_text(raff.read_text().replace('"parts"', f'"{path.format(workshop)}"'))
-    with pytest.warns(RaffWarning, match=f"red.nff .it leads out of {workshop}/deep, .*_MESH_PATH={workshop}/parts"):
-        raff2urdf.convert(raff, workshop / "out")
-    monkeypatch.setenv("RAFF2URDF_MESH_PATH", str(workshop / "parts"))
-    raff2urdf.convert(raff, workshop / "out")
-    assert named(etree.parse(workshop / "out" / "arm.urdf").getroot(), "base") == [("meshes/arm/red.nff.1.stl", RED)]
 
 
 @pytest.mark.parametrize("kind", CONVERTED[2:])
@@ -233,17 +207,6 @@ def test_what_cannot_be_shown_is_warned_of_once_and_replaced_by_the_skeleton(
 
 
 # --- all or nothing ----------------------------------------------------------------------------------------------
-
-
-def test_a_failed_conversion_leaves_the_old_meshes_alone(workshop: Path) -> None:
-    robot = 'base { filename { "red.nff" } }'
-    convert(workshop, robot)
-    before = files_in(workshop / "generated")
-    (workshop / "parts" / "red.nff").write_text(RED_NFF.replace("0xf00", "0x0f0").replace("100", "200"))
-    open_loop = "link 1 { type 0 pred 0 } link 2 { parameters { d 9 } type 0 pred 0 } constraint { link 1 link 2 }"
-    with pytest.raises(RaffError, match="can't be closed"):
-        convert(workshop, f"{robot} {open_loop}")
-    assert files_in(workshop / "generated") == before
 
 
 @pytest.mark.parametrize("taken", ["meshes", "meshes/arm", "meshes/arm/red.nff.1.stl", "arm.constraints.json"])

@@ -1,8 +1,6 @@
 """MJCF: MuJoCo places every node where RAFF says it is, and begins and stays with all loops closed; Pinocchio reads it
 too."""
 
-from __future__ import annotations
-
 import math
 import warnings
 from pathlib import Path

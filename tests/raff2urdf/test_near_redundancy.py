@@ -1,7 +1,5 @@
 """Loops that are redundant but for rounded numbers: they are recognised, and healed or relaxed."""
 
-from __future__ import annotations
-
 import copy
 from collections import Counter
 from pathlib import Path

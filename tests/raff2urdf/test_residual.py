@@ -1,7 +1,5 @@
 """The gap of a loop is zero where its ends meet, and only there; and its derivative is one."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

@@ -1,8 +1,6 @@
 """SDF: resolved by the rules of its specification, links and frames stand and move as RAFF says, and loops are closed
 where the file begins."""
 
-from __future__ import annotations
-
 import dataclasses
 import math
 from collections.abc import Mapping
@@ -153,25 +151,17 @@ def test_loops_are_joints_between_two_links_and_closed_where_it_begins(robot: Ex
 # --- what the specification asks for -----------------------------------------------------------------------------
 
 
-def test_no_two_things_have_one_name(robot: Exported) -> None:
+def test_names_differ_and_joints_join_links_of_which_each_hangs_on_one(robot: Exported) -> None:
+    """But for loops, and a base that moves hangs on none."""
     model = Model(robot.text("sdf"))
     names = [element.get("name") for tag in ("link", "frame", "joint") for element in model.element.findall(tag)]
-    assert len(names) == len(set(names))
-    assert "world" not in names
+    assert len(names) == len({*names, "world"}) - 1
     for link in model.links.values():
         shapes = [shape.get("name") for shape in link.findall("visual")]
         assert len(shapes) == len(set(shapes))
-
-
-def test_joints_join_links_of_which_each_hangs_on_one(robot: Exported) -> None:
-    """But for loops, and a base that moves hangs on none."""
-    model = Model(robot.text("sdf"))
-    tree = [joint for name, joint in model.joints.items() if not model.is_loop(name)]
     for joint in model.joints.values():
-        assert joint.findtext("parent") in {*model.links, "world"}
-        assert joint.findtext("child") in model.links
-        assert joint.findtext("parent") != joint.findtext("child")
-    held = [joint.findtext("child") for joint in tree]
+        assert joint.findtext("parent") in {*model.links, "world"} - {joint.findtext("child")}
+    held = [joint.findtext("child") for name, joint in model.joints.items() if not model.is_loop(name)]
     free = ["base"] if robot.made.robot.movable else []
     assert sorted(held + free) == sorted(model.links)
 

@@ -4,18 +4,13 @@ Colour vision is simulated by the matrices of Machado, Oliveira and Fernandes, "
 simulation of color vision deficiency" (2009), severity 1.0; differences are CIE 1976, where 2.3 is just noticeable.
 """
 
-from __future__ import annotations
-
-import re
 from itertools import combinations
-from pathlib import Path
 
 import numpy as np
 import pytest
 
 from raff2urdf.graphics.skeleton import _BASE, _BRANCHES, _JOINT
 
-ROOT = Path(__file__).resolve().parents[2]
 NORMAL = np.eye(3)
 DEFICIENT = {
     "protan": [[0.152286, 1.052583, -0.204868], [0.114503, 0.786281, 0.099216], [-0.003882, -0.048116, 1.051998]],
@@ -37,31 +32,9 @@ def lab(colour, vision=NORMAL):
     return np.array([116 * y - 16, 500 * (x - y), 200 * (y - z)])
 
 
-def rgb(text):
-    return [int(text[i : i + 2], 16) / 255 for i in (0, 2, 4)]
-
-
-def test_the_scale_is_that_of_known_colours():
-    assert lab((1.0, 1.0, 1.0)) == pytest.approx([100.0, 0.0, 0.0], abs=0.01)
-    assert lab((1.0, 0.0, 0.0)) == pytest.approx([53.24, 80.09, 67.20], abs=0.02)
-
-
 @pytest.mark.parametrize("vision", [NORMAL, *DEFICIENT.values()], ids=["normal", *DEFICIENT])
 def test_branches_are_distinguished(vision):
     for one, other in combinations([*_BRANCHES, _BASE, _JOINT], 2):
         assert np.linalg.norm(lab(one, vision) - lab(other, vision)) > (
             0.0 if {one, other} == {_BASE, _JOINT} else 15.0
         )
-
-
-def test_no_branch_looks_like_a_status_or_vanishes_on_the_ground_of_a_page():
-    theme = (ROOT / "cinegen/cockpit/static/style/theme.css").read_text()
-    status = dict(re.findall(r"--(blue|sky|green|orange|vermilion|purple): #(\w{6});", theme))
-    assert len(status) == 6
-    grounds = re.findall(r"--ground: #(\w{6});", theme)
-    assert len(grounds) >= 2
-    for branch in _BRANCHES:
-        for colour in status.values():
-            assert np.linalg.norm(lab(branch) - lab(rgb(colour))) > 25.0
-        for colour in grounds:
-            assert abs(lab(branch)[0] - lab(rgb(colour))[0]) > 20.0

@@ -1,7 +1,5 @@
 """Polygons become triangles of the same area, on the same side; colours stay few; STL is read by others."""
 
-from __future__ import annotations
-
 import io
 import math
 
@@ -99,14 +97,6 @@ def test_what_has_no_area_is_left_out(corners: list[tuple[float, float, float]])
     polygons = Polygons()
     polygons.add(corners, (1, 2, 3, 255))
     assert polygons.surfaces() == []
-
-
-@pytest.mark.parametrize("size", [1e-15, 1e-6, 1e6, 1e30, LARGEST])
-def test_polygons_of_any_size_are_cut(size: float) -> None:
-    """A square with a notch."""
-    notched = [(0, 0), (1, 0), (1, 1), (0.5, 0.5), (0, 1)]
-    triangles = cut(size * np.array([(x, y, 0.0) for x, y in notched]))
-    assert area(triangles / np.float32(size)) == pytest.approx(0.75)
 
 
 @pytest.mark.parametrize("number", [math.nan, math.inf, -math.inf, 1.01 * LARGEST, 1e300])

@@ -1,9 +1,6 @@
 """The URDF is the robot's tree: other people's readers place every node where RAFF says it is."""
 
-from __future__ import annotations
-
 import math
-from collections.abc import Iterable, Iterator
 from pathlib import Path
 from typing import Any
 
@@ -21,14 +18,13 @@ from raff2urdf import RaffError, loads
 from raff2urdf.conversion import Translation, translate
 from raff2urdf.placement import roll_pitch_yaw
 from raff2urdf.raff.document import Document, JointType, RaffLink, RaffParameters, RaffRobot
-from raff2urdf.raff.kleinfinger import Kleinfinger, transform
-from raff2urdf.tree import kleinfinger, limits, moved, placements
+from raff2urdf.raff.kleinfinger import Kleinfinger
+from raff2urdf.tree import placements
 from raff2urdf.writers.urdf import UNLIMITED
 
 EXACT = 1e-12  # m and rad: rounding along a chain of some links of up to a metre
 
 HERE = Path()
-ROBOTS = Path(__file__).parents[2] / "robots"
 trees = documents(moderate=True, loops=False, graphics=False, least_robots=1)
 
 
@@ -98,16 +94,6 @@ def test_angles_are_exact_at_a_pitch_near_90_degrees(near: float, side: float) -
 # --- joints ------------------------------------------------------------------------------------------------------
 
 
-def test_joint_variables_keep_raffs_own_zero() -> None:
-    """The written theta or r is home, not part of the joint's origin."""
-    xml = xml_of(
-        "link 1 { parameters { theta 30 r 20 d 100 } type 2 pred 0 } link 2 { parameters { r 50 } type 1 pred 1 }"
-    )
-    assert [numbers(origin.get("xyz")) for origin in xml.findall("joint/origin")] == [[0.1, 0, 0.02], [0, 0, 0]]
-    assert [numbers(origin.get("rpy")) for origin in xml.findall("joint/origin")] == [[0, 0, 0], [0, 0, 0]]
-    assert [axis.get("xyz") for axis in xml.findall("joint/axis")] == ["0.0 0.0 1.0", "0.0 0.0 1.0"]
-
-
 @pytest.mark.parametrize(
     ("link", "kind"),
     [
@@ -153,15 +139,6 @@ def test_limits_read_back_to_the_same_double(pair: tuple[float, float], speed: f
 # --- the base ----------------------------------------------------------------------------------------------------
 
 
-def test_a_base_that_was_moved_stands_in_a_world() -> None:
-    text = text_of("base { parameters { gamma 30 epsilon 200 } }")
-    (joint,) = etree.fromstring(text.encode()).findall("joint")
-    assert (joint.get("name"), joint.get("type")) == ("joint0", "fixed")
-    assert (joint.find("parent").get("link"), joint.find("child").get("link")) == ("world", "base")
-    expected = turn("z", math.radians(30)) @ shift("z", 0.2)
-    assert np.abs(pinocchios(text, {})["base"] - expected).max() <= EXACT
-
-
 def test_a_base_that_can_move_floats_in_a_world() -> None:
     text = text_of("base { parameters { epsilon 200 } } link 1 { type 2 pred 0 } constraint { base sensor ( 0 ) }")
     model = pin.buildModelFromXML(text)
@@ -171,11 +148,6 @@ def test_a_base_that_can_move_floats_in_a_world() -> None:
 
 
 # --- the same for the same ---------------------------------------------------------------------------------------
-
-
-def test_a_name_in_any_script_reaches_the_readers() -> None:
-    text = text_of('link 1 { name "плечо_机器人" type 2 pred 0 }')
-    assert "плечо_机器人" in pinocchios(text, {})
 
 
 # --- the skeleton ------------------------------------------------------------------------------------------------
@@ -251,83 +223,6 @@ def test_bars_lead_all_the_way_to_where_a_child_stands(k: Kleinfinger) -> None:
     ends = ends_of_bars(document)["base"]
     assert min(np.linalg.norm(end) for end in ends) <= 1e-5
     assert min(np.linalg.norm(end - child) for end in ends) <= 1e-5
-
-
-def covered(
-    document: Document, robot: RaffRobot, link: RaffLink, values: Iterable[float]
-) -> Iterator[tuple[float, list[tuple[float, float]]]]:
-    """For each value of a prismatic joint the intervals (m) of its axis, on which its origin is 0 and its part at that
-    value, that cylinders along it cover: the parent's, then the part's own."""
-    placed = np.linalg.inv(transform(moved(link, kleinfinger(document, link.parameters), 0.0)))
-    bars = ends_of_bars(document, robot)
-    for value in values:
-        on_axis = []
-        for node, pose in (
-            (robot.nodes[link.pred].node, placed),
-            (link.node, transform(Kleinfinger(0, 0, 0, 0, 0, value))),
-        ):
-            ends = np.array(bars.get(node, np.zeros((0, 3)))) @ pose[:3, :3].T + pose[:3, 3]
-            for start, end in ends.reshape(-1, 2, 3):
-                if np.abs([start[:2], end[:2]]).max() < 1e-6:
-                    on_axis.append((min(start[2], end[2]), max(start[2], end[2])))
-        yield value, on_axis
-
-
-def gap(intervals: list[tuple[float, float]], value: float) -> float:
-    """How much of the way from 0 to a value none of some intervals covers, m."""
-    reached, last = sorted((0.0, value))
-    missing = 0.0
-    for low, high in sorted(intervals):
-        missing += max(0.0, min(low, last) - reached)
-        reached = max(reached, high)
-    return missing + max(0.0, last - reached)
-
-
-@pytest.mark.parametrize("name", ["scara", "gough", "tssm", "cusp_3rpr", "delta4_linear"])
-def test_no_prismatic_joint_of_a_shipped_robot_comes_apart_within_its_limits(name: str) -> None:
-    document = raff2urdf.load(ROBOTS / f"{name}.raff")
-    robot = document.robot()
-    sliders = [link for link in robot.links if link.type is JointType.PRISMATIC and link.filenames is None]
-    assert sliders
-    for link in sliders:
-        low, high = limits(document, link)
-        for value, pieces in covered(document, robot, link, np.linspace(low, high, 7)):
-            assert gap(pieces, value) <= 1e-6 * high
-
-
-@pytest.mark.parametrize(
-    ("words", "low", "high", "more"),
-    [
-        ("parameters { r 939 } limits { 700 1300 }", 0.7, 1.3, 0.0),
-        ("parameters { r 900 } limits { 900 900 }", 0.9, 0.9, 0.0),
-        ("parameters { r -300 } limits { -500 -260 }", -0.5, -0.26, 0.0),
-        ("parameters { gamma 30 epsilon 40 alpha 70 d 50 r 300 }", 0.3, 0.3, 0.0),
-        ("parameters { r -300 }", -0.3, -0.3, 0.0),
-        ("parameters { r 300 } limits { 200 1e9 }", 0.2, 0.3, 0.0),
-        ("parameters { r 100 } limits { 40 320 }", 0.04, 0.32, 0.12),
-        ("parameters { r 100 } limits { -1000 -10 }", -1.0, -0.01, 0.49),
-    ],
-)
-def test_a_telescope_stays_together_and_within_its_ends(words: str, low: float, high: float, more: float) -> None:
-    """Two pieces can do that where the upper limit is at most twice the lower one; without limits, at home.
-
-    Else both protrude alike: by half of the upper limit less the lower one.
-    """
-    document = loads(f"RAFF t\nrobot r {{ link 1 {{ type 1 pred 0 {words} }} }}")
-    robot = document.robot()
-    for value, pieces in covered(document, robot, robot.links[0], np.linspace(low, high, 7)):
-        assert len(pieces) == 2
-        assert gap(pieces, value) <= 1e-6
-        assert min(start for start, _ in pieces) >= min(0.0, value) - more - 1e-6
-        assert max(end for _, end in pieces) <= max(0.0, value) + more + 1e-6
-
-
-@pytest.mark.parametrize("words", ["limits { -500 700 }", "limits { 0 700 }", "limits { -500 0 }"])
-def test_a_joint_that_reaches_0_slides_along_a_rail(words: str) -> None:
-    document = loads(f"RAFF t\nrobot r {{ link 1 {{ type 1 pred 0 {words} }} }}")
-    robot = document.robot()
-    ((_, (rail,)),) = covered(document, robot, robot.links[0], [0.1])
-    assert rail == pytest.approx(limits(document, robot.links[0]), abs=1e-6)
 
 
 # --- graphics ----------------------------------------------------------------------------------------------------

@@ -1,7 +1,5 @@
 """What is written reads back as the same document."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import replace
 
@@ -33,13 +31,6 @@ def test_what_is_written_reads_back_as_the_same_document(document: Document) -> 
 def test_white_space_and_comments_mean_nothing(document: Document, data: st.DataObject) -> None:
     text = raff2urdf.dumps(document)
     assert raff2urdf.loads(data.draw(layouts(text))) == document
-
-
-def test_whole_numbers_are_written_without_a_point() -> None:
-    link = RaffLink(1, RaffParameters(d=1500.0, theta=211.21), JointType.REVOLUTE, 0, limits=(-85.0, 80.0))
-    text = raff2urdf.dumps(Document("x", (RaffRobot("r", parts=(link,)),)))
-    assert "parameters { theta 211.21 d 1500 }" in text
-    assert "limits { -85 80 }" in text
 
 
 @pytest.mark.parametrize("name", ["robot", "3RRR", "a b", "", "-1", "a//b", "{", "Tête à tête", ".5"])

@@ -1,12 +1,7 @@
 """What raff2urdf builds and writes is a `yourdfpy.URDF`, and its text reads back as the same numbers."""
 
-from __future__ import annotations
-
 import io
-import json
 import math
-import subprocess
-import sys
 from pathlib import Path
 
 import numpy as np
@@ -17,10 +12,8 @@ from hypothesis import example, given
 from hypothesis import strategies as st
 from strategies import examples
 from yourdfpy import (
-    Box,
     Calibration,
     Dynamics,
-    Geometry,
     Inertial,
     Joint,
     Limit,
@@ -28,7 +21,6 @@ from yourdfpy import (
     Mimic,
     Robot,
     SafetyController,
-    Sphere,
     Visual,
 )  # fmt: skip
 
@@ -127,9 +119,7 @@ def test_all_that_a_joint_holds_is_written() -> None:
             {"origin": np.ones(3)},
             "joint 'j' of robot 'r' .*: its origin must be a .4, 4. matrix of a rotation",
         ),
-        ({"origin": 2.0 * np.eye(4)}, "joint 'j' of robot 'r' .*: its origin must be a .4, 4. matrix of a rotation"),
         ({"origin": np.diag((1.0, 1.0, -1.0, 1.0))}, "joint 'j' of robot 'r' .*: its origin must be a .4, 4. matrix"),
-        ({"origin": np.full((4, 4), np.nan)}, "joint 'j' of robot 'r' .*: its origin must be a .4, 4. matrix"),
         ({"name": "a\0b"}, "joint 'a\0b' of robot 'r' can't be written as URDF: .*XML compatible"),
     ],
 )
@@ -145,8 +135,6 @@ def test_what_can_not_be_written_is_named(change: dict, message: str) -> None:
     [
         ([Visual(geometry=geometry("mesh", (1.0, 1.0, 1.0), None))], np.eye(3), "Argument must be bytes or unicode"),
         ([Visual()], np.eye(3), "One of <sphere>, <cylinder>, <box>, <mesh> needs to be defined"),
-        ([Visual(geometry=Geometry(Box(np.ones(3)), sphere=Sphere(1.0)))], np.eye(3), "Too many of <sphere>"),
-        ([], np.eye(2), "its inertia must be a symmetric .3, 3. matrix"),
         ([], np.array([[1.0, 0.1, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]]), "its inertia must be a symmetric"),
     ],
 )
@@ -154,31 +142,6 @@ def test_the_link_that_can_not_be_written_is_named(shapes: list[Visual], inertia
     robot = two_links(Joint("j", "fixed", "a", "b"), *shapes, inertial=Inertial(np.eye(4), 1.0, inertia))
     with pytest.raises(RaffError, match=f"link 'b' of robot 'r' can't be written as URDF: {message}"):
         ExactUrdf(robot).text()
-
-
-PROGRAM = """
-import contextlib, io, json, sys, cinegen, raff2urdf
-found = {}
-def note(name): found[name] = "yourdfpy" in sys.modules
-from cinegen import Solver, load
-note("import")
-load(sys.argv[1] + "/generated/delta4.urdf").collision
-note("URDF")
-from raff2urdf.cli import main
-with contextlib.redirect_stderr(io.StringIO()):
-    main(["robots/none.raff"])
-note("a RAFF file that is wrong")
-load("delta4")
-note("RAFF")
-print(json.dumps(found))
-"""
-
-
-def test_yourdfpy_is_imported_where_a_urdf_is_made(tmp_path: Path) -> None:
-    command = [sys.executable, "-c", PROGRAM, str(ROBOTS.parent)]
-    done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, timeout=120, check=True)
-    expected = {"import": False, "URDF": False, "a RAFF file that is wrong": False, "RAFF": True}
-    assert json.loads(done.stdout) == expected
 
 
 def test_a_model_without_a_name_gets_one(tmp_path: Path) -> None:

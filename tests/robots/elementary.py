@@ -5,8 +5,6 @@ robots", IEEE conf. on Robotics and Automation, 1986), with numpy and nothing of
 document.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterable, Mapping
 from functools import cache

@@ -1,7 +1,5 @@
 """A wild hand that tasks a robot about, and what must hold at every tick all the same."""
 
-from __future__ import annotations
-
 import numpy as np
 import pinocchio as pin
 import pytest

@@ -6,7 +6,7 @@ A mechanism is assembled before it is described: whatever the axes, its loops cl
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -298,8 +298,6 @@ def parallelograms(rng: np.random.Generator, storeys: int, cranks: int = 2, lean
 
 
 # --- platforms on legs -------------------------------------------------------------------------------------------
-
-Leg = Callable[[np.random.Generator, np.ndarray, np.ndarray], list[tuple[int, np.ndarray]]]
 
 
 def _universal(rng: np.random.Generator, point: np.ndarray) -> list[tuple[int, np.ndarray]]:

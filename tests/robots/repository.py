@@ -1,7 +1,5 @@
 """The robots of the repository, and one of each kind of them."""
 
-from __future__ import annotations
-
 import warnings
 from functools import cache
 

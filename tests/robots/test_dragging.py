@@ -1,9 +1,5 @@
 """Dragged about at random no robot tears, crosses a limit, jumps, or raises."""
 
-from __future__ import annotations
-
-import math
-
 import numpy as np
 import pinocchio as pin
 import pytest
@@ -49,23 +45,6 @@ def test_the_weight_of_a_pull_that_is_alone_does_not_matter(name, which):
         for other in steps[1:]:
             assert other.q == pytest.approx(steps[0].q, abs=1e-6)
             assert other.status is steps[0].status
-
-
-@one_of_each_kind
-def test_one_bad_pull_among_good_ones_is_left_out(name, which):
-    mechanism = load(name, which)
-    end = mechanism.nodes[-1]
-    (goal,) = mechanism.random_closed(1, seed=4)
-    alone, beside = cinegen.Solver(mechanism, DT), cinegen.Solver(mechanism, DT)
-    for solver in (alone, beside):
-        solver.add_task(end, mechanism.placement(goal, end))
-    beside.add_task(end, pin.SE3(np.eye(3), np.full(3, math.nan)))
-    for _ in range(30):
-        one, other = alone.step(), beside.step()
-        assert np.array_equal(one.q, other.q)
-        assert other.status is Status.BAD_TARGET
-        assert np.isnan(other.errors[1]).all()
-        assert other.errors[0] == one.errors[0]
 
 
 # --- against its limits ------------------------------------------------------------------------------------------

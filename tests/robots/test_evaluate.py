@@ -1,7 +1,5 @@
 """Many configurations at once say what one at a time says: placements, Jacobians and singular values."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from hypothesis import given, settings

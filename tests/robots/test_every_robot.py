@@ -1,14 +1,12 @@
 """What holds for every robot of the repository, whatever it is."""
 
-from __future__ import annotations
-
 import re
 
 import numpy as np
 import pinocchio as pin
 import pytest
 from elementary import ROBOTS, document, placed, values, within_limits
-from repository import EVERY, load
+from repository import EVERY, load, one_of_each_kind
 
 import cinegen
 import raff2urdf
@@ -66,7 +64,7 @@ def test_home_is_closed_within_limits_and_what_the_file_states_but_for_its_round
             assert mechanism.q_home[mechanism.q_index(link.joint)] == pytest.approx(written, abs=2e-5)
 
 
-@every_robot
+@one_of_each_kind
 def test_its_urdf_and_constraints_are_the_same_mechanism_bit_for_bit(name, which, tmp_path):
     (conversion,) = raff2urdf.convert(ROBOTS / f"{name}.raff", tmp_path, which)
     one, other = load(name, which), cinegen.load(conversion.urdf)
@@ -84,7 +82,7 @@ def test_its_urdf_and_constraints_are_the_same_mechanism_bit_for_bit(name, which
             assert np.array_equal(one.placement(q, node).homogeneous, other.placement(q, node).homogeneous)
 
 
-@every_robot
+@one_of_each_kind
 def test_the_converter_counts_the_same_mobility_without_pinocchio(name, which):
     mechanism = load(name, which)
     analysis = analyse(document(name), document(name).robot(which))
@@ -94,7 +92,7 @@ def test_the_converter_counts_the_same_mobility_without_pinocchio(name, which):
     assert analysis.gap == pytest.approx(mechanism.gap_as_written, abs=1e-14)
 
 
-@every_robot
+@one_of_each_kind
 def test_all_nodes_are_where_the_product_of_six_elementary_transforms_puts_them(name, which):
     """Three times the same: by elementary matrices, by the converter's numpy, by Pinocchio."""
     mechanism, text = load(name, which), document(name)
@@ -120,7 +118,7 @@ def derivative(mechanism, function, q: np.ndarray, h: float = 1e-6) -> np.ndarra
     return np.array(columns).T
 
 
-@every_robot
+@one_of_each_kind
 def test_the_loops_jacobian_is_the_derivative_of_their_residual_closed_and_open(name, which):
     mechanism = load(name, which)
     if not mechanism.is_constrained:
@@ -132,7 +130,7 @@ def test_the_loops_jacobian_is_the_derivative_of_their_residual_closed_and_open(
             assert mechanism.loop_jacobian(q) == pytest.approx(expected, abs=1e-6)
 
 
-@every_robot
+@one_of_each_kind
 def test_the_nodes_jacobians_are_the_derivatives_of_their_placements(name, which):
     mechanism = load(name, which)
     for q, _ in configurations(mechanism, 1):
@@ -145,7 +143,7 @@ def test_the_nodes_jacobians_are_the_derivatives_of_their_placements(name, which
             assert mechanism.jacobian(q, node) == pytest.approx(derivative(mechanism, twist, q), abs=1e-6)
 
 
-@every_robot
+@one_of_each_kind
 def test_the_rank_of_the_loops_is_the_same_all_over_its_workspace(name, which):
     """So that home is no singular posture, and the mobility no accident of where it was counted."""
     mechanism = load(name, which)

@@ -5,8 +5,6 @@ All 21 joints follow from the platform's pose too: with w the way of a leg in th
 it turns, the last axis is (cos t1 sin t2, sin t1 sin t2, -cos t2), since both turns come behind a Rx(90) each.
 """
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 from functools import cache

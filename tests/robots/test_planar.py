@@ -1,7 +1,5 @@
 """The planar robots against what plane geometry says of them."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np
@@ -39,17 +37,6 @@ def in_plane(mechanism, q: np.ndarray, node: str = "tool") -> tuple[np.ndarray, 
 # --- planar_hybrid: figure 9 -------------------------------------------------------------------------------------
 
 JOINTS = tuple(f"joint{i}" for i in range(1, 8))
-FIGURE_9 = np.array(  # of Flueckiger, Piguet and Baur: which joint (column) has a part in which row
-    [
-        [1, 1, 1, 0, 0, 0, 1],
-        [1, 1, 1, 0, 0, 0, 1],
-        [1, 1, 1, 0, 0, 0, 1],
-        [0, 1, 1, 1, 1, 1, 0],
-        [0, 1, 1, 1, 1, 1, 0],
-        [0, 1, 1, 1, 1, 1, 0],
-    ],
-    dtype=bool,
-)
 
 
 def figure_9(arm, q: np.ndarray) -> np.ndarray:
@@ -58,17 +45,6 @@ def figure_9(arm, q: np.ndarray) -> np.ndarray:
     loop = arm.loops[0].name
     assert matrix.rows == tuple((owner, row) for owner in ("tool", loop) for row in ("x", "y", "rz"))
     return np.asarray(matrix)[:, [matrix.columns.index(joint) for joint in JOINTS]]
-
-
-def test_the_hybrids_extended_jacobian_has_exactly_the_zeros_of_figure_9(robot):
-    arm = robot("planar_hybrid")
-    assert arm.extended_jacobian(arm.q_home, ["tool"]).shape == (12, 7)
-    seen = np.zeros((6, 7), dtype=bool)
-    for q in [arm.q_home, *arm.random_closed(50, seed=9)]:
-        matrix = figure_9(arm, q)
-        assert not matrix[~FIGURE_9].any()
-        seen |= np.abs(matrix) > 1e-6
-    assert np.array_equal(seen, FIGURE_9)
 
 
 def test_the_hybrids_extended_jacobian_is_what_plane_geometry_says(robot):

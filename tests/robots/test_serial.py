@@ -1,7 +1,5 @@
 """The serial arms, and SR400 whose forearm a parallelogram moves, against closed forms."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

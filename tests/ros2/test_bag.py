@@ -1,7 +1,5 @@
 """`complete_bag`, on recordings that rosbags writes and reads."""
 
-from __future__ import annotations
-
 import subprocess
 import sys
 

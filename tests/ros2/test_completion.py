@@ -1,7 +1,5 @@
 """Joint states and trajectories, completed without ROS: judged by Pinocchio's placements and by finite differences."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from cinegen_joint_states.joint_states import CompletionError, JointStateCompletion

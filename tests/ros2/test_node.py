@@ -1,8 +1,6 @@
 """The node with a stand-in for rclpy, which is not on PyPI: it has topics, parameters and a logger, and messages with
 the fields of rosbags' definitions."""
 
-from __future__ import annotations
-
 import importlib
 import sys
 from types import ModuleType, SimpleNamespace

@@ -1,7 +1,5 @@
 """Loops and couplings in a URDF that can't be read: refused at their line, never lost."""
 
-from __future__ import annotations
-
 import re
 import warnings
 from pathlib import Path
@@ -156,20 +154,6 @@ def test_a_second_parent_is_removed_from_the_tree(bars):
     for text in (opened.urdf, readers.read(path).urdf):
         assert '"pin"' not in text
         assert text.count("<joint") == 3
-
-
-def test_urdf2raff_refuses_too_and_opens_on_demand(bars, tmp_path, capsys):
-    from raff2urdf.urdf2raff.cli import main
-
-    path = bars(UNREAD["another constraint"][0])
-    out = tmp_path / "bars.raff"
-    assert main([str(path), "-o", str(out)]) == 1
-    assert "declares a loop" in capsys.readouterr().err
-    assert not out.exists()
-    for options in (["--ignore-loops"], ["--ignore", "weld_constraint"], ["--ignore", "pin"]):
-        assert main([str(path), "-o", str(out), *options, "--force"]) == 0
-        assert "warning: " in capsys.readouterr().err
-        assert raff2urdf.load(out).robot().loops == ()
 
 
 # --- raff2urdf's own URDFs ---------------------------------------------------------------------------------------

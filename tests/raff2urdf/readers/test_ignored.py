@@ -1,7 +1,5 @@
 """Elements that are not read are listed; none that could remove degrees of freedom is among them."""
 
-from __future__ import annotations
-
 import json
 import warnings
 from pathlib import Path

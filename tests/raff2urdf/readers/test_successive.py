@@ -1,7 +1,5 @@
 """Joints of several freedoms are the same motions as successive ones."""
 
-from __future__ import annotations
-
 import numpy as np
 import pinocchio as pin
 import pytest

@@ -1,14 +1,9 @@
 """A URDF is read with what is wrong in it told by its line."""
 
-from __future__ import annotations
-
-import numpy as np
 import pytest
-from lxml import etree
 
 from raff2urdf.errors import RaffError
-from raff2urdf.placement import from_origin
-from raff2urdf.readers.urdf import default_value, joints, limits, origin, parse, remove, velocity
+from raff2urdf.readers.urdf import default_value, joints, limits, parse, velocity
 
 ARM = """<robot name="arm">
   <link name="base"/>
@@ -79,25 +74,6 @@ def test_limits_that_are_left_out_or_beyond_all_measure_are_none(limit, allowed,
     turn = joints(parse(text, "x"))[0]
     assert limits(turn) == allowed
     assert velocity(turn) == fastest
-
-
-def test_an_origin_is_read_and_zero_where_there_is_none():
-    turn, hold = joints(parse(ARM, "x"))
-    np.testing.assert_array_equal(origin(turn, "x"), from_origin((0.0, 0.0, 1.0), (0.0, 0.0, 0.5)))
-    np.testing.assert_array_equal(origin(hold, "x"), np.eye(4))
-
-
-def test_what_is_taken_out_leaves_its_lines_behind():
-    tree = parse(ARM, "x")
-    remove(joints(tree)[0].find("parent"))
-    remove(tree.findall("link")[1])
-    again = etree.fromstring(etree.tostring(tree))
-    assert [joint.sourceline for joint in again.iter("joint")] == [5, 12]
-
-
-def test_joints_that_other_elements_speak_of_are_no_joints():
-    text = ARM.replace("</robot>", '<transmission name="t"><joint name="turn"/></transmission></robot>')
-    assert len(joints(parse(text, "x"))) == 2
 
 
 def test_a_joint_stands_at_zero_or_inside_its_limits():

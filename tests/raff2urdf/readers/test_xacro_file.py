@@ -1,7 +1,5 @@
 """URDFs in xacro are expanded by the package xacro."""
 
-from __future__ import annotations
-
 import sys
 from importlib.util import find_spec
 

@@ -1,7 +1,5 @@
 """XML as robots are published in; what could make a program read what it must not is refused."""
 
-from __future__ import annotations
-
 import pytest
 
 from raff2urdf.errors import RaffError

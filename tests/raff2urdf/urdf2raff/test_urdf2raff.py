@@ -1,7 +1,5 @@
 """URDF -> RAFF: every link stands where it stood, at any joint values; gamma and epsilon only where a link branches."""
 
-from __future__ import annotations
-
 import math
 from collections import Counter
 from pathlib import Path
@@ -154,13 +152,6 @@ def test_a_chain_reads_as_the_textbook_has_it():
     assert found.nodes == {"base_link": "base_link", "shoulder": "shoulder", "elbow": "elbow", "tool": "tool"}
     assert found.joints == {"lift": "joint1", "bend": "joint2"}
     assert largest_difference(CHAIN, found) < 1e-12
-
-
-def test_home_is_0_or_where_the_limits_let_it():
-    text = CHAIN.replace('lower="-1"', 'lower="1"')
-    found = import_tree(parse(text, "x"), "x")
-    first = found.document.robot().links[0]
-    assert math.radians(first.parameters.theta) - found.offsets["joint1"] == pytest.approx(1.5)
 
 
 def test_a_robot_that_floats_has_a_base_that_moves():
@@ -332,9 +323,3 @@ def test_a_joint_may_be_called_as_raff2urdf_calls_the_one_that_places_the_base()
     assert found.joints == {"joint0": "joint1", "j2": "joint2"}
     held = chain(3).replace('"j2" type="continuous"', '"joint0" type="fixed"')
     assert set(import_tree(parse(held, "x"), "x").nodes) == {"l0", "l1", "l2"}
-
-
-@pytest.mark.parametrize("name", ["\uff11\uff12", "1a", "a b", "-"])
-def test_a_robot_of_any_name_is_read_back(name):
-    text = raff2urdf.dumps(import_tree(parse(chain(2).replace('"r"', f'"{name}"'), "x"), "x").document)
-    assert len(raff2urdf.loads(text).robot().links) == 1

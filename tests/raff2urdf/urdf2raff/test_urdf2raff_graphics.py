@@ -1,7 +1,5 @@
 """What a URDF shows is shown by the RAFF file that becomes of it."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np
@@ -88,32 +86,6 @@ def test_every_link_shows_what_it_showed(there, units):
             assert area_there == pytest.approx(area, rel=1e-5)
             assert centre_there == pytest.approx(centre, abs=1e-5)
             assert colour_there == colour or colour is None
-
-
-def test_a_mesh_that_needs_nothing_done_is_named_as_it_is(there):
-    path = write(there, base=MESH.format("meshes/part.stl", "", ""))
-    found = raff2urdf.to_raff(path, there / "arm.raff")
-    assert found.document.units == "m"
-    robot = found.document.robot()
-    files = {part.node: part.filenames for part in (robot.base, *robot.parts)}
-    assert files["base_link"] == ("meshes/part.stl",)
-    assert files["base"] is None or files["base"] == ()
-    assert not (there / "arm_graphics").exists()
-
-
-def test_units_are_those_of_the_meshes(there):
-    mm = ' scale="0.001 0.001 0.001"'
-    path = write(there, base=MESH.format("meshes/part.stl", mm, ""), upper=MESH.format("ball.stl", mm, RED))
-    assert raff2urdf.to_raff(path).document.units == "mm"
-    assert raff2urdf.to_raff(write(there)).document.units == "mm"
-
-
-def test_where_some_links_show_something_the_others_show_nothing(there):
-    found = raff2urdf.to_raff(write(there, upper=BOX), there / "arm.raff")
-    robot = found.document.robot()
-    assert {p.node: p.filenames for p in robot.parts if p.node != "base_link"}["upper"] == ("arm_graphics/upper.glb",)
-    (made,) = convert(there / "arm.raff", there / "again")
-    assert set(shown(made.urdf)) == {"upper"}
 
 
 def test_what_raff2urdf_draws_itself_is_drawn_again(root, tmp_path):
