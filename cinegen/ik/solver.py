@@ -493,7 +493,8 @@ class Solver(JointControl):
             for task in self._tasks
         )
         self._record, fields = memory.block("record")
-        self._layout = Layout(self._joints.held, tasks, fields, self._dt)
+        levels = tuple(int(task.memory.level) for task in self._tasks)
+        self._layout = Layout(self._joints.held, tasks, levels, fields, self._dt)
         self._earlier, self._latest = None, None
         self._changed = False
 

@@ -64,13 +64,15 @@ class Layout:
 
     Attributes:
         mechanism: mechanism that was moved.
-        tasks: node, axes and offset of each task.
+        tasks: node, axes and offset of each task; the offset is None of a task in Python.
+        levels: level of each task, 0 first.
         fields: where the parts of a record are, and their shapes.
         dt: period of the tick, s.
     """
 
     mechanism: Mechanism
     tasks: tuple[tuple[str, str, pin.SE3 | None], ...]
+    levels: tuple[int, ...]
     fields: Mapping[str, tuple[slice, tuple[int, ...]]]
     dt: float
 
@@ -130,14 +132,15 @@ class Step:
         if self._record[m.ERRORS_KNOWN]:
             return tuple((left, angle) for left, angle in self._layout.get(self._record, "record_errors").tolist())
         mechanism, q = self._layout.mechanism, self.q
-        found = []
-        for task, axes in self._wanted():  # all tasks: of invalid ones the kernel knows the errors
+        found = [(math.nan, math.nan)] * len(self._layout.tasks)
+        for i, task, axes in self._wanted():
             straight, turn = task.errors(mechanism.placement(q, task.node) * task.offset, axes)
-            found.append((math.hypot(*straight), math.hypot(*turn)))
+            found[i] = math.hypot(*straight), math.hypot(*turn)
         return tuple(found)
 
-    def _wanted(self) -> list[tuple[FrameTask, Array]]:
-        """Return the valid tasks as they were in the tick, each with its axes in the world."""
+    def _wanted(self) -> list[tuple[int, FrameTask, Array]]:
+        """Return the valid tasks that are frames as they were in the tick, each with its index before and its axes in
+        the world behind."""
         layout, record, tasks = self._layout, self._record, []
         kept, aims, axes = (layout.get(record, f"record_{name}") for name in ("tasks", "aims", "axes"))
         for i, (node, _, offset) in enumerate(layout.tasks):
@@ -145,8 +148,12 @@ class Step:
             if is_active and offset is not None:
                 aim, frame = pin.SE3(aims[i, :3].T, aims[i, 3]), layout.mechanism.frame_id(node)
                 task = FrameTask(node, aim, weight=weight, frame=frame, offset=offset, weights=weights)
-                tasks.append((task, axes[i].T))
+                tasks.append((i, task, axes[i].T))
         return tasks
+
+    def _first_level(self) -> list[tuple[FrameTask, Array]]:
+        """Return those of the first level."""
+        return [(task, axes) for i, task, axes in self._wanted() if self._layout.levels[i] == 0]
 
     @property
     def levels(self) -> tuple[Level, ...]:
@@ -159,15 +166,16 @@ class Step:
 
     @property
     def singular_values(self) -> Array:
-        """Dimensionless singular values of the tasks in the loops' null space, largest first, as many as their generic
-        rank. At a type 1 singularity the last is 0. Far from singularities they are computed on access, at q."""
+        """Dimensionless singular values of the tasks, of the first level if there are several, in the loops' null
+        space, largest first, as many as their generic rank. At a type 1 singularity the last is 0. Far from
+        singularities they are computed on access, at q; with a task in Python they are those before the tick."""
         count = int(self._record[m.TASK_RANK])
         if self._record[m.SIGMA_KNOWN]:
             return self._layout.get(self._record, "record_sigma")[:count]
         mechanism = self._layout.mechanism
         system = mechanism.system
         motions = motions_of(system, self.q, mechanism.loop_rank)
-        rows = equations(mechanism, system, self._wanted())[1]
+        rows = equations(mechanism, system, self._first_level())[1]
         return np.asarray(np.linalg.svd(rows @ motions, compute_uv=False)[:count])
 
     @property
@@ -184,19 +192,22 @@ class Step:
 
     @property
     def lost_dof(self) -> LostDoF | None:
-        """Direction that the tasks follow worst at q, with its singular value (type 1); None without a task that can
-        move. Computed on access."""
+        """Direction that the tasks of the first level follow worst at q, with its singular value (type 1); None without
+        a task that can move, or with a task in Python. Computed on access."""
         return self.lost_dof_in(None)
 
     def lost_dof_in(self, system: ClosedLoops | None) -> LostDoF | None:
         """Return `lost_dof` by another Jacobian of the mechanism's loops: see `cinegen.ik.singular.lost`."""
-        wanted, layout = self._wanted(), self._layout
-        count = int(self._record[m.TASK_RANK])
+        wanted, layout = self._first_level(), self._layout
+        count, given = int(self._record[m.TASK_RANK]), zip(layout.tasks, layout.levels, strict=True)
+        if any(offset is None and level == 0 for (_, _, offset), level in given):
+            return None
         found = lost(layout.mechanism, self.q, wanted, count, system)
         if found is None or len(wanted) == len(layout.tasks):
             return found
         twists = np.zeros((len(layout.tasks), 6))
-        twists[layout.get(self._record, "record_tasks")[:, 1] != 0.0] = found.twists
+        first = np.array(layout.levels) == 0
+        twists[first & (layout.get(self._record, "record_tasks")[:, 1] != 0.0)] = found.twists
         return replace(found, twists=twists)
 
     @property

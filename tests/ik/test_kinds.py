@@ -24,6 +24,7 @@ from cinegen.ik import (
     RelativePose,
     State,
 )
+from cinegen.loops.motions import motions_of
 
 
 def all_kinds(mechanism: cinegen.Mechanism) -> list:
@@ -337,3 +338,25 @@ def test_locked_joints_do_not_move_for_tasks_of_any_kind_and_level(name):
     result = cinegen.inverse_kinematics(mechanism, [height, AxisAlong(end, priority=1)], locked=[joint], starts=2)
     assert result.q[mechanism.q_index(joint)] == mechanism.q_home[mechanism.q_index(joint)]
     assert result.errors[0][0] < 1e-9
+
+
+@pytest.mark.parametrize("name", ["arm7", "delta4"])
+def test_singular_values_include_rows_of_python_and_leave_out_lower_levels(name):
+    mechanism = load(name, None)
+    end, q = mechanism.end, mechanism.q_home
+    node = mechanism.nodes[-2]
+    solver = Solver(mechanism, 0.01)
+    solver.add_task(end, rotation=0)
+    first = solver.step().singular_values
+    solver.add_task(node, priority=1)
+    assert solver.step().singular_values == pytest.approx(first, abs=1e-12)
+    solver.q = q
+    height = solver.add_task(PointInPlane(node, mechanism.placement(q, node).translation))
+    step = solver.step()
+    jacobian = State(mechanism, q, 0.01).jacobian(end)[:3]
+    rows = np.vstack([jacobian, height.jacobian(State(mechanism, q, 0.01))]) / mechanism.length * mechanism.scale
+    motions = motions_of(mechanism.system, q, mechanism.loop_rank)
+    expected = np.linalg.svd(rows @ motions, compute_uv=False)[: len(step.singular_values)]
+    assert step.singular_values == pytest.approx(expected, abs=1e-9)
+    assert step.lost_dof is None
+    assert [task.priority for task in solver.frame_tasks] == [0, 1]

@@ -47,7 +47,12 @@ def propose(memory: SolverMemory) -> bool:
     p = memory.active_rows
     if memory.task_distance <= NOISE:  # all are reached: no step of rounding errors
         wanted[:p] = 0.0
-    if not (p == min(memory.task_rank, p, memory.mobility) and find_basis(memory, wanted)):
+    if memory.has_given != 0:  # singular values of rows that Python gives can't be computed later
+        find_singular_values(memory)
+        solve_damped(memory)
+        for i in range(min(memory.task_rank, p, memory.mobility)):
+            memory.record_sigma[i] = math.sqrt(memory.squares[i])
+    elif not (p == min(memory.task_rank, p, memory.mobility) and find_basis(memory, wanted)):
         find_singular_values(memory)
         solve_damped(memory)
     to_joints(memory, memory.free_step, step)

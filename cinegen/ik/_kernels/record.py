@@ -139,8 +139,12 @@ def _record_tasks(memory: SolverMemory, accepted: bool) -> tuple[float, int]:
 def _record_singular_values(memory: SolverMemory) -> float:
     """Record the singular values if they are known; return the smallest."""
     smallest = math.inf
-    memory.report[m.SIGMA_KNOWN] = 1.0 if memory.found_by == SVD else 0.0
-    if memory.found_by == SVD:
+    known = memory.found_by == SVD or memory.has_given != 0
+    memory.report[m.SIGMA_KNOWN] = 1.0 if known else 0.0
+    if memory.has_given != 0:
+        for i in range(min(memory.task_rank, memory.active_rows, memory.mobility)):
+            smallest = memory.record_sigma[i]
+    elif memory.found_by == SVD:
         for i in range(min(memory.task_rank, memory.active_rows, memory.mobility)):
             smallest = memory.record_sigma[i] = math.sqrt(memory.squares[i])
     return smallest
