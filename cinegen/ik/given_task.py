@@ -85,7 +85,8 @@ class GivenTask:
         memory = self.memory
         memory.resize(weighed=rows, given=rows, n=nv)
         memory.translation, memory.rotation, memory.row_weight[:] = rows - sum(angles), sum(angles), 1.0
-        self._factor, self._weight = self._scale[:, None] * self._columns, math.nan
+        self._minus_scale, self._weight = -self._scale, math.nan
+        self.hold(())
         self.evaluate(state)
         self._check_sign(state)
 
@@ -95,7 +96,8 @@ class GivenTask:
     def hold(self, columns: Sequence[int]) -> None:
         """Let locked joints, by their columns, not move the task; all others do."""
         self._factor = self._scale[:, None] * self._columns
-        self._factor[:, columns] = 0.0
+        self._factor[:, list(columns)] = 0.0
+        self._numbers = self.memory.given_rows.reshape(-1)
 
     def is_valid(self) -> bool:
         """Return whether the last evaluation succeeded."""
@@ -124,9 +126,9 @@ class GivenTask:
         rows = np.asarray(task.jacobian(state), dtype=float)
         if rows.shape != self._shape:
             raise CinegenError(f"jacobian(state) returned shape {rows.shape}: return {self._shape}")
-        given = self.memory.given_rows
-        np.multiply(rows if self._is_ordered else rows[self._order], self._factor, out=given)
-        if not math.isfinite(np.vdot(given, given)):
+        np.multiply(rows if self._is_ordered else rows[self._order], self._factor, out=self.memory.given_rows)
+        numbers = self._numbers
+        if not math.isfinite(numbers.dot(numbers)):
             raise CinegenError("jacobian(state) is not finite")
         self._words[_VALID] = 1
 
@@ -135,8 +137,8 @@ class GivenTask:
         error, given = np.asarray(self.task.error(state), dtype=float), self.memory.given_error
         if error.shape != given.shape:
             raise CinegenError(f"error(state) returned shape {error.shape}: return {given.shape}")
-        np.multiply(error if self._is_ordered else error[self._order], -self._scale, out=given)
-        if not math.isfinite(np.vdot(given, given)):
+        np.multiply(error if self._is_ordered else error[self._order], self._minus_scale, out=given)
+        if not math.isfinite(given.dot(given)):
             raise CinegenError("error(state) is not finite")
 
     def _check_sign(self, state: State) -> None:

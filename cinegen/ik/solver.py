@@ -111,10 +111,9 @@ class Solver(JointControl):
 
     __slots__ = (
         "__weakref__", "_barriers", "_blends", "_blocked", "_caught", "_changed", "_data", "_detour", "_dt", "_earlier",
-        "_gain", "_handle", "_is_in_use", "_joints", "_keeps_branch", "_keeps_linearisation", "_latest", "_layout",
-        "_lifted", "_memory",
-        "_model", "_objectives", "_q", "_ranks", "_record", "_refused_at", "_tasks", "_tick", "exception_log",
-        "linearisation", "mechanism",
+        "_gain", "_given", "_handle", "_is_in_use", "_joints", "_keeps_branch", "_keeps_linearisation", "_latest",
+        "_layout", "_lifted", "_memory", "_model", "_objectives", "_q", "_ranks", "_record", "_refused_at", "_tasks",
+        "_tick", "exception_log", "linearisation", "mechanism",
     )  # fmt: skip
 
     def __init__(
@@ -132,6 +131,7 @@ class Solver(JointControl):
         self._model = mechanism.model
         self._data = kinematic_data(mechanism.model)  # for tasks in Python, objectives and barriers
         self._tasks: list[AnyTask] = []
+        self._given: list[tuple[int, GivenTask]] = []
         self._blends: list[Blend] = []
         self._objectives: tuple[Objective, ...] = ()
         self._detour: tuple[Objective, ...] | None = None  # objectives that replace them, until they are set
@@ -493,6 +493,7 @@ class Solver(JointControl):
             for task in self._tasks
         )
         self._record, fields = memory.block("record")
+        self._given = [(i, task) for i, task in enumerate(self._tasks) if isinstance(task, GivenTask)]
         levels = tuple(int(task.memory.level) for task in self._tasks)
         self._layout = Layout(self._joints.held, tasks, levels, fields, self._dt)
         self._earlier, self._latest = None, None
@@ -814,7 +815,7 @@ class Solver(JointControl):
             self._evaluate_objectives(objectives)
         if self._barriers:
             self._evaluate_barriers()
-        if self._memory.has_given:
+        if self._given:
             self._evaluate_given()
         if SE3_DISTANCE is None:  # targets may have been changed in place
             for task in self.frame_tasks:
@@ -846,12 +847,11 @@ class Solver(JointControl):
     def _evaluate_given(self) -> None:
         """Evaluate the tasks in Python for this tick."""
         state = State(self.mechanism, self.q, self.dt, (), self._data)
-        for i, task in enumerate(self._tasks):
-            if isinstance(task, GivenTask):
-                try:
-                    task.evaluate(state)
-                except Exception as error:  # the loop must go on
-                    self._catch(self._source("task", i, task.task), error)
+        for i, task in self._given:
+            try:
+                task.evaluate(state)
+            except Exception as error:  # the loop must go on
+                self._catch(self._source("task", i, task.task), error)
         if self._changed:  # a priority
             self._write_tasks()
             self._evaluate_given()
@@ -859,13 +859,14 @@ class Solver(JointControl):
     def _evaluate_errors(self) -> None:
         """Evaluate the errors of the tasks in Python at a trial."""
         state = State(self.mechanism, self._memory.trial.copy(), self.dt, (), self._data)
-        for i, task in enumerate(self._tasks):
-            if isinstance(task, GivenTask) and task.memory.is_active:
-                try:
-                    task.evaluate_error(state)
-                except Exception as error:  # the loop must go on
-                    task.memory.given_error[:] = np.inf  # no such step
-                    self._catch(self._source("task", i, task.task), error)
+        for i, task in self._given:
+            if not task.is_valid():
+                continue
+            try:
+                task.evaluate_error(state)
+            except Exception as error:  # the loop must go on
+                task.memory.given_error[:] = np.inf  # no such step
+                self._catch(self._source("task", i, task.task), error)
 
     def _leave_bifurcation(self) -> None:
         """Replace a refused tick by a motion along a branch of closed configurations if several meet at q. It is at
