@@ -35,6 +35,7 @@ if TYPE_CHECKING:
     from cinegen.ik.objectives import Objective as Objective
     from cinegen.ik.objectives import Posture as Posture
     from cinegen.ik.persistent import PersistentSolver as PersistentSolver
+    from cinegen.ik.pink_task import PinkTask as PinkTask
     from cinegen.ik.range import Range as Range
     from cinegen.ik.singular import LostDoF as LostDoF
     from cinegen.ik.singular import UncontrolledDoF as UncontrolledDoF
