@@ -248,3 +248,25 @@ def test_wrong_priorities_are_errors_with_the_remedy():
             solver.add_task("tool", priority=wrong)
     task.priority = 3
     assert solver.step().status is Status.FOLLOWING
+
+
+@pytest.mark.parametrize("name", ["arm7", "delta4", "gough", "five_bar"])
+def test_the_first_level_ends_where_it_would_alone(name):
+    """Random targets, some out of reach, and another node below."""
+    mechanism, rng = load(name, None), np.random.default_rng(11)
+    for case in range(4):
+        there, elsewhere = mechanism.random_closed(2, seed=case)
+        first, second = rng.choice(mechanism.nodes[1:], 2)
+        target = mechanism.placement(there, str(first))
+        if case == 0:
+            target = moved(target, tuple(mechanism.length * rng.normal(size=3)))
+        ends = []
+        for levels in (1, 2):
+            solver = Solver(mechanism, 0.02)
+            solver.add_task(str(first), target, rotation=0)
+            if levels == 2:
+                solver.add_task(str(second), mechanism.placement(elsewhere, str(second)), rotation=0, priority=1)
+            for _ in range(400):
+                step = solver.step()
+            ends.append(step.errors[0][0] / mechanism.length)
+        assert ends[1] < ends[0] + 1e-4, (case, first, second)

@@ -30,7 +30,6 @@ from cinegen.loops._kernels.residual import evaluate_loops
 @compiled
 def propose(memory: SolverMemory) -> bool:
     """Compute the step from q, where the joints' frames are evaluated; return False if there is none."""
-    n, step, wanted = memory.n, memory.step, memory.wanted
     _begin(memory)
     still = aim_tasks(memory)
     if memory.tasks_are_suspended != 0:
@@ -44,47 +43,73 @@ def propose(memory: SolverMemory) -> bool:
         factor_loops(memory, False)
         memory.factored_at = AT_Q
         find_null_space(memory)
-    p = memory.active_rows
-    if memory.task_distance <= NOISE:  # all are reached: no step of rounding errors
-        wanted[:p] = 0.0
-    if memory.has_given != 0:  # singular values of rows that Python gives can't be computed later
-        find_singular_values(memory)
-        solve_damped(memory)
-        for i in range(min(memory.task_rank, p, memory.mobility)):
-            memory.record_sigma[i] = math.sqrt(memory.squares[i])
-    elif not (p == min(memory.task_rank, p, memory.mobility) and find_basis(memory, wanted)):
-        find_singular_values(memory)
-        solve_damped(memory)
-    to_joints(memory, memory.free_step, step)
+    _solve(memory)
     if memory.weighted != 0:
         weigh(memory)
     had_secondary = memory.has_secondary != 0
     if memory.parts == 0 and had_secondary and not project_secondary(memory):
         memory.has_secondary = 0
     keep_limits(memory, _ticks_left(memory) if still else math.inf)
-    largest, to_win, rest = _largest(step), 0.0, REST * memory.gain
-    if _first_speed(memory) < rest and p > 0 and memory.task_distance > ARRIVED * ARRIVED:
-        copy(step, memory.spare, n)
-        to_win = nudge(memory)
-        if to_win > 0.0:
-            memory.is_nudged, memory.has_spare = 1, 1 if memory.has_secondary != 0 and largest > 0.0 else 0
-            largest = _largest(step)
-        elif memory.has_secondary != 0:
-            copy(memory.spare, step, n)
+    largest = _largest(memory.step)
+    to_win = _escape(memory, largest)
+    if to_win > 0.0:
+        largest = _largest(memory.step)
     if not largest > 0.0:
         return False
     memory.factors_gap = largest
-    scale = memory.report[SPEED_SCALE]
+    _attempt(memory, still, had_secondary, to_win)
+    return True
+
+
+@compiled
+def _solve(memory: SolverMemory) -> None:
+    """Set `free_step`, and `step` in joints, to what the first level's tasks want, without limits."""
+    p, wanted = memory.active_rows, memory.wanted
+    rank = min(memory.task_rank, p, memory.mobility)
+    if memory.task_distance <= NOISE:  # all are reached: no step of rounding errors
+        wanted[:p] = 0.0
+    if memory.has_given != 0:  # singular values of rows that Python gives can't be computed later
+        find_singular_values(memory)
+        solve_damped(memory)
+        for i in range(rank):
+            memory.record_sigma[i] = math.sqrt(memory.squares[i])
+    elif not (p == rank and find_basis(memory, wanted)):
+        find_singular_values(memory)
+        solve_damped(memory)
+    to_joints(memory, memory.free_step, memory.step)
+
+
+@compiled
+def _escape(memory: SolverMemory, largest: float) -> float:
+    """Replace the step, whose largest motion of a joint is given, by one out of a singularity if the first level rests
+    unreached. Return the reduction of its error that this requires, or 0."""
+    if not _first_speed(memory) < REST * memory.gain:
+        return 0.0
+    if memory.active_rows == 0 or memory.task_distance <= ARRIVED * ARRIVED:
+        return 0.0
+    copy(memory.step, memory.spare, memory.n)
+    to_win = nudge(memory)
+    if to_win > 0.0:
+        memory.is_nudged, memory.has_spare = 1, 1 if memory.has_secondary != 0 and largest > 0.0 else 0
+    elif memory.has_secondary != 0:
+        copy(memory.spare, memory.step, memory.n)
+    return to_win
+
+
+@compiled
+def _attempt(memory: SolverMemory, still: bool, had_secondary: bool, to_win: float) -> None:
+    """Let the step be attempted, with what it promises and is corrected to."""
+    step, scale = memory.step, memory.report[SPEED_SCALE]
     if memory.parts > 0:
         memory.turn_scale = 1.0
     else:
         _scale_turns(memory, still)
     if memory.turn_scale < 1.0:
         scale *= memory.turn_scale
-        for j in range(n):
+        for j in range(memory.n):
             step[j] = memory.braking[j] + memory.turn_scale * (step[j] - memory.braking[j])
             memory.secondary[j] *= memory.turn_scale
-    copy(step, memory.attempted, n)
+    copy(step, memory.attempted, memory.n)
     predict_gain(memory)
     if memory.is_nudged != 0:
         memory.promised = to_win * math.sqrt(2.0 * memory.task_distance)
@@ -93,9 +118,8 @@ def propose(memory: SolverMemory) -> bool:
         promise(memory)
         find_corrected(memory)
     elif memory.is_refined != 0 and scale < 1.0:  # this tick corrects less of them
-        for i in range(p):
-            wanted[i] *= scale
-    return True
+        for i in range(memory.active_rows):
+            memory.wanted[i] *= scale
 
 
 @compiled

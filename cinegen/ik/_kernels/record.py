@@ -44,26 +44,11 @@ def finish(memory: SolverMemory, accepted: bool, is_sure: bool) -> None:
     saturated, barred = _record_limits(memory)
     if accepted:
         memory.closure = memory.gap
-    if active < memory.tasks:
-        status = BAD_TARGET
-    elif memory.tasks == 0:
-        status = IDLE
-    elif not accepted and memory.tries >= TRIES and memory.closes == 0:
-        status = REFUSED
-    elif left <= ARRIVED or is_sure:
-        status = FOLLOWING
-    elif memory.tasks_are_suspended != 0:
-        status = DETOUR
-    elif barred != 0 or (not accepted and memory.clear_part < 1.0):
-        status = BARRED
-    elif saturated:
-        status = AT_LIMIT
-    elif fastest < REST * memory.gain:
-        status = OUT_OF_REACH
-    elif smallest < memory.damping_threshold or memory.sigma < AT_SINGULAR:
-        status = SINGULAR
-    else:
-        status = FOLLOWING
+    if is_sure and active == memory.tasks:
+        left = 0.0
+    status = _find_status(memory, accepted, active, left)
+    if status == FOLLOWING and not left <= ARRIVED:  # what hinders the motion to the targets, if anything does
+        status = _find_hindrance(memory, accepted, fastest, smallest, saturated, barred)
     if memory.parts > 0:
         status = _record_levels(memory, status, smallest, accepted)
     report[m.STATUS] = status
@@ -76,6 +61,44 @@ def finish(memory: SolverMemory, accepted: bool, is_sure: bool) -> None:
     report[m.FAILED_OBJECTIVES], report[m.ACTIVE_BARRIERS] = memory.failed_objectives, barred
     memory.has_secondary, memory.failed_objectives = 0, 0  # a null-space velocity is for one tick
     memory.phase = BEGIN
+
+
+@compiled
+def _find_status(memory: SolverMemory, accepted: bool, active: int, left: float) -> int:
+    """Return the status of a tick but for hindrances, from the number of active tasks and the largest error of the
+    first level."""
+    if active < memory.tasks:
+        return BAD_TARGET
+    if memory.tasks == 0:
+        return IDLE
+    if not accepted and memory.tries >= TRIES and memory.closes == 0:
+        return REFUSED
+    return DETOUR if not left <= ARRIVED and memory.tasks_are_suspended != 0 else FOLLOWING
+
+
+@compiled
+def _find_hindrance(
+    memory: SolverMemory, accepted: bool, fastest: float, smallest: float, saturated: bool, barred: int
+) -> int:
+    """Return the status of a motion towards targets: what hinders it, or FOLLOWING.
+
+    Args:
+        memory: at the end of a tick.
+        accepted: the mechanism moved.
+        fastest: largest motion of a joint by the first level, dimensionless.
+        smallest: singular value of the first level.
+        saturated: a limit restricts the motion.
+        barred: bits of the barriers that do.
+    """
+    if barred != 0 or (not accepted and memory.clear_part < 1.0):
+        return BARRED
+    if saturated:
+        return AT_LIMIT
+    if fastest < REST * memory.gain:
+        return OUT_OF_REACH
+    if smallest < memory.damping_threshold or memory.sigma < AT_SINGULAR:
+        return SINGULAR
+    return FOLLOWING
 
 
 @compiled

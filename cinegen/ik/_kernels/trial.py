@@ -51,7 +51,7 @@ from cinegen.loops._kernels.memory import AT_TRIAL, NOWHERE, cluster_at
 from cinegen.loops._kernels.residual import evaluate_loops
 from cinegen.loops.thresholds import CLOSED, CLOSURE, CORRECTION
 
-_AGAIN = -1  # another trial is to be judged
+_AGAIN, _GOOD = -1, -2  # another trial is to be judged; nothing speaks against this one
 
 
 @compiled
@@ -116,23 +116,44 @@ def _judge(memory: SolverMemory) -> int:
     gap = evaluate_loops(memory, False) if looped else 0.0
     distance = try_tasks(memory)
     lack = _find_lack(memory) if refined else 0.0
-    loose, inexact = looped and not gap <= CLOSED, refined and lack > EXACT
-    if loose or inexact:
-        first = memory.corrections == 0
-        # a residual that does not halve is rounding
-        goes_on = loose and (first or gap <= 0.5 * memory.gap or gap > CLOSURE)
-        goes_on = goes_on or (inexact and (first or lack <= 0.5 * memory.lack))
-        if goes_on and memory.corrections < CORRECTIONS and gap < 1.0:
-            memory.corrections += 1
-            memory.gap, memory.lack = gap, lack
-            _correct(memory)
-            return _AGAIN
-        if looped and not gap <= CLOSURE:
-            return _shorten(memory, 0.5)
+    if _can_be_nearer(memory, gap, lack):
+        memory.corrections += 1
+        memory.gap, memory.lack = gap, lack
+        _correct(memory)
+        return _AGAIN
+    if looped and not gap <= CLOSURE:
+        return _shorten(memory, 0.5)
     seconds = memory.has_secondary != 0 and memory.tries < SECONDARY_TRIES  # this trial includes some of it
     if refined and seconds and not lack <= 10.0 * EXACT:
         return _shorten(memory, 0.5)
     memory.gap = gap
+    request = _keep_pace(memory)
+    if request == _GOOD:
+        request = _keep_gain(memory, distance, seconds)
+    if request != _GOOD:
+        return request
+    if memory.is_guarded != 0:
+        memory.phase = GUARD
+        return CLEARANCE_NEEDED
+    finish(memory, True, False)
+    return DONE
+
+
+@compiled
+def _can_be_nearer(memory: SolverMemory, gap: float, lack: float) -> bool:
+    """Return whether another correction can close the loops or tasks further: a residual that does not halve is
+    rounding."""
+    loose, inexact = memory.rows > 0 and not gap <= CLOSED, memory.is_refined != 0 and lack > EXACT
+    first = memory.corrections == 0
+    goes_on = loose and (first or gap <= 0.5 * memory.gap or gap > CLOSURE)
+    goes_on = goes_on or (inexact and (first or lack <= 0.5 * memory.lack))
+    return bool(goes_on and memory.corrections < CORRECTIONS and gap < 1.0)
+
+
+@compiled
+def _keep_pace(memory: SolverMemory) -> int:
+    """Shorten a closed trial whose motion is too fast, too abrupt, or little like the attempted one. Return _GOOD if it
+    is none of these."""
     excess, fastest, added, size = 0.0, 0, 0.0, 0.0
     for j in range(memory.n):
         part = abs(memory.moved[j]) / memory.longest_step[j]
@@ -142,23 +163,41 @@ def _judge(memory: SolverMemory) -> int:
         size = max(size, abs(memory.attempted[j]))
     if excess > 1.0:  # closing the loops added a little, of second order
         return _shorten(memory, _part_in_limit(memory, fastest, FULL * (1.0 - 1e-3 * memory.tries) / excess))
-    last_try = memory.tries == _most_tries(memory) - 1
     if memory.has_acceleration_limits != 0 and _is_abrupt(memory):
-        if last_try:
-            if looped and memory.brakings < BRAKINGS:
-                _brake_again(memory)
-                return _AGAIN
-        elif not refined:
-            return _shorten(memory, 0.5)
-        else:
-            memory.is_refined = 0  # the corrections of the tasks do not know the limits
-            _set_out_again(memory)
+        request = _be_smooth(memory)
+        if request != _GOOD:
+            return request
+    return _shorten(memory, 0.5) if added > CORRECTION * size + CLOSURE else _GOOD
+
+
+@compiled
+def _be_smooth(memory: SolverMemory) -> int:
+    """Try less where a limit of acceleration is exceeded. Return _GOOD if nothing is left to try."""
+    if memory.tries == _most_tries(memory) - 1:
+        if memory.rows > 0 and memory.brakings < BRAKINGS:
+            _brake_again(memory)
             return _AGAIN
-    if added > CORRECTION * size + CLOSURE:
+        return _GOOD
+    if memory.is_refined == 0:
         return _shorten(memory, 0.5)
+    memory.is_refined = 0  # the corrections of the tasks do not know the limits
+    _set_out_again(memory)
+    return _AGAIN
+
+
+@compiled
+def _keep_gain(memory: SolverMemory, distance: float, seconds: bool) -> int:
+    """Shorten a trial whose tasks win too little. Return _GOOD if they win enough.
+
+    Args:
+        memory: with a closed trial.
+        distance: cost of the first level there.
+        seconds: the trial includes some of the secondary step.
+    """
     memory.closes = 1
     won, promised, noise = memory.task_distance - distance, memory.promised, NOISE
-    if refined and seconds:  # errors that are small enough do not count
+    last_try = memory.tries == _most_tries(memory) - 1
+    if memory.is_refined != 0 and seconds:  # errors that are small enough do not count
         noise += 10.0 * EXACT * (10.0 * EXACT + math.sqrt(2.0 * memory.task_distance))
     forced = memory.has_acceleration_limits != 0 and (promised <= 0.0 or last_try)  # it can't stop immediately
     forced = forced or (promised <= 0.0 and must_go_back(memory))  # at a cost for the tasks
@@ -167,11 +206,7 @@ def _judge(memory: SolverMemory) -> int:
     if memory.parts > 0 and memory.is_nudged == 0 and not last_try and shorten_levels(memory):
         _set_out_again(memory)
         return _AGAIN
-    if memory.is_guarded != 0:
-        memory.phase = GUARD
-        return CLEARANCE_NEEDED
-    finish(memory, True, False)
-    return DONE
+    return _GOOD
 
 
 @compiled
