@@ -94,6 +94,7 @@ def test_the_served_page(cockpit, open_tab):
     assert page.evaluate(BARE) == []
     page.click("#pin")
     assert becomes(page, "document.querySelector('[data-task]') !== null")
+    page.evaluate("document.querySelector('[data-lock]').scrollIntoView({ block: 'center' })")  # not below a heading
     found = in_both_schemes(page, "all open, and a pin")
     for button, shown in (("aids", "#aids-menu"), ("snapshot", "#snapshot-menu"), ("help", "#keys")):
         page.click(f"#{button}")
