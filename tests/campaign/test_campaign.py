@@ -178,8 +178,8 @@ def test_a_slice_of_the_ticks():
 def test_a_slice_of_the_messages():
     result = workers.run(messages.Messages(), 6, workers=1)
     assert_nothing(result)
-    assert result.counts["messages"] > 20  # how many there is time for is the machine's affair
-    assert result.counts["honest states"] > 10
+    assert result.counts["messages"] > 100
+    assert result.counts["honest states"] > 3
 
 
 def test_a_slice_of_the_kills(tmp_path):
