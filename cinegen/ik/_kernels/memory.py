@@ -43,7 +43,6 @@ class TaskMemory(Memory):
 
     # in the present tick
     is_active: int = state(0)
-    share: float = state(1.0)  # weight, as a fraction of the heaviest of its level
     kept_error: Array = array("given")  # at the end of the last tick
     aim: Array = array(4, 3)  # target of this tick
     world_axes: Array = array(3, 3)

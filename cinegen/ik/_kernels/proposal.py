@@ -83,7 +83,7 @@ def _solve(memory: SolverMemory) -> None:
 def _escape(memory: SolverMemory, largest: float) -> float:
     """Replace the step, whose largest motion of a joint is given, by one out of a singularity if the first level rests
     unreached. Return the reduction of its error that this requires, or 0."""
-    if not _first_speed(memory) < REST * memory.gain:
+    if not _first_speed(memory, largest) < REST * memory.gain:
         return 0.0
     if memory.active_rows == 0 or memory.task_distance <= ARRIVED * ARRIVED:
         return 0.0
@@ -123,13 +123,13 @@ def _attempt(memory: SolverMemory, still: bool, had_secondary: bool, to_win: flo
 
 
 @compiled
-def _first_speed(memory: SolverMemory) -> float:
-    """Return the largest motion of a joint by the tasks of the first level."""
+def _first_speed(memory: SolverMemory, largest: float) -> float:
+    """Return the largest motion of a joint by the tasks of the first level, from that of the whole step."""
     if memory.parts > 0:
         memory.first_speed = _largest(memory.level_part[0])
         return memory.first_speed
     if memory.has_secondary == 0:
-        return _largest(memory.step)
+        return largest
     largest = 0.0
     for j in range(memory.n):
         largest = max(largest, abs(memory.step[j] - memory.secondary[j]))

@@ -32,7 +32,8 @@ def is_rotation(target: Array) -> bool:
 def read_tasks(memory: TasksMemory) -> bool:
     """Read which tasks are valid. Return False if their rank is not known."""
     signature = 0
-    memory.heaviest[:] = 0.0
+    for level in range(memory.levels):
+        memory.heaviest[level] = 0.0
     for i in range(memory.tasks):
         task = task_at(memory.task_handles[i])
         good = task.is_valid != 0
@@ -46,9 +47,6 @@ def read_tasks(memory: TasksMemory) -> bool:
         if good:
             signature |= 1 << (i % 62)
             memory.heaviest[task.level] = max(memory.heaviest[task.level], task.weight)
-    for i in range(memory.tasks):
-        task = task_at(memory.task_handles[i])
-        task.share = task.weight / memory.heaviest[task.level]
     if signature != memory.signature:
         memory.signature = signature
         return False
@@ -60,7 +58,8 @@ def aim_tasks(memory: TasksMemory) -> bool:
     """Compute the target of each task in this tick, its error and rows. Return whether no target has moved."""
     row, still = 0, True
     error, wanted = memory.error, memory.wanted
-    memory.level_end[:] = 0
+    for level in range(memory.levels):
+        memory.level_end[level] = 0
     for i in range(memory.tasks):
         task = task_at(memory.task_handles[i])
         if task.is_active == 0:
@@ -73,7 +72,7 @@ def aim_tasks(memory: TasksMemory) -> bool:
             _find_error(memory, task, error[row:])
         still = still and (is_still or task.level > 0)
         for k in range(task.translation + task.rotation):
-            memory.row_weights[row + k] = task.share * task.row_weight[k]
+            memory.row_weights[row + k] = task.weight / memory.heaviest[task.level] * task.row_weight[k]
         if task.given > 0:
             _take_rows(memory, task, row)
         else:
@@ -139,7 +138,7 @@ def tasks_left(memory: TasksMemory, level: int) -> float:
     for i in range(memory.tasks):
         task = task_at(memory.task_handles[i])
         if task.is_active != 0 and task.level == level:
-            weight = task.share
+            weight = task.weight / memory.heaviest[level]
             a, b = min(task.linear, ERROR_CAP), min(task.angular, ERROR_CAP)
             total += weight * weight * (a * (task.linear - 0.5 * a) + b * (task.angular - 0.5 * b))
     return total
