@@ -235,14 +235,14 @@ class CenterOfMass(_Kind):
 
     def error(self, state: State) -> Array:
         """Return the distance from the position along the axes, m."""
-        centre = pin.centerOfMass(state.model, state.data, state.q, False)
+        centre = pin.centerOfMass(state.model, state.dynamics_data, state.q, False)
         if not np.isfinite(centre).all():
             raise CinegenError(f"{state.mechanism.name} has no masses, and no centre of mass: give its links masses")
         return np.asarray((centre - self.position)[self._rows])
 
     def jacobian(self, state: State) -> Array:
         """Return the derivative of the error: Pinocchio's Jacobian of the centre of mass."""
-        found = pin.jacobianCenterOfMass(state.model, state.data, state.q, False)
+        found = pin.jacobianCenterOfMass(state.model, state.dynamics_data, state.q, False)
         return np.asarray(found.reshape(3, -1)[self._rows])
 
 
@@ -516,7 +516,11 @@ class JointValues(_Kind):
 
     def error(self, state: State) -> Array:
         """Return the distance of each joint from its value, rad or m."""
-        at = [state.mechanism.q_index(joint) for joint in self.values]
+        mechanism = state.mechanism
+        at, units = [mechanism.q_index(joint) for joint in self.values], [self.unit] * len(self.values)
+        needed = ["m" if mechanism.is_prismatic(joint) else "rad" for joint in self.values]
+        if needed != (units if isinstance(self.unit, str) else list(self.unit)):
+            raise CinegenError(f"JointValues: give unit={needed}, the units of {', '.join(self.values)}")
         return np.asarray(state.q[at] - np.array(list(self.values.values())))
 
     def jacobian(self, state: State) -> Array:

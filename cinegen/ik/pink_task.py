@@ -39,6 +39,8 @@ class PinkTask:
         MissingExtraError: pink is not installed.
     """
 
+    __slots__ = ("_configuration", "_priority", "_unit", "task")
+
     def __init__(self, task: Any, priority: int = 0, unit: str | Sequence[str] | None = None) -> None:
         with needs("pink", "tasks of pink"), warnings.catch_warnings():
             warnings.simplefilter("ignore")  # qpsolvers misses solvers that no task needs
@@ -106,5 +108,6 @@ class PinkTask:
         return self._weighed(np.asarray(self.task.compute_jacobian(self._at(state)), dtype=float))
 
     def _at(self, state: State) -> Any:
-        pin.updateFramePlacements(state.model, state.data)
-        return self._configuration(state.model, state.data, state.q, copy_data=False, forward_kinematics=False)
+        data = state.dynamics_data
+        pin.updateFramePlacements(state.model, data)
+        return self._configuration(state.model, data, state.q, copy_data=False, forward_kinematics=False)

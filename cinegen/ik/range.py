@@ -34,9 +34,11 @@ class Range:
         radius: largest length of all rows together: half the angle of a cone, for instance. In place of low and high.
 
     Raises:
-        CinegenError: the task does not follow the protocol `Task`, no bound is given or all three, a bound is NaN, low
-            exceeds high, or the radius is not above 0.
+        CinegenError: the task does not follow the protocol `Task`, no bound is given, or a radius besides low or
+            high; a bound is NaN, low exceeds high, or the radius is not above 0.
     """
+
+    __slots__ = ("__weakref__", "_bend", "_data", "_step", "high", "low", "radius", "task")
 
     def __init__(
         self, task: Task, low: ArrayLike | None = None, high: ArrayLike | None = None, radius: float | None = None

@@ -129,7 +129,7 @@ class Solver(JointControl):
         self._tick = start(tick, SolverMemory, install=partial(setattr, self, "_tick"))
         self.mechanism = mechanism
         self._model = mechanism.model
-        self._data = kinematic_data(mechanism.model)  # for tasks in Python, objectives and barriers
+        self._data: pin.Data | None = None  # for tasks in Python and ranges
         self._tasks: list[AnyTask] = []
         self._given: list[tuple[int, GivenTask]] = []
         self._blends: list[Blend] = []
@@ -392,6 +392,8 @@ class Solver(JointControl):
         return task
 
     def _add_given(self, task: Any) -> Any:
+        if self._data is None:
+            self._data = kinematic_data(self._model)
         if isinstance(task, Range):
             self.barriers = (*self._barriers, task)
             return task
@@ -670,7 +672,12 @@ class Solver(JointControl):
 
     @property
     def state(self) -> State:
-        """State that objectives and barriers are given."""
+        """State of the solver now, as tasks in Python, objectives and barriers are given it; it does not change."""
+        return State(self._joints.limited, self.q, self.dt, self.tasks)
+
+    @property
+    def _tick_state(self) -> State:
+        """The same for one tick: its data are used again in the next."""
         return State(self._joints.limited, self.q, self.dt, self.tasks, self._data)
 
     # --- barriers ------------------------------------------------------------------------------------------------
@@ -710,7 +717,7 @@ class Solver(JointControl):
 
     def _evaluate_barriers(self) -> None:
         """Collect the barriers' bounds for this tick."""
-        state, memory, mechanism = self.state, self._memory, self.mechanism
+        state, memory, mechanism = self._tick_state, self._memory, self.mechanism
         rows: list[Array] = []
         most: list[Array] = []
         self._blocked = False
@@ -736,7 +743,7 @@ class Solver(JointControl):
         """Return the fraction of the step to the trial configuration that barriers allow."""
         if self._blocked:
             return 0.0
-        state, least = self.state, np.inf
+        state, least = self._tick_state, np.inf
         for i, barrier in enumerate(self._barriers):
             try:
                 part = float(barrier.clear(state, self._memory.trial.copy()))
@@ -752,7 +759,7 @@ class Solver(JointControl):
 
     def _evaluate_objectives(self, objectives: tuple[Objective, ...]) -> None:
         """Add up the velocities of objectives for this tick."""
-        state, total, left_out = self.state, np.zeros(self._model.nv), 0
+        state, total, left_out = self._tick_state, np.zeros(self._model.nv), 0
         for i, objective in enumerate(objectives):
             try:
                 velocity = np.asarray(objective.velocity(state), dtype=float)
@@ -852,9 +859,8 @@ class Solver(JointControl):
                 task.evaluate(state)
             except Exception as error:  # the loop must go on
                 self._catch(self._source("task", i, task.task), error)
-        if self._changed:  # a priority
+        if self._changed:  # a priority; what was evaluated stays
             self._write_tasks()
-            self._evaluate_given()
 
     def _evaluate_errors(self) -> None:
         """Evaluate the errors of the tasks in Python at a trial."""
@@ -931,7 +937,7 @@ def _kind(task: FrameTask | Task) -> tuple[object, ...]:
 def _place(task: AnyTask) -> tuple[object, ...]:
     """Return what the generic rank depends on."""
     if isinstance(task, GivenTask):
-        return (id(task), task.memory.given)
+        return (task, task.rows)  # the task itself: another one may get its id
     return task.frame, task.axes, *task.offset.homogeneous.ravel().tolist(), *(task.weights > 0.0).tolist()
 
 

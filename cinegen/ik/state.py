@@ -62,6 +62,16 @@ class State:
             self._is_evaluated = True
         return self._data
 
+    @property
+    def dynamics_data(self) -> pin.Data:
+        """The same, complete: for centres of mass and other functions of dynamics. It is `data` unless the model is
+        large, and then made anew."""
+        data = self.data
+        if not len(data.com):
+            data = self.model.createData()
+            pin.computeJointJacobians(self.model, data, self.q)
+        return data
+
     def frame(self, node: str, seen_from: str | None = None) -> pin.SE3:
         """Return the pose of a node, a copy.
 

@@ -176,10 +176,10 @@ def test_a_slice_of_the_ticks():
 
 
 def test_a_slice_of_the_messages():
-    result = workers.run(messages.Messages(), 6, workers=1)
+    result = workers.run(messages.Messages(), 9, workers=1)
     assert_nothing(result)
-    assert result.counts["messages"] > 100
-    assert result.counts["honest states"] > 3
+    assert result.counts["messages"] > 250
+    assert result.counts["honest states"] > 10
 
 
 def test_a_slice_of_the_kills(tmp_path):

@@ -39,7 +39,8 @@ def all_kinds(mechanism: cinegen.Mechanism) -> list:
         PointOnLine(node, at, (1.0, 0.0, 1.0), at),
         PointInPlane(node, at, (1.0, 2.0, 2.0), at), PointAtDistance(node, at, 0.3, at),
         PointAtDistance(node, at, 0.3, on=other),
-        JointValues({joints[0]: 0.3}), JointEquality({joints[0]: 1.0, joints[-1]: -2.0}, 0.1), Damping(),
+        JointValues({joints[0]: 0.3}, "m" if mechanism.is_prismatic(joints[0]) else "rad"),
+        JointEquality({joints[0]: 1.0, joints[-1]: -2.0}, 0.1), Damping(),
     ]  # fmt: skip
 
 
@@ -360,3 +361,60 @@ def test_singular_values_include_rows_of_python_and_leave_out_lower_levels(name)
     assert step.singular_values == pytest.approx(expected, abs=1e-9)
     assert step.lost_dof is None
     assert [task.priority for task in solver.frame_tasks] == [0, 1]
+
+
+def test_a_state_stays_that_of_its_configuration():
+    solver = Solver(load("arm7", "arm"), 0.01)
+    solver.add_task(JointValues({"joint2": 1.5}))
+    state = solver.state
+    before = state.frame("tool")
+    for _ in range(20):
+        solver.step()
+    assert state.frame("tool") == before
+    assert solver.state.frame("tool") != before
+
+
+def test_tasks_that_change_their_priority_at_each_look_end_no_loop():
+    class Restless(Distance):
+        looks = 0
+
+        @property
+        def priority(self):
+            Restless.looks += 1
+            return Restless.looks % 3
+
+    solver = Solver(load("arm7", "arm"), 0.01)
+    solver.add_task(Restless("tool", "base", 0.6))
+    solver.add_task("link4", rotation=0)
+    for _ in range(30):
+        assert np.isfinite(solver.step().q).all()
+
+
+def test_units_of_joint_values_are_those_of_the_joints():
+    gough = load("gough", None)
+    leg = gough.actuated[0]
+    solver = Solver(gough, 0.01)
+    with pytest.raises(CinegenError, match="give unit=\\['m'\\]"):
+        solver.add_task(JointValues({leg: 0.1}))
+    solver.add_task(JointValues({leg: gough.q_home[gough.q_index(leg)] + 0.01}, unit="m"))
+    for _ in range(100):
+        step = solver.step()
+    assert step.errors[0] == (pytest.approx(0.0, abs=1e-9), 0.0)
+
+
+def test_the_centre_of_mass_of_a_robot_of_more_than_a_hundred_joints(tmp_path):
+    link = (
+        '<link name="l{0}"><inertial><mass value="1"/><inertia ixx="1" iyy="1" izz="1" ixy="0" ixz="0" iyz="0"/>'
+        '</inertial></link><joint name="j{0}" type="continuous"><parent link="{1}"/><child link="l{0}"/>'
+        '<origin xyz="0 0 0.1"/>'
+        '<axis xyz="1 0 0"/></joint>'
+    )
+    links = [link.format(i, f"l{i - 1}" if i else "base") for i in range(105)]
+    path = tmp_path / "snake.urdf"
+    path.write_text(f'<robot name="snake"><link name="base"/>{"".join(links)}</robot>')
+    snake = cinegen.load(path)
+    state = State(snake, snake.q_home, 0.01)
+    task = CenterOfMass((0.0, 0.0, 0.0))
+    whole = pin.centerOfMass(snake.model, snake.model.createData(), snake.q_home)
+    assert task.error(state) == pytest.approx(whole, abs=1e-12)
+    assert task.jacobian(state).shape == (3, 105)

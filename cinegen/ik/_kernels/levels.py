@@ -8,8 +8,8 @@ error r that is left of it, takes the step V Z z that minimises
 within all bounds of the whole step; then Z becomes Z W without the first columns, as many as the level's generic rank
 (O. Kanoun, F. Lamiraux and P.-B. Wieber, "Kinematic control of redundant manipulators: generalizing the task-priority
 framework to inequality task", 2011; A. Escande, N. Mansard and P.-B. Wieber, "Hierarchical quadratic programming",
-2014). A direction that is damped belongs to its level still: released, it would be lower levels' toy. What is left of a
-damped direction damps all levels below (`carry`): otherwise they move on while the mechanism is stretched.
+2014). A damped direction belongs to its level still: lower levels would move it fast otherwise. What is left of it
+damps all levels below (`carry`): otherwise they move on while the mechanism is stretched.
 
 Levels disturb those above to second order. So all but the last are corrected with the loops, to what their steps
 promise.
