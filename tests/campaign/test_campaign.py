@@ -176,7 +176,7 @@ def test_a_slice_of_the_ticks():
 
 
 def test_a_slice_of_the_messages():
-    result = workers.run(messages.Messages(), 9, workers=1)
+    result = workers.run(messages.Messages(), 40, workers=1)
     assert_nothing(result)
     assert result.counts["messages"] > 250
     assert result.counts["honest states"] > 10
