@@ -485,12 +485,13 @@ def scratch_of(tables: LinkageTables, passive: int) -> LinkageScratch:
     """Allocate working memory for a linkage with so many passive joints."""
     rows, features = 3 * len(tables.differences) + len(tables.products) + 1, tables.features
     joints, unknowns = len(tables.joints), passive + 1
+    locked = max(int(tables.joints[:, kernel.COLUMN].max()) - passive, 0)  # joints that follow others have no column
 
     def zeros(*shape: int) -> Complex:
         return np.zeros(shape, dtype=np.complex128)
 
     return LinkageScratch(
-        line=zeros(joints - passive, 2), slice=zeros(3 * features + 2), bodies=zeros(joints + 1, 5, 3),
+        line=zeros(locked, 2), slice=zeros(3 * features + 2), bodies=zeros(joints + 1, 5, 3),
         vectors=zeros(len(tables.vectors), 3), matrix=zeros(joints + 1, rows), residual=zeros(rows),
         order=np.zeros(unknowns, dtype=np.int64), stages=zeros(6, unknowns),
     )  # fmt: skip
