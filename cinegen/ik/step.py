@@ -50,8 +50,8 @@ class Level(NamedTuple):
 
     Attributes:
         status: outcome.
-        smallest_singular_value: of its tasks in the freedom that the levels above leave, dimensionless; infinite if it
-            was not needed, or there is none.
+        smallest_singular_value: of its tasks in the freedom that the levels above leave, dimensionless and without the
+            weights of tasks; infinite if it was not needed, or there is none.
     """
 
     status: Status
@@ -159,9 +159,8 @@ class Step:
     def levels(self) -> tuple[Level, ...]:
         """Outcome of each level of priority, the first first. A level's errors are those of its tasks in `errors`."""
         found = self._layout.get(self._record, "record_levels").tolist()
-        if len(found) == 1:
-            known = self._record[m.SIGMA_KNOWN] and self._record[m.TASK_RANK]
-            return (Level(self.status, float(self.singular_values[-1]) if known else math.inf),)
+        if len(found) == 1:  # its status may be that of a task in Python, too
+            return (Level(self.status, found[0][1]),)
         return tuple(Level(STATUSES[int(status)], smallest) for status, smallest in found)
 
     @property

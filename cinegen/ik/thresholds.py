@@ -42,6 +42,7 @@ LEVEL_TRIES = 6  # number of times that a level's part of the step is halved; th
 BRAKINGS = 3  # number of times that braking is scaled to what closing the loops leaves of it
 IDLE_SECONDARY = 1e-12  # rad or lengths in a tick: a shorter secondary step is left out
 SCALE_GROWS = 1.25  # from tick to tick, up to 1
+FAR_APART = 0.1  # ratio of weights: then the second-order errors of heavy tasks would outweigh light ones
 LEAST_SCALE = 1e-3
 SPARE_SPEED = 0.9  # fraction of a velocity limit for redundancy: closing the loops needs the remainder
 CORRECTIONS = 12  # largest number of corrections of one trial

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import nnls
 
+from cinegen.ik.task import FrameTask
 from cinegen.ik.thresholds import FULL, REST, RESTING, SPARE_SPEED
 from cinegen.loops.motions import free_motions, orthonormal
 from cinegen.tolerances import NEAR_SINGULAR
@@ -17,6 +18,21 @@ from cinegen.tolerances import NEAR_SINGULAR
 Array = NDArray[np.float64]
 
 _TOUCH = 1e-12  # rad: a step that ends this little beyond a bound ends on it
+
+
+def relative_weights(tasks: Sequence[FrameTask]) -> Array:
+    """Return the weights (k,) of the rows of tasks, as fractions of the heaviest."""
+    found = np.concatenate([np.zeros(0), *(task.row_weights for task in tasks)])
+    return np.asarray(found / found.max(initial=1e-300))
+
+
+def emphasis(u: Array, weights: Array) -> Array:
+    """Return |W u_i| of left singular vectors u (k, k) of weighted rows W A, (k,), with the diagonal of W.
+
+    Singular values count for the damping as s_i / |W u_i| = |A^T x|, with the unit vector x along W u_i: those of light
+    tasks are not small for being light. The damping is multiplied by |W u_i|^2.
+    """
+    return np.asarray(np.linalg.norm(weights[:, None] * u, axis=0))
 
 
 def damping(sigma: Array, error: float, near: float = NEAR_SINGULAR) -> Array:
@@ -59,6 +75,7 @@ def resolve(
     tasks: Array,
     task_rank: int,
     error: Array,
+    weights: Array,
     low: Array,
     high: Array,
     cut_rates: Array | None = None,
@@ -78,7 +95,8 @@ def resolve(
         rank: its generic rank.
         tasks: (k, nv) Jacobian of all tasks, weighted.
         task_rank: generic rank of the tasks in the null space of the loops.
-        error: (k,) desired motion.
+        error: (k,) desired motion, weighted.
+        weights: (k,) of the rows.
         low: (nv,) lowest step of each joint, at most 0.
         high: (nv,) highest, at least 0.
         cut_rates: (., nv) velocities of the joints that were cut: together with them, V is orthonormal.
@@ -91,9 +109,9 @@ def resolve(
         return Resolution(np.zeros(len(low)), np.zeros(0), loop_sigma, ())
     u, sigma, wt = np.linalg.svd(tasks @ motions, full_matrices=True)
     sigmas, along = np.zeros(width), np.zeros(width)  # motions that no task constrains have singular value 0
-    used = min(len(sigma), width)
-    sigmas[:used], along[:used] = sigma[:used], (u.T @ error)[:used]
-    squared = sigmas**2 + damping(sigmas, float(np.linalg.norm(error)))
+    used, own = min(len(sigma), width), np.ones(width)
+    sigmas[:used], along[:used], own[:used] = sigma[:used], (u.T @ error)[:used], emphasis(u, weights)[:used]
+    squared = sigmas**2 + own**2 * damping(sigmas / own, float(np.linalg.norm(error / weights)))
     squared[task_rank:] = RESTING  # these stay still, unless a limit needs them
     scale = np.sqrt(squared)
     wanted = sigmas / scale * along
@@ -106,7 +124,7 @@ def resolve(
 def resolve_levels(
     loops: Array,
     rank: int,
-    levels: Sequence[tuple[Array, Array, int]],
+    levels: Sequence[tuple[Array, Array, Array, int]],
     low: Array,
     high: Array,
     longest: Array,
@@ -118,14 +136,15 @@ def resolve_levels(
 
     Args:
         loops, rank, cut_rates: as above.
-        levels: of each its rows (k, nv), the desired motion (k,) and its generic rank in the freedom that is left.
+        levels: of each its rows (k, nv), the desired motion (k,), the weights of both (k,), and its generic rank in the
+            freedom that is left.
         low: (nv,) lowest step of each joint by its position, at most 0.
         high: (nv,) highest, at least 0.
         longest: (nv,) by its velocity. The first level is scaled to it, for the others it is a bound.
     """
     motions = orthonormal(free_motions(loops, rank)[0], cut_rates)
     left, step, carry = np.eye(motions.shape[1]), np.zeros(len(low)), 0.0
-    for k, (rows, error, own_rank) in enumerate(levels):
+    for k, (rows, error, weights, own_rank) in enumerate(levels):
         width = left.shape[1]
         if width == 0:
             break
@@ -135,8 +154,10 @@ def resolve_levels(
         sigmas, along, used = np.zeros(width), np.zeros(width), min(len(sigma), width)
         residual = error - rows @ step
         sigmas[:used], along[:used] = sigma[:used], (u.T @ residual)[:used]
-        size = float(np.linalg.norm(residual))
-        squared = sigmas**2 + damping(sigmas, size)
+        size, true_size = float(np.linalg.norm(residual)), float(np.linalg.norm(residual / weights))
+        own = np.ones(width)
+        own[:used] = emphasis(u, weights)[:used]
+        squared = sigmas**2 + own**2 * damping(sigmas / own, true_size)
         squared[own_rank:] = RESTING
         scale = np.sqrt(squared + carry)
         wanted, joints = sigmas / scale * along, motions @ left @ wt.T / scale
@@ -147,15 +168,15 @@ def resolve_levels(
             fastest = np.maximum(SPARE_SPEED * longest, np.abs(step))
             lower, upper = np.maximum(low, -fastest) - step, np.minimum(high, fastest) - step
             lower, upper = np.minimum(lower, 0.0), np.maximum(upper, 0.0)
-        own = joints @ _nearest(wanted, joints, lower, upper)[0]
-        if (own > upper + 1e-9).any() or (own < lower - 1e-9).any():  # nnls is not exact
+        part = joints @ _nearest(wanted, joints, lower, upper)[0]
+        if (part > upper + 1e-9).any() or (part < lower - 1e-9).any():  # nnls is not exact
             return None
-        won = float(residual @ rows @ own)
+        won = float(residual @ rows @ part)
         if k == 0 or won > REST * size or won >= 0.5 * size * size:  # else the level is at rest
-            step = step + own
+            step = step + part
         left = left @ wt.T[:, own_rank:]
-        damped = np.maximum(0.0, 1.0 - (sigma[:own_rank] / NEAR_SINGULAR) ** 2) ** 2
-        carry = max(carry, 100.0 * size * float(damped.max(initial=0.0)))
+        damped = np.maximum(0.0, 1.0 - (sigma[:own_rank] / own[:own_rank] / NEAR_SINGULAR) ** 2) ** 2
+        carry = max(carry, 100.0 * true_size * float(damped.max(initial=0.0)))
     return step
 
 

@@ -12,7 +12,7 @@ import pinocchio as pin
 import pytest
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
-from reference_tick import damping, resolve
+from reference_tick import damping, relative_weights, resolve
 from scipy.optimize import LinearConstraint, linprog, minimize, nnls
 from variants import FEWER, others_slow
 
@@ -170,9 +170,10 @@ def expected_step(solver: Solver, low: np.ndarray, high: np.ndarray, longest: np
     mechanism = solver.mechanism
     loops, cut_rates = mechanism.system.evaluate(solver.q)[1], mechanism.system.cut_rates()
     error, rows = plain_equations(solver)
+    weights = relative_weights(solver.frame_tasks)
     rank, of_tasks = mechanism.loop_rank, task_rank(mechanism, mechanism.system, solver.tasks)
     infinite = np.full(len(low), np.inf)
-    found = resolve(loops, rank, rows, of_tasks, error, -infinite, infinite, cut_rates)
+    found = resolve(loops, rank, rows, of_tasks, error, weights, -infinite, infinite, cut_rates)
     pace = min(1.0, FULL / float((np.abs(found.step) / longest).max(initial=1e-9)))
     step = pace * found.step
     if (step <= high).all() and (step >= low).all():
@@ -181,7 +182,7 @@ def expected_step(solver: Solver, low: np.ndarray, high: np.ndarray, longest: np
     if (pace < 1.0 and lost < NEAR_SINGULAR) or lost < 1e-9:
         return None
     low, high = np.maximum(low, -longest), np.minimum(high, longest)
-    return resolve(loops, rank, rows, of_tasks, pace * error, low, high, cut_rates).step
+    return resolve(loops, rank, rows, of_tasks, pace * error, weights, low, high, cut_rates).step
 
 
 def steps_agree(solver: Solver, rng: np.random.Generator, tight: float) -> str:
@@ -572,7 +573,7 @@ def test_with_bounds_it_is_the_best_of_all_steps_within_them(seed):
     rng = np.random.default_rng(seed)
     loops, tasks, error = _loops(rng, 4, 7, 2), rng.normal(size=(3, 7)), rng.normal(size=3)
     low, high = -rng.uniform(0.0, 0.4, 7), rng.uniform(0.0, 0.4, 7)
-    found = resolve(loops, 2, tasks, 3, error, low, high)
+    found = resolve(loops, 2, tasks, 3, error, np.ones(3), low, high)
     assert np.abs(loops @ found.step).max() < 1e-9
     assert (found.step <= high + 1e-11).all()
     assert (found.step >= low - 1e-11).all()

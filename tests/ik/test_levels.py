@@ -8,7 +8,7 @@ import bipeds
 import numpy as np
 import pinocchio as pin
 import pytest
-from reference_tick import resolve_levels
+from reference_tick import relative_weights, resolve_levels
 from scipy.optimize import minimize
 from test_kernel import EVERY, load, near
 from variants import FEWER, others_slow
@@ -31,7 +31,7 @@ def random_levels(solver: Solver, rng: np.random.Generator, levels: int) -> None
             solver.add_task(node, target, weights=weights, weight=float(rng.uniform(0.3, 3.0)), priority=level)
 
 
-def plain_levels(solver: Solver) -> list[tuple[np.ndarray, np.ndarray, int]]:
+def plain_levels(solver: Solver) -> list[tuple[np.ndarray, np.ndarray, np.ndarray, int]]:
     mechanism, system, before, found = solver.mechanism, solver.mechanism.system, 0, []
     for priority in sorted({task.priority for task in solver.frame_tasks}):
         tasks = [task for task in solver.frame_tasks if task.priority <= priority]
@@ -39,7 +39,7 @@ def plain_levels(solver: Solver) -> list[tuple[np.ndarray, np.ndarray, int]]:
         system.evaluate(solver.q)
         own = [(task, axes_of(task, mechanism, system)) for task in tasks if task.priority == priority]
         error, rows = equations(mechanism, system, own)
-        found.append((rows, error, rank - before))
+        found.append((rows, error, relative_weights([task for task, _ in own]), rank - before))
         before = rank
     return found
 
@@ -62,7 +62,7 @@ def test_the_step_of_each_level_is_that_of_the_plain_statement(name, which):
         expected = resolve_levels(loops, mechanism.loop_rank, levels, low, high, memory.longest_step, cut_rates)
         step = solver.step()
         assert mechanism.closure(step.q) <= 1e-9
-        if expected is not None and not memory.is_nudged and levels[0][2] and len(levels[0][0]):
+        if expected is not None and not memory.is_nudged and levels[0][3] and len(levels[0][0]):
             compared += 1
             assert memory.step == pytest.approx(expected, abs=1e-8)
             bent += bool(step.saturated)

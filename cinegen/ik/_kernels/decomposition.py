@@ -73,10 +73,57 @@ def to_joints(memory: SolverMemory, y: Array, x: Array) -> None:
 
 
 @compiled
-def damping(square: float, error: float, threshold: float) -> float:
+def damping(square: float, emphasis: float, error: float, threshold: float) -> float:
     """Return the damping that is added to a squared singular value, as in `tests/ik/reference_tick.py`."""
-    ratio = square / (threshold * threshold)
-    return (1.0 - ratio) * (1.0 - ratio) * (0.25 * threshold * threshold + error) if ratio < 1.0 else 0.0
+    ratio = square / emphasis / (threshold * threshold)
+    return emphasis * (1.0 - ratio) * (1.0 - ratio) * (0.25 * threshold * threshold + error) if ratio < 1.0 else 0.0
+
+
+@compiled
+def find_emphasis(
+    weights: Array, rows: int, vectors: Array, squares: Array, lesser: int, is_wide: bool, out: Array
+) -> None:
+    """Write |W u_i|^2 of each left singular vector u_i of weighted rows W A: the weight that its tasks have.
+
+    A singular value s_i divided by |W u_i| is |A^T x| for the unit vector x along W u_i. So it is 0 where a singular
+    value of A is, and with independent rows at least the smallest of these, whatever the weights.
+
+    Args:
+        weights: (rows,) the diagonal of W.
+        rows: number of rows.
+        vectors: (lesser, rows) the u_i, or s_i u_i if there are more rows than columns.
+        squares: (lesser,) the s_i^2.
+        lesser: number of singular values.
+        is_wide: there are no more rows than columns.
+        out: (lesser,) exactly 1 if all weights are.
+    """
+    differ = False
+    for j in range(rows):
+        differ = differ or weights[j] != 1.0
+    for i in range(lesser):
+        out[i] = 1.0
+        if not differ or (not is_wide and squares[i] <= _LOST * _LOST * squares[0]):
+            continue
+        total = 0.0
+        for j in range(rows):
+            total += weights[j] * vectors[i, j] * weights[j] * vectors[i, j]
+        out[i] = max(total if is_wide else total / squares[i], 1e-300)
+
+
+@compiled
+def unweighted(memory: SolverMemory, i: int) -> float:
+    """Return the square of the i-th singular value that does not depend on the weights of tasks."""
+    return float(memory.squares[i] / memory.emphasis[i])
+
+
+@compiled
+def size_of(error: Array, weights: Array, rows: int) -> float:
+    """Return the length of an error (rows,) without its weights (rows,)."""
+    total = 0.0
+    for i in range(rows):
+        part = error[i] / max(weights[i], 1e-300)
+        total += part * part
+    return math.sqrt(total)
 
 
 @compiled
@@ -109,6 +156,10 @@ def find_singular_values(memory: SolverMemory) -> None:
     )
     memory.is_warm = 1
     memory.found_by = SVD
+    if p <= k:
+        find_emphasis(memory.row_weights, p, memory.left, memory.squares, lesser, True, memory.emphasis)
+    else:
+        find_emphasis(memory.row_weights, p, memory.right, memory.squares, lesser, False, memory.emphasis)
 
 
 @compiled
@@ -117,7 +168,7 @@ def find_basis(memory: SolverMemory, error: Array) -> bool:
     otherwise return False.
 
     The rows become orthonormal, A = T Q with T triangular (Gram and Schmidt); the smallest singular value is at least
-    1 / |T^-1|, in Frobenius's norm. `reduced` becomes Q, `triangle` T and its inverse.
+    1 / |T^-1 W|, in Frobenius's norm, where W are the weights. `reduced` becomes Q, `triangle` T and its inverse.
 
     Args:
         memory: memory with independent rows.
@@ -133,20 +184,21 @@ def find_basis(memory: SolverMemory, error: Array) -> bool:
             lower[i, c] = inner(a[c], a[i], k)
             add_multiple(-lower[i, c], a[c], a[i], k)
         s = inner(a[i], a[i], k)
-        if not s > least:
+        weight = memory.row_weights[i]
+        if not s > least * weight * weight:
             return False
         s = 1.0 / math.sqrt(s)
         for j in range(k):
             a[i, j] *= s
         inverse[i, i] = s
-        total += s * s
+        total += s * weight * s * weight
         for c in range(i):
             dot = 0.0
             for j in range(c, i):
                 dot += lower[i, j] * inverse[j, c]
             dot *= -s
             inverse[i, c] = dot
-            total += dot * dot
+            total += dot * memory.row_weights[c] * dot * memory.row_weights[c]
     if total * least > 1.0:
         return False
     memory.found_by = BASIS
@@ -172,7 +224,7 @@ def add_solution(memory: SolverMemory, error: Array, y: Array) -> None:
 @compiled
 def _corrected(memory: SolverMemory) -> int:
     """Return the number of singular directions in which errors are corrected with the loops."""
-    if memory.parts > 0:
+    if memory.aims != 0:
         return memory.refined_rank
     return min(memory.task_rank, memory.active_rows, memory.mobility)
 
@@ -183,7 +235,7 @@ def find_corrected(memory: SolverMemory) -> None:
     rank, least = 0, memory.damping_threshold * memory.damping_threshold
     if memory.found_by != BASIS:
         for i in range(min(memory.task_rank, memory.active_rows, memory.mobility)):
-            if memory.squares[i] >= least:
+            if unweighted(memory, i) >= least:
                 rank += 1
     memory.refined_rank = rank
 
@@ -216,11 +268,12 @@ def reach_of(memory: SolverMemory, error: Array) -> float:
 def solve_damped(memory: SolverMemory) -> None:
     """Set `free_step` to the minimiser of |A y - wanted|^2 + damping, without bounds."""
     p, k, y = memory.active_rows, memory.mobility, memory.free_step
-    error = _norm(memory.wanted, p)
+    error = size_of(memory.wanted, memory.row_weights, p)
     y[:k] = 0.0
     for i in range(min(p, k)):
         square = memory.squares[i]
-        h = square + damping(square, error, memory.damping_threshold) if i < memory.task_rank else RESTING
+        h = square + damping(square, memory.emphasis[i], error, memory.damping_threshold)
+        h = h if i < memory.task_rank else RESTING
         s = _along(memory, i, memory.wanted) / h  # of s_i w_i where rows, of w_i else
         for j in range(k):
             y[j] += s * (memory.right[i, j] if p <= k else memory.left[i, j])
@@ -242,12 +295,13 @@ def find_axes(memory: SolverMemory) -> int:
         find_singular_values(memory)
     p, k, rank, axes = memory.active_rows, memory.mobility, min(memory.task_rank, memory.lesser), memory.axes
     rank = min(rank, p)
-    error, threshold = _norm(memory.wanted, p), memory.damping_threshold
+    error, threshold = size_of(memory.wanted, memory.row_weights, p), memory.damping_threshold
     if p > k:
         for i in range(k):
             copy(memory.left[i], axes[i], k)
             square = memory.squares[i]
-            memory.size[i] = math.sqrt(square + damping(square, error, threshold) if i < rank else RESTING)
+            square += damping(square, memory.emphasis[i], error, threshold)
+            memory.size[i] = math.sqrt(square if i < rank else RESTING)
         return rank
     known, f = 0, memory.active_normals[0]
     for i in range(rank):
@@ -257,14 +311,14 @@ def find_axes(memory: SolverMemory) -> int:
             for j in range(k):
                 axes[i, j] = s * memory.right[i, j]
                 f[i, j] = axes[i, j]
-            memory.size[i] = math.sqrt(square + damping(square, error, threshold))
+            memory.size[i] = math.sqrt(square + damping(square, memory.emphasis[i], error, threshold))
             known += 1
     if known < k:  # the factors of the loops are needed later
         tau, reflectors = memory.active[1], memory.active_normals[1]
         factor(f[:known], known, memory.axis_order, memory.active[0], tau, reflectors)
         null_space(known, tau, reflectors, axes[known:])
     for i in range(known, k):
-        memory.size[i] = math.sqrt(damping(0.0, error, threshold) if i < rank else RESTING)
+        memory.size[i] = math.sqrt(damping(0.0, 1.0, error, threshold) if i < rank else RESTING)
     return known
 
 

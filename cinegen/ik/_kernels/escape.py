@@ -7,7 +7,7 @@ tried along each of these directions in turn, and accepted if it reduces the err
 from __future__ import annotations
 
 from cinegen.ik._kernels.bounds import keeps_bounds
-from cinegen.ik._kernels.decomposition import find_axes, to_joints
+from cinegen.ik._kernels.decomposition import find_axes, to_joints, unweighted
 from cinegen.ik._kernels.memory import SolverMemory
 from cinegen.jit.compiled import compiled
 
@@ -20,7 +20,7 @@ def nudge(memory: SolverMemory) -> float:
     """Set `step` to the next one to try; return the reduction of the error that it requires, or 0 if there is none
     within the bounds."""
     first, step, threshold = find_axes(memory), memory.step, memory.damping_threshold
-    while first > 0 and memory.squares[first - 1] < threshold * threshold:
+    while first > 0 and unweighted(memory, first - 1) < threshold * threshold:
         first -= 1
     if first == memory.mobility:
         return 0.0

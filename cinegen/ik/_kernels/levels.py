@@ -20,7 +20,7 @@ from __future__ import annotations
 import math
 
 from cinegen.ik._kernels.bounds import keeps_bounds, nearest, reduce_barriers
-from cinegen.ik._kernels.decomposition import damping, find_axes, to_free, to_joints
+from cinegen.ik._kernels.decomposition import damping, find_axes, find_emphasis, size_of, to_free, to_joints, unweighted
 from cinegen.ik._kernels.memory import BASIS, SVD, SolverMemory, task_at
 from cinegen.ik._kernels.secondary import write_orthonormal
 from cinegen.ik._kernels.tasks import tasks_left
@@ -94,9 +94,9 @@ def _first_left(memory: SolverMemory) -> int:
 def _first_carry(memory: SolverMemory) -> float:
     p, carry = memory.active_rows, 0.0
     if memory.found_by == SVD:
-        error = math.sqrt(inner(memory.wanted, memory.wanted, p))
+        error = size_of(memory.wanted, memory.row_weights, p)
         for i in range(min(memory.task_rank, p, memory.mobility)):
-            carry = max(carry, _damped_part(memory.squares[i], memory.damping_threshold) * error)
+            carry = max(carry, _damped_part(unweighted(memory, i), memory.damping_threshold) * error)
     return carry
 
 
@@ -154,9 +154,9 @@ def _add_level(memory: SolverMemory, level: int) -> None:
     for i in range(rows):
         left[i] = memory.wanted[start + i] - inner(memory.task_jacobian[start + i], memory.step, n)
         total += left[i] * left[i]
-    size = math.sqrt(total)
+    size, unweighted_size = math.sqrt(total), size_of(left, memory.row_weights[start:], rows)
     if rank > 0 and total > 0.0 and memory.level_cost[level] > NOISE:
-        _solve(memory, level, first, rank, size)
+        _solve(memory, level, first, rank, unweighted_size)
         won = 0.0
         for i in range(rows):
             won += left[i] * inner(memory.task_jacobian[start + i], part, n)
@@ -164,9 +164,9 @@ def _add_level(memory: SolverMemory, level: int) -> None:
             part[:n] = 0.0
         _scale_turn(memory, level)
     for i in range(rank):
-        memory.carry = max(memory.carry, _damped_part(memory.level_squares[i], memory.damping_threshold) * size)
-    if rank > 0:
-        memory.level_sigma[level] = math.sqrt(memory.level_squares[rank - 1])
+        square = memory.level_squares[i] / memory.level_emphasis[i]
+        memory.carry = max(memory.carry, _damped_part(square, memory.damping_threshold) * unweighted_size)
+        memory.level_sigma[level] = math.sqrt(square)
     for j in range(n):
         memory.step[j] += part[j]
     memory.first_free = first + rank
@@ -189,6 +189,10 @@ def _decompose(memory: SolverMemory, level: int, first: int) -> None:
                 b[c, i] = s
     u, v, squares = memory.level_left, memory.level_right, memory.level_squares
     decompose(b, lesser, max(rows, width), u, v, squares, False)
+    if rows <= width:
+        find_emphasis(memory.row_weights[start:], rows, u, squares, lesser, True, memory.level_emphasis)
+    else:
+        find_emphasis(memory.row_weights[start:], rows, v, squares, lesser, False, memory.level_emphasis)
     known, w = 0, memory.level_axes  # right singular vectors, completed
     for i in range(lesser):
         if rows > width:
@@ -236,7 +240,7 @@ def _keep_directions(memory: SolverMemory, level: int, first: int, known: int) -
     u, v, squares, kept = memory.level_left, memory.level_right, memory.level_squares, 0
     least = memory.damping_threshold * memory.damping_threshold
     for i in range(min(memory.level_rank[level], known, rows, width)):
-        if squares[i] < least:
+        if squares[i] < least * memory.level_emphasis[i]:
             continue
         s = 1.0 / math.sqrt(squares[i])
         for r in range(rows):
@@ -252,13 +256,13 @@ def _keep_directions(memory: SolverMemory, level: int, first: int, known: int) -
 
 @compiled
 def _solve(memory: SolverMemory, level: int, first: int, rank: int, size: float) -> None:
-    """Set a level's part to the minimiser within the bounds, for `level_error` of this size."""
+    """Set a level's part to the minimiser within the bounds, for `level_error` of this size without its weights."""
     start, n, g, x = memory.level_end[level - 1], memory.n, memory.normals, memory.wanted_point
     rows, width = memory.level_end[level] - start, memory.mobility - first
     u, v, threshold, part = memory.level_left, memory.level_right, memory.damping_threshold, memory.level_part[level]
     for i in range(width):
         square = memory.level_squares[i] if i < min(rows, width) else 0.0
-        h = square + damping(square, size, threshold) if i < rank else RESTING
+        h = square + damping(square, memory.level_emphasis[i], size, threshold) if i < rank else RESTING
         h = math.sqrt(h + memory.carry)
         x[i] = 0.0
         if i < min(rows, width):

@@ -77,6 +77,7 @@ class TasksMemory(LoopMemory):
     error: Array = array("task_rows")  # remaining errors
     wanted: Array = array("task_rows")  # to be corrected in this tick: capped and weighted
     row_weights: Array = array("task_rows")  # as fractions of the heaviest row's
+    lightest: float = state(1.0)  # smallest of these, of the first level
     trial_error: Array = array("task_rows")
     task_jacobian: Array = array("task_rows", "n")  # weighted
 
@@ -198,6 +199,7 @@ class SolverMemory(TasksMemory):
     sweeps: int = state(0)
     task_distance: float = state(0.0)  # cost of the tasks at the beginning of the tick
     promised: float = state(0.0)  # predicted reduction
+    aims: int = state(0)  # refined tasks are corrected to what the step promises, not to their targets
     lack: float = state(0.0)  # last remaining error of the refined tasks
     secondary_scale: float = state(1.0)  # step scale of the null-space velocity
     turn_scale: float = state(1.0)  # step scale where steps turn back
@@ -208,6 +210,7 @@ class SolverMemory(TasksMemory):
     left: Array = array("lesser", "lesser")
     right: Array = array("lesser", "larger")
     squares: Array = array("lesser")
+    emphasis: Array = array("lesser")  # squared weight of the tasks along each
     triangle: Array = array(2, "task_rows", "task_rows")
     free_step: Array = array("mobility")
     axes: Array = array("mobility", "mobility")
@@ -242,6 +245,7 @@ class SolverMemory(TasksMemory):
     level_left: Array = array("level_lesser", "level_lesser")
     level_right: Array = array("level_lesser", "level_larger")
     level_squares: Array = array("level_lesser")
+    level_emphasis: Array = array("level_lesser")
     level_axes: Array = array("level_free", "level_free")
     level_kept: Table = array("levels", dtype=int)  # directions in which a level is corrected
     level_in: Array = array("parts", "level_lesser", "task_rows")  # component of an error, in each direction

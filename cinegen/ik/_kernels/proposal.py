@@ -11,6 +11,7 @@ from cinegen.ik._kernels.decomposition import (
     predict_gain,
     solve_damped,
     to_joints,
+    unweighted,
 )
 from cinegen.ik._kernels.escape import nudge
 from cinegen.ik._kernels.levels import promise
@@ -19,7 +20,7 @@ from cinegen.ik._kernels.memory import LIMITING_DOF, SPEED_SCALE, SVD, SolverMem
 from cinegen.ik._kernels.secondary import project_secondary
 from cinegen.ik._kernels.tasks import aim_tasks, tasks_left
 from cinegen.ik._kernels.weights import weigh
-from cinegen.ik.thresholds import ARRIVED, ERROR_CAP, LEAST_SCALE, NOISE, REST
+from cinegen.ik.thresholds import ARRIVED, ERROR_CAP, FAR_APART, LEAST_SCALE, NOISE, REST
 from cinegen.jit.compiled import Array, compiled
 from cinegen.jit.vectors import copy
 from cinegen.loops._kernels.closure import factor_loops, find_null_space
@@ -85,7 +86,7 @@ def _escape(memory: SolverMemory, largest: float) -> float:
     unreached. Return the reduction of its error that this requires, or 0."""
     if not _first_speed(memory, largest) < REST * memory.gain:
         return 0.0
-    if memory.active_rows == 0 or memory.task_distance <= ARRIVED * ARRIVED:
+    if memory.active_rows == 0 or memory.task_distance <= (ARRIVED * memory.lightest) ** 2:
         return 0.0
     copy(memory.step, memory.spare, memory.n)
     to_win = nudge(memory)
@@ -112,9 +113,10 @@ def _attempt(memory: SolverMemory, still: bool, had_secondary: bool, to_win: flo
     copy(step, memory.attempted, memory.n)
     predict_gain(memory)
     if memory.is_nudged != 0:
-        memory.promised = to_win * math.sqrt(2.0 * memory.task_distance)
+        memory.promised = to_win * memory.lightest * math.sqrt(2.0 * memory.task_distance)
+    memory.aims = 1 if memory.parts > 0 or memory.lightest < FAR_APART else 0
     memory.is_refined = 1 if can_be_refined(memory, had_secondary) else 0
-    if memory.parts > 0:
+    if memory.aims != 0:
         promise(memory)
         find_corrected(memory)
     elif memory.is_refined != 0 and scale < 1.0:  # this tick corrects less of them
@@ -164,6 +166,8 @@ def can_be_refined(memory: SolverMemory, had_secondary: bool) -> bool:
     restricts it: then it is far from its targets, and corrections would exceed the limit."""
     if memory.parts > 0:
         return memory.is_nudged == 0 and memory.report[SPEED_SCALE] == 1.0
+    if memory.aims != 0:
+        return True
     scaled = memory.rank == 0 or memory.report[SPEED_SCALE] != 1.0
     if (scaled and not had_secondary) or memory.active_rows == 0 or memory.is_nudged != 0:
         return False
@@ -173,7 +177,7 @@ def can_be_refined(memory: SolverMemory, had_secondary: bool) -> bool:
     if memory.found_by == SVD:
         least = memory.damping_threshold * memory.damping_threshold
         for i in range(min(memory.task_rank, memory.active_rows, memory.mobility)):
-            can = can and memory.squares[i] >= least
+            can = can and unweighted(memory, i) >= least
     for i in range(memory.tasks):
         task = task_at(memory.task_handles[i])
         if task.is_active != 0:

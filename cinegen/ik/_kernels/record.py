@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 
 from cinegen.ik._kernels import memory as m
+from cinegen.ik._kernels.decomposition import unweighted
 from cinegen.ik._kernels.levels import keep_parts
 from cinegen.ik._kernels.memory import SVD, SolverMemory, task_at
 from cinegen.ik._kernels.tasks import measure
@@ -49,8 +50,9 @@ def finish(memory: SolverMemory, accepted: bool, is_sure: bool) -> None:
     status = _find_status(memory, accepted, active, left)
     if status == FOLLOWING and not left <= ARRIVED:  # what hinders the motion to the targets, if anything does
         status = _find_hindrance(memory, accepted, fastest, smallest, saturated, barred)
+    memory.record_levels[0, 1] = smallest
     if memory.parts > 0:
-        status = _record_levels(memory, status, smallest, accepted)
+        status = _record_levels(memory, status, accepted)
     report[m.STATUS] = status
     report[m.CLOSURE] = memory.closure if memory.rows > 0 else 0.0
     report[m.TASK_RANK] = min(memory.task_rank, memory.active_rows, memory.mobility)
@@ -160,16 +162,18 @@ def _record_tasks(memory: SolverMemory, accepted: bool) -> tuple[float, int]:
 
 @compiled
 def _record_singular_values(memory: SolverMemory) -> float:
-    """Record the singular values if they are known; return the smallest."""
+    """Record the singular values if they are known; return the smallest without the weights of tasks."""
     smallest = math.inf
     known = memory.found_by == SVD or memory.has_given != 0
+    count = min(memory.task_rank, memory.active_rows, memory.mobility)
     memory.report[m.SIGMA_KNOWN] = 1.0 if known else 0.0
     if memory.has_given != 0:
-        for i in range(min(memory.task_rank, memory.active_rows, memory.mobility)):
-            smallest = memory.record_sigma[i]
+        for i in range(count):
+            smallest = min(smallest, memory.record_sigma[i] / math.sqrt(memory.emphasis[i]))
     elif memory.found_by == SVD:
-        for i in range(min(memory.task_rank, memory.active_rows, memory.mobility)):
-            smallest = memory.record_sigma[i] = math.sqrt(memory.squares[i])
+        for i in range(count):
+            memory.record_sigma[i] = math.sqrt(memory.squares[i])
+            smallest = min(smallest, math.sqrt(unweighted(memory, i)))
     return smallest
 
 
@@ -189,17 +193,15 @@ def _record_limits(memory: SolverMemory) -> tuple[bool, int]:
 
 
 @compiled
-def _record_levels(memory: SolverMemory, first: int, smallest: float, accepted: bool) -> int:
+def _record_levels(memory: SolverMemory, first: int, accepted: bool) -> int:
     """Record status and smallest singular value of each level; return the first status that is not FOLLOWING.
 
     Args:
         memory: at the end of a tick.
         first: status of the first level, or one of all levels.
-        smallest: singular value of the first level.
         accepted: the mechanism moved.
     """
-    found = first
-    memory.record_levels[0, 0], memory.record_levels[0, 1] = first, smallest
+    memory.record_levels[0, 0], found = first, first
     for level in range(1, memory.levels):
         status = first
         if first != BAD_TARGET and first != REFUSED and first != DETOUR:

@@ -58,6 +58,7 @@ def aim_tasks(memory: TasksMemory) -> bool:
     """Compute the target of each task in this tick, its error and rows. Return whether no target has moved."""
     row, still = 0, True
     error, wanted = memory.error, memory.wanted
+    memory.lightest = 1.0
     for level in range(memory.levels):
         memory.level_end[level] = 0
     for i in range(memory.tasks):
@@ -73,6 +74,8 @@ def aim_tasks(memory: TasksMemory) -> bool:
         still = still and (is_still or task.level > 0)
         for k in range(task.translation + task.rotation):
             memory.row_weights[row + k] = task.weight / memory.heaviest[task.level] * task.row_weight[k]
+            if task.level == 0:
+                memory.lightest = min(memory.lightest, memory.row_weights[row + k])
         if task.given > 0:
             _take_rows(memory, task, row)
         else:

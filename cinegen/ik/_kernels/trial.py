@@ -13,6 +13,7 @@ from cinegen.ik._kernels.decomposition import (
     predict_gain,
     reach_of,
     to_joints,
+    unweighted,
 )
 from cinegen.ik._kernels.levels import (
     correct_lower,
@@ -265,7 +266,7 @@ def _find_lack(memory: SolverMemory) -> float:
     """Set `trial_error` to the errors that remain of those to be corrected in this tick; return the largest component
     that can be corrected."""
     lack = memory.trial_error
-    if memory.parts > 0:
+    if memory.aims != 0:
         for i in range(memory.level_end[memory.levels - 1]):
             lack[i] = memory.row_weights[i] * (lack[i] - memory.error[i]) + memory.aimed[i]
         return max(reach_of(memory, lack), find_lower_lack(memory))
@@ -314,10 +315,10 @@ def _leave_out_locked(memory: SolverMemory) -> bool:
         return True
     find_singular_values(memory)
     memory.found_by = SVD_UNLOCKED
-    if memory.parts > 0:
+    if memory.aims != 0:
         find_corrected(memory)
         return True
-    if rank > 0 and memory.squares[rank - 1] >= memory.damping_threshold * memory.damping_threshold:
+    if rank > 0 and unweighted(memory, rank - 1) >= memory.damping_threshold * memory.damping_threshold:
         return True
     memory.is_refined = 0
     return False
@@ -374,7 +375,10 @@ def _shorten(memory: SolverMemory, part: float) -> int:
         scale_parts(memory, part, False)
         if accelerated:
             predict_gain(memory)
-        memory.is_refined = 0
+        if memory.aims != 0 and memory.parts == 0 and memory.tries < TRIES // 2:
+            promise(memory)
+        else:
+            memory.is_refined = 0
     _set_out_again(memory)
     return _AGAIN
 
@@ -386,6 +390,6 @@ def _make_spare_step(memory: SolverMemory) -> None:
     copy(memory.spare, memory.attempted, memory.n)
     predict_gain(memory)
     memory.is_refined = 1 if memory.parts > 0 or can_be_refined(memory, True) else 0
-    if memory.parts > 0:
+    if memory.aims != 0:
         promise(memory)
     _set_out_again(memory)

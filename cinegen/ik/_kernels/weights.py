@@ -42,7 +42,7 @@ def weigh(memory: SolverMemory) -> None:
     y = memory.coordinates
     y[:k] = 0.0
     for a in range(width):
-        along, size = 0.0, square[a] + damping(square[a], 0.0, memory.damping_threshold)
+        along, size = 0.0, square[a] + damping(square[a], 1.0, 0.0, memory.damping_threshold)
         for j in range(n):
             along += right[a, j] * root[j] * step[j]
         for i in range(width):
