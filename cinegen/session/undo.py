@@ -37,13 +37,27 @@ class Snapshot:
     def is_same(self, other: Snapshot) -> bool:
         """Return whether both are equal, up to rounding; of the same robots."""
         pairs = ((np.asarray(q), np.asarray(other.q[name])) for name, q in self.q.items())
-        return self.pins == other.pins and all(np.allclose(one, two, atol=1e-9) for one, two in pairs)
+        pins = ((pins, other.pins[name]) for name, pins in self.pins.items())
+        same = all(len(some) == len(others) and all(map(_is_same_pin, some, others)) for some, others in pins)
+        return same and all(np.allclose(one, two, atol=1e-9) for one, two in pairs)
 
     def detached(self, robots: Mapping[str, DrivenRobot], names: Mapping[str, str]) -> Snapshot:
         """Return it for robots that replace others: joint values, under their new names."""
         mechanisms = {key: robot.mechanism for key, robot in robots.items()}
         values = {names.get(key, key): detached(mechanisms.get(key), q) for key, q in self.q.items()}
         return Snapshot(values, {names.get(key, key): pins for key, pins in self.pins.items()})
+
+
+def _is_same_pin(one: RecordedTask, other: RecordedTask) -> bool:
+    same = (one.node, one.translation, one.rotation, one.weight) == (
+        other.node, other.translation, other.rotation, other.weight
+    )  # fmt: skip
+    for here, there in ((one.offset, other.offset), (one.target, other.target)):
+        if here is not None and there is not None:
+            same = same and here.isApprox(there, 1e-9)
+        else:
+            same = same and here is there
+    return same
 
 
 class MotionTrace:

@@ -180,11 +180,11 @@ export class UndoHistory {
 }
 
 /**
- * @param {Float64Array} one
- * @param {Float64Array} other
+ * @param {ArrayLike<number>} one
+ * @param {ArrayLike<number>} other
  */
 function isNear(one, other) {
-  return one.every((value, i) => Math.abs(value - other[i]) <= SAME[0] + SAME[1] * Math.abs(other[i]));
+  return Array.from(one).every((value, i) => Math.abs(value - other[i]) <= SAME[0] + SAME[1] * Math.abs(other[i]));
 }
 
 /**
@@ -194,11 +194,20 @@ function isNear(one, other) {
 function isSame(one, other) {
   return [...one].every(([name, { q, pins }]) => {
     const { q: otherQ, pins: otherPins } = /** @type {{ q: Float64Array, pins: Task[] }} */ (other.get(name));
-    return JSON.stringify(pins.map(contentOf)) === JSON.stringify(otherPins.map(contentOf)) && isNear(q, otherQ);
+    const areSame = pins.length === otherPins.length && pins.every((pin, i) => isSamePin(pin, otherPins[i]));
+    return areSame && isNear(q, otherQ);
   });
 }
 
+/**
+ * @param {Task} one
+ * @param {Task} other
+ */
+function isSamePin(one, other) {
+  return one.node === other.node && isNear(numbersOf(one), numbersOf(other));
+}
+
 /** @param {Task} pin */
-function contentOf({ node, offset, target, translation, rotation, weight }) {
-  return [node, offset.numbers(), target.numbers(), translation, rotation, weight];
+function numbersOf({ offset, target, translation, rotation, weight }) {
+  return [...offset.numbers(), ...target.numbers(), translation, rotation, weight];
 }
