@@ -44,7 +44,6 @@ def factor_blocks(
     Returns:
         the smallest sine between a pivot's row and the pivots before it; 0 if the rank is not reached.
     """
-    rows, n = f.shape
     longest, shortest, t, end = 0.0, 1.0, 0, 0
     for b in range(len(block_end)):
         for i in range(block_row[b], block_row[b + 1]):
@@ -55,18 +54,9 @@ def factor_blocks(
     for b in range(len(block_end)):
         start, stop = block_row[b], block_row[b + 1]
         end = max(end, block_end[b])
-        for i in range(start, stop):
-            u = t
-            while u > 0 and reach[u - 1] > first[i]:
-                u -= 1
-            _apply(f[i], u, t, tau, h, reach)
-            left[i] = inner(f[i, t:], f[i, t:], max(end - t, 0))
-            filled[i, 0], filled[i, 1] = min(first[i], u), end
+        _reflect_block(f, start, stop, t, end, first, left, filled, tau, h, reach)
         while t < rank:
-            p = -1
-            for i in range(max(t, start), stop):
-                if order[i] >= start and (p < 0 or left[i] > left[p]):
-                    p = i
+            p = _longest(left, order, max(t, start), stop, start)
             if p < 0 or left[p] <= nothing or left[p] <= _CLEAR * _CLEAR * size[order[p]]:
                 break
             shortest = min(shortest, math.sqrt(left[p] / size[order[p]]))
@@ -79,6 +69,44 @@ def factor_blocks(
         for i in range(start, stop):
             if order[i] >= start:
                 applied[order[i]] = t
+    return _take_rest(f, rank, t, nothing, shortest, order, left, size, applied, filled, tau, h, reach)
+
+
+@compiled
+def _reflect_block(
+    f: Array, start: int, stop: int, t: int, end: int, first: Table, left: Array, filled: Table, tau: Array, h: Array,
+    reach: Table,
+) -> None:  # fmt: skip
+    """Apply the first t reflections to the rows of a block, as far as these reach; `end` is the column behind the last
+    that they reach then."""
+    for i in range(start, stop):
+        u = t
+        while u > 0 and reach[u - 1] > first[i]:
+            u -= 1
+        _apply(f[i], u, t, tau, h, reach)
+        left[i] = inner(f[i, t:], f[i, t:], max(end - t, 0))
+        filled[i, 0], filled[i, 1] = min(first[i], u), end
+
+
+@compiled
+def _longest(left: Array, order: Table, begin: int, end: int, start: int) -> int:
+    """Return the row, from `begin` on and before `end`, with the largest remainder; -1 if all are of blocks before that
+    whose first row was `start`."""
+    p = -1
+    for i in range(begin, end):
+        if order[i] >= start and (p < 0 or left[i] > left[p]):
+            p = i
+    return p
+
+
+@compiled
+def _take_rest(
+    f: Array, rank: int, t: int, nothing: float, shortest: float, order: Table, left: Array, size: Array,
+    applied: Table, filled: Table, tau: Array, h: Array, reach: Table,
+) -> float:  # fmt: skip
+    """Take pivots t to `rank` among all rows that are left, as `factor` does. Return what `factor_blocks` does, where
+    `shortest` is the smallest sine so far."""
+    rows, n = f.shape
     if t < rank:
         for i in range(t, rows):
             if left[i] > nothing:
@@ -86,10 +114,7 @@ def factor_blocks(
                 _apply(f[i], applied[order[i]], t, tau, h, reach)
                 left[i] = inner(f[i, t:], f[i, t:], n - t)
     while t < rank:
-        p = t
-        for i in range(t + 1, rows):
-            if left[i] > left[p]:
-                p = i
+        p = _longest(left, order, t, rows, 0)
         if left[p] <= nothing or left[p] <= _LEAST * _LEAST * size[order[p]]:
             for i in range(t, rank):
                 tau[i], reach[i], f[i, i] = 0.0, i, 0.0

@@ -31,6 +31,7 @@ _OPTIONS: dict[str, Any] = {
     "error_model": "numpy",
     "fastmath": {"contract"},
     "_nrt": False,  # nothing is allocated, so nothing is counted
+    "forceinline": False,  # unless it is given: what is called would inherit it
 }
 
 
@@ -45,7 +46,17 @@ def compiled(function: Function) -> Function:
 
     A division by zero gives infinity, as numpy's does: no kernel raises. Multiplication and addition may be fused.
     """
-    dispatcher = njit(**_OPTIONS)(function)
+    return _helper(function, _OPTIONS)
+
+
+def inlined(function: Function) -> Function:
+    """Compile a function as `compiled` does, and put its code wherever it is called: a part of one that is called
+    often, which has a name of its own."""
+    return _helper(function, {**_OPTIONS, "forceinline": True})
+
+
+def _helper(function: Function, options: dict[str, Any]) -> Function:
+    dispatcher = njit(**options)(function)
     find_call_template = dispatcher.get_call_template
 
     def get_call_template(arguments: Any, keywords: Any) -> Any:

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 
-from cinegen.jit.compiled import Array, compiled
+from cinegen.jit.compiled import Array, compiled, inlined
 
 
 @compiled
@@ -48,6 +48,17 @@ def combine(weights: Array, vectors: Array, out: Array) -> None:
     """out (3,) = sum of weights (3,) times vectors (3, 3)."""
     for i in range(3):
         out[i] = weights[0] * vectors[0, i] + weights[1] * vectors[1, i] + weights[2] * vectors[2, i]
+
+
+@inlined
+def velocity_at(screw: Array, p: Array) -> tuple[float, float, float]:
+    """Velocity v + omega x p of the point at p (3,), of a screw (v, omega) (6,)."""
+    velocity, omega = screw, screw[3:6]
+    return (
+        velocity[0] + omega[1] * p[2] - omega[2] * p[1],
+        velocity[1] + omega[2] * p[0] - omega[0] * p[2],
+        velocity[2] + omega[0] * p[1] - omega[1] * p[0],
+    )
 
 
 @compiled

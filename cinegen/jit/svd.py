@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import math
 
-from cinegen.jit.compiled import Array, compiled
+from cinegen.jit.compiled import Array, compiled, inlined
 from cinegen.jit.vectors import add_multiple, copy, inner, swap
 
 _ORTHOGONAL = 1e-15  # cosine between two rows that count as orthogonal
@@ -47,55 +47,82 @@ def orthogonalise(b: Array, u: Array, n: int, width: int, vectors: int, square: 
             longest = max(longest, square[i])
         nothing = _NOTHING * _NOTHING * longest
         largest = 0.0  # rotation
-        players = n + n % 2  # of a tournament: no row meets two others in one round, so that rotations may overlap
+        players = n + n % 2
         for turn in range(players - 1):
             for pair in range(players // 2):
-                if pair == 0:
-                    i, j = turn, players - 1
-                else:
-                    i, j = turn + pair, turn - pair
-                    if i >= players - 1:
-                        i -= players - 1
-                    if j < 0:
-                        j += players - 1
-                    if i > j:
-                        i, j = j, i
+                i, j = _opponents(turn, pair, players)
                 if j >= n:
                     continue
-                even, odd = 0.0, 0.0  # two sums at a time: none waits for the other
-                for k in range(0, width - 1, 2):
-                    even += b[i, k] * b[j, k]
-                    odd += b[i, k + 1] * b[j, k + 1]
-                if width % 2 == 1:
-                    even += b[i, width - 1] * b[j, width - 1]
-                dot = even + odd
+                dot = _product(b[i], b[j], width)
                 p, q = square[i], square[j]
                 if dot * dot <= _ORTHOGONAL * _ORTHOGONAL * p * q or min(p, q) <= nothing:
                     continue
-                if abs(dot) < 1e-3 * abs(q - p):  # a small rotation, to rounding, without a root
-                    t = dot / (q - p)
-                    t2 = t * t
-                    tangent = t * (1.0 - t2 * (1.0 - t2 * (2.0 - 5.0 * t2)))
-                    t2 = tangent * tangent
-                    c = 1.0 - t2 * (0.5 - t2 * (0.375 - t2 * 0.3125))
-                else:
-                    zeta = (q - p) / (2.0 * dot)
-                    tangent = 1.0 / (abs(zeta) + math.sqrt(1.0 + zeta * zeta))
-                    if zeta < 0.0:
-                        tangent = -tangent
-                    c = 1.0 / math.sqrt(1.0 + tangent * tangent)
+                tangent, c = _rotation(p, q, dot)
                 s = c * tangent
                 largest = max(largest, abs(tangent))
-                for k in range(width):
-                    x, y = b[i, k], b[j, k]
-                    b[i, k], b[j, k] = c * x - s * y, s * x + c * y
-                for k in range(vectors):
-                    x, y = u[i, k], u[j, k]
-                    u[i, k], u[j, k] = c * x - s * y, s * x + c * y
+                _rotate(b[i], b[j], width, c, s)
+                _rotate(u[i], u[j], vectors, c, s)
                 square[i], square[j] = max(0.0, p - tangent * dot), max(0.0, q + tangent * dot)
         if largest < last:
             return sweep + 1
     return -1
+
+
+@inlined
+def _opponents(turn: int, pair: int, players: int) -> tuple[int, int]:
+    """Return who meet in a round of a tournament, by the circle method: no row meets two others in one round, so that
+    rotations may overlap.
+
+    Args:
+        turn: the round, of players - 1.
+        pair: of players / 2.
+        players: an even number.
+    """
+    if pair == 0:
+        return turn, players - 1
+    i, j = turn + pair, turn - pair
+    if i >= players - 1:
+        i -= players - 1
+    if j < 0:
+        j += players - 1
+    return min(i, j), max(i, j)
+
+
+@inlined
+def _product(x: Array, y: Array, n: int) -> float:
+    """Return the product of two rows, as two sums at a time: none waits for the other."""
+    even, odd = 0.0, 0.0
+    for k in range(0, n - 1, 2):
+        even += x[k] * y[k]
+        odd += x[k + 1] * y[k + 1]
+    if n % 2 == 1:
+        even += x[n - 1] * y[n - 1]
+    return even + odd
+
+
+@inlined
+def _rotation(p: float, q: float, dot: float) -> tuple[float, float]:
+    """Return tangent and cosine of the rotation, of 45 degrees at most, after which two rows of squared lengths p and q
+    and of product `dot` are orthogonal: t^2 + 2 zeta t - 1 = 0 with zeta = (q - p) / (2 dot)."""
+    if abs(dot) < 1e-3 * abs(q - p):  # a small rotation, to rounding, without a root
+        t = dot / (q - p)
+        t2 = t * t
+        tangent = t * (1.0 - t2 * (1.0 - t2 * (2.0 - 5.0 * t2)))
+        t2 = tangent * tangent
+        return tangent, 1.0 - t2 * (0.5 - t2 * (0.375 - t2 * 0.3125))
+    zeta = (q - p) / (2.0 * dot)
+    tangent = 1.0 / (abs(zeta) + math.sqrt(1.0 + zeta * zeta))
+    if zeta < 0.0:
+        tangent = -tangent
+    return tangent, 1.0 / math.sqrt(1.0 + tangent * tangent)
+
+
+@inlined
+def _rotate(x: Array, y: Array, n: int, c: float, s: float) -> None:
+    """Rotate two rows: x, y = c x - s y, s x + c y."""
+    for k in range(n):
+        a, b = x[k], y[k]
+        x[k], y[k] = c * a - s * b, s * a + c * b
 
 
 @compiled

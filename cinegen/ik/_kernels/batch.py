@@ -179,7 +179,30 @@ def _find_singular_values(memory: BatchMemory, rows: Array, width: int, out: Arr
     n, wide = min(size, free), max(size, free)
     if n == 0:
         return
-    lies = size <= free  # the rows that count are the shorter side
+    _select(memory, rows, width, size, size <= free)
+    last = out.shape[0] - 1
+    if memory.is_whole == 0:
+        x, y = memory.squares[0], memory.squares[1]
+        out[last] = smallest_singular_value(memory.tall_rows, wide, n, x, y) if n == last + 1 else 0.0
+        return
+    flat, low, square = memory.wide_rows, memory.triangle, memory.squares[0]
+    _factor(flat, low, n, wide)
+    orthogonalise(low, flat, n, n, 0, square, COLD_SWEEPS)
+    for i in range(n):  # sorted
+        j = i
+        value = math.sqrt(square[i])
+        while j > 0 and out[j - 1] < value:
+            out[j] = out[j - 1]
+            j -= 1
+        out[j] = value
+    out[n : last + 1] = 0.0
+
+
+@compiled
+def _select(memory: BatchMemory, rows: Array, width: int, size: int, lies: bool) -> None:
+    """Write the selected rows, in columns of joints that move the node, with their shorter side as the rows of
+    `wide_rows`, or as the columns of `tall_rows` if only the smallest singular value is computed; `lies` says that they
+    are the shorter side as they are."""
     whole, flat, tall = memory.is_whole != 0, memory.wide_rows, memory.tall_rows
     first = 5 if memory.rotation == 1 else 3  # of two, the direction of z: it is rotated about x and y
     k = 0
@@ -196,22 +219,6 @@ def _find_singular_values(memory: BatchMemory, rows: Array, width: int, out: Arr
                 else:
                     tall[i, k] = number
             k += 1
-    last = out.shape[0] - 1
-    if not whole:
-        x, y = memory.squares[0], memory.squares[1]
-        out[last] = smallest_singular_value(tall, wide, n, x, y) if n == last + 1 else 0.0
-        return
-    low, square = memory.triangle, memory.squares[0]
-    _factor(flat, low, n, wide)
-    orthogonalise(low, flat, n, n, 0, square, COLD_SWEEPS)
-    for i in range(n):  # sorted
-        j = i
-        value = math.sqrt(square[i])
-        while j > 0 and out[j - 1] < value:
-            out[j] = out[j - 1]
-            j -= 1
-        out[j] = value
-    out[n : last + 1] = 0.0
 
 
 @compiled

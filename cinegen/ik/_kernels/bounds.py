@@ -56,68 +56,107 @@ def nearest(memory: SolverMemory, low: Array, high: Array, held: Array, k: int) 
     Returns:
         whether it was found: bounds may contradict each other.
     """
-    x, g, count = memory.wanted_point, memory.normals, memory.n + memory.barriers
-    normals, basis, triangle = memory.active_normals[0], memory.active_normals[1], memory.active_normals[2]
-    wanted, dual, multiplier, owner = memory.active[0], memory.active[1], memory.active[2], memory.active[3]
-    copy(x, wanted, k)
+    count, multiplier, owner = memory.n + memory.barriers, memory.active[2], memory.active[3]
+    copy(memory.wanted_point, memory.active[0], k)
     held[:count] = 0.0
     active = 0
     for _ in range(20 * count + 20):
-        worst, which, side = TOUCH, -1, 0.0
-        for j in range(count):
-            if held[j] != 0.0:
-                continue
-            s = inner(g[j], x, k)
-            if s - high[j] > worst:
-                worst, which, side = s - high[j], j, 1.0
-            elif low[j] - s > worst:
-                worst, which, side = low[j] - s, j, -1.0
+        which, side, excess = _most_violated(memory, low, high, held, k)
         if which < 0:
             _again(memory, low, high, held, active, k)
             for a in range(active):
                 if multiplier[a] <= 0.0:
                     held[int(owner[a])] = 0.0
             return True
-        new = 0.0  # its multiplier
-        is_active = False
-        for _ in range(k + 2):
-            for i in range(k):
-                normals[active, i] = -side * g[which, i]
-            left = _orthogonalise(memory, active, k)
-            for a in range(active - 1, -1, -1):  # the dual direction: triangle^T dual = the new row
-                s = triangle[active, a]
-                for c in range(a + 1, active):
-                    s -= triangle[c, a] * dual[c]
-                dual[a] = s / triangle[a, a]
-            furthest, drop = math.inf, -1
-            for a in range(active):
-                if dual[a] > 1e-14 and multiplier[a] < furthest * dual[a]:
-                    furthest, drop = multiplier[a] / dual[a], a
-            length = inner(normals[active], normals[active], k)
-            whole = worst / left if left > _DEPENDENT * _DEPENDENT * length else math.inf
-            if whole == math.inf and drop < 0:
-                return False
-            t = min(furthest, whole)
-            add_multiple(-t, dual, multiplier, active)
-            new += t
-            if whole < math.inf:
-                add_multiple(t, basis[active], x, k)
-                worst -= t * left
-            if whole <= furthest:
-                _normalise(memory, active, left, k)
-                multiplier[active], owner[active], held[which] = new, which, side
-                active += 1
-                is_active = True
-                break
-            held[int(owner[drop])] = 0.0
-            active -= 1
-            for a in range(drop, active):
-                owner[a], multiplier[a] = owner[a + 1], multiplier[a + 1]
-                copy(normals[a + 1], normals[a], k)
-                _normalise(memory, a, _orthogonalise(memory, a, k), k)
-        if not is_active:
+        active = _activate(memory, held, which, side, excess, active, k)
+        if active < 0:
             return False
     return False
+
+
+@compiled
+def _most_violated(memory: SolverMemory, low: Array, high: Array, held: Array, k: int) -> tuple[int, float, float]:
+    """Return the bound that `wanted_point` violates most, -1 if it keeps all; 1 for the upper one, -1 for the lower
+    one; and by how much."""
+    x, g, worst, which, side = memory.wanted_point, memory.normals, TOUCH, -1, 0.0
+    for j in range(memory.n + memory.barriers):
+        if held[j] != 0.0:
+            continue
+        s = inner(g[j], x, k)
+        if s - high[j] > worst:
+            worst, which, side = s - high[j], j, 1.0
+        elif low[j] - s > worst:
+            worst, which, side = low[j] - s, j, -1.0
+    return which, side, worst
+
+
+@compiled
+def _activate(memory: SolverMemory, held: Array, which: int, side: float, excess: float, active: int, k: int) -> int:
+    """Move `wanted_point` until a bound is no longer violated, and make it active: step 2 of the method. A step ends
+    where the bound is reached, or the multiplier of an active one vanishes, which is removed then.
+
+    Returns:
+        number of active bounds; -1 if the bounds contradict each other.
+    """
+    normals, basis = memory.active_normals[0], memory.active_normals[1]
+    dual, multiplier, owner = memory.active[1], memory.active[2], memory.active[3]
+    new = 0.0  # its multiplier
+    for _ in range(k + 2):
+        for i in range(k):
+            normals[active, i] = -side * memory.normals[which, i]
+        left = _orthogonalise(memory, active, k)
+        _find_dual(memory, active)
+        furthest, drop = _longest_dual_step(memory, active)
+        length = inner(normals[active], normals[active], k)
+        whole = excess / left if left > _DEPENDENT * _DEPENDENT * length else math.inf
+        if whole == math.inf and drop < 0:
+            return -1
+        t = min(furthest, whole)
+        add_multiple(-t, dual, multiplier, active)
+        new += t
+        if whole < math.inf:
+            add_multiple(t, basis[active], memory.wanted_point, k)
+            excess -= t * left
+        if whole <= furthest:
+            _normalise(memory, active, left, k)
+            multiplier[active], owner[active], held[which] = new, which, side
+            return active + 1
+        held[int(owner[drop])] = 0.0
+        active -= 1
+        _remove(memory, drop, active, k)
+    return -1
+
+
+@compiled
+def _find_dual(memory: SolverMemory, active: int) -> None:
+    """Solve T^T r = t for the dual direction r: T is the triangle, t its new row."""
+    triangle, dual = memory.active_normals[2], memory.active[1]
+    for a in range(active - 1, -1, -1):
+        s = triangle[active, a]
+        for c in range(a + 1, active):
+            s -= triangle[c, a] * dual[c]
+        dual[a] = s / triangle[a, a]
+
+
+@compiled
+def _longest_dual_step(memory: SolverMemory, active: int) -> tuple[float, int]:
+    """Return the step along the dual direction at which the first multiplier vanishes, and which: infinite and -1 if
+    none does."""
+    dual, multiplier, furthest, drop = memory.active[1], memory.active[2], math.inf, -1
+    for a in range(active):
+        if dual[a] > 1e-14 and multiplier[a] < furthest * dual[a]:
+            furthest, drop = multiplier[a] / dual[a], a
+    return furthest, drop
+
+
+@compiled
+def _remove(memory: SolverMemory, drop: int, active: int, k: int) -> None:
+    """Remove an active bound, of which `active` are left: orthogonalise the normals behind it again."""
+    normals, multiplier, owner = memory.active_normals[0], memory.active[2], memory.active[3]
+    for a in range(drop, active):
+        owner[a], multiplier[a] = owner[a + 1], multiplier[a + 1]
+        copy(normals[a + 1], normals[a], k)
+        _normalise(memory, a, _orthogonalise(memory, a, k), k)
 
 
 @compiled

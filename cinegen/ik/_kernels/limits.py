@@ -12,7 +12,7 @@ from cinegen.ik._kernels.levels import add_levels
 from cinegen.ik._kernels.memory import LIMITING_DOF, SPEED_SCALE, SolverMemory
 from cinegen.ik._kernels.secondary import add_secondary
 from cinegen.ik.thresholds import FULL
-from cinegen.jit.compiled import compiled
+from cinegen.jit.compiled import compiled, inlined
 from cinegen.jit.vectors import inner
 from cinegen.loops._kernels.memory import ClusterMemory, cluster_at
 
@@ -30,27 +30,11 @@ def keep_limits(memory: SolverMemory, ticks_left: float) -> None:
         memory: `free_step` is the same step in the null space.
         ticks_left: number of such steps to the targets, if the robot is to stop there; else infinite.
     """
-    n, step, report, longest = memory.n, memory.step, memory.report, memory.longest_step
-    excess, limiting = 0.0, -1
-    for j in range(n):
-        part = abs(step[j]) / longest[j]
-        if part > excess:
-            excess, limiting = part, j
+    step = memory.step
+    _slow_down(memory, ticks_left)
     _bound_positions(memory)
     for b in range(memory.barriers):
-        memory.floor[n + b], memory.ceiling[n + b] = -math.inf, memory.barrier_room[b]
-    scale = FULL / excess if excess > FULL else 1.0
-    if memory.has_acceleration_limits != 0 and ticks_left < math.inf:
-        for j in range(n):
-            size, limit = abs(step[j]), memory.longest_change[j]
-            if limit < math.inf and _stopping(ticks_left * size, limit) < scale * size:
-                scale, limiting = _stopping(ticks_left * size, limit) / size, j
-    if scale < 1.0:  # slower, in the same direction
-        report[SPEED_SCALE], report[LIMITING_DOF] = scale, limiting
-        for j in range(n):
-            step[j] *= scale
-        for i in range(memory.mobility):
-            memory.free_step[i] *= scale
+        memory.floor[memory.n + b], memory.ceiling[memory.n + b] = -math.inf, memory.barrier_room[b]
     if memory.has_acceleration_limits != 0:
         _bound_accelerations(memory)
     if must_go_back(memory):
@@ -67,6 +51,28 @@ def keep_limits(memory: SolverMemory, ticks_left: float) -> None:
         _bend(memory)
     if has_secondary:
         add_secondary(memory, False)
+
+
+@inlined
+def _slow_down(memory: SolverMemory, ticks_left: float) -> None:
+    """Scale `step` to the velocity limits, and so that ever shorter ones can follow it up to the targets."""
+    n, step, longest, excess, limiting = memory.n, memory.step, memory.longest_step, 0.0, -1
+    for j in range(n):
+        part = abs(step[j]) / longest[j]
+        if part > excess:
+            excess, limiting = part, j
+    scale = FULL / excess if excess > FULL else 1.0
+    if memory.has_acceleration_limits != 0 and ticks_left < math.inf:
+        for j in range(n):
+            size, limit = abs(step[j]), memory.longest_change[j]
+            if limit < math.inf and _stopping(ticks_left * size, limit) < scale * size:
+                scale, limiting = _stopping(ticks_left * size, limit) / size, j
+    if scale < 1.0:
+        memory.report[SPEED_SCALE], memory.report[LIMITING_DOF] = scale, limiting
+        for j in range(n):
+            step[j] *= scale
+        for i in range(memory.mobility):
+            memory.free_step[i] *= scale
 
 
 @compiled
@@ -135,41 +141,70 @@ def _find_bounded(memory: SolverMemory) -> bool:
 @compiled
 def _bend(memory: SolverMemory) -> None:
     """Set `step` to the one that does most for the tasks within all bounds."""
-    n, step, floor, ceiling, stopped = memory.n, memory.step, memory.floor, memory.ceiling, memory.stopped
     _bound_speeds(memory)
     find_axes(memory)
     found = _find_bounded(memory)
-    if not found and must_go_back(memory):  # not all at once: as much as can be, or nothing at all
-        for eased in range(_EASED):
-            for b in range(n, n + memory.barriers):
-                if ceiling[b] < 0.0:
-                    ceiling[b] = 0.25 * ceiling[b] if eased < _EASED - 1 else 0.0
-            found = _find_bounded(memory)
-            if found:
-                break
+    if not found and must_go_back(memory):
+        found = _ease_barriers(memory)
     if not found and memory.has_acceleration_limits != 0:
-        # positions and velocities count more; within these, as near to braking as can be
-        project_step(memory, memory.braking, memory.free_step, False)
-        _bound_positions(memory)
-        _bound_speeds(memory)
-        for b in range(memory.barriers):  # a barrier asks for no more than braking does
-            ceiling[n + b] = max(ceiling[n + b], inner(memory.barrier_rows[b], memory.braking, n))
-        found = _find_bounded(memory)
+        found = _find_braking(memory)
     if not found:
-        for j in range(n):
-            step[j] = memory.braking[j] if memory.has_acceleration_limits != 0 else 0.0
-        for i in range(memory.idle):  # these move alone
-            j = memory.idle_dof[i]
-            step[j] = min(max(step[j], floor[j]), ceiling[j])
-    part = 1.0  # of the step that is within all bounds, to rounding
+        _brake(memory)
+    for j in range(memory.n):
+        if memory.stopped[j] != 0.0 and not _is_at_position_limit(memory, j):
+            memory.stopped[j] = 0.0  # a velocity's or an acceleration's limit
+            memory.report[LIMITING_DOF] = j
+    _shorten(memory)
+
+
+@compiled
+def _ease_barriers(memory: SolverMemory) -> bool:
+    """Set `step` as `_find_bounded` does, with barriers that push the mechanism back not all at once: as much as can
+    be, or nothing at all. Return whether there is one."""
+    ceiling = memory.ceiling
+    for eased in range(_EASED):
+        for b in range(memory.n, memory.n + memory.barriers):
+            if ceiling[b] < 0.0:
+                ceiling[b] = 0.25 * ceiling[b] if eased < _EASED - 1 else 0.0
+        if _find_bounded(memory):
+            return True
+    return False
+
+
+@compiled
+def _find_braking(memory: SolverMemory) -> bool:
+    """Set `step` to the one that is as near to braking as can be: limits of positions and velocities count more than
+    those of accelerations. Return whether there is one."""
+    n, ceiling = memory.n, memory.ceiling
+    project_step(memory, memory.braking, memory.free_step, False)
+    _bound_positions(memory)
+    _bound_speeds(memory)
+    for b in range(memory.barriers):  # a barrier asks for no more than braking does
+        ceiling[n + b] = max(ceiling[n + b], inner(memory.barrier_rows[b], memory.braking, n))
+    return _find_bounded(memory)
+
+
+@compiled
+def _brake(memory: SolverMemory) -> None:
+    """Set `step` to braking, or to nothing without limits of accelerations; joints that no loop moves keep their
+    bounds."""
+    step = memory.step
+    for j in range(memory.n):
+        step[j] = memory.braking[j] if memory.has_acceleration_limits != 0 else 0.0
+    for i in range(memory.idle):
+        j = memory.idle_dof[i]
+        step[j] = min(max(step[j], memory.floor[j]), memory.ceiling[j])
+
+
+@compiled
+def _shorten(memory: SolverMemory) -> None:
+    """Scale `step` to the part of it that is within all bounds, to rounding, of those that allow to stay."""
+    n, step, floor, ceiling, part = memory.n, memory.step, memory.floor, memory.ceiling, 1.0
     for j in range(n):
         if step[j] > ceiling[j] + TOUCH and ceiling[j] >= 0.0:
             part = min(part, ceiling[j] / step[j])
         elif step[j] < floor[j] - TOUCH and floor[j] <= 0.0:
             part = min(part, floor[j] / step[j])
-        if stopped[j] != 0.0 and not _is_at_position_limit(memory, j):
-            stopped[j] = 0.0  # a velocity's or an acceleration's limit
-            memory.report[LIMITING_DOF] = j
     for b in range(memory.barriers):
         s, most = inner(memory.barrier_rows[b], step, n), ceiling[n + b]
         if s > most + TOUCH and most >= 0.0:

@@ -12,7 +12,7 @@ import math
 
 from cinegen.ik._kernels.memory import LocalIKMemory
 from cinegen.ik._kernels.tasks import aim_tasks, read_tasks
-from cinegen.jit.compiled import compiled, entry
+from cinegen.jit.compiled import Array, compiled, entry
 from cinegen.jit.factor import cholesky
 from cinegen.jit.vectors import copy, inner
 from cinegen.loops._kernels.kinematics import evaluate, integrate
@@ -93,43 +93,17 @@ def _keep_system(memory: LocalIKMemory) -> None:
 @compiled
 def _step(memory: LocalIKMemory) -> bool:
     """Move `trial` one step away from q. Return False if limits block every joint that would help."""
-    n, size = memory.n, memory.active_rows + memory.rows
-    jacobian, right, normal, z, free = memory.system, memory.right_side, memory.normal, memory.solution, memory.free
-    d, trial = memory.correction, memory.trial
+    n, size, trial, d = memory.n, memory.active_rows + memory.rows, memory.trial, memory.correction
     for j in range(n):
-        s = 0.0
-        for i in range(size):
-            s += jacobian[i, j] * right[i]
-        free[j] = 0.0 if _is_blocked(memory, j, s) else 1.0
+        memory.free[j] = 0.0 if _is_blocked(memory, j, _along(memory, j, memory.right_side)) else 1.0
     for _ in range(4):
-        trace = 0.0
-        for i in range(size):
-            for k in range(i + 1):
-                s = 0.0
-                for j in range(n):
-                    s += jacobian[i, j] * free[j] * jacobian[k, j]
-                normal[i, k] = s
-            trace += normal[i, i]
-            z[i] = right[i]
-        if not trace > 0.0:
+        if not _solve_damped(memory, size):
             return False
-        for i in range(size):
-            normal[i, i] += memory.damping * memory.cost + _FLOOR * trace
-        cholesky(normal, size, z)
-        again = False
-        for j in range(n):
-            s = 0.0
-            for i in range(size):
-                s += jacobian[i, j] * z[i]
-            d[j] = s * free[j]
-            if free[j] != 0.0 and _is_blocked(memory, j, s):
-                free[j] = 0.0
-                again = True
-        if not again:
+        if not _block(memory):
             break
     longest = 0.0
     for j in range(n):
-        d[j] *= free[j]
+        d[j] *= memory.free[j]
         longest = max(longest, abs(d[j]))
     cut = min(1.0, _LONGEST / max(longest, 1e-300))
     for j in range(n):
@@ -140,6 +114,49 @@ def _step(memory: LocalIKMemory) -> bool:
         if i >= 0:
             trial[i] = min(max(trial[i], memory.lower[j]), memory.upper[j])
     return longest > 0.0
+
+
+@compiled
+def _along(memory: LocalIKMemory, j: int, x: Array) -> float:
+    """Return component j of J^T x, for x (equations,)."""
+    s = 0.0
+    for i in range(memory.active_rows + memory.rows):
+        s += memory.system[i, j] * x[i]
+    return s
+
+
+@compiled
+def _solve_damped(memory: LocalIKMemory, size: int) -> bool:
+    """Solve (J F J^T + (mu |r|^2 + epsilon trace) 1) z = r, where F leaves out joints that are not free. Return False
+    if J F is zero."""
+    jacobian, normal, z, free, trace = memory.system, memory.normal, memory.solution, memory.free, 0.0
+    for i in range(size):
+        for k in range(i + 1):
+            s = 0.0
+            for j in range(memory.n):
+                s += jacobian[i, j] * free[j] * jacobian[k, j]
+            normal[i, k] = s
+        trace += normal[i, i]
+        z[i] = memory.right_side[i]
+    if not trace > 0.0:
+        return False
+    for i in range(size):
+        normal[i, i] += memory.damping * memory.cost + _FLOOR * trace
+    cholesky(normal, size, z)
+    return True
+
+
+@compiled
+def _block(memory: LocalIKMemory) -> bool:
+    """Set the step d = F J^T z. Return whether limits block joints that were free: these are no longer."""
+    free, again = memory.free, False
+    for j in range(memory.n):
+        s = _along(memory, j, memory.solution)
+        memory.correction[j] = s * free[j]
+        if free[j] != 0.0 and _is_blocked(memory, j, s):
+            free[j] = 0.0
+            again = True
+    return again
 
 
 @compiled

@@ -7,7 +7,7 @@ import math
 from cinegen.ik._kernels.memory import OF_NODE, OF_WORLD, TaskMemory, TasksMemory, task_at
 from cinegen.ik.thresholds import ERROR_CAP, ROTATION
 from cinegen.jit import se3
-from cinegen.jit.compiled import Array, compiled
+from cinegen.jit.compiled import Array, compiled, inlined
 from cinegen.jit.foreign import frame_at
 from cinegen.jit.se3 import combine, compose, dot
 from cinegen.jit.vectors import copy
@@ -260,8 +260,29 @@ def _find_error(memory: TasksMemory, task: TaskMemory, error: Array) -> None:
 @compiled
 def _find_rows(memory: TasksMemory, task: TaskMemory, weights: Array, rows: Array) -> None:
     """Compute the rows of a task, as `FrameTask.equations`; directly after `_find_error`."""
-    p, axes, w, screws, scale = memory.ends[0, 3], task.world_axes, memory.vectors, memory.screws, memory.scale
-    carried, seen, by, turn = w[1:4], w[4:7], w[7:10], w[10]
+    p, axes, seen, screws, scale = memory.ends[0, 3], task.world_axes, memory.vectors[4:7], memory.screws, memory.scale
+    linear, angular = task.translation, task.rotation
+    _find_turning(task, memory.vectors)
+    for k in range(memory.n):
+        if task.moved_by[k] == 0.0:
+            for i in range(linear + angular):
+                rows[i, k] = 0.0
+            continue
+        s = scale[k]
+        if linear > 0:
+            x, y, z = se3.velocity_at(screws[k], p)
+            for i in range(linear):
+                axis = axes[task.row_axis[i]]
+                rows[i, k] = weights[i] * s / memory.length * (axis[0] * x + axis[1] * y + axis[2] * z)
+        for i in range(angular):
+            rows[linear + i, k] = weights[linear + i] * s * dot(seen[i], screws[k, 3:6])
+
+
+@inlined
+def _find_turning(task: TaskMemory, w: Array) -> None:
+    """Write the derivative of a task's rotational error by the angular velocity of its node to vectors 4 to 6, a vector
+    for each component: B C, with the derivative B of the rotation vector and the axes C as the node carries them."""
+    axes, carried, seen, by, turn = task.world_axes, w[1:4], w[4:7], w[7:10], w[10]
     linear, angular = task.translation, task.rotation
     if angular == 2:
         x, y = task.row_axis[linear] - 3, task.row_axis[linear + 1] - 3
@@ -275,19 +296,3 @@ def _find_rows(memory: TasksMemory, task: TaskMemory, weights: Array, rows: Arra
         se3.log_derivative(turn, by)
         for i in range(angular):
             combine(by[task.row_axis[linear + i] - 3], carried, seen[i])
-    for k in range(memory.n):
-        if task.moved_by[k] == 0.0:
-            for i in range(linear + angular):
-                rows[i, k] = 0.0
-            continue
-        s = scale[k]
-        velocity, omega = screws[k], screws[k, 3:6]
-        if linear > 0:
-            x = velocity[0] + omega[1] * p[2] - omega[2] * p[1]
-            y = velocity[1] + omega[2] * p[0] - omega[0] * p[2]
-            z = velocity[2] + omega[0] * p[1] - omega[1] * p[0]
-            for i in range(linear):
-                axis = axes[task.row_axis[i]]
-                rows[i, k] = weights[i] * s / memory.length * (axis[0] * x + axis[1] * y + axis[2] * z)
-        for i in range(angular):
-            rows[linear + i, k] = weights[linear + i] * s * dot(seen[i], omega)

@@ -161,47 +161,60 @@ def factor_loops(memory: LoopMemory, exact: bool) -> None:
 
 @compiled
 def _factor_cluster(memory: LoopMemory, cluster: ClusterMemory, exact: bool) -> None:
-    f, tau, h, order = cluster.factors, cluster.tau, cluster.reflectors, cluster.row_order
-    rows, n, free, locked, dof = cluster.rows, cluster.n, 0, memory.locked, cluster.dof
-    for k in range(n):
+    f, free, locked, dof = cluster.factors, 0, memory.locked, cluster.dof
+    for k in range(cluster.n):
         if locked[dof[k]] == 0.0:
             free += 1
     _copy_unlocked(memory, cluster)
-    rank = min(cluster.rank, free)
+    rank, is_whole = min(cluster.rank, free), free == cluster.n
     cluster.factored_rank = rank
     cluster.is_singular = 0
     if cluster.blocks > 0:
-        sine = factor_blocks(
-            f, rank, cluster.block_row, cluster.block_end, cluster.row_first, order, cluster.row_left, cluster.row_size,
-            cluster.row_applied, cluster.row_filled, tau, h, cluster.reach,
-        )  # fmt: skip
-        for t in range(rank, cluster.rank):
-            tau[t], cluster.reach[t] = 0.0, t
-        if free == n:
-            cluster.sigma = sine if sine < HEALTHY else 1.0
+        _factor_large(cluster, is_whole)
         return
-    clear = factor(f, rank, order, cluster.row_left, tau, h) >= HEALTHY
+    clear = factor(f, rank, cluster.row_order, cluster.row_left, cluster.tau, cluster.reflectors) >= HEALTHY
     if exact:
         nothing = NOTHING_ADDED * NOTHING_ADDED * f[0, 0] * f[0, 0] if rank > 0 else 0.0
-        for i in range(rank, rows):
+        for i in range(rank, cluster.rows):
             clear = clear and cluster.row_left[i] <= nothing
-    if clear:
-        if free == n:
-            cluster.sigma = 1.0
-        return
+    if not clear:
+        _copy_unlocked(memory, cluster)
+        _decompose(cluster, is_whole, exact)
+    elif is_whole:
+        cluster.sigma = 1.0
+
+
+@compiled
+def _factor_large(cluster: ClusterMemory, is_whole: bool) -> None:
+    """Factor a large cluster block by block; `is_whole` says that no joint of it is locked."""
+    rank, tau, reach = cluster.factored_rank, cluster.tau, cluster.reach
+    sine = factor_blocks(
+        cluster.factors, rank, cluster.block_row, cluster.block_end, cluster.row_first, cluster.row_order,
+        cluster.row_left, cluster.row_size, cluster.row_applied, cluster.row_filled, tau, cluster.reflectors, reach,
+    )  # fmt: skip
+    for t in range(rank, cluster.rank):
+        tau[t], reach[t] = 0.0, t
+    if is_whole:
+        cluster.sigma = sine if sine < HEALTHY else 1.0
+
+
+@compiled
+def _decompose(cluster: ClusterMemory, is_whole: bool, exact: bool) -> None:
+    """Compute the singular vectors of a cluster whose rank is not clear, and, if no joint of it is locked, reflections
+    along the right ones, for the null space."""
+    f, rows, n, rank = cluster.factors, cluster.rows, cluster.n, cluster.factored_rank
+    b, square = cluster.right_vectors, cluster.squared_sigma
     cluster.is_singular = 1
-    _copy_unlocked(memory, cluster)
-    u, b, square = cluster.left_vectors, cluster.right_vectors, cluster.squared_sigma
-    decompose(f, rows, n, u, b, square, False)
+    decompose(f, rows, n, cluster.left_vectors, b, square, False)
     if not exact:  # other rows are independent only by rounding, or because loops are open
         square[rank:rows] = 0.0
-    if free == n and rank > 0:  # reflections along the right singular vectors, for the null space
+    if is_whole and rank > 0:
         cluster.sigma = math.sqrt(square[rank - 1])
         for i in range(rank):
             s = 1.0 / math.sqrt(square[i]) if square[i] > 1e-30 * square[0] else 0.0
             for k in range(n):
                 f[i, k] = s * b[i, k]
-        factor(f[:rank], rank, order, cluster.row_left, tau, h)
+        factor(f[:rank], rank, cluster.row_order, cluster.row_left, cluster.tau, cluster.reflectors)
 
 
 @compiled

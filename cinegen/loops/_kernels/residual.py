@@ -4,7 +4,7 @@
 from __future__ import annotations
 
 from cinegen.jit import se3
-from cinegen.jit.compiled import compiled
+from cinegen.jit.compiled import Array, compiled, inlined
 from cinegen.jit.se3 import combine, compose, dot
 from cinegen.loops._kernels.memory import LoopMemory
 
@@ -32,52 +32,73 @@ def evaluate_loops(memory: LoopMemory, with_jacobian: bool) -> float:
 
 @compiled
 def _evaluate_loop(memory: LoopMemory, loop: int, with_jacobian: bool) -> None:
-    ends, w, c, length = memory.ends, memory.vectors, memory.residual, memory.length
-    first, second, d, seen, by, turned = ends[0], ends[1], w[0], w[1:4], w[4:7], w[7]
     for side in range(2):
-        compose(memory.frames[memory.loop_joints[loop, side]], memory.loop_offsets[loop, side], ends[side])
+        compose(memory.frames[memory.loop_joints[loop, side]], memory.loop_offsets[loop, side], memory.ends[side])
+    kind = memory.loop_kind[loop]
+    linear = 2 if kind == PRISMATIC else 3
+    angular = 2 if kind == REVOLUTE else 0 if kind == BALL else 3
+    _find_gap(memory, linear, angular, memory.residual[memory.loop_row[loop] :])
+    if with_jacobian:
+        _find_rows(memory, loop, linear, angular)
+
+
+# --- one loop -------------------------------------------------------------------------------------------------------
+# Its ends are frames (R1, p1) and (R2, p2). Vectors 4 to 6 are the derivative of the rotation between them, 7 the
+# rotation vector: rows use them.
+
+
+@inlined
+def _find_gap(memory: LoopMemory, linear: int, angular: int, gap: Array) -> None:
+    """gap = [R1^T (p2 - p1) / length; log(R1^T R2)]; where `angular` is 2, the swing between the axes z instead of the
+    logarithm."""
+    first, second, w = memory.ends[0], memory.ends[1], memory.vectors
+    d, seen, by, turned = w[0], w[1:4], w[4:7], w[7]
     for i in range(3):
         d[i] = second[3, i] - first[3, i]
-    kind, row = memory.loop_kind[loop], memory.loop_row[loop]
-    linear = 2 if kind == PRISMATIC else 3
     for i in range(linear):
-        c[row + i] = dot(first[i], d) / length
-    angular = 0
-    if kind == REVOLUTE:
-        angular = 2
+        gap[i] = dot(first[i], d) / memory.length
+    if angular == 2:
         se3.swing(dot(first[0], second[2]), dot(first[1], second[2]), dot(first[2], second[2]), turned, by)
-    elif kind != BALL:
-        angular = 3
+    elif angular == 3:
         se3.relative(first, second, seen)
         se3.log(seen, turned)
     for i in range(angular):
-        c[row + linear + i] = turned[i]
-    if not with_jacobian:
-        return
+        gap[linear + i] = turned[i]
+
+
+@inlined
+def _find_rows(memory: LoopMemory, loop: int, linear: int, angular: int) -> None:
+    """Write the rows of a loop: for a DoF whose screw moves p2 by v and turns it by omega, R1^T v / length above
+    B R1^T omega, where B is the derivative of the rotation; and the velocity of the joint that was cut."""
+    first, p, w, row, length = memory.ends[0], memory.ends[1, 3], memory.vectors, memory.loop_row[loop], memory.length
+    seen, by, turned, jacobian, screws = w[1:4], w[4:7], w[7], memory.jacobian, memory.screws
     if angular == 3:
         se3.log_derivative(turned, by)
     for i in range(angular):
         combine(by[i], first, seen[i])
-    p, jacobian, screws, rates, cut = (
-        second[3], memory.jacobian, memory.screws, memory.cut_rates, memory.loop_cut[loop]
-    )  # fmt: skip
     for step in range(memory.loop_steps[loop, 0], memory.loop_steps[loop, 1]):
         k, s = memory.step_dof[step], memory.step_size[step]
-        velocity, omega = screws[k], screws[k, 3:6]
-        x = velocity[0] + omega[1] * p[2] - omega[2] * p[1]  # of the second end's origin
-        y = velocity[1] + omega[2] * p[0] - omega[0] * p[2]
-        z = velocity[2] + omega[0] * p[1] - omega[1] * p[0]
+        x, y, z = se3.velocity_at(screws[k], p)
         for i in range(linear):
             jacobian[row + i, k] = s / length * (first[i, 0] * x + first[i, 1] * y + first[i, 2] * z)
         for i in range(angular):
-            jacobian[row + linear + i, k] = s * dot(seen[i], omega)
-        if kind == REVOLUTE:
-            rates[k, cut] = s * dot(first[2], omega)
-        elif kind == PRISMATIC:
-            rates[k, cut] = s / length * (first[2, 0] * x + first[2, 1] * y + first[2, 2] * z)
-        elif kind == BALL:
-            for i in range(3):
-                rates[k, cut + i] = s * omega[i]
+            jacobian[row + linear + i, k] = s * dot(seen[i], screws[k, 3:6])
+        _find_cut_rate(memory, loop, step, x, y, z)
+
+
+@inlined
+def _find_cut_rate(memory: LoopMemory, loop: int, step: int, x: float, y: float, z: float) -> None:
+    """Write the velocity of the joint that was cut, by a DoF that moves p2 by (x, y, z): along or about its axis z, or
+    of a ball the angular velocity."""
+    kind, k, s, axis = memory.loop_kind[loop], memory.step_dof[step], memory.step_size[step], memory.ends[0, 2]
+    rates, cut, omega = memory.cut_rates, memory.loop_cut[loop], memory.screws[k, 3:6]
+    if kind == REVOLUTE:
+        rates[k, cut] = s * dot(axis, omega)
+    elif kind == PRISMATIC:
+        rates[k, cut] = s / memory.length * (axis[0] * x + axis[1] * y + axis[2] * z)
+    elif kind == BALL:
+        for i in range(3):
+            rates[k, cut + i] = s * omega[i]
 
 
 @compiled
