@@ -68,7 +68,7 @@ def measure(name: str, mechanism: cinegen.Mechanism) -> None:
     motion, served = ForwardKinematics(mechanism), Lines(ForwardKinematics(mechanism))
     ways = {
         "close": lambda: [mechanism.close(start, mechanism.actuated) for start in starts],
-        "numpy": lambda: [closure.close(mechanism.system, start, free) for start in starts],
+        "numpy": lambda: [closure.close(mechanism.structure.system, start, free) for start in starts],
         "move": lambda: [motion.move(row) for row in named],
         "lines": lambda: served.serve(io.BytesIO(lines), len),
     }

@@ -27,8 +27,8 @@ def closed_exactly(mechanism: Mechanism, q: np.ndarray) -> mpmath.matrix:
     """Return the configuration near q at which loops are closed, the actuated joints where they are in q; all joints
     are revolute or prismatic about or along z."""
     with mpmath.workdps(DIGITS):
-        found, columns = mpmath.matrix(q.tolist()), mechanism.passive_columns
-        jacobian = mechanism.system.evaluate(q)[1][:, columns]
+        found, columns = mpmath.matrix(q.tolist()), mechanism.structure.passive_columns
+        jacobian = mechanism.structure.system.evaluate(q)[1][:, columns]
         inverse = mpmath.matrix(np.linalg.pinv(jacobian, rcond=RANK).tolist())
         for _ in range(_STEPS):
             step = inverse * _residual(mechanism, found)
@@ -46,9 +46,9 @@ def distance(q: np.ndarray, exact: mpmath.matrix) -> float:
 
 
 def _residual(mechanism: Mechanism, q: mpmath.matrix) -> mpmath.matrix:
-    """Return residuals that are, near 0, those of `mechanism.system`."""
+    """Return residuals that are, near 0, those of `mechanism.structure.system`."""
     frames, found, length = _frames(mechanism, q), list[mpmath.mpf](), mpmath.mpf(mechanism.length)
-    for loop, (one, on_one, other, on_other) in zip(mechanism.loops, mechanism.system.anchors, strict=True):
+    for loop, (one, on_one, other, on_other) in zip(mechanism.loops, mechanism.structure.system.anchors, strict=True):
         first, second = _product(frames[one], _exact(on_one)), _product(frames[other], _exact(on_other))
         seen, offset = first[0].T * second[0], first[0].T * (second[1] - first[1]) / length
         found += list(offset)[: 2 if loop.kind is LoopKind.PRISMATIC else 3]
@@ -56,7 +56,7 @@ def _residual(mechanism: Mechanism, q: mpmath.matrix) -> mpmath.matrix:
             found += [-seen[1, 2], seen[0, 2]]
         elif loop.kind is not LoopKind.BALL:
             found += [(seen[2, 1] - seen[1, 2]) / 2, (seen[0, 2] - seen[2, 0]) / 2, (seen[1, 0] - seen[0, 1]) / 2]
-    for coupling, size in zip(mechanism.couplings, mechanism.system.coupling_sizes, strict=True):
+    for coupling, size in zip(mechanism.couplings, mechanism.structure.system.coupling_sizes, strict=True):
         value = -mpmath.mpf(coupling.constant)
         for name, coefficients in coupling.terms.items():
             variable = q[int(mechanism.q_index(name))]

@@ -165,10 +165,10 @@ def tick_in_python(mechanism: cinegen.Mechanism) -> float:
 
 def conditioning(mechanism: cinegen.Mechanism, q: np.ndarray) -> np.ndarray:
     """Return of configurations (n, nq) the smallest singular value of the passive joints in the loops (n,), or 1."""
-    columns, rank = mechanism.passive_columns, mechanism.passive_rank
+    columns, rank = mechanism.structure.passive_columns, mechanism.structure.passive_rank
     if rank == 0:
         return np.ones(len(q))
-    jacobians = np.array([mechanism.system.evaluate(one)[1][:, columns] for one in q])
+    jacobians = np.array([mechanism.structure.system.evaluate(one)[1][:, columns] for one in q])
     return np.asarray(np.linalg.svd(jacobians, compute_uv=False)[:, rank - 1])
 
 

@@ -65,7 +65,7 @@ class Driven:
         rng, columns = np.random.default_rng(0), [mechanism.v_index(joint) for joint in mechanism.actuated]
         self.locked = np.zeros(mechanism.model.nv)
         self.locked[columns] = 1.0
-        self.closer = Closer(mechanism.system, mechanism.cluster_ranks)
+        self.closer = Closer(mechanism.structure.system, mechanism.cluster_ranks)
         self.starts = [
             mechanism.integrate(mechanism.q_home, 0.01 * mechanism.scale * rng.normal(size=mechanism.model.nv))
             for _ in range(10)

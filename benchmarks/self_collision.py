@@ -67,7 +67,7 @@ class Judge:
         self.model = within(self.mechanism)
         pin.seed(1)
         self.meshes = MeshContact(self.mechanism, [pin.randomConfiguration(self.model) for _ in range(500)])
-        links = self.mechanism.derived(link_pairs)
+        links = self.mechanism.structure.derived(link_pairs)
         self.reasons: dict[frozenset[str], set[PairReason]] = {}
         for (i, k), reason in links.reasons.items():
             self.reasons.setdefault(frozenset((links.bodies[i].name, links.bodies[k].name)), set()).add(reason)

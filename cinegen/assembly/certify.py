@@ -127,7 +127,7 @@ class LoopEquations:
                     {index[joint]: [arb(float(c)) for c in row] for joint, row in coupling.terms.items()},
                     arb(float(coupling.constant)), arb(float(size)),
                 )
-                for coupling, size in zip(mechanism.couplings, mechanism.system.coupling_sizes, strict=True)
+                for coupling, size in zip(mechanism.couplings, mechanism.structure.system.coupling_sizes, strict=True)
                 if pose is None or any(index[joint] in self._joints for joint in coupling.terms)
             ]  # fmt: skip
             self._features = [(index[f.joint], f.is_direction, [arb(x) for x in f.local]) for f in unknowns.features]

@@ -37,7 +37,7 @@ def recognise_part(linkage: Linkage) -> Family | None:
     found = recognise(linkage)
     if found is not None or linkage.has_mimics:
         return found
-    samples = [linkage.bodies_at(q) for q in linkage.mechanism.samples]
+    samples = [linkage.bodies_at(q) for q in linkage.mechanism.structure.samples]
     left, dyads = _without_dyads(samples)
     series = _series(linkage.bodies, left)
     known = _of_series(samples, series) if series is not None and not linkage.idle else None

@@ -125,7 +125,7 @@ class RigidGroups:
         (locked,) of the locked joints; dimensionless."""
         linkage, mechanism = self._linkage, self._linkage.mechanism
         q = linkage.configuration(linkage.unknowns(mechanism.q_home), locked)
-        pin.forwardKinematics(mechanism.model, mechanism.system.data, q)
+        pin.forwardKinematics(mechanism.model, mechanism.structure.system.data, q)
         first, *left = np.flatnonzero(self._bodies.group == group).tolist()
         found = {first: pin.SE3.Identity()}
         while left:
@@ -143,7 +143,7 @@ class RigidGroups:
             return bodies.placements[a].actInv(bodies.placements[b])
         for parent, child in ((a, b), (b, a)):
             if child and joints[child - 1, PARENT] == parent and joints[child - 1, COLUMN] > len(linkage.passive):
-                step = linkage.mechanism.system.data.liMi[child + linkage.root]
+                step = linkage.mechanism.structure.system.data.liMi[child + linkage.root]
                 step = pin.SE3(step.rotation, step.translation / linkage.mechanism.length)
                 return step if child == b else step.inverse()
         return None
@@ -190,7 +190,7 @@ def recognise(linkage: Linkage) -> Family | None:
     rods = groups.rods()
     if all(centre.dof == 1 for centre in linkage.bodies.centres):
         # parallel at home may be so by chance
-        where = {_in_a_plane_or_about_a_point(linkage.bodies_at(q)) for q in linkage.mechanism.samples}
+        where = {_in_a_plane_or_about_a_point(linkage.bodies_at(q)) for q in linkage.mechanism.structure.samples}
         only = where.pop()
         return _of_hinges(groups, linkage, moving, only) if not where and only is not None else None
     platforms = [group for group in moving if group not in {rod.body for rod in rods}]
@@ -244,10 +244,10 @@ def _rotates(linkage: Linkage, platform: int) -> bool:
     mechanism = linkage.mechanism
     joint = int(np.flatnonzero(linkage.bodies.group == platform)[0]) + linkage.root
     columns = [mechanism.v_index(name) for name in linkage.joint_names]  # a base that could move is fixed
-    for q in mechanism.samples:
+    for q in mechanism.structure.samples:
         rows = (mechanism.loop_jacobian(q) * mechanism.scale)[:, columns]
         motions = np.linalg.svd(rows)[2][mechanism.loop_rank :].T
-        data = mechanism.system.data
+        data = mechanism.structure.system.data
         rotations = (pin.computeJointJacobian(mechanism.model, data, q, joint)[3:] * mechanism.scale)[:, columns]
         if np.abs(rotations @ motions).max(initial=0.0) > _STILL:
             return True

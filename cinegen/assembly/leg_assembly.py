@@ -76,7 +76,7 @@ class LegAssembly:
         vectors, local, differences, products = attached([self._cuts[loop] for loop in loops])
         tables = LinkageTables(joints, tables.constants, tables.above, vectors, local, differences, products, 0, 0)
         scratch, found = scratch_of(tables, len(columns)), 0
-        for q in mechanism.samples:  # the rank: a rod may rotate about itself
+        for q in mechanism.structure.samples:  # the rank: a rod may rotate about itself
             solution = self._linkage.unknowns(q)
             values = self._values(solution, self._linkage.locked_values(q))
             self._linkage.kernel.evaluate(tables, _fixed(values[others]), np.append(solution[columns], 0.0), scratch)

@@ -118,8 +118,10 @@ class Linkage:
         columns = {name: mechanism.v_index(name) for name in names}
         followers, self._mimics = (set(), {}) if as_built else _followers(mechanism)
         self._distinct = {*distinct, *self._mimics, *(mimic.leader for mimic in self._mimics.values())}
-        equations = mechanism.system.rows - len(mechanism.couplings)  # of loops: couplings only say where joints are
-        rows = [mechanism.system.evaluate(q)[1][:equations] for q in mechanism.samples]
+        equations = mechanism.structure.system.rows - len(
+            mechanism.couplings
+        )  # of loops: couplings only say where joints are
+        rows = [mechanism.structure.system.evaluate(q)[1][:equations] for q in mechanism.structure.samples]
         for row in rows:
             for name, mimic in self._mimics.items():
                 row[:, columns[mimic.leader]] += mimic.ratio * row[:, columns[name]]
@@ -168,7 +170,7 @@ class Linkage:
 
     def _cuts(self) -> list[CutJoint]:
         mechanism, found = self.mechanism, []
-        for loop, (first, one, second, two) in zip(mechanism.loops, mechanism.system.anchors, strict=True):
+        for loop, (first, one, second, two) in zip(mechanism.loops, mechanism.structure.system.anchors, strict=True):
             anchors = [np.vstack([end.rotation.T, end.translation / mechanism.length]) for end in (one, two)]
             bodies = max(first - self.root, 0), max(second - self.root, 0)
             found.append(CutJoint(loop.kind, bodies, np.array(anchors)))
@@ -207,8 +209,8 @@ class Linkage:
     def bodies_at(self, q: Array) -> LinkageBodies:
         """Return the bodies with points and axes as they are at q (nq,)."""
         mechanism = self.mechanism
-        mechanism.system.evaluate(q)
-        found = [mechanism.system.data.oMi[j] for j in (self.root, *self._joints)]
+        mechanism.structure.system.evaluate(q)
+        found = [mechanism.structure.system.data.oMi[j] for j in (self.root, *self._joints)]
         placements = [pin.SE3(at.rotation, at.translation / mechanism.length) for at in found]
         distinct = frozenset(k for k, name in enumerate(self.joint_names) if name in self._distinct)
         return LinkageBodies(
@@ -232,7 +234,7 @@ class Linkage:
         slice selects, moves where any of them does."""
         cut = np.append(np.random.default_rng(0).normal(size=3 * self.tables.features), [0.0, 0.0]).astype(complex)
         evaluate = interpreted(kernel.evaluate)  # a few times: not worth a compilation
-        for q in self.mechanism.samples if self.idle else ():
+        for q in self.mechanism.structure.samples if self.idle else ():
             evaluate(
                 self.tables, self.fixed(self.locked_values(q))._replace(slices=np.array([cut, cut])), self.unknowns(q),
                 self.scratch,
@@ -304,9 +306,9 @@ class Linkage:
         mechanism = self.mechanism
         free = np.ones(mechanism.model.nv, dtype=bool)
         free[[mechanism.v_index(name) for name in self.locked]] = False
-        found = (closure.close(mechanism.system, start, free) for start in starts)
+        found = (closure.close(mechanism.structure.system, start, free) for start in starts)
         best = min(found, key=lambda closing: closing.gap)
-        gaps = zip(mechanism.constraint_names, closure.gaps(mechanism.system, best.q), strict=True)
+        gaps = zip(mechanism.constraint_names, closure.gaps(mechanism.structure.system, best.q), strict=True)
         listed = ", ".join(f"'{name}' by {gap:.3g}" for name, gap in gaps if gap > closure.CLOSED)
         unit = f"(rad, or lengths of {mechanism.length:.4g} m)"
         return NearestConfiguration(best.q, best.gap, message or f"open stay {listed} {unit}")
@@ -574,14 +576,14 @@ def _redundant(
         follow: whether passive joints follow actuated ones in couplings.
         mimics: number of passive joints that follow passive ones, whose columns are 0.
     """
-    count = mechanism.loop_rank - mechanism.passive_rank
+    count = mechanism.loop_rank - mechanism.structure.passive_rank
     if count == 0:
         return ()
     if follow:
-        matrix = max((mechanism.system.evaluate(q)[1] for q in mechanism.samples), key=closure.rank)
+        matrix = max((mechanism.structure.system.evaluate(q)[1] for q in mechanism.structure.samples), key=closure.rank)
         leaders = {joint for coupling in mechanism.couplings for joint in coupling.terms if joint != coupling.follower}
         own = dict(sorted(zip(columns, names, strict=True), key=lambda one: one[1] in leaders))
-        dependent = closure.passive(matrix, [*mechanism.passive_columns.tolist(), *own])
+        dependent = closure.passive(matrix, [*mechanism.structure.passive_columns.tolist(), *own])
         raise ModesError(
             f"{mechanism.name}: {count} of its actuated joints follow from the others, by loops or couplings"
             + _remedy(mechanism, [own[column] for column in dependent if column in own], "passive")
@@ -589,7 +591,9 @@ def _redundant(
     best: list[int] = []
     strongest = 0.0
     for matrix in rows:
-        passive = np.linalg.svd(matrix[:, mechanism.passive_columns])[0][:, mechanism.passive_rank - mimics :]
+        passive = np.linalg.svd(matrix[:, mechanism.structure.passive_columns])[0][
+            :, mechanism.structure.passive_rank - mimics :
+        ]
         _, r, order = qr(passive.T @ matrix[:, columns], mode="economic", pivoting=True)
         weakest = abs(r[count - 1, count - 1])
         if weakest > strongest:

@@ -56,7 +56,7 @@ def assembly_modes(
         modes = tuple(map(to, found.configurations))
         self_motions = tuple(motion.with_ball_joints(mechanism.spherical) for motion in found.self_motions)
         return replace(found, mechanism=mechanism, configurations=modes, closest=nearest, self_motions=self_motions)
-    solver = mechanism.derived(_METHODS[method])
+    solver = mechanism.structure.derived(_METHODS[method])
     with solver.lock:
         return solver.modes(mechanism, _values(mechanism, actuated), report, effort)
 
@@ -120,7 +120,7 @@ class ModesSolver:
         home = self.features(mechanism.q_home)
         far = [round(float(np.abs(self.features(q) - home).sum()), 9) for q in found]
         passive = tuple(name for name in mechanism.joints if name not in mechanism.actuated)
-        unknowns = Unknowns(passive, mechanism.passive_rank, self.body_features)
+        unknowns = Unknowns(passive, mechanism.structure.passive_rank, self.body_features)
         return replace(_selected(found, np.argsort(far, kind="stable").tolist()), unknowns=unknowns)
 
     @property

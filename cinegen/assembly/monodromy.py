@@ -116,7 +116,7 @@ class Monodromy:
         """Continue home, or else another closed configuration, to the general values."""
         linkage = self._linkage
         for attempt in range(_ATTEMPTS):  # a path may fail, as home may be singular
-            q = linkage.mechanism.samples[attempt % len(linkage.mechanism.samples)]
+            q = linkage.mechanism.structure.samples[attempt % len(linkage.mechanism.structure.samples)]
             found = DistinctSolutions(lambda solutions: linkage.features(solutions, self._locked))
             path = linkage.straight(linkage.locked_values(q), self._locked)
             if found.add(linkage.track(linkage.unknowns(q)[None], path).arrived):

@@ -94,10 +94,10 @@ class RobotScene:
     def show(self, name: str, q: ArrayLike, base: pin.SE3 | None = None) -> None:
         """Move a mechanism to q (nq,), and its base if it is given."""
         mechanism = self.mechanisms[name]
-        model, data = mechanism.model, mechanism.system.data
+        model, data = mechanism.model, mechanism.structure.system.data
         if base is not None:
             _below(self._root, name).set_transform(base.homogeneous)
-        pin.forwardKinematics(model, data, mechanism.checked(q))
+        pin.forwardKinematics(model, data, mechanism.structure.checked(q))
         for node in mechanism.nodes:
             placement = pin.updateFramePlacement(model, data, mechanism.frame_id(node))
             _below(self._root, name, node).set_transform(placement.homogeneous)

@@ -39,7 +39,7 @@ def robot_memory(mechanism: Mechanism, tasks: Sequence[FrameTask], dt: float) ->
     memory.resize(signatures=2 ** len(tasks))
     for bits in range(1, memory.signatures):
         some = [task for i, task in enumerate(tasks) if bits >> i & 1]
-        memory.ranks[bits] = task_rank(mechanism, mechanism.system, some)
+        memory.ranks[bits] = task_rank(mechanism, mechanism.structure.system, some)
     return memory
 
 

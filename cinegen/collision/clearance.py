@@ -331,7 +331,7 @@ def clearance_of(scene: Scene, is_exact: bool = False) -> Clearance:
 
 def links_of(mechanism: Mechanism) -> tuple[tuple[Body, ...], tuple[tuple[int, int], ...]]:
     """Return a mechanism's bodies, and the pairs of them that may collide."""
-    links = mechanism.derived(link_pairs)
+    links = mechanism.structure.derived(link_pairs)
     return links.bodies, links.of(PairReason.CHECKED)
 
 

@@ -59,7 +59,7 @@ class MeshCheck:
     def __init__(self, scene: Scene) -> None:
         mechanism = self._mechanism = scene.mechanism
         if scene.bodies is None:
-            own = mechanism.derived(mesh_pairs)
+            own = mechanism.structure.derived(mesh_pairs)
             bodies, pairs, self.unchecked = own.bodies, own.pairs, tuple(own.unchecked)
         else:
             bodies, pairs, self.unchecked = scene.bodies, (), ()

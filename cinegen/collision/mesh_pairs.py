@@ -70,7 +70,7 @@ class MeshPairs:
 
 
 def mesh_pairs(mechanism: Mechanism) -> MeshPairs:
-    """Return the shapes of a mechanism and their pairs, to be kept with it: `mechanism.derived(mesh_pairs)`.
+    """Return the shapes of a mechanism and their pairs, to be kept with it: `mechanism.structure.derived(mesh_pairs)`.
 
     The reasons of an SRDF are verified: "Adjacent" by the structure, "Always" by the samples, "Default" in the home
     configuration and that of all joints at 0. "Never" leaves out nothing, since checking such a pair verifies it. Any

@@ -32,7 +32,7 @@ def collision_report(mechanism: Mechanism) -> dict[str, Any]:
             ones in contact at home the bounds `depth_at_home_at_least` and `depth_at_home` of their depth, m: by how
             much one of them would have to move.
     """
-    links: LinkPairs = mechanism.derived(link_pairs)
+    links: LinkPairs = mechanism.structure.derived(link_pairs)
     checked = links.of(PairReason.CHECKED)
     clearance = Clearance(mechanism, links.bodies, (), checked)
     depths = -clearance.distances(mechanism.q_home)

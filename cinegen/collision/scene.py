@@ -244,7 +244,7 @@ def unmoving_joints(mechanism: Mechanism, node: str, goal: Sequence[str]) -> tup
     """
     moves = supporting_columns(mechanism.model, mechanism.model.frames[mechanism.frame_id(node)].parentJoint)
     moves[[mechanism.v_index(name) for name in goal]] = 1.0
-    for _, columns in linked(mechanism.system.columns):
+    for _, columns in linked(mechanism.structure.system.columns):
         moves[columns] = moves[columns].max()
     return tuple(name for name in mechanism.joints if not moves[mechanism.v_index(name)])
 

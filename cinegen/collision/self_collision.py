@@ -69,7 +69,7 @@ class LinkPairs:
 
 
 def link_pairs(mechanism: Mechanism) -> LinkPairs:
-    """Return the bodies of a mechanism's links and their pairs, to be kept with it: `mechanism.derived(link_pairs)`."""
+    """Return the bodies of a mechanism's links and their pairs, to be kept with it (`Structure.derived`)."""
     bodies = link_bodies(mechanism)
     return LinkPairs(bodies, pair_reasons(mechanism, bodies))
 
@@ -144,7 +144,7 @@ def _unconnected(mechanism: Mechanism, bodies: Sequence[Body]) -> set[frozenset[
     for body in bodies:
         names.setdefault(body.joint, set()).add(body.name)
     frames = {frame.parentJoint: i for i, frame in enumerate(model.frames) if frame.type == pin.FrameType.JOINT}
-    looped = {_ordered(first, second) for first, _, second, _ in mechanism.system.anchors}
+    looped = {_ordered(first, second) for first, _, second, _ in mechanism.structure.system.anchors}
     found = set[frozenset[str]]()
     for j in range(1, model.njoints):
         parent = int(model.parents[j])
@@ -258,7 +258,7 @@ def adjacent_joints(mechanism: Mechanism, common_points: bool = True) -> frozens
     """
     model = mechanism.model
     found = {(int(model.parents[j]), j) for j in range(1, model.njoints)}
-    found |= {_ordered(first, second) for first, _, second, _ in mechanism.system.anchors}
+    found |= {_ordered(first, second) for first, _, second, _ in mechanism.structure.system.anchors}
     for hinge in _hinges(mechanism) if common_points else ():
         found.update(combinations(sorted(hinge), 2))
     parts = _parts_of_links(mechanism)
@@ -269,7 +269,7 @@ def adjacent_joints(mechanism: Mechanism, common_points: bool = True) -> frozens
 def _parts_of_links(mechanism: Mechanism) -> list[set[int]]:
     """Return for each joint the joints that carry parts of the same link: itself, and those joined by rigid loops."""
     parts = [{joint} for joint in range(mechanism.model.njoints)]
-    for loop, (first, _, second, _) in zip(mechanism.loops, mechanism.system.anchors, strict=True):
+    for loop, (first, _, second, _) in zip(mechanism.loops, mechanism.structure.system.anchors, strict=True):
         if loop.kind == LoopKind.RIGID:
             joined = parts[first] | parts[second]
             for joint in joined:
@@ -295,7 +295,7 @@ def _joint_centres(mechanism: Mechanism) -> Iterator[_Hinge]:
         if translations(model.joints[j]) == 0:
             yield {int(model.parents[j]): np.array(model.jointPlacements[j].translation), j: np.zeros(3)}
     for loop, (first, first_placement, second, second_placement) in zip(
-        mechanism.loops, mechanism.system.anchors, strict=True
+        mechanism.loops, mechanism.structure.system.anchors, strict=True
     ):
         if loop.kind != LoopKind.PRISMATIC and first != second:
             yield {first: np.array(first_placement.translation), second: np.array(second_placement.translation)}

@@ -78,7 +78,7 @@ class Design:
         self._constant = np.append(parameters.ties.constant - np.where(own, written, 0.0), np.zeros(len(self.play)))
         self._memory = self._set_up(chains)
         self._run = start(evaluate_designs, DesignMemory, install=partial(setattr, self, "_run"))
-        system = mechanism.system
+        system = mechanism.structure.system
         self._count_motions(chains)
         self.rank = self._rank_of(self.moving)
         self._loop_of_row = np.repeat(np.arange(len(system.loops)), [loop.rows for loop in system.loops])
@@ -200,7 +200,7 @@ class Design:
 
     def _set_up(self, chains: Chains) -> DesignMemory:
         mechanism = self.mechanism
-        memory = set_up(DesignMemory(), mechanism.system, mechanism.cluster_ranks)
+        memory = set_up(DesignMemory(), mechanism.structure.system, mechanism.cluster_ranks)
         targets = [chains.joints[j] for j in range(1, mechanism.model.njoints)]
         targets += [end for ends in chains.ends for end in ends]
         targets += [chains.nodes[node] for node in mechanism.nodes]
@@ -243,7 +243,7 @@ class Design:
         self._before_node = {node: self._on_path(chain) for node, chain in chains.nodes.items()}
         ends = [tuple(self._on_path(end) for end in pair) for pair in chains.ends]
         self._before_ends = np.array(ends).reshape(len(ends), 2, motions)
-        system = self.mechanism.system
+        system = self.mechanism.structure.system
         supports = [[supporting_columns(model, joint) for joint in anchor[::2]] for anchor in system.anchors]
         self._joints_before_ends = np.array(supports).reshape(len(system.anchors), 2, model.nv)
         self._joints_before = np.array([supporting_columns(model, j) for j in range(model.njoints)])
@@ -258,7 +258,9 @@ class Design:
         mechanism = self.mechanism
         if not mechanism.is_constrained:
             return 0
-        return max(closure.rank(mechanism.system.evaluate(q)[1][:, columns]) for q in mechanism.samples)
+        return max(
+            closure.rank(mechanism.structure.system.evaluate(q)[1][:, columns]) for q in mechanism.structure.samples
+        )
 
 
 def _motions(chain: Chain) -> list[int]:
@@ -330,7 +332,7 @@ class DesignEvaluation:
     def loop_parameters(self) -> Array:
         """(count, rows, columns) derivative of the loops' residual, dimensionless, by the parameters, m and rad."""
         design = self.design
-        found = np.zeros((len(self), design.mechanism.system.rows, len(design.names)))
+        found = np.zeros((len(self), design.mechanism.structure.system.rows, len(design.names)))
         for i in range(len(design._before_ends)):
             first, second = design._before_ends[i]
             rows = np.flatnonzero(design._loop_of_row == i)
@@ -495,7 +497,11 @@ class DesignEvaluation:
 
     def _loop_derivative(self) -> Array:
         """Return the derivative (count, columns, rows, nv) of `loop_joints` along closed loops."""
-        design, system, motion = self.design, self.design.mechanism.system, np.swapaxes(self.joint_derivative, 1, 2)
+        design, system, motion = (
+            self.design,
+            self.design.mechanism.structure.system,
+            np.swapaxes(self.joint_derivative, 1, 2),
+        )
         screws = self.all_screws[:, None]
         found = np.zeros((len(self), len(design.names), system.rows, screws.shape[2]))
         if len(system.loops):

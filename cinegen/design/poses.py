@@ -78,7 +78,7 @@ def _regular(design: Design, jacobians: Array) -> Bools:
     """Return in which configurations the loops, (count, rows, nv), determine the joints that move well."""
     if not design.rank:
         return np.ones(len(jacobians), dtype=bool)
-    home = design.mechanism.system.evaluate(design.mechanism.q_home)[1][:, design.moving]
+    home = design.mechanism.structure.system.evaluate(design.mechanism.q_home)[1][:, design.moving]
     least = np.linalg.svd(home, compute_uv=False)[design.rank - 1]
     s = np.linalg.svd(jacobians[:, :, design.moving], compute_uv=False)[:, design.rank - 1]
     return np.asarray(s > max(_SINGULAR, _REGULAR * least))

@@ -328,7 +328,7 @@ class Tolerances:
     def closing(self) -> list[ToleranceSource]:
         """The sources that open no loop: at home and most of a few random configurations, since at a singularity there
         are more."""
-        samples = [self.design.evaluate(q=q) for q in self.design.mechanism.samples]
+        samples = [self.design.evaluate(q=q) for q in self.design.mechanism.structure.samples]
         counts = Counter(name for one in samples for name in one.opening)
         opening = {self.design.names.index(name) for name, count in counts.items() if 2 * count > len(samples)}
         return [one for one in self.sources if opening.isdisjoint(one.columns)]
@@ -356,7 +356,7 @@ class Tolerances:
         design, mechanism = self.design, self.design.mechanism
         name = mechanism.end if node is None else node
         mechanism.frame_id(name)
-        start = design.close(design.values, mechanism.q_home if q is None else mechanism.checked(q))
+        start = design.close(design.values, mechanism.q_home if q is None else mechanism.structure.checked(q))
         here = design.evaluate(q=start)
         self._check_regular(here)
         closing = self.closing

@@ -175,7 +175,7 @@ def _easiest_plane(mechanism: Mechanism, node: str, home: pin.SE3, q: Array) -> 
     orientation."""
     motions = np.eye(mechanism.model.nv)
     if mechanism.is_constrained:
-        _, _, vt = np.linalg.svd(mechanism.system.evaluate(q)[1])
+        _, _, vt = np.linalg.svd(mechanism.structure.system.evaluate(q)[1])
         motions = vt[mechanism.loop_rank :].T
     jacobian = mechanism.jacobian(q, node) * mechanism.scale @ motions
     u, sigma, _ = np.linalg.svd(home.rotation @ jacobian[:3])

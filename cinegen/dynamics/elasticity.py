@@ -47,7 +47,7 @@ class Elasticity:
 
     def __init__(self, dynamics: InverseDynamics, q: ArrayLike, stiffness: Mapping[str, float]) -> None:
         self._dynamics, mechanism = dynamics, dynamics.mechanism
-        self._q = mechanism.checked(q).copy()
+        self._q = mechanism.structure.checked(q).copy()
         dynamics.check_closed(self._q)
         springs = np.zeros(mechanism.model.nv)
         for name, value in stiffness.items():

@@ -123,9 +123,9 @@ class Forces:
             )
         if self.undetermined:
             parts.append(
-                f"the mechanism is over-constrained: {self.redundant} of its "
-                f"{self.mechanism.system.rows} equations of loops and couplings depend on the others, and statics does "
-                f"not determine all reactions of {len(self.undetermined)} joints, loops and couplings: they depend on "
+                f"the mechanism is over-constrained: {self.redundant} of its {self.mechanism.structure.system.rows} "
+                "equations of loops and couplings depend on the others, and statics does not determine all reactions "
+                f"of {len(self.undetermined)} joints, loops and couplings: they depend on "
                 "elasticity and on errors of manufacture"
             )
         return "; ".join(parts)
@@ -210,7 +210,7 @@ def forces_at(
     mechanism, tree = dynamics.mechanism, dynamics.tree
     name = mechanism.end if node is None else node
     mechanism.frame_id(name)
-    here = mechanism.checked(q)
+    here = mechanism.structure.checked(q)
     dynamics.check_closed(here)
     if v is not None or a is not None:
         tree.check_masses(dynamics.counts_massless)
@@ -218,7 +218,7 @@ def forces_at(
     found = plain.balance(tree, here, all_v, all_a)
     columns = plain.actuated_columns(mechanism)
     torques = found.efforts / tree.step[columns] if found.is_held else np.full(len(columns), np.nan)
-    values = passive_singular_values(mechanism, here) if mechanism.passive_rank else np.zeros(0)
+    values = passive_singular_values(mechanism, here) if mechanism.structure.passive_rank else np.zeros(0)
     least = float(values[-1]) if len(values) else np.inf
     is_near = least <= NEAR_SINGULAR or not found.is_held
     uncontrolled = np.zeros((len(found.motions.uncontrolled), mechanism.model.nv))

@@ -124,7 +124,7 @@ class InverseDynamics:
             MassError: links have no mass, and there are velocities or accelerations.
             UnknownNameError: no such actuated joint.
         """
-        full = self.mechanism.checked(q)
+        full = self.mechanism.structure.checked(q)
         all_v, all_a, completes = self._motion(v, a)
         memory, single = self._one, self._single
         if self._is_compiled:
@@ -182,14 +182,14 @@ class InverseDynamics:
 
     def undetermined_of(self, name: str) -> Bools:
         """Return (6,) true for the components of the reaction of a joint or loop that statics does not determine in
-        nearly all configurations: in one of `Mechanism.samples` at least.
+        nearly all configurations: in one of `Structure.samples` at least.
 
         Raises:
             UnknownNameError: there is none of that name.
         """
         if name not in self._undetermined:
             found = np.zeros(6, dtype=bool)
-            for q in (self.mechanism.q_home, *self.mechanism.samples):
+            for q in (self.mechanism.q_home, *self.mechanism.structure.samples):
                 found |= self._reaction(name, self.balance(q, self._rest, self._rest)).stresses.any(axis=1)
             self._undetermined[name] = found
         return self._undetermined[name]
@@ -240,7 +240,7 @@ class InverseDynamics:
 
     def _ask(self, name: str | None) -> int:
         """Ask the kernel for the reaction of a joint or loop, or of none; return the joint's number, 0 for a loop."""
-        memory, model, system = self._many, self.tree.model, self.mechanism.system
+        memory, model, system = self._many, self.tree.model, self.mechanism.structure.system
         loops = [loop.name for loop in system.loops]
         memory.asked_loop = loops.index(name) if name in loops else -1
         joint = 0 if name is None or memory.asked_loop >= 0 else int(model.getJointId(name))
@@ -257,7 +257,7 @@ class InverseDynamics:
         Raises:
             ConfigurationError, ClosureError, MotionError, UnknownNameError: as `torques`.
         """
-        full = self.mechanism.checked(q)
+        full = self.mechanism.structure.checked(q)
         all_v, all_a, completes = self._motion(v, a, needs_masses=False)
         if all_v is None or all_a is None:
             return self._rest.copy(), self._rest.copy()
@@ -279,7 +279,7 @@ class InverseDynamics:
             MotionError: the actuated joints do not determine the motion at q, or depend on each other.
             MassError: links have no mass.
         """
-        full = self.mechanism.checked(q)
+        full = self.mechanism.structure.checked(q)
         self.check_closed(full)
         self._need_masses()
         motions, columns = plain.motions_at(self.tree, full), plain.actuated_columns(self.mechanism)
@@ -434,7 +434,7 @@ def _set_up(tree: LoadedTree) -> DynamicsMemory:
     """Return the kernel's memory."""
     mechanism = tree.mechanism
     fixed = plain.columns_of(mechanism).start
-    memory = set_up(DynamicsMemory(count=1), mechanism.system, mechanism.cluster_ranks, fixed)
+    memory = set_up(DynamicsMemory(count=1), mechanism.structure.system, mechanism.cluster_ranks, fixed)
     columns = plain.actuated_columns(mechanism)
     memory.resize(actuated=len(columns), mobility=memory.n - memory.rank)
     memory.actuated_dof[:], memory.step[:] = np.array(columns, dtype=int) - fixed, tree.step[columns]

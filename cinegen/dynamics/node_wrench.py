@@ -70,7 +70,7 @@ def node_wrench(
             f"torques of {mechanism.name} are {len(mechanism.actuated)} finite numbers, one for each actuated joint, "
             f"not {given.shape}"
         )
-    here = mechanism.checked(q)
+    here = mechanism.structure.checked(q)
     dynamics.check_closed(here)
     found = plain.balance(tree, here, *dynamics.motion(here, v, a))
     columns, lengths = plain.actuated_columns(mechanism), np.repeat([mechanism.length, 1.0], 3)

@@ -116,7 +116,7 @@ def actuated_columns(mechanism: Mechanism) -> list[int]:
 def motions_at(tree: LoadedTree, q: Array) -> Motions:
     """Return the motions at q (nq,), loops closed."""
     mechanism = tree.mechanism
-    system, moving = mechanism.system, columns_of(mechanism)
+    system, moving = mechanism.structure.system, columns_of(mechanism)
     jacobian = system.evaluate(q)[1][:, moving]
     u, sigma, vt = np.linalg.svd(jacobian)
     count = rank(jacobian)
@@ -162,7 +162,7 @@ def complete(tree: LoadedTree, q: Array, v: Array, a: Array, motions: Motions) -
     y, gap_v = motions.coordinates((v / tree.step)[columns])
     all_v[moving] = scale[moving] * (motions.basis @ y)
     particular = np.zeros(len(v))
-    particular[moving] = -motions.inverse @ mechanism.system.drift(q, all_v) * scale[moving]
+    particular[moving] = -motions.inverse @ mechanism.structure.system.drift(q, all_v) * scale[moving]
     y, gap_a = motions.coordinates(((a - particular) / tree.step)[columns])
     all_a[moving] = particular[moving] + scale[moving] * (motions.basis @ y)
     return all_v, all_a, gap_v, gap_a
@@ -174,7 +174,7 @@ def openings(tree: LoadedTree, q: Array, v: Array, a: Array, motions: Motions) -
     mechanism, moving = tree.mechanism, columns_of(tree.mechanism)
     if not mechanism.is_constrained:
         return 0.0, 0.0
-    rates, lack = (v / mechanism.scale)[moving], mechanism.system.drift(q, v)
+    rates, lack = (v / mechanism.scale)[moving], mechanism.structure.system.drift(q, v)
     gap = np.abs(motions.jacobian @ rates).max(initial=0.0) / max(np.abs(rates).max(initial=0.0), _LEAST)
     rates = (a / mechanism.scale)[moving]
     largest = max(np.abs(rates).max(initial=0.0), np.abs(lack).max(initial=0.0), _LEAST)

@@ -86,7 +86,7 @@ def reactions(tree: LoadedTree, found: plain.Balance) -> tuple[Reaction, ...]:
         found: the balance there.
     """
     mechanism, data, model = tree.mechanism, tree.data, tree.model
-    system, stresses = mechanism.system, found.motions.stresses
+    system, stresses = mechanism.structure.system, found.motions.stresses
     efforts = np.column_stack([plain.multipliers(mechanism, found, tree.step), stresses])  # of the load, of each stress
     through = np.zeros((model.njoints, 6, efforts.shape[1]))  # wrenches at the world's origin, in its axes
     for j in range(1, model.njoints):

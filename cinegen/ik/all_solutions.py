@@ -178,7 +178,7 @@ def all_solutions(
     except ClosureError as error:
         raise IKError(f"no closed configuration near the start: {error}") from None
     try:
-        parts, lock = mechanism.derived(_Kept).parts(mechanism, _node_task(mechanism, task), locked)
+        parts, lock = mechanism.structure.derived(_Kept).parts(mechanism, _node_task(mechanism, task), locked)
         with lock:
             return _Assembly(mechanism, task, start, locked, parts).solutions(report, effort)
     except ModesError as error:
@@ -237,7 +237,7 @@ class _Assembly:
         revolute = [mechanism.q_index(name) for name in self._moving if not mechanism.is_prismatic(name)]
         self._revolute = np.array(revolute, dtype=np.intp)
         # couplings with other joints are fulfilled afterwards
-        self._equations_used = mechanism.system.rows - (0 if parts.couplings else len(mechanism.couplings))
+        self._equations_used = mechanism.structure.system.rows - (0 if parts.couplings else len(mechanism.couplings))
 
     def solutions(self, report: Callable[[str], None] | None, effort: float) -> IKSolutions:
         """Return all solutions."""
@@ -372,7 +372,7 @@ class _Assembly:
         jacobian = task.offset.toActionMatrixInverse() @ mechanism.jacobian(q, task.node)
         error, by = task.equations(mechanism.placement(q, task.node) * task.offset, jacobian)
         units = np.repeat([length, 1.0], [task.translation, task.rotation])
-        c, loops = (part[: self._equations_used] for part in mechanism.system.evaluate(q))
+        c, loops = (part[: self._equations_used] for part in mechanism.structure.system.evaluate(q))
         rows = np.vstack([by * mechanism.scale / units[:, None], loops])
         return np.concatenate([error / units, -c]), rows[:, self._columns]
 

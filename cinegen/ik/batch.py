@@ -113,15 +113,15 @@ class BatchEvaluator:
         self.mechanism, self._whole = mechanism, whole
         model, frame = mechanism.model, mechanism.model.frames[mechanism.frame_id(node)]
         fixed = 6 if mechanism.floating else 0
-        self._memory = memory = set_up(BatchMemory(), mechanism.system, mechanism.cluster_ranks, fixed)
+        self._memory = memory = set_up(BatchMemory(), mechanism.structure.system, mechanism.cluster_ranks, fixed)
         actuate(memory, [mechanism.v_index(joint) for joint in mechanism.actuated])
         self._actuated = [mechanism.q_index(joint) for joint in mechanism.actuated]
         memory.tolerance, memory.longest_stride, memory.most_added = _TOLERANCE, _STRIDE, CORRECTION
         mobility = memory.n - memory.rank
-        columns = mechanism.passive_columns
-        if passive_sigma and 0 < mechanism.passive_rank == len(columns):
-            set_up_screws(memory, mechanism.screws, len(mechanism.couplings))
-            passive = mechanism.passive_screws
+        columns = mechanism.structure.passive_columns
+        if passive_sigma and 0 < mechanism.structure.passive_rank == len(columns):
+            set_up_screws(memory, mechanism.structure.screws, len(mechanism.couplings))
+            passive = mechanism.structure.passive_screws
         else:
             passive = columns[:0]
         memory.resize(

@@ -33,7 +33,7 @@ def regular_neighbour(mechanism: Mechanism, q: Array, lower: Array, upper: Array
         upper: (nq,) greatest values, at least q.
     """
     found, moved = q.copy(), False
-    for (own, at), rank in zip(subsystems(mechanism.own_system()), mechanism.cluster_ranks, strict=True):
+    for (own, at), rank in zip(subsystems(mechanism.structure.own_system()), mechanism.cluster_ranks, strict=True):
         if rank == 0:
             continue
         here = q[at]

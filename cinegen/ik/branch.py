@@ -34,17 +34,17 @@ def passes_toggle(mechanism: Mechanism, q: Array, there: Array) -> bool:
         q: (nq,) closed.
         there: (nq,) closed, near q.
     """
-    blocks = mechanism.derived(_blocks)
+    blocks = mechanism.structure.derived(_blocks)
     if not blocks:
         return False
-    here, after = (mechanism.system.evaluate(x)[1] for x in (q, there))
+    here, after = (mechanism.structure.system.evaluate(x)[1] for x in (q, there))
     return any(_turned(here[np.ix_(*one[:2])], after[np.ix_(*one[:2])], one.rank) for one in blocks)
 
 
 def _blocks(mechanism: Mechanism) -> list[_Block]:
-    found, samples = list[_Block](), [mechanism.system.evaluate(q)[1] for q in mechanism.samples]
-    for cluster in clusters(mechanism.system):
-        columns = np.intersect1d(cluster.columns, mechanism.passive_columns)
+    found, samples = list[_Block](), [mechanism.structure.system.evaluate(q)[1] for q in mechanism.structure.samples]
+    for cluster in clusters(mechanism.structure.system):
+        columns = np.intersect1d(cluster.columns, mechanism.structure.passive_columns)
         most = max(rank(jacobian[np.ix_(cluster.rows, columns)]) for jacobian in samples)
         if most:
             found.append(_Block(cluster.rows, columns, most))

@@ -83,7 +83,7 @@ def task_rank(mechanism: Mechanism, system: ClosedLoops, tasks: Sequence[AnyTask
         Exception: of a task in Python.
     """
     highest = 0
-    for q in mechanism.samples:
+    for q in mechanism.structure.samples:
         motions = motions_of(system, q, mechanism.loop_rank)
         frames = [task for task in tasks if isinstance(task, FrameTask)]
         with_axes = [(task, axes_of(task, mechanism, system)) for task in frames]

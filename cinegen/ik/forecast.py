@@ -157,7 +157,7 @@ def forecast_of(rollout: Rollout, threshold: float, passive_threshold: float) ->
 
 
 def _passive_rank(mechanism: Mechanism) -> int:
-    return mechanism.passive_rank + mechanism.screws.cut if mechanism.passive_rank else 0
+    return mechanism.structure.passive_rank + mechanism.structure.screws.cut if mechanism.structure.passive_rank else 0
 
 
 def _signed(matrices: Array, rank: int) -> Array:
@@ -208,7 +208,7 @@ def _limits(rollout: Rollout) -> Iterator[tuple[float, int, float]]:
     """Yield the times, in ticks, at which a joint meets a limit, its column and the limit; 0 for one that restricts the
     first tick."""
     mechanism, motions = rollout.mechanism, rollout.motions
-    for index, column in zip(*mechanism.scalar_joints, strict=True):
+    for index, column in zip(*mechanism.structure.scalar_joints, strict=True):
         for bound, side in ((mechanism.limits.lower[index], -1.0), (mechanism.limits.upper[index], 1.0)):
             left = side * (bound - rollout.q[:, index]) / mechanism.scale[column]
             for k in _onsets(left <= _AT_LIMIT, left > _OFF_LIMIT):
@@ -237,7 +237,7 @@ def _configuration(rollout: Rollout, x: float, column: int | None = None, bound:
         free[column] = False
     if not mechanism.is_constrained:
         return q
-    closing = close(mechanism.system, q, free)
+    closing = close(mechanism.structure.system, q, free)
     return closing.q if closing.closed else rollout.q[k + 1].copy()
 
 

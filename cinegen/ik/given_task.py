@@ -146,7 +146,7 @@ class GivenTask:
         mechanism, given = state.mechanism, self.memory.given_error
         direction = np.cos(np.arange(1.0, state.model.nv + 1.0))
         before, told = given.copy(), self.memory.given_rows @ direction
-        ahead = mechanism.system.integrate(state.q, _STEP * direction)
+        ahead = mechanism.structure.system.integrate(state.q, _STEP * direction)
         self.evaluate_error(State(mechanism, ahead, state.dt))
         found, size = (before - given) / _STEP, float(np.linalg.norm(told))
         if size > 1e-3 and np.linalg.norm(found + told) < 1e-2 * size:

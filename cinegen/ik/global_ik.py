@@ -187,7 +187,7 @@ def inverse_kinematics(
         check_lengths(mechanism, f"target of '{task.node}'", task.target.translation, FAR_TARGET)
     if not (tolerance > 0.0 and starts > 0):
         raise CinegenError(f"tolerance and starts must be above 0, not {tolerance} and {starts}")
-    checked = None if q is None else mechanism.checked(q)
+    checked = None if q is None else mechanism.structure.checked(q)
     if checked is not None:
         check_configuration(mechanism, checked)
     of_levels = len(frames) < len(targets) or len({task.priority for task in targets}) > 1

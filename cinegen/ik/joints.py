@@ -89,8 +89,11 @@ def _unlimited(mechanism: Mechanism) -> Array:
 
 def _unweighted(mechanism: Mechanism) -> Array:
     """Return 1 for the columns whose motion counts: of actuated joints, a floating base, and joints in no loop."""
-    weights, columns = np.ones(mechanism.model.nv), np.concatenate([np.zeros(0, int), *mechanism.system.columns])
-    weights[np.intersect1d(mechanism.passive_columns, columns)] = 0.0
+    weights, columns = (
+        np.ones(mechanism.model.nv),
+        np.concatenate([np.zeros(0, int), *mechanism.structure.system.columns]),
+    )
+    weights[np.intersect1d(mechanism.structure.passive_columns, columns)] = 0.0
     return weights
 
 
@@ -137,7 +140,7 @@ class JointSettings:
 
     def holds(self, q: Array) -> bool:
         """Return whether q (nq,) has the locked joints where they were locked."""
-        model, here = self.held.model, self.held.held_at
+        model, here = self.held.model, self.held.structure.held_at
         joints = [model.joints[model.getJointId(name)] for name in self.held.held]
         places = [slice(joint.idx_q, joint.idx_q + joint.nq) for joint in joints]
         return all(np.array_equal(q[at], here[at]) for at in places)
@@ -228,8 +231,8 @@ class JointSettings:
             lifted: whether limits of velocity, and of position, are ignored.
         """
         mechanism, free = self.mechanism, np.ones(memory.n)
-        free[self.held.held_columns] = 0.0
-        at_q, at_v = mechanism.scalar_joints
+        free[self.held.structure.held_columns] = 0.0
+        at_q, at_v = mechanism.structure.scalar_joints
         speeds, accelerations = self.columns[VELOCITY.what], self.columns[ACCELERATION.what]
         memory.lower[:] = -np.inf
         memory.upper[:] = memory.longest_step[:] = memory.longest_change[:] = np.inf

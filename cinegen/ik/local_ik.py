@@ -50,11 +50,11 @@ class LocalIK:
         if not limits:
             memory.lower[:], memory.upper[:] = -np.inf, np.inf
         scalar = memory.q_index >= 0
-        scalar[[column - memory.fixed for column in mechanism.held_columns]] = False
+        scalar[[column - memory.fixed for column in mechanism.structure.held_columns]] = False
         self._at = memory.q_index[scalar]
         low, high, scale = memory.lower[scalar], memory.upper[scalar], memory.scale[scalar]
         reach = np.where(scale == 1.0, np.pi, mechanism.length)  # of joints without limits
-        middle = mechanism.held_at[self._at]
+        middle = mechanism.structure.held_at[self._at]
         self._scale = scale
         self._low = np.where(np.isfinite(low), low, np.where(np.isfinite(high), high, middle) - reach)
         self._high = np.where(np.isfinite(high), high, np.where(np.isfinite(low), low, middle) + reach)
@@ -99,7 +99,7 @@ class LocalIK:
 
     def random_start(self, rng: np.random.Generator) -> Array:
         """Return a configuration (nq,) with all joints at random within their limits, loops open."""
-        q = self.mechanism.held_at.copy()
+        q = self.mechanism.structure.held_at.copy()
         q[self._at] = rng.uniform(self._low, self._high)
         return q
 
@@ -112,7 +112,7 @@ class LocalIK:
         """
         if not self.mechanism.is_constrained:
             return np.array([self.random_start(rng) for _ in range(count)])
-        home = self.mechanism.held_at
+        home = self.mechanism.structure.held_at
         found, points = [home], [home[self._at] / self._scale]
         for _ in range(4 * count if len(self._at) else 0):
             if len(found) == count:

@@ -132,7 +132,7 @@ class Posture(_Rated):
     def _difference(self, state: State) -> Array:
         """Return the difference to the desired configuration (nv,), dimensionless."""
         mechanism = state.mechanism
-        desired = mechanism.q_home if self._q is None else mechanism.checked(self._q)
+        desired = mechanism.q_home if self._q is None else mechanism.structure.checked(self._q)
         return mechanism.scaled_difference(state.q, desired)
 
 
@@ -199,7 +199,7 @@ class LimitMargin(_Rated):
 
 def _ranges(mechanism: Mechanism, margin: float) -> tuple[Indices, Indices, Array, Array]:
     """Return the joints with two limits: their indices in q and v, and the inner ends of their margins, rad and m."""
-    at_q, at_v = mechanism.scalar_joints
+    at_q, at_v = mechanism.structure.scalar_joints
     wide = mechanism.limits.upper[at_q] - mechanism.limits.lower[at_q]
     limited = (wide > 0.0) & np.isfinite(wide)
     at_q, at_v, width = at_q[limited], at_v[limited], margin * wide[limited]
@@ -270,7 +270,7 @@ class Manipulability(_Rated):
         evaluations for each motion in the null space of the tasks.
         """
         mechanism, measured = state.mechanism, self._measured(state)
-        system, nv = mechanism.system, mechanism.model.nv
+        system, nv = mechanism.structure.system, mechanism.model.nv
         gradient = np.zeros(nv)
         loops, tasks, rows = self._rows(state, measured, state.q)
         if not len(rows):
@@ -299,7 +299,7 @@ class Manipulability(_Rated):
     def _rows(self, state: State, measured: list[Any] | None, q: Array) -> tuple[Array, Array, Array]:
         """Return the Jacobians of loops, tasks, and measured tasks at q, dimensionless."""
         mechanism = state.mechanism
-        system = mechanism.system
+        system = mechanism.structure.system
         loops = system.evaluate(q)[1]
         found: list[Array] = []
         for tasks in (state.tasks, measured):

@@ -23,11 +23,11 @@ def set_up(memory: TasksMemory, mechanism: Mechanism, fixed: int = 0) -> None:
         mechanism: mechanism to move.
         fixed: 6 to hold a floating base, else 0.
     """
-    loops.set_up(memory, mechanism.system, mechanism.cluster_ranks, fixed)
-    at_q, at_v = mechanism.scalar_joints
+    loops.set_up(memory, mechanism.structure.system, mechanism.cluster_ranks, fixed)
+    at_q, at_v = mechanism.structure.scalar_joints
     memory.lower[:], memory.upper[:] = -np.inf, np.inf
     memory.lower[at_v - fixed], memory.upper[at_v - fixed] = mechanism.limits.lower[at_q], mechanism.limits.upper[at_q]
-    for column in mechanism.held_columns:  # it does not move: nothing limits it
+    for column in mechanism.structure.held_columns:  # it does not move: nothing limits it
         memory.lower[column - fixed], memory.upper[column - fixed] = -np.inf, np.inf
 
 
@@ -57,12 +57,12 @@ def _bind(task: AnyTask, mechanism: Mechanism, fixed: int) -> None:
     model, memory = mechanism.model, task.memory
     memory.resize(n=model.nv - fixed)
     if isinstance(task, GivenTask):
-        task.hold(mechanism.held_columns)
+        task.hold(mechanism.structure.held_columns)
         return
     frame = model.frames[task.frame]
     memory.joint, memory.offset[:] = frame.parentJoint, frame_of(frame.placement * task.offset)
     memory.moved_by[:] = supporting_columns(model, frame.parentJoint)[fixed:]
-    memory.moved_by[[column - fixed for column in mechanism.held_columns]] = 0.0
+    memory.moved_by[[column - fixed for column in mechanism.structure.held_columns]] = 0.0
     memory.axes_of = {"target": OF_TARGET, "world": OF_WORLD}.get(task.axes, OF_NODE)
     if memory.axes_of == OF_NODE:
         axes = model.frames[mechanism.frame_id(task.axes)]
@@ -76,7 +76,7 @@ def set_up_solver(memory: SolverMemory, mechanism: Mechanism) -> None:
     memory.resize(mobility=mobility, most_active=mobility + 1)
     make_room_for_barriers(memory, memory.barrier_capacity)
     if memory.is_watched:
-        loops.set_up_screws(memory, mechanism.screws, len(mechanism.couplings))
+        loops.set_up_screws(memory, mechanism.structure.screws, len(mechanism.couplings))
     memory.is_at_q = 0
 
 
@@ -108,7 +108,7 @@ def second_derivative(mechanism: Mechanism, lower: Array, upper: Array) -> float
         lower: (nq,) least positions, rad and m.
         upper: (nq,) greatest positions.
     """
-    model, held = mechanism.model, mechanism.held_columns
+    model, held = mechanism.model, mechanism.structure.held_columns
     reach = sum(float(np.linalg.norm(placement.translation)) for placement in model.jointPlacements)
     reach += max(float(np.linalg.norm(frame.placement.translation)) for frame in model.frames)
     for joint in model.joints:
@@ -117,5 +117,5 @@ def second_derivative(mechanism: Mechanism, lower: Array, upper: Array) -> float
             return np.inf
         if joint.idx_v >= 0 and translations(joint):
             low, high = lower[joint.idx_q], upper[joint.idx_q]
-            reach += abs(mechanism.held_at[joint.idx_q]) if is_held else max(abs(low), abs(high))
+            reach += abs(mechanism.structure.held_at[joint.idx_q]) if is_held else max(abs(low), abs(high))
     return reach / mechanism.length + 1.0

@@ -86,7 +86,7 @@ def lost(
     """
     if rank == 0:
         return None
-    system = mechanism.system if system is None else system
+    system = mechanism.structure.system if system is None else system
     ever = _ever(mechanism, system, q, tasks)
     rows, motions = _on_free_motions(mechanism, system, q, tasks)
     rank = min(rank, *ever.shape)  # less where a target's rotation was set to what is none
@@ -105,10 +105,12 @@ def passive_singular_values(mechanism: Mechanism, q: Array) -> Array:
 
     The joints that were cut are passive, too (`cinegen.loops.screws`).
     """
-    if mechanism.passive_rank == 0:
+    if mechanism.structure.passive_rank == 0:
         return np.zeros(0)
-    matrix = mechanism.screw_matrix(q)[:, mechanism.passive_screws]
-    return np.asarray(np.linalg.svd(matrix, compute_uv=False)[: mechanism.passive_rank + mechanism.screws.cut])
+    matrix = mechanism.screw_matrix(q)[:, mechanism.structure.passive_screws]
+    return np.asarray(
+        np.linalg.svd(matrix, compute_uv=False)[: mechanism.structure.passive_rank + mechanism.structure.screws.cut]
+    )
 
 
 def gained(mechanism: Mechanism, q: Array, system: ClosedLoops | None = None) -> UncontrolledDoF | None:
@@ -116,12 +118,15 @@ def gained(mechanism: Mechanism, q: Array, system: ClosedLoops | None = None) ->
 
     With `system`, the motion is in the columns of its Jacobian, see `lost`.
     """
-    rank = mechanism.passive_rank
+    rank = mechanism.structure.passive_rank
     if rank == 0:
         return None
-    passive, columns = mechanism.screw_matrix(q, system)[:, mechanism.passive_screws], mechanism.passive_columns
+    passive, columns = (
+        mechanism.screw_matrix(q, system)[:, mechanism.structure.passive_screws],
+        mechanism.structure.passive_columns,
+    )
     _, sigma, vt = np.linalg.svd(passive, full_matrices=False)
-    last, joints = rank + mechanism.screws.cut - 1, np.zeros(mechanism.model.nv)
+    last, joints = rank + mechanism.structure.screws.cut - 1, np.zeros(mechanism.model.nv)
     joints[columns] = vt[last, : len(columns)]
     return UncontrolledDoF(float(sigma[last]), _sign(joints) * joints * mechanism.scale, sigma[: last + 1])
 
@@ -138,7 +143,7 @@ def _ever(mechanism: Mechanism, system: ClosedLoops, q: Array, tasks: Sequence[t
     """Return an orthonormal basis (rows, .) of the directions in which the tasks can move in any configuration. The
     direction out of the plane of a planar mechanism always has a singular value of 0: it is not a lost DoF."""
     images = []
-    for there in (*mechanism.samples, q):
+    for there in (*mechanism.structure.samples, q):
         rows, motions = _on_free_motions(mechanism, system, there, tasks)
         images.append(rows @ motions)
     together = np.hstack(images)

@@ -256,7 +256,7 @@ class Solver(JointControl):
 
     @q.setter
     def q(self, q: ArrayLike) -> None:
-        full = self.mechanism.checked(q)
+        full = self.mechanism.structure.checked(q)
         check_configuration(self.mechanism, full)
         closure = self.mechanism.closure(full)
         if closure > CLOSURE:
@@ -514,7 +514,7 @@ class Solver(JointControl):
         key = tuple(_place(task) for task in tasks)
         if key not in self._ranks:
             try:
-                self._ranks[key] = task_rank(self._joints.held, self._joints.held.system, tasks)
+                self._ranks[key] = task_rank(self._joints.held, self._joints.held.structure.system, tasks)
             except Exception as error:  # of a task in Python: the loop must go on
                 self._catch(f"a task of {self.mechanism.name}", error)
                 return sum(task.rows for task in tasks)
@@ -629,14 +629,14 @@ class Solver(JointControl):
         with self._used():
             self._keeps_linearisation, self._memory.is_watched = keeps, int(keeps)
             if keeps:
-                set_up_screws(self._memory, self._joints.held.screws, len(self.mechanism.couplings))
+                set_up_screws(self._memory, self._joints.held.structure.screws, len(self.mechanism.couplings))
 
     def _linearise(self) -> Linearisation:
         """Return the Jacobians with which the tick began; a trial overwrites those of the loops."""
         memory = self._memory
         tasks = memory.task_jacobian[: memory.active_rows]
         rank = min(memory.task_rank, len(tasks), memory.mobility)
-        passive = memory.screw_matrix[:, self._joints.held.passive_screws]
+        passive = memory.screw_matrix[:, self._joints.held.structure.passive_screws]
         return Linearisation(tasks.copy(), null_space(memory), passive, rank)
 
     # --- redundancy ----------------------------------------------------------------------------------------------
@@ -737,7 +737,7 @@ class Solver(JointControl):
             memory.barrier_rows[:count] = np.vstack(rows)
             memory.barrier_room[:count] = np.concatenate(most)
             if self.locked:
-                memory.barrier_rows[:count, self._joints.held.held_columns] = 0.0
+                memory.barrier_rows[:count, self._joints.held.structure.held_columns] = 0.0
 
     def _clear(self) -> float:
         """Return the fraction of the step to the trial configuration that barriers allow."""
@@ -775,7 +775,7 @@ class Solver(JointControl):
                 total += velocity
         total *= self.dt / self.mechanism.scale
         if self.locked:
-            total[self._joints.held.held_columns] = 0.0
+            total[self._joints.held.structure.held_columns] = 0.0
         total *= STEP_CAP / max(STEP_CAP, np.abs(total).max(initial=0.0))
         memory = self._memory
         memory.secondary_wanted[:] = total

@@ -172,7 +172,7 @@ class Step:
         if self._record[m.SIGMA_KNOWN]:
             return self._layout.get(self._record, "record_sigma")[:count]
         mechanism = self._layout.mechanism
-        system = mechanism.system
+        system = mechanism.structure.system
         motions = motions_of(system, self.q, mechanism.loop_rank)
         rows = equations(mechanism, system, self._first_level())[1]
         return np.asarray(np.linalg.svd(rows @ motions, compute_uv=False)[:count])

@@ -177,7 +177,7 @@ class TaskParts:
         columns, units = [mechanism.v_index(name) for name in names], np.repeat([[mechanism.length], [1.0]], 3, axis=0)
         ranks = []
         for q in self._samples:
-            task, loops = self._task_rows(q) * mechanism.scale, mechanism.system.evaluate(q)[1]
+            task, loops = self._task_rows(q) * mechanism.scale, mechanism.structure.system.evaluate(q)[1]
             ranks.append(closure.rank(np.vstack([task / units[: len(task)], loops])[:, columns]))
         features = {feature: None for part in parts for feature in part.solver.body_features}
         own = tuple(feature for feature in features if not feature.joint.startswith(_VIRTUAL))
@@ -222,7 +222,7 @@ class TaskParts:
     def _twists(self, q: Array) -> Array:
         """Return the Jacobian (6, nv) of the node relative to the root at q (nq,), in the root's axes, of the velocity
         of its origin; m and rad."""
-        model, data = self.mechanism.model, self.mechanism.system.data
+        model, data = self.mechanism.model, self.mechanism.structure.system.data
         jacobian = np.asarray(pin.computeJointJacobians(model, data, q)).reshape(6, model.nv)
         columns = np.zeros_like(jacobian)
         for j in model.supports[self._end]:
@@ -249,7 +249,7 @@ class TaskParts:
 
     def _relative(self, q: Array) -> pin.SE3:
         """Return the frame's placement in the root at q (nq,)."""
-        data = self.mechanism.system.data
+        data = self.mechanism.structure.system.data
         pin.forwardKinematics(self.mechanism.model, data, q)
         return data.oMi[self._root].actInv(data.oMi[self._end]) * self._frame
 
@@ -271,7 +271,7 @@ class TaskParts:
 
     def _split(self) -> list[tuple[set[int], set[int]]]:
         """Return the joints and the cuts of each part."""
-        anchors, end = self.mechanism.system.anchors, self._carrier(self._end)
+        anchors, end = self.mechanism.structure.system.anchors, self._carrier(self._end)
         cuts = {k: (int(a), int(b)) for k, (a, _, b, _) in enumerate(anchors)}
         cycles = [self._chain(a) ^ self._chain(b) | {-1 - k} for k, (a, b) in cuts.items()]
         index = self.mechanism.model.getJointId
@@ -356,7 +356,7 @@ class TaskParts:
             loops.append(LoopConstraint(name, kind, first, second, pin.SE3.Identity(), pin.SE3.Identity()))
 
         for k in sorted(cuts):
-            first, one, second, two = self.mechanism.system.anchors[k]
+            first, one, second, two = self.mechanism.structure.system.anchors[k]
             ends = [(joint, there * end) for (joint, there), end in ((carried(first), one), (carried(second), two))]
             close(self.mechanism.loops[k].name, self.mechanism.loops[k].kind, *ends)
         end = self._carrier(self._end)
@@ -381,7 +381,9 @@ class TaskParts:
             source=MechanismSource("", None, None, mechanism.name), couplings=couplings,
         )  # fmt: skip
         chosen = {*mechanism.actuated, *(name for coupling in mechanism.couplings for name in coupling.terms)}
-        looped = set[int]().union(*(self._chain(a) ^ self._chain(b) for a, _, b, _ in mechanism.system.anchors))
+        looped = set[int]().union(
+            *(self._chain(a) ^ self._chain(b) for a, _, b, _ in mechanism.structure.system.anchors)
+        )
         inside = {mechanism.model.names[j] for j in looped}
         distinct = tuple(name for name in names if name in chosen or name not in inside)
         try:
@@ -406,7 +408,7 @@ class TaskParts:
     def virtual_pose(self, pose: pin.SE3, q: Array) -> VirtualPose:
         """Return the values of the virtual joints for the frame's pose in the world; a free base is where it is in q
         (nq,)."""
-        data = self.mechanism.system.data
+        data = self.mechanism.structure.system.data
         pin.forwardKinematics(self.mechanism.model, data, q)
         wanted = data.oMi[self._root].actInv(pose)
         if self.task.rotation < 3 and self._virtual.rotations == 0:  # the orientation follows

@@ -81,7 +81,7 @@ class Branch:
 
     def _interpolate_all(self, first: Array, second: Array, along: Array) -> Array:
         step = self.mechanism.distance(first, second)
-        middle = [self.mechanism.normalized(first + x * (second - first)) for x in (0.25, 0.5, 0.75)]
+        middle = [self.mechanism.structure.normalized(first + x * (second - first)) for x in (0.25, 0.5, 0.75)]
         found = []
         for q in [*middle, *along]:
             try:

@@ -126,7 +126,7 @@ def check(
     mechanism, q = trajectory.mechanism, trajectory.q
     gaps = _of_each(q, lambda one: np.array(mechanism.closure(one)))
     found = [*_uncontrolled(trajectory), *_open(trajectory, gaps), *_limits(trajectory), *_rates(trajectory)]
-    end, passive = of_end(mechanism), of_passive_joints(mechanism) if mechanism.passive_rank else None
+    end, passive = of_end(mechanism), of_passive_joints(mechanism) if mechanism.structure.passive_rank else None
     kinds = (FindingKind.TYPE_1, FindingKind.NEAR_TYPE_1)
     sigma = _singular(trajectory, end, threshold, kinds, found) if end.rank else np.full(len(q), np.inf)
     passive_sigma = np.full(len(q), np.inf)
@@ -167,7 +167,7 @@ def _intervals(inside: Bools, outside: Bools | None = None) -> Iterator[slice]:
 
 def _uncontrolled(trajectory: Trajectory) -> Iterator[Finding]:
     mechanism = trajectory.mechanism
-    count = len(mechanism.passive_columns) - mechanism.passive_rank
+    count = len(mechanism.structure.passive_columns) - mechanism.structure.passive_rank
     if count:
         message = f"the actuated joints leave {count} DoF of {trajectory.name} uncontrolled"
         yield _at(trajectory, FindingKind.UNCONTROLLED, 0, message)

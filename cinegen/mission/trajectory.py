@@ -152,7 +152,7 @@ def resampled(
             raise MissionError(f"{name} can't be exported: at {times[i]:.3f} s {error}") from None
     passes, q, used = _timed(branch, limits, (times - times[0]) / speed, times, knots, rate, name, strengths)
     v = np.zeros((len(q), mechanism.model.nv))
-    at_q, at_v = mechanism.scalar_joints
+    at_q, at_v = mechanism.structure.scalar_joints
     v[1:-1, at_v] = (q[2:, at_q] - q[:-2, at_q]) * (0.5 * rate)
     for k in range(1, len(q) - 1) if mechanism.balls else ():
         v[k] = mechanism.difference(q[k - 1], q[k + 1]) * (0.5 * rate)
@@ -206,7 +206,7 @@ def _timed(
         torques: limits of torques and forces.
     """
     mechanism = branch.mechanism
-    at_q, at_v = mechanism.scalar_joints
+    at_q, at_v = mechanism.structure.scalar_joints
     velocity, acceleration = np.full((2, mechanism.model.nq), np.inf)
     velocity[at_q], acceleration[at_q] = limits.velocity[at_v], limits.acceleration[at_v]
     steps, scale = np.abs(np.diff(knots, axis=0)), np.ones(mechanism.model.nq)
@@ -299,8 +299,8 @@ class _Timing:
                     torques.check_static(terms.static[0, 0] / terms.weight[0, 0], "where the path begins")
                     torques.check_static(terms.static[2, -1] / terms.weight[2, -1], "where the path ends")
         self._grid = grid
-        at_q, at_v = mechanism.scalar_joints
-        passive = at_q[np.isin(at_v, mechanism.passive_columns)] if mechanism.is_constrained else at_q[:0]
+        at_q, at_v = mechanism.structure.scalar_joints
+        passive = at_q[np.isin(at_v, mechanism.structure.passive_columns)] if mechanism.is_constrained else at_q[:0]
         passive = passive[np.isfinite(velocity[passive]) | np.isfinite(acceleration[passive])]
         limited = np.setdiff1d(np.flatnonzero(np.isfinite(velocity) | np.isfinite(acceleration)), passive)
         values, slopes = curve(grid), curve(grid, 1)
@@ -399,7 +399,7 @@ def _closed(branch: Branch, knots: Array, along: Array, ends: Indices, recorded:
         name: name of the robot.
     """
     if branch.mechanism.balls:
-        along = np.array([branch.mechanism.normalized(q) for q in along]).reshape(along.shape)
+        along = np.array([branch.mechanism.structure.normalized(q) for q in along]).reshape(along.shape)
     if not branch.mechanism.is_constrained:
         return along
     found = along.copy()

@@ -81,7 +81,7 @@ def describe(mechanism: Mechanism) -> dict[str, Any]:
     space.
     """
     q, end = mechanism.q_home, mechanism.end
-    motions = motions_of(mechanism.system, q, mechanism.loop_rank)
+    motions = motions_of(mechanism.structure.system, q, mechanism.loop_rank)
     units = np.array([mechanism.length] * 3 + [1.0] * 3)[:, None]
     end_sigma = np.linalg.svd(mechanism.jacobian(q, end) * mechanism.scale @ motions / units, compute_uv=False)
     return {
@@ -93,10 +93,10 @@ def describe(mechanism: Mechanism) -> dict[str, Any]:
         "balls": list(mechanism.balls),
         "loops": [to_builtins(describe_loop(loop)) for loop in mechanism.loops],
         "couplings": [to_builtins(describe_coupling(coupling)) for coupling in mechanism.couplings],
-        "loop_rows": mechanism.system.rows,
+        "loop_rows": mechanism.structure.system.rows,
         "loop_rank": mechanism.loop_rank,
         "mobility": mechanism.mobility,
-        "uncontrolled_dof": len(mechanism.passive_columns) - mechanism.passive_rank,
+        "uncontrolled_dof": len(mechanism.structure.passive_columns) - mechanism.structure.passive_rank,
         "actuated": list(mechanism.actuated),
         "characteristic_length": mechanism.length,
         "gap_as_written": mechanism.gap_as_written,

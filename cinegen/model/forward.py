@@ -62,7 +62,7 @@ class ForwardKinematics:
             name: (i, float(mechanism.scale[column]))
             for i, (name, column) in enumerate(zip(names, columns, strict=True))
         }
-        self._memory = memory = set_up(LoopMemory(), mechanism.system, mechanism.cluster_ranks)
+        self._memory = memory = set_up(LoopMemory(), mechanism.structure.system, mechanism.cluster_ranks)
         actuate(memory, columns)
         set_up_path(memory)
         self._goal = memory.goal
@@ -85,7 +85,7 @@ class ForwardKinematics:
 
     @q.setter
     def q(self, q: ArrayLike) -> None:
-        full = self.mechanism.checked(q)
+        full = self.mechanism.structure.checked(q)
         gap = self.mechanism.closure(full)
         if gap > CLOSURE:
             raise CinegenError(
@@ -167,8 +167,8 @@ class ForwardKinematics:
                     raise ConfigurationError(f"the rate of joint '{name}' is not a finite number: {value}")
                 vector[self.mechanism.v_index(name)] = number
         if self.mechanism.is_constrained:
-            system, scale = self.mechanism.system, self.mechanism.scale
-            jacobian, passive = system.evaluate(self._q)[1], self.mechanism.passive_columns
+            system, scale = self.mechanism.structure.system, self.mechanism.scale
+            jacobian, passive = system.evaluate(self._q)[1], self.mechanism.structure.passive_columns
             self._complete(jacobian, v, -jacobian @ (v / scale), passive)
             self._complete(jacobian, a, -jacobian @ (a / scale) - system.drift(self._q, v), passive)
         return v, a

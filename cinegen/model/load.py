@@ -281,7 +281,7 @@ def _check_stated(mechanism: Mechanism, constraints: Mapping[str, Any], path: Pa
     Raises:
         LoadError: they differ.
     """
-    for key, value in _degrees_of_freedom(mechanism.system, mechanism.loop_rank).items():
+    for key, value in _degrees_of_freedom(mechanism.structure.system, mechanism.loop_rank).items():
         if constraints.get(key, value) != value:
             file = constraints_of(path)
             where = f"{file}:{line_of(read_text(file), [key])}" if file.is_file() else f"{path}: raff:robot"
@@ -297,7 +297,7 @@ def _check_hinge(mechanism: Mechanism, name: str, path: Path) -> None:
     Raises:
         LoadError: as a hinge about z the loop takes DoF that it leaves as a ball joint, and about x or y none.
     """
-    for own, at in subsystems(mechanism.system):
+    for own, at in subsystems(mechanism.structure.system):
         index = next((i for i, loop in enumerate(own.loops) if loop.name == name), None)
         if index is None:
             continue

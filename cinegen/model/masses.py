@@ -41,7 +41,7 @@ def unphysical(mechanism: Mechanism) -> Mapping[str, str]:
 
 def stated(mechanism: Mechanism) -> Mapping[str, Inertia]:
     """Return the inertia of each link whose mass the mechanism's file states, 0 too, in the link's own axes."""
-    return mechanism.derived(_stated)
+    return mechanism.structure.derived(_stated)
 
 
 def _stated(mechanism: Mechanism) -> Mapping[str, Inertia]:

@@ -2,21 +2,19 @@
 
 from __future__ import annotations
 
-import threading
-from collections.abc import Callable, Iterable, Mapping
-from dataclasses import dataclass, field, replace
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any, NamedTuple, TypeVar
 
 import numpy as np
 import pinocchio as pin
 
-from cinegen.arrays import Array, ArrayLike, Indices
+from cinegen.arrays import Array, ArrayLike
 from cinegen.errors import CinegenError, ClosureError, ConfigurationError, UnknownNameError
 from cinegen.html import table
-from cinegen.joints import scalar_joints, translations
-from cinegen.loops.close import Closer
-from cinegen.loops.closed_loops import ClosedLoops, LoopConstraint, linked
+from cinegen.joints import translations
+from cinegen.loops.closed_loops import ClosedLoops, LoopConstraint
 from cinegen.loops.clusters import subsystems
 from cinegen.loops.held_loops import HeldLoops
 from cinegen.loops.screws import LoopScrews
@@ -25,6 +23,7 @@ from cinegen.model.limits import Limits
 from cinegen.model.masses import massless, unphysical
 from cinegen.model.shapes import collision_shapes, shapes
 from cinegen.model.spherical import SphericalJoints
+from cinegen.model.structure import Structure
 from raff2urdf import closure
 from raff2urdf.coupling import Coupling
 from raff2urdf.readers.srdf import Srdf
@@ -116,9 +115,6 @@ class Mechanism:
     dependent: tuple[str, ...] = ()
     held: tuple[str, ...] = ()
     held_q: Array | None = None
-    _scratch: threading.local = field(init=False, default_factory=threading.local)
-    _masks: dict[tuple[str, ...], Array] = field(init=False, default_factory=dict)
-    _derived: dict[Callable[[Mechanism], Any], Any] = field(init=False, default_factory=dict)
 
     def __post_init__(self) -> None:
         self.q_home.flags.writeable = False
@@ -162,7 +158,13 @@ class Mechanism:
         """Return what builds a copy in another process: Pinocchio's constraint models can't be pickled."""
         from cinegen.model.load import build
 
-        return (_held_copy, (self.source, self.held, self.held_at)) if self.held else (build, tuple(self.source))
+        held = self.source, self.held, self.structure.held_at
+        return (_held_copy, held) if self.held else (build, tuple(self.source))
+
+    @cached_property
+    def structure(self) -> Structure:
+        """The loops as equations, ranks and sample configurations: for algorithms."""
+        return Structure(self)
 
     @property
     def loop_rank(self) -> int:
@@ -193,18 +195,13 @@ class Mechanism:
         made = build(*self.source._replace(constraints={**constraints, "joints": entries, "balls": []}))
         made = replace(made, length=self.length)
         threes = [entry["joints"] for entry in constraints.get("balls", []) if entry["name"] in self.balls]
-        made.__dict__["screws"] = LoopScrews(made.own_system(), made.q_home, threes)
+        made.structure.__dict__["screws"] = LoopScrews(made.structure.own_system(), made.q_home, threes)
         return made
 
     @property
     def mobility(self) -> int:
         """Degrees of freedom that loops and couplings leave, counted on random closed configurations."""
-        return int(self.model.nv) - len(self.held_columns) - self.loop_rank
-
-    @cached_property
-    def held_columns(self) -> list[int]:
-        """The columns of the joints that are `held`, in a Jacobian."""
-        return sorted(column for joint in self.held for column in self.columns_of(joint))
+        return int(self.model.nv) - len(self.structure.held_columns) - self.loop_rank
 
     def columns_of(self, joint: str) -> list[int]:
         """Return the columns of a joint, a ball joint or a floating base (`base`) in every Jacobian.
@@ -239,58 +236,7 @@ class Mechanism:
     def scale(self) -> Array:
         """(nv,) size of one dimensionless step: `length` (m) for translations, 1 rad for rotations; more for joints
         that only drive others, see `raff2urdf.coupling.coupled_scales`."""
-        return self.system.scale
-
-    @property
-    def system(self) -> ClosedLoops:
-        """The loops as equations, with scratch data of this thread's own."""
-        system: ClosedLoops | None = getattr(self._scratch, "system", None)
-        if system is None:
-            system = self._scratch.system = self.own_system()
-        return system
-
-    def own_system(self) -> ClosedLoops:
-        """Return the loops as equations, with scratch data of the caller's own."""
-        loops = self.model, self.loops, self.length, self.couplings
-        return HeldLoops(*loops, self.held_columns, self.held_at) if self.held else ClosedLoops(*loops)
-
-    def derived(self, compute: Callable[[Mechanism], _Result]) -> _Result:
-        """Return what a function computes from this mechanism; it is computed once and kept with the mechanism."""
-        if compute not in self._derived:
-            self._derived.setdefault(compute, compute(self))
-        result: _Result = self._derived[compute]
-        return result
-
-    def with_locked(self, values: Mapping[str, float], *unaffected: Callable[[Mechanism], Any]) -> Mechanism:
-        """Return the same mechanism with some joints locked: both of their limits are the same value. Loops and
-        couplings that no other joint moves are left out.
-
-        Args:
-            values: joint name -> value, rad or m; loops and couplings that are left out are closed there.
-            unaffected: functions whose results (see `derived`) do not depend on limits: they are kept.
-
-        Raises:
-            UnknownNameError: no such joint.
-        """
-        model = pin.Model(self.model)
-        at = [self.q_index(name) for name in values]
-        for limit in ("lowerPositionLimit", "upperPositionLimit"):
-            limits = np.array(getattr(model, limit))
-            limits[at] = list(values.values())
-            setattr(model, limit, limits)
-        locked = {self.v_index(name) for name in values}
-        groups = zip(linked(self.system.columns), self.cluster_ranks, strict=True)
-        left = [(members, rank) for (members, columns), rank in groups if not locked.issuperset(columns.tolist())]
-        kept = {i for members, _ in left for i in members}
-        found = replace(
-            self,
-            model=model,
-            loops=tuple(loop for i, loop in enumerate(self.loops) if i in kept),
-            couplings=tuple(one for i, one in enumerate(self.couplings, len(self.loops)) if i in kept),
-            cluster_ranks=tuple(rank for _, rank in left),
-        )
-        found._derived.update({compute: self.derived(compute) for compute in unaffected})
-        return found
+        return self.structure.system.scale
 
     def with_held(self, joints: Iterable[str], q: Array) -> Mechanism:
         """Return the same mechanism with some joints locked where they are: motions, ranks and mobility are those of
@@ -309,11 +255,6 @@ class Mechanism:
         system = HeldLoops(self.model, self.loops, self.length, self.couplings, columns, here)
         ranks = [closure.generic_rank(own, here[at])[0] if own.model.nv else 0 for own, at in subsystems(system)]
         return replace(self, held=held, held_q=here, cluster_ranks=tuple(ranks))
-
-    @property
-    def held_at(self) -> Array:
-        """(nq,) a closed configuration in which the locked joints are where they are locked; home without any."""
-        return self.q_home if self.held_q is None else self.held_q
 
     @cached_property
     def visual(self) -> pin.GeometryModel:
@@ -403,11 +344,6 @@ class Mechanism:
         return translations(self._joint(joint)) > 0
 
     @cached_property
-    def scalar_joints(self) -> tuple[Indices, Indices]:
-        """Indices in q and in v of the joints that are one number each: all but a free base."""
-        return scalar_joints(self.model)
-
-    @cached_property
     def columns(self) -> tuple[str, ...]:
         """For each column of a Jacobian the joint it belongs to; a free base has six, `joint0.x` and so on, a ball
         joint three, such as `joint5.rx`."""
@@ -417,26 +353,6 @@ class Mechanism:
                 first = 3 if joint.nv == 3 and not translations(joint) else 0
                 names[joint.idx_v + i] = name if joint.nv == 1 else f"{name}.{COMPONENTS[first + i]}"
         return tuple(names)
-
-    @cached_property
-    def passive_columns(self) -> Indices:
-        """The columns of the passive joints (not actuated, not held) in a Jacobian; never those of a free base."""
-        known = {*self.actuated, *self.held}
-        passive = [self._joint(name) for name in (*self.joints, *self.balls) if name not in known]
-        return np.array([joint.idx_v + i for joint in passive for i in range(joint.nv)], dtype=np.intp)
-
-    @cached_property
-    def passive_rank(self) -> int:
-        """The generic rank of these columns of the loops' Jacobian: their number, unless there are joints that neither
-        actuated joints nor loops determine."""
-        found = (closure.rank(self.system.evaluate(q)[1][:, self.passive_columns]) for q in self.samples)
-        return max(found) if self.is_constrained else 0
-
-    @cached_property
-    def passive_screws(self) -> Indices:
-        """The columns of the passive joints in `screw_matrix`: `passive_columns`, and the joints that were cut."""
-        nv = self.model.nv
-        return np.concatenate([self.passive_columns, np.arange(nv, nv + self.screws.cut)])
 
     # --- configurations ------------------------------------------------------------------------------------------
 
@@ -452,7 +368,7 @@ class Mechanism:
             UnknownNameError: no such joint.
             ConfigurationError: a number that is not finite, too few or too many of them, or q of the wrong shape.
         """
-        full = self.checked(self.q_home if q is None else q).copy()
+        full = self.structure.checked(self.q_home if q is None else q).copy()
         for name, value in values.items():
             joint = self._joint(name)
             if joint.nq == 1:
@@ -462,7 +378,7 @@ class Mechanism:
             if numbers.shape != (joint.nq,) or not numbers.any():
                 raise ConfigurationError(f"joint '{name}' of {self.name} takes {joint.nq} numbers, not {value!r:.60}")
             full[joint.idx_q : joint.idx_q + joint.nq] = numbers
-        return self.normalized(self.checked(full))
+        return self.structure.normalized(self.structure.checked(full))
 
     def values(self, q: Array) -> dict[str, float | list[float]]:
         """Return the values of all joints in q (nq,) by name, rad or m; of ball joints the quaternion x y z w."""
@@ -470,23 +386,6 @@ class Mechanism:
         for name in self.balls:
             found[name] = [float(x) for x in q[self.q_index(name) : self.q_index(name) + 4]]
         return found
-
-    def checked(self, q: ArrayLike) -> Array:
-        """Return q as an array (nq,) of finite numbers.
-
-        Raises:
-            ConfigurationError: it has another shape, or a number that is not finite.
-        """
-        full = np.asarray(q, dtype=float)
-        if full.shape != (self.model.nq,):
-            raise ConfigurationError(f"a configuration of {self.name} has {self.model.nq} numbers, not {full.shape}")
-        if not np.isfinite(full).all():
-            raise ConfigurationError(f"a configuration of {self.name} has numbers that are not finite")
-        return full
-
-    def normalized(self, q: Array) -> Array:
-        """Return q (nq,) with the quaternions of ball joints of length 1."""
-        return np.asarray(pin.normalize(self.model, q)) if self.balls else q
 
     def difference(self, start: ArrayLike, end: ArrayLike) -> Array:
         """Return the velocity (nv,) that leads from one configuration (nq,) to another in 1 s; rad/s and m/s."""
@@ -521,9 +420,9 @@ class Mechanism:
             UnknownNameError: no such node.
             ConfigurationError: q is no configuration.
         """
-        data = self.system.data
+        data = self.structure.system.data
         frame = self.model.frames[self.frame_id(node)]
-        pin.forwardKinematics(self.model, data, self.checked(q))
+        pin.forwardKinematics(self.model, data, self.structure.checked(q))
         return data.oMi[frame.parentJoint] * frame.placement
 
     def jacobian(self, q: ArrayLike, node: str) -> Array:
@@ -537,24 +436,26 @@ class Mechanism:
         if self.model.nv == 0:  # Pinocchio would crash
             return np.zeros((6, 0))
         local = pin.ReferenceFrame.LOCAL
-        jacobian = pin.computeFrameJacobian(self.model, self.system.data, self.checked(q), frame, local)
+        jacobian = pin.computeFrameJacobian(
+            self.model, self.structure.system.data, self.structure.checked(q), frame, local
+        )
         return np.asarray(jacobian).reshape(6, self.model.nv)  # a single column comes without its second dimension
 
     def loop_residual(self, q: ArrayLike) -> Array:
         """Return the residual (rows,) of all loops, m and rad, in the first ends' axes (see `raff2urdf.residual`), and
         then of all couplings, in the unit of their equations (see `raff2urdf.coupling`)."""
-        return self.system.evaluate(self.checked(q))[0] * self._loop_units
+        return self.structure.system.evaluate(self.structure.checked(q))[0] * self._loop_units
 
     def loop_jacobian(self, q: ArrayLike) -> Array:
         """Return the exact derivative (rows, nv) of `loop_residual` by the velocity, m and rad; loops may be open."""
-        jacobian = self.system.evaluate(self.checked(q))[1]
+        jacobian = self.structure.system.evaluate(self.structure.checked(q))[1]
         return jacobian * self._loop_units[:, None] / self.scale
 
     @cached_property
     def _loop_units(self) -> Array:
         components = [component for loop in self.loops for component in loop.components]
         of_loops = [1.0 if "r" in component else self.length for component in components]
-        return np.array([*of_loops, *self.system.coupling_sizes])
+        return np.array([*of_loops, *self.structure.system.coupling_sizes])
 
     def extended_jacobian(self, q: ArrayLike, nodes: Iterable[str] | str = ()) -> ExtendedJacobian:
         """Return the extended Jacobian (seed paper, figure 9): six rows for each node above the rows of all loops and
@@ -582,11 +483,6 @@ class Mechanism:
         matrix = np.vstack(blocks) if blocks else np.zeros((0, self.model.nv))
         return ExtendedJacobian(matrix, tuple(rows), self.columns)
 
-    @cached_property
-    def screws(self) -> LoopScrews:
-        """The data with which `screw_matrix` is computed."""
-        return LoopScrews(self.own_system(), self.held_at)
-
     def screw_matrix(self, q: Array, system: ClosedLoops | None = None) -> Array:
         """Return the screw matrix of all loops and couplings, (rows, nv + cut joints' velocities), dimensionless: its
         singular values do not depend on which joints were cut, see `cinegen.loops.screws`.
@@ -595,23 +491,23 @@ class Mechanism:
             q: (nq,) with closed loops.
             system: the loops, if not the mechanism's own: their data is that at q afterwards.
         """
-        system = self.system if system is None else system
-        return self.screws.matrix(system, system.evaluate(q)[1])
+        system = self.structure.system if system is None else system
+        return self.structure.screws.matrix(system, system.evaluate(q)[1])
 
     def loop_singular_values(self, q: ArrayLike) -> Array:
         """Return the singular values of `screw_matrix` at q (nq,), dimensionless, largest first, as many as its generic
         rank: `loop_rank`, and one for each degree of freedom of the joints that were cut."""
         if self.loop_rank == 0:
             return np.zeros(0)
-        sigma = np.linalg.svd(self.screw_matrix(self.checked(q)), compute_uv=False)
-        return np.asarray(sigma[: self.loop_rank + self.screws.cut])
+        sigma = np.linalg.svd(self.screw_matrix(self.structure.checked(q)), compute_uv=False)
+        return np.asarray(sigma[: self.loop_rank + self.structure.screws.cut])
 
     # --- loops ---------------------------------------------------------------------------------------------------
 
     def closure(self, q: ArrayLike) -> float:
         """Return the largest residual of all loops and couplings at q (nq,), in rad or characteristic lengths; 0
         without any."""
-        return max(closure.gaps(self.system, self.checked(q)), default=0.0)
+        return max(closure.gaps(self.structure.system, self.structure.checked(q)), default=0.0)
 
     def close(self, q: ArrayLike, locked: Iterable[str] = ()) -> Array:
         """Return the closed configuration that Gauss-Newton steps reach from q (`raff2urdf.closure.close`), a nearby
@@ -631,60 +527,35 @@ class Mechanism:
             ConfigurationError: q is no configuration.
         """
         names = (locked,) if isinstance(locked, str) else tuple(locked)
-        mask = self._masks.get(names)
-        if mask is None:
-            mask = self._mask(names)
+        mask = self.structure.mask(names)
         start = np.asarray(q, dtype=float)
         if not self.is_constrained or start.shape != self.q_home.shape:
-            return self.checked(start).copy()
-        closing = self._closer.close(start, mask)
+            return self.structure.checked(start).copy()
+        closing = self.structure.closer.close(start, mask)
         if closing.closed:
             return closing.q
-        self.checked(start)
-        gaps = (closure.gaps(self.system, closing.q), closure.shown_gaps(self.system, closing.q))
+        self.structure.checked(start)
+        gaps = (closure.gaps(self.structure.system, closing.q), closure.shown_gaps(self.structure.system, closing.q))
         found = zip(self.constraint_names, *gaps, strict=True)
         listed = ", ".join(f"'{name}' by {shown}" for name, gap, shown in found if gap > closure.CLOSED)
         what = "loops and couplings" if self.couplings else "loops"
         condition = f" with {len(set(names))} joints locked" if names else ""
         raise ClosureError(f"{self.name} can't be closed from there{condition}: these {what} remain open: {listed}")
 
-    @property
-    def _closer(self) -> Closer:
-        """The compiled algorithm, with scratch data of this thread's own."""
-        closer: Closer | None = getattr(self._scratch, "closer", None)
-        if closer is None:
-            closer = self._scratch.closer = Closer(self.own_system(), self.cluster_ranks)
-        return closer
-
-    def _mask(self, names: tuple[str, ...]) -> Array:
-        """Return (nv,) 1 for the columns of joints that are locked, else 0; it is kept for the next call."""
-        mask = np.zeros(self.model.nv)
-        for name in names:
-            joint = self._joint(name)
-            mask[joint.idx_v : joint.idx_v + joint.nv] = 1.0
-        if len(self._masks) < _MOST_MASKS:
-            self._masks[names] = mask
-        return mask
-
-    @cached_property
-    def samples(self) -> tuple[Array, ...]:
-        """A few closed configurations (nq,), home first: what holds on one of them holds generically."""
-        return (self.held_at, *self.random_closed(3))
-
     def random_closed(self, count: int, seed: int = 0) -> list[Array]:
         """Return random closed configurations (nq,) along a walk from home: at most `count`, fewer where little can
         move. Joint limits are not considered."""
-        rng = np.random.default_rng(seed)
+        rng, system, start = np.random.default_rng(seed), self.structure.system, self.structure.held_at
         if not self.is_constrained:
-            return [self.system.integrate(self.held_at, rng.normal(size=self.model.nv)) for _ in range(count)]
-        parts = subsystems(self.system)
-        walks = [list(closure.closed_walk(own, self.held_at[at], count, seed + i)) for i, (own, at) in enumerate(parts)]
+            return [system.integrate(start, rng.normal(size=self.model.nv)) for _ in range(count)]
+        parts = subsystems(system)
+        walks = [list(closure.closed_walk(own, start[at], count, seed + i)) for i, (own, at) in enumerate(parts)]
         idle = np.ones(self.model.nv)  # joints in no cluster; a single cluster has all joints
-        idle[np.concatenate(self.system.columns)] = 0.0
+        idle[np.concatenate(system.columns)] = 0.0
         many = len(parts) > 1 or bool(self.held)
         found, steps = list[Array](), count if many and idle.any() else max(map(len, walks))
         for i in range(steps):
-            q = self.system.integrate(self.held_at, idle * rng.normal(size=len(idle)))
+            q = system.integrate(start, idle * rng.normal(size=len(idle)))
             for (_, at), walk in zip(parts, walks, strict=True):
                 if walk:
                     q[at] = walk[min(i, len(walk) - 1)]

@@ -68,7 +68,7 @@ def motion_limits(
     """
     free = np.ones(mechanism.model.nv, dtype=bool)
     if mechanism.is_constrained:
-        free[mechanism.passive_columns] = False
+        free[mechanism.structure.passive_columns] = False
     known = np.isfinite(mechanism.limits.velocity)
     velocity = np.where(known, mechanism.limits.velocity, np.where(free, _default(mechanism, DEFAULT_VELOCITY), np.inf))
     given = _given(mechanism, "acceleration", acceleration, free)

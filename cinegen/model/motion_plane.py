@@ -22,7 +22,7 @@ def motion_plane(mechanism: Mechanism) -> Array | None:
     if model.nv == 0:
         return None
     data = kinematic_data(model)
-    columns = [np.array(pin.computeJointJacobians(model, data, q)).reshape(6, -1) for q in mechanism.samples]
+    columns = [np.array(pin.computeJointJacobians(model, data, q)).reshape(6, -1) for q in mechanism.structure.samples]
     rotations = np.hstack([each[3:] for each in columns])
     translations = np.hstack([each[:3, np.linalg.norm(each[3:], axis=0) < _PARALLEL] for each in columns])
     rotations = rotations[:, np.linalg.norm(rotations, axis=0) > _PARALLEL]

@@ -34,7 +34,7 @@ def reach(mechanism: Mechanism) -> float:
     It is the longest sum of distances between successive joints and frames, with the strokes of prismatic joints; a
     stroke without limits counts as the characteristic length. A floating base does not count.
     """
-    return mechanism.derived(_reach)
+    return mechanism.structure.derived(_reach)
 
 
 def _reach(mechanism: Mechanism) -> float:
@@ -131,7 +131,7 @@ def check_configuration(mechanism: Mechanism, q: Array) -> None:
     Raises:
         ImplausibleError: as `check_joint`.
     """
-    index, low, high, names = mechanism.derived(_plausible)
+    index, low, high, names = mechanism.structure.derived(_plausible)
     values = q[index]
     for i in np.flatnonzero((values < low) | (values > high)):
         check_joint(mechanism, names[i], [float(values[i])])

@@ -71,7 +71,7 @@ def _memory(mechanism: Mechanism, rate: float) -> PageMemory:
     frame = mechanism.frame_id(mechanism.end)
     tasks = [FrameTask(mechanism.end, pin.SE3.Identity(), frame=frame) for _ in range(MOST_TASKS)]
     set_up_robot(memory, mechanism, tasks, 1.0 / rate)
-    samples = mechanism.samples
+    samples = mechanism.structure.samples
     memory.resize(capacity=MOST_TASKS, samples=len(samples))
     memory.sample[:] = samples
     three = balls(mechanism)
@@ -82,12 +82,12 @@ def _memory(mechanism: Mechanism, rate: float) -> PageMemory:
         memory.node_is_inner[i] = int(memory.node_joint[i]) in inner
     for joint in range(model.njoints):
         memory.joint_moved_by[joint] = supporting_columns(model, joint)
-    rank = mechanism.passive_rank
+    rank = mechanism.structure.passive_rank
     if rank > 0:
-        set_up_screws(memory, mechanism.screws, len(mechanism.couplings))
-        columns = mechanism.passive_screws
+        set_up_screws(memory, mechanism.structure.screws, len(mechanism.couplings))
+        columns = mechanism.structure.passive_screws
         sides = len(columns), memory.screw_rows
         memory.resize(passive=len(columns), passive_lesser=min(sides), passive_larger=max(sides))
         memory.passive_column[:] = columns
-        memory.passive_rank = min(rank + mechanism.screws.cut, *sides)
+        memory.passive_rank = min(rank + mechanism.structure.screws.cut, *sides)
     return memory

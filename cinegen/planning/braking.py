@@ -50,7 +50,7 @@ class BrakingBarrier(ClearanceBarrier):
         self.basis: Array | None = None
         self.is_released = self.is_met = False
         self._distances = np.zeros(0)
-        self._clusters = [one.columns for one in clusters(clearance.mechanism.system)]
+        self._clusters = [one.columns for one in clusters(clearance.mechanism.structure.system)]
         self._is_tied = np.zeros(len(self.v), dtype=bool)
         self._is_tied[[j for columns in self._clusters for j in columns]] = True
 
@@ -88,7 +88,7 @@ class BrakingBarrier(ClearanceBarrier):
     def _passive_limits(self, state: State) -> Bounds:
         """Return the bounds by which passive joints stay within their limits of position."""
         mechanism = self.clearance.mechanism
-        limits, (at_q, at_v) = mechanism.limits, mechanism.scalar_joints
+        limits, (at_q, at_v) = mechanism.limits, mechanism.structure.scalar_joints
         rows, room = [], []
         for i, j in zip(at_q.tolist(), at_v.tolist(), strict=True):
             towards = 1.0 if self.v[j] > 0.0 else -1.0
@@ -133,7 +133,7 @@ class BrakingBarrier(ClearanceBarrier):
         acceleration."""
         limits, change = state.mechanism.limits, _USABLE * self.acceleration * state.dt
         low, high = np.maximum(self.v - change, -limits.velocity), np.minimum(self.v + change, limits.velocity)
-        at_q, at_v = state.mechanism.scalar_joints
+        at_q, at_v = state.mechanism.structure.scalar_joints
         slow = np.where(np.isfinite(self.acceleration[at_v]), self.acceleration[at_v], 1e6)
         up = np.sqrt(2.0 * slow * np.maximum(limits.upper[at_q] - state.q[at_q], 0.0))
         down = np.sqrt(2.0 * slow * np.maximum(state.q[at_q] - limits.lower[at_q], 0.0))

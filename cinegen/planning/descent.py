@@ -283,7 +283,7 @@ class Descent:
     def _feasible(self, q: Array, direction: Array) -> Array:
         """Return the part (nv,) of a direction that limits and loops allow, by rad and characteristic lengths."""
         mechanism, limits = self._mechanism, self._mechanism.limits
-        at_q, at_v = mechanism.scalar_joints
+        at_q, at_v = mechanism.structure.scalar_joints
         near = _AT_LIMIT * mechanism.scale[at_v]
         low = np.where(q[at_q] <= limits.lower[at_q] + near, 0.0, -np.inf)
         high = np.where(q[at_q] >= limits.upper[at_q] - near, 0.0, np.inf)
@@ -291,7 +291,7 @@ class Descent:
         direction[at_v] = np.minimum(np.maximum(direction[at_v], low), high)
         if not mechanism.is_constrained:
             return direction
-        motions, _ = free_motions(mechanism.system.evaluate(q)[1], mechanism.loop_rank)
+        motions, _ = free_motions(mechanism.structure.system.evaluate(q)[1], mechanism.loop_rank)
         return np.asarray(motions @ (motions.T @ direction))
 
 

@@ -41,6 +41,6 @@ def with_joints_locked(scene: Scene) -> Scene:
     return replace(
         scene,
         attached=tuple(attached),
-        mechanism=mechanism.with_locked(values, link_pairs, mesh_pairs),
+        mechanism=mechanism.structure.with_locked(values, link_pairs, mesh_pairs),
         allowed_collisions=(*scene.allowed_collisions, *rigid),
     )

@@ -21,7 +21,7 @@ _FASTEST = 0.9  # of the limits of velocity, as for redundancy
 
 def driven_motions(mechanism: Mechanism, q: Array, columns: Indices) -> Array:
     """Return the velocities (nv, columns) of all joints of a mechanism with loops at q (nq,), by those of some."""
-    free, _ = free_motions(mechanism.system.evaluate(q)[1], mechanism.loop_rank)
+    free, _ = free_motions(mechanism.structure.system.evaluate(q)[1], mechanism.loop_rank)
     basis = mechanism.scale[:, None] * free
     return np.asarray(basis @ np.linalg.pinv(basis[columns], rcond=1e-3))
 
@@ -75,7 +75,7 @@ class ReactingJoints:
     def __init__(self, mechanism: Mechanism, links: Sequence[Body], acceleration: Array) -> None:
         self.mechanism = mechanism
         self.columns = np.flatnonzero(np.isfinite(acceleration))
-        at = {int(j): int(i) for i, j in zip(*mechanism.scalar_joints, strict=True)}
+        at = {int(j): int(i) for i, j in zip(*mechanism.structure.scalar_joints, strict=True)}
         if mechanism.is_constrained:
             self.columns = np.array([mechanism.v_index(joint) for joint in mechanism.actuated], dtype=np.intp)
             if len(self.columns) != mechanism.mobility or not set(self.columns) <= set(at):
@@ -189,7 +189,7 @@ def _reaches(mechanism: Mechanism, links: Sequence[Body]) -> Array:
     """Return `ReactingJoints.reach` of all columns (nv,)."""
     model, length = mechanism.model, mechanism.length
     reach, found, travel = np.zeros(model.njoints), np.ones(model.nv), np.full(model.nv, length)
-    at_q, at_v = mechanism.scalar_joints
+    at_q, at_v = mechanism.structure.scalar_joints
     limited = np.maximum(np.abs(mechanism.limits.lower[at_q]), np.abs(mechanism.limits.upper[at_q]))
     travel[at_v] = np.where(np.isfinite(limited), limited, length)
     for link in links:
@@ -200,6 +200,6 @@ def _reaches(mechanism: Mechanism, links: Sequence[Body]) -> Array:
         found[joint.idx_v + sliding : joint.idx_v + joint.nv] = reach[i]
         far = float(np.linalg.norm(model.jointPlacements[i].translation) + travel[joint.idx_v :][:sliding].sum())
         reach[parent] = max(reach[parent], far + reach[i])
-    for cluster in clusters(mechanism.system):
+    for cluster in clusters(mechanism.structure.system):
         found[cluster.columns] = length
     return found

@@ -179,7 +179,7 @@ def _samples(
         s, _ = law.at(times)
         q = averaged(np.array([at(one) for one in s.tolist()]), window)
         if window > 1:
-            q, s = np.array([mechanism.normalized(one) for one in q]), averaged(s[:, None], window)[:, 0]
+            q, s = np.array([mechanism.structure.normalized(one) for one in q]), averaged(s[:, None], window)[:, 0]
         q = np.array([_closed(mechanism, one) for one in q]) if mechanism.is_constrained else q
         slower = excess(mechanism, limits, q, rate)
         if slower <= 1.0 + _ROUNDING:

@@ -308,7 +308,7 @@ def averaging_window(limits: MotionLimits, rate: float) -> int:
 def excess(mechanism: Mechanism, limits: MotionLimits, q: Array, rate: float) -> float:
     """Return the factor by which samples (n, nq) of a motion from rest to rest, `rate` a second, must be slower so that
     their finite differences obey all limits; at most 1 if they do."""
-    at_q, at_v = mechanism.scalar_joints
+    at_q, at_v = mechanism.structure.scalar_joints
     steps = np.zeros((max(len(q) - 1, 0), mechanism.model.nv))
     if len(at_v) < mechanism.model.nv:
         for i, (a, b) in enumerate(pairwise(q)):

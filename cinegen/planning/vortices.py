@@ -132,7 +132,7 @@ class Vortices:
         if not len(clearance.pairs) or not mechanism.model.nv:
             return motion.copy(), np.full(len(self.states), -1, dtype=np.int64)
         if mechanism.is_constrained:
-            loops = mechanism.system.evaluate(q)[1]
+            loops = mechanism.structure.system.evaluate(q)[1]
             free = free_motions(loops, mechanism.loop_rank)[0].T
             memory.resize(free=len(free))
             memory.null_space[:] = free

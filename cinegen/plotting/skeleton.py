@@ -116,7 +116,7 @@ class Skeleton:
     def at(self, q: Array) -> Pose:
         """Return the pose of all parts at q (nq,)."""
         mechanism, model = self.mechanism, self.mechanism.model
-        pin.forwardKinematics(model, self._data, mechanism.checked(q))
+        pin.forwardKinematics(model, self._data, mechanism.structure.checked(q))
         parts = []
         for part in self._parts:
             normal = None if part.normal is None else self._data.oMi[part.normal[0]].rotation @ part.normal[1]

@@ -69,7 +69,7 @@ def carried_over(mechanism: Mechanism, values: JointValues, otherwise: Array) ->
     for name in known:
         joint = mechanism.model.joints[mechanism.model.getJointId(name)]
         q[joint.idx_q : joint.idx_q + joint.nq] = values[former[name]][1]
-    q = mechanism.normalized(np.clip(q, limits.lower, limits.upper))
+    q = mechanism.structure.normalized(np.clip(q, limits.lower, limits.upper))
     for locked in ([joint for joint in mechanism.actuated if joint in known], []):
         try:
             closed = mechanism.close(q, locked)
@@ -81,7 +81,7 @@ def carried_over(mechanism: Mechanism, values: JointValues, otherwise: Array) ->
         closed = mechanism.close(q)
     except ClosureError:
         return None
-    for part, at in subsystems(mechanism.system):
+    for part, at in subsystems(mechanism.structure.system):
         columns = dict(zip(*map(np.ndarray.tolist, scalar_joints(part.model)), strict=True))
         closed[at] = close_within(part, closed[at], limits.lower[at], limits.upper[at], columns)
     return closed if limits.within(closed) else None

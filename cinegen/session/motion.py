@@ -242,7 +242,7 @@ class LineMotion:
         self, mechanism: Mechanism, q: Array, goal: Array, node: str, dt: float, locked: Sequence[str] = ()
     ) -> None:
         self.problem = ""
-        self._mechanism, self._goal, self._dt = mechanism, mechanism.checked(goal), dt
+        self._mechanism, self._goal, self._dt = mechanism, mechanism.structure.checked(goal), dt
         closure = mechanism.closure(self._goal)
         if closure > CLOSURE:
             raise CinegenError(f"the goal would open loops of {mechanism.name} by {closure:.2g}: it stays where it is")

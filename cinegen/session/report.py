@@ -173,7 +173,7 @@ class Reporter:
         inner = {mechanism.model.getJointId(joint) for names in balls(mechanism) for joint in names[:2]}
         frames = {node: mechanism.model.frames[mechanism.frame_id(node)] for node in mechanism.nodes}
         self._within = {node for node, frame in frames.items() if frame.parentJoint in inner}
-        self._own = mechanism.own_system()
+        self._own = mechanism.structure.own_system()
         self._counted = CountedLoops(mechanism) if inner else self._own
         self._loops = self._counted
         self._look_ahead = LookAhead(mechanism, _DT)
@@ -201,7 +201,7 @@ class Reporter:
         self._loops = self._own if any(task.node in self._within for task in tasks) else self._counted
         mechanism = self._solver.held_mechanism
         if robot.locked:
-            self._loops = mechanism.system
+            self._loops = mechanism.structure.system
         node, at = tasks[0].node, tasks[0].offset
         self._look_ahead.velocities = self._velocities(robot, time)
         here, step = mechanism.placement(q, node) * at, self._step_at(q)

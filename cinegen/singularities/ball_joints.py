@@ -59,7 +59,7 @@ class CountedJacobians(NamedTuple):
 
 def balls(mechanism: Mechanism) -> tuple[tuple[str, ...], ...]:
     """Return the joints, by threes, that are written for a ball joint each."""
-    return mechanism.derived(_balls)
+    return mechanism.structure.derived(_balls)
 
 
 def _balls(mechanism: Mechanism) -> tuple[tuple[str, ...], ...]:
@@ -89,22 +89,26 @@ def counted(mechanism: Mechanism, q: Array, node: str) -> CountedJacobians:
     if model.nv == 0:  # Pinocchio would crash
         nothing = np.zeros((0, 0))
         return CountedJacobians(nothing, nothing, nothing, np.zeros((6, 0)), nothing)
-    written, joints = _count(mechanism, mechanism.system.data, q), np.eye(model.nv)
+    written, joints = _count(mechanism, mechanism.structure.system.data, q), np.eye(model.nv)
     for columns, axes in written:
         joints[np.ix_(columns, columns)] = np.linalg.pinv(axes, rcond=1e-9)
-    data, aligned = mechanism.system.data, pin.ReferenceFrame.LOCAL_WORLD_ALIGNED
+    data, aligned = mechanism.structure.system.data, pin.ReferenceFrame.LOCAL_WORLD_ALIGNED
     pin.updateFramePlacement(model, data, frame)
     of_node = pin.getFrameJacobian(model, data, frame, aligned).reshape(6, -1) * mechanism.scale
     of_node[:3] /= mechanism.length
-    system = mechanism.system
+    system = mechanism.structure.system
     loops = system.evaluate_placed(q)[1]
-    return CountedJacobians(loops, mechanism.screws.matrix(system, loops), system.cut_rates(), of_node, joints)
+    return CountedJacobians(
+        loops, mechanism.structure.screws.matrix(system, loops), system.cut_rates(), of_node, joints
+    )
 
 
 def counted_screws(mechanism: Mechanism, q: Array) -> Array:
     """Return the screw matrix of all loops and couplings at q (nq,), see `Mechanism.screw_matrix`."""
-    _count(mechanism, mechanism.system.data, q)
-    return mechanism.screws.matrix(mechanism.system, mechanism.system.evaluate_placed(q)[1])
+    _count(mechanism, mechanism.structure.system.data, q)
+    return mechanism.structure.screws.matrix(
+        mechanism.structure.system, mechanism.structure.system.evaluate_placed(q)[1]
+    )
 
 
 def _count(mechanism: Mechanism, data: pin.Data, q: Array) -> list[tuple[list[int], Array]]:

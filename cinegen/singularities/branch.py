@@ -37,7 +37,7 @@ class BranchTracker(ABC):
 
     def __init__(self, mechanism: Mechanism, end: Rows, over_joints: bool) -> None:
         self.mechanism, self.end, self.over_joints = mechanism, end, over_joints
-        self.passive = of_passive_joints(mechanism) if mechanism.passive_rank else None
+        self.passive = of_passive_joints(mechanism) if mechanism.structure.passive_rank else None
         self._barrier = self.passive if over_joints else end  # branches meet where it is singular
         self._compared = np.ones(mechanism.model.nv, dtype=bool)  # joints whose step may be a jump
         if over_joints:

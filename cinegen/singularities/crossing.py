@@ -48,8 +48,11 @@ class Crossing(NamedTuple):
 def of_passive_joints(mechanism: Mechanism) -> Rows:
     """Return the passive joints' columns in the loops' screw matrix, a ball joint as one: singular at type 2, where the
     actuated joints lose control."""
-    columns, cut = mechanism.passive_screws, mechanism.screws.cut if mechanism.passive_rank else 0
-    return Rows(lambda q: counted_screws(mechanism, q)[:, columns], mechanism.passive_rank + cut)
+    columns, cut = (
+        mechanism.structure.passive_screws,
+        mechanism.structure.screws.cut if mechanism.structure.passive_rank else 0,
+    )
+    return Rows(lambda q: counted_screws(mechanism, q)[:, columns], mechanism.structure.passive_rank + cut)
 
 
 def of_end(mechanism: Mechanism) -> Rows:
@@ -58,14 +61,14 @@ def of_end(mechanism: Mechanism) -> Rows:
     Its rotations count if they don't follow from its translations, as in a mechanism that only translates.
     """
     found = [of_node(mechanism, mechanism.end, count) for count in (3, 6)]
-    ranks = [max(rank(of(q)) for q in mechanism.samples) for of in found]
+    ranks = [max(rank(of(q)) for q in mechanism.structure.samples) for of in found]
     return Rows(found[ranks[1] > ranks[0]], max(ranks))
 
 
 def of_node(mechanism: Mechanism, node: str, count: int) -> Callable[[Array], Array]:
     """Return a function of q (nq,): a node's motions (count, nv) that all loops allow, dimensionless, along its own
     three axes, and with 6 also about them; a floating base is fixed."""
-    model, system, frame = mechanism.model, mechanism.own_system(), mechanism.frame_id(node)
+    model, system, frame = mechanism.model, mechanism.structure.own_system(), mechanism.frame_id(node)
     units = np.repeat([1.0 / mechanism.length, 1.0], 3)[:count, None] * mechanism.scale
     fixed = 6 if mechanism.floating else 0
 
@@ -148,7 +151,7 @@ def passes_type_2(mechanism: Mechanism, path: Array) -> bool:
         mechanism: robot.
         path: (n, nq) configurations, loops closed; the loops are closed between two, as near to straight as possible.
     """
-    if not mechanism.is_constrained or not mechanism.passive_rank:
+    if not mechanism.is_constrained or not mechanism.structure.passive_rank:
         return False
     rows = of_passive_joints(mechanism)
 

@@ -29,12 +29,12 @@ def leg_lines(mechanism: Mechanism, q: Array) -> tuple[PlueckerLine, ...]:
     Returns:
         none if the mechanism belongs to neither family.
     """
-    q = mechanism.checked(q)
+    q = mechanism.structure.checked(q)
     if mechanism.spherical is not None:
         return leg_lines(mechanism.successive, mechanism.spherical.to_successive(q))
-    legs = mechanism.derived(_legs)
-    mechanism.system.evaluate(q)
-    placements = mechanism.system.data.oMi
+    legs = mechanism.structure.derived(_legs)
+    mechanism.structure.system.evaluate(q)
+    placements = mechanism.structure.system.data.oMi
     return tuple(PlueckerLine.through(*(placements[end.joint].act(end.local) for end in leg)) for leg in legs)
 
 

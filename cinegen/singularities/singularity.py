@@ -222,7 +222,7 @@ def singularity(
         ConfigurationError: q is no configuration.
         UnknownNameError: no such node.
     """
-    here, name = mechanism.checked(q), mechanism.end if node is None else node
+    here, name = mechanism.structure.checked(q), mechanism.end if node is None else node
     gap = mechanism.closure(here)
     if gap > _OPEN:
         raise ClosureError(f"{mechanism.name}: loops are open by {gap:.2g} (rad or lengths): close(q) first")
@@ -266,7 +266,7 @@ def _first(
 
     Rotations count if they don't follow from the translations. A direction that the node never has is not lost.
     """
-    everywhere = [_images(mechanism, counted(mechanism, q, node)) for q in mechanism.samples]
+    everywhere = [_images(mechanism, counted(mechanism, q, node)) for q in mechanism.structure.samples]
     here = _images(mechanism, jacobians)
     ranks = [max(rank(images[:count]) for images in everywhere) for count in (3, 6)]
     count = 6 if ranks[1] > ranks[0] else 3
@@ -287,12 +287,12 @@ def _second(
 ) -> tuple[Array, Array, float]:
     """Return the singular values of type 2, the motions (n, nv) that the actuated joints control least, dimensionless,
     and their accuracy. Motions that are controlled nowhere count if they move the node."""
-    columns, rank_of_passive = mechanism.passive_columns, mechanism.passive_rank
+    columns, rank_of_passive = mechanism.structure.passive_columns, mechanism.structure.passive_rank
     nowhere = controlled_nowhere(mechanism, node)
     if not rank_of_passive + nowhere:
         return np.zeros(0), np.zeros((0, mechanism.model.nv)), _EVER
-    count = rank_of_passive + mechanism.screws.cut
-    _, sigma, vt = np.linalg.svd(jacobians.screws[:, mechanism.passive_screws])
+    count = rank_of_passive + mechanism.structure.screws.cut
+    _, sigma, vt = np.linalg.svd(jacobians.screws[:, mechanism.structure.passive_screws])
     values = sigma[:count]
     weakest, known = _weakest(np.append(values, np.zeros(nowhere)), tolerance, within)
     singular = bool(nowhere) or values[-1] <= tolerance  # not distinguishable from DoF that are controlled nowhere
@@ -305,11 +305,11 @@ def _second(
 def controlled_nowhere(mechanism: Mechanism, node: str) -> int:
     """Return the number of motions of a node in every configuration while all actuated joints are locked: by
     passive joints outside loops, or of a platform that is singular everywhere."""
-    columns, count = mechanism.passive_columns, mechanism.passive_rank
+    columns, count = mechanism.structure.passive_columns, mechanism.structure.passive_rank
     if len(columns) == count:
         return 0
     found = []
-    for q in mechanism.samples:
+    for q in mechanism.structure.samples:
         jacobians = counted(mechanism, q, node)
         motions = np.linalg.svd(jacobians.loops[:, columns])[2][count:].T
         found.append(rank(jacobians.node[:, columns] @ motions))

@@ -93,14 +93,14 @@ class Coordinates:
         mechanism, chosen = self.mechanism, list[str]()
         for name in (*names, *(name for name in POSE if name not in names)):
             tried = [*chosen, name]
-            if max(rank(self._rates(q, tried)) for q in mechanism.samples) == len(tried):
+            if max(rank(self._rates(q, tried)) for q in mechanism.structure.samples) == len(tried):
                 chosen = tried
         return tuple(chosen)
 
     def _rates(self, q: Array, names: list[str]) -> Array:
         """Return the derivatives of coordinates along the free motions, dimensionless."""
         rows = self._rows(q, self.mechanism.placement(q, self.node))[1][[POSE.index(name) for name in names]]
-        return np.asarray(rows @ motions_of(self.mechanism.system, q, self.mechanism.loop_rank))
+        return np.asarray(rows @ motions_of(self.mechanism.structure.system, q, self.mechanism.loop_rank))
 
     def coordinates(self, q: Array) -> dict[str, float]:
         """Return all coordinates at q (nq,), m and rad."""
@@ -135,7 +135,7 @@ class Coordinates:
         return q
 
     def _newton(self, given: Mapping[str, float], q: Array) -> Array | None:
-        system = self.mechanism.system
+        system = self.mechanism.structure.system
         rotation = pin.rpy.rpyToMatrix(*(given.get(name, self.home[name]) for name in POSE[3:]))
         target = pin.SE3(rotation, np.array([given.get(name, self.home[name]) for name in POSE[:3]]))
         chosen = [POSE.index(name) for name in self.independent]

@@ -91,7 +91,7 @@ def _samples(mechanism: Mechanism) -> Array:
 @lru_cache(maxsize=8)
 def _poses(mechanism: Mechanism, node: str) -> Array:
     """Return the poses (n, 6) of a node in all samples: m, and roll, pitch and yaw, rad."""
-    poses = [mechanism.placement(q, node) for q in mechanism.derived(_samples)]
+    poses = [mechanism.placement(q, node) for q in mechanism.structure.derived(_samples)]
     return np.array([[*pose.translation, *pin.rpy.matrixToRpy(pose.rotation)] for pose in poses])
 
 
@@ -104,7 +104,7 @@ def _furthest(mechanism: Mechanism, node: str, axis: int, sign: float) -> float:
     local = LocalIK(mechanism, (FrameTask(node, pin.SE3.Identity(), 3, 0),), holds_base=True)
     furthest = float((points @ outwards).max())
     for k in np.argsort(-(points @ outwards), kind="stable")[:_FURTHEST]:
-        q, at, step = mechanism.derived(_samples)[k], points[k], first
+        q, at, step = mechanism.structure.derived(_samples)[k], points[k], first
         while step > last:
             local.tasks[0].target = pin.SE3(np.eye(3), at + step * outwards)
             if local.solve(q, _GOAL):

@@ -66,7 +66,7 @@ def _margin(cells: Cells) -> Values:
 def _moves_node(spec: MapSpecification) -> Bools:
     """Return (nq,) true for joint variables on which the pose of the node depends: not for those of fingers."""
     mechanism = spec.mechanism
-    model, system = mechanism.model, mechanism.system
+    model, system = mechanism.model, mechanism.structure.system
     ends = [model.frames[mechanism.frame_id(spec.node)].parentJoint]
     for first, _, second, _ in system.anchors:
         ends += [first, second]

@@ -160,7 +160,9 @@ def _connections(mechanism: Mechanism, limits: bool) -> list[_Connection]:
             continue  # bounds nothing
         placement = model.jointPlacements[number]
         found.append(_Connection(model.parents[number], number, placement, pin.SE3.Identity(), kind, along, low, high))
-    for loop, (first, at_first, second, at_second) in zip(mechanism.loops, mechanism.system.anchors, strict=True):
+    for loop, (first, at_first, second, at_second) in zip(
+        mechanism.loops, mechanism.structure.system.anchors, strict=True
+    ):
         if loop.kind is not LoopKind.PRISMATIC:
             kind = _RIGID if loop.kind is LoopKind.RIGID else _SPHERICAL
             found.append(_Connection(first, second, at_first, at_second, kind, np.zeros(3), -math.inf, math.inf))

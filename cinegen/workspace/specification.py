@@ -157,7 +157,7 @@ class MapSpecification:
 
         mechanism, base = self.mechanism, 7 * self.mechanism.floating
         jacobian = of_node(mechanism, self.node, 6)
-        samples = [np.r_[mechanism.q_home[:base], q[base:]] for q in mechanism.samples]
+        samples = [np.r_[mechanism.q_home[:base], q[base:]] for q in mechanism.structure.samples]
         return [(q, jacobian(q)) for q in samples]
 
     @cached_property
@@ -355,7 +355,7 @@ def _checked_quantities(spec: MapSpecification) -> tuple[str, ...]:
     for name in spec.quantities:
         if name not in QUANTITIES:
             raise MapError(f"unknown quantity '{name}'{did_you_mean(name, tuple(QUANTITIES))}")
-    if "sigma_2" in wanted and not mechanism.passive_rank and not spec.is_uncontrolled:
+    if "sigma_2" in wanted and not mechanism.structure.passive_rank and not spec.is_uncontrolled:
         wanted.discard("sigma_2")  # without passive joints there are no singularities of type 2
     check_loads(spec, wanted)
     check_tolerances(spec, wanted)

@@ -90,7 +90,7 @@ def test_random_closings_find_nothing_beside_what_the_trace_test_passed(built, s
     mechanism = making.platform(r, words.split(), "joint")
     bare = built(mechanism)
     order = r.permutation([bare.v_index(name) for name in bare.joints])
-    unmotored = passive(bare.system.evaluate(bare.samples[-1])[1], order.tolist())
+    unmotored = passive(bare.structure.system.evaluate(bare.structure.samples[-1])[1], order.tolist())
     driven = {name for name in bare.joints if bare.v_index(name) not in unmotored}
     bodies = tuple(replace(b, more="actuated 1") if f"joint{b.number}" in driven else b for b in mechanism.bodies)
     m = built(replace(mechanism, bodies=bodies))

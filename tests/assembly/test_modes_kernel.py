@@ -47,17 +47,17 @@ def test_what_a_linkage_is_made_of_is_known_without_machine_code(monkeypatch, ro
 def test_loops_close_and_features_are_where_the_model_has_them(robot, name):
     m = robot(name)
     linkage = Linkage(m)
-    for q in m.samples:
+    for q in m.structure.samples:
         motors, x = linkage.locked_values(q), linkage.unknowns(q)
         evaluate(linkage.tables, linkage.fixed(motors), x, linkage.scratch)
         assert np.abs(linkage.scratch.residual).max() < 1e-11
         assert np.abs(linkage.configuration(x, motors) - q)[_turns(m, q)].max(initial=0.0) < 1e-12
-        m.system.evaluate(q)
+        m.structure.system.evaluate(q)
         features = linkage.features(x[None], motors)[0].reshape(-1, 3)
         for (body, direction), local, found in zip(
             linkage.tables.vectors, linkage.tables.local, features, strict=False
         ):
-            placement = m.system.data.oMi[int(body) + linkage.root]
+            placement = m.structure.system.data.oMi[int(body) + linkage.root]
             there = placement.rotation @ local if direction else placement.act(local * m.length) / m.length
             assert np.abs(found - there).max() < 1e-12
 
@@ -75,12 +75,12 @@ def test_sliding_joints_come_back_from_a_solution_in_metres(built, driven):
     m = built(ring([*joints, slide(p[2], [1.0, 0.2], driven == "slide")], 1))
     assert m.length > 5.0
     linkage = Linkage(m)
-    for q in m.samples:
+    for q in m.structure.samples:
         found = linkage.configuration(linkage.unknowns(q), linkage.locked_values(q))
         assert found[_turns(m, q)] == pytest.approx(q[_turns(m, q)], abs=1e-12)
         slider = next(m.q_index(name) for name in m.joints if m.is_prismatic(name))
         assert found[slider] == pytest.approx(q[slider], abs=1e-12)
-    assert any(np.abs(q[slider]) > 0.1 for q in m.samples)
+    assert any(np.abs(q[slider]) > 0.1 for q in m.structure.samples)
 
 
 @pytest.mark.parametrize("algebraic", [False, True])

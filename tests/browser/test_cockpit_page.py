@@ -21,7 +21,7 @@ def easiest(cockpit, name, node, at):
     mechanism, q = cockpit.setup.robots[name], cockpit.state.robots[name].q
     motions = np.eye(mechanism.model.nv)
     if mechanism.loops:
-        motions = np.linalg.svd(mechanism.system.evaluate(q)[1])[2][mechanism.loop_rank :].T
+        motions = np.linalg.svd(mechanism.structure.system.evaluate(q)[1])[2][mechanism.loop_rank :].T
     step = 1e-6
     moved = [pin.integrate(mechanism.model, q, step * motion * mechanism.scale) for motion in motions.T]
     here = mechanism.placement(q, node).act(at)

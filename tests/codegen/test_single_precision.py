@@ -58,7 +58,7 @@ def test_the_stated_error_is_kept(robot, tmp_path, name, count):
     frames = np.ctypeslib.as_array(code.robot_node(state, 0), (len(mechanism.nodes), 4, 3))
     home = np.array([mechanism.q_home[mechanism.q_index(joint)] for joint in mechanism.actuated])
     sizes = np.array([mechanism.scale[mechanism.v_index(joint)] for joint in mechanism.actuated])
-    motion, columns, compared, refused = ForwardKinematics(mechanism), mechanism.passive_columns, 0, 0
+    motion, columns, compared, refused = ForwardKinematics(mechanism), mechanism.structure.passive_columns, 0, 0
     for _ in range(count):
         given = (home + 0.2 * sizes * rng.uniform(-1.0, 1.0, len(home))).astype(np.float32)
         try:
@@ -66,8 +66,8 @@ def test_the_stated_error_is_kept(robot, tmp_path, name, count):
         except ClosureError:
             continue
         if mechanism.is_constrained:
-            jacobian = mechanism.system.evaluate(there)[1][:, columns]
-            if np.linalg.svd(jacobian, compute_uv=False)[mechanism.passive_rank - 1] < REGULAR:
+            jacobian = mechanism.structure.system.evaluate(there)[1][:, columns]
+            if np.linalg.svd(jacobian, compute_uv=False)[mechanism.structure.passive_rank - 1] < REGULAR:
                 continue
         if not code.robot_forward(state, given.ctypes.data_as(floats)):
             refused += 1

@@ -22,7 +22,7 @@ def configurations(mechanism, count, seed):
 
 
 def clearance_among_links(mechanism, within=None):
-    links = mechanism.derived(link_pairs)
+    links = mechanism.structure.derived(link_pairs)
     return Clearance(mechanism, links.bodies, (), links.of(PairReason.CHECKED), within)
 
 

@@ -23,7 +23,7 @@ def names(bodies, pairs):
 @pytest.mark.parametrize("name", ["delta4", "two_arms", PANDA])
 def test_both_selections_of_pairs_agree_but_for_links_at_a_constant_distance(name):
     mechanism = load(name)
-    own, others = mechanism.derived(mesh_pairs), mechanism.derived(link_pairs)
+    own, others = mechanism.structure.derived(mesh_pairs), mechanism.structure.derived(link_pairs)
     by_meshes = names(own.bodies, own.pairs)
     by_distance = names(others.bodies, others.of(PairReason.CHECKED))
     rigid = names(others.bodies, others.of(PairReason.RIGID))
@@ -44,7 +44,7 @@ def test_both_selections_of_pairs_agree_but_for_links_at_a_constant_distance(nam
 )
 def test_the_reason_of_an_srdf_is_verified(chain, srdf, is_checked):
     mechanism = cinegen.load(chain(srdf))
-    found = mechanism.derived(mesh_pairs)
+    found = mechanism.structure.derived(mesh_pairs)
     assert (frozenset("ac") in names(found.bodies, found.pairs)) == is_checked
     assert (("a", "c") in found.unchecked) != is_checked
 

@@ -53,7 +53,7 @@ def disabled(mechanism) -> set[str]:
 
 
 def reasons(mechanism) -> dict[str, PairReason]:
-    links = mechanism.derived(link_pairs)
+    links = mechanism.structure.derived(link_pairs)
     return {links.bodies[i].name + links.bodies[k].name: reason for (i, k), reason in links.reasons.items()}
 
 
@@ -92,7 +92,7 @@ def test_a_link_disabled_by_default_is_checked_against_those_enabled_again(chain
 def test_the_srdf_stays_with_the_mechanism(chain):
     mechanism = cinegen.load(chain(AC))
     assert disabled(pickle.loads(pickle.dumps(mechanism))) == {"ac"}
-    assert disabled(mechanism.with_locked({"ab": 0.0})) == {"ac"}
+    assert disabled(mechanism.structure.with_locked({"ab": 0.0})) == {"ac"}
 
 
 @pytest.mark.parametrize(
@@ -125,7 +125,7 @@ def test_moveits_srdf_of_the_panda_is_read_as_its_file_lists_it():
     }
     assert disabled_by_srdf(mechanism) == listed
     assert len(listed) == 35
-    links = mechanism.derived(link_pairs)
+    links = mechanism.structure.derived(link_pairs)
     for (i, k), reason in links.reasons.items():
         pair = frozenset((links.bodies[i].name, links.bodies[k].name))
         assert reason is not PairReason.CHECKED or pair not in listed

@@ -36,7 +36,7 @@ def difference(values: list[np.ndarray], step: float) -> np.ndarray:
 
 def jacobian_by_fixed(design: Design, mechanism: Mechanism, q: np.ndarray, node: str) -> np.ndarray:
     """Return the Jacobian of a node by the fixed joints, by the loops of a mechanism as Pinocchio places them."""
-    jacobian, loops = mechanism.jacobian(q, node), mechanism.system.evaluate(q)[1] / mechanism.scale
+    jacobian, loops = mechanism.jacobian(q, node), mechanism.structure.system.evaluate(q)[1] / mechanism.scale
     fixed, moving = [mechanism.v_index(name) for name in design.fixed], design.moving
     follow = np.zeros((mechanism.model.nv, len(fixed)))
     if len(loops):
@@ -68,7 +68,7 @@ def test_edited_documents(name: str) -> None:
         open_poses = [pin.log6(nominal.actInv(m.placement(here.q[0], node))).vector * scale for m in changed]
         moved = here.node_parameters(node)[0, :, k] * scale
         np.testing.assert_allclose(unit * moved, unit * difference(open_poses, step), atol=1e-8)
-        residuals = [m.system.evaluate(here.q[0])[0] for m in changed]
+        residuals = [m.structure.system.evaluate(here.q[0])[0] for m in changed]
         np.testing.assert_allclose(unit * here.loop_parameters[0, :, k], unit * difference(residuals, step), atol=1e-8)
         closed = [m.close(here.q[0], mechanism.actuated) for m in changed]
         poses = [

@@ -65,7 +65,7 @@ def test_random_trees(seed: int, size: int):
     rng = np.random.default_rng(seed)
     parameters = Parameters(random_robot(rng, size))
     design, mechanism = Design(parameters), parameters.mechanism
-    q = mechanism.system.integrate(mechanism.q_home, rng.normal(size=mechanism.model.nv))
+    q = mechanism.structure.system.integrate(mechanism.q_home, rng.normal(size=mechanism.model.nv))
     p = parameters.values + rng.uniform(-0.3, 0.3, len(parameters))
     here, changed = design.evaluate(p, q), parameters.mechanism_with(p)
     for node in mechanism.nodes:

@@ -13,7 +13,7 @@ from raff2urdf.raff.document import LoopKind
 
 def constraints_of(mechanism):
     """Pinocchio's constraints: a rigid loop is one, a ball one point, a revolute joint two points on its axis."""
-    found, system, length = pin.StdVec_RigidConstraintModel(), mechanism.system, mechanism.length
+    found, system, length = pin.StdVec_RigidConstraintModel(), mechanism.structure.system, mechanism.length
     for loop, (first, on_first, second, on_second) in zip(system.loops, system.anchors, strict=True):
         kind = pin.ContactType.CONTACT_6D if loop.kind is LoopKind.RIGID else pin.ContactType.CONTACT_3D
         for z in (0.0, length) if loop.kind is LoopKind.REVOLUTE else (0.0,):

@@ -82,7 +82,7 @@ def random_rows(mechanism, rng, count):
 
 
 def loops_at_home(mechanism):
-    return mechanism.system.evaluate(mechanism.q_home)[1]
+    return mechanism.structure.system.evaluate(mechanism.q_home)[1]
 
 
 def proposed(solver):
@@ -167,7 +167,7 @@ def test_where_joints_cant_go_back_so_fast_they_go_as_fast_as_they_can(robot):
 
 def best_by_scipy(mechanism, solver, rows, most):
     """(nv,) what does most for the tasks by the plain statement (`reference_tick`), by scipy's SLSQP."""
-    system = mechanism.system
+    system = mechanism.structure.system
     _, loops = system.evaluate(solver.q)
     tasks = [(task, axes_of(task, mechanism, system)) for task in solver.tasks]
     error, jacobian = equations(mechanism, system, tasks)

@@ -89,7 +89,7 @@ def test_the_sign_is_that_of_the_determinant_where_the_jacobian_is_square(robot,
     """Of independent rows, which Gaussian elimination chooses at the first configuration."""
     mechanism = robot(name)
     rng, q = np.random.default_rng(4), mechanism.q_home
-    columns = mechanism.passive_columns
+    columns = mechanism.structure.passive_columns
     kept = None
     for _ in range(60):
         step = rng.normal(size=mechanism.model.nv)

@@ -67,9 +67,9 @@ def test_rows_and_gaps_of_the_loops_are_the_mechanisms_own_closed_and_open(name,
     if not mechanism.is_constrained:
         return
     rng = np.random.default_rng(0)
-    memory = set_up(LoopMemory(), mechanism.system, mechanism.cluster_ranks)
+    memory = set_up(LoopMemory(), mechanism.structure.system, mechanism.cluster_ranks)
     of_loops = [1.0 if "r" in part else mechanism.length for loop in mechanism.loops for part in loop.components]
-    unit = np.array([*of_loops, *mechanism.system.coupling_sizes])
+    unit = np.array([*of_loops, *mechanism.structure.system.coupling_sizes])
     for q in mechanism.random_closed(6, seed=1):
         for bent in (0.0, 0.3, 3.0):
             there = q + bent * rng.normal(size=len(q)) * mechanism.scale
@@ -84,7 +84,7 @@ def test_rows_and_gaps_of_the_loops_are_the_mechanisms_own_closed_and_open(name,
                 first = mechanism.placement(there, loop.first) * loop.first_placement
                 second = mechanism.placement(there, loop.second) * loop.second_placement
                 by_hand.append(loop_residual(loop.kind, first.actInv(second).homogeneous, mechanism.length)[0])
-            for coupling, size in zip(mechanism.couplings, mechanism.system.coupling_sizes, strict=True):
+            for coupling, size in zip(mechanism.couplings, mechanism.structure.system.coupling_sizes, strict=True):
                 values = [
                     np.polynomial.Polynomial([0.0, *c])(there[mechanism.q_index(joint)])
                     for joint, c in coupling.terms.items()
@@ -123,7 +123,7 @@ def kernels_equations(solver: Solver) -> tuple[np.ndarray, np.ndarray]:
 
 def plain_equations(solver: Solver) -> tuple[np.ndarray, np.ndarray]:
     mechanism = solver.mechanism
-    system = mechanism.system
+    system = mechanism.structure.system
     system.evaluate(solver.q)
     tasks = [(task, axes_of(task, mechanism, system)) for task in solver.tasks]
     return equations(mechanism, system, tasks)
@@ -168,10 +168,10 @@ def expected_step(solver: Solver, low: np.ndarray, high: np.ndarray, longest: np
     slowed, bent and damped at once; or bent where a direction is lost altogether, and what is redundant instead is
     anyone's choice."""
     mechanism = solver.mechanism
-    loops, cut_rates = mechanism.system.evaluate(solver.q)[1], mechanism.system.cut_rates()
+    loops, cut_rates = mechanism.structure.system.evaluate(solver.q)[1], mechanism.structure.system.cut_rates()
     error, rows = plain_equations(solver)
     weights = relative_weights(solver.frame_tasks)
-    rank, of_tasks = mechanism.loop_rank, task_rank(mechanism, mechanism.system, solver.tasks)
+    rank, of_tasks = mechanism.loop_rank, task_rank(mechanism, mechanism.structure.system, solver.tasks)
     infinite = np.full(len(low), np.inf)
     found = resolve(loops, rank, rows, of_tasks, error, weights, -infinite, infinite, cut_rates)
     pace = min(1.0, FULL / float((np.abs(found.step) / longest).max(initial=1e-9)))

@@ -32,7 +32,7 @@ def random_levels(solver: Solver, rng: np.random.Generator, levels: int) -> None
 
 
 def plain_levels(solver: Solver) -> list[tuple[np.ndarray, np.ndarray, np.ndarray, int]]:
-    mechanism, system, before, found = solver.mechanism, solver.mechanism.system, 0, []
+    mechanism, system, before, found = solver.mechanism, solver.mechanism.structure.system, 0, []
     for priority in sorted({task.priority for task in solver.frame_tasks}):
         tasks = [task for task in solver.frame_tasks if task.priority <= priority]
         rank = task_rank(mechanism, system, tasks)
@@ -58,7 +58,7 @@ def test_the_step_of_each_level_is_that_of_the_plain_statement(name, which):
         memory.lower[:], memory.upper[:] = q - low * mechanism.scale, q + high * mechanism.scale
         low, high = (memory.lower - q) / mechanism.scale, (memory.upper - q) / mechanism.scale
         levels = plain_levels(solver)
-        loops, cut_rates = mechanism.system.evaluate(q)[1], mechanism.system.cut_rates()
+        loops, cut_rates = mechanism.structure.system.evaluate(q)[1], mechanism.structure.system.cut_rates()
         expected = resolve_levels(loops, mechanism.loop_rank, levels, low, high, memory.longest_step, cut_rates)
         step = solver.step()
         assert mechanism.closure(step.q) <= 1e-9

@@ -181,7 +181,7 @@ def logarithm(mechanism: cinegen.Mechanism, q: np.ndarray, node: str, rows: int)
     """Of Yoshikawa's measure of the first rows of a node, by numpy alone, at a closed configuration."""
     jacobian = mechanism.jacobian(q, node) * mechanism.scale
     jacobian[:3] /= mechanism.length
-    loops = mechanism.system.evaluate(q)[1]
+    loops = mechanism.structure.system.evaluate(q)[1]
     motions, _ = free_motions(loops, mechanism.loop_rank)
     sigma = np.linalg.svd(jacobian[:rows] @ motions, compute_uv=False)
     return float(np.log(sigma[sigma > 1e-6 * sigma[0]]).sum())
@@ -203,7 +203,7 @@ def test_its_gradient_is_that_of_finite_differences_over_closed_configurations(n
         objective = Manipulability(None if pulled else node, rotation=rotation)
         gradient = objective.gradient(solver.state)
         assert -objective.value(solver.state) == pytest.approx(logarithm(mechanism, q, node, rows), abs=1e-9)
-        loops = mechanism.system.evaluate(q)[1]
+        loops = mechanism.structure.system.evaluate(q)[1]
         motions, _ = free_motions(loops, mechanism.loop_rank)
         if pulled:
             jacobian = (mechanism.jacobian(q, node) * mechanism.scale)[:rows]

@@ -62,8 +62,8 @@ def test_along_the_weakest_joint_direction_pulls_move_by_sigma(robot, seed, name
     lost, unit = step.lost_dof, _unit(mechanism)
     jacobian = _world(mechanism, step.q, mechanism.end)
     assert jacobian @ lost.joints / unit == pytest.approx(lost.sigma * lost.twists[0] / unit, abs=1e-9)
-    mechanism.system.evaluate(step.q)
-    cut = mechanism.system.cut_rates() @ (lost.joints / mechanism.scale)
+    mechanism.structure.system.evaluate(step.q)
+    cut = mechanism.structure.system.cut_rates() @ (lost.joints / mechanism.scale)
     assert np.linalg.norm([*(lost.joints / mechanism.scale), *cut]) == pytest.approx(1.0)
     assert np.linalg.norm(lost.twists[0] / unit) == pytest.approx(1.0)
     if mechanism.is_constrained:
@@ -154,8 +154,8 @@ def test_a_joint_that_no_motor_determines_is_no_singularity(raff):
     """A coupler's end with a link hanging from it, without a motor: idle everywhere, so nothing is gained there."""
     idle = raff(ROCKER.replace("frame 4 {", "link 6 { parameters { d 100 } type 2 pred 2 actuated 0 }\n    frame 4 {"))
     bar = raff(ROCKER, name="plain")
-    assert len(idle.passive_columns) == 3
-    assert idle.passive_rank == 2
+    assert len(idle.structure.passive_columns) == 3
+    assert idle.structure.passive_rank == 2
     q = Solver(idle, DT).step()
     assert q.passive_singular_values == pytest.approx(Solver(bar, DT).step().passive_singular_values)
     assert q.uncontrolled_dof.joints[idle.v_index("joint6")] == pytest.approx(0.0, abs=1e-12)

@@ -356,7 +356,7 @@ def test_singular_values_include_rows_of_python_and_leave_out_lower_levels(name)
     step = solver.step()
     jacobian = State(mechanism, q, 0.01).jacobian(end)[:3]
     rows = np.vstack([jacobian, height.jacobian(State(mechanism, q, 0.01))]) / mechanism.length * mechanism.scale
-    motions = motions_of(mechanism.system, q, mechanism.loop_rank)
+    motions = motions_of(mechanism.structure.system, q, mechanism.loop_rank)
     expected = np.linalg.svd(rows @ motions, compute_uv=False)[: len(step.singular_values)]
     assert step.singular_values == pytest.approx(expected, abs=1e-9)
     assert step.lost_dof is None

@@ -40,7 +40,7 @@ def least(mechanism, q, node, weights, moved):
 @pytest.mark.parametrize("name", ["arm7", "planar_3r", "two_arms"])
 def test_a_tick_is_the_least_weighted_motion(robot, name):
     mechanism, rng = robot(name), np.random.default_rng(1)
-    q = mechanism.samples[1] if name != "two_arms" else mechanism.q_home
+    q = mechanism.structure.samples[1] if name != "two_arms" else mechanism.q_home
     weights = rng.uniform(0.5, 40.0, mechanism.model.nv)
     plain, solver = aimed(mechanism, SMALL, q), aimed(mechanism, SMALL, q)
     solver.joint_weights = {name: weights[mechanism.v_index(name)] for name in mechanism.joints}
@@ -53,7 +53,7 @@ def test_a_tick_is_the_least_weighted_motion(robot, name):
 @pytest.mark.parametrize("name", ["hybrid", "planar_hybrid", "gough", "sr400"])
 def test_with_loops_the_weighted_motion_of_the_actuated_joints_is_least(robot, name):
     mechanism = robot(name)
-    q, rng = mechanism.samples[1], np.random.default_rng(2)
+    q, rng = mechanism.structure.samples[1], np.random.default_rng(2)
     weights = np.zeros(mechanism.model.nv)
     plain, solver = aimed(mechanism, SMALL, q), aimed(mechanism, SMALL, q)
     for joint in mechanism.actuated:
@@ -111,7 +111,7 @@ def test_a_heavy_joint_changes_neither_singular_values_nor_statuses_nor_what_is_
 
 def test_the_singular_values_at_a_configuration_do_not_depend_on_weights(robot):
     mechanism = robot("gough")
-    q = mechanism.samples[1]
+    q = mechanism.structure.samples[1]
     solver, other = aimed(mechanism, 0.0, q), aimed(mechanism, 0.0, q)
     solver.joint_weights[mechanism.actuated[0]] = 1e5
     first, second = solver.step(), other.step()

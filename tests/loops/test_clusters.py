@@ -129,12 +129,12 @@ def two(tmp_path: Path, rocker: float = 60.0, more: str = "") -> cinegen.Mechani
 
 def test_loops_that_share_no_joint_are_clusters(tmp_path):
     mechanism = two(tmp_path)
-    first, second = clusters(mechanism.system)
+    first, second = clusters(mechanism.structure.system)
     names = [{mechanism.columns[k] for k in one.columns} for one in (first, second)]
     assert names == [{"joint1", "joint2", "joint3"}, {"joint11", "joint12", "joint13"}]
     assert [one.rows.tolist() for one in (first, second)] == [[0, 1, 2, 3, 4], [5, 6, 7, 8, 9]]
     assert (mechanism.cluster_ranks, mechanism.mobility) == ((2, 2), 3)
-    jacobian = mechanism.system.evaluate(mechanism.q_home)[1]
+    jacobian = mechanism.structure.system.evaluate(mechanism.q_home)[1]
     for one in (first, second):
         outside = np.setdiff1d(np.arange(7), one.columns)
         assert not jacobian[np.ix_(one.rows, outside)].any()
@@ -142,7 +142,7 @@ def test_loops_that_share_no_joint_are_clusters(tmp_path):
 
 def test_a_coupling_links_clusters(tmp_path):
     mechanism = two(tmp_path, more="coupling { link 11 link 1 ratio 1 offset 0 }")
-    (one,) = clusters(mechanism.system)
+    (one,) = clusters(mechanism.structure.system)
     assert (one.loops, one.couplings) == ((0, 1), (0,))
     assert (mechanism.cluster_ranks, mechanism.mobility) == ((5,), 2)
 
@@ -151,10 +151,10 @@ def test_a_cluster_alone_has_the_equations_that_it_has_in_the_mechanism(tmp_path
     mechanism = two(tmp_path)
     rng = np.random.default_rng(3)
     q = mechanism.q_home + 0.2 * rng.normal(size=7)
-    residual, jacobian = mechanism.system.evaluate(q)
-    found = subsystems(mechanism.system)
+    residual, jacobian = mechanism.structure.system.evaluate(q)
+    found = subsystems(mechanism.structure.system)
     assert len(found) == 2
-    for one, (own, at) in zip(clusters(mechanism.system), found, strict=True):
+    for one, (own, at) in zip(clusters(mechanism.structure.system), found, strict=True):
         alone, own_jacobian = own.evaluate(q[at])
         assert alone == pytest.approx(residual[one.rows], abs=1e-14)
         assert own_jacobian == pytest.approx(jacobian[np.ix_(one.rows, one.columns)], abs=1e-14)
@@ -173,7 +173,7 @@ def test_a_cluster_that_can_not_be_closed_does_not_keep_others_open(tmp_path):
     mask[[mechanism.v_index(name) for name in ("joint1", "joint2", "joint3")]] = 1.0
     closing = mechanism._closer.close(q, mask)
     assert not closing.closed
-    residual = np.abs(mechanism.system.evaluate(closing.q)[0])
+    residual = np.abs(mechanism.structure.system.evaluate(closing.q)[0])
     assert residual[5:].max() <= 1e-12
     joints = [mechanism.q_index(f"joint{number}") for number in (1, 2, 3, 6)]
     assert np.array_equal(closing.q[joints], q[joints])
@@ -189,7 +189,7 @@ def test_random_configurations_move_all_joints_of_several_clusters(tmp_path):
 
 def test_motions_of_large_jacobians_are_those_of_their_singular_vectors(made):
     mechanism = made("girder", 300)
-    jacobian = mechanism.system.evaluate(mechanism.random_closed(1)[0])[1]
+    jacobian = mechanism.structure.system.evaluate(mechanism.random_closed(1)[0])[1]
     motions, sigma = free_motions(jacobian, mechanism.loop_rank)
     assert motions.shape == (mechanism.model.nv, mechanism.mobility)
     assert motions.T @ motions == pytest.approx(np.eye(mechanism.mobility), abs=1e-12)

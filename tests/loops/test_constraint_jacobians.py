@@ -67,13 +67,13 @@ def check(system: ClosedLoops, ranks: tuple[int, ...], q: np.ndarray) -> None:
 def test_every_robot(name, which):
     mechanism = cinegen.load(ROBOTS / f"{name}.raff", which)
     for q in mechanism.random_closed(4, seed=1):
-        check(mechanism.system, mechanism.cluster_ranks, q)
+        check(mechanism.structure.system, mechanism.cluster_ranks, q)
 
 
 @pytest.mark.parametrize("kind", LoopKind)
 def test_every_kind_of_loop(robot, kind):
     """Where rigid loops are closed, those of any kind are."""
     mechanism = robot("delta4")
-    system = mechanism.system.with_kinds([kind] * len(mechanism.loops))
+    system = mechanism.structure.system.with_kinds([kind] * len(mechanism.loops))
     for q in mechanism.random_closed(4, seed=1):
         check(system, mechanism.cluster_ranks, q)

@@ -24,7 +24,7 @@ def by_numpy(mechanism: cinegen.Mechanism, q: np.ndarray, locked: tuple[str, ...
     free = np.ones(mechanism.model.nv, dtype=bool)
     for joint in locked:
         free[mechanism.v_index(joint)] = False
-    return closure.close(mechanism.system, q, free)
+    return closure.close(mechanism.structure.system, q, free)
 
 
 def some_locked(mechanism: cinegen.Mechanism, rng: np.random.Generator) -> tuple[str, ...]:

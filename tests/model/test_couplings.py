@@ -42,7 +42,7 @@ def test_random_couplings_on_random_mechanisms(tmp_path_factory, seed):
     followers = {coupling.follower for coupling in mechanism.couplings}
     assert set(mechanism.actuated) == set(mechanism.joints) - followers
     assert np.abs(lacks(mechanism, mechanism.q_home)).max() <= 1e-10
-    memory = set_up(LoopMemory(), mechanism.system, mechanism.cluster_ranks)
+    memory = set_up(LoopMemory(), mechanism.structure.system, mechanism.cluster_ranks)
     q = mechanism.q_home + rng.normal(size=mechanism.model.nq)
     assert mechanism.loop_residual(q) == pytest.approx(lacks(mechanism, q), rel=1e-12, abs=1e-12)
     differences = [
@@ -50,7 +50,7 @@ def test_random_couplings_on_random_mechanisms(tmp_path_factory, seed):
     ]
     jacobian = mechanism.loop_jacobian(q)
     assert jacobian == pytest.approx(np.array(differences).T, rel=1e-6, abs=1e-6 * max(1.0, np.abs(jacobian).max()))
-    c, rows = mechanism.system.evaluate(q)
+    c, rows = mechanism.structure.system.evaluate(q)
     kinematics.evaluate(memory, q)
     residual.evaluate_loops(memory, True)
     assert memory.residual == pytest.approx(c, abs=1e-13 * max(1.0, np.abs(c).max()))
@@ -70,7 +70,7 @@ def test_couplings_hold_at_every_tick(tmp_path_factory, seed):
             task.target = mechanism.placement(closed[tick // 20 % len(closed)], mechanism.end)
         step = solver.step()
         assert step.closure <= 1e-10
-        sizes = np.array(mechanism.system.coupling_sizes)
+        sizes = np.array(mechanism.structure.system.coupling_sizes)
         assert np.abs(lacks(mechanism, step.q) / sizes).max() <= 1e-10
 
 
@@ -146,7 +146,7 @@ def test_gears_are_what_their_textbooks_say(robot):
     by = dict(zip(gear.columns, motion, strict=True))
     assert by["joint1"] / by["joint2"] == pytest.approx(4.0)
     assert by["joint3"] / by["joint2"] == pytest.approx(-3.0)
-    assert (gear.system.rows, gear.loop_rank, gear.mobility) == (6, 4, 1)
+    assert (gear.structure.system.rows, gear.loop_rank, gear.mobility) == (6, 4, 1)
     scara = robot("scara")  # one revolution of the screw nut lifts the quill by 20 mm, one of the spline nut lowers it
     up = scara.close(
         scara.configuration({"joint3": scara.q_home[scara.q_index("joint3")] + 2.0 * np.pi}), ["joint3", "joint4"]

@@ -38,8 +38,8 @@ def slowly(mechanism: cinegen.Mechanism, q: np.ndarray, goal: np.ndarray) -> np.
     for i in range(1, steps + 1):
         start = 2.0 * q - before
         start[places] = begin + (goal - begin) * i / steps
-        closing = closure.close(mechanism.system, start, free, 20)
-        rows = mechanism.system.evaluate(closing.q)[1][:, free]
+        closing = closure.close(mechanism.structure.system, start, free, 20)
+        rows = mechanism.structure.system.evaluate(closing.q)[1][:, free]
         smallest = np.linalg.svd(rows, compute_uv=False)[mechanism.loop_rank - 1]
         if not closing.closed or smallest < 0.02 or np.abs(closing.q - q).max() > 0.2:
             return None

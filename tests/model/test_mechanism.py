@@ -1,5 +1,7 @@
 """The mechanism: placements, Jacobians, closure, names."""
 
+import re
+
 import numpy as np
 import pytest
 
@@ -92,3 +94,11 @@ def test_mechanisms_and_jacobians_are_shown_in_one_line_and_as_tables(robot):
     assert matrix._repr_html_().count("<td>.</td>") == int((matrix.matrix == 0.0).sum())
     long = cinegen.model.ExtendedJacobian(np.zeros((99, 1)), tuple((f"node{k}", "x") for k in range(99)), ("joint1",))
     assert len(repr(long)) <= 100
+
+
+def test_what_a_mechanism_shows_is_what_the_docs_describe(robot, root):
+    """No internals: all that completion offers is in the tables of docs/python.md."""
+    page = (root / "docs" / "python.md").read_text()
+    described = re.findall(r"`(\w+)[`(]", page[page.index("## Mechanisms") : page.index("## Configurations")])
+    shown = {name for name in dir(robot("delta4")) if not name.startswith("_")}
+    assert shown <= set(described)

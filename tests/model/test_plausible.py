@@ -13,7 +13,7 @@ def test_no_node_gets_further_than_the_reach_and_the_reach_is_no_wild_guess(robo
     mechanism = robot(name)
     far = max(
         float(np.linalg.norm(mechanism.placement(q, node).translation))
-        for q in (mechanism.q_home, *mechanism.samples)
+        for q in (mechanism.q_home, *mechanism.structure.samples)
         for node in mechanism.nodes
     )
     assert far <= reach(mechanism) * (1.0 + 1e-9)
@@ -24,7 +24,7 @@ def test_no_node_gets_further_than_the_reach_and_the_reach_is_no_wild_guess(robo
 def test_every_point_within_reach_is_accepted_in_m_and_refused_in_mm(robot, name):
     mechanism = robot(name)
     node = mechanism.end
-    for q in mechanism.samples:
+    for q in mechanism.structure.samples:
         point = mechanism.placement(q, node).translation
         check_lengths(mechanism, "x", point.tolist())
         check_lengths(mechanism, "x", (5.0 * point).tolist())  # a map may be larger than the workspace

@@ -214,7 +214,7 @@ def test_singular_values_do_not_depend_on_the_axes_of_the_ball_joint(rssr, tmp_p
         motion = ForwardKinematics(mechanism)
         for angle in np.linspace(-1.0, 1.0, 7):
             q = motion.move({"joint1": np.radians(40.0) + angle})
-            values.append(np.linalg.svd(mechanism.system.evaluate(q)[1], compute_uv=False))
+            values.append(np.linalg.svd(mechanism.structure.system.evaluate(q)[1], compute_uv=False))
         expected = values if expected is None else expected
         assert np.abs(np.array(values) - np.array(expected)).max() < 1e-8
 

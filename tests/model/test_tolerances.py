@@ -19,7 +19,7 @@ CLOSED_ROBOTS = ("delta4", "five_bar", "gough")
 def barely_closed(mechanism: cinegen.Mechanism) -> np.ndarray:
     """As open as a solver may leave its loops: just below `CLOSURE`, and above `CLOSED`."""
     q = mechanism.random_closed(1, seed=3)[0]
-    _, sigma, vt = np.linalg.svd(mechanism.system.evaluate(q)[1])
+    _, sigma, vt = np.linalg.svd(mechanism.structure.system.evaluate(q)[1])
     step = 0.5 * CLOSURE * vt[0] * mechanism.scale / sigma[0]
     while mechanism.closure(mechanism.integrate(q, step)) < 0.8 * CLOSURE:
         step *= 1.1

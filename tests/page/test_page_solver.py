@@ -99,7 +99,7 @@ def any_robot(robot, tmp_path):
 def test_singular_values_are_those_of_python(any_robot, root, tmp_path, name):
     mechanism = any_robot(name)
     calls = [call | {"ticks": 0} for call in some_calls(mechanism, 12, 5)]
-    counted = CountedLoops(mechanism) if balls(mechanism) else mechanism.own_system()
+    counted = CountedLoops(mechanism) if balls(mechanism) else mechanism.structure.own_system()
     inner = {mechanism.model.getJointId(joint) for names in balls(mechanism) for joint in names[:2]}
     for call, found in zip(calls, in_javascript(robot_tables(mechanism, RATE), calls, root, tmp_path), strict=True):
         q = np.array(call["q"])
@@ -108,7 +108,7 @@ def test_singular_values_are_those_of_python(any_robot, root, tmp_path, name):
             target = mechanism.placement(q, node) * offset
             solver.add_task(node, target, one["translation"], one["rotation"], one["weight"], offset=offset)
             if mechanism.model.frames[mechanism.frame_id(node)].parentJoint in inner:
-                loops = mechanism.own_system()
+                loops = mechanism.structure.own_system()
         lost, uncontrolled = solver.step().lost_dof_in(loops), gained(mechanism, q, loops)
         assert found["type1"] == (None if lost is None else pytest.approx(lost.values[-1], abs=1e-8))
         assert found["type2"] == (None if uncontrolled is None else pytest.approx(uncontrolled.values[-1], abs=1e-8))

@@ -86,7 +86,7 @@ def test_it_closes_at_the_first_try(case, mechanism):
     joints, loops, driven, idle = MODELS[case]
     assert (len(mechanism.joints) + 3 * len(mechanism.balls), len(mechanism.loops)) == (joints, loops)
     assert mechanism.closure(mechanism.q_home) < 1e-12
-    left = len(mechanism.passive_columns) - mechanism.passive_rank
+    left = len(mechanism.structure.passive_columns) - mechanism.structure.passive_rank
     assert (mechanism.mobility - left, left) == (driven, idle)
     assert len(mechanism.actuated) == driven
 

@@ -78,7 +78,10 @@ def test_a_mode_is_changed_without_a_singularity_also_with_a_leg_locked(root):
     assert sides.min() > 0.1 * determinant(mechanism, mechanism.q_home)
     assert np.ptp(found.plan.path[:, mechanism.q_index(LEGS[0])]) < 1e-12
     assert found.crossed == ()
-    columns, rank = mechanism.passive_screws, mechanism.passive_rank + mechanism.screws.cut
+    columns, rank = (
+        mechanism.structure.passive_screws,
+        mechanism.structure.passive_rank + mechanism.structure.screws.cut,
+    )
     sigmas = [
         np.linalg.svd(mechanism.screw_matrix(q)[:, columns], compute_uv=False)[rank - 1]
         for q in dense(mechanism, found.plan.path)

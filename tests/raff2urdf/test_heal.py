@@ -48,7 +48,7 @@ def test_an_sdf_whose_hips_are_tilted_is_healed(tmp_path):
     mechanism = cinegen.load(written(healing, tmp_path / "out")[0])  # without a warning
     assert {loop.kind.name for loop in mechanism.loops} == {"REVOLUTE"}
     assert mechanism.mobility == 2
-    for own, at in subsystems(mechanism.own_system()):
+    for own, at in subsystems(mechanism.structure.own_system()):
         for q in closed_walk(own, mechanism.q_home[at], 20):
             assert rank(own.evaluate(q)[1]) <= 4
             assert abs(own.evaluate(q)[0]).max() <= 1e-12

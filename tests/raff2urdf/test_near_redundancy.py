@@ -78,7 +78,7 @@ def test_legs_whose_hips_are_tilted_by_rounding_are_healed_or_relaxed(walkers):
     assert healed.mobility == 2 * 2  # 6 joints a leg; of its five rows, the one along the hinge is redundant
     assert set(healed.actuated) == {"hip_0+1", "hip_0-1", "hip_1+1", "hip_1-1"}
     assert {loop.kind.name for loop in healed.loops} == {"REVOLUTE"}
-    for own, at in subsystems(healed.own_system()):
+    for own, at in subsystems(healed.structure.own_system()):
         assert near_redundancy(own, healed.q_home[at]) is None
     assert {loop.kind.name for loop in relaxed.loops} == {"BALL"}
     assert relaxed.mobility == 2 * 3  # of each leg's six joints three are determined: the knees are universal joints
@@ -128,7 +128,7 @@ def test_a_gap_that_is_no_rounding_is_an_error():
 @pytest.mark.parametrize("name", ["sarrus", "3rrr", "bennett"])
 def test_derivatives_by_the_geometry_are_those_of_differences(name):
     mechanism = build(*described(EXACT[name][0]))
-    system, rng = mechanism.own_system(), np.random.default_rng(0)
+    system, rng = mechanism.structure.own_system(), np.random.default_rng(0)
     count, twists = mechanism.model.njoints - 1, twists_of(system)
     step = 1e-6 * rng.normal(size=(twists, 6))
     step[count : 2 * count] = 0.0  # bodies behind joints: `moved` leaves them

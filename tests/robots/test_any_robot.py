@@ -104,7 +104,7 @@ def test_a_random_tree_stands_where_the_products_of_six_elementary_transforms_pu
     for turned in (False, True):
         q = mechanism.q_home
         if turned:
-            q = mechanism.checked(q + rng.normal(size=len(q)))
+            q = mechanism.structure.checked(q + rng.normal(size=len(q)))
         named = values(mechanism, q)
         world: dict[int, np.ndarray] = {}
 
@@ -248,7 +248,7 @@ def tool_motions(mechanism: cinegen.Mechanism, q: np.ndarray) -> np.ndarray:
     """(6, 6) projector on the tool's twists that the loops leave, in the tool's frame, without unit."""
     motions = np.eye(mechanism.model.nv)
     if mechanism.is_constrained:
-        motions = np.linalg.svd(mechanism.system.evaluate(q)[1])[2][mechanism.loop_rank :].T
+        motions = np.linalg.svd(mechanism.structure.system.evaluate(q)[1])[2][mechanism.loop_rank :].T
     twists = mechanism.jacobian(q, "tool") * mechanism.scale @ motions
     twists[:3] /= mechanism.length
     u, sigma, _ = np.linalg.svd(twists)
@@ -259,7 +259,7 @@ def tool_motions(mechanism: cinegen.Mechanism, q: np.ndarray) -> np.ndarray:
 def moved(mechanism: cinegen.Mechanism, seed: int, far: float = 0.15) -> np.ndarray | None:
     """A closed configuration some way off home."""
     rng = np.random.default_rng(seed)
-    _, sigma, vt = np.linalg.svd(mechanism.system.evaluate(mechanism.q_home)[1])
+    _, sigma, vt = np.linalg.svd(mechanism.structure.system.evaluate(mechanism.q_home)[1])
     if mechanism.loop_rank and sigma[mechanism.loop_rank - 1] < 0.02:
         return None
     free = vt[mechanism.loop_rank :].T

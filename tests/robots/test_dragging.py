@@ -100,7 +100,7 @@ def what_could_be_won(mechanism: cinegen.Mechanism, q: np.ndarray, task: cinegen
     gradient = (rows / unit[:, None]).T @ error
     motions = np.eye(mechanism.model.nv)
     if mechanism.is_constrained:
-        motions = np.linalg.svd(mechanism.system.evaluate(q)[1])[2][mechanism.loop_rank :].T
+        motions = np.linalg.svd(mechanism.structure.system.evaluate(q)[1])[2][mechanism.loop_rank :].T
     bounds = np.concatenate([np.maximum(high, 0.0), np.maximum(-low, 0.0)])
     best = linprog(-motions.T @ gradient, np.vstack([motions, -motions]), bounds, bounds=(None, None))
     return (0.0 if best.fun is None else -best.fun), float(np.linalg.norm(error))

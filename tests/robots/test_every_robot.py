@@ -149,11 +149,11 @@ def test_the_rank_of_the_loops_is_the_same_all_over_its_workspace(name, which):
     mechanism = load(name, which)
     for q in [mechanism.q_home] + [q for seed in range(4) for q in mechanism.random_closed(5, seed)]:
         sigma = (
-            np.linalg.svd(mechanism.system.evaluate(q)[1], compute_uv=False)
+            np.linalg.svd(mechanism.structure.system.evaluate(q)[1], compute_uv=False)
             if mechanism.is_constrained
             else np.zeros(0)
         )
         assert np.count_nonzero(sigma > 1e-7) == mechanism.loop_rank
     if mechanism.is_constrained:
-        sigma = np.linalg.svd(mechanism.system.evaluate(mechanism.q_home)[1], compute_uv=False)
+        sigma = np.linalg.svd(mechanism.structure.system.evaluate(mechanism.q_home)[1], compute_uv=False)
         assert sigma[mechanism.loop_rank - 1] > 0.02

@@ -301,7 +301,7 @@ def test_an_arm_loses_what_numpy_finds(robot, straight, lost):
 def test_a_ball_joint_in_gimbal_lock_is_no_singularity(robot):
     mechanism = robot("gough")
     q = mechanism.close(mechanism.configuration({"joint5": 0.0}), ["joint5"])
-    passive = mechanism.system.evaluate(q)[1][:, mechanism.passive_columns]
+    passive = mechanism.structure.system.evaluate(q)[1][:, mechanism.structure.passive_columns]
     assert np.linalg.svd(passive, compute_uv=False)[-1] < 1e-12
     found = singularity(mechanism, q)
     assert found.kind is SingularityType.NONE
@@ -321,7 +321,7 @@ def test_a_ball_counted_as_one_joint_moves_what_its_three_joints_move(robot, nam
         placement = mechanism.placement(q, end)
         local = mechanism.jacobian(q, end) * mechanism.scale
         node = np.vstack([placement.rotation @ local[:3] / mechanism.length, placement.rotation @ local[3:]])
-        assert np.allclose(matrices.loops @ back, mechanism.system.evaluate(q)[1], atol=1e-12)
+        assert np.allclose(matrices.loops @ back, mechanism.structure.system.evaluate(q)[1], atol=1e-12)
         assert np.allclose(matrices.node @ back, node, atol=1e-12)
 
 

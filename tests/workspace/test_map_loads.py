@@ -94,7 +94,7 @@ def test_a_platform_is_as_stiff_as_the_lines_of_its_legs(robot):
         pin.forwardKinematics(gough.model, data, q)
         starts = [data.oMi[gough.model.getJointId(f"joint{k}")].translation for k in (1, 7, 10, 13, 16, 19)]
         ends = [data.oMi[gough.model.getJointId("joint4")].translation]
-        ends += [(data.oMi[anchor[0]] * anchor[1]).translation for anchor in gough.system.anchors]
+        ends += [(data.oMi[anchor[0]] * anchor[1]).translation for anchor in gough.structure.system.anchors]
         centre = gough.placement(q, gough.end).translation
         lines = []
         for start, end in zip(starts, ends, strict=True):

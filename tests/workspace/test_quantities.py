@@ -47,7 +47,7 @@ def cells(spec):
 def by_motors(spec, q):
     """(6, motors) how motors move the node, in its own axes: the loops solved by least squares."""
     mechanism = spec.mechanism
-    loops = mechanism.system.evaluate(q)[1] if mechanism.is_constrained else np.zeros((0, mechanism.model.nv))
+    loops = mechanism.structure.system.evaluate(q)[1] if mechanism.is_constrained else np.zeros((0, mechanism.model.nv))
     motors = [mechanism.v_index(name) for name in mechanism.actuated]
     moved = np.zeros((mechanism.model.nv, len(motors)))
     for k, motor in enumerate(motors):
@@ -68,13 +68,13 @@ def test_quantities_are_those_of_singularities_numpy_and_linear_programmes(robot
     """The linear programmes are in all joints' velocities and all loops' forces, not in those of actuated joints."""
     mechanism, along = robot(name), ALONG.get(name, (0.48, 0.6, 0.64))
     spec = MapSpecification(mechanism, SPECIFICATIONS[name], SEVERAL, along=along)
-    assert ("sigma_2" in spec.quantities) == bool(mechanism.passive_rank)
+    assert ("sigma_2" in spec.quantities) == bool(mechanism.structure.passive_rank)
     scale = mechanism.scale[[mechanism.v_index(joint) for joint in mechanism.actuated]]
     for q, values in cells(spec):
         studied = singularity(mechanism, q)
         if spec.counted == (3, 3) or spec._rank(6) == spec._rank(3):
             assert values["sigma_1"] == pytest.approx(studied.sigma[0], rel=1e-5, abs=1e-7)
-        if mechanism.passive_rank:
+        if mechanism.structure.passive_rank:
             assert values["sigma_2"] == pytest.approx(studied.sigma[1], rel=1e-5, abs=1e-7)
         units = np.repeat([1.0 / mechanism.length, 1.0], 3)[:, None]
         sigma = np.linalg.svd((units * by_motors(spec, q) * scale)[: sum(spec.counted)], compute_uv=False)[: spec.rank]
@@ -136,7 +136,11 @@ def limits_of(mechanism, given):
 def greatest_speed(mechanism, q, node, along):
     """m/s: of all joint velocities that keep the loops closed and motors within their limits."""
     limits = limits_of(mechanism, mechanism.model.upperVelocityLimit)
-    rows = mechanism.system.evaluate(q)[1] / mechanism.scale if mechanism.is_constrained else np.zeros((0, len(limits)))
+    rows = (
+        mechanism.structure.system.evaluate(q)[1] / mechanism.scale
+        if mechanism.is_constrained
+        else np.zeros((0, len(limits)))
+    )
     own = mechanism.placement(q, node).rotation.T @ along
     best = linprog(
         -own @ mechanism.jacobian(q, node)[:3], A_eq=rows, b_eq=np.zeros(len(rows)), bounds=np.c_[-limits, limits],
@@ -149,7 +153,11 @@ def greatest_force(mechanism, q, node, along):
     """N: of all efforts of motors and loops that balance it; joints without a motor bear nothing."""
     limits = limits_of(mechanism, mechanism.model.upperEffortLimit)
     limits[np.isinf(limits)] = 0.0
-    rows = mechanism.system.evaluate(q)[1] / mechanism.scale if mechanism.is_constrained else np.zeros((0, len(limits)))
+    rows = (
+        mechanism.structure.system.evaluate(q)[1] / mechanism.scale
+        if mechanism.is_constrained
+        else np.zeros((0, len(limits)))
+    )
     pushed = mechanism.jacobian(q, node)[:3].T @ (mechanism.placement(q, node).rotation.T @ along)
     bounds = [(0.0, None), *zip(-limits, limits, strict=True), *[(None, None)] * len(rows)]
     best = linprog(

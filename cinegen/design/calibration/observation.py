@@ -274,7 +274,11 @@ def _inputs(parameters: Parameters, measurements: Measurements, columns: dict[st
     """Return the measured joints from which all others follow: actuated ones where there is a choice, and such that are
     measured in all poses."""
     mechanism = parameters.mechanism
-    matrices = [mechanism.system.evaluate(q)[1] for q in mechanism.samples] if mechanism.is_constrained else []
+    matrices = (
+        [mechanism.structure.system.evaluate(q)[1] for q in mechanism.structure.samples]
+        if mechanism.is_constrained
+        else []
+    )
     measured = {mechanism.v_index(joint): joint for joint in columns}
 
     def rank(chosen: list[int]) -> int:

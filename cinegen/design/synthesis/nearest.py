@@ -31,7 +31,7 @@ def nearest(design: Design, p: Array, q: Array, residual: Residual) -> tuple[Arr
             wanted values by joints, all dimensionless.
     """
     mechanism = design.mechanism
-    integrate = mechanism.system.integrate
+    integrate = mechanism.structure.system.integrate
     count, q, best = len(q), q.copy(), q.copy()
     size, damping, active = np.full(count, np.inf), np.full(count, _DAMPING), np.arange(count)
     missing, slopes, bases = np.zeros((0, 0)), np.zeros((0, 0, 0)), np.zeros((0, 0, 0))

@@ -186,7 +186,7 @@ def _factor_cluster(memory: LoopMemory, cluster: ClusterMemory, exact: bool) -> 
 
 @compiled
 def _factor_large(cluster: ClusterMemory, is_whole: bool) -> None:
-    """Factor a large cluster block by block; `is_whole` says that no joint of it is locked."""
+    """Factor a large cluster block by block; `is_whole` is true if no joint of it is locked."""
     rank, tau, reach = cluster.factored_rank, cluster.tau, cluster.reach
     sine = factor_blocks(
         cluster.factors, rank, cluster.block_row, cluster.block_end, cluster.row_first, cluster.row_order,

@@ -125,7 +125,7 @@ def _check(mechanism: Mechanism, given: Trajectory) -> None:
 
 def _check_drivers(mechanism: Mechanism, drivers: Sequence[str]) -> None:
     """Raise CompletionError unless joints determine the actuated ones."""
-    basis = motions_of(mechanism.system, mechanism.samples[0], mechanism.loop_rank)
+    basis = motions_of(mechanism.structure.system, mechanism.structure.samples[0], mechanism.loop_rank)
     driving, actuated = (basis[[mechanism.v_index(name) for name in names]] for names in (drivers, mechanism.actuated))
     if np.linalg.matrix_rank(np.vstack([driving, actuated]), _RANK) > np.linalg.matrix_rank(driving, _RANK):
         raise CompletionError(
