@@ -40,10 +40,7 @@ def solve_by_ticks(
     solver = Solver(mechanism, 1.0)
     for task in tasks:
         if isinstance(task, FrameTask):
-            solver.add_task(
-                task.node, task.target, weight=task.weight, axes=task.axes, offset=task.offset, weights=task.weights,
-                priority=task.priority,
-            )  # fmt: skip
+            add_copy(solver, task)
         else:
             solver.add_task(task)
     solver.lift_limits(not limits)
@@ -67,6 +64,14 @@ def solve_by_ticks(
             break
     assert best is not None  # there is at least one start
     return max(best[0]) <= tolerance, best[1], tried, ticks, best[2]
+
+
+def add_copy(solver: Solver, task: FrameTask) -> FrameTask:
+    """Add a task like another one to a solver, and return it."""
+    return solver.add_task(
+        task.node, task.target, weight=task.weight, axes=task.axes, offset=task.offset, weights=task.weights,
+        priority=task.priority,
+    )  # fmt: skip
 
 
 def _starts(mechanism: Mechanism, q: Array | None, limits: bool, count: int, seed: int) -> Iterator[Array]:

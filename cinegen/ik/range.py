@@ -14,7 +14,9 @@ from cinegen.ik.given_task import Task, is_task
 from cinegen.ik.state import State
 from cinegen.joints import kinematic_data
 
-_TOLERANCE = 1e-7  # m or rad: a step that ends this little beyond a bound is made
+TOLERANCE = 1e-7
+"""m or rad: a step that ends this little beyond a bound is made."""
+
 _MARGIN = 1.3  # of the curvature of the last step, by which the next is kept inside
 _FORGET = 0.9  # of that curvature, from tick to tick
 
@@ -71,6 +73,10 @@ class Range:
         self._bend = self._bend * _FORGET
         return Bounds(rows, most / state.dt)
 
+    def excess(self, state: State) -> float:
+        """Return by how much the value that is furthest out exceeds its bound, m or rad; below 0 within the range."""
+        return float(self._values(state)[0].max())
+
     def clear(self, state: State, q: Array) -> float:
         """Return the fraction of the step to q that keeps the range; see `Barrier.clear`."""
         if self._data is None:
@@ -82,8 +88,8 @@ class Range:
         if self._step > 0.0:
             bend = (after - before - rows @ step) / self._step
             self._bend = np.maximum(self._bend, np.maximum(bend, 0.0))
-        beyond = after > np.maximum(before, _TOLERANCE)
-        parts = (_TOLERANCE - before[beyond]) / (after[beyond] - before[beyond])
+        beyond = after > np.maximum(before, TOLERANCE)
+        parts = (TOLERANCE - before[beyond]) / (after[beyond] - before[beyond])
         return float(np.clip(parts, 0.0, 1.0).min(initial=1.0))
 
     def _values(self, state: State) -> tuple[Array, Array]:

@@ -18,6 +18,7 @@ from cinegen.tolerances import CLOSURE
 
 _SHORTEST = 1e-4  # rad or characteristic lengths: half of a segment that is not divided any more
 _SHORTEST_PART = 1e-9  # of a motion, that is not divided any more: joints jump there, however short it is
+_LONGEST = 0.05  # rad or characteristic lengths: half of a segment that is divided where constraints are kept
 _MOST_CURVATURE = 5e-4  # rad or characteristic lengths: how far closing the loops may move the middle of a segment
 
 
@@ -71,9 +72,10 @@ def clear_motion(
         if middle is None or left is None:
             return None
         known[part := (first + last) / 2.0] = middle.q
+        size = float(np.abs(middle.half / mechanism.scale).max(initial=0.0))
         if middle.curvature > _MOST_CURVATURE:
             left = pairs  # nothing is known of the ends yet
-        elif not len(left):
+        elif not len(left) and (project is None or size < _LONGEST):
             continue
         if last - first < _SHORTEST_PART:
             return None

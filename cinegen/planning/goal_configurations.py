@@ -18,7 +18,7 @@ from cinegen.ik.local_ik import LocalIK
 from cinegen.ik.task import FrameTask
 from cinegen.planning.attempt import PlanStatus
 from cinegen.planning.attraction import TaskAttraction
-from cinegen.planning.path_constraints import path_tasks, projection
+from cinegen.planning.path_constraints import Kept, TaskProjection, path_tasks, projection
 from cinegen.tolerances import CLOSURE
 from raff2urdf.quantities import LENGTH, shown
 
@@ -39,7 +39,7 @@ class Refusal(NamedTuple):
 
 
 def free_goals(
-    scene: Scene, clearance: Clearance, check: MeshCheck, report: Callable[[str], None]
+    scene: Scene, clearance: Clearance, check: MeshCheck, report: Callable[[str], None], tasks: Kept = ()
 ) -> tuple[Array, ...] | Refusal:
     """Return the configurations at the goal that are free of collisions, at least one; or a refusal, also if the start
     is in collision.
@@ -49,7 +49,10 @@ def free_goals(
         clearance: distances of its robot.
         check: check of its meshes.
         report: called with a text about what is done.
+        tasks: satisfied at the goal, too, as all along the path.
     """
+    if tasks and not _satisfies(scene, scene.start, tasks):
+        return Refusal(PlanStatus.OUT_OF_REACH, "the tasks to be kept along the path are not satisfied at the start")
     distances = clearance.distances(scene.start)
     if len(distances) and distances.min() < scene.safety:
         pair = int(distances.argmin())
@@ -57,7 +60,7 @@ def free_goals(
     if touching := check.contact(scene.start):
         return Refusal(PlanStatus.START_IN_COLLISION, touching)
     report("searching configurations at the goal")
-    found, blocked = _search(scene, clearance)
+    found, blocked = _search(scene, clearance, tasks)
     contacts = [check.contact(q) for q in found]
     free = tuple(q for q, touching in zip(found, contacts, strict=True) if not touching)
     if free:
@@ -70,7 +73,7 @@ def free_goals(
     return Refusal(PlanStatus.OUT_OF_REACH, f"no configuration was found in which '{scene.node}' is at the goal")
 
 
-def _search(scene: Scene, clearance: Clearance) -> tuple[list[Array], list[tuple[float, int]]]:
+def _search(scene: Scene, clearance: Clearance, tasks: Kept) -> tuple[list[Array], list[tuple[float, int]]]:
     """Search closed configurations within all limits at the goal.
 
     Returns:
@@ -79,7 +82,7 @@ def _search(scene: Scene, clearance: Clearance) -> tuple[list[Array], list[tuple
     """
     mechanism = scene.mechanism
     free, blocked = list[Array](), list[tuple[float, int]]()
-    for q in _with_joint_values(scene) if scene.goal_joints else _with_pose(scene):
+    for q in _with_joint_values(scene, tasks) if scene.goal_joints else _with_pose(scene, tasks):
         if any(mechanism.distance(q, other) < _DISTINCT for other in free):
             continue
         if clearance.least(q) < scene.safety:
@@ -92,7 +95,7 @@ def _search(scene: Scene, clearance: Clearance) -> tuple[list[Array], list[tuple
     return _varied(scene, free), blocked[:_ENOUGH]
 
 
-def _with_pose(scene: Scene) -> Iterator[Array]:
+def _with_pose(scene: Scene, tasks: Kept) -> Iterator[Array]:
     """Yield configurations in which the node is at its goal, and on which the path's constraints are satisfied.
 
     The search starts at the scene's start, then at configurations sampled over the whole range of motion: an empty
@@ -101,14 +104,21 @@ def _with_pose(scene: Scene) -> Iterator[Array]:
     mechanism, rng, poses = scene.mechanism, np.random.default_rng(0), goal_poses(scene)
     task = FrameTask(scene.node, scene.goal, scene.translation, scene.rotation, axes="world")
     local = LocalIK(mechanism, (task, *path_tasks(scene)))
+    project = TaskProjection(mechanism, local.tasks, tasks) if tasks else None
     starts = [scene.start]
     if mechanism.is_constrained:
         starts += list(LocalIK(mechanism).samples(_SAMPLES, rng))
     for count in range(_STARTS):
         local.tasks[0].target = next(poses)
         start = starts[count] if count < len(starts) else local.random_start(rng)
-        if local.solve(start, 1e-10) and local.closure <= CLOSURE:
-            yield local.best
+        found = local.solve(start, 1e-10) and local.closure <= CLOSURE
+        if project is None:
+            if found:
+                yield local.best
+            continue
+        project.frames[0].target = local.tasks[0].target
+        if (q := project(local.best if found else start)) is not None:
+            yield q
 
 
 def goal_poses(scene: Scene) -> Iterator[pin.SE3]:
@@ -138,12 +148,12 @@ def _angle(one: Array, other: Array) -> float:
     return float(np.arctan2(np.linalg.norm(np.cross(one, other)), one @ other))
 
 
-def _with_joint_values(scene: Scene) -> Iterator[Array]:
+def _with_joint_values(scene: Scene, tasks: Kept) -> Iterator[Array]:
     """Yield configurations in which the joints of the goal have their values: first that of the scene, then with other
     values of the joints that are free."""
     mechanism, rng, end = scene.mechanism, np.random.default_rng(0), scene.goal_configuration
     assert end is not None
-    if _satisfies(scene, end):
+    if _satisfies(scene, end, tasks):
         yield end
     fixed = {*scene.goal_joints, *scene.locked}
     if fixed.issuperset(mechanism.actuated):
@@ -156,13 +166,13 @@ def _with_joint_values(scene: Scene) -> Iterator[Array]:
             q = mechanism.close(q, locked=[name for name in mechanism.joints if name in fixed])
         except ClosureError:
             continue
-        if mechanism.limits.within(q) and _satisfies(scene, q):
+        if mechanism.limits.within(q) and _satisfies(scene, q, tasks):
             yield q
 
 
-def _satisfies(scene: Scene, q: Array) -> bool:
-    """Return whether the path's constraints are satisfied at q (nq,)."""
-    project = projection(scene)
+def _satisfies(scene: Scene, q: Array, tasks: Kept) -> bool:
+    """Return whether the path's constraints and tasks are satisfied at q (nq,)."""
+    project = projection(scene, tasks)
     near = q if project is None else project(q)
     return near is not None and scene.mechanism.distance(q, near) < TOLERANCE
 

@@ -15,7 +15,8 @@ from cinegen.collision.clearance import Clearance
 from cinegen.collision.scene import Scene
 from cinegen.errors import ClosureError
 from cinegen.planning.clear_motion import clear_motion
-from cinegen.planning.path_constraints import path_tasks, projection
+from cinegen.planning.goal_configurations import TOLERANCE
+from cinegen.planning.path_constraints import Kept, equations_of, projection
 from raff2urdf.extras import needs
 
 RRT_CONNECT, LBKPIECE = "RRT-Connect", "LBKPIECE"
@@ -49,6 +50,7 @@ class PathSampler:
         goals: (nq,) each, free of collisions.
         seed: seed of the random numbers, from 0.
         is_alternating: RRT-Connect and LBKPIECE in turn; with loops or constraints along the path RRT-Connect only.
+        tasks: tasks and ranges that are kept all along the path.
 
     Attributes:
         method: name of the planner that found the path; as long as there is none, of all.
@@ -62,16 +64,17 @@ class PathSampler:
     path: Array | None = None
 
     def __init__(
-        self, scene: Scene, clearance: Clearance, goals: Sequence[Array], seed: int, is_alternating: bool = False
-    ) -> None:
+        self, scene: Scene, clearance: Clearance, goals: Sequence[Array], seed: int, is_alternating: bool = False,
+        tasks: Kept = (),
+    ) -> None:  # fmt: skip
         with needs("sampling", "sampling planners"):
             from cinegen.planning.ompl_trees import Trees
         self._scene, self._clearance, mechanism = scene, clearance, scene.mechanism
         space = self._space = SamplingSpace(scene, clearance)
-        project = self._project = projection(scene)
-        equations = mechanism.loop_rank + sum(task.translation + task.rotation for task in path_tasks(scene))
-        self._is_curved, self._trees = bool(equations), dict[str, Trees]()
-        methods = (RRT_CONNECT, LBKPIECE) if is_alternating and not equations else (RRT_CONNECT,)
+        project = self._project = projection(scene, tasks)
+        equations = equations_of(scene, tasks)
+        self._is_curved, self._trees = bool(equations) or project is not None, dict[str, Trees]()
+        methods = (RRT_CONNECT, LBKPIECE) if is_alternating and not self._is_curved else (RRT_CONNECT,)
         self.method = " and ".join(methods)
         if len(space.low) <= equations:  # nothing can move
             if any(np.array_equal(q, scene.start) for q in goals):
@@ -79,6 +82,11 @@ class PathSampler:
             return
 
         def free(begin: Array, end: Array) -> bool:
+            if project is not None and not equations:  # ranges only: points are not projected
+                q = space.at(end)
+                near = project(q)
+                if near is None or mechanism.distance(q, near) > TOLERANCE:
+                    return False
             return clear_motion(clearance, space.at(begin), space.at(end), scene.safety, project=project) is not None
 
         def close(point: Array) -> Array | None:

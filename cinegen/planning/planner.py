@@ -24,8 +24,10 @@ from cinegen.collision.obstacle import Obstacle
 from cinegen.collision.scene import Scene
 from cinegen.errors import ClosureError
 from cinegen.html import table
+from cinegen.ik.given_task import Task, is_task
 from cinegen.ik.joints import checked_names
 from cinegen.ik.objectives import Objective
+from cinegen.ik.range import Range
 from cinegen.model import Mechanism
 from cinegen.model.motion_plane import motion_plane
 from cinegen.planning.attempt import Attempt, PlanStatus, attempt, checked
@@ -35,7 +37,7 @@ from cinegen.planning.clearance_barrier import path_clearance
 from cinegen.planning.descent import AvoidanceField, Descent, Potential
 from cinegen.planning.goal_configurations import TOLERANCE, Refusal, free_goals, goal_distance, goal_poses
 from cinegen.planning.locked_joints import with_joints_locked
-from cinegen.planning.path_constraints import Projection, projection
+from cinegen.planning.path_constraints import Kept, Projection, projection
 from cinegen.planning.path_sampler import RRT_CONNECT, PathSampler
 from cinegen.planning.shortcuts import path_length, shortened
 from cinegen.planning.vortices import STRENGTH, DetourDirection, Vortices
@@ -161,6 +163,7 @@ def plan(
     obstacles: Iterable[Mapping[str, Any] | Obstacle] = (),
     node: str | None = None,
     locked: Iterable[str] = (),
+    tasks: Iterable[Task | Range] = (),
     seconds: float = 10.0,
     planner: Planner | str = Planner.AUTO,
     field: AvoidanceField | str | FieldFunction = AvoidanceField.VORTEX,
@@ -197,6 +200,8 @@ def plan(
         obstacles: around a mechanism: each an `Obstacle` or its keys and values.
         node: of a mechanism: the node that is to reach the goal, its end by default.
         locked: names of joints that keep their values of the start, besides those that a scene locks.
+        tasks: tasks of any kind, and ranges, that are kept all along the path: to 1e-6 m or rad, and in between to what
+            half a milliradian of a joint moves them. Frames are constrained by a scene's `path`.
         seconds: time limit, s; the final check against the meshes may take longer.
         planner: one of `Planner` or its value.
         field: one of `AvoidanceField` or its value; or a function that makes the objective of another field, for one
@@ -208,8 +213,8 @@ def plan(
         report: called with a text about what is tried.
 
     Raises:
-        PlanningError: unknown planner or field; a field is to be followed with constraints along the path or with
-            weights of joints; seconds or seed is invalid.
+        PlanningError: unknown planner or field; what is no task; a field is to be followed with constraints along the
+            path or with weights of joints; seconds or seed is invalid.
         SceneError: a mechanism has no goal, or a scene has two; or a value is invalid; or a joint of the goal is
             locked.
         UnknownNameError: there is no such joint to be locked.
@@ -229,19 +234,20 @@ def plan(
         planner = Planner.VORTEX
     elif planner is Planner.AUTO and not find_spec("ompl"):
         planner, missing = Planner.VORTEX, f"; no configurations were sampled: {install('sampling')}"
-    needs_sampling = (
-        scene.has_weights * "weights of joints" or bool(scene.path_constraints) * "constraints along a path"
-    )
+    kept = _checked_tasks(tasks)
+    constrained = bool(scene.path_constraints or kept)
+    needs_sampling = scene.has_weights * "weights of joints" or constrained * "constraints along a path"
     if needs_sampling and planner is Planner.VORTEX:
         raise PlanningError(f"{needs_sampling} need {RRT_CONNECT}, not a field: {install('sampling')}")
     task = with_joints_locked(scene)
     clearance, check = clearance_of(task), MeshCheck(task)
-    goals = free_goals(task, clearance, check, report)
+    goals = free_goals(task, clearance, check, report, kept)
     used = None if planner is Planner.RRT_CONNECT else name
     if isinstance(goals, Refusal):
         return Plan(scene, goals.status, scene.start[None].copy(), (), goals.reason, clearance, check, used)
-    sampler = None if planner is Planner.VORTEX else PathSampler(task, clearance, goals, seed, planner is Planner.AUTO)
-    search = _Search(task, clearance, goals, seconds, deadline, seed, shorten, report, projection(task), sampler)
+    is_auto, project = planner is Planner.AUTO, projection(task, kept)
+    sampler = None if planner is Planner.VORTEX else PathSampler(task, clearance, goals, seed, is_auto, kept)
+    search = _Search(task, clearance, goals, seconds, deadline, seed, shorten, report, project, sampler)
     parts = list[Iterator[Attempt]]()
     if planner is Planner.AUTO:
         parts.append(search.straight())
@@ -266,6 +272,16 @@ def plan(
     reason = "" if last.status is PlanStatus.REACHED else reason + missing
     used = None if last.strategy in (DIRECT, sampler and sampler.method) else name
     return Plan(scene, last.status, last.path, tuple(made), reason, clearance, check, used)
+
+
+def _checked_tasks(tasks: Iterable[Task | Range]) -> Kept:
+    """Return the tasks that are to be kept along a path."""
+    found = tuple(tasks)
+    for task in found:
+        if not isinstance(task, Range) and not is_task(task):
+            needed = "objects with error(state) and jacobian(state), or ranges of these"
+            raise PlanningError(f"tasks along a path are {needed}, not {task!r:.80}")
+    return found
 
 
 def _locking(scene: Scene, joints: Iterable[str]) -> Scene:
