@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 
 import numpy as np
 import pinocchio as pin
@@ -61,6 +62,18 @@ class Range:
     def __repr__(self) -> str:
         bounds = f"radius {self.radius:g}" if self.radius is not None else f"{self.low} to {self.high}"
         return f"<Range of {self.task!r}: {bounds}>"
+
+    @property
+    def unit(self) -> str | Sequence[str]:
+        """Units of the values."""
+        return getattr(self.task, "unit", "m")
+
+    def error(self, state: State) -> Array:
+        """Return by how much the values (m,) are beyond their bounds, with sign; m or rad, 0 within."""
+        value = np.asarray(self.task.error(state), float)
+        if self.radius is not None:
+            return np.asarray(value * max(0.0, 1.0 - self.radius / max(float(np.linalg.norm(value)), 1e-12)))
+        return np.asarray(value - np.clip(value, self.low, self.high))
 
     def bounds(self, state: State) -> Bounds:
         """Return the bounds of the next tick; see `Barrier.bounds`."""
