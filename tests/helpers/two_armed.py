@@ -25,7 +25,10 @@ def _urdf() -> str:
             parent = add(f"{side}{i + 1}", parent, origin, axis, rpy)
         add(f"{side}_hand", parent, "0.08 0 0", None)
     mass = '<inertial><mass value="1"/><inertia ixx="1" iyy="1" izz="1" ixy="0" ixz="0" iyz="0"/></inertial>'
-    bodies = "".join(f'<link name="{name}">{mass}</link>' for name in links)
+    box = '<visual><geometry><box size="{0} {0} {0}"/></geometry></visual>'
+    bodies = "".join(
+        f'<link name="{name}">{mass}{box.format(0.12 if "hand" in name else 0.05)}</link>' for name in links
+    )
     return f'<robot name="two_armed">{bodies}{"".join(joints)}</robot>'
 
 
