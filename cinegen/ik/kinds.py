@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping, Sequence
+from functools import lru_cache
 from typing import Annotated, Any, ClassVar, Literal, NamedTuple
 
 import numpy as np
@@ -180,9 +181,17 @@ def _turned(state: State, on: str | None, direction: Array) -> tuple[Array, Arra
 
 def _across(axis: Array) -> Array:
     """Return a right-handed basis (3, 3) as rows, whose last is the axis."""
+    return _basis(axis.tobytes())
+
+
+@lru_cache(maxsize=256)  # of attributes, which ticks ask for again and again: `numpy.cross` takes longer than all else
+def _basis(numbers: bytes) -> Array:
+    axis = np.frombuffer(numbers)
     x = np.cross(axis, np.eye(3)[int(np.abs(axis).argmin())])
     x /= np.linalg.norm(x)
-    return np.array([x, np.cross(axis, x), axis])
+    found = np.array([x, np.cross(axis, x), axis])
+    found.flags.writeable = False
+    return found
 
 
 class RelativePose(_Kind):

@@ -51,8 +51,9 @@ class Range:
         self.task, self.radius = task, radius
         self.low = np.atleast_1d(np.array(-np.inf if low is None else low, dtype=float))
         self.high = np.atleast_1d(np.array(np.inf if high is None else high, dtype=float))
-        if np.isnan(self.low).any() or np.isnan(self.high).any() or not (self.low <= self.high).all():
-            raise CinegenError(f"a range's low must not exceed its high: {low!r:.60} and {high!r:.60}")
+        fits = 1 in (len(self.low), len(self.high)) or self.low.shape == self.high.shape
+        if not (fits and (self.low <= self.high).all()):  # false of NaN
+            raise CinegenError(f"a range's low must not exceed its high, row by row: {low!r:.60} and {high!r:.60}")
         if radius is not None and not 0.0 < radius < math.inf:
             raise CinegenError(f"a range's radius must be above 0 (m or rad), not {radius!r:.60}")
         self._data: pin.Data | None = None

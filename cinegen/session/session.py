@@ -304,7 +304,6 @@ class Session:
             return
         robot, task = found
         if isinstance(task, DescribedTask):
-            self._history.begin()
             robot.remove_described(task)
             return
         if self._drags.end_of(task):
@@ -337,12 +336,15 @@ class Session:
             raise CinegenError(f"a task of kind {description.__struct_config__.tag} has no {wrong[0]} to change")
         description = msgspec.structs.replace(description, **given)
         if description != one.description:
-            self._history.begin()
             robot.change_described(one, description)
 
     def _task(self, id: int) -> tuple[DrivenRobot, UserTask | DescribedTask] | None:
-        """Return a task by its id, and its robot."""
-        for robot in self._driven.values():
+        """Return a task by its id, and its robot. If it is of a kind, an undo step begins, which ends an undo: that may
+        remove the task, or replace it."""
+        robots = self._driven.values()
+        if any(one.id == id for robot in robots for one in robot.described):
+            self._history.begin()
+        for robot in robots:
             tasks: list[UserTask | DescribedTask] = [*robot.tasks, *robot.described]
             for one in tasks:
                 if one.id == id:

@@ -184,6 +184,17 @@ def test_a_task_is_changed_and_each_change_is_undone_and_redone(two):
     assert found[-1] == after
 
 
+def test_a_task_can_be_removed_while_an_undo_removes_it(two):
+    session = two()
+    task = add(session, {"kind": "point_in_plane", "node": "left_hand", "through": [0, 0, 0.7]})
+    run(session, 0.5)
+    session.obey(c.Undo())
+    session.tick()
+    assert session.robots["duo"].motion is not None
+    session.obey(c.RemoveTask(task.id))
+    assert run(session, 0.1).robots["duo"].described == ()
+
+
 def test_tasks_wait_during_motions_and_are_undone_with_home(two):
     session = two()
     add(session, {"kind": "joint_equality", "coefficients": {"to_left4": 1, "to_right4": 1}})
@@ -229,6 +240,7 @@ def test_tasks_survive_the_reload_of_a_file_as_far_as_their_parts_do(two):
         ({"kind": "joint_values", "values": {}}, "JointValues.values must be numbers by the names of joints"),
         ({"kind": "joint_values", "values": {"to_waist": 1}, "unit": "m"}, "give unit=['rad']"),
         ({"kind": "range", "task": HANDS, "low": [1, 2]}, "low and high of a range are one number, or 6"),
+        ({"kind": "range", "task": HANDS, "low": [0, 0], "high": [1, 1, 1]}, "must not exceed its high, row by row"),
         ({"kind": "range", "task": HANDS}, "a range has low or high or both, or a radius"),
     ],
 )  # fmt: skip
