@@ -37,7 +37,8 @@ def table(name: str) -> str:
     if not messages:
         rows = [("field", "type", "meaning"), *_fields(schema)]
     else:
-        rows = [("message", "field", "type", "meaning")]
+        tag = messages[0].__struct_config__.tag_field
+        rows = [("message" if tag == "type" else tag, "field", "type", "meaning")]
         for message in messages:
             rows.append((f"`{message.__struct_config__.tag}`", "", "", _summary(message)))
             rows += [("", *row) for row in _fields(message)]
@@ -84,7 +85,7 @@ def kind_of(info: mi.Type) -> str:
         case mi.LiteralType():
             return " or ".join(f'"{value}"' if isinstance(value, str) else str(value) for value in info.values)
         case mi.UnionType():
-            return " or ".join(kind_of(one) for one in info.types)
+            return " or ".join(dict.fromkeys(_family(info, one) or kind_of(one) for one in info.types))
         case mi.TupleType():
             first, *_ = kinds = [kind_of(one) for one in info.item_types]
             if set(kinds) == {first}:
@@ -101,6 +102,12 @@ def kind_of(info: mi.Type) -> str:
         case mi.AnyType():
             return "value"
     raise TypeError(f"no words for {info}")
+
+
+def _family(union: mi.UnionType, one: mi.Type) -> str:
+    """Return the name of the base that several Structs of a union share; empty for any other type of it."""
+    several = sum(isinstance(other, mi.StructType) for other in union.types) > 1
+    return str(one.cls.__base__.__name__) if several and isinstance(one, mi.StructType) else ""
 
 
 def plural(kind: str) -> str:
@@ -140,7 +147,11 @@ def _type(info: mi.Type, known: dict[str, str], field: str = "") -> str:
         case mi.EnumType():
             return " | ".join(json.dumps(one.value) for one in info.cls)
         case mi.UnionType():
-            return " | ".join(_type(one, known) for one in info.types)
+            for name in {_family(info, one) for one in info.types} - {"", *known}:
+                known[name] = ""
+                members = [_type(one, known) for one in info.types if _family(info, one) == name]
+                known[name] = f"export type {name} = {' | '.join(members)};"
+            return " | ".join(dict.fromkeys(_family(info, one) or _type(one, known) for one in info.types))
         case mi.TupleType():
             return f"[{', '.join(_type(one, known) for one in info.item_types)}]"
         case mi.VarTupleType() | mi.ListType() | mi.FrozenSetType():
@@ -156,7 +167,7 @@ def _type(info: mi.Type, known: dict[str, str], field: str = "") -> str:
                 known[name] = ""
                 lines = [f"export interface {name} {{"]
                 if info.tag is not None:
-                    lines.append(f"  type: {json.dumps(info.tag)};")
+                    lines.append(f"  {info.tag_field}: {json.dumps(info.tag)};")
                 for one in info.fields:
                     kind = _type(one.type, known, one.name)
                     lines.append(f"  {one.encode_name}{'' if one.required else '?'}: {kind};")

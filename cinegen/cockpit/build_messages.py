@@ -12,6 +12,7 @@ import pinocchio as pin
 from cinegen.arrays import Array
 from cinegen.cockpit.messages import (
     PROTOCOL,
+    DescribedMessage,
     ForcesDescription,
     HelloMessage,
     NodeDescription,
@@ -32,7 +33,7 @@ from cinegen.model.description import describe_coupling, describe_joint, describ
 from cinegen.session import RobotReport, SessionState, Setup, agreed_status
 from cinegen.session.commands import CommandFrame
 from cinegen.session.holding import largest_payload, why_no_forces
-from cinegen.session.state import PlaybackStatus, SessionInfo, TaskInfo, TaskState
+from cinegen.session.state import DescribedState, PlaybackStatus, SessionInfo, TaskInfo, TaskState
 
 
 def hello_message(setup: Setup, title: str, client: int, playback: PlaybackStatus | None = None) -> HelloMessage:
@@ -148,7 +149,14 @@ def state_message(state: SessionState, poses: NodePoses, reports: Mapping[str, R
         for name, robot in state.robots.items()
         if robot.torques is not None
     }
-    return StateMessage(round(state.time, 3), placed, obstacles, tuple(tasks), statuses, stopped, torques)
+    described = tuple(
+        DescribedMessage(robot=name, **_fields(DescribedState, one))
+        for name, robot in state.robots.items()
+        for one in robot.described
+    )
+    return StateMessage(
+        round(state.time, 3), placed, obstacles, tuple(tasks), statuses, stopped, torques, described=described
+    )
 
 
 def _task(robot: str, task: TaskState, node: pin.SE3, target: pin.SE3) -> TaskMessage:

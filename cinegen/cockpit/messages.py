@@ -15,7 +15,7 @@ from cinegen.model.description import CouplingDescription, JointDescription, Loo
 from cinegen.session.commands import Command, CommandFrame, Name, Position, TypedMessage
 from cinegen.session.report import RobotReport
 from cinegen.session.setup import SensorSwitch
-from cinegen.session.state import Obstruction, PlaybackStatus, RobotStatus, SessionInfo, TaskInfo
+from cinegen.session.state import DescribedState, Obstruction, PlaybackStatus, RobotStatus, SessionInfo, TaskInfo
 from cinegen.typed_json import Vector7
 
 PROTOCOL = 5
@@ -233,6 +233,16 @@ class TaskMessage(TaskInfo, frozen=True, kw_only=True):
     target: Vector7
 
 
+class DescribedMessage(DescribedState, frozen=True, kw_only=True):
+    """A task of a kind, also with the fields of a `DescribedState`.
+
+    Attributes:
+        robot: its robot.
+    """
+
+    robot: str
+
+
 class NodeSensor(Struct, frozen=True):
     """The sensor that a node follows.
 
@@ -323,6 +333,7 @@ class StateMessage(TypedMessage, frozen=True):
         controller: number of the client that has control, or null.
         report: in some of the states.
         users: all users; only when they, or their pointers, have changed, at most ten times per second.
+        described: tasks of all robots of other kinds than frames.
     """
 
     time: float
@@ -336,6 +347,7 @@ class StateMessage(TypedMessage, frozen=True):
     controller: int | None = None
     report: ReportMessage | UnsetType = UNSET
     users: tuple[UserInfo, ...] | UnsetType = UNSET
+    described: tuple[DescribedMessage, ...] = ()
 
 
 class NoticeMessage(TypedMessage, frozen=True):

@@ -153,8 +153,16 @@ class GivenTask:
             raise CinegenError(f"{self.task!r}: jacobian(state) has the wrong sign: return the derivative of the error")
 
 
-def errors_of(task: FrameTask | Task, state: State) -> tuple[float, float]:
-    """Return the remaining error of a task at a state: m and rad."""
+class HasError(Protocol):
+    """A task of the protocol, or a range of one."""
+
+    def error(self, state: State) -> ArrayLike:
+        """Return the error (m,), m or rad."""
+        ...
+
+
+def errors_of(task: FrameTask | HasError, state: State) -> tuple[float, float]:
+    """Return the remaining error of a task at a state, or by how much it is out of its range: m and rad."""
     if isinstance(task, FrameTask):
         return task.distances(state.mechanism, state.q)
     error = np.asarray(task.error(state), dtype=float)
@@ -192,7 +200,7 @@ def checked_weight(weight: Any) -> float:
     return float(weight)
 
 
-def _units(task: Task, rows: int) -> Sequence[str]:
+def _units(task: HasError, rows: int) -> Sequence[str]:
     unit = getattr(task, "unit", "m")
     units = [unit] * rows if isinstance(unit, str) else list(unit)
     if len(units) != rows or not set(units) <= {"m", "rad"}:

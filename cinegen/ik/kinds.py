@@ -9,16 +9,19 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping, Sequence
-from typing import Any, ClassVar
+from functools import lru_cache
+from typing import Annotated, Any, ClassVar, Literal, NamedTuple
 
 import numpy as np
 import pinocchio as pin
+from msgspec import Meta
 
 from cinegen.arrays import Array, ArrayLike
 from cinegen.errors import CinegenError
 from cinegen.ik.given_task import checked_weight
 from cinegen.ik.state import State
 from cinegen.ik.task import checked_priority
+from cinegen.typed_json import Vector7
 from raff2urdf.residual import log, log_derivative, skew, swing
 
 
@@ -88,30 +91,51 @@ def _name(value: Any) -> str | None:
     return value
 
 
-_FIELDS: Mapping[str, tuple[Callable[[Any], Any], str]] = {
-    "priority": (checked_priority, ""),
-    "weight": (checked_weight, ""),
-    "node": (_name, "the name of a node"),
-    "other": (_name, "the name of a node"),
-    "on": (_name, "the name of a node, or None for the world"),
-    "target": (_pose, "a pinocchio.SE3"),
-    "position": (_point, "three finite numbers (m)"),
-    "point": (_point, "three finite numbers (m)"),
-    "offset": (_point, "three finite numbers (m)"),
-    "through": (_point, "three finite numbers (m)"),
-    "centre": (_point, "three finite numbers (m)"),
-    "distance": (_length, "a length of at least 0 (m)"),
-    "direction": (_direction, "three finite numbers that are not all 0"),
-    "axis": (_direction, "three finite numbers that are not all 0"),
-    "normal": (_direction, "three finite numbers that are not all 0"),
-    "values": (_values, "numbers by the names of joints (rad, m)"),
-    "coefficients": (_values, "numbers by the names of joints"),
-    "axes": (_axes, "some of x, y and z"),
-    "unit": (_unit, "'m' or 'rad', or one of these for each row"),
-    "rotation": (_flag, "True or False"),
-    "constant": (_number, "a finite number"),
+class TaskField(NamedTuple):
+    """An attribute of tasks.
+
+    Attributes:
+        checked: returns a valid value, or raises.
+        what: what it must be.
+        form: its type in JSON.
+    """
+
+    checked: Callable[[Any], Any]
+    what: str
+    form: Any
+
+
+_Number = Annotated[float, Meta(ge=-1e6, le=1e6)]
+_Three = tuple[_Number, _Number, _Number]
+_OwnUnit = Literal["m", "rad"]
+_POINT = TaskField(_point, "three finite numbers (m)", _Three)
+_DIRECTION = TaskField(_direction, "three finite numbers that are not all 0", _Three)
+_BY_JOINT = dict[str, _Number]
+
+FIELDS: Mapping[str, TaskField] = {
+    "priority": TaskField(checked_priority, "", Annotated[int, Meta(ge=0, le=9)]),
+    "weight": TaskField(checked_weight, "", Annotated[float, Meta(ge=0.01, le=100.0)]),
+    "node": TaskField(_name, "the name of a node", str),
+    "other": TaskField(_name, "the name of a node", str),
+    "on": TaskField(_name, "the name of a node, or None for the world", str | None),
+    "target": TaskField(_pose, "a pinocchio.SE3", Vector7),
+    "position": _POINT,
+    "point": _POINT,
+    "offset": _POINT,
+    "through": _POINT,
+    "centre": _POINT,
+    "distance": TaskField(_length, "a length of at least 0 (m)", Annotated[float, Meta(ge=0.0, le=1e6)]),
+    "direction": _DIRECTION,
+    "axis": _DIRECTION,
+    "normal": _DIRECTION,
+    "values": TaskField(_values, "numbers by the names of joints (rad, m)", _BY_JOINT),
+    "coefficients": TaskField(_values, "numbers by the names of joints", _BY_JOINT),
+    "axes": TaskField(_axes, "some of x, y and z", str),
+    "unit": TaskField(_unit, "'m' or 'rad', or one of these for each row", _OwnUnit | tuple[_OwnUnit, ...]),
+    "rotation": TaskField(_flag, "True or False", bool),
+    "constant": TaskField(_number, "a finite number", _Number),
 }
-"""Attributes of tasks: how each is checked, and what it must be."""
+"""Attributes of tasks by name."""
 
 
 class _Kind:
@@ -131,11 +155,11 @@ class _Kind:
         if name not in (*self._own, "priority", "weight"):
             own = ", ".join((*self._own, "priority", "weight"))
             raise AttributeError(f"{type(self).__name__} has no attribute '{name}' that can be set; it has {own}")
-        convert, what = _FIELDS[name]
+        field = FIELDS[name]
         try:
-            object.__setattr__(self, name, convert(value))
+            object.__setattr__(self, name, field.checked(value))
         except (AttributeError, TypeError, ValueError):
-            raise CinegenError(f"{type(self).__name__}.{name} must be {what}, not {value!r:.80}") from None
+            raise CinegenError(f"{type(self).__name__}.{name} must be {field.what}, not {value!r:.80}") from None
 
     def __repr__(self) -> str:
         return f"<{type(self).__name__} {', '.join(str(getattr(self, name)) for name in self._own[:2])}>"
@@ -157,9 +181,17 @@ def _turned(state: State, on: str | None, direction: Array) -> tuple[Array, Arra
 
 def _across(axis: Array) -> Array:
     """Return a right-handed basis (3, 3) as rows, whose last is the axis."""
+    return _basis(axis.tobytes())
+
+
+@lru_cache(maxsize=256)  # of attributes, which ticks ask for again and again: `numpy.cross` takes longer than all else
+def _basis(numbers: bytes) -> Array:
+    axis = np.frombuffer(numbers)
     x = np.cross(axis, np.eye(3)[int(np.abs(axis).argmin())])
     x /= np.linalg.norm(x)
-    return np.array([x, np.cross(axis, x), axis])
+    found = np.array([x, np.cross(axis, x), axis])
+    found.flags.writeable = False
+    return found
 
 
 class RelativePose(_Kind):
@@ -246,7 +278,7 @@ class CenterOfMass(_Kind):
         return np.asarray(found.reshape(3, -1)[self._rows])
 
 
-class _Pointing(_Kind):
+class Pointing(_Kind):
     """An axis of a node points along a direction: the swing (2,) of the direction seen from the node."""
 
     unit = "rad"
@@ -256,6 +288,10 @@ class _Pointing(_Kind):
     def _line(self, state: State) -> tuple[Array, Array]:
         """Return the direction (3,) in the world, and the Jacobian (3, nv) of its angular velocity."""
         raise NotImplementedError
+
+    def axis_now(self, state: State) -> Array:
+        """Return the axis (3,) of the node that points along the direction at a state."""
+        return np.asarray(state.frame(self.node).rotation.T @ self._line(state)[0])
 
     def error(self, state: State) -> Array:
         """Return the rotation vector (2,), across the axis, from the axis to the direction; rad."""
@@ -268,7 +304,7 @@ class _Pointing(_Kind):
         return np.asarray(swing(seen @ direction)[1] @ seen @ (turns - state.jacobian(self.node)[3:]))
 
 
-class LookAt(_Pointing):
+class LookAt(Pointing):
     """An axis of a node passes through a point: a camera looks at it.
 
     Args:
@@ -311,7 +347,7 @@ class LookAt(_Pointing):
         return along, skew(along) @ (rates - own) / max(distance, 1e-9)
 
 
-class AxisAlong(_Pointing):
+class AxisAlong(Pointing):
     """An axis of a node is parallel to a direction; the rotation about it is free: a tool stays upright.
 
     Args:
@@ -590,3 +626,10 @@ class Damping(_Kind):
     def jacobian(self, state: State) -> Array:
         """Return the velocities of the joints, dimensionless."""
         return np.diag(1.0 / state.mechanism.scale)
+
+
+KINDS = (
+    RelativePose, CenterOfMass, LookAt, AxisAlong, PointOnLine, PointInPlane, PointAtDistance, JointValues,
+    JointEquality, Damping,
+)  # fmt: skip
+"""All kinds."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 
 import numpy as np
 import pinocchio as pin
@@ -52,8 +53,9 @@ class Range:
         self.task, self.radius = task, radius
         self.low = np.atleast_1d(np.array(-np.inf if low is None else low, dtype=float))
         self.high = np.atleast_1d(np.array(np.inf if high is None else high, dtype=float))
-        if np.isnan(self.low).any() or np.isnan(self.high).any() or not (self.low <= self.high).all():
-            raise CinegenError(f"a range's low must not exceed its high: {low!r:.60} and {high!r:.60}")
+        fits = 1 in (len(self.low), len(self.high)) or self.low.shape == self.high.shape
+        if not (fits and (self.low <= self.high).all()):  # false of NaN
+            raise CinegenError(f"a range's low must not exceed its high, row by row: {low!r:.60} and {high!r:.60}")
         if radius is not None and not 0.0 < radius < math.inf:
             raise CinegenError(f"a range's radius must be above 0 (m or rad), not {radius!r:.60}")
         self._data: pin.Data | None = None
@@ -64,6 +66,18 @@ class Range:
         bounds = f"radius {self.radius:g}" if self.radius is not None else f"{self.low} to {self.high}"
         return f"<Range of {self.task!r}: {bounds}>"
 
+    @property
+    def unit(self) -> str | Sequence[str]:
+        """Units of the values."""
+        return getattr(self.task, "unit", "m")
+
+    def error(self, state: State) -> Array:
+        """Return by how much the values (m,) are beyond their bounds, with sign; m or rad, 0 within."""
+        value = np.asarray(self.task.error(state), float)
+        if self.radius is not None:
+            return np.asarray(value * max(0.0, 1.0 - self.radius / max(float(np.linalg.norm(value)), 1e-12)))
+        return np.asarray(value - np.clip(value, self.low, self.high))
+
     def bounds(self, state: State) -> Bounds:
         """Return the bounds of the next tick; see `Barrier.bounds`."""
         values, rows = self._values(state)
@@ -72,10 +86,6 @@ class Range:
         most = -values - _MARGIN * self._bend * self._step
         self._bend = self._bend * _FORGET
         return Bounds(rows, most / state.dt)
-
-    def excess(self, state: State) -> float:
-        """Return by how much the value that is furthest out exceeds its bound, m or rad; below 0 within the range."""
-        return float(self._values(state)[0].max())
 
     def clear(self, state: State, q: Array) -> float:
         """Return the fraction of the step to q that keeps the range; see `Barrier.clear`."""

@@ -18,6 +18,7 @@ from msgspec import UNSET, Struct, UnsetType
 
 from cinegen.arrays import Array
 from cinegen.errors import CinegenError
+from cinegen.ik.described import AnyDescription
 from cinegen.mission.drawn_obstacle import DrawnObstacle
 from cinegen.model.fingerprint import fingerprint
 from cinegen.model.mechanism import Mechanism
@@ -25,6 +26,9 @@ from cinegen.typed_json import DoF, decoder, encode
 from raff2urdf.escape import one_line
 
 VERSION: Literal[3] = 3
+
+KEPT = ("tasks", "described")
+"""Fields of a sample that are those of the moment before where they are left out."""
 
 
 class MissionError(CinegenError):
@@ -42,6 +46,7 @@ class RecordedTask(Struct, frozen=True, forbid_unknown_fields=True):
         translation: number of constrained translations.
         rotation: number of constrained rotations.
         weight: of its equations.
+        priority: 0 is served first.
     """
 
     node: str
@@ -51,6 +56,7 @@ class RecordedTask(Struct, frozen=True, forbid_unknown_fields=True):
     translation: DoF = 3
     rotation: DoF = 3
     weight: float = 1.0
+    priority: int = 0
 
 
 class RobotSample(Struct, frozen=True, forbid_unknown_fields=True):
@@ -60,11 +66,13 @@ class RobotSample(Struct, frozen=True, forbid_unknown_fields=True):
         q: (nq,) configuration, rad and m. The file has the same doubles.
         status: name of the tick's status.
         tasks: tasks of the robot; UNSET (left out in the file): those of the moment before.
+        described: its tasks of other kinds than frames, in the world of all robots; UNSET: those of the moment before.
     """
 
     q: Array
     status: str
     tasks: tuple[RecordedTask, ...] | UnsetType = UNSET
+    described: tuple[AnyDescription, ...] | UnsetType = UNSET
 
 
 class BasePose(Struct, frozen=True, forbid_unknown_fields=True):
@@ -256,8 +264,8 @@ def decode_moment(data: bytes, header: MissionHeader, before: Moment | None = No
             raise MissionError(f"robot '{name:.40}' is not in the first line - at `$.robots`")
         if len(sample.q) != header.robots[name].nq:
             raise MissionError(f"Expected `array` of length {header.robots[name].nq} - at `$.robots.{name}.q`")
-        is_same = name in robots and sample.tasks is UNSET
-        robots[name] = msgspec.structs.replace(sample, tasks=robots[name].tasks) if is_same else sample
+        same = {kind: getattr(robots[name], kind) for kind in KEPT if getattr(sample, kind) is UNSET and name in robots}
+        robots[name] = msgspec.structs.replace(sample, **same) if same else sample
     moved = {one_line(name): pose for name, pose in moment.obstacles.items()}
     for name in moved:
         if name not in header.obstacles:

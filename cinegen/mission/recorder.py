@@ -22,7 +22,15 @@ from msgspec.structs import replace
 
 from cinegen.line_file import LineFile, reason
 from cinegen.mission.drawn_obstacle import DrawnObstacle
-from cinegen.mission.file_format import BasePose, MissionError, RecordedTask, RobotSample, encode_header, is_mission
+from cinegen.mission.file_format import (
+    KEPT,
+    BasePose,
+    MissionError,
+    RecordedTask,
+    RobotSample,
+    encode_header,
+    is_mission,
+)
 from cinegen.model import Mechanism
 from cinegen.typed_json import encode
 from raff2urdf.files import is_stream
@@ -74,7 +82,7 @@ class MissionRecorder:
         self._queue: deque[tuple[float, _Samples, _Poses]] = deque()  # its ends are atomic: no lock
         self._end = threading.Event()
         self._sizes = {name: mechanism.model.nq for name, mechanism in mechanisms.items()}
-        self._written: dict[str, tuple[bytes, bytes | None]] = {}  # last sample of each robot, and its tasks
+        self._written: dict[str, tuple[bytes, dict[str, bytes]]] = {}  # last sample of each robot, and its tasks
         self._poses = {name: encode(obstacle.placement) for name, obstacle in (obstacles or {}).items()}  # the last
         self._first: float | None = None
         self._last = -math.inf
@@ -177,13 +185,15 @@ class MissionRecorder:
         try:
             for name, sample in robots:
                 sample = _checked(sample, self._sizes[name])
-                motion, before = encode(replace(sample, tasks=UNSET)), self._written.get(name)
-                last = None if before is None else before[1]
-                tasks = last if sample.tasks is UNSET else encode(sample.tasks)
+                motion, before = encode(replace(sample, tasks=UNSET, described=UNSET)), self._written.get(name)
+                last = {"described": b"[]"} if before is None else before[1]
+                given = {kind: getattr(sample, kind) for kind in KEPT}
+                tasks = last | {kind: encode(value) for kind, value in given.items() if value is not UNSET}
                 if before == (motion, tasks):  # compared as text: -0.0 is not 0.0
                     continue
                 written[name] = motion, tasks
-                parts[name] = msgspec.Raw(motion if tasks == last else encode(sample))
+                same = {kind: UNSET for kind, value in tasks.items() if value == last.get(kind)}
+                parts[name] = msgspec.Raw(encode(replace(sample, **same)))
             poses = {name: encode(_finite(pose)) for name, pose in obstacles}
             moved = {name: msgspec.Raw(pose) for name, pose in poses.items() if self._poses[name] != pose}
             line = encode({"t": time, "robots": parts} | ({"obstacles": moved} if moved else {})) + b"\n"
@@ -199,7 +209,7 @@ def _copied(sample: RobotSample) -> RobotSample:
     tasks = sample.tasks
     if not isinstance(tasks, UnsetType):
         tasks = tuple([replace(task, target=_copied_pose(task.target)) for task in tasks])
-    return RobotSample(sample.q.copy(), sample.status, tasks)
+    return RobotSample(sample.q.copy(), sample.status, tasks, sample.described)
 
 
 def _finite(pose: pin.SE3) -> pin.SE3:
@@ -222,15 +232,15 @@ def _checked(sample: RobotSample, nq: int) -> RobotSample:
     if q.shape != (nq,) or not np.isfinite(q).all():
         raise ValueError("q")
     if isinstance(sample.tasks, UnsetType):
-        return RobotSample(q, str(sample.status))
+        return RobotSample(q, str(sample.status), UNSET, sample.described)
     tasks = []
     for task in sample.tasks:
         if not math.isfinite(task.weight):
             raise ValueError("weight")
         target = task.target if task.target is not None and np.isfinite(task.target.homogeneous).all() else None
-        counts = int(task.translation), int(task.rotation)
-        tasks.append(RecordedTask(str(task.node), str(task.source), task.offset, target, *counts, float(task.weight)))
-    return RobotSample(q, str(sample.status), tuple(tasks))
+        numbers = int(task.translation), int(task.rotation), float(task.weight), int(task.priority)
+        tasks.append(RecordedTask(str(task.node), str(task.source), task.offset, target, *numbers))
+    return RobotSample(q, str(sample.status), tuple(tasks), sample.described)
 
 
 def _check_free(path: Path) -> None:

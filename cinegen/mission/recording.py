@@ -12,6 +12,7 @@ from msgspec import UnsetType
 
 from cinegen.arrays import Array
 from cinegen.errors import CinegenError, ClosureError, UnknownNameError
+from cinegen.ik.described import AnyDescription
 from cinegen.line_file import read_lines
 from cinegen.mission.file_format import (
     BasePose,
@@ -37,6 +38,7 @@ class Recording:
         times: (count,) time of each moment since the first, s.
         q: configurations (count, nq) of each robot, rad and m, with the doubles that were written.
         tasks: tasks of each robot, (count).
+        described: tasks of each robot of other kinds than frames, (count).
         statuses: names of the statuses of each robot, (count).
         placements: poses of each obstacle in the world (m), (count).
         obstacles: obstacles by name.
@@ -49,6 +51,7 @@ class Recording:
         self.times: Array = np.array([moment.t for moment in moments])
         self.q: dict[str, Array] = {}
         self.tasks: dict[str, list[tuple[RecordedTask, ...]]] = {}
+        self.described: dict[str, list[tuple[AnyDescription, ...]]] = {}
         self.statuses: dict[str, list[str]] = {}
         self.placements = {name: [moment.obstacles[name] for moment in moments] for name in header.obstacles}
         for name, robot in header.robots.items():
@@ -56,6 +59,7 @@ class Recording:
             self.q[name] = np.array([sample.q for sample in samples]).reshape(len(samples), robot.nq)
             self.q[name].flags.writeable = False
             self.tasks[name] = [() if isinstance(one.tasks, UnsetType) else one.tasks for one in samples]
+            self.described[name] = [() if isinstance(one.described, UnsetType) else one.described for one in samples]
             self.statuses[name] = [sample.status for sample in samples]
 
     def __repr__(self) -> str:

@@ -85,7 +85,7 @@ class TaskProjection:
 
     def _is_satisfied(self, q: Array) -> bool:
         state = State(self._solver.mechanism, q, 1.0)
-        values = [task.excess(state) for task in self._tasks if isinstance(task, Range)]
+        values = [float(np.abs(task.error(state)).max()) for task in self._tasks if isinstance(task, Range)]
         rest = [max(errors_of(task, state)) for task in self._solver.tasks]
         return max(values, default=0.0) <= RANGE_TOLERANCE and max(rest, default=0.0) <= _MET
 

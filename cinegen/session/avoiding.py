@@ -72,6 +72,7 @@ class AvoidingRobot(DrivenRobot):
             solver.destination = None
             return super()._advance(dt)
         self._hold(self.locked)
+        self._follow(False)
         there = solver.destination
         if there is None:
             there, self._waited, self._nearest = self.q, 0.0, np.inf

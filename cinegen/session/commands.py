@@ -20,6 +20,7 @@ import msgspec
 from msgspec import Meta, Struct
 
 from cinegen.errors import CinegenError
+from cinegen.ik.described import AnyDescription, unknown_name
 from cinegen.ik.joints import names_of
 from cinegen.model import Mechanism
 from cinegen.session.setup import Setup
@@ -34,6 +35,7 @@ Coordinate = Annotated[float, Meta(ge=-1e6, le=1e6)]
 Position = tuple[Coordinate, Coordinate, Coordinate]
 Quaternion = Vector4
 Weight = Annotated[float, Meta(ge=0.01, le=100.0)]
+Priority = Annotated[int, Meta(ge=0, le=9)]
 Pointer = Annotated[int, Meta(ge=0, le=9)]
 TaskId = Annotated[int, Meta(ge=0, lt=1 << 53)]
 WaypointId = TaskId
@@ -124,8 +126,20 @@ class Pin(TypedMessage, frozen=True):
     node: str
 
 
+class AddTask(TypedMessage, frozen=True):
+    """Add a task of a kind, such as a part that stays upright, or two that stay together.
+
+    Attributes:
+        robot: robot.
+        description: its kind, with the parameters of that.
+    """
+
+    robot: str
+    description: AnyDescription
+
+
 class RemoveTask(TypedMessage, frozen=True):
-    """Remove a task: end the drag, remove the pin, or disconnect the sensor.
+    """Remove a task: end the drag, remove the pin or the task of a kind, or disconnect the sensor.
 
     Attributes:
         task: its id.
@@ -142,12 +156,16 @@ class ChangeTask(TypedMessage, frozen=True):
         translation: number of translations that it constrains.
         rotation: number of rotations that it constrains.
         weight: of its equations.
+        priority: 0 is served first.
+        description: what the task of a kind becomes.
     """
 
     task: TaskId
     translation: DoF | None = None
     rotation: DoF | None = None
     weight: Weight | None = None
+    priority: Priority | None = None
+    description: AnyDescription | None = None
 
 
 class MoveJoint(TypedMessage, frozen=True):
@@ -397,7 +415,7 @@ class ControlPlayback(TypedMessage, frozen=True):
 
 
 Command = (
-    StartDrag | MoveDrag | EndDrag | Pin | RemoveTask | ChangeTask | MoveJoint | LockJoint | EndJointMotion
+    StartDrag | MoveDrag | EndDrag | Pin | AddTask | RemoveTask | ChangeTask | MoveJoint | LockJoint | EndJointMotion
     | MoveHome | MoveTo
     | SaveWaypoint | ChangeWaypoint | RemoveWaypoint | MoveToWaypoint | PlayWaypoints | Undo | Redo | Pause
     | SelectSensor | ChangeSensor | ChangeSettings | SetPayload | SetView | SetRecording | GamepadInput
@@ -416,6 +434,9 @@ def check_names(command: TypedMessage, setup: Setup) -> None:
         raise CommandError(f"Unknown sensor {command.sensor!r:.80} - at `$.sensor`")
     if robot is None:
         return
+    if isinstance(command, AddTask):
+        _check_described(command, setup)
+        return
     mechanism, switch = setup.robots.get(robot), (robot, getattr(command, "node", ""))
     known: dict[str, Collection[str | None]] = {
         "robot": (*setup.robots, *setup.obstacles),
@@ -427,6 +448,15 @@ def check_names(command: TypedMessage, setup: Setup) -> None:
         value = getattr(command, name)
         if name in known and value not in known[name]:
             raise CommandError(f"Unknown {name} {value!r:.80} - at `$.{name}`")
+
+
+def _check_described(command: AddTask, setup: Setup) -> None:
+    mechanism = setup.robots.get(command.robot)
+    if mechanism is None:
+        raise CommandError(f"Unknown robot {command.robot!r:.80} - at `$.robot`")
+    found = unknown_name(command.description, mechanism.nodes, mechanism.joints)
+    if found is not None:
+        raise CommandError(f"Unknown {found[0]} {found[1]!r:.80} - at `$.description.{found[2]}`")
 
 
 def _joints_of(command: TypedMessage, mechanism: Mechanism) -> Collection[str]:

@@ -355,7 +355,7 @@ class Reporter:
     def _forecast(self, robot: RobotState, node: str, at: pin.SE3) -> tuple[Array, tuple[ForecastEvent, ...]]:
         """Return the path of the node if the targets move on as they do, and the events on it."""
         mechanism = self.mechanism
-        if not robot.tasks:
+        if not robot.tasks or robot.described:  # it does not know tasks of other kinds
             return np.zeros((0, 3)), ()
         for own, task in zip(self._solver.frame_tasks, robot.tasks, strict=True):
             own.target = task.target

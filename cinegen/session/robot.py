@@ -10,17 +10,25 @@ import numpy as np
 import pinocchio as pin
 
 from cinegen.arrays import Array
-from cinegen.ik import FrameTask, Solver, Status, Step
+from cinegen.errors import CinegenError
+from cinegen.ik import FrameTask, Range, Solver, State, Status, Step, Task
+from cinegen.ik.described import TaskDescription, check, move_base, resolved, task_of
+from cinegen.ik.given_task import errors_of
 from cinegen.ik.joints import checked_names, names_of
+from cinegen.ik.thresholds import ARRIVED
+from cinegen.joints import kinematic_data
 from cinegen.mission import RecordedTask, RobotSample
 from cinegen.model import Mechanism
 from cinegen.session.carried import carried_over, joint_values
 from cinegen.session.holding import Holding
 from cinegen.session.motion import Retrace, RobotMotion
-from cinegen.session.state import CarriedMass, Obstruction, RobotState, RobotStatus, TaskState
+from cinegen.session.state import CarriedMass, DescribedState, Obstruction, RobotState, RobotStatus, TaskState
 
 POINTER, PIN, SENSOR = "pointer", "pin", "sensor"
 """Sources of tasks."""
+
+FRAME_PRIORITY = 1
+"""Priority of drags, pins and sensors: tasks of other kinds, by default of priority 0, hold while a part is dragged."""
 
 _STAYS = 1e-9  # rad or lengths: a locked joint that a motion changes by less stays
 
@@ -44,6 +52,21 @@ class UserTask:
     scripted: bool = False
 
 
+@dataclass(eq=False)
+class DescribedTask:
+    """A task of a kind that plain data describe.
+
+    Attributes:
+        id: number of the task in the session.
+        description: what describes it, in the session's world.
+        task: task of the solver, in the robot's own world.
+    """
+
+    id: int
+    description: TaskDescription
+    task: Task | Range
+
+
 class DrivenRobot:
     """A robot that is driven.
 
@@ -55,7 +78,8 @@ class DrivenRobot:
         base: base pose: placement of its own world in the session's (m).
         home: (nq,) initial configuration, to which it is sent home.
         locked: names of the joints that are locked: only an undo moves them.
-        tasks: its tasks, in the order in which they were added.
+        tasks: its tasks that are frames, in the order in which they were added.
+        described: its tasks of other kinds, likewise. They wait while a motion moves it.
         motion: motion that moves it instead of its tasks; None: the tasks do.
         step: last step of the solver.
         holding: torques that hold it; None if its links have no masses.
@@ -71,6 +95,9 @@ class DrivenRobot:
         self.home = solver.q
         self.locked: tuple[str, ...] = ()
         self.tasks: list[UserTask] = []
+        self.described: list[DescribedTask] = []
+        self._follows = True  # its tasks of other kinds
+        self._data = kinematic_data(self.mechanism.model)
         self.motion: RobotMotion | None = None
         self.holding: Holding | None = None
         self.carried = CarriedMass(self.mechanism.end, 0.0)
@@ -111,7 +138,7 @@ class DrivenRobot:
             dof: number of translations and rotations to constrain.
         """
         rotation = max(dof[1], self._least_rotation)
-        task = self.solver.add_task(node, translation=dof[0], rotation=rotation, offset=offset)
+        task = self.solver.add_task(node, translation=dof[0], rotation=rotation, offset=offset, priority=FRAME_PRIORITY)
         self.tasks.append(UserTask(id, task, source, label))
         return self.tasks[-1]
 
@@ -126,10 +153,66 @@ class DrivenRobot:
             if one.source == source and node in (None, one.task.node):
                 yield one
 
+    def add_described(self, id: int, description: TaskDescription) -> None:
+        """Add a task of a kind; its target or axis is the present one where it is null.
+
+        Raises:
+            CinegenError: a name does not exist, or a value can't be followed.
+        """
+        one = self._made(id, description)
+        self._follow(True)
+        self.solver.add_task(one.task)
+        self.described.append(one)
+
+    def change_described(self, one: DescribedTask, description: TaskDescription) -> None:
+        """Replace a task of a kind by another; see `add_described`."""
+        new = self._made(one.id, description)
+        self._follow(True)
+        self.solver.add_task(new.task)
+        self.solver.remove_task(one.task)
+        one.description, one.task = new.description, new.task
+
+    def remove_described(self, one: DescribedTask) -> None:
+        """Remove a task of a kind."""
+        self.described.remove(one)
+        self.solver.remove_task(one.task)
+
+    def _made(self, id: int, description: TaskDescription) -> DescribedTask:
+        """Return a task of a kind that a solver can follow."""
+        state = self._state
+        description = resolved(description, state, self.base)
+        task = task_of(description, self.base)
+        check(task, state)
+        return DescribedTask(id, description, task)
+
+    @property
+    def _state(self) -> State:
+        return State(self.mechanism, self.q, self.solver.dt, (), self._data)
+
+    def _follow(self, follows: bool) -> None:
+        """Follow tasks of other kinds than frames, or let them wait."""
+        if follows == self._follows:
+            return
+        self._follows = follows
+        for one in self.described:
+            if follows:
+                self.solver.add_task(one.task)
+            else:
+                self.solver.remove_task(one.task)
+
     def recorded_tasks(self, source: str | None = None) -> tuple[RecordedTask, ...]:
         """Return the tasks of a source, or all, as values with targets in the session's world."""
         return tuple(
-            RecordedTask(t.node, one.source, t.offset.copy(), self.base * t.target, t.translation, t.rotation, t.weight)
+            RecordedTask(
+                t.node,
+                one.source,
+                t.offset.copy(),
+                self.base * t.target,
+                t.translation,
+                t.rotation,
+                t.weight,
+                t.priority,
+            )
             for one, t in ((one, one.task) for one in self.tasks)
             if source in (None, one.source)
         )
@@ -137,7 +220,7 @@ class DrivenRobot:
     def restore(self, id: int, task: RecordedTask, source: str = PIN) -> UserTask:
         """Add a task again, with an id."""
         one = self.add_task(id, task.node, source, source, task.offset, (task.translation, task.rotation))
-        one.task.weight = task.weight
+        one.task.weight, one.task.priority = task.weight, task.priority
         if task.target is not None:
             self.set_target(one, task.target)
         return one
@@ -173,6 +256,9 @@ class DrivenRobot:
         for one in self.tasks:
             if one.task.is_valid():
                 one.task.target = moved * one.task.target
+        if not moved.isIdentity(0.0):
+            for own in self.described:
+                move_base(own.task, own.description, base)
 
     def tick(self, dt: float) -> str:
         """Move by one tick of dt (s). Return a message for people; mostly an empty one."""
@@ -186,6 +272,7 @@ class DrivenRobot:
 
     def _advance(self, dt: float) -> str:
         motion = self.motion
+        self._follow(motion is None)
         if motion is None:
             self._hold(self.locked)
             self.step = self.solver.step()
@@ -267,14 +354,15 @@ class DrivenRobot:
 
     def state(self) -> RobotState:
         """Return the state."""
-        errors = self.step.errors if len(self.step.errors) == len(self.tasks) else ((0.0, 0.0),) * len(self.tasks)
+        followed, found = self.solver.tasks, self.step.errors
+        errors = dict(zip(map(id, followed), found, strict=True)) if len(followed) == len(found) else {}
         tasks = tuple(
             TaskState(
-                id=one.id, node=t.node, source=one.source, label=one.label, error=error, translation=t.translation,
-                rotation=t.rotation, weight=t.weight, scripted=one.scripted, offset=t.offset.copy(),
-                target=t.target.copy(),
+                id=one.id, node=t.node, source=one.source, label=one.label, error=errors.get(id(t), (0.0, 0.0)),
+                translation=t.translation, rotation=t.rotation, weight=t.weight, priority=t.priority,
+                scripted=one.scripted, offset=t.offset.copy(), target=t.target.copy(),
             )
-            for one, t, error in zip(self.tasks, (one.task for one in self.tasks), errors, strict=True)
+            for one, t in ((one, one.task) for one in self.tasks)
         )  # fmt: skip
         step, q = self.step, self.q
         carried = torques = None
@@ -283,8 +371,16 @@ class DrivenRobot:
             carried, torques = self.carried, self.holding.torques(q)
         return RobotState(
             q, self.base.copy(), tasks, self.status(), step.saturated, step.closure, self.obstruction(), carried,
-            torques, self.locked,
+            torques, self.locked, tuple(map(self._described_state, self.described)),
         )  # fmt: skip
+
+    def _described_state(self, one: DescribedTask) -> DescribedState:
+        try:
+            error = errors_of(one.task, self._state)
+        except CinegenError:  # the tick reports it
+            error = math.nan, math.nan
+        reached = error[0] <= ARRIVED * self.mechanism.length and error[1] <= ARRIVED
+        return DescribedState(id=one.id, description=one.description, error=error, reached=reached)
 
     def obstruction(self) -> Obstruction | None:
         """Return what stops it among obstacles; None where nothing does."""
@@ -292,4 +388,5 @@ class DrivenRobot:
 
     def sample(self) -> RobotSample:
         """Return what a mission records."""
-        return RobotSample(self.q, self.status().name, self.recorded_tasks())
+        described = tuple(one.description for one in self.described)
+        return RobotSample(self.q, self.status().name, self.recorded_tasks(), described)

@@ -9,6 +9,7 @@ import contextlib
 from collections import deque
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from typing import Any
 
 import msgspec
 import numpy as np
@@ -25,7 +26,7 @@ from cinegen.session.drags import Drags
 from cinegen.session.driven_obstacle import DrivenObstacle
 from cinegen.session.holding import Holding, HoldingError, why_no_forces
 from cinegen.session.motion import ConfigurationMotion, JointMotion, LineMotion
-from cinegen.session.robot import PIN, SENSOR, DrivenRobot, UserTask
+from cinegen.session.robot import PIN, SENSOR, DescribedTask, DrivenRobot, UserTask
 from cinegen.session.sensors import SessionSensors, default_speed, opened
 from cinegen.session.session_recorder import SessionRecorder
 from cinegen.session.setup import Setup
@@ -37,10 +38,12 @@ SAMPLES = 100
 """Samples per second that are recorded."""
 
 MOST_TASKS = 64
-"""Tasks up to which pins can be added."""
+"""Tasks up to which pins and tasks of other kinds can be added."""
 
 _NOTICES = 8  # that are kept
-_INTERRUPTS = c.StartDrag | c.MoveJoint | c.MoveHome | c.MoveTo | c.Undo | c.Redo  # of motions through waypoints
+_INTERRUPTS = (
+    c.StartDrag | c.AddTask | c.MoveJoint | c.MoveHome | c.MoveTo | c.Undo | c.Redo
+)  # of motions through waypoints
 
 _REST = 1.0  # s without motion, after which a session is at rest
 _SAMPLED = 1.0 / 60.0  # s between two looks whether anything moves
@@ -163,6 +166,12 @@ class Session:
                 else:
                     what = "pin" if old.source == PIN else "drag"
                     lost.append(f"there is no '{recorded.node}' any more: its {what} has ended")
+            for described in was.described:
+                try:
+                    self._driven[name].add_described(described.id, described.description)
+                except (CinegenError, KeyError) as error:
+                    why = f"there is no '{name}' any more" if isinstance(error, KeyError) else str(error)
+                    lost.append(f"{why}: a task of kind {described.description.__struct_config__.tag} has ended")
         self._drags.follow(tasks)
         if self._drags or dragged:
             self._history.begin()
@@ -274,17 +283,29 @@ class Session:
         robot = self._driven[command.robot]
         if any(robot.tasks_of(PIN, command.node)):
             return
-        if sum(len(other.tasks) for other in self._driven.values()) >= MOST_TASKS:
-            self._notice(f"there are {MOST_TASKS} tasks: remove some first", warning=True)
-        else:
-            self._history.begin()
-            robot.add_task(self._new_id(), command.node, PIN, PIN)
+        self._check_room()
+        self._history.begin()
+        robot.add_task(self._new_id(), command.node, PIN, PIN)
+
+    def _check_room(self) -> None:
+        if sum(len(other.tasks) + len(other.described) for other in self._driven.values()) >= MOST_TASKS:
+            raise CinegenError(f"there are {MOST_TASKS} tasks: remove some first")
+
+    def _add_task(self, command: c.AddTask) -> None:
+        self._check_room()
+        self._history.begin()
+        robot = self.robots[command.robot]
+        robot.motion = None
+        robot.add_described(self._new_id(), command.description)
 
     def _remove_task(self, command: c.RemoveTask) -> None:
         found = self._task(command.task)
         if found is None:
             return
         robot, task = found
+        if isinstance(task, DescribedTask):
+            robot.remove_described(task)
+            return
         if self._drags.end_of(task):
             return
         if task.source == SENSOR:
@@ -295,13 +316,40 @@ class Session:
 
     def _change_task(self, command: c.ChangeTask) -> None:
         found = self._task(command.task)
-        if found is not None:
-            for name in ("translation", "rotation", "weight"):
-                if getattr(command, name) is not None:
-                    setattr(found[1].task, name, getattr(command, name))
+        if found is None:
+            return
+        robot, one = found
+        given = {name: value for name, value in msgspec.structs.asdict(command).items() if value is not None}
+        del given["task"]
+        if isinstance(one, DescribedTask):
+            self._change_described(robot, one, given)
+            return
+        if "description" in given:
+            raise CinegenError(f"task {one.id} is a frame: it has no description to change")
+        for name, value in given.items():
+            setattr(one.task, name, value)
 
-    def _task(self, id: int) -> tuple[DrivenRobot, UserTask] | None:
-        return next(((robot, one) for robot in self._driven.values() for one in robot.tasks if one.id == id), None)
+    def _change_described(self, robot: DrivenRobot, one: DescribedTask, given: dict[str, Any]) -> None:
+        description = given.pop("description", one.description)
+        wrong = [name for name in given if name not in description.__struct_fields__]
+        if wrong:
+            raise CinegenError(f"a task of kind {description.__struct_config__.tag} has no {wrong[0]} to change")
+        description = msgspec.structs.replace(description, **given)
+        if description != one.description:
+            robot.change_described(one, description)
+
+    def _task(self, id: int) -> tuple[DrivenRobot, UserTask | DescribedTask] | None:
+        """Return a task by its id, and its robot. If it is of a kind, an undo step begins, which ends an undo: that may
+        remove the task, or replace it."""
+        robots = self._driven.values()
+        if any(one.id == id for robot in robots for one in robot.described):
+            self._history.begin()
+        for robot in robots:
+            tasks: list[UserTask | DescribedTask] = [*robot.tasks, *robot.described]
+            for one in tasks:
+                if one.id == id:
+                    return robot, one
+        return None
 
     # --- motions -------------------------------------------------------------------------------------------------
 
@@ -370,10 +418,12 @@ class Session:
             self._free(robot)
 
     def _free(self, robot: DrivenRobot) -> None:
-        """Stop the scripts of a robot and remove its pins."""
+        """Stop the scripts of a robot, and remove its pins and tasks of other kinds."""
         self.sensors.stop_scripts(robot.name)
         for one in robot.tasks_of(PIN):
             robot.remove_task(one)
+        for own in tuple(robot.described):
+            robot.remove_described(own)
 
     def _undo(self, command: c.Undo) -> None:
         self._drags.end()

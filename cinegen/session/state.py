@@ -6,6 +6,7 @@ import pinocchio as pin
 from msgspec import Struct
 
 from cinegen.arrays import Array
+from cinegen.ik.described import AnyDescription
 from cinegen.sensor import SensorState
 from cinegen.session.commands import CommandFrame
 from cinegen.typed_json import DoF, Vector3, Vector6
@@ -23,6 +24,7 @@ class TaskInfo(Struct, frozen=True, kw_only=True):
         translation: number of constrained translations.
         rotation: number of constrained rotations.
         weight: of its equations.
+        priority: 0 is served first.
     """
 
     id: int
@@ -33,6 +35,7 @@ class TaskInfo(Struct, frozen=True, kw_only=True):
     translation: DoF
     rotation: DoF
     weight: float
+    priority: int
 
 
 class TaskState(TaskInfo, frozen=True, kw_only=True):
@@ -47,6 +50,22 @@ class TaskState(TaskInfo, frozen=True, kw_only=True):
     scripted: bool
     offset: pin.SE3
     target: pin.SE3
+
+
+class DescribedState(Struct, frozen=True, kw_only=True):
+    """A task of a kind.
+
+    Attributes:
+        id: number of the task in the session.
+        description: its kind and parameters, with points and directions in the session's world.
+        error: remaining error, or by how much it is out of its range; m and rad.
+        reached: whether that is 0, up to rounding.
+    """
+
+    id: int
+    description: AnyDescription
+    error: tuple[float, float]
+    reached: bool
 
 
 class RobotStatus(Struct, frozen=True):
@@ -103,6 +122,7 @@ class RobotState(Struct, frozen=True):
         torques: (actuated,) torques (N m) and forces (N) of the actuated joints that hold it at rest with its payload;
             NaN where none do. None for a robot whose links have no masses.
         locked: names of the joints that are locked.
+        described: its tasks of other kinds than frames.
     """
 
     q: Array
@@ -115,6 +135,7 @@ class RobotState(Struct, frozen=True):
     carried: CarriedMass | None = None
     torques: Array | None = None
     locked: tuple[str, ...] = ()
+    described: tuple[DescribedState, ...] = ()
 
 
 class ObstacleState(Struct, frozen=True):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 from collections import deque
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
@@ -9,6 +10,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from cinegen.arrays import Array
+from cinegen.errors import CinegenError
+from cinegen.ik.described import TaskDescription
 from cinegen.mission import RecordedTask
 from cinegen.session.carried import Kept, attached, detached
 from cinegen.session.motion import ConfigurationMotion, Retrace
@@ -23,34 +26,38 @@ _NEAR = 0.05  # rad or lengths from the start of a trace: near enough to retrace
 
 @dataclass(frozen=True)
 class Snapshot:
-    """Configurations and pins of all robots at a moment."""
+    """Configurations, pins and tasks of other kinds (by their ids) of all robots at a moment."""
 
     q: Mapping[str, Kept]
     pins: Mapping[str, tuple[RecordedTask, ...]]
+    described: Mapping[str, Mapping[int, TaskDescription]]
 
     @classmethod
     def of(cls, robots: Mapping[str, DrivenRobot]) -> Snapshot:
         """Return the present one."""
         q = {name: robot.q for name, robot in robots.items()}
-        return cls(q, {name: robot.recorded_tasks(PIN) for name, robot in robots.items()})
+        described = {name: {one.id: one.description for one in robot.described} for name, robot in robots.items()}
+        return cls(q, {name: robot.recorded_tasks(PIN) for name, robot in robots.items()}, described)
 
     def is_same(self, other: Snapshot) -> bool:
         """Return whether both are equal, up to rounding; of the same robots."""
         pairs = ((np.asarray(q), np.asarray(other.q[name])) for name, q in self.q.items())
         pins = ((pins, other.pins[name]) for name, pins in self.pins.items())
         same = all(len(some) == len(others) and all(map(_is_same_pin, some, others)) for some, others in pins)
+        same = same and self.described == other.described
         return same and all(np.allclose(one, two, atol=1e-9) for one, two in pairs)
 
     def detached(self, robots: Mapping[str, DrivenRobot], names: Mapping[str, str]) -> Snapshot:
         """Return it for robots that replace others: joint values, under their new names."""
         mechanisms = {key: robot.mechanism for key, robot in robots.items()}
         values = {names.get(key, key): detached(mechanisms.get(key), q) for key, q in self.q.items()}
-        return Snapshot(values, {names.get(key, key): pins for key, pins in self.pins.items()})
+        pins = {names.get(key, key): pins for key, pins in self.pins.items()}
+        return Snapshot(values, pins, {names.get(key, key): tasks for key, tasks in self.described.items()})
 
 
 def _is_same_pin(one: RecordedTask, other: RecordedTask) -> bool:
-    same = (one.node, one.translation, one.rotation, one.weight) == (
-        other.node, other.translation, other.rotation, other.weight
+    same = (one.node, one.translation, one.rotation, one.weight, one.priority) == (
+        other.node, other.translation, other.rotation, other.weight, other.priority
     )  # fmt: skip
     for here, there in ((one.offset, other.offset), (one.target, other.target)):
         if here is not None and there is not None:
@@ -103,8 +110,8 @@ class UndoHistory:
     """History of undo steps. A step begins with a user's action, and ends when nothing is dragged and all robots are at
     rest.
 
-    Undo moves all robots back along their path and restores the pins; redo moves them forward again. A robot that is no
-    longer on that path (a sensor has moved it) is moved there by its actuated joints.
+    Undo moves all robots back along their path and restores pins and tasks of other kinds; redo moves them forward
+    again. A robot that is no longer on that path (a sensor has moved it) is moved there by its actuated joints.
 
     Args:
         robots: robots of the session.
@@ -142,7 +149,7 @@ class UndoHistory:
                 q = goal.q.get(name)
                 if isinstance(q, np.ndarray) and not robot.collision(q):
                     robot.jump_to(q)
-            self._restore_pins(goal)
+            self._restore(goal)
         if self._open is None:
             trace = MotionTrace(1.0 / _RATE)
             trace.note(self._robots)
@@ -158,7 +165,7 @@ class UndoHistory:
             self._close()
         if self._goal is not None and not moving:
             goal, self._goal = self._goal, None
-            self._restore_pins(goal)
+            self._restore(goal)
 
     def undo(self) -> str:
         """Undo the last step, which may be in progress. Return a message for people; mostly an empty one."""
@@ -232,14 +239,26 @@ class UndoHistory:
                 robot.motion = Retrace(path, step.trace.period, name, label)
             else:
                 robot.motion = ConfigurationMotion(robot.mechanism, robot.q, q, name, label)
-        self._goal = Snapshot(reached, there.pins)
+        self._goal = Snapshot(reached, there.pins, there.described)
         what = "before" if backwards else "after"
         return f"{', '.join(lost)}: the file has changed: no configuration as {what} this step is left" if lost else ""
 
-    def _restore_pins(self, snapshot: Snapshot) -> None:
-        """Pin again what a snapshot has pinned, as far as it is there."""
+    def _restore(self, snapshot: Snapshot) -> None:
+        """Restore pins and tasks of other kinds that a snapshot has, as far as their nodes are there."""
         for name, pins in snapshot.pins.items():
             robot = self._robots.get(name)
             for pin in pins if robot is not None else ():
                 if robot is not None and pin.node in robot.mechanism.nodes:
                     robot.restore(self._new_id(), pin)
+        for name, tasks in snapshot.described.items():
+            robot = self._robots.get(name)
+            if robot is not None:
+                for one in [one for one in robot.described if one.id not in tasks]:
+                    robot.remove_described(one)
+                present = {one.id: one for one in robot.described}
+                for id, description in tasks.items():
+                    with contextlib.suppress(CinegenError):
+                        if id not in present:
+                            robot.add_described(id, description)
+                        elif present[id].description != description:
+                            robot.change_described(present[id], description)

@@ -168,9 +168,17 @@ class Messages(Campaign):
         if message["type"] == "set_cursor":
             message.setdefault("robot", None)
             message["node"] = None if message["robot"] is None else ""  # a robot's cursor has a node
-        for name in message:
-            if message[name] is not None and name in names and rng.random() >= careless:
-                message[name] = rng.choice(names[name])
+        description = message.get("description") or {}
+        of_joints = {name: [{joint: 0.3} for joint in names["joint"]] for name in ("values", "coefficients")}
+        for part in (message, description, description.get("task") or {}):
+            own = (
+                names if part is message else {**{name: names["node"] for name in ("node", "other", "on")}, **of_joints}
+            )
+            for name in part:
+                if part[name] is not None and name in own and rng.random() >= careless:
+                    part[name] = rng.choice(own[name])
+            if part.get("target") is not None:
+                part["target"][3:] = [0.0, 0.0, 0.6, 0.8]
         if message.get("quaternion") is not None:
             axis = [rng.gauss(0.0, 1.0) for _ in range(4)]
             message["quaternion"] = [x / math.hypot(*axis) for x in axis]
@@ -274,7 +282,7 @@ def value(rng: Random, schema: dict[str, Any]) -> Any:
         return rng.choice(schema["enum"])
     kind = schema.get("type")
     if kind == "object":
-        required, fields = schema.get("required", ()), schema["properties"]
+        required, fields = schema.get("required", ()), schema.get("properties", {})
         return {name: value(rng, one) for name, one in fields.items() if name in required or rng.random() < 0.6}
     if kind == "array":
         items = [value(rng, one) for one in schema.get("prefixItems", ())]

@@ -13,6 +13,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from cinegen.ik.described import AxisAlong
 from cinegen.session import Command, CommandError, decode_command
 from cinegen.session import commands as c
 from cinegen.session.setup import Device, SensorSwitch
@@ -46,6 +47,8 @@ def decoded(message):
         ({"type": "move_drag", "position": [1, 2, 3], "quaternion": [0, 0, 0, 1]}, c.MoveDrag((1, 2, 3), (0, 0, 0, 1))),
         ({"type": "end_drag", "pin": True}, c.EndDrag(True)),
         ({"type": "pin", "robot": "arm", "node": "tool"}, c.Pin("arm", "tool")),
+        ({"type": "add_task", "robot": "delta", "description": {"kind": "axis_along", "node": "link5"}},
+         c.AddTask("delta", AxisAlong(node="link5"))),
         ({"type": "remove_task", "task": 4}, c.RemoveTask(4)),
         ({"type": "change_task", "task": 4, "weight": 2}, c.ChangeTask(4, weight=2.0)),
         ({"type": "move_joint", "robot": "delta", "joint": "joint1", "value": 0.5},

@@ -19,6 +19,7 @@ import { Footer } from "./bar/footer.js";
 import { keys } from "./bar/keys.js";
 import { menus } from "./bar/menus.js";
 import { Messages } from "./bar/messages.js";
+import { PartTasks } from "./bar/part_tasks.js";
 import { Replay } from "./bar/replay.js";
 import { Selection } from "./bar/selection.js";
 import { Share } from "./bar/share.js";
@@ -125,7 +126,8 @@ const presentation = new Presentation({ ...shown, pick, endDrag });
 offer(presentation, session);
 new Messages({ session, drag, gizmo, handDrags: presentation.handDrags });
 showProblems(session);
-new Selection({ session, gizmo, pin });
+const { bar } = new Selection({ session, gizmo, pin });
+const partTasks = new PartTasks({ session, view, pick, measure, bar });
 new Status(session);
 new Replay(session);
 new Share({ view, session });
@@ -142,7 +144,7 @@ const plots = new Plots(panel, session);
 for (const Section of [Sensors, Tree, Motion, Record, Users]) new Section(panel, session);
 sendCamera(view, session);
 frameFirstView(view, session, still, field);
-keys({ commands, gizmo, session, view, measure, endDrag, pin });
+keys({ commands, gizmo, session, view, measure, partTasks, endDrag, pin });
 
 window.cockpit = {
   viewer: view.viewer,

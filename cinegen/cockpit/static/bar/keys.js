@@ -9,9 +9,9 @@ const PRESSED = "button, summary, a, input[type=checkbox], select, [tabindex]:no
 /**
  * @param {{ commands: import("./commands.js").Commands, session: import("../base/session.js").Session,
  *   gizmo: { setMode: (mode: string) => void, setAxes: () => void }, view: import("../view/view.js").View,
- *   measure: { toggle: (on?: boolean) => boolean }, endDrag: () => boolean, pin: () => void }} parts
+ *   measure: { toggle: (on?: boolean) => boolean }, partTasks: { stop: () => boolean }, endDrag: () => boolean, pin: () => void }} parts
  */
-export function keys({ commands, gizmo, session, view, measure, endDrag, pin }) {
+export function keys({ commands, gizmo, session, view, measure, partTasks, endDrag, pin }) {
   /** @param {string} mode */
   const move = (mode) => {
     gizmo.setMode(mode);
@@ -33,7 +33,7 @@ export function keys({ commands, gizmo, session, view, measure, endDrag, pin }) 
     if (/** @type {HTMLDialogElement} */ (byId("keys")).open) return;
     const key = event.key.length === 1 ? event.key.toLowerCase() : event.key;
     if (key === "Escape") {
-      if (!endDrag() && !measure.toggle(false)) session.select(null, null);
+      if (!endDrag() && !partTasks.stop() && !measure.toggle(false)) session.select(null, null);
       return;
     }
     const typing = event.target instanceof Element && event.target.closest(TYPED) !== null;

@@ -63,6 +63,115 @@ export interface Pin {
   node: string;
 }
 
+export interface AddTask {
+  type: "add_task";
+  robot: string;
+  description: TaskDescription;
+}
+
+export type TaskDescription = RelativePose | CenterOfMass | LookAt | AxisAlong | PointOnLine | PointInPlane | PointAtDistance | JointValues | JointEquality | Damping | RangeDescription;
+
+export interface RelativePose {
+  kind: "relative_pose";
+  node: string;
+  other: string;
+  target?: [number, number, number, number, number, number, number] | null;
+  rotation?: boolean;
+  priority?: number;
+  weight?: number;
+}
+
+export interface CenterOfMass {
+  kind: "center_of_mass";
+  position: [number, number, number];
+  axes?: string;
+  priority?: number;
+  weight?: number;
+}
+
+export interface LookAt {
+  kind: "look_at";
+  node: string;
+  point: [number, number, number];
+  axis?: [number, number, number] | null;
+  offset?: [number, number, number];
+  on?: string | null;
+  priority?: number;
+  weight?: number;
+}
+
+export interface AxisAlong {
+  kind: "axis_along";
+  node: string;
+  direction?: [number, number, number];
+  axis?: [number, number, number] | null;
+  on?: string | null;
+  priority?: number;
+  weight?: number;
+}
+
+export interface PointOnLine {
+  kind: "point_on_line";
+  node: string;
+  through: [number, number, number];
+  direction: [number, number, number];
+  offset?: [number, number, number];
+  priority?: number;
+  weight?: number;
+}
+
+export interface PointInPlane {
+  kind: "point_in_plane";
+  node: string;
+  through?: [number, number, number];
+  normal?: [number, number, number];
+  offset?: [number, number, number];
+  priority?: number;
+  weight?: number;
+}
+
+export interface PointAtDistance {
+  kind: "point_at_distance";
+  node: string;
+  centre: [number, number, number];
+  distance: number;
+  offset?: [number, number, number];
+  on?: string | null;
+  priority?: number;
+  weight?: number;
+}
+
+export interface JointValues {
+  kind: "joint_values";
+  values: Record<string, number>;
+  unit?: "m" | "rad" | ("m" | "rad")[];
+  priority?: number;
+  weight?: number;
+}
+
+export interface JointEquality {
+  kind: "joint_equality";
+  coefficients: Record<string, number>;
+  constant?: number;
+  unit?: "m" | "rad" | ("m" | "rad")[];
+  priority?: number;
+  weight?: number;
+}
+
+export interface Damping {
+  kind: "damping";
+  priority?: number;
+  weight?: number;
+}
+
+export interface RangeDescription {
+  kind: "range";
+  task: TaskDescription;
+  low?: number | number[] | null;
+  high?: number | number[] | null;
+  radius?: number | null;
+}
+
 export interface RemoveTask {
   type: "remove_task";
   task: number;
@@ -74,6 +183,8 @@ export interface ChangeTask {
   translation?: number | null;
   rotation?: number | null;
   weight?: number | null;
+  priority?: number | null;
+  description?: TaskDescription | null;
 }
 
 export interface MoveJoint {
@@ -199,7 +310,7 @@ export interface ControlPlayback {
   speed?: number | null;
 }
 
-export type ClientMessage = Ack | RequestControl | RequestReactions | RequestRate | SetUser | SetCursor | StartDrag | MoveDrag | EndDrag | Pin | RemoveTask | ChangeTask | MoveJoint | LockJoint | EndJointMotion | MoveHome | MoveTo | SaveWaypoint | ChangeWaypoint | RemoveWaypoint | MoveToWaypoint | PlayWaypoints | Undo | Redo | Pause | SelectSensor | ChangeSensor | ChangeSettings | SetPayload | SetView | SetRecording | GamepadInput | ControlPlayback;
+export type ClientMessage = Ack | RequestControl | RequestReactions | RequestRate | SetUser | SetCursor | StartDrag | MoveDrag | EndDrag | Pin | AddTask | RemoveTask | ChangeTask | MoveJoint | LockJoint | EndJointMotion | MoveHome | MoveTo | SaveWaypoint | ChangeWaypoint | RemoveWaypoint | MoveToWaypoint | PlayWaypoints | Undo | Redo | Pause | SelectSensor | ChangeSensor | ChangeSettings | SetPayload | SetView | SetRecording | GamepadInput | ControlPlayback;
 
 export interface HelloMessage {
   type: "hello";
@@ -310,6 +421,7 @@ export interface StateMessage {
   controller?: number | null;
   report?: ReportMessage;
   users?: UserInfo[];
+  described?: DescribedMessage[];
 }
 
 export interface TaskMessage {
@@ -321,6 +433,7 @@ export interface TaskMessage {
   translation: number;
   rotation: number;
   weight: number;
+  priority: number;
   robot: string;
   position: number[];
   target: [number, number, number, number, number, number, number];
@@ -462,6 +575,14 @@ export interface UserInfo {
   node?: string | null;
   point?: [number, number, number];
   dragging?: boolean;
+}
+
+export interface DescribedMessage {
+  id: number;
+  description: TaskDescription;
+  error: [number, number];
+  reached: boolean;
+  robot: string;
 }
 
 export interface NoticeMessage {

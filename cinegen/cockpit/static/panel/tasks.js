@@ -1,8 +1,9 @@
 // Tasks: source, constrained DoF, weight and error of each, and a button to remove it.
 //
 // For tests: [data-task="ID"] with button (release), select[data-dof="translation"] and [data-dof="rotation"],
-// input[type=range] (weight).
+// input[type=range] (weight); of other kinds [data-described="ID"] with button (release).
 
+import { textOf } from "../bar/part_tasks.js";
 import { atMostEvery, make, write } from "../base/dom.js";
 import { significant, units } from "../base/units.js";
 import { Section } from "./section.js";
@@ -19,6 +20,8 @@ const OFTEN = 100; // ms
  */
 
 export class Tasks {
+  /** @type {Map<number, { element: HTMLElement, text: HTMLElement, error: HTMLElement }>} */
+  #described = new Map();
   /** @type {Map<number, Card>} */
   #cards = new Map();
 
@@ -31,7 +34,7 @@ export class Tasks {
     this.section = new Section(panel, {
       id: "tasks",
       title: "Tasks",
-      hint: "What moves the robots: the pointer, pins and sensors. If not all tasks can be met, weights decide",
+      hint: "What moves the robots: the pointer, pins and sensors, and what parts keep. If not all tasks can be met, priorities and weights decide",
     });
     this.empty = make("p", { class: "empty" }, "No tasks. Drag a part, or select one and pin it.");
     this.section.body.append(this.empty);
@@ -42,8 +45,16 @@ export class Tasks {
 
   #show() {
     const { tasks } = this.session;
-    this.empty.hidden = tasks.length > 0;
-    write(this.section.note, tasks.length > 0 ? String(tasks.length) : "");
+    const described = this.session.state?.described ?? [];
+    const count = tasks.length + described.length;
+    this.empty.hidden = count > 0;
+    write(this.section.note, count > 0 ? String(count) : "");
+    for (const [id, { element }] of this.#described) {
+      if (described.some((task) => task.id === id)) continue;
+      element.remove();
+      this.#described.delete(id);
+    }
+    for (const task of described) this.#showDescribed(task);
     const ids = new Set(tasks.map((task) => task.id));
     for (const [id, card] of this.#cards) {
       if (ids.has(id)) continue;
@@ -61,6 +72,37 @@ export class Tasks {
     }
   }
 
+  /** @param {import("../base/messages").DescribedMessage} task */
+  #showDescribed({ id, robot, description, error: [far, turned], reached }) {
+    let card = this.#described.get(id);
+    if (card === undefined) {
+      const [text, error] = [make("span", { class: "name" }), make("span", { class: "number" })];
+      const element = make(
+        "div",
+        { class: "card", data: { described: String(id) } },
+        make("div", { class: "head" }, text, this.#remover(id, "Remove this task")),
+        make("div", { class: "pair" }, make("span", {}, "error"), error),
+      );
+      card = { element, text, error };
+      this.#described.set(id, card);
+      this.section.body.append(element);
+    }
+    write(card.text, this.session.called(robot, textOf(description)));
+    const left = [far > 0 ? units.length(far) : "", turned > 0 ? units.angle(turned) : ""].filter(Boolean).join(" · ");
+    write(card.error, reached ? "reached" : left);
+  }
+
+  /**
+   * @param {number} id
+   * @param {string} title
+   */
+  #remover(id, title) {
+    const click = () => {
+      if (this.session.mayAct()) this.session.send({ type: "remove_task", task: id });
+    };
+    return make("button", { class: "small end", type: "button", title, "aria-label": title, on: { click } }, "Remove");
+  }
+
   /**
    * @param {Task} task
    * @returns {Card}
@@ -70,21 +112,7 @@ export class Tasks {
     const whose = this.session.called(task.robot, task.node);
     const source = make("span", { class: "quiet" });
     const error = make("span", { class: "number" });
-    const release = make(
-      "button",
-      {
-        class: "small end",
-        type: "button",
-        title: `Remove the task of ${whose}`,
-        "aria-label": `Remove the task of ${whose}`,
-        on: {
-          click: () => {
-            if (this.session.mayAct()) this.session.send({ type: "remove_task", task: id });
-          },
-        },
-      },
-      "Remove",
-    );
+    const release = this.#remover(id, `Remove the task of ${whose}`);
     /**
      * @param {string} kind
      * @param {string[]} labels

@@ -34,6 +34,7 @@ export function stateMessage(session, reports, frame) {
       translation: task.translation,
       rotation: task.rotation,
       weight: task.weight,
+      priority: 1,
       robot: robot.name,
       position: robot.placement(task.node).times(task.offset).position.toArray(),
       target: robot.base.times(task.target).numbers(),

@@ -189,7 +189,10 @@ export class LocalSession {
   }
 
   /** @param {import("../../../cockpit/static/base/messages").ChangeTask} command */
-  #changeTask({ task: id, translation = null, rotation = null, weight = null }) {
+  #changeTask({ task: id, translation = null, rotation = null, weight = null, priority = null, description = null }) {
+    if (priority !== null || description !== null) {
+      throw new CommandError("the page without a server has tasks of one priority and kind: use cinegen drive");
+    }
     const task = this.#task(id)?.task;
     if (task === undefined) return;
     if (translation !== null) task.translation = count(translation);
