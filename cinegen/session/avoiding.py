@@ -11,12 +11,14 @@ from cinegen.arrays import Array
 from cinegen.collision.body import Body
 from cinegen.collision.clearance import clearance_of
 from cinegen.collision.scene import Scene
+from cinegen.errors import CinegenError
 from cinegen.ik import Status
+from cinegen.ik.described import RangeDescription, TaskDescription
 from cinegen.joints import kinematic_data
 from cinegen.planning import AvoidingSolver
 from cinegen.planning.clearance_barrier import is_clear
 from cinegen.session.motion import PATIENCE, JointMotion
-from cinegen.session.robot import DrivenRobot
+from cinegen.session.robot import DescribedTask, DrivenRobot
 from cinegen.session.state import Obstruction, RobotStatus
 
 _AT_REST = 1e-3  # rad/s and m/s
@@ -107,6 +109,14 @@ class AvoidingRobot(DrivenRobot):
             return ""
         self.motion = None
         return f"{self.name}: {problem}"
+
+    def _made(self, id: int, description: TaskDescription) -> DescribedTask:
+        """See `DrivenRobot`."""
+        if isinstance(description, RangeDescription):
+            raise CinegenError(
+                f"{self.name} avoids obstacles, and may have to brake beyond a range: add the task itself instead"
+            )
+        return super()._made(id, description)
 
     def collision(self, q: Array) -> str:
         """See `DrivenRobot`."""

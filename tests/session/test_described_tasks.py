@@ -12,10 +12,11 @@ import two_armed
 from leading import run
 
 import cinegen
+from cinegen.collision import load_scene
 from cinegen.ik import State
 from cinegen.ik.kinds import KINDS
 from cinegen.mission import BasePose, Recording
-from cinegen.session import CommandError, Session, arrange, decode_command
+from cinegen.session import CommandError, Session, arrange, decode_command, scene_setup
 from cinegen.session import commands as c
 from cinegen.session.session import OtherRobots
 
@@ -221,6 +222,24 @@ def test_tasks_survive_the_reload_of_a_file_as_far_as_their_parts_do(two):
     assert [one.id for one in session.state().robots["duo"].described] == [before[1].id]
     assert "right_hand" in session.state().notices[-1].text
     assert "relative_pose has ended" in session.state().notices[-1].text
+
+
+def test_a_robot_among_obstacles_follows_tasks_and_takes_no_ranges(root):
+    session = Session(scene_setup(load_scene(root / "robots/scenes/rod.toml")))
+    (name,) = session.robots
+    folded = {"kind": "joint_equality", "coefficients": {"joint2": 1, "joint3": -1}}
+    add(session, folded, name)
+    session.obey(c.StartDrag(name, "tool"))
+    session.obey(c.MoveDrag((0.55, -0.2, 0.0)))
+    (task,) = run(session, 3.0).robots[name].described
+    q = session.robots[name].q
+    assert task.reached
+    assert q[1] == pytest.approx(q[2], abs=1e-6)
+    assert len(session.state().robots[name].tasks) == 1
+    add(session, {"kind": "range", "task": folded, "low": 0.0}, name)
+    assert "may have to brake beyond a range" in session.state().notices[-1].text
+    assert len(session.state().robots[name].described) == 1
+    session.close()
 
 
 @pytest.mark.parametrize(
