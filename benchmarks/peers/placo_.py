@@ -27,12 +27,17 @@ class Placo:
         self.solver.dt = scene["dt"]
         self.solver.enable_joint_limits(True)
         self.solver.enable_velocity_limits(True)
+        second = scene.get("second")  # a point of another node, in the freedom that the first task leaves
+        first = "hard" if second else "soft"
         if scene["rotation"]:
             self.task = self.solver.add_frame_task(scene["node"], np.eye(4))
-            self.task.configure("task", "soft", 1.0, 1.0)
+            self.task.configure("task", first, 1.0, 1.0)
         else:
             self.task = self.solver.add_position_task(scene["node"], np.zeros(3))
-            self.task.configure("task", "soft", 1.0)
+            self.task.configure("task", first, 1.0)
+        if second:
+            lower = self.solver.add_position_task(second["node"], np.array(second["target"]))
+            lower.configure("second", "soft", 1.0)
         for i, loop in enumerate(scene["loops"]):
             self._close(f"loop{i}", loop)
         self.targets = [pose if scene["rotation"] else pose[:3, 3].copy() for pose in poses(scene)]

@@ -42,15 +42,22 @@ PROBLEMS = (  # URDF, node, rotations that are held
     ("hyq_description/robots/hyq_no_sensors.urdf", "rh_foot", 0),
     ("bolt_description/robots/bolt.urdf", "FL_FOOT", 0),
 )
+LEVELS = (  # URDF, node whose pose is first, node whose position is second, in the freedom that is left
+    ("panda_description/urdf/panda.urdf", "panda_hand", "panda_link4"),
+    ("baxter_description/urdf/baxter.urdf", "left_hand_link", "left_lower_elbow"),
+)
 DT, FAR = 1e-3, 1e-5  # s; how far the target is from where the node is (m, rad)
 
 
-def scene(name: str, node: str, rotation: int) -> tuple[dict[str, Any], bytes]:
+def scene(name: str, node: str, rotation: int, second: str | None = None) -> tuple[dict[str, Any], bytes]:
     """A problem as `benchmarks/peers/worker.py` reads it, and its URDF without shapes."""
     tree = parse((SHARE / name).read_text(encoding="utf-8"), name)
     for link in tree.iter("link"):
         for part in [*link.findall("visual"), *link.findall("collision")]:
             link.remove(part)
+    for joint in joints(tree):  # fingers are joints of their own
+        for mimic in joint.findall("mimic"):
+            joint.remove(mimic)
     said = simple(tree, name)
     for joint in joints(tree):  # no limit has a say
         limit = joint.find("limit")
@@ -76,6 +83,9 @@ def scene(name: str, node: str, rotation: int) -> tuple[dict[str, Any], bytes]:
         {"name": joint, "home": value, "low": -10.0, "high": 10.0, "velocity": None} for joint, value in home.items()
     ]
     problem: dict[str, Any] = {"dt": DT, "gain": 1.0, "node": node, "rotation": rotation, "joints": entries}
+    if second is not None:
+        point = data.oMf[model.getFrameId(second)].translation + FAR * rng.normal(size=3)
+        problem["second"] = {"node": second, "target": point.tolist()}
     return problem | {"loops": [], "targets": [target.homogeneous.tolist()]}, text
 
 
@@ -98,12 +108,16 @@ def ask(peer: str, problem: dict[str, Any], urdf: bytes) -> list[float]:
 
 
 def main() -> None:
-    answers = []
+    answers: list[dict[str, Any]] = []
     for name, node, rotation in PROBLEMS:
         problem, urdf = scene(name, node, rotation)
         found = {peer: ask(peer, problem, urdf) for peer in ("pink", "placo")}
         answers.append({"urdf": name, "node": node, "rotation": rotation, **found})
         print(name, node)
+    for name, node, second in LEVELS:
+        found = {"placo": ask("placo", *scene(name, node, 3, second))}
+        answers.append({"urdf": name, "node": node, "rotation": 3, "second": second, **found})
+        print(name, node, second)
     KEPT.write_text(json.dumps(answers, indent=1) + "\n")
 
 

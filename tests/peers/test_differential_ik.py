@@ -8,18 +8,20 @@ import json
 import numpy as np
 import pinocchio as pin
 import pytest
-from ask_peers import DT, FAR, KEPT, PROBLEMS, PYTHON, ask, scene
+from ask_peers import DT, FAR, KEPT, LEVELS, PROBLEMS, PYTHON, ask, scene
 
 import cinegen
 import raff2urdf
 
 ANSWERS = json.loads(KEPT.read_text())
+PLAIN = [answer for answer in ANSWERS if "second" not in answer]
+RANKED = [answer for answer in ANSWERS if "second" in answer]
 SAME = 1e-3  # of the step: what first and second order differ by, and what a QP's regularisation costs
 
 
 def ours(answer, folder):
     """The joints' values after our step, and before it, in the order of the problem."""
-    problem, urdf = scene(answer["urdf"], answer["node"], answer["rotation"])
+    problem, urdf = scene(answer["urdf"], answer["node"], answer["rotation"], answer.get("second"))
     (folder / "robot.urdf").write_bytes(urdf)
     found = raff2urdf.to_raff(folder / "robot.urdf", folder / "robot.raff")
     mechanism = cinegen.load(folder / "robot.raff")
@@ -32,20 +34,33 @@ def ours(answer, folder):
     solver = cinegen.Solver(mechanism, DT, q=q)
     task = solver.add_task(found.nodes[answer["node"]], rotation=answer["rotation"])
     task.target = pin.SE3(np.array(problem["targets"][0]))
+    if "second" in problem:
+        point = pin.SE3(np.eye(3), np.array(problem["second"]["target"]))
+        solver.add_task(found.nodes[answer["second"]], point, rotation=0, priority=1)
     solver.step()
     return solver.q[indices] - offsets, begin
 
 
 def test_every_problem_is_answered():
-    assert [(a["urdf"], a["node"], a["rotation"]) for a in ANSWERS] == list(PROBLEMS)
+    assert [(a["urdf"], a["node"], a["rotation"]) for a in PLAIN] == list(PROBLEMS)
+    assert [(a["urdf"], a["node"], a["second"]) for a in RANKED] == list(LEVELS)
 
 
-@pytest.mark.parametrize("answer", ANSWERS, ids=[f"{a['urdf'].split('/')[-1]}:{a['node']}" for a in ANSWERS])
+@pytest.mark.parametrize("answer", PLAIN, ids=[f"{a['urdf'].split('/')[-1]}:{a['node']}" for a in PLAIN])
 @pytest.mark.parametrize("peer", ["pink", "placo"])
 def test_our_step_is_theirs(answer, peer, tmp_path, recwarn):
     after, before = ours(answer, tmp_path)
     step, theirs = after - before, np.array(answer[peer]) - before
     assert 0.1 * FAR < np.linalg.norm(theirs) < 1000.0 * FAR
+    assert np.linalg.norm(step - theirs) < SAME * np.linalg.norm(theirs)
+
+
+@pytest.mark.parametrize("answer", RANKED, ids=[a["node"] for a in RANKED])
+def test_our_two_levels_are_placo_s_hard_and_soft_tasks(answer, tmp_path, recwarn):
+    """The pose of a hand is exact, and its elbow comes as near to a point as that allows."""
+    after, before = ours(answer, tmp_path)
+    step, theirs = after - before, np.array(answer["placo"]) - before
+    assert np.linalg.norm(theirs) > 0.1 * FAR
     assert np.linalg.norm(step - theirs) < SAME * np.linalg.norm(theirs)
 
 
