@@ -94,7 +94,7 @@ def watched(root, tmp_path):
                 there = sockets(process.pid)
                 if begun and begun == log.read_bytes().count(b"#"):
                     found[begun - 1] |= there
-                time.sleep(0.02)
+                time.sleep(0.1)
         finally:
             process.kill()
         assert process.returncode == 0, log.read_text()
