@@ -143,6 +143,7 @@ def test_many_lines_at_once(robot, filtered):
     lines = [json.dumps(dict(zip(hybrid.actuated, row.tolist(), strict=True))) + "\n" for row in rows]
     said = filtered("".join(lines), "hybrid.raff")
     assert len(said) == count
+    assert not any("error" in answer for answer in said)
     for row, answer in list(zip(rows, said, strict=True))[::97]:
         assert [answer[joint] for joint in hybrid.actuated] == row.tolist()
         assert hybrid.closure(hybrid.configuration(answer)) <= 1e-12
