@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 from playwright.sync_api import sync_playwright
-from tabs import CHROMIUM, FLAGS, READY, SIZE, becomes
+from tabs import CHROMIUM, FLAGS, PICTURES, READY, SIZE, UNDRAWN, becomes
 
 from cinegen.cockpit import Cockpit
 from cinegen.page import build_page
@@ -52,7 +52,9 @@ def browser():
 def spare(browser):
     """A page that one test after the other shows something in: half as much work as in a new one."""
     context, *_ = browser.contexts or [browser.new_context(viewport=SIZE)]
-    return context.pages[0] if context.pages else context.new_page()
+    if not context.pages:
+        context.new_page().add_init_script("" if PICTURES else UNDRAWN)
+    return context.pages[0]
 
 
 @pytest.fixture
@@ -60,7 +62,7 @@ def tab(browser, spare):
     """`tab(shown)`: a page of a cockpit, a file or an address; files are shown with the network off.
 
     What goes wrong in the page is an error here, and so is what its policy refuses. `strict` false: but for what its
-    console says.
+    console says. `drawn` true: its pixels are looked at.
     """
     contexts, spares, heard, wrong = [], [spare], [], []
 
@@ -68,10 +70,10 @@ def tab(browser, spare):
         page.on(event, what)
         heard.append((page, event, what))
 
-    def open_tab(shown, script="", ready=READY, strict=True, prepare=None, **options):
+    def open_tab(shown, script="", ready=READY, strict=True, prepare=None, drawn=False, **options):
         address = shown.as_uri() if isinstance(shown, Path) else getattr(shown, "url", shown)
         offline = address.startswith("file:")
-        if spares and not (script or prepare or options):
+        if spares and not (script or prepare or drawn or options):
             page = spares.pop()
             page.context.set_offline(offline)
             page.set_viewport_size(SIZE)
@@ -79,7 +81,7 @@ def tab(browser, spare):
         else:
             contexts.append(browser.new_context(**{"viewport": SIZE, "offline": offline, **options}))
             page = contexts[-1].new_page()
-            page.add_init_script(script)
+            page.add_init_script(script if drawn or PICTURES else UNDRAWN + script)
         page.set_default_timeout(60_000)
         hear(page, "pageerror", lambda error: wrong.append(str(error)))
         if strict:

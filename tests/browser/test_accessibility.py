@@ -82,7 +82,7 @@ def test_sliders_and_number_fields_of_a_page_without_a_server_have_names_units_a
     assert slider.get_attribute("aria-valuetext").startswith("minus 2.269 ")
     page.evaluate("cockpit.send({ type: 'set_recording', on: true })")
     assert becomes(page, "document.querySelector('#toasts .toast') !== null")
-    assert in_both_schemes(page, "a notice") == []
+    assert in_both_schemes(page, "a notice", "#toasts") == []
 
 
 def test_the_served_page(cockpit, open_tab):

@@ -29,7 +29,7 @@ def easiest(cockpit, name, node, at):
     return np.linalg.svd(rates)[2][0]
 
 
-def test_a_part_is_named_follows_the_mouse_and_is_undone(cockpit, tab):
+def test_a_part_is_named_follows_the_mouse_and_is_undone_the_gizmo_moves_a_pin_holds_and_escape_lets_go(cockpit, tab):
     name, node = "delta4", "link5"  # the platform
     one = cockpit(name, "five_bar")
     page = tab(one)
@@ -63,11 +63,9 @@ def test_a_part_is_named_follows_the_mouse_and_is_undone(cockpit, tab):
     assert becomes(page, lambda: np.abs(one.state.robots[name].q - before[name]).max() < 1e-9)
     page.keyboard.press("Control+Shift+z")
     assert becomes(page, lambda: one.state.undo == 1 and one.state.moving is None)
-
-
-def test_a_click_selects_the_gizmo_moves_a_pin_holds_and_escape_lets_go(cockpit, tab):
-    one = cockpit("delta4")
-    page = tab(one)
+    page.keyboard.press("Control+z")
+    assert becomes(page, lambda: one.state.undo == 0 and one.state.moving is None)
+    # a click selects: a gizmo is there
     x, y, *_ = find(page, "delta4", "link5")
     page.mouse.click(x, y)
     assert becomes(page, lambda: page.is_visible("#selection") and "link5" in page.inner_text("#selection"))
@@ -138,9 +136,26 @@ RING = """([axis, from, to, steps]) => {
 }"""
 
 
-def test_a_ring_of_the_gizmo_rotates_as_the_pointer_goes_around_it_and_many_labels_find_room(cockpit, tab):
+def test_a_padlock_locks_a_joint_a_ring_of_the_gizmo_rotates_and_many_labels_find_room(cockpit, tab):
     one = cockpit("arm7")
     page = tab(one)
+    page.evaluate("document.getElementById('section-joints').open = true")
+    lock = page.locator('[data-lock="arm7/joint2"]')
+    slider, text = (page.locator(f'[data-joint="arm7/joint2"] input[type={kind}]') for kind in ("range", "number"))
+    assert becomes(page, lambda: lock.is_visible() and lock.get_attribute("aria-pressed") == "false")
+    lock.click()
+    assert becomes(page, lambda: lock.get_attribute("aria-pressed") == "true" and slider.is_disabled())
+    assert text.is_disabled()
+    assert one.state.robots["arm7"].locked == ("joint2",)
+    before = one.state.robots["arm7"].q
+    page.locator('[data-joint="arm7/joint3"] input[type=number]').fill("20")
+    page.keyboard.press("Enter")
+    assert becomes(page, lambda: abs(one.state.robots["arm7"].q[2] - np.radians(20.0)) < 1e-3)
+    assert one.state.robots["arm7"].q[1] == before[1]
+    lock.click()
+    assert becomes(page, lambda: lock.get_attribute("aria-pressed") == "false" and slider.is_enabled())
+    assert one.state.robots["arm7"].locked == ()
+    # as the pointer goes around it
     page.evaluate("cockpit.select('arm7', 'tool')")
     page.keyboard.press("e")
     assert becomes(page, lambda: page.evaluate("cockpit.gizmo.mode") == "rotate" and page.is_visible("#selection"))
@@ -171,37 +186,37 @@ def test_a_ring_of_the_gizmo_rotates_as_the_pointer_goes_around_it_and_many_labe
 
 
 def test_panel_sliders_switches_frames_and_meters(cockpit, tab):
-    one = cockpit("delta4", follow="circle")
+    one = cockpit("five_bar", follow="circle")
     page = tab(one)
-    assert page.eval_on_selector("[data-switch='delta4/platform'] select", "(box) => box.value") == "path"
-    page.select_option("[data-switch='delta4/platform'] select", "gamepad")
-    assert becomes(page, lambda: one.state.switches["delta4", "platform"] == "gamepad")
-    page.select_option("[data-switch='delta4/platform'] select", "")
-    assert becomes(page, lambda: one.state.switches["delta4", "platform"] is None)
+    assert page.eval_on_selector("[data-switch='five_bar/tool'] select", "(box) => box.value") == "path"
+    page.select_option("[data-switch='five_bar/tool'] select", "gamepad")
+    assert becomes(page, lambda: one.state.switches["five_bar", "tool"] == "gamepad")
+    page.select_option("[data-switch='five_bar/tool'] select", "")
+    assert becomes(page, lambda: one.state.switches["five_bar", "tool"] is None)
     page.select_option("#frame", "tool")
     assert becomes(page, lambda: one.state.settings.frame == "tool")
-    home = one.setup.robots["delta4"].q_home
+    home = one.setup.robots["five_bar"].q_home
     page.click("#home")  # elsewhere on the circle the joint alone may meet a limit of the passive ones
-    assert becomes(page, lambda: np.abs(one.state.robots["delta4"].q - home).max() < 1e-9)
-    i = one.setup.robots["delta4"].q_index("joint1")
-    before = one.state.robots["delta4"].q[i]
-    slider = page.locator("[data-joint='delta4/joint1'] input[type=range]")
+    assert becomes(page, lambda: np.abs(one.state.robots["five_bar"].q - home).max() < 1e-9)
+    i = one.setup.robots["five_bar"].q_index("joint1")
+    before = one.state.robots["five_bar"].q[i]
+    slider = page.locator("[data-joint='five_bar/joint1'] input[type=range]")
     slider.scroll_into_view_if_needed()
     box = slider.bounding_box()
     page.mouse.move(box["x"] + box["width"] * 0.55, box["y"] + box["height"] / 2)
     page.mouse.down()
     page.mouse.move(box["x"] + box["width"] * 0.7, box["y"] + box["height"] / 2, steps=5)
     page.mouse.up()
-    assert becomes(page, lambda: abs(one.state.robots["delta4"].q[i] - before) > 0.05)
+    assert becomes(page, lambda: abs(one.state.robots["five_bar"].q[i] - before) > 0.05)
     assert becomes(page, lambda: one.state.moving is None)
-    assert one.state.robots["delta4"].closure < 1e-10
+    assert one.state.robots["five_bar"].closure < 1e-10
     assert becomes(page, lambda: one.hub.controller is not None)  # the page was not dropped
     for kind in ("type1", "type2"):
-        meter = page.locator(f"[data-meter='delta4/{kind}']")
+        meter = page.locator(f"[data-meter='five_bar/{kind}']")
         assert float(meter.get_attribute("aria-valuenow")) > 0.0
     assert "0.0" in page.inner_text("#gap")
     page.click("#home")
-    assert becomes(page, lambda: np.abs(one.state.robots["delta4"].q - home).max() < 1e-9)
+    assert becomes(page, lambda: np.abs(one.state.robots["five_bar"].q - home).max() < 1e-9)
     picture(page, "panel")
 
 

@@ -141,15 +141,9 @@ def test_a_lost_connection_is_the_status_until_the_session_is_found_again(robot,
     picture(page, "connection_lost")
 
 
-@pytest.mark.parametrize("served", [True, False])
-def test_a_browser_without_webgl_is_told_what_is_missing_and_what_helps(served, demo, tab, page_of):
-    page = tab(
-        demo if served else page_of("planar_3r"),
-        WITHOUT_WEBGL,
-        "!document.getElementById('cover').hidden",
-        strict=False,
-    )
-    picture(page, f"without_webgl_{'served' if served else 'file'}")
+def test_a_browser_without_webgl_is_told_what_is_missing_and_what_helps(demo, tab):
+    page = tab(demo, WITHOUT_WEBGL, "!document.getElementById('cover').hidden", strict=False)
+    picture(page, "without_webgl")
     assert "WebGL" in page.inner_text("#cover")
     assert "hardware acceleration" in page.inner_text("#cover")
     assert page.locator("button:visible, select:visible").count() == 0  # none would do anything

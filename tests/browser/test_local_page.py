@@ -63,22 +63,8 @@ def test_a_drag_is_undone_and_its_end_is_a_link(file, tab):
     assert configuration(other) == pytest.approx(dragged, abs=0.0)
 
 
-def test_loops_stay_closed_far_outside(robot, tab, page_of):
-    page = tab(page_of("five_bar"))
-    assert becomes(page, f"({WHERE})(['five_bar', 'link2']) !== null")
-    x, y, *_ = page.evaluate(WHERE, ["five_bar", "link2"])
-    page.mouse.move(x, y)
-    page.mouse.down()
-    page.mouse.move(x + 20, y - 30, steps=4)
-    assert becomes(page, "cockpit.state.tasks.length === 1")
-    page.evaluate("cockpit.send({ type: 'move_drag', position: [4, 0, 4] })")
-    assert becomes(page, "['OUT_OF_REACH', 'AT_LIMIT', 'SINGULAR'].includes(cockpit.state.statuses.five_bar.name)")
-    assert page.evaluate("cockpit.report.robots.five_bar.closure") <= 1e-10
-    page.mouse.up()
-
-
 def test_a_soft_shadow_darkens_the_floor_alone_and_what_only_a_server_does_is_hidden(file, tab):
-    page = tab(file)
+    page = tab(file, drawn=True)
     shadow = "cockpit.viewer.scene_tree.find(['Grid']).object.children[0].children[0]"
     seen = []
     for opacity in (0.5, 0.0):

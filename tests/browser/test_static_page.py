@@ -24,7 +24,7 @@ def picture(tab, tmp_path):
         page = Page()
         RobotScene(page, {name: mechanism})
         (tmp_path / "page.html").write_text(page.html())
-        shown = tab(tmp_path / "page.html", ready="document.readyState === 'complete'")
+        shown = tab(tmp_path / "page.html", ready="document.readyState === 'complete'", drawn=True)
         return np.asarray(Image.open(io.BytesIO(shown.screenshot())).convert("RGB")).astype(int)
 
     return shoot

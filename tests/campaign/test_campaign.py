@@ -166,7 +166,7 @@ def every_reader(tmp_path_factory):
 def test_a_slice_of_the_files(name, every_reader):
     files = copy(every_reader)
     files.readers = (READERS[name],)
-    assert_nothing(workers.run(files, 40, workers=1))
+    assert_nothing(workers.run(files, 20, workers=1))
 
 
 def test_a_slice_of_the_ticks():

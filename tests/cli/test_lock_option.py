@@ -31,15 +31,6 @@ def test_a_plan_does_not_move_what_is_locked(scene, capsys):
     assert np.ptp([q["joint1"] for q in found["path"]]) > 0.01
 
 
-@pytest.mark.parametrize("command", ["plan", "drive", "ik"])
-def test_a_joint_that_does_not_exist_is_named(command, scene, root, capsys):
-    arguments = {"plan": [scene], "drive": [str(root / "robots/planar_3r.raff")]}.get(
-        command, [str(root / "robots/planar_3r.raff"), "--at", "0.5,0.1,0"]
-    )
-    assert main([command, *arguments, "--lock", "joint11"]) == 1
-    assert "no joint 'joint11': did you mean 'joint1'" in capsys.readouterr().err
-
-
 def test_ik_holds_a_joint_at_a_value(root, capsys):
     arm = str(root / "robots/planar_3r.raff")
     assert main(["ik", arm, "--at", "0.5,0.1,0", "--lock", "joint2=70", "--json"]) == 0

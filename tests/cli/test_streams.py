@@ -10,9 +10,11 @@ import stat
 import subprocess
 import sys
 import time
+from types import SimpleNamespace
 
 import pytest
 
+from cinegen.cli import main
 from raff2urdf.output import DEFECT, NO_READER, TERMINATED, TRACEBACK, OutputLostError, run, write_at_once
 
 FULL = "standard output can't be written: No space left on device"
@@ -25,12 +27,8 @@ def _entry(module):
 
 COMMANDS = {
     "cinegen --help": [*_entry("cinegen.cli"), "--help"],
-    "cinegen close": [*_entry("cinegen.cli"), "close", "ROBOTS/planar_3r.raff"],
     "raff2urdf": [*_entry("raff2urdf.cli"), "ROBOTS/four_bar.raff"],
 }
-
-
-every_command = pytest.mark.parametrize("name", ["cinegen --help", "raff2urdf"])
 
 
 @pytest.fixture
@@ -57,83 +55,74 @@ def no_reader():
     os.close(writing)
 
 
-@every_command
-def test_a_reader_that_has_gone(start, no_reader, name):
-    done = start(name, stdout=no_reader)
+def test_a_reader_that_has_gone(start, no_reader):
+    done = start("cinegen --help", stdout=no_reader)
     assert (done.returncode, done.stderr) == (NO_READER, "")
 
 
-@every_command
-def test_standard_output_that_is_full(start, device, name):
+def test_standard_output_that_is_full(start, device):
     full = device("full")
     with full.open("wb") as out:
-        done = start(name, stdout=out)
+        done = start("raff2urdf", stdout=out)
     assert done.returncode == 1
     assert len(done.stderr.splitlines()) == 1
     assert done.stderr.endswith(f"{FULL}\n")
     assert stat.S_ISCHR(full.lstat().st_mode)
 
 
-@every_command
-def test_standard_output_that_is_closed(start, name):
-    done = start(name, ">&-")
+def test_standard_output_that_is_closed(start):
+    done = start("cinegen --help", ">&-")
     assert (done.returncode, done.stderr) == (0, "")
 
 
-@pytest.mark.parametrize("how", ["closed", "full"])
-def test_standard_error_that_is_lost_changes_nothing(start, device, how):
+def test_standard_error_that_is_lost_changes_nothing(start, device):
+    done = start("raff2urdf", "2>&-")
+    assert done.returncode == 0
+    assert "four_bar" in done.stdout
     with device("full").open("wb") as full:
-        closing, streams = {"closed": ("2>&-", {}), "full": ("", {"stderr": full})}[how]
-        done = start("raff2urdf", closing, **streams)
-        assert done.returncode == 0
-        assert "four_bar" in done.stdout
-        failed = start("raff2urdf", closing, robots="/nowhere", **streams)
-        assert (failed.returncode, failed.stdout) == (1, "")
+        failed = start("raff2urdf", robots="/nowhere", stderr=full)
+    assert (failed.returncode, failed.stdout) == (1, "")
 
 
-def test_closed_standard_input_is_empty(start):
-    done = start("cinegen close", "<&-")
-    assert (done.returncode, done.stdout, done.stderr) == (0, "", "")
-
-
-def test_what_only_streams_ends_with_its_reader(root, tmp_path):
-    """Though more might be asked: standard input stays open."""
-    command = [sys.executable, "-m", "cinegen", "close", str(root / "robots/planar_3r.raff")]
-    environment = os.environ | {"PYTHONPATH": str(root)}
-    with subprocess.Popen(
-        command, env=environment, stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
-    ) as process:
-        process.stdin.write("{}\n")
-        process.stdin.flush()
-        assert json.loads(process.stdout.readline())
-        process.stdout.close()
-        process.stdin.write("{}\n")
-        process.stdin.flush()
-        assert process.wait(30) == NO_READER
-        assert process.stderr.read() == ""
+# --- a filter --------------------------------------------------------------------------------------------------------
 
 
 @pytest.fixture
-def waiting(root):
-    """`waiting(signal)`: exit code and messages of a command that gets a signal while it waits for input."""
+def close(root, monkeypatch, capsys):
+    """`close(step, ...)`: exit code, answers and messages of `cinegen close`. Each step is called for what it reads."""
 
-    def end(number):
-        command = [sys.executable, "-m", "cinegen", "close", str(root / "robots/planar_3r.raff")]
-        environment = os.environ | {"PYTHONPATH": str(root)}
-        pipes = {"stdin": subprocess.PIPE, "stdout": subprocess.PIPE, "stderr": subprocess.PIPE}
-        with subprocess.Popen(command, env=environment, text=True, **pipes) as process:
-            process.stdin.write("{}\n")
-            process.stdin.flush()
-            assert json.loads(process.stdout.readline())
-            process.send_signal(number)
-            return process.wait(30), process.stderr.read()
+    def run_with(*steps):
+        reads = iter(steps)
+        stdin = SimpleNamespace(buffer=SimpleNamespace(read1=lambda _: next(reads)()))
+        monkeypatch.setattr(sys, "stdin", stdin if steps else None)
+        code = main(["close", str(root / "robots/planar_3r.raff")])
+        return code, *capsys.readouterr()
 
-    return end
+    return run_with
+
+
+def test_closed_standard_input_is_empty(close):
+    assert close() == (0, "", "")
+
+
+def test_what_only_streams_ends_with_its_reader(close, monkeypatch):
+    """Though more might be asked: standard input stays open."""
+
+    def leave():
+        monkeypatch.setattr(sys.stdout._stream, "write", lambda _: (_ for _ in ()).throw(BrokenPipeError(32, "gone")))
+        return b"{}\n"
+
+    code, out, err = close(lambda: b"{}\n", leave)
+    assert (code, err) == (NO_READER, "")
+    assert json.loads(out)
 
 
 @pytest.mark.parametrize(("number", "code"), [(signal.SIGTERM, TERMINATED), (signal.SIGINT, 0)])
-def test_signals_end_a_filter_in_order(waiting, number, code):
-    assert waiting(number) == (code, "")
+def test_signals_end_a_filter_in_order(close, number, code):
+    """While it waits for its second line."""
+    found, out, err = close(lambda: b"{}\n", lambda: signal.raise_signal(number))
+    assert (found, err) == (code, "")
+    assert json.loads(out)
 
 
 def test_a_command_handles_ctrl_c_after_few_imports(root):

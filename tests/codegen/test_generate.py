@@ -214,10 +214,7 @@ def reads_after_a_loop(memory):
 
 @pytest.mark.parametrize(
     ("kernel", "message"),
-    [
-        (comprehends, r"comprehends: no counterpart of '\[i for i"),
-        (reads_after_a_loop, "'i' is read after its loop"),
-    ],
+    [(comprehends, r"comprehends: no counterpart of '\[i for i"), (reads_after_a_loop, "'i' is read after its loop")],
 )
 def test_a_kernel_that_cannot_be_translated_is_named(kernel, message):
     memory = RobotMemory(nq=3)

@@ -6,19 +6,7 @@ import coal
 import numpy as np
 import pinocchio as pin
 import pytest
-from clearings import (
-    among,
-    around,
-    at,
-    ball,
-    load,
-    measured,
-    obstacles_of,
-    point_among,
-    some,
-    wall,
-    within_limits,
-)
+from clearings import among, around, at, ball, load, measured, obstacles_of, point_among, some, wall, within_limits
 from hypothesis import given, settings
 from hypothesis import strategies as st
 

@@ -29,7 +29,13 @@ import cinegen
 import raff2urdf
 from raff2urdf.graphics import nff
 
-LONG = {f"docs/{name}.md" for name in ("avoidance", "cockpit", "design", "forces", "howto/synthesis", "maps")}
+LONG = {
+    f"docs/{name}.md"
+    for name in (
+        *("avoidance", "cluster", "cockpit", "design", "forces", "maps", "parallel"),
+        *("howto/firmware", "howto/headset", "howto/synthesis"),
+    )
+}
 """Pages of commands and calls that take long, and that other tests run too."""
 
 COMMANDS = {"raff2urdf": "raff2urdf.cli", "urdf2raff": "raff2urdf.urdf2raff.cli", "cinegen": "cinegen.cli"}

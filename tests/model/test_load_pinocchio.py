@@ -131,11 +131,7 @@ def test_what_has_no_effect_or_no_urdf_is_an_error_that_names_it():
         (LoadError, "move desired_contact_placement", lambda: cinegen.load(model, loops=[apart])),
         (LoadError, "loop name 'same' is used twice", lambda: cinegen.load(model, loops=[same, same])),
         (LoadError, "robot has no effect", lambda: cinegen.load(model, robot="chain")),
-        (
-            LoadError,
-            "PosixPath closes no loop.*CONTACT_6D",
-            lambda: cinegen.load(model, loops=[Path()]),
-        ),
+        (LoadError, "PosixPath closes no loop.*CONTACT_6D", lambda: cinegen.load(model, loops=[Path()])),
         (UnknownNameError, "hinge9", lambda: cinegen.load(model, actuated=["hinge9"])),
         (UnknownNameError, "hinge9", lambda: cinegen.load(model, couplings=[Coupling("c", {"hinge9": (1.0,)})])),
         (LoadError, "with a pinocchio.Model only", lambda: cinegen.load("five_bar", loops=[normal])),

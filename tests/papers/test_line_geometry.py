@@ -7,11 +7,7 @@ import pytest
 import varieties
 from hypothesis import given
 from hypothesis import strategies as st
-from line_geometry import (
-    distance,
-    mutual_moment,
-    transversals,
-)
+from line_geometry import distance, mutual_moment, transversals
 
 from cinegen.singularities.pluecker import LineAtInfinity, PlueckerLine
 

@@ -142,10 +142,7 @@ def test_modes_outside_limits_are_no_goals(root):
 
 @pytest.mark.parametrize(
     ("given", "message"),
-    [
-        ({"path": {"line": [1, 0, 0]}}, "remove them \\(path\\)"),
-        ({"weights": {LEGS[0]: 5.0}}, "weights"),
-    ],
+    [({"path": {"line": [1, 0, 0]}}, "remove them \\(path\\)"), ({"weights": {LEGS[0]: 5.0}}, "weights")],
 )
 def test_what_is_not_obeyed_is_refused(root, given, message):
     with pytest.raises(PlanningError, match=message):

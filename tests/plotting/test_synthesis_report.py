@@ -20,7 +20,7 @@ from cinegen.plotting.synthesis.levels import RegionField, draw_field
 from cinegen.plotting.synthesis.page import ReportPage, drawing
 
 CHROMIUM = shutil.which("chromium")
-PICTURES = Path(os.environ.get("CINEGEN_PICTURES", "build/pictures"))
+PICTURES = os.environ.get("CINEGEN_PICTURES")
 FILE, PATTERN, NODE = r"<script>alert('1')&amp;$\frac$.raff", "link[0-9<img src=x:y>&$^_$]*.d", "_tool"
 HOSTILE = '</h1><script>alert("1")</script>&lt;\'-->$\\frac$'
 VOID = {"meta", "img", "br", "link"}
@@ -173,7 +173,7 @@ def test_a_report_in_a_browser_and_on_paper(report, tmp_path):
     wide = 420
     path = tmp_path / "report.html"
     path.write_text(report, encoding="utf-8")
-    PICTURES.mkdir(parents=True, exist_ok=True)
+    folder = Path(PICTURES or tmp_path)
     wrong = []
     with sync_playwright() as playwright:
         browser = playwright.chromium.launch(executable_path=CHROMIUM)
@@ -182,13 +182,13 @@ def test_a_report_in_a_browser_and_on_paper(report, tmp_path):
         page.on("console", lambda message: wrong.append(message.text))
         page.on("request", lambda one: wrong.append(one.url) if one.url != path.as_uri() else None)
         page.goto(path.as_uri())
-        page.screenshot(path=PICTURES / f"synthesis_report_{wide}.png", full_page=True)
+        page.screenshot(path=folder / f"synthesis_report_{wide}.png", full_page=True)
         assert page.evaluate("document.documentElement.scrollWidth") <= wide
         assert page.locator("h1").inner_text().startswith("linkage: minimise the condition number")
         boxes = page.locator("figure svg").evaluate_all("all => all.map(one => one.getBoundingClientRect().height)")
         assert len(boxes) == 4
         assert min(boxes) > 60
-        pdf = page.pdf(path=PICTURES / f"synthesis_report_{wide}.pdf", prefer_css_page_size=True)
+        pdf = page.pdf(path=folder / f"synthesis_report_{wide}.pdf", prefer_css_page_size=True)
         browser.close()
     assert not wrong
     assert 1 <= len(re.findall(rb"/Type\s*/Page\b", pdf)) <= 5

@@ -10,18 +10,7 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from mechanisms import (
-    CLOSED_CHAINS,
-    KNOWN,
-    axis_at,
-    delta,
-    five_bar,
-    four_bar,
-    gough_stewart,
-    ring,
-    serial,
-    shift,
-)
+from mechanisms import CLOSED_CHAINS, KNOWN, axis_at, delta, five_bar, four_bar, gough_stewart, ring, serial, shift
 from strategies import examples
 
 from raff2urdf import RaffError, loads

@@ -65,10 +65,7 @@ def test_the_fields_of_a_dataclass_are_options(typed):
         (("draw",), "thing draw: missing argument 'FILE'"),
         (("draw", "a", "--width"), "thing draw: option '--width' requires an argument"),
         (("draw", "a", "--width", "wide"), "thing draw: invalid value for '--width'"),
-        (
-            ("draw", "a", "--title", "t", "-n", "y"),
-            "thing draw: --title has no effect without --plot or",
-        ),
+        (("draw", "a", "--title", "t", "-n", "y"), "thing draw: --title has no effect without --plot or"),
         (("draw", "a", "--quiet", "--plot", "p"), "thing draw: --quiet has no effect with --plot: leave one out"),
         (
             ("draw", "a", "--plot", "p.csv"),

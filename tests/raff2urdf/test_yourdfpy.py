@@ -115,10 +115,7 @@ def test_all_that_a_joint_holds_is_written() -> None:
     [
         ({"parent": None}, "joint 'j' of robot 'r' can't be written as URDF: its parent must be a string, not None"),
         ({"type": 3}, "joint 'j' of robot 'r' can't be written as URDF: its type must be a string, not 3"),
-        (
-            {"origin": np.ones(3)},
-            "joint 'j' of robot 'r' .*: its origin must be a .4, 4. matrix of a rotation",
-        ),
+        ({"origin": np.ones(3)}, "joint 'j' of robot 'r' .*: its origin must be a .4, 4. matrix of a rotation"),
         ({"origin": np.diag((1.0, 1.0, -1.0, 1.0))}, "joint 'j' of robot 'r' .*: its origin must be a .4, 4. matrix"),
         ({"name": "a\0b"}, "joint 'a\0b' of robot 'r' can't be written as URDF: .*XML compatible"),
     ],

@@ -216,10 +216,7 @@ def test_a_wrist_points_everywhere_but_where_its_limits_forbid(robot, limits):
 
 def test_clearance_is_what_coal_measures_between_shapes(robot):
     point, size = [0.3, 0.3, 0.4], 0.15
-    scene = {
-        "goal": {"point": [0.4, 0.4, 0.4]},
-        "obstacle": [{"kind": "sphere", "radius": size, "point": point}],
-    }
+    scene = {"goal": {"point": [0.4, 0.4, 0.4]}, "obstacle": [{"kind": "sphere", "radius": size, "point": point}]}
     mechanism = robot("arm7")
     spec = MapSpecification(mechanism, SPECIFICATIONS["arm7"], ("clearance",), scene=scene)
     bodies, pairs = links_of(mechanism)
