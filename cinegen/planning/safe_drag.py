@@ -5,15 +5,17 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Mapping, Sequence
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 import pinocchio as pin
 
 from cinegen.arrays import Array, ArrayLike
 from cinegen.collision.clearance import Clearance
+from cinegen.errors import CinegenError
 from cinegen.ik import FrameTask, LookAhead, Solver, Status, Step
 from cinegen.ik.local_ik import LocalIK
+from cinegen.ik.range import Range
 from cinegen.ik.state import State
 from cinegen.ik.thresholds import SECONDARY_TRIES, TRIES
 from cinegen.loops.arrays import null_space
@@ -155,6 +157,13 @@ class AvoidingSolver(Solver):
             self._known[obstacle] = placement.copy()
             if not self._strategies:
                 self._restart()
+
+    def _add_given(self, task: Any) -> Any:
+        if isinstance(task, Range):
+            raise CinegenError(
+                "an AvoidingSolver keeps no ranges, as it may have to brake beyond one: add the range's task itself"
+            )
+        return super()._add_given(task)
 
     def _mark_changed(self) -> None:
         super()._mark_changed()

@@ -8,7 +8,8 @@ import pytest
 from clearings import load, measured
 
 from cinegen.collision import clearance_of, scene_of
-from cinegen.ik import Solver, Status
+from cinegen.errors import CinegenError
+from cinegen.ik import AxisAlong, Range, Solver, Status
 from cinegen.planning import AvoidingSolver
 
 SAFETY = 0.01
@@ -72,6 +73,14 @@ def test_however_it_is_pulled_it_stays_clear_all_along(name, node, dt, accelerat
         barred += bool(step.active_barriers)
         before = step.q
     assert barred
+
+
+def test_a_range_is_refused_and_its_task_taken():
+    solver, _ = hand(scene("arm7"), 0.01, None)
+    upright = AxisAlong("tool")
+    with pytest.raises(CinegenError, match="add the range's task itself"):
+        solver.add_task(Range(upright, radius=0.1))
+    assert solver.add_task(upright) is upright
 
 
 def test_it_goes_round_a_pole_where_a_damper_alone_is_held():
