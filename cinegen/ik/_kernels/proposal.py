@@ -15,7 +15,7 @@ from cinegen.ik._kernels.decomposition import (
 from cinegen.ik._kernels.escape import nudge
 from cinegen.ik._kernels.levels import promise
 from cinegen.ik._kernels.limits import keep_limits, must_go_back
-from cinegen.ik._kernels.memory import LIMITING_DOF, SPEED_SCALE, SVD, SolverMemory, task_at
+from cinegen.ik._kernels.memory import LIMITING_DOF, SPEED_SCALE, SVD, SolverMemory, StepMemory, TasksMemory, task_at
 from cinegen.ik._kernels.secondary import project_secondary
 from cinegen.ik._kernels.tasks import aim_tasks, tasks_left
 from cinegen.ik._kernels.weights import weigh
@@ -182,7 +182,7 @@ def can_be_refined(memory: SolverMemory, had_secondary: bool) -> bool:
 
 
 @compiled
-def _ticks_left(memory: SolverMemory) -> float:
+def _ticks_left(memory: TasksMemory) -> float:
     """Return the number of ticks to the targets at the capped rate; at least 1."""
     most = 1.0
     for i in range(memory.tasks):
@@ -235,7 +235,7 @@ def _scale_turns(memory: SolverMemory, still: bool) -> None:
 
 
 @compiled
-def _turns_back(memory: SolverMemory) -> bool:
+def _turns_back(memory: StepMemory) -> bool:
     """Return whether the step is opposite to the last one, within 60 degrees."""
     along, here, there = 0.0, 0.0, 0.0
     for j in range(memory.n):
