@@ -21,7 +21,7 @@ BAD_TARGET, NOT_FOUND, FOUND = range(3)
 
 
 _OWN = {name: replace(one, slot=-1) for name, one in LocalIKMemory.fields.items() if name not in SolverMemory.fields}
-"""What the solver has no field for: the same fields, at other places in the memory."""
+"""What the solver has no field for: the same fields, at other positions of the memory."""
 
 
 class InverseMemory(RobotMemory, LocalIKMemory):

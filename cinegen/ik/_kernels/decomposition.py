@@ -228,6 +228,7 @@ def solve_damped(memory: DirectionsMemory) -> None:
 
 @compiled
 def _norm(x: Array, size: int) -> float:
+    """Return |x|, of the first `size` components."""
     return math.sqrt(inner(x, x, size))
 
 

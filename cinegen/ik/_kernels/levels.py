@@ -92,6 +92,8 @@ def _first_left(memory: DirectionsMemory) -> int:
 
 @compiled
 def _first_carry(memory: DirectionsMemory) -> float:
+    """Return the damping that the first level leaves to those below: |wanted| times the largest `_damped_part` of its
+    singular values."""
     p, carry = memory.active_rows, 0.0
     if memory.found_by == SVD:
         error = math.sqrt(inner(memory.wanted, memory.wanted, p))
@@ -416,6 +418,7 @@ def shorten_levels(memory: LevelsMemory) -> bool:
 
 @compiled
 def _has_part(memory: LevelsMemory, level: int) -> bool:
+    """Return whether a level moves a joint."""
     has = False
     for j in range(memory.n):
         has = has or memory.level_part[level, j] != 0.0
@@ -424,6 +427,7 @@ def _has_part(memory: LevelsMemory, level: int) -> bool:
 
 @compiled
 def _has_parts(memory: LevelsMemory, level: int) -> bool:
+    """Return whether a level or one below it moves a joint."""
     has = False
     for below in range(level, memory.parts):
         has = has or _has_part(memory, below)

@@ -138,6 +138,7 @@ def _first_speed(memory: SolverMemory, largest: float) -> float:
 
 @compiled
 def _begin(memory: SolverMemory) -> None:
+    """Forget the last tick's step, bounds and report."""
     memory.ticks += 1
     memory.level_tries, memory.has_spare, memory.first_speed = 0, 0, 0.0
     memory.tries, memory.closes, memory.sweeps, memory.is_nudged, memory.clear_part = 0, 0, 0, 0, 1.0
@@ -151,6 +152,7 @@ def _begin(memory: SolverMemory) -> None:
 
 @compiled
 def _largest(step: Array) -> float:
+    """Return the largest |step[j]|."""
     largest = 0.0
     for j in range(step.shape[0]):
         largest = max(largest, abs(step[j]))

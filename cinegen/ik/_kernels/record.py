@@ -212,6 +212,8 @@ def _record_levels(memory: SolverMemory, first: int, smallest: float, accepted: 
 
 @compiled
 def _status_of(memory: LevelsMemory, level: int, accepted: bool) -> int:
+    """Return the status of a level below the first, from what is left of its errors, what restricts its part, and its
+    smallest singular value."""
     left, fastest = 0.0, 0.0
     for i in range(memory.tasks):
         task = task_at(memory.task_handles[i])

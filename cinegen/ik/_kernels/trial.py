@@ -219,6 +219,7 @@ def _keep_gain(memory: SolverMemory, distance: float, seconds: bool) -> int:
 
 @compiled
 def _set_out_again(memory: StepMemory) -> None:
+    """Set out with a new attempt; factors of the loops at the last trial are not used for it."""
     if memory.factored_at == AT_TRIAL:
         memory.factored_at = NOWHERE
     set_out(memory)
@@ -333,6 +334,7 @@ def _leave_out_locked(memory: SolverMemory) -> bool:
 
 @compiled
 def _most_tries(memory: SecondaryMemory) -> int:
+    """Return how often a step may be shortened: more often with a null-space velocity, which is shortened first."""
     return TRIES + SECONDARY_TRIES if memory.has_secondary != 0 else TRIES
 
 
