@@ -20,10 +20,14 @@ BAD_TARGET, NOT_FOUND, FOUND = range(3)
 """Results of `find`."""
 
 
+_OWN = {name: replace(one, slot=-1) for name, one in LocalIKMemory.fields.items() if name not in SolverMemory.fields}
+"""What the solver has no field for: the same fields, at other positions of the memory."""
+
+
 class InverseMemory(RobotMemory, LocalIKMemory):
     """A mechanism whose tasks are also solved from configurations far away."""
 
-    vars().update({name: replace(one) for name, one in LocalIKMemory.fields.items() if name not in SolverMemory.fields})
+    vars().update(_OWN)
 
     starts: int = parameter(0)
     start_q: Array = array("starts", "nq")  # closed configurations from which targets are reached

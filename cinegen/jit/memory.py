@@ -120,30 +120,44 @@ def foreign(*shape: int | str, dtype: type = float) -> Any:
 class Memory:
     """Base of all declarations of memory. A subclass of a declaration adds fields; kernels for the base accept it.
 
+    A subclass with `part=True` declares some fields of a larger declaration, which has it among its bases: kernels for
+    the part accept the larger one, and see of it only these fields and those of the part's own bases.
+
     Args:
         sizes: values of the parameters that shapes name.
 
     Attributes:
+        is_part: it is a part of another declaration, and has no table of its own.
         handle: argument of compiled kernels.
         words: table that kernels read.
     """
 
     fields: ClassVar[dict[str, Field]] = {}
+    is_part: ClassVar[bool] = False
     numba_type: ClassVar[types.Type]
 
-    def __init_subclass__(cls) -> None:
-        cls.fields = dict(cls.fields)
-        for name, field in list(vars(cls).items()):
-            if isinstance(field, Field):
-                if name in cls.fields or hasattr(Memory, name):
+    def __init_subclass__(cls, part: bool = False) -> None:
+        bases = [base for base in cls.__bases__ if issubclass(base, Memory)]
+        bases = [base for base in bases if not base.is_part][:1] + [base for base in bases if base.is_part]
+        own = {name: field for name, field in vars(cls).items() if isinstance(field, Field)}
+        cls.fields, cls.is_part = {}, part
+        for fields in (*(base.fields for base in bases), own):
+            for name, field in fields.items():
+                if cls.fields.setdefault(name, field) is not field or hasattr(Memory, name):
                     raise TypeError(f"{cls.__name__}.{name} is taken: a kernel for the base would not see this one")
-                field.slot = len(cls.fields)
-                cls.fields[name] = field
-                if field.shape is not None:
-                    delattr(cls, name)  # an instance has an array of that name
+        for name, field in own.items():
+            if field.shape is not None:
+                delattr(cls, name)  # an instance has an array of that name
+        if not part:
+            for slot, field in enumerate(sorted(cls.fields.values(), key=lambda field: field.slot < 0)):
+                if field.slot not in (-1, slot):
+                    raise TypeError(f"{cls.__name__}: its parts are those of another declaration")
+                field.slot = slot
         cls.numba_type = _MemoryType(cls)
 
     def __init__(self, **sizes: int) -> None:
+        if self.is_part:
+            raise TypeError(f"{type(self).__name__} is a part of another declaration: make a memory of that one")
         self.words = np.zeros(len(self.fields), dtype=np.int64)
         self._numbers = {"l": self.words, "d": self.words.view(np.float64)}
         self.handle = self.words.ctypes.data

@@ -4,6 +4,13 @@ Numba optimises each function as a module of its own, with all that it calls lin
 it. For a function that only other kernels call, that work is thrown away: the entry links and optimises everything
 again. Here, helpers keep their unoptimised code for linking, which is all that an entry needs.
 
+It is worth its lines with numba 0.68.1 (2026-11-29, CPU time; minima of interleaved runs):
+
+- The tick compiles in 48 s instead of 219 s, it and the four other kernels that move a robot in 86 s instead of 322 s.
+- A tick takes less time, since helpers are optimised where they are called: panda 5.7 instead of 6.0 microseconds,
+  delta4 15.7 instead of 16.6, gough 27.7 instead of 28.7, a biped 24.1 instead of 25.2.
+- The machine code on disk has the same size, 4.6 MB.
+
 This reaches into numba's private classes. It is only done for versions it was tested with; for others, `whole_program`
 does nothing and compilation is merely slower.
 """

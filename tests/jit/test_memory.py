@@ -35,6 +35,19 @@ class Weighted(Points):
     weight: Array = array("count")
 
 
+class Masses(Points, part=True):
+    """Masses of points: a part of larger declarations."""
+
+    heaviest: float = state(0.0)
+    mass: Array = array("count")
+
+
+class Bodies(Masses, Weighted):
+    """Points with masses and weights."""
+
+    radius: Array = array("count")
+
+
 points_at = view(Points)
 
 
@@ -101,6 +114,49 @@ def test_only_what_changes_its_shape_begins_anew():
     assert not memory.point.any()
     assert memory.sum == 7.0
     assert memory.handle == memory.words.ctypes.data
+
+
+@compiled
+def find_heaviest(memory: Masses) -> None:
+    memory.heaviest = 0.0
+    for i in range(memory.count):
+        memory.heaviest = max(memory.heaviest, memory.mass[i])
+
+
+def test_a_kernel_for_a_part_sees_that_part_of_the_whole():
+    @entry
+    def weigh(memory: Bodies) -> float:
+        find_heaviest(memory)
+        memory.radius[0] = total(memory)
+        return memory.heaviest
+
+    weigh._cache = NullCache()
+    bodies = Bodies(count=3)
+    bodies.mass[:], bodies.weight[:], bodies.point[:], bodies.label[:] = (1.0, 4.0, 2.0), 9.0, 1.0, 1
+    assert prepare(weigh, Bodies)(bodies.handle) == bodies.heaviest == 4.0
+    assert bodies.radius.tolist() == [18.0, 0.0, 0.0]
+    assert bodies.weight.tolist() == [9.0] * 3
+
+
+def test_a_kernel_for_a_part_does_not_see_the_rest():
+    @compiled
+    def peep(memory: Masses) -> float:
+        return memory.radius[0]
+
+    @entry
+    def look(memory: Bodies) -> float:
+        return peep(memory)
+
+    look._cache = NullCache()
+    with pytest.raises(Exception, match="Unknown attribute 'radius'"):
+        prepare(look, Bodies)
+
+
+def test_a_part_has_no_memory_and_one_whole():
+    with pytest.raises(TypeError, match=r"Masses is a part .*: make a memory of that one"):
+        Masses(count=1)
+    with pytest.raises(TypeError, match="Others: its parts are those of another declaration"):
+        type("Others", (Masses,), {"__module__": __name__, "__qualname__": "Others"})
 
 
 def test_handles_lead_to_other_memory():

@@ -201,8 +201,8 @@ def _find_singular_values(memory: BatchMemory, rows: Array, width: int, out: Arr
 @compiled
 def _select(memory: BatchMemory, rows: Array, width: int, size: int, lies: bool) -> None:
     """Write the selected rows, in columns of joints that move the node, with their shorter side as the rows of
-    `wide_rows`, or as the columns of `tall_rows` if only the smallest singular value is computed; `lies` is true if
-    they are the shorter side as they are."""
+    `wide_rows`, or as the columns of `tall_rows` if only the smallest singular value is computed; `lies` is true if the
+    rows are the shorter side."""
     whole, flat, tall = memory.is_whole != 0, memory.wide_rows, memory.tall_rows
     first = 5 if memory.rotation == 1 else 3  # of two, the direction of z: it is rotated about x and y
     k = 0

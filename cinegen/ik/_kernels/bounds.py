@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 
-from cinegen.ik._kernels.memory import SolverMemory
+from cinegen.ik._kernels.memory import BoundsMemory, StepMemory
 from cinegen.jit.compiled import Array, compiled
 from cinegen.jit.vectors import add_multiple, copy, inner
 
@@ -18,7 +18,7 @@ _DEPENDENT = 1e-10  # smallest remainder of a normal, as a fraction, that is ind
 
 
 @compiled
-def keeps_bounds(memory: SolverMemory, step: Array, low: Array, high: Array) -> bool:
+def keeps_bounds(memory: BoundsMemory, step: Array, low: Array, high: Array) -> bool:
     """Return whether a step (n,) keeps all bounds (n + barriers,), those of barriers last."""
     keeps = True
     for j in range(memory.n):
@@ -30,7 +30,7 @@ def keeps_bounds(memory: SolverMemory, step: Array, low: Array, high: Array) -> 
 
 
 @compiled
-def reduce_barriers(memory: SolverMemory, k: int) -> None:
+def reduce_barriers(memory: BoundsMemory, k: int) -> None:
     """Write the rows of the barriers into `normals` (n + barriers, k), below the n rows of the joints."""
     g = memory.normals
     for b in range(memory.barriers):
@@ -42,7 +42,7 @@ def reduce_barriers(memory: SolverMemory, k: int) -> None:
 
 
 @compiled
-def nearest(memory: SolverMemory, low: Array, high: Array, held: Array, k: int) -> bool:
+def nearest(memory: BoundsMemory, low: Array, high: Array, held: Array, k: int) -> bool:
     """Move `wanted_point` (k,) to the nearest point x with low <= normals x <= high.
 
     Args:
@@ -75,7 +75,7 @@ def nearest(memory: SolverMemory, low: Array, high: Array, held: Array, k: int) 
 
 
 @compiled
-def _most_violated(memory: SolverMemory, low: Array, high: Array, held: Array, k: int) -> tuple[int, float, float]:
+def _most_violated(memory: BoundsMemory, low: Array, high: Array, held: Array, k: int) -> tuple[int, float, float]:
     """Return the bound that `wanted_point` violates most, -1 if it keeps all; 1 for the upper one, -1 for the lower
     one; and by how much."""
     x, g, worst, which, side = memory.wanted_point, memory.normals, TOUCH, -1, 0.0
@@ -91,7 +91,7 @@ def _most_violated(memory: SolverMemory, low: Array, high: Array, held: Array, k
 
 
 @compiled
-def _activate(memory: SolverMemory, held: Array, which: int, side: float, excess: float, active: int, k: int) -> int:
+def _activate(memory: BoundsMemory, held: Array, which: int, side: float, excess: float, active: int, k: int) -> int:
     """Move `wanted_point` until a bound is no longer violated, and make it active: step 2 of the method. A step ends
     where the bound is reached, or the multiplier of an active one vanishes, which is removed then.
 
@@ -128,7 +128,7 @@ def _activate(memory: SolverMemory, held: Array, which: int, side: float, excess
 
 
 @compiled
-def _find_dual(memory: SolverMemory, active: int) -> None:
+def _find_dual(memory: StepMemory, active: int) -> None:
     """Solve T^T r = t for the dual direction r: T is the triangle, t its new row."""
     triangle, dual = memory.active_normals[2], memory.active[1]
     for a in range(active - 1, -1, -1):
@@ -139,7 +139,7 @@ def _find_dual(memory: SolverMemory, active: int) -> None:
 
 
 @compiled
-def _longest_dual_step(memory: SolverMemory, active: int) -> tuple[float, int]:
+def _longest_dual_step(memory: StepMemory, active: int) -> tuple[float, int]:
     """Return the step along the dual direction at which the first multiplier vanishes, and which: infinite and -1 if
     none does."""
     dual, multiplier, furthest, drop = memory.active[1], memory.active[2], math.inf, -1
@@ -150,7 +150,7 @@ def _longest_dual_step(memory: SolverMemory, active: int) -> tuple[float, int]:
 
 
 @compiled
-def _remove(memory: SolverMemory, drop: int, active: int, k: int) -> None:
+def _remove(memory: StepMemory, drop: int, active: int, k: int) -> None:
     """Remove an active bound, of which `active` are left: orthogonalise the normals behind it again."""
     normals, multiplier, owner = memory.active_normals[0], memory.active[2], memory.active[3]
     for a in range(drop, active):
@@ -160,7 +160,7 @@ def _remove(memory: SolverMemory, drop: int, active: int, k: int) -> None:
 
 
 @compiled
-def _orthogonalise(memory: SolverMemory, a: int, k: int) -> float:
+def _orthogonalise(memory: StepMemory, a: int, k: int) -> float:
     """Make basis vector a the part of normal a that is orthogonal to the basis before it, by Gram-Schmidt, twice.
 
     Its coefficients in that basis become row a of the triangle. Return the squared length of the part.
@@ -177,7 +177,7 @@ def _orthogonalise(memory: SolverMemory, a: int, k: int) -> float:
 
 
 @compiled
-def _normalise(memory: SolverMemory, a: int, square: float, k: int) -> None:
+def _normalise(memory: StepMemory, a: int, square: float, k: int) -> None:
     """Give basis vector a, of a squared length, length 1; the length becomes the triangle's diagonal element."""
     size = math.sqrt(square)
     memory.active_normals[2, a, a] = size
@@ -186,7 +186,7 @@ def _normalise(memory: SolverMemory, a: int, square: float, k: int) -> None:
 
 
 @compiled
-def _again(memory: SolverMemory, low: Array, high: Array, held: Array, active: int, k: int) -> None:
+def _again(memory: BoundsMemory, low: Array, high: Array, held: Array, active: int, k: int) -> None:
     """Compute the same point again from the active bounds, exact up to rounding."""
     x, g, basis, triangle = memory.wanted_point, memory.normals, memory.active_normals[1], memory.active_normals[2]
     wanted, weights, owner = memory.active[0], memory.active[1], memory.active[3]

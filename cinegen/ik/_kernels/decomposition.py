@@ -4,20 +4,20 @@ from __future__ import annotations
 
 import math
 
-from cinegen.ik._kernels.memory import BASIS, SVD, SolverMemory
+from cinegen.ik._kernels.memory import BASIS, SVD, AttemptMemory, DirectionsMemory
 from cinegen.ik.thresholds import RESTING
 from cinegen.jit.compiled import Array, compiled
 from cinegen.jit.factor import factor, null_space
 from cinegen.jit.svd import decompose, straighten
 from cinegen.jit.vectors import add_multiple, copy, inner
 from cinegen.loops._kernels.closure import from_motions, from_orthonormal, to_motions, to_orthonormal
-from cinegen.loops._kernels.memory import cluster_at
+from cinegen.loops._kernels.memory import LoopMemory, cluster_at
 
 _LOST = 1e-12  # directions of singular values below this fraction of the largest are undetermined
 
 
 @compiled
-def to_free(memory: SolverMemory, x: Array, y: Array) -> None:
+def to_free(memory: LoopMemory, x: Array, y: Array) -> None:
     """Write the products y (mobility,) of a row x (n,) with the basis of the loops' null space: those of its clusters,
     then those of joints in none."""
     if memory.idle == memory.n:  # no loop, and no joint is locked
@@ -33,7 +33,7 @@ def to_free(memory: SolverMemory, x: Array, y: Array) -> None:
 
 
 @compiled
-def project_step(memory: SolverMemory, x: Array, y: Array, free_of_tasks: bool) -> None:
+def project_step(memory: DirectionsMemory, x: Array, y: Array, free_of_tasks: bool) -> None:
     """Write the coordinates y (mobility,) of the step in the null space of the loops, and of the tasks if requested,
     that is nearest to a joint step x (n,): as the joints of the model move, whatever cut joints do."""
     to_free(memory, x, y)
@@ -48,7 +48,7 @@ def project_step(memory: SolverMemory, x: Array, y: Array, free_of_tasks: bool) 
 
 
 @compiled
-def _to_orthonormal(memory: SolverMemory, y: Array) -> None:
+def _to_orthonormal(memory: LoopMemory, y: Array) -> None:
     """Replace the products y (mobility,) of a row with the basis by those with an orthonormal basis."""
     at = 0
     for c in range(memory.clusters):
@@ -58,7 +58,7 @@ def _to_orthonormal(memory: SolverMemory, y: Array) -> None:
 
 
 @compiled
-def to_joints(memory: SolverMemory, y: Array, x: Array) -> None:
+def to_joints(memory: LoopMemory, y: Array, x: Array) -> None:
     """Write the joint step x (n,) of a step y (mobility,) in the null space."""
     if memory.idle == memory.n:  # no loop, and no joint is locked
         copy(y, x, memory.n)
@@ -111,7 +111,7 @@ def find_emphasis(
 
 
 @compiled
-def unweighted(memory: SolverMemory, i: int) -> float:
+def unweighted(memory: DirectionsMemory, i: int) -> float:
     """Return the square of the i-th singular value that does not depend on the weights of tasks."""
     return float(memory.squares[i] / memory.emphasis[i])
 
@@ -127,7 +127,7 @@ def size_of(error: Array, weights: Array, rows: int) -> float:
 
 
 @compiled
-def _reduce(memory: SolverMemory, transposed: bool) -> None:
+def _reduce(memory: DirectionsMemory, transposed: bool) -> None:
     """Compute `reduced`: the tasks' rows in the null space, (rows, mobility), or transposed."""
     a = memory.reduced
     for i in range(memory.active_rows):
@@ -140,7 +140,7 @@ def _reduce(memory: SolverMemory, transposed: bool) -> None:
 
 
 @compiled
-def find_singular_values(memory: SolverMemory) -> None:
+def find_singular_values(memory: DirectionsMemory) -> None:
     """Decompose the tasks' rows in the null space: `squares` of the singular values, largest first.
 
     Where there are no more rows than columns, rows are made orthogonal: right_i = s_i w_i, left_i = u_i. Else columns
@@ -163,7 +163,7 @@ def find_singular_values(memory: SolverMemory) -> None:
 
 
 @compiled
-def find_basis(memory: SolverMemory, error: Array) -> bool:
+def find_basis(memory: DirectionsMemory, error: Array) -> bool:
     """Compute `free_step` as `solve_damped` does, at a third of the cost, if no singular value is below the threshold;
     otherwise return False.
 
@@ -208,7 +208,7 @@ def find_basis(memory: SolverMemory, error: Array) -> bool:
 
 
 @compiled
-def add_solution(memory: SolverMemory, error: Array, y: Array) -> None:
+def add_solution(memory: DirectionsMemory, error: Array, y: Array) -> None:
     """Add to y (mobility,) the shortest step that removes an error (rows,), undamped."""
     p, k = memory.active_rows, memory.mobility
     if memory.found_by == BASIS:
@@ -222,7 +222,7 @@ def add_solution(memory: SolverMemory, error: Array, y: Array) -> None:
 
 
 @compiled
-def _corrected(memory: SolverMemory) -> int:
+def _corrected(memory: DirectionsMemory) -> int:
     """Return the number of singular directions in which errors are corrected with the loops."""
     if memory.aims != 0:
         return memory.refined_rank
@@ -230,7 +230,7 @@ def _corrected(memory: SolverMemory) -> int:
 
 
 @compiled
-def find_corrected(memory: SolverMemory) -> None:
+def find_corrected(memory: DirectionsMemory) -> None:
     """Let errors be corrected with the loops in all singular directions that are not damped."""
     rank, least = 0, memory.damping_threshold * memory.damping_threshold
     if memory.found_by != BASIS:
@@ -241,7 +241,7 @@ def find_corrected(memory: SolverMemory) -> None:
 
 
 @compiled
-def _along(memory: SolverMemory, i: int, error: Array) -> float:
+def _along(memory: DirectionsMemory, i: int, error: Array) -> float:
     """Return the component of an error (rows,) along the i-th left singular vector; times its singular value if there
     are more rows than columns."""
     s = 0.0
@@ -251,7 +251,7 @@ def _along(memory: SolverMemory, i: int, error: Array) -> float:
 
 
 @compiled
-def reach_of(memory: SolverMemory, error: Array) -> float:
+def reach_of(memory: DirectionsMemory, error: Array) -> float:
     """Return the largest component of an error (rows,) that motions in the null space can correct."""
     p, k, largest = memory.active_rows, memory.mobility, 0.0
     if memory.found_by == BASIS:
@@ -265,7 +265,7 @@ def reach_of(memory: SolverMemory, error: Array) -> float:
 
 
 @compiled
-def solve_damped(memory: SolverMemory) -> None:
+def solve_damped(memory: DirectionsMemory) -> None:
     """Set `free_step` to the minimiser of |A y - wanted|^2 + damping, without bounds."""
     p, k, y = memory.active_rows, memory.mobility, memory.free_step
     error = size_of(memory.wanted, memory.row_weights, p)
@@ -281,11 +281,12 @@ def solve_damped(memory: SolverMemory) -> None:
 
 @compiled
 def _norm(x: Array, size: int) -> float:
+    """Return |x|, of the first `size` components."""
     return math.sqrt(inner(x, x, size))
 
 
 @compiled
-def find_axes(memory: SolverMemory) -> int:
+def find_axes(memory: DirectionsMemory) -> int:
     """Set `axes` to all right singular vectors w_i, and `size` to the roots of s_i^2 + damping_i.
 
     Returns:
@@ -323,7 +324,7 @@ def find_axes(memory: SolverMemory) -> int:
 
 
 @compiled
-def _leave_tasks_alone(memory: SolverMemory, y: Array) -> None:
+def _leave_tasks_alone(memory: DirectionsMemory, y: Array) -> None:
     """Remove from y (mobility,), in the orthonormal basis, all motion of the tasks; `axes` is used."""
     p, k, rows, known = memory.active_rows, memory.mobility, memory.axes, 0
     for i in range(min(memory.task_rank, p, k)):
@@ -343,14 +344,14 @@ def _leave_tasks_alone(memory: SolverMemory, y: Array) -> None:
 
 
 @compiled
-def is_lost(memory: SolverMemory, i: int) -> bool:
+def is_lost(memory: DirectionsMemory, i: int) -> bool:
     """Return whether the i-th direction of the tasks is undetermined: its singular value is nothing but rounding."""
     is_wide = memory.active_rows <= memory.mobility
     return bool(memory.found_by == SVD and is_wide and memory.squares[i] <= _LOST * _LOST * memory.squares[0])
 
 
 @compiled
-def direction(memory: SolverMemory, i: int, j: int) -> float:
+def direction(memory: DirectionsMemory, i: int, j: int) -> float:
     """Return a component of the i-th direction of those that span the tasks."""
     if memory.found_by != SVD:
         return float(memory.reduced[i, j])
@@ -358,7 +359,7 @@ def direction(memory: SolverMemory, i: int, j: int) -> float:
 
 
 @compiled
-def predict_gain(memory: SolverMemory) -> None:
+def predict_gain(memory: AttemptMemory) -> None:
     """Set `promised`, the reduction of the cost of the tasks that `attempted` predicts to first order."""
     total = 0.0
     for i in range(memory.active_rows):

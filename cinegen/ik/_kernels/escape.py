@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from cinegen.ik._kernels.bounds import keeps_bounds
 from cinegen.ik._kernels.decomposition import find_axes, to_joints, unweighted
-from cinegen.ik._kernels.memory import SolverMemory
+from cinegen.ik._kernels.memory import SecondaryMemory
 from cinegen.jit.compiled import compiled
 
 _NUDGE = 0.02  # rad or lengths of the step
@@ -16,7 +16,7 @@ _WINS = 0.01  # required reduction, as a fraction of the largest possible second
 
 
 @compiled
-def nudge(memory: SolverMemory) -> float:
+def nudge(memory: SecondaryMemory) -> float:
     """Set `step` to the next one to try; return the reduction of the error that it requires, or 0 if there is none
     within the bounds."""
     first, step, threshold = find_axes(memory), memory.step, memory.damping_threshold

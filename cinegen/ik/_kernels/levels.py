@@ -21,7 +21,7 @@ import math
 
 from cinegen.ik._kernels.bounds import keeps_bounds, nearest, reduce_barriers
 from cinegen.ik._kernels.decomposition import damping, find_axes, find_emphasis, size_of, to_free, to_joints, unweighted
-from cinegen.ik._kernels.memory import BASIS, SVD, SolverMemory, task_at
+from cinegen.ik._kernels.memory import BASIS, SVD, BoundsMemory, DirectionsMemory, LevelsMemory, task_at
 from cinegen.ik._kernels.secondary import write_orthonormal
 from cinegen.ik._kernels.tasks import tasks_left
 from cinegen.ik.thresholds import (
@@ -47,7 +47,7 @@ _CARRIED = 100.0  # damping of lower levels by what is left of a damped directio
 
 
 @compiled
-def add_levels(memory: SolverMemory) -> None:
+def add_levels(memory: LevelsMemory) -> None:
     """Add to `step`, that of the first level, what lower levels do within its bounds, and then the objectives. They are
     the secondary step, which is shortened first."""
     has_objective, secondary, still = memory.has_secondary != 0, memory.secondary, memory.level_still
@@ -76,7 +76,7 @@ def add_levels(memory: SolverMemory) -> None:
 
 
 @compiled
-def _first_left(memory: SolverMemory) -> int:
+def _first_left(memory: DirectionsMemory) -> int:
     """Fill `axes` with what the first level leaves; return the index of the first of these."""
     p, k = memory.active_rows, memory.mobility
     if memory.found_by != BASIS:
@@ -91,7 +91,9 @@ def _first_left(memory: SolverMemory) -> int:
 
 
 @compiled
-def _first_carry(memory: SolverMemory) -> float:
+def _first_carry(memory: DirectionsMemory) -> float:
+    """Return the damping that the first level leaves to those below: |wanted| times the largest `_damped_part` of its
+    singular values."""
     p, carry = memory.active_rows, 0.0
     if memory.found_by == SVD:
         error = size_of(memory.wanted, memory.row_weights, p)
@@ -108,7 +110,7 @@ def _damped_part(square: float, threshold: float) -> float:
 
 
 @compiled
-def _scale_first(memory: SolverMemory) -> None:
+def _scale_first(memory: LevelsMemory) -> None:
     """Scale the first level's step if it turns back."""
     part = memory.level_part[0]
     for j in range(memory.n):
@@ -123,7 +125,7 @@ def _scale_first(memory: SolverMemory) -> None:
 
 
 @compiled
-def _scale_turn(memory: SolverMemory, level: int) -> None:
+def _scale_turn(memory: LevelsMemory, level: int) -> None:
     """Scale a level's part of the step so that it does not oscillate about targets at rest: half the last scale if it
     is opposite to the last part, within 60 degrees."""
     part, last = memory.level_part[level], memory.level_last[level]
@@ -139,7 +141,7 @@ def _scale_turn(memory: SolverMemory, level: int) -> None:
 
 
 @compiled
-def _add_level(memory: SolverMemory, level: int) -> None:
+def _add_level(memory: LevelsMemory, level: int) -> None:
     """Add a level's part to the step."""
     part, first, start = memory.level_part[level], memory.first_free, memory.level_end[level - 1]
     rows, width, n = memory.level_end[level] - start, memory.mobility - memory.first_free, memory.n
@@ -173,7 +175,7 @@ def _add_level(memory: SolverMemory, level: int) -> None:
 
 
 @compiled
-def _decompose(memory: SolverMemory, level: int, first: int) -> None:
+def _decompose(memory: LevelsMemory, level: int, first: int) -> None:
     """Decompose a level's rows in the freedom `axes[first:]`, whose basis becomes that of its singular vectors; fill
     `level_squares`, largest first, and the directions in which the level is corrected."""
     start, k = memory.level_end[level - 1], memory.mobility
@@ -210,7 +212,7 @@ def _decompose(memory: SolverMemory, level: int, first: int) -> None:
 
 
 @compiled
-def _complete(memory: SolverMemory, known: int, width: int) -> None:
+def _complete(memory: LevelsMemory, known: int, width: int) -> None:
     """Complete the orthonormal rows of `level_axes` (width, width) to a basis."""
     w, f, tau, reflectors = memory.level_axes, memory.active_normals[0], memory.active[1], memory.active_normals[1]
     for i in range(known):
@@ -222,7 +224,7 @@ def _complete(memory: SolverMemory, known: int, width: int) -> None:
 
 
 @compiled
-def _turn_axes(memory: SolverMemory, first: int, width: int) -> None:
+def _turn_axes(memory: LevelsMemory, first: int, width: int) -> None:
     """Replace `axes[first:]` by their combinations with the rows of `level_axes`."""
     w, axes, y = memory.level_axes, memory.axes, memory.active[0]
     for j in range(memory.mobility):
@@ -233,7 +235,7 @@ def _turn_axes(memory: SolverMemory, first: int, width: int) -> None:
 
 
 @compiled
-def _keep_directions(memory: SolverMemory, level: int, first: int, known: int) -> None:
+def _keep_directions(memory: LevelsMemory, level: int, first: int, known: int) -> None:
     """Keep the directions in which the level is corrected: those that are not damped."""
     start, k = memory.level_end[level - 1], memory.mobility
     rows, width = memory.level_end[level] - start, k - first
@@ -255,7 +257,7 @@ def _keep_directions(memory: SolverMemory, level: int, first: int, known: int) -
 
 
 @compiled
-def _solve(memory: SolverMemory, level: int, first: int, rank: int, size: float) -> None:
+def _solve(memory: LevelsMemory, level: int, first: int, rank: int, size: float) -> None:
     """Set a level's part to the minimiser within the bounds, for `level_error` of this size without its weights."""
     start, n, g, x = memory.level_end[level - 1], memory.n, memory.normals, memory.wanted_point
     rows, width = memory.level_end[level] - start, memory.mobility - first
@@ -275,7 +277,7 @@ def _solve(memory: SolverMemory, level: int, first: int, rank: int, size: float)
 
 
 @compiled
-def _bound(memory: SolverMemory, part: Array, width: int) -> int:
+def _bound(memory: LevelsMemory, part: Array, width: int) -> int:
     """Set a part of the step to `normals` times the point nearest to `wanted_point` (width,) that keeps all bounds.
     Return the status of what restricts it: AT_LIMIT, BARRED, or -1."""
     n, g, x, room, limit = memory.n, memory.normals, memory.wanted_point, memory.room, -1
@@ -302,7 +304,7 @@ def _bound(memory: SolverMemory, part: Array, width: int) -> int:
 
 
 @compiled
-def _find_room(memory: SolverMemory, room: Array) -> None:
+def _find_room(memory: BoundsMemory, room: Array) -> None:
     """Set `room[0]` and `room[1]` to what the bounds leave beyond the step. Velocity limits are bounds here: the step
     of the levels above is not scaled for the sake of this one."""
     n, step = memory.n, memory.step
@@ -316,7 +318,7 @@ def _find_room(memory: SolverMemory, room: Array) -> None:
 
 
 @compiled
-def _add_objective(memory: SolverMemory) -> None:
+def _add_objective(memory: LevelsMemory) -> None:
     """Add to the step the part of the objectives' motion that no level uses, nearest to it as the joints move."""
     n, width, g, x, fresh = (
         memory.n,
@@ -341,7 +343,7 @@ def _add_objective(memory: SolverMemory) -> None:
 
 
 @compiled
-def promise(memory: SolverMemory) -> None:
+def promise(memory: LevelsMemory) -> None:
     """Set what the attempted step promises to lower levels, and what all levels are corrected to."""
     for level in range(memory.levels):
         start, total = memory.level_end[level - 1] if level > 0 else 0, 0.0
@@ -352,7 +354,7 @@ def promise(memory: SolverMemory) -> None:
 
 
 @compiled
-def find_lower_lack(memory: SolverMemory) -> float:
+def find_lower_lack(memory: LevelsMemory) -> float:
     """Return the largest component of the lower levels' errors in `trial_error` that is to be corrected."""
     lack = 0.0
     for level in range(1, memory.guarded_levels):
@@ -364,7 +366,7 @@ def find_lower_lack(memory: SolverMemory) -> float:
 
 
 @compiled
-def correct_lower(memory: SolverMemory, is_locked: bool) -> None:
+def correct_lower(memory: LevelsMemory, is_locked: bool) -> None:
     """Add the corrections of lower levels to `correction`; `trial_error` is what is left of them without it."""
     if is_locked:
         _find_directions_again(memory)
@@ -380,7 +382,7 @@ def correct_lower(memory: SolverMemory, is_locked: bool) -> None:
 
 
 @compiled
-def _find_directions_again(memory: SolverMemory) -> None:
+def _find_directions_again(memory: LevelsMemory) -> None:
     """Find the directions in which lower levels are corrected, after the first level's rows were decomposed again."""
     found_by = memory.found_by
     first = _first_left(memory)
@@ -394,7 +396,7 @@ def _find_directions_again(memory: SolverMemory) -> None:
 
 
 @compiled
-def shorten_levels(memory: SolverMemory) -> bool:
+def shorten_levels(memory: LevelsMemory) -> bool:
     """Shorten lower levels' parts if one of these levels loses by the trial; return whether it was necessary.
 
     Parts below that level are shortened, or its own if they are zero. No level shortens those above.
@@ -419,7 +421,8 @@ def shorten_levels(memory: SolverMemory) -> bool:
 
 
 @compiled
-def _has_part(memory: SolverMemory, level: int) -> bool:
+def _has_part(memory: LevelsMemory, level: int) -> bool:
+    """Return whether a level moves a joint."""
     has = False
     for j in range(memory.n):
         has = has or memory.level_part[level, j] != 0.0
@@ -427,7 +430,8 @@ def _has_part(memory: SolverMemory, level: int) -> bool:
 
 
 @compiled
-def _has_parts(memory: SolverMemory, level: int) -> bool:
+def _has_parts(memory: LevelsMemory, level: int) -> bool:
+    """Return whether a level or one below it moves a joint."""
     has = False
     for below in range(level, memory.parts):
         has = has or _has_part(memory, below)
@@ -435,7 +439,7 @@ def _has_parts(memory: SolverMemory, level: int) -> bool:
 
 
 @compiled
-def _shorten_part(memory: SolverMemory, level: int) -> None:
+def _shorten_part(memory: LevelsMemory, level: int) -> None:
     """Halve a level's part of the attempted step; leave it out after some tries."""
     part = memory.level_part[level]
     left = 0.5 if memory.level_tries % LEVEL_TRIES < LEVEL_TRIES - 1 else 0.0
@@ -447,7 +451,7 @@ def _shorten_part(memory: SolverMemory, level: int) -> None:
 
 
 @compiled
-def scale_parts(memory: SolverMemory, factor: float, eases: bool) -> None:
+def scale_parts(memory: LevelsMemory, factor: float, eases: bool) -> None:
     """Scale the parts below the first, as the secondary step was scaled; also in later ticks if `eases`."""
     if memory.parts == 0:
         return
@@ -460,7 +464,7 @@ def scale_parts(memory: SolverMemory, factor: float, eases: bool) -> None:
 
 
 @compiled
-def keep_parts(memory: SolverMemory, accepted: bool) -> None:
+def keep_parts(memory: LevelsMemory, accepted: bool) -> None:
     """Keep the parts of a tick's step for the next, which may turn back."""
     for level in range(memory.parts):
         for j in range(memory.n):

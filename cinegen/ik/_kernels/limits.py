@@ -9,7 +9,14 @@ import numpy as np
 from cinegen.ik._kernels.bounds import TOUCH, keeps_bounds, nearest, reduce_barriers
 from cinegen.ik._kernels.decomposition import find_axes, project_step, to_joints
 from cinegen.ik._kernels.levels import add_levels
-from cinegen.ik._kernels.memory import LIMITING_DOF, SPEED_SCALE, SolverMemory
+from cinegen.ik._kernels.memory import (
+    LIMITING_DOF,
+    SPEED_SCALE,
+    BoundsMemory,
+    RecordMemory,
+    SecondaryMemory,
+    SolverMemory,
+)
 from cinegen.ik._kernels.secondary import add_secondary
 from cinegen.ik.thresholds import FULL
 from cinegen.jit.compiled import compiled, inlined
@@ -54,7 +61,7 @@ def keep_limits(memory: SolverMemory, ticks_left: float) -> None:
 
 
 @inlined
-def _slow_down(memory: SolverMemory, ticks_left: float) -> None:
+def _slow_down(memory: RecordMemory, ticks_left: float) -> None:
     """Scale `step` to the velocity limits, and so that ever shorter ones can follow it up to the targets."""
     n, step, longest, excess, limiting = memory.n, memory.step, memory.longest_step, 0.0, -1
     for j in range(n):
@@ -76,7 +83,7 @@ def _slow_down(memory: SolverMemory, ticks_left: float) -> None:
 
 
 @compiled
-def must_go_back(memory: SolverMemory) -> bool:
+def must_go_back(memory: BoundsMemory) -> bool:
     """Return whether a barrier does not allow the mechanism to stay."""
     back = False
     for b in range(memory.barriers):
@@ -85,7 +92,7 @@ def must_go_back(memory: SolverMemory) -> bool:
 
 
 @compiled
-def _bound_positions(memory: SolverMemory) -> None:
+def _bound_positions(memory: BoundsMemory) -> None:
     """Set the bounds of the position limits: no step leads further beyond them."""
     for j in range(memory.n):
         at, scale = memory.q_index[j], memory.scale[j]
@@ -96,7 +103,7 @@ def _bound_positions(memory: SolverMemory) -> None:
 
 
 @compiled
-def _bound_speeds(memory: SolverMemory) -> None:
+def _bound_speeds(memory: BoundsMemory) -> None:
     """Narrow the bounds to the velocity limits."""
     for j in range(memory.n):
         memory.floor[j] = max(memory.floor[j], -FULL * memory.longest_step[j])
@@ -104,7 +111,7 @@ def _bound_speeds(memory: SolverMemory) -> None:
 
 
 @compiled
-def _bound_by_speed(memory: SolverMemory) -> None:
+def _bound_by_speed(memory: BoundsMemory) -> None:
     """Relax barriers that push the mechanism back to what velocity limits allow: otherwise no step would exist."""
     for b in range(memory.barriers):
         at = memory.n + b
@@ -121,7 +128,7 @@ def _bound_by_speed(memory: SolverMemory) -> None:
 
 
 @compiled
-def _find_bounded(memory: SolverMemory) -> bool:
+def _find_bounded(memory: SecondaryMemory) -> bool:
     """Set `step` to the one within its bounds that is nearest to `free_step`, in the metric of `axes` and `size`.
     Return whether there is one: the bounds may contradict each other."""
     k, g, x, axes, size = memory.mobility, memory.normals, memory.wanted_point, memory.axes, memory.size
@@ -158,7 +165,7 @@ def _bend(memory: SolverMemory) -> None:
 
 
 @compiled
-def _ease_barriers(memory: SolverMemory) -> bool:
+def _ease_barriers(memory: SecondaryMemory) -> bool:
     """Set `step` as `_find_bounded` does, with barriers that push the mechanism back not all at once: as much as can
     be, or nothing at all. Return whether there is one."""
     ceiling = memory.ceiling
@@ -172,7 +179,7 @@ def _ease_barriers(memory: SolverMemory) -> bool:
 
 
 @compiled
-def _find_braking(memory: SolverMemory) -> bool:
+def _find_braking(memory: SecondaryMemory) -> bool:
     """Set `step` to the one that is as near to braking as can be: limits of positions and velocities count more than
     those of accelerations. Return whether there is one."""
     n, ceiling = memory.n, memory.ceiling
@@ -185,7 +192,7 @@ def _find_braking(memory: SolverMemory) -> bool:
 
 
 @compiled
-def _brake(memory: SolverMemory) -> None:
+def _brake(memory: BoundsMemory) -> None:
     """Set `step` to braking, or to nothing without limits of accelerations; joints that no loop moves keep their
     bounds."""
     step = memory.step
@@ -197,7 +204,7 @@ def _brake(memory: SolverMemory) -> None:
 
 
 @compiled
-def _shorten(memory: SolverMemory) -> None:
+def _shorten(memory: BoundsMemory) -> None:
     """Scale `step` to the part of it that is within all bounds, to rounding, of those that allow to stay."""
     n, step, floor, ceiling, part = memory.n, memory.step, memory.floor, memory.ceiling, 1.0
     for j in range(n):
@@ -215,7 +222,7 @@ def _shorten(memory: SolverMemory) -> None:
 
 
 @compiled
-def _is_at_position_limit(memory: SolverMemory, j: int) -> bool:
+def _is_at_position_limit(memory: BoundsMemory, j: int) -> bool:
     """Return whether a joint with an active bound is at a position limit after the step, or was beyond it before."""
     if memory.q_index[j] < 0:
         return False
@@ -227,7 +234,7 @@ def _is_at_position_limit(memory: SolverMemory, j: int) -> bool:
 
 
 @compiled
-def _bound_accelerations(memory: SolverMemory) -> None:
+def _bound_accelerations(memory: BoundsMemory) -> None:
     """Narrow the bounds to what accelerations allow: of the next step, and so that a joint can still stop before its
     position limit. Joints that loops and couplings tie together brake together, in the direction of their motion, which
     always stays possible; all others brake alone."""
@@ -238,7 +245,7 @@ def _bound_accelerations(memory: SolverMemory) -> None:
 
 
 @compiled
-def _bound_alone(memory: SolverMemory, j: int) -> None:
+def _bound_alone(memory: BoundsMemory, j: int) -> None:
     """Narrow the bounds of a joint that no loop moves."""
     floor, ceiling, last, most = memory.floor, memory.ceiling, memory.last[j], FULL * memory.longest_change[j]
     least = max(0.0, abs(last) - most)
@@ -252,7 +259,7 @@ def _bound_alone(memory: SolverMemory, j: int) -> None:
 
 
 @compiled
-def _bound_cluster(memory: SolverMemory, cluster: ClusterMemory) -> None:
+def _bound_cluster(memory: BoundsMemory, cluster: ClusterMemory) -> None:
     """Narrow the bounds of the joints of a cluster. All brake for as long as the one that takes longest: after a step
     s that is followed by n - 1 ever shorter ones, a joint moves by s (n + 1) / 2, and its limit must be as far. Where
     a limit is nearer, n is less: no joint may be so fast that it takes longer.

@@ -61,6 +61,7 @@ def solve(memory: LocalIKMemory) -> bool:
 
 @compiled
 def _is_reached(memory: LocalIKMemory) -> bool:
+    """Return whether the best configuration leaves no residual above the goal."""
     return bool(max(memory.tasks_left, memory.loops_left) <= memory.goal_residual)
 
 
@@ -79,6 +80,7 @@ def _residuals(memory: LocalIKMemory) -> tuple[float, float, float]:
 
 @compiled
 def _keep_system(memory: LocalIKMemory) -> None:
+    """Keep r = [task errors; -loop residuals] and J = [rows of tasks, without weights; rows of loops] at q."""
     p = memory.active_rows
     for i in range(p):
         memory.right_side[i] = memory.error[i]

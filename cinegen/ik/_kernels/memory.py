@@ -158,53 +158,45 @@ SVD, BASIS, SVD_UNLOCKED = range(3)
 MOST_FLAGS = 52  # distinguishable objectives or barriers: bits of a double
 
 
-class SolverMemory(TasksMemory):
-    """A mechanism that a resolved-rate solver moves."""
+class StepMemory(TasksMemory, part=True):
+    """The step of a tick: dimensionless, without and with limits, attempted and made."""
 
     mobility: int = parameter(0)  # DoF that the loops leave
-    lesser: int = parameter(0)  # of task_rows and mobility
-    larger: int = parameter(0)
-    barrier_capacity: int = parameter(0)
-    bounds: int = parameter(0)  # n + barrier_capacity
-
-    # set by Python
-    task_rank: int = parameter(0)  # generic, of the active tasks
-    damping_threshold: float = parameter(NEAR_SINGULAR)
-    second_derivative: float = parameter(math.inf)  # bound of that of any placement by the joints, lengths/rad^2
+    parts: int = parameter(0)  # levels + 1 if there are several, else 0
     has_acceleration_limits: int = parameter(0)
-    tasks_are_suspended: int = parameter(0)
-    barriers: int = parameter(0)  # rows in this tick
-    is_guarded: int = parameter(0)  # barriers are evaluated before a trial is accepted
-    is_watched: int = parameter(0)  # a tick pauses when its step is proposed
-    clear_part: float = state(1.0)  # fraction of the step to the trial that barriers allow
     longest_step: Array = array("n")
     longest_change: Array = array("n")  # of the step, from tick to tick
-    barrier_rows: Array = array("barrier_capacity", "n")
-    barrier_room: Array = array("barrier_capacity")
-    has_secondary: int = state(0)  # there is a null-space velocity in this tick
-    failed_objectives: int = state(0)  # bits
-    secondary_wanted: Array = array("n")
 
-    # the tick
-    phase: int = state(0)
+    free_step: Array = array("mobility")
+    step: Array = array("n")
+    attempted: Array = array("n")
+    moved: Array = array("n")  # motion that it led to
+    last: Array = array("n")  # motion of the last tick
+    drift: Array = array("n")  # its part that closed the loops
+    braking: Array = array("n")  # step with the largest deceleration
+    secondary: Array = array("n")  # accepted part of the null-space velocity
+
+    # scratch
+    fresh: Array = array("n")
+    most_active: int = parameter(1)  # mobility + 1: one that may be added
+    active_normals: Array = array(3, "most_active", "mobility")
+    active: Array = array(4, "mobility")
+    axis_order: Table = array("mobility", dtype=int)
+
+
+class DirectionsMemory(StepMemory, part=True):
+    """Directions of the first level's tasks in the motions that loops leave: singular vectors, or a basis of rows."""
+
+    task_rank: int = parameter(0)  # generic, of the active tasks
+    damping_threshold: float = parameter(NEAR_SINGULAR)
+    lesser: int = parameter(0)  # of task_rows and mobility
+    larger: int = parameter(0)
     ticks: int = state(0)
-    is_at_q: int = state(0)  # frames are evaluated there
-    tries: int = state(0)  # number of times the step was shortened
-    brakings: int = state(0)  # number of times that braking was scaled at the last try
-    closes: int = state(0)  # loops could be closed after some fraction of the step
-    is_refined: int = state(0)  # tasks are corrected together with the loops
-    is_nudged: int = state(0)  # the step leads out of a singularity
     found_by: int = state(SVD)
     is_warm: int = state(0)  # the last singular vectors are a start for the next
     sweeps: int = state(0)
-    task_distance: float = state(0.0)  # cost of the tasks at the beginning of the tick
-    promised: float = state(0.0)  # predicted reduction
     aims: int = state(0)  # refined tasks are corrected to what the step promises, not to their targets
-    lack: float = state(0.0)  # last remaining error of the refined tasks
-    secondary_scale: float = state(1.0)  # step scale of the null-space velocity
-    turn_scale: float = state(1.0)  # step scale where steps turn back
-
-    # directions of the tasks
+    refined_rank: int = state(0)  # directions of the first level that are corrected
     coordinates: Array = array("mobility")  # scratch
     reduced: Array = array("lesser", "larger")  # the tasks' rows in the null space of the loops
     left: Array = array("lesser", "lesser")
@@ -212,13 +204,52 @@ class SolverMemory(TasksMemory):
     squares: Array = array("lesser")
     emphasis: Array = array("lesser")  # squared weight of the tasks along each
     triangle: Array = array(2, "task_rows", "task_rows")
-    free_step: Array = array("mobility")
     axes: Array = array("mobility", "mobility")
     size: Array = array("mobility")
 
-    # levels below the first, and after them the objectives
-    parts: int = parameter(0)  # levels + 1 if there are several, else 0
-    has_given: int = parameter(0)  # Python gives errors of tasks
+
+class AttemptMemory(StepMemory, part=True):
+    """The attempt to make the step, and its judgement."""
+
+    tries: int = state(0)  # number of times the step was shortened
+    brakings: int = state(0)  # number of times that braking was scaled at the last try
+    closes: int = state(0)  # loops could be closed after some fraction of the step
+    is_refined: int = state(0)  # tasks are corrected together with the loops
+    is_nudged: int = state(0)  # the step leads out of a singularity
+    promised: float = state(0.0)  # predicted reduction
+    lack: float = state(0.0)  # last remaining error of the refined tasks
+    clear_part: float = state(1.0)  # fraction of the step to the trial that barriers allow
+
+
+class BoundsMemory(StepMemory, part=True):
+    """Bounds of the step, of joints and then of barriers."""
+
+    barrier_capacity: int = parameter(0)
+    bounds: int = parameter(0)  # n + barrier_capacity
+    barriers: int = parameter(0)  # rows in this tick
+    barrier_rows: Array = array("barrier_capacity", "n")
+    barrier_room: Array = array("barrier_capacity")
+    floor: Array = array("bounds")
+    ceiling: Array = array("bounds")
+    stopped: Array = array("bounds")  # -1 or 1 where the lower or upper one is active
+    room: Array = array(3, "bounds")
+    normals: Array = array("bounds", "mobility")
+    wanted_point: Array = array("mobility")
+
+
+class SecondaryMemory(DirectionsMemory, BoundsMemory, part=True):
+    """The null-space velocity that objectives ask for."""
+
+    has_secondary: int = state(0)  # there is a null-space velocity in this tick
+    failed_objectives: int = state(0)  # bits
+    secondary_wanted: Array = array("n")
+    secondary_free: Array = array("mobility")
+    secondary_scale: float = state(1.0)  # step scale of the null-space velocity
+
+
+class LevelsMemory(SecondaryMemory, part=True):
+    """Levels below the first, and after them the objectives."""
+
     level_rank: Table = array("levels", dtype=int)  # generic, of the freedom that the levels above leave
     level_scale: Array = array("parts")  # step scale
     level_still: Array = array("parts")  # 1 if no target of its tasks has moved
@@ -234,8 +265,6 @@ class SolverMemory(TasksMemory):
     level_tries: int = state(0)  # number of times that lower levels were shortened
     carry: float = state(0.0)  # damping that levels above leave
     first_free: int = state(0)  # first of `axes` that no level uses
-    first_speed: float = state(0.0)  # largest motion of a joint by the first level, dimensionless
-    refined_rank: int = state(0)  # directions of the first level that are corrected
     aimed: Array = array("task_rows")  # what the step corrects, to first order
     level_error: Array = array("task_rows")  # what is left for a level
     level_lesser: int = parameter(0)  # as lesser, larger and mobility, or 0 with one level
@@ -251,11 +280,10 @@ class SolverMemory(TasksMemory):
     level_in: Array = array("parts", "level_lesser", "task_rows")  # component of an error, in each direction
     level_out: Array = array("parts", "level_lesser", "n")  # joint step that corrects it
 
-    # a step that is made if the one out of a singularity fails
-    has_spare: int = state(0)
-    spare: Array = array("n")
 
-    # weights of joints in the motion that tasks leave free: `cinegen.ik._kernels.weights`
+class WeightsMemory(DirectionsMemory, part=True):
+    """Weights of joints in the motion that tasks leave free: `cinegen.ik._kernels.weights`."""
+
     weighted: int = parameter(0)  # mobility, or 0 if all weights are the same
     weighted_dof: int = parameter(0)  # n, or 0
     root_weight: Array = array("weighted_dof")
@@ -264,30 +292,10 @@ class SolverMemory(TasksMemory):
     weighted_right: Array = array("weighted", "weighted_dof")
     weighted_square: Array = array("weighted")
 
-    # steps, dimensionless
-    step: Array = array("n")
-    attempted: Array = array("n")
-    moved: Array = array("n")  # motion that it led to
-    last: Array = array("n")  # motion of the last tick
-    drift: Array = array("n")  # its part that closed the loops
-    braking: Array = array("n")  # step with the largest deceleration
-    secondary_free: Array = array("mobility")
-    secondary: Array = array("n")  # accepted part of the null-space velocity
-    fresh: Array = array("n")  # scratch
 
-    # bounds, of joints and then of barriers
-    floor: Array = array("bounds")
-    ceiling: Array = array("bounds")
-    stopped: Array = array("bounds")  # -1 or 1 where the lower or upper one is active
-    room: Array = array(3, "bounds")
-    normals: Array = array("bounds", "mobility")
-    wanted_point: Array = array("mobility")
-    active_normals: Array = array(3, "most_active", "mobility")
-    most_active: int = parameter(1)  # mobility + 1: one that may be added
-    active: Array = array(4, "mobility")
-    axis_order: Table = array("mobility", dtype=int)
+class RecordMemory(DirectionsMemory, part=True):
+    """The record of a tick."""
 
-    # the record of a tick
     report: Array = array(REPORT_SIZE, block="record")
     record_q: Array = array("nq", block="record")
     record_v: Array = array("nv", block="record")
@@ -298,3 +306,26 @@ class SolverMemory(TasksMemory):
     record_levels: Array = array("levels", 2, block="record")  # status, smallest singular value
     record_sigma: Array = array("lesser", block="record")
     record_stopped: Array = array("nv", block="record")
+
+
+class SolverMemory(LevelsMemory, WeightsMemory, AttemptMemory, RecordMemory):
+    """A mechanism that a resolved-rate solver moves. It is divided by idea: a kernel takes the parts that it and those
+    that it calls read or write."""
+
+    # set by Python
+    second_derivative: float = parameter(math.inf)  # bound of that of any placement by the joints, lengths/rad^2
+    tasks_are_suspended: int = parameter(0)
+    has_given: int = parameter(0)  # Python gives errors of tasks
+    is_guarded: int = parameter(0)  # barriers are evaluated before a trial is accepted
+    is_watched: int = parameter(0)  # a tick pauses when its step is proposed
+
+    # the tick
+    phase: int = state(0)
+    is_at_q: int = state(0)  # frames are evaluated there
+    task_distance: float = state(0.0)  # cost of the tasks at the beginning of the tick
+    first_speed: float = state(0.0)  # largest motion of a joint by the first level, dimensionless
+    turn_scale: float = state(1.0)  # step scale where steps turn back
+
+    # a step that is made if the one out of a singularity fails
+    has_spare: int = state(0)
+    spare: Array = array("n")

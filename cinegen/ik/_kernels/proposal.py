@@ -16,7 +16,7 @@ from cinegen.ik._kernels.decomposition import (
 from cinegen.ik._kernels.escape import nudge
 from cinegen.ik._kernels.levels import promise
 from cinegen.ik._kernels.limits import keep_limits, must_go_back
-from cinegen.ik._kernels.memory import LIMITING_DOF, SPEED_SCALE, SVD, SolverMemory, task_at
+from cinegen.ik._kernels.memory import LIMITING_DOF, SPEED_SCALE, SVD, SolverMemory, StepMemory, TasksMemory, task_at
 from cinegen.ik._kernels.secondary import project_secondary
 from cinegen.ik._kernels.tasks import aim_tasks, tasks_left
 from cinegen.ik._kernels.weights import weigh
@@ -140,6 +140,7 @@ def _first_speed(memory: SolverMemory, largest: float) -> float:
 
 @compiled
 def _begin(memory: SolverMemory) -> None:
+    """Forget the last tick's step, bounds and report."""
     memory.ticks += 1
     memory.level_tries, memory.has_spare, memory.first_speed = 0, 0, 0.0
     memory.tries, memory.closes, memory.sweeps, memory.is_nudged, memory.clear_part = 0, 0, 0, 0, 1.0
@@ -153,6 +154,7 @@ def _begin(memory: SolverMemory) -> None:
 
 @compiled
 def _largest(step: Array) -> float:
+    """Return the largest |step[j]|."""
     largest = 0.0
     for j in range(step.shape[0]):
         largest = max(largest, abs(step[j]))
@@ -186,7 +188,7 @@ def can_be_refined(memory: SolverMemory, had_secondary: bool) -> bool:
 
 
 @compiled
-def _ticks_left(memory: SolverMemory) -> float:
+def _ticks_left(memory: TasksMemory) -> float:
     """Return the number of ticks to the targets at the capped rate; at least 1."""
     most = 1.0
     for i in range(memory.tasks):
@@ -239,7 +241,7 @@ def _scale_turns(memory: SolverMemory, still: bool) -> None:
 
 
 @compiled
-def _turns_back(memory: SolverMemory) -> bool:
+def _turns_back(memory: StepMemory) -> bool:
     """Return whether the step is opposite to the last one, within 60 degrees."""
     along, here, there = 0.0, 0.0, 0.0
     for j in range(memory.n):

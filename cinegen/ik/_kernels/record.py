@@ -7,7 +7,7 @@ import math
 from cinegen.ik._kernels import memory as m
 from cinegen.ik._kernels.decomposition import unweighted
 from cinegen.ik._kernels.levels import keep_parts
-from cinegen.ik._kernels.memory import SVD, SolverMemory, task_at
+from cinegen.ik._kernels.memory import SVD, LevelsMemory, RecordMemory, SolverMemory, task_at
 from cinegen.ik._kernels.tasks import measure
 from cinegen.ik.thresholds import (
     ARRIVED,
@@ -124,7 +124,7 @@ def _accept(memory: SolverMemory, accepted: bool) -> float:
 
 
 @compiled
-def _record_tasks(memory: SolverMemory, accepted: bool) -> tuple[float, int]:
+def _record_tasks(memory: RecordMemory, accepted: bool) -> tuple[float, int]:
     """Record the tasks; return the largest error of the first level, dimensionless, and how many are active."""
     row, left, active = 0, 0.0, 0
     for i in range(memory.tasks):
@@ -213,7 +213,9 @@ def _record_levels(memory: SolverMemory, first: int, accepted: bool) -> int:
 
 
 @compiled
-def _status_of(memory: SolverMemory, level: int, accepted: bool) -> int:
+def _status_of(memory: LevelsMemory, level: int, accepted: bool) -> int:
+    """Return the status of a level below the first, from what is left of its errors, what restricts its part, and its
+    smallest singular value."""
     left, fastest = 0.0, 0.0
     for i in range(memory.tasks):
         task = task_at(memory.task_handles[i])

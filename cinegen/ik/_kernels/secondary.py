@@ -12,14 +12,14 @@ import math
 
 from cinegen.ik._kernels.bounds import keeps_bounds, nearest, reduce_barriers
 from cinegen.ik._kernels.decomposition import find_axes, project_step, to_joints
-from cinegen.ik._kernels.memory import SolverMemory
+from cinegen.ik._kernels.memory import BoundsMemory, SecondaryMemory
 from cinegen.ik.thresholds import IDLE_SECONDARY, LEAST_SCALE, SCALE_GROWS, SPARE_SPEED
 from cinegen.jit.compiled import compiled
 from cinegen.jit.vectors import copy, inner
 
 
 @compiled
-def project_secondary(memory: SolverMemory) -> bool:
+def project_secondary(memory: SecondaryMemory) -> bool:
     """Project the wanted secondary step so that it neither opens a loop nor moves a task: `secondary_free`, and
     `secondary` as joints. Return False if it is negligible. If it reverses, half of it is used, so that it does not
     oscillate."""
@@ -42,7 +42,7 @@ def project_secondary(memory: SolverMemory) -> bool:
 
 
 @compiled
-def add_secondary(memory: SolverMemory, whole: bool) -> bool:
+def add_secondary(memory: SecondaryMemory, whole: bool) -> bool:
     """Add to `step` the part of the secondary step that keeps all bounds; it becomes `secondary`.
 
     Args:
@@ -74,7 +74,7 @@ def add_secondary(memory: SolverMemory, whole: bool) -> bool:
 
 
 @compiled
-def _bound_secondary(memory: SolverMemory) -> bool:
+def _bound_secondary(memory: SecondaryMemory) -> bool:
     """Set `secondary` to the nearest motion within `room`. Return False if there is none, or only one that is much
     faster than it and the last tick.
 
@@ -107,7 +107,7 @@ def _bound_secondary(memory: SolverMemory) -> bool:
 
 
 @compiled
-def write_orthonormal(memory: SolverMemory, i: int) -> None:
+def write_orthonormal(memory: BoundsMemory, i: int) -> None:
     """Write the part of `fresh` that is orthogonal to the columns of `normals` before the i-th, with length 1, into
     that column."""
     n, g, fresh = memory.n, memory.normals, memory.fresh

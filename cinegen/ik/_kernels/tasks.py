@@ -128,6 +128,7 @@ def _is_unmoved(task: TaskMemory) -> bool:
 
 @compiled
 def _take_rows(memory: TasksMemory, task: TaskMemory, row: int) -> None:
+    """Write the rows that Python gives, weighted, from `row` on."""
     for k in range(task.given):
         for j in range(memory.n):
             memory.task_jacobian[row + k, j] = memory.row_weights[row + k] * task.given_rows[k, j]

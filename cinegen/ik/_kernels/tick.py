@@ -29,6 +29,7 @@ def tick(memory: SolverMemory) -> int:
 
 @compiled
 def _continue(memory: SolverMemory) -> int:
+    """Begin or continue a tick as `tick` does; REFUSED is DONE, too."""
     if memory.phase == BEGIN:
         if not read_tasks(memory):
             return RANK_NEEDED
@@ -55,6 +56,7 @@ def _continue(memory: SolverMemory) -> int:
 
 @compiled
 def _make_step(memory: SolverMemory) -> int:
+    """Make the step: without evaluation where it is sure to be accepted, else by trial."""
     set_out(memory)
     if is_sure(memory):
         finish(memory, True, True)

@@ -23,7 +23,15 @@ from cinegen.ik._kernels.levels import (
     shorten_levels,
 )
 from cinegen.ik._kernels.limits import must_go_back
-from cinegen.ik._kernels.memory import SVD_UNLOCKED, SolverMemory
+from cinegen.ik._kernels.memory import (
+    SVD_UNLOCKED,
+    AttemptMemory,
+    BoundsMemory,
+    LevelsMemory,
+    SecondaryMemory,
+    SolverMemory,
+    StepMemory,
+)
 from cinegen.ik._kernels.proposal import can_be_refined
 from cinegen.ik._kernels.record import finish
 from cinegen.ik._kernels.tasks import try_tasks
@@ -56,7 +64,7 @@ _AGAIN, _GOOD = -1, -2  # another trial is to be judged; nothing speaks against 
 
 
 @compiled
-def set_out(memory: SolverMemory) -> None:
+def set_out(memory: StepMemory) -> None:
     """Move `trial` from q by the attempted step."""
     memory.corrections = 0
     copy(memory.q, memory.trial, memory.nq)
@@ -67,7 +75,7 @@ def set_out(memory: SolverMemory) -> None:
 
 
 @compiled
-def _move(memory: SolverMemory) -> None:
+def _move(memory: StepMemory) -> None:
     """Move the trial by `delta`. Joints beyond limits are set to them and locked; loops are then factored again."""
     q, candidate, moved = memory.q, memory.candidate, memory.moved
     integrate(memory, memory.trial, memory.delta, candidate)
@@ -141,7 +149,7 @@ def _judge(memory: SolverMemory) -> int:
 
 
 @compiled
-def _can_be_nearer(memory: SolverMemory, gap: float, lack: float) -> bool:
+def _can_be_nearer(memory: AttemptMemory, gap: float, lack: float) -> bool:
     """Return whether another correction can close the loops or tasks further: a residual that does not halve is
     rounding."""
     loose, inexact = memory.rows > 0 and not gap <= CLOSED, memory.is_refined != 0 and lack > EXACT
@@ -211,14 +219,15 @@ def _keep_gain(memory: SolverMemory, distance: float, seconds: bool) -> int:
 
 
 @compiled
-def _set_out_again(memory: SolverMemory) -> None:
+def _set_out_again(memory: StepMemory) -> None:
+    """Set out with a new attempt; factors of the loops at the last trial are not used for it."""
     if memory.factored_at == AT_TRIAL:
         memory.factored_at = NOWHERE
     set_out(memory)
 
 
 @compiled
-def _part_in_limit(memory: SolverMemory, j: int, scale: float) -> float:
+def _part_in_limit(memory: StepMemory, j: int, scale: float) -> float:
     """Return the fraction of the step, beyond what braking leaves of it, with which the step of a joint is scaled."""
     step = abs(memory.attempted[j])
     beyond = abs(memory.attempted[j] - memory.braking[j])
@@ -226,7 +235,7 @@ def _part_in_limit(memory: SolverMemory, j: int, scale: float) -> float:
 
 
 @compiled
-def _brake_again(memory: SolverMemory) -> None:
+def _brake_again(memory: AttemptMemory) -> None:
     """Scale the step so that the joint whose change exceeds its limit most moves by what braking leaves: closing the
     loops changed that, too."""
     memory.brakings += 1
@@ -243,7 +252,7 @@ def _brake_again(memory: SolverMemory) -> None:
 
 
 @compiled
-def _is_abrupt(memory: SolverMemory) -> bool:
+def _is_abrupt(memory: StepMemory) -> bool:
     """Return whether the motion to the trial exceeds a limit of acceleration."""
     abrupt = False
     for j in range(memory.n):
@@ -262,7 +271,7 @@ def guard(memory: SolverMemory) -> int:
 
 
 @compiled
-def _find_lack(memory: SolverMemory) -> float:
+def _find_lack(memory: LevelsMemory) -> float:
     """Set `trial_error` to the errors that remain of those to be corrected in this tick; return the largest component
     that can be corrected."""
     lack = memory.trial_error
@@ -325,12 +334,13 @@ def _leave_out_locked(memory: SolverMemory) -> bool:
 
 
 @compiled
-def _most_tries(memory: SolverMemory) -> int:
+def _most_tries(memory: SecondaryMemory) -> int:
+    """Return how often a step may be shortened: more often with a null-space velocity, which is shortened first."""
     return TRIES + SECONDARY_TRIES if memory.has_secondary != 0 else TRIES
 
 
 @compiled
-def _is_spare(memory: SolverMemory, part: float) -> bool:
+def _is_spare(memory: BoundsMemory, part: float) -> bool:
     """Return whether barriers allow the step without a fraction of the secondary step, which may be what keeps them."""
     spare = True
     for b in range(memory.barriers):

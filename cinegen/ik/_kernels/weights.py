@@ -11,7 +11,7 @@ from __future__ import annotations
 import math
 
 from cinegen.ik._kernels.decomposition import damping, direction, is_lost, to_joints
-from cinegen.ik._kernels.memory import SolverMemory
+from cinegen.ik._kernels.memory import DirectionsMemory, WeightsMemory
 from cinegen.ik.thresholds import FULL
 from cinegen.jit.compiled import compiled
 from cinegen.jit.factor import factor, null_space
@@ -20,7 +20,7 @@ from cinegen.jit.vectors import add_multiple, inner
 
 
 @compiled
-def weigh(memory: SolverMemory) -> None:
+def weigh(memory: WeightsMemory) -> None:
     """Add to `step` and `free_step` the motion that neither loops nor tasks notice and that makes the weighted step
     shortest, as far as no joint becomes so fast that the tasks would have to be slower.
 
@@ -61,7 +61,7 @@ def weigh(memory: SolverMemory) -> None:
 
 
 @compiled
-def _find_remaining(memory: SolverMemory) -> int:
+def _find_remaining(memory: DirectionsMemory) -> int:
     """Set the last of `axes` to an orthonormal basis of the null space that tasks leave, in the basis of the loops'.
     Return the index of its first."""
     p, k, f, known = memory.active_rows, memory.mobility, memory.active_normals[0], 0

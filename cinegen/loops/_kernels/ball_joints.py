@@ -42,6 +42,7 @@ def count_balls(memory: LoopMemory, rows: Array) -> bool:
 
 @compiled
 def _turn_columns(a: Array, one: int, two: int, three: int, inverse: Array, volume: float) -> None:
+    """Replace three columns of a by their products with `inverse` / `volume`."""
     for i in range(a.shape[0]):
         c0, c1, c2 = a[i, one] / volume, a[i, two] / volume, a[i, three] / volume
         a[i, one] = c0 * inverse[0, 0] + c1 * inverse[1, 0] + c2 * inverse[2, 0]

@@ -161,6 +161,7 @@ def factor_loops(memory: LoopMemory, exact: bool) -> None:
 
 @compiled
 def _factor_cluster(memory: LoopMemory, cluster: ClusterMemory, exact: bool) -> None:
+    """Factor a cluster: J^T P = H_1 ... H_r [L^T; 0], or J = U S W^T where the rank is not clear."""
     f, free, locked, dof = cluster.factors, 0, memory.locked, cluster.dof
     for k in range(cluster.n):
         if locked[dof[k]] == 0.0:
@@ -219,6 +220,7 @@ def _decompose(cluster: ClusterMemory, is_whole: bool, exact: bool) -> None:
 
 @compiled
 def _copy_unlocked(memory: LoopMemory, cluster: ClusterMemory) -> None:
+    """Write the rows of a cluster into its factors, with columns of zeros for locked joints."""
     rows, n, row, dof, factors, jacobian = (
         cluster.rows, cluster.n, cluster.row, cluster.dof, cluster.factors, memory.jacobian
     )  # fmt: skip

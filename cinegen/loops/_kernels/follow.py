@@ -100,6 +100,7 @@ def _find_tangent(memory: LoopMemory) -> None:
 
 @compiled
 def _keep_jacobian(memory: LoopMemory, cluster: ClusterMemory) -> None:
+    """Keep the rows of a cluster at q."""
     for i in range(cluster.rows):
         for k in range(cluster.n):
             cluster.jacobian_at_q[i, k] = memory.jacobian[cluster.row[i], cluster.dof[k]]

@@ -32,6 +32,7 @@ def evaluate_loops(memory: LoopMemory, with_jacobian: bool) -> float:
 
 @compiled
 def _evaluate_loop(memory: LoopMemory, loop: int, with_jacobian: bool) -> None:
+    """Compute the residual of a loop from the frames of its ends, and its rows if requested."""
     for side in range(2):
         compose(memory.frames[memory.loop_joints[loop, side]], memory.loop_offsets[loop, side], memory.ends[side])
     kind = memory.loop_kind[loop]
@@ -103,6 +104,7 @@ def _find_cut_rate(memory: LoopMemory, loop: int, step: int, x: float, y: float,
 
 @compiled
 def _evaluate_couplings(memory: LoopMemory, with_jacobian: bool) -> None:
+    """Couplings: residual = sum of polynomials p_k(q_k) - constant, row = p_k'(q_k) scale_k."""
     first, jacobian, degree = memory.rows - memory.couplings, memory.jacobian, memory.coupling_degree
     for i in range(memory.couplings):
         memory.residual[first + i] = -memory.coupling_constant[i]

@@ -45,6 +45,7 @@ def find_screws(memory: LoopMemory) -> None:
 
 @compiled
 def _find_centres(memory: LoopMemory) -> None:
+    """Compute the centre of each cluster of screws: the mean of points of its axes, weighted by their shares."""
     for c in range(memory.screw_clusters):
         for i in range(3):
             memory.screw_centre[c, i] = 0.0
