@@ -70,10 +70,10 @@ def test_loops_are_closed_in_python_as_in_machine_code(robot):
     for _ in range(5):
         q = mechanism.q_home + 0.1 * rng.normal(size=mechanism.model.nq)
         expected = mechanism.close(q)
-        closer = mechanism._closer
+        closer = mechanism.structure.closer
         closer._close = lambda handle, closer=closer: close(closer._memory)
         found = mechanism.close(q)
-        del mechanism._scratch.closer
+        del mechanism.structure._scratch.closer
         np.testing.assert_allclose(found, expected, atol=1e-11)
 
 

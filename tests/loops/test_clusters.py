@@ -171,7 +171,7 @@ def test_a_cluster_that_can_not_be_closed_does_not_keep_others_open(tmp_path):
     mechanism = two(tmp_path)
     q, mask = mechanism.q_home + 0.05, np.zeros(7)
     mask[[mechanism.v_index(name) for name in ("joint1", "joint2", "joint3")]] = 1.0
-    closing = mechanism._closer.close(q, mask)
+    closing = mechanism.structure.closer.close(q, mask)
     assert not closing.closed
     residual = np.abs(mechanism.structure.system.evaluate(closing.q)[0])
     assert residual[5:].max() <= 1e-12

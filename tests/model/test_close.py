@@ -180,7 +180,7 @@ def test_many_ways_of_locking_are_forgotten_again(robot):
     for i in range(2**8):
         locked = [joint for k, joint in enumerate(delta.joints[:8]) if i >> k & 1]
         assert delta.closure(delta.close(delta.q_home, locked)) <= 1e-12
-    assert len(delta._masks) <= 64
+    assert len(delta.structure._masks) <= 64
 
 
 def test_ball_joints_are_closed_as_well(raff):
