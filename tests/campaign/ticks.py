@@ -9,7 +9,6 @@ checked afterwards, of all ticks at once, and of some by Pinocchio.
 from __future__ import annotations
 
 import math
-import sys
 import tempfile
 import time
 import traceback
@@ -121,9 +120,6 @@ def _wait_for_kernels() -> None:
 
 def _random_text(rng: Random) -> str:
     """Return a random mechanism with loops."""
-    helpers = str(ROOT / "tests/robots")
-    if helpers not in sys.path:
-        sys.path.append(helpers)
     from making import graph
 
     bodies = rng.randint(2, 8)

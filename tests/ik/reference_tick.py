@@ -21,9 +21,9 @@ _TOUCH = 1e-12  # rad: a step that ends this little beyond a bound ends on it
 
 
 def relative_weights(tasks: Sequence[FrameTask]) -> Array:
-    """Return the weights (k,) of the rows of tasks, as fractions of the heaviest."""
+    """Return the weights (k,) of the rows of tasks, as fractions of the heaviest task's, which may have no rows."""
     found = np.concatenate([np.zeros(0), *(task.row_weights for task in tasks)])
-    return np.asarray(found / found.max(initial=1e-300))
+    return np.asarray(found / max((task.memory.weight for task in tasks), default=1.0))
 
 
 def emphasis(u: Array, weights: Array) -> Array:
@@ -189,7 +189,9 @@ def _nearest(wanted: Array, joints: Array, low: Array, high: Array) -> tuple[Arr
     step = joints @ wanted
     if (step <= high + _TOUCH).all() and (step >= low - _TOUCH).all():
         return wanted, ()
-    upper, lower = np.flatnonzero(np.isfinite(high)), np.flatnonzero(np.isfinite(low))
+    size = np.linalg.norm(joints, axis=1)
+    moves = size > 1e-12 * size.max(initial=0.0)  # others are moved by rounding
+    upper, lower = np.flatnonzero(np.isfinite(high) & moves), np.flatnonzero(np.isfinite(low) & moves)
     owner = np.concatenate([upper, lower])
     sides = np.concatenate([-joints[upper], joints[lower]])  # sides (x - wanted) >= least
     least = np.concatenate([step[upper] - high[upper], low[lower] - step[lower]])

@@ -8,6 +8,7 @@ import bipeds
 import numpy as np
 import pinocchio as pin
 import pytest
+from making import graph
 from reference_tick import relative_weights, resolve_levels
 from scipy.optimize import minimize
 from test_kernel import EVERY, load, near
@@ -44,12 +45,12 @@ def plain_levels(solver: Solver) -> list[tuple[np.ndarray, np.ndarray, np.ndarra
     return found
 
 
-@pytest.mark.parametrize(("name", "which"), others_slow(several, FEWER))
-def test_the_step_of_each_level_is_that_of_the_plain_statement(name, which):
-    """Random tasks on three levels, at random closed configurations, with limits about as near as a step is long."""
-    mechanism, rng, bent, compared = load(name, which), np.random.default_rng(5), 0, 0
+def compare(mechanism: cinegen.Mechanism, count: int, rng: np.random.Generator) -> tuple[int, int]:
+    """Compare steps for random tasks on three levels with the plain statement, at random closed configurations, with
+    limits about as near as a step is long. Return how many were compared, and how many of these limits restricted."""
+    bent = compared = 0
     nv = mechanism.model.nv
-    for q in [mechanism.q_home, *mechanism.random_closed(20, seed=3)]:
+    for q in [mechanism.q_home, *mechanism.random_closed(count, seed=3)]:
         solver = Solver(mechanism, 1.0, q=q)
         random_levels(solver, rng, 3)
         memory, tight = solver._memory, float(rng.choice([3e-3, 100.0]))
@@ -66,8 +67,30 @@ def test_the_step_of_each_level_is_that_of_the_plain_statement(name, which):
             compared += 1
             assert memory.step == pytest.approx(expected, abs=1e-8)
             bent += bool(step.saturated)
+    return compared, bent
+
+
+@pytest.mark.parametrize(("name", "which"), others_slow(several, FEWER))
+def test_the_step_of_each_level_is_that_of_the_plain_statement(name, which):
+    compared, bent = compare(load(name, which), 20, np.random.default_rng(5))
     assert compared > 10
     assert bent
+
+
+@pytest.mark.parametrize("count", [20, pytest.param(200, marks=pytest.mark.slow)])
+@pytest.mark.filterwarnings("ignore::cinegen.CinegenWarning")
+def test_so_it_is_on_random_mechanisms(tmp_path, count):
+    """Trees of 4 to 8 bodies with up to two loops between any two of them."""
+    rng, found, loops = np.random.default_rng(8), np.zeros(2, dtype=int), 0
+    for _ in range(count):
+        bodies = int(rng.integers(4, 9))
+        (tmp_path / "random.raff").write_text(f"RAFF random\n{graph(rng, bodies, int(rng.integers(0, 3))).text()}")
+        mechanism = cinegen.load(tmp_path / "random.raff")
+        if mechanism.mobility > 1:
+            found += compare(mechanism, 3, rng)
+            loops += bool(mechanism.loops)
+    assert found[0] > count
+    assert min(found[1], loops) > count // 10
 
 
 def moved(pose: pin.SE3, by: tuple[float, float, float]) -> pin.SE3:
