@@ -25,13 +25,13 @@ def aimed(mechanism, lengths, q=None, node=None, rotation=0, seed=0):
     return solver
 
 
-def least(mechanism, q, node, weights, moved):
-    """The motion (nv,), rad and lengths, that moves a node as `moved` does, with the least weighted sum: by Pinocchio's
+def least(mechanism, q, nodes, weights, moved):
+    """The motion (nv,), rad and lengths, that moves nodes as `moved` does, with the least weighted sum: by Pinocchio's
     Jacobians alone."""
     data = mechanism.model.createData()
-    frame = mechanism.model.getFrameId(node, pin.FrameType.BODY)
-    jacobian = pin.computeFrameJacobian(mechanism.model, data, q, frame, pin.LOCAL)[:3] * mechanism.scale
-    kept = np.vstack([jacobian, mechanism.loop_jacobian(q) * mechanism.scale])
+    frames = [mechanism.model.getFrameId(node, pin.FrameType.BODY) for node in nodes]
+    jacobians = [pin.computeFrameJacobian(mechanism.model, data, q, frame, pin.LOCAL)[:3] for frame in frames]
+    kept = np.vstack([*jacobians, mechanism.loop_jacobian(q)]) * mechanism.scale
     free = null_space(kept, rcond=1e-9)
     root = np.sqrt(weights)[:, None]
     return moved - free @ np.linalg.lstsq(root * free, root[:, 0] * moved, rcond=None)[0]
@@ -45,9 +45,25 @@ def test_a_tick_is_the_least_weighted_motion(robot, name):
     plain, solver = aimed(mechanism, SMALL, q), aimed(mechanism, SMALL, q)
     solver.joint_weights = {name: weights[mechanism.v_index(name)] for name in mechanism.joints}
     moved, expected = (one.step().v * DT / mechanism.scale for one in (solver, plain))
-    expected = least(mechanism, q, mechanism.end, weights, expected)
+    expected = least(mechanism, q, [mechanism.end], weights, expected)
     assert np.abs(moved - expected).max() < 1e-4 * np.abs(expected).max()
     assert np.abs(plain.v * DT / mechanism.scale - expected).max() > 0.01 * np.abs(expected).max()
+
+
+def test_so_it_is_below_several_levels(robot):
+    """The elbow moves in what the hand leaves, and the weights count in what both leave."""
+    mechanism, rng = robot("arm7"), np.random.default_rng(4)
+    q, moved = mechanism.structure.samples[1], []
+    weights = rng.uniform(0.5, 40.0, mechanism.model.nv)
+    for weighted in (weights, np.ones(mechanism.model.nv)):
+        solver = aimed(mechanism, SMALL, q)
+        elbow = solver.add_task("link4", rotation=0, priority=1)
+        elbow.target = pin.SE3(np.eye(3), elbow.target.translation + SMALL * mechanism.length)
+        solver.joint_weights = {joint: weighted[mechanism.v_index(joint)] for joint in mechanism.joints}
+        moved.append(solver.step().v * DT / mechanism.scale)
+    expected = least(mechanism, q, [mechanism.end, "link4"], weights, moved[1])
+    assert np.abs(moved[0] - expected).max() < 1e-4 * np.abs(expected).max()
+    assert np.abs(moved[1] - expected).max() > 0.01 * np.abs(expected).max()
 
 
 @pytest.mark.parametrize("name", ["hybrid", "planar_hybrid", "gough", "sr400"])
@@ -59,7 +75,7 @@ def test_with_loops_the_weighted_motion_of_the_actuated_joints_is_least(robot, n
     for joint in mechanism.actuated:
         weights[mechanism.v_index(joint)] = solver.joint_weights[joint] = rng.uniform(1.0, 40.0)
     moved, before = (one.step().v * DT / mechanism.scale for one in (solver, plain))
-    expected = least(mechanism, q, mechanism.end, weights, before)
+    expected = least(mechanism, q, [mechanism.end], weights, before)
     assert np.abs(moved - expected).max() < 1e-4 * np.abs(expected).max()
     assert solver.step().closure < 1e-10
 

@@ -21,9 +21,10 @@ import math
 
 from cinegen.ik._kernels.bounds import keeps_bounds, nearest, reduce_barriers
 from cinegen.ik._kernels.decomposition import damping, find_axes, find_emphasis, size_of, to_free, to_joints, unweighted
-from cinegen.ik._kernels.memory import BASIS, SVD, BoundsMemory, DirectionsMemory, LevelsMemory, task_at
+from cinegen.ik._kernels.memory import BASIS, SVD, BoundsMemory, DirectionsMemory, LevelsMemory, SolverMemory, task_at
 from cinegen.ik._kernels.secondary import write_orthonormal
 from cinegen.ik._kernels.tasks import tasks_left
+from cinegen.ik._kernels.weights import find_least_motion
 from cinegen.ik.thresholds import (
     ARMIJO,
     ARRIVED,
@@ -47,9 +48,9 @@ _CARRIED = 100.0  # damping of lower levels by what is left of a damped directio
 
 
 @compiled
-def add_levels(memory: LevelsMemory) -> None:
-    """Add to `step`, that of the first level, what lower levels do within its bounds, and then the objectives. They are
-    the secondary step, which is shortened first."""
+def add_levels(memory: SolverMemory) -> None:
+    """Add to `step`, that of the first level, what lower levels do within its bounds, and then the objectives, and what
+    weights of joints ask for. They are the secondary step, which is shortened first."""
     has_objective, secondary, still = memory.has_secondary != 0, memory.secondary, memory.level_still
     still[:] = 1.0
     for i in range(memory.tasks):
@@ -65,6 +66,11 @@ def add_levels(memory: LevelsMemory) -> None:
         memory.level_cost[level] = tasks_left(memory, level)
         _add_level(memory, level)
     memory.level_part[memory.levels, : memory.n] = 0.0
+    if memory.weighted != 0 and find_least_motion(memory, memory.first_free):
+        for j in range(memory.n):
+            wanted = memory.secondary_wanted[j] if has_objective else 0.0
+            memory.secondary_wanted[j] = wanted + memory.fresh[j]
+        has_objective = True
     if has_objective:
         _add_objective(memory)
     memory.guarded_levels = memory.levels if has_objective else memory.levels - 1

@@ -45,7 +45,7 @@ def propose(memory: SolverMemory) -> bool:
         memory.factored_at = AT_Q
         find_null_space(memory)
     _solve(memory)
-    if memory.weighted != 0:
+    if memory.weighted != 0 and memory.parts == 0:
         weigh(memory)
     had_secondary = memory.has_secondary != 0
     if memory.parts == 0 and had_secondary and not project_secondary(memory):

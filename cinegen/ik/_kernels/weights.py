@@ -22,7 +22,26 @@ from cinegen.jit.vectors import add_multiple, inner
 @compiled
 def weigh(memory: WeightsMemory) -> None:
     """Add to `step` and `free_step` the motion that neither loops nor tasks notice and that makes the weighted step
-    shortest, as far as no joint becomes so fast that the tasks would have to be slower.
+    shortest, as far as no joint becomes so fast that the tasks would have to be slower."""
+    n, step, fresh = memory.n, memory.step, memory.fresh
+    if memory.active_rows == 0 or not find_least_motion(memory, _find_remaining(memory)):
+        return
+    excess, part = FULL, 1.0
+    for j in range(n):
+        excess = max(excess, abs(step[j]) / memory.longest_step[j])
+    for j in range(n):
+        most = excess * memory.longest_step[j]
+        if abs(step[j] + fresh[j]) > most:
+            part = min(part, max(most - (step[j] if fresh[j] > 0.0 else -step[j]), 0.0) / abs(fresh[j]))
+    for j in range(n):
+        step[j] += part * fresh[j]
+    add_multiple(part, memory.coordinates, memory.free_step, memory.mobility)
+
+
+@compiled
+def find_least_motion(memory: WeightsMemory, first: int) -> bool:
+    """Set `fresh`, and `coordinates` in the null space, to the motion along `axes[first:]` that makes the weighted
+    `step` shortest. Return False if there are no such axes.
 
     Directions in which weighted joints hardly move are damped as the tasks' are.
     """
@@ -30,10 +49,9 @@ def weigh(memory: WeightsMemory) -> None:
     rows, left, right, square = (
         memory.weighted_rows, memory.weighted_left, memory.weighted_right, memory.weighted_square,
     )  # fmt: skip
-    first = _find_remaining(memory)
     width = k - first
-    if width <= 0 or memory.active_rows == 0:
-        return
+    if width <= 0:
+        return False
     for i in range(width):
         to_joints(memory, memory.axes[first + i], fresh)
         for j in range(n):
@@ -48,16 +66,7 @@ def weigh(memory: WeightsMemory) -> None:
         for i in range(width):
             add_multiple(-along / size * left[a, i], memory.axes[first + i], y, k)
     to_joints(memory, y, fresh)
-    excess, part = FULL, 1.0
-    for j in range(n):
-        excess = max(excess, abs(step[j]) / memory.longest_step[j])
-    for j in range(n):
-        most = excess * memory.longest_step[j]
-        if abs(step[j] + fresh[j]) > most:
-            part = min(part, max(most - (step[j] if fresh[j] > 0.0 else -step[j]), 0.0) / abs(fresh[j]))
-    for j in range(n):
-        step[j] += part * fresh[j]
-    add_multiple(part, y, memory.free_step, k)
+    return True
 
 
 @compiled
