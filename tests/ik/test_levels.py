@@ -105,6 +105,18 @@ def settle(solver: Solver, most: int = 400) -> cinegen.Step:
     raise AssertionError(f"no rest after {most} ticks: {np.abs(step.v).max():.2g}")
 
 
+def test_a_level_is_not_blamed_for_what_those_above_do():
+    """The second level wants another place in x and y, which gets worse by the first, and z, which is free: a tick
+    reaches z, as placo's soft task beside a hard one does."""
+    solver = Solver(load("delta4", "r1"), 1e-3)
+    first = solver.add_task("platform", weights=[1, 1, 0, 0, 0, 0], axes="world")
+    second = solver.add_task("platform", rotation=0, axes="world", priority=1)
+    here = first.target.translation
+    first.target, second.target = moved(first.target, (1e-5, -2e-5, 0.0)), moved(first.target, (5e-5, 3e-5, 2e-5))
+    there = solver.mechanism.placement(solver.step().q, "platform").translation
+    assert there - here == pytest.approx([1e-5, -2e-5, 2e-5], abs=1e-10)
+
+
 def test_hand_first_elbow_second_ends_where_an_optimiser_does():
     arm = load("arm7", "arm")
     solver = Solver(arm, 0.01)

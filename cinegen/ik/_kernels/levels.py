@@ -350,13 +350,22 @@ def _add_objective(memory: LevelsMemory) -> None:
 
 @compiled
 def promise(memory: LevelsMemory) -> None:
-    """Set what the attempted step promises to lower levels, and what all levels are corrected to."""
+    """Set what the attempted step promises to lower levels, and what all levels are corrected to.
+
+    With the gradient g of a level's cost, its rows' motion u by the levels above and o by its own part, the cost
+    becomes `level_cost` - g . u + |u|^2 / 2 without the part, and is less by (g - u) . o - |o|^2 / 2 with it.
+    """
     for level in range(memory.levels):
-        start, total = memory.level_end[level - 1] if level > 0 else 0, 0.0
+        start, others, own = memory.level_end[level - 1] if level > 0 else 0, 0.0, 0.0
         for i in range(start, memory.level_end[level]):
-            memory.aimed[i] = inner(memory.task_jacobian[i], memory.attempted, memory.n)
-            total += memory.wanted[i] * memory.aimed[i]
-        memory.level_promised[level] = total / memory.gain
+            row, wanted = memory.task_jacobian[i], memory.wanted[i] / memory.gain
+            memory.aimed[i] = inner(row, memory.attempted, memory.n)
+            if level > 0:
+                part = inner(row, memory.level_part[level], memory.n)
+                above = memory.aimed[i] - part
+                others += (wanted - 0.5 * above) * above
+                own += (wanted - above - 0.5 * part) * part
+        memory.level_rest[level], memory.level_promised[level] = memory.level_cost[level] - others, own
 
 
 @compiled
@@ -408,13 +417,13 @@ def shorten_levels(memory: LevelsMemory) -> bool:
     Parts below that level are shortened, or its own if they are zero. No level shortens those above.
     """
     for level in range(1, memory.levels):
-        cost, before, promised = tasks_left(memory, level), memory.level_cost[level], memory.level_promised[level]
-        wins = before - cost >= ARMIJO * promised - NOISE
+        cost, left, promised = tasks_left(memory, level), memory.level_rest[level], memory.level_promised[level]
         arrived = 0.5 * ARRIVED * ARRIVED
-        if cost <= arrived or (promised <= 0.0 and before > arrived) or (wins and before > arrived):
+        is_near = max(memory.level_cost[level], left) <= arrived
+        if cost <= arrived or (not is_near and (promised <= 0.0 or left - cost >= ARMIJO * promised - NOISE)):
             continue
         if not _has_parts(memory, level + 1):
-            if not _has_part(memory, level) or (before > arrived and promised <= 0.0):
+            if not _has_part(memory, level):
                 continue
             _shorten_part(memory, level)
         else:

@@ -255,7 +255,8 @@ class LevelsMemory(SecondaryMemory, part=True):
     level_still: Array = array("parts")  # 1 if no target of its tasks has moved
     level_part: Array = array("parts", "n")  # of the step: that of each level
     level_last: Array = array("parts", "n")  # of the last tick
-    level_promised: Array = array("levels")  # predicted reduction
+    level_rest: Array = array("levels")  # predicted cost without its part of the step: levels above change it, too
+    level_promised: Array = array("levels")  # predicted reduction of that by its part
     level_cost: Array = array("levels")  # cost of its tasks at the beginning of the tick
     level_sigma: Array = array("levels")  # smallest singular value
     level_limit: Table = array("levels", dtype=int)  # status of what restricts its part, or -1
