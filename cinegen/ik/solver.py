@@ -229,7 +229,7 @@ class Solver(JointControl):
 
     @property
     def damping_threshold(self) -> float:
-        """Dimensionless singular value of the tasks below which motion is damped; 0.05 by default.
+        """Dimensionless singular value, without the weights of tasks, below which motion is damped; 0.05 by default.
 
         A larger value makes motion near singularities slower and smoother. It may be set at any time.
 

@@ -165,8 +165,8 @@ class Step:
 
     @property
     def singular_values(self) -> Array:
-        """Dimensionless singular values of the tasks, of the first level if there are several, in the loops' null
-        space, largest first, as many as their generic rank. At a type 1 singularity the last is 0. Far from
+        """Dimensionless singular values of the weighted tasks, of the first level if there are several, in the loops'
+        null space, largest first, as many as their generic rank. At a type 1 singularity the last is 0. Far from
         singularities they are computed on access, at q; with a task in Python they are those before the tick."""
         count = int(self._record[m.TASK_RANK])
         if self._record[m.SIGMA_KNOWN]:
