@@ -118,10 +118,9 @@ class Linkage:
         columns = {name: mechanism.v_index(name) for name in names}
         followers, self._mimics = (set(), {}) if as_built else _followers(mechanism)
         self._distinct = {*distinct, *self._mimics, *(mimic.leader for mimic in self._mimics.values())}
-        equations = mechanism.structure.system.rows - len(
-            mechanism.couplings
-        )  # of loops: couplings only say where joints are
-        rows = [mechanism.structure.system.evaluate(q)[1][:equations] for q in mechanism.structure.samples]
+        system = mechanism.structure.system
+        equations = system.rows - len(mechanism.couplings)  # of loops: couplings only declare where joints are
+        rows = [system.evaluate(q)[1][:equations] for q in mechanism.structure.samples]
         for row in rows:
             for name, mimic in self._mimics.items():
                 row[:, columns[mimic.leader]] += mimic.ratio * row[:, columns[name]]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import copy
 import math
 from collections.abc import Iterator, Sequence
 
@@ -11,6 +12,7 @@ from cinegen.arrays import Array
 from cinegen.errors import ClosureError
 from cinegen.ik.given_task import Task, errors_of
 from cinegen.ik.local_ik import LocalIK
+from cinegen.ik.range import Range
 from cinegen.ik.solver import Solver
 from cinegen.ik.state import State
 from cinegen.ik.task import FrameTask
@@ -37,14 +39,7 @@ def solve_by_ticks(
     The best is that whose first level has the smallest error, then the second, and so on. Arguments are those of
     `inverse_kinematics`; tasks are valid.
     """
-    solver = Solver(mechanism, 1.0)
-    for task in tasks:
-        if isinstance(task, FrameTask):
-            add_copy(solver, task)
-        else:
-            solver.add_task(task)
-    solver.lift_limits(not limits)
-    solver._memory.longest_step[:] = STEP_CAP  # range of the linearisation
+    solver = solver_for(mechanism, tasks, limits)
     priorities = sorted({task.priority for task in tasks})
     best: tuple[list[float], Array, tuple[str, ...]] | None = None
     ticks = tried = 0
@@ -66,12 +61,21 @@ def solve_by_ticks(
     return max(best[0]) <= tolerance, best[1], tried, ticks, best[2]
 
 
-def add_copy(solver: Solver, task: FrameTask) -> FrameTask:
-    """Add a task like another one to a solver, and return it."""
-    return solver.add_task(
-        task.node, task.target, weight=task.weight, axes=task.axes, offset=task.offset, weights=task.weights,
-        priority=task.priority,
-    )  # fmt: skip
+def solver_for(mechanism: Mechanism, tasks: Sequence[FrameTask | Task | Range], limits: bool = True) -> Solver:
+    """Return a solver whose ticks are iterations towards tasks: as long as the linearisation allows, whatever the
+    velocity limits; and the position limits, unless `limits`. Tasks of frames, and ranges, are copied."""
+    solver = Solver(mechanism, 1.0)
+    for task in tasks:
+        if isinstance(task, FrameTask):
+            solver.add_task(
+                task.node, task.target, weight=task.weight, axes=task.axes, offset=task.offset, weights=task.weights,
+                priority=task.priority,
+            )  # fmt: skip
+        else:
+            solver.add_task(copy.copy(task) if isinstance(task, Range) else task)
+    solver.lift_limits(not limits)
+    solver._memory.longest_step[:] = STEP_CAP  # range of the linearisation
+    return solver
 
 
 def _starts(mechanism: Mechanism, q: Array | None, limits: bool, count: int, seed: int) -> Iterator[Array]:

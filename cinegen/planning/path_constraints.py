@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import copy
 from collections.abc import Callable, Sequence
 from typing import TypeAlias
 
@@ -12,8 +11,7 @@ import pinocchio as pin
 from cinegen.arrays import Array
 from cinegen.collision.scene import Scene
 from cinegen.errors import CinegenError
-from cinegen.ik import Solver
-from cinegen.ik.by_ticks import add_copy
+from cinegen.ik.by_ticks import solver_for
 from cinegen.ik.equations import task_rank
 from cinegen.ik.given_task import GivenTask, Task, errors_of
 from cinegen.ik.local_ik import LocalIK
@@ -21,7 +19,6 @@ from cinegen.ik.range import TOLERANCE as RANGE_TOLERANCE
 from cinegen.ik.range import Range
 from cinegen.ik.state import State
 from cinegen.ik.task import FrameTask
-from cinegen.ik.thresholds import STEP_CAP
 from cinegen.model import Mechanism
 from cinegen.tolerances import CLOSURE
 
@@ -64,11 +61,8 @@ class TaskProjection:
     """
 
     def __init__(self, mechanism: Mechanism, frames: Sequence[FrameTask], tasks: Kept) -> None:
-        self._solver, self._tasks = Solver(mechanism, 1.0), tasks
-        self.frames = tuple(add_copy(self._solver, task) for task in frames)
-        for task in tasks:
-            self._solver.add_task(copy.copy(task) if isinstance(task, Range) else task)
-        self._solver._memory.longest_step[:] = STEP_CAP
+        self._solver, self._tasks = solver_for(mechanism, (*frames, *tasks)), tasks
+        self.frames = self._solver.frame_tasks
 
     def __call__(self, q: Array) -> Array | None:
         """Return the projection (nq,) of q (nq,); None if there is none near it."""

@@ -200,8 +200,9 @@ def plan(
         obstacles: around a mechanism: each an `Obstacle` or its keys and values.
         node: of a mechanism: the node that is to reach the goal, its end by default.
         locked: names of joints that keep their values of the start, besides those that a scene locks.
-        tasks: tasks of any kind, and ranges, that are kept all along the path: to 1e-6 m or rad, and in between to what
-            half a milliradian of a joint moves them. Frames are constrained by a scene's `path`.
+        tasks: tasks of any kind, and ranges, that are kept along the path: configurations, at most 0.1 rad or
+            characteristic lengths apart, keep them to 1e-6 m or rad; in between joints move straight, which is tested
+            in the middle only. Frames are constrained by a scene's `path`.
         seconds: time limit, s; the final check against the meshes may take longer.
         planner: one of `Planner` or its value.
         field: one of `AvoidanceField` or its value; or a function that makes the objective of another field, for one

@@ -9,6 +9,8 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from elementary import shift as shift
+from elementary import turn as turn
 from numpy.typing import ArrayLike, NDArray
 
 from raff2urdf import loads
@@ -22,24 +24,6 @@ FIXED, PRISMATIC, REVOLUTE, BALL = 0, 1, 2, 3
 
 
 # --- placements --------------------------------------------------------------------------------------------------
-
-
-def turn(axis: str, angle: float) -> Matrix:
-    """The elementary rotation by `angle` (rad) about x, y or z."""
-    i = "xyz".index(axis)
-    j, k = (i + 1) % 3, (i + 2) % 3
-    m = np.eye(4)
-    m[j, j] = m[k, k] = math.cos(angle)
-    m[k, j] = math.sin(angle)
-    m[j, k] = -math.sin(angle)
-    return m
-
-
-def shift(axis: str, length: float) -> Matrix:
-    """The elementary translation along x, y or z."""
-    m = np.eye(4)
-    m["xyz".index(axis), 3] = length
-    return m
 
 
 def axis_at(point: ArrayLike, direction: ArrayLike = (0, 0, 1)) -> Matrix:
