@@ -2,18 +2,26 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
 
-from raff2urdf.closure import close_from_afar, close_within, gaps, generic_rank, passive, why_open
+from raff2urdf.closure import close_from_afar, closed_walk, gaps, generic_rank
 from raff2urdf.errors import Problem, RaffClosureError, RaffError, did_you_mean
+from raff2urdf.home import Beyond, close_within, moved_within, outside
+from raff2urdf.idle import Edge, motions, spins
+from raff2urdf.open_loops import why_open
+from raff2urdf.placement import translation
+from raff2urdf.play import play, steps_of
+from raff2urdf.play import text as play_text
 from raff2urdf.raff.check import check_sizes
 from raff2urdf.raff.compound import expanded
-from raff2urdf.raff.document import Document, JointType, LoopKind, RaffRobot
-from raff2urdf.tree import Cluster, clusters, home, length_of, limits
+from raff2urdf.raff.document import Document, JointType, LoopKind, RaffLink, RaffRobot
+from raff2urdf.selection import Candidate, determined
+from raff2urdf.tree import Cluster, clusters, coupling_of, edges, effort, home, length_of, limits, velocity
 
 Array = NDArray[np.float64]
 
@@ -36,6 +44,8 @@ class Analysis:
         length: characteristic length at home, m.
         uncontrolled: passive joints that neither the loops nor the actuated joints determine.
         dependent: actuated joints that the loops and the others determine.
+        moved: of each loop of pins with play, by its index, the placement (4, 4) of its second end on its node.
+        remarks: what users are to be told, in the words of `cinegen.load`.
     """
 
     mobility: int
@@ -49,6 +59,8 @@ class Analysis:
     length: float
     uncontrolled: tuple[str, ...] = ()
     dependent: tuple[str, ...] = ()
+    moved: Mapping[int, Array] = field(default_factory=dict)
+    remarks: tuple[str, ...] = ()
 
 
 def loop_kinds(robot: RaffRobot, replaced: Mapping[str, str] | None = None) -> dict[int, LoopKind]:
@@ -89,13 +101,16 @@ def declared_actuated(robot: RaffRobot) -> dict[str, bool | None]:
     return {joint: bool(actuated) if named else actuated for joint, actuated in declared.items()}
 
 
-def analyse(document: Document, robot: RaffRobot, loops: Mapping[str, str] | None = None) -> Analysis:
+def analyse(
+    document: Document, robot: RaffRobot, loops: Mapping[str, str] | None = None, exact: bool = False
+) -> Analysis:
     """Close the robot's loops, beginning at the configuration as written, and count its degrees of freedom.
 
     Args:
         document: that holds the robot.
         robot: the robot.
         loops: kinds (rigid, prismatic, revolute, ball) that replace the file's, by the loop's name.
+        exact: refuse pins with play (`raff2urdf.play`), which are closed in the plane otherwise.
 
     Raises:
         RaffClosureError: the loops can't be closed.
@@ -106,29 +121,43 @@ def analyse(document: Document, robot: RaffRobot, loops: Mapping[str, str] | Non
     robot = expanded(robot)
     joints = [link for link in robot.links if link.type is not JointType.FIXED]
     rows, rank, gap, closure, length = 0, 0, 0.0, 0.0, length_of(document, written, kinds)
-    determined: set[str] = set()  # joints that the others move
     declared = declared_actuated(written)
-    problems: list[Problem] = []
+    problems, remarks, moved = list[Problem](), list[str](), dict[int, Array]()
     values = {joint.joint: home(document, joint) for joint in joints}
-    if robot.loops or robot.couplings:
-        for cluster in clusters(document, robot, kinds, length):
-            gap = max(gap, *gaps(cluster, cluster.home))
+    closed = dict(values)
+    parts, elsewhere = list[tuple[Cluster, list[Array]]](), (dict(values), dict(values))
+    for cluster in clusters(document, robot, kinds, length) if robot.loops or robot.couplings else ():
+        gap = max(gap, *gaps(cluster, cluster.home))
+        closing = close_from_afar(cluster, cluster.start)
+        offsets = {} if closing.closed or exact else play(cluster, cluster.start, closing)
+        if offsets:
+            remarks.append(play_text(cluster.names, offsets))
+            moved |= {cluster.loops[i]: translation(offset) for i, offset in offsets.items()}
+            cluster = cluster.with_moved(steps_of(offsets))
             closing = close_from_afar(cluster, cluster.start)
-            if not closing.closed:
-                why = why_open(cluster, cluster.names, cluster.start, closing, raff=True)
-                problems.append(document.source.problem(f"robot '{robot.name}': {why}"))
-                continue
-            bounds = np.array([limits(document, joint) for joint in cluster.joints]).reshape(-1, 2)
-            inside = close_within(cluster, closing.q, *bounds.T)
-            closure = max(closure, *gaps(cluster, inside))
-            values.update(zip((joint.joint for joint in cluster.joints), inside.tolist(), strict=True))
-            count, q = generic_rank(cluster, closing.q)
-            jacobian = cluster.evaluate(q)[1]
-            rows, rank = rows + len(jacobian), rank + count
-            order = _outermost_first(cluster, declared)
-            determined |= {cluster.joints[i].joint for i in passive(jacobian, order)}
+        if not closing.closed:
+            why = why_open(cluster, cluster.names, cluster.start, closing, raff=True)
+            problems.append(document.source.problem(f"robot '{robot.name}': {why}"))
+            continue
+        bounds = np.array([limits(document, joint) for joint in cluster.joints]).reshape(-1, 2)
+        inside = close_within(cluster, cluster.start, closing.q, *bounds.T)
+        closure = max(closure, *gaps(cluster, inside))
+        count, q = generic_rank(cluster, inside)
+        parts.append((cluster, [inside, next(closed_walk(cluster, q, 1), q), q]))
+        rows, rank = rows + len(cluster.evaluate(q)[1]), rank + count
+        closed.update(zip((joint.joint for joint in cluster.joints), closing.q.tolist(), strict=True))
+        for there, some in zip((values, *elsewhere), parts[-1][1], strict=True):
+            there.update(zip((joint.joint for joint in cluster.joints), some.tolist(), strict=True))
     if problems:
         raise RaffClosureError(problems)
+    in_loops = {joint.joint for cluster, _ in parts for joint in cluster.joints}
+    for joint in joints:
+        if joint.joint not in in_loops:
+            low, high = limits(document, joint)
+            values[joint.joint] = min(max(values[joint.joint], low), high)
+    remarks += _beyond(document, joints, closed, values)
+    everywhere = [edges(document, robot, kinds, length, there) for there in (values, *elsewhere)]
+    determined = _determined(document, robot, parts, everywhere, declared)
     actuated = tuple(joint for joint, has in declared.items() if has or (has is None and joint not in determined))
     uncontrolled = tuple(joint for joint in declared if joint not in actuated and joint not in determined)
     dependent = tuple(joint for joint in actuated if joint in determined)
@@ -136,19 +165,95 @@ def analyse(document: Document, robot: RaffRobot, loops: Mapping[str, str] | Non
     if rows:
         length = length_of(document, written, kinds, values)
     kinds_of = tuple(kinds.values())
-    return Analysis(mobility, rows, rank, actuated, gap, closure, kinds_of, values, length, uncontrolled, dependent)
+    return Analysis(
+        mobility,
+        rows,
+        rank,
+        actuated,
+        gap,
+        closure,
+        kinds_of,
+        values,
+        length,
+        uncontrolled,
+        dependent,
+        moved,
+        tuple(remarks),
+    )
 
 
-def _outermost_first(cluster: Cluster, actuated: Mapping[str, bool | None]) -> Sequence[int]:
-    """Return the cluster's joints from the outermost inwards, beginning with those that the file declares passive, and
-    then those that follow others in couplings."""
+def _beyond(
+    document: Document, joints: Sequence[RaffLink], closed: Mapping[str, float], home: Mapping[str, float]
+) -> list[str]:
+    """Return what was moved to be within limits, or stays outside.
+
+    Args:
+        document: that holds the robot.
+        joints: that move.
+        closed: their values with loops closed.
+        home: likewise, within the limits if possible.
+    """
+    found: dict[bool, list[Beyond]] = {False: [], True: []}
+    for joint in joints:
+        low, high = limits(document, joint)
+        for is_home, values in ((False, closed), (True, home)):
+            value = values[joint.joint]
+            if not low <= value <= high:
+                slides = joint.type is JointType.PRISMATIC
+                found[is_home].append(Beyond(joint.joint, slides, value, low if value < low else high))
+    before, after = found[False], found[True]
+    return [outside(after)] if after else [moved_within(before)] if before else []
+
+
+def _determined(
+    document: Document,
+    robot: RaffRobot,
+    parts: Sequence[tuple[Cluster, Sequence[Array]]],
+    everywhere: Sequence[Sequence[Edge]],
+    actuated: Mapping[str, bool | None],
+) -> set[str]:
+    """Return the joints that the others determine, see `raff2urdf.selection`.
+
+    Args:
+        document: that holds the robot.
+        robot: the robot, `expanded`.
+        parts: clusters, each with closed configurations, the generic rank at the last one.
+        everywhere: all joints at these configurations.
+        actuated: whether joints are, in file order; None: not stated.
+    """
+    joints = [link.joint for link in robot.links if link.type is not JointType.FIXED]
+    in_loops = {joint.joint for cluster, _ in parts for joint in cluster.joints}
+    coupled = {joint for i in range(len(robot.couplings)) for joint in coupling_of(document, robot, i).terms}
+    fixed = [i for i, joint in enumerate(joints) if actuated[joint] or joint not in in_loops or joint in coupled]
+    idle = spins(everywhere, fixed)
+    found: set[str] = set()
+    for cluster, configurations in parts:
+        columns = [joints.index(joint.joint) for joint in cluster.joints]
+        rows = [motions(edges, idle, len(joints))[:, columns] for edges in everywhere]
+        jacobians = [np.vstack([cluster.evaluate(q)[1], row]) for q, row in zip(configurations, rows, strict=True)]
+        turning = np.abs(rows[-1]).max(axis=0, initial=0.0) > 0.0
+        found.update(determined(jacobians, _candidates(document, cluster, actuated, turning)))
+    return found
+
+
+def _candidates(
+    document: Document, cluster: Cluster, actuated: Mapping[str, bool | None], spins: Sequence[bool]
+) -> list[Candidate]:
     moving = {joint.number for joint in cluster.joints}
     depth: dict[int, int] = {}
     for part in cluster.parts:
         depth[part.number] = depth.get(part.pred, 0) + (part.number in moving)
     followers = {cluster.robot.couplings[i].follower for i in cluster.couplings}
-    keys = [
-        (actuated[joint.joint] is not False, joint.number not in followers, -depth[joint.number], -i)
+    return [
+        Candidate(
+            joint.joint,
+            i,
+            depth[joint.number],
+            actuated[joint.joint],
+            joint.number in followers,
+            joint.type is JointType.PRISMATIC,
+            any(map(math.isfinite, (limits(document, joint)[1], velocity(document, joint), effort(joint)))),
+            bool(spins[i]),
+        )
         for i, joint in enumerate(cluster.joints)
     ]
-    return sorted(range(len(keys)), key=keys.__getitem__)

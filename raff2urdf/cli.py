@@ -220,7 +220,7 @@ def counted(number: int, plural: str) -> str:
 
 def _check(name: str, robot: str | None, loops: dict[str, str]) -> list[dict[str, Any]]:
     from raff2urdf.analysis import analyse
-    from raff2urdf.conversion import warn_of_actuation, warn_outside_limits
+    from raff2urdf.conversion import warn_of
     from raff2urdf.raff.check import check
     from raff2urdf.raff.compound import expanded
     from raff2urdf.raff.reader import parse, read
@@ -231,8 +231,7 @@ def _check(name: str, robot: str | None, loops: dict[str, str]) -> list[dict[str
     reports = []
     for one in [document.robot(robot)] if robot is not None else document.robots:
         analysis, links = analyse(document, one, loops), expanded(one).links
-        warn_outside_limits(document, one.name, links, analysis)
-        warn_of_actuation(one.name, analysis)
+        warn_of(one.name, analysis)
         joints = sum(link.type != 0 for link in links)
         counts = {"links": len(one.links), "joints": joints, "loops": len(one.loops)}
         reports.append({"file": name, "robot": one.name, **counts, **_of_loops(analysis)})

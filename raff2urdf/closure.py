@@ -8,7 +8,6 @@ by the characteristic length, and so is the variable of a prismatic joint. The a
 
 from __future__ import annotations
 
-import json
 import math
 from collections.abc import Iterator, Mapping, Sequence
 from typing import NamedTuple, Protocol
@@ -16,10 +15,9 @@ from typing import NamedTuple, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from raff2urdf.escape import shell_word
-from raff2urdf.raff import texts
+from raff2urdf.bounds import STEP_CAP, Bounds
 from raff2urdf.raff.document import LoopKind
-from raff2urdf.residual import ROWS, skew, swing
+from raff2urdf.residual import ROWS
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
@@ -28,10 +26,8 @@ CLOSED = 1e-12
 """rad, or characteristic lengths: `close` succeeds where no residual is above this."""
 
 ROUNDING = 2e-15  # no residual is expected to get below this: iterations stop
-STEP_CAP = 0.6  # rad or lengths: a longer step leaves the range of its linearisation
 RANK = 1e-6  # singular values below this part of the largest are zeros: closing to 1e-14 leaves 1e-7 at a singularity
 NOTHING = 1e-9  # and below this, in any case: loops that no joint can open
-_PARALLEL = 0.5  # degrees: z axes of hinges that are farther apart are not parallel
 _WALK = 0.3  # rad or lengths: step between the random closed configurations
 _SAMPLES = 5  # random closed configurations on which the generic rank is counted
 _WALKS = 8  # to as many, if the rank is not clear there
@@ -69,8 +65,8 @@ class KindedLoops(LoopSystem, Protocol):
         """Return the placement (4, 4) of each loop's second end in its first, at q (nq,); m."""
         ...
 
-    def with_turned(self, turns: Mapping[int, tuple[Array, Array]]) -> KindedLoops:
-        """Return the same loops, the axes of some loops' ends turned by rotations (3, 3) in their own axes."""
+    def with_moved(self, steps: Mapping[int, tuple[Array, Array]]) -> KindedLoops:
+        """Return the same loops, some loops' ends moved by placements (4, 4) in their own axes."""
         ...
 
     def with_kinds(self, kinds: Sequence[LoopKind]) -> KindedLoops:
@@ -95,7 +91,9 @@ class Closing(NamedTuple):
         return self.gap <= CLOSED
 
 
-def close(system: LoopSystem, q: Array, free: Mask | None = None, iterations: int = 100) -> Closing:
+def close(
+    system: LoopSystem, q: Array, free: Mask | None = None, iterations: int = 100, bounds: Bounds | None = None
+) -> Closing:
     """Close loops from a configuration, by damped Gauss-Newton steps.
 
     With J = U S V^T, residual c and damping mu, a step is
@@ -114,6 +112,7 @@ def close(system: LoopSystem, q: Array, free: Mask | None = None, iterations: in
         q: (nq,) where to begin.
         free: (nv,) the degrees of freedom that may move; all if None.
         iterations: greatest number of steps tried.
+        bounds: limits that are kept: each step is then the least within them, and q must not be beyond them.
     """
     c, jacobian = system.evaluate(q)
     gap, damping = _largest(c), 1.0
@@ -122,8 +121,11 @@ def close(system: LoopSystem, q: Array, free: Mask | None = None, iterations: in
         if gap <= ROUNDING or not free.any():
             break
         step = np.zeros(len(free))
-        step[free] = _step(jacobian[:, free], c, damping * float(c @ c))
-        there = system.integrate(q, step)
+        if bounds is None:
+            step[free] = _step(jacobian[:, free], c, damping * float(c @ c))
+        else:
+            step = bounds.step(jacobian, c, damping * float(c @ c), q)
+        there = system.integrate(q, step) if bounds is None else bounds.clipped(system.integrate(q, step))
         c_there, jacobian_there = system.evaluate(there)
         if c_there @ c_there < c @ c:
             before, gap = gap, _largest(c_there)
@@ -158,34 +160,6 @@ def close_from_afar(system: LoopSystem, q: Array) -> Closing:
         away = np.asarray(rng.standard_normal(nv)) * (0.1 * (1 + attempt))
         best = min(best, close(system, system.integrate(q, away)), key=lambda closing: closing.gap)
     return best
-
-
-def close_within(
-    system: LoopSystem, closed: Array, lower: Array, upper: Array, columns: Mapping[int, int] | None = None
-) -> Array:
-    """Return a closed configuration within the limits, or `closed` itself where none is found.
-
-    Joints beyond a limit are put on it and kept there while the others close the loops. That may lead others beyond
-    theirs, so it is done up to three times.
-
-    Args:
-        system: the loops.
-        closed: (nq,) a closed configuration.
-        lower: (nq,) least values; -inf where there is none.
-        upper: (nq,) greatest values; inf where there is none.
-        columns: of each index in q that has limits the index in v; the same unless given.
-    """
-    q, free = closed, np.ones(system.evaluate(closed)[1].shape[1], dtype=bool)
-    for _ in range(3):
-        outside = (q < lower) | (q > upper)
-        if not outside.any():
-            return q
-        free[[i if columns is None else columns[i] for i in np.flatnonzero(outside).tolist()]] = False
-        closing = close(system, np.clip(q, lower, upper), free)
-        if not closing.closed:
-            break
-        q = closing.q
-    return closed
 
 
 def rank(jacobian: Array, threshold: float = RANK) -> int:
@@ -269,122 +243,15 @@ def passive(jacobian: Array, order: Sequence[int]) -> list[int]:
 
 def gaps(loops: KindedLoops, q: Array) -> list[float]:
     """Return the largest residual of each loop and coupling at q (nq,), in rad or characteristic lengths."""
-    return [_largest(part) for part in _residuals(loops, q)]
+    return [_largest(part) for part in residuals(loops, q)]
 
 
-def shown_gaps(loops: KindedLoops, q: Array) -> list[str]:
-    """Return the residual of each loop and coupling at q (nq,) as text: mm and degrees, in the axes of the loop's first
-    end."""
-    found = _residuals(loops, q)
-    texts = [_shown_gap(kind, part, loops.length) for kind, part in zip(loops.kinds, found, strict=False)]
-    return texts + [f"{_largest(part):.3g} rad or characteristic lengths" for part in found[len(texts) :]]
-
-
-def _residuals(loops: KindedLoops, q: Array) -> list[Array]:
+def residuals(loops: KindedLoops, q: Array) -> list[Array]:
+    """Return the residual of each loop and coupling at q (nq,), in rad or characteristic lengths."""
     c = loops.evaluate(q)[0]
     ends = np.cumsum([ROWS[kind] for kind in loops.kinds], dtype=int)
     couplings = ends[-1] if ends.size else 0
     return [*np.split(c[:couplings], ends)[:-1], *c[couplings:, None]]
-
-
-def _shown_gap(kind: LoopKind, c: Array, length: float) -> str:
-    """Return the residual of a loop as text: what is a thousandth of the rest is left out."""
-    count = 2 if kind is LoopKind.PRISMATIC else 3
-    found = []
-    sizes = (c[:count], 1e3 * length, "mm", "along"), (c[count:], math.degrees(1.0), "degrees", "about")
-    for part, scale, unit, word in sizes:
-        if _largest(part) > 1e-3 * _largest(c):
-            size = float(np.linalg.norm(part))
-            axis = f" {word} {'xyz'[int(np.argmax(np.abs(part)))]}" if _largest(part) > 0.95 * size else ""
-            found.append(f"{scale * size:.3g} {unit}{axis}")
-    return " and ".join(found) or "0 mm"
-
-
-def why_open(loops: KindedLoops, names: Sequence[str], start: Array, best: Closing, raff: bool) -> str:
-    """Return the text of an error: which loops and couplings can't be closed, and what would close them: other axes of
-    their ends, or weaker kinds.
-
-    Args:
-        loops: that can't be closed.
-        names: of all loops and couplings.
-        start: (nq,) the configuration as written.
-        best: the best attempt.
-        raff: whether the file is RAFF, in which the remedy is written then.
-    """
-    from raff2urdf.near_redundancy import LARGEST_GAP, MOST_ROWS, near_redundancy  # which imports this module
-
-    kinds, remaining = loops.kinds, gaps(loops, best.q)
-    open_loops = [i for i, gap in enumerate(remaining) if gap > CLOSED]
-    jacobian = loops.evaluate(best.q)[1]
-    what = texts.LOOPS_AND_COUPLINGS if len(names) > len(kinds) else texts.LOOPS
-    words = [kind.name.lower() for kind in kinds] + ["coupling"] * (len(names) - len(kinds))
-    shown = shown_gaps(loops, best.q)
-    listed = ", ".join(f"'{names[i]}' ({words[i]}, {shown[i]})" for i in open_loops[:8])
-    more = texts.MORE_OPEN.format(count=len(open_loops) - 8) if len(open_loops) > 8 else ""
-    lines = [
-        texts.STAY_OPEN.format(what=what, listed=listed, more=more),
-        f"these are the least gaps found, in the axes of each loop's first end; {jacobian.shape[0]} loop rows of "
-        f"rank {rank(jacobian)} on {jacobian.shape[1]} joints",
-    ]
-    if max(remaining) <= LARGEST_GAP and len(jacobian) <= MOST_ROWS and near_redundancy(loops, best.q, start):
-        lines.append("these loops are nearly redundant, since numbers are rounded: `cinegen heal` writes exact ones")
-    turns = _turns(loops, open_loops, start)
-    apart = [f"{' and '.join(loops.ends[i])} are {angle:.4g} degrees apart" for i, (angle, *_) in turns.items()]
-    turned = loops.with_turned({i: (np.eye(3), turn) for i, (_, _, turn) in turns.items()})
-    if turns and close_from_afar(turned, start).closed:
-        edits = [_edit(loops.ends[i][1], angle, about, raff) for i, (angle, about, _) in turns.items()]
-        lines.append(f"the z axes of {', of '.join(apart)} as written. It closes with {'; and '.join(edits)}")
-        return "\n  ".join(lines)
-    for weaker in (LoopKind.REVOLUTE, LoopKind.BALL):
-        changed = [i for i in open_loops if i < len(kinds) and ROWS[kinds[i]] > ROWS[weaker]]
-        trial = [weaker if i in changed else kind for i, kind in enumerate(kinds)]
-        if changed and close_from_afar(loops.with_kinds(trial), start).closed:
-            kind = weaker.name.lower()
-            typed = " ".join(f"--loop {shell_word(names[i])}={kind}" for i in changed)
-            python = ", ".join(f'{json.dumps(names[i], ensure_ascii=False)}: "{kind}"' for i in changed)
-            lines.append(
-                f"it closes with {kind} joints there: loops={{{python}}} in Python, {typed} as a command's option"
-            )
-            if apart and weaker is LoopKind.BALL:
-                lines.append(f"but hinges need parallel axes: the z axes of {', of '.join(apart)} as written")
-            break
-    else:
-        if any(i < len(kinds) for i in open_loops):
-            lines.append("neither revolute nor ball joints there would close it")
-    return "\n  ".join(lines)
-
-
-def _turns(loops: KindedLoops, open_loops: Sequence[int], start: Array) -> dict[int, tuple[float, float, Array]]:
-    """Return for open hinges whose z axes are not parallel as written: the angle between them, and about which axis of
-    the second end's x and y it is turned to make them parallel, by its angle from x, degrees; and that rotation."""
-    found, placed = {}, loops.placements(start)
-    for i in open_loops:
-        if i < len(loops.kinds) and loops.kinds[i] is LoopKind.REVOLUTE:
-            swung, _ = swing(placed[i][2, :3])  # the first end's z axis, seen from the second
-            angle = math.degrees(float(np.linalg.norm(swung)))
-            if angle > _PARALLEL:
-                about = math.degrees(math.atan2(swung[1], swung[0]))
-                found[i] = angle, about, _rotation(np.append(swung, 0.0))
-    return found
-
-
-def _rotation(vector: Array) -> Array:
-    """Return the rotation (3, 3) of a rotation vector (3,) that is not 0."""
-    angle = float(np.linalg.norm(vector))
-    k = skew(vector / angle)
-    return np.asarray(np.eye(3) + math.sin(angle) * k + (1.0 - math.cos(angle)) * k @ k)
-
-
-def _edit(end: str, angle: float, about: float, raff: bool) -> str:
-    """Return how the axes of an end are turned."""
-    if raff:
-        around = f"gamma {about:.8g} " if abs(about) > _PARALLEL else ""
-        back = f" theta {-about:.8g}" if around else ""
-        return f"a frame on {end}, 'parameters {{ {around}alpha {angle:.8g}{back} }}', as that end of the loop"
-    axes = {0: "its x", 90: "its y", 180: "its -x", -180: "its -x", -90: "its -y"}
-    near = min(axes, key=lambda at: abs(about - at))
-    axis = axes[near] if abs(about - near) < _PARALLEL else f"an axis {about:.4g} degrees from its x to its y"
-    return f"the frame of {end} turned by {angle:.4g} degrees about {axis}"
 
 
 def _largest(values: Array) -> float:

@@ -72,6 +72,7 @@ def constraints(
     balls = [{"name": name, "joints": joints} for name, joints in spherical_joints(robot).items()]
     actuated = declared_actuated(robot)
     mobility = rows = rank = None
+    moved = {} if analysis is None else analysis.moved
     if analysis is not None:
         mobility, rows, rank = analysis.mobility, analysis.rows, analysis.rank
         actuated = {joint: joint in analysis.actuated for joint in actuated}
@@ -86,7 +87,13 @@ def constraints(
             }
         )
     closures = [
-        loop_entry(name, kinds[i].name.lower(), *(robot.nodes[end].node for end in (loop.first, loop.second)))
+        loop_entry(
+            name,
+            kinds[i].name.lower(),
+            robot.nodes[loop.first].node,
+            robot.nodes[loop.second].node,
+            (IDENTITY, moved.get(i, IDENTITY)),
+        )
         for i, (name, loop) in enumerate(zip(robot.loop_names, robot.loops, strict=True))
     ]
     equations = [coupling_of(document, robot, i) for i in range(len(robot.couplings))]

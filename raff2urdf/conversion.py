@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 import warnings
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
@@ -17,13 +17,12 @@ from raff2urdf.files import GENERATED, check_new, is_stream, read_bytes, stem_of
 from raff2urdf.graphics.meshes import Graphics
 from raff2urdf.raff.check import check, check_sizes
 from raff2urdf.raff.compound import expanded
-from raff2urdf.raff.document import Document, RaffLink, RaffRobot
+from raff2urdf.raff.document import Document, RaffRobot
 from raff2urdf.raff.reader import parse, read
 from raff2urdf.readers.actuation import RAFF, advice
 from raff2urdf.readers.urdf import hash_of
 from raff2urdf.readers.urdf import parse as parse_urdf
 from raff2urdf.shipped import find_robot
-from raff2urdf.tree import limits
 from raff2urdf.writers import WriteOptions, files
 
 if TYPE_CHECKING:  # takes half a second
@@ -230,9 +229,7 @@ def convert(
         name = stem if len(document.robots) == 1 else f"{stem}.{one.name}"
         name = name if file is None else Path(file).stem
         made = translate(document, one, path.parent, out, loops, None if streamed else out / "meshes" / name)
-        if format != "urdf":
-            warn_outside_limits(document, one.name, made.robot.links, made.analysis)
-            warn_of_actuation(one.name, made.analysis)
+        warn_of(one.name, made.analysis, actuation=format != "urdf")
         own, *others = files(format, made, name, options).items()
         constrained = made.constraints["loops"] or made.constraints.get("couplings")
         if streamed and constrained and others and dialect in ("json", "robot.yaml"):
@@ -277,20 +274,12 @@ def _is_stream(path: Path) -> bool:
         return False
 
 
-def warn_outside_limits(document: Document, name: str, links: Iterable[RaffLink], analysis: Analysis) -> None:
-    """Warn of joints of the robot of that name whose limits its closed home exceeds."""
-    beyond = []
-    for link in links:
-        low, high = limits(document, link)
-        if not low <= analysis.home.get(link.joint, low) <= high:
-            beyond.append(link.joint)
-    if beyond:
-        message = f"with loops closed, home is outside the limits of {', '.join(beyond)}: change them"
-        warnings.warn(f"robot '{name}': {message}", RaffWarning, stacklevel=3)
-
-
-def warn_of_actuation(name: str, analysis: Analysis) -> None:
-    """Warn of actuated joints of the robot of that name that depend on each other, and leave a DoF uncontrolled."""
-    if analysis.uncontrolled and analysis.dependent:
-        message = advice(analysis.uncontrolled, analysis.dependent, RAFF)
-        warnings.warn(f"robot '{name}': {message}", RaffWarning, stacklevel=3)
+def warn_of(name: str, analysis: Analysis, actuation: bool = True) -> None:
+    """Warn of what the analysis of the robot of that name remarks: pins with play, joints that home moves to be within
+    their limits or leaves outside; and, if asked to, of actuated joints that depend on each other, and leave a DoF
+    uncontrolled."""
+    texts = list(analysis.remarks)
+    if actuation and analysis.uncontrolled and analysis.dependent:
+        texts.append(advice(analysis.uncontrolled, analysis.dependent, RAFF))
+    for text in texts:
+        warnings.warn(f"robot '{name}': {text}", RaffWarning, stacklevel=3)

@@ -20,7 +20,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from raff2urdf.closure import CLOSED, STEP_CAP, LoopSystem, close
+from raff2urdf.bounds import STEP_CAP
+from raff2urdf.closure import CLOSED, LoopSystem, close
 
 Array = NDArray[np.float64]
 

@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from raff2urdf.coupling import Coupling, coupled_scales, followed
+from raff2urdf.idle import Edge
 from raff2urdf.inertia import Inertia
 from raff2urdf.length import characteristic_length, cut_screws
 from raff2urdf.placement import inverse
@@ -154,6 +155,36 @@ def length_of(
     return characteristic_length(together, points, np.array([carried[number] for number in nodes]))
 
 
+def edges(
+    document: Document, robot: RaffRobot, kinds: Mapping[int, LoopKind], length: float, q: Mapping[str, float]
+) -> list[Edge]:
+    """Return all joints, and then those that were cut, as connections of bodies, at joint values (rad, m) by name.
+
+    Args:
+        document: that holds the robot.
+        robot: the robot, `expanded`.
+        kinds: of its loops.
+        length: characteristic length, m.
+        q: of all joints that move, which are the columns of a step in file order.
+    """
+    placed, bodies, found = placements(document, robot, q), {0: 0}, list[Edge]()
+    columns = {link.number: i for i, link in enumerate(one for one in robot.links if one.type is not JointType.FIXED)}
+    unit = np.repeat([length, 1.0], 3)[:, None]
+    for part in robot.outward:
+        parent = bodies[part.pred]
+        column = columns.get(part.number)
+        bodies[part.number] = parent if column is None else column + 1
+        if column is not None:
+            slides = isinstance(part, RaffLink) and part.type is JointType.PRISMATIC
+            screws = cut_screws(LoopKind.PRISMATIC if slides else LoopKind.REVOLUTE, placed[part.number])
+            found.append(Edge(parent, column + 1, screws if slides else screws / unit, (column,)))
+    for i, loop in enumerate(robot.loops):
+        screws = cut_screws(kinds[i], placed[loop.first])
+        slides = kinds[i] is LoopKind.PRISMATIC
+        found.append(Edge(bodies[loop.first], bodies[loop.second], screws if slides else screws / unit))
+    return found
+
+
 class Cluster:
     """Loops and couplings that share joints, and those joints: a `LoopSystem` (q: the joints in file order)."""
 
@@ -165,10 +196,10 @@ class Cluster:
         couplings: Sequence[int],
         kinds: Mapping[int, LoopKind],
         length: float,
-        turns: Mapping[int, tuple[Array, Array]] | None = None,
+        steps: Mapping[int, tuple[Array, Array]] | None = None,
     ) -> None:
         self.document, self.robot, self.length = document, robot, length
-        self._turns = turns or {}
+        self._steps = steps or {}
         self.loops, self.couplings = loops, couplings
         self.kinds = [kinds[i] for i in loops]
         branches = [_branches(robot, i) for i in loops]
@@ -202,12 +233,12 @@ class Cluster:
     def with_kinds(self, kinds: Sequence[LoopKind]) -> Cluster:
         """Return the same loops, closed by other kinds of joints."""
         by_loop = dict(zip(self.loops, kinds, strict=True))
-        return Cluster(self.document, self.robot, self.loops, self.couplings, by_loop, self.length, self._turns)
+        return Cluster(self.document, self.robot, self.loops, self.couplings, by_loop, self.length, self._steps)
 
-    def with_turned(self, turns: Mapping[int, tuple[Array, Array]]) -> Cluster:
-        """Return the same loops, the axes of some loops' ends turned by rotations (3, 3) in their own axes."""
+    def with_moved(self, steps: Mapping[int, tuple[Array, Array]]) -> Cluster:
+        """Return the same loops, some loops' ends moved by placements (4, 4) in their own axes."""
         kinds = dict(zip(self.loops, self.kinds, strict=True))
-        return Cluster(self.document, self.robot, self.loops, self.couplings, kinds, self.length, turns)
+        return Cluster(self.document, self.robot, self.loops, self.couplings, kinds, self.length, steps)
 
     @property
     def ends(self) -> list[tuple[str, str]]:
@@ -229,8 +260,8 @@ class Cluster:
         for i, index in enumerate(self.loops):
             loop = self.robot.loops[index]
             ends = placed.get(loop.first, fixed), placed.get(loop.second, fixed)
-            turns = self._turns.get(i)
-            yield ends if turns is None else (_turned(ends[0], turns[0]), _turned(ends[1], turns[1]))
+            steps = self._steps.get(i)
+            yield ends if steps is None else (ends[0] @ steps[0], ends[1] @ steps[1])
 
     @property
     def start(self) -> Array:
@@ -264,13 +295,6 @@ class Cluster:
             residuals.append(np.array([lack / size]))
             blocks.append(row)
         return np.concatenate(residuals), np.vstack(blocks) * self.scale
-
-
-def _turned(placement: Array, turn: Array) -> Array:
-    """Return a placement (4, 4), turned by a rotation (3, 3) in its own axes."""
-    turned = placement.copy()
-    turned[:3, :3] = placement[:3, :3] @ turn
-    return turned
 
 
 def clusters(document: Document, robot: RaffRobot, kinds: Mapping[int, LoopKind], length: float) -> Iterator[Cluster]:

@@ -92,6 +92,7 @@ class Linkage:
         as_built: whether actuated joints are taken as they are, even if some are redundant or don't determine the
             others: to examine its structure; nothing can be solved so.
         distinct: passive joints whose values distinguish modes: they are no part of a universal or a ball joint.
+        held: passive joints that are locked, too; see `linkage_of`.
 
     Attributes:
         locked: names of the locked joints, in q's order.
@@ -107,7 +108,9 @@ class Linkage:
         ModesError: no loops, joints of other kinds, or actuated joints that don't determine the others.
     """
 
-    def __init__(self, mechanism: Mechanism, as_built: bool = False, distinct: Collection[str] = ()) -> None:
+    def __init__(
+        self, mechanism: Mechanism, as_built: bool = False, distinct: Collection[str] = (), held: Collection[str] = ()
+    ) -> None:
         self.mechanism = mechanism
         self.work = 0.0
         _check_joints(mechanism)
@@ -126,7 +129,7 @@ class Linkage:
                 row[:, columns[mimic.leader]] += mimic.ratio * row[:, columns[name]]
                 row[:, columns[name]] = 0.0
         inside = {name for name in names if max(np.abs(row[:, columns[name]]).max() for row in rows) > _STILL}
-        given = {*mechanism.actuated, *followers, *self._mimics}
+        given = {*mechanism.actuated, *followers, *self._mimics, *held}
         loose = [name for name in names if name not in inside and name not in given]
         if loose:
             raise ModesError(
@@ -496,6 +499,21 @@ def scratch_of(tables: LinkageTables, passive: int) -> LinkageScratch:
         vectors=zeros(len(tables.vectors), 3), matrix=zeros(joints + 1, rows), residual=zeros(rows),
         order=np.zeros(unknowns, dtype=np.int64), stages=zeros(6, unknowns),
     )  # fmt: skip
+
+
+def linkage_of(mechanism: Mechanism, distinct: Collection[str] = ()) -> Linkage:
+    """Return the linkage of a mechanism; idle motions that would move its features are locked, one joint each.
+
+    Raises:
+        ModesError: see `Linkage`.
+    """
+    try:
+        return Linkage(mechanism, distinct=distinct)
+    except ModesError:
+        held = mechanism.structure.idle_joints
+        if not held:
+            raise
+        return Linkage(mechanism, distinct=distinct, held=held)
 
 
 def _check_joints(mechanism: Mechanism) -> None:

@@ -13,7 +13,7 @@ from cinegen.arrays import Array, ArrayLike, Complex
 from cinegen.assembly.certify import BodyFeature, Unknowns
 from cinegen.assembly.families import Family, recognise
 from cinegen.assembly.homotopy import Homotopy
-from cinegen.assembly.linkage import Linkage, ModesError
+from cinegen.assembly.linkage import Linkage, ModesError, linkage_of
 from cinegen.assembly.results import AssemblyModes, NearestConfiguration
 from cinegen.assembly.six_rods import SixRods
 from cinegen.model import Mechanism
@@ -101,7 +101,7 @@ class ModesSolver:
             )
         self.lock = threading.Lock()
         try:
-            self._linkage = Linkage(mechanism, distinct=distinct)
+            self._linkage = linkage_of(mechanism, distinct)
         except ModesError:
             _check_rods(mechanism)
             raise

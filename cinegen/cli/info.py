@@ -47,7 +47,9 @@ def _text(report: Mapping[str, Any]) -> str:
     actuated, joints, balls, loops, couplings = (
         report[key] for key in ("actuated", "joints", "balls", "loops", "couplings")
     )
-    uncontrolled = f" ({report['uncontrolled_dof']} of them uncontrolled)" if report["uncontrolled_dof"] else ""
+    parts = {"uncontrolled": report["uncontrolled_dof"], "idle": len(report["idle"])}
+    listed = " and ".join(f"{number} {what}" for what, number in parts.items() if number)
+    uncontrolled = f" ({listed})" if listed else ""
     wide = max([12, *(len(joint["name"]) + 2 for joint in joints), *(len(ball) + 2 for ball in balls)])
     lines = [
         f"{report['name']}: robot '{report['robot']}', mobility {report['mobility']}{uncontrolled}, "
@@ -74,6 +76,9 @@ def _text(report: Mapping[str, Any]) -> str:
         lines.append("    open by {:.2g} as written, by {:.2g} at home".format(*gaps))
         lines.append(f"    singular values at home, cut joints included: {_values(report['loop_singular_values'])}")
         lines += [f"    declared by: {', '.join(report['dialects'])}"] * bool(report["dialects"])
+    if rods := [" and ".join(nodes) for nodes in report["idle"]]:
+        more = f"; and {len(rods) - _MOST_NAMES} more" if len(rods) > _MOST_NAMES else ""
+        lines.append(f"  idle, turning about themselves and moving nothing else: {'; '.join(rods[:_MOST_NAMES])}{more}")
     lines += [f"  note: {note}" for note in report["notes"]]
     lines += ["", f"  {report['end']} at home: singular values {_values(report['end_singular_values'])}"]
     length = report["characteristic_length"]

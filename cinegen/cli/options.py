@@ -100,8 +100,8 @@ class RobotOptions:
     ignore_loops: bool = IGNORE_LOOPS
     ignore: list[str] = IGNORE
     relax: bool | None = option(
-        "", "loops that are nearly redundant: use weaker joints (--no-relax: keep them; default: heal)", None,
-        "--relax/--no-relax",
+        "", "loops that rounding or play of pins leaves open: use weaker joints (--exact: keep them; default: heal)",
+        None, "--relax/--exact",
     )  # fmt: skip
     srdf: Path | None = SRDF
     fixed_base: bool = FIXED_BASE

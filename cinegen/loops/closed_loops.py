@@ -180,14 +180,14 @@ class ClosedLoops:
         loops = [replace(loop, kind=kind) for loop, kind in zip(self.loops, kinds, strict=True)]
         return ClosedLoops(self.model, loops, self.length, self.couplings)
 
-    def with_turned(self, turns: Mapping[int, tuple[Array, Array]]) -> ClosedLoops:
-        """Return the same loops, the axes of some loops' ends turned by rotations (3, 3) in their own axes."""
+    def with_moved(self, steps: Mapping[int, tuple[Array, Array]]) -> ClosedLoops:
+        """Return the same loops, some loops' ends moved by placements (4, 4) in their own axes."""
         loops = list(self.loops)
-        for i, (first, second) in turns.items():
+        for i, (first, second) in steps.items():
             loops[i] = replace(
                 loops[i],
-                first_placement=loops[i].first_placement * pin.SE3(first, np.zeros(3)),
-                second_placement=loops[i].second_placement * pin.SE3(second, np.zeros(3)),
+                first_placement=loops[i].first_placement * pin.SE3(first),
+                second_placement=loops[i].second_placement * pin.SE3(second),
             )
         return ClosedLoops(self.model, loops, self.length, self.couplings)
 

@@ -1,8 +1,8 @@
 """Thresholds for closing loops; those shared with the plain form are in `raff2urdf.closure`."""
 
+from raff2urdf.bounds import STEP_CAP as STEP_CAP
 from raff2urdf.closure import CLOSED as CLOSED
 from raff2urdf.closure import ROUNDING as ROUNDING
-from raff2urdf.closure import STEP_CAP as STEP_CAP
 
 CLOSURE = 1e-10
 """Loops with a larger residual (rad, characteristic lengths) are open."""

@@ -167,7 +167,7 @@ def _intervals(inside: Bools, outside: Bools | None = None) -> Iterator[slice]:
 
 def _uncontrolled(trajectory: Trajectory) -> Iterator[Finding]:
     mechanism = trajectory.mechanism
-    count = len(mechanism.structure.passive_columns) - mechanism.structure.passive_rank
+    count = mechanism.structure.uncontrolled_dof
     if count:
         message = f"the actuated joints leave {count} DoF of {trajectory.name} uncontrolled"
         yield _at(trajectory, FindingKind.UNCONTROLLED, 0, message)

@@ -3,6 +3,7 @@ file and its conversion are the same mechanism, bit for bit."""
 
 from __future__ import annotations
 
+import math
 import sys
 import warnings
 from collections.abc import Iterable, Mapping, Sequence
@@ -15,25 +16,27 @@ import pinocchio as pin
 
 import raff2urdf
 from cinegen.arrays import Array
-from cinegen.errors import ClosureError, LoadError, UnknownNameError, warn
-from cinegen.joints import scalar_joints, supporting_columns
+from cinegen.errors import LoadError, UnknownNameError, warn
+from cinegen.joints import supporting_columns
 from cinegen.loops.closed_loops import ClosedLoops, LoopConstraint
 from cinegen.loops.clusters import subsystems
+from cinegen.model.home import find_home, follow, near_successive
 from cinegen.model.limits import Limits
 from cinegen.model.mechanism import Mechanism, MechanismSource
-from cinegen.model.near_redundant import made_exact
+from cinegen.model.near_redundant import in_plane, made_exact
 from cinegen.model.spherical import SphericalJoints
 from cinegen.model.urdf import completed, kinematics, simple, with_fixed_base
 from raff2urdf import closure, readers
 from raff2urdf.analysis import loop_kind
 from raff2urdf.axes import UNCHANGED
 from raff2urdf.constraints import without_loops
-from raff2urdf.coupling import Coupling, coupling_of, followed
+from raff2urdf.coupling import Coupling, coupling_of
 from raff2urdf.errors import RaffError
 from raff2urdf.json_lines import line_of
 from raff2urdf.length import characteristic_length, cut_screws
+from raff2urdf.placement import rotation
 from raff2urdf.raff.document import LoopKind
-from raff2urdf.readers.actuation import RAFF, advice, syntax_of
+from raff2urdf.readers.actuation import advice, syntax_of
 from raff2urdf.readers.declaration import IgnoreList
 from raff2urdf.readers.sidecar import constraints_of
 from raff2urdf.readers.srdf import Srdf, read_srdf, srdf_of
@@ -43,8 +46,6 @@ from raff2urdf.shipped import find_robot
 
 if TYPE_CHECKING:  # takes half a second
     from yourdfpy import URDF
-
-_SAMPLES = 20  # configurations of which home is chosen if the file has none and all joints at 0 is singular
 
 
 def load(
@@ -306,7 +307,7 @@ def _check_hinge(mechanism: Mechanism, name: str, path: Path) -> None:
         free = closure.generic_rank(own.with_kinds(kinds), q)[0]
         taken = closure.generic_rank(own, q)[0] - free
         for axis, turn in _TURNS.items() if taken > 0 else ():
-            other = own.with_turned({index: (turn, turn)})
+            other = own.with_moved({index: (turn, turn)})
             closing = closure.close(other, q)
             if closing.closed and closure.generic_rank(other, closing.q)[0] == free:
                 first, second = own.ends[index]
@@ -319,8 +320,8 @@ def _check_hinge(mechanism: Mechanism, name: str, path: Path) -> None:
 
 
 _TURNS = {
-    "x": np.array([[0.0, 0.0, 1.0], [0.0, 1.0, 0.0], [-1.0, 0.0, 0.0]]),
-    "y": np.array([[1.0, 0.0, 0.0], [0.0, 0.0, 1.0], [0.0, -1.0, 0.0]]),
+    "x": rotation((0.0, 1.0, 0.0), math.pi / 2.0),
+    "y": rotation((1.0, 0.0, 0.0), -math.pi / 2.0),
 }
 """Rotations that take z to x and to y."""
 
@@ -339,7 +340,7 @@ class WrittenRobot(NamedTuple):
         declared: everything that its files declare.
         joints: the entries of its joints, without those that ball joints replace.
         spherical: its ball joints; None without any.
-        near: what `_near_successive` returns; None without ball joints.
+        near: what `cinegen.model.home.near_successive` returns; None without ball joints.
     """
 
     system: ClosedLoops
@@ -378,7 +379,7 @@ def written_loops(urdf: str, constraints: Mapping[str, Any] | None, name: str) -
     spherical, entries, near = None, declared["joints"], None
     _set_limits(model, entries)
     if balls:
-        near = _near_successive(ClosedLoops(model, loops, length, couplings), q)
+        near = near_successive(ClosedLoops(model, loops, length, couplings), q)
         spherical, replaced = SphericalJoints(model, balls), {joint for joints in balls.values() for joint in joints}
         model, q = spherical.model, spherical.from_successive(q)
         entries = [entry for entry in entries if entry["name"] not in replaced]
@@ -422,20 +423,23 @@ def build(
     gap, model, loops, couplings = 0.0, system.model, system.loops, system.couplings
     stated = any("actuated" in joint for joint in constraints["joints"])
     actuated = {joint["name"]: joint.get("actuated", True if stated else None) for joint in entries}
-    ranks, determined = list[int](), set[str]()
     robot = f"robot '{constraints['robot']}'"
     if loops or couplings:
         gap = max(closure.gaps(system, q))
-        q, limits = _followed(system, q), Limits(model, tuple(actuated))
-        exact = made_exact(urdf, given, system, q, relax is True, name) if given and relax is not False else None
-        if exact is not None:
-            return build(*exact, folder, name, dialects, notes, srdf, owner)
+        q = follow(system, q)
+        if given and relax is not False:
+            plane = in_plane(given, system, q, name)
+            if plane is not None:
+                return build(urdf, plane, folder, name, dialects, notes, srdf, owner, relax)
+            exact = made_exact(urdf, given, system, q, relax is True, name)
+            if exact is not None:
+                return build(*exact, folder, name, dialects, notes, srdf, owner)
         q = q if spherical is None or near is None else spherical.from_successive(near)
-        drawn = not any("home" in joint for joint in (given or {}).get("joints", []))
-        ranks, determined, moved = _close(system, q, limits, actuated, drawn, name, robot)
-        if not moved:  # else home is a random one
-            system = ClosedLoops(model, loops, _length(system, q, constraints["nodes"]), couplings)
-        notes += ("all joints at 0 is singular: home is a configuration near it",) if moved else ()
+    drawn = not any("home" in joint for joint in (given or {}).get("joints", []))
+    home = find_home(system, q, Limits(model, tuple(actuated)), actuated, drawn, name, robot)
+    q, determined, notes = home.q, home.determined, notes + home.notes
+    if home.is_drawn and (loops or couplings):  # else home is a random one
+        system = ClosedLoops(model, loops, _length(system, q, constraints["nodes"]), couplings)
     chosen = tuple(joint for joint, has in actuated.items() if has or (has is None and joint not in determined))
     uncontrolled = tuple(joint for joint in actuated if joint not in chosen and joint not in determined)
     dependent = tuple(joint for joint in chosen if joint in determined)
@@ -459,7 +463,7 @@ def build(
         dependent=dependent,
         floating=constraints.get("floating") is not None,
         q_home=q,
-        cluster_ranks=tuple(ranks),
+        cluster_ranks=home.ranks,
         gap_as_written=gap,
         sensors={
             sensor["number"]: sensor | {"translation": 3, "rotation": 3, "axes": UNCHANGED} | sensor
@@ -470,7 +474,7 @@ def build(
         ),
         source=MechanismSource(
             urdf=urdf,
-            constraints=_stated(given, _degrees_of_freedom(system, sum(ranks)), chosen),
+            constraints=_stated(given, _degrees_of_freedom(system, sum(home.ranks)), chosen),
             folder=folder,
             name=name,
             dialects=dialects,
@@ -510,43 +514,6 @@ def _balls(constraints: Mapping[str, Any]) -> dict[str, list[str]]:
     return {name: joints for name, joints in balls.items() if plain.issuperset(joints)}
 
 
-def _near_successive(system: ClosedLoops, written: Array) -> Array | None:
-    """Return the configuration (nq,) in which the loops are closed if ball joints are three revolute joints, as
-    raff2urdf closes them for files in other formats; None if that fails."""
-    q = _followed(system, written)
-    for own, at in subsystems(system) if system.rows else ():
-        closing = closure.close_from_afar(own, q[at])
-        if not closing.closed:
-            return None
-        columns = dict(zip(*map(np.ndarray.tolist, scalar_joints(own.model)), strict=True))
-        q[at] = closure.close_within(own, closing.q, system.model.lowerPositionLimit[at],
-                                     system.model.upperPositionLimit[at], columns)  # fmt: skip
-    return q
-
-
-def _determined(system: ClosedLoops, q: Array, actuated: Mapping[str, bool | None]) -> set[str]:
-    """Return the joints that the others determine: first joints that are not actuated, then those that follow others in
-    couplings, then those furthest from the base. What remains are the joints nearest the base that suffice to determine
-    the mechanism.
-
-    Args:
-        system: the loops.
-        q: (nq,) closed, where their generic rank is reached.
-        actuated: whether joints are, in file order; None: not stated.
-    """
-    model = system.model
-    joints = {
-        name: model.joints[model.getJointId(name)] for name in reversed(list(actuated)) if model.existJointName(name)
-    }
-    depth = {name: len(model.supports[joint.id]) for name, joint in joints.items()}
-    followers = {coupling.follower for coupling in system.couplings}
-    order = sorted(joints, key=lambda name: (actuated[name] is not False, name not in followers, -depth[name]))
-    columns = {int(joints[name].idx_v): name for name in order}
-    balls = [column for joint in model.joints if joint.nv == 3 for column in range(joint.idx_v, joint.idx_v + 3)]
-    determined = closure.passive(system.evaluate(q)[1], [*balls, *columns])
-    return {columns[column] for column in determined if column in columns}
-
-
 def _set_limits(model: pin.Model, joints: Sequence[Mapping[str, Any]]) -> None:
     """Set the limits of a model: infinite where there are none."""
     lower, upper = np.full(model.nq, -np.inf), np.full(model.nq, np.inf)
@@ -568,16 +535,6 @@ def _written(model: pin.Model, constraints: Mapping[str, Any]) -> Array:
     for entry in constraints["joints"]:
         q[model.joints[model.getJointId(entry["name"])].idx_q] = entry["home"]
     return q
-
-
-def _followed(system: ClosedLoops, q: Array) -> Array:
-    """Return q (nq,) with joints that follow others in couplings where these drive them."""
-    joints = {name: joint.idx_q for name, joint in zip(system.model.names, system.model.joints, strict=True)}
-    names = {name for coupling in system.couplings for name in coupling.terms}
-    moved, there = q.copy(), followed(system.couplings, {name: float(q[joints[name]]) for name in names})
-    for name, value in there.items():
-        moved[joints[name]] = value
-    return moved
 
 
 def _length(system: ClosedLoops, q: Array, nodes: Sequence[str], balls: Iterable[Sequence[str]] = ()) -> float:
@@ -610,62 +567,3 @@ def _loop(entry: Mapping[str, Any]) -> LoopConstraint:
     first, second = entry["first"], entry["second"]
     placements = (pin.SE3(np.array(end["placement"])) for end in (first, second))
     return LoopConstraint(entry["name"], loop_kind(entry["kind"]), first["node"], second["node"], *placements)
-
-
-def _close(
-    system: ClosedLoops,
-    q: Array,
-    limits: Limits,
-    actuated: Mapping[str, bool | None],
-    drawn: bool,
-    name: str,
-    robot: str,
-) -> tuple[list[int], set[str], bool]:
-    """Close all clusters of loops, each by itself: q (nq,) becomes the closed configuration nearest to it, within the
-    limits if possible.
-
-    Args:
-        system: the loops and couplings.
-        q: (nq,), changed.
-        limits: of all joints.
-        actuated: whether joints are; None: not stated.
-        drawn: whether q is only how the file draws the robot: where it is singular, another one is chosen.
-        name: the file's, in errors.
-        robot: of the file, in errors.
-
-    Returns:
-        the generic rank of each cluster, the joints that others determine (see `_determined`), and whether a singular
-        configuration was left.
-
-    Raises:
-        ClosureError: clusters can't be closed.
-    """
-    ranks, determined, problems, moved = list[int](), set[str](), list[str](), False
-    for own, at in subsystems(system):
-        closing = closure.close_from_afar(own, q[at])
-        if not closing.closed:
-            names = [*(loop.name for loop in own.loops), *(coupling.name for coupling in own.couplings)]
-            problems.append(closure.why_open(own, names, q[at], closing, syntax_of(Path(name)) == RAFF))
-            continue
-        columns = dict(zip(*map(np.ndarray.tolist, scalar_joints(own.model)), strict=True))
-        q[at] = closure.close_within(own, closing.q, limits.lower[at], limits.upper[at], columns)
-        rank, generic = closure.generic_rank(own, q[at])
-        ranks.append(rank)
-        if drawn and closure.rank(own.evaluate(q[at])[1]) < rank:
-            regular = _regular(own, q[at], rank)
-            q[at] = closure.close_within(own, regular, limits.lower[at], limits.upper[at], columns)
-            moved = True
-        determined |= _determined(own, generic, actuated)
-    if problems:
-        raise ClosureError(f"{name}: {robot}: " + "\n".join(problems))
-    beyond = limits.exceeded(q)
-    if beyond:
-        message = f"{name}: {robot}: with all loops closed, home is outside the limits of {', '.join(beyond)}"
-        warn(message)
-    return ranks, determined, moved
-
-
-def _regular(system: ClosedLoops, q: Array, rank: int) -> Array:
-    """Return the least singular of closed configurations (nq,) around a closed one; `rank` is their generic rank."""
-    samples = closure.closed_walk(system, q, _SAMPLES)
-    return max(samples, key=lambda q: float(np.linalg.svd(system.evaluate(q)[1], compute_uv=False)[rank - 1]))

@@ -26,6 +26,7 @@ from cinegen.model.spherical import SphericalJoints
 from cinegen.model.structure import Structure
 from raff2urdf import closure
 from raff2urdf.coupling import Coupling
+from raff2urdf.open_loops import shown_gaps
 from raff2urdf.readers.srdf import Srdf
 
 _Result = TypeVar("_Result")
@@ -535,7 +536,7 @@ class Mechanism:
         if closing.closed:
             return closing.q
         self.structure.checked(start)
-        gaps = (closure.gaps(self.structure.system, closing.q), closure.shown_gaps(self.structure.system, closing.q))
+        gaps = (closure.gaps(self.structure.system, closing.q), shown_gaps(self.structure.system, closing.q))
         found = zip(self.constraint_names, *gaps, strict=True)
         listed = ", ".join(f"'{name}' by {shown}" for name, gap, shown in found if gap > closure.CLOSED)
         what = "loops and couplings" if self.couplings else "loops"

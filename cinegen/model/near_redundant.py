@@ -17,7 +17,8 @@ from cinegen.loops.clusters import subsystems
 from cinegen.model.healing import LARGEST_CHANGE, heal, in_bodies, moved
 from raff2urdf import closure
 from raff2urdf.near_redundancy import MOST_ROWS, NearRedundancy, near_redundancy
-from raff2urdf.placement import roll_pitch_yaw
+from raff2urdf.placement import roll_pitch_yaw, translation
+from raff2urdf.play import play, text
 from raff2urdf.raff.document import LoopKind
 from raff2urdf.readers.urdf import joints, origin, parse
 from raff2urdf.residual import ROWS
@@ -76,7 +77,7 @@ def made_exact(
         f"{name}: nearly redundant loops: equations that would depend on each other, were the numbers not rounded, "
         "can't all be solved. They leave open"
     )
-    advice = "`cinegen heal` writes exact numbers; --no-relax (in Python relax=False) keeps all loops as written"
+    advice = "`cinegen heal` writes exact numbers; --exact (in Python relax=False) keeps all loops as written"
     warn("\n  ".join([message, *texts, advice]))
     length = np.repeat([system.length, 1.0], 3)
     steps = {key: pin.exp6(twist * length).homogeneous for key, twist in twists.items()}
@@ -93,6 +94,31 @@ def made_exact(
         for loop in constraints["loops"]
     ]
     return etree.tostring(tree, encoding="unicode"), {**constraints, "loops": loops}
+
+
+def in_plane(constraints: Mapping[str, Any], system: ClosedLoops, q: Array, name: str) -> Mapping[str, Any] | None:
+    """Return constraints in which pins with play are closed in the plane (`raff2urdf.play`), with one warning; None if
+    there are none.
+
+    Args:
+        constraints: the loops.
+        system: the same loops.
+        q: (nq,) the configuration as written.
+        name: the file's, for the warning.
+    """
+    found, texts = dict[str, Array](), list[str]()
+    for own, at in subsystems(system):
+        closing = closure.close(own, q[at])
+        offsets = {} if closing.closed else play(own, q[at], closing)
+        if offsets:
+            names = [loop.name for loop in own.loops]
+            texts.append(text(names, offsets))
+            found |= {names[i]: translation(offset) for i, offset in offsets.items()}
+    if not found:
+        return None
+    warn(f"{name}: " + "\n  ".join(texts))
+    loops = [{**loop, "second": _moved_end(loop["second"], found.get(loop["name"]))} for loop in constraints["loops"]]
+    return {**constraints, "loops": loops}
 
 
 def _move_origin(joint: Any, step: Array) -> None:

@@ -17,8 +17,10 @@ from cinegen.joints import scalar_joints
 from cinegen.loops.close import Closer
 from cinegen.loops.closed_loops import ClosedLoops, linked
 from cinegen.loops.held_loops import HeldLoops
+from cinegen.loops.idle import idle_motions, idle_spins
 from cinegen.loops.screws import LoopScrews
 from raff2urdf import closure
+from raff2urdf.idle import Spin
 
 if TYPE_CHECKING:
     from cinegen.model.mechanism import Mechanism
@@ -118,6 +120,36 @@ class Structure:
         actuated joints nor loops determine."""
         found = (closure.rank(self.system.evaluate(q)[1][:, self.passive_columns]) for q in self.samples)
         return max(found) if self.mechanism.is_constrained else 0
+
+    @cached_property
+    def idle(self) -> tuple[Spin, ...]:
+        """Idle motions: spins of rods about themselves, which move nothing else (`raff2urdf.idle`)."""
+        whole = self.mechanism
+        return tuple(idle_spins(self.system, self.samples, (*whole.actuated, *whole.held)))
+
+    @property
+    def idle_nodes(self) -> list[list[str]]:
+        """The nodes that each idle motion turns about themselves."""
+        model = self.mechanism.model
+        carrier = {node: int(model.frames[self.mechanism.frame_id(node)].parentJoint) for node in self.mechanism.nodes}
+        return [[node for node, joint in carrier.items() if joint in spin.bodies] for spin in self.idle]
+
+    def idle_motions(self, q: Array) -> Array:
+        """Return the idle motions (n, nv) at q (nq,), as dimensionless steps of length 1."""
+        return idle_motions(self.system, self.idle, q)
+
+    @cached_property
+    def idle_joints(self) -> tuple[str, ...]:
+        """For each idle motion a joint of one number that takes the largest part in it: locked, it holds the rod."""
+        joints = {self.mechanism.v_index(name): name for name in self.mechanism.joints}
+        at = sorted(joints)
+        most = np.abs(self.idle_motions(self.samples[-1])[:, at]).argmax(axis=1) if at else []
+        return tuple(joints[at[i]] for i in most)
+
+    @cached_property
+    def uncontrolled_dof(self) -> int:
+        """Number of independent motions with all actuated joints locked; idle ones don't count."""
+        return len(self.passive_columns) - self.passive_rank - len(self.idle)
 
     @cached_property
     def passive_screws(self) -> Indices:

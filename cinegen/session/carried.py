@@ -11,7 +11,7 @@ from cinegen.errors import ClosureError
 from cinegen.joints import scalar_joints, translations
 from cinegen.loops.clusters import subsystems
 from cinegen.model import Mechanism
-from raff2urdf.closure import close_within
+from raff2urdf.home import close_within
 
 JointValues = Mapping[str, tuple[bool, Array]]
 """Of each joint, by its name and in the order of the model: whether it translates, and its numbers in q."""
@@ -83,7 +83,7 @@ def carried_over(mechanism: Mechanism, values: JointValues, otherwise: Array) ->
         return None
     for part, at in subsystems(mechanism.structure.system):
         columns = dict(zip(*map(np.ndarray.tolist, scalar_joints(part.model)), strict=True))
-        closed[at] = close_within(part, closed[at], limits.lower[at], limits.upper[at], columns)
+        closed[at] = close_within(part, closed[at], closed[at], limits.lower[at], limits.upper[at], columns)
     return closed if limits.within(closed) else None
 
 

@@ -364,10 +364,10 @@ def _checked_quantities(spec: MapSpecification) -> tuple[str, ...]:
     if "solid_angle" in wanted and (spec.over_joints or spec.rotation):
         raise MapError("solid_angle counts possible directions of the node: leave its orientation free")
     if "solutions" in wanted and spec.over_joints and mechanism.is_constrained:
-        from cinegen.assembly.linkage import Linkage, ModesError
+        from cinegen.assembly.linkage import ModesError, linkage_of
 
         try:
-            Linkage(mechanism.successive)
+            linkage_of(mechanism.successive)
         except ModesError as error:
             raise MapError(f"its assembly modes can't be counted: {error}. Leave 'solutions' out") from None
     if "solutions" in wanted and not spec.over_joints and spec.dof > spec.rank:

@@ -92,7 +92,7 @@ MISTAKES: list[tuple[str, int, str]] = [
     ("cinegen singular run.jsonl five_bar.raff", 2, "name only one kind of file"),
     ("cinegen singular five_bar.raff --over x,y --json", 2, "--json has no effect with --over: the scan is JSON, in a"),
     ("cinegen drive four_bar.raff --snapshot x.html --record r.jsonl", 2, "--record has no effect with --snapshot al"),
-    ("cinegen drive --scene scene.toml --no-relax", 2, "--relax has no effect with --scene, which names its robot"),
+    ("cinegen drive --scene scene.toml --exact", 2, "--relax has no effect with --scene, which names its robot"),
     ("cinegen sensors four_bar.raff --monitor tcp://x", 2, "FILE has no effect with --monitor"),
     ("cinegen export run.jsonl --to csv -o run.npz", 2, "--output run.npz: .npz is another format's ending, --output "
      "writes .csv: name run.csv"),

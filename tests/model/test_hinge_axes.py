@@ -62,7 +62,7 @@ def test_frames_whose_axes_point_against_each_other_are_told_and_the_remedy_work
     with pytest.raises(cinegen.ClosureError) as caught:
         cinegen.load(path, loops=HINGE)
     said = str(caught.value)
-    assert "(revolute, 180 degrees about x)" in said
+    assert "(revolute, 180 degrees between its axes)" in said
     assert "It closes with the frame of closing_pin_2 turned by 180 degrees about its x" in said
     assert cinegen.load(four_bar(path, "z"), loops=HINGE).mobility == 1
 
