@@ -118,8 +118,9 @@ class _Meshes:
         self.lost: dict[str, str] = {}
         self.links: dict[str, str] = {}
         self._files: list[tuple[Any, str, Path]] = []  # that Pinocchio reads: visual, name and file
-        own = source.packages if source.owner is None else ()  # a recording or a map can't open folders
-        packages = Packages({name: Path(folder) for name, folder in own})
+        is_own = source.owner is None  # a recording or a map can't open folders
+        given = {name: Path(folder) for name, folder in source.packages if is_own}
+        packages = Packages(given, can_be_given=is_own)
         for visual in list(tree.iter("visual")):
             for mesh in visual.iter("mesh"):
                 name = mesh.get("filename", "")

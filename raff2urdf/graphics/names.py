@@ -72,10 +72,11 @@ class Packages:
 
     Args:
         given: folders, by the name of the package.
+        can_be_given: whether an error may propose that.
     """
 
-    def __init__(self, given: Mapping[str, Path] = MappingProxyType({})) -> None:
-        self.given = dict(given)
+    def __init__(self, given: Mapping[str, Path] = MappingProxyType({}), can_be_given: bool = True) -> None:
+        self.given, self.can_be_given = dict(given), can_be_given
         self._below: dict[Path, dict[str, list[Path]]] = {}
 
     def find(self, package: str, folder: Path) -> Path:
@@ -99,11 +100,11 @@ class Packages:
         where = self.given.get(package)
         if where is not None:
             return f"it is not in {where}, the folder of the package '{package}'"
-        return (
-            f"the package '{package}' is not found: name its folder by "
-            f"--package {shell_word(f'{package}=FOLDER')} (in Python packages={{{package!r}: FOLDER}}), "
-            "or add the folder above it to ROS_PACKAGE_PATH"
-        )
+        remedy = "add the folder above it to ROS_PACKAGE_PATH"
+        if self.can_be_given:
+            option = f"--package {shell_word(f'{package}=FOLDER')} (in Python packages={{{package!r}: FOLDER}})"
+            remedy = f"name its folder by {option}, or {remedy}"
+        return f"the package '{package}' is not found: {remedy}"
 
     def candidates(self, package: str, folder: Path) -> Iterator[tuple[Path, bool]]:
         """Yield the folders that may be the package of that name, and whether the user names them."""

@@ -71,6 +71,9 @@ def expanded(path: Path, options: ReadOptions) -> str:
             if arguments.missing is not None:
                 raise RaffError(f"{path}: {_missing(arguments.missing, _declared(path, xacro.all_includes))}") from None
             why = " ".join(str(error).split())[:500] or type(error).__name__
+            bare = [name for name, default in _declared(path, xacro.all_includes).items() if default is None]
+            if bare and "missing attribute 'default'" in why:
+                why = f'{why}: write <xacro:arg name="{bare[0]}" default=""/>, with the default that is meant'
             raise RaffError(f"{path}: xacro: {why}") from None
         finally:
             included = [Path(name) for name in xacro.all_includes]
@@ -150,10 +153,18 @@ def check_calls(path: Path, root: Any, urdf: Any) -> None:
         more = f" (and {len(callers) - _SHOWN} more)" if len(callers) > _SHOWN else ""
         remedy = f"load {' or '.join(callers[:_SHOWN])}{more}, which calls them"
     else:
-        words = (word.partition(":=")[0].partition("=")[0] for word in macros[0].get("params", "").split())
-        call = " ".join([f"<xacro:{macros[0].get('name')}", *(f'{word}="..."' for word in words if word[0] != "*")])
-        remedy = f'load a file that calls them, by <xacro:include filename="{path.name}"/> {call}/>'
+        call = _call(macros[0])
+        remedy = f'load a file that calls them, by <xacro:include filename="{path.name}"/> {call}'
     raise RaffError(f"{path}: defines macros only ({names}): {remedy}")
+
+
+def _call(macro: Any) -> str:
+    """Return a call of a macro, with the parameters that have no default."""
+    own = f"xacro:{macro.get('name')}"
+    needed = [word for word in macro.get("params", "").split() if "=" not in word]
+    blocks = "".join(f"<{word.lstrip('*')}/>" for word in needed if word[0] == "*")
+    start = " ".join([f"<{own}", *(f'{word}="..."' for word in needed if word[0] != "*")])
+    return f"{start}>{blocks}</{own}>" if blocks else f"{start}/>"
 
 
 def _callers(path: Path) -> Iterator[Path]:
