@@ -330,7 +330,12 @@ class _Composed:
         """Return the entries of all joints that move: those of a file, and passive ones behind them."""
         given = list((self._files.values or {}).get("joints", []))
         if given:
-            return [*given, *({"name": joint, "home": 0.0, "actuated": False} for joint in passive)]
+            unstated = {} if any("actuated" in entry for entry in given) or not passive else {"actuated": None}
+            known = {entry["name"]: {**unstated, **entry} for entry in given}
+            known |= {
+                joint: {"home": 0.0, **known.get(joint, {}), "name": joint, "actuated": False} for joint in passive
+            }
+            return list(known.values())
         closures = self._files.closures(self._tree)
         root = self._tree.root
         by_name = {str(joint.get("name")): joint for joint in joints(root)}

@@ -77,14 +77,14 @@ def place(tree: UrdfTree, added: Sequence[str], loops: Sequence[LoopJoint]) -> t
         loops: that join the trees.
 
     Returns:
-        the tree, the passive joints in it that replace the floating ones, and notes.
+        the tree, the passive joints that will replace the floating ones, and notes.
 
     Raises:
         RaffError: no loop joins a tree to the others; see `refusal`.
     """
     root_of = {link: _root_of(tree, link, added) for link in tree.links}
     placed = {tree.base: np.eye(4)}  # roots, in the base
-    pending = {ends(tree.joints[joint])[1]: tree.joints[joint] for joint in added}
+    pending = dict(_first(tree, joint) for joint in added)
     while pending:
         for loop in (*loops, *(loop.swapped() for loop in loops)):
             first, second = root_of[loop.first], root_of[loop.second]
@@ -98,7 +98,7 @@ def place(tree: UrdfTree, added: Sequence[str], loops: Sequence[LoopJoint]) -> t
                 break
         else:
             raise refusal(tree, list(pending))
-    passive = [name for one in added for name in successive.replace(tree.root, tree.joints[one], _STEPS, tree.name)]
+    passive = [f"{joint}_{suffix}" for joint in added for suffix, _, _ in _STEPS]
     notes = [f"link '{root}' has no parent: it moves freely on '{tree.base}', and loops hold it" for root in placed]
     return UrdfTree(tree.root, tree.name), passive, notes[1:]
 
@@ -113,7 +113,15 @@ def refusal(tree: UrdfTree, roots: Sequence[str]) -> RaffError:
 
 
 def _root_of(tree: UrdfTree, link: str, added: Sequence[str]) -> str:
-    for joint in tree.above(link):
-        if joint.get("name") in added:
-            return ends(joint)[1]
-    return tree.base
+    roots = {_first(tree, joint)[0] for joint in added}
+    return next((ends(joint)[1] for joint in tree.above(link) if ends(joint)[1] in roots), tree.base)
+
+
+def _first(tree: UrdfTree, joint: str) -> tuple[str, Any]:
+    """Return the root below a joint of `attach`, and its element; or the first of the joints by which a file next to the
+    URDF had it replaced."""
+    own = tree.joints.get(joint)
+    if own is not None:
+        return ends(own)[1], own
+    last = tree.joints[f"{joint}_{_STEPS[-1][0]}"]
+    return ends(last)[1], tree.joints[f"{joint}_{_STEPS[0][0]}"]
