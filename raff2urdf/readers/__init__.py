@@ -124,8 +124,9 @@ def _described(
     if root.tag == "robot" and xacro_file.is_xacro(path, root):
         if not is_file:
             raise RaffError(f"{path}: xacro is a program: load its file, .urdf.xacro, or the output of `xacro`")
-        text = xacro_file.expanded(path, options)
-        xacro_file.check_calls(path, root, parse_xml(text, str(path)))
+        found = xacro_file.expanded(path, options)
+        xacro_file.check_calls(path, found)
+        text = found.text
     kind = str(root.tag)
     if kind not in READERS:
         known = ", ".join(f"<{word}>" for word in READERS)
@@ -134,9 +135,9 @@ def _described(
     words = IgnoreList(ignore)
     if kind == "robot":
         text = _with_options(text, str(path), options)
-    found = READERS[kind](text, path, robot, ignore_loops, words, is_file)
-    options.met("package", *re.findall(r"(?:package|model)://([^/\"']+)", found.urdf))
-    return found, str(path), words, ignore_loops
+    described = READERS[kind](text, path, robot, ignore_loops, words, is_file)
+    options.met("package", *re.findall(r"(?:package|model)://([^/\"']+)", described.urdf))
+    return described, str(path), words, ignore_loops
 
 
 def _with_options(text: str, name: str, options: ReadOptions) -> str:

@@ -87,7 +87,7 @@ def ignored(path: Path, options: ReadOptions | None = None) -> list[IgnoredEleme
     text = read_text(path)
     root = parse_xml(text, str(path))
     if root.tag == "robot" and xacro_file.is_xacro(path, root):
-        root = parse_xml(xacro_file.expanded(path, options or ReadOptions()), str(path))
+        root = parse_xml(xacro_file.expanded(path, options or ReadOptions()).text, str(path))
     kept = list(_read_elsewhere(root, str(path))) if root.tag == "robot" else []
     found: dict[str, list[int]] = {}
     _walk(root, _TABLES.get(str(root.tag), {}), {id(element) for element in kept}, found)

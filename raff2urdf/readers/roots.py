@@ -118,8 +118,7 @@ def _root_of(tree: UrdfTree, link: str, added: Sequence[str]) -> str:
 
 
 def _first(tree: UrdfTree, joint: str) -> tuple[str, Any]:
-    """Return the root below a joint of `attach`, and its element; or the first of the joints by which a file next to the
-    URDF had it replaced."""
+    """Return the root below a joint of `attach`, and its element; `robot.yaml` may have replaced it."""
     own = tree.joints.get(joint)
     if own is not None:
         return ends(own)[1], own

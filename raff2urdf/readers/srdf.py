@@ -56,7 +56,7 @@ def read_srdf(path: Path, links: Collection[str], robot: str, options: ReadOptio
     text = read_text(path)
     root = parse_xml(text, str(path))
     if xacro_file.is_xacro(path, root):
-        root = parse_xml(xacro_file.expanded(path, options or ReadOptions()), str(path))
+        root = parse_xml(xacro_file.expanded(path, options or ReadOptions()).text, str(path))
     if root.tag != "robot":
         raise error_at(str(path), root, f"its first element is <{root.tag}>: an SRDF begins with <robot>")
     if next(root.iter("link", "joint"), None) is not None and next(root.iter("disable_collisions"), None) is None:

@@ -9,7 +9,7 @@ import threading
 import warnings
 from collections.abc import Iterator, Mapping
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 from lxml import etree
 
@@ -33,8 +33,15 @@ def is_xacro(path: Path, root: Any) -> bool:
     return path.suffix.lower() == ENDING or any(_is_macro(element) for element in root.iter("*"))
 
 
-def expanded(path: Path, options: ReadOptions) -> str:
-    """Return the URDF that xacro makes of a file.
+class Expanded(NamedTuple):
+    """The output of xacro, and the files that it included."""
+
+    text: str
+    included: list[Path]
+
+
+def expanded(path: Path, options: ReadOptions) -> Expanded:
+    """Return what xacro makes of a file.
 
     Raises:
         RaffError: xacro is not installed, or refuses the file; an argument has no value; a package is not found.
@@ -80,7 +87,7 @@ def expanded(path: Path, options: ReadOptions) -> str:
             for file in included:
                 note(file)
     options.met("xacro-arg", *arguments.met, *_declared(path, included))
-    return text
+    return Expanded(text, included)
 
 
 class _Arguments(dict[str, str]):
@@ -133,19 +140,24 @@ def _declared(path: Path, included: list[Any]) -> dict[str, str | None]:
 # --- files that only define macros --------------------------------------------------------------------------------
 
 
-def check_calls(path: Path, root: Any, urdf: Any) -> None:
-    """Refuse a file that defines macros and calls none.
+def check_calls(path: Path, found: Expanded) -> None:
+    """Refuse a file that defines macros, or includes files that do, and calls none.
 
     Args:
         path: of the file.
-        root: its root element.
-        urdf: root element of what xacro makes of it.
+        found: what xacro makes of it.
 
     Raises:
         RaffError: it names the files nearby that call them.
     """
-    macros = [one for one in root.iter("*") if _is_macro(one) and _word(one) == "macro"]
-    if not macros or urdf.find("link") is not None:
+    if parse_xml(found.text, str(path)).find("link") is not None:
+        return
+    macros = []
+    for file in (path, *found.included):
+        with contextlib.suppress(RaffError):
+            elements = parse_xml(read_text(file), str(file)).iter("*")
+            macros += [one for one in elements if _is_macro(one) and _word(one) == "macro"]
+    if not macros:
         return
     names = ", ".join(f"'{one.get('name')}'" for one in macros[:_SHOWN]) + ", ..." * (len(macros) > _SHOWN)
     callers = list(map(str, _callers(path)))

@@ -209,6 +209,9 @@ def test_a_file_of_macros_names_those_that_call_them(tmp_path, capsys):
     written = tmp_path / "written.xacro"
     written.write_text(xacro.format('name="it"', f'<link name="base"/>{lines}'))
     assert cinegen.load(written).joints == ("tip_joint",)
+    written.write_text(xacro.format('name="it"', include.format(own)))
+    assert main(["info", str(written)]) == 1
+    assert "written.xacro: defines macros only ('bar'): load a file that calls them" in capsys.readouterr().err
     written.unlink()
     own.write_text(BAR)
     two = '<xacro:macro name="two"><xacro:bar name="b" parent="a" at="0 0 1"/></xacro:macro>'
