@@ -4,11 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import typer
 
 from raff2urdf.command_line import UsageError
-from raff2urdf.readers.options import ReadOptions
+
+if TYPE_CHECKING:  # it imports lxml, which help does not need
+    from raff2urdf.readers.options import ReadOptions
 
 
 @dataclass(frozen=True)
@@ -34,6 +37,8 @@ class ReadFlags:
             UsageError: an option is no NAME=VALUE.
             RaffError: the folder of a package does not exist.
         """
+        from raff2urdf.readers.options import ReadOptions
+
         packages = _pairs("--package", "arm_description=../arm_description", self.package)
         return ReadOptions(packages, _pairs("--xacro-arg", "prefix=left_", self.xacro_arg), self.swap_limits)
 
