@@ -2,9 +2,6 @@
 
 from __future__ import annotations
 
-import sys
-import warnings
-
 import raff2urdf.errors
 from raff2urdf.errors import did_you_mean
 
@@ -42,8 +39,4 @@ class CinegenWarning(UserWarning):
 
 def warn(message: str) -> None:
     """Warn the program that calls this package: the warning is of its line, however deep in the package it arose."""
-    frame, level = sys._getframe(1), 2
-    own = ("cinegen", "functools")  # cached properties
-    while frame.f_back is not None and frame.f_globals.get("__name__", "").partition(".")[0] in own:
-        frame, level = frame.f_back, level + 1
-    warnings.warn(message, CinegenWarning, stacklevel=level)
+    raff2urdf.errors.warn(message, CinegenWarning)

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import difflib
+import sys
+import warnings
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import TypeVar
@@ -79,6 +81,15 @@ class RaffClosureError(RaffError):
 
 class RaffWarning(UserWarning):
     """Input that is valid but probably not intended."""
+
+
+def warn(message: str, category: type[Warning] = RaffWarning) -> None:
+    """Warn the program that calls these packages: the warning is of its line, however deep in them it arose."""
+    frame, level = sys._getframe(1), 2
+    own = ("raff2urdf", "cinegen", "functools", "contextlib")  # cached properties
+    while frame.f_back is not None and frame.f_globals.get("__name__", "").partition(".")[0] in own:
+        frame, level = frame.f_back, level + 1
+    warnings.warn(message, category, stacklevel=level)
 
 
 LONGEST, MOST = 100, 1000  # length and number of words that are compared

@@ -80,8 +80,15 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 
 def _main(arguments: Sequence[str] | None) -> int:
+    shown = set[str]()
+
+    def show(message: Warning | str, *_: object, **__: object) -> None:
+        if str(message) not in shown:  # shapes that are drawn and checked lack the same mesh
+            shown.add(str(message))
+            print(f"warning: {message}", file=sys.stderr)
+
     with warnings.catch_warnings():
-        warnings.showwarning = _show_warning
+        warnings.showwarning = show
         try:
             return run_app(app, "cinegen", arguments)
         except (RaffError, CinegenError) as error:
@@ -89,7 +96,3 @@ def _main(arguments: Sequence[str] | None) -> int:
         except UnicodeEncodeError as error:  # bytes of a file's name
             print(f"cinegen: '{error.object}' is not valid UTF-8: rename the file", file=sys.stderr)
         return 1
-
-
-def _show_warning(message: Warning | str, *_: object, **__: object) -> None:
-    print(f"warning: {message}", file=sys.stderr)

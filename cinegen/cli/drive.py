@@ -7,7 +7,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
-from cinegen.cli.files import check_outputs, count, disabled_pairs
+from cinegen.cli.files import check_outputs, count, disabled_pairs, unchecked_links
 from cinegen.cli.numbers import quantity_option
 from cinegen.cli.options import FILES, SELF_CLEARANCE, RobotOptions, option
 from cinegen.cli.served_page import PageOptions, write_snapshot
@@ -86,9 +86,11 @@ def run(
         from cinegen.session import scene_setup
 
         def read() -> Setup:
+            options = robots.options()
             loaded = load_scene(
-                scene, robots.ignore_loops, robots.ignore, robots.srdf, self_clearance, robots.fixed_base
+                scene, robots.ignore_loops, robots.ignore, robots.srdf, self_clearance, robots.fixed_base, options
             )
+            options.check(scene)
             recorded = str(record) if record else None
             return scene_setup(loaded, sensor, _shape(follow or "still"), node, rate, recorded)
 
@@ -139,5 +141,7 @@ def _describe(setup: Setup) -> None:
         )
         if setup.avoidance is not None and mechanism.source.srdf:
             print(f"  {disabled_pairs(mechanism)}")
+        if setup.avoidance is not None and (lost := unchecked_links(mechanism)):
+            print(f"  {lost}")
     if setup.avoidance is not None:
         print(f"keeps {shown(setup.avoidance.scene.safety, LENGTH)} clear of {count(setup.obstacles, 'obstacle')}")

@@ -18,6 +18,8 @@ if TYPE_CHECKING:
 
     from cinegen.model import Mechanism
 
+_MOST_LINKS = 8  # that a line names
+
 _METADATA: dict[str, dict[str, str | None]] = {
     "png": {"Software": GENERATED},
     "svg": {"Creator": GENERATED, "Date": None},
@@ -101,6 +103,15 @@ def disabled_pairs(mechanism: Mechanism) -> str:
     """Return how many pairs of links the SRDF of a robot disables, as text; empty without one."""
     srdf = mechanism.source.srdf
     return "" if srdf is None else f"not checked, by {srdf['file']}: {count(srdf['disabled'], 'pair')} of links"
+
+
+def unchecked_links(mechanism: Mechanism) -> str:
+    """Return which links no check of collisions covers, and why, as text; empty if all are checked."""
+    lost = mechanism.unchecked_links
+    names = ", ".join(list(lost)[:_MOST_LINKS]) + (
+        f" and {len(lost) - _MOST_LINKS} more" if len(lost) > _MOST_LINKS else ""
+    )
+    return f"not checked: {names}, whose meshes are missing or unreadable; sticks are used instead" if lost else ""
 
 
 def count(things: Sized, name: str) -> str:

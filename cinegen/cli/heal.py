@@ -11,11 +11,13 @@ from cinegen.cli.files import check_outputs, print_result, write
 from cinegen.cli.options import FILE, FORCE, JSON, option
 from cinegen.errors import CinegenError
 from raff2urdf.files import STANDARD, output_path
+from raff2urdf.read_flags import ReadFlags
 
 OUT = typer.Argument(..., metavar="OUT", help="healed file, in the same format; - for standard output")
 
 
 def run(
+    reading: ReadFlags,
     file: Path = FILE,
     out: str = OUT,
     robot: str | None = option("NAME", "robot of a file with several (default: the first)"),
@@ -38,7 +40,7 @@ def run(
         raise CinegenError(f"{out}: heal keeps the format: name a file that ends with {file.suffix}")
     names = {file: target, constraints_of(file): constraints_of(target)}
     check_outputs(target, force=force, json=json)
-    healing = heal_file(file, robot, target)
+    healing = heal_file(file, robot, target, reading.options())
     if target != STANDARD:
         others = [names[path] for path in healing.contents if path != file]
         check_outputs(*others, force=force)

@@ -4,11 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from cinegen.cli.files import count, print_result
 from cinegen.cli.options import FILE, JSON, RobotOptions, flag
 from raff2urdf.quantities import ANGLE, LENGTH, shown, shown_scale
+
+if TYPE_CHECKING:
+    from raff2urdf.readers.options import ReadOptions
 
 
 def run(
@@ -20,10 +23,12 @@ def run(
 ) -> int:
     """Print joints, limits, loops, couplings, mobility, singular values and masses."""
     from cinegen.model.description import describe
+    from cinegen.model.shapes import warn_of_lost_meshes
 
     reports = []
     for name, (mechanism, file) in options.load(files).items():
-        more: dict[str, Any] = {"ignored": _ignored(file)} if ignored else {}
+        more: dict[str, Any] = {"ignored": _ignored(file, options.options())} if ignored else {}
+        warn_of_lost_meshes(mechanism.source)
         if collision:
             from cinegen.collision.report import collision_report
 
@@ -33,14 +38,14 @@ def run(
     return 0
 
 
-def _ignored(file: Path) -> list[dict[str, Any]]:
+def _ignored(file: Path, options: ReadOptions) -> list[dict[str, Any]]:
     """Return the elements of a file that are not read."""
     from raff2urdf import readers
     from raff2urdf.readers.ignored import ignored
     from raff2urdf.shipped import find_robot
 
     path = find_robot(file)
-    return [one._asdict() for one in ignored(path)] if readers.holds_xml(path) else []
+    return [one._asdict() for one in ignored(path, options)] if readers.holds_xml(path) else []
 
 
 def _text(report: Mapping[str, Any]) -> str:
@@ -122,6 +127,7 @@ def _collision(report: Mapping[str, Any]) -> list[str]:
     for one in report["shapes"]:
         exceeds = f", exceeds it by up to {shown(one['excess'], LENGTH, 3)}"
         lines.append(f"    {one['link']}: {one['shape']}" + (f"; {one['around']}{exceeds}" if one["around"] else ""))
+    lines += [f"    not checked: {why}" for why in dict.fromkeys(report["not_checked"].values())]
     lines += ["", "  pairs:"]
     touching = []
     for pair in report["pairs"]:

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
-from cinegen.cli.files import check_outputs, print_result, write_figure
+from cinegen.cli.files import check_outputs, print_result, unchecked_links, write_figure
 from cinegen.cli.numbers import UNITS, dimension_of, interval_of, named, point
 from cinegen.cli.numbers import quantity as number
 from cinegen.cli.options import FILE, JSON, PLOT, VIEW, RobotOptions, exclude, flag, option
@@ -250,7 +250,8 @@ def _obstacles(mechanism: Mechanism, file: Path, robots: RobotOptions) -> dict[s
     """Return the obstacles of a scene, with this robot instead of the scene's."""
     from cinegen.collision import load_scene
 
-    scene = load_scene(file, robots.ignore_loops, robots.ignore, fixed_base=robots.fixed_base)
+    options = robots.options()
+    scene = load_scene(file, robots.ignore_loops, robots.ignore, fixed_base=robots.fixed_base, options=options)
     home = mechanism.placement(mechanism.q_home, mechanism.end).translation.tolist()
     values: dict[str, Any] = {"name": scene.name, "goal": {"point": home}}
     if scene.allowed_collisions:
@@ -369,6 +370,7 @@ def summary(found: xarray.Dataset, spec: MapSpecification) -> dict[str, Any]:
         "reachable": int(found["reachable"].values.sum()),
         "status": {status.label: int(number) for status, number in zip(CellStatus, counts, strict=True) if number},
         "quantities": quantities,
+        **({} if spec.scene is None else {"not_checked": dict(spec.mechanism.unchecked_links)}),
         "extent": {"value": measured.value, "error": measured.error, "unit": measured.unit},
     }
 
@@ -391,6 +393,8 @@ def _lines(name: str, spec: MapSpecification, result: dict[str, Any]) -> list[st
         f"  reachable       {size}, {share:.3g} % of the region",
         *textwrap.wrap(f"  status          {_counts(result)}", _WIDTH, subsequent_indent=" " * 18),
     ]
+    if spec.scene is not None and (lost := unchecked_links(spec.mechanism)):
+        lines += textwrap.wrap(f"  clearance       {lost}", _WIDTH, subsequent_indent=" " * 18)
     for quantity, values in result["quantities"].items():
         scale, unit = (1.0, "") if values["unit"] == "1" else shown_unit(values["unit"])
         three = ", ".join(

@@ -16,6 +16,7 @@ from raff2urdf.escape import one_line
 from raff2urdf.extras import needs
 from raff2urdf.files import stem_of
 from raff2urdf.quantities import LENGTH, show_lengths_in
+from raff2urdf.read_flags import ReadFlags
 
 if TYPE_CHECKING:
     from cinegen.model import Mechanism
@@ -89,7 +90,7 @@ VIEW = flag("--view", "show the result in the page")
 
 
 @dataclass(frozen=True)
-class RobotOptions:
+class RobotOptions(ReadFlags):
     """Which robots are loaded, and how."""
 
     robot: str | None = option("NAME", "load only the robot of this name")
@@ -113,9 +114,9 @@ class RobotOptions:
         Raises:
             CinegenError, raff2urdf.RaffError: a file can't be read, or holds no robot of that name.
         """
-        from cinegen.model.load import load, robots
+        from cinegen.model.load import load_with, robots
 
-        loops = {}
+        options, loops, files = self.options(), {}, list(files)
         for text in self.loop:
             name, equals, kind = text.rpartition("=")
             if not equals:
@@ -125,14 +126,15 @@ class RobotOptions:
         for file in files:
             wanted = robots(file) if self.robot is None else [self.robot]
             for robot in wanted:
-                mechanism = load(
-                    file, robot, loops, self.ignore_loops, self.ignore, self.relax, self.srdf, self.fixed_base
+                mechanism = load_with(
+                    options, file, robot, loops, self.ignore_loops, self.ignore, self.relax, self.srdf, self.fixed_base
                 )
                 stem = one_line(stem_of(file).encode(errors="replace").decode())  # a file's name need not be UTF-8
                 name = stem if len(wanted) == 1 else f"{stem}.{mechanism.name}"
                 while name in found:
                     name += "'"
                 found[name] = mechanism, file
+        options.check(*files)
         return found
 
     def load_one(self, file: Path) -> tuple[str, Mechanism]:

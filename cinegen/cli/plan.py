@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any, Literal
 
 import typer
 
-from cinegen.cli.files import check_outputs, count, disabled_pairs, print_result, write_figure
+from cinegen.cli.files import check_outputs, count, disabled_pairs, print_result, unchecked_links, write_figure
 from cinegen.cli.mode_change import change_advice, change_document, change_lines, goal_text, mode_index
 from cinegen.cli.options import (
     FIXED_BASE,
@@ -31,6 +31,7 @@ from cinegen.cli.progress import Progress
 from cinegen.cli.served_page import PageOptions
 from raff2urdf.files import output_path, stem_of, write_all
 from raff2urdf.quantities import ANGLE, LENGTH, NUMBER, shown, shown_scale
+from raff2urdf.read_flags import ReadFlags
 
 if TYPE_CHECKING:
     from cinegen.arrays import Array
@@ -44,6 +45,7 @@ _WIDTH = 100  # columns
 
 def run(
     page: PageOptions,
+    reading: ReadFlags,
     scene: Path = typer.Argument(..., metavar="SCENE", help="robot, obstacles, start and goal: a .toml or .json file"),
     field: Literal["vortex", "firas"] = option(
         None,
@@ -94,7 +96,9 @@ def run(
     recording = output_path(output, f"{stem_of(scene)}.jsonl") if output else None
     check_outputs(plot, plot_joints, force=page.force, json=json)
     check_outputs(recording, force=page.force, json=json, remakeable=False)
-    loaded = load_scene(scene, ignore_loops, ignore, srdf, self_clearance, fixed_base)
+    options = reading.options()
+    loaded = load_scene(scene, ignore_loops, ignore, srdf, self_clearance, fixed_base, options)
+    options.check(scene)
     locked = lock.replace(",", " ").split() if lock else []
     if not json:
         print("\n".join(_task(loaded, goal_text(mode, loaded) if modes else None)), flush=True)
@@ -161,6 +165,7 @@ def _task(scene: Scene, goal: str | None) -> list[str]:
     return [
         *textwrap.wrap(f"{scene.name}: {robot}; {goal or reached}", _WIDTH, subsequent_indent="  "),
         *([f"  {disabled_pairs(mechanism)}"] if mechanism.source.srdf else []),
+        *([f"  {lost}"] if (lost := unchecked_links(mechanism)) else []),
         *([f"  locked: {', '.join(scene.locked)}"] if scene.locked else []),
         *([f"  attached: {held}"] if held else []),
         *([f"  weights: {weights}"] if weights else []),
@@ -207,6 +212,8 @@ def _result(found: Plan) -> list[str]:
             f"  motion     {_motion(found)}, of the joints",
         ]
     lines.append(f"  clearance  {_clearance(found)}")
+    if lost := unchecked_links(found.scene.mechanism):
+        lines += textwrap.wrap(f"             {lost}", _WIDTH, subsequent_indent=" " * 13)
     if found.attempts:
         lines += textwrap.wrap(f"  meshes     {_meshes(found)}", _WIDTH, subsequent_indent=" " * 13)
         rows = [("status", "steps", "strategy")]
@@ -260,8 +267,8 @@ def _meshes(found: Plan) -> str:
     scene = found.scene
     touching = [(one.name, other) for one in scene.attached for other in one.touches]
     pairs = (*found.mesh_check.unchecked, *scene.allowed_collisions, *touching)
-    left_out = [f"{one}-{other}" for one, other in pairs]
     mechanism, step = scene.mechanism, found.mesh_check.step
+    left_out = [*mechanism.unchecked_links, *(f"{one}-{other}" for one, other in pairs)]
     checked = f"checked every {_length_text(step)} of motion"
     if mechanism.loops or not all(coupling.is_linear for coupling in mechanism.couplings):
         text = f"no contact on this path, {checked}: an estimate, as loops or couplings determine the motion"
@@ -347,6 +354,7 @@ def _document(found: Plan) -> dict[str, Any]:
             "step": found.mesh_check.step,
             "unchecked": [list(pair) for pair in found.mesh_check.unchecked],
             "allowed": [list(pair) for pair in scene.allowed_collisions],
+            "lost": dict(mechanism.unchecked_links),
         },
         "length": _length(found),
         "motion": found.motion,

@@ -11,9 +11,11 @@ from cinegen.cli.options import FILES, IGNORE, IGNORE_LOOPS, JSON, STOP_AFTER, o
 from raff2urdf.command_line import no_effect
 from raff2urdf.output import unescaped, write_at_once
 from raff2urdf.quantities import TIME
+from raff2urdf.read_flags import ReadFlags
 
 
 def run(
+    reading: ReadFlags,
     files: list[Path] = FILES,
     sensor: list[str] = option("N=URL", "another port for sensor N of the files", (), unless="--monitor"),
     monitor: str | None = option("URL", "show the readings of this port or URL"),
@@ -33,6 +35,7 @@ def run(
 
     if monitor:
         no_effect("with --monitor, which names one sensor by its URL", "FILE", "--ignore-loops", "--ignore")
+        no_effect("with --monitor, which reads no file", "--package", "--xacro-arg", "--swap-limits")
         url, token = split_token(monitor)
         if token:
             print(f"{url}: a program sends first: {encode_token(token)}", file=sys.stderr)
@@ -40,5 +43,6 @@ def run(
         with redirect_stdout(unescaped(sys.stdout)) if rewrite else nullcontext():
             monitoring.monitor(join_token(url, token), write_at_once, seconds, json, rewrite)
     else:
-        print(monitoring.listing(map(str, files), sensor, json, ignore_loops, ignore))
+        options = reading.options()
+        print(monitoring.listing(map(str, files), sensor, json, ignore_loops, ignore, options))
     return 0

@@ -11,7 +11,6 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 from meshcat.geometry import (
-    DaeMeshGeometry,
     Geometry,
     Material,
     MeshLambertMaterial,
@@ -21,10 +20,12 @@ from meshcat.geometry import (
 )
 from numpy.typing import ArrayLike
 
+from raff2urdf.graphics.collada import ENDING
+
 if TYPE_CHECKING:  # trimesh takes its time
     from raff2urdf.graphics.surface import ColouredSurface
 
-_READERS = {".stl": StlMeshGeometry, ".obj": ObjMeshGeometry, ".dae": DaeMeshGeometry}
+_READERS = {".stl": StlMeshGeometry, ".obj": ObjMeshGeometry}
 
 UNCOLOURED = (0.9, 0.9, 0.9, 1.0)
 """Colour of a file to which nothing gives one: that of Pinocchio's shapes."""
@@ -38,9 +39,10 @@ def draw_file(path: Path, rgba: ArrayLike, is_own: bool = True) -> Iterator[tupl
         rgba: colour (4,) of what has none, 0 to 1.
         is_own: use the file's own colours, if it has any.
     """
-    surfaces = _surfaces(path) if is_own and _is_coloured(path) else ()
+    is_dae = path.suffix.lower() == ENDING  # the viewer's own reader turns it, and applies the unit once more
+    surfaces = _surfaces(path) if is_dae or (is_own and _is_coloured(path)) else ()
     for surface in surfaces:
-        colour = rgba if surface.colour is None else np.array(surface.colour) / 255.0
+        colour = np.array(surface.colour) / 255.0 if is_own and surface.colour is not None else rgba
         corners = surface.triangles.reshape(-1, 3)
         yield TriangularMeshGeometry(corners, np.arange(len(corners)).reshape(-1, 3)), material_of(colour)
     reader = _READERS.get(path.suffix.lower())
@@ -71,9 +73,9 @@ def _surfaces(path: Path) -> tuple[ColouredSurface, ...]:
 
 
 def _is_coloured(path: Path) -> bool:
-    """Return whether a file has colours of its own."""
-    if path.suffix.lower() == ".obj":
-        text = path.read_text(encoding="utf-8", errors="replace")
-        named = re.search(r"^mtllib[ \t]+(.+?)[ \t\r]*$", text, flags=re.MULTILINE)
-        return named is not None and (path.parent / named[1]).is_file()
-    return path.suffix.lower() == ".dae"
+    """Return whether an OBJ has colours of its own."""
+    if path.suffix.lower() != ".obj":
+        return False
+    text = path.read_text(encoding="utf-8", errors="replace")
+    named = re.search(r"^mtllib[ \t]+(.+?)[ \t\r]*$", text, flags=re.MULTILINE)
+    return named is not None and (path.parent / named[1]).is_file()

@@ -253,10 +253,11 @@ def _drawn(solid: pin.GeometryObject) -> Iterator[tuple[Geometry, Material, Arra
     Nothing for unknown shapes; several for a mesh with several colours.
     """
     geometry, extra, look = solid.geometry, np.eye(4), material_of(solid.meshColor)
-    if _is_file(solid):
+    surfaces = draw_file(Path(solid.meshPath), solid.meshColor, not solid.overrideMaterial) if _is_file(solid) else ()
+    drawn = list(surfaces)
+    if drawn:
         extra[:3, :3] = np.diag(solid.meshScale)
-        for surface, own in draw_file(Path(solid.meshPath), solid.meshColor, not solid.overrideMaterial):
-            yield surface, own, extra
+        yield from ((surface, own, extra) for surface, own in drawn)
     elif isinstance(geometry, coal.Box):
         yield Box(2.0 * geometry.halfSide), look, extra
     elif isinstance(geometry, coal.Sphere):

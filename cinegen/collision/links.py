@@ -42,7 +42,7 @@ def link_bodies(mechanism: Mechanism) -> tuple[Body, ...]:
         bodies in the order of the mechanism's nodes, each named after its node. m, in the frames of the joints.
 
     Raises:
-        LoadError: a mesh is missing or can't be read.
+        LoadError: the shapes can't be read.
     """
     frames = mechanism.model.frames
     rank = {node: i for i, node in enumerate(mechanism.nodes)}

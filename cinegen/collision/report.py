@@ -30,7 +30,7 @@ def collision_report(mechanism: Mechanism) -> dict[str, Any]:
             `exact_within`: default distance of convex shapes, m, below which exact shapes are measured; further away a
             distance is too short by the excess of both shapes at most. `pairs`: two links, the reason, and for checked
             ones in contact at home the bounds `depth_at_home_at_least` and `depth_at_home` of their depth, m: by how
-            much one of them would have to move.
+            much one of them would have to move. `not_checked`: links whose meshes are lost, and why.
     """
     links: LinkPairs = mechanism.structure.derived(link_pairs)
     checked = links.of(PairReason.CHECKED)
@@ -58,7 +58,8 @@ def collision_report(mechanism: Mechanism) -> dict[str, Any]:
         }
         for body in links.bodies
     ]
-    return {"shapes": shapes, "exact_within": clearance.exact_within, "pairs": pairs}
+    lost = dict(mechanism.unchecked_links)
+    return {"shapes": shapes, "exact_within": clearance.exact_within, "pairs": pairs, "not_checked": lost}
 
 
 def _text(body: Body) -> str:

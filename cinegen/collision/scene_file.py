@@ -21,12 +21,14 @@ from cinegen.collision.obstacle import Obstacle, read_obstacle
 from cinegen.collision.scene import UNCONSTRAINED, PathConstraints, Scene, heading, unmoving_joints
 from cinegen.collision.scene_table import LEAST, SceneTable, about_z
 from cinegen.errors import CinegenError, ClosureError
-from cinegen.model import Mechanism, load
+from cinegen.model import Mechanism
+from cinegen.model.load import load_with
 from cinegen.model.plausible import FAR, ImplausibleError, check_joint, check_lengths
 from cinegen.tolerances import AT_LIMIT
 from raff2urdf.errors import RaffError, did_you_mean
 from raff2urdf.files import STANDARD, stem_of
 from raff2urdf.quantities import ANGLE, LENGTH, NUMBER, shown
+from raff2urdf.readers.options import ReadOptions
 from raff2urdf.readers.xml_file import read_text
 from raff2urdf.shipped import find_scene
 
@@ -46,6 +48,7 @@ def load_scene(
     srdf: str | Path | None = None,
     self_clearance: float | None = None,
     fixed_base: bool = False,
+    options: ReadOptions | None = None,
 ) -> Scene:
     """Return the scene of a file; numbers without a unit are in m and degrees.
 
@@ -56,6 +59,7 @@ def load_scene(
         srdf: likewise; in place of the scene's.
         self_clearance: distance between links, m, in place of the scene's.
         fixed_base: as for `cinegen.load`.
+        options: of how the robot's file is read; `ReadOptions.check` then refuses those without effect.
 
     Raises:
         SceneError: the file can't be read, or a value is invalid; the message names the file and the key.
@@ -76,7 +80,8 @@ def load_scene(
     values, where, unit = _angles(parse(text, path), str(path), "deg")
     if self_clearance is not None and isinstance(values, Mapping):
         values = {**values, "self_clearance": self_clearance}
-    settings = {"ignore_loops": ignore_loops, "ignore": ignore, "fixed_base": fixed_base}
+    settings: dict[str, Any] = {"ignore_loops": ignore_loops, "ignore": ignore, "fixed_base": fixed_base}
+    settings |= {} if options is None else {"options": options}
     settings |= {} if srdf is None else {"srdf": srdf}
     return _scene(SceneTable(values, where, unit), stem_of(path), path, path.parent, None, settings)
 
@@ -270,7 +275,7 @@ def _robot(table: SceneTable, folder: Path, mechanism: Mechanism | None, setting
 def _load(table: SceneTable, key: str, folder: Path, settings: _Settings) -> Mechanism:
     path = table.robot_file(key, folder)
     try:
-        return load(path, **settings)
+        return load_with(path=path, **{"options": ReadOptions(), **settings})
     except (CinegenError, RaffError, OSError) as error:
         raise table.error(key, f"can't be loaded: {error}") from None
 

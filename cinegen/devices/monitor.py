@@ -14,11 +14,12 @@ from cinegen.devices.kinds import KINDS, open_sensor, overrides, refusal, scheme
 from cinegen.devices.reading_json import encode_header, encode_recorded
 from cinegen.devices.spacenav import socket_path
 from cinegen.errors import UnknownNameError
-from cinegen.model.load import load, robots
+from cinegen.model.load import load_with, robots
 from cinegen.sensor import NO_TWIST, Reading, Sensor, SensorError, SensorState, SensorStatus
 from raff2urdf.axes import AXES, UNCHANGED, parse_axes
 from raff2urdf.escape import one_line
 from raff2urdf.output import until_stopped
+from raff2urdf.readers.options import ReadOptions
 
 Write = Callable[[str], object]
 
@@ -36,6 +37,7 @@ def listing(
     as_json: bool = False,
     ignore_loops: bool = False,
     ignore: Sequence[str] = (),
+    options: ReadOptions | None = None,
 ) -> str:
     """Return a list of the sensors of files, and of possible devices of this machine.
 
@@ -45,13 +47,15 @@ def listing(
         as_json: JSON instead of text.
         ignore_loops: as for `cinegen.load`.
         ignore: likewise.
+        options: of how the files are read.
 
     Raises:
-        raff2urdf.RaffError: a RAFF file is invalid.
+        raff2urdf.RaffError: a RAFF file is invalid, or an option has no effect.
         CinegenError: a file is invalid, or a port is given for an unknown sensor.
     """
-    given = overrides(ports)
-    found = {file: named(file, given, ignore_loops, ignore) for file in files}
+    given, options = overrides(ports), options or ReadOptions()
+    found = {file: named(file, given, ignore_loops, ignore, options) for file in files}
+    options.check(*found)
     known = {sensor["number"] for sensors in found.values() for sensor in sensors}
     for number in given:
         if number not in known:
@@ -62,7 +66,11 @@ def listing(
 
 
 def named(
-    path: str | Path, ports: Mapping[int, str], ignore_loops: bool = False, ignore: Sequence[str] = ()
+    path: str | Path,
+    ports: Mapping[int, str],
+    ignore_loops: bool = False,
+    ignore: Sequence[str] = (),
+    options: ReadOptions | None = None,
 ) -> list[dict[str, Any]]:
     """Return the sensors of a file, with the nodes that may follow them.
 
@@ -71,13 +79,14 @@ def named(
         ports: ports that replace those of the file, by the sensor's number.
         ignore_loops: as for `cinegen.load`.
         ignore: likewise.
+        options: of how the file is read.
 
     Raises:
         raff2urdf.RaffError: the RAFF file is invalid.
         CinegenError: the file is invalid.
     """
-    path = Path(path)
-    mechanisms = [load(path, robot, ignore_loops=ignore_loops, ignore=ignore) for robot in robots(path)]
+    path, options = Path(path), options or ReadOptions()
+    mechanisms = [load_with(options, path, robot, ignore_loops=ignore_loops, ignore=ignore) for robot in robots(path)]
     found: dict[int, dict[str, Any]] = {}
     for mechanism in mechanisms:
         for number, sensor in mechanism.sensors.items():

@@ -18,7 +18,7 @@ from cinegen.joints import axis
 from cinegen.loops.closed_loops import ClosedLoops
 from cinegen.loops.clusters import subsystems
 from cinegen.model.healing import LARGEST_CHANGE, heal, in_bodies
-from cinegen.model.load import load, written_loops
+from cinegen.model.load import load_with, written_loops
 from cinegen.model.near_redundant import loop_gaps
 from raff2urdf import closure, readers
 from raff2urdf.constraints import HASH
@@ -28,6 +28,7 @@ from raff2urdf.files import STANDARD
 from raff2urdf.near_redundancy import NearRedundancy, near_redundancy
 from raff2urdf.raff.reader import parse, read
 from raff2urdf.readers import robot_yaml
+from raff2urdf.readers.options import ReadOptions
 from raff2urdf.readers.sidecar import constraints_of
 from raff2urdf.readers.urdf import hash_of
 from raff2urdf.readers.urdf import parse as parse_urdf
@@ -66,7 +67,9 @@ class Healing(NamedTuple):
     gaps: dict[str, tuple[float, float]]
 
 
-def heal_file(path: Path, robot: str | None = None, out: Path | None = None) -> Healing:
+def heal_file(
+    path: Path, robot: str | None = None, out: Path | None = None, options: ReadOptions | None = None
+) -> Healing:
     """Heal a robot's RAFF file, URDF with its constraints file, SDF or MJCF.
 
     Numbers that place joints and ends of loops change as little as possible: least squares, angles in rad, lengths in
@@ -76,6 +79,7 @@ def heal_file(path: Path, robot: str | None = None, out: Path | None = None) -> 
         path: of the file.
         robot: its name; the first of the file unless given.
         out: where the healed file will be written; over `path` unless given. Its constraints file will be next to it.
+        options: of how the file is read.
 
     Raises:
         CinegenError: no loop is nearly redundant; no change as small as rounding makes the loops exact; or the healed
@@ -85,16 +89,19 @@ def heal_file(path: Path, robot: str | None = None, out: Path | None = None) -> 
     if path == STANDARD or path.suffix == ".xacro":
         why = "standard input can't be read again" if path == STANDARD else "its numbers are computed: expand it first"
         raise CinegenError(f"{path}: can't be healed: {why}")
-    groups = adjustables(path)
+    groups, options = adjustables(path), options or ReadOptions()
     with warnings.catch_warnings(), TemporaryDirectory() as folder:
         warnings.simplefilter("ignore")  # `load` warns
-        files = _Files(path, robot, groups, Path(folder))
+        files = _Files(path, robot, groups, Path(folder), options)
         healing = files.heal()
-        _check(healing, path, path if out is None or out == STANDARD else out, robot, files.loops)
+        _check(healing, path, path if out is None or out == STANDARD else out, robot, files.loops, options)
+        options.check(path)
         return healing
 
 
-def _check(healing: Healing, path: Path, out: Path, robot: str | None, loops: Sequence[str]) -> None:
+def _check(
+    healing: Healing, path: Path, out: Path, robot: str | None, loops: Sequence[str], options: ReadOptions
+) -> None:
     """Load the healed files as they will be at `out`, and close the loops, which are to have these names."""
     names = {path: out.name, constraints_of(path): constraints_of(out).name}
     with TemporaryDirectory() as name:
@@ -102,7 +109,7 @@ def _check(healing: Healing, path: Path, out: Path, robot: str | None, loops: Se
         for file, content in healing.contents.items():
             _replace(folder / names[file], content)
         try:
-            found = {loop.name for loop in load(folder / out.name, robot, relax=False).loops}
+            found = {loop.name for loop in load_with(options, folder / out.name, robot, relax=False).loops}
         except (CinegenError, RaffError) as error:
             why = str(error).replace(f"{folder}/", "")
             raise CinegenError(f"{path}: not healed, since what would be written can't be loaded: {why}") from None
@@ -126,10 +133,10 @@ def _replace(file: Path, content: bytes) -> None:
     file.write_bytes(content)
 
 
-def _description(path: Path, robot: str | None) -> tuple[str, Mapping[str, Any] | None]:
+def _description(path: Path, robot: str | None, options: ReadOptions) -> tuple[str, Mapping[str, Any] | None]:
     """Return a robot as a URDF's text and its constraints."""
     if readers.holds_xml(path):
-        found = readers.read(path, robot)
+        found = readers.read(path, robot, options=options)
         return found.urdf, found.constraints
     document = parse(read(path), str(path))
     return describe(document, document.robot(robot), path.parent)
@@ -143,12 +150,15 @@ class _Files:
         robot: its name.
         groups: its numbers.
         folder: where changed files are written.
+        options: of how the file is read.
     """
 
-    def __init__(self, path: Path, robot: str | None, groups: Sequence[Adjustable], folder: Path) -> None:
-        self.path, self.robot, self.folder = path, robot, folder
+    def __init__(
+        self, path: Path, robot: str | None, groups: Sequence[Adjustable], folder: Path, options: ReadOptions
+    ) -> None:
+        self.path, self.robot, self.folder, self.options = path, robot, folder, options
         self.groups = list(groups)
-        _description(path, robot)  # errors name the file itself
+        _description(path, robot, options)  # errors name the file itself
         _copy_of(path.absolute().parent, folder)
         system, q = self._loops([group.values([0.0] * len(group.is_length)) for group in self.groups])
         self.length, self.loops = system.length, [loop.name for loop in system.loops]
@@ -247,7 +257,7 @@ class _Files:
         numbers = [number for group in self.groups for number in group.numbers]
         for file, content in rewritten(numbers, [value for group in values for value in group]).items():
             _replace(self.folder / file.name, content)
-        urdf, constraints = _description(self.folder / self.path.name, self.robot)
+        urdf, constraints = _description(self.folder / self.path.name, self.robot, self.options)
         if not constraints or not constraints["loops"]:
             raise LoadError(f"{self.path}: it has no loops: there is nothing to heal")
         return written_loops(urdf, constraints, str(self.path))[:2]

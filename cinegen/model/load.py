@@ -38,6 +38,7 @@ from raff2urdf.placement import rotation
 from raff2urdf.raff.document import LoopKind
 from raff2urdf.readers.actuation import advice, syntax_of
 from raff2urdf.readers.declaration import IgnoreList
+from raff2urdf.readers.options import ReadOptions
 from raff2urdf.readers.sidecar import constraints_of
 from raff2urdf.readers.srdf import Srdf, read_srdf, srdf_of
 from raff2urdf.readers.urdf import UNLIMITED, parse
@@ -59,6 +60,9 @@ def load(
     fixed_base: bool = False,
     couplings: Sequence[Coupling] = (),
     actuated: Sequence[str] | None = None,
+    packages: Mapping[str, str | Path] | None = None,
+    xacro_args: Mapping[str, str] | None = None,
+    swap_limits: bool = False,
 ) -> Mechanism:
     """Load a mechanism and close its loops.
 
@@ -88,19 +92,48 @@ def load(
             pose. Robots without one are loaded as they are.
         couplings: of a `pinocchio.Model`, equations between its joints.
         actuated: names of the actuated joints, in place of those that the file states or that are chosen.
+        packages: folders of ROS packages by name, where `package://NAME` and `$(find NAME)` are searched first.
+        xacro_args: arguments of a file in xacro, by name.
+        swap_limits: exchange lower and upper limits of a URDF where the lower one is above the upper one; one warning
+            lists the joints. Otherwise such a URDF is refused.
 
     Raises:
-        raff2urdf.RaffError: the RAFF file, or the constraints, are wrong: where and why.
+        raff2urdf.RaffError: the RAFF file, or the constraints, are wrong: where and why. The folder of a package does
+            not exist; `packages`, `xacro_args` or `swap_limits` have no effect on the file.
         ClosureError: the loops can't be closed; names them, their gaps, and what would close them.
         LoadError: the URDF, SDF, MJCF or robot.yaml is wrong: where and why. It declares a loop or a coupling that
             can't be read, and that is not ignored. An SRDF is wrong, or names links that the robot does not have.
         UnknownNameError: no such loop, or no such joint.
     """
     if isinstance(path, pin.Model):
-        for option, value in (("robot", robot), ("ignore_loops", ignore_loops), ("ignore", ignore), ("srdf", srdf)):
+        for option, value in (
+            ("robot", robot), ("ignore_loops", ignore_loops), ("ignore", ignore), ("srdf", srdf),
+            ("packages", packages), ("xacro_args", xacro_args), ("swap_limits", swap_limits),
+        ):  # fmt: skip
             if value:
                 raise LoadError(f"{option} has no effect on a pinocchio.Model: leave it out")
         return _load_model(path, () if loops is None else loops, couplings, actuated, relax, fixed_base)
+    options = ReadOptions(packages or {}, xacro_args or {}, swap_limits)
+    found = load_with(options, path, robot, loops, ignore_loops, ignore, relax, srdf, fixed_base, couplings, actuated)
+    options.check(found.source.name)
+    return found
+
+
+def load_with(
+    options: ReadOptions,
+    path: str | Path | URDF,
+    robot: str | None = None,
+    loops: Mapping[str, str] | Sequence[pin.RigidConstraintModel] | None = None,
+    ignore_loops: bool = False,
+    ignore: Sequence[str] = (),
+    relax: bool | None = None,
+    srdf: str | Path | None = None,
+    fixed_base: bool = False,
+    couplings: Sequence[Coupling] = (),
+    actuated: Sequence[str] | None = None,
+) -> Mechanism:
+    """Load a mechanism as `load` does, without checking that the options of how its file is read have an effect:
+    `options.check` does so, for all files that were loaded with them."""
     text = path if isinstance(path, str) and readers.is_text(path) else None
     path = path if text is None else Path(readers.TEXT)
     if couplings or not isinstance(loops, Mapping | None):
@@ -114,7 +147,9 @@ def load(
             f"{path}: a kind is given for loop '{next(iter(loops))}', but all are to be ignored: leave one out"
         )
     if not isinstance(path, Path) or (readers.holds_xml(path) if text is None else text.lstrip().startswith("<")):
-        return _load_xml(path, text, robot, loops, ignore_loops, ignore, relax, described, fixed_base, actuated)
+        return _load_xml(
+            path, text, robot, loops, ignore_loops, ignore, relax, described, fixed_base, actuated, options
+        )
     from raff2urdf.conversion import describe
     from raff2urdf.raff.reader import parse as parse_raff
     from raff2urdf.raff.reader import read
@@ -147,7 +182,7 @@ def load(
     if fixed_base:
         urdf, constraints = with_fixed_base(urdf, constraints, str(path))
     constraints = _with_actuated(urdf, constraints, actuated, str(path))
-    return build(urdf, constraints, name=str(path), srdf=_read_srdf(described, urdf, str(path)), relax=relax)
+    return build(urdf, constraints, name=str(path), srdf=_read_srdf(described, urdf, str(path), options), relax=relax)
 
 
 def robots(path: str | Path) -> list[str | None]:
@@ -173,6 +208,7 @@ def _load_xml(
     srdf: Path | None,
     fixed_base: bool,
     actuated: Sequence[str] | None,
+    options: ReadOptions,
 ) -> Mechanism:
     """Load a URDF with its sidecar files, an SDF, an MJCF, a text of one of these, or a `yourdfpy.URDF`."""
     path = source if isinstance(source, Path) else Path(f"yourdfpy.URDF '{source.robot.name}'")
@@ -181,14 +217,15 @@ def _load_xml(
         beside, ignore = None, [word for word in ignore if word != left_out]
     try:
         if text is not None:
-            found, folder = readers.read_xml(text, str(path), robot, ignore_loops, ignore), Path.cwd()
+            found, folder = readers.read_xml(text, str(path), robot, ignore_loops, ignore, options), Path.cwd()
         elif isinstance(source, Path):
-            found, folder = readers.read(path, robot, ignore_loops, ignore), path.parent
+            found, folder = readers.read(path, robot, ignore_loops, ignore, options), path.parent
         else:
             from raff2urdf.urdf_object import ExactUrdf
 
             written = ExactUrdf(source.robot, source._filename_handler)
-            found, folder = readers.read_urdf(written.text(), str(path), ignore_loops, ignore), written.folder
+            found = readers.read_xml(written.text(), str(path), None, ignore_loops, ignore, options)
+            folder = written.folder
         urdf: str = found.urdf
         constraints: Mapping[str, Any] | None = found.constraints
         if fixed_base:
@@ -201,9 +238,12 @@ def _load_xml(
         if name not in entries:
             raise UnknownNameError("loop", name, tuple(entries))
         entries[name]["kind"] = loop_kind(kind).name.lower()
-    disabled = _read_srdf(srdf or beside, urdf, str(path))
+    disabled = _read_srdf(srdf or beside, urdf, str(path), options)
     stated = _with_actuated(urdf, constraints, actuated, str(path))
-    mechanism = build(urdf, stated, str(folder), str(path), found.dialects, found.notes, disabled, relax=relax)
+    packages = tuple((name, str(given)) for name, given in options.search.given.items())
+    mechanism = build(
+        urdf, stated, str(folder), str(path), found.dialects, found.notes, disabled, packages=packages, relax=relax
+    )
     if constraints and not loops:
         _check_stated(mechanism, constraints, path)
     for name, kind in (loops or {}).items():
@@ -260,7 +300,7 @@ def _with_actuated(
     return {**(constraints or {"loops": []}), "joints": stated}
 
 
-def _read_srdf(path: Path | None, urdf: str, name: str) -> Srdf | None:
+def _read_srdf(path: Path | None, urdf: str, name: str, options: ReadOptions) -> Srdf | None:
     """Return what an SRDF disables among the links of a URDF.
 
     Raises:
@@ -271,7 +311,7 @@ def _read_srdf(path: Path | None, urdf: str, name: str) -> Srdf | None:
     try:
         tree = parse(urdf, name)
         links = [str(link.get("name")) for link in tree.iter("link")]
-        return read_srdf(path, links, f"robot '{tree.get('name', '')}'")
+        return read_srdf(path, links, f"robot '{tree.get('name', '')}'", options)
     except RaffError as error:
         raise LoadError(str(error)) from None
 
@@ -397,6 +437,7 @@ def build(
     notes: tuple[str, ...] = (),
     srdf: Srdf | None = None,
     owner: str | None = None,
+    packages: tuple[tuple[str, str], ...] = (),
     relax: bool | None = False,
 ) -> Mechanism:
     """Build a mechanism from a URDF's text and everything that a URDF cannot express.
@@ -412,6 +453,7 @@ def build(
         notes: about what was read.
         srdf: pairs of links that an SRDF disables.
         owner: see `MechanismSource`.
+        packages: see `MechanismSource`.
         relax: see `load`.
 
     Raises:
@@ -430,10 +472,10 @@ def build(
         if given and relax is not False:
             plane = in_plane(given, system, q, name)
             if plane is not None:
-                return build(urdf, plane, folder, name, dialects, notes, srdf, owner, relax)
+                return build(urdf, plane, folder, name, dialects, notes, srdf, owner, packages, relax)
             exact = made_exact(urdf, given, system, q, relax is True, name)
             if exact is not None:
-                return build(*exact, folder, name, dialects, notes, srdf, owner)
+                return build(*exact, folder, name, dialects, notes, srdf, owner, packages)
         q = q if spherical is None or near is None else spherical.from_successive(near)
     drawn = not any("home" in joint for joint in (given or {}).get("joints", []))
     home = find_home(system, q, Limits(model, tuple(actuated)), actuated, drawn, name, robot)
@@ -481,6 +523,7 @@ def build(
             notes=notes,
             srdf=srdf,
             owner=owner,
+            packages=packages,
         ),
     )
 

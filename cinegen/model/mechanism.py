@@ -21,7 +21,7 @@ from cinegen.loops.screws import LoopScrews
 from cinegen.model.jacobian import COMPONENTS, ExtendedJacobian
 from cinegen.model.limits import Limits
 from cinegen.model.masses import massless, unphysical
-from cinegen.model.shapes import collision_shapes, shapes
+from cinegen.model.shapes import CollisionShapes, collision_shapes, shapes
 from cinegen.model.spherical import SphericalJoints
 from cinegen.model.structure import Structure
 from raff2urdf import closure
@@ -47,6 +47,7 @@ class MechanismSource(NamedTuple):
         srdf: the pairs of links that an SRDF disables; None without one.
         owner: the folder of the recording or map that holds all this: it has no access to graphics elsewhere. None
             where it is the robot's own file.
+        packages: names and folders of ROS packages that the user gave, in which meshes are searched first.
     """
 
     urdf: str
@@ -57,6 +58,7 @@ class MechanismSource(NamedTuple):
     notes: tuple[str, ...] = ()
     srdf: Srdf | None = None
     owner: str | None = None
+    packages: tuple[tuple[str, str], ...] = ()
 
 
 @dataclass(frozen=True, eq=False, repr=False, kw_only=True)
@@ -259,21 +261,22 @@ class Mechanism:
 
     @cached_property
     def visual(self) -> pin.GeometryModel:
-        """The visual shapes of all nodes; a warning names missing meshes, for which sticks are drawn.
-
-        Raises:
-            LoadError: a mesh can't be read.
-        """
+        """The visual shapes of all nodes; sticks are drawn for meshes that are lost, see `cinegen.model.shapes`."""
         return shapes(self.model, self.source)
 
     @cached_property
-    def collision(self) -> pin.GeometryModel:
-        """The collision shapes of all nodes, see `cinegen.model.shapes.collision_shapes`.
-
-        Raises:
-            LoadError: a mesh is missing, or can't be read.
-        """
+    def _collision(self) -> CollisionShapes:
         return collision_shapes(self.model, self.source)
+
+    @property
+    def collision(self) -> pin.GeometryModel:
+        """The collision shapes of all nodes, see `cinegen.model.shapes.collision_shapes`."""
+        return self._collision.geometry
+
+    @property
+    def unchecked_links(self) -> Mapping[str, str]:
+        """The links that no check of collisions covers, since meshes of them are lost, with the reasons."""
+        return self._collision.unchecked
 
     @cached_property
     def massless(self) -> tuple[str, ...]:

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import copy
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import coal
 import pinocchio as pin
@@ -14,57 +14,57 @@ from lxml import etree
 from cinegen.errors import LoadError, warn
 from cinegen.model.stick import stick_figure
 from raff2urdf.errors import RaffError
+from raff2urdf.graphics.collada import unit_of
 from raff2urdf.graphics.meshes import CONVERTED, SHOWN, Drawing, converted
-from raff2urdf.graphics.names import find
+from raff2urdf.graphics.names import Packages, find
 from raff2urdf.readers import TEXT
+from raff2urdf.readers.urdf import three
 from raff2urdf.readers.xml_file import parse_xml
 
 if TYPE_CHECKING:
     from cinegen.model.mechanism import MechanismSource
 
-_MOST = 10  # meshes that a warning names
+
+class CollisionShapes(NamedTuple):
+    """The collision shapes of a URDF's links.
+
+    Attributes:
+        geometry: the shapes.
+        unchecked: links with meshes that are lost, and why: where a link has no other shape, its sticks collide.
+    """
+
+    geometry: pin.GeometryModel
+    unchecked: Mapping[str, str]
 
 
 def shapes(model: pin.Model, source: MechanismSource) -> pin.GeometryModel:
     """Return the visual shapes of a URDF's links; a stick figure if there are none.
 
-    One warning names the meshes that are missing, or where they are not allowed. Where a link has no other shape, the
-    sticks of its body are drawn.
+    One warning names the first mesh that is lost: missing, unreadable, empty, a pointer of Git LFS, or where it is not
+    allowed. Where a link has no other shape, the sticks of its body are drawn.
 
     Args:
         model: of the same URDF.
         source: the URDF, and where its meshes are searched.
 
     Raises:
-        LoadError: a mesh can't be read; with the line that names it.
+        LoadError: the shapes can't be read for another reason.
     """
-    tree = parse_xml(source.urdf, source.name)
-    bare, lost = _remove_lost(tree, source)
-    found = _read(tree, model, source)
-    sticks = stick_figure(model)
-    if lost:
-        more = f"; and {len(lost) - _MOST} more" if len(lost) > _MOST else ""
-        warn(f"{'; '.join(lost[:_MOST])}{more}; sticks are drawn instead")
-    if not found.geometryObjects:
-        return sticks
-    joints = {model.frames[model.getFrameId(link, pin.FrameType.BODY)].parentJoint for link in bare}
-    for stick in sticks.geometryObjects:
-        if stick.parentJoint in joints:
-            found.addGeometryObject(stick)
-    return found
+    return _with_sticks(model, source, parse_xml(source.urdf, source.name), stick_figure(model)).geometry
 
 
-def collision_shapes(model: pin.Model, source: MechanismSource) -> pin.GeometryModel:
+def collision_shapes(model: pin.Model, source: MechanismSource) -> CollisionShapes:
     """Return the collision shapes of a URDF's links; the bars of a stick figure if there are no shapes at all.
 
-    A link without collision shapes collides by its visual shapes.
+    A link without collision shapes collides by its visual shapes. One warning names the first mesh that is lost, as
+    that of `shapes`.
 
     Args:
         model: of the same URDF.
         source: the URDF, and where its meshes are searched.
 
     Raises:
-        LoadError: a mesh is missing, can't be read, or is where it is not allowed; with the line that names it.
+        LoadError: the shapes can't be read for another reason.
     """
     tree = parse_xml(source.urdf, source.name)
     for link in tree.iterchildren("link"):
@@ -73,11 +73,102 @@ def collision_shapes(model: pin.Model, source: MechanismSource) -> pin.GeometryM
             link.remove(visual)
         for collision in collisions:
             collision.tag = "visual"
-    found = _read(tree, model, source)
-    return found if found.geometryObjects else _bars(stick_figure(model))
+    return _with_sticks(model, source, tree, _bars(stick_figure(model)))
 
 
-def _find(mesh: str, source: MechanismSource) -> Path:
+def warn_of_lost_meshes(source: MechanismSource) -> None:
+    """Warn, as `shapes` does, of a mesh that can't be found; none is read."""
+    tree = parse_xml(source.urdf, source.name)
+    _warn(_Meshes(tree, source).lost)
+
+
+def _with_sticks(model: pin.Model, source: MechanismSource, tree: Any, sticks: pin.GeometryModel) -> CollisionShapes:
+    """Return the <visual> elements of a URDF's tree, which is changed, as shapes; and sticks where meshes are lost."""
+    _keep_shapes(tree)
+    drawn = {link.get("name") for link in tree.iterchildren("link") if link.find("visual") is not None}
+    meshes = _Meshes(tree, source)
+    found = meshes.read(model)
+    _warn(meshes.lost)
+    if not found.geometryObjects:
+        return CollisionShapes(sticks, meshes.links)
+    left = {link.get("name") for link in tree.iterchildren("link") if link.find("visual") is not None}
+    joints = {model.frames[model.getFrameId(link, pin.FrameType.BODY)].parentJoint for link in drawn - left}
+    for stick in sticks.geometryObjects:
+        if stick.parentJoint in joints:
+            found.addGeometryObject(stick)
+    return CollisionShapes(found, meshes.links)
+
+
+def _warn(lost: Mapping[str, str]) -> None:
+    if lost:
+        more = f"; and {len(lost) - 1} more mesh{'es' * (len(lost) > 2)}" if len(lost) > 1 else ""
+        warn(f"{next(iter(lost.values()))}{more}; sticks are drawn instead")
+
+
+class _Meshes:
+    """The meshes of the <visual> elements of a URDF's tree. Elements whose meshes are lost are removed from it.
+
+    Attributes:
+        lost: what is wrong with each mesh that is lost, by its name: where it is named first, why, and the remedy.
+        links: names of links that name them, with the same texts.
+    """
+
+    def __init__(self, tree: Any, source: MechanismSource) -> None:
+        self.tree, self.source = tree, source
+        self.lost: dict[str, str] = {}
+        self.links: dict[str, str] = {}
+        self._files: list[tuple[Any, str, Path]] = []  # that Pinocchio reads: visual, name and file
+        is_own = source.owner is None  # a recording or a map can't open folders
+        given = {name: Path(folder) for name, folder in source.packages if is_own}
+        packages = Packages(given, can_be_given=is_own)
+        for visual in list(tree.iter("visual")):
+            for mesh in visual.iter("mesh"):
+                name = mesh.get("filename", "")
+                try:
+                    path = _find(name, source, packages)
+                    self._files.append((visual, name, path))
+                    mesh.set("filename", str(path))
+                    if (unit := unit_of(path)) != 1.0:
+                        scale = three(mesh, "scale", source.name, "1 1 1")
+                        mesh.set("scale", " ".join(repr(unit * factor) for factor in scale))
+                except RaffError as error:
+                    self._lose(visual, name, str(error))
+                    break
+
+    def read(self, model: pin.Model) -> pin.GeometryModel:
+        """Return the <visual> elements as shapes.
+
+        Raises:
+            LoadError: they can't be read, though their meshes can.
+        """
+        for visual, name, path in self._files:
+            if visual.getparent() is not None and path.suffix.lower() not in SHOWN:
+                try:
+                    _replace(visual, _converted(path))
+                except RaffError as error:
+                    self._lose(visual, name, str(error))
+        try:
+            return self._built(model)
+        except (ValueError, RuntimeError):  # which names one at most
+            for visual, name, path in self._files:
+                if visual.getparent() is not None and (why := _why_unreadable(str(path))):
+                    self._lose(visual, name, why)
+        try:
+            return self._built(model)
+        except (ValueError, RuntimeError) as error:
+            raise LoadError(f"{self.source.name}: the shapes of '{model.name}' can't be read: {error}") from None
+
+    def _built(self, model: pin.Model) -> pin.GeometryModel:
+        text = etree.tostring(self.tree, encoding="unicode")
+        return pin.buildGeomFromUrdfString(model, text, pin.GeometryType.VISUAL)
+
+    def _lose(self, visual: Any, name: str, why: str) -> None:
+        text = self.lost.setdefault(name, f"{_where(self.source.name, name)}: {why}")
+        self.links.setdefault(visual.getparent().get("name"), text)
+        visual.getparent().remove(visual)
+
+
+def _find(mesh: str, source: MechanismSource, packages: Packages) -> Path:
     """Return a mesh by its name.
 
     Raises:
@@ -87,59 +178,11 @@ def _find(mesh: str, source: MechanismSource) -> Path:
         return Path(mesh)
     owner = None if source.owner is None else Path(source.owner)
     try:
-        return find(mesh, Path(source.folder or source.owner or ""), owner)
+        return find(mesh, Path(source.folder or source.owner or ""), owner, packages)
     except RaffError as error:
         if source.name != TEXT:
             raise
         raise RaffError(f"{error}: a text names files from the folder that was current when it was loaded") from None
-
-
-def _remove_lost(tree: Any, source: MechanismSource) -> tuple[list[str], list[str]]:
-    """Remove the visuals of a URDF's tree whose meshes can't be found; return the links that have no others, and what
-    is wrong with each mesh, where it is named first."""
-    bare, lost = list[str](), dict[str, str]()
-    for link in tree.iterchildren("link"):
-        visuals = list(link.iterchildren("visual"))
-        for visual in visuals:
-            for filename in [mesh.get("filename", "") for mesh in visual.iter("mesh")]:
-                try:
-                    _find(filename, source)
-                except RaffError as error:
-                    lost.setdefault(filename, f"{_where(source.name, filename)}: {error}")
-                    link.remove(visual)
-                    break
-        if visuals and link.find("visual") is None:
-            bare.append(link.get("name"))
-    return bare, list(lost.values())
-
-
-def _read(tree: Any, model: pin.Model, source: MechanismSource) -> pin.GeometryModel:
-    """Return the <visual> elements of a URDF's tree, which is changed, as shapes.
-
-    Raises:
-        LoadError: a mesh is missing, can't be read, or is where it is not allowed; with the line that names it.
-    """
-    name = source.name
-    _keep_shapes(tree)
-    meshes: list[tuple[str, str]] = []  # files that Pinocchio reads, and where they are named
-    for visual in list(tree.iter("visual")):
-        for mesh in visual.iter("mesh"):
-            filename = mesh.get("filename", "")
-            try:
-                path = _find(filename, source)
-                mesh.set("filename", str(path))
-                if path.suffix.lower() not in SHOWN:
-                    _replace(visual, _converted(path))
-            except RaffError as error:
-                raise LoadError(f"{_where(name, filename)}: {error}") from None
-            meshes.append((str(path), _where(name, filename)))
-    text = etree.tostring(tree, encoding="unicode")
-    try:
-        return pin.buildGeomFromUrdfString(model, text, pin.GeometryType.VISUAL)
-    except (ValueError, RuntimeError) as error:
-        for path_of_mesh, where in meshes:
-            _check(path_of_mesh, where)
-        raise LoadError(f"{name}: the shapes of '{model.name}' can't be read: {error}") from None
 
 
 def _bars(figure: pin.GeometryModel) -> pin.GeometryModel:
@@ -166,7 +209,7 @@ def _converted(path: Path) -> list[Drawing]:
         return converted(path)
     except Exception as error:  # every reader has errors of its own
         reason = " ".join(str(error).split()) or type(error).__name__
-        raise RaffError(f"the mesh '{path}' can't be read: {reason[:200]}") from None
+        raise RaffError(f"the mesh '{path}' can't be read: {reason[:200]}: export it again") from None
 
 
 def _replace(visual: Any, drawings: Sequence[Drawing]) -> None:
@@ -202,13 +245,15 @@ def _keep_shapes(tree: Any) -> None:
         known.add(material.get("name"))
 
 
-def _check(path: str, where: str) -> None:
-    """Raise LoadError if a mesh can't be read."""
+def _why_unreadable(path: str) -> str | None:
+    """Return why a mesh can't be read, with the remedy; None if it can."""
     try:
         coal.MeshLoader().load(path)
     except (ValueError, RuntimeError) as error:
-        reason = str(error).partition("message: ")[2] or str(error)
-        raise LoadError(f"{where}: the mesh '{path}' can't be read: {' '.join(reason.split())}") from None
+        reason = " ".join(str(error).partition("message: ")[2].replace(f"Could not load resource {path}", "").split())
+        reason = reason.partition(" Hint: ")[0] or " ".join(str(error).split())
+        return f"the mesh '{path}' can't be read: {reason.rstrip('.')}: export it again"
+    return None
 
 
 def _where(name: str, mesh: str) -> str:

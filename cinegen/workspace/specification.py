@@ -254,7 +254,13 @@ class MapSpecification:
     def attributes(self) -> dict[str, str]:
         """Attributes of a map that `of_attributes` reads: the text, and where the robot and the scene are here."""
         source = self.mechanism.source
-        names = ("urdf", "constraints", "folder", "name", *(("srdf",) if source.srdf else ()))
+        names = (
+            "urdf",
+            "constraints",
+            "folder",
+            "name",
+            *(one for one in ("srdf", "packages") if getattr(source, one)),
+        )
         robot = {name: getattr(source, name) for name in names}
         return {"specification": self.text, "source": _json(robot), "folder": self.folder}
 

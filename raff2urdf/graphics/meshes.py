@@ -23,6 +23,7 @@ import numpy as np
 from raff2urdf.errors import RaffError
 from raff2urdf.extras import needs
 from raff2urdf.files import note, write_all
+from raff2urdf.graphics.collada import ENDING, unit_of
 from raff2urdf.graphics.names import cache_folder, check_mesh, may_read
 from raff2urdf.raff.document import RaffNode, RaffRobot
 
@@ -115,9 +116,9 @@ class Graphics:
 
     def _drawn(self, path: Path) -> tuple[list[Drawing], str | None]:
         kind = path.suffix.lower()
-        if kind in SHOWN:
+        if kind in SHOWN and unit_of(path) == 1.0:  # viewers would apply another one
             return ([], "holds no surface") if _is_empty(path) else ([Drawing(path)], None)
-        if kind in CONVERTED:
+        if kind in (*CONVERTED, ENDING):
             surfaces, omitted = _surfaces(path)
             return self._converted(path, surfaces), omitted
         return [], f"{path.suffix or 'no extension'}: only {', '.join((*SHOWN, *CONVERTED))} can be shown"

@@ -9,8 +9,9 @@ A file from elsewhere must not have any file of the user shown. A graphic file i
 
 - at the home of the robot's file: in the package around it (a folder with package.xml, manifest.xml or model.config),
   or without one in the file's own folder and the folder above, as `../meshes` requires;
-- in a package of the name that it states: a folder around the file, or next to one of these, that holds such a mark;
-  without a mark a folder at home, or one of the three above the file's own;
+- in a package of the name that it states, see `Packages`: one that the user names (`--package`); a folder around the
+  file, next to one of these, or in or next to its repository, that holds such a mark; without a mark a folder at home,
+  or one of the three above the file's own;
 - in a package in ROS_PACKAGE_PATH, AMENT_PREFIX_PATH, GAZEBO_MODEL_PATH or GZ_SIM_RESOURCE_PATH;
 - in a folder of RAFF2URDF_MESH_PATH, or was converted into the user's cache.
 
@@ -22,23 +23,31 @@ these variables name: `colcon build --symlink-install` makes them of links.
 from __future__ import annotations
 
 import os
+import re
 import stat
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from pathlib import Path
+from types import MappingProxyType
 from typing import NamedTuple
 from urllib.parse import unquote
 
 from raff2urdf.errors import RaffError
+from raff2urdf.escape import shell_word
 from raff2urdf.files import note
 
 ALLOWED = "RAFF2URDF_MESH_PATH"
 """Environment variable with folders, separated as in PATH, in which graphics may be anywhere."""
 
 LARGEST_MESH = 512_000_000  # bytes
+_LARGEST_MARK = 100_000  # bytes of a package.xml in which its name is looked for
 
 _SEARCHED = ("ROS_PACKAGE_PATH", "GAZEBO_MODEL_PATH", "GZ_SIM_RESOURCE_PATH")
 _MARKS = ("package.xml", "model.config", "manifest.xml")  # a folder with one of them is a package or a model
+_NO_PACKAGES = ("", ".", "..")
 _LAYERS = 3  # folders of a package without a mark, between it and a robot's file: robots/arm/urdf
+_DEEP = 3  # folders down from the one in which a repository is, to a package: arms/robots/arm_description
+_MOST_FOLDERS = 5000  # that are searched for packages
+_NAME = re.compile(r"<name>\s*([^<\s]+)\s*</name>")
 _POINTER = b"version https://git-lfs.github.com/spec/"
 
 
@@ -48,7 +57,130 @@ class _Candidate(NamedTuple):
     follows_links: bool = False  # out of the root
 
 
-def find(name: str, folder: Path, owner: Path | None = None) -> Path:
+class Packages:
+    """The search for ROS packages and Gazebo models, by name.
+
+    A package is searched, in this order:
+
+    - in the folder that the user gives;
+    - around the file that names it, and next to one of the folders around it;
+    - in the environment: ROS_PACKAGE_PATH, GAZEBO_MODEL_PATH, GZ_SIM_RESOURCE_PATH, AMENT_PREFIX_PATH;
+    - below the folder three above the file's package, then below the one that holds its repository (a folder with
+      .git): `_DEEP` folders down.
+
+    Its name is its folder's, or the one in its package.xml, as if the repository was cloned under another name.
+
+    Args:
+        given: folders, by the name of the package.
+        can_be_given: whether an error may propose that.
+    """
+
+    def __init__(self, given: Mapping[str, Path] = MappingProxyType({}), can_be_given: bool = True) -> None:
+        self.given, self.can_be_given = dict(given), can_be_given
+        self._below: dict[Path, dict[str, list[Path]]] = {}
+
+    def find(self, package: str, folder: Path) -> Path:
+        """Return the folder of a package.
+
+        Args:
+            package: its name.
+            folder: of the file that names it.
+
+        Raises:
+            RaffError: it is not found.
+        """
+        for root, _ in self.candidates(package, folder):
+            return root
+        raise RaffError(self.missing(package))
+
+    def missing(self, package: str) -> str:
+        """Return the error for a package that is not found."""
+        if package in _NO_PACKAGES:
+            return f"'{package}' is not found: it is no name of a package"
+        where = self.given.get(package)
+        if where is not None:
+            return f"it is not in {where}, the folder of the package '{package}'"
+        remedy = "add the folder above it to ROS_PACKAGE_PATH"
+        if self.can_be_given:
+            option = f"--package {shell_word(f'{package}=FOLDER')} (in Python packages={{{package!r}: FOLDER}})"
+            remedy = f"name its folder by {option}, or {remedy}"
+        return f"the package '{package}' is not found: {remedy}"
+
+    def candidates(self, package: str, folder: Path) -> Iterator[tuple[Path, bool]]:
+        """Yield the folders that may be the package of that name, and whether the user names them."""
+        if package in self.given:
+            yield self.given[package], True
+        if package in self.given or package in _NO_PACKAGES:
+            return
+        absolute, home = Path(os.path.abspath(folder)), home_of(folder)
+        for height, above in enumerate((absolute, *absolute.parents)):
+            near = above.name == package and height <= _LAYERS and not _is_shared(above)
+            if near or (_is_marked(above) and package in _names(above)):
+                yield above, False
+            beside = above / package
+            if beside.is_dir() and (_is_marked(beside) or beside.is_relative_to(home)):
+                yield beside, False
+        for entry in (Path(entry) for variable in _SEARCHED for entry in _entries(variable)):
+            for root in (entry / package, entry):
+                if root.is_dir() and package in _names(root):
+                    yield root, True
+        for root in (Path(entry) / "share" / package for entry in _entries("AMENT_PREFIX_PATH")):
+            if root.is_dir():
+                yield root, True
+        for top in _tops(home):
+            if top not in self._below:
+                self._below[top] = _marked_below(top)
+            yield from ((root, False) for root in self._below[top].get(package, ()))
+
+
+def _tops(home: Path) -> list[Path]:
+    """Return the folders below which packages are searched, for a file's home; the nearest first."""
+    around: list[Path] = []
+    beside: list[Path] = []
+    for above in (home, *home.parents):
+        if _is_shared(above):
+            break
+        around.append(above)
+        if (above / ".git").exists():
+            beside += [] if _is_shared(above.parent) else [above.parent]
+            break
+    return [*around[: _LAYERS + 1][-1:], *beside]
+
+
+def _marked_below(top: Path) -> dict[str, list[Path]]:
+    """Return the packages at most `_DEEP` folders below a folder, by name."""
+    found: dict[str, list[Path]] = {}
+    level, seen = [top], 0
+    for _ in range(_DEEP + 1):
+        below: list[Path] = []
+        for folder in level:
+            seen += 1
+            if seen > _MOST_FOLDERS:
+                return found
+            if _is_marked(folder):
+                for name in _names(folder):
+                    found.setdefault(name, []).append(folder)
+            try:
+                with os.scandir(folder) as entries:
+                    inner = [e.name for e in entries if e.name[0] != "." and e.is_dir(follow_symlinks=False)]
+            except OSError:
+                continue
+            below += [folder / name for name in sorted(inner)]
+        level = below
+    return found
+
+
+def _names(folder: Path) -> set[str]:
+    """Return the names of a package: its folder's, and the one that its package.xml states."""
+    try:
+        with open(folder / _MARKS[0], encoding="utf-8", errors="replace") as file:
+            stated = _NAME.search(file.read(_LARGEST_MARK))
+    except OSError:
+        stated = None
+    return {folder.name, *([] if stated is None else [stated[1]])}
+
+
+def find(name: str, folder: Path, owner: Path | None = None, packages: Packages | None = None) -> Path:
     """Return the file that a name refers to.
 
     Args:
@@ -56,16 +188,17 @@ def find(name: str, folder: Path, owner: Path | None = None) -> Path:
         folder: of the description.
         owner: folder of the recording or map that holds the description, and states its folder; None unless there is
             one. It has no access to other folders.
+        packages: the search for packages.
 
     Raises:
         RaffError: there is no such file, it is elsewhere than in the folders that may be read, it is too large, or a
             pointer of Git LFS.
     """
-    label, refused = f"mesh '{name}'", None
+    label, refused, first = f"mesh '{name}'", None, None
     if owner is not None:
         _check_place(folder, home_of(owner), label)
-    candidates = list(_candidates(name, folder))
-    for path, root, follows_links in candidates:
+    for path, root, follows_links in _candidates(name, folder, packages or Packages()):
+        first = first or path
         try:
             _check_place(path, root, label, follows_links)
         except RaffError as error:
@@ -75,7 +208,13 @@ def find(name: str, folder: Path, owner: Path | None = None) -> Path:
             if os.path.isfile(path):
                 _check_content(path, label)
                 return Path(os.path.abspath(path))
-    raise refused or RaffError(f"{label} is not found: there is no file {os.path.abspath(candidates[0].path)}")
+    raise refused or RaffError(f"{label} is not found: there is no file {os.path.abspath(first or name)}")
+
+
+def package_of(name: str) -> str | None:
+    """Return the package that a name of a file states, as `package://NAME/...`; None without one."""
+    found = re.match(r"(?:package|model)://([^/]+)", name)
+    return None if found is None else found[1]
 
 
 def check_mesh(path: Path, folder: Path, label: str) -> None:
@@ -145,7 +284,7 @@ def is_pointer(path: Path) -> bool:
         return file.read(len(_POINTER)) == _POINTER
 
 
-def _candidates(name: str, folder: Path) -> Iterator[_Candidate]:
+def _candidates(name: str, folder: Path, packages: Packages) -> Iterator[_Candidate]:
     """Yield where a file of that name may be, the likeliest place first.
 
     Raises:
@@ -157,36 +296,19 @@ def _candidates(name: str, folder: Path) -> Iterator[_Candidate]:
     elif scheme not in ("package", "model"):
         raise RaffError(f"mesh '{name}': '{scheme}://' can't be read: name a file")
     elif rest.startswith("/"):
-        yield from _candidates(rest[1:], folder)
+        yield from _candidates(rest[1:], folder, packages)
     else:
         package, _, inner = rest.partition("/")
-        roots = list(_packages(package, folder))
-        if not roots:
-            hint = "add its parent folder to ROS_PACKAGE_PATH"
-            raise RaffError(f"mesh '{name}': the package '{package}' is not found: {hint}")
-        yield from (_Candidate(_joined(root, inner), root, named) for root, named in roots)
+        missing = True
+        for root, named in packages.candidates(package, folder):
+            missing = False
+            yield _Candidate(_joined(root, inner), root, named)
+        if missing:
+            raise RaffError(f"mesh '{name}': {packages.missing(package)}")
 
 
 def _joined(folder: Path, name: str) -> Path:
     return folder / name.replace("\0", "�")  # which no name of a file may contain
-
-
-def _packages(package: str, folder: Path) -> Iterator[tuple[Path, bool]]:
-    """Yield the folders that may be the package of that name, and whether the environment names them."""
-    if package in ("..", "."):
-        return
-    absolute, home = Path(os.path.abspath(folder)), home_of(folder)
-    for height, above in enumerate((absolute, *absolute.parents)):
-        if above.name == package and (_is_marked(above) or (height <= _LAYERS and not _is_shared(above))):
-            yield above, False
-        beside = above / package
-        if beside.is_dir() and (_is_marked(beside) or beside.is_relative_to(home)):
-            yield beside, False
-    for entry in (Path(entry) for variable in _SEARCHED for entry in _entries(variable)):
-        yield from ((root, True) for root in (entry / package, entry) if root.name == package and root.is_dir())
-    for root in (Path(entry) / "share" / package for entry in _entries("AMENT_PREFIX_PATH")):
-        if root.is_dir():
-            yield root, True
 
 
 def _entries(variable: str) -> list[str]:

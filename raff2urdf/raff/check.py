@@ -9,18 +9,17 @@ from __future__ import annotations
 
 import math
 import re
-import warnings
 from collections.abc import Iterable, Iterator, Mapping
 
 from raff2urdf.errors import (
     Problem,
     RaffError,
-    RaffWarning,
     SourceLocation,
     defined_twice,
     did_you_mean,
     duplicates,
     limits_reversed,
+    warn,
 )
 from raff2urdf.raff import texts
 from raff2urdf.raff.compound import VARIABLES, intermediate_names
@@ -88,7 +87,7 @@ def check(document: Document) -> None:
     _raise(problems)
     for robot in document.robots:
         for problem in _oddities(document, robot):
-            warnings.warn(str(problem), RaffWarning, stacklevel=3)
+            warn(str(problem))
 
 
 def check_sizes(document: Document, robot: RaffRobot) -> None:

@@ -7,18 +7,18 @@ format is a new module here, and a line in `READERS`.
 from __future__ import annotations
 
 import re
-import warnings
 from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
-from raff2urdf.errors import RaffError, RaffWarning
+from raff2urdf.errors import RaffError, warn
 from raff2urdf.files import STANDARD, read_bytes
 from raff2urdf.readers.xml_file import error_at, parse_xml, read_text
 
 if TYPE_CHECKING:  # each format is imported when it is read
     from raff2urdf.constraints import Constraints
     from raff2urdf.readers.declaration import IgnoreList
+    from raff2urdf.readers.options import ReadOptions
 
 
 class Description(NamedTuple):
@@ -58,7 +58,13 @@ def is_text(source: object) -> bool:
     return isinstance(source, str) and (source.lstrip().startswith("<") or "\n" in source)
 
 
-def read(path: Path, robot: str | None = None, ignore_loops: bool = False, ignore: Sequence[str] = ()) -> Description:
+def read(
+    path: Path,
+    robot: str | None = None,
+    ignore_loops: bool = False,
+    ignore: Sequence[str] = (),
+    options: ReadOptions | None = None,
+) -> Description:
     """Read the robot of a URDF, SDF or MJCF. A URDF may be xacro: then errors name lines of what xacro makes of it.
 
     Args:
@@ -67,16 +73,22 @@ def read(path: Path, robot: str | None = None, ignore_loops: bool = False, ignor
         ignore_loops: leave out all loops and couplings; one warning lists them.
         ignore: loops and couplings to be left out, by name or by element, such as "pin" or "loop_joint", and files next
             to a URDF, such as "robot.yaml"; one warning lists them.
+        options: others; `ReadOptions.check` then refuses those without effect.
 
     Raises:
         RaffError: the file, or its sidecar file, can't be read or is wrong: where and why. A file declares a loop or a
             coupling that can't be read, and that is not ignored. `ignore` names none.
     """
-    return _checked(*_described(read_text(path), path, robot, ignore_loops, ignore))
+    return _checked(*_described(read_text(path), path, robot, ignore_loops, ignore, options))
 
 
 def read_xml(
-    text: str, name: str = TEXT, robot: str | None = None, ignore_loops: bool = False, ignore: Sequence[str] = ()
+    text: str,
+    name: str = TEXT,
+    robot: str | None = None,
+    ignore_loops: bool = False,
+    ignore: Sequence[str] = (),
+    options: ReadOptions | None = None,
 ) -> Description:
     """Read the robot of a URDF, SDF or MJCF that is no file, so that nothing is next to it.
 
@@ -86,49 +98,60 @@ def read_xml(
         robot: see `read`.
         ignore_loops: see `read`.
         ignore: see `read`.
+        options: see `read`.
 
     Raises:
         RaffError: see `read`; or the text is xacro.
     """
-    return _checked(*_described(text, Path(name), robot, ignore_loops, ignore, is_file=False))
+    return _checked(*_described(text, Path(name), robot, ignore_loops, ignore, options, is_file=False))
 
 
 def _described(
-    text: str, path: Path, robot: str | None, ignore_loops: bool, ignore: Sequence[str], is_file: bool = True
+    text: str,
+    path: Path,
+    robot: str | None,
+    ignore_loops: bool,
+    ignore: Sequence[str],
+    options: ReadOptions | None,
+    is_file: bool = True,
 ) -> tuple[Description, str, IgnoreList, bool]:
     from raff2urdf.readers import xacro_file
     from raff2urdf.readers.declaration import IgnoreList
+    from raff2urdf.readers.options import ReadOptions
 
+    options = options or ReadOptions()
     root = parse_xml(text, str(path))
     if root.tag == "robot" and xacro_file.is_xacro(path, root):
         if not is_file:
             raise RaffError(f"{path}: xacro is a program: load its file, .urdf.xacro, or the output of `xacro`")
-        text = xacro_file.expanded(path)
+        found = xacro_file.expanded(path, options)
+        xacro_file.check_calls(path, found)
+        text = found.text
     kind = str(root.tag)
     if kind not in READERS:
         known = ", ".join(f"<{word}>" for word in READERS)
         why = _OTHER_ROOTS.get(kind, f"this is not a robot (known: {known})")
         raise error_at(str(path), root, f"its first element is <{kind}>: {why}")
     words = IgnoreList(ignore)
-    return READERS[kind](text, path, robot, ignore_loops, words, is_file), str(path), words, ignore_loops
+    if kind == "robot":
+        text = _with_options(text, str(path), options)
+    described = READERS[kind](text, path, robot, ignore_loops, words, is_file)
+    options.met("package", *re.findall(r"(?:package|model)://([^/\"']+)", described.urdf))
+    return described, str(path), words, ignore_loops
 
 
-def read_urdf(text: str, name: str, ignore_loops: bool = False, ignore: Sequence[str] = ()) -> Description:
-    """Read a URDF that is no file, so that nothing is next to it.
+def _with_options(text: str, name: str, options: ReadOptions) -> str:
+    """Return a URDF as the options require it."""
+    from raff2urdf.readers.urdf import swap_limits
+    from raff2urdf.readers.urdf_tree import text_of
 
-    Args:
-        text: of the URDF.
-        name: of it, in errors, which name lines of the text.
-        ignore_loops: see `read`.
-        ignore: see `read`.
-
-    Raises:
-        RaffError: see `read`.
-    """
-    from raff2urdf.readers.declaration import IgnoreList
-
-    words = IgnoreList(ignore)
-    return _checked(_urdf(text, Path(name), None, ignore_loops, words, is_file=False), name, words, ignore_loops)
+    root = parse_xml(text, name)
+    swapped = swap_limits(root) if options.swap_limits else []
+    if not swapped:
+        return text
+    options.met("swap-limits")
+    warn(f"{name}: lower and upper limits exchanged, as requested: {', '.join(swapped)}")
+    return text_of(root)
 
 
 def _checked(found: Description, name: str, ignore: IgnoreList, ignore_loops: bool) -> Description:
@@ -142,8 +165,7 @@ def _checked(found: Description, name: str, ignore: IgnoreList, ignore_loops: bo
         ignore.check(name)
     if found.left_out:
         moves = "; every joint moves independently" if ignore_loops else ""
-        message = f"{name}: left out, as requested{moves}: {', '.join(found.left_out)}"
-        warnings.warn(message, RaffWarning, stacklevel=5)
+        warn(f"{name}: left out, as requested{moves}: {', '.join(found.left_out)}")
     return found
 
 

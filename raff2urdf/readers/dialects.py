@@ -10,7 +10,6 @@ that implies the other holds; two that contradict each other are an error.
 
 from __future__ import annotations
 
-import warnings
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -19,7 +18,7 @@ from typing import Any
 import numpy as np
 
 from raff2urdf.constraints import Constraints
-from raff2urdf.errors import RaffError, RaffWarning
+from raff2urdf.errors import RaffError, warn
 from raff2urdf.escape import shell_word
 from raff2urdf.files import note
 from raff2urdf.readers import (
@@ -31,12 +30,13 @@ from raff2urdf.readers import (
     loop_closures,
     loop_elements,
     robot_yaml,
+    roots,
     sidecar,
     successive,
 )
 from raff2urdf.readers.declaration import CouplingEntry, Declaration, IgnoreList, listed
 from raff2urdf.readers.loop_joint import LoopJoint, implies
-from raff2urdf.readers.urdf import default_value, joints, limits, parse, xacro_hint
+from raff2urdf.readers.urdf import default_value, ends, joints, limits, parse, xacro_hint
 from raff2urdf.readers.urdf import listed as urdf_joints
 from raff2urdf.readers.urdf_tree import UrdfTree, text_of
 from raff2urdf.readers.xml_file import parse_xml
@@ -59,8 +59,9 @@ def read(text: str, path: Path, ignore: IgnoreList, ignore_loops: bool, is_file:
     name = str(path)
     root = parse_xml(text, name)
     changed = closing_joints.with_joints_of_drake(root, name)
+    notes, free = roots.with_world(root), roots.attach(root)
     declared = closing_joints.cut(root, name)
-    if changed or declared:
+    if changed or declared or notes or free:
         text = text_of(root)
     root = parse(text, name)
     declared += [
@@ -75,9 +76,14 @@ def read(text: str, path: Path, ignore: IgnoreList, ignore_loops: bool, is_file:
     left_out = [one for one in declared if ignore_loops or ignore.takes(*one.words)]
     kept = [one for one in declared if not any(one is other for other in left_out)]
     if ignore_loops:
+        if free:
+            tree = UrdfTree(parse(files.text, name), name)
+            raise roots.refusal(tree, [ends(tree.joints[joint])[1] for joint in free])
         shown = [one for one in left_out if one.certain and one.also != ("0",)]
         shown = shown if files.values is None else [one for one in shown if one.dialect != declared_loops.COMMENT]
-        return Description(files.text, files.values, (), (), ((listed(shown),) if shown else ()) + files.left_out)
+        return Description(
+            files.text, files.values, (), tuple(notes), ((listed(shown),) if shown else ()) + files.left_out
+        )
     names = tuple(f"{one.label} (line {one.line})" for one in left_out)
     tree = UrdfTree(parse(files.text, name), name)
     closures, made = files.closures(tree), list[str]()
@@ -85,6 +91,7 @@ def read(text: str, path: Path, ignore: IgnoreList, ignore_loops: bool, is_file:
         made += successive.replace(tree.root, tree.joints[joint], successive.SPHERICAL, name)
     tree = UrdfTree(tree.root, name) if made else tree
     composed = _Composed(tree, files, made)
+    composed.notes += notes
     if closures is not None:
         following = [one for one in kept if one.dialect == "mimic" and one.name in closures.following]
         kept = [one for one in kept if not any(one is other for other in following)]
@@ -97,6 +104,8 @@ def read(text: str, path: Path, ignore: IgnoreList, ignore_loops: bool, is_file:
         _warn_of_missing(unread, path)
     if not left_out and not composed.closed and not composed.coupled:
         _warn_of_passive(root, name)
+    if free:
+        composed.place(free)
     return composed.result(names + files.left_out)
 
 
@@ -108,7 +117,7 @@ def _check_unread(unread: Sequence[Declaration], composed: _Composed, root: Any,
         raise RaffError(f"{declared_loops.refusal(certain, path, is_file)}{xacro_hint(root, str(path))}")
     if lost:
         also = f". Also not read: {listed(lost[1:], 3)}" if lost[1:] else ""
-        warnings.warn(f"{path}:{lost[0].line}: {lost[0].text}{also}", RaffWarning, stacklevel=6)
+        warn(f"{path}:{lost[0].line}: {lost[0].text}{also}")
 
 
 def _warn_of_missing(unread: Sequence[Declaration], path: Path) -> None:
@@ -117,7 +126,7 @@ def _warn_of_missing(unread: Sequence[Declaration], path: Path) -> None:
         if one.dialect == declared_loops.COMMENT:
             why = f"names {one.name}, which is not there: home and actuated joints are the defaults"
             remedy = "Restore that file, or remove the comment"
-            warnings.warn(f"{path}:{one.line}: this comment {why}. {remedy}", RaffWarning, stacklevel=6)
+            warn(f"{path}:{one.line}: this comment {why}. {remedy}")
 
 
 def _warn_of_passive(root: Any, name: str) -> None:
@@ -125,7 +134,7 @@ def _warn_of_passive(root: Any, name: str) -> None:
     passive = [joint for joint in joints(root) if joint.get("independent") == "false"]
     if passive:
         why = 'the joint depends on others (independent="false"), but no <loop> and no <coupling> declares how'
-        warnings.warn(f"{urdf_joints(passive, name)}: {why}; it moves freely", RaffWarning, stacklevel=6)
+        warn(f"{urdf_joints(passive, name)}: {why}; it moves freely")
 
 
 class _Files:
@@ -275,6 +284,12 @@ class _Composed:
             f"with --ignore {shell_word(word)}"
         )
 
+    def place(self, free: Sequence[str]) -> None:
+        """Place the trees of several roots, see `roots.place`."""
+        self._tree, passive, notes = roots.place(self._tree, free, [cut for _, cut in self._cuts])
+        self._passive += passive
+        self.notes += notes
+
     def result(self, left_out: tuple[str, ...]) -> Description:
         """Return the URDF with everything that was added."""
         tree, files = self._tree, self._files
@@ -315,7 +330,12 @@ class _Composed:
         """Return the entries of all joints that move: those of a file, and passive ones behind them."""
         given = list((self._files.values or {}).get("joints", []))
         if given:
-            return [*given, *({"name": joint, "home": 0.0, "actuated": False} for joint in passive)]
+            unstated = {} if any("actuated" in entry for entry in given) or not passive else {"actuated": None}
+            known = {entry["name"]: {**unstated, **entry} for entry in given}
+            known |= {
+                joint: {"home": 0.0, **known.get(joint, {}), "name": joint, "actuated": False} for joint in passive
+            }
+            return list(known.values())
         closures = self._files.closures(self._tree)
         root = self._tree.root
         by_name = {str(joint.get("name")): joint for joint in joints(root)}

@@ -18,6 +18,7 @@ from raff2urdf.readers import (
     xacro_file,
 )
 from raff2urdf.readers.declaration import tag_of
+from raff2urdf.readers.options import ReadOptions
 from raff2urdf.readers.urdf import by_name
 from raff2urdf.readers.xml_file import parse_xml, read_text
 
@@ -77,8 +78,8 @@ class IgnoredElements(NamedTuple):
     lines: tuple[int, ...]
 
 
-def ignored(path: Path) -> list[IgnoredElements]:
-    """Return the elements of a URDF, SDF or MJCF that are not read, in file order.
+def ignored(path: Path, options: ReadOptions | None = None) -> list[IgnoredElements]:
+    """Return the elements of a URDF, SDF or MJCF that are not read, in file order; `options` are those of `read`.
 
     Raises:
         RaffError: the file can't be read.
@@ -86,7 +87,7 @@ def ignored(path: Path) -> list[IgnoredElements]:
     text = read_text(path)
     root = parse_xml(text, str(path))
     if root.tag == "robot" and xacro_file.is_xacro(path, root):
-        root = parse_xml(xacro_file.expanded(path), str(path))
+        root = parse_xml(xacro_file.expanded(path, options or ReadOptions()).text, str(path))
     kept = list(_read_elsewhere(root, str(path))) if root.tag == "robot" else []
     found: dict[str, list[int]] = {}
     _walk(root, _TABLES.get(str(root.tag), {}), {id(element) for element in kept}, found)

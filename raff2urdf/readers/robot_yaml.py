@@ -13,7 +13,6 @@ Such models are exported from CAD: all joints are written as revolute ones, and 
 from __future__ import annotations
 
 import re
-import warnings
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -22,7 +21,7 @@ import yaml
 from lxml import etree
 
 from raff2urdf.constraints import Constraints, loop_entry
-from raff2urdf.errors import RaffError, RaffWarning, did_you_mean
+from raff2urdf.errors import RaffError, did_you_mean, warn
 from raff2urdf.files import note
 from raff2urdf.readers import successive
 from raff2urdf.readers.sidecar import content_of, plain
@@ -70,7 +69,7 @@ def loops_of(urdf: Path, text: str) -> tuple[str, Constraints] | None:
         lists.check_scalars(joint, kind)
         if joint.value not in by_name:  # published files name some that are gone, or spelt otherwise
             message = f"joint '{joint.value}' is not in the URDF: nothing is replaced"
-            warnings.warn(str(lists.error(joint, message, list(by_name))), RaffWarning, stacklevel=4)
+            warn(str(lists.error(joint, message, list(by_name))))
             continue
         replaced[joint.value] = _replace(tree, by_name[joint.value], kind, lists, name)
     replaced |= successive.replace_compound(tree, name, keep_root=True)

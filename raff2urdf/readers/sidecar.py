@@ -6,13 +6,12 @@ from __future__ import annotations
 import json
 import os
 import re
-import warnings
 from collections.abc import Collection
 from pathlib import Path
 from typing import Any, NamedTuple
 
 from raff2urdf.constraints import HASH, Constraints, UrdfSummary, load, loads
-from raff2urdf.errors import RaffError, RaffWarning
+from raff2urdf.errors import RaffError, warn
 from raff2urdf.escape import shell_word
 from raff2urdf.readers.successive import moving
 from raff2urdf.readers.urdf import IGNORE, hash_of, parse, root_first
@@ -106,7 +105,7 @@ def check_hash(values: Constraints, holder: str, urdf: Path, root: Any) -> None:
         )
     else:
         return
-    warnings.warn(f"{urdf}: {what}", RaffWarning, stacklevel=7)
+    warn(f"{urdf}: {what}")
 
 
 def misplaced(urdf: Path, text: str) -> Misplaced | None:

@@ -10,6 +10,7 @@ from typing import Any, TypedDict
 from raff2urdf.errors import RaffError, did_you_mean
 from raff2urdf.files import STANDARD, note
 from raff2urdf.readers import xacro_file
+from raff2urdf.readers.options import ReadOptions
 from raff2urdf.readers.sidecar import plain
 from raff2urdf.readers.xml_file import error_at, parse_xml, read_text
 
@@ -37,7 +38,7 @@ def srdf_of(urdf: Path) -> Path | None:
     return path if urdf != STANDARD and path.is_file() else None
 
 
-def read_srdf(path: Path, links: Collection[str], robot: str) -> Srdf:
+def read_srdf(path: Path, links: Collection[str], robot: str, options: ReadOptions | None = None) -> Srdf:
     """Read which pairs of links an SRDF disables.
 
     As in MoveIt: `disable_default_collisions` disables all pairs of a link, `enable_collisions` one pair of these less;
@@ -47,6 +48,7 @@ def read_srdf(path: Path, links: Collection[str], robot: str) -> Srdf:
         path: of the file; it may be xacro.
         links: of the robot.
         robot: its name, for errors.
+        options: of how its own file is read.
 
     Raises:
         RaffError: the file can't be read, is no SRDF, or names links that the robot does not have.
@@ -54,7 +56,7 @@ def read_srdf(path: Path, links: Collection[str], robot: str) -> Srdf:
     text = read_text(path)
     root = parse_xml(text, str(path))
     if xacro_file.is_xacro(path, root):
-        root = parse_xml(xacro_file.expanded(path), str(path))
+        root = parse_xml(xacro_file.expanded(path, options or ReadOptions()).text, str(path))
     if root.tag != "robot":
         raise error_at(str(path), root, f"its first element is <{root.tag}>: an SRDF begins with <robot>")
     if next(root.iter("link", "joint"), None) is not None and next(root.iter("disable_collisions"), None) is None:

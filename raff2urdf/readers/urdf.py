@@ -35,6 +35,9 @@ TOO_SLOW = texts.TOO_SLOW.format(least=LEAST_SPEED)
 IGNORE = "--ignore-loops (in Python ignore_loops=True)"
 """The option that leaves all loops open."""
 
+SWAP = "--swap-limits (in Python swap_limits=True)"
+"""The option that exchanges limits that are reversed."""
+
 KINDS = ("revolute", "continuous", "prismatic", "fixed", "floating", "planar", "spherical")
 """Types of joints. `spherical` is not in URDF's specification, but some programs write it."""
 
@@ -268,6 +271,21 @@ def limit_value(element: Any, text: str, word: str, label: str, name: str) -> fl
     return value
 
 
+def swap_limits(tree: Any) -> list[str]:
+    """Exchange lower and upper limits of joints where the lower one is above the upper one; return their names."""
+    swapped = []
+    for joint in tree.iterchildren("joint"):
+        limit = joint.find("limit")
+        if limit is None or joint.get("type") not in ("revolute", "prismatic"):
+            continue
+        low, high = limit.get("lower", "0"), limit.get("upper", "0")
+        if number(low) > number(high):
+            limit.set("lower", high)
+            limit.set("upper", low)
+            swapped.append(str(joint.get("name")))
+    return swapped
+
+
 def negative_mass(label: str, mass: float) -> str:
     """Return the error of a mass (kg) below 0."""
     return texts.NEGATIVE_MASS.format(what=label, mass=mass)
@@ -316,7 +334,8 @@ def _check_joint(joint: Any, name: str) -> None:
     values = {word: limit_value(limit, limit.get(word), word, _label(joint), name) for word in words}
     low, high = values.get("lower", 0.0), values.get("upper", 0.0)
     if kind in ("revolute", "prismatic") and low > high:
-        raise error_at(name, limit, limits_reversed(_label(joint), low, high))
+        edit = f'lower="{limit.get("upper", "0")}" upper="{limit.get("lower", "0")}"'
+        raise error_at(name, limit, f"{limits_reversed(_label(joint), low, high)} ({edit}), or add {SWAP}")
 
 
 def _check_inertial(link: Any, name: str) -> None:

@@ -14,6 +14,7 @@ from raff2urdf.command_line import Command, UsageError, Version, expand, new_app
 from raff2urdf.errors import RaffError
 from raff2urdf.files import STANDARD, output_path, stem_of
 from raff2urdf.output import run
+from raff2urdf.read_flags import ReadFlags
 
 if TYPE_CHECKING:
     from raff2urdf.urdf2raff.robot import RaffImport
@@ -27,6 +28,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 
 def urdf2raff(
+    reading: ReadFlags,
     file: Annotated[str, Argument(metavar="FILE", help="URDF, SDF or MJCF", show_default=False)],
     output: Annotated[
         str | None,
@@ -76,8 +78,11 @@ def urdf2raff(
         try:
             from raff2urdf.urdf2raff.conversion import to_raff
 
-            loops = parse_loops(loop)
-            found = to_raff(file, path, units, not no_graphics, robot, loops, ignore_loops, ignore or (), force)
+            loops, options = parse_loops(loop), reading.options()
+            found = to_raff(
+                file, path, units, not no_graphics, robot, loops, ignore_loops, ignore or (), force,
+                options.packages, options.xacro_args, options.swap_limits,
+            )  # fmt: skip
         except RaffError as error:
             print_error(str(error))
             return 1

@@ -13,11 +13,10 @@ from raff2urdf.errors import RaffError, RaffWarning, did_you_mean
 from raff2urdf.files import check_new, is_stream, write_all
 from raff2urdf.raff.check import check
 from raff2urdf.raff.writer import dumps
+from raff2urdf.readers.options import ReadOptions
 from raff2urdf.readers.urdf import joints, lacks_limits, listed, parse
 from raff2urdf.urdf2raff.graphics import GraphicsExport, units_of
 from raff2urdf.urdf2raff.robot import RaffImport, import_tree
-
-_MOST = 10  # missing meshes that a warning names
 
 
 def to_raff(
@@ -30,6 +29,9 @@ def to_raff(
     ignore_loops: bool = False,
     ignore: Sequence[str] = (),
     overwrite: bool = True,
+    packages: Mapping[str, str | Path] | None = None,
+    xacro_args: Mapping[str, str] | None = None,
+    swap_limits: bool = False,
 ) -> RaffImport:
     """Describe a robot in RAFF, from a URDF, SDF or MJCF.
 
@@ -46,16 +48,21 @@ def to_raff(
         ignore_loops: leave out all loops and couplings.
         ignore: loops and couplings to be left out, by name or by element.
         overwrite: whether to replace a RAFF file.
+        packages: folders of ROS packages by name, where `package://NAME` and `$(find NAME)` are searched first.
+        xacro_args: arguments of a file in xacro, by name.
+        swap_limits: exchange lower and upper limits of a URDF where the lower one is above the upper one.
 
     Returns:
         the document, and how its joints, zeros and nodes correspond to the URDF's.
 
     Raises:
         RaffError: the file is wrong, holds something for which RAFF has no notation, or declares loops that are not
-            read; a mesh can't be read; `out` can't be written.
+            read; an option has no effect; `out` can't be written.
     """
     path, out = Path(path), None if out is None else Path(out)
-    text, constraints, *_ = readers.read(path, robot, ignore_loops, ignore)
+    options = ReadOptions(packages or {}, xacro_args or {}, swap_limits)
+    text, constraints, *_ = readers.read(path, robot, ignore_loops, ignore, options)
+    options.check(path)
     entries = {entry["name"]: entry for entry in (constraints or {}).get("loops", [])}
     for name, kind in (loops or {}).items():
         if name not in entries:
@@ -82,12 +89,12 @@ def to_raff(
         raise RaffError(f"{out}: can't be written: {error.strerror}") from None
     contents: dict[Path, bytes] = {}
     if graphics:
-        export = GraphicsExport(tree, str(path), path.parent, folder or Path(), out.stem)
+        export = GraphicsExport(tree, str(path), path.parent, folder or Path(), out.stem, options.search)
         found = replace(found, document=replace(found.document, robots=(export.robot(found.document, found.nodes),)))
         contents |= export.files
         if lost := list(export.lost.values()):
-            more = f"; and {len(lost) - _MOST} more" if len(lost) > _MOST else ""
-            message = f"{'; '.join(lost[:_MOST])}{more}; left out; links without another shape are drawn as a skeleton"
+            more = f"; and {len(lost) - 1} more mesh{'es' * (len(lost) > 2)}" if len(lost) > 1 else ""
+            message = f"{lost[0]}{more}; left out; links without another shape are drawn as a skeleton"
             warnings.warn(message, RaffWarning, stacklevel=2)
         if contents and folder is None:
             raise RaffError(

@@ -18,8 +18,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from raff2urdf.errors import RaffError
+from raff2urdf.graphics.collada import unit_of
 from raff2urdf.graphics.meshes import CONVERTED, SHOWN
-from raff2urdf.graphics.names import find, may_read
+from raff2urdf.graphics.names import Packages, find, may_read
 from raff2urdf.graphics.skeleton import SkeletonDrawing
 from raff2urdf.raff.document import UNITS_PER_METRE, Document, RaffFrame, RaffNode, RaffRobot
 from raff2urdf.readers.urdf import links, numbers, origin, three
@@ -49,18 +50,21 @@ class GraphicsExport:
         folder: of the URDF; its meshes are looked for relative to it.
         out: the folder of the RAFF file.
         stem: of the RAFF file's name: graphics are written to the folder `<stem>_graphics` next to it.
+        packages: the search for packages.
 
     Attributes:
         files: files to be written, with their contents.
-        lost: what is wrong with meshes that are missing, or where they are not allowed, by name: they are left out.
+        lost: what is wrong with meshes that are missing, unreadable or empty, or where they are not allowed, by name:
+            they are left out.
     """
 
-    def __init__(self, tree: Any, name: str, folder: Path, out: Path, stem: str) -> None:
-        self.name, self.folder, self.out, self.stem = name, folder, out, stem
+    def __init__(self, tree: Any, name: str, folder: Path, out: Path, stem: str, packages: Packages) -> None:
+        self.name, self.folder, self.out, self.stem, self.packages = name, folder, out, stem, packages
         self.links = {link.get("name"): link for link in links(tree)}
         self.colours = {m.get("name"): _rgba(m) for m in tree.iterchildren("material") if m.find("color") is not None}
         self.files: dict[Path, bytes] = {}
         self.lost: dict[str, str] = {}
+        self._scenes: dict[str, tuple[Path, Any]] = {}
 
     def robot(self, document: Document, nodes: Mapping[str, str]) -> RaffRobot:
         """Return the document's robot with the graphic files of its nodes.
@@ -70,7 +74,7 @@ class GraphicsExport:
             nodes: the URDF's links -> the robot's nodes.
 
         Raises:
-            RaffError: a mesh can't be read: with its line.
+            RaffError: a shape is not in URDF: with its line.
         """
         robot = document.robot()
         skeleton = SkeletonDrawing(document, robot)
@@ -117,16 +121,20 @@ class GraphicsExport:
         return named
 
     def _path(self, mesh: Any) -> Path | None:
-        """Return the file of a mesh; None if it is missing, or where it is not allowed, which `lost` reports then."""
+        """Return the file of a mesh; None if it is lost, which `lost` reports then."""
+        name = mesh.get("filename", "")
         try:
-            return find(mesh.get("filename", ""), self.folder)
+            path = find(name, self.folder, packages=self.packages)
+            if name not in self._scenes:
+                self._scenes[name] = path, _scene(path)
+            return path
         except RaffError as error:
-            self.lost.setdefault(mesh.get("filename", ""), str(error_at(self.name, mesh, str(error))))
+            self.lost.setdefault(name, str(error_at(self.name, mesh, str(error))))
             return None
 
     def _is_plain(self, visual: Any, mesh: Any, path: Path, per_metre: float) -> bool:
         """Return whether a file can be named as it is."""
-        scale = np.array(three(mesh, "scale", self.name, "1 1 1")) * per_metre
+        scale = unit_of(path) * np.array(three(mesh, "scale", self.name, "1 1 1")) * per_metre
         return bool(
             path.suffix.lower() in (*SHOWN, *CONVERTED)
             and may_read(path, self.out)
@@ -134,7 +142,6 @@ class GraphicsExport:
             and np.array_equal(origin(visual, self.name), np.eye(4))
             and self._colour(visual) is None
             and '"' not in str(path)
-            and len(self._scene(mesh).geometry)  # report an unreadable file now
         )
 
     def _glb(self, visuals: Sequence[Any], per_metre: float) -> bytes:
@@ -165,8 +172,9 @@ class GraphicsExport:
                 "this visual has no shape: add a <box>, <cylinder>, <sphere> or <mesh> in a <geometry>",
             )
         if shape.tag == "mesh":
-            scale = np.array(three(shape, "scale", self.name, "1 1 1"))
-            found = [mesh for mesh in self._scene(shape).dump() if isinstance(mesh, trimesh.Trimesh)]
+            path, scene = self._scenes[shape.get("filename", "")]
+            scale = unit_of(path) * np.array(three(shape, "scale", self.name, "1 1 1"))
+            found = [mesh for mesh in scene.dump() if isinstance(mesh, trimesh.Trimesh)]
             for mesh in found:
                 mesh.apply_transform(np.diag([*scale, 1.0]))
             return found
@@ -187,19 +195,6 @@ class GraphicsExport:
             message = f'{word}="{shape.get(word)}" of <{shape.tag}> must be a number above 0'
             raise error_at(self.name, shape, message)
         return found[0]
-
-    def _scene(self, mesh: Any) -> Any:
-        import trimesh
-
-        path = find(mesh.get("filename", ""), self.folder)
-        try:
-            scene = trimesh.load_scene(path)
-            if scene.is_empty:
-                raise ValueError("it holds no surface")
-        except Exception as error:  # each reader has its own errors
-            reason = " ".join(str(error).split()) or type(error).__name__
-            raise error_at(self.name, mesh, f"the mesh '{path}' can't be read: {reason[:200]}") from None
-        return scene
 
     def _colour(self, visual: Any) -> tuple[float, ...] | None:
         material = visual.find("material")
@@ -228,6 +223,24 @@ class GraphicsExport:
             and colour is not None
             and np.abs(np.array(colour) - drawn.material.color.rgba).max() <= 1.0 / 255.0
         )
+
+
+def _scene(path: Path) -> Any:
+    """Return a mesh as a scene of trimesh.
+
+    Raises:
+        RaffError: it can't be read, or holds no surface.
+    """
+    import trimesh
+
+    try:
+        scene = trimesh.load_scene(path)
+        if not any(len(getattr(one, "faces", ())) for one in scene.geometry.values()):  # points and lines have none
+            raise ValueError("it holds no surface")
+    except Exception as error:  # each reader has its own errors
+        reason = " ".join(str(error).split()) or type(error).__name__
+        raise RaffError(f"the mesh '{path}' can't be read: {reason[:200]}: export it again") from None
+    return scene
 
 
 def _shape(visual: Any) -> Any:

@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 from raff2urdf.errors import RaffError
-from raff2urdf.graphics.names import find, home_of, may_read
+from raff2urdf.graphics.names import Packages, find, home_of, may_read
 
 Write = Callable[..., Path]
 
@@ -54,6 +54,55 @@ def test_all_of_a_package_and_of_those_beside_it_is_found(write: Write, mark: st
 
 
 @pytest.mark.parametrize(
+    ("files", "robot"),
+    [
+        (["arm-main/package.xml", "arm-main/meshes/a.stl"], "arm-main/urdf/arm.urdf"),  # a clone under another name
+        (["ws/r/.git/x", "ws/r/p/package.xml", "ws/r/parts/package.xml", "ws/r/parts/meshes/a.stl"], "ws/r/p/arm.urdf"),
+        (["ws/r/.git/x", "ws/r/p/package.xml", "ws/q/p/package.xml", "ws/q/p/meshes/a.stl"], "ws/r/p/arm.urdf"),
+        (["ws/q/p/package.xml", "ws/q/p/meshes/a.stl"], "ws/r/p/urdf/arm.urdf"),  # without a repository
+    ],
+)
+def test_a_package_has_the_name_in_its_package_xml_and_is_in_or_next_to_the_repository(
+    write: Write, files: list[str], robot: str
+) -> None:
+    folder = write(*files, robot)
+    mesh = next(name for name in files if name.endswith(".stl"))
+    top = folder.parents[robot.count("/") - 1]
+    (top / mesh).parents[1].joinpath("package.xml").write_text("<package><name> parts_of_arm </name></package>")
+    assert find("package://parts_of_arm/meshes/a.stl", folder) == top / mesh
+    assert Packages().find("parts_of_arm", folder) == (top / mesh).parents[1]
+    with pytest.raises(RaffError, match="leads out of"):
+        find("package://parts_of_arm/../../secret/a.stl", folder)
+
+
+def test_packages_are_searched_within_bounds(write: Write) -> None:
+    """Not in any depth below the repository, not where a name is hidden, and not below the home folder."""
+    stated = "<package><name>parts</name></package>"
+    for below, name, robot in (
+        ("home/ws/a", "r/1/2/3/4/p", "r/arm/arm.urdf"),
+        ("home/ws/b", ".hidden/p", "r/arm/arm.urdf"),
+        ("home", "other/p", "arm.urdf"),
+    ):
+        write(f"{name}/a.stl", f"{name}/package.xml", "r/.git/x", below=below)
+        folder = write(robot, below=below)
+        top = next(above for above in (folder, *folder.parents) if (above / name).is_dir())
+        (top / name / "package.xml").write_text(stated)
+        with pytest.raises(RaffError, match="the package 'parts' is not found"):
+            find("package://parts/a.stl", folder)
+
+
+def test_a_package_is_searched_first_where_the_user_says(write: Write, tmp_path: Path) -> None:
+    folder = write("arm/meshes/a.stl", "arm/package.xml", "arm/urdf/arm.urdf")
+    given = write("meshes/a.stl", below="elsewhere/arm_of_today").parent
+    packages = Packages({"arm": given})
+    assert find("package://arm/meshes/a.stl", folder, packages=packages) == given / "meshes/a.stl"
+    with pytest.raises(RaffError, match="there is no file"):
+        find("package://arm/meshes/b.stl", folder, packages=packages)
+    with pytest.raises(RaffError, match="leads out of"):
+        find("package://arm/../secret.stl", folder, packages=packages)
+
+
+@pytest.mark.parametrize(
     ("below", "robot", "mesh", "name"),
     [
         ("home", "arm.urdf", "../other/a.stl", "../other/a.stl"),
@@ -67,7 +116,7 @@ def test_all_of_a_package_and_of_those_beside_it_is_found(write: Write, mark: st
 )
 def test_what_is_elsewhere_is_refused(write: Write, below: str, robot: str, mesh: str, name: str) -> None:
     write(mesh, below=below)
-    with pytest.raises(RaffError, match=r"leads out of|is not found: add its parent folder to ROS_PACKAGE_PATH"):
+    with pytest.raises(RaffError, match=r"leads out of|is not found: (name its folder|it is no name)"):
         find(name, write(robot, below=below))
 
 

@@ -102,15 +102,11 @@ def test_what_raff2urdf_draws_itself_is_drawn_again(root, tmp_path):
 @pytest.mark.parametrize(
     ("visual", "says"),
     [
-        (MESH.format("cut.stl", "", ""), r"arm.urdf:3: the mesh .*cut.stl' can't be read"),
         (MESH.format("meshes/part.stl", ' scale="1 1"', ""), r'arm.urdf:3: scale="1 1" of <mesh> in link .* must be 3'),
         ('<visual><geometry><torus radius="1"/></geometry></visual>', r"arm.urdf:3: the shape <torus> is not in URDF"),
     ],
 )  # fmt: skip
-def test_a_mesh_that_is_cut_short_is_told_by_its_line(there, capsys, visual, says):
-    whole = (there / "meshes/part.stl").read_bytes()
-    (there / "cut.stl").write_bytes(whole[:200])
-    (there / "cut.dae").write_text('<?xml version="1.0"?><COLLADA><library_geometries>')
+def test_a_shape_that_is_wrong_is_told_by_its_line(there, capsys, visual, says):
     path = write(there, base=visual, upper=BOX)
     before = set(there.rglob("*"))
     with pytest.raises(raff2urdf.RaffError, match=says):
@@ -133,12 +129,21 @@ def test_a_mesh_that_is_cut_short_is_told_by_its_line(there, capsys, visual, say
         ("pointer.stl", "is a Git LFS pointer: run `git lfs pull`"),
         ("file:///etc/passwd", "leads out of"),
         ("http://example.com/x.stl", "'http://' can't be read"),
+        ("cut.stl", "can't be read: .*: export it again"),
+        ("cut.dae", "can't be read: .*: export it again"),
+        ("empty.stl", "can't be read: .*: export it again"),
+        ("bare.obj", "can't be read: it holds no surface: export it again"),
     ],
 )
 def test_a_link_whose_mesh_cannot_be_had_is_drawn_as_a_skeleton(there, name, says):
     (there / "pointer.stl").write_text("version https://git-lfs.github.com/spec/v1\n")
+    (there / "cut.stl").write_bytes((there / "meshes/part.stl").read_bytes()[:200])
+    (there / "cut.dae").write_text('<?xml version="1.0"?><COLLADA><library_geometries>')
+    (there / "empty.stl").touch()
+    (there / "bare.obj").write_text("v 0 0 0\n")
     path = write(there, base=MESH.format(name, "", ""), upper=BOX + MESH.format(name, ' scale="2 2 2"', ""))
-    with pytest.warns(raff2urdf.RaffWarning, match=f"arm.urdf:3: mesh '{name}'.*{says}.*left out; .*skeleton") as seen:
+    warned = f"arm.urdf:3: .*mesh '.*{name}'.*{says}.*left out; .*skeleton"
+    with pytest.warns(raff2urdf.RaffWarning, match=warned) as seen:
         found = raff2urdf.to_raff(path, there / "arm.raff")
     assert len(seen) == 1
     robot = found.document.robot()
