@@ -203,7 +203,7 @@ def specification(mechanism: Mechanism, options: MapOptions, robots: RobotOption
         STARTS if options.starts is None else options.starts,
         along=() if options.along is None else point(options.along, "--along", NUMBER),
         scene=scene, folder=str(options.scene.absolute().parent) if options.scene else ".",
-        payloads=payloads, wrenches=pushed, gravity=gravity_of(options.gravity),
+        payloads=payloads, wrenches=pushed, gravity=gravity_of(options.gravity) or (),
         reaction=options.reaction or "", stiffness=springs, tolerances=given,
     )  # fmt: skip
 

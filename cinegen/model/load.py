@@ -383,6 +383,8 @@ def written_loops(urdf: str, constraints: Mapping[str, Any] | None, name: str) -
         model, q = spherical.model, spherical.from_successive(q)
         entries = [entry for entry in entries if entry["name"] not in replaced]
         _set_limits(model, entries)
+    if "gravity" in declared:
+        model.gravity = pin.Motion(np.array(declared["gravity"]), np.zeros(3))
     system = ClosedLoops(model, loops, length, couplings)
     return WrittenRobot(system, q, declared, entries, spherical, near)
 
@@ -548,15 +550,16 @@ def _determined(system: ClosedLoops, q: Array, actuated: Mapping[str, bool | Non
 
 
 def _set_limits(model: pin.Model, joints: Sequence[Mapping[str, Any]]) -> None:
-    """Set the limits of a model: infinite where there are none."""
+    """Set the limits of a model, infinite where there are none, and the inertia of its rotors."""
     lower, upper = np.full(model.nq, -np.inf), np.full(model.nq, np.inf)
-    fastest = np.full(model.nv, np.inf)
+    fastest, armature = np.full(model.nv, np.inf), np.zeros(model.nv)
     for entry in joints:
         joint = model.joints[model.getJointId(entry["name"])]
         lower[joint.idx_q], upper[joint.idx_q] = entry["limits"] or (-np.inf, np.inf)
         fastest[joint.idx_v] = entry["velocity"] or np.inf
+        armature[joint.idx_v] = entry.get("armature", 0.0)
     model.lowerPositionLimit, model.upperPositionLimit = lower, upper
-    model.upperVelocityLimit, model.lowerVelocityLimit = fastest, -fastest
+    model.upperVelocityLimit, model.lowerVelocityLimit, model.armature = fastest, -fastest, armature
     effort = np.array(model.upperEffortLimit)
     effort[~((effort > 0.0) & (effort < UNLIMITED))] = np.inf
     model.upperEffortLimit, model.lowerEffortLimit = effort, -effort

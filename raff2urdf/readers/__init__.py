@@ -170,9 +170,12 @@ def _without(found: Description, ignore: IgnoreList, all_of_them: bool) -> Descr
 def _urdf(
     text: str, path: Path, robot: str | None, ignore_loops: bool, ignore: IgnoreList, is_file: bool = True
 ) -> Description:
-    from raff2urdf.readers import dialects
+    from raff2urdf.readers import dialects, uncounted
+    from raff2urdf.readers.urdf import joints
 
-    return dialects.read(text, path, ignore, ignore_loops, is_file)
+    found = dialects.read(text, path, ignore, ignore_loops, is_file)
+    dynamics = {str(joint.get("name")): joint.find("dynamics") for joint in joints(parse_xml(text, str(path)))}
+    return found._replace(notes=found.notes + tuple(uncounted.note_of(uncounted.of_dynamics(dynamics))))
 
 
 def _sdf(
@@ -191,12 +194,16 @@ def _mjcf(
     return _of_format("MJCF", ignore, *mjcf.read(path, ignore.given, None if is_file else text))
 
 
-def _of_format(dialect: str, ignore: IgnoreList, urdf: str, values: Constraints, ignored: Sequence[str]) -> Description:
+def _of_format(
+    dialect: str, ignore: IgnoreList, urdf: str, values: Constraints, ignored: Sequence[str], notes: Sequence[str]
+) -> Description:
     """Return a robot of a format that declares loops and couplings itself."""
     declares = values["loops"] or values.get("couplings")
     requested = tuple(one for one in ignored if ignore.takes(*re.findall("'([^']*)'", one)))
-    notes = tuple(f"not read: {one}" for one in ignored if one not in requested)
-    return Description(urdf, values, (dialect,) if declares else (), notes, requested, tuple(ignored))
+    if "gravity" in values:
+        notes = [*notes, "gravity is {:g}, {:g}, {:g} m/s2".format(*values["gravity"])]
+    unread = tuple(f"not read: {one}" for one in ignored if one not in requested)
+    return Description(urdf, values, (dialect,) if declares else (), (*notes, *unread), requested, tuple(ignored))
 
 
 _OTHER_ROOTS = {

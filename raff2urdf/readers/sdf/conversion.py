@@ -55,8 +55,8 @@ _PARALLEL = 1e-3  # rad: axes of a gear train are parallel up to this; poses are
 
 def read(
     text: str, name: str, robot: str | None = None, ignore: Collection[str] = ()
-) -> tuple[str, Constraints, list[str]]:
-    """Return a URDF, its constraints, and the elements that were ignored, from the text of an SDF.
+) -> tuple[str, Constraints, list[str], list[str]]:
+    """Return a URDF, its constraints, the elements that were ignored, and notes, from the text of an SDF.
 
     Args:
         text: of the file.
@@ -83,7 +83,8 @@ def read(
     conversion = _SdfToUrdf(name, model, ignore)
     urdf, values = conversion.run()
     frames = _close_frames(name, urdf, values, ignore)
-    return urdf, values, [*conversion.ignored, *frames, *_unread(name, chosen[0], model, ignore)]
+    ignored = [*conversion.ignored, *frames, *_unread(name, chosen[0], model, ignore)]
+    return urdf, values, ignored, conversion.notes
 
 
 def _close_frames(name: str, urdf: str, values: Constraints, ignore: Collection[str]) -> list[str]:
@@ -178,11 +179,13 @@ class _SdfToUrdf:
 
     Attributes:
         ignored: what was left out, with its line.
+        notes: about what was read.
     """
 
     def __init__(self, name: str, model: SdfModel, ignore: Collection[str]) -> None:
         self.name, self.model, self.ignore = name, model, ignore
         self.ignored: list[str] = []
+        self.notes: list[str] = []
         self.placements = {**model.placements, WORLD: np.eye(4)}
         names = [*model.links, *model.frames, *(joint.name for joint in model.joints)]
         self.urdf = UrdfBuilder(model.name, names)
