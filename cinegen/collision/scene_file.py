@@ -46,6 +46,7 @@ def load_scene(
     srdf: str | Path | None = None,
     self_clearance: float | None = None,
     fixed_base: bool = False,
+    actuated: Sequence[str] | None = None,
 ) -> Scene:
     """Return the scene of a file; numbers without a unit are in m and degrees.
 
@@ -56,6 +57,7 @@ def load_scene(
         srdf: likewise; in place of the scene's.
         self_clearance: distance between links, m, in place of the scene's.
         fixed_base: as for `cinegen.load`.
+        actuated: likewise.
 
     Raises:
         SceneError: the file can't be read, or a value is invalid; the message names the file and the key.
@@ -76,7 +78,7 @@ def load_scene(
     values, where, unit = _angles(parse(text, path), str(path), "deg")
     if self_clearance is not None and isinstance(values, Mapping):
         values = {**values, "self_clearance": self_clearance}
-    settings = {"ignore_loops": ignore_loops, "ignore": ignore, "fixed_base": fixed_base}
+    settings = {"ignore_loops": ignore_loops, "ignore": ignore, "fixed_base": fixed_base, "actuated": actuated}
     settings |= {} if srdf is None else {"srdf": srdf}
     return _scene(SceneTable(values, where, unit), stem_of(path), path, path.parent, None, settings)
 
