@@ -33,7 +33,7 @@ from raff2urdf.errors import RaffError
 from raff2urdf.json_lines import line_of
 from raff2urdf.length import characteristic_length, cut_screws
 from raff2urdf.raff.document import LoopKind
-from raff2urdf.readers.actuation import RAFF, advice, syntax_of
+from raff2urdf.readers.actuation import RAFF, advice, replaced, syntax_of
 from raff2urdf.readers.declaration import IgnoreList
 from raff2urdf.readers.sidecar import constraints_of
 from raff2urdf.readers.srdf import Srdf, read_srdf, srdf_of
@@ -202,7 +202,10 @@ def _load_xml(
         entries[name]["kind"] = loop_kind(kind).name.lower()
     disabled = _read_srdf(srdf or beside, urdf, str(path))
     stated = _with_actuated(urdf, constraints, actuated, str(path))
-    mechanism = build(urdf, stated, str(folder), str(path), found.dialects, found.notes, disabled, relax=relax)
+    mechanism = build(
+        urdf, stated, str(folder), str(path), found.dialects, found.notes, disabled, relax=relax,
+        is_driven=found.is_driven and actuated is None,
+    )  # fmt: skip
     if constraints and not loops:
         _check_stated(mechanism, constraints, path)
     for name, kind in (loops or {}).items():
@@ -399,6 +402,7 @@ def build(
     srdf: Srdf | None = None,
     owner: str | None = None,
     relax: bool | None = False,
+    is_driven: bool = False,
 ) -> Mechanism:
     """Build a mechanism from a URDF's text and everything that a URDF cannot express.
 
@@ -414,6 +418,8 @@ def build(
         srdf: pairs of links that an SRDF disables.
         owner: see `MechanismSource`.
         relax: see `load`.
+        is_driven: whether the joints that the constraints state as actuated are those that transmissions and the like
+            name (`raff2urdf.readers.drives`). Where these do not determine the mechanism, others are added or left out.
 
     Raises:
         LoadError: no URDF, or it lacks what the constraints name.
@@ -431,7 +437,7 @@ def build(
         q, limits = _followed(system, q), Limits(model, tuple(actuated))
         exact = made_exact(urdf, given, system, q, relax is True, name) if given and relax is not False else None
         if exact is not None:
-            return build(*exact, folder, name, dialects, notes, srdf, owner)
+            return build(*exact, folder, name, dialects, notes, srdf, owner, is_driven=is_driven)
         q = q if spherical is None or near is None else spherical.from_successive(near)
         drawn = not any("home" in joint for joint in (given or {}).get("joints", []))
         ranks, determined, moved = _close(system, q, limits, actuated, drawn, name, robot)
@@ -441,6 +447,15 @@ def build(
     chosen = tuple(joint for joint, has in actuated.items() if has or (has is None and joint not in determined))
     uncontrolled = tuple(joint for joint in actuated if joint not in chosen and joint not in determined)
     dependent = tuple(joint for joint in chosen if joint in determined)
+    if is_driven and (uncontrolled or dependent):
+        message = replaced(uncontrolled, dependent)
+        chosen = tuple(one for one in actuated if one in uncontrolled or (one in chosen and one not in dependent))
+        uncontrolled = dependent = ()
+        given = {**(given or {}), "joints": [{**one, "actuated": None} for one in (given or {})["joints"]]}
+        if loops:
+            warn(f"{name}: {robot}: {message}")
+        else:
+            notes += (message,)
     if uncontrolled:
         message = advice(uncontrolled, dependent, syntax_of(Path(name)))
         if dependent:

@@ -31,6 +31,8 @@ class Description(NamedTuple):
         notes: about what was read.
         left_out: loops and couplings that were ignored, as requested.
         ignored: elements that were ignored.
+        is_driven: whether the constraints state as actuated what the file names as driven (`drives`), which may be
+            incomplete.
     """
 
     urdf: str
@@ -39,6 +41,7 @@ class Description(NamedTuple):
     notes: tuple[str, ...] = ()
     left_out: tuple[str, ...] = ()
     ignored: tuple[str, ...] = ()
+    is_driven: bool = False
 
 
 TEXT = "<text>"
@@ -170,20 +173,26 @@ def _without(found: Description, ignore: IgnoreList, all_of_them: bool) -> Descr
 def _urdf(
     text: str, path: Path, robot: str | None, ignore_loops: bool, ignore: IgnoreList, is_file: bool = True
 ) -> Description:
-    from raff2urdf.readers import dialects, uncounted
+    from raff2urdf.readers import dialects, drives, uncounted
+    from raff2urdf.readers.successive import moving
     from raff2urdf.readers.urdf import joints
 
     found = dialects.read(text, path, ignore, ignore_loops, is_file)
-    dynamics = {str(joint.get("name")): joint.find("dynamics") for joint in joints(parse_xml(text, str(path)))}
-    return found._replace(notes=found.notes + tuple(uncounted.note_of(uncounted.of_dynamics(dynamics))))
+    root = parse_xml(text, str(path))
+    dynamics = {str(joint.get("name")): joint.find("dynamics") for joint in joints(root)}
+    found = found._replace(notes=found.notes + tuple(uncounted.note_of(uncounted.of_dynamics(dynamics))))
+    driven = {} if ignore_loops else drives.of_urdf(root)
+    return drives.declared(found, driven, moving(found.urdf, str(path))) if driven else found
 
 
 def _sdf(
     text: str, path: Path, robot: str | None, ignore_loops: bool, ignore: IgnoreList, is_file: bool
 ) -> Description:
-    from raff2urdf.readers import sdf
+    from raff2urdf.readers import drives, sdf
 
-    return _of_format("SDF", ignore, *sdf.read(text, str(path), robot, ignore.given))
+    read = sdf.read(text, str(path), robot, ignore.given)
+    found = _of_format("SDF", ignore, read.urdf, read.constraints, read.ignored, read.notes)
+    return found if ignore_loops else drives.declared(found, read.driven)
 
 
 def _mjcf(

@@ -35,6 +35,22 @@ def syntax_of(path: Path) -> str:
     return f"its name in name_mot: [...] of {yaml.name}"
 
 
+def replaced(uncontrolled: Sequence[str], dependent: Sequence[str]) -> str:
+    """Return the text about joints that a file names as driven and that do not determine a mechanism: what is actuated
+    instead; the arguments are those of `advice`."""
+    parts = [f"{', '.join(uncontrolled)} {_are(uncontrolled)} actuated, too"] if uncontrolled else []
+    parts += [f"{', '.join(dependent)} {_are(dependent)} passive"] if dependent else []
+    why = "depend on each other" if dependent else "do not determine its motion"
+    return (
+        f"the joints that its transmissions, command interfaces or plugins name {why}: {', and '.join(parts)}; "
+        "--actuated JOINTS (in Python actuated=[...]) names others"
+    )
+
+
+def _are(names: Sequence[str]) -> str:
+    return "is" if len(names) == 1 else "are"
+
+
 def advice(uncontrolled: Sequence[str], dependent: Sequence[str], syntax: str) -> str:
     """Return the text about actuated joints that don't determine a mechanism, and about those that would.
 

@@ -26,10 +26,10 @@ def is_uncounted(note: str) -> bool:
 
 
 def of_dynamics(dynamics: Mapping[str, Any]) -> dict[str, list[str]]:
-    """Return the joints with damping and with friction, by their elements <dynamics> of URDF or SDF."""
-    found: dict[str, list[str]] = {"damping": [], "friction": []}
+    """Return the joints with damping, friction and springs, by their elements <dynamics> of URDF or SDF."""
+    found: dict[str, list[str]] = {"damping": [], "friction": [], "springs": []}
     for joint, element in dynamics.items():
-        for word, names in found.items():
+        for names, word in zip(found.values(), ("damping", "friction", "spring_stiffness"), strict=True):
             text = "" if element is None else element.get(word) or element.findtext(word, "0")
             names += [joint] if any(numbers(text) or ()) else []
     return found
