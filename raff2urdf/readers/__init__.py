@@ -179,9 +179,11 @@ def _urdf(
 
     found = dialects.read(text, path, ignore, ignore_loops, is_file)
     root = parse_xml(text, str(path))
-    dynamics = {str(joint.get("name")): joint.find("dynamics") for joint in joints(root)}
+    dynamics = {
+        str(joint.get("name")): joint.find("dynamics") for joint in joints(root) if joint.get("type") != "fixed"
+    }
     found = found._replace(notes=found.notes + tuple(uncounted.note_of(uncounted.of_dynamics(dynamics))))
-    driven = {} if ignore_loops else drives.of_urdf(root)
+    driven = {} if ignore_loops else dict(drives.of_urdf(root))
     return drives.declared(found, driven, moving(found.urdf, str(path))) if driven else found
 
 

@@ -9,6 +9,7 @@ from raff2urdf.readers import holds_xml, robot_yaml, sidecar
 from raff2urdf.readers.xml_file import own_element, parse_xml, read_text
 
 RAFF = "'actuated 1' in its link"
+_MOST = 8  # names that are listed
 _CONSTRAINTS = '"actuated": true in '
 _SDF = '<raff:joint name="NAME" actuated="true"/> in the model\'s <raff:robot xmlns:raff="urn:raff2urdf">'
 
@@ -38,8 +39,8 @@ def syntax_of(path: Path) -> str:
 def replaced(uncontrolled: Sequence[str], dependent: Sequence[str]) -> str:
     """Return the text about joints that a file names as driven and that do not determine a mechanism: what is actuated
     instead; the arguments are those of `advice`."""
-    parts = [f"{', '.join(uncontrolled)} {_are(uncontrolled)} actuated, too"] if uncontrolled else []
-    parts += [f"{', '.join(dependent)} {_are(dependent)} passive"] if dependent else []
+    parts = [f"{_listed(uncontrolled)} actuated, too"] if uncontrolled else []
+    parts += [f"{_listed(dependent)} passive"] if dependent else []
     why = "depend on each other" if dependent else "do not determine its motion"
     return (
         f"the joints that its transmissions, command interfaces or plugins name {why}: {', and '.join(parts)}; "
@@ -47,8 +48,9 @@ def replaced(uncontrolled: Sequence[str], dependent: Sequence[str]) -> str:
     )
 
 
-def _are(names: Sequence[str]) -> str:
-    return "is" if len(names) == 1 else "are"
+def _listed(names: Sequence[str]) -> str:
+    more = f" and {len(names) - _MOST} more" if len(names) > _MOST else ""
+    return f"{', '.join(names[:_MOST])}{more} {'is' if len(names) == 1 else 'are'}"
 
 
 def advice(uncontrolled: Sequence[str], dependent: Sequence[str], syntax: str) -> str:

@@ -8,7 +8,7 @@ every joint is actuated.
 from __future__ import annotations
 
 import re
-from collections.abc import Collection, Iterable
+from collections.abc import Collection, Iterable, Iterator
 from typing import TYPE_CHECKING, Any
 
 from raff2urdf.readers.declaration import local
@@ -21,37 +21,33 @@ _MEASURES = re.compile(r"publish|sensor|odom(etry)?_?pub", re.I)
 _MOST = 8  # joints that a note lists
 
 
-def of_urdf(root: Any) -> dict[str, None]:
-    """Return the joints that transmissions, command interfaces and plugins of a URDF name, in file order."""
-    found: dict[str, None] = {}
-    for element in root.iterchildren("transmission", "ros2_control", "gazebo"):
-        if element.tag == "gazebo":
-            found |= dict.fromkeys(of_plugins(element))
-        for joint in element.iterchildren("*"):
-            word = local(joint)
-            if element.tag == "transmission":
-                is_driven = word.endswith("joint") and "passive" not in word
-            else:
-                mimics = any(param.get("name") == "mimic" for param in joint.iterchildren("param"))
-                is_driven = word == "joint" and joint.find("command_interface") is not None and not mimics
-            if element.tag != "gazebo" and is_driven and joint.get("name"):
-                found[joint.get("name")] = None
+def of_urdf(root: Any) -> list[tuple[str, Any]]:
+    """Return the joints that transmissions, command interfaces and plugins of a URDF name, each with the element that
+    is read for it."""
+    found: list[tuple[str, Any]] = []
+    for element in root.iterchildren("transmission"):
+        words = ((local(one), one.get("name")) for one in element.iterchildren("*"))
+        found += [(name, element) for word, name in words if name and word.endswith("joint") and "passive" not in word]
+    for joint in root.iterfind("ros2_control/joint"):
+        mimics = any(param.get("name") == "mimic" for param in joint.iterchildren("param"))
+        if joint.find("command_interface") is not None and not mimics:
+            found.append((joint.get("name", ""), joint))
+    for element in root.iterchildren("gazebo"):
+        found += [(name, plugin) for name, _, plugin in of_plugins(element)]
     return found
 
 
-def of_plugins(around: Any) -> dict[str, int]:
-    """Return the joints that the plugins in an element name, if they control joints, in file order; and which axis of
-    each, from 0 on."""
-    found: dict[str, int] = {}
+def of_plugins(around: Any) -> Iterator[tuple[str, int, Any]]:
+    """Yield the joints that the plugins in an element name, if they control joints; which axis of each, 0 or 1; and the
+    plugin."""
     for plugin in around.iterchildren("plugin"):
         label = f"{plugin.get('filename', '')} {plugin.get('name', '')}"
         if not _CONTROLS.search(label) or _MEASURES.search(label):
             continue
+        axis = int(plugin.findtext("joint_index", "0").strip() == "1")
         for element in plugin.iter("*"):
             if "joint" in local(element):
-                index = plugin.findtext("joint_index", "0").strip() == "1"
-                found |= dict.fromkeys((element.text or "").replace(",", " ").split(), int(index))
-    return found
+                yield from ((name, axis, plugin) for name in (element.text or "").replace(",", " ").split())
 
 
 def declared(found: Description, driven: Collection[str], moving: Iterable[str] = ()) -> Description:

@@ -146,7 +146,7 @@ class SdfModelReader:
                 found.placements[poses.prefix + own] = poses.of_element(frame)
         named = by_name(joints, self.name, poses.prefix)
         found.joints += [self._joint(joint, poses, found.notes) for joint in named.values()]
-        found.driven |= {(poses.prefix + joint, axis) for joint, axis in drives.of_plugins(poses.model).items()}
+        found.driven |= {(poses.prefix + joint, axis) for joint, axis, _ in drives.of_plugins(poses.model)}
         if poses.prefix and poses.model.findtext("static", "").strip() in ("1", "true"):
             found.notes.append(f"<static> of the nested model '{poses.prefix[:-2]}' is not read")
 
