@@ -19,6 +19,7 @@ from cinegen.errors import ClosureError, LoadError, UnknownNameError, warn
 from cinegen.joints import scalar_joints, supporting_columns
 from cinegen.loops.closed_loops import ClosedLoops, LoopConstraint
 from cinegen.loops.clusters import subsystems
+from cinegen.model.group_state import with_home
 from cinegen.model.limits import Limits
 from cinegen.model.mechanism import Mechanism, MechanismSource
 from cinegen.model.near_redundant import made_exact
@@ -81,8 +82,8 @@ def load(
             healed, by changes as small as rounding (`cinegen.model.healing`); where that fails, they are closed by
             weaker joints. True: weaker joints are tried first; they may add to mobility. One warning reports what was
             done. False: they stay as written; then they can't be closed, or hardly move.
-        srdf: an SRDF, which names pairs of links that are not checked against each other. By default the one next to a
-            URDF, `<stem>.srdf`, unless `ignore` names it.
+        srdf: an SRDF, which names pairs of links that are not checked against each other, and the home of a URDF
+            whose sidecar file states none. By default the one next to a URDF, `<stem>.srdf`, unless `ignore` names it.
         fixed_base: hold a floating base where the file places it: nothing moves it then, and q does not contain its
             pose. Robots without one are loaded as they are.
         couplings: of a `pinocchio.Model`, equations between its joints.
@@ -201,9 +202,10 @@ def _load_xml(
             raise UnknownNameError("loop", name, tuple(entries))
         entries[name]["kind"] = loop_kind(kind).name.lower()
     disabled = _read_srdf(srdf or beside, urdf, str(path))
-    stated = _with_actuated(urdf, constraints, actuated, str(path))
+    placed, told = with_home(urdf, constraints, srdf or beside, str(path))
+    stated = _with_actuated(urdf, placed, actuated, str(path))
     mechanism = build(
-        urdf, stated, str(folder), str(path), found.dialects, found.notes, disabled, relax=relax,
+        urdf, stated, str(folder), str(path), found.dialects, (*found.notes, *told), disabled, relax=relax,
         is_driven=found.is_driven and actuated is None,
     )  # fmt: skip
     if constraints and not loops:
