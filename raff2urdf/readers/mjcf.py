@@ -3,7 +3,7 @@
 Bodies become links. Joints keep their variables; several joints of a body are successive ones, and a ball joint becomes
 three revolute joints. Equality constraints of the kinds connect and weld become loops; those of the kinds joint and
 tendon become couplings, if their tendons are fixed. Equality constraints that are not active are ignored, and so are
-limits of tendons. So are connects and welds to mocap bodies, with which a user leads a robot: a task does that here.
+limits of tendons. So are connects and welds to mocap bodies, which a user drags: a task does that here.
 Joints that actuators drive are actuated. The keyframe `home`, or else the first, is the home configuration. Gravity and
 armature are read; friction, damping and springs are not.
 

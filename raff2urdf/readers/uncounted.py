@@ -1,4 +1,4 @@
-"""What acts on the joints of a robot in its file and is no part of forces: damping, friction, springs."""
+"""List damping, friction and springs of a robot's file: forces leave them out."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Put the models that an SDF includes in the places where it includes them, as sdformat does.
+"""Replace what an SDF includes by the models themselves, as sdformat does.
 
 A model is searched as graphics are (`raff2urdf.graphics.names`), and only what may be read of these is read of it:
 
@@ -231,7 +231,7 @@ def _model_in(place: _Place, include: Any, name: str, uri: str) -> Any:
 
 
 def _merge(include: Any, model: Any, name: str) -> None:
-    """Put the content of a model in the place of an <include>. A frame has the place of the model's own frame."""
+    """Replace an <include> by the content of its model, and a frame that stands for the model's own one."""
     parent, own = include.getparent(), f"_merged__{model.get('name', '')}__model__"
     file = model.get(FILE)
     poses = SdfPoses(name, model, np.eye(4), "")
