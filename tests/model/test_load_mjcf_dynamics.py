@@ -5,6 +5,7 @@ import numpy as np
 import pytest
 
 import cinegen
+import raff2urdf
 from cinegen.dynamics import InverseDynamics
 from cinegen.model.load import build
 from cinegen.session.holding import Holding
@@ -103,6 +104,14 @@ def test_what_forces_leave_out_is_told(capsys, tmp_path):
     assert main(["forces", str(path)]) == 0
     assert f"note: {told}\n" in capsys.readouterr().out
     assert not any("leave out" in note for note in cinegen.load(ARM.format(more="")).source.notes)
+
+
+def test_urdf2raff_says_that_raff_has_neither(tmp_path):
+    path = tmp_path / "arm.xml"
+    path.write_text(ARM.format(more=""))
+    says = "no notation for the gravity of the file and the armature of shoulder, elbow, slide: left out"
+    with pytest.warns(raff2urdf.RaffWarning, match=says):
+        raff2urdf.to_raff(path, tmp_path / "arm.raff")
 
 
 @pytest.mark.parametrize(

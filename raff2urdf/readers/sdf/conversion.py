@@ -14,8 +14,9 @@ The elements that raff2urdf adds (`raff:robot`: zeros of joints, actuated joints
 from __future__ import annotations
 
 import math
-from collections.abc import Collection, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from dataclasses import replace
+from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -24,6 +25,7 @@ from yourdfpy import Material, Visual
 
 from raff2urdf.constraints import IDENTITY, Constraints
 from raff2urdf.errors import RaffError, did_you_mean
+from raff2urdf.graphics.names import find
 from raff2urdf.inertia import Inertia
 from raff2urdf.placement import inverse, with_z
 from raff2urdf.readers import closing_frames, uncounted
@@ -64,7 +66,13 @@ class SdfRobot(NamedTuple):
     driven: set[str]
 
 
-def read(text: str, name: str, robot: str | None = None, ignore: Collection[str] = ()) -> SdfRobot:
+def read(
+    text: str,
+    name: str,
+    robot: str | None = None,
+    ignore: Collection[str] = (),
+    find: Callable[[str, Path], Path] = find,
+) -> SdfRobot:
     """Read an SDF.
 
     Args:
@@ -72,12 +80,13 @@ def read(text: str, name: str, robot: str | None = None, ignore: Collection[str]
         name: of the file, in errors.
         robot: which model; the first with joints by default.
         ignore: names of joints whose loop or coupling is to be left out.
+        find: the search for the files that it includes.
 
     Raises:
         RaffError: not an SDF, no such model, or something in it that has no counterpart; with the element's line.
     """
     root = parse_xml(text, name)
-    chosen = robot_of(root, name, robot)
+    chosen = robot_of(root, name, robot, find)
     model = SdfModelReader(name).model(chosen)
     conversion = _SdfToUrdf(name, model, ignore)
     urdf, values = conversion.run()

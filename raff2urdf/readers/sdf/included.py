@@ -13,6 +13,7 @@ from __future__ import annotations
 import copy
 import os
 import re
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -20,7 +21,6 @@ import numpy as np
 from lxml import etree
 
 from raff2urdf.errors import RaffError, did_you_mean
-from raff2urdf.graphics.names import find
 from raff2urdf.placement import inverse, roll_pitch_yaw
 from raff2urdf.readers.sdf.model import PROXY, TWO_AXES, SdfPoses, named, pose
 from raff2urdf.readers.urdf import numbers
@@ -40,12 +40,14 @@ class _Place(NamedTuple):
         root: folder to which the names of its meshes are relative.
         prefix: what these names begin with.
         trail: the files that include each other, from the outermost one on.
+        find: the search for files, see `raff2urdf.graphics.names.find`.
     """
 
     path: Path
     root: Path
     prefix: str
     trail: tuple[Path, ...]
+    find: Callable[[str, Path], Path]
 
     def name_of(self, file: str) -> str:
         """Return the name of a mesh, which the file names, for the outermost file."""
@@ -54,7 +56,7 @@ class _Place(NamedTuple):
         return self.prefix + Path(os.path.relpath(self.path.parent / file, self.root)).as_posix()
 
 
-def robot_of(root: Any, name: str, robot: str | None) -> Any:
+def robot_of(root: Any, name: str, robot: str | None, find: Callable[[str, Path], Path]) -> Any:
     """Return the element of a model, with everything that it includes.
 
     Args:
@@ -62,12 +64,13 @@ def robot_of(root: Any, name: str, robot: str | None) -> Any:
         name: of the file, in errors.
         robot: which model; if None, the first that has joints, those that the file includes after its own; or else the
             first.
+        find: the search for files, see `raff2urdf.graphics.names.find`.
 
     Raises:
         RaffError: there is no such model, or what it includes can't be read.
     """
     path = Path(name)
-    place = _Place(path, path.parent, "", (path.absolute(),))
+    place = _Place(path, path.parent, "", (path.absolute(),), find)
     _prepare(root)
     within = ("sdf", "world", "population")
     models = [model for model in root.iter("model") if model.getparent().tag in within]
@@ -177,7 +180,7 @@ def _found(include: Any, uri: str, place: _Place) -> _Place:
     problems: list[RaffError] = []
     for word in words:
         try:
-            path, top = _file_of(word.rstrip("/"), folder)
+            path, top = _file_of(word.rstrip("/"), folder, place.find)
         except RaffError as error:
             problems.append(error)
             continue
@@ -192,11 +195,11 @@ def _found(include: Any, uri: str, place: _Place) -> _Place:
             package, *inner = rest.rstrip("/").split("/")
             inner = inner[:-1] if word.endswith(_ENDINGS) else inner
             root, prefix = (top, *top.parents)[len(inner)], f"{scheme}://{package}/"
-        return _Place(path, root, prefix, (*place.trail, path))
+        return _Place(path, root, prefix, (*place.trail, path), place.find)
     raise error_at(name, include, re.sub("^mesh '.*?'", lambda _: label, str(problems[0])))
 
 
-def _file_of(uri: str, folder: Path) -> tuple[Path, Path]:
+def _file_of(uri: str, folder: Path, find: Callable[[str, Path], Path]) -> tuple[Path, Path]:
     """Return the SDF that a URI names, by its folder or itself, and that folder."""
     if uri.endswith(_ENDINGS):
         path = find(uri, folder)
