@@ -18,7 +18,6 @@ from raff2urdf.quantities import (
     SPEED,
     Dimension,
 )
-from raff2urdf.readers.uncounted import is_uncounted
 
 if TYPE_CHECKING:
     from cinegen.dynamics import Forces, InverseDynamics
@@ -57,6 +56,7 @@ def run(
     name, mechanism = robots.load_one(file)
     from cinegen.dynamics import InverseDynamics
     from cinegen.dynamics.forces import forces_at
+    from raff2urdf.readers.uncounted import is_uncounted
 
     loads = [*carried(mechanism, payload, node), *wrenches(wrench)]
     dynamics = InverseDynamics(mechanism, loads, gravity_of(gravity), massless)
