@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from raff2urdf.readers import Description
 
 _CONTROLS = re.compile(r"control|drive|steer|ackermann|mecanum|motor|actuat|trajectory|joint_?force|thruster", re.I)
-_MEASURES = re.compile(r"publish|sensor|odom(etry)?_?pub", re.I)
+_OTHERS = re.compile(r"publish|sensor|mimic", re.I)
 _MOST = 8  # joints that a note lists
 
 
@@ -42,7 +42,7 @@ def of_plugins(around: Any) -> Iterator[tuple[str, int, Any]]:
     plugin."""
     for plugin in around.iterchildren("plugin"):
         label = f"{plugin.get('filename', '')} {plugin.get('name', '')}"
-        if not _CONTROLS.search(label) or _MEASURES.search(label):
+        if not _CONTROLS.search(label) or _OTHERS.search(label):
             continue
         axis = int(plugin.findtext("joint_index", "0").strip() == "1")
         for element in plugin.iter("*"):
