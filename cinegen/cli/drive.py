@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Literal
 
 from cinegen.cli.files import check_outputs, count, disabled_pairs, unchecked_links
 from cinegen.cli.numbers import quantity_option
-from cinegen.cli.options import FILES, SELF_CLEARANCE, RobotOptions, option
+from cinegen.cli.options import FILES, SELF_CLEARANCE, RobotOptions, actuated_of, option
 from cinegen.cli.served_page import PageOptions, write_snapshot
 from raff2urdf.command_line import UsageError, no_effect
 from raff2urdf.files import stem_of
@@ -88,8 +88,9 @@ def run(
         def read() -> Setup:
             options = robots.options()
             loaded = load_scene(
-                scene, robots.ignore_loops, robots.ignore, robots.srdf, self_clearance, robots.fixed_base, options
-            )
+                scene, robots.ignore_loops, robots.ignore, robots.srdf, self_clearance, robots.fixed_base,
+                actuated_of(robots.actuated), options,
+            )  # fmt: skip
             options.check(scene)
             recorded = str(record) if record else None
             return scene_setup(loaded, sensor, _shape(follow or "still"), node, rate, recorded)

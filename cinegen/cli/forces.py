@@ -56,17 +56,21 @@ def run(
     name, mechanism = robots.load_one(file)
     from cinegen.dynamics import InverseDynamics
     from cinegen.dynamics.forces import forces_at
+    from raff2urdf.readers.uncounted import is_uncounted
 
     loads = [*carried(mechanism, payload, node), *wrenches(wrench)]
     dynamics = InverseDynamics(mechanism, loads, gravity_of(gravity), massless)
+    notes = [note for note in mechanism.source.notes if is_uncounted(note)]
+    shown = [f"  note: {note}" for note in notes]
     if trajectory is not None:
-        print_result(*_along(name, dynamics, trajectory, robots.robot), json)
+        report, text = _along(name, dynamics, trajectory, robots.robot)
+        print_result(report | {"notes": notes}, "\n".join([text, *shown]), json)
         return 0
     v = _rates(mechanism, velocity, "--velocity", ANGULAR_SPEED, SPEED) or None
     a = _rates(mechanism, acceleration, "--acceleration", ANGULAR_ACCELERATION, ACCELERATION) or None
     found = forces_at(dynamics, configuration_at(mechanism, at, node), v, a, node)
-    report = {"name": name, **found.as_dict()}
-    print_result(report, _text(name, found, reactions), json)
+    report = {"name": name, **found.as_dict(), "notes": notes}
+    print_result(report, "\n".join([_text(name, found, reactions), *shown]), json)
     return 0 if found.is_held else 1
 
 

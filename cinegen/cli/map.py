@@ -203,7 +203,7 @@ def specification(mechanism: Mechanism, options: MapOptions, robots: RobotOption
         STARTS if options.starts is None else options.starts,
         along=() if options.along is None else point(options.along, "--along", NUMBER),
         scene=scene, folder=str(options.scene.absolute().parent) if options.scene else ".",
-        payloads=payloads, wrenches=pushed, gravity=gravity_of(options.gravity),
+        payloads=payloads, wrenches=pushed, gravity=gravity_of(options.gravity) or (),
         reaction=options.reaction or "", stiffness=springs, tolerances=given,
     )  # fmt: skip
 
@@ -274,6 +274,7 @@ def _sweep(name: str, spec: MapSpecification, file: Path, robots: RobotOptions, 
         "ignore_loops": robots.ignore_loops,
         "ignore": robots.ignore,
         "fixed_base": robots.fixed_base,
+        "actuated": robots.actuated,
         "view": options.view,
         "sigma": options.sigma,
         "play": options.play,

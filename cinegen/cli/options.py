@@ -67,6 +67,7 @@ FILE = typer.Argument(..., metavar="FILE", help="RAFF, URDF, SDF or MJCF file, o
 FILES = typer.Argument(
     (), metavar="FILE", help="RAFF, URDF, SDF or MJCF files, or names of shipped robots", show_default=False
 )
+ACTUATED = option("JOINTS", "actuated joints, such as joint1,joint2 (default: those of the file, or else chosen)")
 FIXED_BASE = flag("--fixed-base", "hold a floating base: nothing moves it")
 FORCE = flag("--force", "replace an existing file that cinegen did not generate, or a recording")
 IGNORE = option(
@@ -98,6 +99,7 @@ class RobotOptions(ReadFlags):
         "NAME=KIND", "close a loop as rigid, prismatic, revolute or ball, instead of what the file declares", (),
         unless="--ignore-loops",
     )  # fmt: skip
+    actuated: str | None = ACTUATED
     ignore_loops: bool = IGNORE_LOOPS
     ignore: list[str] = IGNORE
     relax: bool | None = option(
@@ -122,13 +124,15 @@ class RobotOptions(ReadFlags):
             if not equals:
                 raise CinegenError(f"--loop {text}: write NAME=KIND, for example --loop link5-link11=ball")
             loops[name] = kind
+        actuated = actuated_of(self.actuated)
         found: dict[str, tuple[Mechanism, Path]] = {}
         for file in files:
             wanted = robots(file) if self.robot is None else [self.robot]
             for robot in wanted:
                 mechanism = load_with(
-                    options, file, robot, loops, self.ignore_loops, self.ignore, self.relax, self.srdf, self.fixed_base
-                )
+                    options, file, robot, loops, self.ignore_loops, self.ignore, self.relax, self.srdf, self.fixed_base,
+                    actuated=actuated,
+                )  # fmt: skip
                 stem = one_line(stem_of(file).encode(errors="replace").decode())  # a file's name need not be UTF-8
                 name = stem if len(wanted) == 1 else f"{stem}.{mechanism.name}"
                 while name in found:
@@ -148,6 +152,20 @@ class RobotOptions(ReadFlags):
             names = ", ".join(mechanism.name for _, mechanism in found)
             raise CinegenError(f"{file} holds several robots: name one by --robot ({names})")
         return found[0]
+
+
+def actuated_of(text: str | None) -> list[str] | None:
+    """Return the joints that --actuated names; None if it is not given.
+
+    Raises:
+        UsageError: it lists none.
+    """
+    if text is None:
+        return None
+    found = text.replace(",", " ").split()
+    if not found:
+        raise UsageError("--actuated: name joints, such as joint1,joint2")
+    return found
 
 
 def exclude(**options: object) -> None:

@@ -19,8 +19,9 @@ WRENCHES = option(
     "NODE=F", "force, or force and moment, on a node in the world's axes: tool=0,0,-10 or tool=0,0,-10,0,0,2 (N, Nm)",
     (), "--wrench",
 )  # fmt: skip
-DOWN = "0,0,-9.81"
-GRAVITY = option("X,Y,Z", "acceleration in the world (m/s2; 0,0,0 for none)", DOWN, "--gravity")
+GRAVITY = option(
+    "X,Y,Z", "acceleration in the world (m/s2; 0,0,0 for none; default: the file's, or else 0,0,-9.81)", "", "--gravity"
+)
 
 
 def carried(mechanism: Mechanism, texts: Sequence[str], node: str | None = None) -> list[Payload]:
@@ -56,12 +57,14 @@ def wrenches(texts: Sequence[str]) -> list[Payload]:
     return found
 
 
-def gravity_of(text: str) -> tuple[float, float, float]:
-    """Return the acceleration of gravity, m/s^2.
+def gravity_of(text: str) -> tuple[float, float, float] | None:
+    """Return the acceleration of gravity, m/s^2; None if none is given: then it is the mechanism's.
 
     Raises:
         UsageError: it is no vector.
     """
+    if not text:
+        return None
     given = parts(text)
     if len(given) != 3:
         raise UsageError(f"--gravity: '{text}': an acceleration is x,y,z, such as 0,0,-9.81")

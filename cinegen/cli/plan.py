@@ -14,6 +14,7 @@ import typer
 from cinegen.cli.files import check_outputs, count, disabled_pairs, print_result, unchecked_links, write_figure
 from cinegen.cli.mode_change import change_advice, change_document, change_lines, goal_text, mode_index
 from cinegen.cli.options import (
+    ACTUATED,
     FIXED_BASE,
     IGNORE,
     IGNORE_LOOPS,
@@ -24,6 +25,7 @@ from cinegen.cli.options import (
     SRDF,
     UNITS,
     VIEW,
+    actuated_of,
     exclude,
     option,
 )
@@ -69,6 +71,7 @@ def run(
         "avoid",
         needs="--modes",
     ),
+    actuated: str | None = ACTUATED,
     ignore_loops: bool = IGNORE_LOOPS,
     ignore: list[str] = IGNORE,
     srdf: Path | None = SRDF,
@@ -97,7 +100,8 @@ def run(
     check_outputs(plot, plot_joints, force=page.force, json=json)
     check_outputs(recording, force=page.force, json=json, remakeable=False)
     options = reading.options()
-    loaded = load_scene(scene, ignore_loops, ignore, srdf, self_clearance, fixed_base, options)
+    joints = actuated_of(actuated)
+    loaded = load_scene(scene, ignore_loops, ignore, srdf, self_clearance, fixed_base, joints, options)
     options.check(scene)
     locked = lock.replace(",", " ").split() if lock else []
     if not json:

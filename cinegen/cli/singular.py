@@ -56,7 +56,7 @@ def run(
     if recordings:
         no_effect(
             f"on a recording ({recordings[0]})", "--node", "--at", "--over", "--loop", "--ignore-loops", "--ignore",
-            "--relax", "--srdf",
+            "--relax", "--srdf", "--actuated",
         )  # fmt: skip
         if len(recordings) < len(files):
             raise UsageError("recordings (.jsonl) and robots are analysed apart: name only one kind of file")

@@ -48,6 +48,7 @@ def load_scene(
     srdf: str | Path | None = None,
     self_clearance: float | None = None,
     fixed_base: bool = False,
+    actuated: Sequence[str] | None = None,
     options: ReadOptions | None = None,
 ) -> Scene:
     """Return the scene of a file; numbers without a unit are in m and degrees.
@@ -59,6 +60,7 @@ def load_scene(
         srdf: likewise; in place of the scene's.
         self_clearance: distance between links, m, in place of the scene's.
         fixed_base: as for `cinegen.load`.
+        actuated: likewise.
         options: of how the robot's file is read; `ReadOptions.check` then refuses those without effect.
 
     Raises:
@@ -80,7 +82,9 @@ def load_scene(
     values, where, unit = _angles(parse(text, path), str(path), "deg")
     if self_clearance is not None and isinstance(values, Mapping):
         values = {**values, "self_clearance": self_clearance}
-    settings: dict[str, Any] = {"ignore_loops": ignore_loops, "ignore": ignore, "fixed_base": fixed_base}
+    settings: dict[str, Any] = {
+        "ignore_loops": ignore_loops, "ignore": ignore, "fixed_base": fixed_base, "actuated": actuated,
+    }  # fmt: skip
     settings |= {} if options is None else {"options": options}
     settings |= {} if srdf is None else {"srdf": srdf}
     return _scene(SceneTable(values, where, unit), stem_of(path), path, path.parent, None, settings)

@@ -12,7 +12,6 @@ import numpy as np
 from cinegen.arrays import Array, ArrayLike
 from cinegen.dynamics import plain
 from cinegen.dynamics.inverse_dynamics import InverseDynamics, Motion
-from cinegen.dynamics.loads import GRAVITY
 from cinegen.dynamics.payload import Payload
 from cinegen.dynamics.reactions import Reaction, coupling_torques, reactions
 from cinegen.errors import UnknownNameError
@@ -175,7 +174,7 @@ def forces(
     v: Motion | None = None,
     a: Motion | None = None,
     payloads: Sequence[Payload] = (),
-    gravity: ArrayLike = GRAVITY,
+    gravity: ArrayLike | None = None,
     node: str | None = None,
     massless: bool = False,
 ) -> Forces:
@@ -188,7 +187,7 @@ def forces(
         v: (nv,) velocity, or that of actuated joints by name; 0 unless given.
         a: acceleration, likewise.
         payloads: bodies on nodes, and wrenches on them.
-        gravity: (3,) acceleration, m/s^2, in the world.
+        gravity: (3,) acceleration, m/s^2, in the world; the mechanism's if None.
         node: by whose motion singularities are described; the mechanism's end by default.
         massless: whether links without mass count as having none.
 

@@ -15,7 +15,7 @@ from cinegen.dynamics._kernels.masses import find_masses
 from cinegen.dynamics._kernels.memory import DynamicsMemory
 from cinegen.dynamics._kernels.torques import HELD, OPEN, find_torques
 from cinegen.dynamics.errors import MotionError
-from cinegen.dynamics.loads import GRAVITY, LoadedTree
+from cinegen.dynamics.loads import LoadedTree
 from cinegen.dynamics.payload import Payload
 from cinegen.dynamics.reactions import Reaction, axes_of_reaction, reactions
 from cinegen.errors import CinegenError, ClosureError, ConfigurationError, UnknownNameError
@@ -43,7 +43,7 @@ class InverseDynamics:
     Args:
         mechanism: any; its model has the masses of its links.
         payloads: bodies on nodes, and wrenches.
-        gravity: (3,) acceleration, m/s^2, in the world.
+        gravity: (3,) acceleration, m/s^2, in the world; the mechanism's if None.
         massless: whether links without mass count as having none; else they are refused where masses are needed.
 
     Attributes:
@@ -61,7 +61,7 @@ class InverseDynamics:
         self,
         mechanism: Mechanism,
         payloads: Sequence[Payload] = (),
-        gravity: ArrayLike = GRAVITY,
+        gravity: ArrayLike | None = None,
         massless: bool = False,
     ) -> None:
         self.mechanism, self.tree = mechanism, LoadedTree(mechanism, payloads, gravity)
@@ -89,7 +89,7 @@ class InverseDynamics:
             find_torques, DynamicsMemory, install=partial(setattr, self, "_find")
         )  # fmt: skip
 
-    def set_loads(self, payloads: Sequence[Payload] = (), gravity: ArrayLike = GRAVITY) -> None:
+    def set_loads(self, payloads: Sequence[Payload] = (), gravity: ArrayLike | None = None) -> None:
         """Replace the payloads and gravity, as in the constructor; in 0.1 ms, where a new object takes 3.
 
         Raises:
@@ -450,6 +450,7 @@ def _load(memory: DynamicsMemory, tree: LoadedTree) -> None:
         body: Any = model.inertias[j]
         memory.mass[j], memory.centre[j], memory.inertia[j] = body.mass, body.lever, body.inertia
     memory.gravity[:] = tree.gravity
+    memory.armature[:] = model.armature[plain.columns_of(tree.mechanism)]
     for i, (payload, joint, placement) in enumerate(tree.loads):
         memory.load_joint[i], memory.load_offset[i] = joint, frame_of(placement)
         memory.load_turns[i], memory.load[i] = payload.axes == "node", payload.wrench

@@ -14,9 +14,6 @@ from cinegen.dynamics.payload import Payload
 from cinegen.joints import step_scale
 from cinegen.model import Mechanism
 
-GRAVITY = (0.0, 0.0, -9.81)
-"""Gravity, m/s^2, downwards, as Pinocchio and MuJoCo have it unless another is given."""
-
 
 class LoadedTree:
     """A mechanism's tree, loops open, with its payloads: what the recursive Newton-Euler algorithm computes.
@@ -26,7 +23,7 @@ class LoadedTree:
     Args:
         mechanism: any.
         payloads: bodies on nodes, and wrenches.
-        gravity: (3,) acceleration, m/s^2, in the world.
+        gravity: (3,) acceleration, m/s^2, in the world; the mechanism's if None.
 
     Attributes:
         mechanism, payloads: as given.
@@ -40,10 +37,12 @@ class LoadedTree:
         PayloadError: gravity is no acceleration.
     """
 
-    def __init__(self, mechanism: Mechanism, payloads: Sequence[Payload] = (), gravity: ArrayLike = GRAVITY) -> None:
+    def __init__(
+        self, mechanism: Mechanism, payloads: Sequence[Payload] = (), gravity: ArrayLike | None = None
+    ) -> None:
         self.mechanism, self.payloads = mechanism, tuple(payloads)
         self.model = pin.Model(mechanism.model)
-        given = np.asarray(gravity, dtype=float)
+        given = np.asarray(mechanism.gravity if gravity is None else gravity, dtype=float)
         if given.shape != (3,) or not np.isfinite(given).all():
             raise PayloadError(f"gravity is an acceleration (3,) in m/s^2, such as (0, 0, -9.81), not {gravity!r:.60}")
         self.model.gravity = pin.Motion(given, np.zeros(3))

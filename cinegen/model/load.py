@@ -20,6 +20,7 @@ from cinegen.errors import LoadError, UnknownNameError, warn
 from cinegen.joints import supporting_columns
 from cinegen.loops.closed_loops import ClosedLoops, LoopConstraint
 from cinegen.loops.clusters import subsystems
+from cinegen.model.group_state import with_home
 from cinegen.model.home import find_home, follow, near_successive
 from cinegen.model.limits import Limits
 from cinegen.model.mechanism import Mechanism, MechanismSource
@@ -36,7 +37,7 @@ from raff2urdf.json_lines import line_of
 from raff2urdf.length import characteristic_length, cut_screws
 from raff2urdf.placement import rotation
 from raff2urdf.raff.document import LoopKind
-from raff2urdf.readers.actuation import advice, syntax_of
+from raff2urdf.readers.actuation import advice, replaced, syntax_of
 from raff2urdf.readers.declaration import IgnoreList
 from raff2urdf.readers.options import ReadOptions
 from raff2urdf.readers.sidecar import constraints_of
@@ -86,8 +87,8 @@ def load(
             healed, by changes as small as rounding (`cinegen.model.healing`); where that fails, they are closed by
             weaker joints. True: weaker joints are tried first; they may add to mobility. One warning reports what was
             done. False: they stay as written; then they can't be closed, or hardly move.
-        srdf: an SRDF, which names pairs of links that are not checked against each other. By default the one next to a
-            URDF, `<stem>.srdf`, unless `ignore` names it.
+        srdf: an SRDF, which names pairs of links that are not checked against each other, and the home of a URDF
+            whose sidecar file states none. By default the one next to a URDF, `<stem>.srdf`, unless `ignore` names it.
         fixed_base: hold a floating base where the file places it: nothing moves it then, and q does not contain its
             pose. Robots without one are loaded as they are.
         couplings: of a `pinocchio.Model`, equations between its joints.
@@ -239,11 +240,13 @@ def _load_xml(
             raise UnknownNameError("loop", name, tuple(entries))
         entries[name]["kind"] = loop_kind(kind).name.lower()
     disabled = _read_srdf(srdf or beside, urdf, str(path), options)
-    stated = _with_actuated(urdf, constraints, actuated, str(path))
+    placed, told = with_home(urdf, constraints, srdf or beside, str(path), options)
+    stated = _with_actuated(urdf, placed, actuated, str(path))
     packages = tuple((name, str(given)) for name, given in options.search.given.items())
     mechanism = build(
-        urdf, stated, str(folder), str(path), found.dialects, found.notes, disabled, packages=packages, relax=relax
-    )
+        urdf, stated, str(folder), str(path), found.dialects, (*found.notes, *told), disabled, packages=packages,
+        relax=relax, is_driven=found.is_driven and actuated is None,
+    )  # fmt: skip
     if constraints and not loops:
         _check_stated(mechanism, constraints, path)
     for name, kind in (loops or {}).items():
@@ -424,6 +427,8 @@ def written_loops(urdf: str, constraints: Mapping[str, Any] | None, name: str) -
         model, q = spherical.model, spherical.from_successive(q)
         entries = [entry for entry in entries if entry["name"] not in replaced]
         _set_limits(model, entries)
+    if "gravity" in declared:
+        model.gravity = pin.Motion(np.array(declared["gravity"]), np.zeros(3))
     system = ClosedLoops(model, loops, length, couplings)
     return WrittenRobot(system, q, declared, entries, spherical, near)
 
@@ -439,6 +444,7 @@ def build(
     owner: str | None = None,
     packages: tuple[tuple[str, str], ...] = (),
     relax: bool | None = False,
+    is_driven: bool = False,
 ) -> Mechanism:
     """Build a mechanism from a URDF's text and everything that a URDF cannot express.
 
@@ -455,6 +461,8 @@ def build(
         owner: see `MechanismSource`.
         packages: see `MechanismSource`.
         relax: see `load`.
+        is_driven: whether the joints that the constraints state as actuated are those that transmissions and the like
+            name (`raff2urdf.readers.drives`). Where these do not determine the mechanism, others are added or left out.
 
     Raises:
         LoadError: no URDF, or it lacks what the constraints name.
@@ -472,10 +480,10 @@ def build(
         if given and relax is not False:
             plane = in_plane(given, system, q, name)
             if plane is not None:
-                return build(urdf, plane, folder, name, dialects, notes, srdf, owner, packages, relax)
+                return build(urdf, plane, folder, name, dialects, notes, srdf, owner, packages, relax, is_driven)
             exact = made_exact(urdf, given, system, q, relax is True, name)
             if exact is not None:
-                return build(*exact, folder, name, dialects, notes, srdf, owner, packages)
+                return build(*exact, folder, name, dialects, notes, srdf, owner, packages, is_driven=is_driven)
         q = q if spherical is None or near is None else spherical.from_successive(near)
     drawn = not any("home" in joint for joint in (given or {}).get("joints", []))
     home = find_home(system, q, Limits(model, tuple(actuated)), actuated, drawn, name, robot)
@@ -485,6 +493,15 @@ def build(
     chosen = tuple(joint for joint, has in actuated.items() if has or (has is None and joint not in determined))
     uncontrolled = tuple(joint for joint in actuated if joint not in chosen and joint not in determined)
     dependent = tuple(joint for joint in chosen if joint in determined)
+    if is_driven and (uncontrolled or dependent):
+        message = replaced(uncontrolled, dependent)
+        chosen = tuple(one for one in actuated if one in uncontrolled or (one in chosen and one not in dependent))
+        uncontrolled = dependent = ()
+        given = {**(given or {}), "joints": [{**one, "actuated": None} for one in (given or {})["joints"]]}
+        if loops:
+            warn(f"{name}: {robot}: {message}")
+        else:
+            notes += (message,)
     if uncontrolled:
         message = advice(uncontrolled, dependent, syntax_of(Path(name)))
         if dependent:
@@ -558,15 +575,16 @@ def _balls(constraints: Mapping[str, Any]) -> dict[str, list[str]]:
 
 
 def _set_limits(model: pin.Model, joints: Sequence[Mapping[str, Any]]) -> None:
-    """Set the limits of a model: infinite where there are none."""
+    """Set the limits of a model, infinite where there are none, and the inertia of its rotors."""
     lower, upper = np.full(model.nq, -np.inf), np.full(model.nq, np.inf)
-    fastest = np.full(model.nv, np.inf)
+    fastest, armature = np.full(model.nv, np.inf), np.zeros(model.nv)
     for entry in joints:
         joint = model.joints[model.getJointId(entry["name"])]
         lower[joint.idx_q], upper[joint.idx_q] = entry["limits"] or (-np.inf, np.inf)
         fastest[joint.idx_v] = entry["velocity"] or np.inf
+        armature[joint.idx_v] = entry.get("armature", 0.0)
     model.lowerPositionLimit, model.upperPositionLimit = lower, upper
-    model.upperVelocityLimit, model.lowerVelocityLimit = fastest, -fastest
+    model.upperVelocityLimit, model.lowerVelocityLimit, model.armature = fastest, -fastest, armature
     effort = np.array(model.upperEffortLimit)
     effort[~((effort > 0.0) & (effort < UNLIMITED))] = np.inf
     model.upperEffortLimit, model.lowerEffortLimit = effort, -effort

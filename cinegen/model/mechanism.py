@@ -230,6 +230,11 @@ class Mechanism:
         """Names of the loops, then of the couplings."""
         return (*(loop.name for loop in self.loops), *(coupling.name for coupling in self.couplings))
 
+    @property
+    def gravity(self) -> Array:
+        """(3,) acceleration of gravity that the file states, m/s^2, in the world; (0, 0, -9.81) unless it does."""
+        return np.array(self.model.gravity.linear)
+
     @cached_property
     def limits(self) -> Limits:
         """Limits of position, velocity and effort, by joint name and as arrays; rad, m, s, N."""

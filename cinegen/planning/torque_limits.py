@@ -22,7 +22,6 @@ import numpy as np
 
 from cinegen.arrays import Array, ArrayLike
 from cinegen.dynamics import InverseDynamics, Payload
-from cinegen.dynamics.loads import GRAVITY
 from cinegen.errors import CinegenError, UnknownNameError
 from cinegen.model import Mechanism
 from cinegen.planning.singular_crossing import CrossingDynamics, crossings
@@ -66,7 +65,7 @@ class TorqueLimits:
         payloads: bodies on nodes, and wrenches.
         efforts: limits, N m and N: one number for all actuated joints, or by joint name; those of the description
             unless given.
-        gravity: (3,) acceleration, m/s^2, in the world.
+        gravity: (3,) acceleration, m/s^2, in the world; the mechanism's if None.
         crosses: whether paths may pass singularities of type 2, at a speed at which torques stay within their limits;
             else they are refused.
 
@@ -86,7 +85,7 @@ class TorqueLimits:
         mechanism: Mechanism,
         payloads: Sequence[Payload] = (),
         efforts: float | Mapping[str, float] | None = None,
-        gravity: ArrayLike = GRAVITY,
+        gravity: ArrayLike | None = None,
         crosses: bool = False,
     ) -> None:
         self.mechanism, self.crosses = mechanism, crosses

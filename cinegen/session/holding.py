@@ -11,7 +11,6 @@ import pinocchio as pin
 
 from cinegen.arrays import Array
 from cinegen.dynamics import InverseDynamics, Payload
-from cinegen.dynamics.loads import GRAVITY
 from cinegen.errors import CinegenError
 from cinegen.model import Mechanism
 from cinegen.session.state import CarriedMass
@@ -77,12 +76,12 @@ class Holding:
             raise HoldingError(problem)
         self.carried = CarriedMass(mechanism.end, 0.0)
         self.dynamics = InverseDynamics(mechanism)
-        self._down = np.array(GRAVITY)
+        self._down = mechanism.gravity
         self._mass = moving_mass(mechanism)
 
     def load(self, carried: CarriedMass, base: pin.SE3) -> None:
         """Set the payload, and the base pose in the world (m)."""
-        down = base.rotation.T @ np.array(GRAVITY)
+        down = base.rotation.T @ self.dynamics.mechanism.gravity
         if carried == self.carried and np.array_equal(down, self._down):
             return
         payloads = [Payload(carried.node, carried.mass)] if carried.mass else []

@@ -16,7 +16,6 @@ from cinegen.arrays import Array
 from cinegen.dynamics import InverseDynamics, Payload
 from cinegen.dynamics.elasticity import Elasticity
 from cinegen.dynamics.errors import MotionError
-from cinegen.dynamics.loads import GRAVITY
 from cinegen.errors import CinegenError, UnknownNameError
 from cinegen.workspace.errors import MapError
 
@@ -263,7 +262,7 @@ def check_loads(spec: MapSpecification, wanted: Collection[str]) -> None:
     """
     mechanism = spec.mechanism
     weighed = (*sorted(LIMITED), *REACTIONS)
-    if spec.gravity != GRAVITY and not set(weighed) & set(wanted):
+    if spec.gravity != tuple(spec.mechanism.gravity) and not set(weighed) & set(wanted):
         raise MapError(f"gravity: no quantity of this map takes it: add one of {', '.join(weighed)}")
     takers_of = (
         ("payloads", (*weighed, "frequency")), ("wrenches", weighed), ("reaction", REACTIONS),

@@ -13,7 +13,6 @@ import numpy as np
 import pinocchio as pin
 
 from cinegen.arrays import Array
-from cinegen.dynamics.loads import GRAVITY
 from cinegen.errors import CinegenError
 from cinegen.model import Mechanism
 from cinegen.model.fingerprint import fingerprint
@@ -65,7 +64,7 @@ class MapSpecification:
         folder: where the scene's files are.
         payloads: masses, kg, that nodes carry at their origins, by name.
         wrenches: (6,) that act on nodes at their origins, in the world's axes, N and N m, by name.
-        gravity: (3,) acceleration in the world, m/s^2.
+        gravity: (3,) acceleration in the world, m/s^2; the mechanism's unless given.
         reaction: the joint or loop whose reaction is wanted.
         stiffness: of elastic joints by name, N m/rad and N/m; other actuated joints are rigid, other passive ones free.
         tolerances: of dimensions, joints and encoders, for the accuracy: `raff`, the text of the robot's RAFF file, and
@@ -89,7 +88,7 @@ class MapSpecification:
     folder: str = "."
     payloads: Mapping[str, float] = field(default_factory=dict)
     wrenches: Mapping[str, Sequence[float]] = field(default_factory=dict)
-    gravity: tuple[float, ...] = GRAVITY
+    gravity: tuple[float, ...] = ()
     reaction: str = ""
     stiffness: Mapping[str, float] = field(default_factory=dict)
     tolerances: Mapping[str, Any] = field(default_factory=dict, repr=False)
@@ -119,7 +118,9 @@ class MapSpecification:
             object.__setattr__(self, name, {key: float(value) for key, value in getattr(self, name).items()})
         wrenches = {key: tuple(map(float, value)) for key, value in self.wrenches.items()}
         object.__setattr__(self, "wrenches", wrenches)
-        object.__setattr__(self, "gravity", tuple(map(float, self.gravity)))
+        object.__setattr__(
+            self, "gravity", tuple(map(float, self.gravity if len(self.gravity) else self.mechanism.gravity))
+        )
         object.__setattr__(self, "quantities", _checked_quantities(self))
 
     def __repr__(self) -> str:

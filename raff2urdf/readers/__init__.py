@@ -31,6 +31,8 @@ class Description(NamedTuple):
         notes: about what was read.
         left_out: loops and couplings that were ignored, as requested.
         ignored: elements that were ignored.
+        is_driven: whether the constraints state as actuated what the file names as driven (`drives`), which may be
+            incomplete.
     """
 
     urdf: str
@@ -39,6 +41,7 @@ class Description(NamedTuple):
     notes: tuple[str, ...] = ()
     left_out: tuple[str, ...] = ()
     ignored: tuple[str, ...] = ()
+    is_driven: bool = False
 
 
 TEXT = "<text>"
@@ -135,7 +138,7 @@ def _described(
     words = IgnoreList(ignore)
     if kind == "robot":
         text = _with_options(text, str(path), options)
-    described = READERS[kind](text, path, robot, ignore_loops, words, is_file)
+    described = READERS[kind](text, path, robot, ignore_loops, words, is_file, options)
     options.met("package", *re.findall(r"(?:package|model)://([^/\"']+)", described.urdf))
     return described, str(path), words, ignore_loops
 
@@ -190,35 +193,60 @@ def _without(found: Description, ignore: IgnoreList, all_of_them: bool) -> Descr
 
 
 def _urdf(
-    text: str, path: Path, robot: str | None, ignore_loops: bool, ignore: IgnoreList, is_file: bool = True
-) -> Description:
-    from raff2urdf.readers import dialects
+    text: str, path: Path, robot: str | None, ignore_loops: bool, ignore: IgnoreList, is_file: bool,
+    options: ReadOptions,
+) -> Description:  # fmt: skip
+    from raff2urdf.readers import dialects, drives, uncounted
+    from raff2urdf.readers.successive import moving
+    from raff2urdf.readers.urdf import joints
 
-    return dialects.read(text, path, ignore, ignore_loops, is_file)
+    found = dialects.read(text, path, ignore, ignore_loops, is_file)
+    root = parse_xml(text, str(path))
+    dynamics = {
+        str(joint.get("name")): joint.find("dynamics") for joint in joints(root) if joint.get("type") != "fixed"
+    }
+    found = found._replace(notes=found.notes + tuple(uncounted.note_of(uncounted.of_dynamics(dynamics))))
+    driven = {} if ignore_loops else dict(drives.of_urdf(root))
+    return drives.declared(found, driven, moving(found.urdf, str(path))) if driven else found
 
 
 def _sdf(
-    text: str, path: Path, robot: str | None, ignore_loops: bool, ignore: IgnoreList, is_file: bool
-) -> Description:
-    from raff2urdf.readers import sdf
+    text: str, path: Path, robot: str | None, ignore_loops: bool, ignore: IgnoreList, is_file: bool,
+    options: ReadOptions,
+) -> Description:  # fmt: skip
+    from raff2urdf.graphics.names import find
+    from raff2urdf.readers import drives, sdf
 
-    return _of_format("SDF", ignore, *sdf.read(text, str(path), robot, ignore.given))
+    search = options.search
+
+    def included(file: str, folder: Path) -> Path:
+        options.met("package", *re.findall(r"^(?:package|model)://([^/]+)", file))
+        return find(file, folder, packages=search)
+
+    read = sdf.read(text, str(path), robot, ignore.given, included)
+    found = _of_format("SDF", ignore, read.urdf, read.constraints, read.ignored, read.notes)
+    return found if ignore_loops else drives.declared(found, read.driven)
 
 
 def _mjcf(
-    text: str, path: Path, robot: str | None, ignore_loops: bool, ignore: IgnoreList, is_file: bool
-) -> Description:
+    text: str, path: Path, robot: str | None, ignore_loops: bool, ignore: IgnoreList, is_file: bool,
+    options: ReadOptions,
+) -> Description:  # fmt: skip
     from raff2urdf.readers import mjcf
 
     return _of_format("MJCF", ignore, *mjcf.read(path, ignore.given, None if is_file else text))
 
 
-def _of_format(dialect: str, ignore: IgnoreList, urdf: str, values: Constraints, ignored: Sequence[str]) -> Description:
+def _of_format(
+    dialect: str, ignore: IgnoreList, urdf: str, values: Constraints, ignored: Sequence[str], notes: Sequence[str]
+) -> Description:
     """Return a robot of a format that declares loops and couplings itself."""
     declares = values["loops"] or values.get("couplings")
     requested = tuple(one for one in ignored if ignore.takes(*re.findall("'([^']*)'", one)))
-    notes = tuple(f"not read: {one}" for one in ignored if one not in requested)
-    return Description(urdf, values, (dialect,) if declares else (), notes, requested, tuple(ignored))
+    if "gravity" in values:
+        notes = [*notes, "gravity is {:g}, {:g}, {:g} m/s2".format(*values["gravity"])]
+    unread = tuple(f"not read: {one}" for one in ignored if one not in requested)
+    return Description(urdf, values, (dialect,) if declares else (), (*notes, *unread), requested, tuple(ignored))
 
 
 _OTHER_ROOTS = {

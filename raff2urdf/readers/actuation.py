@@ -9,6 +9,7 @@ from raff2urdf.readers import holds_xml, robot_yaml, sidecar
 from raff2urdf.readers.xml_file import own_element, parse_xml, read_text
 
 RAFF = "'actuated 1' in its link"
+_MOST = 8  # names that are listed
 _CONSTRAINTS = '"actuated": true in '
 _SDF = '<raff:joint name="NAME" actuated="true"/> in the model\'s <raff:robot xmlns:raff="urn:raff2urdf">'
 
@@ -33,6 +34,23 @@ def syntax_of(path: Path) -> str:
         return _CONSTRAINTS + (constraints.name if constraints.is_file() else "raff:robot")
     yaml = robot_yaml.sidecar_of(path) or sidecar.plain(path).with_suffix(".yaml")
     return f"its name in name_mot: [...] of {yaml.name}"
+
+
+def replaced(uncontrolled: Sequence[str], dependent: Sequence[str]) -> str:
+    """Return the text about joints that a file names as driven and that do not determine a mechanism: what is actuated
+    instead; the arguments are those of `advice`."""
+    parts = [f"{_listed(uncontrolled)} actuated, too"] if uncontrolled else []
+    parts += [f"{_listed(dependent)} passive"] if dependent else []
+    why = "depend on each other" if dependent else "do not determine its motion"
+    return (
+        f"the joints that its transmissions, command interfaces or plugins name {why}: {', and '.join(parts)}; "
+        "--actuated JOINTS (in Python actuated=[...]) names others"
+    )
+
+
+def _listed(names: Sequence[str]) -> str:
+    more = f" and {len(names) - _MOST} more" if len(names) > _MOST else ""
+    return f"{', '.join(names[:_MOST])}{more} {'is' if len(names) == 1 else 'are'}"
 
 
 def advice(uncontrolled: Sequence[str], dependent: Sequence[str], syntax: str) -> str:

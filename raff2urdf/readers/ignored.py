@@ -1,4 +1,4 @@
-"""List the elements of a file that are not read, since nothing here depends on them: sensors, transmissions, friction.
+"""List the elements of a file that are not read, since nothing here depends on them: sensors, collisions, friction.
 
 Elements that would remove degrees of freedom are never among them: those that can't be read are errors.
 """
@@ -13,6 +13,7 @@ from raff2urdf.readers import (
     closing_frames,
     closing_joints,
     declared_loops,
+    drives,
     joint_couplings,
     loop_elements,
     xacro_file,
@@ -98,14 +99,14 @@ _MOST = 10  # lines that are listed
 
 
 def _read_elsewhere(root: Any, name: str) -> list[Any]:
-    """Return the elements of a URDF that declare loops and couplings."""
+    """Return the elements of a URDF that declare loops, couplings and what drives its joints."""
     if root.find("joint") is not None:
         by_name(root.findall("joint"), name)
     declared = [*joint_couplings.find(root), *loop_elements.find(root), *closing_joints.find(root, name)]
     read = [one.element for one in declared]
     unread = [one.element for one in declared_loops.find(root, {id(one) for one in read}) if one.element is not None]
     frames = [frame for frame in root.iterchildren("frame") if closing_frames.is_end(frame)]
-    return [*read, *unread, *frames]
+    return [*read, *unread, *frames, *(element for _, element in drives.of_urdf(root))]
 
 
 def _walk(parent: Any, table: Mapping[str, Collection[str]], kept: set[int], found: dict[str, list[int]]) -> None:

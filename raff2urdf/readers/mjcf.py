@@ -3,8 +3,9 @@
 Bodies become links. Joints keep their variables; several joints of a body are successive ones, and a ball joint becomes
 three revolute joints. Equality constraints of the kinds connect and weld become loops; those of the kinds joint and
 tendon become couplings, if their tendons are fixed. Equality constraints that are not active are ignored, and so are
-limits of tendons. Joints that actuators drive are actuated. The keyframe `home`, or else the first, is the home
-configuration.
+limits of tendons. So are connects and welds to mocap bodies, which a user drags: a task does that here.
+Joints that actuators drive are actuated. The keyframe `home`, or else the first, is the home configuration. Gravity and
+armature are read; friction, damping and springs are not.
 
 Masses are those that MuJoCo computes, from `inertial` or from geoms, as the compiler settings are; also from meshes, if
 their files are there. A body whose mass they are needed for has none without them.
@@ -30,7 +31,8 @@ from raff2urdf.errors import RaffError
 from raff2urdf.extras import needs
 from raff2urdf.graphics.names import check_mesh, find
 from raff2urdf.inertia import Inertia
-from raff2urdf.placement import from_quaternion, roll_pitch_yaw, translation
+from raff2urdf.placement import from_quaternion, inverse, roll_pitch_yaw, translation
+from raff2urdf.readers import uncounted
 from raff2urdf.readers.declaration import leave_out
 from raff2urdf.readers.urdf import LARGEST
 from raff2urdf.readers.urdf_builder import UNBOUNDED, Shape, UrdfBuilder, material, shapes
@@ -44,8 +46,17 @@ _LEAST = 1e-14
 _HIDDEN = 3  # MuJoCo's viewer shows geoms of the groups 0 to 2; collision shapes are in those above
 
 
-def read(path: Path, ignore: Collection[str] = (), text: str | None = None) -> tuple[str, Constraints, list[str]]:
-    """Return a URDF, its constraints, and the elements that were ignored, from an MJCF.
+class MjcfRobot(NamedTuple):
+    """A robot of an MJCF: its URDF, its constraints, the elements that were ignored, and notes about what was read."""
+
+    urdf: str
+    constraints: Constraints
+    ignored: list[str]
+    notes: list[str]
+
+
+def read(path: Path, ignore: Collection[str] = (), text: str | None = None) -> MjcfRobot:
+    """Read an MJCF.
 
     Meshes are not read, only named, unless the mass of a body depends on them; they may be missing.
 
@@ -92,6 +103,7 @@ def read(path: Path, ignore: Collection[str] = (), text: str | None = None) -> t
     finally:
         mujoco.set_mju_user_warning(before)
     placed = {"body": model.body_pos, "joint": model.jnt_pos, "equality": model.eq_data, "keyframe": model.key_qpos}
+    placed |= {"gravity": model.opt.gravity, "armature": model.dof_armature}
     placed |= {"site": model.site_pos, "geom": model.geom_pos, "joint's ref": model.qpos0, "tendon": model.wrap_prm}
     for what, numbers in placed.items():
         if not np.abs(numbers).max(initial=0.0) <= LARGEST:
@@ -108,7 +120,7 @@ def read(path: Path, ignore: Collection[str] = (), text: str | None = None) -> t
             raise RaffError(f"{path}: {what}: check its unit (kg, m)")
     urdf, constraints = reader.read(ignore, masses)
     left_out = [f"inertia of body '{reader.bodies[spec.bodies[body].id]}': {why}" for body, why in unknown.items()]
-    return urdf, constraints, [*soft, *reader.ignored, *left_out]
+    return MjcfRobot(urdf, constraints, [*soft, *reader.ignored, *left_out], reader.notes)
 
 
 def _check_includes(path: Path, text: str | None) -> None:
@@ -267,9 +279,13 @@ class _Reader:
         self.actuated = self.actuated_joints()
         self.floating: str | None = None
         self.ignored: list[str] = []
+        self.notes: list[str] = []
         self.hinges: set[str] = set()
         keys = [model.key(k).name for k in range(model.nkey)]
-        self.home = model.key_qpos[keys.index("home") if "home" in keys else 0] if keys else model.qpos0
+        key = keys.index("home") if "home" in keys else 0
+        self.home = model.key_qpos[key] if keys else model.qpos0
+        if keys:
+            self.notes.append(f"home is the keyframe {repr(keys[key]) if keys[key] else key + 1}")
 
     def read(self, ignore: Collection[str], masses: Mapping[int, Inertia]) -> tuple[str, Constraints]:
         for body, name in enumerate(self.bodies):
@@ -277,7 +293,35 @@ class _Reader:
             if body:
                 self.add_joints(body)
         self.add_equalities(ignore)
-        return self.urdf.result(self.bodies, self.floating)
+        self.notes += uncounted.note_of(self.uncounted())
+        off = self.model.opt.disableflags & int(self.mujoco.mjtDisableBit.mjDSBL_GRAVITY)
+        gravity = [0.0, 0.0, 0.0] if off else self.model.opt.gravity.tolist()
+        return self.urdf.result(self.bodies, self.floating, gravity)
+
+    def uncounted(self) -> dict[str, list[str]]:
+        """Return what acts on joints and is not read, with the names of these joints."""
+        model = self.model
+        dofs = [self.joint_names[j] for j in model.dof_jntid]
+        tendons, compound = (
+            self.all_names("tendon", model.ntendon),
+            (self.mujoco.mjtJoint.mjJNT_FREE, self.mujoco.mjtJoint.mjJNT_BALL),
+        )
+        rotors = model.dof_armature * np.isin(model.jnt_type[model.dof_jntid], [int(kind) for kind in compound])
+        acting = (
+            ("damping", dofs, model.dof_damping),
+            ("damping", tendons, model.tendon_damping),
+            ("friction", dofs, model.dof_frictionloss),
+            ("friction", tendons, model.tendon_frictionloss),
+            ("springs", self.joint_names, model.jnt_stiffness),
+            ("springs", tendons, model.tendon_stiffness),
+            ("armature", dofs, rotors),
+            ("armature", tendons, model.tendon_armature),
+            ("gravity compensation", self.bodies, model.body_gravcomp),
+        )
+        found: dict[str, dict[str, None]] = {}
+        for word, names, numbers in acting:
+            found.setdefault(word, {}).update({name: None for name, x in zip(names, numbers, strict=True) if np.any(x)})
+        return {word: list(names) for word, names in found.items()}
 
     def name_of(self, kind: str, index: int) -> str:
         """Return the name of an object: a body, a joint, ..."""
@@ -317,6 +361,7 @@ class _Reader:
         # A free joint of the only body on the world frees the base.
         if body == 1 and np.count_nonzero(model.body_parentid == 0) == 2 and free in model.jnt_type[numbers]:
             self.floating = self.joint_names[first]
+            placed = _placement(self.home, int(model.jnt_qposadr[first]))
             urdf.add_fixed(self.floating, parent, child, placed, "floating")
             return
         joints = [joint for j in numbers for joint in self.successive(j)]
@@ -339,19 +384,20 @@ class _Reader:
         kinds, model = self.mujoco.mjtJoint, self.model
         name, at, kind = self.joint_names[j], int(model.jnt_qposadr[j]), kinds(model.jnt_type[j])
         actuated = {"actuated": j in self.actuated} if self.actuated else {}
-        if kind == kinds.mjJNT_FREE:
-            for axis, letter in zip(np.eye(3), "XYZ", strict=True):
-                yield _Joint(f"{name}_T{letter}", True, axis, np.zeros(3), actuated)
         if kind in (kinds.mjJNT_FREE, kinds.mjJNT_BALL):
-            ball = kind == kinds.mjJNT_BALL
-            angles = _xyz_angles(self.home[at : at + 4]) if ball else [0.0, 0.0, 0.0]
-            anchor = np.array(model.jnt_pos[j]) if ball else np.zeros(3)
-            for axis, letter, angle in zip(np.eye(3), "XYZ", angles, strict=True):
+            if kind == kinds.mjJNT_FREE:
+                moved = inverse(_placement(model.qpos0, at)) @ _placement(self.home, at)
+                for axis, letter, home in zip(np.eye(3), "XYZ", moved[:3, 3].tolist(), strict=True):
+                    yield _Joint(f"{name}_T{letter}", True, axis, np.zeros(3), {"home": home, **actuated})
+            else:
+                moved = from_quaternion(np.zeros(3), self.home[at : at + 4])
+            anchor = np.zeros(3) if kind == kinds.mjJNT_FREE else np.array(model.jnt_pos[j])
+            for axis, letter, angle in zip(np.eye(3), "XYZ", _xyz_angles(moved), strict=True):
                 yield _Joint(f"{name}_{letter}", False, axis, anchor, {"home": angle, **actuated})
             return
         low, high = map(float, model.jnt_range[j]) if model.jnt_limited[j] else UNBOUNDED
         values = {"zero": float(model.qpos0[at]), "home": float(self.home[at]), "limits": (low, high), **actuated}
-        values["effort"] = self.effort(j)
+        values |= {"effort": self.effort(j), "armature": float(model.dof_armature[model.jnt_dofadr[j]])}
         yield _Joint(name, kind == kinds.mjJNT_SLIDE, model.jnt_axis[j], np.array(model.jnt_pos[j]), values)
 
     def effort(self, j: int) -> float:
@@ -420,6 +466,15 @@ class _Reader:
                 what = f"the relpose of the equality constraint '{name}' has the quaternion 0, which is no rotation"
                 raise RaffError(f"{self.name}: {what}: {leave_out(name)}")
             placements = [from_quaternion(data[3:6], data[6:10]), translation(data[0:3])]
+        mocap = [owner for owner in owners if model.body_mocapid[owner] >= 0]
+        if mocap:
+            (held,) = {*owners} - {*mocap} or {mocap[0]}
+            what = "connects" if connect else "welds"
+            self.notes.append(
+                f"the equality constraint '{name}' {what} '{self.bodies[held]}' to the mocap body "
+                f"'{self.bodies[mocap[0]]}', a handle: left out, since a task on '{self.bodies[held]}' moves it"
+            )
+            return
         first, second = ((self.bodies[o], placement) for o, placement in zip(owners, placements, strict=True))
         kind = "revolute" if name in self.hinges else "ball" if connect or data[10] == 0.0 else "rigid"
         self.urdf.add_loop(name, kind, first, second)
@@ -500,6 +555,13 @@ class _Reader:
             yield from shapes(*sizes[kind])
 
 
-def _xyz_angles(wxyz: Array) -> list[float]:
+def _placement(qpos: Array, at: int) -> Array:
+    """Return the placement (4, 4) of a free joint, whose seven values begin at an index."""
+    return from_quaternion(qpos[at : at + 3], qpos[at + 3 : at + 7])
+
+
+def _xyz_angles(placed: Array) -> list[float]:
     """Return the angles a, b, c of the rotation Rx(a) Ry(b) Rz(c), whose inverse has the angles -a, -b, -c of URDF."""
-    return [0.0 - angle for angle in roll_pitch_yaw(from_quaternion(np.zeros(3), wxyz).T)]
+    turned = np.eye(4)
+    turned[:3, :3] = placed[:3, :3].T
+    return [0.0 - angle for angle in roll_pitch_yaw(turned)]

@@ -1,22 +1,25 @@
-"""Read the pairs of links that an SRDF disables: the semantic description of a robot that MoveIt and Pinocchio use."""
+"""Read the pairs of links that an SRDF disables, and its home: the semantic description of a robot that MoveIt and
+Pinocchio use."""
 
 from __future__ import annotations
 
 from collections.abc import Collection
 from itertools import combinations
 from pathlib import Path
-from typing import Any, TypedDict
+from typing import Any, NamedTuple, TypedDict
 
 from raff2urdf.errors import RaffError, did_you_mean
 from raff2urdf.files import STANDARD, note
 from raff2urdf.readers import xacro_file
 from raff2urdf.readers.options import ReadOptions
 from raff2urdf.readers.sidecar import plain
+from raff2urdf.readers.urdf import SIZE, numbers
 from raff2urdf.readers.xml_file import error_at, parse_xml, read_text
 
 ENDING = ".srdf"
 
 _MOST = 10  # unknown links that an error names
+_HOMES = ("home", "ready", "default", "neutral", "standing", "half_sitting")  # names of states, the preferred one first
 
 
 class Srdf(TypedDict):
@@ -31,6 +34,20 @@ class Srdf(TypedDict):
     disabled: list[tuple[str, str, str]]
 
 
+class GroupState(NamedTuple):
+    """A configuration that an SRDF names.
+
+    Attributes:
+        label: its name, groups and file as text.
+        values: of joints by name, rad or m.
+        poses: joints of several numbers, as of a floating base, which are not read.
+    """
+
+    label: str
+    values: dict[str, float]
+    poses: list[str]
+
+
 def srdf_of(urdf: Path) -> Path | None:
     """Return the SRDF next to a URDF, `<stem>.srdf`; None if there is none."""
     path = plain(urdf).with_suffix(ENDING)
@@ -42,7 +59,7 @@ def read_srdf(path: Path, links: Collection[str], robot: str, options: ReadOptio
     """Read which pairs of links an SRDF disables.
 
     As in MoveIt: `disable_default_collisions` disables all pairs of a link, `enable_collisions` one pair of these less;
-    `disable_collisions` is stronger than both. Everything else of an SRDF, such as groups, is not read.
+    `disable_collisions` is stronger than both.
 
     Args:
         path: of the file; it may be xacro.
@@ -53,14 +70,7 @@ def read_srdf(path: Path, links: Collection[str], robot: str, options: ReadOptio
     Raises:
         RaffError: the file can't be read, is no SRDF, or names links that the robot does not have.
     """
-    text = read_text(path)
-    root = parse_xml(text, str(path))
-    if xacro_file.is_xacro(path, root):
-        root = parse_xml(xacro_file.expanded(path, options or ReadOptions()).text, str(path))
-    if root.tag != "robot":
-        raise error_at(str(path), root, f"its first element is <{root.tag}>: an SRDF begins with <robot>")
-    if next(root.iter("link", "joint"), None) is not None and next(root.iter("disable_collisions"), None) is None:
-        raise error_at(str(path), root, "this is a URDF, not an SRDF: it has links, or joints, of its own")
+    root = _root_of(path, options)
     unknown: dict[str, int] = {}
 
     def name(element: Any, key: str) -> str:
@@ -93,3 +103,54 @@ def read_srdf(path: Path, links: Collection[str], robot: str, options: ReadOptio
         advice = "name the SRDF of this robot, or correct the names"
         raise RaffError(f"{path}: {', '.join(listed)}{more} {what} of {robot}{near}: {advice}")
     return Srdf(file=path.name, disabled=[(min(pair), max(pair), reason) for pair, reason in disabled.items()])
+
+
+def read_home(path: Path, options: ReadOptions | None = None) -> GroupState | None:
+    """Read the group states of an SRDF that are called home, or else ready, default, neutral, standing or half_sitting.
+
+    Several groups may have a state of that name. Of two that name the same joint, that with more joints holds.
+
+    Returns:
+        all of them together; None if there is none.
+
+    Raises:
+        RaffError: the file can't be read, is no SRDF, or a value is not a number.
+    """
+    root = _root_of(path, options)
+    states = [(str(state.get("name", "")).lower(), state) for state in root.iterchildren("group_state")]
+    chosen = next((word for word in _HOMES if any(word == name for name, _ in states)), None)
+    if chosen is None:
+        return None
+    found = [state for name, state in states if name == chosen]
+    values, poses = dict[str, float](), list[str]()
+    for state in sorted(found, key=len):  # a stable order: the last one holds
+        for joint in state.iterchildren("joint"):
+            name, written = joint.get("name", ""), joint.get("value", "")
+            given = numbers(written)
+            if not given:
+                what = f"value='{written[:60]}' of joint '{name}' in the group state '{chosen}'"
+                raise error_at(str(path), joint, f"{what} must be numbers{SIZE}")
+            if len(given) == 1:
+                values[name] = given[0]
+            else:
+                poses += [name] if name not in poses else []
+    groups = ", ".join(str(state.get("group")) for state in found if state.get("group"))
+    label = f"the group state '{chosen}'{f' of {groups}' if groups else ''} in {path.name}"
+    return GroupState(label, values, poses)
+
+
+def _root_of(path: Path, options: ReadOptions | None) -> Any:
+    """Return the root element of an SRDF, which may be xacro.
+
+    Raises:
+        RaffError: it can't be read, or is no SRDF.
+    """
+    root = parse_xml(read_text(path), str(path))
+    if xacro_file.is_xacro(path, root):
+        root = parse_xml(xacro_file.expanded(path, options or ReadOptions()).text, str(path))
+    if root.tag != "robot":
+        raise error_at(str(path), root, f"its first element is <{root.tag}>: an SRDF begins with <robot>")
+    declares = next(root.iter("disable_collisions", "group_state"), None) is not None
+    if next(root.iter("link", "joint"), None) is not None and not declares:
+        raise error_at(str(path), root, "this is a URDF, not an SRDF: it has links, or joints, of its own")
+    return root

@@ -21,6 +21,9 @@ Array = NDArray[np.float64]
 
 UNBOUNDED = (-math.inf, math.inf)
 
+GRAVITY = (0.0, 0.0, -9.81)
+"""Acceleration in the world, m/s2, where a file states none: that of Pinocchio and MuJoCo."""
+
 Shape = tuple[Geometry, Array]
 """A shape, and its placement (4, 4) in the visual."""
 
@@ -68,6 +71,7 @@ class UrdfBuilder:
         limits: tuple[float, float] = UNBOUNDED,
         velocity: float = math.inf,
         effort: float = math.inf,
+        armature: float = 0.0,
         actuated: bool | None = None,
     ) -> None:
         """Add a joint that moves.
@@ -83,6 +87,7 @@ class UrdfBuilder:
             limits: low and high, rad or m; infinite without limits.
             velocity: limit, rad/s or m/s; infinite without a limit.
             effort: limit, N m or N; infinite without a limit.
+            armature: inertia of the rotors that it turns, as seen at the joint, kg m^2 or kg.
             actuated: whether it is actuated; None if the file does not declare it.
         """
         axis = np.array(axis, dtype=float)
@@ -93,7 +98,8 @@ class UrdfBuilder:
         origin = placed @ inverse(joint_motion(prismatic, axis / np.linalg.norm(axis), zero))
         joint = Joint(name, kind, *ends, axis=axis, origin=origin, limit=limit)
         self._robot.joints.append(joint)
-        self._entries.append({"name": name, "home": home, **({} if actuated is None else {"actuated": actuated})})
+        entry = {"name": name, "home": home, **({"armature": armature} if armature else {})}
+        self._entries.append(entry | ({} if actuated is None else {"actuated": actuated}))
 
     def add_ball(self, name: str, joints: Sequence[str]) -> None:
         """Declare that three successive revolute joints, added already, are a ball joint."""
@@ -108,7 +114,9 @@ class UrdfBuilder:
         """Add a coupling; its terms are coefficients of each joint's variable (rad, m) and its powers."""
         self._couplings.append(coupling_entry(name, terms, constant))
 
-    def result(self, nodes: Sequence[str], floating: str | None) -> tuple[str, Constraints]:
+    def result(
+        self, nodes: Sequence[str], floating: str | None, gravity: Sequence[float] = GRAVITY
+    ) -> tuple[str, Constraints]:
         """Return the text of the URDF and its constraints."""
         values: Constraints = {
             "robot": self._robot.name,
@@ -117,6 +125,8 @@ class UrdfBuilder:
             "joints": self._entries,
             "loops": self._loops,
         }
+        if tuple(gravity) != GRAVITY:
+            values["gravity"] = [float(x) for x in gravity]
         if self._balls:
             values["balls"] = self._balls
         if self._couplings:

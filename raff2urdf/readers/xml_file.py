@@ -24,6 +24,9 @@ _HARMLESS = (
 NAMESPACE = "urn:raff2urdf"
 """Namespace of the elements with which raff2urdf writes what a format has no notation for; its prefix is raff."""
 
+FILE = f"{{{NAMESPACE}}}file"
+"""Attribute of an element from another file than the one that is read: the path of that."""
+
 _INCLUDE = "{http://www.w3.org/2001/XInclude}include"
 _MARKS = ((codecs.BOM_UTF8, "utf-8-sig"), (codecs.BOM_UTF16_LE, "utf-16"), (codecs.BOM_UTF16_BE, "utf-16"))
 
@@ -109,5 +112,6 @@ def own_element(parent: Any, name: str) -> Any | None:
 
 
 def error_at(name: str, element: Any, message: str) -> RaffError:
-    """Return an error with the line of an element of the file of that name."""
-    return RaffError(f"{name}:{element.sourceline}: {message}")
+    """Return an error with the line of an element of the file of that name, or of the file that is noted in it."""
+    around = (one.get(FILE) for one in (element, *element.iterancestors()))
+    return RaffError(f"{next(filter(None, around), name)}:{element.sourceline}: {message}")

@@ -59,6 +59,8 @@ MISTAKES: list[tuple[str, int, str]] = [
     ("cinegen drive four_bar.raff --node tol", 1, "no node 'tol': did you mean 'tool'?"),
     ("cinegen sensors --monitor banana://x", 1, "no kind of sensor 'banana:' (known:"),
     ("cinegen info four_bar.raff --loop frame4-frame6=ball", 1, "no loop 'frame4-frame6': did you mean 'frame4-fr"),
+    ("cinegen info five_bar.raff --actuated joint1,jont2", 1, "no joint 'jont2': did you mean 'joint"),
+    ("cinegen info five_bar.raff --actuated=,", 2, "--actuated: name joints, such as joint1,joint2"),
     ("cinegen info four_bar.raff --loop frame4-frame5=bal", 1, "did you mean 'ball'?"),
     ("cinegen singular five_bar.raff --at jont1=10", 1, "(did you mean 'joint1'?)"),
     ("cinegen map planar_3r.raff -q sigma_9", 1, "unknown quantity 'sigma_9': did you mean"),

@@ -245,3 +245,57 @@ def test_a_chain_of_relative_poses_may_be_long(write):
     )
     mechanism = cinegen.load(write(f'<sdf version="1.9"><model name="m"><link name="l0"/>{links}{held}</model></sdf>'))
     assert mechanism.placement(mechanism.q_home, "l1499").translation[0] == pytest.approx(149.9)
+
+
+CROSS = """<sdf version="1.9"><model name="cross"><link name="a"/><link name="b"/>
+  <joint name="j" type="{kind}"><parent>a</parent><child>b</child><pose>0 0 0 0 1.5707963267948966 0</pose>
+    <axis><xyz>0 1 0</xyz></axis>{second}</joint></model></sdf>"""
+
+
+@pytest.mark.parametrize("kind", ["universal", "revolute2"])
+@pytest.mark.parametrize("second", ["", "<axis2><limit><lower>-1</lower><upper>1</upper></limit></axis2>"])
+def test_a_second_axis_is_z_of_the_joint_unless_given_and_that_is_told(write, kind, second):
+    mechanism = cinegen.load(write(CROSS.format(kind=kind, second=second)))
+    assert mechanism.joints == ("j_1", "j_2")
+    assert mechanism.source.notes == ("axis2 of joint 'j' is not given: 0 0 1, as SDF has it by default",)
+    turned = mechanism.placement(mechanism.configuration({"j_2": 0.5}), "b").rotation
+    assert turned == pytest.approx(pin.utils.rotate("x", 0.5), abs=1e-12)  # z of the joint is x of the child
+    given = CROSS.format(kind=kind, second="<axis2><xyz>0 0 1</xyz></axis2>")
+    assert cinegen.load(write(given)).source.notes == ()
+
+
+def test_gravity_is_that_of_the_world_as_the_first_link_has_it(write):
+    """A base that nothing holds stands at the identity: gravity is turned instead."""
+    world = '<sdf version="1.9"><world name="w"><gravity>0 0 -3.7</gravity>{}</world></sdf>'
+    arm = """<model name="arm"><pose>0 0 1 0 1.5707963267948966 0</pose><link name="base"/>
+      <link name="rod"><inertial><mass>2</mass><pose>0.5 0 0 0 0 0</pose></inertial></link>
+      <joint name="j" type="revolute"><parent>base</parent><child>rod</child><axis><xyz>0 1 0</xyz></axis>
+      </joint>{}</model>"""
+    loose = cinegen.load(write(world.format(arm.format(""))))
+    assert loose.gravity == pytest.approx([3.7, 0.0, 0.0])
+    assert cinegen.forces(loose, np.array([0.0])).torques == pytest.approx([0.0], abs=1e-12)
+    held = '<joint name="w" type="fixed"><parent>world</parent><child>base</child></joint>'
+    fixed = cinegen.load(write(world.format(arm.format(held))))
+    assert fixed.gravity.tolist() == [0.0, 0.0, -3.7]
+    q = np.array([0.4])
+    assert cinegen.forces(loose, q).torques == pytest.approx(cinegen.forces(fixed, q).torques)
+    assert abs(cinegen.forces(fixed, q).torques[0]) == pytest.approx(2.0 * 3.7 * 0.5 * np.sin(0.4))
+    with pytest.raises(cinegen.CinegenError, match=r":1: the gravity '0 0' must be three numbers"):
+        cinegen.load(write(world.format(arm.format("")).replace("0 0 -3.7", "0 0")))
+
+
+def test_what_forces_leave_out_of_an_sdf_is_told(write):
+    dynamics = "<dynamics><damping>1</damping><friction>0</friction><spring_stiffness>2</spring_stiffness></dynamics>"
+    text = (
+        arm()
+        .replace("</xyz></axis>", f"</xyz>{dynamics}</axis>")
+        .replace('<link name="b">', '<link name="b"><gravity>0</gravity>')
+    )
+    (note,) = cinegen.load(write(text)).source.notes
+    assert note == "forces leave out the damping of j, the springs of j, the disabled gravity of b"
+
+
+def test_nested_models_with_the_same_name_are_an_error(write):
+    text = '<sdf version="1.9"><model name="m"><link name="a"/>\n<model name="n"><link name="b"/></model>'
+    with pytest.raises(cinegen.CinegenError, match=r":3: model 'n' is defined twice"):
+        cinegen.load(write(text + '\n<model name="n"><link name="c"/></model></model></sdf>'))

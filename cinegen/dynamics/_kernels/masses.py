@@ -1,7 +1,8 @@
 """Inertia seen at the actuated joints, at one configuration after the other.
 
 The kinetic energy of the closed mechanism is v_a^T M v_a / 2. With the motion that each actuated joint causes alone, M
-is the sum over all bodies of m (u_k . u_l) + w_k . I w_l: u their centre's velocity, w their angular velocity.
+is the sum over all bodies of m (u_k . u_l) + w_k . I w_l: u their centre's velocity, w their angular velocity; and over
+all joints of v_k A v_l: v their velocity, A their armature.
 """
 
 from __future__ import annotations
@@ -49,6 +50,8 @@ def _find(memory: DynamicsMemory, i: int) -> int:
     for k in range(actuated):
         for m in range(actuated):
             masses[k, m] = 0.0
+            for j in range(n):
+                masses[k, m] += memory.armature[j] * memory.motions[k, j] * memory.motions[m, j]
     for j in range(1, memory.joints):
         _add_body(memory, j, masses)
     for k in range(actuated):

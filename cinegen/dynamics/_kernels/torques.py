@@ -72,6 +72,9 @@ def _find(memory: DynamicsMemory, i: int) -> int:
     if memory.moves != 0:
         _find_accelerations(memory, True)
     _find_tau(memory)
+    if memory.moves != 0:
+        for k in range(n):
+            memory.tau[k] += memory.armature[k] * memory.a[k]
     if is_direct:
         for k in range(actuated):
             memory.torques[i, k] = memory.tau[memory.actuated_dof[k]]

@@ -6,31 +6,33 @@ the type gearbox become couplings, and so does a screw, with the revolute and th
 A joint that closes a loop and has two axes, or takes part in a coupling, gets a link of its own, which it moves and
 which the loop joins to its child.
 
-Versions 1.4 to 1.12 are read: links, their masses and visuals, joints, frames, nested models; not what is for
-simulators only (collisions, sensors, plugins).
+Versions 1.4 to 1.12 are read: links, their masses and visuals, joints, frames, nested and included models; not what is
+for simulators only (collisions, sensors, plugins).
 The elements that raff2urdf adds (`raff:robot`: zeros of joints, actuated joints, ends of loops) are read too.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Collection, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from dataclasses import replace
+from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
-from lxml import etree
 from numpy.typing import NDArray
 from yourdfpy import Material, Visual
 
 from raff2urdf.constraints import IDENTITY, Constraints
 from raff2urdf.errors import RaffError, did_you_mean
+from raff2urdf.graphics.names import find
 from raff2urdf.inertia import Inertia
 from raff2urdf.placement import inverse, with_z
-from raff2urdf.readers import closing_frames
+from raff2urdf.readers import closing_frames, uncounted
 from raff2urdf.readers.declaration import label_of, leave_out, local, tag_of
 from raff2urdf.readers.declared_loops import LOOP_LIKE, named_in, own_words
 from raff2urdf.readers.loop_joint import LoopJoint
+from raff2urdf.readers.sdf.included import robot_of
 from raff2urdf.readers.sdf.model import (
     GEARBOX,
     LOOP_KINDS,
@@ -41,7 +43,7 @@ from raff2urdf.readers.sdf.model import (
     pose,
 )
 from raff2urdf.readers.urdf import LARGEST, SIZE, negative_mass, numbers, parse
-from raff2urdf.readers.urdf_builder import Shape, UrdfBuilder, material, shapes
+from raff2urdf.readers.urdf_builder import GRAVITY, Shape, UrdfBuilder, material, shapes
 from raff2urdf.readers.urdf_tree import UrdfTree
 from raff2urdf.readers.xml_file import NAMESPACE, error_at, parse_xml
 from raff2urdf.tree import BASE_JOINT, WORLD
@@ -53,37 +55,44 @@ _ON_AXIS = 1e-12  # m: a link whose origin is this near a joint's axis rotates a
 _PARALLEL = 1e-3  # rad: axes of a gear train are parallel up to this; poses are written with few digits
 
 
+class SdfRobot(NamedTuple):
+    """A robot of an SDF: its URDF, its constraints, the elements that were ignored, notes about what was read, and the
+    joints that plugins control."""
+
+    urdf: str
+    constraints: Constraints
+    ignored: list[str]
+    notes: list[str]
+    driven: set[str]
+
+
 def read(
-    text: str, name: str, robot: str | None = None, ignore: Collection[str] = ()
-) -> tuple[str, Constraints, list[str]]:
-    """Return a URDF, its constraints, and the elements that were ignored, from the text of an SDF.
+    text: str,
+    name: str,
+    robot: str | None = None,
+    ignore: Collection[str] = (),
+    find: Callable[[str, Path], Path] = find,
+) -> SdfRobot:
+    """Read an SDF.
 
     Args:
         text: of the file.
         name: of the file, in errors.
-        robot: which model; the first by default.
+        robot: which model; the first with joints by default.
         ignore: names of joints whose loop or coupling is to be left out.
+        find: the search for the files that it includes.
 
     Raises:
         RaffError: not an SDF, no such model, or something in it that has no counterpart; with the element's line.
     """
     root = parse_xml(text, name)
-    etree.strip_tags(root, etree.Comment)
-    models = [m for m in root.iter("model") if m.getparent().tag in ("sdf", "world", "population")]
-    chosen = [m for m in models if robot is None or m.get("name") == robot]
-    if not chosen:
-        known = [str(m.get("name")) for m in models]
-        what = "the file has no model" if robot is None else f"there is no model '{robot}'{did_you_mean(robot, known)}"
-        for include in root.iter("include"):
-            what += f", but the file includes '{include.findtext('uri', '').strip()}': load that file itself"
-            break
-        raise error_at(name, root, what)
-    version = numbers(root.get("version", "1.6").replace(".", " ")) or [1.0, 6.0]
-    model = SdfModelReader(name, (int(version[0]), int(version[-1]) if len(version) > 1 else 0)).model(chosen[0])
+    chosen = robot_of(root, name, robot, find)
+    model = SdfModelReader(name).model(chosen)
     conversion = _SdfToUrdf(name, model, ignore)
     urdf, values = conversion.run()
     frames = _close_frames(name, urdf, values, ignore)
-    return urdf, values, [*conversion.ignored, *frames, *_unread(name, chosen[0], model, ignore)]
+    ignored = [*conversion.ignored, *frames, *_unread(name, chosen, model, ignore)]
+    return SdfRobot(urdf, values, ignored, conversion.notes, conversion.driven)
 
 
 def _close_frames(name: str, urdf: str, values: Constraints, ignore: Collection[str]) -> list[str]:
@@ -178,11 +187,14 @@ class _SdfToUrdf:
 
     Attributes:
         ignored: what was left out, with its line.
+        notes: about what was read.
+        driven: joints of the URDF that plugins control.
     """
 
     def __init__(self, name: str, model: SdfModel, ignore: Collection[str]) -> None:
         self.name, self.model, self.ignore = name, model, ignore
         self.ignored: list[str] = []
+        self.notes, self.driven = model.notes, set[str]()
         self.placements = {**model.placements, WORLD: np.eye(4)}
         names = [*model.links, *model.frames, *(joint.name for joint in model.joints)]
         self.urdf = UrdfBuilder(model.name, names)
@@ -227,7 +239,34 @@ class _SdfToUrdf:
             self._add_couplings(joint)
         for element in () if model.own is None else model.own.iterchildren(f"{{{NAMESPACE}}}coupling"):
             self._add_own_coupling(element)
-        return urdf.result(nodes, BASE_JOINT if floating else None)
+        for joint in model.joints:
+            self.driven |= {
+                name for i, name in enumerate(self.axes.get(joint.name, ())) if (joint.name, i) in model.driven
+            }
+        dynamics = {
+            name: joint.element.find(f"{word}/dynamics")
+            for joint in model.joints
+            for name, word in zip(self.axes.get(joint.name, ()), ("axis", "axis2"), strict=False)
+        }
+        unlike = [name for name, link in model.links.items() if link.findtext("gravity", "1").strip() in ("0", "false")]
+        self.notes += uncounted.note_of(uncounted.of_dynamics(dynamics) | {"disabled gravity": unlike})
+        seen = np.eye(3) if root == WORLD or floating else self.placements[root][:3, :3]
+        return urdf.result(nodes, BASE_JOINT if floating else None, self._gravity(seen))
+
+    def _gravity(self, rotation: Array) -> Sequence[float]:
+        """Return the acceleration of the world around the model, or else the default, in axes (3, 3) of the root."""
+        found: Sequence[float] = GRAVITY
+        element = self.model.gravity
+        if element is not None:
+            given = numbers(element.text or "")
+            if given is None or len(given) != 3:
+                what = f"the gravity '{(element.text or '').strip()[:60]}' must be three numbers{SIZE}"
+                raise error_at(self.name, element, what)
+            found = given
+        seen: Array = rotation.T @ found
+        if np.allclose(seen, GRAVITY, 0.0, 1e-12):
+            return GRAVITY
+        return [0.0 if abs(x) < 1e-12 else float(x) for x in seen]
 
     def _relative(self, parent: str, child: str) -> Array:
         """Return the placement of a link or frame on another one."""
@@ -237,14 +276,22 @@ class _SdfToUrdf:
         """Choose the joints of the tree.
 
         The parent of a link is at the first joint of the file that reaches it: from its parent if any does, else from
-        its child.
+        its child. Joints that plugins control come before others where a loop would else be cut at one of them.
 
         Returns:
             the tree's joints, each with whether its parent and child are swapped; joints that close loops; links that
             no joint reaches; the root.
         """
+        named = {joint for joint, _ in self.model.driven}
+        joints = [joint for joint in self.model.joints if joint.kind != GEARBOX]
+        found = self._grown(joints)
+        if any(joint.name in named for joint in found[1]):
+            return self._grown(sorted(joints, key=lambda joint: joint.name not in named))
+        return found
+
+    def _grown(self, joints: Sequence[SdfJoint]) -> tuple[list[tuple[SdfJoint, bool]], list[SdfJoint], list[str], str]:
+        """Return what `_spanning_tree` does, of joints in their order of preference."""
         model = self.model
-        joints = [joint for joint in model.joints if joint.kind != GEARBOX]
         fixed = model.static or any(WORLD in (joint.parent, joint.child) for joint in joints)
         root = WORLD if fixed else model.root or self._first(joints, set())
         reached, tree, remaining, detached = {root}, [], list(joints), []

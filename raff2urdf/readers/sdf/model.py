@@ -14,9 +14,10 @@ from numpy.typing import NDArray
 
 from raff2urdf.errors import RaffError, did_you_mean, limits_reversed
 from raff2urdf.placement import from_origin, from_quaternion, inverse
+from raff2urdf.readers import drives
 from raff2urdf.readers.urdf import SIZE, UNLIMITED, by_name, direction, limit_value, number, numbers
 from raff2urdf.readers.urdf_builder import UNBOUNDED
-from raff2urdf.readers.xml_file import error_at, own_element
+from raff2urdf.readers.xml_file import NAMESPACE, error_at, own_element
 from raff2urdf.tree import WORLD
 
 Array = NDArray[np.float64]
@@ -26,6 +27,10 @@ LOOP_KINDS = {
 }  # fmt: skip
 """Kinds of loops by the joint that closes them."""
 
+PROXY = f"{{{NAMESPACE}}}proxy"
+"""Attribute of a frame that stands for the frame of a model that is merged with another one."""
+
+TWO_AXES = ("universal", "revolute2")
 GEARBOX = "gearbox"  # couples two joints, and connects nothing
 _AXES = {"revolute": 1, "continuous": 1, "prismatic": 1, "screw": 1, "universal": 2, "revolute2": 2, GEARBOX: 2}
 _JOINT_TYPES = tuple(dict.fromkeys((*LOOP_KINDS, *_AXES)))
@@ -94,25 +99,26 @@ class SdfModel:
     frames: dict[str, str] = field(default_factory=dict)  # with the links that they are attached to
     static: bool = False
     own: Any = None  # the element raff:robot
+    gravity: Any = None  # the element of the world around it
+    driven: set[tuple[str, int]] = field(default_factory=set)  # joints that plugins control, and the axis: 0 or 1
+    notes: list[str] = field(default_factory=list)
 
 
 class SdfModelReader:
-    """Reads models of one file, of one version."""
+    """Reads models of one file, and of those that it includes."""
 
-    def __init__(self, name: str, version: tuple[int, int]) -> None:
-        self.name, self.version = name, version
+    def __init__(self, name: str) -> None:
+        self.name = name
 
     def model(self, element: Any) -> SdfModel:
         """Return a model with its nested models."""
         found = SdfModel(str(element.get("name") or "model"))
-        for include in element.iter("include"):
-            uri = include.findtext("uri", "").strip()
-            raise self._error(include, f"the included '{uri}' is not read: write its content into the file")
         around = element.getparent()
         poses = SdfPoses(self.name, element, pose(element, self.name), "")
         if around.tag == "world":
             poses = SdfPoses(self.name, around, np.eye(4), "").nested(element)
             poses.prefix = ""
+            found.gravity = around.find("gravity")
         self._gather(poses, found)
         if not found.links:
             raise self._error(element, f"the model '{found.name}' has no link: add one")
@@ -126,7 +132,7 @@ class SdfModelReader:
         return error_at(self.name, element, message)
 
     def _gather(self, poses: SdfPoses, found: SdfModel) -> None:
-        for nested in poses.model.iterchildren("model"):
+        for nested in by_name(list(poses.model.iterchildren("model")), self.name, poses.prefix).values():
             self._gather(poses.nested(nested), found)
         links, joints, frames = (list(poses.model.iterchildren(tag)) for tag in ("link", "joint", "frame"))
         for own, link in by_name(links, self.name, poses.prefix).items():
@@ -135,12 +141,16 @@ class SdfModelReader:
             found.links[poses.prefix + own] = link
             found.placements[poses.prefix + own] = poses.of_element(link)
         for own, frame in by_name(frames, self.name, poses.prefix).items():
-            if poses.prefix + own not in found.links:
+            if poses.prefix + own not in found.links and not frame.get(PROXY):
                 found.frames[poses.prefix + own] = poses.link(own, frame)
                 found.placements[poses.prefix + own] = poses.of_element(frame)
-        found.joints += [self._joint(joint, poses) for joint in by_name(joints, self.name, poses.prefix).values()]
+        named = by_name(joints, self.name, poses.prefix)
+        found.joints += [self._joint(joint, poses, found.notes) for joint in named.values()]
+        found.driven |= {(poses.prefix + joint, axis) for joint, axis, _ in drives.of_plugins(poses.model)}
+        if poses.prefix and poses.model.findtext("static", "").strip() in ("1", "true"):
+            found.notes.append(f"<static> of the nested model '{poses.prefix[:-2]}' is not read")
 
-    def _joint(self, element: Any, poses: SdfPoses) -> SdfJoint:
+    def _joint(self, element: Any, poses: SdfPoses, notes: list[str]) -> SdfJoint:
         name, kind = poses.prefix + str(element.get("name", "")), str(element.get("type", ""))
         label = f"joint '{name}'"
         if kind not in _JOINT_TYPES:
@@ -158,6 +168,8 @@ class SdfModelReader:
             raise self._error(element, f"{label} joins '{ends[0]}' to itself: name two different links")
         placement = poses.of_element(element)
         written = [axis for word in ("axis", "axis2")[: _AXES.get(kind, 0)] if (axis := element.find(word)) is not None]
+        if kind in TWO_AXES and len(written) == 2 and written[1].find("xyz") is None:
+            notes.append(f"axis2 of {label} is not given: 0 0 1, as SDF has it by default")
         axes = [self._axis(axis, label, placement, poses) for axis in written]
         if len(axes) < _AXES.get(kind, 0):
             raise self._error(element, f"{label} has {len(axes)} of {_AXES[kind]} axes: add <axis> or <axis2>")
@@ -211,7 +223,7 @@ class SdfModelReader:
         expressed = None if xyz is None else xyz.get("expressed_in")
         if expressed:
             frame = poses.of(expressed, xyz)
-        elif self.version < (1, 5) or element.findtext("use_parent_model_frame", "0").strip() in ("1", "true"):
+        elif element.findtext("use_parent_model_frame", "0").strip() in ("1", "true"):
             frame = poses.placed
         axis: Array = frame[:3, :3] @ vector
         low = self._number(element, "limit/lower", label, -math.inf)

@@ -1,0 +1,280 @@
+"""Replace what an SDF includes by the models themselves, as sdformat does.
+
+A model is searched as graphics are (`raff2urdf.graphics.names`), and only what may be read of these is read of it:
+
+    model://gripper, package://robots/gripper    a folder with model.config, which names its SDF; or with model.sdf
+    gripper, ../gripper/model.sdf                relative to the file that includes it
+
+Elements remember their file for errors, and meshes are named as the file that includes them all would name them.
+"""
+
+from __future__ import annotations
+
+import copy
+import os
+import re
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+from lxml import etree
+
+from raff2urdf.errors import RaffError, did_you_mean
+from raff2urdf.placement import inverse, roll_pitch_yaw
+from raff2urdf.readers.sdf.model import PROXY, TWO_AXES, SdfPoses, named, pose
+from raff2urdf.readers.urdf import numbers
+from raff2urdf.readers.xml_file import FILE, error_at, parse_xml, read_text
+
+_MODEL = "__model__"
+_ENDINGS = (".sdf", ".world", ".xml", ".urdf")
+_TRUE = ("1", "true")
+_MOST = 20  # files that include each other
+
+
+class _Place(NamedTuple):
+    """A file that includes models.
+
+    Attributes:
+        path: of the file.
+        root: folder to which the names of its meshes are relative.
+        prefix: what these names begin with.
+        trail: the files that include each other, from the outermost one on.
+        find: the search for files, see `raff2urdf.graphics.names.find`.
+    """
+
+    path: Path
+    root: Path
+    prefix: str
+    trail: tuple[Path, ...]
+    find: Callable[[str, Path], Path]
+
+    def name_of(self, file: str) -> str:
+        """Return the name of a mesh, which the file names, for the outermost file."""
+        if "://" in file or os.path.isabs(file):
+            return file
+        return self.prefix + Path(os.path.relpath(self.path.parent / file, self.root)).as_posix()
+
+
+def robot_of(root: Any, name: str, robot: str | None, find: Callable[[str, Path], Path]) -> Any:
+    """Return the element of a model, with everything that it includes.
+
+    Args:
+        root: of the SDF; changed.
+        name: of the file, in errors.
+        robot: which model; if None, the first that has joints, those that the file includes after its own; or else the
+            first.
+        find: the search for files, see `raff2urdf.graphics.names.find`.
+
+    Raises:
+        RaffError: there is no such model, or what it includes can't be read.
+    """
+    path = Path(name)
+    place = _Place(path, path.parent, "", (path.absolute(),), find)
+    _prepare(root)
+    within = ("sdf", "world", "population")
+    models = [model for model in root.iter("model") if model.getparent().tag in within]
+    known, refused = [str(model.get("name")) for model in models], list[RaffError]()
+    if robot is None:
+        fitting = [model for model in models if next(model.iter("joint", "include"), None) is not None]
+    else:
+        fitting = [model for model in models if model.get("name") == robot]
+    for include in [] if fitting else [one for one in root.iter("include") if one.getparent().tag in within]:
+        own = include.findtext("name", "").strip()
+        if robot is not None and own not in ("", robot):
+            known.append(own)
+            continue
+        try:
+            model = _placed(include, place)
+        except RaffError as error:
+            refused.append(error)
+            continue
+        models.append(model)
+        known.append(str(model.get("name")))
+        if model.get("name") == robot or (robot is None and next(model.iter("joint"), None) is not None):
+            fitting.append(model)
+            break
+    if robot is None:
+        fitting += models
+    if fitting:
+        _expand(fitting[0], place)
+        return fitting[0]
+    if robot is None:
+        raise refused[0] if refused else error_at(name, root, "the file has no model")
+    lost = f"; or it is what can't be read: {refused[0]}" if refused else ""
+    raise error_at(name, root, f"there is no model '{robot}'{did_you_mean(robot, known)}{lost}")
+
+
+def _prepare(root: Any) -> None:
+    """Remove comments, and write what a file leaves to SDF: second axes, and that axes were given in the model's frame
+    before version 1.5."""
+    etree.strip_tags(root, etree.Comment)
+    for joint in root.iter("joint"):
+        if joint.get("type") in TWO_AXES and joint.find("axis") is not None and joint.find("axis2") is None:
+            etree.SubElement(joint, "axis2")
+    version = [int(x) for x in numbers(root.get("version", "1.6").replace(".", " ")) or (1.0, 6.0)]
+    if version < [1, 5]:
+        for axis in root.iter("axis", "axis2"):
+            etree.SubElement(axis, "use_parent_model_frame").text = "1"
+
+
+def _expand(model: Any, place: _Place) -> None:
+    """Replace each <include> in a model by the model that it includes."""
+    for include in list(model.iter("include")):
+        if include.getparent().tag == "model":
+            _placed(include, place)
+
+
+def _placed(include: Any, place: _Place) -> Any:
+    """Replace an <include> by its model, with everything that this includes, and return that."""
+    name, merges = str(place.path), include.get("merge", "false").strip() in _TRUE
+    uri = include.findtext("uri", "").strip()
+    for element in include.iterchildren("*"):
+        if element.tag not in ("uri", "name", "pose", "placement_frame", "static", "plugin"):
+            what = f"<{etree.QName(element).localname}> of the included '{uri}' is not read"
+            raise error_at(name, element, f"{what}: write the model's content into the file")
+    inner = _found(include, uri, place)
+    model = _model_in(inner, include, name, uri)
+    own, at, frame = (include.find(word) for word in ("name", "pose", "placement_frame"))
+    if frame is not None and at is None:
+        raise error_at(name, frame, "a <placement_frame> is placed by a <pose>: add it")
+    model.set(FILE, str(inner.path))
+    if own is not None:
+        model.set("name", (own.text or "").strip())
+    if frame is not None:
+        model.set("placement_frame", (frame.text or "").strip())
+    for word in ("pose", "static"):
+        given, there = include.find(word), model.find(word)
+        if given is not None:
+            if there is not None:
+                model.remove(there)
+            model.insert(0, _of_file(copy.deepcopy(given), name))
+    model.extend(_of_file(copy.deepcopy(plugin), name) for plugin in include.iterchildren("plugin"))
+    for file in model.iterfind(".//mesh/uri"):
+        file.text = inner.name_of((file.text or "").strip())
+    _expand(model, inner)
+    parent = include.getparent()
+    if not merges:
+        parent.replace(include, model)
+        return model
+    if parent.tag != "model":
+        raise error_at(name, include, f"only a model can merge the included '{uri}' with itself: leave out merge")
+    _merge(include, model, name)
+    return parent
+
+
+def _of_file(element: Any, name: str) -> Any:
+    element.set(FILE, name)
+    return element
+
+
+def _found(include: Any, uri: str, place: _Place) -> _Place:
+    """Return the file that an <include> names."""
+    folder, name = place.path.parent, str(place.path)
+    label = f"the included '{uri}'"
+    scheme, has_scheme, rest = uri.partition("://")
+    if scheme in ("http", "https"):
+        fetched = "download it, for instance by `gz fuel download`, and name its folder"
+        raise error_at(name, include, f"{label} is on a server: {fetched}")
+    words = [uri] if has_scheme or os.path.isabs(uri) else [uri, f"model://{uri}"]
+    problems: list[RaffError] = []
+    for word in words:
+        try:
+            path, top = _file_of(word.rstrip("/"), folder, place.find)
+        except RaffError as error:
+            problems.append(error)
+            continue
+        if path in place.trail:
+            chain = " -> ".join(one.name for one in (*place.trail, path))
+            raise error_at(name, include, f"{label} includes itself: {chain}")
+        if len(place.trail) >= _MOST:
+            raise error_at(name, include, f"{label} is the {_MOST}th file that another one includes: too many")
+        scheme, _, rest = word.partition("://")
+        root, prefix = place.root, place.prefix
+        if scheme in ("model", "package") and rest and not rest.startswith("/"):
+            package, *inner = rest.rstrip("/").split("/")
+            inner = inner[:-1] if word.endswith(_ENDINGS) else inner
+            root, prefix = (top, *top.parents)[len(inner)], f"{scheme}://{package}/"
+        return _Place(path, root, prefix, (*place.trail, path), place.find)
+    raise error_at(name, include, re.sub("^mesh '.*?'", lambda _: label, str(problems[0])))
+
+
+def _file_of(uri: str, folder: Path, find: Callable[[str, Path], Path]) -> tuple[Path, Path]:
+    """Return the SDF that a URI names, by its folder or itself, and that folder."""
+    if uri.endswith(_ENDINGS):
+        path = find(uri, folder)
+        return path, path.parent
+    try:
+        config = find(f"{uri}/model.config", folder)
+    except RaffError as error:
+        try:
+            path = find(f"{uri}/model.sdf", folder)
+            return path, path.parent
+        except RaffError:
+            raise error from None
+    listed = [
+        (numbers(one.get("version", "0").replace(".", " ")) or [0.0], (one.text or "").strip())
+        for one in parse_xml(read_text(config), str(config)).iter("sdf")
+    ]
+    file = max(listed, key=lambda one: one[0])[1] if listed else "model.sdf"
+    return find(f"{uri}/{file}", folder), config.parent
+
+
+def _model_in(place: _Place, include: Any, name: str, uri: str) -> Any:
+    """Return the model in an included file, taken out of it."""
+    root = parse_xml(read_text(place.path), str(place.path))
+    if root.tag != "sdf":
+        raise error_at(name, include, f"the included '{uri}' is no SDF: its first element is <{root.tag}>")
+    _prepare(root)
+    for model in root.iter("model"):
+        if model.getparent().tag in ("sdf", "world"):
+            model.getparent().remove(model)
+            return model
+    raise error_at(name, include, f"the included '{uri}' has no model: name one that has")
+
+
+def _merge(include: Any, model: Any, name: str) -> None:
+    """Replace an <include> by the content of its model, and a frame that stands for the model's own one."""
+    parent, own = include.getparent(), f"_merged__{model.get('name', '')}__model__"
+    file = model.get(FILE)
+    poses = SdfPoses(name, model, np.eye(4), "")
+    at, written = pose(model, name), model.find("pose")
+    if model.get("placement_frame"):
+        at = at @ inverse(poses.of(model.get("placement_frame"), model))
+    frame = etree.Element("frame", {"name": own, "attached_to": poses.canonical(), PROXY: "1", FILE: file})
+    around = _MODEL if written is None else written.get("relative_to", _MODEL)
+    placed = etree.SubElement(frame, "pose", relative_to=around)
+    placed.text = " ".join(repr(float(x)) for x in (*at[:3, 3], *roll_pitch_yaw(at)))
+    position = parent.index(include)
+    parent.remove(include)
+    parent.insert(position, frame)
+    for element in [one for one in model.iterchildren("*") if one.tag not in ("pose", "static")]:
+        _relate(element, own)
+        element.set(FILE, element.get(FILE, file))
+        position += 1
+        parent.insert(position, element)
+
+
+def _relate(element: Any, frame: str) -> None:
+    """Let an element of a model that is merged refer to a frame where it refers to the model's own one."""
+    if element.tag in ("link", "model"):
+        placed = element.find("pose")
+        placed = etree.SubElement(element, "pose") if placed is None else placed
+        if not (placed.get("relative_to") or placed.get("frame")):
+            placed.set("relative_to", frame)
+    if element.tag == "frame" and not element.get("attached_to"):
+        element.set("attached_to", frame)
+    own = [element, *element.iterfind("pose"), *element.iterfind("axis/xyz"), *element.iterfind("axis2/xyz")]
+    for one in own:
+        for word in ("relative_to", "attached_to", "expressed_in"):
+            if one.get(word) == _MODEL:
+                one.set(word, frame)
+    for end in (*element.iterfind("parent"), *element.iterfind("child")):
+        if element.tag == "joint" and named(end) == _MODEL:
+            end.text = frame
+    for axis in (*element.iterfind("axis"), *element.iterfind("axis2")):
+        direction = axis.find("xyz")
+        if axis.findtext("use_parent_model_frame", "0").strip() in _TRUE:
+            direction = etree.SubElement(axis, "xyz") if direction is None else direction
+            direction.text = direction.text or "0 0 1"
+            direction.set("expressed_in", direction.get("expressed_in") or frame)
