@@ -57,7 +57,7 @@ def read_srdf(path: Path, links: Collection[str], robot: str) -> Srdf:
         root = parse_xml(xacro_file.expanded(path), str(path))
     if root.tag != "robot":
         raise error_at(str(path), root, f"its first element is <{root.tag}>: an SRDF begins with <robot>")
-    if next(root.iter("link", "joint"), None) is not None and next(root.iter("disable_collisions"), None) is None:
+    if next(root.iterchildren("link", "joint"), None) is not None:  # those of groups and group states are inside these
         raise error_at(str(path), root, "this is a URDF, not an SRDF: it has links, or joints, of its own")
     unknown: dict[str, int] = {}
 
