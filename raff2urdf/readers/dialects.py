@@ -26,6 +26,7 @@ from raff2urdf.readers import (
     Description,
     closing_frames,
     closing_joints,
+    common_slips,
     declared_loops,
     joint_couplings,
     loop_closures,
@@ -59,8 +60,9 @@ def read(text: str, path: Path, ignore: IgnoreList, ignore_loops: bool, is_file:
     name = str(path)
     root = parse_xml(text, name)
     changed = closing_joints.with_joints_of_drake(root, name)
+    slips = common_slips.mend(root)
     declared = closing_joints.cut(root, name)
-    if changed or declared:
+    if changed or declared or slips:
         text = text_of(root)
     root = parse(text, name)
     declared += [
@@ -77,7 +79,9 @@ def read(text: str, path: Path, ignore: IgnoreList, ignore_loops: bool, is_file:
     if ignore_loops:
         shown = [one for one in left_out if one.certain and one.also != ("0",)]
         shown = shown if files.values is None else [one for one in shown if one.dialect != declared_loops.COMMENT]
-        return Description(files.text, files.values, (), (), ((listed(shown),) if shown else ()) + files.left_out)
+        return Description(
+            files.text, files.values, (), tuple(slips), ((listed(shown),) if shown else ()) + files.left_out
+        )
     names = tuple(f"{one.label} (line {one.line})" for one in left_out)
     tree = UrdfTree(parse(files.text, name), name)
     closures, made = files.closures(tree), list[str]()
@@ -85,6 +89,7 @@ def read(text: str, path: Path, ignore: IgnoreList, ignore_loops: bool, is_file:
         made += successive.replace(tree.root, tree.joints[joint], successive.SPHERICAL, name)
     tree = UrdfTree(tree.root, name) if made else tree
     composed = _Composed(tree, files, made)
+    composed.notes += slips
     if closures is not None:
         following = [one for one in kept if one.dialect == "mimic" and one.name in closures.following]
         kept = [one for one in kept if not any(one is other for other in following)]
