@@ -19,6 +19,7 @@ from cinegen.errors import ClosureError, LoadError, UnknownNameError, warn
 from cinegen.joints import scalar_joints, supporting_columns
 from cinegen.loops.closed_loops import ClosedLoops, LoopConstraint
 from cinegen.loops.clusters import subsystems
+from cinegen.model.frozen import blocking
 from cinegen.model.limits import Limits
 from cinegen.model.mechanism import Mechanism, MechanismSource
 from cinegen.model.near_redundant import made_exact
@@ -436,6 +437,11 @@ def build(
         if not moved:  # else home is a random one
             system = ClosedLoops(model, loops, _length(system, q, constraints["nodes"]), couplings)
         notes += ("all joints at 0 is singular: home is a configuration near it",) if moved else ()
+        for joints in [] if limits.exceeded(q) else blocking(system, q, limits.lower, limits.upper):
+            warn(
+                f"{name}: {robot}: from home the limits of {', '.join(joints)} let no joint move that loops and "
+                "couplings connect to them: correct these limits, or the couplings"
+            )
     chosen = tuple(joint for joint, has in actuated.items() if has or (has is None and joint not in determined))
     uncontrolled = tuple(joint for joint in actuated if joint not in chosen and joint not in determined)
     dependent = tuple(joint for joint in chosen if joint in determined)
