@@ -60,9 +60,9 @@ def read(text: str, path: Path, ignore: IgnoreList, ignore_loops: bool, is_file:
     name = str(path)
     root = parse_xml(text, name)
     changed = closing_joints.with_joints_of_drake(root, name)
-    slips = common_slips.mend(root)
+    notes = [*common_slips.mend(root), *closing_joints.without_links_of_gazebo(root)]
     declared = closing_joints.cut(root, name)
-    if changed or declared or slips:
+    if changed or declared or notes:
         text = text_of(root)
     root = parse(text, name)
     declared += [
@@ -80,7 +80,7 @@ def read(text: str, path: Path, ignore: IgnoreList, ignore_loops: bool, is_file:
         shown = [one for one in left_out if one.certain and one.also != ("0",)]
         shown = shown if files.values is None else [one for one in shown if one.dialect != declared_loops.COMMENT]
         return Description(
-            files.text, files.values, (), tuple(slips), ((listed(shown),) if shown else ()) + files.left_out
+            files.text, files.values, (), tuple(notes), ((listed(shown),) if shown else ()) + files.left_out
         )
     names = tuple(f"{one.label} (line {one.line})" for one in left_out)
     tree = UrdfTree(parse(files.text, name), name)
@@ -89,7 +89,7 @@ def read(text: str, path: Path, ignore: IgnoreList, ignore_loops: bool, is_file:
         made += successive.replace(tree.root, tree.joints[joint], successive.SPHERICAL, name)
     tree = UrdfTree(tree.root, name) if made else tree
     composed = _Composed(tree, files, made)
-    composed.notes += slips
+    composed.notes += notes
     if closures is not None:
         following = [one for one in kept if one.dialect == "mimic" and one.name in closures.following]
         kept = [one for one in kept if not any(one is other for other in following)]
@@ -287,14 +287,16 @@ class _Composed:
             return Description(files.text, None, (), tuple(self.notes), left_out)
         passive = list(self._passive)
         taken: set[str] = set()
-        loops = []
+        loops, screws = [], list[CouplingEntry]()
         for declared, cut in self._cuts:
             name = _free(declared.name or f"{cut.first}-{cut.second}", taken)
             entry, added = cut.add_to(tree, name)
             self.notes += declared.notes
             passive += added
             loops.append(entry)
+            screws += cut.couplings(name, added)
         couplings = [{**entry, "name": _free(entry["name"], taken)} for _, entry in self._in_order()]
+        couplings += [{**entry, "name": _free(entry["name"], taken)} for entry in screws]
         text = text_of(tree.root) if passive else files.text
         values = dict(files.values or {})
         values["loops"] = loops
