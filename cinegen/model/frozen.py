@@ -2,16 +2,24 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+
 import numpy as np
 
 from cinegen.arrays import Array
 from cinegen.joints import scalar_joints
 from cinegen.loops.closed_loops import ClosedLoops
 from cinegen.loops.clusters import subsystems
+from cinegen.model.limits import JointLimits
 from cinegen.tolerances import AT_LIMIT
 from raff2urdf import closure
 
 _MOVES = 1e-6  # rad or characteristic lengths: a joint that moves by less, where others move by 1, does not move
+
+
+def locked(limits: Mapping[str, JointLimits]) -> list[str]:
+    """Return the joints whose limits are one value."""
+    return [joint for joint, bounds in limits.items() if bounds.upper - bounds.lower <= AT_LIMIT]
 
 
 def blocking(system: ClosedLoops, q: Array, lower: Array, upper: Array) -> list[list[str]]:

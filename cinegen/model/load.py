@@ -19,7 +19,7 @@ from cinegen.errors import ClosureError, LoadError, UnknownNameError, warn
 from cinegen.joints import scalar_joints, supporting_columns
 from cinegen.loops.closed_loops import ClosedLoops, LoopConstraint
 from cinegen.loops.clusters import subsystems
-from cinegen.model.frozen import blocking
+from cinegen.model.frozen import blocking, locked
 from cinegen.model.limits import Limits
 from cinegen.model.mechanism import Mechanism, MechanismSource
 from cinegen.model.near_redundant import made_exact
@@ -442,6 +442,11 @@ def build(
                 f"{name}: {robot}: from home the limits of {', '.join(joints)} let no joint move that loops and "
                 "couplings connect to them: correct these limits, or the couplings"
             )
+    fixed = locked(Limits(model, tuple(actuated)))
+    if fixed and len(fixed) == len(actuated) == model.nv:
+        warn(f"{name}: {robot}: no joint can move: the lower limit of each is its upper limit: correct the limits")
+    elif fixed:
+        notes += (f"the lower limit is the upper limit of {', '.join(fixed)}: they can't move",)
     chosen = tuple(joint for joint, has in actuated.items() if has or (has is None and joint not in determined))
     uncontrolled = tuple(joint for joint in actuated if joint not in chosen and joint not in determined)
     dependent = tuple(joint for joint in chosen if joint in determined)

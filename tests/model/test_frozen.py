@@ -56,3 +56,13 @@ def test_what_is_told_is_what_a_drag_meets(low, frozen):
     for _ in range(20):
         step = solver.step()
     assert bool(np.abs(step.q).max() < 1e-9) is frozen
+
+
+def test_limits_without_a_range_are_told():
+    with pytest.warns(cinegen.CinegenWarning, match="'hand': no joint can move: the lower limit of each is its upper"):
+        cinegen.load(hand((0, 0, None), (0.5, 0.5, None)))
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        one, none = cinegen.load(hand((0, 0, None), (0, 1, None))), cinegen.load(hand((0, 1, None), (0, 1, None)))
+    assert one.source.notes == ("the lower limit is the upper limit of f0: they can't move",)
+    assert none.source.notes == ()
