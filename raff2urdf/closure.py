@@ -133,11 +133,17 @@ def close(
             damping = max(damping * 0.1, 1e-4)
             if gap <= 0.1 * CLOSED and gap > 0.25 * before:  # nothing but rounding is left
                 break
-        elif gap <= CLOSED or damping > 1e12:
+        elif gap <= CLOSED or damping > 1e12 or _is_least(c, c + jacobian @ step):
             break
         else:
             damping *= 10.0
     return Closing(q, gap)
+
+
+def _is_least(c: Array, foreseen: Array) -> bool:
+    """Return whether a step that lowered no residual c (rows,) could not do so but by rounding: c is a local least."""
+    size = float(np.linalg.norm(c))
+    return size - float(np.linalg.norm(foreseen)) < ROUNDING
 
 
 def _step(jacobian: Array, c: Array, damping: float) -> Array:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import signal
 import sys
 from importlib import import_module
@@ -33,6 +34,9 @@ def _run(module: str) -> NoReturn:
     handled = signal.getsignal(signal.SIGINT) is signal.default_int_handler  # it is ignored in background jobs of sh
     if handled:
         signal.signal(signal.SIGINT, signal.SIG_DFL)
+    # More threads make decompositions of matrices as small as those of robots no faster, and wait for each other where
+    # other programs run, too.
+    os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     main = import_module(module).main
     try:
         if handled:

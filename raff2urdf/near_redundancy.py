@@ -39,6 +39,7 @@ _STEPS = (0.2, 0.8)  # rad or lengths: steps between random configurations
 _QUICK, _SAMPLES = 2, 40  # configurations to see that a mechanism is exact; to describe one that is not
 _REGULAR = 0.1  # smallest singular value of regular configurations, as a part of the largest such value
 _NEARBY = 0.1  # rad or m: a step this short is short enough to solve equations that are not dependent
+_HALVED = 8  # Gauss-Newton steps in which what is left is halved; they fail otherwise
 _ATTEMPTS = 8  # steps tried for each sample
 
 
@@ -86,9 +87,10 @@ def near_redundancy(system: LoopSystem, *starts: Array) -> NearRedundancy | None
         settled = next((s for s in (settle(system, q, small) for q in starts) if s is not None), None)
         if settled is None or settled.rank == len(settled.c):
             continue
-        samples, found = [settled, *islice(_walk(system, settled, small), _QUICK)], None
+        walk = _walk(system, settled, small)
+        samples, found = [settled, *islice(walk, _QUICK)], None
         if any(np.abs(sample.c).max() > _EXACT for sample in samples):
-            samples = list(islice(_walk(system, settled, small), _SAMPLES))
+            samples = [*samples[1:], *islice(walk, _SAMPLES - _QUICK)]
             rank = max((sample.rank for sample in samples), default=len(settled.c))
             clearest = max((sample.smallest for sample in samples if sample.rank == rank), default=0.0)
             # the others are singular, or nearly
@@ -118,19 +120,24 @@ def settle(system: LoopSystem, q: Array, small: float) -> _Settled | None:
     Returns:
         None if that fails, or leads to where it is not clear which are independent.
     """
+    lefts = [np.inf]  # of the clearly independent equations
     for _ in range(40):
         c, jacobian = system.evaluate(q)
         if 0 in jacobian.shape or not jacobian.any():
             return None  # no joint can open the loops
-        u, s, vt = np.linalg.svd(jacobian)
+        u, s, vt = np.linalg.svd(jacobian, full_matrices=False)
         rank = int(np.count_nonzero(s > small * s[0]))
         along = u[:, :rank].T @ c
-        if not np.abs(along).max(initial=0.0) > 1e-14:
+        lefts.append(float(np.abs(along).max(initial=0.0)))
+        if lefts[-1] <= 1e-14 or 0.25 * lefts[-2] < lefts[-1] <= 1e-13:  # nothing, or nothing but rounding, is left
             break
+        if min(lefts[-_HALVED:]) > 0.5 * min(lefts[:-_HALVED], default=np.inf):
+            return None
         step = -vt[:rank].T @ (along / s[:rank])
         q = system.integrate(q, step * min(1.0, STEP_CAP / float(np.abs(step).max())))
-    if not np.abs(along).max(initial=0.0) <= 1e-13 or rank == 0 or s[rank - 1] <= _CLEAR * small * s[0]:
+    if not lefts[-1] <= 1e-13 or rank == 0 or s[rank - 1] <= _CLEAR * small * s[0]:
         return None
+    u = np.linalg.svd(jacobian)[0]
     ratio = s[rank - 1] / max(s[rank], 1e-12 * s[0]) if rank < len(s) else 1.0  # nothing can move
     return _Settled(q, c, rank, float(s[rank - 1]), float(ratio), u[:, rank:])
 

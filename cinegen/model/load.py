@@ -20,6 +20,7 @@ from cinegen.errors import LoadError, UnknownNameError, warn
 from cinegen.joints import supporting_columns
 from cinegen.loops.closed_loops import ClosedLoops, LoopConstraint
 from cinegen.loops.clusters import subsystems
+from cinegen.model.frozen import blocking, locked
 from cinegen.model.group_state import with_home
 from cinegen.model.home import find_home, follow, near_successive
 from cinegen.model.limits import Limits
@@ -486,10 +487,21 @@ def build(
                 return build(*exact, folder, name, dialects, notes, srdf, owner, packages, is_driven=is_driven)
         q = q if spherical is None or near is None else spherical.from_successive(near)
     drawn = not any("home" in joint for joint in (given or {}).get("joints", []))
-    home = find_home(system, q, Limits(model, tuple(actuated)), actuated, drawn, name, robot)
+    limits = Limits(model, tuple(actuated))
+    home = find_home(system, q, limits, actuated, drawn, name, robot)
     q, determined, notes = home.q, home.determined, notes + home.notes
     if home.is_drawn and (loops or couplings):  # else home is a random one
         system = ClosedLoops(model, loops, _length(system, q, constraints["nodes"]), couplings)
+    for joints in [] if limits.exceeded(q) else blocking(system, q, limits.lower, limits.upper):
+        warn(
+            f"{name}: {robot}: from home the limits of {', '.join(joints)} let no joint move that loops and "
+            "couplings connect to them: correct these limits, or the couplings"
+        )
+    fixed = locked(limits)
+    if fixed and len(fixed) == len(actuated) == model.nv:
+        warn(f"{name}: {robot}: no joint can move: the lower limit of each is its upper limit: correct the limits")
+    elif fixed:
+        notes += (f"the lower limit is the upper limit of {', '.join(fixed)}: they can't move",)
     chosen = tuple(joint for joint, has in actuated.items() if has or (has is None and joint not in determined))
     uncontrolled = tuple(joint for joint in actuated if joint not in chosen and joint not in determined)
     dependent = tuple(joint for joint in chosen if joint in determined)

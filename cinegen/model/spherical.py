@@ -48,7 +48,7 @@ class SphericalJoints:
             last[ball.joints[2]] = ball
             inner |= {*ball.joints[:2]}
         self.model = model = pin.Model()
-        model.name = successive.name
+        model.name, model.inertias[0] = successive.name, successive.inertias[0]  # of the links that do not move
         number = {0: 0}  # of each joint in the new model
         effort = [np.zeros(0)]
         for j in range(1, successive.njoints):

@@ -1,7 +1,7 @@
 """Read joints that close loops: their two ends coincide with all joints at 0.
 
     <joint>, <drake:joint>     whose child has another parent, or which leads back to the root
-    <joint> in <gazebo>        a joint of SDF between links that are connected already
+    <joint> in <gazebo>        a joint of SDF, also a screw, between links that are connected already
     <plugin> in <gazebo>       pegasus_gazebo_plugins' closed loop: a revolute joint about the model's y
 
 One joint of each loop is cut, and closes it: of those with the same child, one without limits if there is one, and the
@@ -22,6 +22,7 @@ from raff2urdf.readers import successive
 from raff2urdf.readers.declaration import Declaration, label_of, local, tag_of
 from raff2urdf.readers.loop_elements import kind_of
 from raff2urdf.readers.loop_joint import LoopJoint
+from raff2urdf.readers.screw import lead
 from raff2urdf.readers.urdf import by_name, ends, joints, limits, links, numbers, origin, remove
 from raff2urdf.readers.urdf_tree import UrdfTree, along
 from raff2urdf.readers.xml_file import error_at
@@ -44,6 +45,26 @@ def with_joints_of_drake(root: Any, name: str) -> bool:
         joint.tag = "joint"
         joint.set("type", {"ball": "spherical"}.get(joint.get("type", ""), joint.get("type", "")))
     return bool(found)
+
+
+def without_links_of_gazebo(root: Any) -> list[str]:
+    """Remove links that only Gazebo has, <link> in <gazebo>, with their joints: a URDF has others in their place.
+
+    Args:
+        root: the root element; changed.
+
+    Returns:
+        a note on them, if there are any.
+    """
+    known = {link.get("name") for link in links(root)}
+    own = [link for link in root.iterfind("gazebo/link") if link.get("name") not in known]
+    names = {link.get("name") for link in own}
+    joined = [joint for joint in root.iterfind("gazebo/joint") if not names.isdisjoint(joined_links(joint) or ())]
+    more = f" and {len(own) - 1} more" if len(own) > 1 else ""
+    notes = [f"not read: {label_of(link, 'gazebo')} (line {link.sourceline}){more}, and its joints" for link in own[:1]]
+    for element in (*own, *joined):
+        remove(element)
+    return notes
 
 
 def cut(root: Any, name: str) -> list[Declaration]:
@@ -164,7 +185,8 @@ def _of_sdf(element: Any) -> Any:
             tree.link(element.find(word), element.findtext(word), label_of(element, "gazebo"))
             for word in ("parent", "child")
         )
-        kind, placed = kind_of(tree, element, element.get("type")), tree.zero[child]
+        is_screw = (element.get("type") or "").strip() == "screw"
+        kind, placed = "screw" if is_screw else kind_of(tree, element, element.get("type")), tree.zero[child]
         pose = element.find("pose")
         if pose is not None:
             around = (pose.get("relative_to") or pose.get("frame") or "").strip()
@@ -173,9 +195,22 @@ def _of_sdf(element: Any) -> Any:
         directions = [_sdf_axis(tree, element, word, placed) for word in ("axis", "axis2")]
         first = along(placed, directions[0])
         second = along(placed, directions[1]) if kind == "universal" else first
-        return LoopJoint(kind, parent, child, (inverse(tree.zero[parent]) @ first, inverse(tree.zero[child]) @ second))
+        found = inverse(tree.zero[parent]) @ first, inverse(tree.zero[child]) @ second
+        return LoopJoint(kind, parent, child, found, _lead(tree, element) if is_screw else 0.0)
 
     return read
+
+
+def _lead(tree: UrdfTree, element: Any) -> float:
+    """Return the translation of a screw of SDF by its rotation, m/rad."""
+    pitches = list[float | None]()
+    for word in ("screw_thread_pitch", "thread_pitch"):
+        found = element.find(word)
+        values = [0.0] if found is None else numbers(found.text or "")
+        if values is None or len(values) != 1 or (found is not None and values == [0.0] and word == "thread_pitch"):
+            raise tree.error(found, f"the {word} of {label_of(element)} must be a number other than 0")
+        pitches.append(None if found is None else values[0])
+    return lead(*pitches)
 
 
 def _sdf_axis(tree: UrdfTree, element: Any, word: str, placed: Array) -> Array:

@@ -25,6 +25,7 @@ from raff2urdf.readers import (
     Description,
     closing_frames,
     closing_joints,
+    common_slips,
     declared_loops,
     joint_couplings,
     loop_closures,
@@ -59,7 +60,8 @@ def read(text: str, path: Path, ignore: IgnoreList, ignore_loops: bool, is_file:
     name = str(path)
     root = parse_xml(text, name)
     changed = closing_joints.with_joints_of_drake(root, name)
-    notes, free = roots.with_world(root), roots.attach(root)
+    notes = [*roots.with_world(root), *common_slips.mend(root), *closing_joints.without_links_of_gazebo(root)]
+    free = roots.attach(root)
     declared = closing_joints.cut(root, name)
     if changed or declared or notes or free:
         text = text_of(root)
@@ -297,14 +299,16 @@ class _Composed:
             return Description(files.text, None, (), tuple(self.notes), left_out)
         passive = list(self._passive)
         taken: set[str] = set()
-        loops = []
+        loops, screws = [], list[CouplingEntry]()
         for declared, cut in self._cuts:
             name = _free(declared.name or f"{cut.first}-{cut.second}", taken)
             entry, added = cut.add_to(tree, name)
             self.notes += declared.notes
             passive += added
             loops.append(entry)
+            screws += cut.couplings(name, added)
         couplings = [{**entry, "name": _free(entry["name"], taken)} for _, entry in self._in_order()]
+        couplings += [{**entry, "name": _free(entry["name"], taken)} for entry in screws]
         text = text_of(tree.root) if passive else files.text
         values = dict(files.values or {})
         values["loops"] = loops

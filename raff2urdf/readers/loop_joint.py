@@ -10,6 +10,8 @@
     cylindrical  a rotation about z, a translation along   a passive prismatic joint and a revolute loop
     planar       translations along x and y, a rotation    two passive prismatic joints and a revolute loop
                  about z
+    screw        a rotation about z, and as much           a passive prismatic and a passive revolute joint, a
+                 translation along it as the lead says     coupling of these, and a rigid loop
 
 A passive joint is added at the first end, with an empty link.
 """
@@ -44,6 +46,7 @@ _UPRIGHT = rotation(_X, np.pi / 2)
 _STEPS: dict[str, tuple[Step, ...]] = {
     "universal": (("Z", "continuous", (0.0, 0.0, 1.0)),),
     "cylindrical": (("TZ", "prismatic", (0.0, 0.0, 1.0)),),
+    "screw": (("TZ", "prismatic", (0.0, 0.0, 1.0)), ("Z", "continuous", (0.0, 0.0, 1.0))),
     "planar": (("TX", "prismatic", (1.0, 0.0, 0.0)), ("TY", "prismatic", (0.0, 1.0, 0.0))),
 }
 _SAME = 1e-6  # rad, or parts of the mechanism's size: two declarations of one loop are rounded differently
@@ -54,16 +57,18 @@ class LoopJoint:
     """A joint that closes a loop.
 
     Attributes:
-        kind: rigid, prismatic, revolute, ball, universal, cylindrical or planar.
+        kind: rigid, prismatic, revolute, ball, universal, cylindrical, planar or screw.
         first: link at its first end.
         second: link at its second end.
         placed: (4, 4) of each end on its link; they coincide where the joint is at 0. The axis is z.
+        lead: of a screw: translation of the second end by its rotation, m/rad.
     """
 
     kind: str
     first: str
     second: str
     placed: tuple[Array, Array]
+    lead: float = 0.0
 
     def swapped(self) -> LoopJoint:
         """Return the same joint, seen from its second end."""
@@ -85,8 +90,15 @@ class LoopJoint:
                 placed = placed @ turned
             first, passive = tree.add_joints(first, placed, name, _STEPS[self.kind])
             placed = along(np.eye(4), _X) if self.kind == "universal" else np.eye(4)
-        kind = "revolute" if self.kind in _STEPS else self.kind
+        kind = "rigid" if self.kind == "screw" else "revolute" if self.kind in _STEPS else self.kind
         return loop_entry(name, kind, first, self.second, (placed, self.placed[1])), passive
+
+    def couplings(self, name: str, passive: Sequence[str]) -> list[dict[str, Any]]:
+        """Return the couplings of the passive joints that `add_to` has added."""
+        if self.kind != "screw":
+            return []
+        terms = [{"joint": joint, "coefficients": [c]} for joint, c in zip(passive, (1.0, -self.lead), strict=True)]
+        return [{"name": f"{name}_screw", "terms": terms, "constant": 0.0}]
 
 
 def implies(tree: UrdfTree, one: LoopJoint, other: LoopJoint) -> bool | None:
@@ -97,16 +109,16 @@ def implies(tree: UrdfTree, one: LoopJoint, other: LoopJoint) -> bool | None:
     if one.first != other.first:
         other = other.swapped()
     for sample in np.random.default_rng(0).uniform(-1.0, 1.0, (4, 3)):
-        relative = one.placed[0] @ _motion(one.kind, sample, size) @ inverse(one.placed[1])
+        relative = one.placed[0] @ _motion(one, sample, size) @ inverse(one.placed[1])
         between = inverse(other.placed[0]) @ relative @ other.placed[1]
-        if np.abs(_residual(other.kind, between, size)).max(initial=0.0) > _SAME:
+        if np.abs(_residual(other, between, size)).max(initial=0.0) > _SAME:
             return False
     return True
 
 
-def _motion(kind: str, sample: Sequence[float] | Array, size: float) -> Array:
+def _motion(joint: LoopJoint, sample: Sequence[float] | Array, size: float) -> Array:
     """Return the placement (4, 4) of a joint's second end in its first, at values between -1 and 1."""
-    a, b, c = sample
+    (a, b, c), kind = sample, joint.kind
     if kind == "revolute":
         return rotation(_Z, a)
     if kind == "prismatic":
@@ -117,14 +129,19 @@ def _motion(kind: str, sample: Sequence[float] | Array, size: float) -> Array:
         return np.asarray(rotation(_Z, a) @ _UPRIGHT @ rotation(_Z, b))
     if kind == "cylindrical":
         return np.asarray(rotation(_Z, a) @ translation(b * size * _Z))
+    if kind == "screw":
+        return np.asarray(rotation(_Z, a) @ translation(a * joint.lead * _Z))
     if kind == "planar":
         return np.asarray(rotation(_Z, a) @ translation(size * np.array([b, c, 0.0])))
     return np.eye(4)
 
 
-def _residual(kind: str, placed: Array, size: float) -> Array:
+def _residual(joint: LoopJoint, placed: Array, size: float) -> Array:
     """Return numbers that are all 0 where a joint can have a placement (4, 4) of its second end in its first."""
-    p, turned = placed[:3, 3] / size, placed[:3, :3]
+    p, turned, kind = placed[:3, 3] / size, placed[:3, :3], joint.kind
+    if kind == "screw":
+        p[2] -= joint.lead / size * np.arctan2(turned[1, 0], turned[0, 0])
+        return np.append(p, turned[:2, 2])
     if kind == "ball":
         return p
     if kind == "universal":

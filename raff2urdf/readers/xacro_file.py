@@ -226,5 +226,7 @@ def _word(element: Any) -> str:
 
 
 def _is_macro(element: Any) -> bool:
+    if any("$(optenv " in value for value in element.attrib.values()):
+        return True
     uri = etree.QName(element).namespace if "{" in str(element.tag) else ""
     return str(element.tag).startswith("xacro:") or element.prefix == "xacro" or "/xacro" in (uri or "")

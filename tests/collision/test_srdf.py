@@ -163,3 +163,10 @@ def test_a_scene_names_the_srdf_of_its_robot(chain, tmp_path):
     scene.write_text(scene.read_text().replace("named", "missing"))
     with pytest.raises(cinegen.CinegenError, match=r"robot: srdf .*missing.srdf' does not exist"):
         load_scene(scene)
+
+
+def test_an_srdf_may_hold_nothing_but_states_of_joints(chain):
+    path = chain('<group_state name="bent" group="all"><joint name="ab" value="1"/></group_state>')
+    assert disabled(cinegen.load(path)) == set()
+    with pytest.raises(cinegen.CinegenError, match="this is a URDF, not an SRDF"):
+        cinegen.load(chain('<link name="a"/>'))

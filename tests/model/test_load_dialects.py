@@ -191,6 +191,51 @@ def test_the_axis_of_a_gazebo_joint_is_in_its_own_frame_unless_told_otherwise(wr
     assert mechanism.mobility == 0  # a hinge in the plane
 
 
+JACK = """<robot name="jack">
+  <link name="frame"/> <link name="carriage"/> <link name="spindle"/>
+  <joint name="lift" type="prismatic"> <parent link="frame"/> <child link="carriage"/> <axis xyz="0 0 1"/>
+    <origin xyz="0 0 0.5"/> <limit lower="-1" upper="1" effort="1" velocity="1"/> </joint>
+  <joint name="motor" type="continuous"> <parent link="frame"/> <child link="spindle"/> <axis xyz="0 0 1"/> </joint>
+"""
+
+
+@pytest.mark.parametrize(
+    ("pitch", "rise"),
+    [
+        ("<screw_thread_pitch>0.006</screw_thread_pitch>", 0.006),  # m per revolution, right-handed
+        ("<thread_pitch>1000</thread_pitch>", -2e-3 * np.pi),  # rad per m, left-handed
+    ],
+)
+def test_a_gazebo_joint_may_be_a_screw(pitch, rise, write):
+    """A carriage on a spindle: `rise` is the way of the spindle in the carriage by a revolution."""
+    joint = '<joint name="nut" type="screw"><parent>carriage</parent><child>spindle</child>'
+    jack = cinegen.load(write(f"<gazebo>{joint}<axis><xyz>0 0 1</xyz></axis>{pitch}</joint></gazebo>", JACK))
+    assert jack.mobility == 1
+    inner = {"nut_TZ": rise, "nut_Z": 2.0 * np.pi, "motor": 2.0 * np.pi}
+    assert jack.closure(jack.configuration({"lift": -rise, **inner})) < 1e-12
+    assert jack.closure(jack.configuration({"lift": rise, **inner})) > 1e-3
+
+
+@pytest.mark.parametrize("pitch", ["<thread_pitch>0</thread_pitch>", "<screw_thread_pitch>six</screw_thread_pitch>"])
+def test_a_screw_needs_a_pitch(pitch, write):
+    joint = '<joint name="nut" type="screw"><parent>carriage</parent><child>spindle</child>'
+    with pytest.raises(
+        CinegenError, match=r"bars\.urdf:6: the (screw_)?thread_pitch of <joint> 'nut' must be a number"
+    ):
+        cinegen.load(write(f"<gazebo>{joint}{pitch}</joint></gazebo>", JACK))
+
+
+def test_links_that_only_gazebo_has_are_told_and_left_out_with_their_joints(write):
+    rod = (
+        '<link name="rod"><pose>0 0 0 0 0 0</pose></link><joint name="{}" type="revolute"><parent>{}</parent>{}</joint>'
+    )
+    ends = [("a", "crank", "<child>rod</child>"), ("b", "rod", "<child>rocker</child>")]
+    added = rod.format(*ends[0]) + rod.format(*ends[1]).partition("</link>")[2]
+    mechanism = cinegen.load(write(f"<gazebo>{added}</gazebo>"))
+    assert mechanism.mobility == 3
+    assert mechanism.source.notes == ("not read: <link> 'rod' in <gazebo> (line 6), and its joints",)
+
+
 def test_the_closed_loop_plugin_is_a_hinge_about_y(write):
     upright = BARS.replace('xyz="0 0 1"', 'xyz="0 1 0"').replace('<origin xyz="0 1 0"/>', '<origin xyz="0 0 1"/>')
     for place in ("<position>-0.5 0 1</position><rotation>0 0 0.7</rotation>", "<position>-0.5 0 1</position>"):

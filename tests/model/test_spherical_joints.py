@@ -98,6 +98,19 @@ def turned(angle):
 # --- the model -------------------------------------------------------------------------------------------------------
 
 
+def test_no_mass_is_lost_not_even_that_of_the_base(tmp_path):
+    path = tmp_path / "rod.xml"
+    path.write_text(
+        '<mujoco model="rod"><worldbody><body name="base"><geom type="box" size="0.1 0.1 0.1" mass="3"/>'
+        '<body name="rod" pos="0 0 0.2"><joint type="ball" name="ball"/>'
+        '<geom type="capsule" fromto="0 0 0 0 0 1" size="0.01" mass="2"/></body></body></worldbody>'
+        '<equality><connect body1="rod" body2="base" anchor="0 0 1"/></equality></mujoco>'
+    )
+    rod = cinegen.load(path)
+    assert rod.balls
+    assert [inertia.mass for inertia in rod.model.inertias] == pytest.approx([3.0, 2.0])
+
+
 def test_a_ball_joint_is_a_quaternion_in_q(chain):
     assert chain.balls == ("joint1", "joint3")
     assert chain.joints == ("joint2",)

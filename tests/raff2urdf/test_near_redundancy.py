@@ -18,7 +18,7 @@ from cinegen.model.healing import by_geometry, moved, twists_of
 from cinegen.model.intended import errors, relations
 from cinegen.model.load import build
 from raff2urdf.conversion import describe
-from raff2urdf.near_redundancy import near_redundancy
+from raff2urdf.near_redundancy import near_redundancy, settle
 
 LEGS = ("lower_0+1", "lower_0-1", "lower_1+1", "lower_1-1")
 
@@ -152,3 +152,23 @@ def test_loops_that_no_joint_can_open_are_not_nearly_redundant():
 
     assert near_redundancy(Rigid(), np.zeros(0)) is None
     assert near_redundancy(Rigid(), np.zeros(2)) is None
+
+
+class Circles:
+    """Two circles of radius 1 whose centres are 2.1 apart; no point of one is on the other."""
+
+    evaluations = 0
+
+    def evaluate(self, q):
+        self.evaluations += 1
+        (a, b), (c, d) = np.cos(q), np.sin(q)
+        return np.array([a + b - 2.1, c - d]), np.array([[-c, -d], [a, -b]])
+
+    def integrate(self, q, step):
+        return q + step
+
+
+def test_equations_that_can_not_be_solved_are_given_up_soon():
+    circles = Circles()
+    assert settle(circles, np.array([0.3, -0.2]), 1e-6) is None
+    assert circles.evaluations < 25

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from raff2urdf.errors import RaffError, did_you_mean, limits_reversed
 from raff2urdf.placement import from_origin, from_quaternion, inverse
 from raff2urdf.readers import drives
+from raff2urdf.readers.screw import lead
 from raff2urdf.readers.urdf import SIZE, UNLIMITED, by_name, direction, limit_value, number, numbers
 from raff2urdf.readers.urdf_builder import UNBOUNDED
 from raff2urdf.readers.xml_file import NAMESPACE, error_at, own_element
@@ -186,17 +187,12 @@ class SdfModelReader:
         return found
 
     def _lead(self, element: Any, label: str) -> float:
-        """Return the translation of a screw by its rotation, m/rad.
-
-        `screw_thread_pitch` is in m per revolution of a right-handed thread; `thread_pitch`, which it replaced, in rad
-        per m of a left-handed one.
-        """
-        if element.find("screw_thread_pitch") is None and element.find("thread_pitch") is not None:
-            pitch = self._parameter(element, "thread_pitch", label, 1.0)
-            if pitch == 0.0:
-                raise self._error(element.find("thread_pitch"), f"the thread_pitch of {label} must not be 0 rad/m")
-            return -1.0 / pitch
-        return self._parameter(element, "screw_thread_pitch", label, 1.0) / (2.0 * math.pi)
+        """Return the translation of a screw by its rotation, m/rad."""
+        words = ("screw_thread_pitch", "thread_pitch")
+        pitches = [None if element.find(w) is None else self._parameter(element, w, label, 1.0) for w in words]
+        if pitches == [None, 0.0]:
+            raise self._error(element.find("thread_pitch"), f"the thread_pitch of {label} must not be 0 rad/m")
+        return lead(*pitches)
 
     def _parameter(self, element: Any, word: str, label: str, default: float) -> float:
         """Return the number in an element of a joint or a mimic."""

@@ -232,3 +232,18 @@ def test_without_xacro_the_error_names_the_command_that_installs_it(tmp_path, mo
     path.write_text("<robot/>")
     with pytest.raises(RaffError, match=r'bars\.xacro: files in xacro need the package xacro: .*"cinegen\[xacro\]"'):
         readers.read(path)
+
+
+def test_a_urdf_may_name_variables_of_the_environment(tmp_path, monkeypatch):
+    pytest.importorskip("xacro")
+    path = tmp_path / "rover.urdf"
+    path.write_text(
+        '<robot name="rover"><link name="base"/><link name="imu"/><joint name="mount" type="fixed">'
+        '<parent link="base"/><child link="imu"/><origin xyz="$(optenv IMU_XYZ 0.1 0 0.2)"/></joint></robot>'
+    )
+    monkeypatch.delenv("IMU_XYZ", raising=False)
+    rover = cinegen.load(path)
+    assert rover.placement(rover.q_home, "imu").translation.tolist() == [0.1, 0.0, 0.2]
+    monkeypatch.setenv("IMU_XYZ", "0 0 1")
+    rover = cinegen.load(path)
+    assert rover.placement(rover.q_home, "imu").translation.tolist() == [0.0, 0.0, 1.0]
