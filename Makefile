@@ -1,7 +1,7 @@
 # `make help` lists what can be made. All that is needed is Python >= 3.11 with pip, and make.
 PYTHON ?= python3
-# Processes that share the tests.
-WORKERS ?= auto
+# Processes that share the tests: one more than there are cores, since some tests wait for browsers and processes.
+WORKERS ?= $(shell expr $$(getconf _NPROCESSORS_ONLN) + 1)
 # What `make coverage` runs (all tests unless given), and how many of the least covered files it lists.
 TESTS ?=
 LEAST ?= 30
@@ -16,8 +16,9 @@ VALUES ?= 100000
 BIN := .venv/bin
 # The base interpreter's pip installs into .venv, which has none of its own: some systems cannot put one there.
 PIP := $(PYTHON) -m pip --python $(BIN)/python
-# A locked package is installed only if its file has one of the hashes in the lock; nothing else comes along.
-LOCKED := install --quiet --no-deps --require-hashes
+# A locked package is installed only if its file has one of the hashes in the lock; nothing else comes along. Python
+# compiles a module when it is first imported: most never are.
+LOCKED := install --quiet --no-deps --require-hashes --no-compile
 INSTALL := $(PIP) $(LOCKED)
 # Other people's packages on PYTHONPATH (a ROS installation, say) must not stand in for the locked ones.
 unexport PYTHONPATH
@@ -32,7 +33,8 @@ help: ## list the targets
 demo: .venv/core-installed ## install the core, and drive a robot in the browser
 	$(BIN)/cinegen demo
 
-test: .venv/test-installed ## run every check, then the tests but for those of `make nightly`
+# Kernels need the core only: they are compiled while the rest is installed.
+test: ## run every check, then the tests but for those of `make nightly`
 	@$(MAKE) --no-print-directory -j2 --output-sync check javascript kernels
 	@.ci/chromium
 	$(BIN)/pytest -n $(WORKERS)
@@ -73,10 +75,11 @@ check: .venv/test-installed ## run the linters of the Python code and of the pro
 # cache of its own. `cinegen compile` calls each kernel of assembly modes once.
 BOUNDED := tests/loops tests/jit/test_banded.py tests/model/test_couplings.py tests/ik/test_kernel.py tests/ik/test_levels.py tests/ik/test_weights.py tests/robots/test_evaluate.py \
 	tests/model/test_close.py tests/model/test_forward.py tests/assembly/test_modes_any.py tests/assembly/test_modes_coupled.py tests/collision/test_clearance.py \
-	tests/planning/test_vortex_kernel.py tests/papers/test_elliptical_potential.py tests/dynamics/test_inverse_dynamics.py tests/design
+	tests/planning/test_vortex_kernel.py tests/papers/test_elliptical_potential.py tests/dynamics/test_inverse_dynamics.py \
+	tests/design/test_design_derivatives.py tests/design/test_design_of_random_robots.py tests/design/test_design_parameters.py
 bounds: export NUMBA_BOUNDSCHECK := 1
 bounds: export NUMBA_CACHE_DIR := $(CURDIR)/build/bounds
-bounds: .venv/test-installed ## run the tests of the kernels with bounds checking (2 minutes of CPU)
+bounds: .venv/test-installed ## run the tests of the kernels with bounds checking (5 minutes of CPU)
 	@$(BIN)/cinegen compile
 	$(BIN)/pytest -n $(WORKERS) $(BOUNDED)
 	$(BIN)/pytest -n 0 tests/jit/test_bounds.py

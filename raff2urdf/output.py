@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import contextlib
 import os
-import select
 import signal
 import sys
 import threading
@@ -176,15 +175,6 @@ def write_at_once(text: str) -> None:
     sys.stdout.flush()
     if getattr(sys.stdout, "failure", None) is not None:
         raise OutputLostError
-
-
-def reader_has_gone() -> bool:
-    """Return whether standard output is a pipe that nothing reads any more."""
-    if not hasattr(select, "poll"):
-        return False
-    asked = select.poll()
-    asked.register(1, 0)
-    return any(event & select.POLLERR for _, event in asked.poll(0))
 
 
 class _Stream:

@@ -27,9 +27,6 @@ if TYPE_CHECKING:  # trimesh takes its time
 
 _READERS = {".stl": StlMeshGeometry, ".obj": ObjMeshGeometry}
 
-UNCOLOURED = (0.9, 0.9, 0.9, 1.0)
-"""Colour of a file to which nothing gives one: that of Pinocchio's shapes."""
-
 
 def draw_file(path: Path, rgba: ArrayLike, is_own: bool = True) -> Iterator[tuple[Geometry, Material]]:
     """Yield the surfaces of a file as geometries and materials, in the file's unit of length.

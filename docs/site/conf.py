@@ -77,11 +77,19 @@ def _write_math(writer, node):
     raise nodes.SkipNode
 
 
+def _shorten_navigation(app, page, template, context, doctree):
+    """Give pages of source code the names of the other pages only: most of the time would go into their contents."""
+    if page.startswith(("source/", "_modules/")):
+        resolve = context["toctree"]
+        context["toctree"] = lambda **options: resolve(**{**options, "maxdepth": 1})
+
+
 def setup(app):
-    """Connect what is above; the docstrings' handlers before and after napoleon."""
+    """Connect what is above; the docstrings' handlers before and after napoleon, navigation before furo."""
     from raff_lexer import RaffLexer
 
     app.add_lexer("raff", RaffLexer)
     app.add_html_math_renderer("mathml", (_write_math, None), (_write_math, None))
     app.connect("autodoc-process-docstring", _hold_opening, priority=400)
     app.connect("autodoc-process-docstring", _return_opening, priority=600)
+    app.connect("html-page-context", _shorten_navigation, priority=400)

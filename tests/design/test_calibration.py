@@ -30,6 +30,18 @@ def measured(name: str, columns: tuple[str, ...], seed: int = 3) -> tuple[Parame
     return parameters, truth, exact(parameters, [f"{end}.{c}" for c in columns], truth, seed=seed)
 
 
+@cache
+def calibrated(name: str, columns: tuple[str, ...]) -> Calibration:
+    parameters, _, readings = measured(name, columns)
+    return calibrate(parameters, noisy(readings, 1), folds=0, robust=False)
+
+
+@cache
+def held_out() -> Calibration:
+    parameters, _, readings = measured("delta4", POSE)
+    return calibrate(parameters, noisy(readings, 3))
+
+
 def combinations(found: Calibration, truth: np.ndarray) -> np.ndarray:
     errors = np.where(found.subspace.errors > 0.0, found.subspace.errors, 1.0)
     return found.subspace.basis.T @ ((truth - found.nominal) / errors)
@@ -61,8 +73,7 @@ def test_derivatives_against_differences():
 @pytest.mark.parametrize(("name", "count", "full", "position"), IDENTIFIABLE)
 def test_identifiable_combinations(name, count, full, position):
     for columns, wanted in ((POSE, full), (POSE[:3], position)):
-        parameters, _, readings = measured(name, columns)
-        found = calibrate(parameters, noisy(readings, 1), folds=0, robust=False)
+        found = calibrated(name, columns)
         assert len(found.names) == count
         assert found.subspace.rank == wanted
         counted = found.subspace.rank + len(found.without_effect) + len(found.opening)
@@ -71,7 +82,7 @@ def test_identifiable_combinations(name, count, full, position):
 
 def test_dependencies_change_no_reading():
     parameters, _, readings = measured("delta4", POSE)
-    found = calibrate(parameters, noisy(readings, 1), folds=0, robust=False)
+    found = calibrated("delta4", POSE)
     observation = Observation(parameters, readings)
     for one in found.dependencies:
         at = [found.names.index(n) for n in one.names]
@@ -88,8 +99,7 @@ def test_dependencies_change_no_reading():
 
 
 def test_estimates_obey_the_cramer_rao_bound():
-    parameters, truth, readings = measured("delta4", POSE)
-    found = calibrate(parameters, noisy(readings, 3))
+    truth, found = measured("delta4", POSE)[1], held_out()
     wanted = combinations(found, truth)
     sigma = np.sqrt(np.diag(found.combination_covariance))
     assert (np.abs(found.combinations - wanted) <= 3.0 * sigma).mean() >= 0.95
@@ -107,7 +117,7 @@ def test_estimates_obey_the_cramer_rao_bound():
 def test_outliers_change_little_and_are_listed():
     parameters, _, readings = measured("delta4", POSE)
     good, bad = noisy(readings, 3), noisy(readings, 3, 0.05)
-    found, again = calibrate(parameters, good, folds=0), calibrate(parameters, bad, folds=0)
+    found, again = held_out(), calibrate(parameters, bad, folds=0)
     assert (changes(again, found) < 1.0).mean() > 0.98
     assert {(one.pose, one.column) for one in again.outliers} == set(
         zip(*np.nonzero(bad.values != good.values), strict=True)

@@ -12,8 +12,6 @@ from cinegen import CinegenError, PersistentSolver, inverse_kinematics
 from cinegen.errors import ClosureError, UnknownNameError
 from cinegen.planning import plan
 
-HAND = pin.SE3(np.eye(3), np.array([0.2, 0.2, 0.75]))
-
 
 def reached(mechanism, q, node):
     """The pose by Pinocchio's own kinematics."""

@@ -212,13 +212,3 @@ def test_they_do_not_depend_on_the_format(robot, root, tmp_path, name, format):
         assert back.closure(p) < 1e-9
         assert back.loop_singular_values(p) == pytest.approx(there.loop_singular_values(q), abs=1e-8)
         assert passive_singular_values(back, p) == pytest.approx(passive_singular_values(there, q), abs=1e-8)
-
-
-def without(form: Form, actuated: list[int]) -> np.ndarray:
-    """Singular values of the screw matrix without the columns of some joints."""
-    model, loops = form.system.model, form.system.loops
-    names = np.repeat(list(model.names), list(model.nvs)).tolist()
-    names += np.repeat([loop.name.replace("loop", "joint") for loop in loops], form.system.cut_dof).tolist()
-    matrix = LoopScrews(form.system, form.q).matrix(form.system, form.system.evaluate(form.q)[1])
-    passive = [column for column, name in enumerate(names) if name not in {f"joint{i}" for i in actuated}]
-    return np.linalg.svd(matrix[:, passive], compute_uv=False)

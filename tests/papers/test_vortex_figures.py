@@ -11,7 +11,6 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 from vortex_figures import PointVortex, draw_potentials
 
-lengths = st.floats(-3.0, 3.0).map(lambda x: round(x, 4))
 points = arrays(float, 3, elements=st.floats(-2.0, 2.0).map(lambda x: round(x, 4)))
 
 

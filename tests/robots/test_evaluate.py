@@ -7,7 +7,6 @@ from hypothesis import strategies as st
 from test_inverse_kinematics import CLOSED, SERIAL, configurations, end_of, mechanism_of
 
 import cinegen
-from cinegen.ik.batch import BatchEvaluator
 
 
 def motors(mechanism: cinegen.Mechanism, q: np.ndarray) -> np.ndarray:
@@ -111,14 +110,6 @@ def test_a_line_of_equal_steps_is_where_each_of_its_configurations_is_alone(name
     for way in ways:
         np.testing.assert_allclose(way, alone, atol=1e-9)
     assert together.closure.max() < 1e-10
-
-
-def test_along_a_line_a_cell_takes_two_evaluations() -> None:
-    mechanism = mechanism_of("delta4")
-    sampler = BatchEvaluator(mechanism, "platform")
-    home = motors(mechanism, mechanism.q_home)
-    sampler.follow(np.linspace(home - 0.4, home + 0.4, 100))
-    assert 100 < sampler._memory.evaluations <= 2.2 * 100
 
 
 def test_nothing_gives_nothing_and_another_shape_is_refused() -> None:
