@@ -45,7 +45,7 @@ class Analysis:
         uncontrolled: passive joints that neither the loops nor the actuated joints determine.
         dependent: actuated joints that the loops and the others determine.
         moved: of each loop of pins with play, by its index, the placement (4, 4) of its second end on its node.
-        remarks: what users are to be told, in the words of `cinegen.load`.
+        remarks: what concerns users, in the words of `cinegen.load`.
     """
 
     mobility: int

@@ -18,7 +18,7 @@ STEP_CAP = 0.6
 _PINNED = 2e-15  # rad or lengths: joints that limits leave less than this don't move
 
 
-class Bounds(NamedTuple):
+class JointBounds(NamedTuple):
     """Limits of the joints whose configuration is one number.
 
     Attributes:

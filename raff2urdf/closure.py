@@ -15,7 +15,7 @@ from typing import NamedTuple, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from raff2urdf.bounds import STEP_CAP, Bounds
+from raff2urdf.bounds import STEP_CAP, JointBounds
 from raff2urdf.raff.document import LoopKind
 from raff2urdf.residual import ROWS
 
@@ -92,7 +92,7 @@ class Closing(NamedTuple):
 
 
 def close(
-    system: LoopSystem, q: Array, free: Mask | None = None, iterations: int = 100, bounds: Bounds | None = None
+    system: LoopSystem, q: Array, free: Mask | None = None, iterations: int = 100, bounds: JointBounds | None = None
 ) -> Closing:
     """Close loops from a configuration, by damped Gauss-Newton steps.
 

@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from raff2urdf.bounds import Bounds
+from raff2urdf.bounds import JointBounds
 from raff2urdf.closure import LoopSystem, close
 
 Array = NDArray[np.float64]
@@ -56,14 +56,14 @@ def close_within(
     return closed if nearest is None else _drawn(system, nearest, written, bounds)
 
 
-def _bounds(system: LoopSystem, q: Array, lower: Array, upper: Array, columns: Mapping[int, int] | None) -> Bounds:
+def _bounds(system: LoopSystem, q: Array, lower: Array, upper: Array, columns: Mapping[int, int] | None) -> JointBounds:
     at = np.arange(len(q)) if columns is None else np.array(list(columns), dtype=np.intp)
     moved = at if columns is None else np.array(list(columns.values()), dtype=np.intp)
     unit = system.integrate(q, np.ones(system.evaluate(q)[1].shape[1])) - q
-    return Bounds(at, moved, lower[at], upper[at], unit[at])
+    return JointBounds(at, moved, lower[at], upper[at], unit[at])
 
 
-def _drawn(system: LoopSystem, q: Array, written: Array, bounds: Bounds) -> Array:
+def _drawn(system: LoopSystem, q: Array, written: Array, bounds: JointBounds) -> Array:
     """Return the closed q (nq,), moved towards the configuration as written while loops close within the limits."""
     part, step = 1.0, np.zeros(system.evaluate(q)[1].shape[1])
     for _ in range(_ATTEMPTS):

@@ -1,4 +1,4 @@
-"""Loops that can't be closed, in words: their gaps, and which edit or which kind of joint would close them."""
+"""Loops that can't be closed, as text: their gaps, and which edit or which kind of joint would close them."""
 
 from __future__ import annotations
 

@@ -11,7 +11,7 @@
     planar       translations along x and y, a rotation    two passive prismatic joints and a revolute loop
                  about z
     screw        a rotation about z, and as much           a passive prismatic and a passive revolute joint, a
-                 translation along it as the lead says     coupling of these, and a rigid loop
+                 translation along it as the lead states   coupling of these, and a rigid loop
 
 A passive joint is added at the first end, with an empty link.
 """
