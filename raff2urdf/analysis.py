@@ -21,7 +21,8 @@ from raff2urdf.raff.check import check_sizes
 from raff2urdf.raff.compound import expanded
 from raff2urdf.raff.document import Document, JointType, LoopKind, RaffLink, RaffRobot
 from raff2urdf.selection import Candidate, determined
-from raff2urdf.tree import Cluster, clusters, coupling_of, edges, effort, home, length_of, limits, velocity
+from raff2urdf.tree import Cluster, clusters, coupling_of, edges, effort, length_of, limits, velocity
+from raff2urdf.tree import home as home_of
 
 Array = NDArray[np.float64]
 
@@ -123,7 +124,7 @@ def analyse(
     rows, rank, gap, closure, length = 0, 0, 0.0, 0.0, length_of(document, written, kinds)
     declared = declared_actuated(written)
     problems, remarks, moved = list[Problem](), list[str](), dict[int, Array]()
-    values = {joint.joint: home(document, joint) for joint in joints}
+    values = {joint.joint: home_of(document, joint) for joint in joints}
     closed = dict(values)
     parts, elsewhere = list[tuple[Cluster, list[Array]]](), (dict(values), dict(values))
     for cluster in clusters(document, robot, kinds, length) if robot.loops or robot.couplings else ():
@@ -131,7 +132,7 @@ def analyse(
         closing = close_from_afar(cluster, cluster.start)
         offsets = {} if closing.closed or exact else play(cluster, cluster.start, closing)
         if offsets:
-            remarks.append(play_text(cluster.names, offsets))
+            remarks.append(play_text(cluster.names, offsets, "exact=True"))
             moved |= {cluster.loops[i]: translation(offset) for i, offset in offsets.items()}
             cluster = cluster.with_moved(steps_of(offsets))
             closing = close_from_afar(cluster, cluster.start)
@@ -185,7 +186,7 @@ def analyse(
 def _beyond(
     document: Document, joints: Sequence[RaffLink], closed: Mapping[str, float], home: Mapping[str, float]
 ) -> list[str]:
-    """Return what was moved to be within limits, or stays outside.
+    """Return what was moved to be within limits, or stays outside; not what is written outside, of which `check` warns.
 
     Args:
         document: that holds the robot.
@@ -198,7 +199,8 @@ def _beyond(
         low, high = limits(document, joint)
         for is_home, values in ((False, closed), (True, home)):
             value = values[joint.joint]
-            if not low <= value <= high:
+            written = low <= home_of(document, joint) <= high
+            if not low <= value <= high and (written or is_home):
                 slides = joint.type is JointType.PRISMATIC
                 found[is_home].append(Beyond(joint.joint, slides, value, low if value < low else high))
     before, after = found[False], found[True]

@@ -118,6 +118,9 @@ def raff2urdf(
     ] = "json",
     robot: Annotated[str | None, Option(metavar="NAME", help="convert only the robot of this name")] = None,
     loop: Loops = None,
+    exact: Annotated[
+        bool, Option("--exact", help="refuse pins with play, which are closed in the plane otherwise")
+    ] = False,
     check: Annotated[
         bool, Option("--check", help="only check the files and whether the loops can be closed: write nothing")
     ] = False,
@@ -131,11 +134,11 @@ def raff2urdf(
 
     def process(name: str) -> list[dict[str, Any]]:
         if check:
-            return _check(name, robot, parse_loops(loop))
+            return _check(name, robot, parse_loops(loop), exact)
         loops = parse_loops(loop)
         found = convert(
             name, out, robot, loops, format=format, density=density, dialect=dialect,
-            file=target, overwrite=force,
+            file=target, overwrite=force, exact=exact,
         )  # fmt: skip
         return [_report(name, format, one) for one in found]
 
@@ -218,7 +221,7 @@ def counted(number: int, plural: str) -> str:
     return f"{number} {plural[:-1] if number == 1 else plural}"
 
 
-def _check(name: str, robot: str | None, loops: dict[str, str]) -> list[dict[str, Any]]:
+def _check(name: str, robot: str | None, loops: dict[str, str], exact: bool) -> list[dict[str, Any]]:
     from raff2urdf.analysis import analyse
     from raff2urdf.conversion import warn_of
     from raff2urdf.raff.check import check
@@ -230,7 +233,7 @@ def _check(name: str, robot: str | None, loops: dict[str, str]) -> list[dict[str
     check(document)
     reports = []
     for one in [document.robot(robot)] if robot is not None else document.robots:
-        analysis, links = analyse(document, one, loops), expanded(one).links
+        analysis, links = analyse(document, one, loops, exact), expanded(one).links
         warn_of(one.name, analysis)
         joints = sum(link.type != 0 for link in links)
         counts = {"links": len(one.links), "joints": joints, "loops": len(one.loops)}

@@ -116,6 +116,7 @@ def translate(
     out: Path | None = None,
     loops: Mapping[str, str] | None = None,
     meshes: Path | None = None,
+    exact: bool = False,
 ) -> Translation:
     """Translate one robot of a checked document, in memory.
 
@@ -127,13 +128,14 @@ def translate(
         loops: kinds (rigid, prismatic, revolute, ball) that replace the file's, by the loop's name.
         meshes: the folder to which converted graphics will be written; if None, they are written to the user's cache
             at once.
+        exact: refuse pins with play (`raff2urdf.play`).
 
     Raises:
         RaffClosureError: the loops can't be closed.
         RaffError: `loops` names what does not exist.
     """
     check_values(constraints(document, robot, None, loops), f"{document.source.name}: robot '{robot.name}'")
-    analysis, links = analyse(document, robot, loops), expanded(robot)
+    analysis, links = analyse(document, robot, loops, exact), expanded(robot)
     graphics = Graphics(links, folder, meshes)
     model, missing = _tree(document, links, graphics, out)
     values = constraints(document, robot, analysis, loops)
@@ -192,6 +194,7 @@ def convert(
     dialect: str = "json",
     file: str | None = None,
     overwrite: bool = True,
+    exact: bool = False,
 ) -> list[Conversion]:
     """Convert a RAFF file to `<stem>.urdf` and `<stem>.constraints.json` in the folder `out`, or to another format.
 
@@ -207,6 +210,7 @@ def convert(
         density: of the links, kg/m3, for formats that need masses; 1000 by default.
         file: name of the robot's own file in `out`, whose stem is that of its other files; `-` is standard output.
         overwrite: whether to replace files that were not generated; see `raff2urdf.files.check_new`.
+        exact: refuse pins with play (`raff2urdf.play`), which are closed in the plane otherwise.
         dialect: in which a URDF declares loops and couplings, besides its constraints file: json (none), constraint,
             urdf+, closing-frames, mimic or robot.yaml; see `raff2urdf.writers.urdf_dialects`.
 
@@ -228,7 +232,7 @@ def convert(
     for one in robots:
         name = stem if len(document.robots) == 1 else f"{stem}.{one.name}"
         name = name if file is None else Path(file).stem
-        made = translate(document, one, path.parent, out, loops, None if streamed else out / "meshes" / name)
+        made = translate(document, one, path.parent, out, loops, None if streamed else out / "meshes" / name, exact)
         warn_of(one.name, made.analysis, actuation=format != "urdf")
         own, *others = files(format, made, name, options).items()
         constrained = made.constraints["loops"] or made.constraints.get("couplings")

@@ -2,18 +2,18 @@
 
 A rod between two ball joints turns about the line through their centres while everything else is at rest. Such a motion
 is a null vector of the loops' Jacobian that belongs to one rod: a body, or bodies that slide or turn on its line. The
-rod has two ends, each of joints whose axes meet in one point, such as a ball joint, a universal joint, or the three
-revolute joints that stand for a ball; or of one joint. The spin is the twist that both ends allow.
+rod has two ends, each of axes that meet in one point, such as a ball joint, or the three revolute joints that stand for
+it. The spin is the twist that both ends allow.
 
-A body on two hinges with the same axis, such as the tip that both arms of a five-bar are pinned to, turns likewise, but
-about its hinges, not about itself: its angle matters, and it is not idle. Joints that a file states to be actuated, and
-coupled joints, take no part in idle motions.
+A body on a hinge whose axis leads through its other joint, such as the tip that both arms of a five-bar are pinned to,
+turns likewise, but about its hinge, not about itself: its angle matters, and it is not idle. Joints that a file states
+to be actuated, and coupled joints, take no part in idle motions.
 """
 
 from __future__ import annotations
 
 from collections.abc import Collection, Iterator, Sequence
-from itertools import pairwise
+from itertools import islice, pairwise, product
 from typing import NamedTuple
 
 import numpy as np
@@ -23,6 +23,8 @@ from raff2urdf.residual import skew
 
 Array = NDArray[np.float64]
 
+_LONGEST = 4  # bodies of a rod, which slide or turn on its line
+_MOST = 6  # joints of an end
 _ROUNDING = 1e-7  # of dimensionless screws: lines that are nearer meet
 
 
@@ -62,20 +64,21 @@ def spins(configurations: Sequence[Sequence[Edge]], fixed: Collection[int] = ())
         configurations: the same joints at regular closed configurations.
         fixed: columns that take no part: of joints that are actuated or coupled.
     """
-    found: list[Spin] = []
+    found, still = list[Spin](), set(fixed)
     for chain in _chains(configurations[0]):
-        usable = [index for index in chain if not set(configurations[0][index].columns) & set(fixed)]
-        own: list[Spin] = []
-        for size in range(1, len(chain)):
-            for first in range(len(chain) - size):
-                inner = chain[first + 1 : first + size]
-                sides = chain[first::-1], chain[first + size :]
-                ends = _group(configurations, sides[0], usable), _group(configurations, sides[1], usable)
-                bodies = _bodies(configurations[0], chain)[first : first + size]
-                if any(set(spin.bodies) <= set(bodies) for spin in own):
-                    continue
-                if all(_spin(edges, ends, inner) is not None for edges in configurations):
-                    own.append(Spin(tuple(bodies), (*ends[0], *ends[1])))
+        usable = {index for index in chain if still.isdisjoint(configurations[0][index].columns)}
+        if len(usable) < 2:
+            continue
+        bodies, own = _bodies(configurations[0], chain), list[Spin]()
+        before = [_group(configurations, chain[i::-1], usable) for i in range(len(chain) - 1)]
+        after = [_group(configurations, chain[i + 1 :], usable) for i in range(len(chain) - 1)]
+        for size, first in product(range(1, _LONGEST + 1), range(len(bodies))):
+            rod, last = tuple(bodies[first : first + size]), first + size - 1
+            if len(rod) < size or any(set(spin.bodies) <= set(rod) for spin in own):
+                continue
+            ends, inner = (before[first], after[last]), chain[first + 1 : first + size]
+            if all(_spin(edges, ends, inner) is not None for edges in configurations):
+                own.append(Spin(rod, (*ends[0], *ends[1])))
         found += own
     return found
 
@@ -131,7 +134,7 @@ def _bodies(edges: Sequence[Edge], chain: Sequence[int]) -> list[int]:
 def _group(configurations: Sequence[Sequence[Edge]], series: Sequence[int], usable: Collection[int]) -> list[int]:
     """Return the first joints of a series, as many as have axes that meet in one point at all configurations."""
     group: list[int] = []
-    for index in series:
+    for index in islice(series, _MOST):
         trial = [*group, index]
         if index not in usable or not all(_meet(edges, trial) for edges in configurations):
             break
@@ -143,7 +146,7 @@ def _meet(edges: Sequence[Edge], group: Sequence[int]) -> bool:
     """Return whether joints are rotations whose axes meet in one point."""
     screws = np.hstack([edges[i].screws for i in group])
     v, w = screws[:3], screws[3:]
-    if screws.shape[1] == 0 or np.linalg.norm(w, axis=0).min() < 0.5:
+    if screws.shape[1] == 0 or not np.isfinite(screws).all() or np.linalg.norm(w, axis=0).min() < 0.5:
         return False
     # v = p x w = -skew(w) p for all lines through the point p
     matrix, right = np.vstack([-skew(axis) for axis in w.T]), v.T.ravel()
@@ -157,9 +160,10 @@ def _spin(edges: Sequence[Edge], ends: tuple[list[int], list[int]], inner: Seque
     """Return the twist (6,) of a rod that both its ends allow, while the joints inside it are at rest; None unless
     there is just one, about a line on which these slide or turn."""
     left, right = (np.hstack([np.zeros((6, 0)), *(edges[i].screws for i in end)]) for end in ends)
-    if not left.shape[1] or not right.shape[1] or max(left.shape[1], right.shape[1]) == 1:
+    together = np.hstack([left, right])
+    if min(left.shape[1], right.shape[1]) < 2 or not np.isfinite(together).all():
         return None
-    s, vt = np.linalg.svd(np.hstack([left, right]))[1:]
+    s, vt = np.linalg.svd(together)[1:]
     values = np.concatenate([s, np.zeros(vt.shape[0] - len(s))])
     if values[-1] > _ROUNDING or (len(values) > 1 and values[-2] <= _ROUNDING):
         return None

@@ -77,10 +77,10 @@ def play(loops: KindedLoops, start: Array, best: Closing) -> dict[int, Array]:
     return offsets if close_from_afar(loops.with_moved(steps_of(offsets)), start).closed else {}
 
 
-def text(names: Sequence[str], offsets: Mapping[int, Array]) -> str:
-    """Return the text of a warning: loops that are closed in the plane."""
+def text(names: Sequence[str], offsets: Mapping[int, Array], python: str) -> str:
+    """Return the text of a warning: loops that are closed in the plane; `python` is the argument that refuses them."""
     gaps = ", ".join(f"'{names[i]}' by {1e3 * float(np.linalg.norm(offset)):.3g} mm" for i, offset in offsets.items())
     return (
         f"pins with play: {gaps} along their axes, where nothing moves, and nothing across; closed in the plane, as if "
-        "their second ends were moved by that. --exact (in Python relax=False) refuses such gaps"
+        f"their second ends were moved by that. --exact (in Python {python}) refuses such gaps"
     )

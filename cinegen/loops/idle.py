@@ -11,6 +11,8 @@ from cinegen.loops.closed_loops import ClosedLoops
 from raff2urdf.idle import Edge, Spin, motions, spins
 from raff2urdf.length import cut_screws
 
+_NOTHING = 1e-300  # what has no twist
+
 
 def edges(system: ClosedLoops, q: Array) -> list[Edge]:
     """Return all joints, and then those that were cut, as connections of bodies, at q (nq,)."""
@@ -23,7 +25,7 @@ def edges(system: ClosedLoops, q: Array) -> list[Edge]:
         screws = columns[:, own]
         turning = np.linalg.norm(screws[3:], axis=0)
         sizes = np.where(turning > 0.0, turning, np.linalg.norm(screws, axis=0))
-        found.append(Edge(model.parents[j], j, screws / sizes, tuple(own)))
+        found.append(Edge(model.parents[j], j, screws / np.maximum(sizes, _NOTHING), tuple(own)))
     for loop, (first, placement, second, _) in zip(system.loops, system.anchors, strict=True):
         screws = cut_screws(loop.kind, (data.oMi[first] * placement).homogeneous)
         found.append(Edge(first, second, screws / np.where(np.any(screws[3:], axis=0), unit, 1.0)))

@@ -115,7 +115,7 @@ def test_a_warning_of_a_home_outside_the_limits_is_of_the_line_that_loads(tmp_pa
     held = FOUR_BAR.replace("type 2 pred 0", "type 2 pred 0 limits { 170 171 }", 1)
     held = held.replace("type 2 pred 0 }", "type 2 pred 0 limits { 94 96 } }")  # while the other one stays
     path.write_text(f"RAFF stuck\n{held}")
-    with pytest.warns(cinegen.CinegenWarning, match="home is outside the limits of") as caught:
+    with pytest.warns(cinegen.CinegenWarning, match="home is outside those of joint1") as caught:
         cinegen.load(path)
     assert {warning.filename for warning in caught} == {__file__}
 

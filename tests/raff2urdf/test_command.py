@@ -127,7 +127,7 @@ def test_a_home_outside_the_limits_is_told(folder: Path, run: Run, options: tupl
     (folder / "stuck.raff").write_text(text)
     done = run("stuck.raff", *options, "--loop", "link5-frame6=ball")
     assert done.code == 0
-    assert "with loops closed, home is outside the limits of joint1" in done.err
+    assert "home is outside those of joint1 (-179.5 deg, limit 170)" in done.err
 
 
 # --- options -----------------------------------------------------------------------------------------------------
