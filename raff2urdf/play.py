@@ -25,18 +25,22 @@ Array = NDArray[np.float64]
 LARGEST_PLAY = 0.05
 """Characteristic lengths: a pin with more play is taken for a mistake."""
 
-_STILL = 1e-4  # part of the loop's motion: what is less is rounding of axes that are meant to be parallel
+ROUNDED = 1e-4
+"""Part of a loop's motion by which a gap changes, where axes are parallel but for rounding."""
+
+_PLANAR = 1e-9  # likewise, of a loop that is planar as written: others are healed
 _NOISE = 1e-6  # part of a gap that is less than what closing leaves
 _KINDS = (LoopKind.REVOLUTE, LoopKind.BALL)
 
 
-def constant_gaps(loops: KindedLoops, best: Closing) -> dict[int, Array]:
+def constant_gaps(loops: KindedLoops, best: Closing, still: float = ROUNDED) -> dict[int, Array]:
     """Return, for each open pin or ball joint whose gap no motion changes, the translation (3,) of its second end that
     closes it, in that end's axes, m.
 
     Args:
         loops: that can't be closed.
         best: the configuration with the least gap.
+        still: part of a loop's motion by which a gap may change.
     """
     rng = np.random.default_rng(0)
     jacobian = loops.evaluate(best.q)[1]
@@ -51,7 +55,7 @@ def constant_gaps(loops: KindedLoops, best: Closing) -> dict[int, Array]:
         size = float(np.linalg.norm(gap))
         if kind in _KINDS and size > CLOSED * loops.length:
             moved = [float(np.abs(gap / size @ one[rows]).max(initial=0.0)) for one in jacobians]
-            if max(moved) <= _STILL * max(float(np.abs(one[rows]).max(initial=0.0)) for one in jacobians):
+            if max(moved) <= still * max(float(np.abs(one[rows]).max(initial=0.0)) for one in jacobians):
                 offset = -placed[:3, :3].T @ gap
                 found[i] = np.where(np.abs(offset) > _NOISE * size, offset, 0.0)
     return found
@@ -70,7 +74,7 @@ def play(loops: KindedLoops, start: Array, best: Closing) -> dict[int, Array]:
         start: (nq,) the configuration as written.
         best: the configuration with the least gap.
     """
-    offsets = constant_gaps(loops, best)
+    offsets = constant_gaps(loops, best, _PLANAR)
     largest = max((float(np.linalg.norm(offset)) for offset in offsets.values()), default=0.0)
     if not 0.0 < largest <= LARGEST_PLAY * loops.length:
         return {}

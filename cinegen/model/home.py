@@ -135,7 +135,8 @@ def _determined(
     for own, at in parts:
         model = own.model
         starts = [system.model.joints[system.model.getJointId(name)].idx_v for name in model.names[1:]]
-        columns = np.concatenate([start + np.arange(nv) for start, nv in zip(starts, model.nvs[1:], strict=True)])
+        parts_of = [start + np.arange(nv) for start, nv in zip(starts, model.nvs[1:], strict=True)]
+        columns = np.concatenate([np.zeros(0, np.intp), *parts_of])
         jacobians = [
             np.vstack([own.evaluate(q[at])[1], rows[:, columns]]) for q, rows in zip(configurations, idle, strict=True)
         ]
