@@ -212,7 +212,7 @@ def _wheel(sketch, pose, radius, teeth, phase, colour):
 
 
 def loop(robot, _):
-    """A linkage of four bars."""
+    """A linkage of four bars; also a parallelogram."""
     sketch = _space(robot, (300.0, 200.0), (-100.0, -50.0), (-75.0, 48.0))
     for number in (2, 3, 4, 5):
         p, found = robot.parts[number].parameters, robot.dimensions(number)
@@ -224,11 +224,33 @@ def loop(robot, _):
     return sketch
 
 
+def slider(robot, _):
+    """A crank, a rod and a slider."""
+    sketch = _space(robot, (350.0, 150.0), (-100.0, -50.0), (-75.0, 42.0))
+    for number in (2, 4):
+        p, found = robot.parts[number].parameters, robot.dimensions(number)
+        sketch.dimension(*found.ends[1:3], f"d = {p.d:g}", 30.0 * np.cross(found.z, found.u))
+    _axis(sketch, robot, 3, 75.0, "axis 3")
+    robot.frame(sketch, 5, _FRAME)
+    return sketch
+
+
+def telescope(robot, _):
+    """Two stages of a telescope."""
+    sketch = _space(robot, (400.0, 150.0))
+    for number in (1, 2):
+        dimension_all(sketch, robot, number, 40.0)
+    _axis(sketch, robot, 2, 75.0, "axis")
+    _tool(sketch, robot, 3)
+    return sketch
+
+
 DRAWINGS = {
     f"joints_{name}": draw
     for name, draw in (
         ("any", any_axis), ("hinge", hinge), ("parallel", parallel), ("right_angle", right_angle), ("slide", slide),
         ("ball", ball), ("universal", universal), ("gear", gear), ("loop", loop),
+        ("parallelogram", loop), ("slider", slider), ("telescope", telescope),
     )
 }  # fmt: skip
 """What draws each of them."""

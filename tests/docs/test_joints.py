@@ -46,8 +46,8 @@ def card(request, tmp_path_factory):
     )
 
 
-def test_there_are_nine_recipes():
-    assert len(CARDS) == len(re.findall("^## ", TEXT, flags=re.MULTILINE)) == 9
+def test_there_are_twelve_recipes():
+    assert len(CARDS) == len(re.findall("^## ", TEXT, flags=re.MULTILINE)) == 12
 
 
 def test_the_table_has_the_parameters_of_the_text(card):

@@ -34,8 +34,8 @@ CONFIG = """<model><name>gripper</name><version>1.0</version>
 
 @pytest.fixture
 def models(tmp_path):
-    """A folder of models: the gripper, with model.config and a mesh, beside the robot's own folder. It is so deep that the
-    search for packages does not meet other tests' folders."""
+    """A folder of models: the gripper, with model.config and a mesh, beside the robot's own folder. It is so deep that
+    the search for packages does not meet other tests' folders."""
     tmp_path = tmp_path / "w" / "x" / "y" / "z"
     write(tmp_path / "gripper/model.sdf", GRIPPER)
     write(tmp_path / "gripper/model.config", CONFIG)
