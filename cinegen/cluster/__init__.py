@@ -156,10 +156,14 @@ def each(
 
     ready = as_completed(more(), loop=client.loop)  # not that of another client
     for batch in ready.batches():
+        again = []
         for future in batch:
+            if future.status in ("lost", "pending"):  # its worker has died with the result: another one repeats it
+                again.append(future)
+                continue
             _check(future)
             yield under_way.pop(future.key), future
-        ready.update(more())
+        ready.update([*again, *more()])
 
 
 def _check(future: Any) -> None:

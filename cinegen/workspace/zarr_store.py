@@ -217,8 +217,8 @@ def open_for_writing(path: Path, spec: MapSpecification, chunk_shape: tuple[int,
             finally:
                 for name in _data_arrays(store.spec):  # left by writers that were killed
                     for entry in os.scandir(path / name):
-                        if entry.name.endswith(".partial"):
-                            os.unlink(entry)
+                        if entry.name.endswith(".partial"):  # it may have been completed meanwhile
+                            Path(entry).unlink(missing_ok=True)
     except OSError as error:
         raise write_error(path, error) from None
 

@@ -10,6 +10,7 @@ import warnings
 from pathlib import Path
 
 import pytest
+from distributed import Future
 from folders import digest, files, over_joints
 
 from cinegen import cluster
@@ -105,6 +106,23 @@ def test_a_process_that_is_killed_is_replaced_and_its_chunks_are_made(spec, whol
     assert capfd.readouterr() == ("", "")
     until(lambda: len(pids(client)) == 2)
     assert len(pids(client) & before) == 1
+
+
+def test_a_result_that_is_lost_with_its_process_is_asked_for_again(client, monkeypatch):
+    """The scheduler reports a task as done, and its process dies before anybody looks."""
+    status, lost = Future.status.fget, []
+
+    def once_lost(future):
+        if not lost and sys._getframe(1).f_globals["__name__"] == "cinegen.cluster":
+            lost.append(future.key)
+            return "lost"
+        return status(future)
+
+    monkeypatch.setattr(Future, "status", property(once_lost))
+    assert sorted((task, future.result()) for task, future in cluster.each(client, abs, [-1, -2, -3])) == [
+        (-3, 3), (-2, 2), (-1, 1),
+    ]  # fmt: skip
+    assert lost
 
 
 def test_a_disk_that_is_full_for_others_is_said_here_and_what_was_finished_stays(
