@@ -18,6 +18,7 @@ _STARTS = 8  # random configurations within limits at which closing begins
 _ATTEMPTS = 10  # to draw home nearer to what is written
 _LITTLE = 0.05  # part of a distance: a smaller gain is followed by a shorter attempt
 _FOUND = 3  # closed configurations within limits of which the nearest is taken
+_NEAR = 1e-6  # rad or lengths: joints that are so near to a limit are put on it
 _LISTED = 8  # joints that are named
 
 
@@ -74,7 +75,18 @@ def _drawn(system: LoopSystem, q: Array, written: Array, bounds: JointBounds) ->
             q = there.q
         if not there.closed or gained < _LITTLE * bounds.distance(q, written):
             part *= 0.5
-    return q
+    return _on_limits(system, q, bounds)
+
+
+def _on_limits(system: LoopSystem, q: Array, bounds: JointBounds) -> Array:
+    """Return the closed q (nq,) with joints that are at a limit but for rounding exactly there, if loops close so."""
+    free, there = np.ones(system.evaluate(q)[1].shape[1], dtype=bool), q.copy()
+    for limit in (bounds.lower, bounds.upper):
+        near = np.abs(q[bounds.at] - limit) < _NEAR * bounds.scale
+        there[bounds.at[near]] = limit[near]
+        free[bounds.columns[near]] = False
+    closing = close(system, there, free)
+    return closing.q if closing.closed and bounds.contain(closing.q) else q
 
 
 class Beyond(NamedTuple):

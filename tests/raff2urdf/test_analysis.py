@@ -238,7 +238,7 @@ def test_home_is_inside_the_limits(low: float, high: float, wanted: float) -> No
     text = ROUNDED.replace("LIMITS", f"limits {{ {low} {high} }}")
     home = analysis_of(text).home
     assert gap_at(text, home) < 1e-12
-    assert home["joint3"] == pytest.approx(math.radians(wanted), abs=1e-8)
+    assert home["joint3"] == pytest.approx(math.radians(wanted), abs=1e-12)
     assert low <= math.degrees(home["joint3"]) + 1e-9
     assert math.degrees(home["joint3"]) - 1e-9 <= high
 
