@@ -1,7 +1,7 @@
 # `make help` lists what can be made. All that is needed is Python >= 3.11 with pip, and make.
 PYTHON ?= python3
-# Processes that share the tests: one more than there are cores, since some tests wait for browsers and processes.
-WORKERS ?= $(shell expr $$(getconf _NPROCESSORS_ONLN) + 1)
+# Processes that share the tests: one for each core. One more took as long on two cores.
+WORKERS ?= $(shell getconf _NPROCESSORS_ONLN)
 # What `make coverage` runs (all tests unless given), and how many of the least covered files it lists.
 TESTS ?=
 LEAST ?= 30

@@ -547,8 +547,11 @@ def test_what_the_factory_raises_is_raised_at_once():
         Clock(cores=[-1]).spawn(functools.partial(troubled, "none"))
 
 
-def test_a_process_that_does_not_end_is_ended():
-    clock = Clock(0.001).spawn(troubled, "hang")
+def test_a_process_that_does_not_end_is_ended(tmp_path):
+    fifo = tmp_path / "fifo"
+    os.mkfifo(fifo)
+    clock = Clock(0.001).spawn(troubled, "hang", str(fifo))
+    fifo.read_text()  # until the tick has begun: stopped before that, the loop would end by itself
     with pytest.raises(ClockError, match="ended by force"):
         clock.stop(timeout=0.2)
     assert not clock.running

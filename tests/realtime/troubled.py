@@ -20,8 +20,8 @@ class UnsendableError(Exception):
         super().__init__(first)
 
 
-def troubled(kind):
-    """Made in the clock's process."""
+def troubled(kind, fifo=None):
+    """Made in the clock's process; one that hangs opens a FIFO first."""
 
     def step(tick):
         if kind == "stop":
@@ -34,6 +34,7 @@ def troubled(kind):
         elif kind == "exit":
             os._exit(3)
         elif kind == "hang":
+            open(fifo, "w").close()
             time.sleep(60.0)
         elif kind == "large":
             return np.zeros(LARGEST)
