@@ -9,12 +9,12 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from raff2urdf.closure import close_from_afar, closed_walk, gaps, generic_rank
-from raff2urdf.errors import Problem, RaffClosureError, RaffError, did_you_mean
+from raff2urdf.closure import close, close_from_afar, closed_walk, gaps, generic_rank
+from raff2urdf.errors import NearlyRedundantError, Problem, RaffClosureError, RaffError, did_you_mean
 from raff2urdf.home import Beyond, close_within, moved_within, outside
 from raff2urdf.idle import Edge, motions, spins
+from raff2urdf.near_redundancy import near_redundancy
 from raff2urdf.open_loops import why_open
-from raff2urdf.placement import translation
 from raff2urdf.play import play, steps_of
 from raff2urdf.play import text as play_text
 from raff2urdf.raff.check import check_sizes
@@ -45,7 +45,8 @@ class Analysis:
         length: characteristic length at home, m.
         uncontrolled: passive joints that neither the loops nor the actuated joints determine.
         dependent: actuated joints that the loops and the others determine.
-        moved: of each loop of pins with play, by its index, the placement (4, 4) of its second end on its node.
+        moved: of each loop whose ends are moved, by its index, the placements (4, 4) of both ends on their nodes.
+        origins: of each joint that healing moves, by its name, its placement (4, 4) on its parent, at zero.
         remarks: what concerns users, in the words of `cinegen.load`.
     """
 
@@ -60,7 +61,8 @@ class Analysis:
     length: float
     uncontrolled: tuple[str, ...] = ()
     dependent: tuple[str, ...] = ()
-    moved: Mapping[int, Array] = field(default_factory=dict)
+    moved: Mapping[int, tuple[Array, Array]] = field(default_factory=dict)
+    origins: Mapping[str, Array] = field(default_factory=dict)
     remarks: tuple[str, ...] = ()
 
 
@@ -111,10 +113,11 @@ def analyse(
         document: that holds the robot.
         robot: the robot.
         loops: kinds (rigid, prismatic, revolute, ball) that replace the file's, by the loop's name.
-        exact: refuse pins with play (`raff2urdf.play`), which are closed in the plane otherwise.
+        exact: take all loops as written. Otherwise pins with play (`raff2urdf.play`) are closed in the plane.
 
     Raises:
         RaffClosureError: the loops can't be closed.
+        NearlyRedundantError: loops are nearly redundant, unless `exact`.
         RaffError: `loops` names a loop or a kind that does not exist; a length is too large.
     """
     check_sizes(document, robot)
@@ -123,19 +126,24 @@ def analyse(
     joints = [link for link in robot.links if link.type is not JointType.FIXED]
     rows, rank, gap, closure, length = 0, 0, 0.0, 0.0, length_of(document, written, kinds)
     declared = declared_actuated(written)
-    problems, remarks, moved = list[Problem](), list[str](), dict[int, Array]()
+    problems, remarks, moved = list[Problem](), list[str](), dict[int, tuple[Array, Array]]()
     values = {joint.joint: home_of(document, joint) for joint in joints}
     closed = dict(values)
     parts, elsewhere = list[tuple[Cluster, list[Array]]](), (dict(values), dict(values))
     for cluster in clusters(document, robot, kinds, length) if robot.loops or robot.couplings else ():
         gap = max(gap, *gaps(cluster, cluster.home))
-        closing = close_from_afar(cluster, cluster.start)
+        closing = close(cluster, cluster.start)
         offsets = {} if closing.closed or exact else play(cluster, cluster.start, closing)
         if offsets:
-            remarks.append(play_text(cluster.names, offsets, "exact=True"))
-            moved |= {cluster.loops[i]: translation(offset) for i, offset in offsets.items()}
-            cluster = cluster.with_moved(steps_of(offsets))
-            closing = close_from_afar(cluster, cluster.start)
+            remarks.append(play_text(cluster.names, offsets))
+            steps = steps_of(offsets)
+            moved |= {cluster.loops[i]: ends for i, ends in steps.items()}
+            cluster = cluster.with_moved(steps)
+            closing = close(cluster, cluster.start)
+        if not exact and near_redundancy(cluster, closing.q, cluster.start) is not None:
+            what = f"robot '{robot.name}': nearly redundant loops: {', '.join(cluster.names)}"
+            raise NearlyRedundantError(document.source.problem(what))
+        closing = closing if closing.closed else close_from_afar(cluster, cluster.start)
         if not closing.closed:
             why = why_open(cluster, cluster.names, cluster.start, closing, raff=True)
             problems.append(document.source.problem(f"robot '{robot.name}': {why}"))
@@ -179,7 +187,7 @@ def analyse(
         uncontrolled,
         dependent,
         moved,
-        tuple(remarks),
+        remarks=tuple(remarks),
     )
 
 

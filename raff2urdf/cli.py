@@ -119,7 +119,11 @@ def raff2urdf(
     robot: Annotated[str | None, Option(metavar="NAME", help="convert only the robot of this name")] = None,
     loop: Loops = None,
     exact: Annotated[
-        bool, Option("--exact", help="refuse pins with play, which are closed in the plane otherwise")
+        bool,
+        Option(
+            "--exact",
+            help="keep all loops as written: neither close pins with play in the plane nor heal nearly redundant loops",
+        ),
     ] = False,
     check: Annotated[
         bool, Option("--check", help="only check the files and whether the loops can be closed: write nothing")
@@ -222,18 +226,18 @@ def counted(number: int, plural: str) -> str:
 
 
 def _check(name: str, robot: str | None, loops: dict[str, str], exact: bool) -> list[dict[str, Any]]:
-    from raff2urdf.analysis import analyse
-    from raff2urdf.conversion import warn_of
+    from raff2urdf.conversion import examine, warn_of
     from raff2urdf.raff.check import check
     from raff2urdf.raff.compound import expanded
     from raff2urdf.raff.reader import parse, read
     from raff2urdf.shipped import find_robot
 
-    document = parse(read(find_robot(name)), name)
+    path = find_robot(name)
+    document = parse(read(path), name)
     check(document)
     reports = []
     for one in [document.robot(robot)] if robot is not None else document.robots:
-        analysis, links = analyse(document, one, loops, exact), expanded(one).links
+        analysis, links = examine(document, one, path.parent, loops, exact), expanded(one).links
         warn_of(one.name, analysis)
         joints = sum(link.type != 0 for link in links)
         counts = {"links": len(one.links), "joints": joints, "loops": len(one.loops)}

@@ -68,12 +68,13 @@ def constraints(
     Raises:
         RaffError: `loops` names a loop or a kind that does not exist.
     """
-    kinds, links = loop_kinds(robot, loops), expanded(robot).links
+    links, kinds = expanded(robot).links, loop_kinds(robot, loops)
     balls = [{"name": name, "joints": joints} for name, joints in spherical_joints(robot).items()]
     actuated = declared_actuated(robot)
     mobility = rows = rank = None
-    moved = {} if analysis is None else analysis.moved
+    moved: Mapping[int, tuple[ArrayLike, ArrayLike]] = {}
     if analysis is not None:
+        kinds, moved = dict(enumerate(analysis.kinds)), analysis.moved
         mobility, rows, rank = analysis.mobility, analysis.rows, analysis.rank
         actuated = {joint: joint in analysis.actuated for joint in actuated}
     joints = []
@@ -92,7 +93,7 @@ def constraints(
             kinds[i].name.lower(),
             robot.nodes[loop.first].node,
             robot.nodes[loop.second].node,
-            (IDENTITY, moved.get(i, IDENTITY)),
+            moved.get(i, (IDENTITY, IDENTITY)),
         )
         for i, (name, loop) in enumerate(zip(robot.loop_names, robot.loops, strict=True))
     ]

@@ -7,12 +7,13 @@ import warnings
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
+from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from raff2urdf.analysis import Analysis, analyse
 from raff2urdf.constraints import Constraints, check_values, constraints, for_urdf
-from raff2urdf.errors import RaffError, RaffWarning
+from raff2urdf.errors import NearlyRedundantError, RaffError, RaffWarning
 from raff2urdf.files import GENERATED, check_new, is_stream, read_bytes, stem_of, write_all
 from raff2urdf.graphics.meshes import Graphics
 from raff2urdf.raff.check import check, check_sizes
@@ -128,18 +129,47 @@ def translate(
         loops: kinds (rigid, prismatic, revolute, ball) that replace the file's, by the loop's name.
         meshes: the folder to which converted graphics will be written; if None, they are written to the user's cache
             at once.
-        exact: refuse pins with play (`raff2urdf.play`).
+        exact: take all loops as written, see `examine`.
 
     Raises:
         RaffClosureError: the loops can't be closed.
         RaffError: `loops` names what does not exist.
     """
     check_values(constraints(document, robot, None, loops), f"{document.source.name}: robot '{robot.name}'")
-    analysis, links = analyse(document, robot, loops, exact), expanded(robot)
+    analysis, links = examine(document, robot, folder, loops, exact), expanded(robot)
     graphics = Graphics(links, folder, meshes)
     model, missing = _tree(document, links, graphics, out)
+    for joint in model.robot.joints:
+        joint.origin = analysis.origins.get(joint.name, joint.origin)
     values = constraints(document, robot, analysis, loops)
     return Translation(links, model, values, analysis, missing, graphics.written, out)
+
+
+def examine(
+    document: Document, robot: RaffRobot, folder: Path, loops: Mapping[str, str] | None = None, exact: bool = False
+) -> Analysis:
+    """Return the analysis of one robot of a checked document.
+
+    Pins with play are closed in the plane, and nearly redundant loops healed or relaxed, as `cinegen.load` does: by
+    cinegen, which is imported for these alone.
+
+    Args:
+        document: that holds the robot.
+        robot: the robot.
+        folder: of the RAFF file.
+        loops: kinds (rigid, prismatic, revolute, ball) that replace the file's, by the loop's name.
+        exact: take all loops as written.
+
+    Raises:
+        RaffClosureError: the loops can't be closed.
+        RaffError: `loops` names what does not exist.
+    """
+    try:
+        return analyse(document, robot, loops, exact)
+    except NearlyRedundantError:
+        healer = import_module("cinegen.model.healed")  # raff2urdf does without Pinocchio otherwise
+    analysis: Analysis = healer.healed(document, robot, folder, loops)
+    return analysis
 
 
 def describe(
@@ -210,7 +240,8 @@ def convert(
         density: of the links, kg/m3, for formats that need masses; 1000 by default.
         file: name of the robot's own file in `out`, whose stem is that of its other files; `-` is standard output.
         overwrite: whether to replace files that were not generated; see `raff2urdf.files.check_new`.
-        exact: refuse pins with play (`raff2urdf.play`), which are closed in the plane otherwise.
+        exact: take all loops as written. Otherwise pins with play (`raff2urdf.play`) are closed in the plane, and
+            nearly redundant loops (`raff2urdf.near_redundancy`) healed or relaxed.
         dialect: in which a URDF declares loops and couplings, besides its constraints file: json (none), constraint,
             urdf+, closing-frames, mimic or robot.yaml; see `raff2urdf.writers.urdf_dialects`.
 

@@ -79,6 +79,10 @@ class RaffClosureError(RaffError):
     """Loops that cannot be closed: which ones, their least gaps, and which weaker kinds of loop would close."""
 
 
+class NearlyRedundantError(RaffClosureError):
+    """Loops that rounded numbers keep from closing, or from moving: see `raff2urdf.near_redundancy`."""
+
+
 class RaffWarning(UserWarning):
     """Input that is valid but probably not intended."""
 

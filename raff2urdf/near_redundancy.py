@@ -78,11 +78,15 @@ def near_redundancy(system: LoopSystem, *starts: Array) -> NearRedundancy | None
     What is small is not known beforehand, so several thresholds are tried, and the one whose singular values are parted
     most clearly is used; of those that find the same number of independent equations, the smallest.
 
+    Clusters of more than `MOST_ROWS` equations are not examined.
+
     Args:
         system: a cluster of loops, which share joints.
         starts: (nq,) configurations to begin at, closed or nearly; others are tried where the first is singular.
     """
     best: tuple[float, NearRedundancy | None] = (0.0, None)
+    if len(system.evaluate(starts[0])[0]) > MOST_ROWS:
+        return None
     for small in _SMALL:
         settled = next((s for s in (settle(system, q, small) for q in starts) if s is not None), None)
         if settled is None or settled.rank == len(settled.c):

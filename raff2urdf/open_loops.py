@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from raff2urdf.closure import CLOSED, Closing, KindedLoops, close_from_afar, gaps, rank, residuals
 from raff2urdf.escape import shell_word
-from raff2urdf.near_redundancy import LARGEST_GAP, MOST_ROWS, near_redundancy
+from raff2urdf.near_redundancy import LARGEST_GAP, near_redundancy
 from raff2urdf.placement import rotation, translation
 from raff2urdf.play import constant_gaps
 from raff2urdf.raff import texts
@@ -75,7 +75,7 @@ def why_open(loops: KindedLoops, names: Sequence[str], start: Array, best: Closi
         f"these are the least gaps found, in the axes of each loop's first end; {jacobian.shape[0]} loop rows of "
         f"rank {rank(jacobian)} on {jacobian.shape[1]} joints",
     ]
-    if max(remaining) <= LARGEST_GAP and len(jacobian) <= MOST_ROWS and near_redundancy(loops, best.q, start):
+    if max(remaining) <= LARGEST_GAP and near_redundancy(loops, best.q, start):
         lines.append("these loops are nearly redundant, since numbers are rounded: `cinegen heal` writes exact ones")
     turns = _turns(loops, open_loops, start)
     apart = [

@@ -22,6 +22,9 @@ from raff2urdf.residual import ROWS
 
 Array = NDArray[np.float64]
 
+EXACT = "--exact (in Python load(relax=False), convert(exact=True))"
+"""The option that keeps all loops as written, for messages."""
+
 LARGEST_PLAY = 0.05
 """Characteristic lengths: a pin with more play is taken for a mistake."""
 
@@ -81,10 +84,10 @@ def play(loops: KindedLoops, start: Array, best: Closing) -> dict[int, Array]:
     return offsets if close_from_afar(loops.with_moved(steps_of(offsets)), start).closed else {}
 
 
-def text(names: Sequence[str], offsets: Mapping[int, Array], python: str) -> str:
-    """Return the text of a warning: loops that are closed in the plane; `python` is the argument that refuses them."""
+def text(names: Sequence[str], offsets: Mapping[int, Array]) -> str:
+    """Return the text of a warning: loops that are closed in the plane."""
     gaps = ", ".join(f"'{names[i]}' by {1e3 * float(np.linalg.norm(offset)):.3g} mm" for i, offset in offsets.items())
     return (
         f"pins with play: {gaps} along their axes, where nothing moves, and nothing across; closed in the plane, as if "
-        f"their second ends were moved by that. --exact (in Python {python}) refuses such gaps"
+        f"their second ends were moved by that. {EXACT} refuses such gaps"
     )

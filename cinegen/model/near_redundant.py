@@ -16,9 +16,9 @@ from cinegen.loops.closed_loops import ClosedLoops
 from cinegen.loops.clusters import subsystems
 from cinegen.model.healing import LARGEST_CHANGE, heal, in_bodies, moved
 from raff2urdf import closure
-from raff2urdf.near_redundancy import MOST_ROWS, NearRedundancy, near_redundancy
+from raff2urdf.near_redundancy import NearRedundancy, near_redundancy
 from raff2urdf.placement import roll_pitch_yaw, translation
-from raff2urdf.play import play, text
+from raff2urdf.play import EXACT, play, text
 from raff2urdf.raff.document import LoopKind
 from raff2urdf.readers.urdf import joints, origin, parse
 from raff2urdf.residual import ROWS
@@ -48,8 +48,6 @@ def made_exact(
     twists: dict[tuple[str, str], Array] = {}
     texts, names = [], {joint.get("name") for joint in joints(tree)}
     for own, at in subsystems(system):
-        if own.rows > MOST_ROWS:
-            continue
         start = closure.close(own, q[at]).q
         found = near_redundancy(own, start, q[at])
         if found is None:
@@ -77,7 +75,7 @@ def made_exact(
         f"{name}: nearly redundant loops: equations that would depend on each other, were the numbers not rounded, "
         "can't all be solved. They leave open"
     )
-    advice = "`cinegen heal` writes exact numbers; --exact (in Python relax=False) keeps all loops as written"
+    advice = f"`cinegen heal` writes exact numbers; {EXACT} keeps all loops as written"
     warn("\n  ".join([message, *texts, advice]))
     length = np.repeat([system.length, 1.0], 3)
     steps = {key: pin.exp6(twist * length).homogeneous for key, twist in twists.items()}
@@ -112,7 +110,7 @@ def in_plane(constraints: Mapping[str, Any], system: ClosedLoops, q: Array, name
         offsets = {} if closing.closed else play(own, q[at], closing)
         if offsets:
             names = [loop.name for loop in own.loops]
-            texts.append(text(names, offsets, "relax=False"))
+            texts.append(text(names, offsets))
             found |= {names[i]: translation(offset) for i, offset in offsets.items()}
     if not found:
         return None

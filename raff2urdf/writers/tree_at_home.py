@@ -6,8 +6,9 @@ links are placed at closed home.
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping
+from collections.abc import Collection, Mapping, Sequence
 from functools import cached_property
+from itertools import product
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -19,7 +20,7 @@ from raff2urdf.readers.urdf import UNLIMITED
 from raff2urdf.tree import WORLD
 
 if TYPE_CHECKING:
-    from yourdfpy import Geometry, Joint, Limit, Link
+    from yourdfpy import Geometry, Joint, Limit, Link, Robot
 
     from raff2urdf.conversion import Translation
 
@@ -33,7 +34,7 @@ class TreeAtHome:
     """A robot's tree at closed home.
 
     Attributes:
-        model: the tree of its URDF.
+        model: the tree of its URDF; ends of loops that are not on a link's frame are links of their own.
         home: the joint values at closed home, by name (rad, m), of the joints that move.
         entries: of these joints in the constraints file, by name, with their `limits` and `velocity`; None without any.
         loops: its entries of the loops.
@@ -46,15 +47,16 @@ class TreeAtHome:
     """
 
     def __init__(self, translation: Translation) -> None:
-        self.model, self.home = translation.model.robot, translation.analysis.home
+        self.model, self.loops = _with_ends(translation.model.robot, translation.constraints["loops"])
+        self.home = translation.analysis.home
         bounds = {joint.name: _bounds(joint.limit) for joint in self.model.joints if joint.limit is not None}
         self.entries = {entry["name"]: entry | bounds[entry["name"]] for entry in translation.constraints["joints"]}
-        self.loops = translation.constraints["loops"]
         self.couplings: list[Coupling] = [coupling_of(one) for one in translation.constraints.get("couplings", [])]
         self.link: dict[str, Link] = {link.name: link for link in self.model.links}
         self.joint_of: dict[str, Joint] = {joint.child: joint for joint in self.model.joints}
         self.root = next(iter(self.link))
         children = [part.node for part in translation.robot.outward]
+        children += [link.name for link in self.model.links[len(translation.model.robot.links) :]]
         self.order = [self.joint_of[child] for child in ("base", *children) if child in self.joint_of]
         self.floating = self.joint_of["base"] if translation.robot.movable else None
 
@@ -96,6 +98,22 @@ class TreeAtHome:
         """The bodies of `rigid` that can move."""
         fixed = {self.root, *(joint.child for joint in self.order if joint.type == "fixed")}
         return {carrier: parts for carrier, parts in self.rigid.items() if carrier not in fixed}
+
+
+def _with_ends(robot: Robot, loops: Sequence[Mapping[str, Any]]) -> tuple[Robot, list[dict[str, Any]]]:
+    """Return a robot that has a link at each end of a loop that is not on a link's frame, behind its own links, and the
+    loops between links' frames."""
+    from yourdfpy import Joint, Link, Robot
+
+    links, joints, found = list(robot.links), list(robot.joints), [dict(loop) for loop in loops]
+    for loop, which in product(found, ("first", "second")):
+        end = loop[which]
+        if not np.array_equal(end["placement"], np.eye(4)):
+            name = unique_name(f"{loop['name']}.{which}", [link.name for link in links])
+            links.append(Link(name=name))
+            joints.append(Joint(name, "fixed", end["node"], name, origin=np.array(end["placement"])))
+            loop[which] = {"node": name, "placement": np.eye(4)}
+    return Robot(robot.name, links, joints), found
 
 
 def _bounds(limit: Limit) -> dict[str, Any]:

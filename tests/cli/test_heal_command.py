@@ -37,9 +37,15 @@ def test_only_numbers_change_and_each_is_listed(tilted, tmp_path, capsys):
     assert healed.mobility == 1
     assert healed.closure(healed.q_home) < 1e-12
     # what fails by rounding names this command, which helps
-    assert raff2urdf(["--check", str(tilted)]) == 1
+    assert raff2urdf(["--check", "--exact", str(tilted)]) == 1
     assert "`cinegen heal` writes exact ones" in capsys.readouterr().err
-    assert raff2urdf(["--check", str(out)]) == 0
+    assert raff2urdf(["--check", "--exact", str(out)]) == 0
+
+
+def test_raff2urdf_tells_what_it_heals(tilted, capsys):
+    assert raff2urdf(["--check", str(tilted)]) == 0
+    assert "warning: " in (said := capsys.readouterr().err)
+    assert "healed: placements changed by up to" in said
 
 
 def test_nothing_to_heal(root, tmp_path, capsys):

@@ -44,11 +44,12 @@ def test_they_are_closed_in_the_plane_with_one_warning(kind):
         analyse(document, document.robot(), exact=True)
 
 
-def test_raff2urdf_writes_them_closed(tmp_path):
+@pytest.mark.parametrize("form", ["urdf", "sdf", "mjcf"])
+def test_raff2urdf_writes_them_closed(form, tmp_path):
     (tmp_path / "bars.raff").write_text(bars(0.45), encoding="utf-8")
     with pytest.warns(raff2urdf.RaffWarning, match=r"0\.45 mm along"):
-        (made,) = raff2urdf.convert(tmp_path / "bars.raff", tmp_path)
-    assert cinegen.load(made.file).mobility == 1
+        (made,) = raff2urdf.convert(tmp_path / "bars.raff", tmp_path, format=form)
+    assert cinegen.load(made.file, relax=False).mobility == 1
 
 
 @pytest.mark.parametrize(("gap", "relax"), [(0.45, False), (40.0, None)], ids=["exact", "too much to be play"])

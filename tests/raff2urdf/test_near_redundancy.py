@@ -118,6 +118,27 @@ def test_exact_mechanisms_stay_as_they_are(name, recwarn):
     assert not [one for one in recwarn if "redundant" in str(one.message)]
 
 
+@pytest.mark.parametrize(("form", "suffix"), [("urdf", ".urdf"), ("sdf", ".sdf"), ("mjcf", ".xml")])
+@pytest.mark.parametrize(("name", "angle"), [("sarrus", 0.0), ("bennett", 40)])
+def test_raff2urdf_heals_as_load_does_and_what_it_writes_is_exact(name, angle, form, suffix, tmp_path):
+    text, mobility = EXACT[name]
+    path = tmp_path / "rounded.raff"
+    path.write_text(text.replace(f"alpha {angle}", f"alpha {angle + 1e-4}", 1), encoding="utf-8")
+    with pytest.warns(cinegen.CinegenWarning, match="healed") as told:
+        loaded = cinegen.load(path)
+    with pytest.warns(cinegen.CinegenWarning, match="healed") as said:
+        (made,) = raff2urdf.convert(path, tmp_path, format=form)
+    assert [str(one.message) for one in said] == [str(one.message) for one in told]
+    assert made.file.suffix == suffix
+    assert made.analysis.mobility == loaded.mobility == mobility
+    assert made.analysis.actuated == loaded.actuated
+    again = cinegen.load(made.file)  # without a warning
+    assert again.mobility == mobility
+    for node in loaded.nodes:
+        apart = again.placement(again.q_home, node).actInv(loaded.placement(loaded.q_home, node))
+        np.testing.assert_allclose(apart.homogeneous, np.eye(4), atol=1e-9)
+
+
 def test_a_gap_that_is_no_rounding_is_an_error():
     urdf, constraints = described(mechanisms.four_bar(2))
     constraints["loops"][0]["first"]["placement"][2][3] += 0.1
