@@ -299,3 +299,16 @@ def test_nested_models_with_the_same_name_are_an_error(write):
     text = '<sdf version="1.9"><model name="m"><link name="a"/>\n<model name="n"><link name="b"/></model>'
     with pytest.raises(cinegen.CinegenError, match=r":3: model 'n' is defined twice"):
         cinegen.load(write(text + '\n<model name="n"><link name="c"/></model></model></sdf>'))
+
+
+def test_an_empty_link_world_is_the_world_and_another_is_refused(write):
+    text = """<sdf version="1.6"><model name="m"><pose>0 0 1 0 0 0</pose><link name="world"/><link name="tool"/>
+      <joint name="lift" type="prismatic"><parent>world</parent><child>tool</child><axis><xyz>0 0 1</xyz></axis></joint>
+      </model></sdf>"""
+    mechanism = cinegen.load(write(text))
+    assert mechanism.source.notes == ("the empty link 'world' is taken for the world itself",)
+    assert mechanism.placement(np.array([0.5]), "tool").translation.tolist() == [0.0, 0.0, 1.5]
+    shaped = text.replace('<link name="world"/>', '<link name="world"><visual name="v"/></link>')
+    with pytest.raises(cinegen.CinegenError, match=r":1: a link can't be called 'world'.*rename it"):
+        cinegen.load(write(shaped))
+    assert cinegen.load(write(shaped.replace("world", "ground"))).joints == ("lift",)

@@ -106,7 +106,7 @@ def test_files_are_named_relative_or_by_their_model(models):
     home = models / "robot"
     for folder in ("parts/gripper", "gripper"):
         write(home / folder / "model.sdf", GRIPPER)
-    for uri in ("parts/gripper", "parts/gripper/model.sdf", "gripper", "model://gripper/model.sdf"):
+    for uri in ("parts/gripper", "parts/gripper/model.sdf", "gripper", "model://gripper/model.sdf", "file://gripper"):
         assert at(cinegen.load(robot(models, uri, place)), "gripper::finger").isApprox(expected)
 
 

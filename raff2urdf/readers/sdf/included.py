@@ -176,7 +176,8 @@ def _found(include: Any, uri: str, place: _Place) -> _Place:
     if scheme in ("http", "https"):
         fetched = "download it, for instance by `gz fuel download`, and name its folder"
         raise error_at(name, include, f"{label} is on a server: {fetched}")
-    words = [uri] if has_scheme or os.path.isabs(uri) else [uri, f"model://{uri}"]
+    file = rest if scheme == "file" else "" if has_scheme else uri
+    words = [uri] if not file or os.path.isabs(file) else [uri, f"model://{file}"]
     problems: list[RaffError] = []
     for word in words:
         try:

@@ -138,7 +138,10 @@ class SdfModelReader:
         links, joints, frames = (list(poses.model.iterchildren(tag)) for tag in ("link", "joint", "frame"))
         for own, link in by_name(links, self.name, poses.prefix).items():
             if own == WORLD:
-                raise self._error(link, f"a link can't be called '{WORLD}', which is the world itself: rename it")
+                if next(link.iterchildren("inertial", "visual", "collision"), None) is not None:
+                    raise self._error(link, f"a link can't be called '{WORLD}', which is the world itself: rename it")
+                found.notes.append(f"the empty link '{WORLD}' is taken for the world itself")
+                continue
             found.links[poses.prefix + own] = link
             found.placements[poses.prefix + own] = poses.of_element(link)
         for own, frame in by_name(frames, self.name, poses.prefix).items():
