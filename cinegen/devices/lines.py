@@ -7,7 +7,7 @@ from collections.abc import Callable
 from typing import BinaryIO
 
 from cinegen.arrays import Array
-from cinegen.errors import CinegenError
+from cinegen.errors import CinegenError, warn
 from cinegen.model import ForwardKinematics, Mechanism
 from cinegen.model.plausible import ImplausibleError, check_joint
 from cinegen.tolerances import AT_LIMIT, CLOSURE
@@ -20,14 +20,15 @@ class Lines:
 
     Joints that a line does not name keep their values; a blank line moves nothing. If a line is invalid, if a value can
     only be meant in degrees or mm, if the loops can't follow on their branch, or if a joint, actuated or not, would be
-    beyond its limits (further than before), nothing moves and the answer is `{"error": "..."}`.
+    beyond its limits (further than before), nothing moves and the answer is `{"error": "..."}`. The first answer whose
+    branch is not proved (`ForwardKinematics.is_proved`) comes with a warning.
 
     Args:
         motion: mechanism on a branch.
     """
 
     def __init__(self, motion: ForwardKinematics) -> None:
-        self._motion = motion
+        self._motion, self._warns = motion, True
         self._template, self._picked = _template(motion.mechanism)
 
     def answer(self, line: str) -> str:
@@ -62,6 +63,12 @@ class Lines:
         """
         mechanism, before = self._motion.mechanism, self._motion.q
         q = self._motion.move(values)
+        if self._warns and not self._motion.is_proved:
+            self._warns = False
+            warn(
+                f"{mechanism.name}: from here on answers are not proved to be on the branch of the start: the actuated "
+                "joints do not determine the others there, or couplings are not linear"
+            )
         if mechanism.limits.within(q):
             return q
         for name, limit in mechanism.limits.exceeded(q, AT_LIMIT).items():

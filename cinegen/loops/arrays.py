@@ -67,6 +67,7 @@ def set_up(memory: AnyMemory, system: ClosedLoops, ranks: Sequence[int], fixed: 
     if memory.has_pinocchio:
         _set_up_pinocchio(memory, model)
     row = step = cut = 0
+    memory.row_loop[:] = -1
     for i, (loop, anchor) in enumerate(zip(system.loops, system.anchors, strict=True)):
         joints, offsets, columns = anchor[::2], anchor[1::2], system.columns[i]
         memory.loop_kind[i], memory.loop_row[i], memory.loop_cut[i] = getattr(residual, loop.kind.name), row, cut
@@ -74,6 +75,7 @@ def set_up(memory: AnyMemory, system: ClosedLoops, ranks: Sequence[int], fixed: 
         sizes, columns = system.sizes[i][columns >= fixed], columns[columns >= fixed] - fixed
         end = step + len(columns)
         memory.loop_steps[i], memory.step_dof[step:end], memory.step_size[step:end] = (step, end), columns, sizes
+        memory.row_loop[row : row + loop.rows] = i
         row, step, cut = row + loop.rows, end, cut + system.cut_dof[i]
     _set_up_couplings(memory, system)
     _set_up_clusters(memory, system, ranks)

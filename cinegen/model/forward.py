@@ -31,9 +31,12 @@ class ForwardKinematics:
     """Forward kinematics on one branch: the mechanism stays in its assembly mode.
 
     The actuated joints move along a straight line to their values, in steps, and the loops are closed after each step.
-    A step is accepted only if closing the loops corrects its prediction little; otherwise half of it is tried. So a
-    motion of any length ends where a slow one would. `Mechanism.close` instead returns a closed configuration near the
-    given one, which after a long motion may be on another branch.
+    A step is accepted only if it is proved to stay on the branch, up to rounding (`cinegen.loops._kernels.proof`);
+    otherwise half of it is tried. So a motion of any length ends where a slow one would, and one that meets a
+    singularity, where branches meet, fails. There is no proof where the actuated joints do not determine the others, as
+    at a singular start, or where couplings are not linear: then steps are accepted if closing the loops corrects their
+    prediction little, and `is_proved` is False. `Mechanism.close` instead returns a closed configuration near the given
+    one, which after a long motion may be on another branch.
 
     For one thread at a time; the mechanism may be shared. Joint limits are not considered.
 
@@ -94,11 +97,16 @@ class ForwardKinematics:
             )
         self._set(full.copy())
 
+    @property
+    def is_proved(self) -> bool:
+        """True if the present configuration is proved to be on the branch to which `q` was set last, up to rounding."""
+        return bool(self._memory.is_proved)
+
     def _set(self, q: Array) -> None:
         self._q = q
         self._goal[:] = q[self._q_indices]
         self._memory.q[:] = q
-        self._memory.factored_at, self._memory.alike = NOWHERE, 0
+        self._memory.factored_at, self._memory.alike, self._memory.is_proved = NOWHERE, 0, 1
 
     def move(self, values: Mapping[str, float]) -> Array:
         """Move actuated joints; the others keep their values. If that fails, nothing moves.
@@ -193,10 +201,12 @@ class ForwardKinematics:
         reached = ", ".join(
             f"{name} {memory.q[i]:.5g}" for name, i in zip(self._actuated, self._q_indices, strict=True)
         )
+        is_proved = memory.is_proved
         self._set(self._q)
+        memory.is_proved = is_proved
         raise ClosureError(
             f"the actuated joints of {self.mechanism.name} can't reach these values on this branch: "
-            f"the motion ends at {reached}"
+            f"the motion ends at {reached}{', near a singularity' if is_proved else ''}"
         )
 
     def _not_actuated(self, name: str) -> CinegenError:
@@ -209,6 +219,9 @@ class ForwardKinematics:
 def set_up_path(memory: LoopMemory) -> None:
     """Set how the kernels follow a path of the actuated joints."""
     memory.tolerance, memory.longest_stride, memory.most_added = _TOLERANCE, _STRIDE, _CORRECTION
+    memory.proves = 1
+    for cluster in memory.cluster_memories:
+        cluster.resize(proved=cluster.n, proof_width=cluster.n + cluster.rows)
 
 
 def _number(name: str, value: object) -> float:

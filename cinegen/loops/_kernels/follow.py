@@ -1,8 +1,9 @@
 """Follow the actuated joints on one branch: they move along a straight line to their goal, loops stay closed.
 
 Each step is predicted along the tangent of the path and corrected with the actuated joints locked. It is accepted only
-if the correction is small: a large one would lead into another assembly mode, and half of the step is tried
-(predictor-corrector; E. L. Allgower and K. Georg, "Introduction to numerical continuation methods", 2003).
+if it is proved to stay on the branch (`proof`). Where that can't be, as at a singular start, or is not asked for, it is
+accepted if the correction is small: a large one would lead into another assembly mode. Otherwise half of the step is
+tried (predictor-corrector; E. L. Allgower and K. Georg, "Introduction to numerical continuation methods", 2003).
 
 If the actuated joints move by as much as before, as along the lines of a grid, the second-order terms of the last two
 steps are extrapolated to this one, which leaves an error of order h^4 for a step h.
@@ -18,10 +19,12 @@ from cinegen.jit.vectors import copy
 from cinegen.loops._kernels.closure import close, factor_loops, loop_correction
 from cinegen.loops._kernels.kinematics import difference, evaluate, integrate
 from cinegen.loops._kernels.memory import AT_Q, NOWHERE, ClusterMemory, LoopMemory, cluster_at
+from cinegen.loops._kernels.proof import NO_PROOF, PROVED, keep, prepare, prove
 from cinegen.loops._kernels.residual import evaluate_loops
 from cinegen.loops.thresholds import CLOSURE
 
 _MOST_HALVED = 6
+_MOST_PROVED = 18  # halvings of a step that may be proved
 _MOST = 12  # corrections of a step
 _FAR = 1e6  # rad or lengths: a longer tangent has diverged
 _ALIKE = 1e-6  # relative difference of two steps of the actuated joints that count as equal
@@ -44,9 +47,9 @@ def set_out(memory: LoopMemory) -> None:
 @compiled
 def go_on(memory: LoopMemory) -> bool:
     """Follow the path. Return whether its end was reached; then frames are evaluated there."""
-    while memory.halvings <= _MOST_HALVED and _step(memory):
+    while memory.halvings <= (_MOST_PROVED if memory.proves != 0 else _MOST_HALVED) and _step(memory):
         close(memory, memory.tolerance, _MOST, False)
-        if _is_near(memory) and (memory.corrections == 0 or _is_on_branch(memory)):
+        if _is_accepted(memory):
             copy(memory.trial, memory.q, memory.nq)
             memory.closure = memory.gap
             if memory.corrections == 0:
@@ -96,6 +99,8 @@ def _find_tangent(memory: LoopMemory) -> None:
             tangent[k] = 0.0
     for a in range(memory.actuated):
         tangent[memory.actuated_dof[a]] = delta[memory.actuated_dof[a]]
+    if memory.proves != 0:
+        prepare(memory, is_new)
 
 
 @compiled
@@ -131,12 +136,30 @@ def _step(memory: LoopMemory) -> bool:
 
 
 @compiled
-def _is_near(memory: LoopMemory) -> bool:
-    """Return whether `trial` is closed and near the prediction: otherwise it is on another branch."""
+def _is_accepted(memory: LoopMemory) -> bool:
+    """Return whether `trial` is on the branch of q: proved, if that is asked for and possible."""
     if not memory.gap <= CLOSURE:
         return False
-    added, size = 0.0, 0.0
     difference(memory, memory.q, memory.trial, memory.delta)
+    if memory.proves != 0:
+        evaluate_loops(memory, True)
+        status = prove(memory)
+        if status == PROVED:
+            keep(memory)
+        if status != NO_PROOF:
+            return bool(status == PROVED)
+        if memory.halvings > _MOST_HALVED:
+            memory.halvings = _MOST_PROVED
+    if _is_near(memory) and (memory.corrections == 0 or _is_on_branch(memory)):
+        memory.is_proved = 0
+        return True
+    return False
+
+
+@compiled
+def _is_near(memory: LoopMemory) -> bool:
+    """Return whether `trial` is near the prediction: otherwise it is on another branch."""
+    added, size = 0.0, 0.0
     for k in range(memory.n):
         predicted = memory.part * memory.tangent[k]
         size = max(size, abs(predicted))

@@ -72,6 +72,17 @@ class ClusterMemory(Memory):
     determinant: Array = array("rows", "rows")  # scratch
     side: float = state(0.0)  # sign of a determinant at q
 
+    # proving that its steps stay on their branch
+    proved: int = parameter(0)  # n, or 0 where that is not asked for
+    proof_width: int = parameter(0)  # n + rows, or 0
+    passive: int = state(0)
+    passive_dof: Table = array("proved", dtype=int)
+    inverse: Array = array("proved", "rows")  # of the passive joints' columns, at q or near it
+    normal: Array = array("proved", "proof_width")  # scratch
+    error: float = state(math.inf)  # |1 - P J_p| of this inverse P at q; infinite if there is none
+    error_at_end: float = state(0.0)
+    tilt: float = state(0.0)  # |P J v| of the tangent v
+
 
 cluster_at = view(ClusterMemory)
 
@@ -141,6 +152,7 @@ class LoopMemory(Memory):
     loop_joints: Table = array("loops", 2, dtype=int)  # the joints that carry its ends
     loop_offsets: Array = array("loops", 2, 4, 3)  # its ends, relative to these joints
     loop_row: Table = array("loops", dtype=int)  # its first row
+    row_loop: Table = array("rows", dtype=int)  # the loop of each row, -1 of couplings
     loop_cut: Table = array("loops", dtype=int)  # its first column of `cut_rates`
     loop_steps: Table = array("loops", 2, dtype=int)  # range of its entries in the two lists below
     step_dof: Table = array("steps", dtype=int)  # DoF that move its ends relative to each other
@@ -199,6 +211,8 @@ class LoopMemory(Memory):
     tolerance: float = parameter(0.0)  # loops are closed to this
     longest_stride: float = parameter(0.0)
     most_added: float = parameter(0.0)  # largest correction, as a fraction of the step
+    proves: int = parameter(0)  # whether steps are to be proved to stay on their branch
+    is_proved: int = state(0)  # all steps since q was set are
     halvings: int = state(0)
     part: float = state(0.0)  # present step, as a fraction of the remaining path
     tangent: Array = array("n")  # the remaining path, to first order
