@@ -69,7 +69,7 @@ class DegenerateError(ArithmeticError):
 
 
 class Closures(NamedTuple):
-    """What is known of all closures of a loop.
+    """The real closures of a loop, and their largest number.
 
     Attributes:
         angles: (n, 6) of the real ones, and of pairs that rounding may have made complex.

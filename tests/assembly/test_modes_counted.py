@@ -21,8 +21,10 @@ from linkages import (
     tripod,
     tripod_points,
 )
+from making import direction
 from numpy.random import default_rng as rng
 
+import cinegen
 from cinegen.assembly import assembly_modes
 from cinegen.hexapod import TSSM, Hexapod
 
@@ -367,3 +369,19 @@ def test_a_tripod_is_a_platform_on_three_pairs_of_rods(built):
     alike([s[0] @ np.linalg.inv(start) for s in seen], list(TSSM(base, heads).modes(lengths).placements))
     assert modes.counts.real + modes.counts.complex == 16
     traced(modes)
+
+
+@pytest.mark.parametrize("cut", ["joint", "rigid"])
+def test_legs_of_six_revolute_joints_have_up_to_sixteen_configurations_each(built, cut):
+    """The platform is fixed at a pose; a leg may be cut at one of its joints."""
+    random = rng(3)
+    legs = [[hinge(random.uniform(-1.0, 1.0, 3), direction(random), k < 3) for k in range(6)] for _ in range(2)]
+    m = built(legged(legs, cut))
+    q = m.random_closed(2, seed=1)[-1]
+    found = cinegen.inverse_kinematics(m, {"tool": m.placement(q, "tool")}, all=True)
+    assert found.proved
+    assert found.counts.total == 16 * 16
+    assert len(found) == found.certified == found.counts.real
+    assert max(map(m.closure, found)) < 1e-12
+    assert max(map(max, found.errors)) < 1e-12
+    assert min(m.distance(q, other) for other in found) < 1e-9
