@@ -91,10 +91,10 @@ def closures(constants: Sequence[arb_mat]) -> Closures:
     """
     with precise(BITS):
         nudged = [*constants[:5], constants[5] * _nudge()]
-        turned = [(_Loop(_turn(constants, k)), _Loop(_turn(nudged, k)), k) for k in range(6)]
-        for loop, other, k in sorted(turned, key=lambda one: -one[0].pivot):
+        turned = [(_Loop(_turn(constants, k)), k) for k in range(6)]
+        for loop, k in sorted(turned, key=lambda one: -one[0].pivot):
             try:
-                roots, moved = loop.roots, other.roots
+                roots, moved = loop.roots, _Loop(_turn(nudged, k)).roots
             except (DegenerateError, ZeroDivisionError):
                 continue
             if not (_are_among(roots, moved) and _are_among(moved, roots)):

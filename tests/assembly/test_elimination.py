@@ -7,6 +7,8 @@ import math
 import numpy as np
 import pinocchio as pin
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
 from cinegen.assembly.elimination import BITS, DegenerateError, closures
 from cinegen.balls import frame, precise
@@ -73,6 +75,18 @@ def test_as_many_closures_as_real_roots_and_the_known_one_is_among_them(made, se
     assert max(gap(loop, one) for one in found.angles) < 1e-12
     assert min(near(one, angles) for one in found.angles) < 1e-10
     assert all(near(one, other) > 1e-6 for k, one in enumerate(found.angles) for other in found.angles[:k])
+
+
+@settings(max_examples=10)
+@given(st.integers(0, 10**6), st.floats(-10.0, -1.0), st.integers(1, 5))
+def test_closures_do_not_depend_on_where_the_loop_begins(seed, exponent, first):
+    rng = np.random.default_rng(seed)
+    loop, angles = closed(almost_parallel(rng, 10.0**exponent), rng.uniform(-3.0, 3.0, 6))
+    found, turned = counted(loop), counted([*loop[first:], *loop[:first]])
+    assert found.real == turned.real
+    assert min(near(one, angles) for one in found.angles) < 1e-6
+    for one in found.angles:
+        assert min(near(np.roll(one, -first), other) for other in turned.angles) < 1e-6
 
 
 def test_a_loop_that_can_not_be_closed_has_no_real_root():
