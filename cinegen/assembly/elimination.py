@@ -72,8 +72,8 @@ class Closures(NamedTuple):
     """The real closures of a loop, and their largest number.
 
     Attributes:
-        angles: (n, 6) of the real ones, and of pairs that rounding may have made complex.
-        real: number of real ones, at most.
+        angles: (n, 6) of the real ones first, then of pairs that rounding may have made complex.
+        real: number of real ones: there are no more.
     """
 
     angles: Array
@@ -99,11 +99,12 @@ def closures(constants: Sequence[arb_mat]) -> Closures:
                 continue
             if not (_are_among(roots, moved) and _are_among(moved, roots)):
                 break
-            nearly = [loop.angles(x) for x in roots if abs(_angle(x).imag) < _NEARLY]
-            found = [np.roll(angles, k) for angles, gap in nearly if gap < _OPEN]
-            real = sum(_is_real(x, roots) for x in roots)
-            if len(found) >= real:
-                return Closures(np.array(found).reshape(-1, 6), real)
+            real = [x for x in roots if _is_real(x, roots)]
+            others = [x for x in roots if x not in real and abs(_angle(x).imag) < _NEARLY]
+            ends = [loop.angles(x) for x in (*real, *others)]
+            if all(gap < _OPEN for _, gap in ends[: len(real)]):
+                found = [np.roll(angles, k) for angles, gap in ends if gap < _OPEN]
+                return Closures(np.array(found).reshape(-1, 6), len(real))
     raise DegenerateError
 
 

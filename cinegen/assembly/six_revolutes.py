@@ -52,8 +52,10 @@ class SixRevolutes:
         except DegenerateError:
             return None
         modes, features, times = list[Array](), list[Complex](), list[int]()
-        for angles in found.angles:
+        for number, angles in enumerate(found.angles):
             q = linkage.closed(linkage.configuration(self._solution(angles), locked))
+            if q is None and number < found.real:
+                return None
             if q is None:
                 continue
             its = linkage.features(linkage.unknowns(q)[None], locked)[0]
@@ -65,7 +67,7 @@ class SixRevolutes:
                 features.append(its)
                 times.append(1)
         curve = any(n > 1 and linkage.can_move(linkage.unknowns(q), locked) for q, n in zip(modes, times, strict=True))
-        if curve or sum(times) < found.real:
+        if curve:
             return None
         counts = SolutionCounts(sum(times), DEGREE - sum(times), 0, sum(n for n in times if n > 1), 0)
         method = (
