@@ -18,12 +18,12 @@ _LOCK = RLock()
 
 
 @contextmanager
-def precise() -> Iterator[None]:
-    """Compute with midpoints of 128 bits, one thread at a time: the precision is one for the whole process. Balls are
-    right with any, but wider with less."""
+def precise(bits: int = _BITS) -> Iterator[None]:
+    """Compute with midpoints of so many bits, one thread at a time: the precision is one for the whole process. Balls
+    are right with any, but wider with less."""
     from flint import ctx
 
-    with _LOCK, ctx.workprec(_BITS):
+    with _LOCK, ctx.workprec(bits):
         yield
 
 

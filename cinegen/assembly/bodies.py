@@ -178,6 +178,7 @@ class LinkageBodies:
             for side in joint.sides:
                 on_body[side].append(joint)
         spherical = self.common_point is not None  # then its links are real ones
+        refused = list[tuple[LinkageJoint, LinkageJoint]]()
         for body, joints in on_body.items():
             if spherical or body == self.body[0] or len(joints) != 2:
                 continue
@@ -188,13 +189,18 @@ class LinkageBodies:
             meeting = None if one is two else _meeting([*one.joints, *two.joints])
             if meeting is None:
                 continue
+            if one.dof + two.dof > 3:  # the next axis may be along the rod, and belong to the joint at its other end
+                refused.append((first, second))
+                continue
             merged = JointCentre([*one.joints, *two.joints], meeting, [*one.crosses, *two.crosses, body])
             for joint in merged.joints:
                 owner[id(joint)] = merged
-        found = list({id(centre): centre for centre in owner.values()}.values())
-        # more than three axes through one point are a spherical linkage
-        kept = [centre for centre in found if centre.dof <= 3]
-        return kept + [JointCentre([joint], joint.at) for c in found if c.dof > 3 for joint in c.joints]
+        for pair in refused:
+            centres = {id(centre): centre for centre in (owner[id(joint)] for joint in pair)}
+            joints = [joint for centre in centres.values() for joint in centre.joints]
+            if _meeting(joints) is not None:  # more than three axes through one point are a spherical linkage
+                owner |= {id(joint): JointCentre([joint], joint.at) for joint in joints}
+        return list({id(centre): centre for centre in owner.values()}.values())
 
     @cached_property
     def common_point(self) -> Array | None:

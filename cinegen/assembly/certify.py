@@ -187,7 +187,7 @@ class _Tree:
     """
 
     def __init__(self, model: pin.Model, joints: Iterable[int], q: Array) -> None:
-        self.joints = {j: _Axis(model.joints[j]) for j in joints}
+        self.joints = {j: ExactAxis(model.joints[j]) for j in joints}
         self.supports = [list(map(int, model.supports[j])) for j in range(model.njoints)]
         self._parents = list(map(int, model.parents))
         written = [pin.SE3(placement) for placement in model.jointPlacements]
@@ -199,7 +199,7 @@ class _Tree:
         self._first = dict[int, pin.SE3]()
         for j in range(1, model.njoints):
             self._first.setdefault(self._parents[j], written[j])
-        self._constant = [_exact(placement) for placement in written]
+        self._constant = [exact(placement) for placement in written]
         self._turned = dict[int, Any]()
         self._leading = [self.leading(parent, at) for parent, at in zip(self._parents, written, strict=True)]
 
@@ -234,7 +234,7 @@ class _Tree:
         return placed
 
 
-class _Axis:
+class ExactAxis:
     """A revolute or prismatic joint's axis, made exactly a unit vector."""
 
     def __init__(self, joint: Any) -> None:
@@ -303,9 +303,9 @@ class _Closure:
     def _on(self, tree: _Tree, joint: int, placements: Sequence[pin.SE3]) -> arb_mat:
         """Return the placement of an end on its joint's body; behind the branch, if it is on the branch's body."""
         first, *others = placements
-        found = tree.leading(self._branch, first) if joint == self._branch else _exact(first)
+        found = tree.leading(self._branch, first) if joint == self._branch else exact(first)
         for other in others:
-            found = found * _exact(other)
+            found = found * exact(other)
         return found
 
     def write(self, tree: _Tree, placed: Callable[[int, int], arb_mat], unknown: Sequence[int], out: Values) -> None:
@@ -371,7 +371,8 @@ class _Polynomials(NamedTuple):
         out.jacobian.append([slopes.get(j, 0 * self.size) / self.size for j in unknown])
 
 
-def _exact(placement: pin.SE3) -> arb_mat:
+def exact(placement: pin.SE3) -> arb_mat:
+    """Return a placement (4, 4) whose rotation is exactly one."""
     return frame(placement.rotation, placement.translation)
 
 
@@ -380,11 +381,11 @@ def _relative(first: pin.SE3, second: pin.SE3) -> arb_mat:
     from flint import arb, arb_mat
 
     shift = [arb(float(b)) - arb(float(a)) for a, b in zip(first.translation, second.translation, strict=True)]
-    axes, _ = axes_and_origin(_exact(first))
+    axes, _ = axes_and_origin(exact(first))
     if np.array_equal(first.rotation, second.rotation):
         turned = [[arb(int(i == j)) for j in range(3)] for i in range(3)]
     else:
-        others, _ = axes_and_origin(_exact(second))
+        others, _ = axes_and_origin(exact(second))
         turned = [[dot(axis, other) for other in others] for axis in axes]
     rows = [[*row, dot(axis, shift)] for row, axis in zip(turned, axes, strict=True)]
     return arb_mat([*rows, [arb(0), arb(0), arb(0), arb(1)]])

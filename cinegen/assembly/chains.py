@@ -19,11 +19,14 @@ Besides the families of assembly modes these are known (R: revolute, P: prismati
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from cinegen.assembly.bodies import LinkageBodies, LinkageJoint
 from cinegen.assembly.families import Family, RigidGroups, recognise
 from cinegen.assembly.linkage import Linkage
+from cinegen.assembly.six_revolutes import SixRevolutes
 from cinegen.joints import common_point
 from raff2urdf.raff.document import LoopKind
 
@@ -40,7 +43,7 @@ def recognise_part(linkage: Linkage) -> Family | None:
     samples = [linkage.bodies_at(q) for q in linkage.mechanism.structure.samples]
     left, dyads = _without_dyads(samples)
     series = _series(linkage.bodies, left)
-    known = _of_series(samples, series) if series is not None and not linkage.idle else None
+    known = _of_series(linkage, samples, series) if series is not None and not linkage.idle else None
     if known is not None and dyads:
         pairs = f"{dyads} pair{'s' * (dyads > 1)} of bodies on three hinges beside {known.description}"
         return _family("dyads", pairs, known.bound * 2**dyads)
@@ -95,7 +98,7 @@ def _series(bodies: LinkageBodies, among: list[int]) -> list[int] | None:
     return found if here == base and found else None
 
 
-def _of_series(samples: list[LinkageBodies], series: list[int]) -> Family | None:
+def _of_series(linkage: Linkage, samples: list[LinkageBodies], series: list[int]) -> Family | None:
     bodies, ordered = samples[0], [[one.passive[k] for k in series] for one in samples]
     joints = ordered[0]
     dof = sum(3 if joint.kind is LoopKind.BALL else 1 for joint in joints)
@@ -112,12 +115,13 @@ def _of_series(samples: list[LinkageBodies], series: list[int]) -> Family | None
     chain = "six joints in series" if prismatic else "six revolute joints in series"
     if any(centre.dof == 3 and any(joint in joints for joint in centre.joints) for centre in bodies.centres):
         return _family("ball", "three joints and a ball joint in series", _BALL[prismatic])
+    if not prismatic:
+        special = SixRevolutes(linkage, series).special
+        known = _family("wrist", f"{chain}, {special}", 8) if special else _family("chain", chain, _CHAIN[0])
+        return replace(known, series=() if special or len(series) < len(samples[0].passive) else tuple(series))
     for k in range(len(joints) - 2):
-        triples = [one[k : k + 3] for one in ordered]
-        if all(_meet(triple) for triple in triples):
+        if all(_meet(one[k : k + 3]) for one in ordered):
             return _family("wrist", f"{chain}, three axes through one point", 2 * _BALL[prismatic])
-        if not prismatic and all(_are_parallel(triple) for triple in triples):
-            return _family("wrist", f"{chain}, three axes parallel", 8)
     return _family("chain", chain, _CHAIN[prismatic])
 
 

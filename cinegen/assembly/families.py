@@ -67,13 +67,14 @@ class Family:
     """The family a linkage was recognised as.
 
     Attributes:
-        name: hexapod, delta, dyad or triad.
+        name: hexapod, delta, dyad or triad; of the inverse problem see `chains`.
         description: of the structure.
         bound: largest number of modes, in the complex numbers.
         everywhere: whether that counts all modes, or only those of home's mode of operation.
         rods: between base and platform.
         names: of the rods.
         platform: number of the platform's group, -1 if there is none.
+        series: indices of six passive revolute joints in their order, if these are all.
     """
 
     name: str
@@ -83,6 +84,7 @@ class Family:
     rods: tuple[Rod, ...] = ()
     names: tuple[str, ...] = ()
     platform: int = -1
+    series: tuple[int, ...] = ()
 
     def legs(self, groups: RigidGroups, locked: Array) -> SixLegs:
         """Return the rods for values (locked,) of the locked joints."""

@@ -15,6 +15,7 @@ from cinegen.assembly.families import Family, recognise
 from cinegen.assembly.homotopy import Homotopy
 from cinegen.assembly.linkage import Linkage, ModesError, linkage_of
 from cinegen.assembly.results import AssemblyModes, NearestConfiguration
+from cinegen.assembly.six_revolutes import SixRevolutes
 from cinegen.assembly.six_rods import SixRods
 from cinegen.model import Mechanism
 
@@ -107,6 +108,8 @@ class ModesSolver:
             raise
         family = recognise(self._linkage)
         self._rods = SixRods(self._linkage, family) if family is not None and family.name == "hexapod" else None
+        series = family.series if family is not None else ()
+        self._revolutes = SixRevolutes(self._linkage, series) if series else None
         self._homotopy = Homotopy(self._linkage, family)
 
     def modes(
@@ -114,7 +117,9 @@ class ModesSolver:
     ) -> AssemblyModes:
         """Return all modes for values (actuated,) in the mechanism's order."""
         asked = mechanism.configuration(dict(zip(mechanism.actuated, map(float, values), strict=True)))
-        found = self._rods.modes(asked) if self._rods is not None else self._homotopy.modes(asked, report, effort)
+        found = self._revolutes.modes(asked) if self._revolutes is not None else None
+        if found is None:
+            found = self._rods.modes(asked) if self._rods is not None else self._homotopy.modes(asked, report, effort)
         if self._linkage.redundant:
             found = _matching(self._linkage, found, asked, self._virtual)
         home = self.features(mechanism.q_home)

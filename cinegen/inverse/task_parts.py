@@ -342,7 +342,9 @@ class TaskParts:
             carrier = self._carrier(body)
             if carrier == fixed:
                 return target[0], target[1] * self._home.actInv(at[body])
-            return (0, at[body]) if carrier == self._root else (index[carrier], at[carrier].actInv(at[body]))
+            if carrier == self._root:
+                return 0, at[body]
+            return index[carrier], pin.SE3.Identity() if carrier == body else at[carrier].actInv(at[body])
 
         for j in sorted(joints):
             parent, placement = carried(int(source.parents[j]))

@@ -170,7 +170,8 @@ def points(rng, base=1.0, platform=0.5, height=1.0) -> tuple[np.ndarray, np.ndar
 
 
 def rod(rng, foot, head, word="UpS") -> list[Joint]:
-    """UpS, SpS, SpU (a universal joint at the head), or rUS (a crank at the foot)."""
+    """UpS, SpS, SpU (a universal joint at the head), rUS (a crank at the foot), rSS or pSS (a slide there): the first
+    axis of the ball at the head of these is along the rod."""
     along = head - foot
     first = np.cross(along, direction(rng))
     second = np.cross(along, first)
@@ -181,9 +182,12 @@ def rod(rng, foot, head, word="UpS") -> list[Joint]:
     if word == "SpU":
         return [*ball(foot, rng), slide(foot + 0.4 * along, along, True), *universal(head, first, second)]
     low = foot + 0.3 * direction(rng) * [1.0, 1.0, 0.2]
-    first = np.cross(head - foot, direction(rng))
-    second = np.cross(head - foot, first)
-    return [hinge(low, direction(rng), True), *universal(foot, first, second), *ball(head, rng)]
+    first = np.cross(along, direction(rng))
+    second = np.cross(along, first)
+    motor = (hinge if word[0] == "r" else slide)(low, direction(rng), True)
+    if word[1] == "S":
+        return [motor, *ball(foot, rng), *(hinge(head, turn) for turn in (along, first, second))]
+    return [motor, *universal(foot, first, second), *ball(head, rng)]
 
 
 def hexapod(rng, word="UpS", feet=None, heads=None, cut="ball", **more) -> Mechanism:

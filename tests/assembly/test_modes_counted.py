@@ -21,8 +21,10 @@ from linkages import (
     tripod,
     tripod_points,
 )
+from making import direction
 from numpy.random import default_rng as rng
 
+import cinegen
 from cinegen.assembly import assembly_modes
 from cinegen.hexapod import TSSM, Hexapod
 
@@ -289,7 +291,7 @@ def rods_of(m, modes, word):
     for q in modes:
         tool, start = places(m, q, ["tool"])[0], places(m, m.q_home, ["tool"])[0]
         there = (tool @ np.linalg.inv(start) @ np.c_[heads, np.ones(6)].T)[:3].T
-        if word != "rUS":
+        if word[0] not in "rp":
             lengths.append(np.linalg.norm(there - feet, axis=1))
         else:
             motors = [f"link{name[5:]}" for name in m.actuated]
@@ -302,7 +304,7 @@ def rods_of(m, modes, word):
     return np.array(lengths), np.linalg.norm(heads - feet, axis=1)
 
 
-@pytest.mark.parametrize("word", ["UpS", "SpU", "rUS"])
+@pytest.mark.parametrize("word", ["UpS", "SpU", "rUS", "rSS", "pSS"])
 def test_six_rods_have_forty_modes_of_which_an_even_number_is_real(built, word):
     m = built(hexapod(rng(3), word, *points(rng(3)), cut="rigid" if word == "SpU" else "ball"))
     shift = 0.03 * np.arange(-2.5, 3.0)
@@ -312,7 +314,7 @@ def test_six_rods_have_forty_modes_of_which_an_even_number_is_real(built, word):
     assert len(modes) % 2 == 0 < len(modes)
     assert modes.counts.real + modes.counts.complex == 40
     assert modes.complete
-    assert np.abs(lengths - asked - (shift if word != "rUS" else 0.0)).max() < 1e-9
+    assert np.abs(lengths - asked - (0.0 if word[0] in "rp" else shift)).max() < 1e-9
     nothing_beside(modes, ["tool"], 10)
     start = places(m, m.q_home, ["tool"])
     assert apart(start, [places(m, q, ["tool"]) for q in assembly_modes(m)]) < 1e-8
@@ -367,3 +369,19 @@ def test_a_tripod_is_a_platform_on_three_pairs_of_rods(built):
     alike([s[0] @ np.linalg.inv(start) for s in seen], list(TSSM(base, heads).modes(lengths).placements))
     assert modes.counts.real + modes.counts.complex == 16
     traced(modes)
+
+
+@pytest.mark.parametrize("cut", ["joint", "rigid"])
+def test_legs_of_six_revolute_joints_have_up_to_sixteen_configurations_each(built, cut):
+    """The platform is fixed at a pose; a leg may be cut at one of its joints."""
+    random = rng(3)
+    legs = [[hinge(random.uniform(-1.0, 1.0, 3), direction(random), k < 3) for k in range(6)] for _ in range(2)]
+    m = built(legged(legs, cut))
+    q = m.random_closed(2, seed=1)[-1]
+    found = cinegen.inverse_kinematics(m, {"tool": m.placement(q, "tool")}, all=True)
+    assert found.proved
+    assert found.counts.total == 16 * 16
+    assert len(found) == found.certified == found.counts.real
+    assert max(map(m.closure, found)) < 1e-12
+    assert max(map(max, found.errors)) < 1e-12
+    assert min(m.distance(q, other) for other in found) < 1e-9
