@@ -2,8 +2,8 @@
 
 A robot is often drawn closed: its home is exact, and one number has the wrong sign, another unit or one digit more, two
 numbers are exchanged, or a parent, an end of a loop or its kind is wrong. Then one edit, of all that people need,
-closes every loop at home as written, by a thousandth of the robot's size. That does not happen by accident: a loop has
-two equations at least.
+closes every loop at home as written, but for rounding. That hardly happens by accident: a loop has two equations at
+least, and few edits are tried.
 """
 
 from __future__ import annotations
@@ -29,7 +29,9 @@ Array = NDArray[np.float64]
 OPEN = 0.02
 """rad, or sizes: loops that are open by less as written are drawn closed, by rounded numbers."""
 
-_CLOSED = 1e-3  # rad or sizes
+_CLOSED = 0.01  # rad or sizes: home in whole degrees
+_FITTED = 1e-3  # likewise, of a number that is chosen to close it
+_EXACT, _ALIKE = 1e-6, 3.0  # gaps below, or within such a factor of the least, are as good as that
 _MOST = 100_000  # evaluations of a loop: about a second
 _SHOWN = 3
 
@@ -100,15 +102,18 @@ def slips(parts: Mapping[str, Part], loops: Sequence[Loop], is_drawn: bool, is_c
     if not drawing.open:
         edits = [edit.text() for edit in _freeing(drawing)][:_SHOWN]
         return texts.FREED.format(edits=texts.OR.join(edits)) if edits else None
-    budget, found = _MOST, list[str]()
+    budget, found = _MOST, list[tuple[float, str]]()
     for is_likely, group in _groups(drawing, is_drawn, is_closed):
         budget -= len(loops) * len(group)
-        if budget < 0 or len(found) == _SHOWN or (found and not is_likely):
+        if budget < 0 or (found and not is_likely):
             break
         best = min(group, key=drawing.gap, default=None)
-        if best is not None and drawing.gap(best) <= _CLOSED and drawing.mobile(best):
-            found.append(best.text())
-    return texts.DRAWN_CLOSED.format(edits=texts.OR.join(found)) if found else None
+        gap = math.inf if best is None else drawing.gap(best)
+        if best is not None and gap <= (_CLOSED if is_likely else _FITTED) and drawing.mobile(best):
+            found.append((gap, best.text()))
+    least = min((gap for gap, _ in found), default=0.0)
+    edits = [text for gap, text in found if gap <= max(_ALIKE * least, _EXACT)][:_SHOWN]
+    return texts.DRAWN_CLOSED.format(edits=texts.OR.join(edits)) if edits else None
 
 
 class _Drawing:
