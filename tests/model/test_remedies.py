@@ -4,14 +4,20 @@ A row has a text that is wrong, what the message says, and the edit: an old text
 first group of the message. Mistakes whose remedy gives a robot that is known are in test_beginners_mistakes.py.
 """
 
+import json
 import re
 import warnings
+from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import pytest
 
 import cinegen
+import raff2urdf
 from raff2urdf import RaffError
+
+Values = dict[str, Any]
 
 ONE = "link 1 { type 2 pred 0 parameters { d 100 } }"
 BAR = "frame 2 { pred 1 parameters { d 100 } } link 1 { type 2 pred 0 }"
@@ -333,12 +339,12 @@ OF_XML = [
 ROWS = OF_RAFF + OF_XML
 
 
-def problems(text: str) -> list[str]:
-    """The warnings about a text, and its error."""
+def problems(robot: str | Path) -> list[str]:
+    """The warnings about a text or a file, and its error."""
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always")
         try:
-            cinegen.load(text if "\n" in text else f"{text}\n")
+            cinegen.load(robot if isinstance(robot, Path) else f"{robot}\n")
             errors = []
         except (cinegen.CinegenError, RaffError) as error:
             errors = [str(error)]
@@ -373,3 +379,63 @@ def test_an_option_that_a_message_proposes_works(text: str, says: str, tmp_path:
     said = re.search(says, "\n".join(problems(text)))
     assert said is not None, problems(text)
     assert cinegen.cli.main(["info", str(path), *said[1].split()]) == 0
+
+
+# --- constraints files --------------------------------------------------------------------------------------------
+
+OF_CONSTRAINTS: list[tuple[Callable[[Values], object], str, Callable[[Values, re.Match[str]], object]]] = [
+    (
+        lambda file: file["joints"][0].update(limits=[-1, 1]),
+        "where limits belong: remove this key",
+        lambda file, _: file["joints"][0].pop("limits"),
+    ),
+    (
+        lambda file: file["joints"][0].update(type="prismatic"),
+        r"its type is prismatic here and (\w+) in the URDF: correct one",
+        lambda file, said: file["joints"][0].update(type=said[1]),
+    ),
+    (
+        lambda file: file["joints"].pop(),
+        r"joint '(\w+)' of the URDF is missing: add an entry for it",
+        lambda file, said: file["joints"].append({**file["joints"][-1], "name": said[1], "home": 1.5487199537923932}),
+    ),
+    (
+        lambda file: file["joints"].append(file["joints"][0]),
+        "is listed twice, also in .*: remove one",
+        lambda file, _: file["joints"].pop(),
+    ),
+    (
+        lambda file: file["loops"][0].update(second=file["loops"][0]["first"]),
+        "joins '(.*)' to itself: name two different nodes",
+        lambda file, _: file["loops"][0].update(second={**file["loops"][0]["first"], "node": "frame5"}),
+    ),
+    (
+        lambda file: file.update(mobility=3),
+        r"3 is stated, but the URDF with these loops has (\d): correct the number",
+        lambda file, said: file.update(mobility=int(said[1])),
+    ),
+    (
+        lambda file: file.update(urdf_sha256="0" * 64),
+        r"if it was meant, put (?:\"urdf_sha256\": )?\"?(\w{64})",
+        lambda file, said: file.update(urdf_sha256=said[1]),
+    ),
+    (
+        lambda file: file.pop("urdf_sha256"),
+        r"so that a change of either is not noticed: add \"urdf_sha256\": \"(\w{64})\"",
+        lambda file, said: file.update(urdf_sha256=said[1]),
+    ),
+]
+
+
+@pytest.mark.parametrize(("spoil", "says", "mend"), OF_CONSTRAINTS, ids=[row[1] for row in OF_CONSTRAINTS])
+def test_the_remedy_of_a_message_about_a_constraints_file_works(spoil, says, mend, tmp_path: Path) -> None:
+    (made,) = raff2urdf.convert("four_bar", tmp_path)
+    assert made.constraints is not None
+    file = json.loads(made.constraints.read_text(encoding="utf-8"))
+    spoil(file)
+    made.constraints.write_text(json.dumps(file), encoding="utf-8")
+    said = re.search(says, "\n".join(problems(made.file)))
+    assert said is not None, problems(made.file)
+    mend(file, said)
+    made.constraints.write_text(json.dumps(file), encoding="utf-8")
+    assert problems(made.file) == []
