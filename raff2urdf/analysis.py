@@ -23,6 +23,7 @@ from raff2urdf.raff.compound import expanded
 from raff2urdf.raff.document import Document, JointType, LoopKind, RaffLink, RaffRobot
 from raff2urdf.raff.drawn import slips_of
 from raff2urdf.selection import Candidate, determined
+from raff2urdf.slips import Fault
 from raff2urdf.tree import Cluster, clusters, coupling_of, edges, effort, length_of, limits, velocity
 from raff2urdf.tree import home as home_of
 
@@ -140,7 +141,7 @@ def analyse(
             closing = close_from_afar(cluster, cluster.start)
         if not closing.closed:
             why = why_open(cluster, cluster.names, cluster.start, closing, raff=True)
-            edit = None if problems else slips_of(document, written, kinds, is_closed=False)
+            edit = None if problems else slips_of(document, written, kinds, Fault.OPEN)
             why = why if edit is None else f"{why}\n  {edit}"
             problems.append(document.source.problem(f"robot '{robot.name}': {why}"))
             continue
@@ -155,7 +156,7 @@ def analyse(
             there.update(zip((joint.joint for joint in cluster.joints), some.tolist(), strict=True))
     if problems:
         raise RaffClosureError(problems)
-    if gap > CLOSED and (edit := slips_of(document, written, kinds, is_closed=True)) is not None:
+    if gap > CLOSED and (edit := slips_of(document, written, kinds, Fault.ELSEWHERE)) is not None:
         remarks.insert(0, texts.DRAWN_OPEN.format(edit=edit))
     in_loops = {joint.joint for cluster, _ in parts for joint in cluster.joints}
     for joint in joints:

@@ -11,6 +11,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from enum import Enum, auto
 from functools import partial
 from itertools import combinations
 from typing import NamedTuple
@@ -32,22 +33,32 @@ OPEN = 0.02
 _CLOSED = 0.01  # rad or sizes: home in whole degrees
 _FITTED = 1e-3  # likewise, of a number that is chosen to close it
 _EXACT, _ALIKE = 1e-6, 3.0  # gaps below, or within such a factor of the least, are as good as that
+_LARGEST = 1000  # parts
 _MOST = 100_000  # evaluations of a loop: about a second
 _SHOWN = 3
 
 
+class Fault(Enum):
+    """A fault of a robot: loops can't be closed; or they are open as written and closed elsewhere, so that fewer edits
+    are likely; or they are closed as written and hold all joints."""
+
+    OPEN = auto()
+    ELSEWHERE = auto()
+    FROZEN = auto()
+
+
 @dataclass(frozen=True)
-class Part:
+class DrawnPart:
     """A node, or the end of a loop on its node: placed on its parent by numbers.
 
     Attributes:
         parent: name of the part that it is placed on; None of a root.
         numbers: as written, by their words.
-        place: returns its placement (4, 4), m, of such numbers.
+        place: returns the placement (4, 4), m, that such numbers give.
         lengths: the words that are lengths; the others are angles.
         turn: a revolution: 360 or 2 pi.
         screw: (6,) the velocity and angular velocity with which a joint moves it, in its own axes; None if none does.
-        joints: other joints in its place: how a file is edited, and the screw.
+        joints: other joints instead of its own: how a file is edited, and the screw.
         variable: the word that is the variable of its joint, which needs no edit to be changed.
         edited: returns how a file is edited: of the words that change, or of `parent`.
         parents: the parts that could be its parent; of an end of a loop, the nodes that it could be on.
@@ -66,7 +77,7 @@ class Part:
 
 
 @dataclass(frozen=True)
-class Loop:
+class DrawnLoop:
     """A loop: names of the parts that are its ends, its kind, and how a file is edited to have another kind."""
 
     first: str
@@ -86,24 +97,25 @@ class _Edit(NamedTuple):
     screws: Mapping[str, Array] = {}
 
 
-def slips(parts: Mapping[str, Part], loops: Sequence[Loop], is_drawn: bool, is_closed: bool) -> str | None:
-    """Return the edits, each of which closes all loops as written, as a text; or if these are closed and nothing can
-    move, those that let them move. None if there are no such edits, or nothing is wrong.
+def slips(parts: Mapping[str, DrawnPart], loops: Sequence[DrawnLoop], is_drawn: bool, fault: Fault) -> str | None:
+    """Return the edits, each of which repairs a fault, as a text; None if none is found, or the fault is not there.
 
     Args:
         parts: every part by its name, parents before their children.
         loops: between them.
         is_drawn: whether the file states a home, so that nodes do not coincide in it by accident.
-        is_closed: whether the loops are closed, elsewhere: then fewer edits are likely.
+        fault: of the robot.
     """
-    if not loops:
+    if not loops or len(parts) > _LARGEST:
         return None
     drawing = _Drawing(parts, loops)
-    if not drawing.open:
-        edits = [edit.text() for edit in _freeing(drawing)][:_SHOWN]
+    if fault is Fault.FROZEN:
+        edits = [] if drawing.open else [edit.text() for edit in _freeing(drawing)][:_SHOWN]
         return texts.FREED.format(edits=texts.OR.join(edits)) if edits else None
+    if not drawing.open:
+        return None
     budget, found = _MOST, list[tuple[float, str]]()
-    for is_likely, group in _groups(drawing, is_drawn, is_closed):
+    for is_likely, group in _groups(drawing, is_drawn, fault is Fault.ELSEWHERE):
         budget -= len(loops) * len(group)
         if budget < 0 or (found and not is_likely):
             break
@@ -119,7 +131,7 @@ def slips(parts: Mapping[str, Part], loops: Sequence[Loop], is_drawn: bool, is_c
 class _Drawing:
     """A robot as written: where all parts are in the world."""
 
-    def __init__(self, parts: Mapping[str, Part], loops: Sequence[Loop]) -> None:
+    def __init__(self, parts: Mapping[str, DrawnPart], loops: Sequence[DrawnLoop]) -> None:
         self.parts, self.loops = parts, loops
         own = {name: part.place(part.numbers) for name, part in parts.items()}
         self.placed, self.above = dict[str, Array](), dict[str, frozenset[str]]()
@@ -230,7 +242,7 @@ def _groups(drawing: _Drawing, is_drawn: bool, is_closed: bool) -> Iterator[tupl
             yield False, [_renumbered(drawing, name, {word: fitted})]
 
 
-def _elsewhere(drawing: _Drawing, chosen: Mapping[str, Part]) -> Iterator[_Edit]:
+def _elsewhere(drawing: _Drawing, chosen: Mapping[str, DrawnPart]) -> Iterator[_Edit]:
     """Yield parts on other parents."""
     for name, part in chosen.items():
         for parent in part.parents:
@@ -250,7 +262,7 @@ def _freeing(drawing: _Drawing) -> list[_Edit]:
     return [edit for edit, count in zip(edits, counts, strict=True) if count == max(counts) > 0]
 
 
-def _between(drawing: _Drawing, loop: Loop) -> frozenset[str]:
+def _between(drawing: _Drawing, loop: DrawnLoop) -> frozenset[str]:
     """Return the parts between the ends of a loop, which they include."""
     return drawing.above[loop.first] ^ drawing.above[loop.second]
 
@@ -274,8 +286,8 @@ def _of_kind(edits: Sequence[Callable[[LoopKind], str]], kind: LoopKind) -> str:
     return texts.AND.join(edit(kind) for edit in edits)
 
 
-def _exchanged(part: Part) -> Iterator[Mapping[str, float]]:
-    """Yield two numbers in each other's place."""
+def _exchanged(part: DrawnPart) -> Iterator[Mapping[str, float]]:
+    """Yield two numbers, exchanged."""
     for first, second in combinations(part.numbers, 2):
         one, other = part.numbers[first], part.numbers[second]
         if one != other and (first in part.lengths) == (second in part.lengths):

@@ -52,6 +52,7 @@ from raff2urdf.readers.srdf import Srdf, read_srdf, srdf_of
 from raff2urdf.readers.urdf import UNLIMITED, parse
 from raff2urdf.readers.xml_file import read_text
 from raff2urdf.shipped import find_robot
+from raff2urdf.slips import Fault
 
 if TYPE_CHECKING:  # takes half a second
     from yourdfpy import URDF
@@ -273,13 +274,14 @@ def _load_xml(
 
 
 def _made(
-    make: Callable[..., Mechanism], slips: Callable[[bool], str | None] | None, cut: Sequence[str] = ()
+    make: Callable[..., Mechanism], slips: Callable[[Fault], str | None] | None, cut: Sequence[str] = ()
 ) -> Mechanism:
-    """Return a mechanism that is made of a file, and tell the edit with which its loops are closed as written, or move.
+    """Return a mechanism that is made of a file; a warning names the edit with which its loops are closed as written,
+    or move.
 
     Args:
         make: builds it, given `slips`.
-        slips: returns that edit as text, if there is one, of loops that are closed elsewhere (True) or nowhere.
+        slips: returns the edit that repairs a fault as text, if there is one.
         cut: joints of which the file does not state that they close loops.
 
     Raises:
@@ -288,7 +290,7 @@ def _made(
     try:
         mechanism = make(slips=slips)
     except ClosureError as error:
-        edit = None if slips is None else slips(False)
+        edit = None if slips is None else slips(Fault.OPEN)
         if cut and edit is None:
             edit = f"{'; '.join(cut)}: if no loop is meant, remove one of the two joints"
         if edit is None:
@@ -296,7 +298,7 @@ def _made(
         raise ClosureError(f"{error}\n  {edit}") from None
     if mechanism.loops and mechanism.joints and mechanism.mobility == 0:
         numbers = {"rows": mechanism.structure.system.rows, "rank": mechanism.loop_rank, "joints": mechanism.model.nv}
-        edit = None if slips is None or mechanism.gap_as_written > AT_LIMIT else slips(True)
+        edit = None if slips is None else slips(Fault.FROZEN)
         told = "; ".join(filter(None, [texts.FROZEN.format(**numbers), edit]))
         warn(f"{mechanism.source.name}: robot '{mechanism.name}': {told}")
     return mechanism
@@ -489,7 +491,7 @@ def build(
     packages: tuple[tuple[str, str], ...] = (),
     relax: bool | None = False,
     is_driven: bool = False,
-    slips: Callable[[bool], str | None] | None = None,
+    slips: Callable[[Fault], str | None] | None = None,
 ) -> Mechanism:
     """Build a mechanism from a URDF's text and everything that a URDF cannot express.
 
@@ -533,7 +535,7 @@ def build(
         q = q if spherical is None or near is None else spherical.from_successive(near)
     drawn = not any("home" in joint for joint in (given or {}).get("joints", []))
     limits = Limits(model, tuple(actuated))
-    edit = slips(True) if slips is not None and gap > AT_LIMIT else None
+    edit = slips(Fault.ELSEWHERE) if slips is not None and gap > AT_LIMIT else None
     remark = None if edit is None else texts.DRAWN_OPEN.format(edit=edit)
     home = find_home(system, q, limits, actuated, drawn, name, robot, remark)
     q, determined, notes = home.q, home.determined, notes + home.notes

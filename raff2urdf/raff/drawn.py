@@ -24,7 +24,7 @@ from raff2urdf.raff.document import (
 )
 from raff2urdf.raff.kleinfinger import transform
 from raff2urdf.raff.writer import number as shown
-from raff2urdf.slips import Loop, Part, slips
+from raff2urdf.slips import DrawnLoop, DrawnPart, Fault, slips
 from raff2urdf.tree import home, kleinfinger
 
 Array = NDArray[np.float64]
@@ -35,16 +35,16 @@ _VARIABLE = {JointType.REVOLUTE: "theta", JointType.PRISMATIC: "r"}
 _SCREWS = {JointType.REVOLUTE: np.eye(6)[5], JointType.PRISMATIC: np.eye(6)[2]}
 
 
-def slips_of(document: Document, robot: RaffRobot, kinds: Mapping[int, LoopKind], is_closed: bool) -> str | None:
+def slips_of(document: Document, robot: RaffRobot, kinds: Mapping[int, LoopKind], fault: Fault) -> str | None:
     """Return the edits of a robot's text, each of which closes all of its loops as written; None if there are none.
 
     Args:
         document: that holds the robot.
         robot: the robot.
         kinds: of its loops.
-        is_closed: whether the loops are closed, elsewhere.
+        fault: what is wrong.
     """
-    parts, simple = {"0": Part(None, {}, _nowhere)}, expanded(robot)
+    parts, simple = {"0": DrawnPart(None, {}, _nowhere)}, expanded(robot)
     for part in simple.outward:
         parts[str(part.number)] = _part(document, robot, part)
     loops = []
@@ -52,13 +52,13 @@ def slips_of(document: Document, robot: RaffRobot, kinds: Mapping[int, LoopKind]
         for end in ("first", "second"):
             edited = partial(_elsewhere, robot, loop, end)
             at = str(getattr(loop, end))
-            parts[f"{i} {end}"] = Part(at, {}, _nowhere, edited=edited, parents=tuple(map(str, robot.nodes)))
-        loops.append(Loop(f"{i} first", f"{i} second", kinds[i], partial(_typed, loop, kinds[i])))
+            parts[f"{i} {end}"] = DrawnPart(at, {}, _nowhere, edited=edited, parents=tuple(map(str, robot.nodes)))
+        loops.append(DrawnLoop(f"{i} first", f"{i} second", kinds[i], partial(_typed, loop, kinds[i])))
     is_drawn = any(home(document, link) for link in simple.links if link.type is not JointType.FIXED)
-    return slips(parts, loops, is_drawn, is_closed)
+    return slips(parts, loops, is_drawn, fault)
 
 
-def _part(document: Document, robot: RaffRobot, part: RaffPart) -> Part:
+def _part(document: Document, robot: RaffRobot, part: RaffPart) -> DrawnPart:
     def place(numbers: Mapping[str, float]) -> Array:
         return transform(kleinfinger(document, RaffParameters(**numbers)))
 
@@ -72,7 +72,7 @@ def _part(document: Document, robot: RaffRobot, part: RaffPart) -> Part:
     kind = part.type if isinstance(part, RaffLink) else JointType.FIXED
     screw = _SCREWS.get(kind)
     if robot.nodes.get(part.number) != part:  # one of the links that stand for a joint of several variables
-        return Part(str(part.pred), {}, lambda _: place(numbers), screw=screw)
+        return DrawnPart(str(part.pred), {}, lambda _: place(numbers), screw=screw)
     parents = tuple(map(str, robot.nodes))
     at = part.locations.get("type")
     joints = tuple(
@@ -80,7 +80,9 @@ def _part(document: Document, robot: RaffRobot, part: RaffPart) -> Part:
         for other, screw in _SCREWS.items()
         if isinstance(part, RaffLink) and other is not kind
     )
-    return Part(str(part.pred), numbers, place, _LENGTHS, 360.0, screw, _VARIABLE.get(kind), edited, parents, joints)
+    return DrawnPart(
+        str(part.pred), numbers, place, _LENGTHS, 360.0, screw, _VARIABLE.get(kind), edited, parents, joints
+    )
 
 
 def _listed(numbers: Mapping[str, float | str]) -> str:

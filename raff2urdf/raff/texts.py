@@ -131,7 +131,7 @@ COUPLES_COMPOUND = (
     "with a 'type'"
 )
 COUPLES_NOTHING = "a coupling names link {number}, which is not a link that moves: name another one{known}"
-COUPLED_TWICE = "a coupling names link {number} twice: name another one in its place{known}"
+COUPLED_TWICE = "a coupling names link {number} twice: name another one{known}"
 RATIO_OF_TWO_TYPES = (
     "'ratio' couples joints of one type, but link {follower} is {own} and link {link} {other}: use 'lead' (a screw) or "
     "'radius' (a rack)"

@@ -152,7 +152,7 @@ def _warn_of_reversed(free: Sequence[str], declared: Sequence[Declaration], name
         parent, child = ends(one.element)
         if any(own.startswith(f"{parent}_free") for own in free):
             why = f"link '{parent}' has no parent, and its child '{child}' has two, so that {one.label} closes a loop"
-            remedy = "exchange its <parent> and <child>, if it is the wrong way round"
+            remedy = "exchange its <parent> and <child>, if no loop is meant"
             warn(f"{name}:{one.line}: {why}: {remedy}")
 
 

@@ -15,7 +15,7 @@ from raff2urdf.placement import from_origin, joint_motion
 from raff2urdf.raff.document import LoopKind
 from raff2urdf.raff.writer import number
 from raff2urdf.readers.urdf import axis, ends, joints, parse, root_first, three
-from raff2urdf.slips import Loop, Part, slips
+from raff2urdf.slips import DrawnLoop, DrawnPart, Fault, slips
 
 Array = NDArray[np.float64]
 
@@ -23,7 +23,7 @@ _XYZ, _RPY = ("x", "y", "z"), ("roll", "pitch", "yaw")
 _LENGTHS = frozenset(_XYZ)
 
 
-def slips_of(urdf: str, constraints: Mapping[str, Any], name: str, dialect: str, is_closed: bool) -> str | None:
+def slips_of(urdf: str, constraints: Mapping[str, Any], name: str, dialect: str, fault: Fault) -> str | None:
     """Return the edits of a URDF, each of which closes all of its loops as written; None if there are none.
 
     Args:
@@ -31,7 +31,7 @@ def slips_of(urdf: str, constraints: Mapping[str, Any], name: str, dialect: str,
         constraints: as `raff2urdf.constraints` describes, with loops.
         name: the file's, for errors.
         dialect: SDF or MJCF, if that was translated to the URDF: its own numbers are others.
-        is_closed: whether the loops are closed, elsewhere.
+        fault: what is wrong.
 
     Raises:
         RaffError: no URDF.
@@ -39,7 +39,7 @@ def slips_of(urdf: str, constraints: Mapping[str, Any], name: str, dialect: str,
     tree = parse(urdf, name)
     home = {entry["name"]: entry.get("home", 0.0) for entry in constraints.get("joints", [])}
     above, nodes = {ends(joint)[1]: joint for joint in joints(tree)}, root_first(tree)
-    parts = {nodes[0]: Part(None, {}, lambda _: np.eye(4))}
+    parts = {nodes[0]: DrawnPart(None, {}, lambda _: np.eye(4))}
     waiting = nodes[1:]
     while waiting:
         ready = [node for node in waiting if ends(above[node])[0] in parts]
@@ -50,12 +50,12 @@ def slips_of(urdf: str, constraints: Mapping[str, Any], name: str, dialect: str,
     for i, entry in enumerate(constraints["loops"]):
         for end in ("first", "second"):
             parts[f"{i} {end}"] = _end(entry, end, nodes)
-        loops.append(Loop(f"{i} first", f"{i} second", loop_kind(entry["kind"]), partial(_typed, entry)))
+        loops.append(DrawnLoop(f"{i} first", f"{i} second", loop_kind(entry["kind"]), partial(_typed, entry)))
     for node, part in parts.items() if dialect in ("SDF", "MJCF") else ():
         hinges = tuple(_hinges(node)) if dialect == "MJCF" and part.screw is None and node in above else ()
         place = partial(_still, part.place(part.numbers))
         parts[node] = replace(part, numbers={}, place=place, parents=(), joints=hinges)
-    return slips(parts, loops, any(home.values()), is_closed)
+    return slips(parts, loops, any(home.values()), fault)
 
 
 def _hinges(body: str) -> Iterator[tuple[str, Array]]:
@@ -68,7 +68,7 @@ def _still(placed: Array, _: Mapping[str, float]) -> Array:
     return placed
 
 
-def _part(joint: Any, value: float, name: str, nodes: list[str]) -> Part:
+def _part(joint: Any, value: float, name: str, nodes: list[str]) -> DrawnPart:
     kind, placed = joint.get("type"), joint.find("origin")
     motion, screw = np.eye(4), None
     if kind in ("revolute", "continuous", "prismatic"):
@@ -90,7 +90,7 @@ def _part(joint: Any, value: float, name: str, nodes: list[str]) -> Part:
             return _rewritten(f'<parent link="{changes["parent"]}"/>', f'<parent link="{ends(joint)[0]}"/>', where)
         return _of_origin(numbers, changes, where)
 
-    return Part(
+    return DrawnPart(
         ends(joint)[0], numbers, place, _LENGTHS, screw=screw, edited=edited, parents=tuple(nodes), joints=joints
     )
 
@@ -106,7 +106,7 @@ def _other_joints(joint: Any, screw: Array) -> Iterator[tuple[str, Array]]:
     yield _rewritten(f'type="{after}"', f'type="{joint.get("type")}"', where), np.roll(screw, 3)
 
 
-def _end(entry: Mapping[str, Any], end: str, nodes: list[str]) -> Part:
+def _end(entry: Mapping[str, Any], end: str, nodes: list[str]) -> DrawnPart:
     """Return an end of a loop, of which only the position is sure to be as written."""
     placed, node = np.array(entry[end]["placement"]), entry[end]["node"]
     where = f"loop '{entry['name']}' on {node}"
@@ -122,7 +122,7 @@ def _end(entry: Mapping[str, Any], end: str, nodes: list[str]) -> Part:
         return _of_origin(numbers, changes, where)
 
     numbers = dict(zip(_XYZ, placed[:3, 3].tolist(), strict=True))
-    return Part(node, numbers, place, _LENGTHS, edited=edited, parents=tuple(nodes))
+    return DrawnPart(node, numbers, place, _LENGTHS, edited=edited, parents=tuple(nodes))
 
 
 def _of_origin(numbers: Mapping[str, float], changes: Mapping[str, float | str], where: str) -> str:

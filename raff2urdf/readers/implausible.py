@@ -1,4 +1,4 @@
-"""What a URDF probably does not mean, and how it is written instead: degrees in the place of radians, misspelled words.
+"""Probable slips in a URDF: degrees for radians, misspelled words.
 
 Such a URDF is read as it is written; a warning names the edit.
 """
@@ -37,7 +37,7 @@ _ELEMENTS = {
 }
 """Elements of URDF, by the element around them."""
 
-_ALIKE = 0.75  # of two words, such as `orgin` and `origin`
+_ALIKE = 0.75  # of two words, such as `xzy` and `xyz`
 
 
 def warnings_of(root: Any, name: str) -> list[str]:
