@@ -9,7 +9,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from raff2urdf.closure import close, close_from_afar, closed_walk, gaps, generic_rank
+from raff2urdf.closure import CLOSED, close, close_from_afar, closed_walk, gaps, generic_rank
 from raff2urdf.errors import NearlyRedundantError, Problem, RaffClosureError, RaffError, did_you_mean
 from raff2urdf.home import Beyond, close_within, moved_within, outside
 from raff2urdf.idle import Edge, motions, spins
@@ -17,10 +17,13 @@ from raff2urdf.near_redundancy import near_redundancy
 from raff2urdf.open_loops import why_open
 from raff2urdf.play import play, steps_of
 from raff2urdf.play import text as play_text
+from raff2urdf.raff import texts
 from raff2urdf.raff.check import check_sizes
 from raff2urdf.raff.compound import expanded
 from raff2urdf.raff.document import Document, JointType, LoopKind, RaffLink, RaffRobot
+from raff2urdf.raff.drawn import slips_of
 from raff2urdf.selection import Candidate, determined
+from raff2urdf.slips import Fault
 from raff2urdf.tree import Cluster, clusters, coupling_of, edges, effort, length_of, limits, velocity
 from raff2urdf.tree import home as home_of
 
@@ -135,7 +138,7 @@ def analyse(
         closing = close(cluster, cluster.start)
         offsets = {} if closing.closed or exact else play(cluster, cluster.start, closing)
         if offsets:
-            remarks.append(play_text(cluster.names, offsets))
+            remarks.append(play_text(cluster.names, cluster.ends, offsets))
             steps = steps_of(offsets)
             moved |= {cluster.loops[i]: ends for i, ends in steps.items()}
             cluster = cluster.with_moved(steps)
@@ -146,6 +149,8 @@ def analyse(
         closing = closing if closing.closed else close_from_afar(cluster, cluster.start)
         if not closing.closed:
             why = why_open(cluster, cluster.names, cluster.start, closing, raff=True)
+            edit = None if problems else slips_of(document, written, kinds, Fault.OPEN)
+            why = why if edit is None else f"{why}\n  {edit}"
             problems.append(document.source.problem(f"robot '{robot.name}': {why}"))
             continue
         bounds = np.array([limits(document, joint) for joint in cluster.joints]).reshape(-1, 2)
@@ -159,6 +164,8 @@ def analyse(
             there.update(zip((joint.joint for joint in cluster.joints), some.tolist(), strict=True))
     if problems:
         raise RaffClosureError(problems)
+    if gap > CLOSED and (edit := slips_of(document, written, kinds, Fault.ELSEWHERE)) is not None:
+        remarks.insert(0, texts.DRAWN_OPEN.format(edit=edit))
     in_loops = {joint.joint for cluster, _ in parts for joint in cluster.joints}
     for joint in joints:
         if joint.joint not in in_loops:

@@ -120,9 +120,14 @@ def duplicates(things: Iterable[T], name: Callable[[T], object]) -> Iterator[tup
             yield first, thing
 
 
-def defined_twice(what: str, line: int | None) -> str:
-    """Return the error for a second definition; `line` is that of the first one."""
-    return texts.DEFINED_TWICE.format(what=what, first=texts.FIRST_ON_LINE.format(line=line) if line else "")
+def defined_twice(what: str, line: int | None, hint: str = "") -> str:
+    """Return the error for a second definition; `line` is that of the first one, `hint` how this one is changed."""
+    return texts.DEFINED_TWICE.format(what=what, first=first_on(line), hint=hint)
+
+
+def first_on(line: int | None) -> str:
+    """Return the line of a first definition, as messages name it."""
+    return texts.FIRST_ON_LINE.format(line=line) if line else ""
 
 
 def limits_reversed(what: str, low: float, high: float) -> str:

@@ -84,10 +84,15 @@ def play(loops: KindedLoops, start: Array, best: Closing) -> dict[int, Array]:
     return offsets if close_from_afar(loops.with_moved(steps_of(offsets)), start).closed else {}
 
 
-def text(names: Sequence[str], offsets: Mapping[int, Array]) -> str:
+def text(names: Sequence[str], ends: Sequence[tuple[str, str]], offsets: Mapping[int, Array]) -> str:
     """Return the text of a warning: loops that are closed in the plane."""
+    moved = ", ".join(f"{ends[i][1]} by ({x:.8g}, {y:.8g}, {z:.8g}) mm" for i, (x, y, z) in _in_mm(offsets).items())
     gaps = ", ".join(f"'{names[i]}' by {1e3 * float(np.linalg.norm(offset)):.3g} mm" for i, offset in offsets.items())
     return (
         f"pins with play: {gaps} along their axes, where nothing moves, and nothing across; closed in the plane, as if "
-        f"their second ends were moved by that. {EXACT} refuses such gaps"
+        f"their second ends were moved in their own axes: {moved}. {EXACT} refuses such gaps"
     )
+
+
+def _in_mm(offsets: Mapping[int, Array]) -> dict[int, list[float]]:
+    return {i: (1e3 * offset + 0.0).tolist() for i, offset in offsets.items()}

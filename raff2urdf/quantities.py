@@ -219,3 +219,15 @@ def shown(value: float, dimension: Dimension, digits: int = 4) -> str:
     if "e" in text and 1e-5 < abs(number) < 1e7:
         text = f"{number:.0f}" if abs(number) >= 1.0 else f"{number:.{digits + 4}f}".rstrip("0")
     return f"{text} {unit}".rstrip()
+
+
+def typed_in_radians(limits: Sequence[float]) -> list[float] | None:
+    """Return limits of a joint in degrees, if they are radians: each is a whole multiple of five degrees then, though
+    typed with two decimals at least. None if they may well be degrees."""
+    if not 0.0 < max(map(abs, limits), default=0.0) <= math.tau:
+        return None
+    found = [math.degrees(limit) for limit in limits]
+    rounded = [5.0 * round(degrees / 5.0) for degrees in found]
+    near = all(abs(one - other) < 0.05 for one, other in zip(found, rounded, strict=True))
+    decimals = any(limit != round(limit, 1) for limit in limits)
+    return rounded if near and decimals else None

@@ -114,13 +114,15 @@ def swing(axis: Array) -> tuple[Array, Array]:
     """Return the rotation (2,) about x and y that takes z to `axis`, and its (2, 3) derivative by the angular velocity.
 
     With s = hypot(x, y) and the angle t = atan2(s, z), the swing is (t / s) (-y, x). Where the axes are opposed (s = 0,
-    z < 0) any rotation by pi does; the one about x is returned.
+    z < 0) any rotation by pi does; the one about x is returned. Nearly there the derivative, which has no bound, is
+    that of a rotation about the swing itself in all directions.
     """
     x, y, z = axis.tolist()
     s = math.hypot(x, y)
     t = math.atan2(s, z)
-    if s < 1e-9 and z < 0.0:
-        return np.array([math.pi, 0.0]), np.array([[1.0, 0.0, 0.0], [0.0, 1.0, 0.0]])
+    if s < 1e-4 and z < 0.0:
+        swung = [math.pi, 0.0] if s < 1e-9 else [-t / s * y, t / s * x]
+        return np.array(swung), np.array([[1.0, 0.0, 0.0], [0.0, 1.0, 0.0]])
     ratio = t / s if s > 1e-4 else 1.0 + s * s / 6.0
     # t' = z s' - s z' and s s' = x x' + y y' give (t/s)' = slope (x x' + y y') - z'; slope is -1/2 + 1/6 at s = 0
     slope = (z - ratio) / (s * s) if s > 1e-4 else -2.0 / 3.0

@@ -122,8 +122,9 @@ def log_derivative(v: Array, out: Array) -> None:
 def swing(x: float, y: float, z: float, out: Array, by: Array) -> None:
     """Rotation vector (2,), about x and y, that brings z onto the axis (x, y, z), and its (2, 3) derivative."""
     s = math.sqrt(x * x + y * y)
-    if s < 1e-9 and z < 0.0:
-        out[0], out[1] = math.pi, 0.0
+    if s < 1e-4 and z < 0.0:  # opposed, or nearly
+        turned = math.atan2(s, z) / s if s >= 1e-9 else 0.0
+        out[0], out[1] = -turned * y if turned > 0.0 else math.pi, turned * x
         by[0, 0], by[0, 1], by[0, 2] = 1.0, 0.0, 0.0
         by[1, 0], by[1, 1], by[1, 2] = 0.0, 1.0, 0.0
         return

@@ -52,6 +52,7 @@ def find_home(
     drawn: bool,
     name: str,
     robot: str,
+    remark: str | None = None,
 ) -> Home:
     """Close all clusters of loops, each by itself, near to the configuration as written; within the limits if possible.
 
@@ -63,6 +64,7 @@ def find_home(
         drawn: whether that is only how the file draws the robot: where it is singular, another one is chosen.
         name: the file's, in errors.
         robot: of the file, in errors.
+        remark: a warning about loops that are open as written, if they can be closed.
 
     Raises:
         ClosureError: clusters can't be closed.
@@ -85,6 +87,8 @@ def find_home(
             is_drawn = False
     if problems:
         raise ClosureError(f"{name}: {robot}: " + "\n".join(problems))
+    if remark is not None:
+        warn(f"{name}: {robot}: {remark}")
     indices, columns = scalar_joints(system.model)
     free = indices[~np.isin(columns, np.concatenate([np.zeros(0, np.intp), *system.columns]))]
     q[free] = np.clip(q[free], limits.lower[free], limits.upper[free])

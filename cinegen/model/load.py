@@ -6,8 +6,9 @@ from __future__ import annotations
 import math
 import sys
 import warnings
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -16,7 +17,7 @@ import pinocchio as pin
 
 import raff2urdf
 from cinegen.arrays import Array
-from cinegen.errors import LoadError, UnknownNameError, warn
+from cinegen.errors import ClosureError, LoadError, UnknownNameError, warn
 from cinegen.joints import supporting_columns
 from cinegen.loops.closed_loops import ClosedLoops, LoopConstraint
 from cinegen.loops.clusters import subsystems
@@ -26,10 +27,12 @@ from cinegen.model.home import find_home, follow, near_successive
 from cinegen.model.limits import Limits
 from cinegen.model.mechanism import Mechanism, MechanismSource
 from cinegen.model.near_redundant import in_plane, made_exact
+from cinegen.model.plausible import doubts
 from cinegen.model.spherical import SphericalJoints
 from cinegen.model.urdf import completed, kinematics, simple, with_fixed_base
+from cinegen.tolerances import AT_LIMIT
 from raff2urdf import closure, readers
-from raff2urdf.analysis import loop_kind
+from raff2urdf.analysis import loop_kind, loop_kinds
 from raff2urdf.axes import UNCHANGED
 from raff2urdf.constraints import without_loops
 from raff2urdf.coupling import Coupling, coupling_of
@@ -37,7 +40,10 @@ from raff2urdf.errors import RaffError
 from raff2urdf.json_lines import line_of
 from raff2urdf.length import characteristic_length, cut_screws
 from raff2urdf.placement import rotation
+from raff2urdf.raff import drawn as raff_drawn
+from raff2urdf.raff import texts
 from raff2urdf.raff.document import LoopKind
+from raff2urdf.readers import drawn as urdf_drawn
 from raff2urdf.readers.actuation import advice, replaced, syntax_of
 from raff2urdf.readers.declaration import IgnoreList
 from raff2urdf.readers.options import ReadOptions
@@ -46,6 +52,7 @@ from raff2urdf.readers.srdf import Srdf, read_srdf, srdf_of
 from raff2urdf.readers.urdf import UNLIMITED, parse
 from raff2urdf.readers.xml_file import read_text
 from raff2urdf.shipped import find_robot
+from raff2urdf.slips import Fault
 
 if TYPE_CHECKING:  # takes half a second
     from yourdfpy import URDF
@@ -184,7 +191,9 @@ def load_with(
     if fixed_base:
         urdf, constraints = with_fixed_base(urdf, constraints, str(path))
     constraints = _with_actuated(urdf, constraints, actuated, str(path))
-    return build(urdf, constraints, name=str(path), srdf=_read_srdf(described, urdf, str(path), options), relax=relax)
+    srdf_read = _read_srdf(described, urdf, str(path), options)
+    make = partial(build, urdf, constraints, name=str(path), srdf=srdf_read, relax=relax)
+    return _made(make, partial(raff_drawn.slips_of, document, chosen, loop_kinds(chosen, loops)))
 
 
 def robots(path: str | Path) -> list[str | None]:
@@ -244,18 +253,54 @@ def _load_xml(
     placed, told = with_home(urdf, constraints, srdf or beside, str(path), options)
     stated = _with_actuated(urdf, placed, actuated, str(path))
     packages = tuple((name, str(given)) for name, given in options.search.given.items())
-    mechanism = build(
-        urdf, stated, str(folder), str(path), found.dialects, (*found.notes, *told), disabled, packages=packages,
+    make = partial(
+        build, urdf, stated, str(folder), str(path), found.dialects, (*found.notes, *told), disabled, packages=packages,
         relax=relax, is_driven=found.is_driven and actuated is None,
     )  # fmt: skip
+    dialect = "".join(found.dialects)
+    slips = None if stated is None else partial(urdf_drawn.slips_of, urdf, stated, str(path), dialect)
+    mechanism = _made(make, slips, [one for one in found.notes if " has another parent" in one])
     if constraints and not loops:
         _check_stated(mechanism, constraints, path)
     for name, kind in (loops or {}).items():
         if name in balls and loop_kind(kind) is LoopKind.REVOLUTE:
             _check_hinge(mechanism, name, path)
+    for doubt in doubts(mechanism):
+        warn(f"{path}: {doubt}")
     for link, why in list(mechanism.unphysical.items())[:1]:  # a RAFF file is checked by raff2urdf
         more = f" (and {len(mechanism.unphysical) - 1} more links)" if len(mechanism.unphysical) > 1 else ""
         warn(f"{path}: link '{link}' has an inertia that no body can have: {why}; no forces can be computed{more}")
+    return mechanism
+
+
+def _made(
+    make: Callable[..., Mechanism], slips: Callable[[Fault], str | None] | None, cut: Sequence[str] = ()
+) -> Mechanism:
+    """Return a mechanism that is made of a file; a warning names the edit with which its loops are closed as written,
+    or move.
+
+    Args:
+        make: builds it, given `slips`.
+        slips: returns the edit that repairs a fault as text, if there is one.
+        cut: joints of which the file does not state that they close loops.
+
+    Raises:
+        ClosureError: the loops can't be closed.
+    """
+    try:
+        mechanism = make(slips=slips)
+    except ClosureError as error:
+        edit = None if slips is None else slips(Fault.OPEN)
+        if cut and edit is None:
+            edit = f"{'; '.join(cut)}: if no loop is meant, remove one of the two joints"
+        if edit is None:
+            raise
+        raise ClosureError(f"{error}\n  {edit}") from None
+    if mechanism.loops and mechanism.joints and mechanism.mobility == 0:
+        numbers = {"rows": mechanism.structure.system.rows, "rank": mechanism.loop_rank, "joints": mechanism.model.nv}
+        edit = None if slips is None else slips(Fault.FROZEN)
+        told = "; ".join(filter(None, [texts.FROZEN.format(**numbers), edit]))
+        warn(f"{mechanism.source.name}: robot '{mechanism.name}': {told}")
     return mechanism
 
 
@@ -446,6 +491,7 @@ def build(
     packages: tuple[tuple[str, str], ...] = (),
     relax: bool | None = False,
     is_driven: bool = False,
+    slips: Callable[[Fault], str | None] | None = None,
 ) -> Mechanism:
     """Build a mechanism from a URDF's text and everything that a URDF cannot express.
 
@@ -464,6 +510,7 @@ def build(
         relax: see `load`.
         is_driven: whether the joints that the constraints state as actuated are those that transmissions and the like
             name (`raff2urdf.readers.drives`). Where these do not determine the mechanism, others are added or left out.
+        slips: see `_made`.
 
     Raises:
         LoadError: no URDF, or it lacks what the constraints name.
@@ -488,7 +535,9 @@ def build(
         q = q if spherical is None or near is None else spherical.from_successive(near)
     drawn = not any("home" in joint for joint in (given or {}).get("joints", []))
     limits = Limits(model, tuple(actuated))
-    home = find_home(system, q, limits, actuated, drawn, name, robot)
+    edit = slips(Fault.ELSEWHERE) if slips is not None and gap > AT_LIMIT else None
+    remark = None if edit is None else texts.DRAWN_OPEN.format(edit=edit)
+    home = find_home(system, q, limits, actuated, drawn, name, robot, remark)
     q, determined, notes = home.q, home.determined, notes + home.notes
     if home.is_drawn and (loops or couplings):  # else home is a random one
         system = ClosedLoops(model, loops, _length(system, q, constraints["nodes"]), couplings)

@@ -110,7 +110,7 @@ def in_plane(constraints: Mapping[str, Any], system: ClosedLoops, q: Array, name
         offsets = {} if closing.closed else play(own, q[at], closing)
         if offsets:
             names = [loop.name for loop in own.loops]
-            texts.append(text(names, offsets))
+            texts.append(text(names, own.ends, offsets))
             found |= {names[i]: translation(offset) for i, offset in offsets.items()}
     if not found:
         return None

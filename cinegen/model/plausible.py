@@ -1,24 +1,31 @@
 """Numbers that only fit in another unit: mm typed for m, radians for degrees or the reverse.
 
-A number is refused only if it can't be meant: it lies far beyond what the mechanism can do, and would fit if it were
-1000 or 57.3 times smaller.
+A number that is typed is refused only if it can't be meant: it lies far beyond what the mechanism can do, and would fit
+if it were 1000 or 57.3 times smaller. Such a number of a robot's own file is a warning (`doubts`).
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 
 from cinegen.arrays import Array, Indices
 from cinegen.errors import CinegenError
 from cinegen.joints import translations
+from cinegen.model.masses import stated
 from cinegen.model.mechanism import Mechanism
 from raff2urdf.quantities import ANGLE, LENGTH, shown
 
 FAR = 10.0
 """A length beyond this multiple of the reach can't be meant."""
+
+LONG = 50.0
+"""Joints that are farther apart, m, are probably in mm."""
+
+TURNS = 720.0
+"""Greatest limit, rad, that may be one in degrees."""
 
 FAR_TARGET = 100.0
 """The same for a target in a program, which may mean a direction by it."""
@@ -157,3 +164,53 @@ def check_revolution(name: str, low: float, high: float) -> None:
         degrees = f": did you mean {low:g}..{high:g}deg?" if high - low <= 360.0 else ""
         range_shown = f"{shown(low, ANGLE)} to {shown(high, ANGLE)}"
         raise ImplausibleError(f"{name}: {range_shown} is more than one revolution{degrees}")
+
+
+def doubts(mechanism: Mechanism) -> list[str]:
+    """Return what a file in m, kg and rad probably means in another unit: limits of joints, lengths, moments of
+    inertia. Each text names the first of its kind and what it would be."""
+    found = [list(kind(mechanism)) for kind in (_limits_in_degrees, _lengths_in_mm, _moments_in_mm)]
+    return [f"{kind[0]}{f' (and {len(kind) - 1} more)' * (len(kind) > 1)}" for kind in found if kind]
+
+
+def _limits_in_degrees(mechanism: Mechanism) -> Iterator[str]:
+    for name in mechanism.joints:
+        if name not in mechanism.limits or mechanism.is_prismatic(name):
+            continue
+        low, high = mechanism.limits[name][:2]
+        largest = max(abs(low), abs(high))
+        if 4.0 * math.pi + 0.1 < largest <= TURNS and all(value == round(value) for value in (low, high)):
+            yield (
+                f"joint '{name}' turns {largest / math.tau:.0f} times within its limits, {low:g} and {high:g} rad: if "
+                f"these are degrees, write {math.radians(low):.10g} and {math.radians(high):.10g}"
+            )
+
+
+def _lengths_in_mm(mechanism: Mechanism) -> Iterator[str]:
+    """Yield distances from a joint to the one before it, but not to the world, in which a robot may be anywhere."""
+    model = mechanism.model
+    places = {str(model.names[i]): model.jointPlacements[i] for i in range(1, model.njoints) if model.parents[i] > 0}
+    frames = [model.frames[mechanism.frame_id(node)] for node in mechanism.nodes]
+    places |= {frame.name: frame.placement for frame in frames if frame.parentJoint > 0}
+    for loop in mechanism.loops:
+        places[f"loop '{loop.name}' on {loop.first}"] = loop.first_placement
+        places[f"loop '{loop.name}' on {loop.second}"] = loop.second_placement
+    for name, place in places.items():
+        far = [float(x) for x in place.translation]
+        if math.hypot(*far) > LONG:
+            metres = " ".join(f"{x / 1000.0:.10g}" for x in far)
+            size = f"{math.hypot(*far):.6g} m"
+            yield f"{name} is {size} from the joint before it: if lengths are in mm, write {metres} here"
+
+
+def _moments_in_mm(mechanism: Mechanism) -> Iterator[str]:
+    """Yield bodies that are far too large, but not placeholders, whose moments are alike."""
+    most = reach(mechanism)
+    for link, body in stated(mechanism).items():
+        least, _, moment = np.linalg.eigvalsh(body.matrix).tolist()
+        size = math.sqrt(moment / body.mass) if body.mass > 0.0 and moment > 1.01 * least else 0.0
+        if FAR * most < size and 0.03 * most < size / 1000.0 < most:
+            yield (
+                f"link '{link}' has the moments of inertia of a body of {size:.3g} m, far beyond the robot's reach, "
+                f"{shown(most, LENGTH, 2)}: if they are in kg mm2, write a millionth, {moment / 1e6:.6g} at most"
+            )

@@ -196,7 +196,8 @@ def _warn_of_assumptions(tree: Any, name: str) -> None:
         warn(f"{where} has no {lacks(partial[0])}: its mass is left out{more}")
     left_out = [joint for joint in joints(tree) if lacks_limits(joint)]
     if left_out:
-        warn(f"{listed(left_out, name)}: no lower and upper limit are given; taken as unlimited")
+        remedy = 'add lower and upper to <limit>, or write type="continuous" if it is meant'
+        warn(f"{listed(left_out, name)}: no lower and upper limit are given; taken as unlimited: {remedy}")
 
 
 def _give_limits(joint: Any, allowed: tuple[float, float] | None) -> None:

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 
 from raff2urdf.errors import (
     Problem,
@@ -18,9 +18,11 @@ from raff2urdf.errors import (
     defined_twice,
     did_you_mean,
     duplicates,
+    first_on,
     limits_reversed,
     warn,
 )
+from raff2urdf.quantities import typed_in_radians
 from raff2urdf.raff import texts
 from raff2urdf.raff.compound import VARIABLES, intermediate_names
 from raff2urdf.raff.document import (
@@ -163,7 +165,9 @@ def _tree_problems(document: Document, robot: RaffRobot) -> Iterator[Problem]:
     for part in robot.parts:
         numbers.setdefault(part.number, part)
     for first, part in duplicates(robot.parts, lambda part: part.number):
-        message = defined_twice(f"the number {part.number}", _line(first, "number"))
+        missing = sorted({part.pred for part in robot.parts} - numbers.keys() - {0})
+        hint = texts.TO_NUMBER.format(number=missing[0]) if len(missing) == 1 else ""
+        message = defined_twice(f"the number {part.number}", _line(first, "number"), hint)
         yield problem(message, part.locations.get("number"))
     names: dict[str, RaffPart] = {}
     for part in robot.parts:
@@ -179,7 +183,8 @@ def _tree_problems(document: Document, robot: RaffRobot) -> Iterator[Problem]:
     known = did_you_mean("", [texts.THE_BASE, *map(str, numbers)])
     for part in robot.parts:
         if part.pred != 0 and part.pred not in numbers:
-            message = texts.NO_PARENT.format(keyword=part.keyword, number=part.number, pred=part.pred, known=known)
+            near = _probable_parent(robot, part) or known
+            message = texts.NO_PARENT.format(keyword=part.keyword, number=part.number, pred=part.pred, known=near)
             yield problem(message, part.locations.get("pred"))
     yield from _cycles(document, numbers)
     for node in (robot.base, *robot.parts):
@@ -273,7 +278,9 @@ def _cycles(document: Document, numbers: dict[int, RaffPart]) -> Iterator[Proble
         if at in numbers and visited[at] == start:
             cycle = trail[trail.index(at) :]
             shown = " -> ".join(map(str, [*cycle[:8], *(["..."] if len(cycle) > 8 else []), at]))
-            message = texts.CYCLE.format(keyword=numbers[at].keyword, number=at, shown=shown)
+            first = numbers[min(cycle)]
+            hint = texts.TO_BASE.format(keyword=first.keyword, number=first.number)
+            message = texts.CYCLE.format(keyword=numbers[at].keyword, number=at, shown=shown, hint=hint)
             yield document.source.problem(message, numbers[at].locations.get("pred"))
 
 
@@ -324,7 +331,7 @@ def _coupling_problems(document: Document, robot: RaffRobot) -> Iterator[Problem
             elif number not in moving:
                 yield problem(texts.COUPLES_NOTHING.format(number=number, known=known), at.get(word))
             elif number in (other for _, other in ends[:i]):
-                yield problem(texts.COUPLED_TWICE.format(number=number), at.get(word))
+                yield problem(texts.COUPLED_TWICE.format(number=number, known=known), at.get(word))
         for i, drive in enumerate(coupling.drives):
             if drive.link not in moving or coupling.follower not in moving:
                 continue
@@ -348,10 +355,28 @@ def _unit_problems(document: Document, robot: RaffRobot) -> Iterator[Problem]:
         yield document.source.problem(message, node.locations.get("parameters"))
 
 
+def _probable_parent(robot: RaffRobot, part: RaffPart) -> str:
+    """Return the only node without a child, of those that are not below a part without parent, as its likely parent."""
+    below = {part.number}
+    while found := {one.number for one in robot.parts if one.pred in below} - below:
+        below |= found
+    ends = robot.nodes.keys() - below - {one.pred for one in robot.parts}
+    return texts.DID_YOU_MEAN.format(word=ends.pop() or texts.THE_BASE) if len(ends) == 1 else ""
+
+
 def _oddities(document: Document, robot: RaffRobot) -> Iterator[Problem]:
     """Yield warnings: valid input that is probably not intended."""
     problem = document.source.problem
+    size, longest = document.longest(robot)
+    if document.metres(size) > LONGEST and document.units == "m":
+        message = texts.LARGE.format(robot=robot.name, size=shown(size))
+        yield problem(message, longest.locations.get("parameters"))
+    for first, loop in duplicates(robot.loops, lambda loop: (*sorted((loop.first, loop.second)), loop.kind)):
+        line = first.locations["first"].line if "first" in first.locations else None
+        yield problem(texts.LOOP_TWICE.format(first=first_on(line)), loop.locations.get("first"))
     for node in (robot.base, *robot.parts):
+        yield from _angles_in_radians(document, node)
+        yield from _moments_in_metres(document, node, document.metres(size))
         if node.inertial is not None and all(size <= LARGEST for _, size in _sizes(document, node.inertial)):
             why = stated_inertia(document, node.inertial).why_unphysical()
             if why is not None:
@@ -365,8 +390,51 @@ def _oddities(document: Document, robot: RaffRobot) -> Iterator[Problem]:
                     yield problem(texts.FIXED_HAS.format(number=link.number, word=word), link.locations.get(word))
         elif link.limits:
             home = link.parameters.theta if link.type is JointType.REVOLUTE else link.parameters.r
+            degrees = _degrees(link) if link.type is JointType.REVOLUTE else None
             if not link.limits[0] <= home <= link.limits[1]:
-                yield problem(_outside(f"link {link.number}", home, link.limits), link.locations.get("limits"))
+                yield problem(_outside(f"link {link.number}", home, link.limits, degrees), link.locations.get("limits"))
+            elif degrees is not None:
+                message = texts.LIMITS_IN_RADIANS.format(what=f"link {link.number}", degrees=" ".join(degrees))
+                yield problem(message, link.locations.get("limits"))
+
+
+LONGEST = 100.0
+"""Longest length, m, above which a file in metres probably is one in mm."""
+
+
+def _angles_in_radians(document: Document, node: RaffNode) -> Iterator[Problem]:
+    """Yield a warning for each angle that is a part of pi, with four digits at least."""
+    for word in ("alpha", "gamma", "theta"):
+        value = getattr(node.parameters, word)
+        written = shown(value).lstrip("-")
+        parts = [] if len(written.strip("0").replace(".", "")) < 4 else [30, 45, 60, 90, 120, 135, 150, 180, 270]
+        for part in parts:
+            digits = len(written.partition(".")[2])
+            if abs(value) < math.tau and round(math.radians(part), digits) == abs(value):
+                signed = shown(math.copysign(part, value))
+                message = texts.ANGLE_IN_RADIANS.format(
+                    word=word, value=shown(value), what=label(node), angle=f"{signed} degrees", degrees=signed
+                )
+                yield document.source.problem(message, node.locations.get("parameters"))
+
+
+def _degrees(link: RaffLink) -> list[str] | None:
+    """Return the limits of a revolute link in degrees, if they are probably in radians."""
+    found = typed_in_radians(link.limits or ())
+    return None if found is None else list(map(shown, found))
+
+
+def _moments_in_metres(document: Document, node: RaffNode, size: float) -> Iterator[Problem]:
+    """Yield a warning if moments of inertia are those of a body that is a thousandth of the robot, of `size` m."""
+    inertial = node.inertial
+    if inertial is None or document.units == "m" or not inertial.mass or max(inertial.moments) <= 0.0:
+        return
+    radius = document.metres(math.sqrt(max(inertial.moments) / inertial.mass))
+    if 0.01 * size < 1e3 * radius < size:
+        factor = document.metres(1.0) ** -2
+        moments = " ".join(f"{factor * moment:.6g}" for moment in inertial.moments)
+        message = texts.MOMENTS_IN_M.format(what=label(node), size=f"{1e3 * radius:.2g}", moments=moments)
+        yield document.source.problem(message, inertial.locations.get("moments"))
 
 
 def _useless_efforts(document: Document, link: RaffLink) -> Iterator[Problem]:
@@ -387,9 +455,10 @@ def _variables_outside_limits(document: Document, link: RaffLink) -> Iterator[Pr
             yield document.source.problem(message, variable.locations.get("limits"))
 
 
-def _outside(what: str, home: float, limits: tuple[float, float]) -> str:
+def _outside(what: str, home: float, limits: tuple[float, float], degrees: Sequence[str] | None = None) -> str:
     low, high = map(shown, limits)
-    return texts.HOME_OUTSIDE.format(home=shown(home), what=what, low=low, high=high)
+    hint = texts.IN_RADIANS.format(low=degrees[0], high=degrees[1]) if degrees else ""
+    return texts.HOME_OUTSIDE.format(home=shown(home), what=what, low=low, high=high, hint=hint)
 
 
 def _line(thing: RaffRobot | RaffPart | RaffSensor, word: str) -> int | None:

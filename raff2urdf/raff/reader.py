@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import difflib
 import re
 from collections.abc import Collection
 from contextlib import suppress
@@ -13,7 +14,7 @@ from raff2urdf.errors import Problem, RaffError, SourceLocation, did_you_mean
 from raff2urdf.files import read_bytes
 from raff2urdf.raff import texts
 from raff2urdf.raff.check import check_tree
-from raff2urdf.raff.document import Document, JointType, LoopKind, SourceText
+from raff2urdf.raff.document import UNITS_PER_METRE, Document, JointType, LoopKind, SourceText
 from raff2urdf.raff.syntax import STATEMENTS, Block, Token, tokens
 from raff2urdf.shipped import find_robot
 
@@ -103,7 +104,8 @@ WANTED["MORE"] = "')' or a number"
 LABELS = {"base": "the base", "parameters": "the parameter block", "constraint": "the constraint"}
 LABELS |= {"limits": "the limits", "filename": "the list of files", "inertial": "the inertial"}
 LABELS |= {"centre": "the centre", "moments": "the moments", "products": "the products"}
-NUMBER_WITH_UNIT = "[0-9]+(?:[.][0-9]*)?[umcdegrak]*"  # such as 5mm
+NUMBER_WITH_UNIT = "(?P<number>-?[0-9]+(?:[.][0-9]*)?)(?P<unit>[umcdegrak]*)"  # such as 5mm
+DECIMAL_COMMA = "-?[0-9]+,[0-9]+"
 COUNTS = {"limits": "two numbers", **dict.fromkeys(("centre", "moments", "products"), "three numbers")}
 
 
@@ -270,9 +272,17 @@ class _Reading:
         """Return the likely meaning of a word where a number should be."""
         if word.text == "type":
             kinds: list[IntEnum] = list(LoopKind if self.open[-1].kind == "constraint" else JointType)
-            return f" ({', '.join(f'{kind.value} {kind.name.lower()}' for kind in kinds)})"
-        if re.fullmatch(NUMBER_WITH_UNIT, token.text):
-            return texts.HAS_UNIT
+            near = difflib.get_close_matches(token.text.lower(), [kind.name.lower() for kind in kinds], n=1)
+            meant = [texts.A_KIND.format(value=kind.value) for kind in kinds if kind.name.lower() in near]
+            return f" ({', '.join(f'{kind.value} {kind.name.lower()}' for kind in kinds)}){''.join(meant)}"
+        if found := re.fullmatch(NUMBER_WITH_UNIT, token.text):
+            stated = self.open[0].values.get("units", "mm")
+            units = stated if stated in UNITS_PER_METRE else "mm"
+            factor = UNITS_PER_METRE[units] / UNITS_PER_METRE.get(found["unit"], UNITS_PER_METRE[units])
+            why = texts.NO_UNITS.format(units=units)
+            return texts.HAS_UNIT.format(value=f"{float(found['number']) * factor:.10g}", why=why)
+        if re.fullmatch(DECIMAL_COMMA, token.text):
+            return texts.DECIMAL_POINT.format(value=token.text.replace(",", "."))
         return ""
 
     def unfitting(self, block: Block, token: Token) -> None:

@@ -7,7 +7,8 @@ from __future__ import annotations
 DID_YOU_MEAN = ": did you mean '{word}'?"
 KNOWN = " (known: {listed}{more})"
 MORE_PROBLEMS = "and {count} more"
-DEFINED_TWICE = "{what} is defined twice{first}: change one of them"
+DEFINED_TWICE = "{what} is defined twice{first}: change one of them{hint}"
+TO_NUMBER = ", probably this one to {number}, which is named and missing"
 FIRST_ON_LINE = ", first on line {line}"
 
 # --- lines and tokens -----------------------------------------------------------------------------------------------
@@ -28,16 +29,19 @@ ENDS_EARLY = "the file ends too early: {missing} is missing"
 EXPECTED = "expected {wanted} here, found '{found}'"
 QUOTE_IT = "{message}: put it in quotation marks"
 NOT_A_NUMBER = "'{word}' needs a number, and '{found}' is not one{hint}"
-HAS_UNIT = " (numbers have no unit: lengths are in the file's `units`, angles in degrees, masses in kg)"
+HAS_UNIT = ": write {value}{why}"
+NO_UNITS = " (numbers have no unit: lengths are in the file's `units`, here {units}; angles in degrees, masses in kg)"
+DECIMAL_POINT = ": write {value}"
+A_KIND = ": write 'type {value}'"
 NEEDS = "'{word}' needs {wanted} here"
-GIVEN_TWICE = "'{word}' is given twice in {label}: first on line {line}"
-LACKS = "{label} has no '{word}'{meaning}"
+GIVEN_TWICE = "'{word}' is given twice in {label}, first on line {line}: remove one of them"
+LACKS = "{label} has no '{word}'{meaning}: add it"
 BRACE_TOO_MANY = "one '}}' too many: {remedy}"
 WAS_CLOSED = "{label} was closed on line {line}"
 REMOVE_IT = "remove it"
 UNEXPECTED = "unexpected '{found}' in {label}: expected {listed}"
 BELONGS_OUTSIDE = "'{word}' is inside {label}: it belongs outside every robot"
-IS_OUTSIDE = "'{word}' is outside {home}: {closed}"
+IS_OUTSIDE = "'{word}' is outside {home}: {closed}; remove that '}}'"
 A_PARAMETER_BLOCK = "a parameter block"
 A_BLOCK = "a {kind}"
 UNKNOWN_PARAMETER = "unknown parameter '{word}'{hint}"
@@ -74,7 +78,8 @@ RESERVED_NAME = "the name '{name}' is reserved for {owner}: choose another one"
 NAME_TAKEN = "the name '{name}' is that of {keyword} {number}: choose another one"
 NO_PARENT = "the parent of {keyword} {number} is {pred}, which does not exist{known}"
 THE_BASE = "0 (the base)"
-CYCLE = "{keyword} {number} is part of a cycle of parents: {shown}: change the 'pred' of one of them"
+CYCLE = "{keyword} {number} is part of a cycle of parents: {shown}: change the 'pred' of one of them{hint}"
+TO_BASE = ", such as to 'pred 0' in {keyword} {number}"
 SMALL = (
     "all lengths of robot '{robot}' are below {least:g} mm, the longest is {size} mm: did you mean metres? "
     "Write 'units m' after the first line, or 'units mm' if they are in mm"
@@ -112,7 +117,9 @@ DENSITY_OF_NOTHING = "{what} has a 'density' but no graphics: name files, or giv
 
 # --- constraints ----------------------------------------------------------------------------------------------------
 
-NO_END = "a loop of robot '{robot}' ends at {number}, which does not exist{known}"
+NO_END = (
+    "a loop of robot '{robot}' ends at {number}, which does not exist{known}: add 'frame {number}', or name another one"
+)
 LOOP_TO_ITSELF = "a loop joins node {number} to itself: name two different nodes"
 NO_NODE = "a sensor constraint of robot '{robot}' names {number}, which does not exist{known}"
 NO_SENSOR = "sensor {number} is not declared (declared: {declared})"
@@ -123,8 +130,8 @@ COUPLES_COMPOUND = (
     "a coupling names link {number}, whose {compound} joint has several variables: write it as successive links, each "
     "with a 'type'"
 )
-COUPLES_NOTHING = "a coupling names link {number}, which is not a link that moves{known}"
-COUPLED_TWICE = "a coupling names link {number} twice: name it once"
+COUPLES_NOTHING = "a coupling names link {number}, which is not a link that moves: name another one{known}"
+COUPLED_TWICE = "a coupling names link {number} twice: name another one{known}"
 RATIO_OF_TWO_TYPES = (
     "'ratio' couples joints of one type, but link {follower} is {own} and link {link} {other}: use 'lead' (a screw) or "
     "'radius' (a rack)"
@@ -140,16 +147,35 @@ STAY_OPEN = "the mechanism can't be closed: these {what} remain open: {listed}{m
 LOOPS = "loops"
 LOOPS_AND_COUPLINGS = "loops and couplings"
 MORE_OPEN = " and {count} more"
+REWRITE = "write '{after}' for '{before}' in {where}{line}"
+DRAWN_CLOSED = "one edit closes the loops as written: {edits}"
+FREED = "one edit lets the loops move: {edits}"
+FROZEN = "no joint can move: {rows} equations of loops and couplings, of rank {rank}, hold all {joints} joints"
+DRAWN_OPEN = "the loops are open as written, and were closed elsewhere; {edit}"
+OR = ", or "
+AND = " and "
 
 # --- warnings -------------------------------------------------------------------------------------------------------
 
+LOOP_TWICE = "this loop was declared before{first}: remove one of them"
+LARGE = "the longest length of robot '{robot}' is {size} m: if lengths are in mm, write 'units mm' for 'units m'"
+ANGLE_IN_RADIANS = "'{word} {value}' of {what} is {angle} in radians: angles are in degrees, write '{word} {degrees}'"
+LIMITS_IN_RADIANS = (
+    "the limits of {what} are {degrees} degrees if they are in radians: angles are in degrees, write "
+    "'limits {{ {degrees} }}'"
+)
+MOMENTS_IN_M = (
+    "the moments of {what} are those of a body of {size} mm: if they are in kg m2, write 'moments {{ {moments} }}'"
+)
+
 NO_BODY = "no body can have the inertia of {node}: {why}; no forces can be computed"
 MASS_NEGATIVE = "its mass is negative, {mass:.6g} kg"
-MOMENTS_WITHOUT_MASS = "it has moments of inertia, up to {moment:.6g} kg m2, but no mass"
+MOMENTS_WITHOUT_MASS = "it has moments of inertia, up to {moment:.6g} kg m2, but no mass: state its mass"
 MOMENT_NEGATIVE = "a principal moment of inertia is negative, {moment:.6g} kg m2"
 MOMENT_TOO_LARGE = (
     "a principal moment of inertia, {moment:.6g} kg m2, exceeds the sum of the others, {least:.6g} and {middle:.6g}"
 )
 FIXED_HAS = "link {number} is fixed, so '{word}' has no effect: remove it"
-HOME_OUTSIDE = "home {home} of {what} is outside its limits {low} to {high}: change either"
+HOME_OUTSIDE = "home {home} of {what} is outside its limits {low} to {high}: change either{hint}"
+IN_RADIANS = "; if these are radians, write 'limits {{ {low} {high} }}'"
 USELESS_EFFORT = "the joint of {what} is passive, so 'effort' has no effect: remove it, or write 'actuated 1'"

@@ -29,6 +29,9 @@ from raff2urdf.readers.xml_file import error_at
 
 Array = NDArray[np.float64]
 
+DIALECT = "second parents"
+"""Name of the dialect of joints whose child has another parent."""
+
 _CLOSED_LOOP = re.compile(r"closed_?loop")
 
 
@@ -116,11 +119,9 @@ def _cut(root: Any, name: str) -> list[Declaration]:
             raise error_at(name, joint, f"{why}, or leave the coupling out with --ignore mimic")
         text = f"joint '{own}' closes a loop: its child '{ends(joint)[1]}' has another parent"
         label, low_high = f"joint '{own}'", limits(joint)
-        notes = () if low_high is None else (f"{label} closes a loop: its limits are not enforced",)
+        notes = (text,) if low_high is None else (f"{text}; its limits are not enforced",)
         declared.append(
-            Declaration(
-                joint.sourceline, "second parents", label, text, own, read=_of_joint(joint), element=joint, notes=notes
-            )
+            Declaration(joint.sourceline, DIALECT, label, text, own, read=_of_joint(joint), element=joint, notes=notes)
         )
         remove(joint)
     return declared

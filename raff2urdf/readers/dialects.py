@@ -27,6 +27,7 @@ from raff2urdf.readers import (
     closing_joints,
     common_slips,
     declared_loops,
+    implausible,
     joint_couplings,
     loop_closures,
     loop_elements,
@@ -66,6 +67,8 @@ def read(text: str, path: Path, ignore: IgnoreList, ignore_loops: bool, is_file:
     if changed or declared or notes or free:
         text = text_of(root)
     root = parse(text, name)
+    for message in implausible.warnings_of(root, name):
+        warn(message)
     declared += [
         *joint_couplings.find(root),
         *loop_elements.find(root),
@@ -108,6 +111,7 @@ def read(text: str, path: Path, ignore: IgnoreList, ignore_loops: bool, is_file:
         _warn_of_passive(root, name)
     if free:
         composed.place(free)
+        _warn_of_reversed(free, kept, name)
     return composed.result(names + files.left_out)
 
 
@@ -137,6 +141,19 @@ def _warn_of_passive(root: Any, name: str) -> None:
     if passive:
         why = 'the joint depends on others (independent="false"), but no <loop> and no <coupling> declares how'
         warn(f"{urdf_joints(passive, name)}: {why}; it moves freely")
+
+
+def _warn_of_reversed(free: Sequence[str], declared: Sequence[Declaration], name: str) -> None:
+    """Warn of trees that nothing but one joint holds, with its parent and child in each other's place."""
+    closing = [one for one in declared if one.dialect == closing_joints.DIALECT]
+    if len(closing) != len(declared) or len(closing) != len(free):
+        return
+    for one in closing:
+        parent, child = ends(one.element)
+        if any(own.startswith(f"{parent}_free") for own in free):
+            why = f"link '{parent}' has no parent, and its child '{child}' has two, so that {one.label} closes a loop"
+            remedy = "exchange its <parent> and <child>, if no loop is meant"
+            warn(f"{name}:{one.line}: {why}: {remedy}")
 
 
 class _Files:

@@ -66,7 +66,7 @@ def _mimic(element: Any, dialect: str, label: str, follower: str, leader: str, g
     def read(tree: UrdfTree) -> CouplingEntry:
         multiplier, offset = (_number(tree, element, label, given.get(word), word) for word in ("multiplier", "offset"))
         if leader == follower:
-            raise tree.error(element, f"{label} mimics the joint itself: name another joint")
+            raise tree.error(element, f"{label} mimics the joint itself: name another joint, or remove it")
         _check(tree, element, follower, label)
         _check(tree, element, leader, label)
         _check_chain(tree, element, follower)

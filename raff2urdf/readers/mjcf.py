@@ -14,6 +14,7 @@ their files are there. A body whose mass they are needed for has none without th
 from __future__ import annotations
 
 import math
+import re
 import warnings
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
@@ -27,11 +28,12 @@ from numpy.typing import NDArray
 from yourdfpy import Visual
 
 from raff2urdf.constraints import Constraints
-from raff2urdf.errors import RaffError
+from raff2urdf.errors import RaffError, did_you_mean, warn
 from raff2urdf.extras import needs
 from raff2urdf.graphics.names import check_mesh, find
 from raff2urdf.inertia import Inertia
 from raff2urdf.placement import from_quaternion, inverse, roll_pitch_yaw, translation
+from raff2urdf.quantities import typed_in_radians
 from raff2urdf.readers import uncounted
 from raff2urdf.readers.declaration import leave_out
 from raff2urdf.readers.urdf import LARGEST
@@ -99,9 +101,11 @@ def read(path: Path, ignore: Collection[str] = (), text: str | None = None) -> M
                     dict.fromkeys(range(1, len(spec.bodies)), "settotalmass needs the masses of all bodies") | unknown
                 )
     except (ValueError, OSError, RuntimeError) as error:
-        raise RaffError(f"{path}: MuJoCo can't read it: {' '.join(str(error).split())}") from None
+        why = " ".join(str(error).split())
+        raise RaffError(f"{path}: MuJoCo can't read it: {why}{_remedy(why, path, text)}") from None
     finally:
         mujoco.set_mju_user_warning(before)
+    _warn_of_radians(spec, str(path))
     placed = {"body": model.body_pos, "joint": model.jnt_pos, "equality": model.eq_data, "keyframe": model.key_qpos}
     placed |= {"gravity": model.opt.gravity, "armature": model.dof_armature}
     placed |= {"site": model.site_pos, "geom": model.geom_pos, "joint's ref": model.qpos0, "tendon": model.wrap_prm}
@@ -121,6 +125,41 @@ def read(path: Path, ignore: Collection[str] = (), text: str | None = None) -> M
     urdf, constraints = reader.read(ignore, masses)
     left_out = [f"inertia of body '{reader.bodies[spec.bodies[body].id]}': {why}" for body, why in unknown.items()]
     return MjcfRobot(urdf, constraints, [*soft, *reader.ignored, *left_out], reader.notes)
+
+
+def _remedy(why: str, path: Path, text: str | None) -> str:
+    """Return the edit that an error of MuJoCo asks for, to be appended to it; empty where none is known."""
+    if "range[0] should be smaller than range[1]" in why:
+        return ": swap them"
+    if "axis too small" in why:
+        return ': write its direction, such as axis="0 0 1"'
+    found = re.search("(unknown|invalid|not found|missing)[^']*'([^']*)'", why)
+    if found is None:
+        return ""
+    word, root = found[2], parse_xml(read_text(path) if text is None else text, str(path))
+    if "keyword" in why:
+        return did_you_mean(_TYPES.get(word, word), ("hinge", "slide", "ball", "free"))
+    if "default class" in why:
+        near = did_you_mean(word, [str(one.get("class")) for one in root.iter("default") if one.get("class")])
+        return near if near.endswith("?") else f'{near}: add <default class="{word}"/> to <default>'
+    return did_you_mean(word, [str(one.get("name")) for one in root.iter("*") if one.get("name")])
+
+
+_TYPES = {"revolute": "hinge", "continuous": "hinge", "prismatic": "slide", "spherical": "ball", "floating": "free"}
+"""Types of joints by the words of other formats."""
+
+
+def _warn_of_radians(spec: Any, name: str) -> None:
+    """Warn of a range in degrees that is a range of whole multiples of five degrees if it is in radians."""
+    for joint in spec.joints if spec.compiler.degree else ():
+        degrees = typed_in_radians(joint.range)
+        if degrees is not None:
+            low, high = joint.range
+            edit = f'write range="{degrees[0]:g} {degrees[1]:g}", or angle="radian" in <compiler>'
+            warn(
+                f"{name}: the range of joint '{joint.name}' is {low:g} to {high:g} degrees: if it is in radians, {edit}"
+            )
+            return
 
 
 def _check_includes(path: Path, text: str | None) -> None:

@@ -42,6 +42,16 @@ KINDS = ("revolute", "continuous", "prismatic", "fixed", "floating", "planar", "
 """Types of joints. `spherical` is not in URDF's specification, but some programs write it."""
 
 
+MEANT = {
+    "hinge": "revolute",
+    "rotary": "revolute",
+    "rotational": "revolute",
+    "slide": "prismatic",
+    "slider": "prismatic",
+}
+"""Types of joints by the words of other formats."""
+
+
 class MovingJoint(NamedTuple):
     """A joint of a URDF: revolute or prismatic, its limits (rad, m), velocity limit (rad/s, m/s) and effort limit
     (N m, N), if any."""
@@ -251,7 +261,11 @@ def direction(element: Any, text: str, label: str, name: str) -> NDArray[np.floa
     """
     found = numbers(text)
     if found is None or len(found) != 3 or math.hypot(*found) <= 1e-9:
-        raise error_at(name, element, f"the axis '{text.strip()}' of {label} must be three numbers, not all 0{SIZE}")
+        raise error_at(
+            name,
+            element,
+            f"the axis '{text.strip()}' of {label} must be three numbers, not all 0: 0 0 1, for example{SIZE}",
+        )
     return np.array(found)
 
 
@@ -322,7 +336,8 @@ def _label(joint: Any) -> str:
 def _check_joint(joint: Any, name: str) -> None:
     kind, vector = joint.get("type"), joint.find("axis")
     if kind not in KINDS:
-        what = f"{_label(joint)} has the type '{kind}', which is not in URDF{did_you_mean(str(kind), KINDS)}"
+        near = did_you_mean(str(MEANT.get(str(kind), kind)), KINDS)
+        what = f"{_label(joint)} has the type '{kind}', which is not in URDF{near}"
         raise error_at(name, joint, what)
     if vector is not None and kind not in ("fixed", "floating", "spherical"):
         direction(vector, vector.get("xyz", "1 0 0"), _label(joint), name)
@@ -388,7 +403,9 @@ def _check_tree(tree: Any, name: str) -> None:
     for joint in by_name(joints(tree), name).values():
         for word, link in zip(("parent", "child"), ends(joint), strict=True):
             if link not in known:
-                what = f"{_label(joint)} has the {word} '{link}', which is not a link{did_you_mean(link, list(known))}"
+                near = did_you_mean(link, list(known))
+                add = "" if near.endswith("?") else f': add <link name="{link}"/>, or name one of these'
+                what = f"{_label(joint)} has the {word} '{link}', which is not a link{near}{add}"
                 raise error_at(name, joint, what)
         child = ends(joint)[1]
         other = joint_of.setdefault(child, joint)
@@ -415,11 +432,13 @@ def _check_tree(tree: Any, name: str) -> None:
     unreached = known.keys() - set(reached)
     for link in known:
         if link in unreached:
-            raise error_at(
-                name,
-                joint_of[link],
-                f"link '{link}' is not connected to the root, but part of a kinematic cycle or attached to one",
-            )
+            above, at = [link], link
+            while (at := ends(joint_of[at])[0]) not in above:
+                above.append(at)
+            first = next(one for one in known if one in above[above.index(at) :])
+            why = f"link '{link}' is not connected to the root, but part of a kinematic cycle or attached to one"
+            remedy = f'give {_label(joint_of[first])} another parent, such as <parent link="{roots[0]}"/>'
+            raise error_at(name, joint_of[link], f"{why}: {remedy}")
 
 
 def by_name(elements: Sequence[Any], name: str, prefix: str = "") -> dict[str, Any]:

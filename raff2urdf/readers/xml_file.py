@@ -74,7 +74,9 @@ def parse_xml(text: str, name: str) -> Any:
         raise RaffError(f"{name}:1: invalid XML: the file has no element")
     subset = tree.getroottree().docinfo.internalDTD
     for entity in subset.iterentities() if subset is not None else ():
-        raise RaffError(f"{name}:1: the entity '{entity.name}' is not read: write its text instead")
+        raise RaffError(
+            f"{name}:1: the entity '{entity.name}' is not read: write its text instead, and remove <!ENTITY>"
+        )
     for found in tree.iter(etree.Entity, _INCLUDE):
         what = f"the entity '{found.name}'" if found.tag is etree.Entity else f"'{found.get('href')}' by XInclude"
         raise error_at(name, found, f"{what} is not read: write its content into the file")

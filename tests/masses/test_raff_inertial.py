@@ -148,7 +148,7 @@ def test_a_density_without_a_volume_is_refused(tmp_path: Path, text: str, why: s
         ("inertial { mass -1 }", "a:4:42: the mass of link 1 is -1 kg: it must not be negative"),
         (
             "inertial { mass 1kg }",
-            r"'mass' needs a number, and '1kg' is not one \(numbers have no unit: .* masses in kg",
+            r"'mass' needs a number, and '1kg' is not one: write 1 \(numbers have no unit: .* masses in kg",
         ),
         ("inertial { density 0 radius 1 }", "the density of link 1 is 0: it must be above 0"),
         (

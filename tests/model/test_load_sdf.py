@@ -257,7 +257,9 @@ CROSS = """<sdf version="1.9"><model name="cross"><link name="a"/><link name="b"
 def test_a_second_axis_is_z_of_the_joint_unless_given_and_that_is_told(write, kind, second):
     mechanism = cinegen.load(write(CROSS.format(kind=kind, second=second)))
     assert mechanism.joints == ("j_1", "j_2")
-    assert mechanism.source.notes == ("axis2 of joint 'j' is not given: 0 0 1, as SDF has it by default",)
+    assert mechanism.source.notes == (
+        "axis2 of joint 'j' is not given: 0 0 1, as SDF has it by default; for another, add <axis2>",
+    )
     turned = mechanism.placement(mechanism.configuration({"j_2": 0.5}), "b").rotation
     assert turned == pytest.approx(pin.utils.rotate("x", 0.5), abs=1e-12)  # z of the joint is x of the child
     given = CROSS.format(kind=kind, second="<axis2><xyz>0 0 1</xyz></axis2>")

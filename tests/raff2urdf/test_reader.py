@@ -56,7 +56,8 @@ def link_of(body: str) -> RaffLink:
 def test_figure_5_as_printed_has_two_errors_which_are_shown_with_what_is_meant() -> None:
     assert [str(problem) for problem in problems_of(FIGURE_5, "delta4.raff")] == [
         "delta4.raff:29:7: unknown parameter 'alphah': did you mean 'alpha'?\n          alphah 0.0\n          ^^^^^^",
-        "delta4.raff:33:3: 'type' is outside a link: link 2 was closed on line 31\n      type 2\n      ^^^^",
+        "delta4.raff:33:3: 'type' is outside a link: link 2 was closed on line 31; remove that '}'\n"
+        "      type 2\n      ^^^^",
     ]
 
 

@@ -200,3 +200,12 @@ def test_a_hinges_gap_is_the_angle_between_its_axes_whatever_the_turn_about_them
 
 
 # --- units -------------------------------------------------------------------------------------------------------
+
+
+@given(st.floats(-12, -2), st.floats(0, 2 * math.pi))
+@examples(60)
+def test_hinges_whose_axes_nearly_point_against_each_other_are_open_by_nearly_pi(exponent: float, about: float) -> None:
+    below = 10.0**exponent
+    placement = placement_of(pin.exp3((math.pi - below) * np.array([math.cos(about), math.sin(about), 0.0])))
+    residual, _ = loop_residual(LoopKind.REVOLUTE, placement, 1.0)
+    assert np.linalg.norm(residual) == pytest.approx(math.pi - below, rel=0, abs=2e-9)

@@ -12,11 +12,12 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from raff2urdf.errors import RaffError, did_you_mean, limits_reversed
+from raff2urdf.errors import RaffError, did_you_mean, limits_reversed, warn
 from raff2urdf.placement import from_origin, from_quaternion, inverse
 from raff2urdf.readers import drives
+from raff2urdf.readers.implausible import in_degrees
 from raff2urdf.readers.screw import lead
-from raff2urdf.readers.urdf import SIZE, UNLIMITED, by_name, direction, limit_value, number, numbers
+from raff2urdf.readers.urdf import MEANT, SIZE, UNLIMITED, by_name, direction, limit_value, number, numbers
 from raff2urdf.readers.urdf_builder import UNBOUNDED
 from raff2urdf.readers.xml_file import NAMESPACE, error_at, own_element
 from raff2urdf.tree import WORLD
@@ -158,7 +159,7 @@ class SdfModelReader:
         name, kind = poses.prefix + str(element.get("name", "")), str(element.get("type", ""))
         label = f"joint '{name}'"
         if kind not in _JOINT_TYPES:
-            near = did_you_mean(kind, _JOINT_TYPES)
+            near = did_you_mean(MEANT.get(kind, kind), _JOINT_TYPES)
             raise self._error(element, f"{label} has the type '{kind}', which can't be converted{near}")
         ends = []
         for word in ("parent", "child"):
@@ -173,7 +174,7 @@ class SdfModelReader:
         placement = poses.of_element(element)
         written = [axis for word in ("axis", "axis2")[: _AXES.get(kind, 0)] if (axis := element.find(word)) is not None]
         if kind in TWO_AXES and len(written) == 2 and written[1].find("xyz") is None:
-            notes.append(f"axis2 of {label} is not given: 0 0 1, as SDF has it by default")
+            notes.append(f"axis2 of {label} is not given: 0 0 1, as SDF has it by default; for another, add <axis2>")
         axes = [self._axis(axis, label, placement, poses) for axis in written]
         if len(axes) < _AXES.get(kind, 0):
             raise self._error(element, f"{label} has {len(axes)} of {_AXES[kind]} axes: add <axis> or <axis2>")
@@ -257,9 +258,13 @@ def pose(element: Any, name: str) -> Array:
     found = numbers(text)
     quaternion = written.get("rotation_format") == "quat_xyzw"
     if found is None or len(found) != (7 if quaternion else 6):
-        raise error_at(name, written, f"the pose '{text}' must be {'seven' if quaternion else 'six'} numbers{SIZE}")
+        six = "six numbers, x y z and roll pitch yaw" + (f": '{text} 0 0 0'" if found and len(found) == 3 else "")
+        raise error_at(name, written, f"the pose '{text}' must be {'seven numbers' if quaternion else six}{SIZE}")
     if not quaternion:
         degrees = written.get("degrees", "false") in ("1", "true")
+        if not degrees and in_degrees(found[3:]):
+            why = f"the pose '{text}' turns by more than a revolution, since angles are in radians"
+            warn(f'{name}:{written.sourceline}: {why}: if these are degrees, write <pose degrees="true">')
         return from_origin(found[:3], [math.radians(a) if degrees else a for a in found[3:]])
     x, y, z, w = found[3:]
     if math.hypot(x, y, z, w) <= 1e-9:
