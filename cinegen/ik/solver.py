@@ -43,6 +43,7 @@ from cinegen.ik.thresholds import (
     STEP_CAP,
 )
 from cinegen.jit.foreign import SE3_DISTANCE
+from cinegen.jit.one_thread import other_thread
 from cinegen.jit.starting import InterpretedKernel, start
 from cinegen.joints import kinematic_data
 from cinegen.loops.arrays import null_space, set_up_screws
@@ -169,7 +170,7 @@ class Solver(JointControl):
     def _used(self) -> Iterator[None]:
         """Context in which the solver's memory is used, as by `step`."""
         if self._is_in_use:
-            raise _other_thread()
+            raise other_thread(self, ", and not from within its own tick")
         self._is_in_use = True
         try:
             yield
@@ -804,7 +805,7 @@ class Solver(JointControl):
             CinegenError: another thread is using the solver, whose tick this would corrupt.
         """
         if self._is_in_use:  # Python changes threads only at calls and jumps back: not before the next line
-            raise _other_thread()
+            raise other_thread(self, ", and not from within its own tick")
         self._is_in_use = True
         try:
             return self._step()
@@ -894,13 +895,6 @@ class Solver(JointControl):
             memory.record_q[:], memory.record_v[:] = near, self.mechanism.difference(q, near) / self.dt
             memory.report[m.STATUS], memory.report[m.CLOSURE] = SINGULAR, memory.closure
             memory.report[m.ERRORS_KNOWN] = 0.0  # they are computed on access
-
-
-def _other_thread() -> CinegenError:
-    return CinegenError(
-        "the solver is in use: it may be used by one thread at a time, and not from within its own tick; give each "
-        "thread its own, or use a lock"
-    )
 
 
 def _checked_period(dt: float) -> float:
