@@ -32,6 +32,7 @@ from cinegen.ik.state import State
 from cinegen.ik.step import Layout, Step
 from cinegen.ik.task import FrameTask, is_count
 from cinegen.ik.thresholds import (
+    BAD_TARGET,
     BEGIN,
     CLEARANCE_NEEDED,
     DONE,
@@ -492,7 +493,7 @@ class Solver(JointControl):
             self._joints.write(memory, self._lifted)
         set_up_solver_tasks(memory, self._joints.held, self._tasks)
         tasks = tuple(
-            (task.node, task.axes, task.offset) if isinstance(task, FrameTask) else (repr(task), "world", None)
+            (task.node, *task.valid_axes_and_offset) if isinstance(task, FrameTask) else (repr(task), "world", None)
             for task in self._tasks
         )
         self._record, fields = memory.block("record")
@@ -847,18 +848,20 @@ class Solver(JointControl):
             self.linearisation = self._linearise()
         record = self._record.copy()
         self._earlier, self._latest = self._latest, record
-        if self._caught:
-            caught, self._caught = self._caught, ()
-            return Step(record, self._layout, caught)
-        return Step(record, self._layout)
+        caught, self._caught = self._caught, ()
+        if record[m.STATUS] == BAD_TARGET:
+            return Step(record, self._layout, caught, tuple(task.problem for task in self._tasks))
+        return Step(record, self._layout, caught)
 
     def _evaluate_given(self) -> None:
         """Evaluate the tasks in Python for this tick."""
         state = State(self.mechanism, self.q, self.dt, (), self._data)
         for i, task in self._given:
+            task.problem = ""
             try:
                 task.evaluate(state)
             except Exception as error:  # the loop must go on
+                task.problem = f"{task.task!r:.80}: {error}"
                 self._catch(self._source("task", i, task.task), error)
         if self._changed:  # a priority; what was evaluated stays
             self._write_tasks()
