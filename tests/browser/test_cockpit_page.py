@@ -243,6 +243,7 @@ def test_the_view_only_address_shows_the_robots_and_drives_nothing(robot, tab):
         assert becomes(page, lambda: page.evaluate("document.documentElement.dataset.control") == "other")
         assert page.locator("#crowd").inner_text().strip() == "This page only shows the robots."
         assert not page.locator("#take-control").is_visible()
+        assert becomes(page, lambda: page.inner_text("#control").startswith("view only"))
         page.press("body", "h")
         assert page.locator("#toasts .toast").first.inner_text().startswith("This page only shows the robots: ask for")
         picture(page, "view_only")
