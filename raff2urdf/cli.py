@@ -52,7 +52,11 @@ Output = Annotated[
     ),
 ]
 Force = Annotated[
-    bool, ruled(Option("--force", help="replace an existing file that was not generated"), unless="--check")
+    bool,
+    ruled(
+        Option("--force", help="replace an existing file that was not generated, or was changed since"),
+        unless="--check",
+    ),
 ]
 Json = Annotated[bool, Option("--json", help="print the result as JSON; SI units and radians")]
 

@@ -32,6 +32,9 @@ FORMAT, VERSION = "raff2urdf constraints", 2
 HASH = "urdf_sha256"
 """Key of the hash of the URDF's links and joints, see `raff2urdf.readers.urdf.hash_of`."""
 
+MARK = "generated"
+"""Key of the mark of a file that may be made again, see `raff2urdf.files.GENERATED`."""
+
 Constraints = dict[str, Any]
 
 IDENTITY = np.eye(4)
@@ -162,7 +165,7 @@ def loads(text: str, name: str = "<constraints>", urdf: UrdfSummary | None = Non
         urdf: with which the file must agree; any names are accepted if None.
 
     Returns:
-        the contents, without limits, which files of version 1 repeat from the URDF.
+        the contents, without the mark, and without limits, which files of version 1 repeat from the URDF.
 
     Raises:
         RaffError: invalid JSON, or values that do not match the schema, name something unknown, or contradict each
@@ -190,7 +193,7 @@ def loads(text: str, name: str = "<constraints>", urdf: UrdfSummary | None = Non
     values["joints"] = [
         {key: value for key, value in joint.items() if key not in _IN_URDF} for joint in values["joints"]
     ]
-    return dict(values)
+    return {key: value for key, value in values.items() if key != MARK}
 
 
 _IN_URDF = ("limits", "velocity")

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any
 from raff2urdf.analysis import Analysis, analyse
 from raff2urdf.constraints import Constraints, check_values, constraints, for_urdf
 from raff2urdf.errors import NearlyRedundantError, RaffError, RaffWarning
-from raff2urdf.files import GENERATED, check_new, is_stream, read_bytes, stem_of, write_all
+from raff2urdf.files import GENERATED, check_new, has_digest, is_stream, read_bytes, stem_of, write_all
 from raff2urdf.graphics.meshes import Graphics
 from raff2urdf.raff.check import check, check_sizes
 from raff2urdf.raff.compound import expanded
@@ -239,7 +239,8 @@ def convert(
         format: urdf; sdf, as `<stem>.sdf`; or mjcf, as `<stem>.xml`.
         density: of the links, kg/m3, for formats that need masses; 1000 by default.
         file: name of the robot's own file in `out`, whose stem is that of its other files; `-` is standard output.
-        overwrite: whether to replace files that were not generated; see `raff2urdf.files.check_new`.
+        overwrite: whether to replace files that were not generated, or were changed since; see
+            `raff2urdf.files.check_new`.
         exact: take all loops as written. Otherwise pins with play (`raff2urdf.play`) are closed in the plane, and
             nearly redundant loops (`raff2urdf.near_redundancy`) healed or relaxed.
         dialect: in which a URDF declares loops and couplings, besides its constraints file: json (none), constraint,
@@ -288,8 +289,9 @@ def convert(
         contents |= made.meshes  # first, so that a robot's own file never exists without its meshes
         contents |= dict(reversed(written.items()))
         if not overwrite:
-            for target in (conversion.file, *(() if conversion.file.exists() else conversion.files)):
-                check_new(target)
+            older = conversion.file.exists() and not has_digest(conversion.file)
+            for target in conversion.files:
+                check_new(target, is_companion=older and target != conversion.file)
     try:
         write_all(contents)
     except OSError as error:
@@ -299,7 +301,9 @@ def convert(
 
 def _marked(content: bytes) -> bytes:
     """Return an XML file with a comment that it may be replaced, after the declaration."""
-    return content.replace(b"?>\n", f"?>\n<!-- {GENERATED}: raff2urdf replaces this file -->\n".encode(), 1)
+    return content.replace(
+        b"?>\n", f"?>\n<!-- {GENERATED}: raff2urdf replaces this file unless it is changed -->\n".encode(), 1
+    )
 
 
 def _is_stream(path: Path) -> bool:

@@ -45,7 +45,8 @@ def check_outputs(*paths: Path | None, force: bool = False, json: bool = False, 
         paths: files to be written; None is left out.
         force: whether any file may be replaced.
         json: whether JSON is printed to standard output.
-        remakeable: whether files of this type can be made again, see `raff2urdf.files.check_new`.
+        remakeable: whether files of this type can be made again: they are replaced then unless they were changed, see
+            `raff2urdf.files.check_new`.
 
     Raises:
         UsageError: two outputs go to standard output.

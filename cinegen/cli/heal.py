@@ -10,7 +10,7 @@ import typer
 from cinegen.cli.files import check_outputs, print_result, write
 from cinegen.cli.options import FILE, FORCE, JSON, option
 from cinegen.errors import CinegenError
-from raff2urdf.files import STANDARD, output_path
+from raff2urdf.files import STANDARD, output_path, signed
 from raff2urdf.read_flags import ReadFlags
 
 OUT = typer.Argument(..., metavar="OUT", help="healed file, in the same format; - for standard output")
@@ -45,7 +45,7 @@ def run(
         others = [names[path] for path in healing.contents if path != file]
         check_outputs(*others, force=force)
     for path, content in healing.contents.items():
-        write(names[path], content)
+        write(names[path], signed(content))
     numbers = [
         {
             "file": str(one.number.file),

@@ -69,7 +69,9 @@ FILES = typer.Argument(
 )
 ACTUATED = option("JOINTS", "actuated joints, such as joint1,joint2 (default: those of the file, or else chosen)")
 FIXED_BASE = flag("--fixed-base", "hold a floating base: nothing moves it")
-FORCE = flag("--force", "replace an existing file that cinegen did not generate, or a recording")
+FORCE = flag(
+    "--force", "replace an existing file that cinegen did not generate, that was changed since, or a recording"
+)
 IGNORE = option(
     "ELEMENT", "leave out loops and couplings of this name or element, such as pin or loop_joint", (),
     unless="--ignore-loops",

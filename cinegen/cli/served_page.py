@@ -98,7 +98,7 @@ class PageOptions:
                 print(f"      browsers warn of its certificate, {cockpit.server.certificate.fingerprint}", flush=True)
             if not is_local(self.host):
                 line = "" if self.https else "; the line is not encrypted"
-                print(f"      whoever has this address can drive{line}", flush=True)
+                print(f"      whoever has the address of the page can drive{line}", flush=True)
             with until_stopped():
                 _wait(cockpit, seconds)
             state = cockpit.state
@@ -122,6 +122,8 @@ class PageOptions:
             if device.token:
                 print(f"{device.name}: {device.url}: a program sends first: {encode_token(device.token)}")
         print(f"page: {cockpit.url}", "- Ctrl-C ends" if seconds is None else f"- for {seconds:g} s", flush=True)
+        if cockpit.view_url is not None:
+            print(f"view only: {cockpit.view_url}", flush=True)
         if self.realtime:
             _report_scheduling(cockpit.runner.report().scheduling)
         if not self.no_browser and _has_screen():

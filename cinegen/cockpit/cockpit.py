@@ -129,6 +129,11 @@ class Cockpit:
         return self.server.url
 
     @property
+    def view_url(self) -> str | None:
+        """Address at which the page only shows the session: commands from there are refused; None without a token."""
+        return self.server.view_url
+
+    @property
     def session_url(self) -> str:
         """Address of the websocket for programs on this machine."""
         return self.server.session_url

@@ -50,6 +50,9 @@ USERS = 0.1
 PATIENCE = 30.0
 """Time that a client has to acknowledge a state, s."""
 
+VIEW_ONLY = "this address only shows the robots: ask for the one with which to drive them"
+"""Notice to a client that only views, and sends a command."""
+
 _POLICY_VIOLATION = 1008  # close codes of websockets
 _TRY_AGAIN_LATER = 1013
 
@@ -88,10 +91,11 @@ class Client:
     Args:
         number: its number in the session.
         connection: connection to it.
+        may_drive: whether it may send commands, and take control.
     """
 
-    def __init__(self, number: int, connection: Connection) -> None:
-        self.number, self.connection = number, connection
+    def __init__(self, number: int, connection: Connection, may_drive: bool = True) -> None:
+        self.number, self.connection, self.may_drive = number, connection, may_drive
         self.unacknowledged: tuple[int, float] | None = None  # number of a state, and when it was sent
         self.sent = 0  # number of the last state
         self.met = 0  # number of the last state before it was sent other robots: until it acknowledges a later one, it
@@ -150,17 +154,17 @@ class Hub:
 
     # --- connections ---------------------------------------------------------------------------------------------
 
-    def join(self, connection: Connection) -> Client | None:
-        """Add a client; None if there is no room."""
+    def join(self, connection: Connection, may_drive: bool = True) -> Client | None:
+        """Add a client, which may send commands or only views; None if there is no room."""
         if len(self.clients) >= MOST:
             connection.close(_TRY_AGAIN_LATER, f"this session has {MOST} clients already")
             return None
         self._count += 1
-        client = Client(self._count, connection)
+        client = Client(self._count, connection, may_drive)
         self.clients[client.number] = client
         if len(self.clients) == 1:
             self._watch(True)
-        connection.send(encode(self._hello(client.number)).decode())
+        self._greet(client)
         if self._problem:
             connection.send(encode(ProblemMessage(self._problem)).decode())
         self._feed(client)
@@ -174,7 +178,11 @@ class Hub:
             client.met = self._state[0] + 1
             if client.user is not None:
                 client.user = replace(client.user, robot=None, node=None)
-            client.connection.send(encode(self._hello(client.number)).decode())
+            self._greet(client)
+
+    def _greet(self, client: Client) -> None:
+        hello = replace(self._hello(client.number), view_only=not client.may_drive)
+        client.connection.send(encode(hello).decode())
 
     def state_problem(self, text: str) -> None:
         """State to all clients, also to those that come later, what is wrong with the robots' files; empty: nothing."""
@@ -222,6 +230,8 @@ class Hub:
             message = decode(text, CLIENT_MESSAGES)
             if isinstance(message, Ack):
                 self._acknowledged(client, message.frame)
+            elif not client.may_drive and isinstance(message, RequestControl | Command):
+                self._refuse(client, message)
             elif isinstance(message, RequestControl):
                 self._request_control(client, message.on)
             elif isinstance(message, RequestReactions):
@@ -287,6 +297,11 @@ class Hub:
                 self.notify(before, "another browser has taken control")
         elif not on and self.controller == client.number:
             self._end_control()
+
+    def _refuse(self, client: Client, message: RequestControl | Command) -> None:
+        """Refuse what a client that only views may not do."""
+        if not isinstance(message, SetView | EndDrag | EndJointMotion | ControlPlayback):  # which pages send unasked
+            self.notify(client, VIEW_ONLY, warning=True)
 
     def _command(self, client: Client, command: Command) -> None:
         if isinstance(command, SetView):

@@ -203,6 +203,7 @@ class HelloMessage(TypedMessage, frozen=True):
         stops: times of it (s) to jump to, each with a name.
         map: robot with which a map is drawn, or null.
         caption: text over a replay; may be empty.
+        view_only: whether the client only views: its commands are refused.
     """
 
     protocol: int
@@ -217,6 +218,7 @@ class HelloMessage(TypedMessage, frozen=True):
     stops: tuple[tuple[float, str], ...]
     map: str | None
     caption: str = ""
+    view_only: bool = False
 
 
 class TaskMessage(TaskInfo, frozen=True, kw_only=True):

@@ -39,7 +39,8 @@ LARGEST = 8192
 """Bytes of a message from a browser; a longer one ends its connection."""
 
 CONNECTIONS = 200
-"""Connections for requests at a time; further ones are closed. Websockets are not among them."""
+"""Connections for requests at a time. Beyond them, the one that has waited longest for a request is closed, or the new
+one if all are being answered. Websockets are not among them."""
 
 REQUESTS = 100
 """Requests per second of all browsers, beyond bursts of 200; further ones wait for their turn."""
@@ -47,7 +48,8 @@ REQUESTS = 100
 ALL = ("", "0.0.0.0", "::")
 """Addresses that stand for all of this machine."""
 
-_SLOW = 20.0  # s that a browser may take to send a request, and that a connection may be idle
+_SLOW = 20.0  # s that a browser may take to send a further request, and that a connection may be idle
+_FIRST = 5.0  # s that a browser may take to send its first request
 _TURN = 0.02  # s from one costly request to the next
 _FRESH = 1.0  # s in which a snapshot is not made again
 _PING = 10.0  # s between two questions whether a browser is still there
@@ -77,6 +79,7 @@ class Server:
         snapshot: returns the present scene as one HTML file.
         host: address to listen on.
         token: token that browsers need; generated unless given. Empty: none, then every user of this machine can drive.
+            Unless it is empty, there is another one, always generated, with which browsers only view.
         framed: let any other page show this one in a frame, as notebooks do; otherwise only pages of this machine.
         served_map: map that is drawn; None: none.
         certificate: with which the connection is encrypted; None: it is not.
@@ -99,6 +102,7 @@ class Server:
         self.page, self.hub, self.snapshot, self.host, self.framed = page, hub, snapshot, host, framed
         self.map, self.certificate = served_map, certificate
         self.token = secrets.token_urlsafe(16) if token is None else token or None
+        self.view_token = secrets.token_urlsafe(16) if self.token else None
         if self.token is None and not is_local(host):
             raise ServerError(
                 f"other machines reach {host}: a page there needs a token; leave out --no-token (in Python token='')"
@@ -115,6 +119,11 @@ class Server:
         return self._url(socket.gethostname() if self.host in ALL else self.host)
 
     @property
+    def view_url(self) -> str | None:
+        """Address at which the page only shows the session; None without a token, where all may drive."""
+        return self.url.replace(self._query("token"), self._query("view")) if self.token else None
+
+    @property
     def local_url(self) -> str:
         """Address of the page on this machine."""
         return self._url("127.0.0.1" if self.host in ALL else self.host)
@@ -126,9 +135,11 @@ class Server:
 
     def _url(self, host: str, scheme: str = "http", path: str = "") -> str:
         host = f"[{host}]" if ":" in host else host
-        query = f"?{urlencode({'token': self.token})}" if self.token else ""
         secure = "s" if self.certificate is not None else ""
-        return f"{scheme}{secure}://{host}:{self.port}/{path}{query}"
+        return f"{scheme}{secure}://{host}:{self.port}/{path}{self._query('token') if self.token else ''}"
+
+    def _query(self, key: str) -> str:
+        return f"?{urlencode({key: self.token if key == 'token' else self.view_token})}"
 
     def start(self, port: int = 7000, tries: int = 100) -> None:
         """Start to serve.
@@ -192,7 +203,7 @@ class Server:
                 routes, server=self, websocket_ping_interval=_PING, websocket_max_message_size=LARGEST,
                 log_function=_no_log, default_handler_class=_Unknown,
             )  # fmt: skip
-            server = _HttpServer(
+            server = self.http = _HttpServer(
                 application, max_header_size=1 << 14, max_body_size=1 << 14, idle_connection_timeout=_SLOW,
                 body_timeout=_SLOW, ssl_options=self.certificate and self.certificate.context,
             )  # fmt: skip
@@ -218,19 +229,42 @@ class Server:
 
 
 class _HttpServer(tornado.httpserver.HTTPServer):
-    """Closes connections beyond `CONNECTIONS`."""
+    """Closes connections beyond `CONNECTIONS`, and those that send no request: who opens many keeps no one else out."""
 
-    _open = 0
+    def initialize(self, *arguments: Any, **named: Any) -> None:
+        super().initialize(*arguments, **named)
+        self._answered = set[IOStream]()
+        self._waiting = dict[IOStream, asyncio.TimerHandle | None]()  # for a request, the longest first
 
     def handle_stream(self, stream: IOStream, address: tuple[Any, ...]) -> None:
-        if self._open >= CONNECTIONS:
-            stream.close()
-            return
-        self._open += 1
+        if len(self._waiting) + len(self._answered) >= CONNECTIONS:
+            oldest = next(iter(self._waiting), stream)
+            self._forget(oldest)
+            oldest.close()
+            if oldest is stream:
+                return
+        self._waiting[stream] = asyncio.get_running_loop().call_later(_FIRST, stream.close)
         super().handle_stream(stream, address)
 
-    def on_close(self, server_conn: object) -> None:
-        self._open -= 1
+    def begin(self, stream: IOStream) -> None:
+        """Note that a request came."""
+        if stream in self._waiting:
+            self._forget(stream)
+            self._answered.add(stream)
+
+    def end(self, stream: IOStream) -> None:
+        """Note that the request is answered."""
+        if stream in self._answered:
+            self._forget(stream)
+            self._waiting[stream] = None
+
+    def _forget(self, stream: IOStream) -> None:
+        self._answered.discard(stream)
+        if (deadline := self._waiting.pop(stream, None)) is not None:
+            deadline.cancel()
+
+    def on_close(self, server_conn: Any) -> None:
+        self._forget(server_conn.stream)
         super().on_close(server_conn)
 
 
@@ -301,6 +335,9 @@ class _Guarded(tornado.web.RequestHandler):
 
     async def prepare(self) -> None:
         """Refuse other requests, and let those beyond the budget wait."""
+        self._stream = getattr(self.request.connection, "stream", None)
+        if self._stream is not None:
+            self.server.http.begin(self._stream)
         if self.server.requests.take(REQUESTS) < 0.0:
             async with self.server.queue:
                 if not self._has_gone():
@@ -308,14 +345,19 @@ class _Guarded(tornado.web.RequestHandler):
         if self.server.token is None:
             if not is_local(_hostname(self.request.host)):
                 raise tornado.web.HTTPError(403, reason="Served to this machine only")
-        elif self.is_private and not self._has_token():
+        elif self.is_private and not (self.may_drive or self._has("view", self.server.view_token)):
             raise tornado.web.HTTPError(403, reason="The address needs the token that was printed at the start")
 
     is_private = True  # whether a token is needed, if there is one
 
-    def _has_token(self) -> bool:
-        given = self.get_query_argument("token", "")
-        return hmac.compare_digest(given.encode(), str(self.server.token).encode())
+    @property
+    def may_drive(self) -> bool:
+        """True if the request may do more than view."""
+        return self.server.token is None or self._has("token", self.server.token)
+
+    def _has(self, key: str, token: str | None) -> bool:
+        given = self.get_query_argument(key, "")
+        return hmac.compare_digest(given.encode(), str(token).encode())
 
     def log_exception(self, kind: Any, error: Any, trace: Any) -> None:
         """Log errors of this program; those of a request are sent to the browser."""
@@ -340,9 +382,13 @@ class _Guarded(tornado.web.RequestHandler):
             yield
             await asyncio.sleep(_TURN)
 
+    def on_finish(self) -> None:
+        """Let the connection wait for the next request."""
+        if self._stream is not None:
+            self.server.http.end(self._stream)
+
     def _has_gone(self) -> bool:
-        stream = getattr(self.request.connection, "stream", None)
-        return stream is not None and stream.closed()
+        return self._stream is not None and self._stream.closed()
 
 
 class _Unknown(_Guarded):
@@ -491,7 +537,7 @@ class _Session(_Socket):
 
     def open(self, *_: str, **__: str) -> None:
         self.set_nodelay(True)
-        self.client = self.server.hub.join(self)
+        self.client = self.server.hub.join(self, self.may_drive)
 
     def send(self, text: str) -> None:
         """See `Connection`."""

@@ -32,6 +32,7 @@ from cinegen.jit.foreign import (
     DistanceResults,
     JointKinematics,
 )
+from cinegen.jit.one_thread import OneThread, in_one_thread
 from cinegen.joints import kinematic_data, supporting_columns
 from cinegen.model import Mechanism
 
@@ -57,7 +58,7 @@ class NearPairs(NamedTuple):
     rows: Array
 
 
-class Clearance:
+class Clearance(OneThread):
     """Distances of a mechanism among obstacles. It has Pinocchio data of its own: one thread at a time.
 
     Distances are those of the convex bodies; where these are nearer to each other than `exact_within`, those of the
@@ -146,6 +147,7 @@ class Clearance:
 
     # --- distances -----------------------------------------------------------------------------------------------
 
+    @in_one_thread
     def move(self, obstacle: int, placement: pin.SE3) -> None:
         """Move an obstacle, by its index, to another pose in the world."""
         first = len(self.links) + sum(len(one.pieces) for one in self.obstacles[:obstacle])
@@ -156,6 +158,7 @@ class Clearance:
             self.memory.box[i] = _bounding_box(moved)
         self._at = None
 
+    @in_one_thread
     def update(self, q: Array) -> None:
         """Measure all distances at q (nq,)."""
         if self._at is not None and np.array_equal(self._at, q):
@@ -218,6 +221,7 @@ class Clearance:
 
     # --- motion --------------------------------------------------------------------------------------------------
 
+    @in_one_thread
     def near(self, q: Array, within: float) -> NearPairs:
         """Return the pairs whose distance at q (nq,) is below `within`, m. Views: the next call overwrites them."""
         self.update(q)
@@ -226,6 +230,7 @@ class Clearance:
             count = self._approach(memory.handle, within)
         return NearPairs(memory.which[:count], memory.room[:count], memory.rows[:count])
 
+    @in_one_thread
     def motion_bounds(self, q: Array, end: Array) -> tuple[Array, Array]:
         """Return the distances (pairs,) at q (nq,), and bounds (pairs,) of their change anywhere on the straight motion
         to another configuration (nq,), m. Views: the next call overwrites them."""
@@ -235,6 +240,7 @@ class Clearance:
             self._sweep(self.memory.handle)
         return self.memory.before, self.memory.bounds
 
+    @in_one_thread
     def uncertain(
         self, q: Array, motion: Array, safety: float, pairs: Integers, straight: Array | None = None
     ) -> Integers | None:
@@ -265,6 +271,7 @@ class Clearance:
                 found.append(pair)
         return np.array(found, dtype=np.int64)
 
+    @in_one_thread
     def nearer(self, q: Array, distance: float) -> Integers:
         """Return the pairs (n,) whose distance at q (nq,) is below a distance, m: faster than `distances`."""
         if not len(self.pairs):

@@ -25,6 +25,7 @@ from cinegen.design.errors import DesignError
 from cinegen.design.parameters import Parameters
 from cinegen.errors import ClosureError, UnknownNameError
 from cinegen.jit.foreign import frame_of
+from cinegen.jit.one_thread import OneThread, in_one_thread
 from cinegen.jit.starting import start
 from cinegen.joints import supporting_columns
 from cinegen.loops.arrays import set_up
@@ -35,7 +36,7 @@ _BATCH = 2048  # evaluations of one call of the kernel
 _DEPENDENT = 1e-9  # a column of the loops below this fraction of the largest opens nothing
 
 
-class Design:
+class Design(OneThread):
     """A mechanism whose parameters change in place: placements, closed loops and derivatives at any of their values.
 
     For one thread at a time. Lengths are divided by the characteristic length of the mechanism as written, at all
@@ -94,6 +95,7 @@ class Design:
         """(columns,) the values in the file, of parameters, and of play 0."""
         return np.append(self.parameters.values, np.zeros(len(self.play)))
 
+    @in_one_thread
     def evaluate(
         self,
         p: ArrayLike | None = None,

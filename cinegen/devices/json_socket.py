@@ -21,7 +21,10 @@ from cinegen.sensor import NO_TWIST
 from cinegen.typed_json import encode
 
 CLIENTS = 16
-"""Largest number of clients; further ones are refused with a message."""
+"""Largest number of clients; further ones are refused with a message, after their first line."""
+
+SILENT = 200
+"""Connections that have not sent their first line yet; a further one takes the place of the oldest."""
 
 LINES = 2000
 """Largest number of lines per second from one client, averaged over half a second."""
@@ -115,10 +118,11 @@ class JsonSocket(ThreadedSensor):
 
     async def _serve_client(self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
         client = _Client(writer)
-        if len(self._clients) >= CLIENTS:
-            client.answer(f"{CLIENTS} programs are connected already")
-            writer.close()
-            return
+        silent = [one for one in self._clients if not one.admitted]
+        if len(silent) >= SILENT:
+            silent[0].answer(f"{SILENT} later connections have not sent their first line: disconnected")
+            silent[0].writer.close()
+            self._clients.remove(silent[0])
         self._clients.append(client)
         self._report_clients()
         try:
@@ -138,7 +142,8 @@ class JsonSocket(ThreadedSensor):
             pass
         finally:
             was_source = client is self._source()
-            self._clients.remove(client)
+            if client in self._clients:
+                self._clients.remove(client)
             writer.close()
             if was_source:  # its deflection and buttons end with it
                 self.newest.put(NO_TWIST if self.newest.last.twist is not None else None, None, frozenset())
@@ -169,7 +174,7 @@ class JsonSocket(ThreadedSensor):
         """Admit a client by its first line. Return whether that was a token.
 
         Raises:
-            _RejectedError: it is neither the token, nor JSON where no token is needed.
+            _RejectedError: it is neither the token, nor JSON where no token is needed; or there are too many clients.
         """
         token = decode_token(line)
         if self.token and not (token and hmac.compare_digest(token.encode(), self.token.encode())):
@@ -178,6 +183,8 @@ class JsonSocket(ThreadedSensor):
             )
         if not self.token and not _is_json(line):
             raise _RejectedError("the first line is not JSON")
+        if sum(one.admitted for one in self._clients) >= CLIENTS:
+            raise _RejectedError(f"{CLIENTS} programs are connected already")
         client.admitted = True
         return token is not None
 

@@ -17,6 +17,7 @@ from cinegen.dynamics.reactions import Reaction, coupling_torques, reactions
 from cinegen.errors import UnknownNameError
 from cinegen.html import table
 from cinegen.ik.singular import passive_singular_values
+from cinegen.jit.one_thread import in_one_thread
 from cinegen.model import Mechanism
 from cinegen.singularities import Singularity, SingularityType, singularity
 from cinegen.singularities.singularity import SINGULAR
@@ -202,6 +203,7 @@ def forces(
     return forces_at(InverseDynamics(mechanism, payloads, gravity, massless), q, v, a, node)
 
 
+@in_one_thread
 def forces_at(
     dynamics: InverseDynamics, q: ArrayLike, v: Motion | None = None, a: Motion | None = None, node: str | None = None
 ) -> Forces:

@@ -21,6 +21,7 @@ from cinegen.dynamics.reactions import Reaction, axes_of_reaction, reactions
 from cinegen.errors import CinegenError, ClosureError, ConfigurationError, UnknownNameError
 from cinegen.jit.compiled import prepare
 from cinegen.jit.foreign import frame_of
+from cinegen.jit.one_thread import OneThread, in_one_thread
 from cinegen.jit.starting import start
 from cinegen.loops.arrays import set_up
 from cinegen.model import Mechanism
@@ -33,10 +34,10 @@ _CONSISTENT = 1e-6
 """Velocities that open a loop faster than this fraction of the fastest joint's, dimensionless, are refused."""
 
 
-class InverseDynamics:
+class InverseDynamics(OneThread):
     """Inverse dynamics of a mechanism, with or without loops.
 
-    For one thread at a time; the mechanism may be shared.
+    For one thread at a time: another one that asks meanwhile gets a `CinegenError`. The mechanism may be shared.
 
     A floating base moves as v and a prescribe, whatever force that takes.
 
@@ -89,6 +90,7 @@ class InverseDynamics:
             find_torques, DynamicsMemory, install=partial(setattr, self, "_find")
         )  # fmt: skip
 
+    @in_one_thread
     def set_loads(self, payloads: Sequence[Payload] = (), gravity: ArrayLike | None = None) -> None:
         """Replace the payloads and gravity, as in the constructor; in 0.1 ms, where a new object takes 3.
 
@@ -106,6 +108,7 @@ class InverseDynamics:
         carried = f", {len(self.tree.payloads)} payloads" if self.tree.payloads else ""
         return f"<InverseDynamics of {self.mechanism.name[:60]}{carried}>"
 
+    @in_one_thread
     def torques(self, q: ArrayLike, v: Motion | None = None, a: Motion | None = None) -> Array:
         """Return the torques and forces (actuated,) of the actuated joints, N m and N, in the order of
         `mechanism.actuated`: the shortest ones where actuation is redundant, NaN where none hold the load.
@@ -180,6 +183,7 @@ class InverseDynamics:
         found[:, unknown] = np.nan
         return found
 
+    @in_one_thread
     def undetermined_of(self, name: str) -> Bools:
         """Return (6,) true for the components of the reaction of a joint or loop that statics does not determine in
         nearly all configurations: in one of `Structure.samples` at least.
@@ -201,6 +205,7 @@ class InverseDynamics:
             raise UnknownNameError("joint or loop", name, tuple(every))
         return every[name]
 
+    @in_one_thread
     def _at_many(
         self, q: ArrayLike, v: ArrayLike | None, a: ArrayLike | None, actuated: bool, name: str | None
     ) -> tuple[Array, Array]:
@@ -250,6 +255,7 @@ class InverseDynamics:
                 memory.passed_on[i] = float(joint in model.supports[first]) - float(joint in model.supports[second])
         return joint
 
+    @in_one_thread
     def motion(self, q: ArrayLike, v: Motion | None = None, a: Motion | None = None) -> tuple[Array, Array]:
         """Return the velocity and the acceleration (nv,) of all joints of the closed mechanism, given those of all or
         of the actuated ones, as `torques` takes them.
@@ -265,10 +271,12 @@ class InverseDynamics:
         motions = plain.motions_at(self.tree, full)
         return self._closed_motion(full, all_v, all_a, completes, motions)
 
+    @in_one_thread
     def balance(self, q: Array, v: Array, a: Array) -> plain.Balance:
         """Return the balance in plain numpy, for v and a (nv,) that keep the loops closed (see `motion`)."""
         return plain.balance(self.tree, q, v, a)
 
+    @in_one_thread
     def mass_matrix(self, q: ArrayLike) -> Array:
         """Return the inertia (actuated, actuated) seen at the actuated joints, kg m^2, kg m and kg: the torques that
         accelerate the closed mechanism from rest, by the accelerations of its actuated joints.
@@ -294,6 +302,7 @@ class InverseDynamics:
         full_matrix = np.triu(tree) + np.triu(tree, 1).T
         return np.asarray(by_joint.T @ full_matrix[moving, moving] @ by_joint)
 
+    @in_one_thread
     def mass_matrices_of(self, q: ArrayLike) -> Array:
         """Return the inertias (count, actuated, actuated) at many configurations (count, nq), as `mass_matrix` does;
         NaN where loops are open.

@@ -12,6 +12,7 @@ from cinegen.dynamics import plain
 from cinegen.dynamics.inverse_dynamics import InverseDynamics, Motion
 from cinegen.dynamics.loads import LoadedTree
 from cinegen.errors import ConfigurationError
+from cinegen.jit.one_thread import in_one_thread
 from cinegen.singularities.singularity import SINGULAR
 
 _LEAST = 1e-300  # divisor
@@ -41,6 +42,7 @@ class NodeWrench:
         return f"<NodeWrench of {self.node}: {numbers} (N, N m), imbalance {self.imbalance:.2g}>"
 
 
+@in_one_thread
 def node_wrench(
     dynamics: InverseDynamics,
     q: ArrayLike,

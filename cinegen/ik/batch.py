@@ -14,6 +14,7 @@ from cinegen.ik._kernels.batch import measure_all
 from cinegen.ik._kernels.memory import BatchMemory
 from cinegen.jit.compiled import prepare
 from cinegen.jit.foreign import frame_of
+from cinegen.jit.one_thread import OneThread, in_one_thread
 from cinegen.joints import supporting_columns
 from cinegen.loops.arrays import actuate, set_up, set_up_screws
 from cinegen.loops.thresholds import CORRECTION
@@ -81,8 +82,8 @@ def evaluate(
     return BatchEvaluator(mechanism, node, translation, rotation).follow(given)
 
 
-class BatchEvaluator:
-    """Evaluates a node of a mechanism at many configurations, batch after batch.
+class BatchEvaluator(OneThread):
+    """Evaluates a node of a mechanism at many configurations, batch after batch. For one thread at a time.
 
     Args:
         mechanism: mechanism.
@@ -134,6 +135,7 @@ class BatchEvaluator:
         memory.passive_column[:] = passive - fixed
         memory.ball_dof[:] = np.reshape([mechanism.v_index(name) - fixed for three in balls for name in three], (-1, 3))
 
+    @in_one_thread
     def follow(self, values: Array, start: Array | None = None) -> Evaluations:
         """Evaluate at positions of the actuated joints, one after the other, as `evaluate` does.
 
@@ -150,6 +152,7 @@ class BatchEvaluator:
         self._memory.point_at("values", np.ascontiguousarray(values))
         return self._run()
 
+    @in_one_thread
     def at(self, configurations: Array) -> Evaluations:
         """Evaluate at configurations (count, nq), loops closed or not."""
         self._memory.resize(count=len(configurations))

@@ -60,6 +60,7 @@ class GivenTask:
         task: the task.
         memory: its numbers, as kernels see them.
         changed: called when the solver has to write the task again.
+        problem: why the last evaluation failed; empty if it did not.
 
     Raises:
         CinegenError: the task does not follow the protocol, or its Jacobian has the opposite sign.
@@ -69,6 +70,7 @@ class GivenTask:
         self.task, self.memory = task, TaskMemory()
         self._words = self.memory.words
         self.changed: Callable[[], None] = lambda: None
+        self.problem = ""
         self.memory.own_target[:3] = np.eye(3)
         self.memory.target = address(self.memory.own_target)
         self.priority = checked_priority(task.priority)

@@ -13,6 +13,7 @@ from cinegen.ik._kernels.local_ik import solve
 from cinegen.ik._kernels.memory import LocalIKMemory
 from cinegen.ik.setup import set_up, set_up_tasks
 from cinegen.ik.task import FrameTask
+from cinegen.jit.one_thread import OneThread, in_one_thread
 from cinegen.jit.starting import start
 from cinegen.model import Mechanism
 
@@ -20,7 +21,7 @@ _ITERATIONS = 60  # from one start
 _STRIDE = 0.6  # rad or lengths: from one configuration of the tree to the next
 
 
-class LocalIK:
+class LocalIK(OneThread):
     """Local solver of the inverse kinematics of some nodes, all loops closed. For one thread at a time.
 
     Set the targets of its `tasks`, then call `solve`.
@@ -61,6 +62,7 @@ class LocalIK:
 
     # --- one start -----------------------------------------------------------------------------------------------
 
+    @in_one_thread
     def solve(self, start: Array, goal: float) -> bool:
         """Iterate from a start; the best configuration found becomes `best`.
 

@@ -59,13 +59,13 @@ def _bind(task: AnyTask, mechanism: Mechanism, fixed: int) -> None:
     if isinstance(task, GivenTask):
         task.hold(mechanism.structure.held_columns)
         return
-    frame = model.frames[task.frame]
-    memory.joint, memory.offset[:] = frame.parentJoint, frame_of(frame.placement * task.offset)
+    frame, (named, offset) = model.frames[task.frame], task.valid_axes_and_offset
+    memory.joint, memory.offset[:] = frame.parentJoint, frame_of(frame.placement * offset)
     memory.moved_by[:] = supporting_columns(model, frame.parentJoint)[fixed:]
     memory.moved_by[[column - fixed for column in mechanism.structure.held_columns]] = 0.0
-    memory.axes_of = {"target": OF_TARGET, "world": OF_WORLD}.get(task.axes, OF_NODE)
+    memory.axes_of = {"target": OF_TARGET, "world": OF_WORLD}.get(named, OF_NODE)
     if memory.axes_of == OF_NODE:
-        axes = model.frames[mechanism.frame_id(task.axes)]
+        axes = model.frames[mechanism.frame_id(named)]
         memory.axes_joint, memory.axes[:] = axes.parentJoint, axes.placement.rotation.T
 
 

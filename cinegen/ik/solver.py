@@ -32,6 +32,7 @@ from cinegen.ik.state import State
 from cinegen.ik.step import Layout, Step
 from cinegen.ik.task import FrameTask, is_count
 from cinegen.ik.thresholds import (
+    BAD_TARGET,
     BEGIN,
     CLEARANCE_NEEDED,
     DONE,
@@ -43,6 +44,7 @@ from cinegen.ik.thresholds import (
     STEP_CAP,
 )
 from cinegen.jit.foreign import SE3_DISTANCE
+from cinegen.jit.one_thread import other_thread
 from cinegen.jit.starting import InterpretedKernel, start
 from cinegen.joints import kinematic_data
 from cinegen.loops.arrays import null_space, set_up_screws
@@ -169,7 +171,7 @@ class Solver(JointControl):
     def _used(self) -> Iterator[None]:
         """Context in which the solver's memory is used, as by `step`."""
         if self._is_in_use:
-            raise _other_thread()
+            raise other_thread(self, ", and not from within its own tick")
         self._is_in_use = True
         try:
             yield
@@ -491,7 +493,7 @@ class Solver(JointControl):
             self._joints.write(memory, self._lifted)
         set_up_solver_tasks(memory, self._joints.held, self._tasks)
         tasks = tuple(
-            (task.node, task.axes, task.offset) if isinstance(task, FrameTask) else (repr(task), "world", None)
+            (task.node, *task.valid_axes_and_offset) if isinstance(task, FrameTask) else (repr(task), "world", None)
             for task in self._tasks
         )
         self._record, fields = memory.block("record")
@@ -804,7 +806,7 @@ class Solver(JointControl):
             CinegenError: another thread is using the solver, whose tick this would corrupt.
         """
         if self._is_in_use:  # Python changes threads only at calls and jumps back: not before the next line
-            raise _other_thread()
+            raise other_thread(self, ", and not from within its own tick")
         self._is_in_use = True
         try:
             return self._step()
@@ -846,18 +848,20 @@ class Solver(JointControl):
             self.linearisation = self._linearise()
         record = self._record.copy()
         self._earlier, self._latest = self._latest, record
-        if self._caught:
-            caught, self._caught = self._caught, ()
-            return Step(record, self._layout, caught)
-        return Step(record, self._layout)
+        caught, self._caught = self._caught, ()
+        if record[m.STATUS] == BAD_TARGET:
+            return Step(record, self._layout, caught, tuple(task.problem for task in self._tasks))
+        return Step(record, self._layout, caught)
 
     def _evaluate_given(self) -> None:
         """Evaluate the tasks in Python for this tick."""
         state = State(self.mechanism, self.q, self.dt, (), self._data)
         for i, task in self._given:
+            task.problem = ""
             try:
                 task.evaluate(state)
             except Exception as error:  # the loop must go on
+                task.problem = f"{task.task!r:.80}: {error}"
                 self._catch(self._source("task", i, task.task), error)
         if self._changed:  # a priority; what was evaluated stays
             self._write_tasks()
@@ -894,13 +898,6 @@ class Solver(JointControl):
             memory.record_q[:], memory.record_v[:] = near, self.mechanism.difference(q, near) / self.dt
             memory.report[m.STATUS], memory.report[m.CLOSURE] = SINGULAR, memory.closure
             memory.report[m.ERRORS_KNOWN] = 0.0  # they are computed on access
-
-
-def _other_thread() -> CinegenError:
-    return CinegenError(
-        "the solver is in use: it may be used by one thread at a time, and not from within its own tick; give each "
-        "thread its own, or use a lock"
-    )
 
 
 def _checked_period(dt: float) -> float:

@@ -18,6 +18,7 @@ from cinegen.ik.branch import passes_toggle
 from cinegen.ik.equations import equations
 from cinegen.ik.singular import LostDoF, UncontrolledDoF, gained, lost, passive_singular_values
 from cinegen.ik.task import FrameTask
+from cinegen.ik.thresholds import ARRIVED
 from cinegen.loops.closed_loops import ClosedLoops
 from cinegen.loops.motions import motions_of
 from cinegen.model import Mechanism
@@ -85,10 +86,12 @@ class Layout:
 class Step:
     """Result of one tick; immutable."""
 
-    __slots__ = ("_exceptions", "_layout", "_record")
+    __slots__ = ("_exceptions", "_layout", "_problems", "_record")
 
-    def __init__(self, record: Array, layout: Layout, exceptions: tuple[Exception, ...] = ()) -> None:
-        self._record, self._layout, self._exceptions = record, layout, exceptions
+    def __init__(
+        self, record: Array, layout: Layout, exceptions: tuple[Exception, ...] = (), problems: tuple[str, ...] = ()
+    ) -> None:
+        self._record, self._layout, self._exceptions, self._problems = record, layout, exceptions, problems
 
     def __repr__(self) -> str:
         errors = ", ".join(f"{left:.3g} m {angle:.3g} rad" for left, angle in self.errors)
@@ -98,7 +101,7 @@ class Step:
         """Return the same step with another status."""
         record = self._record.copy()
         record[m.STATUS] = STATUSES.index(status)
-        return Step(record, self._layout, self._exceptions)
+        return Step(record, self._layout, self._exceptions, self._problems)
 
     def _repr_html_(self) -> str:
         tasks = zip(self._layout.tasks, self.errors, strict=True)
@@ -137,6 +140,41 @@ class Step:
             straight, turn = task.errors(mechanism.placement(q, task.node) * task.offset, axes)
             found[i] = math.hypot(*straight), math.hypot(*turn)
         return tuple(found)
+
+    @property
+    def problems(self) -> tuple[str, ...]:
+        """Texts on the tasks that were left out: the name of the wrong value, the value, and what it must be; empty for
+        valid tasks."""
+        return self._problems or ("",) * len(self._layout.tasks)
+
+    @property
+    def task_statuses(self) -> tuple[Status, ...]:
+        """Outcome of the tick for each task, in the order in which they were added: BAD_TARGET if it was left out,
+        FOLLOWING if it is reached, else that of its level. Beside a task that was left out, the status is what hinders
+        all others: BARRED, AT_LIMIT, OUT_OF_REACH if nothing moves, else FOLLOWING. REFUSED, IN_COLLISION and
+        UNAVOIDABLE are statuses of all tasks."""
+        status, tasks = self.status, self._layout.get(self._record, "record_tasks")
+        if status in (Status.IN_COLLISION, Status.UNAVOIDABLE, Status.REFUSED):
+            return (status,) * len(tasks)
+        levels = [self._hindrance] if status is Status.BAD_TARGET else [level.status for level in self.levels]
+        found, length = list[Status](), self._layout.mechanism.length
+        for i, (distance, angle) in enumerate(self.errors):
+            if not tasks[i, 1]:
+                found.append(Status.BAD_TARGET)
+            elif max(distance / length, angle) <= ARRIVED:
+                found.append(Status.FOLLOWING)
+            else:
+                found.append(levels[min(self._layout.levels[i], len(levels) - 1)])
+        return tuple(found)
+
+    @property
+    def _hindrance(self) -> Status:
+        """The hindrance in a tick whose status is that of a task that was left out."""
+        if self.active_barriers:
+            return Status.BARRED
+        if self.saturated:
+            return Status.AT_LIMIT
+        return Status.FOLLOWING if self.v.any() else Status.OUT_OF_REACH
 
     def _wanted(self) -> list[tuple[int, FrameTask, Array]]:
         """Return the valid tasks that are frames as they were in the tick, each with its index before and its axes in

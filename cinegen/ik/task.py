@@ -25,6 +25,18 @@ _ROTATIONS = ((0.0, 0.0, 0.0), (0.0, 0.0, 1.0), (1.0, 1.0, 0.0), (1.0, 1.0, 1.0)
 
 _TARGET = TaskMemory.fields["target"].slot
 
+_WANTED = {
+    "node": "the name of a base, link or frame",
+    "axes": "target, world, or the name of a base, link or frame",
+    "offset": "a point of three finite numbers (m) or a pinocchio.SE3",
+    "target": "a pinocchio.SE3, or as a twist six finite numbers",
+    "translation": "a number of constrained axes, 0 to 3",
+    "rotation": "a number of constrained axes, 0 to 3",
+    "weights": "six finite numbers of at least 0",
+    "weight": "a positive, finite number",
+}
+"""What a task's value must be, by its name."""
+
 
 class FrameTask:
     """A frame on a node follows a target; made by `Solver.add_task`.
@@ -158,6 +170,11 @@ class FrameTask:
             self._refuse("offset", offset)
             return
         self._accept_frame("offset")
+
+    @property
+    def valid_axes_and_offset(self) -> tuple[str, pin.SE3]:
+        """The last ones that were valid: a tick leaves out a task with others, and has a place for it."""
+        return self._axes, self._offset
 
     def _accept_frame(self, name: str) -> None:
         """Let another frame follow, or be followed along other axes."""
@@ -347,12 +364,23 @@ class FrameTask:
 
     def is_valid(self) -> bool:
         """Return whether the target and all other values can be followed."""
-        if not self.memory.is_valid or not np.isfinite(self.target.homogeneous).all():
-            return False
-        rotation = self.target.rotation
-        if not np.abs(rotation).max() < 2.0:  # no square overflows
-            return False
-        return bool(np.abs(rotation.T @ rotation - np.eye(3)).max() <= ROTATION and np.linalg.det(rotation) > 0.0)
+        return not self.problem
+
+    @property
+    def problem(self) -> str:
+        """The value with which ticks leave the task out, and what it must be; empty while it is valid."""
+        for name, value in self._wrong.items():
+            return f"{name} of the task of '{self._node}' is {value!r:.80}: give {_WANTED[name]}"
+        target, which = self._target, f"target of the task of '{self._node}'"
+        if not np.isfinite(target.translation).all():
+            return f"{which} has the position {target.translation.tolist()}: give three finite numbers (m)"
+        rotation = target.rotation
+        with np.errstate(all="ignore"):  # where squares overflow, too
+            off = float(np.abs(rotation.T @ rotation - np.eye(3)).max())
+            if off <= ROTATION and np.linalg.det(rotation) > 0.0:
+                return ""
+        why = "a reflection" if off <= ROTATION else f"no rotation, by {off:.2g}"
+        return f"{which} has an orientation that is {why}: give an orthonormal matrix of determinant 1"
 
     # --- the equations, in plain form ------------------------------------------------------------------------------
 

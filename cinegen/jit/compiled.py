@@ -17,6 +17,7 @@ from numba.core.registry import cpu_target
 from numpy.typing import NDArray
 
 from cinegen.jit.memory import Memory
+from cinegen.jit.private import check_private
 from cinegen.jit.whole_program import whole_program
 
 Array = NDArray[np.float64]
@@ -136,6 +137,9 @@ def prepare(function: Callable[..., Any], *arguments: types.Type | type[Memory])
 
     Returns:
         the machine code as a function that takes a memory's `handle`. It skips numba's dispatch on argument types.
+
+    Raises:
+        CinegenError: other users may write the cache.
     """
     kernel: Any = function
     signature = _signature(arguments)
@@ -151,16 +155,26 @@ def prepare(function: Callable[..., Any], *arguments: types.Type | type[Memory])
 
 
 def is_cached(function: Callable[..., Any], *arguments: types.Type | type[Memory]) -> bool:
-    """Return whether the machine code is on disk; True if it can't be written: no other process can compile it."""
+    """Return whether the machine code is on disk; True if it can't be written: no other process can compile it.
+
+    Raises:
+        CinegenError: other users may write the cache.
+    """
     cache: Any = getattr(function, "_cache", None)
     if getattr(cache, "_cache_file", None) is None:
         return True
+    source = Path(function.__code__.co_filename)
+    for path in (cache.cache_path, getattr(cache._cache_file, "_index_path", cache.cache_path)):
+        check_private(Path(path), source)
     try:
         key = cache._index_key(_signature(arguments), cpu_target.target_context.codegen())
         name = cache._cache_file._load_index().get(key)
-        return name is not None and Path(cache._cache_file._data_path(name)).exists()
+        data = None if name is None else Path(cache._cache_file._data_path(name))
     except (AttributeError, OSError, ValueError):  # another numba: it knows better
         return True
+    if data is not None:
+        check_private(data, source)
+    return data is not None and data.exists()
 
 
 def _signature(arguments: Sequence[types.Type | type[Memory]]) -> tuple[types.Type, ...]:

@@ -7,12 +7,14 @@ import math
 from collections.abc import Mapping
 from functools import partial
 from numbers import Real
+from threading import get_ident
 from types import MappingProxyType
 
 import numpy as np
 
 from cinegen.arrays import Array, ArrayLike, Indices
 from cinegen.errors import CinegenError, ClosureError, ConfigurationError, UnknownNameError
+from cinegen.jit.one_thread import OneThread, in_one_thread, other_thread
 from cinegen.jit.starting import start
 from cinegen.loops._kernels.follow import follow
 from cinegen.loops._kernels.memory import NOWHERE, LoopMemory
@@ -27,7 +29,7 @@ _CORRECTION = 0.25  # largest correction of the loops, as a fraction of the step
 FURTHEST = 1000.0  # rad or lengths: longest motion of a joint in one call
 
 
-class ForwardKinematics:
+class ForwardKinematics(OneThread):
     """Forward kinematics on one branch: the mechanism stays in its assembly mode.
 
     The actuated joints move along a straight line to their values, in steps, and the loops are closed after each step.
@@ -38,7 +40,8 @@ class ForwardKinematics:
     prediction little, and `is_proved` is False. `Mechanism.close` instead returns a closed configuration near the given
     one, which after a long motion may be on another branch.
 
-    For one thread at a time; the mechanism may be shared. Joint limits are not considered.
+    For one thread at a time: another one that sets `q`, or moves it, meanwhile gets a `CinegenError`. The mechanism
+    may be shared. Joint limits are not considered.
 
     Args:
         mechanism: mechanism to move.
@@ -87,6 +90,7 @@ class ForwardKinematics:
         return self._q.copy()
 
     @q.setter
+    @in_one_thread
     def q(self, q: ArrayLike) -> None:
         full = self.mechanism.structure.checked(q)
         gap = self.mechanism.closure(full)
@@ -122,7 +126,17 @@ class ForwardKinematics:
             ConfigurationError: a value is not a finite number, or too far away.
             CinegenError: a joint is not actuated.
             ClosureError: the loops can't be closed along that motion on this branch; reports where it ended.
+            CinegenError: another thread moves it meanwhile.
         """
+        if self._user:  # as `in_one_thread` does, in less time
+            raise other_thread(self)
+        self._user = get_ident()
+        try:
+            return self._move(values)
+        finally:
+            self._user = 0
+
+    def _move(self, values: Mapping[str, float]) -> Array:
         goal, actuated = self._goal, self._actuated
         try:
             for name, value in values.items():

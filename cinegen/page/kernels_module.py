@@ -25,7 +25,7 @@ from cinegen.jit.memory import Field, Memory
 from cinegen.loops._kernels.memory import ClusterMemory
 from cinegen.page import solver_kernels
 from cinegen.page.solver_kernels import PageMemory
-from raff2urdf.files import GENERATED
+from raff2urdf.files import MARK
 
 KERNELS = "cinegen/kernels.js"
 """Name of the module in the page."""
@@ -166,7 +166,7 @@ def _translation() -> _Translation:
         "statuses": STATUSES, "returned": len(heap.values["D"]), "mostTasks": MOST_TASKS,
     }  # fmt: skip
     lines = [
-        f"/* {GENERATED}: cinegen's kernels, translated for all mechanisms. MIT licence. */",
+        f"/* {MARK}: cinegen's kernels, translated for all mechanisms. MIT licence. */",
         *(f"export const {name} = {json.dumps(value)};" for name, value in constants.items()),
         "export default function create(D, I, symbols) {",
         f"const {{ {', '.join(names)} }} = symbols;",

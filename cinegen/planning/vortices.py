@@ -14,6 +14,7 @@ from cinegen.collision._kernels.memory import ClearanceMemory
 from cinegen.collision.clearance import Clearance
 from cinegen.collision.errors import PlanningError
 from cinegen.jit.compiled import prepare
+from cinegen.jit.one_thread import OneThread, in_one_thread
 from cinegen.loops.motions import free_motions
 from cinegen.model.motion_plane import motion_plane
 from cinegen.planning._kernels.memory import VortexMemory
@@ -39,7 +40,7 @@ class DetourDirection(Enum):
     ASIDE = "sideways"
 
 
-class Vortices:
+class Vortices(OneThread):
     """One vortex around each obstacle, which acts while the obstacle obstructs the motion.
 
     What the paper leaves open, and what experience added:
@@ -98,6 +99,7 @@ class Vortices:
         """Deactivate all vortices."""
         self.states[:] = 0.0
 
+    @in_one_thread
     def deflect(self, q: Array, motion: Array, obstructing: Callable[[], frozenset[int]]) -> Array:
         """Return a motion (nv,), deflected around obstructing obstacles.
 

@@ -350,7 +350,8 @@ class DrivenRobot:
             metres, angle = (max(parts) for parts in zip(*step.errors, strict=True))
             far = metres > 1e-3 * self.mechanism.length
             label += f" by {1000.0 * metres:.3g} mm" if far else f" by {math.degrees(angle):.3g}°"
-        return RobotStatus(status.name, label, status.value)
+        description = "; ".join([status.value, *filter(None, step.problems)])
+        return RobotStatus(status.name, label, description)
 
     def state(self) -> RobotState:
         """Return the state."""

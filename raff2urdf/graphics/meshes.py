@@ -22,7 +22,7 @@ import numpy as np
 
 from raff2urdf.errors import RaffError
 from raff2urdf.extras import needs
-from raff2urdf.files import note, write_all
+from raff2urdf.files import note, signed, write_all
 from raff2urdf.graphics.collada import ENDING, unit_of
 from raff2urdf.graphics.names import cache_folder, check_mesh, may_read
 from raff2urdf.raff.document import RaffNode, RaffRobot
@@ -226,6 +226,7 @@ def keep(content: bytes, ending: str) -> Path:
     Raises:
         OSError: no folder can be written.
     """
+    content = signed(content)
     name = hashlib.sha256(content).hexdigest()[:32] + ending
     reason = OSError("no folder for temporary files")
     for folder in _folders():

@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from raff2urdf.errors import RaffError
+from raff2urdf.files import GENERATED
 
 Colour = tuple[int, int, int, int]
 """Red, green, blue and opacity, 0 to 255."""
@@ -138,7 +139,7 @@ def stl(triangles: NDArray[np.float32]) -> bytes:
     facet = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("attributes", "<u2")])
     facets = np.zeros(len(triangles), facet)
     facets["normal"], facets["corners"] = normals, triangles
-    header = b"binary STL by raff2urdf".ljust(80, b"\0")  # "solid" at the beginning would declare a text file
+    header = GENERATED.encode().ljust(80, b"\0")  # "solid" at the beginning would declare a text file
     return header + len(facets).to_bytes(4, "little") + facets.tobytes()
 
 

@@ -87,7 +87,7 @@ def to_raff(
     if out is None:
         return found
     if not overwrite:
-        check_new(out, remakeable=False)
+        check_new(out, remakeable=False)  # before meshes are read
     try:
         folder = None if is_stream(out) else out.parent
     except OSError as error:
@@ -109,6 +109,8 @@ def to_raff(
         contents[out] = dumps(found.document, _head(path, found), found.notes).encode()
     except RaffError as error:
         raise RaffError(f"{path}: {error}") from None
+    for target, content in contents.items() if not overwrite else ():
+        check_new(target, remakeable=False, content=content)
     try:
         write_all(contents)
     except OSError as error:

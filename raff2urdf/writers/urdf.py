@@ -52,7 +52,8 @@ def files(translation: Translation, stem: str, options: WriteOptions) -> dict[st
         own = etree.SubElement(root, f"{{{NAMESPACE}}}robot", nsmap={"raff": NAMESPACE})
         text = re.sub("[\ufffe\uffff]", lambda found: f"\\u{ord(found[0]):04x}", constraints_file.dumps(values))
         own.text = etree.CDATA("\n" + text)  # XML has not all characters
-    return {f"{stem}.urdf": text_of(root).encode(), sidecar: constraints_file.dumps(values).encode(), **more}
+    text = constraints_file.dumps(values | {constraints_file.MARK: GENERATED})
+    return {f"{stem}.urdf": text_of(root).encode(), sidecar: text.encode(), **more}
 
 
 def _add_dialect(root: etree._Element, translation: Translation, stem: str, dialect: str) -> dict[str, bytes]:

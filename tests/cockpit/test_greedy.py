@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import asyncio
+import http.client
 import socket
 import threading
 import time
+from concurrent.futures import ThreadPoolExecutor
 from contextlib import suppress
 from urllib.parse import urlsplit
 
@@ -80,18 +82,48 @@ def test_scenes_and_connections_are_limited(page):
     assert one_more.closed == (1013, f"this session has {MOST} clients already")
     for scene in scenes:
         scene.leave()
-    silent = [socket.create_connection(("127.0.0.1", page.server.port)) for _ in range(CONNECTIONS)]
-    late = socket.create_connection(("127.0.0.1", page.server.port))
-    late.settimeout(5.0)
+
+
+def test_half_open_connections_keep_nobody_out(page):
+    """Twice as many as there may be: the oldest have gone, and who asks is answered at once."""
+    silent = []
+    for k in range(2 * CONNECTIONS):
+        silent.append(socket.create_connection(("127.0.0.1", page.server.port), timeout=10.0))
+        silent[-1].sendall((b"", b"GET / HTTP/1.1\r\n", b"\x16\x03\x01")[k % 3])
+    assert get(page.url)[0] == 200
     with suppress(ConnectionResetError):
-        assert late.recv(1) == b""
-    for one in (*silent, late):
+        assert silent[0].recv(1) == b""
+    for one in silent:
         one.close()
-    assert becomes(lambda: _is_served(page.url))  # once the server has seen that they have gone
 
 
-def test_who_asks_slowly_is_disconnected(robot, monkeypatch):
-    monkeypatch.setattr("cinegen.cockpit.server._SLOW", 0.3)
+def test_connections_that_are_answered_are_not_closed_for_others(page, monkeypatch):
+    monkeypatch.setattr("cinegen.cockpit.server.CONNECTIONS", 2)
+    inside, go = threading.Event(), threading.Event()
+    snapshot = page.server.snapshot
+
+    def wait_inside():
+        inside.set()
+        assert go.wait(20)
+        return snapshot()
+
+    page.server.snapshot = wait_inside
+    with ThreadPoolExecutor(2) as pool:
+        try:
+            asked = [pool.submit(get, page.url, "snapshot.html") for _ in range(2)]
+            assert inside.wait(20)
+            assert becomes(lambda: len(page.server.http._answered) == 2)
+            with pytest.raises((ConnectionError, http.client.RemoteDisconnected)):
+                get(page.url)
+        finally:
+            go.set()
+        assert [one.result(20)[0] for one in asked] == [200, 200]
+    assert becomes(lambda: _is_served(page.url))
+
+
+@pytest.mark.parametrize("deadline", ["_SLOW", "_FIRST"])
+def test_who_asks_slowly_is_disconnected(robot, monkeypatch, deadline):
+    monkeypatch.setattr(f"cinegen.cockpit.server.{deadline}", 0.3)
     with Cockpit(arrange({"delta4": robot("delta4")}), port=0, token="", own_process=False) as one:
         for half in (
             b"",

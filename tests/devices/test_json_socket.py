@@ -16,7 +16,7 @@ from hypothesis import strategies as st
 from played import wait
 
 from cinegen.devices import SensorState, open_sensor
-from cinegen.devices.json_socket import CLIENTS, MISTAKES
+from cinegen.devices.json_socket import CLIENTS, MISTAKES, SILENT
 from cinegen.devices.reading_json import ReadingError, decode_reading, decode_recorded, encode_recorded
 from cinegen.sensor import Reading
 
@@ -174,6 +174,19 @@ def test_a_hundred_programs(sensor):
     comes(sensor, lambda r: r.twist == (1, 0, 0, 0, 0, 0))
     for program in programs:
         program.__exit__()
+    wait(lambda: "no programs" in sensor.status.message)
+
+
+@pytest.mark.parametrize("port", ["sensor", "open_port"])
+def test_connections_that_say_nothing_keep_no_program_out(port, request):
+    sensor = request.getfixturevalue(port)
+    silent = [socket.create_connection(("127.0.0.1", sensor.port), timeout=15) for _ in range(2 * SILENT)]
+    with Program(sensor) as program:
+        program.send({"twist": [1, 0, 0, 0, 0, 0]})
+        comes(sensor, lambda r: r.twist == (1, 0, 0, 0, 0, 0))
+    assert b"later connections have not sent their first line" in silent[0].recv(1000)
+    for one in silent:
+        one.close()
     wait(lambda: "no programs" in sensor.status.message)
 
 

@@ -48,6 +48,15 @@ test("who has control is last when it changes, and only then", () => {
   assert.equal(root.dataset.control, "free");
 });
 
+test("a page that only views sends no commands, whoever has control", () => {
+  link.emit("hello", { client: 7, robots: [ARM], view_only: true });
+  assert.equal(session.mayAct(), false);
+  link.emit("state", { controller: null, poses: {} });
+  assert.equal(session.mayAct(), false);
+  assert.equal(session.control, "other");
+  assert.equal(last.filter(([name]) => name === "denied").length, 2);
+});
+
 test("commands are denied while another browser has control", () => {
   link.emit("hello", { client: 7, robots: [ARM] });
   assert.equal(session.mayAct(), true);

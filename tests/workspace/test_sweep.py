@@ -326,4 +326,22 @@ def test_a_folder_of_something_else_is_refused_and_left_alone(arm, tmp_path):
         sweep(arm, over, square(0.7, 6), arm)
 
 
+def test_what_was_changed_by_hand_is_kept(arm, tmp_path):
+    out, over = tmp_path / "out", parse("link2.d=300..400:2")
+    again = lambda: sweep(arm, over, square(0.7, 6), out, workers=1)  # noqa: E731
+    first = again()
+    robot, table = out / first.rows[0].name / "robot.raff", out / "table.csv"
+    for path in (robot, table):
+        made = path.read_bytes()
+        path.write_bytes(made.replace(b"\r\n", b"\n").replace(b"\n", b"\r\n"))
+        assert again() == first
+        path.write_bytes(edited := made.replace(b"300", b"301", 1))
+        with pytest.raises(MapError, match=rf"{path.name}: was changed by hand"):
+            again()
+        assert path.read_bytes() == edited
+        path.unlink()  # as the message proposes: rename it, or remove it
+        assert again() == first
+        assert path.read_bytes() == made
+
+
 # --- the picture ------------------------------------------------------------------------------------------------------

@@ -23,7 +23,7 @@ from cinegen.workspace.specification import MapSpecification
 from cinegen.workspace.sweep.box import BoxConfigurations, WantedBox, dexterity, regularity
 from cinegen.workspace.sweep.result import SweepResult, VariantResult
 from cinegen.workspace.sweep.variants import Variation, variants
-from raff2urdf.files import write_all
+from raff2urdf.files import digest_of, write_all
 from raff2urdf.graphics.names import may_read
 from raff2urdf.raff.document import Document, RaffRobot
 from raff2urdf.raff.reader import parse, read
@@ -31,6 +31,7 @@ from raff2urdf.raff.writer import dumps
 from raff2urdf.shipped import find_robot
 
 _KIND, _VERSION = "cinegen sweep", 2
+_NAME, _TABLE = "sweep.json", "table"  # the description, and in it the digest of the table
 _LONGEST = 200  # bytes of a folder's name
 _WORTH = 4  # chunks for each process, from which on processes are worth starting
 _NEEDED = ("sigma_1", "sigma_2", "condition")
@@ -87,19 +88,20 @@ def sweep(
     with warnings.catch_warnings(), suppress(ClosureError):  # each variant reports its own
         warnings.simplefilter("ignore")
         plan.spec(source)
-    _begin(here, _description(document, variations, plan))
+    asked = _description(document, variations, plan)
+    _begin(here, asked)
     tasks: list[_Task] = []
     for k, variant in enumerate(found):
         folder = here / (variant.name if len(variant.name.encode()) <= _LONGEST else f"variant {k}")
         moved = replace(variant, document=_in_folder(folder, source, variant.document))
-        _write(folder / "robot.raff", moved.raff())
+        _write_robot(folder / "robot.raff", moved.raff())
         tasks.append((variant.name, dict(variant.values), folder))
     rows = _rows(plan, tasks, workers, scheduler, report or (lambda *_: None))
     headings = tuple(variation.heading for variation in variations)
     chosen = document.robot(robot)
     si = {one.heading: one.parameters[0].si(document, chosen) for one in variations}
     result = SweepResult(chosen.name, document.units, headings, plan.box, tuple(rows), si)
-    _write(here / "table.csv", result.csv())
+    _write_table(here, asked, result.csv())
     return result
 
 
@@ -212,20 +214,20 @@ def _begin(out: Path, asked: dict[str, Any]) -> None:
     Raises:
         MapError: it is of something else, or can't be written.
     """
-    at, there = out / "sweep.json", None
+    at, there = out / _NAME, None
     try:
         if at.exists():
-            there = json.loads(at.read_text(encoding="utf-8"))
+            there = _there(out)
         elif out.exists() and any(out.iterdir()):
             raise MapError(f"{out} holds something other than a sweep: give an empty folder, or a new one")
     except (OSError, ValueError) as error:
         raise MapError(f"{out} can't be resumed: {error}. Give another folder") from None
     if there is None:
-        _write(at, json.dumps(asked, indent=1, sort_keys=True) + "\n")
+        _write({at: _json(asked)})
         return
     if not isinstance(there, dict) or there.get("kind") != _KIND:
         raise MapError(f"{at} is not the description of a sweep: give another folder")
-    if differs := [key for key in sorted({*asked, *there}) if asked.get(key) != there.get(key)]:
+    if differs := [key for key in sorted({*asked, *there} - {_TABLE}) if asked.get(key) != there.get(key)]:
         texts = ["the RAFF file" if key == "raff" else f"{key} ({there.get(key)}, not {asked.get(key)})"
                  for key in differs]  # fmt: skip
         raise MapError(f"{out} holds another sweep, which differs in {', '.join(texts)}. Give another folder")
@@ -251,15 +253,54 @@ def _in_folder(folder: Path, source: Path, document: Document) -> Document:
     return replace(document, robots=tuple(map(moved, document.robots)))
 
 
-def _write(path: Path, text: str) -> None:
-    """Write a file as a whole, unless it already has that text.
+def _write_robot(path: Path, text: str) -> None:
+    """Write the RAFF file of a variant, unless it is there.
 
     Raises:
-        MapError: it can't be written.
+        MapError: it has another text, or can't be written.
+    """
+    if not path.exists():
+        _write({path: text})
+    elif _digest(path) != digest_of(text.encode()):
+        raise MapError(
+            f"{path}: was changed by hand, or made by another version of cinegen: remove it, or give another folder"
+        )
+
+
+def _write_table(out: Path, asked: dict[str, Any], text: str) -> None:
+    """Write the table, and its digest into the sweep's description.
+
+    Raises:
+        MapError: it was changed by hand, or can't be written.
+    """
+    path, known = out / "table.csv", _there(out).get(_TABLE)
+    if known is not None and path.exists() and _digest(path) != known:
+        raise MapError(f"{path}: was changed by hand since the sweep made it: rename it, or give another folder")
+    _write({path: text, out / _NAME: _json(asked | {_TABLE: digest_of(text.encode())})})
+
+
+def _digest(path: Path) -> str:
+    try:
+        return digest_of(path.read_bytes())
+    except OSError as error:
+        raise MapError(f"{path} can't be read: {error}") from None
+
+
+def _there(out: Path) -> Any:
+    return json.loads((out / _NAME).read_text(encoding="utf-8"))
+
+
+def _json(asked: dict[str, Any]) -> str:
+    return json.dumps(asked, indent=1, sort_keys=True) + "\n"
+
+
+def _write(texts: dict[Path, str]) -> None:
+    """Write files as a whole.
+
+    Raises:
+        MapError: one can't be written.
     """
     try:
-        if path.is_file() and path.read_text(encoding="utf-8") == text:
-            return
-        write_all({path: text.encode()})
+        write_all({path: text.encode() for path, text in texts.items()})
     except (OSError, ValueError) as error:
-        raise MapError(f"{path} can't be written: {error}") from None
+        raise MapError(f"{getattr(error, 'filename', None) or next(iter(texts))} can't be written: {error}") from None

@@ -2,6 +2,7 @@
 //
 // For tests: #undo #redo #pause (aria-pressed) #home #frame (select) #fit #units #fold #snapshot #picture #help.
 
+import { pageUrl } from "../base/address.js";
 import { byId, make, memory, write } from "../base/dom.js";
 import { units } from "../base/units.js";
 
@@ -38,8 +39,7 @@ export class Commands {
     const named = () => write(byId("units"), units.name);
     units.on("change", named);
     named();
-    const token = new URLSearchParams(location.search).get("token");
-    if (token !== null) /** @type {HTMLAnchorElement} */ (byId("page-copy")).href = `snapshot.html?${new URLSearchParams({ token })}`;
+    if (location.search !== "") /** @type {HTMLAnchorElement} */ (byId("page-copy")).href = pageUrl("snapshot.html");
     session.on("report", (report) => this.#show(report));
   }
 

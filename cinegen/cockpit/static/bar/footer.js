@@ -69,7 +69,8 @@ export class Footer {
     write(byId("pictures"), this.view.resolution.mean === null ? "–" : `${fixed(this.view.resolution.mean, 0)} ms`);
     const others = clients > 1 ? ` · ${clients} browsers` : "";
     const labels = { mine: "you have control", other: "another browser has control", free: "no browser has control" };
-    write(byId("control"), `${labels[this.session.control]}${others}`);
+    const { viewOnly, control } = this.session;
+    write(byId("control"), `${viewOnly ? "view only" : labels[control]}${others}`);
   }
 }
 

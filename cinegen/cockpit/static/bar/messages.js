@@ -6,6 +6,8 @@ import { byId, make } from "../base/dom.js";
 
 const HINT = "Drag any part of the robot.";
 const ON_MAP = "Drag any part of the robot, or click a cell: it goes there.";
+const DENIED = "Another browser has control. Take control to drag and switch.";
+const VIEW_ONLY = "This page only shows the robots: ask for the address with which to drive them.";
 const DRAGGING = "Esc ends the drag";
 const STAYS = 6000; // ms
 const MOST = 4;
@@ -38,9 +40,11 @@ export class Messages {
     );
     session.on("control", (control) => {
       byId("crowd").hidden = control !== "other";
+      byId("take-control").hidden = session.viewOnly;
+      byId("who").textContent = session.viewOnly ? "This page only shows the robots." : "Another browser has control.";
       this.#hint();
     });
-    session.on("denied", () => this.toast("Another browser has control. Take control to drag and switch.", "warning"));
+    session.on("denied", () => this.toast(session.viewOnly ? VIEW_ONLY : DENIED, "warning"));
     byId("take-control").addEventListener("click", () => session.send({ type: "request_control", on: true }));
     for (const one of [drag, gizmo, handDrags]) one.on("drag", (part) => this.#dragged(part));
   }

@@ -1,4 +1,4 @@
-// Addresses next to the page, with its token.
+// Addresses next to the page, with its token: that of who may drive, or of who only views.
 
 /**
  * Return an address next to the page, with its token.
@@ -7,8 +7,11 @@
  */
 export function pageUrl(name) {
   const url = new URL(name, location.href);
-  const token = new URLSearchParams(location.search).get("token");
-  if (token !== null) url.searchParams.set("token", token);
+  const given = new URLSearchParams(location.search);
+  for (const key of ["token", "view"]) {
+    const token = given.get(key);
+    if (token !== null) url.searchParams.set(key, token);
+  }
   return url.href;
 }
 

@@ -326,6 +326,7 @@ export interface HelloMessage {
   stops: [number, string][];
   map: string | null;
   caption?: string;
+  view_only?: boolean;
 }
 
 export interface RobotDescription {

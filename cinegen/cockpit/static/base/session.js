@@ -102,9 +102,14 @@ export class Session extends Events {
     return this.state?.tasks ?? [];
   }
 
-  /** Return whether commands may be sent; tell the user if another browser has control. */
+  /** Whether this page only views: the server refuses its commands. */
+  get viewOnly() {
+    return this.hello?.view_only ?? false;
+  }
+
+  /** Return whether commands may be sent; tell the user if another browser has control, or this page only views. */
   mayAct() {
-    if (this.control !== "other") return true;
+    if (this.control !== "other" && !this.viewOnly) return true;
     this.emit("denied");
     return false;
   }
@@ -143,7 +148,7 @@ export class Session extends Events {
   #follow(state) {
     this.state = state;
     const controller = state.controller ?? null;
-    const control = controller === null ? "free" : controller === this.hello?.client ? "mine" : "other";
+    const control = this.viewOnly ? "other" : controller === null ? "free" : controller === this.hello?.client ? "mine" : "other";
     this.emit("state", state);
     if (control === this.control) return;
     this.control = control;

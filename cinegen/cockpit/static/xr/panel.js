@@ -19,6 +19,7 @@ const BAR = { x: 370, wide: 240 };
 const TONES = { good: COLOURS.green, warn: COLOURS.orange, bad: COLOURS.vermilion, none: 0x8a949e };
 const METERS = /** @type {const} */ ([["type1", "lost DoF"], ["type2", "uncontrolled DoF"]]);
 const DENIED = "Another user has control. Press A or X to take it.";
+const VIEW_ONLY = "This page only shows the robots.";
 const HELP = [
   "trigger, pinch: drag a point, or the world",
   "grip button: drag with orientation",
@@ -45,7 +46,7 @@ export class Panel {
     session.on("notice", ({ text }) => this.#say(text));
     session.on("lost", () => this.#say("Connection lost, trying again."));
     session.on("dropped", (reason) => this.#say(`The server closed the connection: ${reason}`));
-    session.on("denied", () => this.#say(DENIED));
+    session.on("denied", () => this.#say(session.viewOnly ? VIEW_ONLY : DENIED));
   }
 
   /** What it reads: status with its tone, meters, and lines of text. */
@@ -62,7 +63,7 @@ export class Panel {
     }
     const scale = `scale ${significant(this.world.scale)} : 1`;
     const notice = performance.now() < this.#notice.until ? this.#notice.text : "";
-    const who = control === "other" ? DENIED : "";
+    const who = control !== "other" ? "" : session.viewOnly ? VIEW_ONLY : DENIED;
     return { label: status?.label ?? "", tone: status?.tone ?? "none", meters, lines: [scale, notice || who] };
   }
 

@@ -155,7 +155,8 @@ export class Presentation extends Events {
    */
   #click(hand, toward) {
     if (hand.clicked("lower")) {
-      if (this.session.control === "other") this.session.send({ type: "request_control", on: true });
+      if (this.session.viewOnly) this.session.mayAct();
+      else if (this.session.control === "other") this.session.send({ type: "request_control", on: true });
       else if (this.handDrags.has(hand)) this.handDrags.end(hand, true);
       else this.session.send({ type: "undo" });
     }

@@ -1,0 +1,152 @@
+"""What a tick reports of each task: which value is wrong, and how the others fare."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pinocchio as pin
+import pytest
+
+from cinegen import Solver
+from cinegen.ik.step import Status
+from cinegen.session.robot import DrivenRobot
+
+DT = 1.0 / 240.0
+UNIT = np.eye(3)
+
+
+def moved(mechanism, node, offset):
+    target = mechanism.placement(mechanism.q_home, node)
+    return pin.SE3(target.rotation, target.translation + offset)
+
+
+@pytest.mark.parametrize(
+    ("name", "value", "told"),
+    [
+        ("target", None, "target of the task of 'tool' is None: give a pinocchio.SE3"),
+        (
+            "target",
+            pin.SE3(UNIT, np.array([0.0, np.nan, 0.0])),
+            r"has the position \[0.0, nan, 0.0\]: give three finite",
+        ),
+        (
+            "target",
+            pin.SE3(2.0 * UNIT, np.zeros(3)),
+            "orientation that is no rotation, by 3: give an orthonormal matrix",
+        ),
+        ("target", pin.SE3(-UNIT, np.zeros(3)), "orientation that is a reflection"),
+        ("target", pin.SE3(1e200 * UNIT, np.zeros(3)), "orientation that is no rotation, by inf"),
+        ("twist", [math.inf] * 6, r"target of the task of 'tool' is \[inf, .* as a twist six finite numbers"),
+        ("weight", 0.0, "weight of the task of 'tool' is 0.0: give a positive, finite number"),
+        ("weights", [1, 1], r"weights of the task of 'tool' is \[1, 1\]: give six finite numbers"),
+        ("translation", 7, "translation of the task of 'tool' is 7: give a number of constrained axes, 0 to 3"),
+        ("rotation", "all", "rotation of the task of 'tool' is 'all': give a number of constrained axes"),
+        ("node", "thumb", "node of the task of 'tool' is 'thumb': give the name of a base, link or frame"),
+        ("axes", "thumb", "axes of the task of 'tool' is 'thumb': give target, world, or the name"),
+        ("offset", [1.0], r"offset of the task of 'tool' is \[1.0\]: give a point of three finite numbers"),
+    ],
+)
+def test_a_bad_value_is_named_and_what_it_must_be(robot, name, value, told):
+    arm = robot("arm7")
+    solver = Solver(arm, DT)
+    good, bad = solver.add_task("link3", rotation=0), solver.add_task("tool")
+    before = getattr(bad, name)
+    setattr(bad, name, value)
+    step = solver.step()
+    assert step.status is Status.BAD_TARGET
+    assert step.problems[0] == ""
+    with pytest.raises(AssertionError, match=told):
+        raise AssertionError(step.problems[1])
+    assert step.task_statuses == (Status.FOLLOWING, Status.BAD_TARGET)
+    assert (good.problem, bad.problem) == ("", step.problems[1])
+    if name == "twist":
+        bad.twist = np.zeros(6)
+    else:
+        setattr(bad, name, before)
+    step = solver.step()
+    assert step.problems == ("", "")
+    assert Status.BAD_TARGET not in step.task_statuses
+
+
+def test_a_target_that_is_changed_in_place_is_named_too(robot):
+    solver = Solver(robot("delta4"), DT)
+    task = solver.add_task("platform", rotation=0)
+    task.target.translation[:] = math.nan
+    assert "nan, nan, nan" in solver.step().problems[0]
+
+
+def test_a_task_in_python_is_named_with_its_error(robot):
+    class Broken:
+        priority, weight = 0, 1.0
+        fails = False
+
+        def __repr__(self):
+            return "a level hand"
+
+        def error(self, state):
+            if self.fails:
+                raise ZeroDivisionError("no horizon")
+            return np.zeros(1)
+
+        def jacobian(self, state):
+            return np.zeros((1, state.model.nv))
+
+    solver = Solver(robot("arm7"), DT)
+    task = solver.add_task(Broken())
+    assert solver.step().problems == ("",)
+    task.fails = True
+    step = solver.step()
+    assert step.problems == ("a level hand: no horizon",)
+    assert step.task_statuses == (Status.BAD_TARGET,)
+    task.fails = False
+    assert solver.step().problems == ("",)
+
+
+def test_tasks_that_move_rest_and_are_out_of_reach_are_told_apart(robot):
+    arm = robot("arm7")
+    solver = Solver(arm, DT)
+    hand = solver.add_task("tool", moved(arm, "tool", [0.0, 0.05, 0.0]), rotation=0)
+    broken = solver.add_task("link3", rotation=0)
+    broken.weight = math.nan
+    assert solver.step().task_statuses == (Status.FOLLOWING, Status.BAD_TARGET)  # it moves there
+    hand.target = moved(arm, "tool", [0.0, 100.0 * arm.length, 0.0])
+    for _ in range(3000):
+        step = solver.step()
+        if not step.v.any():
+            break
+    assert step.task_statuses[1] is Status.BAD_TARGET
+    assert step.task_statuses[0] in (Status.AT_LIMIT if step.saturated else Status.OUT_OF_REACH, Status.FOLLOWING)
+
+
+def test_a_task_that_is_reached_is_following_whatever_hinders_another(robot):
+    arm = robot("arm7")
+    solver = Solver(arm, DT)
+    base = solver.add_task(arm.nodes[0], rotation=0)  # the base never moves: reached
+    far = solver.add_task("tool", moved(arm, "tool", [0.0, 0.0, 100.0 * arm.length]), rotation=0)
+    for _ in range(3000):
+        step = solver.step()
+        if step.status is not Status.FOLLOWING:
+            break
+    assert step.status in (Status.OUT_OF_REACH, Status.AT_LIMIT, Status.SINGULAR)
+    assert step.task_statuses == (Status.FOLLOWING, step.status)
+    assert (base.problem, far.problem) == ("", "")
+
+
+def test_each_task_has_the_status_of_its_level(robot):
+    arm = robot("arm7")
+    solver = Solver(arm, DT)
+    solver.add_task("tool")
+    below = moved(arm, "tool", [0.1, 0.0, 0.0])
+    solver.add_task("tool", below, priority=1)  # the first level leaves it no freedom
+    step = solver.step()
+    assert step.task_statuses == (Status.FOLLOWING, step.levels[1].status)
+    assert step.levels[1].status is Status.NO_FREEDOM
+
+
+def test_a_session_tells_people_which_value_is_wrong(robot):
+    driven = DrivenRobot("arm7", Solver(robot("arm7"), DT))
+    driven.solver.add_task("tool").weight = math.nan
+    driven.step = driven.solver.step()
+    assert driven.status().name == "BAD_TARGET"
+    assert driven.status().description.endswith("weight of the task of 'tool' is nan: give a positive, finite number")
