@@ -25,7 +25,7 @@ from raff2urdf.raff.compound import expanded, spherical_joints
 from raff2urdf.raff.document import Document, JointType, RaffRobot
 from raff2urdf.readers.urdf import LARGEST, MovingJoint
 from raff2urdf.readers.xml_file import read_text
-from raff2urdf.tree import BASE_JOINT, coupling_of, home
+from raff2urdf.tree import BASE_JOINT, coupling_of, home, joint_dynamics
 
 FORMAT, VERSION = "raff2urdf constraints", 2
 
@@ -84,6 +84,7 @@ def constraints(
                 "name": link.joint,
                 "type": link.type.name.lower(),
                 "home": home(document, link),
+                **({"armature": armature} if (armature := joint_dynamics(document, link).armature) else {}),
                 "actuated": actuated[link.joint],
             }
         )

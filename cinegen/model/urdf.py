@@ -17,6 +17,7 @@ from raff2urdf.readers import successive
 from raff2urdf.readers.urdf import (
     UNLIMITED,
     default_value,
+    friction,
     joints,
     lacks,
     lacks_limits,
@@ -63,6 +64,7 @@ def simple(tree: Any, name: str) -> Constraints:
                 "home": 0.0,
                 "limits": None if allowed is None else list(allowed),
                 "velocity": velocity(joint),
+                "friction": friction(joint),
             }
         )
         _give_limits(joint, allowed)

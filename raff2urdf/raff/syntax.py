@@ -364,6 +364,9 @@ STATEMENTS: dict[str, dict[str, Statement]] = {
         "limits": _LIMITS,
         "velocity": _NUMBER,  # velocity limit, degrees or lengths per second
         "effort": _NUMBER,  # limit of the torque or force of its actuator, N m or N
+        "armature": _NUMBER,  # inertia of its rotors, kg times lengths squared, or kg
+        "damping": _NUMBER,  # its viscous friction: torque (N m) or force (N) at a velocity of 1
+        "friction": _NUMBER,  # its Coulomb friction, N m or N
         "actuated": _ACTUATED,
         "name": _TEXT,
         "filename": _FILES,
@@ -383,6 +386,9 @@ STATEMENTS: dict[str, dict[str, Statement]] = {
         "limits": _LIMITS,
         "velocity": _NUMBER,
         "effort": _NUMBER,
+        "armature": _NUMBER,
+        "damping": _NUMBER,
+        "friction": _NUMBER,
         "actuated": _ACTUATED,
     },
     "parameters": dict.fromkeys(["theta", "r", "d", "alpha", "gamma", "epsilon"], _NUMBER),

@@ -9,6 +9,7 @@ from typing import Any
 from raff2urdf.errors import RaffError
 from raff2urdf.raff.document import (
     LEAST_SIZE,
+    OF_JOINT,
     Document,
     DriveKind,
     LoopKind,
@@ -71,10 +72,9 @@ def _robot(robot: RaffRobot, notes: Mapping[int, str]) -> Iterator[str]:
 
 
 _OF_SENSORS = ("port", "translation", "rotation", "axes")
-_OF_JOINT = ("limits", "velocity", "effort", "actuated")
 _OF_INERTIAL = ("mass", "centre", "moments", "products", "density", "radius")
-_OF_VARIABLES = ("home", *_OF_JOINT)
-_OF_NODE = ("name", "parameters", "filenames", "type", "compound", "pred", *_OF_JOINT, "variables", "inertial")
+_OF_VARIABLES = ("home", *OF_JOINT)
+_OF_NODE = ("name", "parameters", "filenames", "type", "compound", "pred", *OF_JOINT, "variables", "inertial")
 _WORDS = (*_OF_NODE, *_OF_SENSORS)
 
 
