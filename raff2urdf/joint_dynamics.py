@@ -6,8 +6,8 @@ from typing import NamedTuple
 
 
 class JointDynamics(NamedTuple):
-    """What a joint adds to the torque (N m) or force (N) that moves it: armature times its acceleration, damping times
-    its velocity, and friction against the direction of its velocity. SI units and radians.
+    """Inertia and friction of a joint itself; SI units and radians. To the torque (N m) or force (N) that moves it they
+    add armature times acceleration, damping times velocity, and friction in the direction of the velocity.
 
     Attributes:
         armature: inertia of the rotors that it turns, as seen at the joint, kg m^2 or kg.

@@ -108,7 +108,7 @@ class InverseDynamics:
 
     @property
     def notes(self) -> tuple[str, ...]:
-        """What the mechanism's file gives and forces leave out, such as springs."""
+        """Notes of the mechanism's file on what forces leave out, such as springs."""
         return tuple(note for note in self.mechanism.source.notes if is_uncounted(note))
 
     def __repr__(self) -> str:
