@@ -25,7 +25,7 @@ from cinegen.jit.starting import start
 from cinegen.loops.arrays import set_up
 from cinegen.model import Mechanism
 from cinegen.tolerances import CLOSURE
-from raff2urdf.readers.uncounted import is_uncounted
+from raff2urdf.readers.uncounted import is_uncounted, note_of
 
 Motion = ArrayLike | Mapping[str, float]
 """Velocity or acceleration (nv,) of all joints; or those of actuated joints by name, 0 for the others."""
@@ -110,6 +110,12 @@ class InverseDynamics:
     def notes(self) -> tuple[str, ...]:
         """Notes of the mechanism's file on what forces leave out, such as springs."""
         return tuple(note for note in self.mechanism.source.notes if is_uncounted(note))
+
+    @property
+    def notes_at_rest(self) -> tuple[str, ...]:
+        """The same notes, and one on Coulomb friction, which forces at rest leave out."""
+        rubbing = np.flatnonzero(self.tree.model.upperDryFrictionLimit).tolist()
+        return (*self.notes, *note_of({"Coulomb friction at rest": [self.mechanism.columns[k] for k in rubbing]}))
 
     def __repr__(self) -> str:
         carried = f", {len(self.tree.payloads)} payloads" if self.tree.payloads else ""
