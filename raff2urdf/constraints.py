@@ -108,6 +108,7 @@ def constraints(
         "robot": robot.name,
         "nodes": [node.node for node in robot.nodes.values()],
         "floating": BASE_JOINT if robot.movable else None,
+        **({} if document.gravity is None else {"gravity": list(document.gravity)}),
         "joints": joints,
         **({"balls": balls} if balls else {}),
         "loops": closures,

@@ -100,6 +100,8 @@ def check_sizes(document: Document, robot: RaffRobot) -> None:
         RaffError: with every problem.
     """
     problems = []
+    if document.gravity is not None and not max(map(abs, document.gravity)) <= LARGEST:
+        problems.append(document.source.problem(texts.GRAVITY_TOO_LARGE.format(largest=LARGEST)))
     for node in (robot.base, *robot.parts):
         lengths = {word: abs(document.metres(getattr(node.parameters, word))) for word in ("r", "d", "epsilon")}
         for word in (word for word, length in lengths.items() if not length <= LARGEST):

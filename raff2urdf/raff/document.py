@@ -384,6 +384,7 @@ class Document:
     Attributes:
         name: the word after `RAFF` in its first line.
         units: unit of every length in it: "mm" (default), "um", "cm" or "m".
+        gravity: acceleration in the world, m/s2 whatever the unit of lengths; None: not in the file.
         states_units: whether the text states them; False if they are the default.
     """
 
@@ -391,6 +392,7 @@ class Document:
     robots: tuple[RaffRobot, ...] = ()
     sensors: tuple[RaffSensor, ...] = ()
     units: str = "mm"
+    gravity: Vector | None = None
     states_units: bool = field(default=True, compare=False, repr=False)
     source: SourceText = field(default_factory=SourceText, compare=False, repr=False)
 

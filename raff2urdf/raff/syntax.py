@@ -345,6 +345,7 @@ STATEMENTS: dict[str, dict[str, Statement]] = {
         "robot": Statement("NAME {", _robot, "robots", repeats=True),
         "sensor": Statement("NUMBER {", _numbered(RaffSensor, port=""), "sensors", repeats=True),
         "units": Statement("WORD", _units),  # mm (default), um, cm or m
+        "gravity": _VECTOR,  # x y z in the world, m/s2
     },
     "robot": {
         "path": _TEXT,  # the folder of the graphic files
@@ -418,6 +419,6 @@ STATEMENTS: dict[str, dict[str, Statement]] = {
         "rotation": Statement("NUMBER", Choice("'rotation'", _DOF)),
         "axes": Statement("STRING", _axes),  # what commands x y z rx ry rz, such as "x, -z, y, rx, -rz, 0.5*ry"
     },
-    **{word: {} for word in ("limits", "filename", "centre", "moments", "products")},
+    **{word: {} for word in ("limits", "filename", "centre", "moments", "products", "gravity")},
 }
 """The statements of each kind of block, by their words; the file itself is the block without a name."""

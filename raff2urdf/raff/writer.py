@@ -39,6 +39,8 @@ def dumps(document: Document, head: Sequence[str] = (), notes: Mapping[int, str]
         lines += ["", *(f"// {_comment(line)}" for line in head)]
     if document.units != "mm" or any(0.0 < document.longest(one)[0] < LEAST_SIZE for one in document.robots):
         lines.append(f"units {document.units}")
+    if document.gravity is not None:
+        lines.append(f"gravity {_value(document.gravity)}")
     for sensor in document.sensors:
         lines += ["", f"sensor {sensor.number} {{", *_statements(sensor, "  "), "}"]
     for robot in document.robots:

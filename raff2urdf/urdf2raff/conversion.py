@@ -73,9 +73,6 @@ def to_raff(
     if unlimited:
         message = f"{listed(unlimited, str(path))}: neither lower nor upper limit is given; written without limits"
         warnings.warn(message, RaffWarning, stacklevel=2)
-    unsaid = [] if "gravity" not in (constraints or {}) else ["the gravity of the file"]
-    if unsaid:
-        warnings.warn(f"{path}: RAFF has no notation for {' and '.join(unsaid)}: left out", RaffWarning, stacklevel=2)
     found = import_tree(tree, str(path), constraints, units or units_of(tree))
     try:
         check(found.document)

@@ -162,7 +162,9 @@ class _Import:
             sensor_constraints=tuple(self.sensor_constraints(movable)),
         )
         sensors = tuple(RaffSensor(**sensor) for sensor in self.constraints.get("sensors", []))
-        document = Document(str(self.constraints.get("name") or robot.name), (robot,), sensors, self.units.units)
+        gravity, own = self.constraints.get("gravity"), str(self.constraints.get("name") or robot.name)
+        down = None if gravity is None else (gravity[0], gravity[1], gravity[2])
+        document = Document(own, (robot,), sensors, self.units.units, down)
         return RaffImport(document, self.joints, self.offsets, self.nodes, self.notes)
 
     def placing_joint(self, loop_ends: set[str]) -> Any:

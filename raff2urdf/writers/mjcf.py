@@ -98,7 +98,9 @@ class _Writer:
         root.append(comment(self.preface()))
         etree.SubElement(root, "compiler", angle="radian", autolimits="true")
         timestep = min(0.001, float(f"{STEP * self.fall:.0e}"))
-        etree.SubElement(root, "option", timestep=numeral(timestep), integrator="implicitfast")
+        option = etree.SubElement(root, "option", timestep=numeral(timestep), integrator="implicitfast")
+        if self.tree.gravity is not None:
+            option.set("gravity", numerals(self.tree.gravity))
         default = etree.SubElement(root, "default")
         etree.SubElement(default, "geom", contype="0", conaffinity="0", group="2")
         etree.SubElement(default, "site", group="3")

@@ -6,6 +6,7 @@ Limits are shifted to this zero. What SDF has no elements for is in one element 
 
     <raff:joint name="joint1" home="0.87" actuated="true"      home: to be added to get the robot's own joint value
       armature="0.02"/>                                        inertia of its rotors, kg m2 or kg; 0 unless given
+    gravity="0 0 -1.6" of raff:robot itself                    of the world around the model, unless that gives its own
     <raff:loop name="a-b" kind="ball" first="a" second="b"/>   the joint of a loop, and the links or frames it joins
     <raff:coupling name="w" constant="0">                      a coupling that is no mimic: of the robot's own values,
       <raff:term joint="joint1" coefficients="1 0.2"/>         the sum of all terms, 1 q + 0.2 q^2, is the constant
@@ -99,7 +100,9 @@ class _Writer:
         if lost:
             message = f"SDF has no notation for {', '.join(lost)}: written as raff:coupling, which only cinegen reads"
             warnings.warn(f"robot '{tree.model.name}': {message}", RaffWarning, stacklevel=3)
-        if len(self.own):
+        if tree.gravity is not None:
+            self.own.set("gravity", numerals(tree.gravity))
+        if len(self.own) or self.own.attrib:
             model.append(self.own)
         return root
 

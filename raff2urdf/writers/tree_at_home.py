@@ -38,6 +38,7 @@ class TreeAtHome:
         home: the joint values at closed home, by name (rad, m), of the joints that move.
         entries: of these joints in the constraints file, by name, with their `limits` and `velocity`, None without any,
             and their friction.
+        gravity: acceleration in the world (3,), m/s2; None if the file gives none.
         loops: its entries of the loops.
         couplings: its couplings.
         link: links by name.
@@ -49,7 +50,7 @@ class TreeAtHome:
 
     def __init__(self, translation: Translation) -> None:
         self.model, self.loops = _with_ends(translation.model.robot, translation.constraints["loops"])
-        self.home = translation.analysis.home
+        self.home, self.gravity = translation.analysis.home, translation.constraints.get("gravity")
         bounds = {joint.name: _bounds(joint) for joint in self.model.joints if joint.limit is not None}
         self.entries = {entry["name"]: entry | bounds[entry["name"]] for entry in translation.constraints["joints"]}
         self.couplings: list[Coupling] = [coupling_of(one) for one in translation.constraints.get("couplings", [])]

@@ -132,12 +132,15 @@ def test_what_acts_on_balls_and_tendons_is_told_too():
     assert not any("leave out" in note for note in cinegen.load(text.format(ball="", belt="", reel="")).source.notes)
 
 
-def test_urdf2raff_says_that_raff_has_no_gravity(tmp_path):
-    path = tmp_path / "arm.xml"
-    path.write_text(ARM.format(more=""))
-    says = "no notation for the gravity of the file: left out"
-    with pytest.warns(raff2urdf.RaffWarning, match=says):
-        raff2urdf.to_raff(path, tmp_path / "arm.raff")
+def test_urdf2raff_keeps_gravity_and_torques(tmp_path):
+    path, raff = tmp_path / "arm.xml", tmp_path / "arm.raff"
+    path.write_text(ARM.format(more='damping="3" frictionloss="0.2"'))
+    made = raff2urdf.to_raff(path, raff)
+    assert made.document.gravity == (1.0, -4.0, -6.0)
+    there, back, rng = cinegen.load(path), cinegen.load(raff), np.random.default_rng(2)
+    q, v, a = rng.normal(size=(3, 3))
+    moved = q + [made.offsets[made.joints[joint]] for joint in there.joints]
+    assert InverseDynamics(back).torques(moved, v, a) == pytest.approx(InverseDynamics(there).torques(q, v, a))
 
 
 @pytest.mark.parametrize(

@@ -63,8 +63,8 @@ SENSOR_AXES = st.none() | st.permutations(["x", "-y", "0.1*z", "rx", "-2e-3*ry",
 KEYWORDS = st.sampled_from(
     re.findall(
         r"\w+",
-        "RAFF robot sensor units path base link frame constraint parameters type joint ball variable home pred limits "
-        "velocity effort armature damping friction actuated name filename theta r d alpha gamma epsilon port "
+        "RAFF robot sensor units gravity path base link frame constraint parameters type joint ball variable home pred "
+        "limits velocity effort armature damping friction actuated name filename theta r d alpha gamma epsilon port "
         "translation rotation axes mm "
         "coupling ratio lead radius polynomial offset inertial mass centre moments products density",
     )
@@ -120,6 +120,7 @@ def documents(
         tuple(robots),
         tuple(sensors),
         "mm" if moderate else draw(st.sampled_from(UNITS)),
+        draw(st.none() | st.tuples(lengths, lengths, lengths)),
     )
 
 

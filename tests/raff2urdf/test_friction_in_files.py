@@ -78,6 +78,42 @@ def test_every_format_and_raff_again_have_the_same_numbers(arm, tmp_path, kind):
         assert (own.armature, own.damping, own.friction) == (other.armature, other.damping, other.friction)
 
 
+@pytest.mark.parametrize("kind", ["urdf", "sdf", "mjcf"])
+def test_every_format_and_raff_again_have_its_gravity(tmp_path, kind):
+    path, written, down = tmp_path / "arm.raff", tmp_path / "out", [0.25, 0.0, -1.62]
+    path.write_text(ARM.replace("\n", "\ngravity { 0.25 0 -1.62 }\n", 1))
+    assert cinegen.load(path).gravity.tolist() == down
+    raff2urdf.convert(path, written, format=kind)
+    (file,) = [one for one in written.iterdir() if one.suffix in (".urdf", ".sdf", ".xml")]
+    assert cinegen.load(file).gravity.tolist() == down
+    raff2urdf.to_raff(file, tmp_path / "back.raff")
+    assert parse((tmp_path / "back.raff").read_text()).gravity == tuple(down)
+
+
+def test_the_gravity_of_a_world_around_it_replaces_that_of_an_sdf_of_ours(tmp_path):
+    path = tmp_path / "arm.raff"
+    path.write_text(ARM.replace("\n", "\ngravity { 0 0 -1.62 }\n", 1))
+    raff2urdf.convert(path, tmp_path, format="sdf")
+    text = (tmp_path / "arm.sdf").read_text()
+    text = text.replace("<model", '<world name="w"><gravity>0 0 -3.7</gravity><model', 1)
+    text = text.replace("</sdf>", "</world></sdf>")
+    (tmp_path / "arm.sdf").write_text(text)
+    assert cinegen.load(tmp_path / "arm.sdf").gravity.tolist() == [0.0, 0.0, -3.7]
+    (tmp_path / "arm.sdf").write_text(text.replace("0 0 -3.7", "0 0"))
+    with pytest.raises(cinegen.CinegenError, match="the gravity '0 0' must be three numbers"):
+        cinegen.load(tmp_path / "arm.sdf")
+
+
+def test_gravity_is_three_numbers_once():
+    for wrong, message in (
+        ("gravity { 0 -9.81 }", r":2:19: 'gravity' needs a number here"),
+        ("gravity { 0 0 1e13 }", r"a number of 'gravity' is beyond 1e\+12 m/s2"),
+        ("gravity { 0 0 1 } gravity { 0 0 1 }", r":2:29: 'gravity' is given twice in the file"),
+    ):
+        with pytest.raises(RaffError, match=message):
+            cinegen.load(ARM.replace("\n", f"\n{wrong}\n", 1))
+
+
 def test_a_variable_of_several_has_its_own_numbers_and_then_a_ball_is_no_spherical_joint():
     text = text_of("link 1 { joint ball pred 0 variable y { armature 1000000 damping 1 friction 3 } }")
     ball = cinegen.load(text)

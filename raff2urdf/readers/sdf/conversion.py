@@ -258,13 +258,16 @@ class _SdfToUrdf:
         return urdf.result(nodes, BASE_JOINT if floating else None, self._gravity(seen))
 
     def _gravity(self, rotation: Array) -> Sequence[float]:
-        """Return the acceleration of the world around the model, or else the default, in axes (3, 3) of the root."""
+        """Return the acceleration of the world around the model, that of raff:robot, or the default, in axes (3, 3) of
+        the root."""
         found: Sequence[float] = GRAVITY
-        element = self.model.gravity
-        if element is not None:
-            given = numbers(element.text or "")
+        element, own = self.model.gravity, self.model.own
+        element = own if element is None else element
+        text = None if element is None else element.get("gravity") if element is own else element.text or ""
+        if text is not None:
+            given = numbers(text)
             if given is None or len(given) != 3:
-                what = f"the gravity '{(element.text or '').strip()[:60]}' must be three numbers{SIZE}"
+                what = f"the gravity '{text.strip()[:60]}' must be three numbers{SIZE}"
                 raise error_at(self.name, element, what)
             found = given
         seen: Array = rotation.T @ found
