@@ -271,9 +271,9 @@ def _load_model(
     from cinegen.model.pinocchio_model import describe_model
 
     name = f"pinocchio.Model '{model.name}'"
-    described = describe_model(model, loops, couplings)
-    urdf, constraints = with_fixed_base(*described, name) if fixed_base else described
-    mechanism = build(urdf, _with_actuated(urdf, constraints, actuated, name), name=name, relax=relax)
+    urdf, values, notes = describe_model(model, loops, couplings)
+    urdf, constraints = with_fixed_base(urdf, values, name) if fixed_base else (urdf, values)
+    mechanism = build(urdf, _with_actuated(urdf, constraints, actuated, name), name=name, notes=notes, relax=relax)
     if list(mechanism.model.names)[1:] != list(model.names)[1:]:
         warn(f"{name}: q has other joints than the model's, or in another order: mechanism.q_index finds each")
     return mechanism

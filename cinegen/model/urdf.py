@@ -151,9 +151,10 @@ def completed(declared: Constraints, sidecar: Mapping[str, Any] | None, name: st
     Raises:
         LoadError: the other file names a joint or a link that the URDF lacks.
     """
-    if sidecar is None:
+    if sidecar is None or not (sidecar.get("loops") or sidecar.get("couplings")):
         for entry in declared["joints"]:  # without loops, 0 is as good as anything else
             entry["home"] = default_value(entry["limits"])
+    if sidecar is None:
         return declared
     known, entries = {entry["name"]: entry for entry in declared["joints"]}, sidecar.get("joints", declared["joints"])
     for entry in entries:
