@@ -133,7 +133,7 @@ class Forces:
         if self.resting:
             are, its = ("is", "its") if len(self.resting) == 1 else ("are", "their")
             parts.append(
-                f"{', '.join(self.resting)} {are} at rest: {its} Coulomb friction is undetermined and left out; it "
+                f"{', '.join(self.resting)} {are} at rest: {its} Coulomb friction is undetermined and left out, and "
                 "changes each torque by its band at most, either way"
             )
         if self.undetermined:
