@@ -25,7 +25,7 @@ from raff2urdf.raff.compound import expanded, spherical_joints
 from raff2urdf.raff.document import Document, JointType, RaffRobot
 from raff2urdf.readers.urdf import LARGEST, MovingJoint
 from raff2urdf.readers.xml_file import read_text
-from raff2urdf.tree import BASE_JOINT, coupling_of, home
+from raff2urdf.tree import BASE_JOINT, coupling_of, home, joint_dynamics
 
 FORMAT, VERSION = "raff2urdf constraints", 2
 
@@ -87,6 +87,7 @@ def constraints(
                 "name": link.joint,
                 "type": link.type.name.lower(),
                 "home": home(document, link),
+                **({"armature": armature} if (armature := joint_dynamics(document, link).armature) else {}),
                 "actuated": actuated[link.joint],
             }
         )
@@ -110,6 +111,7 @@ def constraints(
         "robot": robot.name,
         "nodes": [node.node for node in robot.nodes.values()],
         "floating": BASE_JOINT if robot.movable else None,
+        **({} if document.gravity is None else {"gravity": list(document.gravity)}),
         "joints": joints,
         **({"balls": balls} if balls else {}),
         "loops": closures,

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from raff2urdf.coupling import Coupling, coupled_scales, followed
 from raff2urdf.idle import Edge
 from raff2urdf.inertia import Inertia
+from raff2urdf.joint_dynamics import JointDynamics
 from raff2urdf.length import characteristic_length, cut_screws
 from raff2urdf.placement import inverse
 from raff2urdf.raff.compound import expanded, spherical_joints
@@ -89,6 +90,19 @@ def velocity(document: Document, link: RaffLink) -> float:
 def effort(link: RaffLink) -> float:
     """Return the limit of the torque (N m) or force (N) of a joint's actuator; infinite if the file gives none."""
     return math.inf if link.effort is None else link.effort
+
+
+def joint_dynamics(document: Document, link: RaffLink) -> JointDynamics:
+    """Return the inertia of a joint's rotors and its friction in SI units; 0 what the file does not give."""
+    return in_si(document, link, JointDynamics(link.armature or 0.0, link.damping or 0.0, link.friction or 0.0))
+
+
+def in_si(document: Document, link: RaffLink, written: JointDynamics) -> JointDynamics:
+    """Return the dynamics of a link's joint, given in the file's units, in SI units."""
+    armature, damping = written.armature, written.damping / joint_units(document, link, 1.0)
+    if link.type is not JointType.PRISMATIC:
+        armature = document.metres(document.metres(armature))
+    return JointDynamics(armature, damping, written.friction)
 
 
 def placements(document: Document, robot: RaffRobot, q: Mapping[str, float] | None = None) -> dict[int, Array]:

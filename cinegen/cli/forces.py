@@ -56,20 +56,20 @@ def run(
     name, mechanism = robots.load_one(file)
     from cinegen.dynamics import InverseDynamics
     from cinegen.dynamics.forces import forces_at
-    from raff2urdf.readers.uncounted import is_uncounted
 
     loads = [*carried(mechanism, payload, node), *wrenches(wrench)]
     dynamics = InverseDynamics(mechanism, loads, gravity_of(gravity), massless)
-    notes = [note for note in mechanism.source.notes if is_uncounted(note)]
-    shown = [f"  note: {note}" for note in notes]
+    shown = [f"  note: {note}" for note in dynamics.notes]
+    if dynamics.tree.gravity.tolist() != [0.0, 0.0, -9.81]:
+        shown.append("  gravity: {:g}, {:g}, {:g} m/s2".format(*dynamics.tree.gravity))
     if trajectory is not None:
         report, text = _along(name, dynamics, trajectory, robots.robot)
-        print_result(report | {"notes": notes}, "\n".join([text, *shown]), json)
+        print_result(report | {"notes": dynamics.notes}, "\n".join([text, *shown]), json)
         return 0
     v = _rates(mechanism, velocity, "--velocity", ANGULAR_SPEED, SPEED) or None
     a = _rates(mechanism, acceleration, "--acceleration", ANGULAR_ACCELERATION, ACCELERATION) or None
     found = forces_at(dynamics, configuration_at(mechanism, at, node), v, a, node)
-    report = {"name": name, **found.as_dict(), "notes": notes}
+    report = {"name": name, **found.as_dict()}
     print_result(report, "\n".join([_text(name, found, reactions), *shown]), json)
     return 0 if found.is_held else 1
 
@@ -98,9 +98,11 @@ def _text(name: str, found: Forces, with_reactions: bool) -> str:
     if found.is_held:
         wide = max(8, *map(len, found.mechanism.actuated)) + 2
         lines.append("")
-        for joint, torque, used in zip(found.mechanism.actuated, found.torques, found.used, strict=True):
+        rows = zip(found.mechanism.actuated, found.torques, found.band, found.used, strict=True)
+        for joint, torque, band, used in rows:
             limit = f"   {100.0 * used:.0f} % of its limit" if used else ""
-            lines.append(f"  {joint:<{wide}}{_number(torque):>10} {found.unit_of(joint)}{limit}")
+            either = f" ± {_number(band)}" if band else ""
+            lines.append(f"  {joint:<{wide}}{_number(torque):>10}{either} {found.unit_of(joint)}{limit}")
         if found.v.any():
             lines.append(f"  {'power':<{wide}}{_number(found.power):>10} W")
     if with_reactions and found.is_held:
@@ -162,6 +164,6 @@ def _along(name: str, dynamics: InverseDynamics, file: Path, robot: str | None) 
     head = f"{name} along {file}, {motion.seconds:.3f} s: {held}"
     report = {
         "name": name, "recording": str(file), "seconds": motion.seconds, "held": not len(lost), "message": held,
-        "torques": rows,
+        "gravity": dynamics.tree.gravity.tolist(), "torques": rows,
     }  # fmt: skip
     return report, "\n".join([head, "", *lines])

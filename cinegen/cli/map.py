@@ -347,7 +347,7 @@ def summary(found: xarray.Dataset, spec: MapSpecification) -> dict[str, Any]:
 
     from cinegen.workspace import CellStatus
     from cinegen.workspace.extent import extent
-    from cinegen.workspace.loads import left_out
+    from cinegen.workspace.loads import left_out, notes
 
     counts = np.bincount(found["status"].values.ravel(), minlength=len(CellStatus))
     measured = extent(found)
@@ -372,6 +372,7 @@ def summary(found: xarray.Dataset, spec: MapSpecification) -> dict[str, Any]:
         "status": {status.label: int(number) for status, number in zip(CellStatus, counts, strict=True) if number},
         "quantities": quantities,
         **({} if spec.scene is None else {"not_checked": dict(spec.mechanism.unchecked_links)}),
+        "notes": notes(spec, spec.quantities),
         "extent": {"value": measured.value, "error": measured.error, "unit": measured.unit},
     }
 
@@ -407,6 +408,7 @@ def _lines(name: str, spec: MapSpecification, result: dict[str, Any]) -> list[st
             more, left = f", in {spec.reaction}", ", ".join(values["undetermined"])
             more += f", without {left}, which statics does not determine" if left else ""
         lines += textwrap.wrap(f"  {quantity:<15} {three} {unit}".rstrip() + more, _WIDTH, subsequent_indent=" " * 18)
+    lines += [line for note in result["notes"] for line in textwrap.wrap(f"  note: {note}", _WIDTH)]
     return lines
 
 

@@ -12,6 +12,7 @@ import numpy as np
 from cinegen.arrays import Array, ArrayLike
 from cinegen.dynamics import plain
 from cinegen.dynamics.inverse_dynamics import InverseDynamics, Motion
+from cinegen.dynamics.loads import LoadedTree
 from cinegen.dynamics.payload import Payload
 from cinegen.dynamics.reactions import Reaction, coupling_torques, reactions
 from cinegen.errors import UnknownNameError
@@ -37,9 +38,13 @@ class Forces:
         q: (nq,) configuration.
         v: (nv,) velocity.
         a: (nv,) acceleration.
+        gravity: (3,) acceleration, m/s^2, in the world.
         torques: (actuated,) of the actuated joints, N m and N, in the order of `mechanism.actuated`: the shortest ones
             where actuation is redundant (forces are compared with torques by the characteristic length); NaN if none
             hold the load.
+        band: (actuated,) by how much these may differ either way, N m and N, since Coulomb friction of joints at rest
+            is undetermined; NaN likewise.
+        resting: the joints with Coulomb friction that are at rest: it takes any value up to its limit, and none counts.
         prestress: (k, actuated) independent torques, N m and N, that do no work on any motion of the mechanism: any
             multiple may be added to `torques`, and only stresses the mechanism. Each is of length 1 once forces are
             multiplied by the characteristic length.
@@ -49,13 +54,17 @@ class Forces:
         redundant: number of loop and coupling equations that depend on others.
         singular_value: smallest singular value of the passive joints, dimensionless (type 2); infinite without any.
         singularity: the analysis of the singularity that is near, or of what no torques hold; else None.
+        notes: what the file gives and these forces leave out, such as springs.
     """
 
     mechanism: Mechanism
     q: Array
     v: Array
     a: Array
+    gravity: Array
     torques: Array
+    band: Array
+    resting: tuple[str, ...]
     prestress: Array
     reactions: tuple[Reaction, ...]
     couplings: dict[str, dict[str, float]]
@@ -63,6 +72,7 @@ class Forces:
     redundant: int
     singular_value: float
     singularity: Singularity | None
+    notes: tuple[str, ...]
 
     @property
     def is_held(self) -> bool:
@@ -121,6 +131,12 @@ class Forces:
                 f"actuation is redundant: {more} {does} no work and only stress{'es' * (len(self.prestress) == 1)} the "
                 "mechanism (pre-stress); the torques are the shortest that hold the load"
             )
+        if self.resting:
+            are, its = ("is", "its") if len(self.resting) == 1 else ("are", "their")
+            parts.append(
+                f"{', '.join(self.resting)} {are} at rest: {its} Coulomb friction is undetermined and left out, and "
+                "changes each torque by its band at most, either way"
+            )
         if self.undetermined:
             parts.append(
                 f"the mechanism is over-constrained: {self.redundant} of its {self.mechanism.structure.system.rows} "
@@ -157,15 +173,15 @@ class Forces:
         """Return what JSON shows: N, N m, W, m and rad; null for what is not determined."""
         names, limits = self.mechanism.actuated, self.mechanism.limits
         return as_json(
-            self, "message", "power", "prestress", "couplings", "undetermined", "singular_value",
+            self, "message", "gravity", "power", "resting", "prestress", "couplings", "undetermined", "singular_value",
             held=self.is_held,
             torques=[
-                {"joint": name, "value": torque, "unit": self.unit_of(name), "limit": limits[name].effort,
-                 "part_of_limit": part}
-                for name, torque, part in zip(names, self.torques, self.used, strict=True)
+                {"joint": name, "value": torque, "band": band, "unit": self.unit_of(name),
+                 "limit": limits[name].effort, "part_of_limit": part}
+                for name, torque, band, part in zip(names, self.torques, self.band, self.used, strict=True)
             ],
             reactions=[one.as_dict() for one in self.reactions],
-            redundant_equations=self.redundant,
+            redundant_equations=self.redundant, notes=self.notes,
         )  # fmt: skip
 
 
@@ -219,14 +235,26 @@ def forces_at(
     found = plain.balance(tree, here, all_v, all_a)
     columns = plain.actuated_columns(mechanism)
     torques = found.efforts / tree.step[columns] if found.is_held else np.full(len(columns), np.nan)
+    resting, band = _at_rest(tree, found, all_v)
     values = passive_singular_values(mechanism, here) if mechanism.structure.passive_rank else np.zeros(0)
     least = float(values[-1]) if len(values) else np.inf
     is_near = least <= NEAR_SINGULAR or not found.is_held
     uncontrolled = np.zeros((len(found.motions.uncontrolled), mechanism.model.nv))
     uncontrolled[:, plain.columns_of(mechanism)] = found.motions.uncontrolled
     return Forces(
-        mechanism, here.copy(), all_v, all_a, torques, found.motions.prestress / tree.step[columns],
-        reactions(tree, found), coupling_torques(tree, found), uncontrolled * mechanism.scale,
-        found.motions.stresses.shape[1], least,
-        singularity(mechanism, here, name) if is_near else None,
+        mechanism, here.copy(), all_v, all_a, tree.gravity, torques, band, resting,
+        found.motions.prestress / tree.step[columns], reactions(tree, found), coupling_torques(tree, found),
+        uncontrolled * mechanism.scale, found.motions.stresses.shape[1], least,
+        singularity(mechanism, here, name) if is_near else None, dynamics.notes,
     )  # fmt: skip
+
+
+def _at_rest(tree: LoadedTree, found: plain.Balance, v: Array) -> tuple[tuple[str, ...], Array]:
+    """Return the joints at rest with Coulomb friction, and the band (actuated,) of the torques: see `Forces`."""
+    mechanism, moving = tree.mechanism, plain.columns_of(tree.mechanism)
+    sizes = np.where(tree.moves(v), 0.0, tree.model.upperDryFrictionLimit) * mechanism.scale
+    step = tree.step[plain.actuated_columns(mechanism)]
+    band = np.zeros(len(step)) if found.is_held else np.full(len(step), np.nan)
+    for size, row in zip(sizes[moving], found.motions.basis, strict=True):
+        band += np.abs(found.motions.efforts(size * row)) / step if size else 0.0
+    return tuple(name for name, size in zip(mechanism.columns, sizes, strict=True) if size), band

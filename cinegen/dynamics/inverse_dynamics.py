@@ -26,6 +26,7 @@ from cinegen.jit.starting import start
 from cinegen.loops.arrays import set_up
 from cinegen.model import Mechanism
 from cinegen.tolerances import CLOSURE
+from raff2urdf.readers.uncounted import is_uncounted, note_of
 
 Motion = ArrayLike | Mapping[str, float]
 """Velocity or acceleration (nv,) of all joints; or those of actuated joints by name, 0 for the others."""
@@ -46,6 +47,8 @@ class InverseDynamics(OneThread):
         payloads: bodies on nodes, and wrenches.
         gravity: (3,) acceleration, m/s^2, in the world; the mechanism's if None.
         massless: whether links without mass count as having none; else they are refused where masses are needed.
+        friction: whether the friction of joints counts. Coulomb friction of a joint at rest is undetermined, and left
+            out: see `Forces.band`.
 
     Attributes:
         mechanism: as given.
@@ -64,9 +67,10 @@ class InverseDynamics(OneThread):
         payloads: Sequence[Payload] = (),
         gravity: ArrayLike | None = None,
         massless: bool = False,
+        friction: bool = True,
     ) -> None:
-        self.mechanism, self.tree = mechanism, LoadedTree(mechanism, payloads, gravity)
-        self.counts_massless = massless
+        self.mechanism, self.tree = mechanism, LoadedTree(mechanism, payloads, gravity, friction)
+        self.counts_massless, self._counts_friction = massless, friction
         for name in mechanism.actuated:
             if mechanism.model.joints[mechanism.model.getJointId(name)].nv != 1:
                 raise CinegenError(
@@ -97,12 +101,23 @@ class InverseDynamics(OneThread):
         Raises:
             UnknownNameError, PayloadError, MassError: as the constructor; then the loads stay.
         """
-        tree = LoadedTree(self.mechanism, payloads, gravity)
+        tree = LoadedTree(self.mechanism, payloads, gravity, self._counts_friction)
         if tree.gravity.any():
             tree.check_masses(self.counts_massless)
         self.tree = tree
         for memory in (self._one, self._many):
             _load(memory, tree)
+
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """Notes of the mechanism's file on what forces leave out, such as springs."""
+        return tuple(note for note in self.mechanism.source.notes if is_uncounted(note))
+
+    @property
+    def notes_at_rest(self) -> tuple[str, ...]:
+        """The same notes, and one on Coulomb friction, which forces at rest leave out."""
+        rubbing = np.flatnonzero(self.tree.model.upperDryFrictionLimit).tolist()
+        return (*self.notes, *note_of({"Coulomb friction at rest": [self.mechanism.columns[k] for k in rubbing]}))
 
     def __repr__(self) -> str:
         carried = f", {len(self.tree.payloads)} payloads" if self.tree.payloads else ""
@@ -459,7 +474,9 @@ def _load(memory: DynamicsMemory, tree: LoadedTree) -> None:
         body: Any = model.inertias[j]
         memory.mass[j], memory.centre[j], memory.inertia[j] = body.mass, body.lever, body.inertia
     memory.gravity[:] = tree.gravity
-    memory.armature[:] = model.armature[plain.columns_of(tree.mechanism)]
+    moving = plain.columns_of(tree.mechanism)
+    memory.armature[:], memory.damping[:] = model.armature[moving], model.damping[moving]
+    memory.friction[:] = model.upperDryFrictionLimit[moving]
     for i, (payload, joint, placement) in enumerate(tree.loads):
         memory.load_joint[i], memory.load_offset[i] = joint, frame_of(placement)
         memory.load_turns[i], memory.load[i] = payload.axes == "node", payload.wrench

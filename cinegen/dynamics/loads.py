@@ -8,7 +8,8 @@ from functools import cached_property
 import numpy as np
 import pinocchio as pin
 
-from cinegen.arrays import Array, ArrayLike
+from cinegen.arrays import Array, ArrayLike, Bools
+from cinegen.dynamics._kernels.torques import RESTING
 from cinegen.dynamics.errors import MassError, PayloadError
 from cinegen.dynamics.payload import Payload
 from cinegen.joints import step_scale
@@ -24,10 +25,12 @@ class LoadedTree:
         mechanism: any.
         payloads: bodies on nodes, and wrenches.
         gravity: (3,) acceleration, m/s^2, in the world; the mechanism's if None.
+        friction: whether the friction of joints counts.
 
     Attributes:
         mechanism, payloads: as given.
-        model: a copy of the mechanism's model with the payloads' masses, and this gravity.
+        model: a copy of the mechanism's model with the payloads' masses, and this gravity; without friction if it does
+            not count.
         loads: for each payload with a wrench the joint that carries its node, and the node's placement on that joint.
         lacking: names of moving links whose mass is unknown.
         step: (nv,) size of one dimensionless step, m or rad, by which forces and torques are compared.
@@ -38,7 +41,11 @@ class LoadedTree:
     """
 
     def __init__(
-        self, mechanism: Mechanism, payloads: Sequence[Payload] = (), gravity: ArrayLike | None = None
+        self,
+        mechanism: Mechanism,
+        payloads: Sequence[Payload] = (),
+        gravity: ArrayLike | None = None,
+        friction: bool = True,
     ) -> None:
         self.mechanism, self.payloads = mechanism, tuple(payloads)
         self.model = pin.Model(mechanism.model)
@@ -46,6 +53,9 @@ class LoadedTree:
         if given.shape != (3,) or not np.isfinite(given).all():
             raise PayloadError(f"gravity is an acceleration (3,) in m/s^2, such as (0, 0, -9.81), not {gravity!r:.60}")
         self.model.gravity = pin.Motion(given, np.zeros(3))
+        if not friction:
+            rest = np.zeros(self.model.nv)
+            self.model.damping, self.model.upperDryFrictionLimit, self.model.lowerDryFrictionLimit = rest, rest, rest
         self.lacking = mechanism.massless
         self.loads: list[tuple[Payload, int, pin.SE3]] = []
         for payload in self.payloads:
@@ -102,4 +112,14 @@ class LoadedTree:
         if self.model.nv == 0:
             return np.zeros(0)
         pin.forwardKinematics(self.model, self.data, q)
-        return np.array(pin.rnea(self.model, self.data, q, v, a, self.wrenches()))
+        return np.array(pin.rnea(self.model, self.data, q, v, a, self.wrenches())) + self.resistance(v)
+
+    def resistance(self, v: Array) -> Array:
+        """Return the torques and forces (nv,) that the friction of the joints needs at v (nv,): viscous, and Coulomb's
+        of the joints that move."""
+        return np.asarray(self.model.damping * v + self.model.upperDryFrictionLimit * np.sign(v) * self.moves(v))
+
+    def moves(self, v: Array) -> Bools:
+        """Return which joints (nv,) move at v (nv,): others are slower by `RESTING` than the fastest."""
+        speeds = np.abs(v) / self.mechanism.scale
+        return np.asarray(speeds > RESTING * speeds[6 if self.mechanism.floating else 0 :].max(initial=0.0))

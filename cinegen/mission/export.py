@@ -125,6 +125,7 @@ def report_text(report: ExportReport) -> str:
         lines.append(f"slowed down by {slower:.3f} s, for limits of {kinds}")
     if trajectory.torques is not None and trajectory.used is not None:
         lines.append(f"torques: {trajectory.torques.text(trajectory.used)}")
+        lines += [f"note: {note}" for note in trajectory.torques.notes]
     if assumed := str(trajectory.limits):
         lines.append(f"assumed: {assumed}")
     if not findings.serious:

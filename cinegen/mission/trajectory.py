@@ -36,6 +36,7 @@ _ROUNDS = 60
 _MOST = 5_000_000  # most samples
 _BETWEEN = 4  # points in each interval of the time law at which torques are tested
 _PART = 0.02  # rad or lengths: longest motion of an interval of the time law
+_NUDGE = 1e-4  # part of an interval by which friction counts inside of its ends, where joints may be at rest
 _INSTANT = 1e-4  # s: of two recorded samples without motion between them
 
 
@@ -322,9 +323,7 @@ class _Timing:
         self._tighter *= slower, torque
         terms, (velocity, acceleration) = self._terms, self._limits
         if terms is not None:
-            inertial, centrifugal, static, weight = terms
-            weaker = self._tighter[1]
-            terms = TorqueTerms(inertial * weaker, centrifugal * weaker, static * weaker, weight)
+            terms = terms.scaled(self._tighter[1])
         tighter = self._tighter[0]
         try:
             return time_law(self._whole, velocity / tighter, acceleration / tighter**2, self._grid, self.fastest, terms)
@@ -368,7 +367,8 @@ class _Timing:
         at = [mechanism.q_index(joint) for joint in mechanism.actuated]
         if torques.crosses and mechanism.is_constrained:
             return torques.crossing_terms(mechanism, q, tangents[..., at], bends[..., at])
-        return torques.terms(q, tangents[..., at], bends[..., at])
+        nudge = _NUDGE * np.diff(points[::2]) * np.array([[1.0], [0.0], [-1.0]]) if inner else np.zeros(len(points))
+        return torques.terms(q, tangents[..., at], bends[..., at], nudge[..., None])
 
     def _configuration(self, s: float) -> Array:
         """Return the configuration (nq,) on the branch at a parameter."""

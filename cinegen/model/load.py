@@ -316,9 +316,9 @@ def _load_model(
     from cinegen.model.pinocchio_model import describe_model
 
     name = f"pinocchio.Model '{model.name}'"
-    described = describe_model(model, loops, couplings)
-    urdf, constraints = with_fixed_base(*described, name) if fixed_base else described
-    mechanism = build(urdf, _with_actuated(urdf, constraints, actuated, name), name=name, relax=relax)
+    urdf, values, notes = describe_model(model, loops, couplings)
+    urdf, constraints = with_fixed_base(urdf, values, name) if fixed_base else (urdf, values)
+    mechanism = build(urdf, _with_actuated(urdf, constraints, actuated, name), name=name, notes=notes, relax=relax)
     if list(mechanism.model.names)[1:] != list(model.names)[1:]:
         warn(f"{name}: q has other joints than the model's, or in another order: mechanism.q_index finds each")
     return mechanism
@@ -622,30 +622,39 @@ def _stated(
 
 def _balls(constraints: Mapping[str, Any]) -> dict[str, list[str]]:
     """Return the ball joints that can be spherical joints, each with the three joints that stand for it: they have no
-    limits, are not actuated, and no coupling names them."""
+    limits, no rotors and no friction, are not actuated, and no coupling names them."""
     coupled = {term["joint"] for coupling in constraints.get("couplings", []) for term in coupling["terms"]}
     stated = any("actuated" in joint for joint in constraints["joints"])
     default = True if stated or not (constraints["loops"] or coupled) else None  # in a tree every joint is actuated
     plain = {
         entry["name"]
         for entry in constraints["joints"]
-        if not (entry["limits"] or entry["velocity"] or entry.get("actuated", default) or entry["name"] in coupled)
+        if not (
+            entry["limits"]
+            or entry["velocity"]
+            or entry.get("actuated", default)
+            or entry.get("armature")
+            or any(entry["friction"])
+            or entry["name"] in coupled
+        )
     }
     balls = {entry["name"]: entry["joints"] for entry in constraints.get("balls", [])}
     return {name: joints for name, joints in balls.items() if plain.issuperset(joints)}
 
 
 def _set_limits(model: pin.Model, joints: Sequence[Mapping[str, Any]]) -> None:
-    """Set the limits of a model, infinite where there are none, and the inertia of its rotors."""
+    """Set the limits of a model, infinite where there are none, the inertia of its rotors, and its friction."""
     lower, upper = np.full(model.nq, -np.inf), np.full(model.nq, np.inf)
-    fastest, armature = np.full(model.nv, np.inf), np.zeros(model.nv)
+    fastest, (armature, damping, dry) = np.full(model.nv, np.inf), np.zeros((3, model.nv))
     for entry in joints:
         joint = model.joints[model.getJointId(entry["name"])]
         lower[joint.idx_q], upper[joint.idx_q] = entry["limits"] or (-np.inf, np.inf)
         fastest[joint.idx_v] = entry["velocity"] or np.inf
         armature[joint.idx_v] = entry.get("armature", 0.0)
+        damping[joint.idx_v], dry[joint.idx_v] = entry["friction"]
     model.lowerPositionLimit, model.upperPositionLimit = lower, upper
     model.upperVelocityLimit, model.lowerVelocityLimit, model.armature = fastest, -fastest, armature
+    model.damping, model.upperDryFrictionLimit, model.lowerDryFrictionLimit = damping, dry, -dry
     effort = np.array(model.upperEffortLimit)
     effort[~((effort > 0.0) & (effort < UNLIMITED))] = np.inf
     model.upperEffortLimit, model.lowerEffortLimit = effort, -effort

@@ -13,6 +13,8 @@ from cinegen.errors import LoadError, UnknownNameError
 from cinegen.joints import axis, translations
 from raff2urdf.constraints import Constraints, loop_entry
 from raff2urdf.coupling import Coupling, coupling_entry
+from raff2urdf.readers.successive import ROTATIONS
+from raff2urdf.readers.uncounted import note_of
 from raff2urdf.readers.urdf import UNLIMITED
 
 _FREE = {"FreeFlyer": "floating", "Spherical": "spherical"}
@@ -22,16 +24,18 @@ _KINDS = {"CONTACT_6D": "rigid", "CONTACT_3D": "ball"}
 
 def describe_model(
     model: pin.Model, loops: Sequence[Any] = (), couplings: Sequence[Coupling] = ()
-) -> tuple[str, Constraints | None]:
-    """Return a model as a URDF and, where it has loops or couplings, its constraints.
+) -> tuple[str, Constraints | None, tuple[str, ...]]:
+    """Return a model as a URDF, with its constraints where it has what a URDF has not, and notes on what is left out.
 
-    A node is each body, operational frame and sensor of the model, and each joint without a body. Limits and inertias
-    are those of the model; its gravity, friction, armatures and reference configurations are not taken.
+    A node is each body, operational frame and sensor of the model, and each joint without a body. Limits, inertias,
+    gravity, friction and armatures are those of the model; its reference configurations are not taken.
 
     Args:
         model: revolute, prismatic and spherical joints, and a free flyer at the root.
         loops: `pinocchio.RigidConstraintModel`, CONTACT_6D for a rigid closure and CONTACT_3D for a ball joint.
         couplings: equations between its joints.
+
+    Friction whose limits differ by direction counts as the larger of both.
 
     Raises:
         LoadError: a joint or a loop is of a kind that no URDF and no constraint expresses; or a name is used twice.
@@ -57,7 +61,40 @@ def describe_model(
     for kind, used in (("node", [link.name for link in links]), ("loop", [loop["name"] for loop in closing])):
         if twice := [name for name, count in Counter(used).items() if count > 1]:
             raise LoadError(f"model '{model.name}': {kind} name '{twice[0]}' is used twice: give each its own")
-    return urdf, {"loops": closing, "couplings": coupled} if closing or coupled else None
+    values: Constraints = {"loops": closing, "couplings": coupled}
+    if (down := model.gravity.linear.tolist()) != [0.0, 0.0, -9.81]:
+        values["gravity"] = down
+    if any(rotors := _rotors(model)):
+        values["joints"] = [{"name": name, "armature": armature} for name, armature in rotors]
+    stated = closing or coupled or len(values) > 2
+    return urdf, values if stated else None, _left_out(model)
+
+
+def _joints(model: pin.Model) -> list[tuple[str, Any]]:
+    """Return the joints with their names, without the universe."""
+    return list(zip(model.names, model.joints, strict=True))[1:]
+
+
+def _rotors(model: pin.Model) -> list[tuple[str, float]]:
+    """Return the joints of the URDF, each with its armature; none if there are no armatures."""
+    found: list[tuple[str, float]] = []
+    for name, joint in _joints(model):
+        if joint.nv == 1:
+            found.append((name, float(model.armature[joint.idx_v])))
+        elif joint.nv == 3:
+            found += [(f"{name}_{letter}", 0.0) for letter in ROTATIONS]
+    return found if any(armature for _, armature in found) else []
+
+
+def _left_out(model: pin.Model) -> tuple[str, ...]:
+    """Return a note on the friction and armatures of joints of several variables."""
+    fields = {"damping": model.damping, "friction": model.upperDryFrictionLimit, "armature": model.armature}
+    several = [(name, joint) for name, joint in _joints(model) if joint.nv > 1]
+    named = {
+        word: [name for name, joint in several if values[joint.idx_v : joint.idx_v + joint.nv].any()]
+        for word, values in fields.items()
+    }
+    return tuple(note_of(named))
 
 
 def _nodes(model: pin.Model) -> list[str]:
@@ -88,7 +125,7 @@ def _bodies(model: pin.Model, nodes: Sequence[str]) -> list[Any]:
 
 
 def _joint(model: pin.Model, j: int, nodes: Sequence[str]) -> Any:
-    from yourdfpy import Joint, Limit
+    from yourdfpy import Dynamics, Joint, Limit
 
     joint, name, parent = model.joints[j], model.names[j], model.parents[j]
     kind = joint.shortname().removeprefix("JointModel")
@@ -105,6 +142,8 @@ def _joint(model: pin.Model, j: int, nodes: Sequence[str]) -> Any:
     low, high = np.clip([model.lowerPositionLimit[at], model.upperPositionLimit[at]], -UNLIMITED, UNLIMITED).tolist()
     made = Joint(name, "prismatic" if translations(joint) else "revolute", nodes[parent], nodes[j], placed, axis(joint))
     made.limit = Limit(effort, velocity)
+    damping, dry = float(model.damping[v]), float(max(model.upperDryFrictionLimit[v], -model.lowerDryFrictionLimit[v]))
+    made.dynamics = Dynamics(damping, dry) if damping or dry else None
     if joint.nq == 2 or (made.type == "revolute" and low == -UNLIMITED and high == UNLIMITED):
         made.type = "continuous"
     else:

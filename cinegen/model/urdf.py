@@ -17,6 +17,7 @@ from raff2urdf.readers import successive
 from raff2urdf.readers.urdf import (
     UNLIMITED,
     default_value,
+    friction,
     joints,
     lacks,
     lacks_limits,
@@ -63,6 +64,7 @@ def simple(tree: Any, name: str) -> Constraints:
                 "home": 0.0,
                 "limits": None if allowed is None else list(allowed),
                 "velocity": velocity(joint),
+                "friction": friction(joint),
             }
         )
         _give_limits(joint, allowed)
@@ -149,9 +151,10 @@ def completed(declared: Constraints, sidecar: Mapping[str, Any] | None, name: st
     Raises:
         LoadError: the other file names a joint or a link that the URDF lacks.
     """
-    if sidecar is None:
+    if sidecar is None or not (sidecar.get("loops") or sidecar.get("couplings")):
         for entry in declared["joints"]:  # without loops, 0 is as good as anything else
             entry["home"] = default_value(entry["limits"])
+    if sidecar is None:
         return declared
     known, entries = {entry["name"]: entry for entry in declared["joints"]}, sidecar.get("joints", declared["joints"])
     for entry in entries:

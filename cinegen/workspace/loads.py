@@ -252,6 +252,11 @@ def _limits_of(spec: MapSpecification) -> Array:
 # --- what they take ---------------------------------------------------------------------------------------------------
 
 
+def notes(spec: MapSpecification, wanted: Collection[str]) -> tuple[str, ...]:
+    """Return what the torques and reactions among quantities leave out."""
+    return _dynamics_of(spec).notes_at_rest if {*LIMITED, *REACTIONS} & {*wanted} else ()
+
+
 def check_loads(spec: MapSpecification, wanted: Collection[str]) -> None:
     """Check that a mechanism and a specification have what quantities take.
 

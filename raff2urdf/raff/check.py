@@ -22,11 +22,13 @@ from raff2urdf.errors import (
     limits_reversed,
     warn,
 )
+from raff2urdf.joint_dynamics import JointDynamics
 from raff2urdf.quantities import typed_in_radians
 from raff2urdf.raff import texts
-from raff2urdf.raff.compound import VARIABLES, intermediate_names
+from raff2urdf.raff.compound import VARIABLES, expanded, intermediate_names
 from raff2urdf.raff.document import (
     LEAST_SIZE,
+    OF_JOINT,
     CompoundKind,
     Document,
     DriveKind,
@@ -42,7 +44,7 @@ from raff2urdf.raff.document import (
 )
 from raff2urdf.raff.writer import number as shown
 from raff2urdf.readers.urdf import LEAST_SPEED, TOO_SLOW, negative_mass
-from raff2urdf.tree import coupling_of, stated_inertia
+from raff2urdf.tree import coupling_of, joint_dynamics, stated_inertia
 
 # XML 1.0 (fifth edition), production [5] Name, without the colon, which belongs to namespaces.
 _START = (
@@ -93,12 +95,15 @@ def check(document: Document) -> None:
 
 
 def check_sizes(document: Document, robot: RaffRobot) -> None:
-    """Check that no length, mass, moment of inertia and coefficient of a coupling is too large for computations.
+    """Check that no length, mass, moment of inertia, number of a joint's friction and coefficient of a coupling is too
+    large for computations.
 
     Raises:
         RaffError: with every problem.
     """
     problems = []
+    if document.gravity is not None and not max(map(abs, document.gravity)) <= LARGEST:
+        problems.append(document.source.problem(texts.GRAVITY_TOO_LARGE.format(largest=LARGEST)))
     for node in (robot.base, *robot.parts):
         lengths = {word: abs(document.metres(getattr(node.parameters, word))) for word in ("r", "d", "epsilon")}
         for word in (word for word, length in lengths.items() if not length <= LARGEST):
@@ -108,6 +113,11 @@ def check_sizes(document: Document, robot: RaffRobot) -> None:
             if not largest <= LARGEST:
                 message = texts.INERTIAL_TOO_LARGE.format(word=word, node=label(node), largest=LARGEST)
                 problems.append(document.source.problem(message, _place(node.inertial, word)))
+    for link in expanded(robot).links:
+        for word, value in joint_dynamics(document, link)._asdict().items():
+            if not value <= LARGEST:
+                message = texts.DYNAMICS_TOO_LARGE.format(word=word, joint=link.joint, largest=LARGEST)
+                problems.append(document.source.problem(message, link.locations.get(word)))
     for i, coupling in enumerate(robot.couplings):
         equation, at = coupling_of(document, robot, i), coupling.locations
         terms = list(equation.terms.values())[1:]
@@ -204,6 +214,11 @@ def _limit_problems(document: Document, what: str, of: RaffLink | RaffVariable) 
     if of.effort is not None and not of.effort > 0.0:
         message = texts.EFFORT_TOO_SMALL.format(what=what, value=of.effort)
         yield document.source.problem(message, of.locations.get("effort"))
+    for word in JointDynamics._fields:
+        value = getattr(of, word)
+        if value is not None and not value >= 0.0:
+            message = texts.BELOW_0.format(word=word, what=what, value=shown(value))
+            yield document.source.problem(message, of.locations.get(word))
 
 
 def _inertial_problems(document: Document, node: RaffNode, inertial: RaffInertial) -> Iterator[Problem]:
@@ -241,7 +256,7 @@ def _variable_problems(document: Document, link: RaffLink, names: Mapping[str, R
     if link.type is not JointType.FIXED or "type" in at:
         yield problem(texts.TYPE_AND_JOINT.format(what=what), at.get("type"))
     known = VARIABLES[link.compound]
-    for word in ("limits", "velocity", "effort", "actuated"):
+    for word in OF_JOINT:
         if getattr(link, word) is not None:
             first = next(iter(known))
             message = texts.IN_A_VARIABLE.format(compound=link.compound, what=what, word=word, first=first)
@@ -385,7 +400,7 @@ def _oddities(document: Document, robot: RaffRobot) -> Iterator[Problem]:
         yield from _variables_outside_limits(document, link)
         yield from _useless_efforts(document, link)
         if link.type is JointType.FIXED and not link.compound:
-            for word in ("limits", "velocity", "effort", "actuated"):
+            for word in OF_JOINT:
                 if getattr(link, word):
                     yield problem(texts.FIXED_HAS.format(number=link.number, word=word), link.locations.get(word))
         elif link.limits:

@@ -53,12 +53,16 @@ def intermediate_names(link: RaffLink) -> list[str]:
 
 
 def spherical_joints(robot: RaffRobot) -> dict[str, list[str]]:
-    """Return the ball joints without limits and actuated variables, each with its three successive joints."""
+    """Return the ball joints whose variables have no limits, no drive and no friction, each with its three successive
+    joints."""
     return {
         link.joint: [joint_of(link, variable) for variable in VARIABLES[CompoundKind.BALL]]
         for link in robot.links
         if link.compound is CompoundKind.BALL
-        and not any(one.limits or one.velocity is not None or one.actuated for one in link.variables)
+        and not any(
+            one.limits or one.velocity is not None or one.actuated or one.armature or one.damping or one.friction
+            for one in link.variables
+        )
     }
 
 
@@ -91,6 +95,9 @@ def _successive(link: RaffLink, numbers: Iterator[int]) -> list[RaffLink]:
             limits=own.limits,
             velocity=own.velocity,
             effort=own.effort,
+            armature=own.armature,
+            damping=own.damping,
+            friction=own.friction,
             actuated=passive,
             own_joint=joint,
             name=link.name if last else f"link{link.number}_{name.upper() or 0}",

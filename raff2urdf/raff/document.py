@@ -128,6 +128,10 @@ class RaffBase:
     locations: Locations = field(default_factory=_no_locations, compare=False, repr=False)
 
 
+OF_JOINT = ("limits", "velocity", "effort", "armature", "damping", "friction", "actuated")
+"""Statements about a joint of one variable, or about one of several variables."""
+
+
 @dataclass(frozen=True, slots=True)
 class RaffVariable:
     """A variable of a joint that has several: see `raff2urdf.raff.compound`. Lengths, or degrees.
@@ -138,6 +142,7 @@ class RaffVariable:
         limits: lower and upper limit.
         velocity: velocity limit, 1/s.
         effort: limit of its actuator's torque or force, N m or N.
+        armature, damping, friction: as those of a link.
         actuated: whether it is actuated; None: not in the file.
     """
 
@@ -146,6 +151,9 @@ class RaffVariable:
     limits: tuple[float, float] | None = None
     velocity: float | None = None
     effort: float | None = None
+    armature: float | None = None
+    damping: float | None = None
+    friction: float | None = None
     actuated: bool | None = None
     locations: Locations = field(default_factory=_no_locations, compare=False, repr=False)
 
@@ -166,6 +174,9 @@ class RaffLink(_Named):
     limits: tuple[float, float] | None = None  # of theta (degrees) or r
     velocity: float | None = None  # degrees or lengths per second
     effort: float | None = None  # N m or N
+    armature: float | None = None  # inertia of rotors seen at the joint, kg times lengths squared, or kg
+    damping: float | None = None  # torque or force by velocity: N m or N times seconds, per degree or length
+    friction: float | None = None  # of Coulomb, N m or N
     actuated: bool | None = None  # None: not in the file
     compound: CompoundKind | None = None
     variables: tuple[RaffVariable, ...] = ()
@@ -373,6 +384,7 @@ class Document:
     Attributes:
         name: the word after `RAFF` in its first line.
         units: unit of every length in it: "mm" (default), "um", "cm" or "m".
+        gravity: acceleration in the world, m/s2 whatever the unit of lengths; None: not in the file.
         states_units: whether the text states them; False if they are the default.
     """
 
@@ -380,6 +392,7 @@ class Document:
     robots: tuple[RaffRobot, ...] = ()
     sensors: tuple[RaffSensor, ...] = ()
     units: str = "mm"
+    gravity: Vector | None = None
     states_units: bool = field(default=True, compare=False, repr=False)
     source: SourceText = field(default_factory=SourceText, compare=False, repr=False)
 

@@ -345,6 +345,7 @@ STATEMENTS: dict[str, dict[str, Statement]] = {
         "robot": Statement("NAME {", _robot, "robots", repeats=True),
         "sensor": Statement("NUMBER {", _numbered(RaffSensor, port=""), "sensors", repeats=True),
         "units": Statement("WORD", _units),  # mm (default), um, cm or m
+        "gravity": _VECTOR,  # x y z in the world, m/s2
     },
     "robot": {
         "path": _TEXT,  # the folder of the graphic files
@@ -364,6 +365,9 @@ STATEMENTS: dict[str, dict[str, Statement]] = {
         "limits": _LIMITS,
         "velocity": _NUMBER,  # velocity limit, degrees or lengths per second
         "effort": _NUMBER,  # limit of the torque or force of its actuator, N m or N
+        "armature": _NUMBER,  # inertia of its rotors, kg times lengths squared, or kg
+        "damping": _NUMBER,  # its viscous friction: torque (N m) or force (N) at a velocity of 1
+        "friction": _NUMBER,  # its Coulomb friction, N m or N
         "actuated": _ACTUATED,
         "name": _TEXT,
         "filename": _FILES,
@@ -383,6 +387,9 @@ STATEMENTS: dict[str, dict[str, Statement]] = {
         "limits": _LIMITS,
         "velocity": _NUMBER,
         "effort": _NUMBER,
+        "armature": _NUMBER,
+        "damping": _NUMBER,
+        "friction": _NUMBER,
         "actuated": _ACTUATED,
     },
     "parameters": dict.fromkeys(["theta", "r", "d", "alpha", "gamma", "epsilon"], _NUMBER),
@@ -412,6 +419,6 @@ STATEMENTS: dict[str, dict[str, Statement]] = {
         "rotation": Statement("NUMBER", Choice("'rotation'", _DOF)),
         "axes": Statement("STRING", _axes),  # what commands x y z rx ry rz, such as "x, -z, y, rx, -rz, 0.5*ry"
     },
-    **{word: {} for word in ("limits", "filename", "centre", "moments", "products")},
+    **{word: {} for word in ("limits", "filename", "centre", "moments", "products", "gravity")},
 }
 """The statements of each kind of block, by their words; the file itself is the block without a name."""

@@ -9,6 +9,7 @@ from typing import Any
 from raff2urdf.errors import RaffError
 from raff2urdf.raff.document import (
     LEAST_SIZE,
+    OF_JOINT,
     Document,
     DriveKind,
     LoopKind,
@@ -38,6 +39,8 @@ def dumps(document: Document, head: Sequence[str] = (), notes: Mapping[int, str]
         lines += ["", *(f"// {_comment(line)}" for line in head)]
     if document.units != "mm" or any(0.0 < document.longest(one)[0] < LEAST_SIZE for one in document.robots):
         lines.append(f"units {document.units}")
+    if document.gravity is not None:
+        lines.append(f"gravity {_value(document.gravity)}")
     for sensor in document.sensors:
         lines += ["", f"sensor {sensor.number} {{", *_statements(sensor, "  "), "}"]
     for robot in document.robots:
@@ -71,10 +74,9 @@ def _robot(robot: RaffRobot, notes: Mapping[int, str]) -> Iterator[str]:
 
 
 _OF_SENSORS = ("port", "translation", "rotation", "axes")
-_OF_JOINT = ("limits", "velocity", "effort", "actuated")
 _OF_INERTIAL = ("mass", "centre", "moments", "products", "density", "radius")
-_OF_VARIABLES = ("home", *_OF_JOINT)
-_OF_NODE = ("name", "parameters", "filenames", "type", "compound", "pred", *_OF_JOINT, "variables", "inertial")
+_OF_VARIABLES = ("home", *OF_JOINT)
+_OF_NODE = ("name", "parameters", "filenames", "type", "compound", "pred", *OF_JOINT, "variables", "inertial")
 _WORDS = (*_OF_NODE, *_OF_SENSORS)
 
 

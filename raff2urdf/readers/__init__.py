@@ -202,10 +202,12 @@ def _urdf(
 
     found = dialects.read(text, path, ignore, ignore_loops, is_file)
     root = parse_xml(text, str(path))
-    dynamics = {
-        str(joint.get("name")): joint.find("dynamics") for joint in joints(root) if joint.get("type") != "fixed"
-    }
-    found = found._replace(notes=found.notes + tuple(uncounted.note_of(uncounted.of_dynamics(dynamics))))
+    scalar = [
+        str(joint.get("name"))
+        for joint in joints(parse_xml(found.urdf, str(path)))
+        if joint.get("type") in ("revolute", "continuous", "prismatic")
+    ]
+    found = found._replace(notes=found.notes + tuple(uncounted.note_of(uncounted.of_urdf(root, scalar))))
     driven = {} if ignore_loops else dict(drives.of_urdf(root))
     return drives.declared(found, driven, moving(found.urdf, str(path))) if driven else found
 

@@ -29,8 +29,8 @@ ALL: frozenset[str] = frozenset("*")
 _URDF: Mapping[str, Collection[str]] = {
     "robot": ("link", "joint", "material", "gazebo"),
     "link": ("visual", "collision", "inertial"),
-    "joint": ("parent", "child", "origin", "axis", "limit"),
-    **dict.fromkeys(("visual", "collision", "inertial", "material", "limit", "origin", "axis"), ALL),
+    "joint": ("parent", "child", "origin", "axis", "limit", "dynamics"),
+    **dict.fromkeys(("visual", "collision", "inertial", "material", "limit", "origin", "axis", "dynamics"), ALL),
 }
 
 _SDF: Mapping[str, Collection[str]] = {
@@ -44,8 +44,9 @@ _SDF: Mapping[str, Collection[str]] = {
         *("parent", "child", "pose", "axis", "axis2", "gearbox_ratio", "gearbox_reference_body"),
         *("thread_pitch", "screw_thread_pitch"),
     ),
-    "axis": ("xyz", "use_parent_model_frame", "limit", "mimic"),
-    "axis2": ("xyz", "use_parent_model_frame", "limit", "mimic"),
+    "axis": ("xyz", "use_parent_model_frame", "limit", "mimic", "dynamics"),
+    "axis2": ("xyz", "use_parent_model_frame", "limit", "mimic", "dynamics"),
+    "dynamics": ("damping", "friction"),
     "limit": ("lower", "upper", "velocity", "effort"),
     "material": ("diffuse", "ambient"),
     **dict.fromkeys(("include", "frame", "geometry", "mimic", "robot", "xyz", "inertia"), ALL),

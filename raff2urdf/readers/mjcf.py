@@ -4,8 +4,9 @@ Bodies become links. Joints keep their variables; several joints of a body are s
 three revolute joints. Equality constraints of the kinds connect and weld become loops; those of the kinds joint and
 tendon become couplings, if their tendons are fixed. Equality constraints that are not active are ignored, and so are
 limits of tendons. So are connects and welds to mocap bodies, which a user drags: a task does that here.
-Joints that actuators drive are actuated. The keyframe `home`, or else the first, is the home configuration. Gravity and
-armature are read; friction, damping and springs are not.
+Joints that actuators drive are actuated. The keyframe `home`, or else the first, is the home configuration. Gravity is
+read; so are armature, damping and friction of joints of one degree of freedom, with those of their actuators. Springs,
+and what acts on balls and tendons, are not.
 
 Masses are those that MuJoCo computes, from `inertial` or from geoms, as the compiler settings are; also from meshes, if
 their files are there. A body whose mass they are needed for has none without them.
@@ -32,6 +33,7 @@ from raff2urdf.errors import RaffError, did_you_mean, warn
 from raff2urdf.extras import needs
 from raff2urdf.graphics.names import check_mesh, find
 from raff2urdf.inertia import Inertia
+from raff2urdf.joint_dynamics import JointDynamics
 from raff2urdf.placement import from_quaternion, inverse, roll_pitch_yaw, translation
 from raff2urdf.quantities import typed_in_radians
 from raff2urdf.readers import uncounted
@@ -107,7 +109,8 @@ def read(path: Path, ignore: Collection[str] = (), text: str | None = None) -> M
         mujoco.set_mju_user_warning(before)
     _warn_of_radians(spec, str(path))
     placed = {"body": model.body_pos, "joint": model.jnt_pos, "equality": model.eq_data, "keyframe": model.key_qpos}
-    placed |= {"gravity": model.opt.gravity, "armature": model.dof_armature}
+    placed |= {"gravity": model.opt.gravity, "joint's friction": np.stack([model.dof_damping, model.dof_frictionloss])}
+    placed |= {"armature": model.dof_armature, "actuator": np.stack([model.actuator_armature, model.actuator_damping])}
     placed |= {"site": model.site_pos, "geom": model.geom_pos, "joint's ref": model.qpos0, "tendon": model.wrap_prm}
     for what, numbers in placed.items():
         if not np.abs(numbers).max(initial=0.0) <= LARGEST:
@@ -304,7 +307,7 @@ class _Joint(NamedTuple):
     prismatic: bool
     axis: Array
     anchor: Array  # in the body's frame
-    values: dict[str, Any]  # zero, home, limits, effort, actuated
+    values: dict[str, Any]  # zero, home, limits, effort, dynamics, actuated
 
 
 class _Reader:
@@ -345,16 +348,23 @@ class _Reader:
             self.all_names("tendon", model.ntendon),
             (self.mujoco.mjtJoint.mjJNT_FREE, self.mujoco.mjtJoint.mjJNT_BALL),
         )
-        rotors = model.dof_armature * np.isin(model.jnt_type[model.dof_jntid], [int(kind) for kind in compound])
+        compounds = np.isin(model.jnt_type[model.dof_jntid], [int(kind) for kind in compound])
+        actuators = self.all_names("actuator", model.nu)
+        indirect = [not self.is_direct(i) for i in range(model.nu)]
         acting = (
-            ("damping", dofs, model.dof_damping),
+            ("damping", dofs, compounds * model.dof_damping),
             ("damping", tendons, model.tendon_damping),
-            ("friction", dofs, model.dof_frictionloss),
+            ("damping", actuators, indirect * model.actuator_damping),
+            ("nonlinear damping", dofs, model.dof_dampingpoly),
+            ("nonlinear damping", tendons, model.tendon_dampingpoly),
+            ("nonlinear damping", actuators, model.actuator_dampingpoly),
+            ("friction", dofs, compounds * model.dof_frictionloss),
             ("friction", tendons, model.tendon_frictionloss),
             ("springs", self.joint_names, model.jnt_stiffness),
             ("springs", tendons, model.tendon_stiffness),
-            ("armature", dofs, rotors),
+            ("armature", dofs, compounds * model.dof_armature),
             ("armature", tendons, model.tendon_armature),
+            ("armature", actuators, indirect * model.actuator_armature),
             ("gravity compensation", self.bodies, model.body_gravcomp),
         )
         found: dict[str, dict[str, None]] = {}
@@ -436,8 +446,27 @@ class _Reader:
             return
         low, high = map(float, model.jnt_range[j]) if model.jnt_limited[j] else UNBOUNDED
         values = {"zero": float(model.qpos0[at]), "home": float(self.home[at]), "limits": (low, high), **actuated}
-        values |= {"effort": self.effort(j), "armature": float(model.dof_armature[model.jnt_dofadr[j]])}
+        values |= {"effort": self.effort(j), "dynamics": self.dynamics(j)}
         yield _Joint(name, kind == kinds.mjJNT_SLIDE, model.jnt_axis[j], np.array(model.jnt_pos[j]), values)
+
+    def dynamics(self, j: int) -> JointDynamics:
+        """Return the inertia of rotors and the friction of a joint of one degree of freedom, with those of the
+        actuators on it."""
+        model, dof = self.model, self.model.jnt_dofadr[j]
+        own = [i for i in range(model.nu) if self.is_direct(i) and model.actuator_trnid[i, 0] == j]
+        gears = model.actuator_gear[own, 0] ** 2
+        return JointDynamics(
+            float(model.dof_armature[dof] + gears @ model.actuator_armature[own]),
+            float(model.dof_damping[dof] + gears @ model.actuator_damping[own]),
+            float(model.dof_frictionloss[dof]),
+        )
+
+    def is_direct(self, i: int) -> bool:
+        """Return whether an actuator acts on a joint of one degree of freedom."""
+        model, kinds, joints = self.model, self.mujoco.mjtTrn, self.mujoco.mjtJoint
+        on_joint = model.actuator_trntype[i] in (int(kinds.mjTRN_JOINT), int(kinds.mjTRN_JOINTINPARENT))
+        scalar = (int(joints.mjJNT_HINGE), int(joints.mjJNT_SLIDE))
+        return bool(on_joint and model.jnt_type[model.actuator_trnid[i, 0]] in scalar)
 
     def effort(self, j: int) -> float:
         """Return the limit of the torque (N m) or force (N) of a joint's actuators: the least of the joint's range and

@@ -1,8 +1,8 @@
-"""List damping, friction and springs of a robot's file: forces leave them out."""
+"""List what acts on the joints of a robot's file and forces leave out: springs, friction of balls and tendons, ..."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from typing import Any
 
 from raff2urdf.readers.urdf import numbers
@@ -25,11 +25,19 @@ def is_uncounted(note: str) -> bool:
     return note.startswith(_BEGINNING)
 
 
-def of_dynamics(dynamics: Mapping[str, Any]) -> dict[str, list[str]]:
-    """Return the joints with damping, friction and springs, by their elements <dynamics> of URDF or SDF."""
-    found: dict[str, list[str]] = {"damping": [], "friction": [], "springs": []}
-    for joint, element in dynamics.items():
+def is_given(dynamics: Any, word: str) -> bool:
+    """Return whether an element <dynamics> of URDF or SDF, or none, gives a number other than 0."""
+    text = "" if dynamics is None else dynamics.get(word) or dynamics.findtext(word, "0")
+    return any(numbers(text) or ())
+
+
+def of_urdf(root: Any, counted: Collection[str]) -> dict[str, list[str]]:
+    """Return the joints of a URDF with damping, friction and springs that are not counted: springs of all of them, and
+    the others of those that are not among the joints `counted`."""
+    found: dict[str, dict[str, None]] = {"damping": {}, "friction": {}, "springs": {}}
+    for element in root.iter("dynamics"):
+        joint = str(element.getparent().get("name"))
         for names, word in zip(found.values(), ("damping", "friction", "spring_stiffness"), strict=True):
-            text = "" if element is None else element.get(word) or element.findtext(word, "0")
-            names += [joint] if any(numbers(text) or ()) else []
-    return found
+            if is_given(element, word) and (names is found["springs"] or joint not in counted):
+                names[joint] = None
+    return {what: list(names) for what, names in found.items()}

@@ -246,6 +246,13 @@ def effort(joint: Any) -> float | None:
     return most if 0.0 < most < UNLIMITED else None
 
 
+def friction(joint: Any) -> tuple[float, float]:
+    """Return the viscous friction (N m s/rad or N s/m) and Coulomb friction (N m or N) of a joint; 0 by default."""
+    found = joint.find("dynamics")
+    damping, dry = (0.0 if found is None else number(found.get(word, "0")) for word in ("damping", "friction"))
+    return damping, dry
+
+
 def lacks_limits(joint: Any) -> bool:
     """Return whether a joint requires limits but has none."""
     limit = joint.find("limit")
@@ -282,6 +289,20 @@ def limit_value(element: Any, text: str, word: str, label: str, name: str) -> fl
         raise error_at(name, element, f"the velocity limit of {label} is {value:g}: {TOO_SLOW}")
     if word in ("velocity", "effort") and value < 0.0:
         raise error_at(name, element, f"the {word} limit of {label} is {value:g}: it must not be negative")
+    return value
+
+
+def check_friction(element: Any, text: str, word: str, label: str, name: str) -> float:
+    """Return the `damping` or `friction` of a joint.
+
+    Raises:
+        RaffError: it is not a number, or negative.
+    """
+    value = number(text)
+    if not 0.0 <= value <= LARGEST:
+        raise error_at(
+            name, element, f"the {word} '{text.strip()[:60]}' of {label} must be a number, and not negative{SIZE}"
+        )
     return value
 
 
@@ -342,6 +363,9 @@ def _check_joint(joint: Any, name: str) -> None:
     if vector is not None and kind not in ("fixed", "floating", "spherical"):
         direction(vector, vector.get("xyz", "1 0 0"), _label(joint), name)
     origin(joint, name)
+    for dynamics in joint.iterchildren("dynamics"):
+        for word in ("damping", "friction"):
+            check_friction(dynamics, dynamics.get(word, "0"), word, _label(joint), name)
     limit = joint.find("limit")
     if limit is None:
         return

@@ -8,11 +8,12 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from yourdfpy import Geometry, Joint, Limit, Link, Material, Robot, Visual
+from yourdfpy import Dynamics, Geometry, Joint, Limit, Link, Material, Robot, Visual
 
 from raff2urdf.constraints import Constraints, loop_entry
 from raff2urdf.coupling import coupling_entry
 from raff2urdf.inertia import Inertia
+from raff2urdf.joint_dynamics import JointDynamics
 from raff2urdf.placement import inverse, joint_motion, translation
 from raff2urdf.readers.urdf import UNLIMITED
 from raff2urdf.urdf_object import ExactUrdf, geometry, inertial, material_of
@@ -23,6 +24,8 @@ UNBOUNDED = (-math.inf, math.inf)
 
 GRAVITY = (0.0, 0.0, -9.81)
 """Acceleration in the world, m/s2, where a file states none: that of Pinocchio and MuJoCo."""
+
+_NONE = JointDynamics()
 
 Shape = tuple[Geometry, Array]
 """A shape, and its placement (4, 4) in the visual."""
@@ -71,7 +74,7 @@ class UrdfBuilder:
         limits: tuple[float, float] = UNBOUNDED,
         velocity: float = math.inf,
         effort: float = math.inf,
-        armature: float = 0.0,
+        dynamics: JointDynamics = _NONE,
         actuated: bool | None = None,
     ) -> None:
         """Add a joint that moves.
@@ -87,7 +90,7 @@ class UrdfBuilder:
             limits: low and high, rad or m; infinite without limits.
             velocity: limit, rad/s or m/s; infinite without a limit.
             effort: limit, N m or N; infinite without a limit.
-            armature: inertia of the rotors that it turns, as seen at the joint, kg m^2 or kg.
+            dynamics: the inertia of its rotors, and its friction.
             actuated: whether it is actuated; None if the file does not declare it.
         """
         axis = np.array(axis, dtype=float)
@@ -97,6 +100,9 @@ class UrdfBuilder:
             limit.lower, limit.upper = max(limits[0], -UNLIMITED), min(limits[1], UNLIMITED)
         origin = placed @ inverse(joint_motion(prismatic, axis / np.linalg.norm(axis), zero))
         joint = Joint(name, kind, *ends, axis=axis, origin=origin, limit=limit)
+        armature, damping, friction = dynamics
+        if damping or friction:
+            joint.dynamics = Dynamics(damping, friction)
         self._robot.joints.append(joint)
         entry = {"name": name, "home": home, **({"armature": armature} if armature else {})}
         self._entries.append(entry | ({} if actuated is None else {"actuated": actuated}))

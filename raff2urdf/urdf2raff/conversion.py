@@ -73,11 +73,6 @@ def to_raff(
     if unlimited:
         message = f"{listed(unlimited, str(path))}: neither lower nor upper limit is given; written without limits"
         warnings.warn(message, RaffWarning, stacklevel=2)
-    unsaid = [] if "gravity" not in (constraints or {}) else ["the gravity of the file"]
-    rotors = [entry["name"] for entry in (constraints or {}).get("joints", []) if "armature" in entry]
-    unsaid += [f"the armature of {', '.join(rotors)}"] if rotors else []
-    if unsaid:
-        warnings.warn(f"{path}: RAFF has no notation for {' and '.join(unsaid)}: left out", RaffWarning, stacklevel=2)
     found = import_tree(tree, str(path), constraints, units or units_of(tree))
     try:
         check(found.document)

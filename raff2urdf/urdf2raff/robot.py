@@ -11,7 +11,7 @@ from __future__ import annotations
 import itertools
 import math
 import re
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -24,6 +24,7 @@ from raff2urdf.constraints import Constraints
 from raff2urdf.coupling import Coupling, coupling_of
 from raff2urdf.errors import RaffError, did_you_mean
 from raff2urdf.inertia import Inertia
+from raff2urdf.joint_dynamics import JointDynamics
 from raff2urdf.placement import inverse
 from raff2urdf.raff.check import RESERVED, is_xml_name
 from raff2urdf.raff.document import (
@@ -51,6 +52,7 @@ from raff2urdf.readers.urdf import (
     default_value,
     effort,
     ends,
+    friction,
     inertia,
     joints,
     limits,
@@ -60,7 +62,7 @@ from raff2urdf.readers.urdf import (
     velocity,
 )
 from raff2urdf.readers.xml_file import error_at
-from raff2urdf.tree import BASE_JOINT, WORLD, joint_units, kleinfinger
+from raff2urdf.tree import BASE_JOINT, WORLD, in_si, joint_units, kleinfinger
 from raff2urdf.urdf2raff.frames import EXACT, TIDY, RigidBody, choose_frame, gather, path, robot_size, step, tidy
 
 Array = NDArray[np.float64]
@@ -160,7 +162,9 @@ class _Import:
             sensor_constraints=tuple(self.sensor_constraints(movable)),
         )
         sensors = tuple(RaffSensor(**sensor) for sensor in self.constraints.get("sensors", []))
-        document = Document(str(self.constraints.get("name") or robot.name), (robot,), sensors, self.units.units)
+        gravity, own = self.constraints.get("gravity"), str(self.constraints.get("name") or robot.name)
+        down = None if gravity is None else (gravity[0], gravity[1], gravity[2])
+        document = Document(own, (robot,), sensors, self.units.units, down)
         return RaffImport(document, self.joints, self.offsets, self.nodes, self.notes)
 
     def placing_joint(self, loop_ends: set[str]) -> Any:
@@ -197,7 +201,7 @@ class _Import:
             effort=effort(joint),
             name=self.names.new(same, f"{body.links[0][0]}_axis", f"link{number}"),
         )
-        self.parts.append((position, link))
+        self.parts.append((position, self.with_dynamics(link, joint)))
         self.joints[own] = link.joint
         self.offsets[link.joint] = offset
         self.add_note(link, own, zero.r if prismatic else zero.theta)
@@ -286,15 +290,13 @@ class _Import:
 
     def restored(self, value: float, power: int) -> float:
         """Return the shortest number in the file's units that reads back to a value in powers of m, if there is one."""
-        near = value * self.per_metre**power
-        rounded = [float(f"{near:.{digits}g}") + 0.0 for digits in (14, 15, 16, 17)]
-        for number in (*rounded, math.nextafter(near, math.inf), math.nextafter(near, -math.inf)):
-            back = number
+
+        def back(number: float) -> float:
             for _ in range(power):
-                back = self.units.metres(back)
-            if back == value:
-                return number
-        return near
+                number = self.units.metres(number)
+            return number
+
+        return _shortest(value, value * self.per_metre**power, back)
 
     def motion(self, joint: Any) -> tuple[float, tuple[float, float] | None, float | None]:
         """Return home, limits and velocity limit of a joint (rad, m)."""
@@ -302,6 +304,21 @@ class _Import:
         allowed, fastest = limits(joint), velocity(joint)
         home = 0.0 if self.constraints.get("loops") else default_value(allowed)
         return entry.get("home", home), allowed, fastest
+
+    def with_dynamics(self, link: RaffLink, joint: Any) -> RaffLink:
+        """Add the inertia of a joint's rotors and its friction to its link, in the file's units."""
+        damping, dry = friction(joint)
+        given = JointDynamics(self.entries.get(joint.get("name"), {}).get("armature", 0.0), damping, dry)
+        sizes = in_si(self.units, link, JointDynamics(1.0, 1.0, 1.0))
+
+        def written(word: str, value: float, size: float) -> float | None:
+            def back(number: float) -> float:
+                return float(getattr(in_si(self.units, link, JointDynamics()._replace(**{word: number})), word))
+
+            return _shortest(value, value / size, back) if value else None
+
+        armature, damped, resists = map(written, given._fields, given, sizes)
+        return replace(link, armature=armature, damping=damped, friction=resists)
 
     def with_actuated(self, parts: Iterable[RaffPart]) -> Iterator[RaffPart]:
         """Declare which joints are actuated, if the file states it and it differs from RAFF's default."""
@@ -427,6 +444,15 @@ class _Import:
     def shifted(self, allowed: tuple[float, float], offset: float, length: bool) -> tuple[float, float]:
         low, high = (self.tidied(limit + offset, length, LIMIT_TOLERANCE) for limit in allowed)
         return low, high
+
+
+def _shortest(value: float, near: float, back: Callable[[float], float]) -> float:
+    """Return the shortest number next to `near` that reads back to a value; `near` if there is none."""
+    rounded = [float(f"{near:.{digits}g}") + 0.0 for digits in (14, 15, 16, 17)]
+    for number in (*rounded, math.nextafter(near, math.inf), math.nextafter(near, -math.inf)):
+        if back(number) == value:
+            return number
+    return near
 
 
 def _rounded(value: float) -> float:

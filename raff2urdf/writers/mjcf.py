@@ -62,6 +62,7 @@ NARROW = 1e-9
 """rad or m: MuJoCo refuses an empty range, so a joint that may not move at all gets this one."""
 
 _EQUALITIES = {"rigid": "weld", "prismatic": "weld", "revolute": "connect", "ball": "connect"}
+_DYNAMICS = {"friction": "frictionloss"}
 _MOST_POWERS = 4  # of a polynomial in MuJoCo
 _MOST_FACES = 200_000  # of an STL file
 _LEAST_VERTICES = 4
@@ -97,7 +98,9 @@ class _Writer:
         root.append(comment(self.preface()))
         etree.SubElement(root, "compiler", angle="radian", autolimits="true")
         timestep = min(0.001, float(f"{STEP * self.fall:.0e}"))
-        etree.SubElement(root, "option", timestep=numeral(timestep), integrator="implicitfast")
+        option = etree.SubElement(root, "option", timestep=numeral(timestep), integrator="implicitfast")
+        if self.tree.gravity is not None:
+            option.set("gravity", numerals(self.tree.gravity))
         default = etree.SubElement(root, "default")
         etree.SubElement(default, "geom", contype="0", conaffinity="0", group="2")
         etree.SubElement(default, "site", group="3")
@@ -193,6 +196,9 @@ class _Writer:
             values = limit("range", entry)
             if entry["effort"] is not None:
                 values["actuatorfrcrange"] = numerals((-entry["effort"], entry["effort"]))
+            for word in ("armature", "damping", "friction"):
+                if entry.get(word):
+                    values[_DYNAMICS.get(word, word)] = numeral(entry[word])
             etree.SubElement(body, "joint", name=joint.name, type=kind, axis="0 0 1", ref=ref, **values)
         elif joint.type == "floating":
             etree.SubElement(body, "freejoint", name=joint.name)

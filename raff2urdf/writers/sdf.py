@@ -4,7 +4,9 @@ SDF places links at their initial poses, and joint values count from there: ther
 closed home, so that a loop is an ordinary SDF joint, one more between two links, and is closed from the first step on.
 Limits are shifted to this zero. What SDF has no elements for is in one element of ours, `raff:robot`:
 
-    <raff:joint name="joint1" home="0.87" actuated="true"/>    home: to be added to get the robot's own joint value
+    <raff:joint name="joint1" home="0.87" actuated="true"      home: to be added to get the robot's own joint value
+      armature="0.02"/>                                        inertia of its rotors, kg m2 or kg; 0 unless given
+    gravity="0 0 -1.6" of raff:robot itself                    of the world around the model, unless that gives its own
     <raff:loop name="a-b" kind="ball" first="a" second="b"/>   the joint of a loop, and the links or frames it joins
     <raff:coupling name="w" constant="0">                      a coupling that is no mimic: of the robot's own values,
       <raff:term joint="joint1" coefficients="1 0.2"/>         the sum of all terms, 1 q + 0.2 q^2, is the constant
@@ -98,7 +100,9 @@ class _Writer:
         if lost:
             message = f"SDF has no notation for {', '.join(lost)}: written as raff:coupling, which only cinegen reads"
             warnings.warn(f"robot '{tree.model.name}': {message}", RaffWarning, stacklevel=3)
-        if len(self.own):
+        if tree.gravity is not None:
+            self.own.set("gravity", numerals(tree.gravity))
+        if len(self.own) or self.own.attrib:
             model.append(self.own)
         return root
 
@@ -131,8 +135,14 @@ class _Writer:
         for word in ("effort", "velocity"):
             if entry[word] is not None:
                 etree.SubElement(limit, word).text = numeral(entry[word])
-        self.axis[joint.name] = element[-1]
-        self.add_own("joint", element, joint.name, home=numeral(home), actuated=str(entry["actuated"]).lower())
+        axis = self.axis[joint.name] = element[-1]
+        if entry["damping"] or entry["friction"]:
+            dynamics = etree.SubElement(axis, "dynamics")
+            for word in ("damping", "friction"):
+                etree.SubElement(dynamics, word).text = numeral(entry[word])
+        own = {"home": numeral(home), "actuated": str(entry["actuated"]).lower()}
+        own |= {"armature": numeral(entry["armature"])} if "armature" in entry else {}
+        self.add_own("joint", element, joint.name, **own)
 
     def add_loop(self, model: etree._Element, loop: Mapping[str, Any]) -> None:
         """Add a joint between the two rigid bodies; its frame is the loop's second end."""

@@ -20,7 +20,7 @@ from raff2urdf.readers.urdf import UNLIMITED
 from raff2urdf.tree import WORLD
 
 if TYPE_CHECKING:
-    from yourdfpy import Geometry, Joint, Limit, Link, Robot
+    from yourdfpy import Geometry, Joint, Link, Robot
 
     from raff2urdf.conversion import Translation
 
@@ -36,7 +36,9 @@ class TreeAtHome:
     Attributes:
         model: the tree of its URDF; ends of loops that are not on a link's frame are links of their own.
         home: the joint values at closed home, by name (rad, m), of the joints that move.
-        entries: of these joints in the constraints file, by name, with their `limits` and `velocity`; None without any.
+        entries: of these joints in the constraints file, by name, with their `limits` and `velocity`, None without any,
+            and their friction.
+        gravity: acceleration in the world (3,), m/s2; None if the file gives none.
         loops: its entries of the loops.
         couplings: its couplings.
         link: links by name.
@@ -48,8 +50,8 @@ class TreeAtHome:
 
     def __init__(self, translation: Translation) -> None:
         self.model, self.loops = _with_ends(translation.model.robot, translation.constraints["loops"])
-        self.home = translation.analysis.home
-        bounds = {joint.name: _bounds(joint.limit) for joint in self.model.joints if joint.limit is not None}
+        self.home, self.gravity = translation.analysis.home, translation.constraints.get("gravity")
+        bounds = {joint.name: _bounds(joint) for joint in self.model.joints if joint.limit is not None}
         self.entries = {entry["name"]: entry | bounds[entry["name"]] for entry in translation.constraints["joints"]}
         self.couplings: list[Coupling] = [coupling_of(one) for one in translation.constraints.get("couplings", [])]
         self.link: dict[str, Link] = {link.name: link for link in self.model.links}
@@ -116,14 +118,17 @@ def _with_ends(robot: Robot, loops: Sequence[Mapping[str, Any]]) -> tuple[Robot,
     return Robot(robot.name, links, joints), found
 
 
-def _bounds(limit: Limit) -> dict[str, Any]:
-    """Return limits, velocity limit and effort limit of a joint; None where it has none."""
+def _bounds(joint: Joint) -> dict[str, Any]:
+    """Return limits, velocity limit and effort limit of a joint, None where it has none; and its friction."""
+    limit, resisting = joint.limit, joint.dynamics
     low, high = limit.lower, limit.upper
     unlimited = low is None or high is None or (low <= -UNLIMITED and high >= UNLIMITED)
     return {
         "limits": None if unlimited else [low, high],
         "velocity": limit.velocity if limit.velocity < UNLIMITED else None,
         "effort": limit.effort if 0.0 < limit.effort < UNLIMITED else None,
+        "damping": 0.0 if resisting is None else resisting.damping,
+        "friction": 0.0 if resisting is None else resisting.friction,
     }
 
 

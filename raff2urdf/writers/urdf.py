@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 from lxml import etree
-from yourdfpy import Joint, Limit, Link, Robot
+from yourdfpy import Dynamics, Joint, Limit, Link, Robot
 
 from raff2urdf import constraints as constraints_file
 from raff2urdf.errors import RaffWarning
@@ -31,7 +31,7 @@ from raff2urdf.readers.declared_loops import note
 from raff2urdf.readers.sidecar import ENDING
 from raff2urdf.readers.urdf import UNLIMITED, hash_of
 from raff2urdf.readers.xml_file import NAMESPACE
-from raff2urdf.tree import BASE_JOINT, WORLD, effort, kleinfinger, limits, moved, velocity
+from raff2urdf.tree import BASE_JOINT, WORLD, effort, joint_dynamics, kleinfinger, limits, moved, velocity
 from raff2urdf.urdf_object import ExactUrdf, inertial
 from raff2urdf.writers.xml_text import text_of
 
@@ -124,6 +124,9 @@ def _joint(document: Document, robot: RaffRobot, part: RaffPart) -> Joint:
         joint.axis = np.array([0.0, 0.0, 1.0])
         low, high = limits(document, part)
         joint.limit = Limit(min(effort(part), UNLIMITED), min(velocity(document, part), UNLIMITED))
+        _, damping, friction = joint_dynamics(document, part)
+        if damping or friction:
+            joint.dynamics = Dynamics(damping, friction)
         joint.type = part.type.name.lower()
         if part.type is JointType.REVOLUTE and math.isinf(low):
             joint.type = "continuous"

@@ -174,3 +174,21 @@ def test_loads_and_springs(typed):
     assert float(found["stiffness"][1].strip(",")) > 1e5
     err = typed(*springs, "-q", "stiffness", "--stiffness", "joint1=4N/m", "-o", "x", code=2, err=True)
     assert "joint1: '4N/m' is a stiffness: an angular stiffness is wanted (Nm/rad, kNm/rad)" in err
+
+
+def test_torques_of_a_map_are_of_rest_and_say_what_they_leave_out(capsys, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    Path("arm.urdf").write_text("""<robot name="arm"><link name="base"/>
+      <link name="rod"><inertial><origin xyz="0.5 0 0"/><mass value="1"/>
+        <inertia ixx="1e-3" iyy="1e-3" izz="1e-3" ixy="0" ixz="0" iyz="0"/></inertial></link>
+      <joint name="pin" type="revolute"><parent link="base"/><child link="rod"/><axis xyz="0 1 0"/>
+        <limit lower="-3" upper="3" effort="9" velocity="1"/>
+        <dynamics damping="2" friction="0.4" spring_stiffness="5"/></joint></robot>""")
+    wanted = ["forces leave out the springs of pin", "forces leave out the Coulomb friction at rest of pin"]
+    for quantity, notes in (("torque", wanted), ("sigma_1", [])):
+        command = ["map", "arm.urdf", "--over", "pin", "--grid", "8", "-q", quantity]
+        assert main([*command, "-o", f"{quantity}.zarr", "--json"]) == 0
+        assert json.loads(capsys.readouterr().out)["notes"] == notes
+        assert main([*command, "-o", f"{quantity}.zarr"]) == 0
+        said = capsys.readouterr().out
+        assert [line for line in said.splitlines() if "note:" in line] == [f"  note: {note}" for note in notes]

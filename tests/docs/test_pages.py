@@ -108,7 +108,7 @@ def _read(block: Block, folder: Path, where: str) -> None:
 
 def _completed(part: str) -> str:
     """A part of a file as a whole one, with the fathers that it does not show."""
-    if re.match(r"\s*(units|sensor|robot)\b", part):
+    if re.match(r"\s*(units|gravity|sensor|robot)\b", part):
         return f"RAFF part\n{part}"
     there = set(re.findall(r"\b(?:link|frame) (\d+)\s*\{", part)) | {"0"}
     fathers = "".join(f"link {n} {{ type 2 pred 0 }}\n" for n in sorted(set(re.findall(r"pred (\d+)", part)) - there))

@@ -1,4 +1,6 @@
-"""Gravity and the inertia of rotors of an MJCF count as in MuJoCo; what does not count is told."""
+"""Gravity, friction and the inertia of rotors of an MJCF count as in MuJoCo; what does not count is told."""
+
+import json
 
 import mujoco
 import numpy as np
@@ -36,8 +38,16 @@ def theirs(text, q, v=0.0, a=0.0):
     return model, data
 
 
-def test_torques_are_mujocos_with_its_gravity_and_armature():
-    text, rng = ARM.format(more=""), np.random.default_rng(1)
+ACTUATED = ARM.replace(
+    "</mujoco>",
+    """<actuator><motor joint="elbow" gear="3" armature="0.2" damping="0.1"/>
+      <position joint="slide" kp="1" armature="0.3"/><motor joint="shoulder"/></actuator></mujoco>""",
+)
+
+
+@pytest.mark.parametrize("text", [ARM.format(more=""), ARM.format(more='damping="3"'), ACTUATED.format(more="")])
+def test_torques_are_mujocos_with_its_gravity_armature_and_damping(text):
+    rng = np.random.default_rng(1)
     mechanism = cinegen.load(text)
     assert mechanism.gravity.tolist() == [1.0, -4.0, -6.0]
     assert "gravity is 1, -4, -6 m/s2" in mechanism.source.notes
@@ -98,20 +108,39 @@ def test_what_forces_leave_out_is_told(capsys, tmp_path):
     from cinegen.cli import main
 
     path = tmp_path / "arm.xml"
-    path.write_text(ARM.format(more='damping="3" frictionloss="0.2" stiffness="9"'))
-    told = "forces leave out the damping of shoulder, the friction of shoulder, the springs of shoulder"
+    path.write_text(ARM.format(more='damping="3 0.1" frictionloss="0.2" stiffness="9"'))
+    told = "forces leave out the nonlinear damping of shoulder, the springs of shoulder"
     assert told in cinegen.load(path).source.notes
     assert main(["forces", str(path)]) == 0
-    assert f"note: {told}\n" in capsys.readouterr().out
+    assert f"note: {told}\n  gravity: 1, -4, -6 m/s2\n" in capsys.readouterr().out
+    assert main(["forces", str(path), "--json", "--gravity", "0,0,-2"]) == 0
+    report = json.loads(capsys.readouterr().out)
+    assert (report["notes"], report["gravity"], report["resting"]) == ([told], [0.0, 0.0, -2.0], ["shoulder"])
+    assert report["torques"][0]["band"] == pytest.approx(0.2)
     assert not any("leave out" in note for note in cinegen.load(ARM.format(more="")).source.notes)
 
 
-def test_urdf2raff_says_that_raff_has_neither(tmp_path):
-    path = tmp_path / "arm.xml"
-    path.write_text(ARM.format(more=""))
-    says = "no notation for the gravity of the file and the armature of shoulder, elbow, slide: left out"
-    with pytest.warns(raff2urdf.RaffWarning, match=says):
-        raff2urdf.to_raff(path, tmp_path / "arm.raff")
+def test_what_acts_on_balls_and_tendons_is_told_too():
+    text = """<mujoco><worldbody><body name="b"><joint name="ball" type="ball" {ball}/><geom size="0.1"/>
+      <body name="c" pos="1 0 0"><joint name="hinge"/><geom size="0.1"/></body></body></worldbody>
+      <tendon><fixed name="belt" {belt}><joint joint="hinge" coef="2"/></fixed></tendon>
+      <actuator><motor name="reel" tendon="belt" {reel}/></actuator></mujoco>"""
+    numbers = 'armature="1" damping="1" frictionloss="1"'
+    told = cinegen.load(text.format(ball=numbers, belt=numbers, reel='armature="1" damping="1"')).source.notes
+    friction = "the damping of ball, belt, reel, the friction of ball, belt, the armature of ball, belt, reel"
+    assert f"forces leave out {friction}" in told
+    assert not any("leave out" in note for note in cinegen.load(text.format(ball="", belt="", reel="")).source.notes)
+
+
+def test_urdf2raff_keeps_gravity_and_torques(tmp_path):
+    path, raff = tmp_path / "arm.xml", tmp_path / "arm.raff"
+    path.write_text(ARM.format(more='damping="3" frictionloss="0.2"'))
+    made = raff2urdf.to_raff(path, raff)
+    assert made.document.gravity == (1.0, -4.0, -6.0)
+    there, back, rng = cinegen.load(path), cinegen.load(raff), np.random.default_rng(2)
+    q, v, a = rng.normal(size=(3, 3))
+    moved = q + [made.offsets[made.joints[joint]] for joint in there.joints]
+    assert InverseDynamics(back).torques(moved, v, a) == pytest.approx(InverseDynamics(there).torques(q, v, a))
 
 
 @pytest.mark.parametrize(

@@ -139,3 +139,44 @@ def test_what_has_no_effect_or_no_urdf_is_an_error_that_names_it():
     ):
         with pytest.raises(error, match=words):
             call()
+
+
+@pytest.mark.parametrize("closes", [False, True])
+def test_torques_have_the_models_gravity_friction_and_armature(closes):
+    model, rng = planar(0.4, 0.9, 0.7), np.random.default_rng(4)
+    for j in range(1, model.njoints):
+        model.inertias[j] = pin.Inertia.FromSphere(*rng.uniform(0.1, 1.0, 2))
+    model.gravity.linear = np.array([1.0, -3.0, 0.5])
+    model.armature, model.damping, dry = rng.uniform(0.1, 1.0, (3, model.nv))
+    model.upperDryFrictionLimit, model.lowerDryFrictionLimit = dry, -dry
+    loops = [closed(model, pin.ContactType.CONTACT_3D, 0.7)] if closes else []
+    mechanism = cinegen.load(model, loops=loops)
+    assert mechanism.gravity.tolist() == [1.0, -3.0, 0.5]
+    again = pickle.loads(pickle.dumps(mechanism))
+    for made in (mechanism.model, again.model):
+        for field in ("armature", "damping", "upperDryFrictionLimit", "lowerDryFrictionLimit"):
+            assert getattr(made, field).tolist() == getattr(model, field).tolist()
+    if not closes:
+        q, v, a = rng.normal(size=(3, model.nv))
+        expected = pin.rnea(model, model.createData(), q, v, a) + model.damping * v + dry * np.sign(v)
+        assert cinegen.InverseDynamics(mechanism).torques(q, v, a) == pytest.approx(expected)
+
+
+def test_home_of_a_tree_with_armatures_is_that_of_one_without():
+    model = planar(0.4, 0.9)
+    model.lowerPositionLimit, model.upperPositionLimit = np.array([1.0, -1.0]), np.array([2.0, 1.0])
+    before = cinegen.load(model).q_home
+    model.armature = np.array([0.0, 0.3])
+    assert cinegen.load(model).q_home.tolist() == before.tolist() == [1.5, 0.0]
+
+
+def test_friction_of_a_ball_and_of_a_floating_base_is_told():
+    model = pin.Model()
+    base = model.addJoint(0, pin.JointModelFreeFlyer(), pin.SE3.Identity(), "root_joint")
+    ball = model.addJoint(base, pin.JointModelSpherical(), along_x(1.0), "ball")
+    model.addJoint(ball, pin.JointModelRZ(), along_x(1.0), "hinge")
+    model.damping, model.armature = np.ones(model.nv), np.eye(model.nv)[7] + np.eye(model.nv)[-1]
+    mechanism = cinegen.load(model)
+    assert mechanism.source.notes == ("forces leave out the damping of root_joint, ball, the armature of ball",)
+    column = mechanism.v_index("hinge")
+    assert (mechanism.model.damping[column], mechanism.model.armature[column]) == (1.0, 1.0)

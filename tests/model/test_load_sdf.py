@@ -294,7 +294,7 @@ def test_what_forces_leave_out_of_an_sdf_is_told(write):
         .replace('<link name="b">', '<link name="b"><gravity>0</gravity>')
     )
     (note,) = cinegen.load(write(text)).source.notes
-    assert note == "forces leave out the damping of j, the springs of j, the disabled gravity of b"
+    assert note == "forces leave out the springs of j, the disabled gravity of b"
 
 
 def test_nested_models_with_the_same_name_are_an_error(write):

@@ -63,8 +63,9 @@ SENSOR_AXES = st.none() | st.permutations(["x", "-y", "0.1*z", "rx", "-2e-3*ry",
 KEYWORDS = st.sampled_from(
     re.findall(
         r"\w+",
-        "RAFF robot sensor units path base link frame constraint parameters type joint ball variable home pred limits "
-        "velocity effort actuated name filename theta r d alpha gamma epsilon port translation rotation axes mm "
+        "RAFF robot sensor units gravity path base link frame constraint parameters type joint ball variable home pred "
+        "limits velocity effort armature damping friction actuated name filename theta r d alpha gamma epsilon port "
+        "translation rotation axes mm "
         "coupling ratio lead radius polynomial offset inertial mass centre moments products density",
     )
 )
@@ -119,6 +120,7 @@ def documents(
         tuple(robots),
         tuple(sensors),
         "mm" if moderate else draw(st.sampled_from(UNITS)),
+        draw(st.none() | st.tuples(lengths, lengths, lengths)),
     )
 
 
@@ -163,6 +165,9 @@ def _robots(
             limits=draw(st.none() | pair),
             velocity=draw(st.none() | speed),
             effort=draw(st.none() | speed),
+            armature=draw(st.none() | speed),
+            damping=draw(st.none() | speed),
+            friction=draw(st.none() | speed),
             actuated=draw(st.sampled_from([None, None, True, False])),
         )
         parts.append(link)
@@ -201,6 +206,9 @@ def _compounds(draw: st.DrawFn, common: dict[str, Any], values: Any, pair: Any, 
             limits=draw(st.none() | pair),
             velocity=draw(st.none() | speed),
             effort=draw(st.none() | speed),
+            armature=draw(st.none() | speed),
+            damping=draw(st.none() | speed),
+            friction=draw(st.none() | speed),
             actuated=draw(st.sampled_from([None, None, True, False])),
         )
         for name, written in VARIABLES[kind].items()

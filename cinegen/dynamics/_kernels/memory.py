@@ -16,6 +16,8 @@ class DynamicsMemory(LoopMemory):
     inertia: Array = array("joints", 3, 3)  # about it, in the joint's axes
     gravity: Array = array(3)
     armature: Array = array("n")  # inertia of rotors, seen at their joints, kg m^2 and kg
+    damping: Array = array("n")  # viscous friction, N m s/rad and N s/m
+    friction: Array = array("n")  # Coulomb friction, N m and N
     loads: int = parameter(0)
     load_joint: Table = array("loads", dtype=int)  # that carries the node
     load_offset: Array = array("loads", 4, 3)  # the node's frame, relative to that joint

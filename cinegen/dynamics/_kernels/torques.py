@@ -24,6 +24,10 @@ HELD, OPEN, UNCLEAR = range(3)
 the plain form decides."""
 
 CLEAR = 1e-4  # a smaller pivot, as a fraction of the first, or singular value of the loops may be none
+RESTING = 1e-9
+"""A joint whose speed is below this part of the fastest one's, dimensionless, is at rest: in a closed mechanism, speeds
+that should be 0 are rounding errors. Its Coulomb friction is undetermined, and left out."""
+
 _LEAST = 1e-300  # divisor
 
 
@@ -73,8 +77,7 @@ def _find(memory: DynamicsMemory, i: int) -> int:
         _find_accelerations(memory, True)
     _find_tau(memory)
     if memory.moves != 0:
-        for k in range(n):
-            memory.tau[k] += memory.armature[k] * memory.a[k]
+        _add_joints(memory)
     if is_direct:
         for k in range(actuated):
             memory.torques[i, k] = memory.tau[memory.actuated_dof[k]]
@@ -91,6 +94,18 @@ def _find(memory: DynamicsMemory, i: int) -> int:
     for k in range(actuated):
         memory.torques[i, k] = memory.effort[k] / memory.step[k]
     return _find_reaction(memory, i)
+
+
+@compiled
+def _add_joints(memory: DynamicsMemory) -> None:
+    """Add what the joints' rotors and friction need."""
+    fastest = 0.0
+    for k in range(memory.n):
+        fastest = max(fastest, abs(memory.v[k]) / memory.scale[k])
+    for k in range(memory.n):
+        memory.tau[k] += memory.armature[k] * memory.a[k] + memory.damping[k] * memory.v[k]
+        if abs(memory.v[k]) / memory.scale[k] > RESTING * fastest:
+            memory.tau[k] += memory.friction[k] if memory.v[k] > 0.0 else -memory.friction[k]
 
 
 # --- the reaction of one joint or loop --------------------------------------------------------------------------------

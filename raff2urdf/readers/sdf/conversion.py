@@ -27,6 +27,7 @@ from raff2urdf.constraints import IDENTITY, Constraints
 from raff2urdf.errors import RaffError, did_you_mean
 from raff2urdf.graphics.names import find
 from raff2urdf.inertia import Inertia
+from raff2urdf.joint_dynamics import JointDynamics
 from raff2urdf.placement import inverse, with_z
 from raff2urdf.readers import closing_frames, uncounted
 from raff2urdf.readers.declaration import label_of, leave_out, local, tag_of
@@ -42,7 +43,7 @@ from raff2urdf.readers.sdf.model import (
     SdfModelReader,
     pose,
 )
-from raff2urdf.readers.urdf import LARGEST, SIZE, negative_mass, numbers, parse
+from raff2urdf.readers.urdf import LARGEST, SIZE, check_friction, negative_mass, numbers, parse
 from raff2urdf.readers.urdf_builder import GRAVITY, Shape, UrdfBuilder, material, shapes
 from raff2urdf.readers.urdf_tree import UrdfTree
 from raff2urdf.readers.xml_file import NAMESPACE, error_at, parse_xml
@@ -208,6 +209,7 @@ class _SdfToUrdf:
         self.axes: dict[str, list[str]] = {}  # by joint: the joint of the URDF for each axis
         self.homes: dict[str, float] = {}  # of joints of the URDF: to be added to SDF's values, rad or m
         self.carried: dict[str, _Step] = {}
+        self.resisting: list[str] = []  # joints with friction that close loops
 
     def run(self) -> tuple[str, Constraints]:
         """Return the URDF and its constraints."""
@@ -243,24 +245,29 @@ class _SdfToUrdf:
             self.driven |= {
                 name for i, name in enumerate(self.axes.get(joint.name, ())) if (joint.name, i) in model.driven
             }
-        dynamics = {
-            name: joint.element.find(f"{word}/dynamics")
+        springs = [
+            name
             for joint in model.joints
-            for name, word in zip(self.axes.get(joint.name, ()), ("axis", "axis2"), strict=False)
-        }
+            for name, word in zip(self.axes.get(joint.name) or [joint.name] * 2, ("axis", "axis2"), strict=False)
+            if uncounted.is_given(joint.element.find(f"{word}/dynamics"), "spring_stiffness")
+        ]
         unlike = [name for name, link in model.links.items() if link.findtext("gravity", "1").strip() in ("0", "false")]
-        self.notes += uncounted.note_of(uncounted.of_dynamics(dynamics) | {"disabled gravity": unlike})
+        left_out = {"friction": self.resisting, "springs": springs, "disabled gravity": unlike}
+        self.notes += uncounted.note_of(left_out)
         seen = np.eye(3) if root == WORLD or floating else self.placements[root][:3, :3]
         return urdf.result(nodes, BASE_JOINT if floating else None, self._gravity(seen))
 
     def _gravity(self, rotation: Array) -> Sequence[float]:
-        """Return the acceleration of the world around the model, or else the default, in axes (3, 3) of the root."""
+        """Return the acceleration of the world around the model, that of raff:robot, or the default, in axes (3, 3) of
+        the root."""
         found: Sequence[float] = GRAVITY
-        element = self.model.gravity
-        if element is not None:
-            given = numbers(element.text or "")
+        element, own = self.model.gravity, self.model.own
+        element = own if element is None else element
+        text = None if element is None else element.get("gravity") if element is own else element.text or ""
+        if text is not None:
+            given = numbers(text)
             if given is None or len(given) != 3:
-                what = f"the gravity '{(element.text or '').strip()[:60]}' must be three numbers{SIZE}"
+                what = f"the gravity '{text.strip()[:60]}' must be three numbers{SIZE}"
                 raise error_at(self.name, element, what)
             found = given
         seen: Array = rotation.T @ found
@@ -337,15 +344,16 @@ class _SdfToUrdf:
             at = self.placements[child]
         before = self.placements[parent]
         for i, (name, axis, prismatic) in enumerate(steps):
-            home, actuated = self._own_values(name)
+            home, actuated, armature = self._own_values(name)
             link, (low, high) = child, axis.limits
+            dynamics = JointDynamics(armature, axis.damping, axis.friction)
             if i < len(steps) - 1 or not np.array_equal(at, self.placements[child]):
                 link = self.urdf.free_name(f"{name}_axis")
                 self.urdf.add_link(link, (), Inertia() if i < len(steps) - 1 else None)
             self.urdf.add_joint(
                 name, prismatic, (parent, link), inverse(before) @ at, sign * (at[:3, :3].T @ axis.direction),
                 zero=home, home=home, limits=(low + home, high + home), velocity=axis.velocity, effort=axis.effort,
-                actuated=actuated,
+                dynamics=dynamics, actuated=actuated,
             )  # fmt: skip
             self.carried[link] = _Step(parent, "" if prismatic else name, sign * axis.direction)
             parent, before = link, at
@@ -367,18 +375,19 @@ class _SdfToUrdf:
             return [(f"{joint.name}_{i}", axis, False) for i, axis in enumerate(joint.axes, 1)]
         return [(joint.name, axis, joint.kind == "prismatic") for axis in joint.axes]
 
-    def _own_values(self, joint: str) -> tuple[float, bool | None]:
-        """Return raff2urdf's entries for a joint: its value at the links' poses, and whether it is actuated; None if
-        that is stated of no joint."""
+    def _own_values(self, joint: str) -> tuple[float, bool | None, float]:
+        """Return raff2urdf's entries for a joint: its value at the links' poses; whether it is actuated, None if that
+        is stated of no joint; and the inertia of its rotors."""
         own = self.own.get(joint)
         if own is None:
-            return 0.0, False if self.states_actuated else None
+            return 0.0, False if self.states_actuated else None, 0.0
         home, actuated = numbers(own.get("home", "0")), own.get("actuated", "false")
+        armature = check_friction(own, own.get("armature", "0"), "armature", f"joint '{joint}'", self.name)
         if home is None or len(home) != 1:
             raise error_at(self.name, own, f"home='{own.get('home')}' of a raff:joint is not a number")
         if actuated not in ("true", "false"):
             raise error_at(self.name, own, f"actuated='{actuated}' of a raff:joint must be true or false")
-        return home[0], actuated == "true" if self.states_actuated else None
+        return home[0], actuated == "true" if self.states_actuated else None, armature
 
     def _add_loop(self, joint: SdfJoint, coupled: bool) -> list[str]:
         """Add a loop for a joint that was cut; return the links that were added for it.
@@ -400,6 +409,8 @@ class _SdfToUrdf:
                 self._add_joint(half, False)
                 kind, axes = "revolute", axes[1:]
             first = link
+        if any(axis.damping or axis.friction for axis in axes):
+            self.resisting.append(joint.name)
         if any(math.isfinite(limit) for axis in axes for limit in axis.limits):
             self.ignored.append(f"limits of joint '{joint.name}', which closes a loop")
         at = joint.placement.copy()

@@ -17,7 +17,17 @@ from raff2urdf.placement import from_origin, from_quaternion, inverse
 from raff2urdf.readers import drives
 from raff2urdf.readers.implausible import in_degrees
 from raff2urdf.readers.screw import lead
-from raff2urdf.readers.urdf import MEANT, SIZE, UNLIMITED, by_name, direction, limit_value, number, numbers
+from raff2urdf.readers.urdf import (
+    MEANT,
+    SIZE,
+    UNLIMITED,
+    by_name,
+    check_friction,
+    direction,
+    limit_value,
+    number,
+    numbers,
+)
 from raff2urdf.readers.urdf_builder import UNBOUNDED
 from raff2urdf.readers.xml_file import NAMESPACE, error_at, own_element
 from raff2urdf.tree import WORLD
@@ -56,14 +66,16 @@ class SdfMimic(NamedTuple):
 
 
 class SdfAxis(NamedTuple):
-    """An axis of a joint: its direction (3,) in the outermost model's frame, limits, velocity limit, effort limit, and
-    what it mimics."""
+    """An axis of a joint: its direction (3,) in the outermost model's frame, limits, velocity limit, effort limit,
+    what it mimics, and its viscous and Coulomb friction."""
 
     direction: Array
     limits: tuple[float, float] = UNBOUNDED
     velocity: float = math.inf
     effort: float = math.inf
     mimic: SdfMimic | None = None
+    damping: float = 0.0
+    friction: float = 0.0
 
 
 @dataclass(slots=True, eq=False)
@@ -234,7 +246,13 @@ class SdfModelReader:
         velocity, effort = (self._number(element, f"limit/{word}", label, math.inf) for word in ("velocity", "effort"))
         mimic = element.find("mimic")
         mimicked = None if mimic is None else self._mimic(mimic, label, poses)
-        return SdfAxis(axis / np.linalg.norm(axis), limits, velocity, effort, mimicked)
+        damping, friction = (self._friction(element, word, label) for word in ("damping", "friction"))
+        return SdfAxis(axis / np.linalg.norm(axis), limits, velocity, effort, mimicked, damping, friction)
+
+    def _friction(self, axis: Any, word: str, label: str) -> float:
+        element = axis.find(f"dynamics/{word}")
+        text = "" if element is None else (element.text or "").strip()
+        return check_friction(element, text, word, label, self.name) if text else 0.0
 
     def _number(self, axis: Any, path: str, label: str, default: float) -> float:
         """Return a limit; -1, or nothing, is SDF's notation for no limit of velocity or effort."""

@@ -35,6 +35,8 @@ ARM = """<robot name="arm">
         (('rpy="0 0 0.5"', 'rpy="0 0"'), r'x:8: rpy="0 0" of <origin> must be three numbers'),
         (('xyz="0 0 1" rpy', 'xyz="0 nan 1" rpy'), r'x:8: xyz="0 nan 1" of <origin> must be three numbers'),
         (('effort="1"', 'effort="nan"'), r"x:10: the effort limit 'nan' of joint 'turn' is not a number"),
+        (('<limit', '<dynamics damping="thick"/><limit'), r"x:10: the damping 'thick' of joint 'turn' must be a"),
+        (('<limit', '<dynamics friction="-1"/><limit'), r"x:10: the friction '-1' of joint 'turn' .* not negative"),
         (('xyz="0 0 1" rpy', 'xyz="0 1e308 1" rpy'), r"x:8: .* must be three numbers \(none beyond 1e\+13\)"),
         (('<parent link="base"/>', ""), r"x:5: joint 'turn' has no <parent>"),
         (('rpy="0 0 0.5"', 'rpy="0 0 ${a}"'), r"x:8: .*It contains xacro \(line 8\): load the output of `xacro x`"),

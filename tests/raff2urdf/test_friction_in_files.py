@@ -1,0 +1,179 @@
+"""The inertia of rotors, and the friction of joints, in RAFF, URDF, SDF and MJCF: no format loses a digit."""
+
+from __future__ import annotations
+
+import json
+import math
+import warnings
+from pathlib import Path
+
+import pytest
+from wrong_raff import text_of
+
+import cinegen
+import raff2urdf
+from raff2urdf import RaffError
+from raff2urdf.raff.reader import parse
+
+MASS = "inertial { mass 1 moments { 100 100 100 } }"
+ARM = text_of(
+    f"link 1 {{ type 2 pred 0 armature 2500 damping 0.03 friction 0.7 {MASS} }}\n"
+    f"link 2 {{ parameters {{ alpha 90 }} type 1 pred 1 armature 0.3 damping 0.1 friction 2 {MASS} }}\n"
+    f"link 3 {{ type 2 pred 2 {MASS} }}"
+)
+NUMBERS = (  # armature, damping and friction of the three joints, SI units
+    (2500.0e-6, 0.3, 0.0),
+    (0.03 * 180.0 / math.pi, 100.0, 0.0),
+    (0.7, 2.0, 0.0),
+)
+
+
+def numbers_of(mechanism: cinegen.Mechanism) -> tuple[tuple[float, ...], ...]:
+    """Return armature, damping and friction of a mechanism's joints, in file order."""
+    model, columns = mechanism.model, [mechanism.v_index(joint) for joint in mechanism.joints]
+    fields = model.armature, model.damping, model.upperDryFrictionLimit
+    return tuple(tuple(map(float, field[columns])) for field in fields)
+
+
+@pytest.fixture
+def arm(tmp_path: Path) -> Path:
+    path = tmp_path / "arm.raff"
+    path.write_text(ARM)
+    return path
+
+
+def test_raff_gives_inertia_of_rotors_and_friction_in_its_own_units(arm):
+    found = cinegen.load(arm)
+    for own, expected in zip(numbers_of(found), NUMBERS, strict=True):
+        assert own == pytest.approx(expected, rel=1e-15)
+    assert (found.model.lowerDryFrictionLimit == -found.model.upperDryFrictionLimit).all()
+    metres = cinegen.load(ARM.replace("\n", "\nunits m\n", 1).replace("armature 2500", "armature 2500e-6"))
+    assert numbers_of(metres)[1] == pytest.approx((NUMBERS[1][0], 0.1, 0.0), rel=1e-15)
+    assert numbers_of(metres)[0] == pytest.approx(NUMBERS[0], rel=1e-15)
+
+
+def test_urdf_has_friction_and_its_constraints_file_the_armature(arm, tmp_path):
+    raff2urdf.convert(arm, tmp_path / "out")
+    entries = json.loads((tmp_path / "out" / "arm.constraints.json").read_text())["joints"]
+    assert [entry.get("armature") for entry in entries] == [2500.0e-6, 0.3, None]
+    text = (tmp_path / "out" / "arm.urdf").read_text()
+    assert text.count("<dynamics") == 2
+    assert '<dynamics damping="100.0" friction="2.0"/>' in text
+
+
+@pytest.mark.parametrize("kind", ["urdf", "sdf", "mjcf"])
+def test_every_format_and_raff_again_have_the_same_numbers(arm, tmp_path, kind):
+    there, written = cinegen.load(arm), tmp_path / "out"
+    raff2urdf.convert(arm, written, format=kind)
+    (file,) = [path for path in written.iterdir() if path.suffix in (".urdf", ".sdf", ".xml")]
+    assert numbers_of(cinegen.load(file)) == numbers_of(there)
+    back = tmp_path / "back.raff"
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        raff2urdf.to_raff(file, back)
+    assert numbers_of(cinegen.load(back)) == numbers_of(there)
+    links = parse(back.read_text()).robots[0].links
+    expected = parse(ARM).robots[0].links
+    for own, other in zip(links, expected, strict=True):
+        assert (own.armature, own.damping, own.friction) == (other.armature, other.damping, other.friction)
+
+
+@pytest.mark.parametrize("kind", ["urdf", "sdf", "mjcf"])
+def test_every_format_and_raff_again_have_its_gravity(tmp_path, kind):
+    path, written, down = tmp_path / "arm.raff", tmp_path / "out", [0.25, 0.0, -1.62]
+    path.write_text(ARM.replace("\n", "\ngravity { 0.25 0 -1.62 }\n", 1))
+    assert cinegen.load(path).gravity.tolist() == down
+    raff2urdf.convert(path, written, format=kind)
+    (file,) = [one for one in written.iterdir() if one.suffix in (".urdf", ".sdf", ".xml")]
+    assert cinegen.load(file).gravity.tolist() == down
+    raff2urdf.to_raff(file, tmp_path / "back.raff")
+    assert parse((tmp_path / "back.raff").read_text()).gravity == tuple(down)
+
+
+def test_the_gravity_of_a_world_around_it_replaces_that_of_an_sdf_of_ours(tmp_path):
+    path = tmp_path / "arm.raff"
+    path.write_text(ARM.replace("\n", "\ngravity { 0 0 -1.62 }\n", 1))
+    raff2urdf.convert(path, tmp_path, format="sdf")
+    text = (tmp_path / "arm.sdf").read_text()
+    text = text.replace("<model", '<world name="w"><gravity>0 0 -3.7</gravity><model', 1)
+    text = text.replace("</sdf>", "</world></sdf>")
+    (tmp_path / "arm.sdf").write_text(text)
+    assert cinegen.load(tmp_path / "arm.sdf").gravity.tolist() == [0.0, 0.0, -3.7]
+    (tmp_path / "arm.sdf").write_text(text.replace("0 0 -3.7", "0 0"))
+    with pytest.raises(cinegen.CinegenError, match="the gravity '0 0' must be three numbers"):
+        cinegen.load(tmp_path / "arm.sdf")
+
+
+def test_gravity_is_three_numbers_once():
+    for wrong, message in (
+        ("gravity { 0 -9.81 }", r":2:19: 'gravity' needs a number here"),
+        ("gravity { 0 0 1e13 }", r"a number of 'gravity' is beyond 1e\+12 m/s2"),
+        ("gravity { 0 0 1 } gravity { 0 0 1 }", r":2:29: 'gravity' is given twice in the file"),
+    ):
+        with pytest.raises(RaffError, match=message):
+            cinegen.load(ARM.replace("\n", f"\n{wrong}\n", 1))
+
+
+def test_a_variable_of_several_has_its_own_numbers_and_then_a_ball_is_no_spherical_joint():
+    text = text_of("link 1 { joint ball pred 0 variable y { armature 1000000 damping 1 friction 3 } }")
+    ball = cinegen.load(text)
+    assert ball.joints == ("joint1_X", "joint1_Y", "joint1_Z")
+    armature, damping, friction = (one[1] for one in numbers_of(ball))
+    assert (armature, friction) == (1.0, 3.0)
+    assert damping == pytest.approx(180.0 / math.pi)
+    assert cinegen.load(text_of("link 1 { joint ball pred 0 }")).balls == ("joint1",)
+
+
+@pytest.mark.parametrize(
+    ("statement", "message"),
+    [
+        ("armature -1", r":3:\d+: the armature of link 1 is -1: it must not be negative"),
+        ("damping -0.5", r":3:\d+: the damping of link 1 is -0.5: it must not be negative"),
+        ("friction -2", r":3:\d+: the friction of link 1 is -2: it must not be negative"),
+        ("damping 1e11", r":3:\d+: the damping of joint1 is beyond 1e\+12 in SI units"),
+    ],
+)
+def test_what_no_joint_can_have_is_an_error(statement, message):
+    with pytest.raises(RaffError, match=message):
+        cinegen.load(text_of(f"link 1 {{ type 2 pred 0 {statement} }}"))
+
+
+def test_a_joint_of_several_variables_has_none_of_its_own():
+    with pytest.raises(RaffError, match="write 'damping' for one of them, in 'variable z"):
+        raff2urdf.check(parse(text_of("link 1 { joint universal pred 0 damping 1 }")))
+
+
+URDF = """<robot name="r"><link name="a"/><link name="b"/><link name="c"/>
+  <joint name="turn" type="continuous"><parent link="a"/><child link="b"/><axis xyz="0 0 1"/>
+    <dynamics damping="0.2" friction="0.1" spring_stiffness="4"/></joint>
+  <joint name="roll" type="planar"><parent link="b"/><child link="c"/><dynamics damping="3"/></joint></robot>"""
+
+
+def test_what_a_urdf_has_for_joints_of_several_variables_is_told():
+    found = cinegen.load(URDF)
+    assert numbers_of(found) == ((0.0,) * 4, (0.2, 0.0, 0.0, 0.0), (0.1, 0.0, 0.0, 0.0))
+    assert "forces leave out the damping of roll, the springs of turn" in found.source.notes
+
+
+SDF = """<sdf version="1.9"><model name="m"><link name="a"/><link name="b"/>
+  <link name="c"><pose>1 0 0 0 0 0</pose></link>
+  <joint name="ground" type="fixed"><parent>world</parent><child>a</child></joint>
+  <joint name="cross" type="universal"><parent>a</parent><child>b</child>
+    <axis><xyz>0 0 1</xyz><dynamics><damping>0.2</damping></dynamics></axis>
+    <axis2><xyz>0 1 0</xyz><dynamics><friction>0.3</friction></dynamics></axis2></joint>
+  <joint name="hinge" type="revolute"><parent>b</parent><child>c</child><axis><xyz>0 0 1</xyz></axis></joint>
+  <joint name="cut" type="revolute"><parent>a</parent><child>c</child>
+    <axis><xyz>0 0 1</xyz><dynamics><friction>1</friction></dynamics></axis></joint></model></sdf>"""
+
+
+def test_each_axis_of_an_sdf_has_its_friction_and_that_of_a_cut_joint_is_told(tmp_path):
+    path = tmp_path / "m.sdf"
+    path.write_text(SDF)
+    found = cinegen.load(path)
+    assert numbers_of(found) == ((0.0,) * 3, (0.2, 0.0, 0.0), (0.0, 0.3, 0.0))
+    assert "forces leave out the friction of cut" in found.source.notes
+    path.write_text(SDF.replace("<damping>0.2<", "<damping>-0.2<"))
+    with pytest.raises(
+        cinegen.CinegenError, match=r"m.sdf:5: the damping '-0.2' of joint 'cross' must be a number, and"
+    ):
+        cinegen.load(path)
