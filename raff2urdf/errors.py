@@ -75,6 +75,22 @@ class RaffError(Exception):
         return type(self), (self.problems,)
 
 
+def run_all(checks: Iterable[Callable[[], object]]) -> None:
+    """Run checks that don't need each other.
+
+    Raises:
+        RaffError: with every problem that they found.
+    """
+    problems = list[Problem]()
+    for check in checks:
+        try:
+            check()
+        except RaffError as error:
+            problems += error.problems
+    if problems:
+        raise RaffError(problems)
+
+
 class RaffClosureError(RaffError):
     """Loops that cannot be closed: which ones, their least gaps, and which weaker kinds of loop would close."""
 

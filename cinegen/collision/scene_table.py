@@ -13,7 +13,7 @@ import pinocchio as pin
 
 from cinegen.arrays import Array
 from cinegen.collision.errors import SceneError
-from raff2urdf.errors import did_you_mean, near_names
+from raff2urdf.errors import SHOWN, did_you_mean, near_names
 from raff2urdf.files import note
 from raff2urdf.quantities import ANGLE, LENGTH, NUMBER, Dimension, QuantityError, parse
 from raff2urdf.shipped import robots, similar_file
@@ -69,9 +69,10 @@ class SceneTable:
 
     def finish(self) -> None:
         """Raise SceneError if a key is unknown. Call it after all valid keys were asked for."""
-        for key in self._values:
-            if key not in self._known:
-                raise SceneError(f"{self.where}: unknown key '{key}'{did_you_mean(key, self._known)}")
+        unknown = [key for key in self._values if key not in self._known]
+        if unknown:
+            lines = [f"{self.where}: unknown key '{key}'{did_you_mean(key, self._known)}" for key in unknown]
+            raise SceneError("\n".join(lines[:SHOWN]))
 
     def error(self, key: str, why: str) -> SceneError:
         """Return the error that reports what is wrong with a key."""
