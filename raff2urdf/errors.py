@@ -120,8 +120,9 @@ MOST_KNOWN = 12  # words in a list of known ones
 def near_names(word: str, known: Iterable[str]) -> list[str]:
     """Return the known names that are nearest to a word; none if all are far, or if too many are as near.
 
-    A name is near if at most every fourth letter, and at least one, must be changed, inserted, left out or exchanged
-    with the next one, upper and lower case being the same, or if one of both begins with the other.
+    A name is near if at most every fourth letter must be changed, inserted, left out or exchanged with the next one,
+    upper and lower case being the same. One letter always may differ, two where names of four or more begin alike, and
+    the end may be left out.
     """
     short = dict.fromkeys(one for one in known if len(one) <= LONGEST)  # the time grows with squares of lengths
     if not 0 < len(word) <= LONGEST:
@@ -133,7 +134,8 @@ def near_names(word: str, known: Iterable[str]) -> list[str]:
     least = min(distances.values(), default=0)
     near = [one for one in short if distances.get(one) == least]
     begins = all(one.casefold().startswith(lower) or lower.startswith(one.casefold()) for one in near)
-    return near if len(near) <= NEAR and (begins or least <= max(1, len(word) // 4)) else []
+    same = len(word) > 3 and all(one[0].casefold() == lower[0] for one in near)
+    return near if len(near) <= NEAR and (begins or least <= max(1 + same, len(word) // 4)) else []
 
 
 def _edits(word: str, other: str) -> int:
