@@ -8,7 +8,6 @@ several commands share are the fields of a dataclass: `expand` makes one option 
 from __future__ import annotations
 
 import contextlib
-import difflib
 import inspect
 import os
 import re
@@ -23,6 +22,7 @@ import typer
 from typer.core import TyperCommand, TyperGroup
 from typer.exceptions import TyperException
 
+from raff2urdf.errors import near_names
 from raff2urdf.escape import terminal
 from raff2urdf.output import STOPPED, unescaped
 from raff2urdf.quantities import Dimension, QuantityError, parse
@@ -52,7 +52,7 @@ class Rules:
     Attributes:
         needs: options without any of which it has no effect, such as `--over`, or `--format sdf`, one with this value.
             Those that a command lacks don't count.
-        unless: options, likewise, with which it has no effect.
+        unless: options, likewise, with which it has no effect; `--json but --plot` does not count with `--plot`.
         endings: of the file that it writes, the usual one first; or `FOLDER`.
     """
 
@@ -133,8 +133,9 @@ class Command(_ColouredHelp, TyperCommand):
         by_name = {names[key]: one for key, one in rules.items()}
 
         def active(wanted: str) -> bool:
+            wanted, _, others = wanted.partition(" but ")
             name, _, value = wanted.partition(" ")
-            return known[name] == value if value else bool(known[name])
+            return (known[name] == value if value else bool(known[name])) and not any(map(known.get, others.split()))
 
         def there(options: Iterable[str]) -> list[str]:
             return [one for one in options if one.partition(" ")[0] in known]
@@ -146,7 +147,7 @@ class Command(_ColouredHelp, TyperCommand):
                     f"{name} has no effect without {' or '.join(needs)}: add {_one(needs)}, or leave it out"
                 )
             for one in filter(active, unless):
-                raise UsageError(f"{name} has no effect with {one}: leave one out")
+                raise UsageError(f"{name} has no effect with {one.partition(' but ')[0]}: leave one out")
             if by_name[name].endings:
                 check_ending(name, known[name], by_name[name].endings, by_name)
         return left
@@ -167,6 +168,12 @@ def _one(names: Sequence[str]) -> str:
 
 class Commands(_ColouredHelp, TyperGroup):
     """A group of commands that suggests a name where it has no command of the name that was typed."""
+
+    def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
+        """Parse the command line; `help NAME` is `NAME --help`."""
+        if args[:1] == ["help"]:
+            args = [*args[1:], "--help"]
+        return super().parse_args(ctx, args)
 
     def resolve_command(self, ctx: Any, args: list[str]) -> Any:
         """Return the name of the command, the command, and its arguments."""
@@ -303,8 +310,8 @@ Version = Annotated[
 
 
 def _suggestion(word: str, known: Sequence[str]) -> str:
-    near = difflib.get_close_matches(word, known, n=1)
-    return f" (did you mean '{near[0]}'?)" if near else ""
+    near = "' or '".join(near_names(word, known))
+    return f" (did you mean '{near}'?)" if near else ""
 
 
 def _message(error: TyperException) -> str:

@@ -75,6 +75,22 @@ class RaffError(Exception):
         return type(self), (self.problems,)
 
 
+def run_all(checks: Iterable[Callable[[], object]]) -> None:
+    """Run checks that don't need each other.
+
+    Raises:
+        RaffError: with every problem that they found.
+    """
+    problems = list[Problem]()
+    for check in checks:
+        try:
+            check()
+        except RaffError as error:
+            problems += error.problems
+    if problems:
+        raise RaffError(problems)
+
+
 class RaffClosureError(RaffError):
     """Loops that cannot be closed: which ones, their least gaps, and which weaker kinds of loop would close."""
 
@@ -97,15 +113,48 @@ def warn(message: str, category: type[Warning] = RaffWarning) -> None:
 
 
 LONGEST, MOST = 100, 1000  # length and number of words that are compared
+NEAR = 3  # names that are proposed
 MOST_KNOWN = 12  # words in a list of known ones
 
 
+def near_names(word: str, known: Iterable[str]) -> list[str]:
+    """Return the known names that are nearest to a word; none if all are far, or if too many are as near.
+
+    A name is near if at most every fourth letter must be changed, inserted, left out or exchanged with the next one,
+    upper and lower case being the same. One letter always may differ, two where names of four or more begin alike, and
+    the end may be left out.
+    """
+    short = dict.fromkeys(one for one in known if len(one) <= LONGEST)  # the time grows with squares of lengths
+    if not 0 < len(word) <= LONGEST:
+        return []
+    lower = word.casefold()
+    similar = difflib.get_close_matches(word, list(short)[:MOST], n=NEAR + 1)
+    similar += [one for one in short if one.casefold() == lower and one not in similar]
+    distances = {one: _edits(lower, one.casefold()) for one in similar}
+    least = min(distances.values(), default=0)
+    near = [one for one in short if distances.get(one) == least]
+    begins = all(one.casefold().startswith(lower) or lower.startswith(one.casefold()) for one in near)
+    same = len(word) > 3 and all(one[0].casefold() == lower[0] for one in near)
+    return near if len(near) <= NEAR and (begins or least <= max(1 + same, len(word) // 4)) else []
+
+
+def _edits(word: str, other: str) -> int:
+    """Return the number of edits between words: Damerau and Levenshtein's distance, no part being edited twice."""
+    before, last = [0] * (len(other) + 1), list(range(len(other) + 1))
+    for i, letter in enumerate(word, 1):
+        row = [i]
+        for j, one in enumerate(other, 1):
+            row.append(min(last[j] + 1, row[-1] + 1, last[j - 1] + (letter != one)))
+            if i > 1 and j > 1 and letter == other[j - 2] and one == word[i - 2]:
+                row[-1] = min(row[-1], before[j - 2] + 1)
+        before, last = last, row
+    return last[-1]
+
+
 def did_you_mean(word: str, known: Sequence[str]) -> str:
-    """Return `": did you mean 'alpha'?"`, or a list of the known words if none is similar."""
-    short = [one for one in known if len(one) <= LONGEST]  # the time to compare words grows with their squares
-    near = difflib.get_close_matches(word, short[:MOST], n=1, cutoff=0.6) if 0 < len(word) <= LONGEST else []
-    if near:
-        return texts.DID_YOU_MEAN.format(word=near[0])
+    """Return `": did you mean 'alpha'?"`, or a list of the known words if none is near, see `near_names`."""
+    if near := near_names(word, known):
+        return texts.DID_YOU_MEAN.format(word="' or '".join(near))
     shown = [one[:LONGEST] for one in known[:MOST_KNOWN]]
     more = ", ..." if len(known) > len(shown) else ""
     return texts.KNOWN.format(listed=", ".join(shown), more=more) if shown else ""

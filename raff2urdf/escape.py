@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import html
 import json
+import re
 import shlex
 import unicodedata
 from collections.abc import Iterable
@@ -54,13 +55,14 @@ def line_comment(text: str) -> str:
 
 
 def identifiers(texts: Iterable[str]) -> list[str]:
-    """Return identifiers of C and JavaScript, different ones, for texts: what can't be in an identifier becomes `_`.
+    """Return identifiers of C and JavaScript, different ones, for texts: what is no letter of ASCII, digit or `_`
+    becomes `_`, since compilers differ in the other letters that they accept.
 
     They need a prefix: they may begin with a digit, or be reserved.
     """
     found: dict[str, None] = {}
     for text in texts:
-        word = own = "".join(one if f"_{one}".isidentifier() else "_" for one in text)
+        word = own = re.sub("[^A-Za-z0-9_]", "_", text)
         count = 1
         while word in found:
             count += 1

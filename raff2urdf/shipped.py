@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import ast
-import difflib
 import os
 import re
 from collections import Counter
@@ -12,7 +11,7 @@ from importlib.metadata import PackageNotFoundError, distribution
 from importlib.resources import files
 from pathlib import Path
 
-from raff2urdf.errors import RaffError, did_you_mean
+from raff2urdf.errors import RaffError, did_you_mean, near_names
 
 
 def folder(package: str, name: str) -> Path:
@@ -83,7 +82,7 @@ def similar_file(path: str | Path) -> str:
     stems = {Path(name).stem: path.with_name(name) for name in names if path.suffix in ("", Path(name).suffix)}
     known = {name: Path(name) for name, file in {**robots(), **scenes()}.items() if path.suffix in ("", file.suffix)}
     for found in (stems, known):
-        if near := difflib.get_close_matches(path.stem, found, n=1):
+        if near := near_names(path.stem, found):
             return f": did you mean '{found[near[0]]}'?"
     return ""
 

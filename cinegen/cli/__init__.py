@@ -40,7 +40,7 @@ from raff2urdf.errors import RaffError
 app = new_app(
     no_args_is_help=True,
     help="Kinematics of serial, tree and closed-loop mechanisms described in RAFF, URDF, SDF or MJCF.",
-    epilog="Exit codes: 0 done; 1 the input is bad, or the answer is no; 2 a wrong call.",
+    epilog="cinegen help COMMAND explains one. Exit codes: 0 done; 1 bad input, or the answer is no; 2 a wrong call.",
 )
 for _command in (
     demo,

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 import typer
 
 from cinegen.cli.files import check_outputs, count, print_result, write, write_figure
-from cinegen.cli.options import FILE, FORCE, JSON, PLOT, flag, option
+from cinegen.cli.options import FILE, JSON, PLOT, flag, force_option, option
 from cinegen.cli.progress import Progress
 from cinegen.cli.tolerance import amounts
 from raff2urdf.files import stem_of
@@ -42,9 +42,9 @@ def run(
     ),
     output: Path | None = option("FILE", "the calibrated robot, as RAFF", None, "-o", "--output", endings=(".raff",)),
     robot: str | None = option("NAME", "the robot of this name"),
-    all_: bool = flag("--all", "print all parameters, dependencies and outliers"),
+    all_: bool = flag("--all", "print all parameters, dependencies and outliers", unless="--json"),
     plot: Path | None = PLOT,
-    force: bool = FORCE,
+    force: bool = force_option("--output, --poses, --plot"),
     json: bool = JSON,
 ) -> int:
     """Estimate the true dimensions of a robot from measurements.

@@ -8,7 +8,7 @@ from typing import Literal
 import typer
 
 from cinegen.cli.files import check_outputs, print_result, write_figure
-from cinegen.cli.options import FORCE, JSON, PLOT, UNITS, option
+from cinegen.cli.options import JSON, PLOT, UNITS, force_option, option
 
 _MAP = typer.Argument(..., metavar="MAP", help="folder of a map, .zarr")
 
@@ -19,7 +19,7 @@ def run(
     plot: Path | None = PLOT,
     show: str | None = option("NAME", "quantity whose difference is drawn", needs="--plot"),
     json: bool = JSON,
-    force: bool = FORCE,
+    force: bool = force_option("--plot"),
     units: Literal["m", "mm"] = UNITS,
 ) -> int:
     """Compare two maps: cells that both or only one reaches, and differences of quantities."""

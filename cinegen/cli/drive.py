@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Literal
 
 from cinegen.cli.files import check_outputs, count, disabled_pairs, unchecked_links
 from cinegen.cli.numbers import quantity_option
-from cinegen.cli.options import FILES, SELF_CLEARANCE, RobotOptions, actuated_of, option
+from cinegen.cli.options import FILES, SELF_CLEARANCE, ShownRobotOptions, actuated_of, option
 from cinegen.cli.served_page import PageOptions, write_snapshot
 from raff2urdf.command_line import UsageError, no_effect
 from raff2urdf.files import stem_of
@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
 
 def run(
-    robots: RobotOptions,
+    robots: ShownRobotOptions,
     page: PageOptions,
     files: list[Path] = FILES,
     scene: Path | None = option("SCENE.toml", "drive a robot among obstacles, instead of FILE"),
@@ -61,7 +61,7 @@ def run(
     if snapshot and page.seconds is None:
         no_effect(
             "with --snapshot alone, which serves no page", "--record", "--port", "--host", "--token", "--no-token",
-            "--https", "--realtime", remedy="add --seconds, after which the snapshot is written",
+            "--https", "--realtime", "--no-browser", remedy="add --seconds, after which the snapshot is written",
         )  # fmt: skip
     check_outputs(snapshot, force=page.force)
     check_outputs(record, force=page.force, remakeable=False)

@@ -10,7 +10,7 @@ import typer
 
 from cinegen.cli.files import check_outputs
 from cinegen.cli.numbers import quantity_option
-from cinegen.cli.options import FORCE, exclude, flag, option
+from cinegen.cli.options import exclude, flag, force_option, option
 from cinegen.cli.payloads import GRAVITY, PAYLOADS, carried, gravity_of
 from raff2urdf.command_line import check_ending, no_effect
 from raff2urdf.files import output_path, stem_of
@@ -46,7 +46,7 @@ def run(
     ),
     all_joints: bool = flag("--all-joints", "write passive joints too"),
     unsafe: bool = flag("--unsafe", "write the motion even if its check fails"),
-    force: bool = FORCE,
+    force: bool = force_option(),
 ) -> int:
     """Export a recorded motion as CSV, NPZ, a ROS 2 goal or URScript.
 

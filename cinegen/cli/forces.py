@@ -11,6 +11,7 @@ from cinegen.cli.numbers import UNITS, configuration_at, named, quantity
 from cinegen.cli.options import FILE, JSON, NODE, RobotOptions, exclude, flag, option
 from cinegen.cli.payloads import GRAVITY, PAYLOADS, WRENCHES, carried, gravity_of, wrenches
 from cinegen.errors import CinegenError
+from raff2urdf.command_line import no_effect
 from raff2urdf.quantities import (
     ACCELERATION,
     ANGULAR_ACCELERATION,
@@ -53,6 +54,8 @@ def run(
     exclude(trajectory=trajectory, velocity=velocity)
     exclude(trajectory=trajectory, acceleration=acceleration)
     exclude(trajectory=trajectory, reactions=reactions)
+    if trajectory is not None and not payload:
+        no_effect("with --trajectory and without --payload", "--node")
     name, mechanism = robots.load_one(file)
     from cinegen.dynamics import InverseDynamics
     from cinegen.dynamics.forces import forces_at

@@ -8,7 +8,7 @@ from typing import Literal
 
 from cinegen.cli.files import check_outputs
 from cinegen.cli.numbers import quantity_option
-from cinegen.cli.options import FILE, FORCE, RobotOptions, option
+from cinegen.cli.options import FILE, RobotOptions, force_option, option
 from cinegen.errors import CinegenError
 from raff2urdf.command_line import FOLDER, UsageError
 from raff2urdf.files import write_all
@@ -32,7 +32,7 @@ def run(
     name: str | None = option(
         "NAME", "name of the files, and prefix of C's names (default: the file, and its robot if --robot names one)"
     ),
-    force: bool = FORCE,
+    force: bool = force_option(),
 ) -> int:
     """Generate source code of a robot's kinematics, without dependencies.
 

@@ -8,7 +8,7 @@ from pathlib import Path
 import typer
 
 from cinegen.cli.files import check_outputs, print_result, write
-from cinegen.cli.options import FILE, FORCE, JSON, option
+from cinegen.cli.options import FILE, JSON, force_option, option
 from cinegen.errors import CinegenError
 from raff2urdf.files import STANDARD, output_path, signed
 from raff2urdf.read_flags import ReadFlags
@@ -22,7 +22,7 @@ def run(
     out: str = OUT,
     robot: str | None = option("NAME", "robot of a file with several (default: the first)"),
     json: bool = JSON,
-    force: bool = FORCE,
+    force: bool = force_option(),
 ) -> int:
     """Correct rounded numbers, so that loops that are nearly redundant can move.
 

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 from cinegen.cli.files import count, print_result
 from cinegen.cli.numbers import UNITS, locked_joints, parts, values
-from cinegen.cli.options import FILE, JSON, NODE, RobotOptions, flag, option
+from cinegen.cli.options import FILE, JSON, NODE, ShownRobotOptions, flag, option
 from cinegen.cli.progress import Progress
 from cinegen.errors import CinegenError, UnknownNameError
 from raff2urdf.quantities import ANGLE, LENGTH, shown, shown_scale
@@ -32,7 +32,7 @@ _JOINED = "\xa0"  # a blank at which no line is broken
 
 
 def run(
-    robots: RobotOptions,
+    robots: ShownRobotOptions,
     file: Path = FILE,
     at: str = option(
         "POSE",

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from cinegen.cli.files import count, print_result
-from cinegen.cli.options import FILE, JSON, RobotOptions, flag
+from cinegen.cli.options import FILE, JSON, ShownRobotOptions, flag
 from raff2urdf.quantities import ANGLE, LENGTH, shown, shown_scale
 
 if TYPE_CHECKING:
@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 
 
 def run(
-    options: RobotOptions,
+    options: ShownRobotOptions,
     files: list[Path] = FILE,
     ignored: bool = flag("--ignored", "also list the elements of a URDF, SDF or MJCF that are not read"),
     collision: bool = flag("--collision", "also list the shapes of links, and why each pair is checked, or not"),

@@ -15,14 +15,14 @@ from typing import TYPE_CHECKING, Any, Literal
 from cinegen.cli.files import check_outputs, print_result, unchecked_links, write_figure
 from cinegen.cli.numbers import UNITS, dimension_of, interval_of, named, point
 from cinegen.cli.numbers import quantity as number
-from cinegen.cli.options import FILE, JSON, PLOT, VIEW, RobotOptions, exclude, flag, option
+from cinegen.cli.options import FILE, JSON, PLOT, VIEW, ShownRobotOptions, exclude, flag, option
 from cinegen.cli.payloads import GRAVITY, PAYLOADS, WRENCHES, carried, gravity_of, wrenches
 from cinegen.cli.progress import Progress
 from cinegen.cli.region import region
 from cinegen.cli.served_page import PageOptions
 from cinegen.cli.tolerance import ENCODER, PLAY, SIGMA, amounts
 from cinegen.errors import CinegenError, UnknownNameError
-from raff2urdf.command_line import UsageError
+from raff2urdf.command_line import UsageError, no_effect
 from raff2urdf.files import STANDARD, output_path
 from raff2urdf.quantities import ANGULAR_STIFFNESS, LENGTH, NUMBER, STIFFNESS, shown, shown_unit
 
@@ -107,7 +107,10 @@ class MapOptions:
     )
     plot: Path | None = PLOT
     show: str | None = option(
-        "NAME", "quantity to draw and to show (default: the first of --quantity)", needs="--plot, --view"
+        "NAME",
+        "quantity to draw and to show (default: the first of --quantity)",
+        needs="--plot, --view",
+        unless="--vary",
     )
     view: bool = VIEW
     json: bool = JSON
@@ -116,7 +119,7 @@ class MapOptions:
     yes: bool = flag("--yes", "start without a question, however long it takes")
 
 
-def run(robots: RobotOptions, options: MapOptions, page: PageOptions, file: Path = FILE) -> int:
+def run(robots: ShownRobotOptions, options: MapOptions, page: PageOptions, file: Path = FILE) -> int:
     """Map where a robot reaches, how well, and where it is singular.
 
     Divides a region into cells, finds for each whether the robot reaches it, and how well, and writes an xarray Dataset
@@ -126,6 +129,8 @@ def run(robots: RobotOptions, options: MapOptions, page: PageOptions, file: Path
     from cinegen.workspace import make_map
 
     exclude(json=options.json, view=options.view)
+    if not (options.plot or (options.view and page.writes)):
+        no_effect("where no file is written, such as that of --plot", "--force")
     check_outputs(options.plot, force=page.force, json=options.json)
     name, mechanism = robots.load_one(file)
     spec = specification(mechanism, options, robots, file)
@@ -163,7 +168,7 @@ def run(robots: RobotOptions, options: MapOptions, page: PageOptions, file: Path
     return 0
 
 
-def specification(mechanism: Mechanism, options: MapOptions, robots: RobotOptions, file: Path) -> MapSpecification:
+def specification(mechanism: Mechanism, options: MapOptions, robots: ShownRobotOptions, file: Path) -> MapSpecification:
     """Return the specification of a map.
 
     Raises:
@@ -246,7 +251,7 @@ def _springs(mechanism: Mechanism, texts: Sequence[str]) -> dict[str, float]:
     return found
 
 
-def _obstacles(mechanism: Mechanism, file: Path, robots: RobotOptions) -> dict[str, Any]:
+def _obstacles(mechanism: Mechanism, file: Path, robots: ShownRobotOptions) -> dict[str, Any]:
     """Return the obstacles of a scene, with this robot instead of the scene's."""
     from cinegen.collision import load_scene
 
@@ -262,7 +267,7 @@ def _obstacles(mechanism: Mechanism, file: Path, robots: RobotOptions) -> dict[s
     return values
 
 
-def _sweep(name: str, spec: MapSpecification, file: Path, robots: RobotOptions, options: MapOptions) -> int:
+def _sweep(name: str, spec: MapSpecification, file: Path, robots: ShownRobotOptions, options: MapOptions) -> int:
     """Map all variants and print their table."""
     from cinegen.plotting.sweep import check_drawable, draw_sweep
     from cinegen.workspace.sweep import Variation, WantedBox, sweep

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any, Literal
 from cinegen.cli.files import check_outputs, count, print_result, write_figure
 from cinegen.cli.ik import TYPED, claim_text, limits_text, missed_text, pose_task, pose_text, self_motion_lines
 from cinegen.cli.numbers import UNITS, parts, values
-from cinegen.cli.options import FILE, JSON, NODE, PLOT, VIEW, RobotOptions, exclude, option
+from cinegen.cli.options import FILE, JSON, NODE, PLOT, VIEW, ShownRobotOptions, exclude, option
 from cinegen.cli.progress import Progress
 from cinegen.cli.served_page import PageOptions
 from cinegen.errors import CinegenError, UnknownNameError
@@ -30,7 +30,7 @@ _SPEED = 0.5  # modes per second
 
 
 def run(
-    robots: RobotOptions,
+    robots: ShownRobotOptions,
     page: PageOptions,
     file: Path = FILE,
     lengths: str | None = option(

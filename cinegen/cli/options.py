@@ -47,6 +47,12 @@ def flag(name: str, help: str, needs: str = "", unless: str = "", **settings: An
     return ruled(typer.Option(False, name, metavar="", help=help, **settings), needs, unless)
 
 
+def force_option(needs: str = "") -> Any:
+    """Return the option `--force`; `needs` are the options that name files, where some do."""
+    what = "replace an existing file that cinegen did not generate, that was changed since, or a recording"
+    return flag("--force", what, needs)
+
+
 def _show_units(unit: str) -> str:
     show_lengths_in(unit)
     return unit
@@ -69,9 +75,6 @@ FILES = typer.Argument(
 )
 ACTUATED = option("JOINTS", "actuated joints, such as joint1,joint2 (default: those of the file, or else chosen)")
 FIXED_BASE = flag("--fixed-base", "hold a floating base: nothing moves it")
-FORCE = flag(
-    "--force", "replace an existing file that cinegen did not generate, that was changed since, or a recording"
-)
 IGNORE = option(
     "ELEMENT", "leave out loops and couplings of this name or element, such as pin or loop_joint", (),
     unless="--ignore-loops",
@@ -88,7 +91,10 @@ SELF_CLEARANCE = quantity_option(
     "LENGTH", "distance between links of the robot (default: the scene's)", LENGTH, needs="--scene"
 )
 SRDF = option("FILE", "SRDF with pairs of links that may collide (default: the one next to a URDF)")
-UNITS = option(None, "unit of lengths in text and pictures; angles are in degrees", "m", callback=_show_units)
+UNITS = option(
+    None, "unit of lengths in text and pictures; angles are in degrees", "m", callback=_show_units,
+    unless="--json but --plot --plot-joints",
+)  # fmt: skip
 VIEW = flag("--view", "show the result in the page")
 
 
@@ -110,7 +116,6 @@ class RobotOptions(ReadFlags):
     )  # fmt: skip
     srdf: Path | None = SRDF
     fixed_base: bool = FIXED_BASE
-    units: Literal["m", "mm"] = UNITS
 
     def load(self, files: Iterable[Path]) -> dict[str, tuple[Mechanism, Path]]:
         """Return all robots of all files with their file, by a unique name.
@@ -154,6 +159,13 @@ class RobotOptions(ReadFlags):
             names = ", ".join(mechanism.name for _, mechanism in found)
             raise CinegenError(f"{file} holds several robots: name one by --robot ({names})")
         return found[0]
+
+
+@dataclass(frozen=True)
+class ShownRobotOptions(RobotOptions):
+    """Which robots are loaded, and how lengths are shown that are printed or drawn."""
+
+    units: Literal["m", "mm"] = UNITS
 
 
 def actuated_of(text: str | None) -> list[str] | None:

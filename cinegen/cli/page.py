@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from cinegen.cli.files import check_outputs, write
-from cinegen.cli.options import FILES, FORCE, RobotOptions, option
+from cinegen.cli.options import FILES, RobotOptions, force_option, option
 from raff2urdf.command_line import UsageError
 from raff2urdf.files import stem_of
 
@@ -27,7 +27,7 @@ def run(
         (),
     ),
     title: str | None = option("TEXT", "title of the page (default: the robots' names)"),
-    force: bool = FORCE,
+    force: bool = force_option(),
 ) -> int:
     """Write a page that holds robots and their solver, and needs no server.
 

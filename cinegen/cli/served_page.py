@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 
 from cinegen.cli.files import check_outputs, write
 from cinegen.cli.numbers import quantity_option
-from cinegen.cli.options import FORCE, STOP_AFTER, flag, option
+from cinegen.cli.options import STOP_AFTER, flag, force_option, option
 from cinegen.cli.progress import Progress
 from raff2urdf.command_line import UsageError
 from raff2urdf.escape import one_line
@@ -49,7 +49,9 @@ class PageOptions:
     https: bool = flag(
         "--https", "encrypt connections by a self-signed certificate: headsets of the network need it", **_SERVED
     )
-    no_browser: bool = flag("--no-browser", "only print the address of the page", needs="--view", **_PANEL)
+    no_browser: bool = flag(
+        "--no-browser", "only print the address of the page", needs="--view", unless="--video", **_PANEL
+    )
     realtime: bool = flag(
         "--realtime", f"run the session in the real-time class SCHED_FIFO, priority {_REALTIME}, if the system permits "
         "it: more punctual on a busy machine, but other programs must wait", **_SERVED,
@@ -59,8 +61,13 @@ class PageOptions:
         needs="--view", endings=FILMS, **_PANEL,
     )  # fmt: skip
     size: str = option("WxH", "size of the film, pixels", "1280x720", needs="--video", **_PANEL)
-    force: bool = FORCE
+    force: bool = force_option("--view, --plot, --plot-joints, --output")
     aids: bool = flag("--aids", "draw the visual aids in the film", needs="--video", **_PANEL)
+
+    @property
+    def writes(self) -> bool:
+        """True if `show` writes a file: a film, or what is seen without a terminal, unless a snapshot is named."""
+        return self.video is not None or self.seconds is None
 
     def show(self, setup: Setup, stem: str, snapshot: Path | None = None, files: SetupFiles | None = None) -> int:
         """Serve the page of a session until it ends; return the exit code.

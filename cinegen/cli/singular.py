@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 from cinegen.cli.files import check_outputs, print_result, write, write_figure
 from cinegen.cli.numbers import POSE_EXAMPLE, UNITS, configuration_at, interval_of, parts, values
-from cinegen.cli.options import FILE, FORCE, JSON, PICTURES, RobotOptions, option
+from cinegen.cli.options import FILE, JSON, PICTURES, ShownRobotOptions, force_option, option
 from cinegen.cli.progress import Progress
 from cinegen.errors import CinegenError
 from raff2urdf.command_line import UsageError, no_effect
@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
 
 def run(
-    robots: RobotOptions,
+    robots: ShownRobotOptions,
     files: list[Path] = FILE,
     node: str | None = option("NAME", "node whose motion is analysed (default: the last of the file)"),
     at: str = option(
@@ -44,7 +44,7 @@ def run(
         endings=(".json",),
     ),
     json: bool = JSON,
-    force: bool = FORCE,
+    force: bool = force_option("--over"),
 ) -> int:
     """Find singularities: at a pose, over a slice of the workspace, or along a recorded motion.
 
@@ -56,7 +56,7 @@ def run(
     if recordings:
         no_effect(
             f"on a recording ({recordings[0]})", "--node", "--at", "--over", "--loop", "--ignore-loops", "--ignore",
-            "--relax", "--srdf", "--actuated",
+            "--relax", "--srdf", "--actuated", "--fixed-base", "--units", "--package", "--xacro-arg", "--swap-limits",
         )  # fmt: skip
         if len(recordings) < len(files):
             raise UsageError("recordings (.jsonl) and robots are analysed apart: name only one kind of file")

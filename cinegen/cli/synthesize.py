@@ -7,7 +7,7 @@ from pathlib import Path
 import typer
 
 from cinegen.cli.files import check_outputs, print_result, write
-from cinegen.cli.options import FILE, FORCE, JSON, option
+from cinegen.cli.options import FILE, JSON, force_option, option
 from cinegen.cli.progress import Progress
 from raff2urdf.files import output_path, stem_of
 
@@ -29,7 +29,7 @@ def run(
     workers: int | None = option("N", "processes on this machine that share the starts (default: its cores)"),
     scheduler: str | None = option("URL", "scheduler of a Dask cluster, such as tcp://node1:8786"),
     robot: str | None = option("NAME", "the robot of this name"),
-    force: bool = FORCE,
+    force: bool = force_option(),
     json: bool = JSON,
 ) -> int:
     """Find the dimensions with which a robot does a task best.

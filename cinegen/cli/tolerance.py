@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 
 from cinegen.cli.files import check_outputs, print_result, write_figure
 from cinegen.cli.numbers import UNITS, configuration_at, named, parts
-from cinegen.cli.options import FILE, FORCE, JSON, NODE, PLOT, option
+from cinegen.cli.options import FILE, JSON, NODE, PLOT, force_option, option
 from cinegen.errors import CinegenError
 from raff2urdf.command_line import UsageError
 from raff2urdf.files import stem_of
@@ -45,7 +45,7 @@ def run(
     seed: int = option("N", "of the random numbers", 0, min=0, needs="--samples"),
     robot: str | None = option("NAME", "the robot of this name"),
     plot: Path | None = PLOT,
-    force: bool = FORCE,
+    force: bool = force_option("--plot"),
     json: bool = JSON,
 ) -> int:
     """Compute how accurate a robot is: covariance, worst case, largest contributors.

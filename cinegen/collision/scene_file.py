@@ -25,7 +25,7 @@ from cinegen.model import Mechanism
 from cinegen.model.load import load_with
 from cinegen.model.plausible import FAR, ImplausibleError, check_joint, check_lengths
 from cinegen.tolerances import AT_LIMIT
-from raff2urdf.errors import RaffError, did_you_mean
+from raff2urdf.errors import SHOWN, RaffError, did_you_mean
 from raff2urdf.files import STANDARD, stem_of
 from raff2urdf.quantities import ANGLE, LENGTH, NUMBER, shown
 from raff2urdf.readers.options import ReadOptions
@@ -166,12 +166,18 @@ def _scene(
 
 
 def _obstacles(table: SceneTable, folder: Path) -> tuple[Obstacle, ...]:
-    found: dict[str, Obstacle] = {}
+    found, errors = dict[str, Obstacle](), list[str]()
     for number, each in enumerate(table.tables("obstacle"), 1):
-        obstacle = read_obstacle(each, number, folder)
+        try:
+            obstacle = read_obstacle(each, number, folder)
+        except SceneError as error:
+            errors.append(str(error))
+            continue
         if obstacle.name in found:
-            raise each.error("name", f"'{obstacle.name}' is used by another obstacle")
+            errors.append(str(each.error("name", f"'{obstacle.name}' is used by another obstacle")))
         found[obstacle.name] = obstacle
+    if errors:
+        raise SceneError("\n".join(errors[:SHOWN]))
     return tuple(found.values())
 
 

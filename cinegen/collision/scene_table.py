@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Mapping, Sequence
-from difflib import get_close_matches
 from numbers import Real
 from pathlib import Path
 from typing import Any, TypeVar
@@ -14,7 +13,7 @@ import pinocchio as pin
 
 from cinegen.arrays import Array
 from cinegen.collision.errors import SceneError
-from raff2urdf.errors import did_you_mean
+from raff2urdf.errors import SHOWN, did_you_mean, near_names
 from raff2urdf.files import note
 from raff2urdf.quantities import ANGLE, LENGTH, NUMBER, Dimension, QuantityError, parse
 from raff2urdf.shipped import robots, similar_file
@@ -70,9 +69,10 @@ class SceneTable:
 
     def finish(self) -> None:
         """Raise SceneError if a key is unknown. Call it after all valid keys were asked for."""
-        for key in self._values:
-            if key not in self._known:
-                raise SceneError(f"{self.where}: unknown key '{key}'{did_you_mean(key, self._known)}")
+        unknown = [key for key in self._values if key not in self._known]
+        if unknown:
+            lines = [f"{self.where}: unknown key '{key}'{did_you_mean(key, self._known)}" for key in unknown]
+            raise SceneError("\n".join(lines[:SHOWN]))
 
     def error(self, key: str, why: str) -> SceneError:
         """Return the error that reports what is wrong with a key."""
@@ -241,7 +241,7 @@ class SceneTable:
     def _value(self, key: str) -> Any:
         if key in self:
             return self._values[key]
-        near = get_close_matches(key, [other for other in self._values if other not in self._known], n=1)
+        near = near_names(key, [other for other in self._values if other not in self._known])
         raise self.error(key, f"is missing: is '{near[0]}' misspelled?" if near else "is missing")
 
     def _number(self, key: str, value: Any, dimension: Dimension = LENGTH) -> float:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import difflib
 import math
 from collections.abc import Iterable, Mapping, Sequence
 from typing import NamedTuple
@@ -17,6 +16,7 @@ from cinegen.model import Mechanism
 from cinegen.singularities.branch import BranchTracker
 from cinegen.singularities.crossing import of_end
 from raff2urdf.closure import rank
+from raff2urdf.errors import near_names
 
 POSE = ("x", "y", "z", "rx", "ry", "rz")
 """Coordinates of a pose: metres, and roll, pitch and yaw in radians, R = Rz(rz) Ry(ry) Rx(rx)."""
@@ -81,7 +81,7 @@ class Coordinates:
         if not wrong:
             return
         name = min(wrong, key=(*POSE, *actuated).__contains__)
-        near = difflib.get_close_matches(name, [*POSE, *actuated], n=1)
+        near = near_names(name, [*POSE, *actuated])
         hint = f" (did you mean '{near[0]}'?)" if near and near[0] != name else ""
         if name in self.mechanism.joints and name not in actuated:
             hint = " (this joint is not actuated)"

@@ -5,14 +5,15 @@ from __future__ import annotations
 import hashlib
 import json
 import math
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
+from functools import partial
 from typing import Any, NamedTuple
 
 import numpy as np
 from lxml import etree
 from numpy.typing import NDArray
 
-from raff2urdf.errors import RaffError, defined_twice, did_you_mean, duplicates, limits_reversed
+from raff2urdf.errors import RaffError, defined_twice, did_you_mean, duplicates, limits_reversed, run_all
 from raff2urdf.escape import one_line, shell_word
 from raff2urdf.inertia import Inertia
 from raff2urdf.placement import from_origin
@@ -79,17 +80,19 @@ def parse(text: str, name: str) -> Any:
     if tree.get("name"):
         tree.set("name", one_line(tree.get("name")))  # it names nothing but the robot, to users
     try:
-        for joint in tree.iterchildren("joint"):
-            if joint.find("parent") is None:
-                raise error_at(name, joint, f"{_label(joint)} has no <parent>: add it")
-        for joint in joints(tree):
-            _check_joint(joint, name)
+        known = dict.fromkeys(str(link.get("name")) for link in links(tree))
+        run_all(
+            [
+                partial(by_name, links(tree), name),
+                *(partial(_check_joint, joint, known, name) for joint in tree.iterchildren("joint")),
+                *(partial(check, link, name) for link in links(tree) for check in (_check_inertial, _check_shapes)),
+            ]
+        )
         _check_tree(tree, name)
-        for link in links(tree):
-            _check_inertial(link, name)
-            _check_shapes(link, name)
     except RaffError as error:
-        raise RaffError(f"{error}{xacro_hint(tree, name)}") from None
+        if hint := xacro_hint(tree, name):
+            raise RaffError(f"{error}{hint}") from None
+        raise
     return tree
 
 
@@ -354,7 +357,22 @@ def _label(joint: Any) -> str:
     return f"joint '{joint.get('name', '')}'"
 
 
-def _check_joint(joint: Any, name: str) -> None:
+def _check_joint(joint: Any, known: Collection[str], name: str) -> None:
+    if joint.find("parent") is None:
+        raise error_at(name, joint, f"{_label(joint)} has no <parent>: add it")
+    run_all([partial(_check_numbers, joint, name), partial(_check_ends, joint, known, name)])
+
+
+def _check_ends(joint: Any, known: Collection[str], name: str) -> None:
+    for word, link in zip(("parent", "child"), ends(joint), strict=True):
+        if known and link not in known:
+            near = did_you_mean(link, list(known))
+            add = "" if near.endswith("?") else f': add <link name="{link}"/>, or name one of these'
+            what = f"{_label(joint)} has the {word} '{link}', which is not a link{near}{add}"
+            raise error_at(name, joint, what)
+
+
+def _check_numbers(joint: Any, name: str) -> None:
     kind, vector = joint.get("type"), joint.find("axis")
     if kind not in KINDS:
         near = did_you_mean(str(MEANT.get(str(kind), kind)), KINDS)
@@ -425,12 +443,6 @@ def _check_tree(tree: Any, name: str) -> None:
         raise error_at(name, tree, f"the robot '{tree.get('name', '')}' has no link: add one")
     joint_of: dict[str, Any] = {}
     for joint in by_name(joints(tree), name).values():
-        for word, link in zip(("parent", "child"), ends(joint), strict=True):
-            if link not in known:
-                near = did_you_mean(link, list(known))
-                add = "" if near.endswith("?") else f': add <link name="{link}"/>, or name one of these'
-                what = f"{_label(joint)} has the {word} '{link}', which is not a link{near}{add}"
-                raise error_at(name, joint, what)
         child = ends(joint)[1]
         other = joint_of.setdefault(child, joint)
         if other is not joint:

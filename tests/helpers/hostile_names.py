@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from xml.sax.saxutils import quoteattr
+from xml.sax.saxutils import escape, quoteattr
 
 C_CODE = '*/ __attribute__((constructor)) void owned(void) { __builtin_printf("owned\\n"); } /*'
 KEYS = ("constructor", "toString", "__proto__", "hasOwnProperty", "valueOf")
@@ -25,3 +25,41 @@ def urdf(robot: str = "arm", links: tuple[str, ...] = LINKS, joints: tuple[str, 
             '<limit lower="-1" upper="1" velocity="1" effort="1"/></joint>',
         ]
     return "\n".join([*parts, "</robot>"])
+
+
+NAMES = (
+    *LINKS, "a\"b'c", "<b onload=x>", "&amp;", "&#x41;", "]]>", "--><x>", "<!-- x", "<![CDATA[x]]>", "<?xml ?>", "// x",
+    "??/", "a\\", "\\n", "/* x", '"); system("x', "'; drop table x; --", "${x}", "`x`", "{{x}}", "%s%n", "%(x)s",
+    "{x.__class__}", "# x", "- x", "a: b", "[1,2]", "{a: b}", "!!python/object:x", "null", "NaN", "1e3", "~",
+    "@x", "+1", "-1", "end",
+    "x,y", "x;y", "a|b", r"$\frac{$", "$", "^_", "\u65e5\u672c\u8a9e", "\U0001f600", "a\u0308", "..", "CON", "~/.x",
+    "n" * 200,
+)  # fmt: skip
+"""Names of links and joints, each of them something else in some language."""
+UNPRINTABLE = ("\u202ex", "x\u200b", "x\x9b2J")
+"""Names that are refused."""
+
+
+def arm_of(names: tuple[str, ...] = NAMES, robot: str = CONTROLS) -> str:
+    """The URDF of a planar arm whose links and joints have these names."""
+    return urdf(robot, names, names)
+
+
+def sdf(names: tuple[str, ...] = NAMES, robot: str = "arm") -> str:
+    """The same arm as SDF."""
+    parts = [f'<sdf version="1.9"><model name={quoteattr(robot)}><link name="base"/>']
+    for parent, name in zip(("base", *names), names, strict=False):
+        parts += [
+            f"<link name={quoteattr(name)}><pose relative_to={quoteattr(parent)}>0.3 0 0 0 0 0</pose></link>",
+            f'<joint name={quoteattr(f"{name} j")} type="revolute"><parent>{escape(parent)}</parent>',
+            f"<child>{escape(name)}</child><axis><xyz>0 0 1</xyz></axis></joint>",
+        ]
+    return "\n".join([*parts, "</model></sdf>"])
+
+
+def mjcf(names: tuple[str, ...] = NAMES, robot: str = "arm") -> str:
+    """The same arm as MJCF."""
+    joint = '<joint axis="0 0 1" name={0}/><geom size="0.01" mass="1"/>'
+    bodies = "".join(f'<body name={quoteattr(one)} pos="0.3 0 0">{joint.format(quoteattr(one))}' for one in names)
+    world = f'<worldbody><body name="base">{bodies}{"</body>" * len(names)}</body></worldbody>'
+    return f"<mujoco model={quoteattr(robot)}>{world}</mujoco>"

@@ -102,3 +102,8 @@ def test_ctrl_c_is_reported(typed):
 
 def test_the_version_is_that_of_the_distribution(typed):
     assert typed("--version") == (0, f"{__version__}\n", "")
+
+
+@pytest.mark.parametrize("words", [("help",), ("help", "draw"), ("help", "darw")])
+def test_help_is_a_command_and_an_option(typed, words):
+    assert typed(*words)[1:] == typed(*words[1:], "--help")[1:]

@@ -7,12 +7,13 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field
+from functools import partial
 from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from raff2urdf.errors import RaffError, did_you_mean, limits_reversed, warn
+from raff2urdf.errors import RaffError, did_you_mean, limits_reversed, run_all, warn
 from raff2urdf.placement import from_origin, from_quaternion, inverse
 from raff2urdf.readers import drives
 from raff2urdf.readers.implausible import in_degrees
@@ -162,7 +163,11 @@ class SdfModelReader:
                 found.frames[poses.prefix + own] = poses.link(own, frame)
                 found.placements[poses.prefix + own] = poses.of_element(frame)
         named = by_name(joints, self.name, poses.prefix)
-        found.joints += [self._joint(joint, poses, found.notes) for joint in named.values()]
+
+        def read(joint: Any) -> None:
+            found.joints.append(self._joint(joint, poses, found.notes))
+
+        run_all(partial(read, joint) for joint in named.values())
         found.driven |= {(poses.prefix + joint, axis) for joint, axis, _ in drives.of_plugins(poses.model)}
         if poses.prefix and poses.model.findtext("static", "").strip() in ("1", "true"):
             found.notes.append(f"<static> of the nested model '{poses.prefix[:-2]}' is not read")

@@ -1,0 +1,232 @@
+"""A table of sources and writers: names that are code elsewhere stay text in each medium, as its own reader judges."""
+
+import csv
+import io
+import json
+import re
+import shutil
+import subprocess
+import xml.etree.ElementTree as ElementTree
+from html.parser import HTMLParser
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+import yaml
+from hostile_names import CONTROLS, NAMES, UNPRINTABLE, arm_of, mjcf, sdf
+
+import cinegen
+from cinegen.cli import main
+from cinegen.cli.files import write_figure
+from cinegen.codegen import Function, Language, generate
+from cinegen.collision import load_scene
+from cinegen.mission import MissionRecorder, Recording, RobotSample, resampled
+from cinegen.mission.formats import FORMATS
+from cinegen.page import build_page
+from cinegen.plotting.map import draw_map
+from cinegen.session import Setup
+from cinegen.workspace import GridAxis, MapSpecification, Region, make_map
+from raff2urdf.errors import RaffError
+from raff2urdf.escape import csv_text, one_line
+
+CONTROL = re.compile("[\x00-\x08\x0b-\x1f\x7f-\x9f\u200b\u200e\u200f\u2028-\u202e\u2066-\u2069]")
+SOURCES = {"urdf": arm_of, "sdf": sdf, "xml": mjcf}
+
+
+@pytest.fixture(scope="module", params=SOURCES)
+def arm(request, tmp_path_factory):
+    """A robot of that source: all its links have hostile names, and so has it."""
+    path = tmp_path_factory.mktemp("arm") / f"arm.{request.param}"
+    path.write_text(SOURCES[request.param](), encoding="utf-8")
+    return cinegen.load(path), path
+
+
+TABLES = {"table", "thead", "tbody", "tr", "th", "td", "p", "b", "div", "span", "caption", "code", "br"}
+
+
+class Tags(HTMLParser):
+    """The tags of a page, the names of their attributes, and its text."""
+
+    def __init__(self, page):
+        super().__init__()
+        self.tags, self.attributes, self.text = [], set(), ""
+        self.feed(page)
+
+    def handle_starttag(self, tag, attributes):
+        self.tags.append(tag)
+        self.attributes |= {name for name, _ in attributes}
+
+    def handle_data(self, data):
+        self.text += data
+
+
+def terminal(mechanism, path, tmp_path, capsys):
+    assert main(["info", str(path)]) == 0
+    said = capsys.readouterr().out
+    assert not CONTROL.search(said)
+    assert all(one in said for one in mechanism.joints)
+    assert main(["info", str(path), "--json"]) == 0
+    found = json.loads(capsys.readouterr().out)
+    assert [one["name"] for one in found[0]["joints"]] == list(mechanism.joints)
+
+
+def notebook(mechanism, path, tmp_path, capsys):
+    page = Tags(mechanism._repr_html_())
+    assert set(page.tags) <= {
+        "table",
+        "thead",
+        "tbody",
+        "tr",
+        "th",
+        "td",
+        "p",
+        "b",
+        "div",
+        "span",
+        "caption",
+        "code",
+        "br",
+    }
+    assert page.attributes <= {"class", "style", "colspan", "scope"}
+    assert all(one in page.text for one in mechanism.joints)
+
+
+def local_page(mechanism, path, tmp_path, capsys):
+    plain = tmp_path / "plain.urdf"
+    plain.write_text(arm_of(tuple(f"n{k}" for k in range(len(NAMES))), "plain"), encoding="utf-8")
+    titles = ("</title><script>window.owned = 1</script>", "plain")
+    hostile, known = (
+        Tags(build_page(Setup({name: one}), title))
+        for name, one, title in ((NAMES[6], mechanism, titles[0]), ("plain", cinegen.load(plain), titles[1]))
+    )
+    assert hostile.tags == known.tags
+    assert hostile.attributes == known.attributes
+
+
+def c(mechanism, path, tmp_path, capsys):
+    found = generate(mechanism, Language.C, functions=[Function("fk")], name="arm", source=NAMES[5])
+    for name, text in found.items():
+        (tmp_path / name).write_text(text, encoding="utf-8")
+    if shutil.which("gcc"):
+        strict = ["-std=c99", "-trigraphs", "-Wall", "-Wextra", "-Werror"]
+        subprocess.run(["gcc", *strict, "-fsyntax-only", "arm.c"], cwd=tmp_path, check=True)
+    assert not re.search(r"^\s*(?:void owned|__attribute__)", "\n".join(found.values()), re.MULTILINE)
+
+
+def javascript(mechanism, path, tmp_path, capsys):
+    found = generate(mechanism, Language("js"), functions=[Function("fk")], name="arm", source=NAMES[5])
+    (tmp_path / "arm.mjs").write_text(found["arm.mjs"], encoding="utf-8")
+    if node := shutil.which("node"):
+        program = 'const { names } = await import("./arm.mjs"); console.log(JSON.stringify(names));'
+        run = [node, "--input-type=module", "-e", program]
+        done = subprocess.run(run, cwd=tmp_path, check=True, capture_output=True, text=True)
+        assert json.loads(done.stdout)["q"] == list(mechanism.joints)
+
+
+def table(mechanism, path, tmp_path, capsys):
+    text = FORMATS["csv"].write(moved(mechanism), mechanism.joints).decode()
+    heads = next(csv.reader(io.StringIO(text)))
+    assert not any(one.startswith(("=", "+", "-", "@", "\t", "\r")) for one in heads)
+    assert [csv_text(one) for one in heads] == ["time", *mechanism.joints]
+
+
+def ros2(mechanism, path, tmp_path, capsys):
+    goal = yaml.safe_load(FORMATS["ros2"].write(moved(mechanism), mechanism.joints))
+    assert goal["trajectory"]["joint_names"] == list(mechanism.joints)
+
+
+def npz(mechanism, path, tmp_path, capsys):
+    found = np.load(io.BytesIO(FORMATS["npz"].write(moved(mechanism), mechanism.joints)), allow_pickle=False)
+    assert found["joints"].tolist() == list(mechanism.joints)
+
+
+def urscript(mechanism, path, tmp_path, capsys):
+    for k in range(0, len(mechanism.joints), 6):
+        lines = FORMATS["urscript"].write(moved(mechanism), mechanism.joints[k : k + 6]).decode().splitlines()
+        code = [line for line in lines if not line.startswith("#")]
+        assert len(lines) == 3 + len(code)
+        assert (code[0], code[-1]) == ("def cinegen_motion():", "end")
+        assert all(re.fullmatch(r"  (movej\(\[|servoj\(\[|stopj\()[-\d., \[\]a-z=]*\)", line) for line in code[1:-1])
+
+
+def recording(mechanism, path, tmp_path, capsys):
+    with MissionRecorder(tmp_path / "run.jsonl", {NAMES[6]: mechanism}) as recorder:
+        for tick in range(2):
+            recorder.write(0.1 * tick, {NAMES[6]: RobotSample(mechanism.q_home, "IDLE")})
+    assert resampled(Recording.load(tmp_path / "run.jsonl"), NAMES[6]).mechanism.joints == mechanism.joints
+
+
+def map_and_picture(mechanism, path, tmp_path, capsys):
+    first, second = (name for name in mechanism.actuated if "frac" in name or "onload" in name)
+    axes = (GridAxis(first, 0.0, 0.1, 2), GridAxis(second, 0.0, 0.1, 2))
+    found = make_map(MapSpecification(mechanism, Region(axes), ("sigma_1",)), tmp_path / "map.zarr", workers=1)
+    assert {first, second} <= {*found.dims} | {str(one.attrs.get("long_name")) for one in found.coords.values()}
+    json.loads((tmp_path / "map.zarr" / "zarr.json").read_text(encoding="utf-8"))
+    write_figure(tmp_path / "map.svg", draw_map(found, "sigma_1", name=NAMES[6]), quiet=True)
+    texts = ElementTree.parse(tmp_path / "map.svg")
+    assert not [one for one in texts.iter() if one.tag.rpartition("}")[2] == "script"]
+    found.close()
+
+
+def moved(mechanism):
+    """A motion of two samples: what writers of formats take."""
+    return SimpleNamespace(
+        name=CONTROLS, mechanism=mechanism, rate=10.0, seconds=0.1, times=np.array([0.0, 0.1]),
+        positions=lambda joints: np.zeros((2, len(joints))), velocities=lambda joints: np.zeros((2, len(joints))),
+    )  # fmt: skip
+
+
+WRITERS = (terminal, notebook, local_page, c, javascript, table, ros2, npz, urscript, recording, map_and_picture)
+
+
+@pytest.mark.parametrize("writer", WRITERS, ids=lambda one: one.__name__)
+def test_names_stay_text(arm, writer, tmp_path, capsys):
+    writer(*arm, tmp_path, capsys)
+
+
+@pytest.mark.parametrize("name", UNPRINTABLE)
+@pytest.mark.parametrize("source", SOURCES)
+def test_names_that_cannot_be_seen_are_refused(tmp_path, source, name):
+    path = tmp_path / f"arm.{source}"
+    path.write_text(SOURCES[source]((name,)), encoding="utf-8")
+    with pytest.raises((cinegen.CinegenError, RaffError)) as refused:
+        cinegen.load(path)
+    assert not CONTROL.search(one_line(str(refused.value)))
+
+
+def test_there_are_sixty_names():
+    assert len({*NAMES}) == 60
+
+
+def test_obstacles_of_a_scene(tmp_path, root, capsys):
+    balls = "".join(
+        f"[[obstacle]]\nname = {json.dumps(name, ensure_ascii=False)}\n"
+        "kind = 'sphere'\nradius = 0.1\npoint = [5, 5, 5]\n"
+        for name in NAMES
+    )
+    path = tmp_path / "scene.toml"
+    path.write_text(f"robot = '{root}/robots/planar_3r.raff'\ngoal = {{ point = [0.9, 0.9] }}\n{balls}", "utf-8")
+    scene = load_scene(path)
+    assert [one.name for one in scene.obstacles] == [*NAMES]
+    page = Tags(scene._repr_html_())
+    assert set(page.tags) <= TABLES
+    assert main(["plan", str(path)]) == 1
+    said = capsys.readouterr().out
+    assert not CONTROL.search(said)
+
+
+@pytest.mark.parametrize("name", [*NAMES, *UNPRINTABLE])
+def test_columns_of_measurements_and_keys_of_tasks(tmp_path, root, capsys, name):
+    file = io.StringIO()
+    csv.writer(file).writerows([["pose", name], ["a", "0"]])
+    (tmp_path / "m.csv").write_text(file.getvalue(), encoding="utf-8")
+    (tmp_path / "task.toml").write_text(f"{json.dumps(name, ensure_ascii=False)} = 1\n", encoding="utf-8")
+    robot = str(root / "robots/planar_3r.raff")
+    for command in (
+        ["calibrate", robot, str(tmp_path / "m.csv")],
+        ["synthesize", robot, "--task", f"{tmp_path}/task.toml"],
+    ):
+        assert main(command) == 1
+        said = capsys.readouterr().err
+        assert not CONTROL.search(said)
+        assert len(said.splitlines()) <= 3
