@@ -7,6 +7,7 @@ import warnings
 from collections.abc import Mapping
 from typing import Any
 
+import numpy as np
 from lxml import etree
 
 from cinegen.errors import LoadError, warn
@@ -166,9 +167,23 @@ def completed(declared: Constraints, sidecar: Mapping[str, Any] | None, name: st
     for node in sidecar.get("nodes", []):
         if node not in declared["nodes"]:
             raise LoadError(f"{name}: the constraints name '{node}', which is no link of the URDF")
-    own = [(entry, known[entry["name"]]) for entry in entries]
-    joints = [{**entry, **joint, "home": entry.get("home", joint["home"])} for entry, joint in own]
-    return {**declared, **sidecar, "joints": joints}
+    return {**declared, **sidecar, "joints": [_completed(known[entry["name"]], entry, name) for entry in entries]}
+
+
+def _completed(declared: Mapping[str, Any], entry: Mapping[str, Any], name: str) -> dict[str, Any]:
+    """Return the entry of a joint with everything that the URDF declares: type and limits are the URDF's.
+
+    Raises:
+        LoadError: the entry gives other limits.
+    """
+    for key in ("limits", "velocity"):
+        here, there = (None if one is None else np.atleast_1d(one).tolist() for one in (entry.get(key), declared[key]))
+        if key in entry and here != there:
+            what = (
+                f"{key} of joint '{entry['name']}' are {here or 'none'} in the constraints and {there or 'none'} in the"
+            )
+            raise LoadError(f"{name}: {what} URDF, where they belong: remove them from the constraints")
+    return {**entry, **declared, "home": entry.get("home", declared["home"])}
 
 
 def _warn_of_assumptions(tree: Any, name: str) -> None:
