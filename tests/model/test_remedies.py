@@ -38,6 +38,7 @@ import raff2urdf.cli
 import raff2urdf.urdf2raff.cli
 from cinegen.model import ForwardKinematics, Mechanism
 from cinegen.model.heal_file import heal_file
+from cinegen.model.load import build
 from cinegen.model.motion_limits import motion_limits
 from cinegen.model.plausible import check_joint, check_lengths, check_revolution, check_speed
 from raff2urdf import RaffError
@@ -1336,6 +1337,13 @@ def marked(folder: Path, mark: str = "") -> Path:
     return saved(folder, "r.urdf", BARS_FILES["r.urdf"], **{"r.constraints.json": f"{mark}{json.dumps(file)}"})
 
 
+def limited(**limits: object) -> Values:
+    """Constraints of the four-bar, with limits of its first joint."""
+    file: Values = json.loads(BARS_FILES["r.constraints.json"])
+    file["joints"][0].update(limits)
+    return file
+
+
 def refused(call: Callable[[], object]) -> None:
     with pytest.raises(cinegen.ClosureError):
         call()
@@ -1484,6 +1492,11 @@ OF_CALLS: list[tuple[Callable[[Path], object], str, Callable[[Path, re.Match[str
         lambda folder: heal_file(marked(folder, "\ufeff")),
         "is not UTF-8 text without a byte-order mark: (save) it as UTF-8",
         lambda folder, said: heal_file(marked(folder)),
+    ),
+    (
+        lambda _: build(BARS_FILES["r.urdf"], limited(velocity=3.0)),
+        "URDF, where they belong: remove (them) from the constraints",
+        lambda _, said: build(BARS_FILES["r.urdf"], limited()),
     ),
     # meshes
     (
