@@ -51,6 +51,10 @@ _NAME = re.compile(r"<name>\s*([^<\s]+)\s*</name>")
 _POINTER = b"version https://git-lfs.github.com/spec/"
 
 
+class MissingFileError(RaffError):
+    """There is no file of a name: neither one that may be read, nor one that may not."""
+
+
 class _Candidate(NamedTuple):
     path: Path
     root: Path
@@ -91,7 +95,7 @@ class Packages:
         """
         for root, _ in self.candidates(package, folder):
             return root
-        raise RaffError(self.missing(package))
+        raise MissingFileError(self.missing(package))
 
     def missing(self, package: str) -> str:
         """Return the error for a package that is not found."""
@@ -208,7 +212,7 @@ def find(name: str, folder: Path, owner: Path | None = None, packages: Packages 
             if os.path.isfile(path):
                 _check_content(path, label)
                 return Path(os.path.abspath(path))
-    raise refused or RaffError(f"{label} is not found: there is no file {os.path.abspath(first or name)}")
+    raise refused or MissingFileError(f"{label} is not found: there is no file {os.path.abspath(first or name)}")
 
 
 def package_of(name: str) -> str | None:
@@ -304,7 +308,7 @@ def _candidates(name: str, folder: Path, packages: Packages) -> Iterator[_Candid
             missing = False
             yield _Candidate(_joined(root, inner), root, named)
         if missing:
-            raise RaffError(f"mesh '{name}': {packages.missing(package)}")
+            raise MissingFileError(f"mesh '{name}': {packages.missing(package)}")
 
 
 def _joined(folder: Path, name: str) -> Path:

@@ -16,7 +16,7 @@ FIRST_ON_LINE = ", first on line {line}"
 LONG_LINE = "line {line} is {length} characters long; at most {most} are allowed"
 OPEN_TEXT = "this text is not closed on its line: a '\"' is missing"
 LONE_SLASH = "a lone '/': comments begin with '//'"
-UNEXPECTED_CHARACTER = "unexpected character {character}: remove it"
+UNEXPECTED_CHARACTER = "unexpected character {character}: write a space for it"
 
 # --- statements -----------------------------------------------------------------------------------------------------
 

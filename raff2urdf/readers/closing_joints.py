@@ -11,7 +11,7 @@ last one in the file otherwise. The limits of a joint that is cut are not enforc
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from typing import Any
 
 import numpy as np
@@ -70,12 +70,13 @@ def without_links_of_gazebo(root: Any) -> list[str]:
     return notes
 
 
-def cut(root: Any, name: str) -> list[Declaration]:
+def cut(root: Any, name: str, ignored: Callable[[str], bool]) -> list[Declaration]:
     """Remove joints from a URDF until the others form a tree.
 
     Args:
         root: the root element; changed. Universal joints of Drake that stay become two joints.
         name: of the file, in errors.
+        ignored: returns whether declarations with a word are ignored.
 
     Returns:
         the joints that were removed.
@@ -83,7 +84,7 @@ def cut(root: Any, name: str) -> list[Declaration]:
     Raises:
         RaffError: two joints have one name.
     """
-    declared = _cut(root, name)
+    declared = _cut(root, name, ignored)
     for joint in joints(root):
         if joint.get("type") == "universal":
             steps = (successive.ROTATIONS["X"], successive.ROTATIONS["Y"])
@@ -92,7 +93,7 @@ def cut(root: Any, name: str) -> list[Declaration]:
     return declared
 
 
-def _cut(root: Any, name: str) -> list[Declaration]:
+def _cut(root: Any, name: str, ignored: Callable[[str], bool]) -> list[Declaration]:
     found = joints(root)
     above: dict[str, list[Any]] = {}
     for joint in found:
@@ -114,7 +115,7 @@ def _cut(root: Any, name: str) -> list[Declaration]:
     declared = []
     for joint in removed:
         own = str(joint.get("name"))
-        if own in mimicking:
+        if own in mimicking and not ignored("mimic"):
             why = f"joint '{own}' closes a loop and mimics another joint, or leads one: give it a child of its own"
             raise error_at(name, joint, f"{why}, or leave the coupling out with --ignore mimic")
         text = f"joint '{own}' closes a loop: its child '{ends(joint)[1]}' has another parent"

@@ -63,7 +63,7 @@ def read(text: str, path: Path, ignore: IgnoreList, ignore_loops: bool, is_file:
     changed = closing_joints.with_joints_of_drake(root, name)
     notes = [*roots.with_world(root), *common_slips.mend(root), *closing_joints.without_links_of_gazebo(root)]
     free = roots.attach(root)
-    declared = closing_joints.cut(root, name)
+    declared = closing_joints.cut(root, name, lambda word: ignore_loops or ignore.takes(word))
     if changed or declared or notes or free:
         text = text_of(root)
     root = parse(text, name)

@@ -4,18 +4,53 @@ A row has a text that is wrong, what the message says, and the edit: an old text
 first group of the message. Mistakes whose remedy gives a robot that is known are in test_beginners_mistakes.py.
 """
 
+import ast
+import contextlib
+import io
 import json
+import math
+import os
 import re
+import shutil
 import warnings
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, field, replace
+from functools import cache
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Any
+from unittest import mock
 
+import numpy as np
+import pinocchio as pin
 import pytest
+import trimesh
+from proposals import pattern, proposals
+from test_beginners_mistakes import BARS, MISTAKES, RIGHT, URDF_BARS, messages
+from test_frozen import hand
+from test_hinge_axes import HINGE, four_bar
+from test_pins_with_play import bars as with_play
 
 import cinegen
+import cinegen.cli
 import raff2urdf
+import raff2urdf.cli
+import raff2urdf.urdf2raff.cli
+from cinegen.model import ForwardKinematics, Mechanism
+from cinegen.model.heal_file import heal_file
+from cinegen.model.load import build
+from cinegen.model.motion_limits import motion_limits
+from cinegen.model.plausible import check_joint, check_lengths, check_revolution, check_speed
 from raff2urdf import RaffError
+from raff2urdf.coupling import Coupling
+from raff2urdf.graphics import nff
+from raff2urdf.graphics.names import find
+from raff2urdf.quantities import ANGLE, LENGTH, parse_range
+from raff2urdf.quantities import parse as parse_quantity
+from raff2urdf.raff.document import Document
+from raff2urdf.readers.options import ReadOptions
+from raff2urdf.readers.urdf import parse as parse_urdf
+from raff2urdf.readers.xacro_file import expanded
 
 Values = dict[str, Any]
 
@@ -226,6 +261,57 @@ OF_RAFF = [
         "<2>",
     ),
     (raff(ONE, 'sensor 1 { port "/dev/x" axes "x, x" }'), "'x' would command both .*: write (0)", "x, x", "x, <1>"),
+    (raff("link 1 { type 2\u2003pred 0 }"), r"unexpected character '\\u2003': write a( )space for it", "\u2003", "<1>"),
+    (
+        raff("link 1 { type 2 pred 2 } link 2 { type 2 pred 1 }"),
+        "is part of a cycle of parents: .*: change the '(pred)' of one of them",
+        "type 2 <1> 2",
+        "type 2 <1> 0",
+    ),
+    (
+        BARS.replace(
+            "constraint", 'link 7 { type 2 pred 0 } coupling { name "frame4-frame5" link 7 link 1 ratio 2 } constraint'
+        ),
+        "the name '(frame4-frame5)' is that of a loop: choose another one",
+        'name "<1>"',
+        'name "gear"',
+    ),
+    (
+        raff(f"{TWO} coupling {{ link 2 link 9 ratio 2 }}"),
+        "a coupling names link (9), which is not a link that moves: name another one",
+        "link <1>",
+        "link 1",
+    ),
+    (
+        raff("link 1 { type 2 pred 0 limits { 0 0 } }"),
+        "no joint can move: the lower limit of each is its upper limit: correct the (limits)",
+        "<1> { 0 0 }",
+        "<1> { 0 9 }",
+    ),
+    (
+        raff("link 1 { type 2 pred 0 limits { -2.618 2.618 } }"),
+        "angles are in degrees, write '(limits { .* })'",
+        "limits { -2.618 2.618 }",
+        "<1>",
+    ),
+    (
+        raff("link 1 { type 2 pred 0 inertial { density 9 radius 1 } }"),
+        "has a 'density', but no children, and so no bars: give its '(mass)'",
+        "density 9 radius 1",
+        "<1> 1",
+    ),
+    (
+        raff("link 1 { type 2 pred 0 inertial { density 1e11 radius 9e3 } } frame 2 { pred 1 parameters { d 1e6 } }"),
+        "has an inertia beyond .*: check the (density) and the units",
+        "<1> 1e11 radius 9e3",
+        "<1> 2700 radius 9",
+    ),
+    (
+        re.sub(r"theta -?[\d.]+|limits {.*?}", "", BARS).replace("type 2 pred 1", "type 2 pred 1 limits { -2 2 }"),
+        r"home is outside those of joint2 .*: change these (limits), or the dimensions",
+        "<1> { -2 2 }",
+        "<1> { -180 180 }",
+    ),
 ]
 
 
@@ -248,6 +334,24 @@ def sdf(inside: str) -> str:
 
 def ball(inside: str) -> str:
     return sdf(f'<link name="a"/><link name="b"/><joint name="p" type="ball"><parent>a</parent>{inside}</joint>')
+
+
+THREE = '<link name="a"/><link name="b"/><link name="c"/>'
+GEARBOX = (
+    '<joint name="g" type="gearbox"><parent>b</parent><child>c</child><gearbox_ratio>2</gearbox_ratio>'
+    "<axis><xyz>0 0 1</xyz></axis><axis2><xyz>0 0 1</xyz></axis2></joint>"
+)
+OWN = '<raff:robot xmlns:raff="urn:raff2urdf"><raff:coupling name="k" constant="0">{}</raff:coupling></raff:robot>'
+TERM = '<raff:term joint="{}" coefficients="1"/>'
+TERMS = TERM.format("p") + TERM.format("p") + TERM.format("q")
+MIMIC = '<mimic joint="{}" axis="axis"><multiplier>2</multiplier></mimic>'
+
+
+def hinge(name: str, parent: str, child: str, inside: str) -> str:
+    return (
+        f'<joint name="{name}" type="revolute"><parent>{parent}</parent><child>{child}</child>'
+        f"<axis><xyz>0 0 1</xyz>{inside}</axis></joint>"
+    )
 
 
 OF_XML = [
@@ -333,18 +437,102 @@ OF_XML = [
         'attached_to="<1>"',
         'attached_to="a"',
     ),
+    # URDF: couplings of joints
+    (
+        urdf(AB, BC, '<coupling name="k"><predecessor link="b"/><ratio value="2"/></coupling>'),
+        "declares a coupling, but has no <(successor)>: add it",
+        "<ratio",
+        '<<1> link="c"/><ratio',
+    ),
+    (
+        urdf(AB, BC, '<coupling name="k"><predecessor link="b"/><successor link="c"/></coupling>'),
+        r"has no <ratio>: add (<ratio value=)\"...\"/>",
+        "</coupling>",
+        '<1>"2"/></coupling>',
+    ),
+    (
+        urdf(AB, BC, '<constraint name="k" type="coupling"></constraint>'),
+        "has no <(term)>: add one for each joint",
+        "</constraint>",
+        '<<1> joint="p" coefficients="1"/><<1> joint="q" coefficients="2"/></constraint>',
+    ),
+    # URDF: a tree
+    (
+        urdf(AB, BC).replace('link name="c"', 'link name="c&#9;"'),
+        r"the name '(c)\\t' of this link holds a character that can't be printed: change it",
+        "<1>&#9;",
+        "<1>",
+    ),
+    (
+        urdf(AB, BC, '<xi:include xmlns:xi="http://www.w3.org/2001/XInclude" href="more.urdf"/>'),
+        "'(more.urdf)' by XInclude is not read: write its content into the file",
+        '<xi:include xmlns:xi="http://www.w3.org/2001/XInclude" href="<1>"/>',
+        '<link name="d"/>' + joint("s", "c", "d"),
+    ),
+    (
+        hand((0, 1, None), (-1, 1, 2.0), (0, 1, -1.0)),
+        "let no joint move that loops and couplings connect to them: correct these (limits), or",
+        'multiplier="-1.0"/><origin xyz="0 0.1 0"/><limit lower="0" upper="1"',
+        'multiplier="-1.0"/><origin xyz="0 0.1 0"/><limit lower="-1" upper="0"',
+    ),
+    (
+        hand((0, 1, None), (-1, 1, 2.0), (0, 1, -1.0)),
+        "let no joint move .*: correct these limits, or the (coupling)s",
+        'multiplier="-1.0"',
+        'multiplier="1.0"',
+    ),
+    # SDF: what links, joints and couplings lack
+    (
+        sdf('<link name="world"><inertial/></link>'),
+        "a link can't be called '(world)', which is the world itself: rename it",
+        "<1>",
+        "base",
+    ),
+    (
+        sdf(
+            '<link name="a"><inertial><inertia><ixx>1e13</ixx><iyy>1e13</iyy><ixy>9e12</ixy></inertia>'
+            "<pose>0 0 0 0 0 0.8</pose></inertial></link>"
+        ),
+        "the inertia of link 'a' is beyond .*: check its (units)",
+        "<inertia><ixx>1e13</ixx><iyy>1e13</iyy><ixy>9e12</ixy></inertia>",
+        "",
+    ),
+    (
+        sdf(f"{THREE}{hinge('p', 'a', 'b', '')}{hinge('q', 'b', 'c', MIMIC.format('q'))}"),
+        "joint '(q)' mimics itself: name another joint",
+        'mimic joint="<1>"',
+        'mimic joint="p"',
+    ),
+    (
+        sdf(f"{THREE}{hinge('p', 'a', 'b', '')}{hinge('q', 'b', 'c', '')}{GEARBOX}"),
+        "has no <(gearbox_reference_body)>: add it",
+        "<gearbox_ratio>",
+        "<<1>>a</<1>><gearbox_ratio>",
+    ),
+    (
+        sdf(f"{THREE}{hinge('p', 'a', 'b', '')}{hinge('q', 'b', 'c', '')}{OWN.format('')}"),
+        "raff:coupling 'k' has no terms: give (raff:term) elements",
+        "</raff:coupling>",
+        '<<1> joint="p" coefficients="1"/><<1> joint="q" coefficients="2"/></raff:coupling>',
+    ),
+    (
+        sdf(f"{THREE}{hinge('p', 'a', 'b', '')}{hinge('q', 'b', 'c', '')}{OWN.format(TERMS)}"),
+        "raff:coupling 'k' lists '(p)' twice: join the two terms",
+        '<raff:term joint="<1>" coefficients="1"/><raff:term joint="<1>" coefficients="1"/>',
+        '<raff:term joint="<1>" coefficients="2"/>',
+    ),
 ]
 
 
 ROWS = OF_RAFF + OF_XML
 
 
-def problems(robot: str | Path) -> list[str]:
+def problems(robot: str | Path, **options: Any) -> list[str]:
     """The warnings about a text or a file, and its error."""
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always")
         try:
-            cinegen.load(robot if isinstance(robot, Path) else f"{robot}\n")
+            cinegen.load(robot if isinstance(robot, Path) else f"{robot}\n", **options)
             errors = []
         except (cinegen.CinegenError, RaffError) as error:
             errors = [str(error)]
@@ -360,17 +548,16 @@ def test_the_remedy_of_a_message_works(text: str, says: str, old: str, new: str)
     assert problems(text.replace(before, after, 1)) == []
 
 
-@pytest.mark.parametrize(
-    ("text", "says"),
-    [
-        (urdf(AB, BC, '<loop_joint name="pin" type="floating">' + ENDS + "</loop_joint>"), r"(--ignore loop_joint)"),
-        (urdf(AB, joint("q", "b", "c", '<mimic joint="x"/>')), r"(--ignore mimic)"),
-        (urdf(AB, BC, '<belt name="b"><pulley joint="p"/><pulley joint="q"/></belt>'), r"(--ignore belt)"),
-        (urdf(AB, BC, '<belt name="b"><pulley joint="p"/><pulley joint="q"/></belt>'), r"(--ignore-loops)"),
-        (urdf(joint("p", "a", "b", '<limit lower="1" upper="-1"/>', "revolute"), BC), r"(--swap-limits)"),
-    ],
-    ids=lambda value: None,
-)  # fmt: skip
+OF_OPTIONS = [
+    (urdf(AB, BC, '<loop_joint name="pin" type="floating">' + ENDS + "</loop_joint>"), r"(--ignore loop_joint)"),
+    (urdf(AB, joint("q", "b", "c", '<mimic joint="x"/>')), r"(--ignore mimic)"),
+    (urdf(AB, BC, '<belt name="b"><pulley joint="p"/><pulley joint="q"/></belt>'), r"(--ignore belt)"),
+    (urdf(AB, BC, '<belt name="b"><pulley joint="p"/><pulley joint="q"/></belt>'), r"(--ignore-loops)"),
+    (urdf(joint("p", "a", "b", '<limit lower="1" upper="-1"/>', "revolute"), BC), r"(--swap-limits)"),
+]
+
+
+@pytest.mark.parametrize(("text", "says"), OF_OPTIONS, ids=[row[1] for row in OF_OPTIONS])
 def test_an_option_that_a_message_proposes_works(text: str, says: str, tmp_path: Path, capsys) -> None:
     import cinegen.cli
 
@@ -395,9 +582,49 @@ OF_CONSTRAINTS: list[tuple[Callable[[Values], object], str, Callable[[Values, re
         lambda file, said: file["joints"][0].update(type=said[1]),
     ),
     (
-        lambda file: file["joints"].pop(),
+        lambda file: file["joints"].pop(1),
         r"joint '(\w+)' of the URDF is missing: add an entry for it",
-        lambda file, said: file["joints"].append({**file["joints"][-1], "name": said[1], "home": 1.5487199537923932}),
+        lambda file, said: file["joints"].insert(1, {**file["joints"][1], "name": said[1], "home": -math.pi / 2}),
+    ),
+    (
+        lambda file: file.update(robot="a\ud800"),
+        "holds half a character .*: remove (it)",
+        lambda file, _: file.update(robot="a"),
+    ),
+    (
+        lambda file: file["loops"][0].update(name="a\nb"),
+        "a character that can't be printed, such as a line break: remove (it)",
+        lambda file, _: file["loops"][0].update(name="ab"),
+    ),
+    (
+        lambda file: file["sensor_constraints"][0]["sensors"].append(4),
+        r"sensor (\d) is not listed in sensors: add it there",
+        lambda file, said: file["sensors"].append({**file["sensors"][0], "number": int(said[1])}),
+    ),
+    (
+        lambda file: file["joints"][0].update(home=1e15),
+        r"the home of joint '(\w+)' is 1e\+15, beyond .*: check its unit",
+        lambda file, _: file["joints"][0].update(home=math.pi / 2),
+    ),
+    (
+        lambda file: file["couplings"][0].update(name=file["loops"][0]["name"]),
+        r"is also the name of .*: rename (one) of them",
+        lambda file, _: file["couplings"][0].update(name="gear"),
+    ),
+    (
+        lambda file: file["couplings"][0].update(constant=1e15),
+        r"its constant is beyond .*: check its (unit)",
+        lambda file, _: file["couplings"][0].update(constant=0.0),
+    ),
+    (
+        lambda file: file["couplings"][0]["terms"].append(file["couplings"][0]["terms"][0]),
+        "lists '.*' twice: (join) the two terms",
+        lambda file, _: file["couplings"][0]["terms"].pop().update(coefficients=[2.0]),
+    ),
+    (
+        lambda file: file["loops"][0]["first"]["placement"][0].__setitem__(3, 1e15),
+        "a number of its placement is beyond .*: check its (unit)",
+        lambda file, _: file["loops"][0]["first"]["placement"][0].__setitem__(3, 0.0),
     ),
     (
         lambda file: file["joints"].append(file["joints"][0]),
@@ -427,15 +654,1170 @@ OF_CONSTRAINTS: list[tuple[Callable[[Values], object], str, Callable[[Values, re
 ]
 
 
+def spoilt(folder: Path, spoil: Callable[[Values], object]) -> tuple[Path, list[str], Values]:
+    """A URDF in a folder whose constraints file is spoilt, what loading says, and what the file holds."""
+    files = converted(GEARED)
+    for name, content in files.items():
+        (folder / name).write_text(content, encoding="utf-8")
+    file = json.loads(files["r.constraints.json"])
+    spoil(file)
+    (folder / "r.constraints.json").write_text(json.dumps(file), encoding="utf-8")
+    return folder / "r.urdf", problems(folder / "r.urdf"), file
+
+
 @pytest.mark.parametrize(("spoil", "says", "mend"), OF_CONSTRAINTS, ids=[row[1] for row in OF_CONSTRAINTS])
 def test_the_remedy_of_a_message_about_a_constraints_file_works(spoil, says, mend, tmp_path: Path) -> None:
-    (made,) = raff2urdf.convert("four_bar", tmp_path)
-    assert made.constraints is not None
-    file = json.loads(made.constraints.read_text(encoding="utf-8"))
-    spoil(file)
-    made.constraints.write_text(json.dumps(file), encoding="utf-8")
-    said = re.search(says, "\n".join(problems(made.file)))
-    assert said is not None, problems(made.file)
+    urdf, message, file = spoilt(tmp_path, spoil)
+    said = re.search(says, "\n".join(message))
+    assert said is not None, message
     mend(file, said)
-    made.constraints.write_text(json.dumps(file), encoding="utf-8")
-    assert problems(made.file) == []
+    (tmp_path / "r.constraints.json").write_text(json.dumps(file), encoding="utf-8")
+    assert problems(urdf) == []
+
+
+# --- several files, and options -----------------------------------------------------------------------------------
+
+
+@dataclass
+class Setting:
+    """Files, of which the first one is loaded, and options of `load`."""
+
+    folder: Path
+    files: dict[str, Any]
+    options: Values
+    environment: dict[str, str] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        self.files = {name: content for name, content in self.files.items() if content is not None}
+        self.options = dict(self.options)
+
+    def problems(self) -> list[str]:
+        """What loading says."""
+        for name, content in self.files.items():
+            path = self.folder / name
+            path.parent.mkdir(parents=True, exist_ok=True)
+            path.write_bytes(content if isinstance(content, bytes) else content.encode())
+        options = {
+            name: one.format(folder=self.folder) if isinstance(one, str) else one for name, one in self.options.items()
+        }
+        with mock.patch.dict(os.environ, self.environment):
+            said = problems(self.folder / next(iter(self.files)), **options)
+        return [one for one in said if "left out, as requested" not in one]
+
+
+Act = Callable[[Setting, re.Match[str]], object]
+
+
+def filled(text: str, said: re.Match[str]) -> str:
+    """A text in which <1> is the first group of a message."""
+    return re.sub(r"<(\d)>", lambda group: said[int(group[1])], text)
+
+
+def put(old: str, new: str, file: str | None = None) -> Act:
+    """Write a new text for an old one, in the first file unless another one is named."""
+
+    def act(it: Setting, said: re.Match[str]) -> None:
+        name = file or next(iter(it.files))
+        before, text = filled(old, said), it.files[name]
+        assert isinstance(text, str)
+        assert before in text
+        it.files[name] = text.replace(before, filled(new, said), 1)
+
+    return act
+
+
+def add(name: str, content: str) -> Act:
+    """Add a file; one without content is removed."""
+
+    def act(it: Setting, said: re.Match[str]) -> None:
+        own = filled(name, said)
+        it.files = {**it.files, own: filled(content, said)}
+
+    return act
+
+
+def rename(old: str, new: str) -> Act:
+    """Rename a file."""
+
+    def act(it: Setting, said: re.Match[str]) -> None:
+        it.files[filled(new, said)] = it.files.pop(filled(old, said))
+        (it.folder / filled(old, said)).unlink()
+
+    return act
+
+
+def remove(name: str) -> Act:
+    """Remove a file, or a folder."""
+
+    def act(it: Setting, said: re.Match[str]) -> None:
+        path = it.folder / filled(name, said)
+        if path.is_dir():
+            shutil.rmtree(path)
+        else:
+            path.unlink()
+        it.files = {own: content for own, content in it.files.items() if not (it.folder / own).is_relative_to(path)}
+
+    return act
+
+
+def option(**given: Any) -> Act:
+    """Give options of `load`, or leave out those that are None."""
+
+    def act(it: Setting, said: re.Match[str]) -> None:
+        it.options |= given
+
+    return act
+
+
+def python(**words: str) -> Act:
+    """Give the option that the message's first group writes in Python, with these words for the placeholders in it."""
+
+    def act(it: Setting, said: re.Match[str]) -> None:
+        own, _, value = said[1].partition("=")
+        for word, text in words.items():
+            value = value.replace(word, repr(text.format(folder=it.folder)))
+        it.options[own] = ast.literal_eval(value)
+
+    return act
+
+
+def first(name: str) -> Act:
+    """Load another file."""
+
+    def act(it: Setting, said: re.Match[str]) -> None:
+        own = filled(name, said)
+        it.files = {own: it.files[own], **it.files}
+
+    return act
+
+
+def both(*acts: Act) -> Act:
+    """One act after the other."""
+
+    def act(it: Setting, said: re.Match[str]) -> None:
+        for one in acts:
+            one(it, said)
+
+    return act
+
+
+def recoded(encoding: str, head: str = "", mended: str = "") -> Act:
+    """Save the file, which is in this encoding, as UTF-8."""
+
+    def act(it: Setting, said: re.Match[str]) -> None:
+        name, content = next(iter(it.files.items()))
+        assert isinstance(content, bytes)
+        it.files[name] = content.decode(encoding).replace(head, mended)
+
+    return act
+
+
+def environment(it: Setting, said: re.Match[str]) -> None:
+    """Set the environment variable that the message's groups name and value."""
+    it.environment[said[1]] = said[2] if said.re.groups > 1 else f"{it.folder}/other"
+
+
+@cache
+def converted(raff_text: str, format: str = "urdf") -> dict[str, str]:
+    """The files that raff2urdf makes of a RAFF text."""
+    with TemporaryDirectory() as name, warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        path = Path(name) / "r.raff"
+        path.write_text(raff_text, encoding="utf-8")
+        (made,) = raff2urdf.convert(path, name, format=format)
+        found = {made.file, *filter(None, [made.constraints])}
+        return {one.name: one.read_text(encoding="utf-8") for one in sorted(found, key=lambda one: one != made.file)}
+
+
+GEAR = "link 7 { type 2 pred 0 parameters { theta 180 } } coupling { link 7 link 1 ratio 2 }"
+SENSOR = 'sensor 1 { port "/dev/x" } robot'
+GEARED = BARS.replace("constraint {", f"{GEAR} constraint {{ frame 6 sensor ( 0 1 ) }} constraint {{").replace(
+    "robot", SENSOR
+)
+"""A four-bar with a sensor and a gear."""
+
+BARS_FILES = converted(BARS)
+PART = '<link name="b"/>' + joint("p", "a", "b")
+XACRO = '<robot name="r" xmlns:xacro="http://www.ros.org/wiki/xacro">{}<link name="a"/></robot>'
+MACRO = XACRO.format('<xacro:macro name="arm">' + PART + "</xacro:macro>").replace('<link name="a"/>', "")
+BELT = urdf(AB, BC, '<belt name="b"><pulley joint="p"/><pulley joint="q"/></belt>')
+FOLLOWS = '<mimic joint="p"/>'
+RING = urdf(AB, joint("q", "b", "c", FOLLOWS), joint("s", "a", "c", FOLLOWS))
+PINNED = URDF_BARS.replace("loop_joint", "loop_thing")
+THING = '<loop_thing name="pin"><link1 link="frame4"/><link2 link="frame5"/></loop_thing></robot>'
+UNREAD = re.sub("(?s)<!--.*?-->", "", BARS_FILES["r.urdf"]).replace("</robot>", THING)
+YAML = "closed_loop: [[a, c]]\ntype: [6d]\n"
+TRANSMISSION = (
+    '<transmission name="t_{0}"><joint name="{0}"/><actuator name="m_{0}"/><type>SimpleTransmission</type>'
+    "</transmission>"
+)
+MODEL = '<sdf version="1.9"><model name="part"><link name="x"/></model></sdf>'
+
+
+def including(inside: str) -> str:
+    return sdf(f'<link name="a"/><include><uri>model://part</uri>{inside}</include>')
+
+
+def srdf(inside: str) -> dict[str, str | bytes]:
+    return {"r.urdf": urdf(AB, BC), "r.srdf": f'<robot name="r">{inside}</robot>'}
+
+
+SPHERE = converted(raff("link 1 { joint ball pred 0 }"))
+OWN_ELEMENT = f'<raff:robot xmlns:raff="urn:raff2urdf">{BARS_FILES["r.constraints.json"]}</raff:robot></robot>'
+EMBEDDED = BARS_FILES["r.urdf"].replace("</robot>", OWN_ELEMENT)
+ON_ONE_BODY = urdf(
+    AB,
+    BC,
+    '<link name="closing_x_1"/><link name="closing_x_2"/>',
+    joint("f", "b", "closing_x_1", kind="fixed"),
+    joint("g", "b", "closing_x_2", kind="fixed"),
+)
+PLUGIN = (
+    '<gazebo><plugin name="m"><joint>p</joint><mimicJoint>q</mimicJoint><multiplier>2</multiplier></plugin></gazebo>'
+)
+CONTRADICTED = urdf(AB, joint("q", "b", "c", FOLLOWS), PLUGIN)
+STIFF = '<drake:bushing_{0}_stiffness value="{1}"/><drake:bushing_{0}_damping value="1 1 1"/>'
+BUSHING = urdf(
+    AB,
+    BC,
+    '<drake:linear_bushing_rpy xmlns:drake="http://drake.mit.edu"><drake:bushing_frameA name="a"/>'
+    f'<drake:bushing_frameC name="c"/>{STIFF.format("torque", "1 0 0")}{STIFF.format("force", "1 0 0")}'
+    "</drake:linear_bushing_rpy>",
+)
+SRDF = {"srdf": "{folder}/r.srdf"}
+
+# files, options, what the message says, and what it proposes
+OF_FILES: list[tuple[dict[str, Any], Values, str, Act]] = [
+    # encodings
+    (
+        {"r.raff": raff(ONE + " // é").encode("latin-1")},
+        {},
+        "is not UTF-8 text: (save) the file as UTF-8",
+        recoded("latin-1"),
+    ),
+    (
+        {"r.urdf": '<?xml version="1.0" encoding="utf-8"?><robot name="é"><link name="a"/></robot>'.encode("latin-1")},
+        {},
+        "this is not text in utf-8: (save) the file as UTF-8",
+        recoded("latin-1"),
+    ),
+    (
+        {"r.urdf": b'<?xml version="1.0" encoding="x-own"?><robot name="r"><link name="a"/></robot>'},
+        {},
+        "unknown encoding '(x-own)': save the file as UTF-8",
+        recoded("ascii", "x-own", "utf-8"),
+    ),
+    # xacro
+    (
+        {
+            "r.urdf.xacro": XACRO.format('<xacro:include filename="$(find ghost)/arm.xacro"/>'),
+            "own/arm.xacro": XACRO.format(PART).replace('<link name="a"/></robot>', "</robot>"),
+        },
+        {},
+        r"name its folder by .*\(in Python (packages={'ghost': FOLDER})\)",
+        python(FOLDER="{folder}/own"),
+    ),
+    (
+        {
+            "r.urdf.xacro": XACRO.format('<xacro:include filename="$(find hand)/arm.xacro"/>'),
+            "other/hand/arm.xacro": MACRO,
+            "other/hand/package.xml": "<package><name>hand</name></package>",
+        },
+        {},
+        "or add the folder above it to (ROS_PACKAGE_PATH)",
+        environment,
+    ),
+    (
+        {"r.urdf.xacro": XACRO.format(PART.replace('"b"', '"$(arg prefix)b"'))},
+        {},
+        r"the argument 'prefix' has no value: add .*\(in Python (xacro_args={'prefix': VALUE})\)",
+        python(VALUE="l_"),
+    ),
+    (
+        {"r.urdf.xacro": XACRO.format('<xacro:arg name="prefix"/>')},
+        {},
+        'write (<xacro:arg name="prefix" default=""/>), with the default',
+        put('<xacro:arg name="prefix"/>', "<1>"),
+    ),
+    (
+        {"arm.urdf.xacro": MACRO},
+        {},
+        "load a (file) that calls them, by (<xacro:include .*/>) (<xacro:arm/>)",
+        both(add("own.urdf.xacro", XACRO.format("<2><3>")), first("own.urdf.xacro")),
+    ),
+    (
+        {
+            "arm.urdf.xacro": MACRO,
+            "own.urdf.xacro": XACRO.format('<xacro:include filename="arm.urdf.xacro"/><xacro:arm/>'),
+        },
+        {},
+        r"load \S*/(\S+), which calls them",
+        first("<1>"),
+    ),
+    # MJCF
+    (
+        {
+            "part.xml": "<mujocoinclude><body/></mujocoinclude>",
+            "r.xml": '<mujoco><worldbody><include file="part.xml"/></worldbody></mujoco>',
+        },
+        {},
+        "this is a (part) of a robot: load the file that includes it",
+        first("r.xml"),
+    ),
+    (
+        {"r.xml": '<mujoco><worldbody><body pos="1e300 0 0"><joint/><geom size="1"/></body></worldbody></mujoco>'},
+        {},
+        "a number of a (body) is beyond .*: check its unit",
+        put("1e300", "1"),
+    ),
+    (
+        {
+            "r.xml": '<mujoco><worldbody><body name="b"><joint/><inertial mass="1e300" pos="0 0 0" '
+            'diaginertia="1 1 1"/></body></worldbody></mujoco>'
+        },
+        {},
+        "the inertia of body '(b)' is beyond .*: check its unit",
+        put("1e300", "1"),
+    ),
+    # included models of SDF
+    (
+        {"r.sdf": including("<scale>1</scale>"), "part/model.sdf": MODEL},
+        {},
+        "<(scale)> of the included .* is not read: write the model's content into the file",
+        put("<include><uri>model://part</uri><scale>1</scale></include>", '<link name="b"/>'),
+    ),
+    (
+        {"r.sdf": including("<placement_frame>x</placement_frame>"), "part/model.sdf": MODEL},
+        {},
+        "a <placement_frame> is placed by a <(pose)>: add it",
+        put("<placement_frame>", "<<1>>0 0 0 0 0 0</<1>><placement_frame>"),
+    ),
+    (
+        {
+            "r.sdf": '<sdf version="1.9"><world name="w"><include merge="true"><uri>model://part</uri></include></world></sdf>',
+            "part/model.sdf": MODEL,
+        },
+        {},
+        "only a model can merge .*: leave out (merge)",
+        put(' <1>="true"', ""),
+    ),
+    (
+        {"r.sdf": including("").replace("model://", "https://here.org/"), "part/model.sdf": MODEL},
+        {},
+        "download it, .*, and name its (folder)",
+        put("https://here.org/", "model://"),
+    ),
+    (
+        {"r.sdf": including(""), "part/model.sdf": '<sdf version="1.9"/>', "other/model.sdf": MODEL},
+        {},
+        "the included 'model://(part)' has no model: name one that has",
+        put("<1>", "other"),
+    ),
+    (
+        {"a/b/r.sdf": including("").replace("model://part", "../../part/model.sdf"), "part/model.sdf": MODEL},
+        {},
+        r"allow its folder by the environment variable (\w+)=(\S+)",
+        environment,
+    ),
+    (
+        {"a/b/r.sdf": including("").replace("model://part", "../../part/model.sdf"), "part/model.sdf": MODEL},
+        {},
+        "leads out of .*, to (.*): copy the file, or",
+        both(add("a/b/part/model.sdf", MODEL), put("../../part", "part")),
+    ),
+    (
+        {
+            "r.sdf": including(""),
+            "part/model.sdf": "version https://git-lfs.github.com/spec/v1\noid sha256:0\nsize 3\n",
+        },
+        {},
+        r"is a Git LFS pointer: run `git lfs pull` in \S*/(part)",
+        add("<1>/model.sdf", MODEL),
+    ),
+    # files next to a URDF
+    (
+        {**BARS_FILES, "r.constraints.json": None, "R.Constraints.json": BARS_FILES["r.constraints.json"]},
+        {},
+        r"(\S+) differs only in case: rename it to ([\w.]+\w)",
+        rename("<1>", "<2>"),
+    ),
+    (
+        {**BARS_FILES, "r.constraints.json": None, "loops.json": BARS_FILES["r.constraints.json"]},
+        {},
+        r"(\S+) fits this URDF and no other one here: rename it to ([\w.]+\w)",
+        rename("<1>", "<2>"),
+    ),
+    (
+        {**BARS_FILES, "r.constraints.json": None, "loops.json": BARS_FILES["r.constraints.json"]},
+        {},
+        r"or leave the loops open with .*\(in Python (ignore_loops=True)\)",
+        python(),
+    ),
+    (
+        {**BARS_FILES, "r.constraints.json": None, "own.json": BARS_FILES["r.constraints.json"]},
+        {},
+        r"(\S+) was written for the same links and joints: copy it to ([\w.]+\w)",
+        add("<2>", BARS_FILES["r.constraints.json"]),
+    ),
+    (
+        {**BARS_FILES, "r.constraints.json": None},
+        {},
+        r"Restore that file next to the URDF as ([\w.]+\w)",
+        add("<1>", BARS_FILES["r.constraints.json"]),
+    ),
+    (
+        {**BARS_FILES, "r.constraints.json": None},
+        {},
+        r"Restore that file .*, or leave the loops open with .*\(in Python (ignore_loops=True)\)",
+        python(),
+    ),
+    (
+        {"r.urdf": urdf(AB, BC), "r.constraints.json/x": ""},
+        {},
+        r"(r.constraints.json): is not a file: remove it, or leave",
+        remove("<1>"),
+    ),
+    (
+        {"r.urdf": urdf(AB, BC), "r.constraints.json/x": ""},
+        {},
+        r"leave it out with --ignore (\S+)",
+        option(ignore=["r.constraints.json"]),
+    ),
+    (
+        {"r.urdf": urdf(AB, BC), "robot.yml": YAML},
+        {},
+        r"(robot.yml) is not read under this name: rename it to ([\w.]+\w)",
+        rename("<1>", "<2>"),
+    ),
+    # robot.yaml
+    (
+        {"r.urdf": urdf(AB, BC), "robot.yaml": YAML.replace("[a, c]", "[a, a]")},
+        {},
+        "the loop joins '(a)' to itself: name two different frames",
+        put("[a, <1>]", "[a, c]", "robot.yaml"),
+    ),
+    (
+        {"r.urdf": urdf(AB, BC), "robot.yaml": YAML.replace("6d", "6d, 3d")},
+        {},
+        "closed_loop has (1) entries, but type has (2): give one for each",
+        put(", 3d", "", "robot.yaml"),
+    ),
+    (
+        {"r.urdf": urdf(AB, BC), "robot.yaml": YAML + "type: [6d]\n"},
+        {},
+        "the key '(type)' is repeated: remove one of them",
+        put("<1>: [6d]\n", "", "robot.yaml"),
+    ),
+    (
+        {"r.urdf": urdf(AB, BC), "robot.yaml": YAML.replace("[[a, c]]", "[[&x c, *x]]")},
+        {},
+        "aliases are not read: write the (value) again",
+        put("&x c, *x", "a, c", "robot.yaml"),
+    ),
+    # SRDF
+    (
+        srdf('<disable_collisions link1="a"/>'),
+        SRDF,
+        "has no (link2): name a link of the robot",
+        put("/>", ' <1>="b"/>', "r.srdf"),
+    ),
+    (
+        srdf('<disable_collisions link1="a" link2="a"/>'),
+        SRDF,
+        "names '(a)' twice: name two links",
+        put('link2="<1>"', 'link2="b"', "r.srdf"),
+    ),
+    (
+        srdf('<disable_collisions link1="a" link2="zzz"/>'),
+        SRDF,
+        "'(zzz)' .*: name the SRDF of this robot, or correct the names",
+        put("<1>", "b", "r.srdf"),
+    ),
+    # couplings and loops of a URDF
+    (
+        {"r.urdf": RING},
+        {},
+        "mimics another joint, or leads one: give it a child of its (own)",
+        put(joint("s", "a", "c", FOLLOWS), '<link name="d"/>' + joint("s", "a", "d", FOLLOWS)),
+    ),
+    ({"r.urdf": RING}, {}, "or leave the coupling out with --ignore (mimic)", option(ignore=["mimic"])),
+    (
+        {"r.urdf": urdf(AB, BC, LOOP)},
+        {"ignore": ["pim"]},
+        "--ignore pim: .*: did you mean '(pin)'",
+        option(ignore=["pin"]),
+    ),
+    ({"r.urdf": PINNED}, {}, r"or leave it out with .*\(in Python (ignore=\[.*?\])\)", python()),
+    ({"r.urdf": PINNED}, {}, r"or all loops with .*\(in Python (ignore_loops=True)\)", python()),
+    (
+        {"r.urdf": UNREAD},
+        {},
+        r"Declare the loops in (\S+) next to the URDF",
+        add("<1>", BARS_FILES["r.constraints.json"]),
+    ),
+    (
+        {"r.urdf": urdf(AB, BC, LOOP.replace("revolute", "hing"))},
+        {},
+        "the type 'hing' of .*: leave it out with --ignore (loop_joint)",
+        option(ignore=["loop_joint"]),
+    ),
+    (
+        {
+            **BARS_FILES,
+            "r.constraints.json": BARS_FILES["r.constraints.json"].replace(
+                '"mobility": 1,', '"mobility": 1,\n "mobility": 1,'
+            ),
+        },
+        {},
+        "this key is on line .* already: remove (one) of them",
+        put('"mobility": 1,\n "mobility": 1,', '"mobility": 1,', "r.constraints.json"),
+    ),
+    (
+        {
+            **SPHERE,
+            "r.constraints.json": SPHERE["r.constraints.json"].replace(
+                '[\n    "joint1_X",\n    "joint1_Y"', '[\n    "joint1_Y",\n    "joint1_X"'
+            ),
+        },
+        {},
+        "are not successive joints with .*: correct (them), or",
+        put('[\n    "joint1_Y",\n    "joint1_X"', '[\n    "joint1_X",\n    "joint1_Y"', "r.constraints.json"),
+    ),
+    (
+        {
+            "r.urdf": EMBEDDED,
+            "r.constraints.json": BARS_FILES["r.constraints.json"].replace('"name": "Bars"', '"name": "Bar"'),
+        },
+        {},
+        "raff:robot differs from (r.constraints.json): remove one of them, or",
+        remove("<1>"),
+    ),
+    (
+        {
+            "r.urdf": EMBEDDED,
+            "r.constraints.json": BARS_FILES["r.constraints.json"].replace('"name": "Bars"', '"name": "Bar"'),
+        },
+        {},
+        "raff:robot differs from .*, or write both again with (raff2urdf)",
+        both(*(add(*file) for file in BARS_FILES.items())),
+    ),
+    (
+        {"r.urdf": ON_ONE_BODY},
+        {},
+        "the frames 'closing_x_1' and '(closing_x_2)' are on one rigid body: put each on another link",
+        put('<parent link="b"/><child link="<1>"/>', '<parent link="a"/><child link="<1>"/>'),
+    ),
+    (
+        {"r.urdf": urdf("<!-- raff2urdf constraints: r.constraints.json (0 loops) -->", AB, BC)},
+        {},
+        "Restore that file, or remove the (comment)",
+        put("<!-- raff2urdf constraints: r.constraints.json (0 loops) -->", ""),
+    ),
+    (
+        {"r.urdf": CONTRADICTED},
+        {},
+        "contradicts .*: correct one of them, or leave it out with --ignore (plugin)",
+        option(ignore=["plugin"]),
+    ),
+    ({"r.urdf": CONTRADICTED}, {}, "contradicts .*: correct (one) of them", put("<multiplier>2", "<multiplier>1")),
+    (
+        {"r.urdf": BUSHING},
+        {},
+        "is stiff in directions that no joint has: declare the (joint) that it stands for",
+        put(BUSHING[BUSHING.index("<drake:linear") : BUSHING.index("</robot>")], LOOP),
+    ),
+    (
+        {"r.urdf": BUSHING},
+        {},
+        "stands for, or leave it out with --ignore (drake:linear_bushing_rpy)",
+        option(ignore=["drake:linear_bushing_rpy"]),
+    ),
+    (
+        {"r.urdf": urdf(AB, BC).replace('"c"', '"p_X"'), "robot.yaml": "joint_name: [p]\njoint_type: [SPHERICAL]\n"},
+        {},
+        "can't be written as successive joints: rename '(p_X)', whose name is needed",
+        both(put('"<1>"', '"c"'), put('"<1>"', '"c"')),
+    ),
+    # options
+    (
+        {"r.urdf": urdf(AB, BC)},
+        {"packages": {"arm": "/nowhere"}},
+        "there is no such folder: name the (folder) of the package",
+        option(packages=None),
+    ),
+    (
+        {"r.urdf": urdf(AB, BC)},
+        {"packages": {"arm": "."}},
+        "has no effect: .*'arm': (leave) it out",
+        option(packages=None),
+    ),
+    (
+        {"r.urdf": urdf(AB, BC)},
+        {"swap_limits": True},
+        "no joint of .* has a lower limit above its upper one: (leave) it out",
+        option(swap_limits=False),
+    ),
+    (
+        {"r.urdf": urdf(AB, BC)},
+        {"couplings": [Coupling("c", {"p": (1.0,), "q": (1.0,)})]},
+        "a file declares its loops and couplings: give them with a (pinocchio.Model) only",
+        option(couplings=()),
+    ),
+    (
+        {"r.urdf": URDF_BARS},
+        {"loops": {"pin": "ball"}, "ignore_loops": True},
+        "a kind is given for loop 'pin', but all are to be ignored: (leave) one out",
+        option(ignore_loops=False),
+    ),
+]
+
+
+@pytest.mark.parametrize(("files", "options", "says", "act"), OF_FILES, ids=[row[2] for row in OF_FILES])
+def test_the_remedy_of_a_message_about_files_and_options_works(files, options, says, act, tmp_path: Path) -> None:
+    it = Setting(tmp_path, files, options)
+    said = re.search(says, "\n".join(it.problems()))
+    assert said is not None, it.problems()
+    act(it, said)
+    assert it.problems() == []
+
+
+# --- calls and commands -------------------------------------------------------------------------------------------
+
+
+def planar(name: str = "planar") -> pin.Model:
+    """A chain of three revolute joints, in Pinocchio."""
+    model = pin.Model()
+    model.name = name
+    for i in range(3):
+        place = pin.SE3(np.eye(3), np.array([0.5 * (i > 0), 0.0, 0.0]))
+        model.addJoint(i, pin.JointModelRZ(), place, f"j{i + 1}")
+    return model
+
+
+def pinned(
+    kind: pin.ContactType = pin.ContactType.CONTACT_3D, desired: bool = False, name: str = ""
+) -> pin.RigidConstraintModel:
+    """The end of this chain on its base, where it is."""
+    end = pin.SE3(np.eye(3), np.array([0.5, 0.0, 0.0]))
+    made = pin.RigidConstraintModel(
+        kind, planar(), 3, pin.SE3.Identity(), 0, pin.SE3(np.eye(3), np.array([0.8, 0.3, 0.0]))
+    )
+    made.name = name
+    if desired:
+        made.desired_contact_placement = end
+    return made
+
+
+def spherical(kind: Any) -> pin.Model:
+    model = planar()
+    model.addJoint(3, kind(), pin.SE3.Identity(), "j4")
+    return model
+
+
+MIMIC_MODEL = urdf(AB, joint("q", "b", "c", '<mimic joint="p"/>'))
+ARM = RIGHT["ARM"]
+
+BENT = BARS.replace("{ d 200", "{ alpha 0.1 d 200")
+UNEXPANDED = urdf(AB, BC).replace(
+    '<link name="c"/>', '<link name="c"><inertial><mass value="${1 + 1}"/></inertial></link>'
+)
+
+
+def unhealed(path: Path) -> object:
+    """Heal a file as if no number might change by so much as is needed."""
+    with mock.patch("cinegen.model.heal_file.LARGEST_CHANGE", 1e-9):
+        return heal_file(path)
+
+
+def marked(folder: Path, mark: str = "") -> Path:
+    """A URDF that can be healed, with a byte-order mark in its constraints file."""
+    file = json.loads(BARS_FILES["r.constraints.json"])
+    tilted = pin.SE3(pin.exp3(np.array([0.001, 0.0, 0.0])), np.zeros(3))
+    file["loops"][0]["second"]["placement"] = tilted.homogeneous.tolist()
+    return saved(folder, "r.urdf", BARS_FILES["r.urdf"], **{"r.constraints.json": f"{mark}{json.dumps(file)}"})
+
+
+def limited(**limits: object) -> Values:
+    """Constraints of the four-bar, with limits of its first joint."""
+    file: Values = json.loads(BARS_FILES["r.constraints.json"])
+    file["joints"][0].update(limits)
+    return file
+
+
+def refused(call: Callable[[], object]) -> None:
+    with pytest.raises(cinegen.ClosureError):
+        call()
+
+
+def linked(folder: Path) -> Path:
+    """A URDF beside a link to its constraints file, which is not there."""
+    (folder / "r.constraints.json").symlink_to("gone.json")
+    return saved(folder, "r.urdf", BARS_FILES["r.urdf"])
+
+
+def drawing(folder: Path, mesh: str) -> Path:
+    """A URDF that is drawn as a mesh; bad ones are cut."""
+    content = trimesh.creation.box().export(file_type=mesh[-3:])
+    (folder / mesh).write_bytes(content[: len(content) // 2] if mesh.startswith("bad") else content)
+    return saved(folder, "r.urdf", DRAWN.format(f'<geometry><mesh filename="{mesh}"/></geometry>'))
+
+
+DRAWN = urdf(AB, BC).replace('<link name="a"/>', '<link name="a"><visual>{}</visual></link>')
+TWO_PASSIVE = raff(TWO.replace("pred 1", "actuated 0 pred 1").replace("pred 0", "actuated 1 pred 0"))
+
+DRIVEN = URDF_BARS.replace("</robot>", TRANSMISSION.format("drive") + TRANSMISSION.format("elbow") + "</robot>")
+WEIGHED = raff('link 1 { type 2 pred 0 filename { "gone.stl" } inertial { density 2700 } }')
+
+# what is called with the folder, what the message says, and what is called instead
+OF_CALLS: list[tuple[Callable[[Path], object], str, Callable[[Path, re.Match[str]], object]]] = [
+    # numbers with units
+    (
+        lambda _: parse_range("1...2", LENGTH),
+        r"write LOW(\.\.)HIGH with two dots, such as (\S+) or (\S+)",
+        lambda _, said: [
+            parse_range(said[2], LENGTH),
+            parse_range(said[3], LENGTH),
+            parse_range(f"1{said[1]}2", LENGTH),
+        ],
+    ),
+    (
+        lambda _: parse_range("1mm..2", LENGTH),
+        "write the (unit) behind both ends, or behind the second",
+        lambda _, said: [parse_range("1mm..2mm", LENGTH), parse_range("1..2mm", LENGTH)],
+    ),
+    (
+        lambda _: parse_quantity("x", LENGTH),
+        "write a number, with a unit unless it is in (m)",
+        lambda _, said: [parse_quantity("1", LENGTH), parse_quantity("1 mm", LENGTH)],
+    ),
+    # numbers in another unit
+    (
+        lambda _: check_lengths(cinegen.load(ARM), "x", [300.0]),
+        "did you mean (300) mm",
+        lambda _, said: check_lengths(cinegen.load(ARM), "x", [float(said[1]) / 1e3]),
+    ),
+    (
+        lambda _: check_joint(cinegen.load(ARM), "joint1", [60.0]),
+        r"did you mean 60 degrees, which are (\S+) rad",
+        lambda _, said: check_joint(cinegen.load(ARM), "joint1", [float(said[1])]),
+    ),
+    (
+        lambda _: check_speed(cinegen.load(ARM), "joint2", 60.0),
+        r"did you mean 60 degrees/s, which are (\S+) rad/s",
+        lambda _, said: check_speed(cinegen.load(ARM), "joint2", float(said[1])),
+    ),
+    (
+        lambda _: check_revolution("rz", -60.0, 60.0),
+        r"did you mean (-60\.\.60deg)",
+        lambda _, said: check_revolution("rz", *parse_range(said[1], ANGLE)),
+    ),
+    (
+        lambda _: motion_limits(cinegen.load(ARM), acceleration=-1.0),
+        "give a finite number above (0)",
+        lambda _, said: motion_limits(cinegen.load(ARM), acceleration=1.0),
+    ),
+    # models of Pinocchio
+    (
+        lambda _: cinegen.load(planar(), robot="r"),
+        "robot has no effect on a pinocchio.Model: leave it (out)",
+        lambda _, said: cinegen.load(planar()),
+    ),
+    (
+        lambda _: cinegen.load(planar(), loops=[pinned(name="pin"), pinned(name="pin")]),
+        "loop name '.*' is used twice: give each its (own)",
+        lambda _, said: cinegen.load(planar(), loops=[pinned(name="pin"), pinned(name=said[1])]),
+    ),
+    (
+        lambda _: cinegen.load(spherical(pin.JointModelPlanar)),
+        "is of the kind Planar, which no URDF has: build it of (revolute) and prismatic joints",
+        lambda _, said: cinegen.load(planar()),
+    ),
+    (
+        lambda _: cinegen.load(planar(), loops=["pin"]),
+        "give pinocchio.(RigidConstraintModel) of the type CONTACT_6D or (CONTACT_3D)",
+        lambda _, said: cinegen.load(planar(), loops=[pinned(getattr(pin.ContactType, said[2]))]),
+    ),
+    (
+        lambda _: cinegen.load(planar(), loops=[pinned(desired=True)]),
+        "its ends meet: move (desired_contact_placement) into one of them",
+        lambda _, said: cinegen.load(planar(), loops=[pinned()]),
+    ),
+    (
+        lambda _: replace(cinegen.load(MIMIC_MODEL), model=pin.buildModelFromXML(MIMIC_MODEL, mimic=True)),
+        r"build the model with it as an independent joint \((mimic=False) in Pinocchio\)",
+        lambda _, said: replace(
+            cinegen.load(MIMIC_MODEL), model=pin.buildModelFromXML(MIMIC_MODEL, **literal(said[1]))
+        ),
+    ),
+    # configurations
+    (
+        lambda _: set_q(cinegen.load(BARS), False),
+        r"use mechanism\.(close)\(q\)",
+        lambda _, said: set_q(cinegen.load(BARS), True),
+    ),
+    # loops, and their ends
+    (
+        lambda folder: cinegen.load(four_bar(folder / "r.urdf", "x"), loops=HINGE),
+        'turn both frames by rpy="(.*)", or leave',
+        lambda folder, said: cinegen.load(four_bar(folder / "r.urdf", "x", said[1], said[1]), loops=HINGE),
+    ),
+    (
+        lambda folder: cinegen.load(four_bar(folder / "r.urdf", "z")),
+        r"--loop (\w+)=(revolute) for a hinge about their z axes",
+        lambda folder, said: cinegen.load(four_bar(folder / "r.urdf", "z"), loops={said[1]: said[2]}).loops,
+    ),
+    (
+        lambda _: cinegen.load(with_play(0.45)),
+        r"--exact \(in Python load\((relax=False)\), convert\(exact=True\)\) refuses such gaps",
+        lambda _, said: refused(lambda: cinegen.load(with_play(0.45), **literal(said[1]))),
+    ),
+    (
+        lambda folder: cinegen.load(linked(folder)),
+        r"is a link to (gone.json), which does not exist: restore that file",
+        lambda folder, said: cinegen.load(
+            saved(folder, "r.urdf", BARS_FILES["r.urdf"], **{said[1]: BARS_FILES["r.constraints.json"]})
+        ),
+    ),
+    (
+        lambda folder: unhealed(saved(folder, "bent.raff", BENT)),
+        "no small change .*: check their geometry, or load the robot with weaker joints there .(--relax)",
+        lambda folder, said: cinegen.load(folder / "bent.raff", relax=True),
+    ),
+    (
+        lambda folder: unhealed(saved(folder, "bent.raff", BENT)),
+        "or --loop NAME=(ball), of the other commands",
+        lambda folder, said: cinegen.load(folder / "bent.raff", loops={"frame4-frame5": said[1]}),
+    ),
+    (
+        lambda folder: heal_file(marked(folder, "\ufeff")),
+        "is not UTF-8 text without a byte-order mark: (save) it as UTF-8",
+        lambda folder, said: heal_file(marked(folder)),
+    ),
+    (
+        lambda _: build(BARS_FILES["r.urdf"], limited(velocity=3.0)),
+        "URDF, where they belong: remove (them) from the constraints",
+        lambda _, said: build(BARS_FILES["r.urdf"], limited()),
+    ),
+    # meshes
+    (
+        lambda folder: cinegen.load(drawing(folder, "bad.stl")).visual,
+        "the mesh .* can't be read: .*: (export) it again",
+        lambda folder, said: cinegen.load(drawing(folder, "good.stl")).visual,
+    ),
+    (
+        lambda folder: cinegen.load(drawing(folder, "bad.glb")).visual,
+        "the mesh .* can't be read: .*: (export) it again",
+        lambda folder, said: cinegen.load(drawing(folder, "good.glb")).visual,
+    ),
+    # the tree of a URDF by itself, as raff2urdf writes it
+    (
+        lambda _: parse_urdf(urdf(AB, BC, joint("s", "a", "c")), "r"),
+        "Give the joint a child of its own and close the loop in a (sidecar) file",
+        lambda _, said: parse_urdf(urdf(AB, BC, '<link name="d"/>' + joint("s", "a", "d")), "r"),
+    ),
+    (
+        lambda _: parse_urdf(urdf(AB, BC, joint("s", "a", "c")), "r"),
+        r"or leave this joint out with .*\(in Python (ignore_loops=True)\)",
+        lambda _, said: cinegen.load(urdf(AB, BC, joint("s", "a", "c")), **literal(said[1])),
+    ),
+    (
+        lambda _: parse_urdf(urdf(AB, BC, joint("s", "c", "a")), "r"),
+        "every link has a parent: remove the (joint) above the link that is the root",
+        lambda _, said: parse_urdf(urdf(AB, BC), "r"),
+    ),
+    (
+        lambda folder: cinegen.load(saved(folder, "r.urdf", UNEXPANDED)),
+        r"It contains xacro .*: load the output of `xacro (\S+)`",
+        lambda folder, said: cinegen.load(expanded(Path(said[1]), ReadOptions()).text),
+    ),
+    (
+        lambda _: expanded(Path("-"), ReadOptions()),
+        "xacro can't be read from standard input: pipe the output of `xacro`, or name the (file)",
+        lambda folder, said: expanded(saved(folder, "r.urdf.xacro", XACRO.format("")), ReadOptions()),
+    ),
+    # texts
+    (
+        lambda _: cinegen.load(MACRO),
+        "xacro is a program: load its file, (.urdf.xacro)",
+        lambda folder, said: cinegen.load(
+            saved(folder, f"r{said[1]}", MACRO.replace("</robot>", '<link name="a"/><xacro:arm/></robot>'))
+        ),
+    ),
+    (
+        lambda _: cinegen.load(PINNED),
+        r"Load the URDF from a file with such a file, NAME(.constraints.json), next to it",
+        lambda folder, said: cinegen.load(
+            saved(folder, "r.urdf", UNREAD, **{f"r{said[1]}": BARS_FILES["r.constraints.json"]})
+        ),
+    ),
+    (
+        lambda _: cinegen.load(TWO_PASSIVE),
+        r"let joint2 be actuated too; load\(\.\.\., (actuated)=\[\.\.\.\]\) declares that",
+        lambda _, said: cinegen.load(TWO_PASSIVE, **{said[1]: ["joint1", "joint2"]}),
+    ),
+    (
+        lambda folder: cinegen.load(saved(folder, "r.raff", TWO_PASSIVE)),
+        "let (joint2) be actuated too; '(actuated 1)' in its link declares that",
+        lambda folder, said: cinegen.load(saved(folder, "r.raff", TWO_PASSIVE.replace("actuated 0", said[2]))),
+    ),
+    (
+        lambda _: cinegen.load(DRIVEN),
+        r"elbow is passive; .*\(in Python (actuated)=\[\.\.\.\]\) names others",
+        lambda _, said: cinegen.load(DRIVEN, **{said[1]: ["drive"]}),
+    ),
+    (
+        lambda _: cinegen.load(WEIGHED),
+        "its graphics 'gone.stl' can't be read: .* Give its '(mass)'",
+        lambda _, said: cinegen.load(WEIGHED.replace("density 2700", f"{said[1]} 1")),
+    ),
+    (
+        lambda _: nff.loads("nff\na\n3\n0 0 0 0xgg\n1 0 0\n0 1 0\n1\n3 0 1 2 0xf00\n"),
+        "is not a colour: write (0x)RGB or 0xRRGGBB",
+        lambda _, said: nff.loads(f"nff\na\n3\n0 0 0 {said[1]}f00\n1 0 0\n0 1 0\n1\n3 0 1 2 0xf00\n"),
+    ),
+    (
+        lambda _: raff2urdf.dumps(Document('a"b')),
+        "no notation for a (quotation mark) or a line's end: remove it",
+        lambda _, said: raff2urdf.dumps(Document("ab")),
+    ),
+    (
+        lambda folder: find("http://here/part.stl", folder),
+        "'http://' can't be read: name a (file)",
+        lambda folder, said: find("part.stl", saved(folder, "part.stl", "solid").parent),
+    ),
+]
+
+
+def literal(text: str) -> Values:
+    """An argument as a message writes it: NAME=VALUE."""
+    name, _, value = text.partition("=")
+    return {name: ast.literal_eval(value)}
+
+
+def saved(folder: Path, name: str, content: str, **others: str) -> Path:
+    for own, text in {name: content, **others}.items():
+        (folder / own).write_text(text, encoding="utf-8")
+    return folder / name
+
+
+def set_q(mechanism: Mechanism, is_closed: bool) -> None:
+    q = mechanism.q_home + np.array([0.3, 0.0, 0.0])
+    ForwardKinematics(mechanism).q = mechanism.close(q) if is_closed else q
+
+
+def said_by(
+    call: Callable[..., object], *arguments: object, errors: Any = (cinegen.CinegenError, RaffError, ValueError)
+) -> str:
+    """The warnings of a call, its notes, and its error, unless it is raised."""
+    with warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always")
+        try:
+            found = call(*arguments)
+            last = list(found.source.notes) if isinstance(found, Mechanism) and found.source else []
+        except errors as error:
+            last = [str(error)]
+    return "\n".join([*(str(warning.message) for warning in caught), *last])
+
+
+@pytest.mark.parametrize(("wrong", "says", "right"), OF_CALLS, ids=[row[1] for row in OF_CALLS])
+def test_the_remedy_of_a_message_about_a_call_works(wrong, says, right, tmp_path: Path) -> None:
+    message = said_by(wrong, tmp_path)
+    said = re.search(says, message)
+    assert said is not None, message
+    assert said[0] not in said_by(right, tmp_path, said, errors=())
+
+
+RAFF2URDF, URDF2RAFF, CINEGEN = raff2urdf.cli.main, raff2urdf.urdf2raff.cli.main, cinegen.cli.main
+TWO_ROBOTS = raff(ONE) + "robot s { }\n"
+SOLID = trimesh.creation.box().export(file_type="stl_ascii")
+MESH = DRAWN.format('<geometry><mesh filename="{}.stl"/></geometry>')
+
+# the program, its files, its arguments, what it says, and the arguments then; <1> is the first group
+OF_COMMANDS: list[tuple[Callable[[list[str]], int], dict[str, str], str, str, str]] = [
+    (
+        RAFF2URDF,
+        {"r.raff": TWO_ROBOTS},
+        "r.raff -o s.urdf",
+        r"holds several robots \(r, (s)\): name one with (--robot)",
+        "r.raff <2> <1> -o s.urdf",
+    ),
+    (
+        RAFF2URDF,
+        {"r.raff": TWO_ROBOTS},
+        "r.raff -o s.urdf",
+        r"name one with --robot, or a (folder) to write to",
+        "r.raff -o <1>/",
+    ),
+    (
+        RAFF2URDF,
+        {"r.raff": raff(ONE), "r.urdf": "mine"},
+        "r.raff -o r.urdf",
+        "exists already: name another file, or replace it with (--force)",
+        "r.raff -o r.urdf <1>",
+    ),
+    (
+        RAFF2URDF,
+        {"r.raff": raff(ONE), "r.urdf": "mine"},
+        "r.raff -o r.urdf",
+        "exists already: name another (file), or",
+        "r.raff -o <1>.urdf",
+    ),
+    (
+        RAFF2URDF,
+        {"r.raff": raff(ONE), "r.urdf": converted(raff(ONE))["r.urdf"].replace("0.1", "0.2")},
+        "r.raff -o r.urdf",
+        "was changed by hand .*: name another file, or replace it with (--force)",
+        "r.raff -o r.urdf <1>",
+    ),
+    (
+        RAFF2URDF,
+        {"r.raff": raff(ONE), "r.urdf": converted(raff(ONE))["r.urdf"].replace("0.1", "0.2")},
+        "r.raff -o r.urdf",
+        "was changed by hand .*: name another (file), or",
+        "r.raff -o <1>.urdf",
+    ),
+    (CINEGEN, {"r.urdf": urdf(AB, BC)}, "info r.urdf --package arm", "write (NAME=VALUE), for example", "info r.urdf"),
+    (
+        CINEGEN,
+        {"r.urdf.xacro": XACRO.format('<xacro:arg name="prefix" default=""/>')},
+        "info r.urdf.xacro --xacro-arg prefix=a --xacro-arg prefix=b",
+        "'prefix' is given twice: (leave) one out",
+        "info r.urdf.xacro --xacro-arg prefix=a",
+    ),
+    (
+        URDF2RAFF,
+        {"r.urdf": DRAWN.format('<geometry><box size="1 1 1"/></geometry>')},
+        "r.urdf -o -",
+        "name a regular (file), or give",
+        "r.urdf -o <1>.raff",
+    ),
+    (
+        URDF2RAFF,
+        {"r.urdf": DRAWN.format('<geometry><box size="1 1 1"/></geometry>')},
+        "r.urdf -o -",
+        "or give (--no-graphics)",
+        "r.urdf -o - <1>",
+    ),
+    (
+        URDF2RAFF,
+        {"r.urdf": MESH.format("bad"), "s.urdf": MESH.format("good"), "bad.stl": "solid", "good.stl": SOLID},
+        "r.urdf -o r.raff",
+        "the mesh .* can't be read: .*: (export) it again",
+        "s.urdf -o s.raff",
+    ),
+    (
+        URDF2RAFF,
+        {"r.urdf": DRAWN.format(""), "s.urdf": DRAWN.format('<geometry><box size="1 1 1"/></geometry>')},
+        "r.urdf -o r.raff",
+        "this visual has no shape: add a <(box)>",
+        "s.urdf -o r.raff",
+    ),
+    (
+        URDF2RAFF,
+        {
+            "r.urdf": DRAWN.format("<geometry><cone/></geometry>"),
+            "s.urdf": DRAWN.format('<geometry><sphere radius="1"/></geometry>'),
+        },
+        "r.urdf -o r.raff",
+        "the shape <cone> is not in URDF: use <box>, <cylinder>, <(sphere)>",
+        "s.urdf -o r.raff",
+    ),
+]
+
+
+def run(program: Callable[[list[str]], int], folder: Path, files: dict[str, str], arguments: str) -> tuple[int, str]:
+    """The status of a command, and what it says; it runs in a folder with these files."""
+    for name, content in files.items():
+        (folder / name).write_text(content, encoding="utf-8")
+    streams = io.StringIO(), io.StringIO()
+    with (
+        contextlib.chdir(folder),
+        warnings.catch_warnings(),
+        contextlib.redirect_stdout(streams[0]),
+        contextlib.redirect_stderr(streams[1]),
+    ):
+        warnings.simplefilter("always")
+        status = program(arguments.split())
+    return status, streams[0].getvalue() + streams[1].getvalue()
+
+
+@pytest.mark.parametrize(
+    ("program", "files", "wrong", "says", "right"), OF_COMMANDS, ids=[row[3] for row in OF_COMMANDS]
+)
+def test_the_remedy_of_a_message_about_a_command_works(program, files, wrong, says, right, tmp_path: Path) -> None:
+    _, message = run(program, tmp_path, files, wrong)
+    said = re.search(says, " ".join(message.split()))
+    assert said is not None, message
+    status, message = run(program, tmp_path, files, filled(right, said))
+    assert status == 0
+    assert said[0] not in message
+
+
+# --- completeness -------------------------------------------------------------------------------------------------
+
+LOADING = ("raff2urdf", "cinegen/model")
+"""Folders whose messages are about files, loading, converting and healing."""
+
+ELSEWHERE = {
+    "python3 -m pip": "installs a package, from the network",
+    "convert it with Gazebo's `gz sdf --convert`": "a program of others, which is not installed",
+    "joint values count from there: add home of raff:joint": "no message: a comment in an SDF for its readers",
+    "would lack the loops": "tests/cli/test_heal_command.py",
+}
+"""Words of messages whose remedy is not in a table here, and why, or which test tries it."""
+
+
+def told(folder: Path) -> Iterator[tuple[str, re.Match[str]]]:
+    """The message of each row of these tables and of the beginners' mistakes, and what the row reads in it."""
+
+    def part(message: str, says: str) -> tuple[str, re.Match[str]]:
+        said = re.search(says, message)
+        assert said is not None, (says, message)
+        return message, said
+
+    for text, says, *_ in ROWS:
+        yield part("\n".join(problems(text)), says)
+    for text, says in OF_OPTIONS:
+        yield part("\n".join(problems(text)), says)
+    for mistake in MISTAKES:
+        wrong = RIGHT[mistake.right]
+        for old, new in mistake.wrong:
+            wrong = wrong.replace(old, new, 1)
+        yield part(messages(wrong)[0], mistake.says)
+    for i, (spoil, says, _) in enumerate(OF_CONSTRAINTS):
+        yield part("\n".join(spoilt(own(folder, f"k{i}"), spoil)[1]), says)
+    for i, (files, options, says, _) in enumerate(OF_FILES):
+        yield part("\n".join(Setting(own(folder, f"f{i}"), files, options).problems()), says)
+    for i, (wrong, says, _) in enumerate(OF_CALLS):
+        yield part(said_by(wrong, own(folder, f"c{i}")), says)
+    for i, (program, files, arguments, says, _) in enumerate(OF_COMMANDS):
+        yield part(" ".join(run(program, own(folder, f"p{i}"), files, arguments)[1].split()), says)
+
+
+def own(folder: Path, name: str) -> Path:
+    """A new folder in another one."""
+    (folder / name).mkdir()
+    return folder / name
+
+
+def test_every_remedy_that_a_message_about_files_proposes_is_tried(tmp_path: Path, root: Path) -> None:
+    """What a row reads in a message comes from templates in the sources; each that proposes something is met."""
+    read = list(told(tmp_path))
+    untried = {}
+    for path in sorted(path for folder in LOADING for path in (root / folder).rglob("*.py")):
+        if path.name in ("cli.py", "command_line.py"):
+            continue
+        for line, template in proposals(path):
+            found = (
+                one.span() for message, said in read for one in pattern(template).finditer(message) if meet(one, said)
+            )
+            if next(found, None) is None:
+                untried[template] = f"{path.relative_to(root)}:{line}"
+    excused = {template for template in untried if any(words in template for words in ELSEWHERE)}
+    assert {template: at for template, at in untried.items() if template not in excused} == {}
+    assert all(any(words in template for template in excused) for words in ELSEWHERE)
+
+
+def meet(one: re.Match[str], other: re.Match[str]) -> bool:
+    """Whether two parts of one text have a character in common."""
+    return one.start() < other.end() and other.start() < one.end()

@@ -21,6 +21,7 @@ import numpy as np
 from lxml import etree
 
 from raff2urdf.errors import RaffError, did_you_mean
+from raff2urdf.graphics.names import MissingFileError
 from raff2urdf.placement import inverse, roll_pitch_yaw
 from raff2urdf.readers.sdf.model import PROXY, TWO_AXES, SdfPoses, named, pose
 from raff2urdf.readers.urdf import numbers
@@ -211,7 +212,7 @@ def _file_of(uri: str, folder: Path, find: Callable[[str, Path], Path]) -> tuple
         try:
             path = find(f"{uri}/model.sdf", folder)
             return path, path.parent
-        except RaffError:
+        except MissingFileError:
             raise error from None
     listed = [
         (numbers(one.get("version", "0").replace(".", " ")) or [0.0], (one.text or "").strip())
