@@ -63,8 +63,9 @@ def run(
     loads = [*carried(mechanism, payload, node), *wrenches(wrench)]
     dynamics = InverseDynamics(mechanism, loads, gravity_of(gravity), massless)
     shown = [f"  note: {note}" for note in dynamics.notes]
-    if dynamics.tree.gravity.tolist() != [0.0, 0.0, -9.81]:
-        shown.append("  gravity: {:g}, {:g}, {:g} m/s2".format(*dynamics.tree.gravity))
+    x, y, z = dynamics.tree.gravity.tolist()
+    if (x, y, z) != (0.0, 0.0, -9.81):
+        shown.append(f"  gravity: {x:g}, {y:g}, {z:g} m/s2")
     if trajectory is not None:
         report, text = _along(name, dynamics, trajectory, robots.robot)
         print_result(report | {"notes": dynamics.notes}, "\n".join([text, *shown]), json)

@@ -69,6 +69,7 @@ REPLACED = (
     "cinegen.cli.plan._task", "cinegen.cli.calibrate._text", "cinegen.cli.map.summary", "cinegen.cli.forces._along",
     "cinegen.cli.ik.pose_task", "cinegen.cli.modes.pose_task", "cinegen.cli.ik._lines", "cinegen.cli.demo.replace",
     "cinegen.cli.drive.replace", "cinegen.cli.plan.replace", "cinegen.cli.served_page.replace",
+    "cinegen.cli.heal.signed",
 )  # fmt: skip
 """What is called in no library, or needs more than anything."""
 PROGRAMS = {"cinegen": cinegen.cli, "raff2urdf": raff2urdf.cli, "urdf2raff": raff2urdf.urdf2raff.cli}
