@@ -128,8 +128,8 @@ def test_every_command_goes_on_without_a_lost_mesh_and_warns_once(write, name, t
     over = ["--over", "turn=0..20:2", "--over", "reach=0..0.1:2", "--yes"]
     for command, checks in (
         (["info", "arm.urdf", "--collision"], True),
-        (["drive", "arm.urdf", "--snapshot", "page.html", "--no-browser"], False),
-        (["drive", "--scene", "scene.toml", "--snapshot", "scene.html", "--no-browser"], True),
+        (["drive", "arm.urdf", "--snapshot", "page.html"], False),
+        (["drive", "--scene", "scene.toml", "--snapshot", "scene.html"], True),
         (["page", "arm.urdf"], False),
         (["plan", "scene.toml", "--plot", "plan.png", "--output", "plan.jsonl"], True),
         (["map", "arm.urdf", "--scene", "scene.toml", "--quantity", "clearance", *over], True),

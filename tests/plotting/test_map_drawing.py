@@ -164,7 +164,7 @@ def test_each_quantity_has_its_scale(made, five_bar):
     assert len(reachable.axes) == 1  # one colour needs no bar
     settled = draw_map(modes, None, curves=False)
     assert {"reachable", "reachable\n(by search)"} <= {tick.get_text() for tick in settled.axes[1].get_yticklabels()}
-    with pytest.raises(MapError, match="this map has no quantity 'sigma_3': did you mean 'sigma_2'"):
+    with pytest.raises(MapError, match="this map has no quantity 'sigma_3': did you mean 'sigma_1' or 'sigma_2'"):
         draw_map(five_bar, "sigma_3")
 
 
