@@ -27,7 +27,8 @@ and sums over loops,
     |f_t(0)| <= (1 + k) |z_1| + |P J v| / 4 + sum b h S^3 / 40,
 
 where z_1 is the distance of the closed end from q + v: P J_p along the line is interpolated between its ends, and F by
-the polynomial of second degree with its values at both ends and its slope at q. Rounding is not bounded.
+the polynomial of second degree with its values at both ends and its slope at q. D is measured at the end and divided by
+1 - S - W (|z_1| + r), which bounds it in the whole tube. Rounding is not bounded.
 """
 
 from __future__ import annotations
@@ -44,6 +45,7 @@ PROVED, TOO_LONG, NO_PROOF = range(3)
 """Status of a step: on its branch; not proved, but shorter ones may be; the tube is not defined at its start."""
 
 _CONTRACTION = 0.5
+_SLACK = 0.1  # W (|z_1| + r): rotation, beyond that of the line, by which levers may differ in the tube
 _STALE = 0.1  # |1 - P J_p| at which P is computed again
 _ROTATED = 0.6  # derivative by a rotation vector, relative to that at 0, is 1 to within so many times its length
 _SPHERICAL = 1.1  # factor of the bounds where rotation vectors are among the positions
@@ -167,15 +169,16 @@ def _is_in_tube(memory: LoopMemory, cluster: ClusterMemory) -> bool:
         squared += (memory.delta[k] / memory.scale[k] - part * tangent[k]) ** 2
         longest = max(longest, abs(part * tangent[k]))
     z = math.sqrt(squared)
-    interpolated, by_distance, bent = 0.0, 0.0, 0.0
+    interpolated, by_distance, bent, widest = 0.0, 0.0, 0.0, 0.0
     for r in range(cluster.rows):
         loop = memory.row_loop[cluster.row[r]]
         if loop < 0 or memory.loop_row[loop] != cluster.row[r]:  # a coupling, which is linear, or another row of a loop
             continue
         travelled, lever, width = _measure(memory, loop)
-        if travelled + math.sqrt(width) * z >= 1.0:
+        if travelled + _SLACK >= 1.0:
             return False
-        lever /= 1.0 - travelled - math.sqrt(width) * z  # within the tube
+        lever /= 1.0 - travelled - _SLACK  # anywhere in the tube, if it is not wider
+        widest = max(widest, width)
         h = lever if memory.loop_kind[loop] == BALL else math.sqrt(lever * lever + 1.0)
         h *= _norm_of_inverse(memory, cluster, loop) * (_SPHERICAL if memory.units > 0 else 1.0)
         interpolated += h * math.sqrt(width) * travelled**2 / 8.0
@@ -186,7 +189,7 @@ def _is_in_tube(memory: LoopMemory, cluster: ClusterMemory) -> bool:
     contraction = max(cluster.error, cluster.error_at_end) + interpolated + by_distance * (z + radius)
     if memory.units > 0:
         contraction += _ROTATED * (longest + z)
-    return contraction <= _CONTRACTION
+    return contraction <= _CONTRACTION and math.sqrt(widest) * (z + radius) <= _SLACK
 
 
 @compiled
