@@ -88,6 +88,8 @@ def _main(arguments: Sequence[str] | None) -> int:
             print(f"warning: {message}", file=sys.stderr)
 
     with warnings.catch_warnings():
+        # of other packages' modules, when Python compiles them; a SyntaxWarning from Python 3.12 on
+        warnings.filterwarnings("ignore", "invalid escape sequence")
         warnings.showwarning = show
         try:
             return run_app(app, "cinegen", arguments)

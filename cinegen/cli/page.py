@@ -45,5 +45,5 @@ def run(
     poses = base_poses(robots, {name: str(file) for name, (_, file) in loaded.items()}, base)
     page = build_page(Setup(robots, poses), title or "").encode(errors="backslashreplace")
     write(path, page)
-    print(f"{path}: {len(page) / 1e6:.1f} MB, needs no server")
+    print(f"{path}: {len(page) / 1e6:.2f} MB, needs no server")
     return 0
