@@ -1,5 +1,5 @@
-"""What the cockpit keeps up with: a Gough platform at 1 kHz while four browsers take 60 states a second, and how long a
-user waits for the robot.
+"""What the cockpit costs at rest and in motion, with one page and with four: a Gough platform at 1 kHz, 60 states a
+second; and how long a user waits for the robot.
 
     python benchmarks/cockpit.py [--seconds 10] [--robot robots/gough.raff] [--browser]
 
@@ -19,6 +19,7 @@ import time
 import warnings
 from typing import Any
 
+import psutil
 import tornado.websocket
 
 import cinegen
@@ -29,25 +30,54 @@ CLIENTS = 4
 FLAGS = ("--no-sandbox", "--use-angle=swiftshader", "--enable-unsafe-swiftshader", "--disable-quic", "--no-first-run")
 
 
-async def look(url: str, seconds: float) -> int:
-    """A browser that takes every state at once; how many it got."""
+async def look(url: str, sizes: list[int]) -> None:
+    """A page that takes every state at once; bytes of each message."""
     socket = await tornado.websocket.websocket_connect(url)
-    count, begin = 0, time.perf_counter()
-    while time.perf_counter() < begin + seconds:
-        said = json.loads(await socket.read_message())
-        if said["type"] == "state":
-            count += 1
-            await socket.write_message(json.dumps({"type": "ack", "frame": said["frame"]}))
-    return count
+    while True:
+        message = await socket.read_message()
+        sizes.append(len(message))
+        if isinstance(message, bytes) and message[0] == 0:  # a state
+            frame = json.loads(message[8 : 8 + int.from_bytes(message[4:8], "little")])["frame"]
+            await socket.write_message(json.dumps({"type": "ack", "frame": frame}))
 
 
-def watchers(url: str, seconds: float, answers: Any) -> None:
-    """All of them, in a process of their own."""
+def watchers(url: str, count: int, seconds: float, answers: Any) -> None:
+    """Pages, in a process of their own: bytes of what each was sent after two seconds."""
 
-    async def run() -> list[int]:
-        return await asyncio.gather(*(look(url, seconds) for _ in range(CLIENTS)))
+    async def run() -> list[list[int]]:
+        sizes: list[list[int]] = [[] for _ in range(count)]
+        looking = [asyncio.ensure_future(look(url, one)) for one in sizes]
+        await asyncio.sleep(2.0)
+        for one in sizes:
+            one.clear()
+        answers.send(None)
+        await asyncio.sleep(seconds)
+        for task in looking:
+            task.cancel()
+        return sizes
 
     answers.send(asyncio.run(run()))
+
+
+def cost(cockpit: Cockpit, count: int, seconds: float) -> str:
+    """What a number of pages cost."""
+    context = multiprocessing.get_context("spawn")
+    receiver, sender = context.Pipe(duplex=False)
+    url = cockpit.session_url.replace("/session", "/page")
+    pages = context.Process(target=watchers, args=(url, count, seconds, sender))
+    here = psutil.Process()
+    own = [here, *(one for one in here.children(recursive=True))]
+    pages.start()
+    receiver.recv()
+    spent, begin = [sum(one.cpu_times()[:2]) for one in own], time.perf_counter()
+    sizes = receiver.recv()
+    passed = time.perf_counter() - begin
+    core = sum(sum(one.cpu_times()[:2]) for one in own) - sum(spent)
+    pages.join()
+    messages, kilobytes = sum(map(len, sizes)) / count / passed, sum(map(sum, sizes)) / count / passed / 1e3
+    median = statistics.median(sizes[0] or [0])
+    sent = f"each is sent {messages:.1f} messages and {kilobytes:.1f} kB a second, median {median:.0f} bytes"
+    return f"pages: {count}; {sent}; {core / passed:.3f} of a core"
 
 
 async def drag(url: str, robot: str, node: str, count: int) -> list[float]:
@@ -141,14 +171,12 @@ def main() -> None:
     options = parser.parse_args()
     warnings.simplefilter("ignore", cinegen.CinegenWarning)
     mechanism = cinegen.load(options.robot)
-    context = multiprocessing.get_context("spawn")
+    with Cockpit(arrange({"robot": mechanism}), port=7900) as cockpit:
+        for count in (1, CLIENTS):
+            print(f"at rest, {cost(cockpit, count, options.seconds)}")
     with Cockpit(arrange({"robot": mechanism}, follow="circle"), port=7900) as cockpit:
-        receiver, sender = context.Pipe(duplex=False)
-        process = context.Process(target=watchers, args=(cockpit.session_url, options.seconds, sender))
-        process.start()
-        counts = receiver.recv()
-        process.join()
-        print(f"{CLIENTS} browsers: {', '.join(f'{count / options.seconds:.1f}' for count in counts)} states a second")
+        for count in (1, CLIENTS):
+            print(f"in motion, {cost(cockpit, count, options.seconds)}")
         print(f"the solver meanwhile:\n{cockpit.runner.report()}")
         print(f"a user waits: {told(asyncio.run(drag(cockpit.session_url, 'robot', mechanism.end, 200)))}")
         if options.browser:

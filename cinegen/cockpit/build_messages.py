@@ -34,6 +34,9 @@ from cinegen.session import RobotReport, SessionState, Setup, agreed_status
 from cinegen.session.commands import CommandFrame
 from cinegen.session.holding import largest_payload, why_no_forces
 from cinegen.session.state import DescribedState, PlaybackStatus, SessionInfo, TaskInfo, TaskState
+from cinegen.typed_json import Vector7
+
+_DIGITS = 9  # after the point, of poses and errors in m and rad
 
 
 def hello_message(setup: Setup, title: str, client: int, playback: PlaybackStatus | None = None) -> HelloMessage:
@@ -87,21 +90,35 @@ def _robot(setup: Setup, name: str, mechanism: Mechanism) -> RobotDescription:
 def _nodes(mechanism: Mechanism) -> list[NodeDescription]:
     """Describe the nodes of a mechanism. The first node that a joint moves is its link, the others are frames on it."""
     model = mechanism.model
+    placed = NodePoses({mechanism.name: mechanism}).of(mechanism.name, mechanism.q_home)
     joint_of = {node: model.frames[mechanism.frame_id(node)].parentJoint for node in mechanism.nodes}
     link_of = {joint: node for node, joint in reversed(joint_of.items())}
     nodes = []
     for node, joint in joint_of.items():
         if link_of[joint] != node:
-            nodes.append(NodeDescription(node, link_of[joint], None, "frame"))
+            link = link_of[joint]
+            nodes.append(NodeDescription(node, link, None, "frame", _relative(placed, link, node)))
             continue
         above = joint
         while above > 0 and (above == joint or above not in link_of):
             above = model.parents[above]
         parent = link_of.get(above) if above != joint else None
         moved_by = model.names[joint] if joint > 0 else None
-        nodes.append(NodeDescription(node, parent, moved_by, "link" if moved_by else "frame"))
+        placement = None if moved_by else _relative(placed, parent, node)
+        nodes.append(NodeDescription(node, parent, moved_by, "link" if moved_by else "frame", placement))
     nodes[0] = msgspec.structs.replace(nodes[0], kind="base")
     return nodes
+
+
+def _relative(placed: Mapping[str, pin.SE3], parent: str | None, node: str) -> Vector7:
+    """Return the pose of a node that is fixed to its parent, or to the world."""
+    return _rounded(placed[node] if parent is None else placed[parent].actInv(placed[node]))
+
+
+def _rounded(pose: pin.SE3) -> Vector7:
+    """Return a pose without digits that nobody sees: to nanometres."""
+    x, y, z, *turn = np.round(pin.SE3ToXYZQUAT(pose), _DIGITS).tolist()
+    return (x, y, z, *turn)
 
 
 class NodePoses:
@@ -136,16 +153,17 @@ def state_message(state: SessionState, poses: NodePoses, reports: Mapping[str, R
     tasks: list[TaskMessage] = []
     for name, robot in state.robots.items():
         nodes = poses.of(name, robot.q)
-        placed[name] = np.concatenate([pin.SE3ToXYZQUAT(one) for one in (robot.base, *nodes.values())]).tolist()
+        every = np.concatenate([pin.SE3ToXYZQUAT(one) for one in (robot.base, *nodes.values())])
+        placed[name] = np.round(every, _DIGITS).tolist()
         tasks += [_task(name, task, robot.base * nodes[task.node], robot.base * task.target) for task in robot.tasks]
     for name, obstacle in state.obstacles.items():
         tasks += [_task(name, task, obstacle.pose, task.target) for task in obstacle.tasks]
-    obstacles = {name: tuple(pin.SE3ToXYZQUAT(one.pose).tolist()) for name, one in state.obstacles.items()}
+    obstacles = {name: _rounded(one.pose) for name, one in state.obstacles.items()}
     statuses = {name: agreed_status(robot.status, reports.get(name)) for name, robot in state.robots.items()}
     statuses |= {name: obstacle.status for name, obstacle in state.obstacles.items()}
     stopped = {name: robot.obstruction for name, robot in state.robots.items() if robot.obstruction is not None}
     torques = {
-        name: [float(x) if np.isfinite(x) else None for x in robot.torques]
+        name: [float(f"{x:.6g}") if np.isfinite(x) else None for x in robot.torques]
         for name, robot in state.robots.items()
         if robot.torques is not None
     }
@@ -161,9 +179,9 @@ def state_message(state: SessionState, poses: NodePoses, reports: Mapping[str, R
 
 def _task(robot: str, task: TaskState, node: pin.SE3, target: pin.SE3) -> TaskMessage:
     """Build the message of a task, with the poses of its node and its target in the world."""
-    position = (node * task.offset).translation.tolist()
-    placed = pin.SE3ToXYZQUAT(target).tolist()
-    return TaskMessage(robot=robot, position=position, target=placed, **_fields(TaskInfo, task))
+    position = np.round((node * task.offset).translation, _DIGITS).tolist()
+    fields = _fields(TaskInfo, task) | {"error": (round(task.error[0], _DIGITS), round(task.error[1], _DIGITS))}
+    return TaskMessage(robot=robot, position=position, target=_rounded(target), **fields)
 
 
 def report_message(

@@ -24,7 +24,7 @@ from cinegen.cockpit.server import ALL, Server
 from cinegen.cockpit.watched_files import SetupFiles, WatchedFiles
 from cinegen.errors import CinegenError
 from cinegen.realtime.timing import RecentTiming
-from cinegen.session import Reporter, RobotReport, SessionRunner, SessionState, Setup
+from cinegen.session import Command, Reporter, RobotReport, SessionRunner, SessionState, Setup
 from raff2urdf.escape import html_text
 from raff2urdf.files import noting
 
@@ -33,6 +33,8 @@ REPORTS = 10
 
 _SHARE = 0.15  # of a core for the reports
 _UNWATCHED = 4.0  # looks at the session per second while there are no pages
+_AT_REST = 20.0  # the same while it is at rest
+_ANSWER = 0.5  # time within which a session at rest answers a command, s
 
 
 class _Drawn(NamedTuple):
@@ -92,10 +94,11 @@ class Cockpit:
         self._state: SessionState | None = None  # newest that `_feed` has seen
         self._reports: tuple[int, dict[str, RobotReport]] = 0, {}  # and the number of their setup
         self._reported = 0
+        self._commanded = 0.0  # when the last command was sent
         self.error: BaseException | None = None
         with contextlib.ExitStack() as started:  # nothing runs on if one of them can't start
             self.runner = started.enter_context(SessionRunner(setup, own_process))
-            self.hub = Hub(setup, self.runner.send, self._hello, self._watch, lambda: self.runner.waiting)
+            self.hub = Hub(setup, self._send, self._hello, self._awake.set, lambda: self.runner.waiting)
             self.server = Server(self.page, self.hub, self.snapshot, host, token, framed, self.map, certificate)
             self.server.start(port)
             started.callback(self.server.stop)
@@ -196,10 +199,17 @@ class Cockpit:
     def _hello(self, client: int) -> HelloMessage:
         return hello_message(self.setup, self.title, client, self.state.playback)
 
-    def _watch(self, on: bool) -> None:
-        """Adapt to whether there are pages."""
-        self.runner.watch(on)
+    def _send(self, command: Command) -> None:
+        self.runner.send(command)
+        self._commanded = time.monotonic()
         self._awake.set()
+
+    def _looks(self, state: SessionState | None) -> float:
+        """Return how often `_feed` looks at the session, per second."""
+        if not self.hub.clients:
+            return _UNWATCHED
+        resting = state is not None and state.at_rest and time.monotonic() - self._commanded > _ANSWER
+        return _AT_REST if resting else self.hub.rate
 
     def _feed(self) -> None:
         """Send states to all clients. While there are none, or the server is busy, none are built."""
@@ -238,7 +248,7 @@ class Cockpit:
                 if notice.number > noticed:
                     noticed = notice.number
                     self.server.call(self.hub.notify_all, notice.text, notice.warning)
-            next_time = max(next_time + 1.0 / (self.hub.rate if self.hub.clients else _UNWATCHED), time.monotonic())
+            next_time = max(next_time + 1.0 / self._looks(state), time.monotonic())
             if self._awake.wait(next_time - time.monotonic()):
                 next_time = time.monotonic()
 

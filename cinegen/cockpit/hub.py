@@ -9,6 +9,7 @@ from typing import Protocol
 from msgspec import UNSET
 from msgspec.structs import asdict, replace
 
+from cinegen.arrays import Integers
 from cinegen.cockpit.messages import (
     CLIENT_MESSAGES,
     Ack,
@@ -24,6 +25,7 @@ from cinegen.cockpit.messages import (
     StateMessage,
     UserInfo,
 )
+from cinegen.cockpit.page_state import moving_rows, page_state
 from cinegen.session import Command, CommandError, Setup
 from cinegen.session.commands import ControlPlayback, EndDrag, EndJointMotion, SetView, check_names, decode
 from cinegen.typed_json import encode
@@ -60,8 +62,8 @@ _TRY_AGAIN_LATER = 1013
 class Connection(Protocol):
     """A connection to a client. Its methods neither wait nor raise."""
 
-    def send(self, text: str) -> None:
-        """Send a message."""
+    def send(self, message: str | bytes) -> None:
+        """Send a message: JSON, or a state as pages get it."""
 
     def close(self, code: int, reason: str) -> None:
         """Close the connection."""
@@ -92,10 +94,11 @@ class Client:
         number: its number in the session.
         connection: connection to it.
         may_drive: whether it may send commands, and take control.
+        is_page: whether it gets states as pages do, and none while nothing changes but the time.
     """
 
-    def __init__(self, number: int, connection: Connection, may_drive: bool = True) -> None:
-        self.number, self.connection, self.may_drive = number, connection, may_drive
+    def __init__(self, number: int, connection: Connection, may_drive: bool = True, is_page: bool = False) -> None:
+        self.number, self.connection, self.may_drive, self.is_page = number, connection, may_drive, is_page
         self.unacknowledged: tuple[int, float] | None = None  # number of a state, and when it was sent
         self.sent = 0  # number of the last state
         self.met = 0  # number of the last state before it was sent other robots: until it acknowledges a later one, it
@@ -124,7 +127,7 @@ class Hub:
         setup: setup of the session.
         send: takes commands.
         hello: returns the first message to a client, by its number.
-        watch: called with whether there are clients, when that changes.
+        wake: called when the first client has come, or the last one gone.
         waiting: returns the number of commands that were sent and not begun yet.
     """
 
@@ -133,12 +136,12 @@ class Hub:
         setup: Setup,
         send: Callable[[Command], None],
         hello: Callable[[int], HelloMessage],
-        watch: Callable[[bool], None] = lambda on: None,
+        wake: Callable[[], None] = lambda: None,
         waiting: Callable[[], int] = lambda: 0,
     ) -> None:
         self.clients: dict[int, Client] = {}
         self.controller: int | None = None
-        self._setup, self._send, self._hello, self._watch = setup, send, hello, watch
+        self._setup, self._send, self._hello, self._wake = setup, send, hello, wake
         self._waiting = waiting
         self._count = 0
         self._budget = TokenBucket(BUDGET)
@@ -148,22 +151,24 @@ class Hub:
         self._users: tuple[int, tuple[UserInfo, ...]] = (0, ())
         self._listed = 0.0  # when users were listed
         self._problem = ""
-        self._texts: dict[
-            tuple[bool, bool], str
-        ] = {}  # of the newest state, with the report and the users, and without
+        self._changed = 0  # number of the last state that differs from the one before in more than its time
+        self._shown_to: tuple[int | None, int, int] = (None, 0, 0)  # controller, report and users at that
+        self._rows: dict[str, Integers] = {}  # poses that pages get
+        self._encoded: dict[tuple[bool, bool, bool], str | bytes] = {}  # of the newest state: with the report, with the
+        # users, for pages
 
     # --- connections ---------------------------------------------------------------------------------------------
 
-    def join(self, connection: Connection, may_drive: bool = True) -> Client | None:
+    def join(self, connection: Connection, may_drive: bool = True, is_page: bool = False) -> Client | None:
         """Add a client, which may send commands or only views; None if there is no room."""
         if len(self.clients) >= MOST:
             connection.close(_TRY_AGAIN_LATER, f"this session has {MOST} clients already")
             return None
         self._count += 1
-        client = Client(self._count, connection, may_drive)
+        client = Client(self._count, connection, may_drive, is_page)
         self.clients[client.number] = client
         if len(self.clients) == 1:
-            self._watch(True)
+            self._wake()
         self._greet(client)
         if self._problem:
             connection.send(encode(ProblemMessage(self._problem)).decode())
@@ -173,7 +178,7 @@ class Hub:
     def exchange(self, setup: Setup) -> None:
         """Let all clients meet the robots of another setup, which the next states are of."""
         self._setup = setup
-        self._state, self._report, self._texts = (self._state[0], None), (self._report[0], None), {}
+        self._state, self._report, self._encoded = (self._state[0], None), (self._report[0], None), {}
         for client in tuple(self.clients.values()):
             client.met = self._state[0] + 1
             if client.user is not None:
@@ -182,6 +187,7 @@ class Hub:
 
     def _greet(self, client: Client) -> None:
         hello = replace(self._hello(client.number), view_only=not client.may_drive)
+        self._rows = moving_rows(hello)
         client.connection.send(encode(hello).decode())
 
     def state_problem(self, text: str) -> None:
@@ -210,7 +216,7 @@ class Hub:
             self._end_control()
         if not self.clients:
             self._state, self._report = (self._state[0], None), (self._report[0], None)  # they grow old
-            self._watch(False)
+            self._wake()
 
     def drop(self, client: Client, reason: str) -> None:
         """Disconnect a client, with a reason."""
@@ -239,14 +245,15 @@ class Hub:
             elif isinstance(message, RequestRate):
                 client.rate = message.rate or FRAMES
             elif isinstance(message, SetUser):
-                client.user = replace(
-                    client.user or UserInfo(client.number, "", 0), name=message.name, colour=message.colour
-                )
+                user = client.user or UserInfo(client.number, "", 0)
+                client.user = replace(user, name=message.name, colour=message.colour)
+                self._show_again()
             elif not self._names_parts(client, message):
                 return
             elif isinstance(message, SetCursor):
                 if client.user is not None:
                     client.user = replace(client.user, **asdict(message))
+                    self._show_again()
             else:
                 self._command(client, message)
         except CommandError as error:
@@ -295,6 +302,7 @@ class Hub:
             self.controller = client.number
             if before is not None:
                 self.notify(before, "another browser has taken control")
+            self._show_again()
         elif not on and self.controller == client.number:
             self._end_control()
 
@@ -310,6 +318,7 @@ class Hub:
             return
         if self.controller is None and not isinstance(command, EndDrag | EndJointMotion):
             self.controller = client.number
+            self._show_again()
         if self.controller == client.number:
             self._send(command)
         elif not isinstance(command, EndDrag | EndJointMotion | ControlPlayback):
@@ -320,23 +329,32 @@ class Hub:
             self.controller = None
             self._send(EndDrag())
             self._send(EndJointMotion())
+            self._show_again()
 
     # --- messages to clients -------------------------------------------------------------------------------------
 
     def show(self, state: StateMessage, report: ReportMessage | None = None) -> None:
-        """Send a new state, and maybe a new report, to all clients that wait for one."""
-        self._state = self._state[0] + 1, state
-        self._texts = {}
-        if report is not None:
+        """Send a new state, and maybe a new report, to all clients that wait for one; to pages if it is news."""
+        before, number = self._state[1], self._state[0] + 1
+        self._state, self._encoded = (number, state), {}
+        if report is not None and not _is_known(report, self._report[1]):
             self._report = self._report[0] + 1, report
         now = time.monotonic()
         self._list_users(now)
+        shown_to = self.controller, self._report[0], self._users[0]
+        if before is None or shown_to != self._shown_to or replace(state, time=before.time) != before:
+            self._changed, self._shown_to = number, shown_to
         for client in tuple(self.clients.values()):
             if client.unacknowledged is None:
                 self._feed(client)
             elif now - client.unacknowledged[1] > PATIENCE:
                 self.leave(client)
                 client.connection.close(1001, f"no state was acknowledged for {PATIENCE:g} s")
+
+    def _show_again(self) -> None:
+        """Show who has control, and the users: a session at rest has a new state in a quarter of a second only."""
+        if self._state[1] is not None:
+            self.show(self._state[1])
 
     def _list_users(self, now: float) -> None:
         """List the users anew if they have changed, and were not listed recently."""
@@ -356,14 +374,22 @@ class Hub:
     def _feed(self, client: Client) -> None:
         """Send the newest state, unless the client has it."""
         number, state = self._state
-        if state is None or number <= client.sent or client.unacknowledged is not None:
+        newest = self._changed if client.is_page else number
+        if state is None or newest <= client.sent or client.unacknowledged is not None:
             return
-        new = self._report[0] > client.reported, self._users[0] > client.informed
-        if new not in self._texts:
+        new = self._report[0] > client.reported, self._users[0] > client.informed, client.is_page
+        if new not in self._encoded:
             report = self._report[1] if new[0] and self._report[1] is not None else UNSET
             users = self._users[1] if new[1] else UNSET
             numbered = replace(state, frame=number, controller=self.controller, report=report, users=users)
-            self._texts[new] = encode(numbered).decode()
+            self._encoded[new] = page_state(numbered, self._rows) if client.is_page else encode(numbered).decode()
         client.sent, client.reported, client.informed = number, self._report[0], self._users[0]
         client.unacknowledged = number, time.monotonic()
-        client.connection.send(self._texts[new])
+        client.connection.send(self._encoded[new])
+
+
+def _is_known(report: ReportMessage, before: ReportMessage | None) -> bool:
+    """Return whether a report of a session that stays at rest has no news: the rate of its few ticks is none."""
+    if before is None or not (report.rate.at_rest and before.rate.at_rest):
+        return False
+    return replace(report, rate=before.rate) == before

@@ -18,7 +18,7 @@ from cinegen.session.setup import SensorSwitch
 from cinegen.session.state import DescribedState, Obstruction, PlaybackStatus, RobotStatus, SessionInfo, TaskInfo
 from cinegen.typed_json import Vector7
 
-PROTOCOL = 5
+PROTOCOL = 6
 
 
 UserColour = Annotated[int, Meta(ge=0, le=7)]
@@ -104,12 +104,14 @@ class NodeDescription(Struct, frozen=True):
         parent: its parent; null for the base.
         joint: joint that moves it relative to its parent; null if it is fixed there.
         kind: base, link or frame.
+        placement: pose in its parent, or in the robot's base pose if it has none; null if a joint moves it.
     """
 
     name: str
     parent: str | None
     joint: str | None
     kind: Literal["base", "link", "frame"]
+    placement: Vector7 | None = None
 
 
 class ForcesDescription(Struct, frozen=True):
@@ -319,7 +321,7 @@ class UserInfo(Struct, frozen=True):
 
 class StateMessage(TypedMessage, frozen=True):
     """The newest state, at most 60 times per second, or as `request_rate` asks; sent only when the one before was
-    acknowledged.
+    acknowledged. A session at rest has four per second.
 
     Attributes:
         time: time since the session began, s.

@@ -1,6 +1,7 @@
 """Serve the page by tornado; unless requested otherwise, to this machine only.
 
-Two websockets: `/scene` sends meshcat's commands, `/session` sends states and receives commands (see `hub.py`).
+Two websockets, which send states and receive commands (see `hub.py`): `/session` for programs, and `/page` for pages,
+which also get meshcat's commands there, so that what is drawn and where it is are of one moment.
 """
 
 from __future__ import annotations
@@ -29,8 +30,8 @@ import tornado.websocket
 from tornado.iostream import IOStream
 
 from cinegen.cockpit.certificate import PageCertificate
-from cinegen.cockpit.hub import FASTEST, MOST, Client, Hub, TokenBucket
-from cinegen.cockpit.page import Page, viewer
+from cinegen.cockpit.hub import FASTEST, Client, Hub, TokenBucket
+from cinegen.cockpit.page import Page, PageFeed, viewer
 from cinegen.cockpit.served_map import ServedMap
 from cinegen.errors import CinegenError
 from raff2urdf.escape import html_text
@@ -108,7 +109,7 @@ class Server:
                 f"other machines reach {host}: a page there needs a token; leave out --no-token (in Python token='')"
             )
         self.port = 0
-        self.scenes: set[_Scene] = set()
+        self.pages: set[_Page] = set()
         self._snapshot: tuple[float, str] | None = None
         self._loop: asyncio.AbstractEventLoop | None = None
         self._thread: threading.Thread | None = None
@@ -196,8 +197,8 @@ class Server:
                 ("/snapshot.html", _Snapshot),
                 (r"/static/([\w./-]+\.\w+)", _Static, {"path": str(files("cinegen.cockpit").joinpath("static"))}),
                 ("/map/(about.json|cells.bin|cell/[0-9]{1,18})", _Map),
-                ("/scene", _Scene),
                 ("/session", _Session),
+                ("/page", _Page),
             ]
             application = tornado.web.Application(
                 routes, server=self, websocket_ping_interval=_PING, websocket_max_message_size=LARGEST,
@@ -224,8 +225,8 @@ class Server:
 
     def _wake(self) -> None:
         """Wake all connections that draw."""
-        for scene in tuple(self.scenes):
-            self.call(scene.wake.set)
+        for page in tuple(self.pages):
+            self.call(page.wake.set)
 
 
 class _HttpServer(tornado.httpserver.HTTPServer):
@@ -497,38 +498,6 @@ class _Socket(tornado.websocket.WebSocketHandler, _Guarded):  # tornado's own ch
             self.close(1008, f"more than {FASTEST} pings per second")
 
 
-class _Scene(_Socket):
-    """Drawing commands, the newest only: each browser gets them as fast as it accepts them."""
-
-    def open(self, *_: str, **__: str) -> None:
-        if len(self.server.scenes) >= MOST:
-            self.close(1013, f"this session has {MOST} clients already")
-            return
-        self.wake = asyncio.Event()
-        self.feed = self.server.page.feed()
-        self.server.scenes.add(self)
-        self.task = asyncio.ensure_future(self._send())
-
-    async def _send(self) -> None:
-        with contextlib.suppress(tornado.websocket.WebSocketClosedError):
-            async with self.server.turns:  # the whole scene
-                await asyncio.sleep(_TURN)
-            while True:
-                self.wake.clear()
-                for message in self.feed.take():
-                    await self.write_message(message, binary=True)
-                await self.wake.wait()
-
-    def on_message(self, message: str | bytes) -> None:
-        self.close(1008, "this connection takes no messages")
-
-    def on_close(self) -> None:
-        if hasattr(self, "task"):
-            self.server.scenes.discard(self)
-            self.server.page.forget(self.feed)
-            self.task.cancel()
-
-
 class _Session(_Socket):
     """Messages to and from a client."""
 
@@ -539,10 +508,10 @@ class _Session(_Socket):
         self.set_nodelay(True)
         self.client = self.server.hub.join(self, self.may_drive)
 
-    def send(self, text: str) -> None:
+    def send(self, message: str | bytes) -> None:
         """See `Connection`."""
         with contextlib.suppress(tornado.websocket.WebSocketClosedError):
-            self._sending = self.write_message(text)
+            self._sending = self.write_message(message, isinstance(message, bytes))
             self._sending.add_done_callback(_sent)
 
     async def on_message(self, message: str | bytes) -> None:
@@ -561,6 +530,49 @@ class _Session(_Socket):
     def on_close(self) -> None:
         if self.client is not None:
             self.server.hub.leave(self.client)
+
+
+class _Page(_Session):
+    """A page: a client whose states come after everything that was drawn before."""
+
+    feed: PageFeed | None = None
+
+    def open(self, *_: str, **__: str) -> None:
+        self.set_nodelay(True)
+        self.wake = asyncio.Event()
+        self._drawing = asyncio.ensure_future(self._draw())
+
+    async def _draw(self) -> None:
+        async with self.server.turns:  # the whole scene
+            await asyncio.sleep(_TURN)
+        self.feed = self.server.page.feed()
+        self.server.pages.add(self)
+        self.client = self.server.hub.join(self, self.may_drive, is_page=True)
+        while self.client is not None:
+            self._pass_on(self.feed)
+            await self.wake.wait()
+            self.wake.clear()
+            if self._sending is not None and not self._sending.done():
+                await asyncio.wait((self._sending,))
+
+    def send(self, message: str | bytes) -> None:
+        """See `Connection`."""
+        if isinstance(message, bytes) and self.feed is not None:
+            self._pass_on(self.feed)
+        super().send(message)
+
+    def _pass_on(self, feed: PageFeed) -> None:
+        """Send the drawing commands that were not sent yet."""
+        for command in feed.take():
+            super().send(command)
+
+    def on_close(self) -> None:
+        super().on_close()
+        self._drawing.cancel()
+        if self.feed is not None:
+            self.server.pages.discard(self)
+            self.server.page.forget(self.feed)
+            self.feed = None
 
 
 def _sent(message: asyncio.Future[None]) -> None:

@@ -31,9 +31,8 @@ INTERPRETED_RATE = 60.0
 """Highest rate of a session, ticks per second, while its kernels are not compiled."""
 
 AT_REST = 4.0
-"""Ticks per second of a session at rest without clients."""
+"""Ticks per second of a session at rest."""
 
-_WATCHED = 60.0  # ticks per second of a session at rest with clients
 _FASTER = 1.03  # factor from a tick's rate to the next: the lag behind targets depends on the rate, and must not jump
 _LONGEST = 0.005  # s in which commands are carried out before a tick; the others wait
 _PATIENCE = 10.0  # s that a session has to end
@@ -41,13 +40,6 @@ _PATIENCE = 10.0  # s that a session has to end
 
 class SessionError(CinegenError):
     """Something went wrong in a session that has ended."""
-
-
-@dataclass(frozen=True)
-class _Watch:
-    """Message about clients: there are some, or none."""
-
-    on: bool
 
 
 @dataclass(frozen=True)
@@ -75,7 +67,7 @@ class _End:
     """The last command."""
 
 
-_Message = Command | _Watch | _Exchange | OtherRobots | _Refusal | _End
+_Message = Command | _Exchange | OtherRobots | _Refusal | _End
 
 
 class _Inbox:
@@ -170,10 +162,6 @@ class SessionRunner:
         """Send a command. Commands are carried out in their order, before the next tick."""
         self._try(command)
 
-    def watch(self, on: bool) -> None:
-        """Set whether there are clients: if so, there are 60 states per second at rest too."""
-        self._try(_Watch(on))
-
     def exchange(self, setup: Setup, edition: int) -> None:
         """Let the session go on with the robots of another setup (`Session.exchange`), as soon as they are made.
 
@@ -238,10 +226,10 @@ def _in_process(
 def _ticks(session: Session, inbox: _Inbox) -> Callable[[Tick], SessionState | None]:
     """Return the function that the clock calls."""
     session.wake = inbox.wake
-    due, watched, rested, last = 0, False, False, 0.0
+    due, rested, last = 0, False, 0.0
 
     def tick(tick: Tick) -> SessionState | None:
-        nonlocal due, watched, rested, last
+        nonlocal due, rested, last
         session.dt = tick.clock.period
         if rested:
             session.pass_time(max(0.0, tick.time - last - session.dt))
@@ -252,9 +240,7 @@ def _ticks(session: Session, inbox: _Inbox) -> Callable[[Tick], SessionState | N
                 session.close()
                 tick.clock.stop()
                 return None
-            if isinstance(command, _Watch):
-                watched = command.on
-            elif isinstance(command, OtherRobots):
+            if isinstance(command, OtherRobots):
                 session.exchange(command)
             elif isinstance(command, _Refusal):
                 session.refuse(command.edition, command.why)
@@ -266,7 +252,7 @@ def _ticks(session: Session, inbox: _Inbox) -> Callable[[Tick], SessionState | N
         tick.clock.period = _next_period(session.setup.rate, session.dt)
         rested = session.at_rest
         if rested:
-            tick.clock.rest(partial(inbox.wait, 1.0 / (_WATCHED if watched else AT_REST)))
+            tick.clock.rest(partial(inbox.wait, 1.0 / AT_REST))
         if not rested and tick.number < due:
             return None
         due = tick.number + max(1, round(1.0 / (FRAMES * session.dt)))

@@ -9,7 +9,7 @@ from tabs import IN_BROWSER, READY, becomes, find, grab, picture
 from cinegen.cockpit import Cockpit
 from cinegen.session import arrange
 
-# The server's drawing commands come a few at a time, as over a slow line. Kept of each picture: the extent of what is
+# The server's messages come a few at a time, as over a slow line. Kept of each picture: the extent of what is
 # visible of the robot and the aids, and the labels that have no place yet.
 SLOW_LINE = """
 window.pictures = [];
@@ -17,17 +17,17 @@ const Fast = window.WebSocket;
 window.WebSocket = class extends Fast {
   constructor(url) {
     super(url);
-    if (!new URL(url).pathname.startsWith("/scene")) return;
     const waiting = [];
-    this.addEventListener("message", (event) => waiting.push(event));
+    super.addEventListener("message", (event) => waiting.push(event));
     const pass = () => {
       for (const event of waiting.splice(0, 5)) this.take(event);
       requestAnimationFrame(pass);
     };
     pass();
   }
-  set onmessage(take) {
-    this.take = take;
+  addEventListener(type, take) {
+    if (type === "message") this.take = take;
+    else super.addEventListener(type, take);
   }
 };
 let cockpit;

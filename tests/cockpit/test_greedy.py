@@ -28,7 +28,7 @@ async def draw(address, drawn):
     """Connect, take the first of the scene, and connect again."""
     while True:
         with suppress(Exception):
-            connection = await tornado.websocket.websocket_connect(f"ws://{address}/scene")
+            connection = await tornado.websocket.websocket_connect(f"ws://{address}/page")
             await connection.read_message()
             drawn.append(address)
             connection.close()
@@ -75,13 +75,13 @@ def _is_served(url):
     return False
 
 
-def test_scenes_and_connections_are_limited(page):
-    scenes = [Browser(page.url, path="scene") for _ in range(MOST)]
-    one_more = Browser(page.url, path="scene")
+def test_pages_and_connections_are_limited(page):
+    pages = [Browser(page.url, path="page") for _ in range(MOST)]
+    one_more = Browser(page.url, path="page")
     assert becomes(lambda: one_more.closed is not None)
     assert one_more.closed == (1013, f"this session has {MOST} clients already")
-    for scene in scenes:
-        scene.leave()
+    for one in pages:
+        one.leave()
 
 
 def test_half_open_connections_keep_nobody_out(page):

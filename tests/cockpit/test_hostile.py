@@ -123,14 +123,14 @@ def test_static_files_that_there_are_not(page, host):
 def test_hosts_that_are_none(page):
     url = page().url
     for host in ("evil.example:80", "127.0.0.1.evil.example", "[::1", "[", "]", "a]b", "[x]", "[127.0.0.1]", ""):
-        for path in ("", "session", "scene", "snapshot.html", "static/cockpit.js", "map/about.json"):
+        for path in ("", "session", "page", "snapshot.html", "static/cockpit.js", "map/about.json"):
             assert (host, path, Peer(url).ask(path, host=host).status()) == (host, path, 403)
 
 
 def test_origins_that_are_none(page):
     url = page().url
     for origin in ("http://evil.example", "http://[x", "http://]", "http://[x]:80", "null", "", "😀"):
-        for path in ("session", "scene"):
+        for path in ("session", "page"):
             with pytest.raises(HTTPClientError, match="403"):
                 Browser(url, path=path, Origin=origin.encode().decode("latin-1"))
 
@@ -152,7 +152,7 @@ def test_who_asks_and_vanishes(page):
                 peer.vanish()
 
 
-@pytest.mark.parametrize("path", ["session", "scene"])
+@pytest.mark.parametrize("path", ["session", "page"])
 def test_who_looks_and_vanishes(page, path):
     """At once, in the middle of the first words, or after some time."""
     one = page()
@@ -161,7 +161,7 @@ def test_who_looks_and_vanishes(page, path):
             peer = Peer(one.url, 2048).upgrade(path)
             time.sleep(delay)
             peer.vanish()
-    assert becomes(lambda: not one.hub.clients and not one.server.scenes)
+    assert becomes(lambda: not one.hub.clients and not one.server.pages)
 
 
 def test_who_commands_and_vanishes(page):
@@ -189,26 +189,26 @@ def test_who_acknowledges_without_reading_and_vanishes(page):
     assert becomes(lambda: not one.hub.clients)
 
 
-@pytest.mark.parametrize("path", ["session", "scene"])
+@pytest.mark.parametrize("path", ["session", "page"])
 @pytest.mark.parametrize("half", [socket.SHUT_WR, socket.SHUT_RD], ids=["says no more", "hears no more"])
 def test_a_connection_that_is_half_open(page, path, half):
     one = page()
     peers = [Peer(one.url, 2048).upgrade(path) for _ in range(5)]
-    assert becomes(lambda: len(one.hub.clients) + len(one.server.scenes) == 5)
+    assert becomes(lambda: len(one.hub.clients) == 5)
     for peer in peers:
         peer.socket.shutdown(half)
     time.sleep(0.1)
     for peer in peers:
         with contextlib.suppress(OSError):
             peer.vanish()
-    assert becomes(lambda: not one.hub.clients and not one.server.scenes)
+    assert becomes(lambda: not one.hub.clients and not one.server.pages)
 
 
 def test_who_answers_no_ping_is_given_up(page, monkeypatch):
     monkeypatch.setattr("cinegen.cockpit.server._PING", 0.1)
     one = page()
-    peers = [Peer(one.url).upgrade(path) for path in ("session", "scene")]
-    assert becomes(lambda: one.hub.clients and one.server.scenes)
-    assert becomes(lambda: not one.hub.clients and not one.server.scenes)
+    peers = [Peer(one.url).upgrade(path) for path in ("session", "page")]
+    assert becomes(lambda: len(one.hub.clients) == 2 and one.server.pages)
+    assert becomes(lambda: not one.hub.clients and not one.server.pages)
     for peer in peers:
         peer.vanish()

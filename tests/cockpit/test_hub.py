@@ -245,7 +245,12 @@ def test_messages_wait_while_the_session_has_many_commands(hub):
 
 def test_it_receives_whether_anybody_watches(hub):
     watched = []
-    hub = Hub(SETUP, lambda command: None, lambda number: replace(HELLO, client=number), watched.append)
+    hub = Hub(
+        SETUP,
+        lambda command: None,
+        lambda number: replace(HELLO, client=number),
+        lambda: watched.append(bool(hub.clients)),
+    )
     first, second = join(hub)[0], join(hub)[0]
     hub.show(state(1.0), REPORT)
     hub.leave(first)
@@ -283,13 +288,14 @@ def test_users_and_their_pointers_are_seen_by_all_as_often_as_is_useful(hub, mon
     show(hub, first, second)
     assert users_of(one) == users_of(other) == []
     says(hub, first, **{"type": "set_user", "name": "<b>Ada</b>", "colour": 3})
+    now += 0.06
     says(hub, first, **(cursor | {"dragging": True}))
     for _ in range(40):  # many messages, few lists
         says(hub, first, **cursor)
         says(hub, first, **(cursor | {"dragging": True}))
         show(hub, first, second)
     assert users_of(other)[0] == [(first.number, "<b>Ada</b>")]
-    (seen,) = next(said["users"] for said in other.told if "users" in said)
+    *_, (seen,) = (said["users"] for said in other.told if "users" in said)
     expected = {"robot": "delta", "node": "link5", "point": [0.0, 0.0, 0.1], "dragging": True, "colour": 3}
     assert {name: seen[name] for name in expected} == expected
     assert len(users_of(other)) <= 3

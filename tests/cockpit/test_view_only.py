@@ -39,9 +39,10 @@ def test_it_sees_what_all_see(page):
     for path in ("", "snapshot.html", "viewer.js"):
         assert get(page.view_url, path)[0] == 200
     viewer, driver = Browser(page.view_url), Browser(page.url)
-    scene = Browser(page.view_url, path="scene")
-    assert becomes(lambda: viewer.state is not None and driver.state is not None and scene.told)
-    assert [one.told[0]["view_only"] for one in (viewer, driver)] == [True, False]
+    scene = Browser(page.view_url, path="page")
+    assert becomes(lambda: viewer.state is not None and driver.state is not None and scene.state is not None)
+    assert [one.told[0]["view_only"] for one in (viewer, driver, scene)] == [True, False, True]
+    assert any(isinstance(drawn, bytes) for drawn in scene.told)
     driver.say("move_joint", robot="delta4", joint="joint1", value=0.1)
     assert becomes(lambda: viewer.state["controller"] == driver.told[0]["client"])
     for one in (viewer, driver, scene):

@@ -34,7 +34,7 @@ class Browser:
 
     def __init__(self, url, lazy=False, path="session", **headers):
         self.lazy, self.told, self.state, self.report, self.closed = lazy, [], None, None, None
-        self.frames, self.users = 0, []
+        self.frames, self.users, self.received = 0, [], 0  # states, users, bytes of messages
         self.loop = _loop()
         address = urlsplit(url)
         query = f"?{address.query}" if address.query else ""
@@ -50,9 +50,12 @@ class Browser:
 
     async def _listen(self):
         while (message := await self.connection.read_message()) is not None:
-            if isinstance(message, bytes):
+            if isinstance(message, bytes) and message[0] != 0:  # it is drawn
                 self.told.append(message)
                 continue
+            self.received += len(message)
+            if isinstance(message, bytes):
+                message = message[8 : 8 + int.from_bytes(message[4:8], "little")]
             said = json.loads(message)
             if said["type"] == "state":
                 self.state, self.frames = said, self.frames + 1

@@ -1,10 +1,11 @@
-// The connections to the server: meshcat's commands on /scene, messages on /session.
+// The connection to the server: messages, states, and meshcat's commands, in the order in which things changed.
 //
 // Events: hello, state, report, notice, problem (with the robots' files, or none), lost (reason), dropped (reason).
 // A state is acknowledged when all listeners have applied it; rendering has no part in that.
 
 import { socketUrl } from "./address.js";
 import { Events } from "./events.js";
+import { isState, readState } from "./page_state.js";
 
 /**
  * Messages of the server; their types are generated from cinegen/cockpit/messages.py.
@@ -26,17 +27,17 @@ const REFUSED = 1008; // close code: the server refuses this page
 
 /** @extends {Events<ServerEvents>} */
 export class Link extends Events {
-  /** @type {WebSocket[]} */
-  #sockets = [];
   /** @type {WebSocket | null} */
-  #session = null;
+  #socket = null;
+  /** @type {Hello | null} */
+  #hello = null;
   #wait = SOONEST;
   #over = false;
   connected = false;
   /** @type {"session" | "page"} */
   owner = "session"; // of the configuration in the page's address
 
-  /** @param {{ connect: (address: string) => WebSocket }} view connects meshcat's viewer to an address and returns its socket */
+  /** @param {{ clear: () => void, handle: (command: Uint8Array) => void }} view which the server draws into */
   constructor(view) {
     super();
     this.view = view;
@@ -56,12 +57,12 @@ export class Link extends Events {
   }
 
   connect() {
-    const session = new WebSocket(socketUrl("session"));
-    const scene = this.view.connect(socketUrl("scene"));
-    this.#sockets = [session, scene];
-    session.addEventListener("message", (event) => this.#receive(event.data));
-    for (const socket of this.#sockets) socket.addEventListener("close", (event) => this.#close(socket, event));
-    this.#session = session;
+    const socket = new WebSocket(socketUrl("page"));
+    socket.binaryType = "arraybuffer";
+    socket.addEventListener("open", () => this.view.clear());
+    socket.addEventListener("message", ({ data }) => (typeof data === "string" ? this.#receive(data) : this.#draw(data)));
+    socket.addEventListener("close", (event) => this.#close(event));
+    this.#socket = socket;
   }
 
   /**
@@ -70,7 +71,21 @@ export class Link extends Events {
    * @param {ClientMessage} message
    */
   send(message) {
-    if (this.#session?.readyState === WebSocket.OPEN) this.#session.send(JSON.stringify(message));
+    if (this.#socket?.readyState === WebSocket.OPEN) this.#socket.send(JSON.stringify(message));
+  }
+
+  /** @param {ArrayBuffer} data */
+  #draw(data) {
+    if (!isState(data)) this.view.handle(new Uint8Array(data));
+    else if (this.#hello !== null) this.#show(readState(data, this.#hello));
+  }
+
+  /** @param {State} state */
+  #show(state) {
+    this.emit("state", state);
+    this.send({ type: "ack", frame: state.frame ?? 0 });
+    document.documentElement.dataset.frame = String(state.frame);
+    if (state.report) this.emit("report", state.report);
   }
 
   /** @param {string} text */
@@ -81,14 +96,8 @@ export class Link extends Events {
     } catch {
       return;
     }
-    if (message.type === "state") {
-      this.emit("state", message);
-      if (Number.isFinite(message.frame)) {
-        this.send({ type: "ack", frame: message.frame });
-        document.documentElement.dataset.frame = String(message.frame);
-      }
-      if (message.report) this.emit("report", message.report);
-    } else if (message.type === "hello") {
+    if (message.type === "hello") {
+      this.#hello = message;
       const known = this.connected; // then other robots have taken the place of those before
       this.connected = true;
       this.#wait = SOONEST;
@@ -102,15 +111,9 @@ export class Link extends Events {
     }
   }
 
-  /**
-   * @param {WebSocket} socket
-   * @param {CloseEvent} event
-   */
-  #close(socket, event) {
-    if (!this.#sockets.includes(socket)) return; // reported by the other of the two
-    const others = this.#sockets.filter((other) => other !== socket);
-    this.#sockets = [];
-    for (const other of others) other.close();
+  /** @param {CloseEvent} event */
+  #close(event) {
+    this.#socket = this.#hello = null;
     this.connected = false;
     document.documentElement.dataset.connected = "no";
     if (this.#over) return;

@@ -113,22 +113,20 @@ export class View {
     };
   }
 
+  /** What was drawn is forgotten: the server draws its scene anew. */
+  clear() {
+    if (this.viewer.scene_tree.children[ROOT[0]] !== undefined) this.viewer.delete_path([ROOT[0]]);
+    this.forget();
+    this.#blank = this.viewer.num_messages_received;
+  }
+
   /**
-   * Connects the viewer to the server's scene; what was drawn before is forgotten as soon as the line stands.
+   * Carry out a drawing command of meshcat.
    *
-   * @param {string} url
+   * @param {Uint8Array} command
    */
-  connect(url) {
-    this.viewer.connect(url.replace(/^wss:/, "ws:")); // it puts the "s" in itself
-    const { connection } = this.viewer;
-    connection.onclose = null;
-    connection.addEventListener("open", () => {
-      if (this.viewer.scene_tree.children[ROOT[0]] !== undefined) this.viewer.delete_path([ROOT[0]]);
-      this.#groups.clear();
-      this.#blank = this.viewer.num_messages_received;
-      this.#apply(); // a state may have come before, and if nothing moves no other will
-    });
-    return connection;
+  handle(command) {
+    this.viewer.handle_command_message({ data: command });
   }
 
   /**
@@ -137,7 +135,7 @@ export class View {
    * @param {Iterable<Uint8Array>} commands
    */
   draw(commands) {
-    for (const command of commands) this.viewer.handle_command_message({ data: command });
+    for (const command of commands) this.handle(command);
     this.whole = true;
   }
 
