@@ -116,7 +116,7 @@ def _relative(placed: Mapping[str, pin.SE3], parent: str | None, node: str) -> V
 
 
 def _rounded(pose: pin.SE3) -> Vector7:
-    """Return a pose without digits that nobody sees: to nanometres."""
+    """Return a pose without digits that cannot be seen: to nanometres."""
     x, y, z, *turn = np.round(pin.SE3ToXYZQUAT(pose), _DIGITS).tolist()
     return (x, y, z, *turn)
 
