@@ -1,5 +1,6 @@
-"""Kill commands that write, at random moments. What is on the disk afterwards is whole: the old file, or the new one,
-or what the same command resumes; never half of it. No process stays behind.
+"""Kill commands that write, at random moments, or let their disk be full after a random number of bytes. What is on the
+disk afterwards is whole: the old file, or the new one, or what the same command resumes; never half of it. No process
+stays behind, and a full disk is told in a sentence.
 
 A new command that writes is a new entry in `WRITERS`.
 """
@@ -7,6 +8,7 @@ A new command that writes is a new entry in `WRITERS`.
 import contextlib
 import os
 import re
+import resource
 import shutil
 import signal
 import subprocess
@@ -24,6 +26,7 @@ from campaign.readers import ROOT
 from campaign.workers import Campaign
 
 _CHANGES = re.compile(rb'"created":"[^"]*"')  # what differs from run to run
+_FILLED = 0.5  # of the cases
 _LEFT = 15.0  # s in which the processes of a killed command must end
 
 
@@ -152,10 +155,17 @@ class Kills(Campaign):
             (path / file).write_bytes(data)
         _put(writer, path, 1, self.folder.parent)
         broken: list[tuple[str, str, str]] = []
-        count = 1 + rng.randint(0, 2 * writer.resumes)
-        delays = [rng.uniform(0.0, 1.05 * self._seconds[name]) for _ in range(count)]
-        when = f"killed after {delays[0]:.3f} s"
-        ends = [self._killed(writer, path, one, broken) for one in delays]
+        ends: list[tuple[bool, float]] = []
+        filled = rng.random() < _FILLED
+        if filled:
+            most = rng.randrange(max(map(len, new.values())))
+            when = f"no file above {most} bytes"
+            _fill(writer, path, most, broken)
+        else:
+            count = 1 + rng.randint(0, 2 * writer.resumes)
+            delays = [rng.uniform(0.0, 1.05 * self._seconds[name]) for _ in range(count)]
+            when = f"killed after {delays[0]:.3f} s"
+            ends = [self._killed(writer, path, one, broken) for one in delays]
         if writer.resumes:
             code = _ended(_start(writer, path), 0.0)
             if code:
@@ -177,8 +187,9 @@ class Kills(Campaign):
             broken.append(("strange file", _kind(strangers[0]), f"{strangers}, {when}"))
         killed = sum(one[0] for one in ends)
         counts = {"cases": 1, "kills": killed, "ended before": len(ends) - killed, f"{name} kills": killed}
+        counts |= {"full disks": int(filled), f"{name} full disks": int(filled)}
         counts |= {**whole, "temporary files left": len(found) - len(strangers)}
-        worst = {"s until the last process ended": [max(one[1] for one in ends), case]}
+        worst = {"s until the last process ended": [max((one[1] for one in ends), default=0.0), case]}
         return counts, worst, [Finding(case, *one) for one in broken]
 
     def _killed(
@@ -217,12 +228,25 @@ def _recording(folder: Path) -> Path:
     return path / "mission.jsonl"
 
 
-def _start(writer: Writer, path: Path) -> subprocess.Popen[bytes]:
+def _fill(writer: Writer, path: Path, most: int, broken: list[tuple[str, str, str]]) -> None:
+    """Run a command that can write no file above a size (bytes); it must end with a sentence."""
+    process = _start(writer, path, most)
+    code = _ended(process, writer.seconds)
+    assert process.stderr is not None
+    text = process.stderr.read().decode(errors="replace")
+    if "Traceback" in text or not (code in (1, 2) or (writer.appends and code in (0, 130, -2))):
+        broken.append(("full disk", writer.arguments.split()[1], f"exit code {code} at {most} bytes: {text[-500:]}"))
+
+
+def _start(writer: Writer, path: Path, most: int | None = None) -> subprocess.Popen[bytes]:
+    """Start a command; `most`: largest size of a file that it can write, bytes, and its stderr is piped."""
     command = [sys.executable, "-m", *writer.arguments.split()]
     environment = {**os.environ, "PYTHONPATH": str(ROOT), "PYTHONDONTWRITEBYTECODE": "1"}
     return subprocess.Popen(
         command, cwd=path, env=environment, start_new_session=True,
-        stdin=subprocess.DEVNULL, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL,
+        stdin=subprocess.DEVNULL, stdout=subprocess.DEVNULL,
+        stderr=subprocess.DEVNULL if most is None else subprocess.PIPE,
+        preexec_fn=None if most is None else partial(resource.setrlimit, resource.RLIMIT_FSIZE, (most, most)),
     )  # fmt: skip
 
 
