@@ -26,7 +26,6 @@ from campaign.readers import ROOT
 from campaign.workers import Campaign
 
 _CHANGES = re.compile(rb'"created":"[^"]*"')  # what differs from run to run
-_FILLED = 0.5  # of the cases
 _LEFT = 15.0  # s in which the processes of a killed command must end
 
 
@@ -142,7 +141,8 @@ class Kills(Campaign):
         return f"{self.names[number % len(self.names)]}:{number // len(self.names)}", {}
 
     def run(self, number: int) -> tuple[dict[str, int], dict[str, Any], list[Finding]]:
-        """Kill a command once; return what is counted, what is measured, and the findings."""
+        """Kill a command once, or every second time fill its disk; return what is counted, what is measured, and the
+        findings."""
         case, _ = self.evidence(number)
         name = case.partition(":")[0]
         writer, rng, path = WRITERS[name], Random(f"{self.seed}/{case}"), self.folder / name
@@ -156,7 +156,7 @@ class Kills(Campaign):
         _put(writer, path, 1, self.folder.parent)
         broken: list[tuple[str, str, str]] = []
         ends: list[tuple[bool, float]] = []
-        filled = rng.random() < _FILLED
+        filled = number // len(self.names) % 2 == 1
         if filled:
             most = rng.randrange(max(map(len, new.values())))
             when = f"no file above {most} bytes"

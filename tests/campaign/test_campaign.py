@@ -183,6 +183,7 @@ def test_a_slice_of_the_messages():
 
 
 def test_a_slice_of_the_kills(tmp_path):
-    result = workers.run(Kills(tmp_path, 1, ("raff2urdf",)), 2, workers=1)
+    result = workers.run(Kills(tmp_path, 1, ("raff2urdf",)), 4, workers=1)
     assert_nothing(result)
-    assert result.counts["kills"] >= 2
+    assert result.counts["kills"] >= 1
+    assert result.counts["full disks"] >= 1
