@@ -208,7 +208,7 @@ MISTAKES = [
     ({"joint1": 1000.0}, "joint1: .* far beyond its limits"),
     (
         dict.fromkeys(("joint1", "joint6", "joint12"), np.radians(1.0)),
-        "joint1, joint6, joint12: all columns fit if these readings are 57.3 times as large, .* in rad, and rea",
+        "They fit with joint1, joint6, joint12 in rad instead of deg .* multiply the numbers in joint1, .* by 57.2958",
     ),
 ]
 

@@ -27,11 +27,11 @@ from scipy.optimize import least_squares
 
 from cinegen.arrays import Array, Bools
 from cinegen.design.amounts import Amounts, amount_in, pairs
-from cinegen.design.calibration.hypotheses import ContradictionError, Doubt, doubt, explanation
+from cinegen.design.calibration.hypotheses import Doubt, doubt, explanation
 from cinegen.design.calibration.identifiability import LISTED, Dependency, Subspace, dependencies, subspace
 from cinegen.design.calibration.measurements import Measurements
+from cinegen.design.calibration.mistakes import ContradictionError, check
 from cinegen.design.calibration.observation import Observation, Prediction
-from cinegen.design.calibration.plausible import check_units, predicted
 from cinegen.design.errors import DesignError
 from cinegen.design.parameters import Parameters
 from cinegen.design.ties import fits
@@ -253,14 +253,16 @@ def calibrate(
         return _estimate(parameters, given, sigma, gains, robust, folds)
 
     refusal: ContradictionError | None = None
+    observation = Observation(parameters, read, gains)
+    known = observation.expected_errors(expected_errors(parameters, sigma))
     try:
+        check(observation, known[: len(known) - len(observation.frames)])
         found = estimate(read, folds)
         why = doubt(found)
     except ContradictionError as error:
         found, why, refusal = None, Doubt(error.text), error
     if why is not None:
-        observation = Observation(parameters, read, gains)
-        nominal = predicted(observation)
+        nominal = observation.predict(observation.values)
         expected = _solver(observation, nominal, sigma).expected(nominal)
         mistake = explanation(observation, expected, estimate, math.nan if found is None else found.fit)
         if mistake:
@@ -278,12 +280,11 @@ def _estimate(
 ) -> Calibration:
     """Estimate parameters, whatever the estimate is; see `calibrate`."""
     observation = Observation(parameters, read, gains)
-    nominal = predicted(observation)
+    nominal = observation.predict(observation.values)
     before = observation.residuals(nominal)
     present = np.isfinite(before)
     solver = _solver(observation, nominal, sigma)
     errors, standard = solver.errors, solver.standard
-    check_units(observation, nominal, np.where(np.isin(observation.names, observation.frames.names), 0.0, errors))
     space = subspace(solver.whiten(nominal.jacobian, present), errors)
     if not space.basis.shape[1]:
         raise DesignError(f"{read.source}: no parameter changes any of the readings: nothing can be estimated")
