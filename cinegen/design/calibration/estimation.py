@@ -6,8 +6,10 @@
 
 With residuals f(theta) of all readings (module `observation`), whitened by their covariance, scipy's
 `least_squares` minimises |f|^2 over the combinations that are determined at nominal geometry (`identifiability`):
-theta = theta_0 + D V z, with the expected errors D. All other combinations keep their nominal values. The covariance of
-the estimate is the Cramer-Rao bound D V (J^T J)^-1 V^T D.
+theta = theta_0 + D V z, with the expected errors D. All other combinations W keep their nominal values. They act on
+readings by effects of second order: at the estimate J_W is not 0, and errors of expected size along W, which nothing
+measures, bias z by B = (J^T J)^-1 J^T J_W. The covariance of the estimate is the Cramer-Rao bound and that bias,
+D V ((J^T J)^-1 + B B^T) V^T D.
 
 Outliers: the estimate begins from readings that the expected errors can explain, with a convex loss (soft L1),
 continues with a redescending one (Cauchy), and ends with plain least squares of the readings whose studentised
@@ -106,7 +108,8 @@ class Calibration:
         names: (parameters,) of the description, then gains of encoders, then of frames that were not known.
         nominal: (parameters,) values as written; 0 of gains, and of frames where the readings put them.
         values: (parameters,) estimates; what is not determined is nominal.
-        covariance: (parameters, parameters) of the determined part of the estimates: the Cramer-Rao bound.
+        covariance: (parameters, parameters) of the determined part of the estimates: the Cramer-Rao bound, and
+            what expected errors of the other part add.
         subspace: the combinations that are determined.
         combinations: (combinations,) their estimates, in expected errors.
         combination_covariance: (combinations, combinations).
@@ -296,8 +299,11 @@ def _estimate(
     theta = observation.values + space.changes @ z
     final = observation.predict(theta)
     after = observation.residuals(final)
-    jacobian = solver.whiten(final.jacobian, kept) @ space.changes
+    rows = solver.whiten(final.jacobian, kept) * errors
+    jacobian = rows @ space.basis
     covariance: Array = np.asarray(np.linalg.pinv(jacobian.T @ jacobian, hermitian=True), dtype=float)
+    bias = covariance @ jacobian.T @ (rows - jacobian @ space.basis.T)
+    covariance = covariance + bias @ bias.T
     whitened = solver.whiten(after[..., None], kept)
     return Calibration(
         observation, observation.names, observation.values, theta, space.changes @ covariance @ space.changes.T, space,
