@@ -1,14 +1,23 @@
 """Measurements with one mistake, made from readings of a five-bar: the calibration names it, and refuses."""
 
 import warnings
+from collections.abc import Callable
 from dataclasses import replace
+from functools import cache
 
 import numpy as np
+import pinocchio as pin
 import pytest
-from calibration_data import everything, exact, noisy
+from calibration_data import POSE, errors_of, everything, exact, noisy
+from scipy.spatial.transform import Rotation
 
 import cinegen
-from cinegen.design import DesignError, Measurements, Parameters, calibrate
+from cinegen.design import Design, DesignError, Measurements, Parameters, calibrate
+from cinegen.design.calibration.estimation import expected_errors
+from cinegen.design.calibration.mistakes import check
+from cinegen.design.calibration.observation import Observation
+
+Mistaken = Callable[[Measurements], Measurements]
 
 COLUMNS = ("joint1", "joint3", "tool.x", "tool.y")
 GON = 0.9  # degrees
@@ -40,9 +49,9 @@ def test_the_right_readings_are_taken_without_a_word(right):
     [
         ({"tool.x": -1.0}, (0, 1, 2, 3), "They fit with the opposite sign of tool.x"),
         ({}, (0, 1, 3, 2), "They fit with columns tool.x and tool.y exchanged"),
-        ({"joint1": 1 / GON, "joint3": 1 / GON}, (0, 1, 2, 3), "are they in gon, and read as deg"),
+        ({"joint1": 1 / GON, "joint3": 1 / GON}, (0, 1, 2, 3), "They fit with joint1, joint3 in gon instead of deg"),
         ({"joint1": 1 / GON}, (0, 1, 2, 3), "They fit with joint1 in gon instead of deg"),
-        ({"tool.x": 1e3, "tool.y": 1e3}, (0, 1, 2, 3), "are they in mm, and read as m"),
+        ({"tool.x": 1e3, "tool.y": 1e3}, (0, 1, 2, 3), "They fit with tool.x, tool.y in mm instead of m"),
     ],
     ids=["the sign of x", "x and y exchanged", "gon", "one encoder in gon", "mm"],
 )
@@ -50,6 +59,141 @@ def test_a_mistake_is_refused_and_named(right, factors, order, says):
     with pytest.raises(DesignError) as caught:
         calibrate(PARAMETERS, changed(right, factors, order))
     assert says in str(caught.value)
+
+
+FULL = [f"tool.{c}" for c in POSE]
+
+
+def turned(given: Measurements) -> Measurements:
+    """The same poses in a frame that is turned by 90 degrees about z, and 0.3 m away."""
+    values = given.values.copy()
+    for row in values:
+        there = pin.SE3(pin.rpy.rpyToMatrix(0, 0, np.pi / 2), np.array([0.3, 0.0, 0.0]))
+        there = there * pin.SE3(pin.rpy.rpyToMatrix(*row[-3:]), row[-6:-3])
+        row[-6:] = *there.translation, *pin.rpy.matrixToRpy(there.rotation)
+    return replace(given, values=values)
+
+
+def inverted(given: Measurements) -> Measurements:
+    """The pose of the base in the tool."""
+    values = given.values.copy()
+    for row in values:
+        there = pin.SE3(pin.rpy.rpyToMatrix(*row[-3:]), row[-6:-3].copy()).inverse()
+        row[-6:] = *there.translation, *pin.rpy.matrixToRpy(there.rotation)
+    return replace(given, values=values)
+
+
+def euler(given: Measurements) -> Measurements:
+    """Angles about the tool's own x, y and z."""
+    values = given.values.copy()
+    matrices = [pin.rpy.rpyToMatrix(*row[-3:]) for row in values]
+    values[:, -3:] = Rotation.from_matrix(np.array(matrices)).as_euler("XYZ")
+    return replace(given, values=values)
+
+
+def scaled(factor: float, *at: int) -> Mistaken:
+    def made(given: Measurements) -> Measurements:
+        values = given.values.copy()
+        values[:, at] *= factor
+        return replace(given, values=values)
+
+    return made
+
+
+def added(amount: float, *at: int) -> Mistaken:
+    def made(given: Measurements) -> Measurements:
+        values = given.values.copy()
+        values[:, at] += amount
+        return replace(given, values=values)
+
+    return made
+
+
+def placed(order: dict[int, int]) -> Mistaken:
+    def made(given: Measurements) -> Measurements:
+        values = given.values.copy()
+        for k, other in order.items():
+            values[:, k] = given.values[:, other]
+        return replace(given, values=values)
+
+    return made
+
+
+def shifted(given: Measurements) -> Measurements:
+    values = given.values.copy()
+    values[:, -6:] = np.roll(values[:, -6:], 1, axis=0)
+    return replace(given, values=values)
+
+
+OF_ARM = [
+    (scaled(-1.0, 1), "with the opposite sign of joint2 "),
+    (scaled(-1.0, *range(7)), "with the opposite sign of joint1, joint2, "),
+    (scaled(1 / GON, *range(7)), "joint7 in gon instead of deg"),
+    (scaled(1 / GON, 0), "with joint1 in gon instead of deg"),
+    (scaled(np.pi / 180, *range(7)), "joint7 in rad instead of deg"),
+    (placed({0: 1, 1: 0}), "with columns joint1 and joint2 exchanged"),
+    (placed({0: 1, 1: 2, 2: 0}), "in the order "),
+    (added(np.pi / 2, 1), "with -90 deg added to joint2"),
+    (added(-0.35, 0), r"with (19|20)\.\d* deg added to joint1"),
+    (scaled(-1.0, 7), "with the opposite sign of tool.x "),
+    (scaled(-1.0, 7, 8), "with the opposite sign of tool.x, tool.y"),
+    (scaled(-1.0, 12), "with the opposite sign of tool.rz"),
+    (placed({8: 9, 9: 8}), "with columns tool.y and tool.z exchanged"),
+    (placed({10: 12, 12: 10}), "with columns tool.rx and tool.rz exchanged"),
+    (scaled(1 / 25.4, 7, 8, 9), "tool.z in in instead of mm"),
+    (scaled(0.1, 7, 8, 9), "tool.z in cm instead of mm"),
+    (scaled(np.pi / 180, 10, 11, 12), "tool.rz in rad instead of deg"),
+    (added(0.1, 7), r"with -0\.\d+ m added to tool\.x"),
+    (turned, r"frame of its own \(tracker at .*, turned by (89|90)(\.\d*)? deg about"),
+    (inverted, "with poses of the world in tool, the inverse"),
+    (euler, "tool.rz as Euler angles XYZ"),
+    (shifted, "tool.rz of the line below"),
+]
+
+
+@cache
+def arm(seed: int, poses: int = 12) -> Measurements:
+    parameters = everything("arm7")
+    truth = parameters.values + errors_of(parameters) * np.random.default_rng(seed).normal(size=len(parameters))
+    return noisy(exact(parameters, FULL, truth, poses, seed), seed)
+
+
+def checked(name: str, given: Measurements, sigma: dict[str, str] | None = None) -> None:
+    """Compare measurements with a robot as it is described."""
+    parameters = everything(name)
+    check(Observation(parameters, given), expected_errors(parameters, sigma))
+
+
+@pytest.mark.parametrize(("mistaken", "says"), OF_ARM)
+def test_mistakes_in_poses_of_an_arm_are_named_before_the_estimate(mistaken, says):
+    with pytest.raises(DesignError, match=says) as caught:
+        checked("arm7", mistaken(arm(1)))
+    assert "is that what was measured? Then " in str(caught.value)
+
+
+def test_joints_at_which_loops_do_not_close_are_named():
+    parameters = everything("gough")
+    given = noisy(exact(parameters, [f"platform.{c}" for c in POSE], parameters.values, 8), 1)
+    with pytest.raises(DesignError, match=r"loops don't close .*They fit with the opposite sign of joint3 "):
+        checked("gough", scaled(-1.0, 0)(given))
+
+
+def test_a_zero_that_is_expected_to_be_elsewhere_is_taken():
+    given = added(0.35, 0)(arm(1))
+    with pytest.raises(DesignError, match="give larger expected errors"):
+        checked("arm7", given)
+    checked("arm7", given, {"link1.theta": "10deg"})
+
+
+@pytest.mark.parametrize(("name", "node"), [("arm7", "tool"), ("five_bar", "tool"), ("delta4", "platform")])
+def test_true_deviations_of_three_expected_errors_are_no_mistake(name, node):
+    parameters = everything(name)
+    columns = [f"{node}.{c}" for c in (POSE[:2] if name == "five_bar" else POSE)]
+    free = ~np.isin(parameters.names, Design(parameters).evaluate().opening)
+    for seed in range(10):
+        errors = 3.0 * errors_of(parameters) * free
+        truth = parameters.values + errors * np.random.default_rng(seed).normal(size=len(parameters))
+        checked(name, noisy(exact(parameters, columns, truth, 8, seed), seed))
 
 
 def test_what_no_mistake_explains_is_refused_with_its_column(right):

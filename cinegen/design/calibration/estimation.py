@@ -6,8 +6,10 @@
 
 With residuals f(theta) of all readings (module `observation`), whitened by their covariance, scipy's
 `least_squares` minimises |f|^2 over the combinations that are determined at nominal geometry (`identifiability`):
-theta = theta_0 + D V z, with the expected errors D. All other combinations keep their nominal values. The covariance of
-the estimate is the Cramer-Rao bound D V (J^T J)^-1 V^T D.
+theta = theta_0 + D V z, with the expected errors D. All other combinations W keep their nominal values. They act on
+readings by effects of second order: at the estimate J_W is not 0, and errors of expected size along W, which nothing
+measures, bias z by B = (J^T J)^-1 J^T J_W. The covariance of the estimate is the Cramer-Rao bound and that bias,
+D V ((J^T J)^-1 + B B^T) V^T D.
 
 Outliers: the estimate begins from readings that the expected errors can explain, with a convex loss (soft L1),
 continues with a redescending one (Cauchy), and ends with plain least squares of the readings whose studentised
@@ -27,11 +29,11 @@ from scipy.optimize import least_squares
 
 from cinegen.arrays import Array, Bools
 from cinegen.design.amounts import Amounts, amount_in, pairs
-from cinegen.design.calibration.hypotheses import ContradictionError, Doubt, doubt, explanation
+from cinegen.design.calibration.hypotheses import Doubt, doubt, explanation
 from cinegen.design.calibration.identifiability import LISTED, Dependency, Subspace, dependencies, subspace
 from cinegen.design.calibration.measurements import Measurements
+from cinegen.design.calibration.mistakes import ContradictionError, check
 from cinegen.design.calibration.observation import Observation, Prediction
-from cinegen.design.calibration.plausible import check_units, predicted
 from cinegen.design.errors import DesignError
 from cinegen.design.parameters import Parameters
 from cinegen.design.ties import fits
@@ -106,7 +108,8 @@ class Calibration:
         names: (parameters,) of the description, then gains of encoders, then of frames that were not known.
         nominal: (parameters,) values as written; 0 of gains, and of frames where the readings put them.
         values: (parameters,) estimates; what is not determined is nominal.
-        covariance: (parameters, parameters) of the determined part of the estimates: the Cramer-Rao bound.
+        covariance: (parameters, parameters) of the determined part of the estimates: the Cramer-Rao bound, and
+            what expected errors of the other part add.
         subspace: the combinations that are determined.
         combinations: (combinations,) their estimates, in expected errors.
         combination_covariance: (combinations, combinations).
@@ -253,14 +256,16 @@ def calibrate(
         return _estimate(parameters, given, sigma, gains, robust, folds)
 
     refusal: ContradictionError | None = None
+    observation = Observation(parameters, read, gains)
+    known = observation.expected_errors(expected_errors(parameters, sigma))
     try:
+        check(observation, known[: len(known) - len(observation.frames)])
         found = estimate(read, folds)
         why = doubt(found)
     except ContradictionError as error:
         found, why, refusal = None, Doubt(error.text), error
     if why is not None:
-        observation = Observation(parameters, read, gains)
-        nominal = predicted(observation)
+        nominal = observation.predict(observation.values)
         expected = _solver(observation, nominal, sigma).expected(nominal)
         mistake = explanation(observation, expected, estimate, math.nan if found is None else found.fit)
         if mistake:
@@ -278,12 +283,11 @@ def _estimate(
 ) -> Calibration:
     """Estimate parameters, whatever the estimate is; see `calibrate`."""
     observation = Observation(parameters, read, gains)
-    nominal = predicted(observation)
+    nominal = observation.predict(observation.values)
     before = observation.residuals(nominal)
     present = np.isfinite(before)
     solver = _solver(observation, nominal, sigma)
     errors, standard = solver.errors, solver.standard
-    check_units(observation, nominal, np.where(np.isin(observation.names, observation.frames.names), 0.0, errors))
     space = subspace(solver.whiten(nominal.jacobian, present), errors)
     if not space.basis.shape[1]:
         raise DesignError(f"{read.source}: no parameter changes any of the readings: nothing can be estimated")
@@ -295,8 +299,11 @@ def _estimate(
     theta = observation.values + space.changes @ z
     final = observation.predict(theta)
     after = observation.residuals(final)
-    jacobian = solver.whiten(final.jacobian, kept) @ space.changes
+    rows = solver.whiten(final.jacobian, kept) * errors
+    jacobian = rows @ space.basis
     covariance: Array = np.asarray(np.linalg.pinv(jacobian.T @ jacobian, hermitian=True), dtype=float)
+    bias = covariance @ jacobian.T @ (rows - jacobian @ space.basis.T)
+    covariance = covariance + bias @ bias.T
     whitened = solver.whiten(after[..., None], kept)
     return Calibration(
         observation, observation.names, observation.values, theta, space.changes @ covariance @ space.changes.T, space,

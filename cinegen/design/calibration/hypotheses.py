@@ -8,16 +8,15 @@ is named.
 from __future__ import annotations
 
 import warnings
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator
 from dataclasses import replace
-from itertools import combinations
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
 from cinegen.arrays import Array
-from cinegen.design.calibration.frames import UNITS
 from cinegen.design.calibration.measurements import COORDINATES, Measurements
+from cinegen.design.calibration.mistakes import mistakes
 from cinegen.design.calibration.observation import Observation
 from cinegen.design.errors import DesignError
 from raff2urdf.quantities import ANGLE, LENGTH, shown
@@ -29,27 +28,12 @@ if TYPE_CHECKING:
 MOVED = 20.0
 """Expected errors by which a parameter changes at most without a question."""
 
-UNEXPLAINED = "no other sign, unit or order of columns explains them; check the columns, and the sigmas"
-"""Advice where no mistake is found."""
-
 _FEWEST = 3  # readings of a column whose majority counts
 _NEARER = 0.7  # of the misfit at nominal values: hypotheses that leave more are not estimated
 _CERTAIN = 3.0  # standard deviations of a change that may be its uncertainty
 _MOST = 6  # hypotheses that are estimated
 _DROPPED = 0.2  # of all readings, which a hypothesis leaves out at most
 _FIT, _WORSE = 25.0, 1.5  # chi-square per degree of freedom of a hypothesis, at most; and by that of the data as given
-
-
-class ContradictionError(DesignError):
-    """Readings that contradict the others, or the robot.
-
-    Attributes:
-        text: measurements, column, and what is wrong.
-    """
-
-    def __init__(self, text: str, advice: str = UNEXPLAINED) -> None:
-        self.text = text
-        super().__init__(f"{text}: {advice}")
 
 
 class Doubt(NamedTuple):
@@ -106,7 +90,9 @@ def explanation(
     best, named = max(_FIT, _WORSE * fit) if not np.isfinite(fit) else _WORSE * max(fit, 1.0), ""
     scale = np.median(expected, axis=0)
     limit = _NEARER * _misfit(observation, observation.measurements, scale)
-    tried = [(_misfit(observation, other, scale), text, other) for text, other in _hypotheses(observation)]
+    tried = [
+        (_misfit(observation, other, scale), text, other) for text, _, other, rank in mistakes(observation) if rank == 0
+    ]
     nearer = sorted((one for one in tried if one[0] < limit), key=lambda one: one[0])[:_MOST]
     for _, text, other in [*nearer, *((0.0, *one) for one in _elsewhere(observation))]:
         if named and other.quantities != observation.measurements.quantities:
@@ -131,38 +117,6 @@ def _misfit(observation: Observation, measurements: Measurements, scale: Array) 
     except DesignError:
         return np.inf
     return float(sum(np.median(column[np.isfinite(column)]) for column in rest.T if np.isfinite(column).any()))
-
-
-def _hypotheses(observation: Observation) -> Iterator[tuple[str, Measurements]]:
-    """Yield mistakes, and the measurements without them."""
-    given, inputs = observation.measurements, observation.input_columns
-    columns = given.quantities
-
-    def scaled(chosen: Sequence[int], factor: float) -> Measurements:
-        values, sigmas = given.values.copy(), given.sigmas.copy()
-        values[:, chosen] *= factor
-        sigmas[:, chosen] *= abs(factor)
-        return replace(given, values=values, sigmas=sigmas)
-
-    groups = [[k] for k in range(len(columns))]
-    for of in (inputs, observation.outputs):
-        for dimension in (LENGTH, ANGLE):
-            group = [k for k in of if columns[k].dimension is dimension]
-            groups += [group] if len(group) > 1 else []
-    for group in groups:
-        names = ", ".join(columns[k].name for k in group)
-        yield f"with the opposite sign of {names}", scaled(group, -1.0)
-        for wrong, right, factor in UNITS[columns[group[0]].dimension]:
-            yield f"with {names} in {right} instead of {wrong}", scaled(group, factor)
-    for one, other in combinations(range(len(columns)), 2):
-        a, b = columns[one], columns[other]
-        same = (a.of, a.point, a.device, a.target) == (b.of, b.point, b.device, b.target)
-        coordinates = same and a.kind in COORDINATES and b.kind in COORDINATES
-        if a.dimension is b.dimension and (coordinates or (a.kind == b.kind == "joint")):
-            order = list(range(len(columns)))
-            order[one], order[other] = other, one
-            swapped = replace(given, values=given.values[:, order], sigmas=given.sigmas[:, order])
-            yield f"with columns {a.name} and {b.name} exchanged", swapped
 
 
 def _elsewhere(observation: Observation) -> Iterator[tuple[str, Measurements]]:

@@ -130,9 +130,12 @@ class Observation:
         """Quantities of the outputs."""
         return tuple(self.measurements.quantities[k] for k in self.outputs)
 
-    def start(self) -> Array:
+    def start(self, hasty: bool = False) -> Array:
         """Return the closed configurations (poses, nq) of the robot as described: along the straight line of the
         inputs from home, from the nearest pose where that fails.
+
+        Args:
+            hasty: whether to give up at the first point of a line where the loops don't close.
 
         Raises:
             DesignError: the loops can't be closed at some readings; names the poses.
@@ -143,9 +146,11 @@ class Observation:
         for part in np.linspace(0.0, 1.0, _STEPS + 1)[1:] if design.rank else (1.0,):
             q[:, self._at] = (1.0 - part) * home[self._at] + part * self.readings
             here = design.evaluate(q=q, derivatives=False)
-            q = np.where((here.gap <= closure.CLOSED)[:, None], here.q, q)
-        closed = here.gap <= closure.CLOSED
-        while not closed.all() and closed.any():
+            closed = here.gap <= closure.CLOSED
+            q = np.where(closed[:, None], here.q, q)
+            if hasty and not closed.all():
+                break
+        while not hasty and not closed.all() and closed.any():
             open_, done = np.flatnonzero(~closed), np.flatnonzero(closed)
             scale = design.mechanism.scale[self._v]
             apart = np.linalg.norm((self.readings[open_][:, None] - self.readings[done]) / scale, axis=2)
@@ -224,6 +229,11 @@ class Observation:
         self.frames.locate(
             self.quantities, self.measured, nodes, self.design.mechanism.length, self.measurements.source
         )
+
+    @property
+    def kept(self) -> Array | None:
+        """Configurations (poses, nq) from which loops are closed; None before the first."""
+        return self._q
 
     def keep(self, q: Array) -> None:
         """Begin to close loops from configurations (poses, nq) from now on."""
