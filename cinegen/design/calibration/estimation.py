@@ -7,9 +7,10 @@
 With residuals f(theta) of all readings (module `observation`), whitened by their covariance, scipy's
 `least_squares` minimises |f|^2 over the combinations that are determined at nominal geometry (`identifiability`):
 theta = theta_0 + D V z, with the expected errors D. All other combinations W keep their nominal values. They act on
-readings by effects of second order: at the estimate J_W is not 0, and errors of expected size along W, which nothing
-measures, bias z by B = (J^T J)^-1 J^T J_W. The covariance of the estimate is the Cramer-Rao bound and that bias,
-D V ((J^T J)^-1 + B B^T) V^T D.
+readings by effects of second order: at the estimate J_W is not 0, and errors w along W, which nothing measures, bias z
+by B w with B = (J^T J)^-1 J^T J_W. The covariance of the estimate is the Cramer-Rao bound and that bias,
+D V ((J^T J)^-1 + s^2 B B^T) V^T D. Errors w are taken to be as large as those that are determined: s expected ones,
+the median of |z|, and 1 at least.
 
 Outliers: the estimate begins from readings that the expected errors can explain, with a convex loss (soft L1),
 continues with a redescending one (Cauchy), and ends with plain least squares of the readings whose studentised
@@ -29,10 +30,11 @@ from scipy.optimize import least_squares
 
 from cinegen.arrays import Array, Bools
 from cinegen.design.amounts import Amounts, amount_in, pairs
-from cinegen.design.calibration.hypotheses import Doubt, doubt, explanation
+from cinegen.design.calibration.checks import ContradictionError, check, check_fit
+from cinegen.design.calibration.comparison import Comparison
+from cinegen.design.calibration.doubts import doubt
 from cinegen.design.calibration.identifiability import LISTED, Dependency, Subspace, dependencies, subspace
 from cinegen.design.calibration.measurements import Measurements
-from cinegen.design.calibration.mistakes import ContradictionError, check
 from cinegen.design.calibration.observation import Observation, Prediction
 from cinegen.design.errors import DesignError
 from cinegen.design.parameters import Parameters
@@ -252,28 +254,17 @@ def calibrate(
     read = measurements if isinstance(measurements, Measurements) else Measurements.load(measurements, whole.mechanism)
     parameters = whole if isinstance(source, Parameters) else _with_offsets(whole, names, ties, read)
 
-    def estimate(given: Measurements, folds: int = 0) -> Calibration:
-        return _estimate(parameters, given, sigma, gains, robust, folds)
-
-    refusal: ContradictionError | None = None
     observation = Observation(parameters, read, gains)
     known = observation.expected_errors(expected_errors(parameters, sigma))
-    try:
-        check(observation, known[: len(known) - len(observation.frames)])
-        found = estimate(read, folds)
-        why = doubt(found)
-    except ContradictionError as error:
-        found, why, refusal = None, Doubt(error.text), error
+    comparison = Comparison(observation, known[: len(known) - len(observation.frames)])
+    check(comparison)
+    found = _estimate(parameters, read, sigma, gains, robust, folds)
+    check_fit(comparison, found)
+    why = doubt(found)
+    if why is not None and not why.remedy:
+        raise ContradictionError(why.text)
     if why is not None:
-        nominal = observation.predict(observation.values)
-        expected = _solver(observation, nominal, sigma).expected(nominal)
-        mistake = explanation(observation, expected, estimate, math.nan if found is None else found.fit)
-        if mistake:
-            raise DesignError(f"{why.text}. They fit {mistake}: is that what was measured?")
-        if found is None or not why.remedy:
-            raise refusal or ContradictionError(why.text)
         warn(f"{why.text}. If that is real, give what you expect: --sigma {why.remedy}")
-    assert found is not None
     _warn(found)
     return found
 
@@ -302,7 +293,8 @@ def _estimate(
     rows = solver.whiten(final.jacobian, kept) * errors
     jacobian = rows @ space.basis
     covariance: Array = np.asarray(np.linalg.pinv(jacobian.T @ jacobian, hermitian=True), dtype=float)
-    bias = covariance @ jacobian.T @ (rows - jacobian @ space.basis.T)
+    typical = max(1.0, float(np.median(np.abs(z))) / 0.6745)  # error, in expected ones
+    bias = typical * covariance @ jacobian.T @ (rows - jacobian @ space.basis.T)
     covariance = covariance + bias @ bias.T
     whitened = solver.whiten(after[..., None], kept)
     return Calibration(
