@@ -34,6 +34,7 @@ from cinegen.design.calibration.checks import ContradictionError, check, check_f
 from cinegen.design.calibration.comparison import Comparison
 from cinegen.design.calibration.doubts import doubt
 from cinegen.design.calibration.identifiability import LISTED, Dependency, Subspace, dependencies, subspace
+from cinegen.design.calibration.left_out import is_poor, left_out
 from cinegen.design.calibration.measurements import Measurements
 from cinegen.design.calibration.observation import Observation, Prediction
 from cinegen.design.errors import DesignError
@@ -265,7 +266,11 @@ def calibrate(
         raise ContradictionError(why.text)
     if why is not None:
         warn(f"{why.text}. If that is real, give what you expect: --sigma {why.remedy}")
-    _warn(found)
+
+    def again(others: Parameters, given: Measurements, larger: dict[str, float]) -> Calibration:
+        return _estimate(others, given, [*pairs(sigma), *larger.items()], gains, False, 0)
+
+    _warn(found, left_out(found, again))
     return found
 
 
@@ -533,18 +538,21 @@ def _rms(values: Array, mask: Bools) -> float:
     return float(np.sqrt(np.mean(values[mask] ** 2)))
 
 
-def _warn(found: Calibration) -> None:
+def _warn(found: Calibration, instead: str) -> None:
     source = found.observation.measurements.source
     if found.degrees_of_freedom <= 0:
         warn(
             f"{source}: {int(found.kept.sum())} readings for {len(found.combinations)} combinations of parameters: any "
             "errors fit, and the residuals show nothing; measure more poses"
         )
-    elif found.fit > 1.0 + 5.0 * math.sqrt(2.0 / found.degrees_of_freedom):
+    elif is_poor(found):
         warn(
             f"{source}: the residuals are {math.sqrt(found.fit):.2g} times what the sigmas of the readings allow: "
             "these are too small, or something else than the parameters is wrong (backlash, bending, thermal growth)"
+            f"{instead and f'. {instead}'}"
         )
+    elif instead:
+        warn(f"{source}: {instead}")
     elif _COMPUTED < found.fit < 1.0 - 5.0 * math.sqrt(2.0 / found.degrees_of_freedom) and found.fit < _SMALL:
         warn(
             f"{source}: the residuals are only {math.sqrt(found.fit):.2g} times what the sigmas of the readings allow: "
