@@ -114,12 +114,13 @@ def test_estimates_obey_the_cramer_rao_bound():
             assert abs(found.values[i] - truth[i]) < 4.5 * found.sigmas[i]
 
 
-def test_the_covariance_holds_for_large_errors_of_what_is_not_determined():
-    """Whose effects of second order bias what is: by the Cramer-Rao bound alone, chi-square per rank is 1.5."""
+@pytest.mark.parametrize("sigma", [{"*": "1.2mm", "*.*": "0.2deg"}, None], ids=["expected", "not expected"])
+def test_the_covariance_holds_for_large_errors_of_what_is_not_determined(sigma):
+    """Whose effects of second order bias what is: by the Cramer-Rao bound alone, chi-square per rank is 1.5. If they
+    are not expected, they are taken to be as large as those that are found: it is 1.3 with the default ones."""
     parameters, chi2, count = everything("delta4"), 0.0, 0
     columns = [f"platform.{c}" for c in POSE]
-    sigma = {"*": "1.2mm", "*.*": "0.2deg"}
-    for seed in range(4, 10):
+    for seed in range(4, 9):
         errors = 4.0 * errors_of(parameters) * np.random.default_rng(seed).normal(size=len(parameters))
         truth = parameters.values + errors
         readings = noisy(exact(parameters, columns, truth, seed=seed), seed + 100)

@@ -47,7 +47,7 @@ def test_several_towers_beside_their_places_are_named():
 def test_an_angle_that_fits_is_told_from_a_place_that_fits_as_well_by_the_rotation_of_the_platform():
     """Positions of 5 mm noise fit a turned tower, and one beside its place."""
     turned = Parameters("delta4", ["link6.gamma"])
-    says = r"link6\.gamma changes by 0\.\d+ deg, but link6\.r by \d.* in its place fits as well .* measure what differs"
+    says = r"link6\.gamma changes by 0\.\d+ deg, but link6\.r by \d.* instead fits as well .* measure what differs"
     with pytest.warns(CinegenWarning, match=says):
         calibrate(turned, readings({"link6.gamma": "120.3deg"}, 3, 100.0), folds=0)
     with warnings.catch_warnings():

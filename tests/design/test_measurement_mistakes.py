@@ -15,7 +15,7 @@ from scipy.spatial.transform import Rotation
 import cinegen
 from cinegen.design import Design, DesignError, Measurements, Parameters, calibrate
 from cinegen.design.calibration.checks import check
-from cinegen.design.calibration.comparison import Comparison
+from cinegen.design.calibration.comparison import ColumnComparison
 from cinegen.design.calibration.estimation import expected_errors
 from cinegen.design.calibration.observation import Observation
 
@@ -47,7 +47,7 @@ def few() -> Measurements:
 
 def checked(name: str, given: Measurements, sigma: dict[str, str] | None = None) -> None:
     """Compare measurements with a robot as it is described."""
-    check(Comparison(Observation(ALL(name), given), expected_errors(ALL(name), sigma)))
+    check(ColumnComparison(Observation(ALL(name), given), expected_errors(ALL(name), sigma)))
 
 
 def other(given: Measurements, change: Callable[[np.ndarray], object]) -> Measurements:
@@ -98,6 +98,20 @@ def shifted(values: np.ndarray) -> None:
     values[:, -3:] = np.roll(values[:, -3:], 1, axis=0)
 
 
+def reversed_lines(values: np.ndarray) -> None:
+    values[:, -3:] = values[::-1, -3:].copy()
+
+
+def named(names: dict[str, str]) -> Mistaken:
+    """The same numbers below other names."""
+
+    def change(given: Measurements) -> Measurements:
+        columns = [names.get(one.name, one.name) for one in given.quantities]
+        return Measurements.of(ALL("five_bar").mechanism, columns, given.values, given.sigmas)
+
+    return change
+
+
 TURN = pin.SE3(pin.rpy.rpyToMatrix(0, 0, np.pi / 2), np.array([0.3, 0.0, 0.0]))
 MISTAKES = [
     # signs
@@ -121,6 +135,12 @@ MISTAKES = [
     ("delta4", 3, placed((0, 1, 2), (1, 2, 0)), "in the order joint12, joint1, joint6"),
     ("arm7", 6, placed((10, 12), (12, 10)), "with columns tool.rx and tool.rz exchanged"),
     ("scara", 3, lambda given: other(given, shifted), "tool.z of the line below"),
+    ("scara", 3, lambda given: other(given, reversed_lines), r"order of lines \(8 at 1, 7 at 2, 6 at 3, 5 at 4 and "),
+    # names
+    ("five_bar", 2, named({"tool.y": "tool.z"}), "with tool.y in place of tool.z"),
+    ("five_bar", 2, named({"tool.x": "link2.x", "tool.y": "link2.y"}), "with tool in place of link2"),
+    ("five_bar", 2, named({"joint3": "joint4"}), "with joint3 in place of joint4"),
+    ("five_bar", 2, named({"joint3": "joint2"}), r"loops don't close .*They fit with joint3 in place of joint2"),
     # zeros
     ("scara", 3, scaled(1.0, 1, offset=np.pi / 2), r"with -(89|90)\S* deg added to joint2"),
     ("five_bar", 2, scaled(-1.0, 1, offset=np.pi), r"with -(179|180)(\.\d*)? deg minus the readings of joint3"),
@@ -174,6 +194,16 @@ def test_a_robot_that_really_is_so_is_taken_with_the_expected_errors_that_the_me
     remedy = re.search(r"--sigma '(.*)'$", str(caught.value))[1]
     found = calibrate(parameters, given, folds=0, sigma=[tuple(part.split("=")) for part in remedy.split(", ")])
     assert found.fit < 2.0
+
+
+def test_a_robot_that_no_parameter_explains_is_refused(few):
+    """Before, an estimate with a chi-square of 1e6 was taken with a warning."""
+    values = few.values.copy()
+    values[:, 1] = np.random.default_rng(1).permutation(values[:, 1])
+    with pytest.raises(
+        DesignError, match=r"the estimate changes \S+ by .*, and the readings are still off by \S+ sigma"
+    ):
+        calibrate(FEW, replace(few, values=values), folds=0, sigma={"*": "10mm"})
 
 
 def test_what_no_mistake_explains_is_refused_with_its_column(few):

@@ -1,9 +1,9 @@
 """`check`: measurements are compared with the robot as it is described before any estimate.
 
 Readings that are far from what the robot does by its expected errors are compared again without one mistake: of a
-column (`mistakes`), of a zero or a frame (`zeros`). If they fit then, the measurements are refused, and the mistake is
-named with its correction. Errors of a robot can't imitate one: the readings must be farther off than `_FAR` expected
-standard deviations, and nearer than `_NEAR` without it.
+column (`mistakes`), of `lines`, of a zero or a frame (`zeros`). If they fit then, the measurements are refused, and the
+mistake is named with its correction. Errors of a robot can't imitate one: the readings must be farther off than `_FAR`
+expected standard deviations, and nearer than `_NEAR` without it.
 
 `check_fit`: readings that are near, but don't fit the estimate, as the angles of a platform that hardly rotates.
 """
@@ -17,7 +17,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from cinegen.arrays import Bools
-from cinegen.design.calibration.comparison import Compared, Comparison
+from cinegen.design.calibration.comparison import ColumnComparison, Compared
+from cinegen.design.calibration.lines import lines
 from cinegen.design.calibration.mistakes import Mistake, mistakes
 from cinegen.design.calibration.observation import Observation, Prediction
 from cinegen.design.calibration.zeros import FRAME, frames, placed, zeros
@@ -27,7 +28,9 @@ from raff2urdf.quantities import ANGLE, LENGTH, shown
 if TYPE_CHECKING:
     from cinegen.design.calibration.estimation import Calibration
 
-UNEXPLAINED = "no other sign, unit or order of columns explains them; check the columns, and the sigmas"
+UNEXPLAINED = (
+    "no other sign, unit or order of columns explains them; check the columns, the order of lines, and the sigmas"
+)
 """Advice where no mistake is found."""
 
 _FAR, _NEAR = 8.0, 4.0  # expected standard deviations: of readings with a mistake at least, of those without at most
@@ -56,7 +59,7 @@ class ContradictionError(DesignError):
         super().__init__(f"{text}: {advice}")
 
 
-def check(comparison: Comparison) -> None:
+def check(comparison: ColumnComparison) -> None:
     """Refuse measurements that fit the robot as described without a mistake, and don't as they are.
 
     Raises:
@@ -70,7 +73,7 @@ def check(comparison: Comparison) -> None:
     limit = _NEAR if given is None else min(_NEAR, given.misfit / _RATIO)
     most = limit if given is None or not is_wrong else max(limit, given.misfit / _MUCH)
     nearer = list[Found]()
-    for source in (mistakes(observation), zeros(comparison), frames(comparison)):
+    for source in (mistakes(observation), lines(comparison), zeros(comparison), frames(comparison)):
         for one in source:
             if one.rank < FRAME and comparison.misfit(one.measurements) > _RATIO * most:
                 continue
@@ -95,7 +98,7 @@ def check(comparison: Comparison) -> None:
         )
 
 
-def check_fit(comparison: Comparison, found: Calibration) -> None:
+def check_fit(comparison: ColumnComparison, found: Calibration) -> None:
     """Refuse measurements that don't fit their estimate, and would without a mistake of a column.
 
     Raises:
@@ -144,7 +147,7 @@ def _likeliest(found: Sequence[Found]) -> list[Found]:
     return sorted((one for one in alike if one[0].rank == rank), key=lambda one: one[1].misfit)[:_NAMED]
 
 
-def _question(comparison: Comparison, found: Sequence[Found]) -> str:
+def _question(comparison: ColumnComparison, found: Sequence[Found]) -> str:
     given, (one, best) = comparison.given, found[0]
     k = int(np.argmax((given or best).ratios[: len(best.off)]))
     rest = shown(float(best.off[k]), best.observation.quantities[k].dimension, 3)
@@ -165,7 +168,7 @@ def _question(comparison: Comparison, found: Sequence[Found]) -> str:
     )
 
 
-def _expected(comparison: Comparison) -> str:
+def _expected(comparison: ColumnComparison) -> str:
     """Return errors with which the readings would be taken as they are; "" if they are beyond what is manufactured."""
     parameters, given, errors = comparison.observation.design.parameters, comparison.given, comparison.errors
     count = len(parameters)

@@ -1,4 +1,4 @@
-"""`Comparison`: how far readings are from what a robot does as it is described, in what its expected errors explain."""
+"""`ColumnComparison`: how far readings are from what a robot does as described, in what its expected errors explain."""
 
 from __future__ import annotations
 
@@ -49,7 +49,7 @@ class Compared(NamedTuple):
         return np.asarray(self.off / np.array(units))
 
 
-class Comparison:
+class ColumnComparison:
     """Compares measurements of the same joints with a robot as it is described.
 
     Args:
@@ -68,15 +68,15 @@ class Comparison:
 
     def __init__(self, observation: Observation, errors: Array) -> None:
         self.observation, self.errors = observation, errors
-        self._closed: dict[bytes, Array | None] = {}
+        self._closed: dict[tuple[tuple[str, ...], bytes], Array | None] = {}  # by the inputs and their readings
         self.open: DesignError | None = None
         try:
             observation.keep(observation.start())
         except DesignError as error:
             self.open = error
         if observation.kept is not None:
-            self._closed[observation.readings.tobytes()] = observation.kept
-            self._closed[thinned(observation.readings).tobytes()] = thinned(observation.kept)
+            self._closed[observation.inputs, observation.readings.tobytes()] = observation.kept
+            self._closed[observation.inputs, thinned(observation.readings).tobytes()] = thinned(observation.kept)
         self.given = None if self.open else self._compared(observation, errors)
         self._scale = np.maximum(self._expected_at_home() if self.given is None else self.given.expected, 1e-300)
 
@@ -107,7 +107,7 @@ class Comparison:
     def placed(self, measurements: Measurements) -> Observation | None:
         """Return an observation of other measurements, closed; None if the loops don't close at them."""
         other = self.observation.again(measurements)
-        key = other.readings.tobytes()
+        key = other.inputs, other.readings.tobytes()
         if key not in self._closed:
             try:
                 self._closed[key] = other.start(hasty=True)

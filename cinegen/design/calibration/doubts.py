@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
+from cinegen.design.calibration.left_out import is_poor
 from raff2urdf.quantities import ANGLE, LENGTH, shown
 
 if TYPE_CHECKING:
@@ -15,6 +16,7 @@ MOVED = 20.0
 """Expected errors by which a parameter changes at most without a question."""
 
 _FEWEST = 3  # readings of a column whose majority counts
+_EXPLAINED = 0.1  # of the residuals that were there before: what remains at most where parameters explain them
 _CERTAIN = 3.0  # standard deviations of a change that may be its uncertainty
 
 
@@ -55,4 +57,7 @@ def doubt(found: Calibration) -> Doubt | None:
     by, expected = (shown(x[k], dimension, 3) for x in (change, errors))
     times = change[k] / errors[k]
     text = f"{source}: the estimate changes {name} by {by}, {times:.0f} times its expected error of {expected}"
+    before, after = (float(np.nanmean((rest / found.standard) ** 2)) ** 0.5 for rest in (found.before, found.after))
+    if is_poor(found) and after > _EXPLAINED * before:
+        return Doubt(f"{text}, and the readings are still off by {after:.2g} sigma (before: {before:.2g})")
     return Doubt(text, f"{name}={by.replace(' ', '')}")

@@ -31,7 +31,7 @@ from scipy.optimize import least_squares
 from cinegen.arrays import Array, Bools
 from cinegen.design.amounts import Amounts, amount_in, pairs
 from cinegen.design.calibration.checks import ContradictionError, check, check_fit
-from cinegen.design.calibration.comparison import Comparison
+from cinegen.design.calibration.comparison import ColumnComparison
 from cinegen.design.calibration.doubts import doubt
 from cinegen.design.calibration.identifiability import LISTED, Dependency, Subspace, dependencies, subspace
 from cinegen.design.calibration.left_out import is_poor, left_out
@@ -257,7 +257,7 @@ def calibrate(
 
     observation = Observation(parameters, read, gains)
     known = observation.expected_errors(expected_errors(parameters, sigma))
-    comparison = Comparison(observation, known[: len(known) - len(observation.frames)])
+    comparison = ColumnComparison(observation, known[: len(known) - len(observation.frames)])
     check(comparison)
     found = _estimate(parameters, read, sigma, gains, robust, folds)
     check_fit(comparison, found)

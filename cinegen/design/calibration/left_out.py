@@ -1,11 +1,11 @@
 """`left_out`: parameters that were not estimated, and explain the readings better than those that were, or as well.
 
-An angle of a delta's tower turns the joints of the rods with it; a tower that is mounted beside its place does not turn
-them. Either model closes the loops at the readings of joints and platform, with other residuals r. With Q the whitened
-columns of what was estimated, made orthonormal, and c that of a parameter which was not, P = 1 - Q Q^T, an estimate of
-it leaves |P r|^2 - (r^T P c)^2 / |P c|^2 (the score test; C. R. Rao, 1948). Where the readings don't fit, parameters
-are added until they do. Where they fit by a change that is not expected, another parameter of the same node takes its
-place.
+An angle of a delta's tower turns the joints of the rods with it; a tower that is mounted beside where it should be
+does not turn them. Either model closes the loops at the readings of joints and platform, with other residuals r. With
+Q the whitened columns of what was estimated, made orthonormal, and c that of a parameter which was not, P = 1 - Q Q^T,
+an estimate of it leaves |P r|^2 - (r^T P c)^2 / |P c|^2 (the score test; C. R. Rao, 1948). Where the readings don't
+fit, parameters are added until they do. Where they fit by a change that is not expected, another parameter of the same
+node is estimated instead.
 """
 
 from __future__ import annotations
@@ -126,7 +126,7 @@ def _added(found: Calibration, columns: _Columns) -> str:
         k, *equal = alike
         chosen.append(k)
         names = [columns.names[j] for j in equal[:_LISTED]]
-        texts.append(columns.names[k] + (f" (or {', '.join(names)} in its place)" if names else ""))
+        texts.append(columns.names[k] + (f" (or instead {', '.join(names)})" if names else ""))
         own = np.column_stack([own, columns.others[:, k] / sizes[k] * np.linalg.norm(columns.own, axis=0).max()])
         left, remaining = float(rest @ rest - gains[k]), freedom - len(chosen)
         if left < remaining * (1.0 + POOR * math.sqrt(2.0 / remaining)):
@@ -162,7 +162,7 @@ def _swapped(
 
 
 def _compared(found: Calibration, i: int, other: str, size: float, estimate: Estimate) -> str:
-    """Return what an estimate of another parameter in place of one says; "" if it fits worse, or does the same."""
+    """Return what an estimate of another parameter in place of one states; "" if it fits worse, or does the same."""
     parameters, observation, name = found.parameters, found.observation, found.names[i]
     kept = observation.measurements.values.copy()
     kept[:, observation.outputs] = np.where(found.kept, kept[:, observation.outputs], np.nan)
@@ -196,7 +196,7 @@ def _compared(found: Calibration, i: int, other: str, size: float, estimate: Est
         for one, k in ((found, i), (again, again.names.index(other)))
     )
     return (
-        f"{name} changes by {change}, but {other} by {instead} in its place fits as well (chi-square {again.chi2:.4g} "
+        f"{name} changes by {change}, but {other} by {instead} instead fits as well (chi-square {again.chi2:.4g} "
         f"and {found.chi2:.4g}), and {end} is {shown(float(apart[0]), LENGTH, 3)} and "
         f"{shown(float(apart[1]), ANGLE, 3)} elsewhere then (root mean square): these readings can't tell them apart; "
         f"measure what differs, as {end}.rx, {end}.ry and {end}.rz, or vary the one that is meant"

@@ -1,6 +1,6 @@
 """`mistakes`: what may be wrong with the columns of measurements, each with the measurements made good.
 
-A sign, a unit, an exchange of columns, lines that are shifted, another node, or another way to write poses.
+A sign, a unit, an exchange of columns, the name of another one, or another way to write poses.
 """
 
 from __future__ import annotations
@@ -14,12 +14,12 @@ import numpy as np
 import pinocchio as pin
 from scipy.spatial.transform import Rotation
 
-from cinegen.design.calibration.comparison import FEWEST
 from cinegen.design.calibration.frames import UNITS
-from cinegen.design.calibration.measurements import COORDINATES, Measurements
+from cinegen.design.calibration.measurements import COORDINATES, MeasuredQuantity, Measurements
 from cinegen.design.calibration.observation import Observation
 from raff2urdf.quantities import ANGLE, LENGTH
 
+_SEEN = 0.01  # of the characteristic length or rad: a range in which a column shows its unit
 _SUBSETS = 4  # columns of a group of which all subsets may have the wrong sign
 _EULER = ("XYZ", "xyz", "zyx", "ZYZ")  # conventions of angles, as scipy writes them; "ZYX" is in the order rz, ry, rx
 
@@ -43,15 +43,14 @@ class Mistake(NamedTuple):
 
 
 def mistakes(observation: Observation) -> Iterator[Mistake]:
-    """Yield mistakes of signs, units, columns, lines, nodes and poses."""
+    """Yield mistakes of signs, units, columns, their names, and poses."""
     groups = _groups(observation)
     yield from _signs(observation, groups)
     yield from _units(observation)
     yield from _orders(observation, groups)
-    yield from _lines(observation)
     for angles in groups:
         yield from _poses(observation.measurements, angles, groups)
-    yield from _nodes(observation)
+    yield from _headers(observation)
 
 
 def scaled(given: Measurements, chosen: Sequence[int], factor: float, offset: float = 0.0) -> Measurements:
@@ -78,12 +77,13 @@ def _groups(observation: Observation) -> list[list[int]]:
     return list(found.values())
 
 
-def _names(given: Measurements, chosen: Sequence[int]) -> str:
+def names_of(given: Measurements, chosen: Sequence[int]) -> str:
+    """Return the names of columns."""
     return ", ".join(given.quantities[k].name for k in chosen)
 
 
 def _signs(observation: Observation, groups: Sequence[Sequence[int]]) -> Iterator[Mistake]:
-    """Of single columns, then of more of one group."""
+    """Yield signs of single columns, then of more of one group."""
     given, joints = observation.measurements, of_joints(observation)
     several = [
         list(chosen)
@@ -93,7 +93,7 @@ def _signs(observation: Observation, groups: Sequence[Sequence[int]]) -> Iterato
     ]
     for chosen in [[k] for k in range(len(given.quantities))] + several:
         rank = 0 if len(chosen) == 1 or chosen in joints else 1
-        names = _names(given, chosen)
+        names = names_of(given, chosen)
         yield Mistake(
             f"with the opposite sign of {names}", f"change the sign of {names}", scaled(given, chosen, -1.0), rank
         )
@@ -105,8 +105,16 @@ def _units(observation: Observation) -> Iterator[Mistake]:
     read = [[k for k in outputs if columns[k].dimension is kind] for kind in (LENGTH, ANGLE)]
     whole = [one for one in (*of_joints(observation), *read) if len(one) > 1]
     for chosen in [[k] for k in range(len(columns))] + whole:
-        names = _names(given, chosen)
-        for wrong, right, factor in UNITS[columns[chosen[0]].dimension]:
+        names, dimension = names_of(given, chosen), columns[chosen[0]].dimension
+        seen = np.nan_to_num(given.values[:, chosen])
+        least = (
+            _SEEN
+            * (observation.design.mechanism.length if dimension is LENGTH else 1.0)
+            / max(float(np.ptp(seen, axis=0).max()), 1e-300)
+        )
+        for wrong, right, factor in UNITS[dimension]:
+            if factor < min(least, 1.0):
+                continue  # numbers near 0 say nothing
             edit = f"multiply the numbers in {names} by {factor:.6g}"
             yield Mistake(f"with {names} in {right} instead of {wrong}", edit, scaled(given, chosen, factor), 0)
 
@@ -127,7 +135,7 @@ def _orders(observation: Observation, groups: Sequence[Sequence[int]]) -> Iterat
         for chosen, order in orders:
             values, sigmas = given.values.copy(), given.sigmas.copy()
             values[:, chosen], sigmas[:, chosen] = given.values[:, order], given.sigmas[:, order]
-            names, others = _names(given, chosen), _names(given, order)
+            names, others = names_of(given, chosen), names_of(given, order)
             text = (
                 f"columns {names.replace(', ', ' and ')} exchanged"
                 if len(order) == 2
@@ -135,17 +143,6 @@ def _orders(observation: Observation, groups: Sequence[Sequence[int]]) -> Iterat
             )
             edit = f"write {others} where the header has {names}"
             yield Mistake(f"with {text}", edit, replace(given, values=values, sigmas=sigmas), int(len(order) > 2))
-
-
-def _lines(observation: Observation) -> Iterator[Mistake]:
-    """What was read is one line below or above the joints' readings."""
-    given, outputs = observation.measurements, observation.outputs
-    ahead, behind, names = slice(1, None), slice(None, -1), _names(given, outputs)
-    for there, here, where in ((ahead, behind, "below"), (behind, ahead, "above")) if len(given) > 2 * FEWEST else ():
-        values, sigmas = given.values[here].copy(), given.sigmas[here].copy()
-        values[:, outputs], sigmas[:, outputs] = given.values[there][:, outputs], given.sigmas[there][:, outputs]
-        moved = replace(given, values=values, sigmas=sigmas, labels=given.labels[here])
-        yield Mistake(f"with {names} of the line {where}", f"move {names} by one line, joints stay", moved, 1)
 
 
 def _poses(given: Measurements, angles: Sequence[int], groups: Sequence[Sequence[int]]) -> Iterator[Mistake]:
@@ -156,7 +153,7 @@ def _poses(given: Measurements, angles: Sequence[int], groups: Sequence[Sequence
     whole = np.isfinite(read).all(axis=1)
     if [columns[k].kind for k in angles] != list(COORDINATES[3:]) or not whole.any():
         return
-    lines, names = np.flatnonzero(whole), _names(given, angles)
+    lines, names = np.flatnonzero(whole), names_of(given, angles)
     own = np.array([pin.rpy.rpyToMatrix(*row) for row in read[whole]])
     back = Rotation.from_matrix(np.swapaxes(own, 1, 2))
     ways = {f"as Euler angles {way} of scipy": Rotation.from_euler(way, read[whole]) for way in _EULER}
@@ -183,14 +180,34 @@ def _poses(given: Measurements, angles: Sequence[int], groups: Sequence[Sequence
             yield Mistake(text, f"invert the poses of {of.of}", found, 1)
 
 
-def _nodes(observation: Observation) -> Iterator[Mistake]:
-    """Another node was measured."""
-    given, columns = observation.measurements, observation.measurements.quantities
-    own = [k for k in observation.outputs if columns[k].kind != "joint" and not columns[k].target]
-    measured = list(dict.fromkeys(columns[k].of for k in own))
+def _headers(observation: Observation) -> Iterator[Mistake]:
+    """The header names another coordinate, node or joint."""
+    given, columns, mechanism = (
+        observation.measurements,
+        observation.measurements.quantities,
+        observation.design.mechanism,
+    )
+
+    def instead(old: str, new: str, changed: Sequence[MeasuredQuantity], rank: int) -> Mistake:
+        text = f"{new} in place of {old}"
+        return Mistake(f"with {text}", f"write {text}", replace(given, quantities=tuple(changed)), rank)
+
+    for group in _groups(observation):
+        kinds = [columns[k].kind for k in group]
+        for k in group:
+            one, all_ = columns[k], COORDINATES[:3] if columns[k].dimension is LENGTH else COORDINATES[3:]
+            for kind in (kind for kind in all_ if kind not in kinds):
+                head, _, tail = one.name.rpartition(f".{one.kind}")
+                new = replace(one, kind=kind, name=f"{head}.{kind}{tail}")
+                yield instead(one.name, new.name, [new if other is one else other for other in columns], 0)
+    own = [one for one in columns if one.kind != "joint" and not one.target]
+    measured = list(dict.fromkeys(one.of for one in own))
     for old in measured:
-        for node in observation.design.mechanism.nodes:
-            if node not in measured:
-                read = tuple(replace(one, of=node) if one.of == old else one for one in columns)
-                text = f"{node} in place of {old}"
-                yield Mistake(f"with {text}", f"write {text}", replace(given, quantities=read), 1)
+        for node in (node for node in mechanism.nodes if node not in measured):
+            changed = [replace(one, of=node) if one in own and one.of == old else one for one in columns]
+            yield instead(old, node, changed, 1)
+    joints = [one for one in columns if one.kind == "joint"]
+    for joint in (one for one in mechanism.actuated if one not in [other.of for other in joints]):
+        for one in (one for one in joints if one.of not in mechanism.actuated):
+            new = replace(one, of=joint, name=joint)
+            yield instead(one.name, joint, [new if other is one else other for other in columns], 0)

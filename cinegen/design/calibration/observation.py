@@ -105,7 +105,12 @@ class Observation:
         self._observe(measurements, frames)
 
     def again(self, measurements: Measurements) -> Observation:
-        """Return an observation of other measurements with the same columns of joints; both share the design."""
+        """Return an observation of other measurements; if the same joints were measured, both share the design."""
+        joints = [
+            {one.of for one in read.quantities if one.kind == "joint"} for read in (measurements, self.measurements)
+        ]
+        if joints[0] != joints[1]:
+            return Observation(self.design.parameters, measurements, self.gains)
         other = copy(self)
         other._observe(measurements, None)
         return other

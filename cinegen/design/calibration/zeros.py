@@ -9,7 +9,7 @@ from dataclasses import replace
 import numpy as np
 import pinocchio as pin
 
-from cinegen.design.calibration.comparison import Compared, Comparison, some
+from cinegen.design.calibration.comparison import ColumnComparison, Compared, some
 from cinegen.design.calibration.measurements import COORDINATES
 from cinegen.design.calibration.mistakes import Mistake, of_joints, scaled
 from raff2urdf.quantities import ANGLE, LENGTH, Dimension, shown
@@ -23,7 +23,7 @@ _STARTS = 8  # angles of a turn from which they begin
 _AROUND = (0.0, -0.05, 0.05, -0.1, 0.1)  # characteristic lengths from the same mean as at home, likewise
 
 
-def zeros(comparison: Comparison) -> Iterator[Mistake]:
+def zeros(comparison: ColumnComparison) -> Iterator[Mistake]:
     """Yield other zeros: of columns that are compared, then of joints, with either sign."""
     observation = comparison.observation
     given, mechanism = observation.measurements, observation.design.mechanism
@@ -63,7 +63,9 @@ def _is_large(offset: float, dimension: Dimension, length: float) -> bool:
     return abs(offset) >= (_TURNED if dimension is ANGLE else _MOVED * length)
 
 
-def _zero(comparison: Comparison, chosen: Sequence[int], sign: float, starts: Sequence[float]) -> Iterator[Mistake]:
+def _zero(
+    comparison: ColumnComparison, chosen: Sequence[int], sign: float, starts: Sequence[float]
+) -> Iterator[Mistake]:
     """Yield the zero of joints with which the readings are nearest to the robot."""
     observation = comparison.observation
     given, parameters = observation.measurements, observation.design.parameters
@@ -82,7 +84,7 @@ def _zero(comparison: Comparison, chosen: Sequence[int], sign: float, starts: Se
     yield Mistake(text, edit, scaled(given, chosen, sign, offset), 2, real)
 
 
-def _offset(comparison: Comparison, chosen: Sequence[int], sign: float, starts: Sequence[float]) -> float | None:
+def _offset(comparison: ColumnComparison, chosen: Sequence[int], sign: float, starts: Sequence[float]) -> float | None:
     given = some(comparison.observation.measurements)
     at = [comparison.observation.input_columns.index(k) for k in chosen]
     offset = min(starts, key=lambda start: comparison.misfit(scaled(given, chosen, sign, start)))
@@ -102,7 +104,7 @@ def _offset(comparison: Comparison, chosen: Sequence[int], sign: float, starts: 
     return math.remainder(offset, math.tau) if given.quantities[chosen[0]].dimension is ANGLE else offset
 
 
-def frames(comparison: Comparison) -> Iterator[Mistake]:
+def frames(comparison: ColumnComparison) -> Iterator[Mistake]:
     """Yield a device that stands elsewhere, a target beside a node's origin, and both."""
     observation = comparison.observation
     given = observation.measurements
@@ -136,6 +138,8 @@ def placed(one: Mistake, found: Compared) -> Mistake | None:
         turn = pin.log3(pose[:3, :3])
         angle, distance = float(np.linalg.norm(turn)), float(np.linalg.norm(pose[:3, 3]))
         is_far |= _is_large(angle, ANGLE, length) or _is_large(distance, LENGTH, length)
+        if distance > length and name not in found.observation.frames.devices:
+            return None  # no target is so far from its node
         axis = f", turned by {shown(angle, ANGLE, 3)} about ({' '.join(f'{x:.2g}' for x in turn / max(angle, 1e-9))})"
         places.append(f"{name} at ({' '.join(f'{1e3 * x:.4g}mm' for x in pose[:3, 3])}){axis * (angle > 1e-3)}")
     return one._replace(text=f"{one.text} ({'; '.join(places)})") if is_far else None
