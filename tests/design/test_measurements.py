@@ -56,6 +56,8 @@ def test_written_files_are_read_again(mark):
         ("pose,joint1,tool.x [mm]\n\na,1,2\n", "line 3, column tool.x: no sigma is given"),
         ("pose,joint1,tool.x [mm]\nsigma,,0\n", "line 2, column tool.x: a standard deviation is above 0"),
         ("pose,joint1,tool.x [mm]\nsigma,,1\na,x,2\n", "line 3, column joint1: 'x' is not an angle"),
+        ("pose;joint1;tool.x [mm]\nsigma;;0,05\n", "line 2, column tool.x: '0,05' has a decimal comma: write 0.05"),
+        ("pose,joint1,tool.x [mm]\na,1,5,312,25\n", "5 cells, but the header has 3 columns: write decimal points"),
         ("pose,joint1,tool.x\nsigma,,0.05mm\na,1,312\n", "312 mm? (the header gives no unit: write tool.x [mm])"),
     ],
 )  # fmt: skip

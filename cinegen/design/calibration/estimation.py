@@ -6,8 +6,11 @@
 
 With residuals f(theta) of all readings (module `observation`), whitened by their covariance, scipy's
 `least_squares` minimises |f|^2 over the combinations that are determined at nominal geometry (`identifiability`):
-theta = theta_0 + D V z, with the expected errors D. All other combinations keep their nominal values. The covariance of
-the estimate is the Cramer-Rao bound D V (J^T J)^-1 V^T D.
+theta = theta_0 + D V z, with the expected errors D. All other combinations W keep their nominal values. They act on
+readings by effects of second order: at the estimate J_W is not 0, and errors w along W, which nothing measures, bias z
+by B w with B = (J^T J)^-1 J^T J_W. The covariance of the estimate is the Cramer-Rao bound and that bias,
+D V ((J^T J)^-1 + s^2 B B^T) V^T D. Errors w are taken to be as large as those that are determined: s expected ones,
+the median of |z|, and 1 at least.
 
 Outliers: the estimate begins from readings that the expected errors can explain, with a convex loss (soft L1),
 continues with a redescending one (Cauchy), and ends with plain least squares of the readings whose studentised
@@ -27,11 +30,13 @@ from scipy.optimize import least_squares
 
 from cinegen.arrays import Array, Bools
 from cinegen.design.amounts import Amounts, amount_in, pairs
-from cinegen.design.calibration.hypotheses import ContradictionError, Doubt, doubt, explanation
+from cinegen.design.calibration.checks import ContradictionError, check, check_fit
+from cinegen.design.calibration.comparison import ColumnComparison
+from cinegen.design.calibration.doubts import doubt
 from cinegen.design.calibration.identifiability import LISTED, Dependency, Subspace, dependencies, subspace
+from cinegen.design.calibration.left_out import is_poor, left_out
 from cinegen.design.calibration.measurements import Measurements
 from cinegen.design.calibration.observation import Observation, Prediction
-from cinegen.design.calibration.plausible import check_units, predicted
 from cinegen.design.errors import DesignError
 from cinegen.design.parameters import Parameters
 from cinegen.design.ties import fits
@@ -106,7 +111,8 @@ class Calibration:
         names: (parameters,) of the description, then gains of encoders, then of frames that were not known.
         nominal: (parameters,) values as written; 0 of gains, and of frames where the readings put them.
         values: (parameters,) estimates; what is not determined is nominal.
-        covariance: (parameters, parameters) of the determined part of the estimates: the Cramer-Rao bound.
+        covariance: (parameters, parameters) of the determined part of the estimates: the Cramer-Rao bound, and
+            what expected errors of the other part add.
         subspace: the combinations that are determined.
         combinations: (combinations,) their estimates, in expected errors.
         combination_covariance: (combinations, combinations).
@@ -249,27 +255,22 @@ def calibrate(
     read = measurements if isinstance(measurements, Measurements) else Measurements.load(measurements, whole.mechanism)
     parameters = whole if isinstance(source, Parameters) else _with_offsets(whole, names, ties, read)
 
-    def estimate(given: Measurements, folds: int = 0) -> Calibration:
-        return _estimate(parameters, given, sigma, gains, robust, folds)
-
-    refusal: ContradictionError | None = None
-    try:
-        found = estimate(read, folds)
-        why = doubt(found)
-    except ContradictionError as error:
-        found, why, refusal = None, Doubt(error.text), error
+    observation = Observation(parameters, read, gains)
+    known = observation.expected_errors(expected_errors(parameters, sigma))
+    comparison = ColumnComparison(observation, known[: len(known) - len(observation.frames)])
+    check(comparison)
+    found = _estimate(parameters, read, sigma, gains, robust, folds)
+    check_fit(comparison, found)
+    why = doubt(found)
+    if why is not None and not why.remedy:
+        raise ContradictionError(why.text)
     if why is not None:
-        observation = Observation(parameters, read, gains)
-        nominal = predicted(observation)
-        expected = _solver(observation, nominal, sigma).expected(nominal)
-        mistake = explanation(observation, expected, estimate, math.nan if found is None else found.fit)
-        if mistake:
-            raise DesignError(f"{why.text}. They fit {mistake}: is that what was measured?")
-        if found is None or not why.remedy:
-            raise refusal or ContradictionError(why.text)
         warn(f"{why.text}. If that is real, give what you expect: --sigma {why.remedy}")
-    assert found is not None
-    _warn(found)
+
+    def again(others: Parameters, given: Measurements, larger: dict[str, float]) -> Calibration:
+        return _estimate(others, given, [*pairs(sigma), *larger.items()], gains, False, 0)
+
+    _warn(found, left_out(found, again))
     return found
 
 
@@ -278,12 +279,11 @@ def _estimate(
 ) -> Calibration:
     """Estimate parameters, whatever the estimate is; see `calibrate`."""
     observation = Observation(parameters, read, gains)
-    nominal = predicted(observation)
+    nominal = observation.predict(observation.values)
     before = observation.residuals(nominal)
     present = np.isfinite(before)
     solver = _solver(observation, nominal, sigma)
     errors, standard = solver.errors, solver.standard
-    check_units(observation, nominal, np.where(np.isin(observation.names, observation.frames.names), 0.0, errors))
     space = subspace(solver.whiten(nominal.jacobian, present), errors)
     if not space.basis.shape[1]:
         raise DesignError(f"{read.source}: no parameter changes any of the readings: nothing can be estimated")
@@ -295,8 +295,12 @@ def _estimate(
     theta = observation.values + space.changes @ z
     final = observation.predict(theta)
     after = observation.residuals(final)
-    jacobian = solver.whiten(final.jacobian, kept) @ space.changes
+    rows = solver.whiten(final.jacobian, kept) * errors
+    jacobian = rows @ space.basis
     covariance: Array = np.asarray(np.linalg.pinv(jacobian.T @ jacobian, hermitian=True), dtype=float)
+    typical = max(1.0, float(np.median(np.abs(z))) / 0.6745)  # error, in expected ones
+    bias = typical * covariance @ jacobian.T @ (rows - jacobian @ space.basis.T)
+    covariance = covariance + bias @ bias.T
     whitened = solver.whiten(after[..., None], kept)
     return Calibration(
         observation, observation.names, observation.values, theta, space.changes @ covariance @ space.changes.T, space,
@@ -534,18 +538,21 @@ def _rms(values: Array, mask: Bools) -> float:
     return float(np.sqrt(np.mean(values[mask] ** 2)))
 
 
-def _warn(found: Calibration) -> None:
+def _warn(found: Calibration, instead: str) -> None:
     source = found.observation.measurements.source
     if found.degrees_of_freedom <= 0:
         warn(
             f"{source}: {int(found.kept.sum())} readings for {len(found.combinations)} combinations of parameters: any "
             "errors fit, and the residuals show nothing; measure more poses"
         )
-    elif found.fit > 1.0 + 5.0 * math.sqrt(2.0 / found.degrees_of_freedom):
+    elif is_poor(found):
         warn(
             f"{source}: the residuals are {math.sqrt(found.fit):.2g} times what the sigmas of the readings allow: "
             "these are too small, or something else than the parameters is wrong (backlash, bending, thermal growth)"
+            f"{instead and f'. {instead}'}"
         )
+    elif instead:
+        warn(f"{source}: {instead}")
     elif _COMPUTED < found.fit < 1.0 - 5.0 * math.sqrt(2.0 / found.degrees_of_freedom) and found.fit < _SMALL:
         warn(
             f"{source}: the residuals are only {math.sqrt(found.fit):.2g} times what the sigmas of the readings allow: "

@@ -27,7 +27,10 @@ from cinegen.errors import warn
 from raff2urdf.quantities import ANGLE, LENGTH, Dimension
 
 UNITS = {
-    LENGTH: (("mm", "m", 1e3), ("m", "mm", 1e-3), ("mm", "in", 25.4), ("in", "mm", 1.0 / 25.4)),
+    LENGTH: (
+        *(("mm", "m", 1e3), ("m", "mm", 1e-3), ("mm", "in", 25.4), ("in", "mm", 1.0 / 25.4)),
+        *(("mm", "cm", 10.0), ("cm", "mm", 0.1)),
+    ),
     ANGLE: (
         *(("deg", "rad", float(np.degrees(1.0))), ("rad", "deg", float(np.radians(1.0)))),
         *(("deg", "gon", 0.9), ("rad", "gon", float(np.pi / 200.0))),

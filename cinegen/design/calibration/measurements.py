@@ -50,6 +50,7 @@ _DEVICE = re.compile(r"(?P<what>.*\S)\s*@\s*(?P<device>[^\W\d]\w*)")
 _TARGET = re.compile(r"[^\W\d]\w*")
 _OF_NODE = re.compile(r"(?P<node>[^()]+?)(?:\((?P<point>[^()]*)\))?\.(?P<kind>\w+)(?:\((?P<of>[^()]*)\))?")
 _HEADER = re.compile(r"(?P<what>[^\[\]]*?)\s*(?:\[(?P<unit>[^\[\]]*)\])?")
+_COMMA = re.compile(r"[-+]?\d+,\d+(?![\d,])")
 _SCALES = {LENGTH: {"mm": 1e3, "m": 1.0}, ANGLE: {"deg": math.degrees(1.0), "rad": 1.0}}
 
 
@@ -199,7 +200,8 @@ class Measurements:
             if len(cells) > len(header) and not any(cells[len(header) :]):
                 cells = cells[: len(header)]
             if len(cells) != len(header):
-                raise DesignError(f"{where}: {len(cells)} cells, but the header has {len(header)} columns")
+                commas = ": write decimal points, not commas" if len(cells) > len(header) else ""
+                raise DesignError(f"{where}: {len(cells)} cells, but the header has {len(header)} columns{commas}")
             numbers = [_number(c, one, unit, where) for c, (one, unit) in zip(cells[1:], columns, strict=True)]
             if cells[0].lower() == "sigma":
                 for number, (one, _) in zip(numbers, columns, strict=True):
@@ -310,7 +312,8 @@ def _number(cell: str, one: MeasuredQuantity, unit: str, where: str) -> float:
     try:
         return parse(cell, one.dimension, unit or None)
     except QuantityError as error:
-        raise DesignError(f"{where}, column {one.name}: {error}") from None
+        why = f"'{cell}' has a decimal comma: write {cell.replace(',', '.')}" if _COMMA.match(cell) else str(error)
+        raise DesignError(f"{where}, column {one.name}: {why}") from None
 
 
 def _vector(name: str, text: str) -> tuple[float, float, float]:

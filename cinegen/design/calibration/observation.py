@@ -16,6 +16,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from copy import copy
 from dataclasses import dataclass
 
 import numpy as np
@@ -23,6 +24,7 @@ import numpy as np
 from cinegen.arrays import Array
 from cinegen.design.calibration.frames import MeasuringFrames
 from cinegen.design.calibration.measurements import MeasuredQuantity, Measurements
+from cinegen.design.calibration.reading import read
 from cinegen.design.design import Design, DesignEvaluation
 from cinegen.design.errors import DesignError
 from cinegen.design.parameters import Parameters
@@ -88,19 +90,36 @@ class Observation:
         gains: Sequence[str] = (),
         frames: MeasuringFrames | None = None,
     ) -> None:
-        self.measurements = measurements
         mechanism = parameters.mechanism
         if mechanism.floating:
             raise DesignError(f"{mechanism.name} has a floating base: calibration needs one that is fixed")
         columns = {one.of: k for k, one in enumerate(measurements.quantities) if one.kind == "joint"}
         self.inputs = _inputs(parameters, measurements, columns)
-        self.input_columns = [columns[joint] for joint in self.inputs]
         self.design = Design(parameters, fixed=self.inputs)
-        self.outputs = [k for k in range(len(measurements.quantities)) if k not in self.input_columns]
         for joint in gains:
             if joint not in columns:
                 raise DesignError(f"{joint} has no column of readings: its encoder's gain can't be found")
         self.gains = tuple(gains)
+        self._at = [mechanism.q_index(joint) for joint in self.inputs]
+        self._v = [mechanism.v_index(joint) for joint in self.inputs]
+        self._observe(measurements, frames)
+
+    def again(self, measurements: Measurements) -> Observation:
+        """Return an observation of other measurements; if the same joints were measured, both share the design."""
+        joints = [
+            {one.of for one in read.quantities if one.kind == "joint"} for read in (measurements, self.measurements)
+        ]
+        if joints[0] != joints[1]:
+            return Observation(self.design.parameters, measurements, self.gains)
+        other = copy(self)
+        other._observe(measurements, None)
+        return other
+
+    def _observe(self, measurements: Measurements, frames: MeasuringFrames | None) -> None:
+        self.measurements, parameters = measurements, self.design.parameters
+        columns = {one.of: k for k, one in enumerate(measurements.quantities) if one.kind == "joint"}
+        self.input_columns = [columns[joint] for joint in self.inputs]
+        self.outputs = [k for k in range(len(measurements.quantities)) if k not in self.input_columns]
         self.frames, self._is_placed = frames or MeasuringFrames(self.quantities), frames is not None
         self.names = (*parameters.names, *(f"{joint}.gain" for joint in self.gains), *self.frames.names)
         self.units = (
@@ -118,8 +137,6 @@ class Observation:
                 f"{measurements.source}: pose {measurements.labels[pose]}: nothing is measured but the joints that the "
                 f"configuration follows from ({', '.join(self.inputs)}): leave the line out"
             )
-        self._at = [mechanism.q_index(joint) for joint in self.inputs]
-        self._v = [mechanism.v_index(joint) for joint in self.inputs]
         self._q: Array | None = None
 
     def __len__(self) -> int:
@@ -130,9 +147,12 @@ class Observation:
         """Quantities of the outputs."""
         return tuple(self.measurements.quantities[k] for k in self.outputs)
 
-    def start(self) -> Array:
+    def start(self, hasty: bool = False) -> Array:
         """Return the closed configurations (poses, nq) of the robot as described: along the straight line of the
         inputs from home, from the nearest pose where that fails.
+
+        Args:
+            hasty: whether to take longer steps, and to give up at the first where the loops don't close.
 
         Raises:
             DesignError: the loops can't be closed at some readings; names the poses.
@@ -140,12 +160,15 @@ class Observation:
         design = self.design
         home = design.mechanism.q_home
         q = np.tile(home, (len(self.readings), 1))
-        for part in np.linspace(0.0, 1.0, _STEPS + 1)[1:] if design.rank else (1.0,):
+        steps = _STEPS // 2 if hasty else _STEPS
+        for part in np.linspace(0.0, 1.0, steps + 1)[1:] if design.rank else (1.0,):
             q[:, self._at] = (1.0 - part) * home[self._at] + part * self.readings
-            here = design.evaluate(q=q, derivatives=False)
-            q = np.where((here.gap <= closure.CLOSED)[:, None], here.q, q)
-        closed = here.gap <= closure.CLOSED
-        while not closed.all() and closed.any():
+            here = design.evaluate(q=q, derivatives=False, near=hasty)
+            closed = here.gap <= closure.CLOSED
+            q = np.where(closed[:, None], here.q, q)
+            if hasty and not closed.all():
+                break
+        while not hasty and not closed.all() and closed.any():
             open_, done = np.flatnonzero(~closed), np.flatnonzero(closed)
             scale = design.mechanism.scale[self._v]
             apart = np.linalg.norm((self.readings[open_][:, None] - self.readings[done]) / scale, axis=2)
@@ -186,7 +209,7 @@ class Observation:
         values = np.zeros((len(q), len(self.outputs)))
         jacobian = np.zeros((len(q), len(self.outputs), len(self)))
         by_inputs = np.zeros((len(q), len(self.outputs), len(self.inputs)))
-        seen: dict[str, tuple[Array, Array]] = {}
+        twists_of: dict[str, tuple[Array, Array]] = {}
         for k, one in enumerate(self.quantities):
             if one.kind == "joint":
                 j, factor = design.mechanism.v_index(one.of), 1.0 + gains.get(one.of, 0.0)
@@ -198,16 +221,19 @@ class Observation:
                         jacobian[:, k, count + self.gains.index(one.of)] = -values[:, k] / factor
                 continue
             placement = here.placements(one.of)
-            read = self.frames.observe(one, placement, own_frames)
-            values[:, k] = read.value
+            if own is None and not one.device and not one.target:
+                values[:, k] = read(one, placement)[0]
+                continue
+            seen = self.frames.observe(one, placement, own_frames)
+            values[:, k] = seen.value
             if own is not None:
-                if one.of not in seen:
+                if one.of not in twists_of:
                     joints = here.node_joints(one.of, "world")
-                    seen[one.of] = here.pose_derivative(one.of, "world"), joints @ own
+                    twists_of[one.of] = here.pose_derivative(one.of, "world"), joints @ own
                 jacobian[:, k, :count], by_inputs[:, k] = (
-                    np.einsum("ni,nic->nc", read.by_node, twists) for twists in seen[one.of]
+                    np.einsum("ni,nic->nc", seen.by_node, twists) for twists in twists_of[one.of]
                 )
-                jacobian[:, k, count + len(self.gains) :] = self.frames.columns(one, read)
+                jacobian[:, k, count + len(self.gains) :] = self.frames.columns(one, seen)
         if derivatives:
             for i, joint in enumerate(self.inputs):
                 if joint in self.gains:
@@ -224,6 +250,11 @@ class Observation:
         self.frames.locate(
             self.quantities, self.measured, nodes, self.design.mechanism.length, self.measurements.source
         )
+
+    @property
+    def kept(self) -> Array | None:
+        """Configurations (poses, nq) from which loops are closed; None before the first."""
+        return self._q
 
     def keep(self, q: Array) -> None:
         """Begin to close loops from configurations (poses, nq) from now on."""

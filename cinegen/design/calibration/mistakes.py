@@ -1,0 +1,213 @@
+"""`mistakes`: what may be wrong with the columns of measurements, each with the measurements made good.
+
+A sign, a unit, an exchange of columns, the name of another one, or another way to write poses.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
+from itertools import combinations
+from typing import NamedTuple
+
+import numpy as np
+import pinocchio as pin
+from scipy.spatial.transform import Rotation
+
+from cinegen.design.calibration.frames import UNITS
+from cinegen.design.calibration.measurements import COORDINATES, MeasuredQuantity, Measurements
+from cinegen.design.calibration.observation import Observation
+from raff2urdf.quantities import ANGLE, LENGTH
+
+_SEEN = 0.01  # of the characteristic length or rad: a range in which a column shows its unit
+_SUBSETS = 4  # columns of a group of which all subsets may have the wrong sign
+_EULER = ("XYZ", "xyz", "zyx", "ZYZ")  # conventions of angles, as scipy writes them; "ZYX" is in the order rz, ry, rx
+
+
+class Mistake(NamedTuple):
+    """One mistake that measurements may have.
+
+    Attributes:
+        text: what makes it good, such as "with the opposite sign of tool.x".
+        edit: what the person does to the file then.
+        measurements: without it.
+        rank: 0 of a column, 1 of several, 2 of a zero, 3 of a frame, 4 of two; those of a lower one are likelier.
+        real: expected errors, as --sigma takes them, with which the robot may really be so; "" where it can't.
+    """
+
+    text: str
+    edit: str
+    measurements: Measurements
+    rank: int
+    real: str = ""
+
+
+def mistakes(observation: Observation) -> Iterator[Mistake]:
+    """Yield mistakes of signs, units, columns, their names, and poses."""
+    groups = _groups(observation)
+    yield from _signs(observation, groups)
+    yield from _units(observation)
+    yield from _orders(observation, groups)
+    for angles in groups:
+        yield from _poses(observation.measurements, angles, groups)
+    yield from _headers(observation)
+
+
+def scaled(given: Measurements, chosen: Sequence[int], factor: float, offset: float = 0.0) -> Measurements:
+    """Return measurements with other numbers in some columns: offset + factor times what they are."""
+    values, sigmas = given.values.copy(), given.sigmas.copy()
+    values[:, chosen] = offset + factor * values[:, chosen]
+    sigmas[:, chosen] *= abs(factor)
+    return replace(given, values=values, sigmas=sigmas)
+
+
+def of_joints(observation: Observation) -> list[list[int]]:
+    """Return the columns of sliding and of rotating joints from which the configuration follows."""
+    columns = observation.measurements.quantities
+    return [[k for k in observation.input_columns if columns[k].dimension is kind] for kind in (LENGTH, ANGLE)]
+
+
+def _groups(observation: Observation) -> list[list[int]]:
+    """Return columns that are coordinates of one target, positions and angles apart."""
+    found: dict[tuple[object, ...], list[int]] = {}
+    for k in observation.outputs:
+        one = observation.measurements.quantities[k]
+        if one.kind in COORDINATES:
+            found.setdefault((one.of, one.point, one.device, one.target, one.dimension.default), []).append(k)
+    return list(found.values())
+
+
+def names_of(given: Measurements, chosen: Sequence[int]) -> str:
+    """Return the names of columns."""
+    return ", ".join(given.quantities[k].name for k in chosen)
+
+
+def _signs(observation: Observation, groups: Sequence[Sequence[int]]) -> Iterator[Mistake]:
+    """Yield signs of single columns, then of more of one group."""
+    given, joints = observation.measurements, of_joints(observation)
+    several = [
+        list(chosen)
+        for group in (*joints, *groups)
+        for size in (range(2, len(group) + 1) if len(group) <= _SUBSETS else (2, len(group)))
+        for chosen in combinations(group, size)
+    ]
+    for chosen in [[k] for k in range(len(given.quantities))] + several:
+        rank = 0 if len(chosen) == 1 or chosen in joints else 1
+        names = names_of(given, chosen)
+        yield Mistake(
+            f"with the opposite sign of {names}", f"change the sign of {names}", scaled(given, chosen, -1.0), rank
+        )
+
+
+def _units(observation: Observation) -> Iterator[Mistake]:
+    given, outputs = observation.measurements, observation.outputs
+    columns = given.quantities
+    read = [[k for k in outputs if columns[k].dimension is kind] for kind in (LENGTH, ANGLE)]
+    whole = [one for one in (*of_joints(observation), *read) if len(one) > 1]
+    for chosen in [[k] for k in range(len(columns))] + whole:
+        names, dimension = names_of(given, chosen), columns[chosen[0]].dimension
+        seen = np.nan_to_num(given.values[:, chosen])
+        least = (
+            _SEEN
+            * (observation.design.mechanism.length if dimension is LENGTH else 1.0)
+            / max(float(np.ptp(seen, axis=0).max()), 1e-300)
+        )
+        for wrong, right, factor in UNITS[dimension]:
+            if factor < min(least, 1.0):
+                continue  # numbers near 0 say nothing
+            edit = f"multiply the numbers in {names} by {factor:.6g}"
+            yield Mistake(f"with {names} in {right} instead of {wrong}", edit, scaled(given, chosen, factor), 0)
+
+
+def _orders(observation: Observation, groups: Sequence[Sequence[int]]) -> Iterator[Mistake]:
+    """Two columns exchanged, or more in another order, of one group."""
+    given = observation.measurements
+    columns = given.quantities
+    joints = [
+        [k for k, one in enumerate(columns) if one.kind == "joint" and one.dimension is d] for d in (LENGTH, ANGLE)
+    ]
+    for group in map(list, [*joints, *groups]):
+        orders = [([a, b], [b, a]) for a, b in combinations(group, 2)]
+        for a, b, c in combinations(group, 3):
+            orders += [([a, b, c], [b, c, a]), ([a, b, c], [c, a, b])]
+        if len(group) > 3:
+            orders += [(group, group[by:] + group[:by]) for by in range(1, len(group))] + [(group, group[::-1])]
+        for chosen, order in orders:
+            values, sigmas = given.values.copy(), given.sigmas.copy()
+            values[:, chosen], sigmas[:, chosen] = given.values[:, order], given.sigmas[:, order]
+            names, others = names_of(given, chosen), names_of(given, order)
+            text = (
+                f"columns {names.replace(', ', ' and ')} exchanged"
+                if len(order) == 2
+                else f"{names} in the order {others}"
+            )
+            edit = f"write {others} where the header has {names}"
+            yield Mistake(f"with {text}", edit, replace(given, values=values, sigmas=sigmas), int(len(order) > 2))
+
+
+def _poses(given: Measurements, angles: Sequence[int], groups: Sequence[Sequence[int]]) -> Iterator[Mistake]:
+    """Other ways to write a rotation, and a pose."""
+    columns = given.quantities
+    of = columns[angles[0]]
+    read = given.values[:, angles]
+    whole = np.isfinite(read).all(axis=1)
+    if [columns[k].kind for k in angles] != list(COORDINATES[3:]) or not whole.any():
+        return
+    lines, names = np.flatnonzero(whole), names_of(given, angles)
+    own = np.array([pin.rpy.rpyToMatrix(*row) for row in read[whole]])
+    back = Rotation.from_matrix(np.swapaxes(own, 1, 2))
+    ways = {f"as Euler angles {way} of scipy": Rotation.from_euler(way, read[whole]) for way in _EULER}
+    ways["as angles about z, y and x"] = Rotation.from_euler("ZYX", read[whole])
+    ways["as a rotation vector"] = Rotation.from_rotvec(read[whole])
+    ways["as the inverse rotation"] = back
+
+    def turned(rotation: Rotation) -> Measurements:
+        values = given.values.copy()
+        values[np.ix_(lines, np.array(angles))] = rotation.as_euler("ZYX")[:, ::-1]
+        return replace(given, values=values)
+
+    for text, rotation in ways.items():
+        edit = f"convert {names} to roll, pitch and yaw, R = Rz(rz) Ry(ry) Rx(rx)"
+        yield Mistake(f"with {names} {text}", edit, turned(rotation), 1)
+    for places in groups:
+        a = columns[places[0]]
+        same = (a.of, a.point, a.device, a.target) == (of.of, of.point, of.device, of.target)
+        if same and [columns[k].kind for k in places] == list(COORDINATES[:3]):
+            found = turned(back)
+            there = np.ix_(lines, np.array(places))
+            found.values[there] = -np.einsum("nji,nj->ni", own, given.values[there])
+            text = f"with poses of the world in {of.of}, the inverse of what the columns name"
+            yield Mistake(text, f"invert the poses of {of.of}", found, 1)
+
+
+def _headers(observation: Observation) -> Iterator[Mistake]:
+    """The header names another coordinate, node or joint."""
+    given, columns, mechanism = (
+        observation.measurements,
+        observation.measurements.quantities,
+        observation.design.mechanism,
+    )
+
+    def instead(old: str, new: str, changed: Sequence[MeasuredQuantity], rank: int) -> Mistake:
+        text = f"{new} in place of {old}"
+        return Mistake(f"with {text}", f"write {text}", replace(given, quantities=tuple(changed)), rank)
+
+    for group in _groups(observation):
+        kinds = [columns[k].kind for k in group]
+        for k in group:
+            one, all_ = columns[k], COORDINATES[:3] if columns[k].dimension is LENGTH else COORDINATES[3:]
+            for kind in (kind for kind in all_ if kind not in kinds):
+                head, _, tail = one.name.rpartition(f".{one.kind}")
+                new = replace(one, kind=kind, name=f"{head}.{kind}{tail}")
+                yield instead(one.name, new.name, [new if other is one else other for other in columns], 0)
+    own = [one for one in columns if one.kind != "joint" and not one.target]
+    measured = list(dict.fromkeys(one.of for one in own))
+    for old in measured:
+        for node in (node for node in mechanism.nodes if node not in measured):
+            changed = [replace(one, of=node) if one in own and one.of == old else one for one in columns]
+            yield instead(old, node, changed, 1)
+    joints = [one for one in columns if one.kind == "joint"]
+    for joint in (one for one in mechanism.actuated if one not in [other.of for other in joints]):
+        for one in (one for one in joints if one.of not in mechanism.actuated):
+            new = replace(one, of=joint, name=joint)
+            yield instead(one.name, joint, [new if other is one else other for other in columns], 0)
