@@ -28,7 +28,7 @@ export interface Viewer {
   num_messages_received: number;
   connect(url: string): void;
   delete_path(path: string[]): void;
-  handle_command(command: { path?: string }): void;
+  handle_command(command: { type?: string; path?: string; property?: string }): void;
   handle_command_message(message: { data: Uint8Array }): void;
   render(): void;
   set_3d_pane_size(width?: number, height?: number): void;
