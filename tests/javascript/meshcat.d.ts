@@ -9,7 +9,25 @@ export interface Controls {
   addEventListener(type: string, listener: () => void): void;
 }
 
+export interface Control {
+  min(): Control;
+  max(): Control;
+  step(): Control;
+  onChange(): Control;
+  updateDisplay(): Control;
+}
+
+export interface Folder {
+  domElement: HTMLElement;
+  __folders: Record<string, Folder>;
+  addFolder(): Folder;
+  add(): Control;
+  remove(): Control;
+  removeFolder(): Control;
+}
+
 export interface SceneNode {
+  folder: Folder;
   object: THREE.Object3D;
   children: Record<string, SceneNode>;
   on_update: () => void;

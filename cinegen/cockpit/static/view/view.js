@@ -56,6 +56,7 @@ export class View {
     const viewer = new window.MeshCat.Viewer(pane, false, still ? undefined : drawer(pane));
     this.viewer = viewer;
     viewer.gui.domElement.remove(); // its controls would cover the panel
+    viewer.scene_tree.folder = noFolder(); // making them would take most of the time in which a scene is drawn
     this.canvas = viewer.renderer.domElement;
     const resize = window.MeshCat.Viewer.prototype.set_3d_pane_size;
     viewer.set_3d_pane_size = () => {
@@ -419,6 +420,17 @@ export class View {
 function put(object, numbers, at) {
   object.position.set(numbers[at], numbers[at + 1], numbers[at + 2]);
   object.quaternion.set(numbers[at + 3], numbers[at + 4], numbers[at + 5], numbers[at + 6]);
+}
+
+/**
+ * What meshcat's viewer takes for a folder of controls, without any.
+ *
+ * @returns {View["viewer"]["scene_tree"]["folder"]}
+ */
+function noFolder() {
+  const none = () => control;
+  const control = { min: none, max: none, step: none, onChange: none, updateDisplay: none };
+  return { domElement: document.createElement("div"), __folders: {}, addFolder: noFolder, add: none, remove: none, removeFolder: none };
 }
 
 /**
