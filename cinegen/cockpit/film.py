@@ -35,6 +35,7 @@ _FLAGS = (
     "--disable-background-networking", "--disable-component-update", "--disable-sync",
 )  # fmt: skip
 _SHOWN = "(number) => Number(document.documentElement.dataset.frame) >= number"
+_READY = "() => document.documentElement.dataset.view === 'ready'"
 _DRAWN = "() => new Promise((done) => requestAnimationFrame(() => requestAnimationFrame(done)))"
 _PATIENCE = 60_000.0  # ms for the page to load, and for a frame
 _REPORTED = 6  # frames per report
@@ -111,8 +112,7 @@ def _draw_frames(
                 server.call(hub.show, frame, frame_report)
                 tab.wait_for_function(_SHOWN, arg=number, timeout=_PATIENCE, polling=5)
                 if number == 1:
-                    tab.wait_for_timeout(500.0)  # meshes are being read
-                    tab.evaluate("cockpit.frame()")
+                    tab.wait_for_function(_READY, timeout=_PATIENCE, polling=5)
                 tab.evaluate(_DRAWN)
                 _write(folder / f"{number:05d}.png", tab.screenshot(timeout=_PATIENCE))
                 report(0.2 + 0.8 * number / len(states))

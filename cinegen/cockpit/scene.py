@@ -26,7 +26,12 @@ from raff2urdf.escape import path_segment
 
 _ORIGIN = pin.SE3.Identity()
 _SHOWN = 1.6  # m: radius at which everything is drawn, so that robots of any size fill the view
-_EYE, _ZOOM = np.array([3.8, -4.9, 3.0]), 2.2  # position of the camera, m; far away, for little perspective distortion
+_EYE = np.array([3.8, -4.9, 3.0])  # direction from which the camera looks
+_SLOPE, _ZOOM = (
+    np.tan(np.radians(75.0) / 2.0) / 3.2,
+    3.2,
+)  # half the view's height at 1 m: little perspective distortion
+_FILLED, _ASPECT = 0.7, 1.5  # share of a view that is filled, and its width by its height; the page knows its own
 _GAP = 0.05  # m: between what is drawn and the floor
 _ALIKE = 0.5  # part of a radius by which a scene may differ from the one before, whose scale it keeps
 _TILT = 1e-3  # of a camera that looks straight down, so that it has an upper side
@@ -153,7 +158,8 @@ class RobotScene:
             pose = self.bases[held.robot] * mechanism.placement(mechanism.q_home, held.node)
             parts += [bounding_box_corners(one.geometry, pose * one.placement) for one in objects]
         points = np.vstack(parts)
-        centre = (points.min(axis=0) + points.max(axis=0)) / 2.0
+        eye = self._eye()
+        centre, away = _framed(points, eye)
         self._radius = float(np.linalg.norm(points - centre, axis=1).max()) or 1.0
         if before is not None:
             aside = float(np.linalg.norm(centre - before._centre))
@@ -162,31 +168,32 @@ class RobotScene:
         self._centre: Array = centre
         scale = _SHOWN / self._radius
         whole, camera, floor = np.eye(4), np.eye(4), np.eye(4)
-        lowest, gap, eye = float(points[:, 2].min()), _GAP / scale, np.array(self._eye()) / scale
+        lowest, gap, eye = float(points[:, 2].min()), _GAP / scale, eye * away
         if scaled:
             whole[:3, :3], whole[:3, 3] = scale * np.eye(3), -scale * centre
             lowest, gap, eye = scale * (lowest - centre[2]), _GAP, scale * eye
         else:
             camera[:3, 3] = centre
+        position = [float(eye[0]), float(eye[2]), float(-eye[1])]  # y up
         floor[2, 3] = lowest - gap
         self._root.set_transform(whole)
         window = self._root["/"]
         window["/Grid"].set_transform(floor)
         window["/Cameras/default"].set_transform(camera)
-        window["/Cameras/default/rotated/<object>"].set_property("position", eye.tolist())
+        window["/Cameras/default/rotated/<object>"].set_property("position", position)
         window["/Cameras/default/rotated/<object>"].set_property("zoom", _ZOOM)
         window["/Axes"].set_property("visible", False)
         window["/Background"].set_property("top_color", [0.92, 0.95, 0.98])
         window["/Background"].set_property("bottom_color", [1.0, 1.0, 1.0])
 
-    def _eye(self) -> list[float]:
-        """Return the position of the camera, m, y up: facing the plane in which all robots move, if any."""
+    def _eye(self) -> Array:
+        """Return the direction (3,) from which the camera looks: facing the plane in which all robots move, if any."""
         eye = _EYE
         planes = [(self.bases[name].rotation, motion_plane(one)) for name, one in self.mechanisms.items()]
         normals = [rotation @ normal for rotation, normal in planes if normal is not None]
         if len(normals) == len(planes) and all(abs(normal @ normals[0]) > 1.0 - 1e-9 for normal in normals):
-            eye = np.linalg.norm(eye) * np.copysign(1.0, normals[0] @ eye) * normals[0] + [0.0, -_TILT, 0.0]
-        return [float(eye[0]), float(eye[2]), float(-eye[1])]
+            eye = np.copysign(1.0, normals[0] @ eye) * normals[0] + [0.0, -_TILT, 0.0]
+        return np.asarray(eye / np.linalg.norm(eye))
 
     def _draw(self, name: str, mechanism: Mechanism) -> None:
         model = mechanism.model
@@ -230,16 +237,31 @@ def _geometry(shapes: Iterable[DrawnShape], colour: Array) -> list[pin.GeometryO
     return found
 
 
+def _framed(points: Array, eye: Array) -> tuple[Array, float]:
+    """Return the middle (3,) of a view that points (n, 3) fill, and how far away the camera is.
+
+    The camera is the tip of the smallest pyramid around the points, of given slopes, that opens against `eye` (3,).
+    """
+    right = np.cross([0.0, 0.0, 1.0], eye) / np.hypot(eye[0], eye[1])
+    axes = np.array([right, np.cross(eye, right)])
+    depths, sides = points @ eye, points @ axes.T
+    slopes = _FILLED * _SLOPE * np.array([_ASPECT, 1.0])
+    most, least = (sides + np.outer(depths, slopes)).max(axis=0), (sides - np.outer(depths, slopes)).min(axis=0)
+    middle = (depths.min() + depths.max()) / 2.0
+    away = float(((most - least) / (2.0 * slopes)).max() - middle)
+    return (most + least) / 2.0 @ axes + middle * eye, away
+
+
 def _extent(mechanism: Mechanism) -> Iterator[Array]:
-    """Yield points (n, 3) that bound a mechanism at home: its nodes, and the corners of its meshes."""
+    """Yield points (n, 3) that bound a mechanism at home: the corners of what is drawn, or its nodes if nothing is."""
     placements = [mechanism.placement(mechanism.q_home, node) for node in mechanism.nodes]
-    yield np.array([placement.translation for placement in placements])
     frames = {mechanism.frame_id(node): one for node, one in zip(mechanism.nodes, placements, strict=True)}
-    for solid in mechanism.visual.geometryObjects:
-        placement = frames.get(solid.parentFrame)
-        if placement is not None and _is_file(solid):
-            in_node = mechanism.model.frames[solid.parentFrame].placement.actInv(solid.placement)
-            yield bounding_box_corners(solid.geometry, placement * in_node)
+    solids = [solid for solid in mechanism.visual.geometryObjects if solid.parentFrame in frames]
+    for solid in solids:
+        in_node = mechanism.model.frames[solid.parentFrame].placement.actInv(solid.placement)
+        yield bounding_box_corners(solid.geometry, frames[solid.parentFrame] * in_node)
+    if not solids:
+        yield np.array([placement.translation for placement in placements])
 
 
 def _is_file(solid: pin.GeometryObject) -> bool:

@@ -9,7 +9,25 @@ export interface Controls {
   addEventListener(type: string, listener: () => void): void;
 }
 
+export interface Control {
+  min(): Control;
+  max(): Control;
+  step(): Control;
+  onChange(): Control;
+  updateDisplay(): Control;
+}
+
+export interface Folder {
+  domElement: HTMLElement;
+  __folders: Record<string, Folder>;
+  addFolder(): Folder;
+  add(): Control;
+  remove(): Control;
+  removeFolder(): Control;
+}
+
 export interface SceneNode {
+  folder: Folder;
   object: THREE.Object3D;
   children: Record<string, SceneNode>;
   on_update: () => void;
@@ -28,7 +46,7 @@ export interface Viewer {
   num_messages_received: number;
   connect(url: string): void;
   delete_path(path: string[]): void;
-  handle_command(command: { path?: string }): void;
+  handle_command(command: { type?: string; path?: string; property?: string }): void;
   handle_command_message(message: { data: Uint8Array }): void;
   render(): void;
   set_3d_pane_size(width?: number, height?: number): void;

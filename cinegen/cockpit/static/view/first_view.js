@@ -1,14 +1,13 @@
-// The first view: when the scene is complete, the robots fill it, or the camera is where the page's address has it. Then
-// data-view on the root element is "ready". For some seconds the camera moves back when a robot leaves the view, unless the
-// user has done something or prefers reduced motion; then only the user moves it.
+// The first view: when the scene is complete, the robots fill it, or the camera is where the page's address has it. Only
+// then it is shown, and data-view on the root element is "ready". For some seconds the camera moves back when a robot leaves
+// the view, unless the user has done something or prefers reduced motion; then only the user moves it.
 
-import { Box3 } from "three";
 import { cameraOf } from "../base/fragment.js";
 
-const QUIET = 250; // ms without a command of the scene: it is there
-const LATEST = 5000;
+const LATEST = 5000; // ms for a map
 const WATCHED = 10000; // ms
 const OFTEN = 100; // ms
+const FADE = 180; // ms
 
 /**
  * @param {import("./view.js").View} view
@@ -18,37 +17,37 @@ const OFTEN = 100; // ms
  */
 export function frameFirstView(view, session, still, field) {
   const started = performance.now();
-  let heard = -1;
-  let since = 0;
+  const moves = !still && !window.matchMedia("(prefers-reduced-motion: reduce)").matches;
+  view.pane.style.visibility = "hidden";
   const timer = setInterval(() => {
-    const now = performance.now();
-    const { num_messages_received: count } = view.viewer;
-    if (count !== heard) [heard, since] = [count, now];
-    const late = now - started > LATEST;
-    const complete = view.whole || now - since >= QUIET;
-    if (session.state === null || !(view.placed || late) || !(field.ready || late) || !complete) return;
+    const late = performance.now() - started > LATEST;
+    if (session.state === null || !view.whole || !(field.ready || late)) return;
     clearInterval(timer);
-    if (!still) {
-      // else the camera is the server's
-      const { camera } = cameraOf(location.hash);
-      const shown = new Box3();
-      view.frame(shown);
-      view.keepCamera();
-      if (camera !== null) view.setCamera(camera);
-      else if (!window.matchMedia("(prefers-reduced-motion: reduce)").matches) keepInView(view, session, shown);
-    }
-    document.documentElement.dataset.view = "ready";
+    const { camera } = cameraOf(location.hash);
+    view.framed = true;
+    view.frame();
+    if (camera !== null) view.setCamera(camera);
+    else if (moves) keepInView(view, session);
+    view.last(show);
+    view.changed();
   }, 30);
+  let shown = false;
+  const show = () => {
+    if (shown) return;
+    shown = true;
+    view.pane.style.visibility = "";
+    if (moves) view.pane.animate([{ opacity: 0 }, { opacity: 1 }], FADE);
+    document.documentElement.dataset.view = "ready";
+  };
 }
 
 /**
  * @param {import("./view.js").View} view
  * @param {import("../base/session.js").Session} session when its line is cut, everything is drawn again
- * @param {Box3} shown everything that was in the view
  */
-function keepInView(view, session, shown) {
+function keepInView(view, session) {
   const timer = setInterval(() => {
-    if (!view.chosen) view.frame(shown);
+    if (!view.chosen) view.keep();
   }, OFTEN);
   const stop = () => clearInterval(timer);
   setTimeout(stop, WATCHED);

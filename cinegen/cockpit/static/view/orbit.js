@@ -14,6 +14,7 @@ const POLE = 0.02; // rad: the view never looks straight along the vertical
 export function orbit(view, left, up) {
   const { controls } = view;
   const { camera } = view.viewer;
+  view.chosen = true;
   const offset = camera.position.clone().sub(controls.target);
   const away = offset.length();
   const azimuth = Math.atan2(offset.x, offset.z) - left;
@@ -33,6 +34,7 @@ export function orbit(view, left, up) {
 export function zoom(view, factor) {
   const { controls } = view;
   const { camera } = view.viewer;
+  view.chosen = true;
   camera.position.sub(controls.target).multiplyScalar(factor).add(controls.target);
   controls.update();
   view.changed();

@@ -1,8 +1,10 @@
-// Adapts frames to the time that they take: fewer pixels and no shadows while something moves, all of them at rest.
+// Adapts frames to the time that they take: no shadows and reflections while something moves, then fewer pixels; all of
+// them at rest.
 
 import { Events } from "../base/events.js";
 
-const SLOW = 60; // ms per frame
+const RICH = 40; // ms per frame: shadows and reflections are left out first
+const SLOW = 60;
 const TOO_SLOW = 150;
 const USEFUL = 0.8; // of the time before: fewer pixels that spare less are not worth it
 const SAMPLES = 8; // pictures before it is judged
@@ -25,8 +27,8 @@ export class Resolution extends Events {
   #stays = false;
   #ratio; // pixels of the screen to pixels drawn, while something moves
   #set;
-  #slow = false;
-  complete = false; // whether the next frame has shadows: at rest, and in motion if frames are known to be fast enough
+  #plain = false;
+  complete = false; // whether the next frame has shadows and reflections: at rest, and in motion if that is known to be fast
   constant = false; // all pixels, also while something moves: a film is made
   /** @type {number | null} */
   mean = null; // time from picture to picture, ms; null if not known
@@ -60,7 +62,7 @@ export class Resolution extends Events {
   choose(moving) {
     const all = !moving || this.constant;
     const ratio = all ? this.full : this.#ratio;
-    this.complete = all || (this.mean !== null && !this.#slow);
+    this.complete = all || (this.mean !== null && this.mean < RICH && !this.#plain);
     if (ratio === this.#set) return;
     this.#set = ratio;
     this.viewer.renderer.setPixelRatio(ratio);
@@ -95,7 +97,7 @@ export class Resolution extends Events {
     if (this.still || this.#count < SAMPLES) return;
     const mean = this.#sum / this.#count;
     this.#sum = this.#count = 0;
-    this.#slow ||= mean > SLOW;
+    this.#plain ||= mean > RICH;
     if (this.#before !== null && mean > USEFUL * this.#before.mean) {
       this.#ratio = this.#before.ratio; // fewer pixels helped little: they are not what takes so long
       this.#stays = true;

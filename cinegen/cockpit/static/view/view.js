@@ -8,13 +8,17 @@ import { Box3, Group, Mesh, Object3D, Quaternion, Vector3, WebGLRenderer } from 
 import { frames } from "../base/frames.js";
 import { nameOf, segment, valueOf } from "../base/names.js";
 import { keyOf } from "../base/session.js";
+import { Pyramid } from "./framing.js";
+import { dress } from "./material.js";
 import { Resolution } from "./resolution.js";
 
 const ROOT = ["meshcat", "cinegen"];
 const POSE = 7;
-const ROOM = 1.3; // around the robots, to move in
+const LAST = "bottom_color"; // property that the server's scene ends with
+const FILLED = 0.7; // share of the view that robots fill
+const REACHED = 0.95; // share in which they stay
 const SOFTWARE = /swiftshader|llvmpipe|softpipe|software|basic render/i; // renderers without a graphics card
-const SLACK = 0.01; // of the size of what is shown
+const MARKS = /^(triad$|loop )/; // names of what the server draws on parts, which is no part
 
 /** @typedef {import("../base/session.js").KnownRobot} KnownRobot */
 
@@ -27,6 +31,8 @@ export class View {
   #last = [];
   #heard = 0;
   #blank = 0; // commands of the viewer before the present scene
+  /** @type {Pyramid | null} */
+  #kept = null; // around all that was in the view since it was framed
   /** @type {Map<string, { robot: KnownRobot, numbers: number[] }>} */
   #applied = new Map(); // by robot: itself, and its poses as they were last applied
 
@@ -34,8 +40,10 @@ export class View {
   also = null; // (box of the scene) => void: what else than robots fills the view
   /** @type {Set<string>} */
   background = new Set(); // names of what can't be moved: neither framed nor picked
-  whole = false; // whether the scene came with the page: no more of it is to come
-  chosen = false; // whether the camera was set, as a link has it
+  whole = false; // whether everything that the scene has is there: nothing is drawn before
+  chosen = false; // whether the camera was set, by a person or as a link has it
+  framed = false; // whether the view is framed again when its size changes, unless the camera was set
+  free = () => ({ left: 0, top: 0, right: this.pane.clientWidth, bottom: this.pane.clientHeight }); // pixels nothing covers
   /** @type {import("three").PerspectiveCamera | null} */
   headset = null; // camera of a headset that shows the scene instead of the pane
 
@@ -48,12 +56,18 @@ export class View {
     const viewer = new window.MeshCat.Viewer(pane, false, still ? undefined : drawer(pane));
     this.viewer = viewer;
     viewer.gui.domElement.remove(); // its controls would cover the panel
+    viewer.scene_tree.folder = noFolder(); // making them would take most of the time in which a scene is drawn
     this.canvas = viewer.renderer.domElement;
     const resize = window.MeshCat.Viewer.prototype.set_3d_pane_size;
     viewer.set_3d_pane_size = () => {
       if (this.headset === null) resize.call(viewer, Math.max(1, pane.clientWidth), Math.max(1, pane.clientHeight));
     };
-    new ResizeObserver(() => viewer.set_3d_pane_size()).observe(pane);
+    new ResizeObserver(() => {
+      viewer.set_3d_pane_size();
+      if (this.framed && !this.chosen) this.frame();
+    }).observe(pane);
+    viewer.controls.addEventListener("start", () => (this.chosen = true));
+    this.#listen();
     this.level = new Object3D();
     this.level.quaternion.copy(viewer.scene.quaternion).invert();
     this.stage = new Group();
@@ -104,18 +118,30 @@ export class View {
     return this.viewer.num_messages_received > this.#blank;
   }
 
-  /** From now on the camera is the person's: what the server's scene says of cameras is left out. */
-  keepCamera() {
+  /**
+   * Listen to the server's commands: a scene is whole when the last of its properties came, which come last; once it is
+   * framed, what it says of cameras is left out.
+   */
+  #listen() {
     const { viewer } = this;
     const handle = viewer.handle_command.bind(viewer);
+    const put = viewer.set_object.bind(viewer);
+    viewer.set_object = (path, object) => {
+      dress(object);
+      put(path, object);
+    };
     viewer.handle_command = (command) => {
-      if (!command.path?.startsWith("/Cameras")) handle(command);
+      if (this.framed && command.path?.startsWith("/Cameras")) return;
+      if (command.type === "delete" && command.path === `/${ROOT.join("/")}`) this.whole = false;
+      handle(command);
+      this.whole ||= command.property === LAST;
     };
   }
 
   /** What was drawn is forgotten: the server draws its scene anew. */
   clear() {
     if (this.viewer.scene_tree.children[ROOT[0]] !== undefined) this.viewer.delete_path([ROOT[0]]);
+    this.whole = false;
     this.forget();
     this.#blank = this.viewer.num_messages_received;
   }
@@ -136,7 +162,6 @@ export class View {
    */
   draw(commands) {
     for (const command of commands) this.handle(command);
-    this.whole = true;
   }
 
   /**
@@ -168,7 +193,7 @@ export class View {
       const before = this.#applied.get(robot.name)?.numbers;
       if (before !== undefined && before.every((value, i) => value === numbers[i])) continue;
       this.#applied.set(robot.name, { robot, numbers });
-      this.#move(robot, numbers);
+      this.#place(robot, numbers);
     }
   }
 
@@ -185,14 +210,14 @@ export class View {
   }
 
   #apply() {
-    for (const { robot, numbers } of this.#applied.values()) this.#move(robot, numbers);
+    for (const { robot, numbers } of this.#applied.values()) this.#place(robot, numbers);
   }
 
   /**
    * @param {KnownRobot} robot
    * @param {number[]} numbers
    */
-  #move(robot, numbers) {
+  #place(robot, numbers) {
     put(this.group(robot.name), numbers, 0);
     if (!robot.obstacle) robot.nodes.forEach((node, i) => put(this.group(robot.name, node.name), numbers, POSE * (i + 1)));
     this.changed();
@@ -278,36 +303,53 @@ export class View {
     return box;
   }
 
+  /** Move the camera, but don't turn it, so that robots fill their share of the view. */
+  frame() {
+    this.chosen = false;
+    this.#kept = null;
+    this.#move(this.#around(this.#pyramid(FILLED)));
+  }
+
+  /** Move the camera, but don't turn it, if robots leave the view: all that was there since `frame` fits into it. */
+  keep() {
+    this.#kept = this.#around(this.#kept ?? this.#pyramid(REACHED));
+    if (!this.#kept.isWithin(this.viewer.camera.position)) this.#move(this.#kept);
+  }
+
+  /** @param {number} share of the view that is free */
+  #pyramid(share) {
+    this.controls.update(); // the server may have moved the camera since
+    const { clientWidth: wide, clientHeight: high } = this.pane;
+    const { left, right, top, bottom } = this.free();
+    const [x, y] = [(left + right) / wide - 1, 1 - (top + bottom) / high];
+    const [across, up] = [(share * (right - left)) / wide, (share * (bottom - top)) / high];
+    return new Pyramid(this.viewer.camera, { left: x - across, right: x + across, bottom: y - up, top: y + up });
+  }
+
   /**
-   * Moves the camera along its line of sight so that all robots fill the view.
+   * Expand a pyramid by everything that fills the view.
    *
-   * @param {Box3} shown is in the view, too; becomes all that is. If nothing has left it, the camera stays.
+   * @param {Pyramid} pyramid
    */
-  frame(shown = new Box3()) {
-    const box = this.bounds(shown.clone());
-    this.also?.(box);
-    const near = shown.clone().expandByScalar(SLACK * shown.getSize(new Vector3()).length());
-    if (box.isEmpty() || (!shown.isEmpty() && near.containsBox(box))) return;
-    shown.copy(box);
-    const { controls } = this;
-    const { camera } = this.viewer;
-    camera.updateWorldMatrix(true, false);
-    const tall = Math.tan((camera.fov * Math.PI) / 360) / (camera.zoom || 1);
-    const turn = camera.getWorldQuaternion(new Quaternion());
-    const right = new Vector3(1, 0, 0).applyQuaternion(turn);
-    const up = new Vector3(0, 1, 0).applyQuaternion(turn);
-    const back = new Vector3(0, 0, 1).applyQuaternion(turn);
-    const middle = box.getCenter(new Vector3());
-    let away = 0; // so far that every corner of the box is within the view
-    for (let i = 0; i < 8; i += 1) {
-      const [x, y, z] = [1, 2, 4].map((bit) => (i & bit ? box.max : box.min));
-      const corner = new Vector3(x.x, y.y, z.z).sub(middle);
-      const wide = Math.max(Math.abs(corner.dot(right)) / camera.aspect, Math.abs(corner.dot(up)));
-      away = Math.max(away, corner.dot(back) + wide / tall);
+  #around(pyramid) {
+    this.root.updateWorldMatrix(true, true);
+    for (const robot of this.root.children) {
+      if (this.background.has(nameOf(robot.name))) continue;
+      for (const part of robot.children.flatMap((node) => node.children)) if (!MARKS.test(part.name)) pyramid.add(part);
     }
-    controls.target.copy(middle); // meshcat turns the camera's group back: it lives in three's own axes
-    camera.position.copy(middle).addScaledVector(back, ROOM * away);
-    controls.update();
+    const box = new Box3();
+    this.also?.(box);
+    if (!box.isEmpty()) pyramid.addBox(box);
+    return pyramid;
+  }
+
+  /** @param {Pyramid} pyramid */
+  #move(pyramid) {
+    if (pyramid.empty) return;
+    const { position, middle } = pyramid.place();
+    this.viewer.camera.position.copy(position); // meshcat turns the camera's group back: it lives in three's own axes
+    this.controls.target.copy(middle);
+    this.controls.update();
     this.changed();
   }
 
@@ -351,7 +393,7 @@ export class View {
 
   /** @param {number} now */
   #draw(now) {
-    if (this.headset !== null) return;
+    if (this.headset !== null || !this.whole) return;
     const drawn = this.#hear();
     const moving = drawn || this.viewer.needs_render;
     if (!moving && !this.resolution.due(now)) {
@@ -376,6 +418,17 @@ export class View {
 function put(object, numbers, at) {
   object.position.set(numbers[at], numbers[at + 1], numbers[at + 2]);
   object.quaternion.set(numbers[at + 3], numbers[at + 4], numbers[at + 5], numbers[at + 6]);
+}
+
+/**
+ * What meshcat's viewer takes for a folder of controls, without any.
+ *
+ * @returns {View["viewer"]["scene_tree"]["folder"]}
+ */
+function noFolder() {
+  const none = () => control;
+  const control = { min: none, max: none, step: none, onChange: none, updateDisplay: none };
+  return { domElement: document.createElement("div"), __folders: {}, addFolder: noFolder, add: none, remove: none, removeFolder: none };
 }
 
 /**

@@ -1,0 +1,181 @@
+"""What is seen of robots: how much of the view they fill, in which colours, and what is drawn when nothing changes."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from tabs import IN_BROWSER, becomes, find, grab
+
+import cinegen
+from cinegen.cockpit import Cockpit
+from cinegen.cockpit.cockpit import draw
+from cinegen.cockpit.page import Page
+from cinegen.session import Setup, arrange
+
+# The rectangle of all vertices of parts on the screen, of which the whole is 2 by 2: its size and its middle.
+RECTANGLE = """() => {
+  const { view, viewer: { camera } } = cockpit;
+  const at = new MeshCat.THREE.Vector3();
+  const seen = [[], []];
+  camera.updateWorldMatrix(true, false);
+  for (const robot of view.root.children.filter(({ name }) => !view.background.has(name.slice(1)))) {
+    for (const part of robot.children.flatMap((node) => node.children)) {
+      if (/^(triad$|loop )/.test(part.name)) continue;
+      part.traverse(({ isMesh, geometry, matrixWorld }) => {
+        for (let i = 0; isMesh && i < geometry.attributes.position.count; i += 1) {
+          at.fromBufferAttribute(geometry.attributes.position, i).applyMatrix4(matrixWorld).project(camera);
+          seen[0].push(at.x);
+          seen[1].push(at.y);
+        }
+      });
+    }
+  }
+  const ends = seen.map((all) => [all.reduce((a, b) => Math.min(a, b)), all.reduce((a, b) => Math.max(a, b))]);
+  return [ends.map(([a, b]) => (b - a) / 2), ends.map(([a, b]) => (a + b) / 2)];
+}"""
+FRAMES = """new Promise((done) => {
+  let frames = 20;
+  const next = () => (frames-- ? requestAnimationFrame(next) : done());
+  next();
+})"""
+MEMORY = """() => {
+  const { memory: { geometries, textures }, programs } = cockpit.viewer.renderer.info;
+  return [geometries, textures, programs.length, document.querySelectorAll("*").length];
+}"""
+# Two boxes beside each other, seen from above. The first has a colour.
+BOX = """<robot name="box"><link name="box"><visual><geometry><box size="{size} {size} {size}"/></geometry>
+<material name="paint"><color rgba="{colour} 1"/></material></visual></link>
+<link name="lid"><visual><origin xyz="{size} 0 0"/><geometry><box size="{size} {size} {size}"/></geometry></visual>
+</link>
+<joint name="turn" type="revolute"><parent link="box"/><child link="lid"/><axis xyz="0 0 1"/>
+<limit lower="-3" upper="3" effort="1" velocity="1"/></joint></robot>"""
+
+# The colour of the middle of the first box, in a complete picture or one of a motion.
+LIT = """(complete) => {
+  const { view, viewer } = cockpit;
+  const box = view.group("box", "box");
+  const { x, y } = new MeshCat.THREE.Vector3().applyMatrix4(box.matrixWorld).project(viewer.camera);
+  const { width, height } = view.canvas;
+  const picture = Object.assign(document.createElement("canvas"), { width, height }).getContext("2d");
+  const { choose } = view.resolution;
+  view.resolution.choose = () => (view.resolution.complete = complete);
+  view.picture();
+  view.resolution.choose = choose;
+  picture.drawImage(view.canvas, 0, 0);
+  return [...picture.getImageData((1 + x) / 2 * width, (1 - y) / 2 * height, 1, 1).data].slice(0, 3);
+}"""
+
+pytestmark = IN_BROWSER
+
+
+def chain(count):
+    """RAFF of a chain that winds up."""
+    links = "".join(
+        f"link {i} {{ parameters {{ theta 20.0 d {100.0 * (i > 1)} r 5.0 }} type 2 pred {i - 1} }}\n"
+        for i in range(1, count + 1)
+    )
+    return f"RAFF Chain\nrobot chain {{\nbase {{ }}\n{links}}}\n"
+
+
+@pytest.fixture
+def loaded(robot, tmp_path):
+    def load(name):
+        if name == "chain":
+            path = tmp_path / "chain.raff"
+            path.write_text(chain(60))
+            return cinegen.load(path)
+        if name == "box":
+            return box(tmp_path, 2e-8)
+        return robot(name)
+
+    return load
+
+
+def box(folder, size, colour="1 1 1"):
+    path = folder / "box.urdf"
+    path.write_text(BOX.format(size=size, colour=colour))
+    return cinegen.load(path)
+
+
+def share(page):
+    """The larger of the shares of the view's width and height that the robots fill, if they are in its middle."""
+    sizes, middle = page.evaluate(RECTANGLE)
+    assert np.abs(middle).max() < 0.1
+    return max(sizes)
+
+
+@pytest.mark.parametrize(
+    ("name", "size"),
+    [
+        *((name, (1440, 900)) for name in ("delta4", "five_bar", "scara", "planetary_gear", "chain", "box")),
+        *(("gough", size) for size in ((390, 844), (844, 390), (2200, 700))),
+    ],
+)
+def test_robots_fill_most_of_the_view_at_first(loaded, tab, name, size):
+    with Cockpit(arrange({name: loaded(name)}), port=0, own_process=False) as cockpit:
+        page = tab(cockpit, viewport=dict(zip(("width", "height"), size, strict=True)))
+        assert 0.62 < share(page) < 0.78
+
+
+def test_pictures_from_outside_are_filled_too(cockpit, tab):
+    page = tab(f"{cockpit('delta4').url}&camera=1", ready="document.documentElement.dataset.view === 'ready'")
+    assert 0.62 < share(page) < 0.78
+
+
+def test_another_size_of_the_window_is_filled_too_unless_a_person_has_moved_the_camera(cockpit, tab):
+    shown = cockpit("delta4")
+    page = tab(shown, viewport={"width": 390, "height": 844})
+    page.set_viewport_size({"width": 844, "height": 390})
+    assert becomes(page, lambda: 0.62 < share(page) < 0.78)
+    page.keyboard.press("-")
+    page.evaluate("cockpit.view.canvas.focus()")
+    page.keyboard.press("-")
+    before = page.evaluate("cockpit.view.cameraNumbers()")
+    page.set_viewport_size({"width": 390, "height": 844})
+    assert becomes(page, "cockpit.viewer.camera.aspect < 1")
+    assert page.evaluate("cockpit.view.cameraNumbers()") == pytest.approx(before)
+    page.keyboard.press("f")
+    assert becomes(page, lambda: 0.62 < share(page) < 0.78)
+
+
+@pytest.mark.parametrize("colour", ["0.8 0.45 0.2", "0.1 0.3 0.65", "0.9 0.9 0.9", "0.2 0.2 0.2"])
+def test_a_face_in_full_light_has_the_colour_of_its_material(tmp_path, tab, colour):
+    with Cockpit(Setup({"box": box(tmp_path, 0.5, colour)}), port=0, own_process=False) as cockpit:
+        page = tab(cockpit, drawn=True)
+        for complete in (True, False):
+            seen = np.array(page.evaluate(LIT, complete)) / 255.0
+            assert np.abs(seen - np.array(colour.split(), dtype=float)).max() < 0.08, complete
+
+
+def test_nothing_is_drawn_while_nothing_changes_and_motions_leave_nothing_behind(cockpit, tab):
+    shown = cockpit("five_bar")
+    page = tab(shown)
+    page.evaluate("""() => {
+      window.drawn = 0;
+      const { viewer } = cockpit;
+      const render = viewer.render.bind(viewer);
+      viewer.render = () => (render(), (drawn += 1));
+    }""")
+    assert becomes(page, "cockpit.view.resolution.complete")
+    before = page.evaluate("drawn")
+    page.evaluate(FRAMES)
+    assert page.evaluate("drawn") == before
+    grab(page, shown, "five_bar", "link2")
+    page.mouse.up()
+    assert becomes(page, f"drawn > {before}")
+    assert find(page, "five_bar", "link2")
+
+
+def test_robots_that_are_drawn_again_and_again_take_no_more_memory(cockpit, tab):
+    shown = cockpit("five_bar")
+    page = tab(shown)
+    taken = []
+    for _ in range(4):
+        heard = page.evaluate("cockpit.viewer.num_messages_received")
+        again = Page()
+        draw(again, shown.setup)
+        shown.page.replace("/meshcat/cinegen", again)
+        assert becomes(page, f"cockpit.viewer.num_messages_received > {heard} && cockpit.view.whole")
+        assert becomes(page, "!cockpit.viewer.needs_render && cockpit.view.resolution.complete")
+        taken.append(page.evaluate(MEMORY))
+    assert taken[1:] == [taken[1]] * 3
