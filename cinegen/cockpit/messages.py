@@ -104,12 +104,14 @@ class NodeDescription(Struct, frozen=True):
         parent: its parent; null for the base.
         joint: joint that moves it relative to its parent; null if it is fixed there.
         kind: base, link or frame.
+        axis: axis of that joint in the node's frame; null without one.
     """
 
     name: str
     parent: str | None
     joint: str | None
     kind: Literal["base", "link", "frame"]
+    axis: tuple[float, float, float] | None = None
 
 
 class ForcesDescription(Struct, frozen=True):

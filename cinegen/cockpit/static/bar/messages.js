@@ -1,37 +1,24 @@
-// Messages to the user: an initial hint, notices for some seconds, who has control, a lost connection.
+// Messages to the user: notices for some seconds, who has control, a lost connection.
 //
-// For tests: #hint, #toasts .toast, #crowd with #take-control, #cover.
+// For tests: #toasts .toast, #crowd with #take-control, #cover.
 
 import { byId, make } from "../base/dom.js";
 
-const HINT = "Drag any part of the robot.";
-const ON_MAP = "Drag any part of the robot, or click a cell: it goes there.";
 const DENIED = "Another browser has control. Take control to drag and switch.";
 const VIEW_ONLY = "This page only shows the robots: ask for the address with which to drive them.";
-const DRAGGING = "Esc ends the drag";
 const STAYS = 6000; // ms
 const MOST = 4;
 
-/** @typedef {{ on: (name: "drag", listener: (part: object | null) => void) => unknown }} Dragging */
-
 export class Messages {
-  dragged = false; // whether a part was dragged before
   /** @type {WeakMap<Element, ReturnType<typeof setTimeout>>} */
   #timers = new WeakMap();
 
-  /**
-   * @param {{ session: import("../base/session.js").Session, drag: Dragging, gizmo: Dragging, handDrags: Dragging }} parts
-   */
-  constructor({ session, drag, gizmo, handDrags }) {
-    this.session = session;
-    this.hint = byId("hint");
+  /** @param {import("../base/session.js").Session} session */
+  constructor(session) {
     this.toasts = byId("toasts");
     this.cover = byId("cover");
     session.on("hello", () => {
       this.cover.hidden = true;
-      const { map, playback, caption } = session.hello ?? {};
-      if (!this.dragged) this.hint.textContent = playback ? (caption ?? "") : map ? ON_MAP : HINT;
-      this.#hint();
     });
     session.on("notice", ({ text, level, action }) => this.toast(text, level, action));
     session.on("lost", () => this.#cover("Connection lost, trying again."));
@@ -42,11 +29,9 @@ export class Messages {
       byId("crowd").hidden = control !== "other";
       byId("take-control").hidden = session.viewOnly;
       byId("who").textContent = session.viewOnly ? "This page only shows the robots." : "Another browser has control.";
-      this.#hint();
     });
     session.on("denied", () => this.toast(session.viewOnly ? VIEW_ONLY : DENIED, "warning"));
     byId("take-control").addEventListener("click", () => session.send({ type: "request_control", on: true }));
-    for (const one of [drag, gizmo, handDrags]) one.on("drag", (part) => this.#dragged(part));
   }
 
   /**
@@ -75,23 +60,9 @@ export class Messages {
     while (this.toasts.childElementCount > MOST) this.toasts.firstElementChild?.remove();
   }
 
-  #hint() {
-    this.hint.hidden = this.dragged || this.session.control === "other" || this.hint.textContent === "";
-  }
-
   /** @param {string} text */
   #cover(text) {
     this.cover.textContent = text;
     this.cover.hidden = false;
-  }
-
-  /** @param {object | null} part */
-  #dragged(part) {
-    if (part === null) {
-      this.hint.hidden = true;
-    } else if (!this.dragged) {
-      this.dragged = true; // the first drag: the hint has done its work
-      this.hint.textContent = DRAGGING;
-    }
   }
 }

@@ -349,6 +349,7 @@ export interface NodeDescription {
   parent: string | null;
   joint: string | null;
   kind: "base" | "frame" | "link";
+  axis?: [number, number, number] | null;
 }
 
 export interface JointDescription {

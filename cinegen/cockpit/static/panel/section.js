@@ -21,6 +21,11 @@ export class Section {
     this.element = element;
     panel.append(element);
   }
+
+  /** Whether it is seen, but for what is scrolled away; "toggle" of its element tells when that begins. */
+  get shown() {
+    return this.element.open && !document.body.classList.contains("folded") && !this.element.parentElement?.hidden;
+  }
 }
 
 /**

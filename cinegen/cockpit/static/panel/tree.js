@@ -24,7 +24,6 @@ export class Tree {
       id: "tree",
       title: "Parts",
       hint: "All parts of the robots. Click one to select it, also those that have no shape",
-      open: false,
     });
     session.on("hello", () => this.#build());
     session.on("select", () => this.#mark(true));
