@@ -81,6 +81,7 @@ def _robot(setup: Setup, name: str, mechanism: Mechanism) -> RobotDescription:
             tuple(other for other in setup.robots if setup.base(other).robot == name),
         ),
         root=mechanism.base,
+        lost=mechanism.lost_meshes,
     )
 
 

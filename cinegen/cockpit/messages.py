@@ -145,6 +145,7 @@ class RobotDescription(Struct, frozen=True):
         couplings: equations between its joints.
         forces: data about the forces in it.
         root: joint of its floating base, which can be locked, or null.
+        lost: a sentence about its meshes that can't be found; empty without one.
     """
 
     name: str
@@ -159,6 +160,7 @@ class RobotDescription(Struct, frozen=True):
     couplings: tuple[CouplingDescription, ...]
     forces: ForcesDescription
     root: str | None = None
+    lost: str = ""
 
 
 class ObstacleDescription(Struct, frozen=True):

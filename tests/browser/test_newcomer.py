@@ -214,7 +214,10 @@ def test_a_slider_lights_its_part_and_a_part_its_slider(arm):
 
 
 def touch(line, kind, *points):
-    line.send("Input.dispatchTouchEvent", {"type": kind, "touchPoints": [{"x": x, "y": y, "id": i} for i, (x, y) in enumerate(points)]})
+    line.send(
+        "Input.dispatchTouchEvent",
+        {"type": kind, "touchPoints": [{"x": x, "y": y, "id": i} for i, (x, y) in enumerate(points)]},
+    )
 
 
 def test_fingers_two_on_the_robot_rotate_the_view_one_that_rests_selects(cockpit, tab):

@@ -4,12 +4,18 @@
 
 import { byId, make } from "../base/dom.js";
 
+const LOST = "The connection is lost: the page tries again.";
+const SILENT = {
+  gone: "Nothing answers at this address: start cinegen drive again, and open the address that it prints.",
+  refused: "This address has another session's token: open the address that cinegen drive printed last.",
+};
 const DENIED = "Another browser has control. Take control to drag and switch.";
 const VIEW_ONLY = "This page only shows the robots: ask for the address with which to drive them.";
 const STAYS = 6000; // ms
 const MOST = 4;
 
 export class Messages {
+  #driven = ""; // names of the robots
   /** @type {WeakMap<Element, ReturnType<typeof setTimeout>>} */
   #timers = new WeakMap();
 
@@ -19,9 +25,14 @@ export class Messages {
     this.cover = byId("cover");
     session.on("hello", () => {
       this.cover.hidden = true;
+      for (const { lost } of session.robots) if (lost) this.toast(lost, "warning");
+      const now = session.robots.map(({ name }) => name).join(", ");
+      if (this.#driven !== "" && this.#driven !== now) this.toast(`This is another session now: it drives ${now}.`);
+      this.#driven = now;
     });
     session.on("notice", ({ text, level, action }) => this.toast(text, level, action));
-    session.on("lost", () => this.#cover("Connection lost, trying again."));
+    session.on("lost", () => this.cover.hidden && this.#cover(LOST));
+    session.on("silent", (why) => this.#cover(SILENT[why]));
     session.on("dropped", (reason) =>
       this.#cover(`The server closed the connection: ${reason}. Load the page again to go on.`),
     );

@@ -342,6 +342,7 @@ export interface RobotDescription {
   couplings: CouplingDescription[];
   forces: ForcesDescription;
   root?: string | null;
+  lost?: string;
 }
 
 export interface NodeDescription {

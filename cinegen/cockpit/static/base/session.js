@@ -40,7 +40,7 @@ export class Session extends Events {
       this.report = report;
       this.emit("report", report);
     });
-    for (const name of /** @type {const} */ (["notice", "problem", "lost", "dropped"])) link.on(name, (value) => this.emit(name, value));
+    for (const name of /** @type {const} */ (["notice", "problem", "lost", "silent", "dropped"])) link.on(name, (value) => this.emit(name, value));
     document.documentElement.dataset.control = this.control;
   }
 

@@ -9,7 +9,7 @@ import { atMostEvery, make, sign, write } from "../base/dom.js";
 import { sharedBeginnings, valueOf } from "../base/names.js";
 import { speak, spoken } from "../base/speech.js";
 import { amount, fixed, units } from "../base/units.js";
-import { byRobot, folded, Section } from "./section.js";
+import { byRobot, filter, folded, Section } from "./section.js";
 import { fill } from "./slider.js";
 
 const PICTURE = 1000 / 60;
@@ -86,6 +86,7 @@ export class Joints {
         const hint = "Passive joints: loops and couplings move them";
         body.append(folded(`${passive.length} passive`, hint, ...passive.map(({ element }) => element)));
       }
+      filter(body, "[data-joint]", "Find a joint");
       if (rows.length === 0) body.append(make("p", { class: "empty" }, "This robot has no joints."));
     });
     this.#show();
