@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 from cinegen.cli.files import count, print_result
 from cinegen.cli.options import FILE, JSON, ShownRobotOptions, flag
+from cinegen.errors import warn
 from raff2urdf.quantities import ANGLE, LENGTH, shown, shown_scale
 
 if TYPE_CHECKING:
@@ -23,12 +24,12 @@ def run(
 ) -> int:
     """Print joints, limits, loops, couplings, mobility, singular values and masses."""
     from cinegen.model.description import describe
-    from cinegen.model.shapes import warn_of_lost_meshes
 
     reports = []
     for name, (mechanism, file) in options.load(files).items():
         more: dict[str, Any] = {"ignored": _ignored(file, options.options())} if ignored else {}
-        warn_of_lost_meshes(mechanism.source)
+        if mechanism.lost_meshes:
+            warn(mechanism.lost_meshes)
         if collision:
             from cinegen.collision.report import collision_report
 

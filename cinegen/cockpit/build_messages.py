@@ -27,7 +27,7 @@ from cinegen.cockpit.messages import (
 )
 from cinegen.devices.kinds import what_is
 from cinegen.jit.starting import COMPILATION
-from cinegen.joints import kinematic_data
+from cinegen.joints import axis, kinematic_data
 from cinegen.model import Mechanism
 from cinegen.model.description import describe_coupling, describe_joint, describe_loop
 from cinegen.session import RobotReport, SessionState, Setup, agreed_status
@@ -84,6 +84,7 @@ def _robot(setup: Setup, name: str, mechanism: Mechanism) -> RobotDescription:
             tuple(other for other in setup.robots if setup.base(other).robot == name),
         ),
         root=mechanism.base,
+        lost=mechanism.lost_meshes,
     )
 
 
@@ -105,7 +106,8 @@ def _nodes(mechanism: Mechanism) -> list[NodeDescription]:
         parent = link_of.get(above) if above != joint else None
         moved_by = model.names[joint] if joint > 0 else None
         placement = None if moved_by else _relative(placed, parent, node)
-        nodes.append(NodeDescription(node, parent, moved_by, "link" if moved_by else "frame", placement))
+        along = _axis(mechanism, node) if moved_by in mechanism.joints else None
+        nodes.append(NodeDescription(node, parent, moved_by, "link" if moved_by else "frame", placement, along))
     nodes[0] = msgspec.structs.replace(nodes[0], kind="base")
     return nodes
 
@@ -119,6 +121,13 @@ def _rounded(pose: pin.SE3) -> Vector7:
     """Return a pose without digits that cannot be seen: to nanometres."""
     x, y, z, *turn = np.round(pin.SE3ToXYZQUAT(pose), _DIGITS).tolist()
     return (x, y, z, *turn)
+
+
+def _axis(mechanism: Mechanism, node: str) -> tuple[float, float, float]:
+    """Return the axis of the joint that moves a node, in the node's frame."""
+    frame = mechanism.model.frames[mechanism.frame_id(node)]
+    x, y, z = frame.placement.rotation.T @ axis(mechanism.model.joints[frame.parentJoint])
+    return float(x), float(y), float(z)
 
 
 class NodePoses:

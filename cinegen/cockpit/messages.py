@@ -105,6 +105,7 @@ class NodeDescription(Struct, frozen=True):
         joint: joint that moves it relative to its parent; null if it is fixed there.
         kind: base, link or frame.
         placement: pose in its parent, or in the robot's base pose if it has none; null if a joint moves it.
+        axis: axis of that joint in the node's frame; null without one.
     """
 
     name: str
@@ -112,6 +113,7 @@ class NodeDescription(Struct, frozen=True):
     joint: str | None
     kind: Literal["base", "link", "frame"]
     placement: Vector7 | None = None
+    axis: tuple[float, float, float] | None = None
 
 
 class ForcesDescription(Struct, frozen=True):
@@ -145,6 +147,7 @@ class RobotDescription(Struct, frozen=True):
         couplings: equations between its joints.
         forces: data about the forces in it.
         root: joint of its floating base, which can be locked, or null.
+        lost: a sentence about its meshes that can't be found; empty without one.
     """
 
     name: str
@@ -159,6 +162,7 @@ class RobotDescription(Struct, frozen=True):
     couplings: tuple[CouplingDescription, ...]
     forces: ForcesDescription
     root: str | None = None
+    lost: str = ""
 
 
 class ObstacleDescription(Struct, frozen=True):

@@ -324,6 +324,13 @@ _HEADERS = {
 }
 
 
+_ERROR = """<!DOCTYPE html>
+<html lang="en"><meta name="viewport" content="width=device-width"><meta name="color-scheme" content="light dark">
+<title>{reason}</title><style>body {{ font: 16px system-ui; display: grid; place-content: center; min-height: 90vh;
+padding: 16px; text-align: center }}</style><p>{reason}.</p></html>
+"""
+
+
 class _Guarded(tornado.web.RequestHandler):
     """Base of the handlers. It accepts requests to a name of this machine, so that a foreign page can't rebind its own
     name to it, or requests with the token."""
@@ -347,7 +354,9 @@ class _Guarded(tornado.web.RequestHandler):
             if not is_local(_hostname(self.request.host)):
                 raise tornado.web.HTTPError(403, reason="Served to this machine only")
         elif self.is_private and not (self.may_drive or self._has("view", self.server.view_token)):
-            raise tornado.web.HTTPError(403, reason="The address needs the token that was printed at the start")
+            raise tornado.web.HTTPError(
+                403, reason="This address lacks the session's token: open the one that cinegen drive printed"
+            )
 
     is_private = True  # whether a token is needed, if there is one
 
@@ -364,6 +373,13 @@ class _Guarded(tornado.web.RequestHandler):
         """Log errors of this program; those of a request are sent to the browser."""
         if not isinstance(error, tornado.web.HTTPError):
             super().log_exception(kind, error, trace)
+
+    def write_error(self, status_code: int, **_: Any) -> None:
+        """Write what is wrong into the middle of a page without scripts."""
+        self.set_header(
+            "Content-Security-Policy", "default-src 'none'; style-src 'unsafe-inline'; frame-ancestors 'none'"
+        )
+        self.finish(_ERROR.format(reason=html_text(self._reason)))
 
     def set_default_headers(self) -> None:
         for name, value in _HEADERS.items():

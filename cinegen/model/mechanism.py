@@ -21,7 +21,7 @@ from cinegen.loops.screws import LoopScrews
 from cinegen.model.jacobian import COMPONENTS, ExtendedJacobian
 from cinegen.model.limits import Limits
 from cinegen.model.masses import massless, unphysical
-from cinegen.model.shapes import CollisionShapes, collision_shapes, shapes
+from cinegen.model.shapes import CollisionShapes, collision_shapes, lost_meshes, shapes
 from cinegen.model.spherical import SphericalJoints
 from cinegen.model.structure import Structure
 from raff2urdf import closure
@@ -268,6 +268,11 @@ class Mechanism:
     def visual(self) -> pin.GeometryModel:
         """The visual shapes of all nodes; sticks are drawn for meshes that are lost, see `cinegen.model.shapes`."""
         return shapes(self.model, self.source)
+
+    @cached_property
+    def lost_meshes(self) -> str:
+        """A sentence about the meshes that can't be found, with the remedy; empty without one."""
+        return lost_meshes(self.source)
 
     @cached_property
     def _collision(self) -> CollisionShapes:

@@ -76,10 +76,10 @@ def collision_shapes(model: pin.Model, source: MechanismSource) -> CollisionShap
     return _with_sticks(model, source, tree, _bars(stick_figure(model)))
 
 
-def warn_of_lost_meshes(source: MechanismSource) -> None:
-    """Warn, as `shapes` does, of a mesh that can't be found; none is read."""
+def lost_meshes(source: MechanismSource) -> str:
+    """Return a sentence about meshes that can't be found, as `shapes` warns of them; empty without one. None is read."""
     tree = parse_xml(source.urdf, source.name)
-    _warn(_Meshes(tree, source).lost)
+    return _sentence(_Meshes(tree, source).lost)
 
 
 def _with_sticks(model: pin.Model, source: MechanismSource, tree: Any, sticks: pin.GeometryModel) -> CollisionShapes:
@@ -88,7 +88,8 @@ def _with_sticks(model: pin.Model, source: MechanismSource, tree: Any, sticks: p
     drawn = {link.get("name") for link in tree.iterchildren("link") if link.find("visual") is not None}
     meshes = _Meshes(tree, source)
     found = meshes.read(model)
-    _warn(meshes.lost)
+    if meshes.lost:
+        warn(_sentence(meshes.lost))
     if not found.geometryObjects:
         return CollisionShapes(sticks, meshes.links)
     left = {link.get("name") for link in tree.iterchildren("link") if link.find("visual") is not None}
@@ -99,10 +100,11 @@ def _with_sticks(model: pin.Model, source: MechanismSource, tree: Any, sticks: p
     return CollisionShapes(found, meshes.links)
 
 
-def _warn(lost: Mapping[str, str]) -> None:
-    if lost:
-        more = f"; and {len(lost) - 1} more mesh{'es' * (len(lost) > 2)}" if len(lost) > 1 else ""
-        warn(f"{next(iter(lost.values()))}{more}; sticks are drawn instead")
+def _sentence(lost: Mapping[str, str]) -> str:
+    if not lost:
+        return ""
+    more = f"; and {len(lost) - 1} more mesh{'es' * (len(lost) > 2)}" if len(lost) > 1 else ""
+    return f"{next(iter(lost.values()))}{more}; sticks are drawn instead"
 
 
 class _Meshes:

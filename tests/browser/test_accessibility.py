@@ -5,11 +5,12 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from axe import needs_axe, violations
-from tabs import IN_BROWSER, becomes
+from tabs import IN_BROWSER, becomes, tools
 
 HIGH = {"width": 900, "height": 3200}  # the panel does not scroll: axe-core judges no colours of what is scrolled away
 LOW = "document.getElementById('pane').style.maxHeight = '400px'"  # drawing in software takes long
 UNFOLD = "document.querySelectorAll('details').forEach((one) => { one.open = true; })"
+TABS = ("pose", "tasks", "analyse", "record", "view")
 SCHEMES = ("light", "dark")
 SPOKEN = """() => [...document.querySelectorAll("input[type=range], [role=meter]")]
   .filter((one) => one.checkVisibility())
@@ -28,10 +29,11 @@ pytestmark = [*IN_BROWSER, needs_axe]
 
 @pytest.fixture
 def open_tab(tab):
-    """`open_tab(shown)`: a page that shows it, all of its panel open."""
+    """`open_tab(shown)`: a page that shows it, all sections of its drawer open."""
 
     def opened(shown):
         page = tab(shown)
+        tools(page, "pose")
         for script in (UNFOLD, LOW):
             page.evaluate(script)
         page.set_viewport_size(HIGH)
@@ -72,10 +74,14 @@ def test_sliders_and_number_fields_of_a_page_without_a_server_have_names_units_a
             if np.isfinite(limits).all():  # else a range about home
                 assert one == pytest.approx(limits, abs=1e-3)
     texts = dict(page.evaluate(SPOKEN))
+    tools(page, "tasks")
+    texts |= dict(page.evaluate(SPOKEN))
     assert texts["joint1 of scara"] == f"{np.degrees(mechanism.q_home[mechanism.q_index('joint1')]):.1f} degrees"
     assert texts["Gain"] == "100 per second"
     assert all(texts.values())
-    page.click("#units")
+    tools(page, "view")
+    page.select_option("#measures", index=1)
+    tools(page, "pose")
     assert any(name == "joint1 of scara, in radians" for name, *_ in ranges(page))
     slider = page.locator("[data-joint='scara/joint1'] input[type=range]")
     slider.press("Home")  # to its least value, which is read at once
@@ -88,19 +94,20 @@ def test_sliders_and_number_fields_of_a_page_without_a_server_have_names_units_a
 def test_the_served_page(cockpit, open_tab):
     page = open_tab(cockpit("delta4", "rx90"))
     page.evaluate("cockpit.select('delta4', 'platform')")
-    page.evaluate("""for (const id of ["crowd", "cover"]) document.getElementById(id).hidden = false;
-      document.getElementById("cover").textContent = "Connection lost, trying again.";""")
+    tools(page, "analyse")
     page.check("#reactions")
     assert page.evaluate(BARE) == []
     page.click("#pin")
     assert becomes(page, "document.querySelector('[data-task]') !== null")
-    page.evaluate("document.querySelector('[data-lock]').scrollIntoView({ block: 'center' })")  # not below a heading
-    found = in_both_schemes(page, "all open, and a pin")
-    for button, shown in (("aids", "#aids-menu"), ("snapshot", "#snapshot-menu"), ("help", "#keys")):
-        page.click(f"#{button}")
-        assert page.is_visible(shown)
-        found += in_both_schemes(page, button, shown)
-        page.keyboard.press("Escape")
+    page.evaluate("""for (const id of ["crowd", "cover"]) document.getElementById(id).hidden = false;
+      document.getElementById("cover").textContent = "The connection is lost.";""")
+    found = []
+    for name in TABS:
+        tools(page, name)
+        found += in_both_schemes(page, name)
+    page.click("#help")
+    found += in_both_schemes(page, "help", "#keys")
+    page.keyboard.press("Escape")
     assert found == []
 
 

@@ -7,7 +7,7 @@ import math
 import numpy as np
 import pinocchio as pin
 import pytest
-from tabs import IN_BROWSER, PIXELS, becomes, find, grab, held, picture, place, rests
+from tabs import IN_BROWSER, PIXELS, becomes, find, grab, held, picture, place, rests, tools
 
 import cinegen
 from cinegen.cockpit import Cockpit
@@ -103,7 +103,9 @@ def test_a_part_is_named_follows_the_mouse_and_is_undone_the_gizmo_moves_a_pin_h
     moved = place(one, "delta4", "link5") - start
     assert np.abs(moved[:2]).max() < 0.1 * abs(moved[2])
     number = held(one, "delta4", "pin")[0].id
+    tools(page, "tasks")
     page.click(f"[data-task='{number}'] button")
+    page.click("#fold")
     assert becomes(page, lambda: not one.state.robots["delta4"].tasks)
     page.keyboard.press("Escape")  # selects nothing: no arrow is before the part
     grab(page, one, "delta4", "link5")
@@ -140,7 +142,7 @@ RING = """([axis, from, to, steps]) => {
 def test_a_padlock_locks_a_joint_a_ring_of_the_gizmo_rotates_and_many_labels_find_room(cockpit, tab):
     one = cockpit("arm7")
     page = tab(one)
-    page.evaluate("document.getElementById('section-joints').open = true")
+    tools(page, "pose")
     lock = page.locator('[data-lock="arm7/joint2"]')
     slider, text = (page.locator(f'[data-joint="arm7/joint2"] input[type={kind}]') for kind in ("range", "number"))
     assert becomes(page, lambda: lock.is_visible() and lock.get_attribute("aria-pressed") == "false")
@@ -189,6 +191,7 @@ def test_a_padlock_locks_a_joint_a_ring_of_the_gizmo_rotates_and_many_labels_fin
 def test_panel_sliders_switches_frames_and_meters(cockpit, tab):
     one = cockpit("five_bar", follow="circle")
     page = tab(one)
+    tools(page, "tasks")
     assert page.eval_on_selector("[data-switch='five_bar/tool'] select", "(box) => box.value") == "path"
     page.select_option("[data-switch='five_bar/tool'] select", "gamepad")
     assert becomes(page, lambda: one.state.switches["five_bar", "tool"] == "gamepad")
@@ -199,6 +202,7 @@ def test_panel_sliders_switches_frames_and_meters(cockpit, tab):
     home = one.setup.robots["five_bar"].q_home
     page.click("#home")  # elsewhere on the circle the joint alone may meet a limit of the passive ones
     assert becomes(page, lambda: np.abs(one.state.robots["five_bar"].q - home).max() < 1e-9)
+    tools(page, "pose")
     i = one.setup.robots["five_bar"].q_index("joint1")
     before = one.state.robots["five_bar"].q[i]
     slider = page.locator("[data-joint='five_bar/joint1'] input[type=range]")
@@ -212,6 +216,7 @@ def test_panel_sliders_switches_frames_and_meters(cockpit, tab):
     assert becomes(page, lambda: one.state.moving is None)
     assert one.state.robots["five_bar"].closure < 1e-10
     assert becomes(page, lambda: one.hub.controller is not None)  # the page was not dropped
+    tools(page, "analyse")
     for kind in ("type1", "type2"):
         meter = page.locator(f"[data-meter='five_bar/{kind}']")
         assert float(meter.get_attribute("aria-valuenow")) > 0.0
@@ -243,7 +248,7 @@ def test_the_view_only_address_shows_the_robots_and_drives_nothing(robot, tab):
         assert becomes(page, lambda: page.evaluate("document.documentElement.dataset.control") == "other")
         assert page.locator("#crowd").inner_text().strip() == "This page only shows the robots."
         assert not page.locator("#take-control").is_visible()
-        assert becomes(page, lambda: page.inner_text("#control").startswith("view only"))
+        assert becomes(page, lambda: page.inner_text("#control").startswith("View only"))
         page.press("body", "h")
         assert page.locator("#toasts .toast").first.inner_text().startswith("This page only shows the robots: ask for")
         picture(page, "view_only")

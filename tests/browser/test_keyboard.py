@@ -64,6 +64,7 @@ def test_arrow_keys_move_a_part_and_are_undone(cockpit, tab):
 def test_rotations_and_the_order_of_focus_without_a_server(robot, tab, page_of):
     mechanism = robot("rx90")
     page = tab(page_of("rx90"))
+    page.keyboard.press("t")
     order = []
     for _ in range(80):
         page.keyboard.press("Tab")

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from hostile_names import JOINTS, LINKS, urdf
 from PIL import Image
-from tabs import IN_BROWSER, WHERE, becomes, picture
+from tabs import IN_BROWSER, WHERE, becomes, picture, tools
 
 import cinegen
 from cinegen.page import build_page
@@ -78,11 +78,11 @@ def test_a_soft_shadow_darkens_the_floor_alone_and_what_only_a_server_does_is_hi
     assert lighter.min() >= -2
     assert lighter.max() > 20
     assert 0.002 < np.mean(lighter > 4) < 0.3
-    page.click("#aids")
-    for selector in ("#section-sensors", "#section-record", "#section-forces", "#frame", "[data-aid=forecast]"):
-        assert not page.locator(selector).is_visible(), selector
-    for selector in ("#section-joints", "#section-tasks", "[data-aid=trail]"):
-        assert page.locator(selector).is_visible(), selector
+    hidden = ("#section-sensors", "#section-record", "#section-forces", "#section-users", "[data-aid=forecast]")
+    for name, seen in {"pose": "#section-joints", "tasks": "#section-tasks", "view": "[data-aid=trail]"}.items():
+        tools(page, name)
+        assert page.is_visible(seen), seen
+        assert [selector for selector in hidden if page.is_visible(selector)] == []
     page.evaluate("cockpit.send({ type: 'set_recording', on: true })")
     assert becomes(page, "document.querySelector('#toasts .toast')?.textContent.includes('cinegen drive')")
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 
 import numpy as np
-from tabs import IN_BROWSER, becomes, picture
+from tabs import IN_BROWSER, becomes, picture, tools
 
 from cinegen.session import map_setup
 from cinegen.workspace import GridAxis, MapSpecification, Region, make_map
@@ -79,6 +79,7 @@ def test_a_click_on_a_tile_brings_the_robot_there_with_its_loops_closed(robot, c
     assert becomes(page, lambda: np.allclose(one.state.robots["linkage"].q, states[0].q, atol=1e-6))
     # coloured, cut and hidden as is wished
     assert page.text_content("#map-note") == f"{len(cloud.arrays['numbers']):,} of 180 cells reached"
+    tools(page, "analyse")
     page.select_option("#map-quantity", "margin")
     assert "joint-limit margin" in page.text_content("#legend .name")
     assert page.text_content("#legend .high").endswith(f"{float(f'{cloud.description.quantities[1].high:.3g}'):g}")

@@ -7,7 +7,7 @@ import json
 import numpy as np
 import pytest
 from browsers import Browser
-from tabs import IN_BROWSER, READY, becomes, find, picture
+from tabs import IN_BROWSER, READY, becomes, find, picture, tools
 
 from cinegen.mission import Recording
 
@@ -17,10 +17,6 @@ pytestmark = IN_BROWSER
 @pytest.fixture
 def five_bar(cockpit):
     return cockpit("five_bar")
-
-
-def unfold(page, section):
-    page.evaluate("id => { document.getElementById(`section-${id}`).open = true; }", section)
 
 
 HOSTILE = '<img src=x onerror="alert(1)">'
@@ -40,17 +36,19 @@ def test_waypoints_are_saved_renamed_reordered_played_and_recorded(five_bar, tab
         """The session and the page have the same waypoints."""
         return [one.name for one in five_bar.state.waypoints] == list(names) == rows.all_inner_texts()
 
-    unfold(page, "waypoints")
+    tools(page, "record")
     rows = page.locator("#waypoints .go")
     home = value()
     page.fill("#waypoint-name", HOSTILE + "x" * 50)
     page.press("#waypoint-name", "Enter")
     assert becomes(page, lambda: listed((HOSTILE + "x" * 50)[:40]))
     assert page.locator("#waypoints img").count() == 0
+    page.click("#tab-pose")
     page.locator(f'[data-joint="five_bar/{first}"] input[type=number]').fill(str(np.degrees(home + 0.3)))
     page.keyboard.press("Enter")
     assert becomes(page, lambda: abs(value() - home - 0.3) < 1e-3 and five_bar.state.moving is None)
     moved = value()
+    page.click("#tab-record")
     page.click("#save-waypoint")
     assert becomes(page, lambda: rows.all_inner_texts()[1:] == ["Waypoint 2"])
     page.locator("#waypoints [data-action=rename]").first.click()
@@ -93,7 +91,7 @@ def test_a_link_has_the_camera_and_offers_its_configuration(five_bar, tab):
 
     page = tab(five_bar)
     page.context.grant_permissions(["clipboard-read", "clipboard-write"])
-    page.click("#snapshot")  # from now on the camera is the user's
+    tools(page, "record")  # from now on the camera is the user's
     page.evaluate("camera => cockpit.view.setCamera(camera)", CAMERA)
     page.evaluate(
         "([joint, value]) => cockpit.send({ type: 'move_joint', robot: 'five_bar', joint, value })", [first, home + 0.2]
@@ -132,7 +130,8 @@ def test_users_see_who_points_at_a_part(five_bar, tab):
     assert becomes(page, lambda: label.all_inner_texts() == [HOSTILE[::-1]])
     assert page.locator(".label img").count() == 0
     assert label.get_attribute("data-colour") == "3"
-    unfold(page, "users")
+    tools(page, "view")
+    page.click("#section-users summary")
     assert becomes(
         page, lambda: set(page.locator("#users li").all_inner_texts()) == {f"{HOSTILE} (you)", HOSTILE[::-1]}
     )

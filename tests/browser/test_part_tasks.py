@@ -48,6 +48,7 @@ def drag(page, duo, node, by):
 def test_parts_stay_upright_look_at_others_and_are_pinned_together_by_the_mouse(duo, tab):
     page = tab(duo)
     select(page, "left_hand")
+    page.click("#info")  # stays open
     page.click("#pin-to")
     assert page.inner_text("#choosing").startswith("Click the part that left_hand is pinned to")
     picture(page, "part_tasks_choosing")
@@ -96,6 +97,8 @@ def test_a_page_without_a_server_has_no_such_buttons(tab, page_of):
     page = tab(page_of("delta4"))
     page.evaluate("cockpit.select('delta4', 'platform')")
     assert page.is_visible("#pin")
+    page.click("#info")
+    assert page.is_visible("#axes")
     assert not any(page.is_visible(button) for button in ("#stay-upright", "#look-at", "#pin-to"))
     page.evaluate("cockpit.send({ type: 'add_task', robot: 'delta4', description: { kind: 'damping' } })")
     assert becomes(page, "document.getElementById('toasts').textContent.includes(\"can't do 'add_task'\")")

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from tabs import IN_BROWSER, READY, becomes, picture
+from tabs import IN_BROWSER, READY, becomes, picture, tools
 
 import cinegen
 from cinegen.cockpit import Cockpit, SetupFiles
@@ -33,7 +33,7 @@ def test_axes_are_inverted_swapped_and_scaled_and_survive_a_reload_and_a_save(tm
             return card.locator(f'[data-axis="{axis}"]')
 
         def unfold():
-            page.evaluate("document.getElementById('section-sensors').open = true")
+            tools(page, "tasks")
             card.locator("summary").click()
 
         def axes():

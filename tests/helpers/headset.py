@@ -55,7 +55,10 @@ class Headset:
 
     def enter(self, mode="vr"):
         """Press the page's button, and wait for pictures."""
+        self.page.click("#fold")
+        self.page.click("#tab-view")
         self.page.click(f"#enter-{mode}")
+        self.page.click("#fold")
         self.page.wait_for_function("document.documentElement.dataset.headset", timeout=60_000)
         self.frames()
 

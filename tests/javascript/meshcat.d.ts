@@ -5,6 +5,7 @@ import type * as THREE from "three";
 export interface Controls {
   target: THREE.Vector3;
   enabled: boolean;
+  touches: { ONE: number; TWO: number };
   update(): void;
   addEventListener(type: string, listener: () => void): void;
 }

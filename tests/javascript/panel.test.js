@@ -5,7 +5,7 @@ import "./browser.js";
 
 const { share, tone } = await import("../../cinegen/cockpit/static/panel/singularity.js");
 const { summary } = await import("../../cinegen/cockpit/static/bar/status.js");
-const { ticking } = await import("../../cinegen/cockpit/static/bar/footer.js");
+const { ticking } = await import("../../cinegen/cockpit/static/panel/performance.js");
 const { fill } = await import("../../cinegen/cockpit/static/panel/slider.js");
 const { holding } = await import("../../cinegen/cockpit/static/panel/joints.js");
 const { summary: described } = await import("../../cinegen/cockpit/static/panel/forces.js");

@@ -5,8 +5,8 @@
 import { byId } from "./base/dom.js";
 
 const MISSING =
-  "This browser draws no 3D graphics (WebGL): the robot can't be shown. Switch on hardware acceleration in its " +
-  "settings and load the page again, or open this page in another browser.";
+  "This browser draws no 3D graphics (WebGL): switch on hardware acceleration in its settings and load the page again, " +
+  "or open it in another browser.";
 
 /** Return whether a scene can be drawn. */
 function draws() {

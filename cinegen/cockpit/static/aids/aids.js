@@ -1,4 +1,4 @@
-// Which of the aids are shown; chosen in the menu "Show" and remembered.
+// Which of the aids are shown; chosen on the tab View and remembered.
 
 import { memory } from "../base/dom.js";
 import { Events } from "../base/events.js";
@@ -11,7 +11,7 @@ export const AIDS = [
     hint: "Arrow or arc of a motion that is lost or uncontrolled, near singularities",
   },
   { id: "forecast", label: "Forecast", hint: "Path of the task, with the singularities and limits on it" },
-  { id: "limits", label: "Limits as colours", hint: "Parts turn orange near a joint's limit, red at it" },
+  { id: "limits", label: "Limits", hint: "While a robot is moved, the range of each joint near a limit: an arc or a rail" },
   { id: "trail", label: "Trail", hint: "Past positions of the driven part, or of the tool" },
   { id: "ellipsoid", label: "Manipulability ellipsoid", hint: "Long where the tool moves easily, flat where hardly" },
   { id: "reactions", label: "Reactions", hint: "Forces of joints and loops on the parts behind them, at rest" },

@@ -1,17 +1,16 @@
-// Targets of tasks: a translucent copy of the part at its target, and a line to it where it is not reached.
+// Targets of tasks: a translucent copy of the part at its target, and a thin tether to it where it is not reached.
 
-import { Group, Mesh, Quaternion, Vector3 } from "three";
-import { units } from "../base/units.js";
-import { ball, paint, rod, span } from "../view/shapes.js";
-import { COLOURS, theme } from "../view/theme.js";
+import { BufferGeometry, Group, Line, LineBasicMaterial, Mesh, Quaternion, Vector3 } from "three";
+import { ball, paint } from "../view/shapes.js";
+import { theme } from "../view/theme.js";
 
 const SEEN = 0.012; // characteristic lengths, rad: a smaller error shows no ghost
-const LABELLED = 0.02; // characteristic lengths: a larger error has a label
 
 /** @typedef {import("../base/messages").TaskMessage} Task */
 /** @typedef {import("three").MeshBasicMaterial} Material */
 /**
- * @typedef {{ group: Group, target: Vector3, label: string, paint: Material, veil: Material, ball: Mesh, line: Mesh,
+ * @typedef {{ group: Group, target: Vector3, paint: Material, veil: Material, ball: Mesh,
+ *   line: Line<BufferGeometry, LineBasicMaterial>,
  *   copy: Group }} Mark
  */
 
@@ -22,12 +21,11 @@ export class Ghosts {
 
   /**
    * @param {{ view: import("../view/view.js").View, session: import("../base/session.js").Session,
-   *   labels: import("../view/labels.js").Labels, aids: import("./aids.js").Aids }} parts
+   *   aids: import("./aids.js").Aids }} parts
    */
-  constructor({ view, session, labels, aids }) {
+  constructor({ view, session, aids }) {
     this.view = view;
     this.session = session;
-    this.labels = labels;
     this.aids = aids;
     session.on("state", ({ tasks = [] }) => {
       const now = JSON.stringify(tasks);
@@ -52,7 +50,6 @@ export class Ghosts {
     for (const [id, mark] of this.#marks) {
       if (ids.has(id)) continue;
       this.view.stage.remove(mark.group);
-      this.labels.put(mark.label, "");
       this.#marks.delete(id);
     }
   }
@@ -65,21 +62,20 @@ export class Ghosts {
     const length = this.session.robot(task.robot)?.length ?? 1;
     const known = this.#marks.get(task.id);
     const mark = known ?? this.#make(task, length);
-    if (drawn || known === undefined) this.#copy(this.view.group(task.robot, task.node), mark);
+    if (drawn || known === undefined) copyOf(this.view.group(task.robot, task.node), mark.copy, mark.veil);
     const part = this.view.pose(task.robot, task.node);
     const point = new Vector3().fromArray(task.position ?? part.position.toArray());
     const target = mark.target.fromArray(task.target ?? point.toArray());
     const [far = 0, turned = 0] = task.error ?? [];
     const off = far > SEEN * length || turned > SEEN * 5;
-    const colour = far > LABELLED * length ? COLOURS.vermilion : theme.accent;
-    mark.paint.color.setHex(colour);
+    mark.paint.color.setHex(theme.accent);
+    mark.line.material.color.setHex(theme.accent);
     mark.veil.color.setHex(theme.accent);
     mark.ball.position.copy(target);
-    span(mark.line, point, target, 0.004 * length);
-    mark.line.visible &&= off;
+    mark.line.geometry.setFromPoints([point, target]);
+    mark.line.visible = off;
     mark.copy.visible = off;
     if (off) this.#lay(mark.copy, task, part, point, target);
-    this.labels.put(mark.label, far > LABELLED * length ? `${units.length(far)} away` : "", target, "far");
   }
 
   /**
@@ -108,38 +104,39 @@ export class Ghosts {
     const mark = {
       group: new Group(),
       target: new Vector3(),
-      label: `task ${task.id}`,
       paint: solid,
       veil: paint(theme.accent, { opacity: 0.22, through: false }),
-      ball: ball(solid, 0.014 * length),
-      line: rod(solid),
+      ball: ball(solid, 0.008 * length),
+      line: new Line(new BufferGeometry(), new LineBasicMaterial({ depthTest: false, transparent: true })), // one pixel wide
       copy: new Group(),
     };
+    mark.line.frustumCulled = false; // it changes
     mark.group.add(mark.ball, mark.line, mark.copy);
     this.view.stage.add(mark.group);
     this.#marks.set(task.id, mark);
     return mark;
   }
+}
 
-  /**
-   * Copy the meshes of a part as it is drawn now, without its marks of loops.
-   *
-   * @param {import("three").Object3D} group
-   * @param {Mark} mark
-   */
-  #copy(group, mark) {
-    mark.copy.clear();
-    group.updateWorldMatrix(true, true);
-    const inverse = group.matrixWorld.clone().invert();
-    for (const child of group.children) {
-      if (child.name.startsWith("loop ")) continue;
-      child.traverse((object) => {
-        if (!(object instanceof Mesh)) return;
-        const copy = new Mesh(object.geometry, mark.veil);
-        copy.matrixAutoUpdate = false;
-        copy.matrix.multiplyMatrices(inverse, object.matrixWorld);
-        mark.copy.add(copy);
-      });
-    }
+/**
+ * Copy the meshes of a part as it is drawn now, without its marks of loops.
+ *
+ * @param {import("three").Object3D} part
+ * @param {Group} copy
+ * @param {Material} veil
+ */
+export function copyOf(part, copy, veil) {
+  copy.clear();
+  part.updateWorldMatrix(true, true);
+  const inverse = part.matrixWorld.clone().invert();
+  for (const child of part.children) {
+    if (child.name.startsWith("loop ")) continue;
+    child.traverse((object) => {
+      if (!(object instanceof Mesh)) return;
+      const mesh = new Mesh(object.geometry, veil);
+      mesh.matrixAutoUpdate = false;
+      mesh.matrix.multiplyMatrices(inverse, object.matrixWorld);
+      copy.add(mesh);
+    });
   }
 }

@@ -1,94 +1,36 @@
-// What the server draws and the page looks after: parts near a limit get its colour, marks of loops turn red where a
-// loop stands open, frames and marks are shown or not.
+// What the server draws and the page looks after: marks of loops turn red where a loop stands open, frames and marks are shown
+// or not.
 
 import { Color, Vector3 } from "three";
 import { segment, valueOf } from "../base/names.js";
-import { keyOf } from "../base/session.js";
 import { units } from "../base/units.js";
-import { ball, paint } from "../view/shapes.js";
 import { COLOURS } from "../view/theme.js";
 
 const OPEN = 1e-6; // rad or characteristic lengths
 
 /** @typedef {import("../base/session.js").KnownRobot} KnownRobot */
-/** @typedef {{ ball: import("three").Mesh, paint: import("three").MeshBasicMaterial, robot: string, node: string }} Halo */
 
 export class Marks {
-  /** @type {Map<string, Halo>} */
-  #halos = new Map();
   /** @type {Set<string>} */
   #open = new Set(); // robots with open loops
 
   /**
    * @param {{ view: import("../view/view.js").View, session: import("../base/session.js").Session,
-   *   labels: import("../view/labels.js").Labels, aids: import("./aids.js").Aids,
-   *   tint: import("../view/tint.js").Tint }} parts
+   *   labels: import("../view/labels.js").Labels, aids: import("./aids.js").Aids }} parts
    */
-  constructor({ view, session, labels, aids, tint }) {
+  constructor({ view, session, labels, aids }) {
     this.view = view;
     this.session = session;
     this.labels = labels;
     this.aids = aids;
-    this.tint = tint;
-    session.on("report", () => this.#limits());
     aids.on("change", () => {
-      this.#limits();
       this.#show();
       view.changed();
     });
     session.on("report", () => this.#gaps());
     view.before((drawn) => {
       if (drawn) this.#show();
-      this.#follow();
     });
-    session.on("hello", () => {
-      for (const halo of this.#halos.values()) view.stage.remove(halo.ball);
-      this.#halos.clear();
-    });
-  }
-
-  #limits() {
-    for (const robot of this.session.robots) {
-      const report = this.aids.shows("limits") ? valueOf(this.session.report?.robots, robot.name) : null;
-      const at = new Set(report?.saturated);
-      const near = new Set(report?.near_limit);
-      for (const { name, joint } of robot.nodes) {
-        if (!joint) continue;
-        const colour = at.has(joint) ? COLOURS.vermilion : near.has(joint) ? COLOURS.orange : null;
-        this.tint.shade(robot.name, name, colour);
-        this.#halo(robot, name, colour);
-      }
-    }
-  }
-
-  /**
-   * Show a ball on the joint, which is seen through parts: a robot may have the colours of limits itself.
-   *
-   * @param {KnownRobot} robot
-   * @param {string} node
-   * @param {number | null} colour
-   */
-  #halo(robot, node, colour) {
-    const key = keyOf(robot.name, node);
-    let halo = this.#halos.get(key);
-    if (colour === null) {
-      if (halo !== undefined) halo.ball.visible = false;
-      return;
-    }
-    if (halo === undefined) {
-      const material = paint(colour, { opacity: 0.55 });
-      halo = { ball: ball(material, 0.035 * robot.length), paint: material, robot: robot.name, node };
-      this.#halos.set(key, halo);
-      this.view.stage.add(halo.ball);
-    }
-    halo.ball.visible = true;
-    halo.paint.color.setHex(colour);
-  }
-
-  #follow() {
-    for (const halo of this.#halos.values()) {
-      if (halo.ball.visible) halo.ball.position.copy(this.view.pose(halo.robot, halo.node).position);
-    }
   }
 
   #gaps() {

@@ -7,11 +7,12 @@ const TYPED = "input:not([type=checkbox]):not([type=range]), textarea, select";
 const PRESSED = "button, summary, a, input[type=checkbox], select, [tabindex]:not(canvas)";
 
 /**
- * @param {{ commands: import("./commands.js").Commands, session: import("../base/session.js").Session,
+ * @param {{ commands: import("./commands.js").Commands, drawer: { toggle: () => void }, session: import("../base/session.js").Session,
  *   gizmo: { setMode: (mode: string) => void, setAxes: () => void }, view: import("../view/view.js").View,
- *   measure: { toggle: (on?: boolean) => boolean }, partTasks: { stop: () => boolean }, endDrag: () => boolean, pin: () => void }} parts
+ *   measure: { toggle: (on?: boolean) => boolean }, partTasks: { stop: () => boolean }, endDrag: () => boolean, pin: () => void,
+ *   look: () => void }} parts
  */
-export function keys({ commands, gizmo, session, view, measure, partTasks, endDrag, pin }) {
+export function keys({ commands, drawer, gizmo, session, view, measure, partTasks, endDrag, pin, look }) {
   /** @param {string} mode */
   const move = (mode) => {
     gizmo.setMode(mode);
@@ -25,8 +26,10 @@ export function keys({ commands, gizmo, session, view, measure, partTasks, endDr
     q: () => gizmo.setAxes(),
     m: () => measure.toggle(),
     p: pin,
+    l: look,
     h: () => commands.home(),
     f: () => view.frame(),
+    t: () => drawer.toggle(),
     "?": () => commands.help(),
   };
   window.addEventListener("keydown", (event) => {

@@ -1,40 +1,38 @@
-// Messages to the user: an initial hint, notices for some seconds, who has control, a lost connection.
+// Messages to the user: notices for some seconds, who has control, a lost connection.
 //
-// For tests: #hint, #toasts .toast, #crowd with #take-control, #cover.
+// For tests: #toasts .toast, #crowd with #take-control, #cover.
 
 import { byId, make } from "../base/dom.js";
 
-const HINT = "Drag any part of the robot.";
-const ON_MAP = "Drag any part of the robot, or click a cell: it goes there.";
+const LOST = "The connection is lost: the page tries again.";
+const SILENT = {
+  gone: "Nothing answers at this address: start cinegen drive again, and open the address that it prints.",
+  refused: "This address has another session's token: open the address that cinegen drive printed last.",
+};
 const DENIED = "Another browser has control. Take control to drag and switch.";
 const VIEW_ONLY = "This page only shows the robots: ask for the address with which to drive them.";
-const DRAGGING = "Esc ends the drag";
 const STAYS = 6000; // ms
 const MOST = 4;
 
-/** @typedef {{ on: (name: "drag", listener: (part: object | null) => void) => unknown }} Dragging */
-
 export class Messages {
-  dragged = false; // whether a part was dragged before
+  #driven = ""; // names of the robots
   /** @type {WeakMap<Element, ReturnType<typeof setTimeout>>} */
   #timers = new WeakMap();
 
-  /**
-   * @param {{ session: import("../base/session.js").Session, drag: Dragging, gizmo: Dragging, handDrags: Dragging }} parts
-   */
-  constructor({ session, drag, gizmo, handDrags }) {
-    this.session = session;
-    this.hint = byId("hint");
+  /** @param {import("../base/session.js").Session} session */
+  constructor(session) {
     this.toasts = byId("toasts");
     this.cover = byId("cover");
     session.on("hello", () => {
       this.cover.hidden = true;
-      const { map, playback, caption } = session.hello ?? {};
-      if (!this.dragged) this.hint.textContent = playback ? (caption ?? "") : map ? ON_MAP : HINT;
-      this.#hint();
+      for (const { lost } of session.robots) if (lost) this.toast(lost, "warning");
+      const now = session.robots.map(({ name }) => name).join(", ");
+      if (this.#driven !== "" && this.#driven !== now) this.toast(`This is another session now: it drives ${now}.`);
+      this.#driven = now;
     });
     session.on("notice", ({ text, level, action }) => this.toast(text, level, action));
-    session.on("lost", () => this.#cover("Connection lost, trying again."));
+    session.on("lost", () => this.cover.hidden && this.#cover(LOST));
+    session.on("silent", (why) => this.#cover(SILENT[why]));
     session.on("dropped", (reason) =>
       this.#cover(`The server closed the connection: ${reason}. Load the page again to go on.`),
     );
@@ -42,11 +40,9 @@ export class Messages {
       byId("crowd").hidden = control !== "other";
       byId("take-control").hidden = session.viewOnly;
       byId("who").textContent = session.viewOnly ? "This page only shows the robots." : "Another browser has control.";
-      this.#hint();
     });
     session.on("denied", () => this.toast(session.viewOnly ? VIEW_ONLY : DENIED, "warning"));
     byId("take-control").addEventListener("click", () => session.send({ type: "request_control", on: true }));
-    for (const one of [drag, gizmo, handDrags]) one.on("drag", (part) => this.#dragged(part));
   }
 
   /**
@@ -75,23 +71,9 @@ export class Messages {
     while (this.toasts.childElementCount > MOST) this.toasts.firstElementChild?.remove();
   }
 
-  #hint() {
-    this.hint.hidden = this.dragged || this.session.control === "other" || this.hint.textContent === "";
-  }
-
   /** @param {string} text */
   #cover(text) {
     this.cover.textContent = text;
     this.cover.hidden = false;
-  }
-
-  /** @param {object | null} part */
-  #dragged(part) {
-    if (part === null) {
-      this.hint.hidden = true;
-    } else if (!this.dragged) {
-      this.dragged = true; // the first drag: the hint has done its work
-      this.hint.textContent = DRAGGING;
-    }
   }
 }

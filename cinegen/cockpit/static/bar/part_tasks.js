@@ -61,9 +61,9 @@ export class PartTasks {
 
   /**
    * @param {{ session: import("../base/session.js").Session, view: import("../view/view.js").View,
-   *   pick: import("../pointer/pick.js").Pick, measure: { toggle: (on?: boolean) => boolean }, bar: HTMLElement }} parts
+   *   pick: import("../pointer/pick.js").Pick, measure: { toggle: (on?: boolean) => boolean }, bar: HTMLElement, more: HTMLElement }} parts
    */
-  constructor({ session, view, pick, measure, bar }) {
+  constructor({ session, view, pick, measure, bar, more }) {
     this.session = session;
     this.view = view;
     this.pick = pick;
@@ -76,7 +76,7 @@ export class PartTasks {
      */
     const press = (id, title, mark, text, click) => {
       const word = make("span", { class: "word" }, text);
-      return make("button", { type: "button", id, title, "aria-pressed": "false", on: { click } }, sign(mark), word);
+      return make("button", { type: "button", id, class: "small", title, "aria-pressed": "false", on: { click } }, sign(mark), word);
     };
     /** @param {Choice} choice */
     const choose = (choice) => () => {
@@ -85,12 +85,14 @@ export class PartTasks {
     };
     this.upright = press("stay-upright", "Keep upright: its inclination stays while parts are dragged", "up", "Keep upright", () => this.#toggleUpright());
     this.choices = {
-      "look-at": press("look-at", "Look at: its z axis points to the part or the point that you click next", "eye", "Look at …", choose("look-at")),
+      "look-at": press("look-at", "Aim at: its z axis points to the part or the point that you click next", "aim", "Aim at …", choose("look-at")),
       "pin-to": press("pin-to", "Pin to: it stays where it is relative to the part that you click next", "link", "Pin to …", choose("pin-to")),
     };
     this.hint = make("output", { id: "choosing", "aria-live": "off", hidden: true });
-    this.row = make("div", { class: "tasks" }, this.upright, ...Object.values(this.choices), this.hint);
-    bar.append(this.row);
+    this.row = make("div", { class: "tasks" }, this.upright, ...Object.values(this.choices));
+    this.chosen = make("div", { class: "tasks chosen" }, this.hint);
+    more.append(this.row);
+    bar.append(this.chosen);
     view.pane.addEventListener("pointerdown", (event) => this.#click(event), true); // before a drag begins
     const show = atMostEvery(OFTEN, () => this.#show());
     session.on("state", () => show());
@@ -212,7 +214,7 @@ export class PartTasks {
     const remove = make("button", { type: "button", class: "small", title: "Remove this task", "aria-label": "Remove this task", on: { click } }, sign("close"));
     const chip = { element: make("span", { class: "chip", data: { described: String(id) } }, text, remove), text };
     this.#chips.set(id, chip);
-    this.row.append(chip.element);
+    this.chosen.append(chip.element);
     return chip;
   }
 }

@@ -1,66 +1,80 @@
-// What is selected, and what can be done with it.
+// The toolbar beside the selected part: what can be done with it. It stays within the free row of the pane, and leaves while
+// the pointer drags.
 //
-// For tests: #selection with #move #turn (aria-pressed), #axes (select), #upright (checkbox), #pin, #deselect.
+// For tests: #selection with #move #turn (aria-pressed), #pin, #look, #hide, #info (aria-expanded), #deselect; behind #info
+// #axes (select), #upright (checkbox) and .about.
 
-import { byId, make, sign, write } from "../base/dom.js";
+import { Vector3 } from "three";
+import { atMostEvery, byId, make, sign, write } from "../base/dom.js";
+import { units } from "../base/units.js";
 import { AXES } from "../pointer/gizmo.js";
 
+const GAP = 0.16; // of the view's height: room for the gizmo
+const OFTEN = 100; // ms
 /** @type {Record<string, string>} */
 const LABELS = { world: "world axes", local: "its own axes", view: "view axes" };
 
 export class Selection {
+  #where = new Vector3();
+
   /**
-   * @param {{ session: import("../base/session.js").Session, gizmo: import("../pointer/gizmo.js").Gizmo, pin: () => void }} parts
+   * @param {{ view: import("../view/view.js").View, session: import("../base/session.js").Session, hidden: import("../aids/hidden.js").Hidden,
+   *   gizmo: import("../pointer/gizmo.js").Gizmo, pin: () => void, look: () => void }} parts
    */
-  constructor({ session, gizmo, pin }) {
+  constructor({ view, session, hidden, gizmo, pin, look }) {
+    this.view = view;
     this.session = session;
     this.gizmo = gizmo;
     /**
      * @param {string} id
-     * @param {() => void} action
+     * @param {string} icon
      * @param {string} title
-     * @param {...(Node | string)} children
+     * @param {() => void} action
      */
-    const press = (id, action, title, ...children) =>
-      make("button", { type: "button", id, title, on: { click: action } }, ...children);
-    const word = (/** @type {string} */ text) => make("span", { class: "word" }, text);
+    const press = (id, icon, title, action) =>
+      make("button", { type: "button", id, title, "aria-label": title.replace(/ \(.*| while .*/, ""), on: { click: action } }, sign(icon));
     this.name = make("span", { class: "name" });
-    this.move = press("move", () => gizmo.setMode("translate"), "Move it (W)", sign("move"), word("Move"));
-    this.turn = press("turn", () => gizmo.setMode("rotate"), "Rotate it (E)", sign("turn"), word("Rotate"));
+    this.move = press("move", "move", "Move it (W)", () => gizmo.setMode("translate"));
+    this.turn = press("turn", "turn", "Rotate it (E)", () => gizmo.setMode("rotate"));
+    this.info = press("info", "info", "More of it", () => this.#unfold(this.more.hidden !== false));
     this.axes = make(
       "select",
-      {
-        id: "axes",
-        class: "small",
-        title: "Along whose axes the arrows are (Q)",
-        "aria-label": "Axes of the gizmo",
-        on: { change: () => gizmo.setAxes(this.axes.value) },
-      },
+      { id: "axes", class: "small", title: "Along whose axes the arrows are (Q)", "aria-label": "Axes of the gizmo", on: { change: () => gizmo.setAxes(this.axes.value) } },
       ...AXES.map((axes) => make("option", { value: axes }, LABELS[axes])),
     );
-    this.upright = make("input", {
-      type: "checkbox",
-      id: "upright",
-      on: { change: () => gizmo.setUpright(this.upright.checked) },
-    });
-    this.keep = make(
-      "label",
-      { class: "field", title: "Constrain its orientation while it is moved" },
-      this.upright,
-      "keep orientation",
-    );
+    this.upright = make("input", { type: "checkbox", id: "upright", on: { change: () => gizmo.setUpright(this.upright.checked) } });
+    this.keep = make("label", { class: "field", title: "Constrain its orientation while it is moved" }, this.upright, "keep orientation");
+    this.about = make("p", { class: "about empty" });
+    this.more = make("div", { class: "more", hidden: true }, this.about, make("div", { class: "tasks" }, this.axes, this.keep));
     this.bar = byId("selection");
     this.bar.append(
       this.name,
-      make("span", { class: "segments" }, this.move, this.turn),
-      this.axes,
-      this.keep,
-      press("pin", pin, "Keep it where it is while other parts are dragged (P)", sign("pin"), word("Pin")),
-      press("deselect", () => session.select(null, null), "Select nothing (Esc)", sign("close")),
+      press("deselect", "close", "Select nothing (Esc)", () => session.select(null, null)),
+      this.move,
+      this.turn,
+      press("pin", "pin", "Pin it: it stays where it is while other parts are dragged (P)", pin),
+      press("look", "eye", "Look at it: it comes into the middle of the view (L)", look),
+      press("hide", "hidden", "Hide it", () => hidden.hide(session.selected)),
+      this.info,
+      this.more,
     );
-    byId("deselect").setAttribute("aria-label", "Select nothing");
+    this.#unfold(false);
+    this.free = make("div", { class: "free" });
+    view.pane.parentElement?.append(this.free);
     session.on("select", () => this.#show());
     gizmo.on("change", () => this.#show());
+    const tell = atMostEvery(OFTEN, () => this.#tell());
+    session.on("state", () => tell());
+    view.last(() => this.#place());
+    for (const box of [this.free, this.bar]) new ResizeObserver(() => this.#place()).observe(box);
+  }
+
+  /** @param {boolean} open */
+  #unfold(open) {
+    this.more.hidden = !open;
+    this.info.setAttribute("aria-expanded", String(open));
+    this.#tell();
+    this.view.changed();
   }
 
   #show() {
@@ -74,5 +88,34 @@ export class Selection {
     this.axes.value = this.gizmo.axes;
     this.upright.checked = this.gizmo.upright;
     this.keep.hidden = turning;
+    this.#tell();
+  }
+
+  /** What the part is, its joint, and where it is. */
+  #tell() {
+    const { selected } = this.session;
+    if (selected === null || this.more.hidden) return;
+    const robot = this.session.robot(selected.robot);
+    const node = robot?.byName.get(selected.node);
+    const joint = robot?.joints.find(({ name }) => name === node?.joint);
+    const { position } = this.view.pose(selected.robot, selected.node, this.#where);
+    const at = position.toArray().map((value, i) => `${"xyz"[i]} ${units.length(value)}`);
+    const moved = joint && `${joint.actuated ? "actuated" : "passive"} ${joint.type} joint ${joint.name}`;
+    write(this.about, [robot?.obstacle ? "obstacle" : (node?.kind ?? ""), moved, at.join(", ")].filter(Boolean).join(" · "));
+  }
+
+  /** Put it beside the part, within what is free of the pane. */
+  #place() {
+    const { selected } = this.session;
+    if (selected === null || this.view.headset !== null) return;
+    const at = this.view.pixels(this.view.pose(selected.robot, selected.node, this.#where).position, this.#where);
+    const [wide, high, gap] = [this.bar.offsetWidth, this.bar.offsetHeight, GAP * this.view.pane.clientHeight];
+    const { offsetLeft: left, offsetTop: top, offsetWidth: most, offsetHeight: room } = this.free;
+    const [middle, level] = [at?.x ?? left, at?.y ?? top];
+    const beside = [middle + gap, middle - gap - wide].find((side) => side >= left && side + wide <= left + most);
+    const x = beside ?? middle - wide / 2;
+    const y = beside !== undefined ? level - high / 2 : level + gap + high > top + room ? level - gap - high : level + gap;
+    const within = (/** @type {number} */ value, /** @type {number} */ end) => Math.round(Math.max(0, Math.min(value, end)));
+    this.bar.style.transform = `translate(${within(x - left, most - wide)}px, ${within(y - top, room - high)}px)`;
   }
 }

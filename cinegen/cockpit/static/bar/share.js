@@ -3,9 +3,11 @@
 // A page without a server places its robots as its address has them (cinegen/page/static/session/link.js). Here others
 // may drive the same robots: a user is asked before they move.
 //
-// For tests: #copy-link.
+// For tests: #section-share with #picture, #film-video, #copy-link and #page-copy.
 
-import { byId } from "../base/dom.js";
+import { pageUrl } from "../base/address.js";
+import { make } from "../base/dom.js";
+import { Section } from "../panel/section.js";
 import { cameraOf, configurationsOf, fragmentOf } from "../base/fragment.js";
 
 const SAME = 1e-6; // rad or m: differences that no one sees
@@ -15,11 +17,23 @@ const SAME = 1e-6; // rad or m: differences that no one sees
 export class Share {
   #met = false;
 
-  /** @param {{ view: import("../view/view.js").View, session: Session }} parts */
-  constructor({ view, session }) {
+  /**
+   * @param {HTMLElement} panel
+   * @param {{ view: import("../view/view.js").View, session: Session }} parts
+   */
+  constructor(panel, { view, session }) {
+    const { body } = new Section(panel, { id: "share", title: "Share", hint: "Links, pictures and films of what the view shows" });
+    const press = (/** @type {string} */ id, /** @type {string} */ title, /** @type {string} */ text, click = () => {}) =>
+      make("button", { type: "button", id, class: "small", title, on: { click } }, text);
+    body.append(
+      press("copy-link", "Copy a link to this page with the present view and configuration", "Copy link", () => this.copy()),
+      press("picture", "Download what the view shows as a PNG", "Picture", () => this.picture()),
+      press("film-video", "Record what the view shows, at most 60 s, and download it", "Film"),
+      make("a", { id: "page-copy", class: "button small", href: location.search ? pageUrl("snapshot.html") : "snapshot.html", download: "", title: "Download the scene as it is now: one HTML file to look at" }, "Snapshot"),
+    );
+    body.classList.add("grid");
     this.view = view;
     this.session = session;
-    byId("copy-link").addEventListener("click", () => this.copy());
     session.on("report", () => {
       if (!this.#met) this.#read();
       this.#met = true;
@@ -29,6 +43,13 @@ export class Share {
       if (camera !== null) view.setCamera(camera);
       this.#read();
     });
+  }
+
+  picture() {
+    const link = make("a", { href: this.view.picture(), download: `${this.session.hello?.title ?? "cinegen"}.png` });
+    document.body.append(link);
+    link.click();
+    link.remove();
   }
 
   /** Copy a link to the clipboard, or put it into the address bar where the browser refuses that. */

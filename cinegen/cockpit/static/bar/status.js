@@ -1,10 +1,14 @@
-// The status of the robots, as their labels and descriptions come from the server. Of several, the worst is shown.
+// The status of the robots in words. Of several, the worst is shown; during a drag that doesn't follow it stands at the hand, too,
+// and no other label does.
 //
 // For tests: #status, data-status = the status's name (LOST without a connection), data-tone = good, warn, bad or none.
 
+import { Quaternion, Vector3 } from "three";
 import { atMostEvery, byId, write } from "../base/dom.js";
+import { valueOf } from "../base/names.js";
 import { announce } from "../base/speech.js";
 import { StatusAnnouncer } from "./status_announcer.js";
+import { statusesInWords } from "./status_words.js";
 
 /** @type {Record<string, string>} */
 const TONES = {
@@ -25,15 +29,22 @@ const TONES = {
   BAD_TARGET: "bad",
 };
 const NEAR = ["SINGULAR", "UNCONTROLLED"]; // a meter is red: this is always reported
+const HAND = "hand"; // key of the label
 const SEVERITY = ["none", "good", "warn", "bad"];
 const LOST = { label: "connection lost", tone: "bad", name: "LOST", title: "The page shows the last state that it received" };
 /** @type {Record<string, string>} */
 const MOVING = { home: "moving home", move_to: "moving to a configuration", waypoint: "moving to a waypoint", undo: "undoing", redo: "redoing" };
 
 export class Status {
-  /** @param {import("../base/session.js").Session} session */
-  constructor(session) {
+  #where = new Vector3();
+
+  /**
+   * @param {{ session: import("../base/session.js").Session, view: import("../view/view.js").View, labels: import("../view/labels.js").Labels }} parts
+   */
+  constructor({ session, view, labels }) {
     this.session = session;
+    this.view = view;
+    this.labels = labels;
     this.chip = byId("status");
     this.announcer = new StatusAnnouncer(announce);
     const show = atMostEvery(100, () => this.#show());
@@ -42,13 +53,27 @@ export class Status {
 
   #show() {
     const { state, report, robots, obstacles, link } = this.session;
-    const shown = link.connected ? summary(state?.statuses ?? {}, report, robots.length + obstacles.length > 1) : LOST;
+    const turn = this.view.cameraOrientation(new Quaternion());
+    const axes = [0, 1, 2].map((i) => /** @type {[number, number, number]} */ (new Vector3().setComponent(i, 1).applyQuaternion(turn).toArray()));
+    const words = statusesInWords(this.session, axes);
+    const shown = link.connected ? summary(words, report, robots.length + obstacles.length > 1) : LOST;
+    this.#atHand(words);
     if (shown === null) return;
     write(this.chip, shown.label);
     this.chip.dataset.tone = shown.tone;
     this.chip.dataset.status = shown.name;
     this.chip.title = shown.title;
     if (shown !== LOST) this.announcer.offer({ ...shown, driven: (state?.tasks ?? []).length > 0 }); // the cover tells that
+  }
+
+  /** @param {Record<string, { name?: string, label?: string }>} words by robot */
+  #atHand(words) {
+    const task = this.session.tasks.find(({ source }) => source === "pointer");
+    const { name = "", label = "" } = (task && valueOf(words, task.robot)) ?? {};
+    const told = task !== undefined && ["warn", "bad"].includes(TONES[name] ?? "none");
+    if (told) this.#where.fromArray(task.target);
+    this.labels.only = task === undefined ? null : HAND;
+    this.labels.put(HAND, told ? label : "", this.#where, "far");
   }
 }
 

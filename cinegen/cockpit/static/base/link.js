@@ -1,6 +1,7 @@
 // The connection to the server: messages, states, and meshcat's commands, in the order in which things changed.
 //
-// Events: hello, state, report, notice, problem (with the robots' files, or none), lost (reason), dropped (reason).
+// Events: hello, state, report, notice, problem (with the robots' files, or none), lost (reason), silent (why, where
+// nothing comes after that), dropped (reason).
 // A state is acknowledged when all listeners have applied it; rendering has no part in that.
 
 import { socketUrl } from "./address.js";
@@ -18,11 +19,13 @@ import { isState, readState } from "./page_state.js";
  */
 
 /**
- * @typedef {{ hello: Hello, state: State, report: Report, notice: Notice, problem: string, lost: string, dropped: string }} ServerEvents
+ * @typedef {{ hello: Hello, state: State, report: Report, notice: Notice, problem: string, lost: string,
+ *   silent: "gone" | "refused", dropped: string }} ServerEvents
  */
 
 const SOONEST = 500; // ms to the next attempt to connect
 const LATEST = 3000;
+const PATIENCE = 3000; // ms for an answer of the server
 const REFUSED = 1008; // close code: the server refuses this page
 
 /** @extends {Events<ServerEvents>} */
@@ -111,6 +114,12 @@ export class Link extends Events {
     }
   }
 
+  /** Find out why there is no line: nothing answers at this address, or its token isn't the session's. */
+  async #ask() {
+    const answer = await fetch(location.href, { cache: "no-store", signal: AbortSignal.timeout(PATIENCE) }).catch(() => null);
+    if (!this.connected && answer?.ok !== true) this.emit("silent", answer === null ? "gone" : "refused");
+  }
+
   /** @param {CloseEvent} event */
   #close(event) {
     this.#socket = this.#hello = null;
@@ -122,6 +131,7 @@ export class Link extends Events {
       return;
     }
     this.emit("lost", event.reason);
+    this.#ask();
     setTimeout(() => this.connect(), this.#wait);
     this.#wait = Math.min(LATEST, 1.5 * this.#wait);
   }

@@ -342,6 +342,7 @@ export interface RobotDescription {
   couplings: CouplingDescription[];
   forces: ForcesDescription;
   root?: string | null;
+  lost?: string;
 }
 
 export interface NodeDescription {
@@ -350,6 +351,7 @@ export interface NodeDescription {
   joint: string | null;
   kind: "base" | "frame" | "link";
   placement?: [number, number, number, number, number, number, number] | null;
+  axis?: [number, number, number] | null;
 }
 
 export interface JointDescription {

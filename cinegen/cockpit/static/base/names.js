@@ -2,6 +2,7 @@
 // Names of robots and links in the paths of the viewer's scene.
 
 export const LONGEST = 40; // characters
+const SHARED = 3; // names with the same beginning: it is cut
 
 // Control characters, and those that reverse the direction of text.
 const REFUSED = /[\p{Cc}\u200e\u200f\u2028-\u202e\u2066-\u2069]|\p{Surrogate}/gu;
@@ -34,6 +35,21 @@ export function segment(name, prefix = ":") {
  */
 export function nameOf(text) {
   return text.slice(1).replaceAll("%2F", "/").replaceAll("%25", "%");
+}
+
+/**
+ * Return the length of what a list of names need not repeat: for each name, the longest beginning up to a separator that at
+ * least three of them share.
+ *
+ * @param {string[]} names
+ * @returns {number[]}
+ */
+export function sharedBeginnings(names) {
+  /** @type {Map<string, number>} */
+  const counts = new Map();
+  const beginnings = names.map((name) => [...name.matchAll(/[^_\-./: ][_\-./: ]+(?=[^_\-./: ])/g)].map((match) => name.slice(0, match.index + match[0].length)));
+  for (const all of beginnings) for (const one of all) counts.set(one, (counts.get(one) ?? 0) + 1);
+  return beginnings.map((all) => all.findLast((one) => (counts.get(one) ?? 0) >= SHARED)?.length ?? 0);
 }
 
 /**

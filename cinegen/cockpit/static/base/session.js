@@ -1,6 +1,7 @@
 // The state of the session: its robots, the newest messages, who has control, and the selected part.
 //
-// Events, besides the link's: control ("mine", "other" or "free"), select ({ robot, node } or null), denied.
+// Events, besides the link's: control ("mine", "other" or "free"), select ({ robot, node } or null), over (the part that a pointer
+// is on, in the scene or in a list, or null), denied.
 
 import { Events } from "./events.js";
 
@@ -14,7 +15,7 @@ import { Events } from "./events.js";
  * @typedef {Pick<import("./link.js").Link, "on" | "send" | "owner" | "configurations" | "connected">} Line
  */
 
-/** @extends {Events<import("./link.js").ServerEvents & { control: Control, select: Part | null, denied: undefined }>} */
+/** @extends {Events<import("./link.js").ServerEvents & { control: Control, select: Part | null, over: Part | null, denied: undefined }>} */
 export class Session extends Events {
   /** @type {Hello | null} */
   hello = null;
@@ -39,7 +40,7 @@ export class Session extends Events {
       this.report = report;
       this.emit("report", report);
     });
-    for (const name of /** @type {const} */ (["notice", "problem", "lost", "dropped"])) link.on(name, (value) => this.emit(name, value));
+    for (const name of /** @type {const} */ (["notice", "problem", "lost", "silent", "dropped"])) link.on(name, (value) => this.emit(name, value));
     document.documentElement.dataset.control = this.control;
   }
 
@@ -74,6 +75,20 @@ export class Session extends Events {
    */
   knows(robot, node) {
     return this.#robots.get(robot)?.byName.has(node) ?? false;
+  }
+
+  /**
+   * Return whether nothing can move a part: no joint lies between it and a base that stands still.
+   *
+   * @param {string} robot
+   * @param {string} node
+   */
+  isFixed(robot, node) {
+    const owner = this.robot(robot);
+    if (owner === null || owner.obstacle || owner.root) return false;
+    let part = owner.byName.get(node);
+    while (part && !part.joint) part = owner.byName.get(part.parent ?? "");
+    return part === undefined;
   }
 
   /**

@@ -6,10 +6,10 @@
 // [data-torque="ROBOT/JOINT"] (a meter) where links have masses, data-tone "good", "warn", "bad" or "none".
 
 import { atMostEvery, make, sign, write } from "../base/dom.js";
-import { valueOf } from "../base/names.js";
+import { sharedBeginnings, valueOf } from "../base/names.js";
 import { speak, spoken } from "../base/speech.js";
 import { amount, fixed, units } from "../base/units.js";
-import { byRobot, folded, Section } from "./section.js";
+import { byRobot, filter, folded, Section } from "./section.js";
 import { fill } from "./slider.js";
 
 const PICTURE = 1000 / 60;
@@ -22,7 +22,7 @@ const WIDE = { revolute: Math.PI, prismatic: 0.5 }; // to each side of home, whe
 /** @typedef {import("../base/session.js").KnownRobot} KnownRobot */
 /** @typedef {import("../base/messages").JointDescription} Joint */
 /**
- * @typedef {{ robot: KnownRobot, joint: Joint, lower: number, upper: number, key: string, element: HTMLElement,
+ * @typedef {{ robot: KnownRobot, joint: Joint, lower: number, upper: number, key: string, beginning: string, element: HTMLElement,
  *   pressed: boolean, range: HTMLInputElement, number: HTMLInputElement, torque: HTMLElement | null, bar: HTMLElement,
  *   effort: HTMLElement, mark: HTMLElement, text: HTMLElement }} Row
  */
@@ -32,6 +32,8 @@ export class Joints {
   #rows = new Map();
   /** @type {{ robot: string, joint: string, button: HTMLButtonElement }[]} */
   #locks = [];
+  /** @type {HTMLElement | null} */
+  #lit = null; // the row of the joint that a pointer is on
   /** @type {Row | null} */
   #moving = null; // the row whose slider is moved
   /** @type {ReturnType<typeof setTimeout> | undefined} */
@@ -52,7 +54,21 @@ export class Joints {
     session.on("hello", () => this.#build());
     session.on("report", () => this.#show());
     session.on("state", () => this.#hold());
+    this.section.element.addEventListener("toggle", () => {
+      this.#show();
+      this.#hold();
+    });
+    session.on("over", (part) => this.#light(part));
     units.on("change", () => this.#build());
+  }
+
+  /** @param {import("../base/session.js").Part | null} part whose joint's row is lit */
+  #light(part) {
+    this.#lit?.classList.remove("lit");
+    const joint = part && this.session.robot(part.robot)?.byName.get(part.node)?.joint;
+    this.#lit = (joint && this.#rows.get(`${part.robot}/${joint}`)?.element) || null;
+    this.#lit?.classList.add("lit");
+    if (this.section.shown && !this.#lit?.matches(":hover, :focus-within")) this.#lit?.scrollIntoView({ block: "nearest" });
   }
 
   #build() {
@@ -60,25 +76,44 @@ export class Joints {
     this.#locks = [];
     this.#moving = null;
     byRobot(this.section.body, this.session.robots, (robot, body) => {
-      const rows = robot.joints.map((joint) => this.#row(robot, joint));
+      const cut = sharedBeginnings(robot.joints.map(({ name }) => name));
+      const rows = robot.joints.map((joint, i) => this.#row(robot, joint, cut[i]));
       const actuated = rows.filter(({ joint }) => joint.actuated);
       const passive = rows.filter(({ joint }) => !joint.actuated);
       if (robot.root) body.append(make("div", { class: "row base" }, this.#named(robot, robot.root, make("span", { class: "name" }, "Floating base"))));
-      body.append(...actuated.map(({ element }) => element));
+      this.#grouped(body, actuated);
       if (passive.length > 0) {
         const hint = "Passive joints: loops and couplings move them";
         body.append(folded(`${passive.length} passive`, hint, ...passive.map(({ element }) => element)));
       }
+      filter(body, "[data-joint]", "Find a joint");
       if (rows.length === 0) body.append(make("p", { class: "empty" }, "This robot has no joints."));
     });
     this.#show();
   }
 
   /**
+   * Rows, below the beginnings of names that they share where these differ.
+   *
+   * @param {HTMLElement} body
+   * @param {Row[]} rows
+   */
+  #grouped(body, rows) {
+    const several = new Set(rows.map(({ beginning }) => beginning)).size > 1;
+    let last = "";
+    for (const { beginning, element } of rows) {
+      if (several && beginning !== last && beginning !== "") body.append(make("p", { class: "empty" }, beginning.replace(/[_\-./: ]+$/, "")));
+      last = beginning;
+      body.append(element);
+    }
+  }
+
+  /**
    * @param {KnownRobot} robot
    * @param {Joint} joint
+   * @param {number} cut length of the name's beginning that is not shown
    */
-  #row(robot, joint) {
+  #row(robot, joint, cut) {
     const home = joint.home ?? 0;
     const wide = (WIDE[joint.type] ?? Math.PI) * (joint.type === "prismatic" ? robot.length : 1);
     /** @type {Row} */
@@ -88,6 +123,7 @@ export class Joints {
       lower: joint.lower ?? home - wide,
       upper: joint.upper ?? home + wide,
       key: `${robot.name}/${joint.name}`,
+      beginning: joint.name.slice(0, cut),
       element: make("div"),
       pressed: false,
       range: make("input"),
@@ -104,9 +140,13 @@ export class Joints {
         : "no limits";
     const coupled = robot.couplings.filter(({ terms }) => Object.hasOwn(terms, joint.name)).map(({ equation }) => `; ${equation} (rad, m)`);
     const title = `${joint.name}: ${joint.type}, ${limits}${coupled.join("")}`;
-    const name = this.#named(robot, joint.name, make("span", { class: "name", title }, joint.name));
+    const name = this.#named(robot, joint.name, make("span", { class: "name", title }, joint.name.slice(cut)));
     row.element = joint.actuated ? this.#actuated(row, name, limits) : this.#passive(row, name, limits);
     this.#rows.set(row.key, row);
+    const node = robot.nodes.find((one) => one.joint === joint.name)?.name;
+    for (const [event, on] of Object.entries({ pointerenter: true, focusin: true, pointerleave: false, focusout: false })) {
+      row.element.addEventListener(event, () => this.session.emit("over", on && node !== undefined ? { robot: robot.name, node } : null));
+    }
     return row;
   }
 
@@ -238,6 +278,7 @@ export class Joints {
   }
 
   #hold() {
+    if (!this.section.shown) return;
     const torques = this.session.state?.torques ?? {};
     for (const robot of this.session.robots) {
       const found = valueOf(torques, robot.name);
@@ -282,6 +323,7 @@ export class Joints {
   }
 
   #show() {
+    if (!this.section.shown) return;
     for (const { robot, joint, button } of this.#locks) {
       const locked = valueOf(this.session.report?.robots, robot)?.locked;
       const pressed = String(locked?.includes(joint) ?? false);

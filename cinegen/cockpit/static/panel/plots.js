@@ -190,7 +190,7 @@ export class Plots {
 
   /** Draw all plots that are open anew, one in each of the next frames. */
   redraw() {
-    if (!this.section.element.open || document.body.classList.contains("folded")) return;
+    if (!this.section.shown) return;
     for (const drawn of this.#drawn) if (drawn.element.open) this.#waiting.add(drawn);
   }
 

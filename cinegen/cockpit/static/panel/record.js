@@ -14,7 +14,7 @@ export class Record {
    * @param {import("../base/session.js").Session} session
    */
   constructor(panel, session) {
-    const section = new Section(panel, { id: "record", title: "Record", hint: HINT, open: false });
+    const section = new Section(panel, { id: "record", title: "Mission", hint: HINT });
     this.label = make("span", {}, "Record");
     this.button = make(
       "button",

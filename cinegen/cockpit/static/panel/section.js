@@ -2,6 +2,8 @@
 
 import { make, memory } from "../base/dom.js";
 
+const LONG = 25; // rows: a list that has more can be filtered
+
 /** `note` is a short text on the right of the heading. */
 export class Section {
   /**
@@ -21,6 +23,29 @@ export class Section {
     this.element = element;
     panel.append(element);
   }
+
+  /** Whether it is seen, but for what is scrolled away; "toggle" of its element tells when that begins. */
+  get shown() {
+    return this.element.open && !document.body.classList.contains("folded") && !this.element.parentElement?.hidden;
+  }
+}
+
+/**
+ * A field that leaves those rows of a list which contain its text; nothing where the list is short.
+ *
+ * @param {HTMLElement} list
+ * @param {string} rows selector
+ * @param {string} label
+ */
+export function filter(list, rows, label) {
+  const all = /** @type {HTMLElement[]} */ ([...list.querySelectorAll(rows)]);
+  if (all.length < LONG) return;
+  const texts = all.map((row) => (row.title || row.querySelector("[title]")?.getAttribute("title") || "").concat(" ", row.textContent ?? "").toLowerCase());
+  const field = make("input", { type: "search", class: "small", placeholder: label, "aria-label": label, title: `${label}: part of a name` });
+  field.addEventListener("input", () => all.forEach((row, i) => {
+    row.hidden = !texts[i].includes(field.value.toLowerCase());
+  }));
+  list.prepend(field);
 }
 
 /**

@@ -1,7 +1,7 @@
 // Sensors: which node follows which one, what each is doing, how far it is deflected.
 //
 // For tests: [data-switch="ROBOT/NODE"] select (value: the sensor's id, "" for none), [data-sensor="ID"] with
-// data-state, #speed and #turning.
+// data-state, #frame (select), #speed and #turning.
 
 import { make, write } from "../base/dom.js";
 import { units } from "../base/units.js";
@@ -11,6 +11,8 @@ import { logSlider } from "./slider.js";
 
 /** @type {Record<string, string>} */
 const TONES = { live: "good", silent: "none", opening: "none", lost: "warn", refused: "bad", closed: "none" };
+/** @type {Record<string, string>} */
+const FRAMES = { world: "world", base: "base of the robot", tool: "tool", view: "my view" };
 const PORTS = "Name its port when starting: --sensor ID=PORT";
 
 /** @typedef {import("../base/messages").SensorDescription} Sensor */
@@ -24,6 +26,7 @@ export class Sensors {
   #cards = new Map();
   /** @type {Map<string, { select: HTMLSelectElement, changed: number }>} */
   #switches = new Map();
+  #chosen = -Infinity; // when a command frame was chosen
 
   /**
    * @param {HTMLElement} panel
@@ -41,7 +44,7 @@ export class Sensors {
   }
 
   /** @param {import("../base/link.js").Hello} hello */
-  #build({ sensors = [], switches = [] }) {
+  #build({ sensors = [], switches = [], frames = [] }) {
     const { body } = this.section;
     body.replaceChildren();
     this.#cards.clear();
@@ -51,6 +54,14 @@ export class Sensors {
       return;
     }
     for (const one of switches) body.append(this.#switch(one, sensors));
+    this.frame = make("select", { class: "small", id: "frame", "aria-label": "Command frame" }, ...frames.map((value) => make("option", { value }, FRAMES[value] ?? value)));
+    this.frame.addEventListener("change", () => {
+      this.#chosen = performance.now();
+      if (!this.session.mayAct()) return;
+      this.session.send({ type: "change_settings", frame: /** @type {import("../base/messages").Settings["frame"]} */ (this.frame?.value) });
+    });
+    const hint = "Command frame: a deflection of a sensor moves its node along these axes";
+    body.append(make("label", { class: "pair", title: hint }, "Command in", this.frame));
     for (const sensor of sensors) body.append(this.#card(sensor));
     const change = (/** @type {"linear_speed" | "angular_speed"} */ name) => (/** @type {number} */ value) => {
       if (this.session.mayAct()) this.session.send({ type: "change_settings", [name]: value });
@@ -172,6 +183,8 @@ export class Sensors {
       if (one === undefined || one.select.value === value || performance.now() - one.changed < 800) continue;
       one.select.value = value;
     }
+    const { frame } = this;
+    if (frame && settings?.frame && frame.value !== settings.frame && performance.now() - this.#chosen > 800) frame.value = settings.frame;
     this.speed?.show(settings?.linear_speed);
     this.turning?.show(settings?.angular_speed);
   }

@@ -5,7 +5,7 @@
 
 import { atMostEvery, make, sign } from "../base/dom.js";
 import { keyOf } from "../base/session.js";
-import { byRobot, Section } from "./section.js";
+import { byRobot, filter, Section } from "./section.js";
 
 /** @typedef {import("../base/session.js").KnownRobot} KnownRobot */
 /** @typedef {import("../base/session.js").Node} Description */
@@ -24,7 +24,6 @@ export class Tree {
       id: "tree",
       title: "Parts",
       hint: "All parts of the robots. Click one to select it, also those that have no shape",
-      open: false,
     });
     session.on("hello", () => this.#build());
     session.on("select", () => this.#mark(true));
@@ -48,6 +47,7 @@ export class Tree {
       if (robot.couplings.length > 0) texts.push(`${robot.couplings.length} couplings`);
       if (robot.base !== null) texts.push(`base on ${robot.base.join(" · ")}`);
       body.append(make("p", { class: "empty" }, texts.join(" · ")), list);
+      filter(body, "[data-node]", "Find a part");
     });
     if (obstacles.length > 0) this.section.body.append(this.#obstacles(obstacles));
     this.#mark(false);

@@ -27,7 +27,6 @@ export class Waypoints {
       id: "waypoints",
       title: "Waypoints",
       hint: "Save configurations of all robots, move to them, and play them as one motion",
-      open: false,
     });
     this.name = make("input", {
       id: "waypoint-name",

@@ -1,7 +1,10 @@
 // Drag of a point of a part, in the plane of the view through that point. The part rotates freely about it. A press and
 // release without a drag selects the part.
 //
-// Events: hover (part or null), drag (part or null), free (the event: a pointer that touches no part was pressed and
+// A fixed part is not dragged: "fixed" tells so. A finger that rests on a part selects it; a second finger that comes before the first
+// has moved rotates the view with it.
+//
+// Events: hover (part or null), fixed (part, or null when it is let go), drag (part or null), free (the event: a pointer that touches no part was pressed and
 // released), point (where a pointer is that touches no part; null if there is none).
 
 import { Plane, Vector3 } from "three";
@@ -10,15 +13,17 @@ import { DragTarget } from "./drag_target.js";
 
 const STILL = 4; // pixels: a pointer that moves less has not moved
 const STILL_TOUCH = 8; // a finger is broad
+const LONG = 500; // ms
+const ROTATE_AND_ZOOM = 3; // TOUCH.DOLLY_ROTATE of three.js
 
 /**
  * @typedef {import("./pick.js").Touched} Touched
  * @typedef {import("./pick.js").At} At
  * @typedef {Touched & { at: Vector3, pointer: number, x: number, y: number, dragged: boolean, denied: boolean,
- *   still: number }} Press
+ *   still: number, began: PointerEvent }} Press
  */
 
-/** @extends {Events<{ hover: Touched | null, drag: Press | null, free: PointerEvent, point: At | null }>} */
+/** @extends {Events<{ hover: Touched | null, fixed: Touched | null, drag: Press | null, free: PointerEvent, point: At | null }>} */
 export class Drag extends Events {
   #plane = new Plane();
   /** @type {Press | null} */
@@ -28,6 +33,10 @@ export class Drag extends Events {
   /** @type {At | null} */
   #pointer = null; // where it hovers
   #waiting = false; // for the next picture, to look what is there
+  /** @type {ReturnType<typeof setTimeout> | undefined} */
+  #long; // until a finger has rested for long
+  /** @type {PointerEvent | null} */
+  #given = null; // the press that the view has got
   /** @type {Touched | null} */
   over = null;
 
@@ -44,6 +53,7 @@ export class Drag extends Events {
     this.target = new DragTarget(session);
     const { canvas } = view;
     canvas.style.touchAction = "none";
+    view.controls.touches.TWO = ROTATE_AND_ZOOM; // one finger on a part drags it
     canvas.addEventListener("pointerdown", (event) => this.#down(event), true);
     canvas.addEventListener("pointermove", (event) => this.#move(event), true);
     canvas.addEventListener("pointerrawupdate", (event) => this.#follow(/** @type {PointerEvent} */ (event)));
@@ -64,7 +74,9 @@ export class Drag extends Events {
     const press = this.#press;
     this.#press = null;
     this.target.stop();
+    clearTimeout(this.#long);
     if (press === null) return;
+    if (press.denied) this.emit("fixed", null);
     if (this.view.canvas.hasPointerCapture(press.pointer)) this.view.canvas.releasePointerCapture(press.pointer);
     if (!press.dragged) return;
     this.session.send({ type: "end_drag", pin });
@@ -75,10 +87,11 @@ export class Drag extends Events {
   #down(event) {
     this.#beside = null;
     if (this.#press !== null) {
-      event.stopImmediatePropagation(); // a second finger while a part is held
+      if (this.#press.dragged) event.stopImmediatePropagation(); // a second finger while a part is held
+      else this.#yield();
       return;
     }
-    if (!event.isPrimary || event.button !== 0) return;
+    if (!event.isPrimary || event.button !== 0 || event === this.#given) return;
     const hit = this.pick.near(event);
     if (hit === null) {
       this.#beside = { x: event.clientX, y: event.clientY };
@@ -98,7 +111,23 @@ export class Drag extends Events {
       dragged: false,
       denied: false,
       still: event.pointerType === "touch" ? STILL_TOUCH : STILL,
+      began: event,
     };
+    if (event.pointerType !== "touch") return;
+    this.#long = setTimeout(() => {
+      this.end();
+      this.session.select(hit.robot, hit.node);
+      navigator.vibrate?.(10);
+    }, LONG);
+  }
+
+  /** Two fingers are the view's: it gets the first one now. */
+  #yield() {
+    const began = this.#press?.began;
+    this.end();
+    if (began === undefined) return;
+    this.#given = new PointerEvent("pointerdown", { ...plain(began), bubbles: true, cancelable: true });
+    this.view.canvas.dispatchEvent(this.#given);
   }
 
   /** @param {PointerEvent} event */
@@ -117,10 +146,13 @@ export class Drag extends Events {
     if (press === null || event.pointerId !== press.pointer || press.denied) return;
     if (!press.dragged) {
       if (Math.hypot(event.clientX - press.x, event.clientY - press.y) <= press.still) return;
-      if (!this.session.mayAct()) {
+      const fixed = this.session.isFixed(press.robot, press.node);
+      if (fixed) this.emit("fixed", press);
+      if (fixed || !this.session.mayAct()) {
         press.denied = true;
         return;
       }
+      clearTimeout(this.#long);
       press.dragged = true;
       this.session.send({ type: "start_drag", robot: press.robot, node: press.node, point: press.at.toArray() });
       this.emit("drag", press);
@@ -167,4 +199,13 @@ export class Drag extends Events {
     this.over = hit;
     this.emit("hover", hit);
   }
+}
+
+/**
+ * What an event of a pointer is made from.
+ *
+ * @param {PointerEvent} event
+ */
+function plain({ pointerId, pointerType, isPrimary, button, buttons, clientX, clientY }) {
+  return { pointerId, pointerType, isPrimary, button, buttons, clientX, clientY };
 }

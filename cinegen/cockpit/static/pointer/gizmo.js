@@ -168,7 +168,9 @@ export class Gizmo extends Events {
     const { robot, node } = this.#part;
     const { quaternion } = this.view.pose(robot, node);
     this.#begin = { rotation: quaternion, axes: this.proxy.quaternion.clone(), rotates, denied: false, steps };
-    if (!this.session.mayAct()) {
+    const fixed = this.session.isFixed(robot, node);
+    if (fixed) this.session.emit("notice", { text: `${node} is fixed: move another part.` });
+    if (fixed || !this.session.mayAct()) {
       this.#begin.denied = true;
       return;
     }

@@ -11,7 +11,6 @@ export function hover({ view, session, labels, tint, drag }) {
   const where = new Vector3();
   /** @param {import("./pick.js").Touched | null} part */
   const show = (part) => {
-    tint.light(part, theme.accent);
     if (part === null) {
       labels.put("over", "");
       return;
@@ -19,7 +18,15 @@ export function hover({ view, session, labels, tint, drag }) {
     where.copy(view.root.worldToLocal(part.point.clone()));
     labels.put("over", session.called(part.robot, part.node), where, "over");
   };
-  drag.on("hover", show);
+  drag.on("hover", (part) => {
+    show(part);
+    session.emit("over", part);
+  });
+  session.on("over", (part) => tint.light(part, theme.accent)); // a list may say so, too
+  drag.on("fixed", (part) => {
+    if (part === null) labels.put("over", "");
+    else labels.put("over", "fixed", where.copy(view.root.worldToLocal(part.point.clone())), "over");
+  });
   drag.on("drag", (part) => {
     tint.light(part, theme.accent);
     labels.put("over", "");

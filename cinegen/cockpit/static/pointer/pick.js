@@ -131,7 +131,7 @@ export class Pick {
     if (path.length < 2) return null;
     const group = path[1];
     const [robot, node] = path.map(({ name }) => nameOf(name));
-    if (this.view.background.has(robot)) return null;
+    if (this.view.background.has(robot) || !group.visible) return null;
     return this.session.knows(robot, node) ? { robot, node, group } : null;
   }
 }

@@ -1,7 +1,7 @@
 // Users of the session: a list of all, and the name and colour under which others see this one. Both are kept in this
 // browser.
 //
-// For tests: #section-users; #user-name, #user-colour (a button for the next colour), #users with [data-client].
+// For tests: #section-users; #control (text); #user-name, #user-colour (a button for the next colour), #users with [data-client].
 
 import { make, memory, write } from "../base/dom.js";
 import { cleanName, LONGEST } from "../base/names.js";
@@ -54,7 +54,10 @@ export class Users {
       },
     });
     this.list = make("ul", { id: "users", class: "users" });
-    section.body.append(make("div", { class: "buttons" }, this.next, this.name), this.list);
+    const control = make("p", { id: "control", class: "empty", title: "One browser at a time has control: it may drag and switch" });
+    section.body.append(make("div", { class: "buttons" }, this.next, this.name), this.list, control);
+    const labels = { mine: "You have control.", other: "Another browser has control.", free: "No browser has control." };
+    session.on("state", () => write(control, session.viewOnly ? "View only." : labels[session.control]));
     session.on("hello", () => this.#send());
     session.on("state", ({ users }) => {
       if (users) this.#show(users);

@@ -14,6 +14,9 @@ export class Labels {
   #where = new Vector3();
   #type = 13; // pixels
 
+  /** @type {string | null} */
+  only = null; // key of the only one that is shown; null: all are
+
   /** @param {import("./view.js").View} view */
   constructor(view) {
     this.view = view;
@@ -21,7 +24,7 @@ export class Labels {
     view.pane.append(this.layer);
     view.last(() => this.#place());
     const measure = () => {
-      this.#type = parseFloat(getComputedStyle(document.documentElement).fontSize);
+      this.#type = parseFloat(getComputedStyle(document.body).fontSize);
       for (const label of this.#shown.values()) label.wide = label.element.offsetWidth;
     };
     window.addEventListener("resize", measure);
@@ -70,8 +73,8 @@ export class Labels {
     const row = Math.round(HIGH * this.#type);
     /** @type {{ x: number, y: number, wide: number }[]} */
     const taken = [];
-    for (const label of this.#shown.values()) {
-      const pixels = this.view.pixels(label.point, this.#where);
+    for (const [key, label] of this.#shown) {
+      const pixels = this.only === null || this.only === key ? this.view.pixels(label.point, this.#where) : null;
       label.element.hidden = pixels === null;
       if (pixels === null) continue;
       let x = pixels.x + ASIDE;

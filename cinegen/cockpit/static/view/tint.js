@@ -1,16 +1,12 @@
-// Colours on parts: lit up under the pointer, and shaded towards a colour near a limit. Parts are drawn by the server
-// at any time, so what is shaded is looked after before every picture that shows something new.
+// The part under the pointer, lit up. Parts are drawn by the server at any time, so it is looked after before every picture that
+// shows something new.
 
 import { Color } from "three";
-import { keyOf, partOf } from "../base/session.js";
-
-const SHARE = 0.85; // of the colour that a part is shaded with
+import { keyOf } from "../base/session.js";
 
 export class Tint {
   /** @type {{ key: string, robot: string, node: string, colour: number } | null} */
   #lit = null; // the node under the pointer
-  /** @type {Map<string, number>} */
-  #shades = new Map(); // key -> colour
   /** @type {Map<string, [string, string]>} */
   #dirty = new Map(); // key -> [robot, node] to be coloured anew
 
@@ -23,7 +19,6 @@ export class Tint {
     this.session = session;
     view.before((drawn) => this.#colour(drawn));
     session.on("hello", () => {
-      this.#shades.clear();
       this.#lit = null;
     });
   }
@@ -43,21 +38,6 @@ export class Tint {
   }
 
   /**
-   * Shades a part with a colour; null gives it its own back.
-   *
-   * @param {string} robot
-   * @param {string} node
-   * @param {number | null} colour
-   */
-  shade(robot, node, colour) {
-    const key = keyOf(robot, node);
-    if ((this.#shades.get(key) ?? null) === colour) return;
-    if (colour === null) this.#shades.delete(key);
-    else this.#shades.set(key, colour);
-    this.#touch(robot, node);
-  }
-
-  /**
    * @param {string} robot
    * @param {string} node
    */
@@ -68,10 +48,7 @@ export class Tint {
 
   /** @param {boolean} drawn */
   #colour(drawn) {
-    if (drawn) {
-      for (const key of this.#shades.keys()) this.#dirty.set(key, partOf(key));
-      if (this.#lit !== null) this.#dirty.set(this.#lit.key, [this.#lit.robot, this.#lit.node]);
-    }
+    if (drawn && this.#lit !== null) this.#dirty.set(this.#lit.key, [this.#lit.robot, this.#lit.node]);
     for (const [key, [robot, node]] of this.#dirty) this.#apply(key, robot, node);
     this.#dirty.clear();
   }
@@ -83,7 +60,6 @@ export class Tint {
    */
   #apply(key, robot, node) {
     if (!this.session.knows(robot, node)) return;
-    const shade = this.#shades.get(key) ?? null;
     const lit = this.#lit?.key === key ? this.#lit.colour : null;
     for (const child of this.view.group(robot, node).children) {
       if (child.name.startsWith("loop ")) continue; // a loop's mark has a colour of its own
@@ -91,11 +67,8 @@ export class Tint {
         const { material: given } = /** @type {{ material?: import("three").MeshLambertMaterial }} */ (object);
         for (const material of [given].flat()) {
           if (material?.emissive === undefined) continue;
-          material.userData.own ??= { colour: material.color.clone(), emissive: material.emissive.clone() };
-          const { own } = material.userData;
-          material.color.copy(own.colour);
-          material.emissive.copy(own.emissive);
-          if (shade !== null) material.color.lerp(new Color(shade), SHARE);
+          material.userData.own ??= { emissive: material.emissive.clone() };
+          material.emissive.copy(material.userData.own.emissive);
           if (lit !== null) material.emissive.add(new Color(lit).multiplyScalar(0.28));
         }
       });

@@ -1,22 +1,38 @@
-// The footer: who has control, the loop gap, and how fast things are.
+// How fast and exact things are, for those who look for it. `?debug=1` in the page's address opens it.
 //
-// For tests: #gap, #rate, #delay, #pictures, #control.
+// For tests: #section-performance; #gap, #rate, #delay, #pictures.
 
-import { byId, write } from "../base/dom.js";
+import { byId, make, write } from "../base/dom.js";
 import { valueOf } from "../base/names.js";
 import { fixed, units } from "../base/units.js";
+import { Section } from "./section.js";
 
 const CLOSED = 1e-9; // rad or characteristic lengths: smaller gaps are shown as 0
 const SAME = 1e-5; // m: a target that came back
+const READINGS = [
+  ["gap", "Loop gap", "Largest loop residual. Loops are closed in every tick, so it stays at zero"],
+  ["rate", "Solver", "Ticks of the solver in the last second, and deadlines that it missed"],
+  ["delay", "Delay", "Time from a motion of the pointer to the robot's answer, during a drag"],
+  ["pictures", "Frame", "Time from one frame to the next while something moves"],
+];
 
-export class Footer {
+export class Performance {
   /** @type {[number, number[]][]} */
   #sent = []; // targets under way: [when, numbers]
   /** @type {number | null} */
   #delay = null; // ms
 
-  /** @param {{ view: import("../view/view.js").View, session: import("../base/session.js").Session }} parts */
-  constructor({ view, session }) {
+  /**
+   * @param {HTMLElement} panel
+   * @param {{ view: import("../view/view.js").View, session: import("../base/session.js").Session, open: boolean }} parts
+   */
+  constructor(panel, { view, session, open }) {
+    const section = new Section(panel, { id: "performance", title: "Performance", hint: "Loop gap, rate of the solver, delay and time per frame", open: false });
+    section.element.open ||= open;
+    for (const [id, name, title] of READINGS) {
+      const output = make("output", { id, class: "number", "aria-live": "off", "aria-label": name }, "–");
+      section.body.append(make("div", { class: "pair", title }, make("span", { class: "quiet" }, name), output));
+    }
     this.view = view;
     this.session = session;
     session.on("state", (state) => this.#answer(state));
@@ -51,7 +67,7 @@ export class Footer {
   }
 
   /** @param {import("../base/link.js").Report} report */
-  #show({ robots = {}, rate, clients, compilation }) {
+  #show({ robots = {}, rate, compilation }) {
     const gaps = this.session.robots.map((robot) => [valueOf(robots, robot.name)?.closure ?? 0, robot.length]);
     const [gap, length] = gaps.reduce((one, other) => (other[0] > one[0] ? other : one), [0, 1]);
     const none = !this.session.robots.some((robot) => robot.loops.length + robot.couplings.length > 0);
@@ -67,10 +83,6 @@ export class Footer {
     byId("rate").title = title;
     write(byId("delay"), this.#delay === null ? "–" : `${fixed(this.#delay, 0)} ms`);
     write(byId("pictures"), this.view.resolution.mean === null ? "–" : `${fixed(this.view.resolution.mean, 0)} ms`);
-    const others = clients > 1 ? ` · ${clients} browsers` : "";
-    const labels = { mine: "you have control", other: "another browser has control", free: "no browser has control" };
-    const { viewOnly, control } = this.session;
-    write(byId("control"), `${viewOnly ? "view only" : labels[control]}${others}`);
   }
 }
 

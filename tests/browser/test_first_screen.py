@@ -1,0 +1,55 @@
+"""The first screen: the robot, and next to nothing else. Everything else is a few clicks away."""
+
+from __future__ import annotations
+
+import pytest
+from tabs import IN_BROWSER, becomes, picture
+
+import cinegen
+from cinegen.collision import scene_of
+from cinegen.session import arrange, scene_setup
+
+MOST_WORDS, MOST_CONTROLS = 30, 8
+SIZES = [(1440, 900), (390, 844)]
+# Words that are read, and controls that can be pressed, before anything is done.
+COUNTED = """() => {
+  const seen = (one) => {
+    const { width, height } = one.getBoundingClientRect();
+    return one.checkVisibility({ visibilityProperty: true, opacityProperty: true }) && width > 1 && height > 1;
+  };
+  const words = [], walker = document.createTreeWalker(document.body, NodeFilter.SHOW_TEXT);
+  for (let node; (node = walker.nextNode()) !== null;) {
+    if (seen(node.parentElement)) words.push(...(node.textContent.match(/[\\p{L}\\p{N}]+/gu) ?? []));
+  }
+  const controls = [...document.querySelectorAll("button, input, select, textarea, a, summary")].filter(seen);
+  return { words, controls: controls.map((one) => one.id || one.outerHTML) };
+}"""
+POLE = {"name": "pole", "kind": "capsule", "radius": 0.03, "length": 1.0, "point": [0.45, 0.25, 0.5]}
+
+pytestmark = IN_BROWSER
+
+
+@pytest.fixture
+def setup(robot):
+    """`setup("delta4")`: what `cinegen drive` would show; "scene" has an obstacle, "panda" the package of other people."""
+
+    def found(name):
+        if name == "scene":
+            said = {"robot": "arm7.raff", "goal": {"point": [0.3, 0.3, 0.3]}, "obstacle": [POLE]}
+            return scene_setup(scene_of(said, mechanism=robot("arm7")))
+        mechanism = cinegen.load(name) if name == "panda" else robot(name)
+        return arrange({name: mechanism}, follow="circle" if name == "delta4" else None)
+
+    return found
+
+
+@pytest.mark.parametrize("name", ["delta4", "panda", "two_arms", "scene"])
+def test_it_has_few_words_and_controls(cockpit, setup, tab, name):
+    page = tab(cockpit(setup=setup(name)))
+    for width, height in SIZES:
+        page.set_viewport_size({"width": width, "height": height})
+        assert becomes(page, f"innerWidth === {width}")
+        found = page.evaluate(COUNTED)
+        picture(page, f"first_screen_{name}_{width}")
+        assert 0 < len(found["words"]) <= MOST_WORDS, found["words"]
+        assert 0 < len(found["controls"]) <= MOST_CONTROLS, found["controls"]

@@ -1,0 +1,246 @@
+"""A newcomer without docs: each task takes three clicks at most, and hints come when they help."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from tabs import IN_BROWSER, becomes, find, grab, held, picture, rests
+
+MOST = 3
+
+pytestmark = IN_BROWSER
+
+
+class Hand:
+    """A mouse that counts its clicks."""
+
+    def __init__(self, page):
+        self.page, self.clicks = page, 0
+
+    def press(self, selector):
+        self.page.click(selector)
+        self.clicks += 1
+
+    def point(self, name, node):
+        self.page.mouse.click(*find(self.page, name, node)[:2])
+        self.clicks += 1
+
+    def done(self):
+        """Return how many clicks the task took, and begin the next from the first screen."""
+        clicks, self.clicks = self.clicks, 0
+        self.page.evaluate("cockpit.select(null, null)")
+        if not self.page.evaluate("document.body.classList.contains('folded')"):
+            self.page.click("#fold")
+        return clicks
+
+
+def test_each_task_takes_three_clicks_at_most(cockpit, tab, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    one = cockpit("delta4", follow=None)
+    page = tab(one)
+    page.context.grant_permissions(["clipboard-read", "clipboard-write"])
+    hand, clicks = Hand(page), {}
+    robot, home = one.state.robots["delta4"], one.state.robots["delta4"].q
+
+    grab(page, one, "delta4", "link5")
+    page.mouse.up()
+    rests(page, one)
+    clicks["drag"] = hand.done()
+    hand.press("#undo")
+    assert becomes(page, lambda: np.abs(one.state.robots["delta4"].q - home).max() < 1e-9)
+    clicks["undo"] = hand.done()
+
+    hand.point("delta4", "link5")
+    hand.press("#pin")
+    assert becomes(page, lambda: held(one, "delta4", "pin"))
+    clicks["pin a part and drag another"] = hand.done()
+    grab(page, one, "delta4", "link7")
+    page.mouse.up()
+
+    hand.point("delta4", "link5")
+    hand.press("#turn")
+    assert page.evaluate("cockpit.gizmo.mode") == "rotate"
+    clicks["rotate"] = hand.done()
+
+    hand.press("#fold")
+    hand.press("[data-lock='delta4/joint1']")
+    assert becomes(page, lambda: one.state.robots["delta4"].locked == ("joint1",))
+    clicks["lock a joint"] = hand.done()
+
+    hand.press("#measure-mode")
+    hand.point("delta4", "link5")
+    hand.point("delta4", "link7")
+    assert becomes(page, lambda: page.inner_text("#measure-text").startswith("From"))
+    clicks["measure"] = hand.done()
+    page.keyboard.press("Escape")
+
+    hand.press("#fold")
+    hand.press("#tab-record")
+    hand.press("#record")
+    assert becomes(page, lambda: one.state.recording is not None)
+    clicks["record"] = hand.done()
+    hand.press("#fold")  # the tab is remembered
+    hand.press("#record")
+    assert becomes(page, lambda: one.state.recording is None)
+    clicks["end the recording"] = hand.done()
+    for saved in (1, 2):
+        hand.press("#fold")
+        hand.press("#save-waypoint")
+        assert becomes(page, lambda saved=saved: len(one.state.waypoints) == saved)
+        clicks[f"save waypoint {saved}"] = hand.done()
+    hand.press("#fold")
+    hand.press("#play-waypoints")
+    assert becomes(page, lambda: one.state.waypoint is not None)
+    clicks["replay"] = hand.done()
+
+    hand.press("#fold")
+    hand.press("#tab-record")
+    hand.press("#copy-link")
+    assert becomes(page, lambda: "copied" in page.inner_text("#toasts"))
+    clicks["share"] = hand.done()
+    assert {task: count for task, count in clicks.items() if count > MOST} == {}
+    assert clicks["drag"] == 0
+    assert robot.closure < 1e-9
+
+
+VISIBLE = "[...document.querySelectorAll('.label:not([hidden])')].map((one) => one.textContent)"
+COLOURS = """() => {
+  const found = {};
+  for (const { name } of cockpit.hello.robots[0].nodes) cockpit.view.group(cockpit.hello.robots[0].name, name).traverse(
+    ({ material, uuid }) => { if (material?.color) found[uuid] = material.color.getHex(); });
+  return found;
+}"""
+
+
+def test_one_label_says_why_it_stops_an_arc_shows_the_limit_and_no_part_is_repainted(cockpit, tab):
+    one = cockpit("delta4", follow=None)
+    page = tab(one)
+    before = page.evaluate(COLOURS)
+    assert page.evaluate(VISIBLE) == ["Drag any part"]
+    x, y, *_ = grab(page, one, "delta4", "link5")
+    page.mouse.move(x + 250, y - 200, steps=8)
+    assert becomes(page, lambda: one.state.robots["delta4"].status.name == "AT_LIMIT")
+    words = "at the limit of "
+    assert becomes(page, lambda: page.inner_text("#status").startswith(words))
+    assert becomes(page, lambda: [text.startswith(words) for text in page.evaluate(VISIBLE)] == [True])
+    saturated = one.state.robots["delta4"].saturated
+    shown = "cockpit.view.stage.children.filter((one) => one.visible && one.name.startsWith('limits ')).map((one) => one.name)"
+    assert becomes(page, lambda: {f"limits {joint}" for joint in saturated} <= set(page.evaluate(shown)))
+    assert page.evaluate(COLOURS) == before
+    picture(page, "limits")
+    page.mouse.up()
+    assert becomes(page, lambda: page.evaluate(shown) == [])
+    assert becomes(page, lambda: page.inner_text("#hint").startswith("Undo takes it back"))
+
+
+def test_the_base_is_fixed_and_says_so(cockpit, tab):
+    one = cockpit("delta4", follow=None)
+    page = tab(one)
+    x, y, *_ = find(page, "delta4", "base")
+    page.mouse.move(x, y)
+    page.mouse.down()
+    page.mouse.move(x + 30, y + 20, steps=4)
+    assert becomes(page, lambda: "fixed" in page.evaluate(VISIBLE))
+    assert not one.state.robots["delta4"].tasks
+    page.mouse.up()
+    assert becomes(page, lambda: "fixed" not in page.evaluate(VISIBLE))
+    page.evaluate("cockpit.select('delta4', 'base')")
+    page.focus("#scene canvas")
+    page.keyboard.press("ArrowRight")
+    assert becomes(page, lambda: "base is fixed" in page.inner_text("#toasts"))
+    assert not one.state.robots["delta4"].tasks
+
+
+def test_a_hand_shows_once_how_to_drag_and_moves_nothing(cockpit, tab):
+    one = cockpit("delta4", follow=None)
+    page, home = tab(one, reduced_motion="no-preference"), one.state.robots["delta4"].q
+    assert becomes(page, "document.getElementById('hand') !== null")
+    assert becomes(page, "document.getElementById('hand') === null")
+    assert (one.state.robots["delta4"].q == home).all()
+    assert page.evaluate("document.documentElement.dataset.control") == "free"
+    assert one.state.undo == 0
+    assert page.evaluate("localStorage.getItem('cinegen.hints')") == '["hand"]'
+    still = tab(one, reduced_motion="reduce", viewport={"width": 500, "height": 400})
+    still.wait_for_timeout(4000)
+    assert still.evaluate("localStorage.getItem('cinegen.hints')") is None
+
+
+@pytest.fixture
+def arm(cockpit, tab):
+    one = cockpit("arm7", follow=None)
+    return one, tab(one)
+
+
+def test_the_toolbar_stands_beside_its_part_hides_it_and_looks_at_it(arm):
+    _, page = arm
+    where = find(page, "arm7", "link4")
+    page.mouse.click(*where[:2])
+    assert becomes(page, lambda: page.is_visible("#selection"))
+    box, pane = page.locator("#selection").bounding_box(), page.locator("#pane").bounding_box()
+    assert abs(box["x"] + box["width"] / 2 - where[0]) < 0.4 * pane["width"]
+    for side, size in (("x", "width"), ("y", "height")):
+        assert pane[side] <= box[side] <= box[side] + box[size] <= pane[side] + pane[size]
+    page.click("#look")
+    middle = page.evaluate("""() => {
+      const { Box3, Vector3 } = MeshCat.THREE;
+      return new Box3().setFromObject(cockpit.view.group("arm7", "link4")).getCenter(new Vector3()).project(cockpit.viewer.camera).toArray();
+    }""")
+    assert np.abs(middle[:2]).max() < 0.1  # of half the view
+    page.click("#hide")
+    assert not page.is_visible("#selection")
+    seen = "cockpit.view.group('arm7', 'link4').visible"
+    assert page.evaluate(seen) is False
+    x, y, *_ = where
+    assert page.evaluate("([x, y]) => cockpit.pick.touched({ clientX: x, clientY: y })?.node", [x, y]) != "link4"
+    page.click(".toast button")
+    assert page.evaluate(seen) is True
+
+
+def test_a_slider_lights_its_part_and_a_part_its_slider(arm):
+    _, page = arm
+    lit = """() => {
+      let most = 0;
+      cockpit.view.group("arm7", "link3").traverse(({ material }) => { if (material?.emissive) most = Math.max(most, material.emissive.b); });
+      return most;
+    }"""
+    dark = page.evaluate(lit)
+    page.click("#fold")
+    row = page.locator("[data-joint='arm7/joint3']")
+    row.hover()
+    assert becomes(page, lambda: page.evaluate(lit) > dark)
+    x, y, *_ = find(page, "arm7", "link3")
+    page.mouse.move(x, y)
+    assert becomes(page, lambda: "lit" in row.get_attribute("class"))
+
+
+def touch(line, kind, *points):
+    line.send(
+        "Input.dispatchTouchEvent",
+        {"type": kind, "touchPoints": [{"x": x, "y": y, "id": i} for i, (x, y) in enumerate(points)]},
+    )
+
+
+def test_fingers_two_on_the_robot_rotate_the_view_one_that_rests_selects(cockpit, tab):
+    one = cockpit("delta4", follow=None)
+    page = tab(one, viewport={"width": 390, "height": 844}, has_touch=True)
+    x, y, *_ = find(page, "delta4", "link5")
+    line = page.context.new_cdp_session(page)
+    camera = "cockpit.viewer.camera.matrixWorld.toArray()"
+    before = page.evaluate(camera)
+    touch(line, "touchStart", (x, y))
+    touch(line, "touchStart", (x, y), (x + 60, y - 80))
+    for step in range(1, 6):
+        touch(line, "touchMove", (x + 8 * step, y), (x + 60 + 8 * step, y - 80))
+    assert becomes(page, lambda: page.evaluate(camera) != before)
+    touch(line, "touchEnd")
+    assert not one.state.robots["delta4"].tasks
+    assert not page.is_visible("#selection")
+    x, y, *_ = find(page, "delta4", "link5")
+    touch(line, "touchStart", (x, y))
+    assert becomes(page, lambda: page.is_visible("#selection"))
+    touch(line, "touchEnd")
+    assert page.is_visible("#selection")
+    sizes = page.evaluate("""() => [...document.querySelectorAll("button")].filter((one) => one.checkVisibility())
+      .map((one) => [one.id, one.offsetWidth, one.offsetHeight]).filter(([, wide, high]) => wide < 44 || high < 44)""")
+    assert sizes == []
+    picture(page, "phone_toolbar")
