@@ -112,6 +112,17 @@ def named(names: dict[str, str]) -> Mistaken:
     return change
 
 
+def tracked(mistaken: Mistaken) -> Mistaken:
+    """The same mistake in positions that a tracker has read."""
+
+    def change(given: Measurements) -> Measurements:
+        columns = [one.name + (" @ tracker" if one.kind != "joint" else "") for one in given.quantities]
+        there = in_frame((2, -1, 120), (1.9, -0.6, 0.4))(given)
+        return mistaken(Measurements.of(ALL("scara").mechanism, columns, there.values, there.sigmas))
+
+    return change
+
+
 TURN = pin.SE3(pin.rpy.rpyToMatrix(0, 0, np.pi / 2), np.array([0.3, 0.0, 0.0]))
 MISTAKES = [
     # signs
@@ -121,6 +132,8 @@ MISTAKES = [
     ("delta4", 3, in_frame((180, 0, 0), (0, 0, 0)), "with the opposite sign of platform.y, platform.z"),
     ("arm7", 6, scaled(-1.0, 12), "with the opposite sign of tool.rz"),
     ("gough", 6, scaled(-1.0, 0), r"loops don't close .*They fit with the opposite sign of joint3 "),
+    ("scara", 3, tracked(scaled(-1.0, 0)), "with the opposite sign of joint1 "),
+    ("scara", 3, tracked(scaled(-1.0, 5)), "with the opposite sign of .*tool.y @ tracker"),
     # units
     ("five_bar", 2, scaled(1 / GON, 0, 1), "with joint1, joint3 in gon instead of deg"),
     ("five_bar", 2, scaled(1 / GON, 0), "with joint1 in gon instead of deg"),

@@ -41,7 +41,7 @@ _OFF = 0.25  # of the characteristic length or rad: readings farther off need a 
 _POOR = 3.0  # standard deviations of chi-square beyond which an estimate is compared with mistakes
 _DROPPED = 0.05  # of all readings, the same
 _CERTAIN = 25.0  # squares by which readings without a mistake fit better, at least
-_NAMED = 3  # mistakes in a message
+_NAMED, _EDITED = 9, 3  # mistakes in a message, and how many of them with their corrections
 _REAL = 0.05  # of the characteristic length or rad: errors of manufacture are smaller
 
 Found = tuple[Mistake, Compared]
@@ -158,7 +158,7 @@ def _question(comparison: ColumnComparison, found: Sequence[Found]) -> str:
     else:
         where = _where(given, k)
     texts = ", or ".join(one.text for one, _ in found)
-    edits = "; or ".join(one.edit for one, _ in found)
+    edits = "; or ".join(one.edit for one, _ in found) if len(found) <= _EDITED else "correct the one that is meant"
     expected = one.real if given is not None and one.real else _expected(comparison)
     so = f". If the readings are right as they are, expect such errors of the robot: --sigma {expected!r}"
     so = so if expected else ""

@@ -94,7 +94,7 @@ class ColumnComparison:
     def misfit(self, measurements: Measurements) -> float:
         """Return about the misfit of some lines of other measurements: infinite if the loops don't close at them."""
         try:
-            other = self.placed(some(measurements))
+            other = self.placed(some(measurements), rough=True)
             if other is None:
                 return np.inf
             with warnings.catch_warnings():
@@ -104,9 +104,9 @@ class ColumnComparison:
             return np.inf
         return float((_medians(rest, 1) / self._scale).max(initial=0.0))
 
-    def placed(self, measurements: Measurements) -> Observation | None:
+    def placed(self, measurements: Measurements, rough: bool = False) -> Observation | None:
         """Return an observation of other measurements, closed; None if the loops don't close at them."""
-        other = self.observation.again(measurements)
+        other = self.observation.again(measurements, rough)
         key = other.inputs, other.readings.tobytes()
         if key not in self._closed:
             try:

@@ -133,7 +133,7 @@ class MeasuringFrames:
 
     def locate(
         self, quantities: Sequence[MeasuredQuantity], measured: Array, nodes: dict[str, Array], length: float,
-        source: str,
+        source: str, rough: bool = False,
     ) -> None:  # fmt: skip
         """Place devices and targets by their readings, were the robot as it is described.
 
@@ -143,6 +143,7 @@ class MeasuringFrames:
             nodes: poses (poses, 4, 4) of the nodes, by name.
             length: the characteristic length, m.
             source: name of the measurements, for messages.
+            rough: whether the positions that devices have read place these well enough.
 
         Raises:
             DesignError: the positions that a device has read are in another unit.
@@ -157,8 +158,11 @@ class MeasuringFrames:
                     found.append((one, measured[:, [read_by[(*key, kind)] for kind in kinds]]))
             return found
 
-        for device in self.devices:
-            self._place(device, triples(device, COORDINATES[:3]), nodes, source)
+        positions = {device: triples(device, COORDINATES[:3]) for device in self.devices}
+        for device, found in positions.items():
+            self._place(device, found, nodes, source)
+        if rough and all(positions.get(name) for name in self.start):
+            return
         for device in ("", *self.devices):
             own = self.start.get(device, np.eye(4))[:3, :3]
             for one, angles in triples(device, COORDINATES[3:]):

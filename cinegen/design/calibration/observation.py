@@ -102,16 +102,23 @@ class Observation:
         self.gains = tuple(gains)
         self._at = [mechanism.q_index(joint) for joint in self.inputs]
         self._v = [mechanism.v_index(joint) for joint in self.inputs]
+        self._rough = False
         self._observe(measurements, frames)
 
-    def again(self, measurements: Measurements) -> Observation:
-        """Return an observation of other measurements; if the same joints were measured, both share the design."""
+    def again(self, measurements: Measurements, rough: bool = False) -> Observation:
+        """Return an observation of other measurements; if the same joints were measured, both share the design.
+
+        Args:
+            measurements: the others.
+            rough: whether frames need not be placed exactly.
+        """
         joints = [
             {one.of for one in read.quantities if one.kind == "joint"} for read in (measurements, self.measurements)
         ]
         if joints[0] != joints[1]:
             return Observation(self.design.parameters, measurements, self.gains)
         other = copy(self)
+        other._rough = rough
         other._observe(measurements, None)
         return other
 
@@ -248,7 +255,7 @@ class Observation:
         here = self.design.evaluate(q=self._q, derivatives=False)
         nodes = {one.of: here.placements(one.of) for one in self.quantities if one.kind != "joint"}
         self.frames.locate(
-            self.quantities, self.measured, nodes, self.design.mechanism.length, self.measurements.source
+            self.quantities, self.measured, nodes, self.design.mechanism.length, self.measurements.source, self._rough
         )
 
     @property
