@@ -65,7 +65,7 @@ def measure(name: str, mechanism: cinegen.Mechanism) -> None:
         q = mechanism.close(start, mechanism.actuated)
     named = [dict(zip(mechanism.actuated, row.tolist(), strict=True)) for row in values]
     lines = "".join(json.dumps(row) + "\n" for row in named).encode()
-    motion, served = ForwardKinematics(mechanism), Lines(ForwardKinematics(mechanism))
+    motion, served = ForwardKinematics(mechanism), Lines(mechanism)
     ways = {
         "close": lambda: [mechanism.close(start, mechanism.actuated) for start in starts],
         "numpy": lambda: [closure.close(mechanism.structure.system, start, free) for start in starts],

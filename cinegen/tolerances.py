@@ -5,10 +5,8 @@ it then. Everything that closes loops continues to `CLOSED`, and fails (`Mechani
 content with `CLOSURE` (the solver, whose step would else be refused for rounding).
 """
 
+from cinegen.loops.thresholds import AT_LIMIT as AT_LIMIT
 from cinegen.loops.thresholds import AT_SINGULAR as AT_SINGULAR
 from cinegen.loops.thresholds import CLOSURE as CLOSURE
 from cinegen.loops.thresholds import NEAR_SINGULAR as NEAR_SINGULAR
 from raff2urdf.closure import CLOSED as CLOSED
-
-AT_LIMIT = 1e-9
-"""rad or m: a joint that exceeds its limit by no more is at that limit."""

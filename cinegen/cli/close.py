@@ -20,18 +20,17 @@ def run(
 
     Each line of standard input is an object of joint values such as {"joint1": 0.1} (rad, m). It is answered by a line
     with the values of all joints, on the same branch as the line before; the first starts at home. Joints that are not
-    named keep their values. A line that is wrong, can't be reached or would bring a joint beyond its limits is answered
-    by {"error": "..."} and moves nothing.
+    named keep their values. A line that is wrong, can't be reached or would bring a joint beyond its limits, even in
+    between, is answered by {"error": "..."} and moves nothing.
     """
     _, mechanism = options.load_one(file)
     from cinegen.devices import Lines, start_from
-    from cinegen.model import ForwardKinematics
 
     try:
-        motion = ForwardKinematics(mechanism) if start is None else start_from(mechanism, read(start))
+        lines = Lines(mechanism, None if start is None else start_from(mechanism, read(start)))
     except CinegenError as error:
         raise CinegenError(f"--start {start}: {error}: name a line that `cinegen close` wrote") from None
     if sys.stdin is not None:
         with until_stopped():
-            Lines(motion).serve(sys.stdin.buffer, write_at_once)
+            lines.serve(sys.stdin.buffer, write_at_once)
     return 0

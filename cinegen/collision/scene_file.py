@@ -6,6 +6,7 @@ import json
 import re
 import tomllib
 from collections.abc import Mapping, Sequence
+from functools import partial
 from pathlib import Path
 from types import MappingProxyType
 from typing import Any, NamedTuple
@@ -19,13 +20,13 @@ from cinegen.collision.errors import SceneError
 from cinegen.collision.mobile_robot import X, Y, mobile_robot
 from cinegen.collision.obstacle import Obstacle, read_obstacle
 from cinegen.collision.scene import UNCONSTRAINED, PathConstraints, Scene, heading, unmoving_joints
-from cinegen.collision.scene_table import LEAST, SceneTable, about_z
+from cinegen.collision.scene_table import LEAST, SceneTable, about_z, read_all
 from cinegen.errors import CinegenError, ClosureError
 from cinegen.model import Mechanism
 from cinegen.model.load import load_with
 from cinegen.model.plausible import FAR, ImplausibleError, check_joint, check_lengths
 from cinegen.tolerances import AT_LIMIT
-from raff2urdf.errors import SHOWN, RaffError, did_you_mean
+from raff2urdf.errors import RaffError, did_you_mean
 from raff2urdf.files import STANDARD, stem_of
 from raff2urdf.quantities import ANGLE, LENGTH, NUMBER, shown
 from raff2urdf.readers.options import ReadOptions
@@ -112,24 +113,20 @@ def _scene(
     given: Mechanism | None,
     settings: _Settings = MappingProxyType({}),
 ) -> Scene:
-    name = table.text("name") if "name" in table else name
-    safety = table.number("safety") if "safety" in table else SAFETY
-    if safety < 0.0:
-        raise table.error("safety", f"must not be below 0, not {safety:g}")
-    own = table.number("self_clearance") if "self_clearance" in table else min(SELF_CLEARANCE, safety)
-    if not 0.0 <= own <= safety:
-        raise table.error("self_clearance", f"must be from 0 to the safety distance, {safety:g} m, not {own:g}")
-    influence = table.size("influence") if "influence" in table else None
-    if influence is not None and influence <= safety:
-        raise table.error("influence", f"must be above the safety distance, {safety:g} m, not {influence:g}")
-    up = table.direction("up", 3) if "up" in table else None
-    obstacles = _obstacles(table, folder)
-    if "goal" not in table:
-        raise table.error("goal", "is missing: write the goal of the robot, as goal = { point = [x, y, z] }")
-    start = table.table("start") if "start" in table else SceneTable({}, f"{table.where}: start")
-    goal = table.table("goal")
     table.know("node", "robot", "mobile", "allowed_collisions", "locked", "path", "weights", "attached")
-    table.finish()  # before the robot is loaded, which may take a while
+    given_values = read_all(
+        {
+            "name": lambda: table.text("name") if "name" in table else name,
+            "distances": lambda: _distances(table),
+            "up": lambda: table.direction("up", 3) if "up" in table else None,
+            "obstacles": lambda: _obstacles(table, folder),
+            "start": lambda: table.table("start") if "start" in table else SceneTable({}, f"{table.where}: start"),
+            "goal": lambda: _goal_table(table),
+            "rest": table.finish,  # before the robot is loaded, which may take a while
+        }
+    )
+    name, up, obstacles, start, goal = (given_values[key] for key in ("name", "up", "obstacles", "start", "goal"))
+    safety, own, influence = given_values["distances"]
 
     mechanism, written, radius = _robot(table, folder, given, settings)
     node = table.text("node") if "node" in table else mechanism.end
@@ -165,19 +162,36 @@ def _scene(
     )  # fmt: skip
 
 
+def _distances(table: SceneTable) -> tuple[float, float, float | None]:
+    """Return the distances that are kept, m: safety distance, between links, and influence."""
+    safety = table.number("safety") if "safety" in table else SAFETY
+    if safety < 0.0:
+        raise table.error("safety", f"must not be below 0, not {safety:g}")
+    own = table.number("self_clearance") if "self_clearance" in table else min(SELF_CLEARANCE, safety)
+    if not 0.0 <= own <= safety:
+        raise table.error("self_clearance", f"must be from 0 to the safety distance, {safety:g} m, not {own:g}")
+    influence = table.size("influence") if "influence" in table else None
+    if influence is not None and influence <= safety:
+        raise table.error("influence", f"must be above the safety distance, {safety:g} m, not {influence:g}")
+    return safety, own, influence
+
+
+def _goal_table(table: SceneTable) -> SceneTable:
+    if "goal" not in table:
+        raise table.error("goal", "is missing: write the goal of the robot, as goal = { point = [x, y, z] }")
+    return table.table("goal")
+
+
 def _obstacles(table: SceneTable, folder: Path) -> tuple[Obstacle, ...]:
-    found, errors = dict[str, Obstacle](), list[str]()
-    for number, each in enumerate(table.tables("obstacle"), 1):
-        try:
-            obstacle = read_obstacle(each, number, folder)
-        except SceneError as error:
-            errors.append(str(error))
-            continue
+    found = dict[str, Obstacle]()
+
+    def add(each: SceneTable, number: int) -> None:
+        obstacle = read_obstacle(each, number, folder)
         if obstacle.name in found:
-            errors.append(str(each.error("name", f"'{obstacle.name}' is used by another obstacle")))
+            raise each.error("name", f"'{obstacle.name}' is used by another obstacle")
         found[obstacle.name] = obstacle
-    if errors:
-        raise SceneError("\n".join(errors[:SHOWN]))
+
+    read_all({str(i): partial(add, each, i) for i, each in enumerate(table.tables("obstacle"), 1)})
     return tuple(found.values())
 
 

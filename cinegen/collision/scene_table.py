@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from numbers import Real
 from pathlib import Path
 from typing import Any, TypeVar
@@ -278,6 +278,23 @@ class SceneTable:
         if number < LEAST:
             raise self.error(key, f"is {number:g} m: the least size is {LEAST:g} m")
         return number
+
+
+def read_all(reads: Mapping[str, Callable[[], Any]]) -> dict[str, Any]:
+    """Return what functions that don't need each other return, by their names.
+
+    Raises:
+        SceneError: with the messages of all that fail, a line each.
+    """
+    found, errors = dict[str, Any](), list[str]()
+    for name, read in reads.items():
+        try:
+            found[name] = read()
+        except SceneError as error:
+            errors += str(error).split("\n")
+    if errors:
+        raise SceneError("\n".join(errors[:SHOWN]))
+    return found
 
 
 def about_z(angle: float) -> Array:

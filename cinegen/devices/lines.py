@@ -6,11 +6,11 @@ import json
 from collections.abc import Callable
 from typing import BinaryIO
 
-from cinegen.arrays import Array
+from cinegen.arrays import Array, ArrayLike
 from cinegen.errors import CinegenError, warn
 from cinegen.model import ForwardKinematics, Mechanism
 from cinegen.model.plausible import ImplausibleError, check_joint
-from cinegen.tolerances import AT_LIMIT, CLOSURE
+from cinegen.tolerances import CLOSURE
 
 _CHUNK = 1 << 16  # bytes read at once
 
@@ -19,17 +19,21 @@ class Lines:
     """Answers lines such as `{"joint1": 0.1}` (rad, m) with a line of all joints, in the order of `mechanism.joints`.
 
     Joints that a line does not name keep their values; a blank line moves nothing. If a line is invalid, if a value can
-    only be meant in degrees or mm, if the loops can't follow on their branch, or if a joint, actuated or not, would be
-    beyond its limits (further than before), nothing moves and the answer is `{"error": "..."}`. The first answer whose
+    only be meant in degrees or mm, if the loops can't follow on their branch, or if a joint, actuated or not, would
+    pass a limit, even if it came back, nothing moves and the answer is `{"error": "..."}`. The first answer whose
     branch is not proved (`ForwardKinematics.is_proved`) comes with a warning.
 
     Args:
-        motion: mechanism on a branch.
+        mechanism: mechanism to move.
+        q: (nq,) initial configuration, closed; home unless given.
+
+    Raises:
+        CinegenError: q leaves loops open, or an actuated joint has more than one variable.
     """
 
-    def __init__(self, motion: ForwardKinematics) -> None:
-        self._motion, self._warns = motion, True
-        self._template, self._picked = _template(motion.mechanism)
+    def __init__(self, mechanism: Mechanism, q: ArrayLike | None = None) -> None:
+        self._motion, self._warns = ForwardKinematics(mechanism, q, within_limits=True), True
+        self._template, self._picked = _template(mechanism)
 
     def answer(self, line: str) -> str:
         """Return the answer to a line, without a newline."""
@@ -59,27 +63,15 @@ class Lines:
         """Move; return the configuration (nq,).
 
         Raises:
-            CinegenError: the loops can't follow, or a joint would be beyond its limits; nothing moves.
+            CinegenError: the loops can't follow, or a joint would pass a limit; nothing moves.
         """
-        mechanism, before = self._motion.mechanism, self._motion.q
         q = self._motion.move(values)
         if self._warns and not self._motion.is_proved:
             self._warns = False
             warn(
-                f"{mechanism.name}: from here on answers are not proved to be on the branch of the start: the actuated "
-                "joints do not determine the others there, or couplings are not linear"
+                f"{self._motion.mechanism.name}: from here on answers are not proved to be on the branch of the start: "
+                "the actuated joints do not determine the others there, or couplings are not linear"
             )
-        if mechanism.limits.within(q):
-            return q
-        for name, limit in mechanism.limits.exceeded(q, AT_LIMIT).items():
-            i = mechanism.q_index(name)
-            if abs(q[i] - limit) > abs(before[i] - limit) or not (before[i] - limit) * (q[i] - limit) > 0.0:
-                self._motion.q = before
-                unit = "m" if mechanism.is_prismatic(name) else "rad"
-                follows = "" if name in values else ", as it follows"
-                raise CinegenError(
-                    f"{name} would be at {q[i]:.6g} {unit}{follows}, beyond its limit {limit:.6g} {unit}: nothing moves"
-                )
         return q
 
     def serve(self, given: BinaryIO, write: Callable[[str], object]) -> None:
@@ -132,8 +124,8 @@ def _template(mechanism: Mechanism) -> tuple[str, list[int]]:
     return "{" + ", ".join(parts) + "}", picked
 
 
-def start_from(mechanism: Mechanism, text: str) -> ForwardKinematics:
-    """Return the mechanism at the configuration of an answer's line, on its branch.
+def start_from(mechanism: Mechanism, text: str) -> Array:
+    """Return the configuration (nq,) of an answer's line, closed.
 
     Raises:
         CinegenError: the line has no values of joints, or the loops can't be closed there.
@@ -147,4 +139,4 @@ def start_from(mechanism: Mechanism, text: str) -> ForwardKinematics:
         raise CinegenError(f"a joint's value is not a number: {error}") from None
     if mechanism.closure(q) > CLOSURE:  # for instance written with fewer digits
         q = mechanism.close(q, mechanism.actuated)
-    return ForwardKinematics(mechanism, q)
+    return q

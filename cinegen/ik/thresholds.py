@@ -38,6 +38,7 @@ FULL = 1.0 - 1e-9  # usable fraction of a velocity limit: rounding never exceeds
 NOISE = 1e-26  # of the cost of the tasks: rounding at a reached target
 TRIES = 10  # number of times that a step is shortened
 SECONDARY_TRIES = 4  # number of times that the secondary step is shortened before; then it is left out
+SLOWER_TRIES = 4  # number of times that braking is halved where the loops don't close after it
 LEVEL_TRIES = 6  # number of times that a level's part of the step is halved; then it is left out
 BRAKINGS = 3  # number of times that braking is scaled to what closing the loops leaves of it
 IDLE_SECONDARY = 1e-12  # rad or lengths in a tick: a shorter secondary step is left out

@@ -25,3 +25,6 @@ NEGLIGIBLE = 1e-8
 
 NOTHING_ADDED = 1e-10
 """Remainder of a dependent row, as a fraction of the longest row."""
+
+AT_LIMIT = 1e-9
+"""rad or m: a joint that exceeds its limit by no more is at that limit."""

@@ -20,7 +20,7 @@ from cinegen.loops._kernels.follow import follow
 from cinegen.loops._kernels.memory import NOWHERE, LoopMemory
 from cinegen.loops.arrays import actuate, set_up
 from cinegen.model.mechanism import Mechanism
-from cinegen.tolerances import CLOSED, CLOSURE
+from cinegen.tolerances import AT_LIMIT, CLOSED, CLOSURE
 from raff2urdf.closure import RANK
 
 _TOLERANCE = 2e-15  # rad or lengths: loops are closed to rounding
@@ -41,20 +41,22 @@ class ForwardKinematics(OneThread):
     one, which after a long motion may be on another branch.
 
     For one thread at a time: another one that sets `q`, or moves it, meanwhile gets a `CinegenError`. The mechanism
-    may be shared. Joint limits are not considered.
+    may be shared.
 
     Args:
         mechanism: mechanism to move.
         q: (nq,) initial configuration, closed (`cinegen.tolerances.CLOSURE`); home unless given. A floating base is
             fixed there.
+        within_limits: refuse motions on which a joint would pass a limit, even if it came back: on proved steps no
+            joint passes one in between, either. A joint beyond a limit may come back. Unless set, limits don't count.
 
     Raises:
         ConfigurationError: q has a wrong shape or is not finite.
         CinegenError: q leaves loops open, or an actuated joint has more than one variable.
     """
 
-    def __init__(self, mechanism: Mechanism, q: ArrayLike | None = None) -> None:
-        self.mechanism = mechanism
+    def __init__(self, mechanism: Mechanism, q: ArrayLike | None = None, within_limits: bool = False) -> None:
+        self.mechanism, self.within_limits = mechanism, within_limits
         self._model = mechanism.model
         names = mechanism.actuated
         for name in names:
@@ -71,13 +73,23 @@ class ForwardKinematics(OneThread):
         self._memory = memory = set_up(LoopMemory(), mechanism.structure.system, mechanism.cluster_ranks)
         actuate(memory, columns)
         set_up_path(memory)
+        if within_limits:
+            self._limit(memory)
         self._goal = memory.goal
         if mechanism.is_constrained:
             self._follow_goal = start(follow, LoopMemory, install=partial(setattr, self, "_follow_goal"))
         self.q = mechanism.q_home if q is None else q
 
-    def __reduce__(self) -> tuple[type[ForwardKinematics], tuple[Mechanism, Array]]:
-        return type(self), (self.mechanism, self.q)
+    def __reduce__(self) -> tuple[type[ForwardKinematics], tuple[Mechanism, Array, bool]]:
+        return type(self), (self.mechanism, self.q, self.within_limits)
+
+    def _limit(self, memory: LoopMemory) -> None:
+        """Let the kernel keep the limits of the joints."""
+        memory.resize(limited=memory.n)
+        memory.lowest[:], memory.highest[:] = -np.inf, np.inf
+        for name, limit in self.mechanism.limits.items():
+            k = self.mechanism.v_index(name) - memory.fixed
+            memory.lowest[k], memory.highest[k] = limit.lower, limit.upper
 
     @property
     def q(self) -> Array:
@@ -124,7 +136,7 @@ class ForwardKinematics(OneThread):
         Raises:
             UnknownNameError: no such joint.
             ConfigurationError: a value is not a finite number, or too far away.
-            CinegenError: a joint is not actuated.
+            CinegenError: a joint is not actuated; or one would pass its limit, if they count: reports where.
             ClosureError: the loops can't be closed along that motion on this branch; reports where it ended.
             CinegenError: another thread moves it meanwhile.
         """
@@ -145,6 +157,8 @@ class ForwardKinematics(OneThread):
                     value = _number(name, value)
                 if not abs(value - goal[index]) <= FURTHEST * scale:
                     raise ConfigurationError(_too_far(name, value, float(goal[index])))
+                if self.within_limits:
+                    self._check_limits(name, value, float(goal[index]))
                 goal[index] = value
         except (KeyError, CinegenError) as error:
             goal[:] = self._q[self._q_indices]
@@ -212,16 +226,50 @@ class ForwardKinematics(OneThread):
         if self._follow_goal(memory.handle) and memory.closure <= CLOSED:
             self._q = memory.q.copy()
             return
-        reached = ", ".join(
-            f"{name} {memory.q[i]:.5g}" for name, i in zip(self._actuated, self._q_indices, strict=True)
-        )
         is_proved = memory.is_proved
+        error = self._passed(memory.beyond - 1 + memory.fixed) if memory.beyond > 0 else self._unreachable()
         self._set(self._q)
         memory.is_proved = is_proved
-        raise ClosureError(
-            f"the actuated joints of {self.mechanism.name} can't reach these values on this branch: "
-            f"the motion ends at {reached}{', near a singularity' if is_proved else ''}"
+        raise error
+
+    def _unreachable(self) -> ClosureError:
+        reached = ", ".join(
+            f"{name} {self._memory.q[i]:.5g}" for name, i in zip(self._actuated, self._q_indices, strict=True)
         )
+        return ClosureError(
+            f"the actuated joints of {self.mechanism.name} can't reach these values on this branch: "
+            f"the motion ends at {reached}{', near a singularity' if self._memory.is_proved else ''}"
+        )
+
+    def _passed(self, column: int) -> CinegenError:
+        """Return the error for the passive joint of a column whose limit ended the motion."""
+        mechanism, begin, end = self.mechanism, self._q[self._q_indices], self._memory.q[self._q_indices]
+        name = next(name for name in mechanism.joints if mechanism.v_index(name) == column)
+        value, limits = float(self._memory.q[mechanism.q_index(name)]), mechanism.limits[name]
+        limit = min(limits.lower, limits.upper, key=lambda limit: abs(value - limit))
+        moves = self._goal - begin
+        furthest = int(np.abs(moves).argmax())
+        part = abs((end[furthest] - begin[furthest]) / moves[furthest]) if moves[furthest] != 0.0 else 0.0
+        at = ", ".join(
+            f"{joint} at {end[i]:.6g} {self._unit(joint)}" for i, joint in enumerate(self._actuated) if moves[i] != 0.0
+        )
+        return CinegenError(
+            f"{name} would pass its limit {limit:.6g} {self._unit(name)}, as it follows, with {at} "
+            f"({100.0 * part:.3g} % of the motion): nothing moves"
+        )
+
+    def _check_limits(self, name: str, value: float, now: float) -> None:
+        """Raise a `CinegenError` if the value of an actuated joint is beyond a limit, and further than now."""
+        limits = self.mechanism.limits[name]
+        if not min(limits.lower - AT_LIMIT, now) <= value <= max(limits.upper + AT_LIMIT, now):
+            limit = limits.lower if value < limits.lower else limits.upper
+            unit = self._unit(name)
+            raise CinegenError(
+                f"{name} would be at {value:.6g} {unit}, beyond its limit {limit:.6g} {unit}: nothing moves"
+            )
+
+    def _unit(self, joint: str) -> str:
+        return "m" if self.mechanism.is_prismatic(joint) else "rad"
 
     def _not_actuated(self, name: str) -> CinegenError:
         joints, actuated = self.mechanism.joints, self.mechanism.actuated

@@ -72,7 +72,8 @@ NEEDS_DRIVE = "link {link} drives a coupling: state its 'ratio', 'lead', 'radius
 NO_ROBOT = "the file has no robot: add 'robot NAME {{ }}'"
 NO_SUCH_ROBOT = "there is no robot '{name}'{hint}"
 BAD_NAME = (
-    "'{name}' can't name a {keyword}: a name begins with a letter or '_' and has no spaces (it becomes an XML name)"
+    "'{name}' can't name a {keyword}: "
+    "a name begins with a letter or '_', and has only letters, digits, '_', '-' and '.' (it becomes an XML name)"
 )
 RESERVED_NAME = "the name '{name}' is reserved for {owner}: choose another one"
 NAME_TAKEN = "the name '{name}' is that of {keyword} {number}: choose another one"

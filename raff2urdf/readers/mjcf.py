@@ -17,8 +17,9 @@ from __future__ import annotations
 import math
 import re
 import warnings
-from collections.abc import Collection, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
+from functools import partial
 from itertools import zip_longest
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -29,7 +30,7 @@ from numpy.typing import NDArray
 from yourdfpy import Visual
 
 from raff2urdf.constraints import Constraints
-from raff2urdf.errors import RaffError, did_you_mean, warn
+from raff2urdf.errors import Problem, RaffError, did_you_mean, run_all, warn
 from raff2urdf.extras import needs
 from raff2urdf.graphics.names import check_mesh, find
 from raff2urdf.inertia import Inertia
@@ -38,6 +39,7 @@ from raff2urdf.placement import from_quaternion, inverse, roll_pitch_yaw, transl
 from raff2urdf.quantities import typed_in_radians
 from raff2urdf.readers import uncounted
 from raff2urdf.readers.declaration import leave_out
+from raff2urdf.readers.mjcf_faults import FaultyMjcf
 from raff2urdf.readers.urdf import LARGEST
 from raff2urdf.readers.urdf_builder import UNBOUNDED, Shape, UrdfBuilder, material, shapes
 from raff2urdf.readers.xml_file import parse_xml, read_text
@@ -70,12 +72,63 @@ def read(path: Path, ignore: Collection[str] = (), text: str | None = None) -> M
         text: of an MJCF that is no file; the path is only a name then.
 
     Raises:
-        RaffError: MuJoCo can't read it, for the reason that it gives; an equality constraint has no counterpart.
+        RaffError: MuJoCo can't read it, for the reasons that it gives: all that can be found, but only the first in a
+            file that includes others; or equality constraints have no counterpart.
         MissingExtraError: MuJoCo is not installed.
     """
     with needs("mjcf", f"{path}: MJCF files"):
         import mujoco
     _check_includes(path, text)
+    try:
+        return _read(mujoco, path, ignore, text)
+    except _MujocoError as error:
+        why = str(error)
+    raise RaffError(_problems(mujoco, path, ignore, read_text(path) if text is None else text, why))
+
+
+class _MujocoError(Exception):
+    """The reason for which MuJoCo can't read a file, in one line."""
+
+
+_MOST = 100
+"""Problems that are looked for."""
+
+
+def _problems(mujoco: Any, path: Path, ignore: Collection[str], text: str, why: str) -> list[Problem]:
+    """Return the problems of a file that MuJoCo can't read, for this reason first, in the order of their lines."""
+    root = parse_xml(text, str(path))
+    faulty, found = FaultyMjcf(parse_xml(text, str(path))), list[tuple[int, Problem]]()
+
+    def say(why: str, line: int) -> None:
+        place = f"{path}:{line}" if line else str(path)
+        found.append((line, Problem(f"{place}: MuJoCo can't read it: {why}{_remedy(why, root)}")))
+
+    for _ in range(_MOST if next(root.iter("include", "attach"), None) is None else 0):
+        try:
+            _read(mujoco, path, ignore, faulty.text())
+            break
+        except _MujocoError as error:
+            fault = faulty.leave_out(str(error))
+            if fault is None:
+                say(re.sub(r",? ?(Element '[^']*', )?line \d+$", "", str(error)), 0)
+                break
+            if fault[0]:
+                say(*fault)
+        except RaffError as error:  # what MuJoCo reads, but has no counterpart
+            found += [(0, problem) for problem in error.problems]
+            break
+    if not found:
+        say(why, 0)
+    return [problem for _, problem in sorted(found, key=lambda one: one[0] or math.inf)]
+
+
+def _read(mujoco: Any, path: Path, ignore: Collection[str], text: str | None) -> MjcfRobot:
+    """Read as `read` does.
+
+    Raises:
+        _MujocoError: MuJoCo can't read it.
+        RaffError: equality constraints have no counterpart, or numbers can't be meant.
+    """
     before = mujoco.get_mju_user_warning()
     mujoco.set_mju_user_warning(lambda _: None)  # its warnings concern simulation; it would write them to a file
     try:
@@ -103,8 +156,7 @@ def read(path: Path, ignore: Collection[str] = (), text: str | None = None) -> M
                     dict.fromkeys(range(1, len(spec.bodies)), "settotalmass needs the masses of all bodies") | unknown
                 )
     except (ValueError, OSError, RuntimeError) as error:
-        why = " ".join(str(error).split())
-        raise RaffError(f"{path}: MuJoCo can't read it: {why}{_remedy(why, path, text)}") from None
+        raise _MujocoError(" ".join(str(error).split())) from None
     finally:
         mujoco.set_mju_user_warning(before)
     _warn_of_radians(spec, str(path))
@@ -112,25 +164,32 @@ def read(path: Path, ignore: Collection[str] = (), text: str | None = None) -> M
     placed |= {"gravity": model.opt.gravity, "joint's friction": np.stack([model.dof_damping, model.dof_frictionloss])}
     placed |= {"armature": model.dof_armature, "actuator": np.stack([model.actuator_armature, model.actuator_damping])}
     placed |= {"site": model.site_pos, "geom": model.geom_pos, "joint's ref": model.qpos0, "tendon": model.wrap_prm}
-    for what, numbers in placed.items():
-        if not np.abs(numbers).max(initial=0.0) <= LARGEST:
-            raise RaffError(f"{path}: a number of a {what} is beyond {LARGEST:g}: check its unit (m, rad)")
+    wrong = [
+        f"a number of a {what} is beyond {LARGEST:g}: check its unit (m, rad)"
+        for what, numbers in placed.items()
+        if not np.abs(numbers).max(initial=0.0) <= LARGEST
+    ]
     turned = {"body": model.body_quat, "site": model.site_quat, "geom": model.geom_quat, "joint": model.jnt_axis}
-    for what, vectors in turned.items():
-        if not np.abs(np.linalg.norm(vectors, axis=1) - 1.0).max(initial=0.0) <= 1e-6:
-            raise RaffError(f"{path}: the orientation of a {what} is not a rotation: its numbers are 0 or too large")
+    wrong += [
+        f"the orientation of a {what} is not a rotation: its numbers are 0 or too large"
+        for what, vectors in turned.items()
+        if not np.abs(np.linalg.norm(vectors, axis=1) - 1.0).max(initial=0.0) <= 1e-6
+    ]
     reader = _Reader(mujoco, model, spec.modelname or path.stem, meshes, str(path))
     masses = _masses(weights, weighing, unknown)
-    for body, inertia in masses.items():
-        if not inertia.largest <= LARGEST:
-            what = f"the inertia of body '{reader.bodies[body]}' is beyond {LARGEST:g}"
-            raise RaffError(f"{path}: {what}: check its unit (kg, m)")
+    wrong += [
+        f"the inertia of body '{reader.bodies[body]}' is beyond {LARGEST:g}: check its unit (kg, m)"
+        for body, inertia in masses.items()
+        if not inertia.largest <= LARGEST
+    ]
+    if wrong:
+        raise RaffError(Problem(f"{path}: {what}") for what in wrong)
     urdf, constraints = reader.read(ignore, masses)
     left_out = [f"inertia of body '{reader.bodies[spec.bodies[body].id]}': {why}" for body, why in unknown.items()]
     return MjcfRobot(urdf, constraints, [*soft, *reader.ignored, *left_out], reader.notes)
 
 
-def _remedy(why: str, path: Path, text: str | None) -> str:
+def _remedy(why: str, root: Any) -> str:
     """Return the edit that an error of MuJoCo asks for, to be appended to it; empty where none is known."""
     if "range[0] should be smaller than range[1]" in why:
         return ": swap them"
@@ -139,7 +198,7 @@ def _remedy(why: str, path: Path, text: str | None) -> str:
     found = re.search("(unknown|invalid|not found|missing)[^']*'([^']*)'", why)
     if found is None:
         return ""
-    word, root = found[2], parse_xml(read_text(path) if text is None else text, str(path))
+    word = found[2]
     if "keyword" in why:
         return did_you_mean(_TYPES.get(word, word), ("hinge", "slide", "ball", "free"))
     if "default class" in why:
@@ -193,7 +252,7 @@ def _remove_flexes(spec: Any, name: str, ignore: Collection[str]) -> list[str]:
     Raises:
         RaffError: one of these is active, and neither it nor its flex is in `ignore`.
     """
-    found = []
+    found, wrong = list[str](), list[Problem]()
     flexes = {flex.name for flex in spec.flexes}
     for equality in list(spec.equalities):
         (flex,) = flexes & {equality.name1, equality.name2} or {None}
@@ -202,9 +261,11 @@ def _remove_flexes(spec: Any, name: str, ignore: Collection[str]) -> list[str]:
         own = equality.name or flex
         if equality.active and not {own, flex} & set(ignore):
             why = f"constrains the flex '{flex}', and only rigid bodies are read"
-            raise RaffError(f"{name}: the equality constraint '{own}' {why}: {leave_out(own)}")
+            wrong.append(Problem(f"{name}: the equality constraint '{own}' {why}: {leave_out(own)}"))
         found.append(f"equality constraint '{own}'{'' if equality.active else ' (not active)'}")
         spec.delete(equality)
+    if wrong:
+        raise RaffError(wrong)
     for flex in list(spec.flexes):
         spec.delete(flex)
     return found
@@ -330,15 +391,21 @@ class _Reader:
             self.notes.append(f"home is the keyframe {repr(keys[key]) if keys[key] else key + 1}")
 
     def read(self, ignore: Collection[str], masses: Mapping[int, Inertia]) -> tuple[str, Constraints]:
-        for body, name in enumerate(self.bodies):
-            self.urdf.add_link(name, self.visuals(body), masses.get(body))
-            if body:
-                self.add_joints(body)
-        self.add_equalities(ignore)
+        run_all(
+            [
+                *(partial(self.add_body, body, name, masses) for body, name in enumerate(self.bodies)),
+                *self.equalities(ignore),
+            ]
+        )
         self.notes += uncounted.note_of(self.uncounted())
         off = self.model.opt.disableflags & int(self.mujoco.mjtDisableBit.mjDSBL_GRAVITY)
         gravity = [0.0, 0.0, 0.0] if off else self.model.opt.gravity.tolist()
         return self.urdf.result(self.bodies, self.floating, gravity)
+
+    def add_body(self, body: int, name: str, masses: Mapping[int, Inertia]) -> None:
+        self.urdf.add_link(name, self.visuals(body), masses.get(body))
+        if body:
+            self.add_joints(body)
 
     def uncounted(self) -> dict[str, list[str]]:
         """Return what acts on joints and is not read, with the names of these joints."""
@@ -495,8 +562,8 @@ class _Reader:
 
     # --- equality constraints -----------------------------------------------------------------------------------
 
-    def add_equalities(self, ignore: Collection[str]) -> None:
-        """Add loops and couplings; note what is ignored."""
+    def equalities(self, ignore: Collection[str]) -> Iterator[Callable[[], None]]:
+        """Yield what adds each loop and coupling; note what is ignored."""
         model, kinds = self.model, self.mujoco.mjtEq
         names = self.all_names("equality", model.neq)
         active = {name for e, name in enumerate(names) if model.eq_active0[e]}
@@ -511,14 +578,17 @@ class _Reader:
             elif name.endswith(".axis") and name.removesuffix(".axis") in self.hinges:
                 continue
             elif kind in (kinds.mjEQ_CONNECT, kinds.mjEQ_WELD):
-                self.add_loop(name, e, kind == kinds.mjEQ_CONNECT)
+                yield partial(self.add_loop, name, e, kind == kinds.mjEQ_CONNECT)
             elif kind in (kinds.mjEQ_JOINT, kinds.mjEQ_TENDON):
-                self.add_coupling(name, e, kind == kinds.mjEQ_TENDON)
+                yield partial(self.add_coupling, name, e, kind == kinds.mjEQ_TENDON)
             else:
-                what = f"the equality constraint '{name}' is of a kind that is not read ({kind.name[5:].lower()})"
-                raise RaffError(f"{self.name}: {what}: {leave_out(name)}")
+                yield partial(self.refuse, name, kind.name[5:].lower())
         tendons = self.all_names("tendon", model.ntendon)
         self.ignored += [f"limits of tendon '{name}'" for t, name in enumerate(tendons) if model.tendon_limited[t]]
+
+    def refuse(self, name: str, kind: str) -> None:
+        what = f"the equality constraint '{name}' is of a kind that is not read ({kind})"
+        raise RaffError(f"{self.name}: {what}: {leave_out(name)}")
 
     def add_loop(self, name: str, e: int, connect: bool) -> None:
         """Add a loop. A weld whose rotation counts nothing constrains the position alone, as a connect does."""

@@ -1,7 +1,5 @@
 """Names of robots are text, not commands: at the terminal, and in the files that commands write."""
 
-import csv
-import io
 import json
 import re
 import shlex
@@ -96,20 +94,6 @@ def test_a_recording_adds_no_statement_to_urscript(recording, capsys):
     assert sum(JOINTS[-1] in line for line in lines) == 1
 
 
-def test_a_table_computes_nothing(recording, tmp_path):
-    assert main(["export", str(recording), "--to", "csv"]) == 0
-    names = next(csv.reader(io.StringIO(recording.with_suffix(".csv").read_text(encoding="utf-8"))))
-    assert names == ["time", *JOINTS[-6:]]
-    path = tmp_path / "sums.urdf"
-    path.write_text(urdf(links=("a", "b"), joints=("=1+1", "@x")), encoding="utf-8")
-    mechanism = cinegen.load(path)
-    with MissionRecorder(tmp_path / "sums.jsonl", {"sums": mechanism}) as recorder:
-        for tick in range(3):
-            recorder.write(0.1 * tick, {"sums": RobotSample(mechanism.q_home + 0.001 * tick, "IDLE")})
-    assert main(["export", str(tmp_path / "sums.jsonl"), "--to", "csv"]) == 0
-    assert (tmp_path / "sums.csv").read_text().splitlines()[0] == "time,'=1+1,'@x"
-
-
 def test_two_names_that_are_shown_alike_are_refused(recording, capsys):
     first, *moments = recording.read_text().splitlines()
     header = json.loads(first)
@@ -127,16 +111,6 @@ def test_code_of_a_robot_with_such_a_name_stays_in_its_folder(arm, tmp_path):
     before = {one for one in tmp_path.rglob("*")}
     assert main(["generate", str(path), "--to", "c", "-o", str(tmp_path / "out"), "--functions", "fk"]) == 0
     assert {one.parent.name for one in {*tmp_path.rglob("*")} - before} == {tmp_path.name, "out"}
-
-
-def test_raff_has_each_joint(tmp_path):
-    from raff2urdf.urdf2raff.cli import main as urdf2raff
-
-    path = tmp_path / "x.urdf"
-    path.write_text(urdf(CONTROLS), encoding="utf-8")
-    assert urdf2raff([str(path), "-o", str(tmp_path / "x.raff")]) == 0
-    assert len(cinegen.load(tmp_path / "x.raff").joints) == len(JOINTS)
-    assert not CONTROL.search((tmp_path / "x.raff").read_text(encoding="utf-8"))
 
 
 @pytest.mark.filterwarnings("default::raff2urdf.errors.RaffWarning")

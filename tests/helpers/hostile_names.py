@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from xml.sax.saxutils import escape, quoteattr
 
 C_CODE = '*/ __attribute__((constructor)) void owned(void) { __builtin_printf("owned\\n"); } /*'
@@ -36,6 +37,8 @@ NAMES = (
     "n" * 200,
 )  # fmt: skip
 """Names of links and joints, each of them something else in some language."""
+IN_RAFF = tuple(name for name in NAMES if re.fullmatch("[^\\W\\d](\\w|\u0308|[.-])*|\U0001f600", name))
+"""Those that RAFF has: its names are XML names."""
 UNPRINTABLE = ("\u202ex", "x\u200b", "x\x9b2J")
 """Names that are refused."""
 
@@ -63,3 +66,12 @@ def mjcf(names: tuple[str, ...] = NAMES, robot: str = "arm") -> str:
     bodies = "".join(f'<body name={quoteattr(one)} pos="0.3 0 0">{joint.format(quoteattr(one))}' for one in names)
     world = f'<worldbody><body name="base">{bodies}{"</body>" * len(names)}</body></worldbody>'
     return f"<mujoco model={quoteattr(robot)}>{world}</mujoco>"
+
+
+def raff(names: tuple[str, ...] = IN_RAFF) -> str:
+    """The same arm as RAFF."""
+    links = [
+        f'link {k} {{ name "{name}" parameters {{ d 300 theta 60 }} type 2 pred {k - 1} }}'
+        for k, name in enumerate(names, 1)
+    ]
+    return "\n".join(["RAFF arm", "robot arm {", "base { }", *links, "}"])

@@ -141,7 +141,7 @@ def test_where_nothing_can_be_proved_that_is_said(robot):
     assert not motion.is_proved
     motion.q = motion.q
     assert motion.is_proved
-    lines = Lines(motion)
+    lines = Lines(mechanism)
     with pytest.warns(cinegen.CinegenWarning, match="not proved to be on the branch"):
         lines.answer(f'{{"{name}": {value + 0.01}}}')
     lines.answer(f'{{"{name}": {value + 0.02}}}')  # without a warning

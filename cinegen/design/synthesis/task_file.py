@@ -21,15 +21,17 @@ Keys are read strictly: an unknown one is an error that suggests the nearest.
 from __future__ import annotations
 
 import tomllib
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pinocchio as pin
 
+from cinegen.arrays import Array
 from cinegen.collision.errors import SceneError
-from cinegen.collision.scene_table import SceneTable
+from cinegen.collision.scene_table import SceneTable, read_all
 from cinegen.design.errors import DesignError
 from cinegen.design.synthesis.quantities import QUANTITIES
 from cinegen.design.synthesis.region import AXES, Reach
@@ -80,36 +82,51 @@ def task_of(values: Mapping[str, Any], where: str = "task") -> SynthesisTask | P
 
 
 def _task(table: SceneTable, values: Mapping[str, Any]) -> SynthesisTask | Precision:
-    given = table.table("parameters")
-    parameters = {name: given.text(name) for name in given}
-    if not parameters:
-        raise given.error("a parameter", 'is missing: write for example "link2.d" = "150..400mm"')
-    ties = tuple(table.names("ties")) if "ties" in table else ()
-    node = table.text("node") if "node" in table else ""
+    common: dict[str, Callable[[], Any]] = {
+        "parameters": lambda: _parameters(table.table("parameters")),
+        "ties": lambda: tuple(table.names("ties")) if "ties" in table else (),
+        "node": lambda: table.text("node") if "node" in table else "",
+    }
     kinds = [key for key in ("path", "guidance", "function") if key in table]
     if kinds:
-        return _precision(table, kinds, parameters, ties, node)
-    reach = _reach(table.table("reach"))
-    objectives = tuple(_objective(one) for one in table.tables("objective"))
+        own = {"points": lambda: _precision(table, kinds), "rest": lambda: None if kinds[1:] else table.finish()}
+        given = read_all({**common, "starts": lambda: _count(table, "starts", 200), **own})
+        points, rows, joints = given["points"]
+        return Precision(given["parameters"], points, given["ties"], given["node"], rows, joints, given["starts"])
+    reads = {
+        **common,
+        "reach": lambda: _reach(table.table("reach")),
+        "objectives": lambda: _objectives(table),
+        "starts": lambda: _count(table, "starts", STARTS),
+        "front": lambda: _count(table, "front", FRONT, 2),
+        "searched": lambda: _search(table),
+        "constraints": lambda: _constraints(table.table("constraints")) if "constraints" in table else {},
+        "load": lambda: _load(table.table("load")) if "load" in table else DesignLoad(),
+        "errors": lambda: _errors(table.table("tolerances")) if "tolerances" in table else DesignErrors(),
+        "rest": table.finish,
+    }
+    settings = read_all(reads)
+    del settings["rest"]
+    settings |= settings.pop("searched") | settings.pop("constraints")
+    found = SynthesisTask(**settings, written=dict(values))
+    _check_needs(table, found)
+    return found
+
+
+def _parameters(table: SceneTable) -> dict[str, str]:
+    if not [*table]:
+        raise table.error("a parameter", 'is missing: write for example "link2.d" = "150..400mm"')
+    return read_all({name: partial(table.text, name) for name in table})
+
+
+def _objectives(table: SceneTable) -> tuple[DesignObjective, ...]:
+    given = {str(i): partial(_objective, one) for i, one in enumerate(table.tables("objective"))}
+    objectives = tuple(read_all(given).values())
     if not objectives:
         raise table.error("objective", "is missing: write [[objective]], several of them for a Pareto front")
     if len(set(objectives)) < len(objectives):
         raise table.error("objective", "is given twice: a Pareto front has different ones")
-    settings: dict[str, Any] = {
-        "starts": _count(table, "starts", STARTS),
-        "front": _count(table, "front", FRONT, 2),
-        **_search(table),
-    }
-    if "constraints" in table:
-        settings |= _constraints(table.table("constraints"))
-    if "load" in table:
-        settings["load"] = _load(table.table("load"))
-    if "tolerances" in table:
-        settings["errors"] = _errors(table.table("tolerances"))
-    table.finish()
-    found = SynthesisTask(parameters, reach, objectives, ties, node, written=dict(values), **settings)
-    _check_needs(table, found)
-    return found
+    return objectives
 
 
 def _check_needs(table: SceneTable, task: SynthesisTask) -> None:
@@ -140,26 +157,35 @@ def _search(table: SceneTable) -> dict[str, Any]:
 
 
 def _constraints(table: SceneTable) -> dict[str, Any]:
-    found: dict[str, Any] = {"joint_limits": table.flag("joint_limits") if "joint_limits" in table else True}
-    if "singular_values" in table:
-        low, high = _range(table, "singular_values", NUMBER)
-        if low <= 0.0:
-            raise table.error("singular_values", "must begin above 0: a robot with a smaller one is singular")
-        found["singular_values"] = low, high
-    if "size" in table:
-        inner = table.table("size")
-        found["size"] = tuple(inner.names("of")), inner.size("most")
-        inner.finish()
-    most: dict[str, float | str] = {}
-    for name, dimension in _BOUNDED.items():
-        if name in table:
-            most[name] = _positive(table, name, dimension)
+    bounds: dict[str, Callable[[], float | str]] = {
+        name: partial(_positive, table, name, dimension) for name, dimension in _BOUNDED.items() if name in table
+    }
     if "torque" in table:  # its dimension depends on the mechanism
-        most["torque"] = _text_or_number(table, "torque")
-    if "clearance" in table:
-        found["clearance"] = _clearance(table)
+        bounds["torque"] = lambda: _text_or_number(table, "torque")
+    reads = {
+        "joint_limits": lambda: table.flag("joint_limits") if "joint_limits" in table else True,
+        "singular_values": lambda: _singular_values(table),
+        "size": lambda: _bounded_size(table.table("size")),
+        "most": lambda: read_all(bounds),
+        "clearance": lambda: _clearance(table),
+    }
+    given = {key: read for key, read in reads.items() if key in table or key in ("joint_limits", "most")}
+    found = read_all({**given, "rest": table.finish})
+    del found["rest"]
+    return found
+
+
+def _singular_values(table: SceneTable) -> tuple[float, float]:
+    low, high = _range(table, "singular_values", NUMBER)
+    if low <= 0.0:
+        raise table.error("singular_values", "must begin above 0: a robot with a smaller one is singular")
+    return low, high
+
+
+def _bounded_size(table: SceneTable) -> tuple[tuple[str, ...], float]:
+    found = tuple(table.names("of")), table.size("most")
     table.finish()
-    return found | {"most": most}
+    return found
 
 
 def _clearance(table: SceneTable) -> DesignClearance:
@@ -178,42 +204,43 @@ def _clearance(table: SceneTable) -> DesignClearance:
 
 
 def _load(table: SceneTable) -> DesignLoad:
-    payload = _positive(table, "payload", MASS) if "payload" in table else 0.0
-    wrench = table.vector("wrench", 6, dimension=NUMBER) if "wrench" in table else np.zeros(6)
-    gravity = table.vector("gravity", 3, dimension=NUMBER) if "gravity" in table else np.array(GRAVITY)
-    table.finish()
-    return DesignLoad(payload, tuple(wrench.tolist()), tuple(gravity.tolist()))
+    found = read_all(
+        {
+            "payload": lambda: _positive(table, "payload", MASS) if "payload" in table else 0.0,
+            "wrench": lambda: table.vector("wrench", 6, dimension=NUMBER) if "wrench" in table else np.zeros(6),
+            "gravity": lambda: (
+                table.vector("gravity", 3, dimension=NUMBER) if "gravity" in table else np.array(GRAVITY)
+            ),
+            "rest": table.finish,
+        }
+    )
+    return DesignLoad(found["payload"], tuple(found["wrench"].tolist()), tuple(found["gravity"].tolist()))
 
 
 def _errors(table: SceneTable) -> DesignErrors:
     found = {}
     for key in ("sigma", "play", "encoder"):
         own = table.table(key) if key in table else SceneTable({}, table.where)
-        found[key] = tuple((name, own.text(name)) for name in own)
+        found[key] = tuple(read_all({name: partial(own.text, name) for name in own}).items())
     table.finish()
     if not any(found.values()):
         raise table.error("sigma", 'is missing: write sigma = { "link*.d" = "0.05mm" }, play or encoder')
     return DesignErrors(**found)
 
 
-def _precision(
-    table: SceneTable, kinds: list[str], parameters: dict[str, str], ties: tuple[str, ...], node: str
-) -> Precision:
-    """Return the precision points of `[path]`, `[guidance]` or `[function]`."""
+def _precision(table: SceneTable, kinds: list[str]) -> tuple[Array, tuple[int, ...], tuple[str, ...]]:
+    """Return the precision points of `[path]`, `[guidance]` or `[function]`, their rows of a twist, and joints."""
     if len(kinds) > 1:
         raise table.error(kinds[1], f"cannot be combined with {kinds[0]}: remove one of them")
-    starts = _count(table, "starts", 200)
     own = table.table(kinds[0])
     key = {"path": "points", "guidance": "poses", "function": "pairs"}[kinds[0]]
     joints = tuple(own.text(name) for name in ("input", "output")) if kinds[0] == "function" else ()
     columns = {"path": (LENGTH,) * 2, "guidance": (LENGTH, LENGTH, ANGLE), "function": (ANGLE,) * 2}
     given = own.rows(key, columns[kinds[0]])
     own.finish()
-    table.finish()
     if len(given) < 2:
         raise own.error(key, "must be two or more")
-    rows = (0, 1, 5) if kinds[0] == "guidance" else (0, 1)
-    return Precision(parameters, given, ties, node, rows, joints, starts)
+    return given, (0, 1, 5) if kinds[0] == "guidance" else (0, 1), joints
 
 
 # --- where the node must get to --------------------------------------------------------------------------------------
@@ -239,7 +266,7 @@ def _reach(table: SceneTable) -> Reach:
         return Reach(AXES, given[:, :3].min(0), given[:, :3].max(0), targets, 0.0, True, True)
     table.know("axes")
     axes = tuple(axis for axis in AXES if axis in table)
-    ends = [_range(table, axis, LENGTH) for axis in axes]
+    ends = list(read_all({axis: partial(_range, table, axis, LENGTH) for axis in axes}).values())
     if not axes:
         raise table.error("x", 'is missing: write the box, for example x = "-150..150mm", or points')
     radius = table.size("radius") if "radius" in table else 0.0

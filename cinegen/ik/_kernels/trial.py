@@ -50,6 +50,7 @@ from cinegen.ik.thresholds import (
     LEAST_SCALE,
     NOISE,
     SECONDARY_TRIES,
+    SLOWER_TRIES,
     TRIES,
 )
 from cinegen.jit.compiled import compiled
@@ -182,7 +183,7 @@ def _keep_pace(memory: SolverMemory) -> int:
 @compiled
 def _be_smooth(memory: SolverMemory) -> int:
     """Try less where a limit of acceleration is exceeded. Return _GOOD if nothing is left to try."""
-    if memory.tries == _most_tries(memory) - 1:
+    if memory.tries >= _most_tries(memory) - 1:
         if memory.rows > 0 and memory.brakings < BRAKINGS:
             _brake_again(memory)
             return _AGAIN
@@ -205,7 +206,7 @@ def _keep_gain(memory: SolverMemory, distance: float, seconds: bool) -> int:
     """
     memory.closes = 1
     won, promised, noise = memory.task_distance - distance, memory.promised, NOISE
-    last_try = memory.tries == _most_tries(memory) - 1
+    last_try = memory.tries >= _most_tries(memory) - 1
     if memory.is_refined != 0 and seconds:  # errors that are small enough do not count
         noise += 10.0 * EXACT * (10.0 * EXACT + math.sqrt(2.0 * memory.task_distance))
     forced = memory.has_acceleration_limits != 0 and (promised <= 0.0 or last_try)  # it can't stop immediately
@@ -361,6 +362,8 @@ def _shorten(memory: SolverMemory, part: float) -> int:
         _make_spare_step(memory)
         return _AGAIN
     if memory.tries >= _most_tries(memory) or memory.is_nudged != 0:
+        if _slow_down(memory):
+            return _AGAIN
         finish(memory, False, False)
         return DONE
     spare = min(part, 0.5) if memory.tries < SECONDARY_TRIES else 0.0
@@ -391,6 +394,20 @@ def _shorten(memory: SolverMemory, part: float) -> int:
             memory.is_refined = 0
     _set_out_again(memory)
     return _AGAIN
+
+
+@compiled
+def _slow_down(memory: SolverMemory) -> bool:
+    """Set out with half of the last step if the loops don't even close after braking: better stop in some ticks, with
+    more than the limits of acceleration, than in one. Return whether there is a step to try."""
+    least = _most_tries(memory)
+    if memory.has_acceleration_limits == 0 or memory.closes != 0 or not least <= memory.tries < least + SLOWER_TRIES:
+        return False
+    for j in range(memory.n):
+        memory.attempted[j] *= 0.5
+    memory.brakings = BRAKINGS  # it is as slow as it must be
+    _set_out_again(memory)
+    return True
 
 
 @compiled

@@ -5,6 +5,9 @@ if it is proved to stay on the branch (`proof`). Where that can't be, as at a si
 accepted if the correction is small: a large one would lead into another assembly mode. Otherwise half of the step is
 tried (predictor-corrector; E. L. Allgower and K. Georg, "Introduction to numerical continuation methods", 2003).
 
+If passive joints have limits here, the motion ends where one of them would pass its limit. On proved steps they are
+proved to keep them; on others this is only known at the ends of the steps.
+
 If the actuated joints move by as much as before, as along the lines of a grid, the second-order terms of the last two
 steps are extrapolated to this one, which leaves an error of order h^4 for a step h.
 """
@@ -19,7 +22,7 @@ from cinegen.jit.vectors import copy
 from cinegen.loops._kernels.closure import close, factor_loops, loop_correction
 from cinegen.loops._kernels.kinematics import difference, evaluate, integrate
 from cinegen.loops._kernels.memory import AT_Q, NOWHERE, ClusterMemory, LoopMemory, cluster_at
-from cinegen.loops._kernels.proof import NO_PROOF, PROVED, keep, prepare, prove
+from cinegen.loops._kernels.proof import NO_PROOF, PROVED, find_beyond, keep, keeps_limits, prepare, prove
 from cinegen.loops._kernels.residual import evaluate_loops
 from cinegen.loops.thresholds import CLOSURE
 
@@ -40,7 +43,7 @@ def follow(memory: LoopMemory) -> bool:
 @compiled
 def set_out(memory: LoopMemory) -> None:
     """Start the path from q to the goal."""
-    memory.halvings = 0
+    memory.halvings, memory.beyond = 0, 0
     _find_tangent(memory)
 
 
@@ -137,7 +140,8 @@ def _step(memory: LoopMemory) -> bool:
 
 @compiled
 def _is_accepted(memory: LoopMemory) -> bool:
-    """Return whether `trial` is on the branch of q: proved, if that is asked for and possible."""
+    """Return whether `trial` is on the branch of q, and limits are kept: proved, if that is asked for and possible."""
+    memory.beyond = 0
     if not memory.gap <= CLOSURE:
         return False
     difference(memory, memory.q, memory.trial, memory.delta)
@@ -145,15 +149,21 @@ def _is_accepted(memory: LoopMemory) -> bool:
         evaluate_loops(memory, True)
         status = prove(memory)
         if status == PROVED:
-            keep(memory)
+            memory.beyond = find_beyond(memory)
+            if memory.beyond == 0 and keeps_limits(memory):
+                keep(memory)
+                return True
         if status != NO_PROOF:
-            return bool(status == PROVED)
+            return False
         if memory.halvings > _MOST_HALVED:
             memory.halvings = _MOST_PROVED
-    if _is_near(memory) and (memory.corrections == 0 or _is_on_branch(memory)):
-        memory.is_proved = 0
-        return True
-    return False
+    if not (_is_near(memory) and (memory.corrections == 0 or _is_on_branch(memory))):
+        return False
+    memory.is_proved = 0
+    memory.beyond = find_beyond(memory)
+    if memory.beyond != 0:
+        memory.halvings = _MOST_PROVED
+    return bool(memory.beyond == 0)
 
 
 @compiled

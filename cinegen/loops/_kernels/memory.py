@@ -82,6 +82,7 @@ class ClusterMemory(Memory):
     error: float = state(math.inf)  # |1 - P J_p| of this inverse P at q; infinite if there is none
     error_at_end: float = state(0.0)
     tilt: float = state(0.0)  # |P J v| of the tangent v
+    bend: float = state(0.0)  # bound of how the passive joints' velocities differ from the tangent in a proved step
 
 
 cluster_at = view(ClusterMemory)
@@ -213,6 +214,10 @@ class LoopMemory(Memory):
     most_added: float = parameter(0.0)  # largest correction, as a fraction of the step
     proves: int = parameter(0)  # whether steps are to be proved to stay on their branch
     is_proved: int = state(0)  # all steps since q was set are
+    limited: int = parameter(0)  # n where limits of passive joints are kept on the way, else 0
+    lowest: Array = array("limited")  # limits, m and rad
+    highest: Array = array("limited")
+    beyond: int = state(0)  # 1 + DoF of the joint whose limit ends the motion, or 0
     halvings: int = state(0)
     part: float = state(0.0)  # present step, as a fraction of the remaining path
     tangent: Array = array("n")  # the remaining path, to first order

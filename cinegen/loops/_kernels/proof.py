@@ -29,6 +29,13 @@ and sums over loops,
 where z_1 is the distance of the closed end from q + v: P J_p along the line is interpolated between its ends, and F by
 the polynomial of second degree with its values at both ends and its slope at q. D is measured at the end and divided by
 1 - S - W (|z_1| + r), which bounds it in the whole tube. Rounding is not bounded.
+
+Limits of the passive joints: since F(q + t v + z(t)) = 0, z' = -(P J_p)^-1 P J v, with J at q + t v + z, so
+
+    |z'| <= R = (|P J(q) v| + sum b h S (S + W r)) / (1 - k).
+
+A joint i therefore moves by at least v_i - R, and by at most v_i + R, as t increases by 1: if both have one sign, its
+extremes are those at the ends of the step; otherwise lines of these slopes through both ends bound them.
 """
 
 from __future__ import annotations
@@ -40,6 +47,7 @@ from cinegen.jit.factor import eliminate
 from cinegen.jit.se3 import compose, velocity_at
 from cinegen.loops._kernels.memory import ClusterMemory, LoopMemory, cluster_at
 from cinegen.loops._kernels.residual import BALL
+from cinegen.loops.thresholds import AT_LIMIT, CLOSURE
 
 PROVED, TOO_LONG, NO_PROOF = range(3)
 """Status of a step: on its branch; not proved, but shorter ones may be; the tube is not defined at its start."""
@@ -84,6 +92,56 @@ def prove(memory: LoopMemory) -> int:
         if not _is_in_tube(memory, cluster):
             status = TOO_LONG
     return status
+
+
+@compiled
+def find_beyond(memory: LoopMemory) -> int:
+    """Return 1 + DoF of a passive joint that is beyond a limit at the trial, and further than at q; 0 if none is."""
+    for k in range(memory.limited):
+        i = memory.q_index[k]
+        if i < 0 or memory.locked[k] != 0.0:
+            continue
+        if not _bottom(memory, k) <= memory.q[i] + memory.delta[k] <= _top(memory, k):
+            return k + 1
+    return 0
+
+
+@compiled
+def keeps_limits(memory: LoopMemory) -> bool:
+    """Return whether the passive joints are proved to keep their limits, to twice `AT_LIMIT`, on a proved step to a
+    trial that keeps them."""
+    for c in range(memory.clusters if memory.limited > 0 else 0):
+        cluster = cluster_at(memory.cluster_handles[c])
+        for p in range(cluster.passive):
+            k = cluster.passive_dof[p]
+            i = memory.q_index[k]
+            if i < 0:
+                continue
+            bend, slope, begin = (
+                memory.scale[k] * cluster.bend,
+                memory.scale[k] * memory.part * memory.tangent[k],
+                memory.q[i],
+            )
+            if abs(slope) >= bend:
+                continue
+            turn = 0.5 + 0.5 * (memory.delta[k] - slope) / bend  # where both lines that bound it from above meet
+            if begin + (slope + bend) * turn > _top(memory, k) + AT_LIMIT:
+                return False
+            if begin + (slope - bend) * (1.0 - turn) < _bottom(memory, k) - AT_LIMIT:
+                return False
+    return True
+
+
+@compiled
+def _bottom(memory: LoopMemory, k: int) -> float:
+    """Return the least value that a DoF may have after a step from q."""
+    return float(min(memory.lowest[k] - AT_LIMIT, memory.q[memory.q_index[k]] - CLOSURE))
+
+
+@compiled
+def _top(memory: LoopMemory, k: int) -> float:
+    """Return the greatest value that a DoF may have after a step from q."""
+    return float(max(memory.highest[k] + AT_LIMIT, memory.q[memory.q_index[k]] + CLOSURE))
 
 
 @compiled
@@ -169,7 +227,7 @@ def _is_in_tube(memory: LoopMemory, cluster: ClusterMemory) -> bool:
         squared += (memory.delta[k] / memory.scale[k] - part * tangent[k]) ** 2
         longest = max(longest, abs(part * tangent[k]))
     z = math.sqrt(squared)
-    interpolated, by_distance, bent, widest = 0.0, 0.0, 0.0, 0.0
+    interpolated, by_distance, bent, swept, pulled, widest = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
     for r in range(cluster.rows):
         loop = memory.row_loop[cluster.row[r]]
         if loop < 0 or memory.loop_row[loop] != cluster.row[r]:  # a coupling, which is linear, or another row of a loop
@@ -184,11 +242,14 @@ def _is_in_tube(memory: LoopMemory, cluster: ClusterMemory) -> bool:
         interpolated += h * math.sqrt(width) * travelled**2 / 8.0
         by_distance += h * width
         bent += h * travelled**3 / 40.0
+        swept += h * travelled**2
+        pulled += h * travelled * math.sqrt(width)
     distance = (1.0 + _CONTRACTION) * z + part * cluster.tilt / 4.0 + bent
     radius = distance / (1.0 - _CONTRACTION)
     contraction = max(cluster.error, cluster.error_at_end) + interpolated + by_distance * (z + radius)
     if memory.units > 0:
         contraction += _ROTATED * (longest + z)
+    cluster.bend = (part * cluster.tilt + swept + pulled * radius) / (1.0 - _CONTRACTION)
     return contraction <= _CONTRACTION and math.sqrt(widest) * (z + radius) <= _SLACK
 
 

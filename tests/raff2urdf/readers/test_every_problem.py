@@ -1,9 +1,13 @@
 """Problems of a file that don't need each other are reported in one answer."""
 
+import re
+
 import pytest
 
 import raff2urdf
 from cinegen.collision import SceneError, load_scene
+from cinegen.design.errors import DesignError
+from cinegen.design.synthesis.task_file import load_task
 from raff2urdf import RaffError
 
 URDF = """<robot name="a"><link name="base"/><link name="arm"/>
@@ -14,7 +18,67 @@ URDF = """<robot name="a"><link name="base"/><link name="arm"/>
 <visual><geometry><sphere radius="x"/></geometry></visual></link>
 </robot>"""
 
+MJCF = """<mujoco>
+  <worldbody>
+    <body name="a" pox="1 2 3">
+      <joint name="one"
+        type="revolute"/>
+      <geom size="0.1"/>
+      <body name="b" quat="0 0 0 0">
+        <joint name="two" axis="0 0 0"/>
+        <joint name="three" axis="0 1 0" range="1 -1" limited="true"/>
+        <joint name="one" axis="1 x 0"/>
+        <geom type="box" size="1"/>
+      </body>
+    </body>
+  </worldbody>
+  <actuator>
+    <motor joint="two"/>
+    <motor joint="fiur"/>
+  </actuator>
+  <equality>
+    <connect name="e" body1="a" body2="c" anchor="0 0 0"/>
+  </equality>
+  <keyframe><key qpos="0 0 0"/></keyframe>
+</mujoco>
+"""
+
+UNLIKE = """<mujoco>
+  <worldbody>
+    <body name="a"><joint name="one"/><geom name="x" size="0.1"/>
+      <body name="b"><joint name="two"/><geom name="y" size="0.1"/></body></body>
+    <site name="p"/><site name="q"/>
+  </worldbody>
+  <tendon><spatial name="t"><site site="p"/><site site="q"/></spatial></tendon>
+  <equality><tendon name="first" tendon1="t"/><joint name="second" joint1="two"/><tendon name="third" tendon1="t"/>
+  </equality>
+</mujoco>
+"""
+
+TASK = """ties = 3
+nodes = "end"
+starts = 0
+[parameters]
+"link2.d" = 5
+[reach]
+x = "1..."
+y = "5 parsec"
+[[objective]]
+maximise = "sigma"
+[[objective]]
+minimise = "sigma_1"
+[constraints]
+joint_limits = "yes"
+mas = 3
+mass = -1
+[load]
+payload = 0
+wrench = [1, 2]
+"""
+
 SCENE = """robot = "planar_3r"
+safety = -1
+up = [0, 0, 0]
 goal = { point = [0.5, 0.2] }
 [[obstacle]]
 kind = "spere"
@@ -54,4 +118,45 @@ def test_a_scene(tmp_path):
     with pytest.raises(SceneError) as found:
         load_scene(path)
     said = str(found.value).splitlines()
-    assert [part in line for part, line in zip(("'spere'", "'radus'", "'colur'"), said, strict=True)] == [True] * 3
+    wanted = ("safety must not be", "up must be", "'spere'", "'radus'", "'colur'")
+    assert [part in line for part, line in zip(wanted, said, strict=True)] == [True] * 5
+
+
+def test_an_mjcf(tmp_path):
+    """MuJoCo itself stops at the first: what it names is left out, and only then it reads on."""
+    path = tmp_path / "a.xml"
+    path.write_text(MJCF, encoding="utf-8")
+    with pytest.raises(RaffError) as found:
+        raff2urdf.to_raff(path, tmp_path / "a.raff")
+    wanted = (
+        (3, "'pox'"), (5, "'revolute' .*: did you mean 'hinge'"), (7, "zero quaternion"), (8, "axis too small"),
+        (9, r"range\[0\].*: swap them"), (10, "repeated name 'one'"), (10, "bad format in attribute 'axis'"),
+        (11, "size 1 must be positive"), (17, "target 'fiur'"), (20, "unknown element 'c'"),
+    )  # fmt: skip
+    said = str(found.value).splitlines()
+    assert [line.partition(": ")[0] for line in said] == [f"{path}:{number}" for number, _ in wanted]
+    assert all(re.search(part, line) for (_, part), line in zip(wanted, said, strict=True))
+
+
+def test_what_has_no_counterpart_in_an_mjcf(tmp_path):
+    path = tmp_path / "a.xml"
+    path.write_text(UNLIKE, encoding="utf-8")
+    with pytest.raises(RaffError) as found:
+        raff2urdf.to_raff(path, tmp_path / "a.raff")
+    wanted = ("'first' constrains the spatial", "'third' constrains the spatial")
+    assert [part in line for part, line in zip(wanted, str(found.value).splitlines(), strict=True)] == [True] * 2
+
+
+def test_a_task_of_a_synthesis(tmp_path):
+    path = tmp_path / "a.toml"
+    path.write_text(TASK, encoding="utf-8")
+    with pytest.raises(DesignError) as found:
+        load_task(path)
+    wanted = (
+        "parameters: link2.d must be a string", "ties must be", "x is wrong", "y is wrong", "'sigma' is none of",
+        "write maximise", "starts must be", "joint_limits must be", "mass must be above 0", "unknown key 'mas'",
+        "payload must be above 0", "wrench must be", "unknown key 'nodes'",
+    )  # fmt: skip
+    said = str(found.value).splitlines()
+    assert all(line.startswith(str(path)) for line in said)
+    assert [part in line for part, line in zip(wanted, said, strict=True)] == [True] * len(wanted)

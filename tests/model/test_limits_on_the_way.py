@@ -1,0 +1,135 @@
+"""`ForwardKinematics` within limits: a motion on which a joint passes a limit is refused, even if it comes back. Judged
+by walks in tiny steps."""
+
+import pickle
+import re
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+import cinegen
+from cinegen.devices import Lines
+from cinegen.model import ForwardKinematics
+from raff2urdf import closure
+
+AGAIN = re.compile(r"(\w+) would pass its limit (\S+) (?:rad|m), as it follows, with (.*) \((\S+) % of the motion\)")
+
+
+def limited(mechanism, **limits):
+    """The mechanism with other limits of some joints: lower, upper."""
+    model = mechanism.model.copy()
+    lower, upper = model.lowerPositionLimit.copy(), model.upperPositionLimit.copy()
+    lower[:], upper[:] = -np.inf, np.inf
+    for name, (least, greatest) in limits.items():
+        lower[mechanism.q_index(name)], upper[mechanism.q_index(name)] = least, greatest
+    model.lowerPositionLimit, model.upperPositionLimit = lower, upper
+    return replace(mechanism, model=model)
+
+
+def goals(mechanism, change):
+    """Values of the actuated joints, by changes from home."""
+    at = [mechanism.q_index(name) for name in mechanism.actuated]
+    return dict(zip(mechanism.actuated, (mechanism.q_home[at] + change).tolist(), strict=True))
+
+
+def walk(mechanism, change, steps=600):
+    """(steps + 1, nq) configurations on a straight motion from home, by Newton steps in numpy; None if they jump."""
+    free = np.zeros(mechanism.model.nv, dtype=bool)
+    free[mechanism.structure.passive_columns] = True
+    found = [mechanism.q_home]
+    for k in range(1, steps + 1):
+        start = found[-1].copy()
+        for name, value in goals(mechanism, change * (k / steps)).items():
+            start[mechanism.q_index(name)] = value
+        closing = closure.close(mechanism.structure.system, start, free, 20)
+        rows = mechanism.structure.system.evaluate(closing.q)[1][:, free]
+        if not closing.closed or np.linalg.svd(rows, compute_uv=False)[-1] < 1e-2:
+            return None
+        found.append(closing.q)
+    return np.array(found)
+
+
+def out_and_back(mechanism, change, joint):
+    """A motion, and the greatest value of a passive joint on it, above both ends."""
+    values = walk(mechanism, change)[:, mechanism.q_index(joint)]
+    top = int(values.argmax())
+    assert values[top] > max(values[0], values[-1]) + 1e-3
+    a, b, c = values[top - 1 : top + 2]  # extremum of the parabola through three points
+    return b + (c - a) ** 2 / (8.0 * (2.0 * b - a - c))
+
+
+@pytest.mark.parametrize(
+    ("name", "change", "joint"),
+    [("four_bar", [6.2], "joint3"), ("delta4", [0.885, 0.36, 1.335], "joint10"), ("five_bar", [-1.1, 1.4], "joint2")],
+)
+def test_a_joint_that_leaves_its_limit_and_comes_back_is_told(robot, name, change, joint):
+    mechanism, change = robot(name), np.array(change)
+    top = out_and_back(mechanism, change, joint)
+    for beyond in (2e-2, 1e-6):  # 1e-6 rad are passed within 0.003 rad of a crank
+        limit = top - beyond
+        motion = ForwardKinematics(limited(mechanism, **{joint: (-9.0, limit)}), within_limits=True)
+        with pytest.raises(cinegen.CinegenError, match=AGAIN) as caught:
+            motion.move(goals(mechanism, change))
+        said = AGAIN.match(str(caught.value))
+        assert (said[1], float(said[2])) == (joint, pytest.approx(limit, rel=1e-5))
+        assert np.array_equal(motion.q, mechanism.q_home)  # nothing has moved, and it still can
+        part = float(said[4]) / 100.0
+        place = {one.split()[0]: float(one.split()[2]) for one in said[3].split(", ")}
+        assert place == pytest.approx(goals(mechanism, change * part), abs=0.02)
+        q = ForwardKinematics(mechanism).move(place)  # where the limit is reached
+        assert q[mechanism.q_index(joint)] == pytest.approx(limit, abs=1e-4)
+    motion = ForwardKinematics(limited(mechanism, **{joint: (-9.0, top + 1e-6)}), within_limits=True)
+    end = motion.move(goals(mechanism, change))
+    assert motion.is_proved
+    assert end == pytest.approx(ForwardKinematics(mechanism).move(goals(mechanism, change)), abs=1e-9)
+
+
+@pytest.mark.parametrize("name", ["four_bar", "five_bar", "delta4", "tssm", "sr400"])
+def test_motions_keep_limits_exactly_if_tiny_steps_do(robot, name):
+    mechanism, rng, verdicts = robot(name), np.random.default_rng(8), set()
+    scale = mechanism.scale[[mechanism.v_index(joint) for joint in mechanism.actuated]]
+    passive = [joint for joint in mechanism.joints if joint not in mechanism.actuated]
+    for _ in range(2):
+        change = rng.uniform(-0.8, 0.8, len(scale)) * scale * (0.3 if name == "tssm" else 1.0)
+        walked = walk(mechanism, change, 150)
+        if walked is None:
+            continue
+        for _ in range(6):
+            joint = rng.choice(passive)
+            values = walked[:, mechanism.q_index(joint)]
+            span = values.max() - values.min()
+            limit = values[0] + rng.uniform(-1.2, 1.2) * max(span, 1e-3)
+            bounds = (limit, np.inf) if limit < values[0] else (-np.inf, limit)
+            inside = bounds[0] <= values.min() and values.max() <= bounds[1]
+            if min(abs(values.min() - limit), abs(values.max() - limit)) < 1e-3 * span:
+                continue
+            motion = ForwardKinematics(limited(mechanism, **{joint: bounds}), within_limits=True)
+            if inside:
+                motion.move(goals(mechanism, change))
+            else:
+                with pytest.raises(cinegen.CinegenError, match=f"^{joint} would pass its limit"):
+                    motion.move(goals(mechanism, change))
+            verdicts.add(inside)
+    assert verdicts == {True, False}
+
+
+def test_a_joint_beyond_its_limit_may_come_back_only(robot):
+    bar = robot("four_bar")
+    home = bar.q_home[bar.q_index("joint3")]
+    motion = ForwardKinematics(limited(bar, joint3=(home + 0.1, 9.0)), within_limits=True)
+    way = np.sign(walk(bar, np.array([0.1]), 10)[-1, bar.q_index("joint3")] - home)
+    with pytest.raises(cinegen.CinegenError, match=r"joint3 would pass its limit .* \(0 % of the motion\)"):
+        motion.move(goals(bar, np.array([-0.01 * way])))
+    motion.move(goals(bar, np.array([0.01 * way])))
+    with pytest.raises(cinegen.CinegenError, match="joint3 would pass"):
+        motion.move(goals(bar, np.array([0.0])))
+    assert pickle.loads(pickle.dumps(motion)).within_limits
+
+
+def test_cinegen_close_answers_where_a_joint_that_follows_would_pass_its_limit(robot):
+    bar = robot("four_bar")
+    lines = Lines(limited(bar, joint3=(1.0, 2.4)))
+    said = lines.answer('{"joint1": 7.0}')
+    assert "joint3 would pass its limit 2.4 rad, as it follows, with joint1 at 2." in said
+    assert "nothing moves" in said
