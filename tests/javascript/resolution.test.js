@@ -77,6 +77,19 @@ test("where pictures are taken from outside, all have all pixels", () => {
   draw(resolution, 100, 500);
   assert.deepEqual(ratios, []);
   assert.equal(slow, 0);
+  assert.equal(resolution.complete, true);
+});
+
+test("shadows and reflections are left out while something moves where that is slow, before pixels are", () => {
+  const resolution = paced();
+  draw(resolution, 20, 20);
+  assert.equal(resolution.complete, true);
+  draw(resolution, 20, 50);
+  assert.deepEqual([resolution.complete, ratios], [false, []]);
+  draw(resolution, 20, 20);
+  assert.equal(resolution.complete, false); // it would be slow again
+  resolution.choose(false);
+  assert.equal(resolution.complete, true);
 });
 
 test("a pause between two motions says nothing of how long pictures take", () => {

@@ -9,13 +9,13 @@ const ROUGHNESS = 0.42;
 const METALNESS = 0.05;
 
 const LINEAR = `
-  diffuseColor.rgb = pow(diffuseColor.rgb, vec3(2.2));`;
+  diffuseColor.rgb *= diffuseColor.rgb;`; // as sRGB, nearly; a power takes long where there is no graphics card
 
 // Light above one is dimmed by its brightest colour, so that no hue changes.
 const SEEN = `
   float brightest = max(max(gl_FragColor.r, gl_FragColor.g), gl_FragColor.b);
-  float dimmed = brightest < 0.8 ? brightest : 1.0 - 0.2 * exp(4.0 - 5.0 * brightest);
-  gl_FragColor.rgb = pow(gl_FragColor.rgb * dimmed / max(brightest, 1e-4), vec3(1.0 / 2.2));`;
+  float dimmed = brightest < 0.8 ? brightest : 1.0 - 0.04 / (brightest - 0.6);
+  gl_FragColor.rgb = sqrt(gl_FragColor.rgb * dimmed / max(brightest, 1e-4));`;
 
 // What is reflected: a sky, a ground, and panels of light to the left, behind and to the right, the blurrier the rougher.
 const ROOM = `

@@ -60,7 +60,7 @@ export class Resolution extends Events {
    * @param {boolean} moving
    */
   choose(moving) {
-    const all = !moving || this.constant;
+    const all = !moving || this.constant || this.still;
     const ratio = all ? this.full : this.#ratio;
     this.complete = all || (this.mean !== null && this.mean < RICH && !this.#plain);
     if (ratio === this.#set) return;

@@ -31,6 +31,7 @@ export class View {
   #last = [];
   #heard = 0;
   #blank = 0; // commands of the viewer before the present scene
+  #seen = false; // whether a picture was drawn since it was framed
   /** @type {Pyramid | null} */
   #kept = null; // around all that was in the view since it was framed
   /** @type {Map<string, { robot: KnownRobot, numbers: number[] }>} */
@@ -395,8 +396,9 @@ export class View {
   #draw(now) {
     if (this.headset !== null || !this.whole) return;
     const drawn = this.#hear();
-    const moving = drawn || this.viewer.needs_render;
-    if (!moving && !this.resolution.due(now)) {
+    const due = drawn || this.viewer.needs_render;
+    const moving = due && this.#seen; // the first picture is complete
+    if (!due && !this.resolution.due(now)) {
       this.resolution.idle();
       return;
     }
@@ -405,6 +407,7 @@ export class View {
     this.#prepare(drawn);
     this.viewer.render();
     this.resolution.drew(now, moving);
+    this.#seen ||= this.framed;
   }
 }
 
