@@ -191,7 +191,7 @@ def describe(
     """
     check_sizes(document, robot)
     links = expanded(robot)
-    model, _ = _tree(document, links, Graphics(links, folder))
+    model, _ = _tree(document, links, Graphics(links, folder, written_out=False))
     urdf, values = model.text(), constraints(document, robot, None, loops)
     check_values(values, f"{document.source.name}: robot '{robot.name}'")
     return urdf, for_urdf(values, hash_of(parse_urdf(urdf, robot.name), robot.name))

@@ -17,6 +17,7 @@ from raff2urdf.errors import RaffError
 from raff2urdf.graphics.collada import unit_of
 from raff2urdf.graphics.meshes import CONVERTED, SHOWN, Drawing, converted
 from raff2urdf.graphics.names import Packages, find
+from raff2urdf.graphics.solids import SCHEME
 from raff2urdf.readers import TEXT
 from raff2urdf.readers.urdf import three
 from raff2urdf.readers.xml_file import parse_xml
@@ -174,7 +175,7 @@ def _find(mesh: str, source: MechanismSource, packages: Packages) -> Path:
     Raises:
         RaffError: it is missing, or is where it is not allowed.
     """
-    if source.folder is None and source.owner is None:
+    if source.folder is None and source.owner is None and not mesh.startswith(f"{SCHEME}://"):
         return Path(mesh)
     owner = None if source.owner is None else Path(source.owner)
     try:

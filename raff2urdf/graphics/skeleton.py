@@ -26,12 +26,12 @@ if TYPE_CHECKING:  # takes half a second
     from yourdfpy import Visual
 
 # One for each branch of the tree. People with any colour vision can distinguish them, and pages use none for a status.
-_BRANCHES = (
+BRANCHES = (
     *((0.16, 0.35, 0.44), (0.66, 0.55, 0.35), (0.66, 0.62, 0.83)),
     *((0.42, 0.73, 0.69), (0.47, 0.29, 0.16), (0.39, 0.33, 0.3)),
 )
-_BASE = (0.45, 0.47, 0.5)
-_JOINT = (0.2, 0.22, 0.25)
+BASE = (0.45, 0.47, 0.5)
+JOINT = (0.2, 0.22, 0.25)
 _FARTHEST = 100.0  # of the sum of a robot's lengths: limits beyond stand for none, as 1e6 does in many files
 
 
@@ -51,12 +51,12 @@ class SkeletonDrawing:
         self.radius = 0.06 * median(lengths)
         self.farthest = _FARTHEST * math.fsum(lengths)
         branch, last = {0: 0}, 0
-        self.colours = {0: _BASE}
+        self.colours = {0: BASE}
         for part in robot.outward:
             forks = part is not robot.children[part.pred][0]
             last += forks  # every fork begins a branch of another colour
             branch[part.number] = last if forks else branch[part.pred]
-            self.colours[part.number] = _BRANCHES[branch[part.number] % len(_BRANCHES)]
+            self.colours[part.number] = BRANCHES[branch[part.number] % len(BRANCHES)]
 
     def draw(self, node: RaffNode) -> list[Visual]:
         """Return the shapes of one node, in its own frame."""
@@ -85,7 +85,7 @@ class SkeletonDrawing:
         return [corners[0], corners[-1]] if straight else corners
 
     def _joint(self, node: RaffNode, style: _Style) -> Iterator[Visual]:
-        marker = _Style(style.radius, _JOINT)
+        marker = _Style(style.radius, JOINT)
         if isinstance(node, RaffLink) and node.own_joint is not None and node.type is not JointType.PRISMATIC:
             yield _ball(np.zeros(3), 2.0, marker)  # a joint of several variables
             return
@@ -97,7 +97,7 @@ class SkeletonDrawing:
         else:
             size = np.array([2.6, 2.6, 3.2]) * style.radius
             yield _visual("box", _round(size, style), np.eye(4), marker)
-            *_, rod = self._telescope(node)
+            *_, rod = self.telescope_of(node)
             yield from _bar(np.array([0.0, 0.0, -rod]), np.zeros(3), 0.6, style)
 
     def _bars_to(self, child: RaffPart, style: _Style) -> Iterator[Visual]:
@@ -112,14 +112,20 @@ class SkeletonDrawing:
         for corner in drawn[1:-1]:
             yield _ball(corner, thickness, style)
         if isinstance(child, RaffLink) and child.type is JointType.PRISMATIC:
-            start, end = (corners[-1] + at * self._axis(child) for at in self._telescope(child)[:2])
+            start, end = (corners[-1] + at * self._axis(child) for at in self.telescope_of(child)[:2])
             yield from _bar(start, end, 1.0, style)
 
-    def _telescope(self, link: RaffLink) -> tuple[float, float, float]:
+    def telescope_of(self, link: RaffLink) -> tuple[float, float, float]:
         """Return what `telescope` does of a prismatic link; limits that are nowhere near the robot are none."""
+        return telescope(home(self.document, link), *self._limits(link))
+
+    def stroke(self, link: RaffLink) -> tuple[float, float]:
+        """Return the range of a prismatic link that is drawn, m: its limits, or around where it is written."""
+        return _finite(home(self.document, link), *self._limits(link))
+
+    def _limits(self, link: RaffLink) -> tuple[float, float]:
         low, high = limits(self.document, link)
-        low, high = (low if abs(low) < self.farthest else -math.inf), (high if abs(high) < self.farthest else math.inf)
-        return telescope(home(self.document, link), low, high)
+        return (low if abs(low) < self.farthest else -math.inf), (high if abs(high) < self.farthest else math.inf)
 
     def _axis(self, child: RaffPart) -> np.ndarray:
         """Return the z axis (3,) of a child."""
@@ -141,14 +147,19 @@ def telescope(home: float, low: float, high: float) -> tuple[float, float, float
         low: lower limit, m.
         high: upper limit, m.
     """
-    nearest, farthest = sorted((0.62 * home, 1.17 * home))
-    low = min(nearest, high) if math.isinf(low) else low
-    high = max(farthest, low) if math.isinf(high) else high
+    low, high = _finite(home, low, high)
     if low <= 0.0 <= high:
         return low, high, 0.0
     sign, near, far = (1.0, low, high) if low > 0.0 else (-1.0, -high, -low)
     most = max(near, far / 2.0)
     return 0.0, sign * min(0.55 * far, most), sign * min(0.62 * far, most)
+
+
+def _finite(home: float, low: float, high: float) -> tuple[float, float]:
+    """Return limits; around a value where they are infinite."""
+    nearest, farthest = sorted((0.62 * home, 1.17 * home))
+    low = min(nearest, high) if math.isinf(low) else low
+    return low, max(farthest, low) if math.isinf(high) else high
 
 
 def _lengths(parameters: Iterable[Kleinfinger]) -> list[float]:
