@@ -17,6 +17,7 @@ from raff2urdf.errors import RaffError
 from raff2urdf.graphics.collada import unit_of
 from raff2urdf.graphics.meshes import CONVERTED, SHOWN, Drawing, converted
 from raff2urdf.graphics.names import Packages, find
+from raff2urdf.graphics.skeleton import MARK
 from raff2urdf.graphics.solids import SCHEME
 from raff2urdf.readers import TEXT
 from raff2urdf.readers.urdf import three
@@ -75,6 +76,12 @@ def collision_shapes(model: pin.Model, source: MechanismSource) -> CollisionShap
         for collision in collisions:
             collision.tag = "visual"
     return _with_sticks(model, source, tree, _bars(stick_figure(model)))
+
+
+def has_collision_shapes(tree: Any) -> bool:
+    """Return whether a URDF's tree has collision shapes of the robot: not only those of a skeleton, which, as what is
+    drawn does, meet at common points of links."""
+    return not all((shape.get("name") or "").startswith(MARK) for shape in tree.iter("collision"))
 
 
 def warn_of_lost_meshes(source: MechanismSource) -> None:

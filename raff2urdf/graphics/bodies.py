@@ -14,7 +14,7 @@ from __future__ import annotations
 
 import math
 from collections import defaultdict
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterator
 from dataclasses import dataclass, field
 from itertools import combinations, pairwise
 from typing import NamedTuple
@@ -22,16 +22,15 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from raff2urdf.graphics.skeleton import BASE, BRANCHES, JOINT, SkeletonDrawing
+from raff2urdf.graphics.skeleton import BASE, JOINT, SkeletonDrawing
 from raff2urdf.graphics.solids import hull, recipe
 from raff2urdf.graphics.wheels import CouplingDrawing
-from raff2urdf.placement import inverse
+from raff2urdf.placement import along, inverse
 from raff2urdf.raff.compound import expanded
 from raff2urdf.raff.document import (
     Document,
     JointType,
     LoopKind,
-    RaffBase,
     RaffFrame,
     RaffLink,
     RaffNode,
@@ -53,7 +52,9 @@ _FLAT = 0.12  # of its extent: deviation from a plane of the joints of a plate
 _MOST_SEARCHED = 12  # joints of a body among which those in a plane are looked for
 _FARTHEST = 1e5  # radii: plates are no larger
 _TUBE = recipe("lathe", 24, 0.0, 0.0, 1.0, 0.0, _END, 1.0, 0.0, 1.0)
-_CUP = recipe("lathe", 24, *(c for t, r in ((-1.5707963, 1.5), (-1.1, 1.5), (-0.7, 1.5), (-0.3, 1.5), (0.1, 1.5), (0.3, 1.25), (-0.3, 1.2), (-0.9, 1.2), (-1.5707963, 1.2)) for c in (r * math.cos(t), r * math.sin(t))))
+_OUTER, _INNER = 1.5, 1.2  # radii of a cup, in units
+_ARCS = [(_OUTER, t) for t in np.linspace(-0.5, 0.03, 6)] + [(_INNER, t) for t in np.linspace(0.03, -0.5, 5)]
+_CUP = recipe("lathe", 24, *(x for r, t in _ARCS for x in (r * math.cos(math.pi * t), r * math.sin(math.pi * t))))
 
 
 class Shape(NamedTuple):
@@ -112,6 +113,7 @@ class BodyDrawing:
         self._gather()
         self._eyes: dict[tuple[int, ...], int] = defaultdict(int)
         self._cups: list[tuple[Body, Array]] = []
+        self._inner: set[Body] = set()  # bodies inside a joint
         self._drawn: dict[int, list[Shape]] = defaultdict(list)
         self._degree: dict[Body, int] = defaultdict(int)
         self.threads: dict[int, float] = {}  # leads (m) of slides whose shafts are screws, by number
@@ -193,11 +195,11 @@ class BodyDrawing:
         for joint in joints:
             around[joint.first].append(joint)
             around[joint.second].append(joint)
-        coupled = {end for one in self.robot.couplings for end in (one.follower, *(drive.link for drive in one.drives))}
         following: dict[int, _Joint] = {}
         for body, ends in around.items():
-            if len(ends) == 2 and ends[0].second is body and ends[1].first is body and self._is_thin(body, *ends, coupled):
+            if len(ends) == 2 and ends[0].second is body is ends[1].first and self._is_thin(body, *ends):
                 following[id(ends[0])] = ends[1]
+                self._inner.add(body)
         followers = {id(joint) for joint in following.values()}
         for joint in joints:
             if id(joint) not in followers:
@@ -206,19 +208,22 @@ class BodyDrawing:
                     chain.append(following[id(chain[-1])])
                 yield chain
 
-    def _is_thin(self, body: Body, before: _Joint, after: _Joint, coupled: set[int]) -> bool:
-        links = [joint.link for joint in (before, after)]
-        apart = np.abs(after.on_first[:3, 3] - before.on_second[:3, 3]).max()
-        if None in links or apart > 1e-3 * self.unit or any(placed[:3, 3].any() for placed in body.nodes.values()):
+    def _is_thin(self, body: Body, before: _Joint, after: _Joint) -> bool:
+        """Return whether a body between two joints is only a part of one joint of several variables."""
+        nodes, apart = [self.robot.nodes[number] for number in body.nodes], after.on_first - before.on_second
+        if before.link is None or after.link is None or float(np.abs(apart[:3, 3]).max()) > 1e-3 * self.unit:
             return False
-        if any(isinstance(self.robot.nodes[number], RaffFrame) for number in body.nodes):
+        if any(isinstance(node, RaffFrame) for node in nodes) or any(
+            bool(at[:3, 3].any()) for at in body.nodes.values()
+        ):
             return False
-        if all(link.own_joint is not None and link.filenames == () for link in links[:1]):
-            return True  # a joint of several variables
-        passive = bool(self.robot.loops) and not any(link.actuated or link.number in coupled for link in links)
-        turning = all(joint.kind is LoopKind.REVOLUTE for joint in (before, after))
-        parallel = abs(before.on_second[:3, 2] @ after.on_first[:3, 2]) > 0.99
-        return passive and turning and not parallel
+        if before.link.own_joint is not None and before.link.filenames == ():
+            return True  # `raff2urdf.raff.compound` has put it there
+        coupled = {n for one in self.robot.couplings for n in (one.follower, *(drive.link for drive in one.drives))}
+        is_passive = not any(link.actuated or link.number in coupled for link in (before.link, after.link))
+        turns = before.kind is after.kind is LoopKind.REVOLUTE
+        aligned = abs(float(before.on_second[:3, 2] @ after.on_first[:3, 2]))
+        return bool(self.robot.loops) and is_passive and turns and aligned < 0.99
 
     def _join(self, chain: list[_Joint]) -> None:
         """Draw a joint on both bodies."""
@@ -339,7 +344,11 @@ class BodyDrawing:
         elif plane is None:
             self._rods(body, points)
         self._ends(body, [point for point, _ in points])
-        if not body.shapes and not all(isinstance(self.robot.nodes[number], RaffFrame) for number in body.nodes):
+        if (
+            not body.shapes
+            and body not in self._inner
+            and not all(isinstance(self.robot.nodes[number], RaffFrame) for number in body.nodes)
+        ):
             self.add(body, _sphere(np.zeros(3), u))
 
     def _distinct(self, body: Body) -> list[tuple[Array, RaffPart | None]]:
@@ -427,6 +436,7 @@ class BodyDrawing:
         return "mesh", (wide, wide, length), along(start, end - start), _TUBE
 
     def add(self, body: Body, solid: _Solid, colour: Colour | None = None) -> None:
+        """Draw a shape (kind, sizes, placement, recipe) in the frame of a body, in its colour or another one."""
         kind, sizes, placement, text = solid
         body.shapes.append(Shape(kind, sizes, placement, colour or body.colour, text))
 
@@ -455,17 +465,6 @@ def _composed(chain: list[_Joint]) -> Array:
     placement = chain[0].on_first
     for before, after in pairwise(chain):
         placement = placement @ inverse(before.on_second) @ after.on_first
-    return placement
-
-
-def along(origin: Array, z: Array) -> Array:
-    """Return a placement at a point whose z axis has a direction."""
-    z = z / np.linalg.norm(z)
-    aside = np.array([1.0, 0.0, 0.0]) if abs(z[0]) < 0.6 else np.array([0.0, 1.0, 0.0])
-    y = np.cross(z, aside)
-    y /= np.linalg.norm(y)
-    placement = np.eye(4)
-    placement[:3, :3], placement[:3, 3] = np.column_stack([np.cross(y, z), y, z]), origin
     return placement
 
 

@@ -1,9 +1,9 @@
-"""Draw a robot from its Kleinfinger parameters, for links that have no graphics.
+"""Bars and markers along a robot's Kleinfinger parameters: what collides and weighs of links that have no graphics.
 
-Each node gets bars to its children: along the three straight parts of the path to a joint (epsilon along its z, d
-along the common perpendicular, r along the child's z), straight to what is fixed to it. A marker shows its own joint:
-a cylinder about the axis of a revolute one; a box, and a rod that slides in its parent's tube or a rail of its parent,
-for a prismatic one; a ball for a ball, universal or planar one.
+(`raff2urdf.graphics.bodies` draws them.) Each node gets bars to its children: along the three straight parts of the
+path to a joint (epsilon along its z, d along the common perpendicular, r along the child's z), straight to what is
+fixed to it. A marker is at its own joint: a cylinder about the axis of a revolute one; a box, and a rod that slides in
+its parent's tube or a rail of its parent, for a prismatic one; a ball for a ball, universal or planar one.
 """
 
 from __future__ import annotations
@@ -32,6 +32,9 @@ BRANCHES = (
 )
 BASE = (0.45, 0.47, 0.5)
 JOINT = (0.2, 0.22, 0.25)
+MARK = "skeleton"
+"""Beginning of the names of a URDF's collision shapes that are bars and markers, rather than shapes of the robot."""
+
 _FARTHEST = 100.0  # of the sum of a robot's lengths: limits beyond stand for none, as 1e6 does in many files
 
 
@@ -42,7 +45,7 @@ class _Style:
 
 
 class SkeletonDrawing:
-    """Drawings of the nodes of one robot, each in its own frame."""
+    """Bars and markers of the nodes of one robot, each in its own frame."""
 
     def __init__(self, document: Document, robot: RaffRobot) -> None:
         self.document, self.robot = document, robot

@@ -41,7 +41,7 @@ def triangles(text: str) -> Array:
         if kind not in _MAKERS or len(numbers) > _MOST or not all(abs(number) <= _LARGEST for number in numbers):
             raise ValueError
         return _MAKERS[kind](*numbers)
-    except (IndexError, TypeError, ValueError):
+    except (ArithmeticError, IndexError, TypeError, ValueError):
         shown = text if len(text) < 100 else text[:100] + "..."
         raise RaffError(f"'{SCHEME}://{shown}' is no solid: one of {', '.join(_MAKERS)} with its numbers") from None
 
@@ -89,22 +89,22 @@ def _plate(half: float, radius: float, *points: float) -> Array:
 def _wheel(teeth: float, half: float) -> Array:
     """A gear wheel of pitch radius 1 with a tooth on the x axis."""
     tips, turn = _toothed(teeth, 1.0)
-    return _loft([_circle(turn, r, z) for r, z in ((0.0, -half), (tips, -half), (tips, half), (0.0, half))])
+    below, above = ([_circle(turn, 0.0, z), _circle(turn, tips, z)] for z in (-half, half))
+    return _loft([*below, *above[::-1]])
 
 
 def _ring(teeth: float, half: float, outer: float) -> Array:
     """A ring with teeth inside, of pitch radius 1, one of them on the x axis."""
     tips, turn = _toothed(teeth, -1.0)
-    rings = [_circle(turn, r, z) for r, z in ((tips, -half), (outer, -half), (outer, half), (tips, half))]
-    return _loft([*rings, rings[0]])
+    below, above = ([_circle(turn, tips, z), _circle(turn, outer, z)] for z in (-half, half))
+    return _loft([*below, *above[::-1], below[0]])
 
 
 def _bevel(teeth: float, slope: float, width: float) -> Array:
     """A bevel wheel whose pitch cone has the height `slope`, with its apex on z: pitch radius 1 at z = 0."""
     tips, turn = _toothed(teeth, 1.0)
-    part = 1.0 - width
-    rings = [(0.0, -0.3), (0.6, -0.3), (tips, 0.0), (part * tips, width * slope), (0.0, width * slope)]
-    return _loft([_circle(turn, r, z) for r, z in rings])
+    back = [_circle(turn, 0.0, -0.3), _circle(turn, 0.6, -0.3), _circle(turn, tips, 0.0)]
+    return _loft([*back, _circle(turn, (1.0 - width) * tips, width * slope), _circle(turn, 0.0, width * slope)])
 
 
 def _belt(distance: float, first: float, second: float, thick: float, half: float, crossed: float = 0.0) -> Array:
@@ -163,8 +163,8 @@ def _loft(rings: Sequence[Array]) -> Array:
     return np.concatenate(faces)
 
 
-def _circle(turn: Array, radius: float | Array, z: float) -> Array:
-    return np.column_stack([radius * np.cos(turn), radius * np.sin(turn), np.full(len(turn), z)])
+def _circle(turn: Array, radius: ArrayLike, z: float) -> Array:
+    return np.column_stack([np.cos(turn) * radius, np.sin(turn) * radius, np.full(len(turn), z)])
 
 
 def _at_height(ring: Array, z: float) -> Array:

@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
@@ -19,12 +19,12 @@ from numpy.typing import NDArray
 
 from raff2urdf.graphics.skeleton import JOINT
 from raff2urdf.graphics.solids import recipe, tooth_numbers
-from raff2urdf.placement import inverse
+from raff2urdf.placement import along, inverse
 from raff2urdf.raff.document import DriveKind, JointType, RaffCoupling, RaffLink
-from raff2urdf.tree import placements
+from raff2urdf.tree import home, placements
 
 if TYPE_CHECKING:
-    from raff2urdf.graphics.bodies import Body, BodyDrawing
+    from raff2urdf.graphics.bodies import Body, BodyDrawing, Colour
 
 Array = NDArray[np.float64]
 
@@ -33,6 +33,7 @@ _FAR = 40.0  # units: distance of axes beyond which a belt connects them
 _ABOVE = 2.1  # units: of wheels above the middle of their joint
 _HALF = 0.5  # units: of the thickness of wheels
 _MOST_TURNS = 40  # of a screw that are drawn
+_NUT = recipe("lathe", 6, 0.0, -1.0, 1.0, -1.0, 1.0, 1.0, 0.0, 1.0)
 
 
 class Wheel(NamedTuple):
@@ -80,25 +81,21 @@ class CouplingDrawing:
     def __init__(self, bodies: BodyDrawing) -> None:
         self.bodies, self.robot, self.unit = bodies, bodies.robot, bodies.unit
         self.world = placements(bodies.document, bodies.robot)
-        self._teeth: dict[tuple[int, ...], tuple[int, float]] = {}  # of wheels: teeth, and angle of one of them
+        self._teeth: dict[tuple[int, ...], tuple[int, Array]] = {}  # of wheels: their number, and where one is
 
     def draw(self) -> None:
         """Draw all couplings."""
         for coupling in self.robot.couplings:
-            kinds = {drive.kind for drive in coupling.drives}
-            if kinds == {DriveKind.RATIO}:
-                for mesh in self.meshes(coupling):
-                    self._draw_mesh(mesh, self.bodies.bodies[self._link(coupling.follower).pred])
+            for mesh in self.meshes(coupling):
+                self._draw_mesh(mesh, self.bodies.bodies[self._link(coupling.follower).pred])
             for drive in coupling.drives:
                 ends = self._link(coupling.follower), self._link(drive.link)
-                slides = [link for link in ends if link.type is JointType.PRISMATIC]
-                if len(slides) == 1 and drive.kind in (DriveKind.RADIUS, DriveKind.LEAD):
-                    turning = ends[0] if slides[0] is ends[1] else ends[1]
-                    length = self.bodies.document.metres(drive.numbers[0])
-                    if drive.kind is DriveKind.RADIUS:
-                        self._rack(slides[0], turning, length, bool(_BELT.search(coupling.name or "")))
-                    else:
-                        self._screw(slides[0], turning, length, len(coupling.drives) > 1)
+                slide, turning = ends if ends[0].type is JointType.PRISMATIC else ends[::-1]
+                length = self.bodies.document.metres(drive.numbers[0])
+                if drive.kind is DriveKind.RADIUS:
+                    self._rack(slide, turning, length, bool(_BELT.search(coupling.name or "")))
+                elif drive.kind is DriveKind.LEAD:
+                    self._screw(slide, turning, length, len(coupling.drives) > 1)
 
     def _link(self, number: int) -> RaffLink:
         link = self.robot.nodes[number]
@@ -110,7 +107,7 @@ class CouplingDrawing:
     def meshes(self, coupling: RaffCoupling) -> Iterator[Mesh]:
         """Yield the pairs of wheels that impose a coupling of revolute joints."""
         first = self._link(coupling.follower)
-        if first.type is not JointType.REVOLUTE:
+        if first.type is not JointType.REVOLUTE or any(drive.kind is not DriveKind.RATIO for drive in coupling.drives):
             return
         own = Wheel(self.bodies.bodies[first.number], self.world[first.number], {first.number: 1.0})
         others = list(self._on_carrier(first))
@@ -140,7 +137,11 @@ class CouplingDrawing:
             bearer, axis = self.bodies.bodies[inner.pred], self.world[inner.number]
             yield Wheel(bearer, axis, {inner.number: -1.0}, bears=True)
             for one in turning:
-                if one is not inner and self.bodies.bodies[one.pred] is bearer and self._coaxial(axis, self.world[one.number]):
+                if (
+                    one is not inner
+                    and self.bodies.bodies[one.pred] is bearer
+                    and self._coaxial(axis, self.world[one.number])
+                ):
                     same = math.copysign(1.0, axis[:3, 2] @ self.world[one.number][:3, 2])
                     yield Wheel(self.bodies.bodies[one.number], axis, {one.number: same, inner.number: -1.0})
 
@@ -149,7 +150,7 @@ class CouplingDrawing:
         parallel = abs(one[:3, 2] @ other[:3, 2]) > 1.0 - 1e-9
         return bool(parallel and np.linalg.norm(np.cross(apart, one[:3, 2])) < 1e-3 * self.unit)
 
-    def _ratio(self, own: Wheel, other: Wheel, couplings: tuple[RaffCoupling, ...] | list[RaffCoupling]) -> float | None:
+    def _ratio(self, own: Wheel, other: Wheel, couplings: Sequence[RaffCoupling]) -> float | None:
         """Return how far a wheel turns for 1 of another one as couplings demand; None if they leave that open."""
         numbers = [link.number for link in self.robot.links]
         rows = []
@@ -199,156 +200,128 @@ class CouplingDrawing:
         return Mesh("bevel", (own, other), (abs(aside), abs(high)), centres, (z, axis), ratio)
 
     def _draw_mesh(self, mesh: Mesh, carrier: Body) -> None:
-        u, (own, other), (near, far) = self.unit, mesh.wheels, mesh.radii
-        teeth = list(tooth_numbers(mesh.ratio))
-        towards = (mesh.centres[1] - mesh.centres[0]) / np.linalg.norm(mesh.centres[1] - mesh.centres[0])
         if mesh.kind == "bevel":
-            apex = mesh.centres[0] + mesh.axes[0] * (mesh.axes[0] @ (mesh.centres[1] - mesh.centres[0]))
-            for i, (wheel, radius) in enumerate(zip(mesh.wheels, mesh.radii, strict=True)):
-                way = (apex - mesh.centres[i]) / mesh.radii[1 - i]
-                aside = mesh.centres[1 - i] - apex
-                shape = recipe("bevel", teeth[i], mesh.radii[1 - i] / radius, 0.3)
-                self._put(wheel.body, shape, radius, radius, mesh.centres[i], way, aside, 0.5 * i, teeth[i])
+            self._draw_bevel(mesh)
             return
-        if mesh.kind == "ring":
-            towards = -towards
-        known = [self._teeth.get(self._key(w, r)) for w, r in zip(mesh.wheels, mesh.radii, strict=True)]
-        for i in (0, 1):
-            if known[i] is not None:
-                teeth = [round(known[i][0] * mesh.radii[j] / mesh.radii[i]) for j in (0, 1)]
-        z, x = mesh.axes[0], towards
-        frame = np.column_stack([x, np.cross(z, x), z])
-        # Phases count from a tooth to the point of contact, in pitches; x points from the first wheel to it.
-        backwards = -1.0 if mesh.kind == "spur" else 1.0
-        phases: list[float | None] = [None, None]
-        for i in (0, 1):
-            if known[i] is not None:
-                way = self._turned(wheel_angle := known[i][1], z)
-                angle = math.atan2(frame[:, 1] @ way, frame[:, 0] @ way)
-                at = math.pi if i and mesh.kind == "spur" else 0.0
-                phases[i] = (at - angle) * teeth[i] / (2.0 * math.pi)
-                del wheel_angle
-        if phases[0] is None:
-            phases[0] = 0.0 if phases[1] is None else backwards * (phases[1] - 0.5)
-        if phases[1] is None:
-            phases[1] = 0.5 + backwards * phases[0]
-        for i, (wheel, radius) in enumerate(zip(mesh.wheels, mesh.radii, strict=True)):
-            if known[i] is not None:
-                continue
-            at = math.pi if i and mesh.kind == "spur" else 0.0
-            angle = at - 2.0 * math.pi * phases[i] / teeth[i]
-            tooth = frame @ [math.cos(angle), math.sin(angle), 0.0]
-            self._teeth[self._key(wheel, radius)] = teeth[i], self._angle(tooth, z)
-            self._wheel(wheel.body, teeth[i], radius, mesh.centres[i], z, tooth, i == 1 and mesh.kind == "ring")
+        ends = list(zip(mesh.wheels, mesh.radii, mesh.centres, strict=True))
+        z, apart = mesh.axes[0], mesh.centres[1] - mesh.centres[0]
+        x = apart / np.linalg.norm(apart) * (-1.0 if mesh.kind == "ring" else 1.0)  # to where they touch
+        y = np.cross(z, x)
+        known = [self._teeth.get(self._key(wheel, radius)) for wheel, radius, _ in ends]
+        teeth = tooth_numbers(mesh.ratio)
+        for radius, given in zip(mesh.radii, known, strict=True):
+            if given is not None:
+                teeth = round(given[0] * mesh.radii[0] / radius), round(given[0] * mesh.radii[1] / radius)
+        # Pitches from a tooth to where they touch: a tooth of one is in a gap of the other.
+        contact, sign = ((0.0, math.pi), 1.0) if mesh.kind == "spur" else ((0.0, 0.0), -1.0)
+        phases = [
+            None if given is None else (contact[i] - math.atan2(y @ given[1], x @ given[1])) * teeth[i] / math.tau
+            for i, given in enumerate(known)
+        ]
+        first = phases[0] if phases[0] is not None else 0.0 if phases[1] is None else sign * (0.5 - phases[1])
+        for i, (phase, (wheel, radius, centre)) in enumerate(zip((first, 0.5 - sign * first), ends, strict=True)):
+            if known[i] is None:
+                angle = contact[i] - math.tau * phase / teeth[i]
+                tooth = x * math.cos(angle) + y * math.sin(angle)
+                self._teeth[self._key(wheel, radius)] = teeth[i], tooth
+                self._wheel(wheel.body, teeth[i], radius, centre, z, tooth, is_ring=i == 1 and mesh.kind == "ring")
         if mesh.kind in ("belt", "crossed"):
-            radii = [radius * (1.0 + 1.8 / n) / u for radius, n in zip(mesh.radii, teeth, strict=True)]
-            length = float(np.linalg.norm(mesh.centres[1] - mesh.centres[0])) / u
-            shape = recipe("belt", length, *radii, 0.25, 0.8 * _HALF, float(mesh.kind == "crossed"))
-            self._place(carrier, shape, (u, u, u), mesh.centres[0], z, towards, JOINT)
+            self._belt(carrier, mesh.centres, mesh.radii, teeth, z, mesh.kind == "crossed")
+
+    def _draw_bevel(self, mesh: Mesh) -> None:
+        apex = mesh.centres[0] + mesh.axes[0] * (mesh.axes[0] @ (mesh.centres[1] - mesh.centres[0]))
+        for i, count in enumerate(tooth_numbers(mesh.ratio)):
+            centre, radius, height = mesh.centres[i], mesh.radii[i], mesh.radii[1 - i]
+            z, x = (apex - centre) / height, (mesh.centres[1 - i] - apex) / radius
+            angle = math.pi * i / count
+            tooth = x * math.cos(angle) + np.cross(z, x) * math.sin(angle)
+            text = recipe("bevel", count, height / radius, 0.3)
+            self._place(mesh.wheels[i].body, text, (radius,) * 3, centre, z, tooth)
 
     def _wheel(
         self, body: Body, teeth: int, radius: float, centre: Array, z: Array, tooth: Array, is_ring: bool = False
     ) -> None:
-        u = self.unit
+        u, scale = self.unit, (radius, radius, _HALF * self.unit)
         if is_ring:
-            shape = recipe("ring", teeth, 1.0, 1.0 + 5.0 / teeth + 0.8 * u / radius)
-            self._place(body, shape, (radius, radius, _HALF * u), centre, z, tooth)
+            self._place(body, recipe("ring", teeth, 1.0, 1.0 + 5.0 / teeth + 0.8 * u / radius), scale, centre, z, tooth)
             return
-        self._place(body, recipe("wheel", teeth, 1.0), (radius, radius, _HALF * u), centre, z, tooth)
+        self._place(body, recipe("wheel", teeth, 1.0), scale, centre, z, tooth)
         hub = min(0.9 * u, 0.6 * radius)
         self._cylinder(body, hub, centre - _ABOVE * u * z, centre + 1.3 * _HALF * u * z)
         self._cylinder(body, 0.5 * hub, centre, centre + 1.7 * _HALF * u * z, JOINT)
 
+    def _belt(
+        self,
+        carrier: Body,
+        centres: Sequence[Array],
+        radii: Sequence[float],
+        teeth: Sequence[int],
+        z: Array,
+        is_crossed: bool = False,
+    ) -> None:
+        u, apart = self.unit, centres[1] - centres[0]
+        outer = [radius * (1.0 + 1.8 / count) / u for radius, count in zip(radii, teeth, strict=True)]
+        text = recipe("belt", float(np.linalg.norm(apart)) / u, *outer, 0.25, 0.8 * _HALF, float(is_crossed))
+        self._place(carrier, text, (u, u, u), centres[0], z, apart, JOINT)
+
     def _key(self, wheel: Wheel, radius: float) -> tuple[int, ...]:
-        where = inverse(self._home_of(wheel.body)) @ wheel.axis
-        return (id(wheel.body), round(20.0 * radius / self.unit), *np.round(where[:3, 3] / self.unit).astype(int).tolist())
-
-    def _angle(self, way: Array, z: Array) -> float:
-        x, y = self._beside(z)
-        return math.atan2(y @ way, x @ way)
-
-    def _turned(self, angle: float, z: Array) -> Array:
-        x, y = self._beside(z)
-        return x * math.cos(angle) + y * math.sin(angle)
-
-    def _beside(self, z: Array) -> tuple[Array, Array]:
-        aside = np.eye(3)[int(np.abs(z).argmin())]
-        x = np.cross(aside, z)
-        x /= np.linalg.norm(x)
-        return x, np.cross(z, x)
+        at = inverse(self._home_of(wheel.body)) @ wheel.axis[:, 3] / self.unit
+        return id(wheel.body), round(20.0 * radius / self.unit), *np.round(at[:3]).astype(int).tolist()
 
     # --- racks and screws -------------------------------------------------------------------------------------------
 
     def _rack(self, slide: RaffLink, turning: RaffLink, radius: float, is_belt: bool) -> None:
+        """Draw a pinion, and the rack on what slides or a belt to the other end of its stroke, if they can touch."""
         u, axis, rail = self.unit, self.world[turning.number], self.world[slide.number]
-        z, way = axis[:3, 2], rail[:3, 2] * math.copysign(1.0, radius)
+        z, way, bodies = axis[:3, 2], rail[:3, 2] * math.copysign(1.0, radius), self.bodies.bodies
         radius = abs(radius)
         teeth = min(max(round(math.tau * radius / (1.2 * u)), 12), 80)
         level = float(z @ (rail[:3, 3] - axis[:3, 3]))
-        level = level if abs(level) > _ABOVE * u else math.copysign(_ABOVE * u, level)
-        centre, aside = axis[:3, 3] + level * z, np.cross(way, z)
-        body, moving = self.bodies.bodies[turning.number], self.bodies.bodies[slide.number]
-        on_same = self.bodies.bodies[slide.pred] is self.bodies.bodies[turning.pred]
-        self._wheel_on(body, teeth, radius, centre, axis, aside)
-        if abs(z @ way) > 1e-6 or not on_same:
+        centre = axis[:3, 3] + z * (level if abs(level) > _ABOVE * u else math.copysign(_ABOVE * u, level))
+        aside = np.cross(way, z)  # from the axis to where the pinion drives along `way`
+        touches = abs(z @ way) < 1e-6 and bodies[slide.pred] is bodies[turning.pred]
+        tooth = aside if touches else axis[:3, 0]
+        self._place(bodies[turning.number], recipe("wheel", teeth, _HALF * u / radius), (radius,) * 3, centre, z, tooth)
+        self._cylinder(bodies[turning.number], min(0.8 * u, 0.6 * radius), axis[:3, 3], centre + 0.8 * u * z)
+        if not touches:
             return
-        low, high = sorted(math.copysign(1.0, way @ rail[:3, 2]) * value for value in self.bodies.skeleton.stroke(slide))
-        now = float(way @ (rail[:3, 3] - self._zero(slide)))
-        ahead = float(way @ (centre - rail[:3, 3])) + now  # of the slide where its variable is 0
+        now, (low, high) = home(self.bodies.document, slide), self.bodies.skeleton.stroke(slide)
+        low, high = sorted(float(way @ rail[:3, 2]) * (value - now) for value in (low, high))  # from here along `way`
+        ahead = float(way @ (centre - rail[:3, 3]))  # from what slides to the pinion
+        contact = centre + radius * aside
         if is_belt:
-            ends = np.array([low, high]) - ahead
-            reach = float(ends[np.abs(ends).argmax()])
-            length = abs(reach) + radius + 4.0 * u
-            shape = recipe("belt", length / u, *[radius * (1.0 + 1.8 / teeth) / u] * 2, 0.25, 0.8 * _HALF, 0.0)
-            along = math.copysign(1.0, reach) * way
-            carrier = self.bodies.bodies[slide.pred]
-            self._place(carrier, shape, (u, u, u), centre, z, along, JOINT)
-            self._cylinder(carrier, 0.95 * radius, centre + length * along - 0.4 * u * z, centre + length * along + 0.4 * u * z)
-            at = centre + radius * aside + way * float(way @ (rail[:3, 3] - centre))
-        else:
-            pitch = math.tau * radius / teeth
-            first, last = (ahead - high) / pitch - 3.0, (ahead - low) / pitch + 3.0
-            count = math.ceil(last - first)
-            middle = ahead - now + pitch * (round((0.5 * (first + last) * pitch - ahead + now) / pitch - 0.5) + 0.5)
-            shape = recipe("rack", 2 * math.ceil(0.5 * count), pitch / u, _HALF, 0.9)
-            at = rail[:3, 3] + way * (way @ (centre + radius * aside - rail[:3, 3]))
-            at = centre + radius * aside + way * (middle - float(way @ (centre - rail[:3, 3])))
-            self._place(moving, shape, (u, u, u), at, -z if False else np.cross(-way, aside), -way, None)
-            at = at + aside * 0.6 * u
-        self._bracket(moving, rail[:3, 3], at)
-
-    def _zero(self, slide: RaffLink) -> Array:
-        """Return where a slide is in the world if its variable is 0 (3,)."""
-        from raff2urdf.tree import home
-
-        at = self.world[slide.number]
-        return np.asarray(at[:3, 3] - home(self.bodies.document, slide) * at[:3, 2])
-
-    def _wheel_on(self, body: Body, teeth: int, radius: float, centre: Array, axis: Array, tooth: Array) -> None:
-        z = axis[:3, 2]
-        self._place(body, recipe("wheel", teeth, 1.0), (radius, radius, _HALF * self.unit), centre, z, tooth)
-        self._cylinder(body, min(0.8 * self.unit, 0.6 * radius), axis[:3, 3], centre + 0.8 * self.unit * z)
+            end = max((low - ahead, high - ahead), key=abs)
+            idler = centre + math.copysign(abs(end) + radius + 4.0 * u, end) * way
+            self._belt(bodies[slide.pred], (centre, idler), (radius, radius), (teeth, teeth), z)
+            self._cylinder(bodies[slide.pred], 0.95 * radius, idler - 0.8 * _HALF * u * z, idler + 0.8 * _HALF * u * z)
+            self._bracket(bodies[slide.number], rail[:3, 3], contact - ahead * way)
+            return
+        pitch = math.tau * radius / teeth
+        reach = (low / pitch - 3.0, high / pitch + 3.0)  # of the contact on the rack, backwards, in pitches
+        count, middle = 2 * math.ceil(0.5 * (reach[1] - reach[0])), -round(0.5 * (reach[0] + reach[1])) * pitch
+        text = recipe("rack", count, pitch / u, _HALF, 0.9)
+        self._place(bodies[slide.number], text, (u, u, u), contact + middle * way, np.cross(way, aside), -way)
+        self._bracket(bodies[slide.number], rail[:3, 3], contact + 0.6 * u * aside - ahead * way)
 
     def _screw(self, slide: RaffLink, turning: RaffLink, lead: float, turns_nut: bool) -> None:
+        """Draw a screw that turns, with its nut on what slides; or a nut that turns on the sliding shaft."""
         u, axis, rail = self.unit, self.world[turning.number], self.world[slide.number]
-        if abs(axis[:3, 2] @ rail[:3, 2]) < 1.0 - 1e-6:
+        z, body, moving = rail[:3, 2], self.bodies.bodies[turning.number], self.bodies.bodies[slide.number]
+        if abs(axis[:3, 2] @ z) < 1.0 - 1e-6:
             return
-        z, moving = rail[:3, 2], self.bodies.bodies[slide.number]
-        body = self.bodies.bodies[turning.number]
-        low, high = self.bodies.skeleton.stroke(slide)
-        if turns_nut:  # nuts that turn on a shaft that slides
+        if turns_nut:
             if self._coaxial(axis, rail):
-                at = axis[:3, 3] + (1.3 if lead > 0.0 else -1.3) * u * z
-                self._place(body, recipe("lathe", 6, 0, -1, 1, -1, 1, 1, 0, 1), (1.9 * u, 1.9 * u, 0.9 * u), at, z, axis[:3, 0])
+                at = axis[:3, 3] + math.copysign(1.3 * u, lead) * z
+                self._place(body, _NUT, (1.9 * u, 1.9 * u, 0.9 * u), at, z, axis[:3, 0])
                 self.bodies.threads[slide.number] = abs(lead)
             return
-        foot = axis[:3, 3] + z * (z @ (self._zero(slide) - axis[:3, 3]))
-        start, length = foot + (low - 3.0 * u) * z, high - low + 6.0 * u
-        turns = min(length / abs(lead), _MOST_TURNS) * math.copysign(1.0, lead * (z @ axis[:3, 2]))
+        now, (low, high) = home(self.bodies.document, slide), self.bodies.skeleton.stroke(slide)
+        nut, length = axis[:3, 3] + z * (z @ (rail[:3, 3] - axis[:3, 3])), high - low + 6.0 * u
+        turns = math.copysign(min(length / abs(lead), _MOST_TURNS), lead * (z @ axis[:3, 2]))
+        start = nut + (low - now - 3.0 * u) * z
         self._place(body, recipe("screw", turns, 0.3), (0.85 * u, 0.85 * u, length), start, z, axis[:3, 0])
-        at = foot + z * (z @ (rail[:3, 3] - foot))
-        self._place(moving, recipe("lathe", 6, 0, -1, 1, -1, 1, 1, 0, 1), (1.7 * u, 1.7 * u, u), at, z, axis[:3, 0])
-        self._bracket(moving, rail[:3, 3], at)
+        self._place(moving, _NUT, (1.7 * u, 1.7 * u, u), nut, z, axis[:3, 0])
+        self._bracket(moving, rail[:3, 3], nut)
 
     # --- shapes, in the world at home -------------------------------------------------------------------------------
 
@@ -356,7 +329,14 @@ class CouplingDrawing:
         return self.world[next(iter(body.nodes))]
 
     def _place(
-        self, body: Body, text: str, scale: tuple[float, ...], centre: Array, z: Array, x: Array, colour: object = None
+        self,
+        body: Body,
+        text: str,
+        scale: tuple[float, ...],
+        centre: Array,
+        z: Array,
+        x: Array,
+        colour: Colour | None = None,
     ) -> None:
         x = x - z * (z @ x)
         x = x / np.linalg.norm(x)
@@ -364,17 +344,7 @@ class CouplingDrawing:
         placement[:3, :3], placement[:3, 3] = np.column_stack([x, np.cross(z, x), z]), centre
         self.bodies.add(body, ("mesh", scale, inverse(self._home_of(body)) @ placement, text), colour)
 
-    def _put(self, body: Body, text: str, radius: float, high: float, centre: Array, way: Array, x: Array, phase: float, teeth: int) -> None:
-        z = way / np.linalg.norm(way)
-        x = x - z * (z @ x)
-        x = x / np.linalg.norm(x)
-        angle = math.tau * phase / teeth
-        tooth = x * math.cos(angle) + np.cross(z, x) * math.sin(angle)
-        self._place(body, text, (radius, radius, radius), centre, z, tooth)
-
-    def _cylinder(self, body: Body, radius: float, start: Array, end: Array, colour: object = None) -> None:
-        from raff2urdf.graphics.bodies import along
-
+    def _cylinder(self, body: Body, radius: float, start: Array, end: Array, colour: Colour | None = None) -> None:
         place = inverse(self._home_of(body)) @ along(0.5 * (start + end), end - start)
         self.bodies.add(body, ("cylinder", (radius, float(np.linalg.norm(end - start))), place, ""), colour)
 

@@ -24,7 +24,7 @@ from raff2urdf.errors import RaffWarning
 from raff2urdf.files import GENERATED
 from raff2urdf.graphics.bodies import BodyDrawing, Shape
 from raff2urdf.graphics.meshes import Graphics
-from raff2urdf.graphics.skeleton import SkeletonDrawing
+from raff2urdf.graphics.skeleton import MARK, SkeletonDrawing
 from raff2urdf.raff.document import Document, JointType, RaffLink, RaffNode, RaffPart, RaffRobot
 from raff2urdf.raff.kleinfinger import transform
 from raff2urdf.raff.masses import RaffMasses
@@ -104,7 +104,8 @@ def tree(
         collisions = []
         if not visuals and node.filenames != ():  # `filename { }` shows nothing
             visuals = [_visual(one, graphics, out) for one in bodies.of(node)]
-            collisions = [Collision(f"{i}", one.origin, one.geometry) for i, one in enumerate(skeleton.draw(node))]
+            bars = enumerate(skeleton.draw(node))
+            collisions = [Collision(f"{MARK} {i}", bar.origin, bar.geometry) for i, bar in bars]
         return Link(name=node.node, visuals=visuals, collisions=collisions, inertial=inertial(masses.of(node)))
 
     placement = transform(kleinfinger(document, robot.base.parameters))

@@ -35,6 +35,4 @@ def lab(colour, vision=NORMAL):
 @pytest.mark.parametrize("vision", [NORMAL, *DEFICIENT.values()], ids=["normal", *DEFICIENT])
 def test_branches_are_distinguished(vision):
     for one, other in combinations([*BRANCHES, BASE, JOINT], 2):
-        assert np.linalg.norm(lab(one, vision) - lab(other, vision)) > (
-            0.0 if {one, other} == {BASE, JOINT} else 15.0
-        )
+        assert np.linalg.norm(lab(one, vision) - lab(other, vision)) > (0.0 if {one, other} == {BASE, JOINT} else 15.0)
