@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import re
 import warnings
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -28,6 +29,9 @@ from raff2urdf.writers import WriteOptions, files
 
 if TYPE_CHECKING:  # takes half a second
     from raff2urdf.urdf_object import ExactUrdf
+
+
+_NOT_IN_XML = re.compile("[\x00-\x1f\ud800-\udfff\ufffe\uffff]")  # characters of names of files
 
 
 @dataclass(frozen=True)
@@ -264,7 +268,8 @@ def convert(
     for one in robots:
         name = stem if len(document.robots) == 1 else f"{stem}.{one.name}"
         name = name if file is None else Path(file).stem
-        made = translate(document, one, path.parent, out, loops, None if streamed else out / "meshes" / name, exact)
+        meshes = out / "meshes" / _NOT_IN_XML.sub("_", name)
+        made = translate(document, one, path.parent, out, loops, None if streamed else meshes, exact)
         warn_of(one.name, made.analysis, actuation=format != "urdf")
         own, *others = files(format, made, name, options).items()
         constrained = made.constraints["loops"] or made.constraints.get("couplings")

@@ -22,7 +22,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from raff2urdf.graphics.skeleton import BASE, JOINT, SkeletonDrawing
+from raff2urdf.graphics.skeleton import BASE, JOINT, SkeletonDrawing, digits, rounded
 from raff2urdf.graphics.solids import hull, recipe
 from raff2urdf.graphics.wheels import CouplingDrawing
 from raff2urdf.placement import along, inverse
@@ -130,11 +130,17 @@ class BodyDrawing:
             carrier = self._carrier(body)
             self._fill(body)
             back = inverse(body.nodes[carrier])
-            self._drawn[carrier] += [one._replace(placement=back @ one.placement) for one in body.shapes]
+            self._drawn[carrier] += [self._written(one, back @ one.placement) for one in body.shapes]
 
     def of(self, node: RaffNode) -> list[Shape]:
         """Return the shapes of one node, in its own frame."""
         return self._drawn[node.number]
+
+    def _written(self, shape: Shape, placement: Array) -> Shape:
+        """Return a shape at a placement, both without rounding errors such as 1e-17."""
+        placed = np.round(placement, 12) + 0.0
+        placed[:3, 3] = rounded(placement[:3, 3], self.unit)
+        return shape._replace(sizes=tuple(map(digits, shape.sizes)), placement=placed)
 
     # --- bodies ---------------------------------------------------------------------------------------------------
 
@@ -163,16 +169,10 @@ class BodyDrawing:
         self._shared = {body for body, colours in branches.items() if len(colours) > 2 and 0 not in body.nodes}
 
     def _carrier(self, body: Body) -> int:
-        """Return the node that draws a body."""
-        if 0 in body.nodes:
-            return 0
-        nodes = [self.robot.nodes[number] for number in body.nodes]
-        free = [node for node in nodes if node.filenames is None]
-        links = [node for node in free if isinstance(node, RaffLink)]
-        return (links or free or nodes)[0].number
-
-    def _has_graphics(self, body: Body) -> bool:
-        return any(self.robot.nodes[number].filenames for number in body.nodes)
+        """Return the node that draws a body: none is seen of one that has graphics of its own, or shows nothing."""
+        links = [number for number in body.nodes if not isinstance(self.robot.nodes[number], RaffFrame)]
+        free = [number for number in links if self.robot.nodes[number].filenames is None]
+        return 0 if 0 in links else [*free, *links][0]
 
     # --- joints ---------------------------------------------------------------------------------------------------
 
@@ -334,22 +334,21 @@ class BodyDrawing:
     # --- what connects the joints of a body -------------------------------------------------------------------------
 
     def _fill(self, body: Body) -> None:
-        u, points = self.unit, self._distinct(body)
+        shown = [self.robot.nodes[number] for number in body.nodes if self.robot.nodes[number].filenames]
+        if any(not isinstance(node, RaffFrame) for node in shown):
+            return  # the joints alone are drawn
+        points = self._distinct(body)
         plane = self._plane(np.array([point for point, _ in points]))
-        if plane is not None and body in self._shared:
-            body.shapes[:] = [one._replace(colour=SHARED) if one.colour == body.colour else one for one in body.shapes]
-            body.colour = SHARED
-        if plane is not None and not (self._has_graphics(body) and 0 not in body.nodes):
-            self._plate(body, points, plane)
-        elif plane is None:
+        if plane is None:
             self._rods(body, points)
+        elif not shown:
+            if body in self._shared:
+                own, body.colour = body.colour, SHARED
+                body.shapes[:] = [one._replace(colour=SHARED) if one.colour == own else one for one in body.shapes]
+            self._plate(body, points, plane)
         self._ends(body, [point for point, _ in points])
-        if (
-            not body.shapes
-            and body not in self._inner
-            and not all(isinstance(self.robot.nodes[number], RaffFrame) for number in body.nodes)
-        ):
-            self.add(body, _sphere(np.zeros(3), u))
+        if not body.shapes and body not in self._inner:
+            self.add(body, _sphere(np.zeros(3), self.unit))
 
     def _distinct(self, body: Body) -> list[tuple[Array, RaffPart | None]]:
         found: list[tuple[Array, RaffPart | None]] = []
@@ -382,7 +381,8 @@ class BodyDrawing:
         local = np.array([(inverse(plane) @ [*point, 1.0])[:3] for point, _ in points])
         span = np.linalg.norm(local[:, :2], axis=1).max()
         held = np.abs(local[:, 2]) <= max(_FLAT * span, u)
-        self.add(body, ("mesh", (u, u, u), plane, recipe("plate", half, 1.7, *(local[held, :2] / u).ravel())))
+        rim = local[held, :2][hull(local[held, :2])]
+        self.add(body, ("mesh", (u, u, u), plane, recipe("plate", half, 1.7, *(rim / u).ravel())))
         for x, y, z in local:
             if abs(z) > half * u:  # a post
                 inside = _is_inside(np.array([x, y]), local[held, :2])

@@ -99,7 +99,7 @@ class SkeletonDrawing:
             yield from _bar(-half, half, 1.5, marker)
         else:
             size = np.array([2.6, 2.6, 3.2]) * style.radius
-            yield _visual("box", _round(size, style), np.eye(4), marker)
+            yield _visual("box", rounded(size, style.radius), np.eye(4), marker)
             *_, rod = self.telescope_of(node)
             yield from _bar(np.array([0.0, 0.0, -rod]), np.zeros(3), 0.6, style)
 
@@ -182,11 +182,11 @@ def _bar(start: np.ndarray, end: np.ndarray, thickness: float, style: _Style) ->
     y = np.cross(z, aside)
     y /= math.sqrt(math.fsum(x * x for x in y.tolist()))
     placement = _at((start + end) / 2.0, np.column_stack([np.cross(y, z), y, z]), style)
-    yield _visual("cylinder", (_digits(thickness * style.radius), _digits(length)), placement, style)
+    yield _visual("cylinder", (digits(thickness * style.radius), digits(length)), placement, style)
 
 
 def _ball(centre: np.ndarray, thickness: float, style: _Style) -> Visual:
-    return _visual("sphere", (_digits(thickness * style.radius),), _at(centre, np.eye(3), style), style)
+    return _visual("sphere", (digits(thickness * style.radius),), _at(centre, np.eye(3), style), style)
 
 
 def _visual(kind: str, sizes: ArrayLike, placement: np.ndarray, style: _Style) -> Visual:
@@ -202,15 +202,16 @@ def _visual(kind: str, sizes: ArrayLike, placement: np.ndarray, style: _Style) -
 def _at(point: np.ndarray, rotation: np.ndarray, style: _Style) -> np.ndarray:
     placement = np.eye(4)
     placement[:3, :3] = rotation
-    placement[:3, 3] = _round(point, style)
+    placement[:3, 3] = rounded(point, style.radius)
     return placement
 
 
-def _round(values: np.ndarray, style: _Style) -> np.ndarray:
-    """Round to a millionth of a bar's radius: no rounding errors such as 1e-17 in the file."""
-    step = 10.0 ** (math.floor(math.log10(style.radius)) - 6)
-    return np.array([_digits(step * round(value / step)) for value in values.tolist()])
+def rounded(values: np.ndarray, radius: float) -> np.ndarray:
+    """Return values (n,) to a millionth of a bar's radius: no rounding errors such as 1e-17 in the file."""
+    step = 10.0 ** (math.floor(math.log10(radius)) - 6)
+    return np.array([digits(step * round(value / step)) for value in values.tolist()])
 
 
-def _digits(value: float) -> float:
+def digits(value: float) -> float:
+    """Return a number to nine digits."""
     return float(f"{value:.9g}")

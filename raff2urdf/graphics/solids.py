@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
+from fractions import Fraction
 from itertools import pairwise
 
 import numpy as np
@@ -18,10 +19,11 @@ from raff2urdf.errors import RaffError
 Array = NDArray[np.float64]
 
 SCHEME = "solid"
-_MOST = 4000  # numbers of a recipe, and corners of a ring
+_MOST = 600  # numbers of a recipe
 _LARGEST = 1e6
 _ARC = 32  # corners of a circle around a plate's points
-_SMALLEST_WHEEL, _LARGEST_WHEEL = 3, 400  # teeth
+_FEWEST_TEETH, MOST_TEETH = 3, 400
+_MOST_LEVELS = 4000  # of a screw
 
 
 def recipe(kind: str, *numbers: float) -> str:
@@ -59,13 +61,17 @@ def stl_of(text: str) -> bytes:
 
 def tooth_numbers(ratio: float) -> tuple[int, int]:
     """Return the teeth of two wheels, the first of which turns by `ratio` revolutions for each of the second: the
-    smallest numbers that have it, with 18 teeth at least, or else the nearest."""
-    from fractions import Fraction
+    smallest numbers that have it, with 18 teeth at least, or else the nearest up to 400."""
+    part = Fraction(min(abs(ratio), 1.0 / abs(ratio))).limit_denominator(120)
+    small, large = max(part.numerator, 1), part.denominator if part else MOST_TEETH
+    factor = max(1, min(math.ceil(18 / small), MOST_TEETH // large))
+    small, large = possible_teeth(small * factor), possible_teeth(large * factor)
+    return (small, large) if abs(ratio) > 1.0 else (large, small)
 
-    part = Fraction(abs(ratio)).limit_denominator(60)
-    one, other = part.denominator, max(part.numerator, 1)
-    factor = math.ceil(18 / min(one, other))
-    return one * factor, other * factor
+
+def possible_teeth(count: float) -> int:
+    """Return the nearest number of teeth that a wheel can have."""
+    return min(max(round(count), _FEWEST_TEETH), MOST_TEETH)
 
 
 def _lathe(sides: float, *profile: float) -> Array:
@@ -135,7 +141,7 @@ def _rack(teeth: float, pitch: float, half: float, deep: float) -> Array:
 
 def _screw(turns: float, depth: float) -> Array:
     """A screw of radius 1 along z from 0 to 1, right-handed where `turns` is positive."""
-    levels = _count(8 * max(1, math.ceil(abs(turns))) + 1, 1)
+    levels = _count(8 * max(1, math.ceil(abs(turns))) + 1, 1, _MOST_LEVELS)
     turn, heights = np.linspace(0.0, 2.0 * np.pi, 16, endpoint=False), np.linspace(0.0, 1.0, levels)
     waves = [np.abs(2.0 * ((turns * z - turn / (2.0 * np.pi)) % 1.0) - 1.0) for z in heights]
     rings = [_circle(turn, 1.0 - depth * wave, z) for wave, z in zip(waves, heights, strict=True)]
@@ -173,9 +179,7 @@ def _at_height(ring: Array, z: float) -> Array:
 
 def _toothed(teeth: float, outward: float) -> tuple[Array, Array]:
     """Return radii and angles of the corners of teeth about pitch radius 1."""
-    count = _count(teeth, _SMALLEST_WHEEL)
-    if count > _LARGEST_WHEEL:
-        raise ValueError
+    count = _count(teeth, _FEWEST_TEETH)
     module = 2.0 / count
     corners = np.array([[-0.32, -1.1], [-0.14, 0.9], [0.14, 0.9], [0.32, -1.1]])  # pitches, modules
     turn = 2.0 * np.pi / count * (np.arange(count)[:, None] + corners[:, 0]).ravel()
@@ -210,7 +214,7 @@ def hull(points: ArrayLike) -> list[int]:
     return [*chain(order), *chain(order[::-1])]
 
 
-def _count(number: float, least: int) -> int:
-    if number != int(number) or not least <= number <= _MOST:
+def _count(number: float, least: int, most: int = MOST_TEETH) -> int:
+    if number != int(number) or not least <= number <= most:
         raise ValueError
     return int(number)

@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from raff2urdf.graphics.skeleton import JOINT
-from raff2urdf.graphics.solids import recipe, tooth_numbers
+from raff2urdf.graphics.solids import MOST_TEETH, possible_teeth, recipe, tooth_numbers
 from raff2urdf.placement import along, inverse
 from raff2urdf.raff.document import DriveKind, JointType, RaffCoupling, RaffLink
 from raff2urdf.tree import home, placements
@@ -31,6 +31,7 @@ Array = NDArray[np.float64]
 _BELT = re.compile("belt|chain|cable|tendon|strap|rope", re.IGNORECASE)
 _FAR = 40.0  # units: distance of axes beyond which a belt connects them
 _ABOVE = 2.1  # units: of wheels above the middle of their joint
+_LARGEST = 1e4  # units: of wheels that are drawn, and of distances between them
 _HALF = 0.5  # units: of the thickness of wheels
 _MOST_TURNS = 40  # of a screw that are drawn
 _NUT = recipe("lathe", 6, 0.0, -1.0, 1.0, -1.0, 1.0, 1.0, 0.0, 1.0)
@@ -92,6 +93,8 @@ class CouplingDrawing:
                 ends = self._link(coupling.follower), self._link(drive.link)
                 slide, turning = ends if ends[0].type is JointType.PRISMATIC else ends[::-1]
                 length = self.bodies.document.metres(drive.numbers[0])
+                if not length:
+                    continue
                 if drive.kind is DriveKind.RADIUS:
                     self._rack(slide, turning, length, bool(_BELT.search(coupling.name or "")))
                 elif drive.kind is DriveKind.LEAD:
@@ -176,7 +179,7 @@ class CouplingDrawing:
         foot = other.axis[:3, 3] + z * (z @ (origin - other.axis[:3, 3]))
         ratio *= math.copysign(1.0, along)
         distance, k = float(np.linalg.norm(foot - origin)), abs(ratio)
-        if distance < 2.0 * self.unit:
+        if not 2.0 * self.unit < distance < _LARGEST * self.unit:
             return None
         if is_belt or distance > _FAR * self.unit or (ratio > 0.0 and not (other.bears and k > 1.0)):
             kind = "belt" if ratio > 0.0 else "crossed"
@@ -211,7 +214,10 @@ class CouplingDrawing:
         teeth = tooth_numbers(mesh.ratio)
         for radius, given in zip(mesh.radii, known, strict=True):
             if given is not None:
-                teeth = round(given[0] * mesh.radii[0] / radius), round(given[0] * mesh.radii[1] / radius)
+                teeth = (
+                    possible_teeth(given[0] * mesh.radii[0] / radius),
+                    possible_teeth(given[0] * mesh.radii[1] / radius),
+                )
         # Pitches from a tooth to where they touch: a tooth of one is in a gap of the other.
         contact, sign = ((0.0, math.pi), 1.0) if mesh.kind == "spur" else ((0.0, 0.0), -1.0)
         phases = [
@@ -275,6 +281,8 @@ class CouplingDrawing:
         u, axis, rail = self.unit, self.world[turning.number], self.world[slide.number]
         z, way, bodies = axis[:3, 2], rail[:3, 2] * math.copysign(1.0, radius), self.bodies.bodies
         radius = abs(radius)
+        if not 0.1 * u < radius < _LARGEST * u:
+            return
         teeth = min(max(round(math.tau * radius / (1.2 * u)), 12), 80)
         level = float(z @ (rail[:3, 3] - axis[:3, 3]))
         centre = axis[:3, 3] + z * (level if abs(level) > _ABOVE * u else math.copysign(_ABOVE * u, level))
@@ -291,6 +299,8 @@ class CouplingDrawing:
         contact = centre + radius * aside
         if is_belt:
             end = max((low - ahead, high - ahead), key=abs)
+            if abs(end) > _LARGEST * u:
+                return
             idler = centre + math.copysign(abs(end) + radius + 4.0 * u, end) * way
             self._belt(bodies[slide.pred], (centre, idler), (radius, radius), (teeth, teeth), z)
             self._cylinder(bodies[slide.pred], 0.95 * radius, idler - 0.8 * _HALF * u * z, idler + 0.8 * _HALF * u * z)
@@ -299,6 +309,8 @@ class CouplingDrawing:
         pitch = math.tau * radius / teeth
         reach = (low / pitch - 3.0, high / pitch + 3.0)  # of the contact on the rack, backwards, in pitches
         count, middle = 2 * math.ceil(0.5 * (reach[1] - reach[0])), -round(0.5 * (reach[0] + reach[1])) * pitch
+        if count > MOST_TEETH:
+            return
         text = recipe("rack", count, pitch / u, _HALF, 0.9)
         self._place(bodies[slide.number], text, (u, u, u), contact + middle * way, np.cross(way, aside), -way)
         self._bracket(bodies[slide.number], rail[:3, 3], contact + 0.6 * u * aside - ahead * way)

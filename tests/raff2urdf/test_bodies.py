@@ -63,6 +63,11 @@ def solid(text: str) -> Any:
     return mesh
 
 
+def volume(surface: Array) -> float:
+    first, second, third = np.moveaxis(surface, 1, 0)
+    return float(np.einsum("ij,ij->", first, np.cross(second, third)) / 6.0)
+
+
 # --- bodies --------------------------------------------------------------------------------------------------------
 
 
@@ -256,13 +261,14 @@ def test_a_differential_has_bevel_gears_with_one_apex() -> None:
     assert {round(float(np.sign(mesh.centres[1] @ mesh.axes[1]))) for mesh in found} == {-1, 1}
 
 
-@given(st.floats(0.1, 10))
+@given(st.floats(0.05, 20))
 @examples(60)
 def test_numbers_of_teeth_have_the_ratio(ratio: float) -> None:
     """To 2 % at least, and exactly if it is a ratio of small numbers."""
     one, other = tooth_numbers(ratio)
-    assert min(one, other) >= 18
+    assert 9 <= min(one, other) <= max(one, other) <= 400
     assert other / one == pytest.approx(ratio, rel=0.02)
+    assert tooth_numbers(1e6) == (3, 400)
     assert tooth_numbers(3.0) == (18, 54)
     assert tooth_numbers(-0.4) == (45, 18)
 
@@ -341,6 +347,26 @@ def test_a_pinion_rolls_on_its_rack_over_the_whole_stroke(radius: float) -> None
     arm = contact[:3, 1] * -0.025
     rolled = np.cross([0.0, 0.0, 0.01 / (1e-3 * radius)], arm)
     assert rolled == pytest.approx(moved, abs=1e-9)
+
+
+@pytest.mark.parametrize("word", ["ratio", "radius", "lead"])
+@pytest.mark.parametrize("number", [1e-300, 1e-9, 1e-3, 59.0 / 61.0, 1e3, 1e9, 1e300])
+@pytest.mark.parametrize("sign", [-1.0, 1.0])
+def test_couplings_of_any_size_are_drawn_by_solids_or_not_at_all(word: str, number: float, sign: float) -> None:
+    slide = "parameters { alpha 90 d 30 r 20 } type 1 pred 0 limits { -60 90000 }" if word == "radius" else ""
+    slide = "parameters { d 40 r 60 } type 1 pred 0" if word == "lead" else slide
+    for distance in (0.0, 1e-9, 50.0, 1e12):
+        turning = f"parameters {{ d {distance} }} type 2 pred 0"
+        document = robot(
+            "link 3 { type 2 pred 0 actuated 1 }",
+            f"link 4 {{ {slide or turning} }}",
+            *(f"link {5 + i} {{ parameters {{ d 100 }} type 2 pred {4 + i} }}" for i in range(3)),
+            f"coupling {{ link 4 link 3 {word} {sign * number} }}",
+        )
+        for _, shape in shapes_of(drawn(document)):
+            assert all(0.0 < size < math.inf for size in shape.sizes)
+            assert np.isfinite(shape.placement).all()
+            assert not shape.recipe or volume(triangles(shape.recipe)) > 0.0
 
 
 def test_a_screw_has_its_lead() -> None:
