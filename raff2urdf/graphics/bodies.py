@@ -51,10 +51,10 @@ _END = 0.62  # of that, where it ends
 _FLAT = 0.12  # of its extent: deviation from a plane of the joints of a plate
 _MOST_SEARCHED = 12  # joints of a body among which those in a plane are looked for
 _FARTHEST = 1e5  # radii: plates are no larger
-_TUBE = recipe("lathe", 24, 0.0, 0.0, 1.0, 0.0, _END, 1.0, 0.0, 1.0)
+_TUBE = recipe("lathe", 18, 0.0, 0.0, 1.0, 0.0, _END, 1.0, 0.0, 1.0)
 _OUTER, _INNER = 1.5, 1.2  # radii of a cup, in units
-_ARCS = [(_OUTER, t) for t in np.linspace(-0.5, 0.03, 6)] + [(_INNER, t) for t in np.linspace(0.03, -0.5, 5)]
-_CUP = recipe("lathe", 24, *(x for r, t in _ARCS for x in (r * math.cos(math.pi * t), r * math.sin(math.pi * t))))
+_ARCS = [(_OUTER, t) for t in (-0.5, -0.34, -0.16, 0.03)] + [(_INNER, t) for t in (0.03, -0.23, -0.5)]
+_CUP = recipe("lathe", 18, *(x for r, t in _ARCS for x in (r * math.cos(math.pi * t), r * math.sin(math.pi * t))))
 
 
 class Shape(NamedTuple):
@@ -445,14 +445,20 @@ _Solid = tuple[str, tuple[float, ...], Array, str]
 
 
 def _principal(points: Array) -> tuple[Array, Array]:
-    """Return the placement (4, 4) of points in their principal axes, z the flattest, and their extents along these."""
+    """Return the placement (4, 4) of points in the middle, z the flattest way and x to the farthest of them, and their
+    extents along these axes: the same ones wherever it is computed."""
     middle = points.mean(axis=0)
-    _, _, axes = np.linalg.svd(points - middle)
-    z = axes[2] * math.copysign(1.0, axes[2][np.abs(axes[2]).argmax()])
+    z = np.linalg.svd(points - middle)[2][2]
+    z *= math.copysign(1.0, z[np.abs(np.round(z, 9)).argmax()])
+    flat = points - middle - np.outer((points - middle) @ z, z)
+    lengths = np.linalg.norm(flat, axis=1)
+    x = flat[(lengths > lengths.max() * (1.0 - 1e-6)).argmax()]
     placement = np.eye(4)
-    placement[:3, :3] = np.column_stack([axes[0], np.cross(z, axes[0]), z])
+    if lengths.max() > 0.0:
+        x = x / np.linalg.norm(x)
+        placement[:3, :3] = np.column_stack([x, np.cross(z, x), z])
     placement[:3, 3] = middle
-    return placement, np.abs((points - middle) @ axes.T).max(axis=0)
+    return placement, np.abs((points - middle) @ placement[:3, :3]).max(axis=0)
 
 
 def _is_inside(point: Array, corners: Array) -> bool:

@@ -21,7 +21,7 @@ Array = NDArray[np.float64]
 SCHEME = "solid"
 _MOST = 600  # numbers of a recipe
 _LARGEST = 1e6
-_ARC = 32  # corners of a circle around a plate's points
+_ARC = 24  # corners of a circle around a plate's points
 _FEWEST_TEETH, MOST_TEETH = 3, 400
 _MOST_LEVELS = 4000  # of a screw
 
@@ -141,8 +141,8 @@ def _rack(teeth: float, pitch: float, half: float, deep: float) -> Array:
 
 def _screw(turns: float, depth: float) -> Array:
     """A screw of radius 1 along z from 0 to 1, right-handed where `turns` is positive."""
-    levels = _count(8 * max(1, math.ceil(abs(turns))) + 1, 1, _MOST_LEVELS)
-    turn, heights = np.linspace(0.0, 2.0 * np.pi, 16, endpoint=False), np.linspace(0.0, 1.0, levels)
+    levels = _count(4 * max(1, math.ceil(abs(turns))) + 1, 1, _MOST_LEVELS)
+    turn, heights = np.linspace(0.0, 2.0 * np.pi, 12, endpoint=False), np.linspace(0.0, 1.0, levels)
     waves = [np.abs(2.0 * ((turns * z - turn / (2.0 * np.pi)) % 1.0) - 1.0) for z in heights]
     rings = [_circle(turn, 1.0 - depth * wave, z) for wave, z in zip(waves, heights, strict=True)]
     return _loft([_circle(turn, 0.0, 0.0), *rings, _circle(turn, 0.0, 1.0)])
