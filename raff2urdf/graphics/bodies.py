@@ -43,7 +43,7 @@ from raff2urdf.tree import moved
 Array = NDArray[np.float64]
 Colour = tuple[float, float, float]
 
-SHARED = (0.77, 0.78, 0.8)
+SHARED = (0.87, 0.87, 0.85)
 """Of a body that closes loops of several branches, such as a platform."""
 
 _ROD = 0.8  # of the skeleton's radius: that of a tube where it begins
@@ -76,7 +76,7 @@ class Shape(NamedTuple):
 
 
 @dataclass(eq=False)
-class Body:
+class DrawnBody:
     """Nodes that are rigidly connected.
 
     Attributes:
@@ -94,9 +94,9 @@ class Body:
 class _Joint(NamedTuple):
     """A joint of one variable between two bodies, with its frame (z is the axis) on each of them."""
 
-    first: Body
+    first: DrawnBody
     on_first: Array
-    second: Body
+    second: DrawnBody
     on_second: Array
     kind: LoopKind
     link: RaffLink | None  # None: a loop's
@@ -109,13 +109,13 @@ class BodyDrawing:
         self.document, self.robot = document, expanded(robot)
         self.skeleton = SkeletonDrawing(document, self.robot)
         self.unit = _ROD * self.skeleton.radius
-        self.bodies: dict[int, Body] = {}
+        self.bodies: dict[int, DrawnBody] = {}
         self._gather()
         self._eyes: dict[tuple[int, ...], int] = defaultdict(int)
-        self._cups: list[tuple[Body, Array]] = []
-        self._inner: set[Body] = set()  # bodies inside a joint
+        self._cups: list[tuple[DrawnBody, Array]] = []
+        self._inner: set[DrawnBody] = set()  # bodies inside a joint
         self._drawn: dict[int, list[Shape]] = defaultdict(list)
-        self._degree: dict[Body, int] = defaultdict(int)
+        self._degree: dict[DrawnBody, int] = defaultdict(int)
         self.threads: dict[int, float] = {}  # leads (m) of slides whose shafts are screws, by number
         CouplingDrawing(self).draw()
         chains = list(self._chains(list(self._joints())))
@@ -145,14 +145,14 @@ class BodyDrawing:
     # --- bodies ---------------------------------------------------------------------------------------------------
 
     def _gather(self) -> None:
-        self.bodies[0] = Body({0: np.eye(4)})
+        self.bodies[0] = DrawnBody({0: np.eye(4)})
         for part in self.robot.outward:
             if isinstance(part, RaffLink) and part.type is not JointType.FIXED:
-                self.bodies[part.number] = Body({part.number: np.eye(4)})
+                self.bodies[part.number] = DrawnBody({part.number: np.eye(4)})
             else:
                 body = self.bodies[part.number] = self.bodies[part.pred]
                 body.nodes[part.number] = body.nodes[part.pred] @ transform(self.skeleton.parameters[part.number])
-        branches: dict[Body, set[Colour]] = defaultdict(set)
+        branches: dict[DrawnBody, set[Colour]] = defaultdict(set)
         for number, body in self.bodies.items():
             body.colour = self.skeleton.colours[next(iter(body.nodes))]
             branches[body].add(self.skeleton.colours[number])
@@ -168,7 +168,7 @@ class BodyDrawing:
                 self.bodies |= dict.fromkeys(second.nodes, first)
         self._shared = {body for body, colours in branches.items() if len(colours) > 2 and 0 not in body.nodes}
 
-    def _carrier(self, body: Body) -> int:
+    def _carrier(self, body: DrawnBody) -> int:
         """Return the node that draws a body: none is seen of one that has graphics of its own, or shows nothing."""
         links = [number for number in body.nodes if not isinstance(self.robot.nodes[number], RaffFrame)]
         free = [number for number in links if self.robot.nodes[number].filenames is None]
@@ -191,7 +191,7 @@ class BodyDrawing:
 
     def _chains(self, joints: list[_Joint]) -> Iterator[list[_Joint]]:
         """Yield what is drawn as one joint: successive joints between which there is no extended body."""
-        around: dict[Body, list[_Joint]] = defaultdict(list)
+        around: dict[DrawnBody, list[_Joint]] = defaultdict(list)
         for joint in joints:
             around[joint.first].append(joint)
             around[joint.second].append(joint)
@@ -208,7 +208,7 @@ class BodyDrawing:
                     chain.append(following[id(chain[-1])])
                 yield chain
 
-    def _is_thin(self, body: Body, before: _Joint, after: _Joint) -> bool:
+    def _is_thin(self, body: DrawnBody, before: _Joint, after: _Joint) -> bool:
         """Return whether a body between two joints is only a part of one joint of several variables."""
         nodes, apart = [self.robot.nodes[number] for number in body.nodes], after.on_first - before.on_second
         if before.link is None or after.link is None or float(np.abs(apart[:3, 3]).max()) > 1e-3 * self.unit:
@@ -282,7 +282,7 @@ class BodyDrawing:
             self.add(joint.second, _box(own, (2.4 * u, 2.4 * u), -1.6 * u, 1.6 * u), JOINT)
 
     def _is_shaft(self, joint: _Joint) -> bool:
-        """Return whether a slide is along the axis about which its parent turns, through the same point."""
+        """Return whether a prismatic joint is along the axis about which its parent turns, through the same point."""
         root = self.robot.nodes[next(iter(joint.first.nodes))]
         if not isinstance(root, RaffLink) or root.type is not JointType.REVOLUTE:
             return False
@@ -326,14 +326,14 @@ class BodyDrawing:
         self.add(chain[0].first, _box(table, (x1 - x0, y1 - y0), -1.1 * u, -0.6 * u))
         self.add(chain[-1].second, _cylinder(turned, 1.8 * u, -0.6 * u, 0.6 * u))
 
-    def _cup(self, body: Body, place: Array) -> None:
+    def _cup(self, body: DrawnBody, place: Array) -> None:
         others = [point for point, _ in body.points if np.abs(point - place[:3, 3]).max() > self.unit]
         way = place[:3, 3] - np.mean(others, axis=0) if others else place[:3, 2]
         self.add(body, ("mesh", (self.unit,) * 3, along(place[:3, 3], way), _CUP))
 
     # --- what connects the joints of a body -------------------------------------------------------------------------
 
-    def _fill(self, body: Body) -> None:
+    def _fill(self, body: DrawnBody) -> None:
         shown = [self.robot.nodes[number] for number in body.nodes if self.robot.nodes[number].filenames]
         if any(not isinstance(node, RaffFrame) for node in shown):
             return  # the joints alone are drawn
@@ -350,7 +350,7 @@ class BodyDrawing:
         if not body.shapes and body not in self._inner:
             self.add(body, _sphere(np.zeros(3), self.unit))
 
-    def _distinct(self, body: Body) -> list[tuple[Array, RaffPart | None]]:
+    def _distinct(self, body: DrawnBody) -> list[tuple[Array, RaffPart | None]]:
         found: list[tuple[Array, RaffPart | None]] = []
         for point, path in body.points:
             if all(np.abs(point - other).max() > 0.5 * self.unit for other, _ in found):
@@ -376,7 +376,7 @@ class BodyDrawing:
                     break
         return None if best is None else best[1]
 
-    def _plate(self, body: Body, points: list[tuple[Array, RaffPart | None]], plane: Array) -> None:
+    def _plate(self, body: DrawnBody, points: list[tuple[Array, RaffPart | None]], plane: Array) -> None:
         u, half = self.unit, 0.45
         local = np.array([(inverse(plane) @ [*point, 1.0])[:3] for point, _ in points])
         span = np.linalg.norm(local[:, :2], axis=1).max()
@@ -390,7 +390,7 @@ class BodyDrawing:
                 foot = np.array([x, y, 0.0] if inside else nearest)
                 self._path(body, [(plane @ [*end, 1.0])[:3] for end in (foot, (x, y, z))], 1.0)
 
-    def _rods(self, body: Body, points: list[tuple[Array, RaffPart | None]]) -> None:
+    def _rods(self, body: DrawnBody, points: list[tuple[Array, RaffPart | None]]) -> None:
         """Draw tubes from a body's own joint to the others: along the parameters of a child, or straight."""
         root = next(iter(body.nodes))
         hub = points[0][0] if points else np.zeros(3)
@@ -404,7 +404,7 @@ class BodyDrawing:
                 corners = [(body.nodes[root] @ [*corner, 1.0])[:3] for corner in self.skeleton.corners(child)]
             self._path(body, corners, 1.0)
 
-    def _path(self, body: Body, corners: list[Array], thickness: float) -> None:
+    def _path(self, body: DrawnBody, corners: list[Array], thickness: float) -> None:
         drawn = [corners[0]]
         for corner in corners[1:]:
             if np.abs(corner - drawn[-1]).max() > 0.5 * self.unit:
@@ -414,7 +414,7 @@ class BodyDrawing:
         for corner in drawn[1:-1]:
             self.add(body, _sphere(corner, thickness * self.unit))
 
-    def _ends(self, body: Body, joints: list[Array]) -> None:
+    def _ends(self, body: DrawnBody, joints: list[Array]) -> None:
         """Draw frames: a thin tube from what is nearest, and a small sphere, unless a joint is there."""
         u, anchors = self.unit, [*joints]
         if len(joints) > 2:
@@ -435,7 +435,7 @@ class BodyDrawing:
         wide = thickness * self.unit
         return "mesh", (wide, wide, length), along(start, end - start), _TUBE
 
-    def add(self, body: Body, solid: _Solid, colour: Colour | None = None) -> None:
+    def add(self, body: DrawnBody, solid: _Solid, colour: Colour | None = None) -> None:
         """Draw a shape (kind, sizes, placement, recipe) in the frame of a body, in its colour or another one."""
         kind, sizes, placement, text = solid
         body.shapes.append(Shape(kind, sizes, placement, colour or body.colour, text))
@@ -445,8 +445,8 @@ _Solid = tuple[str, tuple[float, ...], Array, str]
 
 
 def _principal(points: Array) -> tuple[Array, Array]:
-    """Return the placement (4, 4) of points in the middle, z the flattest way and x to the farthest of them, and their
-    extents along these axes: the same ones wherever it is computed."""
+    """Return the placement (4, 4) of points: in the middle, z in their flattest direction, x to the farthest of them;
+    and their extents along these axes. Both are the same on every machine."""
     middle = points.mean(axis=0)
     z = np.linalg.svd(points - middle)[2][2]
     z *= math.copysign(1.0, z[np.abs(np.round(z, 9)).argmax()])

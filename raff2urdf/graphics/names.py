@@ -4,6 +4,7 @@
     model://robot/meshes/arm.stl
     package:///arm.stl, arm.stl       relative to the file's folder
     file:///home/me/arm.stl
+    solid://plate/0.45,1.7,...        a solid of `raff2urdf.graphics.solids`, which is no file
 
 A file from elsewhere must not have any file of the user shown. A graphic file is read if it is
 

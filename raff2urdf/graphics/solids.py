@@ -161,7 +161,7 @@ _MAKERS: dict[str, Callable[..., Array]] = {
 
 
 def _loft(rings: Sequence[Array]) -> Array:
-    """Return the surface between successive rings (n, 3) of as many corners, counter-clockwise about the way."""
+    """Return the surface between successive rings (n, 3) of as many corners, counter-clockwise about their order."""
     faces = []
     for low, high in pairwise(rings):
         low_next, high_next = np.roll(low, -1, axis=0), np.roll(high, -1, axis=0)

@@ -24,7 +24,7 @@ from raff2urdf.raff.document import DriveKind, JointType, RaffCoupling, RaffLink
 from raff2urdf.tree import home, placements
 
 if TYPE_CHECKING:
-    from raff2urdf.graphics.bodies import Body, BodyDrawing, Colour
+    from raff2urdf.graphics.bodies import BodyDrawing, Colour, DrawnBody
 
 Array = NDArray[np.float64]
 
@@ -47,7 +47,7 @@ class Wheel(NamedTuple):
         bears: whether the body bears the carrier.
     """
 
-    body: Body
+    body: DrawnBody
     axis: Array
     turns: Mapping[int, float]
     bears: bool = False
@@ -202,7 +202,7 @@ class CouplingDrawing:
         centres = apex + high * z, apex + aside * axis
         return Mesh("bevel", (own, other), (abs(aside), abs(high)), centres, (z, axis), ratio)
 
-    def _draw_mesh(self, mesh: Mesh, carrier: Body) -> None:
+    def _draw_mesh(self, mesh: Mesh, carrier: DrawnBody) -> None:
         if mesh.kind == "bevel":
             self._draw_bevel(mesh)
             return
@@ -245,7 +245,7 @@ class CouplingDrawing:
             self._place(mesh.wheels[i].body, text, (radius,) * 3, centre, z, tooth)
 
     def _wheel(
-        self, body: Body, teeth: int, radius: float, centre: Array, z: Array, tooth: Array, is_ring: bool = False
+        self, body: DrawnBody, teeth: int, radius: float, centre: Array, z: Array, tooth: Array, is_ring: bool = False
     ) -> None:
         u, scale = self.unit, (radius, radius, _HALF * self.unit)
         if is_ring:
@@ -258,7 +258,7 @@ class CouplingDrawing:
 
     def _belt(
         self,
-        carrier: Body,
+        carrier: DrawnBody,
         centres: Sequence[Array],
         radii: Sequence[float],
         teeth: Sequence[int],
@@ -337,12 +337,12 @@ class CouplingDrawing:
 
     # --- shapes, in the world at home -------------------------------------------------------------------------------
 
-    def _home_of(self, body: Body) -> Array:
+    def _home_of(self, body: DrawnBody) -> Array:
         return self.world[next(iter(body.nodes))]
 
     def _place(
         self,
-        body: Body,
+        body: DrawnBody,
         text: str,
         scale: tuple[float, ...],
         centre: Array,
@@ -356,10 +356,10 @@ class CouplingDrawing:
         placement[:3, :3], placement[:3, 3] = np.column_stack([x, np.cross(z, x), z]), centre
         self.bodies.add(body, ("mesh", scale, inverse(self._home_of(body)) @ placement, text), colour)
 
-    def _cylinder(self, body: Body, radius: float, start: Array, end: Array, colour: Colour | None = None) -> None:
+    def _cylinder(self, body: DrawnBody, radius: float, start: Array, end: Array, colour: Colour | None = None) -> None:
         place = inverse(self._home_of(body)) @ along(0.5 * (start + end), end - start)
         self.bodies.add(body, ("cylinder", (radius, float(np.linalg.norm(end - start))), place, ""), colour)
 
-    def _bracket(self, body: Body, start: Array, end: Array) -> None:
+    def _bracket(self, body: DrawnBody, start: Array, end: Array) -> None:
         if np.linalg.norm(end - start) > self.unit:
             self._cylinder(body, 0.5 * self.unit, start, end)

@@ -20,7 +20,7 @@ import cinegen
 import raff2urdf
 from raff2urdf import RaffError, loads
 from raff2urdf.conversion import describe, translate
-from raff2urdf.graphics.bodies import Body, BodyDrawing, Shape
+from raff2urdf.graphics.bodies import BodyDrawing, DrawnBody, Shape
 from raff2urdf.graphics.skeleton import SkeletonDrawing, telescope
 from raff2urdf.graphics.solids import stl_of, tooth_numbers, triangles
 from raff2urdf.graphics.wheels import CouplingDrawing, Mesh
@@ -292,7 +292,7 @@ def test_teeth_go_into_gaps_at_every_angle(name: str) -> None:
             assert depth < 0.125 * 2.0 * 2.0 * min(mesh.radii) / 18.0, (drive, mesh.kind)
 
 
-def outline(body: Body, world: dict[int, Array], radius: float) -> tuple[Array, Array]:
+def outline(body: DrawnBody, world: dict[int, Array], radius: float) -> tuple[Array, Array]:
     """The centre (3,) and the corners (n, 3) of the teeth of the wheel with that pitch radius on a body."""
     (shape,) = [
         one for one in body.shapes if one.recipe[:5] in ("wheel", "ring/") and one.sizes[0] == pytest.approx(radius)

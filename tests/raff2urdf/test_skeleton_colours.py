@@ -9,6 +9,7 @@ from itertools import combinations
 import numpy as np
 import pytest
 
+from raff2urdf.graphics.bodies import SHARED
 from raff2urdf.graphics.skeleton import BASE, BRANCHES, JOINT
 
 NORMAL = np.eye(3)
@@ -34,5 +35,5 @@ def lab(colour, vision=NORMAL):
 
 @pytest.mark.parametrize("vision", [NORMAL, *DEFICIENT.values()], ids=["normal", *DEFICIENT])
 def test_branches_are_distinguished(vision):
-    for one, other in combinations([*BRANCHES, BASE, JOINT], 2):
+    for one, other in combinations([*BRANCHES, BASE, JOINT, SHARED], 2):
         assert np.linalg.norm(lab(one, vision) - lab(other, vision)) > (0.0 if {one, other} == {BASE, JOINT} else 15.0)
