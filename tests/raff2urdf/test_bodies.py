@@ -116,6 +116,16 @@ def test_what_rigid_loops_weld_together_is_one_body() -> None:
     assert not any(plates(drawing, number) for number in (10, 11, 16, 17, 20))
 
 
+def test_a_loop_of_another_kind_welds_nothing() -> None:
+    """The kind that the caller asks for counts: a ball in place of the weld leaves two bodies, with a sphere."""
+    document = raff2urdf.load(ROBOTS / "five_bar.raff")
+    spheres = []
+    for kinds in ({}, {"link5-tool": "ball"}):
+        urdf, _ = describe(document, document.robot(), ROBOTS, kinds)
+        spheres.append(urdf.count("<sphere"))
+    assert spheres[1] > spheres[0]
+
+
 @pytest.mark.parametrize("name", NAMES)
 def test_every_joint_is_touched_by_both_of_its_bodies(name: str) -> None:
     """Of each joint, a shape of the parent's body and one of the child's are at its origin: tubes end at joints."""
