@@ -3,22 +3,23 @@
 from __future__ import annotations
 
 import os
+import re
 import warnings
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from raff2urdf.analysis import Analysis, analyse
+from raff2urdf.analysis import Analysis, analyse, loop_kinds
 from raff2urdf.constraints import Constraints, check_values, constraints, for_urdf
 from raff2urdf.errors import NearlyRedundantError, RaffError, RaffWarning
 from raff2urdf.files import GENERATED, check_new, has_digest, is_stream, read_bytes, stem_of, write_all
 from raff2urdf.graphics.meshes import Graphics
 from raff2urdf.raff.check import check, check_sizes
 from raff2urdf.raff.compound import expanded
-from raff2urdf.raff.document import Document, RaffRobot
+from raff2urdf.raff.document import Document, LoopKind, RaffRobot
 from raff2urdf.raff.reader import parse, read
 from raff2urdf.readers.actuation import RAFF, advice
 from raff2urdf.readers.urdf import hash_of
@@ -28,6 +29,9 @@ from raff2urdf.writers import WriteOptions, files
 
 if TYPE_CHECKING:  # takes half a second
     from raff2urdf.urdf_object import ExactUrdf
+
+
+_NOT_IN_XML = re.compile("[\x00-\x1f\ud800-\udfff\ufffe\uffff]")  # characters of names of files
 
 
 @dataclass(frozen=True)
@@ -138,7 +142,7 @@ def translate(
     check_values(constraints(document, robot, None, loops), f"{document.source.name}: robot '{robot.name}'")
     analysis, links = examine(document, robot, folder, loops, exact), expanded(robot)
     graphics = Graphics(links, folder, meshes)
-    model, missing = _tree(document, links, graphics, out)
+    model, missing = _tree(document, _with_kinds(links, loop_kinds(robot, loops)), graphics, out)
     for joint in model.robot.joints:
         joint.origin = analysis.origins.get(joint.name, joint.origin)
     values = constraints(document, robot, analysis, loops)
@@ -191,10 +195,16 @@ def describe(
     """
     check_sizes(document, robot)
     links = expanded(robot)
-    model, _ = _tree(document, links, Graphics(links, folder))
+    drawn = _with_kinds(links, loop_kinds(robot, loops))
+    model, _ = _tree(document, drawn, Graphics(links, folder, written_out=False))
     urdf, values = model.text(), constraints(document, robot, None, loops)
     check_values(values, f"{document.source.name}: robot '{robot.name}'")
     return urdf, for_urdf(values, hash_of(parse_urdf(urdf, robot.name), robot.name))
+
+
+def _with_kinds(robot: RaffRobot, kinds: Mapping[int, LoopKind]) -> RaffRobot:
+    """Return a robot with other kinds of loops, by index: bodies are drawn as these join them."""
+    return replace(robot, loops=tuple(replace(loop, kind=kinds[i]) for i, loop in enumerate(robot.loops)))
 
 
 def _tree(
@@ -264,7 +274,8 @@ def convert(
     for one in robots:
         name = stem if len(document.robots) == 1 else f"{stem}.{one.name}"
         name = name if file is None else Path(file).stem
-        made = translate(document, one, path.parent, out, loops, None if streamed else out / "meshes" / name, exact)
+        meshes = out / "meshes" / _NOT_IN_XML.sub("_", name)
+        made = translate(document, one, path.parent, out, loops, None if streamed else meshes, exact)
         warn_of(one.name, made.analysis, actuation=format != "urdf")
         own, *others = files(format, made, name, options).items()
         constrained = made.constraints["loops"] or made.constraints.get("couplings")

@@ -29,6 +29,17 @@ def translation(vector: ArrayLike) -> Array:
     return found
 
 
+def along(origin: Array, z: Array) -> Array:
+    """Return a placement at a point (3,) whose z axis has a direction (3,), of any length but 0."""
+    z = z / np.linalg.norm(z)
+    aside = np.array([1.0, 0.0, 0.0]) if abs(z[0]) < 0.6 else np.array([0.0, 1.0, 0.0])
+    y = np.cross(z, aside)
+    y /= np.linalg.norm(y)
+    placement = np.eye(4)
+    placement[:3, :3], placement[:3, 3] = np.column_stack([np.cross(y, z), y, z]), origin
+    return placement
+
+
 def rotation(axis: Sequence[float] | Array, angle: float) -> Array:
     """Return the placement of a frame that is rotated by an angle (rad) about a unit axis (3,)."""
     cross, found = skew(axis), np.eye(4)

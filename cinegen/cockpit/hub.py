@@ -389,7 +389,7 @@ class Hub:
 
 
 def _is_known(report: ReportMessage, before: ReportMessage | None) -> bool:
-    """Return whether a report of a session that stays at rest is as the one before: the rate of its few ticks is none."""
+    """Return whether a report of a session that stays at rest repeats the one before, but for the rate of its ticks."""
     if before is None or not (report.rate.at_rest and before.rate.at_rest):
         return False
     return replace(report, rate=before.rate) == before

@@ -20,6 +20,7 @@ from cinegen.arrays import Array
 from cinegen.collision.body import Body
 from cinegen.joints import kinematic_data
 from cinegen.model import Mechanism
+from cinegen.model.shapes import has_collision_shapes
 from raff2urdf.raff.document import LoopKind
 from raff2urdf.readers.urdf import parse
 
@@ -126,7 +127,7 @@ def adjacent_links(mechanism: Mechanism, shaped: set[str]) -> set[frozenset[str]
         shaped: names of the links with shapes.
     """
     tree = parse(mechanism.source.urdf, mechanism.source.name)
-    is_drawn = next(tree.iter("collision"), None) is None
+    is_drawn = not has_collision_shapes(tree)
     ends: dict[str, list[tuple[str, _Connection, pin.SE3, pin.SE3]]] = {}
 
     def connect(one: str, other: str, kind: _Connection, here: pin.SE3, there: pin.SE3) -> None:

@@ -22,7 +22,9 @@ from cinegen.collision.links import link_bodies
 from cinegen.ik.local_ik import LocalIK
 from cinegen.joints import kinematic_data, translations
 from cinegen.model.mechanism import Mechanism
+from cinegen.model.shapes import has_collision_shapes
 from raff2urdf.raff.document import LoopKind
+from raff2urdf.readers.urdf import parse
 
 SAMPLES = 2000
 """Configurations in which a pair must touch to be left out."""
@@ -101,7 +103,7 @@ def pair_reasons(mechanism: Mechanism, bodies: Sequence[Body]) -> dict[tuple[int
         by indices into `bodies`, the smaller first, in lexical order.
     """
     joints = [body.joint for body in bodies]
-    is_drawn = "<collision" not in mechanism.source.urdf
+    is_drawn = not has_collision_shapes(parse(mechanism.source.urdf, mechanism.source.name))
     adjacent = adjacent_joints(mechanism, common_points=is_drawn)
     apart = set() if is_drawn else _unconnected(mechanism, bodies)
     all_pairs = [pair for pair in combinations(range(len(bodies)), 2) if joints[pair[0]] != joints[pair[1]]]

@@ -17,6 +17,8 @@ from raff2urdf.errors import RaffError
 from raff2urdf.graphics.collada import unit_of
 from raff2urdf.graphics.meshes import CONVERTED, SHOWN, Drawing, converted
 from raff2urdf.graphics.names import Packages, find
+from raff2urdf.graphics.skeleton import MARK
+from raff2urdf.graphics.solids import SCHEME
 from raff2urdf.readers import TEXT
 from raff2urdf.readers.urdf import three
 from raff2urdf.readers.xml_file import parse_xml
@@ -76,8 +78,17 @@ def collision_shapes(model: pin.Model, source: MechanismSource) -> CollisionShap
     return _with_sticks(model, source, tree, _bars(stick_figure(model)))
 
 
+def has_collision_shapes(tree: Any) -> bool:
+    """Return whether a URDF's tree has collision shapes of the robot: not only those of a skeleton, which, as what is
+    drawn does, meet at common points of links."""
+    return not all((shape.get("name") or "").startswith(MARK) for shape in tree.iter("collision"))
+
+
 def lost_meshes(source: MechanismSource) -> str:
-    """Return a sentence about meshes that can't be found, as `shapes` warns of them; empty without one. None is read."""
+    """Return a sentence about meshes that can't be found, as `shapes` warns of them; empty without one.
+
+    None is read.
+    """
     tree = parse_xml(source.urdf, source.name)
     return _sentence(_Meshes(tree, source).lost)
 
@@ -176,7 +187,7 @@ def _find(mesh: str, source: MechanismSource, packages: Packages) -> Path:
     Raises:
         RaffError: it is missing, or is where it is not allowed.
     """
-    if source.folder is None and source.owner is None:
+    if source.folder is None and source.owner is None and not mesh.startswith(f"{SCHEME}://"):
         return Path(mesh)
     owner = None if source.owner is None else Path(source.owner)
     try:

@@ -25,6 +25,7 @@ from raff2urdf.extras import needs
 from raff2urdf.files import note, signed, write_all
 from raff2urdf.graphics.collada import ENDING, unit_of
 from raff2urdf.graphics.names import cache_folder, check_mesh, may_read
+from raff2urdf.graphics.solids import SCHEME, stl_of
 from raff2urdf.raff.document import RaffNode, RaffRobot
 
 if TYPE_CHECKING:  # slow to import, and only needed where there are graphics
@@ -55,9 +56,8 @@ class Drawing:
 
         from raff2urdf.urdf_object import geometry
 
-        path = self.path.resolve()
-        name = str(path) if out is None else Path(os.path.relpath(path, out.resolve())).as_posix()
-        return Visual(geometry=geometry("mesh", np.full(3, scale), name), material=_material(self.colour))
+        shape = geometry("mesh", np.full(3, scale), _relative(self.path, out))
+        return Visual(geometry=shape, material=_material(self.colour))
 
 
 class Graphics:
@@ -68,16 +68,18 @@ class Graphics:
         folder: of the RAFF file; a relative `path` is relative to it.
         meshes: the folder to which the caller will write converted meshes; if None, they are written to the user's
             cache at once.
+        written_out: False if solids that are drawn are named by their recipes, without a file.
 
     Attributes:
         written: converted meshes to be written: their contents by their paths in `meshes`.
     """
 
-    def __init__(self, robot: RaffRobot, folder: Path, meshes: Path | None = None) -> None:
-        self.robot, self.folder, self.meshes = robot, folder, meshes
+    def __init__(self, robot: RaffRobot, folder: Path, meshes: Path | None = None, written_out: bool = True) -> None:
+        self.robot, self.folder, self.meshes, self.written_out = robot, folder, meshes, written_out
         self.written: dict[Path, bytes] = {}
         self._found: dict[Path, tuple[list[Drawing], str | None]] = {}  # arms of one kind share their files
         self._stems: set[str] = set()
+        self._solids: dict[str, Path] = {}  # by recipe
 
     def of(self, node: RaffNode) -> tuple[list[Drawing], list[str]]:
         """Return the drawings of a node's graphic files, and why others, or parts of them, can't be shown."""
@@ -94,6 +96,18 @@ class Graphics:
             return self._found[path]
         except RuntimeError as error:  # "~nobody"
             return [], str(error)
+
+    def name_of(self, recipe: str, out: Path | None) -> str:
+        """Return the name of a solid (`raff2urdf.graphics.solids`) in a URDF in the folder `out`."""
+        if not self.written_out:
+            return f"{SCHEME}://{recipe}"
+        if recipe not in self._solids:
+            content, kind = stl_of(recipe), Path(recipe.partition("/")[0])
+            file = keep(content, ".stl") if self.meshes is None else self.meshes / f"{self._stem(kind)}.stl"
+            if self.meshes is not None:
+                self.written[file] = content
+            self._solids[recipe] = file
+        return _relative(self._solids[recipe], out)
 
     def _read(self, path: Path) -> tuple[list[Drawing], str | None]:
         note(path)
@@ -163,6 +177,12 @@ def converted(path: Path) -> list[Drawing]:
 
     surfaces, _ = _surfaces(path)
     return [Drawing(keep(stl(surface.triangles), ".stl"), surface.colour) for surface in surfaces]
+
+
+def _relative(path: Path, out: Path | None) -> str:
+    """Return the name of a file in a URDF in a folder; an absolute one without a folder."""
+    path = path.resolve()
+    return str(path) if out is None else Path(os.path.relpath(path, out.resolve())).as_posix()
 
 
 def _surfaces(path: Path) -> tuple[list[ColouredSurface], str | None]:

@@ -4,6 +4,7 @@
     model://robot/meshes/arm.stl
     package:///arm.stl, arm.stl       relative to the file's folder
     file:///home/me/arm.stl
+    solid://plate/0.45,1.7,...        a solid of `raff2urdf.graphics.solids`, which is no file
 
 A file from elsewhere must not have any file of the user shown. A graphic file is read if it is
 
@@ -34,6 +35,7 @@ from urllib.parse import unquote
 from raff2urdf.errors import RaffError
 from raff2urdf.escape import shell_word
 from raff2urdf.files import note
+from raff2urdf.graphics.solids import SCHEME, stl_of
 
 ALLOWED = "RAFF2URDF_MESH_PATH"
 """Environment variable with folders, separated as in PATH, in which graphics may be anywhere."""
@@ -198,6 +200,11 @@ def find(name: str, folder: Path, owner: Path | None = None, packages: Packages 
         RaffError: there is no such file, it is elsewhere than in the folders that may be read, it is too large, or a
             pointer of Git LFS.
     """
+    scheme, _, recipe = name.partition("://")
+    if scheme == SCHEME:
+        from raff2urdf.graphics.meshes import keep
+
+        return keep(stl_of(recipe), ".stl")
     label, refused, first = f"mesh '{name}'", None, None
     if owner is not None:
         _check_place(folder, home_of(owner), label)

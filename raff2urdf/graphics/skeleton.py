@@ -1,9 +1,9 @@
-"""Draw a robot from its Kleinfinger parameters, for links that have no graphics.
+"""Bars and markers along a robot's Kleinfinger parameters: what collides and weighs of links that have no graphics.
 
-Each node gets bars to its children: along the three straight parts of the path to a joint (epsilon along its z, d
-along the common perpendicular, r along the child's z), straight to what is fixed to it. A marker shows its own joint:
-a cylinder about the axis of a revolute one; a box, and a rod that slides in its parent's tube or a rail of its parent,
-for a prismatic one; a ball for a ball, universal or planar one.
+(`raff2urdf.graphics.bodies` draws them.) Each node gets bars to its children: along the three straight parts of the
+path to a joint (epsilon along its z, d along the common perpendicular, r along the child's z), straight to what is
+fixed to it. A marker is at its own joint: a cylinder about the axis of a revolute one; a box, and a rod that slides in
+its parent's tube or a rail of its parent, for a prismatic one; a ball for a ball, universal or planar one.
 """
 
 from __future__ import annotations
@@ -26,12 +26,15 @@ if TYPE_CHECKING:  # takes half a second
     from yourdfpy import Visual
 
 # One for each branch of the tree. People with any colour vision can distinguish them, and pages use none for a status.
-_BRANCHES = (
+BRANCHES = (
     *((0.16, 0.35, 0.44), (0.66, 0.55, 0.35), (0.66, 0.62, 0.83)),
     *((0.42, 0.73, 0.69), (0.47, 0.29, 0.16), (0.39, 0.33, 0.3)),
 )
-_BASE = (0.45, 0.47, 0.5)
-_JOINT = (0.2, 0.22, 0.25)
+BASE = (0.45, 0.47, 0.5)
+JOINT = (0.2, 0.22, 0.25)
+MARK = "skeleton"
+"""Beginning of the names of a URDF's collision shapes that are bars and markers, rather than shapes of the robot."""
+
 _FARTHEST = 100.0  # of the sum of a robot's lengths: limits beyond stand for none, as 1e6 does in many files
 
 
@@ -42,7 +45,7 @@ class _Style:
 
 
 class SkeletonDrawing:
-    """Drawings of the nodes of one robot, each in its own frame."""
+    """Bars and markers of the nodes of one robot, each in its own frame."""
 
     def __init__(self, document: Document, robot: RaffRobot) -> None:
         self.document, self.robot = document, robot
@@ -51,12 +54,12 @@ class SkeletonDrawing:
         self.radius = 0.06 * median(lengths)
         self.farthest = _FARTHEST * math.fsum(lengths)
         branch, last = {0: 0}, 0
-        self.colours = {0: _BASE}
+        self.colours = {0: BASE}
         for part in robot.outward:
             forks = part is not robot.children[part.pred][0]
             last += forks  # every fork begins a branch of another colour
             branch[part.number] = last if forks else branch[part.pred]
-            self.colours[part.number] = _BRANCHES[branch[part.number] % len(_BRANCHES)]
+            self.colours[part.number] = BRANCHES[branch[part.number] % len(BRANCHES)]
 
     def draw(self, node: RaffNode) -> list[Visual]:
         """Return the shapes of one node, in its own frame."""
@@ -85,7 +88,7 @@ class SkeletonDrawing:
         return [corners[0], corners[-1]] if straight else corners
 
     def _joint(self, node: RaffNode, style: _Style) -> Iterator[Visual]:
-        marker = _Style(style.radius, _JOINT)
+        marker = _Style(style.radius, JOINT)
         if isinstance(node, RaffLink) and node.own_joint is not None and node.type is not JointType.PRISMATIC:
             yield _ball(np.zeros(3), 2.0, marker)  # a joint of several variables
             return
@@ -96,8 +99,8 @@ class SkeletonDrawing:
             yield from _bar(-half, half, 1.5, marker)
         else:
             size = np.array([2.6, 2.6, 3.2]) * style.radius
-            yield _visual("box", _round(size, style), np.eye(4), marker)
-            *_, rod = self._telescope(node)
+            yield _visual("box", rounded(size, style.radius), np.eye(4), marker)
+            *_, rod = self.telescope_of(node)
             yield from _bar(np.array([0.0, 0.0, -rod]), np.zeros(3), 0.6, style)
 
     def _bars_to(self, child: RaffPart, style: _Style) -> Iterator[Visual]:
@@ -112,14 +115,20 @@ class SkeletonDrawing:
         for corner in drawn[1:-1]:
             yield _ball(corner, thickness, style)
         if isinstance(child, RaffLink) and child.type is JointType.PRISMATIC:
-            start, end = (corners[-1] + at * self._axis(child) for at in self._telescope(child)[:2])
+            start, end = (corners[-1] + at * self._axis(child) for at in self.telescope_of(child)[:2])
             yield from _bar(start, end, 1.0, style)
 
-    def _telescope(self, link: RaffLink) -> tuple[float, float, float]:
+    def telescope_of(self, link: RaffLink) -> tuple[float, float, float]:
         """Return what `telescope` does of a prismatic link; limits that are nowhere near the robot are none."""
+        return telescope(home(self.document, link), *self._limits(link))
+
+    def stroke(self, link: RaffLink) -> tuple[float, float]:
+        """Return the range of a prismatic link that is drawn, m: its limits, or around where it is written."""
+        return _finite(home(self.document, link), *self._limits(link))
+
+    def _limits(self, link: RaffLink) -> tuple[float, float]:
         low, high = limits(self.document, link)
-        low, high = (low if abs(low) < self.farthest else -math.inf), (high if abs(high) < self.farthest else math.inf)
-        return telescope(home(self.document, link), low, high)
+        return (low if abs(low) < self.farthest else -math.inf), (high if abs(high) < self.farthest else math.inf)
 
     def _axis(self, child: RaffPart) -> np.ndarray:
         """Return the z axis (3,) of a child."""
@@ -141,14 +150,19 @@ def telescope(home: float, low: float, high: float) -> tuple[float, float, float
         low: lower limit, m.
         high: upper limit, m.
     """
-    nearest, farthest = sorted((0.62 * home, 1.17 * home))
-    low = min(nearest, high) if math.isinf(low) else low
-    high = max(farthest, low) if math.isinf(high) else high
+    low, high = _finite(home, low, high)
     if low <= 0.0 <= high:
         return low, high, 0.0
     sign, near, far = (1.0, low, high) if low > 0.0 else (-1.0, -high, -low)
     most = max(near, far / 2.0)
     return 0.0, sign * min(0.55 * far, most), sign * min(0.62 * far, most)
+
+
+def _finite(home: float, low: float, high: float) -> tuple[float, float]:
+    """Return limits; around a value where they are infinite."""
+    nearest, farthest = sorted((0.62 * home, 1.17 * home))
+    low = min(nearest, high) if math.isinf(low) else low
+    return low, max(farthest, low) if math.isinf(high) else high
 
 
 def _lengths(parameters: Iterable[Kleinfinger]) -> list[float]:
@@ -168,11 +182,11 @@ def _bar(start: np.ndarray, end: np.ndarray, thickness: float, style: _Style) ->
     y = np.cross(z, aside)
     y /= math.sqrt(math.fsum(x * x for x in y.tolist()))
     placement = _at((start + end) / 2.0, np.column_stack([np.cross(y, z), y, z]), style)
-    yield _visual("cylinder", (_digits(thickness * style.radius), _digits(length)), placement, style)
+    yield _visual("cylinder", (digits(thickness * style.radius), digits(length)), placement, style)
 
 
 def _ball(centre: np.ndarray, thickness: float, style: _Style) -> Visual:
-    return _visual("sphere", (_digits(thickness * style.radius),), _at(centre, np.eye(3), style), style)
+    return _visual("sphere", (digits(thickness * style.radius),), _at(centre, np.eye(3), style), style)
 
 
 def _visual(kind: str, sizes: ArrayLike, placement: np.ndarray, style: _Style) -> Visual:
@@ -188,15 +202,16 @@ def _visual(kind: str, sizes: ArrayLike, placement: np.ndarray, style: _Style) -
 def _at(point: np.ndarray, rotation: np.ndarray, style: _Style) -> np.ndarray:
     placement = np.eye(4)
     placement[:3, :3] = rotation
-    placement[:3, 3] = _round(point, style)
+    placement[:3, 3] = rounded(point, style.radius)
     return placement
 
 
-def _round(values: np.ndarray, style: _Style) -> np.ndarray:
-    """Round to a millionth of a bar's radius: no rounding errors such as 1e-17 in the file."""
-    step = 10.0 ** (math.floor(math.log10(style.radius)) - 6)
-    return np.array([_digits(step * round(value / step)) for value in values.tolist()])
+def rounded(values: np.ndarray, radius: float) -> np.ndarray:
+    """Return values (n,) to a millionth of a bar's radius: no rounding errors such as 1e-17 in the file."""
+    step = 10.0 ** (math.floor(math.log10(radius)) - 6)
+    return np.array([digits(step * round(value / step)) for value in values.tolist()])
 
 
-def _digits(value: float) -> float:
+def digits(value: float) -> float:
+    """Return a number to nine digits."""
     return float(f"{value:.9g}")

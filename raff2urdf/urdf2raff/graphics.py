@@ -18,14 +18,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from raff2urdf.errors import RaffError
+from raff2urdf.graphics.bodies import BodyDrawing, Shape
 from raff2urdf.graphics.collada import unit_of
 from raff2urdf.graphics.meshes import CONVERTED, SHOWN
 from raff2urdf.graphics.names import Packages, find, may_read
-from raff2urdf.graphics.skeleton import SkeletonDrawing
+from raff2urdf.graphics.solids import triangles
 from raff2urdf.raff.document import UNITS_PER_METRE, Document, RaffFrame, RaffNode, RaffRobot
 from raff2urdf.readers.urdf import links, numbers, origin, three
 from raff2urdf.readers.xml_file import error_at
-from raff2urdf.writers.tree_at_home import SIZES, shape_of
+from raff2urdf.writers.tree_at_home import SIZES
 
 Array = NDArray[np.float64]
 
@@ -77,7 +78,7 @@ class GraphicsExport:
             RaffError: a shape is not in URDF: with its line.
         """
         robot = document.robot()
-        skeleton = SkeletonDrawing(document, robot)
+        bodies = BodyDrawing(document, robot)
         per_metre = UNITS_PER_METRE[document.units]
         visuals: dict[str, list[Any]] = {node.node: [] for node in (robot.base, *robot.parts)}
         for link, node in nodes.items():
@@ -88,7 +89,7 @@ class GraphicsExport:
         drawn: list[RaffNode] = []  # as skeletons, since all that they showed is lost
         for part in robot.nodes.values():
             own = visuals[part.node]
-            skeletal = self._is_skeleton(own, skeleton.draw(part))
+            skeletal = self._is_skeleton(own, bodies.of(part))
             files[part.node] = None if skeletal else tuple(self._files(own, part.node, per_metre))
             if own and files[part.node] == ():
                 drawn.append(part)
@@ -202,27 +203,36 @@ class GraphicsExport:
             return None
         return _rgba(material) or self.colours.get(material.get("name"))
 
-    def _is_skeleton(self, visuals: Sequence[Any], drawn: Sequence[Any]) -> bool:
+    def _is_skeleton(self, visuals: Sequence[Any], drawn: Sequence[Shape]) -> bool:
         """Return whether shapes are those that raff2urdf draws if no file is named."""
         return len(visuals) == len(drawn) and all(map(self._is_like, visuals, drawn))
 
-    def _is_like(self, visual: Any, drawn: Any) -> bool:
-        shape, (kind, sizes, _) = _shape(visual), shape_of(drawn.geometry)
+    def _is_like(self, visual: Any, drawn: Shape) -> bool:
+        shape, kind, sizes = _shape(visual), drawn.kind, np.array(drawn.sizes)
         found = (
             [] if shape is None else [value for word in SIZES[kind] for value in numbers(shape.get(word, "nan")) or []]
         )
         if shape is None or shape.tag != kind or len(found) != len(sizes):
             return False
         size = float(np.abs(sizes).max())
-        placed = origin(visual, self.name) - (np.eye(4) if drawn.origin is None else drawn.origin)
-        colour = self._colour(visual)
+        placed, colour = origin(visual, self.name) - drawn.placement, self._colour(visual)
         return bool(
             np.abs(found - sizes).max() <= _NEAR * size
             and np.abs(placed[:3, :3]).max() <= _NEAR
             and np.abs(placed[:3, 3]).max() <= _NEAR * size
             and colour is not None
-            and np.abs(np.array(colour) - drawn.material.color.rgba).max() <= 1.0 / 255.0
+            and np.abs(np.array(colour)[:3] - drawn.colour).max() <= 1.0 / 255.0
+            and (kind != "mesh" or self._is_solid(shape, drawn.recipe))
         )
+
+    def _is_solid(self, mesh: Any, recipe: str) -> bool:
+        """Return whether a mesh is a solid that raff2urdf draws."""
+        if self._path(mesh) is None:
+            return False
+        (found, *others) = [np.asarray(one.triangles) for one in self._scenes[mesh.get("filename", "")][1].dump()]
+        solid = triangles(recipe)
+        solid = solid[np.any(np.cross(solid[:, 1] - solid[:, 0], solid[:, 2] - solid[:, 0]) != 0.0, axis=1)]
+        return not others and found.shape == solid.shape and bool(np.abs(found - solid).max() <= 10.0 * _NEAR)
 
 
 def _scene(path: Path) -> Any:

@@ -102,7 +102,9 @@ def inertias(
     found = {
         link.name: stated.get(link.name, Inertia())
         if bodies.get(link.name, link.name) in known
-        else sum_of(_placed(of_geometry(v.geometry, density, surface), v.origin) for v in link.visuals)
+        else sum_of(
+            _placed(of_geometry(v.geometry, density, surface), v.origin) for v in link.collisions or link.visuals
+        )
         for link in model.links
     }
     estimated = [name for name, body in found.items() if bodies.get(name, name) not in known and body.mass > 0.0]

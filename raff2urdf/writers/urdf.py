@@ -17,13 +17,14 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 from lxml import etree
-from yourdfpy import Dynamics, Joint, Limit, Link, Robot
+from yourdfpy import Collision, Dynamics, Joint, Limit, Link, Robot, Visual
 
 from raff2urdf import constraints as constraints_file
 from raff2urdf.errors import RaffWarning
 from raff2urdf.files import GENERATED
+from raff2urdf.graphics.bodies import BodyDrawing, Shape
 from raff2urdf.graphics.meshes import Graphics
-from raff2urdf.graphics.skeleton import SkeletonDrawing
+from raff2urdf.graphics.skeleton import MARK, SkeletonDrawing
 from raff2urdf.raff.document import Document, JointType, RaffLink, RaffNode, RaffPart, RaffRobot
 from raff2urdf.raff.kleinfinger import transform
 from raff2urdf.raff.masses import RaffMasses
@@ -32,7 +33,7 @@ from raff2urdf.readers.sidecar import ENDING
 from raff2urdf.readers.urdf import UNLIMITED, hash_of
 from raff2urdf.readers.xml_file import NAMESPACE
 from raff2urdf.tree import BASE_JOINT, WORLD, effort, joint_dynamics, kleinfinger, limits, moved, velocity
-from raff2urdf.urdf_object import ExactUrdf, inertial
+from raff2urdf.urdf_object import ExactUrdf, geometry, inertial, material_of
 from raff2urdf.writers.xml_text import text_of
 
 if TYPE_CHECKING:
@@ -92,7 +93,7 @@ def tree(
     """
     missing: list[str] = []
     skeleton = SkeletonDrawing(document, robot)
-    masses = RaffMasses(document, graphics, skeleton)
+    masses, bodies = RaffMasses(document, graphics, skeleton), BodyDrawing(document, robot)
     links, joints = [], []
 
     def body(node: RaffNode) -> Link:
@@ -100,9 +101,12 @@ def tree(
         if reasons:
             missing.append(f"{node.node}: {', '.join(reasons)}")
         visuals = [drawing.visual(out, document.metres(1.0)) for drawing in drawings]
+        collisions = []
         if not visuals and node.filenames != ():  # `filename { }` shows nothing
-            visuals = skeleton.draw(node)
-        return Link(name=node.node, visuals=visuals, inertial=inertial(masses.of(node)))
+            visuals = [_visual(one, graphics, out) for one in bodies.of(node)]
+            bars = enumerate(skeleton.draw(node))
+            collisions = [Collision(f"{MARK} {i}", bar.origin, bar.geometry) for i, bar in bars]
+        return Link(name=node.node, visuals=visuals, collisions=collisions, inertial=inertial(masses.of(node)))
 
     placement = transform(kleinfinger(document, robot.base.parameters))
     if robot.movable or not np.array_equal(placement, np.eye(4)):
@@ -114,6 +118,13 @@ def tree(
         links.append(body(part))
         joints.append(_joint(document, robot, part))
     return ExactUrdf(Robot(robot.name, links, joints), folder=out or "").checked(), missing
+
+
+def _visual(shape: Shape, graphics: Graphics, out: Path | None) -> Visual:
+    file = graphics.name_of(shape.recipe, out) if shape.recipe else ""
+    name = "c" + "".join(f"{round(255 * channel):02x}" for channel in shape.colour)
+    material = material_of(name, (*shape.colour, 1.0))
+    return Visual(origin=shape.placement, geometry=geometry(shape.kind, shape.sizes, file), material=material)
 
 
 def _joint(document: Document, robot: RaffRobot, part: RaffPart) -> Joint:

@@ -9,7 +9,8 @@ from itertools import combinations
 import numpy as np
 import pytest
 
-from raff2urdf.graphics.skeleton import _BASE, _BRANCHES, _JOINT
+from raff2urdf.graphics.bodies import SHARED
+from raff2urdf.graphics.skeleton import BASE, BRANCHES, JOINT
 
 NORMAL = np.eye(3)
 DEFICIENT = {
@@ -34,7 +35,5 @@ def lab(colour, vision=NORMAL):
 
 @pytest.mark.parametrize("vision", [NORMAL, *DEFICIENT.values()], ids=["normal", *DEFICIENT])
 def test_branches_are_distinguished(vision):
-    for one, other in combinations([*_BRANCHES, _BASE, _JOINT], 2):
-        assert np.linalg.norm(lab(one, vision) - lab(other, vision)) > (
-            0.0 if {one, other} == {_BASE, _JOINT} else 15.0
-        )
+    for one, other in combinations([*BRANCHES, BASE, JOINT, SHARED], 2):
+        assert np.linalg.norm(lab(one, vision) - lab(other, vision)) > (0.0 if {one, other} == {BASE, JOINT} else 15.0)

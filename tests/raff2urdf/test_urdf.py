@@ -152,19 +152,21 @@ def test_a_base_that_can_move_floats_in_a_world() -> None:
 
 # --- the skeleton ------------------------------------------------------------------------------------------------
 
-_SHAPES = {"cylinder": ("radius", "length"), "box": ("size",), "sphere": ("radius",)}
+_SHAPES = {"cylinder": ("radius", "length"), "box": ("size",), "sphere": ("radius",), "mesh": ("scale",)}
 
 
 def check_shapes(text: str) -> int:
-    """Every shape is finite and has an extent; how many there are."""
-    visuals = etree.fromstring(text.encode()).findall("link/visual")
-    for visual in visuals:
+    """Every shape is finite and has an extent; how many collide."""
+    tree = etree.fromstring(text.encode())
+    visuals, collisions = tree.findall("link/visual"), tree.findall("link/collision")
+    assert visuals
+    for visual in (*visuals, *collisions):
         (shape,) = visual.find("geometry")
         sizes = [size for word in _SHAPES[shape.tag] for size in numbers(shape.get(word))]
         assert all(0.0 < size < math.inf for size in sizes)
         origin = visual.find("origin")
         assert all(math.isfinite(number) for word in ("xyz", "rpy") for number in numbers(origin.get(word)))
-    return len(visuals)
+    return len(collisions)
 
 
 @given(trees)
@@ -197,11 +199,11 @@ def test_a_robot_of_any_size_is_drawn_or_refused(size: float, word: str) -> None
 
 
 def ends_of_bars(document: Document, robot: RaffRobot | None = None) -> dict[str, list[np.ndarray]]:
-    """Both ends of every cylinder, in the frame of its node."""
+    """Both ends of every cylinder that collides, in the frame of its node."""
     xml = etree.fromstring(translated(document, robot).urdf.encode())
     ends: dict[str, list[np.ndarray]] = {}
     for link in xml.findall("link"):
-        for visual in link.findall("visual"):
+        for visual in link.findall("collision"):
             cylinder = visual.find("geometry/cylinder")
             if cylinder is None:
                 continue

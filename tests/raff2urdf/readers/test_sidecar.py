@@ -88,7 +88,8 @@ def edited(folder, old, new):
 def test_an_edited_urdf_is_warned_of_until_its_hash_is_there(five_bar):
     path = edited(five_bar, 'length="0.25"', 'length="0.26"')
     assert quiet(path) is not None  # of a shape
-    path = edited(five_bar, '<origin xyz="-0.15 0.0 0.0"', '<origin xyz="-0.16 0.0 0.0"')
+    child = '<child link="link1"/>\n    <origin xyz="-0.1'
+    path = edited(five_bar, f"{child}5", f"{child}6")
     with pytest.warns(RaffWarning, match="are not those for which five_bar.constraints.json was written") as caught:
         assert len(readers.read(path)[1]["loops"]) == 1
     (entry,) = re.findall(r'"urdf_sha256": "(\w+)"', str(caught[0].message))

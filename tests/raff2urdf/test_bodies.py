@@ -1,0 +1,480 @@
+"""Robots without graphics, drawn as machines: plates hold their joints, tubes end at them, slides stay together, wheels
+touch, and what is drawn has no effect on what collides and weighs."""
+
+import io
+import math
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import trimesh
+from hypothesis import given
+from hypothesis import strategies as st
+from numpy.typing import NDArray
+from scipy.spatial import ConvexHull
+from strategies import documents, examples
+
+import cinegen
+import raff2urdf
+from raff2urdf import RaffError, loads
+from raff2urdf.conversion import describe, translate
+from raff2urdf.graphics.bodies import BodyDrawing, DrawnBody, Shape
+from raff2urdf.graphics.skeleton import SkeletonDrawing, telescope
+from raff2urdf.graphics.solids import stl_of, tooth_numbers, triangles
+from raff2urdf.graphics.wheels import CouplingDrawing, Mesh
+from raff2urdf.raff.compound import expanded
+from raff2urdf.raff.document import Document, JointType
+from raff2urdf.tree import placements
+
+ROBOTS = Path(raff2urdf.__file__).parent.parent / "robots"
+NAMES = sorted(path.stem for path in ROBOTS.glob("*.raff"))
+Array = NDArray[np.float64]
+
+
+def robot(*rows: str) -> Document:
+    text = "\n".join(rows)
+    return loads(f"RAFF t\nrobot r {{ base {{ }}\n{text}\n}}")
+
+
+def drawn(document: Document) -> BodyDrawing:
+    return BodyDrawing(document, document.robot())
+
+
+def shapes_of(drawing: BodyDrawing) -> Iterator[tuple[str, Shape]]:
+    for node in drawing.robot.nodes.values():
+        yield from ((node.node, shape) for shape in drawing.of(node))
+
+
+def corners(shape: Shape) -> Array:
+    """The corners (n, 3) of a mesh in its node's frame."""
+    local = triangles(shape.recipe).reshape(-1, 3) * shape.sizes
+    return local @ shape.placement[:3, :3].T + shape.placement[:3, 3]
+
+
+def plates(drawing: BodyDrawing, number: int) -> list[Shape]:
+    return [one for one in drawing.of(drawing.robot.nodes[number]) if one.recipe.startswith("plate")]
+
+
+def solid(text: str) -> Any:
+    mesh = trimesh.load(io.BytesIO(stl_of(text)), file_type="stl")
+    mesh.merge_vertices()
+    return mesh
+
+
+def volume(surface: Array) -> float:
+    first, second, third = np.moveaxis(surface, 1, 0)
+    return float(np.einsum("ij,ij->", first, np.cross(second, third)) / 6.0)
+
+
+# --- bodies --------------------------------------------------------------------------------------------------------
+
+
+@given(st.lists(st.tuples(st.floats(0, 360), st.floats(60, 400)), min_size=3, max_size=7), st.floats(-40, 40))
+@examples(40)
+def test_a_plate_holds_all_joints_of_a_link_and_hides_none(polar: list[tuple[float, float]], tilt: float) -> None:
+    """Where they are in a plane; the eye of each joint stands out of the plate on both sides."""
+    rows = [f"link {1 + i} {{ parameters {{ gamma {a} d {d} }} type 2 pred 9 }}" for i, (a, d) in enumerate(polar)]
+    drawing = drawn(robot(f"link 9 {{ parameters {{ alpha {tilt} d 50 }} type 2 pred 0 }}", *rows))
+    points = np.array([[0.0, 0.0], *([d * math.cos(math.radians(a)), d * math.sin(math.radians(a))] for a, d in polar)])
+    points *= 1e-3
+    found = plates(drawing, 9)
+    if not found:  # all in a line
+        spread = np.linalg.svd(points - points.mean(axis=0))[1]
+        assert len(np.unique(np.round(points / drawing.unit), axis=0)) < 3 or spread[1] < 8.0 * drawing.unit
+        return
+    (plate,) = found
+    vertices = corners(plate)
+    hull = ConvexHull(vertices)
+    inside = hull.equations[:, :3] @ np.column_stack([points, np.zeros(len(points))]).T + hull.equations[:, 3:]
+    assert inside.max() < -0.3 * drawing.unit
+    assert np.abs(vertices[:, 2]).max() < 0.5 * 1.3 * drawing.unit  # half the length of an eye
+
+
+@pytest.mark.parametrize(
+    ("name", "node", "count"), [("gough", "base", 6), ("gough", "link6", 6), ("hybrid", "link5", 3)]
+)
+def test_platforms_and_bases_are_plates(name: str, node: str, count: int) -> None:
+    document = raff2urdf.load(ROBOTS / f"{name}.raff")
+    drawing = drawn(document)
+    number = next(n for n, one in drawing.robot.nodes.items() if one.node == node)
+    (plate,) = plates(drawing, number)
+    assert len(plate.recipe.split(",")) == 2 + 2 * count
+
+
+def test_what_rigid_loops_weld_together_is_one_body() -> None:
+    """The platform of a delta is in three branches: one plate, with the wrists of all."""
+    drawing = drawn(raff2urdf.load(ROBOTS / "delta4_linear.raff"))
+    whole = drawing.bodies[5]
+    assert {5, 10, 11, 16, 17, 20} == set(whole.nodes)
+    world = placements(drawing.document, drawing.robot)
+    (plate,) = plates(drawing, 5)
+    hull = ConvexHull(corners(plate) @ world[5][:3, :3].T + world[5][:3, 3])
+    for wrist in (5, 10, 16):
+        assert (hull.equations[:, :3] @ world[wrist][:3, 3] + hull.equations[:, 3]).max() < 0.0
+    assert not any(plates(drawing, number) for number in (10, 11, 16, 17, 20))
+
+
+def test_a_loop_of_another_kind_welds_nothing() -> None:
+    """The kind that the caller asks for counts: a ball in place of the weld leaves two bodies, with a sphere."""
+    document = raff2urdf.load(ROBOTS / "five_bar.raff")
+    spheres = []
+    for kinds in ({}, {"link5-tool": "ball"}):
+        urdf, _ = describe(document, document.robot(), ROBOTS, kinds)
+        spheres.append(urdf.count("<sphere"))
+    assert spheres[1] > spheres[0]
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_every_joint_is_touched_by_both_of_its_bodies(name: str) -> None:
+    """Of each joint, a shape of the parent's body and one of the child's are at its origin: tubes end at joints."""
+    for one in raff2urdf.load(ROBOTS / f"{name}.raff").robots:
+        document = raff2urdf.load(ROBOTS / f"{name}.raff")
+        drawing = BodyDrawing(document, one)
+        world = placements(document, one)
+        for link in drawing.robot.links:
+            bodies = [drawing.bodies[link.pred], drawing.bodies[link.number]]
+            thin = [body for body in bodies if not body.shapes]  # inside a joint
+            if link.type is not JointType.REVOLUTE or thin:
+                continue
+            for body in bodies:
+                origin = np.linalg.inv(world[next(iter(body.nodes))]) @ world[link.number][:, 3]
+                near = min(distance(shape, origin[:3]) for shape in body.shapes)
+                assert near < 1.2 * drawing.unit, (link.node, near / drawing.unit)
+
+
+def distance(shape: Shape, point: Array) -> float:
+    """An upper bound of the distance of a point (3,) from a shape."""
+    local = shape.placement[:3, :3].T @ (point - shape.placement[:3, 3])
+    if shape.kind == "mesh":
+        return float(trimesh.proximity.closest_point(trimesh.Trimesh(*mesh_of(shape)), [point])[1][0])
+    if shape.kind == "sphere":
+        return max(0.0, float(np.linalg.norm(local)) - shape.sizes[0])
+    half = (
+        np.array(shape.sizes) / 2.0 if shape.kind == "box" else np.array([shape.sizes[0]] * 2 + [shape.sizes[1] / 2.0])
+    )
+    return float(np.linalg.norm(np.maximum(np.abs(local) - half, 0.0)))
+
+
+def mesh_of(shape: Shape) -> tuple[Array, Array]:
+    points = corners(shape)
+    return points, np.arange(len(points)).reshape(-1, 3)
+
+
+@given(st.floats(-2, 2), st.floats(0.01, 2), st.floats(0, 1))
+@examples(100)
+def test_rod_and_sleeve_stay_together_over_the_whole_stroke(low: float, stroke: float, part: float) -> None:
+    """As do carriage and rail."""
+    high = low + stroke
+    start, end, rod = telescope(low + part * stroke, low, high)
+    for value in (low, high, low + part * stroke):
+        fixed, moving = sorted((start, end)), sorted((value - rod, value))
+        assert min(fixed[1], moving[1]) - max(fixed[0], moving[0]) >= -1e-12
+
+
+@pytest.mark.parametrize("limits", [(30, 160), (-160, -30), (-50, 100), (0, 90)])
+def test_a_slide_is_drawn_together_at_both_ends_of_its_stroke(limits: tuple[int, int]) -> None:
+    low, high = limits
+    drawing = drawn(robot(f"link 1 {{ parameters {{ d 100 r {high} }} type 1 pred 0 limits {{ {low} {high} }} }}"))
+    on_base = [one for one in drawing.of(drawing.robot.base) if one.kind in ("cylinder", "box") and one.placement[0, 3]]
+    (moving,) = [one for one in drawing.of(drawing.robot.nodes[1]) if one.kind in ("cylinder", "box")]
+    spans = np.array(
+        [[one.placement[2, 3] - one.sizes[-1] / 2, one.placement[2, 3] + one.sizes[-1] / 2] for one in on_base]
+    )
+    for value in (1e-3 * low, 1e-3 * high):
+        a, b = (
+            value + moving.placement[2, 3] - moving.sizes[-1] / 2,
+            value + moving.placement[2, 3] + moving.sizes[-1] / 2,
+        )
+        assert min(spans.max(), b) - max(spans.min(), a) > 0.0
+
+
+def test_a_hinge_is_an_eye_between_two_discs_of_its_parent() -> None:
+    drawing = drawn(
+        robot("link 1 { parameters { d 100 } type 2 pred 0 }", "link 2 { parameters { d 100 } type 2 pred 1 }")
+    )
+    (eye,) = [one for one in drawing.of(drawing.robot.nodes[2]) if one.kind == "cylinder"]
+    discs = [one for one in drawing.of(drawing.robot.nodes[1]) if one.kind == "cylinder" and one.placement[0, 3] > 0.05]
+    sides = sorted((one.placement[2, 3], one.sizes[1]) for one in discs if one.sizes[0] == eye.sizes[0])
+    (below, thick), (above, _) = sides
+    assert below + thick / 2 < -eye.sizes[1] / 2 < eye.sizes[1] / 2 < above - thick / 2
+
+
+# --- couplings -----------------------------------------------------------------------------------------------------
+
+GEARS = [
+    ("external", 100.0, -0.5, "spur"),
+    ("external, other sense", 100.0, -3.0, "spur"),
+    ("belt", 100.0, 0.5, "belt"),
+    ("far apart", 4000.0, -2.0, "crossed"),
+]
+
+
+def meshes(document: Document) -> list[Mesh]:
+    drawing = CouplingDrawing(drawn(document))
+    return [mesh for coupling in document.robot().couplings for mesh in drawing.meshes(coupling)]
+
+
+def pair(distance: float, ratio: float, name: str = "", alpha: float = 0.0) -> Document:
+    label = f'name "{name}"' if name else ""
+    return robot(
+        "link 1 { parameters { theta 20 } type 2 pred 0 actuated 1 }",
+        f"link 2 {{ parameters {{ d {distance} alpha {alpha} theta -10 }} type 2 pred 0 }}",
+        *(f"link {3 + i} {{ parameters {{ d 100 }} type 2 pred {2 + i} }}" for i in range(3)),
+        f"coupling {{ {label} link 2 link 1 ratio {ratio} }}",
+    )
+
+
+@given(st.floats(20, 150), st.floats(0.1, 8), st.sampled_from([0.0, 180.0]))
+@examples(60)
+def test_pitch_radii_have_the_ratio_and_touch(distance: float, ratio: float, alpha: float) -> None:
+    """Whichever way the axes point: the sense of the ratio is about a common direction."""
+    (mesh,) = meshes(pair(distance, -ratio if alpha == 0.0 else ratio, alpha=alpha))
+    assert mesh.kind == "spur"
+    assert mesh.radii[1] / mesh.radii[0] == pytest.approx(ratio)
+    assert sum(mesh.radii) == pytest.approx(1e-3 * distance)
+    assert np.linalg.norm(mesh.centres[1] - mesh.centres[0]) == pytest.approx(1e-3 * distance)
+
+
+@pytest.mark.parametrize(("name", "distance", "ratio", "kind"), GEARS)
+def test_wheels_are_gears_or_pulleys(name: str, distance: float, ratio: float, kind: str) -> None:
+    (mesh,) = meshes(pair(distance, ratio))
+    assert mesh.kind == kind
+    assert mesh.radii[1] / mesh.radii[0] == pytest.approx(abs(ratio))
+    if kind != "spur":
+        assert sum(mesh.radii) < 1e-3 * distance
+
+
+@pytest.mark.parametrize("name", ["belt", "timing belt", "Chain of the elbow", "tendon 3"])
+def test_a_belt_is_drawn_where_the_file_says_so(name: str) -> None:
+    assert [mesh.kind for mesh in meshes(pair(100.0, -0.5, name))] == ["crossed"]
+
+
+def test_a_planetary_gear_has_its_ring_around_the_planets() -> None:
+    """Sun 24, planets 24, ring 72 teeth of module 2: pitch radii 24 and 72."""
+    found = meshes(raff2urdf.load(ROBOTS / "planetary_gear.raff"))
+    assert [mesh.kind for mesh in found] == ["ring"] * 3 + ["spur"] * 3
+    for mesh in found:
+        expected = (0.024, 0.072) if mesh.kind == "ring" else (0.024, 0.024)
+        assert mesh.radii == pytest.approx(expected)
+
+
+def test_a_differential_has_bevel_gears_with_one_apex() -> None:
+    found = meshes(raff2urdf.load(ROBOTS / "differential_wrist.raff"))
+    assert [mesh.kind for mesh in found] == ["bevel", "bevel"]
+    for mesh in found:
+        (high, aside), contact = (np.linalg.norm(centre) for centre in mesh.centres), sum(mesh.centres)
+        assert (mesh.radii[0], mesh.radii[1]) == pytest.approx((aside, high))  # 90 degrees between the axes
+        speeds = [np.cross(axis, contact) for axis in mesh.axes]
+        assert mesh.ratio * speeds[0] == pytest.approx(speeds[1])  # no slip
+    assert {round(float(np.sign(mesh.centres[1] @ mesh.axes[1]))) for mesh in found} == {-1, 1}
+
+
+@given(st.floats(0.05, 20))
+@examples(60)
+def test_numbers_of_teeth_have_the_ratio(ratio: float) -> None:
+    """To 2 % at least, and exactly if it is a ratio of small numbers."""
+    one, other = tooth_numbers(ratio)
+    assert 9 <= min(one, other) <= max(one, other) <= 400
+    assert other / one == pytest.approx(ratio, rel=0.02)
+    assert tooth_numbers(1e6) == (3, 400)
+    assert tooth_numbers(3.0) == (18, 54)
+    assert tooth_numbers(-0.4) == (45, 18)
+
+
+@pytest.mark.parametrize("name", ["planetary_gear", "pair"])
+def test_teeth_go_into_gaps_at_every_angle(name: str) -> None:
+    """Outlines of meshing wheels overlap by less than an eighth of the height of a tooth, wherever the robot is."""
+    document = raff2urdf.load(ROBOTS / "planetary_gear.raff") if name != "pair" else pair(60.0, -0.4)
+    drawing = CouplingDrawing(drawn(document))
+    found = [mesh for coupling in document.robot().couplings for mesh in drawing.meshes(coupling)]
+    for drive in (0.0, 0.11, 0.5, 2.0):
+        q = {"joint1": math.radians(20.0) + drive, "joint2": math.radians(-10.0) - 0.4 * drive}
+        if name != "pair":
+            q = {"joint1": drive, "joint2": drive / 4.0} | {f"joint{i}": -0.75 * drive for i in (3, 4, 5)}
+        world = placements(document, document.robot(), q)
+        for mesh in found:
+            outlines = [
+                outline(wheel.body, world, radius) for wheel, radius in zip(mesh.wheels, mesh.radii, strict=True)
+            ]
+            depth = overlap(*outlines, inner=mesh.kind == "ring")
+            assert depth < 0.125 * 2.0 * 2.0 * min(mesh.radii) / 18.0, (drive, mesh.kind)
+
+
+def outline(body: DrawnBody, world: dict[int, Array], radius: float) -> tuple[Array, Array]:
+    """The centre (3,) and the corners (n, 3) of the teeth of the wheel with that pitch radius on a body."""
+    (shape,) = [
+        one for one in body.shapes if one.recipe[:5] in ("wheel", "ring/") and one.sizes[0] == pytest.approx(radius)
+    ]
+    placement = world[next(iter(body.nodes))] @ shape.placement
+    rim = triangles(shape.recipe).reshape(-1, 3) * shape.sizes
+    length = np.linalg.norm(rim[:, :2], axis=1)
+    rim = rim[(np.abs(length - radius) < 0.2 * radius) & (rim[:, 2] > 0.0)]
+    flat = np.unique(np.round(rim, 12), axis=0)
+    return placement[:3, 3], flat @ placement[:3, :3].T + placement[:3, 3]
+
+
+def overlap(first: tuple[Array, Array], second: tuple[Array, Array], inner: bool) -> float:
+    """How deep corners of either outline are in the other one, seen along z."""
+    deepest = 0.0
+    for (centre, teeth), (_, others), is_ring in ((second, first, inner), (first, second, False)):
+        polar = teeth[:, :2] - centre[:2]
+        angles = np.arctan2(polar[:, 1], polar[:, 0])
+        order = np.argsort(angles)
+        radii = np.linalg.norm(polar, axis=1)[order]
+        probes = others[:, :2] - centre[:2]
+        surface = np.interp(np.arctan2(probes[:, 1], probes[:, 0]), angles[order], radii, period=2.0 * math.pi)
+        inside = (np.linalg.norm(probes, axis=1) - surface) * (1.0 if is_ring else -1.0)
+        near = np.abs(np.linalg.norm(probes, axis=1) - surface) < 0.2 * surface
+        deepest = max(deepest, float(inside[near].max(initial=0.0)))
+    return deepest
+
+
+@pytest.mark.parametrize("radius", [25.0, -25.0])
+def test_a_pinion_rolls_on_its_rack_over_the_whole_stroke(radius: float) -> None:
+    """At every value the pitch line of the rack touches the pitch circle, and the rack extends there."""
+    document = robot(
+        "link 3 { type 2 pred 0 actuated 1 }",
+        "link 4 { parameters { alpha 90 d 30 r 20 } type 1 pred 0 limits { -60 90 } }",
+        f"coupling {{ link 4 link 3 radius {radius} }}",
+    )
+    drawing = drawn(document)
+    (rack,) = [one for one in drawing.of(drawing.robot.nodes[4]) if one.recipe.startswith("rack")]
+    (pinion,) = [one for one in drawing.of(drawing.robot.nodes[3]) if one.recipe.startswith("wheel")]
+    assert pinion.sizes[0] == pytest.approx(0.025)
+    for value in (-0.06, 0.02, 0.09):
+        world = placements(document, document.robot(), {"joint4": value})
+        placed, centre = world[4] @ rack.placement, (world[3] @ pinion.placement)[:3, 3]
+        local = placed[:3, :3].T @ (centre - placed[:3, 3])
+        assert local[1] == pytest.approx(0.025)  # above its pitch line
+        assert abs(local[0]) < np.abs(triangles(rack.recipe)[:, :, 0]).max() * rack.sizes[0]
+    moved = (
+        placements(document, document.robot(), {"joint4": 0.03})[4][:3, 3]
+        - placements(document, document.robot(), {"joint4": 0.02})[4][:3, 3]
+    )
+    contact = world[4] @ rack.placement
+    arm = contact[:3, 1] * -0.025
+    rolled = np.cross([0.0, 0.0, 0.01 / (1e-3 * radius)], arm)
+    assert rolled == pytest.approx(moved, abs=1e-9)
+
+
+@pytest.mark.parametrize("word", ["ratio", "radius", "lead"])
+@pytest.mark.parametrize("number", [1e-300, 1e-9, 1e-3, 59.0 / 61.0, 1e3, 1e9, 1e300])
+@pytest.mark.parametrize("sign", [-1.0, 1.0])
+def test_couplings_of_any_size_are_drawn_by_solids_or_not_at_all(word: str, number: float, sign: float) -> None:
+    slide = "parameters { alpha 90 d 30 r 20 } type 1 pred 0 limits { -60 90000 }" if word == "radius" else ""
+    slide = "parameters { d 40 r 60 } type 1 pred 0" if word == "lead" else slide
+    for distance in (0.0, 1e-9, 50.0, 1e12):
+        turning = f"parameters {{ d {distance} }} type 2 pred 0"
+        document = robot(
+            "link 3 { type 2 pred 0 actuated 1 }",
+            f"link 4 {{ {slide or turning} }}",
+            *(f"link {5 + i} {{ parameters {{ d 100 }} type 2 pred {4 + i} }}" for i in range(3)),
+            f"coupling {{ link 4 link 3 {word} {sign * number} }}",
+        )
+        for _, shape in shapes_of(drawn(document)):
+            assert all(0.0 < size < math.inf for size in shape.sizes)
+            assert np.isfinite(shape.placement).all()
+            assert not shape.recipe or volume(triangles(shape.recipe)) > 0.0
+
+
+def test_a_screw_has_its_lead() -> None:
+    document = robot(
+        "link 3 { type 2 pred 0 actuated 1 }",
+        "link 4 { parameters { d 40 r 60 } type 1 pred 0 limits { 0 160 } }",
+        "coupling { link 4 link 3 lead 15 }",
+    )
+    drawing = drawn(document)
+    (screw,) = [one for one in drawing.of(drawing.robot.nodes[3]) if one.recipe.startswith("screw")]
+    turns = float(screw.recipe.split("/")[1].split(",")[0])
+    assert screw.sizes[2] / turns == pytest.approx(0.015, rel=1e-5)
+    assert screw.placement[2, 3] < 0.0
+    assert screw.placement[2, 3] + screw.sizes[2] > 0.16
+
+
+# --- solids --------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_nothing_is_drawn_without_a_volume(name: str) -> None:
+    recipes = set()
+    for one in raff2urdf.load(ROBOTS / f"{name}.raff").robots:
+        for _, shape in shapes_of(BodyDrawing(raff2urdf.load(ROBOTS / f"{name}.raff"), one)):
+            assert all(0.0 < size < math.inf for size in shape.sizes)
+            recipes |= {shape.recipe} - {""}
+    for text in recipes:
+        mesh = solid(text)
+        assert mesh.is_watertight, text
+        assert mesh.volume > 0.0, text
+
+
+NONE = [
+    "",
+    "cube/1",
+    "plate",
+    "plate/",
+    "plate/nan,1,0,0",
+    "plate/1,inf,0,0",
+    "plate/1,1,0",
+    "plate/1,1" + ",1,2" * 3000,
+]
+NONE += ["wheel/1e9,1", "wheel/2.5,1", "wheel/-3,1", "wheel/3", "ring/9,1,1,1,1", "screw/1e6,0.1", "lathe/1e6,0,0,1,1"]
+NONE += ["lathe/x", "rack/1,1,1,1", "belt/0,1,1,1,1,1"]
+
+
+@pytest.mark.parametrize("text", NONE)
+def test_a_recipe_that_makes_no_solid_is_refused(text: str) -> None:
+    with pytest.raises(RaffError, match="is no solid: one of lathe, plate, wheel, "):
+        triangles(text)
+
+
+@given(documents(moderate=True, graphics=False, least_robots=1))
+@examples(30)
+def test_every_robot_is_drawn_by_solids_that_its_text_names(document: Document) -> None:
+    """Each recipe is one that `triangles` makes, and the same robot is drawn by the same bytes."""
+    for one in document.robots:
+        shapes = list(shapes_of(BodyDrawing(document, one)))
+        for _, shape in shapes:
+            assert np.isfinite(shape.placement).all()
+            assert all(0.0 < size < math.inf for size in shape.sizes)
+            if shape.recipe:
+                assert len(triangles(shape.recipe)) > 3
+        again = list(shapes_of(BodyDrawing(document, one)))
+        assert [(n, s.recipe, s.sizes, s.placement.tobytes()) for n, s in shapes] == [
+            (n, s.recipe, s.sizes, s.placement.tobytes()) for n, s in again
+        ]
+
+
+def test_a_robot_in_memory_names_its_solids_and_needs_no_file(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """So a recording or a map of it is drawn on any machine."""
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
+    document = raff2urdf.load(ROBOTS / "gough.raff")
+    urdf, _ = describe(document, document.robot(), ROBOTS)
+    assert 'filename="solid://plate/' in urdf
+    assert not (tmp_path / "cache").exists()
+    shapes = cinegen.load(ROBOTS / "gough.raff").visual.geometryObjects
+    assert any(shape.meshPath.endswith(".stl") for shape in shapes)
+
+
+# --- what it leaves alone ------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_what_collides_are_bars_and_markers_as_before(name: str) -> None:
+    document = raff2urdf.load(ROBOTS / f"{name}.raff")
+    for one in document.robots:
+        made = translate(document, one, ROBOTS)
+        skeleton, nodes = (
+            SkeletonDrawing(document, expanded(one)),
+            {node.node: node for node in made.robot.nodes.values()},
+        )
+        for link in made.model.robot.links:
+            if link.name not in nodes or nodes[link.name].filenames is not None:
+                assert not link.collisions
+                continue
+            expected = skeleton.draw(nodes[link.name])
+            assert len(link.collisions) == len(expected)
+            for collision, bar in zip(link.collisions, expected, strict=True):
+                assert collision.geometry == bar.geometry
+                assert np.array_equal(collision.origin, bar.origin)
