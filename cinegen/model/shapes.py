@@ -77,7 +77,7 @@ def collision_shapes(model: pin.Model, source: MechanismSource) -> CollisionShap
 
 
 def lost_meshes(source: MechanismSource) -> str:
-    """Return a sentence about meshes that can't be found, as `shapes` warns of them; empty without one. None is read."""
+    """Return a sentence about meshes that can't be found, as `shapes` warns of them; empty without one."""
     tree = parse_xml(source.urdf, source.name)
     return _sentence(_Meshes(tree, source).lost)
 
