@@ -31,7 +31,7 @@ pytestmark = IN_BROWSER
 
 @pytest.fixture
 def setup(robot):
-    """`setup("delta4")`: what `cinegen drive` would show; "scene" has an obstacle, "panda" the package of other people."""
+    """`setup("delta4")`: what `cinegen drive` shows; "scene" has an obstacle, "panda" is of another package."""
 
     def found(name):
         if name == "scene":

@@ -1,4 +1,4 @@
-"""What stands over the scene, in windows of all sizes: nothing covers the toolbar of the part, and no text is cut off."""
+"""What stands over the scene, in windows of all sizes: nothing covers the part's toolbar, and no text is cut off."""
 
 from __future__ import annotations
 

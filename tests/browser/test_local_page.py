@@ -64,7 +64,7 @@ def test_a_drag_is_undone_and_its_end_is_a_link(file, tab):
 
 
 def test_a_soft_shadow_darkens_the_floor_alone_and_what_only_a_server_does_is_hidden(file, tab):
-    page = tab(file, drawn=True)
+    page = tab(file, "try { localStorage.setItem('cinegen.hints', '[\"drag\"]') } catch {}", drawn=True)  # no hand
     shadow = "cockpit.viewer.scene_tree.find(['Grid']).object.children[0].children[0]"
     seen = []
     for opacity in (0.5, 0.0):

@@ -78,6 +78,7 @@ def test_each_task_takes_three_clicks_at_most(cockpit, tab, tmp_path, monkeypatc
     hand.press("#tab-record")
     hand.press("#record")
     assert becomes(page, lambda: one.state.recording is not None)
+    assert becomes(page, "document.getElementById('record').ariaPressed === 'true'")
     clicks["record"] = hand.done()
     hand.press("#fold")  # the tab is remembered
     hand.press("#record")
@@ -124,7 +125,8 @@ def test_one_label_says_why_it_stops_an_arc_shows_the_limit_and_no_part_is_repai
     assert becomes(page, lambda: page.inner_text("#status").startswith(words))
     assert becomes(page, lambda: [text.startswith(words) for text in page.evaluate(VISIBLE)] == [True])
     saturated = one.state.robots["delta4"].saturated
-    shown = "cockpit.view.stage.children.filter((one) => one.visible && one.name.startsWith('limits ')).map((one) => one.name)"
+    shown = """cockpit.view.stage.children.filter((one) => one.visible && one.name.startsWith('limits '))
+      .map((one) => one.name)"""
     assert becomes(page, lambda: {f"limits {joint}" for joint in saturated} <= set(page.evaluate(shown)))
     assert page.evaluate(COLOURS) == before
     picture(page, "limits")
@@ -183,7 +185,8 @@ def test_the_toolbar_stands_beside_its_part_hides_it_and_looks_at_it(arm):
     page.click("#look")
     middle = page.evaluate("""() => {
       const { Box3, Vector3 } = MeshCat.THREE;
-      return new Box3().setFromObject(cockpit.view.group("arm7", "link4")).getCenter(new Vector3()).project(cockpit.viewer.camera).toArray();
+      const box = new Box3().setFromObject(cockpit.view.group("arm7", "link4"));
+      return box.getCenter(new Vector3()).project(cockpit.viewer.camera).toArray();
     }""")
     assert np.abs(middle[:2]).max() < 0.1  # of half the view
     page.click("#hide")
@@ -200,7 +203,9 @@ def test_a_slider_lights_its_part_and_a_part_its_slider(arm):
     _, page = arm
     lit = """() => {
       let most = 0;
-      cockpit.view.group("arm7", "link3").traverse(({ material }) => { if (material?.emissive) most = Math.max(most, material.emissive.b); });
+      cockpit.view.group("arm7", "link3").traverse(({ material }) => {
+        if (material?.emissive) most = Math.max(most, material.emissive.b);
+      });
       return most;
     }"""
     dark = page.evaluate(lit)

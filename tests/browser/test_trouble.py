@@ -62,7 +62,8 @@ def chain(count):
     links = "".join(f'<link name="link{i}"/>' for i in range(count))
     joints = "".join(
         f'<joint name="joint{i}" type="revolute"><parent link="link{i - 1}"/><child link="link{i}"/>'
-        f'<origin xyz="0 0 0.01"/><axis xyz="{i % 2} {1 - i % 2} 0"/><limit lower="-1" upper="1" effort="1" velocity="1"/></joint>'
+        f'<origin xyz="0 0 0.01"/><axis xyz="{i % 2} {1 - i % 2} 0"/>'
+        '<limit lower="-1" upper="1" effort="1" velocity="1"/></joint>'
         for i in range(1, count)
     )
     return f'<robot name="chain">{links}{joints}</robot>'

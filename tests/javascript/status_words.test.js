@@ -16,7 +16,7 @@ test("near a singularity the way is told that the part is pulled in and can't go
   assert.equal(said([0, 0, -1, 0, 0, 0], [0, 0, -0.1]), "can't push downwards here");
   assert.equal(said([1, 0, 0.1, 0, 0, 0], [-0.1, 0, 0.01]), "can't push to the left here");
   assert.equal(said([0, 1, 0, 0, 0, 0], [0, 0.1, 0]), "can't push away from you here");
-  assert.equal(said([0, 0, 0.1, 0, 0, 1], [0, 0, 0.1]), "can't rotate this way here");
+  assert.equal(said([0, 0, 0.1, 0, 0, 1], [0, 0, 0.1]), "can't rotate in this direction here");
 });
 
 test("a pull that doesn't meet the lost direction is followed", () => {

@@ -26,7 +26,7 @@ export function inWords(status, report, axes, pull, length) {
   const [twist, pulled] = [report?.type1?.twist ?? [], Math.hypot(...pull)];
   if (name !== "SINGULAR" || twist.length !== 6 || pulled < PULLED * length) return { ...status, label: label.replace(/: (lost|uncontrolled) DoF$|, near a singularity$/, "") };
   const [straight, turns] = [twist.slice(0, 3), twist.slice(3)];
-  if (Math.hypot(...straight) / length < STRAIGHT * Math.hypot(...turns)) return { ...status, label: "can't rotate this way here" };
+  if (Math.hypot(...straight) / length < STRAIGHT * Math.hypot(...turns)) return { ...status, label: "can't rotate in this direction here" };
   if (Math.abs(dot(straight, pull)) < ALONG * Math.hypot(...straight) * pulled) return { name: "FOLLOWING", label: "following", description: label };
   const along = axes.map((axis) => dot(axis, straight));
   const most = along.reduce((best, value, i) => (Math.abs(value) > Math.abs(along[best]) ? i : best), 0);

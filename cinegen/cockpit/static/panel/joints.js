@@ -51,7 +51,7 @@ export class Joints {
       hint: "Move actuated joints one by one; the ends of each bar are the joint's limits",
     });
     this.send = atMostEvery(PICTURE, (/** @type {{ robot: string, joint: string, value: number }} */ move) => session.send({ type: "move_joint", ...move }));
-    session.on("hello", () => this.#build());
+    session.on("hello", () => this.section.fill(() => this.#build()));
     session.on("report", () => this.#show());
     session.on("state", () => this.#hold());
     this.section.element.addEventListener("toggle", () => {
@@ -59,7 +59,7 @@ export class Joints {
       this.#hold();
     });
     session.on("over", (part) => this.#light(part));
-    units.on("change", () => this.#build());
+    units.on("change", () => this.section.fill(() => this.#build()));
   }
 
   /** @param {import("../base/session.js").Part | null} part whose joint's row is lit */

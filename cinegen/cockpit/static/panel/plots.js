@@ -97,6 +97,10 @@ export class Plots {
 
   #build() {
     this.quantities = new Quantities(this.session.robots);
+    this.section.fill(() => this.#draw());
+  }
+
+  #draw() {
     this.#drawn = PLOTS.map(({ plot, title }) => this.#plot(plot, title)).filter(({ lines }) => lines.length > 0);
     this.body.replaceChildren(...this.#drawn.map(({ element }) => element));
     this.redraw();

@@ -6,6 +6,9 @@ const LONG = 25; // rows: a list that has more can be filtered
 
 /** `note` is a short text on the right of the heading. */
 export class Section {
+  /** @type {(() => void) | null} */
+  #build = null;
+
   /**
    * @param {HTMLElement} panel
    * @param {{ id: string, title: string, hint: string, open?: boolean }} options
@@ -19,9 +22,29 @@ export class Section {
       make("summary", { title: hint }, make("h2", {}, title), this.note),
       this.body,
     );
-    element.addEventListener("toggle", () => memory.set(`section.${id}`, element.open));
+    element.addEventListener("toggle", () => {
+      memory.set(`section.${id}`, element.open);
+      this.#make();
+    });
     this.element = element;
     panel.append(element);
+  }
+
+  /**
+   * Build its content when it is seen: a robot of a thousand bodies has long lists.
+   *
+   * @param {() => void} build
+   */
+  fill(build) {
+    this.#build = build;
+    this.#make();
+  }
+
+  #make() {
+    if (this.#build === null || !this.shown) return;
+    const build = this.#build;
+    this.#build = null;
+    build();
   }
 
   /** Whether it is seen, but for what is scrolled away; "toggle" of its element tells when that begins. */

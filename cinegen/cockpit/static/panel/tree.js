@@ -25,7 +25,7 @@ export class Tree {
       title: "Parts",
       hint: "All parts of the robots. Click one to select it, also those that have no shape",
     });
-    session.on("hello", () => this.#build());
+    session.on("hello", () => this.section.fill(() => this.#build()));
     session.on("select", () => this.#mark(true));
     const mark = atMostEvery(200, () => this.#mark(false));
     session.on("state", () => mark());

@@ -77,6 +77,7 @@ export class Labels {
       const pixels = this.only === null || this.only === key ? this.view.pixels(label.point, this.#where) : null;
       label.element.hidden = pixels === null;
       if (pixels === null) continue;
+      label.wide ||= label.element.offsetWidth; // it was not laid out before
       let x = pixels.x + ASIDE;
       if (x + label.wide > wide - 4) x = pixels.x - ASIDE - label.wide;
       x = Math.max(4, Math.min(wide - label.wide - 4, x));

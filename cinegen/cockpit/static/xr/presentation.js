@@ -116,8 +116,10 @@ export class Presentation extends Events {
     this.world.restore();
     view.headset = null;
     view.viewer.scene_tree.find(["Background"]).on_update();
-    view.viewer.set_3d_pane_size();
-    view.changed();
+    setTimeout(() => { // three.js hears of the end after this, and keeps the size until then
+      view.viewer.set_3d_pane_size();
+      view.changed();
+    });
     this.session.send({ type: "request_rate", rate: null });
     frames.resume();
     this.emit("end");
