@@ -19,13 +19,13 @@ const SEEN = `
 
 // What is reflected: a sky, a ground, and panels of light to the left, behind and to the right, the blurrier the rougher.
 const ROOM = `
-  float panel(vec3 way, vec3 middle, float size, float blur) {
-    return smoothstep(cos(size + blur), cos(max(size - blur, 0.0)), dot(way, middle));
+  float panel(vec3 ray, vec3 middle, float size, float blur) {
+    return smoothstep(cos(size + blur), cos(max(size - blur, 0.0)), dot(ray, middle));
   }
-  vec3 room(vec3 way, float blur) {
-    float light = 2.6 * panel(way, vec3(-0.62, 0.5, 0.6), 0.35, blur);
-    light += 1.5 * panel(way, vec3(0.86, 0.44, -0.26), 0.4, blur) + 1.1 * panel(way, vec3(-0.3, 0.3, -0.9), 0.5, blur);
-    return vec3(light) + mix(vec3(0.05), vec3(0.24, 0.25, 0.27), smoothstep(-0.2 - blur, 0.3 + blur, way.y));
+  vec3 room(vec3 ray, float blur) {
+    float light = 2.6 * panel(ray, vec3(-0.62, 0.5, 0.6), 0.35, blur);
+    light += 1.5 * panel(ray, vec3(0.86, 0.44, -0.26), 0.4, blur) + 1.1 * panel(ray, vec3(-0.3, 0.3, -0.9), 0.5, blur);
+    return vec3(light) + mix(vec3(0.05), vec3(0.24, 0.25, 0.27), smoothstep(-0.2 - blur, 0.3 + blur, ray.y));
   }
   void main() {`;
 const REFLECTED = `
