@@ -206,7 +206,7 @@ class RobotScene:
             _below(self._root, name, node)["triad"].set_object(triad(0.15 * mechanism.length))
         for loop in mechanism.loops:
             mark = _below(self._root, name, loop.first)[path_segment(loop.name, "loop ")]
-            mark.set_object(Mesh(Sphere(0.05 * mechanism.length), material(_LOOP, 0.6)))
+            mark.set_object(Mesh(Sphere(0.03 * mechanism.length), material(_LOOP, 0.6)))
             mark.set_transform(loop.first_placement.homogeneous)
 
     def _put(
