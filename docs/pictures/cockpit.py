@@ -36,10 +36,6 @@ TOUCH = """([robot, node]) => {
 
 def drag(tab, robot, node, right, down):
     """Drags a part by so many pixels; the button stays down."""
-    tab.mouse.move(480, 400)
-    for _ in range(3):
-        tab.mouse.wheel(0, -100)  # nearer
-        tab.wait_for_timeout(700)
     x, y = tab.evaluate(TOUCH, [robot, node])
     tab.mouse.move(x, y)
     tab.mouse.down()
@@ -54,18 +50,20 @@ def out_of_reach(tab):
     tab.evaluate("cockpit.send({ type: 'select_sensor', robot: 'delta4', node: 'platform', sensor: null })")
     tab.evaluate("cockpit.send({ type: 'move_home' })")
     tab.wait_for_timeout(4000)
-    drag(tab, "delta4", "platform", 280, 90)
+    drag(tab, "delta4", "platform", 160, 60)
 
 
 def two_robots(tab):
     """An arm on a Gough platform: its tool is pinned, and the platform is dragged from under it."""
     tab.evaluate("cockpit.send({ type: 'pin', robot: 'arm7', node: 'tool' })")
     tab.evaluate("cockpit.select('arm7', 'tool')")
-    drag(tab, "gough", "platform", -35, 5)
+    drag(tab, "gough", "link6", -35, 5)
 
 
 def forces(tab):
     """An ankle with 80 kg on its foot: forces as parts of the actuators' limits, and reactions."""
+    tab.click("#fold")
+    tab.click("#tab-analyse")
     tab.evaluate("document.getElementById('section-singularity').open = false")
     tab.evaluate("cockpit.send({ type: 'move_joint', robot: 'ankle', joint: 'joint5', value: 0.305 })")
     tab.wait_for_timeout(1000)
