@@ -253,8 +253,10 @@ class Cockpit:
                 next_time = time.monotonic()
 
     def _show(self, state: StateMessage, report: ReportMessage | None) -> None:
-        self.hub.show(state, report)
-        self._shown.set()
+        try:
+            self.hub.show(state, report)
+        finally:
+            self._shown.set()
 
     def _report(self) -> None:
         """Report on all robots, as long as they move and are watched."""

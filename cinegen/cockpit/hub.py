@@ -152,7 +152,7 @@ class Hub:
         self._listed = 0.0  # when users were listed
         self._problem = ""
         self._changed = 0  # number of the last state that differs from the one before in more than its time
-        self._shown_to: tuple[int | None, int, int] = (None, 0, 0)  # controller, report and users at that
+        self._content: tuple[object, ...] | None = None  # of that: what must change for the next
         self._rows: dict[str, Integers] = {}  # poses that pages get
         self._encoded: dict[tuple[bool, bool, bool], str | bytes] = {}  # of the newest state: with the report, with the
         # users, for pages
@@ -179,6 +179,7 @@ class Hub:
         """Let all clients meet the robots of another setup, which the next states are of."""
         self._setup = setup
         self._state, self._report, self._encoded = (self._state[0], None), (self._report[0], None), {}
+        self._content = None
         for client in tuple(self.clients.values()):
             client.met = self._state[0] + 1
             if client.user is not None:
@@ -216,6 +217,7 @@ class Hub:
             self._end_control()
         if not self.clients:
             self._state, self._report = (self._state[0], None), (self._report[0], None)  # they grow old
+            self._content = None
             self._wake()
 
     def drop(self, client: Client, reason: str) -> None:
@@ -335,15 +337,15 @@ class Hub:
 
     def show(self, state: StateMessage, report: ReportMessage | None = None) -> None:
         """Send a new state, and maybe a new report, to all clients that wait for one; to pages if it is news."""
-        before, number = self._state[1], self._state[0] + 1
+        number = self._state[0] + 1
         self._state, self._encoded = (number, state), {}
         if report is not None and not _is_known(report, self._report[1]):
             self._report = self._report[0] + 1, report
         now = time.monotonic()
         self._list_users(now)
-        shown_to = self.controller, self._report[0], self._users[0]
-        if before is None or shown_to != self._shown_to or replace(state, time=before.time) != before:
-            self._changed, self._shown_to = number, shown_to
+        content = encode(replace(state, time=0.0)), self.controller, self._report[0], self._users[0]
+        if content != self._content:
+            self._changed, self._content = number, content
         for client in tuple(self.clients.values()):
             if client.unacknowledged is None:
                 self._feed(client)
@@ -392,4 +394,4 @@ def _is_known(report: ReportMessage, before: ReportMessage | None) -> bool:
     """Return whether a report of a session that stays at rest repeats the one before, but for the rate of its ticks."""
     if before is None or not (report.rate.at_rest and before.rate.at_rest):
         return False
-    return replace(report, rate=before.rate) == before
+    return encode(replace(report, rate=before.rate)) == encode(before)

@@ -181,11 +181,12 @@ class CouplingDrawing:
         distance, k = float(np.linalg.norm(foot - origin)), abs(ratio)
         if not 2.0 * self.unit < distance < _LARGEST * self.unit:
             return None
-        if is_belt or distance > _FAR * self.unit or (ratio > 0.0 and not (other.bears and k > 1.0)):
+        is_ring = ratio > 0.0 and other.bears and distance * k < 4.0 * _FAR * self.unit * (k - 1.0)
+        if is_belt or distance > _FAR * self.unit or (ratio > 0.0 and not is_ring):
             kind = "belt" if ratio > 0.0 else "crossed"
             whole = min(0.8 * distance, 7.0 * self.unit * (1.0 + min(k, 1.0 / k)))
             radii = whole / (1.0 + k), whole * k / (1.0 + k)
-        elif ratio > 0.0:
+        elif is_ring:
             kind, radii = "ring", (distance / (k - 1.0), distance * k / (k - 1.0))
         else:
             kind, radii = "spur", (distance / (1.0 + k), distance * k / (1.0 + k))

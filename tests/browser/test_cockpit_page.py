@@ -229,7 +229,7 @@ def test_panel_sliders_switches_frames_and_meters(cockpit, tab):
 def test_a_second_browser_sees_it_is_told_how_to_drive_and_takes_control(cockpit, tab):
     one = cockpit("five_bar")
     first, second = tab(one), tab(one)
-    grab(first, one, "five_bar", "link2")
+    grab(first, one, "five_bar", "link4")
     assert becomes(second, lambda: second.evaluate("document.documentElement.dataset.control") == "other")
     assert becomes(second, lambda: second.evaluate("cockpit.state.tasks.length") == 1)
     second.press("body", "h")

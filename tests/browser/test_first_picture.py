@@ -127,7 +127,7 @@ def test_a_lost_connection_is_the_status_until_the_session_is_found_again(robot,
     with Cockpit(arrange({"five_bar": robot("five_bar")}), port=0, own_process=False) as cockpit:
         page = tab(cockpit, strict=False)
         assert becomes(page, "document.getElementById('status').dataset.tone === 'none'")
-        where = find(page, "five_bar", "link2")
+        where = find(page, "five_bar", "link4")
         page.evaluate("""() => {
           const chip = document.getElementById("status");
           window.shown = [];
@@ -140,8 +140,8 @@ def test_a_lost_connection_is_the_status_until_the_session_is_found_again(robot,
         assert page.inner_text("#title") == page.get_attribute("#title", "title") == "another robot"
         assert becomes(page, "document.getElementById('status').dataset.tone === 'none'")
         assert ["connection lost", "bad"] in page.evaluate("shown")
-        assert find(page, "five_bar", "link2") == where  # all is drawn again
-        grab(page, cockpit, "five_bar", "link2")  # it can be driven as before
+        assert find(page, "five_bar", "link4") == where  # all is drawn again
+        grab(page, cockpit, "five_bar", "link4")  # it can be driven as before
         page.mouse.up()
     assert becomes(page, "document.getElementById('status').dataset.status === 'LOST'")  # it stays so
     picture(page, "connection_lost")

@@ -158,7 +158,7 @@ def test_a_hand_pinches_parts_and_the_room_is_behind_them_in_augmented_reality(c
     assert page.get_attribute("html", "data-headset") == "immersive-ar"
     assert page.evaluate("cockpit.viewer.scene.background") is None
     headset.put("right", RIGHT, hand=True)
-    headset.aim("right", "five_bar", "link2")
+    headset.aim("right", "five_bar", "link4")
     page.evaluate("device.hands.right.updatePinchValue(1)")
     assert becomes(page, lambda: held(one, "five_bar"))
     assert held(one, "five_bar")[0].weight == 1.0  # a pinch has no strength

@@ -54,7 +54,7 @@ def test_each_task_takes_three_clicks_at_most(cockpit, tab, tmp_path, monkeypatc
     hand.press("#pin")
     assert becomes(page, lambda: held(one, "delta4", "pin"))
     clicks["pin a part and drag another"] = hand.done()
-    grab(page, one, "delta4", "link7")
+    grab(page, one, "delta4", "link8")
     page.mouse.up()
 
     hand.point("delta4", "link5")
@@ -69,7 +69,7 @@ def test_each_task_takes_three_clicks_at_most(cockpit, tab, tmp_path, monkeypatc
 
     hand.press("#measure-mode")
     hand.point("delta4", "link5")
-    hand.point("delta4", "link7")
+    hand.point("delta4", "link8")
     assert becomes(page, lambda: page.inner_text("#measure-text").startswith("From"))
     clicks["measure"] = hand.done()
     page.keyboard.press("Escape")

@@ -144,12 +144,12 @@ def test_users_see_who_points_at_a_part(five_bar, tab):
         return next((one for one in other.users if one["client"] == page.evaluate("cockpit.hello.client")), {})
 
     assert becomes(page, lambda: page.evaluate("cockpit.report.clients === 2"))
-    x, y, *point = find(page, "five_bar", "link2")
+    x, y, *point = find(page, "five_bar", "link4")
     page.mouse.move(x, y)
-    assert becomes(page, lambda: seen().get("node") == "link2")
+    assert becomes(page, lambda: seen().get("node") == "link4")
     assert (seen()["name"], seen()["robot"], seen()["dragging"]) == (HOSTILE, "five_bar", False)
     mechanism, q = five_bar.setup.robots["five_bar"], five_bar.state.robots["five_bar"].q
-    assert mechanism.placement(q, "link2").act(np.array(seen()["point"])) == pytest.approx(np.array(point), abs=0.05)
+    assert mechanism.placement(q, "link4").act(np.array(seen()["point"])) == pytest.approx(np.array(point), abs=0.05)
     page.mouse.move(5, 500)
     assert becomes(page, lambda: seen().get("robot") is None)
     other.leave()

@@ -160,10 +160,10 @@ def test_nothing_is_drawn_while_nothing_changes_and_motions_leave_nothing_behind
     before = page.evaluate("drawn")
     page.evaluate(FRAMES)
     assert page.evaluate("drawn") == before
-    grab(page, shown, "five_bar", "link2")
+    grab(page, shown, "five_bar", "link4")
     page.mouse.up()
     assert becomes(page, f"drawn > {before}")
-    assert find(page, "five_bar", "link2")
+    assert find(page, "five_bar", "link4")
 
 
 def test_robots_that_are_drawn_again_and_again_take_no_more_memory(cockpit, tab):

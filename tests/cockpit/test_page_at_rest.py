@@ -41,6 +41,16 @@ def test_pages_at_rest_see_at_once_who_has_control_and_who_is_there(cockpit):
     assert becomes(lambda: page.state["controller"] is None and page.users == [])
 
 
+def test_reactions_that_are_asked_for_at_rest_come(cockpit):
+    page = Browser(cockpit.url, path="page")
+    assert becomes(lambda: page.report and page.report["rate"]["at_rest"])
+    assert page.report["robots"]["gough"]["reactions"] is None
+    page.say("request_reactions", on=True)
+    assert becomes(lambda: page.report["robots"]["gough"]["reactions"])
+    page.say("request_control", on=True)
+    assert becomes(lambda: page.state["controller"] is not None)
+
+
 def test_a_drag_from_rest_is_seen_by_pages(cockpit):
     page = Browser(cockpit.url, path="page")
     assert becomes(lambda: page.report and page.report["rate"]["at_rest"])

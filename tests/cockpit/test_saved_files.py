@@ -147,7 +147,7 @@ def test_a_mesh_is_watched(tmp_path, name, text, unit):
     path.write_text(text)
     files, over = watched(path), threading.Event()
     part(tmp_path, 0.3)
-    (mesh,) = [one for one in files.wait(over).made.visual.geometryObjects if one.meshPath.endswith(".stl")]
+    (mesh,) = [one for one in files.wait(over).made.visual.geometryObjects if one.meshPath.endswith("part.stl")]
     assert np.ptp(mesh.geometry.vertices(), axis=0).max() == pytest.approx(0.3 * unit)
 
 
