@@ -136,6 +136,7 @@ export class PartTasks {
     const texts = { "look-at": `Click the part or the point that ${name} looks at`, "pin-to": `Click the part that ${name} is pinned to` };
     for (const [own, button] of Object.entries(this.choices)) button.setAttribute("aria-pressed", String(own === choice));
     this.hint.hidden = choice === null;
+    this.chosen.parentElement?.classList.toggle("choosing", choice !== null); // it must not cover what is clicked
     write(this.hint, choice === null ? "" : `${texts[choice]} (Esc: none)`);
     if (choice !== null) announce(texts[choice]);
   }

@@ -47,7 +47,8 @@ export function frameFirstView(view, session, still, field) {
  */
 function keepInView(view, session) {
   const timer = setInterval(() => {
-    if (!view.chosen) view.keep();
+    if (view.headset !== null) stop(); // a person acts
+    else if (!view.chosen) view.keep();
   }, OFTEN);
   const stop = () => clearInterval(timer);
   setTimeout(stop, WATCHED);
