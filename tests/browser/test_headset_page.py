@@ -61,6 +61,7 @@ def test_a_controller_takes_a_part_drags_it_and_lets_it_go_and_the_page_comes_ba
     page, headset = page_with_headset(one)
     appearance = "[cockpit.viewer.scene.matrix.toArray(), cockpit.viewer.camera.matrixWorld.toArray(), \
         cockpit.viewer.renderer.domElement.width, cockpit.viewer.scene.background.getHex()]"
+    page.evaluate("cockpit.view.setCamera(cockpit.view.cameraNumbers())")  # as a person who moves it
     before = page.evaluate(appearance)
     headset.enter()
     assert page.get_attribute("html", "data-headset") == "immersive-vr"

@@ -47,8 +47,7 @@ export function frameFirstView(view, session, still, field) {
  */
 function keepInView(view, session) {
   const timer = setInterval(() => {
-    if (view.headset !== null) stop(); // a person acts
-    else if (!view.chosen) view.keep();
+    if (!view.chosen && view.headset === null) view.keep();
   }, OFTEN);
   const stop = () => clearInterval(timer);
   setTimeout(stop, WATCHED);

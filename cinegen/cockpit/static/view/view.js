@@ -63,10 +63,7 @@ export class View {
     viewer.set_3d_pane_size = () => {
       if (this.headset === null) resize.call(viewer, Math.max(1, pane.clientWidth), Math.max(1, pane.clientHeight));
     };
-    new ResizeObserver(() => {
-      viewer.set_3d_pane_size();
-      if (this.framed && !this.chosen) this.frame();
-    }).observe(pane);
+    new ResizeObserver(() => this.fit()).observe(pane);
     viewer.controls.addEventListener("start", () => (this.chosen = true));
     this.#listen();
     this.level = new Object3D();
@@ -302,6 +299,12 @@ export class View {
       });
     }
     return box;
+  }
+
+  /** Take the size of the pane; robots fill it again, unless the camera was set. */
+  fit() {
+    this.viewer.set_3d_pane_size();
+    if (this.framed && !this.chosen && this.headset === null) this.frame();
   }
 
   /** Move the camera, but don't turn it, so that robots fill their share of the view. */

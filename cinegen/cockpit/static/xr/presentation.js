@@ -117,7 +117,7 @@ export class Presentation extends Events {
     view.headset = null;
     view.viewer.scene_tree.find(["Background"]).on_update();
     setTimeout(() => { // three.js hears of the end after this, and keeps the size until then
-      view.viewer.set_3d_pane_size();
+      view.fit();
       view.changed();
     });
     this.session.send({ type: "request_rate", rate: null });
