@@ -17,6 +17,7 @@ from scipy.spatial import ConvexHull
 
 import cinegen
 from cinegen.collision.body import PlacedShape as Solid
+from cinegen.collision.body import rounded_hull
 from cinegen.collision.links import TIGHT, is_inside
 from cinegen.collision.links import convex_shape as solid
 from cinegen.collision.links import link_bodies as bodies_of
@@ -236,6 +237,15 @@ def test_a_solid_holds_what_it_is_made_of_wherever_that_stands(shape, seed):
     made = solid(shape, placement)
     points = placed(placement, surface(shape, rng, 200))
     assert outside(seen(made.placement, points), made.shape).max() <= 1e-9
+
+
+@settings(max_examples=80)
+@given(shapes, st.integers(0, 10**6))
+def test_the_hull_of_points_grown_by_a_radius_contains_the_shape(shape, seed):
+    corners, radius = rounded_hull(shape)
+    normals = np.vstack([np.eye(3), -np.eye(3)]) if len(corners) < 4 else ConvexHull(corners).equations[:, :3]
+    reach = (surface(shape, np.random.default_rng(seed), 200) @ normals.T).max(axis=0)
+    assert (reach - (corners @ normals.T).max(axis=0)).max() <= radius + 1e-9
 
 
 @settings(max_examples=200)

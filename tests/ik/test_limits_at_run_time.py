@@ -106,6 +106,15 @@ def test_accelerations_are_limited_from_the_next_tick_on(robot):
     assert np.abs(solver.step().v - v).max() > 2.0 * DT
 
 
+def test_a_robot_that_is_put_elsewhere_begins_at_rest(robot):
+    mechanism = robot("arm7")
+    solver = dragged(mechanism, 0.3)
+    solver.acceleration_limits = 2.0
+    fastest(solver, 60)
+    solver.q = solver.q
+    assert 0.0 < np.abs(solver.step().v).max() <= 2.0 * DT * ROUNDING
+
+
 def test_a_joint_beyond_a_new_position_limit_moves_back_only(raff):
     """The plane's angle of the target is the joint's."""
     mechanism = raff(ONE_JOINT)

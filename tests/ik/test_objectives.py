@@ -140,6 +140,18 @@ def test_only_the_joints_that_are_named_go_back():
     assert (step.q[others] == q[others]).all()
 
 
+def test_only_the_ratio_of_weights_counts():
+    arm = load("arm7")
+    q, first, second = begin(arm), *arm.joints[:2]
+    velocities = []
+    for scale in (1.0, 7.0):
+        solver = Solver(arm, DT, q=q)
+        solver.objectives = [Posture(elsewhere(arm), joints={first: scale, second: 0.25 * scale})]
+        velocities.append(solver.step().v)
+    assert np.abs(velocities[0]).max() > 0.01
+    np.testing.assert_allclose(velocities[1], velocities[0], rtol=1e-12)
+
+
 def test_a_margin_is_kept_by_loops_too_and_finite_at_a_limit_and_beyond():
     delta = load("delta4")
     margin = LimitMargin(0.1)
