@@ -14,9 +14,9 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike
 
 from raff2urdf.analysis import Analysis, declared_actuated, loop_kinds
+from raff2urdf.arrays import ArrayLike
 from raff2urdf.axes import UNCHANGED, parse_axes
 from raff2urdf.coupling import coupling_entry
 from raff2urdf.errors import RaffError, did_you_mean

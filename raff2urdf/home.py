@@ -7,12 +7,10 @@ from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from raff2urdf.arrays import Array
 from raff2urdf.bounds import JointBounds
 from raff2urdf.closure import LoopSystem, close
-
-Array = NDArray[np.float64]
 
 _STARTS = 8  # random configurations within limits at which closing begins
 _ATTEMPTS = 10  # to draw home nearer to what is written

@@ -7,8 +7,8 @@ import math
 from collections.abc import Mapping, Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
+from raff2urdf.arrays import Array
 from raff2urdf.closure import CLOSED, Closing, KindedLoops, close_from_afar, gaps, rank, residuals
 from raff2urdf.escape import shell_word
 from raff2urdf.near_redundancy import LARGEST_GAP, near_redundancy
@@ -17,8 +17,6 @@ from raff2urdf.play import constant_gaps
 from raff2urdf.raff import texts
 from raff2urdf.raff.document import LoopKind
 from raff2urdf.residual import ROWS, swing
-
-Array = NDArray[np.float64]
 
 PARALLEL = 0.5
 """Degrees: z axes of hinges that are farther apart are not parallel."""

@@ -13,9 +13,9 @@ from pathlib import Path
 import numpy as np
 import yourdfpy
 from lxml import etree
-from numpy.typing import ArrayLike
 from yourdfpy.urdf import filename_handler_magic
 
+from raff2urdf.arrays import ArrayLike
 from raff2urdf.errors import RaffError
 from raff2urdf.inertia import Inertia
 from raff2urdf.placement import roll_pitch_yaw, translation

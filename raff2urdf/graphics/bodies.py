@@ -20,8 +20,8 @@ from itertools import combinations, pairwise
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from raff2urdf.arrays import Array
 from raff2urdf.graphics.skeleton import BASE, JOINT, SkeletonDrawing, digits, rounded
 from raff2urdf.graphics.solids import hull, recipe
 from raff2urdf.graphics.wheels import CouplingDrawing
@@ -40,7 +40,6 @@ from raff2urdf.raff.document import (
 from raff2urdf.raff.kleinfinger import transform
 from raff2urdf.tree import moved
 
-Array = NDArray[np.float64]
 Colour = tuple[float, float, float]
 
 SHARED = (0.87, 0.87, 0.85)

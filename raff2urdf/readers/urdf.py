@@ -11,8 +11,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 from lxml import etree
-from numpy.typing import NDArray
 
+from raff2urdf.arrays import Array
 from raff2urdf.errors import RaffError, defined_twice, did_you_mean, duplicates, limits_reversed, run_all
 from raff2urdf.escape import one_line, shell_word
 from raff2urdf.inertia import Inertia
@@ -164,7 +164,7 @@ def ends(joint: Any) -> tuple[str, str]:
     return str(joint.find("parent").get("link", "")), str("" if child is None else child.get("link", ""))
 
 
-def axis(joint: Any, name: str) -> NDArray[np.float64]:
+def axis(joint: Any, name: str) -> Array:
     """Return the axis (3,) of a joint as written, in the joint's frame; x by default.
 
     Raises:
@@ -174,7 +174,7 @@ def axis(joint: Any, name: str) -> NDArray[np.float64]:
     return np.array((1.0, 0.0, 0.0) if found is None else three(found, "xyz", name, "1 0 0"))
 
 
-def origin(element: Any, name: str) -> NDArray[np.float64]:
+def origin(element: Any, name: str) -> Array:
     """Return the placement (4, 4) of an element's <origin>; the identity by default.
 
     Raises:
@@ -263,7 +263,7 @@ def lacks_limits(joint: Any) -> bool:
     return joint.get("type") in ("revolute", "prismatic") and neither
 
 
-def direction(element: Any, text: str, label: str, name: str) -> NDArray[np.float64]:
+def direction(element: Any, text: str, label: str, name: str) -> Array:
     """Return the axis (3,) of a joint as written.
 
     Raises:

@@ -15,7 +15,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from raff2urdf.errors import RaffError
 from raff2urdf.graphics.bodies import BodyDrawing, Shape
@@ -27,8 +26,6 @@ from raff2urdf.raff.document import UNITS_PER_METRE, Document, RaffFrame, RaffNo
 from raff2urdf.readers.urdf import links, numbers, origin, three
 from raff2urdf.readers.xml_file import error_at
 from raff2urdf.writers.tree_at_home import SIZES
-
-Array = NDArray[np.float64]
 
 _NEAR = 1e-5  # of its size: a shape that differs from the skeleton's by less is the skeleton's
 

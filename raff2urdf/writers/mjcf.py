@@ -23,9 +23,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from lxml import etree
 from numpy.polynomial import Polynomial
-from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
+from raff2urdf.arrays import Array
 from raff2urdf.coupling import Coupling
 from raff2urdf.errors import RaffError, RaffWarning
 from raff2urdf.inertia import ROUNDED, Inertia, sum_of
@@ -42,7 +42,6 @@ if TYPE_CHECKING:
     from raff2urdf.conversion import Translation
     from raff2urdf.writers import WriteOptions
 
-Array = NDArray[np.float64]
 
 GRAVITY = 9.81  # m/s2
 STEP = 1.0 / 250.0

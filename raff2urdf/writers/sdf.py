@@ -28,10 +28,9 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
-import numpy as np
 from lxml import etree
-from numpy.typing import NDArray
 
+from raff2urdf.arrays import Array
 from raff2urdf.coupling import Coupling
 from raff2urdf.errors import RaffWarning
 from raff2urdf.inertia import Inertia, sum_of
@@ -48,7 +47,6 @@ if TYPE_CHECKING:
     from raff2urdf.conversion import Translation
     from raff2urdf.writers import WriteOptions
 
-Array = NDArray[np.float64]
 
 VERSION, MIMIC_VERSION = "1.7", "1.11"
 

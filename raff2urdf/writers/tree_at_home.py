@@ -12,8 +12,8 @@ from itertools import product
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from raff2urdf.arrays import Array
 from raff2urdf.coupling import Coupling, coupling_of
 from raff2urdf.placement import joint_motion
 from raff2urdf.readers.urdf import UNLIMITED
@@ -24,7 +24,6 @@ if TYPE_CHECKING:
 
     from raff2urdf.conversion import Translation
 
-Array = NDArray[np.float64]
 
 Z_AXIS = np.array([0.0, 0.0, 1.0])
 """The axis (3,) of every joint, in its own frame."""

@@ -20,9 +20,9 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 from yourdfpy import Material, Visual
 
+from raff2urdf.arrays import Array
 from raff2urdf.constraints import IDENTITY, Constraints
 from raff2urdf.errors import RaffError, did_you_mean
 from raff2urdf.graphics.names import find
@@ -49,8 +49,6 @@ from raff2urdf.readers.urdf_tree import UrdfTree
 from raff2urdf.readers.xml_file import NAMESPACE, error_at, parse_xml
 from raff2urdf.tree import BASE_JOINT, WORLD
 from raff2urdf.writers.tree_at_home import SIZES
-
-Array = NDArray[np.float64]
 
 _ON_AXIS = 1e-12  # m: a link whose origin is this near a joint's axis rotates about its origin
 _PARALLEL = 1e-3  # rad: axes of a gear train are parallel up to this; poses are written with few digits
