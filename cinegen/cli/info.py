@@ -7,8 +7,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from cinegen.cli.files import count, print_result
-from cinegen.cli.options import FILE, JSON, ShownRobotOptions, flag
+from cinegen.cli.options import FILE, JSON, ShownRobotOptions
 from cinegen.errors import warn
+from raff2urdf.command_line import flag
 from raff2urdf.quantities import ANGLE, LENGTH, shown, shown_scale
 
 if TYPE_CHECKING:

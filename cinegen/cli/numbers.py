@@ -8,10 +8,8 @@ from __future__ import annotations
 import re
 from typing import TYPE_CHECKING, Any
 
-import typer
-
 from cinegen.errors import CinegenError
-from raff2urdf.command_line import Command, UsageError, quantity_parser, ruled
+from raff2urdf.command_line import Command, UsageError, option
 from raff2urdf.quantities import ANGLE, LENGTH, Dimension, QuantityError, is_quantity, parse, parse_list, parse_range
 
 if TYPE_CHECKING:
@@ -23,6 +21,10 @@ UNITS = "m and degrees, or with a unit: -900mm, 0.3rad"
 POSE_EXAMPLE = "x=0.1 or rz=15 (m and degrees)"
 """What an error shows about a pose."""
 
+AT = option(
+    "POSE", f"where: x=0,y=0.1,rz=15 of the node, or joint3=0.7 of actuated joints ({UNITS}; default: home)", ""
+)
+"""The option `--at` of commands that analyse a configuration."""
 _LENGTHS = ("x", "y", "z", "radius")
 _ANGLES = ("rx", "ry", "rz", "azimuth", "elevation")
 
@@ -207,31 +209,6 @@ def segment(text: str, option: str) -> tuple[tuple[float, float, float], tuple[f
     except QuantityError as error:
         raise UsageError(f"{option}: {error}") from None
     return first, last
-
-
-def quantity_option(
-    metavar: str, help: str, dimension: Dimension, default: float | None = None, *names: str,
-    least: float = 0.0, most: float = 1e7, needs: str = "", unless: str = "", **settings: Any,
-) -> Any:  # fmt: skip
-    """Return an option whose value is one number with an optional unit, SI units and radians.
-
-    Args:
-        metavar: the value in the help.
-        help: what it does, with the unit of a bare number.
-        dimension: of the number.
-        default: in SI units; shown in the help unless it is None.
-        names: such as `-o`, `--output`; `--parameter` unless given.
-        least: smallest valid value.
-        most: largest valid value.
-        needs: options without which it has no effect, see `raff2urdf.command_line.Rules`.
-        unless: options with which it has no effect.
-        settings: those of `typer.Option`.
-    """
-    info = typer.Option(
-        default, *names, metavar=metavar, help=help, show_default=default is not None,
-        parser=quantity_parser(dimension, least, most), **settings,
-    )  # fmt: skip
-    return ruled(info, needs, unless)
 
 
 class NumberLists(Command):

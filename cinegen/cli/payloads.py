@@ -6,8 +6,7 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 from cinegen.cli.numbers import parts, quantity
-from cinegen.cli.options import option
-from raff2urdf.command_line import UsageError
+from raff2urdf.command_line import UsageError, option
 from raff2urdf.quantities import ACCELERATION, FORCE, MASS, TORQUE, QuantityError, parse_list
 
 if TYPE_CHECKING:

@@ -9,10 +9,10 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from cinegen.cli.files import check_outputs, print_result, write_figure
-from cinegen.cli.numbers import UNITS, configuration_at, named, parts
-from cinegen.cli.options import FILE, JSON, NODE, PLOT, force_option, option
+from cinegen.cli.numbers import AT, configuration_at, named, parts
+from cinegen.cli.options import FILE, JSON, NODE, PLOT, ROBOT, force_option
 from cinegen.errors import CinegenError
-from raff2urdf.command_line import UsageError
+from raff2urdf.command_line import UsageError, option
 from raff2urdf.files import stem_of
 
 if TYPE_CHECKING:
@@ -37,13 +37,11 @@ def run(
     encoder: list[str] = ENCODER,
     tie: list[str] = TIE,
     interval: float = option("K", "half-width of the intervals of the worst case, in standard deviations", 3.0),
-    at: str = option(
-        "POSE", f"where: x=0,y=0.1,rz=15 of the node, or joint3=0.7 of actuated joints ({UNITS}; default: home)", ""
-    ),
+    at: str = AT,
     node: str | None = NODE,
     samples: int = option("N", "of Monte Carlo, with loops closed; 0 for none", 10_000, min=0, max=10_000_000),
     seed: int = option("N", "of the random numbers", 0, min=0, needs="--samples"),
-    robot: str | None = option("NAME", "the robot of this name"),
+    robot: str | None = ROBOT,
     plot: Path | None = PLOT,
     force: bool = force_option("--plot"),
     json: bool = JSON,
