@@ -14,6 +14,7 @@ from cinegen.cli.options import FILE, JSON, PLOT, ROBOT, force_option, output_op
 from cinegen.cli.progress import Progress
 from cinegen.cli.tolerance import amounts
 from raff2urdf.command_line import flag, option
+from raff2urdf.errors import first_of
 from raff2urdf.files import stem_of
 from raff2urdf.quantities import LENGTH
 
@@ -153,7 +154,7 @@ def _text(found: Calibration, name: str, most: int | None) -> str:
         (found.opening, "would open loops of an over-constrained mechanism, and stay nominal"),
     ):
         if names:
-            listed = ", ".join(names[:most]) + (f" and {len(names) - most} more" if most and len(names) > most else "")
+            listed = first_of(names, most or len(names))
             lines += [
                 "",
                 *textwrap.wrap(

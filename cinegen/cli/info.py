@@ -10,6 +10,7 @@ from cinegen.cli.files import count, print_result
 from cinegen.cli.options import FILE, JSON, ShownRobotOptions
 from cinegen.errors import warn
 from raff2urdf.command_line import flag
+from raff2urdf.errors import first_of
 from raff2urdf.quantities import ANGLE, LENGTH, shown, shown_scale
 
 if TYPE_CHECKING:
@@ -106,9 +107,7 @@ def _text(report: Mapping[str, Any]) -> str:
 def _masses(report: Mapping[str, Any]) -> list[str]:
     """Return the lines about masses."""
     massless, bodies = report["massless"], report["unphysical"].items()
-    shown = ", ".join(massless[:_MOST_NAMES]) + (
-        f" and {len(massless) - _MOST_NAMES} more" * (len(massless) > _MOST_NAMES)
-    )
+    shown = first_of(massless, _MOST_NAMES)
     if massless and not report["mass"]:
         return ["  mass: unknown"]
     unknown = f"; unknown: {shown}" if massless else ""

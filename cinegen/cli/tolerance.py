@@ -13,6 +13,7 @@ from cinegen.cli.numbers import AT, configuration_at, named, parts
 from cinegen.cli.options import FILE, JSON, NODE, PLOT, ROBOT, force_option
 from cinegen.errors import CinegenError
 from raff2urdf.command_line import UsageError, option
+from raff2urdf.errors import first_of
 from raff2urdf.files import stem_of
 
 if TYPE_CHECKING:
@@ -129,7 +130,7 @@ def _worst(found: ToleranceReport) -> str:
 def _idle(found: ToleranceReport) -> str:
     if not found.idle:
         return ""
-    return f"{len(found.idle)} tolerances do not move {found.node}: {_listed(found.idle)}"
+    return f"{len(found.idle)} tolerances do not move {found.node}: {first_of(found.idle, 6)}"
 
 
 def _forced(forced: Forced, interval: float) -> str:
@@ -141,14 +142,10 @@ def _forced(forced: Forced, interval: float) -> str:
     ]
     return (
         f"{len(forced.names)} tolerances open loops: the mechanism is over-constrained and can't be assembled with "
-        f"them unless it is forced. Largest gap of each within ±{interval:g} sigma: {_listed(each)}. All together: "
+        f"them unless it is forced. Largest gap of each within ±{interval:g} sigma: {first_of(each, 6)}. All together: "
         f"{_number(1e3 * forced.worst_position)} mm, {_number(math.degrees(forced.worst_angle))} degrees. They are not "
         "in the numbers above: how the node moves then depends on the elasticity of the parts"
     )
-
-
-def _listed(texts: Sequence[str]) -> str:
-    return ", ".join(texts[:6]) + (f" and {len(texts) - 6} more" if len(texts) > 6 else "")
 
 
 def _number(value: float) -> str:

@@ -25,7 +25,7 @@ from cinegen.errors import warn
 from cinegen.model.load import build
 from cinegen.model.mechanism import Mechanism
 from raff2urdf.conversion import describe
-from raff2urdf.errors import did_you_mean
+from raff2urdf.errors import did_you_mean, first_of
 from raff2urdf.quantities import ANGLE, LENGTH, Dimension, QuantityError, parse, parse_range, shown
 from raff2urdf.raff.compound import VARIABLES
 from raff2urdf.raff.document import (
@@ -348,10 +348,9 @@ class Parameters:
             listed = [
                 f"{self.all[i].name} from {self.text(self.all[i].name, written[i])} to "
                 f"{self.text(self.all[i].name, full[i])}"
-                for i in changed[:6]
+                for i in changed
             ]
-            more = f" and {len(changed) - 6} more" if len(changed) > 6 else ""
-            warn(f"{self.robot.name}: the ties change values of the file: {', '.join(listed)}{more}")
+            warn(f"{self.robot.name}: the ties change values of the file: {first_of(listed, 6)}")
 
 
 def _document(source: str | Path | Document) -> tuple[Document, Path]:

@@ -67,8 +67,15 @@ class RaffParameters:
 Locations = Mapping[str, SourceLocation]
 
 
-def _no_locations() -> Locations:
-    return {}
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Located:
+    """A statement of a text, and the `locations` of its words."""
+
+    locations: Locations = field(default_factory=dict, compare=False, repr=False)
+
+    def line(self, word: str) -> int | None:
+        """Return the line of a word; None if it is not in the text."""
+        return self.locations[word].line if word in self.locations else None
 
 
 class _Named:
@@ -94,7 +101,7 @@ Vector = tuple[float, float, float]
 
 
 @dataclass(frozen=True, slots=True)
-class RaffInertial:
+class RaffInertial(Located):
     """The mass of a node, in its own frame: stated, or that of a solid of one density. Lengths in the file's unit.
 
     Attributes:
@@ -112,11 +119,10 @@ class RaffInertial:
     products: Vector = (0.0, 0.0, 0.0)
     density: float | None = None
     radius: float | None = None
-    locations: Locations = field(default_factory=_no_locations, compare=False, repr=False)
 
 
 @dataclass(frozen=True, slots=True)
-class RaffBase:
+class RaffBase(Located):
     """The root of a robot: node number 0, named `base`; `parameters` place it in the world."""
 
     keyword: ClassVar[str] = "base"
@@ -125,7 +131,6 @@ class RaffBase:
     parameters: RaffParameters = RaffParameters()
     filenames: tuple[str, ...] | None = None  # None: the file names none, and a skeleton is drawn
     inertial: RaffInertial | None = None  # None: the mass is not in the file
-    locations: Locations = field(default_factory=_no_locations, compare=False, repr=False)
 
 
 OF_JOINT = ("limits", "velocity", "effort", "armature", "damping", "friction", "actuated")
@@ -133,7 +138,7 @@ OF_JOINT = ("limits", "velocity", "effort", "armature", "damping", "friction", "
 
 
 @dataclass(frozen=True, slots=True)
-class RaffVariable:
+class RaffVariable(Located):
     """A variable of a joint that has several: see `raff2urdf.raff.compound`. Lengths, or degrees.
 
     Attributes:
@@ -155,11 +160,10 @@ class RaffVariable:
     damping: float | None = None
     friction: float | None = None
     actuated: bool | None = None
-    locations: Locations = field(default_factory=_no_locations, compare=False, repr=False)
 
 
 @dataclass(frozen=True, slots=True)
-class RaffLink(_Named):
+class RaffLink(_Named, Located):
     """A body that moves relative to its parent `pred` by one joint, or is fixed to it if `type` is FIXED.
 
     If its joint has several variables, `compound` is its kind and `type` is FIXED; `variables` are those that the file
@@ -184,7 +188,6 @@ class RaffLink(_Named):
     name: str | None = None
     filenames: tuple[str, ...] | None = None  # None: the file names none, and a skeleton is drawn
     inertial: RaffInertial | None = None  # None: the mass is not in the file
-    locations: Locations = field(default_factory=_no_locations, compare=False, repr=False)
 
     @property
     def joint(self) -> str:
@@ -193,7 +196,7 @@ class RaffLink(_Named):
 
 
 @dataclass(frozen=True, slots=True)
-class RaffFrame(_Named):
+class RaffFrame(_Named, Located):
     """A coordinate system fixed to the base, a link or another frame."""
 
     keyword: ClassVar[str] = "frame"
@@ -203,7 +206,6 @@ class RaffFrame(_Named):
     name: str | None = None
     filenames: tuple[str, ...] | None = None  # None: the file names none, and a skeleton is drawn
     inertial: RaffInertial | None = None  # None: the mass is not in the file
-    locations: Locations = field(default_factory=_no_locations, compare=False, repr=False)
 
 
 RaffPart = RaffLink | RaffFrame
@@ -213,13 +215,12 @@ RaffNode = RaffBase | RaffPart
 
 
 @dataclass(frozen=True, slots=True)
-class RaffLoop:
+class RaffLoop(Located):
     """Two nodes, by number, whose frames coincide up to the degrees of freedom of the joint `kind`."""
 
     first: int
     second: int
     kind: LoopKind = LoopKind.RIGID
-    locations: Locations = field(default_factory=_no_locations, compare=False, repr=False)
 
 
 class DriveKind(IntEnum):
@@ -248,27 +249,25 @@ class RaffDrive:
 
 
 @dataclass(frozen=True, slots=True)
-class RaffCoupling:
+class RaffCoupling(Located):
     """A link, by number, whose joint variable is `offset` plus what each drive adds: gears, belts, screws ..."""
 
     follower: int
     drives: tuple[RaffDrive, ...]
     offset: float = 0.0
     name: str | None = None
-    locations: Locations = field(default_factory=_no_locations, compare=False, repr=False)
 
 
 @dataclass(frozen=True, slots=True)
-class SensorConstraint:
+class SensorConstraint(Located):
     """A node, by number, that may follow one of `sensors`; 0 among them means that it may be left free."""
 
     node: int
     sensors: tuple[int, ...]
-    locations: Locations = field(default_factory=_no_locations, compare=False, repr=False)
 
 
 @dataclass(frozen=True, slots=True)
-class RaffSensor:
+class RaffSensor(Located):
     """An input device on a port, with the number of translations and rotations that it commands.
 
     `axes` is a text as `raff2urdf.axes` describes it; None: unchanged.
@@ -279,11 +278,10 @@ class RaffSensor:
     translation: int = 3
     rotation: int = 3
     axes: str | None = None
-    locations: Locations = field(default_factory=_no_locations, compare=False, repr=False)
 
 
 @dataclass(frozen=True)
-class RaffRobot:
+class RaffRobot(Located):
     """One robot of a file: `parts` are its links and frames in file order, a tree under `base`."""
 
     name: str
@@ -293,7 +291,6 @@ class RaffRobot:
     couplings: tuple[RaffCoupling, ...] = ()
     sensor_constraints: tuple[SensorConstraint, ...] = ()
     path: str | None = None
-    locations: Locations = field(default_factory=_no_locations, compare=False, repr=False)
 
     @cached_property
     def links(self) -> tuple[RaffLink, ...]:
@@ -408,7 +405,12 @@ class Document:
         if name is None:
             raise RaffError(self.source.problem(texts.NO_ROBOT.format()))
         names = [robot.name for robot in self.robots]
-        raise RaffError(self.source.problem(texts.NO_SUCH_ROBOT.format(name=name, hint=did_you_mean(name, names))))
+        raise RaffError(self.problem(texts.NO_SUCH_ROBOT, name=name, hint=did_you_mean(name, names)))
+
+    def problem(self, text: str, statement: Located | None = None, /, *words: str, **fields: object) -> Problem:
+        """Return a problem at the first of some words that the statement has; `text` is a template of the fields."""
+        at = (statement.locations.get(word) for word in words) if statement is not None else ()
+        return self.source.problem(text.format(**fields) if fields else text, next(filter(None, at), None))
 
     def longest(self, robot: RaffRobot) -> tuple[float, RaffNode]:
         """Return the longest length among the parameters of a robot, in the file's unit, and its node."""

@@ -10,6 +10,7 @@ from scipy.optimize import linear_sum_assignment
 
 from cinegen.design.calibration.comparison import FEWEST, ColumnComparison
 from cinegen.design.calibration.mistakes import Mistake, names_of
+from raff2urdf.errors import first_of
 
 _SHOWN = 4  # lines whose other place is named
 
@@ -35,6 +36,5 @@ def lines(comparison: ColumnComparison) -> Iterator[Mistake]:
     apart = (values[:, None] - observation.measured) / comparison.given.expected
     order = linear_sum_assignment(np.nan_to_num(np.abs(apart)).sum(axis=2))[1].tolist()
     others = [f"{given.labels[j]} at {given.labels[i]}" for i, j in enumerate(order) if i != j]
-    more = f" and {len(others) - _SHOWN} more" if len(others) > _SHOWN else ""
-    text = f"with {names} in another order of lines ({', '.join(others[:_SHOWN])}{more})"
+    text = f"with {names} in another order of lines ({first_of(others, _SHOWN)})"
     yield moved(list(range(count)), order, text, f"move {names} to the lines of the joints where they were read")
