@@ -38,10 +38,7 @@ class ExactUrdf(yourdfpy.URDF):  # type: ignore[misc]  # yourdfpy has no types
     """
 
     def __init__(
-        self,
-        robot: yourdfpy.Robot,
-        filename_handler: Callable[[str], str] | None = None,
-        folder: str | Path = "",
+        self, robot: yourdfpy.Robot, filename_handler: Callable[[str], str] | None = None, folder: str | Path = ""
     ) -> None:
         super().__init__(robot, build_scene_graph=False, filename_handler=filename_handler, mesh_dir=str(folder))
         handler = self._filename_handler

@@ -44,8 +44,7 @@ def run(
     node: str | None = NODE,
     all_: bool = flag("--all", "list all solutions, and report whether these are all"),
     lock: str | None = option(
-        "JOINTS",
-        f"joints that do not move, such as joint3,joint4=0.7: at home, or at a value ({UNITS})",
+        "JOINTS", f"joints that do not move, such as joint3,joint4=0.7: at home, or at a value ({UNITS})"
     ),
     json: bool = JSON,
 ) -> int:

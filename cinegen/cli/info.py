@@ -121,10 +121,7 @@ _MOST_NAMES = 12  # in a line
 def _collision(report: Mapping[str, Any]) -> list[str]:
     """Return the lines about shapes and pairs."""
     within = shown(report["exact_within"], LENGTH, 3)
-    lines = [
-        "",
-        f"  shapes; those in convex ones are measured where these are nearer than {within}:",
-    ]
+    lines = ["", f"  shapes; those in convex ones are measured where these are nearer than {within}:"]
     for one in report["shapes"]:
         exceeds = f", exceeds it by up to {shown(one['excess'], LENGTH, 3)}"
         lines.append(f"    {one['link']}: {one['shape']}" + (f"; {one['around']}{exceeds}" if one["around"] else ""))

@@ -97,12 +97,7 @@ class Design(OneThread):
 
     @in_one_thread
     def evaluate(
-        self,
-        p: ArrayLike | None = None,
-        q: ArrayLike | None = None,
-        derivatives: bool = True,
-        *,
-        near: bool = False,
+        self, p: ArrayLike | None = None, q: ArrayLike | None = None, derivatives: bool = True, *, near: bool = False
     ) -> DesignEvaluation:
         """Close the loops at values of the parameters, with the fixed joints at their values in q.
 

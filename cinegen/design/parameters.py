@@ -28,15 +28,7 @@ from raff2urdf.conversion import describe
 from raff2urdf.errors import did_you_mean, first_of
 from raff2urdf.quantities import ANGLE, LENGTH, Dimension, QuantityError, parse, parse_range, shown
 from raff2urdf.raff.compound import VARIABLES
-from raff2urdf.raff.document import (
-    UNITS_PER_METRE,
-    Document,
-    JointType,
-    RaffBase,
-    RaffLink,
-    RaffNode,
-    RaffRobot,
-)
+from raff2urdf.raff.document import UNITS_PER_METRE, Document, JointType, RaffBase, RaffLink, RaffNode, RaffRobot
 from raff2urdf.raff.kleinfinger import Kleinfinger
 from raff2urdf.shipped import find_robot
 from raff2urdf.tree import kleinfinger

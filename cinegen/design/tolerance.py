@@ -334,11 +334,7 @@ class Tolerances:
         return [one for one in self.sources if opening.isdisjoint(one.columns)]
 
     def at(
-        self,
-        q: ArrayLike | None = None,
-        node: str | None = None,
-        samples: int = 0,
-        seed: int = 0,
+        self, q: ArrayLike | None = None, node: str | None = None, samples: int = 0, seed: int = 0
     ) -> ToleranceReport:
         """Return the accuracy of a node.
 

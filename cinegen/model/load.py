@@ -408,10 +408,7 @@ def _check_hinge(mechanism: Mechanism, name: str, path: Path) -> None:
                 )
 
 
-_TURNS = {
-    "x": rotation((0.0, 1.0, 0.0), math.pi / 2.0),
-    "y": rotation((1.0, 0.0, 0.0), -math.pi / 2.0),
-}
+_TURNS = {"x": rotation((0.0, 1.0, 0.0), math.pi / 2.0), "y": rotation((1.0, 0.0, 0.0), -math.pi / 2.0)}
 """Rotations that take z to x and to y."""
 
 

@@ -27,16 +27,7 @@ from raff2urdf.graphics.solids import hull, recipe
 from raff2urdf.graphics.wheels import CouplingDrawing
 from raff2urdf.placement import along, inverse
 from raff2urdf.raff.compound import expanded
-from raff2urdf.raff.document import (
-    Document,
-    JointType,
-    LoopKind,
-    RaffFrame,
-    RaffLink,
-    RaffNode,
-    RaffPart,
-    RaffRobot,
-)
+from raff2urdf.raff.document import Document, JointType, LoopKind, RaffFrame, RaffLink, RaffNode, RaffPart, RaffRobot
 from raff2urdf.raff.kleinfinger import transform
 from raff2urdf.tree import moved
 

@@ -34,15 +34,7 @@ from raff2urdf.readers.declaration import label_of, leave_out, local, tag_of
 from raff2urdf.readers.declared_loops import LOOP_LIKE, named_in, own_words
 from raff2urdf.readers.loop_joint import LoopJoint
 from raff2urdf.readers.sdf.included import robot_of
-from raff2urdf.readers.sdf.model import (
-    GEARBOX,
-    LOOP_KINDS,
-    SdfAxis,
-    SdfJoint,
-    SdfModel,
-    SdfModelReader,
-    pose,
-)
+from raff2urdf.readers.sdf.model import GEARBOX, LOOP_KINDS, SdfAxis, SdfJoint, SdfModel, SdfModelReader, pose
 from raff2urdf.readers.urdf import LARGEST, SIZE, check_friction, negative_mass, numbers, parse
 from raff2urdf.readers.urdf_builder import GRAVITY, Shape, UrdfBuilder, material, shapes
 from raff2urdf.readers.urdf_tree import UrdfTree
