@@ -19,7 +19,7 @@ import numpy as np
 
 from raff2urdf.constraints import Constraints
 from raff2urdf.errors import RaffError, warn
-from raff2urdf.escape import shell_word
+from raff2urdf.escape import shell_word, unique_name
 from raff2urdf.files import note
 from raff2urdf.readers import (
     Description,
@@ -399,9 +399,6 @@ def _normal(entry: CouplingEntry) -> dict[str, list[float]]:
 
 def _free(name: str, taken: set[str]) -> str:
     """Return a name that is not taken, and take it: NAME, or NAME#2 and so on."""
-    own, count = name, 1
-    while own in taken:
-        count += 1
-        own = f"{name}#{count}"
+    own = unique_name(name, taken)
     taken.add(own)
     return own

@@ -411,22 +411,22 @@ def _check_inertial(link: Any, name: str) -> None:
                         raise error_at(name, element, negative_mass(f"link '{link.get('name')}'", number(text)))
 
 
-_SHAPES = {
-    "box": (("size", 3),),
-    "sphere": (("radius", 1),),
-    "cylinder": (("radius", 1), ("length", 1)),
-    "capsule": (("radius", 1), ("length", 1)),
-    "mesh": (("scale", 3),),
+SHAPES = {
+    "box": {"size": 3},
+    "cylinder": {"radius": 1, "length": 1},
+    "sphere": {"radius": 1},
+    "mesh": {"scale": 3},
+    "capsule": {"radius": 1, "length": 1},
 }
-"""Elements of a geometry, their attributes, and how many numbers each of these has."""
+"""Kinds of shapes, their sizes, by their names in URDF and in SDF, and how many numbers each of these has."""
 
 
 def _check_shapes(link: Any, name: str) -> None:
     """Check the numbers of a link's shapes, which other readers of a URDF would leave out or take for 0."""
     for geometry in link.iterfind("*/geometry"):
         origin(geometry.getparent(), name)
-        for shape in geometry.iterchildren(*_SHAPES):
-            for word, count in _SHAPES[shape.tag]:
+        for shape in geometry.iterchildren(*SHAPES):
+            for word, count in SHAPES[shape.tag].items():
                 text = shape.get(word)
                 if text is None and shape.tag == "mesh":
                     continue

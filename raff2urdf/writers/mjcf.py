@@ -28,12 +28,13 @@ from scipy.spatial.transform import Rotation
 from raff2urdf.arrays import Array
 from raff2urdf.coupling import Coupling
 from raff2urdf.errors import RaffError, RaffWarning
+from raff2urdf.escape import unique_name
 from raff2urdf.inertia import ROUNDED, Inertia, sum_of
 from raff2urdf.placement import inverse, translation
 from raff2urdf.readers.urdf import UNLIMITED
 from raff2urdf.tree import BASE_JOINT, WORLD
 from raff2urdf.writers.inertia import Inertias, inertias
-from raff2urdf.writers.tree_at_home import TreeAtHome, shape_of, unique_name
+from raff2urdf.writers.tree_at_home import TreeAtHome, shape_of
 from raff2urdf.writers.xml_text import comment, numeral, numerals, text_of
 
 if TYPE_CHECKING:
