@@ -97,7 +97,8 @@ class Parameters:
         folder: of the file's graphics.
         robot: the robot.
         all: every parameter of the description, in the order of the file.
-        names: of the free parameters.
+        free: those that vary.
+        names: of these.
         values: (count,) of the free parameters in the file, m and rad; read-only.
         bounds: (count, 2) low and high; infinite where there are none; read-only.
         mechanism: the robot as the file describes it.
@@ -143,7 +144,8 @@ class Parameters:
         others = np.setdiff1d(np.arange(len(tied.free)), found)
         fixed = tied.constant + tied.matrix[:, others] @ written[[tied.free[k] for k in others]]
         self.ties = Ties(self._free, tied.matrix[:, found], fixed)
-        self.names = tuple(self.all[i].name for i in self._free)
+        self.free = tuple(self.all[i] for i in self._free)
+        self.names = tuple(one.name for one in self.free)
         self.values = written[list(self._free)]
         self._warn_of_changes(written)
         self.bounds = self._bounds(bounds or {})
@@ -154,6 +156,11 @@ class Parameters:
 
     def __repr__(self) -> str:
         return f"<Parameters of {self.robot.name}: {len(self.names)} free of {len(self.all)}>"
+
+    @property
+    def sizes(self) -> Array:
+        """(count,) one dimensionless step of each free parameter: the characteristic length, or 1 rad."""
+        return np.array([self.mechanism.length if one.unit == "m" else 1.0 for one in self.free])
 
     # --- names ---------------------------------------------------------------------------------------------------
 
@@ -318,7 +325,8 @@ class Parameters:
                     if is_pattern(pattern):
                         continue
                     self.index(self.all[i].name)
-                one, k = self.all[i], self._free.index(i)
+                k = self._free.index(i)
+                one = self.free[k]
                 try:
                     low, high = parse_range(given, one.dimension) if isinstance(given, str) else given
                 except QuantityError as error:

@@ -172,9 +172,10 @@ def _expected(comparison: ColumnComparison) -> str:
     """Return errors with which the readings would be taken as they are; "" if they are beyond what is manufactured."""
     parameters, given, errors = comparison.observation.design.parameters, comparison.given, comparison.errors
     count = len(parameters)
-    by_pattern = np.array([not parameters.all[parameters.find(name)].joint for name in parameters.names])
-    is_long = np.array([parameters.all[parameters.find(name)].unit == "m" for name in parameters.names])
-    kinds = [(kind, by_pattern & mask) for kind, mask in ((LENGTH, is_long), (ANGLE, ~is_long))]
+    kinds = [
+        (kind, np.array([not one.joint and one.dimension is kind for one in parameters.free]))
+        for kind in (LENGTH, ANGLE)
+    ]
     length = parameters.mechanism.length
     larger, factor = errors.copy(), 2.0
     while given is not None:

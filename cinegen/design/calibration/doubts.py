@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from cinegen.design.calibration.left_out import is_poor
-from raff2urdf.quantities import ANGLE, LENGTH, shown
+from raff2urdf.quantities import shown
 
 if TYPE_CHECKING:
     from cinegen.design.calibration.estimation import Calibration
@@ -53,7 +53,7 @@ def doubt(found: Calibration) -> Doubt | None:
     k = int(np.argmax(moved)) if known else 0
     if not known or moved[k] <= MOVED:
         return None
-    name, dimension = found.names[k], LENGTH if found.unit(found.names[k]) == "m" else ANGLE
+    name, dimension = found.names[k], found.dimension(found.names[k])
     by, expected = (shown(x[k], dimension, 3) for x in (change, errors))
     times = change[k] / errors[k]
     text = f"{source}: the estimate changes {name} by {by}, {times:.0f} times its expected error of {expected}"

@@ -191,6 +191,10 @@ class Calibration:
         """Return the unit of a parameter: m, rad, or "" of a gain."""
         return self.observation.units[self.names.index(name)]
 
+    def dimension(self, name: str) -> Dimension:
+        """Return whether a parameter is a length or an angle."""
+        return LENGTH if self.unit(name) == "m" else ANGLE
+
     def as_dict(self) -> dict[str, Any]:
         """Return what JSON shows: m and rad."""
         kinds = {LENGTH: "length", ANGLE: "angle"}

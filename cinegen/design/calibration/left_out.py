@@ -193,7 +193,7 @@ def _compared(found: Calibration, i: int, other: str, size: float, estimate: Est
     if again.chi2 > found.chi2 + _ALIKE or (apart * scale).max() < _APART * (effect * scale).max():
         return ""
     change, instead = (
-        shown(abs(one.values[k] - one.nominal[k]), LENGTH if one.unit(one.names[k]) == "m" else ANGLE, 3)
+        shown(abs(one.values[k] - one.nominal[k]), one.dimension(one.names[k]), 3)
         for one, k in ((found, i), (again, again.names.index(other)))
     )
     return (

@@ -131,7 +131,7 @@ class Observation:
         self.frames, self._is_placed = frames or MeasuringFrames(self.quantities), frames is not None
         self.names = (*parameters.names, *(f"{joint}.gain" for joint in self.gains), *self.frames.names)
         self.units = (
-            *(parameters.all[parameters.find(name)].unit for name in parameters.names),
+            *(one.unit for one in parameters.free),
             *("" for _ in self.gains),
             *("m" if dimension is LENGTH else "rad" for dimension in self.frames.dimensions),
         )
