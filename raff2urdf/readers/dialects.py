@@ -25,7 +25,6 @@ from raff2urdf.readers import (
     Description,
     closing_frames,
     closing_joints,
-    common_slips,
     declared_loops,
     implausible,
     joint_couplings,
@@ -61,7 +60,7 @@ def read(text: str, path: Path, ignore: IgnoreList, ignore_loops: bool, is_file:
     name = str(path)
     root = parse_xml(text, name)
     changed = closing_joints.with_joints_of_drake(root, name)
-    notes = [*roots.with_world(root), *common_slips.mend(root), *closing_joints.without_links_of_gazebo(root)]
+    notes = [*roots.with_world(root), *implausible.mend(root), *closing_joints.without_links_of_gazebo(root)]
     free = roots.attach(root)
     declared = closing_joints.cut(root, name, lambda word: ignore_loops or ignore.takes(word))
     if changed or declared or notes or free:
