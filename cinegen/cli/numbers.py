@@ -10,7 +10,17 @@ from typing import TYPE_CHECKING, Any
 
 from cinegen.errors import CinegenError
 from raff2urdf.command_line import Command, UsageError, option
-from raff2urdf.quantities import ANGLE, LENGTH, Dimension, QuantityError, is_quantity, parse, parse_list, parse_range
+from raff2urdf.quantities import (
+    ACCELERATION,
+    ANGLE,
+    LENGTH,
+    Dimension,
+    is_quantity,
+    parse,
+    parse_list,
+    parse_range,
+    refused_as,
+)
 
 if TYPE_CHECKING:
     from cinegen.model import Mechanism
@@ -76,10 +86,8 @@ def quantity(text: str, option: str, dimension: Dimension) -> float:
     Raises:
         UsageError: it is no quantity of that dimension.
     """
-    try:
+    with refused_as(UsageError, option):
         return parse(text, dimension)
-    except QuantityError as error:
-        raise UsageError(f"{option}: {error}") from None
 
 
 def values(text: str, option: str, example: str, mechanism: Mechanism) -> dict[str, float]:
@@ -142,10 +150,8 @@ def interval(text: str, option: str, dimension: Dimension) -> tuple[float, float
     Raises:
         UsageError: it is not an interval.
     """
-    try:
+    with refused_as(UsageError, option):
         return parse_range(text, dimension)
-    except QuantityError as error:
-        raise UsageError(f"{option}: {error}") from None
 
 
 def interval_of(mechanism: Mechanism, name: str, text: str, option: str) -> tuple[float, float]:
@@ -174,7 +180,7 @@ def interval_of(mechanism: Mechanism, name: str, text: str, option: str) -> tupl
 
 
 def point(text: str, option: str, dimension: Dimension = LENGTH) -> tuple[float, float, float]:
-    """Return the three coordinates of `X,Y,Z`, m.
+    """Return the three coordinates of `X,Y,Z`, in SI units.
 
     Args:
         text: what was typed.
@@ -182,15 +188,20 @@ def point(text: str, option: str, dimension: Dimension = LENGTH) -> tuple[float,
         dimension: of the coordinates.
 
     Raises:
-        UsageError: it is not a point.
+        UsageError: they are not three quantities of that dimension.
     """
     given = parts(text)
     if len(given) != 3:
-        raise UsageError(f"{option}: '{text}': a point is x,y,z, not {len(given)} number{'s' * (len(given) != 1)}")
-    try:
+        what = (
+            "an acceleration, such as 0,0,-9.81,"
+            if dimension is ACCELERATION
+            else "a point"
+            if dimension is LENGTH
+            else "a direction"
+        )
+        raise UsageError(f"{option}: '{text}': {what} is x,y,z, not {len(given)} number{'s' * (len(given) != 1)}")
+    with refused_as(UsageError, option):
         x, y, z = parse_list(given, dimension)
-    except QuantityError as error:
-        raise UsageError(f"{option}: {error}") from None
     return x, y, z
 
 
@@ -204,10 +215,8 @@ def segment(text: str, option: str) -> tuple[tuple[float, float, float], tuple[f
     if len(ends) != 3 or ends[1] != "..":
         raise UsageError(f"{option}: '{text}': write X,Y,Z..X,Y,Z with two dots, such as 0,0,-1..0.5,0,-1")
     first, last = point(ends[0], option), point(ends[2], option)
-    try:
+    with refused_as(UsageError, option):
         parse_list([*parts(ends[0]), *parts(ends[2])], LENGTH)
-    except QuantityError as error:
-        raise UsageError(f"{option}: {error}") from None
     return first, last
 
 

@@ -26,7 +26,7 @@ from cinegen.model.load import build
 from cinegen.model.mechanism import Mechanism
 from raff2urdf.conversion import describe
 from raff2urdf.errors import did_you_mean, first_of
-from raff2urdf.quantities import ANGLE, LENGTH, Dimension, QuantityError, parse, parse_range, shown
+from raff2urdf.quantities import ANGLE, LENGTH, Dimension, parse, parse_range, refused_as, shown
 from raff2urdf.raff.compound import VARIABLES
 from raff2urdf.raff.document import UNITS_PER_METRE, Document, JointType, RaffBase, RaffLink, RaffNode, RaffRobot
 from raff2urdf.raff.kleinfinger import Kleinfinger
@@ -305,10 +305,8 @@ class Parameters:
         return float(f"{value * scale:.{_DIGITS}g}") + 0.0
 
     def _parsed(self, name: str, text: str) -> float:
-        try:
+        with refused_as(DesignError, name):
             return parse(text, self.all[self.find(name)].dimension)
-        except QuantityError as error:
-            raise DesignError(f"{name}: {error}") from None
 
     def _built(self, document: Document) -> Mechanism:
         urdf, constraints = describe(document, document.robot(self.robot.name), self.folder, self._loops)
@@ -327,10 +325,8 @@ class Parameters:
                     self.index(self.all[i].name)
                 k = self._free.index(i)
                 one = self.free[k]
-                try:
+                with refused_as(DesignError, f"bounds of {one.name}"):
                     low, high = parse_range(given, one.dimension) if isinstance(given, str) else given
-                except QuantityError as error:
-                    raise DesignError(f"bounds of {one.name}: {error}") from None
                 if not low < high:
                     raise DesignError(f"bounds of {one.name}: {low:g} is not below {high:g}")
                 if not low <= self.values[k] <= high:
