@@ -36,10 +36,10 @@ from raff2urdf.raff.document import (
     RaffCoupling,
     RaffInertial,
     RaffLink,
+    RaffMotion,
     RaffNode,
     RaffPart,
     RaffRobot,
-    RaffVariable,
 )
 from raff2urdf.raff.writer import number as shown
 from raff2urdf.readers.urdf import LEAST_SPEED, TOO_SLOW, negative_mass
@@ -195,7 +195,7 @@ def _tree_problems(document: Document, robot: RaffRobot) -> Iterator[Problem]:
         yield from _variable_problems(document, link, names)
 
 
-def _limit_problems(document: Document, what: str, of: RaffLink | RaffVariable) -> Iterator[Problem]:
+def _limit_problems(document: Document, what: str, of: RaffMotion) -> Iterator[Problem]:
     if of.limits and not of.limits[0] <= of.limits[1]:
         yield document.problem(limits_reversed(what, *of.limits), of, "limits")
     if of.velocity is not None and not min(document.metres(of.velocity), math.radians(of.velocity)) > LEAST_SPEED:

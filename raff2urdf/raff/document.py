@@ -7,7 +7,7 @@ are kept but do not count.
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import KW_ONLY, dataclass, field
 from enum import IntEnum, StrEnum
 from functools import cached_property
 from typing import ClassVar
@@ -133,26 +133,20 @@ class RaffBase(Located):
     inertial: RaffInertial | None = None  # None: the mass is not in the file
 
 
-OF_JOINT = ("limits", "velocity", "effort", "armature", "damping", "friction", "actuated")
-"""Statements about a joint of one variable, or about one of several variables."""
-
-
-@dataclass(frozen=True, slots=True)
-class RaffVariable(Located):
-    """A variable of a joint that has several: see `raff2urdf.raff.compound`. Lengths, or degrees.
+@dataclass(frozen=True, slots=True, kw_only=True)
+class RaffMotion(Located):
+    """A joint of one variable, or one of several variables: what the file states, else None. Lengths, or degrees.
 
     Attributes:
-        name: x, y or z, a rotation about that axis; tx, ty or tz, a translation along it.
-        home: its value as written, unless `theta` or `r` of the link's parameters is.
         limits: lower and upper limit.
         velocity: velocity limit, 1/s.
         effort: limit of its actuator's torque or force, N m or N.
-        armature, damping, friction: as those of a link.
-        actuated: whether it is actuated; None: not in the file.
+        armature: inertia of rotors seen at the joint, kg times lengths squared, or kg.
+        damping: torque or force by velocity: N m or N times seconds, per degree or length.
+        friction: of Coulomb, N m or N.
+        actuated: whether it is actuated.
     """
 
-    name: str
-    home: float = 0.0
     limits: tuple[float, float] | None = None
     velocity: float | None = None
     effort: float | None = None
@@ -162,8 +156,25 @@ class RaffVariable(Located):
     actuated: bool | None = None
 
 
+OF_JOINT = tuple(RaffMotion.__annotations__)
+"""Statements about a joint of one variable, or about one of several variables."""
+
+
 @dataclass(frozen=True, slots=True)
-class RaffLink(_Named, Located):
+class RaffVariable(RaffMotion):
+    """A variable of a joint that has several: see `raff2urdf.raff.compound`.
+
+    Attributes:
+        name: x, y or z, a rotation about that axis; tx, ty or tz, a translation along it.
+        home: its value as written, unless `theta` or `r` of the link's parameters is.
+    """
+
+    name: str
+    home: float = 0.0
+
+
+@dataclass(frozen=True, slots=True)
+class RaffLink(_Named, RaffMotion):
     """A body that moves relative to its parent `pred` by one joint, or is fixed to it if `type` is FIXED.
 
     If its joint has several variables, `compound` is its kind and `type` is FIXED; `variables` are those that the file
@@ -175,13 +186,7 @@ class RaffLink(_Named, Located):
     parameters: RaffParameters
     type: JointType
     pred: int
-    limits: tuple[float, float] | None = None  # of theta (degrees) or r
-    velocity: float | None = None  # degrees or lengths per second
-    effort: float | None = None  # N m or N
-    armature: float | None = None  # inertia of rotors seen at the joint, kg times lengths squared, or kg
-    damping: float | None = None  # torque or force by velocity: N m or N times seconds, per degree or length
-    friction: float | None = None  # of Coulomb, N m or N
-    actuated: bool | None = None  # None: not in the file
+    _: KW_ONLY
     compound: CompoundKind | None = None
     variables: tuple[RaffVariable, ...] = ()
     own_joint: str | None = None
