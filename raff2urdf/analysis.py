@@ -7,8 +7,8 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
-from numpy.typing import NDArray
 
+from raff2urdf.arrays import Array
 from raff2urdf.closure import CLOSED, close, close_from_afar, closed_walk, gaps, generic_rank
 from raff2urdf.errors import NearlyRedundantError, Problem, RaffClosureError, RaffError, did_you_mean
 from raff2urdf.home import Beyond, close_within, moved_within, outside
@@ -26,8 +26,6 @@ from raff2urdf.selection import Candidate, determined
 from raff2urdf.slips import Fault
 from raff2urdf.tree import Cluster, clusters, coupling_of, edges, effort, length_of, limits, velocity
 from raff2urdf.tree import home as home_of
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True)

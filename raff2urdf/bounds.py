@@ -7,10 +7,8 @@ from collections.abc import Iterator
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
-Indices = NDArray[np.intp]
+from raff2urdf.arrays import Array, Indices
 
 STEP_CAP = 0.6
 """rad, or characteristic lengths: a longer step leaves the range of its linearisation."""

@@ -8,25 +8,27 @@ import warnings
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Literal
+from typing import TYPE_CHECKING, Any, Literal
 
-from typer import Argument, Exit, Option
+import typer
 
 from raff2urdf.command_line import (
+    VERSION,
     Command,
     UsageError,
-    Version,
     expand,
+    flag,
     new_app,
+    option,
     print_error,
-    quantity_parser,
-    ruled,
+    quantity_option,
     run_app,
 )
 from raff2urdf.errors import RaffError, RaffWarning
 from raff2urdf.files import is_stream, output_path
 from raff2urdf.output import run
 from raff2urdf.quantities import DENSITY as DENSITY_DIMENSION
+from raff2urdf.read_flags import loop_kinds_of
 from raff2urdf.writers import DENSITY, FORMATS
 
 if TYPE_CHECKING:
@@ -35,30 +37,13 @@ if TYPE_CHECKING:
 
 app = new_app()
 
-Loops = Annotated[
-    list[str] | None,
-    Option(
-        "--loop",
-        metavar="NAME=KIND",
-        help="close a loop as rigid, prismatic, revolute or ball, instead of what the file declares; may be repeated",
-    ),
-]
-
-Output = Annotated[
-    str,
-    ruled(
-        Option("--output", "-o", metavar="FILE", help="file to write; a folder if it exists or ends with /; -: stdout"),
-        unless="--check",
-    ),
-]
-Force = Annotated[
-    bool,
-    ruled(
-        Option("--force", help="replace an existing file that was not generated, or was changed since"),
-        unless="--check",
-    ),
-]
-Json = Annotated[bool, Option("--json", help="print the result as JSON; SI units and radians")]
+LOOPS = option(
+    "NAME=KIND",
+    "close a loop as rigid, prismatic, revolute or ball, instead of what the file declares; may be repeated",
+    None, "--loop",
+)  # fmt: skip
+FORCE = flag("--force", "replace an existing file that was not generated, or was changed since", unless="--check")
+JSON = flag("--json", "print the result as JSON; SI units and radians")
 
 
 def _print_grammar(wanted: bool) -> None:
@@ -66,16 +51,7 @@ def _print_grammar(wanted: bool) -> None:
         from raff2urdf.raff.grammar import grammar
 
         print(json.dumps(grammar(), indent=2))
-        raise Exit
-
-
-Grammar = Annotated[
-    bool,
-    Option(
-        "--grammar", is_eager=True, callback=_print_grammar,
-        help="print the TextMate grammar of RAFF, with which editors highlight it, and exit",
-    ),
-]  # fmt: skip
+        raise typer.Exit
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -84,66 +60,51 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 
 def raff2urdf(
-    files: Annotated[
-        list[str], Argument(metavar="FILE...", help="RAFF files, or names of shipped robots", show_default=False)
-    ],
-    output: Output = "generated/",
-    force: Force = False,
-    format: Annotated[
-        Literal["urdf", "sdf", "mjcf"],
-        ruled(
-            Option(help="urdf: URDF and a constraints file; sdf: for Gazebo; mjcf: for MuJoCo, as NAME.xml"),
-            unless="--check",
-        ),
-    ] = "urdf",
-    density: Annotated[
-        float | None,
-        ruled(
-            Option(
-                metavar="KG_PER_M3",
-                parser=quantity_parser(DENSITY_DIMENSION, -1e12, 1e12),
-                help="density of the links, for sdf and mjcf, whose masses are estimated from the graphics "
-                f"[{DENSITY:g}]",
-            ),
-            needs="--format sdf, --format mjcf",
-        ),
-    ] = None,
-    dialect: Annotated[
-        Literal["json", "constraint", "urdf+", "closing-frames", "mimic", "robot.yaml"],
-        ruled(
-            Option(
-                "--loops",
-                help="urdf: dialect in which it declares loops and couplings to other programs; json: none but the "
-                "constraints file, which is always written",
-            ),
-            unless="--check",
-            needs="--format urdf",
-        ),
-    ] = "json",
-    robot: Annotated[str | None, Option(metavar="NAME", help="convert only the robot of this name")] = None,
-    loop: Loops = None,
-    exact: Annotated[
-        bool,
-        Option(
-            "--exact",
-            help="keep all loops as written: neither close pins with play in the plane nor heal nearly redundant loops",
-        ),
-    ] = False,
-    check: Annotated[
-        bool, Option("--check", help="only check the files and whether the loops can be closed: write nothing")
-    ] = False,
-    json: Json = False,
-    grammar: Grammar = False,
-    version: Version = False,
-) -> int:
+    files: list[str] = typer.Argument(
+        ..., metavar="FILE...", help="RAFF files, or names of shipped robots", show_default=False
+    ),
+    output: str = option(
+        "FILE", "file to write; a folder if it exists or ends with /; -: stdout", "generated/", "--output", "-o",
+        unless="--check",
+    ),
+    force: bool = FORCE,
+    format: Literal["urdf", "sdf", "mjcf"] = option(
+        None, "urdf: URDF and a constraints file; sdf: for Gazebo; mjcf: for MuJoCo, as NAME.xml", "urdf",
+        unless="--check",
+    ),
+    density: float | None = quantity_option(
+        "KG_PER_M3",
+        f"density of the links, for sdf and mjcf, whose masses are estimated from the graphics [{DENSITY:g}]",
+        DENSITY_DIMENSION, least=-1e12, most=1e12, needs="--format sdf, --format mjcf",
+    ),
+    dialect: Literal["json", "constraint", "urdf+", "closing-frames", "mimic", "robot.yaml"] = option(
+        None,
+        "urdf: dialect in which it declares loops and couplings to other programs; json: none but the constraints "
+        "file, which is always written",
+        "json", "--loops", unless="--check", needs="--format urdf",
+    ),
+    robot: str | None = option("NAME", "convert only the robot of this name"),
+    loop: list[str] | None = LOOPS,
+    exact: bool = flag(
+        "--exact",
+        "keep all loops as written: neither close pins with play in the plane nor heal nearly redundant loops",
+    ),
+    check: bool = flag("--check", "only check the files and whether the loops can be closed: write nothing"),
+    json: bool = JSON,
+    grammar: bool = flag(
+        "--grammar", "print the TextMate grammar of RAFF, with which editors highlight it, and exit",
+        is_eager=True, callback=_print_grammar,
+    ),
+    version: bool = VERSION,
+) -> int:  # fmt: skip
     """Convert RAFF files (Kleinfinger parameters, loops, sensors) to URDF with a constraints file, SDF or MJCF."""
     out, target = _target(output, files, format, json)
     from raff2urdf.conversion import convert
 
     def process(name: str) -> list[dict[str, Any]]:
+        loops = loop_kinds_of(loop)
         if check:
-            return _check(name, robot, parse_loops(loop), exact)
-        loops = parse_loops(loop)
+            return _check(name, robot, loops, exact)
         found = convert(
             name, out, robot, loops, format=format, density=density, dialect=dialect,
             file=target, overwrite=force, exact=exact,
@@ -206,17 +167,6 @@ def warnings_printed() -> Iterator[None]:
         warnings.simplefilter("always", RaffWarning)
         warnings.showwarning = show
         yield
-
-
-def parse_loops(options: Sequence[str] | None) -> dict[str, str]:
-    """Return the names and kinds of options --loop NAME=KIND."""
-    loops = {}
-    for text in options or ():
-        name, equals, kind = text.rpartition("=")
-        if not equals:
-            raise RaffError(f"--loop {text}: write NAME=KIND, for example --loop link5-link11=ball")
-        loops[name] = kind
-    return loops
 
 
 def print_json(report: Any) -> None:

@@ -13,14 +13,11 @@ from collections.abc import Iterator, Mapping, Sequence
 from typing import NamedTuple, Protocol
 
 import numpy as np
-from numpy.typing import NDArray
 
+from raff2urdf.arrays import Array, Bools
 from raff2urdf.bounds import STEP_CAP, JointBounds
 from raff2urdf.raff.document import LoopKind
 from raff2urdf.residual import ROWS
-
-Array = NDArray[np.float64]
-Mask = NDArray[np.bool_]
 
 CLOSED = 1e-12
 """rad, or characteristic lengths: `close` succeeds where no residual is above this."""
@@ -92,7 +89,7 @@ class Closing(NamedTuple):
 
 
 def close(
-    system: LoopSystem, q: Array, free: Mask | None = None, iterations: int = 100, bounds: JointBounds | None = None
+    system: LoopSystem, q: Array, free: Bools | None = None, iterations: int = 100, bounds: JointBounds | None = None
 ) -> Closing:
     """Close loops from a configuration, by damped Gauss-Newton steps.
 

@@ -16,7 +16,7 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from contextvars import ContextVar
 from dataclasses import dataclass, fields, is_dataclass
 from pathlib import Path
-from typing import Annotated, Any, get_type_hints
+from typing import Any, get_type_hints
 
 import typer
 from typer.core import TyperCommand, TyperGroup
@@ -66,6 +66,31 @@ def ruled(option: Any, needs: str = "", unless: str = "", endings: tuple[str, ..
     needed, excluded = (tuple(filter(None, text.split(", "))) for text in (needs, unless))
     option.rules = Rules(needed, excluded, endings)
     return option
+
+
+def option(
+    metavar: str | None, help: str, default: object = None, *names: str,
+    needs: str = "", unless: str = "", endings: tuple[str, ...] = (), **settings: Any,
+) -> Any:  # fmt: skip
+    """Return an option with a value; further settings are those of `typer.Option`.
+
+    Args:
+        metavar: the value in the help; None lists the choices of a `Literal`.
+        help: what it does, with the unit of a number.
+        default: shown in the help unless it is empty.
+        names: such as `-o`, `--output`; `--parameter` unless given.
+        needs: options without which it has no effect, see `raff2urdf.command_line.Rules`.
+        unless: options with which it has no effect.
+        endings: of the file that it writes.
+        settings: those of `typer.Option`.
+    """
+    info = typer.Option(default, *names, metavar=metavar, help=help, show_default=bool(default), **settings)
+    return ruled(info, needs, unless, endings)
+
+
+def flag(name: str, help: str, needs: str = "", unless: str = "", **settings: Any) -> Any:
+    """Return an option without a value; `needs`, `unless` and further settings are those of `option`."""
+    return ruled(typer.Option(False, name, metavar="", help=help, **settings), needs, unless)
 
 
 def no_effect(where: str, *names: str, remedy: str = "leave it out") -> None:
@@ -295,6 +320,31 @@ def quantity_parser(dimension: Dimension, least: float, most: float) -> Callable
     return parser
 
 
+def quantity_option(
+    metavar: str, help: str, dimension: Dimension, default: float | None = None, *names: str,
+    least: float = 0.0, most: float = 1e7, needs: str = "", unless: str = "", **settings: Any,
+) -> Any:  # fmt: skip
+    """Return an option whose value is one number with an optional unit, SI units and radians.
+
+    Args:
+        metavar: the value in the help.
+        help: what it does, with the unit of a bare number.
+        dimension: of the number.
+        default: in SI units; shown in the help unless it is None.
+        names: such as `-o`, `--output`; `--parameter` unless given.
+        least: smallest valid value.
+        most: largest valid value.
+        needs: options without which it has no effect, see `raff2urdf.command_line.Rules`.
+        unless: options with which it has no effect.
+        settings: those of `typer.Option`.
+    """
+    info = typer.Option(
+        default, *names, metavar=metavar, help=help, show_default=default is not None,
+        parser=quantity_parser(dimension, least, most), **settings,
+    )  # fmt: skip
+    return ruled(info, needs, unless)
+
+
 def _show_version(wanted: bool) -> None:
     if wanted:
         from raff2urdf.version import __version__
@@ -303,10 +353,8 @@ def _show_version(wanted: bool) -> None:
         raise typer.Exit
 
 
-Version = Annotated[
-    bool, typer.Option("--version", is_eager=True, callback=_show_version, help="Show the version and exit.")
-]
-"""Type of a parameter that is the option `--version`."""
+VERSION = flag("--version", "Show the version and exit.", is_eager=True, callback=_show_version)
+"""The option `--version`."""
 
 
 def _suggestion(word: str, known: Sequence[str]) -> str:

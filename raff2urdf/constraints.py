@@ -14,9 +14,9 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike
 
 from raff2urdf.analysis import Analysis, declared_actuated, loop_kinds
+from raff2urdf.arrays import ArrayLike
 from raff2urdf.axes import UNCHANGED, parse_axes
 from raff2urdf.coupling import coupling_entry
 from raff2urdf.errors import RaffError, did_you_mean
@@ -280,40 +280,38 @@ def _mismatches(values: Any) -> _Problems:
 
 def _unknown_names(values: Constraints, urdf: UrdfSummary | None) -> _Problems:
     nodes: Sequence[str] = values["nodes"]
-    for i, loop in enumerate(values["loops"]):
-        for end in ("first", "second"):
-            if (node := loop[end]["node"]) not in nodes:
-                near = did_you_mean(node, nodes)
-                yield ["loops", i, end, "node"], f"loop '{loop['name']}' ends at '{node}', which is not a node{near}"
     moving = [joint["name"] for joint in values["joints"]]
-    for i, ball in enumerate(values.get("balls", [])):
-        for j, name in enumerate(ball["joints"]):
-            if name not in moving:
-                why = f"ball joint '{ball['name']}' names '{name}', which is not a joint that moves"
-                yield ["balls", i, "joints", j], why + did_you_mean(name, moving)
-    for i, coupling in enumerate(values.get("couplings", [])):
-        for j, term in enumerate(coupling["terms"]):
-            if (name := term["joint"]) not in moving:
-                near = did_you_mean(name, moving)
-                why = f"coupling '{coupling['name']}' names '{name}', which is not a joint that moves{near}"
-                yield ["couplings", i, "terms", j, "joint"], why
-    for i, entry in enumerate(values.get("sensor_constraints", [])):
-        if (node := entry["node"]) not in nodes:
-            near = did_you_mean(node, nodes)
-            yield ["sensor_constraints", i, "node"], f"a sensor constraint names '{node}', which is not a node{near}"
+    for path, who, name in _named(values):
+        known, what = (nodes, "node") if path[-1] == "node" else (moving, "joint that moves")
+        if name not in known:
+            yield path, f"{who} '{name}', which is not a {what}{did_you_mean(name, known)}"
     if urdf is None:
         return
     links, joints = urdf
     for i, node in enumerate(nodes):
         if node not in links:
             yield ["nodes", i], f"the URDF has no link '{node}'{did_you_mean(node, links)}"
-    listed = [joint["name"] for joint in values["joints"]]
-    for i, name in enumerate(listed):
+    for i, name in enumerate(moving):
         if name not in joints:
             yield ["joints", i, "name"], f"the URDF has no joint '{name}'{did_you_mean(name, list(joints))}"
     for name in joints:
-        if name not in listed:
+        if name not in moving:
             yield ["joints"], f"joint '{name}' of the URDF is missing: add an entry for it"
+
+
+def _named(values: Constraints) -> Iterator[tuple[list[str | int], str, str]]:
+    """Yield where nodes and joints are named, by what, and their names."""
+    for i, loop in enumerate(values["loops"]):
+        for end in ("first", "second"):
+            yield ["loops", i, end, "node"], f"loop '{loop['name']}' ends at", loop[end]["node"]
+    for i, ball in enumerate(values.get("balls", [])):
+        for j, name in enumerate(ball["joints"]):
+            yield ["balls", i, "joints", j], f"ball joint '{ball['name']}' names", name
+    for i, coupling in enumerate(values.get("couplings", [])):
+        for j, term in enumerate(coupling["terms"]):
+            yield ["couplings", i, "terms", j, "joint"], f"coupling '{coupling['name']}' names", term["joint"]
+    for i, entry in enumerate(values.get("sensor_constraints", [])):
+        yield ["sensor_constraints", i, "node"], "a sensor constraint names", entry["node"]
 
 
 def _other_joints(values: Constraints, joints: Mapping[str, MovingJoint]) -> _Problems:

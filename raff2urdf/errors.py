@@ -120,9 +120,8 @@ MOST_KNOWN = 12  # words in a list of known ones
 def near_names(word: str, known: Iterable[str]) -> list[str]:
     """Return the known names that are nearest to a word; none if all are far, or if too many are as near.
 
-    A name is near if at most every fourth letter must be changed, inserted, left out or exchanged with the next one,
-    upper and lower case being the same. One letter always may differ, two where names of four or more begin alike, and
-    the end may be left out.
+    A name is near if at most every fourth letter must be changed, inserted or left out, upper and lower case being the
+    same. One letter always may differ, two where names of four or more begin alike, and the end may be left out.
     """
     short = dict.fromkeys(one for one in known if len(one) <= LONGEST)  # the time grows with squares of lengths
     if not 0 < len(word) <= LONGEST:
@@ -139,16 +138,9 @@ def near_names(word: str, known: Iterable[str]) -> list[str]:
 
 
 def _edits(word: str, other: str) -> int:
-    """Return the number of edits between words: Damerau and Levenshtein's distance, no part being edited twice."""
-    before, last = [0] * (len(other) + 1), list(range(len(other) + 1))
-    for i, letter in enumerate(word, 1):
-        row = [i]
-        for j, one in enumerate(other, 1):
-            row.append(min(last[j] + 1, row[-1] + 1, last[j - 1] + (letter != one)))
-            if i > 1 and j > 1 and letter == other[j - 2] and one == word[i - 2]:
-                row[-1] = min(row[-1], before[j - 2] + 1)
-        before, last = last, row
-    return last[-1]
+    """Return the number of letters that are changed, inserted or left out between words."""
+    edits = difflib.SequenceMatcher(None, word, other, autojunk=False).get_opcodes()
+    return sum(max(end - start, to - at) for edit, start, end, at, to in edits if edit != "equal")
 
 
 def did_you_mean(word: str, known: Sequence[str]) -> str:
@@ -158,6 +150,12 @@ def did_you_mean(word: str, known: Sequence[str]) -> str:
     shown = [one[:LONGEST] for one in known[:MOST_KNOWN]]
     more = ", ..." if len(known) > len(shown) else ""
     return texts.KNOWN.format(listed=", ".join(shown), more=more) if shown else ""
+
+
+def first_of(names: Sequence[object], most: int) -> str:
+    """Return the first of some names, and how many there are more."""
+    more = f" and {len(names) - most} more" if len(names) > most else ""
+    return ", ".join(map(str, names[:most])) + more
 
 
 def duplicates(things: Iterable[T], name: Callable[[T], object]) -> Iterator[tuple[T, T]]:

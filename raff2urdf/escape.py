@@ -8,11 +8,12 @@ no commands to it. Whatever writes text for another program calls a function of 
 from __future__ import annotations
 
 import html
+import itertools
 import json
 import re
 import shlex
 import unicodedata
-from collections.abc import Iterable
+from collections.abc import Container, Iterable
 from typing import Any
 
 _LINES = str.maketrans("", "", "\n\t")
@@ -54,6 +55,12 @@ def line_comment(text: str) -> str:
     return f"{one_line(text)}." if text.endswith("\\") else one_line(text)  # C continues the line
 
 
+def unique_name(name: str, taken: Container[str], mark: str = "#") -> str:
+    """Return the name, with `#2` and so on appended if it is taken."""
+    numbered = (f"{name}{mark}{number}" for number in itertools.count(2))
+    return next(own for own in itertools.chain([name], numbered) if own not in taken)
+
+
 def identifiers(texts: Iterable[str]) -> list[str]:
     """Return identifiers of C and JavaScript, different ones, for texts: what is no letter of ASCII, digit or `_`
     becomes `_`, since compilers differ in the other letters that they accept.
@@ -62,12 +69,7 @@ def identifiers(texts: Iterable[str]) -> list[str]:
     """
     found: dict[str, None] = {}
     for text in texts:
-        word = own = re.sub("[^A-Za-z0-9_]", "_", text)
-        count = 1
-        while word in found:
-            count += 1
-            word = f"{own}_{count}"
-        found[word] = None
+        found[unique_name(re.sub("[^A-Za-z0-9_]", "_", text), found, "_")] = None
     return list(found)
 
 

@@ -7,12 +7,11 @@ from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from raff2urdf.arrays import Array
 from raff2urdf.bounds import JointBounds
 from raff2urdf.closure import LoopSystem, close
-
-Array = NDArray[np.float64]
+from raff2urdf.errors import first_of
 
 _STARTS = 8  # random configurations within limits at which closing begins
 _ATTEMPTS = 10  # to draw home nearer to what is written
@@ -102,18 +101,13 @@ class Beyond(NamedTuple):
         return f"{self.joint} ({scale * self.value:.4g} {unit}, limit {scale * self.limit:.4g})"
 
 
-def listed(names: Sequence[object]) -> str:
-    """Return the first names, and how many there are more."""
-    more = f" and {len(names) - _LISTED} more" if len(names) > _LISTED else ""
-    return ", ".join(map(str, names[:_LISTED])) + more
-
-
 def outside(beyond: Sequence[Beyond]) -> str:
     """Return the text of a warning: no home within all limits was found."""
     what = "no configuration was found that closes all loops within all limits: home is outside those of"
-    return f"{what} {listed(beyond)}: change these limits, or the dimensions"
+    return f"{what} {first_of(beyond, _LISTED)}: change these limits, or the dimensions"
 
 
 def moved_within(beyond: Sequence[Beyond]) -> str:
     """Return the text of a note: home was moved to where all joints are within their limits."""
-    return f"home was moved to where all joints are within their limits; as written, beyond are {listed(beyond)}"
+    what = "home was moved to where all joints are within their limits; as written, beyond are"
+    return f"{what} {first_of(beyond, _LISTED)}"

@@ -17,11 +17,9 @@ from itertools import islice, pairwise, product
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from raff2urdf.arrays import Array
 from raff2urdf.residual import skew
-
-Array = NDArray[np.float64]
 
 _LONGEST = 4  # bodies of a rod, which slide or turn on its line
 _MOST = 6  # joints of an end

@@ -6,11 +6,9 @@ from collections.abc import Iterable
 from dataclasses import dataclass, field
 
 import numpy as np
-from numpy.typing import NDArray
 
+from raff2urdf.arrays import Array
 from raff2urdf.raff import texts
-
-Array = NDArray[np.float64]
 
 ROUNDED = 1e-6
 """By what part of the largest principal moment rounded numbers may break the rules that moments of inertia obey."""

@@ -29,11 +29,9 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numpy.typing import NDArray
 
+from raff2urdf.arrays import Array
 from raff2urdf.raff.document import LoopKind
-
-Array = NDArray[np.float64]
 
 _EXTENT = math.sqrt(3.0)
 """Half the length of a straight line over the root mean square distance of its points from the middle."""

@@ -18,12 +18,10 @@ from itertools import islice
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from raff2urdf.arrays import Array
 from raff2urdf.bounds import STEP_CAP
 from raff2urdf.closure import CLOSED, LoopSystem, close
-
-Array = NDArray[np.float64]
 
 LARGEST_GAP = 5e-3
 """rad, or characteristic lengths: equations that remain open by more are not meant to be dependent."""

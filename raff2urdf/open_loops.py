@@ -7,9 +7,10 @@ import math
 from collections.abc import Mapping, Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
+from raff2urdf.arrays import Array
 from raff2urdf.closure import CLOSED, Closing, KindedLoops, close_from_afar, gaps, rank, residuals
+from raff2urdf.errors import first_of
 from raff2urdf.escape import shell_word
 from raff2urdf.near_redundancy import LARGEST_GAP, near_redundancy
 from raff2urdf.placement import rotation, translation
@@ -17,8 +18,6 @@ from raff2urdf.play import constant_gaps
 from raff2urdf.raff import texts
 from raff2urdf.raff.document import LoopKind
 from raff2urdf.residual import ROWS, swing
-
-Array = NDArray[np.float64]
 
 PARALLEL = 0.5
 """Degrees: z axes of hinges that are farther apart are not parallel."""
@@ -68,10 +67,9 @@ def why_open(loops: KindedLoops, names: Sequence[str], start: Array, best: Closi
     what = texts.LOOPS_AND_COUPLINGS if len(names) > len(kinds) else texts.LOOPS
     words = [kind.name.lower() for kind in kinds] + ["coupling"] * (len(names) - len(kinds))
     shown = shown_gaps(loops, best.q)
-    listed = ", ".join(f"'{names[i]}' ({words[i]}, {shown[i]})" for i in open_loops[:8])
-    more = texts.MORE_OPEN.format(count=len(open_loops) - 8) if len(open_loops) > 8 else ""
+    listed = first_of([f"'{names[i]}' ({words[i]}, {shown[i]})" for i in open_loops], 8)
     lines = [
-        texts.STAY_OPEN.format(what=what, listed=listed, more=more),
+        texts.STAY_OPEN.format(what=what, listed=listed),
         f"these are the least gaps found, in the axes of each loop's first end; {jacobian.shape[0]} loop rows of "
         f"rank {rank(jacobian)} on {jacobian.shape[1]} joints",
     ]

@@ -6,11 +6,9 @@ import math
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
 
+from raff2urdf.arrays import Array, ArrayLike
 from raff2urdf.residual import skew
-
-Array = NDArray[np.float64]
 
 
 def inverse(placement: ArrayLike) -> Array:

@@ -13,14 +13,12 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
+from raff2urdf.arrays import Array
 from raff2urdf.closure import CLOSED, Closing, KindedLoops, close_from_afar
 from raff2urdf.placement import translation
 from raff2urdf.raff.document import LoopKind
 from raff2urdf.residual import ROWS
-
-Array = NDArray[np.float64]
 
 EXACT = "--exact (in Python load(relax=False), convert(exact=True))"
 """The option that keeps all loops as written, for messages."""

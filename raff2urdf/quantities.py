@@ -12,7 +12,8 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from contextvars import ContextVar
 from dataclasses import dataclass
 from decimal import Decimal
@@ -20,6 +21,15 @@ from decimal import Decimal
 
 class QuantityError(ValueError):
     """A text that is no quantity of the dimension that is wanted; the message quotes it, with the remedy."""
+
+
+@contextmanager
+def refused_as(kind: type[Exception], what: str) -> Iterator[None]:
+    """Raise a `QuantityError` as another kind of error, which states what the quantity is."""
+    try:
+        yield
+    except QuantityError as error:
+        raise kind(f"{what}: {error}") from None
 
 
 @dataclass(frozen=True, eq=False)

@@ -30,11 +30,9 @@ import math
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from raff2urdf.arrays import Array
 from raff2urdf.raff.document import LoopKind
-
-Array = NDArray[np.float64]
 
 ROWS = {LoopKind.RIGID: 6, LoopKind.PRISMATIC: 5, LoopKind.REVOLUTE: 5, LoopKind.BALL: 3}
 """Number of equations of a loop, by its kind."""

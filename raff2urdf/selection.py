@@ -6,11 +6,9 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from raff2urdf.arrays import Array
 from raff2urdf.closure import passive, rank
-
-Array = NDArray[np.float64]
 
 _CLEAR = 1e-3
 """Part of a column that must remain beside those chosen before, at all configurations."""

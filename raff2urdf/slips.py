@@ -17,15 +17,13 @@ from itertools import combinations
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from raff2urdf.arrays import Array
 from raff2urdf.closure import RANK, rank
 from raff2urdf.placement import inverse
 from raff2urdf.raff import texts
 from raff2urdf.raff.document import LoopKind
 from raff2urdf.residual import ROWS, loop_residual
-
-Array = NDArray[np.float64]
 
 OPEN = 0.02
 """rad, or sizes: loops that are open by less as written are drawn closed, by rounded numbers."""

@@ -10,8 +10,8 @@ import math
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
+from raff2urdf.arrays import Array
 from raff2urdf.coupling import Coupling, coupled_scales, followed
 from raff2urdf.idle import Edge
 from raff2urdf.inertia import Inertia
@@ -39,8 +39,6 @@ WORLD = "world"
 
 BASE_JOINT = "joint0"
 """The joint that places the base in the world, if the base is not simply at the world's origin."""
-
-Array = NDArray[np.float64]
 
 
 def kleinfinger(document: Document, written: RaffParameters) -> Kleinfinger:

@@ -13,9 +13,9 @@ from pathlib import Path
 import numpy as np
 import yourdfpy
 from lxml import etree
-from numpy.typing import ArrayLike
 from yourdfpy.urdf import filename_handler_magic
 
+from raff2urdf.arrays import ArrayLike
 from raff2urdf.errors import RaffError
 from raff2urdf.inertia import Inertia
 from raff2urdf.placement import roll_pitch_yaw, translation
@@ -38,10 +38,7 @@ class ExactUrdf(yourdfpy.URDF):  # type: ignore[misc]  # yourdfpy has no types
     """
 
     def __init__(
-        self,
-        robot: yourdfpy.Robot,
-        filename_handler: Callable[[str], str] | None = None,
-        folder: str | Path = "",
+        self, robot: yourdfpy.Robot, filename_handler: Callable[[str], str] | None = None, folder: str | Path = ""
     ) -> None:
         super().__init__(robot, build_scene_graph=False, filename_handler=filename_handler, mesh_dir=str(folder))
         handler = self._filename_handler

@@ -13,8 +13,8 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
+from raff2urdf.arrays import Array
 from raff2urdf.errors import RaffError
 from raff2urdf.files import read_bytes
 from raff2urdf.raff.document import UNITS_PER_METRE
@@ -22,8 +22,6 @@ from raff2urdf.readers import holds_xml
 from raff2urdf.readers.sidecar import constraints_of
 from raff2urdf.readers.xml_file import read_text
 from raff2urdf.residual import skew
-
-Array = NDArray[np.float64]
 
 _NUMBER = re.compile(rb"[^\s,\[\]]+")
 _ELEMENT = re.compile(

@@ -6,71 +6,31 @@ import sys
 import warnings
 from collections.abc import Sequence
 from contextvars import copy_context
+from importlib import import_module
 
-from cinegen.cli import (
-    calibrate,
-    close,
-    compare,
-    compile,
-    demo,
-    drive,
-    export,
-    forces,
-    generate,
-    heal,
-    ik,
-    info,
-    map,
-    modes,
-    page,
-    plan,
-    replay,
-    sensors,
-    singular,
-    synthesize,
-    tolerance,
-    validate,
-)
 from cinegen.cli.numbers import NumberLists
 from cinegen.errors import CinegenError
 from raff2urdf import output
-from raff2urdf.command_line import Version, expand, new_app, print_error, run_app
+from raff2urdf.command_line import VERSION, expand, new_app, print_error, run_app
 from raff2urdf.errors import RaffError
+
+COMMANDS = (
+    *("demo", "info", "ik", "modes", "singular", "forces", "synthesize", "tolerance", "calibrate", "map", "compare"),
+    *("plan", "drive", "replay", "export", "generate", "page", "close", "heal", "validate", "sensors", "compile"),
+)
+"""Names of the commands, and of their modules, in the order of the help."""
 
 app = new_app(
     no_args_is_help=True,
     help="Kinematics of serial, tree and closed-loop mechanisms described in RAFF, URDF, SDF or MJCF.",
     epilog="cinegen help COMMAND explains one. Exit codes: 0 done; 1 bad input, or the answer is no; 2 a wrong call.",
 )
-for _command in (
-    demo,
-    info,
-    ik,
-    modes,
-    singular,
-    forces,
-    synthesize,
-    tolerance,
-    calibrate,
-    map,
-    compare,
-    plan,
-    drive,
-    replay,
-    export,
-    generate,
-    page,
-    close,
-    heal,
-    validate,
-    sensors,
-    compile,
-):
-    app.command(_command.__name__.rpartition(".")[2], cls=NumberLists)(expand(_command.run))
+for _name in COMMANDS:
+    app.command(_name, cls=NumberLists)(expand(import_module(f"cinegen.cli.{_name}").run))
 
 
 @app.callback()
-def _options(version: Version = False) -> None:
+def _options(version: bool = VERSION) -> None:
     pass
 
 

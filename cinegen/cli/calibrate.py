@@ -10,9 +10,11 @@ from typing import TYPE_CHECKING, Any
 import typer
 
 from cinegen.cli.files import check_outputs, count, print_result, write, write_figure
-from cinegen.cli.options import FILE, JSON, PLOT, flag, force_option, option
+from cinegen.cli.options import FILE, JSON, PLOT, ROBOT, force_option, output_option
 from cinegen.cli.progress import Progress
 from cinegen.cli.tolerance import amounts
+from raff2urdf.command_line import flag, option
+from raff2urdf.errors import first_of
 from raff2urdf.files import stem_of
 from raff2urdf.quantities import LENGTH
 
@@ -40,8 +42,8 @@ def run(
     poses: Path | None = option(
         "FILE", "CSV file for the poses proposed (default: printed)", needs="--propose", endings=(".csv",)
     ),
-    output: Path | None = option("FILE", "the calibrated robot, as RAFF", None, "-o", "--output", endings=(".raff",)),
-    robot: str | None = option("NAME", "the robot of this name"),
+    output: Path | None = output_option("FILE", "the calibrated robot, as RAFF", ".raff"),
+    robot: str | None = ROBOT,
     all_: bool = flag("--all", "print all parameters, dependencies and outliers", unless="--json"),
     plot: Path | None = PLOT,
     force: bool = force_option("--output, --poses, --plot"),
@@ -152,7 +154,7 @@ def _text(found: Calibration, name: str, most: int | None) -> str:
         (found.opening, "would open loops of an over-constrained mechanism, and stay nominal"),
     ):
         if names:
-            listed = ", ".join(names[:most]) + (f" and {len(names) - most} more" if most and len(names) > most else "")
+            listed = first_of(names, most or len(names))
             lines += [
                 "",
                 *textwrap.wrap(

@@ -6,8 +6,9 @@ import sys
 from pathlib import Path
 
 from cinegen.cli.files import read
-from cinegen.cli.options import FILE, RobotOptions, option
+from cinegen.cli.options import FILE, RobotOptions
 from cinegen.errors import CinegenError
+from raff2urdf.command_line import option
 from raff2urdf.output import until_stopped, write_at_once
 
 

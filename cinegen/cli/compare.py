@@ -8,7 +8,8 @@ from typing import Literal
 import typer
 
 from cinegen.cli.files import check_outputs, print_result, write_figure
-from cinegen.cli.options import JSON, PLOT, UNITS, force_option, option
+from cinegen.cli.options import JSON, PLOT, UNITS, force_option
+from raff2urdf.command_line import option
 
 _MAP = typer.Argument(..., metavar="MAP", help="folder of a map, .zarr")
 

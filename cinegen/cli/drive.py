@@ -8,10 +8,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
 from cinegen.cli.files import check_outputs, count, disabled_pairs, unchecked_links
-from cinegen.cli.numbers import quantity_option
-from cinegen.cli.options import FILES, SELF_CLEARANCE, ShownRobotOptions, actuated_of, option
+from cinegen.cli.options import BASE, FILES, SELF_CLEARANCE, ShownRobotOptions, actuated_of
 from cinegen.cli.served_page import PageOptions, write_snapshot
-from raff2urdf.command_line import UsageError, no_effect
+from raff2urdf.command_line import UsageError, no_effect, option, quantity_option
 from raff2urdf.files import stem_of
 from raff2urdf.quantities import FREQUENCY, LENGTH, shown
 
@@ -34,11 +33,7 @@ def run(
         "another port for sensor N of the files; NODE=URL: a sensor for any node; URL#axes=x,-z,y changes its axes",
         (),
     ),
-    base: list[str] = option(
-        "NAME=POSE",
-        "base pose of a robot: ROBOT.NODE, x,y,z[,roll,pitch,yaw] (m and degrees), or ROBOT.NODE@x,y,z...",
-        (),
-    ),
+    base: list[str] = BASE,
     record: Path | None = option(
         "FILE.jsonl", "record the motion, for `cinegen replay` and `export`", endings=(".jsonl",)
     ),

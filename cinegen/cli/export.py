@@ -9,10 +9,9 @@ from typing import TYPE_CHECKING
 import typer
 
 from cinegen.cli.files import check_outputs
-from cinegen.cli.numbers import quantity_option
-from cinegen.cli.options import exclude, flag, force_option, option
+from cinegen.cli.options import exclude, force_option, output_option
 from cinegen.cli.payloads import GRAVITY, PAYLOADS, carried, gravity_of
-from raff2urdf.command_line import check_ending, no_effect
+from raff2urdf.command_line import check_ending, flag, no_effect, option, quantity_option
 from raff2urdf.files import output_path, stem_of
 from raff2urdf.quantities import FREQUENCY, NUMBER
 
@@ -29,7 +28,7 @@ SPEED = quantity_option("X", "playback speed, times that of the recording", NUMB
 def run(
     recording: Path = RECORDING,
     to: str = option("FORMAT", f"format: {', '.join(FORMATS)}", ...),
-    output: str | None = option("FILE", "file to write (default: next to the recording)", None, "-o", "--output"),
+    output: str | None = output_option("FILE", "file to write (default: next to the recording)"),
     robot: str | None = option("NAME", "robot of the recording, if it has several"),
     rate: float = quantity_option("HZ", "samples per second (Hz)", FREQUENCY, 125.0),
     speed: float = SPEED,

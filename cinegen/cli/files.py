@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 from cinegen.errors import CinegenError
 from raff2urdf.command_line import UsageError
+from raff2urdf.errors import first_of
 from raff2urdf.files import GENERATED, STANDARD, check_new, read_bytes, write_all
 
 if TYPE_CHECKING:
@@ -109,9 +110,7 @@ def disabled_pairs(mechanism: Mechanism) -> str:
 def unchecked_links(mechanism: Mechanism) -> str:
     """Return which links no check of collisions covers, and why, as text; empty if all are checked."""
     lost = mechanism.unchecked_links
-    names = ", ".join(list(lost)[:_MOST_LINKS]) + (
-        f" and {len(lost) - _MOST_LINKS} more" if len(lost) > _MOST_LINKS else ""
-    )
+    names = first_of(list(lost), _MOST_LINKS)
     return f"not checked: {names}, whose meshes are missing or unreadable; sticks are used instead" if lost else ""
 
 

@@ -7,18 +7,12 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from cinegen.cli.files import print_result
-from cinegen.cli.numbers import UNITS, configuration_at, named, quantity
-from cinegen.cli.options import FILE, JSON, NODE, RobotOptions, exclude, flag, option
+from cinegen.cli.numbers import AT, configuration_at, named, quantity
+from cinegen.cli.options import FILE, JSON, NODE, RobotOptions, exclude
 from cinegen.cli.payloads import GRAVITY, PAYLOADS, WRENCHES, carried, gravity_of, wrenches
 from cinegen.errors import CinegenError
-from raff2urdf.command_line import no_effect
-from raff2urdf.quantities import (
-    ACCELERATION,
-    ANGULAR_ACCELERATION,
-    ANGULAR_SPEED,
-    SPEED,
-    Dimension,
-)
+from raff2urdf.command_line import flag, no_effect, option
+from raff2urdf.quantities import ACCELERATION, ANGULAR_ACCELERATION, ANGULAR_SPEED, SPEED, Dimension
 
 if TYPE_CHECKING:
     from cinegen.dynamics import Forces, InverseDynamics
@@ -31,9 +25,7 @@ _RATES = "joint1=30,joint2=-5 (deg and m, per second"
 def run(
     robots: RobotOptions,
     file: Path = FILE,
-    at: str = option(
-        "POSE", f"where: x=0,y=0.1,rz=15 of the node, or joint3=0.7 of actuated joints ({UNITS}; default: home)", ""
-    ),
+    at: str = AT,
     node: str | None = NODE,
     payload: list[str] = PAYLOADS,
     wrench: list[str] = WRENCHES,

@@ -8,8 +8,9 @@ from pathlib import Path
 import typer
 
 from cinegen.cli.files import check_outputs, print_result, write
-from cinegen.cli.options import FILE, JSON, force_option, option
+from cinegen.cli.options import FILE, JSON, force_option
 from cinegen.errors import CinegenError
+from raff2urdf.command_line import option
 from raff2urdf.files import STANDARD, output_path, signed
 from raff2urdf.read_flags import ReadFlags
 
@@ -31,6 +32,7 @@ def run(
     listed. Only these differ in OUT, which has the format of FILE.
     """
     from cinegen.model.heal_file import heal_file
+    from cinegen.typed_json import as_json
     from raff2urdf.readers.sidecar import constraints_of
     from raff2urdf.shipped import find_robot
 
@@ -47,17 +49,12 @@ def run(
     for path, content in healing.contents.items():
         write(names[path], signed(content))
     numbers = [
-        {
-            "file": str(one.number.file),
-            "line": one.number.line,
-            "name": one.number.name,
-            "old": one.number.value,
-            "new": one.value,
-            "change": one.change,
-            "unit": "m" if one.number.is_length else "rad",
-        }
+        as_json(
+            one.number, "line", "name", file=str(one.number.file), old=one.number.value, new=one.value,
+            change=one.change, unit="m" if one.number.is_length else "rad",
+        )
         for one in healing.numbers
-    ]
+    ]  # fmt: skip
     loops = [{"name": name, "gap_m": gap, "gap_rad": angle} for name, (gap, angle) in healing.gaps.items()]
     lines = [
         f"loop '{name}' was open by {gap * 1e3:.2g} mm and {math.degrees(angle):.2g} degrees"

@@ -9,9 +9,10 @@ from typing import TYPE_CHECKING
 
 from cinegen.cli.files import count, print_result
 from cinegen.cli.numbers import UNITS, locked_joints, parts, values
-from cinegen.cli.options import FILE, JSON, NODE, ShownRobotOptions, flag, option
+from cinegen.cli.options import FILE, JSON, NODE, ShownRobotOptions
 from cinegen.cli.progress import Progress
 from cinegen.errors import CinegenError, UnknownNameError
+from raff2urdf.command_line import flag, option
 from raff2urdf.quantities import ANGLE, LENGTH, shown, shown_scale
 
 if TYPE_CHECKING:
@@ -43,8 +44,7 @@ def run(
     node: str | None = NODE,
     all_: bool = flag("--all", "list all solutions, and report whether these are all"),
     lock: str | None = option(
-        "JOINTS",
-        f"joints that do not move, such as joint3,joint4=0.7: at home, or at a value ({UNITS})",
+        "JOINTS", f"joints that do not move, such as joint3,joint4=0.7: at home, or at a value ({UNITS})"
     ),
     json: bool = JSON,
 ) -> int:

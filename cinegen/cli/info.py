@@ -7,8 +7,10 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from cinegen.cli.files import count, print_result
-from cinegen.cli.options import FILE, JSON, ShownRobotOptions, flag
+from cinegen.cli.options import FILE, JSON, ShownRobotOptions
 from cinegen.errors import warn
+from raff2urdf.command_line import flag
+from raff2urdf.errors import first_of
 from raff2urdf.quantities import ANGLE, LENGTH, shown, shown_scale
 
 if TYPE_CHECKING:
@@ -105,9 +107,7 @@ def _text(report: Mapping[str, Any]) -> str:
 def _masses(report: Mapping[str, Any]) -> list[str]:
     """Return the lines about masses."""
     massless, bodies = report["massless"], report["unphysical"].items()
-    shown = ", ".join(massless[:_MOST_NAMES]) + (
-        f" and {len(massless) - _MOST_NAMES} more" * (len(massless) > _MOST_NAMES)
-    )
+    shown = first_of(massless, _MOST_NAMES)
     if massless and not report["mass"]:
         return ["  mass: unknown"]
     unknown = f"; unknown: {shown}" if massless else ""
@@ -121,10 +121,7 @@ _MOST_NAMES = 12  # in a line
 def _collision(report: Mapping[str, Any]) -> list[str]:
     """Return the lines about shapes and pairs."""
     within = shown(report["exact_within"], LENGTH, 3)
-    lines = [
-        "",
-        f"  shapes; those in convex ones are measured where these are nearer than {within}:",
-    ]
+    lines = ["", f"  shapes; those in convex ones are measured where these are nearer than {within}:"]
     for one in report["shapes"]:
         exceeds = f", exceeds it by up to {shown(one['excess'], LENGTH, 3)}"
         lines.append(f"    {one['link']}: {one['shape']}" + (f"; {one['around']}{exceeds}" if one["around"] else ""))

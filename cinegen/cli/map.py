@@ -15,14 +15,14 @@ from typing import TYPE_CHECKING, Any, Literal
 from cinegen.cli.files import check_outputs, print_result, unchecked_links, write_figure
 from cinegen.cli.numbers import UNITS, dimension_of, interval_of, named, point
 from cinegen.cli.numbers import quantity as number
-from cinegen.cli.options import FILE, JSON, PLOT, VIEW, ShownRobotOptions, exclude, flag, option
+from cinegen.cli.options import FILE, JSON, PLOT, SCHEDULER, VIEW, ShownRobotOptions, exclude, output_option
 from cinegen.cli.payloads import GRAVITY, PAYLOADS, WRENCHES, carried, gravity_of, wrenches
 from cinegen.cli.progress import Progress
 from cinegen.cli.region import region
 from cinegen.cli.served_page import PageOptions
 from cinegen.cli.tolerance import ENCODER, PLAY, SIGMA, amounts
 from cinegen.errors import CinegenError, UnknownNameError
-from raff2urdf.command_line import UsageError, no_effect
+from raff2urdf.command_line import UsageError, flag, no_effect, option
 from raff2urdf.files import STANDARD, output_path
 from raff2urdf.quantities import ANGULAR_STIFFNESS, LENGTH, NUMBER, STIFFNESS, shown, shown_unit
 
@@ -102,9 +102,7 @@ class MapOptions:
         f"(link2.d+link5.d=...), or independently (--vary twice; {UNITS})", (),
     )  # fmt: skip
     box: str = option("RANGES", "box that variants should reach, such as x=-0.3..0.3,y=-300..300mm", "", needs="--vary")
-    output: str | None = option(
-        "FOLDER", "folder to write (ROBOT-map.zarr, or ROBOT-sweep)", None, "-o", "--output", endings=(".zarr",)
-    )
+    output: str | None = output_option("FOLDER", "folder to write (ROBOT-map.zarr, or ROBOT-sweep)", ".zarr")
     plot: Path | None = PLOT
     show: str | None = option(
         "NAME",
@@ -115,7 +113,7 @@ class MapOptions:
     view: bool = VIEW
     json: bool = JSON
     workers: int | None = option("N", "processes on this machine (default: its cores)")
-    scheduler: str | None = option("URL", "scheduler of a Dask cluster, such as tcp://node1:8786")
+    scheduler: str | None = SCHEDULER
     yes: bool = flag("--yes", "start without a question, however long it takes")
 
 

@@ -62,14 +62,9 @@ def change_advice(change: ModeChange, singular: str, seconds: float) -> str:
 
 def change_document(change: ModeChange) -> dict[str, Any]:
     """Return the change for JSON: m and rad."""
-    mechanism = change.modes.mechanism
-    return {
-        "mode": None if change.mode is None else change.mode + 1,
-        "modes": len(change.modes),
-        "complete": change.modes.complete,
-        "sigma": change.sigma,
-        "sigma_bound": change.sigma_bound,
-        "crossed": [
-            {"segment": one.segment, "sigma": one.sigma, "joints": mechanism.values(one.q)} for one in change.crossed
-        ],
-    }
+    from cinegen.typed_json import as_json
+
+    mode, values = None if change.mode is None else change.mode + 1, change.modes.mechanism.values
+    crossed = [as_json(one, "segment", "sigma", joints=values(one.q)) for one in change.crossed]
+    counts = {"mode": mode, "modes": len(change.modes), "complete": change.modes.complete}
+    return as_json(change, "sigma", "sigma_bound", crossed=crossed, **counts)

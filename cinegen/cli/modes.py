@@ -10,10 +10,11 @@ from typing import TYPE_CHECKING, Any, Literal
 from cinegen.cli.files import check_outputs, count, print_result, write_figure
 from cinegen.cli.ik import TYPED, claim_text, limits_text, missed_text, pose_task, pose_text, self_motion_lines
 from cinegen.cli.numbers import UNITS, parts, values
-from cinegen.cli.options import FILE, JSON, NODE, PLOT, VIEW, ShownRobotOptions, exclude, option
+from cinegen.cli.options import FILE, JSON, NODE, PLOT, VIEW, ShownRobotOptions, exclude
 from cinegen.cli.progress import Progress
 from cinegen.cli.served_page import PageOptions
 from cinegen.errors import CinegenError, UnknownNameError
+from raff2urdf.command_line import option
 from raff2urdf.quantities import LENGTH, shown_scale
 
 if TYPE_CHECKING:

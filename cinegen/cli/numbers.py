@@ -8,11 +8,19 @@ from __future__ import annotations
 import re
 from typing import TYPE_CHECKING, Any
 
-import typer
-
 from cinegen.errors import CinegenError
-from raff2urdf.command_line import Command, UsageError, quantity_parser, ruled
-from raff2urdf.quantities import ANGLE, LENGTH, Dimension, QuantityError, is_quantity, parse, parse_list, parse_range
+from raff2urdf.command_line import Command, UsageError, option
+from raff2urdf.quantities import (
+    ACCELERATION,
+    ANGLE,
+    LENGTH,
+    Dimension,
+    is_quantity,
+    parse,
+    parse_list,
+    parse_range,
+    refused_as,
+)
 
 if TYPE_CHECKING:
     from cinegen.model import Mechanism
@@ -23,6 +31,10 @@ UNITS = "m and degrees, or with a unit: -900mm, 0.3rad"
 POSE_EXAMPLE = "x=0.1 or rz=15 (m and degrees)"
 """What an error shows about a pose."""
 
+AT = option(
+    "POSE", f"where: x=0,y=0.1,rz=15 of the node, or joint3=0.7 of actuated joints ({UNITS}; default: home)", ""
+)
+"""The option `--at` of commands that analyse a configuration."""
 _LENGTHS = ("x", "y", "z", "radius")
 _ANGLES = ("rx", "ry", "rz", "azimuth", "elevation")
 
@@ -74,10 +86,8 @@ def quantity(text: str, option: str, dimension: Dimension) -> float:
     Raises:
         UsageError: it is no quantity of that dimension.
     """
-    try:
+    with refused_as(UsageError, option):
         return parse(text, dimension)
-    except QuantityError as error:
-        raise UsageError(f"{option}: {error}") from None
 
 
 def values(text: str, option: str, example: str, mechanism: Mechanism) -> dict[str, float]:
@@ -140,10 +150,8 @@ def interval(text: str, option: str, dimension: Dimension) -> tuple[float, float
     Raises:
         UsageError: it is not an interval.
     """
-    try:
+    with refused_as(UsageError, option):
         return parse_range(text, dimension)
-    except QuantityError as error:
-        raise UsageError(f"{option}: {error}") from None
 
 
 def interval_of(mechanism: Mechanism, name: str, text: str, option: str) -> tuple[float, float]:
@@ -172,7 +180,7 @@ def interval_of(mechanism: Mechanism, name: str, text: str, option: str) -> tupl
 
 
 def point(text: str, option: str, dimension: Dimension = LENGTH) -> tuple[float, float, float]:
-    """Return the three coordinates of `X,Y,Z`, m.
+    """Return the three coordinates of `X,Y,Z`, in SI units.
 
     Args:
         text: what was typed.
@@ -180,15 +188,20 @@ def point(text: str, option: str, dimension: Dimension = LENGTH) -> tuple[float,
         dimension: of the coordinates.
 
     Raises:
-        UsageError: it is not a point.
+        UsageError: they are not three quantities of that dimension.
     """
     given = parts(text)
     if len(given) != 3:
-        raise UsageError(f"{option}: '{text}': a point is x,y,z, not {len(given)} number{'s' * (len(given) != 1)}")
-    try:
+        what = (
+            "an acceleration, such as 0,0,-9.81,"
+            if dimension is ACCELERATION
+            else "a point"
+            if dimension is LENGTH
+            else "a direction"
+        )
+        raise UsageError(f"{option}: '{text}': {what} is x,y,z, not {len(given)} number{'s' * (len(given) != 1)}")
+    with refused_as(UsageError, option):
         x, y, z = parse_list(given, dimension)
-    except QuantityError as error:
-        raise UsageError(f"{option}: {error}") from None
     return x, y, z
 
 
@@ -202,36 +215,9 @@ def segment(text: str, option: str) -> tuple[tuple[float, float, float], tuple[f
     if len(ends) != 3 or ends[1] != "..":
         raise UsageError(f"{option}: '{text}': write X,Y,Z..X,Y,Z with two dots, such as 0,0,-1..0.5,0,-1")
     first, last = point(ends[0], option), point(ends[2], option)
-    try:
+    with refused_as(UsageError, option):
         parse_list([*parts(ends[0]), *parts(ends[2])], LENGTH)
-    except QuantityError as error:
-        raise UsageError(f"{option}: {error}") from None
     return first, last
-
-
-def quantity_option(
-    metavar: str, help: str, dimension: Dimension, default: float | None = None, *names: str,
-    least: float = 0.0, most: float = 1e7, needs: str = "", unless: str = "", **settings: Any,
-) -> Any:  # fmt: skip
-    """Return an option whose value is one number with an optional unit, SI units and radians.
-
-    Args:
-        metavar: the value in the help.
-        help: what it does, with the unit of a bare number.
-        dimension: of the number.
-        default: in SI units; shown in the help unless it is None.
-        names: such as `-o`, `--output`; `--parameter` unless given.
-        least: smallest valid value.
-        most: largest valid value.
-        needs: options without which it has no effect, see `raff2urdf.command_line.Rules`.
-        unless: options with which it has no effect.
-        settings: those of `typer.Option`.
-    """
-    info = typer.Option(
-        default, *names, metavar=metavar, help=help, show_default=default is not None,
-        parser=quantity_parser(dimension, least, most), **settings,
-    )  # fmt: skip
-    return ruled(info, needs, unless)
 
 
 class NumberLists(Command):

@@ -9,48 +9,27 @@ from typing import TYPE_CHECKING, Any, Literal
 
 import typer
 
-from cinegen.cli.numbers import quantity_option
 from cinegen.errors import CinegenError
-from raff2urdf.command_line import UsageError, ruled
+from raff2urdf.command_line import UsageError, flag, option, quantity_option
 from raff2urdf.escape import one_line
 from raff2urdf.extras import needs
 from raff2urdf.files import stem_of
 from raff2urdf.quantities import LENGTH, show_lengths_in
-from raff2urdf.read_flags import ReadFlags
+from raff2urdf.read_flags import ReadFlags, loop_kinds_of
 
 if TYPE_CHECKING:
     from cinegen.model import Mechanism
-
-
-def option(
-    metavar: str | None, help: str, default: object = None, *names: str,
-    needs: str = "", unless: str = "", endings: tuple[str, ...] = (), **settings: Any,
-) -> Any:  # fmt: skip
-    """Return an option with a value; further settings are those of `typer.Option`.
-
-    Args:
-        metavar: the value in the help; None lists the choices of a `Literal`.
-        help: what it does, with the unit of a number.
-        default: shown in the help unless it is empty.
-        names: such as `-o`, `--output`; `--parameter` unless given.
-        needs: options without which it has no effect, see `raff2urdf.command_line.Rules`.
-        unless: options with which it has no effect.
-        endings: of the file that it writes.
-        settings: those of `typer.Option`.
-    """
-    info = typer.Option(default, *names, metavar=metavar, help=help, show_default=bool(default), **settings)
-    return ruled(info, needs, unless, endings)
-
-
-def flag(name: str, help: str, needs: str = "", unless: str = "", **settings: Any) -> Any:
-    """Return an option without a value; `needs`, `unless` and further settings are those of `option`."""
-    return ruled(typer.Option(False, name, metavar="", help=help, **settings), needs, unless)
 
 
 def force_option(needs: str = "") -> Any:
     """Return the option `--force`; `needs` are the options that name files, where some do."""
     what = "replace an existing file that cinegen did not generate, that was changed since, or a recording"
     return flag("--force", what, needs)
+
+
+def output_option(metavar: str, help: str, *endings: str, needs: str = "") -> Any:
+    """Return the option `-o`, `--output`, which names the file or the folder that is written."""
+    return option(metavar, help, None, "-o", "--output", needs=needs, endings=endings)
 
 
 def _show_units(unit: str) -> str:
@@ -73,6 +52,12 @@ FILE = typer.Argument(..., metavar="FILE", help="RAFF, URDF, SDF or MJCF file, o
 FILES = typer.Argument(
     (), metavar="FILE", help="RAFF, URDF, SDF or MJCF files, or names of shipped robots", show_default=False
 )
+BASE = option(
+    "NAME=POSE",
+    "base pose of a robot: ROBOT.NODE, x,y,z[,roll,pitch,yaw] (m and degrees), or ROBOT.NODE@x,y,z...", (), "--base",
+)  # fmt: skip
+ROBOT = option("NAME", "the robot of this name")
+SCHEDULER = option("URL", "scheduler of a Dask cluster, such as tcp://node1:8786")
 ACTUATED = option("JOINTS", "actuated joints, such as joint1,joint2 (default: those of the file, or else chosen)")
 FIXED_BASE = flag("--fixed-base", "hold a floating base: nothing moves it")
 IGNORE = option(
@@ -125,20 +110,15 @@ class RobotOptions(ReadFlags):
         """
         from cinegen.model.load import load_with, robots
 
-        options, loops, files = self.options(), {}, list(files)
-        for text in self.loop:
-            name, equals, kind = text.rpartition("=")
-            if not equals:
-                raise CinegenError(f"--loop {text}: write NAME=KIND, for example --loop link5-link11=ball")
-            loops[name] = kind
+        options, loops, files = self.options(), loop_kinds_of(self.loop), list(files)
         actuated = actuated_of(self.actuated)
         found: dict[str, tuple[Mechanism, Path]] = {}
         for file in files:
             wanted = robots(file) if self.robot is None else [self.robot]
             for robot in wanted:
                 mechanism = load_with(
-                    options, file, robot, loops, self.ignore_loops, self.ignore, self.relax, self.srdf, self.fixed_base,
-                    actuated=actuated,
+                    options, file, robot=robot, loops=loops, ignore_loops=self.ignore_loops, ignore=self.ignore,
+                    relax=self.relax, srdf=self.srdf, fixed_base=self.fixed_base, actuated=actuated,
                 )  # fmt: skip
                 stem = one_line(stem_of(file).encode(errors="replace").decode())  # a file's name need not be UTF-8
                 name = stem if len(wanted) == 1 else f"{stem}.{mechanism.name}"

@@ -5,27 +5,18 @@ from __future__ import annotations
 from pathlib import Path
 
 from cinegen.cli.files import check_outputs, write
-from cinegen.cli.options import FILES, RobotOptions, force_option, option
-from raff2urdf.command_line import UsageError
+from cinegen.cli.options import BASE, FILES, RobotOptions, force_option, output_option
+from raff2urdf.command_line import UsageError, option
 from raff2urdf.files import stem_of
 
 
 def run(
     options: RobotOptions,
     files: list[Path] = FILES,
-    output: Path | None = option(
-        "FILE.html",
-        "file to write (default: named after the first FILE)",
-        None,
-        "-o",
-        "--output",
-        endings=(".html", ".htm"),
+    output: Path | None = output_option(
+        "FILE.html", "file to write (default: named after the first FILE)", ".html", ".htm"
     ),
-    base: list[str] = option(
-        "NAME=POSE",
-        "base pose of a robot: ROBOT.NODE, x,y,z[,roll,pitch,yaw] (m and degrees), or ROBOT.NODE@x,y,z...",
-        (),
-    ),
+    base: list[str] = BASE,
     title: str | None = option("TEXT", "title of the page (default: the robots' names)"),
     force: bool = force_option(),
 ) -> int:

@@ -5,10 +5,9 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
-from cinegen.cli.numbers import parts, quantity
-from cinegen.cli.options import option
-from raff2urdf.command_line import UsageError
-from raff2urdf.quantities import ACCELERATION, FORCE, MASS, TORQUE, QuantityError, parse_list
+from cinegen.cli.numbers import parts, point, quantity
+from raff2urdf.command_line import UsageError, option
+from raff2urdf.quantities import ACCELERATION, FORCE, MASS, TORQUE, parse_list, refused_as
 
 if TYPE_CHECKING:
     from cinegen.dynamics import Payload
@@ -49,10 +48,8 @@ def wrenches(texts: Sequence[str]) -> list[Payload]:
         given = parts(numbers)
         if not equals or len(given) not in (3, 6):
             raise UsageError(f"--wrench: '{text}': write NODE=FX,FY,FZ or NODE=FX,FY,FZ,MX,MY,MZ, such as tool=0,0,-10")
-        try:
+        with refused_as(UsageError, "--wrench"):
             force, moment = parse_list(given[:3], FORCE), parse_list(given[3:], TORQUE)
-        except QuantityError as error:
-            raise UsageError(f"--wrench: {error}") from None
         found.append(Payload(where, wrench=(*force, *(moment or (0.0, 0.0, 0.0)))))
     return found
 
@@ -63,13 +60,4 @@ def gravity_of(text: str) -> tuple[float, float, float] | None:
     Raises:
         UsageError: it is no vector.
     """
-    if not text:
-        return None
-    given = parts(text)
-    if len(given) != 3:
-        raise UsageError(f"--gravity: '{text}': an acceleration is x,y,z, such as 0,0,-9.81")
-    try:
-        x, y, z = parse_list(given, ACCELERATION)
-    except QuantityError as error:
-        raise UsageError(f"--gravity: {error}") from None
-    return x, y, z
+    return point(text, "--gravity", ACCELERATION) if text else None

@@ -27,10 +27,11 @@ from cinegen.cli.options import (
     VIEW,
     actuated_of,
     exclude,
-    option,
+    output_option,
 )
 from cinegen.cli.progress import Progress
 from cinegen.cli.served_page import PageOptions
+from raff2urdf.command_line import option
 from raff2urdf.files import output_path, stem_of, write_all
 from raff2urdf.quantities import ANGLE, LENGTH, NUMBER, shown, shown_scale
 from raff2urdf.read_flags import ReadFlags
@@ -78,9 +79,7 @@ def run(
     fixed_base: bool = FIXED_BASE,
     lock: str | None = option("JOINTS", "joints that do not move, such as joint3,joint4", unless="--modes"),
     self_clearance: float | None = SELF_CLEARANCE,
-    output: str | None = option(
-        "FILE.jsonl", "record the path, for `cinegen replay` and `export`", None, "-o", "--output", endings=(".jsonl",)
-    ),
+    output: str | None = output_option("FILE.jsonl", "record the path, for `cinegen replay` and `export`", ".jsonl"),
     plot: Path | None = PLOT,
     plot_joints: Path | None = PLOT_JOINTS,
     json: bool = JSON,
@@ -341,47 +340,22 @@ def _motion(found: Plan) -> str:
 
 def _document(found: Plan) -> dict[str, Any]:
     """Return the plan for JSON: m and rad, null for the distance to nothing."""
+    from cinegen.typed_json import as_json
+
     scene, mechanism = found.scene, found.scene.mechanism
-    return {
-        "scene": scene.name,
-        "robot": mechanism.name,
-        "field": found.field,
-        "locked": list(scene.locked),
-        "attached": [one.name for one in scene.attached],
-        "status": found.status.value,
-        "reason": found.reason,
-        "node": scene.node,
-        "goal": scene.document()["goal"],
-        "safety": scene.safety,
-        "clearance": _finite(found.clearance),
-        "mesh_check": {
-            "step": found.mesh_check.step,
-            "unchecked": [list(pair) for pair in found.mesh_check.unchecked],
-            "allowed": [list(pair) for pair in scene.allowed_collisions],
-            "lost": dict(mechanism.unchecked_links),
-        },
-        "length": _length(found),
-        "motion": found.motion,
-        "weighted_motion": found.weighted_motion,
-        "attempts": [
-            {
-                "strategy": one.strategy,
-                "status": one.status.value,
-                "steps": len(one.path) - 1,
-                "blocked_by": [list(pair) for pair in one.blocked_by],
-                "reason": one.reason,
-            }
+    lost = dict(mechanism.unchecked_links)
+    return as_json(
+        found, "field", "status", "reason", "clearance", "motion", "weighted_motion", "trace", "clearances",
+        scene=scene.name, robot=mechanism.name, locked=scene.locked, attached=[one.name for one in scene.attached],
+        node=scene.node, goal=scene.document()["goal"], safety=scene.safety, length=_length(found),
+        mesh_check=as_json(found.mesh_check, "step", "unchecked", allowed=scene.allowed_collisions, lost=lost),
+        attempts=[
+            as_json(one, "strategy", "status", "blocked_by", "reason", steps=len(one.path) - 1)
             for one in found.attempts
         ],
-        "path": [mechanism.values(q) for q in found.path],
-        "trace": found.trace.tolist(),
-        "clearances": [_finite(distance) for distance in found.clearances.tolist()],
-        **({"base": found.path[:, :7].tolist()} if mechanism.floating else {}),
-    }
-
-
-def _finite(number: float) -> float | None:
-    return number if math.isfinite(number) else None
+        path=[mechanism.values(q) for q in found.path],
+        **({"base": found.path[:, :7]} if mechanism.floating else {}),
+    )  # fmt: skip
 
 
 # --- recordings --------------------------------------------------------------------------------------------------

@@ -6,9 +6,8 @@ import sys
 from contextlib import nullcontext, redirect_stdout
 from pathlib import Path
 
-from cinegen.cli.numbers import quantity_option
-from cinegen.cli.options import FILES, IGNORE, IGNORE_LOOPS, JSON, STOP_AFTER, option
-from raff2urdf.command_line import no_effect
+from cinegen.cli.options import FILES, IGNORE, IGNORE_LOOPS, JSON, STOP_AFTER
+from raff2urdf.command_line import no_effect, option, quantity_option
 from raff2urdf.output import unescaped, write_at_once
 from raff2urdf.quantities import TIME
 from raff2urdf.read_flags import ReadFlags

@@ -8,11 +8,11 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from cinegen.cli.files import check_outputs, print_result, write, write_figure
-from cinegen.cli.numbers import POSE_EXAMPLE, UNITS, configuration_at, interval_of, parts, values
-from cinegen.cli.options import FILE, JSON, PICTURES, ShownRobotOptions, force_option, option
+from cinegen.cli.numbers import AT, POSE_EXAMPLE, UNITS, configuration_at, interval_of, parts, values
+from cinegen.cli.options import FILE, JSON, PICTURES, ShownRobotOptions, force_option, output_option
 from cinegen.cli.progress import Progress
 from cinegen.errors import CinegenError
-from raff2urdf.command_line import UsageError, no_effect
+from raff2urdf.command_line import UsageError, no_effect, option
 from raff2urdf.files import GENERATED, output_path
 
 if TYPE_CHECKING:
@@ -24,9 +24,7 @@ def run(
     robots: ShownRobotOptions,
     files: list[Path] = FILE,
     node: str | None = option("NAME", "node whose motion is analysed (default: the last of the file)"),
-    at: str = option(
-        "POSE", f"where: x=0,y=0.1,rz=15 of the node, or joint3=0.7 of actuated joints ({UNITS}; default: home)", ""
-    ),
+    at: str = AT,
     over: str | None = option(
         "AXES", f"two coordinates, such as x,y or x=-0.3..0.3,rz=-90..90, or two actuated joints ({UNITS})"
     ),
@@ -34,14 +32,8 @@ def run(
     plot: Path | None = option(
         "FILE", "picture of the scan: .png, .svg or .pdf (ROBOT-singular.png)", needs="--over", endings=PICTURES
     ),
-    output: str | None = option(
-        "FILE",
-        "the scan as JSON, m and rad (ROBOT-singular.json)",
-        None,
-        "-o",
-        "--output",
-        needs="--over",
-        endings=(".json",),
+    output: str | None = output_option(
+        "FILE", "the scan as JSON, m and rad (ROBOT-singular.json)", ".json", needs="--over"
     ),
     json: bool = JSON,
     force: bool = force_option("--over"),
@@ -126,21 +118,13 @@ def _axis(mechanism: Mechanism, text: str, node: str | None) -> Axis:
 
 def _check_recordings(files: list[Path], robot: str | None, json: bool) -> None:
     from cinegen.mission import Recording, check, resampled
+    from cinegen.typed_json import as_json
 
     reports, texts = [], []
     for file in files:
         found = [one for one in check(resampled(Recording.load(file), robot)) if one.sigma is not None]
         texts.append(f"{file}: {len(found) or 'no'} singularit{'y' if len(found) == 1 else 'ies'} along the motion")
         texts += [f"  at {one.recorded:.3f} s {one.message} (singular value {one.sigma:.2g})" for one in found]
-        numbers = [
-            {
-                "kind": one.kind.value,
-                "time": one.recorded,
-                "sigma": one.sigma,
-                "message": one.message,
-                "q": one.q.tolist(),
-            }
-            for one in found
-        ]
+        numbers = [as_json(one, "kind", "sigma", "message", "q", time=one.recorded) for one in found]
         reports.append({"recording": str(file), "found": numbers})
     print_result(reports, "\n".join(texts), json)

@@ -7,17 +7,16 @@ from pathlib import Path
 import typer
 
 from cinegen.cli.files import check_outputs, print_result, write
-from cinegen.cli.options import FILE, JSON, force_option, option
+from cinegen.cli.options import FILE, JSON, ROBOT, SCHEDULER, force_option, output_option
 from cinegen.cli.progress import Progress
+from raff2urdf.command_line import option
 from raff2urdf.files import output_path, stem_of
 
 
 def run(
     file: Path = FILE,
     task: Path = typer.Option(..., "--task", metavar="TASK.toml", help="parameters, points to reach, objectives"),
-    output: str | None = option(
-        "FILE", "the robot with its new dimensions (ROBOT-synthesized.raff)", None, "-o", "--output", endings=(".raff",)
-    ),
+    output: str | None = output_option("FILE", "the robot with its new dimensions (ROBOT-synthesized.raff)", ".raff"),
     state: Path | None = option(
         "FILE", "finished starts, to continue from (ROBOT-synthesis.json, removed at the end)", endings=(".json",)
     ),
@@ -27,8 +26,8 @@ def run(
         endings=(".html", ".htm"),
     ),
     workers: int | None = option("N", "processes on this machine that share the starts (default: its cores)"),
-    scheduler: str | None = option("URL", "scheduler of a Dask cluster, such as tcp://node1:8786"),
-    robot: str | None = option("NAME", "the robot of this name"),
+    scheduler: str | None = SCHEDULER,
+    robot: str | None = ROBOT,
     force: bool = force_option(),
     json: bool = JSON,
 ) -> int:

@@ -9,10 +9,11 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from cinegen.cli.files import check_outputs, print_result, write_figure
-from cinegen.cli.numbers import UNITS, configuration_at, named, parts
-from cinegen.cli.options import FILE, JSON, NODE, PLOT, force_option, option
+from cinegen.cli.numbers import AT, configuration_at, named, parts
+from cinegen.cli.options import FILE, JSON, NODE, PLOT, ROBOT, force_option
 from cinegen.errors import CinegenError
-from raff2urdf.command_line import UsageError
+from raff2urdf.command_line import UsageError, option
+from raff2urdf.errors import first_of
 from raff2urdf.files import stem_of
 
 if TYPE_CHECKING:
@@ -37,13 +38,11 @@ def run(
     encoder: list[str] = ENCODER,
     tie: list[str] = TIE,
     interval: float = option("K", "half-width of the intervals of the worst case, in standard deviations", 3.0),
-    at: str = option(
-        "POSE", f"where: x=0,y=0.1,rz=15 of the node, or joint3=0.7 of actuated joints ({UNITS}; default: home)", ""
-    ),
+    at: str = AT,
     node: str | None = NODE,
     samples: int = option("N", "of Monte Carlo, with loops closed; 0 for none", 10_000, min=0, max=10_000_000),
     seed: int = option("N", "of the random numbers", 0, min=0, needs="--samples"),
-    robot: str | None = option("NAME", "the robot of this name"),
+    robot: str | None = ROBOT,
     plot: Path | None = PLOT,
     force: bool = force_option("--plot"),
     json: bool = JSON,
@@ -131,7 +130,7 @@ def _worst(found: ToleranceReport) -> str:
 def _idle(found: ToleranceReport) -> str:
     if not found.idle:
         return ""
-    return f"{len(found.idle)} tolerances do not move {found.node}: {_listed(found.idle)}"
+    return f"{len(found.idle)} tolerances do not move {found.node}: {first_of(found.idle, 6)}"
 
 
 def _forced(forced: Forced, interval: float) -> str:
@@ -143,14 +142,10 @@ def _forced(forced: Forced, interval: float) -> str:
     ]
     return (
         f"{len(forced.names)} tolerances open loops: the mechanism is over-constrained and can't be assembled with "
-        f"them unless it is forced. Largest gap of each within ±{interval:g} sigma: {_listed(each)}. All together: "
+        f"them unless it is forced. Largest gap of each within ±{interval:g} sigma: {first_of(each, 6)}. All together: "
         f"{_number(1e3 * forced.worst_position)} mm, {_number(math.degrees(forced.worst_angle))} degrees. They are not "
         "in the numbers above: how the node moves then depends on the elasticity of the parts"
     )
-
-
-def _listed(texts: Sequence[str]) -> str:
-    return ", ".join(texts[:6]) + (f" and {len(texts) - 6} more" if len(texts) > 6 else "")
 
 
 def _number(value: float) -> str:

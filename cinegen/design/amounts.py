@@ -8,7 +8,7 @@ from collections.abc import Iterable, Mapping
 from cinegen.design.errors import DesignError
 from cinegen.design.parameters import Parameters
 from cinegen.design.ties import fits
-from raff2urdf.quantities import ANGLE, Dimension, QuantityError, has_unit, parse
+from raff2urdf.quantities import ANGLE, Dimension, has_unit, parse, refused_as
 
 Amounts = Mapping[str, float | str] | Iterable[tuple[str, float | str]]
 """Amounts by name or pattern, or pairs of both: a number in m or rad, or a text such as "0.05mm". Later ones replace
@@ -29,10 +29,8 @@ def amount_in(name: str, amount: float | str, dimension: Dimension) -> float:
         DesignError: a wrong unit or none, or a negative amount.
     """
     if isinstance(amount, str):
-        try:
+        with refused_as(DesignError, name):
             value = parse(amount, dimension)
-        except QuantityError as error:
-            raise DesignError(f"{name}: {error}") from None
         if value and not has_unit(amount):
             raise DesignError(f"{name}: '{amount}' has no unit: write {amount}{'deg' if dimension is ANGLE else 'mm'}")
     else:

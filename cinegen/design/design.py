@@ -31,6 +31,7 @@ from cinegen.joints import supporting_columns
 from cinegen.loops.arrays import set_up
 from raff2urdf import closure
 
+# what the kernel returns, in the order of `DesignEvaluation`
 _RESULTS = ("result_q", "gaps", "poses", "all_screws", "all_frames", "motion_screws", "jacobians", "maps")
 _BATCH = 2048  # evaluations of one call of the kernel
 _DEPENDENT = 1e-9  # a column of the loops below this fraction of the largest opens nothing
@@ -97,12 +98,7 @@ class Design(OneThread):
 
     @in_one_thread
     def evaluate(
-        self,
-        p: ArrayLike | None = None,
-        q: ArrayLike | None = None,
-        derivatives: bool = True,
-        *,
-        near: bool = False,
+        self, p: ArrayLike | None = None, q: ArrayLike | None = None, derivatives: bool = True, *, near: bool = False
     ) -> DesignEvaluation:
         """Close the loops at values of the parameters, with the fixed joints at their values in q.
 
@@ -122,8 +118,7 @@ class Design(OneThread):
         """
         values, starts = self._pairs(p, q)
         count = len(values)
-        found: dict[str, list[Array]] = {name: [] for name in _RESULTS}
-        memory = self._memory
+        parts, memory = list[list[Array]](), self._memory
         memory.is_exact, memory.most = int(not near), 12 if near else 100
         motions = values @ self._matrix.T + self._constant
         for first in range(0, count, _BATCH):
@@ -135,10 +130,8 @@ class Design(OneThread):
             for name in _RESULTS:
                 memory.point_at(name, np.zeros(memory.shape(name)))
             self._run(memory.handle)
-            for name in _RESULTS:
-                found[name].append(getattr(memory, name))
-        joined = {name: np.concatenate(parts) for name, parts in found.items()}
-        return DesignEvaluation(self, values, **joined)
+            parts.append([getattr(memory, name) for name in _RESULTS])
+        return DesignEvaluation(self, values, *map(np.concatenate, zip(*parts, strict=True)))
 
     def close(self, p: ArrayLike, q: ArrayLike | None = None) -> Array:
         """Return the closed configuration (nq,) at values of the parameters (columns,), near q (nq,), home by default,
@@ -176,9 +169,8 @@ class Design(OneThread):
     @cached_property
     def _sizes(self) -> Array:
         """(columns,) one dimensionless step of each: the characteristic length for lengths."""
-        units = [self.parameters.all[self.parameters.find(name)].unit for name in self.parameters.names]
-        units += ["rad" if component.startswith("r") else "m" for _, component in self.play]
-        return np.array([self.mechanism.length if unit == "m" else 1.0 for unit in units])
+        length = self.mechanism.length
+        return np.append(self.parameters.sizes, [1.0 if word.startswith("r") else length for _, word in self.play])
 
     # --- setting up ----------------------------------------------------------------------------------------------
 
@@ -278,8 +270,8 @@ class DesignEvaluation:
     Attributes:
         design: the design.
         p: (count, columns) values, m and rad.
-        result_q: (count, nq), also as `q`.
-        gaps: (count,), also as `gap`.
+        q: (count, nq) closed configurations.
+        gap: (count,) largest residual of the loops, rad or characteristic lengths.
         poses: (count, nodes, 4, 3) three axes and the origin of each node; see `placements`.
         all_screws: (count, nv, 6) joints' columns: velocity of the point at the world's origin, angular velocity.
         all_frames: (count, joints, 4, 3) of the model.
@@ -290,8 +282,8 @@ class DesignEvaluation:
 
     design: Design
     p: Array
-    result_q: Array
-    gaps: Array
+    q: Array
+    gap: Array
     poses: Array
     all_screws: Array
     all_frames: Array
@@ -303,18 +295,8 @@ class DesignEvaluation:
         return len(self.p)
 
     def __repr__(self) -> str:
-        closed = int((self.gaps <= closure.CLOSED).sum())
+        closed = int((self.gap <= closure.CLOSED).sum())
         return f"<DesignEvaluation of {self.design.mechanism.name}: {len(self)} pairs, {closed} closed>"
-
-    @property
-    def q(self) -> Array:
-        """(count, nq) closed configurations."""
-        return self.result_q
-
-    @property
-    def gap(self) -> Array:
-        """(count,) largest residual of the loops, rad or characteristic lengths."""
-        return self.gaps
 
     def placements(self, node: str) -> Array:
         """Return the poses (count, 4, 4) of a node in the world, m."""

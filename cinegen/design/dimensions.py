@@ -35,10 +35,8 @@ def by_dimensions(parameters: Parameters, p: ArrayLike, function: Callable[[Docu
         (...) and (..., parameters).
     """
     values = parameters.checked(p)
-    units = [parameters.all[parameters.find(name)].unit for name in parameters.names]
-    steps = [_STEP * (parameters.mechanism.length if unit == "m" else 1.0) for unit in units]
     slopes = []
-    for k, step in enumerate(steps):
+    for k, step in enumerate(_STEP * parameters.sizes):
         change = step * np.eye(len(values))[k]
         ahead, behind = (function(parameters.document_with(values + sign * change)) for sign in (1.0, -1.0))
         slopes.append((ahead - behind) / (2.0 * step))

@@ -25,18 +25,10 @@ from cinegen.errors import warn
 from cinegen.model.load import build
 from cinegen.model.mechanism import Mechanism
 from raff2urdf.conversion import describe
-from raff2urdf.errors import did_you_mean
-from raff2urdf.quantities import ANGLE, LENGTH, Dimension, QuantityError, parse, parse_range, shown
+from raff2urdf.errors import did_you_mean, first_of
+from raff2urdf.quantities import ANGLE, LENGTH, Dimension, parse, parse_range, refused_as, shown
 from raff2urdf.raff.compound import VARIABLES
-from raff2urdf.raff.document import (
-    UNITS_PER_METRE,
-    Document,
-    JointType,
-    RaffBase,
-    RaffLink,
-    RaffNode,
-    RaffRobot,
-)
+from raff2urdf.raff.document import UNITS_PER_METRE, Document, JointType, RaffBase, RaffLink, RaffNode, RaffRobot
 from raff2urdf.raff.kleinfinger import Kleinfinger
 from raff2urdf.shipped import find_robot
 from raff2urdf.tree import kleinfinger
@@ -105,7 +97,8 @@ class Parameters:
         folder: of the file's graphics.
         robot: the robot.
         all: every parameter of the description, in the order of the file.
-        names: of the free parameters.
+        free: those that vary.
+        names: of these.
         values: (count,) of the free parameters in the file, m and rad; read-only.
         bounds: (count, 2) low and high; infinite where there are none; read-only.
         mechanism: the robot as the file describes it.
@@ -151,7 +144,8 @@ class Parameters:
         others = np.setdiff1d(np.arange(len(tied.free)), found)
         fixed = tied.constant + tied.matrix[:, others] @ written[[tied.free[k] for k in others]]
         self.ties = Ties(self._free, tied.matrix[:, found], fixed)
-        self.names = tuple(self.all[i].name for i in self._free)
+        self.free = tuple(self.all[i] for i in self._free)
+        self.names = tuple(one.name for one in self.free)
         self.values = written[list(self._free)]
         self._warn_of_changes(written)
         self.bounds = self._bounds(bounds or {})
@@ -162,6 +156,11 @@ class Parameters:
 
     def __repr__(self) -> str:
         return f"<Parameters of {self.robot.name}: {len(self.names)} free of {len(self.all)}>"
+
+    @property
+    def sizes(self) -> Array:
+        """(count,) one dimensionless step of each free parameter: the characteristic length, or 1 rad."""
+        return np.array([self.mechanism.length if one.unit == "m" else 1.0 for one in self.free])
 
     # --- names ---------------------------------------------------------------------------------------------------
 
@@ -306,10 +305,8 @@ class Parameters:
         return float(f"{value * scale:.{_DIGITS}g}") + 0.0
 
     def _parsed(self, name: str, text: str) -> float:
-        try:
+        with refused_as(DesignError, name):
             return parse(text, self.all[self.find(name)].dimension)
-        except QuantityError as error:
-            raise DesignError(f"{name}: {error}") from None
 
     def _built(self, document: Document) -> Mechanism:
         urdf, constraints = describe(document, document.robot(self.robot.name), self.folder, self._loops)
@@ -326,11 +323,10 @@ class Parameters:
                     if is_pattern(pattern):
                         continue
                     self.index(self.all[i].name)
-                one, k = self.all[i], self._free.index(i)
-                try:
+                k = self._free.index(i)
+                one = self.free[k]
+                with refused_as(DesignError, f"bounds of {one.name}"):
                     low, high = parse_range(given, one.dimension) if isinstance(given, str) else given
-                except QuantityError as error:
-                    raise DesignError(f"bounds of {one.name}: {error}") from None
                 if not low < high:
                     raise DesignError(f"bounds of {one.name}: {low:g} is not below {high:g}")
                 if not low <= self.values[k] <= high:
@@ -348,10 +344,9 @@ class Parameters:
             listed = [
                 f"{self.all[i].name} from {self.text(self.all[i].name, written[i])} to "
                 f"{self.text(self.all[i].name, full[i])}"
-                for i in changed[:6]
+                for i in changed
             ]
-            more = f" and {len(changed) - 6} more" if len(changed) > 6 else ""
-            warn(f"{self.robot.name}: the ties change values of the file: {', '.join(listed)}{more}")
+            warn(f"{self.robot.name}: the ties change values of the file: {first_of(listed, 6)}")
 
 
 def _document(source: str | Path | Document) -> tuple[Document, Path]:

@@ -14,7 +14,7 @@ import numpy as np
 
 from cinegen.arrays import Array
 from cinegen.design.errors import DesignError
-from raff2urdf.quantities import ANGLE, LENGTH, Dimension, QuantityError, has_unit, parse
+from raff2urdf.quantities import ANGLE, LENGTH, Dimension, QuantityError, has_unit, parse, refused_as
 
 _TERM = re.compile(r"\s*([+-]?(?:\s*-)?)\s*((?:[eE][+-]?\d|[^+-])*)")
 _FACTOR = re.compile(r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?")
@@ -81,12 +81,10 @@ def expression(text: str, find: Callable[[str], int], dimensions: Sequence[Dimen
 
 def _constant(text: str, dimension: Dimension | None, whole: str) -> float:
     """Return a constant in m or rad; of an expression without names, of the dimension that its unit has."""
-    try:
+    with refused_as(DesignError, f"'{whole}'"):
         if dimension is None:
             dimension = next((one for one in (LENGTH, ANGLE) if fits(text, one) and has_unit(text)), LENGTH)
         value = parse(text, dimension)
-    except QuantityError as error:
-        raise DesignError(f"'{whole}': {error}") from None
     if value != 0.0 and not has_unit(text):
         raise DesignError(f"'{whole}': '{text}' has no unit: write it, such as {text}{_example(dimension)}")
     return value

@@ -30,6 +30,7 @@ from typing import Any, NamedTuple
 import numpy as np
 import pinocchio as pin
 from scipy.optimize import brentq
+from scipy.spatial.transform import Rotation
 from scipy.special import ndtr, ndtri
 
 from cinegen.arrays import Array, ArrayLike, Bools, Indices
@@ -334,11 +335,7 @@ class Tolerances:
         return [one for one in self.sources if opening.isdisjoint(one.columns)]
 
     def at(
-        self,
-        q: ArrayLike | None = None,
-        node: str | None = None,
-        samples: int = 0,
-        seed: int = 0,
+        self, q: ArrayLike | None = None, node: str | None = None, samples: int = 0, seed: int = 0
     ) -> ToleranceReport:
         """Return the accuracy of a node.
 
@@ -522,13 +519,8 @@ def tolerance(
 def deviations(pose: Array, poses: Array) -> Array:
     """Return the deviations (count, 6) of poses (count, 4, 4) from one (4, 4): of the position, m, and the rotation
     vector, rad, in the world's axes."""
-    turned = poses[:, :3, :3] @ pose[:3, :3].T
-    skew = turned - np.swapaxes(turned, 1, 2)
-    sine = 0.5 * np.stack([skew[:, 2, 1], skew[:, 0, 2], skew[:, 1, 0]], axis=1)
-    size, cosine = np.linalg.norm(sine, axis=1), 0.5 * (np.trace(turned, axis1=1, axis2=2) - 1.0)
-    angle = np.arctan2(size, cosine)
-    factor = np.divide(angle, size, out=np.ones_like(size), where=size > 1e-9)
-    return np.hstack([poses[:, :3, 3] - pose[:3, 3], sine * factor[:, None]])
+    turned = Rotation.from_matrix(poses[:, :3, :3] @ pose[:3, :3].T)
+    return np.hstack([poses[:, :3, 3] - pose[:3, 3], turned.as_rotvec()])
 
 
 def _cut(interval: float) -> tuple[float, float]:

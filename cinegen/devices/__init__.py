@@ -3,7 +3,7 @@
 from cinegen.devices.gamepad import Gamepad
 from cinegen.devices.kinds import KINDS, open_sensor, overrides
 from cinegen.devices.lines import Lines, start_from
-from cinegen.devices.reading_recorder import ReadingRecorder, RecordError
+from cinegen.devices.replay import ReadingRecorder, RecordError
 from cinegen.devices.scripted_path import SHAPES, ScriptedPath, ScriptedSensor, fit_path
 from cinegen.devices.teleoperation import Teleoperation, TwistMapping
 from cinegen.sensor import Reading, Sensor, SensorError, SensorState, SensorStatus

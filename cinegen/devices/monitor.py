@@ -86,7 +86,9 @@ def named(
         CinegenError: the file is invalid.
     """
     path, options = Path(path), options or ReadOptions()
-    mechanisms = [load_with(options, path, robot, ignore_loops=ignore_loops, ignore=ignore) for robot in robots(path)]
+    mechanisms = [
+        load_with(options, path, robot=robot, ignore_loops=ignore_loops, ignore=ignore) for robot in robots(path)
+    ]
     found: dict[int, dict[str, Any]] = {}
     for mechanism in mechanisms:
         for number, sensor in mechanism.sensors.items():

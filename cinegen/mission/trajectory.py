@@ -12,7 +12,6 @@ from scipy.interpolate import CubicHermiteSpline, PchipInterpolator, PPoly
 from cinegen.arrays import Array, Indices
 from cinegen.errors import CinegenError, ClosureError, UnknownNameError
 from cinegen.mission.branch import Branch
-from cinegen.mission.curve import curve_through
 from cinegen.mission.file_format import MissionError
 from cinegen.mission.recording import Recording
 from cinegen.model import Mechanism
@@ -254,6 +253,21 @@ def _timed(
     raise MissionError(f"{name} can't be exported: a passive joint is too fast however slow the actuated joints are")
 
 
+def curve_through(s: Array, points: Array) -> PPoly:
+    """Return a piecewise cubic curve with the slopes of F. N. Fritsch and J. Butland ("A method for constructing local
+    monotone piecewise cubic interpolants", SIAM J. Sci. Stat. Comput. 5, 1984) at inner points, and 0 at both ends:
+    between two points no value is beyond theirs.
+
+    Args:
+        s: (k,) parameter of each point, ascending; two at least.
+        points: (k, m) points.
+    """
+    slopes = np.zeros_like(points)
+    if len(s) > 2:
+        slopes[1:-1] = PchipInterpolator(s, points)(s[1:-1], 1)
+    return CubicHermiteSpline(s, points, slopes)
+
+
 def _count(seconds: float, rate: float, name: str) -> int:
     """Return the number of samples of a motion."""
     count = math.ceil(seconds * rate - _ROUNDING) + 1
@@ -381,10 +395,8 @@ class _Timing:
         ends = np.searchsorted(points, self._curve.x)
         along = self._curve(points)
         if points[-1] < self._curve.x[-1]:
-            return _closed(
-                self._branch, self._knots, np.vstack([along, self._knots[-1:]]), ends, self._recorded, self._name
-            )[:-1]
-        return _closed(self._branch, self._knots, along, ends, self._recorded, self._name)
+            along = np.vstack([along, self._knots[-1:]])
+        return _closed(self._branch, self._knots, along, ends, self._recorded, self._name)[: len(points)]
 
 
 def _closed(branch: Branch, knots: Array, along: Array, ends: Indices, recorded: Array, name: str) -> Array:

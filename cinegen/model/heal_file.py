@@ -109,7 +109,7 @@ def _check(
         for file, content in healing.contents.items():
             _replace(folder / names[file], content)
         try:
-            found = {loop.name for loop in load_with(options, folder / out.name, robot, relax=False).loops}
+            found = {loop.name for loop in load_with(options, folder / out.name, robot=robot, relax=False).loops}
         except (CinegenError, RaffError) as error:
             why = str(error).replace(f"{folder}/", "")
             raise CinegenError(f"{path}: not healed, since what would be written can't be loaded: {why}") from None

@@ -7,7 +7,7 @@ import math
 import sys
 import warnings
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
@@ -123,59 +123,68 @@ def load(
                 raise LoadError(f"{option} has no effect on a pinocchio.Model: leave it out")
         return _load_model(path, () if loops is None else loops, couplings, actuated, relax, fixed_base)
     options = ReadOptions(packages or {}, xacro_args or {}, swap_limits)
-    found = load_with(options, path, robot, loops, ignore_loops, ignore, relax, srdf, fixed_base, couplings, actuated)
+    if couplings or not isinstance(loops, Mapping | None):
+        name = readers.TEXT if readers.is_text(path) else path
+        raise LoadError(f"{name}: a file declares its loops and couplings: give them with a pinocchio.Model only")
+    found = load_with(
+        options, path, robot=robot, loops=loops, ignore_loops=ignore_loops, ignore=ignore, relax=relax, srdf=srdf,
+        fixed_base=fixed_base, actuated=actuated,
+    )  # fmt: skip
     options.check(found.source.name)
     return found
 
 
-def load_with(
-    options: ReadOptions,
-    path: str | Path | URDF,
-    robot: str | None = None,
-    loops: Mapping[str, str] | Sequence[pin.RigidConstraintModel] | None = None,
-    ignore_loops: bool = False,
-    ignore: Sequence[str] = (),
-    relax: bool | None = None,
-    srdf: str | Path | None = None,
-    fixed_base: bool = False,
-    couplings: Sequence[Coupling] = (),
-    actuated: Sequence[str] | None = None,
-) -> Mechanism:
-    """Load a mechanism as `load` does, without checking that the options of how its file is read have an effect:
-    `options.check` does so, for all files that were loaded with them."""
+@dataclass(frozen=True)
+class _Settings:
+    """Arguments of `load` that concern a file, and how it is read."""
+
+    reading: ReadOptions
+    robot: str | None = None
+    loops: Mapping[str, str] | None = None
+    ignore_loops: bool = False
+    ignore: Sequence[str] = ()
+    relax: bool | None = None
+    srdf: str | Path | None = None
+    fixed_base: bool = False
+    actuated: Sequence[str] | None = None
+
+
+def load_with(options: ReadOptions, path: str | Path | URDF, **arguments: Any) -> Mechanism:
+    """Load a mechanism as `load` does with these arguments, without checking that the options of how its file is read
+    have an effect: `options.check` does so, for all files that were loaded with them."""
+    settings = _Settings(options, **arguments)
     text = path if isinstance(path, str) and readers.is_text(path) else None
     path = path if text is None else Path(readers.TEXT)
-    if couplings or not isinstance(loops, Mapping | None):
-        raise LoadError(f"{path}: a file declares its loops and couplings: give them with a pinocchio.Model only")
-    described = None if srdf is None else Path(srdf)
     objects = sys.modules.get("yourdfpy")
     if text is None and (objects is None or not isinstance(path, objects.URDF)):
         path = find_robot(path)
-    if loops and ignore_loops:
-        raise LoadError(
-            f"{path}: a kind is given for loop '{next(iter(loops))}', but all are to be ignored: leave one out"
-        )
+    if settings.loops and settings.ignore_loops:
+        name = next(iter(settings.loops))
+        raise LoadError(f"{path}: a kind is given for loop '{name}', but all are to be ignored: leave one out")
     if not isinstance(path, Path) or (readers.holds_xml(path) if text is None else text.lstrip().startswith("<")):
-        return _load_xml(
-            path, text, robot, loops, ignore_loops, ignore, relax, described, fixed_base, actuated, options
-        )
+        return _load_xml(path, text, settings)
+    return _load_raff(path, text, settings)
+
+
+def _load_raff(path: Path, text: str | None, settings: _Settings) -> Mechanism:
+    """Load a RAFF file, or its text."""
     from raff2urdf.conversion import describe
     from raff2urdf.raff.reader import parse as parse_raff
     from raff2urdf.raff.reader import read
 
     document = parse_raff(read(path) if text is None else text, str(path))
     raff2urdf.check(document)
-    chosen = document.robot(robot)
-    for name in loops or {}:
+    chosen = document.robot(settings.robot)
+    for name in settings.loops or {}:
         if name not in chosen.loop_names:
             raise UnknownNameError("loop", name, chosen.loop_names)
-    words = IgnoreList(ignore)
-    open_loops = [name for name in chosen.loop_names if words.takes(name) or ignore_loops]
-    open_couplings = [name for name in chosen.coupling_names if words.takes(name) or ignore_loops]
+    words = IgnoreList(settings.ignore)
+    open_loops = [name for name in chosen.loop_names if words.takes(name) or settings.ignore_loops]
+    open_couplings = [name for name in chosen.coupling_names if words.takes(name) or settings.ignore_loops]
     words.check(str(path))
     if open_loops or open_couplings:
         listed = [f"loop '{name}'" for name in open_loops] + [f"coupling '{name}'" for name in open_couplings]
-        moves = "; every joint moves independently" if ignore_loops else ""
+        moves = "; every joint moves independently" if settings.ignore_loops else ""
         warn(f"{path}: left out, as requested{moves}: {', '.join(listed)}")
         named = zip(chosen.loop_names, chosen.loops, strict=True)
         coupled = zip(chosen.coupling_names, chosen.couplings, strict=True)
@@ -185,15 +194,15 @@ def load_with(
             couplings=tuple(coupling for name, coupling in coupled if name not in open_couplings),
         )
     constraints: Mapping[str, Any] | None
-    urdf, constraints = describe(document, chosen, path.parent, loops)
-    if ignore_loops and (open_loops or open_couplings):
+    urdf, constraints = describe(document, chosen, path.parent, settings.loops)
+    if settings.ignore_loops and (open_loops or open_couplings):
         constraints = without_loops(constraints)
-    if fixed_base:
+    if settings.fixed_base:
         urdf, constraints = with_fixed_base(urdf, constraints, str(path))
-    constraints = _with_actuated(urdf, constraints, actuated, str(path))
-    srdf_read = _read_srdf(described, urdf, str(path), options)
-    make = partial(build, urdf, constraints, name=str(path), srdf=srdf_read, relax=relax)
-    return _made(make, partial(raff_drawn.slips_of, document, chosen, loop_kinds(chosen, loops)))
+    constraints = _with_actuated(urdf, constraints, settings.actuated, str(path))
+    srdf_read = _read_srdf(settings.srdf, urdf, str(path), settings.reading)
+    make = partial(build, urdf, constraints, name=str(path), srdf=srdf_read, relax=settings.relax)
+    return _made(make, partial(raff_drawn.slips_of, document, chosen, loop_kinds(chosen, settings.loops)))
 
 
 def robots(path: str | Path) -> list[str | None]:
@@ -208,61 +217,52 @@ def robots(path: str | Path) -> list[str | None]:
     return [robot.name for robot in raff2urdf.load(path).robots] or [None]
 
 
-def _load_xml(
-    source: Path | URDF,
-    text: str | None,
-    robot: str | None,
-    loops: Mapping[str, str] | None,
-    ignore_loops: bool,
-    ignore: Sequence[str],
-    relax: bool | None,
-    srdf: Path | None,
-    fixed_base: bool,
-    actuated: Sequence[str] | None,
-    options: ReadOptions,
-) -> Mechanism:
+def _load_xml(source: Path | URDF, text: str | None, settings: _Settings) -> Mechanism:
     """Load a URDF with its sidecar files, an SDF, an MJCF, a text of one of these, or a `yourdfpy.URDF`."""
+    loops, reading = settings.loops or {}, settings.reading
+    robot, ignore_loops, ignore = settings.robot, settings.ignore_loops, settings.ignore
     path = source if isinstance(source, Path) else Path(f"yourdfpy.URDF '{source.robot.name}'")
     beside = srdf_of(path) if path is source and text is None else None
     if beside is not None and (left_out := beside.name) in ignore:
         beside, ignore = None, [word for word in ignore if word != left_out]
     try:
         if text is not None:
-            found, folder = readers.read_xml(text, str(path), robot, ignore_loops, ignore, options), Path.cwd()
+            found, folder = readers.read_xml(text, str(path), robot, ignore_loops, ignore, reading), Path.cwd()
         elif isinstance(source, Path):
-            found, folder = readers.read(path, robot, ignore_loops, ignore, options), path.parent
+            found, folder = readers.read(path, robot, ignore_loops, ignore, reading), path.parent
         else:
             from raff2urdf.urdf_object import ExactUrdf
 
             written = ExactUrdf(source.robot, source._filename_handler)
-            found = readers.read_xml(written.text(), str(path), None, ignore_loops, ignore, options)
+            found = readers.read_xml(written.text(), str(path), None, ignore_loops, ignore, reading)
             folder = written.folder
         urdf: str = found.urdf
         constraints: Mapping[str, Any] | None = found.constraints
-        if fixed_base:
+        if settings.fixed_base:
             urdf, constraints = with_fixed_base(urdf, constraints, str(path))
     except raff2urdf.RaffError as error:
         raise LoadError(str(error)) from None
     entries = {entry["name"]: entry for entry in constraints["loops"]} if constraints else {}
     balls = {name for name, entry in entries.items() if entry["kind"] == "ball"}
-    for name, kind in (loops or {}).items():
+    for name, kind in loops.items():
         if name not in entries:
             raise UnknownNameError("loop", name, tuple(entries))
         entries[name]["kind"] = loop_kind(kind).name.lower()
-    disabled = _read_srdf(srdf or beside, urdf, str(path), options)
-    placed, told = with_home(urdf, constraints, srdf or beside, str(path), options)
-    stated = _with_actuated(urdf, placed, actuated, str(path))
-    packages = tuple((name, str(given)) for name, given in options.search.given.items())
+    srdf = beside if settings.srdf is None else Path(settings.srdf)
+    disabled = _read_srdf(srdf, urdf, str(path), reading)
+    placed, remarks = with_home(urdf, constraints, srdf, str(path), reading)
+    stated = _with_actuated(urdf, placed, settings.actuated, str(path))
+    packages = tuple((name, str(folder)) for name, folder in reading.search.given.items())
     make = partial(
-        build, urdf, stated, str(folder), str(path), found.dialects, (*found.notes, *told), disabled, packages=packages,
-        relax=relax, is_driven=found.is_driven and actuated is None,
+        build, urdf, stated, str(folder), str(path), found.dialects, (*found.notes, *remarks), disabled,
+        packages=packages, relax=settings.relax, is_driven=found.is_driven and settings.actuated is None,
     )  # fmt: skip
     dialect = "".join(found.dialects)
     slips = None if stated is None else partial(urdf_drawn.slips_of, urdf, stated, str(path), dialect)
     mechanism = _made(make, slips, [one for one in found.notes if " has another parent" in one])
     if constraints and not loops:
         _check_stated(mechanism, constraints, path)
-    for name, kind in (loops or {}).items():
+    for name, kind in loops.items():
         if name in balls and loop_kind(kind) is LoopKind.REVOLUTE:
             _check_hinge(mechanism, name, path)
     for doubt in doubts(mechanism):
@@ -299,8 +299,8 @@ def _made(
     if mechanism.loops and mechanism.joints and mechanism.mobility == 0:
         numbers = {"rows": mechanism.structure.system.rows, "rank": mechanism.loop_rank, "joints": mechanism.model.nv}
         edit = None if slips is None else slips(Fault.FROZEN)
-        told = "; ".join(filter(None, [texts.FROZEN.format(**numbers), edit]))
-        warn(f"{mechanism.source.name}: robot '{mechanism.name}': {told}")
+        message = "; ".join(filter(None, [texts.FROZEN.format(**numbers), edit]))
+        warn(f"{mechanism.source.name}: robot '{mechanism.name}': {message}")
     return mechanism
 
 
@@ -349,7 +349,7 @@ def _with_actuated(
     return {**(constraints or {"loops": []}), "joints": stated}
 
 
-def _read_srdf(path: Path | None, urdf: str, name: str, options: ReadOptions) -> Srdf | None:
+def _read_srdf(path: str | Path | None, urdf: str, name: str, options: ReadOptions) -> Srdf | None:
     """Return what an SRDF disables among the links of a URDF.
 
     Raises:
@@ -360,7 +360,7 @@ def _read_srdf(path: Path | None, urdf: str, name: str, options: ReadOptions) ->
     try:
         tree = parse(urdf, name)
         links = [str(link.get("name")) for link in tree.iter("link")]
-        return read_srdf(path, links, f"robot '{tree.get('name', '')}'", options)
+        return read_srdf(Path(path), links, f"robot '{tree.get('name', '')}'", options)
     except RaffError as error:
         raise LoadError(str(error)) from None
 
@@ -408,10 +408,7 @@ def _check_hinge(mechanism: Mechanism, name: str, path: Path) -> None:
                 )
 
 
-_TURNS = {
-    "x": rotation((0.0, 1.0, 0.0), math.pi / 2.0),
-    "y": rotation((1.0, 0.0, 0.0), -math.pi / 2.0),
-}
+_TURNS = {"x": rotation((0.0, 1.0, 0.0), math.pi / 2.0), "y": rotation((1.0, 0.0, 0.0), -math.pi / 2.0)}
 """Rotations that take z to x and to y."""
 
 

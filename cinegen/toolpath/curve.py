@@ -65,12 +65,7 @@ class SeamCurve:
     """
 
     def __init__(
-        self,
-        points: Array,
-        normals: Array,
-        numbers: Indices,
-        before: Array | None = None,
-        behind: Array | None = None,
+        self, points: Array, normals: Array, numbers: Indices, before: Array | None = None, behind: Array | None = None
     ) -> None:
         self._along, self._cubics = _by_length(_catmull_rom(points, before, behind))
         self._parts = len(self._cubics) // (len(points) - 1)  # between two points

@@ -33,8 +33,8 @@ from raff2urdf.quantities import (
     SPEED,
     TIME,
     Dimension,
-    QuantityError,
     parse,
+    refused_as,
     shown,
 )
 
@@ -162,10 +162,8 @@ def _header(cells: list[str]) -> tuple[list[int], list[str]]:
 
 
 def _number(text: str, name: str, dimension: Dimension, unit: str = "") -> float:
-    try:
+    with refused_as(SensorError, name):
         return parse(text, dimension, unit or None)
-    except QuantityError as error:
-        raise SensorError(f"{name}: {error}") from None
 
 
 def _options(query: str) -> dict[str, Any]:

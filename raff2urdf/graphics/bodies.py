@@ -20,27 +20,17 @@ from itertools import combinations, pairwise
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from raff2urdf.arrays import Array
 from raff2urdf.graphics.skeleton import BASE, JOINT, SkeletonDrawing, digits, rounded
 from raff2urdf.graphics.solids import hull, recipe
 from raff2urdf.graphics.wheels import CouplingDrawing
 from raff2urdf.placement import along, inverse
 from raff2urdf.raff.compound import expanded
-from raff2urdf.raff.document import (
-    Document,
-    JointType,
-    LoopKind,
-    RaffFrame,
-    RaffLink,
-    RaffNode,
-    RaffPart,
-    RaffRobot,
-)
+from raff2urdf.raff.document import Document, JointType, LoopKind, RaffFrame, RaffLink, RaffNode, RaffPart, RaffRobot
 from raff2urdf.raff.kleinfinger import transform
 from raff2urdf.tree import moved
 
-Array = NDArray[np.float64]
 Colour = tuple[float, float, float]
 
 SHARED = (0.87, 0.87, 0.85)

@@ -16,8 +16,8 @@ from statistics import median
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import ArrayLike
 
+from raff2urdf.arrays import ArrayLike
 from raff2urdf.raff.document import Document, JointType, RaffFrame, RaffLink, RaffNode, RaffPart, RaffRobot
 from raff2urdf.raff.kleinfinger import Kleinfinger
 from raff2urdf.tree import home, kleinfinger, limits

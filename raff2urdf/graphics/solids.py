@@ -12,11 +12,9 @@ from fractions import Fraction
 from itertools import pairwise
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
 
+from raff2urdf.arrays import Array, ArrayLike
 from raff2urdf.errors import RaffError
-
-Array = NDArray[np.float64]
 
 SCHEME = "solid"
 _MOST = 600  # numbers of a recipe

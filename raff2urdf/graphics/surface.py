@@ -13,6 +13,7 @@ import mapbox_earcut
 import numpy as np
 from numpy.typing import NDArray
 
+from raff2urdf.arrays import Array
 from raff2urdf.errors import RaffError
 from raff2urdf.files import GENERATED
 
@@ -84,7 +85,7 @@ class Polygons:
         return [surface for surface in found if len(surface.triangles)]
 
 
-def solid(triangles: NDArray[np.float64]) -> NDArray[np.float32]:
+def solid(triangles: Array) -> NDArray[np.float32]:
     """Return triangles (n, 3, 3) in single precision, without those that have no area then.
 
     Raises:
@@ -143,13 +144,13 @@ def stl(triangles: NDArray[np.float32]) -> bytes:
     return header + len(facets).to_bytes(4, "little") + facets.tobytes()
 
 
-def _checked(corners: NDArray[np.float64]) -> NDArray[np.float64]:
+def _checked(corners: Array) -> Array:
     if not np.all(np.abs(corners) <= LARGEST):  # NaN is not
         raise RaffError(f"a coordinate is not a number up to {LARGEST:g}")
     return corners
 
 
-def _cut(polygons: NDArray[np.float64]) -> NDArray[np.float64]:
+def _cut(polygons: Array) -> Array:
     """Cut polygons (n, k, 3) with k corners each into triangles (m, 3, 3)."""
     corners = polygons.shape[1]
     if corners == 3:
@@ -159,17 +160,17 @@ def _cut(polygons: NDArray[np.float64]) -> NDArray[np.float64]:
     return np.concatenate([_polygon(polygon) for polygon in polygons])
 
 
-def _quadrangles(polygons: NDArray[np.float64]) -> NDArray[np.float64]:
+def _quadrangles(polygons: Array) -> Array:
     """Cut along the first diagonal if both halves then face the same side, else along the second."""
     first = np.stack([polygons[:, [0, 1, 2]], polygons[:, [0, 2, 3]]], axis=1)
     second = np.stack([polygons[:, [1, 2, 3]], polygons[:, [1, 3, 0]]], axis=1)
     sides = _normals(_moderate(first).reshape(-1, 3, 3)).reshape(-1, 2, 3)
     agree = (sides[:, 0] * sides[:, 1]).sum(axis=1) >= 0.0
-    cut: NDArray[np.float64] = np.where(agree[:, None, None, None], first, second).reshape(-1, 3, 3)
+    cut: Array = np.where(agree[:, None, None, None], first, second).reshape(-1, 3, 3)
     return cut
 
 
-def _polygon(corners: NDArray[np.float64]) -> NDArray[np.float64]:
+def _polygon(corners: Array) -> Array:
     """Cut one polygon (k, 3), projected along the axis that it faces most, by its ears (mapbox-earcut)."""
     moderate = _moderate(corners)
     following = np.roll(moderate, -1, axis=0)
@@ -185,13 +186,13 @@ def _polygon(corners: NDArray[np.float64]) -> NDArray[np.float64]:
     return corners[ears]
 
 
-def _moderate(corners: NDArray[np.float64]) -> NDArray[np.float64]:
+def _moderate(corners: Array) -> Array:
     """Return corners relative to the first one, scaled so that no product overflows."""
-    offset: NDArray[np.float64] = corners - corners.reshape(-1, 3)[0]
+    offset: Array = corners - corners.reshape(-1, 3)[0]
     return offset / (float(np.abs(offset).max()) or 1.0)
 
 
-def _normals(triangles: NDArray[np.float32] | NDArray[np.float64]) -> NDArray[np.float64]:
+def _normals(triangles: NDArray[np.float32] | Array) -> Array:
     """Return the cross product of two edges of each triangle (n, 3, 3): its normal, with twice its area as length."""
     wide = np.asarray(triangles, dtype=float)
     return np.asarray(np.cross(wide[:, 1] - wide[:, 0], wide[:, 2] - wide[:, 0]))

@@ -15,8 +15,8 @@ from collections.abc import Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from raff2urdf.arrays import Array
 from raff2urdf.graphics.skeleton import JOINT
 from raff2urdf.graphics.solids import MOST_TEETH, possible_teeth, recipe, tooth_numbers
 from raff2urdf.placement import along, inverse
@@ -26,7 +26,6 @@ from raff2urdf.tree import home, placements
 if TYPE_CHECKING:
     from raff2urdf.graphics.bodies import BodyDrawing, Colour, DrawnBody
 
-Array = NDArray[np.float64]
 
 _BELT = re.compile("belt|chain|cable|tendon|strap|rope", re.IGNORECASE)
 _FAR = 40.0  # units: distance of axes beyond which a belt connects them

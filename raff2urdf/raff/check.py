@@ -10,11 +10,11 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Iterable, Iterator, Mapping, Sequence
+from functools import partial
 
 from raff2urdf.errors import (
     Problem,
     RaffError,
-    SourceLocation,
     defined_twice,
     did_you_mean,
     duplicates,
@@ -36,11 +36,10 @@ from raff2urdf.raff.document import (
     RaffCoupling,
     RaffInertial,
     RaffLink,
+    RaffMotion,
     RaffNode,
     RaffPart,
     RaffRobot,
-    RaffSensor,
-    RaffVariable,
 )
 from raff2urdf.raff.writer import number as shown
 from raff2urdf.readers.urdf import LEAST_SPEED, TOO_SLOW, negative_mass
@@ -83,7 +82,7 @@ def check(document: Document) -> None:
     Raises:
         RaffError: with every problem.
     """
-    problems = [] if document.robots else [document.source.problem(texts.NO_ROBOT.format())]
+    problems = [] if document.robots else [document.problem(texts.NO_ROBOT.format())]
     problems += _file_problems(document)
     for robot in document.robots:
         problems += [*_tree_problems(document, robot), *_constraint_problems(document, robot)]
@@ -101,35 +100,34 @@ def check_sizes(document: Document, robot: RaffRobot) -> None:
     Raises:
         RaffError: with every problem.
     """
-    problems = []
+    _raise(_too_large(document, robot))
+
+
+def _too_large(document: Document, robot: RaffRobot) -> Iterator[Problem]:
+    problem = partial(document.problem, largest=LARGEST)
     if document.gravity is not None and not max(map(abs, document.gravity)) <= LARGEST:
-        problems.append(document.source.problem(texts.GRAVITY_TOO_LARGE.format(largest=LARGEST)))
+        yield problem(texts.GRAVITY_TOO_LARGE)
     for node in (robot.base, *robot.parts):
         lengths = {word: abs(document.metres(getattr(node.parameters, word))) for word in ("r", "d", "epsilon")}
         for word in (word for word, length in lengths.items() if not length <= LARGEST):
-            message = texts.LENGTH_TOO_LARGE.format(word=word, node=label(node), largest=LARGEST)
-            problems.append(document.source.problem(message, node.locations.get("parameters")))
+            yield problem(texts.LENGTH_TOO_LARGE, node, "parameters", word=word, node=label(node))
         for word, largest in _sizes(document, node.inertial) if node.inertial is not None else ():
             if not largest <= LARGEST:
-                message = texts.INERTIAL_TOO_LARGE.format(word=word, node=label(node), largest=LARGEST)
-                problems.append(document.source.problem(message, _place(node.inertial, word)))
+                at = (node.inertial, word, "inertial")
+                yield problem(texts.INERTIAL_TOO_LARGE, *at, word=word, node=label(node))
     for link in expanded(robot).links:
         for word, value in joint_dynamics(document, link)._asdict().items():
             if not value <= LARGEST:
-                message = texts.DYNAMICS_TOO_LARGE.format(word=word, joint=link.joint, largest=LARGEST)
-                problems.append(document.source.problem(message, link.locations.get(word)))
+                yield problem(texts.DYNAMICS_TOO_LARGE, link, word, word=word, joint=link.joint)
     for i, coupling in enumerate(robot.couplings):
-        equation, at = coupling_of(document, robot, i), coupling.locations
+        equation, follower = coupling_of(document, robot, i), coupling.follower
         terms = list(equation.terms.values())[1:]
         for j, (drive, coefficients) in enumerate(zip(coupling.drives, terms, strict=True)):
             if not SMALLEST <= max(map(abs, coefficients)) <= LARGEST:
-                fields = {"link": drive.link, "follower": coupling.follower, "largest": LARGEST, "least": SMALLEST}
-                message = texts.COEFFICIENTS_TOO_LARGE.format(**fields)
-                problems.append(document.source.problem(message, at.get(f"drive {j}")))
+                fields = {"link": drive.link, "follower": follower, "least": SMALLEST}
+                yield problem(texts.COEFFICIENTS_TOO_LARGE, coupling, f"drive {j}", **fields)
         if not abs(equation.constant) <= LARGEST:
-            message = texts.OFFSET_TOO_LARGE.format(follower=coupling.follower, largest=LARGEST)
-            problems.append(document.source.problem(message, at.get("offset")))
-    _raise(problems)
+            yield problem(texts.OFFSET_TOO_LARGE, coupling, "offset", follower=follower)
 
 
 def label(node: RaffNode) -> str:
@@ -147,55 +145,47 @@ def _sizes(document: Document, inertial: RaffInertial) -> Iterator[tuple[str, fl
         yield word, document.metres(document.metres(max(map(abs, getattr(inertial, word)))))
 
 
-def _place(inertial: RaffInertial | None, word: str) -> SourceLocation | None:
-    locations = inertial.locations if inertial is not None else {}
-    return locations.get(word) or locations.get("inertial")
-
-
 def _raise(problems: Iterable[Problem]) -> None:
     if found := list(problems):
         raise RaffError(found)
 
 
 def _file_problems(document: Document) -> Iterator[Problem]:
-    problem = document.source.problem
+    problem = document.problem
     for first, robot in duplicates(document.robots, lambda robot: robot.name):
-        yield problem(defined_twice(f"robot '{robot.name}'", _line(first, "name")), robot.locations.get("name"))
+        yield problem(defined_twice(f"robot '{robot.name}'", first.line("name")), robot, "name")
     for robot in {robot.name: robot for robot in reversed(document.robots)}.values():
         if not is_xml_name(robot.name):
-            yield problem(_bad_name(robot.name, "robot"), robot.locations.get("name"))
+            yield problem(texts.BAD_NAME, robot, "name", name=robot.name, keyword="robot")
     for other, sensor in duplicates(document.sensors, lambda sensor: sensor.number):
-        message = defined_twice(f"sensor {sensor.number}", _line(other, "number"))
-        yield problem(message, sensor.locations.get("number"))
+        yield problem(defined_twice(f"sensor {sensor.number}", other.line("number")), sensor, "number")
 
 
 def _tree_problems(document: Document, robot: RaffRobot) -> Iterator[Problem]:
-    problem = document.source.problem
+    problem = document.problem
     numbers: dict[int, RaffPart] = {}
     for part in robot.parts:
         numbers.setdefault(part.number, part)
     for first, part in duplicates(robot.parts, lambda part: part.number):
         missing = sorted({part.pred for part in robot.parts} - numbers.keys() - {0})
         hint = texts.TO_NUMBER.format(number=missing[0]) if len(missing) == 1 else ""
-        message = defined_twice(f"the number {part.number}", _line(first, "number"), hint)
-        yield problem(message, part.locations.get("number"))
+        yield problem(defined_twice(f"the number {part.number}", first.line("number"), hint), part, "number")
     names: dict[str, RaffPart] = {}
     for part in robot.parts:
-        at = part.locations.get("name") or part.locations.get("number")
+        at = (part, "name", "number")
         first = names.setdefault(part.node, part)
         if part.node in RESERVED:
-            yield problem(texts.RESERVED_NAME.format(name=part.node, owner=RESERVED[part.node]), at)
+            yield problem(texts.RESERVED_NAME, *at, name=part.node, owner=RESERVED[part.node])
         elif not is_xml_name(part.node):
-            yield problem(_bad_name(part.node, part.keyword), at)
+            yield problem(texts.BAD_NAME, *at, name=part.node, keyword=part.keyword)
         elif first is not part and numbers[part.number] is part:
-            taken = texts.NAME_TAKEN.format(name=part.node, keyword=first.keyword, number=first.number)
-            yield problem(taken, at)
+            yield problem(texts.NAME_TAKEN, *at, name=part.node, keyword=first.keyword, number=first.number)
     known = did_you_mean("", [texts.THE_BASE, *map(str, numbers)])
     for part in robot.parts:
         if part.pred != 0 and part.pred not in numbers:
             near = _probable_parent(robot, part) or known
-            message = texts.NO_PARENT.format(keyword=part.keyword, number=part.number, pred=part.pred, known=near)
-            yield problem(message, part.locations.get("pred"))
+            fields = {"keyword": part.keyword, "number": part.number, "pred": part.pred, "known": near}
+            yield problem(texts.NO_PARENT, part, "pred", **fields)
     yield from _cycles(document, numbers)
     for node in (robot.base, *robot.parts):
         if node.inertial is not None:
@@ -205,79 +195,76 @@ def _tree_problems(document: Document, robot: RaffRobot) -> Iterator[Problem]:
         yield from _variable_problems(document, link, names)
 
 
-def _limit_problems(document: Document, what: str, of: RaffLink | RaffVariable) -> Iterator[Problem]:
+def _limit_problems(document: Document, what: str, of: RaffMotion) -> Iterator[Problem]:
     if of.limits and not of.limits[0] <= of.limits[1]:
-        yield document.source.problem(limits_reversed(what, *of.limits), of.locations.get("limits"))
+        yield document.problem(limits_reversed(what, *of.limits), of, "limits")
     if of.velocity is not None and not min(document.metres(of.velocity), math.radians(of.velocity)) > LEAST_SPEED:
-        message = texts.VELOCITY_TOO_SMALL.format(what=what, value=of.velocity, too_slow=TOO_SLOW)
-        yield document.source.problem(message, of.locations.get("velocity"))
+        yield document.problem(
+            texts.VELOCITY_TOO_SMALL, of, "velocity", what=what, value=of.velocity, too_slow=TOO_SLOW
+        )
     if of.effort is not None and not of.effort > 0.0:
-        message = texts.EFFORT_TOO_SMALL.format(what=what, value=of.effort)
-        yield document.source.problem(message, of.locations.get("effort"))
+        yield document.problem(texts.EFFORT_TOO_SMALL, of, "effort", what=what, value=of.effort)
     for word in JointDynamics._fields:
         value = getattr(of, word)
         if value is not None and not value >= 0.0:
-            message = texts.BELOW_0.format(word=word, what=what, value=shown(value))
-            yield document.source.problem(message, of.locations.get(word))
+            yield document.problem(texts.BELOW_0, of, word, word=word, what=what, value=shown(value))
 
 
 def _inertial_problems(document: Document, node: RaffNode, inertial: RaffInertial) -> Iterator[Problem]:
-    def problem(message: str, word: str) -> Problem:
-        return document.source.problem(message, _place(inertial, word))
-
     what = label(node)
+
+    def problem(text: str, word: str, **fields: object) -> Problem:
+        return document.problem(text, inertial, word, "inertial", what=what, **fields)
+
     if inertial.mass is None and inertial.density is None:
-        yield problem(texts.NO_MASS.format(what=what), "inertial")
+        yield problem(texts.NO_MASS, "inertial")
     if inertial.mass is not None and inertial.mass < 0.0:
         yield problem(negative_mass(what, inertial.mass), "mass")
     for word in ("density", "radius"):
         value = getattr(inertial, word)
         if value is not None and not value > 0.0:
-            yield problem(texts.NOT_ABOVE_0.format(word=word, what=what, value=shown(value)), word)
+            yield problem(texts.NOT_ABOVE_0, word, quantity=word, value=shown(value))
     if inertial.density is None and inertial.radius is not None:
-        yield problem(texts.RADIUS_OF_BARS.format(what=what), "radius")
+        yield problem(texts.RADIUS_OF_BARS, "radius")
     if inertial.density is not None:
         for word in ("mass", "centre", "moments", "products"):
             if word in inertial.locations or getattr(inertial, word) != getattr(_NO_INERTIAL, word):
-                yield problem(texts.DENSITY_AND_MASS.format(what=what, word=word), word)
+                yield problem(texts.DENSITY_AND_MASS, word, other=word)
         if inertial.radius is None and not node.filenames:
-            yield problem(texts.DENSITY_OF_NOTHING.format(what=what), "density")
+            yield problem(texts.DENSITY_OF_NOTHING, "density")
 
 
 _NO_INERTIAL = RaffInertial()
 
 
 def _variable_problems(document: Document, link: RaffLink, names: Mapping[str, RaffPart]) -> Iterator[Problem]:
-    problem, at, what = document.source.problem, link.locations, f"link {link.number}"
+    problem, what = document.problem, f"link {link.number}"
     if link.compound is None:
         if link.variables:
-            yield problem(texts.NO_VARIABLES.format(what=what), link.variables[0].locations.get("name"))
+            yield problem(texts.NO_VARIABLES, link.variables[0], "name", what=what)
         return
-    if link.type is not JointType.FIXED or "type" in at:
-        yield problem(texts.TYPE_AND_JOINT.format(what=what), at.get("type"))
+    if link.type is not JointType.FIXED or "type" in link.locations:
+        yield problem(texts.TYPE_AND_JOINT, link, "type", what=what)
     known = VARIABLES[link.compound]
     for word in OF_JOINT:
         if getattr(link, word) is not None:
             first = next(iter(known))
-            message = texts.IN_A_VARIABLE.format(compound=link.compound, what=what, word=word, first=first)
-            yield problem(message, at.get(word))
+            yield problem(texts.IN_A_VARIABLE, link, word, compound=link.compound, what=what, word=word, first=first)
     for other, variable in duplicates(link.variables, lambda variable: variable.name):
-        line = other.locations["name"].line if "name" in other.locations else None
-        yield problem(defined_twice(f"variable {variable.name} of {what}", line), variable.locations.get("name"))
+        message = defined_twice(f"variable {variable.name} of {what}", other.line("name"))
+        yield problem(message, variable, "name")
     for variable in link.variables:
         own = f"variable {variable.name} of {what}"
         if variable.name not in known:
-            listed = did_you_mean("", list(known))
-            message = texts.NO_SUCH_VARIABLE.format(compound=link.compound, name=variable.name, known=listed)
-            yield problem(message, variable.locations.get("name"))
+            fields = {"compound": link.compound, "name": variable.name, "known": did_you_mean("", list(known))}
+            yield problem(texts.NO_SUCH_VARIABLE, variable, "name", **fields)
         elif variable.home and known[variable.name]:
-            message = texts.HOME_IS_PARAMETER.format(what=own, parameter=known[variable.name])
-            yield problem(message, variable.locations.get("home"))
+            yield problem(texts.HOME_IS_PARAMETER, variable, "home", what=own, parameter=known[variable.name])
         yield from _limit_problems(document, own, variable)
     for name in intermediate_names(link):
         if name in names:
-            message = texts.NAME_NEEDED.format(name=name, what=what)
-            yield problem(message, names[name].locations.get("name") or at.get("number"))
+            at = (names[name], "name") if "name" in names[name].locations else (link, "number")
+            yield problem(texts.NAME_NEEDED, *at, name=name, what=what)
 
 
 def _cycles(document: Document, numbers: dict[int, RaffPart]) -> Iterator[Problem]:
@@ -295,12 +282,12 @@ def _cycles(document: Document, numbers: dict[int, RaffPart]) -> Iterator[Proble
             shown = " -> ".join(map(str, [*cycle[:8], *(["..."] if len(cycle) > 8 else []), at]))
             first = numbers[min(cycle)]
             hint = texts.TO_BASE.format(keyword=first.keyword, number=first.number)
-            message = texts.CYCLE.format(keyword=numbers[at].keyword, number=at, shown=shown, hint=hint)
-            yield document.source.problem(message, numbers[at].locations.get("pred"))
+            fields = {"keyword": numbers[at].keyword, "number": at, "shown": shown, "hint": hint}
+            yield document.problem(texts.CYCLE, numbers[at], "pred", **fields)
 
 
 def _constraint_problems(document: Document, robot: RaffRobot) -> Iterator[Problem]:
-    problem = document.source.problem
+    problem = document.problem
     if not (robot.loops or robot.couplings or robot.sensor_constraints):
         return
     known = did_you_mean("", [str(number) for number in sorted({0, *(part.number for part in robot.parts)})])
@@ -309,23 +296,20 @@ def _constraint_problems(document: Document, robot: RaffRobot) -> Iterator[Probl
     for loop in robot.loops:
         for end, number in (("first", loop.first), ("second", loop.second)):
             if number not in robot.nodes:
-                message = texts.NO_END.format(robot=robot.name, number=number, known=known)
-                yield problem(message, loop.locations.get(end))
+                yield problem(texts.NO_END, loop, end, robot=robot.name, number=number, known=known)
         if loop.first == loop.second:
-            yield problem(texts.LOOP_TO_ITSELF.format(number=loop.first), loop.locations.get("first"))
+            yield problem(texts.LOOP_TO_ITSELF, loop, "first", number=loop.first)
     yield from _coupling_problems(document, robot)
     for constraint in robot.sensor_constraints:
         if constraint.node not in robot.nodes:
-            message = texts.NO_NODE.format(robot=robot.name, number=constraint.node, known=known)
-            yield problem(message, constraint.locations.get("node"))
+            yield problem(texts.NO_NODE, constraint, "node", robot=robot.name, number=constraint.node, known=known)
         for number in constraint.sensors:
             if number != 0 and number not in sensors:
-                message = texts.NO_SENSOR.format(number=number, declared=declared)
-                yield problem(message, constraint.locations.get(f"sensor {number}"))
+                yield problem(texts.NO_SENSOR, constraint, f"sensor {number}", number=number, declared=declared)
 
 
 def _coupling_problems(document: Document, robot: RaffRobot) -> Iterator[Problem]:
-    problem = document.source.problem
+    problem = document.problem
     moving = {link.number: link for link in robot.links if link.type is not JointType.FIXED}
     compound = {link.number: link.compound for link in robot.links if link.compound}
     known = did_you_mean("", [str(number) for number in moving])
@@ -333,41 +317,38 @@ def _coupling_problems(document: Document, robot: RaffRobot) -> Iterator[Problem
     ends_exist = all({loop.first, loop.second} <= robot.nodes.keys() for loop in robot.loops)
     loops = robot.loop_names if ends_exist else ()
     for coupling in robot.couplings:
-        at = coupling.locations
         if coupling.name is not None and names.setdefault(coupling.name, coupling) is not coupling:
-            yield problem(texts.NAME_OF_COUPLING.format(name=coupling.name), at.get("name"))
+            yield problem(texts.NAME_OF_COUPLING, coupling, "name", name=coupling.name)
         if coupling.name in loops:
-            yield problem(texts.NAME_OF_LOOP.format(name=coupling.name), at.get("name"))
+            yield problem(texts.NAME_OF_LOOP, coupling, "name", name=coupling.name)
         ends = [("follower", coupling.follower)] + [(f"drive {i}", one.link) for i, one in enumerate(coupling.drives)]
         for i, (word, number) in enumerate(ends):
             if number in compound:
-                message = texts.COUPLES_COMPOUND.format(number=number, compound=compound[number])
-                yield problem(message, at.get(word))
+                yield problem(texts.COUPLES_COMPOUND, coupling, word, number=number, compound=compound[number])
             elif number not in moving:
-                yield problem(texts.COUPLES_NOTHING.format(number=number, known=known), at.get(word))
+                yield problem(texts.COUPLES_NOTHING, coupling, word, number=number, known=known)
             elif number in (other for _, other in ends[:i]):
-                yield problem(texts.COUPLED_TWICE.format(number=number, known=known), at.get(word))
+                yield problem(texts.COUPLED_TWICE, coupling, word, number=number, known=known)
         for i, drive in enumerate(coupling.drives):
             if drive.link not in moving or coupling.follower not in moving:
                 continue
-            where = at.get(f"drive {i}")
+            at = (coupling, f"drive {i}")
             own, other = (moving[number].type for number in (coupling.follower, drive.link))
             ends_of = {"follower": coupling.follower, "link": drive.link, "own": own.name.lower()}
             word = drive.kind.name.lower()
             if drive.kind is DriveKind.RATIO and own is not other:
-                yield problem(texts.RATIO_OF_TWO_TYPES.format(**ends_of, other=other.name.lower()), where)
+                yield problem(texts.RATIO_OF_TWO_TYPES, *at, **ends_of, other=other.name.lower())
             if drive.kind in (DriveKind.LEAD, DriveKind.RADIUS) and own is other:
-                yield problem(texts.SCREW_OF_ONE_TYPE.format(**ends_of, word=word), where)
+                yield problem(texts.SCREW_OF_ONE_TYPE, *at, **ends_of, word=word)
             if not any(drive.numbers):
-                yield problem(texts.DRIVES_BY_0.format(**ends_of, word=word), where)
+                yield problem(texts.DRIVES_BY_0, *at, **ends_of, word=word)
 
 
 def _unit_problems(document: Document, robot: RaffRobot) -> Iterator[Problem]:
     """Yield a problem if all lengths are below 1 mm and the file does not state that mm are meant."""
     size, node = document.longest(robot)
     if not document.states_units and 0.0 < size < LEAST_SIZE:
-        message = texts.SMALL.format(robot=robot.name, least=LEAST_SIZE, size=shown(size))
-        yield document.source.problem(message, node.locations.get("parameters"))
+        yield document.problem(texts.SMALL, node, "parameters", robot=robot.name, least=LEAST_SIZE, size=shown(size))
 
 
 def _probable_parent(robot: RaffRobot, part: RaffPart) -> str:
@@ -381,36 +362,35 @@ def _probable_parent(robot: RaffRobot, part: RaffPart) -> str:
 
 def _oddities(document: Document, robot: RaffRobot) -> Iterator[Problem]:
     """Yield warnings: valid input that is probably not intended."""
-    problem = document.source.problem
+    problem = document.problem
     size, longest = document.longest(robot)
     if document.metres(size) > LONGEST and document.units == "m":
-        message = texts.LARGE.format(robot=robot.name, size=shown(size))
-        yield problem(message, longest.locations.get("parameters"))
+        yield problem(texts.LARGE, longest, "parameters", robot=robot.name, size=shown(size))
     for first, loop in duplicates(robot.loops, lambda loop: (*sorted((loop.first, loop.second)), loop.kind)):
-        line = first.locations["first"].line if "first" in first.locations else None
-        yield problem(texts.LOOP_TWICE.format(first=first_on(line)), loop.locations.get("first"))
+        yield problem(texts.LOOP_TWICE, loop, "first", first=first_on(first.line("first")))
     for node in (robot.base, *robot.parts):
         yield from _angles_in_radians(document, node)
         yield from _moments_in_metres(document, node, document.metres(size))
         if node.inertial is not None and all(size <= LARGEST for _, size in _sizes(document, node.inertial)):
             why = stated_inertia(document, node.inertial).why_unphysical()
             if why is not None:
-                yield problem(texts.NO_BODY.format(node=label(node), why=why), _place(node.inertial, "moments"))
+                yield problem(texts.NO_BODY, node.inertial, "moments", "inertial", node=label(node), why=why)
     for link in robot.links:
         yield from _variables_outside_limits(document, link)
         yield from _useless_efforts(document, link)
         if link.type is JointType.FIXED and not link.compound:
             for word in OF_JOINT:
                 if getattr(link, word):
-                    yield problem(texts.FIXED_HAS.format(number=link.number, word=word), link.locations.get(word))
+                    yield problem(texts.FIXED_HAS, link, word, number=link.number, word=word)
         elif link.limits:
             home = link.parameters.theta if link.type is JointType.REVOLUTE else link.parameters.r
             degrees = _degrees(link) if link.type is JointType.REVOLUTE else None
             if not link.limits[0] <= home <= link.limits[1]:
-                yield problem(_outside(f"link {link.number}", home, link.limits, degrees), link.locations.get("limits"))
+                yield problem(_outside(f"link {link.number}", home, link.limits, degrees), link, "limits")
             elif degrees is not None:
-                message = texts.LIMITS_IN_RADIANS.format(what=f"link {link.number}", degrees=" ".join(degrees))
-                yield problem(message, link.locations.get("limits"))
+                yield problem(
+                    texts.LIMITS_IN_RADIANS, link, "limits", what=f"link {link.number}", degrees=" ".join(degrees)
+                )
 
 
 LONGEST = 100.0
@@ -427,10 +407,10 @@ def _angles_in_radians(document: Document, node: RaffNode) -> Iterator[Problem]:
             digits = len(written.partition(".")[2])
             if abs(value) < math.tau and round(math.radians(part), digits) == abs(value):
                 signed = shown(math.copysign(part, value))
-                message = texts.ANGLE_IN_RADIANS.format(
-                    word=word, value=shown(value), what=label(node), angle=f"{signed} degrees", degrees=signed
+                fields = {"value": shown(value), "angle": f"{signed} degrees", "degrees": signed}
+                yield document.problem(
+                    texts.ANGLE_IN_RADIANS, node, "parameters", word=word, what=label(node), **fields
                 )
-                yield document.source.problem(message, node.locations.get("parameters"))
 
 
 def _degrees(link: RaffLink) -> list[str] | None:
@@ -448,8 +428,8 @@ def _moments_in_metres(document: Document, node: RaffNode, size: float) -> Itera
     if 0.01 * size < 1e3 * radius < size:
         factor = document.metres(1.0) ** -2
         moments = " ".join(f"{factor * moment:.6g}" for moment in inertial.moments)
-        message = texts.MOMENTS_IN_M.format(what=label(node), size=f"{1e3 * radius:.2g}", moments=moments)
-        yield document.source.problem(message, inertial.locations.get("moments"))
+        fields = {"what": label(node), "size": f"{1e3 * radius:.2g}", "moments": moments}
+        yield document.problem(texts.MOMENTS_IN_M, inertial, "moments", **fields)
 
 
 def _useless_efforts(document: Document, link: RaffLink) -> Iterator[Problem]:
@@ -458,7 +438,7 @@ def _useless_efforts(document: Document, link: RaffLink) -> Iterator[Problem]:
         (f"variable {variable.name} of link {link.number}", variable) for variable in link.variables
     ]:
         if of.effort is not None and (of.actuated is False or (ball and not of.actuated)):
-            yield document.source.problem(texts.USELESS_EFFORT.format(what=what), of.locations.get("effort"))
+            yield document.problem(texts.USELESS_EFFORT, of, "effort", what=what)
 
 
 def _variables_outside_limits(document: Document, link: RaffLink) -> Iterator[Problem]:
@@ -467,18 +447,10 @@ def _variables_outside_limits(document: Document, link: RaffLink) -> Iterator[Pr
         home = getattr(link.parameters, word) if word else variable.home
         if variable.limits and not variable.limits[0] <= home <= variable.limits[1]:
             message = _outside(f"variable {variable.name} of link {link.number}", home, variable.limits)
-            yield document.source.problem(message, variable.locations.get("limits"))
+            yield document.problem(message, variable, "limits")
 
 
 def _outside(what: str, home: float, limits: tuple[float, float], degrees: Sequence[str] | None = None) -> str:
     low, high = map(shown, limits)
     hint = texts.IN_RADIANS.format(low=degrees[0], high=degrees[1]) if degrees else ""
     return texts.HOME_OUTSIDE.format(home=shown(home), what=what, low=low, high=high, hint=hint)
-
-
-def _line(thing: RaffRobot | RaffPart | RaffSensor, word: str) -> int | None:
-    return thing.locations[word].line if word in thing.locations else None
-
-
-def _bad_name(name: str, keyword: str) -> str:
-    return texts.BAD_NAME.format(name=name, keyword=keyword)

@@ -20,6 +20,7 @@ from dataclasses import replace
 from itertools import count
 
 from raff2urdf.raff.document import (
+    OF_JOINT,
     CompoundKind,
     JointType,
     RaffInertial,
@@ -86,19 +87,15 @@ def _successive(link: RaffLink, numbers: Iterator[int]) -> list[RaffLink]:
         own, last = written.get(name, RaffVariable(name)), i == len(steps) - 1
         joint = joint_of(link, name) if name else link.joint
         kind = JointType.FIXED if not name else JointType.PRISMATIC if name.startswith("t") else JointType.REVOLUTE
-        passive = bool(own.actuated) if link.compound is CompoundKind.BALL and name else own.actuated
+        stated = {word: getattr(own, word) for word in OF_JOINT}
+        if link.compound is CompoundKind.BALL and name:
+            stated["actuated"] = bool(own.actuated)
         part = RaffLink(
             number=link.number if last else next(numbers),
             parameters=parameters,
             type=kind,
             pred=found[-1].number if found else link.pred,
-            limits=own.limits,
-            velocity=own.velocity,
-            effort=own.effort,
-            armature=own.armature,
-            damping=own.damping,
-            friction=own.friction,
-            actuated=passive,
+            **stated,
             own_joint=joint,
             name=link.name if last else f"link{link.number}_{name.upper() or 0}",
             filenames=link.filenames if last else (),

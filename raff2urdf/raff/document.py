@@ -7,7 +7,7 @@ are kept but do not count.
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import KW_ONLY, dataclass, field
 from enum import IntEnum, StrEnum
 from functools import cached_property
 from typing import ClassVar
@@ -67,8 +67,15 @@ class RaffParameters:
 Locations = Mapping[str, SourceLocation]
 
 
-def _no_locations() -> Locations:
-    return {}
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Located:
+    """A statement of a text, and the `locations` of its words."""
+
+    locations: Locations = field(default_factory=dict, compare=False, repr=False)
+
+    def line(self, word: str) -> int | None:
+        """Return the line of a word; None if it is not in the text."""
+        return self.locations[word].line if word in self.locations else None
 
 
 class _Named:
@@ -94,7 +101,7 @@ Vector = tuple[float, float, float]
 
 
 @dataclass(frozen=True, slots=True)
-class RaffInertial:
+class RaffInertial(Located):
     """The mass of a node, in its own frame: stated, or that of a solid of one density. Lengths in the file's unit.
 
     Attributes:
@@ -112,11 +119,10 @@ class RaffInertial:
     products: Vector = (0.0, 0.0, 0.0)
     density: float | None = None
     radius: float | None = None
-    locations: Locations = field(default_factory=_no_locations, compare=False, repr=False)
 
 
 @dataclass(frozen=True, slots=True)
-class RaffBase:
+class RaffBase(Located):
     """The root of a robot: node number 0, named `base`; `parameters` place it in the world."""
 
     keyword: ClassVar[str] = "base"
@@ -125,29 +131,22 @@ class RaffBase:
     parameters: RaffParameters = RaffParameters()
     filenames: tuple[str, ...] | None = None  # None: the file names none, and a skeleton is drawn
     inertial: RaffInertial | None = None  # None: the mass is not in the file
-    locations: Locations = field(default_factory=_no_locations, compare=False, repr=False)
 
 
-OF_JOINT = ("limits", "velocity", "effort", "armature", "damping", "friction", "actuated")
-"""Statements about a joint of one variable, or about one of several variables."""
-
-
-@dataclass(frozen=True, slots=True)
-class RaffVariable:
-    """A variable of a joint that has several: see `raff2urdf.raff.compound`. Lengths, or degrees.
+@dataclass(frozen=True, slots=True, kw_only=True)
+class RaffMotion(Located):
+    """A joint of one variable, or one of several variables: what the file states, else None. Lengths, or degrees.
 
     Attributes:
-        name: x, y or z, a rotation about that axis; tx, ty or tz, a translation along it.
-        home: its value as written, unless `theta` or `r` of the link's parameters is.
         limits: lower and upper limit.
         velocity: velocity limit, 1/s.
         effort: limit of its actuator's torque or force, N m or N.
-        armature, damping, friction: as those of a link.
-        actuated: whether it is actuated; None: not in the file.
+        armature: inertia of rotors seen at the joint, kg times lengths squared, or kg.
+        damping: torque or force by velocity: N m or N times seconds, per degree or length.
+        friction: of Coulomb, N m or N.
+        actuated: whether it is actuated.
     """
 
-    name: str
-    home: float = 0.0
     limits: tuple[float, float] | None = None
     velocity: float | None = None
     effort: float | None = None
@@ -155,11 +154,27 @@ class RaffVariable:
     damping: float | None = None
     friction: float | None = None
     actuated: bool | None = None
-    locations: Locations = field(default_factory=_no_locations, compare=False, repr=False)
+
+
+OF_JOINT = tuple(RaffMotion.__annotations__)
+"""Statements about a joint of one variable, or about one of several variables."""
 
 
 @dataclass(frozen=True, slots=True)
-class RaffLink(_Named):
+class RaffVariable(RaffMotion):
+    """A variable of a joint that has several: see `raff2urdf.raff.compound`.
+
+    Attributes:
+        name: x, y or z, a rotation about that axis; tx, ty or tz, a translation along it.
+        home: its value as written, unless `theta` or `r` of the link's parameters is.
+    """
+
+    name: str
+    home: float = 0.0
+
+
+@dataclass(frozen=True, slots=True)
+class RaffLink(_Named, RaffMotion):
     """A body that moves relative to its parent `pred` by one joint, or is fixed to it if `type` is FIXED.
 
     If its joint has several variables, `compound` is its kind and `type` is FIXED; `variables` are those that the file
@@ -171,20 +186,13 @@ class RaffLink(_Named):
     parameters: RaffParameters
     type: JointType
     pred: int
-    limits: tuple[float, float] | None = None  # of theta (degrees) or r
-    velocity: float | None = None  # degrees or lengths per second
-    effort: float | None = None  # N m or N
-    armature: float | None = None  # inertia of rotors seen at the joint, kg times lengths squared, or kg
-    damping: float | None = None  # torque or force by velocity: N m or N times seconds, per degree or length
-    friction: float | None = None  # of Coulomb, N m or N
-    actuated: bool | None = None  # None: not in the file
+    _: KW_ONLY
     compound: CompoundKind | None = None
     variables: tuple[RaffVariable, ...] = ()
     own_joint: str | None = None
     name: str | None = None
     filenames: tuple[str, ...] | None = None  # None: the file names none, and a skeleton is drawn
     inertial: RaffInertial | None = None  # None: the mass is not in the file
-    locations: Locations = field(default_factory=_no_locations, compare=False, repr=False)
 
     @property
     def joint(self) -> str:
@@ -193,7 +201,7 @@ class RaffLink(_Named):
 
 
 @dataclass(frozen=True, slots=True)
-class RaffFrame(_Named):
+class RaffFrame(_Named, Located):
     """A coordinate system fixed to the base, a link or another frame."""
 
     keyword: ClassVar[str] = "frame"
@@ -203,7 +211,6 @@ class RaffFrame(_Named):
     name: str | None = None
     filenames: tuple[str, ...] | None = None  # None: the file names none, and a skeleton is drawn
     inertial: RaffInertial | None = None  # None: the mass is not in the file
-    locations: Locations = field(default_factory=_no_locations, compare=False, repr=False)
 
 
 RaffPart = RaffLink | RaffFrame
@@ -213,13 +220,12 @@ RaffNode = RaffBase | RaffPart
 
 
 @dataclass(frozen=True, slots=True)
-class RaffLoop:
+class RaffLoop(Located):
     """Two nodes, by number, whose frames coincide up to the degrees of freedom of the joint `kind`."""
 
     first: int
     second: int
     kind: LoopKind = LoopKind.RIGID
-    locations: Locations = field(default_factory=_no_locations, compare=False, repr=False)
 
 
 class DriveKind(IntEnum):
@@ -248,27 +254,25 @@ class RaffDrive:
 
 
 @dataclass(frozen=True, slots=True)
-class RaffCoupling:
+class RaffCoupling(Located):
     """A link, by number, whose joint variable is `offset` plus what each drive adds: gears, belts, screws ..."""
 
     follower: int
     drives: tuple[RaffDrive, ...]
     offset: float = 0.0
     name: str | None = None
-    locations: Locations = field(default_factory=_no_locations, compare=False, repr=False)
 
 
 @dataclass(frozen=True, slots=True)
-class SensorConstraint:
+class SensorConstraint(Located):
     """A node, by number, that may follow one of `sensors`; 0 among them means that it may be left free."""
 
     node: int
     sensors: tuple[int, ...]
-    locations: Locations = field(default_factory=_no_locations, compare=False, repr=False)
 
 
 @dataclass(frozen=True, slots=True)
-class RaffSensor:
+class RaffSensor(Located):
     """An input device on a port, with the number of translations and rotations that it commands.
 
     `axes` is a text as `raff2urdf.axes` describes it; None: unchanged.
@@ -279,11 +283,10 @@ class RaffSensor:
     translation: int = 3
     rotation: int = 3
     axes: str | None = None
-    locations: Locations = field(default_factory=_no_locations, compare=False, repr=False)
 
 
 @dataclass(frozen=True)
-class RaffRobot:
+class RaffRobot(Located):
     """One robot of a file: `parts` are its links and frames in file order, a tree under `base`."""
 
     name: str
@@ -293,7 +296,6 @@ class RaffRobot:
     couplings: tuple[RaffCoupling, ...] = ()
     sensor_constraints: tuple[SensorConstraint, ...] = ()
     path: str | None = None
-    locations: Locations = field(default_factory=_no_locations, compare=False, repr=False)
 
     @cached_property
     def links(self) -> tuple[RaffLink, ...]:
@@ -408,7 +410,12 @@ class Document:
         if name is None:
             raise RaffError(self.source.problem(texts.NO_ROBOT.format()))
         names = [robot.name for robot in self.robots]
-        raise RaffError(self.source.problem(texts.NO_SUCH_ROBOT.format(name=name, hint=did_you_mean(name, names))))
+        raise RaffError(self.problem(texts.NO_SUCH_ROBOT, name=name, hint=did_you_mean(name, names)))
+
+    def problem(self, text: str, statement: Located | None = None, /, *words: str, **fields: object) -> Problem:
+        """Return a problem at the first of some words that the statement has; `text` is a template of the fields."""
+        at = (statement.locations.get(word) for word in words) if statement is not None else ()
+        return self.source.problem(text.format(**fields) if fields else text, next(filter(None, at), None))
 
     def longest(self, robot: RaffRobot) -> tuple[float, RaffNode]:
         """Return the longest length among the parameters of a robot, in the file's unit, and its node."""

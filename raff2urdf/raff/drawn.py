@@ -7,8 +7,8 @@ from dataclasses import fields
 from functools import partial
 
 import numpy as np
-from numpy.typing import NDArray
 
+from raff2urdf.arrays import Array
 from raff2urdf.errors import SourceLocation
 from raff2urdf.raff import texts
 from raff2urdf.raff.compound import expanded
@@ -26,8 +26,6 @@ from raff2urdf.raff.kleinfinger import transform
 from raff2urdf.raff.writer import number as shown
 from raff2urdf.slips import DrawnLoop, DrawnPart, Fault, slips
 from raff2urdf.tree import home, kleinfinger
-
-Array = NDArray[np.float64]
 
 _LENGTHS = frozenset({"r", "d", "epsilon"})
 _WORDS = tuple(field.name for field in fields(RaffParameters))

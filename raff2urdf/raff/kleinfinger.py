@@ -14,9 +14,8 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
 
-Matrix = NDArray[np.float64]
+from raff2urdf.arrays import Array, ArrayLike
 
 
 class Kleinfinger(NamedTuple):
@@ -30,7 +29,7 @@ class Kleinfinger(NamedTuple):
     r: float
 
 
-def transform(parameters: Kleinfinger) -> Matrix:
+def transform(parameters: Kleinfinger) -> Array:
     """Return the (4, 4) transform of the parameters."""
     gamma, epsilon, alpha, d, theta, r = parameters
     cg, sg = math.cos(gamma), math.sin(gamma)
@@ -74,7 +73,7 @@ def parameters(placement: ArrayLike) -> Kleinfinger:
     return min(skew, _by_parallel_axes(m), key=lambda found: float(np.abs(transform(found) - m).max()))
 
 
-def completed(placement: Matrix, gamma: float, alpha: float, r: float) -> Kleinfinger:
+def completed(placement: Array, gamma: float, alpha: float, r: float) -> Kleinfinger:
     """Return the parameters of a placement (4, 4) with the given gamma, alpha (rad) and r (m): theta, epsilon and d
     follow."""
     (x, _, _, px), (y, _, _, py), (z, _, _, pz), _ = placement.tolist()
@@ -89,7 +88,7 @@ more precision than to leave it out: r grows without bound as the angle shrinks,
 position."""
 
 
-def _by_common_normal(m: Matrix) -> Kleinfinger | None:
+def _by_common_normal(m: Array) -> Kleinfinger | None:
     """Return parameters for z axes with one common perpendicular; None if they are exactly parallel."""
     sa = math.hypot(m[0, 2], m[1, 2])
     if sa <= 4.0 * np.finfo(float).eps:  # rounding of sin(pi) and its like
@@ -99,7 +98,7 @@ def _by_common_normal(m: Matrix) -> Kleinfinger | None:
     return completed(m, gamma, math.atan2(sa, m[2, 2]), float(r))
 
 
-def _by_parallel_axes(m: Matrix) -> Kleinfinger:
+def _by_parallel_axes(m: Array) -> Kleinfinger:
     """Return parameters for z axes that are parallel, or treated as such."""
     gamma = math.atan2(m[1, 3], m[0, 3]) if m[:2, 3].any() else 0.0
     return completed(m, gamma, 0.0 if m[2, 2] > 0 else math.pi, 0.0)

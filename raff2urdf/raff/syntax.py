@@ -260,13 +260,13 @@ def _constraint(report: Report, block: Block, keyword: Token) -> RaffLoop | Sens
         own = {f"sensor {number}": location for number, location in values["sensor"]}
         node = nodes[0] if nodes else (0, at)
         numbers = tuple(number for number, _ in values["sensor"])
-        return SensorConstraint(node[0], numbers, {**locations, **own, "node": node[1]})
+        return SensorConstraint(node[0], numbers, locations={**locations, **own, "node": node[1]})
     if len(nodes) != 2:
         report(texts.TWO_NODES, at)
         return RaffLoop(0, 0)
     (first, first_at), (second, second_at) = nodes
     kind = values.get("type", LoopKind.RIGID)
-    return RaffLoop(first, second, kind, {**locations, "first": first_at, "second": second_at})
+    return RaffLoop(first, second, kind, locations={**locations, "first": first_at, "second": second_at})
 
 
 def _drive(kind: DriveKind) -> Callable[..., tuple[DriveKind, tuple[float, ...], SourceLocation]]:

@@ -114,9 +114,9 @@ NAME_NEEDED = "the name '{name}' is needed for a joint of {what}: choose another
 
 NO_MASS = "the inertial of {what} has no 'mass' (kg), nor a 'density' (kg/m3)"
 NEGATIVE_MASS = "the mass of {what} is {mass:g} kg: it must not be negative"
-NOT_ABOVE_0 = "the {word} of {what} is {value}: it must be above 0"
+NOT_ABOVE_0 = "the {quantity} of {what} is {value}: it must be above 0"
 RADIUS_OF_BARS = "'radius' of {what} is that of bars of a 'density': add it, or remove 'radius'"
-DENSITY_AND_MASS = "{what} has a 'density', from which '{word}' follows: remove one of them"
+DENSITY_AND_MASS = "{what} has a 'density', from which '{other}' follows: remove one of them"
 DENSITY_OF_NOTHING = "{what} has a 'density' but no graphics: name files, or give the 'radius' of its bars"
 
 # --- constraints ----------------------------------------------------------------------------------------------------
@@ -147,10 +147,9 @@ DRIVES_BY_0 = "link {link} does not drive link {follower}: its '{word}' is 0"
 
 # --- closing loops --------------------------------------------------------------------------------------------------
 
-STAY_OPEN = "the mechanism can't be closed: these {what} remain open: {listed}{more}"
+STAY_OPEN = "the mechanism can't be closed: these {what} remain open: {listed}"
 LOOPS = "loops"
 LOOPS_AND_COUPLINGS = "loops and couplings"
-MORE_OPEN = " and {count} more"
 REWRITE = "write '{after}' for '{before}' in {where}{line}"
 DRAWN_CLOSED = "one edit closes the loops as written: {edits}"
 FREED = "one edit lets the loops move: {edits}"

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from pathlib import Path
 
+from raff2urdf.errors import first_of
 from raff2urdf.readers import holds_xml, robot_yaml, sidecar
 from raff2urdf.readers.xml_file import own_element, parse_xml, read_text
 
@@ -49,8 +50,7 @@ def replaced(uncontrolled: Sequence[str], dependent: Sequence[str]) -> str:
 
 
 def _listed(names: Sequence[str]) -> str:
-    more = f" and {len(names) - _MOST} more" if len(names) > _MOST else ""
-    return f"{', '.join(names[:_MOST])}{more} {'is' if len(names) == 1 else 'are'}"
+    return f"{first_of(names, _MOST)} {'is' if len(names) == 1 else 'are'}"
 
 
 def advice(uncontrolled: Sequence[str], dependent: Sequence[str], syntax: str) -> str:

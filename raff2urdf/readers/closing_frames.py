@@ -12,16 +12,14 @@ from collections.abc import Iterator
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from raff2urdf.arrays import Array
 from raff2urdf.escape import shell_word
 from raff2urdf.placement import from_origin
 from raff2urdf.readers.declaration import Declaration
 from raff2urdf.readers.loop_joint import LoopJoint
 from raff2urdf.readers.urdf import links, three
 from raff2urdf.readers.urdf_tree import UrdfTree
-
-Array = NDArray[np.float64]
 
 _CLOSING = re.compile(r"((?:.*[^a-z0-9])?closing_.+)_([12])(_z)?")
 

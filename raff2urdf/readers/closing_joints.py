@@ -15,8 +15,8 @@ from collections.abc import Callable, Iterator
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from raff2urdf.arrays import Array
 from raff2urdf.placement import from_origin, inverse
 from raff2urdf.readers import successive
 from raff2urdf.readers.declaration import Declaration, label_of, local, tag_of
@@ -26,8 +26,6 @@ from raff2urdf.readers.screw import lead
 from raff2urdf.readers.urdf import by_name, ends, joints, limits, links, numbers, origin, remove
 from raff2urdf.readers.urdf_tree import UrdfTree, along
 from raff2urdf.readers.xml_file import error_at
-
-Array = NDArray[np.float64]
 
 DIALECT = "second parents"
 """Name of the dialect of joints whose child has another parent."""

@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
-from raff2urdf.errors import RaffError, did_you_mean
+from raff2urdf.errors import RaffError, did_you_mean, first_of
 from raff2urdf.escape import shell_word
 from raff2urdf.readers.loop_joint import LoopJoint
 from raff2urdf.readers.urdf_tree import UrdfTree
@@ -90,8 +90,7 @@ class IgnoreList:
 
 def listed(declarations: Sequence[Declaration], most: int = 20) -> str:
     """Return labels with their lines, the first few of them."""
-    shown = ", ".join(f"{one.label} (line {one.line})" if one.line else one.label for one in declarations[:most])
-    return shown + (f" and {len(declarations) - most} more" if len(declarations) > most else "")
+    return first_of([f"{one.label} (line {one.line})" if one.line else one.label for one in declarations], most)
 
 
 def leave_out(element: str) -> str:

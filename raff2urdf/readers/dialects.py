@@ -19,13 +19,12 @@ import numpy as np
 
 from raff2urdf.constraints import Constraints
 from raff2urdf.errors import RaffError, warn
-from raff2urdf.escape import shell_word
+from raff2urdf.escape import shell_word, unique_name
 from raff2urdf.files import note
 from raff2urdf.readers import (
     Description,
     closing_frames,
     closing_joints,
-    common_slips,
     declared_loops,
     implausible,
     joint_couplings,
@@ -61,7 +60,7 @@ def read(text: str, path: Path, ignore: IgnoreList, ignore_loops: bool, is_file:
     name = str(path)
     root = parse_xml(text, name)
     changed = closing_joints.with_joints_of_drake(root, name)
-    notes = [*roots.with_world(root), *common_slips.mend(root), *closing_joints.without_links_of_gazebo(root)]
+    notes = [*roots.with_world(root), *implausible.mend(root), *closing_joints.without_links_of_gazebo(root)]
     free = roots.attach(root)
     declared = closing_joints.cut(root, name, lambda word: ignore_loops or ignore.takes(word))
     if changed or declared or notes or free:
@@ -399,9 +398,6 @@ def _normal(entry: CouplingEntry) -> dict[str, list[float]]:
 
 def _free(name: str, taken: set[str]) -> str:
     """Return a name that is not taken, and take it: NAME, or NAME#2 and so on."""
-    own, count = name, 1
-    while own in taken:
-        count += 1
-        own = f"{name}#{count}"
+    own = unique_name(name, taken)
     taken.add(own)
     return own

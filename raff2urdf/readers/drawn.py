@@ -8,16 +8,14 @@ from functools import partial
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from raff2urdf.analysis import loop_kind
+from raff2urdf.arrays import Array
 from raff2urdf.placement import from_origin, joint_motion
 from raff2urdf.raff.document import LoopKind
 from raff2urdf.raff.writer import number
 from raff2urdf.readers.urdf import axis, ends, joints, parse, root_first, three
 from raff2urdf.slips import DrawnLoop, DrawnPart, Fault, slips
-
-Array = NDArray[np.float64]
 
 _XYZ, _RPY = ("x", "y", "z"), ("roll", "pitch", "yaw")
 _LENGTHS = frozenset(_XYZ)

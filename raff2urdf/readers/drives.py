@@ -11,6 +11,7 @@ import re
 from collections.abc import Collection, Iterable, Iterator
 from typing import TYPE_CHECKING, Any
 
+from raff2urdf.errors import first_of
 from raff2urdf.readers.declaration import local
 
 if TYPE_CHECKING:
@@ -65,9 +66,8 @@ def declared(found: Description, driven: Collection[str], moving: Iterable[str] 
         return found
     if values is None or not (values["loops"] or values.get("couplings")):
         others = [entry["name"] for entry in entries if entry["name"] not in driven]
-        more = f" and {len(others) - _MOST} more" if len(others) > _MOST else ""
-        told = f"nothing in the file drives {', '.join(others[:_MOST])}{more}: actuated all the same"
-        return found._replace(notes=(*found.notes, told)) if others else found
+        note = f"nothing in the file drives {first_of(others, _MOST)}: actuated all the same"
+        return found._replace(notes=(*found.notes, note)) if others else found
     stated = [
         entry | {"actuated": entry["name"] in driven} if entry.get("actuated") is None else entry for entry in entries
     ]

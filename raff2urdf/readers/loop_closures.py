@@ -21,8 +21,8 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from raff2urdf.arrays import Array
 from raff2urdf.errors import RaffError, did_you_mean
 from raff2urdf.files import note
 from raff2urdf.placement import inverse, translation
@@ -31,8 +31,6 @@ from raff2urdf.readers.loop_joint import LoopJoint
 from raff2urdf.readers.urdf import LARGEST, SIZE
 from raff2urdf.readers.urdf_tree import UrdfTree, along
 from raff2urdf.readers.yaml_file import values_of
-
-Array = NDArray[np.float64]
 
 FILE = "loop_closures.yaml"
 

@@ -15,8 +15,8 @@ from collections.abc import Callable, Iterator
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from raff2urdf.arrays import Array
 from raff2urdf.errors import did_you_mean
 from raff2urdf.placement import translation
 from raff2urdf.readers.declaration import Declaration, label_of, local, tag_of
@@ -24,8 +24,6 @@ from raff2urdf.readers.joint_couplings import COUPLING
 from raff2urdf.readers.loop_joint import KINDS, LoopJoint
 from raff2urdf.readers.urdf import origin, three
 from raff2urdf.readers.urdf_tree import UrdfTree, along
-
-Array = NDArray[np.float64]
 
 _Reader = Callable[[UrdfTree, Any], LoopJoint]
 

@@ -23,14 +23,12 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from raff2urdf.arrays import Array
 from raff2urdf.constraints import loop_entry
 from raff2urdf.placement import inverse, rotation, translation, with_z
 from raff2urdf.readers.successive import Step
 from raff2urdf.readers.urdf_tree import UrdfTree, along
-
-Array = NDArray[np.float64]
 
 KINDS = {
     **dict.fromkeys(("rigid", "fixed", "weld", "link"), "rigid"),

@@ -26,9 +26,9 @@ from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.polynomial import Polynomial
-from numpy.typing import NDArray
 from yourdfpy import Visual
 
+from raff2urdf.arrays import Array
 from raff2urdf.constraints import Constraints
 from raff2urdf.errors import Problem, RaffError, did_you_mean, run_all, warn
 from raff2urdf.extras import needs
@@ -44,8 +44,6 @@ from raff2urdf.readers.urdf import LARGEST
 from raff2urdf.readers.urdf_builder import UNBOUNDED, Shape, UrdfBuilder, material, shapes
 from raff2urdf.readers.xml_file import parse_xml, read_text
 from raff2urdf.tree import WORLD
-
-Array = NDArray[np.float64]
 
 _LEAST = 1e-14
 """kg, kg m2: of bodies without mass, for which MuJoCo needs more than 1e-15."""

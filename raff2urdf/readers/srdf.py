@@ -8,7 +8,7 @@ from itertools import combinations
 from pathlib import Path
 from typing import Any, NamedTuple, TypedDict
 
-from raff2urdf.errors import RaffError, did_you_mean
+from raff2urdf.errors import RaffError, did_you_mean, first_of
 from raff2urdf.files import STANDARD, note
 from raff2urdf.readers import xacro_file
 from raff2urdf.readers.options import ReadOptions
@@ -96,12 +96,11 @@ def read_srdf(path: Path, links: Collection[str], robot: str, options: ReadOptio
         disabled.pop(pair, None)
     disabled |= pairs("disable_collisions")
     if unknown:
-        listed = [f"'{one}' (line {line})" for one, line in list(unknown.items())[:_MOST]]
-        more = f" and {len(unknown) - _MOST} more" if len(unknown) > _MOST else ""
+        listed = first_of([f"'{one}' (line {line})" for one, line in unknown.items()], _MOST)
         near = did_you_mean(next(iter(unknown)), list(links)) if len(unknown) == 1 else ""
         what = "is not a link" if len(unknown) == 1 else "are not links"
         advice = "name the SRDF of this robot, or correct the names"
-        raise RaffError(f"{path}: {', '.join(listed)}{more} {what} of {robot}{near}: {advice}")
+        raise RaffError(f"{path}: {listed} {what} of {robot}{near}: {advice}")
     return Srdf(file=path.name, disabled=[(min(pair), max(pair), reason) for pair, reason in disabled.items()])
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Collection, Mapping, Sequence
 from typing import Any
 
+from raff2urdf.errors import first_of
 from raff2urdf.readers.urdf import numbers
 
 _BEGINNING = "forces leave out "
@@ -13,10 +14,7 @@ _MOST = 4  # names that are listed
 
 def note_of(named: Mapping[str, Sequence[str]]) -> list[str]:
     """Return a note that lists what is left out, by the names of the joints on which it acts; none without any."""
-    parts = []
-    for what, names in named.items():
-        more = f" and {len(names) - _MOST} more" if len(names) > _MOST else ""
-        parts += [f"the {what} of {', '.join(names[:_MOST])}{more}"] if names else []
+    parts = [f"the {what} of {first_of(names, _MOST)}" for what, names in named.items() if names]
     return [_BEGINNING + ", ".join(parts)] if parts else []
 
 

@@ -11,8 +11,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 from lxml import etree
-from numpy.typing import NDArray
 
+from raff2urdf.arrays import Array
 from raff2urdf.errors import RaffError, defined_twice, did_you_mean, duplicates, limits_reversed, run_all
 from raff2urdf.escape import one_line, shell_word
 from raff2urdf.inertia import Inertia
@@ -164,7 +164,7 @@ def ends(joint: Any) -> tuple[str, str]:
     return str(joint.find("parent").get("link", "")), str("" if child is None else child.get("link", ""))
 
 
-def axis(joint: Any, name: str) -> NDArray[np.float64]:
+def axis(joint: Any, name: str) -> Array:
     """Return the axis (3,) of a joint as written, in the joint's frame; x by default.
 
     Raises:
@@ -174,7 +174,7 @@ def axis(joint: Any, name: str) -> NDArray[np.float64]:
     return np.array((1.0, 0.0, 0.0) if found is None else three(found, "xyz", name, "1 0 0"))
 
 
-def origin(element: Any, name: str) -> NDArray[np.float64]:
+def origin(element: Any, name: str) -> Array:
     """Return the placement (4, 4) of an element's <origin>; the identity by default.
 
     Raises:
@@ -263,7 +263,7 @@ def lacks_limits(joint: Any) -> bool:
     return joint.get("type") in ("revolute", "prismatic") and neither
 
 
-def direction(element: Any, text: str, label: str, name: str) -> NDArray[np.float64]:
+def direction(element: Any, text: str, label: str, name: str) -> Array:
     """Return the axis (3,) of a joint as written.
 
     Raises:
@@ -411,22 +411,22 @@ def _check_inertial(link: Any, name: str) -> None:
                         raise error_at(name, element, negative_mass(f"link '{link.get('name')}'", number(text)))
 
 
-_SHAPES = {
-    "box": (("size", 3),),
-    "sphere": (("radius", 1),),
-    "cylinder": (("radius", 1), ("length", 1)),
-    "capsule": (("radius", 1), ("length", 1)),
-    "mesh": (("scale", 3),),
+SHAPES = {
+    "box": {"size": 3},
+    "cylinder": {"radius": 1, "length": 1},
+    "sphere": {"radius": 1},
+    "mesh": {"scale": 3},
+    "capsule": {"radius": 1, "length": 1},
 }
-"""Elements of a geometry, their attributes, and how many numbers each of these has."""
+"""Kinds of shapes, their sizes, by their names in URDF and in SDF, and how many numbers each of these has."""
 
 
 def _check_shapes(link: Any, name: str) -> None:
     """Check the numbers of a link's shapes, which other readers of a URDF would leave out or take for 0."""
     for geometry in link.iterfind("*/geometry"):
         origin(geometry.getparent(), name)
-        for shape in geometry.iterchildren(*_SHAPES):
-            for word, count in _SHAPES[shape.tag]:
+        for shape in geometry.iterchildren(*SHAPES):
+            for word, count in SHAPES[shape.tag].items():
                 text = shape.get(word)
                 if text is None and shape.tag == "mesh":
                     continue

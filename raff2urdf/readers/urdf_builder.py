@@ -7,9 +7,9 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
 from yourdfpy import Dynamics, Geometry, Joint, Limit, Link, Material, Robot, Visual
 
+from raff2urdf.arrays import Array, ArrayLike
 from raff2urdf.constraints import Constraints, loop_entry
 from raff2urdf.coupling import coupling_entry
 from raff2urdf.inertia import Inertia
@@ -17,8 +17,6 @@ from raff2urdf.joint_dynamics import JointDynamics
 from raff2urdf.placement import inverse, joint_motion, translation
 from raff2urdf.readers.urdf import UNLIMITED
 from raff2urdf.urdf_object import ExactUrdf, geometry, inertial, material_of
-
-Array = NDArray[np.float64]
 
 UNBOUNDED = (-math.inf, math.inf)
 

@@ -5,16 +5,16 @@ from __future__ import annotations
 import sys
 from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Literal
+from typing import TYPE_CHECKING, Any, Literal
 
-from typer import Argument, Option
+import typer
 
-from raff2urdf.cli import Force, Json, Loops, counted, parse_loops, print_json, warnings_printed
-from raff2urdf.command_line import Command, UsageError, Version, expand, new_app, print_error, ruled, run_app
+from raff2urdf.cli import FORCE, JSON, LOOPS, counted, print_json, warnings_printed
+from raff2urdf.command_line import VERSION, Command, UsageError, expand, flag, new_app, option, print_error, run_app
 from raff2urdf.errors import RaffError
 from raff2urdf.files import STANDARD, output_path, stem_of
 from raff2urdf.output import run
-from raff2urdf.read_flags import ReadFlags
+from raff2urdf.read_flags import ReadFlags, loop_kinds_of
 
 if TYPE_CHECKING:
     from raff2urdf.urdf2raff.robot import RaffImport
@@ -29,44 +29,24 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 def urdf2raff(
     reading: ReadFlags,
-    file: Annotated[str, Argument(metavar="FILE", help="URDF, SDF or MJCF", show_default=False)],
-    output: Annotated[
-        str | None,
-        ruled(
-            Option(
-                "--output",
-                "-o",
-                metavar="FILE",
-                help="RAFF file to write; a folder if it exists or ends with /; -: stdout [FILE's name with .raff, "
-                "here]",
-            ),
-            endings=(".raff",),
-        ),
-    ] = None,
-    force: Force = False,
-    robot: Annotated[str | None, Option(metavar="NAME", help="which model of an SDF with several")] = None,
-    units: Annotated[
-        Literal["um", "mm", "cm", "m"] | None, Option(help="unit of lengths [that of most meshes, else mm]")
-    ] = None,
-    no_graphics: Annotated[bool, Option("--no-graphics", help="leave out meshes and shapes")] = False,
-    loop: Loops = None,
-    ignore_loops: Annotated[
-        bool,
-        Option(
-            "--ignore-loops",
-            help="leave out all loops and couplings: write the tree only",
-        ),
-    ] = False,
-    ignore: Annotated[
-        list[str] | None,
-        ruled(
-            Option(metavar="ELEMENT", help="leave out loops and couplings of this name or element; may be repeated"),
-            unless="--ignore-loops",
-        ),
-    ] = None,
-    json: Json = False,
-    version: Version = False,
-) -> int:
+    file: str = typer.Argument(..., metavar="FILE", help="URDF, SDF or MJCF", show_default=False),
+    output: str | None = option(
+        "FILE",
+        "RAFF file to write; a folder if it exists or ends with /; -: stdout [FILE's name with .raff, here]",
+        None, "--output", "-o", endings=(".raff",),
+    ),
+    force: bool = FORCE,
+    robot: str | None = option("NAME", "which model of an SDF with several"),
+    units: Literal["um", "mm", "cm", "m"] | None = option(None, "unit of lengths [that of most meshes, else mm]"),
+    no_graphics: bool = flag("--no-graphics", "leave out meshes and shapes"),
+    loop: list[str] | None = LOOPS,
+    ignore_loops: bool = flag("--ignore-loops", "leave out all loops and couplings: write the tree only"),
+    ignore: list[str] | None = option(
+        "ELEMENT", "leave out loops and couplings of this name or element; may be repeated", unless="--ignore-loops"
+    ),
+    json: bool = JSON,
+    version: bool = VERSION,
+) -> int:  # fmt: skip
     """Describe a robot in RAFF (Kleinfinger parameters, loops) from a URDF, an SDF or an MJCF.
 
     Loops and couplings of a URDF are read in all dialects that cinegen reads.
@@ -78,7 +58,7 @@ def urdf2raff(
         try:
             from raff2urdf.urdf2raff.conversion import to_raff
 
-            loops, options = parse_loops(loop), reading.options()
+            loops, options = loop_kinds_of(loop), reading.options()
             found = to_raff(
                 file, path, units, not no_graphics, robot, loops, ignore_loops, ignore or (), force,
                 options.packages, options.xacro_args, options.swap_limits,

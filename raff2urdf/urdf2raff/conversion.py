@@ -9,7 +9,7 @@ from pathlib import Path
 
 from raff2urdf import readers
 from raff2urdf.analysis import loop_kind
-from raff2urdf.errors import RaffError, RaffWarning, did_you_mean
+from raff2urdf.errors import RaffError, RaffWarning, did_you_mean, first_of
 from raff2urdf.files import check_new, is_stream, write_all
 from raff2urdf.raff.check import check
 from raff2urdf.raff.writer import dumps
@@ -121,7 +121,5 @@ def _head(path: Path, found: RaffImport) -> Sequence[str]:
         lines.append(f"Joint variables are those of {path.name}, except {moved}, which have another zero there.")
     renamed = {link: node for link, node in found.nodes.items() if link != node}
     if renamed:
-        shown = ", ".join(f"{link} is {node}" for link, node in list(renamed.items())[:8])
-        more = f" and {len(renamed) - 8} more" if len(renamed) > 8 else ""
-        lines.append(f"Names that differ: {shown}{more}.")
+        lines.append(f"Names that differ: {first_of([f'{link} is {node}' for link, node in renamed.items()], 8)}.")
     return lines

@@ -14,13 +14,11 @@ from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from raff2urdf.arrays import Array
 from raff2urdf.placement import inverse, with_z
 from raff2urdf.raff.kleinfinger import Kleinfinger, completed, parameters, transform
 from raff2urdf.readers.urdf import axis, ends, joints, origin
-
-Array = NDArray[np.float64]
 
 EXACT = 1e-12
 """Two frames that differ by less (sines of angles, and parts of the robot's size) are one frame."""

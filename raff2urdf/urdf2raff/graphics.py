@@ -15,7 +15,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from raff2urdf.errors import RaffError
 from raff2urdf.graphics.bodies import BodyDrawing, Shape
@@ -24,11 +23,8 @@ from raff2urdf.graphics.meshes import CONVERTED, SHOWN
 from raff2urdf.graphics.names import Packages, find, may_read
 from raff2urdf.graphics.solids import triangles
 from raff2urdf.raff.document import UNITS_PER_METRE, Document, RaffFrame, RaffNode, RaffRobot
-from raff2urdf.readers.urdf import links, numbers, origin, three
+from raff2urdf.readers.urdf import SHAPES, links, numbers, origin, three
 from raff2urdf.readers.xml_file import error_at
-from raff2urdf.writers.tree_at_home import SIZES
-
-Array = NDArray[np.float64]
 
 _NEAR = 1e-5  # of its size: a shape that differs from the skeleton's by less is the skeleton's
 
@@ -210,7 +206,7 @@ class GraphicsExport:
     def _is_like(self, visual: Any, drawn: Shape) -> bool:
         shape, kind, sizes = _shape(visual), drawn.kind, np.array(drawn.sizes)
         found = (
-            [] if shape is None else [value for word in SIZES[kind] for value in numbers(shape.get(word, "nan")) or []]
+            [] if shape is None else [value for word in SHAPES[kind] for value in numbers(shape.get(word, "nan")) or []]
         )
         if shape is None or shape.tag != kind or len(found) != len(sizes):
             return False

@@ -17,9 +17,9 @@ from typing import Any
 
 import numpy as np
 from numpy.polynomial import Polynomial
-from numpy.typing import NDArray
 
 from raff2urdf.analysis import loop_kind
+from raff2urdf.arrays import Array
 from raff2urdf.constraints import Constraints
 from raff2urdf.coupling import Coupling, coupling_of
 from raff2urdf.errors import RaffError, did_you_mean
@@ -64,8 +64,6 @@ from raff2urdf.readers.urdf import (
 from raff2urdf.readers.xml_file import error_at
 from raff2urdf.tree import BASE_JOINT, WORLD, in_si, joint_units, kleinfinger
 from raff2urdf.urdf2raff.frames import EXACT, TIDY, RigidBody, choose_frame, gather, path, robot_size, step, tidy
-
-Array = NDArray[np.float64]
 
 LIMIT_TOLERANCE = 1e-10
 """Largest change of a limit (m or rad) by `tidy`: larger than that of other numbers (`TIDY`), since less depends on

@@ -15,8 +15,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from raff2urdf.arrays import Array
 from raff2urdf.errors import RaffError
 from raff2urdf.files import read_bytes
 from raff2urdf.inertia import Inertia, sum_of
@@ -26,7 +26,6 @@ from raff2urdf.writers.tree_at_home import shape_of
 if TYPE_CHECKING:  # takes half a second
     from yourdfpy import Geometry, Robot
 
-Array = NDArray[np.float64]
 
 LEAST_MASS = 1e-9
 """Least mass of a body that moves, kg: simulators refuse a body without mass."""

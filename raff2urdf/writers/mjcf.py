@@ -23,17 +23,18 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from lxml import etree
 from numpy.polynomial import Polynomial
-from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
+from raff2urdf.arrays import Array
 from raff2urdf.coupling import Coupling
 from raff2urdf.errors import RaffError, RaffWarning
+from raff2urdf.escape import unique_name
 from raff2urdf.inertia import ROUNDED, Inertia, sum_of
 from raff2urdf.placement import inverse, translation
 from raff2urdf.readers.urdf import UNLIMITED
 from raff2urdf.tree import BASE_JOINT, WORLD
 from raff2urdf.writers.inertia import Inertias, inertias
-from raff2urdf.writers.tree_at_home import TreeAtHome, shape_of, unique_name
+from raff2urdf.writers.tree_at_home import TreeAtHome, shape_of
 from raff2urdf.writers.xml_text import comment, numeral, numerals, text_of
 
 if TYPE_CHECKING:
@@ -42,7 +43,6 @@ if TYPE_CHECKING:
     from raff2urdf.conversion import Translation
     from raff2urdf.writers import WriteOptions
 
-Array = NDArray[np.float64]
 
 GRAVITY = 9.81  # m/s2
 STEP = 1.0 / 250.0

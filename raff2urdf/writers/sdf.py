@@ -28,18 +28,19 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
-import numpy as np
 from lxml import etree
-from numpy.typing import NDArray
 
+from raff2urdf.arrays import Array
 from raff2urdf.coupling import Coupling
 from raff2urdf.errors import RaffWarning
+from raff2urdf.escape import unique_name
 from raff2urdf.inertia import Inertia, sum_of
 from raff2urdf.placement import roll_pitch_yaw, translation
+from raff2urdf.readers.urdf import SHAPES
 from raff2urdf.readers.xml_file import NAMESPACE
 from raff2urdf.tree import BASE_JOINT, WORLD
 from raff2urdf.writers.inertia import Inertias, inertias
-from raff2urdf.writers.tree_at_home import TreeAtHome, shape_of, unique_name
+from raff2urdf.writers.tree_at_home import TreeAtHome, shape_of
 from raff2urdf.writers.xml_text import comment, numeral, numerals, text_of
 
 if TYPE_CHECKING:
@@ -48,7 +49,6 @@ if TYPE_CHECKING:
     from raff2urdf.conversion import Translation
     from raff2urdf.writers import WriteOptions
 
-Array = NDArray[np.float64]
 
 VERSION, MIMIC_VERSION = "1.7", "1.11"
 
@@ -230,8 +230,7 @@ def add_shape(element: etree._Element, shape: Any, placement: Array) -> None:
     solid = etree.SubElement(etree.SubElement(element, "geometry"), kind)
     if kind == "mesh":
         etree.SubElement(solid, "uri").text = file
-    sizes = {"cylinder": (("radius", size[:1]), ("length", size[1:])), "sphere": (("radius", size),)}
-    for word, value in sizes.get(kind, (("scale" if kind == "mesh" else "size", size),)):
+    for word, value in zip(SHAPES[kind], size.reshape(len(SHAPES[kind]), -1), strict=True):
         etree.SubElement(solid, word).text = numerals(value)
     if shape.material is not None:
         painted = etree.SubElement(element, "material")

@@ -6,17 +6,18 @@ links are placed at closed home.
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from functools import cached_property
 from itertools import product
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from raff2urdf.arrays import Array
 from raff2urdf.coupling import Coupling, coupling_of
+from raff2urdf.escape import unique_name
 from raff2urdf.placement import joint_motion
-from raff2urdf.readers.urdf import UNLIMITED
+from raff2urdf.readers.urdf import SHAPES, UNLIMITED
 from raff2urdf.tree import WORLD
 
 if TYPE_CHECKING:
@@ -24,7 +25,6 @@ if TYPE_CHECKING:
 
     from raff2urdf.conversion import Translation
 
-Array = NDArray[np.float64]
 
 Z_AXIS = np.array([0.0, 0.0, 1.0])
 """The axis (3,) of every joint, in its own frame."""
@@ -132,26 +132,13 @@ def _bounds(joint: Joint) -> dict[str, Any]:
     }
 
 
-SIZES = {"box": ["size"], "cylinder": ["radius", "length"], "sphere": ["radius"], "mesh": ["scale"]}
-"""The sizes of each kind of shape in a URDF, by their names there and in SDF."""
-
-
 def shape_of(geometry: Geometry) -> tuple[str, Array, str]:
     """Return kind, sizes and file of a shape.
 
     Sizes are the sides (3,) of a box, radius and length of a cylinder along z, the radius of a sphere, m; and the
     scales (3,) of a mesh, which alone has a file.
     """
-    kind = next(kind for kind in SIZES if getattr(geometry, kind) is not None)
+    kind = next(kind for kind in SHAPES if getattr(geometry, kind) is not None)
     solid = getattr(geometry, kind)
-    sizes = np.hstack([getattr(solid, word) for word in SIZES[kind]]).astype(float)
+    sizes = np.hstack([getattr(solid, word) for word in SHAPES[kind]]).astype(float)
     return kind, sizes, getattr(solid, "filename", "")
-
-
-def unique_name(name: str, taken: Collection[str]) -> str:
-    """Return the name, with `#2` and so on appended if it is taken."""
-    found, number = name, 1
-    while found in taken:
-        number += 1
-        found = f"{name}#{number}"
-    return found

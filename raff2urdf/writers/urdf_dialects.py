@@ -23,8 +23,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import yaml
 from lxml import etree
-from numpy.typing import NDArray
 
+from raff2urdf.arrays import Array
 from raff2urdf.constraints import Constraints
 from raff2urdf.coupling import Coupling, coupling_of
 from raff2urdf.placement import roll_pitch_yaw, translation
@@ -33,7 +33,6 @@ from raff2urdf.writers.xml_text import numeral, numerals
 if TYPE_CHECKING:  # takes half a second
     from yourdfpy import Joint
 
-Array = NDArray[np.float64]
 
 _CONSTRAINT_TYPES = {"rigid": "link", "prismatic": "prismatic", "revolute": "revolute", "ball": "spherical"}
 _LOOP_TYPES = {"rigid": "fixed", "prismatic": "prismatic", "revolute": "revolute", "ball": "spherical"}

@@ -23,8 +23,8 @@ from cinegen.mission import (
     check,
     resampled,
 )
-from cinegen.mission.curve import curve_through
 from cinegen.mission.recording import between
+from cinegen.mission.trajectory import curve_through
 from cinegen.model import ForwardKinematics
 from cinegen.model.motion_limits import DEFAULT_ACCELERATION, motion_limits
 from cinegen.singularities.crossing import Rows, crossings, of_passive_joints

@@ -1677,6 +1677,7 @@ OF_COMMANDS: list[tuple[Callable[[list[str]], int], dict[str, str], str, str, st
         "r.raff -o <1>.urdf",
     ),
     (CINEGEN, {"r.urdf": urdf(AB, BC)}, "info r.urdf --package arm", "write (NAME=VALUE), for example", "info r.urdf"),
+    (CINEGEN, {"r.urdf": urdf(AB, BC)}, "info r.urdf --loop arm", "write (NAME=KIND), for example", "info r.urdf"),
     (
         CINEGEN,
         {"r.urdf.xacro": XACRO.format('<xacro:arg name="prefix" default=""/>')},

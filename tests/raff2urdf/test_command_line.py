@@ -6,7 +6,7 @@ from typing import Annotated
 import pytest
 import typer
 
-from raff2urdf.command_line import Command, UsageError, Version, expand, new_app, ruled, run_app
+from raff2urdf.command_line import VERSION, Command, UsageError, expand, new_app, ruled, run_app
 from raff2urdf.output import STOPPED, run
 from raff2urdf.version import __version__
 
@@ -30,7 +30,7 @@ def draw(files: Annotated[list[str], typer.Argument(metavar="FILE", help="file")
     return 0 if lengths.name else 1
 
 
-def main(version: Version = False) -> None:
+def main(version: bool = VERSION) -> None:
     """Draw and delete."""
 
 

@@ -67,12 +67,11 @@ def test_figure_5_repaired_means_what_it_says() -> None:
     (robot,) = document.robots
     assert (robot.name, robot.path) == ("r1", "~/GKG/Models/delta-4/")
     assert robot.base == RaffBase(filenames=("platform.dxf",))
+    arm = RaffParameters(d=1500, alpha=90, gamma=120)
     assert robot.links == (
         RaffLink(1, RaffParameters(d=1500, alpha=90), JointType.REVOLUTE, 0, limits=(-85, 80), filenames=("bras.nff",)),
         RaffLink(2, RaffParameters(theta=211.21, d=2000), JointType.REVOLUTE, 1, limits=(185, 355)),
-        RaffLink(
-            6, RaffParameters(d=1500, alpha=90, gamma=120), JointType.REVOLUTE, 0, (-85, 80), filenames=("bras.nff",)
-        ),
+        RaffLink(6, arm, JointType.REVOLUTE, 0, limits=(-85, 80), filenames=("bras.nff",)),
     )
     assert robot.loops == (RaffLoop(5, 11, LoopKind.RIGID),)
 

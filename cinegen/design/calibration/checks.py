@@ -6,20 +6,22 @@ mistake is named with its correction. Errors of a robot can't imitate one: the r
 expected standard deviations, and nearer than `_NEAR` without it.
 
 `check_fit`: readings that are near, but don't fit the estimate, as the angles of a platform that hardly rotates.
+
+`doubt`: estimates that can't be meant: most readings of a column dropped, or parameters far from their description.
 """
 
 from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
 from cinegen.arrays import Bools
 from cinegen.design.calibration.comparison import ColumnComparison, Compared
-from cinegen.design.calibration.lines import lines
-from cinegen.design.calibration.mistakes import Mistake, mistakes
+from cinegen.design.calibration.left_out import is_poor
+from cinegen.design.calibration.mistakes import Mistake, lines, mistakes
 from cinegen.design.calibration.observation import Observation, Prediction
 from cinegen.design.calibration.zeros import FRAME, frames, placed, zeros
 from cinegen.design.errors import DesignError
@@ -43,6 +45,11 @@ _DROPPED = 0.05  # of all readings, the same
 _CERTAIN = 25.0  # squares by which readings without a mistake fit better, at least
 _NAMED, _EDITED = 9, 3  # mistakes in a message, and how many of them with their corrections
 _REAL = 0.05  # of the characteristic length or rad: errors of manufacture are smaller
+_FEWEST = 3  # readings of a column whose majority counts
+_EXPLAINED = 0.1  # of the residuals that were there before: what remains at most where parameters explain them
+_SURE = 3.0  # standard deviations of a change that may be its uncertainty
+
+_MOVED = 20.0  # expected errors by which a parameter changes at most without a question
 
 Found = tuple[Mistake, Compared]
 
@@ -131,6 +138,49 @@ def check_fit(comparison: ColumnComparison, found: Calibration) -> None:
         )
 
 
+class Doubt(NamedTuple):
+    """Why an estimate can't be meant.
+
+    Attributes:
+        text: measurements, column or parameter, and what is wrong.
+        remedy: if it is real nevertheless; "" where it can't be.
+    """
+
+    text: str
+    remedy: str = ""
+
+
+def doubt(found: Calibration) -> Doubt | None:
+    """Return why an estimate can't be meant; None if it may be."""
+    observation, present = found.observation, np.isfinite(found.before)
+    source = observation.measurements.source
+    dropped, read = (present & ~found.kept).sum(axis=0), present.sum(axis=0)
+    for k in np.argsort(-dropped / np.maximum(read, 1)).tolist()[:1]:
+        if read[k] >= _FEWEST and 2 * dropped[k] > read[k]:
+            column = observation.outputs[k]
+            worst = max(one.sigmas for one in found.outliers if one.column == column)
+            return Doubt(
+                f"{source}, column {observation.quantities[k].name}: {dropped[k]} of {read[k]} readings contradict the "
+                f"others, by up to {worst:.3g} sigma: so many are no outliers"
+            )
+    known = len(found.parameters)
+    errors = found.subspace.errors[:known]
+    change = np.abs(found.values - found.nominal)[:known]
+    certain = np.maximum(change - _SURE * found.sigmas[:known], 0.0)
+    moved = np.divide(certain, errors, out=np.zeros(known), where=errors > 0.0)
+    k = int(np.argmax(moved)) if known else 0
+    if not known or moved[k] <= _MOVED:
+        return None
+    name, dimension = found.names[k], found.dimension(found.names[k])
+    by, expected = (shown(x[k], dimension, 3) for x in (change, errors))
+    times = change[k] / errors[k]
+    text = f"{source}: the estimate changes {name} by {by}, {times:.0f} times its expected error of {expected}"
+    before, after = (float(np.nanmean((rest / found.standard) ** 2)) ** 0.5 for rest in (found.before, found.after))
+    if is_poor(found) and after > _EXPLAINED * before:
+        return Doubt(f"{text}, and the readings are still off by {after:.2g} sigma (before: {before:.2g})")
+    return Doubt(text, f"{name}={by.replace(' ', '')}")
+
+
 def _squares(found: Calibration, observation: Observation, here: Prediction, counted: Bools) -> float:
     """Return about the sum of squares that an estimate of the readings counted (poses, outputs) would leave."""
     standard = np.sqrt(np.einsum("nkk->nk", observation.covariances(here)))
@@ -172,9 +222,10 @@ def _expected(comparison: ColumnComparison) -> str:
     """Return errors with which the readings would be taken as they are; "" if they are beyond what is manufactured."""
     parameters, given, errors = comparison.observation.design.parameters, comparison.given, comparison.errors
     count = len(parameters)
-    by_pattern = np.array([not parameters.all[parameters.find(name)].joint for name in parameters.names])
-    is_long = np.array([parameters.all[parameters.find(name)].unit == "m" for name in parameters.names])
-    kinds = [(kind, by_pattern & mask) for kind, mask in ((LENGTH, is_long), (ANGLE, ~is_long))]
+    kinds = [
+        (kind, np.array([not one.joint and one.dimension is kind for one in parameters.free]))
+        for kind in (LENGTH, ANGLE)
+    ]
     length = parameters.mechanism.length
     larger, factor = errors.copy(), 2.0
     while given is not None:

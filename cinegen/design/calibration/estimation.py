@@ -30,9 +30,8 @@ from scipy.optimize import least_squares
 
 from cinegen.arrays import Array, Bools
 from cinegen.design.amounts import Amounts, amount_in, pairs
-from cinegen.design.calibration.checks import ContradictionError, check, check_fit
+from cinegen.design.calibration.checks import ContradictionError, check, check_fit, doubt
 from cinegen.design.calibration.comparison import ColumnComparison
-from cinegen.design.calibration.doubts import doubt
 from cinegen.design.calibration.identifiability import LISTED, Dependency, Subspace, dependencies, subspace
 from cinegen.design.calibration.left_out import is_poor, left_out
 from cinegen.design.calibration.measurements import Measurements
@@ -190,6 +189,10 @@ class Calibration:
     def unit(self, name: str) -> str:
         """Return the unit of a parameter: m, rad, or "" of a gain."""
         return self.observation.units[self.names.index(name)]
+
+    def dimension(self, name: str) -> Dimension:
+        """Return whether a parameter is a length or an angle."""
+        return LENGTH if self.unit(name) == "m" else ANGLE
 
     def as_dict(self) -> dict[str, Any]:
         """Return what JSON shows: m and rad."""

@@ -19,6 +19,7 @@ from scipy.linalg import lstsq, svd
 from scipy.optimize import linprog
 
 from cinegen.arrays import Array
+from raff2urdf.errors import first_of
 
 DEPENDENT = 1e-9
 """Singular values below this fraction of the largest are those of dependent combinations."""
@@ -252,11 +253,6 @@ def _together(names: tuple[str, ...], changes: Array, units: Sequence[str], pare
     for node in nodes:
         children = [one for one in nodes if one != node]
         if all(parents.get(one) == node for one in children):
-            return (
-                f"{node} moved, and {_listed(children)} on it moved back: no reading changes ({len(names)} parameters)"
-            )
-    return f"{len(names)} parameters of {_listed(nodes)}: no reading changes if they change together"
-
-
-def _listed(names: Sequence[str]) -> str:
-    return ", ".join(names[:8]) + (f" and {len(names) - 8} more" if len(names) > 8 else "")
+            back = f"{first_of(children, 8)} on it moved back"
+            return f"{node} moved, and {back}: no reading changes ({len(names)} parameters)"
+    return f"{len(names)} parameters of {first_of(nodes, 8)}: no reading changes if they change together"

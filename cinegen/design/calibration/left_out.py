@@ -17,6 +17,8 @@ from dataclasses import replace
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
+from scipy.linalg import orth
+from scipy.spatial.transform import Rotation
 
 from cinegen.arrays import Array
 from cinegen.design.calibration.measurements import Measurements
@@ -101,8 +103,7 @@ def _columns(found: Calibration) -> _Columns:
 
 def _without(matrix: Array, own: Array) -> Array:
     """Return columns without what those of `own` span."""
-    u, s, _ = np.linalg.svd(own, full_matrices=False)
-    u = u[:, s > _NO_EFFECT * s.max(initial=0.0)]
+    u = orth(own, rcond=_NO_EFFECT)
     return np.asarray(matrix - u @ (u.T @ matrix))
 
 
@@ -192,7 +193,7 @@ def _compared(found: Calibration, i: int, other: str, size: float, estimate: Est
     if again.chi2 > found.chi2 + _ALIKE or (apart * scale).max() < _APART * (effect * scale).max():
         return ""
     change, instead = (
-        shown(abs(one.values[k] - one.nominal[k]), LENGTH if one.unit(one.names[k]) == "m" else ANGLE, 3)
+        shown(abs(one.values[k] - one.nominal[k]), one.dimension(one.names[k]), 3)
         for one, k in ((found, i), (again, again.names.index(other)))
     )
     return (
@@ -205,7 +206,6 @@ def _compared(found: Calibration, i: int, other: str, size: float, estimate: Est
 
 def _apart(one: Array, other: Array) -> tuple[float, float]:
     """Return root mean square distances, m, and rotations, rad, between poses (poses, 4, 4)."""
-    between = np.einsum("nji,njk->nik", one[:, :3, :3], other[:, :3, :3])
-    cosines = np.clip((np.trace(between, axis1=1, axis2=2) - 1.0) / 2.0, -1.0, 1.0)
+    angles = Rotation.from_matrix(np.swapaxes(one[:, :3, :3], 1, 2) @ other[:, :3, :3]).magnitude()
     distances = np.linalg.norm(one[:, :3, 3] - other[:, :3, 3], axis=1)
-    return float(np.sqrt(np.mean(distances**2))), float(np.sqrt(np.mean(np.arccos(cosines) ** 2)))
+    return float(np.sqrt(np.mean(distances**2))), float(np.sqrt(np.mean(angles**2)))

@@ -41,7 +41,7 @@ from cinegen.model.plausible import ImplausibleError, check_joint, check_lengths
 from raff2urdf.errors import did_you_mean
 from raff2urdf.escape import csv_cell, csv_text
 from raff2urdf.files import read_bytes
-from raff2urdf.quantities import ANGLE, LENGTH, Dimension, QuantityError, has_unit, parse, parse_list
+from raff2urdf.quantities import ANGLE, LENGTH, Dimension, QuantityError, has_unit, parse, parse_list, refused_as
 
 COORDINATES = ("x", "y", "z", "rx", "ry", "rz")
 """Of a node's pose, m and rad."""
@@ -320,10 +320,8 @@ def _vector(name: str, text: str) -> tuple[float, float, float]:
     words = text.split()
     if len(words) != 3:
         raise DesignError(f"'{name}': '{text}' is not three numbers, such as (0 0 50mm)")
-    try:
+    with refused_as(DesignError, f"'{name}'"):
         values = parse_list(words, LENGTH)
-    except QuantityError as error:
-        raise DesignError(f"'{name}': {error}") from None
     if any(not has_unit(word) and abs(value) > 1e3 for word, value in zip(words, values, strict=True)):
         raise DesignError(f"'{name}': '{text}' is in m, which can't be meant: write the unit, such as {words[0]}mm")
     return values[0], values[1], values[2]

@@ -29,6 +29,7 @@ from cinegen.design.design import Design, DesignEvaluation
 from cinegen.design.errors import DesignError
 from cinegen.design.parameters import Parameters
 from raff2urdf import closure
+from raff2urdf.errors import first_of
 from raff2urdf.quantities import ANGLE, LENGTH
 
 _STEPS = 24  # on the straight line of the inputs from home to each pose
@@ -130,7 +131,7 @@ class Observation:
         self.frames, self._is_placed = frames or MeasuringFrames(self.quantities), frames is not None
         self.names = (*parameters.names, *(f"{joint}.gain" for joint in self.gains), *self.frames.names)
         self.units = (
-            *(parameters.all[parameters.find(name)].unit for name in parameters.names),
+            *(one.unit for one in parameters.free),
             *("" for _ in self.gains),
             *("m" if dimension is LENGTH else "rad" for dimension in self.frames.dimensions),
         )
@@ -188,10 +189,9 @@ class Observation:
             q[open_[better]], closed[open_[better]] = here.q[better], True
         if not closed.all():
             labels = [self.measurements.labels[i] for i in np.flatnonzero(~closed)]
-            more = f" and {len(labels) - 8} more" if len(labels) > 8 else ""
             raise DesignError(
                 f"{self.measurements.source}: the loops of {design.mechanism.name} can't be closed at the readings of "
-                f"{', '.join(self.inputs)} in pose {', '.join(labels[:8])}{more}, from home: check the units and signs "
+                f"{', '.join(self.inputs)} in pose {first_of(labels, 8)}, from home: check the units and signs "
                 "of these columns, and the assembly mode of the robot's home"
             )
         return q

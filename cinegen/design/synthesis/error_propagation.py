@@ -44,9 +44,7 @@ class ErrorPropagation:
         self._deviations = np.zeros(len(self.design.names))
         for one in self._tolerances.closing:
             self._deviations[list(one.columns)] = one.sigma
-        self._steps = np.array(
-            [_STEP * (mechanism.length if own.all[own.find(name)].unit == "m" else 1.0) for name in own.names]
-        )
+        self._steps = _STEP * own.sizes
         if not self._at(own.values, np.array([mechanism.q_home]))[0] > 0.0:
             raise DesignError(f"tolerances: none of them moves {reaching.node}: accuracy means nothing")
 

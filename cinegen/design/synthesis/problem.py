@@ -106,12 +106,10 @@ class SynthesisProblem:
         return f"<SynthesisProblem of {self.parameters.robot.name}: {len(self.names)} variables>"
 
     def _check_parameters(self) -> None:
-        parameters = self.parameters
-        for name in parameters.names:
-            joint = parameters.all[parameters.find(name)].joint
-            if joint:
-                raise DesignError(f"{name} is the variable of {joint}, which moves: the task can't choose it")
-        check_bounds(parameters)
+        for one in self.parameters.free:
+            if one.joint:
+                raise DesignError(f"{one.name} is the variable of {one.joint}, which moves: the task can't choose it")
+        check_bounds(self.parameters)
 
     def _check_opening(self) -> None:
         mechanism, parameters = self.parameters.mechanism, self.parameters
@@ -231,8 +229,7 @@ class SynthesisProblem:
     @cached_property
     def _homes(self) -> dict[int, str]:
         every, mechanism = self._with_homes, self.parameters.mechanism
-        joints = [every.all[every.find(name)].joint for name in every.names]
-        return {k: joint for k, joint in enumerate(joints) if joint in mechanism.joints}
+        return {k: one.joint for k, one in enumerate(every.free) if one.joint in mechanism.joints}
 
     def value(self, objective: DesignObjective, scores: Scores) -> float:
         """Return the score of an objective; larger is better."""

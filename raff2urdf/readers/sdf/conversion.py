@@ -20,9 +20,9 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 from yourdfpy import Material, Visual
 
+from raff2urdf.arrays import Array
 from raff2urdf.constraints import IDENTITY, Constraints
 from raff2urdf.errors import RaffError, did_you_mean
 from raff2urdf.graphics.names import find
@@ -34,23 +34,12 @@ from raff2urdf.readers.declaration import label_of, leave_out, local, tag_of
 from raff2urdf.readers.declared_loops import LOOP_LIKE, named_in, own_words
 from raff2urdf.readers.loop_joint import LoopJoint
 from raff2urdf.readers.sdf.included import robot_of
-from raff2urdf.readers.sdf.model import (
-    GEARBOX,
-    LOOP_KINDS,
-    SdfAxis,
-    SdfJoint,
-    SdfModel,
-    SdfModelReader,
-    pose,
-)
-from raff2urdf.readers.urdf import LARGEST, SIZE, check_friction, negative_mass, numbers, parse
+from raff2urdf.readers.sdf.model import GEARBOX, LOOP_KINDS, SdfAxis, SdfJoint, SdfModel, SdfModelReader, pose
+from raff2urdf.readers.urdf import LARGEST, SHAPES, SIZE, check_friction, negative_mass, numbers, parse
 from raff2urdf.readers.urdf_builder import GRAVITY, Shape, UrdfBuilder, material, shapes
 from raff2urdf.readers.urdf_tree import UrdfTree
 from raff2urdf.readers.xml_file import NAMESPACE, error_at, parse_xml
 from raff2urdf.tree import BASE_JOINT, WORLD
-from raff2urdf.writers.tree_at_home import SIZES
-
-Array = NDArray[np.float64]
 
 _ON_AXIS = 1e-12  # m: a link whose origin is this near a joint's axis rotates about its origin
 _PARALLEL = 1e-3  # rad: axes of a gear train are parallel up to this; poses are written with few digits
@@ -555,15 +544,12 @@ class _SdfToUrdf:
                 yield Visual(origin=origin, geometry=shape, material=_material(visual))
 
 
-_SIZES = {**SIZES, "capsule": SIZES["cylinder"]}
-
-
 def _geometry(geometry: Any) -> Iterator[Shape]:
     """Yield the shapes of a visual that URDF has."""
-    for shape in () if geometry is None else geometry.iterchildren(*_SIZES):
-        count = 3 if shape.tag in ("box", "mesh") else 1
-        written = [numbers(shape.findtext(word, "1 1 1")) or [1.0, 1.0, 1.0] for word in _SIZES[shape.tag]]
-        sizes = [size for found in written for size in found[:count]]
+    for shape in () if geometry is None else geometry.iterchildren(*SHAPES):
+        sizes = list[float]()
+        for word, count in SHAPES[shape.tag].items():
+            sizes += (numbers(shape.findtext(word, "1 1 1")) or [1.0, 1.0, 1.0])[:count]
         yield from shapes(shape.tag, sizes, shape.findtext("uri", "").strip())
 
 

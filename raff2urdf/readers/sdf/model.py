@@ -11,8 +11,8 @@ from functools import partial
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from raff2urdf.arrays import Array
 from raff2urdf.errors import RaffError, did_you_mean, limits_reversed, run_all, warn
 from raff2urdf.placement import from_origin, from_quaternion, inverse
 from raff2urdf.readers import drives
@@ -32,8 +32,6 @@ from raff2urdf.readers.urdf import (
 from raff2urdf.readers.urdf_builder import UNBOUNDED
 from raff2urdf.readers.xml_file import NAMESPACE, error_at, own_element
 from raff2urdf.tree import WORLD
-
-Array = NDArray[np.float64]
 
 LOOP_KINDS = {
     "fixed": "rigid", "revolute": "revolute", "continuous": "revolute", "prismatic": "prismatic", "ball": "ball",
