@@ -15,9 +15,9 @@ from cinegen.arrays import Array
 from cinegen.collision import Obstacle, Scene
 from cinegen.collision.attached import Attached
 from cinegen.collision.body import PlacedShape
-from cinegen.collision.convex_hull import hull
 from cinegen.collision.mobile_robot import mobile_robot
 from cinegen.collision.obstacle_kinds import HEIGHT
+from cinegen.collision.shapes import kind_of, rounded_hull
 from cinegen.mission.drawn_obstacle import DrawnObstacle, DrawnShape
 from cinegen.model.motion_plane import motion_plane
 from cinegen.session.setup import RATE, Avoidance, DrawnAttached, Setup, arrange
@@ -105,7 +105,7 @@ class SceneAppearance:
     def obstacle(self, obstacle: Obstacle) -> DrawnObstacle:
         """Return an obstacle of the scene. Half-spaces can't be moved."""
         dof: Literal[0, 3, 6] = 6 if self.height is None else 3
-        if obstacle.kind in ("half_space", "half_plane"):
+        if not all(np.isfinite(piece.radius) for piece in obstacle.pieces):
             dof = 0
         return DrawnObstacle(tuple(map(DrawnShape.of, self._shapes(obstacle))), obstacle.placement, dof)
 
@@ -130,7 +130,7 @@ class SceneAppearance:
         for piece in obstacle.pieces:
             if piece.interior is not None and is_small:
                 yield PlacedShape(piece.as_described.placement, piece.as_described.shape)
-            elif isinstance(piece.shape, coal.Halfspace):
+            elif not np.isfinite(piece.radius):
                 yield self._slab(piece.shape, obstacle.placement * piece.placement, piece.placement)
             else:
                 shape = piece.shape if self.height is None else _flattened(piece.shape, self.height)
@@ -154,13 +154,7 @@ class SceneAppearance:
 
 def _flattened(shape: coal.ShapeBase, height: float) -> coal.ShapeBase:
     """Return a shape that was given in the plane with a height (m); another shape as it is."""
-    match shape:
-        case coal.Cylinder() if 2.0 * shape.halfLength == HEIGHT:
-            return coal.Cylinder(shape.radius, height)
-        case coal.Box() if 2.0 * shape.halfSide[2] == HEIGHT:
-            return coal.Box(np.array([*(2.0 * shape.halfSide[:2]), height]))
-        case coal.Convex():
-            corners = np.array(shape.points())
-            if np.ptp(corners[:, 2]) == HEIGHT:
-                return hull(corners * np.array([1.0, 1.0, height / HEIGHT])).shape
-    return shape
+    points, radius = rounded_hull(shape)
+    if radius > 0.0 or np.ptp(points[:, 2]) != HEIGHT:
+        return shape
+    return kind_of(shape).stretched(shape, height / HEIGHT)
