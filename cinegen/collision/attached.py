@@ -71,8 +71,7 @@ def read_attached(
     """
     node = table.text("node") if "node" in table else end
     touches = tuple(table.names("touches")) if "touches" in table else ()
-    if node not in mechanism.nodes:
-        raise table.error("node", f"'{node}' is not a node of {mechanism.name}{did_you_mean(node, mechanism.nodes)}")
+    table.check_name("node", node, mechanism.nodes, f"a node of {mechanism.name}")
     known = (*mechanism.nodes, *(obstacle.name for obstacle in obstacles))
     for name in touches:
         if name not in known:

@@ -12,7 +12,7 @@ import pinocchio as pin
 from cinegen.arrays import Array
 from cinegen.collision.errors import SceneError
 from cinegen.collision.obstacle import Obstacle
-from cinegen.collision.scene import Scene
+from cinegen.collision.scene import Scene, configuration_keys
 from cinegen.collision.scene_file import scene_of
 from cinegen.collision.scene_table import pose_keys
 from cinegen.model import Mechanism
@@ -83,4 +83,4 @@ def _start_keys(mechanism: Mechanism, start: Any) -> dict[str, Any]:
     q = np.asarray(start, dtype=float)
     if q.shape != (mechanism.model.nq,):
         raise SceneError(f"start must have {mechanism.model.nq} numbers, its shape is {q.shape}")
-    return {"joints": mechanism.values(q)} | (pose_keys(pin.XYZQUATToSE3(q[:7])) if mechanism.floating else {})
+    return configuration_keys(mechanism, q)

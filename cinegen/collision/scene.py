@@ -212,10 +212,10 @@ class Scene:
         return found
 
     def _start_keys(self) -> dict[str, Any]:
-        values = self.mechanism.values(self.start)
         if self.mobile is not None:
+            values = self.mechanism.values(self.start)
             return {"point": [values[X], values[Y]]}
-        return {"joints": values} | (pose_keys(pin.XYZQUATToSE3(self.start[:7])) if self.mechanism.floating else {})
+        return configuration_keys(self.mechanism, self.start)
 
     def _goal_keys(self) -> dict[str, Any]:
         if self.goal_configuration is not None:
@@ -247,6 +247,11 @@ def unmoving_joints(mechanism: Mechanism, node: str, goal: Sequence[str]) -> tup
     for _, columns in linked(mechanism.structure.system.columns):
         moves[columns] = moves[columns].max()
     return tuple(name for name in mechanism.joints if not moves[mechanism.v_index(name)])
+
+
+def configuration_keys(mechanism: Mechanism, q: Array) -> dict[str, Any]:
+    """Return the keys of a scene's start at q (nq,)."""
+    return {"joints": mechanism.values(q)} | (pose_keys(pin.XYZQUATToSE3(q[:7])) if mechanism.floating else {})
 
 
 def heading(placement: pin.SE3) -> float:

@@ -15,6 +15,8 @@ if TYPE_CHECKING:
     from cinegen.ik.forecast import Event as Event
     from cinegen.ik.forecast import EventKind as EventKind
     from cinegen.ik.forecast import Forecast as Forecast
+    from cinegen.ik.forecast import LookAhead as LookAhead
+    from cinegen.ik.forecast import forecast_motion as forecast_motion
     from cinegen.ik.given_task import Task as Task
     from cinegen.ik.global_ik import IKResult as IKResult
     from cinegen.ik.global_ik import inverse_kinematics as inverse_kinematics
@@ -28,8 +30,6 @@ if TYPE_CHECKING:
     from cinegen.ik.kinds import PointInPlane as PointInPlane
     from cinegen.ik.kinds import PointOnLine as PointOnLine
     from cinegen.ik.kinds import RelativePose as RelativePose
-    from cinegen.ik.look_ahead import LookAhead as LookAhead
-    from cinegen.ik.look_ahead import forecast_motion as forecast_motion
     from cinegen.ik.objectives import LimitMargin as LimitMargin
     from cinegen.ik.objectives import Manipulability as Manipulability
     from cinegen.ik.objectives import Objective as Objective

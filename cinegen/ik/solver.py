@@ -19,9 +19,8 @@ from cinegen.ik._kernels import memory as m
 from cinegen.ik._kernels.memory import MOST_FLAGS, SolverMemory
 from cinegen.ik._kernels.tick import tick
 from cinegen.ik.barrier import Barrier, Bounds
-from cinegen.ik.bifurcation import regular_neighbour
 from cinegen.ik.blend import Blend
-from cinegen.ik.branch import passes_toggle
+from cinegen.ik.branch import passes_toggle, regular_neighbour
 from cinegen.ik.equations import task_rank
 from cinegen.ik.given_task import AnyTask, GivenTask, Task, is_task
 from cinegen.ik.joints import ACCELERATION, JointControl, JointSettings
