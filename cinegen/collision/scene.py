@@ -13,10 +13,9 @@ from typing import Any, NamedTuple
 import pinocchio as pin
 
 from cinegen.arrays import Array
-from cinegen.collision.attached import Attached, attached_pairs
 from cinegen.collision.body import Body
 from cinegen.collision.mobile_robot import X, Y, mobile_body
-from cinegen.collision.obstacle import Obstacle
+from cinegen.collision.obstacle import Attached, Obstacle, attached_pairs
 from cinegen.collision.scene_table import pose_keys
 from cinegen.html import table
 from cinegen.joints import supporting_columns

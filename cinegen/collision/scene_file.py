@@ -15,10 +15,9 @@ import numpy as np
 import pinocchio as pin
 
 from cinegen.arrays import Array
-from cinegen.collision.attached import Attached, read_attached
 from cinegen.collision.errors import SceneError
 from cinegen.collision.mobile_robot import X, Y, mobile_robot
-from cinegen.collision.obstacle import Obstacle, read_obstacle
+from cinegen.collision.obstacle import Attached, Obstacle, read_attached, read_obstacle
 from cinegen.collision.scene import UNCONSTRAINED, PathConstraints, Scene, heading, unmoving_joints
 from cinegen.collision.scene_table import LEAST, SceneTable, about_z, read_all
 from cinegen.errors import CinegenError, ClosureError

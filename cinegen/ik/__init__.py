@@ -10,6 +10,7 @@ from raff2urdf.lazy import lazy_names
 if TYPE_CHECKING:
     from cinegen.ik.all_solutions import IKError as IKError
     from cinegen.ik.all_solutions import IKSolutions as IKSolutions
+    from cinegen.ik.barrier import Range as Range
     from cinegen.ik.batch import Evaluations as Evaluations
     from cinegen.ik.batch import evaluate as evaluate
     from cinegen.ik.forecast import Event as Event
@@ -36,7 +37,6 @@ if TYPE_CHECKING:
     from cinegen.ik.objectives import Posture as Posture
     from cinegen.ik.persistent import PersistentSolver as PersistentSolver
     from cinegen.ik.pink_task import PinkTask as PinkTask
-    from cinegen.ik.range import Range as Range
     from cinegen.ik.singular import LostDoF as LostDoF
     from cinegen.ik.singular import UncontrolledDoF as UncontrolledDoF
     from cinegen.ik.solver import Solver as Solver
