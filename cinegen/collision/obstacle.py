@@ -110,8 +110,8 @@ class Attached:
 
     def document(self) -> dict[str, Any]:
         """Return the keys and values that `read_attached` reads as this object."""
-        found = {**self.object.document(), "node": self.node}
-        return found | ({"touches": list(self.touches)} if self.touches else {})
+        touches = {"touches": list(self.touches)} if self.touches else {}
+        return {**self.object.document(), "node": self.node, **touches}
 
 
 def read_attached(
@@ -157,13 +157,12 @@ def attached_pairs(objects: Sequence[Attached], mechanism: Mechanism, links: Seq
     Returns:
         indices into all bodies, the smaller first.
     """
-    found, first = list[tuple[int, int]](), len(links)
-    owned = [(i, link.joint, link.name) for i, link in enumerate(links)]
-    for one in objects:
-        bodies = one.bodies(mechanism)
-        own = [(i, body.joint, one.name) for i, body in enumerate(bodies, first)]
-        for (i, joint, name), (k, own_joint, _) in product(owned, own):
-            if joint != own_joint and name not in one.touches:
-                found.append((i, k))
-        owned, first = owned + own, first + len(bodies)
-    return found
+    pairs = list[tuple[int, int]]()
+    before = [(link.joint, link.name) for link in links]
+    for held in objects:
+        parts = [(body.joint, held.name) for body in held.bodies(mechanism)]
+        for (i, (joint, name)), (k, (carrier, _)) in product(enumerate(before), enumerate(parts, len(before))):
+            if joint != carrier and name not in held.touches:
+                pairs.append((i, k))
+        before += parts
+    return pairs

@@ -30,10 +30,12 @@ class ShapeKind:
     Attributes:
         name: in recordings and reports; those of a kind without numbers of its own are a "hull".
         is_polyhedron: whether the points that `rounded` returns are corners of the shape.
+        is_fast: whether no shape around it makes distances faster.
     """
 
     name = "hull"
     is_polyhedron = False
+    is_fast = False
 
     def rounded(self, shape: Any, sides: int) -> tuple[Array, float]:
         """Return points (n, 3) and a radius: their convex hull, grown by the radius, contains the shape."""
@@ -61,6 +63,8 @@ class ShapeKind:
     def convex(self, shape: Any) -> tuple[BoundingCapsule | None, coal.ShapeBase, float]:
         """Return a tight capsule around the shape, the shape or a hull that contains it, and the volume of its hull.
         None in place of the capsule where nothing is faster than the shape itself."""
+        if self.is_fast:
+            return None, shape, shape.computeVolume()
         exact = hull(rounded_hull(shape)[0])
         return bounding_capsule(exact.corners), simplified(exact).shape, exact.volume
 
@@ -93,7 +97,7 @@ class _HalfSpace(ShapeKind):
 
 
 class _Sphere(ShapeKind):
-    name = "sphere"
+    name, is_fast = "sphere", True
 
     def rounded(self, shape: Any, sides: int) -> tuple[Array, float]:
         return np.zeros((1, 3)), float(shape.radius)
@@ -103,9 +107,6 @@ class _Sphere(ShapeKind):
 
     def outside(self, shape: Any, points: Array) -> Array:
         return np.asarray(np.linalg.norm(points, axis=1) - shape.radius)
-
-    def convex(self, shape: Any) -> tuple[BoundingCapsule | None, coal.ShapeBase, float]:
-        return None, shape, shape.computeVolume()
 
     def numbers(self, shape: Any) -> Array:
         return np.array([shape.radius])
@@ -139,6 +140,8 @@ class _OfRevolution(ShapeKind):
 
 
 class _Capsule(_OfRevolution):
+    is_fast = True
+
     def rounded(self, shape: Any, sides: int) -> tuple[Array, float]:
         return self.axis(shape), float(shape.radius)
 
@@ -146,9 +149,6 @@ class _Capsule(_OfRevolution):
         beyond = points.copy()
         beyond[:, 2] -= np.clip(points[:, 2], -shape.halfLength, shape.halfLength)
         return np.asarray(np.linalg.norm(beyond, axis=1) - shape.radius)
-
-    def convex(self, shape: Any) -> tuple[BoundingCapsule | None, coal.ShapeBase, float]:
-        return None, shape, shape.computeVolume()
 
     def surface(self, shape: Any) -> Array:
         import trimesh
