@@ -10,7 +10,7 @@ import numpy as np
 from cinegen.design import Design, calibrate
 from cinegen.design.calibration.proposal import propose
 from cinegen.design.poses import random_poses
-from cinegen.plotting.residuals import draw_residuals
+from cinegen.plotting.accuracy import draw_residuals
 from raff2urdf.quantities import shown
 
 folder = Path(tempfile.mkdtemp())

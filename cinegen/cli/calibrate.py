@@ -89,7 +89,7 @@ def run(
         if not json:
             print(f"robot: {output}", flush=True)
     if plot is not None:
-        from cinegen.plotting.residuals import draw_residuals
+        from cinegen.plotting.accuracy import draw_residuals
 
         write_figure(plot, draw_residuals(found, name), quiet=json)
     return 0

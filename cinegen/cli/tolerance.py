@@ -68,7 +68,7 @@ def run(
     name, where = stem_of(file) + (f".{robot}" if robot else ""), f" at {at}" if at else " at home"
     print_result({"name": name, **found.as_dict()}, _text(found, name, where), json)
     if plot is not None:
-        from cinegen.plotting.tolerance import draw_tolerance
+        from cinegen.plotting.accuracy import draw_tolerance
 
         write_figure(plot, draw_tolerance(found, name=name), quiet=json)
     return 0

@@ -60,7 +60,7 @@ def show_map(
     Args:
         path: path of the map (.zarr), which may be incomplete.
         quantity: quantity that colours the cells initially; the map's first unless given.
-        mechanism: the map's robot as it was loaded, with its meshes; see `cinegen.session.map_setup`.
+        mechanism: the map's robot as it was loaded, with its meshes; see `cinegen.session.scene_setup`.
         port: first port to try.
         height: height of the page in a notebook's cell, pixels.
 

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from cinegen.arrays import Array, ArrayLike, Integers
 from cinegen.cockpit.graphic_file import draw_file, material, material_of
 from cinegen.cockpit.page import DrawingCommand, Page
-from cinegen.collision.body import bounding_box_corners
+from cinegen.collision.shapes import bounding_box_corners
 from cinegen.collision.triangle_mesh import TriangleMesh
 from cinegen.mission.drawn_obstacle import DrawnObstacle, DrawnShape
 from cinegen.model import Mechanism

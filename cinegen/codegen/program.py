@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from enum import Enum
 
@@ -102,6 +103,11 @@ class Program:
     def place(self, name: str) -> HeapArray:
         """Return where an array of the memory is."""
         return self.translation.heap.place(self.memory, name)
+
+    def places(self) -> list[tuple[str, int, int]]:
+        """Return the name, the first index and the size of each array that the code's user reads or writes."""
+        names = dict.fromkeys(name for one in (None, *self.functions) for name in FIELDS[one])
+        return [(name, self.place(name).begin, math.prod(self.place(name).shape)) for name in names]
 
     def actuated(self) -> list[int]:
         """Return the index in q of each actuated joint."""

@@ -1,10 +1,13 @@
-"""Texts of both languages: the header, tables of numbers, and the translated functions."""
+"""Texts of both languages: templates of files, the header, and tables of numbers."""
 
 from __future__ import annotations
 
 import math
+import re
 import textwrap
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence, Set
+from pathlib import Path
+from typing import Any, TypeAlias
 
 from cinegen.codegen.language import Language, literal
 from cinegen.codegen.precision import CLOSURE_ERROR, POSITION_ERROR
@@ -12,6 +15,9 @@ from cinegen.codegen.program import Program
 from raff2urdf.escape import block_comment
 from raff2urdf.files import GENERATED
 from raff2urdf.version import __version__
+
+Values: TypeAlias = Mapping[str, Any]
+"""Values of a template, by name."""
 
 _WIDTH = 110
 
@@ -61,6 +67,35 @@ def filled(values: Sequence[float]) -> list[float]:
     return list(values[:end])
 
 
-def functions(program: Program) -> list[str]:
-    """Return the translated functions, callees first."""
-    return [line for one in program.translation.functions for line in ["", *one.lines]]
+def values_of(program: Program) -> dict[str, Any]:
+    """Return what templates of both languages take."""
+    language, heap, memory = program.translation.language, program.translation.heap.values, program.memory
+    functions = [line for one in program.translation.functions for line in ["", *one.lines]]  # callees first
+    return {
+        "header": "\n".join(header(program, "Kinematics")), "name": program.name, "functions": "\n".join(functions),
+        "nq": memory.nq, "nv": memory.n, "actuated": memory.actuated, "nodes": memory.nodes, "tasks": memory.tasks,
+        "size_d": len(heap["D"]), "size_i": max(len(heap["I"]), 1), "most_iterations": program.most_iterations,
+        "dt": literal(program.dt, language), "ik_tolerance": literal(program.ik_tolerance, language),
+        "targets": numbers(program.targets(), language),
+        **{f"at_{name}": begin for name, begin, _ in program.places()},
+    }  # fmt: skip
+
+
+def rendered(template: str, values: Values, parts: Set[str]) -> str:
+    """Return the text of a file.
+
+    Args:
+        template: name of a file in `templates/`. `@name@` stands for a value; lines between `@if a b` and `@end` are
+            for programs that have one of the parts a and b.
+        values: by name.
+        parts: functions of the program, and what it is tested with.
+    """
+    lines, kept = list[str](), [True]
+    for line in (Path(__file__).with_name("templates") / template).read_text().splitlines():
+        if line.startswith("@if "):
+            kept.append(not parts.isdisjoint(line.split()[1:]))
+        elif line == "@end":
+            kept.pop()
+        elif all(kept):
+            lines.append(re.sub(r"@(\w+)@", lambda name: str(values[name[1]]), line))
+    return "\n".join(lines) + "\n"

@@ -7,7 +7,6 @@ from collections.abc import Callable, Sequence
 from dataclasses import replace
 from typing import Any, NamedTuple
 
-import coal
 import numpy as np
 import pinocchio as pin
 from numba import types
@@ -16,12 +15,13 @@ from cinegen.arrays import Array, Integers
 from cinegen.collision._kernels.memory import ClearanceMemory
 from cinegen.collision._kernels.near import approach
 from cinegen.collision._kernels.sweep import advance, remember, separate, sweep
-from cinegen.collision.body import Body, bounding_box_corners, geometry_model, rounded_hull
+from cinegen.collision.body import Body, geometry_model
 from cinegen.collision.errors import PlanningError
 from cinegen.collision.exact_distances import UP_TO, ExactDistances
 from cinegen.collision.obstacle import Obstacle
 from cinegen.collision.scene import Scene
 from cinegen.collision.self_collision import PairReason, link_pairs
+from cinegen.collision.shapes import bounding_box_corners, rounded_hull
 from cinegen.jit.compiled import prepare
 from cinegen.jit.foreign import (
     DISTANCE,
@@ -357,10 +357,10 @@ def _capsule_ends(bodies: Sequence[Body]) -> tuple[Array, Array]:
     (bodies,), -1 for other bodies."""
     ends, radii = np.zeros((len(bodies), 2, 3)), np.full(len(bodies), -1.0)
     for i, body in enumerate(bodies):
-        if body.joint and isinstance(body.shape, coal.Capsule):
-            half = body.shape.halfLength * body.placement.rotation[:, 2]
-            ends[i] = body.placement.translation - half, body.placement.translation + half
-            radii[i] = body.shape.radius
+        points, radius = rounded_hull(body.shape) if body.joint else (ends[i], -1.0)
+        if len(points) == 2 and radius > 0.0:
+            ends[i] = points @ body.placement.rotation.T + body.placement.translation
+            radii[i] = radius
     return ends, radii
 
 

@@ -12,7 +12,7 @@ import pinocchio as pin
 from cinegen.arrays import Array
 from cinegen.collision.errors import SceneError
 from cinegen.collision.obstacle import Obstacle
-from cinegen.collision.scene import Scene
+from cinegen.collision.scene import Scene, configuration_keys
 from cinegen.collision.scene_file import scene_of
 from cinegen.collision.scene_table import pose_keys
 from cinegen.model import Mechanism
@@ -48,14 +48,14 @@ def scene_for(
     Example:
         `scene_for(arm, [0.5, 0.3, 0.4], obstacles=[{"kind": "sphere", "radius": 0.1, "point": [0.5, 0, 0.3]}])`
     """
-    given = list(obstacles)
-    made = [one for one in given if isinstance(one, Obstacle)]
+    around = list(obstacles)
+    made = [obstacle for obstacle in around if isinstance(obstacle, Obstacle)]
     values: dict[str, Any] = {"name": mechanism.name, "goal": _goal_keys(goal), **keys}
-    values["obstacle"] = [dict(one) for one in given if not isinstance(one, Obstacle)]
+    values["obstacle"] = [dict(obstacle) for obstacle in around if not isinstance(obstacle, Obstacle)]
     if start is not None:
         values["start"] = _start_keys(mechanism, start)
     scene = scene_of(values, mechanism=mechanism)
-    names = [one.name for one in (*scene.obstacles, *made)] + [one.name for one in scene.attached]
+    names = [thing.name for thing in (*scene.obstacles, *made, *scene.attached)]
     if twice := sorted({name for name in names if names.count(name) > 1}):
         raise SceneError(f"obstacles: '{twice[0]}' is the name of two: give each another one")
     return replace(scene, obstacles=(*scene.obstacles, *made))
@@ -83,4 +83,4 @@ def _start_keys(mechanism: Mechanism, start: Any) -> dict[str, Any]:
     q = np.asarray(start, dtype=float)
     if q.shape != (mechanism.model.nq,):
         raise SceneError(f"start must have {mechanism.model.nq} numbers, its shape is {q.shape}")
-    return {"joints": mechanism.values(q)} | (pose_keys(pin.XYZQUATToSE3(q[:7])) if mechanism.floating else {})
+    return configuration_keys(mechanism, q)

@@ -9,7 +9,8 @@ import numpy as np
 import pinocchio as pin
 
 from cinegen.arrays import Array, Integers
-from cinegen.collision.body import Body, rounded_hull
+from cinegen.collision.body import Body
+from cinegen.collision.shapes import kind_of, rounded_hull
 from cinegen.jit.foreign import DISTANCE, FIRST_POINT, NORMAL, SECOND_POINT
 
 
@@ -124,7 +125,6 @@ UP_TO = 3.0
 """Largest distance of exact shapes that is measured, as a multiple of the bound below which it is."""
 
 _TOUCHING = 1e-6  # m: nearer points do not determine a normal
-_MESH = coal.BVHModelOBBRSS
 
 
 def _transform(placement: pin.SE3) -> coal.Transform3s:
@@ -133,8 +133,9 @@ def _transform(placement: pin.SE3) -> coal.Transform3s:
 
 def _distant_points(shape: coal.CollisionGeometry) -> Array:
     """Return two points (2, 3) of a shape in its own frame, m: of meshes and hulls a corner, and the one furthest from
-    it; of other shapes the centre, twice."""
-    if not isinstance(shape, _MESH | coal.Convex):
+    it; of a shape of revolution the ends of its axis; of other shapes the origin, twice."""
+    kind = kind_of(shape)
+    points = rounded_hull(shape)[0] if kind.is_polyhedron else kind.axis(shape)
+    if points is None:
         return np.zeros((2, 3))
-    corners = rounded_hull(shape)[0]
-    return corners[[0, int(np.linalg.norm(corners - corners[0], axis=1).argmax())]]
+    return points[[0, int(np.linalg.norm(points - points[0], axis=1).argmax())]]

@@ -201,10 +201,10 @@ def _axis(table: SceneTable) -> tuple[pin.SE3, float]:
         return pin.SE3.Identity(), table.size("length")
     if "length" in table:
         raise table.error("length", "cannot be combined with ends: remove one of them")
-    given = table.points("ends", 2, 3)
-    if len(given) != 2:
-        raise table.error("ends", f"must be 2 points, not {len(given)}")
-    first, second = (np.pad(point, (0, 3 - len(point))) for point in given)
+    ends = table.points("ends", 2, 3)
+    if len(ends) != 2:
+        raise table.error("ends", f"must be 2 points, not {len(ends)}")
+    first, second = (np.pad(point, (0, 3 - len(point))) for point in ends)
     length = float(np.linalg.norm(second - first))
     if length < LEAST:
         raise table.error("ends", "coincide: for a sphere, write kind = 'sphere'")

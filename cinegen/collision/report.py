@@ -9,15 +9,12 @@ import numpy as np
 import pinocchio as pin
 
 from cinegen.arrays import Array
-from cinegen.collision.body import Body, rounded_hull
+from cinegen.collision.body import Body
 from cinegen.collision.clearance import Clearance
-from cinegen.collision.convex_hull import hull
 from cinegen.collision.self_collision import LinkPairs, PairReason, disabled_by_srdf, link_pairs
-from cinegen.collision.triangle_mesh import TriangleMesh
+from cinegen.collision.shapes import kind_of, rounded_hull
 from cinegen.model import Mechanism
 
-_MESH = coal.BVHModelOBBRSS
-_SIDES = 32  # of the polyhedron in a capsule
 _POINTS = 1000  # of a surface, at least, whose distances are measured
 _MOST = 200  # points of a mesh whose depth in another one is measured
 
@@ -52,22 +49,14 @@ def collision_report(mechanism: Mechanism) -> dict[str, Any]:
     shapes = [
         {
             "link": body.name,
-            "shape": _text(body.as_described),
-            "around": _text(body) if body.exact else None,
+            "shape": kind_of(body.as_described.shape).text(body.as_described.shape),
+            "around": kind_of(body.shape).text(body.shape) if body.exact else None,
             "excess": excess(body),
         }
         for body in links.bodies
     ]
     lost = dict(mechanism.unchecked_links)
     return {"shapes": shapes, "exact_within": clearance.exact_within, "pairs": pairs, "not_checked": lost}
-
-
-def _text(body: Body) -> str:
-    if isinstance(body.shape, _MESH):
-        return f"mesh of {body.shape.num_tris} triangles"
-    if isinstance(body.shape, coal.Convex):
-        return f"hull of {body.shape.num_points} corners"
-    return type(body.shape).__name__.lower()
 
 
 # --- how much convex shapes exceed exact ones --------------------------------------------------------------------
@@ -78,24 +67,11 @@ def excess(body: Body) -> float:
     than a thousand points of the surface."""
     if body.exact is None:
         return 0.0
-    triangles = np.array(_surface(body.shape).triangles)
+    triangles = kind_of(body.shape).surface(body.shape)
     while len(triangles) < _POINTS:
         triangles = _quartered(triangles)
     points = np.concatenate([triangles.mean(axis=1), np.unique(triangles.reshape(-1, 3), axis=0)])
     return float(_distances(points, body.exact.shape, body.exact.placement).max())
-
-
-def _surface(shape: coal.CollisionGeometry) -> Any:  # a mesh of trimesh
-    """Return the surface of a convex shape; a polyhedron in it where it is round."""
-    import trimesh  # takes 0.5 s
-
-    if isinstance(shape, coal.Sphere):
-        return trimesh.creation.icosphere(subdivisions=3, radius=shape.radius)
-    if isinstance(shape, coal.Capsule):
-        found = trimesh.creation.capsule(height=2.0 * shape.halfLength, radius=shape.radius, count=[_SIDES, _SIDES])
-        found.apply_translation(-found.bounds.mean(axis=0))
-        return found
-    return trimesh.convex.convex_hull(rounded_hull(shape)[0])
 
 
 def _distances(points: Array, shape: coal.CollisionGeometry, placement: pin.SE3) -> Array:
@@ -128,28 +104,27 @@ def depth_at_least(bodies: list[Body], poses: list[pin.SE3], depth: float) -> fl
         poses: of their shapes in the world.
         depth: that of convex shapes around them; it is that of the exact shapes, too, where these are convex.
     """
-    if not any(isinstance(body.shape, _MESH) for body in bodies):
+    if all(body.mesh is None for body in bodies):
         return depth
     found = 0.0
     for inner, outer in ((0, 1), (1, 0)):
-        if isinstance(bodies[inner].shape, _MESH | coal.Convex | coal.Box):
+        if kind_of(bodies[inner].shape).is_polyhedron:
             move = poses[outer].actInv(poses[inner])
             corners = np.unique(rounded_hull(bodies[inner].shape)[0], axis=0) @ move.rotation.T + move.translation
-            found = max(found, _deepest(corners, bodies[outer].shape))
+            found = max(found, _deepest(corners, bodies[outer]))
     return found
 
 
-def _deepest(points: Array, shape: coal.CollisionGeometry) -> float:
+def _deepest(points: Array, body: Body) -> float:
     """Return how deep the deepest of some points (n, 3), in the frame of a shape, is inside of it, m; 0 if none is."""
-    is_mesh = isinstance(shape, _MESH)
-    around = hull(rounded_hull(shape)[0]) if is_mesh else None
-    if around is not None:
-        points = points[(points @ around.normals.T <= around.offsets).all(axis=1)]
+    mesh = body.mesh
+    if mesh is not None:
+        points = points[(points @ mesh.hull.normals.T <= mesh.hull.offsets).all(axis=1)]
     points = points[np.linspace(0, len(points) - 1, min(len(points), _MOST)).astype(int)]
-    distances = _distances(points, shape, pin.SE3.Identity())
-    if not is_mesh:
+    distances = _distances(points, body.shape, pin.SE3.Identity())
+    if mesh is None:
         return float(-distances.min(initial=0.0))
     for deepest in np.argsort(-distances):
-        if TriangleMesh(shape).contains(points[deepest]):
+        if mesh.contains(points[deepest]):
             return float(distances[deepest])
     return 0.0

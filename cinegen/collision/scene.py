@@ -13,10 +13,9 @@ from typing import Any, NamedTuple
 import pinocchio as pin
 
 from cinegen.arrays import Array
-from cinegen.collision.attached import Attached, attached_pairs
 from cinegen.collision.body import Body
 from cinegen.collision.mobile_robot import X, Y, mobile_body
-from cinegen.collision.obstacle import Obstacle
+from cinegen.collision.obstacle import Attached, Obstacle, attached_pairs
 from cinegen.collision.scene_table import pose_keys
 from cinegen.html import table
 from cinegen.joints import supporting_columns
@@ -212,10 +211,10 @@ class Scene:
         return found
 
     def _start_keys(self) -> dict[str, Any]:
-        values = self.mechanism.values(self.start)
         if self.mobile is not None:
+            values = self.mechanism.values(self.start)
             return {"point": [values[X], values[Y]]}
-        return {"joints": values} | (pose_keys(pin.XYZQUATToSE3(self.start[:7])) if self.mechanism.floating else {})
+        return configuration_keys(self.mechanism, self.start)
 
     def _goal_keys(self) -> dict[str, Any]:
         if self.goal_configuration is not None:
@@ -247,6 +246,11 @@ def unmoving_joints(mechanism: Mechanism, node: str, goal: Sequence[str]) -> tup
     for _, columns in linked(mechanism.structure.system.columns):
         moves[columns] = moves[columns].max()
     return tuple(name for name in mechanism.joints if not moves[mechanism.v_index(name)])
+
+
+def configuration_keys(mechanism: Mechanism, q: Array) -> dict[str, Any]:
+    """Return the keys of a scene's start at q (nq,)."""
+    return {"joints": mechanism.values(q)} | (pose_keys(pin.XYZQUATToSE3(q[:7])) if mechanism.floating else {})
 
 
 def heading(placement: pin.SE3) -> float:

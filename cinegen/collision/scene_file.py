@@ -15,10 +15,9 @@ import numpy as np
 import pinocchio as pin
 
 from cinegen.arrays import Array
-from cinegen.collision.attached import Attached, read_attached
 from cinegen.collision.errors import SceneError
 from cinegen.collision.mobile_robot import X, Y, mobile_robot
-from cinegen.collision.obstacle import Obstacle, read_obstacle
+from cinegen.collision.obstacle import Attached, Obstacle, read_attached, read_obstacle
 from cinegen.collision.scene import UNCONSTRAINED, PathConstraints, Scene, heading, unmoving_joints
 from cinegen.collision.scene_table import LEAST, SceneTable, about_z, read_all
 from cinegen.errors import CinegenError, ClosureError
@@ -130,8 +129,7 @@ def _scene(
 
     mechanism, written, radius = _robot(table, folder, given, settings)
     node = table.text("node") if "node" in table else mechanism.end
-    if node not in mechanism.nodes:
-        raise table.error("node", f"'{node}' is not a node of {mechanism.name}{did_you_mean(node, mechanism.nodes)}")
+    table.check_name("node", node, mechanism.nodes, f"a node of {mechanism.name}")
     allowed = _allowed(table, mechanism)
     if radius is None:
         _check_lengths(table, mechanism, safety, influence, obstacles)
@@ -183,30 +181,30 @@ def _goal_table(table: SceneTable) -> SceneTable:
 
 
 def _obstacles(table: SceneTable, folder: Path) -> tuple[Obstacle, ...]:
-    found = dict[str, Obstacle]()
+    obstacles = dict[str, Obstacle]()
 
     def add(each: SceneTable, number: int) -> None:
         obstacle = read_obstacle(each, number, folder)
-        if obstacle.name in found:
+        if obstacle.name in obstacles:
             raise each.error("name", f"'{obstacle.name}' is used by another obstacle")
-        found[obstacle.name] = obstacle
+        obstacles[obstacle.name] = obstacle
 
     read_all({str(i): partial(add, each, i) for i, each in enumerate(table.tables("obstacle"), 1)})
-    return tuple(found.values())
+    return tuple(obstacles.values())
 
 
 def _attached(
     table: SceneTable, folder: Path, mechanism: Mechanism, node: str, obstacles: Sequence[Obstacle]
 ) -> tuple[Attached, ...]:
     """Return the objects that the robot holds, by default at the node that is to reach the goal."""
-    found, names = list[Attached](), {obstacle.name for obstacle in obstacles} | set(mechanism.nodes)
+    objects, names = list[Attached](), {obstacle.name for obstacle in obstacles} | set(mechanism.nodes)
     for number, each in enumerate(table.tables("attached"), 1):
-        one = read_attached(each, number, folder, mechanism, node, obstacles)
-        if one.name in names:
-            raise each.error("name", f"'{one.name}' is used by another object or node")
-        names.add(one.name)
-        found.append(one)
-    return tuple(found)
+        held = read_attached(each, number, folder, mechanism, node, obstacles)
+        if held.name in names:
+            raise each.error("name", f"'{held.name}' is used by another object or node")
+        names.add(held.name)
+        objects.append(held)
+    return tuple(objects)
 
 
 def _weights(table: SceneTable, mechanism: Mechanism) -> dict[str, float]:
@@ -214,34 +212,29 @@ def _weights(table: SceneTable, mechanism: Mechanism) -> dict[str, float]:
     for name in table:
         if name not in mechanism.joints:
             raise table.error(f"'{name}'", f"is not a joint of {mechanism.name}{did_you_mean(name, mechanism.joints)}")
-    found = {name: table.number(name, NUMBER) for name in mechanism.joints if name in table}
-    for name, weight in found.items():
+    weights = {name: table.number(name, NUMBER) for name in mechanism.joints if name in table}
+    for name, weight in weights.items():
         if not 1e-2 <= weight <= 1e2:
             raise table.error(name, f"must be a weight from 0.01 to 100, not {weight:g}")
-    return found
+    return weights
 
 
 def _allowed(table: SceneTable, mechanism: Mechanism) -> tuple[tuple[str, str], ...]:
     """Return the pairs of nodes that are not checked against each other."""
-    found = []
-    for one, other in table.pairs("allowed_collisions") if "allowed_collisions" in table else ():
-        for name in (one, other):
-            if name not in mechanism.nodes:
-                near = did_you_mean(name, mechanism.nodes)
-                raise table.error("allowed_collisions", f"'{name}' is not a node of {mechanism.name}{near}")
-        if one == other:
-            raise table.error("allowed_collisions", f"names '{one}' twice in one pair: name two nodes")
-        found.append((one, other))
-    return tuple(found)
+    pairs = table.pairs("allowed_collisions") if "allowed_collisions" in table else []
+    for pair in pairs:
+        for name in pair:
+            table.check_name("allowed_collisions", name, mechanism.nodes, f"a node of {mechanism.name}")
+        if pair[0] == pair[1]:
+            raise table.error("allowed_collisions", f"names '{pair[0]}' twice in one pair: name two nodes")
+    return tuple((first, second) for first, second in pairs)
 
 
 def _locked(table: SceneTable, mechanism: Mechanism, goal: Sequence[str]) -> tuple[str, ...]:
     """Return the joints that keep their values of the start."""
     names = table.names("locked")
     for name in names:
-        if name not in mechanism.joints:
-            near = did_you_mean(name, mechanism.joints)
-            raise table.error("locked", f"'{name}' is not a joint of {mechanism.name}{near}")
+        table.check_name("locked", name, mechanism.joints, f"a joint of {mechanism.name}")
         if name in goal:
             raise table.error("locked", f"'{name}' is also a joint of the goal: remove it from one of them")
     return tuple(names)

@@ -78,6 +78,11 @@ class SceneTable:
         """Return the error that reports what is wrong with a key."""
         return SceneError(f"{self.where}: {key} {why}")
 
+    def check_name(self, key: str, name: str, known: Sequence[str], what: str) -> None:
+        """Raise SceneError if the name in a key is not among the known ones."""
+        if name not in known:
+            raise self.error(key, f"'{name}' is not {what}{did_you_mean(name, known)}")
+
     # --- values --------------------------------------------------------------------------------------------------
 
     def number(self, key: str, dimension: Dimension = LENGTH) -> float:

@@ -12,13 +12,13 @@ from dataclasses import dataclass
 from enum import Enum
 from itertools import combinations, product
 
-import coal
 import numpy as np
 import pinocchio as pin
 
 from cinegen.arrays import Array
 from cinegen.collision.body import Body, Pairs, geometry_model
 from cinegen.collision.links import link_bodies
+from cinegen.collision.shapes import kind_of
 from cinegen.ik.local_ik import LocalIK
 from cinegen.joints import kinematic_data, translations
 from cinegen.model.mechanism import Mechanism
@@ -233,13 +233,8 @@ def _body_points(mechanism: Mechanism, bodies: Sequence[Body], configurations: A
 def _points_of(body: Body) -> Array:
     """Return points (n, 3) in the frame of the joint, m: the ends of the axis of a body of revolution, the centre of a
     sphere, four points of anything else."""
-    match body.shape:
-        case coal.Sphere():
-            points = np.zeros((1, 3))
-        case coal.Capsule() | coal.Cylinder():
-            points = np.array([[0.0, 0.0, body.shape.halfLength], [0.0, 0.0, -body.shape.halfLength]])
-        case _:
-            points = body.radius * np.vstack([np.zeros(3), np.eye(3)])
+    axis = kind_of(body.shape).axis(body.shape)
+    points = body.radius * np.vstack([np.zeros(3), np.eye(3)]) if axis is None else axis
     return np.asarray(points @ body.placement.rotation.T + body.placement.translation)
 
 

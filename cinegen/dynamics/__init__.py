@@ -2,7 +2,7 @@
 
 from cinegen.dynamics.forces import Forces, forces
 from cinegen.dynamics.inverse_dynamics import InverseDynamics
-from cinegen.dynamics.payload import Payload
+from cinegen.dynamics.loads import Payload
 from cinegen.dynamics.reactions import Reaction
 
 __all__ = ["Forces", "InverseDynamics", "Payload", "Reaction", "forces"]

@@ -15,8 +15,7 @@ from cinegen.dynamics._kernels.masses import find_masses
 from cinegen.dynamics._kernels.memory import DynamicsMemory
 from cinegen.dynamics._kernels.torques import HELD, OPEN, find_torques
 from cinegen.dynamics.errors import MotionError
-from cinegen.dynamics.loads import LoadedTree
-from cinegen.dynamics.payload import Payload
+from cinegen.dynamics.loads import LoadedTree, Payload
 from cinegen.dynamics.reactions import Reaction, axes_of_reaction, reactions
 from cinegen.errors import CinegenError, ClosureError, ConfigurationError, UnknownNameError
 from cinegen.jit.compiled import prepare

@@ -10,11 +10,14 @@ from raff2urdf.lazy import lazy_names
 if TYPE_CHECKING:
     from cinegen.ik.all_solutions import IKError as IKError
     from cinegen.ik.all_solutions import IKSolutions as IKSolutions
+    from cinegen.ik.barrier import Range as Range
     from cinegen.ik.batch import Evaluations as Evaluations
     from cinegen.ik.batch import evaluate as evaluate
     from cinegen.ik.forecast import Event as Event
     from cinegen.ik.forecast import EventKind as EventKind
     from cinegen.ik.forecast import Forecast as Forecast
+    from cinegen.ik.forecast import LookAhead as LookAhead
+    from cinegen.ik.forecast import forecast_motion as forecast_motion
     from cinegen.ik.given_task import Task as Task
     from cinegen.ik.global_ik import IKResult as IKResult
     from cinegen.ik.global_ik import inverse_kinematics as inverse_kinematics
@@ -28,15 +31,12 @@ if TYPE_CHECKING:
     from cinegen.ik.kinds import PointInPlane as PointInPlane
     from cinegen.ik.kinds import PointOnLine as PointOnLine
     from cinegen.ik.kinds import RelativePose as RelativePose
-    from cinegen.ik.look_ahead import LookAhead as LookAhead
-    from cinegen.ik.look_ahead import forecast_motion as forecast_motion
     from cinegen.ik.objectives import LimitMargin as LimitMargin
     from cinegen.ik.objectives import Manipulability as Manipulability
     from cinegen.ik.objectives import Objective as Objective
     from cinegen.ik.objectives import Posture as Posture
     from cinegen.ik.persistent import PersistentSolver as PersistentSolver
     from cinegen.ik.pink_task import PinkTask as PinkTask
-    from cinegen.ik.range import Range as Range
     from cinegen.ik.singular import LostDoF as LostDoF
     from cinegen.ik.singular import UncontrolledDoF as UncontrolledDoF
     from cinegen.ik.solver import Solver as Solver

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import itertools
 import math
-from collections import Counter, OrderedDict
+from collections import Counter
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -24,6 +24,7 @@ from cinegen.html import table
 from cinegen.ik.task import FrameTask
 from cinegen.inverse.task_parts import NodeTask, TaskParts
 from cinegen.model import Mechanism
+from cinegen.recent import Recent
 from cinegen.tolerances import AT_LIMIT
 from cinegen.typed_json import as_json
 from raff2urdf.coupling import followed
@@ -208,20 +209,14 @@ class _Kept:
 
     def __init__(self, _: Mechanism) -> None:
         self._lock = Lock()
-        self._recent: OrderedDict[tuple[Any, ...], tuple[TaskParts, Lock]] = OrderedDict()
+        self._recent = Recent[tuple[TaskParts, Lock]](_KEPT)
 
     def parts(self, mechanism: Mechanism, task: NodeTask, locked: Mapping[str, float]) -> tuple[TaskParts, Lock]:
         """Return the parts of a task, and a lock for those who use them."""
         numbers = task.offset.homogeneous.ravel().tolist()
         key = (task.node, task.rotation, task.free_axis, *numbers, *sorted(locked.items()))
         with self._lock:
-            found = self._recent.get(key)
-            if found is None:
-                found = self._recent[key] = TaskParts(mechanism, task, locked), Lock()
-                if len(self._recent) > _KEPT:
-                    self._recent.popitem(last=False)
-            self._recent.move_to_end(key)
-        return found
+            return self._recent.get(key, lambda: (TaskParts(mechanism, task, locked), Lock()))
 
 
 class _Assembly:

@@ -10,9 +10,9 @@ import numpy as np
 
 from cinegen.arrays import Array
 from cinegen.errors import ClosureError
+from cinegen.ik.barrier import Range
 from cinegen.ik.given_task import Task, errors_of
 from cinegen.ik.local_ik import LocalIK
-from cinegen.ik.range import Range
 from cinegen.ik.solver import Solver
 from cinegen.ik.state import State
 from cinegen.ik.task import FrameTask

@@ -18,9 +18,9 @@ import pinocchio as pin
 from msgspec import Struct
 
 from cinegen.errors import CinegenError
+from cinegen.ik.barrier import Range
 from cinegen.ik.given_task import Task
 from cinegen.ik.kinds import FIELDS, KINDS, Pointing
-from cinegen.ik.range import Range
 from cinegen.ik.state import State
 
 _IN_WORLD = {"position": True, "point": True, "through": True, "centre": True, "direction": False, "normal": False}

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import threading
-from collections import OrderedDict
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Literal, overload
@@ -26,6 +25,7 @@ from cinegen.ik.step import Status
 from cinegen.ik.task import FrameTask
 from cinegen.model import Mechanism
 from cinegen.model.plausible import FAR_TARGET, check_configuration, check_lengths
+from cinegen.recent import Recent
 from cinegen.tolerances import CLOSURE
 
 _SAMPLES = 1000  # configurations that starts are taken from
@@ -322,11 +322,12 @@ def placement_weights(task: FrameTask, length: float) -> tuple[float, Array]:
 
 
 class _Kept(threading.local):
-    """Global solvers that this thread used last."""
+    """Global solvers and mechanisms with locked joints that this thread used last. Each is kept with its mechanism, so
+    that the id in its key stays."""
 
     def __init__(self) -> None:
-        self.recent: OrderedDict[tuple[object, ...], _GlobalIK] = OrderedDict()
-        self.held: OrderedDict[tuple[object, ...], tuple[Mechanism, Mechanism]] = OrderedDict()
+        self.solvers = Recent[_GlobalIK](_KEPT)
+        self.held = Recent[tuple[Mechanism, Mechanism]](_KEPT)
 
 
 _kept = _Kept()
@@ -338,12 +339,8 @@ def _held(mechanism: Mechanism, joints: tuple[str, ...], q: Array | None) -> Mec
         return mechanism
     parts = [mechanism.model.joints[mechanism.model.getJointId(name)] for name in joints]
     values = np.concatenate([q[joint.idx_q : joint.idx_q + joint.nq] for joint in parts])
-    key, kept = (id(mechanism), joints, values.tobytes()), _kept.held
-    if key not in kept:
-        kept[key] = mechanism, mechanism.with_held(joints, q)  # keeps the mechanism, so that its id stays
-        if len(kept) > _KEPT:
-            kept.popitem(last=False)
-    return kept[key][1]
+    key = (id(mechanism), joints, values.tobytes())
+    return _kept.held.get(key, lambda: (mechanism, mechanism.with_held(joints, q)))[1]
 
 
 def _global_ik(mechanism: Mechanism, tasks: tuple[FrameTask, ...], limits: bool, seed: int) -> _GlobalIK:
@@ -352,12 +349,4 @@ def _global_ik(mechanism: Mechanism, tasks: tuple[FrameTask, ...], limits: bool,
         for task in tasks
     ]
     key = (id(mechanism), limits, seed, *frames)
-    recent = _kept.recent
-    solver = recent.get(key)
-    if solver is None:
-        solver = recent[key] = _GlobalIK(mechanism, tasks, limits, seed)  # keeps the mechanism, so that its id stays
-        if len(recent) > _KEPT:
-            recent.popitem(last=False)
-    else:
-        recent.move_to_end(key)
-    return solver
+    return _kept.solvers.get(key, lambda: _GlobalIK(mechanism, tasks, limits, seed))

@@ -9,20 +9,27 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
 from functools import lru_cache
-from typing import Annotated, Any, ClassVar, Literal, NamedTuple
+from typing import Annotated, Any, Literal, NamedTuple, TypeAlias
 
 import numpy as np
 import pinocchio as pin
 from msgspec import Meta
 
-from cinegen.arrays import Array, ArrayLike
+from cinegen.arrays import Array
 from cinegen.errors import CinegenError
 from cinegen.ik.given_task import checked_weight
 from cinegen.ik.state import State
 from cinegen.ik.task import checked_priority
 from cinegen.typed_json import Vector7
 from raff2urdf.residual import log, log_derivative, skew, swing
+
+Vector: TypeAlias = Any
+"""Three numbers when it is set, an array (3,) when it is read."""
+
+_ORIGIN = (0.0, 0.0, 0.0)
+_Z = (0.0, 0.0, 1.0)
 
 
 def _point(value: Any) -> Array:
@@ -138,31 +145,28 @@ FIELDS: Mapping[str, TaskField] = {
 """Attributes of tasks by name."""
 
 
+@dataclass(eq=False, repr=False)
 class _Kind:
     """Base of the kinds: attributes that are checked when they are set."""
 
-    unit: str | Sequence[str] = "m"
-    _own: ClassVar[tuple[str, ...]] = ()
-
-    priority: int
-    weight: float
-
-    def __init__(self, **values: Any) -> None:
-        for name, value in values.items():
-            setattr(self, name, value)
+    priority: int = field(default=0, kw_only=True)
+    weight: float = field(default=1.0, kw_only=True)
 
     def __setattr__(self, name: str, value: Any) -> None:
-        if name not in (*self._own, "priority", "weight"):
-            own = ", ".join((*self._own, "priority", "weight"))
-            raise AttributeError(f"{type(self).__name__} has no attribute '{name}' that can be set; it has {own}")
-        field = FIELDS[name]
+        if name not in self.__dataclass_fields__:
+            known = ", ".join((*self._names(), "priority", "weight"))
+            raise AttributeError(f"{type(self).__name__} has no attribute '{name}' that can be set; it has {known}")
+        checked = FIELDS[name]
         try:
-            object.__setattr__(self, name, field.checked(value))
+            object.__setattr__(self, name, checked.checked(value))
         except (AttributeError, TypeError, ValueError):
-            raise CinegenError(f"{type(self).__name__}.{name} must be {field.what}, not {value!r:.80}") from None
+            raise CinegenError(f"{type(self).__name__}.{name} must be {checked.what}, not {value!r:.80}") from None
 
     def __repr__(self) -> str:
-        return f"<{type(self).__name__} {', '.join(str(getattr(self, name)) for name in self._own[:2])}>"
+        return f"<{type(self).__name__} {', '.join(str(getattr(self, name)) for name in self._names()[:2])}>"
+
+    def _names(self) -> list[str]:
+        return [name for name in self.__dataclass_fields__ if name not in ("priority", "weight")]
 
 
 def _placed(state: State, on: str | None, point: Array) -> tuple[Array, Array]:
@@ -194,6 +198,7 @@ def _basis(numbers: bytes) -> Array:
     return found
 
 
+@dataclass(eq=False, repr=False)
 class RelativePose(_Kind):
     """A node keeps a pose relative to another one: both arms hold an object.
 
@@ -209,19 +214,13 @@ class RelativePose(_Kind):
         CinegenError: target is no SE3, or not finite.
     """
 
-    _own = ("node", "other", "target", "rotation")
     node: str
     other: str
     target: pin.SE3
-    rotation: bool
-
-    def __init__(
-        self, node: str, other: str, target: pin.SE3, rotation: bool = True, priority: int = 0, weight: float = 1.0
-    ) -> None:
-        super().__init__(node=node, other=other, target=target, rotation=rotation, priority=priority, weight=weight)
+    rotation: bool = True
 
     @property
-    def unit(self) -> Sequence[str]:  # type: ignore[override]
+    def unit(self) -> Sequence[str]:
         """Units of the rows."""
         return ("m", "m", "m", "rad", "rad", "rad") if self.rotation else ("m", "m", "m")
 
@@ -241,6 +240,7 @@ class RelativePose(_Kind):
         return np.vstack([axes @ relative[:3], log_derivative(turn) @ axes @ relative[3:]])
 
 
+@dataclass(eq=False, repr=False)
 class CenterOfMass(_Kind):
     """The centre of mass of the whole mechanism is at a position, or above it (`axes="xy"`).
 
@@ -254,12 +254,8 @@ class CenterOfMass(_Kind):
         CinegenError: position is not three finite numbers, or axes are not among x, y and z.
     """
 
-    _own = ("position", "axes")
-    position: Array
-    axes: str
-
-    def __init__(self, position: ArrayLike, axes: str = "xyz", priority: int = 0, weight: float = 1.0) -> None:
-        super().__init__(position=position, axes=axes, priority=priority, weight=weight)
+    position: Vector
+    axes: str = "xyz"
 
     @property
     def _rows(self) -> list[int]:
@@ -282,7 +278,7 @@ class Pointing(_Kind):
     """An axis of a node points along a direction: the swing (2,) of the direction seen from the node."""
 
     unit = "rad"
-    axis: Array
+    axis: Vector
     node: str
 
     def _line(self, state: State) -> tuple[Array, Array]:
@@ -304,6 +300,7 @@ class Pointing(_Kind):
         return np.asarray(swing(seen @ direction)[1] @ seen @ (turns - state.jacobian(self.node)[3:]))
 
 
+@dataclass(eq=False, repr=False)
 class LookAt(Pointing):
     """An axis of a node passes through a point: a camera looks at it.
 
@@ -320,24 +317,11 @@ class LookAt(Pointing):
         CinegenError: a point is not three finite numbers, or the axis is 0.
     """
 
-    _own = ("node", "point", "axis", "offset", "on")
     node: str
-    point: Array
-    axis: Array
-    offset: Array
-    on: str | None
-
-    def __init__(
-        self,
-        node: str,
-        point: ArrayLike,
-        axis: ArrayLike = (0.0, 0.0, 1.0),
-        offset: ArrayLike = (0.0, 0.0, 0.0),
-        on: str | None = None,
-        priority: int = 0,
-        weight: float = 1.0,
-    ) -> None:
-        super().__init__(node=node, point=point, axis=axis, offset=offset, on=on, priority=priority, weight=weight)
+    point: Vector
+    axis: Vector = _Z
+    offset: Vector = _ORIGIN
+    on: str | None = None
 
     def _line(self, state: State) -> tuple[Array, Array]:
         there, rates = _placed(state, self.on, self.point)
@@ -347,6 +331,7 @@ class LookAt(Pointing):
         return along, skew(along) @ (rates - own) / max(distance, 1e-9)
 
 
+@dataclass(eq=False, repr=False)
 class AxisAlong(Pointing):
     """An axis of a node is parallel to a direction; the rotation about it is free: a tool stays upright.
 
@@ -362,22 +347,10 @@ class AxisAlong(Pointing):
         CinegenError: direction or axis is not three finite numbers, or 0.
     """
 
-    _own = ("node", "direction", "axis", "on")
     node: str
-    direction: Array
-    axis: Array
-    on: str | None
-
-    def __init__(
-        self,
-        node: str,
-        direction: ArrayLike = (0.0, 0.0, 1.0),
-        axis: ArrayLike = (0.0, 0.0, 1.0),
-        on: str | None = None,
-        priority: int = 0,
-        weight: float = 1.0,
-    ) -> None:
-        super().__init__(node=node, direction=direction, axis=axis, on=on, priority=priority, weight=weight)
+    direction: Vector = _Z
+    axis: Vector = _Z
+    on: str | None = None
 
     def _line(self, state: State) -> tuple[Array, Array]:
         return _turned(state, self.on, self.direction)
@@ -387,7 +360,7 @@ class _OfPoint(_Kind):
     """A point on a node keeps a distance to something in the world."""
 
     node: str
-    offset: Array
+    offset: Vector
 
     def _here(self, state: State) -> Array:
         return np.asarray(state.frame(self.node).act(self.offset))
@@ -396,6 +369,7 @@ class _OfPoint(_Kind):
         return state.point_jacobian(self.node, self.offset)[:3]
 
 
+@dataclass(eq=False, repr=False)
 class PointOnLine(_OfPoint):
     """A point on a node stays on a line.
 
@@ -411,24 +385,10 @@ class PointOnLine(_OfPoint):
         CinegenError: a point is not three finite numbers, or the direction is 0.
     """
 
-    _own = ("node", "through", "direction", "offset")
     node: str
-    through: Array
-    direction: Array
-    offset: Array
-
-    def __init__(
-        self,
-        node: str,
-        through: ArrayLike,
-        direction: ArrayLike,
-        offset: ArrayLike = (0.0, 0.0, 0.0),
-        priority: int = 0,
-        weight: float = 1.0,
-    ) -> None:
-        super().__init__(
-            node=node, through=through, direction=direction, offset=offset, priority=priority, weight=weight
-        )
+    through: Vector
+    direction: Vector
+    offset: Vector = _ORIGIN
 
     def error(self, state: State) -> Array:
         """Return the distances (2,) from the line along two directions across it, m."""
@@ -439,6 +399,7 @@ class PointOnLine(_OfPoint):
         return np.asarray(_across(self.direction)[:2] @ self._rates(state))
 
 
+@dataclass(eq=False, repr=False)
 class PointInPlane(_OfPoint):
     """A point on a node stays in a plane.
 
@@ -454,22 +415,10 @@ class PointInPlane(_OfPoint):
         CinegenError: a point is not three finite numbers, or the normal is 0.
     """
 
-    _own = ("node", "through", "normal", "offset")
     node: str
-    through: Array
-    normal: Array
-    offset: Array
-
-    def __init__(
-        self,
-        node: str,
-        through: ArrayLike = (0.0, 0.0, 0.0),
-        normal: ArrayLike = (0.0, 0.0, 1.0),
-        offset: ArrayLike = (0.0, 0.0, 0.0),
-        priority: int = 0,
-        weight: float = 1.0,
-    ) -> None:
-        super().__init__(node=node, through=through, normal=normal, offset=offset, priority=priority, weight=weight)
+    through: Vector = _ORIGIN
+    normal: Vector = _Z
+    offset: Vector = _ORIGIN
 
     def error(self, state: State) -> Array:
         """Return the height (1,) above the plane, m."""
@@ -480,6 +429,7 @@ class PointInPlane(_OfPoint):
         return np.asarray(self.normal[None, :] @ self._rates(state))
 
 
+@dataclass(eq=False, repr=False)
 class PointAtDistance(_OfPoint):
     """A point on a node stays at a distance from a centre.
 
@@ -496,26 +446,11 @@ class PointAtDistance(_OfPoint):
         CinegenError: a point is not three finite numbers, or the distance is negative.
     """
 
-    _own = ("node", "centre", "distance", "offset", "on")
     node: str
-    centre: Array
+    centre: Vector
     distance: float
-    offset: Array
-    on: str | None
-
-    def __init__(
-        self,
-        node: str,
-        centre: ArrayLike,
-        distance: float,
-        offset: ArrayLike = (0.0, 0.0, 0.0),
-        on: str | None = None,
-        priority: int = 0,
-        weight: float = 1.0,
-    ) -> None:
-        super().__init__(
-            node=node, centre=centre, distance=distance, offset=offset, on=on, priority=priority, weight=weight
-        )
+    offset: Vector = _ORIGIN
+    on: str | None = None
 
     def error(self, state: State) -> Array:
         """Return the distance beyond the wanted one (1,), m."""
@@ -529,6 +464,7 @@ class PointAtDistance(_OfPoint):
         return np.asarray(away[None, :] @ (self._rates(state) - rates))
 
 
+@dataclass(eq=False, repr=False)
 class JointValues(_Kind):
     """Joints take values.
 
@@ -542,13 +478,8 @@ class JointValues(_Kind):
         CinegenError: values are not finite numbers by the names of joints.
     """
 
-    _own = ("values", "unit")
     values: Mapping[str, float]
-
-    def __init__(
-        self, values: Mapping[str, float], unit: str | Sequence[str] = "rad", priority: int = 0, weight: float = 1.0
-    ) -> None:
-        super().__init__(values=values, unit=unit, priority=priority, weight=weight)
+    unit: str | Sequence[str] = "rad"
 
     def error(self, state: State) -> Array:
         """Return the distance of each joint from its value, rad or m."""
@@ -564,6 +495,7 @@ class JointValues(_Kind):
         return np.eye(state.model.nv)[[state.mechanism.v_index(joint) for joint in self.values]]
 
 
+@dataclass(eq=False, repr=False)
 class JointEquality(_Kind):
     """A sum of multiples of joints is constant: sum_j c_j q_j = constant.
 
@@ -578,19 +510,9 @@ class JointEquality(_Kind):
         CinegenError: coefficients are not finite numbers by the names of joints.
     """
 
-    _own = ("coefficients", "constant", "unit")
     coefficients: Mapping[str, float]
-    constant: float
-
-    def __init__(
-        self,
-        coefficients: Mapping[str, float],
-        constant: float = 0.0,
-        unit: str = "rad",
-        priority: int = 0,
-        weight: float = 1.0,
-    ) -> None:
-        super().__init__(coefficients=coefficients, constant=constant, unit=unit, priority=priority, weight=weight)
+    constant: float = 0.0
+    unit: str = "rad"
 
     def error(self, state: State) -> Array:
         """Return the sum (1,) beyond the constant, rad or m."""
@@ -605,6 +527,7 @@ class JointEquality(_Kind):
         return row
 
 
+@dataclass(eq=False, repr=False)
 class Damping(_Kind):
     """All joints resist motion, as much as the weight demands: the least motion that serves the other tasks of its
     priority.
@@ -615,9 +538,7 @@ class Damping(_Kind):
     """
 
     unit = "rad"
-
-    def __init__(self, priority: int = 0, weight: float = 0.1) -> None:
-        super().__init__(priority=priority, weight=weight)
+    weight: float = field(default=0.1, kw_only=True)
 
     def error(self, state: State) -> Array:
         """Return zeros (nv,): the joints are where they should be."""

@@ -18,15 +18,13 @@ from cinegen.exception_log import ExceptionLog
 from cinegen.ik._kernels import memory as m
 from cinegen.ik._kernels.memory import MOST_FLAGS, SolverMemory
 from cinegen.ik._kernels.tick import tick
-from cinegen.ik.barrier import Barrier, Bounds
-from cinegen.ik.bifurcation import regular_neighbour
+from cinegen.ik.barrier import Barrier, Bounds, Range
 from cinegen.ik.blend import Blend
-from cinegen.ik.branch import passes_toggle
+from cinegen.ik.branch import passes_toggle, regular_neighbour
 from cinegen.ik.equations import task_rank
 from cinegen.ik.given_task import AnyTask, GivenTask, Task, is_task
 from cinegen.ik.joints import ACCELERATION, JointControl, JointSettings
 from cinegen.ik.objectives import Objective
-from cinegen.ik.range import Range
 from cinegen.ik.setup import make_room_for_barriers, set_up_solver, set_up_solver_tasks
 from cinegen.ik.state import State
 from cinegen.ik.step import Layout, Step

@@ -14,9 +14,8 @@ from cinegen.arrays import Array
 from cinegen.collision.clearance import Clearance
 from cinegen.joints import kinematic_data
 from cinegen.planning.clearance_barrier import stop_distance
-from cinegen.planning.encounters import HORIZON, Encounters, Meeting, Place
+from cinegen.planning.encounters import HORIZON, Encounters, Meeting, ObstacleMotion, Place
 from cinegen.planning.manoeuvres import Manoeuvre, ReactingJoints, driven_motions
-from cinegen.planning.obstacle_motion import ObstacleMotion
 
 _EFFORT = 20_000  # 1/s: instants of the period of a tick that a search may measure; an instant takes 15 to 30 us
 _FOLLOWED = 1e-4  # rad/s and m/s by which joints may miss the velocity of a manoeuvre that was tested

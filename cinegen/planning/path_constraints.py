@@ -11,12 +11,12 @@ import pinocchio as pin
 from cinegen.arrays import Array
 from cinegen.collision.scene import Scene
 from cinegen.errors import CinegenError
+from cinegen.ik.barrier import TOLERANCE as RANGE_TOLERANCE
+from cinegen.ik.barrier import Range
 from cinegen.ik.by_ticks import solver_for
 from cinegen.ik.equations import task_rank
 from cinegen.ik.given_task import GivenTask, Task, errors_of
 from cinegen.ik.local_ik import LocalIK
-from cinegen.ik.range import TOLERANCE as RANGE_TOLERANCE
-from cinegen.ik.range import Range
 from cinegen.ik.state import State
 from cinegen.ik.task import FrameTask
 from cinegen.model import Mechanism

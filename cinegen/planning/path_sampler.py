@@ -10,9 +10,9 @@ from itertools import pairwise
 import numpy as np
 
 from cinegen.arrays import Array
-from cinegen.collision.body import bounding_box_corners
 from cinegen.collision.clearance import Clearance
 from cinegen.collision.scene import Scene
+from cinegen.collision.shapes import bounding_box_corners
 from cinegen.errors import ClosureError
 from cinegen.planning.clear_motion import clear_motion
 from cinegen.planning.goal_configurations import TOLERANCE

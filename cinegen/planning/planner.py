@@ -24,10 +24,10 @@ from cinegen.collision.obstacle import Obstacle
 from cinegen.collision.scene import Scene
 from cinegen.errors import ClosureError
 from cinegen.html import table
+from cinegen.ik.barrier import Range
 from cinegen.ik.given_task import Task, is_task
 from cinegen.ik.joints import checked_names
 from cinegen.ik.objectives import Objective
-from cinegen.ik.range import Range
 from cinegen.model import Mechanism
 from cinegen.model.motion_plane import motion_plane
 from cinegen.planning.attempt import Attempt, PlanStatus, attempt, checked

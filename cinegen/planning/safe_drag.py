@@ -14,8 +14,8 @@ from cinegen.arrays import Array, ArrayLike
 from cinegen.collision.clearance import Clearance
 from cinegen.errors import CinegenError
 from cinegen.ik import FrameTask, LookAhead, Solver, Status, Step
+from cinegen.ik.barrier import Range
 from cinegen.ik.local_ik import LocalIK
-from cinegen.ik.range import Range
 from cinegen.ik.state import State
 from cinegen.ik.thresholds import SECONDARY_TRIES, TRIES
 from cinegen.loops.arrays import null_space

@@ -13,9 +13,10 @@ import numpy as np
 import pinocchio as pin
 
 from cinegen.arrays import Array
-from cinegen.collision.body import Body, rounded_hull
+from cinegen.collision.body import Body
 from cinegen.collision.clearance import clearance_of
 from cinegen.collision.scene import Scene
+from cinegen.collision.shapes import rounded_hull
 from cinegen.collision.triangle_mesh import TriangleMesh
 from cinegen.joints import kinematic_data
 from cinegen.model.motion_plane import motion_plane

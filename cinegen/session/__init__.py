@@ -1,10 +1,9 @@
 """Sessions: robots that users and sensors drive together; commands in, states out, at a fixed rate."""
 
 from cinegen.session.commands import Command, CommandError, decode_command
-from cinegen.session.map_setup import map_setup
 from cinegen.session.report import Reporter, RobotReport, agreed_status
 from cinegen.session.runner import SessionError, SessionRunner
-from cinegen.session.scene_setup import scene_setup
+from cinegen.session.scene_setup import map_setup, scene_setup
 from cinegen.session.session import Session
 from cinegen.session.setup import Setup, SetupError, arrange, base_poses, replay_setup
 from cinegen.session.state import SessionState

@@ -17,8 +17,7 @@ from cinegen.ik import Event, EventKind, FrameTask, LookAhead, Step
 from cinegen.ik.singular import gained
 from cinegen.loops.motions import motions_of
 from cinegen.model import Mechanism
-from cinegen.session.bearing import BearingReporter, ReactionReport
-from cinegen.session.holding import HoldingError
+from cinegen.session.holding import BearingReporter, HoldingError, ReactionReport
 from cinegen.session.state import CarriedMass, RobotState, RobotStatus
 from cinegen.singularities.ball_joints import CountedLoops, balls
 from cinegen.tolerances import NEAR_SINGULAR

@@ -1,7 +1,8 @@
-"""`scene_setup`: the setup of a session with the robot and the obstacles of a scene."""
+"""`scene_setup` and `map_setup`: the setup of a session with the robot of a scene and its obstacles, or with a map."""
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Collection, Iterator
 from dataclasses import replace
 from pathlib import Path
@@ -13,14 +14,17 @@ import pinocchio as pin
 
 from cinegen.arrays import Array
 from cinegen.collision import Obstacle, Scene
-from cinegen.collision.attached import Attached
 from cinegen.collision.body import PlacedShape
-from cinegen.collision.convex_hull import hull
 from cinegen.collision.mobile_robot import mobile_robot
+from cinegen.collision.obstacle import Attached
 from cinegen.collision.obstacle_kinds import HEIGHT
+from cinegen.collision.shapes import kind_of, rounded_hull
+from cinegen.errors import CinegenWarning
 from cinegen.mission.drawn_obstacle import DrawnObstacle, DrawnShape
+from cinegen.model import Mechanism
 from cinegen.model.motion_plane import motion_plane
-from cinegen.session.setup import RATE, Avoidance, DrawnAttached, Setup, arrange
+from cinegen.session.setup import RATE, Avoidance, DrawnAttached, MapOverlay, Setup, SetupError, arrange
+from raff2urdf.errors import did_you_mean
 
 _FLAT = 0.25  # characteristic lengths
 _THIN = 0.02  # of a half-space's width
@@ -105,7 +109,7 @@ class SceneAppearance:
     def obstacle(self, obstacle: Obstacle) -> DrawnObstacle:
         """Return an obstacle of the scene. Half-spaces can't be moved."""
         dof: Literal[0, 3, 6] = 6 if self.height is None else 3
-        if obstacle.kind in ("half_space", "half_plane"):
+        if not all(np.isfinite(piece.radius) for piece in obstacle.pieces):
             dof = 0
         return DrawnObstacle(tuple(map(DrawnShape.of, self._shapes(obstacle))), obstacle.placement, dof)
 
@@ -130,7 +134,7 @@ class SceneAppearance:
         for piece in obstacle.pieces:
             if piece.interior is not None and is_small:
                 yield PlacedShape(piece.as_described.placement, piece.as_described.shape)
-            elif isinstance(piece.shape, coal.Halfspace):
+            elif not np.isfinite(piece.radius):
                 yield self._slab(piece.shape, obstacle.placement * piece.placement, piece.placement)
             else:
                 shape = piece.shape if self.height is None else _flattened(piece.shape, self.height)
@@ -154,13 +158,48 @@ class SceneAppearance:
 
 def _flattened(shape: coal.ShapeBase, height: float) -> coal.ShapeBase:
     """Return a shape that was given in the plane with a height (m); another shape as it is."""
-    match shape:
-        case coal.Cylinder() if 2.0 * shape.halfLength == HEIGHT:
-            return coal.Cylinder(shape.radius, height)
-        case coal.Box() if 2.0 * shape.halfSide[2] == HEIGHT:
-            return coal.Box(np.array([*(2.0 * shape.halfSide[:2]), height]))
-        case coal.Convex():
-            corners = np.array(shape.points())
-            if np.ptp(corners[:, 2]) == HEIGHT:
-                return hull(corners * np.array([1.0, 1.0, height / HEIGHT])).shape
-    return shape
+    points, radius = rounded_hull(shape)
+    if radius > 0.0 or np.ptp(points[:, 2]) != HEIGHT:
+        return shape
+    return kind_of(shape).stretched(shape, height / HEIGHT)
+
+
+def map_setup(path: str | Path, quantity: str | None = None, mechanism: Mechanism | None = None) -> Setup:
+    """Return the setup of a session with the robot of a map, among the map's obstacles if it has some.
+
+    Args:
+        path: path of the map, which may be incomplete.
+        quantity: quantity that colours the cells initially; the map's first unless given.
+        mechanism: the map's robot, loaded from its file, if the map is far from it. Otherwise its meshes
+            are not found there, and it is drawn as a stick figure.
+
+    Raises:
+        MapError: there is no map.
+        SetupError: the map has no such quantity, or is of another robot.
+    """
+    from cinegen.workspace.zarr_store import MapStore
+
+    where = Path(path).absolute()
+    with warnings.catch_warnings():  # they were issued when it was made
+        warnings.simplefilter("ignore", CinegenWarning)
+        spec = MapStore(where).spec
+    if quantity is not None and quantity not in spec.quantities:
+        known = f"it has {', '.join(spec.quantities) or 'none'}"
+        raise SetupError(f"{path}: no quantity '{quantity}'{did_you_mean(quantity, spec.quantities)}; {known}")
+    if mechanism is None:
+        source = spec.mechanism.source._replace(owner=str(where.parent))
+        mechanism = replace(spec.mechanism, source=source)
+    elif replace(spec, mechanism=mechanism).robot_hash != spec.robot_hash:
+        raise SetupError(f"{path} is a map of another robot than {mechanism.name}, or of another version of it")
+    if spec.scene is None:
+        robot = " ".join(mechanism.name.replace("/", "-").split()) or "robot"  # as the page's scene requires
+        with warnings.catch_warnings():  # of ports: no sensor was requested
+            warnings.simplefilter("ignore", CinegenWarning)
+            setup = arrange({robot: mechanism})
+    else:
+        from cinegen.collision import scene_of
+
+        setup = scene_setup(scene_of(dict(spec.scene), spec.folder, mechanism=mechanism))
+        assert setup.avoidance is not None
+        robot = setup.avoidance.robot
+    return replace(setup, map=MapOverlay(str(where), robot, spec.node, quantity))

@@ -3,8 +3,7 @@
 from figures import ROBOTS, write
 
 from cinegen.design import calibrate, tolerance
-from cinegen.plotting.residuals import draw_residuals
-from cinegen.plotting.tolerance import draw_tolerance
+from cinegen.plotting.accuracy import draw_residuals, draw_tolerance
 
 
 def budget():

@@ -36,9 +36,8 @@ from cinegen.design import calibrate, tolerance
 from cinegen.page import build_page
 from cinegen.planning import plan
 from cinegen.plotting import draw_modes, draw_plan
-from cinegen.plotting.residuals import draw_residuals
+from cinegen.plotting.accuracy import draw_residuals, draw_tolerance
 from cinegen.plotting.sheet import BLUE, FAINT, GREEN, INK, ORANGE, VERMILION, finish, label, sheet
-from cinegen.plotting.tolerance import draw_tolerance
 from cinegen.session import arrange
 from raff2urdf.quantities import show_lengths_in
 

@@ -14,9 +14,10 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import NDArray
 
-from cinegen.collision.body import Body, rounded_hull
+from cinegen.collision.body import Body
 from cinegen.collision.capsule import bounding_capsule, perpendicular
 from cinegen.collision.obstacle_kinds import HEIGHT
+from cinegen.collision.shapes import rounded_hull
 
 Array = NDArray[np.float64]
 

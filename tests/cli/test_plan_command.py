@@ -4,13 +4,18 @@ import json
 import math
 import re
 
+import coal
 import numpy as np
+import pinocchio as pin
 import pytest
 
 from cinegen.cli import main
-from cinegen.collision import load_scene
+from cinegen.collision import load_scene, obstacle_kinds
+from cinegen.collision.body import PlacedShape
 from cinegen.mission import MissionError, Recording
 from cinegen.planning import plan
+from cinegen.plotting import draw_plan
+from cinegen.session import scene_setup
 
 
 @pytest.fixture
@@ -219,3 +224,22 @@ def test_no_path_is_no_proof(changed):
     text = " ".join(changed("2", "--timeout", 0.5, code=1).split())
     assert "time limit: no path was found in 0.5 s, which is no proof that there is none" in text
     assert "Try --timeout 3, or --singular cross." in text
+
+
+@pytest.mark.parametrize("shape", [coal.Cone(0.2, 1.0), coal.Ellipsoid(0.2, 0.2, 0.5)], ids=["known", "unknown"])
+def test_a_kind_of_obstacle_that_is_added_is_planned_with_drawn_and_recorded(
+    typed, scene, tmp_path, monkeypatch, shape
+):
+    added = {"added": lambda table, folder: [PlacedShape(pin.SE3.Identity(), shape)]}
+    monkeypatch.setattr(obstacle_kinds, "KINDS", {**obstacle_kinds.KINDS, **added})
+    path, record = scene(obstacle=[{"kind": "added", "point": [0.5, 0.0]}]), tmp_path / "added.jsonl"
+    assert "reached" in typed(path, "-o", record)
+    assert Recording.load(record).times.size > 2
+    (obstacle,) = scene_setup(load_scene(path)).obstacles.values()
+    (drawn,) = obstacle.shapes
+    corners = np.reshape(drawn.numbers, (-1, 3))
+    assert drawn.shape == "hull"
+    assert np.abs(corners[:, 2]).max() == pytest.approx(0.5)
+    assert np.abs(corners[:, :2]).max() == pytest.approx(0.2, rel=0.01)
+    assert np.isclose(corners[:, 2], 0.5).sum() == (1 if isinstance(shape, coal.Cone) else 4)
+    assert draw_plan(plan(load_scene(path))).axes

@@ -10,9 +10,8 @@ from clearings import load
 
 from cinegen.collision import clearance_of, scene_of
 from cinegen.model.motion_limits import motion_limits
-from cinegen.planning.encounters import HORIZON, Encounters
+from cinegen.planning.encounters import HORIZON, Encounters, ObstacleMotion
 from cinegen.planning.manoeuvres import Manoeuvre, ReactingJoints
-from cinegen.planning.obstacle_motion import ObstacleMotion
 
 DT, SAFETY, STRIDE = 1e-3, 0.01, 5e-3
 BOX = np.array([0.2, 0.06, 0.1])

@@ -9,8 +9,8 @@ import pinocchio as pin
 import pytest
 
 from cinegen.collision import PlanningError
+from cinegen.ik.barrier import Range
 from cinegen.ik.kinds import AxisAlong, PointInPlane
-from cinegen.ik.range import Range
 from cinegen.ik.state import State
 from cinegen.planning import PlanStatus, plan
 

@@ -10,8 +10,7 @@ from variants import FEWER
 import cinegen
 from cinegen.dynamics import Payload
 from cinegen.session import commands as c
-from cinegen.session.bearing import BearingReporter
-from cinegen.session.holding import Holding, why_no_forces
+from cinegen.session.holding import BearingReporter, Holding, why_no_forces
 from cinegen.session.state import CarriedMass
 
 pytestmark = pytest.mark.filterwarnings("ignore:.*no such port:cinegen.CinegenWarning")

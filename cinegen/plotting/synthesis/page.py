@@ -7,6 +7,7 @@ from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from io import BytesIO
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 from cinegen.arrays import Array
@@ -19,39 +20,7 @@ from raff2urdf.extras import needs
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-_STYLE = f"""
-:root {{ color-scheme: light; }}
-body {{ margin: 2rem auto; padding: 0 1.5rem; max-width: 54rem; color: {INK}; background: white;
-  font: 16px/1.5 system-ui, "Segoe UI", "DejaVu Sans", sans-serif; overflow-wrap: anywhere; }}
-h1 {{ font-size: 1.6rem; line-height: 1.25; margin: 0 0 .5rem; }}
-h2 {{ font-size: 1.15rem; margin: 2.2rem 0 .5rem; padding-top: .6rem; border-top: 1px solid #d3d7dc; }}
-p {{ margin: .5rem 0; max-width: 48rem; }}
-.status {{ padding: .5rem .8rem; border-left: .3rem solid {GREEN}; background: #f4f6f8; max-width: none; }}
-.status.fails {{ border-color: {VERMILION}; }}
-dl {{ display: grid; grid-template-columns: max-content 1fr; gap: .2rem 1.2rem; margin: .5rem 0; }}
-dt {{ color: #5a626b; }}
-dd {{ margin: 0; }}
-.scroll {{ overflow-x: auto; }}
-table {{ border-collapse: collapse; margin: .6rem 0; font-size: .9em; font-variant-numeric: tabular-nums;
-  overflow-wrap: normal; }}
-caption {{ text-align: left; color: #5a626b; padding-bottom: .3rem; }}
-th, td {{ text-align: left; padding: .2rem 1.4rem .2rem 0; border-bottom: 1px solid #e3e6ea; vertical-align: top; }}
-th {{ border-color: {FAINT}; font-weight: 600; }}
-figure {{ margin: .8rem 0; }}
-figure svg {{ display: block; width: 100%; height: auto; }}
-figcaption {{ font-size: .9em; color: #5a626b; max-width: 48rem; margin-top: .3rem; }}
-pre {{ font-size: .8em; line-height: 1.35; background: #f4f6f8; padding: .6rem .8rem; white-space: pre-wrap; }}
-@page {{ size: A4; margin: 15mm; }}
-@media print {{
-  body {{ margin: 0; padding: 0; max-width: none; font-size: 9.5pt; line-height: 1.4; }}
-  h1 {{ font-size: 15pt; }} h2 {{ font-size: 11.5pt; margin-top: 14pt; break-after: avoid; }}
-  figure, tr, dl, .status {{ break-inside: avoid; }}
-  .scroll {{ overflow: visible; }}
-  th, td {{ padding-right: 9pt; }}
-  .status, pre {{ print-color-adjust: exact; -webkit-print-color-adjust: exact; }}
-}}
-"""
-
+_COLOURS = f":root {{ --ink: {INK}; --faint: {FAINT}; --good: {GREEN}; --bad: {VERMILION}; }}\n"
 _POLICY = "default-src 'none'; style-src 'unsafe-inline'"
 
 
@@ -125,12 +94,12 @@ class ReportPage:
 
     def text_of_page(self) -> str:
         """Return the HTML file."""
-        title = html_text(self.title)
+        title, style = html_text(self.title), Path(__file__).with_name("page.css").read_text(encoding="utf-8")
         return (
             f'<!DOCTYPE html>\n<html lang="en"><head><meta charset="utf-8">'
             f'<meta http-equiv="Content-Security-Policy" content="{html_text(_POLICY)}">'
             '<meta name="viewport" content="width=device-width, initial-scale=1">'
-            f"<title>{title}</title><style>{_STYLE}</style></head>\n<body>\n<h1>{title}</h1>\n"
+            f"<title>{title}</title><style>{_COLOURS}{style}</style></head>\n<body>\n<h1>{title}</h1>\n"
             + "\n".join(self._parts)
             + "\n</body></html>\n"
         )

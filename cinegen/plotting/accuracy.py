@@ -1,4 +1,5 @@
-"""`draw_residuals`: what measurements differ from the robot, before and after its calibration."""
+"""Pictures of accuracy: the largest contributors to the error of a node, and what measurements differ from a robot
+before and after its calibration."""
 
 from __future__ import annotations
 
@@ -8,7 +9,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from cinegen.design.calibration import Calibration
-from cinegen.plotting.sheet import BLUE, FAINT, INK, ORANGE, VERMILION, finish, label, sheet
+from cinegen.design.tolerance import ToleranceReport
+from cinegen.plotting.sheet import BLUE, FAINT, INK, LABEL, ORANGE, VERMILION, finish, label, sheet
 from raff2urdf.quantities import ANGLE, LENGTH, Dimension
 
 if TYPE_CHECKING:
@@ -16,9 +18,45 @@ if TYPE_CHECKING:
 
     from cinegen.design.calibration.estimation import HeldOut
 
+_BARS = 12  # of a side, at most
 _WIDE, _TALL = 7.5, 2.1  # inches: width, and height of each row
 _LIMIT = 3.0  # standard deviations, drawn as lines
 _MOST = 8.0  # standard deviations, of the lower panel
+
+
+def draw_tolerance(report: ToleranceReport, size: float = 9.0, name: str | None = None) -> Figure:
+    """Draw what the largest sources of errors contribute to a node's position and orientation.
+
+    Bars are standard deviations that each source alone causes; numbers are fractions of the variance.
+
+    Args:
+        report: of `cinegen.design.tolerance`.
+        size: width, inches.
+        name: of the robot in the title; its own by default.
+    """
+    sides = [(report.contributors(turned), turned) for turned in (False, True)]
+    bars = max((min(len(found), _BARS) for found, _ in sides), default=0)
+    title = f"{name or report.name}: accuracy of {report.node}"
+    text = f"position {1e3 * report.position:.4g} mm, orientation {math.degrees(report.orientation):.4g}° (1 sigma)" + (
+        f"\n{report.agreement}" if report.agreement else ""
+    )
+    figure, body = sheet(size, 1.0 + 0.24 * max(bars, 2), title, text)
+    for axes, (found, turned) in zip(body.subplots(1, 2), sides, strict=True):
+        total, unit = (math.degrees(report.orientation), "°") if turned else (1e3 * report.position, "mm")
+        shown = found[:_BARS]
+        names = [f"{one.name} ({_shown(one.sigma, one.dimension)})" for one, _ in shown]
+        sizes = [total * math.sqrt(share) for _, share in shown]
+        places = np.arange(len(shown))
+        axes.barh(places, sizes, color=ORANGE if turned else BLUE, height=0.7)
+        for place, width, (_, share) in zip(places, sizes, shown, strict=True):
+            axes.annotate(f" {100.0 * share:.1f} %", (width, place), va="center", fontsize=LABEL, color=INK)
+        axes.set_yticks(places, names)
+        axes.invert_yaxis()
+        axes.margins(x=0.18)
+        axes.grid(axis="x", color=FAINT, alpha=0.25)
+        more = f"\n({len(found) - _BARS} more not shown)" if len(found) > _BARS else ""
+        label(axes, f"{'orientation' if turned else 'position'} by one source alone, 1 sigma ({unit}){more}")
+    return finish(figure)
 
 
 def draw_residuals(found: Calibration, name: str | None = None) -> Figure:
@@ -74,4 +112,4 @@ def _kept(one: HeldOut) -> str:
 
 
 def _shown(value: float, dimension: Dimension) -> str:
-    return f"{1e3 * value:.3g} mm" if dimension is LENGTH else f"{math.degrees(value):.3g} degrees"
+    return f"{1e3 * value:.3g} mm" if dimension is LENGTH else f"{math.degrees(value):.3g}°"
