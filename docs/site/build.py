@@ -214,7 +214,8 @@ class Site:
             page = f"api/{package.removeprefix('cinegen.')}"
             pages.append(page)
             lines += [f"- [{package}]({page}.md): {' '.join(told.split())} {shown}"]
-            entries = [f".. auto{_kind_of(getattr(module, name))}:: {package}.{name}\n" for name in names]
+            things = {name: thing for name in names if callable(thing := getattr(module, name))}
+            entries = [f".. auto{_kind_of(thing)}:: {package}.{name}\n" for name, thing in things.items()]
             body = "\n".join([f".. automodule:: {package}\n   :no-members:\n", *entries])
             self.write(f"reference/{page}", f"# {package}\n\n```{{eval-rst}}\n{body}```\n")
         tree = "\n".join(pages)
@@ -222,10 +223,10 @@ class Site:
 
 
 def _kind_of(thing: object) -> str:
-    """Return the directive of autodoc, without "auto", for a public thing."""
+    """Return the directive of autodoc, without "auto", for a class or a function."""
     if isinstance(thing, type):
         return "exception" if issubclass(thing, BaseException) else "class"
-    return "function" if callable(thing) else "data"
+    return "function"
 
 
 def fill(site: Site) -> None:
