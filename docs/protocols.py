@@ -1,9 +1,9 @@
-"""Write the tables of messages and files into the docs, and the page's types of messages, from their schemas.
+"""Write the page's types of messages, and for the site the tables of messages and files, from their schemas.
 
     python docs/protocols.py
 
-A table stands between `<!-- table of MODULE.NAME -->` and `<!-- end of table -->`. NAME is a Struct, whose fields are
-listed, or a union of messages, each of which is listed with its fields. Meanings are those in the docstrings.
+On the site a table replaces each line "Schema: `MODULE.NAME`" of `docs/reference/protocol.md`. NAME is a Struct, whose
+fields are listed, or a union of messages, each listed with its fields. Meanings are those in the docstrings.
 """
 
 from __future__ import annotations
@@ -21,12 +21,12 @@ from msgspec import Struct
 
 DOCS = Path(__file__).parent
 TYPES = DOCS.parent / "cinegen/cockpit/static/base/messages.d.ts"
-TABLE = re.compile(r"(<!-- table of (\S+) -->\n).*?(<!-- end of table -->)", flags=re.DOTALL)
+SCHEMA = re.compile(r"^Schema: `(\S+)`$", flags=re.MULTILINE)
 
 
 def written(text: str) -> str:
-    """Return a page with its tables written anew."""
-    return TABLE.sub(lambda found: f"{found[1]}\n{table(found[2])}\n\n{found[3]}", text)
+    """Return a page with its tables."""
+    return SCHEMA.sub(lambda schema: table(schema[1]), text)
 
 
 def table(name: str) -> str:
@@ -176,14 +176,5 @@ def _type(info: mi.Type, known: dict[str, str], field: str = "") -> str:
     raise TypeError(f"no type for {info}")
 
 
-def main() -> None:
-    """Write all pages and types anew."""
-    TYPES.write_text(types(), encoding="utf-8")
-    for page in sorted(DOCS.glob("*.md")):
-        text = page.read_text(encoding="utf-8")
-        if (new := written(text)) != text:
-            page.write_text(new, encoding="utf-8")
-
-
 if __name__ == "__main__":
-    main()
+    TYPES.write_text(types(), encoding="utf-8")

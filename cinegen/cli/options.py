@@ -65,7 +65,7 @@ IGNORE = option(
     unless="--ignore-loops",
 )  # fmt: skip
 IGNORE_LOOPS = flag("--ignore-loops", "leave out all loops and couplings: every joint moves independently")
-JSON = flag("--json", "print JSON: m, rad and s; docs/commands.md lists the keys")
+JSON = flag("--json", "print JSON: m, rad and s; docs/reference/json.md lists the keys")
 NODE = option("NAME", "node whose pose is meant (default: the last of the file)")
 PLOT = option("FILE", "draw a picture: .png, .svg or .pdf", callback=_check_drawable, endings=PICTURES)
 PLOT_JOINTS = option(

@@ -1,7 +1,7 @@
 """Messages between the server and the page: this module and `cinegen.session.commands` are the schema.
 
-The tables in `docs/cockpit.md` and the page's types in `static/base/messages.d.ts` are generated from them by
-`docs/protocols.py`. A pose is x y z (m) and a quaternion x y z w. Numbers that are not finite are null.
+`docs/protocols.py` generates the tables of `docs/reference/protocol.md` and the types in `static/base/messages.d.ts`
+from them. A pose is x y z (m) and a quaternion x y z w. Numbers that are not finite are null.
 """
 
 from __future__ import annotations

@@ -1,6 +1,6 @@
 """Readings of sensors as lines of JSON, which programs send and recordings hold: this module is the schema.
 
-The tables in `docs/sensors.md` are generated from the classes here by `docs/protocols.py`.
+The tables in `docs/reference/protocol.md` are generated from the classes here by `docs/protocols.py`.
 """
 
 from __future__ import annotations

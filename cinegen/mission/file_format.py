@@ -1,8 +1,8 @@
 """The file format of a mission, lines of JSON: this module is the schema.
 
 The first line describes the robots and obstacles, see `MissionHeader`; with it they can be built again. Each other line
-is a moment, see `Moment`. A pose is x y z (m) and a quaternion x y z w. The tables in `docs/missions.md` are generated
-from the classes here by `docs/protocols.py`.
+is a moment, see `Moment`. A pose is x y z (m) and a quaternion x y z w. `docs/protocols.py` generates the tables of
+`docs/reference/protocol.md` from the classes here.
 """
 
 from __future__ import annotations

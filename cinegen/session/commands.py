@@ -6,7 +6,7 @@ A command is a JSON object with a `type`, at most `LONGEST` characters long:
     {"type": "move_drag", "position": [0, 0, -1.8]}
 
 Unknown fields, missing fields, values of another type and values out of range are refused with a message that names the
-field. The table in `docs/cockpit.md` is generated from the classes here by `docs/protocols.py`.
+field. The table in `docs/reference/protocol.md` is generated from the classes here by `docs/protocols.py`.
 """
 
 from __future__ import annotations

@@ -12,10 +12,12 @@ from __future__ import annotations
 import ast
 import posixpath
 import re
+import runpy
 import shutil
 import subprocess
 import sys
 import tomllib
+from collections import Counter
 from importlib import import_module
 from itertools import pairwise
 from pathlib import Path
@@ -30,6 +32,7 @@ ICON = ROOT / "cinegen/cockpit/static/style/icon.svg"
 LINK = re.compile(r"(?<!`)\]\(([^)#\s]+)(#[^)\s]*)?\)")
 FENCE = re.compile(r"^```.*?^```$", flags=re.DOTALL | re.MULTILINE)
 PAGES = {"CONTRIBUTING.md": "contributing", "SECURITY.md": "security", "CHANGELOG.md": "changes", "README.md": "index"}
+GENERATED = {"cinegen/__init__.py": "reference/api", "cinegen/cli/__init__.py": "reference/commands"}
 PICTURE = re.compile(r"^!\[(\w+)\]\(pictures/\1\.webp\)$", flags=re.MULTILINE)
 LANGUAGES = {".py": "python", ".json": "json", ".toml": "toml"}
 PACKAGES = (
@@ -87,8 +90,8 @@ class Site:
     def _page_of(self, path: str) -> str:
         """Return the page that shows a file or a folder of the repository; it is written if it is the first one."""
         here = ROOT / path
-        if path in PAGES:
-            return PAGES[path]
+        if path in PAGES or path in GENERATED:
+            return {**PAGES, **GENERATED}[path]
         if path.startswith("docs/") and path.endswith(".md"):
             return path.removeprefix("docs/").removesuffix(".md")
         if path in ("robots", "examples"):
@@ -114,6 +117,11 @@ class Site:
         text = (self._folder / "gallery.md").read_text(encoding="utf-8")
         link = '<p><a href="live/{name}.html">Drag {name} in the browser</a></p>'
         self.write("gallery", PICTURE.sub(lambda found: f"{found[0]}\n\n{link.format(name=found[1])}", text))
+
+    def protocol(self) -> None:
+        """Write the tables of messages and files, from their schemas."""
+        text = (self._folder / "reference/protocol.md").read_text(encoding="utf-8")
+        self.write("reference/protocol", runpy.run_path(str(ROOT / "docs/protocols.py"))["written"](text))
 
     def joints(self) -> None:
         """Replace the picture of the six parameters by a page with sliders."""
@@ -187,7 +195,7 @@ class Site:
         self.write("reference/commands", "\n".join(lines))
 
     def python(self) -> None:
-        """Write the reference of the public names, from their docstrings."""
+        """Write the reference of the public names, from their docstrings; those that guides use most come first."""
         lines = [
             "# Python",
             "",
@@ -195,31 +203,43 @@ class Site:
             "",
         ]
         pages = list[str]()
+        texts = [*(ROOT / "docs").glob("**/*.md"), *(ROOT / "examples").glob("*.py")]
+        uses = Counter(word for path in texts for word in re.findall(r"\w+", path.read_text(encoding="utf-8")))
         for package in PACKAGES:
             module = import_module(package)
             told = (module.__doc__ or "").strip().partition("\n\n")[0]
-            names = sorted(module.__all__, key=str.lower)
+            names = sorted(module.__all__, key=lambda name: (-uses[name], name.lower()))
             above = cinegen.__all__ if package.startswith("cinegen.") else ()
             shown = ", ".join(f"**{name}**" if name in above else name for name in names)
             page = f"api/{package.removeprefix('cinegen.')}"
             pages.append(page)
             lines += [f"- [{package}]({page}.md): {' '.join(told.split())} {shown}"]
-            body = f".. automodule:: {package}\n   :imported-members:\n"
+            things = {name: thing for name in names if callable(thing := getattr(module, name))}
+            entries = [f".. auto{_kind_of(thing)}:: {package}.{name}\n" for name, thing in things.items()]
+            body = "\n".join([f".. automodule:: {package}\n   :no-members:\n", *entries])
             self.write(f"reference/{page}", f"# {package}\n\n```{{eval-rst}}\n{body}```\n")
         tree = "\n".join(pages)
         self.write("reference/api", "\n".join(lines) + f"\n\n```{{toctree}}\n:hidden:\n\n{tree}\n```\n")
 
 
+def _kind_of(thing: object) -> str:
+    """Return the directive of autodoc, without "auto", for a class or a function."""
+    if isinstance(thing, type):
+        return "exception" if issubclass(thing, BaseException) else "class"
+    return "function"
+
+
 def fill(site: Site) -> None:
     """Write all pages."""
     docs = ROOT / "docs"
-    for path in [*sorted(docs.glob("*.md")), *sorted(docs.glob("howto/*.md"))]:
+    for path in sorted(docs.glob("*.md")) + sorted(docs.glob("howto/*.md")) + sorted(docs.glob("reference/*.md")):
         site.copy(path.relative_to(ROOT).as_posix(), path.relative_to(docs).with_suffix("").as_posix())
     for file, page in PAGES.items():
         if page != "index":
             site.copy(file, page)
     site.write("index", (HERE / "index.md").read_text(encoding="utf-8"))
     site.gallery()
+    site.protocol()
     site.joints()
     site.examples()
     site.commands()

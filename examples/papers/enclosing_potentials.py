@@ -6,7 +6,7 @@ obstacle, and elliptical around its bounding box.
 The spherical potential is equation 2 of C. De Medio and G. Oriolo, "Robot obstacle avoidance using vortex fields",
 Advances in Robot Kinematics, Springer 1991; the elliptical one is Volpe and Khosla's (`elliptical_potential.py`). As
 with FIRAS the robot follows the antigradient by line search, in one attempt, and keeps the same safety distance.
-docs/avoidance.md compares them.
+`benchmarks/avoidance.py` compares them.
 """
 
 from __future__ import annotations

@@ -3,7 +3,16 @@ Kinematics, Springer 1991, exactly as published, for comparison with `cinegen.pl
 
     python examples/papers/literal_vortices.py robots/scenes/discs.toml
 
-docs/avoidance.md lists the readings of what the paper leaves open, and how far the method gets.
+Readings of what the paper leaves open:
+
+- Modulus of a point's vortex: the text has "inversely proportional to the square of its distance", equation 4 has 1/r.
+  The formula is taken: its primitive is the arctan that the paper draws, and 1/r^2 has none.
+- Around other shapes, the distance d to the shape, not to a point in it: only then the field grows toward the surface.
+- At the end of the range, 1/d - 1/d_r, the bracket of equation 3: 1/d would drop from 1/d_r to 0.
+- Discarding by the factor sin alpha: max(0, -n.a) of the outward normal n and the unit attraction a, in the plane just
+  that; beyond Q it is 0.
+- Direction: toward the axis of the base's joint; for mobile robots, which the paper omits, along the shorter side.
+- Equation 6: k_g occurs in U_t already; the motion follows the antigradient, as in equation 1.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""What `--json` prints has the shape that the tables of docs/commands.md describe: each table is a JSON schema."""
+"""What `--json` prints has the shape that docs/reference/json.md describes: each table is a JSON schema."""
 
 import json
 import re
@@ -21,8 +21,8 @@ TYPES = {"string": "string", "boolean": "boolean", "integer": "integer", "number
 
 def documented(root, command, number=0):
     """Keys and their types, of one of the tables of a command."""
-    page = (root / "docs/commands.md").read_text(encoding="utf-8")
-    section = re.search(rf"^### {command}\n(.*?)(?=^### |\Z)", page, flags=re.MULTILINE | re.DOTALL)[1]
+    page = (root / "docs/reference/json.md").read_text(encoding="utf-8")
+    section = re.search(rf"^## {command}\n(.*?)(?=^## |\Z)", page, flags=re.MULTILINE | re.DOTALL)[1]
     table = re.findall(r"^\| key \| type \| value \|\n\|[-| ]+\|\n((?:\|.*\n)+)", section, flags=re.MULTILINE)[number]
     rows = [row.split("|")[1:3] for row in table.splitlines()]
     return {key: types.strip() for keys, types in rows for key in KEY.findall(keys)}

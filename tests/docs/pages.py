@@ -7,7 +7,8 @@ from pathlib import Path
 ROOT = Path(__file__).resolve().parents[2]
 _TOP = ("README.md", "CHANGELOG.md", "CONTRIBUTING.md", "SECURITY.md")
 _DOCS = ROOT / "docs"
-PAGES = [*(ROOT / name for name in _TOP), *sorted(_DOCS.glob("*.md")), *sorted(_DOCS.glob("howto/*.md"))]
+_FOLDERS = (_DOCS, _DOCS / "howto", _DOCS / "reference")
+PAGES = [*(ROOT / name for name in _TOP), *(page for folder in _FOLDERS for page in sorted(folder.glob("*.md")))]
 NAMES = [page.relative_to(ROOT).as_posix() for page in PAGES]
 
 
