@@ -122,7 +122,7 @@ def geometry_model(
         mechanism: robot whose joints carry the bodies.
         bodies: bodies of the robot, see `link_bodies`.
         obstacles: bodies on joint 0; their placements may be changed in the result.
-        pairs: pairs of the robot's bodies, see `collision_pairs`.
+        pairs: pairs of the robot's bodies, see `pair_reasons`.
 
     Returns:
         geometry objects: the bodies, then the obstacles, named `<index> <name>`. Collision pairs: `pairs`, in their

@@ -55,7 +55,7 @@ def scene_for(
     if start is not None:
         values["start"] = _start_keys(mechanism, start)
     scene = scene_of(values, mechanism=mechanism)
-    names = [thing.name for thing in (*scene.obstacles, *made, *scene.attached)]
+    names = [*(obstacle.name for obstacle in (*scene.obstacles, *made)), *(held.name for held in scene.attached)]
     if twice := sorted({name for name in names if names.count(name) > 1}):
         raise SceneError(f"obstacles: '{twice[0]}' is the name of two: give each another one")
     return replace(scene, obstacles=(*scene.obstacles, *made))

@@ -76,11 +76,6 @@ def link_pairs(mechanism: Mechanism) -> LinkPairs:
     return LinkPairs(bodies, pair_reasons(mechanism, bodies))
 
 
-def collision_pairs(mechanism: Mechanism, bodies: Sequence[Body]) -> tuple[tuple[int, int], ...]:
-    """Return the pairs of bodies that are checked, see `pair_reasons`."""
-    return LinkPairs(tuple(bodies), pair_reasons(mechanism, bodies)).of(PairReason.CHECKED)
-
-
 def pair_reasons(mechanism: Mechanism, bodies: Sequence[Body]) -> dict[tuple[int, int], PairReason]:
     """Return for each pair of bodies on different joints why it is checked for collisions, or not.
 

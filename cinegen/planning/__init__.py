@@ -15,7 +15,6 @@ if TYPE_CHECKING:
     from cinegen.planning.planner import Plan as Plan
     from cinegen.planning.planner import Planner as Planner
     from cinegen.planning.planner import plan as plan
-    from cinegen.planning.planner import rrt_connect as rrt_connect
     from cinegen.planning.safe_drag import AvoidingSolver as AvoidingSolver
 
 __all__, __getattr__, __dir__ = lazy_names(__name__)

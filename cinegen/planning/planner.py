@@ -72,7 +72,7 @@ class Plan:
         attempts: all attempts in order; `path` is that of the last one.
         reason: explanation of the status.
         mesh_check: check that the path passed: a plan is only REACHED if the meshes touch nowhere on the path.
-        field: name of the field that was followed; None: `rrt_connect` follows none.
+        field: name of the field that was followed; None: RRT-Connect follows none.
     """
 
     scene: Scene
@@ -317,13 +317,6 @@ def _scene_of(
     if goal is None:
         raise SceneError(f"goal is missing: write plan(mechanism, goal), such as a point of '{given.end}'")
     return scene_for(given, goal, start=start, obstacles=obstacles, **({} if node is None else {"node": node}))
-
-
-def rrt_connect(
-    scene: Scene, *, seconds: float = 10.0, seed: int = 0, report: Callable[[str], None] = lambda text: None
-) -> Plan:
-    """Plan a path by RRT-Connect only: see `plan`."""
-    return plan(scene, seconds=seconds, planner=Planner.RRT_CONNECT, seed=seed, report=report)
 
 
 @dataclass(frozen=True)

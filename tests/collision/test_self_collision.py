@@ -14,9 +14,8 @@ from mesh_contact import adjacent_links
 from reference import PANDA, SHARE, load
 from variants import FEWER
 
-from cinegen.collision.links import link_bodies as bodies_of
+from cinegen.collision.clearance import links_of
 from cinegen.collision.self_collision import adjacent_joints as neighbours
-from cinegen.collision.self_collision import collision_pairs as pairs_of
 
 SOLO = "solo_description/robots/solo12.urdf"
 of_each_kind = pytest.mark.parametrize("name", [*sorted(FEWER), PANDA, SOLO])
@@ -25,8 +24,7 @@ of_each_kind = pytest.mark.parametrize("name", [*sorted(FEWER), PANDA, SOLO])
 @cache
 def found(name):
     mechanism = load(name)
-    bodies = bodies_of(mechanism)
-    return mechanism, bodies, pairs_of(mechanism, bodies)
+    return mechanism, *links_of(mechanism)
 
 
 def transforms(mechanism, bodies, q):

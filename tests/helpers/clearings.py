@@ -13,10 +13,9 @@ import pinocchio as pin
 import cinegen
 from cinegen.collision import Clearance, Obstacle
 from cinegen.collision.body import Body
+from cinegen.collision.clearance import links_of
 from cinegen.collision.exact_distances import UP_TO
-from cinegen.collision.links import link_bodies
 from cinegen.collision.mobile_robot import mobile_body, mobile_robot
-from cinegen.collision.self_collision import collision_pairs
 
 ROBOTS = Path(__file__).resolve().parents[2] / "robots"
 
@@ -50,9 +49,7 @@ def load(name: str) -> cinegen.Mechanism:
 
 @cache
 def links(name: str) -> tuple[tuple[Body, ...], tuple[tuple[int, int], ...]]:
-    mechanism = load(name)
-    bodies = link_bodies(mechanism)
-    return bodies, collision_pairs(mechanism, bodies)
+    return links_of(load(name))
 
 
 def obstacles_of(bodies) -> list[Obstacle]:

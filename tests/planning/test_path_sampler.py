@@ -18,7 +18,7 @@ from paths import along
 import cinegen
 from cinegen.collision import clearance_of, load_scene, scene_of
 from cinegen.collision.clearance import Clearance
-from cinegen.planning import PlanStatus, rrt_connect
+from cinegen.planning import Planner, PlanStatus, plan
 from cinegen.planning.clear_motion import clear_motion
 from cinegen.planning.path_sampler import PathSampler
 from raff2urdf.extras import MissingExtraError
@@ -56,7 +56,7 @@ def mobile(boxes, start, goal, **more):
 @pytest.mark.parametrize("name", ["rod", "generic"])
 def test_the_scenes_of_the_figures_are_solved(root, name):
     scene = load_scene(root / f"robots/scenes/{name}.toml")
-    found = rrt_connect(scene)
+    found = plan(scene, planner=Planner.RRT_CONNECT)
     assert found.status is PlanStatus.REACHED
     assert np.array_equal(found.path[0], scene.start)
     assert is_at_goal(scene, found.path[-1])
@@ -80,7 +80,7 @@ def test_a_joint_without_limits_goes_the_long_way_round(tmp_path):
     aim = 2.5  # rad: the short way there leads through the post, the other is longer than half a turn
     goal = {"point": [math.cos(aim), math.sin(aim)]}
     scene = scene_of({"robot": "hand.urdf", "node": "tip", "goal": goal, "obstacle": [post]}, tmp_path)
-    found = rrt_connect(scene)
+    found = plan(scene, planner=Planner.RRT_CONNECT)
     assert found.status is PlanStatus.REACHED
     assert found.path[-1, 0] == pytest.approx(aim - 2.0 * math.pi, abs=1e-4)
     assert found.clearance >= scene.safety
@@ -111,7 +111,8 @@ def test_a_crank_and_its_coupler_turn_with_the_loop_closed(robot):
         there[mechanism.q_index("joint1")] += 0.1
         there = mechanism.close(there, locked=["joint1"])
     goal = mechanism.placement(there, "tool").translation[:2].tolist()
-    found = rrt_connect(scene_of({"node": "tool", "safety": 0.002, "goal": {"point": goal}}, mechanism=mechanism))
+    scene = scene_of({"node": "tool", "safety": 0.002, "goal": {"point": goal}}, mechanism=mechanism)
+    found = plan(scene, planner=Planner.RRT_CONNECT)
     assert found.status is PlanStatus.REACHED
     assert max(mechanism.closure(q) for q in found.path) < 1e-9
     assert found.path[-1] == pytest.approx(there, abs=1e-3)
@@ -182,4 +183,4 @@ def test_without_ompl_it_is_said_how_to_get_it(monkeypatch):
     monkeypatch.setitem(sys.modules, "ompl", None)
     monkeypatch.setitem(sys.modules, "ompl.base", None)
     with pytest.raises(MissingExtraError, match=r'install "cinegen\[sampling\]"'):
-        rrt_connect(mobile(CELL, [0.0, 0.0], [3.0, 0.0]))
+        plan(mobile(CELL, [0.0, 0.0], [3.0, 0.0]), planner=Planner.RRT_CONNECT)
