@@ -111,9 +111,9 @@ def check_fit(comparison: ColumnComparison, found: Calibration) -> None:
     Raises:
         DesignError: names the mistake, both sums of squares, and the correction.
     """
-    freedom = found.degrees_of_freedom
-    most = 1.0 + _POOR * math.sqrt(2.0 / max(freedom, 1))
-    if freedom <= 0 or (found.fit <= most and len(found.outliers) <= _DROPPED * np.isfinite(found.before).sum()):
+    dof = found.degrees_of_freedom
+    most = 1.0 + _POOR * math.sqrt(2.0 / max(dof, 1))
+    if dof <= 0 or (found.fit <= most and len(found.outliers) <= _DROPPED * np.isfinite(found.before).sum()):
         return
     here = found.observation.predict(found.values)
     alternatives = list[tuple[float, float, Mistake]]()
@@ -127,13 +127,13 @@ def check_fit(comparison: ColumnComparison, found: Calibration) -> None:
         counted = (found.kept | changed) & np.isfinite(other.measured)
         there = here if np.array_equal(other.readings, found.observation.readings) else other.predict(found.values)
         squares = _squares(found, other, there, counted)
-        if squares <= most * freedom:
+        if squares <= most * dof:
             alternatives.append((squares, _squares(found, found.observation, here, counted), one))
     squares, given, best = min(alternatives, key=lambda one: one[0], default=(0.0, 0.0, None))
     if best is not None and squares + _CERTAIN < given:
         raise DesignError(
             f"{found.observation.measurements.source}: the readings don't fit any robot that is near its description "
-            f"(chi-square {given:.4g} for {freedom} degrees of freedom). They fit {best.text} ({squares:.4g} then): is "
+            f"(chi-square {given:.4g} for {dof} degrees of freedom). They fit {best.text} ({squares:.4g} then): is "
             f"that what was measured? Then {best.edit}"
         )
 

@@ -470,7 +470,7 @@ def _dependencies(observation: Observation, space: Subspace, errors: Array, q: A
     names, motions = [observation.names[k] for k in estimated], np.array(bodies)[:, :, estimated]
     found = dependencies(inner, names, [observation.units[k] for k in estimated], parents, motions)
     moving = f"robot and {' and '.join(frames.devices)}" if frames.devices else "base and platform"
-    told = list[Dependency]()
+    described = list[Dependency]()
     for one in found:
         at = [names.index(name) for name in one.names]
         text = one.text
@@ -482,8 +482,8 @@ def _dependencies(observation: Observation, space: Subspace, errors: Array, q: A
                     of = ", ".join(dict.fromkeys(name.rpartition(".")[0] for name in one.names))
                     text = f"no reading changes ({len(one.names)} parameters of {of})"
                 text = f"{moving} move together as one body: {text}"
-        told.append(Dependency(one.names, one.changes, text))
-    return tuple(told)
+        described.append(Dependency(one.names, one.changes, text))
+    return tuple(described)
 
 
 def _keyword(parameters: Parameters, number: int | None) -> str:

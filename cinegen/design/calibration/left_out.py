@@ -117,8 +117,8 @@ def _gains(rest: Array, columns: Array, sizes: Array) -> Array:
 def _added(found: Calibration, columns: _Columns) -> str:
     sizes, own = np.linalg.norm(columns.others, axis=0), columns.own
     chosen, texts = list[int](), list[str]()
-    freedom = found.degrees_of_freedom
-    while len(chosen) < min(_MOST, freedom - 1):
+    dof = found.degrees_of_freedom
+    while len(chosen) < min(_MOST, dof - 1):
         rest, others = _without(columns.rest[:, None], own)[:, 0], _without(columns.others, own)
         gains = _gains(rest, others, sizes)
         alike = np.flatnonzero(gains > max(gains.max(initial=0.0) - _ALIKE, _CERTAIN)).tolist()
@@ -129,7 +129,7 @@ def _added(found: Calibration, columns: _Columns) -> str:
         names = [columns.names[j] for j in equal[:_LISTED]]
         texts.append(columns.names[k] + (f" (or instead {', '.join(names)})" if names else ""))
         own = np.column_stack([own, columns.others[:, k] / sizes[k] * np.linalg.norm(columns.own, axis=0).max()])
-        left, remaining = float(rest @ rest - gains[k]), freedom - len(chosen)
+        left, remaining = float(rest @ rest - gains[k]), dof - len(chosen)
         if left < remaining * (1.0 + POOR * math.sqrt(2.0 / remaining)):
             listed = ", ".join(texts)
             be = "is" if len(chosen) == 1 else "are"

@@ -186,17 +186,17 @@ def _poses(given: Measurements, angles: Sequence[int], groups: Sequence[Sequence
     lines, names = np.flatnonzero(whole), names_of(given, angles)
     own = np.array([pin.rpy.rpyToMatrix(*row) for row in read[whole]])
     back = Rotation.from_matrix(np.swapaxes(own, 1, 2))
-    ways = {f"as Euler angles {way} of scipy": Rotation.from_euler(way, read[whole]) for way in _EULER}
-    ways["as angles about z, y and x"] = Rotation.from_euler("ZYX", read[whole])
-    ways["as a rotation vector"] = Rotation.from_rotvec(read[whole])
-    ways["as the inverse rotation"] = back
+    rotations = {f"as Euler angles {order} of scipy": Rotation.from_euler(order, read[whole]) for order in _EULER}
+    rotations["as angles about z, y and x"] = Rotation.from_euler("ZYX", read[whole])
+    rotations["as a rotation vector"] = Rotation.from_rotvec(read[whole])
+    rotations["as the inverse rotation"] = back
 
     def turned(rotation: Rotation) -> Measurements:
         values = given.values.copy()
         values[np.ix_(lines, np.array(angles))] = rotation.as_euler("ZYX")[:, ::-1]
         return replace(given, values=values)
 
-    for text, rotation in ways.items():
+    for text, rotation in rotations.items():
         edit = f"convert {names} to roll, pitch and yaw, R = Rz(rz) Ry(ry) Rx(rx)"
         yield Mistake(f"with {names} {text}", edit, turned(rotation), 1)
     for places in groups:
