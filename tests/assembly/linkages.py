@@ -49,50 +49,29 @@ def ball(point, rng) -> list[Joint]:
     return [hinge(point, row) for row in np.linalg.qr(rng.normal(size=(3, 3)))[0]]
 
 
-def legged(
-    legs: Sequence[Sequence[Joint]], cut: str = "rigid", hung: Sequence[int] = (), tool: int | None = None,
-    wrist: Sequence[Joint] = (), below: Sequence[Joint] = (),
-) -> Mechanism:  # fmt: skip
-    """A platform on legs; all but the first are cut at the platform.
+def legged(legs: Sequence[Sequence[Joint]], cut: str = "rigid") -> Mechanism:
+    """A platform on legs, joints from the base to the platform; all but the first are cut at the platform.
 
-    Args:
-        legs: joints from the base to the platform.
-        cut: "rigid"; "joint": at the last one, as what it is; "ball": at the last three, as a ball.
-        hung: legs that are part of the tree by the platform, and cut at the base.
-        tool: the leg whose third body carries the tool; the platform unless given.
-        wrist: joints on the platform that carry the tool.
-        below: joints that carry the base of all legs.
+    `cut`: "rigid"; "joint": at the last joint, as what it is; "ball": at the last three, as a ball.
     """
-    parts, loops = list[Body](), list[tuple[int, int, int]]()
+    parts, loops, platform = list[Body](), list[tuple[int, int, int]](), 0
 
     def add(pred, place, kind, more=""):
         parts.append(Body(len(parts) + 1, pred, place, kind, more))
         return len(parts)
 
-    base = 0
-    for joint in below:
-        base = add(base, joint.place, joint.kind, joint.more)
-    platform, ends = 0, []
     for i, joints in enumerate(legs):
-        kept = len(joints) if i == 0 or i in hung or cut == "rigid" else len(joints) - {"joint": 1, "ball": 3}[cut]
-        pred, chain = base, [base]
-        if i in hung:
-            pred, chain = platform, [platform]
-        for joint in list(reversed(joints)) if i in hung else joints[:kept]:
+        kept = len(joints) if i == 0 or cut == "rigid" else len(joints) - {"joint": 1, "ball": 3}[cut]
+        pred = 0
+        for joint in joints[:kept]:
             pred = add(pred, joint.place, joint.kind, joint.more)
-            chain.append(pred)
-        ends.append(chain[min(3, len(chain) - 1)])
         if i == 0:
             platform = pred
             continue
         place = joints[kept].place if kept < len(joints) else axis((0.1, -0.2, 0.3), (0.2, 0.5, 1.0))
         kind = RIGID if kept == len(joints) else BALL if cut == "ball" else joints[kept].kind
-        first, second = add(pred, place, None), add(base if i in hung else platform, place, None)
-        loops.append((first, second, kind))
-    last = platform if tool is None else ends[tool]
-    for joint in wrist:
-        last = add(last, joint.place, joint.kind, joint.more)
-    parts.append(Body(TOOL, last, axis((0.2, 0.1, 0.9), (0.3, -0.2, 1.0)), None, 'name "tool"'))
+        loops.append((add(pred, place, None), add(platform, place, None), kind))
+    parts.append(Body(TOOL, platform, axis((0.2, 0.1, 0.9), (0.3, -0.2, 1.0)), None, 'name "tool"'))
     return Mechanism(tuple(parts), tuple(loops))
 
 
@@ -113,7 +92,7 @@ def _knees(rng):
     return np.array([[-0.3, 0.7], [1.3, 0.7]]) + rng.uniform(-0.3, 0.3, (2, 2))
 
 
-def three_legs(rng, word: str, cut="rigid", **more) -> Mechanism:
+def three_legs(rng, word: str, cut="rigid") -> Mechanism:
     """A planar platform on three legs such as RPR or RRR; `word` has its motor in small letters."""
     around = 2.0 * math.pi * np.arange(3) / 3.0
     feet = np.c_[np.cos(around), np.sin(around)] + rng.uniform(-0.3, 0.3, (3, 2))
@@ -126,20 +105,20 @@ def three_legs(rng, word: str, cut="rigid", **more) -> Mechanism:
             made = slide(point, head - foot) if letter in "Pp" else hinge(point)
             joints.append(made._replace(motor=letter.islower()))
         legs.append(joints)
-    return legged(legs, cut, **more)
+    return legged(legs, cut)
 
 
 # --- about a point ------------------------------------------------------------------------------------------------
 
 
-def about_a_point(directions: Sequence[Sequence[np.ndarray]], motors: Sequence[int], cut="rigid", **more) -> Mechanism:
+def about_a_point(directions: Sequence[Sequence[np.ndarray]], motors: Sequence[int], cut="rigid") -> Mechanism:
     """Legs whose axes all go through the origin, along these directions; `motors`: which joint of each leg has one, -1
     for none."""
     legs = []
     for along, motor in zip(directions, motors, strict=True):
         places = [axis(0.3 * (k + 1) * d, d) for k, d in enumerate(along)]
         legs.append([Joint(place, k == motor) for k, place in enumerate(places)])
-    return legged(legs, cut, **more)
+    return legged(legs, cut)
 
 
 def spherical_legs(rng, lengths: Sequence[int]) -> list[list[np.ndarray]]:
@@ -190,14 +169,14 @@ def rod(rng, foot, head, word="UpS") -> list[Joint]:
     return [motor, *universal(foot, first, second), *ball(head, rng)]
 
 
-def hexapod(rng, word="UpS", feet=None, heads=None, cut="ball", **more) -> Mechanism:
+def hexapod(rng, word="UpS", feet=None, heads=None, cut="ball") -> Mechanism:
     """Six rods."""
     random = points(rng)
     feet, heads = random[0] if feet is None else feet, random[1] if heads is None else heads
-    return legged([rod(rng, foot, head, word) for foot, head in zip(feet, heads, strict=True)], cut, **more)
+    return legged([rod(rng, foot, head, word) for foot, head in zip(feet, heads, strict=True)], cut)
 
 
-def delta(rng, linear=False, **more) -> tuple[Mechanism, np.ndarray, np.ndarray, np.ndarray]:
+def delta(rng, linear=False) -> tuple[Mechanism, np.ndarray, np.ndarray, np.ndarray]:
     """Three rods with universal joints whose axes are parallel by pairs, on cranks or on slides; and knees, heads and
     tool at home."""
     legs, knees, heads = [], [], []
@@ -213,32 +192,31 @@ def delta(rng, linear=False, **more) -> tuple[Mechanism, np.ndarray, np.ndarray,
         legs.append([motor, *universal(knee, side, across), *universal(head, across, side)])
         knees.append(knee)
         heads.append(head)
-    return legged(legs, **more), np.array(knees), np.array(heads)
+    return legged(legs), np.array(knees), np.array(heads)
 
 
-def tripod_points(rng, alike=False) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """(3, 3) feet, directions of their hinges, and heads of a tripod; `alike`: with threefold symmetry."""
-    away = 0.0 if alike else 1.0
+def tripod_points(rng) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """(3, 3) feet, directions of their hinges, and heads of a tripod."""
     feet, sides, heads = [], [], []
-    for around in 2.0 * math.pi * np.arange(3) / 3.0 + away * rng.uniform(-0.3, 0.3, 3):
+    for around in 2.0 * math.pi * np.arange(3) / 3.0 + rng.uniform(-0.3, 0.3, 3):
         out = np.array([math.cos(around), math.sin(around), 0.0])
-        far, near, high = np.array([0.95, 0.5, 1.0]) + away * rng.uniform([-0.15, -0.1, -0.2], [0.15, 0.1, 0.2])
+        far, near, high = np.array([0.95, 0.5, 1.0]) + rng.uniform([-0.15, -0.1, -0.2], [0.15, 0.1, 0.2])
         feet.append(far * out)
         heads.append(near * out + high * Z)
         sides.append(np.cross(Z, out))
     return np.array(feet), np.array(sides), np.array(heads)
 
 
-def tripod(rng, alike=False, locked=(), **more) -> Mechanism:
+def tripod(rng, locked=()) -> Mechanism:
     """A platform on three legs RPS; the first and the third axis of `locked` legs' balls are one at home."""
     legs = []
-    for i, (foot, side, head) in enumerate(zip(*tripod_points(rng, alike), strict=True)):
+    for i, (foot, side, head) in enumerate(zip(*tripod_points(rng), strict=True)):
         joints = ball(head, rng)
         if i in locked:
             across = np.cross(side, head - foot)
             joints = [hinge(head, side), hinge(head, across), hinge(head, side)]
         legs.append([hinge(foot, side), slide(foot + 0.5 * (head - foot), head - foot, True), *joints])
-    return legged(legs, **{"cut": "ball", **more})
+    return legged(legs, "ball")
 
 
 def ring(joints: Sequence[Joint], cut: int = -1, how: str = "joint") -> Mechanism:

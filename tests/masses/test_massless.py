@@ -51,14 +51,11 @@ def test_a_body_that_a_rigid_loop_cut_has_the_mass_of_either_half() -> None:
     assert set(before.massless) - set(mechanism.massless) >= {"link5", "link10", "link16"}
 
 
-@pytest.mark.parametrize(
-    ("mass", "ixx", "why"),
-    [
-        (1.0, -0.1, "a principal moment of inertia is negative, -0.1 kg m2"),
-        (1.0, 2.1, "a principal moment of inertia, 2.1 kg m2, exceeds the sum of the others, 1 and 1"),
-        (0.0, 1.0, "it has moments of inertia, up to 1 kg m2, but no mass: state its mass"),
-    ],
-)
+@pytest.mark.parametrize(("mass", "ixx", "why"), [
+    (1.0, -0.1, "a principal moment of inertia is negative, -0.1 kg m2"),
+    (1.0, 2.1, "a principal moment of inertia, 2.1 kg m2, exceeds the sum of the others, 1 and 1"),
+    (0.0, 1.0, "it has moments of inertia, up to 1 kg m2, but no mass: state its mass"),
+])  # fmt: skip
 def test_an_inertia_that_no_body_has_is_named_with_the_reason(
     tmp_path: Path, mass: float, ixx: float, why: str
 ) -> None:

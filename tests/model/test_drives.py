@@ -82,14 +82,11 @@ def test_what_the_user_or_a_file_states_is_stronger(tmp_path):
     assert cinegen.load(path).actuated == ("b", "d")
 
 
-@pytest.mark.parametrize(
-    ("named", "says"),
-    [
-        ("abd", "depend on each other: [abd] is passive"),
-        ("d", "do not determine its motion: [abc] is actuated, too"),
-        ("abcd", "depend on each other: [abcd], [abcd] are passive"),
-    ],
-)
+@pytest.mark.parametrize(("named", "says"), [
+    ("abd", "depend on each other: [abd] is passive"),
+    ("d", "do not determine its motion: [abc] is actuated, too"),
+    ("abcd", "depend on each other: [abcd], [abcd] are passive"),
+])  # fmt: skip
 def test_a_set_that_does_not_determine_the_motion_is_replaced_with_a_warning(named, says):
     with pytest.warns(UserWarning, match=says) as told:
         mechanism = cinegen.load(FIVE_BAR.format(transmissions(*named)))
@@ -143,15 +140,12 @@ SDF = """<sdf version="1.9"><model name="slider"><link name="ground"/><link name
   {}</model></sdf>"""
 
 
-@pytest.mark.parametrize(
-    ("filename", "name", "element"),
-    [
-        ("gz-sim-joint-position-controller-system", "gz::sim::systems::JointPositionController", "joint_name"),
-        ("ignition-gazebo-joint-controller-system", "ignition::gazebo::systems::JointController", "joint_name"),
-        ("libgazebo_ros_diff_drive.so", "wheels", "left_joint"),
-        ("libgazebo_ros_joint_pose_trajectory.so", "p", "joint"),
-    ],
-)
+@pytest.mark.parametrize(("filename", "name", "element"), [
+    ("gz-sim-joint-position-controller-system", "gz::sim::systems::JointPositionController", "joint_name"),
+    ("ignition-gazebo-joint-controller-system", "ignition::gazebo::systems::JointController", "joint_name"),
+    ("libgazebo_ros_diff_drive.so", "wheels", "left_joint"),
+    ("libgazebo_ros_joint_pose_trajectory.so", "p", "joint"),
+])  # fmt: skip
 def test_a_plugin_of_an_sdf_names_what_is_actuated(filename, name, element):
     """Where a loop would be cut at the joint that is driven, another one is cut."""
     plugin = f'<plugin filename="{filename}" name="{name}"><{element}>{{}}</{element}></plugin>'

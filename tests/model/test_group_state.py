@@ -50,21 +50,18 @@ def home(mechanism):
     return {joint: float(mechanism.q_home[mechanism.q_index(joint)]) for joint in mechanism.joints}
 
 
-@pytest.mark.parametrize(
-    ("states", "expected", "label"),
-    [
-        ([state("up", "arm", j1=2)], {"j1": 0, "j2": 0, "j3": 1.5}, ""),
-        ([state("home", "arm", j1=0.5, j2=-1)], {"j1": 0.5, "j2": -1, "j3": 1.5}, "'home' of arm"),
-        ([state("ready", "arm", j1=1), state("home", "arm", j1=0.5)], {"j1": 0.5, "j2": 0, "j3": 1.5}, "'home' of arm"),
-        ([state("Ready", "arm", j1=1)], {"j1": 1, "j2": 0, "j3": 1.5}, "'ready' of arm"),
-        (  # several groups: together; that of all joints holds
-            [state("home", "all", j1=0.1, j2=0.2, j3=1.3), state("home", "hand", j3=2)],
-            {"j1": 0.1, "j2": 0.2, "j3": 1.3}, "'home' of all, hand",
-        ),
-        ([state("home", "x", j1=0.1), state("home", "y", j3=2)], {"j1": 0.1, "j2": 0, "j3": 2}, "'home' of x, y"),
-        ([state("home", "arm", j1=0.1, j3=2.0005, flange=0)], {"j1": 0.1, "j2": 0, "j3": 2}, "'home' of arm"),
-    ],
-)  # fmt: skip
+@pytest.mark.parametrize(("states", "expected", "label"), [
+    ([state("up", "arm", j1=2)], {"j1": 0, "j2": 0, "j3": 1.5}, ""),
+    ([state("home", "arm", j1=0.5, j2=-1)], {"j1": 0.5, "j2": -1, "j3": 1.5}, "'home' of arm"),
+    ([state("ready", "arm", j1=1), state("home", "arm", j1=0.5)], {"j1": 0.5, "j2": 0, "j3": 1.5}, "'home' of arm"),
+    ([state("Ready", "arm", j1=1)], {"j1": 1, "j2": 0, "j3": 1.5}, "'ready' of arm"),
+    (  # several groups: together; that of all joints holds
+        [state("home", "all", j1=0.1, j2=0.2, j3=1.3), state("home", "hand", j3=2)],
+        {"j1": 0.1, "j2": 0.2, "j3": 1.3}, "'home' of all, hand",
+    ),
+    ([state("home", "x", j1=0.1), state("home", "y", j3=2)], {"j1": 0.1, "j2": 0, "j3": 2}, "'home' of x, y"),
+    ([state("home", "arm", j1=0.1, j3=2.0005, flange=0)], {"j1": 0.1, "j2": 0, "j3": 2}, "'home' of arm"),
+])  # fmt: skip
 def test_home_is_the_group_state_of_that_name(write, states, expected, label):
     mechanism = load(write(*states))
     assert home(mechanism) == pytest.approx(expected)

@@ -130,16 +130,12 @@ def linkage(drive, slide="prismatic", mimic="", more=""):
     return LINKAGE.format(drive=drive, slide=slide, mimic=mimic, more=more)
 
 
-@pytest.mark.parametrize(
-    ("pitch", "travel", "reverse"),
-    [
-        ("<screw_thread_pitch>0.02</screw_thread_pitch>", 0.02, False),
-        ("<thread_pitch>-314.1592653589793</thread_pitch>", 0.02, True),
-        ("<thread_pitch>314.1592653589793</thread_pitch><screw_thread_pitch>-0.03</screw_thread_pitch>", -0.03, False),
-        ("", 1.0, False),
-    ],
-    ids=["screw_thread_pitch", "thread_pitch", "both", "default"],
-)
+@pytest.mark.parametrize(("pitch", "travel", "reverse"), [
+    ("<screw_thread_pitch>0.02</screw_thread_pitch>", 0.02, False),
+    ("<thread_pitch>-314.1592653589793</thread_pitch>", 0.02, True),
+    ("<thread_pitch>314.1592653589793</thread_pitch><screw_thread_pitch>-0.03</screw_thread_pitch>", -0.03, False),
+    ("", 1.0, False),
+], ids=["screw_thread_pitch", "thread_pitch", "both", "default"])  # fmt: skip
 def test_a_screw_advances_by_its_pitch(write, pitch, travel, reverse):
     text = linkage("screw").replace("</child>\n      <axis>", f"</child>{pitch}<axis>", 1)
     if reverse:
@@ -181,18 +177,15 @@ def test_a_joint_of_any_kind_closes_a_loop(write, drive, slide, kind, mobility):
             assert first @ mechanism.placement(q, "rod").rotation[:, 0] == pytest.approx(0.0, abs=1e-10)
 
 
-@pytest.mark.parametrize(
-    ("text", "says"),
-    [
-        (train(in_axis="1 0 0", axis="0 1 0"), r":13: gearbox 'gear': .* 'in' rotates about another axis"),
-        (train().replace("<axis2>", "<axis3>").replace("</axis2>", "</axis3>"), "joint 'gear' has 1 of 2 axes"),
-        (train(gear="", more='<mimic joint="inn"/>'), "joint 'out' mimics 'inn', which has no such axis: did you mean"),
-        (train(gear="", more='<mimic joint="in" axis="axis2"/>'), "joint 'out' mimics 'in', which has no such axis"),
-        (train(gear="", more='<mimic joint="out"/>'), "joint 'out' mimics itself"),
-        (linkage("screw").replace("</child>\n      <axis>",
-         "</child><thread_pitch>0</thread_pitch><axis>", 1), "the thread_pitch of joint 'drive' must not be 0"),
-    ],
-)  # fmt: skip
+@pytest.mark.parametrize(("text", "says"), [
+    (train(in_axis="1 0 0", axis="0 1 0"), r":13: gearbox 'gear': .* 'in' rotates about another axis"),
+    (train().replace("<axis2>", "<axis3>").replace("</axis2>", "</axis3>"), "joint 'gear' has 1 of 2 axes"),
+    (train(gear="", more='<mimic joint="inn"/>'), "joint 'out' mimics 'inn', which has no such axis: did you mean"),
+    (train(gear="", more='<mimic joint="in" axis="axis2"/>'), "joint 'out' mimics 'in', which has no such axis"),
+    (train(gear="", more='<mimic joint="out"/>'), "joint 'out' mimics itself"),
+    (linkage("screw").replace("</child>\n      <axis>", "</child><thread_pitch>0</thread_pitch><axis>", 1),
+     "the thread_pitch of joint 'drive' must not be 0"),
+])  # fmt: skip
 def test_a_coupling_that_has_no_meaning_is_an_error_with_its_line(write, text, says):
     with pytest.raises(cinegen.CinegenError, match=says):
         cinegen.load(write(text))
@@ -309,14 +302,11 @@ def test_what_is_not_read_of_an_mjcf_is_listed(write):
     assert ignored[0] == "equality constraint 'e'"
 
 
-@pytest.mark.parametrize(
-    ("equality", "says"),
-    [
-        ('<tendon name="e" tendon1="rope"/>', "'e' constrains the spatial tendon 'rope', whose length is no sum"),
-        (f'<tendon name="e" tendon1="one" tendon2="sum" {CURVE}/>', "'e' is a curve of a tendon with 2 joints"),
-        ('<joint name="e" joint1="ball"/>', r"row.xml:\d+: MuJoCo can't read it: .*(?:'e'|ball)"),
-    ],
-)
+@pytest.mark.parametrize(("equality", "says"), [
+    ('<tendon name="e" tendon1="rope"/>', "'e' constrains the spatial tendon 'rope', whose length is no sum"),
+    (f'<tendon name="e" tendon1="one" tendon2="sum" {CURVE}/>', "'e' is a curve of a tendon with 2 joints"),
+    ('<joint name="e" joint1="ball"/>', r"row.xml:\d+: MuJoCo can't read it: .*(?:'e'|ball)"),
+])  # fmt: skip
 def test_an_equality_without_counterpart_is_an_error_that_names_it(write, equality, says):
     path = write(ROW.format(equality), "row.xml")
     with pytest.raises(cinegen.CinegenError, match=says) as failed:

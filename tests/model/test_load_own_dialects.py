@@ -22,9 +22,18 @@ from raff2urdf.conversion import convert
 from raff2urdf.writers import DIALECTS
 
 ROBOTS = Path(__file__).resolve().parents[2] / "robots"
-FEW = ("delta4:r1", "gough:hexapod", "differential_wrist:wrist", "two_arms:right")
+FEW = ("delta4:r1", "differential_wrist:wrist", "two_arms:right")
 
 MORE = {
+    "balls": """RAFF Balls
+robot balls {
+  link 1 { parameters { theta 70 } type 2 pred 0 actuated 1 }
+  link 2 { parameters { theta -60 d 100 } type 2 pred 1 }
+  link 3 { parameters { theta 95 d 200 } type 2 pred 0 }
+  frame 4 { parameters { d 250 } pred 2 name "tool" }
+  frame 5 { parameters { d 180 } pred 3 }
+  constraint { frame 4 frame 5 type 3 }
+}""",
     "slide_loop": """RAFF Slide
 robot slide {
   base { parameters { theta 30 alpha 40 r 100 } }
@@ -54,15 +63,6 @@ robot coupled {
   coupling { link 7 link 8 lead 20 offset 20 }
   coupling { name "siblings" link 9 link 10 ratio -2 }
   coupling { name "cam" link 8 link 1 polynomial ( 0 0.01 ) link 4 ratio 0.5 }
-}""",
-    "siblings": """RAFF Siblings
-robot siblings {
-  base { }
-  link 1 { parameters { theta 40 } type 2 pred 0 }
-  link 2 { parameters { theta -80 d 300 } type 2 pred 0 }
-  link 3 { parameters { theta 0 d 300 r 10 } type 2 pred 0 }
-  coupling { link 2 link 1 ratio -2 }
-  coupling { link 3 link 2 ratio 0.3 offset 12 }
 }""",
 }
 
@@ -107,14 +107,9 @@ def test_every_dialect_comes_back_bit_for_bit(original, dialect, tmp_path):
     path, there = original
     urdf, _ = converted(path, there.name, tmp_path / "made", dialect)
     assert_same(cinegen.load(urdf), there)
-    if dialect == "json":
-        return
-    for file in (tmp_path / "made").glob("*.constraints.json"):
-        file.unlink()
-    assert_same(cinegen.load(urdf), there)
-    (tmp_path / "moved").mkdir()
-    moved = shutil.copy(urdf, tmp_path / "moved")
-    assert_same(cinegen.load(moved), there)
+    if dialect != "json":
+        (tmp_path / "moved").mkdir()
+        assert_same(cinegen.load(shutil.copy(urdf, tmp_path / "moved")), there)
 
 
 @pytest.mark.parametrize("dialect", DIALECTS[1:])
@@ -145,21 +140,7 @@ def test_what_a_dialect_declares_is_the_mechanism_but_for_what_is_named(original
     )
 
 
-@pytest.mark.parametrize("dialect", ["json", "constraint", "urdf+"])
-def test_a_urdf_becomes_a_raff_of_the_same_mechanism(original, dialect, tmp_path):
-    path, there = original
-    urdf, _ = converted(path, there.name, tmp_path, dialect)
-    found = raff2urdf.to_raff(urdf, tmp_path / "again.raff", graphics=False)
-    back = cinegen.load(tmp_path / "again.raff")
-    assert (back.mobility, back.actuated) == (there.mobility, there.actuated)
-    assert [one.name for one in back.couplings] == [one.name for one in there.couplings]
-    for q in [there.q_home, *there.random_closed(3)]:
-        values = {joint: q[there.q_index(joint)] for joint in there.joints}
-        moved = {found.joints[joint]: value + found.offsets[found.joints[joint]] for joint, value in values.items()}
-        assert back.closure(back.configuration(moved)) < 1e-9
-
-
-@pytest.mark.parametrize("robot", ["gough", "scara"])
+@pytest.mark.parametrize("robot", ["five_bar", "scara"])
 def test_other_programs_ignore_what_they_do_not_know(robot, tmp_path):
     path, whole = ROBOTS / f"{robot}.raff", None
     for dialect in DIALECTS:
@@ -171,7 +152,7 @@ def test_other_programs_ignore_what_they_do_not_know(robot, tmp_path):
         assert yourdfpy.URDF.load(str(urdf), load_meshes=False, build_scene_graph=False).robot.joints
 
 
-@settings(max_examples=25)
+@settings(max_examples=16)
 @given(seeds, st.sampled_from(DIALECTS))
 def test_random_couplings_come_back_in_every_dialect(tmp_path_factory, seed, dialect):
     folder = tmp_path_factory.mktemp("any")
@@ -184,7 +165,7 @@ def test_random_couplings_come_back_in_every_dialect(tmp_path_factory, seed, dia
     assert_same(cinegen.load(urdf), there)
 
 
-@settings(max_examples=60)
+@settings(max_examples=28)
 @given(seeds)
 def test_mujoco_finds_random_couplings_fulfilled(tmp_path_factory, seed):
     folder = tmp_path_factory.mktemp("any")
@@ -253,14 +234,4 @@ def test_an_edited_loop_contradicts_what_is_kept_for_cinegen(dialect, tmp_path):
     edits_joint = dialect == "closing-frames"  # which the hash covers, as it does all joints
     warned = pytest.warns(raff2urdf.RaffWarning, match="links or joints") if edits_joint else nullcontext()
     with warned, pytest.raises(cinegen.CinegenError, match="contradicts"):
-        cinegen.load(urdf)
-
-
-def test_two_copies_that_differ_are_an_error(tmp_path):
-    urdf, _ = converted(ROBOTS / "four_bar.raff", "linkage", tmp_path, "urdf+")
-    sidecar = tmp_path / "four_bar.constraints.json"
-    sidecar.write_text(sidecar.read_text().replace('"actuated": true', '"actuated": false', 1))
-    with pytest.raises(
-        cinegen.CinegenError, match=r"four_bar.urdf:\d+: raff:robot differs from four_bar.constraints.json"
-    ):
         cinegen.load(urdf)

@@ -52,15 +52,12 @@ def test_a_closed_loop_joins_the_frames_behind_its_joints(write):
     assert mechanism.gap_as_written > 0.1
 
 
-@pytest.mark.parametrize(
-    ("kind", "joints"),
-    [
-        ("SPHERICAL", ("elbow_X", "elbow_Y", "elbow_Z")),
-        ("UJOINT_XY", ("elbow_X", "elbow_Y")),
-        ("UJOINT_ZX", ("elbow_Z", "elbow_X")),
-        ("FIXED", ()),
-    ],
-)
+@pytest.mark.parametrize(("kind", "joints"), [
+    ("SPHERICAL", ("elbow_X", "elbow_Y", "elbow_Z")),
+    ("UJOINT_XY", ("elbow_X", "elbow_Y")),
+    ("UJOINT_ZX", ("elbow_Z", "elbow_X")),
+    ("FIXED", ()),
+])  # fmt: skip
 def test_joints_are_replaced(write, kind, joints):
     extra = f"joint_name: ['elbow']\njoint_type: ['{kind}']\n"
     mechanism = cinegen.load(write("name_mot: [drive, swing]\n" + extra))
@@ -77,33 +74,21 @@ def test_a_motor_of_several_freedoms_drives_all_of_them(write):
     assert cinegen.load(write(text)).actuated == ("elbow_Y", "elbow_Z")
 
 
-def test_without_motors_they_are_chosen(write):
-    mechanism = cinegen.load(write(YAML.replace("name_mot: ['drive']", "name_mot: []").replace("6d", "3d")))
-    assert len(mechanism.actuated) == mechanism.mobility
-    assert "drive" in mechanism.actuated
-
-
 def test_a_joint_that_is_not_there_is_not_replaced_and_told(write):
     text = YAML + "joint_name: ['elbo']\njoint_type: ['SPHERICAL']\n"
     with pytest.warns(raff2urdf.RaffWarning, match=r"robot.yaml:4: joint 'elbo' is not in the URDF.*mean 'elbow'"):
         assert "elbow" in cinegen.load(write(text)).joints
 
 
-@pytest.mark.parametrize(
-    ("change", "says"),
-    [
-        (("'loop_B'", "'loop_C'"), r"robot.yaml:1: .*no joint or link 'loop_C': did you mean 'loop_A' or 'loop_B'"),
-        (("['6d']", "6d"), r"robot.yaml:2: type must be a list"),
-        (("'loop_A', ", ""), r"robot.yaml:1: a closed loop must be a pair of frames"),
-        (
-            ("'drive'", "'driver'"),
-            r"robot.yaml:3: 'driver' in name_mot is not a joint that moves: did you mean 'drive'",
-        ),
-        (("['drive']", "['drive'"), r"robot.yaml:\d: invalid YAML"),
-        ((YAML, "- a\n"), r"robot.yaml:1: it must hold closed_loop"),
-        ((YAML, YAML + "joint_name: [elbow]\njoint_type: [HINGE]\n"), r"robot.yaml:5: .*not 'HINGE'"),
-    ],
-)
+@pytest.mark.parametrize(("change", "says"), [
+    (("'loop_B'", "'loop_C'"), r"robot.yaml:1: .*no joint or link 'loop_C': did you mean 'loop_A' or 'loop_B'"),
+    (("['6d']", "6d"), r"robot.yaml:2: type must be a list"),
+    (("'loop_A', ", ""), r"robot.yaml:1: a closed loop must be a pair of frames"),
+    (("'drive'", "'driver'"), r"robot.yaml:3: 'driver' in name_mot is not a joint that moves: did you mean 'drive'"),
+    (("['drive']", "['drive'"), r"robot.yaml:\d: invalid YAML"),
+    ((YAML, "- a\n"), r"robot.yaml:1: it must hold closed_loop"),
+    ((YAML, YAML + "joint_name: [elbow]\njoint_type: [HINGE]\n"), r"robot.yaml:5: .*not 'HINGE'"),
+])  # fmt: skip
 def test_what_is_wrong_is_told_by_its_line(write, change, says):
     assert change[0] in YAML
     with pytest.raises(cinegen.CinegenError, match=says):

@@ -46,16 +46,13 @@ def test_the_mutual_moment_is_distance_times_sine(seed):
 
 
 @pytest.mark.parametrize("seed", range(3))
-@pytest.mark.parametrize(
-    ("maker", "count"),
-    [
-        (varieties.hyperbolic, 2),
-        (varieties.hyperbolic_one_far, 2),
-        (varieties.parabolic, 1),
-        (varieties.parabolic_far, 1),
-        (varieties.elliptic, 0),
-    ],
-)
+@pytest.mark.parametrize(("maker", "count"), [
+    (varieties.hyperbolic, 2),
+    (varieties.hyperbolic_one_far, 2),
+    (varieties.parabolic, 1),
+    (varieties.parabolic_far, 1),
+    (varieties.elliptic, 0),
+])  # fmt: skip
 def test_four_lines_of_a_congruence_are_met_by_its_directors(maker, count, seed):
     found = varieties.placed(maker, np.random.default_rng(seed), others=0)
     across = transversals(found.lines[:4], found.length)

@@ -58,14 +58,11 @@ def test_the_command_has_a_line_for_each_and_names_what_can_t_be_compared(capsys
     assert summary == "1 of 4 robots agree with Pinocchio, 3 can't be compared"
 
 
-@pytest.mark.parametrize(
-    ("what", "name", "number", "other"),
-    [
-        ("frames", "double_pendulum_simple", "d 100 }", "d 100.0005 }"),
-        ("masses", "double_pendulum_simple", "mass 0.3 ", "mass 0.30001 "),
-        ("home", "panda", "theta -90.00021045915 d", "theta -90.001 d"),
-    ],
-)
+@pytest.mark.parametrize(("what", "name", "number", "other"), [
+    ("frames", "double_pendulum_simple", "d 100 }", "d 100.0005 }"),
+    ("masses", "double_pendulum_simple", "mass 0.3 ", "mass 0.30001 "),
+    ("home", "panda", "theta -90.00021045915 d", "theta -90.001 d"),
+])  # fmt: skip
 def test_a_difference_is_found_and_the_exit_code_is_1(what, name, number, other, monkeypatch, capsys):
     def changed(document):
         text = raff2urdf.dumps(document)

@@ -76,14 +76,7 @@ def parameters(lengths: Any, angles: Any) -> st.SearchStrategy[RaffParameters]:
 
 
 @st.composite
-def documents(
-    draw: st.DrawFn,
-    moderate: bool = False,
-    loops: bool = True,
-    graphics: bool = True,
-    least_robots: int = 0,
-    most_parts: int = 8,
-) -> Document:
+def documents(draw, moderate=False, loops=True, graphics=True, least_robots=0, most_parts=8) -> Document:
     """A random document that `check` accepts.
 
     Args:
@@ -99,20 +92,9 @@ def documents(
     counts = st.integers(0, 3)
     sensors = [RaffSensor(number, draw(TEXTS), draw(counts), draw(counts), draw(SENSOR_AXES)) for number in numbers]
     names = draw(st.lists(XML_NAMES | KEYWORDS, unique=True, min_size=least_robots, max_size=max(2, least_robots)))
+    numbered, kinds = [0, *numbers], parameters(lengths, angles)
     robots = [
-        draw(
-            _robots(
-                name,
-                [0, *numbers],
-                parameters(lengths, angles),
-                lengths,
-                loops,
-                graphics,
-                most_parts,
-                least_speed,
-                compounds=not moderate,
-            )
-        )
+        draw(_robots(name, numbered, kinds, lengths, loops, graphics, most_parts, least_speed, not moderate))
         for name in names
     ]
     return Document(
@@ -125,18 +107,7 @@ def documents(
 
 
 @st.composite
-def _robots(
-    draw: st.DrawFn,
-    name: str,
-    sensors: list[int],
-    params: st.SearchStrategy[RaffParameters],
-    values: st.SearchStrategy[float],
-    loops: bool,
-    graphics: bool,
-    most_parts: int,
-    least_speed: float,
-    compounds: bool,
-) -> RaffRobot:
+def _robots(draw, name, sensors, params, values, loops, graphics, most_parts, least_speed, compounds) -> RaffRobot:
     files = st.none() | st.lists(TEXTS, max_size=2).map(tuple) if graphics else st.none()
     numbers = draw(st.lists(st.integers(1, 40) | st.integers(1, 10**9), unique=True, max_size=most_parts))
     own = st.none() | (XML_NAMES | KEYWORDS).filter(lambda word: word not in ("base", "world", "universe"))
@@ -159,18 +130,7 @@ def _robots(
         if compounds and draw(st.integers(0, 3)) == 0:
             parts.append(draw(_compounds(common, values, pair, speed)))
             continue
-        link = RaffLink(
-            **common,
-            type=draw(st.sampled_from(JointType)),
-            limits=draw(st.none() | pair),
-            velocity=draw(st.none() | speed),
-            effort=draw(st.none() | speed),
-            armature=draw(st.none() | speed),
-            damping=draw(st.none() | speed),
-            friction=draw(st.none() | speed),
-            actuated=draw(st.sampled_from([None, None, True, False])),
-        )
-        parts.append(link)
+        parts.append(RaffLink(**common, type=draw(st.sampled_from(JointType)), **_driven(draw, pair, speed)))
     nodes = [0, *numbers]
     ends = st.lists(st.sampled_from(nodes), min_size=2, max_size=2, unique=True)
     loop = st.builds(lambda two, kind: RaffLoop(*two, kind), ends, st.sampled_from(LoopKind))
@@ -187,6 +147,13 @@ def _robots(
     )
 
 
+def _driven(draw: st.DrawFn, pair: Any, speed: Any) -> dict[str, Any]:
+    """What a joint, or one of its variables, may have."""
+    words = {"limits": pair} | dict.fromkeys(("velocity", "effort", "armature", "damping", "friction"), speed)
+    found = {word: draw(st.none() | value) for word, value in words.items()}
+    return found | {"actuated": draw(st.sampled_from([None, None, True, False]))}
+
+
 @st.composite
 def inertials(draw: st.DrawFn, values: st.SearchStrategy[float]) -> RaffInertial:
     """A mass that some body has: a point, or a ball."""
@@ -200,17 +167,7 @@ def _compounds(draw: st.DrawFn, common: dict[str, Any], values: Any, pair: Any, 
     """A link whose joint has several variables."""
     kind = draw(st.sampled_from(CompoundKind))
     variables = [
-        RaffVariable(
-            name,
-            home=0.0 if written else draw(st.just(0.0) | values),
-            limits=draw(st.none() | pair),
-            velocity=draw(st.none() | speed),
-            effort=draw(st.none() | speed),
-            armature=draw(st.none() | speed),
-            damping=draw(st.none() | speed),
-            friction=draw(st.none() | speed),
-            actuated=draw(st.sampled_from([None, None, True, False])),
-        )
+        RaffVariable(name, home=0.0 if written else draw(st.just(0.0) | values), **_driven(draw, pair, speed))
         for name, written in VARIABLES[kind].items()
         if draw(st.booleans())
     ]

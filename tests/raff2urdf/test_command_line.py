@@ -56,24 +56,19 @@ def test_the_fields_of_a_dataclass_are_options(typed):
         assert typed("draw", "a", "-n", "x", *more)[0] == 0
 
 
-@pytest.mark.parametrize(
-    ("arguments", "says"),
-    [
-        (("darw", "a"), "thing: unknown command 'darw' (did you mean 'draw'?)\nTry 'thing --help'."),
-        (("draw", "--wdith", "1"), "thing draw: unknown option '--wdith' (did you mean '--width'?)"),
-        (("--nonsense",), "thing: unknown option '--nonsense'"),
-        (("draw",), "thing draw: missing argument 'FILE'"),
-        (("draw", "a", "--width"), "thing draw: option '--width' requires an argument"),
-        (("draw", "a", "--width", "wide"), "thing draw: invalid value for '--width'"),
-        (("draw", "a", "--title", "t", "-n", "y"), "thing draw: --title has no effect without --plot or"),
-        (("draw", "a", "--quiet", "--plot", "p"), "thing draw: --quiet has no effect with --plot: leave one out"),
-        (
-            ("draw", "a", "--plot", "p.csv"),
-            "thing draw: --plot p.csv: .csv is another format's ending, --plot writes .png or .svg: name p.png",
-        ),
-        (("draw", "a", "--name", "wrong"), "thing draw: this name can't be\nTry 'thing draw --help'."),
-    ],
-)
+@pytest.mark.parametrize(("arguments", "says"), [
+    (("darw", "a"), "thing: unknown command 'darw' (did you mean 'draw'?)\nTry 'thing --help'."),
+    (("draw", "--wdith", "1"), "thing draw: unknown option '--wdith' (did you mean '--width'?)"),
+    (("--nonsense",), "thing: unknown option '--nonsense'"),
+    (("draw",), "thing draw: missing argument 'FILE'"),
+    (("draw", "a", "--width"), "thing draw: option '--width' requires an argument"),
+    (("draw", "a", "--width", "wide"), "thing draw: invalid value for '--width'"),
+    (("draw", "a", "--title", "t", "-n", "y"), "thing draw: --title has no effect without --plot or"),
+    (("draw", "a", "--quiet", "--plot", "p"), "thing draw: --quiet has no effect with --plot: leave one out"),
+    (("draw", "a", "--plot", "p.csv"),
+     "thing draw: --plot p.csv: .csv is another format's ending, --plot writes .png or .svg: name p.png"),
+    (("draw", "a", "--name", "wrong"), "thing draw: this name can't be\nTry 'thing draw --help'."),
+])  # fmt: skip
 def test_a_wrong_call_is_reported_in_two_lines_with_exit_code_2(typed, arguments, says):
     code, out, err = typed(*arguments)
     assert (code, out) == (2, "")

@@ -29,17 +29,14 @@ def write(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Write:
     return write
 
 
-@pytest.mark.parametrize(
-    ("robot", "mesh", "name"),
-    [
-        ("arm/arm.urdf", "arm/parts/a.stl", "parts/a.stl"),
-        ("arm/urdf/arm.urdf", "arm/meshes/a.stl", "../meshes/a.stl"),
-        ("arm/urdf/arm.urdf", "arm/meshes/a.stl", "package:///../meshes/a.stl"),
-        ("arm/urdf/arm.urdf", "arm/meshes/a.stl", "package://arm/meshes/a.stl"),
-        ("arm/robots/six/urdf/arm.urdf", "arm/meshes/a.stl", "model://arm/meshes/a.stl"),
-        ("arm/arm.urdf", "arm/parts/meshes/a.stl", "package://parts/meshes/a.stl"),
-    ],
-)
+@pytest.mark.parametrize(("robot", "mesh", "name"), [
+    ("arm/arm.urdf", "arm/parts/a.stl", "parts/a.stl"),
+    ("arm/urdf/arm.urdf", "arm/meshes/a.stl", "../meshes/a.stl"),
+    ("arm/urdf/arm.urdf", "arm/meshes/a.stl", "package:///../meshes/a.stl"),
+    ("arm/urdf/arm.urdf", "arm/meshes/a.stl", "package://arm/meshes/a.stl"),
+    ("arm/robots/six/urdf/arm.urdf", "arm/meshes/a.stl", "model://arm/meshes/a.stl"),
+    ("arm/arm.urdf", "arm/parts/meshes/a.stl", "package://parts/meshes/a.stl"),
+])  # fmt: skip
 def test_a_mesh_near_its_robot_is_found(write: Write, robot: str, mesh: str, name: str) -> None:
     folder = write(mesh, robot)
     assert find(name, folder).read_text() == mesh
@@ -53,15 +50,12 @@ def test_all_of_a_package_and_of_those_beside_it_is_found(write: Write, mark: st
     assert find("../../../../../meshes/b.stl", folder) == find("package://arm/meshes/b.stl", folder)
 
 
-@pytest.mark.parametrize(
-    ("files", "robot"),
-    [
-        (["arm-main/package.xml", "arm-main/meshes/a.stl"], "arm-main/urdf/arm.urdf"),  # a clone under another name
-        (["ws/r/.git/x", "ws/r/p/package.xml", "ws/r/parts/package.xml", "ws/r/parts/meshes/a.stl"], "ws/r/p/arm.urdf"),
-        (["ws/r/.git/x", "ws/r/p/package.xml", "ws/q/p/package.xml", "ws/q/p/meshes/a.stl"], "ws/r/p/arm.urdf"),
-        (["ws/q/p/package.xml", "ws/q/p/meshes/a.stl"], "ws/r/p/urdf/arm.urdf"),  # without a repository
-    ],
-)
+@pytest.mark.parametrize(("files", "robot"), [
+    (["arm-main/package.xml", "arm-main/meshes/a.stl"], "arm-main/urdf/arm.urdf"),  # a clone under another name
+    (["ws/r/.git/x", "ws/r/p/package.xml", "ws/r/parts/package.xml", "ws/r/parts/meshes/a.stl"], "ws/r/p/arm.urdf"),
+    (["ws/r/.git/x", "ws/r/p/package.xml", "ws/q/p/package.xml", "ws/q/p/meshes/a.stl"], "ws/r/p/arm.urdf"),
+    (["ws/q/p/package.xml", "ws/q/p/meshes/a.stl"], "ws/r/p/urdf/arm.urdf"),  # without a repository
+])  # fmt: skip
 def test_a_package_has_the_name_in_its_package_xml_and_is_in_or_next_to_the_repository(
     write: Write, files: list[str], robot: str
 ) -> None:
@@ -102,18 +96,15 @@ def test_a_package_is_searched_first_where_the_user_says(write: Write, tmp_path:
         find("package://arm/../secret.stl", folder, packages=packages)
 
 
-@pytest.mark.parametrize(
-    ("below", "robot", "mesh", "name"),
-    [
-        ("home", "arm.urdf", "../other/a.stl", "../other/a.stl"),
-        ("home/work", "arm/arm.urdf", "../secret/a.stl", "../../secret/a.stl"),
-        ("home/work", "arm/arm.urdf", "secret/a.stl", "package://home/work/secret/a.stl"),
-        ("home/work", "arm/arm.urdf", "../secret/a.stl", "package://secret/a.stl"),
-        ("home/work", "a/b/c/d/arm.urdf", "secret/a.stl", "package://work/secret/a.stl"),
-        ("home/work", "arm/arm.urdf", "../secret/a.stl", "package://arm/../../secret/a.stl"),
-        ("home/work", "arm/arm.urdf", "../secret/a.stl", "package://../secret/a.stl"),
-    ],
-)
+@pytest.mark.parametrize(("below", "robot", "mesh", "name"), [
+    ("home", "arm.urdf", "../other/a.stl", "../other/a.stl"),
+    ("home/work", "arm/arm.urdf", "../secret/a.stl", "../../secret/a.stl"),
+    ("home/work", "arm/arm.urdf", "secret/a.stl", "package://home/work/secret/a.stl"),
+    ("home/work", "arm/arm.urdf", "../secret/a.stl", "package://secret/a.stl"),
+    ("home/work", "a/b/c/d/arm.urdf", "secret/a.stl", "package://work/secret/a.stl"),
+    ("home/work", "arm/arm.urdf", "../secret/a.stl", "package://arm/../../secret/a.stl"),
+    ("home/work", "arm/arm.urdf", "../secret/a.stl", "package://../secret/a.stl"),
+])  # fmt: skip
 def test_what_is_elsewhere_is_refused(write: Write, below: str, robot: str, mesh: str, name: str) -> None:
     write(mesh, below=below)
     with pytest.raises(RaffError, match=r"leads out of|is not found: (name its folder|it is no name)"):
@@ -167,13 +158,6 @@ def test_packages_of_the_environment_may_be_made_of_links(
     assert find("package://arm/meshes/a.stl", folder).samefile(source)
     with pytest.raises(RaffError, match="leads out of"):
         find("package://arm/../../../src/arm/meshes/a.stl", folder)
-
-
-def test_a_pointer_of_git_lfs_is_told(write: Write) -> None:
-    folder = write("arm/a.stl", "arm/arm.urdf")
-    (folder / "a.stl").write_text("version https://git-lfs.github.com/spec/v1\noid sha256:00\nsize 1\n")
-    with pytest.raises(RaffError, match=f"mesh 'a.stl' is a Git LFS pointer: run `git lfs pull` in {folder}"):
-        find("a.stl", folder)
 
 
 def test_a_recording_names_no_folder_but_those_near_it(

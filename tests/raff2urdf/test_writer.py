@@ -1,6 +1,5 @@
 """What is written reads back as the same document."""
 
-import math
 from dataclasses import replace
 
 import pytest
@@ -21,21 +20,16 @@ from raff2urdf.raff.document import (
 
 
 @given(documents())
-@examples(150)
+@examples(80)
 def test_what_is_written_reads_back_as_the_same_document(document: Document) -> None:
     assert raff2urdf.loads(raff2urdf.dumps(document)) == document
 
 
 @given(documents(least_robots=1), st.data())
-@examples(80)
+@examples(40)
 def test_white_space_and_comments_mean_nothing(document: Document, data: st.DataObject) -> None:
     text = raff2urdf.dumps(document)
     assert raff2urdf.loads(data.draw(layouts(text))) == document
-
-
-@pytest.mark.parametrize("name", ["robot", "3RRR", "a b", "", "-1", "a//b", "{", "Tête à tête", ".5"])
-def test_a_file_may_bear_any_name(name: str) -> None:
-    assert raff2urdf.loads(raff2urdf.dumps(Document(name))).name == name
 
 
 @pytest.mark.parametrize("wrong", ['a "b"', "a\nb"])
@@ -51,13 +45,6 @@ def test_a_text_that_raff_cannot_hold_is_refused(wrong: str, where: str) -> None
     }[where]()
     with pytest.raises(raff2urdf.RaffError, match="quotation mark or a line's end"):
         raff2urdf.dumps(document)
-
-
-@pytest.mark.parametrize("wrong", [math.inf, -math.inf, math.nan])
-def test_a_number_that_raff_cannot_hold_is_refused(wrong: float) -> None:
-    link = RaffLink(1, RaffParameters(d=wrong), JointType.REVOLUTE, 0)
-    with pytest.raises(raff2urdf.RaffError):
-        raff2urdf.dumps(Document("x", (RaffRobot("r", parts=(link,)),)))
 
 
 @pytest.mark.parametrize("what", ["graphics", "sensors"])

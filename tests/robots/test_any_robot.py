@@ -1,6 +1,5 @@
 """Mechanisms that nobody drew: random trees, random loops, and linkages whose mobility is known by other means."""
 
-import math
 import tempfile
 from pathlib import Path
 
@@ -14,8 +13,6 @@ from hypothesis import strategies as st
 from making import (
     PRISMATIC,
     REVOLUTE,
-    TOOL,
-    Body,
     Mechanism,
     axis,
     bennett,
@@ -125,7 +122,7 @@ def test_a_random_tree_stands_where_the_products_of_six_elementary_transforms_pu
 # --- loops -------------------------------------------------------------------------------------------------------
 
 
-@law(120)
+@law(60)
 @given(SEEDS)
 def test_random_loops_leave_the_mobility_that_screw_theory_says(seed):
     """One to four loops, coupled or not, between links, frames and the base, closed as rigid, prismatic, revolute and
@@ -143,37 +140,6 @@ def test_random_loops_leave_the_mobility_that_screw_theory_says(seed):
     assert len(one.actuated) == mobility
 
 
-@law(50)
-@given(SEEDS)
-def test_platforms_on_legs_have_the_mobility_of_gruebler_and_kutzbach(seed):
-    """M = (freedoms of all joints) - 6 (legs - 1), for whatever legs, cut anywhere, in any unit, written with rounded
-    numbers: generic geometry is never overconstrained."""
-    rng = np.random.default_rng(seed)
-    words = [
-        ["UPS", "RUS", "PUS"],
-        ["RRS", "PRS", "RPS"],
-        ["SPS", "RSS", "UPS"],
-        ["UPS", "RUS", "PUS", "RRS", "RPS", "RSR", "RRRRR", "UPU", "SPS", "UPRR"],
-    ][int(rng.integers(4))]
-    legs = [str(rng.choice(words)) for _ in range(int(rng.integers(2, 7)))]
-    expected = sum({"R": 1, "P": 1, "U": 2, "S": 3}[letter] for word in legs for letter in word) - 6 * (len(legs) - 1)
-    mechanism = platform(rng, legs, str(rng.choice(["rigid", "joint"])))
-    assume(mechanism.mobility() == max(0, expected))  # not near a singularity
-    one = loaded(mechanism, digits=5)
-    assert one.closure(one.q_home) <= 1e-12
-    assert one.mobility == max(0, expected)
-
-
-@pytest.mark.parametrize("lean", [0.0, math.pi])
-@pytest.mark.parametrize("cranks", [2, 3, 4])
-def test_a_parallelogram_drawn_flat_has_one_freedom_however_many_cranks(lean, cranks):
-    """Where all bars lie in one line it could also fold into an antiparallelogram; a third crank forbids that."""
-    mechanism = parallelograms(np.random.default_rng(0), 1, cranks, lean)
-    text = mechanism.text()
-    assert load(text).mobility == 1
-    assert converted(text) == 1
-
-
 RINGS = {
     "Bennett": (bennett, 1),
     "Sarrus": (sarrus, 1),
@@ -183,30 +149,16 @@ RINGS = {
 }
 
 
-@pytest.mark.parametrize(
-    ("body", "mobility"),
-    [
-        pytest.param(
-            "link 1 { parameters { alpha 30 d 100 theta 10 } type 2 pred 0 }"
-            "link 2 { parameters { alpha 90 d 500 theta 20 } type 2 pred 1 } frame 3 { parameters { r 300 } pred 2 }"
-            "frame 4 { parameters { alpha 90 d 500 r 300 } pred 1 } constraint { frame 3 frame 4 type 2 }",
-            2,
-            id="a door on two hinges",
-        ),
-        pytest.param(
-            "link 1 { parameters { d 100 theta 5 } type 2 pred 0 } frame 2 { parameters { d 100 } pred 0 }"
-            "constraint { link 1 frame 2 type 2 }",
-            1,
-            id="a single joint and its double",
-        ),
-        pytest.param(
-            "link 1 { parameters { d 100 } type 2 pred 0 } link 2 { parameters { d 100 } type 2 pred 0 }"
-            "constraint { link 1 link 2 } constraint { link 1 link 2 }",
-            1,
-            id="the same loop twice",
-        ),
-    ],
-)
+@pytest.mark.parametrize(("body", "mobility"), [
+    pytest.param("link 1 { parameters { alpha 30 d 100 theta 10 } type 2 pred 0 }"
+        "link 2 { parameters { alpha 90 d 500 theta 20 } type 2 pred 1 } frame 3 { parameters { r 300 } pred 2 }"
+        "frame 4 { parameters { alpha 90 d 500 r 300 } pred 1 } constraint { frame 3 frame 4 type 2 }", 2,
+        id="a door on two hinges"),
+    pytest.param("link 1 { parameters { d 100 theta 5 } type 2 pred 0 } frame 2 { parameters { d 100 } pred 0 }"
+        "constraint { link 1 frame 2 type 2 }", 1, id="a single joint and its double"),
+    pytest.param("link 1 { parameters { d 100 } type 2 pred 0 } link 2 { parameters { d 100 } type 2 pred 0 }"
+        "constraint { link 1 link 2 } constraint { link 1 link 2 }", 1, id="the same loop twice"),
+])  # fmt: skip
 def test_small_and_odd_loops_are_counted_right(body, mobility):
     text = f"robot r {{ {body} }}"
     assert converted(text) == mobility
@@ -225,14 +177,11 @@ def test_small_and_odd_loops_are_counted_right(body, mobility):
 FIXED_LINK = "link 1 { parameters { d 100 } type 0 pred 0 }"
 
 
-@pytest.mark.parametrize(
-    "body",
-    [
-        "",
-        f"{FIXED_LINK} frame 2 {{ pred 1 }}",
-        f"{FIXED_LINK} frame 2 {{ parameters {{ d 100 }} pred 0 }} constraint {{ link 1 frame 2 }}",
-    ],
-)
+@pytest.mark.parametrize("body", [
+    "",
+    f"{FIXED_LINK} frame 2 {{ pred 1 }}",
+    f"{FIXED_LINK} frame 2 {{ parameters {{ d 100 }} pred 0 }} constraint {{ link 1 frame 2 }}",
+])  # fmt: skip
 def test_robots_without_joints_stand_still(body):
     mechanism = load(f"robot r {{ {body} }}")
     solver = cinegen.Solver(mechanism, 0.01)
@@ -326,13 +275,6 @@ def exactly(mechanism: Mechanism, units: str = "mm") -> cinegen.Mechanism:
 
 @law(15)
 @given(SEEDS)
-def test_where_the_base_stands_does_not_matter(seed):
-    mechanism, place = closed(seed), somewhere(np.random.default_rng(seed + 1), 2.0)
-    same_tool(exactly(mechanism), exactly(mechanism.moved(place)), place, 1.0, seed)
-
-
-@law(15)
-@given(SEEDS)
 def test_how_links_are_numbered_and_in_what_order_they_stand_does_not_matter(seed):
     mechanism, rng = closed(seed), np.random.default_rng(seed + 1)
     numbers = rng.permutation(900)[: len(mechanism.bodies)] + 1
@@ -377,23 +319,3 @@ def test_a_robot_of_micrometres_moves_like_its_twin_of_metres(seed, factor):
         steps = [solver.step() for solver in solvers]
         assert steps[0].status is steps[1].status
         assert steps[1].q / other.scale == pytest.approx(steps[0].q / one.scale, abs=1e-5)
-
-
-# --- driving them ------------------------------------------------------------------------------------------------
-
-
-@pytest.mark.parametrize("closed_to_a_ring", [False, True])
-def test_chains_of_many_joints_load_close_and_follow(closed_to_a_ring):
-    count, rng = 60, np.random.default_rng(60)
-    around = np.linspace(0.0, 1.8 * math.pi, count)
-    axes = [axis((math.cos(t), math.sin(t), 0.1 * t), direction(rng)) for t in around]
-    if closed_to_a_ring:
-        mechanism = loaded(ring(axes))
-        assert mechanism.mobility == count - 6
-    else:
-        bodies = [Body(i + 1, i, place) for i, place in enumerate(axes)]
-        mechanism = loaded(Mechanism((*bodies, Body(TOOL, count, axes[-1], None, 'name "tool"'))))
-        assert mechanism.mobility == count
-    goal = mechanism.placement(mechanism.q_home, "tool")
-    goal.translation = goal.translation + np.array([0.1, 0.2, 0.1])
-    assert reaches(mechanism, goal)

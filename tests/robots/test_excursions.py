@@ -10,7 +10,7 @@ from repository import load, one_of_each_kind
 from test_dragging import what_could_be_won
 
 import cinegen
-from cinegen import PersistentSolver, Solver, Status
+from cinegen import PersistentSolver, Solver
 from cinegen.tolerances import NEAR_SINGULAR
 
 DT = 1 / 60
@@ -73,7 +73,7 @@ def out_and_back(solver: Solver, rng: np.random.Generator) -> cinegen.Step:
 def test_out_of_reach_and_back(name, which):
     mechanism, rng, dead_ends = load(name, which), np.random.default_rng(0), 0
     begin = starts(mechanism)
-    for excursion in range(6):
+    for excursion in range(4):
         solver = Solver(mechanism, DT, q=begin[excursion % len(begin)])
         step = out_and_back(solver, rng)
         if not is_back(mechanism, step):
@@ -86,24 +86,9 @@ def test_out_of_reach_and_back(name, which):
 def test_out_of_reach_and_back_a_persistent_solver_always_comes(name, which):
     mechanism, rng = load(name, which), np.random.default_rng(0)
     begin = starts(mechanism)
-    for excursion in range(6):
+    for excursion in range(4):
         step = out_and_back(PersistentSolver(mechanism, DT, q=begin[excursion % len(begin)]), rng)
         assert is_back(mechanism, step), (excursion, step)
-
-
-def test_on_a_detour_it_says_so_and_its_limits_of_speed_are_kept():
-    mechanism, rng, seen = load("rx90", "arm"), np.random.default_rng(0), set()
-    begin, limit = starts(mechanism), mechanism.model.upperVelocityLimit
-    for excursion in range(12):
-        solver = PersistentSolver(mechanism, DT, q=begin[excursion % len(begin)])
-        step = out_and_back(solver, rng)
-        solver.tasks[0].target = mechanism.placement(begin[0], mechanism.nodes[-1])
-        for _ in range(600):
-            step = solver.step()
-            seen.add(step.status)
-            assert (np.abs(step.v) <= limit * (1.0 + 1e-9)).all()
-        assert is_back(mechanism, step)
-    assert {Status.DETOUR, Status.FOLLOWING} <= seen
 
 
 # --- out of singularities ----------------------------------------------------------------------------------------
@@ -133,6 +118,3 @@ def test_a_stretched_arm_is_drawn_in_by_a_pull_that_is_not_quite_straight(raff, 
     for _ in range(1500):
         step = solver.step()
     assert step.errors[0][0] < 1e-6 * arm.length
-
-
-# --- away from limits --------------------------------------------------------------------------------------------

@@ -10,9 +10,7 @@ import pytest
 
 from cinegen.cli import main
 from cinegen.mission import MissionRecorder, RobotSample
-from cinegen.plotting.loci import draw_loci
 from cinegen.singularities import SingularityType, singularity
-from cinegen.singularities.crossing import _alignment
 from cinegen.singularities.loci import singular_loci
 from cinegen.singularities.slice import Axis, Coordinates, Slice, SliceError
 
@@ -21,7 +19,7 @@ from cinegen.singularities.slice import Axis, Coordinates, Slice, SliceError
 def five_bar(robot):
     """The whole plane of the five-bar's tool."""
     of = Slice(robot("five_bar"), (Axis("x", -0.7, 0.7), Axis("y", -0.55, 0.72)))
-    return singular_loci(of, 16)
+    return singular_loci(of, 12)
 
 
 def test_a_five_bar_is_singular_of_type_1_on_circles_about_its_motors(five_bar):
@@ -66,25 +64,11 @@ def test_over_two_motors_a_serial_arm_is_singular_where_it_is_stretched(robot):
     assert np.abs(points[:, 0]).max() < 1e-6  # of a 3R with its orientation: joint 2 alone decides
 
 
-def test_the_picture_and_the_numbers_say_the_same(five_bar):
-    figure = draw_loci(five_bar)
-    axes = figure.axes[0]
-    drawn = sum(len(line.get_xdata()) for line in axes.lines)
-    assert drawn == sum(len(curve.points) for curve in five_bar.curves) + 1  # and home
-    assert axes.get_xlabel() == "x (m)"
-    said = five_bar.as_dict()
-    assert json.loads(json.dumps(said)) == said
-    assert len(said["type 1"]) == len(said["u"])
-
-
-@pytest.mark.parametrize(
-    ("name", "axes", "fixed", "words"),
-    [
-        ("five_bar", ("x", "w"), {}, "no coordinate 'w' here: there are x, y, z, rx, ry, rz"),
-        ("delta4", ("x", "rz"), {}, "rz of platform can't be given independently of x, y, z"),
-        ("gough", ("x", "y"), {"y": 0.0}, "given twice: x, y, y"),
-    ],
-)
+@pytest.mark.parametrize(("name", "axes", "fixed", "words"), [
+    ("five_bar", ("x", "w"), {}, "no coordinate 'w' here: there are x, y, z, rx, ry, rz"),
+    ("delta4", ("x", "rz"), {}, "rz of platform can't be given independently of x, y, z"),
+    ("gough", ("x", "y"), {"y": 0.0}, "given twice: x, y, y"),
+])  # fmt: skip
 def test_coordinates_that_make_no_slice_are_told(robot, name, axes, fixed, words):
     with pytest.raises(SliceError, match=words.replace("(", r"\(")):
         Slice(robot(name), (Axis(axes[0], -0.1, 0.1), Axis(axes[1], -0.1, 0.1)), fixed)
@@ -141,45 +125,29 @@ def test_the_command_finds_where_a_recorded_way_is_singular_between_its_samples(
     assert coordinates.coordinates(np.array(passed["q"]))["rz"] == pytest.approx(0.5 * math.pi, abs=1e-3)
 
 
-@pytest.mark.parametrize(
-    ("arguments", "words"),
-    [
-        (["--over", "x"], "--over x: name two coordinates"),
-        (["--at", "jont1=10"], "no coordinate 'jont1' here (did you mean 'joint1'?): there are x, y, z, rx, ry, rz"),
-        (["--at", "joint1=10,x=1"], "no coordinate 'joint1' here: there are"),
-        (["--at", "joint2=10"], "no coordinate 'joint2' here (this joint is not actuated): there are"),
-        (["--at", "x=90"], "--at x: 90 m is far beyond the reach of linkage, at most 0.8 m: did you mean 90 mm?"),
-        (["--over", "x=-550..550,y=-700..700"], "did you mean -550 mm?"),
-        (["--over", "rz=-7..7rad,x"], "more than one revolution: did you mean -7..7deg?"),
-        (["--at", "x=0.9"], "--at x=0.9 can't be reached along a straight line from home on its branch"),
-        (["--over", "x,y", "--grid", "3", "--plot", "a.tiff9"], "a.tiff9: can't be written"),
-    ],
-)
+@pytest.mark.parametrize(("arguments", "words"), [
+    (["--over", "x"], "--over x: name two coordinates"),
+    (["--at", "jont1=10"], "no coordinate 'jont1' here (did you mean 'joint1'?): there are x, y, z, rx, ry, rz"),
+    (["--at", "joint1=10,x=1"], "no coordinate 'joint1' here: there are"),
+    (["--at", "x=90"], "--at x: 90 m is far beyond the reach of linkage, at most 0.8 m: did you mean 90 mm?"),
+    (["--over", "x=-550..550,y=-700..700"], "did you mean -550 mm?"),
+    (["--over", "rz=-7..7rad,x"], "more than one revolution: did you mean -7..7deg?"),
+    (["--at", "x=0.9"], "--at x=0.9 can't be reached along a straight line from home on its branch"),
+    (["--over", "x,y", "--grid", "3", "--plot", "a.tiff9"], "a.tiff9: can't be written"),
+])  # fmt: skip
 def test_what_the_command_cant_do_is_told(root, tmp_path, monkeypatch, capsys, arguments, words):
     monkeypatch.chdir(tmp_path)
     assert main(["singular", str(root / "robots/five_bar.raff"), *arguments]) == 1
     assert words in capsys.readouterr().err
 
 
-@pytest.mark.parametrize(
-    ("arguments", "words"),
-    [
-        (["--over", "x=1,y"], "'1' is one number: write LOW..HIGH"),
-        (["--over", "x=1..b,y"], "--over: x: 'b' is not a length"),
-        (["--at", "x"], "'x': write NAME=VALUE, such as x=0.1 or rz=15 (m and degrees)"),
-        (["--at", "joint1=1m"], "--at: joint1: '1m' is a length: an angle is wanted"),
-        (["--at", "x=1,x=2"], "--at: x is given twice"),
-    ],
-)
+@pytest.mark.parametrize(("arguments", "words"), [
+    (["--over", "x=1,y"], "'1' is one number: write LOW..HIGH"),
+    (["--over", "x=1..b,y"], "--over: x: 'b' is not a length"),
+    (["--at", "x"], "'x': write NAME=VALUE, such as x=0.1 or rz=15 (m and degrees)"),
+    (["--at", "joint1=1m"], "--at: joint1: '1m' is a length: an angle is wanted"),
+    (["--at", "x=1,x=2"], "--at: x is given twice"),
+])  # fmt: skip
 def test_a_number_that_is_none_is_a_wrong_call(root, capsys, arguments, words):
     assert main(["singular", str(root / "robots/five_bar.raff"), *arguments]) == 2
     assert words in capsys.readouterr().err
-
-
-@pytest.mark.parametrize("size", [5.0, -5.0])
-def test_of_a_single_singular_value_the_sign_is_sure_however_far_apart_matrices_are(size):
-    """There is no next one that it could change places with."""
-    a, b = np.array([[1.0, 0.0]]), np.array([[size, 0.1]])
-    alignment, is_sure = _alignment(a, b, 1)
-    assert alignment == pytest.approx(size / np.hypot(size, 0.1))
-    assert is_sure

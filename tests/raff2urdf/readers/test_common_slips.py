@@ -18,13 +18,10 @@ ARM = """<robot name="arm">
 """
 
 
-@pytest.mark.parametrize(
-    ("before", "after", "note"),
-    [
-        ("0.1 0 -0.7", "0.1, 0, -0.7", 'xyz="0.1, 0, -0.7" of <origin> on line 6: commas between numbers are left out'),
-        ('scale="2 2 2"', 'scale="2 2 2 1"', 'scale="2 2 2 1" of <mesh> on line 3: the first three factors are read'),
-    ],
-)
+@pytest.mark.parametrize(("before", "after", "note"), [
+    ("0.1 0 -0.7", "0.1, 0, -0.7", 'xyz="0.1, 0, -0.7" of <origin> on line 6: commas between numbers are left out'),
+    ('scale="2 2 2"', 'scale="2 2 2 1"', 'scale="2 2 2 1" of <mesh> on line 3: the first three factors are read'),
+])  # fmt: skip
 def test_what_has_one_meaning_is_read(before, after, note):
     written, meant = cinegen.load(ARM.replace(before, after)), cinegen.load(ARM)
     assert written.source.notes == (*meant.source.notes, note)

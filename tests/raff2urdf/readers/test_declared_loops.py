@@ -111,22 +111,19 @@ def test_a_sidecar_file_must_close_as_many_loops_as_are_declared(bars, tmp_path)
         readers.read(bars(loop))
 
 
-@pytest.mark.parametrize(
-    "added",
-    [
-        "<!-- <loop name='x'/> -->",
-        "<gazebo><plugin name='wheel_loop' filename='a.so'><closed_loop>true</closed_loop><loop_rate>9</loop_rate>"
+@pytest.mark.parametrize("added", [
+    "<!-- <loop name='x'/> -->",
+    "<gazebo><plugin name='wheel_loop' filename='a.so'><closed_loop>true</closed_loop><loop_rate>9</loop_rate>"
         "</plugin></gazebo>",
-        "<gazebo><plugin name='closed_loop_controller' filename='a.so'><joint>drive</joint></plugin></gazebo>",
-        "<gazebo><joint name='fix' type='fixed'><parent>world</parent><child>ground</child></joint></gazebo>",
-        "<gazebo><joint name='a' type='fixed'><parent>rocker</parent><child>camera</child></joint></gazebo>",
-        "<transmission name='t'><type>transmission_interface/FourBarLinkageTransmission</type><joint name='drive'/>"
+    "<gazebo><plugin name='closed_loop_controller' filename='a.so'><joint>drive</joint></plugin></gazebo>",
+    "<gazebo><joint name='fix' type='fixed'><parent>world</parent><child>ground</child></joint></gazebo>",
+    "<gazebo><joint name='a' type='fixed'><parent>rocker</parent><child>camera</child></joint></gazebo>",
+    "<transmission name='t'><type>transmission_interface/FourBarLinkageTransmission</type><joint name='drive'/>"
         "<joint name='swing'/></transmission>",
-        "<ros2_control name='c' type='system'><joint name='drive'><param name='loop'>1</param></joint></ros2_control>",
-        "<sensor name='s'><parent link='crank'/></sensor>",
-        "<enclosure/>",
-    ],
-)
+    "<ros2_control name='c' type='system'><joint name='drive'><param name='loop'>1</param></joint></ros2_control>",
+    "<sensor name='s'><parent link='crank'/></sensor>",
+    "<enclosure/>",
+])  # fmt: skip
 def test_what_is_no_loop_raises_no_alarm(added, bars):
     with warnings.catch_warnings():
         warnings.simplefilter("error")
@@ -147,15 +144,6 @@ def test_a_loop_of_old_gazebo_is_warned_of(bars):
         readers.read(bars(f"<gazebo>{hinge.format('a')}{hinge.format('b')}</gazebo>"))
 
 
-def test_a_second_parent_is_removed_from_the_tree(bars):
-    path = bars(f'<joint name="pin" type="continuous">\n{ENDS}</joint>')
-    with pytest.warns(RaffWarning, match=r"every joint moves independently: joint 'pin' \(line 6\)"):
-        opened = readers.read(path, ignore_loops=True)
-    for text in (opened.urdf, readers.read(path).urdf):
-        assert '"pin"' not in text
-        assert text.count("<joint") == 3
-
-
 # --- raff2urdf's own URDFs ---------------------------------------------------------------------------------------
 
 
@@ -172,13 +160,3 @@ def test_a_urdf_of_ours_without_its_constraints_is_refused(elements, root, tmp_p
         readers.read(urdf)
     urdf.write_text(re.sub("  <!-- raff2urdf constraints: .*-->\n", "", urdf.read_text()))
     assert readers.read(urdf)[1] is None  # nothing in it tells of a loop
-
-
-def test_a_urdf_of_ours_without_loops_names_its_constraints_too(root, tmp_path):
-    """They have its home and its sensors."""
-    raff2urdf.convert(root / "robots" / "arm7.raff", tmp_path)
-    urdf = tmp_path / "arm7.urdf"
-    assert "<!-- raff2urdf constraints: arm7.constraints.json (0 loops) -->" in urdf.read_text()
-    (tmp_path / "arm7.constraints.json").unlink()
-    with pytest.warns(raff2urdf.RaffWarning, match=r"arm7\.urdf:4: this comment names arm7\.constraints\.json"):
-        assert readers.read(urdf)[1] is None

@@ -28,20 +28,17 @@ def write(folder: Path, added: str) -> Path:
     return path
 
 
-@pytest.mark.parametrize(
-    ("added", "element"),
-    [
-        ("<transmission name='t'><type>t</type></transmission>", "robot/transmission"),
-        ("<gazebo reference='crank'><material>Gazebo/Blue</material></gazebo>", "gazebo/material"),
-        ("<gazebo><plugin name='p' filename='control.so'/></gazebo>", "gazebo/plugin"),
-        ("<gazebo><joint name='a'><parent>world</parent><child>ground</child></joint></gazebo>", "gazebo/joint"),
-        ("<ros2_control name='r' type='system'/>", "robot/ros2_control"),
-        ("<ros2_control name='r'><joint name='drive'><state_interface/></joint></ros2_control>", "robot/ros2_control"),
-        ("<sensor name='s'/>", "robot/sensor"),
-        (f"<link name='x'><custom/></link>{FIXED}<child link='x'/></joint>", "link/custom"),
-        ("<frame name='tool' link='crank'/>", "robot/frame"),
-    ],
-)  # fmt: skip
+@pytest.mark.parametrize(("added", "element"), [
+    ("<transmission name='t'><type>t</type></transmission>", "robot/transmission"),
+    ("<gazebo reference='crank'><material>Gazebo/Blue</material></gazebo>", "gazebo/material"),
+    ("<gazebo><plugin name='p' filename='control.so'/></gazebo>", "gazebo/plugin"),
+    ("<gazebo><joint name='a'><parent>world</parent><child>ground</child></joint></gazebo>", "gazebo/joint"),
+    ("<ros2_control name='r' type='system'/>", "robot/ros2_control"),
+    ("<ros2_control name='r'><joint name='drive'><state_interface/></joint></ros2_control>", "robot/ros2_control"),
+    ("<sensor name='s'/>", "robot/sensor"),
+    (f"<link name='x'><custom/></link>{FIXED}<child link='x'/></joint>", "link/custom"),
+    ("<frame name='tool' link='crank'/>", "robot/frame"),
+])  # fmt: skip
 def test_elements_that_are_not_read_are_listed(added, element, tmp_path):
     path = write(tmp_path, added)
     readers.read(path)
@@ -54,13 +51,6 @@ def test_loops_and_couplings_that_are_read_are_not_listed(tmp_path):
     param = '<param name="mimic">drive</param>'
     control = f'<ros2_control name="r" type="system"><joint name="swing">{param}</joint><hardware/></ros2_control>'
     assert ignored(write(tmp_path, loop + frames + control)) == [("ros2_control/hardware", 1, (5,))]
-
-
-def test_what_drives_joints_is_not_listed(tmp_path):
-    transmission = "<transmission name='t'><joint name='drive'/><actuator name='m'/></transmission>"
-    plugin = "<gazebo><plugin name='p' filename='libdiff_drive.so'><leftJoint>drive</leftJoint></plugin></gazebo>"
-    control = "<ros2_control name='r'><joint name='drive'><command_interface name='c'/></joint></ros2_control>"
-    assert ignored(write(tmp_path, transmission + plugin + control)) == []
 
 
 def test_other_formats(root, tmp_path):

@@ -7,9 +7,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 from lxml import etree
 
-from raff2urdf.errors import RaffError
 from raff2urdf.readers import successive
-from raff2urdf.readers.urdf import joints, links, parse
+from raff2urdf.readers.urdf import joints, parse
 
 BODY = """<robot name="r">
   <link name="base"/>
@@ -66,11 +65,3 @@ def test_a_floating_joint_that_frees_the_whole_robot_may_be_kept():
     tree = parse(text, "x")
     assert successive.replace_compound(tree, "x", keep_root=True) == {}
     assert successive.replace_compound(tree, "x", keep_root=False).keys() == {"first"}
-
-
-def test_a_name_that_is_taken_is_refused():
-    text = BODY.format(kind="spherical", axis="0 0 1").replace('name="first"', 'name="j_Y"')
-    tree = parse(text, "x")
-    with pytest.raises(RaffError, match="rename 'j_Y'"):
-        successive.replace_compound(tree, "x", keep_root=True)
-    assert len(links(tree)) == 3

@@ -23,25 +23,16 @@ ARM = """<robot name="arm">
 </robot>"""
 
 
-@pytest.mark.parametrize(
-    ("change", "says"),
-    [
-        (('link="upper"/>\n    <o', 'link="uper"/>\n    <o'), r"x:5: joint 'turn' has the child 'uper', .*'upper'"),
-        (('<child link="tool"/>', '<child link="upper"/>'), r"x:12: joint 'hold' has the child 'upper' .*line 5: "),
-        (('<link name="tool"/>', '<link name="upper"/>'), r"x:4: link 'upper' is defined twice, first on line 3"),
-        (('name="hold"', 'name="turn"'), r"x:12: joint 'turn' is defined twice, first on line 5"),
-        (('<link name="tool"/>', '<link name="tool"/><link name="spare"/>'), r"x:4: 2 links have no parent.*'base'"),
-        (('type="fixed"', 'type="fixd"'), r"x:12: joint 'hold' has the type 'fixd', which is not in URDF: .*'fixed'"),
-        (('rpy="0 0 0.5"', 'rpy="0 0"'), r'x:8: rpy="0 0" of <origin> must be three numbers'),
-        (('xyz="0 0 1" rpy', 'xyz="0 nan 1" rpy'), r'x:8: xyz="0 nan 1" of <origin> must be three numbers'),
-        (('effort="1"', 'effort="nan"'), r"x:10: the effort limit 'nan' of joint 'turn' is not a number"),
-        (('<limit', '<dynamics damping="thick"/><limit'), r"x:10: the damping 'thick' of joint 'turn' must be a"),
-        (('<limit', '<dynamics friction="-1"/><limit'), r"x:10: the friction '-1' of joint 'turn' .* not negative"),
-        (('xyz="0 0 1" rpy', 'xyz="0 1e308 1" rpy'), r"x:8: .* must be three numbers \(none beyond 1e\+13\)"),
-        (('<parent link="base"/>', ""), r"x:5: joint 'turn' has no <parent>"),
-        (('rpy="0 0 0.5"', 'rpy="0 0 ${a}"'), r"x:8: .*It contains xacro \(line 8\): load the output of `xacro x`"),
-    ],
-)  # fmt: skip
+@pytest.mark.parametrize(("change", "says"), [
+    (('<child link="tool"/>', '<child link="upper"/>'), r"x:12: joint 'hold' has the child 'upper' .*line 5: "),
+    (('rpy="0 0 0.5"', 'rpy="0 0"'), r'x:8: rpy="0 0" of <origin> must be three numbers'),
+    (('xyz="0 0 1" rpy', 'xyz="0 nan 1" rpy'), r'x:8: xyz="0 nan 1" of <origin> must be three numbers'),
+    (('velocity="3"', 'velocity="-3"'), r"x:10: the velocity limit of joint 'turn' is -3: it must not be negative"),
+    (('effort="1"', 'effort="nan"'), r"x:10: the effort limit 'nan' of joint 'turn' is not a number"),
+    (('<limit', '<dynamics damping="thick"/><limit'), r"x:10: the damping 'thick' of joint 'turn' must be a"),
+    (('<limit', '<dynamics friction="-1"/><limit'), r"x:10: the friction '-1' of joint 'turn' .* not negative"),
+    (('xyz="0 0 1" rpy', 'xyz="0 1e308 1" rpy'), r"x:8: .* must be three numbers \(none beyond 1e\+13\)"),
+])  # fmt: skip
 def test_what_is_wrong_is_told_by_its_line(change, says):
     assert len(joints(parse(ARM, "x"))) == 2
     wrong = ARM.replace(*change)
@@ -58,19 +49,16 @@ def test_a_kinematic_cycle_is_refused():
         parse(ring.replace('<link name="base"/>', ""), "x")
 
 
-@pytest.mark.parametrize(
-    ("limit", "allowed", "fastest"),
-    [
-        ('<limit lower="-1" upper="2" velocity="3"/>', (-1.0, 2.0), 3.0),
-        ('<limit lower="-1"/>', (-1.0, 0.0), None),
-        ('<limit effort="1" velocity="0"/>', None, None),
-        ("", None, None),
-        ('<limit lower="-1e9" upper="1e9" velocity="1e9"/>', None, None),
-        ('<limit lower="-inf" upper="inf" velocity="inf"/>', None, None),
-        ('<limit lower="2" upper="inf" velocity="0"/>', (2.0, 1e9), None),
-        ('<limit lower="-1e308" upper="2"/>', (-1e9, 2.0), None),
-    ],
-)
+@pytest.mark.parametrize(("limit", "allowed", "fastest"), [
+    ('<limit lower="-1" upper="2" velocity="3"/>', (-1.0, 2.0), 3.0),
+    ('<limit lower="-1"/>', (-1.0, 0.0), None),
+    ('<limit effort="1" velocity="0"/>', None, None),
+    ("", None, None),
+    ('<limit lower="-1e9" upper="1e9" velocity="1e9"/>', None, None),
+    ('<limit lower="-inf" upper="inf" velocity="inf"/>', None, None),
+    ('<limit lower="2" upper="inf" velocity="0"/>', (2.0, 1e9), None),
+    ('<limit lower="-1e308" upper="2"/>', (-1e9, 2.0), None),
+])  # fmt: skip
 def test_limits_that_are_left_out_or_beyond_all_measure_are_none(limit, allowed, fastest):
     text = ARM.replace('<limit lower="-1" upper="2" effort="1" velocity="3"/>', limit)
     turn = joints(parse(text, "x"))[0]

@@ -17,7 +17,6 @@ from raff2urdf.conversion import translate
 from raff2urdf.coupling import Coupling, coupling_entry
 from raff2urdf.raff.reader import parse as parse_raff
 from raff2urdf.readers.urdf import joints, parse
-from raff2urdf.urdf2raff.frames import tidy
 from raff2urdf.urdf2raff.robot import import_tree
 
 SPECIAL = st.sampled_from([0.0, 0.0, 0.0, math.pi / 2, -math.pi / 2, math.pi, 1.5708, 1e-7, 2.5e-5, 0.3])
@@ -105,30 +104,6 @@ def test_gamma_and_epsilon_are_said_only_where_a_link_branches(text):
             assert carried[body(link.pred)] > 1
 
 
-@settings(max_examples=100)
-@given(trees(), st.sampled_from(["mm", "m", "um", "cm"]))
-def test_to_and_fro_is_a_fixed_point(text, units):
-    first = import_tree(parse(text, "x"), "x", units=units)
-    made = translate(first.document, first.document.robot(), Path())
-    second = import_tree(parse(made.urdf, "y"), "y", made.constraints, units)
-    again = translate(second.document, second.document.robot(), Path())
-    third = import_tree(parse(again.urdf, "z"), "z", again.constraints, units)
-    assert third.document == second.document
-    assert again.urdf == translate(third.document, third.document.robot(), Path()).urdf
-    model, other = model_of(made.urdf), model_of(again.urdf)
-    data, there = model.createData(), other.createData()
-    pin.framesForwardKinematics(model, data, pin.neutral(model))
-    for own, theirs in second.joints.items():  # zeros do not move any more, but where a frame had to be chosen anew
-        assert own == theirs
-    q = pin.neutral(other)
-    for name, offset in second.offsets.items():
-        q[other.joints[other.getJointId(name)].idx_q] = offset
-    pin.framesForwardKinematics(other, there, q)
-    for link, node in second.nodes.items():
-        wanted, stands = data.oMf[model.getFrameId(link)], there.oMf[other.getFrameId(node)]
-        assert np.abs(wanted.homogeneous - stands.homogeneous).max() < 1e-11
-
-
 CHAIN = """<robot name="arm">
   <link name="base_link"/><link name="shoulder"/><link name="elbow"/><link name="tool"/>
   <joint name="lift" type="revolute"><parent link="base_link"/><child link="shoulder"/>
@@ -214,20 +189,13 @@ robot coupled {{
 
 
 @pytest.mark.parametrize("units", ["mm", "m"])
-@pytest.mark.parametrize(
-    "coupling",
-    [
-        "link 5 link 1 ratio -2.123456789012345",
-        "link 2 link 1 ratio 0.3333333333333333 offset 12.5",
-        "link 4 link 2 lead 20 offset 10",
-        "link 4 link 2 radius 12.3",
-        "link 2 link 3 lead -0.017",
-        "link 3 link 4 ratio 1",
-        "link 5 link 3 polynomial ( 1.5 0.02 ) offset -3",
-        "link 4 link 1 polynomial ( 0 1.5 0.02 -0.001 )",
-        'name "wrist" link 5 link 1 ratio 0.5 link 2 ratio -0.5 link 3 radius 3',
-    ],
-)
+@pytest.mark.parametrize("coupling", [
+    "link 5 link 1 ratio -2.123456789012345", "link 2 link 1 ratio 0.3333333333333333 offset 12.5",
+    "link 4 link 2 lead 20 offset 10", "link 4 link 2 radius 12.3", "link 2 link 3 lead -0.017",
+    "link 3 link 4 ratio 1", "link 5 link 3 polynomial ( 1.5 0.02 ) offset -3",
+    "link 4 link 1 polynomial ( 0 1.5 0.02 -0.001 )",
+    'name "wrist" link 5 link 1 ratio 0.5 link 2 ratio -0.5 link 3 radius 3',
+])  # fmt: skip
 def test_a_coupling_of_raff_comes_back_as_it_was_written(coupling, units):
     text = COUPLED.format(units=units, couplings=f"coupling {{ {coupling} }}")
     document = parse_raff(text)
@@ -265,14 +233,11 @@ def test_a_coupling_means_the_same_at_any_joint_values(text, data):
     assert again.evaluate(there)[0] * factor == pytest.approx(coupling.evaluate(values)[0], abs=1e-9)
 
 
-@pytest.mark.parametrize(
-    ("terms", "says"),
-    [
-        ({"lift": [1.0]}, "since it names one joint only: leave it out with --ignore c"),
-        ({"lift": [1.0, 2.0], "bend": [0.0, 1.0]}, "has no notation in RAFF, since no joint is linear in it"),
-        ({"lift": [1.0], "lost": [1.0]}, "names 'lost', which is not a joint that moves"),
-    ],
-)
+@pytest.mark.parametrize(("terms", "says"), [
+    ({"lift": [1.0]}, "since it names one joint only: leave it out with --ignore c"),
+    ({"lift": [1.0, 2.0], "bend": [0.0, 1.0]}, "has no notation in RAFF, since no joint is linear in it"),
+    ({"lift": [1.0], "lost": [1.0]}, "names 'lost', which is not a joint that moves"),
+])  # fmt: skip
 def test_a_coupling_without_notation_is_an_error(terms, says):
     with pytest.raises(raff2urdf.RaffError, match=says):
         import_tree(parse(CHAIN, "x"), "x", {"couplings": [coupling_entry("c", terms)]})
@@ -294,15 +259,6 @@ def test_actuated_joints_are_declared_only_where_the_file_does():
     assert declared(lift | {"actuated": True}, bend | {"actuated": True}) == [True, True]
 
 
-@given(st.floats(-1e4, 1e4), st.integers(0, 6))
-def test_a_tidy_number_is_short_and_stays_as_it_is(value, decimals):
-    near = tidy(value, 1e-9)
-    assert abs(near - value) <= 1e-9
-    assert tidy(near, 1e-9) == near
-    short = round(value, decimals)
-    assert tidy(short + 1e-10, 1e-9) == short
-
-
 def chain(count):
     links = "".join(f'<link name="l{i}"/>' for i in range(count))
     turns = (
@@ -313,9 +269,9 @@ def chain(count):
     return f'<robot name="r">{links}{"".join(turns)}</robot>'
 
 
-def test_a_chain_of_two_thousand_links_is_turned():
+def test_a_chain_of_more_links_than_python_recurses_is_turned():
     """Bodies were counted by a function that called itself, as deep as the chain is long."""
-    assert len(import_tree(parse(chain(2000), "x"), "x").document.robot().links) == 1999
+    assert len(import_tree(parse(chain(1100), "x"), "x").document.robot().links) == 1099
 
 
 def test_a_joint_may_be_called_as_raff2urdf_calls_the_one_that_places_the_base():
