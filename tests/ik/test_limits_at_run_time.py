@@ -135,16 +135,6 @@ def turned(angle):
     return pin.SE3(rotation, rotation @ [1.0, 0.0, 0.0])
 
 
-def test_a_wider_limit_than_the_model_s_is_used(raff):
-    mechanism = raff(ONE_JOINT)
-    solver = Solver(mechanism, DT)
-    solver.position_limits[mechanism.joints[0]] = (-2.0, 2.0)
-    solver.add_task("tool", rotation=0).target = turned(1.5)
-    for _ in range(200):
-        step = solver.step()
-    assert abs(step.q[0] - 1.5) < 1e-6
-
-
 def test_a_floating_base_has_limits_of_velocity_and_acceleration(biped):
     solver = Solver(biped, DT)
     feet = [solver.add_task(node) for node in bipeds.FEET]

@@ -35,15 +35,12 @@ def carried(begin: pin.SE3, twist: np.ndarray, seconds: float, axes: str) -> pin
 
 
 @pytest.mark.parametrize("axes", ["world", "target", "tool"])
-@pytest.mark.parametrize("way", [0, 5, "line", "turn", "both"])
+@pytest.mark.parametrize("way", ["line", "turn", "both"])
 def test_a_twist_moves_the_node_by_itself_times_the_seconds(raff, axes, way):
     arm = raff(SIX)
     twist = np.zeros(6)
-    if isinstance(way, int):
-        twist[way] = 0.2
-    else:
-        twist[:3] = [0.1, -0.2, 0.05] if way in ("line", "both") else 0.0
-        twist[3:] = [0.0, 0.0, 0.2] if way == "both" else [0.1, -0.2, 0.3] if way == "turn" else 0.0
+    twist[:3] = [0.1, -0.2, 0.05] if way in ("line", "both") else 0.0
+    twist[3:] = [0.0, 0.0, 0.2] if way == "both" else [0.1, -0.2, 0.3] if way == "turn" else 0.0
     solver = Solver(arm, DT)
     begin = arm.placement(solver.q, "tool")
     task = solver.add_task("tool", axes=axes)
@@ -110,25 +107,6 @@ def test_a_twist_against_a_wall_winds_nothing_up_and_leads_back_at_once(robot, n
         if tick == 2:
             assert mechanism.placement(step.q, node).translation[way] > at_the_wall + 1e-4 * mechanism.length
     assert mechanism.placement(step.q, node).translation[way] > at_the_wall + 0.05 * mechanism.length
-
-
-def test_a_target_and_a_twist_in_turn_end_each_other(raff):
-    """Back by the target and on by the twist, tick by tick: it gets nowhere, and does not drift."""
-    arm = raff(SIX)
-    solver = Solver(arm, DT)
-    begin = arm.placement(solver.q, "tool")
-    task = solver.add_task("tool", axes="world")
-    twist = np.array([0.3, 0.1, 0.0, 0.0, 0.0, 0.2])
-    for tick in range(400):
-        if tick % 2 == 0:
-            task.twist = twist
-            assert task.twist == pytest.approx(twist)
-        else:
-            task.target = begin
-            assert task.twist is None
-        step = solver.step()
-        gone = arm.placement(step.q, "tool").translation - begin.translation
-        assert gone == pytest.approx(DT * twist[:3] if tick % 2 == 0 else np.zeros(3), abs=1e-4)
 
 
 # --- another thing in every tick ---------------------------------------------------------------------------------
