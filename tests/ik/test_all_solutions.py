@@ -318,8 +318,7 @@ def test_a_free_rotation_and_a_free_orientation():
 
 
 @pytest.mark.parametrize(
-    ("word", "bound"),
-    [("RPRRRR", 16), ("RPRPRP", 2), ("RRR==R", 8), ("PRRR..", 8), ("PRPR..", 4)],
+    ("word", "bound"), [("RPRRRR", 16), ("RPRPRP", 2), ("RRR==R", 8), ("PRRR..", 8), ("PRPR..", 4)]
 )
 def test_serial_arms_have_as_many_solutions_as_theory_allows(word, bound):
     """R: revolute, P: prismatic, =: parallel to the one before, .: through one point with it."""

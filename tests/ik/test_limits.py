@@ -179,15 +179,3 @@ def test_pressed_against_a_wall_a_robot_rests_on_its_limits_and_leaves_them_at_o
         step = solver.step()
     assert step.status is Status.FOLLOWING
     assert step.errors[0][0] < 1e-6 * mechanism.length
-
-
-def test_a_robot_that_begins_beyond_a_limit_comes_back_and_goes_no_further(raff):
-    arm = raff(ONE_JOINT)
-    solver = Solver(arm, 0.01, q=[1.2])
-    task = solver.add_task("tool", turned(3.0), translation=0)
-    for _ in range(20):
-        assert solver.step().q[0] <= 1.2
-    task.target = turned(0.5)
-    for _ in range(20):
-        step = solver.step()
-    assert step.q[0] == pytest.approx(0.5)

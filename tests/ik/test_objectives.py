@@ -187,8 +187,7 @@ def logarithm(mechanism: cinegen.Mechanism, q: np.ndarray, node: str, rows: int)
 
 
 @pytest.mark.parametrize(
-    ("name", "node", "rows"),
-    [("arm7", "tool", 6), ("hybrid", None, 3), ("delta4", "platform", 3)],
+    ("name", "node", "rows"), [("arm7", "tool", 6), ("hybrid", None, 3), ("delta4", "platform", 3)]
 )
 @pytest.mark.parametrize("pulled", [True, False])
 def test_its_gradient_is_that_of_finite_differences_over_closed_configurations(name, node, rows, pulled):

@@ -64,6 +64,7 @@ def test_a_bad_value_is_named_and_what_it_must_be(robot, name, value, told):
     assert np.isfinite(step.errors[0]).all()
     assert np.isnan(step.errors[1]).all()
     assert np.array_equal(step.q, arm.q_home)
+    assert not bad.copy().is_valid()
     assert (good.problem, bad.problem) == ("", step.problems[1])
     if name == "twist":
         bad.twist = np.zeros(6)

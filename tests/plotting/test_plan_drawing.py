@@ -199,17 +199,3 @@ def test_there_is_a_picture_of_every_plan(values, title):
     figure = draw_plan(way)
     assert title in figure.get_suptitle()
     FigureCanvasAgg(figure).draw()
-
-
-def test_nothing_is_cut_off_and_something_is_seen(over_the_wall):
-    figure = draw_plan(over_the_wall)
-    FigureCanvasAgg(figure).draw()
-    pixels = np.asarray(figure.canvas.buffer_rgba())[..., :3]
-    for axes in figure.axes:
-        left, bottom, width, height = (round(v) for v in axes.get_window_extent().bounds)
-        part = pixels[len(pixels) - bottom - height : len(pixels) - bottom, left : left + width]
-        assert (part.min(axis=2) < 200).mean() > 0.01
-    for text in figure.findobj(lambda artist: hasattr(artist, "get_legend_handler_map")):
-        box = text.get_window_extent()
-        assert box.x0 >= 0.0
-        assert box.x1 <= pixels.shape[1]
