@@ -146,3 +146,10 @@ def test_limits_are_kept_of_joints_that_follow_too(filtered, tmp_path):
     assert said[2] == {"drive": 0.2, "follower": pytest.approx(0.4)}
     assert said[3] == {"error": "drive would be at 1.6 rad, beyond its limit 1.5 rad: nothing moves"}
     assert said[4] == said[2]
+
+
+def test_bytes_that_are_no_text_are_answered_too(filtered):
+    given = b'\xff\xfe\n{"joint1": 0.5}\n\0\n{"j\xc3\xb6int": 1}\n'
+    answers = filtered(given, "four_bar.raff")
+    assert ["error" in answer for answer in answers] == [True, False, True, True]
+    assert "jöint" in answers[3]["error"]

@@ -29,7 +29,7 @@ REMADE = {
     "urdf": ("raff2urdf delta4.raff -o ./", "delta4.urdf delta4.constraints.json meshes/delta4/delta_base.nff.1.stl"),
     "mjcf": ("raff2urdf four_bar.raff -o ./ --format mjcf", "four_bar.xml"),
     "dialect": ("raff2urdf four_bar.raff -o ./ --loops robot.yaml", "four_bar.yaml"),
-    "c": ("cinegen generate four_bar.raff --to c --functions fk", "four_bar.c four_bar.h four_bar_test.c"),
+    "c": ("cinegen generate four_bar.raff --to c --functions fk", "four_bar.c"),
     "page": ("cinegen page four_bar.raff -o page.html", "page.html"),
     "scan": (
         "cinegen singular planar_3r.raff --over joint2,joint3 --grid 8 -o scan.json --plot scan.png",
@@ -139,7 +139,7 @@ def test_a_healed_urdf_is_generated_anew_and_kept_if_it_is_changed(run):
     shutil.copy("four_bar.constraints.json", "tilted.constraints.json")
     for _ in range(2):
         assert run("cinegen heal tilted.urdf healed.urdf")[0] == 0
-    for name in ("healed.urdf", "healed.constraints.json"):
+    for name in ("healed.constraints.json",):
         edited = edit(Path(name))
         code, err = run("cinegen heal tilted.urdf healed.urdf")
         assert code == 1

@@ -321,7 +321,7 @@ def orthogonal(rng: np.random.Generator, n: int) -> np.ndarray:
     return np.linalg.qr(rng.normal(size=(n, n)))[0]
 
 
-@law(200)
+@law(100)
 @given(seeds, st.sampled_from(SCALES))
 def test_singular_values_are_numpys_from_nothing_and_from_any_guess(seed, scale):
     matrix, rng = random_matrix(seed)
@@ -392,7 +392,7 @@ def random_rows(seed: int) -> tuple[np.ndarray, int, np.random.Generator]:
     return rng.normal(size=(count, rank)) @ rng.normal(size=(rank, n)), rank, rng
 
 
-@law(150)
+@law(80)
 @given(seeds, st.sampled_from((1e-9, 1.0, 1e9)))
 def test_free_motions_are_orthonormal_and_open_no_loop(seed, scale):
     rows, rank, _ = random_rows(seed)
@@ -404,7 +404,7 @@ def test_free_motions_are_orthonormal_and_open_no_loop(seed, scale):
     assert added >= sigma[rank - 1] / sigma[0] / 4.0**rank  # column pivoting knows the rank no worse than that
 
 
-@law(150)
+@law(80)
 @given(seeds)
 def test_the_shortest_correction_is_the_pseudoinverses(seed):
     rows, rank, rng = random_rows(seed)
@@ -486,7 +486,7 @@ def random_bounds(seed: int) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.nda
     return wanted, g, low, high
 
 
-@law(150)
+@law(80)
 @given(seeds)
 def test_the_nearest_point_is_inside_and_none_is_nearer(seed):
     wanted, g, low, high = random_bounds(seed)
@@ -494,7 +494,7 @@ def test_the_nearest_point_is_inside_and_none_is_nearer(seed):
     assert x == pytest.approx(by_nnls(wanted, g, low, high), abs=1e-6 * max(1.0, np.abs(wanted).max()))
 
 
-@law(150)
+@law(80)
 @given(seeds)
 def test_bounds_that_are_parallel_doubled_or_nothing_do_no_harm(seed):
     """As a loop makes them: joints that turn together, against each other, or not at all; all on their bounds."""
@@ -508,7 +508,7 @@ def test_bounds_that_are_parallel_doubled_or_nothing_do_no_harm(seed):
     check_nearest(wanted, g, low, high)
 
 
-@law(150)
+@law(80)
 @given(seeds)
 def test_bounds_that_contradict_each_other_are_known(seed):
     """Acceleration limits can ask for what position limits forbid: 0 need not be inside."""

@@ -77,7 +77,7 @@ def test_the_step_of_each_level_is_that_of_the_plain_statement(name, which):
     assert bent
 
 
-@pytest.mark.parametrize("count", [20, pytest.param(200, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("count", [8, pytest.param(200, marks=pytest.mark.slow)])
 @pytest.mark.filterwarnings("ignore::cinegen.CinegenWarning")
 def test_so_it_is_on_random_mechanisms(tmp_path, count):
     """Trees of 4 to 8 bodies with up to two loops between any two of them."""

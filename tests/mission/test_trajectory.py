@@ -334,3 +334,23 @@ def test_joints_without_limits_obey_stated_defaults(raff, tmp_path):
     assert (np.abs(np.diff(motion.q, axis=0)) * motion.rate <= np.array([1.0, 0.25]) * (1.0 + 1e-6)).all()
     assert (_accelerations(motion) <= 1.0 + 1e-6).all()
     assert not check(motion).serious
+
+
+@pytest.mark.parametrize(("motors", "noted"), [("joint1 joint2 joint3", False), ("joint3", True)])
+def test_motors_in_excess_and_motors_that_are_missing(robot, raff, root, tmp_path, motors, noted):
+    """Where motors don't determine the motion, or contradict each other between samples, it is still the recorded."""
+    times, q = swung(robot("five_bar"), 1.0)
+    text = (root / "robots" / "five_bar.raff").read_text(encoding="utf-8").partition("\n")[2]
+    text = text.replace("    actuated 1\n", "").replace("    type 2\n", "    type 2\n    actuated 0\n")
+    for motor in motors.split():
+        head, link, rest = text.partition(f"  link {motor[-1]} {{")
+        text = head + link + rest.replace("actuated 0", "actuated 1", 1)
+    mechanism = raff(text)
+    assert mechanism.actuated == tuple(motors.split())
+    motion = resampled(record(tmp_path / "run.jsonl", mechanism, times, q), rate=200.0)
+    findings = check(motion)
+    assert not findings.serious
+    assert (FindingKind.UNCONTROLLED in _kinds(findings)) == noted
+    exact = np.array([motion.q[min(round(200 * time), len(motion.q) - 1)] for time in motion.passes[:, 0]])
+    assert exact == pytest.approx(q, abs=1e-2)
+    assert motion.q[[0, -1]] == pytest.approx(q[[0, -1]], abs=1e-12)

@@ -12,13 +12,12 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.colors import to_hex
 from matplotlib.text import Text
 
-from cinegen.plotting.comparison import BOTH, FIRST, SECOND, draw_comparison
 from cinegen.plotting.loci import TYPE_2
 from cinegen.plotting.map import draw_map
 from cinegen.plotting.plane import ROBOT
 from cinegen.plotting.solid import net
 from cinegen.singularities import SingularityType, singularity
-from cinegen.workspace import GridAxis, MapError, MapSpecification, Region, make_map
+from cinegen.workspace import GridAxis, MapSpecification, Region, make_map
 from cinegen.workspace.extent import extent
 from cinegen.workspace.loci import loci
 
@@ -106,17 +105,6 @@ def test_an_arm_of_two_links_is_singular_where_its_elbow_is_straight(wrist):
     assert (radii < 0.4).sum() >= 8
 
 
-def test_beside_what_nobody_has_looked_at_nothing_ends(wrist):
-    part = wrist.load().copy(deep=True)
-    part["status"][:, 18:] = 0
-    part["reachable"][:, 18:] = False
-    part["configuration"][:, 18:] = np.nan
-    points = points_of(loci(part), SingularityType.TYPE_1)
-    assert (points[:, 1] < 0.0).all()
-    radii = np.hypot(points[:, 0] - 0.2, points[:, 1])
-    assert np.abs(radii[:, None] - [0.7, 0.1]).min(axis=1).max() < 1e-6
-
-
 # --- two axes ----------------------------------------------------------------------------------------------------
 
 
@@ -201,24 +189,3 @@ def volume(surface):
 
 
 # --- two maps ----------------------------------------------------------------------------------------------------
-
-
-def test_two_maps_show_what_each_reaches_alone(made, wrist):
-    """Rings about x = 200 and -200: alone on the right, alone on the left."""
-    other = made("planar_3r", ("x", -0.75, 1.15, 38), ("y", -0.9, 0.9, 36), at={"rz": math.pi})
-    figure = rendered(draw_comparison(wrist, other))
-    parts, difference = figure.axes[:2]
-    cells = {to_hex(mesh.get_cmap()(1.0)): ~np.ma.getmaskarray(mesh.get_array()) for mesh in parts.collections}
-    a, b = wrist.reachable.values.T, other.reachable.values.T
-    np.testing.assert_array_equal(cells[FIRST].reshape(a.shape), a & ~b)
-    np.testing.assert_array_equal(cells[SECOND].reshape(a.shape), b & ~a)
-    np.testing.assert_array_equal(cells[BOTH].reshape(a.shape), a & b)
-    shades = [mesh for mesh in difference.collections if type(mesh).__name__ == "QuadMesh"][-1]
-    expected = (other.sigma_1 - wrist.sigma_1).values.T[a & b]
-    np.testing.assert_allclose(np.ma.compressed(shades.get_array()), expected, atol=1e-6)
-    assert shades.norm.vmin == -shades.norm.vmax
-    said = words(figure)
-    assert "both" in said
-    assert "only" in said
-    with pytest.raises(MapError, match="the maps don't both have 'force'"):
-        draw_comparison(wrist, other, "force")

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import bipeds
 import numpy as np
 import pytest
 from leading import run
 
+import cinegen
 from cinegen.collision import load_scene
 from cinegen.errors import CinegenError, UnknownNameError
 from cinegen.session import Reporter, Session, arrange, scene_setup
@@ -147,4 +149,17 @@ def test_a_robot_that_avoids_obstacles_keeps_its_locks(root):
     run(one, 2.0)
     assert one.robots[name].q[0] == before[0]
     assert one.robots[name].q[1] == pytest.approx(after[1] + 0.1, abs=1e-3)
+    one.close()
+
+
+def test_a_locked_base_holds_the_trunk_of_a_humanoid(tmp_path):
+    (tmp_path / "biped.urdf").write_text(bipeds.URDF)
+    one = Session(arrange({"biped": cinegen.load(tmp_path / "biped.urdf")}))
+    one.obey(c.LockJoint("biped", "base", True))
+    before = one.robots["biped"].q[:7]
+    drag(one, "biped", np.array([0.1, 0.0, 0.1]))
+    assert (one.robots["biped"].q[:7] == before).all()
+    one.obey(c.LockJoint("biped", one.robots["biped"].mechanism.base, False))
+    drag(one, "biped", np.array([0.1, 0.0, 0.1]))
+    assert not (one.robots["biped"].q[:7] == before).all()
     one.close()

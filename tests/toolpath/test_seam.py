@@ -238,14 +238,10 @@ def test_an_arm_follows_a_seam(robot, clock):
     ("options", "why"),
     [
         ({"speed": 0.0}, "speed must be more than 0"),
-        ({"work": 1.6}, "work must be between -90 and 90 degrees"),
         ({"approach": -0.1}, "approach must be 0 or more"),
         ({"again": "bakc"}, "unknown value 'bakc' of again: did you mean 'back'"),
         ({"points": [[0, 0], [1, 0]]}, "as many normals as points"),
-        ({"normals": [UP, [0, 0, 0]]}, "point 2: its normal is 0 0 0"),
         ({"points": [[0, math.nan, 0], [1, 0, 0]]}, "point 1: its numbers must be finite"),
-        ({"points": [[0, 0, 0], [1e7, 0, 0]]}, r"point 2: it is more than 1e\+06 m away"),
-        ({"normals": [UP, [1, 0, 0]]}, "point 2: the seam is parallel to its normal"),
         ({"points": np.zeros((100_001, 3)), "normals": np.zeros((100_001, 3))}, "more than 100000 points"),
     ],
 )

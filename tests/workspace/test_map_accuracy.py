@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 import cinegen
+from cinegen.cli import main
 from cinegen.design import tolerance
 from cinegen.workspace import GridAxis, MapError, MapSpecification, Region, make_map, open_map
 
@@ -44,3 +45,14 @@ def test_each_cell_has_the_accuracy_of_its_configuration(tmp_path):
 def test_what_does_not_fit_is_refused(quantities, tolerances, message):
     with pytest.raises(MapError, match=message):
         MapSpecification(cinegen.load("five_bar"), REGION, quantities, tolerances=tolerances)
+
+
+def test_the_command(tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    words = ["map", "five_bar", "--over", "x=-0.1..0.1:2,y=0.4..0.5:2", "--workers", "1"]
+    assert main([*words, "--sigma", "link*.d=0.1mm", "--play", "joint2=0.02mm", "-o", "a.zarr"]) == 0
+    assert "accuracy" in capsys.readouterr().out
+    assert main([*words, "--sigma", "link*.q=0.1mm", "-o", "b.zarr"]) == 1
+    assert "matches no parameter" in capsys.readouterr().err
+    assert main([*words, "--sigma", "link*.d=0.1mm", "--vary", "link2.d=0.2..0.3:2", "-o", "c"]) == 2
+    assert "exclude each other" in capsys.readouterr().err

@@ -183,6 +183,7 @@ make_map(over_joints(cinegen.load(sys.argv[1]), 6), sys.argv[2], workers=2, most
 """
 
 
+@pytest.mark.slow
 def test_a_script_without_a_guard_that_is_killed_takes_its_processes_along(spec, whole, address, tmp_path, root):
     script, robot, path = tmp_path / "script.py", root / "robots/planar_3r.raff", tmp_path / "map.zarr"
     script.write_text(SCRIPT)

@@ -295,6 +295,7 @@ def test_a_folder_of_something_else_is_refused_and_left_alone(arm, tmp_path):
         sweep(arm, over, square(0.7, 6), arm)
 
 
+@pytest.mark.slow
 def test_what_was_changed_by_hand_is_kept(arm, tmp_path):
     out, over = tmp_path / "out", parse("link2.d=300..400:2")
     again = lambda: sweep(arm, over, square(0.7, 6), out, workers=1)  # noqa: E731
