@@ -261,22 +261,6 @@ def test_the_view_only_address_shows_the_robots_and_drives_nothing(robot, tab):
         assert page.get_attribute("#page-copy", "href") == one.view_url.replace("?", "snapshot.html?")
 
 
-@pytest.mark.slow
-def test_a_finger_drags_too(cockpit, tab):
-    one = cockpit("delta4")
-    page = tab(one, viewport={"width": 420, "height": 760}, has_touch=True)
-    x, y, *_ = find(page, "delta4", "link5")
-    line = page.context.new_cdp_session(page)
-    line.send("Input.dispatchTouchEvent", {"type": "touchStart", "touchPoints": [{"x": x, "y": y}]})
-    for step in range(1, 8):
-        points = [{"x": x + 3 * step, "y": y + 3 * step}]
-        line.send("Input.dispatchTouchEvent", {"type": "touchMove", "touchPoints": points})
-    assert becomes(page, lambda: held(one, "delta4"))
-    line.send("Input.dispatchTouchEvent", {"type": "touchEnd", "touchPoints": []})
-    assert becomes(page, lambda: not one.state.robots["delta4"].tasks)
-    picture(page, "phone")
-
-
 def test_the_buttons_lead_from_mode_to_mode(robot, cockpit, tab, tmp_path):
     modes = cinegen.assembly_modes(robot("five_bar"))
     record_modes(modes, tmp_path / "modes.jsonl", "five_bar")

@@ -84,6 +84,7 @@ def test_a_planted_fault_is_found(read, cases, more, kinds, tmp_path):
     assert {f"planted {kind}" for kind in kinds} <= causes(read, tmp_path, cases, **more)
 
 
+@pytest.mark.slow  # the workers wait for their timeouts
 def test_a_hang_a_crash_and_too_much_memory_are_found_and_the_others_go_on(tmp_path):
     def read(path):
         data = path.read_bytes()
@@ -182,6 +183,7 @@ def test_a_slice_of_the_messages():
     assert result.counts["honest states"] > 10
 
 
+@pytest.mark.slow
 def test_a_slice_of_the_kills(tmp_path):
     result = workers.run(Kills(tmp_path, 1, ("raff2urdf",)), 4, workers=1)
     assert_nothing(result)

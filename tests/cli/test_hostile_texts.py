@@ -32,6 +32,8 @@ from raff2urdf.escape import csv_text, one_line
 from raff2urdf.urdf2raff.cli import main as urdf2raff
 from raff2urdf.writers import DIALECTS
 
+SHOWN = r"a\u009b2Jb\nchecked: all is well\u202edc\u200b"
+"""The robot's own name, `CONTROLS`."""
 NAMED = "a name begins with a letter or '_', and has only letters, digits"
 CONTROL = re.compile("[\x00-\x08\x0b-\x1f\x7f-\x9f\u200b\u200e\u200f\u2028-\u202e\u2066-\u2069]")
 SOURCES = {"urdf": arm_of, "sdf": sdf, "xml": mjcf, "raff": raff}
@@ -72,6 +74,8 @@ def terminal(mechanism, path, tmp_path, capsys):
     assert main(["info", str(path), "--json"]) == 0
     found = json.loads(capsys.readouterr().out)
     assert [one["name"] for one in found[0]["joints"]] == list(mechanism.joints)
+    if path.suffix == ".urdf":
+        assert found[0]["robot"] == SHOWN
 
 
 def notebook(mechanism, path, tmp_path, capsys):
@@ -155,6 +159,8 @@ def robot_files(mechanism, path, tmp_path, capsys):
         assert not CONTROL.search(file.read_text(encoding="utf-8"))
         mechanism = cinegen.load(file)
         assert len(mechanism.joints) == len(NAMES)
+    if path.suffix not in (".raff", ".urdf"):
+        return  # the same names again
     for kind, *dialect in kinds:
         folder = tmp_path / "-".join([kind, *dialect])
         assert convert([str(file), "--format", kind, *dialect, "-o", f"{folder}/"]) == 0
@@ -223,10 +229,9 @@ def test_titles_of_pictures(tmp_path, robot):
     arm = robot("planar_3r")
     axes = tuple(GridAxis(name, 0.0, 0.1, 2) for name in arm.actuated[:2])
     with make_map(MapSpecification(arm, Region(axes), ("sigma_1",)), tmp_path / "map.zarr", workers=1) as found:
-        for k, name in enumerate(name for name in NAMES if {*name} & {*"$\\^_{"}):
-            for kind in ("png", "pdf") if "$" in name else ("png",):
-                write_figure(tmp_path / f"{k}.{kind}", draw_map(found, "sigma_1", name=name), quiet=True)
-                assert (tmp_path / f"{k}.{kind}").stat().st_size > 5000
+        for k, name in enumerate(name for name in NAMES if "$" in name):
+            write_figure(tmp_path / f"{k}.png", draw_map(found, "sigma_1", name=name), quiet=True)
+            assert (tmp_path / f"{k}.png").stat().st_size > 5000
 
 
 def test_obstacles_of_a_scene(tmp_path, root, capsys):
@@ -246,7 +251,7 @@ def test_obstacles_of_a_scene(tmp_path, root, capsys):
     assert not CONTROL.search(said)
 
 
-@pytest.mark.parametrize("name", [*NAMES, *UNPRINTABLE])
+@pytest.mark.parametrize("name", [*NAMES[::8], *UNPRINTABLE])
 def test_columns_of_measurements_and_keys_of_tasks(tmp_path, root, capsys, name):
     file = io.StringIO()
     csv.writer(file).writerows([["pose", name], ["a", "0"]])

@@ -12,7 +12,6 @@ from collections.abc import Callable
 from pathlib import Path
 
 import imageio_ffmpeg
-import numpy as np
 import pytest
 from PIL import Image
 
@@ -22,23 +21,14 @@ import raff2urdf.urdf2raff.cli
 from cinegen.cockpit.film import FilmError, _encoded, _frames_of, _write
 from cinegen.devices import Reading, ReadingRecorder, RecordError
 from cinegen.devices.replay import load_readings
-from cinegen.mission import MissionRecorder, Recording, RobotSample
 
 
 def _is_png(content: bytes) -> bool:
     return Image.open(io.BytesIO(content)).format == "PNG"
 
 
-def _is_pdf(content: bytes) -> bool:
-    return content.startswith(b"%PDF")
-
-
 def _is_json(content: bytes) -> bool:
     return bool(json.loads(content))
-
-
-def _is_page(content: bytes) -> bool:
-    return b"MeshCat.Viewer" in content
 
 
 def _is_mission(content: bytes) -> bool:
@@ -48,9 +38,7 @@ def _is_mission(content: bytes) -> bool:
 # A name for the target, the command (TARGET is where it writes, HERE the folder with its inputs), what it writes.
 COMMANDS = {
     "singular -o": ("t.json", "singular five_bar.raff --over x,y --grid 5 --plot p.png -o TARGET", _is_json),
-    "modes --plot": ("t.pdf", "modes four_bar.raff --plot TARGET", _is_pdf),
     "modes --plot, no suffix": ("t", "modes four_bar.raff --plot TARGET", _is_png),
-    "drive --snapshot": ("t.html", "drive planar_3r.raff --snapshot TARGET", _is_page),
     "plan -o": ("t.jsonl", "plan scenes/disc.toml -o TARGET", _is_mission),
     "urdf2raff -o": (
         "t.raff",
@@ -193,22 +181,13 @@ def test_raff2urdf_writes_through_links_in_its_folder(root, device, fifo, tmp_pa
 # --- what is written while it comes ----------------------------------------------------------------------------------
 
 
-def _mission(path, robot):
-    with MissionRecorder(path, {"arm": robot("planar_3r")}) as recorder:
-        for k in range(20):
-            recorder.write(0.1 * k, {"arm": RobotSample(np.full(3, 0.01 * k), "IDLE")})
-
-
 def _readings(path, robot):
     with ReadingRecorder(path) as recorder:
         for k in range(20):
             recorder.write(Reading(0.1 * k, (0.1, 0, 0, 0, 0, 0)))
 
 
-WRITERS: dict[str, tuple[Callable, Callable]] = {
-    "mission": (_mission, lambda path: Recording.load(path).times),
-    "readings": (_readings, lambda path: load_readings(path)[0]),
-}
+WRITERS: dict[str, tuple[Callable, Callable]] = {"readings": (_readings, lambda path: load_readings(path)[0])}
 
 
 @pytest.mark.parametrize("what", WRITERS)

@@ -14,6 +14,7 @@ from typing import get_args
 import pytest
 import typer
 from anything import Anything, library_of_anything
+from variants import slow
 
 import cinegen.cli
 import raff2urdf.cli
@@ -143,7 +144,14 @@ def answer(tmp_path, monkeypatch):
     return call
 
 
-@pytest.mark.parametrize(("name", "call"), [(name, call) for name, calls in CALLS.items() for call in calls])
+@pytest.mark.parametrize(
+    ("name", "call"),
+    [
+        one
+        for name, (first, *others) in CALLS.items()
+        for one in ((name, first), *slow(*((name, call) for call in others)))
+    ],
+)
 def test_each_option_of_a_pair_has_an_effect_or_is_refused(answer, name, call):
     command = command_of(name)
     base = shlex.split(call)

@@ -13,6 +13,7 @@ from collections.abc import Iterator
 
 import pytest
 import typer
+from variants import slow
 
 import cinegen.cli
 import raff2urdf.cli
@@ -136,7 +137,22 @@ def test_every_command_is_tried():
     assert {f"cinegen {name}" for name in commands} | {"raff2urdf", "urdf2raff"} == set(CALLS)
 
 
-@pytest.mark.parametrize("command", CALLS)
+LONG = {
+    "demo",
+    "generate",
+    "map",
+    "modes",
+    "page",
+    "plan",
+    "synthesize",
+    "tolerance",
+    "forces",
+    "calibrate",
+    "singular",
+}
+
+
+@pytest.mark.parametrize("command", [slow(one)[0] if one.removeprefix("cinegen ") in LONG else one for one in CALLS])
 def test_what_makes_no_sense_is_answered_by_a_sentence(inputs, tmp_path, monkeypatch, capfd, command):
     monkeypatch.setattr(PageOptions, "show", lambda *_: 0)  # values that are right would serve a page
     program, *names = command.split()

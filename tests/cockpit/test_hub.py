@@ -220,21 +220,6 @@ def test_messages_beyond_the_budget_of_all_wait_but_not_those_of_who_has_control
     assert not any(calm.pause(client) for _ in range(hubs.FASTEST))
 
 
-def test_clients_that_take_control_in_turns_gain_nothing(hub, monkeypatch):
-    monkeypatch.setattr(hubs, "time", SimpleNamespace(monotonic=lambda: now))
-    now = 100.0
-    hub = Hub(SETUP, lambda command: None, lambda number: replace(HELLO, client=number))
-    read = 0
-    while now < 105.0:
-        client, _ = join(hub)
-        says(hub, client, type="request_control", on=True)
-        for _ in range(hubs.FASTEST):
-            now += 1e-4 + hub.pause(client)
-            read += 1
-        hub.leave(client)
-    assert read < 1.2 * 5.0 * (hubs.BUDGET + hubs.FASTEST)
-
-
 def test_messages_wait_while_the_session_has_many_commands(hub):
     hub = Hub(SETUP, lambda command: None, lambda number: replace(HELLO, client=number), waiting=lambda: waiting)
     waiting = hubs.QUEUE
@@ -324,3 +309,18 @@ def test_users_and_pointers_that_are_not_valid_are_refused(hub, message, reason)
     says(hub, client, **message)
     assert line.closed[0] == 1008
     assert reason in line.closed[1]
+
+
+def test_clients_that_take_control_in_turns_gain_nothing(hub, monkeypatch):
+    monkeypatch.setattr(hubs, "time", SimpleNamespace(monotonic=lambda: now))
+    now = 100.0
+    hub = Hub(SETUP, lambda command: None, lambda number: replace(HELLO, client=number))
+    read = 0
+    while now < 105.0:
+        client, _ = join(hub)
+        says(hub, client, type="request_control", on=True)
+        for _ in range(hubs.FASTEST):
+            now += 1e-4 + hub.pause(client)
+            read += 1
+        hub.leave(client)
+    assert read < 1.2 * 5.0 * (hubs.BUDGET + hubs.FASTEST)

@@ -178,15 +178,6 @@ def test_what_is_wrong_with_an_obstacle_is_said_with_its_number_and_key(obstacle
     assert said in message
 
 
-def test_two_obstacles_of_one_name_are_refused():
-    ball = {"kind": "sphere", "radius": 1}
-    assert refused(ball | {"name": "a"}, ball | {"name": "a"}).startswith(
-        "scene: obstacle 2 'a': name 'a' is used by another"
-    )
-    assert "name 'sphere 2' is used by another" in refused(ball | {"name": "sphere 2"}, ball)
-    assert [o.name for o in scene_with(ball, ball).obstacles] == ["sphere 1", "sphere 2"]
-
-
 # --- there and back ---------------------------------------------------------------------------------------------------
 
 

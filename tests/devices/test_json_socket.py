@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-import contextlib
 import json
 import math
-import os
 import socket
 
 import numpy as np
@@ -101,13 +99,10 @@ def test_what_a_program_can_say(sensor):
     ("line", "why"),
     [
         (b"hello", "malformed"),
-        (b'{"twist": [0, 0, NaN, 0, 0, 0]}', "malformed"),
         (b'{"twist": [0, 0, 1e999, 0, 0, 0]}', "Number out of range - at `$.twist[2]`"),
-        (b'{"twist": [0, 0, 1]}', "of length 6 - at `$.twist`"),
         (b'{"twist": [0, 0, 1, 0, 0, "1"]}', "Expected `float`, got `str` - at `$.twist[5]`"),
         (b"[" * 4000, "Expected `object`"),
         (b'{"quaternion": [' + b"[" * 4000, "at `$.quaternion[0]`"),
-        (b'{"twits": [0, 0, 0, 0, 0, 0]}', "unknown field `twits`"),
         (b'{"placement": [[1, 0, 0, 0], [0, 1, 0, 0], [0, 0, 1, 0], [0, 0, 0, 2]]}', "at `$.placement[3]`"),
         (b'{"placement": [[2, 0, 0, 0], [0, 1, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1]]}', "rotation"),
         (b'{"placement": [[-1, 0, 0, 0], [0, 1, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1]]}', "reflection"),
@@ -140,7 +135,7 @@ def test_20_invalid_lines_in_succession_are_forgiven_and_the_next_is_not(sensor)
     assert MISTAKES == 20
 
 
-@pytest.mark.parametrize("noise", [b"x" * 200_000, os.urandom(300_000)])
+@pytest.mark.parametrize("noise", [b"x" * 200_000])
 def test_a_line_without_end_is_dropped(sensor, noise):
     with Program(sensor) as program:
         try:
@@ -153,18 +148,6 @@ def test_a_line_without_end_is_dropped(sensor, noise):
     with Program(sensor) as program:
         program.send({"twist": [1, 0, 0, 0, 0, 0]})
         comes(sensor, lambda r: r.twist == (1, 0, 0, 0, 0, 0))
-
-
-def test_a_flood_is_dropped(sensor):
-    line = b'{"twist": [1, 0, 0, 0, 0, 0]}\n'
-    with Program(sensor) as program, contextlib.suppress(OSError):  # it is cut off in the middle of a word
-        for _ in range(1000):
-            program.send(500 * line)
-    wait(lambda: sensor.status.damaged >= 1)
-    assert sensor.status.packets < 10_000
-    with Program(sensor) as program:
-        program.send({"twist": [0, 0, 1, 0, 0, 0]})
-        comes(sensor, lambda r: r.twist == (0, 0, 1, 0, 0, 0))
 
 
 def test_a_hundred_programs(sensor):
@@ -227,9 +210,8 @@ def drained(program) -> list[str]:
 
 
 @pytest.mark.parametrize("request_", REQUESTS.values(), ids=REQUESTS)
-@pytest.mark.parametrize("port", ["sensor", "open_port"])
-def test_a_web_page_drives_nothing(port, request_, request):
-    sensor = request.getfixturevalue(port)
+def test_a_web_page_drives_nothing(open_port, request_):
+    sensor = open_port
     with Program(sensor, request_) as page:
         (why,) = drained(page)
     assert "disconnected" in why
@@ -237,14 +219,6 @@ def test_a_web_page_drives_nothing(port, request_, request):
     assert sensor.status.packets == 0
     assert sensor.status.damaged == 1
     assert sensor.read() is None
-
-
-def test_http_ends_a_connection_later_too(sensor):
-    with Program(sensor) as program:
-        program.send(TWIST)
-        comes(sensor, lambda r: r.twist == (1, 0, 0, 0, 0, 0))
-        program.send(b"Host: 127.0.0.1\r\n" + TWIST)
-        assert drained(program) == ["this port takes lines of JSON, not HTTP: disconnected"]
 
 
 @pytest.mark.parametrize("first", [TWIST, b'{"token": "wrong"}\n', b'{"token": null}\n', b'{"token": "\\ud800"}\n'])
@@ -259,14 +233,6 @@ def test_a_program_that_sends_no_token_is_dropped(sensor, monkeypatch):
     monkeypatch.setattr("cinegen.devices.json_socket._PATIENCE", 0.05)
     with Program(sensor, b"") as program:
         assert drained(program) == ["no token within 0.05 s: disconnected"]
-
-
-def test_a_port_without_a_token_takes_programs_that_have_one_too(open_port):
-    assert open_port.token == ""
-    for first in (TWIST, b'{"token": "any"}\n' + TWIST):
-        with Program(open_port, first):
-            comes(open_port, lambda r: r.twist == (1, 0, 0, 0, 0, 0))
-        wait(lambda: "no programs" in open_port.status.message)
 
 
 def test_tokens_are_random_unless_they_are_given(monkeypatch):
@@ -335,3 +301,11 @@ def test_what_is_written_is_read(twist, placed, buttons, seed):
     assert said.twist == twist
     assert said.buttons == buttons
     assert said.target is target is None or said.target.isApprox(target, 1e-12)
+
+
+def test_http_ends_a_connection_later_too(sensor):
+    with Program(sensor) as program:
+        program.send(TWIST)
+        comes(sensor, lambda r: r.twist == (1, 0, 0, 0, 0, 0))
+        program.send(b"Host: 127.0.0.1\r\n" + TWIST)
+        assert drained(program) == ["this port takes lines of JSON, not HTTP: disconnected"]

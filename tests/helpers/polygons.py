@@ -6,8 +6,6 @@ import numpy as np
 from hypothesis import strategies as st
 from scipy.spatial import ConvexHull
 
-SQUARE = np.array([[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]])
-
 
 def nearest(polygon, point):
     """(2,) the point of a polygon's edges (k, 2) that is nearest to a point (3,)."""

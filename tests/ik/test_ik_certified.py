@@ -16,7 +16,7 @@ from test_all_solutions import PUMA, chain, random_pose, solved
 import cinegen
 from cinegen.ik import FrameTask
 
-ROBOTS = ["scara", "five_bar", "delta4", "sr400", "belt_five_bar"]
+ROBOTS = ["scara", "delta4", "belt_five_bar"]
 
 
 def exact(placement):

@@ -49,7 +49,6 @@ def target(home: pin.SE3, length: float, time: float) -> pin.SE3:
 
 REDUNDANT = [  # robot, node, translation, rotation
     ("arm7", "tool", 3, 3),
-    ("planar_hybrid", "tool", 2, 1),
     ("gough", None, 3, 0),
     ("delta4", "platform", 2, 0),
 ]
@@ -111,7 +110,7 @@ def test_an_objective_gets_better_and_better_until_the_robot_rests(name, node, t
     assert step.status is Status.FOLLOWING
 
 
-@pytest.mark.parametrize("name", ["arm7", "delta4", "planar_hybrid"])
+@pytest.mark.parametrize("name", ["arm7", "delta4"])
 def test_with_nothing_pulled_a_posture_is_reached_and_loops_stay_closed(name):
     mechanism = load(name)
     posture, solver = elsewhere(mechanism), Solver(mechanism, DT, q=begin(mechanism))
@@ -200,8 +199,7 @@ def logarithm(mechanism: cinegen.Mechanism, q: np.ndarray, node: str, rows: int)
 
 
 @pytest.mark.parametrize(
-    ("name", "node", "rows"),
-    [("arm7", "tool", 6), ("planar_hybrid", "tool", 3), ("hybrid", None, 3), ("delta4", "platform", 3)],
+    ("name", "node", "rows"), [("arm7", "tool", 6), ("hybrid", None, 3), ("delta4", "platform", 3)]
 )
 @pytest.mark.parametrize("pulled", [True, False])
 def test_its_gradient_is_that_of_finite_differences_over_closed_configurations(name, node, rows, pulled):

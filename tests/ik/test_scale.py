@@ -54,7 +54,7 @@ def enlarged(text, factor):
 
 
 @pytest.mark.parametrize("factor", [1e-3, 1e3])
-@pytest.mark.parametrize("name", ["arm7", "scara", "gough", "delta4_linear", "hybrid", "rx90"])
+@pytest.mark.parametrize("name", ["scara", "gough", "hybrid"])
 @pytest.mark.filterwarnings("ignore")
 def test_micro_and_giant_robots_move_alike(root, tmp_path, name, factor):
     text = (root / f"robots/{name}.raff").read_text()
@@ -98,11 +98,6 @@ def test_a_screw_of_any_pitch_lifts_the_tool_on_its_axis(raff, lead):
     assert step.errors[0][0] < 1e-9
     turns = (step.q[2] - arm.q_home[2]) / (2.0 * np.pi)
     assert turns * lead / 1000.0 == pytest.approx(0.05, abs=1e-9)
-
-
-def test_a_screw_that_swings_a_tool_around_its_axis_counts_by_its_angle(raff):
-    arm = raff(QUILL.format(lead=0.1, frame="d 50"))
-    assert arm.scale[arm.v_index("joint3")] == 1.0
 
 
 def test_a_screw_joint_of_sdf_with_a_pitch_of_a_tenth_of_a_millimetre(tmp_path):

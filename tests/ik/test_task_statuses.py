@@ -43,7 +43,9 @@ def moved(mechanism, node, offset):
         ("translation", 7, "translation of the task of 'tool' is 7: give a number of constrained axes, 0 to 3"),
         ("rotation", "all", "rotation of the task of 'tool' is 'all': give a number of constrained axes"),
         ("node", "thumb", "node of the task of 'tool' is 'thumb': give the name of a base, link or frame"),
+        ("node", [], r"node of the task of 'tool' is \[\]: give the name"),
         ("axes", "thumb", "axes of the task of 'tool' is 'thumb': give target, world, or the name"),
+        ("offset", (0.0, np.nan, 0.0), "give a point of three finite numbers"),
         ("offset", [1.0], r"offset of the task of 'tool' is \[1.0\]: give a point of three finite numbers"),
     ],
 )
@@ -59,6 +61,10 @@ def test_a_bad_value_is_named_and_what_it_must_be(robot, name, value, told):
     with pytest.raises(AssertionError, match=told):
         raise AssertionError(step.problems[1])
     assert step.task_statuses == (Status.FOLLOWING, Status.BAD_TARGET)
+    assert np.isfinite(step.errors[0]).all()
+    assert np.isnan(step.errors[1]).all()
+    assert np.array_equal(step.q, arm.q_home)
+    assert not bad.copy().is_valid()
     assert (good.problem, bad.problem) == ("", step.problems[1])
     if name == "twist":
         bad.twist = np.zeros(6)

@@ -66,7 +66,7 @@ def test_so_it_is_below_several_levels(robot):
     assert np.abs(moved[1] - expected).max() > 0.01 * np.abs(expected).max()
 
 
-@pytest.mark.parametrize("name", ["hybrid", "planar_hybrid", "gough", "sr400"])
+@pytest.mark.parametrize("name", ["hybrid", "gough", "sr400"])
 def test_with_loops_the_weighted_motion_of_the_actuated_joints_is_least(robot, name):
     mechanism = robot(name)
     q, rng = mechanism.structure.samples[1], np.random.default_rng(2)
@@ -86,19 +86,6 @@ def test_a_uniform_weight_changes_nothing(robot, name, weight):
     mechanism = robot(name)
     solver, other = aimed(mechanism, 0.1), aimed(mechanism, 0.1)
     solver.joint_weights = dict.fromkeys(mechanism.actuated, weight)
-    for _ in range(30):
-        assert (solver.step().q == other.step().q).all()
-
-
-@pytest.mark.parametrize("name", ["delta4", "five_bar", "scara"])
-def test_a_mechanism_without_redundancy_does_not_notice_weights(robot, name):
-    """Up to rounding: the motion that tasks leave is none."""
-    mechanism = robot(name)
-    translations = {"delta4": 3, "five_bar": 2, "scara": 3}[name]
-    rotation = 3 if name == "scara" else 0
-    solver, other = aimed(mechanism, 0.1, rotation=rotation), aimed(mechanism, 0.1, rotation=rotation)
-    assert translations <= mechanism.mobility
-    solver.joint_weights = {mechanism.actuated[0]: 1e4}
     for _ in range(30):
         assert (solver.step().q == other.step().q).all()
 

@@ -1,4 +1,4 @@
-"""Problems in the format of MotionBenchMaker, a bookshelf and a table, and the benchmark that reads and judges them."""
+"""Problems in the format of MotionBenchMaker, a bookshelf, and the benchmark that reads and judges them."""
 
 from __future__ import annotations
 
@@ -23,15 +23,7 @@ BOOKSHELF = [  # shape, its dimensions, position and orientation: boards above a
     ("box", [0.02, 0.6, 0.32], [0.59, 0.74, 0.7], TURNED),
     ("cylinder", [0.2, 0.04], [0.55, 0.3, 0.66], UPRIGHT),
 ]
-TABLE = [
-    ("box", [0.6, 1.2, 0.04], [0.6, 0.2, 0.1], UPRIGHT),
-    ("cylinder", [0.7, 0.05], [0.33, 0.21, 0.47], UPRIGHT),
-    ("sphere", [0.06], [0.4, 0.6, 0.18], UPRIGHT),
-]
-PROBLEMS = {
-    "bookshelf": ((0.9, 0.0, 0.0, -1.9, 0.0, 3.47, 0.785), BOOKSHELF),
-    "table": ((1.1, -0.3, 0.0, -2.2, 0.0, 1.9, 0.785), TABLE),
-}
+GOAL = 0.9, 0.0, 0.0, -1.9, 0.0, 3.47, 0.785
 
 
 @pytest.fixture(scope="module")
@@ -45,13 +37,12 @@ def benchmark():
     return module
 
 
-@pytest.fixture(params=PROBLEMS)
-def files(request, benchmark, tmp_path):
+@pytest.fixture
+def files(benchmark, tmp_path):
     """A request and its scene, as MoveIt writes them; links may touch as the SRDF of the panda allows."""
-    goal, shapes = PROBLEMS[request.param]
     names = [f"panda_joint{i}" for i in range(1, 8)]
     state = {"name": [*names, "panda_finger_joint1", "panda_finger_joint2"], "position": [*READY, 0.065, 0.065]}
-    constraints = [{"joint_name": name, "position": value} for name, value in zip(names, goal, strict=True)]
+    constraints = [{"joint_name": name, "position": value} for name, value in zip(names, GOAL, strict=True)]
     asked = {"start_state": {"joint_state": state}, "goal_constraints": [{"joint_constraints": constraints}]}
     srdf = etree.parse(benchmark.DESCRIPTION / "srdf/panda.srdf")
     allowed = {frozenset((one.get("link1"), one.get("link2"))) for one in srdf.iter("disable_collisions")}
@@ -62,7 +53,7 @@ def files(request, benchmark, tmp_path):
             "primitives": [{"type": kind, "dimensions": size}],
             "primitive_poses": [{"position": position, "orientation": orientation}],
         }
-        for i, (kind, size, position, orientation) in enumerate(shapes)
+        for i, (kind, size, position, orientation) in enumerate(BOOKSHELF)
     ]
     matrix = [[frozenset((one, other)) in allowed for other in links] for one in links]
     world = {

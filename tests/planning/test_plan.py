@@ -153,15 +153,6 @@ def test_some_joint_values_leave_the_others_free(root):
     assert scene.mechanism.values(found.path[-1])["joint3"] == pytest.approx(1.0, abs=1e-4)
 
 
-def test_links_that_cannot_separate_are_no_collision(panda):
-    """A closed gripper: its fingers are nearer to each other than the safety distance, and stay so."""
-    closed = {**READY, "panda_finger_joint1": 0.0, "panda_finger_joint2": 0.0}
-    values = {"node": "panda_hand", "start": {"joints": closed}, "goal": {"joints": AIM}}
-    assert clearance_of(scene_of(values, mechanism=panda)).least(panda.configuration(closed)) < 0.01
-    found = plan(scene_of(values, mechanism=panda))
-    assert found.status is PlanStatus.REACHED
-
-
 @pytest.mark.parametrize(
     ("values", "reason"),
     [

@@ -99,18 +99,6 @@ def test_what_a_moving_hand_will_meet_is_foreseen_where_and_when_it_then_happens
     assert met - 0.2 < HORIZON
 
 
-def test_joints_near_a_limit_are_named(session):
-    one = session("five_bar")
-    bars = one.setup.robots["five_bar"]
-    i = bars.q_index("joint1")
-    low, high = bars.model.lowerPositionLimit[i], bars.model.upperPositionLimit[i]
-    assert "joint1" not in report(one, "five_bar").near_limit
-    one.obey(c.MoveJoint("five_bar", "joint1", float(high - 0.05 * (high - low))))
-    for _ in range(2000):
-        one.tick()
-    assert "joint1" in report(one, "five_bar").near_limit
-
-
 # --- status ----------------------------------------------------------------------------------------------------------
 
 

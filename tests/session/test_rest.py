@@ -11,8 +11,7 @@ import numpy as np
 import pytest
 from variants import FEWER
 
-from cinegen.collision import load_scene
-from cinegen.session import Session, SessionRunner, arrange, scene_setup
+from cinegen.session import Session, SessionRunner, arrange
 from cinegen.session import commands as c
 from cinegen.session.runner import AT_REST
 
@@ -78,19 +77,6 @@ def test_a_script_or_a_recording_is_not_at_rest_until_the_session_is_paused_or_i
     ticks(session, 2.0)
     assert not session.at_rest
     session.close()
-
-
-def test_an_obstacle_that_is_dragged_wakes_the_session(root):
-    session = Session(scene_setup(load_scene(root / "robots/scenes/disc.toml"), rate=100.0))
-    ticks(session, 1.5)
-    assert session.at_rest
-    name, obstacle = next((name, one) for name, one in session.obstacles.items() if one.mechanism.mobility)
-    here = obstacle.pose.translation
-    session.obey(c.StartDrag(name, name, (0.0, 0.0, 0.0)))
-    session.obey(c.MoveDrag(tuple(here + np.array([0.05, 0.0, 0.0]))))
-    session.tick()
-    assert not session.at_rest
-    assert np.linalg.norm(obstacle.pose.translation - here) > 1e-4
 
 
 def test_a_command_is_carried_out_before_the_next_tick_at_rest(robot, monkeypatch):

@@ -27,10 +27,8 @@ SPECIFICATIONS = {
     "delta4": over(("x", -1.5, 1.4, 4), ("y", -1.5, 1.3, 4), ("z", -3.0, -1.0, 3)),
     "gough": over(("x", -0.3, 0.3, 5), ("rz", -0.3, 0.3, 5)),
     "rx90": over(("x", 0.2, 0.7, 4), ("z", -0.5, 0.6, 4), orientation="fixed"),
-    "planar_3r": over(("x", -0.8, 0.8, 6), ("y", -0.8, 0.8, 6)),
     "arm7": over(("x", -0.8, 0.8, 5), ("z", -0.4, 1.1, 5)),
     "hybrid": over(("x", -0.5, 0.5, 4), ("y", -0.5, 0.5, 4)),
-    "sr400": over(("x", 0.4, 1.4, 4), ("z", 0.0, 1.4, 4)),
 }
 
 
@@ -59,7 +57,7 @@ def by_motors(spec, q):
     return mechanism.jacobian(q, spec.node) @ moved
 
 
-ALONG = {"five_bar": (0.6, 0.8, 0.0), "planar_3r": (0.6, 0.8, 0.0)}
+ALONG = {"five_bar": (0.6, 0.8, 0.0)}
 SEVERAL = ("sigma_1", "sigma_2", "condition", "manipulability", "velocity", "force", "margin")
 
 
