@@ -156,7 +156,7 @@ TIME = """() => {
 """Times each event of the pointer, from when the page hears of it until it has applied a state with another target."""
 
 
-def told(waited: list[float]) -> str:
+def summary(waited: list[float]) -> str:
     ordered = sorted(waited)
     return (
         f"median {1e3 * statistics.median(waited):.1f} ms, 90 % within {1e3 * ordered[int(0.9 * len(ordered))]:.1f} ms"
@@ -178,10 +178,10 @@ def main() -> None:
         for count in (1, CLIENTS):
             print(f"in motion, {cost(cockpit, count, options.seconds)}")
         print(f"the solver meanwhile:\n{cockpit.runner.report()}")
-        print(f"a user waits: {told(asyncio.run(drag(cockpit.session_url, 'robot', mechanism.end, 200)))}")
+        print(f"a user waits: {summary(asyncio.run(drag(cockpit.session_url, 'robot', mechanism.end, 200)))}")
         if options.browser:
             waited = in_a_browser(cockpit.url, 30)
-            print(f"in a browser, from the pointer's event to the state applied: {told(waited)}")
+            print(f"in a browser, from the pointer's event to the state applied: {summary(waited)}")
 
 
 if __name__ == "__main__":

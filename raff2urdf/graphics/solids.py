@@ -84,10 +84,10 @@ def _lathe(sides: float, *profile: float) -> Array:
 def _plate(half: float, radius: float, *points: float) -> Array:
     """The hull of discs about points (x, y, ...), `half` above and below z = 0, with a chamfer."""
     centres = np.array(points).reshape(-1, 2)
-    outline, ways = _outline(centres, np.full(len(centres), radius))
+    outline, normals = _outline(centres, np.full(len(centres), radius))
     chamfer = 0.35 * min(half, radius)
     middle = np.tile(outline.mean(axis=0), (len(outline), 1))
-    inner = outline - chamfer * ways
+    inner = outline - chamfer * normals
     levels = ((middle, -half), (inner, -half), (outline, chamfer - half), (outline, half - chamfer), (inner, half))
     return _loft([_at_height(ring, z) for ring, z in (*levels, (middle, half))])
 
@@ -122,8 +122,8 @@ def _belt(distance: float, first: float, second: float, thick: float, half: floa
             way = np.array([math.cos(turn), side * math.sin(turn)])
             strands.append(_plate(half, 0.5 * thick, *(first * way), *([distance, 0.0] - second * way)))
         return np.concatenate(strands)
-    outline, ways = _outline(np.array([[0.0, 0.0], [distance, 0.0]]), np.array([first, second]))
-    outer = outline + thick * ways
+    outline, normals = _outline(np.array([[0.0, 0.0], [distance, 0.0]]), np.array([first, second]))
+    outer = outline + thick * normals
     rings = [_at_height(ring, z) for ring, z in ((outline, -half), (outer, -half), (outer, half), (outline, half))]
     return _loft([*rings, rings[0]])
 
@@ -189,10 +189,10 @@ def _toothed(teeth: float, outward: float) -> tuple[Array, Array]:
 def _outline(centres: Array, radii: Array) -> tuple[Array, Array]:
     """Return the convex outline (n, 2) of discs, counter-clockwise, and the unit vectors that point outwards."""
     turn = np.linspace(0.0, 2.0 * np.pi, _ARC, endpoint=False)
-    ways = np.column_stack([np.cos(turn), np.sin(turn)])
-    points = (centres[:, None, :] + radii[:, None, None] * ways).reshape(-1, 2)
+    normals = np.column_stack([np.cos(turn), np.sin(turn)])
+    points = (centres[:, None, :] + radii[:, None, None] * normals).reshape(-1, 2)
     order = hull(points)
-    return points[order], np.tile(ways, (len(centres), 1))[order]
+    return points[order], np.tile(normals, (len(centres), 1))[order]
 
 
 def hull(points: ArrayLike) -> list[int]:
