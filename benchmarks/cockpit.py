@@ -1,10 +1,10 @@
 """What the cockpit costs at rest and in motion, with one page and with four: a Gough platform at 1 kHz, 60 states a
 second; and how long a user waits for the robot.
 
-    python benchmarks/cockpit.py [--seconds 10] [--robot robots/gough.raff] [--browser]
+    python benchmarks/cockpit.py [--seconds 10] [--robot robots/gough.raff] [--browser] [--bodies 1000]
 
 `--browser` also drags the part in a headless chromium and times it there: from the pointer's event to the robot's new
-state applied in the page.
+state applied in the page. `--bodies` only opens a page of a chain of so many links, and says what its picture costs.
 """
 
 from __future__ import annotations
@@ -15,8 +15,10 @@ import json
 import multiprocessing
 import shutil
 import statistics
+import tempfile
 import time
 import warnings
+from pathlib import Path
 from typing import Any
 
 import psutil
@@ -156,7 +158,56 @@ TIME = """() => {
 """Times each event of the pointer, from when the page hears of it until it has applied a state with another target."""
 
 
-def told(waited: list[float]) -> str:
+PICTURE = """async () => {
+  const { view, viewer } = cockpit;
+  const { info } = viewer.renderer;
+  info.autoReset = false;
+  info.reset();
+  viewer.set_dirty();
+  viewer.render();
+  const { calls, triangles } = info.render;
+  info.autoReset = true;
+  const times = [];
+  for (let frames = 0, last = performance.now(); frames < 20; frames += 1) {
+    view.changed();
+    await new Promise(requestAnimationFrame);
+    times.push(performance.now() - last);
+    last = performance.now();
+  }
+  return [calls, triangles, times.sort((a, b) => a - b)[10]];
+}"""
+"""Draw calls and triangles of a picture, and the median time of one in a motion, ms."""
+
+
+def picture(bodies: int) -> None:
+    """Print what a chain of links costs until it is seen, and then."""
+    from playwright.sync_api import sync_playwright
+
+    link = "link {} {{ parameters {{ theta 20 d {} r 5 }} type 2 pred {} }}"
+    links = "\n".join(link.format(i, 100 * (i > 1), i - 1) for i in range(1, bodies + 1))
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder, "chain.raff")
+        path.write_text(f"RAFF Chain\nrobot chain {{\nbase {{ }}\n{links}\n}}\n")
+        begin = time.perf_counter(), time.process_time()
+        mechanism = cinegen.load(path)
+        print(f"loaded in {time.perf_counter() - begin[0]:.1f} s, {time.process_time() - begin[1]:.1f} s of a core")
+    begin = time.perf_counter(), time.process_time()
+    with Cockpit(arrange({"robot": mechanism}), port=7900) as cockpit, sync_playwright() as playwright:
+        print(f"served in {time.perf_counter() - begin[0]:.1f} s, {time.process_time() - begin[1]:.1f} s of a core")
+        messages = cockpit.page.scene().values()
+        print(f"{len(messages)} drawing commands, {sum(map(len, messages)) / 1e6:.1f} MB")
+        chromium = playwright.chromium.launch(executable_path=shutil.which("chromium"), args=list(FLAGS))
+        tab = chromium.new_page(viewport={"width": 1440, "height": 900}, bypass_csp=True)
+        start = time.perf_counter()
+        tab.goto(cockpit.url, wait_until="commit")
+        tab.wait_for_function("document.documentElement.dataset.view === 'ready'", timeout=300_000)
+        print(f"whole picture after {time.perf_counter() - start:.1f} s")
+        calls, triangles, frame = tab.evaluate(PICTURE)
+        print(f"{calls} draw calls and {triangles} triangles with the shadow; {frame:.0f} ms a frame in motion")
+        chromium.close()
+
+
+def summary(waited: list[float]) -> str:
     ordered = sorted(waited)
     return (
         f"median {1e3 * statistics.median(waited):.1f} ms, 90 % within {1e3 * ordered[int(0.9 * len(ordered))]:.1f} ms"
@@ -168,8 +219,12 @@ def main() -> None:
     parser.add_argument("--robot", default="robots/gough.raff")
     parser.add_argument("--seconds", type=float, default=10.0)
     parser.add_argument("--browser", action="store_true")
+    parser.add_argument("--bodies", type=int)
     options = parser.parse_args()
     warnings.simplefilter("ignore", cinegen.CinegenWarning)
+    if options.bodies:
+        picture(options.bodies)
+        return
     mechanism = cinegen.load(options.robot)
     with Cockpit(arrange({"robot": mechanism}), port=7900) as cockpit:
         for count in (1, CLIENTS):
@@ -178,10 +233,10 @@ def main() -> None:
         for count in (1, CLIENTS):
             print(f"in motion, {cost(cockpit, count, options.seconds)}")
         print(f"the solver meanwhile:\n{cockpit.runner.report()}")
-        print(f"a user waits: {told(asyncio.run(drag(cockpit.session_url, 'robot', mechanism.end, 200)))}")
+        print(f"a user waits: {summary(asyncio.run(drag(cockpit.session_url, 'robot', mechanism.end, 200)))}")
         if options.browser:
             waited = in_a_browser(cockpit.url, 30)
-            print(f"in a browser, from the pointer's event to the state applied: {told(waited)}")
+            print(f"in a browser, from the pointer's event to the state applied: {summary(waited)}")
 
 
 if __name__ == "__main__":

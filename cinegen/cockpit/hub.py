@@ -25,7 +25,7 @@ from cinegen.cockpit.messages import (
     StateMessage,
     UserInfo,
 )
-from cinegen.cockpit.page_state import moving_rows, page_state
+from cinegen.cockpit.page_state import moving_rows, page_state, shown_of
 from cinegen.session import Command, CommandError, Setup
 from cinegen.session.commands import ControlPlayback, EndDrag, EndJointMotion, SetView, check_names, decode
 from cinegen.typed_json import encode
@@ -153,6 +153,7 @@ class Hub:
         self._problem = ""
         self._changed = 0  # number of the last state that differs from the one before in more than its time
         self._content: tuple[object, ...] | None = None  # of that: what must change for the next
+        self._shown: tuple[bytes, bytes] | None = None  # of the newest state, as pages get it, once one does
         self._rows: dict[str, Integers] = {}  # poses that pages get
         self._encoded: dict[tuple[bool, bool, bool], str | bytes] = {}  # of the newest state: with the report, with the
         # users, for pages
@@ -343,8 +344,10 @@ class Hub:
             self._report = self._report[0] + 1, report
         now = time.monotonic()
         self._list_users(now)
-        content = encode(replace(state, time=0.0)), self.controller, self._report[0], self._users[0]
-        if content != self._content:
+        is_seen = any(client.is_page for client in tuple(self.clients.values()))
+        self._shown = shown_of(state, self._rows) if is_seen else None
+        content = self._shown, self.controller, self._report[0], self._users[0]
+        if not is_seen or content != self._content:
             self._changed, self._content = number, content
         for client in tuple(self.clients.values()):
             if client.unacknowledged is None:
@@ -384,7 +387,11 @@ class Hub:
             report = self._report[1] if new[0] and self._report[1] is not None else UNSET
             users = self._users[1] if new[1] else UNSET
             numbered = replace(state, frame=number, controller=self.controller, report=report, users=users)
-            self._encoded[new] = page_state(numbered, self._rows) if client.is_page else encode(numbered).decode()
+            if client.is_page:
+                self._shown = self._shown or shown_of(state, self._rows)
+                self._encoded[new] = page_state(numbered, self._shown)
+            else:
+                self._encoded[new] = encode(numbered).decode()
         client.sent, client.reported, client.informed = number, self._report[0], self._users[0]
         client.unacknowledged = number, time.monotonic()
         client.connection.send(self._encoded[new])

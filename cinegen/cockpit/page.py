@@ -80,7 +80,7 @@ class Page:
         self.title = title
         self.lock = threading.Lock()
         self.wake: Callable[[], None] | None = None
-        self._kept: dict[Key, bytes] = {}
+        self._kept: dict[str, dict[Key, bytes]] = {}  # by path
         self._feeds: set[PageFeed] = set()
 
     def send(self, command: DrawingCommand) -> None:
@@ -90,12 +90,13 @@ class Page:
         key = (path, kind, lowered.get("property", ""))
         message = umsgpack.packb(lowered)
         with self.lock:
-            if kind in ("set_object", "delete"):  # removes what was drawn below
-                below = [k for k in self._kept if k[0] == path or (kind == "delete" and k[0].startswith(path + "/"))]
-                for old in below:
-                    del self._kept[old]
-            if kind != "delete":
-                self._kept[key] = message
+            if kind == "delete":
+                for below in [one for one in self._kept if one == path or one.startswith(path + "/")]:
+                    del self._kept[below]
+            elif kind == "set_object":  # forgets the properties of the one before
+                self._kept[path] = {key: message}
+            else:
+                self._kept.setdefault(path, {})[key] = message
             for feed in self._feeds:
                 feed.waiting[key] = message
         if self.wake is not None and self._feeds:
@@ -110,7 +111,9 @@ class Page:
         """
         deleted = {(path, "delete", ""): umsgpack.packb({"type": "delete", "path": path})}
         with self.lock:
-            self._kept = dict(other.scene())
+            self._kept = {}
+            for key, message in other.scene().items():
+                self._kept.setdefault(key[0], {})[key] = message
             for feed in self._feeds:
                 feed.waiting = deleted | self._in_order()
         if self.wake is not None and self._feeds:
@@ -139,7 +142,8 @@ class Page:
             return self._in_order()
 
     def _in_order(self) -> dict[Key, bytes]:
-        return dict(sorted(self._kept.items(), key=lambda item: _ORDER.index(item[0][1])))
+        every = [item for one in self._kept.values() for item in one.items()]
+        return dict(sorted(every, key=lambda item: _ORDER.index(item[0][1])))
 
 
 @cache

@@ -20,6 +20,7 @@ from cinegen.cockpit.messages import HelloMessage, StateMessage
 from cinegen.typed_json import encode
 
 _HEAD = struct.Struct("<II")
+_HEADER = ("time", "frame", "controller", "report", "users")
 _OPTIONAL = ("obstacles", "obstructions", "torques", "described")  # left out where they are empty
 _ONE = 32767  # stands for 1 in a quaternion
 _PACKED = np.dtype([("position", "<f4", 3), ("quaternion", "<i2", 4)])
@@ -33,19 +34,30 @@ def moving_rows(hello: HelloMessage) -> dict[str, Integers]:
     }
 
 
-def page_state(state: StateMessage, rows: dict[str, Integers]) -> bytes:
-    """Encode a state for pages.
+def shown_of(state: StateMessage, rows: dict[str, Integers]) -> tuple[bytes, bytes]:
+    """Encode what a page shows of a state: JSON without what tells states apart that look alike, and poses.
 
     Args:
         state: the state.
         rows: what `moving_rows` returned of the same robots.
     """
-    fields = {name: value for name, value in asdict(state).items() if value is not UNSET and name != "poses"}
-    sent = {name: value for name, value in fields.items() if value or name not in _OPTIONAL}
-    text = encode({"type": "state"} | sent)
-    text += b" " * (-len(text) % 4)
+    fields = {name: value for name, value in asdict(state).items() if name not in (*_HEADER, "poses")}
+    text = encode({name: value for name, value in fields.items() if value or name not in _OPTIONAL})
     numbers = [np.reshape(state.poses[robot], (-1, 7))[which] for robot, which in rows.items()]
     poses = np.vstack([*numbers, np.empty((0, 7))])
     packed = np.empty(len(poses), _PACKED)
     packed["position"], packed["quaternion"] = poses[:, :3], np.round(_ONE * poses[:, 3:])
-    return b"".join((_HEAD.pack(0, len(text)), text, packed.tobytes()))
+    return text, packed.tobytes()
+
+
+def page_state(state: StateMessage, shown: tuple[bytes, bytes]) -> bytes:
+    """Encode a state for pages.
+
+    Args:
+        state: the state.
+        shown: what `shown_of` returned of it.
+    """
+    header = {name: value for name in _HEADER if (value := getattr(state, name)) is not UNSET}
+    text, poses = encode({"type": "state"} | header)[:-1] + b"," + shown[0][1:], shown[1]
+    text += b" " * (-len(text) % 4)
+    return b"".join((_HEAD.pack(0, len(text)), text, poses))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import defaultdict
 from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
 from typing import Protocol
@@ -11,13 +12,12 @@ import numpy as np
 import pinocchio as pin
 from meshcat import Visualizer
 from meshcat.geometry import Box, Cylinder, Geometry, Material, Mesh, Sphere, TriangularMeshGeometry, triad
-from numpy.typing import NDArray
 
-from cinegen.arrays import Array, ArrayLike, Integers
+from cinegen.arrays import Array, ArrayLike
 from cinegen.cockpit.graphic_file import draw_file, material, material_of
 from cinegen.cockpit.page import DrawingCommand, Page
+from cinegen.cockpit.surfaces import merged, surface_of
 from cinegen.collision.shapes import bounding_box_corners
-from cinegen.collision.triangle_mesh import TriangleMesh
 from cinegen.mission.drawn_obstacle import DrawnObstacle, DrawnShape
 from cinegen.model import Mechanism
 from cinegen.model.motion_plane import motion_plane
@@ -32,6 +32,7 @@ _SLOPE, _ZOOM = (
     3.2,
 )  # half the view's height at 1 m: little perspective distortion
 _FILLED, _ASPECT = 0.7, 1.5  # share of a view that is filled, and its width by its height; the page knows its own
+_MANY = 500  # shapes of a robot: from there on, the shapes of each link are one
 _GAP = 0.05  # m: between what is drawn and the floor
 _ALIKE = 0.5  # part of a radius by which a scene may differ from the one before, whose scale it keeps
 _TILT = 1e-3  # of a camera that looks straight down, so that it has an upper side
@@ -198,10 +199,18 @@ class RobotScene:
     def _draw(self, name: str, mechanism: Mechanism) -> None:
         model = mechanism.model
         owners = {frame: node for node, frame in ((node, mechanism.frame_id(node)) for node in mechanism.nodes)}
-        for i, solid in enumerate(mechanism.visual.geometryObjects):
-            node = owners.get(solid.parentFrame)
-            if node is not None:
-                self._put(_below(self._root, name, node), [solid], model.frames[solid.parentFrame].placement, i)
+        shapes = defaultdict[str, list[pin.GeometryObject]](list)
+        for solid in mechanism.drawn:
+            if solid.parentFrame in owners:
+                shapes[owners[solid.parentFrame]].append(solid)
+        for node, solids in shapes.items():
+            frame, path = model.frames[mechanism.frame_id(node)].placement, _below(self._root, name, node)
+            if len(mechanism.drawn) > _MANY:
+                plain = [solid for solid in solids if not _is_file(solid) or solid.meshPath.lower().endswith(".stl")]
+                for mesh in merged((solid, frame.actInv(solid.placement)) for solid in plain):
+                    path[f"all {mesh.material.opacity:g}"].set_object(mesh)
+                solids = [solid for solid in solids if solid not in plain]
+            self._put(path, solids, frame)
         for node in {mechanism.nodes[-1], *(node for node, _ in mechanism.sensor_constraints)}:
             _below(self._root, name, node)["triad"].set_object(triad(0.15 * mechanism.length))
         for loop in mechanism.loops:
@@ -209,11 +218,9 @@ class RobotScene:
             mark.set_object(Mesh(Sphere(0.03 * mechanism.length), material(_LOOP, 0.6)))
             mark.set_transform(loop.first_placement.homogeneous)
 
-    def _put(
-        self, path: Visualizer, objects: Iterable[pin.GeometryObject], frame: pin.SE3 = _ORIGIN, first: int = 0
-    ) -> None:
+    def _put(self, path: Visualizer, objects: Iterable[pin.GeometryObject], frame: pin.SE3 = _ORIGIN) -> None:
         """Draw geometry objects below a path of the page's scene, as seen from a frame."""
-        for i, solid in enumerate(objects, first):
+        for i, solid in enumerate(objects):
             placement = frame.actInv(solid.placement).homogeneous
             for k, (geometry, look, extra) in enumerate(_drawn(solid)):
                 place = path[f"{i}.{k}" if k else str(i)]
@@ -256,7 +263,7 @@ def _extent(mechanism: Mechanism) -> Iterator[Array]:
     """Yield points (n, 3) that bound a mechanism at home: the corners of what is drawn, or its nodes if nothing is."""
     placements = [mechanism.placement(mechanism.q_home, node) for node in mechanism.nodes]
     frames = {mechanism.frame_id(node): one for node, one in zip(mechanism.nodes, placements, strict=True)}
-    solids = [solid for solid in mechanism.visual.geometryObjects if solid.parentFrame in frames]
+    solids = [solid for solid in mechanism.drawn if solid.parentFrame in frames]
     for solid in solids:
         in_node = mechanism.model.frames[solid.parentFrame].placement.actInv(solid.placement)
         yield bounding_box_corners(solid.geometry, frames[solid.parentFrame] * in_node)
@@ -284,32 +291,11 @@ def _drawn(solid: pin.GeometryObject) -> Iterator[tuple[Geometry, Material, Arra
         yield Box(2.0 * geometry.halfSide), look, extra
     elif isinstance(geometry, coal.Sphere):
         yield Sphere(float(geometry.radius)), look, extra
-    elif isinstance(geometry, coal.Convex):
-        yield TriangularMeshGeometry(*_triangles(geometry)), look, extra
-    elif isinstance(geometry, coal.BVHModelOBBRSS):
-        points = TriangleMesh(geometry).corners.reshape(-1, 3)
-        yield TriangularMeshGeometry(points, np.arange(len(points)).reshape(-1, 3)), look, extra
-    elif isinstance(geometry, coal.Capsule):
-        yield TriangularMeshGeometry(*_capsule(geometry)), look, extra
     elif isinstance(geometry, coal.Cylinder):
         extra[:3, :3] = [[1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0]]  # three.js's cylinders are along y
         yield Cylinder(2.0 * float(geometry.halfLength), float(geometry.radius)), look, extra
-
-
-def _triangles(hull: coal.Convex) -> tuple[Array, NDArray[np.uint32]]:
-    """Return corners (n, 3) and triangles (m, 3); triangles share no corners, so edges are drawn sharp."""
-    points = np.array(hull.points())
-    faces = np.array([[face[0], face[1], face[2]] for face in map(hull.polygons, range(hull.num_polygons))], dtype=int)
-    return points[faces.ravel()], np.arange(faces.size, dtype=np.uint32).reshape(-1, 3)
-
-
-def _capsule(capsule: coal.Capsule) -> tuple[Array, Integers]:
-    """Return corners (n, 3) and triangles (m, 3)."""
-    import trimesh
-
-    made = trimesh.creation.capsule(2.0 * float(capsule.halfLength), float(capsule.radius), count=[32, 16])
-    points = np.asarray(made.vertices) - made.bounds.mean(axis=0)  # some versions of trimesh begin at the origin
-    return points, np.asarray(made.faces)
+    elif isinstance(geometry, coal.Convex | coal.Capsule | coal.BVHModelOBBRSS):
+        yield TriangularMeshGeometry(*surface_of(solid)), look, extra
 
 
 def make_page(mechanisms: Mapping[str, Mechanism]) -> tuple[Page, RobotScene]:

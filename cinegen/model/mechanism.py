@@ -21,7 +21,7 @@ from cinegen.loops.screws import LoopScrews
 from cinegen.model.jacobian import COMPONENTS, ExtendedJacobian
 from cinegen.model.limits import Limits
 from cinegen.model.masses import massless, unphysical
-from cinegen.model.shapes import CollisionShapes, collision_shapes, lost_meshes, shapes
+from cinegen.model.shapes import Shapes, collision_shapes, geometry_model, lost_meshes, visual_shapes
 from cinegen.model.spherical import SphericalJoints
 from cinegen.model.structure import Structure
 from raff2urdf import closure
@@ -265,9 +265,14 @@ class Mechanism:
         return replace(self, held=held, held_q=here, cluster_ranks=tuple(ranks))
 
     @cached_property
-    def visual(self) -> pin.GeometryModel:
+    def drawn(self) -> tuple[pin.GeometryObject, ...]:
         """The visual shapes of all nodes; sticks are drawn for meshes that are lost, see `cinegen.model.shapes`."""
-        return shapes(self.model, self.source)
+        return tuple(visual_shapes(self.model, self.source).objects)
+
+    @cached_property
+    def visual(self) -> pin.GeometryModel:
+        """The same as Pinocchio's viewers take it. Thousands of shapes take minutes."""
+        return geometry_model(self.drawn)
 
     @cached_property
     def lost_meshes(self) -> str:
@@ -275,13 +280,13 @@ class Mechanism:
         return lost_meshes(self.source)
 
     @cached_property
-    def _collision(self) -> CollisionShapes:
+    def _collision(self) -> Shapes:
         return collision_shapes(self.model, self.source)
 
-    @property
+    @cached_property
     def collision(self) -> pin.GeometryModel:
         """The collision shapes of all nodes, see `cinegen.model.shapes.collision_shapes`."""
-        return self._collision.geometry
+        return geometry_model(self._collision.objects)
 
     @property
     def unchecked_links(self) -> Mapping[str, str]:

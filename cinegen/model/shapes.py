@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import copy
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -27,19 +27,22 @@ if TYPE_CHECKING:
     from cinegen.model.mechanism import MechanismSource
 
 
-class CollisionShapes(NamedTuple):
-    """The collision shapes of a URDF's links.
+_AT_ONCE = 50  # links
+
+
+class Shapes(NamedTuple):
+    """The shapes of a URDF's links.
 
     Attributes:
-        geometry: the shapes.
+        objects: the shapes.
         unchecked: links with meshes that are lost, and why: where a link has no other shape, its sticks collide.
     """
 
-    geometry: pin.GeometryModel
+    objects: list[pin.GeometryObject]
     unchecked: Mapping[str, str]
 
 
-def shapes(model: pin.Model, source: MechanismSource) -> pin.GeometryModel:
+def visual_shapes(model: pin.Model, source: MechanismSource) -> Shapes:
     """Return the visual shapes of a URDF's links; a stick figure if there are none.
 
     One warning names the first mesh that is lost: missing, unreadable, empty, a pointer of Git LFS, or where it is not
@@ -52,14 +55,14 @@ def shapes(model: pin.Model, source: MechanismSource) -> pin.GeometryModel:
     Raises:
         LoadError: the shapes can't be read for another reason.
     """
-    return _with_sticks(model, source, parse_xml(source.urdf, source.name), stick_figure(model)).geometry
+    return _with_sticks(model, source, parse_xml(source.urdf, source.name), stick_figure(model))
 
 
-def collision_shapes(model: pin.Model, source: MechanismSource) -> CollisionShapes:
+def collision_shapes(model: pin.Model, source: MechanismSource) -> Shapes:
     """Return the collision shapes of a URDF's links; the bars of a stick figure if there are no shapes at all.
 
     A link without collision shapes collides by its visual shapes. One warning names the first mesh that is lost, as
-    that of `shapes`.
+    that of `visual_shapes`.
 
     Args:
         model: of the same URDF.
@@ -78,6 +81,14 @@ def collision_shapes(model: pin.Model, source: MechanismSource) -> CollisionShap
     return _with_sticks(model, source, tree, _bars(stick_figure(model)))
 
 
+def geometry_model(objects: Iterable[pin.GeometryObject]) -> pin.GeometryModel:
+    """Return shapes as Pinocchio takes them."""
+    model = pin.GeometryModel()
+    for one in objects:
+        model.addGeometryObject(one)
+    return model
+
+
 def has_collision_shapes(tree: Any) -> bool:
     """Return whether a URDF's tree has collision shapes of the robot: not only those of a skeleton, which, as what is
     drawn does, meet at common points of links."""
@@ -85,7 +96,7 @@ def has_collision_shapes(tree: Any) -> bool:
 
 
 def lost_meshes(source: MechanismSource) -> str:
-    """Return a sentence about meshes that can't be found, as `shapes` warns of them; empty without one.
+    """Return a sentence about meshes that can't be found, as `visual_shapes` warns of them; empty without one.
 
     None is read.
     """
@@ -93,7 +104,7 @@ def lost_meshes(source: MechanismSource) -> str:
     return _sentence(_Meshes(tree, source).lost)
 
 
-def _with_sticks(model: pin.Model, source: MechanismSource, tree: Any, sticks: pin.GeometryModel) -> CollisionShapes:
+def _with_sticks(model: pin.Model, source: MechanismSource, tree: Any, sticks: Iterable[pin.GeometryObject]) -> Shapes:
     """Return the <visual> elements of a URDF's tree, which is changed, as shapes; and sticks where meshes are lost."""
     _keep_shapes(tree)
     drawn = {link.get("name") for link in tree.iterchildren("link") if link.find("visual") is not None}
@@ -101,14 +112,11 @@ def _with_sticks(model: pin.Model, source: MechanismSource, tree: Any, sticks: p
     found = meshes.read(model)
     if meshes.lost:
         warn(_sentence(meshes.lost))
-    if not found.geometryObjects:
-        return CollisionShapes(sticks, meshes.links)
+    if not found:
+        return Shapes(list(sticks), meshes.links)
     left = {link.get("name") for link in tree.iterchildren("link") if link.find("visual") is not None}
     joints = {model.frames[model.getFrameId(link, pin.FrameType.BODY)].parentJoint for link in drawn - left}
-    for stick in sticks.geometryObjects:
-        if stick.parentJoint in joints:
-            found.addGeometryObject(stick)
-    return CollisionShapes(found, meshes.links)
+    return Shapes(found + [stick for stick in sticks if stick.parentJoint in joints], meshes.links)
 
 
 def _sentence(lost: Mapping[str, str]) -> str:
@@ -148,7 +156,7 @@ class _Meshes:
                     self._lose(visual, name, str(error))
                     break
 
-    def read(self, model: pin.Model) -> pin.GeometryModel:
+    def read(self, model: pin.Model) -> list[pin.GeometryObject]:
         """Return the <visual> elements as shapes.
 
         Raises:
@@ -171,9 +179,20 @@ class _Meshes:
         except (ValueError, RuntimeError) as error:
             raise LoadError(f"{self.source.name}: the shapes of '{model.name}' can't be read: {error}") from None
 
-    def _built(self, model: pin.Model) -> pin.GeometryModel:
-        text = etree.tostring(self.tree, encoding="unicode")
-        return pin.buildGeomFromUrdfString(model, text, pin.GeometryType.VISUAL)
+    def _built(self, model: pin.Model) -> list[pin.GeometryObject]:
+        """Build shapes, of some links at a time: Pinocchio's time grows with the third power of their number."""
+        bare, objects, loader = copy.deepcopy(self.tree), list[pin.GeometryObject](), coal.CachedMeshLoader()
+        etree.strip_elements(bare, "visual")
+        links = list(zip(bare.iterchildren("link"), self.tree.iterchildren("link"), strict=True))
+        for first in range(0, len(links), _AT_ONCE):
+            for link, complete in links[first : first + _AT_ONCE]:
+                link.extend(copy.deepcopy(complete.findall("visual")))
+            text = etree.tostring(bare, encoding="unicode")
+            built = pin.buildGeomFromUrdfString(model, text, pin.GeometryType.VISUAL, mesh_loader=loader)
+            objects += built.geometryObjects
+            for link, _ in links[first : first + _AT_ONCE]:
+                etree.strip_elements(link, "visual")
+        return objects
 
     def _lose(self, visual: Any, name: str, why: str) -> None:
         text = self.lost.setdefault(name, f"{_where(self.source.name, name)}: {why}")
@@ -198,15 +217,15 @@ def _find(mesh: str, source: MechanismSource, packages: Packages) -> Path:
         raise RaffError(f"{error}: a text names files from the folder that was current when it was loaded") from None
 
 
-def _bars(figure: pin.GeometryModel) -> pin.GeometryModel:
+def _bars(figure: Iterable[pin.GeometryObject]) -> list[pin.GeometryObject]:
     """Return a stick figure without the drums that mark its joints' axes, except those of links without bars; with
     round ends, because distances between capsules are fast."""
-    kept, barred = pin.GeometryModel(), {s.parentJoint for s in figure.geometryObjects if s.name.startswith("bar ")}
-    for solid in figure.geometryObjects:
-        if solid.name.startswith("bar ") or solid.parentJoint not in barred:
-            if isinstance(solid.geometry, coal.Cylinder):
-                solid.geometry = coal.Capsule(solid.geometry.radius, 2.0 * solid.geometry.halfLength)
-            kept.addGeometryObject(solid)
+    solids = list(figure)
+    barred = {solid.parentJoint for solid in solids if solid.name.startswith("bar ")}
+    kept = [solid for solid in solids if solid.name.startswith("bar ") or solid.parentJoint not in barred]
+    for solid in kept:
+        if isinstance(solid.geometry, coal.Cylinder):
+            solid.geometry = coal.Capsule(solid.geometry.radius, 2.0 * solid.geometry.halfLength)
     return kept
 
 

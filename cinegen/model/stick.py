@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+
 import coal
 import numpy as np
 import pinocchio as pin
@@ -13,9 +15,8 @@ _THICK = 0.06  # of the median length: radius of a bar
 _BAR, _JOINT = (0.0, 0.45, 0.7, 1.0), (0.2, 0.22, 0.25, 1.0)  # Okabe and Ito's blue; nearly black
 
 
-def stick_figure(model: pin.Model) -> pin.GeometryModel:
-    """Return bars for every body of a model, from its joint to the joints and frames that it carries."""
-    figure = pin.GeometryModel()
+def stick_figure(model: pin.Model) -> Iterator[pin.GeometryObject]:
+    """Yield bars for every body of a model, from its joint to the joints and frames that it carries."""
     bodies = {frame.parentJoint: i for i, frame in reversed(list(enumerate(model.frames))) if _is_body(frame)}
     ends: dict[int, list[Array]] = {j: [] for j in range(model.njoints)}
     for j in range(1, model.njoints):
@@ -43,8 +44,7 @@ def stick_figure(model: pin.Model) -> pin.GeometryModel:
         for name, shape, placement, colour in solids:
             solid = pin.GeometryObject(name, j, carrier, placement, shape)
             solid.meshColor = np.array(colour)
-            figure.addGeometryObject(solid)
-    return figure
+            yield solid
 
 
 def _is_body(frame: pin.Frame) -> bool:

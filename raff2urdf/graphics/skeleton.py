@@ -32,7 +32,7 @@ BRANCHES = (
 )
 BASE = (0.45, 0.47, 0.5)
 JOINT = (0.2, 0.22, 0.25)
-MARK = "skeleton"
+MARK = "cinegen:skeleton"
 """Beginning of the names of a URDF's collision shapes that are bars and markers, rather than shapes of the robot."""
 
 _FARTHEST = 100.0  # of the sum of a robot's lengths: limits beyond stand for none, as 1e6 does in many files

@@ -24,6 +24,14 @@ COUNTED = """() => {
   const controls = [...document.querySelectorAll("button, input, select, textarea, a, summary")].filter(seen);
   return { words, controls: controls.map((one) => one.id || one.outerHTML) };
 }"""
+# Whether the first hint is there, and where it is no part is seen.
+UNCOVERED = """() => {
+  const hint = document.querySelector(".label.hint");
+  const { left, right, top, bottom } = hint.getBoundingClientRect();
+  const across = [0, 0.25, 0.5, 0.75, 1].map((part) => left + part * (right - left));
+  const points = across.flatMap((clientX) => [top, bottom].map((clientY) => ({ clientX, clientY })));
+  return bottom <= innerHeight && points.every((point) => cockpit.pick.touched(point) === null);
+}"""
 POLE = {"name": "pole", "kind": "capsule", "radius": 0.03, "length": 1.0, "point": [0.45, 0.25, 0.5]}
 
 pytestmark = IN_BROWSER
@@ -53,3 +61,4 @@ def test_it_has_few_words_and_controls(cockpit, setup, tab, name):
         picture(page, f"first_screen_{name}_{width}")
         assert 0 < len(found["words"]) <= MOST_WORDS, found["words"]
         assert 0 < len(found["controls"]) <= MOST_CONTROLS, found["controls"]
+        assert becomes(page, UNCOVERED)

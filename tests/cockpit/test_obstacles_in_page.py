@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import coal
 import numpy as np
+import pinocchio as pin
 import pytest
 import trimesh
 import umsgpack
 
 from cinegen.cockpit import Page, draw, title_of
 from cinegen.cockpit.build_messages import NodePoses, hello_message, state_message
-from cinegen.cockpit.scene import _capsule, _triangles
+from cinegen.cockpit.surfaces import surface_of
 from cinegen.collision import load_scene, scene_of
 from cinegen.collision.convex_hull import hull
 from cinegen.session import Session, scene_setup
@@ -27,7 +28,7 @@ def setup(robot):
 
 @pytest.mark.parametrize(("radius", "length"), [(0.1, 0.5), (1.0, 1e-3)])
 def test_a_capsule_is_drawn_with_its_round_ends(radius, length):
-    points, faces = _capsule(coal.Capsule(radius, length))
+    points, faces = surface_of(pin.GeometryObject("", 0, pin.SE3.Identity(), coal.Capsule(radius, length)))
     beyond = points - np.stack([0.0 * points[:, 0], 0.0 * points[:, 1], points[:, 2].clip(-length / 2, length / 2)], 1)
     assert np.linalg.norm(beyond, axis=1) == pytest.approx(radius)
     assert np.ptp(points[:, 2]) == pytest.approx(length + 2.0 * radius)
@@ -40,7 +41,7 @@ def test_a_capsule_is_drawn_with_its_round_ends(radius, length):
 
 def test_a_hull_is_drawn_with_all_its_faces_turned_outwards():
     points = np.random.default_rng(0).normal(size=(30, 3))
-    corners, faces = _triangles(hull(points).shape)
+    corners, faces = surface_of(pin.GeometryObject("", 0, pin.SE3.Identity(), hull(points).shape))
     mesh = trimesh.Trimesh(corners, faces)
     mesh.merge_vertices()
     assert mesh.is_watertight

@@ -8,7 +8,7 @@ from browsers import Browser, becomes
 
 from cinegen.cockpit import Cockpit
 from cinegen.cockpit.build_messages import NodePoses, hello_message, state_message
-from cinegen.cockpit.page_state import moving_rows, page_state
+from cinegen.cockpit.page_state import moving_rows, page_state, shown_of
 from cinegen.session import Session, arrange
 from cinegen.session import commands as c
 
@@ -72,7 +72,7 @@ def test_a_page_gets_the_poses_of_all_nodes(robot, name):
     for _ in range(50):
         session.tick()
     state = state_message(session.state(), poses, {})
-    message = page_state(state, moving_rows(hello))
+    message = page_state(state, shown_of(state, moving_rows(hello)))
     packed = message[8 + int.from_bytes(message[4:8], "little") :]
     sent = np.frombuffer(packed, [("position", "<f4", 3), ("turn", "<i2", 4)])
     rows = np.array(state.poses[name]).reshape(-1, 7)
@@ -98,4 +98,4 @@ def test_a_state_of_a_platform_that_is_dragged_is_small(robot):
         session.tick()
     state = state_message(session.state(), NodePoses(setup.robots), {})
     assert len(state.tasks) == 1
-    assert len(page_state(state, rows)) <= LARGEST
+    assert len(page_state(state, shown_of(state, rows))) <= LARGEST

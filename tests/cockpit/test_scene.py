@@ -88,3 +88,54 @@ def test_the_view_holds_all_of_a_mesh_and_the_floor_is_below_it(root):
     assert floor == pytest.approx(foot - 0.05)
     for x, y in ((0.165, 0.0), (-0.165, 0.0), (0.0, 0.165)):
         assert np.linalg.norm((whole @ [x, y, -0.42, 1.0])[:3]) <= 1.6 + 1e-6
+
+
+SHAPES = """<visual><origin xyz="0.1 {y} 0" rpy="0.3 0.2 0.1"/><geometry><box size="0.2 0.4 0.6"/></geometry>
+<material name="red"><color rgba="1 0 0 1"/></material></visual>
+<visual><geometry><sphere radius="0.2"/></geometry><material name="glass"><color rgba="0 0 1 0.5"/></material></visual>
+<visual><origin xyz="0 0 1"/><geometry><cylinder radius="0.1" length="0.5"/></geometry>
+<material name="green"><color rgba="0 1 0 1"/></material></visual>
+<visual><origin rpy="0 0 1"/><geometry><mesh filename="box.stl" scale="0.1 0.2 0.3"/></geometry></visual>"""
+
+
+def test_a_robot_of_many_shapes_is_drawn_with_one_mesh_for_each_opacity_of_a_link(tmp_path, box):
+    """Where the shapes are, in their colours."""
+
+    def meshes(shapes):
+        (tmp_path / "r.urdf").write_text(f'<robot name="r"><link name="base">{shapes}</link></robot>')
+        sent = drawn(cinegen.load(tmp_path / "r.urdf"))
+        prefix = "cinegen/:it/:base/"
+        return [
+            one["object"]
+            for path, one in sent.items()
+            if path.startswith(prefix) and "object" in one and "triad" not in path
+        ]
+
+    assert len(meshes(SHAPES.format(y=0))) == 4
+    parts = meshes("".join(SHAPES.format(y=i) for i in range(200)))
+    opaque, glass = sorted(parts, key=lambda one: -one["materials"][0]["opacity"])
+    assert [one["materials"][0]["opacity"] for one in (opaque, glass)] == [1.0, 0.5]
+
+    def surface(mesh, count):
+        data = mesh["geometries"][0]["data"]
+        arrays = [data["attributes"]["position"], data["attributes"]["color"], data["index"]]
+        corners, colours, faces = (
+            np.frombuffer(one["array"].data, kind).reshape(-1, 3)
+            for one, kind in zip(arrays, ("<f4", "<f4", "<u4"), strict=True)
+        )
+        solid = trimesh.Trimesh(corners, faces, process=False)
+        solid.merge_vertices(merge_norm=True)
+        assert solid.volume == pytest.approx(count, rel=0.07)  # seen from outside
+        return corners, colours
+
+    volumes = 0.2 * 0.4 * 0.6, np.pi * 0.1**2 * 0.5, 8.0 * 0.1 * 0.2 * 0.3
+    corners, colours = surface(opaque, 200 * sum(volumes))
+    turn = trimesh.transformations.euler_matrix(0.3, 0.2, 0.1)[:3, :3]
+    reach = np.abs(turn) @ [0.1, 0.2, 0.3]
+    red, green = ((colours == colour).all(axis=1) for colour in ([1.0, 0.0, 0.0], [0.0, 1.0, 0.0]))
+    assert corners[red].max(axis=0) == pytest.approx(reach + np.array([0.1, 199.0, 0.0]), abs=1e-4)
+    assert corners[green].min(axis=0) == pytest.approx([-0.1, -0.1, 0.75], abs=1e-6)
+    assert np.abs(corners[~(red | green)]).max(axis=0)[2] == pytest.approx(0.3)
+    corners, colours = surface(glass, 200 * 4.0 / 3.0 * np.pi * 0.2**3)
+    assert np.linalg.norm(corners, axis=1) == pytest.approx(0.2)
+    assert (colours == [0.0, 0.0, 1.0]).all()

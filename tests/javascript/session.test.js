@@ -40,6 +40,14 @@ test("a part is called by its node alone where there is one robot", () => {
   assert.equal(session.called("arm", "tool"), "arm · tool");
 });
 
+test("a part that has only a number is called by the frame on it, the end before others", () => {
+  const nodes = [{ name: "link6" }, ...["frame9", "camera", "plate"].map((name) => ({ name, parent: "link6", kind: "frame" }))];
+  link.emit("hello", { client: 1, robots: [{ ...ARM, nodes, end: "plate" }] });
+  assert.equal(session.called("arm", "link6"), "plate");
+  link.emit("hello", { client: 1, robots: [{ ...ARM, nodes: nodes.slice(0, 2) }] });
+  assert.equal(session.called("arm", "link6"), "link6");
+});
+
 test("who has control is last when it changes, and only then", () => {
   link.emit("hello", { client: 7, robots: [ARM] });
   const changes = () => last.filter(([name]) => name === "control").map(([, value]) => value);

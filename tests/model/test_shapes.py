@@ -217,7 +217,7 @@ def test_without_shapes_a_stick_figure_stands_in(write):
 def test_a_stick_figure_has_a_bar_to_each_joint_on_the_base(robot, name, count):
     """Also where they are near each other; joints on one point share a bar."""
     mechanism = robot(name)
-    bars = [shape for shape in stick_figure(mechanism.model).geometryObjects if shape.name.startswith("bar 0 ")]
+    bars = [shape for shape in stick_figure(mechanism.model) if shape.name.startswith("bar 0 ")]
     ends = [bar.placement.translation + bar.geometry.halfLength * bar.placement.rotation[:, 2] for bar in bars]
     model = mechanism.model
     on_base = [model.jointPlacements[j].translation for j in range(1, model.njoints) if model.parents[j] == 0]

@@ -1,10 +1,10 @@
-// Hints for who is new here, each once in this browser, when it helps: "Drag any part" at the robot until one is dragged, then undo
+// Hints for who is new here, each once in this browser, when it helps: "Drag any part" below the robot until one is dragged, then undo
 // after the first drag, pins after the second, rotations when a part is selected. If nothing happens for some seconds, a ghost of
 // the robot's end is dragged by a hand; this only draws, nothing is sent.
 //
 // For tests: #hint; .label.hint; #hand while it is shown.
 
-import { Group, Vector3 } from "three";
+import { Group, Mesh, Vector3 } from "three";
 import { byId, make, memory, sign, write } from "../base/dom.js";
 import { frames } from "../base/frames.js";
 import { copyOf } from "../aids/ghost.js";
@@ -50,7 +50,7 @@ export class Hints {
     session.on("select", (part) => part !== null && this.#tell("rotate"));
     for (const event of /** @type {const} */ (["hello", "control"])) session.on(event, () => this.#first());
     view.before(() => {
-      if (this.#waits) this.#end(this.#where);
+      if (this.#waits) this.#where.copy(lowest(view));
     });
     frames.each((now) => this.#move(now));
     for (const event of ["pointerdown", "pointermove", "wheel", "keydown"]) window.addEventListener(event, () => this.#rest(), { capture: true, passive: true });
@@ -124,10 +124,11 @@ export class Hints {
     if (!this.#waits) return;
     if (this.view.headset !== null || document.documentElement.dataset.view !== "ready") return void this.#rest();
     this.#learn("hand");
-    const [{ name, end, nodes }] = this.session.robots;
+    const [{ name, end, byName }] = this.session.robots;
     const hand = make("span", { id: "hand" }, sign("hand"));
     const group = new Group();
-    const drawn = [end, ...nodes.map((node) => node.name).reverse()].find((node) => this.view.group(name, node).children.some((child) => child.name !== "triad")) ?? end;
+    const bare = this.view.group(name, end).children.every((child) => child.name === "triad");
+    const drawn = (bare && byName.get(end)?.parent) || end; // a frame on a link
     copyOf(this.view.group(name, drawn), group, paint(theme.accent, { opacity: 0.3, through: false }));
     this.view.pose(name, drawn, group.position, group.quaternion);
     group.userData.from = group.position.clone();
@@ -160,4 +161,27 @@ export class Hints {
     hand.style.opacity = String(Math.min(1, 6 * share, 6 * (1 - share)));
     this.view.changed();
   }
+}
+
+/**
+ * Return the corner of a part's box that is seen lowest, in the world: below it, a hint covers no part.
+ *
+ * @param {import("../view/view.js").View} view
+ */
+function lowest({ root, camera }) {
+  const [corner, seen, where] = [new Vector3(), new Vector3(), new Vector3()];
+  let least = Infinity;
+  root.updateWorldMatrix(false, true);
+  root.traverse((part) => {
+    if (!(part instanceof Mesh)) return;
+    if (part.geometry.boundingBox === null) part.geometry.computeBoundingBox();
+    const ends = [part.geometry.boundingBox.min, part.geometry.boundingBox.max];
+    for (let i = 0; i < 8; i += 1) {
+      corner.set(ends[i & 1].x, ends[(i >> 1) & 1].y, ends[i >> 2].z).applyMatrix4(part.matrixWorld);
+      if (!(seen.copy(corner).project(camera).y < least)) continue;
+      least = seen.y;
+      where.copy(corner);
+    }
+  });
+  return root.worldToLocal(where);
 }

@@ -70,10 +70,10 @@ export class Status {
   #atHand(words) {
     const task = this.session.tasks.find(({ source }) => source === "pointer");
     const { name = "", label = "" } = (task && valueOf(words, task.robot)) ?? {};
-    const told = task !== undefined && ["warn", "bad"].includes(TONES[name] ?? "none");
-    if (told) this.#where.fromArray(task.target);
+    const shown = task !== undefined && ["warn", "bad"].includes(TONES[name] ?? "none");
+    if (shown) this.#where.fromArray(task.target);
     this.labels.only = task === undefined ? null : HAND;
-    this.labels.put(HAND, told ? label : "", this.#where, "far");
+    this.labels.put(HAND, shown ? label : "", this.#where, "far");
   }
 }
 

@@ -5,6 +5,8 @@
 
 import { Events } from "./events.js";
 
+const NUMBERED = /^(link|frame)\d+$/; // names that say nothing
+
 /**
  * @typedef {import("./link.js").Hello} Hello
  * @typedef {import("./link.js").State} State
@@ -92,14 +94,17 @@ export class Session extends Events {
   }
 
   /**
-   * Return the name of a part for people.
+   * Return the name of a part for people: that of a frame on it, such as a tool, where it has only a number itself.
    *
    * @param {string} robot
    * @param {string} node
    */
   called(robot, node) {
-    if (this.robot(robot)?.obstacle) return robot;
-    return this.robots.length > 1 ? `${robot} · ${node}` : node;
+    const owner = this.robot(robot);
+    if (owner?.obstacle) return robot;
+    const frames = NUMBERED.test(node) ? (owner?.nodes ?? []).filter(({ name, parent, kind }) => kind === "frame" && parent === node && !NUMBERED.test(name)) : [];
+    const name = (frames.find(({ name: frame }) => frame === owner?.end) ?? frames[0])?.name ?? node;
+    return this.robots.length > 1 ? `${robot} · ${name}` : name;
   }
 
   /**

@@ -1,8 +1,8 @@
 // Drag of a point of a part, in the plane of the view through that point. The part rotates freely about it. A press and
 // release without a drag selects the part.
 //
-// A fixed part is not dragged: "fixed" tells so. A finger that rests on a part selects it; a second finger that comes before the first
-// has moved rotates the view with it.
+// A fixed part is not dragged: "fixed" tells so. A finger that rests on a part selects it. Two fingers zoom, and move the view: they
+// rotate it where the first is on a part, which one finger would drag, and shift it otherwise.
 //
 // Events: hover (part or null), fixed (part, or null when it is let go), drag (part or null), free (the event: a pointer that touches no part was pressed and
 // released), point (where a pointer is that touches no part; null if there is none).
@@ -14,7 +14,7 @@ import { DragTarget } from "./drag_target.js";
 const STILL = 4; // pixels: a pointer that moves less has not moved
 const STILL_TOUCH = 8; // a finger is broad
 const LONG = 500; // ms
-const ROTATE_AND_ZOOM = 3; // TOUCH.DOLLY_ROTATE of three.js
+const [SHIFT, ROTATE] = [2, 3]; // TOUCH.DOLLY_PAN and TOUCH.DOLLY_ROTATE of three.js
 
 /**
  * @typedef {import("./pick.js").Touched} Touched
@@ -53,7 +53,6 @@ export class Drag extends Events {
     this.target = new DragTarget(session);
     const { canvas } = view;
     canvas.style.touchAction = "none";
-    view.controls.touches.TWO = ROTATE_AND_ZOOM; // one finger on a part drags it
     canvas.addEventListener("pointerdown", (event) => this.#down(event), true);
     canvas.addEventListener("pointermove", (event) => this.#move(event), true);
     canvas.addEventListener("pointerrawupdate", (event) => this.#follow(/** @type {PointerEvent} */ (event)));
@@ -86,6 +85,7 @@ export class Drag extends Events {
   /** @param {PointerEvent} event */
   #down(event) {
     this.#beside = null;
+    if (event !== this.#given) this.view.controls.touches.TWO = this.#press === null ? SHIFT : ROTATE;
     if (this.#press !== null) {
       if (this.#press.dragged) event.stopImmediatePropagation(); // a second finger while a part is held
       else this.#yield();

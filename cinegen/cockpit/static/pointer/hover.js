@@ -4,10 +4,10 @@ import { Vector3 } from "three";
 import { theme } from "../view/theme.js";
 
 /**
- * @param {{ view: import("../view/view.js").View, session: import("../base/session.js").Session, labels: import("../view/labels.js").Labels, tint: import("../view/tint.js").Tint,
- *   drag: import("./drag.js").Drag }} parts
+ * @param {{ view: import("../view/view.js").View, session: import("../base/session.js").Session, labels: import("../view/labels.js").Labels,
+ *   highlight: import("../view/highlight.js").Highlight, drag: import("./drag.js").Drag }} parts
  */
-export function hover({ view, session, labels, tint, drag }) {
+export function hover({ view, session, labels, highlight, drag }) {
   const where = new Vector3();
   /** @param {import("./pick.js").Touched | null} part */
   const show = (part) => {
@@ -22,13 +22,13 @@ export function hover({ view, session, labels, tint, drag }) {
     show(part);
     session.emit("over", part);
   });
-  session.on("over", (part) => tint.light(part, theme.accent)); // a list may say so, too
+  session.on("over", (part) => highlight.light(part, theme.accent)); // a list may say so, too
   drag.on("fixed", (part) => {
     if (part === null) labels.put("over", "");
     else labels.put("over", "fixed", where.copy(view.root.worldToLocal(part.point.clone())), "over");
   });
   drag.on("drag", (part) => {
-    tint.light(part, theme.accent);
+    highlight.light(part, theme.accent);
     labels.put("over", "");
     if (part === null) drag.over = null; // it is looked at anew
   });

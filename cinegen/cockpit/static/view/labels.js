@@ -68,7 +68,6 @@ export class Labels {
   /** Beside their points, within the pane, one below the other where they would overlap. */
   #place() {
     if (this.view.headset !== null) return; // it shows them in the scene
-    this.layer.hidden = !this.view.placed;
     const { clientWidth: wide, clientHeight: high } = this.view.pane;
     const row = Math.round(HIGH * this.#type);
     /** @type {{ x: number, y: number, wide: number }[]} */

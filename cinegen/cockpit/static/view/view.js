@@ -30,7 +30,6 @@ export class View {
   /** @type {(() => void)[]} */
   #last = [];
   #heard = 0;
-  #blank = 0; // commands of the viewer before the present scene
   #seen = false; // whether a picture was drawn since it was framed
   /** @type {Pyramid | null} */
   #kept = null; // around all that was in the view since it was framed
@@ -111,11 +110,6 @@ export class View {
     this.#last.push(action);
   }
 
-  /** Whether the scene has a scale: it comes before what is drawn in it. */
-  get placed() {
-    return this.viewer.num_messages_received > this.#blank;
-  }
-
   /**
    * Listen to the server's commands: a scene is whole when the last of its properties came, which come last; once it is
    * framed, what it says of cameras is left out.
@@ -141,7 +135,6 @@ export class View {
     if (this.viewer.scene_tree.children[ROOT[0]] !== undefined) this.viewer.delete_path([ROOT[0]]);
     this.whole = false;
     this.forget();
-    this.#blank = this.viewer.num_messages_received;
   }
 
   /**
@@ -373,7 +366,7 @@ export class View {
     this.stage.matrixWorld.copy(root.matrixWorld);
     this.stage.matrix.copy(this.level.matrixWorld).invert().multiply(root.matrixWorld);
     this.stage.matrixWorldNeedsUpdate = true;
-    this.stage.visible = this.placed;
+    this.stage.visible = this.whole;
     this.camera.updateWorldMatrix(true, false);
     for (const action of this.#before) action(drawn);
     for (const action of this.#last) action();
