@@ -121,6 +121,20 @@ def star(points, tip, actuated):
 POINTS, TIP = [(0.0, 0.0), (900.0, 100.0), (300.0, -200.0), (1000.0, 900.0)], (420.0, 510.0)
 
 
+def test_a_truss_of_three_bars_is_undetermined_and_one_of_two_is_not(raff):
+    force, load = np.array([70.0, -200.0]), Payload("frame3", wrench=(70, -200, 0, 0, 0, 0))
+    two, three = (raff(star(POINTS[:n], TIP, False), f"bars{n}") for n in (2, 3))
+    bars = np.linalg.solve(np.transpose([np.subtract(TIP, p) / math.dist(TIP, p) for p in POINTS[:2]]), force)
+    found = forces(two, two.q_home, payloads=[load], gravity=STILL)
+    for name, bar in zip(("joint1", "joint11"), bars, strict=True):
+        assert found.reaction(name).force[:2] == pytest.approx([-bar, 0.0], abs=1e-9)  # the ground pulls the bar back
+    found = forces(three, three.q_home, payloads=[load], gravity=STILL)
+    for one in map(found.reaction, ("joint1", "joint11", "joint21")):
+        assert np.isnan(one.force[0])
+        assert one.stresses[0].any()
+        assert one.force[1] == pytest.approx(0.0, abs=1e-9)
+
+
 def test_a_truss_with_redundant_actuation_against_its_stiffness(raff):
     """Bars of one stiffness k: the tip moves by u = (sum k d d^T)^-1 F, and bar i bears k d_i . u. That is the shortest
     solution of the equilibrium."""

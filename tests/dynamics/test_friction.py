@@ -11,7 +11,8 @@ import scipy.linalg
 
 import cinegen
 from cinegen.cli import main
-from cinegen.dynamics import InverseDynamics
+from cinegen.dynamics import InverseDynamics, Payload
+from cinegen.dynamics.node_wrench import node_wrench
 
 MASS, ARM, DAMPING, DRY, ROTOR, G = 2.0, 0.4, 0.3, 0.7, 0.05, 9.81
 PENDULUM = f"""<mujoco><worldbody><body name="rod">
@@ -155,3 +156,21 @@ def test_a_joint_that_only_rounding_moves_is_at_rest():
     dynamics = InverseDynamics(mechanism)
     many = dynamics.torques_of(mechanism.q_home[None], [[1.0]], [[0.0]], actuated=True)
     assert many[0] == pytest.approx(found.torques, abs=1e-9)
+
+
+def test_a_wrench_of_a_moving_node_is_what_friction_leaves():
+    mechanism = cinegen.load(PENDULUM)
+    push = Payload("rod", wrench=(0.0, 0.0, 0.0, 0.0, 3.0, 0.0))
+    torques = InverseDynamics(mechanism, [push]).torques([0.3], [1.0], [0.0])
+    found = node_wrench(InverseDynamics(mechanism), [0.3], torques, "rod", [1.0], [0.0])
+    assert found.imbalance == pytest.approx(0.0, abs=1e-12)
+    assert found.wrench[4] == pytest.approx(-3.0)
+
+
+def test_new_loads_keep_the_friction():
+    for counts in (True, False):
+        dynamics = InverseDynamics(cinegen.load(PENDULUM), friction=counts)
+        before = dynamics.torques([0.3], [1.0], [0.0])
+        dynamics.set_loads([Payload("rod", 1.0)])
+        dynamics.set_loads()
+        assert dynamics.torques([0.3], [1.0], [0.0]) == pytest.approx(before)

@@ -144,8 +144,31 @@ WHERE_NEWTON_IS_SLOW = (1841, 2834, 2989, 3551, 5367, 6379, 13196)
 
 @pytest.mark.parametrize("seed", [*range(20), *WHERE_A_CIRCLE_IS_SMALL, *WHERE_NEWTON_IS_SLOW])
 def test_no_flat_pose_is_missed(seed):
-    _, far = flat_pose(np.random.default_rng(seed))
+    modes, far = flat_pose(np.random.default_rng(seed))
     assert far.min(initial=np.inf) <= 1e-4
+    assert modes.counts.total == 16
+    assert modes.counts.real >= len(modes.placements)  # where rounding decides no mode is listed twice
+    if modes.complete:  # some can't be followed to where so many meet
+        assert modes.coincident[far.argmin()] > 1
+        assert 2 <= modes.counts.multiple <= modes.counts.real
+        assert modes.counts.real >= 8
+
+
+@given(seeds)
+def test_two_legs_in_a_line_hold_the_platform_still(rng):
+    height, placement = rng.choice([0.0, 0.5]), pose(rng)
+    base, platform = rng.normal(size=(6, 3)) * [1, 1, height], rng.normal(size=(3, 3))
+    point = placement[:3, :3] @ platform[0] + placement[:3, 3]
+    if height == 0.0:
+        placement[2, 3] -= point[2]
+        point[2] = 0.0
+    base[1] = base[0] + rng.choice([-0.7, 0.3, 1.5]) * (point - base[0])
+    tssm = TSSM(base, platform)
+    modes = tssm.modes(lengths_at(tssm, placement))
+    near = np.abs(modes.placements - placement).max(axis=(1, 2))
+    assert near.min() <= 1e-5
+    assert modes.coincident[near.argmin()] > 1
+    assert 2 <= modes.counts.multiple <= modes.counts.real
 
 
 # --- curves ---------------------------------------------------------------------------------------------------------
