@@ -8,6 +8,7 @@ import subprocess
 import sys
 import time
 
+import numpy as np
 import pytest
 
 from cinegen.cli import main
@@ -153,3 +154,17 @@ def test_bytes_that_are_no_text_are_answered_too(filtered):
     answers = filtered(given, "four_bar.raff")
     assert ["error" in answer for answer in answers] == [True, False, True, True]
     assert "jöint" in answers[3]["error"]
+
+
+def test_many_lines_at_once(robot, filtered):
+    """More than are read at once: those that are read in parts are answered as others."""
+    hybrid, count = robot("hybrid"), 2_000
+    places = [hybrid.q_index(joint) for joint in hybrid.actuated]
+    rows = hybrid.q_home[places] + 0.05 * np.sin(np.arange(count)[:, None] / 50.0 + np.arange(len(places)))
+    lines = [json.dumps(dict(zip(hybrid.actuated, row.tolist(), strict=True))) + "\n" for row in rows]
+    said = filtered("".join(lines), "hybrid.raff")
+    assert len(said) == count
+    assert not any("error" in answer for answer in said)
+    for row, answer in list(zip(rows, said, strict=True))[::97]:
+        assert [answer[joint] for joint in hybrid.actuated] == row.tolist()
+        assert hybrid.closure(hybrid.configuration(answer)) <= 1e-12

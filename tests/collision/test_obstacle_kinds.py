@@ -241,3 +241,12 @@ def test_another_robot_is_an_obstacle_at_its_joint_values_and_base_pose(root):
     assert min(found) == pytest.approx(expected, abs=1e-6)
     (again,) = scene_of(made.document(), root).obstacles
     assert [one.placement for one in again.bodies] == [one.placement for one in obstacle.bodies]
+
+
+def test_two_obstacles_of_one_name_are_refused():
+    ball = {"kind": "sphere", "radius": 1}
+    assert refused(ball | {"name": "a"}, ball | {"name": "a"}).startswith(
+        "scene: obstacle 2 'a': name 'a' is used by another"
+    )
+    assert "name 'sphere 2' is used by another" in refused(ball | {"name": "sphere 2"}, ball)
+    assert [o.name for o in scene_with(ball, ball).obstacles] == ["sphere 1", "sphere 2"]

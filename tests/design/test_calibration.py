@@ -252,3 +252,17 @@ def test_proposed_poses_are_better_than_random_ones():
             values[:, k] = q[:, parameters.mechanism.q_index(joint)]
         others = Measurements(again.quantities, values, again.sigmas, again.labels)
         assert chosen > np.linalg.slogdet(base + information(others))[1]
+
+
+def test_noise_of_encoders_widens_the_covariance():
+    parameters, truth, readings = measured("delta4", POSE)
+    inputs = [k for k, one in enumerate(readings.quantities) if one.kind == "joint"]
+    sigmas = readings.sigmas.copy()
+    sigmas[:, inputs] = 2e-4
+    values = readings.values + sigmas * np.random.default_rng(5).normal(size=readings.values.shape)
+    found = calibrate(parameters, Measurements(readings.quantities, values, sigmas, readings.labels), folds=0)
+    assert 0.6 < found.fit < 1.4  # without the encoders' part, it would be beyond 10
+    sigma = np.sqrt(np.diag(found.combination_covariance))
+    assert (np.abs(found.combinations - combinations(found, truth)) <= 3.0 * sigma).mean() >= 0.95
+    exact_ones = calibrate(parameters, noisy(readings, 1), folds=0)
+    assert (sigma > np.sqrt(np.diag(exact_ones.combination_covariance))).all()

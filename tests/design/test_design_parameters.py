@@ -1,5 +1,6 @@
 """Names, ties, bounds and values of parameters, and their RAFF text."""
 
+import pickle
 import warnings
 from pathlib import Path
 
@@ -9,7 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import raff2urdf
-from cinegen.design import Design, DesignError, Parameters, Tolerances
+from cinegen.design import Design, DesignError, Parameters, Tolerances, tolerance
 from cinegen.errors import CinegenWarning, ClosureError
 
 ROBOTS = Path(__file__).parents[2] / "robots"
@@ -142,3 +143,27 @@ def test_other_joints_may_be_fixed():
             poses.append(changed.placement(q, "tool").translation)
         numeric = (poses[0] - poses[1]) / 2e-5
         np.testing.assert_allclose(here.pose_derivative("tool", "world")[0, :3, k], numeric, atol=1e-8)
+
+
+def test_evaluation_in_place_is_that_of_a_loaded_mechanism():
+    parameters = Parameters("delta4")
+    design, mechanism = Design(parameters), parameters.mechanism
+    rng = np.random.default_rng(2)
+    p = parameters.values + 1e-3 * rng.normal(size=(4, len(parameters)))
+    q = np.array(mechanism.random_closed(4))
+    found = design.evaluate(p, q)
+    for values, start, closed, pose in zip(p, q, found.q, found.placements(mechanism.end), strict=True):
+        loaded = parameters.mechanism_with(values)
+        again = loaded.close(start, mechanism.actuated)
+        np.testing.assert_allclose(closed, again, atol=1e-10)
+        np.testing.assert_allclose(pose, loaded.placement(again, mechanism.end).homogeneous, atol=1e-10)
+    assert found.gap.max() < 1e-12
+
+
+def test_designs_go_to_other_processes():
+    design = pickle.loads(
+        pickle.dumps(Design(Parameters("five_bar", "link*.d", ["link2.d = link4.d"]), [("joint2", "x")]))
+    )
+    assert design.names == ("link1.d", "link2.d", "link3.d", "link5.d", "joint2.x")
+    tolerances = pickle.loads(pickle.dumps(Tolerances("five_bar", {"link2.d": 1e-4})))
+    assert tolerances.at().position == tolerance("five_bar", {"link2.d": 1e-4}).position

@@ -142,3 +142,18 @@ def test_names_that_mean_two_things(columns, message):
     mechanism = cinegen.load("arm7")
     with pytest.raises(DesignError, match=message):
         MeasuringFrames(Measurements.of(mechanism, columns, np.zeros((1, len(columns))), 1e-4).quantities)
+
+
+def test_positions_of_a_device_in_another_unit_are_asked_back():
+    parameters = Parameters("arm7", ["link3.r"])
+    columns = [f"tool.{c} @ tracker" for c in "xyz"]
+    text = read_by_tracker(parameters, columns, parameters.values).text("m", "rad")
+    for unit, meant, factor in (("mm", "m", "1000"), ("in", "mm", "0.03937")):
+        scale = {"in": 1e3}.get(unit, 1.0)
+        lines = [line.split(",") for line in text.replace("[m]", f"[{unit}]").splitlines()]
+        for line in lines[2:]:
+            line[-3:] = [f"{scale * float(cell):.9g}" for cell in line[-3:]]
+        bad = Measurements.loads("\n".join(",".join(line) for line in lines), parameters.mechanism, "m.csv")
+        told = f"m.csv: .* {factor} times as large: are they in {meant}, and read as {unit}"
+        with pytest.raises(DesignError, match=told):
+            calibrate(parameters, bad)

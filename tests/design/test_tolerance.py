@@ -7,7 +7,8 @@ import numpy as np
 import pytest
 
 from cinegen.cli import main
-from cinegen.design import DesignError, Tolerances, tolerance
+from cinegen.design import DesignError, Parameters, Tolerances, tolerance
+from cinegen.errors import ClosureError
 
 TWO_R = """RAFF Arm
 units mm
@@ -229,3 +230,24 @@ def test_what_has_no_part_in_the_accuracy_is_told():
     found = tolerance("delta4", {"link2.d": 1e-4, "link7.d": 1e-4})  # only rounding rotates its platform
     assert not found.contributors(orientation=True)
     assert len(found.contributors()) == 2
+
+
+def test_what_is_forced_is_what_loading_refuses():
+    """And the gaps are those of the loops that are closed as well as they can be at the ends of the intervals."""
+    parameters = Parameters("four_bar")
+    tolerances = Tolerances(parameters, [("*.*", "0.05mm"), ("*.*", "0.02deg")])
+    forced, length = tolerances.at().forced, parameters.mechanism.length
+    for one in [one for one in parameters.names if not one.startswith("base")][::3]:
+        p = parameters.values.copy()
+        p[parameters.index(one)] += 1e-3 * (length if parameters.all[parameters.find(one)].unit == "m" else 1.0)
+        if one in forced.names:
+            with pytest.raises(ClosureError):
+                parameters.mechanism_with(p)
+        else:
+            parameters.mechanism_with(p)
+    width = {one.name: one.half_width for one in tolerances.sources}
+    for one, position, angle in zip(forced.names, forced.position, forced.angle, strict=True):
+        p = parameters.values.copy()
+        p[parameters.index(one)] += width[one]
+        gap = tolerances.design.evaluate(p, derivatives=False).gap[0]
+        np.testing.assert_allclose(gap, max(position / length, angle), rtol=1e-5)

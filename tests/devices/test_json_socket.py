@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import json
 import math
 import socket
@@ -309,3 +310,15 @@ def test_http_ends_a_connection_later_too(sensor):
         comes(sensor, lambda r: r.twist == (1, 0, 0, 0, 0, 0))
         program.send(b"Host: 127.0.0.1\r\n" + TWIST)
         assert drained(program) == ["this port takes lines of JSON, not HTTP: disconnected"]
+
+
+def test_a_flood_is_dropped(sensor):
+    line = b'{"twist": [1, 0, 0, 0, 0, 0]}\n'
+    with Program(sensor) as program, contextlib.suppress(OSError):  # it is cut off in the middle of a word
+        for _ in range(1000):
+            program.send(500 * line)
+    wait(lambda: sensor.status.damaged >= 1)
+    assert sensor.status.packets < 10_000
+    with Program(sensor) as program:
+        program.send({"twist": [0, 0, 1, 0, 0, 0]})
+        comes(sensor, lambda r: r.twist == (0, 0, 1, 0, 0, 0))

@@ -12,7 +12,8 @@ import pytest
 import yaml
 from recorded import record, swung
 
-from cinegen.mission import MissionError, Recording, export, report_text, resampled
+from cinegen.errors import UnknownNameError
+from cinegen.mission import MissionError, MissionRecorder, Recording, RobotSample, export, report_text, resampled
 
 
 @pytest.fixture
@@ -187,3 +188,20 @@ def test_a_file_is_written_whole_or_not_at_all(recording, tmp_path, monkeypatch)
     with pytest.raises(MissionError, match="can't be written"):
         export(path, "csv", tmp_path)
     assert sorted(one.name for one in tmp_path.iterdir()) == ["link", "out.csv", "run.jsonl"]
+
+
+def test_one_of_several_robots(robot, tmp_path):
+    arm, delta = robot("planar_3r"), robot("delta4")
+    path = tmp_path / "run.jsonl"
+    with MissionRecorder(path, {"arm": arm, "delta": delta}) as recorder:
+        for i in range(20):
+            arms = {"arm": RobotSample(np.full(3, 0.5 + i / 40), "IDLE"), "delta": RobotSample(delta.q_home, "IDLE")}
+            recorder.write(i / 20, arms)
+    with pytest.raises(MissionError, match="several robots: name one of arm, delta"):
+        export(path, "csv")
+    with pytest.raises(UnknownNameError, match="no robot 'amr'"):
+        export(path, "csv", robot="amr")
+    with pytest.raises(UnknownNameError, match="no format 'cvs'"):
+        export(path, "cvs", robot="arm")
+    assert export(path, "csv", robot="arm").joints == arm.joints
+    assert _table(tmp_path / "run.csv")[0] == ["time", *arm.joints]

@@ -163,3 +163,11 @@ def test_friction_of_passive_joints_slows_a_closed_mechanism(tmp_path):
     assert motion.used == pytest.approx(found.peak / 10.0, rel=1e-6)
     smooth = torques_along(cinegen.InverseDynamics(mechanism, friction=False), motion.times, motion.q)
     assert smooth.peak[0] > 10.0  # friction helps to brake
+
+
+def test_what_torques_leave_out_is_in_the_report(slid):
+    mechanism, _ = slid("1 0 0", friction='<dynamics damping="1" spring_stiffness="3"/>')
+    assert TorqueLimits(mechanism).notes == ("forces leave out the springs of x",)
+    crossing = TorqueLimits(mechanism, crosses=True).notes
+    assert crossing[0] == "forces leave out the springs of x"
+    assert "leave out the friction of joints" in crossing[1]

@@ -12,6 +12,7 @@ from paths import along
 
 import cinegen
 from cinegen.collision import SceneError, clearance_of, scene_of
+from cinegen.collision.mesh_check import MeshCheck
 from cinegen.planning import PlanStatus, plan
 
 SIDES, ALONG = [0.04, 0.04, 0.3], [0.0, 0.0, 0.2]
@@ -98,3 +99,14 @@ def test_what_is_wrong_with_an_attached_object_is_reported(arm, attached, messag
     values = {key: value for key, value in (BAR | attached).items() if value is not None}
     with pytest.raises(SceneError, match=message):
         scene(arm, values, obstacles=[WALL])
+
+
+def test_a_held_object_collides_with_other_links_except_those_that_touch_it(arm):
+    rod = BAR | {"size": [0.02, 0.02, 1.0], "point": [0, 0, 0]}  # through the links behind the hand
+    refused = plan(scene(arm, rod))
+    assert refused.status is PlanStatus.START_IN_COLLISION
+    assert "touches of 'bar'" in refused.reason
+    assert MeshCheck(scene(arm, rod)).contact(arm.q_home).count("bar") == 1
+    free = scene(arm, rod | {"touches": list(arm.nodes)})
+    assert not MeshCheck(free).contact(arm.q_home)
+    assert clearance_of(free).least(arm.q_home) >= clearance_of(scene(arm)).least(arm.q_home) - 1e-9

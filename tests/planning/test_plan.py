@@ -187,3 +187,12 @@ def test_a_path_through_an_obstacle_is_not_shortened():
     disc = {"kind": "disc", "radius": 0.1, "point": [0.5, 0.5]}
     scene = scene_of({"mobile": {"radius": 0.0}, "goal": {"point": [1.0, 0.0]}, "obstacle": [disc]})
     assert shortened(clearance_of(scene), np.array([[0.0, 0.5], [1.0, 0.5]]), 0.01) is None
+
+
+def test_links_that_cannot_separate_are_no_collision(panda):
+    """A closed gripper: its fingers are nearer to each other than the safety distance, and stay so."""
+    closed = {**READY, "panda_finger_joint1": 0.0, "panda_finger_joint2": 0.0}
+    values = {"node": "panda_hand", "start": {"joints": closed}, "goal": {"joints": AIM}}
+    assert clearance_of(scene_of(values, mechanism=panda)).least(panda.configuration(closed)) < 0.01
+    found = plan(scene_of(values, mechanism=panda))
+    assert found.status is PlanStatus.REACHED

@@ -257,3 +257,14 @@ def test_a_recording_keeps_tasks_and_their_changes(two, tmp_path):
     assert weights[-1] == ()
     text = (tmp_path / "mission.jsonl").read_text()
     assert text.count('"axis_along"') == 2  # where it changes
+
+
+def test_a_task_can_be_removed_while_an_undo_removes_it(two):
+    session = two()
+    task = add(session, {"kind": "point_in_plane", "node": "left_hand", "through": [0, 0, 0.7]})
+    run(session, 0.5)
+    session.obey(c.Undo())
+    session.tick()
+    assert session.robots["duo"].motion is not None
+    session.obey(c.RemoveTask(task.id))
+    assert run(session, 0.1).robots["duo"].described == ()

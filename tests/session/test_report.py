@@ -135,3 +135,15 @@ def test_the_status_agrees_with_the_meters(name, report, agreed):
     near = report is not None and any(one is not None and one.is_near for one in (report.type1, report.type2))
     assert ("near a singularity" in found.label) == (near and agreed not in ("REFUSED", "BAD_TARGET"))
     assert agreed != name or near or found.label == "as it is"
+
+
+def test_joints_near_a_limit_are_named(session):
+    one = session("five_bar")
+    bars = one.setup.robots["five_bar"]
+    i = bars.q_index("joint1")
+    low, high = bars.model.lowerPositionLimit[i], bars.model.upperPositionLimit[i]
+    assert "joint1" not in report(one, "five_bar").near_limit
+    one.obey(c.MoveJoint("five_bar", "joint1", float(high - 0.05 * (high - low))))
+    for _ in range(2000):
+        one.tick()
+    assert "joint1" in report(one, "five_bar").near_limit

@@ -11,7 +11,8 @@ import numpy as np
 import pytest
 from variants import FEWER
 
-from cinegen.session import Session, SessionRunner, arrange
+from cinegen.collision import load_scene
+from cinegen.session import Session, SessionRunner, arrange, scene_setup
 from cinegen.session import commands as c
 from cinegen.session.runner import AT_REST
 
@@ -112,3 +113,16 @@ def test_a_reading_of_a_sensor_wakes_the_session(robot):
             program.sendall(json.dumps({"twist": [-1, 0, 0, 0, 0, 0]}).encode() + b"\n")
             assert becomes(lambda: not runner.state.at_rest)
             assert becomes(lambda: runner.report().ticks - ticks_before > 100)
+
+
+def test_an_obstacle_that_is_dragged_wakes_the_session(root):
+    session = Session(scene_setup(load_scene(root / "robots/scenes/disc.toml"), rate=100.0))
+    ticks(session, 1.5)
+    assert session.at_rest
+    name, obstacle = next((name, one) for name, one in session.obstacles.items() if one.mechanism.mobility)
+    here = obstacle.pose.translation
+    session.obey(c.StartDrag(name, name, (0.0, 0.0, 0.0)))
+    session.obey(c.MoveDrag(tuple(here + np.array([0.05, 0.0, 0.0]))))
+    session.tick()
+    assert not session.at_rest
+    assert np.linalg.norm(obstacle.pose.translation - here) > 1e-4

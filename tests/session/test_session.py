@@ -201,3 +201,15 @@ def test_a_motion_that_leads_astray_ends_and_is_told(session):
     assert np.array_equal(state.robots["delta4"].q, before)
     assert "leaves loops" in state.notices[-1].text
     assert state.moving is None
+
+
+def test_a_joint_that_its_limit_stops_is_named(raff):
+    """A link of 500 mm, limited to 30 degrees, and a target at 90 degrees."""
+    arm = raff("""sensor 1 { port "spnav:" translation 3 rotation 3 }
+      robot r { base { } link 1 { type 2 pred 0 limits { -30 30 } velocity 90 }
+        frame 2 { parameters { d 500 } pred 1 name "tool" } constraint { frame 2 sensor ( 0 1 ) } }""")
+    one = Session(arrange({"arm": arm}))
+    state = run(one, 2.0, c.StartDrag("arm", "tool", (0, 0, 0)), c.MoveDrag((0.0, 0.5, 0.0)))
+    assert state.robots["arm"].status.label == "at limit: joint1"
+    assert state.robots["arm"].q == pytest.approx([np.pi / 6.0], abs=1e-6)
+    one.close()

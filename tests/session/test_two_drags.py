@@ -52,3 +52,19 @@ def test_two_pointers_on_one_part_rotate_it(session):
         assert np.linalg.norm(at(one, "rx90", "tool", point) - goal.act(point)) < 1e-6
     line = one.robots["rx90"].placement("tool").rotation[:, 0]
     assert np.linalg.norm(line - goal.rotation[:, 0]) < 1e-6
+
+
+def test_both_drags_are_one_undo_step(session):
+    one = session("delta4", "rx90")
+    home = {name: robot.q for name, robot in one.state().robots.items()}
+    for pointer, (name, node) in enumerate((("delta4", "platform"), ("rx90", "tool"))):
+        goal = at(one, name, node) + np.array([0.03, 0.0, -0.03])
+        one.obey(c.StartDrag(name, node, (0, 0, 0), pointer=pointer))
+        one.obey(c.MoveDrag(tuple(goal), pointer=pointer))
+    run(one, 0.5)
+    run(one, 0.2, c.EndDrag(pointer=1))
+    state = run(one, 0.1, c.EndDrag(pointer=0))
+    assert state.undo == 1
+    assert all(np.abs(state.robots[name].q - home[name]).max() > 1e-3 for name in home)
+    state = run(one, 2.0, c.Undo())
+    assert all(np.abs(state.robots[name].q - home[name]).max() < 1e-9 for name in home)
