@@ -28,7 +28,8 @@ COUNTED = """() => {
 UNCOVERED = """() => {
   const hint = document.querySelector(".label.hint");
   const { left, right, top, bottom } = hint.getBoundingClientRect();
-  const points = [0, 0.25, 0.5, 0.75, 1].flatMap((part) => [top, bottom].map((clientY) => ({ clientX: left + part * (right - left), clientY })));
+  const across = [0, 0.25, 0.5, 0.75, 1].map((part) => left + part * (right - left));
+  const points = across.flatMap((clientX) => [top, bottom].map((clientY) => ({ clientX, clientY })));
   return bottom <= innerHeight && points.every((point) => cockpit.pick.touched(point) === null);
 }"""
 POLE = {"name": "pole", "kind": "capsule", "radius": 0.03, "length": 1.0, "point": [0.45, 0.25, 0.5]}
