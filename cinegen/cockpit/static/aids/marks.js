@@ -1,7 +1,7 @@
 // What the server draws and the page looks after: marks of loops turn red where a loop stands open, frames and marks are shown
 // or not.
 
-import { Color, Vector3 } from "three";
+import { Vector3 } from "three";
 import { segment, valueOf } from "../base/names.js";
 import { units } from "../base/units.js";
 import { COLOURS } from "../view/theme.js";
@@ -44,17 +44,10 @@ export class Marks {
         if (mark === undefined) continue;
         mark.traverse((object) => {
           const { material } = /** @type {{ material?: import("three").MeshLambertMaterial }} */ (object);
-          if (material === undefined) return;
-          material.userData.own ??= { colour: material.color.clone() };
-          material.color.copy(open ? new Color(COLOURS.vermilion) : material.userData.own.colour);
+          material?.color.setHex(open ? COLOURS.vermilion : COLOURS.purple); // as the server has it
         });
         const where = this.view.stage.worldToLocal(mark.getWorldPosition(new Vector3()));
-        this.labels.put(
-          `gap ${robot.name} ${loop.name}`,
-          open ? `open by ${units.length(gap * robot.length)}` : "",
-          where,
-          "far",
-        );
+        this.labels.put(`gap ${robot.name} ${loop.name}`, open ? `open by ${units.length(gap * robot.length)}` : "", where, "far");
       }
       this.view.changed();
     }

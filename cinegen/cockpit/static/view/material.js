@@ -60,7 +60,6 @@ export function dress(object) {
     Object.assign(paint, { color, emissive }); // both have the same
     paint.onBeforeCompile = glossy;
     matt.onBeforeCompile = lit;
-    paint.userData = matt.userData;
     part.geometry.addEventListener("dispose", () => [matt, paint].forEach((one) => one.dispose()));
     part.userData.made = { matt, paint };
     part.material = paint;

@@ -11,7 +11,8 @@ export const COLOURS = {
   purple: 0xcc79a7,
 };
 
-const wish = window.matchMedia("(prefers-color-scheme: dark)");
+// Two: one that is asked whether it matches, before it tells of a change, tells of none.
+const [wish, changes] = [0, 1].map(() => window.matchMedia("(prefers-color-scheme: dark)"));
 
 export const theme = {
   get dark() {
@@ -36,7 +37,7 @@ export const theme = {
    */
   follow(action) {
     action();
-    wish.addEventListener("change", action);
+    changes.addEventListener("change", action);
   },
 };
 

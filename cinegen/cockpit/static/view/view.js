@@ -147,15 +147,6 @@ export class View {
   }
 
   /**
-   * Draw the commands of a scene that comes with the page.
-   *
-   * @param {Iterable<Uint8Array>} commands
-   */
-  draw(commands) {
-    for (const command of commands) this.handle(command);
-  }
-
-  /**
    * The group of a robot or of one of its nodes.
    *
    * @param {string} robot

@@ -47,7 +47,7 @@ export class Link extends Events {
   /** @type {"session" | "page"} */
   owner = "page"; // of the configuration in the page's address
 
-  /** @param {{ draw: (commands: Iterable<Uint8Array>) => void }} view */
+  /** @param {{ handle: (command: Uint8Array) => void }} view */
   constructor(view) {
     super();
     this.view = view;
@@ -61,7 +61,7 @@ export class Link extends Events {
     const solvers = content.robots.map(({ tables }) => new KernelSolver(kernelsOf(kernels, tables)));
     this.session = new LocalSession(...robotsOf(content, solvers));
     this.#placed = this.#fragment();
-    this.view.draw(content.scene.map(bytesOf));
+    for (const command of content.scene) this.view.handle(bytesOf(command));
     this.connected = true;
     document.documentElement.dataset.connected = "yes";
     this.emit("hello", content.hello);
