@@ -1,6 +1,6 @@
 // Motions that are lost near a type 1 singularity, or uncontrolled near a type 2 singularity: a double arrow for a
-// translation, an arc for a rotation, both for a screw motion. They are drawn stronger the nearer the singularity is; none before
-// anything has moved: many robots are near one at home.
+// translation, an arc for a rotation, both for a screw motion. They are drawn stronger the nearer the singularity is; none
+// before a person drives, as in the status: many robots are near one at home.
 
 import { Group, Vector3 } from "three";
 import { valueOf } from "../base/names.js";
@@ -51,13 +51,13 @@ export class SingularMotions {
   }
 
   #show() {
-    const { control, hello, report, tasks } = this.session;
-    const moved = this.view.resolution.still || control !== "free" || tasks.length > 0 || report?.moving || hello?.playback;
+    const { control, hello, report } = this.session;
+    const driven = this.view.resolution.still || control !== "free" || hello?.playback;
     for (const robot of this.session.robots) {
       for (const kind of /** @type {const} */ (["type1", "type2"])) {
         const found = valueOf(report?.robots, robot.name)?.[kind];
         const key = `${kind} ${robot.name}`;
-        const near = this.aids.shows("singular") && moved ? closeness(found) : 0;
+        const near = this.aids.shows("singular") && driven ? closeness(found) : 0;
         const mark = this.#marks.get(key);
         if (!this.#changes.differs(key, near > 0 ? found : null)) continue;
         if (near > 0 && found && found.twist?.length === 6 && found.position) {
