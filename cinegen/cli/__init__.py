@@ -9,6 +9,7 @@ from contextvars import copy_context
 
 from cinegen.cli import (
     calibrate,
+    check_proof,
     close,
     compare,
     compile,
@@ -24,6 +25,7 @@ from cinegen.cli import (
     modes,
     page,
     plan,
+    prove,
     replay,
     sensors,
     singular,
@@ -54,6 +56,8 @@ for _command in (
     calibrate,
     map,
     compare,
+    prove,
+    check_proof,
     plan,
     drive,
     replay,
@@ -66,7 +70,7 @@ for _command in (
     sensors,
     compile,
 ):
-    app.command(_command.__name__.rpartition(".")[2], cls=NumberLists)(expand(_command.run))
+    app.command(_command.__name__.rpartition(".")[2].replace("_", "-"), cls=NumberLists)(expand(_command.run))
 
 
 @app.callback()
