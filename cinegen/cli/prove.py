@@ -28,7 +28,7 @@ def run(
     at: str = option("VALUES", f"values of other coordinates, such as z=-0.9,rx=0 ({UNITS}; default: home)", ""),
     node: str | None = option("NAME", "node that is posed (default: the last of the file)"),
     limits: bool = flag_option("--limits", "prove that all joints stay within their limits, too"),
-    boxes: int | None = option("N", "boxes that are tested at most (10000)"),
+    boxes: int | None = option("N", "boxes that are tested at most (10000)", min=1),
     output: str | None = option(
         "FILE", "certificate to write (ROBOT-proof.json)", None, "-o", "--output", endings=(".json",)
     ),
@@ -50,7 +50,7 @@ def run(
     target = output_path(output, f"{name}-proof.json")
     check_outputs(target, force=force, json=json)
     ranges = {
-        key: interval_of(mechanism, key, ends, "--over") for key, ends in named(over, "--over", "x=-1..1").items()
+        key: interval_of(mechanism, key, ends, "--over") for key, ends in named(over, "--over", "x=-100..100mm").items()
     }
     given = values(at, "--at", "z=-0.9, z=-900mm or rz=15", mechanism)
     with Progress() as progress:
