@@ -238,7 +238,7 @@ class Tube:
         self.slopes = [[-by[i, j] for j in range(n)] for i in range(k)]
         one = [[arb(int(i == j)) for j in range(n)] for i in range(n)]
         p = [BallForm(c, [r * x for x in row]) for c, r, row in zip(self.centre, self.radius, one, strict=True)]
-        if any(abs(f.c) > _GAP for i, f in enumerate(residual) if i not in rows):
+        if not all(abs(f.c) < _GAP for i, f in enumerate(residual) if i not in rows):
             raise CertificateError("an equation that no variable changes does not hold")
         # equation 3: |C F(X(eps), P(eps))| <= z
         tube = [BallForm(x, s) for x, s in zip(self.x, self.slopes, strict=True)]

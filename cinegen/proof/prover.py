@@ -25,6 +25,7 @@ _NEWTON, _CONVERGED = 8, 1e-9
 _ROUNDS = 4  # radii of a tube that are tried, 0 first
 _WIDER = 1.25  # times the radius that would just do: a margin for the checker
 _LOST = 4  # halvings of a box in whose middle no configuration is found
+_SURE = 0.98  # part of a bound that is used: the rest is a margin for the checker
 _TINY = 1e-11  # rad and characteristic lengths: smallest radius
 
 PROVED, REGULAR, LIMIT, OPEN = "proved", "regular", "limit", "open"
@@ -159,7 +160,7 @@ class Prover:
                 z = _residual(at_centre, product, slopes, radius)
             defect = product[..., :count].minus_one()
             image = z + (defect.most @ y[..., None])[..., 0]
-            regular = done & (image < y).all(axis=1) & (y < 1.0).all(axis=1)
+            regular = done & (image < _SURE * y).all(axis=1) & (y < 1.0).all(axis=1)
             better = _WIDER * _solved(defect.most, z) + _TINY
             usable = ~regular & (better > 0.0).all(axis=1) & (better < 1.0).all(axis=1)
             if k == _ROUNDS - 1 or not usable.any():
@@ -209,7 +210,7 @@ class Prover:
             return np.zeros(len(locked.r), dtype=bool)
         left = _preconditioned(locked.left(_inverse(locked.a[0])).minus_one())
         weights = _solved(left, np.ones(left.shape[:2]))
-        lesser = (left @ weights[..., None])[..., 0] < weights
+        lesser = (left @ weights[..., None])[..., 0] < _SURE * weights
         return np.asarray(lesser.all(axis=1) & (weights > 0.0).all(axis=1))
 
 
