@@ -91,7 +91,7 @@ def prove(
         report: is called with the share of the region that is decided.
 
     Raises:
-        ProofError: the branch does not lead to the middle of the region; or there is no range, or an empty one.
+        ProofError: there is no range, or an empty one.
         SliceError: coordinates that don't exist, or that can't be given independently.
         UnknownNameError: no such node.
     """
@@ -114,21 +114,17 @@ def prove(
         first, middle = np.array([known[name] for name in over]), 0.5 * (low + high)
         x = equations.start
         equations.select(x, first)
-        if len(equations.rows) == len(x):
-            prover = Prover(equations, limits)
-            for part in np.linspace(0.0, 1.0, _STEPS + 1)[1:]:
-                equations.pose = (1.0 - part) * np.array([known[name] for name in POSE]) + part * pose
-                found, _, done = prover.solve((first + part * (middle - first))[None], x[None])
-                x = found[0]
-                if not done[0]:
-                    raise ProofError(
-                        f"{mechanism.name}: the branch ends before the middle of the region is reached: choose a "
-                        "region nearer to the configuration, or give another configuration"
-                    )
+        reason, prover = _not_square(len(equations.rows), len(x)), Prover(equations, limits)
+        for part in np.linspace(0.0, 1.0, _STEPS + 1)[1:] if not reason else ():
+            equations.pose = (1.0 - part) * np.array([known[name] for name in POSE]) + part * pose
+            found, _, done = prover.solve((first + part * (middle - first))[None], x[None])
+            x = found[0]
+            if not done[0]:
+                reason = "the branch ends before the middle of the region"
+                break
+        if not reason:
             prover.run(low, high, x, boxes, report)
-            tree = prover.tree()
-        else:
-            tree = [{"claim": "open", "reason": _not_square(len(equations.rows), len(x))}]
+        tree = [{"claim": "open", "reason": reason}] if reason else prover.tree()
     document |= {
         "rows": equations.rows.tolist(),
         "start": {"pose": middle.tolist(), "x": (x * equations.units).tolist()},
@@ -177,7 +173,7 @@ def load_proof(path: Path | str, report: Callable[[int, int], None] | None = Non
 def _not_square(equations: int, unknowns: int) -> str:
     if equations < unknowns:
         return "the pose does not determine the configuration"
-    return f"{equations - unknowns} dependent equations are not proved to follow"
+    return "" if equations == unknowns else f"{equations - unknowns} dependent equations are not proved to follow"
 
 
 def _moves(coordinates: Coordinates, name: str) -> bool:

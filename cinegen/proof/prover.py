@@ -148,7 +148,7 @@ class Prover:
         radius = np.maximum(high - centre, centre - low)
         x, inverse, done = self.solve(centre, np.array([box.x for box in batch]))
         variables = e.values(_point(x), _point(centre))
-        at_centre = (inverse @ e.residual(variables).a[0][..., None])[..., 0]
+        at_centre = e.residual(variables)[..., None].left(inverse)[..., 0]
         slopes = -(inverse @ e.matrices(variables).jacobian.a[0][..., count:width]) * radius[:, None, :]
         p = Form(np.stack([centre, *np.moveaxis(radius[..., None] * np.eye(low.shape[1]), -1, 0)]), 0.0 * radius)
         tube = Form(np.stack([x, *np.moveaxis(slopes, -1, 0)]), np.zeros(x.shape))
@@ -157,7 +157,7 @@ class Prover:
             matrices = e.matrices(e.values(tube.widened(y), p))
             product = matrices.jacobian[..., :width].left(inverse)
             if k == 0:
-                z = _residual(at_centre, product, slopes, radius)
+                z = _residual(at_centre.a[0], product, slopes, radius) + at_centre.r
             defect = product[..., :count].minus_one()
             image = z + (defect.most @ y[..., None])[..., 0]
             regular = done & (image < _SURE * y).all(axis=1) & (y < 1.0).all(axis=1)
