@@ -34,6 +34,7 @@ if TYPE_CHECKING:
     from cinegen.model import load as load
     from cinegen.planning import AvoidingSolver as AvoidingSolver
     from cinegen.planning import plan as plan
+    from cinegen.proof import prove as prove
     from cinegen.realtime import Clock as Clock
     from cinegen.singularities import singularity as singularity
     from cinegen.workspace import make_map as make_map

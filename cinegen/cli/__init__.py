@@ -16,7 +16,8 @@ from raff2urdf.errors import RaffError
 
 COMMANDS = (
     *("demo", "info", "ik", "modes", "singular", "forces", "synthesize", "tolerance", "calibrate", "map", "compare"),
-    *("plan", "drive", "replay", "export", "generate", "page", "close", "heal", "validate", "sensors", "compile"),
+    *("prove", "check-proof", "plan", "drive", "replay", "export", "generate", "page", "close", "heal", "validate"),
+    *("sensors", "compile"),
 )
 """Names of the commands, and of their modules, in the order of the help."""
 
@@ -26,7 +27,7 @@ app = new_app(
     epilog="cinegen help COMMAND explains one. Exit codes: 0 done; 1 bad input, or the answer is no; 2 a wrong call.",
 )
 for _name in COMMANDS:
-    app.command(_name, cls=NumberLists)(expand(import_module(f"cinegen.cli.{_name}").run))
+    app.command(_name, cls=NumberLists)(expand(import_module(f"cinegen.cli.{_name.replace('-', '_')}").run))
 
 
 @app.callback()

@@ -93,11 +93,11 @@ class Coordinates:
         mechanism, chosen = self.mechanism, list[str]()
         for name in (*names, *(name for name in POSE if name not in names)):
             tried = [*chosen, name]
-            if max(rank(self._rates(q, tried)) for q in mechanism.structure.samples) == len(tried):
+            if max(rank(self.rates(q, tried)) for q in mechanism.structure.samples) == len(tried):
                 chosen = tried
         return tuple(chosen)
 
-    def _rates(self, q: Array, names: list[str]) -> Array:
+    def rates(self, q: Array, names: list[str]) -> Array:
         """Return the derivatives of coordinates along the free motions, dimensionless."""
         rows = self._rows(q, self.mechanism.placement(q, self.node))[1][[POSE.index(name) for name in names]]
         return np.asarray(rows @ motions_of(self.mechanism.structure.system, q, self.mechanism.loop_rank))

@@ -37,8 +37,9 @@ PICTURE = re.compile(r"^!\[(\w+)\]\(pictures/\1\.webp\)$", flags=re.MULTILINE)
 LANGUAGES = {".py": "python", ".json": "json", ".toml": "toml"}
 PACKAGES = (
     "cinegen.model", "cinegen.ik", "cinegen.assembly", "cinegen.singularities", "cinegen.hexapod", "cinegen.workspace",
-    "cinegen.planning", "cinegen.collision", "cinegen.dynamics", "cinegen.design", "cinegen.mission", "cinegen.session",
-    "cinegen.cockpit", "cinegen.devices", "cinegen.realtime", "cinegen.plotting", "cinegen.toolpath", "raff2urdf",
+    "cinegen.proof", "cinegen.planning", "cinegen.collision", "cinegen.dynamics", "cinegen.design", "cinegen.mission",
+    "cinegen.session", "cinegen.cockpit", "cinegen.devices", "cinegen.realtime", "cinegen.plotting", "cinegen.toolpath",
+    "raff2urdf",
 )  # fmt: skip
 
 

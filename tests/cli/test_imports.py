@@ -72,7 +72,7 @@ def test_load_and_solver_import_numpy_pinocchio_and_numba_alone(root):
 
 
 def test_help_of_every_command_imports_nothing_that_computes(imported):
-    assert len(COMMANDS) == 22
+    assert len(COMMANDS) == 24
     assert {call: sorted(names - LIGHT) for call, names in imported.items() if names - LIGHT} == {}
     assert not imported["cinegen --version"] & {"pydantic", "rich"}
 

@@ -167,6 +167,12 @@ def test_maps(root, printed):
     check(root, printed("compare", "a.zarr", "a.zarr"), "compare")
 
 
+def test_proofs(root, printed):
+    box = ("--over", "z=0.95..1.3", "--limits", "--boxes", "7")
+    check(root, printed("prove", "gough.raff", *box, code=1), "prove")
+    check(root, printed("check-proof", "gough-proof.json", code=1), "check-proof")
+
+
 def test_plan(root, printed):
     check(root, printed("plan", "scenes/disc.toml"), "plan")
 

@@ -35,6 +35,8 @@ OTHER_PAGES = (
     ("replay", "run.jsonl", *PAGE),
     ("drive", "--scene", "robots/scenes/disc.toml", *PAGE),
     ("modes", "robots/four_bar.raff", "--view", *PAGE),
+    ("prove", "robots/five_bar.raff", "--over", "x=-10..10mm,y=0.45..0.46", "-o", "proof.json"),
+    ("check-proof", "proof.json"),
     ("plan", "robots/scenes/disc.toml", "--view", *PAGE),
     ELSEWHERE,
 )

@@ -37,6 +37,8 @@ CALLS = {
         "arm.raff --scene scene.toml", "arm.raff --over azimuth,elevation", "arm.raff --plot p.png",
     ],
     "cinegen compare": ["a.zarr b.zarr", "a.zarr b.zarr --plot p.png"],
+    "cinegen prove": ["arm.raff --over x=1..2"],
+    "cinegen check-proof": ["a.json"],
     "cinegen plan": [
         "scene.toml", "scene.toml --modes any", "scene.toml --view", "scene.toml --planner rrtconnect",
         "scene.toml --view --video x.mp4 --seconds 1",

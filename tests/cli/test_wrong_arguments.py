@@ -34,6 +34,8 @@ CALLS = {
     "cinegen synthesize": "planar_3r.raff --task task.toml -o out.raff",
     "cinegen map": "planar_3r.raff --over x,y --grid 2 --workers 1 -o out.zarr",
     "cinegen compare": "map.zarr map.zarr",
+    "cinegen prove": "five_bar.raff --over x=-10..10mm,y=0.45..0.46 -o out.json",
+    "cinegen check-proof": "proof.json",
     "cinegen plan": "unreachable.toml",
     "cinegen drive": "four_bar.raff",
     "cinegen replay": "run.jsonl",
@@ -102,7 +104,7 @@ def mistaken(command: str) -> Iterator[list[str]]:
 def inputs(root, tmp_path_factory):
     """A folder with a file of each kind."""
     folder = tmp_path_factory.mktemp("inputs")
-    for name in ("four_bar", "planar_3r"):
+    for name in ("four_bar", "five_bar", "planar_3r"):
         shutil.copy(root / "robots" / f"{name}.raff", folder)
     for name, content in {"empty": b"", "binary": bytes(range(256)), "text.toml": b"hello = 1\n"}.items():
         (folder / name).write_bytes(content)
@@ -116,6 +118,8 @@ def inputs(root, tmp_path_factory):
         assert cinegen.cli.main(["plan", "disc.toml", "-o", "run.jsonl"]) == 0
         cells = ["--over", "x,y", "--grid", "3", "--workers", "1"]
         assert cinegen.cli.main(["map", "planar_3r.raff", *cells, "-o", "map.zarr"]) == 0
+        box = ("--over", "x=-10..10mm,y=0.45..0.46")
+        assert cinegen.cli.main(["prove", "five_bar.raff", *box, "-o", "proof.json"]) == 0
         assert raff2urdf.cli.main(["planar_3r.raff", "-o", "arm.urdf"]) == 0
         (folder / "measurements.csv").write_text(MEASUREMENTS, encoding="utf-8")
     return folder

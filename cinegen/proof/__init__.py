@@ -1,0 +1,7 @@
+"""Proofs of workspaces: `prove`, and `load_proof`, which checks a certificate."""
+
+from cinegen.proof.checker import CertificateError, check
+from cinegen.proof.document import ProofError
+from cinegen.proof.proof import Proof, load_proof, prove
+
+__all__ = ["CertificateError", "Proof", "ProofError", "check", "load_proof", "prove"]

@@ -1,0 +1,240 @@
+"""Proofs of workspaces: regions known by plane geometry, poses of the solver, singular poses, mutated certificates."""
+
+import copy
+import json
+import math
+import random
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from cinegen.proof import CertificateError, ProofError, check, load_proof, prove
+from cinegen.proof.affine import Form
+from cinegen.proof.equations import Equations
+from cinegen.singularities.slice import POSE, Coordinates, SliceError
+
+ROBOTS = Path(__file__).parents[2] / "robots"
+RECTANGLE = {"x": (-0.08, 0.08), "y": (0.40, 0.55)}
+INSIDE = {
+    "delta4": ({"x": (-0.1, 0.1), "y": (-0.1, 0.1), "z": (-2.56, -2.44)}, True),
+    "gough": ({"x": (0.02, 0.12), "y": (-0.1, 0.0), "z": (0.85, 0.95), "rz": (0.16, 0.26)}, False),
+    "cusp_3rpr": ({"rz": (-0.02, 0.02)}, False),
+    "delta4_linear": ({"x": (-0.02, 0.02), "y": (-0.02, 0.02)}, True),
+    "sr400": ({"rz": (-0.02, 0.02)}, True),
+}
+"""Regions about home or below it, and whether limits are asked for."""
+
+
+@pytest.fixture(scope="module")
+def rectangle(robot):
+    return prove(robot("five_bar"), RECTANGLE, limits=True)
+
+
+def within_limits(mechanism, q):
+    limits = mechanism.limits
+    return bool((q >= limits.lower).all() and (q <= limits.upper).all())
+
+
+def test_a_rectangle_of_the_five_bar_is_proved(rectangle):
+    assert rectangle
+    assert (rectangle.proved, rectangle.refuted, rectangle.undecided) == (1.0, 0.0, 0.0)
+    assert rectangle.boxes < 100
+    assert rectangle.message.startswith("proved 100 % of the region, in ")
+    rng = np.random.default_rng(1)
+    for x, y in rng.uniform(*np.array(list(RECTANGLE.values())).T, (500, 2)):
+        for base in (-0.15, 0.15):  # bars of 250 and 400 mm, by plane geometry
+            assert 0.15 < math.hypot(x - base, y) < 0.65
+
+
+def test_beyond_the_reach_nothing_is_proved(robot):
+    proof = prove(robot("five_bar"), {"x": (-0.02, 0.02), "y": (0.58, 0.66)}, boxes=150)
+    assert not proof
+    assert proof.undecided > 0.34  # the reach ends at hypot(x -+ 150, y) = 650 mm: y = 632 on the axis
+    assert set(proof.reasons) <= {"no unique configuration is proved", "no configuration is found"}
+
+
+def test_a_limit_refutes_with_a_witness(robot):
+    mechanism = robot("gough")
+    proof = prove(mechanism, {"z": (0.95, 1.4)}, limits=True, boxes=40)
+    assert proof.refuted > 0.1
+    for witness in proof.witnesses:
+        q = Coordinates(mechanism, ["z"]).from_home(witness["pose"])
+        assert q is not None
+        k = mechanism.q_index(witness["limit"])
+        assert not mechanism.limits.lower[k] <= q[k] <= mechanism.limits.upper[k]
+        assert witness["configuration"][witness["limit"]] == pytest.approx(q[k], abs=0.05)
+
+
+@pytest.mark.parametrize("name", INSIDE)
+def test_random_poses_of_proved_regions(robot, name):
+    mechanism, (over, limits) = robot(name), INSIDE[name]
+    home = Coordinates(mechanism, list(over)).home
+    if name != "delta4" and name != "gough":
+        over = {key: (low + home[key], high + home[key]) for key, (low, high) in over.items()}
+    proof = prove(mechanism, over, limits=limits, boxes=200)
+    assert proof, proof
+    coordinates, rng, document = Coordinates(mechanism, list(over)), np.random.default_rng(7), proof.certificate
+    equations = Equations(document)
+    names = [document["variables"][k]["name"] for k in document["unknown"]]
+
+    def unknown(q):
+        return np.array([q[mechanism.q_index(name)] for name in names]) / equations.units
+
+    def point(numbers):
+        return Form(np.array(numbers)[None, None], np.zeros((1, len(numbers))))
+
+    for values in rng.uniform(*np.array(list(over.values())).T, (20, len(over))):
+        q = coordinates.from_home(dict(zip(over, values, strict=True)), steps=4)
+        assert q is not None
+        residual = equations.residual(equations.values(point(unknown(q)), point(values))).a[0, 0]
+        assert np.abs(residual).max() < 1e-9  # the equations of the certificate are those of the solver
+        assert not limits or within_limits(mechanism, q)
+
+
+def test_fichters_pose_is_never_proved(robot):
+    at = {"x": 0.0, "y": 0.0, "z": 0.02, "rx": 0.0, "ry": 0.0}
+    proof = prove(robot("tssm"), {"rz": tuple(np.radians([70.0, 100.0]))}, at, boxes=60)
+    assert not proof
+    assert {witness["determinant"] for witness in proof.witnesses} == {1, -1}
+    poses = sorted(math.degrees(witness["pose"]["rz"]) for witness in proof.witnesses)
+    assert poses[0] < 90.0 < poses[1]
+    assert "a singularity of type 2 is not excluded" in proof.reasons
+
+
+def test_mechanisms_whose_pose_is_not_enough_are_undecided(robot):
+    for name, over in (("arm7", {"x": 0.01}), ("planar_hybrid", {"x": 0.01})):
+        home = Coordinates(robot(name), ["x"]).home
+        proof = prove(robot(name), {key: (home[key], home[key] + width) for key, width in over.items()})
+        assert proof.undecided == 1.0
+        assert proof.reasons == {"the pose does not determine the configuration": 1}
+
+
+def test_what_can_not_be_asked(robot):
+    with pytest.raises(ProofError, match="a range is empty"):
+        prove(robot("five_bar"), {"x": (0.1, 0.1)})
+    with pytest.raises(ProofError, match="over coordinates of a pose"):
+        prove(robot("five_bar"), {})
+    with pytest.raises(SliceError, match="no coordinate 'elbow'"):
+        prove(robot("five_bar"), {"elbow": (0.0, 0.1)})
+    beyond = prove(robot("five_bar"), {"y": (3.0, 3.1)})
+    assert beyond.reasons == {"the branch ends before the middle of the region": 1}
+
+
+def test_certificates_are_read_again(rectangle, tmp_path):
+    (tmp_path / "a.json").write_text(json.dumps(rectangle.certificate))
+    assert load_proof(tmp_path / "a.json").as_dict() == rectangle.as_dict()
+    (tmp_path / "b.json").write_text("[]")
+    with pytest.raises(ProofError, match="is no certificate"):
+        load_proof(tmp_path / "b.json")
+    with pytest.raises(ProofError, match="can't be read"):
+        load_proof(tmp_path / "c.json")
+
+
+# --- arithmetic ---------------------------------------------------------------------------------------------------
+
+
+def test_affine_forms_contain_all_values():
+    rng = np.random.default_rng(3)
+    for _ in range(200):
+        sizes = np.array([[1.0], [0.3], [0.2]])
+        forms = [Form(sizes * rng.normal(size=(3, 1)), 0.1 * np.abs(rng.normal(size=1))) for _ in range(2)]
+        s, c = forms[0].sin_cos()
+        results = [forms[0] * forms[1], forms[0] - forms[1], forms[0] * forms[1] * forms[0], s, c]
+        for _ in range(50):
+            eps, free = rng.uniform(-1.0, 1.0, 2), rng.uniform(-1.0, 1.0, 2)
+            a, b = (float((f.a[0] + eps @ f.a[1:] + e * f.r)[0]) for f, e in zip(forms, free, strict=True))
+            for form, value in zip(results, (a * b, a - b, a * b * a, math.sin(a), math.cos(a)), strict=True):
+                assert abs(value - (form.a[0] + eps @ form.a[1:])[0]) <= form.r[0]
+
+
+# --- mutations ----------------------------------------------------------------------------------------------------
+
+
+def mutated(certificate, rng):
+    """A certificate in which one number or claim of what is proved is another one."""
+    found = copy.deepcopy(certificate)
+    leaves = [node for node in found["tree"] if isinstance(node, dict)]
+    leaf, factor = rng.choice(leaves), rng.choice([0.0, 0.5, 0.9, 1.1, 2.0, -1.0, 1e9, math.nan])
+    kind = rng.randrange(8)
+    if kind == 0:
+        k = rng.randrange(len(leaf["x"]))
+        leaf["x"][k] += rng.choice([1e-9, 1e-3, 0.1, 2.0 * math.pi, -2.0 * math.pi, math.nan])
+    elif kind == 1:
+        k = rng.randrange(len(leaf["y"]))
+        leaf["y"][k] *= factor
+    elif kind == 2:
+        leaf["claim"] = rng.choice(["proved", "limit", "open", "regular"])
+    elif kind == 3:
+        k = rng.randrange(len(found["tree"]))
+        found["tree"].insert(k, rng.choice([0, 1, 2, found["tree"][k]]))
+    elif kind == 4:
+        del found["tree"][rng.randrange(len(found["tree"]))]
+    elif kind == 5:
+        ends = rng.choice(list(found["over"].values()))
+        ends[rng.randrange(2)] += rng.choice([0.01, 0.05, 0.3, -0.01, -0.05, -0.3])
+    elif kind == 6:
+        one, other = rng.sample(leaves, 2)
+        one["x"], other["x"] = other["x"], one["x"]
+    else:
+        variable = rng.choice([v for v in found["variables"] if v["limits"][0] is not None])
+        variable["limits"][rng.randrange(2)] *= factor
+    return found
+
+
+def assert_true(certificate, verdict, mechanism, rng):
+    """What a verdict says holds at random poses, by Newton's method in doubles."""
+    equations = Equations(certificate)
+    equations.rows = np.array(certificate["rows"])
+    low, high = np.array(list(certificate["over"].values())).T
+    if verdict["proved"] < 1.0:
+        return
+    coordinates = Coordinates(mechanism, list(RECTANGLE))
+    for values in rng.uniform(low, high, (30, len(low))):
+        q = coordinates.from_home(dict(zip(RECTANGLE, values, strict=True)), steps=10)
+        assert q is not None
+        by_name = {one["name"]: one["limits"] for one in certificate["variables"]}
+        for name in mechanism.joints:
+            least, most = by_name[name]
+            assert least <= q[mechanism.q_index(name)] <= most
+
+
+def mutate(certificate, mechanism, count):
+    rng, accepted = random.Random(11), 0
+    for _ in range(count):
+        other = mutated(certificate, rng)
+        try:
+            verdict = check(other)
+        except CertificateError:
+            continue
+        accepted += 1
+        assert_true(other, verdict, mechanism, np.random.default_rng(rng.randrange(2**32)))
+    return accepted
+
+
+def test_mutated_certificates_are_rejected_unless_they_are_true(robot):
+    proof = prove(robot("five_bar"), {"x": (-0.03, 0.03), "y": (0.45, 0.50)}, limits=True)
+    assert proof
+    accepted = mutate(proof.certificate, robot("five_bar"), 100)
+    assert 5 < accepted < 80
+
+
+@pytest.mark.slow
+def test_ten_thousand_mutated_certificates(robot):
+    proof = prove(robot("five_bar"), {"x": (-0.03, 0.03), "y": (0.45, 0.50)}, limits=True)
+    mutate(proof.certificate, robot("five_bar"), 10_000)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("file", sorted(path.stem for path in ROBOTS.glob("*.raff")))
+def test_every_robot_is_answered(robot, file):
+    """Proved, refuted or undecided with reasons."""
+    mechanism = robot(file)
+    for name in POSE:
+        try:
+            home = Coordinates(mechanism, [name]).home[name]
+        except SliceError:
+            continue
+        proof = prove(mechanism, {name: (home - 0.01, home + 0.01)}, limits=True, boxes=60)
+        assert proof.proved + proof.refuted + proof.undecided == pytest.approx(1.0)
+        assert proof or proof.reasons or proof.witnesses
