@@ -12,6 +12,7 @@ import pytest
 from cinegen.proof import CertificateError, ProofError, check, load_proof, prove
 from cinegen.proof.affine import Form
 from cinegen.proof.equations import Equations
+from cinegen.proof.prover import Prover
 from cinegen.singularities.slice import POSE, Coordinates, SliceError
 
 ROBOTS = Path(__file__).parents[2] / "robots"
@@ -52,6 +53,21 @@ def test_beyond_the_reach_nothing_is_proved(robot):
     assert not proof
     assert proof.undecided > 0.34  # the reach ends at hypot(x -+ 150, y) = 650 mm: y = 632 on the axis
     assert set(proof.reasons) <= {"no unique configuration is proved", "no configuration is found"}
+
+
+def test_a_claim_that_the_checker_does_not_confirm_is_undecided(robot, monkeypatch):
+    tree = Prover.tree
+
+    def bold(prover):
+        nodes = tree(prover)
+        first = next(node for node in nodes if isinstance(node, dict))
+        first["y"] = [1e-3 * y for y in first["y"]]
+        return nodes
+
+    monkeypatch.setattr(Prover, "tree", bold)
+    proof = prove(robot("five_bar"), RECTANGLE)
+    assert 0.5 < proof.proved < 1.0
+    assert proof.reasons["the checker does not confirm it"] == 1
 
 
 def test_a_limit_refutes_with_a_witness(robot):
