@@ -164,6 +164,14 @@ def test_the_right_readings_are_taken_without_a_word(few):
     assert found.fit < 2.0
 
 
+def test_a_sign_that_the_expected_errors_could_explain_is_named_by_the_estimate():
+    """The platform of a delta rotates by its errors alone: about z by 0.1 degrees."""
+    given = scaled(-1.0, 8)(right("delta4", 6, poses=20))
+    checked("delta4", given)
+    with pytest.raises(DesignError, match=r"They fit with the opposite sign of platform\.rz \(.* then\)"):
+        calibrate(ALL("delta4"), given, folds=0)
+
+
 @pytest.mark.parametrize(("name", "changed"), [("scara", {"link1.theta": "20deg"}), ("five_bar", {"base.d": "60mm"})])
 def test_a_robot_that_really_is_so_is_taken_with_the_expected_errors_that_the_message_names(name, changed):
     """The zero of a joint, and a base that stands elsewhere."""
